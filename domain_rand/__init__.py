@@ -1,0 +1,1 @@
+"""What may differ: distributions over bodies, motors, sensors, delays and pushes."""

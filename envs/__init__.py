@@ -1,0 +1,1 @@
+"""Where a policy learns: the MJX environment, its rewards and commands."""

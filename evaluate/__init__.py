@@ -1,0 +1,1 @@
+"""How good a policy is: scenarios, metrics, comparison, report."""

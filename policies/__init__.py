@@ -1,0 +1,1 @@
+"""What decides: the contract, learned policies, hand-written controllers, the zoo."""

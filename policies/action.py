@@ -1,0 +1,33 @@
+"""From a policy's action to joint position targets, written once for NumPy and JAX arrays."""
+
+from typing import Any
+
+from policies.contract import Contract
+from policies.observation import moving
+
+Array = Any
+
+
+def gait_reference(phase: Array, command: Array, contract: Contract) -> Array:
+    """Reference offset of each joint from the default pose, rad, shape (..., n); zero without a gait.
+
+    Args:
+        phase: clock in cycles, shape (..., 1).
+        command: shape (..., 3).
+        contract: whose gait is meant.
+    """
+    xp = phase.__array_namespace__()
+    if contract.gait is None:
+        return xp.zeros((*phase.shape[:-1], len(contract.joints)), dtype=phase.dtype)
+    offsets = xp.asarray(contract.gait.phase, dtype=phase.dtype)
+    amplitude = xp.asarray(contract.gait.amplitude_rad, dtype=phase.dtype)
+    swing = xp.maximum(xp.sin(2 * xp.pi * (phase + offsets)), 0.0)
+    return amplitude * swing * moving(command, contract)
+
+
+def joint_target(action: Array, phase: Array, command: Array, contract: Contract) -> Array:
+    """Position targets of an action, rad, shape (..., n): default pose, reference, scaled action."""
+    xp = action.__array_namespace__()
+    default = xp.asarray(contract.default_pose_rad, dtype=action.dtype)
+    scale = xp.asarray(contract.action_scale_rad, dtype=action.dtype)
+    return default + gait_reference(phase, command, contract) + scale * action

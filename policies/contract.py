@@ -1,0 +1,101 @@
+"""What a policy is made of. Training writes it, the ONNX file carries it, the deploy loop checks it."""
+
+import json
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from robots.config import structure, unstructure
+from robots.description import Robot
+from robots.errors import UserError
+
+CONTRACT_KEY = "footfall.contract"
+VERSION = 1
+
+
+@dataclass(frozen=True)
+class Term:
+    """One observation term: its name in `policies/observation.py`, a scale, and how many past frames."""
+
+    name: str
+    scale: float = 1.0
+    history: int = 1
+
+
+@dataclass(frozen=True)
+class Gait:
+    """A clock, and a reference motion around which the actions are residuals.
+
+    The position reference of joint j at phase p is amplitude_rad[j] * max(0, sin(2 pi (p + phase[j]))).
+    """
+
+    frequency_hz: float
+    phase: tuple[float, ...]
+    amplitude_rad: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class CommandRange:
+    """Commands that a policy was trained on: forward and leftward m/s, yaw rad/s."""
+
+    forward_m_s: tuple[float, float]
+    leftward_m_s: tuple[float, float]
+    yaw_rad_s: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Contract:
+    """All that training and deployment must agree on. Per-joint tuples are in joint order."""
+
+    robot: str
+    digest: str
+    joints: tuple[str, ...]
+    control_rate_hz: float
+    observation: tuple[Term, ...]
+    default_pose_rad: tuple[float, ...]
+    action_scale_rad: tuple[float, ...]
+    kp: tuple[float, ...]
+    kd: tuple[float, ...]
+    commands: CommandRange
+    gait: Gait | None = None
+    standing_command: float = 0.1  # commands of a smaller norm mean: stand still
+    version: int = field(default=VERSION)
+
+    def to_json(self) -> str:
+        """JSON text at full precision: it reads back to an equal contract."""
+        return json.dumps(unstructure(self))
+
+    @staticmethod
+    def from_json(text: str, source: str) -> "Contract":
+        """Raises UserError if the text is no contract."""
+        try:
+            data = json.loads(text)
+        except json.JSONDecodeError as error:
+            raise UserError(f"{source}: its contract is not JSON ({error})") from None
+        return structure(data, Contract, source)
+
+    def mismatches(self, robot: Robot) -> list[str]:
+        """Differences between this contract and a robot, one line each; empty if the policy fits."""
+        found = []
+        expected: list[tuple[str, object, object]] = [
+            ("robot", self.robot, robot.name),
+            ("joints", list(self.joints), list(robot.joint_names)),
+            ("version", self.version, VERSION),
+        ]
+        for name, mine, theirs in expected:
+            if mine != theirs:
+                found.append(f"{name}: policy has {mine}, robot has {theirs}")
+        for name, mine, theirs in (
+            ("default_pose_rad", self.default_pose_rad, robot.default_pose),
+            ("kp", self.kp, robot.kp),
+            ("kd", self.kd, robot.kd),
+            ("action_scale_rad", self.action_scale_rad, robot.action_scale),
+        ):
+            if not np.array_equal(np.asarray(mine), theirs):
+                found.append(f"{name}: policy has {list(mine)}, robot has {theirs.tolist()}")
+        if not found and self.digest != robot.digest:
+            found.append(
+                f"digest: policy was trained on description {self.digest}, robot has {robot.digest}"
+                " (its model, motors or feet changed)"
+            )
+        return found

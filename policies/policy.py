@@ -1,0 +1,50 @@
+"""The interface that every mind shares: hand-written controllers and learned policies alike."""
+
+from typing import NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+
+from robots.actuator import JointCommand
+
+
+class Sensed(NamedTuple):
+    """One decoded set of readings, as they came over the bus."""
+
+    gyro: np.ndarray  # (3,) rad/s, body frame
+    acceleration: np.ndarray  # (3,) m/s^2, proper acceleration at the IMU, body frame
+    quaternion: np.ndarray  # (4,) body to world, w x y z; its yaw drifts on a real robot
+    joint_position: np.ndarray  # (n,) rad
+    joint_velocity: np.ndarray  # (n,) rad/s
+    joint_torque: np.ndarray  # (n,) N m, as the motors report it
+
+
+class Observation(NamedTuple):
+    """What a policy is handed at each of its steps."""
+
+    time_s: float  # since the policy's reset
+    sensed: Sensed
+    command: np.ndarray  # (3,) forward m/s, leftward m/s, yaw rad/s, body frame
+    base_velocity: np.ndarray  # (3,) m/s, body frame, estimated (or true, where a study asks for it)
+    base_height: float  # m above the mean stance foot, estimated
+
+
+@runtime_checkable
+class Policy(Protocol):
+    """Decides what the joints do. The loop calls `act` every 1/rate_hz seconds.
+
+    `joint_layer_rate` policies (rate_hz equal to the joint rate) are called at each joint tick.
+    """
+
+    name: str
+    rate_hz: float
+    needs_estimate: bool  # whether it reads base_velocity and base_height
+
+    def reset(self, observation: Observation) -> None:
+        """Begin an episode from standing."""
+
+    def act(self, observation: Observation) -> JointCommand:
+        """Joint commands until the next call, arrays of shape (n,)."""
+        ...
+
+    def stance(self) -> np.ndarray | None:
+        """Planned contact of each foot in [0, 1], shape (feet,), or None where it has no plan."""

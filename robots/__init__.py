@@ -1,0 +1,1 @@
+"""What the machine is: description, motor law, kinematics."""

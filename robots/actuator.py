@@ -1,0 +1,79 @@
+"""The joint law: what torque a motor delivers for a command.
+
+Written once, for NumPy and JAX arrays alike. The MJX environment applies it at each physics step, the
+simulated motor applies it behind the bus, and the joint layer predicts torque with it.
+"""
+
+from typing import Any, NamedTuple
+
+Array = Any  # a NumPy or a JAX array
+
+
+class JointCommand(NamedTuple):
+    """What a motor is asked to do: five arrays in joint order, shape (..., n)."""
+
+    position: Array  # rad
+    velocity: Array  # rad/s
+    kp: Array  # N m/rad
+    kd: Array  # N m s/rad
+    torque: Array  # N m, feed-forward
+
+
+class Motor(NamedTuple):
+    """What a motor can do, as seen at the joint: arrays that broadcast to (..., n)."""
+
+    peak_torque: Array  # N m, the current limit
+    stall_torque: Array  # N m, where the torque-speed line meets zero speed
+    no_load_speed: Array  # rad/s
+    friction: Array  # N m, Coulomb friction when fully developed
+    friction_speed: Array  # rad/s at which Coulomb friction is fully developed
+    damping: Array  # N m s/rad, viscous
+    strength: Array  # delivered torque over commanded torque; 1 for a nominal motor
+
+
+def pd_torque(command: JointCommand, position: Array, velocity: Array) -> Array:
+    """Torque that the motor's own PD law asks for, N m, before any limit. Shapes (..., n)."""
+    return (
+        command.kp * (command.position - position)
+        + command.kd * (command.velocity - velocity)
+        + command.torque
+    )
+
+
+def limit_torque(torque: Array, velocity: Array, motor: Motor) -> Array:
+    """Torque that a DC motor can deliver at this speed, N m. Shapes (..., n).
+
+    A current limit caps torque at low speed. The supply voltage less the back-EMF caps it along the line
+    from stall torque to no-load speed, in the direction of motion only; past the no-load speed the motor
+    can only brake.
+    """
+    xp = velocity.__array_namespace__()
+    speed = velocity / motor.no_load_speed
+    most = xp.minimum(motor.stall_torque * (1.0 - speed), motor.peak_torque)
+    least = xp.maximum(motor.stall_torque * (-1.0 - speed), -motor.peak_torque)
+    return xp.minimum(xp.maximum(torque, least), most)
+
+
+def friction_torque(velocity: Array, motor: Motor) -> Array:
+    """Torque lost in the gearbox, N m, opposing motion: Coulomb, ramped through zero, and viscous."""
+    xp = velocity.__array_namespace__()
+    developed = xp.minimum(xp.maximum(velocity / motor.friction_speed, -1.0), 1.0)
+    return -motor.friction * developed - motor.damping * velocity
+
+
+def motor_torque(command: JointCommand, position: Array, velocity: Array, motor: Motor) -> Array:
+    """Electromagnetic torque at the joint, N m: the PD law within the motor's limits, shape (..., n)."""
+    asked = pd_torque(command, position, velocity) * motor.strength
+    return limit_torque(asked, velocity, motor)
+
+
+def joint_torque(command: JointCommand, position: Array, velocity: Array, motor: Motor) -> Array:
+    """Torque that reaches the joint, N m: `motor_torque` less friction, shape (..., n).
+
+    Args:
+        command: what was commanded.
+        position: joint positions, rad.
+        velocity: joint velocities, rad/s.
+        motor: the motors' parameters.
+    """
+    return motor_torque(command, position, velocity, motor) + friction_torque(velocity, motor)

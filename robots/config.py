@@ -1,0 +1,92 @@
+"""YAML files to frozen dataclasses and back, with errors that name the field."""
+
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+from cattrs import Converter, transform_error
+from cattrs.errors import BaseValidationError
+
+from robots.errors import UserError
+
+T = TypeVar("T")
+
+_converter = Converter(forbid_extra_keys=True)
+
+
+def _structure_float(value: Any, _: type) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ValueError(f"{value!r} is not a number")
+    return float(value)
+
+
+def _structure_int(value: Any, _: type) -> int:
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise ValueError(f"{value!r} is not a whole number")
+    return value
+
+
+def _structure_str(value: Any, _: type) -> str:
+    if not isinstance(value, str):
+        raise ValueError(f"{value!r} is not text")
+    return value
+
+
+def _structure_bool(value: Any, _: type) -> bool:
+    if not isinstance(value, bool):
+        raise ValueError(f"{value!r} is not true or false")
+    return value
+
+
+_converter.register_structure_hook(float, _structure_float)
+_converter.register_structure_hook(int, _structure_int)
+_converter.register_structure_hook(str, _structure_str)
+_converter.register_structure_hook(bool, _structure_bool)
+
+
+def structure(data: Any, cls: type[T], source: str) -> T:
+    """Build a dataclass from plain data.
+
+    Raises:
+        UserError: a field is missing, unknown or of the wrong type; the message names `source`
+            and the field.
+    """
+    if data is None:
+        data = {}
+    if not isinstance(data, dict):
+        raise UserError(f"{source}: expected a mapping of settings, found {type(data).__name__}")
+    try:
+        return _converter.structure(data, cls)
+    except BaseValidationError as error:
+        raise UserError(f"{source}: {'; '.join(transform_error(error))}") from None
+    except (TypeError, ValueError, KeyError, AttributeError) as error:
+        raise UserError(f"{source}: {' '.join(str(error).split())}") from None
+
+
+def unstructure(config: Any) -> Any:
+    """A dataclass as plain data (dicts, lists, numbers, text)."""
+    return _converter.unstructure(config)
+
+
+def read_yaml(path: Path) -> Any:
+    """Plain data of a YAML file.
+
+    Raises:
+        UserError: the file cannot be read or is no YAML.
+    """
+    try:
+        return yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UserError(f"{path}: {error.strerror or error}") from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise UserError(f"{path} is not valid YAML: {' '.join(str(error).split())}") from None
+
+
+def load(path: Path, cls: type[T]) -> T:
+    """Read a YAML file into a dataclass (see `read_yaml` and `structure` for errors)."""
+    return structure(read_yaml(path), cls, str(path))
+
+
+def dump(config: Any) -> str:
+    """A dataclass as YAML text."""
+    return yaml.safe_dump(unstructure(config), sort_keys=False)

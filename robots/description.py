@@ -1,0 +1,264 @@
+"""A robot's description: `robot.yaml` and `robot.xml` read into arrays in joint order."""
+
+import hashlib
+import json
+import xml.etree.ElementTree as ElementTree
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from robots.actuator import Motor
+from robots.config import load, unstructure
+from robots.errors import UserError
+
+ROBOTS = Path(__file__).parent
+
+
+@dataclass(frozen=True)
+class Gains:
+    """How the gains of learned policies follow from each joint's reflected inertia."""
+
+    natural_frequency_hz: float
+    damping_ratio: float
+    torque_share: float
+
+
+@dataclass(frozen=True)
+class MotorType:
+    """Datasheet of one motor and its gearbox, seen at the joint unless said otherwise."""
+
+    peak_torque_nm: float
+    stall_torque_nm: float
+    no_load_speed_rad_s: float
+    friction_speed_rad_s: float
+    gear_ratio: float
+    torque_constant_nm_a: float  # at the rotor
+    winding_resistance_ohm: float
+    protocol: str
+
+
+@dataclass(frozen=True)
+class JointEntry:
+    """One joint: its motor, default position and place on the CAN buses."""
+
+    name: str
+    motor: str
+    default_rad: float
+    bus: str
+    id: int
+
+
+@dataclass(frozen=True)
+class Foot:
+    """One foot: its collision geom, its leg's joints from the base outwards, its phase in a trot."""
+
+    name: str
+    geom: str
+    joints: tuple[str, ...]
+    phase: float
+
+
+@dataclass(frozen=True)
+class Description:
+    """The content of `robot.yaml`."""
+
+    name: str
+    model: str
+    base: str
+    imu: str
+    standing_height_m: float
+    gains: Gains
+    soft_limit_factor: float
+    target_rate_rad_s: float
+    motors: dict[str, MotorType]
+    joints: tuple[JointEntry, ...]
+    feet: tuple[Foot, ...]
+    imu_bus: str
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A robot, ready for use. Arrays are in joint order, shape (n,), and must not be written to."""
+
+    description: Description
+    folder: Path
+    lower_rad: np.ndarray
+    upper_rad: np.ndarray
+    armature: np.ndarray  # reflected inertia, kg m^2
+    motor: Motor
+
+    @property
+    def name(self) -> str:
+        return self.description.name
+
+    @property
+    def xml_path(self) -> Path:
+        return self.folder / self.description.model
+
+    @cached_property
+    def joint_names(self) -> tuple[str, ...]:
+        return tuple(joint.name for joint in self.description.joints)
+
+    @cached_property
+    def default_pose(self) -> np.ndarray:
+        """Joint positions of the default pose, rad."""
+        return np.array([joint.default_rad for joint in self.description.joints])
+
+    @cached_property
+    def soft_limits(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest position target of each joint, rad."""
+        middle = (self.lower_rad + self.upper_rad) / 2
+        half = (self.upper_rad - self.lower_rad) / 2 * self.description.soft_limit_factor
+        return middle - half, middle + half
+
+    @cached_property
+    def kp(self) -> np.ndarray:
+        """Stiffness of learned policies, N m/rad."""
+        return self.armature * self._natural_frequency**2
+
+    @cached_property
+    def kd(self) -> np.ndarray:
+        """Damping of learned policies, N m s/rad."""
+        return 2 * self.description.gains.damping_ratio * self.armature * self._natural_frequency
+
+    @cached_property
+    def action_scale(self) -> np.ndarray:
+        """Position target per unit of action, rad."""
+        return self.description.gains.torque_share * self.motor.peak_torque / self.kp
+
+    @property
+    def _natural_frequency(self) -> float:
+        return 2 * np.pi * self.description.gains.natural_frequency_hz
+
+    def motor_figures(self, field: str) -> np.ndarray:
+        """One datasheet figure (a numeric field of `MotorType`) for each joint."""
+        motors = self.description.motors
+        return np.array([getattr(motors[j.motor], field) for j in self.description.joints])
+
+    def joint_index(self, name: str) -> int:
+        return self.joint_names.index(name)
+
+    @cached_property
+    def foot_joints(self) -> np.ndarray:
+        """Indices of each leg's joints from the base outwards, shape (feet, joints of a leg)."""
+        return np.array([[self.joint_index(j) for j in f.joints] for f in self.description.feet])
+
+    @cached_property
+    def digest(self) -> str:
+        """Fingerprint of everything that a policy relies on: model, joints, motors, gains, feet.
+
+        Layout, comments and the CAN map do not count.
+        """
+        content = unstructure(self.description)
+        del content["imu_bus"]
+        for joint in content["joints"]:
+            del joint["bus"], joint["id"]
+        for motor in content["motors"].values():
+            del motor["protocol"]
+        xml = ElementTree.canonicalize(
+            self.xml_path.read_text(encoding="utf-8"), strip_text=True, with_comments=False
+        )
+        return hashlib.sha256((json.dumps(content, sort_keys=True) + xml).encode()).hexdigest()[:16]
+
+
+def available_robots() -> list[str]:
+    """Names of the robots that ship with footfall."""
+    return sorted(path.parent.name for path in ROBOTS.glob("*/robot.yaml"))
+
+
+def load_robot(name_or_folder: str | Path) -> Robot:
+    """Load a robot by its name or from a folder that holds `robot.yaml`.
+
+    Raises:
+        UserError: there is no such robot, or its files do not fit together.
+    """
+    folder = ROBOTS / str(name_or_folder)
+    if not (folder / "robot.yaml").is_file():
+        folder = Path(name_or_folder)
+    if not (folder / "robot.yaml").is_file():
+        raise UserError(
+            f"no robot '{name_or_folder}': give one of {', '.join(available_robots())}"
+            " or a folder with robot.yaml"
+        )
+    description = load(folder / "robot.yaml", Description)
+    return _assemble(description, folder.resolve())
+
+
+def load_spec(path: Path) -> mujoco.MjSpec:
+    """Read an MJCF file.
+
+    Raises:
+        UserError: the file is missing or is no valid MJCF.
+    """
+    if not path.is_file():
+        raise UserError(f"no MJCF file at {path}")
+    try:
+        return mujoco.MjSpec.from_file(str(path))
+    except (ValueError, UnicodeDecodeError, mujoco.FatalError) as error:
+        raise UserError(f"{path} is not valid MJCF: {' '.join(str(error).split())}") from None
+
+
+def _assemble(description: Description, folder: Path) -> Robot:
+    source = folder / "robot.yaml"
+    _check(description, source)
+    spec = load_spec(folder / description.model)
+    try:
+        model = spec.compile()
+    except ValueError as error:
+        raise UserError(
+            f"{folder / description.model} does not compile: {' '.join(str(error).split())}"
+        ) from None
+    ids = []
+    for joint in description.joints:
+        index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, joint.name)
+        if index < 0:
+            raise UserError(f"{source}: {description.model} has no joint '{joint.name}'")
+        ids.append(index)
+    for kind, name in (
+        (mujoco.mjtObj.mjOBJ_BODY, description.base),
+        (mujoco.mjtObj.mjOBJ_SITE, description.imu),
+        *((mujoco.mjtObj.mjOBJ_GEOM, foot.geom) for foot in description.feet),
+    ):
+        if mujoco.mj_name2id(model, kind, name) < 0:
+            raise UserError(f"{source}: {description.model} has no {kind.name[6:].lower()} '{name}'")
+    motors = [description.motors[joint.motor] for joint in description.joints]
+    dofs = model.jnt_dofadr[ids]
+    motor = Motor(
+        peak_torque=np.array([m.peak_torque_nm for m in motors]),
+        stall_torque=np.array([m.stall_torque_nm for m in motors]),
+        no_load_speed=np.array([m.no_load_speed_rad_s for m in motors]),
+        friction=model.dof_frictionloss[dofs].copy(),
+        friction_speed=np.array([m.friction_speed_rad_s for m in motors]),
+        damping=np.zeros(len(ids)),
+        strength=np.ones(len(ids)),
+    )
+    return Robot(
+        description=description,
+        folder=folder,
+        lower_rad=model.jnt_range[ids, 0].copy(),
+        upper_rad=model.jnt_range[ids, 1].copy(),
+        armature=model.dof_armature[dofs].copy(),
+        motor=motor,
+    )
+
+
+def _check(description: Description, source: Path) -> None:
+    names = [joint.name for joint in description.joints]
+    if len(set(names)) < len(names):
+        raise UserError(f"{source}: joints: a joint is listed twice")
+    places = [(joint.bus, joint.id) for joint in description.joints]
+    if len(set(places)) < len(places):
+        raise UserError(f"{source}: joints: two joints share a bus and an id")
+    for joint in description.joints:
+        if joint.motor not in description.motors:
+            raise UserError(
+                f"{source}: joint {joint.name}: no motor '{joint.motor}' under motors"
+                f" ({', '.join(description.motors)})"
+            )
+    for foot in description.feet:
+        for name in foot.joints:
+            if name not in names:
+                raise UserError(f"{source}: foot {foot.name}: no joint '{name}' under joints")

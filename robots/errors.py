@@ -1,0 +1,8 @@
+"""The one exception whose text is meant for the user."""
+
+
+class UserError(Exception):
+    """Bad input: the message says, in one line, what is wrong and what would be right.
+
+    The command line prints it and exits with status 2; nothing else in the project prints it.
+    """

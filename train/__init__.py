@@ -1,0 +1,1 @@
+"""How a policy learns: PPO, checkpoints, export."""
