@@ -2,10 +2,10 @@
 
 import hashlib
 import json
-import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
