@@ -1,0 +1,78 @@
+"""Settings of the velocity-tracking environment, as they stand in a preset's YAML."""
+
+from dataclasses import dataclass, field
+
+from domain_rand.distributions import Distribution
+from domain_rand.noise import Noise
+from domain_rand.randomisation import Randomisation
+from policies.contract import CommandRange, Term
+
+
+@dataclass(frozen=True)
+class GaitConfig:
+    """The gait clock, and how high its reference motion lifts the feet (0: no reference)."""
+
+    frequency_hz: float = 2.2
+    reference_lift_m: float = 0.0
+
+
+@dataclass(frozen=True)
+class CommandConfig:
+    """How velocity commands are drawn."""
+
+    ranges: CommandRange
+    hold_s: Distribution = Distribution(3.0, 8.0)
+    standing_probability: float = 0.1
+    single_axis_probability: float = 0.3  # only one of the three components is kept
+
+
+@dataclass(frozen=True)
+class InitialState:
+    """Half-widths of uniform offsets from the default pose, standing still."""
+
+    joint_rad: float = 0.1
+    tilt_rad: float = 0.1
+    velocity_m_s: float = 0.3
+    yaw_rate_rad_s: float = 0.3
+    joint_velocity_rad_s: float = 0.5
+
+
+@dataclass(frozen=True)
+class PushConfig:
+    """Pushes: a sudden change of the base's velocity."""
+
+    interval_s: Distribution = Distribution(2.0, 6.0)
+    horizontal_m_s: float = 0.0  # largest, in a random direction
+    vertical_m_s: float = 0.0
+    angular_rad_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class RewardScales:
+    """Shapes of the rewards, apart from their weights."""
+
+    linear_sigma_m2_s2: float = 0.25
+    yaw_sigma_rad2_s2: float = 0.25
+    swing_height_m: float = 0.08
+    least: float = -0.2  # the weighted sum is clipped below here
+
+
+@dataclass(frozen=True)
+class EnvConfig:
+    """All settings of the environment."""
+
+    observation: tuple[Term, ...]
+    commands: CommandConfig
+    rewards: dict[str, float]  # weight of each term of envs/rewards.py
+    control_rate_hz: float = 50.0
+    substeps: int = 4  # physics steps per control step
+    episode_s: float = 20.0
+    tilt_limit_rad: float = 1.1
+    least_height_share: float = 0.55  # of the standing height, before the episode ends
+    speed_limit: float = 100.0  # generalised velocity above which the simulation counts as diverged
+    gait: GaitConfig | None = None
+    reward_scales: RewardScales = RewardScales()
+    initial: InitialState = InitialState()
+    pushes: PushConfig = PushConfig()
+    randomisation: Randomisation = field(default_factory=Randomisation)
+    noise: Noise = field(default_factory=Noise)

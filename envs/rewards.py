@@ -1,0 +1,144 @@
+"""Rewards: small pure functions of what happened in one control step, weighted in configuration."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from envs.config import RewardScales
+
+
+class Outcome(NamedTuple):
+    """What one control step led to. Vectors in the body frame unless said otherwise."""
+
+    command: jax.Array  # (3,) forward m/s, leftward m/s, yaw rad/s
+    moving: jax.Array  # () 1.0 if the command asks to move
+    linear_velocity: jax.Array  # (3,) m/s
+    angular_velocity: jax.Array  # (3,) rad/s
+    gravity: jax.Array  # (3,) unit vector
+    height: jax.Array  # () m, base above ground
+    standing_height: float  # m
+    joint_position: jax.Array  # (n,) rad
+    joint_velocity: jax.Array  # (n,) rad/s
+    default_pose: jax.Array  # (n,) rad
+    soft_lower: jax.Array  # (n,) rad
+    soft_upper: jax.Array  # (n,) rad
+    torque: jax.Array  # (n,) N m, motor torque at the last physics step
+    peak_torque: jax.Array  # (n,) N m
+    actions: jax.Array  # (3, n) newest first
+    contact: jax.Array  # (feet,) 1.0 in contact
+    clearance: jax.Array  # (feet,) m above ground
+    foot_speed: jax.Array  # (feet,) m/s, horizontal
+    swing: jax.Array  # (feet,) planned swing, 0 in stance, rising to 1 at mid-swing
+    fell: jax.Array  # () 1.0 if the episode ended in a fall
+
+
+def track_linear(o: Outcome, s: RewardScales) -> jax.Array:
+    error = jnp.sum((o.command[:2] - o.linear_velocity[:2]) ** 2)
+    return jnp.exp(-error / s.linear_sigma_m2_s2)
+
+
+def track_yaw(o: Outcome, s: RewardScales) -> jax.Array:
+    return jnp.exp(-((o.command[2] - o.angular_velocity[2]) ** 2) / s.yaw_sigma_rad2_s2)
+
+
+def alive(o: Outcome, _: RewardScales) -> jax.Array:
+    return 1.0 - o.fell
+
+
+def fall(o: Outcome, _: RewardScales) -> jax.Array:
+    return o.fell
+
+
+def gait_contact(o: Outcome, _: RewardScales) -> jax.Array:
+    """Share of feet whose contact is as the gait clock plans it."""
+    planned = 1.0 - (o.swing > 0)
+    return jnp.mean(1.0 - jnp.abs(planned - o.contact))
+
+
+def swing_height(o: Outcome, s: RewardScales) -> jax.Array:
+    """Squared error of the swing feet's height against a half sine."""
+    return jnp.sum(jnp.where(o.swing > 0, (o.clearance - s.swing_height_m * o.swing) ** 2, 0.0))
+
+
+def vertical_velocity(o: Outcome, _: RewardScales) -> jax.Array:
+    return o.linear_velocity[2] ** 2
+
+
+def roll_pitch_rate(o: Outcome, _: RewardScales) -> jax.Array:
+    return jnp.sum(o.angular_velocity[:2] ** 2)
+
+
+def orientation(o: Outcome, _: RewardScales) -> jax.Array:
+    return jnp.sum(o.gravity[:2] ** 2)
+
+
+def height(o: Outcome, _: RewardScales) -> jax.Array:
+    return (o.height - o.standing_height) ** 2
+
+
+def torque(o: Outcome, _: RewardScales) -> jax.Array:
+    return jnp.sum(o.torque**2)
+
+
+def power(o: Outcome, _: RewardScales) -> jax.Array:
+    return jnp.sum(jnp.abs(o.torque * o.joint_velocity))
+
+
+def action_rate(o: Outcome, _: RewardScales) -> jax.Array:
+    return jnp.sum((o.actions[0] - o.actions[1]) ** 2)
+
+
+def action_acceleration(o: Outcome, _: RewardScales) -> jax.Array:
+    return jnp.sum((o.actions[0] - 2 * o.actions[1] + o.actions[2]) ** 2)
+
+
+def pose(o: Outcome, _: RewardScales) -> jax.Array:
+    return jnp.sum((o.joint_position - o.default_pose) ** 2)
+
+
+def stand_still(o: Outcome, _: RewardScales) -> jax.Array:
+    """Deviation from the default pose while asked to stand."""
+    return (1.0 - o.moving) * jnp.sum(jnp.abs(o.joint_position - o.default_pose))
+
+
+def joint_limits(o: Outcome, _: RewardScales) -> jax.Array:
+    """How far joints are past their soft limits, rad."""
+    below = jnp.maximum(o.soft_lower - o.joint_position, 0.0)
+    above = jnp.maximum(o.joint_position - o.soft_upper, 0.0)
+    return jnp.sum(below + above)
+
+
+def slip(o: Outcome, _: RewardScales) -> jax.Array:
+    return jnp.sum(o.contact * o.foot_speed**2)
+
+
+TERMS: dict[str, Callable[[Outcome, RewardScales], jax.Array]] = {
+    function.__name__: function
+    for function in (
+        track_linear,
+        track_yaw,
+        alive,
+        fall,
+        gait_contact,
+        swing_height,
+        vertical_velocity,
+        roll_pitch_rate,
+        orientation,
+        height,
+        torque,
+        power,
+        action_rate,
+        action_acceleration,
+        pose,
+        stand_still,
+        joint_limits,
+        slip,
+    )
+}
+
+
+def rewards(outcome: Outcome, weights: dict[str, float], scales: RewardScales) -> dict[str, jax.Array]:
+    """Each weighted term, by name."""
+    return {name: weight * TERMS[name](outcome, scales) for name, weight in weights.items()}

@@ -1,0 +1,416 @@
+"""Velocity tracking on flat ground: a functional MJX environment.
+
+`reset(key)` and `step(state, action)` are pure and concern one robot; `jax.vmap` makes them many.
+"""
+
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from mujoco import mjx
+
+from domain_rand.bodies import body_map, randomised_fields
+from domain_rand.noise import biased, noisy
+from domain_rand.randomisation import draw
+from domain_rand.sample import Sample, randomised_command, randomised_motor
+from envs.commands import draw_command, draw_hold_steps
+from envs.config import EnvConfig
+from envs.delays import delayed_goal, delayed_readings
+from envs.gait import make_gait
+from envs.rewards import TERMS as REWARD_TERMS
+from envs.rewards import Outcome, rewards
+from policies.action import joint_target
+from policies.contract import Contract
+from policies.observation import (
+    Inputs,
+    Readings,
+    frame,
+    frame_size,
+    history_length,
+    moving,
+    observation,
+    observation_size,
+    push_frame,
+)
+from robots.actuator import JointCommand, Motor, joint_torque, motor_torque
+from robots.description import Robot
+from robots.errors import UserError
+from robots.model import joint_addresses, training_model
+from robots.targets import limit_target
+
+RANDOMISED_FIELDS = ("body_mass", "body_inertia", "body_ipos", "dof_armature", "geom_friction")
+KEPT_GOALS = 3  # control steps whose targets may still be on their way to the motors
+CONTACT_CLEARANCE_M = 0.002  # a foot closer to the ground counts as touching
+
+
+class State(NamedTuple):
+    """All that an episode is, for one robot. `_replace` gives the next one."""
+
+    key: jax.Array
+    qpos: jax.Array
+    qvel: jax.Array
+    qacc_warmstart: jax.Array
+    sample: Sample
+    fields: dict[str, jax.Array]  # randomised model fields
+    command: jax.Array  # (3,)
+    hold_steps: jax.Array  # () control steps until the next command
+    push_steps: jax.Array  # () control steps until the next push
+    steps: jax.Array  # () control steps since the reset
+    phase: jax.Array  # (1,) cycles
+    actions: jax.Array  # (3, n) newest first
+    goals: jax.Array  # (KEPT_GOALS, n) newest first, rad
+    target: jax.Array  # (n,) rate-limited target, rad
+    trail: jax.Array  # (substeps, m) readings after each physics step, oldest first
+    frames: jax.Array  # (history, frame)
+
+
+class Step(NamedTuple):
+    """What a step hands to the learner."""
+
+    observation: dict[str, jax.Array]  # "state" for the actor, "privileged_state" for the critic
+    reward: jax.Array
+    terminated: jax.Array  # 1.0 after a fall or a diverged simulation
+    truncated: jax.Array  # 1.0 at the episode's time limit
+    metrics: dict[str, jax.Array]
+
+
+class _Substep(NamedTuple):
+    """What is kept of each physics step."""
+
+    reading: jax.Array
+    foot_position: jax.Array
+    torque: jax.Array
+
+
+def make_contract(robot: Robot, config: EnvConfig) -> Contract:
+    """The contract of policies that are trained on this robot with these settings."""
+    return Contract(
+        robot=robot.name,
+        digest=robot.digest,
+        joints=robot.joint_names,
+        control_rate_hz=config.control_rate_hz,
+        observation=config.observation,
+        default_pose_rad=tuple(robot.default_pose.tolist()),
+        action_scale_rad=tuple(robot.action_scale.tolist()),
+        kp=tuple(robot.kp.tolist()),
+        kd=tuple(robot.kd.tolist()),
+        commands=config.commands.ranges,
+        gait=make_gait(robot, config.gait) if config.gait else None,
+    )
+
+
+class VelocityEnv:
+    """The environment of one robot and one configuration; holds constants only."""
+
+    def __init__(self, robot: Robot, config: EnvConfig) -> None:
+        unknown = set(config.rewards) - set(REWARD_TERMS)
+        if unknown:
+            raise UserError(f"no reward '{min(unknown)}': there are {', '.join(REWARD_TERMS)}")
+        self.robot = robot
+        self.config = config
+        self.contract = make_contract(robot, config)
+        self.period_s = 1.0 / config.control_rate_hz
+        self.timestep_s = self.period_s / config.substeps
+        self._check_delays()
+        model = training_model(robot, self.timestep_s)
+        self._model = mjx.put_model(model)
+        self._template = mjx.make_data(model)
+        self._nominal = SimpleNamespace(
+            **{name: jnp.asarray(getattr(model, name), dtype=jnp.float32) for name in RANDOMISED_FIELDS}
+        )
+        self._bodies = model.nbody - 1
+        self._map = body_map(model, robot)
+        positions, dofs = joint_addresses(model, robot)
+        self._positions, self._dofs = jnp.asarray(positions), jnp.asarray(dofs)
+        feet = [model.geom(foot.geom).id for foot in robot.description.feet]
+        self._feet = jnp.asarray(feet)
+        self._foot_radius = jnp.asarray(model.geom_size[feet, 0], dtype=jnp.float32)
+        self._foot_phase = jnp.asarray([f.phase for f in robot.description.feet], dtype=jnp.float32)
+        self._motor = Motor(*(jnp.asarray(a, dtype=jnp.float32) for a in robot.motor))
+        self._soft = tuple(jnp.asarray(a, dtype=jnp.float32) for a in robot.soft_limits)
+        self._default = jnp.asarray(robot.default_pose, dtype=jnp.float32)
+        self._kp = jnp.asarray(robot.kp, dtype=jnp.float32)
+        self._kd = jnp.asarray(robot.kd, dtype=jnp.float32)
+        self._qpos0 = np.array(model.qpos0, dtype=np.float32)
+        self._qpos0[positions] = robot.default_pose
+        self._qpos0[2] = robot.description.standing_height_m
+        self.action_size = len(robot.joint_names)
+        self.episode_steps = round(config.episode_s * config.control_rate_hz)
+
+    @property
+    def observation_sizes(self) -> dict[str, int]:
+        """Size of the actor's and the critic's observation."""
+        shapes = jax.eval_shape(lambda key: self.reset(key)[1], jax.random.key(0))
+        return {name: leaf.shape[-1] for name, leaf in shapes.items()}
+
+    def reset(self, key: jax.Array) -> tuple[State, dict[str, jax.Array]]:
+        """A new episode: state, command, timers, delay buffers and body are all drawn afresh."""
+        config, n = self.config, self.action_size
+        key, sample_key, pose_key, command_key, hold_key, push_key, clock_key = jax.random.split(key, 7)
+        sample = draw(
+            config.randomisation, lambda k: jax.random.uniform(sample_key, (k,)), n, self._bodies
+        )
+        qpos, qvel = self._initial_state(pose_key)
+        reading = self._reading(qpos, qvel)
+        state = State(
+            key=key,
+            qpos=qpos,
+            qvel=qvel,
+            qacc_warmstart=jnp.zeros_like(qvel),
+            sample=sample,
+            fields=randomised_fields(self._nominal, sample, self._map),
+            command=draw_command(command_key, config.commands),
+            hold_steps=draw_hold_steps(hold_key, config.commands, config.control_rate_hz),
+            push_steps=self._draw_push_steps(push_key),
+            steps=jnp.int32(0),
+            phase=jax.random.uniform(clock_key, (1,)),
+            actions=jnp.zeros((3, n)),
+            goals=jnp.tile(self._default, (KEPT_GOALS, 1)),
+            target=self._default,
+            trail=jnp.tile(reading, (config.substeps, 1)),
+            frames=jnp.zeros((history_length(self.contract), frame_size(self.contract))),
+        )
+        state, observed = self._observe(state, jnp.tile(reading, (2 * config.substeps, 1)), fill=True)
+        feet = jnp.zeros(len(self._foot_phase))
+        return state, self._observations(state, observed, jnp.zeros(3), feet, feet, jnp.zeros(n))
+
+    def step(self, state: State, action: jax.Array) -> tuple[State, Step]:
+        """One control step: delayed targets through the joint law and the physics, then a new observation."""
+        config = self.config
+        goal = joint_target(action, state.phase, state.command, self.contract)
+        state = state._replace(
+            actions=jnp.concatenate([action[None], state.actions[:-1]]),
+            goals=jnp.concatenate([goal[None], state.goals[:-1]]),
+        )
+        state, passed = self._simulate(state)
+        diverged = ~(
+            jnp.all(jnp.isfinite(state.qpos)) & jnp.all(jnp.abs(state.qvel) < config.speed_limit)
+        )
+        steps = state.steps + 1
+        gait = config.gait.frequency_hz if config.gait else 0.0
+        state = state._replace(steps=steps, phase=(state.phase + gait * self.period_s) % 1.0)
+
+        outcome = self._outcome(state, passed)
+        terminated = jnp.maximum(outcome.fell, diverged.astype(jnp.float32))
+        terms = rewards(outcome, config.rewards, config.reward_scales)
+        total = jnp.maximum(sum(terms.values(), start=jnp.float32(0.0)), config.reward_scales.least)
+        reward = jnp.where(diverged, 0.0, total * self.period_s)
+
+        trail = jnp.concatenate([state.trail, passed.reading])
+        state = self._disturb(state._replace(trail=passed.reading))
+        state, observed = self._observe(state, trail)
+        feet = (outcome.contact, outcome.clearance)
+        observations = self._observations(
+            state, observed, outcome.linear_velocity, *feet, outcome.torque
+        )
+        truncated = (steps >= self.episode_steps).astype(jnp.float32) * (1.0 - terminated)
+        error = outcome.command - jnp.concatenate(
+            [outcome.linear_velocity[:2], outcome.angular_velocity[2:]]
+        )
+        metrics = {f"reward/{name}": value for name, value in terms.items()} | {
+            "tracking/linear_error_m_s": jnp.sqrt(jnp.sum(error[:2] ** 2)),
+            "tracking/yaw_error_rad_s": jnp.abs(error[2]),
+            "episode/falls": outcome.fell,
+            "episode/diverged": diverged.astype(jnp.float32),
+        }
+        clean = lambda tree: jax.tree.map(lambda x: jnp.where(diverged, 0.0, x), tree)  # noqa: E731
+        return state, Step(clean(observations), reward, terminated, truncated, clean(metrics))
+
+    def _simulate(self, state: State) -> tuple[State, _Substep]:
+        """Physics of one control step; returns what each physics step left, stacked."""
+        model = self._model.replace(**state.fields)
+        motor = randomised_motor(self._motor, state.sample)
+        kp_kd = (self._kp, self._kd)
+
+        def substep(carry: tuple, since_step_s: jax.Array) -> tuple[tuple, _Substep]:
+            qpos, qvel, warmstart, target = carry
+            goal = delayed_goal(state.goals, state.sample.action_delay_s, since_step_s, self.period_s)
+            target = limit_target(
+                goal, target, *self._soft, self.robot.description.target_rate_rad_s, self.timestep_s
+            )
+            command = JointCommand(target, jnp.zeros_like(target), *kp_kd, jnp.zeros_like(target))
+            command = randomised_command(command, state.sample)
+            q, qd = qpos[self._positions], qvel[self._dofs]
+            torque = joint_torque(command, q, qd, motor)
+            data = self._template.replace(
+                qpos=qpos,
+                qvel=qvel,
+                qacc_warmstart=warmstart,
+                qfrc_applied=jnp.zeros_like(qvel).at[self._dofs].set(torque),
+            )
+            data = mjx.step(model, data)
+            kept = _Substep(
+                reading=self._reading(data.qpos, data.qvel),
+                foot_position=data.geom_xpos[self._feet],
+                torque=motor_torque(command, q, qd, motor),
+            )
+            return (data.qpos, data.qvel, data.qacc_warmstart, target), kept
+
+        start = (state.qpos, state.qvel, state.qacc_warmstart, state.target)
+        times = jnp.arange(self.config.substeps) * self.timestep_s
+        (qpos, qvel, warmstart, target), kept = jax.lax.scan(substep, start, times)
+        return state._replace(qpos=qpos, qvel=qvel, qacc_warmstart=warmstart, target=target), kept
+
+    def _outcome(self, state: State, passed: _Substep) -> Outcome:
+        config = self.config
+        rotation = _rotation(state.qpos[3:7])
+        foot = passed.foot_position
+        clearance = foot[-1, :, 2] - self._foot_radius
+        foot_velocity = (foot[-1] - foot[-2]) / self.timestep_s
+        gravity = -rotation[2]
+        height = state.qpos[2]
+        fell = (gravity[2] > -np.cos(config.tilt_limit_rad)) | (
+            height < config.least_height_share * self.robot.description.standing_height_m
+        )
+        walk = moving(state.command, self.contract)[0]
+        planned = jnp.sin(2 * jnp.pi * (state.phase + self._foot_phase))
+        return Outcome(
+            command=state.command,
+            moving=walk,
+            linear_velocity=state.qvel[:3] @ rotation,
+            angular_velocity=state.qvel[3:6],
+            gravity=gravity,
+            height=height,
+            standing_height=self.robot.description.standing_height_m,
+            joint_position=state.qpos[self._positions],
+            joint_velocity=state.qvel[self._dofs],
+            default_pose=self._default,
+            soft_lower=self._soft[0],
+            soft_upper=self._soft[1],
+            torque=passed.torque[-1],
+            peak_torque=self._motor.peak_torque,
+            actions=state.actions,
+            contact=(clearance < CONTACT_CLEARANCE_M).astype(jnp.float32),
+            clearance=clearance,
+            foot_speed=jnp.sqrt(jnp.sum(foot_velocity[:, :2] ** 2, axis=-1)),
+            swing=jnp.maximum(planned, 0.0) * walk,
+            fell=fell.astype(jnp.float32),
+        )
+
+    def _observe(self, state: State, trail: jax.Array, fill: bool = False) -> tuple[State, jax.Array]:
+        """Push a frame of delayed, biased, noisy readings; with `fill`, it becomes the whole history."""
+        key, noise_key = jax.random.split(state.key)
+        n = self.action_size
+        readings = _unpack(delayed_readings(trail, state.sample.observation_delay_s, self.timestep_s), n)
+        readings = biased(readings, state.sample)
+        readings = noisy(readings, self.config.noise, jax.random.uniform(noise_key, (6 + 2 * n,)))
+        newest = frame(Inputs(readings, state.actions[0], state.command, state.phase), self.contract)
+        frames = jnp.broadcast_to(newest, state.frames.shape) if fill else push_frame(state.frames, newest)
+        return state._replace(key=key, frames=frames), observation(frames, self.contract)
+
+    def _observations(
+        self,
+        state: State,
+        observed: jax.Array,
+        velocity: jax.Array,
+        contact: jax.Array,
+        clearance: jax.Array,
+        torque: jax.Array,
+    ) -> dict[str, jax.Array]:
+        """The actor's observation, and the critic's: clean readings and what no robot senses."""
+        readings = _unpack(self._reading(state.qpos, state.qvel), self.action_size)
+        clean = frame(Inputs(readings, state.actions[0], state.command, state.phase), self.contract)
+        sample = [jnp.ravel(leaf) for leaf in jax.tree.leaves(state.sample)]
+        sampled = jnp.concatenate([*sample, jnp.zeros(0)])
+        privileged = jnp.concatenate(
+            [
+                observed[: observation_size(self.contract)],
+                clean,
+                velocity,
+                state.qpos[2:3],
+                contact,
+                clearance * 10.0,
+                torque / self._motor.peak_torque,
+                sampled,
+            ]
+        )
+        return {"state": observed, "privileged_state": privileged}
+
+    def _disturb(self, state: State) -> State:
+        """Draw a new command when the old one's time is up, and push when a push is due."""
+        config = self.config
+        key, command_key, hold_key, push_key, interval_key = jax.random.split(state.key, 5)
+        command_due = state.hold_steps <= 0
+        hold = draw_hold_steps(hold_key, config.commands, config.control_rate_hz)
+        push_due = state.push_steps <= 0
+        kick = jnp.where(push_due, self._draw_push(push_key), 0.0)
+        return state._replace(
+            key=key,
+            command=jnp.where(command_due, draw_command(command_key, config.commands), state.command),
+            hold_steps=jnp.where(command_due, hold, state.hold_steps - 1),
+            push_steps=jnp.where(push_due, self._draw_push_steps(interval_key), state.push_steps - 1),
+            qvel=state.qvel.at[:6].add(kick),
+        )
+
+    def _draw_push_steps(self, key: jax.Array) -> jax.Array:
+        seconds = self.config.pushes.interval_s.quantile(jax.random.uniform(key))
+        return jnp.int32(seconds * self.config.control_rate_hz)
+
+    def _draw_push(self, key: jax.Array) -> jax.Array:
+        """Change of the free joint's velocity, shape (6,): linear in the world, angular in the body."""
+        pushes = self.config.pushes
+        u = jax.random.uniform(key, (6,))
+        angle, size = 2 * jnp.pi * u[0], pushes.horizontal_m_s * u[1]
+        linear = jnp.array(
+            [size * jnp.cos(angle), size * jnp.sin(angle), pushes.vertical_m_s * (2 * u[2] - 1)]
+        )
+        return jnp.concatenate([linear, pushes.angular_rad_s * (2 * u[3:] - 1)])
+
+    def _initial_state(self, key: jax.Array) -> tuple[jax.Array, jax.Array]:
+        start, n = self.config.initial, self.action_size
+        u = 2 * jax.random.uniform(key, (7 + 2 * n,)) - 1
+        yaw = jnp.pi * u[0]
+        tilt = start.tilt_rad * u[1:3]
+        quaternion = _multiply(
+            jnp.array([jnp.cos(yaw / 2), 0.0, 0.0, jnp.sin(yaw / 2)]),
+            _normalise(jnp.array([1.0, tilt[0] / 2, tilt[1] / 2, 0.0])),
+        )
+        qpos = jnp.asarray(self._qpos0)
+        qpos = qpos.at[3:7].set(quaternion)
+        qpos = qpos.at[self._positions].add(start.joint_rad * u[7 : 7 + n])
+        qvel = jnp.zeros(self._template.qvel.shape)
+        qvel = qvel.at[:2].set(start.velocity_m_s * u[3:5])
+        qvel = qvel.at[5].set(start.yaw_rate_rad_s * u[5])
+        return qpos, qvel.at[self._dofs].set(start.joint_velocity_rad_s * u[7 + n :])
+
+    def _reading(self, qpos: jax.Array, qvel: jax.Array) -> jax.Array:
+        """True readings as one vector: gyro, gravity, joint positions, joint velocities."""
+        gravity = -_rotation(qpos[3:7])[2]
+        return jnp.concatenate([qvel[3:6], gravity, qpos[self._positions], qvel[self._dofs]])
+
+    def _check_delays(self) -> None:
+        longest: dict[str, tuple[Any, float]] = {
+            "action_delay_s": (self.config.randomisation.action_delay_s, (KEPT_GOALS - 1) * self.period_s),
+            "observation_delay_s": (self.config.randomisation.observation_delay_s, self.period_s),
+        }
+        for name, (distribution, limit) in longest.items():
+            if distribution is not None and not 0 <= distribution.low <= distribution.high <= limit:
+                raise UserError(f"randomisation.{name}: must lie between 0 and {limit} s")
+
+
+def _unpack(reading: jax.Array, n: int) -> Readings:
+    return Readings(reading[:3], reading[3:6], reading[6 : 6 + n], reading[6 + n :])
+
+
+def _rotation(q: jax.Array) -> jax.Array:
+    """Rotation matrix (body to world) of a unit quaternion w x y z."""
+    w, x, y, z = q
+    return jnp.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def _multiply(a: jax.Array, b: jax.Array) -> jax.Array:
+    """Product of two quaternions w x y z."""
+    w, v = a[0] * b[0] - a[1:] @ b[1:], a[0] * b[1:] + b[0] * a[1:] + jnp.cross(a[1:], b[1:])
+    return jnp.concatenate([w[None], v])
+
+
+def _normalise(q: jax.Array) -> jax.Array:
+    return q / jnp.sqrt(jnp.sum(q * q))

@@ -1,0 +1,75 @@
+"""Settings of a training, as they stand in a preset or in a run folder's config.yaml."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from envs.config import EnvConfig
+from robots.config import load
+from robots.errors import UserError
+
+PRESETS = Path(__file__).parent / "presets"
+
+
+@dataclass(frozen=True)
+class PpoConfig:
+    """PPO's settings. One iteration is environments * unroll environment steps."""
+
+    total_steps: int
+    environments: int
+    unroll: int
+    minibatches: int
+    passes: int
+    learning_rate: float
+    final_learning_rate: float
+    discount: float
+    gae_lambda: float
+    clip: float
+    entropy: float
+    gradient_norm: float
+    initial_std: float
+    actor_layers: tuple[int, ...]
+    critic_layers: tuple[int, ...]
+
+    def __post_init__(self) -> None:
+        if self.environments % self.minibatches:
+            raise ValueError(
+                f"environments {self.environments} is not a multiple of minibatches {self.minibatches}"
+            )
+
+    @property
+    def steps_per_iteration(self) -> int:
+        return self.environments * self.unroll
+
+    @property
+    def iterations(self) -> int:
+        return max(1, -(-self.total_steps // self.steps_per_iteration))
+
+
+@dataclass(frozen=True)
+class TrainConfig:
+    """All settings of a training, but for the robot and the seed."""
+
+    ppo: PpoConfig
+    env: EnvConfig
+    checkpoint_interval_s: float = 30.0
+
+
+def available_presets() -> list[str]:
+    """Names of the presets that ship with footfall."""
+    return sorted(path.stem for path in PRESETS.glob("*.yaml"))
+
+
+def load_preset(name_or_file: str) -> TrainConfig:
+    """A preset by name, or a YAML file of the same form.
+
+    Raises:
+        UserError: there is no such preset, or the file is malformed.
+    """
+    path = PRESETS / f"{name_or_file}.yaml"
+    if not path.is_file():
+        path = Path(name_or_file)
+    if not path.is_file():
+        raise UserError(
+            f"no preset '{name_or_file}': give one of {', '.join(available_presets())} or a YAML file"
+        )
+    return load(path, TrainConfig)
