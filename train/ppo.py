@@ -111,9 +111,7 @@ def make_iteration(
         params, optimizer_state, key = carry
         key, shuffle_key = jax.random.split(key)
         order = jax.random.permutation(shuffle_key, config.environments)
-        batches = jax.tree.map(
-            lambda x: x[order].reshape((config.minibatches, -1, *x.shape[1:])), data
-        )
+        batches = jax.tree.map(lambda x: x[order].reshape((config.minibatches, -1, *x.shape[1:])), data)
         return jax.lax.scan(
             partial(minibatch, normalizer=normalizer), (params, optimizer_state, key), batches
         )

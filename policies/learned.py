@@ -1,0 +1,124 @@
+"""A learned policy: an ONNX network and the contract that it carries."""
+
+from pathlib import Path
+
+import numpy as np
+import onnxruntime
+
+from policies.action import joint_target
+from policies.contract import CONTRACT_KEY, Contract
+from policies.observation import (
+    Inputs,
+    Readings,
+    frame,
+    frame_size,
+    history_length,
+    observation,
+    observation_size,
+    push_frame,
+)
+from policies.policy import Observation
+from robots.actuator import JointCommand
+from robots.description import Robot
+from robots.errors import UserError
+
+
+def open_network(path: Path) -> tuple[onnxruntime.InferenceSession, Contract]:
+    """Open an exported policy on one thread.
+
+    Raises:
+        UserError: the file is missing, no ONNX, carries no contract, or its sizes contradict it.
+    """
+    if not path.is_file():
+        raise UserError(f"no policy file at {path}")
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = 1
+    options.inter_op_num_threads = 1
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    options.log_severity_level = 4
+    try:
+        session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # ONNX Runtime's errors share no base class below Exception
+        reason = " ".join(str(error).split())
+        raise UserError(f"{path} is not a readable ONNX file: {reason}") from None
+    text = session.get_modelmeta().custom_metadata_map.get(CONTRACT_KEY)
+    if text is None:
+        raise UserError(f"{path} carries no footfall contract: export it with 'footfall export RUN'")
+    contract = Contract.from_json(text, str(path))
+    for kind, found, expected in (
+        ("input", session.get_inputs(), observation_size(contract)),
+        ("output", session.get_outputs(), len(contract.joints)),
+    ):
+        if len(found) != 1 or found[0].shape[-1] != expected:
+            raise UserError(f"{path}: its {kind} should be one vector of {expected}, as its contract says")
+    return session, contract
+
+
+class LearnedPolicy:
+    """Runs an exported network: readings to observation, observation to action, action to targets."""
+
+    needs_estimate = False
+
+    def __init__(self, path: Path, robot: Robot, name: str | None = None) -> None:
+        """Raises UserError if the file is no policy or does not fit the robot; names what differs."""
+        self._session, self.contract = open_network(path)
+        differences = self.contract.mismatches(robot)
+        if differences:
+            raise UserError(f"{path} does not fit robot '{robot.name}': {'; '.join(differences)}")
+        self.name = name or path.stem
+        self.rate_hz = self.contract.control_rate_hz
+        self._input = self._session.get_inputs()[0].name
+        self._kp, self._kd = np.asarray(self.contract.kp), np.asarray(self.contract.kd)
+        self._zeros = np.zeros(len(self.contract.joints))
+        self._begin()
+        self.network(np.zeros(observation_size(self.contract), dtype=np.float32))  # the first call is slow
+
+    def network(self, observed: np.ndarray) -> np.ndarray:
+        """The action for one observation, float32: (observation_size,) to (n,)."""
+        return self._session.run(None, {self._input: observed[None]})[0][0]
+
+    def reset(self, observation: Observation) -> None:
+        """Begin an episode: no last action, clock at zero, no history."""
+        self._begin()
+
+    def _begin(self) -> None:
+        self._action = np.zeros(len(self.contract.joints), dtype=np.float32)
+        self._frames: np.ndarray | None = None
+        self._steps = 0
+        self.observed = np.zeros(observation_size(self.contract), dtype=np.float32)
+
+    def act(self, observation_: Observation) -> JointCommand:
+        """Position targets under the contract's gains, arrays of shape (n,)."""
+        contract = self.contract
+        phase = np.array([self._phase()])
+        readings = _readings(observation_)
+        newest = frame(Inputs(readings, self._action, observation_.command, phase), contract)
+        if self._frames is None:
+            self._frames = np.broadcast_to(newest, (history_length(contract), frame_size(contract)))
+        else:
+            self._frames = push_frame(self._frames, newest)
+        self.observed = observation(self._frames, contract).astype(np.float32)
+        self._action = self.network(self.observed)
+        self._steps += 1
+        target = joint_target(self._action.astype(np.float64), phase, observation_.command, contract)
+        return JointCommand(target, self._zeros, self._kp, self._kd, self._zeros)
+
+    @property
+    def action(self) -> np.ndarray:
+        """The last action, shape (n,)."""
+        return self._action
+
+    def stance(self) -> None:
+        """A learned policy has no contact plan."""
+        return None
+
+    def _phase(self) -> float:
+        gait = self.contract.gait
+        return 0.0 if gait is None else self._steps * gait.frequency_hz / self.rate_hz % 1.0
+
+
+def _readings(observation_: Observation) -> Readings:
+    sensed = observation_.sensed
+    w, x, y, z = sensed.quaternion
+    gravity = np.array([2 * (w * y - x * z), -2 * (y * z + w * x), 2 * (x * x + y * y) - 1])
+    return Readings(sensed.gyro, gravity, sensed.joint_position, sensed.joint_velocity)
