@@ -1,0 +1,48 @@
+# Everything here needs nothing but a POSIX shell and Python 3.11 or newer with its venv module.
+PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11 python; do \
+	if $$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1; then echo $$p; break; fi; done)
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.footfall-installed
+WORKERS ?= 2
+TESTS ?= tests
+
+.PHONY: help setup test demo lint format types clean
+
+help:
+	@echo "make setup   prepare .venv with the footfall command in it"
+	@echo "make demo    train, export, deploy, compare: ends with an HTML report"
+	@echo "make test    run the tests (TESTS=tests/test_x.py for some of them)"
+	@echo "make lint    check style; make format applies it"
+	@echo "make types   check types"
+	@echo "make clean   remove .venv, caches and build leftovers; runs and reports stay"
+
+setup: $(STAMP)
+
+$(STAMP): pyproject.toml
+	@test -n "$(PYTHON)" || { echo "footfall needs Python 3.11 or newer: install it, or run make PYTHON=/path/to/python" >&2; exit 2; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[train,dev]'
+	@touch $(STAMP)
+
+# Two workers of one thread each: MuJoCo, XLA and BLAS would otherwise fight over the cores.
+test: $(STAMP)
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS) $(TESTS)
+
+demo: $(STAMP)
+	$(BIN)/footfall demo
+
+lint: $(STAMP)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+format: $(STAMP)
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+types: $(STAMP)
+	$(BIN)/mypy
+
+clean:
+	rm -rf $(VENV) .cache .pytest_cache .mypy_cache .ruff_cache .hypothesis build dist *.egg-info
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,62 @@
+"""Shared fixtures, and an environment that keeps the tests fast and alike on every machine."""
+
+import os
+from pathlib import Path
+
+# Before anything imports JAX: the tests run on the CPU, and keep compiled programs between runs.
+os.environ.setdefault("JAX_PLATFORMS", "cpu")
+os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(Path(__file__).parents[1] / ".cache" / "jax"))
+
+import shutil
+
+import numpy as np
+import pytest
+from hypothesis import settings
+
+from policies.contract import CommandRange, Contract, Gait, Term
+from robots.description import ROBOTS, Robot, load_robot
+
+settings.register_profile("footfall", deadline=None, max_examples=60, derandomize=True)
+settings.load_profile("footfall")
+
+
+@pytest.fixture(scope="session")
+def go1() -> Robot:
+    return load_robot("go1")
+
+
+@pytest.fixture
+def own_folder(tmp_path: Path) -> Path:
+    """A user's copy of the go1 folder, free to be changed."""
+    folder = tmp_path / "mine"
+    shutil.copytree(ROBOTS / "go1", folder)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def contract(go1: Robot) -> Contract:
+    """A contract that fits go1 and uses every observation term, some with history."""
+    phase = np.zeros(12)
+    for foot, joints in zip(go1.description.feet, go1.foot_joints, strict=True):
+        phase[joints] = foot.phase
+    return Contract(
+        robot=go1.name,
+        digest=go1.digest,
+        joints=go1.joint_names,
+        control_rate_hz=50.0,
+        observation=(
+            Term("gyro", 0.25, 2),
+            Term("gravity"),
+            Term("command"),
+            Term("joint_position", 1.0, 3),
+            Term("joint_velocity", 0.05, 3),
+            Term("last_action", 1.0, 2),
+            Term("clock"),
+        ),
+        default_pose_rad=tuple(go1.default_pose.tolist()),
+        action_scale_rad=tuple(go1.action_scale.tolist()),
+        kp=tuple(go1.kp.tolist()),
+        kd=tuple(go1.kd.tolist()),
+        commands=CommandRange((-1.0, 1.5), (-0.5, 0.5), (-1.0, 1.0)),
+        gait=Gait(2.2, tuple(phase.tolist()), (0.0, 0.3, -0.6) * 4),
+    )

@@ -1,0 +1,161 @@
+"""A robot without a bus: MuJoCo, the joint law and noisy readings, for the controllers' own tests."""
+
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+
+from policies.attitude import rotation_matrix
+from policies.policy import Observation, Policy, Sensed
+from robots.actuator import JointCommand, joint_torque
+from robots.description import Robot
+from robots.model import joint_addresses, plant_model
+
+JOINT_RATE_HZ = 500
+
+
+class DirectPlant:
+    """Steps the plant at its own rate under one joint command per call."""
+
+    def __init__(self, robot: Robot, seed: int = 0) -> None:
+        self.robot = robot
+        self.model = plant_model(robot)
+        self.data = mujoco.MjData(self.model)
+        self._q, self._v = joint_addresses(self.model, robot)
+        self._imu = self.model.site(robot.description.imu).id
+        self._floor = self.model.geom("floor").id
+        self._feet = [self.model.geom(foot.geom).id for foot in robot.description.feet]
+        self.base = self.model.body(robot.description.base).id
+        self._rng = np.random.default_rng(seed)
+        self._torque = np.zeros(len(self._q))
+        self.data.qpos[3] = 1.0
+        self.data.qpos[self._q] = robot.default_pose
+        mujoco.mj_kinematics(self.model, self.data)
+        lowest = min(self.data.geom_xpos[g, 2] - self.model.geom_size[g, 0] for g in self._feet)
+        self.data.qpos[2] -= lowest
+        mujoco.mj_forward(self.model, self.data)
+
+    def step(self, command: JointCommand) -> None:
+        """One joint tick."""
+        for _ in range(round(1 / (JOINT_RATE_HZ * self.model.opt.timestep))):
+            self._torque = joint_torque(
+                command, self.data.qpos[self._q], self.data.qvel[self._v], self.robot.motor
+            )
+            self.data.qfrc_applied[self._v] = self._torque
+            mujoco.mj_step(self.model, self.data)
+
+    def sensed(self) -> Sensed:
+        """Noisy readings of the present state."""
+        noise = self._rng.standard_normal
+        n = len(self._q)
+        acceleration = np.zeros(6)
+        mujoco.mj_rnePostConstraint(self.model, self.data)
+        mujoco.mj_objectAcceleration(
+            self.model, self.data, mujoco.mjtObj.mjOBJ_SITE, self._imu, acceleration, 1
+        )
+        return Sensed(
+            gyro=self.data.qvel[3:6] + 0.02 * noise(3),
+            acceleration=acceleration[3:] + 0.1 * noise(3),
+            quaternion=self.data.qpos[3:7] + 0.002 * noise(4),
+            joint_position=self.data.qpos[self._q] + 0.0005 * noise(n),
+            joint_velocity=self.data.qvel[self._v] + 0.05 * noise(n),
+            joint_torque=self._torque + 0.05 * noise(n),
+        )
+
+    def velocity(self) -> np.ndarray:
+        """True velocity of the base origin in the body frame."""
+        return rotation_matrix(self.data.qpos[3:7]).T @ self.data.qvel[:3]
+
+    def touching(self) -> np.ndarray:
+        """Which feet touch the floor."""
+        contact = self.data.contact.geom
+        return np.array(
+            [np.any(np.all(np.sort(contact, 1) == sorted((g, self._floor)), 1)) for g in self._feet]
+        )
+
+    def fallen(self) -> bool:
+        """Whether the base is tilted by more than 60 degrees or has sunk to the ground."""
+        return bool(rotation_matrix(self.data.qpos[3:7])[2, 2] < 0.5 or self.data.qpos[2] < 0.12)
+
+
+class Walk:
+    """What happened in `walk`: arrays over ticks."""
+
+    def __init__(self) -> None:
+        self.time: list[float] = []
+        self.velocity: list[np.ndarray] = []
+        self.estimate: list[np.ndarray] = []
+        self.yaw_rate: list[float] = []
+        self.command: list[np.ndarray] = []
+        self.height: list[float] = []
+        self.position: list[np.ndarray] = []
+        self.fell = False
+
+    def mean_velocity(self, after_s: float) -> np.ndarray:
+        """Mean forward, leftward velocity and yaw rate from a time on, (3,)."""
+        late = np.array(self.time) > after_s
+        return np.append(np.array(self.velocity)[late, :2].mean(0), np.array(self.yaw_rate)[late].mean())
+
+    def errors(self, settle_s: float = 1.0) -> tuple[float, float]:
+        """Velocity RMSE (m/s) and yaw-rate RMSE (rad/s), without the time after a change of command."""
+        command = np.array(self.command)
+        changed = np.any(np.diff(command, axis=0, prepend=command[:1] + 1) != 0, axis=1)
+        since = np.arange(len(command)) - np.maximum.accumulate(np.where(changed, np.arange(len(command)), 0))
+        keep = since > settle_s * JOINT_RATE_HZ
+        velocity = np.array(self.velocity)[keep, :2] - command[keep, :2]
+        yaw = np.array(self.yaw_rate)[keep] - command[keep, 2]
+        return float(np.sqrt((velocity**2).sum(1).mean())), float(np.sqrt((yaw**2).mean()))
+
+
+def walk(
+    policy: Policy,
+    plant: DirectPlant,
+    command: Callable[[float], np.ndarray],
+    duration_s: float,
+    estimator: object | None = None,
+    push: tuple[float, np.ndarray] | None = None,
+    frame: Callable[[float, DirectPlant], None] | None = None,
+) -> Walk:
+    """Run a policy on a plant until the time is over or it falls.
+
+    Args:
+        command: commanded velocity (3,) over time.
+        estimator: gives base velocity and height; the truth where None.
+        push: a time and a change of the base's velocity (world frame) at that time.
+        frame: called at each tick, to look at the plant.
+    """
+    result = Walk()
+    every = round(JOINT_RATE_HZ / policy.rate_hz)
+    joint_command = None
+    if estimator is not None:
+        estimator.reset(plant.sensed())  # type: ignore[attr-defined]
+    for tick in range(round(duration_s * JOINT_RATE_HZ)):
+        time_s = tick / JOINT_RATE_HZ
+        sensed = plant.sensed()
+        velocity, height = plant.velocity(), float(plant.data.qpos[2])
+        if estimator is not None:
+            planned = policy.stance() if tick else None
+            velocity, height = estimator.update(sensed, planned, 1 / JOINT_RATE_HZ)  # type: ignore[attr-defined]
+        wanted = command(time_s)
+        if tick % every == 0:
+            observation = Observation(time_s, sensed, wanted, velocity, height)
+            if tick == 0:
+                policy.reset(observation)
+            joint_command = policy.act(observation)
+        assert joint_command is not None
+        if push is not None and tick == round(push[0] * JOINT_RATE_HZ):
+            plant.data.qvel[:3] += push[1]
+        plant.step(joint_command)
+        result.time.append(time_s)
+        result.velocity.append(plant.velocity())
+        result.estimate.append(velocity)
+        result.yaw_rate.append(float(plant.data.qvel[5]))
+        result.command.append(wanted)
+        result.height.append(float(plant.data.qpos[2]))
+        result.position.append(plant.data.qpos[:2].copy())
+        if frame is not None:
+            frame(time_s, plant)
+        if plant.fallen():
+            result.fell = True
+            break
+    return result

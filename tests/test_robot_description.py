@@ -1,0 +1,131 @@
+"""What load_robot refuses, in one line each, and what the digest counts."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robots.description import Robot, load_robot
+from robots.errors import UserError
+
+
+def edit(folder: Path, file: str, old: str, new: str, count: int = 1) -> None:
+    """Replace text in one of the folder's files; the text must be there."""
+    path = folder / file
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, count))
+
+
+def refusal(folder: Path | str) -> str:
+    with pytest.raises(UserError) as caught:
+        load_robot(folder)
+    message = str(caught.value)
+    assert "\n" not in message
+    return message
+
+
+def test_unknown_robot_lists_the_known_ones() -> None:
+    message = refusal("rex")
+    assert "rex" in message
+    assert "go1" in message
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "wanted"),
+    [
+        ("name: go1", "name: [go1", "valid YAML"),
+        ("name: go1", "", "name"),
+        ("imu_bus: can0", "imu_bus: can0\ncolour: red", "colour"),
+        ("standing_height_m: 0.278", "standing_height_m: tall", "standing_height_m"),
+        ("standing_height_m: 0.278", "standing_height_m: true", "standing_height_m"),
+        ("name: FR_hip_joint, ", "name: FL_hip_joint, ", "twice"),
+        ("bus: can0, id: 2", "bus: can0, id: 1", "share"),
+        ("bus: can0, id: 2", "bus: can0, id: two", "id"),
+        ("motor: hip, ", "motor: shoulder, ", "shoulder"),
+        ("base: trunk", "base: torso", "torso"),
+        ("imu: imu", "imu: gyroscope", "gyroscope"),
+        ("geom: FR_foot", "geom: paw", "paw"),
+        ("joints: [FR_hip_joint,", "joints: [FR_fin_joint,", "FR_fin_joint"),
+        ("model: robot.xml", "model: other.xml", "other.xml"),
+        ("gear_ratio: 6.0", "gear_ratio_typo: 6.0", "gear_ratio"),
+    ],
+)
+def test_bad_yaml_names_the_culprit(own_folder: Path, old: str, new: str, wanted: str) -> None:
+    edit(own_folder, "robot.yaml", old, new)
+    assert wanted in refusal(own_folder)
+
+
+@pytest.mark.parametrize("content", [b"", b"\xff\xfe\x00", b"- a\n- b\n", b"42", b"{{{"])
+def test_garbage_yaml(own_folder: Path, content: bytes) -> None:
+    (own_folder / "robot.yaml").write_bytes(content)
+    assert "robot.yaml" in refusal(own_folder)
+
+
+@pytest.mark.parametrize("content", [b"", b"\xff\xfe\x00", b"<mujoco>", b"<mujoco><actuatr/></mujoco>"])
+def test_garbage_xml(own_folder: Path, content: bytes) -> None:
+    (own_folder / "robot.xml").write_bytes(content)
+    assert "robot.xml" in refusal(own_folder)
+
+
+def test_xml_that_does_not_compile(own_folder: Path) -> None:
+    edit(own_folder, "robot.xml", 'mass="5.204"', 'mass="-5.204"')
+    assert "robot.xml" in refusal(own_folder)
+
+
+def test_joint_that_the_xml_lacks(own_folder: Path) -> None:
+    edit(own_folder, "robot.xml", 'joint name="FR_hip_joint"', 'joint name="FR_wing_joint"')
+    message = refusal(own_folder)
+    assert "FR_hip_joint" in message
+    assert "robot.xml" in message
+
+
+def test_missing_xml(own_folder: Path) -> None:
+    (own_folder / "robot.xml").unlink()
+    assert "robot.xml" in refusal(own_folder)
+
+
+@pytest.mark.parametrize(
+    ("change", "same"),
+    [
+        (lambda folder: edit(folder, "robot.yaml", "name: go1", "# a remark\nname: go1"), True),
+        (lambda folder: edit(folder, "robot.yaml", "bus: can0, id: 1", "bus: can9, id: 7"), True),
+        (lambda folder: edit(folder, "robot.xml", "<worldbody>", "<worldbody> <!-- here -->\n"), True),
+        (lambda folder: edit(folder, "robot.xml", 'mass="5.204"', 'mass="5.3"'), False),
+        (lambda folder: edit(folder, "robot.yaml", "default_rad: 0.9", "default_rad: 0.8"), False),
+        (
+            lambda folder: edit(folder, "robot.yaml", "no_load_speed_rad_s: 30.1", "no_load_speed_rad_s: 30"),
+            False,
+        ),
+    ],
+)
+def test_digest_counts_what_a_policy_relies_on(
+    go1: Robot, own_folder: Path, change: Callable[[Path], None], same: bool
+) -> None:
+    change(own_folder)
+    assert (load_robot(own_folder).digest == go1.digest) is same
+
+
+def test_gains_follow_from_reflected_inertia(go1: Robot) -> None:
+    """kp = I w^2, kd = 2 z I w: a unit inertia at the joint would ring at the declared frequency."""
+    gains = go1.description.gains
+    natural_hz = np.sqrt(go1.kp / go1.armature) / (2 * np.pi)
+    np.testing.assert_allclose(natural_hz, gains.natural_frequency_hz)
+    np.testing.assert_allclose(go1.kd / (2 * np.sqrt(go1.kp * go1.armature)), gains.damping_ratio)
+    np.testing.assert_allclose(go1.kp * go1.action_scale, gains.torque_share * go1.motor.peak_torque)
+
+
+def test_soft_limits_lie_inside_the_range_and_hold_the_default_pose(go1: Robot) -> None:
+    lower, upper = go1.soft_limits
+    assert np.all(lower > go1.lower_rad)
+    assert np.all(upper < go1.upper_rad)
+    assert np.all((lower < go1.default_pose) & (go1.default_pose < upper))
+
+
+def test_each_leg_has_a_bus_of_its_own(go1: Robot) -> None:
+    buses = {
+        foot.name: {j.bus for j in go1.description.joints if j.name in foot.joints}
+        for foot in go1.description.feet
+    }
+    assert sorted(bus for used in buses.values() for bus in used) == ["can0", "can1", "can2", "can3"]

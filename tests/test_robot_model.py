@@ -1,0 +1,148 @@
+"""The models derived from the one MJCF: what training leaves out, what the plant keeps."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from robots.description import Robot
+from robots.errors import UserError
+from robots.model import joint_addresses, plant_model, training_model
+
+
+def standing(model: mujoco.MjModel, robot: Robot) -> mujoco.MjData:
+    """The default pose at standing height."""
+    data = mujoco.MjData(model)
+    data.qpos[:7] = (0, 0, robot.description.standing_height_m, 1, 0, 0, 0)
+    data.qpos[joint_addresses(model, robot)[0]] = robot.default_pose
+    mujoco.mj_forward(model, data)
+    return data
+
+
+def constraint_rows(data: mujoco.MjData, kind: mujoco.mjtConstraint) -> int:
+    return int(np.sum(data.efc_type == kind))
+
+
+@pytest.fixture(scope="module")
+def lean(go1: Robot) -> mujoco.MjModel:
+    return training_model(go1)
+
+
+def test_standing_costs_sixteen_constraint_rows(go1: Robot, lean: mujoco.MjModel) -> None:
+    data = standing(lean, go1)
+    assert data.ncon == 4
+    assert data.nefc == 16  # four feet, four edges of a friction pyramid each
+    assert constraint_rows(data, mujoco.mjtConstraint.mjCNSTR_CONTACT_PYRAMIDAL) == 16
+
+
+def test_training_has_no_limit_or_friction_rows_even_past_the_limits(
+    go1: Robot, lean: mujoco.MjModel
+) -> None:
+    data = standing(lean, go1)
+    data.qpos[2] = 1.0
+    data.qpos[joint_addresses(lean, go1)[0]] = go1.upper_rad + 0.2
+    data.qvel[:] = 1.0
+    mujoco.mj_forward(lean, data)
+    assert data.nefc == 0
+
+
+def test_plant_holds_the_joints_at_their_limits(go1: Robot) -> None:
+    model = plant_model(go1)
+    data = standing(model, go1)
+    data.qpos[2] = 1.0
+    data.qpos[joint_addresses(model, go1)[0]] = go1.upper_rad + 0.01
+    mujoco.mj_forward(model, data)
+    assert constraint_rows(data, mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT) == 12
+
+
+def test_friction_is_left_to_the_joint_law(go1: Robot, lean: mujoco.MjModel) -> None:
+    for model in (lean, plant_model(go1)):
+        assert not model.dof_frictionloss.any()
+        assert not model.dof_damping.any()
+    assert go1.motor.friction.all()
+
+
+def test_training_model_has_the_plants_body(go1: Robot, lean: mujoco.MjModel) -> None:
+    plant = plant_model(go1)
+    assert lean.nbody == plant.nbody
+    for field in ("body_mass", "body_inertia", "body_ipos", "body_iquat", "body_pos", "dof_armature"):
+        np.testing.assert_allclose(getattr(lean, field), getattr(plant, field), rtol=1e-12, atol=1e-15)
+
+
+def test_training_model_is_lean(go1: Robot, lean: mujoco.MjModel) -> None:
+    assert lean.ngeom == len(go1.description.feet) + 1
+    assert lean.nu == lean.nsensor == lean.nkey == 0
+
+
+def test_feet_touch_the_floor_but_not_each_other(go1: Robot, lean: mujoco.MjModel) -> None:
+    data = standing(lean, go1)
+    floor = lean.geom("floor").id
+    assert all(floor in pair for pair in data.contact.geom)
+    data.qpos[2] = 1.0
+    data.qpos[joint_addresses(lean, go1)[0]] = go1.default_pose * np.tile((-5.0, 1.0, 1.0), 4)
+    mujoco.mj_forward(lean, data)
+    assert data.ncon == 0
+
+
+def test_plant_falls_onto_its_trunk(go1: Robot) -> None:
+    model = plant_model(go1)
+    data = standing(model, go1)
+    data.qpos[2] = 0.04
+    data.qpos[joint_addresses(model, go1)[0]] = np.tile((0.0, 1.5, -2.7), 4)
+    mujoco.mj_forward(model, data)
+    trunk = model.body("trunk").id
+    touching = model.geom_bodyid[data.contact.geom].ravel()
+    assert trunk in touching
+
+
+BARE = """<mujoco><worldbody><body name="base" pos="0 0 1">{base}<geom size="0.1"/>{legs}</body></worldbody></mujoco>"""
+
+
+def write_plant(path: Path, robot: Robot, base: str = "<freejoint/>", **changes: str) -> Path:
+    """A plant of another kind that still carries the robot's joint names."""
+    legs = "".join(
+        f'<body pos="{0.1 * i} 0 0"><joint name="{changes.get(name, name)}" type="{changes.get("type", "hinge")}"'
+        f' range="-1 1"/><geom size="0.02"/></body>'
+        for i, name in enumerate(reversed(robot.joint_names))
+    )
+    path.write_text(BARE.format(base=base, legs=legs))
+    return path
+
+
+def test_foreign_plant_is_matched_by_joint_name(go1: Robot, tmp_path: Path) -> None:
+    model = plant_model(go1, write_plant(tmp_path / "other.xml", go1))
+    positions, _ = joint_addresses(model, go1)
+    assert positions.tolist() == list(reversed(range(7, 19)))
+    assert mujoco.mjtGeom.mjGEOM_PLANE in model.geom_type
+
+
+@pytest.mark.parametrize(
+    ("base", "changes", "message"),
+    [
+        ("<freejoint/>", {"FL_calf_joint": "knee"}, "no joint 'FL_calf_joint'"),
+        ("<freejoint/>", {"type": "slide"}, "not a hinge"),
+        ("", {}, "no free joint"),
+    ],
+)
+def test_unfit_plant_is_refused(
+    go1: Robot, tmp_path: Path, base: str, changes: dict[str, str], message: str
+) -> None:
+    path = write_plant(tmp_path / "other.xml", go1, base, **changes)
+    with pytest.raises(UserError, match=message) as caught:
+        plant_model(go1, path)
+    assert str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["", "garbage", "<mujoco><worldbody>", "<mujoco><nonsense/></mujoco>"])
+def test_garbage_plant_is_refused_in_one_line(go1: Robot, tmp_path: Path, text: str) -> None:
+    path = tmp_path / "plant.xml"
+    path.write_text(text)
+    with pytest.raises(UserError, match="plant.xml") as caught:
+        plant_model(go1, path)
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_plant_is_refused(go1: Robot, tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="no MJCF file"):
+        plant_model(go1, tmp_path / "absent.xml")
