@@ -95,7 +95,7 @@ def test_missing_xml(own_folder: Path) -> None:
         (lambda folder: edit(folder, "robot.xml", 'mass="5.204"', 'mass="5.3"'), False),
         (lambda folder: edit(folder, "robot.yaml", "default_rad: 0.9", "default_rad: 0.8"), False),
         (
-            lambda folder: edit(folder, "robot.yaml", "no_load_speed_rad_s: 30.1", "no_load_speed_rad_s: 30"),
+            lambda folder: edit(folder, "robot.yaml", "speed_rad_s: 30.1", "speed_rad_s: 30"),
             False,
         ),
     ],

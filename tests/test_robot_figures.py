@@ -74,7 +74,7 @@ def test_composite_inertia(go1: Robot, model: mujoco.MjModel) -> None:
     upright = posed(model, go1, np.tile((0.0, 0.8, -1.6), 4))
     inertia = composite_inertia(model, upright)
     assert np.diag(inertia) == pytest.approx([0.138, 0.402, 0.420], abs=0.001)
-    assert np.abs(inertia - np.diag(np.diag(inertia))).max() < 0.01
+    assert np.abs(inertia - np.diag(np.diag(inertia))).max() < 0.02
     assert upright.subtree_com[1][2] == pytest.approx(-0.021, abs=0.001)
 
 
