@@ -129,7 +129,8 @@ class VelocityEnv:
         self._foot_radius = jnp.asarray(model.geom_size[feet, 0], dtype=jnp.float32)
         self._foot_phase = jnp.asarray([f.phase for f in robot.description.feet], dtype=jnp.float32)
         self._motor = Motor(*(jnp.asarray(a, dtype=jnp.float32) for a in robot.motor))
-        self._soft = tuple(jnp.asarray(a, dtype=jnp.float32) for a in robot.soft_limits)
+        lower, upper = robot.soft_limits
+        self._soft = jnp.asarray(lower, dtype=jnp.float32), jnp.asarray(upper, dtype=jnp.float32)
         self._default = jnp.asarray(robot.default_pose, dtype=jnp.float32)
         self._kp = jnp.asarray(robot.kp, dtype=jnp.float32)
         self._kd = jnp.asarray(robot.kd, dtype=jnp.float32)
@@ -149,9 +150,7 @@ class VelocityEnv:
         """A new episode: state, command, timers, delay buffers and body are all drawn afresh."""
         config, n = self.config, self.action_size
         key, sample_key, pose_key, command_key, hold_key, push_key, clock_key = jax.random.split(key, 7)
-        sample = draw(
-            config.randomisation, lambda k: jax.random.uniform(sample_key, (k,)), n, self._bodies
-        )
+        sample = draw(config.randomisation, lambda k: jax.random.uniform(sample_key, (k,)), n, self._bodies)
         qpos, qvel = self._initial_state(pose_key)
         reading = self._reading(qpos, qvel)
         state = State(
@@ -185,9 +184,7 @@ class VelocityEnv:
             goals=jnp.concatenate([goal[None], state.goals[:-1]]),
         )
         state, passed = self._simulate(state)
-        diverged = ~(
-            jnp.all(jnp.isfinite(state.qpos)) & jnp.all(jnp.abs(state.qvel) < config.speed_limit)
-        )
+        diverged = ~(jnp.all(jnp.isfinite(state.qpos)) & jnp.all(jnp.abs(state.qvel) < config.speed_limit))
         steps = state.steps + 1
         gait = config.gait.frequency_hz if config.gait else 0.0
         state = state._replace(steps=steps, phase=(state.phase + gait * self.period_s) % 1.0)
@@ -202,13 +199,9 @@ class VelocityEnv:
         state = self._disturb(state._replace(trail=passed.reading))
         state, observed = self._observe(state, trail)
         feet = (outcome.contact, outcome.clearance)
-        observations = self._observations(
-            state, observed, outcome.linear_velocity, *feet, outcome.torque
-        )
+        observations = self._observations(state, observed, outcome.linear_velocity, *feet, outcome.torque)
         truncated = (steps >= self.episode_steps).astype(jnp.float32) * (1.0 - terminated)
-        error = outcome.command - jnp.concatenate(
-            [outcome.linear_velocity[:2], outcome.angular_velocity[2:]]
-        )
+        error = outcome.command - jnp.concatenate([outcome.linear_velocity[:2], outcome.angular_velocity[2:]])
         metrics = {f"reward/{name}": value for name, value in terms.items()} | {
             "tracking/linear_error_m_s": jnp.sqrt(jnp.sum(error[:2] ** 2)),
             "tracking/yaw_error_rad_s": jnp.abs(error[2]),
@@ -227,9 +220,9 @@ class VelocityEnv:
         def substep(carry: tuple, since_step_s: jax.Array) -> tuple[tuple, _Substep]:
             qpos, qvel, warmstart, target = carry
             goal = delayed_goal(state.goals, state.sample.action_delay_s, since_step_s, self.period_s)
-            target = limit_target(
-                goal, target, *self._soft, self.robot.description.target_rate_rad_s, self.timestep_s
-            )
+            lower, upper = self._soft
+            rate = self.robot.description.target_rate_rad_s
+            target = limit_target(goal, target, lower, upper, rate, self.timestep_s)
             command = JointCommand(target, jnp.zeros_like(target), *kp_kd, jnp.zeros_like(target))
             command = randomised_command(command, state.sample)
             q, qd = qpos[self._positions], qvel[self._dofs]

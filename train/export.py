@@ -68,7 +68,7 @@ def to_onnx(normalizer: Any, policy: Any, contract: Contract) -> onnx.ModelProto
 def _dense_layers(policy: Any) -> list[tuple[np.ndarray, np.ndarray]]:
     """Kernels and biases of the actor's hidden and mean layers, in order."""
     tree = policy["params"]
-    dense = {}
+    dense: dict[str, dict[str, np.ndarray]] = {}
     for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
         names = [str(getattr(part, "key", part)) for part in path]
         if names[-1] in {"kernel", "bias"}:
