@@ -1,0 +1,45 @@
+"""What the hand-written controllers do with a velocity command before they follow it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class CommandShaping:
+    """How fast a commanded velocity is approached, and what counts as a command to stand."""
+
+    acceleration_m_s2: float
+    yaw_acceleration_rad_s2: float
+    standing_command: float  # commands of a smaller norm mean: stand still
+
+
+class ShapedCommand:
+    """A velocity command (forward m/s, leftward m/s, yaw rad/s) that changes at a bounded rate."""
+
+    def __init__(self, shaping: CommandShaping) -> None:
+        self._shaping = shaping
+        accelerations = (
+            shaping.acceleration_m_s2,
+            shaping.acceleration_m_s2,
+            shaping.yaw_acceleration_rad_s2,
+        )
+        self._most = np.array(accelerations)
+        self.value = np.zeros(3)
+
+    def reset(self) -> None:
+        """Stand."""
+        self.value = np.zeros(3)
+
+    def advance(self, command: np.ndarray, dt_s: float) -> None:
+        """Move towards a command (3,) for a time."""
+        goal = command if self._asks_to_move(command) else np.zeros(3)
+        step = self._most * dt_s
+        self.value = self.value + np.minimum(np.maximum(goal - self.value, -step), step)
+
+    def wants_walk(self, command: np.ndarray) -> bool:
+        """Whether a command (3,) asks to move, or an earlier one still has to be slowed down from."""
+        return self._asks_to_move(command) or bool(np.any(self.value != 0.0))
+
+    def _asks_to_move(self, command: np.ndarray) -> bool:
+        return float(command @ command) > self._shaping.standing_command**2

@@ -1,0 +1,133 @@
+"""When feet step and along which curve: the clock, the contact schedule and the swing curve."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class GaitTiming:
+    """A periodic gait. Each foot stands for the first `duty` of its cycle and swings for the rest."""
+
+    period_s: float
+    duty: float
+
+    @property
+    def stance_s(self) -> float:
+        return self.period_s * self.duty
+
+    @property
+    def swing_s(self) -> float:
+        return self.period_s * (1 - self.duty)
+
+
+def leg_phases(clock: np.ndarray | float, offsets: np.ndarray) -> np.ndarray:
+    """Phase of each leg in its own cycle, in [0, 1).
+
+    Args:
+        clock: the gait's phase in cycles, a number or shape (..., 1).
+        offsets: (legs,) place of each leg in the cycle.
+    """
+    return (clock + offsets) % 1.0
+
+
+def in_stance(phases: np.ndarray, duty: float) -> np.ndarray:
+    """Which legs stand, boolean, shape of `phases`."""
+    return phases < duty
+
+
+def swing_progress(phases: np.ndarray, duty: float) -> np.ndarray:
+    """How far each swing has come, 0 at lift-off to 1 at touch-down; 0 in stance."""
+    return np.maximum(phases - duty, 0.0) / (1.0 - duty)
+
+
+def contact_trust(phases: np.ndarray, duty: float, edge: float) -> np.ndarray:
+    """Planned contact in [0, 1]: 1 in mid-stance, falling to 0 at the edges, where the plan may be wrong.
+
+    Args:
+        phases: leg phases.
+        duty: share of the cycle spent in stance.
+        edge: share of the stance over which trust rises and falls (Bledt et al. 2018 do likewise).
+    """
+    through = phases / duty
+    return np.minimum(np.maximum(np.minimum(through, 1.0 - through) / edge, 0.0), 1.0)
+
+
+class Curve(NamedTuple):
+    """A value over a normalised time s, with its derivatives by s; arrays of one shape."""
+
+    value: np.ndarray
+    slope: np.ndarray
+    bend: np.ndarray
+
+
+def cycloid(s: np.ndarray) -> Curve:
+    """From 0 to 1 along a cycloid: at rest at both ends, so that the foot meets the ground at its speed."""
+    angle = 2 * np.pi * s
+    return Curve(
+        s - np.sin(angle) / (2 * np.pi),
+        1 - np.cos(angle),
+        2 * np.pi * np.sin(angle),
+    )
+
+
+def hump(s: np.ndarray) -> Curve:
+    """From 0 up to 1 at s = 1/2 and back to 0, at rest at both ends: the height that goes with `cycloid`."""
+    angle = 2 * np.pi * s
+    return Curve(
+        (1 - np.cos(angle)) / 2,
+        np.pi * np.sin(angle),
+        2 * np.pi**2 * np.cos(angle),
+    )
+
+
+class StepClock:
+    """The gait's phase, which runs while the robot walks and rests only when all feet are down."""
+
+    def __init__(self, timing: GaitTiming, offsets: np.ndarray) -> None:
+        self.timing = timing
+        self.offsets = offsets
+        self.reset()
+
+    def reset(self) -> None:
+        """Stand, about to begin a cycle."""
+        self.phase = 0.0
+        self.walking = False
+
+    def advance(self, dt_s: float, walk: bool) -> None:
+        """Let time pass. A clock asked to stop finishes the swings that have begun."""
+        if walk:
+            self.walking = True
+        if not self.walking:
+            return
+        before = self._swinging(self.phase)
+        self.phase = (self.phase + dt_s / self.timing.period_s) % 1.0
+        if not walk and not np.any(before & self._swinging(self.phase)):
+            self.walking = False  # every swing has ended: the next ones wait at this phase
+
+    def phases(self) -> np.ndarray:
+        """Phase of each leg, shape (legs,)."""
+        return leg_phases(self.phase, self.offsets)
+
+    def stance(self) -> np.ndarray:
+        """Which legs stand now, boolean (legs,)."""
+        if not self.walking:
+            return np.ones(len(self.offsets), dtype=bool)
+        return in_stance(self.phases(), self.timing.duty)
+
+    def planned_stance(self, ahead_s: np.ndarray) -> np.ndarray:
+        """Which legs will stand, boolean (times, legs), for times ahead of now (times,)."""
+        if not self.walking:
+            return np.ones((len(ahead_s), len(self.offsets)), dtype=bool)
+        clock = self.phase + ahead_s[:, None] / self.timing.period_s
+        return in_stance(leg_phases(clock, self.offsets), self.timing.duty)
+
+    def swing(self) -> np.ndarray:
+        """Progress of each leg's swing in [0, 1], shape (legs,); 0 for legs in stance."""
+        if not self.walking:
+            return np.zeros(len(self.offsets))
+        return swing_progress(self.phases(), self.timing.duty)
+
+    def _swinging(self, clock: float) -> np.ndarray:
+        return ~in_stance(leg_phases(clock, self.offsets), self.timing.duty)

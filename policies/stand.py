@@ -1,0 +1,82 @@
+"""Standing still: the default pose, levelled by the IMU."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from policies.attitude import rotation_matrix
+from policies.policy import Observation
+from policies.settings import controller_settings
+from robots.actuator import JointCommand
+from robots.description import Robot
+from robots.kinematics import Legs
+
+
+@dataclass(frozen=True)
+class StandConfig:
+    """Gains of `Stand`."""
+
+    rate_hz: float
+    kp: float  # N m/rad
+    kd: float  # N m s/rad
+    tilt_gain: float  # share of the measured tilt that the legs counter
+    tilt_rate_gain_s: float  # s, the same for the tilt rate
+    most_tilt_rad: float  # largest correction
+    settle_s: float  # time to move from the pose found at reset to the default pose
+
+
+class Stand:
+    """Holds the default pose and shortens or lengthens legs against a tilt of the base."""
+
+    name = "stand"
+    needs_estimate = False
+
+    def __init__(self, robot: Robot, config: StandConfig | None = None) -> None:
+        self._config = config or controller_settings(robot, self.name, StandConfig)
+        self.rate_hz = self._config.rate_hz
+        self._robot = robot
+        self._legs = Legs(robot)
+        self._start = robot.default_pose
+        self._kp = np.full(len(robot.joint_names), self._config.kp)
+        self._kd = np.full(len(robot.joint_names), self._config.kd)
+
+    def reset(self, observation: Observation) -> None:
+        self._start = observation.sensed.joint_position.copy()
+
+    def act(self, observation: Observation) -> JointCommand:
+        config = self._config
+        tilt = tilt_correction(
+            observation, config.tilt_gain, config.tilt_rate_gain_s, config.most_tilt_rad
+        )
+        feet = level_feet(self._legs.default_foot, tilt)
+        goal = self._legs.scatter(self._legs.solve(feet), self._robot.default_pose)
+        share = min(1.0, observation.time_s / config.settle_s)
+        position = self._start + share * (goal - self._start)
+        zero = np.zeros_like(position)
+        return JointCommand(position, zero, self._kp, self._kd, zero)
+
+    def stance(self) -> np.ndarray | None:
+        return np.ones(self._legs.count)
+
+
+def tilt_correction(
+    observation: Observation, gain: float, rate_gain_s: float, most_rad: float
+) -> np.ndarray:
+    """Roll and pitch (2,) in rad by which the feet should turn with the base, so that it turns back.
+
+    The measured tilt is the deviation of gravity from straight down in the body frame, its rate the gyro's.
+    """
+    up = rotation_matrix(observation.sensed.quaternion)[2]
+    tilt = np.array([up[1], -up[0]])
+    correction = gain * tilt + rate_gain_s * observation.sensed.gyro[:2]
+    return np.minimum(np.maximum(correction, -most_rad), most_rad)
+
+
+def level_feet(feet: np.ndarray, tilt: np.ndarray) -> np.ndarray:
+    """Feet (legs, 3) in the base frame, moved along z as on a plane turned by `tilt` (roll, pitch).
+
+    On the side that has sunk the legs push down, so the base turns back to level.
+    """
+    moved = feet.copy()
+    moved[:, 2] += tilt[0] * feet[:, 1] - tilt[1] * feet[:, 0]
+    return moved

@@ -1,0 +1,146 @@
+"""A trot from a clock, a cycloid and inverse kinematics, balanced by the IMU alone."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from policies.attitude import cross
+from policies.command import CommandShaping, ShapedCommand
+from policies.gait import GaitTiming, StepClock, contact_trust, cycloid, hump
+from policies.policy import Observation
+from policies.settings import controller_settings
+from policies.stand import level_feet, tilt_correction
+from robots.actuator import JointCommand
+from robots.description import Robot
+from robots.kinematics import LegPose, Legs
+
+
+@dataclass(frozen=True)
+class TrotConfig:
+    """Gait and gains of `Trot`."""
+
+    rate_hz: float
+    gait: GaitTiming
+    command: CommandShaping
+    height_m: float  # base above the ground
+    stance_width_m: float  # between left and right feet
+    stance_shift_m: float  # of all feet, forward
+    swing_height_m: float
+    kp: float  # N m/rad
+    kd: float  # N m s/rad
+    tilt_gain: float  # share of the measured tilt that the legs counter
+    tilt_rate_gain_s: float
+    tilt_filter_s: float  # time constant: the feet's velocity must not carry the gyro's noise
+    most_tilt_rad: float
+    step_gain_s: float  # extra step per rate of fall at the feet, m per m/s
+    weight_n: float  # carried by the legs in stance, as feed-forward torque
+    yaw_gain: float  # correction of the turning step per yaw rate error
+    most_step_m: float  # farthest that a foot lands from its place under the hip
+    settle_s: float  # time to move from the pose found at reset to the stance
+
+
+class Trot:
+    """Position control of all joints: feet sweep back in stance at the commanded velocity."""
+
+    name = "trot"
+    needs_estimate = False
+
+    def __init__(self, robot: Robot, config: TrotConfig | None = None) -> None:
+        self._config = config or controller_settings(robot, self.name, TrotConfig)
+        self.rate_hz = self._config.rate_hz
+        self._robot = robot
+        self._legs = Legs(robot)
+        offsets = np.array([foot.phase for foot in robot.description.feet])
+        self._clock = StepClock(self._config.gait, offsets)
+        self._command = ShapedCommand(self._config.command)
+        self._place = nominal_feet(
+            self._legs,
+            self._config.height_m,
+            self._config.stance_width_m,
+            self._config.stance_shift_m,
+        )
+        self._start = robot.default_pose
+        self._previous = robot.default_pose
+        self._tilt = np.zeros(2)
+        self._kp = np.full(len(robot.joint_names), self._config.kp)
+        self._kd = np.full(len(robot.joint_names), self._config.kd)
+
+    def reset(self, observation: Observation) -> None:
+        self._clock.reset()
+        self._command.reset()
+        self._start = observation.sensed.joint_position.copy()
+        self._previous = self._start
+        self._tilt = np.zeros(2)
+
+    def act(self, observation: Observation) -> JointCommand:
+        config, dt_s = self._config, 1.0 / self.rate_hz
+        settled = observation.time_s >= config.settle_s
+        if settled:
+            self._command.advance(observation.command, dt_s)
+        walk = settled and self._command.wants_walk(observation.command)
+        self._clock.advance(dt_s, walk)
+
+        tilt = tilt_correction(
+            observation, config.tilt_gain, config.tilt_rate_gain_s, config.most_tilt_rad
+        )
+        self._tilt += min(1.0, dt_s / config.tilt_filter_s) * (tilt - self._tilt)
+        feet = level_feet(self._place + self._step(observation), self._tilt)
+        goal = self._legs.scatter(self._legs.solve(feet), self._robot.default_pose)
+        share = min(1.0, observation.time_s / config.settle_s)
+        position = self._start + share * (goal - self._start)
+        velocity = (position - self._previous) / dt_s
+        self._previous = position
+
+        pose = self._legs.pose(observation.sensed.joint_position)
+        torque = self._legs.scatter(self._weight_torque(pose), np.zeros_like(position))
+        return JointCommand(position, velocity, self._kp, self._kd, torque)
+
+    def stance(self) -> np.ndarray | None:
+        if not self._clock.walking:
+            return np.ones(self._legs.count)
+        return contact_trust(self._clock.phases(), self._config.gait.duty, edge=0.2)
+
+    def _step(self, observation: Observation) -> np.ndarray:
+        """Offset of each foot (legs, 3) from its place, m: sweep in stance, cycloid in swing."""
+        config = self._config
+        half = 0.5 * config.gait.stance_s * self._foot_velocity(observation)
+        half = np.minimum(np.maximum(half, -config.most_step_m), config.most_step_m)
+        if not self._clock.walking:
+            return np.zeros_like(self._place)
+        through_stance = np.minimum(self._clock.phases() / config.gait.duty, 1.0)
+        swing = self._clock.swing()
+        stands = self._clock.stance()
+        sweep = np.where(stands, 1.0 - 2.0 * through_stance, 2.0 * cycloid(swing).value - 1.0)
+        offset = sweep[:, None] * half
+        offset[:, :2] += cycloid(swing).value[:, None] * self._catch(observation)
+        offset[:, 2] = config.swing_height_m * hump(swing).value
+        return offset
+
+    def _foot_velocity(self, observation: Observation) -> np.ndarray:
+        """Velocity (legs, 3) of the ground's points under the feet, reversed: how the body passes them."""
+        forward, leftward, yaw_rate = self._command.value
+        turning = yaw_rate + self._config.yaw_gain * (yaw_rate - observation.sensed.gyro[2])
+        velocity = cross(np.array([0.0, 0.0, turning]), self._place)
+        return velocity + np.array([forward, leftward, 0.0])
+
+    def _catch(self, observation: Observation) -> np.ndarray:
+        """Extra step (2,) towards where the base falls, from its tilt rates, m."""
+        roll_rate, pitch_rate = observation.sensed.gyro[:2]
+        fall = self._config.height_m * np.array([pitch_rate, -roll_rate])
+        step = self._config.step_gain_s * fall
+        return np.minimum(np.maximum(step, -self._config.most_step_m), self._config.most_step_m)
+
+    def _weight_torque(self, pose: LegPose) -> np.ndarray:
+        """Joint torques (legs, 3) that share the weight among the feet that stand, N m."""
+        stands = self._clock.stance()
+        force = stands * (self._config.weight_n / max(1, int(stands.sum())))
+        return -pose.jacobian[:, 2, :] * force[:, None]
+
+
+def nominal_feet(legs: Legs, height_m: float, width_m: float, shift_m: float) -> np.ndarray:
+    """Feet (legs, 3) of a level stance in the base frame: the default pose's, at another height and width."""
+    feet = legs.default_foot.copy()
+    feet[:, 0] += shift_m
+    feet[:, 1] = np.sign(feet[:, 1]) * width_m / 2
+    feet[:, 2] = legs.foot_radius - height_m
+    return feet
