@@ -45,12 +45,13 @@ def limit_torque(torque: Array, velocity: Array, motor: Motor) -> Array:
 
     A current limit caps torque at low speed. The supply voltage less the back-EMF caps it along the line
     from stall torque to no-load speed, in the direction of motion only; past the no-load speed the motor
-    can only brake.
+    can only brake, still within the current limit.
     """
     xp = velocity.__array_namespace__()
     speed = velocity / motor.no_load_speed
-    most = xp.minimum(motor.stall_torque * (1.0 - speed), motor.peak_torque)
-    least = xp.maximum(motor.stall_torque * (-1.0 - speed), -motor.peak_torque)
+    peak = motor.peak_torque
+    most = xp.minimum(xp.maximum(motor.stall_torque * (1.0 - speed), -peak), peak)
+    least = xp.minimum(xp.maximum(motor.stall_torque * (-1.0 - speed), -peak), peak)
     return xp.minimum(xp.maximum(torque, least), most)
 
 

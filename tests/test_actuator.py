@@ -1,0 +1,134 @@
+"""The joint law: the same for NumPy and JAX, within the motor's limits, friction against motion."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from robots.actuator import (
+    JointCommand,
+    Motor,
+    friction_torque,
+    joint_torque,
+    limit_torque,
+    motor_torque,
+    pd_torque,
+)
+from robots.description import Robot
+from robots.targets import limit_target
+
+MOTOR = Motor(
+    peak_torque=np.array([20.0]),
+    stall_torque=np.array([30.0]),
+    no_load_speed=np.array([30.0]),
+    friction=np.array([0.5]),
+    friction_speed=np.array([0.2]),
+    damping=np.array([0.05]),
+    strength=np.array([0.9]),
+)
+
+wide = st.floats(-1e4, 1e4)
+speeds = st.floats(-100.0, 100.0)
+
+
+def arrays(low: float, high: float) -> st.SearchStrategy:
+    return hnp.arrays(np.float64, 1, elements=st.floats(low, high))
+
+
+commands = st.builds(
+    JointCommand, arrays(-10, 10), arrays(-50, 50), arrays(0, 500), arrays(0, 20), arrays(-100, 100)
+)
+
+
+def test_pd_law() -> None:
+    command = JointCommand(*(np.array([x]) for x in (1.0, 2.0, 10.0, 3.0, 0.5)))
+    assert pd_torque(command, np.array([0.4]), np.array([-1.0])) == pytest.approx(
+        10.0 * 0.6 + 3.0 * 3.0 + 0.5
+    )
+
+
+def test_numpy_and_jax_agree(go1: Robot) -> None:
+    rng = np.random.default_rng(0)
+    command = JointCommand(*(rng.normal(scale=s, size=(64, 12)) for s in (1, 5, 30, 2, 10)))
+    position, velocity = rng.normal(size=(64, 12)), rng.normal(scale=20, size=(64, 12))
+    single = jax.tree.map(np.float32, (command, position, velocity, go1.motor))
+    ours = joint_torque(*single)
+    theirs = jax.jit(joint_torque)(*jax.tree.map(jnp.asarray, single))
+    assert ours.dtype == np.float32
+    np.testing.assert_allclose(ours, theirs, rtol=1e-5, atol=2e-5)
+
+
+@given(commands, arrays(-10, 10), arrays(-100, 100))
+def test_torque_is_never_beyond_the_current_limit(
+    command: JointCommand, position: np.ndarray, velocity: np.ndarray
+) -> None:
+    torque = motor_torque(command, position, velocity, MOTOR)
+    assert abs(torque[0]) <= MOTOR.peak_torque[0]
+
+
+@given(wide, speeds)
+def test_torque_in_the_direction_of_motion_stays_under_the_torque_speed_line(
+    asked: float, speed: float
+) -> None:
+    torque = limit_torque(np.array([asked]), np.array([speed]), MOTOR)[0]
+    line = MOTOR.stall_torque[0] * (1 - abs(speed) / MOTOR.no_load_speed[0])
+    assert torque * np.sign(speed or 1.0) <= line + 1e-9 or torque * np.sign(speed) <= 0
+
+
+@given(wide)
+def test_nothing_is_left_at_no_load_speed(asked: float) -> None:
+    speed = MOTOR.no_load_speed
+    assert limit_torque(np.array([abs(asked)]), speed, MOTOR)[0] <= 1e-9
+    assert limit_torque(np.array([-abs(asked)]), -speed, MOTOR)[0] >= -1e-9
+
+
+@given(st.floats(-10, 10), st.floats(-15, 15))
+def test_small_torques_pass_unchanged(asked: float, speed: float) -> None:
+    """Up to where the line crosses the torque asked for: 10 N m is available below 20 rad/s."""
+    assert limit_torque(np.array([asked]), np.array([speed]), MOTOR)[0] == asked
+
+
+@given(wide, wide, speeds)
+def test_more_asked_is_never_less_delivered(a: float, b: float, speed: float) -> None:
+    low, high = sorted((a, b))
+    at = np.array([speed])
+    assert limit_torque(np.array([low]), at, MOTOR)[0] <= limit_torque(np.array([high]), at, MOTOR)[0]
+
+
+@given(speeds)
+def test_friction_opposes_motion(speed: float) -> None:
+    torque = friction_torque(np.array([speed]), MOTOR)[0]
+    assert torque * speed <= 0
+    assert abs(torque) <= MOTOR.friction[0] + MOTOR.damping[0] * abs(speed) + 1e-12
+
+
+def test_friction_is_fully_developed_past_its_speed() -> None:
+    assert friction_torque(np.array([0.2]), MOTOR) == pytest.approx(-0.5 - 0.05 * 0.2)
+    assert friction_torque(np.array([0.1]), MOTOR) == pytest.approx(-0.25 - 0.05 * 0.1)
+    assert friction_torque(np.zeros(1), MOTOR) == 0.0
+
+
+@given(commands, arrays(-10, 10), arrays(-100, 100))
+def test_joint_torque_is_motor_torque_less_friction(
+    command: JointCommand, position: np.ndarray, velocity: np.ndarray
+) -> None:
+    expected = motor_torque(command, position, velocity, MOTOR) + friction_torque(velocity, MOTOR)
+    np.testing.assert_array_equal(joint_torque(command, position, velocity, MOTOR), expected)
+
+
+def test_strength_scales_what_the_motor_delivers() -> None:
+    command = JointCommand(*(np.array([x]) for x in (0.0, 0.0, 0.0, 0.0, 10.0)))
+    assert motor_torque(command, np.zeros(1), np.zeros(1), MOTOR) == pytest.approx(9.0)
+
+
+@given(arrays(-10, 10), arrays(-1, 1))
+def test_targets_stay_inside_the_limits_and_the_rate(goal: np.ndarray, previous: np.ndarray) -> None:
+    lower, upper = np.array([-1.0]), np.array([1.0])
+    target = limit_target(goal, previous, lower, upper, 60.0, 0.002)
+    assert lower <= target <= upper
+    assert abs(target - previous) <= 0.12 + 1e-12
+    moved = limit_target(jnp.asarray(goal), jnp.asarray(previous), lower, upper, 60.0, 0.002)
+    np.testing.assert_allclose(moved, target, atol=1e-6)

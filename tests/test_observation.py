@@ -1,0 +1,154 @@
+"""The observation and the action: the same for NumPy and JAX, and laid out as the contract says."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from policies.action import gait_reference, joint_target
+from policies.contract import Contract, Term
+from policies.observation import (
+    TERMS,
+    Inputs,
+    Readings,
+    frame,
+    frame_size,
+    history_length,
+    moving,
+    observation,
+    observation_size,
+    push_frame,
+    term_size,
+)
+from robots.errors import UserError
+
+STEPS, BATCH = 5, (4,)
+
+
+def random_inputs(rng: np.random.Generator, shape: tuple[int, ...] = ()) -> Inputs:
+    def normal(size: int) -> np.ndarray:
+        return rng.normal(size=(*shape, size)).astype(np.float32)
+
+    return Inputs(Readings(normal(3), normal(3), normal(12), normal(12)), normal(12), normal(3), normal(1))
+
+
+def history(inputs: list[Inputs], contract: Contract, xp) -> object:
+    """The observation after these inputs, in either array library."""
+    frames = None
+    for each in inputs:
+        newest = frame(jax.tree.map(xp.asarray, each), contract)
+        if frames is None:
+            frames = xp.stack([newest] * history_length(contract), axis=-2)
+        frames = push_frame(frames, newest)
+    return observation(frames, contract)
+
+
+@pytest.mark.parametrize("shape", [(), BATCH])
+def test_numpy_and_jax_agree_with_history(contract: Contract, shape: tuple[int, ...]) -> None:
+    rng = np.random.default_rng(1)
+    inputs = [random_inputs(rng, shape) for _ in range(STEPS)]
+    ours = history(inputs, contract, np)
+    theirs = history(inputs, contract, jnp)
+    assert ours.dtype == np.float32
+    assert ours.shape == (*shape, observation_size(contract))
+    np.testing.assert_allclose(ours, theirs, rtol=2e-6, atol=2e-7)
+
+
+def test_a_batch_is_its_members(contract: Contract) -> None:
+    inputs = random_inputs(np.random.default_rng(2), BATCH)
+    together = frame(inputs, contract)
+    for i in range(BATCH[0]):
+        alone = frame(jax.tree.map(lambda x, i=i: x[i], inputs), contract)
+        np.testing.assert_array_equal(together[i], alone)
+
+
+@pytest.mark.parametrize("name", TERMS)
+def test_each_term_has_its_declared_size_and_scale(contract: Contract, name: str) -> None:
+    inputs = random_inputs(np.random.default_rng(3))
+    plain = frame(inputs, replace(contract, observation=(Term(name),)))
+    scaled = frame(inputs, replace(contract, observation=(Term(name, 2.0),)))
+    assert plain.shape == (term_size(name, contract),)
+    np.testing.assert_array_equal(scaled, 2.0 * plain)
+
+
+def test_terms_stand_in_contract_order_and_history_oldest_first(contract: Contract) -> None:
+    short = replace(contract, observation=(Term("command", 1.0, 2), Term("gyro", 1.0, 1)))
+    rng = np.random.default_rng(4)
+    first, second = random_inputs(rng), random_inputs(rng)
+    expected = np.concatenate([first.command, second.command, second.readings.gyro])
+    np.testing.assert_array_equal(history([first, second], short, np), expected)
+
+
+def test_joint_positions_are_seen_relative_to_the_default_pose(contract: Contract) -> None:
+    seen = replace(contract, observation=(Term("joint_position"),))
+    inputs = random_inputs(np.random.default_rng(5))
+    at_rest = inputs._replace(
+        readings=inputs.readings._replace(joint_position=np.array(contract.default_pose_rad))
+    )
+    np.testing.assert_array_equal(frame(at_rest, seen), np.zeros(12))
+
+
+def test_the_actor_has_no_name_for_what_a_robot_cannot_sense() -> None:
+    assert set(TERMS) == {
+        "gyro", "gravity", "command", "joint_position", "joint_velocity", "last_action", "clock",
+    }  # fmt: skip
+
+
+def test_sizes_add_up(contract: Contract) -> None:
+    assert frame_size(contract) == 3 + 3 + 3 + 12 + 12 + 12 + 2
+    assert observation_size(contract) == 2 * 3 + 3 + 3 + 3 * 12 + 3 * 12 + 2 * 12 + 2
+    assert history_length(contract) == 3
+
+
+def test_unknown_term_is_refused_with_the_known_ones(contract: Contract) -> None:
+    with pytest.raises(UserError, match=r"base_velocity.*gyro"):
+        term_size("base_velocity", contract)
+
+
+@pytest.mark.parametrize(("speed", "expected"), [(0.0, 0.0), (0.09, 0.0), (0.11, 1.0)])
+def test_small_commands_mean_stand(contract: Contract, speed: float, expected: float) -> None:
+    assert moving(np.array([speed, 0.0, 0.0]), contract) == [expected]
+
+
+def test_clock_stands_still_with_the_robot(contract: Contract) -> None:
+    clock = replace(contract, observation=(Term("clock"),))
+    inputs = random_inputs(np.random.default_rng(6))
+    np.testing.assert_array_equal(frame(inputs._replace(command=np.zeros(3)), clock), [0.0, 0.0])
+    walking = frame(inputs._replace(command=np.array([1.0, 0.0, 0.0])), clock)
+    assert np.hypot(*walking) == pytest.approx(1.0)
+
+
+def test_joint_target_agrees_between_libraries(contract: Contract) -> None:
+    rng = np.random.default_rng(7)
+    action, phase, command = (rng.normal(size=(4, k)).astype(np.float32) for k in (12, 1, 3))
+    ours = joint_target(action, phase, command, contract)
+    theirs = joint_target(jnp.asarray(action), jnp.asarray(phase), jnp.asarray(command), contract)
+    np.testing.assert_allclose(ours, theirs, rtol=2e-6, atol=1e-6)
+
+
+def test_no_action_and_no_command_hold_the_default_pose(contract: Contract) -> None:
+    target = joint_target(np.zeros(12), np.array([0.3]), np.zeros(3), contract)
+    np.testing.assert_array_equal(target, contract.default_pose_rad)
+
+
+def test_action_moves_the_target_by_its_scale(contract: Contract) -> None:
+    step = joint_target(np.ones(12), np.zeros(1), np.zeros(3), contract) - contract.default_pose_rad
+    np.testing.assert_allclose(step, contract.action_scale_rad, rtol=1e-12)
+
+
+def test_reference_lifts_diagonal_legs_together_for_half_a_cycle(contract: Contract) -> None:
+    go = np.array([0.5, 0.0, 0.0])
+    reference = gait_reference(np.array([0.25]), go, contract).reshape(4, 3)  # FR FL RR RL
+    amplitude = np.array(contract.gait.amplitude_rad).reshape(4, 3)
+    np.testing.assert_allclose(reference[[0, 3]], amplitude[[0, 3]])
+    np.testing.assert_array_equal(reference[[1, 2]], np.zeros((2, 3)))
+    phases = np.linspace(0, 1, 1000, endpoint=False)[:, None]
+    moved = gait_reference(phases, np.broadcast_to(go, (1000, 3)), contract) != 0
+    assert moved[:, 1].mean() == pytest.approx(0.5, abs=0.01)
+
+
+def test_no_gait_means_no_reference(contract: Contract) -> None:
+    bare = replace(contract, gait=None)
+    np.testing.assert_array_equal(gait_reference(np.array([0.25]), np.ones(3), bare), np.zeros(12))
