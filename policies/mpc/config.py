@@ -1,0 +1,96 @@
+"""Settings of the MPC controller, one dataclass per part."""
+
+from dataclasses import dataclass
+
+from policies.command import CommandShaping
+from policies.gait import GaitTiming
+
+Triple = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Horizon:
+    """How far ahead the quadratic programme looks, and how often it is solved."""
+
+    steps: int
+    step_s: float
+    solve_hz: float
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Cost of squared deviations from the reference at each step, and of squared forces."""
+
+    attitude: Triple  # roll, pitch, yaw, per rad^2
+    position: Triple  # per m^2
+    angular_rate: Triple  # per (rad/s)^2
+    velocity: Triple  # per (m/s)^2
+    force: float  # per N^2, about an even share of the weight
+
+
+@dataclass(frozen=True)
+class Contact:
+    """What a foot may press with."""
+
+    friction: float  # coefficient that the controller counts on
+    most_force_n: float  # upward
+
+
+@dataclass(frozen=True)
+class StanceConfig:
+    """Where the base is held, and the legs that hold it."""
+
+    height_m: float  # base above the ground
+    width_m: float  # between left and right feet
+    shift_m: float  # of all feet, forward
+    kd: float  # N m s/rad, about the joint velocities of the commanded motion
+    position_leash_m: float  # farthest that the position reference runs ahead of the body
+    yaw_leash_rad: float
+
+
+@dataclass(frozen=True)
+class SwingConfig:
+    """How feet fly."""
+
+    height_m: float
+    depth_m: float  # how far below the ground a swing aims, to touch down firmly
+    kp: float  # N/m, Cartesian
+    kd: float  # N s/m, Cartesian
+    joint_kp: float  # N m/rad, run by the motor
+    joint_kd: float  # N m s/rad, run by the motor
+
+
+@dataclass(frozen=True)
+class FootholdConfig:
+    """Where feet land (see `policies/mpc/footholds.py`)."""
+
+    capture_gain_s: float
+    most_step_m: float
+
+
+@dataclass(frozen=True)
+class Restart:
+    """When a robot that was told to stand takes steps all the same."""
+
+    start_speed_m_s: float  # of the base, above which it begins to step
+    stop_speed_m_s: float  # below which it stands again
+    start_tilt_rad: float
+    calm_s: float  # how long it must have been calm
+
+
+@dataclass(frozen=True)
+class MpcConfig:
+    """Everything about `Mpc` that depends on the robot."""
+
+    rate_hz: float
+    gait: GaitTiming
+    command: CommandShaping
+    horizon: Horizon
+    weights: Weights
+    contact: Contact
+    stance: StanceConfig
+    swing: SwingConfig
+    foothold: FootholdConfig
+    restart: Restart
+    friction_compensation: float  # share of the gearbox friction that is fed forward
+    settle_s: float  # time for the legs to take over from the pose found at reset

@@ -1,0 +1,65 @@
+"""Solving the quadratic programme in bounded time."""
+
+import daqp
+import numpy as np
+import piqp
+
+from policies.mpc.problem import ForceProblem
+
+_SOFT_INFINITY = 1e30
+
+
+class BoundedSolver:
+    """daqp within a number of iterations, then PIQP.
+
+    An active-set method is the fastest by far where few constraints are active (a walking robot) and slow where
+    many are (a falling one); an interior-point method takes about the same time for every problem. Bounds are on
+    iterations, not on time, so that a simulation in lockstep gives the same result each time.
+
+    Args:
+        daqp_iterations: after which PIQP takes over.
+        piqp_iterations: after which its last iterate is taken.
+    """
+
+    def __init__(self, daqp_iterations: int = 120, piqp_iterations: int = 12) -> None:
+        self._daqp_iterations = daqp_iterations
+        self._piqp_iterations = piqp_iterations
+        self.fallbacks = 0
+
+    def solve(self, problem: ForceProblem) -> np.ndarray | None:
+        """The minimiser (3n,), or None where neither solver came to a usable result."""
+        if len(problem.gradient) == 0:
+            return problem.gradient
+        solution, _, status, _ = daqp.solve(
+            problem.hessian,
+            problem.gradient,
+            problem.rows,
+            problem.upper,
+            problem.lower,
+            iter_limit=self._daqp_iterations,
+        )
+        if status > 0:
+            return np.asarray(solution)
+        self.fallbacks += 1
+        return self._interior_point(problem)
+
+    def _interior_point(self, problem: ForceProblem) -> np.ndarray | None:
+        variables, bounded = len(problem.gradient), len(problem.step)
+        lower, upper = np.full(variables, -_SOFT_INFINITY), np.full(variables, _SOFT_INFINITY)
+        lower[:bounded], upper[:bounded] = problem.lower[:bounded], problem.upper[:bounded]
+        solver = piqp.DenseSolver()
+        solver.settings.max_iter = self._piqp_iterations
+        solver.settings.eps_abs = solver.settings.eps_rel = 1e-4
+        solver.settings.check_duality_gap = False
+        solver.setup(
+            np.asfortranarray(problem.hessian),
+            problem.gradient,
+            G=np.asfortranarray(problem.rows),
+            h_u=problem.upper[bounded:],
+            x_l=lower,
+            x_u=upper,
+        )
+        status = solver.solve()
+        usable = status in (piqp.PIQP_SOLVED, piqp.PIQP_MAX_ITER_REACHED)
+        solution = np.array(solver.result.x)
+        return solution if usable and np.all(np.isfinite(solution)) else None
