@@ -48,6 +48,18 @@ class PushConfig:
 
 
 @dataclass(frozen=True)
+class Curriculum:
+    """The task's level rises linearly from 0 to 1 over `steps` environment steps (0: full from the start).
+
+    At level 0 the shares below apply; at level 1 everything does.
+    """
+
+    steps: int = 0
+    commands: float = 1.0  # share of the command ranges at level 0
+    pushes: float = 1.0  # share of the pushes' strength at level 0
+
+
+@dataclass(frozen=True)
 class RewardScales:
     """Shapes of the rewards, apart from their weights."""
 
@@ -74,5 +86,6 @@ class EnvConfig:
     reward_scales: RewardScales = RewardScales()
     initial: InitialState = InitialState()
     pushes: PushConfig = PushConfig()
+    curriculum: Curriculum = Curriculum()
     randomisation: Randomisation = field(default_factory=Randomisation)
     noise: Noise = field(default_factory=Noise)

@@ -49,6 +49,7 @@ class State(NamedTuple):
     """All that an episode is, for one robot. `_replace` gives the next one."""
 
     key: jax.Array
+    level: jax.Array  # () of the curriculum, 0 to 1
     qpos: jax.Array
     qvel: jax.Array
     qacc_warmstart: jax.Array
@@ -146,7 +147,16 @@ class VelocityEnv:
         shapes = jax.eval_shape(lambda key: self.reset(key)[1], jax.random.key(0))
         return {name: leaf.shape[-1] for name, leaf in shapes.items()}
 
-    def reset(self, key: jax.Array) -> tuple[State, dict[str, jax.Array]]:
+    def level(self, steps: jax.Array) -> jax.Array:
+        """The curriculum's level after so many environment steps in all, 0 to 1."""
+        ramp = self.config.curriculum.steps
+        return jnp.ones_like(steps) if ramp == 0 else jnp.minimum(steps / ramp, 1.0)
+
+    def at_level(self, state: State, level: jax.Array) -> State:
+        """The same batch of episodes at another level of the curriculum."""
+        return state._replace(level=jnp.full_like(state.level, level))
+
+    def reset(self, key: jax.Array, level: jax.Array | float = 1.0) -> tuple[State, dict[str, jax.Array]]:
         """A new episode: state, command, timers, delay buffers and body are all drawn afresh."""
         config, n = self.config, self.action_size
         key, sample_key, pose_key, command_key, hold_key, push_key, clock_key = jax.random.split(key, 7)
@@ -155,12 +165,13 @@ class VelocityEnv:
         reading = self._reading(qpos, qvel)
         state = State(
             key=key,
+            level=jnp.asarray(level, dtype=jnp.float32),
             qpos=qpos,
             qvel=qvel,
             qacc_warmstart=jnp.zeros_like(qvel),
             sample=sample,
             fields=randomised_fields(self._nominal, sample, self._map),
-            command=draw_command(command_key, config.commands),
+            command=self._draw_command(command_key, level),
             hold_steps=draw_hold_steps(hold_key, config.commands, config.control_rate_hz),
             push_steps=self._draw_push_steps(push_key),
             steps=jnp.int32(0),
@@ -328,14 +339,19 @@ class VelocityEnv:
         command_due = state.hold_steps <= 0
         hold = draw_hold_steps(hold_key, config.commands, config.control_rate_hz)
         push_due = state.push_steps <= 0
-        kick = jnp.where(push_due, self._draw_push(push_key), 0.0)
+        share = config.curriculum.pushes + (1 - config.curriculum.pushes) * state.level
+        kick = jnp.where(push_due, share * self._draw_push(push_key), 0.0)
         return state._replace(
             key=key,
-            command=jnp.where(command_due, draw_command(command_key, config.commands), state.command),
+            command=jnp.where(command_due, self._draw_command(command_key, state.level), state.command),
             hold_steps=jnp.where(command_due, hold, state.hold_steps - 1),
             push_steps=jnp.where(push_due, self._draw_push_steps(interval_key), state.push_steps - 1),
             qvel=state.qvel.at[:6].add(kick),
         )
+
+    def _draw_command(self, key: jax.Array, level: jax.Array | float) -> jax.Array:
+        start = self.config.curriculum.commands
+        return draw_command(key, self.config.commands) * (start + (1 - start) * level)
 
     def _draw_push_steps(self, key: jax.Array) -> jax.Array:
         seconds = self.config.pushes.interval_s.quantile(jax.random.uniform(key))

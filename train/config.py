@@ -29,6 +29,7 @@ class PpoConfig:
     initial_std: float
     actor_layers: tuple[int, ...]
     critic_layers: tuple[int, ...]
+    desired_kl: float | None = None  # adapts the learning rate below its falling limit
 
     def __post_init__(self) -> None:
         if self.environments % self.minibatches:

@@ -1,5 +1,6 @@
 """The actor and the critic: brax's PPO networks."""
 
+import jax
 from brax.training.acme import running_statistics
 from brax.training.agents.ppo.networks import PPONetworks, make_ppo_networks
 from flax import linen
@@ -21,4 +22,7 @@ def make_networks(observation_sizes: dict[str, int], action_size: int, config: P
         distribution_type="normal",
         noise_std_type="log",
         init_noise_std=config.initial_std,
+        # The first actions hardly differ from the default pose.
+        mean_kernel_init_fn=jax.nn.initializers.orthogonal,
+        mean_kernel_init_kwargs={"scale": 0.01},
     )

@@ -14,11 +14,14 @@ import optax
 from brax.training.acme import running_statistics
 from brax.training.agents.ppo.losses import PPONetworkParams, compute_ppo_loss
 from brax.training.agents.ppo.networks import PPONetworks, make_inference_fn
+from brax.training.agents.ppo.optimizer import adaptive_kl_learning_rate
 from brax.training.types import Transition
 
 from envs.velocity import State, VelocityEnv
 from train.config import PpoConfig
 
+LEAST_LEARNING_RATE = 1e-5
+LEAST_STD = 0.02  # of a normalised observation: a reading that hardly varies is not blown up
 LOGGED_OBSERVATIONS = 1000  # kept from each iteration, for the export's parity check
 
 
@@ -35,16 +38,22 @@ class TrainState(NamedTuple):
 
 
 def make_optimizer(config: PpoConfig) -> optax.GradientTransformation:
-    """Adam under a gradient-norm limit; the learning rate falls linearly over the training."""
-    updates = config.iterations * config.minibatches * config.passes
-    rate = optax.linear_schedule(config.learning_rate, config.final_learning_rate, updates)
-    return optax.chain(optax.clip_by_global_norm(config.gradient_norm), optax.adam(rate))
+    """Adam under a gradient-norm limit; its learning rate is set from outside."""
+    adam = optax.inject_hyperparams(optax.adam)(learning_rate=config.learning_rate)
+    return optax.chain(optax.clip_by_global_norm(config.gradient_norm), adam)
+
+
+def learning_rate_limit(iteration: jax.Array, config: PpoConfig) -> jax.Array:
+    """The learning rate, or its upper limit where it adapts: falls linearly over the training."""
+    share = iteration / config.iterations
+    return config.learning_rate + share * (config.final_learning_rate - config.learning_rate)
 
 
 def initial_state(env: VelocityEnv, networks: PPONetworks, config: PpoConfig, seed: int) -> TrainState:
     """The state before the first iteration."""
     key, env_key, actor_key, critic_key = jax.random.split(jax.random.PRNGKey(seed), 4)
-    env_state, observation = jax.vmap(env.reset)(jax.random.split(env_key, config.environments))
+    keys = jax.random.split(env_key, config.environments)
+    env_state, observation = jax.vmap(env.reset, (0, None))(keys, env.level(jnp.float32(0.0)))
     params = PPONetworkParams(
         policy=networks.policy_network.init(actor_key), value=networks.value_network.init(critic_key)
     )
@@ -86,7 +95,7 @@ def make_iteration(
         with jax.default_matmul_precision("highest"):
             next_state, step = jax.vmap(env.step)(env_state, action)
             done = jnp.maximum(step.terminated, step.truncated)
-            restarted = jax.vmap(env.reset)(next_state.key)
+            restarted = jax.vmap(env.reset)(next_state.key, next_state.level)
         carry = _select(done, restarted, (next_state, step.observation))
         transition = Transition(
             observation=observation,
@@ -99,42 +108,52 @@ def make_iteration(
         ended = {"done": done, "length": done * next_state.steps}
         return carry, (transition._replace(next_observation=None), step.metrics | ended, step.reward)
 
-    def minibatch(carry: tuple, data: Transition, normalizer: Any) -> tuple[tuple, dict]:
+    def minibatch(carry: tuple, data: Transition, normalizer: Any, limit: jax.Array) -> tuple[tuple, dict]:
         params, optimizer_state, key = carry
         key, loss_key = jax.random.split(key)
         gradient, metrics = jax.grad(loss, has_aux=True)(params, normalizer, data, loss_key)
         updates, optimizer_state = optimizer.update(gradient, optimizer_state, params)
         metrics["gradient_norm"] = optax.global_norm(gradient)
+        if config.desired_kl is not None:
+            optimizer_state, _ = adaptive_kl_learning_rate(
+                optimizer_state, metrics["kl_mean"], config.desired_kl, LEAST_LEARNING_RATE, limit
+            )
+        metrics["learning_rate"] = _learning_rate(optimizer_state)
         return (optax.apply_updates(params, updates), optimizer_state, key), metrics
 
-    def one_pass(carry: tuple, _: None, data: Transition, normalizer: Any) -> tuple[tuple, dict]:
+    def one_pass(
+        carry: tuple, _: None, data: Transition, normalizer: Any, limit: jax.Array
+    ) -> tuple[tuple, dict]:
         params, optimizer_state, key = carry
         key, shuffle_key = jax.random.split(key)
         order = jax.random.permutation(shuffle_key, config.environments)
         batches = jax.tree.map(lambda x: x[order].reshape((config.minibatches, -1, *x.shape[1:])), data)
         return jax.lax.scan(
-            partial(minibatch, normalizer=normalizer), (params, optimizer_state, key), batches
+            partial(minibatch, normalizer=normalizer, limit=limit), (params, optimizer_state, key), batches
         )
 
     def iteration(state: TrainState) -> tuple[TrainState, dict[str, jax.Array], jax.Array]:
         key, rollout_key, learn_key = jax.random.split(state.key, 3)
         policy = make_policy((state.normalizer, state.params.policy))
+        level = env.level(state.iteration * float(config.steps_per_iteration))
         (env_state, observation), (rollout, metrics, reward) = jax.lax.scan(
             partial(environment_step, policy=policy),
-            (state.env, state.observation),
+            (env.at_level(state.env, level), state.observation),
             jax.random.split(rollout_key, config.unroll),
         )
         # brax's loss wants (environment, time); of the next observations it reads the last one only.
         data = jax.tree.map(lambda x: jnp.swapaxes(x, 0, 1), rollout)
         data = data._replace(next_observation=jax.tree.map(lambda x: x[:, None], observation))
+        limit = learning_rate_limit(state.iteration, config)
+        rate = limit if config.desired_kl is None else jnp.minimum(_learning_rate(state.optimizer), limit)
         (params, optimizer_state, _), losses = jax.lax.scan(
-            partial(one_pass, data=data, normalizer=state.normalizer),
-            (state.params, state.optimizer, learn_key),
+            partial(one_pass, data=data, normalizer=state.normalizer, limit=limit),
+            (state.params, _with_learning_rate(state.optimizer, rate), learn_key),
             None,
             length=config.passes,
         )
         # Updated after learning, so that the behaviour's log-probabilities stay comparable.
-        normalizer = running_statistics.update(state.normalizer, rollout.observation)
+        normalizer = running_statistics.update(state.normalizer, rollout.observation, std_min_value=LEAST_STD)
         done = jnp.maximum(metrics.pop("done").sum(), 1.0)
         length = metrics.pop("length").sum() / done
         scalars = {name: jnp.mean(value) for name, value in metrics.items()}
@@ -150,6 +169,16 @@ def make_iteration(
         return next_state, scalars, kept
 
     return iteration
+
+
+def _learning_rate(optimizer_state: Any) -> jax.Array:
+    return optimizer_state[-1].hyperparams["learning_rate"]
+
+
+def _with_learning_rate(optimizer_state: Any, rate: jax.Array) -> Any:
+    adam = optimizer_state[-1]
+    changed = adam._replace(hyperparams={**adam.hyperparams, "learning_rate": rate})
+    return (*optimizer_state[:-1], changed)
 
 
 def _select(condition: jax.Array, yes: Any, no: Any) -> Any:
