@@ -1,14 +1,18 @@
 """MuJoCo models derived from one MJCF: the plant of the simulated robot and the lean training model."""
 
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
 
+from robots.actuator import Motor
 from robots.description import Robot, load_spec
 from robots.errors import UserError
 
 FLOOR = "floor"
+IMU = "footfall_imu"
+ALL_CONTACTS = 0x7FFFFFFF  # contact bits that meet any geom that can touch at all
 TRAINING_TIMESTEP_S = 0.005
 PLANT_TIMESTEP_S = 0.001
 
@@ -37,7 +41,7 @@ def training_model(robot: Robot, timestep_s: float = TRAINING_TIMESTEP_S) -> muj
     for joint in spec.joints:
         joint.limited = mujoco.mjtLimited.mjLIMITED_FALSE
     _strip_friction_rows(spec)
-    _add_floor(spec)
+    _add_floor(spec, contact_bits=1)
     spec.option.timestep = timestep_s
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
     spec.option.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL
@@ -50,33 +54,71 @@ def training_model(robot: Robot, timestep_s: float = TRAINING_TIMESTEP_S) -> muj
     return spec.compile()
 
 
+class Plant(NamedTuple):
+    """The body of the simulated robot, and what its file says about the motors' joints."""
+
+    model: mujoco.MjModel
+    motor: Motor  # the robot's motors, with the plant's joint friction where its file gives any
+    base: int  # body that carries the free joint
+    feet: np.ndarray  # (feet,) geom of each foot, -1 where the plant has none of that name
+    notes: tuple[str, ...]  # what was missing and what was done about it, one line each
+
+
 def plant_model(robot: Robot, path: Path | None = None) -> mujoco.MjModel:
-    """The body of the simulated robot: full collision geometry, joint limits, a floor.
+    """The model of a plant (see `read_plant`)."""
+    return read_plant(robot, path).model
+
+
+def read_plant(robot: Robot, path: Path | None = None) -> Plant:
+    """The body of the simulated robot: full collision geometry, joint limits, an IMU, a floor.
 
     Args:
         robot: whose joint names the plant must carry.
-        path: another MJCF than the robot's own. Its actuators and sensors are dropped (the simulated
-            robot adds its own motors and IMU); masses, geometry and joint properties are kept, and a floor
-            is added if it has no plane.
+        path: another MJCF than the robot's own. Its actuators, sensors and keyframes are dropped (the
+            simulated robot adds its own motors and IMU); masses, geometry, reflected inertia and joint
+            friction are kept where the file gives them and are the robot's where it does not. A floor is
+            added if no plane or height field can be stood upon.
 
     Raises:
         UserError: the file cannot be read, lacks a joint, or has no free base.
     """
-    spec = load_spec(path or robot.xml_path)
+    source = path or robot.xml_path
+    spec = load_spec(source)
+    _check_plant(spec, robot, source)
+    notes = []
     for item in [*spec.actuators, *spec.sensors, *spec.keys]:
         spec.delete(item)
+    joints = [spec.joint(name) for name in robot.joint_names]
+    friction = np.array([_first(joint.frictionloss) for joint in joints])
     _strip_friction_rows(spec)
-    if not any(geom.type == mujoco.mjtGeom.mjGEOM_PLANE for geom in spec.geoms):
+    if not any(_first(joint.armature) for joint in joints):
+        notes.append(f"{source.name} gives no reflected inertia: the robot's is used")
+        for joint, armature in zip(joints, robot.armature, strict=True):
+            joint.armature = armature
+    if not any(_is_ground(geom) for geom in spec.worldbody.geoms):
         _add_floor(spec)
+    _add_imu(spec, robot)
     spec.option.timestep = PLANT_TIMESTEP_S
+    if spec.option.integrator == mujoco.mjtIntegrator.mjINT_RK4:
+        spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     try:
         model = spec.compile()
     except ValueError as error:
-        raise UserError(
-            f"{path or robot.xml_path} does not compile: {' '.join(str(error).split())}"
-        ) from None
-    _check_plant(model, robot, path or robot.xml_path)
-    return model
+        raise UserError(f"{source} does not compile: {' '.join(str(error).split())}") from None
+    feet = np.array(
+        [
+            mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, foot.geom)
+            for foot in robot.description.feet
+        ]
+    )
+    if (feet < 0).any():
+        absent = ", ".join(
+            foot.geom for foot, geom in zip(robot.description.feet, feet, strict=True) if geom < 0
+        )
+        notes.append(f"{source.name} has no geom {absent}: what these feet do is not recorded")
+    free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)[0]
+    motor = robot.motor._replace(friction=friction) if friction.any() else robot.motor
+    return Plant(model, motor, int(model.jnt_bodyid[free]), feet, tuple(notes))
 
 
 def joint_addresses(model: mujoco.MjModel, robot: Robot) -> tuple[np.ndarray, np.ndarray]:
@@ -85,19 +127,48 @@ def joint_addresses(model: mujoco.MjModel, robot: Robot) -> tuple[np.ndarray, np
     return model.jnt_qposadr[ids], model.jnt_dofadr[ids]
 
 
-def _check_plant(model: mujoco.MjModel, robot: Robot, path: Path) -> None:
-    names = {model.joint(i).name for i in range(model.njnt)}
-    missing = [name for name in robot.joint_names if name not in names]
+def _check_plant(spec: mujoco.MjSpec, robot: Robot, path: Path) -> None:
+    kinds = {joint.name: joint.type for joint in spec.joints}
+    missing = [name for name in robot.joint_names if name not in kinds]
     if missing:
         raise UserError(
             f"{path}: no joint '{missing[0]}', which robot '{robot.name}' has"
             f" ({len(missing)} of {len(robot.joint_names)} joints missing)"
         )
     for name in robot.joint_names:
-        if model.joint(name).type != mujoco.mjtJoint.mjJNT_HINGE:
+        if kinds[name] != mujoco.mjtJoint.mjJNT_HINGE:
             raise UserError(f"{path}: joint '{name}' is not a hinge")
-    if mujoco.mjtJoint.mjJNT_FREE not in model.jnt_type:
+    if mujoco.mjtJoint.mjJNT_FREE not in kinds.values():
         raise UserError(f"{path}: no free joint, so the base cannot move")
+
+
+def _first(value: Any) -> float:
+    """A joint property that MjSpec gives as a number or, in some releases, as an array of one or more."""
+    return float(np.ravel(value)[0])
+
+
+def _is_ground(geom: mujoco.MjsGeom) -> bool:
+    return geom.type in (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD) and bool(
+        geom.contype or geom.conaffinity
+    )
+
+
+def _add_imu(spec: mujoco.MjSpec, robot: Robot) -> None:
+    """An accelerometer where the robot has its IMU, aligned with the base's axes."""
+    base = next(j.parent for j in spec.joints if j.type == mujoco.mjtJoint.mjJNT_FREE)
+    base.add_site(name=IMU, pos=imu_position(robot))
+    spec.add_sensor(
+        name=IMU,
+        type=mujoco.mjtSensor.mjSENS_ACCELEROMETER,
+        objtype=mujoco.mjtObj.mjOBJ_SITE,
+        objname=IMU,
+    )
+
+
+def imu_position(robot: Robot) -> np.ndarray:
+    """Where the IMU sits in the base's frame, m, shape (3,)."""
+    spec = load_spec(robot.xml_path)
+    return np.array(spec.site(robot.description.imu).pos)
 
 
 def _strip_friction_rows(spec: mujoco.MjSpec) -> None:
@@ -117,12 +188,12 @@ def _make_inertia_explicit(spec: mujoco.MjSpec) -> None:
         body.explicitinertial = True
 
 
-def _add_floor(spec: mujoco.MjSpec) -> None:
+def _add_floor(spec: mujoco.MjSpec, contact_bits: int = ALL_CONTACTS) -> None:
     spec.worldbody.add_geom(
         name=FLOOR,
         type=mujoco.mjtGeom.mjGEOM_PLANE,
         size=[0, 0, 1],
-        contype=1,
-        conaffinity=1,
+        contype=contact_bits,
+        conaffinity=contact_bits,
         friction=[0.8, 0.005, 0.0001],
     )

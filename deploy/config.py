@@ -1,0 +1,32 @@
+"""Settings of the deploy loop."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from deploy.safety import SafetyConfig
+from deploy.simulated_wire import HOST_QUEUE
+from robots.config import load
+
+
+@dataclass(frozen=True)
+class DeployConfig:
+    """How the control loop runs; the defaults suit a robot of a few ten kilograms."""
+
+    joint_rate_hz: float = 500.0
+    estimator_rate_hz: float = 250.0  # at least; also once before each policy step
+    stand_s: float = 1.0  # from the measured pose to the default pose, and settling
+    stand_kp_scale: float = 4.0  # of the robot's gains
+    stand_kd_scale: float = 2.0
+    realtime_priority: int | None = None  # SCHED_FIFO, for wall-clock runs
+    host_queue: int = HOST_QUEUE  # frames that a simulated CAN interface queues
+    log_rate_hz: float = 100.0  # of joint states and IMU readings; policy steps are all logged
+    safety: SafetyConfig = field(default_factory=SafetyConfig)
+
+    @property
+    def tick_us(self) -> int:
+        return round(1e6 / self.joint_rate_hz)
+
+
+def load_deploy_config(path: Path) -> DeployConfig:
+    """Read settings from YAML; raises UserError if they are malformed."""
+    return load(path, DeployConfig)

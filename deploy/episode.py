@@ -1,0 +1,208 @@
+"""One run of a policy on a robot, simulated by default: what `evaluate` and the command line call."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from deploy.bus import Bus
+from deploy.clock import Clock, LockstepClock, WallClock, undisturbed
+from deploy.config import DeployConfig
+from deploy.loop import Command, ControlLoop, Estimator
+from deploy.safety import Mode
+from deploy.simulated_bus import SimulatedBus
+from deploy.simulated_robot import SimulatedRobot
+from deploy.simulated_wire import SimulatedWires
+from deploy.trace import Recorder, Trace, unknown_truth
+from deploy.wiring import Wiring, wire
+from domain_rand.noise import Noise
+from domain_rand.sample import Sample
+from policies.policy import Policy
+from robots.description import Robot
+from robots.errors import UserError
+
+SIMULATED = "sim"
+
+
+@dataclass(frozen=True)
+class Push:
+    """A sudden change of the whole robot's velocity."""
+
+    time_s: float  # since walking began
+    delta_v_m_s: tuple[float, float, float]  # world frame
+
+
+@dataclass(frozen=True)
+class Episode:
+    """What shall happen in a run. The same episode gives the same trace in lockstep."""
+
+    command: Command  # time since walking began, s, to (3,)
+    duration_s: float  # of walking
+    seed: int = 0
+    plant: Path | None = None  # another MJCF than the robot's own
+    sample: Sample | None = None
+    noise: Noise | None = None
+    pushes: tuple[Push, ...] = ()
+    ground_truth: bool = False  # hand the policy the true base velocity and height
+    realtime: bool = False  # a bus other than the simulated one is always in real time
+    log: Path | None = None
+    bus: str = SIMULATED
+    record_rate_hz: float = 100.0
+    config: DeployConfig = field(default_factory=DeployConfig)
+
+
+def run_episode(
+    robot: Robot,
+    policy: Policy,
+    episode: Episode,
+    watch: Callable[[ControlLoop, SimulatedRobot | None], None] | None = None,
+) -> Trace:
+    """Stand up, walk for the episode's duration, damp, switch off.
+
+    Args:
+        robot: what the controller believes that it moves.
+        policy: its mind.
+        episode: what shall happen.
+        watch: called after each joint tick with the loop and the simulated robot, to observe or to inject
+            faults.
+
+    Raises:
+        UserError: plant, policy, bus or log do not fit; nothing has moved then.
+    """
+    if not episode.duration_s > 0.0:
+        raise UserError(f"duration is {episode.duration_s:g} s: it must be above 0")
+    wiring = wire(robot)
+    config = episode.config
+    bus, body = _open_bus(robot, wiring, episode)
+    realtime = episode.realtime or body is None
+    clock: Clock = WallClock(config.tick_us) if realtime else LockstepClock(config.tick_us)
+    estimator = _estimator(robot) if policy.needs_estimate and not episode.ground_truth else None
+    try:
+        loop = ControlLoop(robot, policy, wiring, bus, clock, config, episode.command, estimator)
+        if episode.ground_truth:
+            loop.truth = _true_base(body)
+        started = time.perf_counter()
+        with undisturbed(config.realtime_priority if realtime else None):
+            run = _Run(robot, loop, body, episode)
+            try:
+                run.drive(watch)
+            finally:
+                loop.shut_down()
+        wall_s = time.perf_counter() - started
+        return run.trace(bus, wall_s)
+    finally:
+        bus.close()
+
+
+class _Run:
+    """Drives a loop through an episode: pushes, samples, the end."""
+
+    def __init__(
+        self, robot: Robot, loop: ControlLoop, body: SimulatedRobot | None, episode: Episode
+    ) -> None:
+        self._loop, self._body, self._episode = loop, body, episode
+        self._joints, self._feet = len(robot.joint_names), len(robot.description.feet)
+        self._recorder = Recorder(self._joints, self._feet)
+        self._pushes = sorted(episode.pushes, key=lambda push: push.time_s)
+        self._record_every_s = 1.0 / episode.record_rate_hz
+        self._next_record_s = 0.0
+        self._fall_reason = ""
+        self._diverged = False
+
+    def drive(self, watch: Callable[[ControlLoop, SimulatedRobot | None], None] | None) -> None:
+        loop, body = self._loop, self._body
+        while loop.tick():
+            if loop.state.mode is Mode.WALKING:
+                self._walk()
+            if watch is not None:
+                watch(loop, body)
+
+    def _walk(self) -> None:
+        loop, body = self._loop, self._body
+        now_s = loop.walking_s
+        while body is not None and self._pushes and self._pushes[0].time_s <= now_s:
+            body.push(self._pushes.pop(0).delta_v_m_s)
+        if now_s >= self._next_record_s - 1e-9:
+            self._record(now_s)
+            self._next_record_s += self._record_every_s
+            if body is not None and (reason := body.fall()) is not None:
+                self._fall_reason = reason
+                loop.finish()
+            if body is not None and body.diverged():
+                self._diverged = True
+                loop.finish()
+        if now_s >= self._episode.duration_s - 1e-9:
+            loop.finish()
+
+    def _record(self, now_s: float) -> None:
+        loop, body = self._loop, self._body
+        truth = unknown_truth(self._joints, self._feet) if body is None else body.truth()
+        power = (np.nan, np.nan, np.nan) if body is None else body.take_power()
+        velocity, height = loop.estimate
+        observation = loop.observation
+        self._recorder.add(
+            **truth._asdict(),
+            time_s=now_s,
+            command=np.zeros(3) if observation is None else observation.command,
+            joint_target=loop.target,
+            estimated_velocity=velocity,
+            estimated_height=height,
+            electrical_power=power[0],
+            mechanical_power=power[1],
+            positive_power=power[2],
+        )
+
+    def trace(self, bus: Bus, wall_s: float) -> Trace:
+        loop, body = self._loop, self._body
+        state = loop.state
+        tipped = state.mode is Mode.FALLING
+        faults = state.faults
+        if self._diverged:
+            faults = (*faults, "the simulation diverged")
+        return Trace(
+            **self._recorder.arrays(),
+            compute_ms=np.array(loop.timing.policy_ms),
+            record_rate_hz=self._episode.record_rate_hz,
+            faults=faults,
+            final_state=Mode.FALLING.value if self._fall_reason else state.mode.value,
+            fell=bool(self._fall_reason) or tipped or self._diverged,
+            fall_reason=self._fall_reason or (faults[0] if tipped else ""),
+            timing=loop.timing.summary(),
+            buses=tuple(bus.statistics()),
+            wall_s=wall_s,
+            simulated_s=loop.now_us * 1e-6,
+            notes=() if body is None else body.notes,
+        )
+
+
+def _open_bus(
+    robot: Robot, wiring: Wiring, episode: Episode
+) -> tuple[Bus, SimulatedRobot | None]:
+    if episode.bus != SIMULATED:
+        raise UserError(f"no bus '{episode.bus}'")
+    wires = SimulatedWires(wiring.buses, episode.config.host_queue)
+    body = SimulatedRobot(
+        robot, wiring, wires, episode.plant, episode.sample, episode.noise, episode.seed
+    )
+    return SimulatedBus(wires, body), body
+
+
+def _estimator(robot: Robot) -> Estimator:
+    from deploy.estimator import BaseEstimator  # noqa: PLC0415
+
+    return BaseEstimator(robot)
+
+
+def _true_base(body: SimulatedRobot | None) -> Callable[[], tuple[np.ndarray, float]]:
+    if body is None:
+        raise UserError("--ground-truth needs the simulated robot: leave --bus at 'sim'")
+
+    def read() -> tuple[np.ndarray, float]:
+        truth = body.truth()
+        stance = truth.foot_position[truth.foot_contact, 2]
+        ground = float(stance.mean()) if len(stance) else 0.0
+        return truth.base_velocity, float(truth.base_position[2]) - ground
+
+    return read

@@ -1,0 +1,36 @@
+"""CAN frames in batches: arrays instead of one object per frame, and what a frame costs on the wire."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+BITRATE = 1_000_000  # bit/s: one bit takes one microsecond
+
+
+class Frames(NamedTuple):
+    """A batch of k data frames, in the order in which they are queued."""
+
+    channel: np.ndarray  # (k,) intp, which of the robot's buses
+    id: np.ndarray  # (k,) intp, 11-bit identifier
+    data: np.ndarray  # (k, 8) uint8; bytes past the length are zero
+    length: np.ndarray  # (k,) intp, data length code 0..8
+
+    def take(self, rows: np.ndarray) -> "Frames":
+        """The frames at some rows (indices or a mask)."""
+        return Frames(self.channel[rows], self.id[rows], self.data[rows], self.length[rows])
+
+
+def frame_bits(length: int, extended: bool = False, stuffed: bool = True) -> int:
+    """Bits that a data frame occupies on the wire, the three bits of interframe space included.
+
+    Args:
+        length: data bytes, 0..8.
+        extended: 29-bit identifier instead of 11-bit.
+        stuffed: with the most stuff bits that its content could cause; otherwise with none.
+
+    A frame has 47 bits of overhead with an 11-bit identifier, 67 with a 29-bit one. A stuff bit can follow
+    each four bits from the start of frame to the end of the checksum, after the first.
+    """
+    overhead, stuffable = (67, 54) if extended else (47, 34)
+    stuff = (stuffable + 8 * length - 1) // 4 if stuffed else 0
+    return overhead + 8 * length + stuff

@@ -1,0 +1,70 @@
+"""IMU readings as CAN frames.
+
+| id | content | one unit |
+| --- | --- | --- |
+| 0x300 | gyro x y z (int16), sample counter (uint16) | 0.001 rad/s |
+| 0x301 | proper acceleration x y z (int16), sample counter (uint16) | 0.005 m/s^2 |
+| 0x302 | quaternion w x y z (int16), body to world | 1/32767 |
+
+Big-endian, body axes. Readings past the range are clamped. The sample counter tells a reading that is new
+from one that is repeated.
+"""
+
+import math
+import struct
+from typing import NamedTuple
+
+import numpy as np
+
+GYRO_ID, ACCELERATION_ID, QUATERNION_ID = IDS = (0x300, 0x301, 0x302)
+GYRO_UNIT = 0.001
+ACCELERATION_UNIT = 0.005
+QUATERNION_UNIT = 1.0 / 32767.0
+
+_SAMPLE = struct.Struct(">hhhH")
+_ALL = struct.Struct(">hhhHhhhHhhhh")
+_QUATERNION = struct.Struct(">hhhh")
+
+
+class Inertial(NamedTuple):
+    """One reading, in body axes."""
+
+    gyro: tuple[float, float, float]  # rad/s
+    acceleration: tuple[float, float, float]  # m/s^2
+    quaternion: tuple[float, float, float, float]  # w x y z, unit length
+
+
+def _int16(value: float, unit: float) -> int:
+    return max(-32768, min(32767, round(value / unit)))
+
+
+def encode(reading: Inertial, counter: int) -> np.ndarray:
+    """The three frames of a reading, (3, 8) uint8, in the order of `IDS`."""
+    counter &= 0xFFFF
+    packed = _ALL.pack(
+        *(_int16(v, GYRO_UNIT) for v in reading.gyro),
+        counter,
+        *(_int16(v, ACCELERATION_UNIT) for v in reading.acceleration),
+        counter,
+        *(_int16(v, QUATERNION_UNIT) for v in reading.quaternion),
+    )
+    return np.frombuffer(packed, dtype=np.uint8).reshape(3, 8)
+
+
+def decode_gyro(data: bytes) -> tuple[tuple[float, float, float], int]:
+    """Angular velocity, rad/s, and the sample counter."""
+    x, y, z, counter = _SAMPLE.unpack(data)
+    return (x * GYRO_UNIT, y * GYRO_UNIT, z * GYRO_UNIT), counter
+
+
+def decode_acceleration(data: bytes) -> tuple[float, float, float]:
+    """Proper acceleration, m/s^2."""
+    x, y, z, _ = _SAMPLE.unpack(data)
+    return x * ACCELERATION_UNIT, y * ACCELERATION_UNIT, z * ACCELERATION_UNIT
+
+
+def decode_quaternion(data: bytes) -> tuple[float, float, float, float] | None:
+    """Unit quaternion w x y z, or None for a frame that carries no rotation (all zero)."""
+    w, x, y, z = _QUATERNION.unpack(data)
+    norm = math.sqrt(w * w + x * x + y * y + z * z)
+    return None if norm == 0.0 else (w / norm, x / norm, y / norm, z / norm)

@@ -1,0 +1,264 @@
+"""The control loop: readings in, a mind's decision at its own rate, commands out at the joint rate."""
+
+import math
+import time
+from array import array
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from deploy import mit
+from deploy.bus import Bus
+from deploy.clock import Clock
+from deploy.config import DeployConfig
+from deploy.frames import Frames
+from deploy.joint_layer import JointLayer
+from deploy.safety import DAMPED, MOVING, Mode, Signals, State, advance
+from deploy.wiring import Wiring
+from policies.policy import Observation, Policy, Sensed
+from robots.actuator import JointCommand
+from robots.description import Robot
+from robots.errors import UserError
+
+Command = Callable[[float], np.ndarray]  # time since walking began, s, to (3,)
+UNKNOWN = (np.full(3, np.nan), math.nan)  # velocity and height that nobody estimates
+
+
+class Estimator(Protocol):
+    """Estimates the base's velocity (3,) m/s, body frame, and height m from readings."""
+
+    def reset(self, sensed: Sensed) -> None: ...
+
+    def update(
+        self, sensed: Sensed, stance: np.ndarray | None, dt_s: float
+    ) -> tuple[np.ndarray, float]: ...
+
+
+class Log(Protocol):
+    """What the loop tells a log. Nothing here may block."""
+
+    def tick(self, now_us: int, sensed: Sensed, target: np.ndarray) -> None: ...
+
+    def policy_step(self, now_us: int, observation: Observation, command: JointCommand) -> None: ...
+
+    def state(self, now_us: int, state: State) -> None: ...
+
+
+@dataclass
+class Timing:
+    """How the loop kept time."""
+
+    lateness_us: array = field(default_factory=lambda: array("d"))  # of each tick; wall clock only
+    tick_us: array = field(default_factory=lambda: array("d"))  # work of each tick
+    policy_ms: array = field(default_factory=lambda: array("d"))  # work of each policy step
+
+    def summary(self) -> dict[str, float]:
+        """p50, p99 and worst of each, by name."""
+        found: dict[str, float] = {"ticks": float(len(self.tick_us))}
+        for name in ("lateness_us", "tick_us", "policy_ms"):
+            values = np.frombuffer(getattr(self, name)) if len(getattr(self, name)) else np.zeros(1)
+            for label, share in (("p50", 50), ("p99", 99), ("max", 100)):
+                found[f"{name}_{label}"] = float(np.percentile(values, share))
+        return found
+
+
+class ControlLoop:
+    """Runs a policy on a robot behind a bus. Call `tick` until it returns False."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        policy: Policy,
+        wiring: Wiring,
+        bus: Bus,
+        clock: Clock,
+        config: DeployConfig,
+        command: Command,
+        estimator: Estimator | None = None,
+        log: Log | None = None,
+    ) -> None:
+        """Raises UserError if the policy wants to be called more often than joints are."""
+        if not 0.0 < policy.rate_hz <= config.joint_rate_hz:
+            raise UserError(
+                f"policy '{policy.name}' runs at {policy.rate_hz:g} Hz,"
+                f" the joint loop at {config.joint_rate_hz:g} Hz: the policy cannot be faster"
+            )
+        self._policy, self._bus, self._clock, self._config = policy, bus, clock, config
+        self._command, self._estimator, self._log = command, estimator, log
+        self._wiring, self._default_pose = wiring, robot.default_pose
+        self._joints = JointLayer(robot, wiring, config.tick_us * 1e-6)
+        self._period_us = round(1e6 / policy.rate_hz)
+        self._estimate_every_us = round(1e6 / config.estimator_rate_hz)
+        self._stand_gains = (
+            config.stand_kp_scale * robot.kp,
+            config.stand_kd_scale * robot.kd,
+        )
+        self._zeros = np.zeros(len(robot.joint_names))
+        self.state = State()
+        self.timing = Timing()
+        self.now_us = 0
+        self.sensed = self._joints.sensed()
+        self.observation: Observation | None = None
+        self.estimate = UNKNOWN
+        self.truth: Callable[[], tuple[np.ndarray, float]] | None = None  # instead of an estimate
+        self._begun_us = 0
+        self._estimated_us = -1
+        self._next_policy_us = 0
+        self._stand_from = robot.default_pose
+        self._decision: JointCommand | None = None
+        self._decision_finite = True
+        self._late_steps = 0
+        self._step_s = 0.0
+        self._policy_error = ""
+        self._refused = 0
+        self._finish = False
+
+    @property
+    def walking_s(self) -> float:
+        """Time since the policy took over, s."""
+        return (self.now_us - self._begun_us) * 1e-6
+
+    @property
+    def target(self) -> np.ndarray:
+        """Position targets that went out last, rad, (n,)."""
+        return self._joints.target
+
+    def finish(self) -> None:
+        """Ask for the end of the run: the robot is damped, then its motors are switched off."""
+        self._finish = True
+
+    def tick(self) -> bool:
+        """One joint tick. Returns False once the run is over and the motors are off."""
+        self.now_us = now_us = self._clock.next_tick()
+        started = time.perf_counter()
+        joints = self._joints
+        joints.absorb(self._bus.receive(now_us), now_us)
+        self.sensed = joints.sensed()
+        self._supervise()
+        mode = self.state.mode
+        if mode is Mode.WALKING:
+            self._estimate_base(self._policy.stance())
+            if now_us >= self._next_policy_us:
+                self._think()
+                self._supervise()
+                mode = self.state.mode
+        if self.state.over:
+            self._refused += self._bus.send(joints.switch(mit.EXIT), now_us)
+            return False
+        self._refused += self._bus.send(self._frames(mode), now_us)
+        if self._log is not None:
+            self._log.tick(now_us, self.sensed, joints.target)
+        self.timing.tick_us.append((time.perf_counter() - started) * 1e6)
+        if self._clock.realtime:
+            self.timing.lateness_us.append(self._clock.lateness_us())
+        return True
+
+    def shut_down(self) -> None:
+        """Switch the motors off at once, whatever happened before."""
+        self._bus.send(self._joints.switch(mit.EXIT), self.now_us)
+
+    # -- what goes out -------------------------------------------------------------------------------
+
+    def _frames(self, mode: Mode) -> Frames:
+        if mode is Mode.WALKING and self._decision is not None:
+            return self._joints.command(self._decision)
+        if mode is Mode.STANDING:
+            self._estimate_base(None)
+            return self._joints.command(self._standing())
+        if mode in DAMPED:
+            return self._joints.damping(self._config.safety.damping_kd)
+        return self._joints.switch(mit.ENTER)
+
+    def _standing(self) -> JointCommand:
+        share = min((self.now_us * 1e-6 - self.state.since_s) / (0.7 * self._config.stand_s), 1.0)
+        smooth = 0.5 - 0.5 * math.cos(math.pi * share)
+        position = self._stand_from + smooth * (self._default_pose - self._stand_from)
+        return JointCommand(position, self._zeros, *self._stand_gains, self._zeros)
+
+    # -- what the mind does --------------------------------------------------------------------------
+
+    def _think(self) -> None:
+        """One policy step, timed."""
+        now_us = self.now_us
+        started = time.perf_counter()
+        time_s = (now_us - self._begun_us) * 1e-6
+        command = np.asarray(self._command(time_s), dtype=float)
+        velocity, height = self.estimate
+        observation = Observation(time_s, self.sensed, command, velocity, height)
+        try:
+            if self._decision is None:
+                self._policy.reset(observation)
+            decision = self._policy.act(observation)
+            self._decision_finite = math.isfinite(sum(float(part.sum()) for part in decision))
+        except Exception as error:  # whatever a mind may raise must not keep the robot from being damped
+            self._policy_error = f"the policy failed: {type(error).__name__}: {error}"
+            return
+        self._step_s = time.perf_counter() - started
+        self.observation, self._decision = observation, decision
+        self.timing.policy_ms.append(self._step_s * 1e3)
+        late = self._clock.realtime and self._step_s * 1e6 > self._period_us
+        self._late_steps = self._late_steps + 1 if late else 0
+        self._next_policy_us += self._period_us * max(
+            1, math.ceil((now_us + 1 - self._next_policy_us) / self._period_us)
+        )
+        if self._log is not None:
+            self._log.policy_step(now_us, observation, decision)
+
+    def _estimate_base(self, stance: np.ndarray | None) -> None:
+        if self.truth is not None:
+            self.estimate = self.truth()
+        elif self._estimator is not None:
+            elapsed_us = self.now_us - self._estimated_us
+            due = self.state.mode is Mode.WALKING and self.now_us >= self._next_policy_us
+            if due or elapsed_us >= self._estimate_every_us:
+                self.estimate = self._estimator.update(self.sensed, stance, elapsed_us * 1e-6)
+                self._estimated_us = self.now_us
+
+    # -- what may not go wrong -----------------------------------------------------------------------
+
+    def _supervise(self) -> None:
+        before = self.state
+        self.state = advance(before, self._signals(), self._config.safety)
+        if self.state is before or self.state.mode is before.mode:
+            return
+        if self.state.mode is Mode.STANDING:
+            self._stand_from = self.sensed.joint_position
+            self._joints.begin_at(self._stand_from)
+            self._estimated_us = self.now_us
+            if self._estimator is not None:
+                self._estimator.reset(self.sensed)
+        elif self.state.mode is Mode.WALKING:
+            self._begun_us = self._next_policy_us = self.now_us
+        if self._log is not None:
+            self._log.state(self.now_us, self.state)
+
+    def _signals(self) -> Signals:
+        heard = self._joints.heard()
+        now_us, state = self.now_us, self.state
+        oldest = int(heard.motor_us.argmin())
+        _, x, y, _ = self.sensed.quaternion.tolist()
+        upright = 1.0 - 2.0 * (x * x + y * y)
+        now_s = now_us * 1e-6
+        return Signals(
+            now_s=now_s,
+            motor_silence_s=(now_us - int(heard.motor_us[oldest])) * 1e-6,
+            silent_motor=self._wiring.place(oldest),
+            imu_silence_s=(now_us - heard.imu_us) * 1e-6,
+            motor_error=self._error_of(heard.motor_error) if heard.motor_error.any() else "",
+            tilt_rad=math.acos(max(-1.0, min(1.0, upright))),
+            command_finite=self._decision_finite,
+            late_steps=self._late_steps,
+            step_s=self._step_s if self._clock.realtime else 0.0,
+            frames_refused=self._refused,
+            policy_error=self._policy_error,
+            stand_done=state.mode is Mode.STANDING and now_s - state.since_s >= self._config.stand_s,
+            finish=self._finish and state.mode in {Mode.IDLE, *MOVING},
+        )
+
+    def _error_of(self, errors: np.ndarray) -> str:
+        joint = int(np.flatnonzero(errors)[0])
+        code = int(errors[joint])
+        what = mit.ERRORS.get(code, f"error {code}")
+        return f"motor {self._wiring.place(joint)} reports {what}"

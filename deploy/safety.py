@@ -1,0 +1,155 @@
+"""The safety supervisor: a pure state machine that decides when the robot stands, walks, or is damped.
+
+Rules are rows of tables. A fault is latched: FALLING and ESTOP end a run, and only a new one clears them.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+from typing import NamedTuple
+
+
+class Mode(Enum):
+    """What the loop does. IDLE motors are off, or being switched on."""
+
+    IDLE = "IDLE"
+    STANDING = "STANDING"
+    WALKING = "WALKING"
+    RELEASING = "RELEASING"  # damping at the end of a run
+    FALLING = "FALLING"  # damping, latched
+    ESTOP = "ESTOP"  # damping, latched
+
+
+DAMPED = frozenset({Mode.RELEASING, Mode.FALLING, Mode.ESTOP})
+MOVING = frozenset({Mode.STANDING, Mode.WALKING})
+
+
+@dataclass(frozen=True)
+class SafetyConfig:
+    """When to give up, and how."""
+
+    start_timeout_s: float = 1.0  # for every motor and the IMU to answer
+    silence_timeout_s: float = 0.05  # without a reply of a motor or a new IMU reading
+    tilt_limit_rad: float = 1.05
+    late_steps: int = 5  # policy steps in a row that took longer than their period
+    late_limit_s: float = 0.1  # one policy step may not take longer than this
+    damping_kd: float = 3.0  # N m s/rad
+    damping_s: float = 0.5  # how long to damp before the motors are switched off
+
+
+class Signals(NamedTuple):
+    """What the supervisor looks at on each tick. Names are empty where there is nothing to report."""
+
+    now_s: float
+    motor_silence_s: float  # of the motor that has been silent longest
+    silent_motor: str
+    imu_silence_s: float
+    motor_error: str
+    tilt_rad: float
+    command_finite: bool
+    late_steps: int  # policy steps in a row that were late
+    step_s: float  # duration of the last policy step
+    frames_refused: int  # so far
+    policy_error: str = ""
+    stand_done: bool = False
+    finish: bool = False  # the run shall end
+
+
+class State(NamedTuple):
+    """Where the supervisor is."""
+
+    mode: Mode = Mode.IDLE
+    since_s: float = 0.0
+    faults: tuple[str, ...] = ()
+    over: bool = False  # the run has ended and the motors may be switched off
+
+
+class Check(NamedTuple):
+    """One reason to stop: in which modes it counts, what it looks for, where it leads."""
+
+    modes: frozenset[Mode]
+    find: Callable[[Signals, SafetyConfig], str]  # the fault in one line, or nothing
+    leads_to: Mode
+
+
+def _silent_motor(s: Signals, c: SafetyConfig) -> str:
+    if s.motor_silence_s <= c.silence_timeout_s:
+        return ""
+    return f"no reply from {s.silent_motor} for {c.silence_timeout_s * 1e3:.0f} ms"
+
+
+def _silent_imu(s: Signals, c: SafetyConfig) -> str:
+    if s.imu_silence_s <= c.silence_timeout_s:
+        return ""
+    return f"no new IMU reading for {c.silence_timeout_s * 1e3:.0f} ms"
+
+
+def _never_started(s: Signals, c: SafetyConfig) -> str:
+    if s.now_s < c.start_timeout_s:
+        return ""
+    who = s.silent_motor if s.motor_silence_s > c.silence_timeout_s else "the IMU"
+    return f"no answer from {who} within {c.start_timeout_s:g} s of switching on"
+
+
+def _tilted(s: Signals, c: SafetyConfig) -> str:
+    if s.tilt_rad <= c.tilt_limit_rad:
+        return ""
+    return f"tilt of {s.tilt_rad:.2f} rad is past the limit of {c.tilt_limit_rad:.2f} rad"
+
+
+def _late(s: Signals, c: SafetyConfig) -> str:
+    if s.step_s > c.late_limit_s:
+        return f"the policy ran late: one step took {s.step_s * 1e3:.0f} ms"
+    if s.late_steps >= c.late_steps:
+        return f"the policy ran late: {s.late_steps} steps in a row took longer than their period"
+    return ""
+
+
+def _overflow(s: Signals, _: SafetyConfig) -> str:
+    return f"bus overflow: {s.frames_refused} frames refused" if s.frames_refused else ""
+
+
+CHECKS = (
+    Check(frozenset({Mode.IDLE}), _never_started, Mode.ESTOP),
+    Check(MOVING, lambda s, _: s.policy_error, Mode.ESTOP),
+    Check(MOVING, lambda s, _: "" if s.command_finite else "the policy's command is not finite", Mode.ESTOP),
+    Check(MOVING, _silent_motor, Mode.ESTOP),
+    Check(MOVING, _silent_imu, Mode.ESTOP),
+    Check(MOVING, lambda s, _: s.motor_error, Mode.ESTOP),
+    Check(MOVING, _late, Mode.ESTOP),
+    Check(frozenset({Mode.IDLE, *MOVING}), _overflow, Mode.ESTOP),
+    Check(MOVING, _tilted, Mode.FALLING),
+)
+
+
+def _heard_everyone(s: Signals, c: SafetyConfig) -> bool:
+    return max(s.motor_silence_s, s.imu_silence_s) <= c.silence_timeout_s
+
+
+PROGRESS: dict[Mode, tuple[Callable[[Signals, SafetyConfig], bool], Mode]] = {
+    Mode.IDLE: (_heard_everyone, Mode.STANDING),
+    Mode.STANDING: (lambda s, _: s.stand_done, Mode.WALKING),
+}
+
+
+def advance(state: State, signals: Signals, config: SafetyConfig) -> State:
+    """The state after one tick. Faults come first, then the wish to end, then progress."""
+    if state.over:
+        return state
+    now = signals.now_s
+    for check in CHECKS:
+        if state.mode in check.modes:
+            fault = check.find(signals, config)
+            if fault:
+                return State(check.leads_to, now, (*state.faults, fault))
+    if state.mode in DAMPED:
+        if now - state.since_s < config.damping_s:
+            return state
+        final = Mode.IDLE if state.mode is Mode.RELEASING else state.mode
+        return State(final, now, state.faults, over=True)
+    if signals.finish:
+        return State(Mode.RELEASING, now, state.faults)
+    ready, following = PROGRESS.get(state.mode, (None, state.mode))
+    if ready is not None and ready(signals, config):
+        return State(following, now, state.faults)
+    return state

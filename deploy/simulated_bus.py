@@ -1,0 +1,37 @@
+"""The simulated robot as a bus: what the control loop sees in place of CAN interfaces."""
+
+from deploy.bus import BusStatistics
+from deploy.frames import Frames
+from deploy.simulated_robot import SimulatedRobot
+from deploy.simulated_wire import Side, SimulatedWires
+
+
+class SimulatedBus:
+    """The controller's end of simulated wires. Receiving lets the robot live until then."""
+
+    def __init__(self, wires: SimulatedWires, robot: SimulatedRobot) -> None:
+        self._wires, self._robot = wires, robot
+
+    def send(self, frames: Frames, now_us: int) -> int:
+        return self._wires.send(Side.HOST, frames, now_us)
+
+    def receive(self, now_us: int) -> list[Frames]:
+        self._robot.advance(now_us)
+        return self._wires.receive(Side.HOST, now_us)
+
+    def statistics(self) -> list[BusStatistics]:
+        elapsed = max(self._robot.time_us, 1)
+        wires = self._wires
+        return [
+            BusStatistics(
+                name=name,
+                frames_sent=int(wires.sent[Side.HOST, i]),
+                frames_received=int(wires.sent[Side.ROBOT, i]),
+                frames_refused=int(wires.refused[Side.HOST, i]),
+                load=float(wires.busy_us[i]) / elapsed,
+            )
+            for i, name in enumerate(wires.names)
+        ]
+
+    def close(self) -> None:
+        """Nothing to let go of."""

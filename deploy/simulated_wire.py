@@ -1,0 +1,122 @@
+"""In-process CAN buses that take as long as real ones: one frame at a time, at 1 Mbit/s, behind queues."""
+
+from collections import deque
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+
+from deploy.frames import Frames, frame_bits
+
+HOST_QUEUE = 10  # frames, the default of a Linux CAN interface
+NODE_BACKLOG_US = 20_000.0  # a motor or an IMU gives up on a frame that would wait longer
+
+_BITS = np.array([frame_bits(length) for length in range(9)], dtype=float)
+
+
+class Side(IntEnum):
+    """Who sends: the controller, or the motors and the IMU."""
+
+    HOST = 0
+    ROBOT = 1
+
+
+class _Plan(NamedTuple):
+    """How a batch with a given sequence of channels follows one another on the wires."""
+
+    before: np.ndarray  # (k, k): 1 where frame j is on the same wire as i and not after it
+    on: np.ndarray  # (channels, k): 1 where frame j is on that wire
+    used: np.ndarray  # (channels,) bool
+    most: int  # frames on the busiest wire
+
+
+class SimulatedWires:
+    """Several buses. A frame occupies its wire for its bits at 1 Mbit/s, with worst-case stuffing.
+
+    Frames on one wire go in the order in which they were queued. Arbitration gives the same order, since
+    the controller's frames have the lower identifiers and a motor answers after it was addressed.
+    """
+
+    def __init__(self, names: tuple[str, ...], host_queue: int = HOST_QUEUE) -> None:
+        self.names = names
+        self._host_queue = host_queue
+        self._free_at = np.zeros(len(names))  # when each wire falls idle
+        self._all_free_at = 0.0
+        self._flying: tuple[deque[tuple[Frames, np.ndarray, float]], ...] = (deque(), deque())
+        self._plans: dict[bytes, _Plan] = {}
+        self.busy_us = np.zeros(len(names))
+        self.sent = np.zeros((2, len(names)), dtype=np.int64)
+        self.refused = np.zeros((2, len(names)), dtype=np.int64)
+
+    def send(self, side: Side, frames: Frames, now_us: float) -> int:
+        """Queue frames at a time that never runs backwards; returns how many were refused.
+
+        Raises nothing: a full transmit queue is counted, as ENOBUFS would be.
+        """
+        plan = self._plan(frames.channel)
+        if self._crowded(side, plan, now_us):
+            accepted = self._accept(side, frames, now_us)
+            refused = int(np.count_nonzero(~accepted))
+            if refused:
+                np.add.at(self.refused[side], frames.channel[~accepted], 1)
+                frames = frames.take(accepted)
+                plan = self._plan(frames.channel)
+                if not len(frames.channel):
+                    return refused
+        else:
+            refused = 0
+        duration = _BITS[frames.length]
+        start = np.maximum(self._free_at, now_us)
+        occupied = plan.on @ duration
+        arrival = start[frames.channel] + plan.before @ duration
+        self._free_at = np.where(plan.used, start + occupied, self._free_at)
+        self._all_free_at = float(self._free_at.max())
+        self.busy_us += occupied
+        self.sent[side] += plan.on.sum(axis=1, dtype=np.int64)
+        self._flying[side].append((frames, arrival, float(arrival.max())))
+        return refused
+
+    def receive(self, side: Side, now_us: float) -> list[Frames]:
+        """Frames for `side`, sent by the other one, that have arrived by now; oldest batch first."""
+        queue = self._flying[1 - side]
+        arrived: list[Frames] = []
+        rest: list[tuple[Frames, np.ndarray, float]] = []
+        while queue:
+            frames, arrival, last = queue.popleft()
+            if last <= now_us:
+                arrived.append(frames)
+                continue
+            here = arrival <= now_us
+            if here.any():
+                arrived.append(frames.take(here))
+                frames, arrival = frames.take(~here), arrival[~here]
+            rest.append((frames, arrival, last))
+        queue.extend(rest)
+        return arrived
+
+    def _plan(self, channel: np.ndarray) -> _Plan:
+        key = channel.tobytes()
+        plan = self._plans.get(key)
+        if plan is None:
+            same = (channel[:, None] == channel[None, :]).astype(float)
+            on = (np.arange(len(self.names))[:, None] == channel[None, :]).astype(float)
+            counts = on.sum(axis=1)
+            plan = _Plan(np.tril(same), on, counts > 0, int(counts.max(initial=0)))
+            self._plans[key] = plan
+        return plan
+
+    def _crowded(self, side: Side, plan: _Plan, now_us: float) -> bool:
+        """Whether any frame might be refused: a cheap test that is false in ordinary traffic."""
+        if side is Side.HOST:
+            return self._all_free_at > now_us or plan.most > self._host_queue
+        return self._all_free_at > now_us + NODE_BACKLOG_US
+
+    def _accept(self, side: Side, frames: Frames, now_us: float) -> np.ndarray:
+        """Which frames find a place, (k,) bool."""
+        if side is Side.ROBOT:
+            return self._free_at[frames.channel] <= now_us + NODE_BACKLOG_US
+        waiting = np.zeros(len(self.names), dtype=np.int64)
+        for queued, arrival, _ in self._flying[side]:
+            np.add.at(waiting, queued.channel[arrival > now_us], 1)
+        place = self._plan(frames.channel).before.sum(axis=1)
+        return waiting[frames.channel] + place <= self._host_queue
