@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from domain_rand.sample import Sample
-from policies.observation import Readings
+from robots.readings import Readings
 
 Array = Any
 

@@ -5,17 +5,9 @@ from typing import Any, NamedTuple
 
 from policies.contract import Contract
 from robots.errors import UserError
+from robots.readings import Readings
 
 Array = Any
-
-
-class Readings(NamedTuple):
-    """What the actor may know, shapes (..., k): only what a robot can sense."""
-
-    gyro: Array  # (..., 3) rad/s, body frame
-    gravity: Array  # (..., 3) unit vector of gravity in the body frame; (0, 0, -1) when upright
-    joint_position: Array  # (..., n) rad
-    joint_velocity: Array  # (..., n) rad/s
 
 
 class Inputs(NamedTuple):

@@ -1,11 +1,13 @@
 """YAML files to frozen dataclasses and back, with errors that name the field."""
 
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, TypeVar
 
 import yaml
 from cattrs import Converter, transform_error
-from cattrs.errors import BaseValidationError
+from cattrs.errors import BaseValidationError, ForbiddenExtraKeysError
+from cattrs.v import format_exception
 
 from robots.errors import UserError
 
@@ -44,6 +46,22 @@ _converter.register_structure_hook(str, _structure_str)
 _converter.register_structure_hook(bool, _structure_bool)
 
 
+def _reason(error: BaseException, expected: type | None) -> str:
+    """Why one value was refused: in the words of whoever refused it, where it found any."""
+    if isinstance(error, ForbiddenExtraKeysError):
+        unknown = ", ".join(sorted(error.extra_fields))
+        return f"no setting {unknown} (there are {', '.join(f.name for f in fields(error.cl))})"
+    if type(error) in (ValueError, Exception) and str(error):
+        return " ".join(str(error).split())
+    return " ".join(format_exception(error, expected).split())
+
+
+def _field_first(reason: str) -> str:
+    """'why @ .field' as 'field: why'."""
+    why, _, where = reason.rpartition(" @ ")
+    return f"{where.lstrip('.')}: {why}" if where else why
+
+
 def structure(data: Any, cls: type[T], source: str) -> T:
     """Build a dataclass from plain data.
 
@@ -58,7 +76,8 @@ def structure(data: Any, cls: type[T], source: str) -> T:
     try:
         return _converter.structure(data, cls)
     except BaseValidationError as error:
-        raise UserError(f"{source}: {'; '.join(transform_error(error))}") from None
+        reasons = transform_error(error, path="", format_exception=_reason)
+        raise UserError(f"{source}: {'; '.join(map(_field_first, reasons))}") from None
     except (TypeError, ValueError, KeyError, AttributeError) as error:
         raise UserError(f"{source}: {' '.join(str(error).split())}") from None
 

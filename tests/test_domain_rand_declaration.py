@@ -1,0 +1,107 @@
+"""The declaration: what YAML may say, what a draw is, the same for NumPy and JAX."""
+
+from dataclasses import fields
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from domain_rand.distributions import Distribution
+from domain_rand.randomisation import Randomisation, draw, load_randomisation, sample_shapes
+from domain_rand.sample import Sample
+from robots.errors import UserError
+
+JOINTS, BODIES = 12, 13
+NAMES = tuple(field.name for field in fields(Randomisation))
+
+
+def fixed(numbers: np.ndarray):
+    """A source of uniform numbers that always gives the first k of these."""
+    return lambda k: numbers[:k]
+
+
+@pytest.fixture(scope="module")
+def uniforms() -> np.ndarray:
+    return np.random.default_rng(0).random(500).astype(np.float32)
+
+
+def test_declaration_sample_and_shapes_name_the_same_things() -> None:
+    assert set(NAMES) == set(Sample._fields) == set(sample_shapes(JOINTS, BODIES))
+
+
+def test_the_default_declaration_randomises_everything_within_its_ranges(uniforms: np.ndarray) -> None:
+    randomisation = load_randomisation()
+    sample = draw(randomisation, fixed(uniforms), JOINTS, BODIES)
+    for name, shape in sample_shapes(JOINTS, BODIES).items():
+        value, distribution = getattr(sample, name), getattr(randomisation, name)
+        assert np.shape(value) == shape
+        assert np.all((value >= distribution.low) & (value <= distribution.high)), name
+
+
+def test_numpy_and_jax_draw_the_same_robot(uniforms: np.ndarray) -> None:
+    randomisation = load_randomisation()
+    ours = draw(randomisation, fixed(uniforms), JOINTS, BODIES)
+    theirs = draw(randomisation, fixed(jnp.asarray(uniforms)), JOINTS, BODIES)
+    for name in NAMES:
+        np.testing.assert_allclose(getattr(ours, name), getattr(theirs, name), rtol=1e-6, atol=1e-7)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_line_alone_changes_nothing_else(uniforms: np.ndarray, name: str) -> None:
+    """Nor does it change what another line would draw from the same numbers."""
+    everything = load_randomisation()
+    alone = Randomisation(**{name: getattr(everything, name)})
+    sample = draw(alone, fixed(uniforms), JOINTS, BODIES)
+    assert [field for field in NAMES if getattr(sample, field) is not None] == [name]
+    full = draw(everything, fixed(uniforms), JOINTS, BODIES)
+    np.testing.assert_array_equal(getattr(sample, name), getattr(full, name))
+
+
+def test_joints_and_links_are_drawn_apart(uniforms: np.ndarray) -> None:
+    sample = draw(load_randomisation(), fixed(uniforms), JOINTS, BODIES)
+    for name in ("link_mass", "inertia", "armature", "motor_strength", "kp", "kd", "encoder_bias"):
+        assert len(np.unique(getattr(sample, name))) > 1, name
+
+
+@given(st.floats(0, 1, exclude_max=True), st.floats(-5, 5), st.floats(0, 5))
+def test_uniform_quantile(u: float, low: float, width: float) -> None:
+    value = Distribution(low, low + width).quantile(np.array(u))
+    assert low <= value <= low + width
+    assert value == pytest.approx(low + u * width, abs=1e-12)
+
+
+def test_log_uniform_halves_its_mass_at_the_geometric_mean() -> None:
+    distribution = Distribution(0.1, 10.0, "log_uniform")
+    assert distribution.quantile(np.array([0.0, 0.5])) == pytest.approx([0.1, 1.0])
+
+
+@pytest.mark.parametrize(("width", "expected"), [(1.0, (0.4, 1.2)), (0.5, (0.7, 1.1)), (0.0, (1.0, 1.0))])
+def test_scaled_narrows_towards_neutral(width: float, expected: tuple[float, float]) -> None:
+    narrowed = Distribution(0.4, 1.2).scaled(width, neutral=1.0)
+    assert (narrowed.low, narrowed.high) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        ("friction: {low: 1.0, high: 0.5}", "above high"),
+        ("friction: {low: 0.0, high: 0.5, shape: log_uniform}", "log-uniform"),
+        ("friction: {low: 0.0, high: 0.5, shape: normal}", "friction"),
+        ("friction: {low: a, high: 0.5}", "friction"),
+        ("friction: {low: 0.5}", "high"),
+        ("friction: 0.5", "friction"),
+        ("stickiness: {low: 0.5, high: 1.0}", "stickiness"),
+        ("- friction", "mapping"),
+        ("friction: [", "valid YAML"),
+    ],
+)
+def test_malformed_declaration_is_refused_in_one_line(tmp_path: Path, text: str, wanted: str) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(text)
+    with pytest.raises(UserError, match=wanted) as caught:
+        load_randomisation(path)
+    assert "mine.yaml" in str(caught.value)
+    assert "\n" not in str(caught.value)

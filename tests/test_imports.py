@@ -1,0 +1,153 @@
+"""Who may import whom, and what the acting wing may weigh."""
+
+import ast
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+LEARNING_ONLY = ("jax", "jaxlib", "brax", "torch", "flax", "optax", "mujoco.mjx", "onnx", "tensorboardX")
+
+# Each room, and the rooms that it may import; itself always. footfall joins the wings.
+ALLOWED = {
+    "robots": set(),
+    "domain_rand": {"robots"},
+    "policies": {"robots"},
+    "deploy": {"robots", "policies", "domain_rand"},
+    "evaluate": {"robots", "policies", "domain_rand", "deploy"},
+    "envs": {"robots", "policies", "domain_rand"},
+    "train": {"robots", "policies", "domain_rand", "envs"},
+    "footfall": {"robots", "policies", "domain_rand", "deploy", "evaluate", "envs", "train"},
+}
+ACTING = ("robots", "domain_rand", "policies", "deploy", "evaluate")
+# What of policies the learning wing may know. `learned` runs an exported file to check it.
+POLICIES_FOR_LEARNING = {
+    "policies.contract",
+    "policies.observation",
+    "policies.action",
+    "policies.learned",
+}
+IMPORT_BUDGET_S = 1.0
+CI_SLACK = 3.0  # a busy or cold machine imports slower; the figure itself is printed
+
+
+def modules(room: str) -> Iterator[tuple[str, Path]]:
+    """Dotted name and path of each module of a room."""
+    for path in sorted((ROOT / room).rglob("*.py")):
+        parts = path.relative_to(ROOT).with_suffix("").parts
+        yield ".".join(parts[:-1] if parts[-1] == "__init__" else parts), path
+
+
+def imported(path: Path) -> set[str]:
+    """Dotted names that a file imports, wherever in it the import stands."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            assert node.module is not None
+            found |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+    return found
+
+
+def belongs_to(name: str, packages: tuple[str, ...] | set[str]) -> bool:
+    return any(name == package or name.startswith(f"{package}.") for package in packages)
+
+
+@pytest.mark.parametrize("room", ALLOWED)
+def test_rooms_import_one_way(room: str) -> None:
+    forbidden = set(ALLOWED) - ALLOWED[room] - {room}
+    wrong = [
+        f"{module} imports {name}"
+        for module, path in modules(room)
+        for name in sorted(imported(path))
+        if belongs_to(name, forbidden)
+    ]
+    assert wrong == []
+
+
+@pytest.mark.parametrize("room", ["envs", "train"])
+def test_learning_knows_policies_by_their_contract(room: str) -> None:
+    wrong = [
+        f"{module} imports {name}"
+        for module, path in modules(room)
+        for name in sorted(imported(path))
+        if belongs_to(name, ("policies",))
+        and name != "policies"
+        and not belongs_to(name, POLICIES_FOR_LEARNING)
+    ]
+    assert wrong == []
+
+
+@pytest.mark.parametrize("room", ACTING)
+def test_acting_source_names_no_learning_library(room: str) -> None:
+    wrong = [
+        f"{module} imports {name}"
+        for module, path in modules(room)
+        for name in sorted(imported(path))
+        if belongs_to(name, LEARNING_ONLY)
+    ]
+    assert wrong == []
+
+
+IMPORT_WITHOUT_LEARNING = """
+import importlib, json, sys, time
+
+class Blocker:
+    def find_spec(self, name, path=None, target=None):
+        if any(name == b or name.startswith(b + ".") for b in {blocked!r}):
+            raise ImportError(f"{{name}} is for the learning wing")
+
+sys.meta_path.insert(0, Blocker())
+began = time.perf_counter()
+for name in {names!r}:
+    importlib.import_module(name)
+print(json.dumps(time.perf_counter() - began))
+"""
+
+
+def import_apart(names: list[str], blocked: tuple[str, ...] = LEARNING_ONLY) -> float:
+    """Import modules in a fresh interpreter where some packages cannot be imported; returns seconds."""
+    done = subprocess.run(
+        [sys.executable, "-c", IMPORT_WITHOUT_LEARNING.format(blocked=blocked, names=names)],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return float(json.loads(done.stdout.splitlines()[-1]))
+
+
+@pytest.mark.parametrize("room", [*ACTING, "footfall"])
+def test_acting_modules_import_without_jax_and_torch(room: str) -> None:
+    import_apart([name for name, _ in modules(room) if not name.endswith("__main__")])
+
+
+def test_the_blocker_blocks() -> None:
+    with pytest.raises(AssertionError, match="learning wing"):
+        import_apart(["jax"])
+
+
+def test_acting_wing_imports_in_a_second(capsys: pytest.CaptureFixture[str]) -> None:
+    """Best of three: what it costs when the machine's files are in memory."""
+    names = [name for room in ACTING for name, _ in modules(room)]
+    seconds = min(import_apart(names, blocked=()) for _ in range(3))
+    with capsys.disabled():
+        print(f"\nacting wing imports in {seconds:.2f} s (budget {IMPORT_BUDGET_S} s)")
+    assert seconds < IMPORT_BUDGET_S * CI_SLACK
+
+
+def test_importing_the_acting_wing_loads_no_learning_library() -> None:
+    names = [name for room in ACTING for name, _ in modules(room)]
+    code = (
+        f"import importlib, sys\nfor n in {names!r}: importlib.import_module(n)\nprint(sorted(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    loaded = ast.literal_eval(done.stdout)
+    assert [name for name in loaded if belongs_to(name, LEARNING_ONLY)] == []
