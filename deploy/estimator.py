@@ -2,8 +2,8 @@
 
 The filter is that of Bledt et al. 2018 ("MIT Cheetah 3", section III-C) with three changes:
 
-- Feet are kept relative to the body, so the state holds only what can be observed: no absolute position, whose
-  variance would grow for ever. Per world axis it is (v, r_1 .. r_L), and since all noise is isotropic, the
+- Feet are kept relative to the body, so the state holds only what can be observed: no absolute position,
+  whose variance would grow for ever. Per world axis it is (v, r_1 .. r_L), and since all noise is isotropic, the
   three axes share one (1 + L, 1 + L) covariance.
 - v is the velocity of the IMU, not of the base: its derivative is what the accelerometer measures, with no
   angular acceleration in it. The lever arm enters once, in the result, through the gyro.
@@ -13,31 +13,36 @@ The filter is that of Bledt et al. 2018 ("MIT Cheetah 3", section III-C) with th
 import math
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 
-from policies.attitude import cross, rotation_matrix
+from policies.attitude import rotation_matrix, skew
+from policies.mpc.body import nominal_body
 from policies.policy import Sensed
-from robots.description import Robot, load_spec
+from robots.description import Robot
 from robots.kinematics import Legs
+from robots.model import imu_position
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
+_REGULAR = 1e-5 * np.eye(3)  # m^2/rad^2
 
 
 @dataclass(frozen=True)
 class EstimatorConfig:
     """Noise figures (standard deviations) and trust in contacts.
 
-    A foot that does not stand is trusted less: its noise grows to `swing_noise` times the figure given.
+    A foot that does not stand is trusted less: its noise grows by up to `swing_noise`. Contact forces are shares
+    of the force on each foot of a robot that stands on all of them.
     """
 
-    acceleration_noise: float = 0.5  # m/s^2 in one reading
+    acceleration_noise: float = (
+        6.0  # m/s^2 in one reading: touch-down shocks, and pushes too short to be seen
+    )
     foot_drift_noise: float = 0.02  # m/s in each of a standing foot's steps: slip
     foot_place_noise: float = 0.003  # m, of leg kinematics
     foot_velocity_noise: float = 0.1  # m/s, of leg kinematics
-    swing_noise: float = 100.0
-    contact_force_low_n: float = 8.0  # an upward force below it: no contact
-    contact_force_high_n: float = 25.0  # above it: full contact
+    swing_noise: float = 1000.0
+    contact_force_low: float = 0.4  # an upward force below it: no contact
+    contact_force_high: float = 1.0  # above it: full contact
     force_filter_s: float = 0.006  # time constant of the force estimate
 
 
@@ -52,22 +57,24 @@ class BaseEstimator:
     def __init__(self, robot: Robot, config: EstimatorConfig | None = None) -> None:
         self._config = config or EstimatorConfig()
         self._legs = Legs(robot)
-        self._imu = _imu_place(robot)
+        self._imu = imu_position(robot)
         self._diagonal = np.arange(1 + self._legs.count)
+        body = nominal_body(robot)
+        self._leg_inertia = body.leg_inertia
+        self._even_force = -GRAVITY[2] * body.mass / self._legs.count
 
     def reset(self, sensed: Sensed) -> None:
         """Begin at rest, all feet down."""
         legs = self._legs
-        self._force = np.full(legs.count, 2 * self._config.contact_force_high_n)
+        self._momentum = (self._leg_inertia @ legs.gather(sensed.joint_velocity)[:, :, None])[:, :, 0]
+        self._outside_torque = -legs.gather(sensed.joint_torque)
         rotation = rotation_matrix(sensed.quaternion)
         feet = (legs.pose(sensed.joint_position).foot - self._imu) @ rotation.T
         self._state = np.vstack([np.zeros(3), feet])  # (1 + legs, 3): v, then r of each foot, world axes
         self._covariance = np.diag([0.01] + [0.01**2] * legs.count)
         self._height = self._height_above(feet, np.ones(legs.count))
 
-    def update(
-        self, sensed: Sensed, stance: np.ndarray | None, dt_s: float
-    ) -> tuple[np.ndarray, float]:
+    def update(self, sensed: Sensed, stance: np.ndarray | None, dt_s: float) -> tuple[np.ndarray, float]:
         """Take in one set of readings.
 
         Args:
@@ -77,8 +84,8 @@ class BaseEstimator:
             dt_s: time since the readings before.
 
         Returns:
-            The base origin's velocity in the body frame, (3,) m/s, and its height above the ground under the
-            standing feet, m.
+            The base origin's velocity in the body frame, (3,) m/s, and its height above the mean standing foot's
+            centre, m.
         """
         legs = self._legs
         rotation = rotation_matrix(sensed.quaternion)
@@ -93,8 +100,9 @@ class BaseEstimator:
 
         place = pose.foot - self._imu
         lowest = -legs.foot_radius[:, None] * rotation[2]
-        standing_rate = (contact_jacobian @ rates)[:, :, 0] + cross(sensed.gyro, place + lowest)
-        rolling_rate = (rolling @ rates)[:, :, 0] + cross(sensed.gyro, lowest)
+        turning = skew(sensed.gyro).T
+        standing_rate = (contact_jacobian @ rates)[:, :, 0] + (place + lowest) @ turning
+        rolling_rate = (rolling @ rates)[:, :, 0] + lowest @ turning
         measured_velocity = -standing_rate @ rotation.T
         measured_place = place @ rotation.T
         foot_velocity = -rolling_rate @ rotation.T  # of a standing foot's centre, in the world
@@ -102,30 +110,38 @@ class BaseEstimator:
         self._predict(rotation @ sensed.acceleration + GRAVITY, foot_velocity, trust, dt_s)
         self._correct(measured_velocity, measured_place, trust)
 
-        velocity = rotation.T @ self._state[0] - cross(sensed.gyro, self._imu)
+        velocity = rotation.T @ self._state[0] - self._imu @ turning
         if trust.sum() > 0.5:
             self._height = self._height_above(self._state[1:], trust)
         else:
             self._height += float(self._state[0, 2]) * dt_s
         return velocity, self._height + float(-rotation[2] @ self._imu)
 
-    def _contact(
-        self, sensed: Sensed, jacobian: np.ndarray, rotation: np.ndarray, dt_s: float
-    ) -> np.ndarray:
-        """Trust in each foot's contact (legs,) from the force that the joint torques hold: f = -J^-T tau."""
+    def _contact(self, sensed: Sensed, jacobian: np.ndarray, rotation: np.ndarray, dt_s: float) -> np.ndarray:
+        """Trust in each foot's contact (legs,) from the force that the ground must exert on it.
+
+        A leg's momentum observer (De Luca et al. 2006): what changes the momentum of a leg beyond its motors'
+        torques comes from the foot, J' f = d(M q')/dt - tau. Without the first term, a leg that is thrown
+        forwards in its swing would look like one that stands.
+        """
         config = self._config
-        torque = self._legs.gather(sensed.joint_torque)
-        regular = jacobian @ jacobian.transpose(0, 2, 1) + 1e-5 * np.eye(3)
-        force = -np.linalg.solve(regular, jacobian @ torque[:, :, None])[:, :, 0]
-        share = 1.0 - math.exp(-dt_s / config.force_filter_s)
-        self._force += share * (force @ rotation[2] - self._force)
-        span = config.contact_force_high_n - config.contact_force_low_n
-        trust = (self._force - config.contact_force_low_n) / span
+        rates = self._legs.gather(sensed.joint_velocity)
+        momentum = (self._leg_inertia @ rates[:, :, None])[:, :, 0]
+        outside = (momentum - self._momentum) / dt_s - self._legs.gather(sensed.joint_torque)
+        self._momentum = momentum
+        self._outside_torque += (1.0 - math.exp(-dt_s / config.force_filter_s)) * (
+            outside - self._outside_torque
+        )
+        # Least squares, regularised: near a singular pose a force is unknown along one direction only.
+        pushed = jacobian @ self._outside_torque[:, :, None]
+        regular = jacobian @ jacobian.transpose(0, 2, 1) + _REGULAR
+        force = np.linalg.solve(regular, pushed)[:, :, 0] @ rotation[2] / self._even_force
+        trust = (force - config.contact_force_low) / (config.contact_force_high - config.contact_force_low)
         return np.minimum(np.maximum(trust, 0.0), 1.0)
 
     def _noise(self, trust: np.ndarray) -> np.ndarray:
         """Factor on the noise variance of each foot (legs,)."""
-        return 1.0 + (self._config.swing_noise**2 - 1.0) * (1.0 - trust) ** 2
+        return self._config.swing_noise ** (2.0 - 2.0 * trust)
 
     def _predict(
         self, acceleration: np.ndarray, foot_velocity: np.ndarray, trust: np.ndarray, dt_s: float
@@ -164,16 +180,5 @@ class BaseEstimator:
         self._covariance = (covariance + covariance.T) / 2
 
     def _height_above(self, feet: np.ndarray, trust: np.ndarray) -> float:
-        """Height of the IMU above the ground under feet (legs, 3), weighted by trust (legs,)."""
-        lowest = feet[:, 2] - self._legs.foot_radius
-        return -float(lowest @ trust / trust.sum())
-
-
-def _imu_place(robot: Robot) -> np.ndarray:
-    """The IMU's place on the base, base frame, m."""
-    model = load_spec(robot.xml_path).compile()
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    base = model.body(robot.description.base).id
-    offset = data.site(robot.description.imu).xpos - data.xpos[base]
-    return data.xmat[base].reshape(3, 3).T @ offset
+        """Height of the IMU above the mean of feet (legs, 3), weighted by trust (legs,)."""
+        return -float(feet[:, 2] @ trust / trust.sum())

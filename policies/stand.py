@@ -45,9 +45,7 @@ class Stand:
 
     def act(self, observation: Observation) -> JointCommand:
         config = self._config
-        tilt = tilt_correction(
-            observation, config.tilt_gain, config.tilt_rate_gain_s, config.most_tilt_rad
-        )
+        tilt = tilt_correction(observation, config.tilt_gain, config.tilt_rate_gain_s, config.most_tilt_rad)
         feet = level_feet(self._legs.default_foot, tilt)
         goal = self._legs.scatter(self._legs.solve(feet), self._robot.default_pose)
         share = min(1.0, observation.time_s / config.settle_s)
@@ -59,9 +57,7 @@ class Stand:
         return np.ones(self._legs.count)
 
 
-def tilt_correction(
-    observation: Observation, gain: float, rate_gain_s: float, most_rad: float
-) -> np.ndarray:
+def tilt_correction(observation: Observation, gain: float, rate_gain_s: float, most_rad: float) -> np.ndarray:
     """Roll and pitch (2,) in rad by which the feet should turn with the base, so that it turns back.
 
     The measured tilt is the deviation of gravity from straight down in the body frame, its rate the gyro's.

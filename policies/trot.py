@@ -80,9 +80,7 @@ class Trot:
         walk = settled and self._command.wants_walk(observation.command)
         self._clock.advance(dt_s, walk)
 
-        tilt = tilt_correction(
-            observation, config.tilt_gain, config.tilt_rate_gain_s, config.most_tilt_rad
-        )
+        tilt = tilt_correction(observation, config.tilt_gain, config.tilt_rate_gain_s, config.most_tilt_rad)
         self._tilt += min(1.0, dt_s / config.tilt_filter_s) * (tilt - self._tilt)
         feet = level_feet(self._place + self._step(observation), self._tilt)
         goal = self._legs.scatter(self._legs.solve(feet), self._robot.default_pose)

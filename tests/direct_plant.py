@@ -9,7 +9,7 @@ from policies.attitude import rotation_matrix
 from policies.policy import Observation, Policy, Sensed
 from robots.actuator import JointCommand, joint_torque
 from robots.description import Robot
-from robots.model import joint_addresses, plant_model
+from robots.model import IMU, joint_addresses, plant_model
 
 JOINT_RATE_HZ = 500
 
@@ -22,8 +22,6 @@ class DirectPlant:
         self.model = plant_model(robot)
         self.data = mujoco.MjData(self.model)
         self._q, self._v = joint_addresses(self.model, robot)
-        self._imu = self.model.site(robot.description.imu).id
-        self._floor = self.model.geom("floor").id
         self._feet = [self.model.geom(foot.geom).id for foot in robot.description.feet]
         self.base = self.model.body(robot.description.base).id
         self._rng = np.random.default_rng(seed)
@@ -48,14 +46,9 @@ class DirectPlant:
         """Noisy readings of the present state."""
         noise = self._rng.standard_normal
         n = len(self._q)
-        acceleration = np.zeros(6)
-        mujoco.mj_rnePostConstraint(self.model, self.data)
-        mujoco.mj_objectAcceleration(
-            self.model, self.data, mujoco.mjtObj.mjOBJ_SITE, self._imu, acceleration, 1
-        )
         return Sensed(
             gyro=self.data.qvel[3:6] + 0.02 * noise(3),
-            acceleration=acceleration[3:] + 0.1 * noise(3),
+            acceleration=self.data.sensor(IMU).data + 0.1 * noise(3),
             quaternion=self.data.qpos[3:7] + 0.002 * noise(4),
             joint_position=self.data.qpos[self._q] + 0.0005 * noise(n),
             joint_velocity=self.data.qvel[self._v] + 0.05 * noise(n),
@@ -66,12 +59,9 @@ class DirectPlant:
         """True velocity of the base origin in the body frame."""
         return rotation_matrix(self.data.qpos[3:7]).T @ self.data.qvel[:3]
 
-    def touching(self) -> np.ndarray:
-        """Which feet touch the floor."""
-        contact = self.data.contact.geom
-        return np.array(
-            [np.any(np.all(np.sort(contact, 1) == sorted((g, self._floor)), 1)) for g in self._feet]
-        )
+    def height(self) -> float:
+        """True height of the base above a standing foot's centre."""
+        return float(self.data.qpos[2]) - float(self.model.geom_size[self._feet[0], 0])
 
     def fallen(self) -> bool:
         """Whether the base is tilted by more than 60 degrees or has sunk to the ground."""
@@ -132,7 +122,7 @@ def walk(
     for tick in range(round(duration_s * JOINT_RATE_HZ)):
         time_s = tick / JOINT_RATE_HZ
         sensed = plant.sensed()
-        velocity, height = plant.velocity(), float(plant.data.qpos[2])
+        velocity, height = plant.velocity(), plant.height()
         if estimator is not None:
             planned = policy.stance() if tick else None
             velocity, height = estimator.update(sensed, planned, 1 / JOINT_RATE_HZ)  # type: ignore[attr-defined]

@@ -15,7 +15,7 @@ class RigidBody:
     mass: float  # kg
     centre: np.ndarray  # (3,) m, centre of mass from the base's origin
     inertia: np.ndarray  # (3, 3) kg m^2 about the centre of mass
-    leg_inertia: np.ndarray  # (legs, 3, 3) kg m^2, joint-space inertia of each leg, reflected inertia included
+    leg_inertia: np.ndarray  # (legs, 3, 3) kg m^2, joint space, reflected inertia included
 
 
 def nominal_body(robot: Robot) -> RigidBody:

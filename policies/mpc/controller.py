@@ -1,7 +1,7 @@
 """The MPC controller: forces for the feet that stand, trajectories for those that swing.
 
-At the joint rate it follows the base by odometry, steps its clock and turns forces and swing trajectories into
-joint commands; at `solve_hz` it plans the forces anew.
+At the joint rate it follows the base by odometry, steps its clock and turns forces and swing trajectories
+into joint commands; at `solve_hz` it plans the forces anew.
 """
 
 import math
@@ -80,7 +80,7 @@ class Mpc:
 
     def reset(self, observation: Observation) -> None:
         yaw = roll_pitch_yaw(rotation_matrix(observation.sensed.quaternion))[2]
-        self._begin(observation.sensed.joint_position, yaw, observation.base_height)
+        self._begin(observation.sensed.joint_position, yaw, self._above_ground(observation))
 
     def _begin(self, joint_position: np.ndarray, yaw: float, height: float) -> None:
         count = self._legs.count
@@ -128,11 +128,12 @@ class Mpc:
         rotation = rotation_matrix(observation.sensed.quaternion)
         velocity = rotation @ observation.base_velocity
         self._position = self._position + velocity * dt_s
-        self._position[2] = observation.base_height
+        self._position[2] = self._above_ground(observation)
         roll, pitch, yaw = roll_pitch_yaw(rotation)
-        return Base(
-            self._position, velocity, rotation, observation.sensed.gyro, roll, pitch, yaw
-        )
+        return Base(self._position, velocity, rotation, observation.sensed.gyro, roll, pitch, yaw)
+
+    def _above_ground(self, observation: Observation) -> float:
+        return observation.base_height + float(self._legs.foot_radius.mean())
 
     def _step_clock(self, observation: Observation, base: Base, dt_s: float) -> None:
         settled = observation.time_s >= self._config.settle_s
@@ -250,7 +251,7 @@ class Mpc:
         return BodyState(attitude, position, rate, velocity)
 
     def _path(self, state: BodyState, reference: BodyState) -> np.ndarray:
-        """Where the centre of mass will be in the middle of each step: its speed decays to the reference's."""
+        """The centre of mass in the middle of each step: its speed decays to the reference's."""
         decay_s = 0.2
         time_s = self._middle_of_step[:, None]
         surplus = state.velocity - reference.velocity[0]
@@ -259,9 +260,7 @@ class Mpc:
         path[:, 2] = state.position[2]
         return path
 
-    def _joint_command(
-        self, observation: Observation, base: Base, pose: LegPose
-    ) -> JointCommand:
+    def _joint_command(self, observation: Observation, base: Base, pose: LegPose) -> JointCommand:
         config, legs = self._config, self._legs
         up = base.rotation[2]
         stands = self._stands[:, None]
@@ -293,7 +292,9 @@ class Mpc:
         torque = np.where(stands, stance_torque, swing_torque)
         ramp = np.minimum(np.maximum(joint_velocity / self._friction_speed, -1.0), 1.0)
         torque += self._friction * ramp
-        position = np.where(stands, legs.gather(observation.sensed.joint_position), legs.solve(swing.position))
+        position = np.where(
+            stands, legs.gather(observation.sensed.joint_position), legs.solve(swing.position)
+        )
         kp = np.where(stands, 0.0, config.swing.joint_kp) * np.ones((1, 3))
         kd = np.where(stands, config.stance.kd, config.swing.joint_kd) * np.ones((1, 3))
         zero = np.zeros_like(self._start)
@@ -317,5 +318,3 @@ class Mpc:
         position = (target.position - base.position) @ base.rotation
         velocity = (target.velocity - base.velocity) @ base.rotation - cross(base.gyro, position)
         return SwingTarget(position, velocity, target.acceleration @ base.rotation)
-
-

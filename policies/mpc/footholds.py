@@ -64,8 +64,8 @@ def contact_points(
 ) -> np.ndarray:
     """Where each foot stands during each step of the horizon, from the centre of mass then.
 
-    A foot that stands now stays where it is, one that swings lands on its target, and one that has lifted off and
-    landed once more by then is at its place under the body.
+    A foot that stands now stays where it is, one that swings lands on its target, and one that has lifted off
+    and landed once more by then is at its place under the body.
 
     Args:
         contacts: (steps, legs) boolean; the first step is now.

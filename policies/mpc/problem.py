@@ -1,15 +1,15 @@
 """From the state of a rigid body and its coming contacts to a quadratic programme over the feet's forces.
 
 The model is that of Di Carlo et al. 2018 ("Dynamic locomotion in the MIT Cheetah 3 through convex
-model-predictive control", eqs. 15-17), written in the heading frame (world turned by the present yaw), where for
-small roll and pitch
+model-predictive control", eqs. 15-17), written in the heading frame (world turned by the present yaw), where
+for small roll and pitch
 
     d attitude = rate,   d rate = I^-1 sum r x f,   d position = velocity,   d velocity = g + sum f / m.
 
-Its A is nilpotent (A^2 = 0 apart from gravity, which is integrated by hand), so the exact discretisation has a
-closed form: a force f held during step j changes rates after step k >= j by dt, and attitude and position by
-dt^2 (k - j + 1/2), times its acceleration. The programme is condensed: its only variables are the forces of
-feet in contact. With a weight per state, the Hessian is a few products of small matrices.
+Its A is nilpotent (A^2 = 0 apart from gravity, which is integrated by hand), so the exact discretisation
+has a closed form: a force f held during step j changes rates after step k >= j by dt, and attitude and
+position by dt^2 (k - j + 1/2), times its acceleration. The programme is condensed: its only variables are
+the forces of feet in contact. With a weight per state, the Hessian is a few products of small matrices.
 """
 
 from typing import NamedTuple
@@ -61,9 +61,7 @@ class _Pattern(NamedTuple):
 class ForceProblems:
     """Builds the quadratic programmes of one robot."""
 
-    def __init__(
-        self, body: RigidBody, horizon: Horizon, weights: Weights, contact: Contact
-    ) -> None:
+    def __init__(self, body: RigidBody, horizon: Horizon, weights: Weights, contact: Contact) -> None:
         steps, dt_s = horizon.steps, horizon.step_s
         self._body, self._weights, self._contact = body, weights, contact
         self._inverse_inertia = np.linalg.inv(body.inertia)
@@ -96,10 +94,7 @@ class ForceProblems:
         hessian = (
             (flat.T @ (self._weight_attitude[:, None] * flat)).reshape(3, n, 3, n)
             * pattern.second[:, None, :]
-        ) + (
-            (flat.T @ (self._weight_rate[:, None] * flat)).reshape(3, n, 3, n)
-            * pattern.first[:, None, :]
-        )
+        ) + ((flat.T @ (self._weight_rate[:, None] * flat)).reshape(3, n, 3, n) * pattern.first[:, None, :])
         for axis in range(3):
             hessian[axis, :, axis, :] += pattern.linear[axis]
 

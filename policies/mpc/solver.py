@@ -12,16 +12,16 @@ _SOFT_INFINITY = 1e30
 class BoundedSolver:
     """daqp within a number of iterations, then PIQP.
 
-    An active-set method is the fastest by far where few constraints are active (a walking robot) and slow where
-    many are (a falling one); an interior-point method takes about the same time for every problem. Bounds are on
-    iterations, not on time, so that a simulation in lockstep gives the same result each time.
+    An active-set method is the fastest by far where few constraints are active (a walking robot) and slow
+    where many are (a falling one); an interior-point method takes about the same time for every problem.
+    Bounds are on iterations, not on time, so that a simulation in lockstep gives the same result each time.
 
     Args:
         daqp_iterations: after which PIQP takes over.
         piqp_iterations: after which its last iterate is taken.
     """
 
-    def __init__(self, daqp_iterations: int = 120, piqp_iterations: int = 12) -> None:
+    def __init__(self, daqp_iterations: int = 100, piqp_iterations: int = 15) -> None:
         self._daqp_iterations = daqp_iterations
         self._piqp_iterations = piqp_iterations
         self.fallbacks = 0
@@ -38,7 +38,7 @@ class BoundedSolver:
             problem.lower,
             iter_limit=self._daqp_iterations,
         )
-        if status > 0:
+        if status > 0 and np.all(np.isfinite(solution)):
             return np.asarray(solution)
         self.fallbacks += 1
         return self._interior_point(problem)
@@ -49,7 +49,7 @@ class BoundedSolver:
         lower[:bounded], upper[:bounded] = problem.lower[:bounded], problem.upper[:bounded]
         solver = piqp.DenseSolver()
         solver.settings.max_iter = self._piqp_iterations
-        solver.settings.eps_abs = solver.settings.eps_rel = 1e-4
+        solver.settings.eps_abs = solver.settings.eps_rel = 1e-6
         solver.settings.check_duality_gap = False
         solver.setup(
             np.asfortranarray(problem.hessian),

@@ -1,0 +1,116 @@
+"""The hand-written controllers on the simulated robot."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from direct_plant import DirectPlant, Walk, walk
+
+from deploy.estimator import BaseEstimator
+from policies.mpc import Mpc
+from policies.policy import Policy
+from policies.stand import Stand
+from policies.trot import Trot
+from robots.description import load_robot
+from robots.errors import UserError
+
+ROBOT = load_robot("go1")
+CONTROLLERS: list[Callable[..., Policy]] = [Stand, Trot, Mpc]
+
+
+def go(
+    policy: Policy, command: tuple[float, float, float], duration_s: float = 5.0, **kwargs: object
+) -> Walk:
+    return walk(
+        policy,
+        DirectPlant(ROBOT),
+        lambda _: np.array(command),
+        duration_s,
+        BaseEstimator(ROBOT),
+        **kwargs,  # type: ignore[arg-type]
+    )
+
+
+def drift(result: Walk, after_s: float = 1.0) -> float:
+    """Distance walked after a time, m."""
+    return float(np.linalg.norm(result.position[-1] - result.position[int(after_s * 500)]))
+
+
+class TestAll:
+    @pytest.mark.parametrize("make", CONTROLLERS)
+    def test_zero_command_means_stand_still(self, make: Callable[..., Policy]) -> None:
+        result = go(make(ROBOT), (0.0, 0.0, 0.0), 3.0)
+        assert not result.fell
+        assert drift(result) < 0.02
+
+    @pytest.mark.parametrize("make", CONTROLLERS)
+    def test_it_is_a_policy(self, make: Callable[..., Policy]) -> None:
+        policy = make(ROBOT)
+        assert isinstance(policy, Policy)
+        stance = policy.stance()
+        assert stance is not None
+        assert stance.shape == (len(ROBOT.description.feet),)
+
+    @pytest.mark.parametrize("make", CONTROLLERS)
+    def test_the_same_readings_give_the_same_commands(self, make: Callable[..., Policy]) -> None:
+        first, again = (go(make(ROBOT), (0.4, 0.0, 0.3), 1.5) for _ in range(2))
+        np.testing.assert_array_equal(first.position, again.position)
+
+    def test_a_second_episode_does_not_remember_the_first(self) -> None:
+        policy = Mpc(ROBOT)
+        first, again = (go(policy, (0.4, 0.0, 0.3), 1.5) for _ in range(2))
+        np.testing.assert_array_equal(first.position, again.position)
+
+    @pytest.mark.parametrize("name", ["stand", "trot", "mpc"])
+    def test_a_robot_without_settings_is_refused_in_one_line(self, own_folder: Path, name: str) -> None:
+        (own_folder / "controllers.yaml").unlink(missing_ok=True)
+        make = {"stand": Stand, "trot": Trot, "mpc": Mpc}[name]
+        with pytest.raises(UserError, match=f"settings for '{name}'"):
+            make(load_robot(own_folder))
+
+    def test_a_wrong_setting_is_named(self, own_folder: Path) -> None:
+        text = (ROBOT.folder / "controllers.yaml").read_text()
+        (own_folder / "controllers.yaml").write_text(text.replace("duty: 0.5", "duty: half", 1))
+        with pytest.raises(UserError, match="duty"):
+            Trot(load_robot(own_folder))
+
+
+class TestTrot:
+    @pytest.mark.parametrize("command", [(0.5, 0.0, 0.0), (-0.3, 0.0, 0.0), (0.0, 0.2, 0.0), (0.0, 0.0, 0.5)])
+    def test_it_goes_where_it_is_told(self, command: tuple[float, float, float]) -> None:
+        result = go(Trot(ROBOT), command)
+        assert not result.fell
+        np.testing.assert_allclose(result.mean_velocity(2.0), command, atol=0.15)
+
+
+class TestMpc:
+    @pytest.mark.parametrize("command", [(1.0, 0.0, 0.0), (-0.6, 0.0, 0.0), (0.0, 0.5, 0.0), (0.6, 0.3, 1.0)])
+    def test_it_follows_the_command(self, command: tuple[float, float, float]) -> None:
+        result = go(Mpc(ROBOT), command, 4.0)
+        assert not result.fell
+        velocity, yaw_rate = result.errors(settle_s=1.5)
+        assert velocity < 0.12
+        assert yaw_rate < 0.15
+        assert np.std(result.height[750:]) < 0.01
+
+    @pytest.mark.parametrize("direction", range(4))
+    @pytest.mark.parametrize("command", [(0.0, 0.0, 0.0), (0.5, 0.0, 0.0)])
+    def test_it_survives_a_push(self, direction: int, command: tuple[float, float, float]) -> None:
+        angle = direction * np.pi / 2 + 0.3
+        push = (1.5, 0.8 * np.array([np.cos(angle), np.sin(angle), 0.0]))
+        result = go(Mpc(ROBOT), command, 3.5, push=push)
+        assert not result.fell
+        np.testing.assert_allclose(result.velocity[-1][:2], command[:2], atol=0.2)
+
+    def test_it_stands_again_after_a_push(self) -> None:
+        policy = Mpc(ROBOT)
+        result = go(policy, (0.0, 0.0, 0.0), 4.5, push=(1.0, np.array([0.0, 0.8, 0.0])))
+        assert not result.fell
+        assert drift(result, after_s=4.0) < 0.01
+
+    def test_every_solve_is_timed(self) -> None:
+        policy = Mpc(ROBOT)
+        go(policy, (0.5, 0.0, 0.0), 1.0)
+        assert len(policy.solve_ms) >= 100
+        assert policy.late == 0

@@ -1,0 +1,138 @@
+"""Leg kinematics: against MuJoCo, against finite differences, and there and back."""
+
+import timeit
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from robots.description import available_robots, load_robot
+from robots.errors import UserError
+from robots.kinematics import Legs
+from robots.model import joint_addresses, plant_model
+
+ROBOT = load_robot("go1")
+LEGS = Legs(ROBOT)
+
+fractions = arrays(float, len(ROBOT.joint_names), elements=st.floats(0.0, 1.0))
+places = arrays(float, (LEGS.count, 3), elements=st.floats(-2.0, 2.0))
+
+
+def pose_at(fraction: np.ndarray) -> np.ndarray:
+    return ROBOT.lower_rad + fraction * (ROBOT.upper_rad - ROBOT.lower_rad)
+
+
+def near_default(fraction: np.ndarray) -> np.ndarray:
+    """Poses a walking robot takes: feet below the hips."""
+    reach = np.minimum(np.array([0.5, 0.9, 0.8])[None], 1.0)
+    spread = LEGS.scatter(np.repeat(reach, LEGS.count, 0), np.zeros(len(fraction)))
+    pose = ROBOT.default_pose + (2 * fraction - 1) * spread
+    return np.clip(pose, ROBOT.lower_rad, ROBOT.upper_rad)
+
+
+class TestForward:
+    @settings(max_examples=50, deadline=None)
+    @given(fractions)
+    def test_feet_and_jacobians_are_mujocos(self, fraction: np.ndarray) -> None:
+        model = plant_model(ROBOT)
+        data = mujoco.MjData(model)
+        q, v = joint_addresses(model, ROBOT)
+        base = model.body(ROBOT.description.base).id
+        data.qpos[:7] = [0.3, -0.2, 0.5, 0.5, -0.5, 0.5, 0.5]
+        data.qpos[q] = pose_at(fraction)
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        rotation = data.xmat[base].reshape(3, 3)
+        pose = LEGS.pose(data.qpos[q])
+        for leg, foot in enumerate(ROBOT.description.feet):
+            geom = model.geom(foot.geom).id
+            place = (data.geom_xpos[geom] - data.xpos[base]) @ rotation
+            np.testing.assert_allclose(pose.foot[leg], place, atol=1e-9)
+            jacobian, turning = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+            mujoco.mj_jacGeom(model, data, jacobian, turning, geom)
+            dofs = v[LEGS.joints[leg]]
+            np.testing.assert_allclose(pose.jacobian[leg], rotation.T @ jacobian[:, dofs], atol=1e-9)
+            np.testing.assert_allclose(pose.axes[leg], rotation.T @ turning[:, dofs], atol=1e-9)
+
+    @settings(max_examples=50, deadline=None)
+    @given(fractions)
+    def test_jacobian_is_the_derivative_of_the_foot(self, fraction: np.ndarray) -> None:
+        joint, step = pose_at(fraction), 1e-6
+        pose = LEGS.pose(joint)
+        for leg in range(LEGS.count):
+            for column, index in enumerate(LEGS.joints[leg]):
+                nudge = np.zeros_like(joint)
+                nudge[index] = step
+                slope = (LEGS.pose(joint + nudge).foot - LEGS.pose(joint - nudge).foot) / (2 * step)
+                np.testing.assert_allclose(pose.jacobian[leg, :, column], slope[leg], atol=1e-7)
+
+
+class TestInverse:
+    @settings(max_examples=200, deadline=None)
+    @given(fractions)
+    def test_there_and_back(self, fraction: np.ndarray) -> None:
+        joint = near_default(fraction)
+        angles = LEGS.solve(LEGS.pose(joint).foot)
+        np.testing.assert_allclose(LEGS.scatter(angles, joint), joint, atol=1e-6)
+
+    @settings(max_examples=200, deadline=None)
+    @given(places)
+    def test_any_place_gives_a_finite_pose_within_the_limits(self, foot: np.ndarray) -> None:
+        angles = LEGS.scatter(LEGS.solve(foot), ROBOT.default_pose)
+        assert np.all(np.isfinite(angles))
+        assert np.all(angles >= ROBOT.lower_rad - 1e-9)
+        assert np.all(angles <= ROBOT.upper_rad + 1e-9)
+
+    def test_a_place_too_far_below_stretches_the_leg_towards_it(self) -> None:
+        far = LEGS.default_foot * np.array([1.0, 1.0, 3.0])
+        reached = LEGS.pose(LEGS.scatter(LEGS.solve(far), ROBOT.default_pose)).foot
+        assert np.all(reached[:, 2] < LEGS.default_foot[:, 2] - 0.05)
+        np.testing.assert_allclose(reached[:, :2], far[:, :2], atol=0.08)
+
+    def test_the_hips_own_place_has_an_answer(self) -> None:
+        assert np.all(np.isfinite(LEGS.solve(LEGS._anchor)))
+
+
+class TestRolling:
+    def test_a_leg_that_pivots_on_its_ball_rolls_forward(self) -> None:
+        """The point under the ball moves backwards relative to its centre as the leg swings forwards."""
+        pose = LEGS.pose(ROBOT.default_pose)
+        up = np.array([0.0, 0.0, 1.0])
+        offset = LEGS.rolling_offset(pose.axes, up)
+        for leg in range(LEGS.count):
+            for joint in range(3):
+                expected = np.cross(pose.axes[leg, :, joint], -LEGS.foot_radius[leg] * up)
+                np.testing.assert_allclose(offset[leg, :, joint], expected, atol=1e-12)
+
+
+class TestOtherRobots:
+    @pytest.mark.parametrize("name", available_robots())
+    def test_every_robot_with_three_joint_legs_returns_to_its_default_pose(self, name: str) -> None:
+        robot = load_robot(name)
+        if any(len(foot.joints) != 3 for foot in robot.description.feet):
+            pytest.skip("legs of another kind")
+        legs = Legs(robot)
+        np.testing.assert_allclose(legs.solve(legs.default_foot), legs.default_angles, atol=1e-6)
+
+    def test_a_leg_with_skew_axes_is_refused_in_one_line(self, tmp_path: Path) -> None:
+        for name in ("robot.yaml", "robot.xml"):
+            text = (ROBOT.folder / name).read_text()
+            (tmp_path / name).write_text(text)
+        knee = '<default class="knee">\n      <joint axis="0 1 0"'
+        text = (tmp_path / "robot.xml").read_text()
+        assert knee in text
+        (tmp_path / "robot.xml").write_text(text.replace(knee, knee.replace("0 1 0", "0 1 1")))
+        with pytest.raises(UserError, match="second and third joint"):
+            Legs(load_robot(tmp_path))
+
+
+def test_fast_enough_for_the_joint_rate() -> None:
+    """All legs there and back take a small share of a 2 ms tick."""
+    foot = LEGS.default_foot
+    both = lambda: LEGS.solve(LEGS.pose(ROBOT.default_pose).foot + 0 * foot)  # noqa: E731
+    best = min(timeit.repeat(both, number=200, repeat=5)) / 200
+    assert best < 300e-6
