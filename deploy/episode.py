@@ -10,10 +10,11 @@ import numpy as np
 from deploy.bus import Bus
 from deploy.clock import Clock, LockstepClock, WallClock, undisturbed
 from deploy.config import DeployConfig
+from deploy.energy import Power
 from deploy.loop import Command, ControlLoop, Estimator
 from deploy.safety import Mode
 from deploy.simulated_bus import SimulatedBus
-from deploy.simulated_robot import SimulatedRobot
+from deploy.simulated_robot import Difference, SimulatedRobot
 from deploy.simulated_wire import SimulatedWires
 from deploy.trace import Recorder, Trace, unknown_truth
 from deploy.wiring import Wiring, wire
@@ -24,6 +25,7 @@ from robots.description import Robot
 from robots.errors import UserError
 
 SIMULATED = "sim"
+UNKNOWN_POWER = Power(np.nan, np.nan, np.nan)
 
 
 @dataclass(frozen=True)
@@ -139,7 +141,7 @@ class _Run:
     def _record(self, now_s: float) -> None:
         loop, body = self._loop, self._body
         truth = unknown_truth(self._joints, self._feet) if body is None else body.truth()
-        power = (np.nan, np.nan, np.nan) if body is None else body.take_power()
+        power = UNKNOWN_POWER if body is None else body.take_power()
         velocity, height = loop.estimate
         observation = loop.observation
         self._recorder.add(
@@ -149,9 +151,9 @@ class _Run:
             joint_target=loop.target,
             estimated_velocity=velocity,
             estimated_height=height,
-            electrical_power=power[0],
-            mechanical_power=power[1],
-            positive_power=power[2],
+            electrical_power=power.electrical,
+            mechanical_power=power.mechanical,
+            positive_power=power.positive,
         )
 
     def trace(self, bus: Bus, wall_s: float) -> Trace:
@@ -177,20 +179,17 @@ class _Run:
         )
 
 
-def _open_bus(
-    robot: Robot, wiring: Wiring, episode: Episode
-) -> tuple[Bus, SimulatedRobot | None]:
+def _open_bus(robot: Robot, wiring: Wiring, episode: Episode) -> tuple[Bus, SimulatedRobot | None]:
     if episode.bus != SIMULATED:
         raise UserError(f"no bus '{episode.bus}'")
     wires = SimulatedWires(wiring.buses, episode.config.host_queue)
-    body = SimulatedRobot(
-        robot, wiring, wires, episode.plant, episode.sample, episode.noise, episode.seed
-    )
+    difference = Difference(episode.plant, episode.sample or Sample(), episode.noise)
+    body = SimulatedRobot(robot, wiring, wires, difference, episode.seed)
     return SimulatedBus(wires, body), body
 
 
 def _estimator(robot: Robot) -> Estimator:
-    from deploy.estimator import BaseEstimator  # noqa: PLC0415
+    from deploy.estimator import BaseEstimator
 
     return BaseEstimator(robot)
 

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
+from deploy.simulated_sensors import Layout
 from robots.model import Plant
 
 WORLD = 0  # body id
@@ -46,19 +47,14 @@ def tilt(quaternion: np.ndarray) -> float:
 class Witness:
     """Reads the true state of a plant out of its simulation."""
 
-    def __init__(
-        self, plant: Plant, data: mujoco.MjData, where: tuple[np.ndarray, np.ndarray], height_m: float
-    ) -> None:
-        """`where`: the joints' places in qpos and qvel; `height_m`: of the base when standing."""
-        model = plant.model
-        self._model, self._data, self._plant = model, data, plant
-        self._qpos, self._qvel = where
-        base_joint = model.body_jntadr[plant.base]
-        self._free_qpos = int(model.jnt_qposadr[base_joint])
-        self._free_qvel = int(model.jnt_dofadr[base_joint])
+    def __init__(self, plant: Plant, data: mujoco.MjData, layout: Layout, height_m: float) -> None:
+        """`layout` says where the joints and the base lie; `height_m` is the base's when standing."""
+        self._model, self._data, self._plant = plant.model, data, plant
+        self._qpos, self._qvel = layout.qpos, layout.qvel
+        self._free_qpos, self._free_qvel = layout.base_qpos, layout.base_qvel
         self._named = plant.feet >= 0
         self._feet = plant.feet[self._named]
-        self._foot_of_geom = np.full(model.ngeom, -1)
+        self._foot_of_geom = np.full(plant.model.ngeom, -1)
         self._foot_of_geom[self._feet] = np.flatnonzero(self._named)
         self._lowest_height = COLLAPSED_SHARE * height_m
 
@@ -112,9 +108,7 @@ class Witness:
 
     def _velocity_of(self, geom: int) -> np.ndarray:
         velocity = np.empty(6)
-        mujoco.mj_objectVelocity(
-            self._model, self._data, mujoco.mjtObj.mjOBJ_GEOM, geom, velocity, 0
-        )
+        mujoco.mj_objectVelocity(self._model, self._data, mujoco.mjtObj.mjOBJ_GEOM, geom, velocity, 0)
         return velocity[3:]
 
     def _contacts(self, count: int) -> tuple[np.ndarray, np.ndarray]:

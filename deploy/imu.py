@@ -12,6 +12,7 @@ from one that is repeated.
 
 import math
 import struct
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -29,9 +30,9 @@ _QUATERNION = struct.Struct(">hhhh")
 class Inertial(NamedTuple):
     """One reading, in body axes."""
 
-    gyro: tuple[float, float, float]  # rad/s
-    acceleration: tuple[float, float, float]  # m/s^2
-    quaternion: tuple[float, float, float, float]  # w x y z, unit length
+    gyro: Sequence[float]  # (3,) rad/s
+    acceleration: Sequence[float]  # (3,) m/s^2
+    quaternion: Sequence[float]  # (4,) w x y z, unit length
 
 
 def _int16(value: float, unit: float) -> int:

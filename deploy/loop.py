@@ -31,9 +31,7 @@ class Estimator(Protocol):
 
     def reset(self, sensed: Sensed) -> None: ...
 
-    def update(
-        self, sensed: Sensed, stance: np.ndarray | None, dt_s: float
-    ) -> tuple[np.ndarray, float]: ...
+    def update(self, sensed: Sensed, stance: np.ndarray | None, dt_s: float) -> tuple[np.ndarray, float]: ...
 
 
 class Log(Protocol):

@@ -139,13 +139,13 @@ class Codec:
         word = np.bitwise_or.reduce(codes << _COMMAND_SHIFT, axis=0)
         return bytes_of(np.minimum(word, np.uint64(_SPECIAL - 1)))
 
-    def decode(self, word: np.ndarray, motor: np.ndarray) -> np.ndarray:
+    def decode(self, word: np.ndarray, motor: np.ndarray | slice) -> np.ndarray:
         """Commands (5, k) from their words (k,), addressed to motors (k,) (indices)."""
         codes = (word >> _COMMAND_SHIFT) & _COMMAND_MASK
         return self.lowest[:, motor] + codes * self.quantum[:, motor]
 
     def encode_replies(
-        self, motor: np.ndarray, head: np.ndarray, values: np.ndarray, tail: np.ndarray
+        self, motor: np.ndarray | slice, head: np.ndarray, values: np.ndarray, tail: np.ndarray
     ) -> np.ndarray:
         """Reply frames, (k, 8) uint8.
 
@@ -161,7 +161,7 @@ class Codec:
         word = np.bitwise_or.reduce(np.rint(scaled).astype(np.uint64) << _REPLY_SHIFT, axis=0)
         return bytes_of(word | head << np.uint64(56) | tail)
 
-    def decode_replies(self, data: np.ndarray, motor: np.ndarray) -> Reply:
+    def decode_replies(self, data: np.ndarray, motor: np.ndarray | slice) -> Reply:
         """Replies from their frames (k, 8), short ones zero-padded, of motors (k,) (indices)."""
         codes = (words(data) >> _REPLY_SHIFT) & _REPLY_MASK
         values = self._reply_lowest[:, motor] + codes * self.reply_quantum[:, motor]
@@ -171,4 +171,3 @@ class Codec:
 def stacked(command: JointCommand) -> np.ndarray:
     """A joint command as the (5, n) array that `Codec.encode` takes."""
     return np.stack(command)
-

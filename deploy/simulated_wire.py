@@ -22,11 +22,12 @@ class Side(IntEnum):
 
 
 class _Plan(NamedTuple):
-    """How a batch with a given sequence of channels follows one another on the wires."""
+    """How a batch of given channels and lengths follows one another on the wires."""
 
-    before: np.ndarray  # (k, k): 1 where frame j is on the same wire as i and not after it
-    on: np.ndarray  # (channels, k): 1 where frame j is on that wire
-    used: np.ndarray  # (channels,) bool
+    place: np.ndarray  # (k,) how many frames of the batch are on the same wire up to this one
+    offset: np.ndarray  # (k,) microseconds from the start of the batch on its wire to the frame's end
+    occupied: np.ndarray  # (channels,) microseconds that the batch takes on each wire
+    count: np.ndarray  # (channels,) frames on each wire
     most: int  # frames on the busiest wire
 
 
@@ -43,7 +44,7 @@ class SimulatedWires:
         self._free_at = np.zeros(len(names))  # when each wire falls idle
         self._all_free_at = 0.0
         self._flying: tuple[deque[tuple[Frames, np.ndarray, float]], ...] = (deque(), deque())
-        self._plans: dict[bytes, _Plan] = {}
+        self._plans: dict[tuple[bytes, bytes], _Plan] = {}
         self.busy_us = np.zeros(len(names))
         self.sent = np.zeros((2, len(names)), dtype=np.int64)
         self.refused = np.zeros((2, len(names)), dtype=np.int64)
@@ -51,29 +52,25 @@ class SimulatedWires:
     def send(self, side: Side, frames: Frames, now_us: float) -> int:
         """Queue frames at a time that never runs backwards; returns how many were refused.
 
-        Raises nothing: a full transmit queue is counted, as ENOBUFS would be.
+        A refused frame is counted and lost, as one that meets ENOBUFS is.
         """
-        plan = self._plan(frames.channel)
+        plan = self._plan(frames)
+        refused = 0
         if self._crowded(side, plan, now_us):
-            accepted = self._accept(side, frames, now_us)
+            accepted = self._accept(side, frames, plan, now_us)
             refused = int(np.count_nonzero(~accepted))
             if refused:
                 np.add.at(self.refused[side], frames.channel[~accepted], 1)
                 frames = frames.take(accepted)
-                plan = self._plan(frames.channel)
-                if not len(frames.channel):
-                    return refused
-        else:
-            refused = 0
-        duration = _BITS[frames.length]
-        start = np.maximum(self._free_at, now_us)
-        occupied = plan.on @ duration
-        arrival = start[frames.channel] + plan.before @ duration
-        self._free_at = np.where(plan.used, start + occupied, self._free_at)
-        self._all_free_at = float(self._free_at.max())
-        self.busy_us += occupied
-        self.sent[side] += plan.on.sum(axis=1, dtype=np.int64)
-        self._flying[side].append((frames, arrival, float(arrival.max())))
+                plan = self._plan(frames)
+        if len(frames.channel):
+            start = np.maximum(self._free_at, now_us)
+            arrival = start[frames.channel] + plan.offset
+            self._free_at = start + plan.occupied
+            self._all_free_at = float(self._free_at.max())
+            self.busy_us += plan.occupied
+            self.sent[side] += plan.count
+            self._flying[side].append((frames, arrival, self._all_free_at))
         return refused
 
     def receive(self, side: Side, now_us: float) -> list[Frames]:
@@ -94,14 +91,21 @@ class SimulatedWires:
         queue.extend(rest)
         return arrived
 
-    def _plan(self, channel: np.ndarray) -> _Plan:
-        key = channel.tobytes()
+    def _plan(self, frames: Frames) -> _Plan:
+        key = frames.channel.tobytes(), frames.length.tobytes()
         plan = self._plans.get(key)
         if plan is None:
-            same = (channel[:, None] == channel[None, :]).astype(float)
+            channel, duration = frames.channel, _BITS[frames.length]
+            before = np.tril(channel[:, None] == channel[None, :]).astype(float)
             on = (np.arange(len(self.names))[:, None] == channel[None, :]).astype(float)
-            counts = on.sum(axis=1)
-            plan = _Plan(np.tril(same), on, counts > 0, int(counts.max(initial=0)))
+            count = on.sum(axis=1).astype(np.int64)
+            plan = _Plan(
+                place=before.sum(axis=1),
+                offset=before @ duration,
+                occupied=on @ duration,
+                count=count,
+                most=int(count.max(initial=0)),
+            )
             self._plans[key] = plan
         return plan
 
@@ -111,12 +115,11 @@ class SimulatedWires:
             return self._all_free_at > now_us or plan.most > self._host_queue
         return self._all_free_at > now_us + NODE_BACKLOG_US
 
-    def _accept(self, side: Side, frames: Frames, now_us: float) -> np.ndarray:
+    def _accept(self, side: Side, frames: Frames, plan: _Plan, now_us: float) -> np.ndarray:
         """Which frames find a place, (k,) bool."""
         if side is Side.ROBOT:
             return self._free_at[frames.channel] <= now_us + NODE_BACKLOG_US
         waiting = np.zeros(len(self.names), dtype=np.int64)
         for queued, arrival, _ in self._flying[side]:
             np.add.at(waiting, queued.channel[arrival > now_us], 1)
-        place = self._plan(frames.channel).before.sum(axis=1)
-        return waiting[frames.channel] + place <= self._host_queue
+        return waiting[frames.channel] + plan.place <= self._host_queue
