@@ -3,8 +3,8 @@
 The filter is that of Bledt et al. 2018 ("MIT Cheetah 3", section III-C) with three changes:
 
 - Feet are kept relative to the body, so the state holds only what can be observed: no absolute position,
-  whose variance would grow for ever. Per world axis it is (v, r_1 .. r_L), and since all noise is isotropic, the
-  three axes share one (1 + L, 1 + L) covariance.
+  whose variance would grow for ever. Per world axis it is (v, r_1 .. r_L), and since all noise is isotropic,
+  the three axes share one (1 + L, 1 + L) covariance.
 - v is the velocity of the IMU, not of the base: its derivative is what the accelerometer measures, with no
   angular acceleration in it. The lever arm enters once, in the result, through the gyro.
 - Feet are balls that roll: it is the lowest point of a standing foot that does not move, not its centre.
@@ -30,13 +30,12 @@ _REGULAR = 1e-5 * np.eye(3)  # m^2/rad^2
 class EstimatorConfig:
     """Noise figures (standard deviations) and trust in contacts.
 
-    A foot that does not stand is trusted less: its noise grows by up to `swing_noise`. Contact forces are shares
-    of the force on each foot of a robot that stands on all of them.
+    A foot that does not stand is trusted less: its noise grows by up to `swing_noise`. Contact forces are
+    shares of the force on each foot of a robot that stands on all of them. The acceleration's noise covers
+    touch-down shocks, and pushes too short for the accelerometer to see.
     """
 
-    acceleration_noise: float = (
-        6.0  # m/s^2 in one reading: touch-down shocks, and pushes too short to be seen
-    )
+    acceleration_noise: float = 6.0  # m/s^2 in one reading
     foot_drift_noise: float = 0.02  # m/s in each of a standing foot's steps: slip
     foot_place_noise: float = 0.003  # m, of leg kinematics
     foot_velocity_noise: float = 0.1  # m/s, of leg kinematics
@@ -84,8 +83,8 @@ class BaseEstimator:
             dt_s: time since the readings before.
 
         Returns:
-            The base origin's velocity in the body frame, (3,) m/s, and its height above the mean standing foot's
-            centre, m.
+            The base origin's velocity in the body frame, (3,) m/s, and its height above the centre of
+            the mean standing foot, m.
         """
         legs = self._legs
         rotation = rotation_matrix(sensed.quaternion)

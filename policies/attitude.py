@@ -39,12 +39,12 @@ def wrap_angle(angle: float) -> float:
     return (angle + math.pi) % (2 * math.pi) - math.pi
 
 
-def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Cross products along the last axis, shapes (..., 3); a fraction of `numpy.cross`'s overhead."""
-    return a[..., [1, 2, 0]] * b[..., [2, 0, 1]] - a[..., [2, 0, 1]] * b[..., [1, 2, 0]]
-
-
 def skew(vector: np.ndarray) -> np.ndarray:
     """Matrix (3, 3) of the cross product with a vector (3,): skew(a) @ b = a x b, b @ skew(a).T for rows."""
     x, y, z = vector.tolist()
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def cross(vector: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Cross product of one vector (3,) with others (..., 3); a fraction of `numpy.cross`'s overhead."""
+    return others @ skew(vector).T

@@ -54,10 +54,8 @@ class SwingConfig:
 
     height_m: float
     depth_m: float  # how far below the ground a swing aims, to touch down firmly
-    kp: float  # N/m, Cartesian
-    kd: float  # N s/m, Cartesian
-    joint_kp: float  # N m/rad, run by the motor
-    joint_kd: float  # N m s/rad, run by the motor
+    kp: float  # N m/rad, of the joints' impedance around the trajectory
+    kd: float  # N m s/rad
 
 
 @dataclass(frozen=True)
@@ -93,4 +91,4 @@ class MpcConfig:
     foothold: FootholdConfig
     restart: Restart
     friction_compensation: float  # share of the gearbox friction that is fed forward
-    settle_s: float  # time for the legs to take over from the pose found at reset
+    settle_s: float  # time to move from the height found at reset to the stance, before any step

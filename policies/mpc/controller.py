@@ -17,6 +17,7 @@ from policies.gait import StepClock, contact_trust
 from policies.mpc.body import nominal_body
 from policies.mpc.config import MpcConfig
 from policies.mpc.footholds import contact_points, footholds
+from policies.mpc.legs import LegControl
 from policies.mpc.problem import BodyState, ForceProblems
 from policies.mpc.solver import BoundedSolver
 from policies.mpc.swing import SwingTarget, swing_target
@@ -64,14 +65,14 @@ class Mpc:
         self._command = ShapedCommand(config.command)
         stance = config.stance
         self._places = nominal_feet(self._legs, stance.height_m, stance.width_m, stance.shift_m)
-        self._friction = self._legs.gather(robot.motor.friction) * config.friction_compensation
-        self._friction_speed = self._legs.gather(robot.motor.friction_speed)
+        self._leg_control = LegControl(robot, self._legs, self._body, config)
+        self._radius = float(self._legs.foot_radius.mean())
         self._solve_every = max(1, round(config.rate_hz / config.horizon.solve_hz))
         steps, step_s = config.horizon.steps, config.horizon.step_s
         self._middle_of_step = step_s * (np.arange(steps) + 0.5)
         self._end_of_step = step_s * np.arange(1, steps + 1)
         self.solve_ms: deque[float] = deque(maxlen=_TIMINGS_KEPT)
-        self._begin(robot.default_pose, 0.0, stance.height_m)
+        self._begin(0.0, stance.height_m)
 
     @property
     def late(self) -> int:
@@ -80,15 +81,15 @@ class Mpc:
 
     def reset(self, observation: Observation) -> None:
         yaw = roll_pitch_yaw(rotation_matrix(observation.sensed.quaternion))[2]
-        self._begin(observation.sensed.joint_position, yaw, self._above_ground(observation))
+        self._begin(yaw, self._above_ground(observation))
 
-    def _begin(self, joint_position: np.ndarray, yaw: float, height: float) -> None:
+    def _begin(self, yaw: float, height: float) -> None:
         count = self._legs.count
-        self._start = joint_position.copy()
         self._clock.reset()
         self._command.reset()
         self._position = np.array([0.0, 0.0, height])
         self._wanted_position = np.zeros(2)
+        self._wanted_velocity = np.zeros(3)
         self._wanted_yaw = yaw
         self._wanted_height = height
         self._force = np.zeros((count, 3))
@@ -133,7 +134,7 @@ class Mpc:
         return Base(self._position, velocity, rotation, observation.sensed.gyro, roll, pitch, yaw)
 
     def _above_ground(self, observation: Observation) -> float:
-        return observation.base_height + float(self._legs.foot_radius.mean())
+        return observation.base_height + self._radius
 
     def _step_clock(self, observation: Observation, base: Base, dt_s: float) -> None:
         settled = observation.time_s >= self._config.settle_s
@@ -158,28 +159,26 @@ class Mpc:
     def _lead(self, base: Base, dt_s: float) -> None:
         """Move the reference pose on at the commanded velocity, on a leash from the body."""
         stance = self._config.stance
-        wanted = self._wanted_position + self._world_command(base)[:2] * dt_s
+        forward, leftward, yaw_rate = self._command.value
+        self._wanted_velocity = heading_matrix(base.yaw) @ np.array([forward, leftward, 0.0])
+        wanted = self._wanted_position + self._wanted_velocity[:2] * dt_s
         ahead = wanted - base.position[:2]
         distance = math.hypot(ahead[0], ahead[1])
         if distance > stance.position_leash_m:
             ahead *= stance.position_leash_m / distance
         self._wanted_position = base.position[:2] + ahead
-        turned = wrap_angle(self._wanted_yaw + self._command.value[2] * dt_s - base.yaw)
+        turned = wrap_angle(self._wanted_yaw + yaw_rate * dt_s - base.yaw)
         leash = stance.yaw_leash_rad
         self._wanted_yaw = base.yaw + min(leash, max(-leash, turned))
         climb = stance.height_m - self._wanted_height
         self._wanted_height += min(1.0, dt_s / self._config.settle_s) * climb
-
-    def _world_command(self, base: Base) -> np.ndarray:
-        velocity = np.array([self._command.value[0], self._command.value[1], 0.0])
-        return heading_matrix(base.yaw) @ velocity
 
     def _footholds(self, base: Base) -> np.ndarray:
         gait = self._config.gait
         return footholds(
             base.position,
             base.velocity,
-            self._world_command(base),
+            self._wanted_velocity,
             base.yaw,
             float(self._command.value[2]),
             self._places,
@@ -261,49 +260,19 @@ class Mpc:
         return path
 
     def _joint_command(self, observation: Observation, base: Base, pose: LegPose) -> JointCommand:
-        config, legs = self._config, self._legs
-        up = base.rotation[2]
-        stands = self._stands[:, None]
-        contact_jacobian = pose.jacobian + legs.rolling_offset(pose.axes, up)
-
-        # Feet that stand: torque for the planned force, damping about the commanded motion of the base.
-        force = self._force @ base.rotation
-        stance_torque = -(force[:, None, :] @ contact_jacobian)[:, 0]
-        velocity = self._world_command(base) @ base.rotation
-        turn = up * self._command.value[2]
-        foot_velocity = -(velocity + cross(turn, pose.foot))
-
-        target = swing_target(
+        config, up = self._config, base.rotation[2]
+        swing = swing_target(
             self._clock.swing(), self._lift_off, self._landing(), config.gait.swing_s, config.swing
         )
-        swing = self._swing_in_body(target, base)
-        rates = legs.gather(observation.sensed.joint_velocity)
-        foot_rates = (pose.jacobian @ rates[:, :, None])[:, :, 0]
-        pull = config.swing.kp * (swing.position - pose.foot)
-        pull += config.swing.kd * (swing.velocity - foot_rates)
-        wanted_velocity = np.where(stands, foot_velocity, swing.velocity)
-        jacobian = np.where(stands[:, :, None], contact_jacobian, pose.jacobian)
-        wanted = np.stack([wanted_velocity, swing.acceleration], axis=2)
-        motion = np.linalg.solve(jacobian, wanted)
-        joint_velocity, joint_acceleration = motion[:, :, 0], motion[:, :, 1]
-        swing_torque = (pull[:, None, :] @ pose.jacobian)[:, 0]
-        swing_torque += (self._body.leg_inertia @ joint_acceleration[:, :, None])[:, :, 0]
-
-        torque = np.where(stands, stance_torque, swing_torque)
-        ramp = np.minimum(np.maximum(joint_velocity / self._friction_speed, -1.0), 1.0)
-        torque += self._friction * ramp
-        position = np.where(
-            stands, legs.gather(observation.sensed.joint_position), legs.solve(swing.position)
-        )
-        kp = np.where(stands, 0.0, config.swing.joint_kp) * np.ones((1, 3))
-        kd = np.where(stands, config.stance.kd, config.swing.joint_kd) * np.ones((1, 3))
-        zero = np.zeros_like(self._start)
-        return JointCommand(
-            legs.scatter(position, self._start),
-            legs.scatter(joint_velocity, zero),
-            legs.scatter(kp, zero),
-            legs.scatter(kd, zero),
-            legs.scatter(torque, zero),
+        return self._leg_control.command(
+            observation.sensed.joint_position,
+            pose,
+            self._stands,
+            self._force @ base.rotation,
+            self._wanted_velocity @ base.rotation,
+            self._command.value[2] * up,
+            up,
+            self._swing_in_body(swing, base),
         )
 
     def _landing(self) -> np.ndarray:

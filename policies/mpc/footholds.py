@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from policies.attitude import cross, heading_matrix
+from policies.attitude import cross
 from policies.mpc.config import FootholdConfig
 
 GRAVITY = 9.81
@@ -83,9 +83,9 @@ def contact_points(
     first_change = np.where(contacts[0], 0, 1)  # changes up to the first stance
     point = np.where(contacts[0][:, None], feet, targets)[None] - centre[:, None, :]
     later = changes > first_change
-    if np.any(later):
-        for step in np.nonzero(np.any(later, axis=1))[0]:
-            under = places @ heading_matrix(float(yaw[step])).T
-            under[:, 2] = -centre[step, 2]
-            point[step, later[step]] = under[later[step]]
-    return point
+    cos, sin = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
+    under = np.empty_like(point)
+    under[:, :, 0] = cos * places[:, 0] - sin * places[:, 1]
+    under[:, :, 1] = sin * places[:, 0] + cos * places[:, 1]
+    under[:, :, 2] = -centre[:, 2:]
+    return np.where(later[:, :, None], under, point)
