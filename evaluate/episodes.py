@@ -1,0 +1,120 @@
+"""One task of a worker process: build what an episode needs, run it, score it."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from deploy.episode import Episode, run_episode
+from deploy.trace import Trace
+from domain_rand.bodies import body_map, randomised_fields
+from domain_rand.noise import Noise
+from domain_rand.randomisation import draw, load_randomisation, sample_shapes
+from domain_rand.sample import Sample
+from evaluate.metrics import EpisodeMetrics, score
+from evaluate.plan import EpisodePlan, Levels
+from policies.policy import Policy
+from policies.registry import load_policy
+from robots.description import Robot, load_robot
+from robots.model import plant_model
+
+
+@dataclass(frozen=True)
+class EpisodeTask:
+    """An episode to run, as plain data."""
+
+    policy: str  # as `policies.registry.load_policy` takes it
+    robot: str  # as `robots.description.load_robot` takes it
+    plan: EpisodePlan
+    noise: Noise
+    plant: Path | None = None
+    ground_truth: bool = False
+    keep_trace: bool = False
+
+
+@dataclass(frozen=True)
+class EpisodeOutcome:
+    """What an episode left behind."""
+
+    metrics: EpisodeMetrics
+    levels: Levels
+    compute_ms: np.ndarray  # (policy steps,)
+    period_ms: float  # of the policy
+    trouble: str  # why it fell or stopped; empty after an orderly end
+    notes: tuple[str, ...]
+    trace: Trace | None
+
+
+def run_task(task: EpisodeTask) -> EpisodeOutcome:
+    """Run one episode in lockstep. Robot and policy are built once in a process.
+
+    Raises:
+        UserError: robot, policy or plant do not fit together.
+    """
+    robot = _robot(task.robot)
+    policy = _policy(task.policy, task.robot)
+    model = _model(task.robot, task.plant)
+    plan = task.plan
+    sample = sample_of(plan, len(robot.joint_names), model.nbody - 1)
+    episode = Episode(
+        command=plan.schedule,
+        duration_s=plan.duration_s,
+        seed=plan.seed,
+        plant=task.plant,
+        sample=sample,
+        noise=task.noise,
+        pushes=plan.pushes,
+        ground_truth=task.ground_truth,
+    )
+    trace = run_episode(robot, policy, episode)
+    return EpisodeOutcome(
+        metrics=score(trace, robot, _weight(model, robot, sample)),
+        levels=plan.levels,
+        compute_ms=trace.compute_ms.astype(np.float32),
+        period_ms=1e3 / policy.rate_hz,
+        trouble="; ".join([part for part in (trace.fall_reason, *trace.faults) if part]),
+        notes=trace.notes,
+        trace=trace if task.keep_trace else None,
+    )
+
+
+def sample_of(plan: EpisodePlan, joints: int, bodies: int) -> Sample | None:
+    """How the robot of an episode differs from the nominal one; None if it does not.
+
+    Args:
+        plan: the episode; its levels hold for all joints or bodies alike, above what is drawn.
+        joints: of the robot.
+        bodies: of the plant, the world left out.
+    """
+    sample = Sample()
+    if plan.randomised:
+        rng = np.random.default_rng(plan.seed)
+        sample = draw(load_randomisation(), rng.random, joints, bodies)
+    shapes = sample_shapes(joints, bodies)
+    fixed = {name: np.full(shapes[name], value) for name, value in plan.levels.items() if name in shapes}
+    sample = sample._replace(**fixed)
+    return None if sample == Sample() else sample
+
+
+def _weight(model: mujoco.MjModel, robot: Robot, sample: Sample | None) -> float:
+    """Weight of the robot as it was simulated, N."""
+    changed = {} if sample is None else randomised_fields(model, sample, body_map(model, robot))
+    mass = changed.get("body_mass", model.body_mass)
+    return float(mass.sum() * np.linalg.norm(model.opt.gravity))
+
+
+@lru_cache(maxsize=None)
+def _robot(spec: str) -> Robot:
+    return load_robot(spec)
+
+
+@lru_cache(maxsize=None)
+def _policy(spec: str, robot: str) -> Policy:
+    return load_policy(spec, _robot(robot))
+
+
+@lru_cache(maxsize=None)
+def _model(robot: str, plant: Path | None) -> mujoco.MjModel:
+    return plant_model(_robot(robot), plant)

@@ -1,0 +1,108 @@
+"""What one episode scores: pure functions of its trace, from ground truth.
+
+Definitions
+    Velocity error: length of the difference between commanded and true (vx, vy) in the body frame.
+    Root mean squares are over time, without the first second after each change of command (the start of
+    the walk is one). Distance is the length of the base's horizontal path, looked at every half second,
+    so that sway within a stride is no progress.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from deploy.trace import Trace
+from robots.description import Robot
+
+SETTLE_S = 1.0
+PATH_INTERVAL_S = 0.5
+
+
+@dataclass(frozen=True)
+class EpisodeMetrics:
+    """One episode's scores. NaN where there was nothing to measure."""
+
+    fell: bool  # fell, tipped over, or stopped in an emergency, which puts a robot on the ground
+    emergency_stop: bool
+    walked_s: float
+    scored_s: float  # of it, later than a second after any change of command
+    lin_vel_mse: float  # m^2/s^2
+    yaw_rate_mse: float  # rad^2/s^2
+    mean_velocity: tuple[float, float, float]  # forward m/s, leftward m/s, yaw rad/s, over scored time
+    distance_m: float
+    electrical_j: float  # shaft work and copper loss
+    mechanical_j: float  # net shaft work
+    positive_j: float  # shaft work where a motor drives, without what it takes back when it brakes
+    weight_n: float
+    peak_torque_nm: float
+    peak_torque_share: float  # of the motor's own limit, worst joint
+    foot_slip_m_s: float  # mean horizontal speed of feet that bear load
+    stance_s: float  # time that feet bore load, summed over feet
+    target_rate_rad_s: float  # root mean square over joints and time
+    torque_rate_nm_s: float  # the same of the motors' torque
+    estimate_mse: float  # of the estimated horizontal velocity, m^2/s^2; NaN where nobody estimates
+
+
+def score(trace: Trace, robot: Robot, weight_n: float) -> EpisodeMetrics:
+    """Score an episode; `weight_n` is the weight of the simulated robot with what it carries."""
+    stopped = trace.final_state == "ESTOP"
+    dt_s = 1.0 / trace.record_rate_hz
+    settled = settled_samples(trace)
+    velocity = np.column_stack([trace.base_velocity[:, :2], trace.base_angular_velocity[:, 2]])
+    error = velocity - trace.command
+    torque = np.abs(trace.motor_torque)
+    slip_m_s, stance_s = _slip(trace)
+    estimated = trace.estimated_velocity[:, :2] - trace.base_velocity[:, :2]
+    return EpisodeMetrics(
+        fell=trace.fell or stopped,
+        emergency_stop=stopped,
+        walked_s=float(len(trace.time_s) * dt_s),
+        scored_s=float(settled.sum() * dt_s),
+        lin_vel_mse=_mean((error[settled, :2] ** 2).sum(axis=1)),
+        yaw_rate_mse=_mean(error[settled, 2] ** 2),
+        mean_velocity=tuple(_mean(column) for column in velocity[settled].T),  # type: ignore[arg-type]
+        distance_m=_path_length(trace),
+        electrical_j=float(trace.electrical_power.sum() * dt_s),
+        mechanical_j=float(trace.mechanical_power.sum() * dt_s),
+        positive_j=float(trace.positive_power.sum() * dt_s),
+        weight_n=weight_n,
+        peak_torque_nm=float(torque.max()) if torque.size else np.nan,
+        peak_torque_share=float((torque / robot.motor.peak_torque).max()) if torque.size else np.nan,
+        foot_slip_m_s=slip_m_s,
+        stance_s=stance_s,
+        target_rate_rad_s=_rate(trace.joint_target, dt_s),
+        torque_rate_nm_s=_rate(trace.motor_torque, dt_s),
+        estimate_mse=_mean((estimated[settled] ** 2).sum(axis=1)),
+    )
+
+
+def settled_samples(trace: Trace) -> np.ndarray:
+    """Which samples lie later than `SETTLE_S` after the last change of command, bool (T,)."""
+    if not len(trace.time_s):
+        return np.zeros(0, dtype=bool)
+    changed = np.any(np.diff(trace.command, axis=0) != 0.0, axis=1)
+    changed = np.concatenate([[True], changed])
+    changed_s = np.maximum.accumulate(np.where(changed, trace.time_s, -np.inf))
+    return trace.time_s - changed_s > SETTLE_S - 1e-9
+
+
+def _path_length(trace: Trace) -> float:
+    """Length of the base's horizontal path, m."""
+    stride = max(1, round(PATH_INTERVAL_S * trace.record_rate_hz))
+    corners = np.concatenate([trace.base_position[:-1:stride, :2], trace.base_position[-1:, :2]])
+    return float(np.linalg.norm(np.diff(corners, axis=0), axis=1).sum())
+
+
+def _slip(trace: Trace) -> tuple[float, float]:
+    """Mean horizontal speed of loaded feet, m/s, and for how long they were loaded, s."""
+    speed = np.linalg.norm(trace.foot_velocity[..., :2], axis=-1)[trace.foot_contact]
+    return _mean(speed), len(speed) / trace.record_rate_hz
+
+
+def _rate(values: np.ndarray, dt_s: float) -> float:
+    """Root mean square rate of change of (T, n) values."""
+    return float(np.sqrt(_mean((np.diff(values, axis=0) / dt_s) ** 2)))
+
+
+def _mean(values: np.ndarray) -> float:
+    return float(values.mean()) if values.size else np.nan

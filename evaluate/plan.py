@@ -1,0 +1,125 @@
+"""From a scenario to episodes: which commands, pushes and conditions each of them meets."""
+
+import math
+import zlib
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from deploy.episode import Push
+from evaluate.scenarios import COMMAND_AXES, DrawnCommands, Range, Scenario, Waypoint
+
+Command = tuple[float, float, float]
+Levels = dict[str, float]
+
+
+@dataclass(frozen=True)
+class CommandSchedule:
+    """Commands (forward m/s, leftward m/s, yaw rad/s) and the times from which they hold."""
+
+    from_s: tuple[float, ...]  # rising, the first is 0
+    commands: tuple[Command, ...]
+
+    def __call__(self, time_s: float) -> np.ndarray:
+        """The command at a time, shape (3,)."""
+        index = int(np.searchsorted(self.from_s, time_s + 1e-9, side="right")) - 1
+        return np.array(self.commands[max(index, 0)])
+
+
+@dataclass(frozen=True)
+class EpisodePlan:
+    """All that distinguishes one episode from another; plain data that can be sent to another process."""
+
+    scenario: str
+    index: int
+    seed: int
+    duration_s: float
+    schedule: CommandSchedule
+    pushes: tuple[Push, ...]
+    levels: Levels
+    randomised: bool
+
+
+def plan_episodes(name: str, scenario: Scenario, seed: int, episodes: int | None = None) -> list[EpisodePlan]:
+    """The episodes of a scenario. Episode i is the same however many follow it.
+
+    Args:
+        name: the scenario's name; other scenarios draw other numbers from the same seed.
+        scenario: its definition.
+        seed: of everything drawn.
+        episodes: how many; the scenario's own number if None.
+    """
+    identity = zlib.crc32(name.encode())
+    levels = spread_levels(
+        scenario.levels, episodes or scenario.episodes, np.random.default_rng((seed, identity))
+    )
+    plans = []
+    for index, level in enumerate(levels):
+        rng = np.random.default_rng((seed, identity, index))
+        plans.append(
+            EpisodePlan(
+                scenario=name,
+                index=index,
+                seed=int(rng.integers(2**31)),
+                duration_s=scenario.duration_s,
+                schedule=_schedule(scenario, level, rng),
+                pushes=(*scenario.pushes, *_drawn_push(level, scenario.push_between_s, rng)),
+                levels=level,
+                randomised=scenario.randomised,
+            )
+        )
+    return plans
+
+
+def spread_levels(
+    levels: dict[str, tuple[float, ...]], episodes: int, rng: np.random.Generator
+) -> list[Levels]:
+    """A level of each factor for each episode.
+
+    The first factor's levels take turns, so any number of episodes spreads evenly over them; each of its
+    levels meets every combination of the others, in an order of its own, before it meets one twice.
+    """
+    if not levels:
+        return [{} for _ in range(episodes)]
+    (first, firsts), *others = levels.items()
+    rest = list(product(*(values for _, values in others)))
+    turns = rng.permutation(len(firsts))
+    orders = [rng.permutation(len(rest)) for _ in firsts]
+    names = (first, *(name for name, _ in others))
+    chosen = []
+    for episode in range(episodes):
+        lap, turn = divmod(episode, len(firsts))
+        level = turns[turn]
+        chosen.append(dict(zip(names, (firsts[level], *rest[orders[level][lap % len(rest)]]), strict=True)))
+    return chosen
+
+
+def _schedule(scenario: Scenario, level: Levels, rng: np.random.Generator) -> CommandSchedule:
+    if scenario.commands is not None:
+        return _draw_commands(scenario.commands, scenario.duration_s, rng)
+    script = scenario.script or (Waypoint(0.0),)
+    commands = [
+        tuple(level.get(axis, getattr(waypoint, axis)) for axis in COMMAND_AXES) for waypoint in script
+    ]
+    return CommandSchedule(tuple(w.at_s for w in script), tuple(commands))  # type: ignore[arg-type]
+
+
+def _draw_commands(commands: DrawnCommands, duration_s: float, rng: np.random.Generator) -> CommandSchedule:
+    times, values, now = [], [], 0.0
+    while now < duration_s:
+        value = tuple(float(rng.uniform(*getattr(commands, axis))) for axis in COMMAND_AXES)
+        stands = rng.random() < commands.standing_share
+        times.append(now)
+        values.append((0.0, 0.0, 0.0) if stands else value)
+        now += float(rng.uniform(*commands.hold_s))
+    return CommandSchedule(tuple(times), tuple(values))  # type: ignore[arg-type]
+
+
+def _drawn_push(level: Levels, between_s: Range | None, rng: np.random.Generator) -> tuple[Push, ...]:
+    """The push of the push levels, at a time drawn so that it meets any phase of the gait."""
+    if between_s is None or "push_m_s" not in level:
+        return ()
+    angle = math.radians(level.get("push_direction_deg", 0.0))
+    size = level["push_m_s"]
+    return (Push(float(rng.uniform(*between_s)), (size * math.cos(angle), size * math.sin(angle), 0.0)),)

@@ -1,0 +1,153 @@
+"""Many independent tasks on many processes, none of them lost: each ends in a value or in an error."""
+
+import multiprocessing
+import os
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from typing import Generic, NamedTuple, TypeVar
+
+from robots.errors import UserError
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+# Workers share the cores among themselves; threads inside one of them would only get in each other's way.
+ONE_THREAD = {
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "MKL_NUM_THREADS": "1",
+}
+
+
+class Outcome(NamedTuple, Generic[R]):
+    """What became of a task: its value, or why there is none."""
+
+    value: R | None
+    error: str = ""
+
+
+def run_all(
+    function: Callable[[T], R],
+    tasks: Sequence[T],
+    workers: int | None = None,
+    done: Callable[[int], None] | None = None,
+    environment: dict[str, str] | None = None,
+) -> list[Outcome[R]]:
+    """Run a module-level function on every task, in fresh processes; outcomes in the order of the tasks.
+
+    A task that raises, or whose process dies, ends in an error of one line; the others carry on. When a
+    process dies, the tasks that were in flight are run once more, each in a process of its own, so that
+    only the guilty one is blamed.
+
+    Args:
+        function: picklable, as are tasks and values.
+        tasks: what it is called with.
+        workers: processes; one for each core if None.
+        done: called with the number of finished tasks.
+        environment: variables for the processes.
+
+    Raises:
+        UserError: a task raised it, which means that the input was bad.
+    """
+    if workers is not None and workers < 1:
+        raise UserError(f"workers is {workers}: it must be 1 or more")
+    count = max(1, min(workers or os.cpu_count() or 1, len(tasks)))
+    outcomes: dict[int, Outcome[R]] = {}
+
+    def settle(index: int, outcome: Outcome[R]) -> None:
+        outcomes[index] = outcome
+        if done is not None:
+            done(len(outcomes))
+
+    with _variables({**ONE_THREAD, **(environment or {})}):
+        waiting = list(range(len(tasks)))
+        while waiting:
+            suspects = _run_until_broken(function, tasks, waiting, count, settle)
+            for suspect in suspects:
+                if _run_until_broken(function, tasks, [suspect], 1, settle):
+                    settle(suspect, Outcome(None, "its process died"))
+            waiting = [index for index in waiting if index not in outcomes]
+    return [outcomes[index] for index in range(len(tasks))]
+
+
+def _run_until_broken(
+    function: Callable[[T], R],
+    tasks: Sequence[T],
+    indices: Sequence[int],
+    workers: int,
+    settle: Callable[[int, Outcome[R]], None],
+) -> list[int]:
+    """Run tasks until all are settled or a process dies; returns those that were in flight then."""
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_leave_with_parent)
+    queue = iter(indices)
+    flying: dict[Future[R], int] = {}
+    try:
+        _launch(pool, function, tasks, queue, flying, workers)
+        while flying:
+            finished, _ = wait(flying, return_when=FIRST_COMPLETED)
+            for future in finished:
+                error = future.exception()
+                if isinstance(error, BrokenProcessPool):
+                    return sorted(flying.values())
+                if isinstance(error, UserError):
+                    raise error
+                index = flying.pop(future)
+                settle(index, Outcome(None, _one_line(error)) if error else Outcome(future.result()))
+            _launch(pool, function, tasks, queue, flying, workers)
+        return []
+    except BrokenProcessPool:  # raised by submit
+        return sorted(flying.values())
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _launch(
+    pool: ProcessPoolExecutor,
+    function: Callable[[T], R],
+    tasks: Sequence[T],
+    queue: Iterator[int],
+    flying: dict[Future[R], int],
+    workers: int,
+) -> None:
+    """Keep as many tasks in flight as there are workers, and no more: those are the ones to suspect."""
+    while len(flying) < workers:
+        index = next(queue, None)
+        if index is None:
+            return
+        flying[pool.submit(function, tasks[index])] = index
+
+
+def _leave_with_parent() -> None:
+    """In a worker: end when the parent is gone, however it went; its queue alone would wait forever."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+
+    def watch() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def _one_line(error: BaseException) -> str:
+    text = " ".join(str(error).split())
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
+
+
+@contextmanager
+def _variables(values: dict[str, str]) -> Iterator[None]:
+    """Environment variables for processes that start inside the block."""
+    before = {name: os.environ.get(name) for name in values}
+    os.environ.update(values)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value

@@ -1,0 +1,100 @@
+"""Scenarios as data: what policies are put through, read from `scenarios.yaml`."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from deploy.episode import Push
+from domain_rand.noise import Noise
+from domain_rand.sample import Sample
+from robots.config import load
+from robots.errors import UserError
+
+DEFAULT = Path(__file__).parent / "scenarios.yaml"
+COMMAND_AXES = ("forward_m_s", "leftward_m_s", "yaw_rad_s")
+PUSH_LEVELS = ("push_m_s", "push_direction_deg")
+LEVEL_NAMES = (*COMMAND_AXES, *PUSH_LEVELS, *Sample._fields)
+
+Range = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class DrawnCommands:
+    """Commands drawn uniformly, each held for a while."""
+
+    forward_m_s: Range
+    leftward_m_s: Range
+    yaw_rad_s: Range
+    hold_s: Range
+    standing_share: float = 0.0  # of commands that ask to stand still
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.hold_s[0] <= self.hold_s[1]:
+            raise ValueError(f"hold_s {list(self.hold_s)} must rise from above 0")
+
+
+@dataclass(frozen=True)
+class Waypoint:
+    """A command that holds from a time on."""
+
+    at_s: float
+    forward_m_s: float = 0.0
+    leftward_m_s: float = 0.0
+    yaw_rad_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """One kind of episode. Commands are drawn, or scripted, or among the levels."""
+
+    about: str
+    episodes: int  # unless asked otherwise
+    duration_s: float
+    commands: DrawnCommands | None = None
+    script: tuple[Waypoint, ...] = ()
+    pushes: tuple[Push, ...] = ()
+    levels: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    push_between_s: Range | None = None  # when the push of the push levels comes
+    randomised: bool = False  # the robot is drawn from the declaration in domain_rand
+    rows: tuple[str, ...] = ()  # levels by which results are listed as well
+
+    def __post_init__(self) -> None:
+        unknown = [name for name in self.levels if name not in LEVEL_NAMES]
+        if unknown:
+            raise ValueError(f"no level {unknown[0]} (there are {', '.join(LEVEL_NAMES)})")
+        absent = [name for name in self.rows if name not in self.levels]
+        if absent:
+            raise ValueError(f"rows names {absent[0]}, which is none of its levels")
+        if self.episodes < 1 or self.duration_s <= 0.0:
+            raise ValueError("episodes and duration_s must be above 0")
+        if any(not values for values in self.levels.values()):
+            raise ValueError("each level needs at least one value")
+        if "push_m_s" in self.levels and self.push_between_s is None:
+            raise ValueError("push levels need push_between_s")
+
+
+@dataclass(frozen=True)
+class ScenarioFile:
+    """The content of `scenarios.yaml`."""
+
+    noise: Noise  # of the readings, in every scenario
+    scenarios: dict[str, Scenario]
+
+    def select(self, names: Sequence[str]) -> dict[str, Scenario]:
+        """The named scenarios, in the order given, each once.
+
+        Raises:
+            UserError: one of them does not exist, or none is named.
+        """
+        known = ", ".join(self.scenarios)
+        if not names:
+            raise UserError(f"no scenario given: choose from {known}")
+        for name in names:
+            if name not in self.scenarios:
+                raise UserError(f"no scenario '{name}': there are {known}")
+        return {name: self.scenarios[name] for name in names}
+
+
+def load_scenarios(path: Path = DEFAULT) -> ScenarioFile:
+    """Read scenarios from YAML; raises UserError if they are malformed."""
+    return load(path, ScenarioFile)

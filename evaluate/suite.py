@@ -1,0 +1,100 @@
+"""Runs policies through scenarios, in parallel processes, and collects what is reported."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from deploy.trace import Trace
+from evaluate.episodes import EpisodeOutcome, EpisodeTask, run_task
+from evaluate.plan import EpisodePlan, plan_episodes
+from evaluate.pool import Outcome, run_all
+from evaluate.scenarios import ScenarioFile
+from evaluate.summary import Summary, compute_figures, summarise
+
+COURSE = "course"  # the scenario that is filmed, and on which time per step is taken
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What all contenders share."""
+
+    robot: str
+    scenarios: tuple[str, ...]
+    seed: int = 0
+    episodes: int | None = None  # of each scenario; its own number if None
+    plant: Path | None = None
+    ground_truth: bool = False
+    workers: int | None = None
+
+
+@dataclass(frozen=True)
+class Showing:
+    """One contender on the course, alone on the machine."""
+
+    plan: EpisodePlan
+    trace: Trace | None
+    compute: Summary  # compute_ms and missed_deadlines
+    error: str  # why there is no trace
+
+
+def run_suite(
+    policies: Sequence[str],
+    setup: Setup,
+    file: ScenarioFile,
+    done: Callable[[int, int], None] | None = None,
+) -> dict[str, dict[str, Summary]]:
+    """Figures of each policy on each scenario: {policy: {scenario: figures}}.
+
+    The figures, time per step apart, do not depend on the number of workers.
+
+    Args:
+        policies: as `load_policy` takes them, each once.
+        setup: what they share.
+        file: the scenarios' definitions.
+        done: called with the number of finished episodes and of all.
+
+    Raises:
+        UserError: a scenario, policy, robot or plant does not exist or does not fit.
+    """
+    chosen = file.select(setup.scenarios)
+    plans = {
+        name: plan_episodes(name, scenario, setup.seed, setup.episodes) for name, scenario in chosen.items()
+    }
+    places = [
+        (policy, name, plan) for name, episodes in plans.items() for plan in episodes for policy in policies
+    ]
+    tasks = [_task(policy, plan, setup, file) for policy, _, plan in places]
+    report = None if done is None else lambda finished: done(finished, len(tasks))
+    outcomes = run_all(run_task, tasks, setup.workers, report)
+    gathered: dict[tuple[str, str], list[Outcome[EpisodeOutcome]]] = {}
+    for (policy, name, _), outcome in zip(places, outcomes, strict=True):
+        gathered.setdefault((policy, name), []).append(outcome)
+    return {
+        policy: {
+            name: summarise(scenario, gathered[policy, name], setup.seed) for name, scenario in chosen.items()
+        }
+        for policy in policies
+    }
+
+
+def run_course(policies: Sequence[str], setup: Setup, file: ScenarioFile) -> dict[str, Showing]:
+    """Each policy once over the course, one after the other, so that nothing of ours disturbs its timing."""
+    (plan,) = plan_episodes(COURSE, file.scenarios[COURSE], setup.seed, 1)
+    tasks = [_task(policy, plan, setup, file, keep_trace=True) for policy in policies]
+    outcomes = run_all(run_task, tasks, workers=1)
+    return {policy: _showing(plan, outcome) for policy, outcome in zip(policies, outcomes, strict=True)}
+
+
+def _task(
+    policy: str, plan: EpisodePlan, setup: Setup, file: ScenarioFile, keep_trace: bool = False
+) -> EpisodeTask:
+    return EpisodeTask(policy, setup.robot, plan, file.noise, setup.plant, setup.ground_truth, keep_trace)
+
+
+def _showing(plan: EpisodePlan, outcome: Outcome[EpisodeOutcome]) -> Showing:
+    value = outcome.value
+    if value is None:
+        return Showing(plan, None, compute_figures(np.zeros(0), 1.0), outcome.error)
+    return Showing(plan, value.trace, compute_figures(value.compute_ms, value.period_ms), "")

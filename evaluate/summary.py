@@ -1,0 +1,169 @@
+"""From the outcomes of a scenario's episodes to the figures that are reported: plain data for JSON."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from evaluate.episodes import EpisodeOutcome
+from evaluate.metrics import EpisodeMetrics
+from evaluate.pool import Outcome
+from evaluate.scenarios import Scenario
+from evaluate.statistics import (
+    bootstrap_mean_interval,
+    fit_survival,
+    weighted_mean,
+    wilson_interval,
+)
+
+Summary = dict[str, Any]
+
+# Means over episodes: of which quantity, weighed by which other. Square roots are taken afterwards.
+_ROOT_MEANS = {
+    "lin_vel_rmse": ("lin_vel_mse", "scored_s"),
+    "yaw_rate_rmse": ("yaw_rate_mse", "scored_s"),
+    "estimate_rmse": ("estimate_mse", "scored_s"),
+    "target_rate_rad_s": ("target_rate_rad_s", "walked_s"),
+    "torque_rate_nm_s": ("torque_rate_nm_s", "walked_s"),
+}
+_SQUARED_FIRST = frozenset({"target_rate_rad_s", "torque_rate_nm_s"})
+_MEANS = {"foot_slip_m_s": ("foot_slip_m_s", "stance_s")}
+# Ratios of totals: energy over weight times distance, or over distance.
+_ENERGY_PER_WAY = {
+    "cost_of_transport": ("electrical_j", True),
+    "cost_of_transport_mechanical": ("mechanical_j", True),
+    "positive_work_j_m": ("positive_j", False),
+}
+_LEAST_WAY_M = 0.1  # a robot that stands still transports nothing
+
+
+def summarise(scenario: Scenario, outcomes: Sequence[Outcome[EpisodeOutcome]], seed: int) -> Summary:
+    """Figures of one scenario. What could not be measured is None.
+
+    Args:
+        scenario: its definition.
+        outcomes: of its episodes; those that failed are counted and named, and score nothing.
+        seed: of the bootstrap.
+    """
+    finished = [outcome.value for outcome in outcomes if outcome.value is not None]
+    errors = [f"episode {i}: {outcome.error}" for i, outcome in enumerate(outcomes) if outcome.error]
+    summary: Summary = {"episodes": len(finished), "failed_episodes": errors}
+    summary |= _figures(finished, seed)
+    summary |= _compute(finished)
+    if scenario.rows:
+        summary["rows"] = _rows(scenario.rows, finished, seed)
+    if "push_m_s" in scenario.levels and finished:
+        summary |= _survival(finished, seed)
+    summary["troubles"] = _troubles(finished)
+    summary["notes"] = sorted({note for outcome in finished for note in outcome.notes})
+    return _plain(summary)
+
+
+def _figures(finished: Sequence[EpisodeOutcome], seed: int) -> Summary:
+    metrics = [outcome.metrics for outcome in finished]
+    falls = sum(m.fell for m in metrics)
+    figures: Summary = {
+        "falls": falls,
+        "fall_rate": falls / len(metrics) if metrics else None,
+        "fall_rate_interval": wilson_interval(falls, len(metrics)),
+        "emergency_stops": sum(m.emergency_stop for m in metrics),
+    }
+    for name, (quantity, weight) in _ROOT_MEANS.items():
+        values, weights = _column(metrics, quantity), _column(metrics, weight)
+        values = values**2 if name in _SQUARED_FIRST else values
+        figures[name] = math.sqrt(weighted_mean(values, weights))
+        figures[f"{name}_interval"] = [
+            math.sqrt(edge) for edge in bootstrap_mean_interval(values, weights, seed)
+        ]
+    for name, (quantity, weight) in _MEANS.items():
+        values, weights = _column(metrics, quantity), _column(metrics, weight)
+        figures[name] = weighted_mean(values, weights)
+        figures[f"{name}_interval"] = bootstrap_mean_interval(values, weights, seed)
+    distance = _column(metrics, "distance_m")
+    way = np.where(distance > _LEAST_WAY_M, distance, 0.0)
+    for name, (energy, by_weight) in _ENERGY_PER_WAY.items():
+        weights = way * (_column(metrics, "weight_n") if by_weight else 1.0)
+        ratios = np.divide(
+            _column(metrics, energy), weights, out=np.full(len(metrics), np.nan), where=weights > 0
+        )
+        figures[name] = weighted_mean(ratios, weights)
+        figures[f"{name}_interval"] = bootstrap_mean_interval(ratios, weights, seed)
+    velocity = np.array([m.mean_velocity for m in metrics]).reshape(-1, 3)
+    scored = _column(metrics, "scored_s")
+    figures["mean_velocity"] = [weighted_mean(column, scored) for column in velocity.T]
+    figures["positive_work_j"] = weighted_mean(_column(metrics, "positive_j"), np.ones(len(metrics)))
+    figures["peak_torque_nm"] = _largest(metrics, "peak_torque_nm")
+    figures["peak_torque_share"] = _largest(metrics, "peak_torque_share")
+    return figures
+
+
+def compute_figures(compute_ms: np.ndarray, period_ms: float) -> Summary:
+    """Time per policy step, ms, and the share of steps that took longer than the policy's period."""
+    if not len(compute_ms):
+        return {"compute_ms": {"p50": None, "p99": None}, "missed_deadlines": None}
+    p50, p99 = np.percentile(compute_ms, [50, 99])
+    return {
+        "compute_ms": {"p50": float(p50), "p99": float(p99)},
+        "missed_deadlines": float((compute_ms > period_ms).mean()),
+    }
+
+
+def _compute(finished: Sequence[EpisodeOutcome]) -> Summary:
+    if not finished:
+        return compute_figures(np.zeros(0), 1.0)
+    return compute_figures(
+        np.concatenate([outcome.compute_ms for outcome in finished]), finished[0].period_ms
+    )
+
+
+def _rows(names: Sequence[str], finished: Sequence[EpisodeOutcome], seed: int) -> list[Summary]:
+    """Figures for each combination of levels that was met, in rising order."""
+    groups: dict[tuple[float, ...], list[EpisodeOutcome]] = {}
+    for outcome in finished:
+        groups.setdefault(tuple(outcome.levels[name] for name in names), []).append(outcome)
+    rows = []
+    for levels in sorted(groups):
+        figures = _figures(groups[levels], seed)
+        kept = ("falls", "fall_rate_interval", "lin_vel_rmse", "yaw_rate_rmse", "cost_of_transport")
+        row = dict(zip(names, levels, strict=True)) | {"episodes": len(groups[levels])}
+        rows.append(row | {key: figures[key] for key in kept})
+    return rows
+
+
+def _survival(finished: Sequence[EpisodeOutcome], seed: int) -> Summary:
+    pushes = [outcome.levels["push_m_s"] for outcome in finished]
+    fit = fit_survival(pushes, [not outcome.metrics.fell for outcome in finished], seed)
+    return {
+        "dv50": fit.dv50 if fit.dv50 > 0 else None,
+        "dv50_interval": fit.interval,
+        "dv50_width": fit.width,
+        "strongest_push": max(pushes),
+    }
+
+
+def _troubles(finished: Sequence[EpisodeOutcome]) -> dict[str, int]:
+    """How often each reason for a fall or a stop was met."""
+    reasons = [outcome.trouble for outcome in finished if outcome.trouble]
+    return {reason: reasons.count(reason) for reason in sorted(set(reasons))}
+
+
+def _column(metrics: Sequence[EpisodeMetrics], name: str) -> np.ndarray:
+    return np.array([getattr(m, name) for m in metrics], dtype=float)
+
+
+def _largest(metrics: Sequence[EpisodeMetrics], name: str) -> float:
+    values = _column(metrics, name)
+    values = values[np.isfinite(values)]
+    return float(values.max()) if len(values) else math.nan
+
+
+def _plain(value: Any) -> Any:
+    """The same with lists for tuples and None for what is no number."""
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value
