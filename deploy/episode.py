@@ -1,7 +1,10 @@
 """One run of a policy on a robot, simulated by default: what `evaluate` and the command line call."""
 
+import signal
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -11,7 +14,7 @@ from deploy.bus import Bus
 from deploy.clock import Clock, LockstepClock, WallClock, undisturbed
 from deploy.config import DeployConfig
 from deploy.energy import Power
-from deploy.loop import Command, ControlLoop, Estimator
+from deploy.loop import Command, ControlLoop, Estimator, Log
 from deploy.safety import Mode
 from deploy.simulated_bus import SimulatedBus
 from deploy.simulated_robot import Difference, SimulatedRobot
@@ -24,7 +27,7 @@ from policies.policy import Policy
 from robots.description import Robot
 from robots.errors import UserError
 
-SIMULATED = "sim"
+SIMULATED, VIRTUAL = "sim", "virtual"
 UNKNOWN_POWER = Power(np.nan, np.nan, np.nan)
 
 
@@ -75,27 +78,25 @@ def run_episode(
     """
     if not episode.duration_s > 0.0:
         raise UserError(f"duration is {episode.duration_s:g} s: it must be above 0")
-    wiring = wire(robot)
-    config = episode.config
-    bus, body = _open_bus(robot, wiring, episode)
-    realtime = episode.realtime or body is None
-    clock: Clock = WallClock(config.tick_us) if realtime else LockstepClock(config.tick_us)
-    estimator = _estimator(robot) if policy.needs_estimate and not episode.ground_truth else None
-    try:
-        loop = ControlLoop(robot, policy, wiring, bus, clock, config, episode.command, estimator)
+    wiring, config = wire(robot), episode.config
+    estimated = policy.needs_estimate and not episode.ground_truth
+    with ExitStack() as resources:
+        bus, body = _open_bus(robot, wiring, episode, resources)
+        realtime = episode.realtime or body is None
+        clock: Clock = WallClock(config.tick_us) if realtime else LockstepClock(config.tick_us)
+        estimator = _estimator(robot) if estimated else None
+        log = _open_log(robot, policy, episode, realtime, resources)
+        loop = ControlLoop(robot, policy, wiring, bus, clock, config, episode.command, estimator, log)
         if episode.ground_truth:
             loop.truth = _true_base(body)
+        run = _Run(robot, loop, body, episode)
         started = time.perf_counter()
-        with undisturbed(config.realtime_priority if realtime else None):
-            run = _Run(robot, loop, body, episode)
+        with undisturbed(config.realtime_priority if realtime else None), _ending_on_signals(loop):
             try:
                 run.drive(watch)
             finally:
                 loop.shut_down()
-        wall_s = time.perf_counter() - started
-        return run.trace(bus, wall_s)
-    finally:
-        bus.close()
+        return run.trace(bus, time.perf_counter() - started)
 
 
 class _Run:
@@ -179,13 +180,62 @@ class _Run:
         )
 
 
-def _open_bus(robot: Robot, wiring: Wiring, episode: Episode) -> tuple[Bus, SimulatedRobot | None]:
-    if episode.bus != SIMULATED:
-        raise UserError(f"no bus '{episode.bus}'")
-    wires = SimulatedWires(wiring.buses, episode.config.host_queue)
+def _open_bus(
+    robot: Robot, wiring: Wiring, episode: Episode, resources: ExitStack
+) -> tuple[Bus, SimulatedRobot | None]:
+    """The bus, and the simulated robot if it lives in this loop's time."""
     difference = Difference(episode.plant, episode.sample or Sample(), episode.noise)
-    body = SimulatedRobot(robot, wiring, wires, difference, episode.seed)
-    return SimulatedBus(wires, body), body
+    if episode.bus == SIMULATED:
+        wires = SimulatedWires(wiring.buses, episode.config.host_queue)
+        body = SimulatedRobot(robot, wiring, wires, difference, episode.seed)
+        return SimulatedBus(wires, body), body
+    from deploy.python_can_bus import PythonCanBus  # python-can is slow to import
+
+    if episode.bus == VIRTUAL:  # reaches no further than this process, so the robot has to live in it
+        from deploy.serve import serving
+
+        resources.enter_context(serving(robot, VIRTUAL, difference, episode.seed))
+    elif episode.plant is not None or episode.pushes:
+        raise UserError(f"bus '{episode.bus}' leads to a robot of its own: no --plant and no pushes there")
+    bus = PythonCanBus(episode.bus, wiring.buses)
+    resources.callback(bus.close)
+    return bus, None
+
+
+def _open_log(
+    robot: Robot, policy: Policy, episode: Episode, realtime: bool, resources: ExitStack
+) -> Log | None:
+    if episode.log is None:
+        return None
+    from deploy.log import McapLog
+
+    facts = {
+        "seed": episode.seed,
+        "bus": episode.bus,
+        "plant": None if episode.plant is None else str(episode.plant),
+        "joint_rate_hz": episode.config.joint_rate_hz,
+    }
+    start_ns = time.time_ns() if realtime else 0
+    every_us = round(1e6 / episode.config.log_rate_hz)
+    log = McapLog(episode.log, robot, policy, every_us, facts, start_ns)
+    resources.callback(log.close)
+    return log
+
+
+@contextmanager
+def _ending_on_signals(loop: ControlLoop) -> Iterator[None]:
+    """Ctrl-C and a polite kill end the run in an orderly way: damping, then motors off."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {
+        number: signal.signal(number, lambda *_: loop.finish()) for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _estimator(robot: Robot) -> Estimator:

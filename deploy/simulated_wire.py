@@ -27,7 +27,7 @@ class _Plan(NamedTuple):
     place: np.ndarray  # (k,) how many frames of the batch are on the same wire up to this one
     offset: np.ndarray  # (k,) microseconds from the start of the batch on its wire to the frame's end
     occupied: np.ndarray  # (channels,) microseconds that the batch takes on each wire
-    count: np.ndarray  # (channels,) frames on each wire
+    frames: np.ndarray  # (channels,) frames on each wire
     most: int  # frames on the busiest wire
 
 
@@ -69,7 +69,7 @@ class SimulatedWires:
             self._free_at = start + plan.occupied
             self._all_free_at = float(self._free_at.max())
             self.busy_us += plan.occupied
-            self.sent[side] += plan.count
+            self.sent[side] += plan.frames
             self._flying[side].append((frames, arrival, self._all_free_at))
         return refused
 
@@ -103,7 +103,7 @@ class SimulatedWires:
                 place=before.sum(axis=1),
                 offset=before @ duration,
                 occupied=on @ duration,
-                count=count,
+                frames=count,
                 most=int(count.max(initial=0)),
             )
             self._plans[key] = plan

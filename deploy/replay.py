@@ -1,0 +1,134 @@
+"""Reads a run's log back, complete or cut short, and feeds its readings to a policy again."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from deploy.log import METADATA, unflatten
+from policies.policy import Policy
+from robots.actuator import JointCommand
+from robots.errors import UserError
+
+
+class Entry(NamedTuple):
+    """One message of a log."""
+
+    topic: str
+    time_ns: int
+    message: Any  # decoded; fields as attributes
+
+
+@dataclass(frozen=True)
+class LogFile:
+    """A log's metadata and messages."""
+
+    metadata: dict[str, Any]
+    entries: tuple[Entry, ...]
+    complete: bool  # False if the run was cut short
+
+
+@dataclass(frozen=True)
+class Replay:
+    """How a policy's decisions compare with those in a log."""
+
+    steps: int
+    complete: bool  # whether the log has its end
+    worst_difference: float  # largest absolute difference of any number decided
+    first_difference: str  # where the first one is, in words; empty if every number is the same
+
+
+def read_log(path: Path) -> LogFile:
+    """Read a log, also one whose writer was killed.
+
+    Raises:
+        UserError: the file cannot be read, is no MCAP or no log of a run.
+    """
+    metadata: dict[str, Any] = {}
+    entries: list[Entry] = []
+    try:
+        with path.open("rb") as file:
+            complete = _read_into(file, metadata, entries)
+    except OSError as error:
+        raise UserError(f"cannot read the log {path}: {error.strerror or error}") from None
+    except _NotMcapError:
+        raise UserError(f"{path} is no MCAP file") from None
+    if not metadata:
+        raise UserError(f"{path} is no log of a footfall run: it has no metadata '{METADATA}'")
+    return LogFile(metadata, tuple(entries), complete)
+
+
+def replay(path: Path, policy: Policy, tolerance: float = 0.0) -> Replay:
+    """Hand a policy what the log's policy was handed; compare what it decides.
+
+    Args:
+        path: the log.
+        policy: usually the same one.
+        tolerance: differences up to this are not reported.
+
+    Raises:
+        UserError: the log cannot be read, holds no policy steps, or is another robot's.
+    """
+    log = read_log(path)
+    inputs = [entry for entry in log.entries if entry.topic == "/policy/inputs"]
+    decided = [entry for entry in log.entries if entry.topic == "/policy/command"]
+    if not decided:
+        raise UserError(f"{path} holds no policy steps: the run ended before it walked")
+    joints = log.metadata["joints"]
+    worst, first = 0.0, ""
+    for index, (handed, answer) in enumerate(zip(inputs, decided, strict=False)):
+        observation = unflatten(np.array(handed.message.data))
+        if index == 0:
+            policy.reset(observation)
+        again = np.concatenate(policy.act(observation))
+        before = np.array(answer.message.data)
+        if again.shape != before.shape:
+            raise UserError(f"{path} is of a robot with {len(joints)} joints: the policy does not fit")
+        difference = np.abs(again - before)
+        worst = max(worst, float(difference.max()))
+        if not first and difference.max() > tolerance:
+            field, joint = divmod(int(difference.argmax()), len(joints))
+            first = (
+                f"step {index} ({observation.time_s:.3f} s): {JointCommand._fields[field]} of"
+                f" {joints[joint]} was {before[difference.argmax()]:.9g},"
+                f" is {again[difference.argmax()]:.9g}"
+            )
+    return Replay(len(decided), log.complete, worst, first)
+
+
+class _NotMcapError(Exception):
+    pass
+
+
+def _read_into(file: Any, metadata: dict[str, Any], entries: list[Entry]) -> bool:
+    from mcap.records import Channel, Footer, Message, Metadata, Schema
+    from mcap.stream_reader import StreamReader
+    from mcap_ros2.decoder import DecoderFactory
+
+    decoders = DecoderFactory()
+    schemas: dict[int, Schema] = {}
+    channels: dict[int, Channel] = {}
+    records: Iterator[Any] = StreamReader(file, record_size_limit=2**28).records
+    while True:
+        try:
+            record = next(records)
+        except Exception:  # a torn end fails in as many ways as there are decompressors
+            if not metadata and not channels:
+                raise _NotMcapError from None
+            return False
+        if isinstance(record, Footer):
+            return True
+        if isinstance(record, Metadata) and record.name == METADATA:
+            metadata.update({key: json.loads(value) for key, value in record.metadata.items()})
+        elif isinstance(record, Schema):
+            schemas[record.id] = record
+        elif isinstance(record, Channel):
+            channels[record.id] = record
+        elif isinstance(record, Message):
+            channel = channels[record.channel_id]
+            decode = decoders.decoder_for(channel.message_encoding, schemas[channel.schema_id])
+            if decode is not None:
+                entries.append(Entry(channel.topic, record.log_time, decode(record.data)))
