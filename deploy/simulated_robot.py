@@ -140,11 +140,12 @@ class SimulatedRobot:
 
     def _move(self) -> None:
         data, layout = self.data, self._layout
-        velocity = data.qvel[layout.qvel]
+        velocity = data.qvel[layout.qvel].copy()
         self._torque = torque = self._motors.torque(self._step, data.qpos[layout.qpos], velocity)
         data.qfrc_applied[layout.qvel] = torque + self._motors.friction(velocity)
-        self._energy.add(torque, velocity)
         mujoco.mj_step(self.model, data)
+        # Speed changes within a step; with the speed before it alone, damping would seem to create power.
+        self._energy.add(torque, 0.5 * (velocity + data.qvel[layout.qvel]))
 
     def _report_imu(self, now_us: float) -> None:
         if not self.faults.imu_stuck:
