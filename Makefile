@@ -25,9 +25,10 @@ $(STAMP): pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[train,dev]'
 	@touch $(STAMP)
 
-# Two workers of one thread each: MuJoCo, XLA and BLAS would otherwise fight over the cores.
+# Workers of one thread each: MuJoCo, XLA and BLAS would otherwise fight over the cores. A file's tests stay
+# together, since they share what is slow to make.
 test: $(STAMP)
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS) $(TESTS)
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile $(TESTS)
 
 demo: $(STAMP)
 	$(BIN)/footfall demo

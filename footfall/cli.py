@@ -1,0 +1,74 @@
+"""The front door: parses, runs a verb, and turns whatever went wrong into one line and an exit status."""
+
+import os
+import sys
+from collections.abc import Sequence
+from importlib.metadata import version
+
+from cyclopts import App, CycloptsError, UnusedCliTokensError
+
+from footfall.verbs.compare import compare
+from footfall.verbs.demo import demo
+from footfall.verbs.deploy import deploy
+from footfall.verbs.doctor import doctor
+from footfall.verbs.evaluate import evaluate
+from footfall.verbs.export import export
+from footfall.verbs.replay import replay
+from footfall.verbs.train import train
+from robots.errors import UserError
+
+BAD_INPUT = 2
+INTERRUPTED = 130  # 128 + SIGINT
+BROKEN_PIPE = 141  # 128 + SIGPIPE
+
+app = App(
+    name="footfall",
+    help="Legged robots: train a policy, evaluate it, run it over CAN, hold it against other controllers.",
+    version=lambda: version("footfall"),
+    suppress_keyboard_interrupt=False,
+)
+for verb in (train, evaluate, export, deploy, compare, replay, demo, doctor):
+    app.command(verb)
+
+
+def main(tokens: Sequence[str] | None = None) -> int:
+    """Run the command line and return the exit status.
+
+    Bad input ends in one line on stderr and status 2. Anything else that escapes is a defect of footfall,
+    and keeps its traceback.
+    """
+    arguments = list(sys.argv[1:] if tokens is None else tokens)
+    try:
+        status = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+        sys.stdout.flush()
+    except CycloptsError as error:
+        return _complain(f"{_parse_error(error)} {_where_to_look(arguments)}")
+    except UserError as error:
+        return _complain(_one_line(error))
+    except BrokenPipeError:
+        # The reader of our output has left; let nothing else try to write to it.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return BROKEN_PIPE
+    except KeyboardInterrupt:
+        return _complain("interrupted", INTERRUPTED)
+    return status if isinstance(status, int) else 0
+
+
+def _complain(reason: str, status: int = BAD_INPUT) -> int:
+    print(f"footfall: {reason}", file=sys.stderr)
+    return status
+
+
+def _parse_error(error: CycloptsError) -> str:
+    if isinstance(error, UnusedCliTokensError):
+        return f"unexpected argument '{error.unused_tokens[0]}'"
+    return _one_line(error).removesuffix(".")
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())
+
+
+def _where_to_look(arguments: list[str]) -> str:
+    known = arguments and arguments[0] in app.resolved_commands()
+    return f"(see footfall {arguments[0]} --help)" if known else "(see footfall --help)"

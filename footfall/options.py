@@ -1,0 +1,63 @@
+"""Types of the options that several verbs share: how they are read, checked and explained."""
+
+import math
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+from cyclopts.validators import Number
+
+
+def _vector(_: type, tokens: Any) -> tuple[float, ...]:
+    """'0.5,0,0' as three numbers."""
+    text = tokens[0].value
+    try:
+        numbers = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        numbers = ()
+    if len(numbers) != 3 or not all(map(math.isfinite, numbers)):
+        raise ValueError(f"expected three numbers such as 0.5,0,0, found '{text}'")
+    return numbers
+
+
+def _names(_: type, tokens: Any) -> tuple[str, ...]:
+    """'nominal,push' as two names."""
+    return tuple(name for name in (part.strip() for part in tokens[0].value.split(",")) if name)
+
+
+def _positive(_: type, value: float) -> None:
+    if not (math.isfinite(value) and value > 0):
+        raise ValueError("Must be a number above 0.")
+
+
+PolicyName = Annotated[
+    str,
+    Parameter(help="A run folder, an .onnx file, a name in the zoo, or a controller: stand, trot, mpc."),
+]
+RobotName = Annotated[str, Parameter(help="Name of a robot, or a folder with its robot.yaml.")]
+Seed = Annotated[
+    int,
+    Parameter(
+        validator=Number(gte=0, lt=2**31), help="The same seed gives the same result on the same machine."
+    ),
+]
+Plant = Annotated[
+    Path | None,
+    Parameter(help="Another MJCF for the simulated robot's body, matched by joint name (default: its own)."),
+]
+JsonFile = Annotated[Path | None, Parameter(help="Write the figures to this file.")]
+HtmlFile = Annotated[Path | None, Parameter(help="Write a self-contained report to this file.")]
+Seconds = Annotated[float, Parameter(validator=_positive)]
+Count = Annotated[int, Parameter(validator=Number(gte=1))]
+VelocityCommand = Annotated[
+    tuple[float, float, float],
+    Parameter(
+        converter=_vector,
+        n_tokens=1,
+        allow_leading_hyphen=True,
+        metavar="X,Y,YAW",
+        negative=(),
+        help="Forward and leftward velocity, m/s, and yaw rate, rad/s.",
+    ),
+]
+Names = Annotated[tuple[str, ...], Parameter(converter=_names, n_tokens=1, metavar="A,B", negative=())]

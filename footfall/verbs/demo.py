@@ -1,0 +1,71 @@
+"""`footfall demo`."""
+
+import subprocess
+import sys
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+from cyclopts import Parameter
+
+from footfall.options import Count, Names, RobotName, Seed
+from robots.errors import UserError
+
+FELL = 1  # deploy's exit status for a run that did not end well; the demo goes on, and says so
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class DemoOptions:
+    """Where and how to run the demo."""
+
+    robot: RobotName = "go1"
+    preset: str = "cpu"
+    """How to train: a preset, or a YAML file of the same form."""
+    seed: Seed = 0
+    out: Path | None = None
+    """Folder for everything that the demo makes (default: runs/demo-TIME)."""
+    scenarios: Names = ("gentle", "push")
+    """What to compare on."""
+    episodes: Count = 24
+    """Episodes of each scenario."""
+
+
+def demo(*, options: DemoOptions = DemoOptions()) -> None:
+    """Train for a few minutes, run the policy over CAN, hold it against the others: ends with a report."""
+    from policies.registry import zoo_names
+    from robots.description import load_robot
+
+    robot = load_robot(options.robot)
+    folder = options.out or Path("runs") / f"demo-{datetime.now():%Y%m%d-%H%M%S}"
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise UserError(f"{folder} exists and is not empty: give another --out")
+    run, report = folder / "trained", folder / "report.html"
+    shipped = [name for name in zoo_names() if name.startswith(f"{robot.name}-")]
+    shared = ["--robot", options.robot, "--seed", str(options.seed)]
+    _step("train", *shared, "--preset", options.preset, "--out", str(run))
+    _step("export", str(run), "--out", str(folder / "policy.onnx"))
+    _step(
+        *("deploy", str(run), *shared, "--command", "0.5,0,0", "--duration", "10"),
+        *("--log", str(folder / "walk.mcap"), "--json", str(folder / "walk.json")),
+        tolerated=(FELL,),
+    )
+    _step(
+        *("compare", str(run), *shipped, "trot", "mpc", *shared),
+        *("--scenarios", ",".join(options.scenarios), "--episodes", str(options.episodes)),
+        *("--json", str(folder / "compare.json"), "--html", str(report)),
+    )
+    print(f"\nthe report is at {report.resolve()}")
+
+
+def _step(*tokens: str, tolerated: tuple[int, ...] = ()) -> None:
+    """Run one command as a user would type it, in a process of its own; a failure ends the demo."""
+    print(f"\n$ footfall {' '.join(tokens)}", flush=True)
+    process = subprocess.Popen([sys.executable, "-m", "footfall", *tokens])
+    try:
+        status = process.wait()
+    except KeyboardInterrupt:
+        process.wait()  # Ctrl-C reached it too; let it end in an orderly way
+        raise
+    if status != 0 and status not in tolerated:
+        raise UserError(f"footfall {tokens[0]} failed with status {status}; its message is above")

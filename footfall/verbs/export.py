@@ -1,0 +1,21 @@
+"""`footfall export`."""
+
+from pathlib import Path
+
+from footfall.learning import learning_wing
+from footfall.outputs import check_outputs
+
+
+def export(run: Path, /, *, out: Path | None = None) -> None:
+    """Write a run's last checkpoint as ONNX, checked against the trainer's own network.
+
+    Parameters
+    ----------
+    run
+        A run folder that footfall train made.
+    out
+        File to write (default: RUN/policy.onnx).
+    """
+    check_outputs(out)
+    path, difference = learning_wing().export_run(run, out)
+    print(f"wrote {path}; its actions differ from the trained network's by at most {difference:.1e}")

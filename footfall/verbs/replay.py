@@ -1,0 +1,49 @@
+"""`footfall replay`."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from cyclopts import Parameter
+
+from footfall.options import PolicyName
+from robots.errors import UserError
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class ReplayOptions:
+    """What to replay with."""
+
+    policy: PolicyName | None = None
+    """Policy to ask again (default: the one that the log names)."""
+    robot: str | None = None
+    """Name of a robot, or a folder with its robot.yaml (default: the one that the log names)."""
+    tolerance: float = 0.0
+    """Differences up to this are not reported."""
+
+
+def replay(log: Path, /, *, options: ReplayOptions = ReplayOptions()) -> int:
+    """Feed a log's readings to its policy again; exit 0 if it decides the same, 1 if not."""
+    from deploy.replay import read_log
+    from deploy.replay import replay as replay_log
+    from policies.registry import load_policy
+    from robots.description import load_robot
+
+    named: dict[str, str] = {}
+    if options.policy is None or options.robot is None:
+        named = read_log(log).metadata
+    robot = load_robot(options.robot or named["robot"])
+    try:
+        policy = load_policy(options.policy or named["policy"], robot)
+    except UserError as error:
+        if options.policy is not None:
+            raise
+        raise UserError(f"the log was made with a policy that is not here ({error}): give --policy") from None
+    result = replay_log(log, policy, options.tolerance)
+    print(f"{result.steps} policy steps" + ("" if result.complete else ", of a run that was cut short"))
+    if result.first_difference:
+        print(f"first difference: {result.first_difference}")
+        print(f"worst difference: {result.worst_difference:.3g}")
+        return 1
+    print(f"the same decisions (worst difference {result.worst_difference:.3g})")
+    return 0

@@ -1,0 +1,234 @@
+"""Every kind of bad input ends in one line that says what is wrong, status 2, and nothing written."""
+
+import os
+import socket
+from pathlib import Path
+
+import pytest
+from shell import Shell
+
+from robots.description import ROBOTS
+
+
+@pytest.fixture
+def shell(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Shell:
+    """In an empty folder, which must stay empty."""
+    folder = tmp_path / "here"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    return Shell(capsys)
+
+
+@pytest.fixture(autouse=True)
+def nothing_is_left_behind(shell: Shell, tmp_path: Path):
+    yield
+    assert list((tmp_path / "here").iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("tokens", "wanted"),
+    [
+        (["depoly"], ["depoly", "deploy"]),
+        (["--verbose"], ["--verbose"]),
+        (["deploy"], ["POLICY"]),
+        (["deploy", "stand", "trot"], ["unexpected argument 'trot'"]),
+        (["deploy", "stand", "--sed", "1"], ["--sed", "--seed"]),
+        (["deploy", "stand", "--seed"], ["--seed"]),
+        (["deploy", "stand", "--seed", "one"], ["--seed", "one"]),
+        (["deploy", "stand", "--seed", "-1"], ["--seed", ">= 0"]),
+        (["deploy", "stand", "--seed", "1", "--seed", "2"], ["--seed"]),
+        (["deploy", "stand", "--duration", "long"], ["--duration", "long"]),
+        (["deploy", "stand", "--duration", "0"], ["--duration", "above 0"]),
+        (["deploy", "stand", "--duration", "nan"], ["--duration", "above 0"]),
+        (["deploy", "stand", "--duration", "inf"], ["--duration", "above 0"]),
+        (["deploy", "stand", "--command", "0.5,0"], ["--command", "three numbers"]),
+        (["deploy", "stand", "--command", "0.5,0,0,0"], ["--command", "three numbers"]),
+        (["deploy", "stand", "--command", "fast"], ["--command", "three numbers"]),
+        (["deploy", "stand", "--command", "nan,0,0"], ["--command", "three numbers"]),
+        (["deploy", "stand", "--command"], ["--command"]),
+        (["evaluate", "stand", "--episodes", "0"], ["--episodes", ">= 1"]),
+        (["evaluate", "stand", "--workers", "-2"], ["--workers"]),
+        (["train", "--steps", "0"], ["--steps", ">= 1"]),
+        (["train", "--resume", "run", "--preset", "gpu"], ["--resume", "--preset"]),
+        (["export"], ["RUN"]),
+        (["replay"], ["LOG"]),
+    ],
+)
+def test_what_does_not_parse(shell: Shell, tokens: list[str], wanted: list[str]) -> None:
+    complaint = shell.refuses(*tokens)
+    for words in wanted:
+        assert words in complaint
+
+
+@pytest.mark.parametrize(
+    ("tokens", "wanted"),
+    [
+        (["deploy", "rex"], ["rex", "stand", "trot", "mpc", ".onnx"]),
+        (["deploy", "stand", "--robot", "rex"], ["rex", "go1", "robot.yaml"]),
+        (["deploy", "stand", "--bus", "tram"], ["tram", "sim"]),
+        (["deploy", "stand", "--plant", "rex.xml"], ["rex.xml"]),
+        (["deploy", "stand", "--config", "loop.yaml"], ["loop.yaml"]),
+        (["evaluate", "rex"], ["rex", "stand"]),
+        (["evaluate", "stand", "--robot", "rex"], ["rex", "go1"]),
+        (["evaluate", "stand", "--scenarios", "ballet"], ["ballet", "nominal"]),
+        (["evaluate", "stand", "--scenarios", ","], ["scenario"]),
+        (["evaluate", "stand", "--scenario-file", "mine.yaml"], ["mine.yaml"]),
+        (["compare"], ["policy"]),
+        (["compare", "stand", "rex"], ["rex"]),
+        (["compare", "stand", "trot", "--scenarios", "ballet"], ["ballet", "nominal"]),
+        (["train", "--robot", "rex"], ["rex", "go1"]),
+        (["train", "--preset", "huge"], ["huge", "cpu", "gpu", "smoke"]),
+        (["train", "--resume", "run"], ["run"]),
+        (["export", "run"], ["run"]),
+        (["replay", "log.mcap"], ["log.mcap"]),
+    ],
+)
+def test_what_does_not_exist(shell: Shell, tokens: list[str], wanted: list[str]) -> None:
+    complaint = shell.refuses(*tokens)
+    for words in wanted:
+        assert words in complaint
+
+
+GARBAGE = {
+    "empty": b"",
+    "text": b"garbage\n",
+    "binary": bytes(range(256)),
+    "brackets": b"{[<mujoco>",
+}
+
+
+@pytest.mark.parametrize("content", GARBAGE.values(), ids=GARBAGE.keys())
+@pytest.mark.parametrize(
+    ("file", "tokens"),
+    [
+        ("walk.onnx", ["deploy", "{}"]),
+        ("walk.onnx", ["evaluate", "{}"]),
+        ("plant.xml", ["deploy", "stand", "--plant", "{}"]),
+        ("plant.xml", ["evaluate", "stand", "--plant", "{}"]),
+        ("log.mcap", ["replay", "{}"]),
+    ],
+)
+def test_garbage_files(shell: Shell, tmp_path: Path, file: str, tokens: list[str], content: bytes) -> None:
+    path = tmp_path / file
+    path.write_bytes(content)
+    assert file in shell.refuses(*(token.format(path) for token in tokens))
+
+
+@pytest.mark.parametrize("content", [b"garbage\n", bytes(range(256)), b"{[<"])
+@pytest.mark.parametrize(
+    ("file", "tokens"),
+    [
+        ("preset.yaml", ["train", "--preset", "{}"]),
+        ("loop.yaml", ["deploy", "stand", "--config", "{}"]),
+        ("mine.yaml", ["evaluate", "stand", "--scenario-file", "{}"]),
+    ],
+)
+def test_garbage_yaml(shell: Shell, tmp_path: Path, file: str, tokens: list[str], content: bytes) -> None:
+    path = tmp_path / file
+    path.write_bytes(content)
+    assert file in shell.refuses(*(token.format(path) for token in tokens))
+
+
+@pytest.mark.parametrize("verb", [["deploy", "stand"], ["evaluate", "stand"], ["train"]])
+def test_garbage_robot_folder(shell: Shell, own_folder: Path, verb: list[str]) -> None:
+    (own_folder / "robot.yaml").write_text("name: [")
+    assert "robot.yaml" in shell.refuses(*verb, "--robot", own_folder)
+
+
+@pytest.mark.parametrize("verb", ["deploy", "evaluate", "export"])
+def test_run_folder_without_a_policy(shell: Shell, tmp_path: Path, verb: str) -> None:
+    assert str(tmp_path / "empty") in shell.refuses(verb, _folder(tmp_path / "empty"))
+
+
+def test_plant_of_another_robot(shell: Shell, tmp_path: Path) -> None:
+    plant = tmp_path / "cart.xml"
+    plant.write_text("<mujoco><worldbody><body><freejoint/><geom size='1'/></body></worldbody></mujoco>")
+    complaint = shell.refuses("deploy", "stand", "--plant", plant)
+    assert "cart.xml" in complaint
+    assert "FR_hip_joint" in complaint
+
+
+def _folder(path: Path) -> Path:
+    path.mkdir()
+    return path
+
+
+WRITERS = [
+    ["deploy", "stand", "--json"],
+    ["deploy", "stand", "--log"],
+    ["evaluate", "stand", "--json"],
+    ["compare", "stand", "trot", "--json"],
+    ["compare", "stand", "trot", "--html"],
+    ["export", "run", "--out"],
+]
+
+
+@pytest.mark.parametrize("tokens", WRITERS, ids=" ".join)
+class TestOutputs:
+    """Checked before the work: each of these returns at once."""
+
+    def test_a_folder_that_is_not_there(self, shell: Shell, tokens: list[str], tmp_path: Path) -> None:
+        complaint = shell.refuses(*tokens, tmp_path / "absent" / "out.file")
+        assert f"no folder {tmp_path / 'absent'}" in complaint
+
+    def test_a_folder_instead_of_a_file(self, shell: Shell, tokens: list[str], tmp_path: Path) -> None:
+        assert "folder" in shell.refuses(*tokens, _folder(tmp_path / "out"))
+
+    def test_a_file_instead_of_a_folder(self, shell: Shell, tokens: list[str], tmp_path: Path) -> None:
+        (tmp_path / "file").write_text("")
+        assert str(tmp_path / "file") in shell.refuses(*tokens, tmp_path / "file" / "out")
+
+    @pytest.mark.skipif(not Path("/proc").is_dir(), reason="no /proc")
+    def test_a_folder_that_takes_no_files(self, shell: Shell, tokens: list[str]) -> None:
+        assert "/proc/out" in shell.refuses(*tokens, "/proc/out")
+
+    @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+    def test_a_folder_without_permission(self, shell: Shell, tokens: list[str], tmp_path: Path) -> None:
+        folder = _folder(tmp_path / "locked")
+        folder.chmod(0o500)
+        assert "Permission denied" in shell.refuses(*tokens, folder / "out")
+
+
+def test_two_outputs_of_one_name(shell: Shell, tmp_path: Path) -> None:
+    same = tmp_path / "out"
+    assert "a name of its own" in shell.refuses("deploy", "stand", "--json", same, "--log", same)
+    assert not same.exists()
+
+
+def test_training_into_a_folder_in_use(shell: Shell, own_folder: Path) -> None:
+    before = sorted(own_folder.iterdir())
+    assert "not empty" in shell.refuses("train", "--preset", "smoke", "--out", own_folder)
+    assert sorted(own_folder.iterdir()) == before
+
+
+def test_demo_into_a_folder_in_use(shell: Shell, own_folder: Path) -> None:
+    assert "not empty" in shell.refuses("demo", "--out", own_folder)
+
+
+@pytest.mark.skipif(not hasattr(socket, "AF_CAN"), reason="no SocketCAN on this system")
+def test_can_interfaces_that_are_not_there(shell: Shell) -> None:
+    if any(name.startswith("can") for _, name in socket.if_nameindex()):
+        pytest.skip("this machine has CAN interfaces; a test shall not talk to them")
+    assert "can0" in shell.refuses("deploy", "stand", "--bus", "socketcan")
+
+
+def test_policy_of_another_robot(shell: Shell, own_folder: Path, tmp_path: Path) -> None:
+    """A policy names the field of its contract that does not fit."""
+    onnx = pytest.importorskip("onnx")
+    from tiny_policy import write_policy
+
+    walk = write_policy(onnx, tmp_path / "walk.onnx", ROBOTS / "go1")
+    declaration = own_folder / "robot.yaml"
+    declaration.write_text(declaration.read_text().replace("default_rad: 0.9", "default_rad: 0.8"))
+    complaint = shell.refuses("deploy", walk, "--robot", own_folder)
+    assert "walk.onnx does not fit" in complaint
+    assert "default_pose_rad" in complaint
+
+
+def test_onnx_without_a_contract(shell: Shell, tmp_path: Path) -> None:
+    onnx = pytest.importorskip("onnx")
+    from tiny_policy import write_policy
+
+    bare = write_policy(onnx, tmp_path / "bare.onnx", ROBOTS / "go1", contract=False)
+    complaint = shell.refuses("deploy", bare)
+    assert "no footfall contract" in complaint
