@@ -1,0 +1,107 @@
+"""`footfall deploy` and `footfall replay`: exit status, figures and files."""
+
+import json
+from pathlib import Path
+
+import pytest
+from shell import Shell
+from tiny_policy import write_policy
+
+from robots.description import ROBOTS
+
+SHORT = ("--duration", "0.6")
+
+
+@pytest.fixture
+def shell(capsys: pytest.CaptureFixture[str]) -> Shell:
+    return Shell(capsys)
+
+
+def test_a_safe_run_exits_0_and_writes_its_figures(shell: Shell, tmp_path: Path) -> None:
+    path = tmp_path / "run.json"
+    outcome = shell("deploy", "stand", "--command", "0,0,0", *SHORT, "--seed", "3", "--json", path)
+    assert outcome.status == 0, outcome.err
+    assert outcome.err == ""
+    assert "IDLE" in outcome.out
+    figures = json.loads(path.read_text())
+    assert figures["final_state"] == "IDLE"
+    assert figures["faults"] == []
+    assert figures["fell"] is False
+    assert figures["command"] == [0.0, 0.0, 0.0]
+    assert figures["seed"] == 3
+    assert figures["walked_s"] == pytest.approx(0.6, abs=0.02)
+    assert 0.0 <= figures["distance_m"] < 0.05
+    assert figures["timing"]["tick_us_p99"] > 0
+    assert [bus["name"] for bus in figures["buses"]] == ["can0", "can1", "can2", "can3"]
+
+
+def test_walking_covers_the_ground_that_was_asked_for(shell: Shell, tmp_path: Path) -> None:
+    path = tmp_path / "run.json"
+    assert shell("deploy", "trot", "--command", "0.3,0,0", "--duration", "4", "--json", path).status == 0
+    figures = json.loads(path.read_text())
+    assert figures["distance_m"] == pytest.approx(1.2, rel=0.4)
+    assert figures["mean_velocity_m_s"][0] == pytest.approx(figures["distance_m"] / 4, rel=0.2)
+
+
+def test_an_emergency_stop_exits_1_and_says_why(shell: Shell, tmp_path: Path) -> None:
+    settings = tmp_path / "loop.yaml"
+    settings.write_text("safety: {tilt_limit_rad: 1.0e-6}")
+    path = tmp_path / "run.json"
+    outcome = shell("deploy", "stand", *SHORT, "--config", settings, "--json", path)
+    assert outcome.status == 1
+    assert "tilt" in outcome.out
+    figures = json.loads(path.read_text())
+    assert figures["final_state"] == "FALLING"
+    assert figures["faults"]
+
+
+def test_the_same_seed_gives_the_same_run(shell: Shell, tmp_path: Path) -> None:
+    results = []
+    for name in ("a.json", "b.json"):
+        shell("deploy", "trot", *SHORT, "--seed", "5", "--json", tmp_path / name)
+        figures = json.loads((tmp_path / name).read_text())
+        results.append([figures["distance_m"], figures["mean_velocity_m_s"], figures["buses"]])
+    assert results[0] == results[1]
+
+
+def test_json_to_standard_output(shell: Shell) -> None:
+    """A device is written to, not replaced by a file of its name."""
+    assert shell("deploy", "stand", *SHORT, "--json", "/dev/null").status == 0
+    assert not Path("/dev/null").is_file()
+
+
+def test_a_users_own_robot_and_policy(shell: Shell, own_folder: Path, tmp_path: Path) -> None:
+    onnx = pytest.importorskip("onnx")
+    declaration = own_folder / "robot.yaml"
+    declaration.write_text(declaration.read_text().replace("name: go1", "name: mine"))
+    walk = write_policy(onnx, tmp_path / "walk.onnx", own_folder)
+    assert shell("deploy", walk, "--robot", own_folder, *SHORT).status == 0
+    assert "robot: policy has mine, robot has go1" in shell.refuses("deploy", walk, *SHORT)
+    assert own_folder != ROBOTS / "go1"
+
+
+def test_a_log_replays_to_the_same_decisions(shell: Shell, tmp_path: Path) -> None:
+    log = tmp_path / "run.mcap"
+    assert shell("deploy", "trot", *SHORT, "--log", log).status == 0
+    outcome = shell("replay", log)
+    assert outcome.status == 0, outcome.out
+    assert "the same decisions" in outcome.out
+
+
+def test_another_policy_differs_and_says_where(shell: Shell, tmp_path: Path) -> None:
+    log = tmp_path / "run.mcap"
+    shell("deploy", "trot", *SHORT, "--log", log)
+    outcome = shell("replay", log, "--policy", "stand")
+    assert outcome.status == 1
+    assert "first difference: step " in outcome.out
+    assert "_joint" in outcome.out
+
+
+def test_a_log_whose_policy_is_gone_asks_for_one(shell: Shell, tmp_path: Path) -> None:
+    onnx = pytest.importorskip("onnx")
+    walk = write_policy(onnx, tmp_path / "walk.onnx", ROBOTS / "go1")
+    log = tmp_path / "run.mcap"
+    assert shell("deploy", walk, *SHORT, "--log", log).status == 0
+    walk.rename(tmp_path / "moved.onnx")
+    assert "--policy" in shell.refuses("replay", log)
+    assert shell("replay", log, "--policy", tmp_path / "moved.onnx").status == 0
