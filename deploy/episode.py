@@ -53,6 +53,7 @@ class Episode:
     ground_truth: bool = False  # hand the policy the true base velocity and height
     realtime: bool = False  # a bus other than the simulated one is always in real time
     log: Path | None = None
+    policy_spec: str = ""  # what the user calls the policy; the log keeps it, so that a replay can load it
     bus: str = SIMULATED
     record_rate_hz: float = 100.0
     config: DeployConfig = field(default_factory=DeployConfig)
@@ -85,13 +86,15 @@ def run_episode(
         realtime = episode.realtime or body is None
         clock: Clock = WallClock(config.tick_us) if realtime else LockstepClock(config.tick_us)
         estimator = _estimator(robot) if estimated else None
-        log = _open_log(robot, policy, episode, realtime, resources)
-        loop = ControlLoop(robot, policy, wiring, bus, clock, config, episode.command, estimator, log)
+        loop = ControlLoop(robot, policy, wiring, bus, clock, config, episode.command, estimator)
         if episode.ground_truth:
             loop.truth = _true_base(body)
+        loop.log = _open_log(robot, policy, episode, realtime, resources)  # last: nothing else can fail
         run = _Run(robot, loop, body, episode)
         started = time.perf_counter()
-        with undisturbed(config.realtime_priority if realtime else None), _ending_on_signals(loop):
+        if realtime:
+            resources.enter_context(_ending_on_signals(loop))
+        with undisturbed(config.realtime_priority if realtime else None):
             try:
                 run.drive(watch)
             finally:
@@ -211,6 +214,7 @@ def _open_log(
 
     facts = {
         "seed": episode.seed,
+        "policy_spec": episode.policy_spec or policy.name,
         "bus": episode.bus,
         "plant": None if episode.plant is None else str(episode.plant),
         "joint_rate_hz": episode.config.joint_rate_hz,

@@ -75,7 +75,6 @@ class ControlLoop:
         config: DeployConfig,
         command: Command,
         estimator: Estimator | None = None,
-        log: Log | None = None,
     ) -> None:
         """Raises UserError if the policy wants to be called more often than joints are."""
         if not 0.0 < policy.rate_hz <= config.joint_rate_hz:
@@ -84,10 +83,11 @@ class ControlLoop:
                 f" the joint loop at {config.joint_rate_hz:g} Hz: the policy cannot be faster"
             )
         self._policy, self._bus, self._clock, self._config = policy, bus, clock, config
-        self._command, self._estimator, self._log = command, estimator, log
+        self._command, self._estimator = command, estimator
+        self.log: Log | None = None
         self._wiring, self._default_pose = wiring, robot.default_pose
         self._joints = JointLayer(robot, wiring, config.tick_us * 1e-6)
-        self._period_us = round(1e6 / policy.rate_hz)
+        self._period_us = 1e6 / policy.rate_hz
         self._estimate_every_us = round(1e6 / config.estimator_rate_hz)
         self._stand_gains = (
             config.stand_kp_scale * robot.kp,
@@ -103,7 +103,7 @@ class ControlLoop:
         self.truth: Callable[[], tuple[np.ndarray, float]] | None = None  # instead of an estimate
         self._begun_us = 0
         self._estimated_us = -1
-        self._next_policy_us = 0
+        self._next_policy_us = 0.0  # half a microsecond early, so that rounding cannot cost a tick
         self._stand_from = robot.default_pose
         self._decision: JointCommand | None = None
         self._decision_finite = True
@@ -146,8 +146,8 @@ class ControlLoop:
             self._refused += self._bus.send(joints.switch(mit.EXIT), now_us)
             return False
         self._refused += self._bus.send(self._frames(mode), now_us)
-        if self._log is not None:
-            self._log.tick(now_us, self.sensed, joints.target)
+        if self.log is not None:
+            self.log.tick(now_us, self.sensed, joints.target)
         self.timing.tick_us.append((time.perf_counter() - started) * 1e6)
         if self._clock.realtime:
             self.timing.lateness_us.append(self._clock.lateness_us())
@@ -189,7 +189,7 @@ class ControlLoop:
             if self._decision is None:
                 self._policy.reset(observation)
             decision = self._policy.act(observation)
-            self._decision_finite = math.isfinite(sum(float(part.sum()) for part in decision))
+            self._decision_finite = self._is_finite(decision)
         except Exception as error:  # whatever a mind may raise must not keep the robot from being damped
             self._policy_error = f"the policy failed: {type(error).__name__}: {error}"
             return
@@ -198,11 +198,17 @@ class ControlLoop:
         self.timing.policy_ms.append(self._step_s * 1e3)
         late = self._clock.realtime and self._step_s * 1e6 > self._period_us
         self._late_steps = self._late_steps + 1 if late else 0
-        self._next_policy_us += self._period_us * max(
-            1, math.ceil((now_us + 1 - self._next_policy_us) / self._period_us)
-        )
-        if self._log is not None:
-            self._log.policy_step(now_us, observation, decision)
+        periods = math.ceil((now_us - self._next_policy_us) / self._period_us)
+        self._next_policy_us += self._period_us * max(1, periods)
+        if self.log is not None:
+            self.log.policy_step(now_us, observation, decision)
+
+    def _is_finite(self, decision: JointCommand) -> bool:
+        """Raises ValueError for a decision of a wrong shape."""
+        values = np.array(decision, dtype=float)
+        if values.shape != (5, len(self._zeros)):
+            raise ValueError(f"it decides on shape {values.shape}, expected (5, {len(self._zeros)})")
+        return math.isfinite(values.sum())
 
     def _estimate_base(self, stance: np.ndarray | None) -> None:
         if self.truth is not None:
@@ -228,9 +234,10 @@ class ControlLoop:
             if self._estimator is not None:
                 self._estimator.reset(self.sensed)
         elif self.state.mode is Mode.WALKING:
-            self._begun_us = self._next_policy_us = self.now_us
-        if self._log is not None:
-            self._log.state(self.now_us, self.state)
+            self._begun_us = self.now_us
+            self._next_policy_us = self.now_us - 0.5
+        if self.log is not None:
+            self.log.state(self.now_us, self.state)
 
     def _signals(self) -> Signals:
         heard = self._joints.heard()

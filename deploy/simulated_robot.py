@@ -25,6 +25,7 @@ from robots.errors import UserError
 from robots.model import Plant, joint_addresses, read_plant
 
 IMU_PERIOD_S = 0.002
+SEARCH_HEIGHT_M = 4.0  # how far from the origin the ground may be
 
 
 @dataclass
@@ -155,19 +156,28 @@ class SimulatedRobot:
         self._wires.send(Side.ROBOT, self._imu_frames, now_us)
 
     def _stand(self, robot: Robot) -> None:
-        """Default pose, upright, as high as the lowest part just touches the ground."""
+        """Default pose, upright, as high as the lowest part just touches the ground.
+
+        Lowered until it touches, then by bisection. Raises UserError if there is nothing below.
+        """
         data, at = self.data, self._layout.base_qpos
         data.qpos[self._layout.qpos] = robot.default_pose
         data.qpos[at + 3 : at + 7] = (1.0, 0.0, 0.0, 0.0)
-        low, high = 0.0, 4.0 * robot.description.standing_height_m
-        for _ in range(30):
-            data.qpos[at + 2] = middle = (low + high) / 2
-            mujoco.mj_fwdPosition(self.model, data)
-            low, high = (middle, high) if self._touches_ground() else (low, middle)
+        stride = robot.description.standing_height_m / 4
+        heights = np.arange(SEARCH_HEIGHT_M, -SEARCH_HEIGHT_M, -stride)
+        touching = next((height for height in heights if self._touches_ground_at(height)), None)
+        if touching is None:
+            raise UserError(f"the plant has no ground within {SEARCH_HEIGHT_M:g} m of its origin to stand on")
+        low, high = touching, touching + stride
+        for _ in range(25):
+            middle = (low + high) / 2
+            low, high = (middle, high) if self._touches_ground_at(middle) else (low, middle)
         data.qpos[at + 2] = low
         mujoco.mj_forward(self.model, data)
 
-    def _touches_ground(self) -> bool:
+    def _touches_ground_at(self, height_m: float) -> bool:
+        self.data.qpos[self._layout.base_qpos + 2] = height_m
+        mujoco.mj_fwdPosition(self.model, self.data)
         contact = self.data.contact
         bodies = self.model.geom_bodyid[contact.geom]
         return bool(((bodies == 0).any(axis=1) & (contact.dist <= 0.0)).any())

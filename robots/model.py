@@ -189,8 +189,9 @@ def _make_inertia_explicit(spec: mujoco.MjSpec) -> None:
 
 
 def _add_floor(spec: mujoco.MjSpec, contact_bits: int = ALL_CONTACTS) -> None:
+    taken = any(geom.name == FLOOR for geom in spec.geoms)
     spec.worldbody.add_geom(
-        name=FLOOR,
+        name="" if taken else FLOOR,
         type=mujoco.mjtGeom.mjGEOM_PLANE,
         size=[0, 0, 1],
         contype=contact_bits,

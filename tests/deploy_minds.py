@@ -1,0 +1,80 @@
+"""Small policies and robots for the tests of the deploy loop."""
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from deploy.config import DeployConfig
+from deploy.episode import Episode
+from policies.policy import Observation
+from robots.actuator import JointCommand
+from robots.description import Robot
+
+
+class Hold:
+    """Holds the default pose."""
+
+    name = "hold"
+    rate_hz = 50.0
+    needs_estimate = False
+
+    def __init__(self, robot: Robot) -> None:
+        self._pose, self._gains = robot.default_pose, (4 * robot.kp, 2 * robot.kd)
+        self._zeros = np.zeros_like(robot.default_pose)
+        self.resets = 0
+        self.seen: list[Observation] = []
+
+    def reset(self, observation: Observation) -> None:
+        self.resets += 1
+
+    def act(self, observation: Observation) -> JointCommand:
+        self.seen.append(observation)
+        return JointCommand(self._pose, self._zeros, *self._gains, self._zeros)
+
+    def stance(self) -> None:
+        return None
+
+
+class Sway(Hold):
+    """Bends the knees to and fro, a little differently for each command."""
+
+    name = "sway"
+
+    def act(self, observation: Observation) -> JointCommand:
+        hold = super().act(observation)
+        depth = 0.1 * np.sin(6.0 * observation.time_s) + 0.01 * observation.sensed.gyro[1]
+        return hold._replace(position=hold.position + depth)
+
+
+class Spoilt(Hold):
+    """Holds the pose until a time, then does something else to its command, or worse."""
+
+    name = "spoilt"
+
+    def __init__(self, robot: Robot, at_s: float, spoil: Callable[[JointCommand], JointCommand]) -> None:
+        super().__init__(robot)
+        self._at_s, self._spoil = at_s, spoil
+
+    def act(self, observation: Observation) -> JointCommand:
+        command = super().act(observation)
+        return self._spoil(command) if observation.time_s >= self._at_s else command
+
+
+def not_a_number(command: JointCommand) -> JointCommand:
+    return command._replace(torque=command.torque * np.nan)
+
+
+def slow(command: JointCommand, seconds: float = 0.15) -> JointCommand:
+    time.sleep(seconds)
+    return command
+
+
+def stand_still(time_s: float) -> np.ndarray:
+    return np.zeros(3)
+
+
+def short_episode(**changes: object) -> Episode:
+    """One second of standing still after a quick rise."""
+    settings = {"command": stand_still, "duration_s": 1.0, "config": DeployConfig(stand_s=0.4), **changes}
+    return Episode(**settings)

@@ -1,0 +1,311 @@
+"""Whole runs in lockstep time: orderly ones, pushed ones, and ones in which something breaks."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from deploy_minds import Hold, Spoilt, Sway, not_a_number, short_episode
+
+from deploy.config import DeployConfig
+from deploy.episode import Push, run_episode
+from deploy.loop import ControlLoop
+from deploy.safety import Mode
+from deploy.simulated_robot import SimulatedRobot
+from deploy.trace import Trace
+from domain_rand.noise import Noise
+from domain_rand.sample import Sample
+from policies.policy import Observation
+from robots.actuator import JointCommand
+from robots.description import Robot
+from robots.errors import UserError
+
+Watch = Callable[[ControlLoop, SimulatedRobot | None], None]
+
+
+@pytest.fixture(scope="module")
+def trace(go1: Robot) -> Trace:
+    """An orderly run."""
+    return run_episode(go1, Hold(go1), short_episode(ground_truth=True))
+
+
+class TestOrderlyRun:
+    def test_ends_idle_without_a_fault(self, trace: Trace) -> None:
+        assert trace.final_state == "IDLE"
+        assert trace.faults == ()
+        assert not trace.fell
+        assert trace.fall_reason == ""
+
+    def test_records_the_walking_phase_at_the_record_rate(self, trace: Trace) -> None:
+        np.testing.assert_allclose(trace.time_s, np.arange(101) / 100, atol=1e-9)
+        assert len(trace.compute_ms) == 51
+
+    def test_every_array_has_a_row_for_each_sample(self, go1: Robot, trace: Trace) -> None:
+        shapes = {
+            "command": (3,),
+            "base_position": (3,),
+            "base_quaternion": (4,),
+            "base_velocity": (3,),
+            "base_angular_velocity": (3,),
+            "joint_position": (12,),
+            "joint_velocity": (12,),
+            "motor_torque": (12,),
+            "joint_target": (12,),
+            "foot_contact": (4,),
+            "foot_position": (4, 3),
+            "foot_velocity": (4, 3),
+            "foot_force": (4,),
+            "qpos": (19,),
+            "estimated_velocity": (3,),
+            "electrical_power": (),
+            "mechanical_power": (),
+        }
+        for name, shape in shapes.items():
+            assert getattr(trace, name).shape == (101, *shape), name
+
+    def test_standing_costs_copper_loss_and_no_work(self, go1: Robot, trace: Trace) -> None:
+        ampere = trace.motor_torque[-1] / (
+            go1.motor_figures("torque_constant_nm_a") * go1.motor_figures("gear_ratio")
+        )
+        loss = float(go1.motor_figures("winding_resistance_ohm") @ ampere**2)
+        assert trace.electrical_power[-1] == pytest.approx(loss, rel=0.02)
+        assert abs(trace.mechanical_power[-1]) < 0.1
+
+    def test_reports_the_load_of_each_bus(self, trace: Trace) -> None:
+        loads = {bus.name: bus.load for bus in trace.buses}
+        assert loads["can0"] == pytest.approx((6 + 3) * 135 / 2000, abs=0.01)  # the IMU's frames come on top
+        assert loads["can1"] == pytest.approx(6 * 135 / 2000, abs=0.01)
+
+    def test_ground_truth_reaches_the_policy(self, trace: Trace) -> None:
+        np.testing.assert_allclose(trace.estimated_velocity, trace.base_velocity, atol=1e-9)
+        assert trace.estimated_height[-1] == pytest.approx(trace.base_position[-1, 2], abs=0.03)
+
+
+class TestPolicyCalls:
+    def test_are_at_the_policys_rate_with_time_since_reset(self, go1: Robot) -> None:
+        policy = Hold(go1)
+        run_episode(go1, policy, short_episode(duration_s=0.2, command=lambda t: np.array([t, 0, 0])))
+        assert policy.resets == 1
+        times = [observation.time_s for observation in policy.seen]
+        np.testing.assert_allclose(times, np.arange(11) * 0.02, atol=1e-9)
+        np.testing.assert_allclose([o.command[0] for o in policy.seen], times)
+
+    @pytest.mark.parametrize(("rate_hz", "steps"), [(500.0, 101), (100.0, 21), (60.0, 13)])
+    def test_may_have_any_rate_up_to_the_joints(self, go1: Robot, rate_hz: float, steps: int) -> None:
+        policy = Hold(go1)
+        policy.rate_hz = rate_hz
+        run_episode(go1, policy, short_episode(duration_s=0.2))
+        assert len(policy.seen) == steps
+
+    def test_a_policy_faster_than_the_joints_is_refused(self, go1: Robot) -> None:
+        policy = Hold(go1)
+        policy.rate_hz = 1000.0
+        with pytest.raises(UserError, match="the policy cannot be faster"):
+            run_episode(go1, policy, short_episode())
+
+    def test_without_an_estimate_velocity_is_unknown(self, go1: Robot) -> None:
+        policy = Hold(go1)
+        run_episode(go1, policy, short_episode(duration_s=0.1))
+        assert np.isnan(policy.seen[0].base_velocity).all()
+
+    def test_with_an_estimate_velocity_is_near_the_truth(self, go1: Robot) -> None:
+        policy = Sway(go1)
+        policy.needs_estimate = True
+        trace = run_episode(go1, policy, short_episode())
+        error = trace.estimated_velocity - trace.base_velocity
+        assert np.sqrt((error**2).mean(axis=0)).max() < 0.05
+
+    def test_the_first_readings_show_the_robot_standing(self, go1: Robot) -> None:
+        policy = Hold(go1)
+        run_episode(go1, policy, short_episode(duration_s=0.1))
+        sensed = policy.seen[0].sensed
+        np.testing.assert_allclose(sensed.joint_position, go1.default_pose, atol=0.05)
+        assert sensed.quaternion[0] == pytest.approx(1.0, abs=1e-3)
+        assert sensed.acceleration[2] == pytest.approx(9.81, abs=0.3)
+
+
+class TestDeterminism:
+    def test_the_same_seed_gives_the_same_trace(self, go1: Robot) -> None:
+        noise = Noise(joint_position=0.01, joint_velocity=0.5, gyro=0.1, gravity=0.02)
+
+        def qpos(seed: int) -> np.ndarray:
+            return run_episode(go1, Sway(go1), short_episode(duration_s=0.4, seed=seed, noise=noise)).qpos
+
+        assert np.array_equal(qpos(3), qpos(3))
+        assert not np.array_equal(qpos(3), qpos(4))
+
+    def test_the_record_rate_does_not_change_what_happens(self, go1: Robot) -> None:
+        slow = run_episode(go1, Sway(go1), short_episode(duration_s=0.4, record_rate_hz=50.0))
+        fast = run_episode(go1, Sway(go1), short_episode(duration_s=0.4, record_rate_hz=100.0))
+        assert np.array_equal(slow.qpos, fast.qpos[::2])
+
+
+class TestPushesAndFalls:
+    def test_a_push_comes_at_its_time(self, go1: Robot) -> None:
+        trace = run_episode(go1, Hold(go1), short_episode(pushes=(Push(0.5, (0.0, 0.4, 0.0)),)))
+        speed = np.abs(trace.base_velocity[:, 1])
+        assert speed[:50].max() < 0.05
+        assert speed[50:53].max() > 0.25
+        assert not trace.fell
+
+    def test_a_hard_push_makes_it_fall_and_ends_the_run(self, go1: Robot) -> None:
+        trace = run_episode(
+            go1, Hold(go1), short_episode(duration_s=5.0, pushes=(Push(0.2, (0.0, 4.0, 0.0)),))
+        )
+        assert trace.fell
+        assert trace.final_state == "FALLING"
+        assert trace.fall_reason
+        assert trace.time_s[-1] < 3.0
+
+    def test_a_policy_that_lies_down_has_fallen(self, go1: Robot) -> None:
+        def limp(command: JointCommand) -> JointCommand:
+            return command._replace(kp=0 * command.kp, kd=0 * command.kd)
+
+        trace = run_episode(go1, Spoilt(go1, 0.2, limp), short_episode(duration_s=3.0))
+        assert trace.fell
+        assert "base" in trace.fall_reason
+
+    def test_a_tilt_past_the_limit_is_seen_by_the_imu_and_damped(self, go1: Robot) -> None:
+        modes: list[Mode] = []
+
+        def topple(loop: ControlLoop, body: SimulatedRobot | None) -> None:
+            modes.append(loop.state.mode)
+            assert body is not None
+            if modes.count(Mode.WALKING) >= 100 and loop.state.mode is Mode.WALKING:
+                body.data.qvel[3] = 8.0  # roll over
+
+        trace = run_episode(go1, Hold(go1), short_episode(duration_s=3.0), topple)
+        assert trace.final_state == "FALLING"
+        assert trace.fell
+        assert "tilt" in trace.faults[0]
+        assert modes[-1] is Mode.FALLING
+
+
+def at_walking_tick(tick: int, act: Callable[[SimulatedRobot], None], log: list[Mode]) -> Watch:
+    def watch(loop: ControlLoop, body: SimulatedRobot | None) -> None:
+        log.append(loop.state.mode)
+        assert body is not None
+        if log.count(Mode.WALKING) == tick:
+            act(body)
+
+    return watch
+
+
+def silence_motor(body: SimulatedRobot) -> None:
+    body.faults.motors.silent[5] = True
+
+
+def break_motor(body: SimulatedRobot) -> None:
+    body.faults.motors.error[5] = 1
+
+
+def silence_imu(body: SimulatedRobot) -> None:
+    body.faults.imu_silent = True
+
+
+def stick_imu(body: SimulatedRobot) -> None:
+    body.faults.imu_stuck = True
+
+
+INJECTED = [
+    (silence_motor, "no reply from FL_calf_joint (can1, id 3)", 0.06),
+    (break_motor, "motor FL_calf_joint (can1, id 3) reports over-temperature", 0.01),
+    (silence_imu, "no new IMU reading", 0.06),
+    (stick_imu, "no new IMU reading", 0.06),
+]
+
+
+class TestFaults:
+    @pytest.mark.parametrize(("inject", "says", "within_s"), INJECTED)
+    def test_a_fault_of_the_robot_damps_it_and_is_named(
+        self, go1: Robot, inject: Callable[[SimulatedRobot], None], says: str, within_s: float
+    ) -> None:
+        modes: list[Mode] = []
+        trace = run_episode(go1, Hold(go1), short_episode(), at_walking_tick(100, inject, modes))
+        assert trace.final_state == "ESTOP"
+        assert says in trace.faults[0]
+        assert modes.count(Mode.WALKING) - 100 <= within_s * 500
+        assert modes.count(Mode.ESTOP) == pytest.approx(250, abs=2)  # damped for half a second
+
+    def test_damping_leaves_no_stiffness_and_ends_with_motors_off(self, go1: Robot) -> None:
+        bodies: list[SimulatedRobot] = []
+        torques: list[np.ndarray] = []
+
+        def watch(loop: ControlLoop, body: SimulatedRobot | None) -> None:
+            assert body is not None
+            if loop.state.mode is Mode.WALKING and loop.walking_s > 0.2:
+                body.faults.motors.error[0] = 2
+            if loop.state.mode is Mode.ESTOP:
+                truth = body.truth()
+                torques.append(truth.motor_torque * truth.joint_velocity)
+            bodies.append(body)
+
+        run_episode(go1, Hold(go1), short_episode(), watch)
+        assert max(power.max() for power in torques[5:]) < 0.2  # damping takes energy out
+        body = bodies[-1]
+        body.advance(body.time_us + 4000)
+        assert not body.motors_on.any()
+
+    def test_a_policy_that_returns_nan_is_never_obeyed(self, go1: Robot) -> None:
+        trace = run_episode(go1, Spoilt(go1, 0.3, not_a_number), short_episode())
+        assert trace.final_state == "ESTOP"
+        assert trace.faults == ("the policy's command is not finite",)
+        assert trace.time_s[-1] <= 0.3
+        assert np.isfinite(trace.qpos).all()
+
+    def test_a_policy_that_raises_is_named_and_the_robot_damped(self, go1: Robot) -> None:
+        class Broken(Hold):
+            def act(self, observation: Observation) -> JointCommand:
+                raise RuntimeError("out of ideas")
+
+        trace = run_episode(go1, Broken(go1), short_episode())
+        assert trace.final_state == "ESTOP"
+        assert trace.faults == ("the policy failed: RuntimeError: out of ideas",)
+
+    def test_a_policy_for_another_number_of_joints_is_named(self, go1: Robot) -> None:
+        def shorten(command: JointCommand) -> JointCommand:
+            return JointCommand(*(part[:-1] for part in command))
+
+        trace = run_episode(go1, Spoilt(go1, 0.1, shorten), short_episode())
+        assert trace.final_state == "ESTOP"
+        assert "shape (5, 11), expected (5, 12)" in trace.faults[0]
+
+    def test_a_motor_that_never_answers_keeps_the_robot_from_standing_up(self, go1: Robot) -> None:
+        modes: list[Mode] = []
+
+        def watch(loop: ControlLoop, body: SimulatedRobot | None) -> None:
+            assert body is not None
+            body.faults.motors.silent[8] = True
+            modes.append(loop.state.mode)
+
+        trace = run_episode(go1, Hold(go1), short_episode(), watch)
+        assert Mode.STANDING not in modes
+        assert trace.final_state == "ESTOP"
+        assert "RR_calf_joint (can2, id 3)" in trace.faults[0]
+        assert len(trace.time_s) == 0
+
+    def test_a_bus_too_small_for_its_motors_overflows_into_an_emergency_stop(self, go1: Robot) -> None:
+        trace = run_episode(go1, Hold(go1), short_episode(config=DeployConfig(host_queue=2)))
+        assert trace.final_state == "ESTOP"
+        assert "bus overflow" in trace.faults[0]
+
+
+class TestBadInput:
+    def test_is_refused_in_one_line(self, go1: Robot) -> None:
+        with pytest.raises(UserError, match="duration"):
+            run_episode(go1, Hold(go1), short_episode(duration_s=0.0))
+        with pytest.raises(UserError, match=r"no bus 'canopen': give one of sim,.*socketcan"):
+            run_episode(go1, Hold(go1), short_episode(bus="canopen"))
+
+
+def test_a_randomised_robot_runs_too(go1: Robot) -> None:
+    sample = Sample(
+        kp=np.full(12, 0.9),
+        motor_strength=np.full(12, 0.95),
+        action_delay_s=np.array(0.007),
+        observation_delay_s=np.array(0.004),
+        encoder_bias=np.full(12, 0.01),
+        payload_kg=np.array(1.5),
+    )
+    trace = run_episode(go1, Hold(go1), short_episode(sample=sample))
+    assert trace.final_state == "IDLE"
+    assert not trace.fell

@@ -1,0 +1,95 @@
+"""The supervisor as a state machine: which signal leads from which mode to which."""
+
+import pytest
+
+from deploy.safety import Mode, SafetyConfig, Signals, State, advance
+
+CONFIG = SafetyConfig()
+QUIET = Signals(
+    now_s=5.0,
+    motor_silence_s=0.002,
+    silent_motor="FR_hip_joint (can0, id 1)",
+    imu_silence_s=0.002,
+    motor_error="",
+    tilt_rad=0.1,
+    command_finite=True,
+    late_steps=0,
+    step_s=0.0,
+    frames_refused=0,
+)
+
+
+def after(mode: Mode, since_s: float = 4.0, **changes: object) -> State:
+    return advance(State(mode, since_s), QUIET._replace(**changes), CONFIG)
+
+
+class TestOrdinaryRun:
+    def test_idle_waits_until_everyone_has_answered(self) -> None:
+        assert after(Mode.IDLE, now_s=0.5, motor_silence_s=9e9).mode is Mode.IDLE
+        assert after(Mode.IDLE, now_s=0.5, imu_silence_s=9e9).mode is Mode.IDLE
+        assert after(Mode.IDLE, now_s=0.5).mode is Mode.STANDING
+
+    def test_standing_leads_to_walking_when_done(self) -> None:
+        assert after(Mode.STANDING).mode is Mode.STANDING
+        assert after(Mode.STANDING, stand_done=True).mode is Mode.WALKING
+
+    @pytest.mark.parametrize("mode", [Mode.IDLE, Mode.STANDING, Mode.WALKING])
+    def test_the_wish_to_end_releases_the_robot(self, mode: Mode) -> None:
+        assert after(mode, now_s=0.5, finish=True).mode is Mode.RELEASING
+
+    def test_release_ends_idle_after_damping(self) -> None:
+        assert not after(Mode.RELEASING, since_s=5.0 - 0.5 * CONFIG.damping_s).over
+        final = after(Mode.RELEASING, since_s=5.0 - CONFIG.damping_s)
+        assert final.over
+        assert final.mode is Mode.IDLE
+        assert not final.faults
+
+
+FAULTS = [
+    ({"motor_silence_s": 0.06}, Mode.ESTOP, "no reply from FR_hip_joint (can0, id 1) for 50 ms"),
+    ({"imu_silence_s": 0.06}, Mode.ESTOP, "no new IMU reading for 50 ms"),
+    ({"motor_error": "motor x reports over-current"}, Mode.ESTOP, "over-current"),
+    ({"command_finite": False}, Mode.ESTOP, "not finite"),
+    ({"policy_error": "the policy failed: ValueError: x"}, Mode.ESTOP, "ValueError"),
+    ({"late_steps": 5}, Mode.ESTOP, "5 steps in a row"),
+    ({"step_s": 0.11}, Mode.ESTOP, "one step took 110 ms"),
+    ({"frames_refused": 3}, Mode.ESTOP, "bus overflow: 3 frames refused"),
+    ({"tilt_rad": 1.1}, Mode.FALLING, "tilt of 1.10 rad is past the limit"),
+]
+
+
+class TestFaults:
+    @pytest.mark.parametrize("mode", [Mode.STANDING, Mode.WALKING])
+    @pytest.mark.parametrize(("signal", "leads_to", "says"), FAULTS)
+    def test_leads_to_damping_and_says_why(
+        self, mode: Mode, signal: dict[str, object], leads_to: Mode, says: str
+    ) -> None:
+        state = after(mode, **signal)
+        assert state.mode is leads_to
+        assert len(state.faults) == 1
+        assert says in state.faults[0]
+        assert "\n" not in state.faults[0]
+
+    @pytest.mark.parametrize("mode", [Mode.FALLING, Mode.ESTOP])
+    def test_is_latched(self, mode: Mode) -> None:
+        state = advance(State(mode, 4.9, ("why",)), QUIET, CONFIG)
+        assert state == State(mode, 4.9, ("why",))
+        final = advance(state, QUIET._replace(now_s=6.0), CONFIG)
+        assert final.mode is mode
+        assert final.over
+        assert final.faults == ("why",)
+        assert advance(final, QUIET._replace(now_s=99.0), CONFIG) == final
+
+    def test_a_fault_counts_more_than_the_wish_to_end(self) -> None:
+        assert after(Mode.WALKING, tilt_rad=2.0, finish=True).mode is Mode.FALLING
+
+    def test_a_motor_that_never_answers_is_named(self) -> None:
+        state = after(Mode.IDLE, now_s=1.0, motor_silence_s=1e9)
+        assert state.mode is Mode.ESTOP
+        assert "no answer from FR_hip_joint (can0, id 1) within 1 s" in state.faults[0]
+
+    def test_an_imu_that_never_answers_is_named(self) -> None:
+        assert "the IMU" in after(Mode.IDLE, now_s=1.0, imu_silence_s=1e9).faults[0]
+
+    def test_few_late_steps_are_forgiven(self) -> None:
+        assert after(Mode.WALKING, late_steps=CONFIG.late_steps - 1).mode is Mode.WALKING

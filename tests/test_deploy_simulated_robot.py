@@ -1,0 +1,358 @@
+"""The simulated robot: motors with a will of their own, sensors that err as declared, any plant."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from deploy import imu, mit
+from deploy.frames import Frames
+from deploy.simulated_robot import Difference, SimulatedRobot
+from deploy.simulated_wire import Side, SimulatedWires
+from deploy.wiring import wire
+from domain_rand.noise import Noise
+from domain_rand.sample import Sample
+from robots.description import Robot
+from robots.errors import UserError
+
+TICK_US = 2000
+
+
+class Bench:
+    """A simulated robot with someone at the controller's end of its wires."""
+
+    def __init__(self, robot: Robot, **difference: object) -> None:
+        self.robot, self.wiring = robot, wire(robot)
+        self.codec = mit.Codec(self.wiring.protocols)
+        self.wires = SimulatedWires(self.wiring.buses)
+        self.body = SimulatedRobot(robot, self.wiring, self.wires, Difference(**difference))
+        self.now_us = 0
+        self.position = np.full(len(robot.joint_names), np.nan)
+        self.velocity, self.error = self.position.copy(), np.zeros(len(self.position))
+        self.replies = 0
+        self.imu: dict[int, bytes] = {}
+
+    def tick(self, data: np.ndarray | None = None) -> None:
+        """Send one frame to each motor (or nothing), let a tick pass, read what comes back."""
+        if data is not None:
+            w = self.wiring
+            self.wires.send(
+                Side.HOST, Frames(w.channel, w.motor_id, data, np.full(len(data), 8)), self.now_us
+            )
+        self.now_us += TICK_US
+        self.body.advance(self.now_us)
+        for frames in self.wires.receive(Side.HOST, self.now_us):
+            if frames.id[0] in imu.IDS:
+                self.imu = {int(i): d.tobytes() for i, d in zip(frames.id, frames.data, strict=True)}
+                continue
+            motor = self.wiring.lookup[frames.channel, mit.reply_motor(frames.data)]
+            reply = self.codec.decode_replies(frames.data, motor)
+            self.position[motor], self.velocity[motor], _ = reply.values
+            self.error[motor] = reply.error
+            self.replies += len(motor)
+
+    def enter(self) -> None:
+        self.tick(mit.special(mit.ENTER, len(self.position)))
+
+    def hold(self, kp: float = 60.0, kd: float = 2.0, offset: float = 0.0) -> np.ndarray:
+        one = np.ones(len(self.position))
+        pose = self.robot.default_pose + offset
+        return self.codec.encode(np.array([pose, 0 * one, kp * one, kd * one, 0 * one]))
+
+    def gyro(self) -> np.ndarray:
+        return np.array(imu.decode_gyro(self.imu[imu.GYRO_ID])[0])
+
+
+class TestMotors:
+    def test_a_robot_that_is_not_switched_on_sinks(self, go1: Robot) -> None:
+        bench = Bench(go1)
+        for _ in range(250):
+            bench.tick(bench.hold())
+        assert not bench.body.motors_on.any()
+        assert bench.body.truth().base_position[2] < 0.6 * go1.description.standing_height_m
+
+    def test_a_robot_that_is_switched_on_stands(self, go1: Robot) -> None:
+        bench = Bench(go1)
+        bench.enter()
+        for _ in range(250):
+            bench.tick(bench.hold())
+        truth = bench.body.truth()
+        assert bench.body.motors_on.all()
+        assert truth.base_position[2] > 0.9 * go1.description.standing_height_m
+        assert truth.foot_contact.all()
+        weight = bench.body.model.body_subtreemass[0] * 9.81
+        assert truth.foot_force.sum() == pytest.approx(weight, rel=0.05)
+
+    def test_it_starts_with_its_feet_just_on_the_ground(self, go1: Robot) -> None:
+        truth = Bench(go1).body.truth()
+        assert truth.foot_position[:, 2].min() == pytest.approx(0.023, abs=1e-3)
+        np.testing.assert_allclose(truth.joint_position, go1.default_pose)
+
+    def test_every_motor_answers_every_frame_with_its_position(self, go1: Robot) -> None:
+        bench = Bench(go1)
+        bench.enter()
+        for _ in range(10):
+            bench.tick(bench.hold())
+        assert bench.replies == 11 * 12
+        np.testing.assert_allclose(bench.position, bench.body.truth().joint_position, atol=2e-3)
+
+    def test_leaving_the_mode_switches_a_motor_off(self, go1: Robot) -> None:
+        bench = Bench(go1)
+        bench.enter()
+        bench.tick(bench.hold())
+        bench.tick(mit.special(mit.EXIT, 12))
+        assert not bench.body.motors_on.any()
+        bench.tick(bench.hold())
+        assert np.array_equal(bench.body.truth().motor_torque, np.zeros(12))
+
+    def test_a_motor_that_hears_nothing_for_100_ms_switches_itself_off(self, go1: Robot) -> None:
+        bench = Bench(go1)
+        bench.enter()
+        for _ in range(10):
+            bench.tick(bench.hold())
+        for _ in range(48):
+            bench.tick()
+        assert bench.body.motors_on.all()
+        for _ in range(6):
+            bench.tick()
+        assert not bench.body.motors_on.any()
+
+    def test_a_zero_frame_makes_the_present_position_zero(self, go1: Robot) -> None:
+        bench = Bench(go1)
+        bench.enter()
+        bench.tick(mit.special(mit.ZERO, 12))
+        bench.tick(mit.special(mit.ENTER, 12))
+        np.testing.assert_allclose(bench.position, 0.0, atol=5e-3)
+
+
+class TestFaults:
+    def test_a_silent_motor_carries_on_until_its_own_time_out(self, go1: Robot) -> None:
+        bench = Bench(go1)
+        bench.enter()
+        for _ in range(5):
+            bench.tick(bench.hold())
+        bench.body.faults.motors.silent[4] = True
+        before = bench.replies
+        bench.tick(bench.hold())
+        assert bench.replies == before + 11
+        assert bench.body.motors_on[4]
+        for _ in range(60):
+            bench.tick(bench.hold())
+        assert np.flatnonzero(~bench.body.motors_on).tolist() == [4]
+
+    def test_a_stuck_motor_repeats_its_last_reply(self, go1: Robot) -> None:
+        bench = Bench(go1)
+        bench.enter()
+        bench.body.faults.motors.stuck[4] = True
+        before = bench.position[4]
+        for _ in range(50):
+            bench.tick(bench.hold(offset=0.2))
+        assert bench.position[4] == before
+        assert abs(bench.position[7] - before) > 0.05
+
+    def test_error_codes_are_reported(self, go1: Robot) -> None:
+        bench = Bench(go1)
+        bench.body.faults.motors.error[3] = 2
+        bench.enter()
+        assert bench.error.tolist() == [0, 0, 0, 2] + [0] * 8
+
+
+class TestDifferences:
+    def test_an_action_delay_shifts_the_response_by_whole_physics_steps(self, go1: Robot) -> None:
+        def torques(delay_s: float) -> np.ndarray:
+            bench = Bench(go1, sample=Sample(action_delay_s=np.array(delay_s)))
+            bench.enter()
+            bench.tick(bench.hold())
+            found = []
+            for _ in range(8):
+                bench.body.advance(bench.now_us + 1000 * (len(found) + 1))
+                found.append(bench.body.truth().motor_torque)
+            return np.array(found)
+
+        for milliseconds in (3, 5):
+            moving = np.abs(torques(milliseconds * 1e-3)).max(axis=1) > 0
+            assert int(np.argmax(moving)) == milliseconds - 2  # the tick before took 2 ms
+
+    def test_an_observation_delay_shows_the_past(self, go1: Robot) -> None:
+        now, late = Bench(go1), Bench(go1, sample=Sample(observation_delay_s=np.array(0.004)))
+        now.enter()
+        late.enter()
+        seen: list[list[np.ndarray]] = [[], []]
+        for _ in range(20):
+            for bench, positions in zip((now, late), seen, strict=True):
+                bench.tick(bench.hold(offset=0.1))
+                positions.append(bench.position.copy())
+        np.testing.assert_array_equal(seen[1][4:], seen[0][2:-2])
+
+    def test_an_encoder_bias_shifts_readings_and_pose(self, go1: Robot) -> None:
+        bias = np.linspace(-0.02, 0.02, 12)
+        bench = Bench(go1, sample=Sample(encoder_bias=bias))
+        bench.enter()
+        for _ in range(100):
+            bench.tick(bench.hold(kp=200.0))
+        np.testing.assert_allclose(bench.position - bench.body.truth().joint_position, bias, atol=2e-3)
+
+    def test_biases_of_the_imu_show_in_its_frames(self, go1: Robot) -> None:
+        gyro, gravity = np.array([0.02, -0.01, 0.03]), np.array([0.02, -0.02, 0.0])
+        plain, biased = Bench(go1), Bench(go1, sample=Sample(gyro_bias=gyro, gravity_bias=gravity))
+        plain.tick()
+        biased.tick()
+        np.testing.assert_allclose(biased.gyro() - plain.gyro(), gyro, atol=1e-3)
+        quaternion = imu.decode_quaternion(biased.imu[imu.QUATERNION_ID])
+        assert quaternion is not None
+        w, x, y, z = quaternion
+        assert 2 * (w * y - x * z) == pytest.approx(0.02, abs=1e-3)
+        assert -2 * (w * x + y * z) == pytest.approx(-0.02, abs=1e-3)
+
+    def test_noise_is_bounded_by_its_half_width_and_differs_by_seed(self, go1: Robot) -> None:
+        bench = Bench(go1, noise=Noise(joint_position=0.01, joint_velocity=0.5, gyro=0.1, gravity=0.02))
+        errors = []
+        for _ in range(50):
+            bench.tick(mit.special(mit.EXIT, 12))
+            errors.append(bench.position - bench.body.truth().joint_position)
+        assert 0.005 < np.abs(errors[:3]).max() < 0.012
+        assert np.std(errors[:3]) > 0.003
+
+    def test_a_payload_and_a_friction_reach_the_model(self, go1: Robot) -> None:
+        plain = Bench(go1).body.model
+        sample = Sample(payload_kg=np.array(2.0), friction=np.array(0.3))
+        loaded = Bench(go1, sample=sample).body.model
+        assert loaded.body_mass.sum() - plain.body_mass.sum() == pytest.approx(2.0)
+        foot = loaded.geom(go1.description.feet[0].geom).id
+        assert loaded.geom_friction[foot, 0] == pytest.approx(0.3)
+
+    def test_a_sample_for_another_body_count_is_refused(self, go1: Robot) -> None:
+        with pytest.raises(UserError, match="drawn for 3 bodies, the plant has 13"):
+            Bench(go1, sample=Sample(link_mass=np.ones(3)))
+
+    def test_a_push_changes_the_velocity_at_once(self, go1: Robot) -> None:
+        bench = Bench(go1)
+        bench.body.push((0.5, -0.2, 0.0))
+        np.testing.assert_allclose(bench.body.truth().base_velocity, [0.5, -0.2, 0.0], atol=1e-12)
+
+
+def rewritten(robot: Robot, path: Path, *changes: tuple[str, str], extra: str = "") -> Path:
+    """The robot's own MJCF with some text changed, and elements added before its end."""
+    text = robot.xml_path.read_text()
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    path.write_text(text.replace("</mujoco>", f"{extra}</mujoco>"))
+    return path
+
+
+class TestPlants:
+    def stands(self, bench: Bench) -> bool:
+        bench.enter()
+        for _ in range(250):
+            bench.tick(bench.hold())
+        return bench.body.fall() is None
+
+    def test_with_actuators_sensors_keyframe_and_floor_of_its_own(self, go1: Robot, tmp_path: Path) -> None:
+        extra = """
+          <worldbody><geom name="floor" type="plane" size="0 0 1"/></worldbody>
+          <actuator><position joint="FR_hip_joint" kp="300"/><motor joint="FL_calf_joint"/></actuator>
+          <sensor><gyro site="imu"/><actuatorfrc actuator="m"/></sensor>
+          <keyframe><key name="home" qpos="1 2 9  1 0 0 0  0 0 0 0 0 0 0 0 0 0 0 0"/></keyframe>
+        """.replace('<motor joint="FL', '<motor name="m" joint="FL')
+        bench = Bench(go1, plant=rewritten(go1, tmp_path / "full.xml", extra=extra))
+        assert bench.body.model.nu == 0
+        assert not bench.body.notes
+        planes = bench.body.model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
+        assert planes.sum() == 1
+        assert self.stands(bench)
+
+    def test_with_contact_bits_of_its_own_still_meets_the_added_floor(
+        self, go1: Robot, tmp_path: Path
+    ) -> None:
+        plant = rewritten(
+            go1,
+            tmp_path / "bits.xml",
+            (
+                '<geom type="sphere" size="0.023"',
+                '<geom type="sphere" contype="0" conaffinity="4" size="0.023"',
+            ),
+        )
+        assert self.stands(Bench(go1, plant=plant))
+
+    def test_with_other_names_for_base_feet_and_imu(self, go1: Robot, tmp_path: Path) -> None:
+        plant = rewritten(
+            go1,
+            tmp_path / "names.xml",
+            ('body name="trunk"', 'body name="base_link"'),
+            ('site name="imu"', 'site name="sensor"'),
+            ('geom name="FR_foot"', 'geom name="toe"'),
+        )
+        bench = Bench(go1, plant=plant)
+        assert self.stands(bench)
+        assert bench.body.notes == ("names.xml has no geom FR_foot: what these feet do is not recorded",)
+        truth = bench.body.truth()
+        assert np.isnan(truth.foot_velocity[0]).all()
+        assert truth.foot_contact.tolist() == [False, True, True, True]
+
+    def test_without_reflected_inertia_it_gets_the_robots(self, go1: Robot, tmp_path: Path) -> None:
+        plant = rewritten(
+            go1,
+            tmp_path / "light.xml",
+            (' armature="0.00403"', ""),
+            (' armature="0.00906"', ""),
+        )
+        bench = Bench(go1, plant=plant)
+        assert "reflected inertia" in bench.body.notes[0]
+        np.testing.assert_allclose(bench.body.model.dof_armature[6:], go1.armature)
+        assert self.stands(bench)
+
+    def test_its_joint_friction_counts_where_it_has_any(self, go1: Robot, tmp_path: Path) -> None:
+        plant = rewritten(go1, tmp_path / "stiff.xml", ('frictionloss="1.0"', 'frictionloss="3.0"'))
+        bench = Bench(go1, plant=plant)
+        for _ in range(20):
+            bench.tick()
+        applied = bench.body.data.qfrc_applied[6:]
+        assert 1.0 < np.abs(applied[2::3]).max() <= 3.0
+        assert np.array_equal(bench.body.model.dof_frictionloss, np.zeros(18))
+
+    def test_with_a_joint_more_that_the_robot_does_not_know(self, go1: Robot, tmp_path: Path) -> None:
+        geom = '<geom size="0.02" density="900"/>'
+        tail = f'<body name="tail" pos="-0.3 0 0"><joint name="tail" range="-1 1"/>{geom}</body>'
+        plant = rewritten(go1, tmp_path / "tail.xml", ('<body name="FR_hip"', tail + '<body name="FR_hip"'))
+        bench = Bench(go1, plant=plant)
+        assert bench.body.model.nq == 20
+        assert self.stands(bench)
+
+    def test_on_a_floor_that_is_not_at_zero(self, go1: Robot, tmp_path: Path) -> None:
+        floor = '<worldbody><geom name="floor" type="plane" size="0 0 1" pos="0 0 -0.7"/></worldbody>'
+        bench = Bench(go1, plant=rewritten(go1, tmp_path / "low.xml", extra=floor))
+        assert bench.body.truth().foot_position[:, 2].min() == pytest.approx(0.023 - 0.7, abs=1e-3)
+        assert self.stands(bench)
+
+    def test_with_a_table_that_is_called_floor(self, go1: Robot, tmp_path: Path) -> None:
+        table = '<worldbody><geom name="floor" type="box" size="1 1 0.1" pos="5 0 0.1"/></worldbody>'
+        assert self.stands(Bench(go1, plant=rewritten(go1, tmp_path / "table.xml", extra=table)))
+
+    @pytest.mark.parametrize(
+        ("old", "new", "says"),
+        [
+            ("FR_calf_joint", "FR_knee", "no joint 'FR_calf_joint', which robot 'go1' has"),
+            ('<freejoint name="base"/>', "", "no free joint"),
+            (
+                'name="FR_calf_joint" class="knee"',
+                'name="FR_calf_joint" type="slide" range="-1 1"',
+                "'FR_calf_joint' is not a hinge",
+            ),
+        ],
+    )
+    def test_a_plant_that_does_not_fit_is_refused(
+        self, go1: Robot, tmp_path: Path, old: str, new: str, says: str
+    ) -> None:
+        plant = rewritten(go1, tmp_path / "bad.xml", (old, new))
+        with pytest.raises(UserError, match=says):
+            Bench(go1, plant=plant)
+
+    def test_what_is_no_mjcf_is_refused(self, go1: Robot, tmp_path: Path) -> None:
+        garbage = tmp_path / "garbage.xml"
+        garbage.write_text("<mujoco><body")
+        with pytest.raises(UserError, match="is not valid MJCF"):
+            Bench(go1, plant=garbage)
+        with pytest.raises(UserError, match="no MJCF file"):
+            Bench(go1, plant=tmp_path / "missing.xml")
