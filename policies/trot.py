@@ -32,9 +32,7 @@ class TrotConfig:
     tilt_rate_gain_s: float
     tilt_filter_s: float  # time constant: the feet's velocity must not carry the gyro's noise
     most_tilt_rad: float
-    step_gain_s: float  # extra step per rate of fall at the feet, m per m/s
     weight_n: float  # carried by the legs in stance, as feed-forward torque
-    yaw_gain: float  # correction of the turning step per yaw rate error
     most_step_m: float  # farthest that a foot lands from its place under the hip
     settle_s: float  # time to move from the pose found at reset to the stance
 
@@ -82,7 +80,7 @@ class Trot:
 
         tilt = tilt_correction(observation, config.tilt_gain, config.tilt_rate_gain_s, config.most_tilt_rad)
         self._tilt += min(1.0, dt_s / config.tilt_filter_s) * (tilt - self._tilt)
-        feet = level_feet(self._place + self._step(observation), self._tilt)
+        feet = level_feet(self._place + self._step(), self._tilt)
         goal = self._legs.scatter(self._legs.solve(feet), self._robot.default_pose)
         share = min(1.0, observation.time_s / config.settle_s)
         position = self._start + share * (goal - self._start)
@@ -98,10 +96,10 @@ class Trot:
             return np.ones(self._legs.count)
         return contact_trust(self._clock.phases(), self._config.gait.duty, edge=0.2)
 
-    def _step(self, observation: Observation) -> np.ndarray:
+    def _step(self) -> np.ndarray:
         """Offset of each foot (legs, 3) from its place, m: sweep in stance, cycloid in swing."""
         config = self._config
-        half = 0.5 * config.gait.stance_s * self._foot_velocity(observation)
+        half = 0.5 * config.gait.stance_s * self._foot_velocity()
         half = np.minimum(np.maximum(half, -config.most_step_m), config.most_step_m)
         if not self._clock.walking:
             return np.zeros_like(self._place)
@@ -110,23 +108,14 @@ class Trot:
         stands = self._clock.stance()
         sweep = np.where(stands, 1.0 - 2.0 * through_stance, 2.0 * cycloid(swing).value - 1.0)
         offset = sweep[:, None] * half
-        offset[:, :2] += cycloid(swing).value[:, None] * self._catch(observation)
         offset[:, 2] = config.swing_height_m * hump(swing).value
         return offset
 
-    def _foot_velocity(self, observation: Observation) -> np.ndarray:
-        """Velocity (legs, 3) of the ground's points under the feet, reversed: how the body passes them."""
+    def _foot_velocity(self) -> np.ndarray:
+        """How fast the base should pass over each foot, (legs, 3) m/s."""
         forward, leftward, yaw_rate = self._command.value
-        turning = yaw_rate + self._config.yaw_gain * (yaw_rate - observation.sensed.gyro[2])
-        velocity = cross(np.array([0.0, 0.0, turning]), self._place)
-        return velocity + np.array([forward, leftward, 0.0])
-
-    def _catch(self, observation: Observation) -> np.ndarray:
-        """Extra step (2,) towards where the base falls, from its tilt rates, m."""
-        roll_rate, pitch_rate = observation.sensed.gyro[:2]
-        fall = self._config.height_m * np.array([pitch_rate, -roll_rate])
-        step = self._config.step_gain_s * fall
-        return np.minimum(np.maximum(step, -self._config.most_step_m), self._config.most_step_m)
+        turning = cross(np.array([0.0, 0.0, yaw_rate]), self._place)
+        return turning + np.array([forward, leftward, 0.0])
 
     def _weight_torque(self, pose: LegPose) -> np.ndarray:
         """Joint torques (legs, 3) that share the weight among the feet that stand, N m."""
