@@ -1,7 +1,7 @@
 """One task of a worker process: build what an episode needs, run it, score it."""
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 from pathlib import Path
 
 import mujoco
@@ -74,7 +74,7 @@ def run_task(task: EpisodeTask) -> EpisodeOutcome:
         levels=plan.levels,
         compute_ms=trace.compute_ms.astype(np.float32),
         period_ms=1e3 / policy.rate_hz,
-        trouble="; ".join([part for part in (trace.fall_reason, *trace.faults) if part]),
+        trouble="; ".join(dict.fromkeys(part for part in (trace.fall_reason, *trace.faults) if part)),
         notes=trace.notes,
         trace=trace if task.keep_trace else None,
     )
@@ -105,16 +105,16 @@ def _weight(model: mujoco.MjModel, robot: Robot, sample: Sample | None) -> float
     return float(mass.sum() * np.linalg.norm(model.opt.gravity))
 
 
-@lru_cache(maxsize=None)
+@cache
 def _robot(spec: str) -> Robot:
     return load_robot(spec)
 
 
-@lru_cache(maxsize=None)
+@cache
 def _policy(spec: str, robot: str) -> Policy:
     return load_policy(spec, _robot(robot))
 
 
-@lru_cache(maxsize=None)
+@cache
 def _model(robot: str, plant: Path | None) -> mujoco.MjModel:
     return plant_model(_robot(robot), plant)

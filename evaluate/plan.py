@@ -102,7 +102,7 @@ def _schedule(scenario: Scenario, level: Levels, rng: np.random.Generator) -> Co
     commands = [
         tuple(level.get(axis, getattr(waypoint, axis)) for axis in COMMAND_AXES) for waypoint in script
     ]
-    return CommandSchedule(tuple(w.at_s for w in script), tuple(commands))  # type: ignore[arg-type]
+    return CommandSchedule(tuple(w.at_s for w in script), tuple(commands))
 
 
 def _draw_commands(commands: DrawnCommands, duration_s: float, rng: np.random.Generator) -> CommandSchedule:

@@ -1,0 +1,42 @@
+"""Output files that are either whole or not there, and known to be writable before a long run."""
+
+import os
+import tempfile
+from pathlib import Path
+
+from robots.errors import UserError
+
+
+def check_writable(*paths: Path | None) -> None:
+    """Make sure that files can be written where they are wanted; makes their folders. None is passed over.
+
+    Raises:
+        UserError: a path is a folder, its folder cannot be made, or no file can be made in it.
+    """
+    for path in paths:
+        if path is None:
+            continue
+        if path.is_dir():
+            raise UserError(f"cannot write {path}: it is a folder, give a file name")
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            handle, probe = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        except OSError as error:
+            raise UserError(f"cannot write {path}: {error.strerror or error}") from None
+        os.close(handle)
+        Path(probe).unlink()
+
+
+def write_atomically(path: Path, content: str) -> None:
+    """Write a text file under a temporary name, then rename it: readers see the old content or the new.
+
+    Raises:
+        UserError: the file cannot be written.
+    """
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        temporary.write_text(content, encoding="utf-8")
+        os.replace(temporary, path)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        raise UserError(f"cannot write {path}: {error.strerror or error}") from None

@@ -1,0 +1,43 @@
+"""What figures were measured with."""
+
+import os
+import platform
+from importlib.metadata import PackageNotFoundError, version
+
+from policies.policy import Policy
+
+PACKAGES = ("footfall", "mujoco", "numpy", "onnxruntime", "daqp")
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of the packages that results depend on."""
+    found = {"python": platform.python_version()}
+    for name in PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "not installed as a package"
+    return found
+
+
+def machine() -> str:
+    """This machine in a few words."""
+    return f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores"
+
+
+def kind(policy: Policy) -> str:
+    """How a policy came about, one sentence; names the motion prior of a policy that was trained with one."""
+    contract = getattr(policy, "contract", None)
+    if contract is None:
+        return f"hand-written controller, {policy.rate_hz:g} Hz" + _estimating(policy)
+    text = f"learned policy, {policy.rate_hz:g} Hz"
+    gait = contract.gait
+    if gait is not None and any(gait.amplitude_rad):
+        return text + f", actions added to a reference gait of {gait.frequency_hz:g} Hz (a motion prior)"
+    if gait is not None:
+        return text + f", no motion prior, gait clock of {gait.frequency_hz:g} Hz"
+    return text + ", no motion prior"
+
+
+def _estimating(policy: Policy) -> str:
+    return ", on estimated velocity" if policy.needs_estimate else ""

@@ -1,0 +1,161 @@
+"""A film of an episode: H.264 in an MP4, rendered without a screen."""
+
+import base64
+import io
+import os
+import sys
+import tempfile
+from collections.abc import Generator, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import imageio_ffmpeg
+import mujoco
+import numpy as np
+from matplotlib import image as matplotlib_image
+
+from deploy.episode import Push
+from deploy.trace import Trace
+from evaluate import scene
+from evaluate.pool import Outcome, run_all
+from robots.description import load_robot
+
+WIDTH, HEIGHT, FRAME_RATE_HZ = 640, 400, 25
+PUSH_SHOWN_S = 0.4
+ARROW_S = 0.4  # an arrow's length is the way of so many seconds
+# Ways to render without a screen, best first. A variable that the user has set goes before them.
+BACK_ENDS = ("egl", "osmesa") if sys.platform.startswith("linux") else ("",)
+
+
+@dataclass(frozen=True)
+class FilmTask:
+    """What to film, as plain data."""
+
+    robot: str
+    plant: Path | None
+    trace: Trace
+    pushes: tuple[Push, ...]
+
+
+@dataclass(frozen=True)
+class Film:
+    """A film and a still of it."""
+
+    mp4: bytes
+    poster_jpeg: bytes
+
+    @property
+    def mp4_base64(self) -> str:
+        return base64.b64encode(self.mp4).decode()
+
+    @property
+    def poster_base64(self) -> str:
+        return base64.b64encode(self.poster_jpeg).decode()
+
+
+def render_films(tasks: Sequence[FilmTask], workers: int | None = None) -> list[Outcome[Film]]:
+    """Films of several episodes; where this machine cannot render, the reason instead.
+
+    They are rendered in other processes, since MuJoCo settles on a GL back end when it is imported, and
+    since a broken driver may take its process with it.
+    """
+    outcomes: list[Outcome[Film]] = [Outcome(None, "nothing was tried")] * len(tasks)
+    reasons = []
+    own = os.environ.get("MUJOCO_GL")
+    for back_end in (own,) if own else BACK_ENDS:
+        variables = {"MUJOCO_GL": back_end, "PYOPENGL_PLATFORM": back_end} if back_end else {}
+        outcomes = run_all(film, tasks, workers, environment=variables)
+        failed = next((outcome.error for outcome in outcomes if outcome.error), "")
+        if not failed:
+            return outcomes
+        reasons.append(f"{back_end or 'default'}: {failed}")
+    return [o if o.value else Outcome(None, "; ".join(reasons)) for o in outcomes]
+
+
+def film(task: FilmTask) -> Film:
+    """Render one episode. Runs in a worker whose environment names the GL back end."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "film.mp4"
+        encoder = _encoder(path)
+        poster_at = len(frame_indices(task.trace)) // 3
+        for number, frame in enumerate(frames(task)):
+            encoder.send(frame)
+            if number == poster_at:
+                poster = _jpeg(frame)
+        encoder.close()
+        return Film(path.read_bytes(), poster)
+
+
+def frame_indices(trace: Trace) -> np.ndarray:
+    """Which samples of a trace become frames, int (frames,)."""
+    if not len(trace.time_s):
+        raise ValueError("the episode has no samples to film")
+    times = np.arange(0.0, trace.time_s[-1] + 1e-9, 1.0 / FRAME_RATE_HZ)
+    return np.minimum(np.searchsorted(trace.time_s, times), len(trace.time_s) - 1)
+
+
+def frames(task: FilmTask) -> Iterator[np.ndarray]:
+    """Images (HEIGHT, WIDTH, 3) uint8 of an episode."""
+    robot = load_robot(task.robot)
+    model = scene.scene_model(robot, task.plant, WIDTH, HEIGHT)
+    data, camera = mujoco.MjData(model), mujoco.MjvCamera()
+    trace = task.trace
+    options = mujoco.MjvOption()
+    options.geomgroup[3:] = 0  # collision geometry, by custom
+    renderer = mujoco.Renderer(model, HEIGHT, WIDTH)
+    looked_at = trace.base_position[0].copy()
+    try:
+        for index in frame_indices(trace):
+            data.qpos[:] = trace.qpos[index]
+            mujoco.mj_kinematics(model, data)
+            mujoco.mj_camlight(model, data)
+            looked_at += 0.15 * (trace.base_position[index] - looked_at)
+            scene.follow(camera, looked_at, 2.0 * robot.description.standing_height_m)
+            renderer.update_scene(data, camera, options)
+            _draw_arrows(renderer.scene, task, int(index), robot.description.standing_height_m)
+            yield renderer.render()
+    finally:
+        renderer.close()
+
+
+def _draw_arrows(canvas: mujoco.MjvScene, task: FilmTask, index: int, height_m: float) -> None:
+    """The commanded and the true horizontal velocity above the robot, and a push at its side."""
+    trace = task.trace
+    base = trace.base_position[index]
+    w, x, y, z = trace.base_quaternion[index]
+    yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+    above = base + np.array([0.0, 0.0, 0.7 * height_m])
+    arrows = [
+        (trace.command[index, :2], scene.COMMAND_COLOUR, 0.0),
+        (trace.base_velocity[index, :2], scene.VELOCITY_COLOUR, 0.05),
+    ]
+    for velocity, colour, raised_m in arrows:
+        vector = np.append(turn @ velocity * ARROW_S, 0.0)
+        scene.add_arrow(canvas, above + np.array([0.0, 0.0, raised_m]), vector, colour)
+    for push in task.pushes:
+        if 0.0 <= trace.time_s[index] - push.time_s <= PUSH_SHOWN_S:
+            vector = np.array(push.delta_v_m_s) * ARROW_S
+            scene.add_arrow(canvas, base - vector, vector, scene.PUSH_COLOUR)
+
+
+def _encoder(path: Path) -> Generator[None, np.ndarray | None, None]:
+    """Takes frames by `send`; `close` ends the film. H.264 and yuv420p play in any browser."""
+    encoder = imageio_ffmpeg.write_frames(
+        str(path),
+        (WIDTH, HEIGHT),
+        fps=FRAME_RATE_HZ,
+        codec="libx264",
+        pix_fmt_out="yuv420p",
+        quality=None,
+        macro_block_size=16,
+        output_params=["-crf", "27", "-preset", "medium", "-movflags", "+faststart", "-threads", "1"],
+    )
+    encoder.send(None)
+    return encoder
+
+
+def _jpeg(image: np.ndarray) -> bytes:
+    buffer = io.BytesIO()
+    matplotlib_image.imsave(buffer, image, format="jpeg", pil_kwargs={"quality": 82})
+    return buffer.getvalue()
