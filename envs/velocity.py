@@ -217,10 +217,10 @@ class VelocityEnv:
             "tracking/linear_error_m_s": jnp.sqrt(jnp.sum(error[:2] ** 2)),
             "tracking/yaw_error_rad_s": jnp.abs(error[2]),
             "episode/falls": outcome.fell,
-            "episode/diverged": diverged.astype(jnp.float32),
         }
-        clean = lambda tree: jax.tree.map(lambda x: jnp.where(diverged, 0.0, x), tree)  # noqa: E731
-        return state, Step(clean(observations), reward, terminated, truncated, clean(metrics))
+        observations, metrics = jax.tree.map(lambda x: jnp.where(diverged, 0.0, x), (observations, metrics))
+        metrics["episode/diverged"] = diverged.astype(jnp.float32)
+        return state, Step(observations, reward, terminated, truncated, metrics)
 
     def _simulate(self, state: State) -> tuple[State, _Substep]:
         """Physics of one control step; returns what each physics step left, stacked."""

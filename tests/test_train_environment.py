@@ -1,0 +1,188 @@
+"""The environment: true resets, delays in time, falls, divergence, and rewards by name."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+import pytest
+
+from domain_rand.distributions import Distribution
+from domain_rand.randomisation import Randomisation, load_randomisation
+from envs.config import Curriculum, PushConfig
+from envs.delays import delayed_goal, delayed_readings
+from envs.velocity import VelocityEnv
+from policies.observation import observation_size
+from robots.description import load_robot
+from robots.errors import UserError
+from robots.model import joint_addresses, training_model
+from train.config import load_preset
+
+ROBOT = load_robot("go1")
+SMOKE = load_preset("smoke").env
+
+
+def make(**changes: object) -> VelocityEnv:
+    return VelocityEnv(ROBOT, replace(SMOKE, **changes))
+
+
+@pytest.fixture(scope="module")
+def env() -> VelocityEnv:
+    return make(randomisation=load_randomisation(), gait=SMOKE.gait)
+
+
+@pytest.fixture(scope="module")
+def step(env: VelocityEnv):
+    return jax.jit(env.step)
+
+
+@pytest.fixture(scope="module")
+def reset(env: VelocityEnv):
+    return jax.jit(env.reset)
+
+
+class TestReset:
+    def test_draws_command_body_pose_timers_and_clock_afresh(self, reset) -> None:
+        one, two = reset(jax.random.PRNGKey(1))[0], reset(jax.random.PRNGKey(2))[0]
+        for field in ("qpos", "qvel", "phase", "frames", "trail"):
+            assert not np.array_equal(getattr(one, field), getattr(two, field)), field
+        for field, value in one.sample._asdict().items():
+            assert not np.array_equal(value, getattr(two.sample, field)), field
+        for field, value in one.fields.items():
+            assert not np.array_equal(value, two.fields[field]), field
+
+    def test_same_key_same_episode(self, reset) -> None:
+        one, two = reset(jax.random.PRNGKey(3)), reset(jax.random.PRNGKey(3))
+        assert all(np.array_equal(a, b) for a, b in zip(*map(jax.tree.leaves, (one, two)), strict=True))
+
+    def test_leaves_nothing_of_the_last_episode(self, env: VelocityEnv, reset, step) -> None:
+        state, _ = reset(jax.random.PRNGKey(4))
+        for _ in range(3):
+            state, _ = step(state, jnp.ones(env.action_size))
+        fresh, _ = reset(state.key)
+        assert int(fresh.steps) == 0
+        assert not np.any(fresh.actions)
+        assert np.allclose(fresh.goals, ROBOT.default_pose)
+        assert np.allclose(fresh.target, ROBOT.default_pose)
+
+    def test_observation_has_the_size_of_the_contract(self, env: VelocityEnv, reset) -> None:
+        _, observation = reset(jax.random.PRNGKey(5))
+        assert observation["state"].shape == (observation_size(env.contract),)
+        assert env.observation_sizes["state"] == observation_size(env.contract)
+
+
+class TestStep:
+    def test_the_actor_does_not_see_the_base_velocity(self, env: VelocityEnv, reset) -> None:
+        state, _ = reset(jax.random.PRNGKey(6))
+        moved = state._replace(qvel=state.qvel.at[:3].add(1.0))
+        trail = jnp.tile(env._reading(moved.qpos, moved.qvel), (2 * SMOKE.substeps, 1))
+        still = jnp.tile(env._reading(state.qpos, state.qvel), (2 * SMOKE.substeps, 1))
+        assert np.array_equal(env._observe(moved, trail)[1], env._observe(state, still)[1])
+
+    def test_a_fall_ends_the_episode(self, env: VelocityEnv, reset, step) -> None:
+        state, _ = reset(jax.random.PRNGKey(7))
+        upside_down = state._replace(qpos=state.qpos.at[2:7].set(jnp.array([0.4, 0.0, 1.0, 0.0, 0.0])))
+        _, result = step(upside_down, jnp.zeros(env.action_size))
+        assert result.terminated == 1.0
+        assert result.metrics["episode/falls"] == 1.0
+
+    def test_the_time_limit_truncates(self, env: VelocityEnv, reset, step) -> None:
+        state, _ = reset(jax.random.PRNGKey(8))
+        last = state._replace(steps=jnp.int32(env.episode_steps - 1))
+        _, result = step(last, jnp.zeros(env.action_size))
+        assert (result.terminated, result.truncated) == (0.0, 1.0)
+
+    def test_a_diverged_simulation_ends_alone_and_is_counted(self, env: VelocityEnv, reset, step) -> None:
+        states = [reset(jax.random.PRNGKey(k))[0] for k in range(3)]
+        states[1] = states[1]._replace(qvel=states[1].qvel.at[0].set(jnp.nan))
+        batch = jax.tree.map(lambda *leaves: jnp.stack(leaves), *states)
+        _, result = jax.jit(jax.vmap(env.step))(batch, jnp.zeros((3, env.action_size)))
+        assert result.metrics["episode/diverged"].tolist() == [0.0, 1.0, 0.0]
+        assert result.terminated.tolist() == [0.0, 1.0, 0.0]
+        assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(result))
+        _, alone = step(states[2], jnp.zeros(env.action_size))
+        assert np.allclose(result.reward[2], alone.reward, atol=1e-6)
+
+    def test_rewards_add_up_to_the_logged_terms(self, env: VelocityEnv, reset, step) -> None:
+        _, result = step(reset(jax.random.PRNGKey(9))[0], jnp.zeros(env.action_size))
+        terms = [value for name, value in result.metrics.items() if name.startswith("reward/")]
+        assert len(terms) == len(SMOKE.rewards)
+        expected = max(float(sum(terms)), SMOKE.reward_scales.least) * env.period_s
+        assert float(result.reward) == pytest.approx(expected, abs=1e-6)
+
+    def test_pushes_change_the_base_velocity(self) -> None:
+        strong = PushConfig(Distribution(0.02, 0.02), horizontal_m_s=3.0)
+        pushed, calm = make(pushes=strong), make(pushes=replace(strong, horizontal_m_s=0.0))
+        state, _ = pushed.reset(jax.random.PRNGKey(10))
+        state = state._replace(push_steps=jnp.int32(0))
+        difference = pushed._disturb(state).qvel - calm._disturb(state).qvel
+        assert np.linalg.norm(difference[:2]) > 0.05
+        assert not np.any(difference[6:])
+
+    def test_the_curriculum_scales_commands_and_pushes(self) -> None:
+        env = make(
+            curriculum=Curriculum(100, commands=0.5, pushes=0.0),
+            commands=replace(SMOKE.commands, standing_probability=0.0),
+        )
+        key = jax.random.PRNGKey(11)
+        easy, full = env.reset(key, 0.0)[0], env.reset(key, 1.0)[0]
+        assert np.allclose(easy.command, 0.5 * full.command)
+        assert [float(env.level(jnp.float32(s))) for s in (0, 50, 200)] == [0.0, 0.5, 1.0]
+        due = easy._replace(push_steps=jnp.int32(0))
+        assert np.array_equal(env._disturb(due).qvel, easy.qvel)
+
+
+def test_one_step_agrees_with_mujoco_c_under_the_same_joint_law() -> None:
+    """The lean carry (positions, velocities, warm start) loses nothing that the physics needs."""
+    from robots.actuator import JointCommand, joint_torque
+
+    env = make(randomisation=Randomisation(), pushes=PushConfig(), gait=None)
+    state, _ = jax.jit(env.reset)(jax.random.PRNGKey(12))
+    model = training_model(ROBOT, env.timestep_s)
+    data = mujoco.MjData(model)
+    positions, dofs = joint_addresses(model, ROBOT)
+    data.qpos[:], data.qvel[:] = state.qpos, state.qvel
+    zeros = np.zeros(env.action_size)
+    command = JointCommand(ROBOT.default_pose, zeros, ROBOT.kp, ROBOT.kd, zeros)
+    step = jax.jit(env.step)
+    for _ in range(3):
+        state, _ = step(state, jnp.zeros(env.action_size))
+        for _ in range(SMOKE.substeps):
+            torque = joint_torque(command, data.qpos[positions], data.qvel[dofs], ROBOT.motor)
+            data.qfrc_applied[dofs] = torque
+            mujoco.mj_step(model, data)
+    assert np.max(np.abs(state.qpos - data.qpos)) < 1e-4
+
+
+class TestDelays:
+    goals = jnp.array([[3.0], [2.0], [1.0]])
+
+    @pytest.mark.parametrize(
+        ("delay_s", "since_s", "expected"),
+        [
+            (0.0, 0.0, 3),
+            (0.006, 0.0, 2),
+            (0.006, 0.005, 2),
+            (0.006, 0.010, 3),
+            (0.025, 0.0, 1),
+            (0.025, 0.01, 2),
+        ],
+    )
+    def test_a_target_arrives_when_its_delay_is_over(self, delay_s, since_s, expected) -> None:
+        arrived = delayed_goal(self.goals, jnp.float32(delay_s), jnp.float32(since_s), 0.02)
+        assert float(arrived[0]) == expected
+
+    @pytest.mark.parametrize(("delay_s", "expected"), [(0.0, 7.0), (0.005, 6.0), (0.0075, 5.5), (1.0, 0.0)])
+    def test_readings_are_interpolated_between_physics_steps(self, delay_s, expected) -> None:
+        trail = jnp.arange(8.0)[:, None]
+        assert float(delayed_readings(trail, jnp.float32(delay_s), 0.005)[0]) == pytest.approx(expected)
+
+    def test_a_delay_beyond_the_buffers_is_refused(self) -> None:
+        with pytest.raises(UserError, match="action_delay_s"):
+            make(randomisation=Randomisation(action_delay_s=Distribution(0.0, 0.5)))
+
+
+def test_an_unknown_reward_is_refused_by_name() -> None:
+    with pytest.raises(UserError, match="no reward 'tracking'"):
+        make(rewards={"tracking": 1.0})
