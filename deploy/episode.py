@@ -187,7 +187,9 @@ def _open_bus(
     robot: Robot, wiring: Wiring, episode: Episode, resources: ExitStack
 ) -> tuple[Bus, SimulatedRobot | None]:
     """The bus, and the simulated robot if it lives in this loop's time."""
-    difference = Difference(episode.plant, episode.sample or Sample(), episode.noise)
+    difference = Difference(
+        episode.plant, episode.sample or Sample(), episode.noise, episode.config.motor_timeout_s
+    )
     if episode.bus == SIMULATED:
         wires = SimulatedWires(wiring.buses, episode.config.host_queue)
         body = SimulatedRobot(robot, wiring, wires, difference, episode.seed)

@@ -51,6 +51,7 @@ RANGES = {
     "DM10010L": MotorRange(25.0, 200.0),
 }
 
+COMMUNICATION_LOST = 13  # the motor's own time-out has switched it off; Damiao's code, CubeMars has none
 ERRORS = {
     1: "over-temperature",
     2: "over-current",
@@ -58,6 +59,7 @@ ERRORS = {
     4: "under-voltage",
     5: "encoder error",
     6: "phase imbalance",
+    COMMUNICATION_LOST: "that it heard nothing for too long and switched itself off",
 }
 
 _SPECIAL = 0xFFFF_FFFF_FFFF_FFFC

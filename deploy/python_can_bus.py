@@ -13,9 +13,11 @@ from deploy.simulated_wire import HOST_QUEUE
 from deploy.wiring import MOTOR_IDS
 from robots.errors import UserError
 
-MULTICAST_GROUP = "239.74.163.{}"  # one group for each bus, from FIRST_GROUP on
-FIRST_GROUP = 2
 MULTICAST = "udp_multicast"
+MULTICAST_GROUP = "239.74.163.2"
+MULTICAST_PORT = (
+    43113  # of the first bus; each further bus has the next one, since ports alone keep them apart
+)
 MOST_FRAMES_AT_ONCE = 256  # taken from one bus in one tick, so that a babbling node cannot stop the loop
 
 # What each end listens to: the controller to replies and IMU, the simulated robot to commands.
@@ -139,6 +141,11 @@ def _is_plain(message: Any) -> bool:
 
 def _open(can: Any, interface: str, index: int, name: str, filters: tuple[dict[str, Any], ...]) -> Any:
     if interface == MULTICAST:
-        group = MULTICAST_GROUP.format(FIRST_GROUP + index)
-        return can.Bus(interface=interface, channel=group, fd=False, can_filters=list(filters))
+        return can.Bus(
+            interface=interface,
+            channel=MULTICAST_GROUP,
+            port=MULTICAST_PORT + index,
+            fd=False,
+            can_filters=list(filters),
+        )
     return can.Bus(interface=interface, channel=name, can_filters=list(filters))

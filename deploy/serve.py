@@ -12,6 +12,7 @@ from pathlib import Path
 
 from deploy.clock import WallClock
 from deploy.python_can_bus import MULTICAST, ROBOT_FILTERS, PythonCanBus
+from deploy.simulated_motors import TIMEOUT_S
 from deploy.simulated_robot import Difference, SimulatedRobot
 from deploy.simulated_wire import Side, SimulatedWires
 from deploy.wiring import wire
@@ -63,10 +64,12 @@ def main() -> None:
     parser.add_argument("--robot", default="go1", help="name or folder of the robot")
     parser.add_argument("--bus", default=MULTICAST, help="python-can interface")
     parser.add_argument("--plant", type=Path, help="another MJCF than the robot's own")
+    parser.add_argument("--motor-timeout", type=float, default=TIMEOUT_S, help="seconds")
     parser.add_argument("--duration", type=float, help="seconds until it ends by itself")
     options = parser.parse_args()
     try:
-        with serving(load_robot(options.robot), options.bus, Difference(options.plant)):
+        difference = Difference(options.plant, motor_timeout_s=options.motor_timeout)
+        with serving(load_robot(options.robot), options.bus, difference):
             threading.Event().wait(options.duration)
     except UserError as error:
         print(error, file=sys.stderr)

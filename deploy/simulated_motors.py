@@ -11,7 +11,7 @@ from deploy.wiring import Wiring
 from domain_rand.sample import Sample, randomised_motor
 from robots.actuator import JointCommand, Motor, friction_torque, motor_torque
 
-TIMEOUT_S = 0.1  # a motor that hears nothing for so long switches itself off
+TIMEOUT_S = 0.1  # a motor that hears nothing for so long switches itself off, and says so from then on
 TEMPERATURE_C = 30
 _WATCHDOG_EVERY = 5  # steps
 
@@ -30,7 +30,9 @@ class MotorFaults:
 class SimulatedMotors:
     """All motors of a robot. Time is counted in physics steps."""
 
-    def __init__(self, wiring: Wiring, motor: Motor, sample: Sample, step_s: float) -> None:
+    def __init__(
+        self, wiring: Wiring, motor: Motor, sample: Sample, step_s: float, timeout_s: float = TIMEOUT_S
+    ) -> None:
         n = len(wiring.motor_id)
         self._wiring = wiring
         self._codec = mit.Codec(wiring.protocols)
@@ -46,10 +48,11 @@ class SimulatedMotors:
         self._delay_steps = (
             0 if sample.action_delay_s is None else round(float(sample.action_delay_s) / step_s)
         )
-        self._timeout_steps = round(TIMEOUT_S / step_s)
+        self._timeout_steps = round(timeout_s / step_s)
         self.faults = MotorFaults(np.zeros(n, bool), np.zeros(n, bool), np.zeros(n, np.uint64))
         self.enabled = np.zeros(n, dtype=bool)
         self._any_enabled = False
+        self._timed_out = np.zeros(n, dtype=bool)
         self._values = np.zeros((5, n))  # the command that each motor follows
         self._due: deque[tuple[int, Motors, np.ndarray]] = deque()
         self._heard_step = np.zeros(n, dtype=np.int64)
@@ -71,8 +74,7 @@ class SimulatedMotors:
             _, motors, values = self._due.popleft()
             self._values[:, motors] = values
         if step % _WATCHDOG_EVERY == 0 and self._any_enabled:
-            self.enabled &= step - self._heard_step <= self._timeout_steps
-            self._any_enabled = bool(self.enabled.any())
+            self._watch(step)
         if not self._any_enabled:
             return np.zeros_like(position)
         command = JointCommand(*self._values)
@@ -104,6 +106,14 @@ class SimulatedMotors:
         self._heard_step[motor] = step
         return self._answer(motor, readings)
 
+    def _watch(self, step: int) -> None:
+        """Switch off the motors that have not been spoken to for too long."""
+        late = self.enabled & (step - self._heard_step > self._timeout_steps)
+        if late.any():
+            self._timed_out |= late
+            self.enabled &= ~late
+            self._any_enabled = bool(self.enabled.any())
+
     def _addressed(self, frames: Frames) -> tuple[Motors, np.ndarray]:
         """The motors that are spoken to, and the bytes that they get."""
         known = self._known
@@ -130,6 +140,7 @@ class SimulatedMotors:
             if not self.enabled[motor]:
                 self._values[:, motor] = 0.0  # a motor wakes up limp
             self.enabled[motor] = self._any_enabled = True
+            self._timed_out[motor] = False
         elif word == mit.EXIT:
             self.enabled[motor] = False
             self._any_enabled = bool(self.enabled.any())
@@ -140,7 +151,8 @@ class SimulatedMotors:
             self._due.append((step + self._delay_steps, one, values * self._gain_scale[:, one]))
 
     def _answer(self, motor: Motors, readings: np.ndarray) -> Frames:
-        tail = self.faults.error[motor] | np.uint64(TEMPERATURE_C << 8)
+        error = np.maximum(self.faults.error, self._timed_out * np.uint64(mit.COMMUNICATION_LOST))
+        tail = error[motor] | np.uint64(TEMPERATURE_C << 8)
         data = self._codec.encode_replies(motor, self._head[motor], readings[:, motor], tail)
         if self.faults.stuck.any():
             stuck = self.faults.stuck[motor]

@@ -13,7 +13,7 @@ from deploy import imu
 from deploy.energy import EnergyMeter, Power
 from deploy.frames import Frames
 from deploy.ground_truth import Truth, Witness
-from deploy.simulated_motors import MotorFaults, SimulatedMotors
+from deploy.simulated_motors import TIMEOUT_S, MotorFaults, SimulatedMotors
 from deploy.simulated_sensors import Layout, SimulatedSensors
 from deploy.simulated_wire import Side, SimulatedWires
 from deploy.wiring import Wiring
@@ -44,6 +44,7 @@ class Difference:
     plant: Path | None = None  # another MJCF
     sample: Sample = field(default_factory=Sample)
     noise: Noise | None = None
+    motor_timeout_s: float = TIMEOUT_S
 
 
 class SimulatedRobot:
@@ -76,7 +77,7 @@ class SimulatedRobot:
         step_s = float(self.model.opt.timestep)
         self._step, self._step_us = 0, round(step_s * 1e6)
         self._wires = wires
-        self._motors = SimulatedMotors(wiring, plant.motor, sample, step_s)
+        self._motors = SimulatedMotors(wiring, plant.motor, sample, step_s, difference.motor_timeout_s)
         self._sensors = SimulatedSensors(
             self.data, self._layout, sample, difference.noise, step_s, len(qpos), seed
         )

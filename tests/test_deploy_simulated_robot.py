@@ -117,6 +117,10 @@ class TestMotors:
         for _ in range(6):
             bench.tick()
         assert not bench.body.motors_on.any()
+        bench.tick(bench.hold())
+        assert (bench.error == mit.COMMUNICATION_LOST).all()
+        bench.enter()
+        assert not bench.error.any()
 
     def test_a_zero_frame_makes_the_present_position_zero(self, go1: Robot) -> None:
         bench = Bench(go1)

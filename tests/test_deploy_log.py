@@ -1,0 +1,195 @@
+"""Logs: what they hold, that a killed run keeps them, and that a replay finds the first difference."""
+
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from deploy_minds import Hold, Spoilt, Sway, not_a_number, short_episode
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+
+from deploy import messages
+from deploy.episode import run_episode
+from deploy.log import flatten, unflatten
+from deploy.replay import read_log, replay
+from deploy.trace import Trace
+from policies.policy import Observation, Sensed
+from robots.actuator import JointCommand
+from robots.description import Robot
+from robots.errors import UserError
+
+
+@pytest.fixture(scope="module")
+def logged(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Trace]:
+    """The log of an orderly run of Sway, and its trace."""
+    path = tmp_path_factory.mktemp("log") / "run.mcap"
+    policy = Sway(go1)
+    return path, run_episode(go1, policy, short_episode(duration_s=0.5, seed=7, log=path))
+
+
+class Decoded(NamedTuple):
+    """One message as the indexed reader of MCAP's own library finds it."""
+
+    topic: str
+    kind: str
+    message: Any
+
+
+def decoded(path: Path, topic: str | None = None) -> list[Decoded]:
+    with path.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        topics = None if topic is None else [topic]
+        return [
+            Decoded(channel.topic, schema.name, message)
+            for schema, channel, _, message in reader.iter_decoded_messages(topics=topics)
+        ]
+
+
+class TestContent:
+    def test_ros_tools_find_every_topic_with_its_type(self, logged: tuple[Path, Trace]) -> None:
+        found = {m.topic: m.kind for m in decoded(logged[0])}
+        network = {"/policy/observation", "/policy/action"}  # Sway has no network
+        assert found == {topic: kind for topic, kind in messages.TOPICS.items() if topic not in network}
+
+    def test_policy_steps_are_all_there_and_readings_at_the_log_rate(
+        self, logged: tuple[Path, Trace]
+    ) -> None:
+        path, trace = logged
+        counts = Counter(m.topic for m in decoded(path))
+        assert counts["/policy/inputs"] == len(trace.compute_ms) == 26
+        assert counts["/joint_states"] == counts["/imu"] == pytest.approx(100 * trace.simulated_s, abs=2)
+
+    def test_joint_states_carry_names_and_readings(self, go1: Robot, logged: tuple[Path, Trace]) -> None:
+        last = decoded(logged[0], "/joint_states")[60].message
+        assert last.name == list(go1.joint_names)
+        np.testing.assert_allclose(last.position, go1.default_pose, atol=0.3)
+        assert len(last.velocity) == len(last.effort) == 12
+
+    def test_states_come_in_order(self, logged: tuple[Path, Trace]) -> None:
+        states = [m.message.data for m in decoded(logged[0], "/state")]
+        assert states == ["STANDING", "WALKING", "RELEASING", "IDLE"]
+
+    def test_a_fault_is_written_with_its_reason(self, go1: Robot, tmp_path: Path) -> None:
+        path = tmp_path / "bad.mcap"
+        run_episode(go1, Spoilt(go1, 0.1, not_a_number), short_episode(log=path))
+        states = [m.message.data for m in decoded(path, "/state")]
+        assert "ESTOP: the policy's command is not finite" in states
+
+    def test_metadata_says_who_and_how(self, go1: Robot, logged: tuple[Path, Trace]) -> None:
+        log = read_log(logged[0])
+        assert log.complete
+        assert log.metadata["policy"] == log.metadata["policy_spec"] == "sway"
+        assert log.metadata["robot_digest"] == go1.digest
+        assert log.metadata["seed"] == 7
+        assert log.metadata["joints"] == list(go1.joint_names)
+
+    def test_logging_does_not_change_the_run(self, go1: Robot, logged: tuple[Path, Trace]) -> None:
+        again = run_episode(go1, Sway(go1), short_episode(duration_s=0.5, seed=7))
+        assert np.array_equal(again.qpos, logged[1].qpos)
+
+
+class TestKilledRun:
+    SCRIPT = """
+import sys
+from pathlib import Path
+from deploy_minds import Hold, short_episode
+from deploy.episode import run_episode
+from robots.description import load_robot
+from deploy.config import DeployConfig
+from deploy.safety import SafetyConfig
+robot = load_robot("go1")
+config = DeployConfig(motor_timeout_s=5.0, safety=SafetyConfig(silence_timeout_s=5.0))
+episode = short_episode(duration_s=60.0, realtime=True, log=Path(sys.argv[1]), config=config)
+run_episode(robot, Hold(robot), episode)
+"""
+
+    def test_keeps_all_but_its_last_moments(self, tmp_path: Path) -> None:
+        path = tmp_path / "killed.mcap"
+        environment = {"PYTHONPATH": f"{Path(__file__).parent}:{Path(__file__).parents[1]}"}
+        process = subprocess.Popen([sys.executable, "-c", self.SCRIPT, str(path)], env=environment)
+        try:
+            deadline = time.monotonic() + 20.0
+            while not path.exists() and time.monotonic() < deadline:
+                time.sleep(0.05)
+            time.sleep(2.5)
+        finally:
+            process.send_signal(signal.SIGKILL)
+            process.wait()
+        log = read_log(path)
+        assert not log.complete
+        assert log.metadata["policy"] == "hold"
+        readings = [entry for entry in log.entries if entry.topic == "/joint_states"]
+        assert (readings[-1].time_ns - readings[0].time_ns) * 1e-9 > 1.0
+
+    def test_a_torn_file_can_be_replayed(
+        self, go1: Robot, logged: tuple[Path, Trace], tmp_path: Path
+    ) -> None:
+        torn = tmp_path / "torn.mcap"
+        whole = logged[0].read_bytes()
+        torn.write_bytes(whole[: len(whole) * 9 // 10])
+        assert not read_log(torn).complete
+
+
+class TestReplay:
+    def test_the_same_policy_decides_the_same_to_the_last_bit(
+        self, go1: Robot, logged: tuple[Path, Trace]
+    ) -> None:
+        result = replay(logged[0], Sway(go1))
+        assert result.steps == 26
+        assert result.complete
+        assert result.worst_difference == 0.0
+        assert result.first_difference == ""
+
+    def test_another_policy_is_told_apart_at_its_first_difference(
+        self, go1: Robot, logged: tuple[Path, Trace]
+    ) -> None:
+        def lift(command: JointCommand) -> JointCommand:
+            position = command.position.copy()
+            position[4] += 0.5
+            return command._replace(position=position)
+
+        class Other(Sway):
+            def act(self, observation: Observation) -> JointCommand:
+                command = super().act(observation)
+                return lift(command) if observation.time_s > 0.19 else command
+
+        result = replay(logged[0], Other(go1))
+        assert result.worst_difference == pytest.approx(0.5)
+        assert result.first_difference.startswith("step 10 (0.200 s): position of FL_thigh_joint was ")
+
+    def test_a_hand_written_observation_survives_the_log(self) -> None:
+        n = np.arange(4.0)
+        sensed = Sensed(n[:3], n[:3] + 1, n, n + 2, n + 3, n + 4)
+        observation = Observation(0.5, sensed, n[:3], np.full(3, np.nan), np.nan)
+        back = unflatten(flatten(observation))
+        assert back.time_s == 0.5
+        for one, other in zip(back.sensed, sensed, strict=True):
+            assert np.array_equal(one, other)
+        assert np.isnan(back.base_velocity).all()
+
+
+class TestBadInput:
+    def test_a_log_that_cannot_be_written_stops_the_run_before_it_starts(
+        self, go1: Robot, tmp_path: Path
+    ) -> None:
+        policy = Hold(go1)
+        with pytest.raises(UserError, match="cannot write the log"):
+            run_episode(go1, policy, short_episode(log=tmp_path / "no" / "such" / "folder.mcap"))
+        assert not policy.seen
+
+    @pytest.mark.parametrize("content", [b"", b"not an mcap at all", b"\x89MCAP0\r\n"])
+    def test_what_is_no_log_is_refused(self, go1: Robot, tmp_path: Path, content: bytes) -> None:
+        path = tmp_path / "bad.mcap"
+        path.write_bytes(content)
+        with pytest.raises(UserError, match=r"bad\.mcap is no"):
+            replay(path, Hold(go1))
+
+    def test_a_missing_log_is_named(self, go1: Robot, tmp_path: Path) -> None:
+        with pytest.raises(UserError, match="cannot read the log"):
+            replay(tmp_path / "none.mcap", Hold(go1))

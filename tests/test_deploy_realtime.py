@@ -1,0 +1,167 @@
+"""Runs that keep to the wall clock: on the simulated bus, and on python-can's buses without hardware."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from functools import partial
+
+import numpy as np
+import pytest
+from deploy_minds import Hold, Spoilt, short_episode, slow
+
+from deploy.clock import LockstepClock, WallClock, undisturbed
+from deploy.config import DeployConfig
+from deploy.episode import run_episode
+from deploy.frames import Frames
+from deploy.python_can_bus import ROBOT_FILTERS, PythonCanBus
+from deploy.safety import SafetyConfig
+from robots.description import Robot
+from robots.errors import UserError
+
+# Shared machines stall for tens of milliseconds: forgive them, but not what is tested here.
+PATIENT = SafetyConfig(start_timeout_s=3.0, silence_timeout_s=0.9)
+UNHURRIED = DeployConfig(joint_rate_hz=100.0, stand_s=0.4, motor_timeout_s=0.8, safety=PATIENT)
+
+
+class TestClocks:
+    def test_lockstep_time_does_not_wait(self) -> None:
+        clock = LockstepClock(2000)
+        assert [clock.next_tick() for _ in range(3)] == [0, 2000, 4000]
+
+    def test_wall_time_waits_for_each_tick(self) -> None:
+        clock = WallClock(10_000)
+        begun = time.monotonic()
+        times = [clock.next_tick() for _ in range(6)]
+        assert times[0] == 0
+        assert time.monotonic() - begun >= 0.05
+        assert all(time_us % 10_000 == 0 for time_us in times)
+
+    def test_missed_ticks_are_skipped(self) -> None:
+        clock = WallClock(10_000)
+        clock.next_tick()
+        time.sleep(0.055)
+        assert clock.next_tick() >= 50_000
+
+    def test_the_loop_runs_without_garbage_collection(self) -> None:
+        import gc
+
+        with undisturbed(priority=1):
+            assert not gc.isenabled()
+        assert gc.isenabled()
+
+
+class TestSimulatedBus:
+    def test_takes_as_long_as_it_says(self, go1: Robot) -> None:
+        trace = run_episode(go1, Hold(go1), short_episode(duration_s=0.5, realtime=True, config=UNHURRIED))
+        assert trace.final_state == "IDLE"
+        assert trace.wall_s == pytest.approx(trace.simulated_s, abs=0.5)
+        assert trace.timing["lateness_us_max"] >= trace.timing["lateness_us_p50"] > 0.0
+
+    def test_a_policy_that_takes_far_too_long_is_stopped_at_once(self, go1: Robot) -> None:
+        policy = Spoilt(go1, 0.1, slow)
+        trace = run_episode(go1, policy, short_episode(realtime=True, config=UNHURRIED))
+        assert trace.final_state == "ESTOP"
+        assert "ran late: one step took" in trace.faults[0]
+
+    def test_a_policy_that_is_always_a_little_late_is_stopped_too(self, go1: Robot) -> None:
+        policy = Spoilt(go1, 0.1, partial(slow, seconds=0.03))
+        trace = run_episode(go1, policy, short_episode(realtime=True, config=UNHURRIED))
+        assert trace.final_state == "ESTOP"
+        assert "5 steps in a row" in trace.faults[0]
+
+    def test_lockstep_time_forgives_a_slow_policy(self, go1: Robot) -> None:
+        policy = Spoilt(go1, 0.1, partial(slow, seconds=0.03))
+        trace = run_episode(go1, policy, short_episode(duration_s=0.2))
+        assert trace.final_state == "IDLE"
+
+    def test_an_interrupt_ends_the_run_in_order(self, go1: Robot) -> None:
+        timer = threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT))
+        timer.start()
+        trace = run_episode(go1, Hold(go1), short_episode(duration_s=20.0, realtime=True, config=UNHURRIED))
+        timer.join()
+        assert trace.final_state == "IDLE"
+        assert trace.wall_s < 5.0
+
+
+def frames(*rows: tuple[int, int, bytes]) -> Frames:
+    data = b"".join(content.ljust(8, b"\0") for _, _, content in rows)
+    return Frames(
+        np.array([channel for channel, _, _ in rows]),
+        np.array([identifier for _, identifier, _ in rows]),
+        np.frombuffer(data, dtype=np.uint8).reshape(-1, 8),
+        np.array([len(content) for _, _, content in rows]),
+    )
+
+
+class TestPythonCan:
+    def test_frames_cross_and_each_end_hears_only_what_is_meant_for_it(self) -> None:
+        controller = PythonCanBus("virtual", ("cross0", "cross1"))
+        robot = PythonCanBus("virtual", ("cross0", "cross1"), ROBOT_FILTERS)
+        try:
+            sent = frames((0, 1, b"12345678"), (1, 2, b"123456"), (1, 0x555, b"noise"))
+            assert controller.send(sent, 0) == 0
+            robot.send(frames((1, 0x101, b"\1answer"), (0, 0x300, b"gyrogyro"), (0, 0x12, b"chatter")), 0)
+            (heard,) = robot.receive(0)
+            assert heard.channel.tolist() == [0, 1]
+            assert heard.id.tolist() == [1, 2]
+            assert heard.length.tolist() == [8, 6]
+            assert heard.data[1].tobytes() == b"123456\0\0"
+            (answers,) = controller.receive(0)
+            assert sorted(answers.id.tolist()) == [0x101, 0x300]
+            assert controller.receive(0) == []
+            assert [s.frames_sent for s in controller.statistics()] == [1, 2]
+        finally:
+            controller.close()
+            robot.close()
+
+    def test_writes_are_paced_when_the_queue_would_overflow(self) -> None:
+        bus = PythonCanBus("virtual", ("pace0",))
+        try:
+            begun = time.monotonic()
+            bus.send(frames(*[(0, 1, b"12345678")] * 60), 0)
+            assert time.monotonic() - begun >= 50 * 135e-6
+        finally:
+            bus.close()
+
+    def test_the_robot_walks_over_a_virtual_bus(self, go1: Robot) -> None:
+        trace = run_episode(go1, Hold(go1), short_episode(duration_s=0.4, bus="virtual", config=UNHURRIED))
+        assert trace.faults == ()
+        assert trace.final_state == "IDLE"
+        assert np.isnan(trace.base_position).all()  # nobody knows the truth on a real bus
+        assert not trace.fell
+        np.testing.assert_allclose(trace.joint_target[-1], go1.default_pose, atol=0.01)
+
+    def test_the_robot_walks_over_multicast_from_another_process(self, go1: Robot) -> None:
+        command = [sys.executable, "-m", "deploy.serve", "--bus", "udp_multicast"]
+        command += ["--duration", "10", "--motor-timeout", "0.8"]
+        with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as server:
+            try:
+                time.sleep(2.0)
+                if server.poll() is not None:
+                    pytest.skip(f"no multicast here: {server.communicate()[1].strip()}")
+                episode = short_episode(duration_s=0.4, bus="udp_multicast", config=UNHURRIED)
+                trace = run_episode(go1, Hold(go1), episode)
+            finally:
+                server.terminate()
+        assert trace.faults == ()
+        assert trace.final_state == "IDLE"
+        assert sum(bus.frames_received for bus in trace.buses) > 200
+
+    def test_an_empty_bus_is_an_emergency_stop_that_names_the_first_motor(self, go1: Robot) -> None:
+        trace = run_episode(
+            go1, Hold(go1), short_episode(bus="udp_multicast", config=DeployConfig(joint_rate_hz=100.0))
+        )
+        assert trace.final_state == "ESTOP"
+        assert "no answer from FR_hip_joint (can0, id 1)" in trace.faults[0]
+
+    def test_an_interface_that_cannot_be_opened_is_refused_in_one_line(self, go1: Robot) -> None:
+        with pytest.raises(UserError, match=r"cannot open bus 'can0' on socketcan: ") as caught:
+            run_episode(go1, Hold(go1), short_episode(bus="socketcan"))
+        assert "\n" not in str(caught.value)
+
+    def test_ground_truth_needs_the_simulated_bus(self, go1: Robot) -> None:
+        with pytest.raises(UserError, match="needs the simulated robot"):
+            run_episode(go1, Hold(go1), short_episode(bus="virtual", ground_truth=True))
