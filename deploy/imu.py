@@ -23,8 +23,10 @@ ACCELERATION_UNIT = 0.005
 QUATERNION_UNIT = 1.0 / 32767.0
 
 _SAMPLE = struct.Struct(">hhhH")
-_ALL = struct.Struct(">hhhHhhhHhhhh")
 _QUATERNION = struct.Struct(">hhhh")
+_UNITS = np.repeat([GYRO_UNIT, ACCELERATION_UNIT, QUATERNION_UNIT], (3, 3, 4))
+_PLACES = np.array([0, 1, 2, 4, 5, 6, 8, 9, 10, 11])  # of the values among the 16-bit words
+_COUNTERS = np.array([3, 7])
 
 
 class Inertial(NamedTuple):
@@ -35,21 +37,13 @@ class Inertial(NamedTuple):
     quaternion: Sequence[float]  # (4,) w x y z, unit length
 
 
-def _int16(value: float, unit: float) -> int:
-    return max(-32768, min(32767, round(value / unit)))
-
-
 def encode(reading: Inertial, counter: int) -> np.ndarray:
     """The three frames of a reading, (3, 8) uint8, in the order of `IDS`."""
-    counter &= 0xFFFF
-    packed = _ALL.pack(
-        *(_int16(v, GYRO_UNIT) for v in reading.gyro),
-        counter,
-        *(_int16(v, ACCELERATION_UNIT) for v in reading.acceleration),
-        counter,
-        *(_int16(v, QUATERNION_UNIT) for v in reading.quaternion),
-    )
-    return np.frombuffer(packed, dtype=np.uint8).reshape(3, 8)
+    values = np.array([*reading.gyro, *reading.acceleration, *reading.quaternion]) / _UNITS
+    words = np.empty(12, dtype=">i2")
+    words[_PLACES] = np.minimum(np.maximum(np.rint(values), -32768.0), 32767.0)
+    words[_COUNTERS] = (counter + 0x8000) % 0x10000 - 0x8000  # the same bits as an unsigned count
+    return words.view(np.uint8).reshape(3, 8)
 
 
 def decode_gyro(data: bytes) -> tuple[tuple[float, float, float], int]:

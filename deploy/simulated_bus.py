@@ -22,13 +22,14 @@ class SimulatedBus:
     def statistics(self) -> list[BusStatistics]:
         elapsed = max(self._robot.time_us, 1)
         wires = self._wires
+        sent, received, busy = wires.sent(Side.HOST), wires.sent(Side.ROBOT), wires.busy_us()
         return [
             BusStatistics(
                 name=name,
-                frames_sent=int(wires.sent[Side.HOST, i]),
-                frames_received=int(wires.sent[Side.ROBOT, i]),
+                frames_sent=int(sent[i]),
+                frames_received=int(received[i]),
                 frames_refused=int(wires.refused[Side.HOST, i]),
-                load=float(wires.busy_us[i]) / elapsed,
+                load=float(busy[i]) / elapsed,
             )
             for i, name in enumerate(wires.names)
         ]

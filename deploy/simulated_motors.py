@@ -54,6 +54,7 @@ class SimulatedMotors:
         self._any_enabled = False
         self._timed_out = np.zeros(n, dtype=bool)
         self._values = np.zeros((5, n))  # the command that each motor follows
+        self._command = JointCommand(*self._values)  # its rows
         self._due: deque[tuple[int, Motors, np.ndarray]] = deque()
         self._heard_step = np.zeros(n, dtype=np.int64)
         self._head = wiring.motor_id.astype(np.uint64)
@@ -77,8 +78,7 @@ class SimulatedMotors:
             self._watch(step)
         if not self._any_enabled:
             return np.zeros_like(position)
-        command = JointCommand(*self._values)
-        return self.enabled * motor_torque(command, position + self.encoder_bias, velocity, self._motor)
+        return self.enabled * motor_torque(self._command, position + self.encoder_bias, velocity, self._motor)
 
     def friction(self, velocity: np.ndarray) -> np.ndarray:
         """Gearbox friction at the joint, N m, (n,)."""

@@ -1,8 +1,8 @@
 """In-process CAN buses that take as long as real ones: one frame at a time, at 1 Mbit/s, behind queues."""
 
 from collections import deque
+from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import NamedTuple
 
 import numpy as np
 
@@ -21,7 +21,8 @@ class Side(IntEnum):
     ROBOT = 1
 
 
-class _Plan(NamedTuple):
+@dataclass
+class _Plan:
     """How a batch of given channels and lengths follows one another on the wires."""
 
     place: np.ndarray  # (k,) how many frames of the batch are on the same wire up to this one
@@ -29,6 +30,7 @@ class _Plan(NamedTuple):
     occupied: np.ndarray  # (channels,) microseconds that the batch takes on each wire
     frames: np.ndarray  # (channels,) frames on each wire
     most: int  # frames on the busiest wire
+    sent: list[int] = field(default_factory=lambda: [0, 0])  # times that each side sent such a batch
 
 
 class SimulatedWires:
@@ -45,8 +47,6 @@ class SimulatedWires:
         self._all_free_at = 0.0
         self._flying: tuple[deque[tuple[Frames, np.ndarray, float]], ...] = (deque(), deque())
         self._plans: dict[tuple[bytes, bytes], _Plan] = {}
-        self.busy_us = np.zeros(len(names))
-        self.sent = np.zeros((2, len(names)), dtype=np.int64)
         self.refused = np.zeros((2, len(names)), dtype=np.int64)
 
     def send(self, side: Side, frames: Frames, now_us: float) -> int:
@@ -68,10 +68,19 @@ class SimulatedWires:
             arrival = start[frames.channel] + plan.offset
             self._free_at = start + plan.occupied
             self._all_free_at = float(self._free_at.max())
-            self.busy_us += plan.occupied
-            self.sent[side] += plan.frames
+            plan.sent[side] += 1
             self._flying[side].append((frames, arrival, self._all_free_at))
         return refused
+
+    def sent(self, side: Side) -> np.ndarray:
+        """Frames that a side has sent on each wire, (channels,)."""
+        none = np.zeros(len(self.names), dtype=np.int64)
+        return sum((plan.frames * plan.sent[side] for plan in self._plans.values()), none)
+
+    def busy_us(self) -> np.ndarray:
+        """How long each wire has been, or will be, occupied by what was sent, (channels,)."""
+        none = np.zeros(len(self.names))
+        return sum((plan.occupied * sum(plan.sent) for plan in self._plans.values()), none)
 
     def receive(self, side: Side, now_us: float) -> list[Frames]:
         """Frames for `side`, sent by the other one, that have arrived by now; oldest batch first."""

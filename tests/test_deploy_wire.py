@@ -66,7 +66,7 @@ class TestTime:
         wires = SimulatedWires(("a", "b"))
         for tick in range(10):
             wires.send(Side.HOST, frames(0, 0, 0), tick * 2000)
-        assert wires.busy_us.tolist() == [10 * 3 * 135, 0]
+        assert wires.busy_us().tolist() == [10 * 3 * 135, 0]
 
 
 class TestQueue:
@@ -107,4 +107,4 @@ class TestQueue:
             wires.send(Side.ROBOT, frames(*[0] * 10), 0)
         assert wires.refused[Side.ROBOT, 0] > 0
         arrived = numbers(wires.receive(Side.HOST, 22_000))
-        assert len(arrived) == wires.sent[Side.ROBOT, 0]
+        assert len(arrived) == wires.sent(Side.ROBOT)[0]
