@@ -23,6 +23,7 @@ from deploy.trace import Recorder, Trace, unknown_truth
 from deploy.wiring import Wiring, wire
 from domain_rand.noise import Noise
 from domain_rand.sample import Sample
+from policies.contract import Contract
 from policies.policy import Policy
 from robots.description import Robot
 from robots.errors import UserError
@@ -79,6 +80,7 @@ def run_episode(
     """
     if not episode.duration_s > 0.0:
         raise UserError(f"duration is {episode.duration_s:g} s: it must be above 0")
+    _check_contract(policy, robot)
     wiring, config = wire(robot), episode.config
     estimated = policy.needs_estimate and not episode.ground_truth
     with ExitStack() as resources:
@@ -181,6 +183,13 @@ class _Run:
             simulated_s=loop.now_us * 1e-6,
             notes=() if body is None else body.notes,
         )
+
+
+def _check_contract(policy: Policy, robot: Robot) -> None:
+    contract: Contract | None = getattr(policy, "contract", None)
+    differences = [] if contract is None else contract.mismatches(robot)
+    if differences:
+        raise UserError(f"policy '{policy.name}' does not fit robot '{robot.name}': {'; '.join(differences)}")
 
 
 def _open_bus(

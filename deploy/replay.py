@@ -13,6 +13,8 @@ from policies.policy import Policy
 from robots.actuator import JointCommand
 from robots.errors import UserError
 
+LARGEST_RECORD = 2**28  # bytes; a torn length field may claim anything
+
 
 class Entry(NamedTuple):
     """One message of a log."""
@@ -47,15 +49,29 @@ def read_log(path: Path) -> LogFile:
     Raises:
         UserError: the file cannot be read, is no MCAP or no log of a run.
     """
+    from mcap.records import Channel, Footer, Message, Metadata, Schema
+    from mcap_ros2.decoder import DecoderFactory
+
+    decoders = DecoderFactory()
     metadata: dict[str, Any] = {}
     entries: list[Entry] = []
-    try:
-        with path.open("rb") as file:
-            complete = _read_into(file, metadata, entries)
-    except OSError as error:
-        raise UserError(f"cannot read the log {path}: {error.strerror or error}") from None
-    except _NotMcapError:
-        raise UserError(f"{path} is no MCAP file") from None
+    schemas: dict[int, Schema] = {}
+    channels: dict[int, Channel] = {}
+    complete = False
+    for record in records(path):
+        if isinstance(record, Metadata) and record.name == METADATA:
+            metadata.update({key: json.loads(value) for key, value in record.metadata.items()})
+        elif isinstance(record, Schema):
+            schemas[record.id] = record
+        elif isinstance(record, Channel):
+            channels[record.id] = record
+        elif isinstance(record, Message):
+            channel = channels[record.channel_id]
+            decode = decoders.decoder_for(channel.message_encoding, schemas[channel.schema_id])
+            if decode is not None:
+                entries.append(Entry(channel.topic, record.log_time, decode(record.data)))
+        elif isinstance(record, Footer):
+            complete = True
     if not metadata:
         raise UserError(f"{path} is no log of a footfall run: it has no metadata '{METADATA}'")
     return LogFile(metadata, tuple(entries), complete)
@@ -99,36 +115,29 @@ def replay(path: Path, policy: Policy, tolerance: float = 0.0) -> Replay:
     return Replay(len(decided), log.complete, worst, first)
 
 
-class _NotMcapError(Exception):
-    pass
+def records(path: Path) -> Iterator[Any]:
+    """The records of an MCAP file in their order, up to its end or to where it was torn off.
 
-
-def _read_into(file: Any, metadata: dict[str, Any], entries: list[Entry]) -> bool:
-    from mcap.records import Channel, Footer, Message, Metadata, Schema
+    Raises:
+        UserError: the file cannot be read or is no MCAP.
+    """
     from mcap.stream_reader import StreamReader
-    from mcap_ros2.decoder import DecoderFactory
 
-    decoders = DecoderFactory()
-    schemas: dict[int, Schema] = {}
-    channels: dict[int, Channel] = {}
-    records: Iterator[Any] = StreamReader(file, record_size_limit=2**28).records
-    while True:
-        try:
-            record = next(records)
-        except Exception:  # a torn end fails in as many ways as there are decompressors
-            if not metadata and not channels:
-                raise _NotMcapError from None
-            return False
-        if isinstance(record, Footer):
-            return True
-        if isinstance(record, Metadata) and record.name == METADATA:
-            metadata.update({key: json.loads(value) for key, value in record.metadata.items()})
-        elif isinstance(record, Schema):
-            schemas[record.id] = record
-        elif isinstance(record, Channel):
-            channels[record.id] = record
-        elif isinstance(record, Message):
-            channel = channels[record.channel_id]
-            decode = decoders.decoder_for(channel.message_encoding, schemas[channel.schema_id])
-            if decode is not None:
-                entries.append(Entry(channel.topic, record.log_time, decode(record.data)))
+    try:
+        file = path.open("rb")
+    except OSError as error:
+        raise UserError(f"cannot read the log {path}: {error.strerror or error}") from None
+    with file:
+        source = iter(StreamReader(file, record_size_limit=LARGEST_RECORD).records)
+        begun = False
+        while True:
+            try:
+                record = next(source)
+            except StopIteration:
+                return
+            except Exception:  # a torn end fails in as many ways as there are decompressors
+                if not begun:
+                    raise UserError(f"{path} is no MCAP file") from None
+                return
+            begun = True
+            yield record

@@ -1,6 +1,7 @@
 """Whole runs in lockstep time: orderly ones, pushed ones, and ones in which something breaks."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from deploy.simulated_robot import SimulatedRobot
 from deploy.trace import Trace
 from domain_rand.noise import Noise
 from domain_rand.sample import Sample
+from policies.contract import Contract
 from policies.policy import Observation
 from robots.actuator import JointCommand
 from robots.description import Robot
@@ -309,3 +311,10 @@ def test_a_randomised_robot_runs_too(go1: Robot) -> None:
     trace = run_episode(go1, Hold(go1), short_episode(sample=sample))
     assert trace.final_state == "IDLE"
     assert not trace.fell
+
+
+def test_a_policy_made_for_another_robot_is_refused(go1: Robot, contract: Contract) -> None:
+    policy = Hold(go1)
+    policy.contract = replace(contract, robot="spot")  # type: ignore[attr-defined]
+    with pytest.raises(UserError, match="does not fit robot 'go1': robot: policy has spot"):
+        run_episode(go1, policy, short_episode())

@@ -17,6 +17,7 @@ from mcap_ros2.decoder import DecoderFactory
 from deploy import messages
 from deploy.episode import run_episode
 from deploy.log import flatten, unflatten
+from deploy.recover import recover
 from deploy.replay import read_log, replay
 from deploy.trace import Trace
 from policies.policy import Observation, Sensed
@@ -134,6 +135,20 @@ run_episode(robot, Hold(robot), episode)
         whole = logged[0].read_bytes()
         torn.write_bytes(whole[: len(whole) * 9 // 10])
         assert not read_log(torn).complete
+        assert not replay(torn, Sway(go1)).complete
+
+    def test_a_torn_file_can_be_recovered_for_tools_that_need_an_index(
+        self, logged: tuple[Path, Trace], tmp_path: Path
+    ) -> None:
+        torn, whole = tmp_path / "torn.mcap", tmp_path / "whole.mcap"
+        content = logged[0].read_bytes()
+        torn.write_bytes(content[: len(content) * 9 // 10])
+        left = read_log(torn)
+        assert recover(torn, whole) == len(left.entries) > 0
+        assert len(decoded(whole)) == len(left.entries)
+        again = read_log(whole)
+        assert again.complete
+        assert again.metadata == left.metadata
 
 
 class TestReplay:
