@@ -1,0 +1,190 @@
+"""Runs: the same seed gives the same result, a killed run resumes exactly, a failed export leaves nothing."""
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("jax")
+
+import jax
+import jax.numpy as jnp
+
+from domain_rand.noise import Noise
+from domain_rand.randomisation import Randomisation
+from envs.config import PushConfig
+from envs.velocity import VelocityEnv
+from policies.learned import LearnedPolicy
+from policies.policy import Observation, Sensed
+from robots.config import dump
+from robots.description import load_robot
+from robots.errors import UserError
+from train import api, checkpoint, export
+from train.config import PRESETS, TrainConfig, load_preset
+
+KILLED = -9
+# Runs a training and kills its own process, as the power would, at the n-th rename of a file.
+KILL_AT_RENAME = """
+import os, signal, sys
+from pathlib import Path
+from train import api, files
+count, replace = 0, os.replace
+def replace_or_die(*names):
+    global count
+    count += 1
+    if count == int(sys.argv[1]):
+        os.kill(os.getpid(), signal.SIGKILL)
+    replace(*names)
+files.os.replace = replace_or_die
+api.train(api.TrainRequest(preset=sys.argv[2], seed=5, out=Path(sys.argv[3])))
+"""
+
+
+@pytest.fixture(scope="module")
+def preset(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """Six iterations, a checkpoint after each."""
+    smoke = load_preset("smoke")
+    config = replace(smoke, ppo=replace(smoke.ppo, total_steps=6 * 256), checkpoint_interval_s=0.0)
+    path = tmp_path_factory.mktemp("presets") / "six.yaml"
+    path.write_text(dump(config))
+    return str(path)
+
+
+@pytest.fixture(scope="module")
+def whole(preset: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run that nothing interrupted."""
+    return api.train(api.TrainRequest(preset=preset, seed=5, out=tmp_path_factory.mktemp("runs") / "whole"))
+
+
+def last_checkpoint(run: Path) -> bytes:
+    newest = checkpoint.latest(run / "checkpoints")
+    assert newest is not None
+    return newest.read_bytes()
+
+
+def logged_steps(run: Path) -> list[int]:
+    return [json.loads(line)["step"] for line in (run / "metrics.jsonl").read_text().splitlines()]
+
+
+def test_the_same_seed_gives_the_same_bits(preset: str, whole: Path, tmp_path: Path) -> None:
+    again = api.train(api.TrainRequest(preset=preset, seed=5, out=tmp_path / "again"))
+    assert last_checkpoint(again) == last_checkpoint(whole)
+    assert (again / "policy.onnx").read_bytes() == (whole / "policy.onnx").read_bytes()
+
+
+def test_another_seed_gives_another_policy(preset: str, whole: Path, tmp_path: Path) -> None:
+    other = api.train(api.TrainRequest(preset=preset, seed=6, out=tmp_path / "other"))
+    assert (other / "policy.onnx").read_bytes() != (whole / "policy.onnx").read_bytes()
+
+
+# Renames 1 and 2 are config.yaml and run.yaml; 3 is the first checkpoint, 8 the last, 10 the policy.
+@pytest.mark.parametrize("rename", [3, 5, 8])
+def test_a_killed_run_resumes_to_the_same_bits(preset: str, whole: Path, tmp_path: Path, rename: int) -> None:
+    run = tmp_path / "run"
+    command = [sys.executable, "-c", KILL_AT_RENAME, str(rename), preset, str(run)]
+    killed = subprocess.run(command, cwd=Path(__file__).parents[1], capture_output=True, check=False)
+    assert killed.returncode == KILLED, killed.stderr.decode()
+    assert not (run / "policy.onnx").exists()
+    api.resume(run)
+    assert last_checkpoint(run) == last_checkpoint(whole)
+    assert (run / "policy.onnx").read_bytes() == (whole / "policy.onnx").read_bytes()
+    assert logged_steps(run) == logged_steps(whole)
+
+
+def test_resuming_a_finished_run_changes_nothing(whole: Path) -> None:
+    before = last_checkpoint(whole)
+    api.resume(whole)
+    assert last_checkpoint(whole) == before
+
+
+def test_the_run_folder_says_how_it_was_made(whole: Path) -> None:
+    run = api.open_run(whole)
+    assert (run.provenance.robot, run.provenance.seed) == ("go1", 5)
+    assert run.provenance.versions["mujoco"] == run.provenance.versions["mujoco-mjx"]
+    assert len(run.provenance.revision) >= len("unknown")
+    assert list((whole / "events").glob("events.out.tfevents.*"))
+    last = json.loads((whole / "metrics.jsonl").read_text().splitlines()[-1])
+    assert {f"reward/{name}" for name in run.config.env.rewards} <= set(last)
+
+
+def test_a_full_disk_leaves_the_last_good_checkpoint(
+    whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "checkpoints"
+    state, seen = {"weights": np.ones(3)}, np.zeros(2)
+    good = checkpoint.save(folder, 1, state, seen)
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(checkpoint, "write_atomically", full)
+    with pytest.raises(UserError, match="No space left on device; the last good one is 00000001"):
+        checkpoint.save(folder, 2, state, seen)
+    assert checkpoint.latest(folder) == good
+
+
+def test_only_the_newest_checkpoints_are_kept(tmp_path: Path) -> None:
+    for iteration in range(1, 6):
+        checkpoint.save(tmp_path, iteration, {"weights": np.ones(1)}, np.zeros(1))
+    assert [p.name for p in sorted(tmp_path.iterdir())] == [f"0000000{i}.ckpt" for i in (3, 4, 5)]
+
+
+def test_an_export_that_differs_from_the_network_fails_and_leaves_nothing(
+    whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    honest = export.to_onnx
+
+    def shifted(normalizer, policy, contract):
+        return honest(
+            normalizer.replace(mean=jax.tree.map(lambda x: x + 1e-3, normalizer.mean)), policy, contract
+        )
+
+    monkeypatch.setattr(export, "to_onnx", shifted)
+    with pytest.raises(UserError, match="differs from the trained one"):
+        api.export_run(whole, tmp_path / "policy.onnx")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_export_agrees_within_the_promise(whole: Path, tmp_path: Path) -> None:
+    _, worst = api.export_run(whole, tmp_path / "policy.onnx")
+    assert worst <= export.PARITY_LIMIT == 1e-5
+
+
+def test_deployment_computes_what_training_computed(whole: Path) -> None:
+    """The learned policy, fed what the environment's robot senses, sees and wants the same."""
+    robot = load_robot("go1")
+    config = replace(
+        load_preset("smoke").env, randomisation=Randomisation(), noise=Noise(), pushes=PushConfig()
+    )
+    env = VelocityEnv(robot, config)
+    policy = LearnedPolicy(whole / "policy.onnx", robot)
+    state, seen = jax.jit(env.reset)(jax.random.PRNGKey(0))
+    step = jax.jit(env.step)
+    state = state._replace(phase=jnp.zeros(1))  # a deployed policy starts its clock at zero
+    for k in range(20):
+        q, qd, w = (np.asarray(x, np.float64) for x in (state.qpos, state.qvel, state.qvel[3:6]))
+        sensed = Sensed(w, np.zeros(3), q[3:7], q[7:], qd[6:], np.zeros(12))
+        command = policy.act(Observation(k * 0.02, sensed, np.asarray(state.command), np.zeros(3), 0.3))
+        if k > 0:  # the reset's own frame was made at another clock
+            assert np.allclose(policy.observed, seen["state"], atol=1e-5)
+        state, result = step(state, jnp.asarray(policy.action))
+        seen = result.observation
+        assert np.allclose(command.position, state.goals[0], atol=1e-5)
+
+
+def test_a_short_training_learns_to_follow_the_command(tmp_path: Path) -> None:
+    run = api.train(api.TrainRequest(preset="cpu", seed=0, out=tmp_path / "run", total_steps=120_000))
+    lines = [json.loads(line) for line in (run / "metrics.jsonl").read_text().splitlines()]
+    error = [line["tracking/yaw_error_rad_s"] for line in lines]
+    assert np.mean(error[-3:]) < 0.92 * np.mean(error[:3])
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in PRESETS.glob("*.yaml")))
+def test_every_preset_loads_and_builds(name: str) -> None:
+    config = load_preset(name)
+    assert isinstance(config, TrainConfig)
+    assert VelocityEnv(load_robot("go1"), config.env).observation_sizes["state"] > 0
