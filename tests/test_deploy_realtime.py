@@ -54,10 +54,11 @@ class TestClocks:
 
 
 class TestSimulatedBus:
-    def test_takes_as_long_as_it_says(self, go1: Robot) -> None:
+    def test_keeps_to_the_wall_clock(self, go1: Robot) -> None:
         trace = run_episode(go1, Hold(go1), short_episode(duration_s=0.5, realtime=True, config=UNHURRIED))
         assert trace.final_state == "IDLE"
-        assert trace.wall_s == pytest.approx(trace.simulated_s, abs=0.5)
+        assert trace.wall_s >= trace.simulated_s - 0.01  # later on a busy machine, never earlier
+        assert trace.simulated_s >= 0.4 + 0.5 + 0.5  # stand, walk, damp
         assert trace.timing["lateness_us_max"] >= trace.timing["lateness_us_p50"] > 0.0
 
     def test_a_policy_that_takes_far_too_long_is_stopped_at_once(self, go1: Robot) -> None:
