@@ -14,7 +14,6 @@ import numpy as np
 from policies.attitude import cross, heading_matrix, roll_pitch_yaw, rotation_matrix, wrap_angle
 from policies.command import ShapedCommand
 from policies.gait import StepClock, contact_trust
-from policies.mpc.body import nominal_body
 from policies.mpc.config import MpcConfig
 from policies.mpc.footholds import contact_points, footholds
 from policies.mpc.legs import LegControl
@@ -27,6 +26,7 @@ from policies.trot import nominal_feet
 from robots.actuator import JointCommand
 from robots.description import Robot
 from robots.kinematics import LegPose, Legs
+from robots.rigid_body import nominal_body
 
 _TIMINGS_KEPT = 100_000
 

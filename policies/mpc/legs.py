@@ -3,12 +3,12 @@
 import numpy as np
 
 from policies.attitude import cross
-from policies.mpc.body import RigidBody
 from policies.mpc.config import MpcConfig
 from policies.mpc.swing import SwingTarget
 from robots.actuator import JointCommand
 from robots.description import Robot
 from robots.kinematics import LegPose, Legs
+from robots.rigid_body import RigidBody
 
 _INERTIA_SHARE = 0.5  # of the peak torque that may be spent on a leg's own inertia
 

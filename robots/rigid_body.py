@@ -1,4 +1,4 @@
-"""The single rigid body that the MPC believes in, and the legs' own inertia."""
+"""A robot as a single rigid body, and its legs' own inertia: what model-based controllers believe."""
 
 from dataclasses import dataclass
 
