@@ -236,7 +236,10 @@ class VelocityEnv:
             target = limit_target(goal, target, lower, upper, rate, self.timestep_s)
             command = JointCommand(target, jnp.zeros_like(target), *kp_kd, jnp.zeros_like(target))
             command = randomised_command(command, state.sample)
+            # The motor's own position loop runs on its biased encoder.
             q, qd = qpos[self._positions], qvel[self._dofs]
+            if state.sample.encoder_bias is not None:
+                q = q + state.sample.encoder_bias
             torque = joint_torque(command, q, qd, motor)
             data = self._template.replace(
                 qpos=qpos,

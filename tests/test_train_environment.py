@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from domain_rand.distributions import Distribution
+from domain_rand.noise import Noise
 from domain_rand.randomisation import Randomisation, load_randomisation
 from envs.config import Curriculum, PushConfig
 from envs.delays import delayed_goal, delayed_readings
@@ -186,3 +187,20 @@ class TestDelays:
 def test_an_unknown_reward_is_refused_by_name() -> None:
     with pytest.raises(UserError, match="no reward 'tracking'"):
         make(rewards={"tracking": 1.0})
+
+
+def test_an_encoder_bias_moves_the_joint_as_well_as_the_reading() -> None:
+    """The motor holds what its encoder says, so in free fall the true joint ends up off by the bias."""
+
+    def settled(bias: float) -> np.ndarray:
+        env = make(randomisation=Randomisation(encoder_bias=Distribution(bias, bias)), noise=Noise())
+        state, _ = jax.jit(env.reset)(jax.random.PRNGKey(13))
+        still = jnp.zeros_like(state.qvel)
+        state = state._replace(qpos=state.qpos.at[2].set(50.0), qvel=still, hold_steps=jnp.int32(1000))
+        state = state._replace(command=jnp.zeros(3), push_steps=jnp.int32(1000))
+        step = jax.jit(env.step)
+        for _ in range(40):
+            state, _ = step(state, jnp.zeros(env.action_size))
+        return np.asarray(state.qpos[7:])
+
+    assert settled(0.05) - settled(0.0) == pytest.approx(-0.05, abs=0.005)
