@@ -70,5 +70,6 @@ def _one_line(error: Exception) -> str:
 
 
 def _where_to_look(arguments: list[str]) -> str:
-    known = arguments and arguments[0] in app.resolved_commands()
-    return f"(see footfall {arguments[0]} --help)" if known else "(see footfall --help)"
+    if arguments and arguments[0] in app.resolved_commands():
+        return f"(see footfall {arguments[0]} --help)"
+    return "(see footfall --help)"

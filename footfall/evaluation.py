@@ -1,8 +1,7 @@
 """Options that evaluate and compare share."""
 
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
@@ -16,18 +15,29 @@ class EvaluationOptions:
 
     robot: RobotName = "go1"
     scenarios: Names = ("nominal", "push")
-    """Names in the scenario file."""
+    """Names of scenarios, see evaluate/scenarios.yaml."""
     episodes: Annotated[Count | None, Parameter(show_default=False)] = None
     """Episodes of each scenario (default: the scenario's own number)."""
     seed: Seed = 0
     plant: Plant = None
     ground_truth: bool = False
     """Hand policies the simulator's base velocity instead of an estimate, for study."""
-    scenario_file: Path | None = None
-    """Scenarios of your own, in the form of evaluate/scenarios.yaml."""
     workers: Annotated[Count | None, Parameter(show_default=False)] = None
     """Processes (default: one for each core)."""
     json: JsonFile = None
 
 
 NOMINAL = EvaluationOptions()
+
+
+def arguments(options: EvaluationOptions) -> dict[str, Any]:
+    """The options as `evaluate.api` takes them; JSON is left to the command line."""
+    return {
+        "robot_spec": options.robot,
+        "scenarios": options.scenarios,
+        "episodes": options.episodes,
+        "seed": options.seed,
+        "plant": options.plant,
+        "ground_truth": options.ground_truth,
+        "workers": options.workers,
+    }

@@ -22,7 +22,7 @@ def check_outputs(*paths: Path | None) -> None:
     for path in given:
         if path.is_dir():
             raise UserError(f"cannot write {path}: it is a folder; give a file name")
-        if _is_special(path):
+        if is_device(path):
             continue
         try:
             with tempfile.TemporaryFile(dir=_folder(path)):
@@ -38,7 +38,7 @@ def check_outputs(*paths: Path | None) -> None:
 def write_text(path: Path, text: str) -> None:
     """Write a file as a whole; a device such as /dev/stdout is written to as it is."""
     try:
-        if _is_special(path):
+        if is_device(path):
             path.write_text(text, encoding="utf-8")
         else:
             write_atomically(path.resolve(), text.encode())
@@ -52,7 +52,8 @@ def write_json(path: Path | None, content: Any) -> None:
         write_text(path, json.dumps(_plain(content), indent=2, allow_nan=False) + "\n")
 
 
-def _is_special(path: Path) -> bool:
+def is_device(path: Path) -> bool:
+    """Whether a path is there but neither a file nor a folder: /dev/stdout, a pipe."""
     return path.exists() and not path.is_file() and not path.is_dir()
 
 

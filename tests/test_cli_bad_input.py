@@ -72,7 +72,6 @@ def test_what_does_not_parse(shell: Shell, tokens: list[str], wanted: list[str])
         (["evaluate", "stand", "--robot", "rex"], ["rex", "go1"]),
         (["evaluate", "stand", "--scenarios", "ballet"], ["ballet", "nominal"]),
         (["evaluate", "stand", "--scenarios", ","], ["scenario"]),
-        (["evaluate", "stand", "--scenario-file", "mine.yaml"], ["mine.yaml"]),
         (["compare"], ["policy"]),
         (["compare", "stand", "rex"], ["rex"]),
         (["compare", "stand", "trot", "--scenarios", "ballet"], ["ballet", "nominal"]),
@@ -120,7 +119,6 @@ def test_garbage_files(shell: Shell, tmp_path: Path, file: str, tokens: list[str
     [
         ("preset.yaml", ["train", "--preset", "{}"]),
         ("loop.yaml", ["deploy", "stand", "--config", "{}"]),
-        ("mine.yaml", ["evaluate", "stand", "--scenario-file", "{}"]),
     ],
 )
 def test_garbage_yaml(shell: Shell, tmp_path: Path, file: str, tokens: list[str], content: bytes) -> None:
