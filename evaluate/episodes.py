@@ -95,7 +95,7 @@ def sample_of(plan: EpisodePlan, joints: int, bodies: int) -> Sample | None:
     shapes = sample_shapes(joints, bodies)
     fixed = {name: np.full(shapes[name], value) for name, value in plan.levels.items() if name in shapes}
     sample = sample._replace(**fixed)
-    return None if sample == Sample() else sample
+    return None if all(value is None for value in sample) else sample
 
 
 def _weight(model: mujoco.MjModel, robot: Robot, sample: Sample | None) -> float:

@@ -1,0 +1,172 @@
+"""Scores of an episode, from traces made by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from deploy.trace import Trace
+from evaluate.metrics import score, settled_samples
+from robots.description import Robot
+
+RATE_HZ = 100.0
+
+
+def walk(seconds: float = 5.0, command: tuple[float, float, float] = (1.0, 0.0, 0.0)) -> Trace:
+    """A robot that does exactly as it is told, without effort, feet still on the ground."""
+    count = round(seconds * RATE_HZ)
+    time_s = np.arange(count) / RATE_HZ
+    commands = np.tile(command, (count, 1))
+    position = np.zeros((count, 3))
+    position[:, :2] = time_s[:, None] * commands[:, :2]
+    return Trace(
+        time_s=time_s,
+        command=commands,
+        base_position=position,
+        base_quaternion=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
+        base_velocity=commands * [1.0, 1.0, 0.0],
+        base_angular_velocity=commands * [0.0, 0.0, 1.0],
+        joint_position=np.zeros((count, 12)),
+        joint_velocity=np.zeros((count, 12)),
+        motor_torque=np.zeros((count, 12)),
+        joint_target=np.zeros((count, 12)),
+        foot_position=np.zeros((count, 4, 3)),
+        foot_contact=np.ones((count, 4), dtype=bool),
+        foot_velocity=np.zeros((count, 4, 3)),
+        foot_force=np.full((count, 4), 30.0),
+        qpos=np.zeros((count, 19)),
+        estimated_velocity=np.full((count, 3), np.nan),
+        estimated_height=np.full(count, np.nan),
+        electrical_power=np.zeros(count),
+        mechanical_power=np.zeros(count),
+        positive_power=np.zeros(count),
+        compute_ms=np.full(count // 2, 0.1),
+        record_rate_hz=RATE_HZ,
+        faults=(),
+        final_state="IDLE",
+        fell=False,
+        fall_reason="",
+        timing={},
+        buses=(),
+        wall_s=1.0,
+        simulated_s=seconds,
+    )
+
+
+class TestTracking:
+    def test_a_robot_that_does_as_told_has_no_error(self, go1: Robot) -> None:
+        metrics = score(walk(), go1, 125.0)
+        assert metrics.lin_vel_mse == metrics.yaw_rate_mse == 0.0
+        assert metrics.mean_velocity == pytest.approx((1.0, 0.0, 0.0))
+        assert not metrics.fell
+
+    @given(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1))
+    def test_velocity_error_is_the_length_of_both_axes_together(
+        self, go1: Robot, forward: float, left: float, yaw: float
+    ) -> None:
+        trace = walk()
+        wrong = replace(
+            trace,
+            base_velocity=trace.base_velocity + [forward, left, 0.7],
+            base_angular_velocity=trace.base_angular_velocity + [0.7, 0.7, yaw],
+        )
+        metrics = score(wrong, go1, 125.0)
+        assert np.sqrt(metrics.lin_vel_mse) == pytest.approx(np.hypot(forward, left))
+        assert np.sqrt(metrics.yaw_rate_mse) == pytest.approx(abs(yaw))
+
+    def test_the_first_second_after_each_change_does_not_count(self, go1: Robot) -> None:
+        trace = walk(6.0)
+        command = trace.command.copy()
+        command[300:] = [0.0, 0.5, 0.0]
+        velocity = command * [1.0, 1.0, 0.0]
+        velocity[:100] += 1.0
+        velocity[300:400] += 1.0
+        late_to_follow = replace(trace, command=command, base_velocity=velocity)
+        assert score(late_to_follow, go1, 125.0).lin_vel_mse == 0.0
+        velocity[400] += 1.0
+        assert score(replace(late_to_follow, base_velocity=velocity), go1, 125.0).lin_vel_mse > 0.0
+
+    def test_settled_time_is_what_remains_after_each_second(self) -> None:
+        trace = walk(6.0)
+        command = trace.command.copy()
+        command[300:] = 0.0
+        settled = settled_samples(replace(trace, command=command))
+        assert settled.sum() == 200 + 200
+        assert not settled[:100].any()
+        assert not settled[300:400].any()
+
+    def test_estimates_are_scored_where_somebody_estimates(self, go1: Robot) -> None:
+        trace = walk()
+        assert np.isnan(score(trace, go1, 125.0).estimate_mse)
+        estimating = replace(trace, estimated_velocity=trace.base_velocity + [0.03, 0.04, 9.0])
+        assert np.sqrt(score(estimating, go1, 125.0).estimate_mse) == pytest.approx(0.05)
+
+
+class TestEndings:
+    def test_an_emergency_stop_counts_as_a_fall(self, go1: Robot) -> None:
+        metrics = score(replace(walk(), final_state="ESTOP"), go1, 125.0)
+        assert metrics.fell
+        assert metrics.emergency_stop
+
+    def test_a_fall_is_no_emergency_stop(self, go1: Robot) -> None:
+        metrics = score(replace(walk(), final_state="FALLING", fell=True), go1, 125.0)
+        assert metrics.fell
+        assert not metrics.emergency_stop
+
+    @pytest.mark.filterwarnings("error")
+    @pytest.mark.parametrize("seconds", [0.0, 0.01, 0.5])
+    def test_who_falls_at_once_scores_nothing_but_the_fall(self, go1: Robot, seconds: float) -> None:
+        metrics = score(replace(walk(seconds), fell=True), go1, 125.0)
+        assert metrics.fell
+        assert metrics.scored_s == 0.0
+        assert np.isnan(metrics.lin_vel_mse)
+
+
+class TestEffort:
+    def test_energy_is_power_over_time(self, go1: Robot) -> None:
+        trace = walk(4.0)
+        working = replace(
+            trace,
+            electrical_power=np.full(400, 50.0),
+            mechanical_power=np.full(400, 20.0),
+            positive_power=np.full(400, 30.0),
+        )
+        metrics = score(working, go1, 125.0)
+        assert metrics.electrical_j == pytest.approx(200.0)
+        assert metrics.mechanical_j == pytest.approx(80.0)
+        assert metrics.positive_j == pytest.approx(120.0)
+
+    def test_sway_within_a_stride_is_no_distance(self, go1: Robot) -> None:
+        straight = walk(5.0)
+        swaying = straight.base_position.copy()
+        swaying[:, 1] += 0.02 * np.sin(2 * np.pi * 4.0 * straight.time_s)
+        distance = score(replace(straight, base_position=swaying), go1, 125.0).distance_m
+        assert distance == pytest.approx(score(straight, go1, 125.0).distance_m, rel=1e-2)
+        assert distance == pytest.approx(5.0, rel=1e-2)
+
+    def test_peak_torque_is_held_against_each_motors_own_limit(self, go1: Robot) -> None:
+        torque = np.zeros((500, 12))
+        torque[10, 0] = -0.9 * go1.motor.peak_torque[0]
+        torque[20, 2] = 0.7 * go1.motor.peak_torque[2]
+        metrics = score(replace(walk(), motor_torque=torque), go1, 125.0)
+        assert metrics.peak_torque_share == pytest.approx(0.9)
+        assert metrics.peak_torque_nm == pytest.approx(0.7 * go1.motor.peak_torque[2])
+
+    def test_only_feet_on_the_ground_slip_and_only_sideways(self, go1: Robot) -> None:
+        trace = walk()
+        velocity, contact = trace.foot_velocity.copy(), trace.foot_contact.copy()
+        velocity[..., 2] = 5.0
+        velocity[:, 0, 0] = 0.2
+        velocity[:, 1, 0] = 3.0
+        contact[:, 1] = False
+        metrics = score(replace(trace, foot_velocity=velocity, foot_contact=contact), go1, 125.0)
+        assert metrics.foot_slip_m_s == pytest.approx(0.2 / 3)
+        assert metrics.stance_s == pytest.approx(15.0)
+
+    def test_rates_are_root_mean_squares_per_second(self, go1: Robot) -> None:
+        ramp = np.outer(np.arange(500) / RATE_HZ, np.full(12, 2.0))
+        metrics = score(replace(walk(), joint_target=ramp, motor_torque=3 * ramp), go1, 125.0)
+        assert metrics.target_rate_rad_s == pytest.approx(2.0)
+        assert metrics.torque_rate_nm_s == pytest.approx(6.0)

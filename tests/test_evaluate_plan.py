@@ -1,0 +1,171 @@
+"""Scenarios and the episodes that follow from them."""
+
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from domain_rand.sample import Sample
+from evaluate.episodes import sample_of
+from evaluate.plan import CommandSchedule, plan_episodes, spread_levels
+from evaluate.scenarios import load_scenarios
+from robots.errors import UserError
+
+FILE = load_scenarios()
+ALL = sorted(FILE.scenarios)
+
+
+class TestScenarioFile:
+    def test_holds_what_was_promised(self) -> None:
+        promised = "nominal forward sweep push friction payload strength latency randomised course"
+        assert set(promised.split()) <= set(FILE.scenarios)
+
+    def test_an_unknown_scenario_is_answered_with_those_that_exist(self) -> None:
+        with pytest.raises(UserError) as error:
+            FILE.select(["nominal", "moonwalk"])
+        assert "moonwalk" in str(error.value)
+        assert all(name in str(error.value) for name in FILE.scenarios)
+        assert "\n" not in str(error.value)
+
+    def test_no_scenario_is_an_error_too(self) -> None:
+        with pytest.raises(UserError, match="choose from nominal"):
+            FILE.select([])
+
+    @pytest.mark.parametrize(
+        ("scenario", "complaint"),
+        [
+            ("{about: x, episodes: 1, duration_s: 5, levels: {gravity: [1]}}", "no level gravity"),
+            ("{about: x, episodes: 0, duration_s: 5}", "above 0"),
+            ("{about: x, episodes: 1, duration_s: 5, rows: [friction]}", "none of its levels"),
+            ("{about: x, episodes: 1, duration_s: 5, levels: {push_m_s: [1]}}", "push_between_s"),
+            ("{about: x, episodes: 1}", "duration_s"),
+        ],
+    )
+    def test_a_malformed_scenario_is_refused_with_the_reason(
+        self, tmp_path: Path, scenario: str, complaint: str
+    ) -> None:
+        path = tmp_path / "own.yaml"
+        path.write_text(f"noise: {{}}\nscenarios: {{own: {scenario}}}")
+        with pytest.raises(UserError, match=complaint):
+            load_scenarios(path)
+
+
+class TestPlans:
+    @pytest.mark.parametrize("name", ALL)
+    def test_follow_from_scenario_seed_and_number_alone(self, name: str) -> None:
+        assert plan_episodes(name, FILE.scenarios[name], 3, 9) == plan_episodes(name, FILE.scenarios[name], 3, 9)
+
+    @pytest.mark.parametrize("name", ALL)
+    def test_more_episodes_leave_the_first_ones_as_they_were(self, name: str) -> None:
+        few, many = (plan_episodes(name, FILE.scenarios[name], 0, count) for count in (5, 40))
+        assert many[:5] == few
+
+    def test_another_seed_gives_other_commands(self) -> None:
+        first, second = (plan_episodes("nominal", FILE.scenarios["nominal"], seed, 4) for seed in (0, 1))
+        assert all(a.schedule != b.schedule for a, b in zip(first, second, strict=True))
+
+    @pytest.mark.parametrize("name", ["nominal", "randomised"])
+    def test_drawn_commands_stay_within_1_m_s_half_a_m_s_and_1_rad_s(self, name: str) -> None:
+        plans = plan_episodes(name, FILE.scenarios[name], 0, 100)
+        commands = np.array([command for plan in plans for command in plan.schedule.commands])
+        assert np.all(np.abs(commands) <= [1.0, 0.5, 1.0])
+        assert np.all(np.abs(commands).max(axis=0) > [0.95, 0.47, 0.95])
+        standing = np.all(commands == 0.0, axis=1).mean()
+        assert 0.05 < standing < 0.15
+
+    def test_nominal_commands_change_every_3_to_6_seconds_for_20_seconds(self) -> None:
+        for plan in plan_episodes("nominal", FILE.scenarios["nominal"], 0, 20):
+            assert plan.duration_s == 20.0
+            gaps = np.diff(plan.schedule.from_s)
+            assert np.all((gaps >= 3.0) & (gaps <= 6.0))
+            assert plan.schedule.from_s[0] == 0.0
+            assert plan.schedule.from_s[-1] > 14.0
+
+    def test_forward_asks_for_one_and_a_half_metres_per_second_for_10_s(self) -> None:
+        plan = plan_episodes("forward", FILE.scenarios["forward"], 0, 1)[0]
+        assert plan.duration_s == 10.0
+        assert np.array_equal(plan.schedule(9.9), [1.5, 0.0, 0.0])
+
+    def test_pushes_of_every_size_go_in_8_directions(self) -> None:
+        scenario = FILE.scenarios["push"]
+        plans = plan_episodes("push", scenario, 0)
+        met = Counter((p.levels["push_m_s"], p.levels["push_direction_deg"]) for p in plans)
+        assert len(met) == 8 * len(scenario.levels["push_m_s"])
+        assert set(met.values()) == {1}
+
+    def test_a_push_has_the_size_and_direction_that_its_levels_say_and_comes_at_any_phase(self) -> None:
+        plans = plan_episodes("push", FILE.scenarios["push"], 0)
+        for plan in plans:
+            (push,) = plan.pushes
+            angle = np.deg2rad(plan.levels["push_direction_deg"])
+            expected = plan.levels["push_m_s"] * np.array([np.cos(angle), np.sin(angle), 0.0])
+            assert push.delta_v_m_s == pytest.approx(expected)
+        times = np.array([plan.pushes[0].time_s for plan in plans])
+        assert times.min() < 1.6
+        assert times.max() > 2.4
+
+    def test_the_sweep_meets_every_command_of_its_grid(self) -> None:
+        scenario = FILE.scenarios["sweep"]
+        plans = plan_episodes("sweep", scenario, 0)
+        commands = {tuple(plan.schedule(2.0)) for plan in plans}
+        assert len(commands) == len(scenario.levels["forward_m_s"]) * len(scenario.levels["yaw_rad_s"])
+
+    @given(st.integers(1, 60), st.integers(0, 5))
+    def test_any_number_of_episodes_spreads_evenly_over_the_first_factor(self, episodes: int, seed: int) -> None:
+        levels = {"friction": (0.2, 0.4, 0.6), "payload_kg": (0.0, 1.0)}
+        chosen = spread_levels(levels, episodes, np.random.default_rng(seed))
+        counts = Counter(level["friction"] for level in chosen)
+        assert len(chosen) == episodes
+        assert max(counts.values()) - min([*counts.values(), *([0] if len(counts) < 3 else [])]) <= 1
+
+
+class TestCommandSchedule:
+    def test_a_command_holds_from_its_time_until_the_next(self) -> None:
+        schedule = CommandSchedule((0.0, 2.0), ((1.0, 0.0, 0.0), (0.0, 0.5, 0.0)))
+        assert np.array_equal(schedule(0.0), [1.0, 0.0, 0.0])
+        assert np.array_equal(schedule(1.999), [1.0, 0.0, 0.0])
+        assert np.array_equal(schedule(2.0), [0.0, 0.5, 0.0])
+        assert np.array_equal(schedule(99.0), [0.0, 0.5, 0.0])
+
+
+class TestSamples:
+    def test_the_nominal_plant_is_not_sampled(self) -> None:
+        assert sample_of(plan_episodes("nominal", FILE.scenarios["nominal"], 0, 1)[0], 12, 13) is None
+
+    @pytest.mark.parametrize(
+        ("name", "field"),
+        [
+            ("friction", "friction"),
+            ("payload", "payload_kg"),
+            ("strength", "motor_strength"),
+            ("latency", "action_delay_s"),
+        ],
+    )
+    def test_a_level_changes_its_own_field_and_no_other(self, name: str, field: str) -> None:
+        plan = plan_episodes(name, FILE.scenarios[name], 0, 1)[0]
+        sample = sample_of(plan, 12, 13)
+        assert sample is not None
+        changed = {key: value for key, value in sample._asdict().items() if value is not None}
+        assert set(changed) == {field}
+        assert np.all(changed[field] == plan.levels[field])
+
+    def test_randomised_plants_differ_from_each_other_and_repeat(self) -> None:
+        first, second = plan_episodes("randomised", FILE.scenarios["randomised"], 0, 2)
+        one, again, other = sample_of(first, 12, 13), sample_of(first, 12, 13), sample_of(second, 12, 13)
+        assert one is not None
+        assert again is not None
+        assert other is not None
+        assert np.array_equal(one.motor_strength, again.motor_strength)
+        assert not np.array_equal(one.motor_strength, other.motor_strength)
+        assert one.link_mass.shape == (13,)
+        assert all(getattr(one, name) is not None for name in Sample._fields)
+
+    def test_a_level_stands_above_what_was_drawn(self) -> None:
+        plan = plan_episodes("randomised", FILE.scenarios["randomised"], 0, 1)[0]
+        sample = sample_of(replace(plan, levels={"friction": 0.15}), 12, 13)
+        assert sample is not None
+        assert sample.friction == 0.15
