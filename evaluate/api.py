@@ -10,10 +10,11 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from evaluate.comparison import Comparison, Contender
 from evaluate.output import check_writable, write_atomically
 from evaluate.pool import Outcome
 from evaluate.provenance import kind, machine, versions
-from evaluate.report import Comparison, Contender, render
+from evaluate.report import render
 from evaluate.scenarios import load_scenarios
 from evaluate.suite import Setup, Showing, run_course, run_suite
 from evaluate.table import print_results

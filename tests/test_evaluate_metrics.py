@@ -69,8 +69,8 @@ class TestTracking:
         trace = walk()
         wrong = replace(
             trace,
-            base_velocity=trace.base_velocity + [forward, left, 0.7],
-            base_angular_velocity=trace.base_angular_velocity + [0.7, 0.7, yaw],
+            base_velocity=trace.base_velocity + np.array([forward, left, 0.7]),
+            base_angular_velocity=trace.base_angular_velocity + np.array([0.7, 0.7, yaw]),
         )
         metrics = score(wrong, go1, 125.0)
         assert np.sqrt(metrics.lin_vel_mse) == pytest.approx(np.hypot(forward, left))
@@ -100,7 +100,7 @@ class TestTracking:
     def test_estimates_are_scored_where_somebody_estimates(self, go1: Robot) -> None:
         trace = walk()
         assert np.isnan(score(trace, go1, 125.0).estimate_mse)
-        estimating = replace(trace, estimated_velocity=trace.base_velocity + [0.03, 0.04, 9.0])
+        estimating = replace(trace, estimated_velocity=trace.base_velocity + np.array([0.03, 0.04, 9.0]))
         assert np.sqrt(score(estimating, go1, 125.0).estimate_mse) == pytest.approx(0.05)
 
 

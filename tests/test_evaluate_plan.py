@@ -57,7 +57,9 @@ class TestScenarioFile:
 class TestPlans:
     @pytest.mark.parametrize("name", ALL)
     def test_follow_from_scenario_seed_and_number_alone(self, name: str) -> None:
-        assert plan_episodes(name, FILE.scenarios[name], 3, 9) == plan_episodes(name, FILE.scenarios[name], 3, 9)
+        assert plan_episodes(name, FILE.scenarios[name], 3, 9) == plan_episodes(
+            name, FILE.scenarios[name], 3, 9
+        )
 
     @pytest.mark.parametrize("name", ALL)
     def test_more_episodes_leave_the_first_ones_as_they_were(self, name: str) -> None:
@@ -115,7 +117,9 @@ class TestPlans:
         assert len(commands) == len(scenario.levels["forward_m_s"]) * len(scenario.levels["yaw_rad_s"])
 
     @given(st.integers(1, 60), st.integers(0, 5))
-    def test_any_number_of_episodes_spreads_evenly_over_the_first_factor(self, episodes: int, seed: int) -> None:
+    def test_any_number_of_episodes_spreads_evenly_over_the_first_factor(
+        self, episodes: int, seed: int
+    ) -> None:
         levels = {"friction": (0.2, 0.4, 0.6), "payload_kg": (0.0, 1.0)}
         chosen = spread_levels(levels, episodes, np.random.default_rng(seed))
         counts = Counter(level["friction"] for level in chosen)

@@ -56,7 +56,9 @@ class TestBootstrap:
 
     def test_covers_the_true_mean_about_95_times_in_100(self) -> None:
         rng = np.random.default_rng(2)
-        intervals = [bootstrap_mean_interval(rng.normal(1.0, 1.0, 40), np.ones(40), seed=i) for i in range(200)]
+        intervals = [
+            bootstrap_mean_interval(rng.normal(1.0, 1.0, 40), np.ones(40), seed=i) for i in range(200)
+        ]
         assert 0.88 < np.mean([low <= 1.0 <= high for low, high in intervals]) < 0.99
 
     def test_the_same_seed_gives_the_same_interval(self) -> None:

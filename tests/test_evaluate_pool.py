@@ -1,0 +1,72 @@
+"""Tasks in parallel processes: none is lost, whatever becomes of it."""
+
+import os
+import time
+
+import pytest
+
+from evaluate.pool import run_all
+from robots.errors import UserError
+
+
+def square(number: int) -> int:
+    return number * number
+
+
+def square_unless_three(number: int) -> int:
+    if number == 3:
+        raise ArithmeticError("three is\ntoo much")
+    return number * number
+
+
+def die_at_three(number: int) -> int:
+    if number == 3:
+        os._exit(1)
+    time.sleep(0.05)
+    return number * number
+
+
+def complain(_: int) -> int:
+    raise UserError("this plant has no legs")
+
+
+def threads(_: int) -> str:
+    return os.environ["OMP_NUM_THREADS"]
+
+
+def test_outcomes_come_in_the_order_of_the_tasks() -> None:
+    progress: list[int] = []
+    outcomes = run_all(square, range(6), workers=2, done=progress.append)
+    assert [outcome.value for outcome in outcomes] == [0, 1, 4, 9, 16, 25]
+    assert progress == [1, 2, 3, 4, 5, 6]
+
+
+def test_a_task_that_raises_is_reported_in_one_line_and_the_others_finish() -> None:
+    outcomes = run_all(square_unless_three, range(5), workers=2)
+    assert outcomes[3].error == "ArithmeticError: three is too much"
+    assert [outcome.value for outcome in outcomes] == [0, 1, 4, None, 16]
+
+
+def test_a_process_that_dies_takes_its_own_task_only() -> None:
+    outcomes = run_all(die_at_three, range(6), workers=2)
+    assert outcomes[3].error == "its process died"
+    assert [outcome.value for outcome in outcomes] == [0, 1, 4, None, 16, 25]
+
+
+def test_bad_input_is_the_users_to_hear_about() -> None:
+    with pytest.raises(UserError, match="no legs"):
+        run_all(complain, range(3), workers=1)
+
+
+def test_workers_keep_to_one_thread_and_the_caller_keeps_its_environment(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("OMP_NUM_THREADS", "5")
+    (outcome,) = run_all(threads, [0])
+    assert outcome.value == "1"
+    assert os.environ["OMP_NUM_THREADS"] == "5"
+
+
+def test_no_workers_is_bad_input() -> None:
+    with pytest.raises(UserError, match="workers is 0"):
+        run_all(square, [1], workers=0)

@@ -1,0 +1,137 @@
+"""From episodes to figures, and how figures are shown."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from evaluate.episodes import EpisodeOutcome
+from evaluate.figures import best, figures, interval_text, measured, text
+from evaluate.metrics import EpisodeMetrics
+from evaluate.pool import Outcome
+from evaluate.scenarios import load_scenarios
+from evaluate.summary import Summary, summarise
+
+SCENARIOS = load_scenarios().scenarios
+GOOD = EpisodeMetrics(
+    fell=False,
+    emergency_stop=False,
+    walked_s=10.0,
+    scored_s=8.0,
+    lin_vel_mse=0.01,
+    yaw_rate_mse=0.04,
+    mean_velocity=(0.5, 0.0, 0.0),
+    distance_m=5.0,
+    electrical_j=625.0,
+    mechanical_j=250.0,
+    positive_j=300.0,
+    weight_n=125.0,
+    peak_torque_nm=20.0,
+    peak_torque_share=0.8,
+    foot_slip_m_s=0.05,
+    stance_s=20.0,
+    target_rate_rad_s=2.0,
+    torque_rate_nm_s=100.0,
+    estimate_mse=np.nan,
+)
+
+
+def outcome(
+    metrics: EpisodeMetrics = GOOD, push: float | None = None, trouble: str = ""
+) -> Outcome[EpisodeOutcome]:
+    levels = {} if push is None else {"push_m_s": push, "push_direction_deg": 0.0}
+    return Outcome(EpisodeOutcome(metrics, levels, np.array([0.1, 0.2, 30.0]), 20.0, trouble, (), None))
+
+
+FELL = replace(GOOD, fell=True)
+
+
+def nominal(*metrics: EpisodeMetrics) -> Summary:
+    return summarise(SCENARIOS["nominal"], [outcome(m) for m in metrics], 0)
+
+
+class TestSummary:
+    def test_counts_falls_with_their_interval(self) -> None:
+        summary = nominal(GOOD, FELL, GOOD, GOOD)
+        assert (summary["episodes"], summary["falls"], summary["fall_rate"]) == (4, 1, 0.25)
+        low, high = summary["fall_rate_interval"]
+        assert 0.0 < low < 0.25 < high < 1.0
+
+    def test_root_mean_squares_are_over_the_time_of_all_episodes(self) -> None:
+        short_and_bad = replace(GOOD, scored_s=2.0, lin_vel_mse=0.25)
+        assert nominal(GOOD, short_and_bad)["lin_vel_rmse"] == pytest.approx(
+            np.sqrt((8.0 * 0.01 + 2.0 * 0.25) / 10.0)
+        )
+
+    def test_cost_of_transport_is_all_energy_over_all_weight_times_distance(self) -> None:
+        heavy = replace(GOOD, weight_n=250.0, distance_m=1.0)
+        summary = nominal(GOOD, heavy)
+        assert summary["cost_of_transport"] == pytest.approx(1250.0 / (125.0 * 5.0 + 250.0 * 1.0))
+        assert summary["positive_work_j_m"] == pytest.approx(600.0 / 6.0)
+
+    def test_who_stands_still_transports_nothing(self) -> None:
+        assert nominal(replace(GOOD, distance_m=0.001))["cost_of_transport"] is None
+
+    def test_an_episode_that_raised_is_named_and_not_counted(self) -> None:
+        summary = summarise(SCENARIOS["nominal"], [outcome(), Outcome(None, "its process died")], 0)
+        assert summary["episodes"] == 1
+        assert summary["failed_episodes"] == ["episode 1: its process died"]
+
+    def test_nothing_but_failures_still_make_a_summary(self) -> None:
+        summary = summarise(SCENARIOS["push"], [Outcome(None, "ValueError: no")], 0)
+        assert summary["episodes"] == 0
+        assert summary["lin_vel_rmse"] is None
+
+    def test_is_plain_json_without_nan(self) -> None:
+        never_settled = replace(GOOD, scored_s=0.0, lin_vel_mse=np.nan, mean_velocity=(np.nan,) * 3)
+        json.dumps(nominal(never_settled), allow_nan=False)
+
+    def test_steps_that_take_longer_than_the_period_miss_their_deadline(self) -> None:
+        summary = nominal(GOOD)
+        assert summary["missed_deadlines"] == pytest.approx(1 / 3)
+        assert summary["compute_ms"]["p50"] == pytest.approx(0.2)
+
+    def test_pushes_give_the_50_percent_point_and_a_row_for_each_size(self) -> None:
+        outcomes = [outcome(GOOD if push < 1.2 else FELL, push) for push in (0.5, 1.0, 1.5, 2.0) * 4]
+        summary = summarise(SCENARIOS["push"], outcomes, 0)
+        assert summary["dv50"] == pytest.approx(1.25, abs=0.05)
+        low, high = summary["dv50_interval"]
+        assert 1.0 < low <= summary["dv50"] <= high < 1.5
+        assert [(row["push_m_s"], row["falls"]) for row in summary["rows"]] == [
+            (0.5, 0),
+            (1.0, 0),
+            (1.5, 4),
+            (2.0, 4),
+        ]
+
+    def test_reasons_for_falls_are_counted(self) -> None:
+        outcomes = [outcome(FELL, trouble="the base touched the ground")] * 2 + [outcome()]
+        troubles = summarise(SCENARIOS["nominal"], outcomes, 0)["troubles"]
+        assert troubles == {"the base touched the ground": 2}
+
+
+class TestShowing:
+    def test_falls_are_shown_out_of_how_many(self) -> None:
+        summary = nominal(GOOD, FELL)
+        assert text(figures()["falls"], summary) == "1 of 2"
+        assert interval_text(figures()["falls"], summary) == "9 to 91 %"
+
+    def test_the_best_is_the_lowest_or_the_highest_as_the_figure_says(self) -> None:
+        bad, good = nominal(replace(GOOD, lin_vel_mse=1.0)), nominal(GOOD)
+        assert best(figures()["lin_vel_rmse"], [bad, good]) == {1}
+        assert best(figures()["lin_vel_rmse"], [good, good]) == set()
+        assert best(figures()["peak_torque_nm"], [bad, good]) == set()
+
+    def test_who_stands_every_push_is_best_and_shown_as_above_the_strongest(self) -> None:
+        weak = summarise(SCENARIOS["push"], [outcome(FELL if p > 1 else GOOD, p) for p in (0.5, 1.5)], 0)
+        strong = summarise(SCENARIOS["push"], [outcome(GOOD, p) for p in (0.5, 1.5)], 0)
+        none = summarise(SCENARIOS["push"], [outcome(FELL, p) for p in (0.5, 1.5)], 0)
+        assert best(figures()["dv50"], [weak, strong, none]) == {1}
+        assert text(figures()["dv50"], strong) == "above 1.5"
+        assert text(figures()["dv50"], none) == "below the weakest"
+
+    def test_figures_that_nobody_has_are_left_out(self) -> None:
+        assert not measured(figures()["estimate_rmse"], [nominal(GOOD)])
+        assert measured(figures()["estimate_rmse"], [nominal(GOOD), nominal(replace(GOOD, estimate_mse=0.1))])
+        assert not measured(figures()["emergency_stops"], [nominal(FELL)])
