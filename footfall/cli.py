@@ -60,7 +60,7 @@ def _complain(reason: str, status: int = BAD_INPUT) -> int:
 
 
 def _parse_error(error: CycloptsError) -> str:
-    if isinstance(error, UnusedCliTokensError):
+    if isinstance(error, UnusedCliTokensError) and error.unused_tokens:
         return f"unexpected argument '{error.unused_tokens[0]}'"
     return _one_line(error).removesuffix(".")
 

@@ -1,0 +1,41 @@
+"""`footfall demo`: which commands it runs, without running them."""
+
+from pathlib import Path
+
+import pytest
+from shell import Shell
+
+from footfall.cli import app
+from footfall.verbs import demo as demo_module
+
+
+@pytest.fixture
+def steps(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, ...]]:
+    """The commands that the demo would run."""
+    found: list[tuple[str, ...]] = []
+    monkeypatch.setattr(demo_module, "_step", lambda *tokens, **_: found.append(tokens))
+    return found
+
+
+def test_it_goes_from_training_to_a_report(
+    steps: list[tuple[str, ...]], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    outcome = Shell(capsys)("demo", "--out", tmp_path / "demo", "--seed", "7", "--episodes", "3")
+    assert outcome.status == 0
+    assert [step[0] for step in steps] == ["train", "export", "deploy", "compare"]
+    for step in steps:
+        app.parse_args(list(step), exit_on_error=False, print_error=False)
+    train, _, deploy, compare = steps
+    run = str(tmp_path / "demo" / "trained")
+    assert train[-1] == run
+    assert deploy[1] == compare[1] == run
+    assert {"trot", "mpc"} <= set(compare)
+    assert all("7" in step for step in (train, deploy, compare))
+    assert str((tmp_path / "demo" / "report.html").resolve()) in outcome.out
+
+
+def test_a_failed_step_ends_it(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    complaint = Shell(capsys)("demo", "--preset", "huge", "--out", tmp_path / "demo")
+    assert complaint.status == 2
+    assert "footfall train failed" in complaint.err
+    assert not (tmp_path / "demo").exists()
