@@ -72,7 +72,7 @@ def interval_text(figure: Figure, summary: Summary) -> str:
         low, high = summary["fall_rate_interval"]
         return f"{100 * low:.0f} to {100 * high:.0f} %"
     low, high = summary.get(f"{figure.key}_interval") or (None, None)
-    if low is None:
+    if low is None or value(figure, summary) is None:
         return ""
     return f"{_rounded(figure, low)} to {_rounded(figure, high) if high is not None else 'beyond'}"
 

@@ -40,7 +40,7 @@ def scenario_table(scenario: str, contenders: list[str], summaries: list[Summary
             cell = Text(text(figure, summary), style="bold green" if index in winners else "")
             interval = interval_text(figure, summary) if figure.headline else ""
             if interval:
-                cell.append(f"  [{interval}]", style="dim")
+                cell.append(f"\n{interval}", style="dim")
             cells.append(cell)
         table.add_row(figure.title, *cells)
     return table

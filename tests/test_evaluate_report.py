@@ -1,0 +1,267 @@
+"""The page, the film and the functions that the command line calls, end to end with short scenarios."""
+
+import json
+import re
+import shutil
+import subprocess
+from html.parser import HTMLParser
+from pathlib import Path
+
+import imageio_ffmpeg
+import numpy as np
+import pytest
+from matplotlib.image import imread
+from rich.console import Console
+
+from deploy.episode import Episode, Push, run_episode
+from deploy.trace import Trace
+from evaluate import api, video
+from evaluate.api import compare_policies, evaluate_policy
+from evaluate.plan import CommandSchedule
+from evaluate.pool import Outcome
+from evaluate.scenarios import Scenario, ScenarioFile, Waypoint, load_scenarios
+from evaluate.suite import Setup, run_suite
+from evaluate.video import Film, FilmTask, frame_indices, render_films
+from policies.registry import load_policy
+from robots.description import Robot
+from robots.errors import UserError
+
+CHROMIUM_FLAGS = (
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-sync",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--window-size=1200,1600",
+)
+SHORT = ScenarioFile(
+    noise=load_scenarios().noise,
+    scenarios={
+        "still": Scenario("Standing still", 2, 1.3),
+        "push": Scenario(
+            "Standing, then pushed",
+            4,
+            1.0,
+            levels={"push_m_s": (0.1, 6.0), "push_direction_deg": (0.0, 90.0)},
+            push_between_s=(0.1, 0.2),
+            rows=("push_m_s",),
+        ),
+        "course": Scenario("A stand", 1, 1.2, script=(Waypoint(0.0),), pushes=(Push(0.5, (0.0, 0.2, 0.0)),)),
+    },
+)
+
+
+@pytest.fixture
+def short(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(api, "load_scenarios", lambda: SHORT)
+
+
+@pytest.fixture
+def silent() -> Console:
+    return Console(quiet=True)
+
+
+@pytest.fixture(scope="module")
+def standing(go1: Robot) -> Trace:
+    episode = Episode(CommandSchedule((0.0,), ((0.0, 0.0, 0.0),)), 0.4)
+    return run_episode(go1, load_policy("stand", go1), episode)
+
+
+class TestSuite:
+    def test_figures_do_not_depend_on_the_number_of_workers(self) -> None:
+        alone, together = (
+            run_suite(["stand"], Setup("go1", ("still", "push"), episodes=2, workers=workers), SHORT)
+            for workers in (1, 2)
+        )
+        for figures in (*alone["stand"].values(), *together["stand"].values()):
+            del figures["compute_ms"], figures["missed_deadlines"]
+        assert alone == together
+
+    def test_a_robot_that_stands_survives_a_touch_and_not_a_truck(self) -> None:
+        figures = run_suite(["stand"], Setup("go1", ("push",)), SHORT)["stand"]["push"]
+        assert [(row["push_m_s"], row["falls"]) for row in figures["rows"]] == [(0.1, 0), (6.0, 2)]
+        assert 0.1 < figures["dv50"] < 6.0
+
+
+class TestEvaluate:
+    @pytest.mark.usefixtures("short")
+    def test_writes_what_it_returns(self, tmp_path: Path, silent: Console) -> None:
+        path = tmp_path / "result.json"
+        result = evaluate_policy("stand", "go1", ["still"], 1, 4, json_path=path, console=silent)
+        assert json.loads(path.read_text()) == result
+        assert (result["policy"], result["robot"], result["seed"]) == ("stand", "go1", 4)
+        still = result["scenarios"]["still"]
+        assert (still["episodes"], still["falls"]) == (1, 0)
+        assert {"lin_vel_rmse", "yaw_rate_rmse", "cost_of_transport"} <= set(still)
+
+    @pytest.mark.parametrize(
+        ("arguments", "complaint"),
+        [
+            ({"policy_spec": "dance"}, "no policy 'dance'"),
+            ({"robot_spec": "r2d2"}, "no robot 'r2d2'"),
+            ({"scenarios": ["moonwalk"]}, "no scenario 'moonwalk'"),
+            ({"episodes": 0}, "episodes is 0"),
+            ({"workers": 0}, "workers is 0"),
+            ({"plant": Path("none.xml")}, "no MJCF file at none.xml"),
+            ({"json_path": Path(__file__) / "out.json"}, "cannot write"),
+        ],
+    )
+    @pytest.mark.usefixtures("short")
+    def test_bad_input_is_told_in_one_line_and_nothing_runs(
+        self, arguments: dict, complaint: str, silent: Console
+    ) -> None:
+        good = {"policy_spec": "stand", "robot_spec": "go1", "scenarios": ["still"], "episodes": 1}
+        with pytest.raises(UserError) as error:
+            evaluate_policy(**{**good, **arguments}, console=silent)
+        assert complaint in str(error.value)
+        assert "\n" not in str(error.value)
+
+
+class Page(HTMLParser):
+    """Collects what a page refers to, and checks that its elements close."""
+
+    VOID = frozenset({"meta", "link", "br", "img", "hr", "input", "source"})
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.references: list[str] = []
+        self.tags: list[str] = []
+        self._open: list[str] = []
+        self.feed(text)
+        assert self._open == []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        if tag not in self.VOID:
+            self._open.append(tag)
+        self.references += [
+            value or "" for name, value in attrs if name in {"src", "href", "poster", "xlink:href"}
+        ]
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.handle_starttag(tag, attrs)
+        if tag not in self.VOID:
+            self._open.pop()
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self._open.pop() == tag
+
+
+@pytest.fixture(scope="module")
+def compared(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict, Path, Path]:
+    """A comparison on a machine that cannot render: results, JSON, page."""
+    folder = tmp_path_factory.mktemp("compared")
+    html, results = folder / "report.html", folder / "report.json"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(api, "load_scenarios", lambda: SHORT)
+        patch.setattr(api, "render_films", lambda tasks, *_: [Outcome(None, "egl: no display")] * len(tasks))
+        returned = compare_policies(
+            ["stand", "trot"],
+            "go1",
+            ["still", "push"],
+            2,
+            0,
+            None,
+            results,
+            html,
+            console=Console(quiet=True),
+        )
+    return returned, results, html
+
+
+class TestCompare:
+    def test_nests_each_contender_under_its_name(self, compared: tuple[dict, Path, Path]) -> None:
+        results, path, _ = compared
+        assert list(results) == ["stand", "trot"]
+        assert results == json.loads(path.read_text())
+        for name, result in results.items():
+            assert result["policy"] == name
+            assert 0.0 < result["compute_ms"]["p50"] <= result["compute_ms"]["p99"]
+            assert set(result["scenarios"]) == {"still", "push"}
+
+    def test_the_page_needs_nothing_but_itself(self, compared: tuple[dict, Path, Path]) -> None:
+        text = compared[2].read_text(encoding="utf-8")
+        page = Page(text)
+        assert all(reference.startswith(("data:", "#")) for reference in page.references)
+        assert not re.search(r"(?:@import|url\(\s*['\"]?https?:)", text)
+        assert page.tags.count("svg") >= 4
+
+    def test_the_page_says_how_it_was_measured(self, compared: tuple[dict, Path, Path]) -> None:
+        text = compared[2].read_text(encoding="utf-8")
+        for fact in ("hand-written controller, 500 Hz", "Seed 0", "mujoco 3.", "push_between_s"):
+            assert fact in text
+
+    def test_without_films_the_page_comes_out_and_says_why(self, compared: tuple[dict, Path, Path]) -> None:
+        text = compared[2].read_text(encoding="utf-8")
+        assert text.count("could not render it (egl: no display)") == 2
+
+    @pytest.mark.skipif(shutil.which("chromium") is None, reason="needs Chromium")
+    def test_chromium_draws_the_page(self, compared: tuple[dict, Path, Path], tmp_path: Path) -> None:
+        picture = tmp_path / "page.png"
+        places = [f"--user-data-dir={tmp_path / 'profile'}", f"--screenshot={picture}", compared[2].as_uri()]
+        subprocess.run(["chromium", *CHROMIUM_FLAGS, *places], check=True, capture_output=True, timeout=60)
+        pixels = imread(picture)[..., :3]
+        assert pixels.shape[:2] == (1600, 1200)
+        assert pixels.std() > 0.05
+
+    @pytest.mark.usefixtures("short")
+    def test_an_output_that_cannot_be_written_is_told_before_anything_runs(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(api, "run_suite", lambda *_: pytest.fail("it ran"))
+        with pytest.raises(UserError, match="is a folder"):
+            compare_policies(["stand"], "go1", ["still"], html_path=tmp_path)
+
+    def test_nobody_to_compare_is_an_error(self) -> None:
+        with pytest.raises(UserError, match="name at least one policy"):
+            compare_policies([], "go1")
+
+    def test_two_policies_of_one_name_go_by_what_was_typed(self, go1: Robot) -> None:
+        stand = load_policy("stand", go1)
+        assert api.contender_names({"a/policy.onnx": stand, "b/policy.onnx": stand}) == {
+            "a/policy.onnx": "a/policy.onnx",
+            "b/policy.onnx": "b/policy.onnx",
+        }
+
+
+class TestFilm:
+    def test_frames_keep_the_films_own_rate(self, standing: Trace) -> None:
+        times = standing.time_s[frame_indices(standing)]
+        assert np.diff(times) == pytest.approx(1.0 / video.FRAME_RATE_HZ, abs=0.011)
+        assert times[-1] == pytest.approx(0.4, abs=0.05)
+
+    def test_shows_the_robot_and_plays_in_a_browser(self, standing: Trace, tmp_path: Path) -> None:
+        film = _film_or_skip(standing)
+        path = tmp_path / "film.mp4"
+        path.write_bytes(film.mp4)
+        reader = imageio_ffmpeg.read_frames(str(path))
+        facts = next(reader)
+        assert facts["codec"] == "h264"
+        assert facts["pix_fmt"].startswith("yuv420p")
+        assert facts["source_size"] == (video.WIDTH, video.HEIGHT)
+        frame = np.frombuffer(next(reader), np.uint8).reshape(video.HEIGHT, video.WIDTH, 3).astype(int)
+        reader.close()
+        red, green, blue = np.moveaxis(frame, -1, 0)
+        orange = (red > 140) & (green < 0.75 * red) & (blue < 0.5 * red)  # the robot's hip motors
+        rows, columns = np.nonzero(orange)
+        assert len(rows) > 200
+        assert abs(columns.mean() - video.WIDTH / 2) < video.WIDTH / 6
+        assert blue[:20].mean() > red[:20].mean() + 20  # the sky
+
+    def test_a_machine_that_cannot_render_says_why(
+        self, standing: Trace, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setenv("MUJOCO_GL", "crayons")
+        (outcome,) = render_films([FilmTask("go1", None, standing, ())])
+        assert outcome.value is None
+        assert "crayons" in outcome.error
+
+
+def _film_or_skip(trace: Trace) -> Film:
+    (outcome,) = render_films([FilmTask("go1", None, trace, ())])
+    if outcome.value is None:
+        pytest.skip(f"this machine cannot render: {outcome.error}")
+    return outcome.value
