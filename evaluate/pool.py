@@ -2,6 +2,7 @@
 
 import multiprocessing
 import os
+import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -20,6 +21,13 @@ ONE_THREAD = {
     "OPENBLAS_NUM_THREADS": "1",
     "MKL_NUM_THREADS": "1",
 }
+
+
+def usable_cores() -> int:
+    """Cores that this process may run on."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 class Outcome(NamedTuple, Generic[R]):
@@ -54,7 +62,7 @@ def run_all(
     """
     if workers is not None and workers < 1:
         raise UserError(f"workers is {workers}: it must be 1 or more")
-    count = max(1, min(workers or os.cpu_count() or 1, len(tasks)))
+    count = max(1, min(workers or usable_cores(), len(tasks)))
     outcomes: dict[int, Outcome[R]] = {}
 
     def settle(index: int, outcome: Outcome[R]) -> None:
@@ -122,7 +130,11 @@ def _launch(
 
 
 def _leave_with_parent() -> None:
-    """In a worker: end when the parent is gone, however it went; its queue alone would wait forever."""
+    """In a worker: end when the parent is gone, however it went; its queue alone would wait forever.
+
+    Ctrl-C ends a worker without a traceback of its own.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
     parent = multiprocessing.parent_process()
     assert parent is not None
 

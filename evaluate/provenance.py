@@ -1,9 +1,9 @@
 """What figures were measured with."""
 
-import os
 import platform
 from importlib.metadata import PackageNotFoundError, version
 
+from evaluate.pool import usable_cores
 from policies.policy import Policy
 
 PACKAGES = ("footfall", "mujoco", "numpy", "onnxruntime", "daqp")
@@ -22,7 +22,7 @@ def versions() -> dict[str, str]:
 
 def machine() -> str:
     """This machine in a few words."""
-    return f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores"
+    return f"{platform.system()} {platform.machine()}, {usable_cores()} cores"
 
 
 def kind(policy: Policy) -> str:
