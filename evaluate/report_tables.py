@@ -19,7 +19,7 @@ def headlines(comparison: Comparison) -> str:
         if figure.headline and scenario and measured(figure, list(comparison.summaries(scenario).values())):
             columns.append((figure, scenario))
     head = "".join(
-        f"<th scope=col>{escape(figure.label)}<small>{escape(f'{figure.unit} {scenario}')}</small></th>"
+        f"<th scope=col>{escape(figure.label)}<small>{escape(', '.join(filter(None, (figure.unit, scenario))))}</small></th>"
         for figure, scenario in columns
     )
     head += "<th scope=col>Time per step<small>ms p50 / p99, alone</small></th>"

@@ -51,6 +51,8 @@ def summarise(scenario: Scenario, outcomes: Sequence[Outcome[EpisodeOutcome]], s
     summary: Summary = {"episodes": len(finished), "failed_episodes": errors}
     summary |= _figures(finished, seed)
     summary |= _compute(finished)
+    if len(scenario.script) == 1 and not scenario.levels:
+        summary["mean_forward_m_s"] = summary["mean_velocity"][0]
     if scenario.rows:
         summary["rows"] = _rows(scenario.rows, finished, seed)
     if "push_m_s" in scenario.levels and finished:

@@ -15,7 +15,7 @@ INK, LINE, PAPER = "#010203", "#040506", "#070809"
 WIDTH_IN = 9.6  # of a plot that spans the page
 IN_PAGE = {INK: "currentColor", LINE: "var(--line)", PAPER: "var(--card)"}
 # Okabe and Ito's colours, told apart by most colour-blind readers, and seen on white and on black.
-COLOURS = ("#0072b2", "#e06000", "#009e73", "#cc79a7", "#b8860b", "#56b4e9")
+COLOURS = ("#2380c2", "#e06000", "#009e73", "#cc79a7", "#b8860b", "#56b4e9")
 MARKERS = ("o", "s", "^", "D", "v", "P")
 DASHES: tuple[tuple[float, ...] | None, ...] = (None, (5, 2), (2, 1.5), (7, 2, 2, 2), (1, 1), (9, 3))
 

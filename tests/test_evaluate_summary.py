@@ -70,6 +70,10 @@ class TestSummary:
         assert summary["cost_of_transport"] == pytest.approx(1250.0 / (125.0 * 5.0 + 250.0 * 1.0))
         assert summary["positive_work_j_m"] == pytest.approx(600.0 / 6.0)
 
+    def test_a_command_that_holds_throughout_gives_a_mean_speed(self) -> None:
+        assert summarise(SCENARIOS["forward"], [outcome()], 0)["mean_forward_m_s"] == 0.5
+        assert "mean_forward_m_s" not in nominal(GOOD)
+
     def test_who_stands_still_transports_nothing(self) -> None:
         assert nominal(replace(GOOD, distance_m=0.001))["cost_of_transport"] is None
 
