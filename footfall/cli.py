@@ -45,13 +45,20 @@ def main(tokens: Sequence[str] | None = None) -> int:
         return _complain(f"{_parse_error(error)} {_where_to_look(arguments)}")
     except UserError as error:
         return _complain(_one_line(error))
-    except BrokenPipeError:
-        # The reader of our output has left; let nothing else try to write to it.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except BrokenPipeError:  # the reader of our output has left
+        _stop_writing()
         return BROKEN_PIPE
+    except OSError as error:  # a full disk, a file that went away
+        _stop_writing()
+        return _complain(_one_line(error))
     except KeyboardInterrupt:
         return _complain("interrupted", INTERRUPTED)
     return status if isinstance(status, int) else 0
+
+
+def _stop_writing() -> None:
+    """Let nothing that is still buffered try to reach an output that cannot take it."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _complain(reason: str, status: int = BAD_INPUT) -> int:

@@ -25,6 +25,14 @@ def _names(_: type, tokens: Any) -> tuple[str, ...]:
     return tuple(name for name in (part.strip() for part in tokens[0].value.split(",")) if name)
 
 
+def _whole(_: type, tokens: Any) -> int:
+    """A whole number; '1.5' is none."""
+    try:
+        return int(tokens[0].value)
+    except ValueError:
+        raise ValueError(f"expected a whole number, found '{tokens[0].value}'") from None
+
+
 def _positive(_: type, value: float) -> None:
     if not (math.isfinite(value) and value > 0):
         raise ValueError("Must be a number above 0.")
@@ -38,7 +46,9 @@ RobotName = Annotated[str, Parameter(help="Name of a robot, or a folder with its
 Seed = Annotated[
     int,
     Parameter(
-        validator=Number(gte=0, lt=2**31), help="The same seed gives the same result on the same machine."
+        converter=_whole,
+        validator=Number(gte=0, lt=2**31),
+        help="The same seed gives the same result on the same machine.",
     ),
 ]
 Plant = Annotated[
@@ -48,7 +58,7 @@ Plant = Annotated[
 JsonFile = Annotated[Path | None, Parameter(help="Write the figures to this file.")]
 HtmlFile = Annotated[Path | None, Parameter(help="Write a self-contained report to this file.")]
 Seconds = Annotated[float, Parameter(validator=_positive)]
-Count = Annotated[int, Parameter(validator=Number(gte=1))]
+Count = Annotated[int, Parameter(converter=_whole, validator=Number(gte=1))]
 VelocityCommand = Annotated[
     tuple[float, float, float],
     Parameter(

@@ -1,11 +1,12 @@
 """What a policy is made of. Training writes it, the ONNX file carries it, the deploy loop checks it."""
 
 import json
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from robots.config import structure, unstructure
+from robots.config import require_positive, structure, unstructure
 from robots.description import Robot
 from robots.errors import UserError
 
@@ -20,6 +21,9 @@ class Term:
     name: str
     scale: float = 1.0
     history: int = 1
+
+    def __post_init__(self) -> None:
+        require_positive(self, "history")
 
 
 @dataclass(frozen=True)
@@ -60,6 +64,21 @@ class Contract:
     gait: Gait | None = None
     standing_command: float = 0.1  # commands of a smaller norm mean: stand still
     version: int = field(default=VERSION)
+
+    def __post_init__(self) -> None:
+        require_positive(self, "control_rate_hz")
+        if not self.observation:
+            raise ValueError("observation has no terms")
+        for name, numbers in self._per_joint():
+            if len(numbers) != len(self.joints):
+                raise ValueError(f"{name} has {len(numbers)} numbers for {len(self.joints)} joints")
+
+    def _per_joint(self) -> Iterator[tuple[str, tuple[float, ...]]]:
+        for name in ("default_pose_rad", "action_scale_rad", "kp", "kd"):
+            yield name, getattr(self, name)
+        if self.gait is not None:
+            yield "gait.phase", self.gait.phase
+            yield "gait.amplitude_rad", self.gait.amplitude_rad
 
     def to_json(self) -> str:
         """JSON text at full precision: it reads back to an equal contract."""

@@ -1,5 +1,6 @@
 """YAML files to frozen dataclasses and back, with errors that name the field."""
 
+import math
 from dataclasses import fields
 from pathlib import Path
 from typing import Any, TypeVar
@@ -60,6 +61,14 @@ def _field_first(reason: str) -> str:
     """'why @ .field' as 'field: why'."""
     why, _, where = reason.rpartition(" @ ")
     return f"{where.lstrip('.')}: {why}" if where else why
+
+
+def require_positive(config: Any, *names: str) -> None:
+    """For a dataclass's own checks: raise ValueError unless these fields are finite and above 0."""
+    for name in names:
+        value = getattr(config, name)
+        if not 0.0 < value < math.inf:
+            raise ValueError(f"{name} must be above 0, not {value:g}")
 
 
 def structure(data: Any, cls: type[T], source: str) -> T:

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -11,7 +12,8 @@ import mujoco
 import numpy as np
 
 from robots.actuator import Motor
-from robots.config import load, unstructure
+from robots.checks import contradictions, inconsistencies
+from robots.config import load, require_positive, unstructure
 from robots.errors import UserError
 
 ROBOTS = Path(__file__).parent
@@ -24,6 +26,9 @@ class Gains:
     natural_frequency_hz: float
     damping_ratio: float
     torque_share: float
+
+    def __post_init__(self) -> None:
+        require_positive(self, "natural_frequency_hz", "damping_ratio", "torque_share")
 
 
 @dataclass(frozen=True)
@@ -38,6 +43,9 @@ class MotorType:
     torque_constant_nm_a: float  # at the rotor
     winding_resistance_ohm: float
     protocol: str
+
+    def __post_init__(self) -> None:
+        require_positive(self, *(name for name in self.__dataclass_fields__ if name != "protocol"))
 
 
 @dataclass(frozen=True)
@@ -77,6 +85,13 @@ class Description:
     joints: tuple[JointEntry, ...]
     feet: tuple[Foot, ...]
     imu_bus: str
+
+    def __post_init__(self) -> None:
+        require_positive(self, "standing_height_m", "soft_limit_factor", "target_rate_rad_s")
+        if self.soft_limit_factor > 1.0:
+            raise ValueError(f"soft_limit_factor must be at most 1, not {self.soft_limit_factor}")
+        if not self.name.replace("-", "").replace("_", "").isalnum():
+            raise ValueError(f"name '{self.name}' must be letters, digits, - and _ only")
 
 
 @dataclass(frozen=True)
@@ -203,7 +218,7 @@ def load_spec(path: Path) -> mujoco.MjSpec:
 
 def _assemble(description: Description, folder: Path) -> Robot:
     source = folder / "robot.yaml"
-    _check(description, source)
+    _refuse(source, inconsistencies(description))
     spec = load_spec(folder / description.model)
     try:
         model = spec.compile()
@@ -211,19 +226,8 @@ def _assemble(description: Description, folder: Path) -> Robot:
         raise UserError(
             f"{folder / description.model} does not compile: {' '.join(str(error).split())}"
         ) from None
-    ids = []
-    for joint in description.joints:
-        index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, joint.name)
-        if index < 0:
-            raise UserError(f"{source}: {description.model} has no joint '{joint.name}'")
-        ids.append(index)
-    for kind, name in (
-        (mujoco.mjtObj.mjOBJ_BODY, description.base),
-        (mujoco.mjtObj.mjOBJ_SITE, description.imu),
-        *((mujoco.mjtObj.mjOBJ_GEOM, foot.geom) for foot in description.feet),
-    ):
-        if mujoco.mj_name2id(model, kind, name) < 0:
-            raise UserError(f"{source}: {description.model} has no {kind.name[6:].lower()} '{name}'")
+    _refuse(source, contradictions(description, model))
+    ids = [model.joint(joint.name).id for joint in description.joints]
     motors = [description.motors[joint.motor] for joint in description.joints]
     dofs = model.jnt_dofadr[ids]
     motor = Motor(
@@ -245,20 +249,7 @@ def _assemble(description: Description, folder: Path) -> Robot:
     )
 
 
-def _check(description: Description, source: Path) -> None:
-    names = [joint.name for joint in description.joints]
-    if len(set(names)) < len(names):
-        raise UserError(f"{source}: joints: a joint is listed twice")
-    places = [(joint.bus, joint.id) for joint in description.joints]
-    if len(set(places)) < len(places):
-        raise UserError(f"{source}: joints: two joints share a bus and an id")
-    for joint in description.joints:
-        if joint.motor not in description.motors:
-            raise UserError(
-                f"{source}: joint {joint.name}: no motor '{joint.motor}' under motors"
-                f" ({', '.join(description.motors)})"
-            )
-    for foot in description.feet:
-        for name in foot.joints:
-            if name not in names:
-                raise UserError(f"{source}: foot {foot.name}: no joint '{name}' under joints")
+def _refuse(source: Path, findings: Iterator[str]) -> None:
+    """Raise UserError with the first finding, if there is one."""
+    for finding in findings:
+        raise UserError(f"{source}: {finding}")

@@ -99,6 +99,18 @@ def test_a_reader_that_leaves_is_no_error() -> None:
     process.wait(timeout=20)
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
+def test_a_full_disk_is_one_line() -> None:
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [*FOOTFALL, "deploy", "stand", "--duration", "0.1"],
+            stdout=full, stderr=subprocess.PIPE, text=True, check=False,
+        )  # fmt: skip
+    assert done.returncode == 2
+    assert done.stderr.startswith("footfall: ")
+    assert done.stderr.count("\n") == 1
+
+
 def test_doctor_looks_at_everything_and_never_fails() -> None:
     done = run("doctor")
     assert done.returncode == 0, done.stderr

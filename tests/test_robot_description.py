@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from robots.description import Robot, load_robot
 from robots.errors import UserError
@@ -50,6 +51,17 @@ def test_unknown_robot_lists_the_known_ones() -> None:
         ("joints: [FR_hip_joint,", "joints: [FR_fin_joint,", "FR_fin_joint"),
         ("model: robot.xml", "model: other.xml", "other.xml"),
         ("gear_ratio: 6.0", "gear_ratio_typo: 6.0", "gear_ratio"),
+        ("gear_ratio: 6.0", "gear_ratio: 0", "gear_ratio must be above 0"),
+        ("no_load_speed_rad_s: 30.1", "no_load_speed_rad_s: .nan", "no_load_speed_rad_s must be above 0"),
+        ("peak_torque_nm: 23.7", "peak_torque_nm: -23.7", "motors['hip']: peak_torque_nm must be above 0"),
+        ("torque_share: 0.3", "torque_share: 0", "gains: torque_share must be above 0"),
+        ("standing_height_m: 0.278", "standing_height_m: .inf", "standing_height_m must be above 0"),
+        ("soft_limit_factor: 0.95", "soft_limit_factor: 1.5", "soft_limit_factor must be at most 1"),
+        ("name: go1", "name: ../go1", "letters, digits"),
+        ("default_rad: 0.1, ", "default_rad: 3.0, ", "outside -0.863 to 0.863"),
+        ("base: trunk", "base: FR_hip", "no free joint"),
+        ("FR_hip_joint, FR_thigh_joint, FR_calf_joint]", "FR_hip_joint]", "number of joints"),
+        ("{name: FL, geom", "{name: FR, geom", "listed twice"),
     ],
 )
 def test_bad_yaml_names_the_culprit(own_folder: Path, old: str, new: str, wanted: str) -> None:
@@ -72,6 +84,40 @@ def test_garbage_xml(own_folder: Path, content: bytes) -> None:
 def test_xml_that_does_not_compile(own_folder: Path) -> None:
     edit(own_folder, "robot.xml", 'mass="5.204"', 'mass="-5.204"')
     assert "robot.xml" in refusal(own_folder)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "wanted"),
+    [
+        ('<freejoint name="base"/>', "", "no free joint"),
+        (
+            '<joint name="FR_hip_joint" class="abduction"/>',
+            '<joint name="FR_hip_joint" type="ball"/>',
+            "hinge",
+        ),
+        (' range="-0.863 0.863"', "", "no range"),
+        (' armature="0.00403"', "", "no armature"),
+    ],
+)
+def test_bad_xml_names_the_culprit(own_folder: Path, old: str, new: str, wanted: str) -> None:
+    edit(own_folder, "robot.xml", old, new)
+    assert wanted in refusal(own_folder)
+
+
+def test_imu_on_a_leg(own_folder: Path) -> None:
+    text = (own_folder / "robot.xml").read_text()
+    site = text[text.index("<site") : text.index("/>", text.index("<site")) + 2]
+    edit(own_folder, "robot.xml", site, "")
+    edit(own_folder, "robot.xml", '<joint name="FR_hip_joint"', f'{site}<joint name="FR_hip_joint"')
+    assert "not on the base" in refusal(own_folder)
+
+
+@pytest.mark.parametrize("emptied", ["joints", "feet"])
+def test_a_robot_of_nothing(own_folder: Path, emptied: str) -> None:
+    declaration = own_folder / "robot.yaml"
+    content = yaml.safe_load(declaration.read_text()) | {emptied: []}
+    declaration.write_text(yaml.safe_dump(content))
+    assert "at least one joint and one foot" in refusal(own_folder)
 
 
 def test_joint_that_the_xml_lacks(own_folder: Path) -> None:

@@ -1,0 +1,71 @@
+"""Whether a robot's two files make sense together: each finding is one line."""
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import mujoco
+
+if TYPE_CHECKING:
+    from robots.description import Description, Foot
+
+
+def inconsistencies(description: "Description") -> Iterator[str]:
+    """What is wrong within `robot.yaml`."""
+    names = [joint.name for joint in description.joints]
+    if not names or not description.feet:
+        yield "a robot needs at least one joint and one foot"
+    if _repeated(names):
+        yield f"joints: {_repeated(names)} is listed twice"
+    if _repeated([(joint.bus, joint.id) for joint in description.joints]):
+        yield "joints: two joints share a bus and an id"
+    for joint in description.joints:
+        if joint.motor not in description.motors:
+            known = ", ".join(description.motors)
+            yield f"joint {joint.name}: no motor '{joint.motor}' under motors ({known})"
+    yield from _wrong_feet(description.feet, names)
+
+
+def _wrong_feet(feet: Sequence["Foot"], joints: list[str]) -> Iterator[str]:
+    if _repeated([foot.name for foot in feet]):
+        yield f"feet: {_repeated([foot.name for foot in feet])} is listed twice"
+    for foot in feet:
+        for name in foot.joints:
+            if name not in joints:
+                yield f"foot {foot.name}: no joint '{name}' under joints"
+        if len(foot.joints) != len(feet[0].joints):
+            yield f"foot {foot.name}: its leg has another number of joints than that of {feet[0].name}"
+
+
+def contradictions(description: "Description", model: mujoco.MjModel) -> Iterator[str]:
+    """What `robot.yaml` says that the compiled MJCF does not bear out."""
+    for kind, name in (
+        (mujoco.mjtObj.mjOBJ_BODY, description.base),
+        (mujoco.mjtObj.mjOBJ_SITE, description.imu),
+        *((mujoco.mjtObj.mjOBJ_JOINT, joint.name) for joint in description.joints),
+        *((mujoco.mjtObj.mjOBJ_GEOM, foot.geom) for foot in description.feet),
+    ):
+        if mujoco.mj_name2id(model, kind, name) < 0:
+            yield f"{description.model} has no {kind.name[6:].lower()} '{name}'"
+            return  # nothing below can be looked up
+    base = model.body(description.base).id
+    free = model.jnt_bodyid[model.jnt_type == mujoco.mjtJoint.mjJNT_FREE]
+    if base not in free:
+        yield f"base: body '{description.base}' has no free joint in {description.model}"
+    if model.site(description.imu).bodyid[0] != base:
+        yield f"imu: site '{description.imu}' is not on the base '{description.base}'"
+    for joint in description.joints:
+        found = model.joint(joint.name)
+        low, high = found.range
+        if found.type[0] != mujoco.mjtJoint.mjJNT_HINGE:
+            yield f"joint {joint.name} is no hinge in {description.model}"
+        elif not model.jnt_limited[found.id]:
+            yield f"joint {joint.name} has no range in {description.model}"
+        elif not found.armature[0] > 0.0:
+            yield f"joint {joint.name} has no armature in {description.model}: the gains follow from it"
+        elif not low <= joint.default_rad <= high:
+            yield f"joint {joint.name}: default_rad {joint.default_rad:g} is outside {low:g} to {high:g}"
+
+
+def _repeated(items: Sequence) -> object:
+    """One of the items that come more than once, or None."""
+    return next((item for item in items if items.count(item) > 1), None)
