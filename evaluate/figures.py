@@ -23,6 +23,7 @@ class Figure:
     unit: str = ""
     digits: int = 0
     better: Literal["low", "high", ""] = ""
+    upright: bool = False
     headline: bool = False
 
     @property
@@ -87,8 +88,17 @@ def measured(figure: Figure, summaries: Sequence[Summary]) -> bool:
 
 
 def best(figure: Figure, summaries: Sequence[Summary]) -> set[int]:
-    """Which of several contenders are best; none where all are equal or no way is better."""
+    """Which of several contenders are best; none where all are equal or no way is better.
+
+    An upright figure is contended for by those that fell least only.
+    """
     values = [value(figure, summary) for summary in summaries]
+    if figure.upright:
+        fewest = min(summary["falls"] for summary in summaries)
+        values = [
+            number if summary["falls"] == fewest else None
+            for number, summary in zip(values, summaries, strict=True)
+        ]
     known = [number for number in values if number is not None]
     if not figure.better or len(known) < 2 or min(known) == max(known):
         return set()

@@ -18,10 +18,7 @@ def headlines(comparison: Comparison) -> str:
         scenario = comparison.push_scenario if key == "dv50" else first
         if figure.headline and scenario and measured(figure, list(comparison.summaries(scenario).values())):
             columns.append((figure, scenario))
-    head = "".join(
-        f"<th scope=col>{escape(figure.label)}<small>{escape(', '.join(filter(None, (figure.unit, scenario))))}</small></th>"
-        for figure, scenario in columns
-    )
+    head = "".join(_heading(figure, scenario) for figure, scenario in columns)
     head += "<th scope=col>Time per step<small>ms p50 / p99, alone</small></th>"
     winners = {
         (figure.key, scenario): best(figure, list(comparison.summaries(scenario).values()))
@@ -40,7 +37,8 @@ def headlines(comparison: Comparison) -> str:
         )
     about = escape(comparison.file.scenarios[first].about)
     note = (
-        f"<p class=soft>Small print: 95 % intervals. ★ marks the best. {escape(first)}: {about},"
+        "<p class=soft>Small figures are 95 % intervals. ★ marks the best, in tracking and effort among"
+        f" those that fell least. Scenario '{escape(first)}': {about},"
         f" {max(s['episodes'] for s in comparison.summaries(first).values())} episodes.</p>"
     )
     table = _table("Contender", head, rows)
@@ -58,6 +56,11 @@ def _cell(figure: Figure, summary: Summary, wins: bool) -> str:
     small = f"<small>{escape(interval)}</small>" if interval else ""
     kind = ' class="best"' if wins else ""
     return f"<td{kind}><b>{escape(text(figure, summary))}</b>{small}</td>"
+
+
+def _heading(figure: Figure, scenario: str) -> str:
+    where = f"{figure.unit}, {scenario}" if figure.unit else scenario
+    return f"<th scope=col>{escape(figure.label)}<small>{escape(where)}</small></th>"
 
 
 def _compute_text(contender: Contender) -> str:

@@ -49,12 +49,13 @@ def _survival_of(ax: Axes, place: int, policy: str, summary: Summary, strongest:
         x, stood, [np.maximum(stood - low, 0), np.maximum(high - stood, 0)], fmt=marker(place),
         color=colour(place), ms=5, lw=0.8, alpha=0.75, label=policy,
     )  # fmt: skip
+    low50, high50 = summary["dv50_interval"]
+    # Pushes beyond the strongest one tried are beyond the plot.
+    ax.axvspan(low50 or 0.0, strongest if high50 is None else high50, color=colour(place), alpha=0.12, lw=0)
     if summary["dv50"] is None:
         return
     grid = np.linspace(0.0, strongest, 200)
     ax.plot(grid, Survival(summary["dv50"], summary["dv50_width"], (0, 0)).chance(grid), **line(place))
-    low50, high50 = summary["dv50_interval"]
-    ax.axvspan(low50 or 0.0, strongest if high50 is None else high50, color=colour(place), alpha=0.12, lw=0)
     ax.plot([summary["dv50"]], [0.5], marker(place), ms=10, mfc=PAPER, mec=colour(place), mew=2)
 
 

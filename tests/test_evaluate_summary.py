@@ -127,6 +127,11 @@ class TestShowing:
         assert best(figures()["lin_vel_rmse"], [good, good]) == set()
         assert best(figures()["peak_torque_nm"], [bad, good]) == set()
 
+    def test_who_falls_more_often_wins_nothing_by_falling_early(self) -> None:
+        careless, careful = nominal(FELL), nominal(replace(GOOD, lin_vel_mse=0.5))
+        assert best(figures()["lin_vel_rmse"], [careless, careful]) == set()
+        assert best(figures()["falls"], [careless, careful]) == {1}
+
     def test_who_stands_every_push_is_best_and_shown_as_above_the_strongest(self) -> None:
         weak = summarise(SCENARIOS["push"], [outcome(FELL if p > 1 else GOOD, p) for p in (0.5, 1.5)], 0)
         strong = summarise(SCENARIOS["push"], [outcome(GOOD, p) for p in (0.5, 1.5)], 0)
