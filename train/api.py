@@ -148,6 +148,8 @@ def _iterate(run: Run, compiled: Any, state: Any, observations: Any, display: Di
     with StopRequest() as stop:
         while done < ppo.iterations and not stop.requested:
             state, metrics, observations = compiled(state)
+            for value in metrics.values():  # now, or the copy would queue behind the next iteration
+                value.copy_to_host_async()
             if pending is not None:
                 shown_at = _report(run, done, pending, shown_at, log, display)
             pending, done = metrics, done + 1

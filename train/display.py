@@ -42,11 +42,11 @@ class Display:
 
     def say(self, text: str) -> None:
         """One line above the live table."""
-        self._console.print(text, highlight=False)
+        self._console.print(text, highlight=False, soft_wrap=True)
 
     def update(self, steps: int, steps_per_s: float, metrics: dict[str, float]) -> None:
         """Show the state after an iteration."""
-        done = f"{steps / 1e6:.2f} of {self._total / 1e6:.2f} M steps, {steps_per_s / 1e3:,.1f} k/s"
+        done = f"{min(steps, self._total):,} of {self._total:,} steps, {steps_per_s:,.0f} per s"
         self._progress.update(self._task, completed=min(steps, self._total), steps=done)
         now = time.monotonic()
         last = steps >= self._total
