@@ -1,0 +1,35 @@
+"""How a report names where a policy comes from."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+from evaluate.provenance import kind, versions
+from policies.contract import Contract, Gait
+from policies.registry import load_policy
+from robots.description import Robot
+
+
+def learned(contract: Contract) -> Any:
+    return SimpleNamespace(contract=contract, rate_hz=contract.control_rate_hz, needs_estimate=False)
+
+
+def test_a_reference_gait_is_named_as_a_prior(contract: Contract) -> None:
+    assert contract.gait is not None
+    assert any(contract.gait.amplitude_rad)
+    assert "reference gait of 2.2 Hz (a motion prior)" in kind(learned(contract))
+
+
+def test_a_clock_alone_is_no_prior(contract: Contract) -> None:
+    clock = Gait(2.5, contract.gait.phase if contract.gait else (), (0.0,) * 12)
+    assert "no motion prior, gait clock of 2.5 Hz" in kind(learned(replace(contract, gait=clock)))
+    assert kind(learned(replace(contract, gait=None))) == "learned policy, 50 Hz, no motion prior"
+
+
+def test_hand_written_controllers_say_whether_they_estimate_velocity(go1: Robot) -> None:
+    assert kind(load_policy("stand", go1)) == "hand-written controller, 500 Hz"
+    assert "on estimated velocity" in kind(load_policy("mpc", go1))
+
+
+def test_versions_name_what_results_depend_on() -> None:
+    assert {"python", "footfall", "mujoco", "numpy"} <= set(versions())
