@@ -46,7 +46,7 @@ def main() -> None:
         print(
             f"seed {seed}: policy after {trained_s:.0f} s, evaluated after {total_s:.0f} s;"
             f" {result['falls']} of {result['episodes']} fell,"
-            f" velocity RMSE {result['lin_vel_rmse']:.3f} m/s, yaw-rate RMSE {result['yaw_rate_rmse']:.3f} rad/s",
+            f" RMSE {result['lin_vel_rmse']:.3f} m/s, {result['yaw_rate_rmse']:.3f} rad/s",
             flush=True,
         )
 

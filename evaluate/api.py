@@ -11,9 +11,9 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from evaluate.comparison import Comparison, Contender
-from evaluate.output import check_writable, write_atomically
+from evaluate.output import check_writable, write_text
 from evaluate.pool import Outcome
-from evaluate.provenance import kind, machine, versions
+from evaluate.provenance import PACKAGES, kind, machine
 from evaluate.report import render
 from evaluate.scenarios import load_scenarios
 from evaluate.suite import Setup, Showing, run_course, run_suite
@@ -24,6 +24,7 @@ from policies.registry import load_policy
 from robots.description import load_robot
 from robots.errors import UserError
 from robots.model import read_plant
+from robots.versions import versions
 
 DEFAULT_SCENARIOS = ("nominal", "push")
 
@@ -64,7 +65,7 @@ def evaluate_policy(
     results, _ = _run([policy_spec], setup, console or Console(), [json_path], with_course=False)
     (result,) = results.values()
     if json_path is not None:
-        write_atomically(json_path, _json(result))
+        write_text(json_path, _json(result))
     return result
 
 
@@ -98,12 +99,12 @@ def compare_policies(
     specs = list(dict.fromkeys(policy_specs))
     results, comparison = _run(specs, setup, console, [json_path, html_path], with_course=True)
     if json_path is not None:
-        write_atomically(json_path, _json(results))
+        write_text(json_path, _json(results))
     if html_path is not None:
         assert comparison is not None
         with console.status("filming the course"):
             comparison = _filmed(comparison)
-        write_atomically(html_path, render(comparison))
+        write_text(html_path, render(comparison))
         console.print(f"report: {html_path}")
     return results
 
@@ -131,7 +132,7 @@ def _run(
     names = contender_names(policies)
     facts = {"robot": robot.name, "seed": setup.seed, "ground_truth": setup.ground_truth}
     facts |= {"plant": str(setup.plant) if setup.plant else None}
-    facts |= {"versions": versions(), "machine": machine()}
+    facts |= {"versions": versions(PACKAGES), "machine": machine()}
     results: dict[str, Any] = {
         names[spec]: {
             "policy": names[spec],
@@ -148,7 +149,7 @@ def _run(
         for spec in specs:
             results[names[spec]] |= showings[spec].compute
         contenders = [_contender(names[s], policies[s], results[names[s]], showings[s]) for s in specs]
-        comparison = Comparison(robot, setup, file, contenders, versions())
+        comparison = Comparison(robot, setup, file, contenders, versions(PACKAGES))
     print_results(results, console)
     return results, comparison
 

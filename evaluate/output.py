@@ -5,6 +5,7 @@ import tempfile
 from pathlib import Path
 
 from robots.errors import UserError
+from robots.files import write_atomically
 
 
 def check_writable(*paths: Path | None) -> None:
@@ -27,16 +28,13 @@ def check_writable(*paths: Path | None) -> None:
         Path(probe).unlink()
 
 
-def write_atomically(path: Path, content: str) -> None:
-    """Write a text file under a temporary name, then rename it: readers see the old content or the new.
+def write_text(path: Path, content: str) -> None:
+    """Write a text file whole or not at all.
 
     Raises:
         UserError: the file cannot be written.
     """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        temporary.write_text(content, encoding="utf-8")
-        os.replace(temporary, path)
+        write_atomically(path, content.encode())
     except OSError as error:
-        temporary.unlink(missing_ok=True)
         raise UserError(f"cannot write {path}: {error.strerror or error}") from None

@@ -1,23 +1,11 @@
 """What figures were measured with."""
 
 import platform
-from importlib.metadata import PackageNotFoundError, version
 
 from evaluate.pool import usable_cores
 from policies.policy import Policy
 
 PACKAGES = ("footfall", "mujoco", "numpy", "onnxruntime", "daqp")
-
-
-def versions() -> dict[str, str]:
-    """Versions of Python and of the packages that results depend on."""
-    found = {"python": platform.python_version()}
-    for name in PACKAGES:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            found[name] = "not installed as a package"
-    return found
 
 
 def machine() -> str:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from robots.errors import UserError
-from train.files import write_atomically
+from robots.files import write_atomically
 
 
 def check_outputs(*paths: Path | None) -> None:

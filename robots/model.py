@@ -106,10 +106,7 @@ def read_plant(robot: Robot, path: Path | None = None) -> Plant:
     except ValueError as error:
         raise UserError(f"{source} does not compile: {' '.join(str(error).split())}") from None
     feet = np.array(
-        [
-            mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, foot.geom)
-            for foot in robot.description.feet
-        ]
+        [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, foot.geom) for foot in robot.description.feet]
     )
     if (feet < 0).any():
         absent = ", ".join(

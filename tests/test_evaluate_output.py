@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from evaluate.output import check_writable, write_atomically
+from evaluate.output import check_writable, write_text
 from robots.errors import UserError
 
 
@@ -35,7 +35,7 @@ def test_checking_leaves_an_older_file_alone(tmp_path: Path) -> None:
 def test_writing_replaces_the_old_content_and_leaves_nothing_else(tmp_path: Path) -> None:
     path = tmp_path / "old.json"
     path.write_text("old")
-    write_atomically(path, "new ✓")
+    write_text(path, "new ✓")
     assert path.read_text(encoding="utf-8") == "new ✓"
     assert os.listdir(tmp_path) == ["old.json"]
 
@@ -51,6 +51,6 @@ def test_who_reads_while_it_is_written_sees_the_old_content(
 
     monkeypatch.setattr(os, "replace", fail)
     with pytest.raises(UserError, match="No space left"):
-        write_atomically(path, "new")
+        write_text(path, "new")
     assert path.read_text() == "old"
     assert os.listdir(tmp_path) == ["old.json"]

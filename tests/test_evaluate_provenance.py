@@ -4,10 +4,11 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
-from evaluate.provenance import kind, versions
+from evaluate.provenance import PACKAGES, kind
 from policies.contract import Contract, Gait
 from policies.registry import load_policy
 from robots.description import Robot
+from robots.versions import versions
 
 
 def learned(contract: Contract) -> Any:
@@ -32,4 +33,4 @@ def test_hand_written_controllers_say_whether_they_estimate_velocity(go1: Robot)
 
 
 def test_versions_name_what_results_depend_on() -> None:
-    assert {"python", "footfall", "mujoco", "numpy"} <= set(versions())
+    assert {"python", "footfall", "mujoco", "numpy"} <= set(versions(PACKAGES))

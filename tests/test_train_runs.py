@@ -31,7 +31,8 @@ KILLED = -9
 KILL_AT_RENAME = """
 import os, signal, sys
 from pathlib import Path
-from train import api, files
+from robots import files
+from train import api
 count, replace = 0, os.replace
 def replace_or_die(*names):
     global count

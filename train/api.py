@@ -14,6 +14,7 @@ import numpy as np
 from envs.velocity import VelocityEnv
 from robots.description import Robot, load_robot
 from robots.errors import UserError
+from robots.versions import versions
 from train import checkpoint
 from train.config import load_preset
 from train.display import Display
@@ -21,7 +22,7 @@ from train.export import export
 from train.metrics import MetricsLog
 from train.networks import make_networks
 from train.ppo import TrainState, initial_state, make_iteration
-from train.provenance import git_revision, versions
+from train.provenance import PACKAGES, git_revision
 from train.run import Provenance, Run, create_run, open_run
 from train.stop import StopRequest
 
@@ -57,7 +58,7 @@ def train(request: TrainRequest) -> Path:
         device=jax.devices()[0].device_kind,
         revision=git_revision(),
         created=now.isoformat(timespec="seconds"),
-        versions=versions(),
+        versions=versions(PACKAGES),
     )
     run = create_run(request.out or Path("runs") / name, provenance, config)
     return _continue(run, robot)

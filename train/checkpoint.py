@@ -8,7 +8,7 @@ import numpy as np
 from flax import serialization
 
 from robots.errors import UserError
-from train.files import write_atomically
+from robots.files import write_atomically
 
 KEPT = 3
 SUFFIX = ".ckpt"

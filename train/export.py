@@ -13,7 +13,7 @@ from onnx import TensorProto, helper, numpy_helper
 from policies.contract import CONTRACT_KEY, Contract
 from policies.learned import open_network
 from robots.errors import UserError
-from train.files import write_atomically
+from robots.files import write_atomically
 
 OPSET = 17
 IR_VERSION = 8  # old enough for the ONNX Runtime of a robot's small computer

@@ -1,22 +1,9 @@
-"""What a run was made with: versions, revision, machine."""
+"""What a run was made with: packages and revision."""
 
-import platform
 import subprocess
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 PACKAGES = ("footfall", "mujoco", "mujoco-mjx", "jax", "jaxlib", "brax", "numpy", "onnx", "onnxruntime")
-
-
-def versions() -> dict[str, str]:
-    """Versions of Python and of the packages that a training depends on."""
-    found = {"python": platform.python_version()}
-    for name in PACKAGES:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            found[name] = "not installed as a package"
-    return found
 
 
 def git_revision() -> str:

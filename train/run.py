@@ -5,8 +5,8 @@ from pathlib import Path
 
 from robots.config import dump, load
 from robots.errors import UserError
+from robots.files import write_atomically
 from train.config import TrainConfig
-from train.files import write_atomically
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,6 @@ from footfall.learning import learning_wing
 from footfall.options import Count, RobotName, Seed
 from robots.errors import UserError
 
-
 EVALUATION = "gentle"  # the scenario that every finished run goes through
 OF_ANY_RUN = {"resume", "evaluate"}
 
