@@ -1,5 +1,6 @@
 """`footfall train`, `export` and what follows, with the smoke preset."""
 
+import json
 import shutil
 from pathlib import Path
 
@@ -34,6 +35,11 @@ def test_the_policy_is_there_when_training_ends(run_folder: Path) -> None:
     assert (run_folder / "policy.onnx").is_file()
     assert (run_folder / "config.yaml").is_file()
     assert list((run_folder / "checkpoints").iterdir())
+
+
+def test_the_finished_policy_has_walked_over_the_bus(run_folder: Path) -> None:
+    evaluation = json.loads((run_folder / "evaluation.json").read_text())
+    assert evaluation["scenarios"]["gentle"]["episodes"] > 0
 
 
 def test_the_run_folder_is_a_policy(shell: Shell, run_folder: Path) -> None:
