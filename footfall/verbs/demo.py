@@ -43,7 +43,7 @@ def demo(*, options: DemoOptions = DemoOptions()) -> None:
     run, report = folder / "trained", folder / "report.html"
     shipped = [name for name in zoo_names() if name.startswith(f"{robot.name}-")]
     shared = ["--robot", options.robot, "--seed", str(options.seed)]
-    _step("train", *shared, "--preset", options.preset, "--out", str(run), "--no-evaluate")
+    _step("train", *shared, "--no-evaluate", "--preset", options.preset, "--out", str(run))
     _step("export", str(run), "--out", str(folder / "policy.onnx"))
     _step(
         *("deploy", str(run), *shared, "--command", "0.5,0,0", "--duration", "10"),
