@@ -63,6 +63,7 @@ def deploy(policy: PolicyName, /, *, options: DeployOptions = DeployOptions()) -
             realtime=options.realtime,
             log=options.log,
             bus=options.bus,
+            policy_spec=_lasting(policy),
             config=DeployConfig() if options.config is None else load_deploy_config(options.config),
         ),
     )
@@ -70,6 +71,12 @@ def deploy(policy: PolicyName, /, *, options: DeployOptions = DeployOptions()) -
     write_json(options.json, figures)
     _show(figures)
     return 0 if trace.final_state == SAFE and not trace.fell else 1
+
+
+def _lasting(policy: str) -> str:
+    """A path that still holds from another folder; a name stays a name."""
+    path = Path(policy)
+    return str(path.resolve()) if path.exists() else policy
 
 
 def distance_walked(trace: "Trace") -> float:

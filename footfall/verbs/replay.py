@@ -34,7 +34,7 @@ def replay(log: Path, /, *, options: ReplayOptions = ReplayOptions()) -> int:
         named = read_log(log).metadata
     robot = load_robot(options.robot or named["robot"])
     try:
-        policy = load_policy(options.policy or named["policy"], robot)
+        policy = load_policy(options.policy or named["policy_spec"], robot)
     except UserError as error:
         if options.policy is not None:
             raise
