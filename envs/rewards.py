@@ -25,7 +25,6 @@ class Outcome(NamedTuple):
     soft_lower: jax.Array  # (n,) rad
     soft_upper: jax.Array  # (n,) rad
     torque: jax.Array  # (n,) N m, motor torque at the last physics step
-    peak_torque: jax.Array  # (n,) N m
     actions: jax.Array  # (3, n) newest first
     contact: jax.Array  # (feet,) 1.0 in contact
     clearance: jax.Array  # (feet,) m above ground

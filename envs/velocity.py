@@ -31,7 +31,6 @@ from policies.observation import (
     history_length,
     moving,
     observation,
-    observation_size,
     push_frame,
 )
 from robots.actuator import JointCommand, Motor, joint_torque, motor_torque
@@ -287,7 +286,6 @@ class VelocityEnv:
             soft_lower=self._soft[0],
             soft_upper=self._soft[1],
             torque=passed.torque[-1],
-            peak_torque=self._motor.peak_torque,
             actions=state.actions,
             contact=(clearance < CONTACT_CLEARANCE_M).astype(jnp.float32),
             clearance=clearance,
@@ -323,7 +321,7 @@ class VelocityEnv:
         sampled = jnp.concatenate([*sample, jnp.zeros(0)])
         privileged = jnp.concatenate(
             [
-                observed[: observation_size(self.contract)],
+                observed,
                 clean,
                 velocity,
                 state.qpos[2:3],
