@@ -29,11 +29,3 @@ class Distribution:
         if self.shape == "log_uniform":
             return self.low * (self.high / self.low) ** u
         return self.low + (self.high - self.low) * u
-
-    def scaled(self, width: float, neutral: float) -> "Distribution":
-        """The same distribution narrowed towards `neutral`: width 1 is itself, width 0 a constant."""
-        return Distribution(
-            neutral + width * (self.low - neutral),
-            neutral + width * (self.high - neutral),
-            self.shape,
-        )

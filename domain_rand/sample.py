@@ -32,6 +32,28 @@ class Sample(NamedTuple):
     gravity_bias: Array | None = None
 
 
+SCALES = frozenset(
+    ["link_mass", "inertia", "armature", "joint_friction", "motor_strength", "kp", "kd", "battery"]
+)  # fields whose nominal value is 1; friction has the robot's own, the others 0
+
+
+def narrowed(sample: Sample, width: Array | float, friction: float) -> Sample:
+    """The sampled robot moved towards the nominal one.
+
+    Args:
+        sample: a draw.
+        width: 1 leaves it as it is, 0 makes it nominal.
+        friction: nominal coefficient of the feet on the ground.
+    """
+    nominal = {"friction": friction} | dict.fromkeys(SCALES, 1.0)
+    moved = {
+        name: nominal.get(name, 0.0) + width * (value - nominal.get(name, 0.0))
+        for name, value in sample._asdict().items()
+        if value is not None
+    }
+    return sample._replace(**moved)
+
+
 def _times(nominal: Array, scale: Array | None) -> Array:
     return nominal if scale is None else nominal * scale
 

@@ -1,1 +1,1 @@
-"""Where a policy learns: the MJX environment, its rewards and commands."""
+"""Where a policy learns: the environment and its physics, rewards and commands."""

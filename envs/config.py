@@ -1,6 +1,7 @@
 """Settings of the velocity-tracking environment, as they stand in a preset's YAML."""
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 from domain_rand.distributions import Distribution
 from domain_rand.noise import Noise
@@ -57,6 +58,7 @@ class Curriculum:
     steps: int = 0
     commands: float = 1.0  # share of the command ranges at level 0
     pushes: float = 1.0  # share of the pushes' strength at level 0
+    randomisation: float = 1.0  # share of robots' distance from the nominal one at level 0
 
 
 @dataclass(frozen=True)
@@ -76,6 +78,7 @@ class EnvConfig:
     observation: tuple[Term, ...]
     commands: CommandConfig
     rewards: dict[str, float]  # weight of each term of envs/rewards.py
+    physics: Literal["mjx", "c"] = "mjx"  # MJX on the accelerator, or MuJoCo C on all CPU cores
     control_rate_hz: float = 50.0
     substeps: int = 4  # physics steps per control step
     episode_s: float = 20.0

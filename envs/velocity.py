@@ -1,24 +1,28 @@
-"""Velocity tracking on flat ground: a functional MJX environment.
+"""Velocity tracking on flat ground: a functional environment.
 
 `reset(key)` and `step(state, action)` are pure and concern one robot; `jax.vmap` makes them many.
 """
 
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import mujoco
 import numpy as np
-from mujoco import mjx
 
 from domain_rand.bodies import body_map, randomised_fields
 from domain_rand.noise import biased, noisy
 from domain_rand.randomisation import draw
-from domain_rand.sample import Sample, randomised_command, randomised_motor
+from domain_rand.sample import Sample, narrowed, randomised_command, randomised_motor
 from envs.commands import draw_command, draw_hold_steps
 from envs.config import EnvConfig
 from envs.delays import delayed_goal, delayed_readings
 from envs.gait import make_gait
+from envs.physics import Drive, Motion, Physics, Trace
+from envs.physics_c import c_physics
+from envs.physics_mjx import mjx_physics
 from envs.rewards import TERMS as REWARD_TERMS
 from envs.rewards import Outcome, rewards
 from policies.action import joint_target
@@ -33,7 +37,7 @@ from policies.observation import (
     observation,
     push_frame,
 )
-from robots.actuator import JointCommand, Motor, joint_torque, motor_torque
+from robots.actuator import JointCommand, Motor
 from robots.description import Robot
 from robots.errors import UserError
 from robots.model import joint_addresses, training_model
@@ -42,6 +46,7 @@ from robots.targets import limit_target
 RANDOMISED_FIELDS = ("body_mass", "body_inertia", "body_ipos", "dof_armature", "geom_friction")
 KEPT_GOALS = 3  # control steps whose targets may still be on their way to the motors
 CONTACT_CLEARANCE_M = 0.002  # a foot closer to the ground counts as touching
+PHYSICS: dict[str, Callable[[mujoco.MjModel, Robot], Physics]] = {"mjx": mjx_physics, "c": c_physics}
 
 
 class State(NamedTuple):
@@ -76,14 +81,6 @@ class Step(NamedTuple):
     metrics: dict[str, jax.Array]
 
 
-class _Substep(NamedTuple):
-    """What is kept of each physics step."""
-
-    reading: jax.Array
-    foot_position: jax.Array
-    torque: jax.Array
-
-
 def make_contract(robot: Robot, config: EnvConfig) -> Contract:
     """The contract of policies that are trained on this robot with these settings."""
     return Contract(
@@ -108,6 +105,8 @@ class VelocityEnv:
         unknown = set(config.rewards) - set(REWARD_TERMS)
         if unknown:
             raise UserError(f"no reward '{min(unknown)}': there are {', '.join(REWARD_TERMS)}")
+        if config.physics not in PHYSICS:
+            raise UserError(f"no physics '{config.physics}': there are {', '.join(PHYSICS)}")
         self.robot = robot
         self.config = config
         self.contract = make_contract(robot, config)
@@ -115,18 +114,17 @@ class VelocityEnv:
         self.timestep_s = self.period_s / config.substeps
         self._check_delays()
         model = training_model(robot, self.timestep_s)
-        self._model = mjx.put_model(model)
-        self._template = mjx.make_data(model)
+        self._physics = PHYSICS[config.physics](model, robot)
         self._nominal = SimpleNamespace(
             **{name: jnp.asarray(getattr(model, name), dtype=jnp.float32) for name in RANDOMISED_FIELDS}
         )
-        self._bodies = model.nbody - 1
+        self._bodies, self._dof_count = model.nbody - 1, model.nv
         self._map = body_map(model, robot)
         positions, dofs = joint_addresses(model, robot)
         self._positions, self._dofs = jnp.asarray(positions), jnp.asarray(dofs)
         feet = [model.geom(foot.geom).id for foot in robot.description.feet]
-        self._feet = jnp.asarray(feet)
         self._foot_radius = jnp.asarray(model.geom_size[feet, 0], dtype=jnp.float32)
+        self._foot_friction = float(model.geom_friction[feet, 0].mean())
         self._foot_phase = jnp.asarray([f.phase for f in robot.description.feet], dtype=jnp.float32)
         self._motor = Motor(*(jnp.asarray(a, dtype=jnp.float32) for a in robot.motor))
         lower, upper = robot.soft_limits
@@ -160,6 +158,7 @@ class VelocityEnv:
         config, n = self.config, self.action_size
         key, sample_key, pose_key, command_key, hold_key, push_key, clock_key = jax.random.split(key, 7)
         sample = draw(config.randomisation, lambda k: jax.random.uniform(sample_key, (k,)), n, self._bodies)
+        sample = narrowed(sample, _grown(config.curriculum.randomisation, level), self._foot_friction)
         qpos, qvel = self._initial_state(pose_key)
         reading = self._reading(qpos, qvel)
         state = State(
@@ -205,8 +204,9 @@ class VelocityEnv:
         total = jnp.maximum(sum(terms.values(), start=jnp.float32(0.0)), config.reward_scales.least)
         reward = jnp.where(diverged, 0.0, total * self.period_s)
 
-        trail = jnp.concatenate([state.trail, passed.reading])
-        state = self._disturb(state._replace(trail=passed.reading))
+        readings = jax.vmap(self._reading)(passed.qpos, passed.qvel)
+        trail = jnp.concatenate([state.trail, readings])
+        state = self._disturb(state._replace(trail=readings))
         state, observed = self._observe(state, trail)
         feet = (outcome.contact, outcome.clearance)
         observations = self._observations(state, observed, outcome.linear_velocity, *feet, outcome.torque)
@@ -221,45 +221,32 @@ class VelocityEnv:
         metrics["episode/diverged"] = diverged.astype(jnp.float32)
         return state, Step(observations, reward, terminated, truncated, metrics)
 
-    def _simulate(self, state: State) -> tuple[State, _Substep]:
+    def _simulate(self, state: State) -> tuple[State, Trace]:
         """Physics of one control step; returns what each physics step left, stacked."""
-        model = self._model.replace(**state.fields)
+        targets = self._targets(state)
+        zeros = jnp.zeros_like(self._kp)
+        command = randomised_command(JointCommand(targets, zeros, self._kp, self._kd, zeros), state.sample)
         motor = randomised_motor(self._motor, state.sample)
-        kp_kd = (self._kp, self._kd)
+        bias = zeros if state.sample.encoder_bias is None else state.sample.encoder_bias
+        drive = Drive(targets, command.kp, command.kd, motor, bias)
+        start = Motion(state.qpos, state.qvel, state.qacc_warmstart)
+        end, passed = self._physics(start, drive, state.fields)
+        return state._replace(**end._asdict(), target=targets[-1]), passed
 
-        def substep(carry: tuple, since_step_s: jax.Array) -> tuple[tuple, _Substep]:
-            qpos, qvel, warmstart, target = carry
+    def _targets(self, state: State) -> jax.Array:
+        """The target at each physics step, rad, shape (substeps, n): delayed, then rate-limited."""
+        lower, upper = self._soft
+        rate = self.robot.description.target_rate_rad_s
+
+        def tick(target: jax.Array, since_step_s: jax.Array) -> tuple[jax.Array, jax.Array]:
             goal = delayed_goal(state.goals, state.sample.action_delay_s, since_step_s, self.period_s)
-            lower, upper = self._soft
-            rate = self.robot.description.target_rate_rad_s
             target = limit_target(goal, target, lower, upper, rate, self.timestep_s)
-            command = JointCommand(target, jnp.zeros_like(target), *kp_kd, jnp.zeros_like(target))
-            command = randomised_command(command, state.sample)
-            # The motor's own position loop runs on its biased encoder.
-            q, qd = qpos[self._positions], qvel[self._dofs]
-            if state.sample.encoder_bias is not None:
-                q = q + state.sample.encoder_bias
-            torque = joint_torque(command, q, qd, motor)
-            data = self._template.replace(
-                qpos=qpos,
-                qvel=qvel,
-                qacc_warmstart=warmstart,
-                qfrc_applied=jnp.zeros_like(qvel).at[self._dofs].set(torque),
-            )
-            data = mjx.step(model, data)
-            kept = _Substep(
-                reading=self._reading(data.qpos, data.qvel),
-                foot_position=data.geom_xpos[self._feet],
-                torque=motor_torque(command, q, qd, motor),
-            )
-            return (data.qpos, data.qvel, data.qacc_warmstart, target), kept
+            return target, target
 
-        start = (state.qpos, state.qvel, state.qacc_warmstart, state.target)
         times = jnp.arange(self.config.substeps) * self.timestep_s
-        (qpos, qvel, warmstart, target), kept = jax.lax.scan(substep, start, times)
-        return state._replace(qpos=qpos, qvel=qvel, qacc_warmstart=warmstart, target=target), kept
+        return jax.lax.scan(tick, state.target, times)[1]
 
-    def _outcome(self, state: State, passed: _Substep) -> Outcome:
+    def _outcome(self, state: State, passed: Trace) -> Outcome:
         config = self.config
         rotation = _rotation(state.qpos[3:7])
         foot = passed.foot_position
@@ -340,8 +327,8 @@ class VelocityEnv:
         command_due = state.hold_steps <= 0
         hold = draw_hold_steps(hold_key, config.commands, config.control_rate_hz)
         push_due = state.push_steps <= 0
-        share = config.curriculum.pushes + (1 - config.curriculum.pushes) * state.level
-        kick = jnp.where(push_due, share * self._draw_push(push_key), 0.0)
+        strength = _grown(config.curriculum.pushes, state.level)
+        kick = jnp.where(push_due, strength * self._draw_push(push_key), 0.0)
         return state._replace(
             key=key,
             command=jnp.where(command_due, self._draw_command(command_key, state.level), state.command),
@@ -351,8 +338,7 @@ class VelocityEnv:
         )
 
     def _draw_command(self, key: jax.Array, level: jax.Array | float) -> jax.Array:
-        start = self.config.curriculum.commands
-        return draw_command(key, self.config.commands) * (start + (1 - start) * level)
+        return draw_command(key, self.config.commands) * _grown(self.config.curriculum.commands, level)
 
     def _draw_push_steps(self, key: jax.Array) -> jax.Array:
         seconds = self.config.pushes.interval_s.quantile(jax.random.uniform(key))
@@ -380,7 +366,7 @@ class VelocityEnv:
         qpos = jnp.asarray(self._qpos0)
         qpos = qpos.at[3:7].set(quaternion)
         qpos = qpos.at[self._positions].add(start.joint_rad * u[7 : 7 + n])
-        qvel = jnp.zeros(self._template.qvel.shape)
+        qvel = jnp.zeros(self._dof_count)
         qvel = qvel.at[:2].set(start.velocity_m_s * u[3:5])
         qvel = qvel.at[5].set(start.yaw_rate_rad_s * u[5])
         return qpos, qvel.at[self._dofs].set(start.joint_velocity_rad_s * u[7 + n :])
@@ -398,6 +384,11 @@ class VelocityEnv:
         for name, (distribution, limit) in longest.items():
             if distribution is not None and not 0 <= distribution.low <= distribution.high <= limit:
                 raise UserError(f"randomisation.{name}: must lie between 0 and {limit} s")
+
+
+def _grown(start: float, level: jax.Array | float) -> jax.Array | float:
+    """What grows linearly from `start` at the curriculum's level 0 to 1 at level 1."""
+    return start + (1 - start) * level
 
 
 def _unpack(reading: jax.Array, n: int) -> Readings:

@@ -10,7 +10,8 @@ from robots.config import require_positive, structure, unstructure
 from robots.description import Robot
 from robots.errors import UserError
 
-CONTRACT_KEY = "footfall.contract"
+CONTRACT_KEY = "footfall.contract"  # of an ONNX file's metadata
+TRAINER_KEY = "footfall.trainer"
 VERSION = 1
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import onnxruntime
 
 from policies.action import joint_target
-from policies.contract import CONTRACT_KEY, Contract
+from policies.contract import CONTRACT_KEY, TRAINER_KEY, Contract
 from policies.observation import (
     Inputs,
     Readings,
@@ -66,6 +66,7 @@ class LearnedPolicy:
         if differences:
             raise UserError(f"{path} does not fit robot '{robot.name}': {'; '.join(differences)}")
         self.name = name or path.stem
+        self.trainer = self._session.get_modelmeta().custom_metadata_map.get(TRAINER_KEY)
         self.rate_hz = self.contract.control_rate_hz
         self._input = self._session.get_inputs()[0].name
         self._kp, self._kd = np.asarray(self.contract.kp), np.asarray(self.contract.kd)

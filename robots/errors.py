@@ -1,4 +1,4 @@
-"""The one exception whose text is meant for the user."""
+"""The exceptions whose text is meant for the user."""
 
 
 class UserError(Exception):
@@ -6,3 +6,7 @@ class UserError(Exception):
 
     The command line prints it and exits with status 2; nothing else in the project prints it.
     """
+
+
+class CannotWriteError(UserError):
+    """A file could not be written, mostly because the disk is full; what stood there before is whole."""

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from domain_rand.distributions import Distribution
 from domain_rand.randomisation import Randomisation, draw, load_randomisation, sample_shapes
-from domain_rand.sample import Sample
+from domain_rand.sample import Sample, narrowed
 from robots.errors import UserError
 
 JOINTS, BODIES = 12, 13
@@ -78,10 +78,20 @@ def test_log_uniform_halves_its_mass_at_the_geometric_mean() -> None:
     assert distribution.quantile(np.array([0.0, 0.5])) == pytest.approx([0.1, 1.0])
 
 
-@pytest.mark.parametrize(("width", "expected"), [(1.0, (0.4, 1.2)), (0.5, (0.7, 1.1)), (0.0, (1.0, 1.0))])
-def test_scaled_narrows_towards_neutral(width: float, expected: tuple[float, float]) -> None:
-    narrowed = Distribution(0.4, 1.2).scaled(width, neutral=1.0)
-    assert (narrowed.low, narrowed.high) == pytest.approx(expected)
+@pytest.mark.parametrize("width", [0.0, 0.25, 1.0])
+def test_narrowing_moves_every_field_towards_the_nominal_robot(width: float) -> None:
+    sample = draw(load_randomisation(), lambda k: np.linspace(0.05, 0.95, k), 12, 13)
+    nominal = {
+        "friction": 0.8, "payload_kg": 0.0, "com_offset_m": 0.0, "joint_damping": 0.0, "action_delay_s": 0.0,
+        "observation_delay_s": 0.0, "encoder_bias": 0.0, "gyro_bias": 0.0, "gravity_bias": 0.0,
+    }  # fmt: skip
+    for name, value in narrowed(sample, width, friction=0.8)._asdict().items():
+        middle = nominal.get(name, 1.0)
+        np.testing.assert_allclose(value, middle + width * (getattr(sample, name) - middle), err_msg=name)
+
+
+def test_narrowing_leaves_absent_fields_absent() -> None:
+    assert narrowed(Sample(), 0.5, friction=0.8) == Sample()
 
 
 @pytest.mark.parametrize(

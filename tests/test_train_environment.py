@@ -133,6 +133,16 @@ class TestStep:
         due = easy._replace(push_steps=jnp.int32(0))
         assert np.array_equal(env._disturb(due).qvel, easy.qvel)
 
+    def test_the_curriculum_widens_the_randomisation_from_the_nominal_robot(self) -> None:
+        env = make(curriculum=Curriculum(100, randomisation=0.0), randomisation=load_randomisation())
+        key = jax.random.PRNGKey(12)
+        nominal, half, full = (env.reset(key, level)[0] for level in (0.0, 0.5, 1.0))
+        assert np.allclose(nominal.sample.link_mass, 1.0)
+        assert np.allclose(nominal.fields["body_mass"], training_model(ROBOT).body_mass)
+        assert float(nominal.sample.action_delay_s) == 0.0
+        assert float(full.sample.payload_kg) != 0.0
+        assert np.isclose(half.sample.payload_kg, full.sample.payload_kg / 2)
+
 
 def test_one_step_agrees_with_mujoco_c_under_the_same_joint_law() -> None:
     """The lean carry (positions, velocities, warm start) loses nothing that the physics needs."""

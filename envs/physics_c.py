@@ -1,0 +1,142 @@
+"""The physics in MuJoCo C: whole batches of robots on a thread pool, called from inside a JAX program."""
+
+import ctypes
+import os
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from copy import copy
+
+import jax
+import mujoco
+import numpy as np
+from mujoco.batch import Batch, SimulationError
+
+from envs.physics import Drive, Fields, Motion, Physics, Trace, drive_torque
+from robots.description import Robot
+from robots.model import joint_addresses
+
+_CLOCK = ctypes.c_void_p.in_dll(ctypes.CDLL(mujoco._callbacks.__file__), "mjcb_time")
+
+
+def c_physics(model: mujoco.MjModel, robot: Robot) -> Physics:
+    """The motion of a robot whose nominal model this is; `jax.vmap` hands over all robots at once."""
+    simulations = _Simulations(model, robot)
+
+    def simulate(motion: Motion, drive: Drive, fields: Fields) -> tuple[Motion, Trace]:
+        start, trace = jax.tree.map(
+            lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype),
+            (Motion(*(x[None] for x in motion)), simulations.room(1, len(drive.target))),
+        )
+        return jax.pure_callback(
+            simulations, (start, trace), motion, drive, fields, vmap_method="broadcast_all"
+        )
+
+    return simulate
+
+
+class _Simulations:
+    """Robots side by side in MuJoCo C.
+
+    A call depends on its arguments alone: the pools that are kept are only room to work in.
+    """
+
+    def __init__(self, model: mujoco.MjModel, robot: Robot) -> None:
+        self._model = _for_stepping(model)
+        self._positions, self._dofs = map(_as_slice, joint_addresses(model, robot))
+        self._feet = _as_slice(np.array([model.geom(foot.geom).id for foot in robot.description.feet]))
+        self._joints, self._foot_count = len(robot.joint_names), len(robot.description.feet)
+        self._pools: dict[int, Batch] = {}  # by number of robots
+        self._lock = threading.Lock()
+
+    def __call__(self, *arguments: tuple) -> tuple[Motion, Trace]:
+        """One control step of robots with any number of leading axes, one after `jax.vmap`.
+
+        A simulation that MuJoCo gives up is not a number from there on; the others go on.
+        """
+        # NumPy only from here on: JAX called from inside a JAX program may wait for itself.
+        motion, drive, fields = jax.tree.map(np.asarray, arguments)
+        lead = motion.qpos.shape[:-1]
+        flat = jax.tree.map(lambda x: x.reshape(-1, *x.shape[len(lead) :]), (motion, drive, fields))
+        with self._lock, _undisturbed(), np.errstate(all="ignore"):
+            results = self._simulate(*flat)
+        return jax.tree.map(lambda x: x.reshape(*lead, *x.shape[1:]), results)
+
+    def room(self, robots: int, substeps: int) -> Trace:
+        """Room for a trace, its contents arbitrary."""
+        sizes = Trace((self._model.nq,), (self._model.nv,), (self._foot_count, 3), (self._joints,))
+        return Trace(*(np.empty((robots, substeps, *size), np.float32) for size in sizes))
+
+    def _simulate(self, motion: Motion, drive: Drive, fields: Fields) -> tuple[Motion, Trace]:
+        robots, substeps, _ = drive.target.shape
+        pool = self._pool(robots)
+        state = Motion(*map(pool.bind, Motion._fields))
+        force, geoms = pool.bind("qfrc_applied"), pool.bind("geom_xpos")
+        for name, values in fields.items():
+            pool.expand(name)[:] = values
+        for now, start in zip(state, motion, strict=True):
+            now[:] = start
+        trace = self.room(robots, substeps)
+        for k in range(substeps):
+            position = state.qpos[:, self._positions].astype(np.float32)
+            velocity = state.qvel[:, self._dofs].astype(np.float32)
+            torque, force[:, self._dofs] = drive_torque(drive, drive.target[:, k], position, velocity)
+            _step(pool, state)
+            left = Trace(state.qpos, state.qvel, geoms[:, self._feet], torque)
+            for kept, value in zip(trace, left, strict=True):
+                kept[:, k] = value
+        return Motion(*(x.astype(np.float32) for x in state)), trace
+
+    def _pool(self, robots: int) -> Batch:
+        if robots not in self._pools:
+            self._pools[robots] = Batch(self._model, robots, nthread=_usable_cores())
+        return self._pools[robots]
+
+
+def _step(pool: Batch, state: Motion) -> None:
+    try:
+        pool.step()
+    except SimulationError as error:
+        state.qpos[error.ids] = np.nan
+
+
+def _for_stepping(model: mujoco.MjModel) -> mujoco.MjModel:
+    """The same model for many short steps: what has diverged stays so, and nothing is done in vain."""
+    model = copy(model)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET | mujoco.mjtDisableBit.mjDSBL_ISLAND
+    model.body_sameframe[:] = 0  # the centre of mass of a body may be moved
+    return model
+
+
+@contextmanager
+def _undisturbed() -> Iterator[None]:
+    """No stopwatch and no warnings while MuJoCo steps; both are settings of the whole process.
+
+    MuJoCo's Python package has each stage of each step timed (`MjData.timer`), a tenth of the step's time.
+    Only C can take its clock away: `mujoco.set_mjcb_time(None)` puts it back. Its warnings of a diverging
+    simulation would go to a file in the working directory.
+    """
+    clock, warning = _CLOCK.value, mujoco.get_mju_user_warning()
+    _CLOCK.value = None
+    mujoco.set_mju_user_warning(_ignore)
+    try:
+        yield
+    finally:
+        _CLOCK.value = clock
+        mujoco.set_mju_user_warning(warning)
+
+
+def _ignore(_: str) -> None:
+    pass
+
+
+def _as_slice(indices: np.ndarray) -> slice | np.ndarray:
+    """Indices that follow one another as a slice, which NumPy need not gather."""
+    first, last = int(indices[0]), int(indices[-1])
+    return slice(first, last + 1) if np.array_equal(indices, np.arange(first, last + 1)) else indices
+
+
+def _usable_cores() -> int:
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

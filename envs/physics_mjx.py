@@ -1,0 +1,32 @@
+"""The physics in MJX: one robot, to be vmapped, on whatever device JAX has."""
+
+import jax
+import jax.numpy as jnp
+import mujoco
+from mujoco import mjx
+
+from envs.physics import Drive, Fields, Motion, Physics, Trace, drive_torque
+from robots.description import Robot
+from robots.model import joint_addresses
+
+
+def mjx_physics(model: mujoco.MjModel, robot: Robot) -> Physics:
+    """The motion of a robot whose nominal model this is."""
+    here = jax.local_devices()[0]  # MJX would take the first of all hosts
+    nominal, template = mjx.put_model(model, device=here), mjx.make_data(model, device=here)
+    positions, dofs = map(jnp.asarray, joint_addresses(model, robot))
+    feet = jnp.asarray([model.geom(foot.geom).id for foot in robot.description.feet])
+
+    def simulate(motion: Motion, drive: Drive, fields: Fields) -> tuple[Motion, Trace]:
+        sampled = nominal.replace(**fields)
+
+        def substep(motion: Motion, target: jax.Array) -> tuple[Motion, Trace]:
+            torque, applied = drive_torque(drive, target, motion.qpos[positions], motion.qvel[dofs])
+            force = jnp.zeros_like(motion.qvel).at[dofs].set(applied)
+            data = mjx.step(sampled, template.replace(**motion._asdict(), qfrc_applied=force))
+            trace = Trace(data.qpos, data.qvel, data.geom_xpos[feet], torque)
+            return Motion(data.qpos, data.qvel, data.qacc_warmstart), trace
+
+        return jax.lax.scan(substep, motion, drive.target)
+
+    return simulate

@@ -1,0 +1,64 @@
+"""Environments for gymnasium: importing this module registers them.
+
+    gymnasium.make("footfall.gym:footfall/Go1Velocity-v0")
+
+imports it by itself. There is one for each robot that ships.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import gymnasium
+
+from robots.description import available_robots, load_robot
+from train.config import load_preset
+
+if TYPE_CHECKING:
+    from envs.gymnasium_face import GymnasiumEnv, GymnasiumVectorEnv
+
+
+def make_single(
+    robot: str | Path,
+    preset: str = "cpu",
+    physics: Literal["mjx", "c"] = "c",
+    render_mode: str | None = None,
+) -> "GymnasiumEnv":
+    """One environment.
+
+    Args:
+        robot: a name, or a folder with robot.yaml.
+        preset: a training preset by name or file, whose `env` part holds.
+        physics: instead of the preset's.
+        render_mode: rgb_array or nothing.
+
+    Raises:
+        UserError: there is no such robot, preset or render mode.
+    """
+    from envs.gymnasium_face import GymnasiumEnv
+
+    config = replace(load_preset(preset).env, physics=physics)
+    return GymnasiumEnv(load_robot(robot), config, render_mode)
+
+
+def make_vector(
+    robot: str | Path,
+    num_envs: int = 1,
+    preset: str = "cpu",
+    physics: Literal["mjx", "c"] = "c",
+    render_mode: str | None = None,
+) -> "GymnasiumVectorEnv":
+    """Many environments that step as one; otherwise as `make_single`."""
+    from envs.gymnasium_face import GymnasiumVectorEnv
+
+    config = replace(load_preset(preset).env, physics=physics)
+    return GymnasiumVectorEnv(load_robot(robot), config, num_envs, render_mode)
+
+
+for _name in available_robots():
+    gymnasium.register(
+        id=f"footfall/{''.join(part.capitalize() for part in _name.split('_'))}Velocity-v0",
+        entry_point=f"{__name__}:make_single",
+        vector_entry_point=f"{__name__}:make_vector",
+        kwargs={"robot": _name},
+    )

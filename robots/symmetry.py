@@ -1,0 +1,81 @@
+"""Left and right: which joint, foot and body is the mirror image of which."""
+
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+
+from robots.description import Robot
+from robots.errors import UserError
+from robots.model import joint_addresses, training_model
+
+Array = Any
+PLACE_TOLERANCE_M = 0.01
+VECTOR = np.array([1.0, -1.0, 1.0])  # mirrors positions, velocities and forces at the x-z plane
+ROTATION = np.array([-1.0, 1.0, -1.0])  # mirrors rotation vectors, angular velocities and torques
+
+
+class Mirror(NamedTuple):
+    """A mirror image of vectors: reorder, then change signs."""
+
+    source: np.ndarray  # (n,) where each component comes from
+    sign: np.ndarray  # (n,) 1.0 or -1.0
+
+    def __call__(self, vector: Array) -> Array:
+        """The mirror image of vectors of shape (..., n), NumPy or JAX."""
+        xp = vector.__array_namespace__()
+        return xp.take(vector, xp.asarray(self.source), axis=-1) * xp.asarray(self.sign, dtype=vector.dtype)
+
+
+class Symmetry(NamedTuple):
+    """A robot's mirror images."""
+
+    joints: Mirror  # in joint order; signs as a joint's position or torque changes
+    feet: np.ndarray  # (feet,) each foot's partner
+    bodies: np.ndarray  # (bodies,) each body's partner, the world left out
+
+
+def find_symmetry(robot: Robot) -> Symmetry:
+    """Pair the robot's parts by where they lie in its default pose.
+
+    A joint with axis a at position p is the mirror image of one at (p_x, -p_y, p_z) whose axis is parallel
+    to (-a_x, a_y, -a_z): an axis is a rotation vector.
+
+    Raises:
+        UserError: a part has no mirror image, or the default pose is not symmetric.
+    """
+    model = training_model(robot)
+    data = mujoco.MjData(model)
+    positions, _ = joint_addresses(model, robot)
+    data.qpos[positions] = robot.default_pose
+    mujoco.mj_kinematics(model, data)
+    base = data.qpos[:3]
+    ids = [model.joint(name).id for name in robot.joint_names]
+    joints = _partners(data.xanchor[ids] - base, robot, [f"joint {name}" for name in robot.joint_names])
+    axes = data.xaxis[ids]
+    along = np.sum(axes * ROTATION * axes[joints], axis=-1)
+    names = robot.joint_names
+    for name, partner, cosine in zip(names, joints, along, strict=True):
+        if abs(cosine) < 0.99:
+            raise UserError(f"robot '{robot.name}' is not symmetric: the axes of {name}, {names[partner]}")
+    mirror = Mirror(joints, np.sign(along))
+    if not np.allclose(mirror(robot.default_pose), robot.default_pose, atol=1e-3):
+        raise UserError(f"robot '{robot.name}' is not symmetric: its default pose differs left and right")
+    feet = [model.geom(foot.geom).id for foot in robot.description.feet]
+    foot_names = [f"foot {foot.name}" for foot in robot.description.feet]
+    bodies = [f"body {model.body(i).name}" for i in range(1, model.nbody)]
+    return Symmetry(
+        mirror,
+        _partners(data.geom_xpos[feet] - base, robot, foot_names),
+        _partners(data.xipos[1:] - base, robot, bodies),
+    )
+
+
+def _partners(places: np.ndarray, robot: Robot, names: list[str]) -> np.ndarray:
+    """For each place (k, 3), the index of the one at its mirror image."""
+    distances = np.linalg.norm(places[:, None] * VECTOR - places[None], axis=-1)
+    nearest = np.argmin(distances, axis=1)
+    for name, distance in zip(names, distances.min(axis=1), strict=True):
+        if distance > PLACE_TOLERANCE_M:
+            raise UserError(f"robot '{robot.name}' is not symmetric: {name} has no mirror image")
+    return nearest

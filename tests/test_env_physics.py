@@ -1,0 +1,199 @@
+"""The environment on MuJoCo C is the environment on MJX: the same episodes, and the same physics."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+import pytest
+from mujoco.batch import Batch, SimulationError
+
+from domain_rand.randomisation import load_randomisation
+from envs import velocity
+from envs.batch import step_batch
+from envs.physics import Drive, Motion
+from envs.physics_c import c_physics
+from envs.velocity import State, VelocityEnv
+from robots.actuator import Motor
+from robots.description import Robot, load_robot
+from robots.errors import UserError
+from robots.model import training_model
+from train.config import PRESETS, load_preset
+
+ROBOT = load_robot("go1")
+SMOKE = replace(load_preset("smoke").env, randomisation=load_randomisation())
+ROBOTS, STEPS = 32, 50
+DRAWN = ("key", "command", "hold_steps", "push_steps", "phase", "sample", "fields", "target", "steps")
+
+
+def make(physics: str) -> VelocityEnv:
+    return VelocityEnv(ROBOT, replace(SMOKE, physics=physics))
+
+
+@pytest.fixture(scope="module")
+def env() -> VelocityEnv:
+    return make("c")
+
+
+@pytest.fixture(scope="module")
+def begun(env: VelocityEnv) -> State:
+    return jax.jit(jax.vmap(env.reset))(jax.random.split(jax.random.PRNGKey(0), ROBOTS))[0]
+
+
+@pytest.fixture(scope="module")
+def step(env: VelocityEnv) -> Callable[..., Any]:
+    return jax.jit(lambda state, action: step_batch(env, state, action))
+
+
+def actions(steps: int = 1) -> jax.Array:
+    return 0.5 * jax.random.normal(jax.random.PRNGKey(1), (steps, ROBOTS, len(ROBOT.joint_names)))
+
+
+def equal(one: object, two: object) -> bool:
+    return all(np.array_equal(a, b) for a, b in zip(*map(jax.tree.leaves, (one, two)), strict=True))
+
+
+def worst(one: jax.Array, two: jax.Array) -> float:
+    return float(np.abs(np.asarray(one) - np.asarray(two)).max())
+
+
+def test_a_rollout_is_the_same_in_c_and_in_mjx(monkeypatch: pytest.MonkeyPatch, begun: State) -> None:
+    """To rounding: MJX calculates in single precision, C in double.
+
+    Each step starts from MJX's state on both sides. Left alone, the two would part as any walks do that
+    differ in the last bit, since a foot lands or does not. For the same reason the solver converges here;
+    the one Newton iteration of a training ends where its line search takes it, which in about one step of a
+    hundred is not the same in the two.
+    """
+
+    def converging(robot: Robot, timestep_s: float) -> mujoco.MjModel:
+        model = training_model(robot, timestep_s)
+        model.opt.iterations, model.opt.ls_iterations = 20, 50
+        return model
+
+    monkeypatch.setattr(velocity, "training_model", converging)
+    steps = [jax.jit(jax.vmap(make(physics).step)) for physics in ("mjx", "c")]
+    state, pushed, moved = begun, 0, 0.0
+    for action in actions(STEPS):
+        (mjx, seen), (c, also_seen) = [step(state, action) for step in steps]
+        assert all(equal(getattr(mjx, name), getattr(c, name)) for name in DRAWN)
+        assert worst(mjx.qpos, c.qpos) < 1e-4
+        assert worst(mjx.qvel, c.qvel) < 5e-3
+        for name in seen.observation:
+            assert worst(seen.observation[name], also_seen.observation[name]) < 5e-3, name
+        assert worst(seen.reward, also_seen.reward) < 1e-5
+        assert equal((seen.terminated, seen.truncated), (also_seen.terminated, also_seen.truncated))
+        pushed += int((mjx.push_steps > state.push_steps).sum())
+        moved = max(moved, worst(mjx.qvel, state.qvel))
+        state = mjx
+    assert pushed > 0
+    assert moved > 1.0
+
+
+class TestPurity:
+    def test_a_step_depends_on_its_arguments_alone(self, step, begun: State) -> None:
+        one, two = actions(2)
+        first = step(begun, one)
+        step(first[0], two)
+        assert equal(step(begun, one), first)
+
+    @pytest.mark.parametrize("cores", [1, 3])
+    def test_neither_company_nor_threads_change_a_bit(
+        self, monkeypatch: pytest.MonkeyPatch, begun: State, cores: int
+    ) -> None:
+        monkeypatch.setattr("envs.physics_c._usable_cores", lambda: cores)
+        physics, given = c_physics(training_model(ROBOT), ROBOT), arguments(begun)
+        many = jax.vmap(physics)(*given)
+        few = jax.vmap(physics)(*jax.tree.map(lambda x: x[5:8], given))
+        one = physics(*jax.tree.map(lambda x: x[5], given))
+        nested = jax.vmap(jax.vmap(physics))(*jax.tree.map(lambda x: x.reshape(4, -1, *x.shape[1:]), given))
+        assert equal(jax.tree.map(lambda x: x[5:8], many), few)
+        assert equal(jax.tree.map(lambda x: x[5], many), one)
+        assert equal(many, jax.tree.map(lambda x: x.reshape(ROBOTS, *x.shape[2:]), nested))
+
+    def test_mujocos_settings_are_as_they_were(self, begun: State) -> None:
+        def heard(_: str) -> None: ...
+
+        model = training_model(ROBOT)
+        data = mujoco.MjData(model)
+        mujoco.set_mju_user_warning(heard)
+        try:
+            jax.block_until_ready(jax.vmap(c_physics(model, ROBOT))(*arguments(begun)))
+            assert mujoco.get_mju_user_warning() is heard
+        finally:
+            mujoco.set_mju_user_warning(None)
+        mujoco.mj_step(model, data)
+        assert data.timer[mujoco.mjtTimer.mjTIMER_STEP].duration > 0  # its clock runs again
+
+
+class TestDivergence:
+    def test_robots_diverge_alone_and_without_a_word(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], step, begun
+    ) -> None:
+        monkeypatch.chdir(tmp_path)  # where MuJoCo would log its warnings
+        well = step(begun, actions()[0])
+        ill = begun._replace(
+            qpos=begun.qpos.at[3, 6].set(jnp.nan),
+            qvel=begun.qvel.at[5, 6].set(jnp.inf).at[7, 0].set(1e20),
+        )
+        after, observation, result = step(ill, actions()[0])
+        assert np.flatnonzero(result.metrics["episode/diverged"]).tolist() == [3, 5, 7]
+        assert np.flatnonzero(result.terminated).tolist() == [3, 5, 7]
+        assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves((observation, result, after.qpos)))
+        others = np.setdiff1d(np.arange(ROBOTS), [3, 5, 7])
+        assert equal(*(jax.tree.map(lambda x: x[others], r) for r in ((after, result), (well[0], well[2]))))
+        assert list(tmp_path.iterdir()) == []
+        assert "WARNING" not in capfd.readouterr().err
+
+    def test_an_error_in_mujoco_ends_one_robot(
+        self, monkeypatch: pytest.MonkeyPatch, step, begun: State
+    ) -> None:
+        def fail(pool: Batch) -> None:
+            plain_step(pool)
+            raise SimulationError(np.array([1]), "a message")
+
+        plain_step = Batch.step
+        well = step(begun, actions()[0])
+        monkeypatch.setattr(Batch, "step", fail)
+        _, _, result = step(begun, actions()[0])
+        assert np.flatnonzero(result.metrics["episode/diverged"]).tolist() == [1]
+        assert equal(result.reward[2:], well[2].reward[2:])
+
+
+def test_a_centre_of_mass_moves_that_was_the_bodys_origin(begun: State) -> None:
+    """MuJoCo compiles such a body so that it would overlook the offset."""
+    plain, moved = training_model(ROBOT), training_model(ROBOT)
+    for model in (plain, moved):
+        model.body_ipos[1], model.body_sameframe[1] = 0.0, mujoco.mjtSameFrame.mjSAMEFRAME_BODY
+    moved.body_ipos[1], moved.body_sameframe[1] = (0.05, 0.0, 0.02), mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+    motion, drive, _ = arguments(begun)
+    nominal = {"body_ipos": jnp.tile(jnp.float32(moved.body_ipos), (ROBOTS, 1, 1))}
+    by_field = jax.vmap(c_physics(plain, ROBOT))(motion, drive, nominal)
+    by_model = jax.vmap(c_physics(moved, ROBOT))(motion, drive, {})
+    assert worst(by_field[0].qvel, by_model[0].qvel) < 1e-4
+    assert worst(by_field[0].qvel, jax.vmap(c_physics(plain, ROBOT))(motion, drive, {})[0].qvel) > 1e-2
+
+
+def test_other_physics_are_refused_by_name(tmp_path: Path) -> None:
+    preset = tmp_path / "bullet.yaml"
+    text = (PRESETS / "smoke.yaml").read_text()
+    preset.write_text(text.replace("env:\n", "env:\n  physics: bullet\n"))
+    with pytest.raises(UserError, match=r"physics: .*bullet"):
+        load_preset(str(preset))
+
+
+def arguments(state: State) -> tuple[Motion, Drive, dict[str, jax.Array]]:
+    """What a batch of robots hands to its physics."""
+
+    def each(values: np.ndarray) -> jax.Array:
+        return jnp.tile(jnp.asarray(values, dtype=jnp.float32), (ROBOTS, 1))
+
+    target = jnp.stack([state.target] * SMOKE.substeps, axis=1)
+    drive = Drive(
+        target, each(ROBOT.kp), each(ROBOT.kd), Motor(*map(each, ROBOT.motor)), jnp.zeros_like(state.target)
+    )
+    return Motion(state.qpos, state.qvel, state.qacc_warmstart), drive, state.fields

@@ -1,0 +1,166 @@
+"""The environment as gymnasium knows it: found by name, its contract kept, one episode like many."""
+
+import os
+import subprocess
+import sys
+import warnings
+from collections.abc import Iterator
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env, data_equivalence
+from gymnasium.vector import AutoresetMode
+
+import footfall.gym
+from envs.gymnasium_face import GymnasiumEnv, GymnasiumVectorEnv
+from policies.observation import observation_size
+from robots.errors import UserError
+
+ID = "footfall/Go1Velocity-v0"
+MANY = 8
+
+
+@pytest.fixture(scope="module")
+def one() -> Iterator[GymnasiumEnv]:
+    env = gymnasium.make(ID, preset="smoke").unwrapped
+    yield env
+    env.close()
+
+
+@pytest.fixture(scope="module")
+def many() -> Iterator[GymnasiumVectorEnv]:
+    env = gymnasium.make_vec(
+        ID, num_envs=MANY, vectorization_mode="vector_entry_point", preset="smoke"
+    ).unwrapped
+    yield env
+    env.close()
+
+
+class TestOne:
+    def test_it_keeps_gymnasiums_contract(self, one: GymnasiumEnv) -> None:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            # These two are advice: joints differ in reach, and an observation has no bounds.
+            warnings.filterwarnings("ignore", message=".*symmetric and normalized space.*")
+            warnings.filterwarnings("ignore", message=".*Box observation space m.* value is.*infinity.*")
+            check_env(one, skip_render_check=True)
+
+    def test_it_sees_what_the_policy_will_see(self, one: GymnasiumEnv) -> None:
+        observation, info = one.reset(seed=1)
+        assert observation.shape == (observation_size(one.env.contract),)
+        assert observation.dtype == np.float32
+        assert info["command"].shape == (3,)
+
+    def test_a_fall_terminates_and_a_timeout_truncates(self, one: GymnasiumEnv) -> None:
+        one.reset(seed=2)
+        generator, ends = np.random.default_rng(0), set()
+        for k in range(600):
+            action = np.zeros(12) if k > 300 else 5 * generator.uniform(-1, 1, 12)  # stands, or thrashes
+            _, reward, terminated, truncated, info = one.step(action)
+            assert np.isfinite([reward, info["linear_error_m_s"], info["yaw_error_rad_s"]]).all()
+            if terminated or truncated:
+                ends.add((terminated, truncated))
+                one.reset()
+        assert ends == {(True, False), (False, True)}
+
+    def test_a_step_before_the_reset_is_refused(self) -> None:
+        env = gymnasium.make(ID, preset="smoke").unwrapped
+        with pytest.raises(gymnasium.error.ResetNeeded):
+            env.step(np.zeros(12))
+
+    def test_it_is_found_by_name_alone(self) -> None:
+        code = f"import gymnasium; print(gymnasium.make('footfall.gym:{ID}').spec.id)"
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+        assert done.stdout.splitlines()[-1] == ID
+
+    @pytest.mark.filterwarnings("ignore:.*render mode")  # gymnasium's own advice
+    @pytest.mark.parametrize(
+        ("options", "message"),
+        [
+            ({"preset": "none"}, "no preset 'none'"),
+            ({"robot": "none"}, "no robot 'none'"),
+            ({"render_mode": "human"}, "render mode"),
+            ({"physics": "bullet"}, "no physics 'bullet'"),
+        ],
+    )
+    def test_what_there_is_not_is_refused_by_name(self, options: dict[str, str], message: str) -> None:
+        with pytest.raises(UserError, match=message):
+            gymnasium.make(ID, **({"preset": "smoke"} | options))
+
+
+class TestMany:
+    def test_shapes_are_those_of_the_spaces(self, many: GymnasiumVectorEnv) -> None:
+        observations, info = many.reset(seed=3)
+        assert many.observation_space.contains(observations)
+        assert info["command"].shape == (MANY, 3)
+        observations, rewards, terminated, truncated, _ = many.step(many.action_space.sample() * 0.05)
+        assert many.observation_space.contains(observations)
+        assert rewards.shape == terminated.shape == truncated.shape == (MANY,)
+        assert terminated.dtype == truncated.dtype == np.bool_
+
+    def test_the_same_seed_gives_the_same_steps(self, many: GymnasiumVectorEnv) -> None:
+        def rollout() -> list[object]:
+            many.action_space.seed(5)
+            return [many.reset(seed=4), *(many.step(many.action_space.sample()) for _ in range(60))]
+
+        assert data_equivalence(rollout(), rollout(), exact=True)
+
+    def test_each_is_the_single_environment_of_its_seed(
+        self, many: GymnasiumVectorEnv, one: GymnasiumEnv
+    ) -> None:
+        observations, _ = many.reset(seed=10)
+        alone, _ = one.reset(seed=10 + 3)
+        assert observations[3] == pytest.approx(alone, abs=1e-6)
+        for action in np.random.default_rng(0).uniform(-0.3, 0.3, (10, MANY, 12)):
+            observations, rewards, *_ = many.step(action)
+            alone, reward, *_ = one.step(action[3])
+            assert observations[3] == pytest.approx(alone, abs=1e-4)
+            assert rewards[3] == pytest.approx(reward, abs=1e-6)
+
+    def test_seeds_can_be_given_one_by_one(self, many: GymnasiumVectorEnv) -> None:
+        together, _ = many.reset(seed=20)
+        apart, _ = many.reset(seed=[20 + k for k in range(MANY)])
+        assert np.array_equal(together, apart)
+        assert not np.array_equal(many.reset()[0], many.reset()[0])
+
+    def test_an_episode_that_ends_begins_anew_in_the_same_step(self, many: GymnasiumVectorEnv) -> None:
+        assert many.metadata["autoreset_mode"] == AutoresetMode.SAME_STEP
+        many.reset(seed=6)
+        generator = np.random.default_rng(0)
+        for _ in range(200):
+            observations, _, terminated, truncated, info = many.step(5 * generator.uniform(-1, 1, (MANY, 12)))
+            ended = terminated | truncated
+            assert ("final_obs" in info) == ended.any()
+            if ended.any() and not ended.all():
+                break
+        assert np.array_equal(info["_final_obs"], ended)
+        different = (info["final_obs"] != observations).any(axis=1)
+        assert np.array_equal(different, ended)
+        assert np.array_equal(np.asarray(many._state.steps) == 0, ended)
+
+    def test_no_environment_is_refused(self) -> None:
+        with pytest.raises(UserError, match="num_envs must be at least 1"):
+            footfall.gym.make_vector("go1", num_envs=0, preset="smoke")
+
+
+RENDER = """
+import gymnasium
+env = gymnasium.make("footfall.gym:footfall/Go1Velocity-v0", preset="smoke", render_mode="rgb_array")
+env.reset(seed=0)
+picture = env.render()
+print(picture.shape, picture.dtype, picture.std() > 5)
+"""
+
+
+def test_it_can_be_seen() -> None:
+    """In a process of its own, since MuJoCo settles on a GL back end when it is imported."""
+    for back_end in ("egl", "osmesa"):
+        variables = os.environ | {"MUJOCO_GL": back_end, "PYOPENGL_PLATFORM": back_end}
+        done = subprocess.run(
+            [sys.executable, "-c", RENDER], env=variables, capture_output=True, text=True, check=False
+        )
+        if done.returncode == 0:
+            assert done.stdout.splitlines()[-1] == "(320, 480, 3) uint8 True"
+            return
+    pytest.skip(f"no offscreen rendering here: {done.stderr.splitlines()[-1]}")

@@ -1,0 +1,143 @@
+"""Left and right: a mirrored robot in a mirrored state sees the mirror image, and moves like it."""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+from domain_rand.noise import Noise
+from robots.description import load_robot
+from robots.errors import UserError
+from robots.model import joint_addresses, training_model
+from robots.symmetry import ROTATION, VECTOR, find_symmetry
+
+jax = pytest.importorskip("jax")
+jnp = jax.numpy
+
+from envs.symmetry import environment_mirror  # noqa: E402
+from envs.velocity import VelocityEnv  # noqa: E402
+from train.config import load_preset  # noqa: E402
+
+ROBOT = load_robot("go1")
+QUIET = Noise()
+PRESETS = {
+    name: VelocityEnv(ROBOT, replace(load_preset(name).env, noise=QUIET)) for name in ("smoke", "cpu", "gpu")
+}
+
+
+def test_mirroring_twice_changes_nothing() -> None:
+    joints, feet, bodies = find_symmetry(ROBOT)
+    vector = np.arange(1.0, 13.0)
+    np.testing.assert_array_equal(joints(joints(vector)), vector)
+    np.testing.assert_array_equal(feet[feet], np.arange(4))
+    np.testing.assert_array_equal(bodies[bodies], np.arange(13))
+
+
+def test_partners_have_the_names_one_expects() -> None:
+    joints, feet, _ = find_symmetry(ROBOT)
+    other = {"L": "R", "R": "L"}
+    names = ROBOT.joint_names
+    assert [names[i] for i in joints.source] == [name[0] + other[name[1]] + name[2:] for name in names]
+    labels = [foot.name for foot in ROBOT.description.feet]
+    assert [labels[i] for i in feet] == [name[0] + other[name[1]] + name[2:] for name in labels]
+
+
+def test_mirrored_torques_move_the_mirrored_robot_to_the_mirror_image() -> None:
+    """In the air, but for the trunk's centre of mass, which lies 2 mm off its middle."""
+    model = training_model(ROBOT)
+    model.body_ipos[1, 1] = 0.0
+    positions, dofs = joint_addresses(model, ROBOT)
+    joints = find_symmetry(ROBOT).joints
+    torque = np.random.default_rng(0).uniform(-1, 1, 12)
+    ends = []
+    for side in (torque, joints(torque)):
+        data = mujoco.MjData(model)
+        data.qpos[2] = 2.0
+        data.qpos[positions] = ROBOT.default_pose
+        data.qfrc_applied[dofs] = side
+        for _ in range(20):
+            mujoco.mj_step(model, data)
+        ends.append((data.qpos.copy(), data.qvel.copy()))
+    (qpos, qvel), (mirrored_qpos, mirrored_qvel) = ends
+    np.testing.assert_allclose(mirrored_qpos[positions], joints(qpos[positions]), atol=2e-3)
+    np.testing.assert_allclose(mirrored_qvel[:3], VECTOR * qvel[:3], atol=2e-2)
+    np.testing.assert_allclose(mirrored_qvel[3:6], ROTATION * qvel[3:6], atol=5e-2)
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_the_mirrored_state_is_observed_as_the_mirror_image(preset: str) -> None:
+    env = PRESETS[preset]
+    mirror = environment_mirror(env.robot, env.config, env.contract)
+    seen = _observed(env, mirrored=False)
+    seen_mirrored = _observed(env, mirrored=True)
+    assert seen.keys() == seen_mirrored.keys() == mirror.observation.keys()
+    for name, vector in seen.items():
+        assert np.mean(np.abs(vector - seen_mirrored[name]) > 1e-4) > 0.5  # the image is another one
+        np.testing.assert_allclose(mirror.observation[name](vector), seen_mirrored[name], atol=2e-5)
+
+
+def test_a_robot_with_a_missing_image_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    lopsided = ROBOT.default_pose.copy()
+    lopsided[2] -= 0.3
+    monkeypatch.setitem(ROBOT.__dict__, "default_pose", lopsided)
+    with pytest.raises(UserError, match="not symmetric"):
+        find_symmetry(ROBOT)
+
+
+def _observed(env: VelocityEnv, mirrored: bool) -> dict[str, np.ndarray]:
+    """Everything that is observed in a random state, or in its mirror image."""
+    state, velocity, contact, clearance, torque = _random_state(env)
+    joints, feet, bodies = find_symmetry(env.robot)
+    if mirrored:
+        sign = {"com_offset_m": VECTOR, "gravity_bias": VECTOR, "gyro_bias": ROTATION}
+        sample = {}
+        for name, value in state.sample._asdict().items():
+            if value is None or value.ndim == 0:
+                sample[name] = value
+            elif name in sign:
+                sample[name] = value * sign[name]
+            elif value.shape == (13,):
+                sample[name] = value[bodies]
+            else:
+                sample[name] = joints(value) if name == "encoder_bias" else value[joints.source]
+        order = np.concatenate([np.arange(7), 7 + joints.source])
+        qpos = state.qpos[order] * np.concatenate([VECTOR, [1.0, -1.0, 1.0, -1.0], joints.sign])
+        qvel = jnp.concatenate([state.qvel[:3] * VECTOR, state.qvel[3:6] * ROTATION, joints(state.qvel[6:])])
+        state = state._replace(
+            sample=type(state.sample)(**sample),
+            qpos=qpos,
+            qvel=qvel,
+            command=state.command * jnp.array([1.0, -1.0, -1.0]),
+            phase=state.phase + 0.5,
+            actions=joints(state.actions),
+        )
+        velocity, torque = velocity * VECTOR, joints(torque)
+        contact, clearance = contact[feet], clearance[feet]
+    clean = jnp.concatenate([state.qvel[3:6], -_up(state.qpos[3:7]), state.qpos[7:], state.qvel[6:]])
+    trail = jnp.tile(clean, (2 * env.config.substeps, 1))
+    state, observed = env._observe(state, trail, fill=True)
+    seen = env._observations(state, observed, velocity, contact, clearance, torque)
+    return {name: np.asarray(value) for name, value in seen.items()}
+
+
+def _up(q: jax.Array) -> jax.Array:
+    w, x, y, z = q
+    return jnp.array([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)])
+
+
+def _random_state(env: VelocityEnv) -> tuple:
+    state, _ = env.reset(jax.random.key(3))
+    rng = np.random.default_rng(1)
+
+    def normal(*shape: int) -> jax.Array:
+        return jnp.asarray(rng.normal(size=shape), dtype=jnp.float32)
+
+    quaternion = normal(4)
+    state = state._replace(
+        qpos=jnp.concatenate([normal(3), quaternion / jnp.linalg.norm(quaternion), normal(12)]),
+        qvel=normal(18),
+        command=jnp.array([0.7, 0.3, -0.4]),
+        actions=normal(3, 12),
+    )
+    return state, normal(3), normal(4), normal(4), normal(12)
