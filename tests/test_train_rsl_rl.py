@@ -1,0 +1,355 @@
+"""The rsl_rl back end: the same environment without a copy, the same run folder, the same artifact."""
+
+import json
+import os
+import signal
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shell import Shell
+
+pytest.importorskip("jax")
+pytest.importorskip("torch")
+pytest.importorskip("rsl_rl")
+
+import jax
+import jax.numpy as jnp
+import onnxruntime
+import torch
+from brax.training.acme import running_statistics
+
+from envs.symmetry import environment_mirror
+from evaluate.provenance import kind
+from footfall.cli import main
+from policies.contract import CONTRACT_KEY
+from policies.registry import load_policy
+from robots.config import dump
+from robots.description import Robot
+from robots.errors import UserError
+from train import api, checkpoint, export, networks, rsl_rl_run
+from train.config import load_preset
+from train.display import Display
+from train.rsl_rl_environment import TorchEnvironment
+from train.rsl_rl_symmetry import make_augmentation
+from train.rsl_rl_trainer import RslRlTrainer
+
+SMOKE = load_preset("smoke")
+PPO = replace(
+    SMOKE.ppo,
+    total_steps=4 * SMOKE.ppo.steps_per_iteration,
+    learning_rate=1e-3,
+    final_learning_rate=2e-4,
+    symmetry=True,
+)
+
+
+@pytest.fixture(scope="module")
+def preset(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """Four iterations, a checkpoint after each."""
+    path = tmp_path_factory.mktemp("presets") / "four.yaml"
+    path.write_text(dump(replace(SMOKE, ppo=PPO, checkpoint_interval_s=0.0)))
+    return str(path)
+
+
+def request(preset: str, out: Path) -> api.TrainRequest:
+    return api.TrainRequest(preset=preset, seed=3, out=out, trainer="rsl_rl")
+
+
+@pytest.fixture(scope="module")
+def run(preset: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run as a user makes it."""
+    folder = tmp_path_factory.mktemp("runs") / "rsl_rl"
+    arguments = ["--preset", preset, "--trainer", "rsl_rl", "--seed", "3", "--no-evaluate"]
+    assert main(["train", *arguments, "--out", str(folder)]) == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def shared(preset: str, tmp_path_factory: pytest.TempPathFactory, go1: Robot) -> RslRlTrainer:
+    """A trainer that several tests use, since it is slow to make."""
+    return RslRlTrainer(api.open_run(api.begin(request(preset, tmp_path_factory.mktemp("shared")))), go1)
+
+
+@pytest.fixture
+def trainer(shared: RslRlTrainer, run: Path) -> RslRlTrainer:
+    """As it was at the end of `run`."""
+    shared.restore(newest(run))
+    return shared
+
+
+@pytest.fixture
+def environment(trainer: RslRlTrainer) -> Iterator[TorchEnvironment]:
+    yield trainer._environment
+    trainer._environment._metrics.clear()
+
+
+def newest(folder: Path) -> Path:
+    path = checkpoint.latest(folder / "checkpoints")
+    assert path is not None
+    return path
+
+
+def some_actions() -> torch.Tensor:
+    return 0.3 * torch.randn((PPO.environments, 12), generator=torch.Generator().manual_seed(1))
+
+
+# The environment
+
+
+def test_torch_sees_the_memory_of_jax(environment: TorchEnvironment) -> None:
+    seen, *_ = environment.step(some_actions())
+    for name, array in environment.episodes.observation.items():
+        assert seen[name].data_ptr() == array.unsafe_buffer_pointer()
+
+
+def test_jax_sees_the_memory_of_torch(environment: TorchEnvironment, monkeypatch: pytest.MonkeyPatch) -> None:
+    received: list[int] = []
+    step = environment._step
+
+    def listening(episodes, action, steps_done):
+        received.append(action.unsafe_buffer_pointer())
+        return step(episodes, action, steps_done)
+
+    monkeypatch.setattr(environment, "_step", listening)
+    actions = some_actions()
+    environment.step(actions)
+    assert received == [actions.data_ptr()]
+
+
+def test_what_is_handed_over_is_what_was_computed(environment: TorchEnvironment) -> None:
+    for _ in range(3):
+        copied = jax.device_put(some_actions().numpy(), jax.devices()[0])
+        expected, step, _ = environment._step(environment.episodes, copied, 0.0)
+        seen, reward, done, extras = environment.step(some_actions())
+        for name, array in expected.observation.items():
+            assert np.array_equal(seen[name], array)
+        assert np.array_equal(reward, step.reward)
+        assert np.array_equal(done, np.maximum(step.terminated, step.truncated))
+        assert np.array_equal(extras["time_outs"], step.truncated)
+
+
+def test_the_step_is_compiled_once(environment: TorchEnvironment) -> None:
+    for _ in range(3):
+        environment.step(some_actions())
+    assert environment._step._cache_size() == 1
+
+
+def test_a_time_out_is_told_from_a_fall(environment: TorchEnvironment) -> None:
+    state = environment.episodes.state
+    late = state._replace(
+        steps=jnp.full_like(state.steps, environment.max_episode_length - 1),
+        qpos=state.qpos.at[:5, 2].set(0.05),  # five lie on the ground
+    )
+    environment.put(environment.episodes._replace(state=late))
+    _, _, done, extras = environment.step(some_actions())
+    assert torch.all(done == 1)
+    assert torch.all(extras["time_outs"][:5] == 0)
+    assert extras["time_outs"][5:].mean() > 0.5
+    assert torch.all(environment.episode_length_buf == 0)
+    assert environment.take_metrics()["episode/length_s"] == pytest.approx(SMOKE.env.episode_s)
+
+
+def test_metrics_are_means_since_they_were_last_taken(environment: TorchEnvironment) -> None:
+    rewards = [environment.step(some_actions())[1].mean().item() for _ in range(4)]
+    expected = np.mean(rewards) * SMOKE.env.control_rate_hz
+    assert environment.take_metrics()["reward/total"] == pytest.approx(expected, rel=1e-5)
+
+
+# Upstream's algorithm under the preset
+
+
+def test_the_preset_reaches_upstream(trainer: RslRlTrainer) -> None:
+    algorithm = trainer._runner.alg
+    assert (algorithm.gamma, algorithm.lam, algorithm.clip_param) == (PPO.discount, PPO.gae_lambda, PPO.clip)
+    assert (algorithm.num_learning_epochs, algorithm.num_mini_batches) == (PPO.passes, PPO.minibatches)
+    assert (algorithm.entropy_coef, algorithm.max_grad_norm) == (PPO.entropy, PPO.gradient_norm)
+    assert algorithm.storage.num_transitions_per_env == PPO.unroll
+    assert algorithm.symmetry.use_data_augmentation
+    actor, critic = algorithm.actor, algorithm.critic
+    assert (actor.obs_groups, critic.obs_groups) == (["state"], ["privileged_state"])
+    assert [layer.out_features for layer in actor.mlp if hasattr(layer, "out_features")] == [32, 32, 12]
+
+
+def test_the_learning_rate_falls_with_its_limit(run: Path) -> None:
+    rates = [line["learning/learning_rate"] for line in metrics(run)]
+    assert rates == pytest.approx([1e-3, 8e-4, 6e-4, 4e-4])
+
+
+def test_an_adaptive_learning_rate_moves_below_its_limit(
+    trainer: RslRlTrainer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    algorithm = trainer._runner.alg
+    monkeypatch.setattr(algorithm, "schedule", "adaptive")
+    algorithm.optimizer.zero_grad()  # nothing to learn: the step only sets the rate
+    for wanted, used in ((1e-2, 5e-4), (1e-4, 1e-4)):
+        algorithm.limit, algorithm.learning_rate = 5e-4, wanted
+        algorithm.optimizer.step()
+        assert algorithm.optimizer.param_groups[0]["lr"] == algorithm.learning_rate == used
+
+
+def test_a_mirror_image_follows_each_sample(trainer: RslRlTrainer, go1: Robot) -> None:
+    mirror = environment_mirror(go1, SMOKE.env, trainer._contract)
+    augment = make_augmentation(mirror, torch.device("cpu"))
+    actions, seen = some_actions(), trainer._environment.get_observations()
+    seen_twice, actions_twice = augment(None, seen, actions)
+    assert np.allclose(actions_twice, np.concatenate([actions, mirror.action(actions.numpy())]))
+    for name, image in mirror.observation.items():
+        assert np.allclose(seen_twice[name], np.concatenate([seen[name], image(seen[name].numpy())]))
+
+
+# The run
+
+
+def metrics(run: Path) -> list[dict[str, float]]:
+    return [json.loads(line) for line in (run / "metrics.jsonl").read_text().splitlines()]
+
+
+def test_the_run_folder_is_like_any_other(run: Path) -> None:
+    provenance = api.open_run(run).provenance
+    assert provenance.trainer == "rsl_rl"
+    assert {"torch", "rsl-rl-lib", "jax"} <= set(provenance.versions)
+    lines = metrics(run)
+    assert [line["step"] for line in lines] == [256, 512, 768, 1024]
+    assert {f"reward/{name}" for name in SMOKE.env.rewards} <= set(lines[-1])
+    assert {"reward/total", "episode/length_s", "tracking/linear_error_m_s"} <= set(lines[-1])
+    assert list((run / "events").glob("events.out.tfevents.*"))
+
+
+def test_the_artifact_is_the_one_that_brax_makes(run: Path, trainer: RslRlTrainer, tmp_path: Path) -> None:
+    seen = trainer._environment.get_observations()
+    sizes = {name: value.shape[1] for name, value in seen.items()}
+    nets = networks.make_networks(sizes, 12, PPO)
+    normalizer = running_statistics.init_state({name: jnp.zeros(size) for name, size in sizes.items()})
+    actor = networks.trained_actor(nets, normalizer, nets.policy_network.init(jax.random.PRNGKey(0)))
+    export.export(actor, trainer._contract, seen["state"].numpy(), tmp_path / "brax.onnx")
+    theirs, ours = (onnxruntime.InferenceSession(p) for p in (tmp_path / "brax.onnx", run / "policy.onnx"))
+
+    def face(session: onnxruntime.InferenceSession) -> list[tuple]:
+        return [(x.name, x.shape, x.type) for x in (*session.get_inputs(), *session.get_outputs())]
+
+    def contract(session: onnxruntime.InferenceSession) -> str:
+        return session.get_modelmeta().custom_metadata_map[CONTRACT_KEY]
+
+    assert face(ours) == face(theirs)
+    assert contract(ours) == contract(theirs)
+
+
+def test_a_comparison_names_the_trainer(run: Path, go1: Robot) -> None:
+    assert kind(load_policy(str(run), go1)).startswith("learned policy (trained by rsl_rl), 50 Hz")
+
+
+def test_export_writes_the_same_policy_again(
+    capsys: pytest.CaptureFixture[str], run: Path, tmp_path: Path
+) -> None:
+    outcome = Shell(capsys)("export", run, "--out", tmp_path / "again.onnx")
+    assert outcome.status == 0, outcome.err
+    assert (tmp_path / "again.onnx").read_bytes() == (run / "policy.onnx").read_bytes()
+
+
+def test_an_export_that_differs_from_the_network_fails(
+    trainer: RslRlTrainer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    honest = export.to_onnx
+
+    def shifted(actor, contract):
+        return honest(actor._replace(mean=actor.mean + np.float32(1e-3)), contract)
+
+    monkeypatch.setattr(export, "to_onnx", shifted)
+    with pytest.raises(UserError, match="differs from the trained one"):
+        trainer.export(tmp_path / "policy.onnx")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_exported_policy_carries_its_normaliser(run: Path) -> None:
+    content = torch.load(newest(run), weights_only=True)
+    weights, seen = content["actor_state_dict"], content["infos"]["seen"]
+    x = (seen - weights["obs_normalizer._mean"]) / (weights["obs_normalizer._std"] + 1e-2)
+    for layer in ("mlp.0", "mlp.2", "mlp.4"):
+        x = x @ weights[f"{layer}.weight"].T + weights[f"{layer}.bias"]
+        x = torch.nn.functional.elu(x) if layer != "mlp.4" else x
+    session = onnxruntime.InferenceSession(run / "policy.onnx")
+    (exported,) = session.run(None, {"observation": seen.numpy()})
+    assert len(seen) == PPO.steps_per_iteration
+    assert np.abs(exported - x.numpy()).max() <= export.PARITY_LIMIT
+
+
+# Interrupted runs
+
+
+def test_a_stopped_run_resumes_to_the_bits_of_the_whole_one(
+    preset: str, run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    iterate = RslRlTrainer.iterate
+
+    def interrupted(self: RslRlTrainer) -> dict[str, float]:
+        if self.iteration == 1:
+            os.kill(os.getpid(), signal.SIGINT)
+        return iterate(self)
+
+    folder = tmp_path / "stopped"
+    monkeypatch.setattr(RslRlTrainer, "iterate", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        api.train(request(preset, folder))
+    assert newest(folder).name == "00000002.ckpt"
+    assert not (folder / "policy.onnx").exists()
+    torch.manual_seed(99)  # whatever the process did in between
+    api.resume(folder)
+    assert newest(folder).read_bytes() == newest(run).read_bytes()
+    assert (folder / "policy.onnx").read_bytes() == (run / "policy.onnx").read_bytes()
+
+
+def test_a_loss_that_is_not_finite_ends_the_training_and_is_not_kept(
+    preset: str, trainer: RslRlTrainer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = api.begin(request(preset, tmp_path / "run"))
+    monkeypatch.setattr(trainer, "iteration", 0)
+    iterate = trainer.iterate
+    monkeypatch.setattr(trainer, "iterate", lambda: iterate() | {"learning/total_loss": float("nan")})
+    with pytest.raises(UserError, match="total_loss is not finite"):
+        rsl_rl_run._iterate(api.open_run(folder), trainer, Display(1))
+    assert checkpoint.latest(folder / "checkpoints") is None
+
+
+def test_a_checkpoint_of_another_kind_of_device_can_be_exported(
+    trainer: RslRlTrainer, run: Path, tmp_path: Path
+) -> None:
+    content = torch.load(newest(run), weights_only=True)
+    content["infos"]["random"] = {"cuda": torch.zeros(16, dtype=torch.uint8)}
+    torch.save(content, tmp_path / "00000004.ckpt")
+    trainer.restore(tmp_path / "00000004.ckpt")
+    trainer.export(tmp_path / "policy.onnx")
+    assert (tmp_path / "policy.onnx").read_bytes() == (run / "policy.onnx").read_bytes()
+
+
+class Code:
+    """What a hostile file might hold: reading it makes a folder."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def __reduce__(self) -> tuple:
+        return os.mkdir, (str(self.path),)
+
+
+@pytest.mark.parametrize("damage", ["garbage", "half", "brax's", "code", "other networks"])
+def test_a_damaged_or_foreign_checkpoint_is_named(
+    trainer: RslRlTrainer, run: Path, tmp_path: Path, damage: str
+) -> None:
+    path = tmp_path / "00000004.ckpt"
+    if damage == "code":
+        torch.save({"infos": Code(tmp_path / "made")}, path)
+    elif damage == "brax's":
+        checkpoint.save(tmp_path, 4, {"weights": np.ones(3)}, np.zeros(2))
+    elif damage == "other networks":
+        content = torch.load(newest(run), weights_only=True)
+        content["actor_state_dict"]["mlp.0.weight"] = torch.zeros(16, 16)
+        torch.save(content, path)
+    else:
+        path.write_bytes(b"garbage" if damage == "garbage" else newest(run).read_bytes()[:5000])
+    with pytest.raises(UserError, match=r"00000004\.ckpt is not a checkpoint of this run: ") as refusal:
+        trainer.restore(path)
+    assert "\n" not in str(refusal.value)
+    assert not (tmp_path / "made").exists()

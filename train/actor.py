@@ -1,0 +1,16 @@
+"""A trained actor, whichever trainer made it: what an export needs to know."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Actor(NamedTuple):
+    """A normaliser and an ELU network. Arrays are float32."""
+
+    trainer: str
+    mean: np.ndarray  # (observation,) subtracted from an observation
+    scale: np.ndarray  # (observation,) divides what is left
+    layers: tuple[tuple[np.ndarray, np.ndarray], ...]  # kernel (inputs, outputs) and bias, in order
+    act: Callable[[np.ndarray], np.ndarray]  # the trainer's own network: (k, observation) to means (k, n)

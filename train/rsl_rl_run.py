@@ -1,0 +1,65 @@
+"""A run whose trainer is rsl_rl: from its last checkpoint to its end, with the same files as any run."""
+
+import time
+from pathlib import Path
+
+import jax
+import torch
+
+from robots.description import Robot
+from train import checkpoint
+from train.display import Display
+from train.failure import device_failures
+from train.journal import Journal
+from train.rsl_rl_trainer import RslRlTrainer
+from train.run import Run
+from train.stop import StopRequest
+
+DEVICE_ERRORS = (jax.errors.JaxRuntimeError, torch.OutOfMemoryError, torch.AcceleratorError)
+
+
+def train_run(run: Run, robot: Robot, display: Display) -> float:
+    """Train a run to its end, from its last checkpoint if it has one, and export it.
+
+    Returns:
+        The worst difference of an action between ONNX Runtime and the trainer's own network.
+
+    Raises:
+        UserError: a full disk, a damaged checkpoint, a failing device, or a training that diverged.
+        KeyboardInterrupt: a user stopped it; its checkpoint is written.
+    """
+    began = time.monotonic()
+    with device_failures(run, DEVICE_ERRORS):
+        trainer = RslRlTrainer(run, robot)
+        newest = checkpoint.latest(run.checkpoints)
+        if newest is not None:
+            trainer.restore(newest)
+            display.say(f"resuming from {newest.name}")
+        display.say(f"ready after {time.monotonic() - began:.1f} s")
+        _iterate(run, trainer, display)
+    return trainer.export(run.policy)
+
+
+def export_run(run: Run, robot: Robot, chosen: Path, path: Path) -> float:
+    """Export one checkpoint; returns and raises as `train_run`."""
+    trainer = RslRlTrainer(run, robot)
+    trainer.restore(chosen)
+    return trainer.export(path)
+
+
+def _iterate(run: Run, trainer: RslRlTrainer, display: Display) -> None:
+    """Run the remaining iterations; a first Ctrl-C or SIGTERM ends them early, with a checkpoint."""
+    first, last = trainer.iteration, run.config.ppo.iterations
+    journal = Journal(run, first, display)
+    with StopRequest() as stop:
+        while trainer.iteration < last and not stop.requested:
+            metrics = trainer.iterate()
+            journal.report(trainer.iteration, metrics)
+            if journal.checkpoint_due:
+                journal.keep(trainer.save)
+        if trainer.iteration > first:
+            trainer.save()
+    journal.close()
+    if trainer.iteration < last:
+        display.say(f"stopped; continue with: footfall train --resume {run.folder}")
+        raise KeyboardInterrupt
