@@ -1,0 +1,41 @@
+"""`footfall watch`."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+from cyclopts.validators import Number
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class PageOptions:
+    """Where to serve the page."""
+
+    host: str = "localhost"
+    """Name or address to listen at; 0.0.0.0 lets other machines in, who may then move the robot shown."""
+    port: Annotated[int, Parameter(validator=Number(gte=1, lt=2**16))] = 8080
+
+    @property
+    def address(self) -> str:
+        return f"http://{self.host}:{self.port}"
+
+
+LOCAL_PAGE = PageOptions()
+
+
+def watch(run: Path, /, *, page: PageOptions = LOCAL_PAGE) -> None:
+    """Show a run's newest policy walking beside the run's curves, on a web page, until Ctrl-C.
+
+    Parameters
+    ----------
+    run
+        A run folder that footfall train made, or is still filling.
+    """
+    from train.stop import StopRequest
+
+    with StopRequest() as stop:
+        from footfall.watch.walk import watch as serve
+
+        serve(run, page.host, page.port, stop)

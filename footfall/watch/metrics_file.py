@@ -1,0 +1,66 @@
+"""Follows the metrics of a run that may still be training."""
+
+import json
+import math
+import time
+from pathlib import Path
+
+import numpy as np
+
+
+class MetricsFile:
+    """Reads what has been added to metrics.jsonl, whose last line may be half there."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._offset = 0
+        self._rows: dict[int, dict[str, float]] = {}  # by environment step
+
+    @property
+    def last_step(self) -> int:
+        """Environment steps at the newest line; 0 before the first."""
+        return max(self._rows, default=0)
+
+    def age_s(self) -> float | None:
+        """How long ago the file grew, s; None if there is none."""
+        try:
+            return time.time() - self._path.stat().st_mtime
+        except FileNotFoundError:
+            return None
+
+    def refresh(self) -> bool:
+        """Read on; returns whether there was anything new."""
+        try:
+            with self._path.open("rb") as file:
+                if self._path.stat().st_size < self._offset:  # a resumed run drops what it computes again
+                    self._offset = 0
+                    self._rows.clear()
+                file.seek(self._offset)
+                whole, newline, _ = file.read().rpartition(b"\n")
+        except FileNotFoundError:
+            return False
+        self._offset += len(whole) + len(newline)
+        for line in whole.splitlines():
+            try:
+                row = json.loads(line)
+                self._rows[int(row["step"])] = row
+            except (ValueError, KeyError, TypeError):
+                continue  # what a killed process left
+        return bool(whole)
+
+    def curve(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+        """Environment steps and a metric's finite values, each (k,), in order; empty if it has none."""
+        points = [
+            (step, value)
+            for step, row in sorted(self._rows.items())
+            if isinstance(value := row.get(name), int | float) and math.isfinite(value)
+        ]
+        steps, values = np.array(points, dtype=float).reshape(-1, 2).T
+        return steps, values
+
+
+def thinned(values: np.ndarray, most: int) -> np.ndarray:
+    """At most so many of the values (k,), evenly chosen, the first and the last among them."""
+    if len(values) <= most:
+        return values
+    return values[np.linspace(0, len(values) - 1, most).round().astype(int)]

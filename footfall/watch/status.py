@@ -1,0 +1,75 @@
+"""What the page says in words."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+WAITING = "**waiting for the first checkpoint**"
+
+
+@dataclass
+class Status:
+    """State of the training and of the walk."""
+
+    title: str
+    total_steps: int
+    steps_per_iteration: int
+    trained_steps: int = 0
+    metrics_age_s: float | None = None  # None before the first
+    iteration: int | None = None  # of the policy that walks
+    policies: int = 0  # that have walked so far
+    mode: str = ""
+    episodes: int = 0
+    falls: int = 0
+    last_fall: str = ""
+    command: np.ndarray = field(default_factory=lambda: np.zeros(3))  # m/s, m/s, rad/s
+    velocity: np.ndarray = field(default_factory=lambda: np.zeros(3))  # the same, true and smoothed
+    pace: float = 1.0  # simulated time over wall time
+    problem: str = ""
+
+
+def as_markdown(status: Status) -> str:
+    """The status as a table, or that there is no policy yet."""
+    rows = [("Training", _training(status))]
+    if status.policies:
+        falls = f"{status.falls} in {status.episodes} starts"
+        rows += [
+            ("Policy", _policy(status)),
+            ("Robot", f"{status.mode.lower()}, {status.pace:.2f} × real time"),
+            ("Falls", f"{falls}: {status.last_fall}" if status.last_fall else falls),
+            ("Forward", _of(status, 0, "m/s")),
+            ("Left", _of(status, 1, "m/s")),
+            ("Yaw", _of(status, 2, "rad/s")),
+        ]
+    table = "\n".join(f"| {name} | {text} |" for name, text in rows)
+    notes = [f"Not usable: {status.problem}"] if status.problem else []
+    waiting = [] if status.policies else [WAITING]
+    return "\n\n".join([f"**{status.title}**", *waiting, f"| | |\n| --- | --- |\n{table}", *notes])
+
+
+def _training(status: Status) -> str:
+    if status.metrics_age_s is None:
+        return "no metrics yet"
+    share = min(status.trained_steps / status.total_steps, 1.0)
+    return (
+        f"{status.trained_steps:,} of {status.total_steps:,} steps ({share:.0%}),"
+        f" metrics {_age(status.metrics_age_s)} old"
+    )
+
+
+def _age(seconds: float) -> str:
+    """A time to the precision that a reader wants."""
+    for size, unit in ((86400.0, "days"), (3600.0, "h"), (60.0, "min")):
+        if seconds >= 2 * size:
+            return f"{seconds / size:.0f} {unit}"
+    return f"{max(seconds, 0.0):.0f} s"
+
+
+def _policy(status: Status) -> str:
+    if status.iteration is None:
+        return f"number {status.policies} shown"
+    return f"of iteration {status.iteration:,}, {status.iteration * status.steps_per_iteration:,} steps"
+
+
+def _of(status: Status, axis: int, unit: str) -> str:
+    return f"{status.velocity[axis]:+.2f} of {status.command[axis]:+.2f} {unit}"

@@ -1,0 +1,90 @@
+"""The page of a run, as a visitor's browser shows it."""
+
+import shutil
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from browser import Tab, chromium, tab
+from matplotlib.image import imread
+
+from footfall.watch.status import WAITING
+from policies.registry import ZOO
+from train.config import load_preset
+from train.run import Provenance, create_run
+
+pytest.importorskip("viser")
+pytestmark = pytest.mark.skipif(chromium() is None, reason="needs Chromium")
+
+WIDTH, HEIGHT = 1000, 640  # software draws each pixel
+METRICS = '{{"step": {step}, "reward/total": {reward}, "episode/length_s": 2.0}}\n'
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    """A run whose training has begun."""
+    made = Provenance("go1", 0, "smoke", "brax", "cpu", "unknown", "2026-01-01", {})
+    folder = create_run(tmp_path / "run", made, load_preset("smoke")).folder
+    lines = [METRICS.format(step=step, reward=1.0 + step / 1000) for step in range(0, 1001, 100)]
+    (folder / "metrics.jsonl").write_text("".join(lines))
+    return folder
+
+
+@pytest.fixture
+def page(run: Path, tmp_path: Path) -> Iterator[Tab]:
+    """The run's page in a browser."""
+    with socket.socket() as probe:
+        probe.bind(("localhost", 0))
+        port = probe.getsockname()[1]
+    command = [sys.executable, "-m", "footfall", "watch", run, "--port", str(port)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert str(port) in process.stdout.readline()
+        with tab(tmp_path / "profile", WIDTH, HEIGHT) as opened:
+            opened.go(f"http://localhost:{port}")
+            yield opened
+        process.terminate()
+
+
+def middle(page: Tab, path: Path) -> np.ndarray:
+    """What is seen around the middle of the page, (h, w, 3), 0 to 1."""
+    page.picture(path)
+    seen = imread(path)[..., :3]
+    height, width = seen.shape[:2]
+    return seen[height // 4 : -height // 8, width // 3 : -width // 3]
+
+
+def share_of_dark(seen: np.ndarray) -> float:
+    """How much of a picture is dark: the robot's feet and calves are, ground and sky are not."""
+    return float((seen.max(axis=-1) < 0.25).mean())
+
+
+def test_it_waits_and_then_shows_the_policy_walking(page: Tab, run: Path, tmp_path: Path) -> None:
+    page.wait_for(lambda page: WAITING.strip("*") in page.text)
+    page.wait_for(lambda page: "1,000 of 4,096 steps (24%)" in page.text)
+    page.wait_for(lambda page: "Reward, per second" in page.text)
+    assert "Push it" not in page.text
+
+    shutil.copy(ZOO / "go1-flat" / "policy.onnx", run)
+    page.wait_for(lambda page: "walking" in page.text)
+    for words in ("real time", "Push it", "Start again", "Forward, m/s", "0 in 1 starts"):
+        assert words in page.text
+    before = middle(page, tmp_path / "before.png")
+    assert before.std() > 0.05
+    assert share_of_dark(before) > 0.003
+
+    with (run / "metrics.jsonl").open("a") as metrics:
+        metrics.write(METRICS.format(step=2048, reward=3.0))
+    page.wait_for(lambda page: "2,048 of 4,096 steps (50%)" in page.text)
+    assert np.abs(middle(page, tmp_path / "after.png") - before).max() > 0.3  # it moves
+
+    page.value("[...document.querySelectorAll('button')].find(b => b.innerText == 'Start again').click()")
+    page.wait_for(lambda page: "0 in 2 starts" in page.text)
+
+    assert page.complaints == []
+    elsewhere = [address for address in page.requested if "//localhost" not in address[:25]]
+    assert [address for address in elsewhere if not address.startswith("data:")] == []
