@@ -14,11 +14,12 @@ def machine() -> str:
 
 
 def kind(policy: Policy) -> str:
-    """How a policy came about, one sentence; names the motion prior of a policy that was trained with one."""
+    """How a policy came about, one sentence: its trainer where the file names it, its motion prior if any."""
     contract = getattr(policy, "contract", None)
     if contract is None:
         return f"hand-written controller, {policy.rate_hz:g} Hz" + _estimating(policy)
-    text = f"learned policy, {policy.rate_hz:g} Hz"
+    trainer = getattr(policy, "trainer", None)
+    text = f"learned policy{f' (trained by {trainer})' if trainer else ''}, {policy.rate_hz:g} Hz"
     gait = contract.gait
     if gait is not None and any(gait.amplitude_rad):
         return text + f", actions added to a reference gait of {gait.frequency_hz:g} Hz (a motion prior)"

@@ -10,11 +10,14 @@ from cyclopts import App, CycloptsError, UnusedCliTokensError
 from footfall.verbs.compare import compare
 from footfall.verbs.demo import demo
 from footfall.verbs.deploy import deploy
+from footfall.verbs.diagnose import diagnose
 from footfall.verbs.doctor import doctor
 from footfall.verbs.evaluate import evaluate
 from footfall.verbs.export import export
 from footfall.verbs.replay import replay
+from footfall.verbs.sweep import sweep
 from footfall.verbs.train import train
+from footfall.verbs.watch import watch
 from robots.errors import UserError
 
 BAD_INPUT = 2
@@ -27,7 +30,7 @@ app = App(
     version=lambda: version("footfall"),
     suppress_keyboard_interrupt=False,
 )
-for verb in (train, evaluate, export, deploy, compare, replay, demo, doctor):
+for verb in (train, sweep, watch, evaluate, export, deploy, compare, replay, demo, diagnose, doctor):
     app.command(verb)
 
 

@@ -33,8 +33,8 @@ def _whole(_: type, tokens: Any) -> int:
         raise ValueError(f"expected a whole number, found '{tokens[0].value}'") from None
 
 
-def _positive(_: type, value: float) -> None:
-    if not (math.isfinite(value) and value > 0):
+def _positive(_: type, value: float | None) -> None:
+    if value is not None and not (math.isfinite(value) and value > 0):
         raise ValueError("Must be a number above 0.")
 
 

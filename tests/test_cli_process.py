@@ -11,6 +11,11 @@ import pytest
 
 FOOTFALL = [sys.executable, "-m", "footfall"]
 
+VERBS = (
+    "train", "sweep", "watch", "evaluate", "export", "deploy", "compare", "replay", "demo", "diagnose",
+    "doctor",
+)  # fmt: skip
+
 
 def run(*tokens: str, **options) -> subprocess.CompletedProcess[str]:
     return subprocess.run([*FOOTFALL, *tokens], capture_output=True, text=True, check=False, **options)
@@ -22,14 +27,12 @@ def test_help_names_every_verb_and_loads_no_room() -> None:
         "print([m for m in ('jax', 'mujoco', 'onnxruntime', 'can', 'matplotlib') if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    for verb in ("train", "evaluate", "export", "deploy", "compare", "replay", "demo", "doctor"):
+    for verb in VERBS:
         assert f" {verb} " in done.stdout
     assert done.stdout.rstrip().endswith("[]")
 
 
-@pytest.mark.parametrize(
-    "verb", ["train", "evaluate", "export", "deploy", "compare", "replay", "demo", "doctor"]
-)
+@pytest.mark.parametrize("verb", VERBS)
 def test_every_verb_explains_itself(verb: str) -> None:
     done = run(verb, "--help")
     assert done.returncode == 0

@@ -27,6 +27,12 @@ def test_a_clock_alone_is_no_prior(contract: Contract) -> None:
     assert kind(learned(replace(contract, gait=None))) == "learned policy, 50 Hz, no motion prior"
 
 
+def test_a_learned_policy_names_its_trainer(contract: Contract) -> None:
+    policy = learned(replace(contract, gait=None))
+    policy.trainer = "rsl_rl"
+    assert kind(policy) == "learned policy (trained by rsl_rl), 50 Hz, no motion prior"
+
+
 def test_hand_written_controllers_say_whether_they_estimate_velocity(go1: Robot) -> None:
     assert kind(load_policy("stand", go1)) == "hand-written controller, 500 Hz"
     assert "on estimated velocity" in kind(load_policy("mpc", go1))

@@ -10,7 +10,19 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-LEARNING_ONLY = ("jax", "jaxlib", "brax", "torch", "flax", "optax", "mujoco.mjx", "onnx", "tensorboardX")
+LEARNING_ONLY = (
+    "jax",
+    "jaxlib",
+    "brax",
+    "torch",
+    "rsl_rl",
+    "tensordict",
+    "flax",
+    "optax",
+    "mujoco.mjx",
+    "onnx",
+    "tensorboardX",
+)
 
 # Each room, and the rooms that it may import; itself always. footfall joins the wings.
 ALLOWED = {

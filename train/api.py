@@ -1,30 +1,36 @@
 """Train, resume and export: what the command line calls."""
 
-import math
 import os
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import jax
 import numpy as np
+from rich.console import Console
 
-from envs.velocity import VelocityEnv
 from robots.description import Robot, load_robot
 from robots.errors import UserError
 from robots.versions import versions
-from train import checkpoint
+from train import checkpoint, cluster
 from train.config import load_preset
+from train.diagnosis import Diagnosis, replay_failure
 from train.display import Display
 from train.export import export
-from train.metrics import MetricsLog
-from train.networks import make_networks
-from train.ppo import TrainState, initial_state, make_iteration
-from train.provenance import PACKAGES, git_revision
-from train.run import Provenance, Run, create_run, open_run
+from train.failure import device_failures, failed, non_finite_leaves, not_finite
+from train.journal import Follower, Journal
+from train.networks import trained_actor
+from train.parts import Parts, assemble
+from train.provenance import PACKAGES, TRAINER_PACKAGES, git_revision
+from train.rsl_rl_extra import rsl_rl_back_end
+from train.run import Provenance, Run, Trainer, create_run, open_run
 from train.stop import StopRequest
+
+RUN_MADE = "run folder made"
 
 
 @dataclass(frozen=True)
@@ -36,6 +42,8 @@ class TrainRequest:
     seed: int = 0
     out: Path | None = None  # default: runs/<robot>-<preset>-<seed>-<time>
     total_steps: int | None = None  # instead of the preset's
+    checkpoint_interval_s: float | None = None  # instead of the preset's
+    trainer: Trainer = "brax"
 
 
 def train(request: TrainRequest) -> Path:
@@ -44,91 +52,113 @@ def train(request: TrainRequest) -> Path:
     Raises:
         UserError: no such robot or preset, a folder in use, a full disk, or a training that diverged.
     """
+    return resume(begin(request))
+
+
+def begin(request: TrainRequest) -> Path:
+    """Make the run folder of a training that `resume` then starts; returns the folder.
+
+    Of several processes the first makes it, the others wait.
+
+    Raises:
+        UserError: no such robot or preset, a folder in use, or a request that does not suit a cluster.
+    """
+    if cluster.processes() > 1:
+        _check_cluster(request)
+    if not cluster.leads():
+        cluster.wait_for_all(RUN_MADE)
+        return request.out or Path()
+    folder = _make_run(request)
+    cluster.wait_for_all(RUN_MADE)
+    return folder
+
+
+def _check_cluster(request: TrainRequest) -> None:
+    if request.out is None:
+        raise UserError("several processes must know their run folder: give each the same --out")
+    if request.trainer != "brax":
+        raise UserError(f"--trainer {request.trainer} trains in one process: leave --coordinator out")
+
+
+def _make_run(request: TrainRequest) -> Path:
     config = load_preset(request.preset)
     if request.total_steps is not None:
         config = replace(config, ppo=replace(config.ppo, total_steps=request.total_steps))
+    if request.checkpoint_interval_s is not None:
+        config = replace(config, checkpoint_interval_s=request.checkpoint_interval_s)
     robot = load_robot(request.robot)
+    if request.trainer == "rsl_rl":
+        rsl_rl_back_end()  # its lack is to be known before there is a folder
     now = datetime.now(UTC)
     name = f"{robot.name}-{Path(request.preset).stem}-{request.seed}-{now:%Y%m%d-%H%M%S}"
     provenance = Provenance(
         robot=request.robot if robot.name == request.robot else str(robot.folder),
         seed=request.seed,
         preset=request.preset,
-        trainer="brax",
+        trainer=request.trainer,
         device=jax.devices()[0].device_kind,
         revision=git_revision(),
         created=now.isoformat(timespec="seconds"),
-        versions=versions(PACKAGES),
+        versions=versions((*PACKAGES, *TRAINER_PACKAGES[request.trainer])),
     )
-    run = create_run(request.out or Path("runs") / name, provenance, config)
-    return _continue(run, robot)
+    return create_run(request.out or Path("runs") / name, provenance, config).folder
 
 
-def resume(folder: Path) -> Path:
-    """Continue a run that was stopped or killed, from its last checkpoint; returns the folder.
+def resume(folder: Path, display: Display | None = None) -> Path:
+    """Continue a run that was stopped, killed or only begun, from its last checkpoint; returns the folder.
+
+    `display` is told how it goes (default: the user, on the terminal).
 
     Raises:
         UserError: there is no such run, its robot changed, or a checkpoint is damaged.
     """
     run = open_run(folder)
-    return _continue(run, load_robot(run.provenance.robot))
+    if display is None:
+        display = Display(run.config.ppo.total_steps, None if cluster.leads() else Console(quiet=True))
+    return _continue(run, load_robot(run.provenance.robot), display)
 
 
-def export_run(folder: Path, out: Path | None = None) -> tuple[Path, float]:
-    """Export a run's last checkpoint; returns the file and the worst difference of an action.
+def diagnose(folder: Path, say: Callable[[str], None]) -> Diagnosis:
+    """Replay a failed training to the first thing that broke; `say` is told what is being done.
+
+    Raises:
+        UserError: there is no failed training in this folder, or it is another trainer's.
+    """
+    _use_compilation_cache()
+    return replay_failure(folder, say)
+
+
+def export_run(
+    folder: Path, out: Path | None = None, checkpoint_path: Path | None = None
+) -> tuple[Path, float]:
+    """Export a run's last checkpoint, or a given one; returns the file and the worst difference of an action.
 
     Raises:
         UserError: there is no checkpoint, the parity check fails, or `out` cannot be written.
     """
     run = open_run(folder)
-    newest = checkpoint.latest(run.checkpoints)
-    if newest is None:
+    chosen = checkpoint_path or checkpoint.latest(run.checkpoints)
+    if chosen is None:
         raise UserError(f"{folder} has no checkpoint yet")
-    parts = _assemble(run, load_robot(run.provenance.robot))
+    robot, path = load_robot(run.provenance.robot), out or run.policy
+    if run.provenance.trainer == "rsl_rl":
+        return path, rsl_rl_back_end().export_run(run, robot, chosen, path)
+    parts = assemble(run, robot)
     shapes = jax.eval_shape(parts.first_state)
-    state, observations = checkpoint.restore(newest, shapes)
-    path = out or run.policy
+    state, observations = checkpoint.restore(chosen, shapes)
     return path, _export(parts, state, observations, path)
 
 
-@dataclass(frozen=True)
-class _Parts:
-    """What a run's configuration builds."""
-
-    env: VelocityEnv
-    networks: Any
-    run: Run
-
-    def first_state(self) -> TrainState:
-        return initial_state(self.env, self.networks, self.run.config.ppo, self.run.provenance.seed)
-
-
-def _assemble(run: Run, robot: Robot) -> _Parts:
-    env = VelocityEnv(robot, run.config.env)
-    return _Parts(env, make_networks(env.observation_sizes, env.action_size, run.config.ppo), run)
-
-
-def _continue(run: Run, robot: Robot) -> Path:
-    """Train a run to its end, from its last checkpoint if it has one."""
+def _continue(run: Run, robot: Robot, display: Display) -> Path:
+    """Train a run to its end, from its last checkpoint if it has one, and export it."""
     _use_compilation_cache()
-    ppo = run.config.ppo
-    with Display(ppo.total_steps) as display:
+    train_run = rsl_rl_back_end().train_run if run.provenance.trainer == "rsl_rl" else _train_with_brax
+    with display:
         began = time.monotonic()
-        display.say(f"training {robot.name} on {jax.devices()[0].device_kind}, into {run.folder}")
-        parts = _assemble(run, robot)
-        newest = checkpoint.latest(run.checkpoints)
-        observations: Any = np.zeros(0)
-        if newest is None:
-            state = jax.jit(parts.first_state)()
-        else:
-            state, observations = checkpoint.restore(newest, jax.eval_shape(parts.first_state))
-            state = jax.device_put(state)
-            display.say(f"resuming from {newest.name}")
-        iterate = jax.jit(make_iteration(parts.env, parts.networks, ppo), donate_argnums=0)
-        compiled = iterate.lower(state).compile()
-        display.say(f"ready after {time.monotonic() - began:.1f} s")
-        state, observations = _iterate(run, compiled, state, observations, display)
-        difference = _export(parts, state, observations, run.policy)
+        who, where = run.provenance.trainer, jax.devices()[0].device_kind
+        display.say(f"training {robot.name} with {who} on {where}, into {run.folder}")
+        with device_failures(run):
+            difference = train_run(run, robot, display)
         display.say(
             f"exported {run.policy} after {time.monotonic() - began:.1f} s;"
             f" ONNX Runtime and the trainer differ by at most {difference:.1e}"
@@ -136,73 +166,81 @@ def _continue(run: Run, robot: Robot) -> Path:
     return run.folder
 
 
+def _train_with_brax(run: Run, robot: Robot, display: Display) -> float:
+    """Train and export; returns the worst difference of an action."""
+    began = time.monotonic()
+    parts = assemble(run, robot)
+    newest = checkpoint.latest(run.checkpoints)
+    if newest is not None:
+        display.say(f"resuming from {newest.name}")
+    state, observations, compiled = parts.prepare(newest)
+    display.say(f"ready after {time.monotonic() - began:.1f} s")
+    state, observations = _iterate(run, compiled, state, observations, display)
+    return _export(parts, state, observations, run.policy)
+
+
 def _iterate(run: Run, compiled: Any, state: Any, observations: Any, display: Display) -> tuple[Any, Any]:
     """Run the remaining iterations; log each one while the next is computed.
 
     A first Ctrl-C or SIGTERM ends the training after the iteration at hand, with a checkpoint.
     """
-    ppo = run.config.ppo
+    iterations = run.config.ppo.iterations
     done = int(state.iteration)
-    log = MetricsLog(run.folder, done * ppo.steps_per_iteration)
+    journal = Journal(run, done, display) if cluster.leads() else Follower(run)
     pending: dict[str, jax.Array] | None = None
-    saved_at = shown_at = time.monotonic()
+    stopped = False
     with StopRequest() as stop:
-        while done < ppo.iterations and not stop.requested:
+        while done < iterations and not stopped:
             state, metrics, observations = compiled(state)
             for value in metrics.values():  # now, or the copy would queue behind the next iteration
                 value.copy_to_host_async()
             if pending is not None:
-                shown_at = _report(run, done, pending, shown_at, log, display)
+                journal.report(done, _figures(pending))
             pending, done = metrics, done + 1
-            if time.monotonic() - saved_at > run.config.checkpoint_interval_s:
-                _check_finite(run, pending)
-                checkpoint.save(run.checkpoints, done, state, observations)
-                saved_at = time.monotonic()
+            stopped, due = cluster.as_the_leader_says(stop.requested, journal.checkpoint_due)
+            if due:
+                journal.report(done, _figures(pending))
+                pending = None
+                journal.keep(partial(_save, run, done, state, observations))
         if pending is not None:
-            _report(run, done, pending, shown_at, log, display)
-            checkpoint.save(run.checkpoints, done, state, observations)
-    log.close()
-    if done < ppo.iterations:
+            journal.report(done, _figures(pending))
+        (unsaved,) = cluster.as_the_leader_says(not checkpoint.path_of(run.checkpoints, done).exists())
+        if unsaved:
+            _save(run, done, state, observations)
+    journal.close()
+    if done < iterations:
         display.say(f"stopped; continue with: footfall train --resume {run.folder}")
         raise KeyboardInterrupt
     return state, observations
 
 
-def _report(
-    run: Run,
-    iteration: int,
-    pending: dict[str, jax.Array],
-    shown_at: float,
-    log: MetricsLog,
-    display: Display,
-) -> float:
-    """Wait for an iteration's metrics, record and show them; returns when they were there."""
-    metrics = {name: float(value) for name, value in jax.device_get(pending).items()}
-    now = time.monotonic()
-    size = run.config.ppo.steps_per_iteration
-    rate = size / max(now - shown_at, 1e-9)
-    log.write(iteration * size, metrics | {"speed/steps_per_s": rate})
-    _check_finite(run, metrics)
-    display.update(iteration * size, rate, metrics)
-    return now
+def _figures(metrics: dict[str, jax.Array]) -> dict[str, float]:
+    """Metrics on the host, once they are computed."""
+    return {name: float(value) for name, value in jax.device_get(metrics).items()}
 
 
-def _check_finite(run: Run, metrics: dict[str, Any]) -> None:
-    if not math.isfinite(float(metrics["learning/total_loss"])):
-        newest = checkpoint.latest(run.checkpoints)
-        raise UserError(
-            "training diverged: the loss is not finite;"
-            f" the last good checkpoint is {newest if newest else 'none'}"
-        )
+def _save(run: Run, done: int, state: Any, observations: Any) -> None:
+    """Write a checkpoint of a state that is worth it.
+
+    Raises:
+        CannotWriteError: the disk is full.
+        UserError: the state is not finite.
+    """
+    state, observations = cluster.on_the_host((state, observations))
+    broken = non_finite_leaves(state)
+    if not cluster.leads():
+        return
+    if broken:
+        raise failed(run, done, not_finite(broken))
+    checkpoint.save(run.checkpoints, done, state, observations)
 
 
-def _export(parts: _Parts, state: Any, observations: Any, path: Path) -> float:
-    policy, normalizer = jax.device_get((state.params.policy, state.normalizer))
-    logged = np.asarray(jax.device_get(observations))
-    try:
-        return export(parts.networks, normalizer, policy, parts.env.contract, logged, path)
-    except OSError as error:
-        raise UserError(f"cannot write {path}: {error.strerror}") from None
+def _export(parts: Parts, state: Any, observations: Any, path: Path) -> float:
+    policy, normalizer, logged = cluster.on_the_host((state.params.policy, state.normalizer, observations))
+    if not cluster.leads():
+        return 0.0
+    actor = trained_actor(parts.networks, normalizer, policy)
+    return export(actor, parts.env.contract, np.asarray(logged), path)
 
 
 def _use_compilation_cache() -> None:

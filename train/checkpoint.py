@@ -1,5 +1,6 @@
 """Checkpoints: the whole training state in one file, written whole or not at all."""
 
+import errno
 from pathlib import Path
 from typing import Any
 
@@ -7,10 +8,11 @@ import jax
 import numpy as np
 from flax import serialization
 
-from robots.errors import UserError
+from robots.errors import CannotWriteError, UserError
 from robots.files import write_atomically
 
 KEPT = 3
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
 SUFFIX = ".ckpt"
 
 
@@ -24,22 +26,54 @@ def save(folder: Path, iteration: int, state: Any, observations: Any) -> Path:
         observations: some that the actor saw, for the export's parity check.
 
     Raises:
-        UserError: the disk is full or the folder cannot be written; older checkpoints are untouched.
+        CannotWriteError: the disk is full or the folder cannot be written; the newest checkpoint that was
+            there is untouched.
     """
-    path = folder / f"{iteration:08d}{SUFFIX}"
     content = serialization.to_bytes(jax.device_get({"state": state, "observations": observations}))
+    return write(folder, iteration, content)
+
+
+def write(folder: Path, iteration: int, content: bytes) -> Path:
+    """Write a checkpoint's content, as `save` does.
+
+    Raises:
+        CannotWriteError: as `save`.
+    """
+    file = path_of(folder, iteration)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        write_atomically(path, content)
+        for unfinished in folder.glob(f".*{SUFFIX}.*"):  # by a process that was killed
+            unfinished.unlink()
+        _write(file, content)
     except OSError as error:
         newest = latest(folder)
-        raise UserError(
-            f"cannot write checkpoint {path}: {error.strerror};"
+        raise CannotWriteError(
+            f"cannot write checkpoint {file}: {error.strerror};"
             f" the last good one is {newest.name if newest else 'none'}"
         ) from None
-    for old in sorted(folder.glob(f"*{SUFFIX}"))[:-KEPT]:
+    _keep_newest(folder, KEPT)
+    return file
+
+
+def _write(path: Path, content: bytes) -> None:
+    """Write a file; where there is no room, make some by keeping one older checkpoint only."""
+    try:
+        write_atomically(path, content)
+    except OSError as error:
+        if error.errno not in NO_ROOM:
+            raise
+        _keep_newest(path.parent, 1)
+        write_atomically(path, content)
+
+
+def _keep_newest(folder: Path, count: int) -> None:
+    for old in sorted(folder.glob(f"*{SUFFIX}"))[:-count]:
         old.unlink()
-    return path
+
+
+def path_of(folder: Path, iteration: int) -> Path:
+    """Where the checkpoint after so many iterations is written."""
+    return folder / f"{iteration:08d}{SUFFIX}"
 
 
 def latest(folder: Path) -> Path | None:

@@ -30,6 +30,7 @@ class PpoConfig:
     actor_layers: tuple[int, ...]
     critic_layers: tuple[int, ...]
     desired_kl: float | None = None  # adapts the learning rate below its falling limit
+    symmetry: bool = False  # learn from mirror images too; the robot must be the same left and right
 
     def __post_init__(self) -> None:
         if self.environments % self.minibatches:
@@ -53,6 +54,7 @@ class TrainConfig:
     ppo: PpoConfig
     env: EnvConfig
     checkpoint_interval_s: float = 30.0
+    diverged_limit: float = 0.01  # share of control steps whose simulation may diverge, before training stops
 
 
 def available_presets() -> list[str]:

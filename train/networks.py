@@ -1,10 +1,15 @@
 """The actor and the critic: brax's PPO networks."""
 
+from typing import Any
+
 import jax
+import jax.numpy as jnp
+import numpy as np
 from brax.training.acme import running_statistics
 from brax.training.agents.ppo.networks import PPONetworks, make_ppo_networks
 from flax import linen
 
+from train.actor import Actor
 from train.config import PpoConfig
 
 
@@ -26,3 +31,29 @@ def make_networks(observation_sizes: dict[str, int], action_size: int, config: P
         mean_kernel_init_fn=jax.nn.initializers.orthogonal,
         mean_kernel_init_kwargs={"scale": 0.01},
     )
+
+
+def trained_actor(networks: PPONetworks, normalizer: Any, policy: Any) -> Actor:
+    """The actor of these parameters, on the host."""
+
+    def act(observed: np.ndarray) -> np.ndarray:
+        with jax.default_matmul_precision("highest"):
+            mean, _ = networks.policy_network.apply(normalizer, policy, {"state": jnp.asarray(observed)})
+        return np.asarray(mean)
+
+    mean, std = (np.asarray(x["state"], np.float32) for x in (normalizer.mean, normalizer.std))
+    return Actor("brax", mean, std, _dense_layers(policy), act)
+
+
+def _dense_layers(policy: Any) -> tuple[tuple[np.ndarray, np.ndarray], ...]:
+    """Kernels and biases of the actor's hidden and mean layers, in order."""
+    tree = policy["params"]
+    dense: dict[str, dict[str, np.ndarray]] = {}
+    for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
+        names = [str(getattr(part, "key", part)) for part in path]
+        if names[-1] in {"kernel", "bias"}:
+            dense.setdefault("/".join(names[:-1]), {})[names[-1]] = np.asarray(leaf, np.float32)
+    layers = [(name, part["kernel"], part["bias"]) for name, part in dense.items()]
+    hidden = sorted((x for x in layers if "hidden" in x[0]), key=lambda x: int(x[0].rsplit("_", 1)[1]))
+    final = [x for x in layers if "hidden" not in x[0]]
+    return tuple((kernel, bias) for _, kernel, bias in [*hidden, *final])

@@ -16,9 +16,14 @@ from brax.training.agents.ppo.losses import PPONetworkParams, compute_ppo_loss
 from brax.training.agents.ppo.networks import PPONetworks, make_inference_fn
 from brax.training.agents.ppo.optimizer import adaptive_kl_learning_rate
 from brax.training.types import Transition
+from jax.sharding import Mesh
 
+from envs.batch import step_batch
+from envs.symmetry import EnvironmentMirror
 from envs.velocity import State, VelocityEnv
 from train.config import PpoConfig
+from train.devices import AXIS, DIVIDED, EACH, mean_over_devices
+from train.symmetry import mirror_half
 
 LEAST_LEARNING_RATE = 1e-5
 LEAST_STD = 0.02  # of a normalised observation: a reading that hardly varies is not blown up
@@ -35,6 +40,10 @@ class TrainState(NamedTuple):
     observation: dict[str, jax.Array]
     key: jax.Array
     iteration: jax.Array
+
+
+_WHERE: dict[str, Any] = dict.fromkeys(TrainState._fields, EACH) | {"env": DIVIDED, "observation": DIVIDED}
+STATE_SPECS = TrainState(**_WHERE)  # how each part of a state lies on several devices
 
 
 def make_optimizer(config: PpoConfig) -> optax.GradientTransformation:
@@ -72,14 +81,109 @@ def initial_state(env: VelocityEnv, networks: PPONetworks, config: PpoConfig, se
 
 
 def make_iteration(
-    env: VelocityEnv, networks: PPONetworks, config: PpoConfig
+    env: VelocityEnv,
+    networks: PPONetworks,
+    config: PpoConfig,
+    mesh: Mesh | None = None,
+    mirror: EnvironmentMirror | None = None,
 ) -> Callable[[TrainState], tuple[TrainState, dict[str, jax.Array], jax.Array]]:
     """The function from a state to the next: roll out, learn, normalise.
 
+    Over several devices, each one rolls out and learns from its share of the environments; gradients and
+    statistics are averaged. With a mirror, learning is augmented by mirror images.
+
     It returns the new state, scalar metrics, and some of the observations that the actor saw.
     """
-    optimizer = make_optimizer(config)
+    devices = 1 if mesh is None else mesh.size
+    mean = mean_over_devices(devices)
+    roll_out, learn = make_rollout(env, networks, config), make_learning(networks, config, devices, mirror)
+
+    def iteration(state: TrainState) -> tuple[TrainState, dict[str, jax.Array], jax.Array]:
+        device = jnp.int32(0) if devices == 1 else jax.lax.axis_index(AXIS)
+        key, step_keys, learn_key = iteration_keys(state, config, device)
+        (env_state, observation), (rollout, metrics) = roll_out(state, step_keys)
+        params, optimizer_state, losses = learn(state, rollout, observation, learn_key)
+        # Updated after learning, so that the behaviour's log-probabilities stay comparable.
+        normalizer = running_statistics.update(
+            state.normalizer,
+            rollout.observation,
+            std_min_value=LEAST_STD,
+            pmap_axis_name=AXIS if devices > 1 else None,
+        )
+        done, length = mean((metrics.pop("done").sum(), metrics.pop("length").sum()))
+        scalars = {name: jnp.mean(value) for name, value in metrics.items()}
+        scalars |= {f"learning/{name}": jnp.mean(value) for name, value in losses.items()}
+        scalars |= {"reward/total": rollout.reward.mean() / env.period_s}
+        scalars = mean(scalars) | {"episode/length_s": length / jnp.maximum(done, 1.0) * env.period_s}
+        logged = LOGGED_OBSERVATIONS // devices
+        seen = rollout.observation["state"]
+        kept = seen[-1, :logged]
+        if kept.shape[0] < logged:
+            kept = seen.reshape((-1, seen.shape[-1]))[-logged:]
+        next_state = TrainState(
+            params, optimizer_state, normalizer, env_state, observation, key, state.iteration + 1
+        )
+        return next_state, scalars, kept
+
+    if devices == 1:
+        return iteration
+    outputs = (STATE_SPECS, EACH, DIVIDED)
+    return jax.shard_map(iteration, mesh=mesh, in_specs=(STATE_SPECS,), out_specs=outputs, check_vma=False)
+
+
+def iteration_keys(
+    state: TrainState, config: PpoConfig, device: jax.Array | int = 0
+) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """An iteration's randomness: the next state's key, a key for each control step, and learning's.
+
+    The first is the same on each device, the others are not.
+    """
+    key, rollout_key, learn_key = jax.random.split(state.key, 3)
+    rollout_key, learn_key = jax.random.fold_in(rollout_key, device), jax.random.fold_in(learn_key, device)
+    return key, jax.random.split(rollout_key, config.unroll), learn_key
+
+
+def make_rollout(
+    env: VelocityEnv, networks: PPONetworks, config: PpoConfig
+) -> Callable[[TrainState, jax.Array], tuple[tuple, tuple[Transition, dict[str, jax.Array]]]]:
+    """The function that acts for one control step per key.
+
+    It returns the environments' state and observation to go on with, and of each step (time, environment)
+    the transition and the environment's metrics.
+    """
     make_policy = make_inference_fn(networks)
+
+    def environment_step(carry: tuple, key: jax.Array, policy: Callable) -> tuple[tuple, tuple]:
+        env_state, observation = carry
+        action, policy_extras = policy(observation, key)
+        env_state, next_observation, step = step_batch(env, env_state, action)
+        transition = Transition(
+            observation=observation,
+            action=action,
+            reward=step.reward,
+            discount=1.0 - step.metrics["done"],
+            next_observation=None,  # the loss reads the last one only; see `learn`
+            extras={"policy_extras": policy_extras, "state_extras": {"truncation": step.truncated}},
+        )
+        return (env_state, next_observation), (transition, step.metrics)
+
+    def roll_out(state: TrainState, keys: jax.Array) -> tuple[tuple, tuple[Transition, dict[str, jax.Array]]]:
+        policy = make_policy((state.normalizer, state.params.policy))
+        level = env.level(state.iteration * float(config.steps_per_iteration))
+        start = (env.at_level(state.env, level), state.observation)
+        return jax.lax.scan(partial(environment_step, policy=policy), start, keys)
+
+    return roll_out
+
+
+def make_learning(
+    networks: PPONetworks, config: PpoConfig, devices: int = 1, mirror: EnvironmentMirror | None = None
+) -> Callable[[TrainState, Transition, dict[str, jax.Array], jax.Array], tuple[Any, Any, dict]]:
+    """The function that learns from a rollout and the observation after it, on each of some devices.
+
+    It returns parameters, the optimiser's state, and the losses (pass, minibatch).
+    """
+    optimizer, mean = make_optimizer(config), mean_over_devices(devices)
     loss = partial(
         compute_ppo_loss,
         ppo_network=networks,
@@ -89,29 +193,11 @@ def make_iteration(
         clipping_epsilon=config.clip,
     )
 
-    def environment_step(carry: tuple, key: jax.Array, policy: Callable) -> tuple[tuple, tuple]:
-        env_state, observation = carry
-        action, policy_extras = policy(observation, key)
-        with jax.default_matmul_precision("highest"):
-            next_state, step = jax.vmap(env.step)(env_state, action)
-            done = jnp.maximum(step.terminated, step.truncated)
-            restarted = jax.vmap(env.reset)(next_state.key, next_state.level)
-        carry = _select(done, restarted, (next_state, step.observation))
-        transition = Transition(
-            observation=observation,
-            action=action,
-            reward=step.reward,
-            discount=1.0 - done,
-            next_observation=carry[1],
-            extras={"policy_extras": policy_extras, "state_extras": {"truncation": step.truncated}},
-        )
-        ended = {"done": done, "length": done * next_state.steps}
-        return carry, (transition._replace(next_observation=None), step.metrics | ended, step.reward)
-
     def minibatch(carry: tuple, data: Transition, normalizer: Any, limit: jax.Array) -> tuple[tuple, dict]:
         params, optimizer_state, key = carry
         key, loss_key = jax.random.split(key)
         gradient, metrics = jax.grad(loss, has_aux=True)(params, normalizer, data, loss_key)
+        gradient, metrics["kl_mean"] = mean((gradient, metrics["kl_mean"]))
         updates, optimizer_state = optimizer.update(gradient, optimizer_state, params)
         metrics["gradient_norm"] = optax.global_norm(gradient)
         if config.desired_kl is not None:
@@ -122,53 +208,35 @@ def make_iteration(
         return (optax.apply_updates(params, updates), optimizer_state, key), metrics
 
     def one_pass(
-        carry: tuple, _: None, data: Transition, normalizer: Any, limit: jax.Array
+        carry: tuple, _: None, data: Transition, behaviour: tuple, limit: jax.Array
     ) -> tuple[tuple, dict]:
         params, optimizer_state, key = carry
-        key, shuffle_key = jax.random.split(key)
-        order = jax.random.permutation(shuffle_key, config.environments)
+        key, shuffle_key, mirror_key = jax.random.split(key, 3)
+        if mirror is not None:
+            data = mirror_half(data, mirror, networks, behaviour, mirror_key)
+        order = jax.random.permutation(shuffle_key, data.reward.shape[0])
         batches = jax.tree.map(lambda x: x[order].reshape((config.minibatches, -1, *x.shape[1:])), data)
         return jax.lax.scan(
-            partial(minibatch, normalizer=normalizer, limit=limit), (params, optimizer_state, key), batches
+            partial(minibatch, normalizer=behaviour[0], limit=limit), (params, optimizer_state, key), batches
         )
 
-    def iteration(state: TrainState) -> tuple[TrainState, dict[str, jax.Array], jax.Array]:
-        key, rollout_key, learn_key = jax.random.split(state.key, 3)
-        policy = make_policy((state.normalizer, state.params.policy))
-        level = env.level(state.iteration * float(config.steps_per_iteration))
-        (env_state, observation), (rollout, metrics, reward) = jax.lax.scan(
-            partial(environment_step, policy=policy),
-            (env.at_level(state.env, level), state.observation),
-            jax.random.split(rollout_key, config.unroll),
-        )
+    def learn(
+        state: TrainState, rollout: Transition, observation: dict[str, jax.Array], key: jax.Array
+    ) -> tuple[Any, Any, dict]:
         # brax's loss wants (environment, time); of the next observations it reads the last one only.
         data = jax.tree.map(lambda x: jnp.swapaxes(x, 0, 1), rollout)
         data = data._replace(next_observation=jax.tree.map(lambda x: x[:, None], observation))
         limit = learning_rate_limit(state.iteration, config)
         rate = limit if config.desired_kl is None else jnp.minimum(_learning_rate(state.optimizer), limit)
         (params, optimizer_state, _), losses = jax.lax.scan(
-            partial(one_pass, data=data, normalizer=state.normalizer, limit=limit),
-            (state.params, _with_learning_rate(state.optimizer, rate), learn_key),
+            partial(one_pass, data=data, behaviour=(state.normalizer, state.params.policy), limit=limit),
+            (state.params, _with_learning_rate(state.optimizer, rate), key),
             None,
             length=config.passes,
         )
-        # Updated after learning, so that the behaviour's log-probabilities stay comparable.
-        normalizer = running_statistics.update(state.normalizer, rollout.observation, std_min_value=LEAST_STD)
-        done = jnp.maximum(metrics.pop("done").sum(), 1.0)
-        length = metrics.pop("length").sum() / done
-        scalars = {name: jnp.mean(value) for name, value in metrics.items()}
-        scalars |= {f"learning/{name}": jnp.mean(value) for name, value in losses.items()}
-        scalars |= {"episode/length_s": length * env.period_s, "reward/total": reward.mean() / env.period_s}
-        seen = rollout.observation["state"]
-        kept = seen[-1, :LOGGED_OBSERVATIONS]
-        if kept.shape[0] < LOGGED_OBSERVATIONS:
-            kept = seen.reshape((-1, seen.shape[-1]))[-LOGGED_OBSERVATIONS:]
-        next_state = TrainState(
-            params, optimizer_state, normalizer, env_state, observation, key, state.iteration + 1
-        )
-        return next_state, scalars, kept
+        return params, optimizer_state, losses
 
-    return iteration
+    return learn
 
 
 def _learning_rate(optimizer_state: Any) -> jax.Array:
@@ -179,12 +247,3 @@ def _with_learning_rate(optimizer_state: Any, rate: jax.Array) -> Any:
     adam = optimizer_state[-1]
     changed = adam._replace(hyperparams={**adam.hyperparams, "learning_rate": rate})
     return (*optimizer_state[:-1], changed)
-
-
-def _select(condition: jax.Array, yes: Any, no: Any) -> Any:
-    """`yes` where the condition (environments,) holds, else `no`, leaf by leaf."""
-
-    def choose(a: jax.Array, b: jax.Array) -> jax.Array:
-        return jnp.where(condition.reshape((-1,) + (1,) * (a.ndim - 1)) > 0, a, b)
-
-    return jax.tree.map(choose, yes, no)

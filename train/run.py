@@ -2,11 +2,14 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from robots.config import dump, load
 from robots.errors import UserError
 from robots.files import write_atomically
 from train.config import TrainConfig
+
+Trainer = Literal["brax", "rsl_rl"]
 
 
 @dataclass(frozen=True)
@@ -16,7 +19,7 @@ class Provenance:
     robot: str
     seed: int
     preset: str
-    trainer: str
+    trainer: Trainer
     device: str
     revision: str
     created: str

@@ -1,18 +1,23 @@
 """Stopping a training between iterations, never inside one."""
 
 import signal
+import threading
 from types import FrameType, TracebackType
 
 
 class StopRequest:
-    """Turns the first SIGINT or SIGTERM into a flag; a second one interrupts at once."""
+    """Turns the first SIGINT or SIGTERM into a flag; a second one interrupts at once.
+
+    In another thread than the main one, which alone gets signals, it is never requested.
+    """
 
     def __init__(self) -> None:
         self.requested = False
         self._previous: dict[int, signal._HANDLER] = {}
 
     def __enter__(self) -> "StopRequest":
-        for number in (signal.SIGINT, signal.SIGTERM):
+        main = threading.current_thread() is threading.main_thread()
+        for number in (signal.SIGINT, signal.SIGTERM) if main else ():
             self._previous[number] = signal.signal(number, self._handle)
         return self
 

@@ -1,0 +1,26 @@
+"""`footfall diagnose`."""
+
+from pathlib import Path
+
+from footfall.learning import learning_wing
+
+
+def diagnose(run: Path, /) -> int:
+    """Replay a failed training to the first thing that broke; exit 0 if it fails again, 1 if not.
+
+    Parameters
+    ----------
+    run
+        A run folder whose training failed.
+    """
+    wing = learning_wing()
+    result = wing.diagnose(run, say=lambda text: print(text, flush=True))
+    failure = result.failure
+    if result.device != failure.device:
+        print(f"it failed on {failure.device}, this is {result.device}: the replay is approximate")
+    print(f"iteration {failure.iteration} failed then: {failure.reason}")
+    print(f"iteration {failure.iteration} fails now: {result.reason or 'no, it does not'}")
+    print(f"first: {result.finding}")
+    if result.saved is not None:
+        print(f"the environment before that step is in {result.saved}")
+    return 0 if result.reason is not None else 1

@@ -1,0 +1,86 @@
+"""Two processes train one policy: the first writes, both compute the same."""
+
+import json
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("jax")
+
+PATIENCE_S = 420
+
+
+def start(folder: Path, process: int, *options: str) -> subprocess.Popen[str]:
+    arguments = ["train", *options, "--no-evaluate", "--processes", "2", "--process", str(process)]
+    return subprocess.Popen(
+        [sys.executable, "-m", "footfall", *arguments],
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+
+
+def both(folder: Path, *options: str) -> list[tuple[int, str]]:
+    """Exit status and output of each process."""
+    with socket.socket() as free:
+        free.bind(("localhost", 0))
+        coordinator = f"localhost:{free.getsockname()[1]}"
+    started = [start(folder, process, "--coordinator", coordinator, *options) for process in (0, 1)]
+    try:
+        outputs = [process.communicate(timeout=PATIENCE_S)[0] for process in started]
+    finally:
+        for process in started:
+            process.kill()
+    return [(process.returncode, output) for process, output in zip(started, outputs, strict=True)]
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[tuple[int, str]]]:
+    folder = tmp_path_factory.mktemp("cluster")
+    options = ("--preset", "smoke", "--steps", "1024", "--checkpoint-interval", "0.001", "--out", "run")
+    return folder / "run", both(folder, *options)
+
+
+def test_both_processes_end_well_and_the_first_one_speaks(run: tuple[Path, list[tuple[int, str]]]) -> None:
+    _, ((status, said), (other_status, other_said)) = run
+    assert (status, other_status) == (0, 0), said + other_said
+    assert "exported" in said
+    assert "exported" not in other_said
+
+
+def test_the_run_is_one_whole_run(run: tuple[Path, list[tuple[int, str]]]) -> None:
+    folder, _ = run
+    lines = [json.loads(line) for line in (folder / "metrics.jsonl").read_text().splitlines()]
+    assert [line["step"] for line in lines] == [256, 512, 768, 1024]
+    assert (folder / "policy.onnx").is_file()
+    assert [path.name for path in sorted((folder / "checkpoints").iterdir())][-1] == "00000004.ckpt"
+
+
+def test_it_goes_on_in_one_process_as_well(run: tuple[Path, list[tuple[int, str]]]) -> None:
+    folder, _ = run
+    config = folder / "config.yaml"
+    config.write_text(config.read_text().replace("total_steps: 1024", "total_steps: 1280"))
+    command = [sys.executable, "-m", "footfall", "train", "--resume", str(folder), "--no-evaluate"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "resuming from 00000004.ckpt" in done.stdout
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("--processes", "2"),
+        ("--coordinator", "localhost:1", "--processes", "2"),
+        ("--coordinator", "auto", "--processes", "2", "--process", "0"),
+    ],
+)
+def test_half_a_cluster_is_refused_in_one_line(options: tuple[str, ...], tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "footfall", "train", "--preset", "smoke", *options]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 2
+    assert "--coordinator HOST:PORT, --processes and --process" in done.stdout + done.stderr
+    assert not any(tmp_path.iterdir())

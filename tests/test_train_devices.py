@@ -1,0 +1,40 @@
+"""Training on several devices: each learns from its share, all end with the same parameters."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("jax")
+
+SCRIPT = Path(__file__).parent / "two_devices.py"
+TWO = {"XLA_FLAGS": "--xla_force_host_platform_device_count=2", "JAX_PLATFORMS": "cpu"}
+
+
+@pytest.fixture(scope="module")
+def seen() -> dict[str, float]:
+    command = [sys.executable, str(SCRIPT)]
+    done = subprocess.run(
+        command, env=os.environ | TWO, capture_output=True, text=True, timeout=300, check=False
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def test_the_same_share_on_each_device_teaches_what_it_teaches_one(seen: dict[str, float]) -> None:
+    assert seen["moved"] > 1e-3
+    assert seen["same_share_on_both"] < 1e-6
+
+
+def test_what_any_device_sees_reaches_all_of_them(seen: dict[str, float]) -> None:
+    assert seen["other_share_on_the_second"] > 1e-4
+    assert seen["between_devices"] == 0.0
+
+
+def test_environments_are_divided_and_parameters_are_everywhere(seen: dict[str, float]) -> None:
+    assert seen["devices"] == 2
+    assert seen["environments_of_each"] == 16
+    assert seen["copies_of_parameters"] == 2

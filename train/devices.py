@@ -1,0 +1,57 @@
+"""Data-parallel training: environments are divided among all devices, everything else is on each of them."""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+from jax.flatten_util import ravel_pytree
+from jax.sharding import AxisType, Mesh, NamedSharding, PartitionSpec
+
+AXIS = "devices"
+EACH = PartitionSpec()  # the same on each device
+DIVIDED = PartitionSpec(AXIS)  # along the first dimension
+
+
+def in_a_row(count: int | None = None) -> Mesh:
+    """Every device of every process, or the first few of them."""
+    devices = jax.devices()[:count]
+    return jax.make_mesh((len(devices),), (AXIS,), (AxisType.Auto,), devices=devices)
+
+
+def shardings(specs: Any, tree: Any, mesh: Mesh) -> Any:
+    """The sharding of each leaf.
+
+    Args:
+        specs: a tree prefix of `tree` with `EACH` or `DIVIDED` at its leaves.
+        tree: arrays or their shapes.
+        mesh: the devices.
+    """
+
+    def below(spec: PartitionSpec, subtree: Any) -> Any:
+        return jax.tree.map(lambda _: NamedSharding(mesh, spec), subtree)
+
+    return jax.tree.map(below, specs, tree, is_leaf=lambda node: isinstance(node, PartitionSpec))
+
+
+def place(tree: Any, sharding: Any) -> Any:
+    """Put host arrays, the same in every process, where they belong."""
+
+    def put(leaf: Any, where: NamedSharding) -> jax.Array:
+        return jax.make_array_from_callback(leaf.shape, where, lambda index: leaf[index])
+
+    return jax.tree.map(put, tree, sharding)
+
+
+def mean_over_devices(count: int) -> Callable[[Any], Any]:
+    """The mean of each float leaf over the devices, inside a function that runs on each of them.
+
+    The leaves travel as one vector: one collective operation costs less than dozens of small ones.
+    """
+    if count == 1:
+        return lambda tree: tree
+
+    def mean(tree: Any) -> Any:
+        vector, unravel = ravel_pytree(tree)
+        return unravel(jax.lax.pmean(vector, AXIS))
+
+    return mean

@@ -1,0 +1,88 @@
+"""What a run's configuration builds: environment, networks, and the function that trains them."""
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+from brax.training.agents.ppo.networks import PPONetworks
+from jax.sharding import Mesh
+
+from envs.symmetry import EnvironmentMirror, environment_mirror
+from envs.velocity import VelocityEnv
+from robots.description import Robot
+from robots.errors import UserError
+from train import checkpoint
+from train.devices import in_a_row, place, shardings
+from train.networks import make_networks
+from train.ppo import STATE_SPECS, TrainState, initial_state, make_iteration
+from train.run import Run
+
+Iteration = Callable[[TrainState], tuple[TrainState, dict[str, Any], Any]]
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The parts of one run."""
+
+    env: VelocityEnv
+    networks: PPONetworks
+    run: Run
+    mesh: Mesh  # the devices it trains on
+
+    @property
+    def mirror(self) -> EnvironmentMirror | None:
+        if not self.run.config.ppo.symmetry:
+            return None
+        return environment_mirror(self.env.robot, self.env.config, self.env.contract)
+
+    def first_state(self) -> TrainState:
+        return initial_state(self.env, self.networks, self.run.config.ppo, self.run.provenance.seed)
+
+    def iteration(self) -> Iteration:
+        return make_iteration(self.env, self.networks, self.run.config.ppo, self.mesh, self.mirror)
+
+    def prepare(self, start: Path | None) -> tuple[TrainState, Any, Iteration]:
+        """Everything that a training begins with; what has to be compiled is compiled side by side.
+
+        Args:
+            start: the checkpoint to continue from, or None.
+
+        Returns:
+            The state, observations that the actor saw before it, and the compiled iteration, which takes
+            the state's memory for its own.
+
+        Raises:
+            UserError: the checkpoint is damaged or of another configuration.
+        """
+        shapes = jax.eval_shape(self.first_state)
+        where = shardings(STATE_SPECS, shapes, self.mesh)
+        iterate = jax.jit(self.iteration(), donate_argnums=0, in_shardings=(where,))
+        if start is not None:
+            state, observations = checkpoint.restore(start, shapes)
+            return place(state, where), observations, iterate.lower(shapes).compile()
+        first = jax.jit(self.first_state, out_shardings=where)
+        # Nothing may run on the devices meanwhile: XLA times its choices of kernels there.
+        with ThreadPoolExecutor(1) as beside:
+            first_compiled = beside.submit(lambda: first.lower().compile())
+            compiled = iterate.lower(shapes).compile()
+        return first_compiled.result()(), np.zeros(0), compiled
+
+
+def assemble(run: Run, robot: Robot, devices: int | None = None) -> Parts:
+    """Build the parts of a run, for the first few devices or all of them.
+
+    Raises:
+        UserError: the configuration does not fit the robot or the devices.
+    """
+    mesh, ppo = in_a_row(devices), run.config.ppo
+    if ppo.environments % (ppo.minibatches * mesh.size):
+        raise UserError(
+            f"ppo.environments {ppo.environments} cannot be divided among {mesh.size} devices"
+            f" and {ppo.minibatches} minibatches: give a multiple of {ppo.minibatches * mesh.size}"
+        )
+    env = VelocityEnv(robot, run.config.env)
+    return Parts(env, make_networks(env.observation_sizes, env.action_size, ppo), run, mesh)
