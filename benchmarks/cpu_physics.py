@@ -1,0 +1,160 @@
+"""C physics against MJX on this machine's processors: the physics, the environment, PPO's iteration.
+
+    python benchmarks/cpu_physics.py
+
+Both have the cpu preset's settings, and each its best batch size. Rounds alternate in one process, so that
+what else the machine does falls upon both; each figure is the median of the rounds, and the ratio of the
+medians. Run it on a quiet machine.
+"""
+
+import argparse
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import footfall.gym
+from envs.batch import step_batch
+from envs.physics import Drive, Motion
+from envs.velocity import PHYSICS, VelocityEnv
+from robots.actuator import Motor
+from robots.description import load_robot
+from robots.model import training_model
+from train.config import TrainConfig, load_preset
+from train.networks import make_networks
+from train.ppo import initial_state, make_iteration
+
+ROBOT = load_robot("go1")
+Round = Callable[[], int]  # does some work and waits for it; returns the environment steps done
+
+
+def main() -> None:
+    """Measure all and print one line for each level."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--batches", type=int, nargs="+", default=[256, 1024])
+    parser.add_argument("--rounds", type=int, default=7)
+    parser.add_argument("--levels", nargs="+", choices=list(LEVELS), default=list(LEVELS))
+    options = parser.parse_args()
+    preset = load_preset("cpu")
+    for name in options.levels:
+        rounds = {
+            (physics, batch): LEVELS[name](with_physics(preset, physics), batch)
+            for physics in PHYSICS
+            for batch in options.batches
+        }
+        rates = measure(rounds, options.rounds)
+        best = {physics: max((r, b) for (p, b), r in rates.items() if p == physics) for physics in PHYSICS}
+        (c, c_batch), (mjx, mjx_batch) = best["c"], best["mjx"]
+        print(
+            f"{name:12s} C {c:7.0f} /s ({c_batch} robots), MJX {mjx:7.0f} /s ({mjx_batch} robots):"
+            f" {c / mjx:.1f} times",
+            flush=True,
+        )
+
+
+def measure(rounds: dict[Any, Round], count: int) -> dict[Any, float]:
+    """Environment steps per second of each, median over rounds that take turns."""
+    seen: dict[Any, list[float]] = {key: [] for key in rounds}
+    for one in rounds.values():
+        one()  # compiles
+    for _ in range(count):
+        for key, one in rounds.items():
+            began = time.perf_counter()
+            steps = one()
+            seen[key].append(steps / (time.perf_counter() - began))
+    return {key: statistics.median(rates) for key, rates in seen.items()}
+
+
+def with_physics(preset: TrainConfig, physics: Any) -> TrainConfig:
+    return replace(preset, env=replace(preset.env, physics=physics))
+
+
+def physics_alone(config: TrainConfig, batch: int, calls: int = 20) -> Round:
+    """Robots that hold poses near the default one."""
+    substeps = config.env.substeps
+    model = training_model(ROBOT, 1.0 / config.env.control_rate_hz / substeps)
+    simulate = jax.vmap(PHYSICS[config.env.physics](model, ROBOT))
+    state, _ = begin(VelocityEnv(ROBOT, config.env), batch)
+
+    def each(values: np.ndarray) -> jax.Array:
+        return jnp.tile(jnp.asarray(values, jnp.float32), (batch, 1))
+
+    target = jnp.repeat(state.target[:, None], substeps, axis=1)
+    bias = jnp.zeros_like(state.target)
+    drive = Drive(target, each(ROBOT.kp), each(ROBOT.kd), Motor(*map(each, ROBOT.motor)), bias)
+
+    @jax.jit
+    def roll_out(motion: Motion) -> Motion:
+        step = lambda motion, _: (simulate(motion, drive, state.fields)[0], None)  # noqa: E731
+        return jax.lax.scan(step, motion, None, calls)[0]
+
+    motion = Motion(state.qpos, state.qvel, state.qacc_warmstart)
+    return lambda: _wait(roll_out(motion), batch * calls)
+
+
+def environment(config: TrainConfig, batch: int, calls: int = 20) -> Round:
+    """Steps and restarts of episodes, with random actions, in one compiled program."""
+    env = VelocityEnv(ROBOT, config.env)
+    state, _ = begin(env, batch)
+
+    @jax.jit
+    def roll_out(state: Any) -> Any:
+        def step(state: Any, key: jax.Array) -> tuple[Any, Any]:
+            action = 0.3 * jax.random.normal(key, (batch, env.action_size))
+            state, _, result = step_batch(env, state, action)
+            return state, (result.reward.sum(), result.observation["state"].sum())
+
+        return jax.lax.scan(step, state, jax.random.split(jax.random.PRNGKey(0), calls))
+
+    return lambda: _wait(roll_out(state), batch * calls)
+
+
+def gymnasium_vector(config: TrainConfig, batch: int, calls: int = 20) -> Round:
+    """The same through gymnasium's vector interface, step by step from Python."""
+    env = footfall.gym.make_vector("go1", batch, physics=config.env.physics)
+    env.reset(seed=0)
+    actions = np.random.default_rng(0).normal(0.0, 0.3, (calls, batch, len(ROBOT.joint_names)))
+
+    def go() -> int:
+        for action in actions:
+            env.step(action)
+        return batch * calls
+
+    return go
+
+
+def ppo(config: TrainConfig, batch: int) -> Round:
+    """Whole iterations: acting and learning."""
+    config = replace(config, ppo=replace(config.ppo, environments=batch))
+    env = VelocityEnv(ROBOT, config.env)
+    networks = make_networks(env.observation_sizes, env.action_size, config.ppo)
+    iterate = jax.jit(make_iteration(env, networks, config.ppo))
+    state = jax.jit(lambda: initial_state(env, networks, config.ppo, 0))()
+    return lambda: _wait(iterate(state), config.ppo.steps_per_iteration)
+
+
+def begin(env: VelocityEnv, batch: int) -> Any:
+    return jax.jit(jax.vmap(env.reset))(jax.random.split(jax.random.PRNGKey(0), batch))
+
+
+def _wait(result: Any, steps: int) -> int:
+    jax.block_until_ready(result)
+    return steps
+
+
+LEVELS = {
+    "physics": physics_alone,
+    "environment": environment,
+    "gymnasium": gymnasium_vector,
+    "PPO": ppo,
+}
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,61 @@
+"""How training speed grows with the number of devices, each with the preset's environments (weak scaling).
+
+    python benchmarks/scaling.py --preset gpu --devices 1,2,4 --json scaling.json
+
+Prints environment steps per second of whole PPO iterations, and the efficiency: the speed over so many
+times the speed of the first count.
+"""
+
+import argparse
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import jax
+from throughput import iterate
+
+from robots.description import load_robot
+from train.config import load_preset
+from train.parts import assemble
+from train.run import Provenance, Run
+
+
+def main() -> None:
+    """Measure, print a line for each number of devices, write JSON."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--robot", default="go1")
+    parser.add_argument("--preset", default="gpu")
+    parser.add_argument("--devices", default="1,2,4")
+    parser.add_argument("--iterations", type=int, default=20)
+    parser.add_argument("--json", type=Path)
+    options = parser.parse_args()
+    counts = [int(count) for count in options.devices.split(",")]
+    if max(counts) > jax.device_count():
+        parser.error(f"this machine has {jax.device_count()} devices, not {max(counts)}")
+    results: list[dict[str, float]] = []
+    for count in counts:
+        rate = steps_per_s(options.robot, options.preset, count, options.iterations)
+        first = results[0] if results else {"devices": count, "steps_per_s": rate}
+        efficiency = rate / count / (first["steps_per_s"] / first["devices"])
+        results.append({"devices": count, "steps_per_s": rate, "efficiency": efficiency})
+        kind = jax.devices()[0].device_kind
+        print(f"{count} x {kind}: {rate:,.0f} env-steps/s, efficiency {efficiency:.1%}", flush=True)
+    if options.json:
+        content = {"device": jax.devices()[0].device_kind, "preset": options.preset, "results": results}
+        options.json.write_text(json.dumps(content, indent=2) + "\n")
+
+
+def steps_per_s(robot: str, preset: str, devices: int, iterations: int) -> float:
+    """Speed of whole iterations on the first few devices."""
+    config = load_preset(preset)
+    ppo = replace(config.ppo, environments=config.ppo.environments * devices)
+    provenance = Provenance(robot, 0, preset, "brax", jax.devices()[0].device_kind, "", "", {})
+    run = Run(Path(), provenance, replace(config, ppo=ppo))
+    state, _, compiled = assemble(run, load_robot(robot), devices).prepare(None)
+    return ppo.steps_per_iteration / iterate(compiled, state, iterations)
+
+
+if __name__ == "__main__":
+    main()
