@@ -15,6 +15,10 @@ DIVIDED = PartitionSpec(AXIS)  # along the first dimension
 def in_a_row(count: int | None = None) -> Mesh:
     """Every device of every process, or the first few of them."""
     devices = jax.devices()[:count]
+    if len(devices) > 1:
+        # jax 0.11.2's Shardy crashes on a shard_map over MJX: a segmentation fault in its pass over
+        # unused inputs (ManualComputationUnusedInputsPattern). The older partitioner compiles it.
+        jax.config.update("jax_use_shardy_partitioner", False)
     return jax.make_mesh((len(devices),), (AXIS,), (AxisType.Auto,), devices=devices)
 
 
