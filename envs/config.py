@@ -68,7 +68,7 @@ class RewardScales:
     linear_sigma_m2_s2: float = 0.25
     yaw_sigma_rad2_s2: float = 0.25
     swing_height_m: float = 0.08
-    least: float = -0.2  # the weighted sum is clipped below here
+    least: float = -0.2  # the weighted sum of all but `fall` is clipped below here
 
 
 @dataclass(frozen=True)

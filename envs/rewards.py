@@ -141,3 +141,13 @@ TERMS: dict[str, Callable[[Outcome, RewardScales], jax.Array]] = {
 def rewards(outcome: Outcome, weights: dict[str, float], scales: RewardScales) -> dict[str, jax.Array]:
     """Each weighted term, by name."""
     return {name: weight * TERMS[name](outcome, scales) for name, weight in weights.items()}
+
+
+def reward_rate(terms: dict[str, jax.Array], scales: RewardScales) -> jax.Array:
+    """Reward per second of the weighted terms.
+
+    The sum is clipped from below, lest a clumsy beginner earn most by ending the episode; a fall, which
+    happens once and ends it, is counted in full.
+    """
+    going_on = sum((value for name, value in terms.items() if name != "fall"), start=jnp.float32(0.0))
+    return jnp.maximum(going_on, scales.least) + terms.get("fall", 0.0)

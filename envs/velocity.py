@@ -24,7 +24,7 @@ from envs.physics import Drive, Motion, Physics, Trace
 from envs.physics_c import c_physics
 from envs.physics_mjx import mjx_physics
 from envs.rewards import TERMS as REWARD_TERMS
-from envs.rewards import Outcome, rewards
+from envs.rewards import Outcome, reward_rate, rewards
 from policies.action import joint_target
 from policies.contract import Contract
 from policies.observation import (
@@ -201,8 +201,7 @@ class VelocityEnv:
         outcome = self._outcome(state, passed)
         terminated = jnp.maximum(outcome.fell, diverged.astype(jnp.float32))
         terms = rewards(outcome, config.rewards, config.reward_scales)
-        total = jnp.maximum(sum(terms.values(), start=jnp.float32(0.0)), config.reward_scales.least)
-        reward = jnp.where(diverged, 0.0, total * self.period_s)
+        reward = jnp.where(diverged, 0.0, reward_rate(terms, config.reward_scales) * self.period_s)
 
         readings = jax.vmap(self._reading)(passed.qpos, passed.qvel)
         trail = jnp.concatenate([state.trail, readings])

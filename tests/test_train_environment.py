@@ -11,8 +11,9 @@ import pytest
 from domain_rand.distributions import Distribution
 from domain_rand.noise import Noise
 from domain_rand.randomisation import Randomisation, load_randomisation
-from envs.config import Curriculum, PushConfig
+from envs.config import Curriculum, PushConfig, RewardScales
 from envs.delays import delayed_goal, delayed_readings
+from envs.rewards import reward_rate
 from envs.velocity import VelocityEnv
 from policies.observation import observation_size
 from robots.description import load_robot
@@ -111,6 +112,10 @@ class TestStep:
         assert len(terms) == len(SMOKE.rewards)
         expected = max(float(sum(terms)), SMOKE.reward_scales.least) * env.period_s
         assert float(result.reward) == pytest.approx(expected, abs=1e-6)
+
+    def test_a_fall_counts_in_full_however_little_the_rest_may(self) -> None:
+        terms = {"track_linear": jnp.float32(1.0), "height": jnp.float32(-9.0), "fall": jnp.float32(-50.0)}
+        assert float(reward_rate(terms, RewardScales(least=-0.5))) == pytest.approx(-50.5)
 
     def test_pushes_change_the_base_velocity(self) -> None:
         strong = PushConfig(Distribution(0.02, 0.02), horizontal_m_s=3.0)
