@@ -82,7 +82,11 @@ def randomised_fields(model: Any, sample: Sample, where: BodyMap) -> dict[str, A
 
 
 def apply_to_model(model: mujoco.MjModel, sample: Sample, where: BodyMap) -> None:
-    """Turn a compiled MuJoCo model into the sampled robot, derived constants included."""
+    """Turn a compiled MuJoCo model into the sampled robot.
+
+    Derived constants follow, and with them the notes of which frames coincide (`body_sameframe`): a base
+    whose centre of mass was at its origin would else keep it there.
+    """
     for name, value in randomised_fields(model, sample, where).items():
         getattr(model, name)[:] = value
     mujoco.mj_setConst(model, mujoco.MjData(model))

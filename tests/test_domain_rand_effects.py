@@ -115,6 +115,24 @@ class TestBody:
         assert change[list(relieved)].sum() < -5.0
         assert abs(change.sum()) < 1.0
 
+    @pytest.mark.parametrize("lying", ['pos="0 0 0"', 'pos=".1 0 0" euler="0 0 30"'])
+    def test_a_centre_of_mass_moves_alone_wherever_it_was(self, lying: str) -> None:
+        """MuJoCo compiles in that a body's inertia, its geoms and sites lie in one place, as here."""
+        model = mujoco.MjModel.from_xml_string(
+            f"""<mujoco><worldbody><body name="base"><freejoint/>
+            <inertial {lying} mass="1" diaginertia=".3 .2 .15"/>
+            <geom type="box" size=".1 .2 .3" {lying}/><site {lying}/>
+            <body><joint/><geom size=".1"/></body></body></worldbody></mujoco>"""
+        )
+        before, after, offset = mujoco.MjData(model), mujoco.MjData(model), np.array([0.05, 0.0, 0.02])
+        mujoco.mj_kinematics(model, before)
+        where = BodyMap(base=model.body("base").id, contact_geoms=(), dofs=())
+        apply_to_model(model, Sample(com_offset_m=offset), where)
+        mujoco.mj_kinematics(model, after)
+        np.testing.assert_allclose(after.xipos[where.base], before.xipos[where.base] + offset, atol=1e-12)
+        for place in ("ximat", "geom_xpos", "geom_xmat", "site_xpos", "site_xmat"):
+            np.testing.assert_allclose(getattr(after, place), getattr(before, place), atol=1e-12)
+
     def test_inertia_resists_turning_and_leaves_the_weight(self, go1: Robot, build: Build) -> None:
         turned = []
         for scale in (1.0, 1.5):
