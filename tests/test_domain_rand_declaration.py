@@ -13,6 +13,7 @@ from domain_rand.distributions import Distribution
 from domain_rand.randomisation import Randomisation, draw, load_randomisation, sample_shapes
 from domain_rand.sample import Sample, narrowed
 from robots.errors import UserError
+from train.config import load_preset
 
 JOINTS, BODIES = 12, 13
 NAMES = tuple(field.name for field in fields(Randomisation))
@@ -39,6 +40,10 @@ def test_the_default_declaration_randomises_everything_within_its_ranges(uniform
         value, distribution = getattr(sample, name), getattr(randomisation, name)
         assert np.shape(value) == shape
         assert np.all((value >= distribution.low) & (value <= distribution.high)), name
+
+
+def test_the_gpu_preset_trains_on_the_default_declaration() -> None:
+    assert load_preset("gpu").env.randomisation == load_randomisation()
 
 
 def test_numpy_and_jax_draw_the_same_robot(uniforms: np.ndarray) -> None:
