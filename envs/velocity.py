@@ -187,7 +187,7 @@ class VelocityEnv:
         )
         state, observed = self._observe(state, jnp.tile(reading, (2 * config.substeps, 1)), fill=True)
         feet = jnp.zeros(len(self._foot_phase))
-        return state, self._observations(state, observed, jnp.zeros(3), feet, feet, jnp.zeros(n))
+        return state, self._observations(state, observed, feet, feet, jnp.zeros(n))
 
     def step(self, state: State, action: jax.Array) -> tuple[State, Step]:
         """One control step: delayed targets through the joint law and the physics, then a new observation."""
@@ -206,14 +206,15 @@ class VelocityEnv:
         outcome = self._outcome(state, passed)
         terminated = jnp.maximum(outcome.fell, diverged.astype(jnp.float32))
         terms = rewards(outcome, config.rewards, config.reward_scales)
-        reward = jnp.where(diverged, 0.0, reward_rate(terms, config.reward_scales) * self.period_s)
+        rate = reward_rate(terms, config.reward_scales)
+        reward = jnp.where(diverged, config.rewards.get("fall", 0.0), rate) * self.period_s
 
         readings = jax.vmap(self._reading)(passed.qpos, passed.qvel)
         trail = jnp.concatenate([state.trail, readings])
         state = self._disturb(state._replace(trail=readings))
         state, observed = self._observe(state, trail)
         feet = (outcome.contact, outcome.clearance)
-        observations = self._observations(state, observed, outcome.linear_velocity, *feet, outcome.torque)
+        observations = self._observations(state, observed, *feet, outcome.torque)
         truncated = (steps >= self.episode_steps).astype(jnp.float32) * (1.0 - terminated)
         error = outcome.command - jnp.concatenate([outcome.linear_velocity[:2], outcome.angular_velocity[2:]])
         metrics = {f"reward/{name}": value for name, value in terms.items()} | {
@@ -300,7 +301,6 @@ class VelocityEnv:
         self,
         state: State,
         observed: jax.Array,
-        velocity: jax.Array,
         contact: jax.Array,
         clearance: jax.Array,
         torque: jax.Array,
@@ -314,7 +314,7 @@ class VelocityEnv:
             [
                 observed,
                 clean,
-                velocity,
+                state.qvel[:3] @ _rotation(state.qpos[3:7]),
                 state.qpos[2:3],
                 contact,
                 clearance * 10.0,

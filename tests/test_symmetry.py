@@ -87,7 +87,7 @@ def test_a_robot_with_a_missing_image_is_refused(monkeypatch: pytest.MonkeyPatch
 
 def _observed(env: VelocityEnv, mirrored: bool) -> dict[str, np.ndarray]:
     """Everything that is observed in a random state, or in its mirror image."""
-    state, velocity, contact, clearance, torque = _random_state(env)
+    state, contact, clearance, torque = _random_state(env)
     joints, feet, bodies = find_symmetry(env.robot)
     if mirrored:
         sign = {"com_offset_m": VECTOR, "gravity_bias": VECTOR, "gyro_bias": ROTATION}
@@ -112,12 +112,12 @@ def _observed(env: VelocityEnv, mirrored: bool) -> dict[str, np.ndarray]:
             phase=state.phase + 0.5,
             actions=joints(state.actions),
         )
-        velocity, torque = velocity * VECTOR, joints(torque)
+        torque = joints(torque)
         contact, clearance = contact[feet], clearance[feet]
     clean = jnp.concatenate([state.qvel[3:6], -_up(state.qpos[3:7]), state.qpos[7:], state.qvel[6:]])
     trail = jnp.tile(clean, (2 * env.config.substeps, 1))
     state, observed = env._observe(state, trail, fill=True)
-    seen = env._observations(state, observed, velocity, contact, clearance, torque)
+    seen = env._observations(state, observed, contact, clearance, torque)
     return {name: np.asarray(value) for name, value in seen.items()}
 
 
@@ -140,4 +140,4 @@ def _random_state(env: VelocityEnv) -> tuple:
         command=jnp.array([0.7, 0.3, -0.4]),
         actions=normal(3, 12),
     )
-    return state, normal(3), normal(4), normal(4), normal(12)
+    return state, normal(4), normal(4), normal(12)
