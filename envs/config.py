@@ -7,6 +7,9 @@ from domain_rand.distributions import Distribution
 from domain_rand.noise import Noise
 from domain_rand.randomisation import Randomisation
 from policies.contract import CommandRange, Term
+from robots.config import require_positive
+
+LEAST_SUBSTEPS = 2  # a foot's velocity is the difference of its last two positions in a control step
 
 
 @dataclass(frozen=True)
@@ -26,6 +29,9 @@ class CommandConfig:
     standing_probability: float = 0.1
     single_axis_probability: float = 0.3  # only one of the three components is kept
     acceleration: tuple[float, float, float] | None = None  # see Contract.command_acceleration
+
+    def __post_init__(self) -> None:
+        require_positive(self, "acceleration")
 
 
 @dataclass(frozen=True)
@@ -93,3 +99,8 @@ class EnvConfig:
     curriculum: Curriculum = Curriculum()
     randomisation: Randomisation = field(default_factory=Randomisation)
     noise: Noise = field(default_factory=Noise)
+
+    def __post_init__(self) -> None:
+        require_positive(self, "control_rate_hz", "episode_s")
+        if self.substeps < LEAST_SUBSTEPS:
+            raise ValueError(f"substeps must be at least {LEAST_SUBSTEPS}, not {self.substeps}")

@@ -70,7 +70,7 @@ class Contract:
     version: int = field(default=VERSION)
 
     def __post_init__(self) -> None:
-        require_positive(self, "control_rate_hz")
+        require_positive(self, "control_rate_hz", "command_acceleration")
         if not self.observation:
             raise ValueError("observation has no terms")
         for name, numbers in self._per_joint():

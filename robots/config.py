@@ -64,11 +64,15 @@ def _field_first(reason: str) -> str:
 
 
 def require_positive(config: Any, *names: str) -> None:
-    """For a dataclass's own checks: raise ValueError unless these fields are finite and above 0."""
+    """For a dataclass's own checks: raise ValueError unless these fields are finite and above 0.
+
+    Of a tuple each number must be; None, a field that was left out, may be.
+    """
     for name in names:
         value = getattr(config, name)
-        if not 0.0 < value < math.inf:
-            raise ValueError(f"{name} must be above 0, not {value:g}")
+        for number in value if isinstance(value, tuple) else (value,):
+            if number is not None and not 0.0 < number < math.inf:
+                raise ValueError(f"{name} must be above 0, not {number:g}")
 
 
 def structure(data: Any, cls: type[T], source: str) -> T:

@@ -8,6 +8,7 @@ import pytest
 from shell import Shell
 
 from robots.description import ROBOTS
+from train.config import PRESETS
 
 
 @pytest.fixture
@@ -126,6 +127,34 @@ def test_garbage_yaml(shell: Shell, tmp_path: Path, file: str, tokens: list[str]
     path = tmp_path / file
     path.write_bytes(content)
     assert file in shell.refuses(*(token.format(path) for token in tokens))
+
+
+@pytest.mark.parametrize(
+    ("line", "instead", "wanted"),
+    [
+        ("  substeps: 4", "  substeps: 0", ["substeps", "at least 2"]),
+        ("  substeps: 4", "  substeps: 1", ["substeps", "at least 2"]),
+        ("  substeps: 4", "  control_rate_hz: 0", ["control_rate_hz", "above 0"]),
+        ("  episode_s: 2.0", "  episode_s: -1.0", ["episode_s", "above 0"]),
+        ("acceleration: [3.0, 3.0, 6.0]", "acceleration: [3.0, 0.0, 6.0]", ["acceleration", "above 0"]),
+        ("acceleration: [3.0, 3.0, 6.0]", "acceleration: [3.0, .nan, 6.0]", ["acceleration", "above 0"]),
+        ("  total_steps: 4096", "  total_steps: 0", ["total_steps", "above 0"]),
+        ("  environments: 32", "  environments: 0", ["environments", "above 0"]),
+        ("  unroll: 8", "  unroll: 0", ["unroll", "above 0"]),
+        ("  minibatches: 2", "  minibatches: 0", ["minibatches", "above 0"]),
+        ("  passes: 2", "  passes: -2", ["passes", "above 0"]),
+    ],
+)
+def test_presets_that_cannot_be_trained(
+    shell: Shell, tmp_path: Path, line: str, instead: str, wanted: list[str]
+) -> None:
+    smoke = (PRESETS / "smoke.yaml").read_text()
+    assert line in smoke
+    path = tmp_path / "preset.yaml"
+    path.write_text(smoke.replace(line, instead))
+    complaint = shell.refuses("train", "--preset", path)
+    for words in ("preset.yaml", *wanted):
+        assert words in complaint
 
 
 @pytest.mark.parametrize("verb", [["deploy", "stand"], ["evaluate", "stand"], ["train"]])

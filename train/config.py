@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from envs.config import EnvConfig
-from robots.config import load
+from robots.config import load, require_positive
 from robots.errors import UserError
 
 PRESETS = Path(__file__).parent / "presets"
@@ -33,6 +33,7 @@ class PpoConfig:
     symmetry: bool = False  # learn from mirror images too; the robot must be the same left and right
 
     def __post_init__(self) -> None:
+        require_positive(self, "total_steps", "environments", "unroll", "minibatches", "passes")
         if self.environments % self.minibatches:
             raise ValueError(
                 f"environments {self.environments} is not a multiple of minibatches {self.minibatches}"
