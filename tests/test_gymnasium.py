@@ -5,12 +5,17 @@ import subprocess
 import sys
 import warnings
 from collections.abc import Iterator
+from typing import Any
 
 import gymnasium
+import jax
 import numpy as np
 import pytest
+from gymnasium.spaces import Box
 from gymnasium.utils.env_checker import check_env, data_equivalence
-from gymnasium.vector import AutoresetMode
+from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv, VectorObservationWrapper, VectorWrapper
+from gymnasium.wrappers import TransformObservation
+from gymnasium.wrappers.vector import DictInfoToList, RecordEpisodeStatistics, VectorizeTransformObservation
 
 import footfall.gym
 from envs.gymnasium_face import GymnasiumEnv, GymnasiumVectorEnv
@@ -63,6 +68,19 @@ class TestOne:
                 ends.add((terminated, truncated))
                 one.reset()
         assert ends == {(True, False), (False, True)}
+
+    def test_the_command_in_the_information_is_the_one_that_was_given(self, one: GymnasiumEnv) -> None:
+        _, info = one.reset(seed=4)
+        for _ in range(3):  # too few for the command that is shown to arrive
+            assert np.array_equal(info["command"], one._state.asked)
+            assert not np.array_equal(info["command"], one._state.command)
+            *_, info = one.step(np.zeros(12))
+
+    def test_a_reset_with_options_is_refused(self, one: GymnasiumEnv, many: GymnasiumVectorEnv) -> None:
+        with pytest.raises(UserError, match="no options: speed"):
+            one.reset(options={"speed": 1})
+        with pytest.raises(UserError, match="no options: reset_mask"):
+            many.reset(options={"reset_mask": np.ones(MANY, bool)})
 
     def test_a_step_before_the_reset_is_refused(self) -> None:
         env = gymnasium.make(ID, preset="smoke").unwrapped
@@ -122,28 +140,98 @@ class TestMany:
         together, _ = many.reset(seed=20)
         apart, _ = many.reset(seed=[20 + k for k in range(MANY)])
         assert np.array_equal(together, apart)
-        assert not np.array_equal(many.reset()[0], many.reset()[0])
+        assert many.np_random_seed == tuple(20 + k for k in range(MANY))
+
+    def test_the_second_reset_gives_each_the_second_episode_of_its_seed(
+        self, many: GymnasiumVectorEnv, one: GymnasiumEnv
+    ) -> None:
+        first, _ = many.reset(seed=5)
+        second, _ = many.reset()
+        assert (first != second).any(axis=1).all()
+        for k in (0, MANY - 1):
+            one.reset(seed=5 + k)
+            assert second[k] == pytest.approx(one.reset()[0], abs=1e-6)
+
+    def test_one_alone_can_be_seeded(self, many: GymnasiumVectorEnv) -> None:
+        first, _ = many.reset(seed=5)
+        second, _ = many.reset()
+        many.reset(seed=5)
+        again, _ = many.reset(seed=[None, 6, *[None] * (MANY - 2)])  # 6 was the second's before
+        assert np.array_equal(again[1], first[1])
+        assert np.array_equal(np.delete(again, 1, axis=0), np.delete(second, 1, axis=0))
+
+    @pytest.mark.parametrize("count", [0, 1, MANY + 1])
+    def test_other_than_one_seed_for_each_is_refused(self, many: GymnasiumVectorEnv, count: int) -> None:
+        with pytest.raises(ValueError, match=f"{count} seeds for {MANY} environments"):
+            many.reset(seed=list(range(count)))
 
     def test_an_episode_that_ends_begins_anew_in_the_same_step(self, many: GymnasiumVectorEnv) -> None:
         assert many.metadata["autoreset_mode"] == AutoresetMode.SAME_STEP
         many.reset(seed=6)
-        generator = np.random.default_rng(0)
-        for _ in range(200):
-            observations, _, terminated, truncated, info = many.step(5 * generator.uniform(-1, 1, (MANY, 12)))
-            ended = terminated | truncated
-            assert ("final_obs" in info) == ended.any()
-            if ended.any() and not ended.all():
-                break
+        observations, ended, info = thrash(many)
         assert np.array_equal(info["_final_obs"], ended)
-        different = (info["final_obs"] != observations).any(axis=1)
-        assert np.array_equal(different, ended)
+        for last, observation, end in zip(info["final_obs"], observations, ended, strict=True):
+            assert last is None if not end else (last != observation).any()
         assert np.array_equal(np.asarray(many._state.steps) == 0, ended)
+
+    def test_its_information_is_like_that_of_gymnasiums_own(self, many: GymnasiumVectorEnv) -> None:
+        own = SyncVectorEnv(
+            [lambda: gymnasium.make(ID, preset="smoke")] * MANY, autoreset_mode=AutoresetMode.SAME_STEP
+        )
+        both = [DictInfoToList(many), DictInfoToList(own)]
+        infos = [env.reset(seed=6)[1] for env in both]
+        assert alike(*infos)
+        infos, ended = zip(*(thrash(env)[:0:-1] for env in both), strict=True)
+        assert np.array_equal(*ended)
+        for ours, theirs, end in zip(*infos, ended[0], strict=True):
+            assert ours.keys() == theirs.keys()
+            assert ("final_info" in ours) == ("final_obs" in ours) == end
+            if end:  # the next episodes differ
+                ours.pop("command"), theirs.pop("command")
+            assert alike(ours, theirs)
+
+    def test_gymnasiums_wrappers_take_it(
+        self, many: GymnasiumVectorEnv, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        # Gymnasium 1.4 refuses this mode at once, although the wrapper's step knows it.
+        monkeypatch.setattr(VectorObservationWrapper, "__init__", VectorWrapper.__init__)
+        shorter = {"func": lambda x: x[:7], "observation_space": Box(-np.inf, np.inf, (7,))}
+        env = RecordEpisodeStatistics(VectorizeTransformObservation(many, TransformObservation, **shorter))
+        assert env.reset(seed=6)[0].shape == (MANY, 7)
+        observations, ended, info = thrash(env)
+        assert observations.shape == (MANY, 7)
+        assert all(info["final_obs"][k].shape == (7,) for k in np.flatnonzero(ended))
+        assert np.array_equal(info["_episode"], ended)
+        assert np.array_equal(info["episode"]["l"] > 0, ended)
 
     def test_no_environment_is_refused(self) -> None:
         with pytest.raises(UserError, match="num_envs must be at least 1"):
             footfall.gym.make_vector("go1", num_envs=0, preset="smoke")
 
 
+def thrash(env: VectorEnv) -> tuple[np.ndarray, np.ndarray, Any]:
+    """Step wildly until some episodes have ended, but not all: observations, which ended, information."""
+    generator = np.random.default_rng(0)
+    for _ in range(200):
+        actions = 5 * generator.uniform(-1, 1, (MANY, 12))
+        observations, _, terminated, truncated, info = env.step(actions)
+        ended = terminated | truncated
+        if isinstance(info, dict):
+            assert ("final_obs" in info) == ended.any()
+        if ended.any():
+            break
+    assert ended.any()
+    assert not ended.all()
+    return observations, ended, info
+
+
+def alike(one: Any, other: Any) -> bool:
+    """Whether two pieces of information have the same parts with the same numbers, to rounding."""
+    close = jax.tree.map(lambda a, b: np.allclose(a, b, atol=1e-3), one, other)
+    return all(jax.tree.leaves(close))
+
+
+PROBE = "import mujoco; mujoco.GLContext(8, 8).make_current()"
 RENDER = """
 import gymnasium
 env = gymnasium.make("footfall.gym:footfall/Go1Velocity-v0", preset="smoke", render_mode="rgb_array")
@@ -154,13 +242,18 @@ print(picture.shape, picture.dtype, picture.std() > 5)
 
 
 def test_it_can_be_seen() -> None:
-    """In a process of its own, since MuJoCo settles on a GL back end when it is imported."""
+    """In processes of their own, since MuJoCo settles on a GL back end when it is imported."""
     for back_end in ("egl", "osmesa"):
         variables = os.environ | {"MUJOCO_GL": back_end, "PYOPENGL_PLATFORM": back_end}
-        done = subprocess.run(
-            [sys.executable, "-c", RENDER], env=variables, capture_output=True, text=True, check=False
-        )
-        if done.returncode == 0:
+        probe = run(PROBE, variables)
+        if probe.returncode == 0:
+            done = run(RENDER, variables)
+            assert done.returncode == 0, done.stderr
             assert done.stdout.splitlines()[-1] == "(320, 480, 3) uint8 True"
             return
-    pytest.skip(f"no offscreen rendering here: {done.stderr.splitlines()[-1]}")
+    pytest.skip(f"no offscreen rendering here: {probe.stderr.splitlines()[-1]}")
+
+
+def run(code: str, variables: dict[str, str]) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", code]
+    return subprocess.run(command, env=variables, capture_output=True, text=True, check=False)
