@@ -3,9 +3,8 @@
 import ctypes
 import os
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from copy import copy
+from typing import Any
 
 import jax
 import mujoco
@@ -58,7 +57,7 @@ class _Simulations:
         motion, drive, fields = jax.tree.map(np.asarray, arguments)
         lead = motion.qpos.shape[:-1]
         flat = jax.tree.map(lambda x: x.reshape(-1, *x.shape[len(lead) :]), (motion, drive, fields))
-        with self._lock, _undisturbed(), np.errstate(all="ignore"):
+        with self._lock, _UNDISTURBED, np.errstate(all="ignore"):
             results = self._simulate(*flat)
         return jax.tree.map(lambda x: x.reshape(*lead, *x.shape[1:]), results)
 
@@ -89,7 +88,7 @@ class _Simulations:
 
     def _pool(self, robots: int) -> Batch:
         if robots not in self._pools:
-            self._pools[robots] = Batch(self._model, robots, nthread=_usable_cores())
+            self._pools[robots] = Batch(self._model, robots, nthread=min(robots, _usable_cores()))
         return self._pools[robots]
 
 
@@ -108,26 +107,41 @@ def _for_stepping(model: mujoco.MjModel) -> mujoco.MjModel:
     return model
 
 
-@contextmanager
-def _undisturbed() -> Iterator[None]:
+class _Undisturbed:
     """No stopwatch and no warnings while MuJoCo steps; both are settings of the whole process.
 
     MuJoCo's Python package has each stage of each step timed (`MjData.timer`), a tenth of the step's time.
     Only C can take its clock away: `mujoco.set_mjcb_time(None)` puts it back. Its warnings of a diverging
-    simulation would go to a file in the working directory.
+    simulation would go to a file in the working directory. Of several threads inside, the first to enter
+    changes the settings and the last to leave restores them.
     """
-    clock, warning = _CLOCK.value, mujoco.get_mju_user_warning()
-    _CLOCK.value = None
-    mujoco.set_mju_user_warning(_ignore)
-    try:
-        yield
-    finally:
-        _CLOCK.value = clock
-        mujoco.set_mju_user_warning(warning)
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._inside = 0
+        self._kept: tuple[int | None, Any] = (None, None)  # clock, handler of warnings
+
+    def __enter__(self) -> None:
+        with self._lock:
+            if self._inside == 0:
+                self._kept = (_CLOCK.value, mujoco.get_mju_user_warning())
+                _CLOCK.value = None
+                mujoco.set_mju_user_warning(_ignore)
+            self._inside += 1
+
+    def __exit__(self, *_: object) -> None:
+        with self._lock:
+            self._inside -= 1
+            if self._inside == 0:
+                _CLOCK.value, warning = self._kept
+                mujoco.set_mju_user_warning(warning)
 
 
 def _ignore(_: str) -> None:
     pass
+
+
+_UNDISTURBED = _Undisturbed()
 
 
 def _as_slice(indices: np.ndarray) -> slice | np.ndarray:

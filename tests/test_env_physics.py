@@ -1,5 +1,6 @@
 """The environment on MuJoCo C is the environment on MJX: the same episodes, and the same physics."""
 
+import threading
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +17,7 @@ from domain_rand.randomisation import load_randomisation
 from envs import velocity
 from envs.batch import step_batch
 from envs.physics import Drive, Motion
-from envs.physics_c import c_physics
+from envs.physics_c import _Simulations, c_physics
 from envs.velocity import State, VelocityEnv
 from robots.actuator import Motor
 from robots.description import Robot, load_robot
@@ -128,6 +129,38 @@ class TestPurity:
             mujoco.set_mju_user_warning(None)
         mujoco.mj_step(model, data)
         assert data.timer[mujoco.mjtTimer.mjTIMER_STEP].duration > 0  # its clock runs again
+
+    def test_nor_are_they_lost_between_two_threads(
+        self, monkeypatch: pytest.MonkeyPatch, begun: State
+    ) -> None:
+        """Of two environments the second begins while the first steps, and ends after it."""
+        model = training_model(ROBOT)
+        given, plain_step = jax.tree.map(np.asarray, arguments(begun)), Batch.step
+        first_is_in, second_is_in, first_is_out = (threading.Event() for _ in range(3))
+        patience_s = 60.0
+
+        def wait_for_the_other(pool: Batch) -> None:
+            if threading.current_thread() is second:
+                second_is_in.set()
+                assert first_is_out.wait(patience_s)
+            else:
+                first_is_in.set()
+                assert second_is_in.wait(patience_s)
+            plain_step(pool)
+
+        monkeypatch.setattr(Batch, "step", wait_for_the_other)
+        first, second = (threading.Thread(target=_Simulations(model, ROBOT), args=given) for _ in range(2))
+        before = mujoco.get_mju_user_warning()
+        first.start()
+        assert first_is_in.wait(patience_s)
+        second.start()
+        first.join(patience_s)
+        first_is_out.set()
+        second.join(patience_s)
+        data = mujoco.MjData(model)
+        mujoco.mj_step(model, data)
+        assert data.timer[mujoco.mjtTimer.mjTIMER_STEP].duration > 0
+        assert mujoco.get_mju_user_warning() is before
 
 
 class TestDivergence:
