@@ -59,6 +59,8 @@ JsonFile = Annotated[Path | None, Parameter(help="Write the figures to this file
 HtmlFile = Annotated[Path | None, Parameter(help="Write a self-contained report to this file.")]
 Seconds = Annotated[float, Parameter(validator=_positive)]
 Count = Annotated[int, Parameter(converter=_whole, validator=Number(gte=1))]
+Index = Annotated[int, Parameter(converter=_whole, validator=Number(gte=0))]
+Port = Annotated[int, Parameter(converter=_whole, validator=Number(gte=1, lt=2**16))]
 VelocityCommand = Annotated[
     tuple[float, float, float],
     Parameter(

@@ -8,7 +8,9 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -16,11 +18,14 @@ import pytest
 from shell import Shell
 
 from deploy.episode import Episode, run_episode
+from footfall.verbs.train import ClusterOptions, TrainOptions, train
 from footfall.watch.geometry import COLLISION_GROUP, visible_shapes
 from footfall.watch.metrics_file import MetricsFile, thinned
 from footfall.watch.newest_policy import NewestPolicy
-from footfall.watch.snapshots import Snapshot, Snapshots
+from footfall.watch.page import check_page
+from footfall.watch.snapshots import Exported, Snapshot, Snapshots, _export
 from footfall.watch.status import WAITING, Status, as_markdown
+from footfall.watch.walk import Walk
 from policies.registry import ZOO
 from robots.description import Robot, load_robot
 from robots.errors import UserError
@@ -299,11 +304,94 @@ class TestSnapshots:
         assert after is not None
         assert after.iteration == 5
 
+    def test_a_checkpoint_that_the_training_dropped_is_passed_over(
+        self, trained: Path, begun: Path, snapshots: Snapshots
+    ) -> None:
+        (checkpoint,) = (trained / "checkpoints").iterdir()
+        folder = begun / "checkpoints"
+        folder.mkdir()
+        dropped = Path(shutil.copy(checkpoint, folder / "00000003.ckpt"))
+        assert snapshots.newest() is None  # its export begins, in a process that takes seconds to start
+        dropped.unlink()
+        shutil.copy(checkpoint, folder / "00000005.ckpt")
+        after = self.wait_for(snapshots)
+        assert snapshots.problem == ""
+        assert after is not None
+        assert after.iteration == 5
+
+    def test_a_checkpoint_may_be_dropped_while_it_is_exported(
+        self, begun: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        def export_run(run: Path, out: Path, chosen: Path) -> tuple[Path, float]:
+            checkpoint.unlink()
+            out.write_bytes(chosen.read_bytes())
+            return out, 0.0
+
+        monkeypatch.setattr("footfall.learning.learning_wing", lambda: SimpleNamespace(export_run=export_run))
+        checkpoint, out = begun / "00000003.ckpt", tmp_path / "00000003.onnx"
+        checkpoint.write_bytes(b"weights")
+        assert _export(begun, checkpoint, out) == Exported(out)
+        assert out.read_bytes() == b"weights"
+        assert list(tmp_path.glob("*.ckpt")) == []
+
     def test_the_run_folder_is_left_as_it_was(self, trained: Path, begun: Path, snapshots: Snapshots) -> None:
         shutil.copytree(trained / "checkpoints", begun / "checkpoints")
         before = sorted(begun.rglob("*"))
         assert self.wait_for(snapshots) is not None
         assert sorted(begun.rglob("*")) == before
+
+
+class TestWalk:
+    @pytest.fixture
+    def looking(self, finished: Path, go1: Robot, monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
+        """A walk whose page and snapshots are stand-ins: `look` looks into the run folder."""
+        monkeypatch.setattr("footfall.watch.walk.LOOK_S", 0.0)
+        said: list[str] = []
+        panel = SimpleNamespace(seen=False, say=said.append, offer_commands=lambda _: None)
+        snapshots = SimpleNamespace(problem="", newest=lambda: Snapshot(POLICY, None))
+        walk = Walk(open_run(finished), go1, None, panel, snapshots, None)
+        return SimpleNamespace(look=walk._look, panel=panel, snapshots=snapshots, said=said)
+
+    def test_it_asks_for_newer_policies_while_somebody_looks(self, looking: SimpleNamespace) -> None:
+        for seen, shown in ((False, 1), (False, 1), (True, 2)):
+            looking.panel.seen = seen
+            looking.look()
+            assert f"number {shown} shown" in looking.said[-1]
+
+    def test_why_a_network_was_refused_stays_on_the_page(
+        self, looking: SimpleNamespace, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        def refuse(*_: object) -> None:
+            raise UserError("another contract")
+
+        looking.look()
+        monkeypatch.setattr(NewestPolicy, "replace_network", refuse)
+        looking.panel.seen = True
+        looking.look()
+        looking.snapshots.newest = lambda: None
+        looking.look()
+        assert "Not usable: another contract" in looking.said[-1]
+
+
+@pytest.mark.parametrize(("process", "done"), [(0, ["check", "join", "serve"]), (1, ["join"])])
+def test_of_several_processes_the_first_serves_the_page(
+    monkeypatch: pytest.MonkeyPatch, process: int, done: list[str]
+) -> None:
+    def serve(*_: object) -> AbstractContextManager[None]:
+        did.append("serve")
+        return nullcontext()
+
+    did: list[str] = []
+    wing = SimpleNamespace(
+        cluster=SimpleNamespace(join=lambda *_: did.append("join"), leads=lambda: process == 0),
+        TrainRequest=SimpleNamespace, begin=lambda _: Path("run"), resume=Path, open_run=Path,
+    )  # fmt: skip
+    monkeypatch.setattr("footfall.verbs.train.learning_wing", lambda: wing)
+    monkeypatch.setattr("footfall.verbs.train._watched", serve)
+    monkeypatch.setattr("footfall.watch.page.check_page", lambda *_: did.append("check"))
+    options = TrainOptions(watch=True, evaluate=False)
+    train(options=options, cluster=ClusterOptions("host:1", 2, process))
+    assert did == done
 
 
 class TestCommand:
@@ -323,7 +411,21 @@ class TestCommand:
                 assert "--port" in complaint
         assert not (tmp_path / "new").exists()
 
-    @pytest.mark.parametrize("host", ["no.such.host.invalid", "203.0.113.1"])
+    def test_every_address_of_a_name_is_tried(self, monkeypatch: pytest.MonkeyPatch, port: int) -> None:
+        """But for those that this machine does not have, such as IPv6's where it is off."""
+
+        def resolves_to(*addresses: tuple[str, int]) -> None:
+            found = [(socket.AF_INET, socket.SOCK_STREAM, 0, "", address) for address in addresses]
+            monkeypatch.setattr(socket, "getaddrinfo", lambda *_, **__: found)
+
+        with socket.create_server(("127.0.0.1", 0)) as taken:
+            resolves_to(("127.0.0.1", port), ("203.0.113.1", port))
+            check_page("name", port)
+            resolves_to(("127.0.0.1", port), taken.getsockname())
+            with pytest.raises(UserError, match=f"name:{port}: .*in use"):
+                check_page("name", port)
+
+    @pytest.mark.parametrize("host", ["no.such.host.invalid", "203.0.113.1", "a..b"])
     def test_a_host_that_is_not_ours_is_told(self, shell: Shell, finished: Path, host: str) -> None:
         assert host in shell.refuses("watch", finished, "--host", host)
 

@@ -7,10 +7,9 @@ from types import ModuleType
 from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
-from cyclopts.validators import Number
 
 from footfall.learning import learning_wing
-from footfall.options import Count, RobotName, Seconds, Seed
+from footfall.options import Count, Index, RobotName, Seconds, Seed
 from footfall.verbs.watch import LOCAL_PAGE, PageOptions
 from robots.errors import UserError
 
@@ -40,7 +39,8 @@ class TrainOptions:
     evaluate: bool = True
     """Walk the finished policy over the simulated bus, into RUN/evaluation.json."""
     watch: bool = False
-    """Show the newest checkpoint walking beside the curves, on a web page, until the training ends."""
+    """Show the newest checkpoint walking beside the curves, on a web page (of the first process, where there
+    are several), until the training ends."""
 
 
 @Parameter(name="*")
@@ -52,7 +52,7 @@ class ClusterOptions:
     """HOST:PORT of process 0, or auto under Slurm, MPI or Kubernetes."""
     processes: Annotated[Count | None, Parameter(show_default=False)] = None
     """How many processes there are."""
-    process: Annotated[int | None, Parameter(show_default=False, validator=Number(gte=0))] = None
+    process: Annotated[Index | None, Parameter(show_default=False)] = None
     """Which of them this is, from 0."""
 
 
@@ -66,19 +66,21 @@ def train(
     page: PageOptions = LOCAL_PAGE,
 ) -> None:
     """Train a policy; RUN/policy.onnx is there when it ends."""
+    if page != LOCAL_PAGE and not options.watch:
+        raise UserError("--host and --port are for the page: add --watch, or leave them out")
     wing = learning_wing()
-    if cluster != ALONE:
-        _join(wing, cluster)
-    if options.watch:
+    if options.watch and _is_known_to_lead(cluster):
         from footfall.watch.page import check_page
 
         check_page(page.host, page.port)
+    if cluster != ALONE:
+        _join(wing, cluster)
     if options.resume is not None:
         _refuse_other_options(options)
         folder = wing.open_run(options.resume).folder
     else:
         folder = wing.begin(_request(wing, options))
-    with _watched(folder, page) if options.watch else nullcontext():
+    with _watched(folder, page) if options.watch and wing.cluster.leads() else nullcontext():
         run = wing.open_run(wing.resume(folder))
     if options.evaluate and wing.cluster.leads():
         from evaluate.api import evaluate_policy
@@ -90,6 +92,11 @@ def train(
             seed=run.provenance.seed,
             json_path=run.folder / "evaluation.json",
         )
+
+
+def _is_known_to_lead(cluster: ClusterOptions) -> bool:
+    """Before joining; which process leads under "auto" is known after it only."""
+    return cluster.coordinator != "auto" and cluster.process in (None, 0)
 
 
 def _join(wing: ModuleType, cluster: ClusterOptions) -> None:

@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
 from cyclopts import Parameter
-from cyclopts.validators import Number
+
+from footfall.options import Port
 
 
 @Parameter(name="*")
@@ -15,7 +15,7 @@ class PageOptions:
 
     host: str = "localhost"
     """Name or address to listen at; 0.0.0.0 lets other machines in, who may then move the robot shown."""
-    port: Annotated[int, Parameter(validator=Number(gte=1, lt=2**16))] = 8080
+    port: Port = 8080
 
     @property
     def address(self) -> str:

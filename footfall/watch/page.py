@@ -1,5 +1,6 @@
 """The page: a panel with commands, state and curves beside the 3-D view."""
 
+import errno
 import io
 import logging
 import socket
@@ -16,6 +17,7 @@ from robots.errors import UserError
 if TYPE_CHECKING:
     from viser import GuiSliderHandle, GuiUplotHandle, ViserServer
 
+NOT_HERE = (errno.EADDRNOTAVAIL, errno.EAFNOSUPPORT)
 POINTS = 400  # of a curve, at most
 CURVE_HEIGHT_PX = 110
 CURVES_WIDTH_PX = 320
@@ -81,16 +83,39 @@ def _check_viser() -> None:
 
 
 def _check_address(host: str, port: int) -> None:
-    """Raises UserError if nothing can listen there; viser would quietly take another port."""
+    """Raises UserError if something cannot listen there; viser would quietly take another port.
+
+    A name may stand for several addresses, and viser takes them all, but for those that this machine does
+    not have (IPv6 where it is off).
+    """
     try:
-        family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+    except UnicodeError:
+        raise _no_page(host, port, "no host can have this name") from None
+    except OSError as error:
+        raise _no_page(host, port, error.strerror) from None
+    refusals = [_refusal(family, kind, protocol, address) for family, kind, protocol, _, address in found]
+    errors = [error for error in refusals if error is not None]
+    taken = [error for error in errors if error.errno not in NOT_HERE]
+    if taken or None not in refusals:
+        raise _no_page(host, port, (taken or errors)[0].strerror)
+
+
+def _refusal(family: int, kind: int, protocol: int, address: tuple) -> OSError | None:
+    """Why nothing can listen at one address; None if something can."""
+    try:
         with socket.socket(family, kind, protocol) as probe:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            if family == socket.AF_INET6:  # as a server has it that listens for IPv4 besides
+                probe.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
             probe.bind(address)
     except OSError as error:
-        raise UserError(
-            f"cannot serve a page at {host}:{port}: {error.strerror}; give another --host or --port"
-        ) from None
+        return error
+    return None
+
+
+def _no_page(host: str, port: int, reason: str | None) -> UserError:
+    return UserError(f"cannot serve a page at {host}:{port}: {reason}; give another --host or --port")
 
 
 def _quietly() -> "redirect_stdout[io.StringIO]":
@@ -145,7 +170,12 @@ class Panel:
     @property
     def paused(self) -> bool:
         """Whether the robot shall hold still: on request, and while nobody looks."""
-        return self._pause.value or not self._server.get_clients()
+        return self._pause.value or not self.seen
+
+    @property
+    def seen(self) -> bool:
+        """Whether anybody has the page open."""
+        return bool(self._server.get_clients())
 
     @property
     def follow(self) -> bool:

@@ -6,6 +6,7 @@ that neither the training nor the walk is held up by it.
 
 import multiprocessing
 import os
+import shutil
 import signal
 from contextlib import suppress
 from multiprocessing.connection import Connection
@@ -22,6 +23,16 @@ class Snapshot(NamedTuple):
 
     path: Path
     iteration: int | None  # of the training; None where the run keeps no checkpoint
+
+
+class Exported(NamedTuple):
+    """What came of an export: a policy, or why there is none, in one line.
+
+    Neither, if the training had dropped the checkpoint by then, in favour of a newer one.
+    """
+
+    policy: Path | None
+    problem: str = ""
 
 
 class Exporter:
@@ -48,16 +59,17 @@ class Exporter:
         with suppress(BrokenPipeError):  # then `poll` will tell
             self._connection.send((self._run, checkpoint, out))
 
-    def poll(self) -> str | None:
-        """Why the export failed, in one line, empty if it did not; None while it is under way."""
+    def poll(self) -> Exported | None:
+        """What came of the export; None while it is under way."""
         assert self._connection is not None
         if not self._connection.poll():
             return None
         try:
-            return str(self._connection.recv())
+            answer: Exported = self._connection.recv()
+            return answer
         except (EOFError, ConnectionResetError):
             self.close()
-            return "the process that exports it died"
+            return Exported(None, "the process that exports it died")
 
     def close(self) -> None:
         """End the process."""
@@ -99,11 +111,11 @@ class Snapshots:
         self._exporter.close()
 
     def _exported(self, checkpoint: Path) -> Snapshot | None:
-        problem = self._exporter.poll()
-        if problem is None:
+        exported = self._exporter.poll()
+        if exported is None:
             return None
-        self._under_way, self.problem = None, problem
-        return None if problem else Snapshot(self._out(checkpoint), _iteration(checkpoint))
+        self._under_way, self.problem = None, exported.problem
+        return None if exported.policy is None else Snapshot(exported.policy, _iteration(checkpoint))
 
     def _out(self, checkpoint: Path) -> Path:
         return self._folder / f"{checkpoint.stem}.onnx"
@@ -129,7 +141,7 @@ def _iteration(checkpoint: Path | None) -> int | None:
 
 
 def _export_on_demand(requests: Connection) -> None:
-    """In the other process: answer each request with why it failed, or nothing, until the first one ends."""
+    """In the other process: answer each request until the first one ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the first process
     os.nice(max(0, NICENESS - os.nice(0)))
     os.environ["JAX_PLATFORMS"] = "cpu"
@@ -139,9 +151,34 @@ def _export_on_demand(requests: Connection) -> None:
         learning_wing()  # takes seconds, which are spent before there is anything to do
     with suppress(EOFError, KeyboardInterrupt):
         while True:
-            run, checkpoint, out = requests.recv()
-            try:
-                learning_wing().export_run(run, out, checkpoint)
-                requests.send("")
-            except (UserError, OSError) as error:
-                requests.send(" ".join(str(error).split()))
+            requests.send(_export(*requests.recv()))
+
+
+def _export(run: Path, checkpoint: Path, out: Path) -> Exported:
+    """Export a checkpoint that the training may drop at any time: a copy of it, taken first."""
+    from footfall.learning import learning_wing
+
+    copy = out.with_name(checkpoint.name)
+    try:
+        _take(checkpoint, copy)
+    except FileNotFoundError:
+        return Exported(None)
+    except OSError as error:
+        return Exported(None, " ".join(str(error).split()))
+    try:
+        return Exported(learning_wing().export_run(run, out, copy)[0])
+    except (UserError, OSError) as error:
+        return Exported(None, " ".join(str(error).replace(str(copy), str(checkpoint)).split()))
+    finally:
+        copy.unlink(missing_ok=True)
+
+
+def _take(file: Path, copy: Path) -> None:
+    """Another name for a file, or a copy on another file system."""
+    copy.unlink(missing_ok=True)
+    try:
+        copy.hardlink_to(file)
+    except FileNotFoundError:
+        raise
+    except OSError:
+        shutil.copyfile(file, copy)

@@ -164,10 +164,11 @@ class Walk:
             self._panel.draw(self._metrics)
             status.trained_steps = self._metrics.last_step
         status.metrics_age_s = self._metrics.age_s()
-        snapshot = self._snapshots.newest()
+        if self._policy is None or self._panel.seen:  # exporting for nobody would only slow the training
+            snapshot = self._snapshots.newest()
+            if snapshot is not None:
+                self._take_over(snapshot)
         status.problem = self._snapshots.problem
-        if snapshot is not None:
-            self._take_over(snapshot)
         self._panel.say(as_markdown(status))
 
     def _take_over(self, snapshot: Snapshot) -> None:
@@ -178,7 +179,7 @@ class Walk:
             try:
                 self._policy.replace_network(snapshot.path)
             except UserError as error:
-                self._status.problem = str(error)
+                self._snapshots.problem = str(error)
                 return
         self._status.iteration = snapshot.iteration
         self._status.policies += 1
