@@ -4,10 +4,13 @@
 
 Both have the cpu preset's settings, and each its best batch size. Rounds alternate in one process, so that
 what else the machine does falls upon both; each figure is the median of the rounds, and the ratio of the
-medians. Run it on a quiet machine.
+medians. The environment, and what is above it, is first warmed up with random actions and then goes on from
+round to round, so that episodes end and begin as they do in training; the share of steps that ended one is
+printed. Run it on a quiet machine.
 """
 
 import argparse
+import math
 import statistics
 import time
 from collections.abc import Callable
@@ -30,7 +33,11 @@ from train.networks import make_networks
 from train.ppo import initial_state, make_iteration
 
 ROBOT = load_robot("go1")
-Round = Callable[[], int]  # does some work and waits for it; returns the environment steps done
+WARM_UP = 200  # control steps until falls are spread over time
+STD = 0.3  # of random actions
+Round = Callable[
+    [], tuple[int, float]
+]  # works; returns the environment steps done, and how many ended episodes
 
 
 def main() -> None:
@@ -49,27 +56,49 @@ def main() -> None:
             for physics in PHYSICS
             for batch in options.batches
         }
-        rates = measure(rounds, options.rounds)
+        rates, ended = measure(rounds, options.rounds)
         best = {physics: max((r, b) for (p, b), r in rates.items() if p == physics) for physics in PHYSICS}
         (c, c_batch), (mjx, mjx_batch) = best["c"], best["mjx"]
         print(
             f"{name:12s} C {c:7.0f} /s ({c_batch} robots), MJX {mjx:7.0f} /s ({mjx_batch} robots):"
-            f" {c / mjx:.1f} times",
+            f" {c / mjx:.1f} times; {ended:.2%} of steps ended an episode",
             flush=True,
         )
 
 
-def measure(rounds: dict[Any, Round], count: int) -> dict[Any, float]:
-    """Environment steps per second of each, median over rounds that take turns."""
+def measure(rounds: dict[Any, Round], count: int) -> tuple[dict[Any, float], float]:
+    """Environment steps per second of each, median over rounds that take turns, and the share that ended."""
     seen: dict[Any, list[float]] = {key: [] for key in rounds}
+    steps_done, episodes_ended = 0, 0.0
     for one in rounds.values():
         one()  # compiles
     for _ in range(count):
         for key, one in rounds.items():
             began = time.perf_counter()
-            steps = one()
+            steps, ended = one()
             seen[key].append(steps / (time.perf_counter() - began))
-    return {key: statistics.median(rates) for key, rates in seen.items()}
+            steps_done, episodes_ended = steps_done + steps, episodes_ended + ended
+    return {key: statistics.median(rates) for key, rates in seen.items()}, episodes_ended / steps_done
+
+
+def going_on(advance: Callable[[Any], tuple[Any, Any]], state: Any, steps: int, batch: int) -> Round:
+    """Rounds that each begin where the one before ended, after the warm-up.
+
+    Args:
+        advance: from a state to the next, and how many episodes ended on the way.
+        state: the first.
+        steps: environment steps on the way, of all robots.
+        batch: number of robots.
+    """
+
+    def go() -> tuple[int, float]:
+        nonlocal state
+        state, ended = jax.block_until_ready(advance(state))
+        return steps, float(ended)
+
+    for _ in range(math.ceil(WARM_UP * batch / steps)):
+        go()
+    return go
 
 
 def with_physics(preset: TrainConfig, physics: Any) -> TrainConfig:
@@ -96,7 +125,12 @@ def physics_alone(config: TrainConfig, batch: int, calls: int = 20) -> Round:
         return jax.lax.scan(step, motion, None, calls)[0]
 
     motion = Motion(state.qpos, state.qvel, state.qacc_warmstart)
-    return lambda: _wait(roll_out(motion), batch * calls)
+
+    def go() -> tuple[int, float]:
+        jax.block_until_ready(roll_out(motion))
+        return batch * calls, 0.0
+
+    return go
 
 
 def environment(config: TrainConfig, batch: int, calls: int = 20) -> Round:
@@ -105,29 +139,40 @@ def environment(config: TrainConfig, batch: int, calls: int = 20) -> Round:
     state, _ = begin(env, batch)
 
     @jax.jit
-    def roll_out(state: Any) -> Any:
+    def roll_out(state: Any, key: jax.Array) -> Any:
         def step(state: Any, key: jax.Array) -> tuple[Any, Any]:
-            action = 0.3 * jax.random.normal(key, (batch, env.action_size))
+            action = STD * jax.random.normal(key, (batch, env.action_size))
             state, _, result = step_batch(env, state, action)
-            return state, (result.reward.sum(), result.observation["state"].sum())
+            return state, (
+                result.metrics["done"].sum(),
+                result.reward.sum(),
+                result.observation["state"].sum(),
+            )
 
-        return jax.lax.scan(step, state, jax.random.split(jax.random.PRNGKey(0), calls))
+        return jax.lax.scan(step, state, jax.random.split(key, calls))
 
-    return lambda: _wait(roll_out(state), batch * calls)
+    def advance(state_and_round: tuple[Any, int]) -> Any:
+        state, k = state_and_round
+        state, (done, *_) = roll_out(state, jax.random.PRNGKey(k))
+        return (state, k + 1), done.sum()
+
+    return going_on(advance, (state, 0), batch * calls, batch)
 
 
 def gymnasium_vector(config: TrainConfig, batch: int, calls: int = 20) -> Round:
     """The same through gymnasium's vector interface, step by step from Python."""
     env = footfall.gym.make_vector("go1", batch, physics=config.env.physics)
     env.reset(seed=0)
-    actions = np.random.default_rng(0).normal(0.0, 0.3, (calls, batch, len(ROBOT.joint_names)))
+    generator = np.random.default_rng(0)
 
-    def go() -> int:
-        for action in actions:
-            env.step(action)
-        return batch * calls
+    def roll_out(nothing: None) -> tuple[None, int]:  # the state is the environment's own
+        done = 0
+        for action in generator.normal(0.0, STD, (calls, batch, len(ROBOT.joint_names))):
+            _, _, terminated, truncated, _ = env.step(action)
+            done += int(np.count_nonzero(terminated | truncated))
+        return nothing, done
 
-    return go
+    return going_on(roll_out, None, batch * calls, batch)
 
 
 def ppo(config: TrainConfig, batch: int) -> Round:
@@ -136,17 +181,17 @@ def ppo(config: TrainConfig, batch: int) -> Round:
     env = VelocityEnv(ROBOT, config.env)
     networks = make_networks(env.observation_sizes, env.action_size, config.ppo)
     iterate = jax.jit(make_iteration(env, networks, config.ppo))
+
+    def advance(state: Any) -> Any:
+        state, *_ = iterate(state)
+        return state, jnp.sum(state.env.steps < config.ppo.unroll)  # one that ended twice counts once
+
     state = jax.jit(lambda: initial_state(env, networks, config.ppo, 0))()
-    return lambda: _wait(iterate(state), config.ppo.steps_per_iteration)
+    return going_on(advance, state, config.ppo.steps_per_iteration, batch)
 
 
 def begin(env: VelocityEnv, batch: int) -> Any:
     return jax.jit(jax.vmap(env.reset))(jax.random.split(jax.random.PRNGKey(0), batch))
-
-
-def _wait(result: Any, steps: int) -> int:
-    jax.block_until_ready(result)
-    return steps
 
 
 LEVELS = {

@@ -1,7 +1,12 @@
 """Sweeps: a mistake is known before anything runs; each trial is an ordinary run; one that fails is one."""
 
 import csv
+import os
+import signal
 import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +22,7 @@ from robots.config import dump
 from robots.errors import UserError
 from train.api import open_run
 from train.config import load_preset
-from train.sweep import resume_sweep, sweep, trial_config
+from train.sweep import UNFINISHED, resume_sweep, sweep, trial_config
 
 ITERATIONS = 6
 
@@ -65,6 +70,20 @@ def test_dotted_keys_replace_settings_and_nothing_else() -> None:
         ({"scheduler": {"name": "lottery"}}, "scheduler: "),
         ({"preset": "unheard-of"}, "no preset 'unheard-of'"),
         ({"mode": "best"}, "mode"),
+        ({"seeds": []}, "seeds: the list is empty"),
+        ({"trials": 0}, "trials must be at least 1"),
+        ({"space": {"ppo.clip": {"grid_search": []}}}, "space.ppo.clip: grid_search: the list is empty"),
+        ({"space": {"ppo.clip": {"choice": []}}}, "space.ppo.clip: choice: the list is empty"),
+        ({"space": {"ppo.unroll": {"randint": [5, 5]}}}, "space.ppo.unroll: randint: "),
+        ({"space": {"ppo.clip": {"uniform": ["a", "b"]}}}, "space.ppo.clip: uniform: "),
+        ({"space": {"ppo.unroll": {"grid_search": [8, 0.5]}}}, "unroll: 0.5 is not a whole number"),
+        ({"robot": "gp1"}, "gp1"),
+        ({"space": {"env.rewards.action_rte": {"uniform": [-1, 0]}}}, "no reward 'action_rte'"),
+        ({"metric": "tracking/linear_eror_m_s"}, "metric: a trial reports no 'tracking/linear_eror_m_s'"),
+        (
+            {"scheduler": {"name": "async_hyperband", "time_attr": "environment_step"}},
+            "time_attr: a trial reports no 'environment_step': there are environment_steps, ",
+        ),
     ],
     ids=lambda value: str(value)[:40],
 )
@@ -87,7 +106,29 @@ def test_a_folder_without_a_sweep_cannot_be_resumed(tmp_path: Path, shell: Shell
     assert "no sweep at" in shell.refuses("sweep", "--resume", tmp_path)
 
 
-def test_trials_are_runs_and_one_that_fails_leaves_the_others(preset: str, tmp_path: Path) -> None:
+@contextmanager
+def interrupted_once(begun: Callable[[], bool]) -> Iterator[None]:
+    """A Ctrl-C as soon as something has begun."""
+
+    def watch() -> None:
+        while not begun():
+            if over.wait(0.05):
+                return
+        os.kill(os.getpid(), signal.SIGINT)
+
+    over = threading.Event()
+    thread = threading.Thread(target=watch)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+
+
+def test_an_interrupted_sweep_says_so_goes_on_and_one_trial_that_fails_leaves_the_others(
+    preset: str, tmp_path: Path, shell: Shell
+) -> None:
     file = written(
         tmp_path,
         preset=preset,
@@ -96,7 +137,14 @@ def test_trials_are_runs_and_one_that_fails_leaves_the_others(preset: str, tmp_p
         cpus=0.5,
     )
     out = tmp_path / "out"
-    good, bad = sweep(file, out)
+    with interrupted_once(lambda: any(out.glob("*/run.yaml"))):  # its trial compiles then
+        stopped = shell("sweep", file, "--out", out)
+    assert (stopped.status, stopped.err.splitlines()[-1]) == (130, "footfall: interrupted")
+    assert f"2 unfinished; continue with: footfall sweep --resume {out}" in stopped.out
+    assert {row["error"] for row in rows(out)} == {UNFINISHED}
+
+    (good, bad), unfinished = resume_sweep(out)
+    assert unfinished == 0
     assert (good.error, good.settings, good.seed) == ("", {"diverged_limit": 0.5}, 5)
     assert good.steps == ITERATIONS * 256
     assert "diverged_limit -100.00%" in bad.error
@@ -105,11 +153,16 @@ def test_trials_are_runs_and_one_that_fails_leaves_the_others(preset: str, tmp_p
     assert run.policy.is_file()
     assert run.config == trial_config(preset, good.settings)
     assert (run.provenance.seed, run.provenance.trainer) == (5, "brax")
-    with (out / "results.csv").open(newline="") as rows:
-        table = list(csv.DictReader(rows))
+    table = rows(out)
     assert [row["folder"] for row in table] == [good.folder, bad.folder]
     assert float(table[0]["tracking/linear_error_m_s"]) == good.value
 
     with pytest.raises(UserError, match="is not empty"):
         sweep(file, out)
-    assert [trial.folder for trial in resume_sweep(out)] == [good.folder, bad.folder]
+    again = resume_sweep(out)
+    assert ([trial.folder for trial in again.trials], again.unfinished) == ([good.folder, bad.folder], 0)
+
+
+def rows(out: Path) -> list[dict[str, str]]:
+    with (out / "results.csv").open(newline="") as file:
+        return list(csv.DictReader(file))

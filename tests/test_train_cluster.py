@@ -10,6 +10,9 @@ import pytest
 
 pytest.importorskip("jax")
 
+from robots.errors import UserError
+from train import api, cluster
+
 PATIENCE_S = 420
 
 
@@ -68,6 +71,26 @@ def test_it_goes_on_in_one_process_as_well(run: tuple[Path, list[tuple[int, str]
     done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "resuming from 00000004.ckpt" in done.stdout
+
+
+def test_all_end_where_the_first_one_fails(run: tuple[Path, list[tuple[int, str]]]) -> None:
+    folder, _ = run
+    (status, said), (other_status, other_said) = both(folder.parent, "--preset", "smoke", "--out", "run")
+    assert (status, other_status) == (2, 2), said + other_said
+    assert "run holds a run already" in said
+    assert "process 0 failed: see its output" in other_said
+
+
+def test_each_resumes_from_the_checkpoint_of_the_first_one_or_not_at_all(
+    run: tuple[Path, list[tuple[int, str]]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened = api.open_run(run[0])
+    monkeypatch.setattr(cluster, "processes", lambda: 2)
+    monkeypatch.setattr(cluster, "the_leaders", lambda _: 3)
+    assert api._newest_of_the_leader(opened) == opened.checkpoints / "00000003.ckpt"
+    monkeypatch.setattr(cluster, "the_leaders", lambda _: 9)
+    with pytest.raises(UserError, match=r"process 0 resumes from .*00000009\.ckpt"):
+        api._newest_of_the_leader(opened)
 
 
 @pytest.mark.parametrize(

@@ -18,14 +18,14 @@ pytest.importorskip("jax")
 import jax
 from shell import Shell
 
-from robots.config import dump
+from robots.config import dump, load
 from robots.description import load_robot
 from robots.errors import CannotWriteError, UserError
 from robots.files import write_atomically
-from train import api, checkpoint
+from train import api, checkpoint, cluster
 from train.config import load_preset
-from train.diagnosis import Diagnosis
-from train.failure import FOLDER, failure_of, non_finite_leaves
+from train.diagnosis import Diagnosis, differences
+from train.failure import ENVIRONMENT, FOLDER, REPORT, Failure, failure_of, non_finite_leaves
 from train.metrics import MetricsLog
 from train.parts import assemble
 
@@ -188,9 +188,32 @@ def test_a_state_that_is_not_finite_is_never_kept(sound: Path, tmp_path: Path) -
     """Even if no metric shows it."""
     run = api.open_run(Path(shutil.copytree(sound, tmp_path / "run")))
     before = checkpoint.latest(run.checkpoints)
+    shutil.rmtree(run.folder / FOLDER, ignore_errors=True)
+    (run.folder / FOLDER).mkdir()
+    (run.folder / FOLDER / ENVIRONMENT).touch()  # of a failure before
     with pytest.raises(UserError, match=r"in iteration 7: \['mean'\] is not finite"):
         api._save(run, 7, {"mean": np.array([0.0, np.nan])}, np.zeros(1))
     assert checkpoint.latest(run.checkpoints) == before
+    assert {path.name for path in (run.folder / FOLDER).iterdir()} == {REPORT, "00000006.ckpt"}
+
+    failure = load(run.folder / FOLDER / REPORT, Failure)
+    assert differences(failure, failure.device, 1) == []
+    older = replace(failure, devices=2, versions=failure.versions | {"jax": "0.1"})
+    assert differences(older, "another", 1) == [
+        f"device {failure.device}, now another",
+        "device count 2, now 1",
+        f"jax 0.1, now {failure.versions['jax']}",
+    ]
+
+
+def test_a_process_that_does_not_lead_notices_such_a_state_too_but_writes_nothing(
+    sound: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = replace(api.open_run(sound), folder=tmp_path)
+    monkeypatch.setattr(cluster, "leads", lambda: False)
+    with pytest.raises(UserError, match=r"\['mean'\] is not finite; see process 0"):
+        api._save(run, 7, {"mean": np.array([0.0, np.nan])}, np.zeros(1))
+    assert list(tmp_path.iterdir()) == []
 
 
 class TestDevice:
@@ -217,7 +240,22 @@ class TestDevice:
 
     def test_no_memory_left_says_how_to_need_less(self, sound: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         text = "RESOURCE_EXHAUSTED: Out of memory while trying to allocate 9 bytes."
-        assert "use fewer environments (ppo.environments is 32)" in self.fail(sound, monkeypatch, text)
+        message = self.fail(sound, monkeypatch, text)
+        assert "start a new run with a smaller ppo.environments (it is 32), or go on with" in message
+
+    def test_a_back_end_that_cannot_start_is_one_line(
+        self, sound: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        def failing() -> None:
+            raise RuntimeError("Unable to initialize backend 'cuda': no device\nmore")
+
+        monkeypatch.setattr(jax, "devices", failing)
+        for use in (api.resume, api.export_run):
+            with pytest.raises(UserError) as error:
+                use(sound)
+            assert (
+                str(error.value) == "no device to compute on: Unable to initialize backend 'cuda': no device"
+            )
 
     def test_a_defect_of_our_own_keeps_its_traceback(
         self, sound: Path, monkeypatch: pytest.MonkeyPatch

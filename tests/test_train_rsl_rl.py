@@ -301,16 +301,88 @@ def test_a_stopped_run_resumes_to_the_bits_of_the_whole_one(
     assert (folder / "policy.onnx").read_bytes() == (run / "policy.onnx").read_bytes()
 
 
-def test_a_loss_that_is_not_finite_ends_the_training_and_is_not_kept(
-    preset: str, trainer: RslRlTrainer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("when", "complaint"),
+    [
+        ("before it learns", r"iteration 2: \['actor_state_dict'\].* not finite; .* is 00000001\.ckpt"),
+        # Too late for any loss to show it.
+        ("after it learned", r"iteration 2: \['actor_state_dict'\].* not finite; .* is 00000001\.ckpt"),
+    ],
+)
+def test_a_weight_that_is_not_finite_ends_the_training_and_is_not_kept(
+    preset: str,
+    trainer: RslRlTrainer,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    when: str,
+    complaint: str,
 ) -> None:
-    folder = api.begin(request(preset, tmp_path / "run"))
+    run = api.open_run(api.begin(request(preset, tmp_path / "run")))
+    monkeypatch.setattr(trainer, "_run", run)
     monkeypatch.setattr(trainer, "iteration", 0)
-    iterate = trainer.iterate
-    monkeypatch.setattr(trainer, "iterate", lambda: iterate() | {"learning/total_loss": float("nan")})
-    with pytest.raises(UserError, match="total_loss is not finite"):
-        rsl_rl_run._iterate(api.open_run(folder), trainer, Display(1))
-    assert checkpoint.latest(folder / "checkpoints") is None
+    algorithm = trainer._runner.alg
+    update = algorithm.update
+
+    def breaking() -> dict[str, float]:
+        breaks = trainer.iteration == 1
+        if breaks and when == "before it learns":
+            spoil(algorithm.actor)
+        losses = update()
+        if breaks and when == "after it learned":
+            spoil(algorithm.actor)
+        return losses
+
+    monkeypatch.setattr(algorithm, "update", breaking)
+    with pytest.raises(UserError, match=complaint) as error:
+        rsl_rl_run._iterate(run, trainer, Display(1))
+    algorithm.storage.clear()  # what an update that failed leaves
+    assert "diagnose" not in str(error.value)  # which cannot replay upstream's iterations
+    assert newest(run.folder).name == "00000001.ckpt"
+    trainer.restore(newest(run.folder))
+    assert trainer.broken() == []
+
+
+def spoil(model: torch.nn.Module) -> None:
+    with torch.no_grad():
+        next(model.mlp.parameters())[0, 0] = torch.nan
+
+
+@pytest.mark.parametrize("part", ["actor", "critic", "optimizer", "episodes"])
+def test_each_part_of_a_checkpoint_is_checked(trainer: RslRlTrainer, part: str) -> None:
+    algorithm, environment = trainer._runner.alg, trainer._environment
+    assert trainer.broken() == []
+    if part == "optimizer":
+        next(iter(algorithm.optimizer.state.values()))["exp_avg"].view(-1)[0] = torch.inf
+    elif part == "episodes":
+        episodes = environment.episodes
+        qpos = episodes.state.qpos.at[3, 2].set(jnp.nan)
+        environment.put(episodes._replace(state=episodes.state._replace(qpos=qpos)))
+    else:
+        spoil(getattr(algorithm, part))
+    (name,) = trainer.broken()
+    assert part in name
+
+
+def test_running_out_of_memory_in_the_export_is_one_line(
+    preset: str, trainer: RslRlTrainer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, go1: Robot
+) -> None:
+    run = api.open_run(api.begin(request(preset, tmp_path / "run")))
+    monkeypatch.setattr(trainer, "iteration", PPO.iterations)
+
+    def exhausted(_: Path) -> float:
+        raise torch.OutOfMemoryError("CUDA out of memory. Tried to allocate 2.00 MiB.")
+
+    monkeypatch.setattr(trainer, "export", exhausted)
+    monkeypatch.setattr(rsl_rl_run, "RslRlTrainer", lambda run, robot: trainer)
+    with pytest.raises(UserError, match=r"out of memory; .* a smaller ppo\.environments"):
+        rsl_rl_run.train_run(run, go1, Display(1))
+
+
+def test_devices_that_stay_idle_are_named(capsys: pytest.CaptureFixture[str]) -> None:
+    rsl_rl_run._say_what_is_idle(1, Display(1))
+    assert capsys.readouterr().out == ""
+    rsl_rl_run._say_what_is_idle(4, Display(1))
+    assert "the first of 4 devices: the others are idle" in capsys.readouterr().out
 
 
 def test_a_checkpoint_of_another_kind_of_device_can_be_exported(

@@ -1,6 +1,7 @@
 """Runs: the same seed gives the same result, a killed run resumes exactly, a failed export leaves nothing."""
 
 import json
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -25,6 +26,8 @@ from robots.description import load_robot
 from robots.errors import UserError
 from train import api, checkpoint, export
 from train.config import PRESETS, TrainConfig, load_preset
+from train.failure import FOLDER, REPORT, Failure
+from train.run import create_run, locked, trained_robot
 
 KILLED = -9
 # Runs a training and kills its own process, as the power would, at the n-th rename of a file.
@@ -96,10 +99,70 @@ def test_a_killed_run_resumes_to_the_same_bits(preset: str, whole: Path, tmp_pat
     assert logged_steps(run) == logged_steps(whole)
 
 
-def test_resuming_a_finished_run_changes_nothing(whole: Path) -> None:
-    before = last_checkpoint(whole)
-    api.resume(whole)
-    assert last_checkpoint(whole) == before
+def test_resuming_a_finished_run_changes_nothing_and_says_if_the_device_is_another(
+    whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = api.open_run(Path(shutil.copytree(whole, tmp_path / "run")))
+    (run.folder / "run.yaml").write_text(dump(replace(run.provenance, device="NVIDIA H100")))
+    api.resume(run.folder)
+    assert last_checkpoint(run.folder) == last_checkpoint(whole)
+    assert "it began on NVIDIA H100: " in capsys.readouterr().out
+
+
+def test_a_robot_that_was_changed_since_is_refused(own_folder: Path, tmp_path: Path) -> None:
+    request = api.TrainRequest(robot=str(own_folder), preset="smoke", out=tmp_path / "run")
+    run = api.open_run(api.begin(request))
+    failure = Failure(1, "a reason", "cpu", {}, run.provenance, run.config)
+    (run.folder / FOLDER).mkdir()
+    (run.folder / FOLDER / REPORT).write_text(dump(failure))
+    declaration = own_folder / "robot.yaml"
+    changed = declaration.read_text().replace("natural_frequency_hz: ", "natural_frequency_hz: 1")
+    declaration.write_text(changed)
+    for use in (api.resume, api.export_run, lambda folder: api.diagnose(folder, say=print)):
+        with pytest.raises(UserError, match=r"mine' has changed since this training began \(") as refusal:
+            use(run.folder)
+        assert "\n" not in str(refusal.value)
+    before_digests_were_kept = replace(run.provenance, robot_digest="")
+    assert trained_robot(before_digests_were_kept).digest != run.provenance.robot_digest
+
+
+def test_a_run_is_trained_by_one_process_at_a_time(whole: Path) -> None:
+    with (
+        locked(api.open_run(whole)),
+        pytest.raises(UserError, match="is being trained by another process"),
+    ):
+        api.resume(whole)
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "reason"),
+    [
+        ("track_linear: ", "track_lunar: ", "no reward 'track_lunar'"),
+        ("  environments: 32", "  environments: 33", "environments 33"),
+    ],
+)
+def test_settings_that_do_not_fit_leave_no_folder(
+    right: str, wrong: str, reason: str, tmp_path: Path
+) -> None:
+    smoke = (PRESETS / "smoke.yaml").read_text()
+    preset = tmp_path / "preset.yaml"
+    preset.write_text(smoke.replace(right, wrong))
+    assert preset.read_text() != smoke
+    with pytest.raises(UserError, match=reason):
+        api.begin(api.TrainRequest(preset=str(preset), out=tmp_path / "run"))
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_folder_whose_making_was_interrupted_can_be_used(whole: Path, tmp_path: Path) -> None:
+    run = api.open_run(whole)
+    for name in ("config.yaml", ".config.yaml.x1", ".run.yaml.x2"):
+        (tmp_path / name).touch()
+    create_run(tmp_path, run.provenance, run.config)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["config.yaml", "run.yaml"]
+    (tmp_path / "run.yaml").unlink()
+    (tmp_path / "notes.txt").touch()
+    with pytest.raises(UserError, match="not empty"):
+        create_run(tmp_path, run.provenance, run.config)
 
 
 def test_the_run_folder_says_how_it_was_made(whole: Path) -> None:

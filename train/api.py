@@ -3,6 +3,7 @@
 import os
 import time
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import partial
@@ -27,10 +28,8 @@ from train.networks import trained_actor
 from train.parts import Parts, assemble
 from train.provenance import PACKAGES, TRAINER_PACKAGES, git_revision
 from train.rsl_rl_extra import rsl_rl_back_end
-from train.run import Provenance, Run, Trainer, create_run, open_run
+from train.run import Provenance, Run, Trainer, create_run, locked, open_run, trained_robot
 from train.stop import StopRequest
-
-RUN_MADE = "run folder made"
 
 
 @dataclass(frozen=True)
@@ -61,15 +60,15 @@ def begin(request: TrainRequest) -> Path:
     Of several processes the first makes it, the others wait.
 
     Raises:
-        UserError: no such robot or preset, a folder in use, or a request that does not suit a cluster.
+        UserError: no such robot or preset, settings that do not fit the robot or the devices, a folder in
+            use, or a request that does not suit a cluster.
     """
     if cluster.processes() > 1:
         _check_cluster(request)
-    if not cluster.leads():
-        cluster.wait_for_all(RUN_MADE)
-        return request.out or Path()
-    folder = _make_run(request)
-    cluster.wait_for_all(RUN_MADE)
+    folder = request.out or Path()
+    with cluster.all_or_none():
+        if cluster.leads():
+            folder = _make_run(request)
     return folder
 
 
@@ -96,12 +95,25 @@ def _make_run(request: TrainRequest) -> Path:
         seed=request.seed,
         preset=request.preset,
         trainer=request.trainer,
-        device=jax.devices()[0].device_kind,
+        device=cluster.devices()[0].device_kind,
         revision=git_revision(),
         created=now.isoformat(timespec="seconds"),
         versions=versions((*PACKAGES, *TRAINER_PACKAGES[request.trainer])),
+        robot_digest=robot.digest,
     )
-    return create_run(request.out or Path("runs") / name, provenance, config).folder
+    run = Run(request.out or Path("runs") / name, provenance, config)
+    _check_settings(run, robot)
+    return create_run(run.folder, provenance, config).folder
+
+
+def _check_settings(run: Run, robot: Robot) -> None:
+    """Build a run's parts, which tells whether its settings fit, before there is a folder.
+
+    Raises:
+        UserError: they do not.
+    """
+    devices = 1 if run.provenance.trainer == "rsl_rl" else None  # it trains on one
+    _ = assemble(run, robot, devices).mirror
 
 
 def resume(folder: Path, display: Display | None = None) -> Path:
@@ -110,12 +122,17 @@ def resume(folder: Path, display: Display | None = None) -> Path:
     `display` is told how it goes (default: the user, on the terminal).
 
     Raises:
-        UserError: there is no such run, its robot changed, or a checkpoint is damaged.
+        UserError: there is no such run, another process trains it, its robot changed, or a checkpoint is
+            damaged.
     """
-    run = open_run(folder)
+    with cluster.all_or_none():
+        run = open_run(folder)
+        robot = trained_robot(run.provenance)
+        lock = locked(run) if cluster.leads() else nullcontext()
     if display is None:
         display = Display(run.config.ppo.total_steps, None if cluster.leads() else Console(quiet=True))
-    return _continue(run, load_robot(run.provenance.robot), display)
+    with lock:
+        return _continue(run, robot, display)
 
 
 def diagnose(folder: Path, say: Callable[[str], None]) -> Diagnosis:
@@ -134,19 +151,22 @@ def export_run(
     """Export a run's last checkpoint, or a given one; returns the file and the worst difference of an action.
 
     Raises:
-        UserError: there is no checkpoint, the parity check fails, or `out` cannot be written.
+        UserError: there is no checkpoint, the robot changed, the parity check fails, `out` cannot be
+            written, or the device fails.
     """
     run = open_run(folder)
+    robot, path = trained_robot(run.provenance), out or run.policy
     chosen = checkpoint_path or checkpoint.latest(run.checkpoints)
     if chosen is None:
         raise UserError(f"{folder} has no checkpoint yet")
-    robot, path = load_robot(run.provenance.robot), out or run.policy
+    cluster.devices()
     if run.provenance.trainer == "rsl_rl":
         return path, rsl_rl_back_end().export_run(run, robot, chosen, path)
-    parts = assemble(run, robot)
-    shapes = jax.eval_shape(parts.first_state)
-    state, observations = checkpoint.restore(chosen, shapes)
-    return path, _export(parts, state, observations, path)
+    with device_failures(run, verb="export"):
+        parts = assemble(run, robot, devices=1)  # for its shapes, which do not depend on their number
+        shapes = jax.eval_shape(parts.first_state)
+        state, observations = checkpoint.restore(chosen, shapes)
+        return path, _export(parts, state, observations, path)
 
 
 def _continue(run: Run, robot: Robot, display: Display) -> Path:
@@ -155,8 +175,10 @@ def _continue(run: Run, robot: Robot, display: Display) -> Path:
     train_run = rsl_rl_back_end().train_run if run.provenance.trainer == "rsl_rl" else _train_with_brax
     with display:
         began = time.monotonic()
-        who, where = run.provenance.trainer, jax.devices()[0].device_kind
+        who, where = run.provenance.trainer, cluster.devices()[0].device_kind
         display.say(f"training {robot.name} with {who} on {where}, into {run.folder}")
+        if where != run.provenance.device:
+            display.say(f"it began on {run.provenance.device}: the same statistics, not the same bits")
         with device_failures(run):
             difference = train_run(run, robot, display)
         display.say(
@@ -170,13 +192,33 @@ def _train_with_brax(run: Run, robot: Robot, display: Display) -> float:
     """Train and export; returns the worst difference of an action."""
     began = time.monotonic()
     parts = assemble(run, robot)
-    newest = checkpoint.latest(run.checkpoints)
-    if newest is not None:
-        display.say(f"resuming from {newest.name}")
-    state, observations, compiled = parts.prepare(newest)
+    with cluster.all_or_none():
+        newest = _newest_of_the_leader(run)
+        if newest is not None:
+            display.say(f"resuming from {newest.name}")
+        state, observations, compiled = parts.prepare(newest)
     display.say(f"ready after {time.monotonic() - began:.1f} s")
     state, observations = _iterate(run, compiled, state, observations, display)
-    return _export(parts, state, observations, run.policy)
+    with cluster.all_or_none():
+        return _export(parts, state, observations, run.policy)
+
+
+def _newest_of_the_leader(run: Run) -> Path | None:
+    """The newest checkpoint, or None. Other processes may see a newer or an older one: shared disks lag.
+
+    Raises:
+        UserError: this process does not see the leader's.
+    """
+    newest = checkpoint.latest(run.checkpoints)
+    if cluster.processes() == 1:
+        return newest
+    iteration = cluster.the_leaders(int(newest.stem) if newest else 0)
+    if iteration == 0:
+        return None
+    chosen = checkpoint.path_of(run.checkpoints, iteration)
+    if not chosen.is_file():
+        raise UserError(f"process 0 resumes from {chosen}, which is not to be seen from here: try again")
+    return chosen
 
 
 def _iterate(run: Run, compiled: Any, state: Any, observations: Any, display: Display) -> tuple[Any, Any]:
@@ -186,7 +228,8 @@ def _iterate(run: Run, compiled: Any, state: Any, observations: Any, display: Di
     """
     iterations = run.config.ppo.iterations
     done = int(state.iteration)
-    journal = Journal(run, done, display) if cluster.leads() else Follower(run)
+    with cluster.all_or_none():
+        journal = Journal(run, done, display) if cluster.leads() else Follower(run)
     pending: dict[str, jax.Array] | None = None
     stopped = False
     with StopRequest() as stop:
@@ -206,7 +249,8 @@ def _iterate(run: Run, compiled: Any, state: Any, observations: Any, display: Di
             journal.report(done, _figures(pending))
         (unsaved,) = cluster.as_the_leader_says(not checkpoint.path_of(run.checkpoints, done).exists())
         if unsaved:
-            _save(run, done, state, observations)
+            with cluster.all_or_none():
+                _save(run, done, state, observations)
     journal.close()
     if done < iterations:
         display.say(f"stopped; continue with: footfall train --resume {run.folder}")
@@ -228,11 +272,10 @@ def _save(run: Run, done: int, state: Any, observations: Any) -> None:
     """
     state, observations = cluster.on_the_host((state, observations))
     broken = non_finite_leaves(state)
-    if not cluster.leads():
-        return
     if broken:
         raise failed(run, done, not_finite(broken))
-    checkpoint.save(run.checkpoints, done, state, observations)
+    if cluster.leads():
+        checkpoint.save(run.checkpoints, done, state, observations)
 
 
 def _export(parts: Parts, state: Any, observations: Any, path: Path) -> float:

@@ -1,5 +1,6 @@
 """Diagnosis of a failed training: compute the failing iteration again, step by step; say what broke first."""
 
+import io
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,15 +11,25 @@ import jax.numpy as jnp
 import numpy as np
 
 from robots.config import load
-from robots.description import load_robot
 from robots.errors import UserError
-from train import checkpoint
-from train.failure import FOLDER, REPORT, Failure, failure_of, non_finite_leaves, not_finite
+from robots.files import write_atomically
+from robots.versions import versions
+from train import checkpoint, cluster
+from train.failure import (
+    ENVIRONMENT,
+    FOLDER,
+    REPORT,
+    Failure,
+    device_failures,
+    failure_of,
+    non_finite_leaves,
+    not_finite,
+)
 from train.parts import Iteration, Parts, assemble
 from train.ppo import TrainState, iteration_keys, make_learning, make_rollout
-from train.run import Run
+from train.provenance import PACKAGES
+from train.run import Run, trained_robot
 
-SAVED = "environment.npz"
 DIVERGED = "the simulation diverged"
 
 
@@ -27,7 +38,7 @@ class Diagnosis:
     """What the replay of a failed training found."""
 
     failure: Failure
-    device: str  # that computed the replay
+    differences: list[str]  # of what computed the replay; where there are any, it is approximate
     reason: str | None  # why the iteration failed in the replay; None: it did not
     finding: str  # the first thing that broke
     saved: Path | None  # the environment before the step in which it broke, if it was one's
@@ -53,7 +64,8 @@ def replay_failure(folder: Path, say: Callable[[str], None]) -> Diagnosis:
         say: told what is being done.
 
     Raises:
-        UserError: the run has not failed, or is another trainer's.
+        UserError: the run has not failed or is another trainer's, its robot has changed, or the device
+            fails.
     """
     dump = folder / FOLDER
     if not (dump / REPORT).is_file():
@@ -64,15 +76,27 @@ def replay_failure(folder: Path, say: Callable[[str], None]) -> Diagnosis:
             f"{folder} was trained by {failure.provenance.trainer}: only brax runs can be replayed"
         )
     run = Run(folder, failure.provenance, failure.config)
-    replay = _Replay(failure, assemble(run, load_robot(failure.provenance.robot)))
-    before, iterate = replay.state_before(checkpoint.latest(dump), say)
-    reason, after = replay.failing_iteration(before, iterate)
-    fault = replay.first_fault(jax.device_get(before), after)
+    robot, there = trained_robot(failure.provenance), cluster.devices()
+    with device_failures(run, verb="diagnose"):
+        # Each device draws its own noise: where there are as many as there were, no more than those.
+        count = min(failure.devices or len(there), len(there))
+        replay = _Replay(failure, assemble(run, robot, count))
+        before, iterate = replay.state_before(checkpoint.latest(dump), say)
+        reason, after = replay.failing_iteration(before, iterate)
+        fault = replay.first_fault(jax.device_get(before), after)
     saved = None
     if fault.before is not None:
-        saved = dump / SAVED
+        saved = dump / ENVIRONMENT
         _save_environment(saved, fault)
-    return Diagnosis(failure, jax.devices()[0].device_kind, reason, fault.finding, saved)
+    differing = differences(failure, there[0].device_kind, count)
+    return Diagnosis(failure, differing, reason, fault.finding, saved)
+
+
+def differences(failure: Failure, device: str, devices: int) -> list[str]:
+    """What differs between a failed training and its replay: 'NAME then, now' of devices and packages."""
+    then = {"device": failure.device, "device count": str(failure.devices or devices)} | failure.versions
+    now = {"device": device, "device count": str(devices)} | versions(PACKAGES)
+    return [f"{name} {old}, now {now[name]}" for name, old in then.items() if now.get(name, old) != old]
 
 
 class _Replay:
@@ -222,7 +246,9 @@ def _save_environment(path: Path, fault: _Fault) -> None:
     tree |= {f"observation.{name}": value for name, value in observation.items()}
     for keys, leaf in jax.tree_util.tree_leaves_with_path(env_state):
         tree["state" + jax.tree_util.keystr(keys)] = leaf
+    content = io.BytesIO()
+    np.savez(content, **tree)
     try:
-        np.savez(path, **tree)
+        write_atomically(path, content.getvalue())
     except OSError as error:
         raise UserError(f"cannot write {path}: {error.strerror}") from None

@@ -20,13 +20,14 @@ from robots.config import dump
 from robots.errors import UserError
 from robots.files import write_atomically
 from robots.versions import versions
-from train import checkpoint
+from train import checkpoint, cluster
 from train.config import TrainConfig
 from train.provenance import PACKAGES
 from train.run import Provenance, Run
 
 FOLDER = "failure"
 REPORT = "failure.yaml"
+ENVIRONMENT = "environment.npz"  # left by a replay
 DEVICE_ERROR = "device_error.txt"
 NAMED = 4  # names in a message, before "and so many more"
 LONGEST_REASON = 200  # characters of a device's error that fit a line
@@ -45,6 +46,7 @@ class Failure:
     versions: dict[str, str]
     provenance: Provenance
     config: TrainConfig
+    devices: int = 0  # of all processes; 0: a report of before, which does not say
 
 
 def failure_of(metrics: Mapping[str, float], diverged_limit: float) -> str | None:
@@ -81,12 +83,18 @@ def non_finite_leaves(tree: Any) -> list[str]:
 
 
 def failed(run: Run, iteration: int, reason: str) -> UserError:
-    """Leave what a replay of the failing iteration needs; returns the error to raise."""
+    """Leave what a replay of the failing iteration needs; returns the error to raise.
+
+    Of several processes only the first leaves something.
+    """
+    if not cluster.leads():
+        return UserError(f"training failed in iteration {iteration}: {reason}; see process 0")
     newest = checkpoint.latest(run.checkpoints)
     failure = Failure(
         iteration=iteration,
         reason=reason,
         device=jax.devices()[0].device_kind,
+        devices=len(jax.devices()),
         versions=versions(PACKAGES),
         provenance=run.provenance,
         config=run.config,
@@ -96,17 +104,20 @@ def failed(run: Run, iteration: int, reason: str) -> UserError:
         _leave(run.folder / FOLDER, failure, newest)
     except OSError as error:
         return UserError(f"{message}; nothing to replay was left: {error.strerror}")
+    if run.provenance.trainer != "brax":  # upstream's iterations cannot be computed step by step
+        return UserError(f"{message}; all settings are in {run.folder / FOLDER / REPORT}")
     return UserError(f"{message}; find the cause with: footfall diagnose {run.folder}")
 
 
 @contextmanager
 def device_failures(
-    run: Run, kinds: tuple[type[Exception], ...] = (jax.errors.JaxRuntimeError,)
+    run: Run, kinds: tuple[type[Exception], ...] = (jax.errors.JaxRuntimeError,), verb: str = "train --resume"
 ) -> Iterator[None]:
     """Turn a lost or exhausted accelerator into one line that says how to go on; the whole text is kept.
 
     Args:
         kinds: what its loss raises.
+        verb: the command that goes on with the run.
 
     Raises:
         UserError: the device failed.
@@ -117,24 +128,25 @@ def device_failures(
         text = str(error)
         if "Traceback (most recent call last)" in text:  # our own code, called from the device: a defect
             raise
-        raise UserError(_device_failure(run, text)) from None
+        raise UserError(_device_failure(run, text, verb)) from None
 
 
-def _device_failure(run: Run, text: str) -> str:
-    try:
-        (run.folder / FOLDER).mkdir(exist_ok=True)
-        write_atomically(run.folder / FOLDER / DEVICE_ERROR, text.encode())
-    except OSError:
-        pass  # the line below says what matters
+def _device_failure(run: Run, text: str, verb: str) -> str:
+    if jax.process_index() == 0:
+        try:
+            (run.folder / FOLDER).mkdir(exist_ok=True)
+            write_atomically(run.folder / FOLDER / DEVICE_ERROR, text.encode())
+        except OSError:
+            pass  # the line below says what matters
     newest = checkpoint.latest(run.checkpoints)
     if "RESOURCE_EXHAUSTED" in text or "out of memory" in text.lower():
-        what = (
-            "the device is out of memory:"
-            f" use fewer environments (ppo.environments is {run.config.ppo.environments})"
+        return (
+            f"the device is out of memory; {_last_good(newest)}; start a new run with a smaller"
+            f" ppo.environments (it is {run.config.ppo.environments}), or go on with a device that has more:"
+            f" footfall {verb} {run.folder}"
         )
-    else:
-        what = f"the device failed: {(text.splitlines() or [''])[0][:LONGEST_REASON]}"
-    return f"{what}; {_last_good(newest)}; continue with: footfall train --resume {run.folder}"
+    what = f"the device failed: {(text.splitlines() or [''])[0][:LONGEST_REASON]}"
+    return f"{what}; {_last_good(newest)}; continue with: footfall {verb} {run.folder}"
 
 
 def _last_good(newest: Path | None) -> str:
@@ -145,6 +157,7 @@ def _leave(folder: Path, failure: Failure, newest: Path | None) -> None:
     """Make the failure's folder. The old report goes first, the new one comes last: it fits the rest."""
     folder.mkdir(exist_ok=True)
     (folder / REPORT).unlink(missing_ok=True)
+    (folder / ENVIRONMENT).unlink(missing_ok=True)
     for old in folder.glob(f"*{checkpoint.SUFFIX}"):
         old.unlink()
     if newest is not None:

@@ -9,7 +9,7 @@ import torch
 from robots.description import Robot
 from train import checkpoint
 from train.display import Display
-from train.failure import device_failures
+from train.failure import device_failures, failed, not_finite
 from train.journal import Journal
 from train.rsl_rl_trainer import RslRlTrainer
 from train.run import Run
@@ -29,6 +29,7 @@ def train_run(run: Run, robot: Robot, display: Display) -> float:
         KeyboardInterrupt: a user stopped it; its checkpoint is written.
     """
     began = time.monotonic()
+    _say_what_is_idle(len(jax.devices()), display)
     with device_failures(run, DEVICE_ERRORS):
         trainer = RslRlTrainer(run, robot)
         newest = checkpoint.latest(run.checkpoints)
@@ -37,14 +38,20 @@ def train_run(run: Run, robot: Robot, display: Display) -> float:
             display.say(f"resuming from {newest.name}")
         display.say(f"ready after {time.monotonic() - began:.1f} s")
         _iterate(run, trainer, display)
-    return trainer.export(run.policy)
+        return trainer.export(run.policy)
 
 
 def export_run(run: Run, robot: Robot, chosen: Path, path: Path) -> float:
     """Export one checkpoint; returns and raises as `train_run`."""
-    trainer = RslRlTrainer(run, robot)
-    trainer.restore(chosen)
-    return trainer.export(path)
+    with device_failures(run, DEVICE_ERRORS, verb="export"):
+        trainer = RslRlTrainer(run, robot)
+        trainer.restore(chosen)
+        return trainer.export(path)
+
+
+def _say_what_is_idle(devices: int, display: Display) -> None:
+    if devices > 1:
+        display.say(f"rsl_rl trains on the first of {devices} devices: the others are idle")
 
 
 def _iterate(run: Run, trainer: RslRlTrainer, display: Display) -> None:
@@ -53,7 +60,7 @@ def _iterate(run: Run, trainer: RslRlTrainer, display: Display) -> None:
     journal = Journal(run, first, display)
     with StopRequest() as stop:
         while trainer.iteration < last and not stop.requested:
-            metrics = trainer.iterate()
+            metrics = _iteration(run, trainer)
             journal.report(trainer.iteration, metrics)
             if journal.checkpoint_due:
                 journal.keep(trainer.save)
@@ -63,3 +70,18 @@ def _iterate(run: Run, trainer: RslRlTrainer, display: Display) -> None:
     if trainer.iteration < last:
         display.say(f"stopped; continue with: footfall train --resume {run.folder}")
         raise KeyboardInterrupt
+
+
+def _iteration(run: Run, trainer: RslRlTrainer) -> dict[str, float]:
+    """One iteration; returns its metrics.
+
+    Raises:
+        UserError: the networks are not finite.
+    """
+    try:
+        return trainer.iterate()
+    except RuntimeError:
+        broken = trainer.broken()  # torch does not draw from a distribution that is not finite
+        if not broken:
+            raise
+        raise failed(run, trainer.iteration + 1, not_finite(broken)) from None

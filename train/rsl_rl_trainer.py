@@ -21,6 +21,7 @@ from robots.errors import UserError
 from train import checkpoint
 from train.actor import Actor
 from train.export import export
+from train.failure import failed, non_finite_leaves, not_finite
 from train.ppo import LOGGED_OBSERVATIONS, learning_rate_limit
 from train.rsl_rl_environment import TorchEnvironment
 from train.rsl_rl_settings import runner_settings
@@ -78,8 +79,12 @@ class RslRlTrainer:
         """Write a checkpoint of upstream's form; its `infos` hold what upstream leaves out.
 
         Raises:
-            UserError: the disk is full or the folder cannot be written; older checkpoints are untouched.
+            CannotWriteError: the disk is full or the folder cannot be written; older checkpoints stay.
+            UserError: the state is not finite, which the metrics need not show.
         """
+        broken = self.broken()
+        if broken:
+            raise failed(self._run, self.iteration, not_finite(broken))
         episodes = serialization.to_bytes(jax.device_get(self._environment.episodes))
         infos = {
             "episodes": torch.frombuffer(bytearray(episodes), dtype=torch.uint8),
@@ -89,6 +94,11 @@ class RslRlTrainer:
         content = io.BytesIO()
         self._runner.save(content, infos)
         return checkpoint.write(self._run.checkpoints, self.iteration, content.getvalue())
+
+    def broken(self) -> list[str]:
+        """Names of what is not finite in the networks, the optimiser and the episodes."""
+        learned = jax.tree.map(_on_the_host, self._runner.alg.save())
+        return non_finite_leaves(learned | {"episodes": jax.device_get(self._environment.episodes)})
 
     def restore(self, path: Path) -> None:
         """Go on from a checkpoint; on the same machine, to the same bits.
@@ -138,6 +148,10 @@ def trained_actor(model: MLPModel) -> Actor:
         layers=tuple((_array(layer.weight.T), _array(layer.bias)) for layer in layers),
         act=act,
     )
+
+
+def _on_the_host(leaf: object) -> object:
+    return _array(leaf) if isinstance(leaf, torch.Tensor) else leaf
 
 
 def _array(tensor: torch.Tensor) -> np.ndarray:

@@ -1,6 +1,7 @@
 """Sweeps over settings and seeds on Ray Tune: each trial is an ordinary run."""
 
 import csv
+import io
 import logging
 import math
 import os
@@ -14,11 +15,13 @@ from typing import Any, Literal, NamedTuple
 from rich.console import Console
 
 from robots.config import dump, load, structure, unstructure
+from robots.description import load_robot
 from robots.errors import UserError
 from robots.files import write_atomically
 from train.api import TrainRequest, begin, resume
 from train.config import TrainConfig, load_preset
 from train.display import Display
+from train.sweep_check import reported_metrics
 
 DISTRIBUTIONS = (
     "choice", "grid_search", "uniform", "quniform", "loguniform", "qloguniform", "randint", "qrandint",
@@ -26,6 +29,9 @@ DISTRIBUTIONS = (
 )  # fmt: skip
 OF_A_LIST = ("choice", "grid_search")  # take the list, the others its elements
 STEPS = "environment_steps"  # what schedulers may count time in
+SPEED = "speed/steps_per_s"
+RAYS_OWN = ("training_iteration", "time_total_s", "time_this_iter_s")  # in every report, by Ray
+UNFINISHED = "unfinished"
 SETTINGS = "sweep.yaml"
 RESULTS = "results.csv"
 TUNE = "tune"  # Ray's own folder
@@ -48,6 +54,20 @@ class SweepConfig:
     # Name and settings as ray.tune.create_scheduler takes them.
     scheduler: dict[str, Any] = field(default_factory=lambda: {"name": "fifo"})
 
+    def __post_init__(self) -> None:
+        if not self.seeds:
+            raise ValueError("seeds: the list is empty")
+        if self.trials < 1:
+            raise ValueError(f"trials must be at least 1, not {self.trials}")
+
+    @property
+    def points(self) -> int:
+        """Trainings in the whole sweep."""
+        grids = [
+            len(declared["grid_search"]) for declared in self.space.values() if "grid_search" in declared
+        ]
+        return math.prod(grids) * len(self.seeds) * self.trials
+
 
 class Trial(NamedTuple):
     """One row of the results."""
@@ -60,16 +80,23 @@ class Trial(NamedTuple):
     error: str  # empty if it ended well or was stopped by the scheduler
 
 
-def sweep(file: Path, out: Path) -> list[Trial]:
-    """Run a sweep into a new folder; returns its trials, the best first.
+class Outcome(NamedTuple):
+    """What has become of a sweep."""
+
+    trials: list[Trial]  # those that began, the best first
+    unfinished: int  # trials that an interruption left to do, begun or not
+
+
+def sweep(file: Path, out: Path) -> Outcome:
+    """Run a sweep into a new folder, until it ends or is interrupted.
 
     Raises:
         UserError: ray is missing, the file or a setting in it is wrong, or the folder is in use.
     """
     tune = _tune()
     config = load(file, SweepConfig)
-    _try_one(tune, config)
     scheduler = _scheduler(tune, config)
+    _try_one(tune, config)
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise UserError(f"{out} exists and is not empty: give another --out, or --resume {out}")
     try:
@@ -95,7 +122,7 @@ def sweep(file: Path, out: Path) -> list[Trial]:
         return _results(tuner.fit(), config, out)
 
 
-def resume_sweep(out: Path) -> list[Trial]:
+def resume_sweep(out: Path) -> Outcome:
     """Continue a sweep that was interrupted; its unfinished trials go on from their checkpoints.
 
     Raises:
@@ -177,29 +204,42 @@ def _space(tune: ModuleType, config: SweepConfig) -> dict[str, Any]:
     Raises:
         UserError: a distribution is unknown or its arguments are wrong.
     """
-    space = {}
+    space: dict[str, Any] = {}
     for key, declared in config.space.items():
         if len(declared) != 1 or next(iter(declared)) not in DISTRIBUTIONS:
             raise UserError(f"space.{key}: expected one of {', '.join(DISTRIBUTIONS)}")
         ((name, values),) = declared.items()
+        if not values:
+            raise UserError(f"space.{key}: {name}: the list is empty")
         try:
             space[key] = getattr(tune, name)(*([values] if name in OF_A_LIST else values))
-        except (TypeError, ValueError, AssertionError) as error:
+            if name not in OF_A_LIST:
+                space[key].sample()  # bounds that leave nothing to draw are refused only here
+        except (TypeError, ValueError, AssertionError, ArithmeticError) as error:
             raise UserError(f"space.{key}: {name}: {' '.join(str(error).split())}") from None
     return space
 
 
 def _try_one(tune: ModuleType, config: SweepConfig) -> None:
-    """Build one trial's settings, so that a mistake is known before anything runs.
+    """Build one trial and trace its program, so that a mistake is known before anything runs.
 
     Raises:
-        UserError: as `trial_config`.
+        UserError: there is no such robot, setting, reward or metric, or a value does not fit.
     """
     drawn = {
         key: domain["grid_search"][0] if isinstance(domain, dict) else domain.sample()
         for key, domain in _space(tune, config).items()
     }
-    trial_config(config.preset, drawn)
+    load_robot(config.robot)
+    one = trial_config(config.preset, drawn)
+    for key, declared in config.space.items():
+        for value in (value for name in OF_A_LIST for value in declared.get(name, ())):
+            trial_config(config.preset, drawn | {key: value})
+    known = [STEPS, SPEED, *reported_metrics(config.robot, one)]
+    asked = {"metric": config.metric, "scheduler: time_attr": config.scheduler.get("time_attr")}
+    for setting, name in asked.items():
+        if name is not None and name not in (*known, *RAYS_OWN):
+            raise UserError(f"{setting}: a trial reports no '{name}': there are {', '.join(known)}")
 
 
 def _scheduler(tune: ModuleType, config: SweepConfig) -> Any:
@@ -238,10 +278,10 @@ class _Reporter(Display):
         self._report = report
 
     def update(self, steps: int, steps_per_s: float, metrics: dict[str, float]) -> None:
-        self._report({STEPS: steps, "speed/steps_per_s": steps_per_s, **metrics})
+        self._report({STEPS: steps, SPEED: steps_per_s, **metrics})
 
 
-def _results(grid: Any, config: SweepConfig, out: Path) -> list[Trial]:
+def _results(grid: Any, config: SweepConfig, out: Path) -> Outcome:
     """The trials, best first, which are also written as a table of comma-separated values."""
     trials = []
     for result in grid:
@@ -254,20 +294,23 @@ def _results(grid: Any, config: SweepConfig, out: Path) -> list[Trial]:
                 settings=settings,
                 value=metrics.get(config.metric, math.nan),
                 steps=metrics.get(STEPS, 0),
-                error=_last_line(result.error),
+                # Interrupted, Ray ends its trials as if they were through: only their reports tell.
+                error=_last_line(result.error) or ("" if metrics.get("done") else UNFINISHED),
             )
         )
     sign = 1.0 if config.mode == "min" else -1.0
     trials.sort(key=lambda trial: (bool(trial.error), math.isnan(trial.value), sign * trial.value))
-    names = list(config.space)
-    with (out / RESULTS).open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(["folder", "seed", *names, config.metric, STEPS, "error"])
-        for t in trials:
-            writer.writerow(
-                [t.folder, t.seed, *(t.settings.get(n) for n in names), t.value, t.steps, t.error]
-            )
-    return trials
+    write_atomically(out / RESULTS, _table(trials, config).encode())
+    return Outcome(trials, config.points - sum(trial.error != UNFINISHED for trial in trials))
+
+
+def _table(trials: list[Trial], config: SweepConfig) -> str:
+    names, file = list(config.space), io.StringIO(newline="")
+    writer = csv.writer(file)
+    writer.writerow(["folder", "seed", *names, config.metric, STEPS, "error"])
+    for t in trials:
+        writer.writerow([t.folder, t.seed, *(t.settings.get(n) for n in names), t.value, t.steps, t.error])
+    return file.getvalue()
 
 
 def _last_line(error: BaseException | None) -> str:

@@ -16,8 +16,8 @@ def diagnose(run: Path, /) -> int:
     wing = learning_wing()
     result = wing.diagnose(run, say=lambda text: print(text, flush=True))
     failure = result.failure
-    if result.device != failure.device:
-        print(f"it failed on {failure.device}, this is {result.device}: the replay is approximate")
+    if result.differences:
+        print(f"the replay is approximate: it failed with {'; '.join(result.differences)}")
     print(f"iteration {failure.iteration} failed then: {failure.reason}")
     print(f"iteration {failure.iteration} fails now: {result.reason or 'no, it does not'}")
     print(f"first: {result.finding}")

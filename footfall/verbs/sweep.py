@@ -8,7 +8,7 @@ from robots.errors import UserError
 
 
 def sweep(file: Path | None = None, /, *, out: Path | None = None, resume: Path | None = None) -> int:
-    """Train over a space of settings and seeds on Ray Tune; exit 1 if a trial failed.
+    """Train over a space of settings and seeds on Ray Tune; exit 1 if a trial failed, 130 if interrupted.
 
     Parameters
     ----------
@@ -28,13 +28,16 @@ def sweep(file: Path | None = None, /, *, out: Path | None = None, resume: Path 
     from train.sweep import sweep as run_sweep
 
     if resume is not None:
-        folder, trials = resume, resume_sweep(resume)
+        folder, (trials, unfinished) = resume, resume_sweep(resume)
     else:
         assert file is not None
         folder = out or Path("runs") / f"sweep-{datetime.now(UTC):%Y%m%d-%H%M%S}"
-        trials = run_sweep(file, folder)
+        trials, unfinished = run_sweep(file, folder)
     _show(trials)
     print(f"wrote {folder / RESULTS}")
+    if unfinished:
+        print(f"{unfinished} unfinished; continue with: footfall sweep --resume {folder}")
+        raise KeyboardInterrupt
     return 1 if any(trial.error for trial in trials) else 0
 
 
