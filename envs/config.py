@@ -28,10 +28,6 @@ class CommandConfig:
     hold_s: Distribution = Distribution(3.0, 8.0)
     standing_probability: float = 0.1
     single_axis_probability: float = 0.3  # only one of the three components is kept
-    acceleration: tuple[float, float, float] | None = None  # see Contract.command_acceleration
-
-    def __post_init__(self) -> None:
-        require_positive(self, "acceleration")
 
 
 @dataclass(frozen=True)

@@ -27,10 +27,10 @@ class InformedEnv(VelocityEnv):
     """The same environment, but a step's metrics are what gymnasium's information holds."""
 
     def step(self, state: State, action: jax.Array) -> tuple[State, Step]:
-        """As ever. The "command" (3,) is the one that was given, as it stands after the step."""
+        """As ever. The "command" (3,) is as it stands after the step."""
         state, step = super().step(state, action)
         errors = {name: step.metrics[f"tracking/{name}"] for name in ("linear_error_m_s", "yaw_error_rad_s")}
-        return state, step._replace(metrics={"command": state.asked} | errors)
+        return state, step._replace(metrics={"command": state.command} | errors)
 
 
 class Seen(NamedTuple):
@@ -227,7 +227,7 @@ def draw_key(generator: np.random.Generator) -> np.ndarray:
 def reset_one(env: VelocityEnv, key: jax.Array) -> tuple[State, jax.Array, jax.Array]:
     """A new episode: state, observation, and the command (3,) that is given."""
     state, observation = env.reset(key)
-    return state, observation["state"], state.asked
+    return state, observation["state"], state.command
 
 
 def step_one(env: InformedEnv, state: State, action: jax.Array) -> tuple[State, Seen]:
@@ -239,7 +239,7 @@ def step_one(env: InformedEnv, state: State, action: jax.Array) -> tuple[State, 
 def step_many(env: InformedEnv, state: State, actions: jax.Array) -> tuple[State, jax.Array, jax.Array, Seen]:
     """A control step of all robots: state, observations and commands to go on with, and the step itself."""
     state, observation, step = step_batch(env, state, actions)
-    return state, observation["state"], state.asked, seen_of(step)
+    return state, observation["state"], state.command, seen_of(step)
 
 
 def seen_of(step: Step) -> Seen:

@@ -26,7 +26,6 @@ from envs.physics_mjx import mjx_physics
 from envs.rewards import TERMS as REWARD_TERMS
 from envs.rewards import Outcome, reward_rate, rewards
 from policies.action import joint_target
-from policies.command import approached
 from policies.contract import Contract
 from policies.observation import (
     Inputs,
@@ -60,8 +59,7 @@ class State(NamedTuple):
     qacc_warmstart: jax.Array
     sample: Sample
     fields: dict[str, jax.Array]  # randomised model fields
-    asked: jax.Array  # (3,) the command that was given
-    command: jax.Array  # (3,) the one that the policy is shown, on its way there
+    command: jax.Array  # (3,)
     hold_steps: jax.Array  # () control steps until the next command
     push_steps: jax.Array  # () control steps until the next push
     steps: jax.Array  # () control steps since the reset
@@ -97,7 +95,6 @@ def make_contract(robot: Robot, config: EnvConfig) -> Contract:
         kd=tuple(robot.kd.tolist()),
         commands=config.commands.ranges,
         gait=make_gait(robot, config.gait) if config.gait else None,
-        command_acceleration=config.commands.acceleration,
     )
 
 
@@ -164,7 +161,6 @@ class VelocityEnv:
         sample = narrowed(sample, _grown(config.curriculum.randomisation, level), self._foot_friction)
         qpos, qvel = self._initial_state(pose_key)
         reading = self._reading(qpos, qvel)
-        asked = self._draw_command(command_key, level)
         state = State(
             key=key,
             level=jnp.asarray(level, dtype=jnp.float32),
@@ -173,8 +169,7 @@ class VelocityEnv:
             qacc_warmstart=jnp.zeros_like(qvel),
             sample=sample,
             fields=randomised_fields(self._nominal, sample, self._map),
-            asked=asked,
-            command=self._shown(asked, jnp.zeros(3)),
+            command=self._draw_command(command_key, level),
             hold_steps=draw_hold_steps(hold_key, config.commands, config.control_rate_hz),
             push_steps=self._draw_push_steps(push_key),
             steps=jnp.int32(0),
@@ -333,11 +328,9 @@ class VelocityEnv:
         push_due = state.push_steps <= 0
         strength = _grown(config.curriculum.pushes, state.level)
         kick = jnp.where(push_due, strength * self._draw_push(push_key), 0.0)
-        asked = jnp.where(command_due, self._draw_command(command_key, state.level), state.asked)
         return state._replace(
             key=key,
-            asked=asked,
-            command=self._shown(asked, state.command),
+            command=jnp.where(command_due, self._draw_command(command_key, state.level), state.command),
             hold_steps=jnp.where(command_due, hold, state.hold_steps - 1),
             push_steps=jnp.where(push_due, self._draw_push_steps(interval_key), state.push_steps - 1),
             qvel=state.qvel.at[:6].add(kick),
@@ -345,11 +338,6 @@ class VelocityEnv:
 
     def _draw_command(self, key: jax.Array, level: jax.Array | float) -> jax.Array:
         return draw_command(key, self.config.commands) * _grown(self.config.curriculum.commands, level)
-
-    def _shown(self, asked: jax.Array, shown: jax.Array) -> jax.Array:
-        """The command that the policy is shown next."""
-        most = self.contract.command_acceleration
-        return asked if most is None else approached(asked, shown, jnp.array(most), self.period_s)
 
     def _draw_push_steps(self, key: jax.Array) -> jax.Array:
         seconds = self.config.pushes.interval_s.quantile(jax.random.uniform(key))

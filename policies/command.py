@@ -1,21 +1,8 @@
-"""What is done with a velocity command before a policy sees it, in training as in deployment."""
+"""What the hand-written controllers do with a velocity command before they follow it."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-
-Array = Any
-
-
-def approached(goal: Array, value: Array, most_per_s: Array, dt_s: float) -> Array:
-    """A value on its way to a goal, after a time in which it changes at a bounded rate; elementwise.
-
-    Written for NumPy (deployment) and JAX (training) arrays.
-    """
-    xp = value.__array_namespace__()
-    step = most_per_s * dt_s
-    return value + xp.minimum(xp.maximum(goal - value, -step), step)
 
 
 @dataclass(frozen=True)
@@ -47,7 +34,8 @@ class ShapedCommand:
     def advance(self, command: np.ndarray, dt_s: float) -> None:
         """Move towards a command (3,) for a time."""
         goal = command if self._asks_to_move(command) else np.zeros(3)
-        self.value = approached(goal, self.value, self._most, dt_s)
+        step = self._most * dt_s
+        self.value = self.value + np.minimum(np.maximum(goal - self.value, -step), step)
 
     def wants_walk(self, command: np.ndarray) -> bool:
         """Whether a command (3,) asks to move, or an earlier one still has to be slowed down from."""

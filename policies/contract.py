@@ -64,13 +64,10 @@ class Contract:
     commands: CommandRange
     gait: Gait | None = None
     standing_command: float = 0.1  # commands of a smaller norm mean: stand still
-    command_acceleration: tuple[float, float, float] | None = None
-    """How fast the command that the policy is shown follows the one it is given: forward and leftward m/s^2,
-    yaw rad/s^2; None: at once. Every episode begins at zero."""
     version: int = field(default=VERSION)
 
     def __post_init__(self) -> None:
-        require_positive(self, "control_rate_hz", "command_acceleration")
+        require_positive(self, "control_rate_hz")
         if not self.observation:
             raise ValueError("observation has no terms")
         for name, numbers in self._per_joint():

@@ -6,7 +6,6 @@ import numpy as np
 import onnxruntime
 
 from policies.action import joint_target
-from policies.command import approached
 from policies.contract import CONTRACT_KEY, TRAINER_KEY, Contract
 from policies.observation import (
     Inputs,
@@ -85,7 +84,6 @@ class LearnedPolicy:
 
     def _begin(self) -> None:
         self._action = np.zeros(len(self.contract.joints), dtype=np.float32)
-        self._command = np.zeros(3)
         self._frames: np.ndarray | None = None
         self._steps = 0
         self.observed = np.zeros(observation_size(self.contract), dtype=np.float32)
@@ -95,8 +93,7 @@ class LearnedPolicy:
         contract = self.contract
         phase = np.array([self._phase()])
         readings = _readings(observation_)
-        self._command = self._shown(observation_.command)
-        newest = frame(Inputs(readings, self._action, self._command, phase), contract)
+        newest = frame(Inputs(readings, self._action, observation_.command, phase), contract)
         if self._frames is None:
             self._frames = np.broadcast_to(newest, (history_length(contract), frame_size(contract)))
         else:
@@ -104,7 +101,7 @@ class LearnedPolicy:
         self.observed = observation(self._frames, contract).astype(np.float32)
         self._action = self.network(self.observed)
         self._steps += 1
-        target = joint_target(self._action.astype(np.float64), phase, self._command, contract)
+        target = joint_target(self._action.astype(np.float64), phase, observation_.command, contract)
         return JointCommand(target, self._zeros, self._kp, self._kd, self._zeros)
 
     @property
@@ -115,12 +112,6 @@ class LearnedPolicy:
     def stance(self) -> None:
         """A learned policy has no contact plan."""
         return None
-
-    def _shown(self, command: np.ndarray) -> np.ndarray:
-        most = self.contract.command_acceleration
-        if most is None:
-            return command
-        return approached(command, self._command, np.array(most), 1.0 / self.rate_hz)
 
     def _phase(self) -> float:
         gait = self.contract.gait

@@ -133,7 +133,7 @@ class TestStep:
         )
         key = jax.random.PRNGKey(11)
         easy, full = env.reset(key, 0.0)[0], env.reset(key, 1.0)[0]
-        assert np.allclose(easy.asked, 0.5 * full.asked)
+        assert np.allclose(easy.command, 0.5 * full.command)
         assert [float(env.level(jnp.float32(s))) for s in (0, 50, 200)] == [0.0, 0.5, 1.0]
         due = easy._replace(push_steps=jnp.int32(0))
         assert np.array_equal(env._disturb(due).qvel, easy.qvel)
