@@ -28,6 +28,11 @@ class CommandConfig:
     hold_s: Distribution = Distribution(3.0, 8.0)
     standing_probability: float = 0.1
     single_axis_probability: float = 0.3  # only one of the three components is kept
+    standing_command: float = 0.1  # commands of a smaller norm mean: stand still; 0: step in place
+
+    def __post_init__(self) -> None:
+        if self.standing_command < 0:
+            raise ValueError(f"standing_command must not be negative, it is {self.standing_command}")
 
 
 @dataclass(frozen=True)

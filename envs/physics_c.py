@@ -1,12 +1,15 @@
 """The physics in MuJoCo C: whole batches of robots on a thread pool, called from inside a JAX program."""
 
 import ctypes
+import math
 import os
 import threading
 from copy import copy
-from typing import Any
+from functools import partial
+from typing import Any, NamedTuple
 
 import jax
+import jax.numpy as jnp
 import mujoco
 import numpy as np
 from mujoco.batch import Batch, SimulationError
@@ -27,11 +30,34 @@ def c_physics(model: mujoco.MjModel, robot: Robot) -> Physics:
             lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype),
             (Motion(*(x[None] for x in motion)), simulations.room(1, len(drive.target))),
         )
+        # As one array: handing one over costs JAX more than what a small array holds.
+        arguments, layout = _as_one((motion, drive, fields))
         return jax.pure_callback(
-            simulations, (start, trace), motion, drive, fields, vmap_method="broadcast_all"
+            partial(simulations, layout), (start, trace), arguments, vmap_method="broadcast_all"
         )
 
     return simulate
+
+
+class _Layout(NamedTuple):
+    """How values of different names and shapes lie in one row."""
+
+    tree: Any
+    shapes: tuple[tuple[int, ...], ...]
+
+    def parts(self, rows: np.ndarray) -> Any:
+        """The values of each row, with the rows as their first axis; views."""
+        ends = np.cumsum([math.prod(shape) for shape in self.shapes])
+        leaves = np.split(rows, ends[:-1], axis=1)
+        return self.tree.unflatten(
+            [leaf.reshape(-1, *shape) for leaf, shape in zip(leaves, self.shapes, strict=True)]
+        )
+
+
+def _as_one(values: Any) -> tuple[jax.Array, _Layout]:
+    leaves, tree = jax.tree.flatten(values)
+    row = jnp.concatenate([jnp.ravel(leaf) for leaf in leaves])
+    return row, _Layout(tree, tuple(leaf.shape for leaf in leaves))
 
 
 class _Simulations:
@@ -48,17 +74,16 @@ class _Simulations:
         self._pools: dict[int, Batch] = {}  # by number of robots
         self._lock = threading.Lock()
 
-    def __call__(self, *arguments: tuple) -> tuple[Motion, Trace]:
+    def __call__(self, layout: _Layout, arguments: Any) -> tuple[Motion, Trace]:
         """One control step of robots with any number of leading axes, one after `jax.vmap`.
 
         A simulation that MuJoCo gives up is not a number from there on; the others go on.
         """
         # NumPy only from here on: JAX called from inside a JAX program may wait for itself.
-        motion, drive, fields = jax.tree.map(np.asarray, arguments)
-        lead = motion.qpos.shape[:-1]
-        flat = jax.tree.map(lambda x: x.reshape(-1, *x.shape[len(lead) :]), (motion, drive, fields))
+        values = np.asarray(arguments)
+        lead = values.shape[:-1]
         with self._lock, _UNDISTURBED, np.errstate(all="ignore"):
-            results = self._simulate(*flat)
+            results = self._simulate(*layout.parts(values.reshape(-1, values.shape[-1])))
         return jax.tree.map(lambda x: x.reshape(*lead, *x.shape[1:]), results)
 
     def room(self, robots: int, substeps: int) -> Trace:

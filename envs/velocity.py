@@ -16,7 +16,7 @@ from domain_rand.bodies import body_map, randomised_fields
 from domain_rand.noise import biased, noisy
 from domain_rand.randomisation import draw
 from domain_rand.sample import Sample, narrowed, randomised_command, randomised_motor
-from envs.commands import draw_command, draw_hold_steps
+from envs.commands import COMMAND_NUMBERS, draw_command, draw_hold_steps
 from envs.config import EnvConfig
 from envs.delays import delayed_goal, delayed_readings
 from envs.gait import make_gait
@@ -45,6 +45,8 @@ from robots.targets import limit_target
 
 RANDOMISED_FIELDS = ("body_mass", "body_inertia", "body_ipos", "dof_armature", "geom_friction")
 KEPT_GOALS = 3  # control steps whose targets may still be on their way to the motors
+PUSH_NUMBERS = 6  # uniform numbers that a push is drawn from
+DISTURBANCE_NUMBERS = COMMAND_NUMBERS + PUSH_NUMBERS + 2
 CONTACT_CLEARANCE_M = 0.002  # a foot closer to the ground counts as touching
 PHYSICS: dict[str, Callable[[mujoco.MjModel, Robot], Physics]] = {"mjx": mjx_physics, "c": c_physics}
 
@@ -95,6 +97,7 @@ def make_contract(robot: Robot, config: EnvConfig) -> Contract:
         kd=tuple(robot.kd.tolist()),
         commands=config.commands.ranges,
         gait=make_gait(robot, config.gait) if config.gait else None,
+        standing_command=config.commands.standing_command,
     )
 
 
@@ -156,10 +159,11 @@ class VelocityEnv:
     def reset(self, key: jax.Array, level: jax.Array | float = 1.0) -> tuple[State, dict[str, jax.Array]]:
         """A new episode: state, command, timers, delay buffers and body are all drawn afresh."""
         config, n = self.config, self.action_size
-        key, sample_key, pose_key, command_key, hold_key, push_key, clock_key = jax.random.split(key, 7)
+        key, sample_key, rest_key = jax.random.split(key, 3)
+        pose, noise, command, timers, clock = _uniform(rest_key, 7 + 2 * n, 6 + 2 * n, COMMAND_NUMBERS, 2, 1)
         sample = draw(config.randomisation, lambda k: jax.random.uniform(sample_key, (k,)), n, self._bodies)
         sample = narrowed(sample, _grown(config.curriculum.randomisation, level), self._foot_friction)
-        qpos, qvel = self._initial_state(pose_key)
+        qpos, qvel = self._initial_state(pose)
         reading = self._reading(qpos, qvel)
         state = State(
             key=key,
@@ -169,18 +173,18 @@ class VelocityEnv:
             qacc_warmstart=jnp.zeros_like(qvel),
             sample=sample,
             fields=randomised_fields(self._nominal, sample, self._map),
-            command=self._draw_command(command_key, level),
-            hold_steps=draw_hold_steps(hold_key, config.commands, config.control_rate_hz),
-            push_steps=self._draw_push_steps(push_key),
+            command=self._draw_command(command, level),
+            hold_steps=draw_hold_steps(timers[0], config.commands, config.control_rate_hz),
+            push_steps=self._draw_push_steps(timers[1]),
             steps=jnp.int32(0),
-            phase=jax.random.uniform(clock_key, (1,)),
+            phase=clock,
             actions=jnp.zeros((3, n)),
             goals=jnp.tile(self._default, (KEPT_GOALS, 1)),
             target=self._default,
             trail=jnp.tile(reading, (config.substeps, 1)),
             frames=jnp.zeros((history_length(self.contract), frame_size(self.contract))),
         )
-        state, observed = self._observe(state, jnp.tile(reading, (2 * config.substeps, 1)), fill=True)
+        state, observed = self._observe(state, jnp.tile(reading, (2 * config.substeps, 1)), noise, fill=True)
         feet = jnp.zeros(len(self._foot_phase))
         return state, self._observations(state, observed, feet, feet, jnp.zeros(n))
 
@@ -206,8 +210,10 @@ class VelocityEnv:
 
         readings = jax.vmap(self._reading)(passed.qpos, passed.qvel)
         trail = jnp.concatenate([state.trail, readings])
-        state = self._disturb(state._replace(trail=readings))
-        state, observed = self._observe(state, trail)
+        key, numbers_key = jax.random.split(state.key)
+        disturbance, noise = _uniform(numbers_key, DISTURBANCE_NUMBERS, 6 + 2 * self.action_size)
+        state = self._disturb(state._replace(key=key, trail=readings), disturbance)
+        state, observed = self._observe(state, trail, noise)
         feet = (outcome.contact, outcome.clearance)
         observations = self._observations(state, observed, *feet, outcome.torque)
         truncated = (steps >= self.episode_steps).astype(jnp.float32) * (1.0 - terminated)
@@ -281,16 +287,20 @@ class VelocityEnv:
             fell=fell.astype(jnp.float32),
         )
 
-    def _observe(self, state: State, trail: jax.Array, fill: bool = False) -> tuple[State, jax.Array]:
-        """Push a frame of delayed, biased, noisy readings; with `fill`, it becomes the whole history."""
-        key, noise_key = jax.random.split(state.key)
-        n = self.action_size
-        readings = _unpack(delayed_readings(trail, state.sample.observation_delay_s, self.timestep_s), n)
-        readings = biased(readings, state.sample)
-        readings = noisy(readings, self.config.noise, jax.random.uniform(noise_key, (6 + 2 * n,)))
+    def _observe(
+        self, state: State, trail: jax.Array, u: jax.Array, fill: bool = False
+    ) -> tuple[State, jax.Array]:
+        """Push a frame of delayed, biased, noisy readings; with `fill`, it becomes the whole history.
+
+        Args:
+            u: uniform numbers, shape (6 + 2 n,).
+        """
+        delayed = delayed_readings(trail, state.sample.observation_delay_s, self.timestep_s)
+        readings = biased(_unpack(delayed, self.action_size), state.sample)
+        readings = noisy(readings, self.config.noise, u)
         newest = frame(Inputs(readings, state.actions[0], state.command, state.phase), self.contract)
         frames = jnp.broadcast_to(newest, state.frames.shape) if fill else push_frame(state.frames, newest)
-        return state._replace(key=key, frames=frames), observation(frames, self.contract)
+        return state._replace(frames=frames), observation(frames, self.contract)
 
     def _observations(
         self,
@@ -319,43 +329,48 @@ class VelocityEnv:
         )
         return {"state": observed, "privileged_state": privileged}
 
-    def _disturb(self, state: State) -> State:
-        """Draw a new command when the old one's time is up, and push when a push is due."""
+    def _disturb(self, state: State, u: jax.Array) -> State:
+        """Draw a new command when the old one's time is up, and push when a push is due.
+
+        Args:
+            u: uniform numbers, shape (DISTURBANCE_NUMBERS,).
+        """
         config = self.config
-        key, command_key, hold_key, push_key, interval_key = jax.random.split(state.key, 5)
-        command_due = state.hold_steps <= 0
-        hold = draw_hold_steps(hold_key, config.commands, config.control_rate_hz)
-        push_due = state.push_steps <= 0
+        command, push, (hold, interval) = _parts(u, COMMAND_NUMBERS, PUSH_NUMBERS, 2)
+        command_due, push_due = state.hold_steps <= 0, state.push_steps <= 0
+        hold_steps = draw_hold_steps(hold, config.commands, config.control_rate_hz)
         strength = _grown(config.curriculum.pushes, state.level)
-        kick = jnp.where(push_due, strength * self._draw_push(push_key), 0.0)
+        kick = jnp.where(push_due, strength * self._draw_push(push), 0.0)
         return state._replace(
-            key=key,
-            command=jnp.where(command_due, self._draw_command(command_key, state.level), state.command),
-            hold_steps=jnp.where(command_due, hold, state.hold_steps - 1),
-            push_steps=jnp.where(push_due, self._draw_push_steps(interval_key), state.push_steps - 1),
+            command=jnp.where(command_due, self._draw_command(command, state.level), state.command),
+            hold_steps=jnp.where(command_due, hold_steps, state.hold_steps - 1),
+            push_steps=jnp.where(push_due, self._draw_push_steps(interval), state.push_steps - 1),
             qvel=state.qvel.at[:6].add(kick),
         )
 
-    def _draw_command(self, key: jax.Array, level: jax.Array | float) -> jax.Array:
-        return draw_command(key, self.config.commands) * _grown(self.config.curriculum.commands, level)
+    def _draw_command(self, u: jax.Array, level: jax.Array | float) -> jax.Array:
+        return draw_command(u, self.config.commands) * _grown(self.config.curriculum.commands, level)
 
-    def _draw_push_steps(self, key: jax.Array) -> jax.Array:
-        seconds = self.config.pushes.interval_s.quantile(jax.random.uniform(key))
+    def _draw_push_steps(self, u: jax.Array) -> jax.Array:
+        seconds = self.config.pushes.interval_s.quantile(u)
         return jnp.int32(seconds * self.config.control_rate_hz)
 
-    def _draw_push(self, key: jax.Array) -> jax.Array:
-        """Change of the free joint's velocity, shape (6,): linear in the world, angular in the body."""
+    def _draw_push(self, u: jax.Array) -> jax.Array:
+        """Change of the free joint's velocity, shape (6,): linear in the world, angular in the body.
+
+        Args:
+            u: uniform numbers, shape (PUSH_NUMBERS,).
+        """
         pushes = self.config.pushes
-        u = jax.random.uniform(key, (6,))
         angle, size = 2 * jnp.pi * u[0], pushes.horizontal_m_s * u[1]
         linear = jnp.array(
             [size * jnp.cos(angle), size * jnp.sin(angle), pushes.vertical_m_s * (2 * u[2] - 1)]
         )
         return jnp.concatenate([linear, pushes.angular_rad_s * (2 * u[3:] - 1)])
 
-    def _initial_state(self, key: jax.Array) -> tuple[jax.Array, jax.Array]:
+    def _initial_state(self, u: jax.Array) -> tuple[jax.Array, jax.Array]:
         start, n = self.config.initial, self.action_size
-        u = 2 * jax.random.uniform(key, (7 + 2 * n,)) - 1
+        u = 2 * u - 1
         yaw = jnp.pi * u[0]
         tilt = start.tilt_rad * u[1:3]
         quaternion = _multiply(
@@ -383,6 +398,15 @@ class VelocityEnv:
         for name, (distribution, limit) in longest.items():
             if distribution is not None and not 0 <= distribution.low <= distribution.high <= limit:
                 raise UserError(f"randomisation.{name}: must lie between 0 and {limit} s")
+
+
+def _uniform(key: jax.Array, *sizes: int) -> list[jax.Array]:
+    """Independent numbers in [0, 1), in vectors of these sizes. One large draw costs less than many."""
+    return _parts(jax.random.uniform(key, (sum(sizes),)), *sizes)
+
+
+def _parts(vector: jax.Array, *sizes: int) -> list[jax.Array]:
+    return jnp.split(vector, np.cumsum(sizes)[:-1])
 
 
 def _grown(start: float, level: jax.Array | float) -> jax.Array | float:

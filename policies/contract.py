@@ -63,7 +63,7 @@ class Contract:
     kd: tuple[float, ...]
     commands: CommandRange
     gait: Gait | None = None
-    standing_command: float = 0.1  # commands of a smaller norm mean: stand still
+    standing_command: float = 0.1  # commands of a smaller norm mean: stand still; 0: step in place
     version: int = field(default=VERSION)
 
     def __post_init__(self) -> None:

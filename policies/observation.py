@@ -23,7 +23,7 @@ def moving(command: Array, contract: Contract) -> Array:
     """1.0 where the command asks to move, 0.0 where it asks to stand, shape (..., 1)."""
     xp = command.__array_namespace__()
     norm = xp.sqrt(xp.sum(command * command, axis=-1, keepdims=True))
-    return xp.astype(norm > contract.standing_command, command.dtype)
+    return xp.astype(norm >= contract.standing_command, command.dtype)
 
 
 def _clock(inputs: Inputs, contract: Contract) -> Array:

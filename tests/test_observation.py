@@ -110,6 +110,7 @@ def test_unknown_term_is_refused_with_the_known_ones(contract: Contract) -> None
 @pytest.mark.parametrize(("speed", "expected"), [(0.0, 0.0), (0.09, 0.0), (0.11, 1.0)])
 def test_small_commands_mean_stand(contract: Contract, speed: float, expected: float) -> None:
     assert moving(np.array([speed, 0.0, 0.0]), contract) == [expected]
+    assert moving(np.array([speed, 0.0, 0.0]), replace(contract, standing_command=0.0)) == [1.0]
 
 
 def test_clock_stands_still_with_the_robot(contract: Contract) -> None:

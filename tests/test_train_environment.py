@@ -14,7 +14,7 @@ from domain_rand.randomisation import Randomisation, load_randomisation
 from envs.config import Curriculum, PushConfig, RewardScales
 from envs.delays import delayed_goal, delayed_readings
 from envs.rewards import reward_rate
-from envs.velocity import VelocityEnv
+from envs.velocity import DISTURBANCE_NUMBERS, VelocityEnv
 from policies.observation import observation_size
 from robots.description import load_robot
 from robots.errors import UserError
@@ -80,7 +80,8 @@ class TestStep:
         moved = state._replace(qvel=state.qvel.at[:3].add(1.0))
         trail = jnp.tile(env._reading(moved.qpos, moved.qvel), (2 * SMOKE.substeps, 1))
         still = jnp.tile(env._reading(state.qpos, state.qvel), (2 * SMOKE.substeps, 1))
-        assert np.array_equal(env._observe(moved, trail)[1], env._observe(state, still)[1])
+        u = jnp.full(6 + 2 * env.action_size, 0.7)
+        assert np.array_equal(env._observe(moved, trail, u)[1], env._observe(state, still, u)[1])
 
     def test_a_fall_ends_the_episode(self, env: VelocityEnv, reset, step) -> None:
         state, _ = reset(jax.random.PRNGKey(7))
@@ -122,7 +123,8 @@ class TestStep:
         pushed, calm = make(pushes=strong), make(pushes=replace(strong, horizontal_m_s=0.0))
         state, _ = pushed.reset(jax.random.PRNGKey(10))
         state = state._replace(push_steps=jnp.int32(0))
-        difference = pushed._disturb(state).qvel - calm._disturb(state).qvel
+        u = jnp.full(DISTURBANCE_NUMBERS, 0.7)
+        difference = pushed._disturb(state, u).qvel - calm._disturb(state, u).qvel
         assert np.linalg.norm(difference[:2]) > 0.05
         assert not np.any(difference[6:])
 
@@ -136,7 +138,7 @@ class TestStep:
         assert np.allclose(easy.command, 0.5 * full.command)
         assert [float(env.level(jnp.float32(s))) for s in (0, 50, 200)] == [0.0, 0.5, 1.0]
         due = easy._replace(push_steps=jnp.int32(0))
-        assert np.array_equal(env._disturb(due).qvel, easy.qvel)
+        assert np.array_equal(env._disturb(due, jnp.full(DISTURBANCE_NUMBERS, 0.7)).qvel, easy.qvel)
 
     def test_the_curriculum_widens_the_randomisation_from_the_nominal_robot(self) -> None:
         env = make(curriculum=Curriculum(100, randomisation=0.0), randomisation=load_randomisation())
