@@ -69,7 +69,7 @@ def listens(port: int) -> bool:
         return probe.connect_ex(("localhost", port)) == 0
 
 
-def wait_until(condition, limit_s: float = 30.0) -> None:
+def wait_until(condition, limit_s: float = 120.0) -> None:
     end = time.monotonic() + limit_s
     while not condition():
         assert time.monotonic() < end
@@ -263,7 +263,7 @@ class TestSnapshots:
 
     def wait_for(self, snapshots: Snapshots) -> Snapshot | None:
         """The next snapshot, or None if the newest checkpoint turns out to be of no use."""
-        end = time.monotonic() + 60.0
+        end = time.monotonic() + 240.0
         while time.monotonic() < end:
             if (snapshot := snapshots.newest()) is not None:
                 return snapshot
@@ -460,7 +460,7 @@ class TestCommand:
             wait_until(lambda: listens(port))
             time.sleep(delay_s)
             process.send_signal(number)
-            out, err = process.communicate(timeout=20)
+            out, err = process.communicate(timeout=60)
         finally:
             process.kill()
         assert (process.returncode, err) == (0, "")
