@@ -9,6 +9,7 @@ from train.display import Display
 from train.failure import failed, failure_of
 from train.metrics import MetricsLog
 from train.run import Run
+from train.speed import Speed
 
 
 class Journal:
@@ -27,7 +28,8 @@ class Journal:
         self._steps = run.config.ppo.steps_per_iteration
         self._log = MetricsLog(run.folder, iterations_done * self._steps)
         self._refused: set[str] = set()
-        self._reported_at = self._kept_at = time.monotonic()
+        self._kept_at = time.monotonic()
+        self._speed = Speed(self._kept_at, iterations_done * self._steps)
 
     def report(self, iteration: int, metrics: dict[str, float]) -> None:
         """Record and show the metrics of an iteration, the first of which is 1.
@@ -35,15 +37,14 @@ class Journal:
         Raises:
             UserError: they say that the training has failed.
         """
-        now = time.monotonic()
-        rate = self._steps / max(now - self._reported_at, 1e-9)
-        self._reported_at = now
+        steps = iteration * self._steps
+        speed = self._speed.after(time.monotonic(), steps)
         with self._going_on("metrics"):
-            self._log.write(iteration * self._steps, metrics | {"speed/steps_per_s": rate})
+            self._log.write(steps, metrics | {"speed/steps_per_s": speed})
         reason = failure_of(metrics, self._run.config.diverged_limit)
         if reason is not None:
             raise failed(self._run, iteration, reason)
-        self._display.update(iteration * self._steps, rate, metrics)
+        self._display.update(steps, speed, metrics)
 
     @property
     def checkpoint_due(self) -> bool:
