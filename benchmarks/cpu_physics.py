@@ -35,9 +35,8 @@ from train.ppo import initial_state, make_iteration
 ROBOT = load_robot("go1")
 WARM_UP = 200  # control steps until falls are spread over time
 STD = 0.3  # of random actions
-Round = Callable[
-    [], tuple[int, float]
-]  # works; returns the environment steps done, and how many ended episodes
+# Works; returns the environment steps done, and how many ended episodes.
+Round = Callable[[], tuple[int, float]]
 
 
 def main() -> None:

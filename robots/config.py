@@ -64,15 +64,11 @@ def _field_first(reason: str) -> str:
 
 
 def require_positive(config: Any, *names: str) -> None:
-    """For a dataclass's own checks: raise ValueError unless these fields are finite and above 0.
-
-    Of a tuple each number must be; None, a field that was left out, may be.
-    """
+    """For a dataclass's own checks: raise ValueError unless these fields are finite and above 0."""
     for name in names:
         value = getattr(config, name)
-        for number in value if isinstance(value, tuple) else (value,):
-            if number is not None and not 0.0 < number < math.inf:
-                raise ValueError(f"{name} must be above 0, not {number:g}")
+        if not 0.0 < value < math.inf:
+            raise ValueError(f"{name} must be above 0, not {value:g}")
 
 
 def structure(data: Any, cls: type[T], source: str) -> T:
