@@ -1,6 +1,7 @@
 """YAML files to frozen dataclasses and back, with errors that name the field."""
 
 import math
+import re
 from dataclasses import fields
 from pathlib import Path
 from typing import Any, TypeVar
@@ -17,7 +18,13 @@ T = TypeVar("T")
 _converter = Converter(forbid_extra_keys=True)
 
 
+# YAML 1.1, which PyYAML reads, takes a number of this form for text.
+_EXPONENT_WITHOUT_POINT = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+")
+
+
 def _structure_float(value: Any, _: type) -> float:
+    if isinstance(value, str) and _EXPONENT_WITHOUT_POINT.fullmatch(value):
+        return float(value)
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise ValueError(f"{value!r} is not a number")
     return float(value)

@@ -68,6 +68,14 @@ def test_whole_numbers_do_for_floats_and_come_out_as_floats() -> None:
     assert repr(cart.span) == "(0.0, 2.0)"
 
 
+@pytest.mark.parametrize("text", ["1e-3", "3E+2", "-2.e1"])
+def test_numbers_with_an_exponent_need_no_point(text: str) -> None:
+    import yaml
+
+    cart = structure(yaml.safe_load(f"{{name: a, span: [0, {text}]}}"), Cart, "cart.yaml")
+    assert cart.span == (0.0, float(text))
+
+
 def test_dump_reads_back() -> None:
     import yaml
 
