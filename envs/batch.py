@@ -1,11 +1,16 @@
 """Many episodes at once; where one ends, the next begins."""
 
+from functools import partial
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 
 from envs.velocity import State, Step, VelocityEnv
+
+RESTARTED_AT_ONCE = 16  # more would be computed in vain where few end, fewer take turns where many do
+
+Restarted = tuple[State, dict[str, jax.Array]]  # and the observations to go on with
 
 
 def step_batch(env: VelocityEnv, state: State, action: jax.Array) -> tuple[State, dict[str, jax.Array], Step]:
@@ -24,15 +29,30 @@ def step_batch(env: VelocityEnv, state: State, action: jax.Array) -> tuple[State
     done = jnp.maximum(step.terminated, step.truncated)
     ended = {"done": done, "length": done * stepped.steps}
     going_on = stepped, step.observation
-
-    def restart() -> Any:
-        return _select(done, jax.vmap(env.reset)(stepped.key, stepped.level), going_on)
-
-    if env.config.physics == "c":  # the host is at hand to ask whether any has ended; most often none has
-        state, observation = jax.lax.cond(jnp.any(done > 0), restart, lambda: going_on)
+    if env.config.physics == "c":  # the host is at hand to ask how many have ended; most often few have
+        state, observation = _restart_few(env, done > 0, going_on)
     else:
-        state, observation = restart()
+        state, observation = _select(done, _restart(env, stepped), going_on)
     return state, observation, step._replace(metrics=step.metrics | ended)
+
+
+def _restart(env: VelocityEnv, state: State) -> Restarted:
+    return jax.vmap(env.reset)(state.key, state.level)
+
+
+def _restart_few(env: VelocityEnv, done: jax.Array, going_on: Restarted) -> Restarted:
+    """New episodes where `done` (environments,) holds, a few at a time until there are no more."""
+    count = len(done)
+    at_once = min(count, RESTARTED_AT_ONCE)
+
+    def restart(left: tuple[jax.Array, Restarted]) -> tuple[jax.Array, Restarted]:
+        done, going_on = left
+        (rows,) = jnp.nonzero(done, size=at_once, fill_value=count)  # a row past the last is no one's
+        new = _restart(env, jax.tree.map(lambda x: x[rows], going_on[0]))
+        put = partial(jax.tree.map, lambda old, new: old.at[rows].set(new, mode="drop"))
+        return done.at[rows].set(False, mode="drop"), put(going_on, new)
+
+    return jax.lax.while_loop(lambda left: jnp.any(left[0]), restart, (done, going_on))[1]
 
 
 def _select(condition: jax.Array, yes: Any, no: Any) -> Any:

@@ -250,7 +250,7 @@ class VelocityEnv:
             return target, target
 
         times = jnp.arange(self.config.substeps) * self.timestep_s
-        return jax.lax.scan(tick, state.target, times)[1]
+        return jax.lax.scan(tick, state.target, times, unroll=True)[1]
 
     def _outcome(self, state: State, passed: Trace) -> Outcome:
         config = self.config

@@ -1,6 +1,7 @@
 """Data-parallel training: environments are divided among all devices, everything else is on each of them."""
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from typing import Any
 
 import jax
@@ -44,6 +45,15 @@ def place(tree: Any, sharding: Any) -> Any:
         return jax.make_array_from_callback(leaf.shape, where, lambda index: leaf[index])
 
     return jax.tree.map(put, tree, sharding)
+
+
+def on_the_processor() -> AbstractContextManager[Any]:
+    """Compute on the host's processor: for what is done once, a GPU's kernels take longer to choose."""
+    try:
+        processor = jax.local_devices(backend="cpu")[0]
+    except RuntimeError:  # JAX_PLATFORMS names accelerators alone
+        processor = None
+    return jax.default_device(processor)
 
 
 def mean_over_devices(count: int) -> Callable[[Any], Any]:

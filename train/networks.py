@@ -11,6 +11,7 @@ from flax import linen
 
 from train.actor import Actor
 from train.config import PpoConfig
+from train.devices import on_the_processor
 
 
 def make_networks(observation_sizes: dict[str, int], action_size: int, config: PpoConfig) -> PPONetworks:
@@ -37,7 +38,7 @@ def trained_actor(networks: PPONetworks, normalizer: Any, policy: Any) -> Actor:
     """The actor of these parameters, on the host."""
 
     def act(observed: np.ndarray) -> np.ndarray:
-        with jax.default_matmul_precision("highest"):
+        with on_the_processor(), jax.default_matmul_precision("highest"):
             mean, _ = networks.policy_network.apply(normalizer, policy, {"state": jnp.asarray(observed)})
         return np.asarray(mean)
 
