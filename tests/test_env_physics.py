@@ -14,7 +14,7 @@ import pytest
 from mujoco.batch import Batch, SimulationError
 
 from domain_rand.randomisation import load_randomisation
-from envs import velocity
+from envs import batch, velocity
 from envs.batch import step_batch
 from envs.physics import Drive, Motion
 from envs.physics_c import _as_one, _Simulations, c_physics
@@ -234,3 +234,26 @@ def arguments(state: State) -> tuple[Motion, Drive, dict[str, jax.Array]]:
         target, each(ROBOT.kp), each(ROBOT.kd), Motor(*map(each, ROBOT.motor)), jnp.zeros_like(state.target)
     )
     return Motion(state.qpos, state.qvel, state.qacc_warmstart), drive, state.fields
+
+
+@pytest.mark.parametrize("at_once", [3, 16])
+def test_every_episode_that_ends_begins_anew_and_no_other(
+    at_once: int, monkeypatch: pytest.MonkeyPatch, env: VelocityEnv, begun: State
+) -> None:
+    monkeypatch.setattr(batch, "RESTARTED_AT_ONCE", at_once)
+    ends = np.arange(len(begun.steps)) % 3 > 0
+    state = begun._replace(steps=jnp.where(ends, env.episode_steps - 1, 7))
+    action = jnp.zeros((len(ends), env.action_size))
+    after, observation, step = jax.jit(lambda *arguments: step_batch(env, *arguments))(state, action)
+    assert np.array_equal(np.asarray(step.truncated) > 0, ends)
+    assert np.array_equal(after.steps, np.where(ends, 0, 8))
+    stepped, last = jax.jit(jax.vmap(env.step))(state, action)
+    begun_anew, first = jax.jit(jax.vmap(env.reset))(stepped.key, stepped.level)
+    for now, new, old in zip(
+        jax.tree.leaves((after, observation)),
+        jax.tree.leaves((begun_anew, first)),
+        jax.tree.leaves((stepped, last.observation)),
+        strict=True,
+    ):
+        assert np.allclose(now[ends], new[ends], atol=1e-5)
+        assert np.allclose(now[~ends], old[~ends], atol=1e-5)

@@ -38,3 +38,18 @@ def test_environments_are_divided_and_parameters_are_everywhere(seen: dict[str, 
     assert seen["devices"] == 2
     assert seen["environments_of_each"] == 16
     assert seen["copies_of_parameters"] == 2
+
+
+def test_where_jax_has_accelerators_alone_the_default_device_computes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    import jax
+
+    from train.devices import on_the_processor
+
+    def none_such(*_: object, **__: object) -> None:
+        raise RuntimeError("Unknown backend cpu")
+
+    monkeypatch.setattr(jax, "local_devices", none_such)
+    with on_the_processor():
+        assert float(jax.numpy.ones(2).sum()) == 2.0

@@ -24,7 +24,7 @@ class TrainOptions:
 
     robot: RobotName = "go1"
     preset: str = "cpu"
-    """smoke (seconds), cpu (minutes), gpu, or a YAML file of the same form."""
+    """smoke (seconds), cpu (minutes), gpu-quick (a minute), gpu, or a YAML file of the same form."""
     seed: Seed = 0
     out: Path | None = None
     """Run folder to make (default: runs/ROBOT-PRESET-SEED-TIME)."""
