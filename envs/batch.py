@@ -1,6 +1,5 @@
 """Many episodes at once; where one ends, the next begins."""
 
-from functools import partial
 from typing import Any
 
 import jax
@@ -32,25 +31,21 @@ def step_batch(env: VelocityEnv, state: State, action: jax.Array) -> tuple[State
     if env.config.physics == "c":  # the host is at hand to ask how many have ended; most often few have
         state, observation = _restart_few(env, done > 0, going_on)
     else:
-        state, observation = _select(done, _restart(env, stepped), going_on)
+        state, observation = _select(done, jax.vmap(env.reset)(stepped.key, stepped.level), going_on)
     return state, observation, step._replace(metrics=step.metrics | ended)
-
-
-def _restart(env: VelocityEnv, state: State) -> Restarted:
-    return jax.vmap(env.reset)(state.key, state.level)
 
 
 def _restart_few(env: VelocityEnv, done: jax.Array, going_on: Restarted) -> Restarted:
     """New episodes where `done` (environments,) holds, a few at a time until there are no more."""
-    count = len(done)
+    count, (stepped, _) = len(done), going_on
     at_once = min(count, RESTARTED_AT_ONCE)
 
     def restart(left: tuple[jax.Array, Restarted]) -> tuple[jax.Array, Restarted]:
-        done, going_on = left
+        done, batch = left
         (rows,) = jnp.nonzero(done, size=at_once, fill_value=count)  # a row past the last is no one's
-        new = _restart(env, jax.tree.map(lambda x: x[rows], going_on[0]))
-        put = partial(jax.tree.map, lambda old, new: old.at[rows].set(new, mode="drop"))
-        return done.at[rows].set(False, mode="drop"), put(going_on, new)
+        new = jax.vmap(env.reset)(stepped.key[rows], stepped.level[rows])
+        batch = jax.tree.map(lambda old, new: old.at[rows].set(new, mode="drop"), batch, new)
+        return done.at[rows].set(False, mode="drop"), batch
 
     return jax.lax.while_loop(lambda left: jnp.any(left[0]), restart, (done, going_on))[1]
 

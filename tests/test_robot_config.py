@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import pytest
+import yaml
 
 from robots.config import dump, structure
 from robots.errors import UserError
@@ -70,14 +71,10 @@ def test_whole_numbers_do_for_floats_and_come_out_as_floats() -> None:
 
 @pytest.mark.parametrize("text", ["1e-3", "3E+2", "-2.e1"])
 def test_numbers_with_an_exponent_need_no_point(text: str) -> None:
-    import yaml
-
     cart = structure(yaml.safe_load(f"{{name: a, span: [0, {text}]}}"), Cart, "cart.yaml")
     assert cart.span == (0.0, float(text))
 
 
 def test_dump_reads_back() -> None:
-    import yaml
-
     cart = Cart("a", (Wheel(0.3), Wheel(0.4, 12)), True)
     assert structure(yaml.safe_load(dump(cart)), Cart, "cart.yaml") == cart
