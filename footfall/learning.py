@@ -1,9 +1,14 @@
 """The way into the learning wing, which may not be installed."""
 
+import gc
 import io
-from contextlib import redirect_stdout
+from collections.abc import Callable
+from contextlib import redirect_stdout, suppress
+from threading import Thread
 from types import ModuleType
+from typing import Any
 
+from robots.collector import collector_paused
 from robots.errors import UserError
 
 LIBRARIES = frozenset({"jax", "jaxlib", "brax", "flax", "optax", "mujoco", "onnx", "tensorboardX"})
@@ -16,7 +21,8 @@ def learning_wing() -> ModuleType:
         UserError: JAX or another library of the `train` extra is missing.
     """
     try:
-        with redirect_stdout(io.StringIO()):  # MJX announces there that it goes without Warp, as it should
+        # MJX announces on stdout that it goes without Warp, as it should.
+        with collector_paused(), redirect_stdout(io.StringIO()):
             from train import api
     except ModuleNotFoundError as error:
         missing = (error.name or "").split(".")[0]
@@ -26,4 +32,22 @@ def learning_wing() -> ModuleType:
             f"training and export need {error.name}, which is not installed:"
             " install the extra with pip install 'footfall[train]'"
         ) from None
+    gc.freeze()  # what is imported stays: no search for garbage need pass through it
     return api
+
+
+def start_device() -> None:
+    """Begin to start the device that JAX will use, beside what comes next: a GPU takes seconds.
+
+    Whoever asks for the device then waits for it, and hears why it cannot be had. Not for a process of a
+    cluster, which has to join that first.
+    """
+    with collector_paused(), suppress(ModuleNotFoundError):  # which `learning_wing` reports
+        import jax.numpy
+
+        Thread(target=_first_operation, args=(jax.numpy.zeros,), name="start device").start()
+
+
+def _first_operation(zeros: Callable[[int], Any]) -> None:
+    with suppress(Exception):
+        zeros(1).block_until_ready()

@@ -11,6 +11,12 @@ from jax.sharding import AxisType, Mesh, NamedSharding, PartitionSpec
 AXIS = "devices"
 EACH = PartitionSpec()  # the same on each device
 DIVIDED = PartitionSpec(AXIS)  # along the first dimension
+GPU_OPTIONS: dict[str, str | bool] = {
+    # Kernels that need not wait for each other run beside each other: small batches do not fill a GPU.
+    "xla_gpu_command_buffer_scheduling_mode": "CONCURRENT",
+    # Choosing among Triton's matrix products takes a quarter of the compilation and gains next to nothing.
+    "xla_gpu_enable_triton_gemm": False,
+}  # figures in docs/results.md
 
 
 def in_a_row(count: int | None = None) -> Mesh:
@@ -21,6 +27,11 @@ def in_a_row(count: int | None = None) -> Mesh:
         # unused inputs (ManualComputationUnusedInputsPattern). The older partitioner compiles it.
         jax.config.update("jax_use_shardy_partitioner", False)
     return jax.make_mesh((len(devices),), (AXIS,), (AxisType.Auto,), devices=devices)
+
+
+def compiler_options(mesh: Mesh) -> dict[str, str | bool] | None:
+    """What XLA is told besides its defaults when it compiles for these devices."""
+    return GPU_OPTIONS if mesh.devices.flat[0].platform == "gpu" else None
 
 
 def shardings(specs: Any, tree: Any, mesh: Mesh) -> Any:

@@ -13,10 +13,11 @@ from jax.sharding import Mesh
 
 from envs.symmetry import EnvironmentMirror, environment_mirror
 from envs.velocity import VelocityEnv
+from robots.collector import collector_paused
 from robots.description import Robot
 from robots.errors import UserError
 from train import checkpoint
-from train.devices import in_a_row, place, shardings
+from train.devices import compiler_options, in_a_row, place, shardings
 from train.networks import make_networks
 from train.ppo import STATE_SPECS, TrainState, initial_state, make_iteration
 from train.run import Run
@@ -45,6 +46,7 @@ class Parts:
     def iteration(self) -> Iteration:
         return make_iteration(self.env, self.networks, self.run.config.ppo, self.mesh, self.mirror)
 
+    @collector_paused()
     def prepare(self, start: Path | None) -> tuple[TrainState, Any, Iteration]:
         """Everything that a training begins with; what has to be compiled is compiled side by side.
 
@@ -60,7 +62,12 @@ class Parts:
         """
         shapes = jax.eval_shape(self.first_state)
         where = shardings(STATE_SPECS, shapes, self.mesh)
-        iterate = jax.jit(self.iteration(), donate_argnums=0, in_shardings=(where,))
+        iterate = jax.jit(
+            self.iteration(),
+            donate_argnums=0,
+            in_shardings=(where,),
+            compiler_options=compiler_options(self.mesh),
+        )
         if start is not None:
             state, observations = checkpoint.restore(start, shapes)
             return place(state, where), observations, iterate.lower(shapes).compile()
@@ -72,6 +79,7 @@ class Parts:
         return first_compiled.result()(), np.zeros(0), compiled
 
 
+@collector_paused()
 def assemble(run: Run, robot: Robot, devices: int | None = None) -> Parts:
     """Build the parts of a run, for the first few devices or all of them.
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from footfall.learning import learning_wing
+from footfall.learning import learning_wing, start_device
 from footfall.options import Count, Index, RobotName, Seconds, Seed
 from footfall.verbs.watch import LOCAL_PAGE, PageOptions
 from robots.errors import UserError
@@ -68,6 +68,8 @@ def train(
     """Train a policy; RUN/policy.onnx is there when it ends."""
     if page != LOCAL_PAGE and not options.watch:
         raise UserError("--host and --port are for the page: add --watch, or leave them out")
+    if cluster == ALONE:
+        start_device()
     wing = learning_wing()
     if options.watch and _is_known_to_lead(cluster):
         from footfall.watch.page import check_page

@@ -1,0 +1,69 @@
+"""How a training gets going: device, imports and compilation, with nothing in each other's way."""
+
+import gc
+import threading
+from types import SimpleNamespace
+
+import jax
+import numpy as np
+import pytest
+
+from footfall.learning import start_device
+from robots.collector import collector_paused
+from train.devices import GPU_OPTIONS, compiler_options
+
+
+def test_collector_is_paused_inside_and_back_after_an_error() -> None:
+    was_on = []
+
+    @collector_paused()
+    def fails() -> None:
+        was_on.append(gc.isenabled())
+        raise ValueError("inside")
+
+    assert gc.isenabled()
+    with pytest.raises(ValueError, match="inside"):
+        fails()
+    assert was_on == [False]
+    assert gc.isenabled()
+
+
+def test_collector_that_was_off_stays_off() -> None:
+    gc.disable()
+    try:
+        with collector_paused():
+            pass
+        assert not gc.isenabled()
+    finally:
+        gc.enable()
+
+
+def test_a_device_that_does_not_start_is_left_to_whoever_asks_for_it(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tried = threading.Event()
+
+    def no_device(_: int) -> None:
+        tried.set()
+        raise RuntimeError("Unable to initialize backend")
+
+    monkeypatch.setattr("jax.numpy.zeros", no_device)
+    start_device()
+    for thread in threading.enumerate():
+        if thread.name == "start device":
+            thread.join()
+    assert tried.is_set()
+    assert capsys.readouterr() == ("", "")
+
+
+def test_xla_knows_what_it_is_told_on_a_gpu() -> None:
+    lowered = jax.jit(lambda x: x + 1).lower(1.0)
+    lowered.compile(compiler_options=dict(GPU_OPTIONS))
+    with pytest.raises(Exception, match="xla_gpu_no_such"):
+        lowered.compile(compiler_options={"xla_gpu_no_such": True})
+
+
+@pytest.mark.parametrize(("platform", "expected"), [("gpu", GPU_OPTIONS), ("cpu", None)])
+def test_only_gpus_are_told(platform: str, expected: object) -> None:
+    mesh = SimpleNamespace(devices=np.array([SimpleNamespace(platform=platform)]))
+    assert compiler_options(mesh) is expected
