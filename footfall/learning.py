@@ -1,6 +1,5 @@
 """The way into the learning wing, which may not be installed."""
 
-import gc
 import io
 from collections.abc import Callable
 from contextlib import redirect_stdout, suppress
@@ -32,7 +31,6 @@ def learning_wing() -> ModuleType:
             f"training and export need {error.name}, which is not installed:"
             " install the extra with pip install 'footfall[train]'"
         ) from None
-    gc.freeze()  # what is imported stays: no search for garbage need pass through it
     return api
 
 

@@ -44,7 +44,9 @@ class TorchEnvironment(VecEnv):
         self.put(Episodes(*jax.jit(jax.vmap(env.reset, (0, None)))(keys, env.level(jnp.float32(0.0)))))
         self.device: torch.device = self.get_observations()["state"].device
         action = torch.zeros((environments, env.action_size), device=self.device)
-        self._step(self.episodes, jax.dlpack.from_dlpack(action), 0.0)  # compiles it
+        # Compiles it. Waited for: a process that ended meanwhile, as one that only exports might, could be
+        # aborted when JAX's thread lets go of the tensor.
+        jax.block_until_ready(self._step(self.episodes, jax.dlpack.from_dlpack(action), 0.0))
 
     def put(self, episodes: Episodes) -> None:
         """Go on from these episodes."""
