@@ -17,7 +17,7 @@ from domain_rand.randomisation import load_randomisation
 from envs import batch, velocity
 from envs.batch import step_batch
 from envs.physics import Drive, Motion
-from envs.physics_c import _as_one, _Simulations, c_physics
+from envs.physics_c import _Simulations, c_physics
 from envs.velocity import State, VelocityEnv
 from robots.actuator import Motor
 from robots.description import Robot, load_robot
@@ -116,6 +116,10 @@ class TestPurity:
         assert equal(jax.tree.map(lambda x: x[5], many), one)
         assert equal(many, jax.tree.map(lambda x: x.reshape(ROBOTS, *x.shape[2:]), nested))
 
+    def test_an_accelerators_arrays_are_copied_to_the_same_end(self, begun: State) -> None:
+        model, given = training_model(ROBOT), arguments(begun)
+        assert equal(_Simulations(model, ROBOT)(*given), jax.vmap(c_physics(model, ROBOT))(*given))
+
     def test_mujocos_settings_are_as_they_were(self, begun: State) -> None:
         def heard(_: str) -> None: ...
 
@@ -135,8 +139,7 @@ class TestPurity:
     ) -> None:
         """Of two environments the second begins while the first steps, and ends after it."""
         model = training_model(ROBOT)
-        _, layout = _as_one(jax.tree.map(lambda x: x[0], arguments(begun)))
-        rows = np.asarray(jax.vmap(lambda *given: _as_one(given)[0])(*arguments(begun)))
+        given = jax.tree.map(np.asarray, arguments(begun))
         plain_step = Batch.step
         first_is_in, second_is_in, first_is_out = (threading.Event() for _ in range(3))
         patience_s = 60.0
@@ -151,9 +154,7 @@ class TestPurity:
             plain_step(pool)
 
         monkeypatch.setattr(Batch, "step", wait_for_the_other)
-        first, second = (
-            threading.Thread(target=_Simulations(model, ROBOT), args=(layout, rows)) for _ in range(2)
-        )
+        first, second = (threading.Thread(target=_Simulations(model, ROBOT), args=given) for _ in range(2))
         before = mujoco.get_mju_user_warning()
         first.start()
         assert first_is_in.wait(patience_s)
