@@ -29,13 +29,11 @@ def c_physics(model: mujoco.MjModel, robot: Robot) -> Physics:
             return jax.ShapeDtypeStruct(x.shape, x.dtype)
 
         results = jax.tree.map(like, (motion, simulations.room(len(drive.target))))
-        at_once = {"vmap_method": "broadcast_all"}
         return jax.lax.platform_dependent(
             *(motion, drive, fields),
-            cpu=buffer_callback(
-                simulations.in_place, results, **at_once
-            ),  # a step is 4 % shorter than copied
-            default=partial(jax.pure_callback, simulations, results, **at_once),
+            # Where XLA's arrays lie in the host's memory: a step is 4 % shorter than with copies.
+            cpu=buffer_callback(simulations.in_place, results, vmap_method="broadcast_all"),
+            default=partial(jax.pure_callback, simulations, results, vmap_method="broadcast_all"),
         )
 
     return simulate
