@@ -34,6 +34,14 @@ def compiler_options(mesh: Mesh) -> dict[str, str | bool] | None:
     return GPU_OPTIONS if mesh.devices.flat[0].platform == "gpu" else None
 
 
+def worth_keeping(mesh: Mesh) -> bool:
+    """Whether a program compiled for these devices is worth being kept as a whole.
+
+    On a processor, tracing is a small part of a training; and a home may be shared by unlike processors.
+    """
+    return mesh.size == 1 and mesh.devices.flat[0].platform == "gpu"
+
+
 def shardings(specs: Any, tree: Any, mesh: Mesh) -> Any:
     """The sharding of each leaf.
 

@@ -17,7 +17,8 @@ from robots.collector import collector_paused
 from robots.description import Robot
 from robots.errors import UserError
 from train import checkpoint
-from train.devices import compiler_options, in_a_row, place, shardings
+from train.devices import compiler_options, in_a_row, place, shardings, worth_keeping
+from train.kept_program import kept, model_bytes
 from train.networks import make_networks
 from train.ppo import STATE_SPECS, TrainState, initial_state, make_iteration
 from train.run import Run
@@ -62,21 +63,29 @@ class Parts:
         """
         shapes = jax.eval_shape(self.first_state)
         where = shardings(STATE_SPECS, shapes, self.mesh)
-        iterate = jax.jit(
-            self.iteration(),
-            donate_argnums=0,
-            in_shardings=(where,),
-            compiler_options=compiler_options(self.mesh),
-        )
         if start is not None:
             state, observations = checkpoint.restore(start, shapes)
-            return place(state, where), observations, iterate.lower(shapes).compile()
+            return place(state, where), observations, self._compiled_iteration(shapes, where)
         first = jax.jit(self.first_state, out_shardings=where)
         # Nothing may run on the devices meanwhile: XLA times its choices of kernels there.
         with ThreadPoolExecutor(1) as beside:
             first_compiled = beside.submit(lambda: first.lower().compile())
-            compiled = iterate.lower(shapes).compile()
+            compiled = self._compiled_iteration(shapes, where)
         return first_compiled.result()(), np.zeros(0), compiled
+
+    def _compiled_iteration(self, shapes: TrainState, where: TrainState) -> Iteration:
+        def compile_it() -> jax.stages.Compiled:
+            options = compiler_options(self.mesh)
+            iterate = jax.jit(
+                self.iteration(), donate_argnums=0, in_shardings=(where,), compiler_options=options
+            )
+            return iterate.lower(shapes).compile()
+
+        if not worth_keeping(self.mesh):
+            return compile_it()
+        robot, config = self.env.robot, self.run.config
+        model = model_bytes(robot, self.env.timestep_s)
+        return kept(compile_it, robot.digest, model, config.ppo, config.env)
 
 
 @collector_paused()
