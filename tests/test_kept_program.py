@@ -123,6 +123,16 @@ def test_what_cannot_be_written_is_not_kept(cache: Path, make: Maker) -> None:
     assert float(kept(make)(STATE)[1]["total"]) == 6.0
 
 
+def test_a_program_that_calls_python_is_not_kept(cache: Path) -> None:
+    shape = jax.ShapeDtypeStruct((), jnp.float32)
+
+    def calling() -> Any:
+        return jax.jit(lambda x: jax.pure_callback(lambda y: 2 * y, shape, x)).lower(1.0).compile()
+
+    assert [float(kept(calling)(3.0)) for _ in range(2)] == [6.0, 6.0]
+    assert not any((cache / "programs").iterdir())
+
+
 def test_nothing_is_kept_without_a_cache(cache: Path, make: Maker) -> None:
     jax.config.update("jax_compilation_cache_dir", None)
     kept(make)

@@ -32,7 +32,7 @@ def kept(make: Callable[[], jax.stages.Compiled], *made_from: Any) -> jax.stages
     """The program that `make` compiles, or the one that it compiled from the same things before.
 
     It is kept in a folder of JAX's compilation cache, if there is one. What is not a whole program there is
-    compiled anew; what cannot be written is not kept.
+    compiled anew; what cannot be written down is not kept.
 
     Args:
         make: compiles the program.
@@ -47,7 +47,7 @@ def kept(make: Callable[[], jax.stages.Compiled], *made_from: Any) -> jax.stages
     with suppress(Exception):  # whatever is wrong with the file
         return _read(path)
     compiled = make()
-    with suppress(OSError):
+    with suppress(Exception):  # a full disk, a program that calls Python
         folder.mkdir(parents=True, exist_ok=True)
         write_atomically(path, _as_bytes(compiled))
     return compiled
