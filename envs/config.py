@@ -101,6 +101,11 @@ class EnvConfig:
     randomisation: Randomisation = field(default_factory=Randomisation)
     noise: Noise = field(default_factory=Noise)
 
+    @property
+    def timestep_s(self) -> float:
+        """Length of a physics step."""
+        return 1.0 / self.control_rate_hz / self.substeps
+
     def __post_init__(self) -> None:
         require_positive(self, "control_rate_hz", "episode_s")
         if self.substeps < LEAST_SUBSTEPS:

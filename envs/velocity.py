@@ -114,7 +114,7 @@ class VelocityEnv:
         self.config = config
         self.contract = make_contract(robot, config)
         self.period_s = 1.0 / config.control_rate_hz
-        self.timestep_s = self.period_s / config.substeps
+        self.timestep_s = config.timestep_s
         self._check_delays()
         model = training_model(robot, self.timestep_s)
         self._physics = PHYSICS[config.physics](model, robot)

@@ -13,7 +13,7 @@ from flax import struct
 
 from robots.description import load_robot
 from train import kept_program
-from train.kept_program import fingerprint, kept, model_bytes
+from train.kept_program import fingerprint, kept, model_bytes, read_ahead
 
 
 @struct.dataclass
@@ -76,6 +76,26 @@ def test_a_program_is_made_once_and_does_the_same_from_then_on(cache: Path, make
     assert float(also_totals["total"]) == 6.0
 
 
+def test_a_program_may_be_read_ahead(cache: Path, make: Maker) -> None:
+    kept(make, "settings")
+    read_ahead("settings")
+    read_ahead("settings")  # the same request again
+    file = only_file(cache)
+    kept_program._ahead[fingerprint(("settings",))].result()
+    file.unlink()
+    assert float(kept(make, "settings")(STATE)[1]["total"]) == 6.0
+    assert make.made == 1
+    assert not kept_program._ahead
+    kept(make, "settings")
+    assert make.made == 2
+
+
+def test_what_is_not_there_to_be_read_ahead_is_made(cache: Path, make: Maker) -> None:
+    read_ahead("settings")
+    assert float(kept(make, "settings")(STATE)[1]["total"]) == 6.0
+    assert make.made == 1
+
+
 def test_other_things_make_another_program(cache: Path, make: Maker, monkeypatch: pytest.MonkeyPatch) -> None:
     kept(make, "settings", b"model")
     kept(make, "settings", b"another model")
@@ -130,7 +150,7 @@ def test_a_program_that_calls_python_is_not_kept(cache: Path) -> None:
         return jax.jit(lambda x: jax.pure_callback(lambda y: 2 * y, shape, x)).lower(1.0).compile()
 
     assert [float(kept(calling)(3.0)) for _ in range(2)] == [6.0, 6.0]
-    assert not any((cache / "programs").iterdir())
+    assert not any(cache.rglob("programs/*"))
 
 
 def test_nothing_is_kept_without_a_cache(cache: Path, make: Maker) -> None:

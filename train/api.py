@@ -24,8 +24,9 @@ from train.display import Display
 from train.export import export
 from train.failure import device_failures, failed, non_finite_leaves, not_finite
 from train.journal import Follower, Journal
+from train.kept_program import read_ahead
 from train.networks import trained_actor
-from train.parts import Parts, assemble
+from train.parts import Parts, assemble, made_from
 from train.provenance import PACKAGES, TRAINER_PACKAGES, git_revision
 from train.rsl_rl_extra import rsl_rl_back_end
 from train.run import Provenance, Run, Trainer, create_run, locked, open_run, trained_robot
@@ -102,6 +103,7 @@ def _make_run(request: TrainRequest) -> Path:
         robot_digest=robot.digest,
     )
     run = Run(request.out or Path("runs") / name, provenance, config)
+    _read_ahead(run, robot)
     _check_settings(run, robot)
     return create_run(run.folder, provenance, config).folder
 
@@ -116,6 +118,13 @@ def _check_settings(run: Run, robot: Robot) -> None:
     _ = assemble(run, robot, devices).mirror
 
 
+def _read_ahead(run: Run, robot: Robot) -> None:
+    """Look for the compiled iteration of a run that is about to be trained."""
+    _use_compilation_cache()
+    if run.provenance.trainer == "brax":
+        read_ahead(*made_from(robot, run.config))
+
+
 def resume(folder: Path, display: Display | None = None) -> Path:
     """Continue a run that was stopped, killed or only begun, from its last checkpoint; returns the folder.
 
@@ -128,6 +137,7 @@ def resume(folder: Path, display: Display | None = None) -> Path:
     with cluster.all_or_none():
         run = open_run(folder)
         robot = trained_robot(run.provenance)
+        _read_ahead(run, robot)
         lock = locked(run) if cluster.leads() else nullcontext()
     if display is None:
         display = Display(run.config.ppo.total_steps, None if cluster.leads() else Console(quiet=True))
@@ -171,7 +181,6 @@ def export_run(
 
 def _continue(run: Run, robot: Robot, display: Display) -> Path:
     """Train a run to its end, from its last checkpoint if it has one, and export it."""
-    _use_compilation_cache()
     train_run = rsl_rl_back_end().train_run if run.provenance.trainer == "rsl_rl" else _train_with_brax
     with display:
         began = time.monotonic()

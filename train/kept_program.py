@@ -8,6 +8,7 @@ import hashlib
 import os
 import pickle
 from collections.abc import Callable, Iterable
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,17 @@ TRACED = ("domain_rand", "envs", "policies", "robots", "train")  # packages that
 LIBRARIES = ("jax", "jaxlib", "mujoco", "mujoco-mjx", "brax", "flax", "optax", "numpy")
 SETTINGS = ("JAX_", "XLA_", "CUDA_", "NVIDIA_")  # beginnings of environment variables that JAX heeds
 
+_ahead: dict[str, Future] = {}  # programs that are being read, by what they are made from
+
+
+def read_ahead(*made_from: Any) -> None:
+    """Begin to read the program that is made from these, beside what comes next; `kept` then waits for it."""
+    name = fingerprint(made_from)
+    if name not in _ahead:
+        beside = ThreadPoolExecutor(1)
+        _ahead[name] = beside.submit(_look_up, made_from)
+        beside.shutdown(wait=False)
+
 
 def kept(make: Callable[[], jax.stages.Compiled], *made_from: Any) -> jax.stages.Compiled:
     """The program that `make` compiles, or the one that it compiled from the same things before.
@@ -39,18 +51,13 @@ def kept(make: Callable[[], jax.stages.Compiled], *made_from: Any) -> jax.stages
         made_from: all that it depends on besides source, libraries, device and environment variables;
             their `repr` tells them apart, or their bytes.
     """
-    cache = jax.config.values["jax_compilation_cache_dir"]
-    if cache is None:
-        return make()
-    folder = Path(cache) / "programs"
-    path = folder / fingerprint([*_surroundings(), *made_from])
-    with suppress(Exception):  # whatever is wrong with the file
-        return _read(path)
-    compiled = make()
-    with suppress(Exception):  # a full disk, a program that calls Python
-        folder.mkdir(parents=True, exist_ok=True)
-        write_atomically(path, _as_bytes(compiled))
-    return compiled
+    ahead = _ahead.pop(fingerprint(made_from), None)
+    path, program = ahead.result() if ahead else _look_up(made_from)
+    if program is None:
+        program = make()
+        if path is not None:
+            _write(path, program)
+    return program
 
 
 def fingerprint(parts: Iterable[Any]) -> str:
@@ -81,13 +88,23 @@ def _surroundings() -> list[Any]:
     ]
 
 
-def _as_bytes(compiled: jax.stages.Compiled) -> bytes:
-    program, *structures = serialize(compiled)
-    # JAX does not write down structures with types of others; these are whole values of the same structure.
-    values = [jax.tree.unflatten(structure, range(structure.num_leaves)) for structure in structures]
-    return pickle.dumps((program, *values))
+def _look_up(made_from: tuple[Any, ...]) -> tuple[Path | None, jax.stages.Compiled | None]:
+    """Where the program is kept, if it can be, and the program, if it is there."""
+    cache = jax.config.values["jax_compilation_cache_dir"]
+    if cache is None:
+        return None, None
+    path = Path(cache) / "programs" / fingerprint([*_surroundings(), *made_from])
+    try:
+        program, *values = pickle.loads(path.read_bytes())
+        return path, deserialize_and_load(program, *map(jax.tree.structure, values))
+    except Exception:  # whatever is wrong with the file, a new one mends it
+        return path, None
 
 
-def _read(path: Path) -> jax.stages.Compiled:
-    program, *values = pickle.loads(path.read_bytes())
-    return deserialize_and_load(program, *map(jax.tree.structure, values))
+def _write(path: Path, compiled: jax.stages.Compiled) -> None:
+    with suppress(Exception):  # a full disk, a program that calls Python
+        program, *structures = serialize(compiled)
+        # JAX does not write down structures with types of others; these are values of the same structure.
+        values = [jax.tree.unflatten(structure, range(structure.num_leaves)) for structure in structures]
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(path, pickle.dumps((program, *values)))

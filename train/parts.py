@@ -17,6 +17,7 @@ from robots.collector import collector_paused
 from robots.description import Robot
 from robots.errors import UserError
 from train import checkpoint
+from train.config import TrainConfig
 from train.devices import compiler_options, in_a_row, place, shardings, worth_keeping
 from train.kept_program import kept, model_bytes
 from train.networks import make_networks
@@ -83,9 +84,12 @@ class Parts:
 
         if not worth_keeping(self.mesh):
             return compile_it()
-        robot, config = self.env.robot, self.run.config
-        model = model_bytes(robot, self.env.timestep_s)
-        return kept(compile_it, robot.digest, model, config.ppo, config.env)
+        return kept(compile_it, *made_from(self.env.robot, self.run.config))
+
+
+def made_from(robot: Robot, config: TrainConfig) -> tuple[Any, ...]:
+    """All that a compiled iteration depends on, but for source, libraries and devices."""
+    return robot.digest, model_bytes(robot, config.env.timestep_s), config.ppo, config.env
 
 
 @collector_paused()
