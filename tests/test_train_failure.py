@@ -111,7 +111,7 @@ class TestReplay:
         shutil.rmtree(run_folder / FOLDER, ignore_errors=True)
         run = api.open_run(run_folder)
         write_atomically(run_folder / "config.yaml", dump(replace(run.config, diverged_limit=limit)).encode())
-        shapes = jax.eval_shape(assemble(run, load_robot("go1")).first_state)
+        shapes = assemble(run, load_robot("go1")).shapes
         kept = sorted(run.checkpoints.iterdir())[0]
         state, seen = checkpoint.restore(kept, shapes)
         for path in run.checkpoints.iterdir():

@@ -2,6 +2,7 @@
 
 import gc
 import threading
+from pathlib import Path
 from types import SimpleNamespace
 
 import jax
@@ -10,7 +11,11 @@ import pytest
 
 from footfall.learning import start_device
 from robots.collector import collector_paused
+from robots.description import load_robot
+from train import api
 from train.devices import GPU_OPTIONS, compiler_options
+from train.parts import assemble
+from train.run import open_run
 
 
 def test_collector_is_paused_inside_and_back_after_an_error() -> None:
@@ -67,3 +72,12 @@ def test_xla_knows_what_it_is_told_on_a_gpu() -> None:
 def test_only_gpus_are_told(platform: str, expected: object) -> None:
     mesh = SimpleNamespace(devices=np.array([SimpleNamespace(platform=platform)]))
     assert compiler_options(mesh) is expected
+
+
+def test_every_seed_begins_with_the_same_program(tmp_path: Path) -> None:
+    programs = set()
+    for seed in (0, 7):
+        run = open_run(api.begin(api.TrainRequest(preset="smoke", seed=seed, out=tmp_path / str(seed))))
+        first_state = assemble(run, load_robot("go1")).first_state
+        programs.add(jax.jit(first_state).lower(np.uint32(seed)).as_text())
+    assert len(programs) == 1

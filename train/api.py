@@ -174,8 +174,7 @@ def export_run(
         return path, rsl_rl_back_end().export_run(run, robot, chosen, path)
     with device_failures(run, verb="export"):
         parts = assemble(run, robot, devices=1)  # for its shapes, which do not depend on their number
-        shapes = jax.eval_shape(parts.first_state)
-        state, observations = checkpoint.restore(chosen, shapes)
+        state, observations = checkpoint.restore(chosen, parts.shapes)
         return path, _export(parts, state, observations, path)
 
 

@@ -42,8 +42,14 @@ class Parts:
             return None
         return environment_mirror(self.env.robot, self.env.config, self.env.contract)
 
-    def first_state(self) -> TrainState:
-        return initial_state(self.env, self.networks, self.run.config.ppo, self.run.provenance.seed)
+    @property
+    def shapes(self) -> TrainState:
+        """Shape and type of everything in a training's state."""
+        return jax.eval_shape(self.first_state, np.uint32(0))
+
+    def first_state(self, seed: jax.Array | np.uint32) -> TrainState:
+        """The state before the first iteration. An argument, for every seed is to be the same program."""
+        return initial_state(self.env, self.networks, self.run.config.ppo, seed)
 
     def iteration(self) -> Iteration:
         return make_iteration(self.env, self.networks, self.run.config.ppo, self.mesh, self.mirror)
@@ -62,17 +68,18 @@ class Parts:
         Raises:
             UserError: the checkpoint is damaged or of another configuration.
         """
-        shapes = jax.eval_shape(self.first_state)
+        shapes = self.shapes
         where = shardings(STATE_SPECS, shapes, self.mesh)
         if start is not None:
             state, observations = checkpoint.restore(start, shapes)
             return place(state, where), observations, self._compiled_iteration(shapes, where)
         first = jax.jit(self.first_state, out_shardings=where)
+        seed = np.uint32(self.run.provenance.seed & 0xFFFFFFFF)  # as much of it as JAX's keys hold
         # Nothing may run on the devices meanwhile: XLA times its choices of kernels there.
         with ThreadPoolExecutor(1) as beside:
-            first_compiled = beside.submit(lambda: first.lower().compile())
+            first_compiled = beside.submit(lambda: first.lower(seed).compile())
             compiled = self._compiled_iteration(shapes, where)
-        return first_compiled.result()(), np.zeros(0), compiled
+        return first_compiled.result()(seed), np.zeros(0), compiled
 
     def _compiled_iteration(self, shapes: TrainState, where: TrainState) -> Iteration:
         def compile_it() -> jax.stages.Compiled:

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 import optax
 from brax.training.acme import running_statistics
 from brax.training.agents.ppo.losses import PPONetworkParams, compute_ppo_loss
@@ -58,7 +59,9 @@ def learning_rate_limit(iteration: jax.Array, config: PpoConfig) -> jax.Array:
     return config.learning_rate + share * (config.final_learning_rate - config.learning_rate)
 
 
-def initial_state(env: VelocityEnv, networks: PPONetworks, config: PpoConfig, seed: int) -> TrainState:
+def initial_state(
+    env: VelocityEnv, networks: PPONetworks, config: PpoConfig, seed: jax.Array | np.uint32 | int
+) -> TrainState:
     """The state before the first iteration."""
     key, env_key, actor_key, critic_key = jax.random.split(jax.random.PRNGKey(seed), 4)
     keys = jax.random.split(env_key, config.environments)
