@@ -107,7 +107,7 @@ def with_physics(preset: TrainConfig, physics: Any) -> TrainConfig:
 def physics_alone(config: TrainConfig, batch: int, calls: int = 20) -> Round:
     """Robots that hold poses near the default one."""
     substeps = config.env.substeps
-    model = training_model(ROBOT, 1.0 / config.env.control_rate_hz / substeps)
+    model = training_model(ROBOT, config.env.timestep_s)
     simulate = jax.vmap(PHYSICS[config.env.physics](model, ROBOT))
     state, _ = begin(VelocityEnv(ROBOT, config.env), batch)
 

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def collector_paused() -> Iterator[None]:
-    """No search for garbage inside: of importing JAX and tracing a training it takes a fifth of the time."""
+    """No search for garbage inside, as while JAX is imported or a training is traced."""
     was_on = gc.isenabled()
     gc.disable()
     try:

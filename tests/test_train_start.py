@@ -13,8 +13,10 @@ from footfall.learning import start_device
 from robots.collector import collector_paused
 from robots.description import load_robot
 from train import api
-from train.devices import GPU_OPTIONS, compiler_options
-from train.parts import assemble
+from train.config import load_preset
+from train.devices import GPU_OPTIONS, compiler_options, worth_keeping
+from train.kept_program import fingerprint
+from train.parts import assemble, made_from
 from train.run import open_run
 
 
@@ -72,6 +74,23 @@ def test_xla_knows_what_it_is_told_on_a_gpu() -> None:
 def test_only_gpus_are_told(platform: str, expected: object) -> None:
     mesh = SimpleNamespace(devices=np.array([SimpleNamespace(platform=platform)]))
     assert compiler_options(mesh) is expected
+
+
+@pytest.mark.parametrize(
+    ("platform", "count", "expected"), [("gpu", 1, True), ("gpu", 2, False), ("cpu", 1, False)]
+)
+def test_one_gpus_program_is_kept(platform: str, count: int, expected: bool) -> None:
+    mesh = SimpleNamespace(devices=np.array([SimpleNamespace(platform=platform)] * count), size=count)
+    assert worth_keeping(mesh) is expected
+
+
+def test_a_run_reads_ahead_what_it_then_asks_for(tmp_path: Path) -> None:
+    """The settings go through the run folder's file between the two."""
+    robot = load_robot("go1")
+    folder = api.begin(api.TrainRequest(preset="gpu-quick", out=tmp_path / "run"))
+    asked, opened = (made_from(robot, c) for c in (load_preset("gpu-quick"), open_run(folder).config))
+    assert fingerprint(asked) == fingerprint(opened)
+    assert fingerprint(asked) != fingerprint(made_from(robot, load_preset("gpu")))
 
 
 def test_every_seed_begins_with_the_same_program(tmp_path: Path) -> None:

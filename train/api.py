@@ -103,6 +103,7 @@ def _make_run(request: TrainRequest) -> Path:
         robot_digest=robot.digest,
     )
     run = Run(request.out or Path("runs") / name, provenance, config)
+    _use_compilation_cache()
     _read_ahead(run, robot)
     _check_settings(run, robot)
     return create_run(run.folder, provenance, config).folder
@@ -119,8 +120,7 @@ def _check_settings(run: Run, robot: Robot) -> None:
 
 
 def _read_ahead(run: Run, robot: Robot) -> None:
-    """Look for the compiled iteration of a run that is about to be trained."""
-    _use_compilation_cache()
+    """Begin to look for the compiled iteration of a run that is about to be trained."""
     if run.provenance.trainer == "brax":
         read_ahead(*made_from(robot, run.config))
 
@@ -137,6 +137,7 @@ def resume(folder: Path, display: Display | None = None) -> Path:
     with cluster.all_or_none():
         run = open_run(folder)
         robot = trained_robot(run.provenance)
+        _use_compilation_cache()
         _read_ahead(run, robot)
         lock = locked(run) if cluster.leads() else nullcontext()
     if display is None:

@@ -31,7 +31,7 @@ def in_a_row(count: int | None = None) -> Mesh:
 
 def compiler_options(mesh: Mesh) -> dict[str, str | bool] | None:
     """What XLA is told besides its defaults when it compiles for these devices."""
-    return GPU_OPTIONS if mesh.devices.flat[0].platform == "gpu" else None
+    return GPU_OPTIONS if _on_gpus(mesh) else None
 
 
 def worth_keeping(mesh: Mesh) -> bool:
@@ -39,7 +39,11 @@ def worth_keeping(mesh: Mesh) -> bool:
 
     On a processor, tracing is a small part of a training; and a home may be shared by unlike processors.
     """
-    return mesh.size == 1 and mesh.devices.flat[0].platform == "gpu"
+    return mesh.size == 1 and _on_gpus(mesh)
+
+
+def _on_gpus(mesh: Mesh) -> bool:
+    return mesh.devices.flat[0].platform == "gpu"
 
 
 def shardings(specs: Any, tree: Any, mesh: Mesh) -> Any:

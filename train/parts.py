@@ -48,7 +48,7 @@ class Parts:
         return jax.eval_shape(self.first_state, np.uint32(0))
 
     def first_state(self, seed: jax.Array | np.uint32) -> TrainState:
-        """The state before the first iteration. An argument, for every seed is to be the same program."""
+        """The state before the first iteration; the seed is an argument, so that all have one program."""
         return initial_state(self.env, self.networks, self.run.config.ppo, seed)
 
     def iteration(self) -> Iteration:
