@@ -23,6 +23,7 @@ FLAGS = (
     "--use-gl=angle",
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
+    "--disable-dev-shm-usage",  # some containers have little of it
     "--disable-quic",
     "--no-first-run",
     "--disable-sync",
@@ -31,7 +32,7 @@ FLAGS = (
     "--hide-scrollbars",
     "--remote-debugging-port=0",
 )
-START_S = 30.0
+START_S = 60.0
 
 
 def chromium() -> str | None:
@@ -54,7 +55,7 @@ class Tab:
         number = next(self._numbers)
         self._connection.send(json.dumps({"id": number, "method": method, "params": parameters}))
         while True:
-            message = json.loads(self._connection.recv(timeout=60.0))
+            message = json.loads(self._connection.recv(timeout=90.0))
             if message.get("id") == number:
                 assert "error" not in message, message
                 return message["result"]
@@ -71,7 +72,7 @@ class Tab:
     def text(self) -> str:
         return str(self.value("document.body ? document.body.innerText : ''"))
 
-    def wait_for(self, condition: "Callable[[Tab], bool]", limit_s: float = 30.0) -> None:
+    def wait_for(self, condition: "Callable[[Tab], bool]", limit_s: float = 90.0) -> None:
         """Wait until a condition holds; an AssertionError says what the page showed instead."""
         end = time.monotonic() + limit_s
         while not condition(self):
@@ -116,7 +117,7 @@ def tab(profile: Path, width: int = 1400, height: int = 900) -> Iterator[Tab]:
             yield Tab(connection)
     finally:
         process.terminate()
-        process.wait(timeout=20)
+        process.wait(timeout=60)
 
 
 def _page_address(port_file: Path) -> str:

@@ -287,15 +287,18 @@ def _results(grid: Any, config: SweepConfig, out: Path) -> Outcome:
     for result in grid:
         metrics = result.metrics or {}
         settings = dict(result.config or {})
+        folder = Path(result.path).name
+        # Interrupted, Ray ends its trials as if they were through. Its reports tell those that a scheduler
+        # stopped, and the policy those that reached their end: Ray may forget that of a trial resumed.
+        through = bool(metrics.get("done")) or (out / folder / "policy.onnx").is_file()
         trials.append(
             Trial(
-                folder=Path(result.path).name,
+                folder=folder,
                 seed=settings.pop("seed", -1),
                 settings=settings,
                 value=metrics.get(config.metric, math.nan),
                 steps=metrics.get(STEPS, 0),
-                # Interrupted, Ray ends its trials as if they were through: only their reports tell.
-                error=_last_line(result.error) or ("" if metrics.get("done") else UNFINISHED),
+                error=_last_line(result.error) or ("" if through else UNFINISHED),
             )
         )
     sign = 1.0 if config.mode == "min" else -1.0
