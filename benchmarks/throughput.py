@@ -7,18 +7,12 @@ PPO is measured end to end: whole iterations after compilation, each waited for,
 below it are the same code with less in it: the rollout without learning, the environment with fixed actions,
 the physics alone (joint law and MJX, or MuJoCo in C).
 
-Playground is its Go1JoystickFlatTerrain with its own PPO settings, networks and randomisation, trained by
-brax's own train function in this same process after ours. Its figure is taken from the wall clock between
-progress reports after the first, since brax's own `training/sps` counts num_resets_per_eval epochs against
-the time of one.
+Playground is measured by `playground.py` beside this file, in this same process after ours.
 """
 
 import argparse
 import functools
-import importlib.util
-import itertools
 import json
-import os
 import platform
 import statistics
 import time
@@ -27,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import jax
-import jax.numpy as jnp
+import playground
 import yaml
 from rich.console import Console
 from rich.table import Table
@@ -39,10 +33,6 @@ from train.parts import assemble
 from train.ppo import iteration_keys, make_rollout
 from train.run import Provenance, Run
 from train.sweep import trial_config
-
-PLAYGROUND_TASK = "Go1JoystickFlatTerrain"
-PLAYGROUND_REPORTS = 4  # the first one contains the compilation
-PLAYGROUND_ITERATIONS = 14  # between two reports and resets, as in its own 200 M step training
 
 
 def main() -> None:
@@ -58,6 +48,12 @@ def main() -> None:
     parser.add_argument("--iterations", type=int, default=10)
     parser.add_argument("--playground", action="store_true", help="measure Playground too")
     parser.add_argument("--impl", default="jax", choices=["jax", "warp"], help="Playground's physics")
+    parser.add_argument(
+        "--playground-iterations",
+        type=int,
+        default=14,  # as in its own training of 200 M steps
+        help="of its PPO between two of four reports; one is enough for a slow machine",
+    )
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     try:
@@ -66,7 +62,7 @@ def main() -> None:
     except UserError as error:
         parser.error(str(error))
     if options.playground:
-        results |= measure_playground(options.impl)
+        results |= playground.measure(options.impl, options.playground_iterations)
     show(results)
     if options.json:
         options.json.write_text(json.dumps(results, indent=2) + "\n")
@@ -140,62 +136,6 @@ def timed(call: Callable[[], Any]) -> tuple[float, Any]:
     began = time.perf_counter()
     result = jax.block_until_ready(call())
     return time.perf_counter() - began, result
-
-
-def measure_playground(impl: str) -> dict[str, Any]:
-    """Playground's steps per second of PPO, end to end; empty where it cannot run, after saying why."""
-    if importlib.util.find_spec("mujoco_playground") is None:
-        print("Playground is not installed (pip install playground): no ratio")
-        return {}
-    if not hasattr(jax, "device_put_replicated"):  # brax still calls it; pmap takes a stacked array as well
-        jax.device_put_replicated = lambda tree, devices: jax.tree.map(
-            lambda leaf: jnp.stack([jnp.asarray(leaf)] * len(devices)), tree
-        )
-    try:
-        times_and_steps = train_playground(impl)
-    except Exception as error:  # someone else's program: its failure is a result, not ours
-        lines = str(error).strip().splitlines()
-        print(f"Playground did not run, no ratio: {type(error).__name__}: {lines[0] if lines else ''}")
-        return {}
-    (begun_s, _), *reports = times_and_steps
-    rates = [(b[1] - a[1]) / (b[0] - a[0]) for a, b in itertools.pairwise(reports)]
-    return {
-        "playground": {
-            "task": PLAYGROUND_TASK,
-            "impl": impl,
-            "first_report_s": reports[0][0] - begun_s,
-            "steps_per_s": statistics.median(rates),
-        }
-    }
-
-
-def train_playground(impl: str) -> list[tuple[float, int]]:
-    """Time and environment steps at the start and at each report."""
-    from brax.training.agents.ppo import networks, train
-    from mujoco_playground import registry, wrapper
-    from mujoco_playground.config import locomotion_params
-
-    os.environ.setdefault("GIT_TERMINAL_PROMPT", "0")  # its assets are cloned on first use
-    settings = dict(locomotion_params.brax_ppo_config(PLAYGROUND_TASK, impl))
-    factory = settings.pop("network_factory")
-    iteration = settings["batch_size"] * settings["num_minibatches"] * settings["unroll_length"]
-    settings |= {
-        "num_timesteps": PLAYGROUND_REPORTS * PLAYGROUND_ITERATIONS * iteration,
-        "num_evals": PLAYGROUND_REPORTS + 1,
-        "num_resets_per_eval": 1,
-    }
-    reports = [(time.perf_counter(), 0)]
-    train.train(
-        environment=registry.load(PLAYGROUND_TASK, config_overrides={"impl": impl}),
-        randomization_fn=registry.get_domain_randomizer(PLAYGROUND_TASK),
-        wrap_env_fn=wrapper.wrap_for_brax_training,
-        network_factory=functools.partial(networks.make_ppo_networks, **factory),
-        progress_fn=lambda steps, _: reports.append((time.perf_counter(), steps)),
-        run_evals=False,
-        max_devices_per_host=1,
-        **settings,
-    )
-    return reports
 
 
 def show(results: dict[str, Any]) -> None:

@@ -1,6 +1,5 @@
 """What the command line calls: evaluate one policy, or hold several against each other."""
 
-import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -11,7 +10,6 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from evaluate.comparison import Comparison, Contender
-from evaluate.output import check_writable, write_text
 from evaluate.pool import Outcome
 from evaluate.provenance import PACKAGES, kind, machine
 from evaluate.report import render
@@ -24,6 +22,7 @@ from policies.registry import load_policy
 from robots.description import load_robot
 from robots.errors import UserError
 from robots.model import read_plant
+from robots.outputs import check_outputs, is_device, write_json, write_text
 from robots.versions import versions
 
 DEFAULT_SCENARIOS = ("nominal", "push")
@@ -64,8 +63,7 @@ def evaluate_policy(
     setup = Setup(robot_spec, tuple(scenarios), seed, episodes, plant, ground_truth, workers)
     results, _ = _run([policy_spec], setup, console or Console(), [json_path], with_course=False)
     (result,) = results.values()
-    if json_path is not None:
-        write_text(json_path, _json(result))
+    write_json(json_path, result)
     return result
 
 
@@ -94,12 +92,13 @@ def compare_policies(
     """
     if not policy_specs:
         raise UserError("nothing to compare: name at least one policy")
+    if html_path is not None and is_device(html_path):
+        raise UserError(f"cannot write the report to {html_path}: give a file name")
     console = console or Console()
     setup = Setup(robot_spec, tuple(scenarios), seed, episodes, plant, ground_truth, workers)
     specs = list(dict.fromkeys(policy_specs))
     results, comparison = _run(specs, setup, console, [json_path, html_path], with_course=True)
-    if json_path is not None:
-        write_text(json_path, _json(results))
+    write_json(json_path, results)
     if html_path is not None:
         assert comparison is not None
         with console.status("filming the course"):
@@ -125,7 +124,7 @@ def _run(
     policies = {spec: load_policy(spec, robot) for spec in specs}
     if setup.plant is not None:
         read_plant(robot, setup.plant)
-    check_writable(*outputs)
+    check_outputs(*outputs)
 
     with _progress(console) as done:
         figures = run_suite(specs, setup, file, done)
@@ -186,7 +185,3 @@ def _progress(console: Console) -> Iterator[Callable[[int, int], None]]:
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("episodes", total=None)
         yield lambda finished, total: bar.update(task, completed=finished, total=total)
-
-
-def _json(results: Mapping[str, Any]) -> str:
-    return json.dumps(results, indent=2, allow_nan=False, ensure_ascii=False) + "\n"

@@ -31,7 +31,7 @@ NOMINAL = EvaluationOptions()
 
 
 def arguments(options: EvaluationOptions) -> dict[str, Any]:
-    """The options as `evaluate.api` takes them; JSON is left to the command line."""
+    """The options as `evaluate.api` takes them."""
     return {
         "robot_spec": options.robot,
         "scenarios": options.scenarios,
@@ -40,4 +40,5 @@ def arguments(options: EvaluationOptions) -> dict[str, Any]:
         "plant": options.plant,
         "ground_truth": options.ground_truth,
         "workers": options.workers,
+        "json_path": options.json,
     }

@@ -15,6 +15,8 @@ from typing import NamedTuple
 
 from packaging.requirements import Requirement
 
+from train.cache import compilation_cache
+
 PROBE_LIMIT_S = 60
 MIN_LOCKED_MEMORY = 256 * 2**20
 CAN_LINK_TYPE = "280"  # ARPHRD_CAN
@@ -166,8 +168,7 @@ def _may_lock_beyond_the_limit() -> bool:
 
 
 def _cache() -> Finding:
-    home = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
-    folder = Path(os.environ.get("JAX_COMPILATION_CACHE_DIR", home / "footfall" / "jax"))
+    folder = compilation_cache()
     files = [path.stat().st_size for path in folder.rglob("*") if path.is_file()]
     found = f"{folder}: {len(files)} files, {sum(files) / 2**20:.0f} MiB" if files else f"{folder}: empty"
     return Finding("compilation cache", True, found)

@@ -1,6 +1,5 @@
 """Train, resume and export: what the command line calls."""
 
-import os
 import time
 from collections.abc import Callable
 from contextlib import nullcontext
@@ -18,6 +17,7 @@ from robots.description import Robot, load_robot
 from robots.errors import UserError
 from robots.versions import versions
 from train import checkpoint, cluster
+from train.cache import compilation_cache
 from train.config import load_preset
 from train.diagnosis import Diagnosis, replay_failure
 from train.display import Display
@@ -297,7 +297,5 @@ def _export(parts: Parts, state: Any, observations: Any, path: Path) -> float:
 
 def _use_compilation_cache() -> None:
     """Compile once per machine: keep compiled functions where the user's caches are."""
-    home = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
-    folder = os.environ.get("JAX_COMPILATION_CACHE_DIR", str(home / "footfall" / "jax"))
-    jax.config.update("jax_compilation_cache_dir", folder)
+    jax.config.update("jax_compilation_cache_dir", str(compilation_cache()))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 1.0)

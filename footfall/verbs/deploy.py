@@ -9,7 +9,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from footfall.options import JsonFile, Plant, PolicyName, RobotName, Seconds, Seed, VelocityCommand
-from footfall.outputs import check_outputs, write_json
+from robots.outputs import check_outputs, write_json
 
 if TYPE_CHECKING:
     from deploy.trace import Trace

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from footfall.learning import learning_wing
-from footfall.outputs import check_outputs
+from robots.outputs import check_outputs
 
 
 def export(run: Path, /, *, out: Path | None = None) -> None:

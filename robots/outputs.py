@@ -36,7 +36,11 @@ def check_outputs(*paths: Path | None) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a file as a whole; a device such as /dev/stdout is written to as it is."""
+    """Write a file as a whole; a device such as /dev/stdout is written to as it is.
+
+    Raises:
+        UserError: it cannot be written.
+    """
     try:
         if is_device(path):
             path.write_text(text, encoding="utf-8")

@@ -5,30 +5,35 @@ from pathlib import Path
 
 import pytest
 
-from evaluate.output import check_writable, write_text
 from robots.errors import UserError
+from robots.outputs import check_outputs, write_text
 
 
-def test_a_new_folder_is_made_and_nothing_is_left_in_it(tmp_path: Path) -> None:
-    check_writable(tmp_path / "new" / "report.html", None)
-    assert list((tmp_path / "new").iterdir()) == []
+def test_checking_leaves_nothing_behind(tmp_path: Path) -> None:
+    check_outputs(tmp_path / "report.html", None)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=f"there is no folder {tmp_path / 'new'}"):
+        check_outputs(tmp_path / "new" / "report.html")
 
 
 def test_a_folder_is_no_file(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="is a folder"):
-        check_writable(tmp_path)
+        check_outputs(tmp_path)
 
 
 def test_a_file_is_no_folder(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(UserError, match=r"cannot write .*report\.json"):
-        check_writable(tmp_path / "file" / "report.json")
+        check_outputs(tmp_path / "file" / "report.json")
 
 
 def test_checking_leaves_an_older_file_alone(tmp_path: Path) -> None:
     path = tmp_path / "old.json"
     path.write_text("old")
-    check_writable(path)
+    check_outputs(path)
     assert path.read_text() == "old"
 
 
