@@ -90,6 +90,20 @@ def test_a_log_replays_to_the_same_decisions(shell: Shell, tmp_path: Path) -> No
     assert "the same decisions" in outcome.out
 
 
+def test_a_log_finds_a_users_own_robot_unless_that_has_changed(
+    shell: Shell, own_folder: Path, tmp_path: Path
+) -> None:
+    log = tmp_path / "run.mcap"
+    declaration = own_folder / "robot.yaml"
+    for name in ("go1", "mine"):  # the first is also a robot of ours
+        declaration.write_text(declaration.read_text().replace("name: go1", f"name: {name}"))
+        assert shell("deploy", "stand", "--robot", own_folder, *SHORT, "--log", log).status == 0
+        assert shell("replay", log).status == 0
+    declaration.write_text(declaration.read_text().replace("name: mine", "name: other"))
+    assert "give --robot" in shell.refuses("replay", log)
+    assert shell("replay", log, "--robot", own_folder).status == 0
+
+
 def test_another_policy_differs_and_says_where(shell: Shell, tmp_path: Path) -> None:
     log = tmp_path / "run.mcap"
     shell("deploy", "trot", *SHORT, "--log", log)

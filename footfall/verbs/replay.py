@@ -1,12 +1,17 @@
 """`footfall replay`."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from cyclopts import Parameter
 
 from footfall.options import PolicyName
 from robots.errors import UserError
+
+if TYPE_CHECKING:
+    from robots.description import Robot
 
 
 @Parameter(name="*")
@@ -32,7 +37,7 @@ def replay(log: Path, /, *, options: ReplayOptions = ReplayOptions()) -> int:
     named: dict[str, str] = {}
     if options.policy is None or options.robot is None:
         named = read_log(log).metadata
-    robot = load_robot(options.robot or named["robot"])
+    robot = load_robot(options.robot) if options.robot is not None else _logged_robot(named)
     try:
         policy = load_policy(options.policy or named["policy_spec"], robot)
     except UserError as error:
@@ -47,3 +52,22 @@ def replay(log: Path, /, *, options: ReplayOptions = ReplayOptions()) -> int:
         return 1
     print(f"the same decisions (worst difference {result.worst_difference:.3g})")
     return 0
+
+
+def _logged_robot(named: dict[str, str]) -> "Robot":
+    """The robot that a log was made with, wherever it lies.
+
+    Raises:
+        UserError: it is not here, or has changed since.
+    """
+    from robots.description import load_robot
+
+    for where in (named["robot"], named["robot_folder"]):
+        with suppress(UserError):
+            robot = load_robot(where)
+            if robot.digest == named["robot_digest"]:
+                return robot
+    raise UserError(
+        f"the log was made with robot {named['robot']} of {named['robot_folder']},"
+        " which is not here or has changed since: give --robot"
+    )
