@@ -68,7 +68,13 @@ def train(
     """Train a policy; RUN/policy.onnx is there when it ends."""
     if page != LOCAL_PAGE and not options.watch:
         raise UserError("--host and --port are for the page: add --watch, or leave them out")
+    from train.run import open_run
+
+    if options.resume is not None:
+        _refuse_other_options(options)
     if cluster == ALONE:
+        if options.resume is not None:
+            open_run(options.resume)  # a mistyped folder is known before the wait for a GPU
         start_device()
     wing = learning_wing()
     if options.watch and _is_known_to_lead(cluster):
@@ -77,13 +83,9 @@ def train(
         check_page(page.host, page.port)
     if cluster != ALONE:
         _join(wing, cluster)
-    if options.resume is not None:
-        _refuse_other_options(options)
-        folder = wing.open_run(options.resume).folder
-    else:
-        folder = wing.begin(_request(wing, options))
+    folder = options.resume or wing.begin(_request(wing, options))
     with _watched(folder, page) if options.watch and wing.cluster.leads() else nullcontext():
-        run = wing.open_run(wing.resume(folder))
+        run = open_run(wing.resume(folder))
     if options.evaluate and wing.cluster.leads():
         from evaluate.api import evaluate_policy
 
