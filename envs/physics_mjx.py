@@ -1,5 +1,7 @@
 """The physics in MJX: one robot, to be vmapped, on whatever device JAX has."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import mujoco
@@ -12,8 +14,9 @@ from robots.model import joint_addresses
 
 def mjx_physics(model: mujoco.MjModel, robot: Robot) -> Physics:
     """The motion of a robot whose nominal model this is."""
-    here = jax.local_devices()[0]  # MJX would take the first of all hosts
-    nominal, template = mjx.put_model(model, device=here), mjx.make_data(model, device=here)
+    # Or MJX would take the first device of all hosts, and Warp where a variable of the environment says so.
+    how: dict[str, Any] = {"device": jax.local_devices()[0], "impl": "jax"}
+    nominal, template = mjx.put_model(model, **how), mjx.make_data(model, **how)
     positions, dofs = map(jnp.asarray, joint_addresses(model, robot))
     feet = jnp.asarray([model.geom(foot.geom).id for foot in robot.description.feet])
 

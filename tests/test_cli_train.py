@@ -70,6 +70,15 @@ def test_a_damaged_checkpoint_is_named(shell: Shell, copied_run: Path, verb: lis
     assert (copied_run / "policy.onnx").read_bytes() == before
 
 
+def test_a_mistyped_folder_does_not_wait_for_the_device(
+    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    started: list[str] = []
+    monkeypatch.setattr("footfall.verbs.train.start_device", lambda: started.append("device"))
+    assert "no run at" in shell.refuses("train", "--resume", tmp_path / "runn")
+    assert not started
+
+
 @pytest.mark.parametrize("file", ["run.yaml", "config.yaml"])
 def test_a_damaged_run_folder_is_named(shell: Shell, copied_run: Path, file: str) -> None:
     (copied_run / file).write_text("garbage")

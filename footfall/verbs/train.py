@@ -68,12 +68,12 @@ def train(
     """Train a policy; RUN/policy.onnx is there when it ends."""
     if page != LOCAL_PAGE and not options.watch:
         raise UserError("--host and --port are for the page: add --watch, or leave them out")
-    from train.run import open_run
-
     if options.resume is not None:
         _refuse_other_options(options)
     if cluster == ALONE:
         if options.resume is not None:
+            from train.run import open_run
+
             open_run(options.resume)  # a mistyped folder is known before the wait for a GPU
         start_device()
     wing = learning_wing()
@@ -85,7 +85,7 @@ def train(
         _join(wing, cluster)
     folder = options.resume or wing.begin(_request(wing, options))
     with _watched(folder, page) if options.watch and wing.cluster.leads() else nullcontext():
-        run = open_run(wing.resume(folder))
+        run = wing.open_run(wing.resume(folder))
     if options.evaluate and wing.cluster.leads():
         from evaluate.api import evaluate_policy
 
