@@ -83,7 +83,10 @@ def train(
         check_page(page.host, page.port)
     if cluster != ALONE:
         _join(wing, cluster)
-    folder = options.resume or wing.begin(_request(wing, options))
+    if options.resume is not None:
+        folder = wing.open_run(options.resume).folder
+    else:
+        folder = wing.begin(_request(wing, options))
     with _watched(folder, page) if options.watch and wing.cluster.leads() else nullcontext():
         run = wing.open_run(wing.resume(folder))
     if options.evaluate and wing.cluster.leads():
