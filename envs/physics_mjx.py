@@ -5,8 +5,10 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import mujoco
+import numpy as np
 from mujoco import mjx
 
+from envs.fewer_kernels import fewer_kernels
 from envs.physics import Drive, Fields, Motion, Physics, Trace, drive_torque
 from robots.description import Robot
 from robots.model import joint_addresses
@@ -18,6 +20,8 @@ def mjx_physics(model: mujoco.MjModel, robot: Robot) -> Physics:
     how: dict[str, Any] = {"device": jax.local_devices()[0], "impl": "jax"}
     nominal, template = mjx.put_model(model, **how), mjx.make_data(model, **how)
     positions, dofs = map(jnp.asarray, joint_addresses(model, robot))
+    torque_of = np.full(model.nv, len(dofs))  # for each degree of freedom, the last for the base
+    torque_of[dofs] = np.arange(len(dofs))
     feet = jnp.asarray([model.geom(foot.geom).id for foot in robot.description.feet])
 
     def simulate(motion: Motion, drive: Drive, fields: Fields) -> tuple[Motion, Trace]:
@@ -25,8 +29,9 @@ def mjx_physics(model: mujoco.MjModel, robot: Robot) -> Physics:
 
         def substep(motion: Motion, target: jax.Array) -> tuple[Motion, Trace]:
             torque, applied = drive_torque(drive, target, motion.qpos[positions], motion.qvel[dofs])
-            force = jnp.zeros_like(motion.qvel).at[dofs].set(applied)
-            data = mjx.step(sampled, template.replace(**motion._asdict(), qfrc_applied=force))
+            force = jnp.append(applied, 0.0)[torque_of]
+            with fewer_kernels():
+                data = mjx.step(sampled, template.replace(**motion._asdict(), qfrc_applied=force))
             trace = Trace(data.qpos, data.qvel, data.geom_xpos[feet], torque)
             return Motion(data.qpos, data.qvel, data.qacc_warmstart), trace
 

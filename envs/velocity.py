@@ -379,11 +379,11 @@ class VelocityEnv:
         )
         qpos = jnp.asarray(self._qpos0)
         qpos = qpos.at[3:7].set(quaternion)
-        qpos = qpos.at[self._positions].add(start.joint_rad * u[7 : 7 + n])
+        qpos = qpos.at[self._positions].add(start.joint_rad * u[7 : 7 + n], unique_indices=True)
         qvel = jnp.zeros(self._dof_count)
         qvel = qvel.at[:2].set(start.velocity_m_s * u[3:5])
         qvel = qvel.at[5].set(start.yaw_rate_rad_s * u[5])
-        return qpos, qvel.at[self._dofs].set(start.joint_velocity_rad_s * u[7 + n :])
+        return qpos, qvel.at[self._dofs].set(start.joint_velocity_rad_s * u[7 + n :], unique_indices=True)
 
     def _reading(self, qpos: jax.Array, qvel: jax.Array) -> jax.Array:
         """True readings as one vector: gyro, gravity, joint positions, joint velocities."""

@@ -1,12 +1,13 @@
 """The models derived from the one MJCF: what training leaves out, what the plant keeps."""
 
+import re
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 
-from robots.description import Robot
+from robots.description import Robot, load_robot
 from robots.errors import UserError
 from robots.model import joint_addresses, plant_model, training_model
 
@@ -81,6 +82,19 @@ def test_feet_touch_the_floor_but_not_each_other(go1: Robot, lean: mujoco.MjMode
     data.qpos[joint_addresses(lean, go1)[0]] = go1.default_pose * np.tile((-5.0, 1.0, 1.0), 4)
     mujoco.mj_forward(lean, data)
     assert data.ncon == 0
+
+
+@pytest.mark.parametrize("priority", [0, 1])
+def test_feet_meet_the_training_floor_as_they_would_the_plants(own_folder: Path, priority: int) -> None:
+    robot = load_robot(own_folder)
+    text = robot.xml_path.read_text()
+    foot = re.search('<geom [^>]*priority="1"[^>]*/>', text)
+    assert foot is not None
+    other = re.sub('friction="[^"]*"', 'friction="0.3 0.01 0.001" solref="0.03 0.9"', foot[0])
+    robot.xml_path.write_text(text.replace(foot[0], other.replace('"1"', f'"{priority}"', 1)))
+    trained, plant = (standing(model, robot).contact for model in (training_model(robot), plant_model(robot)))
+    for field in ("friction", "solref", "solimp", "dim"):
+        np.testing.assert_array_equal(getattr(trained, field), getattr(plant, field)[:4], field)
 
 
 def test_plant_falls_onto_its_trunk(go1: Robot) -> None:

@@ -20,6 +20,7 @@ from brax.training.types import Transition
 from jax.sharding import Mesh
 
 from envs.batch import step_batch
+from envs.fewer_kernels import fewer_kernels
 from envs.symmetry import EnvironmentMirror
 from envs.velocity import State, VelocityEnv
 from train.config import PpoConfig
@@ -199,7 +200,8 @@ def make_learning(
     def minibatch(carry: tuple, data: Transition, normalizer: Any, limit: jax.Array) -> tuple[tuple, dict]:
         params, optimizer_state, key = carry
         key, loss_key = jax.random.split(key)
-        gradient, metrics = jax.grad(loss, has_aux=True)(params, normalizer, data, loss_key)
+        with fewer_kernels():
+            gradient, metrics = jax.grad(loss, has_aux=True)(params, normalizer, data, loss_key)
         gradient, metrics["kl_mean"] = mean((gradient, metrics["kl_mean"]))
         updates, optimizer_state = optimizer.update(gradient, optimizer_state, params)
         metrics["gradient_norm"] = optax.global_norm(gradient)
