@@ -1,6 +1,7 @@
 """A compiled program is kept from one training to the next, and found again only by what it was made from."""
 
 import re
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,7 +14,7 @@ from flax import struct
 
 from robots.description import load_robot
 from train import kept_program
-from train.kept_program import fingerprint, kept, model_bytes, read_ahead
+from train.kept_program import fingerprint, model_bytes, read_ahead
 
 
 @struct.dataclass
@@ -44,6 +45,15 @@ class Maker:
     def __call__(self) -> Any:
         self.made += 1
         return jax.jit(advance).lower(STATE).compile()
+
+
+def kept(make: Any, *made_from: Any) -> Any:
+    """The program, once whatever is written of it is written."""
+    program = kept_program.kept(make, *made_from)
+    for thread in threading.enumerate():
+        if thread.name == "keep program":
+            thread.join()
+    return program
 
 
 @pytest.fixture
@@ -88,6 +98,24 @@ def test_a_program_may_be_read_ahead(cache: Path, make: Maker) -> None:
     assert fingerprint(("settings",)) not in kept_program._ahead
     kept(make, "settings")
     assert make.made == 2
+
+
+def test_nobody_waits_for_a_program_to_be_written(
+    cache: Path, make: Maker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked_for = threading.Event()
+
+    def slow(program: Any) -> Any:
+        assert asked_for.wait(60)
+        return serialize(program)
+
+    serialize = kept_program.serialize
+    monkeypatch.setattr(kept_program, "serialize", slow)
+    kept_program.kept(make, "settings")
+    assert not (cache / "programs").exists()
+    asked_for.set()
+    kept(make, "settings")
+    assert only_file(cache).stat().st_size > 0
 
 
 def test_what_is_not_there_to_be_read_ahead_is_made(cache: Path, make: Maker) -> None:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import jax
@@ -56,7 +57,8 @@ def kept(make: Callable[[], jax.stages.Compiled], *made_from: Any) -> jax.stages
     if program is None:
         program = make()
         if path is not None:
-            _write(path, program)
+            # Beside the training, which need not wait for it; the process does, at its end.
+            Thread(target=_write, args=(path, program), name="keep program").start()
     return program
 
 
