@@ -191,9 +191,9 @@ def _let_feet_decide(floor: mujoco.MjsGeom, feet: list[mujoco.MjsGeom]) -> None:
     The outcome is the same; MJX sets what has priority apart with scatters, which cost a GPU time.
     """
     if all(foot.priority > 0 for foot in feet):
-        floor.solmix, floor.friction = 0.0, [0.0, 0.0, 0.0]
+        floor.condim, floor.solmix, floor.friction = 1, 0.0, [0.0, 0.0, 0.0]
         for foot in feet:
-            foot.priority = 0
+            foot.priority, foot.solmix = 0, 1.0
 
 
 def _add_floor(spec: mujoco.MjSpec, contact_bits: int = ALL_CONTACTS) -> mujoco.MjsGeom:

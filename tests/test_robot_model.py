@@ -84,14 +84,18 @@ def test_feet_touch_the_floor_but_not_each_other(go1: Robot, lean: mujoco.MjMode
     assert data.ncon == 0
 
 
+@pytest.mark.parametrize("also", ["", 'condim="1"', 'condim="6"', 'solmix="0"'])
 @pytest.mark.parametrize("priority", [0, 1])
-def test_feet_meet_the_training_floor_as_they_would_the_plants(own_folder: Path, priority: int) -> None:
+def test_feet_meet_the_training_floor_as_they_would_the_plants(
+    own_folder: Path, priority: int, also: str
+) -> None:
     robot = load_robot(own_folder)
     text = robot.xml_path.read_text()
     foot = re.search('<geom [^>]*priority="1"[^>]*/>', text)
     assert foot is not None
-    other = re.sub('friction="[^"]*"', 'friction="0.3 0.01 0.001" solref="0.03 0.9"', foot[0])
-    robot.xml_path.write_text(text.replace(foot[0], other.replace('"1"', f'"{priority}"', 1)))
+    other = re.sub(' condim="[^"]*"', "", foot[0]) if "condim" in also else foot[0]
+    other = re.sub('friction="[^"]*"', f'friction="0.3 0.01 0.001" solref="0.03 0.9" {also}', other)
+    robot.xml_path.write_text(text.replace(foot[0], other.replace('priority="1"', f'priority="{priority}"')))
     trained, plant = (standing(model, robot).contact for model in (training_model(robot), plant_model(robot)))
     for field in ("friction", "solref", "solimp", "dim"):
         np.testing.assert_array_equal(getattr(trained, field), getattr(plant, field)[:4], field)
