@@ -1,7 +1,7 @@
 """From nothing to a policy that walks: several seeds, from an empty compilation cache or a warm one.
 
     python benchmarks/time_to_walk.py --preset cpu --seeds 5
-    python benchmarks/time_to_walk.py --preset gpu-quick --seeds 6 --warm
+    python benchmarks/time_to_walk.py --preset gpu-quick --seeds 4 --warm
 
 Prints, for each seed, the seconds from the command's start to the exported policy and to the command's end,
 and how the policy then walks over the bus (scenario `walk`, 64 episodes of 10 s). With --warm, the first seed
