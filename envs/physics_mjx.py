@@ -20,7 +20,8 @@ def mjx_physics(model: mujoco.MjModel, robot: Robot) -> Physics:
     how: dict[str, Any] = {"device": jax.local_devices()[0], "impl": "jax"}
     nominal, template = mjx.put_model(model, **how), mjx.make_data(model, **how)
     positions, dofs = map(jnp.asarray, joint_addresses(model, robot))
-    torque_of = np.full(model.nv, len(dofs))  # for each degree of freedom, the last for the base
+    # Which torque acts on each degree of freedom; on the base's, the one after the last, which is none.
+    torque_of = np.full(model.nv, len(dofs))
     torque_of[dofs] = np.arange(len(dofs))
     feet = jnp.asarray([model.geom(foot.geom).id for foot in robot.description.feet])
 

@@ -377,6 +377,7 @@ class VelocityEnv:
             jnp.array([jnp.cos(yaw / 2), 0.0, 0.0, jnp.sin(yaw / 2)]),
             _normalise(jnp.array([1.0, tilt[0] / 2, tilt[1] / 2, 0.0])),
         )
+        # Joints differ, and XLA is told so: what might add twice would be added one by one on a GPU.
         qpos = jnp.asarray(self._qpos0)
         qpos = qpos.at[3:7].set(quaternion)
         qpos = qpos.at[self._positions].add(start.joint_rad * u[7 : 7 + n], unique_indices=True)

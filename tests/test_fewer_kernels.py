@@ -104,12 +104,13 @@ def test_advantages_are_the_same_without_a_loop() -> None:
 
 @pytest.mark.usefixtures("on_a_gpu")
 def test_afterwards_jax_is_what_it_was() -> None:
-    scan, sums = jax.lax.scan, jax.ops.segment_sum
+    scan, sums, insertion = jax.lax.scan, jax.ops.segment_sum, jnp.insert
     with suppress(KeyError), fewer_kernels():
         assert jax.lax.scan is not scan
         assert jax.ops.segment_sum is segment_sum
+        assert jnp.insert is insert
         raise KeyError
-    assert (jax.lax.scan, jax.ops.segment_sum) == (scan, sums)
+    assert (jax.lax.scan, jax.ops.segment_sum, jnp.insert) == (scan, sums, insertion)
 
 
 def test_a_processor_is_traced_for_as_ever() -> None:

@@ -73,14 +73,13 @@ class Parts:
         if start is not None:
             state, observations = checkpoint.restore(start, shapes)
             return place(state, where), observations, self._compiled_iteration(shapes, where)
-        first = jax.jit(self.first_state, out_shardings=where)
+        first = jax.jit(self.first_state, out_shardings=where, compiler_options=compiler_options(self.mesh))
         seed = np.uint32(self.run.provenance.seed & 0xFFFFFFFF)  # as much of it as JAX's keys hold
-        options = compiler_options(self.mesh)
         # Traced here, not beside: what `fewer_kernels` replaces, it replaces for every thread.
         traced = first.lower(seed)
         # Nothing may run on the devices meanwhile: XLA times its choices of kernels there.
         with ThreadPoolExecutor(1) as beside:
-            first_compiled = beside.submit(lambda: traced.compile(options))
+            first_compiled = beside.submit(traced.compile)
             compiled = self._compiled_iteration(shapes, where)
         return first_compiled.result()(seed), np.zeros(0), compiled
 
