@@ -22,15 +22,15 @@ import jax.numpy as jnp
 import numpy as np
 
 import footfall.gym
-from envs.batch import step_batch
-from envs.physics import Drive, Motion
-from envs.velocity import PHYSICS, VelocityEnv
-from robots.actuator import Motor
-from robots.description import load_robot
-from robots.model import training_model
-from train.config import TrainConfig, load_preset
-from train.networks import make_networks
-from train.ppo import initial_state, make_iteration
+from footfall.envs.batch import step_batch
+from footfall.envs.physics import Drive, Motion
+from footfall.envs.velocity import PHYSICS, VelocityEnv
+from footfall.robots.actuator import Motor
+from footfall.robots.description import load_robot
+from footfall.robots.model import training_model
+from footfall.train.brax.networks import make_networks
+from footfall.train.brax.ppo import initial_state, make_iteration
+from footfall.train.config import TrainConfig, load_preset
 
 ROBOT = load_robot("go1")
 WARM_UP = 200  # control steps until falls are spread over time

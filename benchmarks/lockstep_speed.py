@@ -12,9 +12,9 @@ import time
 
 import numpy as np
 
-from deploy.episode import Episode, run_episode
-from policies.registry import load_policy
-from robots.description import load_robot
+from footfall.plant.episode import Episode, run_episode
+from footfall.policies.registry import load_policy
+from footfall.robots.description import load_robot
 
 
 def measure(robot_name: str, policy_name: str, seconds: float) -> dict[str, float]:

@@ -8,9 +8,9 @@ import time
 
 import numpy as np
 
-from deploy.episode import Episode, run_episode
-from policies.mpc import Mpc
-from robots.description import load_robot
+from footfall.plant.episode import Episode, run_episode
+from footfall.policies.mpc import Mpc
+from footfall.robots.description import load_robot
 
 
 def main() -> None:

@@ -14,10 +14,10 @@ from pathlib import Path
 import jax
 from throughput import iterate
 
-from robots.description import load_robot
-from train.config import load_preset
-from train.parts import assemble
-from train.run import Provenance, Run
+from footfall.robots.description import load_robot
+from footfall.train.brax.parts import assemble
+from footfall.train.config import load_preset
+from footfall.train.runs.folder import Provenance, Run
 
 
 def main() -> None:

@@ -26,13 +26,13 @@ import yaml
 from rich.console import Console
 from rich.table import Table
 
-from envs.batch import step_batch
-from robots.description import load_robot
-from robots.errors import UserError
-from train.parts import assemble
-from train.ppo import iteration_keys, make_rollout
-from train.run import Provenance, Run
-from train.sweep import trial_config
+from footfall.common.errors import UserError
+from footfall.envs.batch import step_batch
+from footfall.robots.description import load_robot
+from footfall.train.brax.parts import assemble
+from footfall.train.brax.ppo import iteration_keys, make_rollout
+from footfall.train.runs.folder import Provenance, Run
+from footfall.train.sweeps.sweep import trial_config
 
 
 def main() -> None:

@@ -3,7 +3,9 @@
 from dataclasses import dataclass
 from typing import Protocol
 
-from deploy.frames import Frames
+from footfall.deploy.frames import Frames
+
+HOST_QUEUE = 10  # frames that a CAN interface queues for sending: the default on Linux
 
 
 @dataclass

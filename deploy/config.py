@@ -3,10 +3,11 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from deploy.safety import SafetyConfig
-from deploy.simulated_motors import TIMEOUT_S
-from deploy.simulated_wire import HOST_QUEUE
-from robots.config import load
+from footfall.common.config import load
+from footfall.deploy.bus import HOST_QUEUE
+from footfall.deploy.safety import SafetyConfig
+
+MOTOR_TIMEOUT_S = 0.1  # a motor that hears nothing for so long switches itself off, and says so from then on
 
 
 @dataclass(frozen=True)
@@ -20,7 +21,7 @@ class DeployConfig:
     stand_kd_scale: float = 2.0
     realtime_priority: int | None = None  # SCHED_FIFO, for wall-clock runs
     host_queue: int = HOST_QUEUE  # frames that a simulated CAN interface queues
-    motor_timeout_s: float = TIMEOUT_S  # of simulated motors; real ones are set by their own tools
+    motor_timeout_s: float = MOTOR_TIMEOUT_S  # of simulated motors; real ones are set by their own tools
     log_rate_hz: float = 100.0  # of joint states and IMU readings; policy steps are all logged
     safety: SafetyConfig = field(default_factory=SafetyConfig)
 

@@ -15,12 +15,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from policies.attitude import rotation_matrix, skew
-from policies.policy import Sensed
-from robots.description import Robot
-from robots.kinematics import Legs
-from robots.model import imu_position
-from robots.rigid_body import nominal_body
+from footfall.policies.attitude import rotation_matrix, skew
+from footfall.policies.policy import Sensed
+from footfall.robots.description import Robot
+from footfall.robots.kinematics import Legs
+from footfall.robots.model import imu_position
+from footfall.robots.rigid_body import nominal_body
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 _REGULAR = 1e-5 * np.eye(3)  # m^2/rad^2

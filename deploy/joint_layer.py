@@ -4,13 +4,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from deploy import imu, mit
-from deploy.frames import Frames
-from deploy.wiring import Wiring
-from policies.policy import Sensed
-from robots.actuator import JointCommand, limit_torque, pd_torque
-from robots.description import Robot
-from robots.targets import limit_target
+from footfall.deploy.drivers import imu, mit
+from footfall.deploy.frames import Frames
+from footfall.deploy.wiring import Wiring
+from footfall.policies.policy import Sensed
+from footfall.robots.actuator import JointCommand, limit_torque, pd_torque
+from footfall.robots.description import Robot
+from footfall.robots.targets import limit_target
 
 NEVER = -(10**15)  # microseconds: long ago
 

@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from deploy import messages
-from deploy.safety import State
-from policies.policy import Observation, Policy, Sensed
-from robots.actuator import JointCommand
-from robots.config import unstructure
-from robots.description import Robot
-from robots.errors import UserError
+from footfall.common.config import unstructure
+from footfall.common.errors import UserError
+from footfall.deploy import messages
+from footfall.deploy.safety import State
+from footfall.policies.policy import Observation, Policy, Sensed
+from footfall.robots.actuator import JointCommand
+from footfall.robots.description import Robot
 
 METADATA = "footfall"
 CHUNK_BYTES = 64 * 1024

@@ -9,18 +9,18 @@ from typing import Protocol
 
 import numpy as np
 
-from deploy import mit
-from deploy.bus import Bus
-from deploy.clock import Clock
-from deploy.config import DeployConfig
-from deploy.frames import Frames
-from deploy.joint_layer import JointLayer
-from deploy.safety import DAMPED, MOVING, Mode, Signals, State, advance
-from deploy.wiring import Wiring
-from policies.policy import Observation, Policy, Sensed
-from robots.actuator import JointCommand
-from robots.description import Robot
-from robots.errors import UserError
+from footfall.common.errors import UserError
+from footfall.deploy.bus import Bus
+from footfall.deploy.clock import Clock
+from footfall.deploy.config import DeployConfig
+from footfall.deploy.drivers import mit
+from footfall.deploy.frames import Frames
+from footfall.deploy.joint_layer import JointLayer
+from footfall.deploy.safety import DAMPED, MOVING, Mode, Signals, State, advance
+from footfall.deploy.wiring import Wiring
+from footfall.policies.policy import Observation, Policy, Sensed
+from footfall.robots.actuator import JointCommand
+from footfall.robots.description import Robot
 
 Command = Callable[[float], np.ndarray]  # time since walking began, s, to (3,)
 UNKNOWN = (np.full(3, np.nan), math.nan)  # velocity and height that nobody estimates

@@ -6,12 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from deploy import imu, mit
-from deploy.bus import BusStatistics
-from deploy.frames import Frames, frame_bits
-from deploy.simulated_wire import HOST_QUEUE
-from deploy.wiring import MOTOR_IDS
-from robots.errors import UserError
+from footfall.common.errors import UserError
+from footfall.deploy.bus import HOST_QUEUE, BusStatistics
+from footfall.deploy.drivers import imu, mit
+from footfall.deploy.frames import Frames, frame_bits
+from footfall.deploy.wiring import MOTOR_IDS
 
 MULTICAST = "udp_multicast"
 MULTICAST_GROUP = "239.74.163.2"

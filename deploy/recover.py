@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from deploy.replay import records
-from robots.errors import UserError
+from footfall.common.errors import UserError
+from footfall.deploy.replay import records
 
 
 def recover(torn: Path, whole: Path) -> int:

@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from deploy.log import METADATA, unflatten
-from policies.policy import Policy
-from robots.actuator import JointCommand
-from robots.errors import UserError
+from footfall.common.errors import UserError
+from footfall.deploy.log import METADATA, unflatten
+from footfall.policies.policy import Policy
+from footfall.robots.actuator import JointCommand
 
 LARGEST_RECORD = 2**28  # bytes; a torn length field may claim anything
 

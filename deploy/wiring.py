@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robots.description import Robot
-from robots.errors import UserError
+from footfall.common.errors import UserError
+from footfall.robots.description import Robot
 
 MOTOR_IDS = range(1, 0x80)  # below every reply and IMU identifier
 

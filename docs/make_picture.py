@@ -16,11 +16,11 @@ import mujoco
 import numpy as np
 from matplotlib import image
 
-from deploy.episode import Episode, run_episode
-from deploy.trace import Trace
-from evaluate.scene import scene_model
-from policies.registry import load_policy
-from robots.description import Robot, load_robot
+from footfall.evaluate.scene import scene_model
+from footfall.plant.episode import Episode, run_episode
+from footfall.plant.trace import Trace
+from footfall.policies.registry import load_policy
+from footfall.robots.description import Robot, load_robot
 
 WIDTH, HEIGHT = 1600, 500
 OVERSAMPLING = 2  # edges are smoothed by averaging

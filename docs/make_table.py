@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from evaluate.figures import figures, interval_text, measured, text
+from footfall.evaluate.figures import figures, interval_text, measured, text
 
 BEGIN, END = "<!-- comparison -->", "<!-- /comparison -->"
 

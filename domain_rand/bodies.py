@@ -6,9 +6,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from domain_rand.sample import Sample
-from robots.description import Robot
-from robots.model import joint_addresses
+from footfall.domain_rand.sample import Sample
+from footfall.robots.description import Robot
+from footfall.robots.model import joint_addresses
 
 Array = Any
 

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Any
 
-from domain_rand.sample import Sample
-from robots.readings import Readings
+from footfall.domain_rand.sample import Sample
+from footfall.robots.readings import Readings
 
 Array = Any
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from domain_rand.distributions import Distribution
-from domain_rand.sample import Sample
-from robots.config import load
+from footfall.common.config import load
+from footfall.domain_rand.distributions import Distribution
+from footfall.domain_rand.sample import Sample
 
 Array = Any
 DEFAULT = Path(__file__).parent / "default.yaml"

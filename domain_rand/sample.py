@@ -2,7 +2,7 @@
 
 from typing import Any, NamedTuple
 
-from robots.actuator import JointCommand, Motor
+from footfall.robots.actuator import JointCommand, Motor
 
 Array = Any
 

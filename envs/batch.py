@@ -5,7 +5,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from envs.velocity import State, Step, VelocityEnv
+from footfall.envs.velocity import State, Step, VelocityEnv
 
 RESTARTED_AT_ONCE = 16  # more would be computed in vain where few end, fewer take turns where many do
 

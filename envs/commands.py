@@ -3,7 +3,7 @@
 import jax
 import jax.numpy as jnp
 
-from envs.config import CommandConfig
+from footfall.envs.config import CommandConfig
 
 COMMAND_NUMBERS = 6
 

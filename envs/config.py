@@ -3,11 +3,11 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
-from domain_rand.distributions import Distribution
-from domain_rand.noise import Noise
-from domain_rand.randomisation import Randomisation
-from policies.contract import CommandRange, Term
-from robots.config import require_positive
+from footfall.common.config import require_positive
+from footfall.domain_rand.distributions import Distribution
+from footfall.domain_rand.noise import Noise
+from footfall.domain_rand.randomisation import Randomisation
+from footfall.policies.contract import CommandRange, Term
 
 LEAST_SUBSTEPS = 2  # a foot's velocity is the difference of its last two positions in a control step
 

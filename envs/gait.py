@@ -3,10 +3,10 @@
 import mujoco
 import numpy as np
 
-from envs.config import GaitConfig
-from policies.contract import Gait
-from robots.description import Robot
-from robots.model import joint_addresses, training_model
+from footfall.envs.config import GaitConfig
+from footfall.policies.contract import Gait
+from footfall.robots.description import Robot
+from footfall.robots.model import joint_addresses, training_model
 
 
 def make_gait(robot: Robot, config: GaitConfig) -> Gait:

@@ -6,7 +6,7 @@ Engines differ in who integrates the bodies (`envs/physics_mjx.py`, `envs/physic
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from robots.actuator import JointCommand, Motor, friction_torque, motor_torque
+from footfall.robots.actuator import JointCommand, Motor, friction_torque, motor_torque
 
 Array = Any  # a NumPy or a JAX array
 

@@ -13,9 +13,9 @@ import numpy as np
 from jax.experimental.buffer_callback import buffer_callback
 from mujoco.batch import Batch, SimulationError
 
-from envs.physics import Drive, Fields, Motion, Physics, Trace, drive_torque
-from robots.description import Robot
-from robots.model import joint_addresses
+from footfall.envs.physics import Drive, Fields, Motion, Physics, Trace, drive_torque
+from footfall.robots.description import Robot
+from footfall.robots.model import joint_addresses
 
 _CLOCK = ctypes.c_void_p.in_dll(ctypes.CDLL(mujoco._callbacks.__file__), "mjcb_time")
 

@@ -8,10 +8,10 @@ import mujoco
 import numpy as np
 from mujoco import mjx
 
-from envs.fewer_kernels import fewer_kernels
-from envs.physics import Drive, Fields, Motion, Physics, Trace, drive_torque
-from robots.description import Robot
-from robots.model import joint_addresses
+from footfall.envs.physics import Drive, Fields, Motion, Physics, Trace, drive_torque
+from footfall.envs.workarounds.fewer_kernels import fewer_kernels
+from footfall.robots.description import Robot
+from footfall.robots.model import joint_addresses
 
 
 def mjx_physics(model: mujoco.MjModel, robot: Robot) -> Physics:

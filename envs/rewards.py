@@ -6,7 +6,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from envs.config import RewardScales
+from footfall.envs.config import RewardScales
 
 
 class Outcome(NamedTuple):

@@ -10,12 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from domain_rand.randomisation import Randomisation, sample_shapes
-from envs.config import EnvConfig
-from policies.contract import Contract
-from robots.description import Robot
-from robots.errors import UserError
-from robots.symmetry import ROTATION, VECTOR, Mirror, Symmetry, find_symmetry
+from footfall.common.errors import UserError
+from footfall.domain_rand.randomisation import Randomisation, sample_shapes
+from footfall.envs.config import EnvConfig
+from footfall.policies.contract import Contract
+from footfall.robots.description import Robot
+from footfall.robots.symmetry import ROTATION, VECTOR, Mirror, Symmetry, find_symmetry
 
 HALF_CYCLE = 0.5
 SIGNED_JOINT_FIELDS = {"encoder_bias"}  # of a sample; its other joint fields are scales

@@ -12,22 +12,23 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 
-from domain_rand.bodies import body_map, randomised_fields
-from domain_rand.noise import biased, noisy
-from domain_rand.randomisation import draw
-from domain_rand.sample import Sample, narrowed, randomised_command, randomised_motor
-from envs.commands import COMMAND_NUMBERS, draw_command, draw_hold_steps
-from envs.config import EnvConfig
-from envs.delays import delayed_goal, delayed_readings
-from envs.gait import make_gait
-from envs.physics import Drive, Motion, Physics, Trace
-from envs.physics_c import c_physics
-from envs.physics_mjx import mjx_physics
-from envs.rewards import TERMS as REWARD_TERMS
-from envs.rewards import Outcome, reward_rate, rewards
-from policies.action import joint_target
-from policies.contract import Contract
-from policies.observation import (
+from footfall.common.errors import UserError
+from footfall.domain_rand.bodies import body_map, randomised_fields
+from footfall.domain_rand.noise import biased, noisy
+from footfall.domain_rand.randomisation import draw
+from footfall.domain_rand.sample import Sample, narrowed, randomised_command, randomised_motor
+from footfall.envs.commands import COMMAND_NUMBERS, draw_command, draw_hold_steps
+from footfall.envs.config import EnvConfig
+from footfall.envs.delays import delayed_goal, delayed_readings
+from footfall.envs.gait import make_gait
+from footfall.envs.physics import Drive, Motion, Physics, Trace
+from footfall.envs.physics_c import c_physics
+from footfall.envs.physics_mjx import mjx_physics
+from footfall.envs.rewards import TERMS as REWARD_TERMS
+from footfall.envs.rewards import Outcome, reward_rate, rewards
+from footfall.policies.action import joint_target
+from footfall.policies.contract import Contract
+from footfall.policies.observation import (
     Inputs,
     Readings,
     frame,
@@ -37,11 +38,10 @@ from policies.observation import (
     observation,
     push_frame,
 )
-from robots.actuator import JointCommand, Motor
-from robots.description import Robot
-from robots.errors import UserError
-from robots.model import joint_addresses, training_model
-from robots.targets import limit_target
+from footfall.robots.actuator import JointCommand, Motor
+from footfall.robots.description import Robot
+from footfall.robots.model import joint_addresses, training_model
+from footfall.robots.targets import limit_target
 
 RANDOMISED_FIELDS = ("body_mass", "body_inertia", "body_ipos", "dof_armature", "geom_friction")
 KEPT_GOALS = 3  # control steps whose targets may still be on their way to the motors

@@ -9,21 +9,21 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from evaluate.comparison import Comparison, Contender
-from evaluate.pool import Outcome
-from evaluate.provenance import PACKAGES, kind, machine
-from evaluate.report import render
-from evaluate.scenarios import load_scenarios
-from evaluate.suite import Setup, Showing, run_course, run_suite
-from evaluate.table import print_results
-from evaluate.video import Film, FilmTask, render_films
-from policies.policy import Policy
-from policies.registry import load_policy
-from robots.description import load_robot
-from robots.errors import UserError
-from robots.model import read_plant
-from robots.outputs import check_outputs, is_device, write_json, write_text
-from robots.versions import versions
+from footfall.common.errors import UserError
+from footfall.common.outputs import check_outputs, is_device, write_json, write_text
+from footfall.common.versions import versions
+from footfall.evaluate.comparison import Comparison, Contender
+from footfall.evaluate.pool import Outcome
+from footfall.evaluate.provenance import PACKAGES, kind, machine
+from footfall.evaluate.report import render
+from footfall.evaluate.scenarios import load_scenarios
+from footfall.evaluate.suite import Setup, Showing, run_course, run_suite
+from footfall.evaluate.table import print_results
+from footfall.evaluate.video import Film, FilmTask, render_films
+from footfall.policies.policy import Policy
+from footfall.policies.registry import load_policy
+from footfall.robots.description import load_robot
+from footfall.robots.model import read_plant
 
 DEFAULT_SCENARIOS = ("nominal", "push")
 
@@ -43,7 +43,7 @@ def evaluate_policy(
     """Run a policy through scenarios, print the table, write the JSON.
 
     Args:
-        policy_spec: as `policies.registry.load_policy` takes it.
+        policy_spec: as `footfall.policies.registry.load_policy` takes it.
         robot_spec: a robot's name or folder.
         scenarios: names in `scenarios.yaml`.
         episodes: of each scenario; its own number if None.

@@ -4,12 +4,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from evaluate.figures import Summary
-from evaluate.pool import Outcome
-from evaluate.scenarios import ScenarioFile
-from evaluate.suite import Setup, Showing
-from evaluate.video import Film
-from robots.description import Robot
+from footfall.evaluate.figures import Summary
+from footfall.evaluate.pool import Outcome
+from footfall.evaluate.scenarios import ScenarioFile
+from footfall.evaluate.suite import Setup, Showing
+from footfall.evaluate.video import Film
+from footfall.robots.description import Robot
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,11 @@ from collections.abc import Mapping
 import numpy as np
 from matplotlib.axes import Axes
 
-from deploy.trace import Trace
-from evaluate.plan import EpisodePlan
-from evaluate.svg import INK, WIDTH_IN, axes_grid, colour, drawing, legend_above, line, to_svg
-from robots.actuator import limit_torque
-from robots.description import Robot
+from footfall.evaluate.plan import EpisodePlan
+from footfall.evaluate.svg import INK, WIDTH_IN, axes_grid, colour, drawing, legend_above, line, to_svg
+from footfall.plant.trace import Trace
+from footfall.robots.actuator import limit_torque
+from footfall.robots.description import Robot
 
 SMOOTHED_S = 0.2  # half a stride or so: the plot shows tracking, the figures count every sample
 

@@ -7,26 +7,26 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from deploy.episode import Episode, run_episode
-from deploy.trace import Trace
-from domain_rand.bodies import body_map, randomised_fields
-from domain_rand.noise import Noise
-from domain_rand.randomisation import draw, load_randomisation, sample_shapes
-from domain_rand.sample import Sample
-from evaluate.metrics import EpisodeMetrics, score
-from evaluate.plan import EpisodePlan, Levels
-from policies.policy import Policy
-from policies.registry import load_policy
-from robots.description import Robot, load_robot
-from robots.model import plant_model
+from footfall.domain_rand.bodies import body_map, randomised_fields
+from footfall.domain_rand.noise import Noise
+from footfall.domain_rand.randomisation import draw, load_randomisation, sample_shapes
+from footfall.domain_rand.sample import Sample
+from footfall.evaluate.metrics import EpisodeMetrics, score
+from footfall.evaluate.plan import EpisodePlan, Levels
+from footfall.plant.episode import Episode, run_episode
+from footfall.plant.trace import Trace
+from footfall.policies.policy import Policy
+from footfall.policies.registry import load_policy
+from footfall.robots.description import Robot, load_robot
+from footfall.robots.model import plant_model
 
 
 @dataclass(frozen=True)
 class EpisodeTask:
     """An episode to run, as plain data."""
 
-    policy: str  # as `policies.registry.load_policy` takes it
-    robot: str  # as `robots.description.load_robot` takes it
+    policy: str  # as `footfall.policies.registry.load_policy` takes it
+    robot: str  # as `footfall.robots.description.load_robot` takes it
     plan: EpisodePlan
     noise: Noise
     plant: Path | None = None

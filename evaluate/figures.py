@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
-from robots.config import load
+from footfall.common.config import load
 
 Summary = Mapping[str, Any]
 NOTHING = "–"

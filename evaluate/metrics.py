@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deploy.trace import Trace
-from robots.description import Robot
+from footfall.plant.trace import Trace
+from footfall.robots.description import Robot
 
 SETTLE_S = 1.0
 PATH_INTERVAL_S = 0.5

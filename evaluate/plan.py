@@ -7,8 +7,8 @@ from itertools import product
 
 import numpy as np
 
-from deploy.episode import Push
-from evaluate.scenarios import COMMAND_AXES, DrawnCommands, Range, Scenario, Waypoint
+from footfall.evaluate.scenarios import COMMAND_AXES, DrawnCommands, Range, Scenario, Waypoint
+from footfall.plant.episode import Push
 
 Command = tuple[float, float, float]
 Levels = dict[str, float]

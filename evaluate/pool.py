@@ -10,7 +10,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from typing import Generic, NamedTuple, TypeVar
 
-from robots.errors import UserError
+from footfall.common.errors import UserError
 
 T = TypeVar("T")
 R = TypeVar("R")

@@ -2,8 +2,8 @@
 
 import platform
 
-from evaluate.pool import usable_cores
-from policies.policy import Policy
+from footfall.evaluate.pool import usable_cores
+from footfall.policies.policy import Policy
 
 PACKAGES = ("footfall", "mujoco", "numpy", "onnxruntime", "daqp")
 

@@ -5,12 +5,12 @@ from html import escape
 from pathlib import Path
 from string import Template
 
-from evaluate.comparison import Comparison
-from evaluate.figures import figures
-from evaluate.provenance import machine
-from evaluate.report_pictures import films, plots
-from evaluate.report_tables import details, headlines
-from robots.config import dump
+from footfall.common.config import dump
+from footfall.evaluate.comparison import Comparison
+from footfall.evaluate.figures import figures
+from footfall.evaluate.provenance import machine
+from footfall.evaluate.report_pictures import films, plots
+from footfall.evaluate.report_tables import details, headlines
 
 TEMPLATE = Path(__file__).parent / "report.html"
 

@@ -2,8 +2,8 @@
 
 from html import escape
 
-from evaluate import course_plots, scenario_plots
-from evaluate.comparison import Comparison, Contender
+from footfall.evaluate import course_plots, scenario_plots
+from footfall.evaluate.comparison import Comparison, Contender
 
 
 def films(comparison: Comparison) -> str:

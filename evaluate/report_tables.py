@@ -3,10 +3,10 @@
 from collections.abc import Mapping, Sequence
 from html import escape
 
-from evaluate.comparison import Comparison, Contender
-from evaluate.figures import Figure, Summary, best, figures, interval_text, measured, text
-from evaluate.svg import colour
-from evaluate.table import warnings
+from footfall.evaluate.comparison import Comparison, Contender
+from footfall.evaluate.figures import Figure, Summary, best, figures, interval_text, measured, text
+from footfall.evaluate.svg import colour
+from footfall.evaluate.table import warnings
 
 
 def headlines(comparison: Comparison) -> str:

@@ -5,9 +5,20 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.axes import Axes
 
-from evaluate.figures import Summary
-from evaluate.statistics import Survival
-from evaluate.svg import INK, PAPER, WIDTH_IN, axes_grid, colour, drawing, legend_above, line, marker, to_svg
+from footfall.evaluate.figures import Summary
+from footfall.evaluate.statistics import Survival
+from footfall.evaluate.svg import (
+    INK,
+    PAPER,
+    WIDTH_IN,
+    axes_grid,
+    colour,
+    drawing,
+    legend_above,
+    line,
+    marker,
+    to_svg,
+)
 
 LEVEL_LABELS = {
     "friction": "friction coefficient",

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from deploy.episode import Push
-from domain_rand.noise import Noise
-from domain_rand.sample import Sample
-from robots.config import load
-from robots.errors import UserError
+from footfall.common.config import load
+from footfall.common.errors import UserError
+from footfall.domain_rand.noise import Noise
+from footfall.domain_rand.sample import Sample
+from footfall.plant.episode import Push
 
 DEFAULT = Path(__file__).parent / "scenarios.yaml"
 COMMAND_AXES = ("forward_m_s", "leftward_m_s", "yaw_rad_s")

@@ -5,13 +5,10 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from robots.description import Robot, load_spec
-from robots.model import FLOOR
+from footfall.robots.description import Robot, load_spec
+from footfall.robots.model import FLOOR
 
 FLOOR_MATERIAL = "footfall_floor"
-COMMAND_COLOUR = np.array([0.10, 0.45, 0.95, 1.0])
-VELOCITY_COLOUR = np.array([0.10, 0.70, 0.35, 1.0])
-PUSH_COLOUR = np.array([0.90, 0.15, 0.15, 1.0])
 
 
 def scene_model(robot: Robot, plant: Path | None, width: int, height: int) -> mujoco.MjModel:

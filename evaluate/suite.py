@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from deploy.trace import Trace
-from evaluate.episodes import EpisodeOutcome, EpisodeTask, run_task
-from evaluate.plan import EpisodePlan, plan_episodes
-from evaluate.pool import Outcome, run_all
-from evaluate.scenarios import ScenarioFile
-from evaluate.summary import Summary, compute_figures, summarise
+from footfall.evaluate.episodes import EpisodeOutcome, EpisodeTask, run_task
+from footfall.evaluate.plan import EpisodePlan, plan_episodes
+from footfall.evaluate.pool import Outcome, run_all
+from footfall.evaluate.scenarios import ScenarioFile
+from footfall.evaluate.summary import Summary, compute_figures, summarise
+from footfall.plant.trace import Trace
 
 COURSE = "course"  # the scenario that is filmed, and on which time per step is taken
 

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from evaluate.episodes import EpisodeOutcome
-from evaluate.metrics import EpisodeMetrics
-from evaluate.pool import Outcome
-from evaluate.scenarios import Scenario
-from evaluate.statistics import (
+from footfall.evaluate.episodes import EpisodeOutcome
+from footfall.evaluate.metrics import EpisodeMetrics
+from footfall.evaluate.pool import Outcome
+from footfall.evaluate.scenarios import Scenario
+from footfall.evaluate.statistics import (
     bootstrap_mean_interval,
     fit_survival,
     weighted_mean,

@@ -7,7 +7,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from evaluate.figures import Summary, best, figures, interval_text, measured, text
+from footfall.evaluate.figures import Summary, best, figures, interval_text, measured, text
 
 
 def print_results(results: Mapping[str, Mapping[str, Any]], console: Console) -> None:

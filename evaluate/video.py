@@ -14,11 +14,12 @@ import mujoco
 import numpy as np
 from matplotlib import image as matplotlib_image
 
-from deploy.episode import Push
-from deploy.trace import Trace
-from evaluate import scene
-from evaluate.pool import Outcome, run_all
-from robots.description import load_robot
+from footfall.common import colours
+from footfall.evaluate import scene
+from footfall.evaluate.pool import Outcome, run_all
+from footfall.plant.episode import Push
+from footfall.plant.trace import Trace
+from footfall.robots.description import load_robot
 
 WIDTH, HEIGHT, FRAME_RATE_HZ = 640, 400, 25
 PUSH_SHOWN_S = 0.4
@@ -127,8 +128,8 @@ def _draw_arrows(canvas: mujoco.MjvScene, task: FilmTask, index: int, height_m: 
     turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
     above = base + np.array([0.0, 0.0, 0.7 * height_m])
     arrows = [
-        (trace.command[index, :2], scene.COMMAND_COLOUR, 0.0),
-        (trace.base_velocity[index, :2], scene.VELOCITY_COLOUR, 0.05),
+        (trace.command[index, :2], colours.COMMAND, 0.0),
+        (trace.base_velocity[index, :2], colours.VELOCITY, 0.05),
     ]
     for velocity, colour, raised_m in arrows:
         vector = np.append(turn @ velocity * ARROW_S, 0.0)
@@ -136,7 +137,7 @@ def _draw_arrows(canvas: mujoco.MjvScene, task: FilmTask, index: int, height_m: 
     for push in task.pushes:
         if 0.0 <= trace.time_s[index] - push.time_s <= PUSH_SHOWN_S:
             vector = np.array(push.delta_v_m_s) * ARROW_S
-            scene.add_arrow(canvas, base - vector, vector, scene.PUSH_COLOUR)
+            scene.add_arrow(canvas, base - vector, vector, colours.PUSH)
 
 
 def _encoder(path: Path) -> Generator[None, np.ndarray | None, None]:

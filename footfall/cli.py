@@ -7,6 +7,7 @@ from importlib.metadata import version
 
 from cyclopts import App, CycloptsError, UnusedCliTokensError
 
+from footfall.common.errors import UserError
 from footfall.verbs.compare import compare
 from footfall.verbs.demo import demo
 from footfall.verbs.deploy import deploy
@@ -18,7 +19,6 @@ from footfall.verbs.replay import replay
 from footfall.verbs.sweep import sweep
 from footfall.verbs.train import train
 from footfall.verbs.watch import watch
-from robots.errors import UserError
 
 BAD_INPUT = 2
 INTERRUPTED = 130  # 128 + SIGINT

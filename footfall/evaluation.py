@@ -31,7 +31,7 @@ NOMINAL = EvaluationOptions()
 
 
 def arguments(options: EvaluationOptions) -> dict[str, Any]:
-    """The options as `evaluate.api` takes them."""
+    """The options as `footfall.evaluate.api` takes them."""
     return {
         "robot_spec": options.robot,
         "scenarios": options.scenarios,

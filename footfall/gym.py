@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Literal
 
 import gymnasium
 
-from robots.description import available_robots, load_robot
-from train.config import load_preset
+from footfall.robots.description import available_robots, load_robot
+from footfall.train.config import load_preset
 
 if TYPE_CHECKING:
-    from envs.gymnasium_face import GymnasiumEnv, GymnasiumVectorEnv
+    from footfall.envs.gymnasium_env import GymnasiumEnv, GymnasiumVectorEnv
 
 
 def make_single(
@@ -35,7 +35,7 @@ def make_single(
     Raises:
         UserError: there is no such robot, preset or render mode.
     """
-    from envs.gymnasium_face import GymnasiumEnv
+    from footfall.envs.gymnasium_env import GymnasiumEnv
 
     config = replace(load_preset(preset).env, physics=physics)
     return GymnasiumEnv(load_robot(robot), config, render_mode)
@@ -49,7 +49,7 @@ def make_vector(
     render_mode: str | None = None,
 ) -> "GymnasiumVectorEnv":
     """Many environments that step as one; otherwise as `make_single`."""
-    from envs.gymnasium_face import GymnasiumVectorEnv
+    from footfall.envs.gymnasium_env import GymnasiumVectorEnv
 
     config = replace(load_preset(preset).env, physics=physics)
     return GymnasiumVectorEnv(load_robot(robot), config, num_envs, render_mode)

@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from policies.contract import Contract
-from policies.observation import moving
+from footfall.policies.contract import Contract
+from footfall.policies.observation import moving
 
 Array = Any
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from robots.config import require_positive, structure, unstructure
-from robots.description import Robot
-from robots.errors import UserError
+from footfall.common.config import require_positive, structure, unstructure
+from footfall.common.errors import UserError
+from footfall.robots.description import Robot
 
 CONTRACT_KEY = "footfall.contract"  # of an ONNX file's metadata
 TRAINER_KEY = "footfall.trainer"

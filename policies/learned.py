@@ -5,9 +5,10 @@ from pathlib import Path
 import numpy as np
 import onnxruntime
 
-from policies.action import joint_target
-from policies.contract import CONTRACT_KEY, TRAINER_KEY, Contract
-from policies.observation import (
+from footfall.common.errors import UserError
+from footfall.policies.action import joint_target
+from footfall.policies.contract import CONTRACT_KEY, TRAINER_KEY, Contract
+from footfall.policies.observation import (
     Inputs,
     Readings,
     frame,
@@ -17,10 +18,9 @@ from policies.observation import (
     observation_size,
     push_frame,
 )
-from policies.policy import Observation
-from robots.actuator import JointCommand
-from robots.description import Robot
-from robots.errors import UserError
+from footfall.policies.policy import Observation
+from footfall.robots.actuator import JointCommand
+from footfall.robots.description import Robot
 
 
 def open_network(path: Path) -> tuple[onnxruntime.InferenceSession, Contract]:

@@ -3,9 +3,9 @@
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from policies.contract import Contract
-from robots.errors import UserError
-from robots.readings import Readings
+from footfall.common.errors import UserError
+from footfall.policies.contract import Contract
+from footfall.robots.readings import Readings
 
 Array = Any
 

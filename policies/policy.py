@@ -4,7 +4,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
-from robots.actuator import JointCommand
+from footfall.robots.actuator import JointCommand
 
 
 class Sensed(NamedTuple):

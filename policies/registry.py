@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from policies.policy import Policy
-from robots.description import Robot
-from robots.errors import UserError
+from footfall.common.errors import UserError
+from footfall.policies.policy import Policy
+from footfall.robots.description import Robot
 
 ZOO = Path(__file__).parent / "zoo"
 CONTROLLERS = ("stand", "trot", "mpc")
@@ -23,7 +23,7 @@ def load_policy(spec: str, robot: Robot) -> Policy:
     """
     if spec in CONTROLLERS:
         return _controller(spec, robot)
-    from policies.learned import LearnedPolicy  # ONNX Runtime is slow to import
+    from footfall.policies.learned import LearnedPolicy
 
     if spec in zoo_names():
         return LearnedPolicy(ZOO / spec / "policy.onnx", robot, spec)
@@ -40,13 +40,13 @@ def load_policy(spec: str, robot: Robot) -> Policy:
 
 def _controller(name: str, robot: Robot) -> Policy:
     if name == "stand":
-        from policies.stand import Stand
+        from footfall.policies.stand import Stand
 
         return Stand(robot)
     if name == "trot":
-        from policies.trot import Trot
+        from footfall.policies.trot import Trot
 
         return Trot(robot)
-    from policies.mpc.controller import Mpc
+    from footfall.policies.mpc.controller import Mpc
 
     return Mpc(robot)

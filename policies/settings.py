@@ -2,9 +2,9 @@
 
 from typing import TypeVar
 
-from robots.config import read_yaml, structure
-from robots.description import Robot
-from robots.errors import UserError
+from footfall.common.config import read_yaml, structure
+from footfall.common.errors import UserError
+from footfall.robots.description import Robot
 
 T = TypeVar("T")
 

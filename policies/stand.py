@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from policies.attitude import rotation_matrix
-from policies.policy import Observation
-from policies.settings import controller_settings
-from robots.actuator import JointCommand
-from robots.description import Robot
-from robots.kinematics import Legs
+from footfall.policies.attitude import rotation_matrix
+from footfall.policies.policy import Observation
+from footfall.policies.settings import controller_settings
+from footfall.robots.actuator import JointCommand
+from footfall.robots.description import Robot
+from footfall.robots.kinematics import Legs
 
 
 @dataclass(frozen=True)

@@ -4,15 +4,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from policies.attitude import cross
-from policies.command import CommandShaping, ShapedCommand
-from policies.gait import GaitTiming, StepClock, contact_trust, cycloid, hump
-from policies.policy import Observation
-from policies.settings import controller_settings
-from policies.stand import level_feet, tilt_correction
-from robots.actuator import JointCommand
-from robots.description import Robot
-from robots.kinematics import LegPose, Legs
+from footfall.policies.attitude import cross
+from footfall.policies.command import CommandShaping, ShapedCommand
+from footfall.policies.gait import GaitTiming, StepClock, contact_trust, cycloid, hump
+from footfall.policies.policy import Observation
+from footfall.policies.settings import controller_settings
+from footfall.policies.stand import level_feet, tilt_correction
+from footfall.robots.actuator import JointCommand
+from footfall.robots.description import Robot
+from footfall.robots.kinematics import LegPose, Legs
 
 
 @dataclass(frozen=True)

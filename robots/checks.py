@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import mujoco
 
 if TYPE_CHECKING:
-    from robots.description import Description, Foot
+    from footfall.robots.description import Description, Foot
 
 
 def inconsistencies(description: "Description") -> Iterator[str]:

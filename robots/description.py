@@ -11,10 +11,10 @@ from xml.etree import ElementTree
 import mujoco
 import numpy as np
 
-from robots.actuator import Motor
-from robots.checks import contradictions, inconsistencies
-from robots.config import load, require_positive, unstructure
-from robots.errors import UserError
+from footfall.common.config import load, require_positive, unstructure
+from footfall.common.errors import UserError
+from footfall.robots.actuator import Motor
+from footfall.robots.checks import contradictions, inconsistencies
 
 ROBOTS = Path(__file__).parent
 

@@ -14,8 +14,8 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from robots.description import Robot, load_spec
-from robots.errors import UserError
+from footfall.common.errors import UserError
+from footfall.robots.description import Robot, load_spec
 
 _PARALLEL = 1e-6  # largest sine of the angle between two axes that count as parallel
 

@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
-from robots.actuator import Motor
-from robots.description import Robot, load_spec
-from robots.errors import UserError
+from footfall.common.errors import UserError
+from footfall.robots.actuator import Motor
+from footfall.robots.description import Robot, load_spec
 
 FLOOR = "floor"
 IMU = "footfall_imu"

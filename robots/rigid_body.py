@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from robots.description import Robot, load_spec
+from footfall.robots.description import Robot, load_spec
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,9 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
-from robots.description import Robot
-from robots.errors import UserError
-from robots.model import joint_addresses, training_model
+from footfall.common.errors import UserError
+from footfall.robots.description import Robot
+from footfall.robots.model import joint_addresses, training_model
 
 Array = Any
 PLACE_TOLERANCE_M = 0.01

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from policies.contract import CommandRange, Contract, Gait, Term
-from robots.description import ROBOTS, Robot, load_robot
+from footfall.policies.contract import CommandRange, Contract, Gait, Term
+from footfall.robots.description import ROBOTS, Robot, load_robot
 
 settings.register_profile("footfall", deadline=None, max_examples=60, derandomize=True)
 settings.load_profile("footfall")

@@ -5,11 +5,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from deploy.config import DeployConfig
-from deploy.episode import Episode
-from policies.policy import Observation
-from robots.actuator import JointCommand
-from robots.description import Robot
+from footfall.deploy.config import DeployConfig
+from footfall.plant.episode import Episode
+from footfall.policies.policy import Observation
+from footfall.robots.actuator import JointCommand
+from footfall.robots.description import Robot
 
 
 class Hold:

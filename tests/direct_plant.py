@@ -5,11 +5,11 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
-from policies.attitude import rotation_matrix
-from policies.policy import Observation, Policy, Sensed
-from robots.actuator import JointCommand, joint_torque
-from robots.description import Robot
-from robots.model import IMU, joint_addresses, plant_model
+from footfall.policies.attitude import rotation_matrix
+from footfall.policies.policy import Observation, Policy, Sensed
+from footfall.robots.actuator import JointCommand, joint_torque
+from footfall.robots.description import Robot
+from footfall.robots.model import IMU, joint_addresses, plant_model
 
 JOINT_RATE_HZ = 500
 

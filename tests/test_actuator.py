@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from robots.actuator import (
+from footfall.robots.actuator import (
     JointCommand,
     Motor,
     friction_torque,
@@ -17,8 +17,8 @@ from robots.actuator import (
     motor_torque,
     pd_torque,
 )
-from robots.description import Robot
-from robots.targets import limit_target
+from footfall.robots.description import Robot
+from footfall.robots.targets import limit_target
 
 MOTOR = Motor(
     peak_torque=np.array([20.0]),

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from shell import Shell
 
-from robots.description import ROBOTS
-from train.config import PRESETS
+from footfall.robots.description import ROBOTS
+from footfall.train.config import PRESETS
 
 
 @pytest.fixture

@@ -8,8 +8,8 @@ import pytest
 from shell import Shell
 from tiny_policy import write_policy
 
-from policies.registry import ZOO
-from robots.description import ROBOTS
+from footfall.policies.registry import ZOO
+from footfall.robots.description import ROBOTS
 
 SHORT = ("--duration", "0.6")
 

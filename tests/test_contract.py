@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from policies.contract import CommandRange, Contract, Gait, Term
-from robots.description import Robot, load_robot
-from robots.errors import UserError
+from footfall.common.errors import UserError
+from footfall.policies.contract import CommandRange, Contract, Gait, Term
+from footfall.robots.description import Robot, load_robot
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 above_zero = st.floats(0, exclude_min=True, allow_nan=False, allow_infinity=False)

@@ -9,12 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from policies.mpc.config import Contact, FootholdConfig, Horizon, Weights
-from policies.mpc.footholds import contact_points, footholds
-from policies.mpc.problem import GRAVITY, BodyState, ForceProblem, ForceProblems
-from policies.mpc.solver import BoundedSolver
-from robots.description import load_robot
-from robots.rigid_body import nominal_body
+from footfall.policies.mpc.config import Contact, FootholdConfig, Horizon, Weights
+from footfall.policies.mpc.footholds import contact_points, footholds
+from footfall.policies.mpc.problem import GRAVITY, BodyState, ForceProblem, ForceProblems
+from footfall.policies.mpc.solver import BoundedSolver
+from footfall.robots.description import load_robot
+from footfall.robots.rigid_body import nominal_body
 
 ROBOT = load_robot("go1")
 BODY = nominal_body(ROBOT)

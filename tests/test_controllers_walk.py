@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from direct_plant import DirectPlant, Walk, walk
 
-from deploy.estimator import BaseEstimator
-from policies.mpc import Mpc
-from policies.policy import Policy
-from policies.stand import Stand
-from policies.trot import Trot
-from robots.description import load_robot
-from robots.errors import UserError
+from footfall.common.errors import UserError
+from footfall.deploy.estimator import BaseEstimator
+from footfall.policies.mpc import Mpc
+from footfall.policies.policy import Policy
+from footfall.policies.stand import Stand
+from footfall.policies.trot import Trot
+from footfall.robots.description import load_robot
 
 ROBOT = load_robot("go1")
 CONTROLLERS: list[Callable[..., Policy]] = [Stand, Trot, Mpc]

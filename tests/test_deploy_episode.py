@@ -7,19 +7,19 @@ import numpy as np
 import pytest
 from deploy_minds import Hold, Spoilt, Sway, not_a_number, short_episode
 
-from deploy.config import DeployConfig
-from deploy.episode import Push, run_episode
-from deploy.loop import ControlLoop
-from deploy.safety import Mode
-from deploy.simulated_robot import SimulatedRobot
-from deploy.trace import Trace
-from domain_rand.noise import Noise
-from domain_rand.sample import Sample
-from policies.contract import Contract
-from policies.policy import Observation
-from robots.actuator import JointCommand
-from robots.description import Robot
-from robots.errors import UserError
+from footfall.common.errors import UserError
+from footfall.deploy.config import DeployConfig
+from footfall.deploy.loop import ControlLoop
+from footfall.deploy.safety import Mode
+from footfall.domain_rand.noise import Noise
+from footfall.domain_rand.sample import Sample
+from footfall.plant.episode import Push, run_episode
+from footfall.plant.robot import SimulatedRobot
+from footfall.plant.trace import Trace
+from footfall.policies.contract import Contract
+from footfall.policies.policy import Observation
+from footfall.robots.actuator import JointCommand
+from footfall.robots.description import Robot
 
 Watch = Callable[[ControlLoop, SimulatedRobot | None], None]
 

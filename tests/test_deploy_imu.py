@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deploy import imu
-from deploy.simulated_sensors import tilted
+from footfall.deploy.drivers import imu
+from footfall.plant.sensors import tilted
 
 vectors = st.lists(st.floats(-30.0, 30.0), min_size=3, max_size=3)
 

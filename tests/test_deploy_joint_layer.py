@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from deploy import imu, mit
-from deploy.frames import Frames
-from deploy.joint_layer import NEVER, JointLayer
-from deploy.wiring import Wiring, wire
-from robots.actuator import JointCommand, pd_torque
-from robots.description import Robot
+from footfall.deploy.drivers import imu, mit
+from footfall.deploy.frames import Frames
+from footfall.deploy.joint_layer import NEVER, JointLayer
+from footfall.deploy.wiring import Wiring, wire
+from footfall.robots.actuator import JointCommand, pd_torque
+from footfall.robots.description import Robot
 
 TICK_S = 0.002
 

@@ -14,16 +14,16 @@ from deploy_minds import Hold, Spoilt, Sway, not_a_number, short_episode
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from deploy import messages
-from deploy.episode import run_episode
-from deploy.log import flatten, unflatten
-from deploy.recover import recover
-from deploy.replay import read_log, replay
-from deploy.trace import Trace
-from policies.policy import Observation, Sensed
-from robots.actuator import JointCommand
-from robots.description import Robot
-from robots.errors import UserError
+from footfall.common.errors import UserError
+from footfall.deploy import messages
+from footfall.deploy.log import flatten, unflatten
+from footfall.deploy.recover import recover
+from footfall.deploy.replay import read_log, replay
+from footfall.plant.episode import run_episode
+from footfall.plant.trace import Trace
+from footfall.policies.policy import Observation, Sensed
+from footfall.robots.actuator import JointCommand
+from footfall.robots.description import Robot
 
 
 @pytest.fixture(scope="module")
@@ -100,10 +100,10 @@ class TestKilledRun:
 import sys
 from pathlib import Path
 from deploy_minds import Hold, short_episode
-from deploy.episode import run_episode
-from robots.description import load_robot
-from deploy.config import DeployConfig
-from deploy.safety import SafetyConfig
+from footfall.plant.episode import run_episode
+from footfall.robots.description import load_robot
+from footfall.deploy.config import DeployConfig
+from footfall.deploy.safety import SafetyConfig
 robot = load_robot("go1")
 config = DeployConfig(motor_timeout_s=5.0, safety=SafetyConfig(silence_timeout_s=5.0))
 episode = short_episode(duration_s=60.0, realtime=True, log=Path(sys.argv[1]), config=config)

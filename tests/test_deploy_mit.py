@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from deploy import mit
-from robots.errors import UserError
+from footfall.common.errors import UserError
+from footfall.deploy.drivers import mit
 
 PROTOCOLS = list(mit.RANGES)
 CODEC = mit.Codec(PROTOCOLS)

@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 from deploy_minds import Hold, Spoilt, short_episode, slow
 
-from deploy.clock import LockstepClock, WallClock, undisturbed
-from deploy.config import DeployConfig
-from deploy.episode import run_episode
-from deploy.frames import Frames
-from deploy.python_can_bus import ROBOT_FILTERS, PythonCanBus
-from deploy.safety import SafetyConfig
-from robots.description import Robot
-from robots.errors import UserError
+from footfall.common.errors import UserError
+from footfall.deploy.clock import LockstepClock, WallClock, undisturbed
+from footfall.deploy.config import DeployConfig
+from footfall.deploy.frames import Frames
+from footfall.deploy.python_can_bus import ROBOT_FILTERS, PythonCanBus
+from footfall.deploy.safety import SafetyConfig
+from footfall.plant.episode import run_episode
+from footfall.robots.description import Robot
 
 # Shared machines stall for tens of milliseconds: forgive them, but not what is tested here.
 PATIENT = SafetyConfig(start_timeout_s=3.0, silence_timeout_s=0.9)
@@ -136,7 +136,7 @@ class TestPythonCan:
         np.testing.assert_allclose(trace.joint_target[-1], go1.default_pose, atol=0.01)
 
     def test_the_robot_walks_over_multicast_from_another_process(self, go1: Robot) -> None:
-        command = [sys.executable, "-m", "deploy.serve", "--bus", "udp_multicast"]
+        command = [sys.executable, "-m", "footfall.plant.serve", "--bus", "udp_multicast"]
         command += ["--duration", "10", "--motor-timeout", "0.8"]
         with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as server:
             try:

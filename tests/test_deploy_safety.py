@@ -2,7 +2,7 @@
 
 import pytest
 
-from deploy.safety import Mode, SafetyConfig, Signals, State, advance
+from footfall.deploy.safety import Mode, SafetyConfig, Signals, State, advance
 
 CONFIG = SafetyConfig()
 QUIET = Signals(

@@ -6,15 +6,15 @@ import mujoco
 import numpy as np
 import pytest
 
-from deploy import imu, mit
-from deploy.frames import Frames
-from deploy.simulated_robot import Difference, SimulatedRobot
-from deploy.simulated_wire import Side, SimulatedWires
-from deploy.wiring import wire
-from domain_rand.noise import Noise
-from domain_rand.sample import Sample
-from robots.description import Robot
-from robots.errors import UserError
+from footfall.common.errors import UserError
+from footfall.deploy.drivers import imu, mit
+from footfall.deploy.frames import Frames
+from footfall.deploy.wiring import wire
+from footfall.domain_rand.noise import Noise
+from footfall.domain_rand.sample import Sample
+from footfall.plant.robot import Difference, SimulatedRobot
+from footfall.plant.wires import Side, SimulatedWires
+from footfall.robots.description import Robot
 
 TICK_US = 2000
 

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from deploy.frames import Frames, frame_bits
-from deploy.simulated_wire import HOST_QUEUE, Side, SimulatedWires
+from footfall.deploy.bus import HOST_QUEUE
+from footfall.deploy.frames import Frames, frame_bits
+from footfall.plant.wires import Side, SimulatedWires
 
 
 def frames(*channels: int, length: int = 8) -> Frames:

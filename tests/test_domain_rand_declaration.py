@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from domain_rand.distributions import Distribution
-from domain_rand.randomisation import Randomisation, draw, load_randomisation, sample_shapes
-from domain_rand.sample import Sample, narrowed
-from robots.errors import UserError
-from train.config import load_preset
+from footfall.common.errors import UserError
+from footfall.domain_rand.distributions import Distribution
+from footfall.domain_rand.randomisation import Randomisation, draw, load_randomisation, sample_shapes
+from footfall.domain_rand.sample import Sample, narrowed
+from footfall.train.config import load_preset
 
 JOINTS, BODIES = 12, 13
 NAMES = tuple(field.name for field in fields(Randomisation))

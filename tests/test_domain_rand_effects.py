@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from mujoco import mjx
 
-from domain_rand.bodies import BodyMap, apply_to_model, body_map, randomised_fields
-from domain_rand.noise import Noise, biased, noisy
-from domain_rand.randomisation import draw, load_randomisation
-from domain_rand.sample import Sample, randomised_command, randomised_motor
-from policies.observation import Readings
-from robots.actuator import JointCommand, friction_torque, joint_torque, motor_torque
-from robots.description import Robot
-from robots.model import joint_addresses, plant_model, training_model
+from footfall.domain_rand.bodies import BodyMap, apply_to_model, body_map, randomised_fields
+from footfall.domain_rand.noise import Noise, biased, noisy
+from footfall.domain_rand.randomisation import draw, load_randomisation
+from footfall.domain_rand.sample import Sample, randomised_command, randomised_motor
+from footfall.policies.observation import Readings
+from footfall.robots.actuator import JointCommand, friction_torque, joint_torque, motor_torque
+from footfall.robots.description import Robot
+from footfall.robots.model import joint_addresses, plant_model, training_model
 
 GRAVITY = 9.81
 Build = Callable[[Sample], mujoco.MjModel]

@@ -13,17 +13,17 @@ import numpy as np
 import pytest
 from mujoco.batch import Batch, SimulationError
 
-from domain_rand.randomisation import load_randomisation
-from envs import batch, velocity
-from envs.batch import step_batch
-from envs.physics import Drive, Motion
-from envs.physics_c import _Simulations, c_physics
-from envs.velocity import State, VelocityEnv
-from robots.actuator import Motor
-from robots.description import Robot, load_robot
-from robots.errors import UserError
-from robots.model import training_model
-from train.config import PRESETS, load_preset
+from footfall.common.errors import UserError
+from footfall.domain_rand.randomisation import load_randomisation
+from footfall.envs import batch, velocity
+from footfall.envs.batch import step_batch
+from footfall.envs.physics import Drive, Motion
+from footfall.envs.physics_c import _Simulations, c_physics
+from footfall.envs.velocity import State, VelocityEnv
+from footfall.robots.actuator import Motor
+from footfall.robots.description import Robot, load_robot
+from footfall.robots.model import training_model
+from footfall.train.config import PRESETS, load_preset
 
 ROBOT = load_robot("go1")
 SMOKE = replace(load_preset("smoke").env, randomisation=load_randomisation())
@@ -106,7 +106,7 @@ class TestPurity:
     def test_neither_company_nor_threads_change_a_bit(
         self, monkeypatch: pytest.MonkeyPatch, begun: State, cores: int
     ) -> None:
-        monkeypatch.setattr("envs.physics_c._usable_cores", lambda: cores)
+        monkeypatch.setattr("footfall.envs.physics_c._usable_cores", lambda: cores)
         physics, given = c_physics(training_model(ROBOT), ROBOT), arguments(begun)
         many = jax.vmap(physics)(*given)
         few = jax.vmap(physics)(*jax.tree.map(lambda x: x[5:8], given))

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from direct_plant import DirectPlant, walk
 
-from deploy.estimator import BaseEstimator
-from policies.policy import Sensed
-from policies.trot import Trot
-from robots.description import load_robot
+from footfall.deploy.estimator import BaseEstimator
+from footfall.policies.policy import Sensed
+from footfall.policies.trot import Trot
+from footfall.robots.description import load_robot
 
 ROBOT = load_robot("go1")
 

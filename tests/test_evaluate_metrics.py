@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deploy.trace import Trace
-from evaluate.metrics import score, settled_samples
-from robots.description import Robot
+from footfall.evaluate.metrics import score, settled_samples
+from footfall.plant.trace import Trace
+from footfall.robots.description import Robot
 
 RATE_HZ = 100.0
 

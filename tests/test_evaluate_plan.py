@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from domain_rand.sample import Sample
-from evaluate.episodes import sample_of
-from evaluate.plan import CommandSchedule, plan_episodes, spread_levels
-from evaluate.scenarios import load_scenarios
-from robots.errors import UserError
+from footfall.common.errors import UserError
+from footfall.domain_rand.sample import Sample
+from footfall.evaluate.episodes import sample_of
+from footfall.evaluate.plan import CommandSchedule, plan_episodes, spread_levels
+from footfall.evaluate.scenarios import load_scenarios
 
 FILE = load_scenarios()
 ALL = sorted(FILE.scenarios)

@@ -5,8 +5,8 @@ import time
 
 import pytest
 
-from evaluate.pool import run_all
-from robots.errors import UserError
+from footfall.common.errors import UserError
+from footfall.evaluate.pool import run_all
 
 
 def square(number: int) -> int:

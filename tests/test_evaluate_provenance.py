@@ -4,11 +4,11 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
-from evaluate.provenance import PACKAGES, kind
-from policies.contract import Contract, Gait
-from policies.registry import load_policy
-from robots.description import Robot
-from robots.versions import versions
+from footfall.common.versions import versions
+from footfall.evaluate.provenance import PACKAGES, kind
+from footfall.policies.contract import Contract, Gait
+from footfall.policies.registry import load_policy
+from footfall.robots.description import Robot
 
 
 def learned(contract: Contract) -> Any:

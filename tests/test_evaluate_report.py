@@ -13,18 +13,18 @@ import pytest
 from matplotlib.image import imread
 from rich.console import Console
 
-from deploy.episode import Episode, Push, run_episode
-from deploy.trace import Trace
-from evaluate import api, video
-from evaluate.api import compare_policies, evaluate_policy
-from evaluate.plan import CommandSchedule
-from evaluate.pool import Outcome
-from evaluate.scenarios import Scenario, ScenarioFile, Waypoint, load_scenarios
-from evaluate.suite import Setup, run_suite
-from evaluate.video import Film, FilmTask, frame_indices, render_films
-from policies.registry import load_policy
-from robots.description import Robot
-from robots.errors import UserError
+from footfall.common.errors import UserError
+from footfall.evaluate import api, video
+from footfall.evaluate.api import compare_policies, evaluate_policy
+from footfall.evaluate.plan import CommandSchedule
+from footfall.evaluate.pool import Outcome
+from footfall.evaluate.scenarios import Scenario, ScenarioFile, Waypoint, load_scenarios
+from footfall.evaluate.suite import Setup, run_suite
+from footfall.evaluate.video import Film, FilmTask, frame_indices, render_films
+from footfall.plant.episode import Episode, Push, run_episode
+from footfall.plant.trace import Trace
+from footfall.policies.registry import load_policy
+from footfall.robots.description import Robot
 
 CHROMIUM_FLAGS = (
     "--headless",

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evaluate.statistics import bootstrap_mean_interval, fit_survival, weighted_mean, wilson_interval
+from footfall.evaluate.statistics import bootstrap_mean_interval, fit_survival, weighted_mean, wilson_interval
 
 
 class TestWilsonInterval:

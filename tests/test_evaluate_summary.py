@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evaluate.episodes import EpisodeOutcome
-from evaluate.figures import best, figures, interval_text, measured, text
-from evaluate.metrics import EpisodeMetrics
-from evaluate.pool import Outcome
-from evaluate.scenarios import load_scenarios
-from evaluate.summary import Summary, summarise
+from footfall.evaluate.episodes import EpisodeOutcome
+from footfall.evaluate.figures import best, figures, interval_text, measured, text
+from footfall.evaluate.metrics import EpisodeMetrics
+from footfall.evaluate.pool import Outcome
+from footfall.evaluate.scenarios import load_scenarios
+from footfall.evaluate.summary import Summary, summarise
 
 SCENARIOS = load_scenarios().scenarios
 GOOD = EpisodeMetrics(

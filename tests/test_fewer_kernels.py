@@ -17,9 +17,9 @@ import jax.numpy as jnp
 from brax.training.agents.ppo.losses import compute_gae
 from mujoco import mjx
 
-from envs.fewer_kernels import fewer_kernels, insert, segment_sum
-from robots.description import Robot
-from robots.model import training_model
+from footfall.envs.workarounds.fewer_kernels import fewer_kernels, insert, segment_sum
+from footfall.robots.description import Robot
+from footfall.robots.model import training_model
 
 ROBOTS = 16
 

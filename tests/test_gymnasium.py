@@ -18,9 +18,9 @@ from gymnasium.wrappers import TransformObservation
 from gymnasium.wrappers.vector import DictInfoToList, RecordEpisodeStatistics, VectorizeTransformObservation
 
 import footfall.gym
-from envs.gymnasium_face import GymnasiumEnv, GymnasiumVectorEnv
-from policies.observation import observation_size
-from robots.errors import UserError
+from footfall.common.errors import UserError
+from footfall.envs.gymnasium_env import GymnasiumEnv, GymnasiumVectorEnv
+from footfall.policies.observation import observation_size
 
 ID = "footfall/Go1Velocity-v0"
 MANY = 8

@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
+FRONT_DOOR = "footfall"  # whose folder links to the others
+FRONT = {path.stem for path in (ROOT / FRONT_DOOR).glob("*.py")} - {"__init__"} | {"verbs"}
 LEARNING_ONLY = (
     "jax",
     "jaxlib",
@@ -24,24 +26,26 @@ LEARNING_ONLY = (
     "tensorboardX",
 )
 
-# Each room, and the rooms that it may import; itself always. footfall joins the wings.
+# Each room, and the rooms that it may import; itself always. footfall's own files join the wings.
 ALLOWED = {
-    "robots": set(),
-    "domain_rand": {"robots"},
-    "policies": {"robots"},
-    "deploy": {"robots", "policies", "domain_rand"},
-    "evaluate": {"robots", "policies", "domain_rand", "deploy"},
-    "envs": {"robots", "policies", "domain_rand"},
-    "train": {"robots", "policies", "domain_rand", "envs"},
-    "footfall": {"robots", "policies", "domain_rand", "deploy", "evaluate", "envs", "train"},
+    "common": set(),
+    "robots": {"common"},
+    "domain_rand": {"common", "robots"},
+    "policies": {"common", "robots"},
+    "deploy": {"common", "robots", "policies", "domain_rand"},
+    "plant": {"common", "robots", "policies", "domain_rand", "deploy"},
+    "evaluate": {"common", "robots", "policies", "domain_rand", "deploy", "plant"},
+    "envs": {"common", "robots", "policies", "domain_rand"},
+    "train": {"common", "robots", "policies", "domain_rand", "envs"},
+    "pages": {"common", "robots", "policies", "domain_rand", "deploy", "plant", "train"},
 }
-ACTING = ("robots", "domain_rand", "policies", "deploy", "evaluate")
+ACTING = ("common", "robots", "domain_rand", "policies", "deploy", "plant", "evaluate")
 # What of policies the learning wing may know. `learned` runs an exported file to check it.
 POLICIES_FOR_LEARNING = {
-    "policies.contract",
-    "policies.observation",
-    "policies.action",
-    "policies.learned",
+    "footfall.policies.contract",
+    "footfall.policies.observation",
+    "footfall.policies.action",
+    "footfall.policies.learned",
 }
 IMPORT_BUDGET_S = 1.0
 CI_SLACK = 3.0  # a busy or cold machine imports slower; the figure itself is printed
@@ -51,7 +55,8 @@ def modules(room: str) -> Iterator[tuple[str, Path]]:
     """Dotted name and path of each module of a room."""
     for path in sorted((ROOT / room).rglob("*.py")):
         parts = path.relative_to(ROOT).with_suffix("").parts
-        yield ".".join(parts[:-1] if parts[-1] == "__init__" else parts), path
+        name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+        yield name if room == FRONT_DOOR else f"footfall.{name}", path
 
 
 def imported(path: Path) -> set[str]:
@@ -73,7 +78,7 @@ def belongs_to(name: str, packages: tuple[str, ...] | set[str]) -> bool:
 
 @pytest.mark.parametrize("room", ALLOWED)
 def test_rooms_import_one_way(room: str) -> None:
-    forbidden = set(ALLOWED) - ALLOWED[room] - {room}
+    forbidden = {f"footfall.{other}" for other in (set(ALLOWED) | FRONT) - ALLOWED[room] - {room}}
     wrong = [
         f"{module} imports {name}"
         for module, path in modules(room)
@@ -89,8 +94,8 @@ def test_learning_knows_policies_by_their_contract(room: str) -> None:
         f"{module} imports {name}"
         for module, path in modules(room)
         for name in sorted(imported(path))
-        if belongs_to(name, ("policies",))
-        and name != "policies"
+        if belongs_to(name, ("footfall.policies",))
+        and name != "footfall.policies"
         and not belongs_to(name, POLICIES_FOR_LEARNING)
     ]
     assert wrong == []
@@ -136,7 +141,7 @@ def import_apart(names: list[str], blocked: tuple[str, ...] = LEARNING_ONLY) -> 
     return float(json.loads(done.stdout.splitlines()[-1]))
 
 
-@pytest.mark.parametrize("room", [*ACTING, "footfall"])
+@pytest.mark.parametrize("room", [*ACTING, FRONT_DOOR])
 def test_acting_modules_import_without_jax_and_torch(room: str) -> None:
     import_apart([name for name, _ in modules(room) if not name.endswith("__main__")])
 

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from flax import struct
 
-from robots.description import load_robot
-from train import kept_program
-from train.kept_program import fingerprint, model_bytes, read_ahead
+from footfall.envs.workarounds import kept_program
+from footfall.envs.workarounds.kept_program import fingerprint, model_bytes, read_ahead
+from footfall.robots.description import load_robot
 
 
 @struct.dataclass
@@ -150,7 +150,7 @@ def test_every_package_of_ours_that_a_program_imports_counts() -> None:
         match
         for package in kept_program.TRACED
         for path in (kept_program.SOURCES / package).rglob("*.py")
-        for match in re.findall(r"^(?:from|import) (\w+)", path.read_text(), re.MULTILINE)
+        for match in re.findall(r"^(?:from|import) footfall\.(\w+)", path.read_text(), re.MULTILINE)
     }
     ours = {path.parent.name for path in kept_program.SOURCES.glob("*/__init__.py")}
     assert imported & ours == set(kept_program.TRACED)

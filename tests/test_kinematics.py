@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from robots.description import available_robots, load_robot
-from robots.errors import UserError
-from robots.kinematics import Legs
-from robots.model import joint_addresses, plant_model
+from footfall.common.errors import UserError
+from footfall.robots.description import available_robots, load_robot
+from footfall.robots.kinematics import Legs
+from footfall.robots.model import joint_addresses, plant_model
 
 ROBOT = load_robot("go1")
 LEGS = Legs(ROBOT)

@@ -7,9 +7,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from policies.action import gait_reference, joint_target
-from policies.contract import Contract, Term
-from policies.observation import (
+from footfall.common.errors import UserError
+from footfall.policies.action import gait_reference, joint_target
+from footfall.policies.contract import Contract, Term
+from footfall.policies.observation import (
     TERMS,
     Inputs,
     Readings,
@@ -22,7 +23,6 @@ from policies.observation import (
     push_frame,
     term_size,
 )
-from robots.errors import UserError
 
 STEPS, BATCH = 5, (4,)
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from robots.errors import UserError
-from robots.outputs import check_outputs, write_text
+from footfall.common.errors import UserError
+from footfall.common.outputs import check_outputs, write_text
 
 
 def test_checking_leaves_nothing_behind(tmp_path: Path) -> None:

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import pytest
 import yaml
 
-from robots.config import dump, structure
-from robots.errors import UserError
+from footfall.common.config import dump, structure
+from footfall.common.errors import UserError
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import yaml
 
-from robots.description import Robot, load_robot
-from robots.errors import UserError
+from footfall.common.errors import UserError
+from footfall.robots.description import Robot, load_robot
 
 
 def edit(folder: Path, file: str, old: str, new: str, count: int = 1) -> None:

@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from robots.description import Robot
-from robots.model import joint_addresses, plant_model
+from footfall.robots.description import Robot
+from footfall.robots.model import joint_addresses, plant_model
 
 TRUNK = (5.204, (0.0223, 0.002, -0.0005), (0.0168101, 0.0630105, 0.0716565))
 HIP = (0.68, (-0.004917, 0.007626, -0.000089), (0.000398719, 0.000468438, 0.000734064))

@@ -7,9 +7,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from robots.description import Robot, load_robot
-from robots.errors import UserError
-from robots.model import joint_addresses, plant_model, training_model
+from footfall.common.errors import UserError
+from footfall.robots.description import Robot, load_robot
+from footfall.robots.model import joint_addresses, plant_model, training_model
 
 
 def standing(model: mujoco.MjModel, robot: Robot) -> mujoco.MjData:

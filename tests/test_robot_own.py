@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import yaml
 
-from robots.description import Robot, load_robot
-from robots.model import joint_addresses, plant_model, training_model
+from footfall.robots.description import Robot, load_robot
+from footfall.robots.model import joint_addresses, plant_model, training_model
 
 
 @pytest.fixture

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from mujoco import mjx
 
-from robots.actuator import JointCommand, Motor, joint_torque
-from robots.description import Robot
-from robots.model import joint_addresses, training_model
+from footfall.robots.actuator import JointCommand, Motor, joint_torque
+from footfall.robots.description import Robot
+from footfall.robots.model import joint_addresses, training_model
 
 DURATION_S = 0.2
 

@@ -18,11 +18,11 @@ pytest.importorskip("ray")
 
 from shell import Shell
 
-from robots.config import dump
-from robots.errors import UserError
-from train.api import open_run
-from train.config import load_preset
-from train.sweep import UNFINISHED, resume_sweep, sweep, trial_config
+from footfall.common.config import dump
+from footfall.common.errors import UserError
+from footfall.train.api import open_run
+from footfall.train.config import load_preset
+from footfall.train.sweeps.sweep import UNFINISHED, resume_sweep, sweep, trial_config
 
 ITERATIONS = 6
 

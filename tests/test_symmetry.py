@@ -2,22 +2,20 @@
 
 from dataclasses import replace
 
+import jax
+import jax.numpy as jnp
 import mujoco
 import numpy as np
 import pytest
 
-from domain_rand.noise import Noise
-from robots.description import load_robot
-from robots.errors import UserError
-from robots.model import joint_addresses, training_model
-from robots.symmetry import ROTATION, VECTOR, find_symmetry
-
-jax = pytest.importorskip("jax")
-jnp = jax.numpy
-
-from envs.symmetry import environment_mirror  # noqa: E402
-from envs.velocity import VelocityEnv  # noqa: E402
-from train.config import load_preset  # noqa: E402
+from footfall.common.errors import UserError
+from footfall.domain_rand.noise import Noise
+from footfall.envs.symmetry import environment_mirror
+from footfall.envs.velocity import VelocityEnv
+from footfall.robots.description import load_robot
+from footfall.robots.model import joint_addresses, training_model
+from footfall.robots.symmetry import ROTATION, VECTOR, find_symmetry
+from footfall.train.config import load_preset
 
 ROBOT = load_robot("go1")
 QUIET = Noise()

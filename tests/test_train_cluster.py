@@ -10,8 +10,9 @@ import pytest
 
 pytest.importorskip("jax")
 
-from robots.errors import UserError
-from train import api, cluster
+from footfall.common.errors import UserError
+from footfall.train import api
+from footfall.train.brax import cluster
 
 PATIENCE_S = 420
 

@@ -45,7 +45,7 @@ def test_where_jax_has_accelerators_alone_the_default_device_computes(
 ) -> None:
     import jax
 
-    from train.devices import on_the_processor
+    from footfall.train.brax.devices import on_the_processor
 
     def none_such(*_: object, **__: object) -> None:
         raise RuntimeError("Unknown backend cpu")

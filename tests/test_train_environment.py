@@ -8,18 +8,18 @@ import mujoco
 import numpy as np
 import pytest
 
-from domain_rand.distributions import Distribution
-from domain_rand.noise import Noise
-from domain_rand.randomisation import Randomisation, load_randomisation
-from envs.config import Curriculum, PushConfig, RewardScales
-from envs.delays import delayed_goal, delayed_readings
-from envs.rewards import reward_rate
-from envs.velocity import DISTURBANCE_NUMBERS, VelocityEnv
-from policies.observation import observation_size
-from robots.description import load_robot
-from robots.errors import UserError
-from robots.model import joint_addresses, training_model
-from train.config import load_preset
+from footfall.common.errors import UserError
+from footfall.domain_rand.distributions import Distribution
+from footfall.domain_rand.noise import Noise
+from footfall.domain_rand.randomisation import Randomisation, load_randomisation
+from footfall.envs.config import Curriculum, PushConfig, RewardScales
+from footfall.envs.delays import delayed_goal, delayed_readings
+from footfall.envs.rewards import reward_rate
+from footfall.envs.velocity import DISTURBANCE_NUMBERS, VelocityEnv
+from footfall.policies.observation import observation_size
+from footfall.robots.description import load_robot
+from footfall.robots.model import joint_addresses, training_model
+from footfall.train.config import load_preset
 
 ROBOT = load_robot("go1")
 SMOKE = load_preset("smoke").env
@@ -153,7 +153,7 @@ class TestStep:
 
 def test_one_step_agrees_with_mujoco_c_under_the_same_joint_law() -> None:
     """The lean carry (positions, velocities, warm start) loses nothing that the physics needs."""
-    from robots.actuator import JointCommand, joint_torque
+    from footfall.robots.actuator import JointCommand, joint_torque
 
     env = make(randomisation=Randomisation(), pushes=PushConfig(), gait=None)
     state, _ = jax.jit(env.reset)(jax.random.PRNGKey(12))

@@ -18,16 +18,18 @@ pytest.importorskip("jax")
 import jax
 from shell import Shell
 
-from robots.config import dump, load
-from robots.description import load_robot
-from robots.errors import CannotWriteError, UserError
-from robots.files import write_atomically
-from train import api, checkpoint, cluster
-from train.config import load_preset
-from train.diagnosis import Diagnosis, differences
-from train.failure import ENVIRONMENT, FOLDER, REPORT, Failure, failure_of, non_finite_leaves
-from train.metrics import MetricsLog
-from train.parts import assemble
+from footfall.common.config import dump, load
+from footfall.common.errors import CannotWriteError, UserError
+from footfall.common.files import write_atomically
+from footfall.robots.description import load_robot
+from footfall.train import api
+from footfall.train.brax import cluster
+from footfall.train.brax.diagnosis import Diagnosis, differences
+from footfall.train.brax.parts import assemble
+from footfall.train.config import load_preset
+from footfall.train.runs import checkpoint
+from footfall.train.runs.failure import ENVIRONMENT, FOLDER, REPORT, Failure, failure_of, non_finite_leaves
+from footfall.train.runs.metrics import MetricsLog
 
 ITERATIONS = 6
 HEALTHY = {"learning/total_loss": 0.1, "learning/gradient_norm": 0.5, "episode/diverged": 0.0}
@@ -336,8 +338,8 @@ import os, resource, shutil, signal, sys
 from itertools import count
 from pathlib import Path
 import numpy as np
-from robots import files
-from train import checkpoint
+from footfall.common import files
+from footfall.train.runs import checkpoint
 
 folder = Path(sys.argv[1])
 OURS = {checkpoint.__file__, files.__file__}

@@ -21,20 +21,23 @@ import onnxruntime
 import torch
 from brax.training.acme import running_statistics
 
-from envs.symmetry import environment_mirror
-from evaluate.provenance import kind
 from footfall.cli import main
-from policies.contract import CONTRACT_KEY
-from policies.registry import load_policy
-from robots.config import dump
-from robots.description import Robot
-from robots.errors import UserError
-from train import api, checkpoint, export, networks, rsl_rl_run
-from train.config import load_preset
-from train.display import Display
-from train.rsl_rl_environment import TorchEnvironment
-from train.rsl_rl_symmetry import make_augmentation
-from train.rsl_rl_trainer import RslRlTrainer
+from footfall.common.config import dump
+from footfall.common.errors import UserError
+from footfall.envs.symmetry import environment_mirror
+from footfall.evaluate.provenance import kind
+from footfall.policies.contract import CONTRACT_KEY
+from footfall.policies.registry import load_policy
+from footfall.robots.description import Robot
+from footfall.train import api, export
+from footfall.train.brax import networks
+from footfall.train.config import load_preset
+from footfall.train.rsl_rl import run as rsl_rl_run
+from footfall.train.rsl_rl.environment import TorchEnvironment
+from footfall.train.rsl_rl.symmetry import make_augmentation
+from footfall.train.rsl_rl.trainer import RslRlTrainer
+from footfall.train.runs import checkpoint
+from footfall.train.runs.display import Display
 
 SMOKE = load_preset("smoke")
 PPO = replace(

@@ -19,7 +19,7 @@ sys.exit(main(sys.argv[2:]))
 
 
 def test_training_with_brax_needs_no_torch() -> None:
-    import_apart(["train.api"], blocked=("torch", "rsl_rl", "tensordict"))
+    import_apart(["footfall.train.api"], blocked=("torch", "rsl_rl", "tensordict"))
 
 
 @pytest.mark.parametrize("missing", ["torch", "rsl_rl"])

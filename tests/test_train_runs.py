@@ -15,27 +15,28 @@ pytest.importorskip("jax")
 import jax
 import jax.numpy as jnp
 
-from domain_rand.noise import Noise
-from domain_rand.randomisation import Randomisation
-from envs.config import PushConfig
-from envs.velocity import VelocityEnv
-from policies.learned import LearnedPolicy
-from policies.policy import Observation, Sensed
-from robots.config import dump
-from robots.description import load_robot
-from robots.errors import UserError
-from train import api, checkpoint, export
-from train.config import PRESETS, TrainConfig, load_preset
-from train.failure import FOLDER, REPORT, Failure
-from train.run import create_run, locked, trained_robot
+from footfall.common.config import dump
+from footfall.common.errors import UserError
+from footfall.domain_rand.noise import Noise
+from footfall.domain_rand.randomisation import Randomisation
+from footfall.envs.config import PushConfig
+from footfall.envs.velocity import VelocityEnv
+from footfall.policies.learned import LearnedPolicy
+from footfall.policies.policy import Observation, Sensed
+from footfall.robots.description import load_robot
+from footfall.train import api, export
+from footfall.train.config import PRESETS, TrainConfig, load_preset
+from footfall.train.runs import checkpoint
+from footfall.train.runs.failure import FOLDER, REPORT, Failure
+from footfall.train.runs.folder import create_run, locked, trained_robot
 
 KILLED = -9
 # Runs a training and kills its own process, as the power would, at the n-th rename of a file.
 KILL_AT_RENAME = """
 import os, signal, sys
 from pathlib import Path
-from robots import files
-from train import api
+from footfall.common import files
+from footfall.train import api
 count, replace = 0, os.replace
 def replace_or_die(*names):
     global count

@@ -2,7 +2,7 @@
 
 import pytest
 
-from train.speed import WINDOW_S, Speed
+from footfall.train.runs.speed import WINDOW_S, Speed
 
 
 def test_a_burst_of_reports_does_not_look_fast() -> None:

@@ -9,15 +9,15 @@ import jax
 import numpy as np
 import pytest
 
-from footfall.learning import start_device
-from robots.collector import collector_paused
-from robots.description import load_robot
-from train import api
-from train.config import load_preset
-from train.devices import GPU_OPTIONS, compiler_options, worth_keeping
-from train.kept_program import fingerprint
-from train.parts import assemble, made_from
-from train.run import open_run
+from footfall.common.collector import collector_paused
+from footfall.envs.workarounds.kept_program import fingerprint
+from footfall.robots.description import load_robot
+from footfall.train import api
+from footfall.train.brax.devices import GPU_OPTIONS, compiler_options, worth_keeping
+from footfall.train.brax.parts import assemble, made_from
+from footfall.train.config import load_preset
+from footfall.train.entry import start_device
+from footfall.train.runs.folder import open_run
 
 
 def test_collector_is_paused_inside_and_back_after_an_error() -> None:

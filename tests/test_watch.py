@@ -17,21 +17,21 @@ import numpy as np
 import pytest
 from shell import Shell
 
-from deploy.episode import Episode, run_episode
+from footfall.common.errors import UserError
+from footfall.pages.geometry import COLLISION_GROUP, visible_shapes
+from footfall.pages.metrics_file import MetricsFile, thinned
+from footfall.pages.newest_policy import NewestPolicy
+from footfall.pages.page import check_page
+from footfall.pages.snapshots import Exported, Snapshot, Snapshots, _export
+from footfall.pages.status import WAITING, Status, as_markdown
+from footfall.pages.walk import Walk
+from footfall.plant.episode import Episode, run_episode
+from footfall.policies.registry import ZOO
+from footfall.robots.description import Robot, load_robot
+from footfall.robots.model import plant_model
+from footfall.train.config import load_preset
+from footfall.train.runs.folder import Provenance, create_run, open_run
 from footfall.verbs.train import ClusterOptions, TrainOptions, train
-from footfall.watch.geometry import COLLISION_GROUP, visible_shapes
-from footfall.watch.metrics_file import MetricsFile, thinned
-from footfall.watch.newest_policy import NewestPolicy
-from footfall.watch.page import check_page
-from footfall.watch.snapshots import Exported, Snapshot, Snapshots, _export
-from footfall.watch.status import WAITING, Status, as_markdown
-from footfall.watch.walk import Walk
-from policies.registry import ZOO
-from robots.description import Robot, load_robot
-from robots.errors import UserError
-from robots.model import plant_model
-from train.config import load_preset
-from train.run import Provenance, create_run, open_run
 
 POLICY = ZOO / "go1-flat" / "policy.onnx"
 FOOTFALL = [sys.executable, "-m", "footfall"]
@@ -185,8 +185,8 @@ class TestGeometry:
 class TestScene:
     def test_what_is_drawn_stands_where_mujoco_says(self, go1: Robot, port: int) -> None:
         pytest.importorskip("viser")
-        from footfall.watch.page import serving
-        from footfall.watch.scene import Scene
+        from footfall.pages.page import serving
+        from footfall.pages.scene import Scene
 
         model = plant_model(go1)
         data = mujoco.MjData(model)
@@ -241,8 +241,9 @@ class TestNewestPolicy:
 def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run with a checkpoint and the policy made of it. Its weights are all alike: no training needed."""
     jax = pytest.importorskip("jax")
-    from train import api, checkpoint
-    from train.parts import assemble
+    from footfall.train import api
+    from footfall.train.brax.parts import assemble
+    from footfall.train.runs import checkpoint
 
     folder = api.begin(api.TrainRequest(preset="smoke", out=tmp_path_factory.mktemp("runs") / "alike"))
     run = open_run(folder)
@@ -327,7 +328,10 @@ class TestSnapshots:
             out.write_bytes(chosen.read_bytes())
             return out, 0.0
 
-        monkeypatch.setattr("footfall.learning.learning_wing", lambda: SimpleNamespace(export_run=export_run))
+        wing = SimpleNamespace(export_run=export_run)
+        monkeypatch.setattr("footfall.train.entry.learning_wing", lambda: wing)
+            "footfall.train.entry.learning_wing", lambda: SimpleNamespace(export_run=export_run)
+        )
         checkpoint, out = begun / "00000003.ckpt", tmp_path / "00000003.onnx"
         checkpoint.write_bytes(b"weights")
         assert _export(begun, checkpoint, out) == Exported(out)
@@ -345,7 +349,7 @@ class TestWalk:
     @pytest.fixture
     def looking(self, finished: Path, go1: Robot, monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
         """A walk whose page and snapshots are stand-ins: `look` looks into the run folder."""
-        monkeypatch.setattr("footfall.watch.walk.LOOK_S", 0.0)
+        monkeypatch.setattr("footfall.pages.walk.LOOK_S", 0.0)
         said: list[str] = []
         panel = SimpleNamespace(seen=False, say=said.append, offer_commands=lambda _: None)
         snapshots = SimpleNamespace(problem="", newest=lambda: Snapshot(POLICY, None))
@@ -388,7 +392,7 @@ def test_of_several_processes_the_first_serves_the_page(
     )  # fmt: skip
     monkeypatch.setattr("footfall.verbs.train.learning_wing", lambda: wing)
     monkeypatch.setattr("footfall.verbs.train._watched", serve)
-    monkeypatch.setattr("footfall.watch.page.check_page", lambda *_: did.append("check"))
+    monkeypatch.setattr("footfall.pages.page.check_page", lambda *_: did.append("check"))
     options = TrainOptions(watch=True, evaluate=False)
     train(options=options, cluster=ClusterOptions("host:1", 2, process))
     assert did == done
@@ -468,7 +472,7 @@ class TestCommand:
         assert f"http://localhost:{port}" in out
 
     def test_beside_a_training_it_lasts_as_long_as_the_training(self, begun: Path, port: int) -> None:
-        from footfall.watch.beside import watched
+        from footfall.pages.beside import watched
 
         with watched(begun, "localhost", port):
             wait_until(lambda: listens(port))
@@ -476,7 +480,7 @@ class TestCommand:
 
     def test_it_does_not_outlive_a_training_that_is_killed(self, begun: Path, port: int) -> None:
         code = (
-            "import sys, time; from pathlib import Path; from footfall.watch.beside import watched\n"
+            "import sys, time; from pathlib import Path; from footfall.pages.beside import watched\n"
             "if __name__ == '__main__':\n"
             "    with watched(Path(sys.argv[1]), 'localhost', int(sys.argv[2])): time.sleep(60)\n"
         )

@@ -12,10 +12,10 @@ import pytest
 from browser import Tab, chromium, tab
 from matplotlib.image import imread
 
-from footfall.watch.status import WAITING
-from policies.registry import ZOO
-from train.config import load_preset
-from train.run import Provenance, create_run
+from footfall.pages.status import WAITING
+from footfall.policies.registry import ZOO
+from footfall.train.config import load_preset
+from footfall.train.runs.folder import Provenance, create_run
 
 pytest.importorskip("viser")
 pytestmark = pytest.mark.skipif(chromium() is None, reason="needs Chromium")

@@ -5,9 +5,9 @@ from types import ModuleType
 
 import numpy as np
 
-from policies.contract import CONTRACT_KEY, CommandRange, Contract, Term
-from policies.observation import observation_size
-from robots.description import load_robot
+from footfall.policies.contract import CONTRACT_KEY, CommandRange, Contract, Term
+from footfall.policies.observation import observation_size
+from footfall.robots.description import load_robot
 
 
 def write_policy(onnx: ModuleType, path: Path, robot_folder: Path, contract: bool = True) -> Path:

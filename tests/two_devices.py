@@ -9,12 +9,12 @@ import numpy as np
 from brax.training.types import Transition
 from jax.sharding import PartitionSpec
 
-from envs.velocity import VelocityEnv
-from robots.description import load_robot
-from train.config import load_preset
-from train.devices import DIVIDED, in_a_row, place, shardings
-from train.networks import make_networks
-from train.ppo import STATE_SPECS, initial_state, make_learning
+from footfall.envs.velocity import VelocityEnv
+from footfall.robots.description import load_robot
+from footfall.train.brax.devices import DIVIDED, in_a_row, place, shardings
+from footfall.train.brax.networks import make_networks
+from footfall.train.brax.ppo import STATE_SPECS, initial_state, make_learning
+from footfall.train.config import load_preset
 
 CONFIG = load_preset("smoke")
 ENV = VelocityEnv(load_robot("go1"), CONFIG.env)

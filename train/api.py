@@ -13,24 +13,25 @@ import jax
 import numpy as np
 from rich.console import Console
 
-from robots.description import Robot, load_robot
-from robots.errors import UserError
-from robots.versions import versions
-from train import checkpoint, cluster
-from train.cache import compilation_cache
-from train.config import load_preset
-from train.diagnosis import Diagnosis, replay_failure
-from train.display import Display
-from train.export import export
-from train.failure import device_failures, failed, non_finite_leaves, not_finite
-from train.journal import Follower, Journal
-from train.kept_program import read_ahead
-from train.networks import trained_actor
-from train.parts import Parts, assemble, made_from
-from train.provenance import PACKAGES, TRAINER_PACKAGES, git_revision
-from train.rsl_rl_extra import rsl_rl_back_end
-from train.run import Provenance, Run, Trainer, create_run, locked, open_run, trained_robot
-from train.stop import StopRequest
+from footfall.common.cache import compilation_cache
+from footfall.common.errors import UserError
+from footfall.common.versions import versions
+from footfall.envs.workarounds.kept_program import read_ahead
+from footfall.robots.description import Robot, load_robot
+from footfall.train.brax import cluster
+from footfall.train.brax.diagnosis import Diagnosis, replay_failure
+from footfall.train.brax.networks import trained_actor
+from footfall.train.brax.parts import Parts, assemble, made_from
+from footfall.train.config import load_preset
+from footfall.train.export import export
+from footfall.train.rsl_rl.extra import rsl_rl_back_end
+from footfall.train.runs import checkpoint
+from footfall.train.runs.display import Display
+from footfall.train.runs.failure import device_failures, failed, non_finite_leaves, not_finite
+from footfall.train.runs.folder import Provenance, Run, Trainer, create_run, locked, open_run, trained_robot
+from footfall.train.runs.journal import Follower, Journal
+from footfall.train.runs.provenance import PACKAGES, TRAINER_PACKAGES, git_revision
+from footfall.train.runs.stop import StopRequest
 
 
 @dataclass(frozen=True)

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from envs.config import EnvConfig
-from robots.config import load, require_positive
-from robots.errors import UserError
+from footfall.common.config import load, require_positive
+from footfall.common.errors import UserError
+from footfall.envs.config import EnvConfig
 
 PRESETS = Path(__file__).parent / "presets"
 

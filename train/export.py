@@ -6,11 +6,11 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
-from policies.contract import CONTRACT_KEY, TRAINER_KEY, Contract
-from policies.learned import open_network
-from robots.errors import UserError
-from robots.files import write_atomically
-from train.actor import Actor
+from footfall.common.errors import UserError
+from footfall.common.files import write_atomically
+from footfall.policies.contract import CONTRACT_KEY, TRAINER_KEY, Contract
+from footfall.policies.learned import open_network
+from footfall.train.actor import Actor
 
 OPSET = 17
 IR_VERSION = 8  # old enough for the ONNX Runtime of a robot's small computer

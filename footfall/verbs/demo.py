@@ -8,8 +8,8 @@ from pathlib import Path
 
 from cyclopts import Parameter
 
+from footfall.common.errors import UserError
 from footfall.options import Count, Names, RobotName, Seed
-from robots.errors import UserError
 
 FELL = 1  # deploy's exit status for a run that did not end well; the demo goes on, and says so
 
@@ -33,8 +33,8 @@ class DemoOptions:
 
 def demo(*, options: DemoOptions = DemoOptions()) -> None:
     """Train for a few minutes, run the policy over CAN, hold it against the others: ends with a report."""
-    from policies.registry import zoo_names
-    from robots.description import load_robot
+    from footfall.policies.registry import zoo_names
+    from footfall.robots.description import load_robot
 
     robot = load_robot(options.robot)
     folder = options.out or Path("runs") / f"demo-{datetime.now():%Y%m%d-%H%M%S}"

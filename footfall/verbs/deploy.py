@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from cyclopts import Parameter
 
+from footfall.common.outputs import check_outputs, write_json
 from footfall.options import JsonFile, Plant, PolicyName, RobotName, Seconds, Seed, VelocityCommand
-from robots.outputs import check_outputs, write_json
 
 if TYPE_CHECKING:
-    from deploy.trace import Trace
+    from footfall.plant.trace import Trace
 
 SAFE = "IDLE"
 
@@ -44,10 +44,10 @@ class DeployOptions:
 def deploy(policy: PolicyName, /, *, options: DeployOptions = DeployOptions()) -> int:
     """Run a policy on a bus, simulated by default; exit 0 if it ended safely, 1 if not."""
     check_outputs(options.json, options.log)
-    from deploy.config import DeployConfig, load_deploy_config
-    from deploy.episode import Episode, run_episode
-    from policies.registry import load_policy
-    from robots.description import load_robot
+    from footfall.deploy.config import DeployConfig, load_deploy_config
+    from footfall.plant.episode import Episode, run_episode
+    from footfall.policies.registry import load_policy
+    from footfall.robots.description import load_robot
 
     robot = load_robot(options.robot)
     command = np.array(options.command)

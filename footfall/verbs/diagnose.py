@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from footfall.learning import learning_wing
+from footfall.train.entry import learning_wing
 
 
 def diagnose(run: Path, /) -> int:

@@ -7,7 +7,7 @@ def doctor() -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from footfall.machine import findings
+    from footfall.common.machine import findings
 
     table = Table("", "what", box=None)
     for wide in ("found", "advice"):

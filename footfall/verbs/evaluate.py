@@ -6,6 +6,6 @@ from footfall.options import PolicyName
 
 def evaluate(policy: PolicyName, /, *, options: EvaluationOptions = NOMINAL) -> None:
     """Put a policy through scenarios in lockstep, in parallel processes."""
-    from evaluate.api import evaluate_policy
+    from footfall.evaluate.api import evaluate_policy
 
     evaluate_policy(policy, **arguments(options))

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from footfall.learning import learning_wing
-from robots.outputs import check_outputs
+from footfall.common.outputs import check_outputs
+from footfall.train.entry import learning_wing
 
 
 def export(run: Path, /, *, out: Path | None = None) -> None:

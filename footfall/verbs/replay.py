@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 from cyclopts import Parameter
 
+from footfall.common.errors import UserError
 from footfall.options import PolicyName
-from robots.errors import UserError
 
 if TYPE_CHECKING:
-    from robots.description import Robot
+    from footfall.robots.description import Robot
 
 
 @Parameter(name="*")
@@ -29,10 +29,10 @@ class ReplayOptions:
 
 def replay(log: Path, /, *, options: ReplayOptions = ReplayOptions()) -> int:
     """Feed a log's readings to its policy again; exit 0 if it decides the same, 1 if not."""
-    from deploy.replay import read_log
-    from deploy.replay import replay as replay_log
-    from policies.registry import load_policy
-    from robots.description import load_robot
+    from footfall.deploy.replay import read_log
+    from footfall.deploy.replay import replay as replay_log
+    from footfall.policies.registry import load_policy
+    from footfall.robots.description import load_robot
 
     named: dict[str, str] = {}
     if options.policy is None or options.robot is None:
@@ -60,7 +60,7 @@ def _logged_robot(named: dict[str, str]) -> "Robot":
     Raises:
         UserError: it is not here, or has changed since.
     """
-    from robots.description import load_robot
+    from footfall.robots.description import load_robot
 
     for where in (named["robot"], named["robot_folder"]):
         with suppress(UserError):

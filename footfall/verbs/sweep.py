@@ -3,8 +3,8 @@
 from datetime import UTC, datetime
 from pathlib import Path
 
-from footfall.learning import learning_wing
-from robots.errors import UserError
+from footfall.common.errors import UserError
+from footfall.train.entry import learning_wing
 
 
 def sweep(file: Path | None = None, /, *, out: Path | None = None, resume: Path | None = None) -> int:
@@ -24,8 +24,8 @@ def sweep(file: Path | None = None, /, *, out: Path | None = None, resume: Path 
     if resume is not None and out is not None:
         raise UserError("--resume brings the sweep's own folder: leave --out out")
     learning_wing()
-    from train.sweep import RESULTS, resume_sweep
-    from train.sweep import sweep as run_sweep
+    from footfall.train.sweeps.sweep import RESULTS, resume_sweep
+    from footfall.train.sweeps.sweep import sweep as run_sweep
 
     if resume is not None:
         folder, (trials, unfinished) = resume, resume_sweep(resume)

@@ -8,10 +8,10 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from footfall.learning import learning_wing, start_device
+from footfall.common.errors import UserError
 from footfall.options import Count, Index, RobotName, Seconds, Seed
+from footfall.train.entry import learning_wing, start_device
 from footfall.verbs.watch import LOCAL_PAGE, PageOptions
-from robots.errors import UserError
 
 EVALUATION = "gentle"  # the scenario that every finished run goes through
 OF_ANY_RUN = {"resume", "evaluate", "watch"}
@@ -72,13 +72,13 @@ def train(
         _refuse_other_options(options)
     if cluster == ALONE:
         if options.resume is not None:
-            from train.run import open_run
+            from footfall.train.runs.folder import open_run
 
             open_run(options.resume)  # a mistyped folder is known before the wait for a GPU
         start_device()
     wing = learning_wing()
     if options.watch and _is_known_to_lead(cluster):
-        from footfall.watch.page import check_page
+        from footfall.pages.page import check_page
 
         check_page(page.host, page.port)
     if cluster != ALONE:
@@ -90,7 +90,7 @@ def train(
     with _watched(folder, page) if options.watch and wing.cluster.leads() else nullcontext():
         run = wing.open_run(wing.resume(folder))
     if options.evaluate and wing.cluster.leads():
-        from evaluate.api import evaluate_policy
+        from footfall.evaluate.api import evaluate_policy
 
         evaluate_policy(
             str(run.folder),
@@ -128,7 +128,7 @@ def _request(wing: ModuleType, options: TrainOptions) -> Any:
 
 
 def _watched(folder: Path, page: PageOptions) -> AbstractContextManager[None]:
-    from footfall.watch.beside import watched
+    from footfall.pages.beside import watched
 
     print(f"watch it learn at {page.address}, and afterwards with: footfall watch {folder}", flush=True)
     return watched(folder, page.host, page.port)

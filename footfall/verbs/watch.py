@@ -33,9 +33,9 @@ def watch(run: Path, /, *, page: PageOptions = LOCAL_PAGE) -> None:
     run
         A run folder that footfall train made, or is still filling.
     """
-    from train.stop import StopRequest
+    from footfall.train.runs.stop import StopRequest
 
     with StopRequest() as stop:
-        from footfall.watch.walk import watch as serve
+        from footfall.pages.walk import watch as serve
 
         serve(run, page.host, page.port, stop)

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from policies.command import CommandShaping
-from policies.gait import GaitTiming
+from footfall.policies.command import CommandShaping
+from footfall.policies.gait import GaitTiming
 
 Triple = tuple[float, float, float]
 

@@ -11,22 +11,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from policies.attitude import cross, heading_matrix, roll_pitch_yaw, rotation_matrix, wrap_angle
-from policies.command import ShapedCommand
-from policies.gait import StepClock, contact_trust
-from policies.mpc.config import MpcConfig
-from policies.mpc.footholds import contact_points, footholds
-from policies.mpc.legs import LegControl
-from policies.mpc.problem import BodyState, ForceProblems
-from policies.mpc.solver import BoundedSolver
-from policies.mpc.swing import SwingTarget, swing_target
-from policies.policy import Observation
-from policies.settings import controller_settings
-from policies.trot import nominal_feet
-from robots.actuator import JointCommand
-from robots.description import Robot
-from robots.kinematics import LegPose, Legs
-from robots.rigid_body import nominal_body
+from footfall.policies.attitude import cross, heading_matrix, roll_pitch_yaw, rotation_matrix, wrap_angle
+from footfall.policies.command import ShapedCommand
+from footfall.policies.gait import StepClock, contact_trust
+from footfall.policies.mpc.config import MpcConfig
+from footfall.policies.mpc.footholds import contact_points, footholds
+from footfall.policies.mpc.legs import LegControl
+from footfall.policies.mpc.problem import BodyState, ForceProblems
+from footfall.policies.mpc.solver import BoundedSolver
+from footfall.policies.mpc.swing import SwingTarget, swing_target
+from footfall.policies.policy import Observation
+from footfall.policies.settings import controller_settings
+from footfall.policies.trot import nominal_feet
+from footfall.robots.actuator import JointCommand
+from footfall.robots.description import Robot
+from footfall.robots.kinematics import LegPose, Legs
+from footfall.robots.rigid_body import nominal_body
 
 _TIMINGS_KEPT = 100_000
 

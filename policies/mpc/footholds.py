@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from policies.attitude import cross
-from policies.mpc.config import FootholdConfig
+from footfall.policies.attitude import cross
+from footfall.policies.mpc.config import FootholdConfig
 
 GRAVITY = 9.81
 

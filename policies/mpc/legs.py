@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from policies.attitude import cross
-from policies.mpc.config import MpcConfig
-from policies.mpc.swing import SwingTarget
-from robots.actuator import JointCommand
-from robots.description import Robot
-from robots.kinematics import LegPose, Legs
-from robots.rigid_body import RigidBody
+from footfall.policies.attitude import cross
+from footfall.policies.mpc.config import MpcConfig
+from footfall.policies.mpc.swing import SwingTarget
+from footfall.robots.actuator import JointCommand
+from footfall.robots.description import Robot
+from footfall.robots.kinematics import LegPose, Legs
+from footfall.robots.rigid_body import RigidBody
 
 _INERTIA_SHARE = 0.5  # of the peak torque that may be spent on a leg's own inertia
 

@@ -16,8 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from policies.mpc.config import Contact, Horizon, Weights
-from robots.rigid_body import RigidBody
+from footfall.policies.mpc.config import Contact, Horizon, Weights
+from footfall.robots.rigid_body import RigidBody
 
 GRAVITY = 9.81
 _AXES = [2, 0, 1]  # forces are sorted z, x, y: daqp wants variables with plain bounds first

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from policies.gait import cycloid, hump
-from policies.mpc.config import SwingConfig
+from footfall.policies.gait import cycloid, hump
+from footfall.policies.mpc.config import SwingConfig
 
 
 class SwingTarget(NamedTuple):

@@ -1,0 +1,127 @@
+"""YAML files to frozen dataclasses and back, with errors that name the field."""
+
+import math
+import re
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+from cattrs import Converter, transform_error
+from cattrs.errors import BaseValidationError, ForbiddenExtraKeysError
+from cattrs.v import format_exception
+
+from footfall.common.errors import UserError
+
+T = TypeVar("T")
+
+_converter = Converter(forbid_extra_keys=True)
+
+
+# YAML 1.1, which PyYAML reads, takes a number of this form for text.
+_EXPONENT_WITHOUT_POINT = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+")
+
+
+def _structure_float(value: Any, _: type) -> float:
+    if isinstance(value, str) and _EXPONENT_WITHOUT_POINT.fullmatch(value):
+        return float(value)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ValueError(f"{value!r} is not a number")
+    return float(value)
+
+
+def _structure_int(value: Any, _: type) -> int:
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise ValueError(f"{value!r} is not a whole number")
+    return value
+
+
+def _structure_str(value: Any, _: type) -> str:
+    if not isinstance(value, str):
+        raise ValueError(f"{value!r} is not text")
+    return value
+
+
+def _structure_bool(value: Any, _: type) -> bool:
+    if not isinstance(value, bool):
+        raise ValueError(f"{value!r} is not true or false")
+    return value
+
+
+_converter.register_structure_hook(float, _structure_float)
+_converter.register_structure_hook(int, _structure_int)
+_converter.register_structure_hook(str, _structure_str)
+_converter.register_structure_hook(bool, _structure_bool)
+
+
+def _reason(error: BaseException, expected: type | None) -> str:
+    """Why one value was refused: in the words of whoever refused it, where it found any."""
+    if isinstance(error, ForbiddenExtraKeysError):
+        unknown = ", ".join(sorted(error.extra_fields))
+        return f"no setting {unknown} (there are {', '.join(f.name for f in fields(error.cl))})"
+    if type(error) in (ValueError, Exception) and str(error):
+        return " ".join(str(error).split())
+    return " ".join(format_exception(error, expected).split())
+
+
+def _field_first(reason: str) -> str:
+    """'why @ .field' as 'field: why'."""
+    why, _, where = reason.rpartition(" @ ")
+    return f"{where.lstrip('.')}: {why}" if where else why
+
+
+def require_positive(config: Any, *names: str) -> None:
+    """For a dataclass's own checks: raise ValueError unless these fields are finite and above 0."""
+    for name in names:
+        value = getattr(config, name)
+        if not 0.0 < value < math.inf:
+            raise ValueError(f"{name} must be above 0, not {value:g}")
+
+
+def structure(data: Any, cls: type[T], source: str) -> T:
+    """Build a dataclass from plain data.
+
+    Raises:
+        UserError: a field is missing, unknown or of the wrong type; the message names `source`
+            and the field.
+    """
+    if data is None:
+        data = {}
+    if not isinstance(data, dict):
+        raise UserError(f"{source}: expected a mapping of settings, found {type(data).__name__}")
+    try:
+        return _converter.structure(data, cls)
+    except BaseValidationError as error:
+        reasons = transform_error(error, path="", format_exception=_reason)
+        raise UserError(f"{source}: {'; '.join(map(_field_first, reasons))}") from None
+    except (TypeError, ValueError, KeyError, AttributeError) as error:
+        raise UserError(f"{source}: {' '.join(str(error).split())}") from None
+
+
+def unstructure(config: Any) -> Any:
+    """A dataclass as plain data (dicts, lists, numbers, text)."""
+    return _converter.unstructure(config)
+
+
+def read_yaml(path: Path) -> Any:
+    """Plain data of a YAML file.
+
+    Raises:
+        UserError: the file cannot be read or is no YAML.
+    """
+    try:
+        return yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UserError(f"{path}: {error.strerror or error}") from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise UserError(f"{path} is not valid YAML: {' '.join(str(error).split())}") from None
+
+
+def load(path: Path, cls: type[T]) -> T:
+    """Read a YAML file into a dataclass (see `read_yaml` and `structure` for errors)."""
+    return structure(read_yaml(path), cls, str(path))
+
+
+def dump(config: Any) -> str:
+    """A dataclass as YAML text."""
+    return yaml.safe_dump(unstructure(config), sort_keys=False)

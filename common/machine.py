@@ -1,0 +1,205 @@
+"""What this machine can do, one finding at a time."""
+
+import ctypes
+import importlib.util
+import json
+import os
+import platform
+import resource
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from importlib.metadata import PackageNotFoundError, requires, version
+from pathlib import Path
+from typing import NamedTuple
+
+from packaging.requirements import Requirement
+
+from footfall.common.cache import compilation_cache
+
+PROBE_LIMIT_S = 60
+MIN_LOCKED_MEMORY = 256 * 2**20
+CAN_LINK_TYPE = "280"  # ARPHRD_CAN
+
+
+class Finding(NamedTuple):
+    """One thing looked at."""
+
+    what: str
+    good: bool
+    found: str
+    advice: str = ""  # what to do about it, where something is to be done
+
+
+def findings() -> Iterator[Finding]:
+    """Look at everything, in the order of a newcomer's questions."""
+    for look in CHECKS:
+        yield look()
+
+
+def _python() -> Finding:
+    return Finding("Python", True, f"{platform.python_version()} on {platform.machine()}, {sys.executable}")
+
+
+def _processors() -> Finding:
+    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    governors = {
+        path.read_text().strip()
+        for path in Path("/sys/devices/system/cpu").glob("cpu[0-9]*/cpufreq/scaling_governor")
+    }
+    found = f"{usable} usable" + (f", governor {', '.join(sorted(governors))}" if governors else "")
+    slow = bool(governors - {"performance"})
+    advice = "for wall-clock runs: cpupower frequency-set -g performance" if slow else ""
+    return Finding("processors", not slow, found, advice)
+
+
+def _extras() -> Finding:
+    missing = [requirement.name for requirement in _requirements() if not _installed(requirement)]
+    if not missing:
+        return Finding("packages", True, "all of footfall[train] is there")
+    return Finding(
+        "packages", False, f"missing or too old: {', '.join(missing)}", "pip install 'footfall[train]'"
+    )
+
+
+def _requirements() -> Iterator[Requirement]:
+    for text in requires("footfall") or []:
+        requirement = Requirement(text)
+        if requirement.marker is None or requirement.marker.evaluate({"extra": "train"}):
+            yield requirement
+
+
+def _installed(requirement: Requirement) -> bool:
+    try:
+        return requirement.specifier.contains(version(requirement.name), prereleases=True)
+    except PackageNotFoundError:
+        return False
+
+
+def _simulators() -> Finding:
+    versions = {}
+    for name in ("mujoco", "mujoco-mjx"):
+        try:
+            versions[name] = version(name)
+        except PackageNotFoundError:
+            return Finding("simulators", name == "mujoco-mjx", f"{name} is not installed", "needed to train")
+    found = ", ".join(f"{name} {number}" for name, number in versions.items())
+    same = len(set(versions.values())) == 1
+    return Finding("simulators", same, found, "" if same else "both must be the same release")
+
+
+def _accelerator() -> Finding:
+    if importlib.util.find_spec("jax") is None:
+        return Finding("accelerator", False, "no JAX", "to train: pip install 'footfall[train]'")
+    code = "import jax, json; print(json.dumps([d.device_kind for d in jax.devices()]))"
+    succeeded, output = _probe(code)
+    if not succeeded:
+        return Finding("accelerator", False, "JAX does not start", output)
+    kinds = json.loads(output)
+    gpu = any(kind != "cpu" for kind in kinds)
+    advice = "" if gpu else "the gpu preset wants a GPU: pip install 'jax[cuda12]'"
+    return Finding("accelerator", gpu, ", ".join(kinds), advice)
+
+
+def _rendering() -> Finding:
+    code = (
+        "import mujoco\n"
+        "model = mujoco.MjModel.from_xml_string("
+        "'<mujoco><worldbody><geom size=\"1\"/></worldbody></mujoco>')\n"
+        "with mujoco.Renderer(model, 32, 32) as renderer: renderer.render()\n"
+    )
+    chosen = os.environ.get("MUJOCO_GL")
+    for backend in [chosen] if chosen else ["egl", "osmesa"]:
+        if _probe(code, MUJOCO_GL=backend)[0]:
+            return Finding("offscreen rendering", True, f"works with MUJOCO_GL={backend}")
+    return Finding(
+        "offscreen rendering", False, "no", "reports go without video; on Debian: apt install libegl1"
+    )
+
+
+def _can() -> Finding:
+    links = [
+        path.name
+        for path in sorted(Path("/sys/class/net").glob("*"))
+        if (path / "type").is_file() and (path / "type").read_text().strip() == CAN_LINK_TYPE
+    ]
+    if links:
+        return Finding("CAN interfaces", True, ", ".join(links))
+    return Finding("CAN interfaces", False, "none", "only a real robot needs one; --bus sim does without")
+
+
+def _realtime() -> Finding:
+    allowed = os.geteuid() == 0 or resource.getrlimit(resource.RLIMIT_RTPRIO)[0] != 0
+    if hasattr(os, "sched_setscheduler"):
+        parent = os.fork()
+        if parent == 0:  # a child tries, so that this process keeps its own scheduling
+            try:
+                os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+            except OSError:
+                os._exit(1)
+            os._exit(0)
+        allowed = os.waitpid(parent, 0)[1] == 0
+    return Finding(
+        "real-time scheduling",
+        allowed,
+        "permitted" if allowed else "not permitted",
+        "" if allowed else "only a real robot needs it: raise rtprio in /etc/security/limits.conf",
+    )
+
+
+def _locked_memory() -> Finding:
+    limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
+    unlimited = limit == resource.RLIM_INFINITY
+    good = unlimited or limit >= MIN_LOCKED_MEMORY or _may_lock_beyond_the_limit()
+    found = "unlimited" if unlimited else f"limit {limit / 2**20:.0f} MiB"
+    return Finding(
+        "memory locking", good, found, "" if good else "only a real robot needs it: raise memlock there too"
+    )
+
+
+def _may_lock_beyond_the_limit() -> bool:
+    """Whether a block larger than the limit can be locked (a privileged process may)."""
+    library = ctypes.CDLL(None, use_errno=True)
+    block = ctypes.create_string_buffer(16 * 2**20)
+    locked = library.mlock(block, ctypes.c_size_t(len(block))) == 0
+    if locked:
+        library.munlock(block, ctypes.c_size_t(len(block)))
+    return locked
+
+
+def _cache() -> Finding:
+    folder = compilation_cache()
+    files = [path.stat().st_size for path in folder.rglob("*") if path.is_file()]
+    found = f"{folder}: {len(files)} files, {sum(files) / 2**20:.0f} MiB" if files else f"{folder}: empty"
+    return Finding("compilation cache", True, found)
+
+
+def _probe(code: str, **environment: str) -> tuple[bool, str]:
+    """Run Python apart; returns whether it succeeded, and its last line."""
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", code],
+            env=os.environ | environment,
+            capture_output=True,
+            text=True,
+            timeout=PROBE_LIMIT_S,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        return False, f"no answer within {PROBE_LIMIT_S} s"
+    lines = (done.stdout if done.returncode == 0 else done.stderr).strip().splitlines()
+    return done.returncode == 0, lines[-1] if lines else ""
+
+
+CHECKS: tuple[Callable[[], Finding], ...] = (
+    _python,
+    _processors,
+    _extras,
+    _simulators,
+    _accelerator,
+    _rendering,
+    _cache,
+    _can,
+    _realtime,
+    _locked_memory,
+)

@@ -1,0 +1,77 @@
+"""Files that a command writes: refused before the work if they cannot be, whole or not there after it."""
+
+import json
+import math
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from footfall.common.errors import UserError
+from footfall.common.files import write_atomically
+
+
+def check_outputs(*paths: Path | None) -> None:
+    """Make sure that files can be written, without leaving a trace.
+
+    Raises:
+        UserError: one cannot, or two are the same.
+    """
+    given = [path for path in paths if path is not None]
+    for path in given:
+        if path.is_dir():
+            raise UserError(f"cannot write {path}: it is a folder; give a file name")
+        if is_device(path):
+            continue
+        try:
+            with tempfile.TemporaryFile(dir=_folder(path)):
+                pass
+        except OSError as error:
+            there = _folder(path).is_dir()
+            reason = error.strerror if there else f"there is no folder {_folder(path)}"
+            raise UserError(f"cannot write {path}: {reason}") from None
+    if len({path.resolve() for path in given}) < len(given):
+        raise UserError(f"cannot write two outputs to {given[0]}: give each a name of its own")
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file as a whole; a device such as /dev/stdout is written to as it is.
+
+    Raises:
+        UserError: it cannot be written.
+    """
+    try:
+        if is_device(path):
+            path.write_text(text, encoding="utf-8")
+        else:
+            write_atomically(path.resolve(), text.encode())
+    except OSError as error:
+        raise UserError(f"cannot write {path}: {error.strerror}") from None
+
+
+def write_json(path: Path | None, content: Any) -> None:
+    """Write figures as JSON, if a path is given; numbers that JSON does not know become null."""
+    if path is not None:
+        write_text(path, json.dumps(_plain(content), indent=2, allow_nan=False) + "\n")
+
+
+def is_device(path: Path) -> bool:
+    """Whether a path is there but neither a file nor a folder: /dev/stdout, a pipe."""
+    return path.exists() and not path.is_file() and not path.is_dir()
+
+
+def _folder(path: Path) -> Path:
+    return path.resolve().parent
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return str(value) if isinstance(value, Path) else value

@@ -1,0 +1,1 @@
+"""Actuator and sensor protocols: numbers to CAN frames and back, one file for each."""

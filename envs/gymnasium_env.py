@@ -1,0 +1,294 @@
+"""The environment behind gymnasium's interfaces: one episode, or many side by side."""
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import gymnasium
+import jax
+import mujoco
+import numpy as np
+from gymnasium.spaces import Box
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from footfall.common.errors import UserError
+from footfall.envs.batch import step_batch
+from footfall.envs.config import EnvConfig
+from footfall.envs.velocity import State, Step, VelocityEnv
+from footfall.robots.description import Robot
+from footfall.robots.model import plant_model
+
+WIDTH, HEIGHT = 480, 320
+
+
+class InformedEnv(VelocityEnv):
+    """The same environment, but a step's metrics are what gymnasium's information holds."""
+
+    def step(self, state: State, action: jax.Array) -> tuple[State, Step]:
+        """As ever. The "command" (3,) is as it stands after the step."""
+        state, step = super().step(state, action)
+        errors = {name: step.metrics[f"tracking/{name}"] for name in ("linear_error_m_s", "yaw_error_rad_s")}
+        return state, step._replace(metrics={"command": state.command} | errors)
+
+
+class Seen(NamedTuple):
+    """What Python reads of a step, of one robot or with a leading axis (environments,)."""
+
+    observation: Any  # the actor's
+    reward: Any
+    terminated: Any  # bool
+    truncated: Any  # bool
+    info: dict[str, Any]
+
+
+class GymnasiumEnv(gymnasium.Env):
+    """One robot. An observation is what the actor sees; an action is what a policy gives."""
+
+    metadata = {"render_modes": ["rgb_array"]}  # noqa: RUF012, gymnasium's own form
+
+    def __init__(self, robot: Robot, config: EnvConfig, render_mode: str | None = None) -> None:
+        """Compile nothing yet; the first reset and the first step do.
+
+        Raises:
+            UserError: the configuration or the render mode does not fit.
+        """
+        self.env = env = InformedEnv(robot, config)
+        self.observation_space, self.action_space = spaces(env)
+        self.render_mode = checked(render_mode)
+        self.metadata = self.metadata | {"render_fps": round(config.control_rate_hz)}
+        self._reset = jax.jit(partial(reset_one, env))
+        self._step = jax.jit(partial(step_one, env), donate_argnums=0)
+        self._camera = Camera(robot)
+        self._state: State | None = None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Begin an episode.
+
+        Raises:
+            UserError: an option was given; there are none.
+        """
+        refuse(options)
+        super().reset(seed=seed)
+        self._state, *seen = self._reset(draw_key(self.np_random))
+        observation, command = map(np.array, seen)  # copies: the next step takes the state's memory
+        return observation, {"command": command}
+
+    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+        """One control step."""
+        if self._state is None:
+            raise gymnasium.error.ResetNeeded("reset the environment before its first step")
+        self._state, seen = self._step(self._state, np.asarray(action, np.float32))
+        info = {name: np.array(value) if value.ndim else float(value) for name, value in seen.info.items()}
+        ended = bool(seen.terminated), bool(seen.truncated)
+        return np.array(seen.observation), float(seen.reward), *ended, info
+
+    def render(self) -> np.ndarray | None:
+        """The robot as it stands, (height, width, 3) bytes, if made with render mode rgb_array."""
+        if self.render_mode is None or self._state is None:
+            return None
+        return self._camera.picture(np.asarray(self._state.qpos))
+
+    def close(self) -> None:
+        """Let go of the renderer."""
+        self._camera.close()
+
+
+class GymnasiumVectorEnv(VectorEnv):
+    """Many robots at once. Where an episode ends, the same step begins the next.
+
+    Of one that ended, the last observation and information are in the information, as "final_obs" and
+    "final_info".
+    """
+
+    metadata = {"render_modes": ["rgb_array"], "autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012
+
+    def __init__(
+        self, robot: Robot, config: EnvConfig, num_envs: int = 1, render_mode: str | None = None
+    ) -> None:
+        """Compile nothing yet; the first reset and the first step do.
+
+        Raises:
+            UserError: the configuration, the number or the render mode does not fit.
+        """
+        if num_envs < 1:
+            raise UserError(f"num_envs must be at least 1, not {num_envs}")
+        self.env = env = InformedEnv(robot, config)
+        self.num_envs = num_envs
+        self._generators = [seeding.np_random() for _ in range(num_envs)]
+        self.single_observation_space, self.single_action_space = spaces(env)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.render_mode = checked(render_mode)
+        self.metadata = self.metadata | {"render_fps": round(config.control_rate_hz)}
+        self._reset = jax.jit(jax.vmap(partial(reset_one, env)))
+        self._step = jax.jit(partial(step_many, env), donate_argnums=0)
+        self._camera = Camera(robot)
+        self._state: State | None = None
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Begin all episodes. A number seeds environment k with seed + k, as gymnasium's own do.
+
+        Each environment has a generator of its own, which lasts until its next seed.
+
+        Raises:
+            UserError: an option was given; there are none, a "reset_mask" neither.
+            ValueError: there is not one seed for each environment.
+        """
+        refuse(options)
+        if seed is None or isinstance(seed, int):
+            seed = [None if seed is None else seed + k for k in range(self.num_envs)]
+        if len(seed) != self.num_envs:
+            raise ValueError(f"{len(seed)} seeds for {self.num_envs} environments")
+        self._generators = [
+            kept if one is None else seeding.np_random(one)
+            for kept, one in zip(self._generators, seed, strict=True)
+        ]
+        self._state, *seen = self._reset(np.stack([draw_key(generator) for generator in self.np_random]))
+        observations, commands = map(np.array, seen)
+        return observations, masked({"command": commands}, np.ones(self.num_envs, bool))
+
+    @property  # type: ignore[misc]
+    def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
+        """The generator of each environment, as gymnasium's own give them."""
+        return tuple(generator for generator, _ in self._generators)
+
+    @property
+    def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
+        """What the generators were last seeded with."""
+        return tuple(seed for _, seed in self._generators)
+
+    def step(
+        self, actions: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """One control step of all."""
+        if self._state is None:
+            raise gymnasium.error.ResetNeeded("reset the environments before their first step")
+        self._state, *seen = self._step(self._state, np.asarray(actions, np.float32))
+        observations, commands, last = jax.tree.map(np.array, seen)
+        return observations, last.reward, last.terminated, last.truncated, gathered(last, commands)
+
+    def render(self) -> tuple[np.ndarray, ...] | None:
+        """A picture of each robot, if made with render mode rgb_array."""
+        if self.render_mode is None or self._state is None:
+            return None
+        return tuple(self._camera.picture(qpos) for qpos in np.asarray(self._state.qpos))
+
+    def close_extras(self, **_: Any) -> None:
+        """Let go of the renderer."""
+        self._camera.close()
+
+
+class Camera:
+    """Pictures of a robot, from a camera that goes along. Nothing is set up before the first."""
+
+    def __init__(self, robot: Robot) -> None:
+        self._robot = robot
+        self._renderer: mujoco.Renderer | None = None
+
+    def picture(self, qpos: np.ndarray) -> np.ndarray:
+        """The robot in this position, (height, width, 3) bytes."""
+        if self._renderer is None:
+            self._model = plant_model(self._robot)
+            self._data, self._view = mujoco.MjData(self._model), mujoco.MjvCamera()
+            self._renderer = mujoco.Renderer(self._model, HEIGHT, WIDTH)
+        self._data.qpos[:] = qpos
+        mujoco.mj_forward(self._model, self._data)
+        self._view.lookat[:] = qpos[:3]
+        self._view.distance = 5 * self._robot.description.standing_height_m
+        self._renderer.update_scene(self._data, self._view)
+        return self._renderer.render().copy()
+
+    def close(self) -> None:
+        """Free the renderer's memory; another picture takes it again."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+
+def spaces(env: VelocityEnv) -> tuple[Box, Box]:
+    """Observation and action space. Beyond the actions' bounds, targets end at the soft limits anyway."""
+    robot = env.robot
+    reach = np.maximum(*(np.abs(limit - robot.default_pose) for limit in robot.soft_limits))
+    bound = (reach / robot.action_scale).astype(np.float32)
+    return Box(-np.inf, np.inf, (env.observation_sizes["state"],), np.float32), Box(-bound, bound)
+
+
+def draw_key(generator: np.random.Generator) -> np.ndarray:
+    """A key for JAX, shape (2,)."""
+    return generator.integers(2**32, size=2, dtype=np.uint32)
+
+
+def reset_one(env: VelocityEnv, key: jax.Array) -> tuple[State, jax.Array, jax.Array]:
+    """A new episode: state, observation, and the command (3,) that is given."""
+    state, observation = env.reset(key)
+    return state, observation["state"], state.command
+
+
+def step_one(env: InformedEnv, state: State, action: jax.Array) -> tuple[State, Seen]:
+    """A control step of one robot."""
+    state, step = env.step(state, action)
+    return state, seen_of(step)
+
+
+def step_many(env: InformedEnv, state: State, actions: jax.Array) -> tuple[State, jax.Array, jax.Array, Seen]:
+    """A control step of all robots: state, observations and commands to go on with, and the step itself."""
+    state, observation, step = step_batch(env, state, actions)
+    return state, observation["state"], state.command, seen_of(step)
+
+
+def seen_of(step: Step) -> Seen:
+    """No more of a step than Python reads: the compiler leaves out what only the rest would need."""
+    info = {name: value for name, value in step.metrics.items() if name not in ("done", "length")}
+    return Seen(step.observation["state"], step.reward, step.terminated > 0, step.truncated > 0, info)
+
+
+def gathered(last: Seen, commands: np.ndarray) -> dict[str, Any]:
+    """The information of a step, in the form in which gymnasium's own vector environments give it.
+
+    Args:
+        last: the step itself, an episode's last where it ended.
+        commands: to go on with, shape (environments, 3); a new episode's where one ended.
+    """
+    ended = last.terminated | last.truncated
+    errors = {name: value for name, value in last.info.items() if name != "command"}
+    info: dict[str, Any] = masked({"command": commands}, np.ones_like(ended)) | masked(errors, ~ended)
+    if ended.any():
+        observations = np.full(len(ended), None)  # objects: a wrapper may give them another shape
+        for k in np.flatnonzero(ended):
+            observations[k] = last.observation[k].copy()
+        info |= {"final_obs": observations, "_final_obs": ended.copy()}
+        info |= {"final_info": masked(last.info, ended), "_final_info": ended.copy()}
+    return info
+
+
+def masked(values: dict[str, np.ndarray], mask: np.ndarray) -> dict[str, np.ndarray]:
+    """Values (environments, ...) where a mask (environments,) holds, else 0; each with the mask as _name."""
+    kept = {name: np.where(mask.reshape(-1, *[1] * (x.ndim - 1)), x, 0) for name, x in values.items()}
+    return kept | {f"_{name}": mask.copy() for name in values}
+
+
+def refuse(options: dict[str, Any] | None) -> None:
+    """Options of a reset, whatever they are.
+
+    Raises:
+        UserError: there is one.
+    """
+    if options:
+        raise UserError(f"a reset has no options: {', '.join(options)}")
+
+
+def checked(render_mode: str | None) -> str | None:
+    """A render mode that there is.
+
+    Raises:
+        UserError: there is no such mode.
+    """
+    if render_mode not in (None, *GymnasiumEnv.metadata["render_modes"]):
+        raise UserError(f"no render mode '{render_mode}': there is rgb_array")
+    return render_mode

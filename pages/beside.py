@@ -1,0 +1,48 @@
+"""The page of a run that this process is about to train, served by another process at low priority."""
+
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stdout
+from pathlib import Path
+
+from footfall.common.errors import UserError
+from footfall.train.runs.stop import StopRequest
+
+NICENESS = 10
+
+
+@contextmanager
+def watched(run: Path, host: str, port: int) -> Iterator[None]:
+    """Serve the page of a run for as long as the context lasts."""
+    arguments = (run, host, port)
+    process = multiprocessing.get_context("spawn").Process(target=_serve, args=arguments, name="watch")
+    process.start()
+    try:
+        yield
+    finally:
+        process.terminate()
+        process.join()
+
+
+def _serve(run: Path, host: str, port: int) -> None:
+    """In the other process: serve until told to stop, or until the training's process is gone."""
+    os.nice(NICENESS)
+    with StopRequest() as stop, Path(os.devnull).open("w") as nowhere, redirect_stdout(nowhere):
+        threading.Thread(target=_end_with_parent, daemon=True).start()
+        from footfall.pages.walk import watch
+
+        try:
+            watch(run, host, port, stop)
+        except UserError as error:
+            print(f"footfall: the page ended: {error}", file=sys.stderr)
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os.kill(os.getpid(), signal.SIGTERM)

@@ -1,0 +1,24 @@
+"""A policy that goes on learning while it walks."""
+
+from pathlib import Path
+
+from footfall.common.errors import UserError
+from footfall.policies.learned import LearnedPolicy, open_network
+
+
+class NewestPolicy(LearnedPolicy):
+    """A learned policy whose network can be replaced by that of a later checkpoint between two steps.
+
+    Observation history, last action and gait clock carry over, so that the robot does not stumble over it.
+    """
+
+    def replace_network(self, path: Path) -> None:
+        """Go on with another network of the same contract.
+
+        Raises:
+            UserError: the file is no policy, or one of another contract.
+        """
+        session, contract = open_network(path)
+        if contract != self.contract:
+            raise UserError(f"{path} has another contract than the policy that walks: start watching again")
+        self._session = session

@@ -1,0 +1,107 @@
+"""The 3-D view: the robot's bodies on a grid that slides by, and arrows for velocities."""
+
+from typing import TYPE_CHECKING
+
+import mujoco
+import numpy as np
+
+from footfall.common import colours
+from footfall.pages.geometry import Shape, visible_shapes
+from footfall.robots.description import Robot
+
+if TYPE_CHECKING:
+    from viser import ViserServer
+
+WORLD = "/world"
+EDGED = (mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CYLINDER)
+ARROW_S = 0.4  # an arrow's length is the way of so many seconds
+FOLLOWING = 0.1  # how much of the way to the robot the view catches up with in a frame
+
+
+class Scene:
+    """Draws a model's state. The view follows by moving the world, so that the camera stays the visitor's."""
+
+    def __init__(self, server: "ViserServer", robot: Robot, model: mujoco.MjModel) -> None:
+        self._server = server
+        scene, height = server.scene, robot.description.standing_height_m
+        self._height = height
+        self._base = int(model.body(robot.description.base).id)
+        scene.configure_default_lights(enabled=True, cast_shadow=True)
+        self._world = scene.add_frame(WORLD, show_axes=False)
+        scene.add_grid(
+            f"{WORLD}/ground", width=200.0, height=200.0, cell_size=0.5, section_size=2.5,
+            cell_color=(205, 211, 218), section_color=(176, 185, 196), cell_thickness=1.0,
+            section_thickness=1.2, plane_color=(232, 236, 240), plane_opacity=1.0, shadow_opacity=0.35,
+            fade_distance=14.0, fade_strength=1.5,
+        )  # fmt: skip
+        shapes = visible_shapes(model)
+        self.bodies = {  # by number; geoms hang on these frames
+            body: scene.add_frame(_frame_of(body), show_axes=False)
+            for body in sorted({shape.body for shape in shapes})
+        }
+        for shape in shapes:
+            self._add(server, model, shape)
+        self._arrows = {
+            name: scene.add_arrows(
+                f"{WORLD}/{name}", np.zeros((1, 2, 3)), _bytes(colour), shaft_radius=0.035 * height,
+                head_radius=0.08 * height, head_length=0.16 * height, visible=False,
+            )
+            for name, colour in (("command", colours.COMMAND), ("velocity", colours.VELOCITY))
+        }  # fmt: skip
+        camera = server.initial_camera
+        camera.look_at = (0.0, 0.0, 0.6 * height)
+        camera.position = (2.2 * height, -3.4 * height, 1.9 * height)
+        self._middle = np.zeros(3)
+
+    def show(self, data: mujoco.MjData, command: np.ndarray, velocity: np.ndarray, follow: bool) -> None:
+        """Draw a state.
+
+        Args:
+            data: poses of all bodies.
+            command: forward m/s, leftward m/s, yaw rad/s, (3,).
+            velocity: of the base, body frame, m/s, (3,).
+            follow: whether the view goes with the robot.
+        """
+        with self._server.atomic():  # bodies move together
+            for body, frame in self.bodies.items():
+                frame.position, frame.wxyz = data.xpos[body], data.xquat[body]
+            base = data.xpos[self._base]
+            if follow:
+                self._middle += FOLLOWING * (base * (1.0, 1.0, 0.0) - self._middle)
+                self._world.position = -self._middle
+            heading = _level(data.xmat[self._base].reshape(3, 3))
+            for raised, name, vector in ((0.75, "command", command), (0.95, "velocity", velocity)):
+                way = heading @ np.array([vector[0], vector[1], 0.0]) * ARROW_S
+                arrow = self._arrows[name]
+                arrow.visible = bool(np.linalg.norm(way) > 0.02)
+                arrow.position = base + np.array([0.0, 0.0, raised * self._height])
+                arrow.points = np.array([[np.zeros(3), way]], dtype=np.float32)
+
+    def begin(self) -> None:
+        """The robot is back at the origin."""
+        self._middle = np.zeros(3)
+
+    def _add(self, server: "ViserServer", model: mujoco.MjModel, shape: Shape) -> None:
+        server.scene.add_mesh_simple(
+            f"{_frame_of(shape.body)}/geom_{shape.geom}", shape.vertices, shape.faces,
+            color=_bytes(shape.rgba), opacity=None if shape.rgba[3] == 1.0 else float(shape.rgba[3]),
+            position=shape.position, wxyz=shape.quaternion,
+            flat_shading=model.geom_type[shape.geom] in EDGED,
+        )  # fmt: skip
+
+
+def _frame_of(body: int) -> str:
+    """By number, since a body's name may hold anything."""
+    return f"{WORLD}/body_{body}"
+
+
+def _bytes(rgba: np.ndarray) -> tuple[int, int, int]:
+    red, green, blue = (round(255 * float(part)) for part in rgba[:3])
+    return red, green, blue
+
+
+def _level(rotation: np.ndarray) -> np.ndarray:
+    """The part of a rotation (3, 3) that turns about the vertical."""
+    yaw = np.arctan2(rotation[1, 0], rotation[0, 0])
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])

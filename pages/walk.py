@@ -1,0 +1,185 @@
+"""Walks a run's newest policy in the simulated robot, at the pace of the wall clock, for a page."""
+
+import time
+from contextlib import ExitStack
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from footfall.common.errors import UserError
+from footfall.deploy.loop import ControlLoop
+from footfall.pages.metrics_file import MetricsFile
+from footfall.pages.newest_policy import NewestPolicy
+from footfall.pages.page import Panel, serving
+from footfall.pages.scene import Scene
+from footfall.pages.snapshots import Snapshot, Snapshots
+from footfall.pages.status import Status, as_markdown
+from footfall.plant.episode import Episode, run_episode
+from footfall.plant.robot import SimulatedRobot
+from footfall.robots.description import Robot, load_robot
+from footfall.robots.model import plant_model
+from footfall.train.runs.folder import Run, open_run
+from footfall.train.runs.stop import StopRequest
+
+FRAME_US = 33_000
+WAIT_S = 0.1  # between looks at the page while nothing walks
+LOOK_S = 1.0  # between looks into the run folder
+EPISODE_S = 60.0  # then it stands up afresh, so that what an episode records stays small
+SMOOTHING = 0.1  # of the velocity that is shown, for each frame
+
+
+def watch(folder: Path, host: str, port: int, stop: StopRequest) -> None:
+    """Serve the page of a run until told to stop.
+
+    By a flag, since some packages swallow a KeyboardInterrupt that comes while they are imported.
+
+    Raises:
+        UserError: there is no such run, viser is missing, the address cannot be had, or the run's policy
+            does not fit its robot.
+    """
+    run = open_run(folder)
+    robot = load_robot(run.provenance.robot)
+    with ExitStack() as resources:
+        server = resources.enter_context(serving(host, port, f"footfall: {run.folder.name}"))
+        snapshots = Snapshots(run.folder, Path(resources.enter_context(TemporaryDirectory())))
+        resources.callback(snapshots.close)
+        print(f"showing {run.folder} at http://{host}:{port} until Ctrl-C", flush=True)
+        scene = Scene(server, robot, plant_model(robot))
+        Walk(run, robot, scene, Panel(server), snapshots, stop).go_on()
+
+
+class Pace:
+    """Holds simulated time to the wall clock; time that was lost is not caught up on."""
+
+    TOLERANCE_S = 0.1
+
+    def __init__(self) -> None:
+        self._start_s = time.monotonic()
+        self._mark = (0.0, self._start_s)
+        self.factor = 1.0  # simulated time over wall time, lately
+
+    def wait(self, simulated_s: float) -> None:
+        """Sleep until the wall clock has come to this simulated time."""
+        early_s = self._start_s + simulated_s - time.monotonic()
+        if early_s > 0.0:
+            time.sleep(early_s)
+        elif early_s < -self.TOLERANCE_S:
+            self._start_s -= early_s
+        simulated_before_s, wall_before_s = self._mark
+        now_s = time.monotonic()
+        if now_s - wall_before_s >= 1.0:
+            self.factor = (simulated_s - simulated_before_s) / (now_s - wall_before_s)
+            self._mark = (simulated_s, now_s)
+
+    def resume(self, simulated_s: float) -> None:
+        """Go on after a pause."""
+        self._start_s = time.monotonic() - simulated_s
+        self._mark = (simulated_s, time.monotonic())
+
+
+class Walk:
+    """Episodes without end. The robot keeps walking while newer networks take over, until it falls."""
+
+    def __init__(
+        self, run: Run, robot: Robot, scene: Scene, panel: Panel, snapshots: Snapshots, stop: StopRequest
+    ) -> None:
+        self._robot, self._scene, self._panel, self._snapshots = robot, scene, panel, snapshots
+        self._stop = stop
+        self._metrics = MetricsFile(run.folder / "metrics.jsonl")
+        self._policy: NewestPolicy | None = None
+        self._pushes = np.random.default_rng(0)
+        self._looked_s = 0.0
+        made = run.provenance
+        self._status = Status(
+            title=f"{robot.name}, preset {Path(made.preset).stem}, seed {made.seed}, {made.trainer}",
+            total_steps=run.config.ppo.total_steps,
+            steps_per_iteration=run.config.ppo.steps_per_iteration,
+        )
+
+    def go_on(self) -> None:
+        """Show the run until told to stop."""
+        while not self._stop.requested:
+            self._look()
+            if self._policy is None:
+                time.sleep(WAIT_S)
+            else:
+                self._episode(self._policy)
+
+    def _episode(self, policy: NewestPolicy) -> None:
+        """From standing up to a fall, the end of time, or a wish to start again."""
+        self._status.episodes += 1
+        self._pace, self._next_frame_us = Pace(), 0
+        self._scene.begin()
+        episode = Episode(command=lambda _: self._panel.command, duration_s=EPISODE_S)
+        trace = run_episode(self._robot, policy, episode, self._tick)
+        if trace.fell or trace.faults:
+            self._status.falls += trace.fell
+            self._status.last_fall = trace.fall_reason or trace.faults[0]
+
+    def _tick(self, loop: ControlLoop, body: SimulatedRobot | None) -> None:
+        """Called by the loop after each joint tick."""
+        if self._stop.requested:
+            loop.finish()  # damping, then motors off: as fast as it goes
+        elif body is not None and loop.now_us >= self._next_frame_us:
+            self._frame(loop, body)
+
+    def _frame(self, loop: ControlLoop, body: SimulatedRobot) -> None:
+        """Obey the page, draw, look into the run folder, and wait for the wall clock."""
+        self._next_frame_us += FRAME_US
+        self._obey(loop, body)
+        self._show(loop, body)
+        self._look()
+        self._pace.wait(loop.now_us * 1e-6)
+
+    def _obey(self, loop: ControlLoop, body: SimulatedRobot) -> None:
+        """Do what was asked for on the page."""
+        if self._panel.paused:
+            while self._panel.paused and not self._stop.requested:
+                self._look()
+                time.sleep(WAIT_S)
+            self._pace.resume(loop.now_us * 1e-6)
+        if speed := self._panel.take_push():
+            direction = self._pushes.uniform(-np.pi, np.pi)
+            body.push((speed * np.cos(direction), speed * np.sin(direction), 0.0))
+        if self._panel.take_restart():
+            loop.finish()
+
+    def _show(self, loop: ControlLoop, body: SimulatedRobot) -> None:
+        truth, status = body.truth(), self._status
+        moving = np.array([*truth.base_velocity[:2], truth.base_angular_velocity[2]])
+        status.velocity = status.velocity + SMOOTHING * (moving - status.velocity)
+        status.command, status.mode = self._panel.command, loop.state.mode.value
+        status.pace = self._pace.factor
+        self._scene.show(body.data, status.command, status.velocity, self._panel.follow)
+
+    def _look(self) -> None:
+        """Look into the run folder, at most once in a while: new metrics, a new policy."""
+        now_s = time.monotonic()
+        if now_s - self._looked_s < LOOK_S:
+            return
+        self._looked_s = now_s
+        status = self._status
+        if self._metrics.refresh():
+            self._panel.draw(self._metrics)
+            status.trained_steps = self._metrics.last_step
+        status.metrics_age_s = self._metrics.age_s()
+        if self._policy is None or self._panel.seen:  # exporting for nobody would only slow the training
+            snapshot = self._snapshots.newest()
+            if snapshot is not None:
+                self._take_over(snapshot)
+        status.problem = self._snapshots.problem
+        self._panel.say(as_markdown(status))
+
+    def _take_over(self, snapshot: Snapshot) -> None:
+        if self._policy is None:
+            self._policy = NewestPolicy(snapshot.path, self._robot)
+            self._panel.offer_commands(self._policy.contract.commands)
+        else:
+            try:
+                self._policy.replace_network(snapshot.path)
+            except UserError as error:
+                self._snapshots.problem = str(error)
+                return
+        self._status.iteration = snapshot.iteration
+        self._status.policies += 1

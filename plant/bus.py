@@ -1,0 +1,38 @@
+"""The simulated robot as a bus: what the control loop sees in place of CAN interfaces."""
+
+from footfall.deploy.bus import BusStatistics
+from footfall.deploy.frames import Frames
+from footfall.plant.robot import SimulatedRobot
+from footfall.plant.wires import Side, SimulatedWires
+
+
+class SimulatedBus:
+    """The controller's end of simulated wires. Receiving lets the robot live until then."""
+
+    def __init__(self, wires: SimulatedWires, robot: SimulatedRobot) -> None:
+        self._wires, self._robot = wires, robot
+
+    def send(self, frames: Frames, now_us: int) -> int:
+        return self._wires.send(Side.HOST, frames, now_us)
+
+    def receive(self, now_us: int) -> list[Frames]:
+        self._robot.advance(now_us)
+        return self._wires.receive(Side.HOST, now_us)
+
+    def statistics(self) -> list[BusStatistics]:
+        elapsed = max(self._robot.time_us, 1)
+        wires = self._wires
+        sent, received, busy = wires.sent(Side.HOST), wires.sent(Side.ROBOT), wires.busy_us()
+        return [
+            BusStatistics(
+                name=name,
+                frames_sent=int(sent[i]),
+                frames_received=int(received[i]),
+                frames_refused=int(wires.refused[Side.HOST, i]),
+                load=float(busy[i]) / elapsed,
+            )
+            for i, name in enumerate(wires.names)
+        ]
+
+    def close(self) -> None:
+        """Nothing to let go of."""

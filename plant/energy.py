@@ -1,0 +1,43 @@
+"""What the motors' work costs, from torque and speed."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from footfall.robots.description import Robot
+
+
+class Power(NamedTuple):
+    """Mean power of all motors together over some time, W."""
+
+    electrical: float  # shaft power and copper loss
+    mechanical: float  # shaft power
+    positive: float  # shaft power of each motor where it is positive
+
+
+class EnergyMeter:
+    """Collects torque and speed of each physics step; works the power out when asked."""
+
+    def __init__(self, robot: Robot) -> None:
+        torque_per_ampere = robot.motor_figures("torque_constant_nm_a") * robot.motor_figures("gear_ratio")
+        self._loss = robot.motor_figures("winding_resistance_ohm") / torque_per_ampere**2
+        self._rows = np.empty((64, 2, len(self._loss)))
+        self._count = 0
+
+    def add(self, torque: np.ndarray, velocity: np.ndarray) -> None:
+        """One physics step: motor torque at the joint, N m, and joint velocity, rad/s, each (n,)."""
+        if self._count == len(self._rows):
+            self._rows = np.concatenate([self._rows, np.empty_like(self._rows)])
+        row = self._rows[self._count]
+        row[0], row[1] = torque, velocity
+        self._count += 1
+
+    def take(self) -> Power:
+        """Mean power since the last call. The copper loss of a motor is R (torque / (gear ratio kt))^2."""
+        torque, velocity = self._rows[: self._count, 0], self._rows[: self._count, 1]
+        steps = max(self._count, 1)
+        self._count = 0
+        shaft = torque * velocity
+        mechanical = float(shaft.sum()) / steps
+        copper = float((torque**2 @ self._loss).sum()) / steps
+        return Power(mechanical + copper, mechanical, float(np.maximum(shaft, 0.0).sum()) / steps)

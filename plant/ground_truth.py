@@ -1,0 +1,124 @@
+"""What a simulation knows and a robot does not: the true state, contacts, and whether the robot fell."""
+
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from footfall.plant.sensors import Layout
+from footfall.robots.model import Plant
+
+WORLD = 0  # body id
+FALLEN_TILT = np.deg2rad(70.0)
+COLLAPSED_SHARE = 0.4  # of the standing height
+
+
+class Truth(NamedTuple):
+    """The true state. Contacts, forces and torques are those of the last physics step."""
+
+    base_position: np.ndarray  # (3,) m, world
+    base_quaternion: np.ndarray  # (4,) w x y z, body to world
+    base_velocity: np.ndarray  # (3,) m/s, body frame
+    base_angular_velocity: np.ndarray  # (3,) rad/s, body frame
+    joint_position: np.ndarray  # (n,) rad
+    joint_velocity: np.ndarray  # (n,) rad/s
+    motor_torque: np.ndarray  # (n,) N m at the joint, before gearbox friction
+    foot_position: np.ndarray  # (feet, 3) m, world; NaN for a foot that the plant does not name
+    foot_velocity: np.ndarray  # (feet, 3) m/s, world
+    foot_contact: np.ndarray  # (feet,) bool
+    foot_force: np.ndarray  # (feet,) N, normal
+    qpos: np.ndarray  # (nq,)
+
+
+def rotate_to_body(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    """A world vector (3,) in the frame of a body with this quaternion (w x y z)."""
+    result, inverse = np.empty(3), np.empty(4)
+    mujoco.mju_negQuat(inverse, quaternion)
+    mujoco.mju_rotVecQuat(result, vector, inverse)
+    return result
+
+
+def tilt(quaternion: np.ndarray) -> float:
+    """Angle between a body's z axis and the world's, rad."""
+    _, x, y, _ = (float(value) for value in quaternion)
+    return float(np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0)))
+
+
+class Witness:
+    """Reads the true state of a plant out of its simulation."""
+
+    def __init__(self, plant: Plant, data: mujoco.MjData, layout: Layout, height_m: float) -> None:
+        """`layout` says where the joints and the base lie; `height_m` is the base's when standing."""
+        self._model, self._data, self._plant = plant.model, data, plant
+        self._qpos, self._qvel = layout.qpos, layout.qvel
+        self._free_qpos, self._free_qvel = layout.base_qpos, layout.base_qvel
+        self._named = plant.feet >= 0
+        self._feet = plant.feet[self._named]
+        self._foot_of_geom = np.full(plant.model.ngeom, -1)
+        self._foot_of_geom[self._feet] = np.flatnonzero(self._named)
+        self._lowest_height = COLLAPSED_SHARE * height_m
+
+    def truth(self, motor_torque: np.ndarray) -> Truth:
+        """The state now; the caller knows the motor torque (n,)."""
+        data, pos, vel = self._data, self._free_qpos, self._free_qvel
+        quaternion = data.qpos[pos + 3 : pos + 7].copy()
+        count = len(self._named)
+        position, velocity = np.full((count, 3), np.nan), np.full((count, 3), np.nan)
+        position[self._named] = data.geom_xpos[self._feet]
+        velocity[self._named] = [self._velocity_of(geom) for geom in self._feet]
+        contact, force = self._contacts(count)
+        return Truth(
+            base_position=data.qpos[pos : pos + 3].copy(),
+            base_quaternion=quaternion,
+            base_velocity=rotate_to_body(quaternion, data.qvel[vel : vel + 3]),
+            base_angular_velocity=data.qvel[vel + 3 : vel + 6].copy(),
+            joint_position=data.qpos[self._qpos].copy(),
+            joint_velocity=data.qvel[self._qvel].copy(),
+            motor_torque=motor_torque.copy(),
+            foot_position=position,
+            foot_velocity=velocity,
+            foot_contact=contact,
+            foot_force=force,
+            qpos=data.qpos.copy(),
+        )
+
+    def fall(self) -> str | None:
+        """Why the robot counts as fallen, in a few words, or None while it is up."""
+        data, pos = self._data, self._free_qpos
+        if tilt(data.qpos[pos + 3 : pos + 7]) > FALLEN_TILT:
+            return "the base tilted past 70 degrees"
+        if data.ncon:
+            bodies = self._model.geom_bodyid[data.contact.geom[: data.ncon]]
+            on_ground = (bodies == WORLD).any(axis=1) & (bodies == self._plant.base).any(axis=1)
+            if on_ground.any():
+                return "the base touched the ground"
+        ground = float(data.geom_xpos[self._feet, 2].min()) if len(self._feet) else 0.0
+        if data.qpos[pos + 2] - ground < self._lowest_height:
+            return "the base sank to the height of the feet"
+        return None
+
+    def diverged(self) -> bool:
+        """Whether the simulation lost its numbers (MuJoCo then starts it afresh by itself)."""
+        warning = self._data.warning
+        kinds = mujoco.mjtWarning
+        return any(
+            warning[kind].number > 0
+            for kind in (kinds.mjWARN_BADQPOS, kinds.mjWARN_BADQVEL, kinds.mjWARN_BADQACC)
+        )
+
+    def _velocity_of(self, geom: int) -> np.ndarray:
+        velocity = np.empty(6)
+        mujoco.mj_objectVelocity(self._model, self._data, mujoco.mjtObj.mjOBJ_GEOM, geom, velocity, 0)
+        return velocity[3:]
+
+    def _contacts(self, count: int) -> tuple[np.ndarray, np.ndarray]:
+        contact, force = np.zeros(count, dtype=bool), np.zeros(count)
+        wrench = np.empty(6)
+        for index in range(self._data.ncon):
+            geoms = self._data.contact.geom[index]
+            for foot in self._foot_of_geom[geoms]:
+                if foot >= 0:
+                    mujoco.mj_contactForce(self._model, self._data, index, wrench)
+                    force[foot] += wrench[0]
+                    contact[foot] |= bool(wrench[0] > 0.0)
+        return contact, force

@@ -1,0 +1,199 @@
+"""The robot on the far side of the bus: a body in MuJoCo, moved by motors that listen to frames.
+
+Frames take effect, and readings are taken, at the physics step nearest to the moment in question.
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from footfall.common.errors import UserError
+from footfall.deploy.config import MOTOR_TIMEOUT_S
+from footfall.deploy.drivers import imu
+from footfall.deploy.frames import Frames
+from footfall.deploy.wiring import Wiring
+from footfall.domain_rand.bodies import apply_to_model, body_map
+from footfall.domain_rand.noise import Noise
+from footfall.domain_rand.sample import Sample
+from footfall.plant.energy import EnergyMeter, Power
+from footfall.plant.ground_truth import Truth, Witness
+from footfall.plant.motors import MotorFaults, SimulatedMotors
+from footfall.plant.sensors import Layout, SimulatedSensors
+from footfall.plant.wires import Side, SimulatedWires
+from footfall.robots.description import Robot
+from footfall.robots.model import Plant, joint_addresses, read_plant
+
+IMU_PERIOD_S = 0.002
+SEARCH_HEIGHT_M = 4.0  # how far from the origin the ground may be
+
+
+@dataclass
+class Faults:
+    """Faults to inject, switched on and off from outside."""
+
+    motors: MotorFaults
+    imu_silent: bool = False
+    imu_stuck: bool = False  # repeats its last reading
+
+
+@dataclass(frozen=True)
+class Difference:
+    """How the simulated robot differs from the one that its controller believes in."""
+
+    plant: Path | None = None  # another MJCF
+    sample: Sample = field(default_factory=Sample)
+    noise: Noise | None = None
+    motor_timeout_s: float = MOTOR_TIMEOUT_S
+
+
+class SimulatedRobot:
+    """A robot in simulation, seen through its buses. Stands in its default pose on the ground at first."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        wiring: Wiring,
+        wires: SimulatedWires,
+        difference: Difference | None = None,
+        seed: int = 0,
+    ) -> None:
+        """Raises UserError if the plant does not fit the robot, or the sample does not fit the plant."""
+        difference = difference or Difference()
+        sample = difference.sample
+        plant = read_plant(robot, difference.plant)
+        _check_sample(sample, plant)
+        self.model, self.notes = plant.model, plant.notes
+        apply_to_model(self.model, sample, body_map(self.model, robot))
+        self.data = mujoco.MjData(self.model)
+        qpos, qvel = joint_addresses(self.model, robot)
+        base_joint = self.model.body_jntadr[plant.base]
+        self._layout = Layout(
+            _as_slice(qpos),
+            _as_slice(qvel),
+            int(self.model.jnt_qposadr[base_joint]),
+            int(self.model.jnt_dofadr[base_joint]),
+        )
+        step_s = float(self.model.opt.timestep)
+        self._step, self._step_us = 0, round(step_s * 1e6)
+        self._wires = wires
+        self._motors = SimulatedMotors(wiring, plant.motor, sample, step_s, difference.motor_timeout_s)
+        self._sensors = SimulatedSensors(
+            self.data, self._layout, sample, difference.noise, step_s, len(qpos), seed
+        )
+        self._energy = EnergyMeter(robot)
+        self._witness = Witness(plant, self.data, self._layout, robot.description.standing_height_m)
+        self._torque = np.zeros(len(qpos))
+        self._imu_every = round(IMU_PERIOD_S / step_s)
+        self._imu_counter = 0
+        self._imu_frames = Frames(
+            np.full(3, wiring.imu_channel), np.array(imu.IDS), np.zeros((3, 8), np.uint8), np.full(3, 8)
+        )
+        self.faults = Faults(self._motors.faults)
+        self._stand(robot)
+
+    @property
+    def time_us(self) -> int:
+        """Simulated time that has passed."""
+        return self._step * self._step_us
+
+    @property
+    def motors_on(self) -> np.ndarray:
+        """Which motors are switched on, (n,) bool."""
+        return self._motors.enabled.copy()
+
+    def advance(self, now_us: int) -> None:
+        """Simulate up to a time, exchanging frames on the way."""
+        while (self._step + 1) * self._step_us <= now_us:
+            self._advance_one_step()
+
+    def truth(self) -> Truth:
+        """The true state."""
+        return self._witness.truth(self._torque)
+
+    def fall(self) -> str | None:
+        """Why the robot counts as fallen, or None."""
+        return self._witness.fall()
+
+    def diverged(self) -> bool:
+        """Whether the simulation lost its numbers."""
+        return self._witness.diverged()
+
+    def take_power(self) -> Power:
+        """Mean power of the motors since the last call."""
+        return self._energy.take()
+
+    def push(self, delta_v_world: tuple[float, float, float]) -> None:
+        """Change the velocity of the whole robot at once, m/s, world frame."""
+        at = self._layout.base_qvel
+        self.data.qvel[at : at + 3] += delta_v_world
+
+    def _advance_one_step(self) -> None:
+        now_us, motors, sensors = self._step * self._step_us, self._motors, self._sensors
+        sensors.remember(self._torque)
+        for frames in self._wires.receive(Side.ROBOT, now_us + self._step_us / 2):
+            replies = motors.obey(self._step, frames, sensors.joints(motors.encoder_bias))
+            if replies is not None:
+                self._wires.send(Side.ROBOT, replies, now_us)
+        if self._step % self._imu_every == 0 and not self.faults.imu_silent:
+            self._report_imu(now_us)
+        self._move()
+        self._step += 1
+
+    def _move(self) -> None:
+        data, layout = self.data, self._layout
+        velocity = data.qvel[layout.qvel].copy()
+        self._torque = torque = self._motors.torque(self._step, data.qpos[layout.qpos], velocity)
+        data.qfrc_applied[layout.qvel] = torque + self._motors.friction(velocity)
+        mujoco.mj_step(self.model, data)
+        # Speed changes within a step; with the speed before it alone, damping would seem to create power.
+        self._energy.add(torque, 0.5 * (velocity + data.qvel[layout.qvel]))
+
+    def _report_imu(self, now_us: float) -> None:
+        if not self.faults.imu_stuck:
+            self._imu_counter += 1
+            data = imu.encode(self._sensors.inertial(), self._imu_counter)
+            self._imu_frames = self._imu_frames._replace(data=data)
+        self._wires.send(Side.ROBOT, self._imu_frames, now_us)
+
+    def _stand(self, robot: Robot) -> None:
+        """Default pose, upright, as high as the lowest part just touches the ground.
+
+        Lowered until it touches, then by bisection. Raises UserError if there is nothing below.
+        """
+        data, at = self.data, self._layout.base_qpos
+        data.qpos[self._layout.qpos] = robot.default_pose
+        data.qpos[at + 3 : at + 7] = (1.0, 0.0, 0.0, 0.0)
+        stride = robot.description.standing_height_m / 4
+        heights = np.arange(SEARCH_HEIGHT_M, -SEARCH_HEIGHT_M, -stride)
+        touching = next((height for height in heights if self._touches_ground_at(height)), None)
+        if touching is None:
+            raise UserError(f"the plant has no ground within {SEARCH_HEIGHT_M:g} m of its origin to stand on")
+        low, high = touching, touching + stride
+        for _ in range(25):
+            middle = (low + high) / 2
+            low, high = (middle, high) if self._touches_ground_at(middle) else (low, middle)
+        data.qpos[at + 2] = low
+        mujoco.mj_forward(self.model, data)
+
+    def _touches_ground_at(self, height_m: float) -> bool:
+        self.data.qpos[self._layout.base_qpos + 2] = height_m
+        mujoco.mj_fwdPosition(self.model, self.data)
+        contact = self.data.contact
+        bodies = self.model.geom_bodyid[contact.geom]
+        return bool(((bodies == 0).any(axis=1) & (contact.dist <= 0.0)).any())
+
+
+def _check_sample(sample: Sample, plant: Plant) -> None:
+    bodies = plant.model.nbody - 1
+    for name in ("link_mass", "inertia"):
+        drawn = getattr(sample, name)
+        if drawn is not None and len(drawn) != bodies:
+            raise UserError(f"{name} was drawn for {len(drawn)} bodies, the plant has {bodies}")
+
+
+def _as_slice(indices: np.ndarray) -> slice | np.ndarray:
+    """Consecutive indices as a slice, which NumPy reads and writes without a copy."""
+    first, last = int(indices[0]), int(indices[-1])
+    return slice(first, last + 1) if (np.diff(indices) == 1).all() else indices

@@ -1,0 +1,82 @@
+"""The simulated robot on a python-can bus, in wall-clock time: a stand-in for the real one.
+
+In a process of its own, for a controller in another: `python -m footfall.plant.serve --robot go1`.
+"""
+
+import argparse
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from footfall.common.errors import UserError
+from footfall.deploy.clock import WallClock
+from footfall.deploy.config import MOTOR_TIMEOUT_S
+from footfall.deploy.python_can_bus import MULTICAST, ROBOT_FILTERS, PythonCanBus
+from footfall.deploy.wiring import wire
+from footfall.plant.robot import Difference, SimulatedRobot
+from footfall.plant.wires import Side, SimulatedWires
+from footfall.robots.description import Robot, load_robot
+
+PERIOD_US = 1000
+
+
+def serve(body: SimulatedRobot, wires: SimulatedWires, bus: PythonCanBus, stop: threading.Event) -> None:
+    """Let a simulated robot live in wall-clock time, its wires joined to a bus, until told to stop."""
+    clock = WallClock(PERIOD_US)
+    while not stop.is_set():
+        now_us = clock.next_tick()
+        for frames in bus.receive(now_us):
+            wires.send(Side.HOST, frames, now_us)
+        body.advance(now_us)
+        for frames in wires.receive(Side.HOST, now_us):
+            bus.send(frames, now_us)
+
+
+@contextmanager
+def serving(
+    robot: Robot, interface: str, difference: Difference | None = None, seed: int = 0
+) -> Iterator[SimulatedRobot]:
+    """A simulated robot on a bus, in a thread, for as long as the context lasts.
+
+    Raises:
+        UserError: the plant does not fit, or the bus cannot be opened.
+    """
+    wiring = wire(robot)
+    wires = SimulatedWires(wiring.buses, host_queue=1000)  # the interface has queued already
+    body = SimulatedRobot(robot, wiring, wires, difference, seed)
+    bus = PythonCanBus(interface, wiring.buses, ROBOT_FILTERS)
+    stop = threading.Event()
+    thread = threading.Thread(target=serve, args=(body, wires, bus, stop), name="robot", daemon=True)
+    thread.start()
+    try:
+        yield body
+    finally:
+        stop.set()
+        thread.join()
+        bus.close()
+
+
+def main() -> None:
+    """Command line of the stand-in robot."""
+    parser = argparse.ArgumentParser(description="A simulated robot on a python-can bus.")
+    parser.add_argument("--robot", default="go1", help="name or folder of the robot")
+    parser.add_argument("--bus", default=MULTICAST, help="python-can interface")
+    parser.add_argument("--plant", type=Path, help="another MJCF than the robot's own")
+    parser.add_argument("--motor-timeout", type=float, default=MOTOR_TIMEOUT_S, help="seconds")
+    parser.add_argument("--duration", type=float, help="seconds until it ends by itself")
+    options = parser.parse_args()
+    try:
+        difference = Difference(options.plant, motor_timeout_s=options.motor_timeout)
+        with serving(load_robot(options.robot), options.bus, difference):
+            threading.Event().wait(options.duration)
+    except UserError as error:
+        print(error, file=sys.stderr)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        pass
+
+
+if __name__ == "__main__":
+    main()

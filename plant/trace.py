@@ -1,0 +1,113 @@
+"""What an episode leaves behind: the walking phase sampled at a fixed rate, and how the run went."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from footfall.deploy.bus import BusStatistics
+from footfall.plant.ground_truth import Truth
+
+
+@dataclass(frozen=True)
+class Trace:
+    """T samples of the walking phase. Ground truth, unless a name says otherwise; NaN on a real robot."""
+
+    time_s: np.ndarray  # (T,) since walking began
+    command: np.ndarray  # (T, 3) forward m/s, leftward m/s, yaw rad/s
+    base_position: np.ndarray  # (T, 3) m, world
+    base_quaternion: np.ndarray  # (T, 4) w x y z, body to world
+    base_velocity: np.ndarray  # (T, 3) m/s, body frame
+    base_angular_velocity: np.ndarray  # (T, 3) rad/s, body frame
+    joint_position: np.ndarray  # (T, n) rad
+    joint_velocity: np.ndarray  # (T, n) rad/s
+    motor_torque: np.ndarray  # (T, n) N m at the joint, before gearbox friction
+    joint_target: np.ndarray  # (T, n) rad, position targets that went out
+    foot_position: np.ndarray  # (T, feet, 3) m, world
+    foot_contact: np.ndarray  # (T, feet) bool
+    foot_velocity: np.ndarray  # (T, feet, 3) m/s, world
+    foot_force: np.ndarray  # (T, feet) N, normal
+    qpos: np.ndarray  # (T, nq) of the plant's model, for rendering
+    estimated_velocity: np.ndarray  # (T, 3) m/s, body frame; NaN where nobody estimates
+    estimated_height: np.ndarray  # (T,) m
+    electrical_power: np.ndarray  # (T,) W, mean since the sample before: shaft power and copper loss
+    mechanical_power: np.ndarray  # (T,) W, mean
+    positive_power: np.ndarray  # (T,) W, mean of each motor's power where it is positive
+    compute_ms: np.ndarray  # one for each policy step
+    record_rate_hz: float
+    faults: tuple[str, ...]
+    final_state: str  # IDLE after an orderly end, else FALLING or ESTOP
+    fell: bool
+    fall_reason: str  # empty if it did not fall
+    timing: dict[str, float]  # see deploy.loop.Timing.summary
+    buses: tuple[BusStatistics, ...]
+    wall_s: float
+    simulated_s: float
+    notes: tuple[str, ...] = ()  # what the plant lacked
+
+
+@dataclass
+class Recorder:
+    """Collects samples, then stacks them into the arrays of a trace."""
+
+    joints: int
+    feet: int
+    rows: dict[str, list] = field(default_factory=dict)
+
+    def add(self, **values: object) -> None:
+        for name, value in values.items():
+            self.rows.setdefault(name, []).append(value)
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All samples by name; empty arrays of the right width if there are none."""
+        if not self.rows:
+            return self._empty()
+        return {name: np.array(rows) for name, rows in self.rows.items()}
+
+    def _empty(self) -> dict[str, np.ndarray]:
+        n, feet = self.joints, self.feet
+        shapes: dict[str, tuple[int, ...]] = {
+            **dict.fromkeys(_SCALARS, ()),
+            **dict.fromkeys(_VECTORS, (3,)),
+            **dict.fromkeys(_JOINTS, (n,)),
+            "base_quaternion": (4,),
+            "foot_position": (feet, 3),
+            "foot_velocity": (feet, 3),
+            "foot_contact": (feet,),
+            "foot_force": (feet,),
+            "qpos": (7 + n,),
+        }
+        return {
+            name: np.zeros((0, *shape), dtype=bool if name == "foot_contact" else float)
+            for name, shape in shapes.items()
+        }
+
+
+_SCALARS = (
+    "time_s",
+    "estimated_height",
+    "electrical_power",
+    "mechanical_power",
+    "positive_power",
+)
+_VECTORS = (
+    "command",
+    "base_position",
+    "base_velocity",
+    "base_angular_velocity",
+    "estimated_velocity",
+)
+_JOINTS = ("joint_position", "joint_velocity", "motor_torque", "joint_target")
+
+
+def unknown_truth(joints: int, feet: int) -> Truth:
+    """The truth of a robot that nobody simulates here: NaN, and no contacts."""
+    shapes = {
+        "base_quaternion": (4,),
+        "foot_position": (feet, 3),
+        "foot_velocity": (feet, 3),
+        "foot_force": (feet,),
+        "qpos": (7 + joints,),
+        **dict.fromkeys(_JOINTS[:3], (joints,)),
+    }
+    values = {name: np.full(shapes.get(name, (3,)), np.nan) for name in Truth._fields}
+    return Truth(**{**values, "foot_contact": np.zeros(feet, dtype=bool)})

@@ -1,0 +1,1 @@
+"""Training with rsl_rl: upstream's runner on our environment."""

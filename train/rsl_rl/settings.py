@@ -1,0 +1,48 @@
+"""What a preset's `ppo` section means to rsl_rl."""
+
+from collections.abc import Callable
+from typing import Any
+
+from footfall.train.config import PpoConfig
+from footfall.train.rsl_rl.ppo import LimitedPpo
+
+
+def runner_settings(config: PpoConfig, augment: Callable | None) -> dict[str, Any]:
+    """Settings of upstream's runner. What they leave out keeps upstream's default.
+
+    Args:
+        config: the preset's.
+        augment: gives samples and their mirror images, where those are to be learned from too.
+    """
+
+    def network(layers: tuple[int, ...]) -> dict[str, Any]:
+        return {
+            "class_name": "MLPModel",
+            "hidden_dims": list(layers),
+            "activation": "elu",
+            "obs_normalization": True,
+        }
+
+    # In log space, or the standard deviation could be driven below zero.
+    noise = {"class_name": "GaussianDistribution", "init_std": config.initial_std, "std_type": "log"}
+    return {
+        "num_steps_per_env": config.unroll,
+        "check_for_nan": False,  # the environment ends a diverged episode itself; a wrong loss is seen later
+        "obs_groups": {"actor": ["state"], "critic": ["privileged_state"]},
+        "actor": network(config.actor_layers) | {"distribution_cfg": noise},
+        "critic": network(config.critic_layers),
+        "algorithm": {
+            "class_name": LimitedPpo,
+            "num_learning_epochs": config.passes,
+            "num_mini_batches": config.minibatches,
+            "clip_param": config.clip,
+            "gamma": config.discount,
+            "lam": config.gae_lambda,
+            "entropy_coef": config.entropy,
+            "learning_rate": config.learning_rate,
+            "max_grad_norm": config.gradient_norm,
+            "schedule": "fixed" if config.desired_kl is None else "adaptive",
+            "desired_kl": config.desired_kl,
+            "symmetry_cfg": augment and {"data_augmentation_func": augment, "use_data_augmentation": True},
+        },
+    }

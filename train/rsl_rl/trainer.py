@@ -1,0 +1,158 @@
+"""A training with rsl_rl: upstream's runner, unmodified, on our environment."""
+
+import io
+from contextlib import redirect_stdout
+from pathlib import Path
+from pickle import PickleError
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import torch
+from flax import serialization
+from rsl_rl.models import MLPModel
+from rsl_rl.runners import OnPolicyRunner
+from tensordict import TensorDict
+
+from footfall.common.errors import UserError
+from footfall.envs.symmetry import environment_mirror
+from footfall.envs.velocity import VelocityEnv
+from footfall.robots.description import Robot
+from footfall.train.actor import Actor
+from footfall.train.brax.ppo import LOGGED_OBSERVATIONS, learning_rate_limit
+from footfall.train.export import export
+from footfall.train.rsl_rl.environment import TorchEnvironment
+from footfall.train.rsl_rl.settings import runner_settings
+from footfall.train.rsl_rl.symmetry import make_augmentation
+from footfall.train.runs import checkpoint
+from footfall.train.runs.failure import failed, non_finite_leaves, not_finite
+from footfall.train.runs.folder import Run
+
+# What reading a damaged or foreign checkpoint may raise.
+DAMAGES = (OSError, EOFError, RuntimeError, LookupError, ValueError, TypeError, AttributeError, PickleError)
+
+
+class RslRlTrainer:
+    """Runs iterations one at a time; everything they depend on goes into a checkpoint."""
+
+    def __init__(self, run: Run, robot: Robot) -> None:
+        self._run = run
+        self._ppo = run.config.ppo
+        self.iteration = 0  # done
+        env = VelocityEnv(robot, run.config.env)
+        self._contract = env.contract
+        self._environment = TorchEnvironment(env, self._ppo.environments, run.provenance.seed)
+        device = self._environment.device
+        torch.manual_seed(run.provenance.seed)
+        augment = None
+        if self._ppo.symmetry:
+            augment = make_augmentation(environment_mirror(robot, env.config, env.contract), device)
+        settings = runner_settings(self._ppo, augment)
+        with redirect_stdout(io.StringIO()):  # it prints its networks
+            self._runner = OnPolicyRunner(self._environment, settings, device=str(device))
+        cuda = device.type == "cuda"
+        self._random = torch.cuda.default_generators[device.index] if cuda else torch.default_generator
+        self._seen = np.zeros((0, self._environment.get_observations()["state"].shape[1]), np.float32)
+
+    def iterate(self) -> dict[str, float]:
+        """Roll out and learn once; returns metrics under the names that the JAX trainer gives them."""
+        algorithm = self._runner.alg
+        algorithm.limit = float(learning_rate_limit(jnp.float32(self.iteration), self._ppo))
+        self._environment.steps_done = self.iteration * self._ppo.steps_per_iteration
+        self._runner.current_learning_iteration = self.iteration
+        self._runner.learn(1)
+        self.iteration += 1
+        seen = algorithm.storage.observations["state"].flatten(0, 1)
+        self._seen = seen[-LOGGED_OBSERVATIONS:].cpu().numpy()
+        losses = algorithm.losses
+        total = losses["surrogate"] + losses["value"] - self._ppo.entropy * losses["entropy"]
+        return self._environment.take_metrics() | {
+            "learning/total_loss": total,
+            "learning/policy_loss": losses["surrogate"],
+            "learning/v_loss": losses["value"],
+            "learning/entropy": losses["entropy"],
+            "learning/learning_rate": algorithm.learning_rate,
+            "learning/action_std": algorithm.get_policy().output_std.mean().item(),
+        }
+
+    def save(self) -> Path:
+        """Write a checkpoint of upstream's form; its `infos` hold what upstream leaves out.
+
+        Raises:
+            CannotWriteError: the disk is full or the folder cannot be written; older checkpoints stay.
+            UserError: the state is not finite, which the metrics need not show.
+        """
+        broken = self.broken()
+        if broken:
+            raise failed(self._run, self.iteration, not_finite(broken))
+        episodes = serialization.to_bytes(jax.device_get(self._environment.episodes))
+        infos = {
+            "episodes": torch.frombuffer(bytearray(episodes), dtype=torch.uint8),
+            "random": {self._environment.device.type: self._random.get_state()},
+            "seen": torch.from_numpy(self._seen),
+        }
+        content = io.BytesIO()
+        self._runner.save(content, infos)
+        return checkpoint.write(self._run.checkpoints, self.iteration, content.getvalue())
+
+    def broken(self) -> list[str]:
+        """Names of what is not finite in the networks, the optimiser and the episodes."""
+        learned = jax.tree.map(_on_the_host, self._runner.alg.save())
+        return non_finite_leaves(learned | {"episodes": jax.device_get(self._environment.episodes)})
+
+    def restore(self, path: Path) -> None:
+        """Go on from a checkpoint; on the same machine, to the same bits.
+
+        Raises:
+            UserError: the file is damaged or belongs to another configuration.
+        """
+        try:
+            # Not the runner's own load, which would run whatever code a file holds.
+            content = torch.load(path, weights_only=True, map_location="cpu")
+            infos = content["infos"]
+            fresh = self._environment.episodes
+            episodes = serialization.from_bytes(fresh, infos["episodes"].numpy().tobytes())
+            same = jax.tree.map(lambda a, b: a.shape == b.shape, fresh, episodes)
+            if not all(jax.tree.leaves(same)):
+                raise ValueError("array shapes differ from config.yaml's")
+            self._runner.alg.load(content, load_cfg=None, strict=True)
+            random = infos["random"].get(self._environment.device.type)
+            if random is not None:  # else it is another kind of device's, as when a CPU exports a GPU's run
+                self._random.set_state(random)
+            self._seen = infos["seen"].numpy()
+            self.iteration = content["iter"] + 1
+        except DAMAGES as error:
+            reason = " ".join(str(error).split())[:120]
+            raise UserError(f"{path} is not a checkpoint of this run: {reason}") from None
+        self._environment.put(episodes)
+
+    def export(self, path: Path) -> float:
+        """Write the policy; returns and raises as `footfall.train.export.export`."""
+        return export(trained_actor(self._runner.alg.get_policy()), self._contract, self._seen, path)
+
+
+def trained_actor(model: MLPModel) -> Actor:
+    """The actor as it stands, its arrays on the host."""
+    normalizer = model.obs_normalizer
+    layers = [layer for layer in model.mlp if isinstance(layer, torch.nn.Linear)]
+
+    def act(observed: np.ndarray) -> np.ndarray:
+        seen = torch.from_numpy(observed).to(layers[0].weight.device)
+        with torch.no_grad():
+            return _array(model(TensorDict({"state": seen}, batch_size=[len(seen)])))
+
+    return Actor(
+        trainer="rsl_rl",
+        mean=_array(normalizer.mean),
+        scale=_array(normalizer.std + normalizer.eps),
+        layers=tuple((_array(layer.weight.T), _array(layer.bias)) for layer in layers),
+        act=act,
+    )
+
+
+def _on_the_host(leaf: object) -> object:
+    return _array(leaf) if isinstance(leaf, torch.Tensor) else leaf
+
+
+def _array(tensor: torch.Tensor) -> np.ndarray:
+    return np.ascontiguousarray(tensor.detach().cpu().numpy())

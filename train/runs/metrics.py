@@ -1,0 +1,100 @@
+"""Metrics of a run: TensorBoard events, and the same numbers as lines of JSON."""
+
+import errno
+import json
+import os
+import struct
+import time
+from pathlib import Path
+
+from footfall.common.errors import CannotWriteError
+from footfall.common.files import write_atomically
+from footfall.train.runs.event_format import Event, SessionLog, Summary, masked_crc32c
+
+
+class MetricsLog:
+    """Writes scalars; a resumed run drops what it will compute again.
+
+    What is written is on its way to the disk when a call returns: nothing waits in a queue, and a record
+    that a full disk refuses leaves no part behind.
+    """
+
+    def __init__(self, folder: Path, first_step: int) -> None:
+        """
+        Raises:
+            CannotWriteError: the folder cannot be written.
+        """
+        self._path = folder / "metrics.jsonl"
+        try:
+            self._keep_before(first_step)
+            self._lines = _WholeRecords(self._path)
+            (folder / "events").mkdir(exist_ok=True)
+            self._events = _WholeRecords(folder / "events" / f"events.out.tfevents.{time.time_ns()}")
+            self._events.append(_framed(Event(file_version="brain.Event:2")))
+            if first_step:  # TensorBoard forgets what the interrupted run had logged after it
+                restarted = SessionLog(status=SessionLog.START)
+                self._events.append(_framed(Event(step=first_step + 1, session_log=restarted)))
+        except OSError as error:
+            raise self._refusal(error) from None
+
+    def write(self, step: int, metrics: dict[str, float]) -> None:
+        """Record the scalars of one iteration, which ended at environment step `step`.
+
+        Raises:
+            CannotWriteError: the disk is full; what was written before is whole.
+        """
+        values = [Summary.Value(tag=name, simple_value=value) for name, value in metrics.items()]
+        try:
+            self._lines.append((json.dumps({"step": step, **metrics}) + "\n").encode())
+            self._events.append(_framed(Event(step=step, summary=Summary(value=values))))
+        except OSError as error:
+            raise self._refusal(error) from None
+
+    def close(self) -> None:
+        self._lines.close()
+        self._events.close()
+
+    def _refusal(self, error: OSError) -> CannotWriteError:
+        return CannotWriteError(f"cannot write {self._path}: {error.strerror}")
+
+    def _keep_before(self, first_step: int) -> None:
+        if not self._path.exists():
+            return
+        lines = self._path.read_text(encoding="utf-8").splitlines()
+        kept = []
+        for line in lines:
+            try:
+                if json.loads(line)["step"] <= first_step:
+                    kept.append(line)
+            except (json.JSONDecodeError, KeyError):
+                continue  # the line that a killed process was writing
+        if kept != lines:
+            write_atomically(self._path, "".join(line + "\n" for line in kept).encode())
+
+
+class _WholeRecords:
+    """A file that grows by whole records: one that does not fit is taken back."""
+
+    def __init__(self, path: Path) -> None:
+        self._file = path.open("ab", buffering=0)
+
+    def append(self, record: bytes) -> None:
+        end = self._file.seek(0, os.SEEK_END)
+        try:
+            if self._file.write(record) != len(record):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        except OSError:
+            self._file.truncate(end)
+            raise
+
+    def close(self) -> None:
+        self._file.close()
+
+
+def _framed(event: Event) -> bytes:
+    """An event as a record of TensorBoard's files: its length and its content, each with a checksum."""
+    event.wall_time = time.time()
+    content = event.SerializeToString()
+    length = struct.pack("<Q", len(content))
+    checksums = (struct.pack("<I", masked_crc32c(part)) for part in (length, content))
+    return length + next(checksums) + content + next(checksums)
