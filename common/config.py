@@ -2,6 +2,8 @@
 
 import math
 import re
+import sys
+from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
 from typing import Any, TypeVar
@@ -27,6 +29,8 @@ def _structure_float(value: Any, _: type) -> float:
         return float(value)
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise ValueError(f"{value!r} is not a number")
+    if not abs(value) <= sys.float_info.max:
+        raise ValueError("not a finite number")
     return float(value)
 
 
@@ -71,11 +75,37 @@ def _field_first(reason: str) -> str:
 
 
 def require_positive(config: Any, *names: str) -> None:
-    """For a dataclass's own checks: raise ValueError unless these fields are finite and above 0."""
+    """For a dataclass's own checks: raise ValueError unless these fields are finite and above 0.
+
+    Of a field that is a tuple, every item is checked; a field that is None is left alone. Likewise below.
+    """
+    _require(config, names, lambda value: 0 < value < math.inf, "must be above 0")
+
+
+def require_not_negative(config: Any, *names: str) -> None:
+    """Raise ValueError unless these fields are finite and 0 or above."""
+    _require(config, names, lambda value: 0 <= value < math.inf, "must be 0 or above")
+
+
+def require_between(config: Any, low: float, high: float, *names: str) -> None:
+    """Raise ValueError unless these fields are in [low, high]."""
+    _require(config, names, lambda value: low <= value <= high, f"must be from {low:g} to {high:g}")
+
+
+def require_ordered(config: Any, *names: str) -> None:
+    """Raise ValueError unless these fields are ranges (low, high) of finite numbers with low <= high."""
+    for name in names:
+        pair = getattr(config, name)
+        if pair is not None and not -math.inf < pair[0] <= pair[1] < math.inf:
+            raise ValueError(f"{name} must be a range from low to high, not {list(pair)}")
+
+
+def _require(config: Any, names: tuple[str, ...], holds: Callable[[float], bool], rule: str) -> None:
     for name in names:
         value = getattr(config, name)
-        if not 0.0 < value < math.inf:
-            raise ValueError(f"{name} must be above 0, not {value:g}")
+        for item in value if isinstance(value, tuple) else (value,):
+            if item is not None and not holds(item):
+                raise ValueError(f"{name} {rule}, not {item}")
 
 
 def structure(data: Any, cls: type[T], source: str) -> T:
@@ -113,7 +143,9 @@ def read_yaml(path: Path) -> Any:
         return yaml.safe_load(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise UserError(f"{path}: {error.strerror or error}") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except RecursionError:
+        raise UserError(f"{path} is not valid YAML: it is nested too deeply") from None
+    except (yaml.YAMLError, ValueError) as error:  # ValueError: no text, or a date that is none
         raise UserError(f"{path} is not valid YAML: {' '.join(str(error).split())}") from None
 
 

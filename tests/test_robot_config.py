@@ -1,11 +1,20 @@
 """Settings read from YAML: what is refused is named, with the reason and what would be right."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import pytest
 import yaml
 
-from footfall.common.config import dump, structure
+from footfall.common.config import (
+    dump,
+    read_yaml,
+    require_between,
+    require_not_negative,
+    require_ordered,
+    require_positive,
+    structure,
+)
 from footfall.common.errors import UserError
 
 
@@ -55,6 +64,76 @@ def test_refusals_name_the_field_and_the_reason(data: dict, expected: str) -> No
     with pytest.raises(UserError) as caught:
         structure(data, Cart, "cart.yaml")
     assert str(caught.value) == expected
+
+
+@pytest.mark.parametrize("text", [".nan", ".inf", "-.inf", "1.0e+999", "1" + 400 * "0"])
+def test_numbers_are_finite(text: str) -> None:
+    with pytest.raises(UserError, match=r"^cart\.yaml: span\[1\]: not a finite number"):
+        structure(yaml.safe_load(f"{{name: a, span: [0, {text}]}}"), Cart, "cart.yaml")
+
+
+@dataclass(frozen=True)
+class Spring:
+    stiffness: tuple[float, ...] = (1.0,)
+    rest_m: float = 0.0
+    share: float | None = 0.5
+    travel_m: tuple[float, float] | None = (-1.0, 1.0)
+
+    def __post_init__(self) -> None:
+        require_positive(self, "stiffness")
+        require_not_negative(self, "rest_m")
+        require_between(self, 0, 1, "share")
+        require_ordered(self, "travel_m")
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"stiffness": (1e-300, 1e300)},
+        {"rest_m": 0.0},
+        {"share": 0.0},
+        {"share": 1.0},
+        {"share": None},
+        {"travel_m": (2.0, 2.0)},
+        {"travel_m": None},
+    ],
+)
+def test_values_at_the_edge_of_their_range_are_accepted(settings: dict) -> None:
+    Spring(**settings)
+
+
+@pytest.mark.parametrize(
+    ("settings", "reason"),
+    [
+        ({"stiffness": (1.0, 0.0)}, "stiffness must be above 0, not 0.0"),
+        ({"stiffness": (float("nan"),)}, "stiffness must be above 0, not nan"),
+        ({"stiffness": (float("inf"),)}, "stiffness must be above 0, not inf"),
+        ({"rest_m": -1e-9}, "rest_m must be 0 or above, not -1e-09"),
+        ({"rest_m": float("nan")}, "rest_m must be 0 or above, not nan"),
+        ({"share": 1.01}, "share must be from 0 to 1, not 1.01"),
+        ({"share": -0.01}, "share must be from 0 to 1, not -0.01"),
+        ({"share": float("nan")}, "share must be from 0 to 1, not nan"),
+        ({"travel_m": (1.0, -1.0)}, "travel_m must be a range from low to high, not [1.0, -1.0]"),
+        ({"travel_m": (0.0, float("nan"))}, "travel_m must be a range from low to high, not [0.0, nan]"),
+        ({"travel_m": (0.0, float("inf"))}, "travel_m must be a range from low to high, not [0.0, inf]"),
+    ],
+)
+def test_values_out_of_range_are_named_with_the_rule(settings: dict, reason: str) -> None:
+    with pytest.raises(ValueError) as caught:  # noqa: PT011, compared in full
+        Spring(**settings)
+    assert str(caught.value) == reason
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"when: 2026-13-45", b"x: " + 5000 * b"1", 5000 * b"[", b"\xff\xfe\xff", b"a: [", b"? [a]\n: 1"],
+    ids=["no such date", "a number of 5000 digits", "nested", "no text", "cut short", "a list for a name"],
+)
+def test_what_is_no_yaml_is_told_in_one_line(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "cart.yaml"
+    path.write_bytes(content)
+    with pytest.raises(UserError, match=r"cart\.yaml is not valid YAML: [^\n]+$"):
+        read_yaml(path)
 
 
 @pytest.mark.parametrize("data", [[], "text", 3, {"name": "a", "span": [1.0]}, {"name": "a", "wheels": 3}])
