@@ -330,8 +330,6 @@ class TestSnapshots:
 
         wing = SimpleNamespace(export_run=export_run)
         monkeypatch.setattr("footfall.train.entry.learning_wing", lambda: wing)
-            "footfall.train.entry.learning_wing", lambda: SimpleNamespace(export_run=export_run)
-        )
         checkpoint, out = begun / "00000003.ckpt", tmp_path / "00000003.onnx"
         checkpoint.write_bytes(b"weights")
         assert _export(begun, checkpoint, out) == Exported(out)
