@@ -9,7 +9,7 @@ import time
 import numpy as np
 
 from footfall.plant.episode import Episode, run_episode
-from footfall.policies.mpc import Mpc
+from footfall.policies.controllers.mpc import Mpc
 from footfall.robots.description import load_robot
 
 

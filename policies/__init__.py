@@ -1,1 +1,6 @@
-"""What decides: the contract, learned policies, hand-written controllers, the zoo."""
+"""What decides: everything that turns readings into joint commands.
+
+- `policy.py`: the interface that all policies share; `registry.py`: from a name to a policy.
+- `contract.py`, `observation.py`, `action.py`, `learned.py`: learned policies; `zoo/` holds trained ones.
+- `controllers/`: the hand-written ones: standing, a trot from a clock, convex MPC.
+"""

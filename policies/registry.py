@@ -40,13 +40,13 @@ def load_policy(spec: str, robot: Robot) -> Policy:
 
 def _controller(name: str, robot: Robot) -> Policy:
     if name == "stand":
-        from footfall.policies.stand import Stand
+        from footfall.policies.controllers.stand import Stand
 
         return Stand(robot)
     if name == "trot":
-        from footfall.policies.trot import Trot
+        from footfall.policies.controllers.trot import Trot
 
         return Trot(robot)
-    from footfall.policies.mpc.controller import Mpc
+    from footfall.policies.controllers.mpc.controller import Mpc
 
     return Mpc(robot)

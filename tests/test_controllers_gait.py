@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from footfall.policies.command import CommandShaping, ShapedCommand
-from footfall.policies.gait import (
+from footfall.policies.controllers.command import CommandShaping, ShapedCommand
+from footfall.policies.controllers.gait import (
     GaitTiming,
     StepClock,
     contact_trust,

@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from footfall.policies.mpc.config import Contact, FootholdConfig, Horizon, Weights
-from footfall.policies.mpc.footholds import contact_points, footholds
-from footfall.policies.mpc.problem import GRAVITY, BodyState, ForceProblem, ForceProblems
-from footfall.policies.mpc.solver import BoundedSolver
+from footfall.policies.controllers.mpc.config import Contact, FootholdConfig, Horizon, Weights
+from footfall.policies.controllers.mpc.footholds import contact_points, footholds
+from footfall.policies.controllers.mpc.problem import GRAVITY, BodyState, ForceProblem, ForceProblems
+from footfall.policies.controllers.mpc.solver import BoundedSolver
 from footfall.robots.description import load_robot
 from footfall.robots.rigid_body import nominal_body
 

@@ -9,10 +9,10 @@ from direct_plant import DirectPlant, Walk, walk
 
 from footfall.common.errors import UserError
 from footfall.deploy.estimator import BaseEstimator
-from footfall.policies.mpc import Mpc
+from footfall.policies.controllers.mpc import Mpc
+from footfall.policies.controllers.stand import Stand
+from footfall.policies.controllers.trot import Trot
 from footfall.policies.policy import Policy
-from footfall.policies.stand import Stand
-from footfall.policies.trot import Trot
 from footfall.robots.description import load_robot
 
 ROBOT = load_robot("go1")

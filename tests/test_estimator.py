@@ -7,8 +7,8 @@ import pytest
 from direct_plant import DirectPlant, walk
 
 from footfall.deploy.estimator import BaseEstimator
+from footfall.policies.controllers.trot import Trot
 from footfall.policies.policy import Sensed
-from footfall.policies.trot import Trot
 from footfall.robots.description import load_robot
 
 ROBOT = load_robot("go1")

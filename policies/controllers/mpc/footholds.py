@@ -3,7 +3,7 @@
 import numpy as np
 
 from footfall.policies.attitude import cross
-from footfall.policies.mpc.config import FootholdConfig
+from footfall.policies.controllers.mpc.config import FootholdConfig
 
 GRAVITY = 9.81
 

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from footfall.policies.command import CommandShaping
-from footfall.policies.gait import GaitTiming
+from footfall.policies.controllers.command import CommandShaping
+from footfall.policies.controllers.gait import GaitTiming
 
 Triple = tuple[float, float, float]
 
@@ -41,7 +41,7 @@ class StanceConfig:
     """Where the base is held, and the legs that hold it."""
 
     height_m: float  # base above the ground
-    width_m: float  # between left and right feet
+    outward_m: float  # of each foot, from its place in the default pose away from the middle
     shift_m: float  # of all feet, forward
     kd: float  # N m s/rad, about the joint velocities of the commanded motion
     position_leash_m: float  # farthest that the position reference runs ahead of the body
@@ -60,7 +60,7 @@ class SwingConfig:
 
 @dataclass(frozen=True)
 class FootholdConfig:
-    """Where feet land (see `policies/mpc/footholds.py`)."""
+    """Where feet land (see `policies/controllers/mpc/footholds.py`)."""
 
     capture_gain_s: float
     most_step_m: float

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from footfall.policies.attitude import cross
-from footfall.policies.command import CommandShaping, ShapedCommand
-from footfall.policies.gait import GaitTiming, StepClock, contact_trust, cycloid, hump
+from footfall.policies.controllers.command import CommandShaping, ShapedCommand
+from footfall.policies.controllers.gait import GaitTiming, StepClock, contact_trust, cycloid, hump
+from footfall.policies.controllers.settings import controller_settings
+from footfall.policies.controllers.stance import level_feet, nominal_feet, tilt_correction
 from footfall.policies.policy import Observation
-from footfall.policies.settings import controller_settings
-from footfall.policies.stand import level_feet, tilt_correction
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 from footfall.robots.kinematics import LegPose, Legs
@@ -23,7 +23,7 @@ class TrotConfig:
     gait: GaitTiming
     command: CommandShaping
     height_m: float  # base above the ground
-    stance_width_m: float  # between left and right feet
+    stance_outward_m: float  # of each foot, from its place in the default pose away from the middle
     stance_shift_m: float  # of all feet, forward
     swing_height_m: float
     kp: float  # N m/rad
@@ -54,7 +54,7 @@ class Trot:
         self._place = nominal_feet(
             self._legs,
             self._config.height_m,
-            self._config.stance_width_m,
+            self._config.stance_outward_m,
             self._config.stance_shift_m,
         )
         self._start = robot.default_pose
@@ -122,12 +122,3 @@ class Trot:
         stands = self._clock.stance()
         force = stands * (self._config.weight_n / max(1, int(stands.sum())))
         return -pose.jacobian[:, 2, :] * force[:, None]
-
-
-def nominal_feet(legs: Legs, height_m: float, width_m: float, shift_m: float) -> np.ndarray:
-    """Feet (legs, 3) of a level stance in the base frame: the default pose's, at another height and width."""
-    feet = legs.default_foot.copy()
-    feet[:, 0] += shift_m
-    feet[:, 1] = np.sign(feet[:, 1]) * width_m / 2
-    feet[:, 2] = legs.foot_radius - height_m
-    return feet

@@ -12,17 +12,17 @@ from typing import NamedTuple
 import numpy as np
 
 from footfall.policies.attitude import cross, heading_matrix, roll_pitch_yaw, rotation_matrix, wrap_angle
-from footfall.policies.command import ShapedCommand
-from footfall.policies.gait import StepClock, contact_trust
-from footfall.policies.mpc.config import MpcConfig
-from footfall.policies.mpc.footholds import contact_points, footholds
-from footfall.policies.mpc.legs import LegControl
-from footfall.policies.mpc.problem import BodyState, ForceProblems
-from footfall.policies.mpc.solver import BoundedSolver
-from footfall.policies.mpc.swing import SwingTarget, swing_target
+from footfall.policies.controllers.command import ShapedCommand
+from footfall.policies.controllers.gait import StepClock, contact_trust
+from footfall.policies.controllers.mpc.config import MpcConfig
+from footfall.policies.controllers.mpc.footholds import contact_points, footholds
+from footfall.policies.controllers.mpc.legs import LegControl
+from footfall.policies.controllers.mpc.problem import BodyState, ForceProblems
+from footfall.policies.controllers.mpc.solver import BoundedSolver
+from footfall.policies.controllers.mpc.swing import SwingTarget, swing_target
+from footfall.policies.controllers.settings import controller_settings
+from footfall.policies.controllers.stance import nominal_feet
 from footfall.policies.policy import Observation
-from footfall.policies.settings import controller_settings
-from footfall.policies.trot import nominal_feet
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 from footfall.robots.kinematics import LegPose, Legs
@@ -64,7 +64,7 @@ class Mpc:
         self._clock = StepClock(config.gait, offsets)
         self._command = ShapedCommand(config.command)
         stance = config.stance
-        self._places = nominal_feet(self._legs, stance.height_m, stance.width_m, stance.shift_m)
+        self._places = nominal_feet(self._legs, stance.height_m, stance.outward_m, stance.shift_m)
         self._leg_control = LegControl(robot, self._legs, self._body, config)
         self._radius = float(self._legs.foot_radius.mean())
         self._solve_every = max(1, round(config.rate_hz / config.horizon.solve_hz))

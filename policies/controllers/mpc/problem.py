@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footfall.policies.mpc.config import Contact, Horizon, Weights
+from footfall.policies.controllers.mpc.config import Contact, Horizon, Weights
 from footfall.robots.rigid_body import RigidBody
 
 GRAVITY = 9.81

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footfall.policies.gait import cycloid, hump
-from footfall.policies.mpc.config import SwingConfig
+from footfall.policies.controllers.gait import cycloid, hump
+from footfall.policies.controllers.mpc.config import SwingConfig
 
 
 class SwingTarget(NamedTuple):

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from footfall.policies.attitude import rotation_matrix
+from footfall.policies.controllers.settings import controller_settings
+from footfall.policies.controllers.stance import level_feet, tilt_correction
 from footfall.policies.policy import Observation
-from footfall.policies.settings import controller_settings
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 from footfall.robots.kinematics import Legs
@@ -55,24 +55,3 @@ class Stand:
 
     def stance(self) -> np.ndarray | None:
         return np.ones(self._legs.count)
-
-
-def tilt_correction(observation: Observation, gain: float, rate_gain_s: float, most_rad: float) -> np.ndarray:
-    """Roll and pitch (2,) in rad by which the feet should turn with the base, so that it turns back.
-
-    The measured tilt is the deviation of gravity from straight down in the body frame, its rate the gyro's.
-    """
-    up = rotation_matrix(observation.sensed.quaternion)[2]
-    tilt = np.array([up[1], -up[0]])
-    correction = gain * tilt + rate_gain_s * observation.sensed.gyro[:2]
-    return np.minimum(np.maximum(correction, -most_rad), most_rad)
-
-
-def level_feet(feet: np.ndarray, tilt: np.ndarray) -> np.ndarray:
-    """Feet (legs, 3) in the base frame, moved along z as on a plane turned by `tilt` (roll, pitch).
-
-    On the side that has sunk the legs push down, so the base turns back to level.
-    """
-    moved = feet.copy()
-    moved[:, 2] += tilt[0] * feet[:, 1] - tilt[1] * feet[:, 0]
-    return moved

@@ -3,8 +3,8 @@
 import numpy as np
 
 from footfall.policies.attitude import cross
-from footfall.policies.mpc.config import MpcConfig
-from footfall.policies.mpc.swing import SwingTarget
+from footfall.policies.controllers.mpc.config import MpcConfig
+from footfall.policies.controllers.mpc.swing import SwingTarget
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 from footfall.robots.kinematics import LegPose, Legs

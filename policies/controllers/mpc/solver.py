@@ -4,7 +4,7 @@ import daqp
 import numpy as np
 import piqp
 
-from footfall.policies.mpc.problem import ForceProblem
+from footfall.policies.controllers.mpc.problem import ForceProblem
 
 _SOFT_INFINITY = 1e30
 

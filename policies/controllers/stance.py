@@ -1,0 +1,44 @@
+"""Where feet stand under the base, and how they turn a tilted base back to level."""
+
+import numpy as np
+
+from footfall.policies.attitude import rotation_matrix
+from footfall.policies.policy import Observation
+from footfall.robots.kinematics import Legs
+
+
+def nominal_feet(legs: Legs, height_m: float, outward_m: float, shift_m: float) -> np.ndarray:
+    """Feet (legs, 3) of a level stance in the base frame, m.
+
+    Args:
+        legs: their feet in the default pose are where the stance begins from.
+        height_m: base above the ground.
+        outward_m: how much farther from the robot's middle plane each foot stands; one in that plane stays.
+        shift_m: of all feet, forward.
+    """
+    feet = legs.default_foot.copy()
+    feet[:, 0] += shift_m
+    feet[:, 1] += np.sign(feet[:, 1].round(6)) * outward_m
+    feet[:, 2] = legs.foot_radius - height_m
+    return feet
+
+
+def tilt_correction(observation: Observation, gain: float, rate_gain_s: float, most_rad: float) -> np.ndarray:
+    """Roll and pitch (2,) in rad by which the feet should turn with the base, so that it turns back.
+
+    The measured tilt is the deviation of gravity from straight down in the body frame, its rate the gyro's.
+    """
+    up = rotation_matrix(observation.sensed.quaternion)[2]
+    tilt = np.array([up[1], -up[0]])
+    correction = gain * tilt + rate_gain_s * observation.sensed.gyro[:2]
+    return np.minimum(np.maximum(correction, -most_rad), most_rad)
+
+
+def level_feet(feet: np.ndarray, tilt: np.ndarray) -> np.ndarray:
+    """Feet (legs, 3) in the base frame, moved along z as on a plane turned by `tilt` (roll, pitch).
+
+    On the side that has sunk the legs push down, so the base turns back to level.
+    """
+    moved = feet.copy()
+    moved[:, 2] += tilt[0] * feet[:, 1] - tilt[1] * feet[:, 0]
+    return moved
