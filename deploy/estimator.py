@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from footfall.policies.attitude import rotation_matrix, skew
+from footfall.common.rotations import normalised, rotation_matrix, skew
 from footfall.policies.policy import Sensed
 from footfall.robots.description import Robot
 from footfall.robots.kinematics import Legs
@@ -67,7 +67,7 @@ class BaseEstimator:
         legs = self._legs
         self._momentum = (self._leg_inertia @ legs.gather(sensed.joint_velocity)[:, :, None])[:, :, 0]
         self._outside_torque = -legs.gather(sensed.joint_torque)
-        rotation = rotation_matrix(sensed.quaternion)
+        rotation = rotation_matrix(normalised(sensed.quaternion))
         feet = (legs.pose(sensed.joint_position).foot - self._imu) @ rotation.T
         self._state = np.vstack([np.zeros(3), feet])  # (1 + legs, 3): v, then r of each foot, world axes
         self._covariance = np.diag([0.01] + [0.01**2] * legs.count)
@@ -87,7 +87,7 @@ class BaseEstimator:
             the mean standing foot, m.
         """
         legs = self._legs
-        rotation = rotation_matrix(sensed.quaternion)
+        rotation = rotation_matrix(normalised(sensed.quaternion))
         pose = legs.pose(sensed.joint_position)
         rolling = legs.rolling_offset(pose.axes, rotation[2])
         contact_jacobian = pose.jacobian + rolling

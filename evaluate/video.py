@@ -15,6 +15,7 @@ import numpy as np
 from matplotlib import image as matplotlib_image
 
 from footfall.common import colours
+from footfall.common.rotations import heading, heading_matrix
 from footfall.evaluate import scene
 from footfall.evaluate.pool import Outcome, run_all
 from footfall.plant.episode import Push
@@ -123,9 +124,7 @@ def _draw_arrows(canvas: mujoco.MjvScene, task: FilmTask, index: int, height_m: 
     """The commanded and the true horizontal velocity above the robot, and a push at its side."""
     trace = task.trace
     base = trace.base_position[index]
-    w, x, y, z = trace.base_quaternion[index]
-    yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+    turn = heading_matrix(heading(trace.base_quaternion[index]))[:2, :2]
     above = base + np.array([0.0, 0.0, 0.7 * height_m])
     arrows = [
         (trace.command[index, :2], colours.COMMAND, 0.0),

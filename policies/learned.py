@@ -6,6 +6,7 @@ import numpy as np
 import onnxruntime
 
 from footfall.common.errors import UserError
+from footfall.common.rotations import projected_gravity
 from footfall.policies.action import joint_target
 from footfall.policies.contract import CONTRACT_KEY, TRAINER_KEY, Contract
 from footfall.policies.observation import (
@@ -120,6 +121,5 @@ class LearnedPolicy:
 
 def _readings(observation_: Observation) -> Readings:
     sensed = observation_.sensed
-    w, x, y, z = sensed.quaternion
-    gravity = np.array([2 * (w * y - x * z), -2 * (y * z + w * x), 2 * (x * x + y * y) - 1])
+    gravity = projected_gravity(sensed.quaternion)
     return Readings(sensed.gyro, gravity, sensed.joint_position, sensed.joint_velocity)

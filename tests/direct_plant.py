@@ -5,7 +5,7 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
-from footfall.policies.attitude import rotation_matrix
+from footfall.common.rotations import normalised, rotation_matrix
 from footfall.policies.policy import Observation, Policy, Sensed
 from footfall.robots.actuator import JointCommand, joint_torque
 from footfall.robots.description import Robot
@@ -49,7 +49,7 @@ class DirectPlant:
         return Sensed(
             gyro=self.data.qvel[3:6] + 0.02 * noise(3),
             acceleration=self.data.sensor(IMU).data + 0.1 * noise(3),
-            quaternion=self.data.qpos[3:7] + 0.002 * noise(4),
+            quaternion=normalised(self.data.qpos[3:7] + 0.002 * noise(4)),
             joint_position=self.data.qpos[self._q] + 0.0005 * noise(n),
             joint_velocity=self.data.qvel[self._v] + 0.05 * noise(n),
             joint_torque=self._torque + 0.05 * noise(n),

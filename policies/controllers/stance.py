@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from footfall.policies.attitude import rotation_matrix
+from footfall.common.rotations import rotation_matrix
 from footfall.policies.policy import Observation
 from footfall.robots.kinematics import Legs
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from footfall.policies.attitude import cross
+from footfall.common.rotations import cross
 from footfall.policies.controllers.command import CommandShaping, ShapedCommand
 from footfall.policies.controllers.gait import GaitTiming, StepClock, contact_trust, cycloid, hump
 from footfall.policies.controllers.settings import controller_settings

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footfall.policies.attitude import cross, heading_matrix, roll_pitch_yaw, rotation_matrix, wrap_angle
+from footfall.common.rotations import cross, heading_matrix, roll_pitch_yaw, rotation_matrix, wrap_angle
 from footfall.policies.controllers.command import ShapedCommand
 from footfall.policies.controllers.gait import StepClock, contact_trust
 from footfall.policies.controllers.mpc.config import MpcConfig

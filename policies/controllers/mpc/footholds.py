@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from footfall.policies.attitude import cross
+from footfall.common.rotations import cross
 from footfall.policies.controllers.mpc.config import FootholdConfig
 
 GRAVITY = 9.81

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from footfall.policies.attitude import cross
+from footfall.common.rotations import cross
 from footfall.policies.controllers.mpc.config import MpcConfig
 from footfall.policies.controllers.mpc.swing import SwingTarget
 from footfall.robots.actuator import JointCommand

@@ -1,0 +1,108 @@
+"""Rotations against MuJoCo's, for NumPy and JAX, alone and in batches."""
+
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+import pytest
+
+from footfall.common import rotations
+
+RNG = np.random.default_rng(0)
+QUATERNIONS = RNG.normal(size=(6, 4))
+QUATERNIONS /= np.linalg.norm(QUATERNIONS, axis=1, keepdims=True)
+VECTORS = RNG.normal(size=(6, 3))
+YAW_90 = np.array([np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)])
+ROLL_90 = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0])
+PITCH_30 = np.array([np.cos(np.pi / 12), 0.0, np.sin(np.pi / 12), 0.0])
+
+
+def matrix(quaternion: np.ndarray) -> np.ndarray:
+    out = np.empty(9)
+    mujoco.mju_quat2Mat(out, quaternion)
+    return out.reshape(3, 3)
+
+
+def to_body(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    return matrix(quaternion).T @ vector
+
+
+def gravity(quaternion: np.ndarray) -> np.ndarray:
+    return to_body(quaternion, np.array([0.0, 0.0, -1.0]))
+
+
+def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    out = np.empty(4)
+    mujoco.mju_mulQuat(out, a, b)
+    return out
+
+
+@pytest.mark.parametrize(
+    ("ours", "mujocos", "arguments"),
+    [
+        (rotations.rotation_matrix, matrix, (QUATERNIONS,)),
+        (rotations.rotate_to_body, to_body, (QUATERNIONS, VECTORS)),
+        (rotations.projected_gravity, gravity, (QUATERNIONS,)),
+        (rotations.multiply, product, (QUATERNIONS, QUATERNIONS[::-1])),
+    ],
+)
+class TestAgainstMujoco:
+    def test_one_in_numpy(self, ours, mujocos, arguments) -> None:
+        for each in zip(*arguments, strict=True):
+            np.testing.assert_allclose(ours(*each), mujocos(*each), atol=1e-12)
+
+    def test_a_batch_in_numpy_and_in_jax(self, ours, mujocos, arguments) -> None:
+        expected = [mujocos(*each) for each in zip(*arguments, strict=True)]
+        np.testing.assert_allclose(ours(*arguments), expected, atol=1e-12)
+        np.testing.assert_allclose(ours(*map(jnp.asarray, arguments)), expected, atol=1e-6)
+
+    def test_the_type_of_the_numbers_stays(self, ours, mujocos, arguments) -> None:
+        single = [each[0].astype(np.float32) for each in arguments]
+        assert ours(*single).dtype == np.float32
+
+
+def test_a_robot_that_looks_left_and_moves_left_moves_forward() -> None:
+    np.testing.assert_allclose(
+        rotations.rotate_to_body(YAW_90, np.array([0.0, 2.0, 0.0])), [2, 0, 0], atol=1e-12
+    )
+
+
+def test_gravity_of_a_robot_on_its_right_side_points_to_its_right() -> None:
+    np.testing.assert_allclose(rotations.projected_gravity(ROLL_90), [0.0, -1.0, 0.0], atol=1e-12)
+
+
+def test_heading_and_tilt_are_apart() -> None:
+    turned_and_pitched = rotations.multiply(YAW_90, PITCH_30)
+    assert rotations.heading(turned_and_pitched) == pytest.approx(np.pi / 2)
+    assert rotations.tilt(turned_and_pitched) == pytest.approx(np.pi / 6)
+    assert rotations.tilt(ROLL_90) == pytest.approx(np.pi / 2)
+    assert rotations.tilt(np.array([1.0, 1e-9, 0.0, 0.0])) == 0.0
+
+
+def test_roll_pitch_yaw_are_those_of_z_y_x_order() -> None:
+    angles = (0.3, -0.7, 2.1)
+    half = [np.array([np.cos(a / 2), *(np.sin(a / 2) * np.eye(3)[k])]) for k, a in enumerate(angles)]
+    quaternion = product(half[2], product(half[1], half[0]))
+    assert rotations.roll_pitch_yaw(rotations.rotation_matrix(quaternion)) == pytest.approx(angles)
+
+
+def test_heading_matrix_turns_forward_to_the_left() -> None:
+    np.testing.assert_allclose(rotations.heading_matrix(np.pi / 2) @ [1, 0, 0], [0, 1, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize(("angle", "wrapped"), [(3.2, 3.2 - 2 * np.pi), (-3.2, 2 * np.pi - 3.2), (0.5, 0.5)])
+def test_angles_are_wrapped_to_half_a_turn(angle: float, wrapped: float) -> None:
+    assert rotations.wrap_angle(angle) == pytest.approx(wrapped)
+
+
+def test_cross_products_are_numpys() -> None:
+    np.testing.assert_allclose(
+        rotations.cross(VECTORS[0], VECTORS), np.cross(VECTORS[0], VECTORS), atol=1e-12
+    )
+    np.testing.assert_allclose(rotations.skew(VECTORS[0]) @ VECTORS[1], np.cross(VECTORS[0], VECTORS[1]))
+
+
+def test_normalised_vectors_keep_their_direction() -> None:
+    np.testing.assert_allclose(
+        rotations.normalised(np.array([[0.0, 3.0, 4.0], [0.0, -2.0, 0.0]])),
+        [[0.0, 0.6, 0.8], [0.0, -1.0, 0.0]],
+    )
