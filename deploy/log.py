@@ -179,7 +179,7 @@ class McapLog:
 
 
 def _metadata(robot: Robot, policy: Policy, facts: dict[str, Any]) -> dict[str, str]:
-    contract = getattr(policy, "contract", None)
+    contract = policy.contract
     content: dict[str, Any] = {
         "policy": policy.name,
         "policy_rate_hz": policy.rate_hz,

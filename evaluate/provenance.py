@@ -15,7 +15,7 @@ def machine() -> str:
 
 def kind(policy: Policy) -> str:
     """How a policy came about, one sentence: its trainer where the file names it, its motion prior if any."""
-    contract = getattr(policy, "contract", None)
+    contract = policy.contract
     if contract is None:
         return f"hand-written controller, {policy.rate_hz:g} Hz" + _estimating(policy)
     trainer = getattr(policy, "trainer", None)

@@ -24,7 +24,6 @@ from footfall.plant.energy import Power
 from footfall.plant.robot import Difference, SimulatedRobot
 from footfall.plant.trace import Recorder, Trace, unknown_truth
 from footfall.plant.wires import SimulatedWires
-from footfall.policies.contract import Contract
 from footfall.policies.policy import Policy
 from footfall.robots.description import Robot
 
@@ -186,8 +185,7 @@ class _Run:
 
 
 def _check_contract(policy: Policy, robot: Robot) -> None:
-    contract: Contract | None = getattr(policy, "contract", None)
-    differences = [] if contract is None else contract.mismatches(robot)
+    differences = [] if policy.contract is None else policy.contract.mismatches(robot)
     if differences:
         raise UserError(f"policy '{policy.name}' does not fit robot '{robot.name}': {'; '.join(differences)}")
 

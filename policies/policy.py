@@ -1,9 +1,10 @@
-"""The interface that every mind shares: hand-written controllers and learned policies alike."""
+"""The interface of everything that decides: hand-written controllers and learned policies alike."""
 
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
+from footfall.policies.contract import Contract
 from footfall.robots.actuator import JointCommand
 
 
@@ -30,14 +31,15 @@ class Observation(NamedTuple):
 
 @runtime_checkable
 class Policy(Protocol):
-    """Decides what the joints do. The loop calls `act` every 1/rate_hz seconds.
-
-    `joint_layer_rate` policies (rate_hz equal to the joint rate) are called at each joint tick.
-    """
+    """Decides what the joints do. The loop calls `act` every 1/rate_hz s, at most at each joint tick."""
 
     name: str
     rate_hz: float
     needs_estimate: bool  # whether it reads base_velocity and base_height
+
+    @property
+    def contract(self) -> Contract | None:
+        """What a learned policy was trained with and a robot must fit; None of a hand-written controller."""
 
     def reset(self, observation: Observation) -> None:
         """Begin an episode from standing."""

@@ -7,6 +7,7 @@ import numpy as np
 
 from footfall.deploy.config import DeployConfig
 from footfall.plant.episode import Episode
+from footfall.policies.contract import Contract
 from footfall.policies.policy import Observation
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
@@ -18,6 +19,7 @@ class Hold:
     name = "hold"
     rate_hz = 50.0
     needs_estimate = False
+    contract: Contract | None = None
 
     def __init__(self, robot: Robot) -> None:
         self._pose, self._gains = robot.default_pose, (4 * robot.kp, 2 * robot.kd)

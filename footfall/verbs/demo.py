@@ -33,7 +33,7 @@ class DemoOptions:
 
 def demo(*, options: DemoOptions = DemoOptions()) -> None:
     """Train for a few minutes, run the policy over CAN, hold it against the others: ends with a report."""
-    from footfall.policies.registry import zoo_names
+    from footfall.policies.registry import walking_controllers, zoo_names
     from footfall.robots.description import load_robot
 
     robot = load_robot(options.robot)
@@ -41,7 +41,7 @@ def demo(*, options: DemoOptions = DemoOptions()) -> None:
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise UserError(f"{folder} exists and is not empty: give another --out")
     run, report = folder / "trained", folder / "report.html"
-    shipped = [name for name in zoo_names() if name.startswith(f"{robot.name}-")]
+    others = [*zoo_names(robot), *walking_controllers(robot)]
     shared = ["--robot", options.robot, "--seed", str(options.seed)]
     _step("train", *shared, "--no-evaluate", "--preset", options.preset, "--out", str(run))
     _step("export", str(run), "--out", str(folder / "policy.onnx"))
@@ -51,7 +51,7 @@ def demo(*, options: DemoOptions = DemoOptions()) -> None:
         tolerated=(FELL,),
     )
     _step(
-        *("compare", str(run), *shipped, "trot", "mpc", *shared),
+        *("compare", str(run), *others, *shared),
         *("--scenarios", ",".join(options.scenarios), "--episodes", str(options.episodes)),
         *("--json", str(folder / "compare.json"), "--html", str(report)),
     )

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from footfall.common.config import require_not_negative, require_positive
+
 
 @dataclass(frozen=True)
 class CommandShaping:
@@ -12,6 +14,10 @@ class CommandShaping:
     acceleration_m_s2: float
     yaw_acceleration_rad_s2: float
     standing_command: float  # commands of a smaller norm mean: stand still
+
+    def __post_init__(self) -> None:
+        require_positive(self, "acceleration_m_s2", "yaw_acceleration_rad_s2")
+        require_not_negative(self, "standing_command")
 
 
 class ShapedCommand:

@@ -5,6 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from footfall.common.config import require_positive
+
 
 @dataclass(frozen=True)
 class GaitTiming:
@@ -12,6 +14,11 @@ class GaitTiming:
 
     period_s: float
     duty: float
+
+    def __post_init__(self) -> None:
+        require_positive(self, "period_s")
+        if not 0.0 < self.duty < 1.0:
+            raise ValueError(f"duty must be above 0 and below 1, not {self.duty}")
 
     @property
     def stance_s(self) -> float:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from footfall.common.config import require_not_negative, require_positive
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.stance import level_feet, tilt_correction
 from footfall.policies.policy import Observation
@@ -24,12 +25,17 @@ class StandConfig:
     most_tilt_rad: float  # largest correction
     settle_s: float  # time to move from the pose found at reset to the default pose
 
+    def __post_init__(self) -> None:
+        require_positive(self, "rate_hz", "kp", "settle_s")
+        require_not_negative(self, "kd", "tilt_gain", "tilt_rate_gain_s", "most_tilt_rad")
+
 
 class Stand:
     """Holds the default pose and shortens or lengthens legs against a tilt of the base."""
 
     name = "stand"
     needs_estimate = False
+    contract = None
 
     def __init__(self, robot: Robot, config: StandConfig | None = None) -> None:
         self._config = config or controller_settings(robot, self.name, StandConfig)

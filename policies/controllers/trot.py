@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from footfall.common.config import require_not_negative, require_positive
 from footfall.common.rotations import cross
 from footfall.policies.controllers.command import CommandShaping, ShapedCommand
 from footfall.policies.controllers.gait import GaitTiming, StepClock, contact_trust, cycloid, hump
@@ -36,12 +37,18 @@ class TrotConfig:
     most_step_m: float  # farthest that a foot lands from its place under the hip
     settle_s: float  # time to move from the pose found at reset to the stance
 
+    def __post_init__(self) -> None:
+        require_positive(self, "rate_hz", "height_m", "kp", "tilt_filter_s", "settle_s")
+        require_not_negative(self, "kd", "tilt_gain", "tilt_rate_gain_s", "most_tilt_rad")
+        require_not_negative(self, "swing_height_m", "weight_n", "most_step_m")
+
 
 class Trot:
     """Position control of all joints: feet sweep back in stance at the commanded velocity."""
 
     name = "trot"
     needs_estimate = False
+    contract = None
 
     def __init__(self, robot: Robot, config: TrotConfig | None = None) -> None:
         self._config = config or controller_settings(robot, self.name, TrotConfig)

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from footfall.common.config import require_not_negative, require_positive
 from footfall.policies.controllers.command import CommandShaping
 from footfall.policies.controllers.gait import GaitTiming
 
@@ -16,6 +17,9 @@ class Horizon:
     step_s: float
     solve_hz: float
 
+    def __post_init__(self) -> None:
+        require_positive(self, "steps", "step_s", "solve_hz")
+
 
 @dataclass(frozen=True)
 class Weights:
@@ -25,7 +29,11 @@ class Weights:
     position: Triple  # per m^2
     angular_rate: Triple  # per (rad/s)^2
     velocity: Triple  # per (m/s)^2
-    force: float  # per N^2, about an even share of the weight
+    force: float  # per N^2, about an even share of the weight; above 0, so that there is one best plan
+
+    def __post_init__(self) -> None:
+        require_positive(self, "force")
+        require_not_negative(self, "attitude", "position", "angular_rate", "velocity")
 
 
 @dataclass(frozen=True)
@@ -34,6 +42,9 @@ class Contact:
 
     friction: float  # coefficient that the controller counts on
     most_force_n: float  # upward
+
+    def __post_init__(self) -> None:
+        require_positive(self, "friction", "most_force_n")
 
 
 @dataclass(frozen=True)
@@ -44,8 +55,12 @@ class StanceConfig:
     outward_m: float  # of each foot, from its place in the default pose away from the middle
     shift_m: float  # of all feet, forward
     kd: float  # N m s/rad, about the joint velocities of the commanded motion
-    position_leash_m: float  # farthest that the position reference runs ahead of the body
-    yaw_leash_rad: float
+    most_position_lead_m: float  # farthest that the position reference runs ahead of the body
+    most_yaw_lead_rad: float
+
+    def __post_init__(self) -> None:
+        require_positive(self, "height_m")
+        require_not_negative(self, "kd", "most_position_lead_m", "most_yaw_lead_rad")
 
 
 @dataclass(frozen=True)
@@ -57,6 +72,9 @@ class SwingConfig:
     kp: float  # N m/rad, of the joints' impedance around the trajectory
     kd: float  # N m s/rad
 
+    def __post_init__(self) -> None:
+        require_not_negative(self, "height_m", "depth_m", "kp", "kd")
+
 
 @dataclass(frozen=True)
 class FootholdConfig:
@@ -64,6 +82,9 @@ class FootholdConfig:
 
     capture_gain_s: float
     most_step_m: float
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "capture_gain_s", "most_step_m")
 
 
 @dataclass(frozen=True)
@@ -74,6 +95,9 @@ class Restart:
     stop_speed_m_s: float  # below which it stands again
     start_tilt_rad: float
     calm_s: float  # how long it must have been calm
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "start_speed_m_s", "stop_speed_m_s", "start_tilt_rad", "calm_s")
 
 
 @dataclass(frozen=True)
@@ -92,3 +116,7 @@ class MpcConfig:
     restart: Restart
     friction_compensation: float  # share of the gearbox friction that is fed forward
     settle_s: float  # time to move from the height found at reset to the stance, before any step
+
+    def __post_init__(self) -> None:
+        require_positive(self, "rate_hz", "settle_s")
+        require_not_negative(self, "friction_compensation")

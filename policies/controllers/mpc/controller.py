@@ -51,6 +51,7 @@ class Mpc:
 
     name = "mpc"
     needs_estimate = True
+    contract = None
 
     def __init__(self, robot: Robot, config: MpcConfig | None = None) -> None:
         self._config = config = config or controller_settings(robot, self.name, MpcConfig)
@@ -157,19 +158,19 @@ class Mpc:
         return self._unsettled_s > 0.0
 
     def _lead(self, base: Base, dt_s: float) -> None:
-        """Move the reference pose on at the commanded velocity, on a leash from the body."""
+        """Move the reference pose on at the commanded velocity, within a bounded lead over the body."""
         stance = self._config.stance
         forward, leftward, yaw_rate = self._command.value
         self._wanted_velocity = heading_matrix(base.yaw) @ np.array([forward, leftward, 0.0])
         wanted = self._wanted_position + self._wanted_velocity[:2] * dt_s
         ahead = wanted - base.position[:2]
         distance = math.hypot(ahead[0], ahead[1])
-        if distance > stance.position_leash_m:
-            ahead *= stance.position_leash_m / distance
+        if distance > stance.most_position_lead_m:
+            ahead *= stance.most_position_lead_m / distance
         self._wanted_position = base.position[:2] + ahead
         turned = wrap_angle(self._wanted_yaw + yaw_rate * dt_s - base.yaw)
-        leash = stance.yaw_leash_rad
-        self._wanted_yaw = base.yaw + min(leash, max(-leash, turned))
+        lead = stance.most_yaw_lead_rad
+        self._wanted_yaw = base.yaw + min(lead, max(-lead, turned))
         climb = stance.height_m - self._wanted_height
         self._wanted_height += min(1.0, dt_s / self._config.settle_s) * climb
 

@@ -1,0 +1,141 @@
+"""From a name to a policy, and what a robot has."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+from shell import Shell
+
+from footfall.common.errors import UserError
+from footfall.policies.policy import Policy
+from footfall.policies.registry import (
+    CONTROLLERS,
+    controllers_of,
+    load_policy,
+    walking_controllers,
+    zoo_names,
+)
+from footfall.robots.description import Robot, load_robot
+from footfall.verbs import demo as demo_module
+
+
+def refusal(spec: str, robot: Robot) -> str:
+    with pytest.raises(UserError) as caught:
+        load_policy(spec, robot)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+class TestControllers:
+    @pytest.mark.parametrize("name", CONTROLLERS)
+    def test_each_name_leads_to_its_controller(self, go1: Robot, name: str) -> None:
+        policy = load_policy(name, go1)
+        assert isinstance(policy, Policy)
+        assert policy.name == name
+        assert policy.contract is None
+
+    def test_knowing_their_names_imports_none_of_them(self) -> None:
+        code = (
+            "import sys, footfall.policies.registry; print([m for m in sys.modules if m.startswith"
+            "(('daqp', 'piqp', 'onnxruntime', 'footfall.policies.controllers.mpc'))])"
+        )
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+        assert done.stdout.strip() == "[]"
+
+    def test_a_robot_has_those_that_it_has_settings_for(self, own_folder: Path) -> None:
+        settings = own_folder / "controllers.yaml"
+        sections = yaml.safe_load(settings.read_text())
+        del sections["mpc"]
+        settings.write_text(yaml.safe_dump(sections))
+        robot = load_robot(own_folder)
+        assert controllers_of(robot) == ["stand", "trot"]
+        assert walking_controllers(robot) == ["trot"]
+        assert "no settings for 'mpc'" in refusal("mpc", robot)
+        assert "give one of stand, trot, go1-flat," in refusal("dance", robot)
+
+    def test_a_robot_without_settings_has_none(self, own_folder: Path) -> None:
+        (own_folder / "controllers.yaml").unlink()
+        assert controllers_of(load_robot(own_folder)) == []
+
+    def test_settings_of_no_controller_are_refused_by_name(self, own_folder: Path) -> None:
+        (own_folder / "controllers.yaml").write_text("tort: {kp: 1.0}")
+        with pytest.raises(UserError, match=r"no controller 'tort': there are stand, trot, mpc"):
+            controllers_of(load_robot(own_folder))
+
+    def test_the_demo_compares_with_what_the_robot_has(
+        self, own_folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        (own_folder / "controllers.yaml").unlink()
+        steps: list[tuple[str, ...]] = []
+        monkeypatch.setattr(demo_module, "_step", lambda *tokens, **_: steps.append(tokens))
+        Shell(capsys)("demo", "--robot", own_folder, "--out", own_folder / "demo")
+        assert steps[-1][:4] == ("compare", str(own_folder / "demo" / "trained"), "go1-flat", "--robot")
+
+
+class TestWhatIsNoPolicy:
+    def test_nothing_named(self, go1: Robot) -> None:
+        assert refusal("", go1).startswith("no policy is named: give one of stand, trot, mpc, go1-flat,")
+
+    def test_a_plain_folder_cannot_be_exported(self, go1: Robot, tmp_path: Path) -> None:
+        assert refusal(str(tmp_path), go1) == (
+            f"no policy in {tmp_path}: it is not a run folder, which 'footfall train' makes"
+        )
+
+    def test_a_run_without_a_checkpoint_goes_on(self, go1: Robot, tmp_path: Path) -> None:
+        (tmp_path / "run.yaml").touch()
+        (tmp_path / "checkpoints").mkdir()
+        assert f"go on with 'footfall train --resume {tmp_path}'" in refusal(str(tmp_path), go1)
+
+    def test_a_run_with_a_checkpoint_can_be_exported(self, go1: Robot, tmp_path: Path) -> None:
+        (tmp_path / "run.yaml").touch()
+        (tmp_path / "checkpoints").mkdir()
+        (tmp_path / "checkpoints" / "00000010.ckpt").touch()
+        assert f"make it with 'footfall export {tmp_path}'" in refusal(str(tmp_path), go1)
+
+    def test_the_zoo_offers_a_robot_its_own(self, go1: Robot) -> None:
+        assert zoo_names(go1) == [name for name in zoo_names() if name.startswith("go1-")] != []
+
+
+BAD_SETTINGS = [
+    ("stand", "kp", -60.0, "kp must be above 0"),
+    ("stand", "kd", -2.0, "kd must be 0 or above"),
+    ("stand", "settle_s", 0.0, "settle_s must be above 0"),
+    ("stand", "rate_hz", float("nan"), "rate_hz"),
+    ("trot", "gait.period_s", 0.0, "period_s must be above 0"),
+    ("trot", "gait.duty", 1.0, "duty must be above 0 and below 1"),
+    ("trot", "gait.duty", 0.0, "duty must be above 0 and below 1"),
+    ("trot", "command.acceleration_m_s2", 0.0, "acceleration_m_s2 must be above 0"),
+    ("trot", "height_m", -0.28, "height_m must be above 0"),
+    ("trot", "tilt_filter_s", 0.0, "tilt_filter_s must be above 0"),
+    ("trot", "most_step_m", -0.1, "most_step_m must be 0 or above"),
+    ("mpc", "horizon.steps", 0, "steps must be above 0"),
+    ("mpc", "horizon.solve_hz", 0.0, "solve_hz must be above 0"),
+    ("mpc", "weights.force", 0.0, "force must be above 0"),
+    ("mpc", "weights.attitude", [1.0, -1.0, 1.0], "attitude must be 0 or above"),
+    ("mpc", "contact.friction", 0.0, "friction must be above 0"),
+    ("mpc", "stance.kd", -0.3, "kd must be 0 or above"),
+    ("mpc", "swing.kp", -40.0, "kp must be 0 or above"),
+    ("mpc", "foothold.most_step_m", -0.25, "most_step_m must be 0 or above"),
+    ("mpc", "restart.calm_s", -0.4, "calm_s must be 0 or above"),
+    ("mpc", "friction_compensation", -0.8, "friction_compensation must be 0 or above"),
+]
+
+
+@pytest.mark.parametrize(("controller", "setting", "value", "complaint"), BAD_SETTINGS)
+def test_settings_that_cannot_work_are_refused_before_anything_moves(
+    own_folder: Path, controller: str, setting: str, value: object, complaint: str
+) -> None:
+    settings = own_folder / "controllers.yaml"
+    sections = yaml.safe_load(settings.read_text())
+    *groups, field = setting.split(".")
+    target = sections[controller]
+    for group in groups:
+        target = target[group]
+    assert field in target
+    target[field] = value
+    settings.write_text(yaml.safe_dump(sections))
+    message = refusal(controller, load_robot(own_folder))
+    assert message.startswith(f"{settings}: {controller}: ")
+    assert complaint in message
