@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 from matplotlib import image
 
-from footfall.evaluate.scene import scene_model
+from footfall.evaluate.report.scene import scene_model
 from footfall.plant.episode import Episode, run_episode
 from footfall.plant.trace import Trace
 from footfall.policies.registry import load_policy

@@ -1,8 +1,7 @@
-"""What the command line calls: evaluate one policy, or hold several against each other."""
+"""What the command line calls: evaluate one policy, or compare several."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,17 +11,14 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from footfall.common.errors import UserError
 from footfall.common.outputs import check_outputs, is_device, write_json, write_text
 from footfall.common.versions import versions
-from footfall.evaluate.comparison import Comparison, Contender
-from footfall.evaluate.pool import Outcome
-from footfall.evaluate.provenance import PACKAGES, kind, machine
-from footfall.evaluate.report import render
-from footfall.evaluate.scenarios import load_scenarios
-from footfall.evaluate.suite import Setup, Showing, run_course, run_suite
+from footfall.evaluate.comparison import Comparison, PolicyResult
+from footfall.evaluate.provenance import PACKAGES, machine, origin
+from footfall.evaluate.scenarios import ScenarioFile, load_scenarios
+from footfall.evaluate.suite import Setup, run_course, run_suite
 from footfall.evaluate.table import print_results
-from footfall.evaluate.video import Film, FilmTask, render_films
 from footfall.policies.policy import Policy
 from footfall.policies.registry import load_policy
-from footfall.robots.description import load_robot
+from footfall.robots.description import Robot, load_robot
 from footfall.robots.model import read_plant
 
 DEFAULT_SCENARIOS = ("nominal", "push")
@@ -55,14 +51,18 @@ def evaluate_policy(
         console: where to print.
 
     Returns:
-        {"policy", "robot", "seed", ..., "scenarios": {name: figures}}
+        {"policy", "robot", "seed", ..., "scenarios": {name: figures}}; episodes that raised are counted in a
+        scenario's "failed_episodes" and score nothing.
 
     Raises:
         UserError: something named does not exist or does not fit, or the output cannot be written.
     """
+    console = console or Console()
     setup = Setup(robot_spec, tuple(scenarios), seed, episodes, plant, ground_truth, workers)
-    results, _ = _run([policy_spec], setup, console or Console(), [json_path], with_course=False)
-    (result,) = results.values()
+    robot, file, policies = _load(setup, [policy_spec])
+    check_outputs(json_path)
+    (result,) = _score(robot, file, policies, setup, console).values()
+    print_results({result["policy"]: result}, console)
     write_json(json_path, result)
     return result
 
@@ -80,42 +80,61 @@ def compare_policies(
     ground_truth: bool = False,
     console: Console | None = None,
 ) -> dict[str, Any]:
-    """Run several policies through the same scenarios and the course; table, JSON, HTML report.
+    """Run several policies through the same scenarios and the test course; table, JSON, HTML report.
 
-    Args as for `evaluate_policy`; `html_path` is where the report goes.
+    Args as for `evaluate_policy`; `html_path` is where the report goes, which needs the extra `report`.
 
     Returns:
         {policy: as `evaluate_policy` returns it, with "compute_ms": {"p50", "p99"} on the course, alone}
 
     Raises:
-        UserError: something named does not exist or does not fit, or an output cannot be written.
+        UserError: something named does not exist, is named twice or does not fit, a library is missing, or an
+            output cannot be written.
     """
-    if not policy_specs:
-        raise UserError("nothing to compare: name at least one policy")
-    if html_path is not None and is_device(html_path):
-        raise UserError(f"cannot write the report to {html_path}: give a file name")
     console = console or Console()
     setup = Setup(robot_spec, tuple(scenarios), seed, episodes, plant, ground_truth, workers)
-    specs = list(dict.fromkeys(policy_specs))
-    results, comparison = _run(specs, setup, console, [json_path, html_path], with_course=True)
-    write_json(json_path, results)
+    robot, file, policies = _load(setup, policy_specs)
     if html_path is not None:
-        assert comparison is not None
+        from footfall.evaluate.report.extra import check_installed
+
+        check_installed()
+        if is_device(html_path):
+            raise UserError(f"cannot write the report to {html_path}: give a file name")
+    check_outputs(json_path, html_path)
+
+    results = _score(robot, file, policies, setup, console)
+    with console.status("timing each policy alone"):
+        walks = run_course(list(policies), setup, file)
+    for spec, walk in walks.items():
+        results[spec] |= walk.compute
+    compared = [
+        PolicyResult(
+            results[spec]["policy"], spec, origin(policy), 1e3 / policy.rate_hz, results[spec], walks[spec]
+        )
+        for spec, policy in policies.items()
+    ]
+    comparison = Comparison(robot, setup, file, compared, versions(PACKAGES))
+    by_name = {policy.name: policy.result for policy in compared}
+    print_results(by_name, console)
+    write_json(json_path, by_name)
+    if html_path is not None:
+        from footfall.evaluate.report.films import films_of
+        from footfall.evaluate.report.page import render
+
         with console.status("filming the course"):
-            comparison = _filmed(comparison)
-        write_text(html_path, render(comparison))
-        console.print(f"report: {html_path}")
-    return results
+            films = films_of(comparison)
+        write_text(html_path, render(comparison, films))
+        console.print(f"report: {html_path}", markup=False, highlight=False, soft_wrap=True)
+    return by_name
 
 
-def _run(
-    specs: Sequence[str],
-    setup: Setup,
-    console: Console,
-    outputs: Sequence[Path | None],
-    with_course: bool,
-) -> tuple[dict[str, Any], Comparison | None]:
-    """Check everything that can be checked before the long run, run, print."""
+def _load(setup: Setup, specs: Sequence[str]) -> tuple[Robot, ScenarioFile, dict[str, Policy]]:
+    """Everything that is named, so that what does not exist or fit is known before the long run."""
+    if not specs:
+        raise UserError("nothing to compare: name at least one policy")
+    twice = next((spec for spec in specs if specs.count(spec) > 1), None)
+    if twice is not None:
+        raise UserError(f"policy '{twice}' is named twice: name each policy once")
     if setup.episodes is not None and setup.episodes < 1:
         raise UserError(f"episodes is {setup.episodes}: it must be 1 or more")
     robot = load_robot(setup.robot)
@@ -124,58 +143,38 @@ def _run(
     policies = {spec: load_policy(spec, robot) for spec in specs}
     if setup.plant is not None:
         read_plant(robot, setup.plant)
-    check_outputs(*outputs)
+    return robot, file, policies
 
+
+def _score(
+    robot: Robot, file: ScenarioFile, policies: Mapping[str, Policy], setup: Setup, console: Console
+) -> dict[str, dict[str, Any]]:
+    """Run all episodes; the JSON of each policy by spec."""
     with _progress(console) as done:
-        figures = run_suite(specs, setup, file, done)
-    names = contender_names(policies)
-    facts = {"robot": robot.name, "seed": setup.seed, "ground_truth": setup.ground_truth}
-    facts |= {"plant": str(setup.plant) if setup.plant else None}
-    facts |= {"versions": versions(PACKAGES), "machine": machine()}
-    results: dict[str, Any] = {
-        names[spec]: {
-            "policy": names[spec],
-            **facts,
-            "about": kind(policies[spec]),
-            "scenarios": figures[spec],
-        }
-        for spec in specs
+        figures = run_suite(list(policies), setup, file, done)
+    names = policy_names(policies)
+    shared = {
+        "robot": robot.name,
+        "seed": setup.seed,
+        "ground_truth": setup.ground_truth,
+        "plant": str(setup.plant) if setup.plant else None,
+        "versions": versions(PACKAGES),
+        "machine": machine(),
     }
-    comparison = None
-    if with_course:
-        with console.status("timing each contender alone"):
-            showings = run_course(specs, setup, file)
-        for spec in specs:
-            results[names[spec]] |= showings[spec].compute
-        contenders = [_contender(names[s], policies[s], results[names[s]], showings[s]) for s in specs]
-        comparison = Comparison(robot, setup, file, contenders, versions(PACKAGES))
-    print_results(results, console)
-    return results, comparison
+    return {
+        spec: {"policy": names[spec], **shared, "about": origin(policy), "scenarios": figures[spec]}
+        for spec, policy in policies.items()
+    }
 
 
-def contender_names(policies: Mapping[str, Policy]) -> dict[str, str]:
-    """A name for each spec: the policy's own, or what the user typed where two share one."""
+def policy_names(policies: Mapping[str, Policy]) -> dict[str, str]:
+    """A name for each spec: the policy's own, or what the user typed where two share one.
+
+    A file's name may hold bytes that are no UTF-8, which neither JSON nor a page can hold.
+    """
     own = [policy.name for policy in policies.values()]
-    return {spec: policy.name if own.count(policy.name) == 1 else spec for spec, policy in policies.items()}
-
-
-def _contender(name: str, policy: Policy, result: Mapping[str, Any], showing: Showing) -> Contender:
-    return Contender(name, kind(policy), 1e3 / policy.rate_hz, result, showing, Outcome(None, "not filmed"))
-
-
-def _filmed(comparison: Comparison) -> Comparison:
-    """The same with films of those contenders that walked the course."""
-    walked = [c for c in comparison.contenders if c.showing.trace is not None and len(c.showing.trace.time_s)]
-    tasks = [
-        FilmTask(comparison.setup.robot, comparison.setup.plant, c.showing.trace, c.showing.plan.pushes)
-        for c in walked
-        if c.showing.trace is not None
-    ]
-    films: dict[str, Outcome[Film]] = dict(
-        zip((c.name for c in walked), render_films(tasks, comparison.setup.workers), strict=True)
-    )
-    contenders = [replace(c, film=films.get(c.name, c.film)) for c in comparison.contenders]
-    return replace(comparison, contenders=contenders)
+    names = {spec: policy.name if own.count(policy.name) == 1 else spec for spec, policy in policies.items()}
+    return {spec: name.encode(errors="replace").decode() for spec, name in names.items()}
 
 
 @contextmanager

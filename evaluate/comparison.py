@@ -1,42 +1,40 @@
-"""What a comparison found: the contenders with their figures, their walk over the course and its film."""
+"""What a comparison found: the policies with their figures and their walk over the test course."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from footfall.evaluate.figures import Summary
-from footfall.evaluate.pool import Outcome
 from footfall.evaluate.scenarios import ScenarioFile
-from footfall.evaluate.suite import Setup, Showing
-from footfall.evaluate.video import Film
+from footfall.evaluate.suite import CourseWalk, Setup
 from footfall.robots.description import Robot
 
 
 @dataclass(frozen=True)
-class Contender:
+class PolicyResult:
     """One policy of a comparison."""
 
     name: str
-    kind: str  # how it came about, one sentence
+    spec: str  # what the user typed
+    origin: str  # how it came about, one sentence
     period_ms: float
     result: Mapping[str, Any]  # as it stands in the JSON
-    showing: Showing
-    film: Outcome[Film]
+    course: CourseWalk
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """All that a report tells."""
+    """All that a report tells, films apart."""
 
     robot: Robot
     setup: Setup
     file: ScenarioFile
-    contenders: Sequence[Contender]
+    policies: Sequence[PolicyResult]
     versions: Mapping[str, str]
 
     def summaries(self, scenario: str) -> dict[str, Summary]:
-        """Figures of one scenario by contender."""
-        return {c.name: c.result["scenarios"][scenario] for c in self.contenders}
+        """Figures of one scenario by policy."""
+        return {policy.name: policy.result["scenarios"][scenario] for policy in self.policies}
 
     @property
     def push_scenario(self) -> str | None:

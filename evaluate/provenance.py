@@ -13,11 +13,11 @@ def machine() -> str:
     return f"{platform.system()} {platform.machine()}, {usable_cores()} cores"
 
 
-def kind(policy: Policy) -> str:
+def origin(policy: Policy) -> str:
     """How a policy came about, one sentence: its trainer where the file names it, its motion prior if any."""
     contract = policy.contract
     if contract is None:
-        return f"hand-written controller, {policy.rate_hz:g} Hz" + _estimating(policy)
+        return f"hand-written controller, {policy.rate_hz:g} Hz" + _estimate_note(policy)
     trainer = getattr(policy, "trainer", None)
     text = f"learned policy{f' (trained by {trainer})' if trainer else ''}, {policy.rate_hz:g} Hz"
     gait = contract.gait
@@ -28,5 +28,5 @@ def kind(policy: Policy) -> str:
     return text + ", no motion prior"
 
 
-def _estimating(policy: Policy) -> str:
+def _estimate_note(policy: Policy) -> str:
     return ", on estimated velocity" if policy.needs_estimate else ""

@@ -18,7 +18,7 @@ COURSE = "course"  # the scenario that is filmed, and on which time per step is 
 
 @dataclass(frozen=True)
 class Setup:
-    """What all contenders share."""
+    """What all policies share."""
 
     robot: str
     scenarios: tuple[str, ...]
@@ -30,8 +30,8 @@ class Setup:
 
 
 @dataclass(frozen=True)
-class Showing:
-    """One contender on the course, alone on the machine."""
+class CourseWalk:
+    """One policy on the test course, alone on the machine."""
 
     plan: EpisodePlan
     trace: Trace | None
@@ -79,12 +79,12 @@ def run_suite(
     }
 
 
-def run_course(policies: Sequence[str], setup: Setup, file: ScenarioFile) -> dict[str, Showing]:
+def run_course(policies: Sequence[str], setup: Setup, file: ScenarioFile) -> dict[str, CourseWalk]:
     """Each policy once over the course, one after the other, so that nothing of ours disturbs its timing."""
     (plan,) = plan_episodes(COURSE, file.scenarios[COURSE], setup.seed, 1)
     tasks = [_task(policy, plan, setup, file, keep_trace=True) for policy in policies]
     outcomes = run_all(run_task, tasks, workers=1)
-    return {policy: _showing(plan, outcome) for policy, outcome in zip(policies, outcomes, strict=True)}
+    return {policy: _course_walk(plan, outcome) for policy, outcome in zip(policies, outcomes, strict=True)}
 
 
 def _task(
@@ -93,8 +93,8 @@ def _task(
     return EpisodeTask(policy, setup.robot, plan, file.noise, setup.plant, setup.ground_truth, keep_trace)
 
 
-def _showing(plan: EpisodePlan, outcome: Outcome[EpisodeOutcome]) -> Showing:
+def _course_walk(plan: EpisodePlan, outcome: Outcome[EpisodeOutcome]) -> CourseWalk:
     value = outcome.value
     if value is None:
-        return Showing(plan, None, compute_figures(np.zeros(0), 1.0), outcome.error)
-    return Showing(plan, value.trace, compute_figures(value.compute_ms, value.period_ms), "")
+        return CourseWalk(plan, None, compute_figures(np.zeros(0), 1.0), outcome.error)
+    return CourseWalk(plan, value.trace, compute_figures(value.compute_ms, value.period_ms), "")

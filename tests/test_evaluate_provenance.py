@@ -5,7 +5,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from footfall.common.versions import versions
-from footfall.evaluate.provenance import PACKAGES, kind
+from footfall.evaluate.provenance import PACKAGES, origin
 from footfall.policies.contract import Contract, Gait
 from footfall.policies.registry import load_policy
 from footfall.robots.description import Robot
@@ -18,24 +18,24 @@ def learned(contract: Contract) -> Any:
 def test_a_reference_gait_is_named_as_a_prior(contract: Contract) -> None:
     assert contract.gait is not None
     assert any(contract.gait.amplitude_rad)
-    assert "reference gait of 2.2 Hz (a motion prior)" in kind(learned(contract))
+    assert "reference gait of 2.2 Hz (a motion prior)" in origin(learned(contract))
 
 
 def test_a_clock_alone_is_no_prior(contract: Contract) -> None:
     clock = Gait(2.5, contract.gait.phase if contract.gait else (), (0.0,) * 12)
-    assert "no motion prior, gait clock of 2.5 Hz" in kind(learned(replace(contract, gait=clock)))
-    assert kind(learned(replace(contract, gait=None))) == "learned policy, 50 Hz, no motion prior"
+    assert "no motion prior, gait clock of 2.5 Hz" in origin(learned(replace(contract, gait=clock)))
+    assert origin(learned(replace(contract, gait=None))) == "learned policy, 50 Hz, no motion prior"
 
 
 def test_a_learned_policy_names_its_trainer(contract: Contract) -> None:
     policy = learned(replace(contract, gait=None))
     policy.trainer = "rsl_rl"
-    assert kind(policy) == "learned policy (trained by rsl_rl), 50 Hz, no motion prior"
+    assert origin(policy) == "learned policy (trained by rsl_rl), 50 Hz, no motion prior"
 
 
 def test_hand_written_controllers_say_whether_they_estimate_velocity(go1: Robot) -> None:
-    assert kind(load_policy("stand", go1)) == "hand-written controller, 500 Hz"
-    assert "on estimated velocity" in kind(load_policy("mpc", go1))
+    assert origin(load_policy("stand", go1)) == "hand-written controller, 500 Hz"
+    assert "on estimated velocity" in origin(load_policy("mpc", go1))
 
 
 def test_versions_name_what_results_depend_on() -> None:

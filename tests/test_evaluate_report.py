@@ -14,13 +14,14 @@ from matplotlib.image import imread
 from rich.console import Console
 
 from footfall.common.errors import UserError
-from footfall.evaluate import api, video
+from footfall.evaluate import api
 from footfall.evaluate.api import compare_policies, evaluate_policy
 from footfall.evaluate.plan import CommandSchedule
 from footfall.evaluate.pool import Outcome
+from footfall.evaluate.report import films
+from footfall.evaluate.report.films import Film, FilmTask, frame_indices, render_films
 from footfall.evaluate.scenarios import Scenario, ScenarioFile, Waypoint, load_scenarios
 from footfall.evaluate.suite import Setup, run_suite
-from footfall.evaluate.video import Film, FilmTask, frame_indices, render_films
 from footfall.plant.episode import Episode, Push, run_episode
 from footfall.plant.trace import Trace
 from footfall.policies.registry import load_policy
@@ -157,7 +158,9 @@ def compared(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict, Path, Path
     html, results = folder / "report.html", folder / "report.json"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(api, "load_scenarios", lambda: SHORT)
-        patch.setattr(api, "render_films", lambda tasks, *_: [Outcome(None, "egl: no display")] * len(tasks))
+        patch.setattr(
+            films, "render_films", lambda tasks, *_: [Outcome(None, "egl: no display")] * len(tasks)
+        )
         returned = compare_policies(
             ["stand", "trot"],
             "go1",
@@ -221,7 +224,7 @@ class TestCompare:
 
     def test_two_policies_of_one_name_go_by_what_was_typed(self, go1: Robot) -> None:
         stand = load_policy("stand", go1)
-        assert api.contender_names({"a/policy.onnx": stand, "b/policy.onnx": stand}) == {
+        assert api.policy_names({"a/policy.onnx": stand, "b/policy.onnx": stand}) == {
             "a/policy.onnx": "a/policy.onnx",
             "b/policy.onnx": "b/policy.onnx",
         }
@@ -230,7 +233,7 @@ class TestCompare:
 class TestFilm:
     def test_frames_keep_the_films_own_rate(self, standing: Trace) -> None:
         times = standing.time_s[frame_indices(standing)]
-        assert np.diff(times) == pytest.approx(1.0 / video.FRAME_RATE_HZ, abs=0.011)
+        assert np.diff(times) == pytest.approx(1.0 / films.FRAME_RATE_HZ, abs=0.011)
         assert times[-1] == pytest.approx(0.4, abs=0.05)
 
     def test_shows_the_robot_and_plays_in_a_browser(self, standing: Trace, tmp_path: Path) -> None:
@@ -241,14 +244,14 @@ class TestFilm:
         facts = next(reader)
         assert facts["codec"] == "h264"
         assert facts["pix_fmt"].startswith("yuv420p")
-        assert facts["source_size"] == (video.WIDTH, video.HEIGHT)
-        frame = np.frombuffer(next(reader), np.uint8).reshape(video.HEIGHT, video.WIDTH, 3).astype(int)
+        assert facts["source_size"] == (films.WIDTH, films.HEIGHT)
+        frame = np.frombuffer(next(reader), np.uint8).reshape(films.HEIGHT, films.WIDTH, 3).astype(int)
         reader.close()
         red, green, blue = np.moveaxis(frame, -1, 0)
         orange = (red > 140) & (green < 0.75 * red) & (blue < 0.5 * red)  # the robot's hip motors
         rows, columns = np.nonzero(orange)
         assert len(rows) > 200
-        assert abs(columns.mean() - video.WIDTH / 2) < video.WIDTH / 6
+        assert abs(columns.mean() - films.WIDTH / 2) < films.WIDTH / 6
         assert blue[:20].mean() > red[:20].mean() + 20  # the sky
 
     def test_a_machine_that_cannot_render_says_why(

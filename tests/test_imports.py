@@ -25,6 +25,7 @@ LEARNING_ONLY = (
     "onnx",
     "tensorboardX",
 )
+DRAWING = ("jinja2", "matplotlib", "imageio_ffmpeg", "PIL", "scipy")  # not on a robot's small computer
 
 # Each room, and the rooms that it may import; itself always. footfall's own files join the wings.
 ALLOWED = {
@@ -144,6 +145,13 @@ def import_apart(names: list[str], blocked: tuple[str, ...] = LEARNING_ONLY) -> 
 @pytest.mark.parametrize("room", [*ACTING, FRONT_DOOR])
 def test_acting_modules_import_without_jax_and_torch(room: str) -> None:
     import_apart([name for name, _ in modules(room) if not name.endswith("__main__")])
+
+
+@pytest.mark.parametrize("room", [*ACTING, FRONT_DOOR])
+def test_only_the_report_needs_what_draws(room: str) -> None:
+    names = [name for name, _ in modules(room) if not belongs_to(name, ("footfall.evaluate.report",))]
+    outside = [name for name in names if not name.endswith("__main__")]
+    import_apart([*outside, "footfall.evaluate.report.extra"] if room == "evaluate" else outside, DRAWING)
 
 
 def test_the_blocker_blocks() -> None:

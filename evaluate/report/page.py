@@ -1,5 +1,6 @@
 """One HTML page, complete in itself, that holds a comparison: tables, films, plots, how it was measured."""
 
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from html import escape
 from pathlib import Path
@@ -8,23 +9,25 @@ from string import Template
 from footfall.common.config import dump
 from footfall.evaluate.comparison import Comparison
 from footfall.evaluate.figures import figures
+from footfall.evaluate.pool import Outcome
 from footfall.evaluate.provenance import machine
-from footfall.evaluate.report_pictures import films, plots
-from footfall.evaluate.report_tables import details, headlines
+from footfall.evaluate.report.films import Film
+from footfall.evaluate.report.pictures import films, plots
+from footfall.evaluate.report.tables import details, headlines
 
-TEMPLATE = Path(__file__).parent / "report.html"
+TEMPLATE = Path(__file__).parent / "page.html"
 
 
-def render(comparison: Comparison) -> str:
+def render(comparison: Comparison, films_by_name: Mapping[str, Outcome[Film]]) -> str:
     """The page."""
     sections = [
         ("figures", "Figures", headlines(comparison)),
-        ("films", "Films", films(comparison)),
+        ("films", "Films", films(comparison, films_by_name)),
         ("plots", "Plots", plots(comparison)),
         ("scenarios", "All figures by scenario", details(comparison)),
         ("method", "How it was measured", _method(comparison)),
     ]
-    names = [contender.name for contender in comparison.contenders]
+    names = [contender.name for contender in comparison.policies]
     setup = comparison.setup
     plant = f", plant {setup.plant.name}" if setup.plant else ""
     return Template(TEMPLATE.read_text(encoding="utf-8")).substitute(
@@ -48,7 +51,7 @@ def render(comparison: Comparison) -> str:
 
 def _method(comparison: Comparison) -> str:
     setup, file = comparison.setup, comparison.file
-    kinds = "".join(f"<li><b>{escape(c.name)}</b>: {escape(c.kind)}</li>" for c in comparison.contenders)
+    kinds = "".join(f"<li><b>{escape(c.name)}</b>: {escape(c.origin)}</li>" for c in comparison.policies)
     estimate = (
         "Controllers that need the base's velocity were handed the true one (--ground-truth)."
         if setup.ground_truth

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from footfall.evaluate.plan import EpisodePlan
-from footfall.evaluate.svg import INK, WIDTH_IN, axes_grid, colour, drawing, legend_above, line, to_svg
+from footfall.evaluate.report.svg import INK, WIDTH_IN, axes_grid, colour, drawing, legend_above, line, to_svg
 from footfall.plant.trace import Trace
 from footfall.robots.actuator import limit_torque
 from footfall.robots.description import Robot

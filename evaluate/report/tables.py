@@ -3,9 +3,9 @@
 from collections.abc import Mapping, Sequence
 from html import escape
 
-from footfall.evaluate.comparison import Comparison, Contender
+from footfall.evaluate.comparison import Comparison, PolicyResult
 from footfall.evaluate.figures import Figure, Summary, best, figures, interval_text, measured, text
-from footfall.evaluate.svg import colour
+from footfall.evaluate.report.svg import colour
 from footfall.evaluate.table import warnings
 
 
@@ -25,14 +25,14 @@ def headlines(comparison: Comparison) -> str:
         for figure, scenario in columns
     }
     rows = []
-    for place, contender in enumerate(comparison.contenders):
+    for place, contender in enumerate(comparison.policies):
         cells = "".join(
             _cell(figure, contender.result["scenarios"][scenario], place in winners[figure.key, scenario])
             for figure, scenario in columns
         )
         rows.append(
             f'<tr><th scope=row><span class=mark style="background:{colour(place)}"></span>'
-            f"{escape(contender.name)}<small>{escape(contender.kind)}</small></th>"
+            f"{escape(contender.name)}<small>{escape(contender.origin)}</small></th>"
             f"{cells}<td>{_compute_text(contender)}</td></tr>"
         )
     about = escape(comparison.file.scenarios[first].about)
@@ -41,7 +41,7 @@ def headlines(comparison: Comparison) -> str:
         f" those that fell least. Scenario '{escape(first)}': {about},"
         f" {max(s['episodes'] for s in comparison.summaries(first).values())} episodes.</p>"
     )
-    table = _table("Contender", head, rows)
+    table = _table("PolicyResult", head, rows)
     return f"<div class='card scroll'>{table}</div>{note}{_warnings(comparison)}"
 
 
@@ -63,19 +63,17 @@ def _heading(figure: Figure, scenario: str) -> str:
     return f"<th scope=col>{escape(figure.label)}<small>{escape(where)}</small></th>"
 
 
-def _compute_text(contender: Contender) -> str:
-    times = contender.showing.compute["compute_ms"]
+def _compute_text(contender: PolicyResult) -> str:
+    times = contender.course.compute["compute_ms"]
     if times["p50"] is None:
         return "–"
     return f"<b>{times['p50']:.2f} / {times['p99']:.2f}</b><small>of {contender.period_ms:g} ms</small>"
 
 
 def _warnings(comparison: Comparison) -> str:
-    lines = warnings({c.name: c.result for c in comparison.contenders})
+    lines = warnings({c.name: c.result for c in comparison.policies})
     lines += [
-        f"{c.name} did not walk the course: {c.showing.error}"
-        for c in comparison.contenders
-        if c.showing.error
+        f"{c.name} did not walk the course: {c.course.error}" for c in comparison.policies if c.course.error
     ]
     if not lines:
         return ""

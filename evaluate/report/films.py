@@ -16,8 +16,9 @@ from matplotlib import image as matplotlib_image
 
 from footfall.common import colours
 from footfall.common.rotations import heading, heading_matrix
-from footfall.evaluate import scene
+from footfall.evaluate.comparison import Comparison
 from footfall.evaluate.pool import Outcome, run_all
+from footfall.evaluate.report import scene
 from footfall.plant.episode import Push
 from footfall.plant.trace import Trace
 from footfall.robots.description import load_robot
@@ -53,6 +54,20 @@ class Film:
     @property
     def poster_base64(self) -> str:
         return base64.b64encode(self.poster_jpeg).decode()
+
+
+def films_of(comparison: Comparison) -> dict[str, Outcome[Film]]:
+    """A film of each policy's walk over the test course, by name, or why there is none."""
+    tasks = {
+        policy.name: FilmTask(
+            comparison.setup.robot, comparison.setup.plant, policy.course.trace, policy.course.plan.pushes
+        )
+        for policy in comparison.policies
+        if policy.course.trace is not None and len(policy.course.trace.time_s)
+    }
+    films = dict(zip(tasks, render_films(list(tasks.values()), comparison.setup.workers), strict=True))
+    nothing: Outcome[Film] = Outcome(None, "it did not walk")
+    return {policy.name: films.get(policy.name, nothing) for policy in comparison.policies}
 
 
 def render_films(tasks: Sequence[FilmTask], workers: int | None = None) -> list[Outcome[Film]]:

@@ -6,8 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from footfall.evaluate.figures import Summary
-from footfall.evaluate.statistics import Survival
-from footfall.evaluate.svg import (
+from footfall.evaluate.report.svg import (
     INK,
     PAPER,
     WIDTH_IN,
@@ -19,6 +18,7 @@ from footfall.evaluate.svg import (
     marker,
     to_svg,
 )
+from footfall.evaluate.statistics import Survival
 
 LEVEL_LABELS = {
     "friction": "friction coefficient",

@@ -1,13 +1,16 @@
 """The films and plots of a report, as HTML."""
 
+from collections.abc import Mapping
 from html import escape
 
-from footfall.evaluate import course_plots, scenario_plots
-from footfall.evaluate.comparison import Comparison, Contender
+from footfall.evaluate.comparison import Comparison, PolicyResult
+from footfall.evaluate.pool import Outcome
+from footfall.evaluate.report import course_plots, scenario_plots
+from footfall.evaluate.report.films import Film
 
 
-def films(comparison: Comparison) -> str:
-    figures_ = "".join(_film(contender) for contender in comparison.contenders)
+def films(comparison: Comparison, films_by_name: Mapping[str, Outcome[Film]]) -> str:
+    figures_ = "".join(_film(contender, films_by_name[contender.name]) for contender in comparison.policies)
     about = escape(comparison.file.scenarios["course"].about)
     return (
         f"<p class=soft>{about}. Blue arrow: commanded velocity. Green: true velocity. Red: push."
@@ -16,10 +19,10 @@ def films(comparison: Comparison) -> str:
     )
 
 
-def _film(contender: Contender) -> str:
-    name, trace, film = escape(contender.name), contender.showing.trace, contender.film.value
+def _film(contender: PolicyResult, outcome: Outcome[Film]) -> str:
+    name, trace, film = escape(contender.name), contender.course.trace, outcome.value
     if film is None or trace is None:
-        reason = contender.film.error or contender.showing.error
+        reason = outcome.error or contender.course.error
         return (
             f'<figure><div class="warn">No film of {name}: this machine could not render it'
             f" ({escape(reason)}).</div></figure>"
@@ -35,8 +38,8 @@ def _film(contender: Contender) -> str:
 
 def plots(comparison: Comparison) -> str:
     file, chosen = comparison.file, comparison.setup.scenarios
-    traces = {c.name: c.showing.trace for c in comparison.contenders if c.showing.trace is not None}
-    periods = {c.name: c.period_ms for c in comparison.contenders}
+    traces = {c.name: c.course.trace for c in comparison.policies if c.course.trace is not None}
+    periods = {c.name: c.period_ms for c in comparison.policies}
     pushing = comparison.push_scenario
     one_level = [
         (file.scenarios[name].rows[0], comparison.summaries(name))
@@ -44,7 +47,7 @@ def plots(comparison: Comparison) -> str:
         if len(file.scenarios[name].rows) == 1 and name != pushing
     ]
     plots = (
-        ("Tracking", course_plots.tracking(traces, comparison.contenders[0].showing.plan),
+        ("Tracking", course_plots.tracking(traces, comparison.policies[0].course.plan),
          f"True velocity over the course, averaged over {course_plots.SMOOTHED_S:g} s."),
         ("Pushes", scenario_plots.survival(comparison.summaries(pushing)) if pushing else None,
          "Survival against the size of the push. Marks: share of episodes with its 95 % Wilson interval."

@@ -1,0 +1,21 @@
+"""The libraries that a report needs and that a robot's small computer goes without."""
+
+from importlib.util import find_spec
+
+from footfall.common.errors import UserError
+
+LIBRARIES = ("jinja2", "matplotlib", "imageio_ffmpeg", "PIL")
+
+
+def check_installed() -> None:
+    """Make sure that a report can be written, before the long run that it is about.
+
+    Raises:
+        UserError: a library of the extra `report` is missing.
+    """
+    missing = [name for name in LIBRARIES if find_spec(name) is None]
+    if missing:
+        raise UserError(
+            f"an HTML report needs {', '.join(missing)}, which is not installed:"
+            " install the extra with pip install '.[report]' in footfall's folder"
+        )
