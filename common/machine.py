@@ -9,16 +9,18 @@ import resource
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from importlib.metadata import PackageNotFoundError, requires, version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import NamedTuple
 
 from packaging.requirements import Requirement
 
 from footfall.common.cache import compilation_cache
+from footfall.common.installation import extras, install, install_extras, missing
 
 PROBE_LIMIT_S = 60
 MIN_LOCKED_MEMORY = 256 * 2**20
+FOR_DEVELOPERS = ("dev",)
 CAN_LINK_TYPE = "280"  # ARPHRD_CAN
 
 
@@ -53,27 +55,26 @@ def _processors() -> Finding:
     return Finding("processors", not slow, found, advice)
 
 
+def _packages() -> Finding:
+    lacking = missing()
+    if not lacking:
+        return Finding("packages", True, "all that acting on a robot needs")
+    return Finding("packages", False, f"missing or too old: {_names(lacking)}", install(*map(str, lacking)))
+
+
 def _extras() -> Finding:
-    missing = [requirement.name for requirement in _requirements() if not _installed(requirement)]
-    if not missing:
-        return Finding("packages", True, "all of footfall[train] is there")
-    return Finding(
-        "packages", False, f"missing or too old: {', '.join(missing)}", "pip install 'footfall[train]'"
-    )
+    lacking = {extra: missing(extra) for extra in extras() if extra not in FOR_DEVELOPERS}
+    there = [extra for extra, packages in lacking.items() if not packages]
+    absent = [extra for extra in lacking if extra not in there]
+    if not absent:
+        return Finding("extras", True, ", ".join(there))
+    found = [", ".join(there)] if there else []
+    found += [f"{extra} lacks {_names(lacking[extra])}" for extra in absent]
+    return Finding("extras", False, "; ".join(found), f"where wanted: {install_extras(*absent)}")
 
 
-def _requirements() -> Iterator[Requirement]:
-    for text in requires("footfall") or []:
-        requirement = Requirement(text)
-        if requirement.marker is None or requirement.marker.evaluate({"extra": "train"}):
-            yield requirement
-
-
-def _installed(requirement: Requirement) -> bool:
-    try:
-        return requirement.specifier.contains(version(requirement.name), prereleases=True)
-    except PackageNotFoundError:
-        return False
+def _names(packages: list[Requirement]) -> str:
+    return ", ".join(package.name for package in packages)
 
 
 def _simulators() -> Finding:
@@ -90,14 +91,14 @@ def _simulators() -> Finding:
 
 def _accelerator() -> Finding:
     if importlib.util.find_spec("jax") is None:
-        return Finding("accelerator", False, "no JAX", "to train: pip install 'footfall[train]'")
+        return Finding("accelerator", False, "no JAX", f"to train: {install_extras('train')}")
     code = "import jax, json; print(json.dumps([d.device_kind for d in jax.devices()]))"
     succeeded, output = _probe(code)
     if not succeeded:
         return Finding("accelerator", False, "JAX does not start", output)
     kinds = json.loads(output)
     gpu = any(kind != "cpu" for kind in kinds)
-    advice = "" if gpu else "the gpu preset wants a GPU: pip install 'jax[cuda12]'"
+    advice = "" if gpu else f"the gpu preset wants a GPU: {install('jax[cuda12]')}"
     return Finding("accelerator", gpu, ", ".join(kinds), advice)
 
 
@@ -194,6 +195,7 @@ def _probe(code: str, **environment: str) -> tuple[bool, str]:
 CHECKS: tuple[Callable[[], Finding], ...] = (
     _python,
     _processors,
+    _packages,
     _extras,
     _simulators,
     _accelerator,

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from footfall.common.errors import UserError
+from footfall.common.installation import needs_extra
 from footfall.pages.metrics_file import MetricsFile, thinned
 from footfall.policies.contract import CommandRange
 
@@ -73,13 +74,8 @@ def check_page(host: str, port: int) -> None:
 
 def _check_viser() -> None:
     """Raises UserError if the extra is not installed."""
-    try:
+    with needs_extra("watch", "watching needs"):
         import viser  # noqa: F401
-    except ModuleNotFoundError as error:
-        raise UserError(
-            f"watching needs {error.name}, which is not installed:"
-            " install the extra with pip install 'footfall[watch]'"
-        ) from None
 
 
 def _check_address(host: str, port: int) -> None:

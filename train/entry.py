@@ -8,9 +8,7 @@ from types import ModuleType
 from typing import Any
 
 from footfall.common.collector import collector_paused
-from footfall.common.errors import UserError
-
-LIBRARIES = frozenset({"jax", "jaxlib", "brax", "flax", "optax", "mujoco", "onnx", "tensorboardX"})
+from footfall.common.installation import needs_extra
 
 
 def learning_wing() -> ModuleType:
@@ -19,18 +17,13 @@ def learning_wing() -> ModuleType:
     Raises:
         UserError: JAX or another library of the `train` extra is missing.
     """
-    try:
-        # MJX announces on stdout that it goes without Warp, as it should.
-        with collector_paused(), redirect_stdout(io.StringIO()):
-            from footfall.train import api
-    except ModuleNotFoundError as error:
-        missing = (error.name or "").split(".")[0]
-        if missing not in LIBRARIES:
-            raise
-        raise UserError(
-            f"training and export need {error.name}, which is not installed:"
-            " install the extra with pip install 'footfall[train]'"
-        ) from None
+    # MJX announces on stdout that it goes without Warp, as it should.
+    with (
+        needs_extra("train", "training and export need"),
+        collector_paused(),
+        redirect_stdout(io.StringIO()),
+    ):
+        from footfall.train import api
     return api
 
 

@@ -9,10 +9,17 @@ def doctor() -> None:
 
     from footfall.common.machine import findings
 
-    table = Table("", "what", box=None)
-    for wide in ("found", "advice"):
-        table.add_column(wide, overflow="fold")
-    for finding in findings():
-        mark = Text("yes", "green") if finding.good else Text("no", "yellow")
-        table.add_row(mark, finding.what, Text(finding.found), Text(finding.advice, "dim"))
-    Console().print(table)
+    console = Console()
+    table = Table(box=None, show_header=False)
+    table.add_column()
+    table.add_column(no_wrap=True)
+    table.add_column(overflow="fold")
+    looked = list(findings())
+    for finding in looked:
+        table.add_row(
+            Text("ok", "green") if finding.good else Text("--", "yellow"), finding.what, Text(finding.found)
+        )
+    console.print(table)
+    for finding in looked:  # unwrapped, so that a command can be copied
+        if finding.advice:
+            console.print(Text(f"{finding.what}: {finding.advice}"), soft_wrap=True)

@@ -3,9 +3,7 @@
 import os
 from types import ModuleType
 
-from footfall.common.errors import UserError
-
-LIBRARIES = frozenset({"torch", "rsl_rl", "tensordict", "git", "onnxscript"})
+from footfall.common.installation import needs_extra
 
 
 def rsl_rl_back_end() -> ModuleType:
@@ -15,14 +13,6 @@ def rsl_rl_back_end() -> ModuleType:
         UserError: a library of the extra `rsl-rl` is missing.
     """
     os.environ.setdefault("GIT_PYTHON_REFRESH", "quiet")  # upstream imports GitPython: git may be missing
-    try:
+    with needs_extra("rsl-rl", "the trainer rsl_rl needs"):
         from footfall.train.rsl_rl import run as rsl_rl_run
-    except ModuleNotFoundError as error:
-        missing = (error.name or "").split(".")[0]
-        if missing not in LIBRARIES:
-            raise
-        raise UserError(
-            f"the trainer rsl_rl needs {missing}, which is not installed:"
-            " install the extra with pip install 'footfall[rsl-rl]'"
-        ) from None
     return rsl_rl_run

@@ -17,6 +17,7 @@ from rich.console import Console
 from footfall.common.config import dump, load, structure, unstructure
 from footfall.common.errors import UserError
 from footfall.common.files import write_atomically
+from footfall.common.installation import needs_extra
 from footfall.robots.description import load_robot
 from footfall.train.api import TrainRequest, begin, resume
 from footfall.train.config import TrainConfig, load_preset
@@ -161,12 +162,8 @@ def trial_config(preset: str, settings: dict[str, Any]) -> TrainConfig:
 def _tune() -> ModuleType:
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # nothing is sent anywhere
     os.environ.setdefault("RAY_CHDIR_TO_TRIAL_DIR", "0")
-    try:
+    with needs_extra("sweep", "sweeps need"):
         from ray import tune
-    except ModuleNotFoundError:
-        raise UserError(
-            "sweeps need ray, which is not installed: install the extra with pip install 'footfall[sweep]'"
-        ) from None
     return tune
 
 

@@ -1,0 +1,106 @@
+"""What is installed, and commands that install what is missing, such that they work where they are read."""
+
+import json
+import shlex
+import shutil
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.metadata import PackageNotFoundError, distribution, version
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+from packaging.markers import Marker
+from packaging.requirements import Requirement
+
+from footfall.common.errors import UserError
+
+NAME = "footfall"
+
+
+def install(*arguments: str) -> str:
+    """A command of this environment's pip, by its short name where a shell would find that very one."""
+    found = shutil.which("pip")
+    ours = found is not None and Path(found).parent == Path(sys.executable).parent
+    pip = ["pip"] if ours else [sys.executable, "-m", "pip"]
+    return shlex.join([*pip, "install", *arguments])
+
+
+def install_extras(*extras: str) -> str:
+    """The command that adds extras of footfall to this environment.
+
+    It names the clone or the wheel that footfall was installed from. Where that is gone, or was fetched from
+    elsewhere, it names the packages that the extras are made of.
+    """
+    origin = _recorded_origin()
+    path = _local_path(origin.get("url", ""))
+    if path is None:
+        return install(*dict.fromkeys(str(package) for extra in extras for package in requirements(extra)))
+    where = "." if path == Path.cwd() else str(path)
+    editable = ("--editable",) if origin.get("dir_info", {}).get("editable") else ()
+    return install(*editable, f"{where}[{','.join(extras)}]")
+
+
+@contextmanager
+def needs_extra(extra: str, task: str) -> Iterator[None]:
+    """Around imports of an extra's libraries.
+
+    Raises:
+        UserError: one of them is not installed; the text begins with the task ("training needs").
+    """
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        library = (error.name or "").split(".")[0]
+        if library == NAME:
+            raise
+        raise UserError(f"{task} {library}, which is not installed: {install_extras(extra)}") from None
+
+
+def extras() -> list[str]:
+    """Names of footfall's extras."""
+    return distribution(NAME).metadata.get_all("Provides-Extra") or []
+
+
+def requirements(extra: str = "") -> Iterator[Requirement]:
+    """What an extra adds, the extras that it includes too; without a name, what footfall always needs."""
+    for text in distribution(NAME).requires or []:
+        requirement = Requirement(text)
+        if not _is_of(extra, requirement.marker):
+            continue
+        requirement.marker = None
+        if requirement.name == NAME:
+            for included in requirement.extras:
+                yield from requirements(included)
+        else:
+            yield requirement
+
+
+def _is_of(extra: str, marker: Marker | None) -> bool:
+    if marker is None or marker.evaluate({"extra": ""}):
+        return extra == ""
+    return extra != "" and marker.evaluate({"extra": extra})
+
+
+def missing(extra: str = "") -> list[Requirement]:
+    """What `requirements` gives and is not installed, or in another version."""
+    return [requirement for requirement in requirements(extra) if not _installed(requirement)]
+
+
+def _installed(requirement: Requirement) -> bool:
+    try:
+        return requirement.specifier.contains(version(requirement.name), prereleases=True)
+    except PackageNotFoundError:
+        return False
+
+
+def _recorded_origin() -> dict:
+    """Where footfall was installed from, as installers record it (PEP 610); empty for an index."""
+    return json.loads(distribution(NAME).read_text("direct_url.json") or "{}")
+
+
+def _local_path(url: str) -> Path | None:
+    """The folder or file of a URL, if it is on this machine and still there."""
+    parts = urlsplit(url)
+    path = Path(unquote(parts.path))
+    return path if parts.scheme == "file" and path.exists() else None
