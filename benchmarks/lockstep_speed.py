@@ -26,9 +26,9 @@ def measure(robot_name: str, policy_name: str, seconds: float) -> dict[str, floa
     trace = run_episode(robot, policy, Episode(command=lambda _: command, duration_s=seconds))
     cpu_s = time.process_time() - began
     return {
-        "simulated_s": trace.simulated_s,
-        "wall": trace.simulated_s / trace.wall_s,
-        "cpu": trace.simulated_s / cpu_s,
+        "simulated_s": trace.run_s,
+        "wall": trace.run_s / trace.wall_s,
+        "cpu": trace.run_s / cpu_s,
         "tick_us_p50": trace.timing["tick_us_p50"],
         "tick_us_p99": trace.timing["tick_us_p99"],
         "policy_ms_p50": trace.timing["policy_ms_p50"],

@@ -1,1 +1,1 @@
-"""Where a policy acts: loop, joint layer, motor drivers, bus, safety, log, simulated robot."""
+"""Where a policy acts: control loop, joint layer, drivers, buses, supervisor, estimator, log, replay."""

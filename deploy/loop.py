@@ -1,4 +1,4 @@
-"""The control loop: readings in, a mind's decision at its own rate, commands out at the joint rate."""
+"""The control loop: readings in, a policy's decision at its own rate, commands out at the joint rate."""
 
 import math
 import time
@@ -13,7 +13,7 @@ from footfall.common.errors import UserError
 from footfall.deploy.bus import Bus
 from footfall.deploy.clock import Clock
 from footfall.deploy.config import DeployConfig
-from footfall.deploy.drivers import mit
+from footfall.deploy.drivers.driver import Driver
 from footfall.deploy.frames import Frames
 from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.safety import DAMPED, MOVING, Mode, Signals, State, advance
@@ -70,6 +70,7 @@ class ControlLoop:
         robot: Robot,
         policy: Policy,
         wiring: Wiring,
+        driver: Driver,
         bus: Bus,
         clock: Clock,
         config: DeployConfig,
@@ -83,10 +84,11 @@ class ControlLoop:
                 f" the joint loop at {config.joint_rate_hz:g} Hz: the policy cannot be faster"
             )
         self._policy, self._bus, self._clock, self._config = policy, bus, clock, config
+        self._driver = driver
         self._command, self._estimator = command, estimator
         self.log: Log | None = None
         self._wiring, self._default_pose = wiring, robot.default_pose
-        self._joints = JointLayer(robot, wiring, config.tick_us * 1e-6)
+        self._joints = JointLayer(robot, driver, wiring.imu_channel, config.tick_us * 1e-6)
         self._period_us = 1e6 / policy.rate_hz
         self._estimate_every_us = round(1e6 / config.estimator_rate_hz)
         self._stand_gains = (
@@ -100,7 +102,9 @@ class ControlLoop:
         self.sensed = self._joints.sensed()
         self.observation: Observation | None = None
         self.estimate = UNKNOWN
-        self.truth: Callable[[], tuple[np.ndarray, float]] | None = None  # instead of an estimate
+        self.base_state: Callable[[], tuple[np.ndarray, float]] | None = None  # instead of an estimate
+        self.asked_command = np.zeros(3)  # of the last policy step
+        self.walked_s = 0.0  # once the robot walks no more
         self._begun_us = 0
         self._estimated_us = -1
         self._next_policy_us = 0.0  # half a microsecond early, so that rounding cannot cost a tick
@@ -139,11 +143,11 @@ class ControlLoop:
         if mode is Mode.WALKING:
             self._estimate_base(self._policy.stance())
             if now_us >= self._next_policy_us:
-                self._think()
+                self._policy_step()
                 self._supervise()
                 mode = self.state.mode
         if self.state.over:
-            self._refused += self._bus.send(joints.switch(mit.EXIT), now_us)
+            self._refused += self._bus.send(self._driver.disable(), now_us)
             return False
         self._refused += self._bus.send(self._frames(mode), now_us)
         if self.log is not None:
@@ -155,7 +159,7 @@ class ControlLoop:
 
     def shut_down(self) -> None:
         """Switch the motors off at once, whatever happened before."""
-        self._bus.send(self._joints.switch(mit.EXIT), self.now_us)
+        self._bus.send(self._driver.disable(), self.now_us)
 
     # -- what goes out -------------------------------------------------------------------------------
 
@@ -167,7 +171,7 @@ class ControlLoop:
             return self._joints.command(self._standing())
         if mode in DAMPED:
             return self._joints.damping(self._config.safety.damping_kd)
-        return self._joints.switch(mit.ENTER)
+        return self._driver.enable()
 
     def _standing(self) -> JointCommand:
         share = min((self.now_us * 1e-6 - self.state.since_s) / (0.7 * self._config.stand_s), 1.0)
@@ -175,14 +179,14 @@ class ControlLoop:
         position = self._stand_from + smooth * (self._default_pose - self._stand_from)
         return JointCommand(position, self._zeros, *self._stand_gains, self._zeros)
 
-    # -- what the mind does --------------------------------------------------------------------------
+    # -- what the policy decides ---------------------------------------------------------------------
 
-    def _think(self) -> None:
+    def _policy_step(self) -> None:
         """One policy step, timed."""
         now_us = self.now_us
         started = time.perf_counter()
         time_s = (now_us - self._begun_us) * 1e-6
-        command = np.asarray(self._command(time_s), dtype=float)
+        self.asked_command = command = np.asarray(self._command(time_s), dtype=float)
         velocity, height = self.estimate
         observation = Observation(time_s, self.sensed, command, velocity, height)
         try:
@@ -190,7 +194,7 @@ class ControlLoop:
                 self._policy.reset(observation)
             decision = self._policy.act(observation)
             self._decision_finite = self._is_finite(decision)
-        except Exception as error:  # whatever a mind may raise must not keep the robot from being damped
+        except Exception as error:  # whatever a policy raises, the robot has to be damped
             self._policy_error = f"the policy failed: {type(error).__name__}: {error}"
             return
         self._step_s = time.perf_counter() - started
@@ -211,8 +215,8 @@ class ControlLoop:
         return math.isfinite(values.sum())
 
     def _estimate_base(self, stance: np.ndarray | None) -> None:
-        if self.truth is not None:
-            self.estimate = self.truth()
+        if self.base_state is not None:
+            self.estimate = self.base_state()
         elif self._estimator is not None:
             elapsed_us = self.now_us - self._estimated_us
             due = self.state.mode is Mode.WALKING and self.now_us >= self._next_policy_us
@@ -227,6 +231,8 @@ class ControlLoop:
         self.state = advance(before, self._signals(), self._config.safety)
         if self.state is before or self.state.mode is before.mode:
             return
+        if before.mode is Mode.WALKING:
+            self.walked_s = self.walking_s
         if self.state.mode is Mode.STANDING:
             self._stand_from = self.sensed.joint_position
             self._joints.begin_at(self._stand_from)
@@ -240,7 +246,7 @@ class ControlLoop:
             self.log.state(self.now_us, self.state)
 
     def _signals(self) -> Signals:
-        heard = self._joints.heard()
+        heard = self._joints.last_heard()
         now_us, state = self.now_us, self.state
         oldest = int(heard.motor_us.argmin())
         _, x, y, _ = self.sensed.quaternion.tolist()
@@ -265,5 +271,4 @@ class ControlLoop:
     def _error_of(self, errors: np.ndarray) -> str:
         joint = int(np.flatnonzero(errors)[0])
         code = int(errors[joint])
-        what = mit.ERRORS.get(code, f"error {code}")
-        return f"motor {self._wiring.place(joint)} reports {what}"
+        return f"motor {self._wiring.place(joint)} reports {self._driver.error_name(code)}"

@@ -8,9 +8,8 @@ import numpy as np
 
 from footfall.common.errors import UserError
 from footfall.deploy.bus import HOST_QUEUE, BusStatistics
-from footfall.deploy.drivers import imu, mit
+from footfall.deploy.drivers.driver import CanFilter
 from footfall.deploy.frames import Frames, frame_bits
-from footfall.deploy.wiring import MOTOR_IDS
 
 MULTICAST = "udp_multicast"
 MULTICAST_GROUP = "239.74.163.2"
@@ -18,14 +17,6 @@ MULTICAST_PORT = (
     43113  # of the first bus; each further bus has the next one, since ports alone keep them apart
 )
 MOST_FRAMES_AT_ONCE = 256  # taken from one bus in one tick, so that a babbling node cannot stop the loop
-
-# What each end listens to: the controller to replies and IMU, the simulated robot to commands.
-CONTROLLER_FILTERS = (
-    {"can_id": mit.SHARED_REPLY_ID, "can_mask": 0x7FF, "extended": False},
-    {"can_id": mit.REPLY_ID, "can_mask": 0x780, "extended": False},
-    {"can_id": imu.GYRO_ID, "can_mask": 0x7FC, "extended": False},
-)
-ROBOT_FILTERS = ({"can_id": 0, "can_mask": 0x7FF - MOTOR_IDS[-1], "extended": False},)
 
 
 def interfaces() -> list[str]:
@@ -47,10 +38,20 @@ class PythonCanBus:
         self,
         interface: str,
         names: tuple[str, ...],
-        filters: tuple[dict[str, Any], ...] = CONTROLLER_FILTERS,
+        filters: tuple[CanFilter, ...],
         queue_frames: int = HOST_QUEUE,
     ) -> None:
-        """Raises UserError if there is no such interface or a bus of it cannot be opened."""
+        """Open the interfaces.
+
+        Args:
+            interface: python-can's name of the kind of interface.
+            names: of the buses.
+            filters: which frames to receive.
+            queue_frames: how many frames an interface queues for sending.
+
+        Raises:
+            UserError: there is no such interface, or a bus of it cannot be opened.
+        """
         import can
 
         if interface not in can.VALID_INTERFACES:
@@ -138,7 +139,7 @@ def _is_plain(message: Any) -> bool:
     return not special and len(message.data) <= 8
 
 
-def _open(can: Any, interface: str, index: int, name: str, filters: tuple[dict[str, Any], ...]) -> Any:
+def _open(can: Any, interface: str, index: int, name: str, filters: tuple[CanFilter, ...]) -> Any:
     if interface == MULTICAST:
         return can.Bus(
             interface=interface,

@@ -3,19 +3,18 @@
 Definitions
     Velocity error: length of the difference between commanded and true (vx, vy) in the body frame.
     Root mean squares are over time, without the first second after each change of command (the start of
-    the walk is one). Distance is the length of the base's horizontal path, looked at every half second,
-    so that sway within a stride is no progress.
+    the walk is one). Distance is as `plant/progress.py` measures it.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from footfall.plant.progress import path_length
 from footfall.plant.trace import Trace
 from footfall.robots.description import Robot
 
 SETTLE_S = 1.0
-PATH_INTERVAL_S = 0.5
 
 
 @dataclass(frozen=True)
@@ -61,7 +60,7 @@ def score(trace: Trace, robot: Robot, weight_n: float) -> EpisodeMetrics:
         lin_vel_mse=_mean((error[settled, :2] ** 2).sum(axis=1)),
         yaw_rate_mse=_mean(error[settled, 2] ** 2),
         mean_velocity=tuple(_mean(column) for column in velocity[settled].T),  # type: ignore[arg-type]
-        distance_m=_path_length(trace),
+        distance_m=path_length(trace.base_position, trace.record_rate_hz),
         electrical_j=float(trace.electrical_power.sum() * dt_s),
         mechanical_j=float(trace.mechanical_power.sum() * dt_s),
         positive_j=float(trace.positive_power.sum() * dt_s),
@@ -84,13 +83,6 @@ def settled_samples(trace: Trace) -> np.ndarray:
     changed = np.concatenate([[True], changed])
     changed_s = np.maximum.accumulate(np.where(changed, trace.time_s, -np.inf))
     return trace.time_s - changed_s > SETTLE_S - 1e-9
-
-
-def _path_length(trace: Trace) -> float:
-    """Length of the base's horizontal path, m."""
-    stride = max(1, round(PATH_INTERVAL_S * trace.record_rate_hz))
-    corners = np.concatenate([trace.base_position[:-1:stride, :2], trace.base_position[-1:, :2]])
-    return float(np.linalg.norm(np.diff(corners, axis=0), axis=1).sum())
 
 
 def _slip(trace: Trace) -> tuple[float, float]:

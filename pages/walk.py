@@ -117,11 +117,11 @@ class Walk:
             self._status.falls += trace.fell
             self._status.last_fall = trace.fall_reason or trace.faults[0]
 
-    def _tick(self, loop: ControlLoop, body: SimulatedRobot | None) -> None:
+    def _tick(self, loop: ControlLoop, body: SimulatedRobot) -> None:
         """Called by the loop after each joint tick."""
         if self._stop.requested:
             loop.finish()  # damping, then motors off: as fast as it goes
-        elif body is not None and loop.now_us >= self._next_frame_us:
+        elif loop.now_us >= self._next_frame_us:
             self._frame(loop, body)
 
     def _frame(self, loop: ControlLoop, body: SimulatedRobot) -> None:

@@ -7,7 +7,7 @@ from footfall.plant.wires import Side, SimulatedWires
 
 
 class SimulatedBus:
-    """The controller's end of simulated wires. Receiving lets the robot live until then."""
+    """The controller's end of simulated wires. Receiving simulates the robot up to then."""
 
     def __init__(self, wires: SimulatedWires, robot: SimulatedRobot) -> None:
         self._wires, self._robot = wires, robot

@@ -1,34 +1,30 @@
-"""One run of a policy on a robot, simulated by default: what `evaluate` and the command line call."""
+"""A simulated trial: a session on the simulated robot, with pushes, ground truth and an eye on falls."""
 
-import signal
-import threading
-import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from footfall.common.errors import UserError
-from footfall.deploy.bus import Bus
-from footfall.deploy.clock import Clock, LockstepClock, WallClock, undisturbed
 from footfall.deploy.config import DeployConfig
-from footfall.deploy.loop import Command, ControlLoop, Estimator, Log
+from footfall.deploy.loop import Command, ControlLoop
 from footfall.deploy.safety import Mode
-from footfall.deploy.wiring import Wiring, wire
+from footfall.deploy.session import BaseState, Outcome, Session, run_session
+from footfall.deploy.wiring import wire
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.sample import Sample
 from footfall.plant.bus import SimulatedBus
-from footfall.plant.energy import Power
-from footfall.plant.robot import Difference, SimulatedRobot
-from footfall.plant.trace import Recorder, Trace, unknown_truth
+from footfall.plant.progress import Progress
+from footfall.plant.robot import PlantConfig, SimulatedRobot
+from footfall.plant.trace import Recorder, Trace
 from footfall.plant.wires import SimulatedWires
 from footfall.policies.policy import Policy
 from footfall.robots.description import Robot
 
-SIMULATED, VIRTUAL = "sim", "virtual"
-UNKNOWN_POWER = Power(np.nan, np.nan, np.nan)
+BUS = "sim"  # what users call the simulated bus
+
+Watch = Callable[[ControlLoop, SimulatedRobot], None]
 
 
 @dataclass(frozen=True)
@@ -41,7 +37,7 @@ class Push:
 
 @dataclass(frozen=True)
 class Episode:
-    """What shall happen in a run. The same episode gives the same trace in lockstep."""
+    """What shall happen in a trial. The same episode gives the same trace in lockstep."""
 
     command: Command  # time since walking began, s, to (3,)
     duration_s: float  # of walking
@@ -49,110 +45,91 @@ class Episode:
     plant: Path | None = None  # another MJCF than the robot's own
     sample: Sample | None = None
     noise: Noise | None = None
-    pushes: tuple[Push, ...] = ()
+    pushes: tuple[Push, ...] = ()  # in any order
     ground_truth: bool = False  # hand the policy the true base velocity and height
-    realtime: bool = False  # a bus other than the simulated one is always in real time
+    realtime: bool = False
     log: Path | None = None
     policy_spec: str = ""  # what the user calls the policy; the log keeps it, so that a replay can load it
-    bus: str = SIMULATED
-    record_rate_hz: float = 100.0
+    record: bool = True  # keep samples; without them the trace's arrays are empty
+    record_rate_hz: float = 100.0  # how often to look at the truth, for samples, falls and power
     config: DeployConfig = field(default_factory=DeployConfig)
 
 
-def run_episode(
-    robot: Robot,
-    policy: Policy,
-    episode: Episode,
-    watch: Callable[[ControlLoop, SimulatedRobot | None], None] | None = None,
-) -> Trace:
+def run_episode(robot: Robot, policy: Policy, episode: Episode, watch: Watch | None = None) -> Trace:
     """Stand up, walk for the episode's duration, damp, switch off.
 
     Args:
         robot: what the controller believes that it moves.
-        policy: its mind.
+        policy: what decides.
         episode: what shall happen.
         watch: called after each joint tick with the loop and the simulated robot, to observe or to inject
             faults.
 
     Raises:
-        UserError: plant, policy, bus or log do not fit; nothing has moved then.
+        UserError: plant, policy or log do not fit; nothing has moved then.
     """
-    if not episode.duration_s > 0.0:
-        raise UserError(f"duration is {episode.duration_s:g} s: it must be above 0")
-    _check_contract(policy, robot)
     wiring, config = wire(robot), episode.config
-    estimated = policy.needs_estimate and not episode.ground_truth
-    with ExitStack() as resources:
-        bus, body = _open_bus(robot, wiring, episode, resources)
-        realtime = episode.realtime or body is None
-        clock: Clock = WallClock(config.tick_us) if realtime else LockstepClock(config.tick_us)
-        estimator = _estimator(robot) if estimated else None
-        loop = ControlLoop(robot, policy, wiring, bus, clock, config, episode.command, estimator)
-        if episode.ground_truth:
-            loop.truth = _true_base(body)
-        loop.log = _open_log(robot, policy, episode, realtime, resources)  # last: nothing else can fail
-        run = _Run(robot, loop, body, episode)
-        started = time.perf_counter()
-        if realtime:
-            resources.enter_context(_ending_on_signals(loop))
-        with undisturbed(config.realtime_priority if realtime else None):
-            try:
-                run.drive(watch)
-            finally:
-                loop.shut_down()
-        return run.trace(bus, time.perf_counter() - started)
+    wires = SimulatedWires(wiring.buses, config.host_queue)
+    difference = PlantConfig(episode.plant, episode.sample or Sample(), episode.noise, config.motor_timeout_s)
+    body = SimulatedRobot(robot, wiring, wires, difference, episode.seed)
+    facts = {
+        "seed": episode.seed,
+        "policy_spec": episode.policy_spec or policy.name,
+        "bus": BUS,
+        "plant": None if episode.plant is None else str(episode.plant),
+    }
+    session = Session(episode.command, episode.duration_s, episode.realtime, episode.log, facts, config)
+    trial = _Trial(robot, body, episode, watch)
+    base_state = true_base_state(body) if episode.ground_truth else None
+    outcome = run_session(robot, policy, SimulatedBus(wires, body), session, trial.tick, base_state)
+    return trial.trace(outcome)
 
 
-class _Run:
-    """Drives a loop through an episode: pushes, samples, the end."""
+class _Trial:
+    """What happens to the simulated robot beside its control loop: pushes, samples, falls."""
 
-    def __init__(
-        self, robot: Robot, loop: ControlLoop, body: SimulatedRobot | None, episode: Episode
-    ) -> None:
-        self._loop, self._body, self._episode = loop, body, episode
-        self._joints, self._feet = len(robot.joint_names), len(robot.description.feet)
-        self._recorder = Recorder(self._joints, self._feet)
+    def __init__(self, robot: Robot, body: SimulatedRobot, episode: Episode, watch: Watch | None) -> None:
+        self._body, self._episode, self._watch = body, episode, watch
+        self._recorder = Recorder(len(robot.joint_names), len(robot.description.feet), body.model.nq)
+        self._progress = Progress(episode.record_rate_hz)
         self._pushes = sorted(episode.pushes, key=lambda push: push.time_s)
-        self._record_every_s = 1.0 / episode.record_rate_hz
-        self._next_record_s = 0.0
+        self._look_every_s = 1.0 / episode.record_rate_hz
+        self._next_look_s = 0.0
         self._fall_reason = ""
         self._diverged = False
 
-    def drive(self, watch: Callable[[ControlLoop, SimulatedRobot | None], None] | None) -> None:
-        loop, body = self._loop, self._body
-        while loop.tick():
-            if loop.state.mode is Mode.WALKING:
-                self._walk()
-            if watch is not None:
-                watch(loop, body)
+    def tick(self, loop: ControlLoop) -> None:
+        """To be called after each joint tick."""
+        if loop.state.mode is Mode.WALKING:
+            self._walking(loop)
+        if self._watch is not None:
+            self._watch(loop, self._body)
 
-    def _walk(self) -> None:
-        loop, body = self._loop, self._body
-        now_s = loop.walking_s
-        while body is not None and self._pushes and self._pushes[0].time_s <= now_s:
+    def _walking(self, loop: ControlLoop) -> None:
+        body, now_s = self._body, loop.walking_s
+        while self._pushes and self._pushes[0].time_s <= now_s:
             body.push(self._pushes.pop(0).delta_v_m_s)
-        if now_s >= self._next_record_s - 1e-9:
-            self._record(now_s)
-            self._next_record_s += self._record_every_s
-            if body is not None and (reason := body.fall()) is not None:
-                self._fall_reason = reason
-                loop.finish()
-            if body is not None and body.diverged():
-                self._diverged = True
-                loop.finish()
-        if now_s >= self._episode.duration_s - 1e-9:
+        if now_s < self._next_look_s - 1e-9:
+            return
+        self._next_look_s += self._look_every_s
+        self._look(loop, now_s)
+        if (reason := body.fall()) is not None:
+            self._fall_reason = reason
+            loop.finish()
+        if body.diverged():
+            self._diverged = True
             loop.finish()
 
-    def _record(self, now_s: float) -> None:
-        loop, body = self._loop, self._body
-        truth = unknown_truth(self._joints, self._feet) if body is None else body.truth()
-        power = UNKNOWN_POWER if body is None else body.take_power()
+    def _look(self, loop: ControlLoop, now_s: float) -> None:
+        truth, power = self._body.truth(), self._body.take_power()
+        self._progress.add(truth.base_position, truth.base_velocity)
+        if not self._episode.record:
+            return
         velocity, height = loop.estimate
-        observation = loop.observation
         self._recorder.add(
             **truth._asdict(),
             time_s=now_s,
-            command=np.zeros(3) if observation is None else observation.command,
+            command=loop.asked_command,
             joint_target=loop.target,
             estimated_velocity=velocity,
             estimated_height=height,
@@ -161,105 +138,27 @@ class _Run:
             positive_power=power.positive,
         )
 
-    def trace(self, bus: Bus, wall_s: float) -> Trace:
-        loop, body = self._loop, self._body
-        state = loop.state
-        tipped = state.mode is Mode.FALLING
-        faults = state.faults
+    def trace(self, outcome: Outcome) -> Trace:
+        """The trial's trace; a fall that only the simulation saw counts, too."""
+        tipped = outcome.final_state == Mode.FALLING.value
+        report: dict[str, Any] = {**vars(outcome), **self._recorder.arrays()}
         if self._diverged:
-            faults = (*faults, "the simulation diverged")
+            report["faults"] = (*outcome.faults, "the simulation diverged")
+        if self._fall_reason:
+            report["final_state"] = Mode.FALLING.value
         return Trace(
-            **self._recorder.arrays(),
-            compute_ms=np.array(loop.timing.policy_ms),
-            record_rate_hz=self._episode.record_rate_hz,
-            faults=faults,
-            final_state=Mode.FALLING.value if self._fall_reason else state.mode.value,
+            **report,
             fell=bool(self._fall_reason) or tipped or self._diverged,
-            fall_reason=self._fall_reason or (faults[0] if tipped else ""),
-            timing=loop.timing.summary(),
-            buses=tuple(bus.statistics()),
-            wall_s=wall_s,
-            simulated_s=loop.now_us * 1e-6,
-            notes=() if body is None else body.notes,
+            fall_reason=self._fall_reason or (outcome.faults[0] if tipped else ""),
+            distance_m=self._progress.distance_m,
+            mean_velocity=self._progress.mean_velocity,
+            record_rate_hz=self._episode.record_rate_hz,
+            notes=self._body.notes,
         )
 
 
-def _check_contract(policy: Policy, robot: Robot) -> None:
-    differences = [] if policy.contract is None else policy.contract.mismatches(robot)
-    if differences:
-        raise UserError(f"policy '{policy.name}' does not fit robot '{robot.name}': {'; '.join(differences)}")
-
-
-def _open_bus(
-    robot: Robot, wiring: Wiring, episode: Episode, resources: ExitStack
-) -> tuple[Bus, SimulatedRobot | None]:
-    """The bus, and the simulated robot if it lives in this loop's time."""
-    difference = Difference(
-        episode.plant, episode.sample or Sample(), episode.noise, episode.config.motor_timeout_s
-    )
-    if episode.bus == SIMULATED:
-        wires = SimulatedWires(wiring.buses, episode.config.host_queue)
-        body = SimulatedRobot(robot, wiring, wires, difference, episode.seed)
-        return SimulatedBus(wires, body), body
-    from footfall.deploy.python_can_bus import PythonCanBus
-
-    if episode.bus == VIRTUAL:  # reaches no further than this process, so the robot has to live in it
-        from footfall.plant.serve import serving
-
-        resources.enter_context(serving(robot, VIRTUAL, difference, episode.seed))
-    elif episode.plant is not None or episode.pushes:
-        raise UserError(f"bus '{episode.bus}' leads to a robot of its own: no --plant and no pushes there")
-    bus = PythonCanBus(episode.bus, wiring.buses)
-    resources.callback(bus.close)
-    return bus, None
-
-
-def _open_log(
-    robot: Robot, policy: Policy, episode: Episode, realtime: bool, resources: ExitStack
-) -> Log | None:
-    if episode.log is None:
-        return None
-    from footfall.deploy.log import McapLog
-
-    facts = {
-        "seed": episode.seed,
-        "policy_spec": episode.policy_spec or policy.name,
-        "bus": episode.bus,
-        "plant": None if episode.plant is None else str(episode.plant),
-        "joint_rate_hz": episode.config.joint_rate_hz,
-    }
-    start_ns = time.time_ns() if realtime else 0
-    every_us = round(1e6 / episode.config.log_rate_hz)
-    log = McapLog(episode.log, robot, policy, every_us, facts, start_ns)
-    resources.callback(log.close)
-    return log
-
-
-@contextmanager
-def _ending_on_signals(loop: ControlLoop) -> Iterator[None]:
-    """Ctrl-C and a polite kill end the run in an orderly way: damping, then motors off."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = {
-        number: signal.signal(number, lambda *_: loop.finish()) for number in (signal.SIGINT, signal.SIGTERM)
-    }
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
-def _estimator(robot: Robot) -> Estimator:
-    from footfall.deploy.estimator import BaseEstimator
-
-    return BaseEstimator(robot)
-
-
-def _true_base(body: SimulatedRobot | None) -> Callable[[], tuple[np.ndarray, float]]:
-    if body is None:
-        raise UserError("--ground-truth needs the simulated robot: leave --bus at 'sim'")
+def true_base_state(body: SimulatedRobot) -> BaseState:
+    """Reads the true base velocity, and the base's height above the mean standing foot."""
 
     def read() -> tuple[np.ndarray, float]:
         truth = body.truth()

@@ -44,7 +44,7 @@ def tilt(quaternion: np.ndarray) -> float:
     return float(np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0)))
 
 
-class Witness:
+class GroundTruth:
     """Reads the true state of a plant out of its simulation."""
 
     def __init__(self, plant: Plant, data: mujoco.MjData, layout: Layout, height_m: float) -> None:

@@ -1,4 +1,4 @@
-"""The robot on the far side of the bus: a body in MuJoCo, moved by motors that listen to frames.
+"""The simulated robot on the far side of the bus: a body in MuJoCo, moved by motors that listen to frames.
 
 Frames take effect, and readings are taken, at the physics step nearest to the moment in question.
 """
@@ -12,13 +12,14 @@ import numpy as np
 from footfall.common.errors import UserError
 from footfall.deploy.config import MOTOR_TIMEOUT_S
 from footfall.deploy.drivers import imu
+from footfall.deploy.drivers.choice import open_motor_end
 from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import Wiring
 from footfall.domain_rand.bodies import apply_to_model, body_map
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.sample import Sample
 from footfall.plant.energy import EnergyMeter, Power
-from footfall.plant.ground_truth import Truth, Witness
+from footfall.plant.ground_truth import GroundTruth, Truth
 from footfall.plant.motors import MotorFaults, SimulatedMotors
 from footfall.plant.sensors import Layout, SimulatedSensors
 from footfall.plant.wires import Side, SimulatedWires
@@ -39,7 +40,7 @@ class Faults:
 
 
 @dataclass(frozen=True)
-class Difference:
+class PlantConfig:
     """How the simulated robot differs from the one that its controller believes in."""
 
     plant: Path | None = None  # another MJCF
@@ -56,13 +57,13 @@ class SimulatedRobot:
         robot: Robot,
         wiring: Wiring,
         wires: SimulatedWires,
-        difference: Difference | None = None,
+        config: PlantConfig | None = None,
         seed: int = 0,
     ) -> None:
         """Raises UserError if the plant does not fit the robot, or the sample does not fit the plant."""
-        difference = difference or Difference()
-        sample = difference.sample
-        plant = read_plant(robot, difference.plant)
+        config = config or PlantConfig()
+        sample = config.sample
+        plant = read_plant(robot, config.plant)
         _check_sample(sample, plant)
         self.model, self.notes = plant.model, plant.notes
         apply_to_model(self.model, sample, body_map(self.model, robot))
@@ -78,12 +79,14 @@ class SimulatedRobot:
         step_s = float(self.model.opt.timestep)
         self._step, self._step_us = 0, round(step_s * 1e6)
         self._wires = wires
-        self._motors = SimulatedMotors(wiring, plant.motor, sample, step_s, difference.motor_timeout_s)
+        self._motors = SimulatedMotors(
+            open_motor_end(wiring), plant.motor, len(qpos), sample, step_s, config.motor_timeout_s
+        )
         self._sensors = SimulatedSensors(
-            self.data, self._layout, sample, difference.noise, step_s, len(qpos), seed
+            self.data, self._layout, sample, config.noise, step_s, len(qpos), seed
         )
         self._energy = EnergyMeter(robot)
-        self._witness = Witness(plant, self.data, self._layout, robot.description.standing_height_m)
+        self._ground_truth = GroundTruth(plant, self.data, self._layout, robot.description.standing_height_m)
         self._torque = np.zeros(len(qpos))
         self._imu_every = round(IMU_PERIOD_S / step_s)
         self._imu_counter = 0
@@ -110,15 +113,15 @@ class SimulatedRobot:
 
     def truth(self) -> Truth:
         """The true state."""
-        return self._witness.truth(self._torque)
+        return self._ground_truth.truth(self._torque)
 
     def fall(self) -> str | None:
         """Why the robot counts as fallen, or None."""
-        return self._witness.fall()
+        return self._ground_truth.fall()
 
     def diverged(self) -> bool:
         """Whether the simulation lost its numbers."""
-        return self._witness.diverged()
+        return self._ground_truth.diverged()
 
     def take_power(self) -> Power:
         """Mean power of the motors since the last call."""
@@ -133,7 +136,7 @@ class SimulatedRobot:
         now_us, motors, sensors = self._step * self._step_us, self._motors, self._sensors
         sensors.remember(self._torque)
         for frames in self._wires.receive(Side.ROBOT, now_us + self._step_us / 2):
-            replies = motors.obey(self._step, frames, sensors.joints(motors.encoder_bias))
+            replies = motors.answer(self._step, frames, sensors.joints(motors.encoder_bias))
             if replies is not None:
                 self._wires.send(Side.ROBOT, replies, now_us)
         if self._step % self._imu_every == 0 and not self.faults.imu_silent:

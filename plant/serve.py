@@ -13,9 +13,10 @@ from pathlib import Path
 from footfall.common.errors import UserError
 from footfall.deploy.clock import WallClock
 from footfall.deploy.config import MOTOR_TIMEOUT_S
-from footfall.deploy.python_can_bus import MULTICAST, ROBOT_FILTERS, PythonCanBus
+from footfall.deploy.drivers.choice import open_motor_end
+from footfall.deploy.python_can_bus import MULTICAST, PythonCanBus
 from footfall.deploy.wiring import wire
-from footfall.plant.robot import Difference, SimulatedRobot
+from footfall.plant.robot import PlantConfig, SimulatedRobot
 from footfall.plant.wires import Side, SimulatedWires
 from footfall.robots.description import Robot, load_robot
 
@@ -23,7 +24,7 @@ PERIOD_US = 1000
 
 
 def serve(body: SimulatedRobot, wires: SimulatedWires, bus: PythonCanBus, stop: threading.Event) -> None:
-    """Let a simulated robot live in wall-clock time, its wires joined to a bus, until told to stop."""
+    """Run a simulated robot in wall-clock time, its wires joined to a bus, until told to stop."""
     clock = WallClock(PERIOD_US)
     while not stop.is_set():
         now_us = clock.next_tick()
@@ -36,7 +37,7 @@ def serve(body: SimulatedRobot, wires: SimulatedWires, bus: PythonCanBus, stop: 
 
 @contextmanager
 def serving(
-    robot: Robot, interface: str, difference: Difference | None = None, seed: int = 0
+    robot: Robot, interface: str, config: PlantConfig | None = None, seed: int = 0
 ) -> Iterator[SimulatedRobot]:
     """A simulated robot on a bus, in a thread, for as long as the context lasts.
 
@@ -45,8 +46,8 @@ def serving(
     """
     wiring = wire(robot)
     wires = SimulatedWires(wiring.buses, host_queue=1000)  # the interface has queued already
-    body = SimulatedRobot(robot, wiring, wires, difference, seed)
-    bus = PythonCanBus(interface, wiring.buses, ROBOT_FILTERS)
+    body = SimulatedRobot(robot, wiring, wires, config, seed)
+    bus = PythonCanBus(interface, wiring.buses, open_motor_end(wiring).filters)
     stop = threading.Event()
     thread = threading.Thread(target=serve, args=(body, wires, bus, stop), name="robot", daemon=True)
     thread.start()
@@ -68,8 +69,8 @@ def main() -> None:
     parser.add_argument("--duration", type=float, help="seconds until it ends by itself")
     options = parser.parse_args()
     try:
-        difference = Difference(options.plant, motor_timeout_s=options.motor_timeout)
-        with serving(load_robot(options.robot), options.bus, difference):
+        config = PlantConfig(options.plant, motor_timeout_s=options.motor_timeout)
+        with serving(load_robot(options.robot), options.bus, config):
             threading.Event().wait(options.duration)
     except UserError as error:
         print(error, file=sys.stderr)

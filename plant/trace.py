@@ -1,19 +1,23 @@
-"""What an episode leaves behind: the walking phase sampled at a fixed rate, and how the run went."""
+"""What an episode leaves behind: how it went, and samples of the walking phase at a fixed rate."""
 
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from footfall.deploy.bus import BusStatistics
-from footfall.plant.ground_truth import Truth
+from footfall.deploy.session import Outcome
 
 
 @dataclass(frozen=True)
-class Trace:
-    """T samples of the walking phase. Ground truth, unless a name says otherwise; NaN on a real robot."""
+class Trace(Outcome):
+    """T samples of the walking phase. Ground truth, unless a name says otherwise."""
 
+    fell: bool
+    fall_reason: str  # empty if it did not fall
+    distance_m: float  # see plant.progress
+    mean_velocity: np.ndarray  # (3,) m/s, body frame
+    record_rate_hz: float
     time_s: np.ndarray  # (T,) since walking began
-    command: np.ndarray  # (T, 3) forward m/s, leftward m/s, yaw rad/s
+    command: np.ndarray  # (T, 3) forward m/s, leftward m/s, yaw rad/s, as it was asked for
     base_position: np.ndarray  # (T, 3) m, world
     base_quaternion: np.ndarray  # (T, 4) w x y z, body to world
     base_velocity: np.ndarray  # (T, 3) m/s, body frame
@@ -32,16 +36,6 @@ class Trace:
     electrical_power: np.ndarray  # (T,) W, mean since the sample before: shaft power and copper loss
     mechanical_power: np.ndarray  # (T,) W, mean
     positive_power: np.ndarray  # (T,) W, mean of each motor's power where it is positive
-    compute_ms: np.ndarray  # one for each policy step
-    record_rate_hz: float
-    faults: tuple[str, ...]
-    final_state: str  # IDLE after an orderly end, else FALLING or ESTOP
-    fell: bool
-    fall_reason: str  # empty if it did not fall
-    timing: dict[str, float]  # see deploy.loop.Timing.summary
-    buses: tuple[BusStatistics, ...]
-    wall_s: float
-    simulated_s: float
     notes: tuple[str, ...] = ()  # what the plant lacked
 
 
@@ -51,6 +45,7 @@ class Recorder:
 
     joints: int
     feet: int
+    nq: int
     rows: dict[str, list] = field(default_factory=dict)
 
     def add(self, **values: object) -> None:
@@ -59,13 +54,10 @@ class Recorder:
 
     def arrays(self) -> dict[str, np.ndarray]:
         """All samples by name; empty arrays of the right width if there are none."""
-        if not self.rows:
-            return self._empty()
-        return {name: np.array(rows) for name, rows in self.rows.items()}
-
-    def _empty(self) -> dict[str, np.ndarray]:
+        if self.rows:
+            return {name: np.array(rows) for name, rows in self.rows.items()}
         n, feet = self.joints, self.feet
-        shapes: dict[str, tuple[int, ...]] = {
+        widths: dict[str, tuple[int, ...]] = {
             **dict.fromkeys(_SCALARS, ()),
             **dict.fromkeys(_VECTORS, (3,)),
             **dict.fromkeys(_JOINTS, (n,)),
@@ -74,11 +66,11 @@ class Recorder:
             "foot_velocity": (feet, 3),
             "foot_contact": (feet,),
             "foot_force": (feet,),
-            "qpos": (7 + n,),
+            "qpos": (self.nq,),
         }
         return {
-            name: np.zeros((0, *shape), dtype=bool if name == "foot_contact" else float)
-            for name, shape in shapes.items()
+            name: np.zeros((0, *width), dtype=bool if name == "foot_contact" else float)
+            for name, width in widths.items()
         }
 
 
@@ -97,17 +89,3 @@ _VECTORS = (
     "estimated_velocity",
 )
 _JOINTS = ("joint_position", "joint_velocity", "motor_torque", "joint_target")
-
-
-def unknown_truth(joints: int, feet: int) -> Truth:
-    """The truth of a robot that nobody simulates here: NaN, and no contacts."""
-    shapes = {
-        "base_quaternion": (4,),
-        "foot_position": (feet, 3),
-        "foot_velocity": (feet, 3),
-        "foot_force": (feet,),
-        "qpos": (7 + joints,),
-        **dict.fromkeys(_JOINTS[:3], (joints,)),
-    }
-    values = {name: np.full(shapes.get(name, (3,)), np.nan) for name in Truth._fields}
-    return Truth(**{**values, "foot_contact": np.zeros(feet, dtype=bool)})

@@ -5,12 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from deploy_minds import Hold, Spoilt, Sway, not_a_number, short_episode
+from deploy_minds import Hold, Spoilt, Sway, not_a_number, short_episode, stand_still
 
 from footfall.common.errors import UserError
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.safety import Mode
+from footfall.deploy.session import Session, run_on_interface
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.sample import Sample
 from footfall.plant.episode import Push, run_episode
@@ -21,7 +22,7 @@ from footfall.policies.policy import Observation
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
-Watch = Callable[[ControlLoop, SimulatedRobot | None], None]
+Watch = Callable[[ControlLoop, SimulatedRobot], None]
 
 
 @pytest.fixture(scope="module")
@@ -169,9 +170,8 @@ class TestPushesAndFalls:
     def test_a_tilt_past_the_limit_is_seen_by_the_imu_and_damped(self, go1: Robot) -> None:
         modes: list[Mode] = []
 
-        def topple(loop: ControlLoop, body: SimulatedRobot | None) -> None:
+        def topple(loop: ControlLoop, body: SimulatedRobot) -> None:
             modes.append(loop.state.mode)
-            assert body is not None
             if modes.count(Mode.WALKING) >= 100 and loop.state.mode is Mode.WALKING:
                 body.data.qvel[3] = 8.0  # roll over
 
@@ -183,9 +183,8 @@ class TestPushesAndFalls:
 
 
 def at_walking_tick(tick: int, act: Callable[[SimulatedRobot], None], log: list[Mode]) -> Watch:
-    def watch(loop: ControlLoop, body: SimulatedRobot | None) -> None:
+    def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
         log.append(loop.state.mode)
-        assert body is not None
         if log.count(Mode.WALKING) == tick:
             act(body)
 
@@ -232,8 +231,7 @@ class TestFaults:
         bodies: list[SimulatedRobot] = []
         torques: list[np.ndarray] = []
 
-        def watch(loop: ControlLoop, body: SimulatedRobot | None) -> None:
-            assert body is not None
+        def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
             if loop.state.mode is Mode.WALKING and loop.walking_s > 0.2:
                 body.faults.motors.error[0] = 2
             if loop.state.mode is Mode.ESTOP:
@@ -274,8 +272,7 @@ class TestFaults:
     def test_a_motor_that_never_answers_keeps_the_robot_from_standing_up(self, go1: Robot) -> None:
         modes: list[Mode] = []
 
-        def watch(loop: ControlLoop, body: SimulatedRobot | None) -> None:
-            assert body is not None
+        def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
             body.faults.motors.silent[8] = True
             modes.append(loop.state.mode)
 
@@ -296,7 +293,7 @@ class TestBadInput:
         with pytest.raises(UserError, match="duration"):
             run_episode(go1, Hold(go1), short_episode(duration_s=0.0))
         with pytest.raises(UserError, match=r"no bus 'canopen': give one of sim,.*socketcan"):
-            run_episode(go1, Hold(go1), short_episode(bus="canopen"))
+            run_on_interface(go1, Hold(go1), "canopen", Session(stand_still, 1.0))
 
 
 def test_a_randomised_robot_runs_too(go1: Robot) -> None:

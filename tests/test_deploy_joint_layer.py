@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from footfall.deploy.drivers import imu, mit
+from footfall.deploy.drivers import imu, mit, mit_driver
+from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.frames import Frames
 from footfall.deploy.joint_layer import NEVER, JointLayer
 from footfall.deploy.wiring import Wiring, wire
@@ -20,7 +21,7 @@ def wiring(go1: Robot) -> Wiring:
 
 @pytest.fixture
 def layer(go1: Robot, wiring: Wiring) -> JointLayer:
-    layer = JointLayer(go1, wiring, TICK_S)
+    layer = JointLayer(go1, open_driver(wiring), wiring.imu_channel, TICK_S)
     layer.absorb([replies(wiring, go1.default_pose)], 0)
     layer.begin_at(go1.default_pose)
     return layer
@@ -30,8 +31,8 @@ def replies(wiring: Wiring, position: np.ndarray, velocity: float = 0.0, error: 
     n = len(position)
     values = np.array([position, np.full(n, velocity), np.zeros(n)])
     head, tail = wiring.motor_id.astype(np.uint64), np.full(n, error, dtype=np.uint64)
-    data = mit.Codec(wiring.protocols).encode_replies(slice(None), head, values, tail)
-    return Frames(wiring.channel, mit.REPLY_ID + wiring.motor_id, data, np.full(n, 8))
+    data = mit.Codec(wiring.models).encode_replies(slice(None), head, values, tail)
+    return Frames(wiring.channel, mit_driver.REPLY_ID + wiring.motor_id, data, np.full(n, 8))
 
 
 def command(robot: Robot, position: np.ndarray, kp: float = 20.0, torque: float = 0.0) -> JointCommand:
@@ -40,7 +41,7 @@ def command(robot: Robot, position: np.ndarray, kp: float = 20.0, torque: float 
 
 
 def sent(robot: Robot, wiring: Wiring, frames: Frames) -> JointCommand:
-    codec = mit.Codec(wiring.protocols)
+    codec = mit.Codec(wiring.models)
     return JointCommand(*codec.decode(mit.words(frames.data), slice(None)))
 
 
@@ -98,7 +99,7 @@ class TestIn:
         sensed = layer.sensed()
         np.testing.assert_allclose(sensed.joint_position, go1.default_pose + 0.1, atol=2e-4)
         np.testing.assert_allclose(sensed.joint_velocity, 1.0, atol=0.02)
-        assert layer.heard().motor_us.tolist() == [4000] * 12
+        assert layer.last_heard().motor_us.tolist() == [4000] * 12
 
     def test_readings_handed_out_do_not_change_later(
         self, go1: Robot, wiring: Wiring, layer: JointLayer
@@ -113,7 +114,7 @@ class TestIn:
     ) -> None:
         batch = replies(wiring, go1.default_pose + 0.1)
         layer.absorb([batch.take(np.array([7]))], 4000)
-        assert np.flatnonzero(layer.heard().motor_us == 4000).tolist() == [7]
+        assert np.flatnonzero(layer.last_heard().motor_us == 4000).tolist() == [7]
 
     def test_replies_on_the_shared_id_and_of_six_bytes_count(
         self, go1: Robot, wiring: Wiring, layer: JointLayer
@@ -121,27 +122,27 @@ class TestIn:
         batch = replies(wiring, go1.default_pose + 0.1, error=5)
         data = batch.data.copy()
         data[:, 6:] = 0
-        short = Frames(batch.channel, np.full(12, mit.SHARED_REPLY_ID), data, np.full(12, 6))
+        short = Frames(batch.channel, np.full(12, mit_driver.SHARED_REPLY_ID), data, np.full(12, 6))
         layer.absorb([short], 4000)
-        assert layer.heard().motor_us.tolist() == [4000] * 12
-        assert not layer.heard().motor_error.any()
+        assert layer.last_heard().motor_us.tolist() == [4000] * 12
+        assert not layer.last_heard().motor_error.any()
 
     def test_foreign_frames_are_left_aside(self, go1: Robot, wiring: Wiring, layer: JointLayer) -> None:
         batch = replies(wiring, go1.default_pose + 0.1)
         unknown_motor = batch.data.copy()
         unknown_motor[:, 0] = 99
         for foreign in (
-            batch._replace(data=unknown_motor, id=np.full(12, mit.REPLY_ID + 99)),
+            batch._replace(data=unknown_motor, id=np.full(12, mit_driver.REPLY_ID + 99)),
             batch._replace(length=np.full(12, 3)),
             batch._replace(id=np.full(12, 0x2AA)),
             batch._replace(id=np.full(12, 0x7FF)),
         ):
             layer.absorb([foreign], 4000)
-        assert layer.heard().motor_us.tolist() == [0] * 12
+        assert layer.last_heard().motor_us.tolist() == [0] * 12
 
     def test_error_codes_are_kept(self, go1: Robot, wiring: Wiring, layer: JointLayer) -> None:
         layer.absorb([replies(wiring, go1.default_pose, error=2)], 0)
-        assert layer.heard().motor_error.tolist() == [2] * 12
+        assert layer.last_heard().motor_error.tolist() == [2] * 12
 
     def test_only_a_new_imu_reading_counts_as_heard(self, wiring: Wiring, layer: JointLayer) -> None:
         def frames(counter: int) -> Frames:
@@ -149,10 +150,10 @@ class TestIn:
             data = imu.encode(reading, counter)
             return Frames(np.full(3, wiring.imu_channel), np.array(imu.IDS), data, np.full(3, 8))
 
-        assert layer.heard().imu_us == NEVER
+        assert layer.last_heard().imu_us == NEVER
         layer.absorb([frames(1)], 1000)
         layer.absorb([frames(1)], 2000)
-        assert layer.heard().imu_us == 1000
+        assert layer.last_heard().imu_us == 1000
         layer.absorb([frames(2)], 3000)
-        assert layer.heard().imu_us == 3000
+        assert layer.last_heard().imu_us == 3000
         np.testing.assert_allclose(layer.sensed().gyro, [0.1, 0.2, 0.3])

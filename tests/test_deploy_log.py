@@ -64,7 +64,7 @@ class TestContent:
         path, trace = logged
         counts = Counter(m.topic for m in decoded(path))
         assert counts["/policy/inputs"] == len(trace.compute_ms) == 26
-        assert counts["/joint_states"] == counts["/imu"] == pytest.approx(100 * trace.simulated_s, abs=2)
+        assert counts["/joint_states"] == counts["/imu"] == pytest.approx(100 * trace.run_s, abs=2)
 
     def test_joint_states_carry_names_and_readings(self, go1: Robot, logged: tuple[Path, Trace]) -> None:
         last = decoded(logged[0], "/joint_states")[60].message

@@ -10,20 +10,25 @@ from functools import partial
 
 import numpy as np
 import pytest
-from deploy_minds import Hold, Spoilt, short_episode, slow
+from deploy_minds import Hold, Spoilt, short_episode, slow, stand_still
 
 from footfall.common.errors import UserError
 from footfall.deploy.clock import LockstepClock, WallClock, undisturbed
 from footfall.deploy.config import DeployConfig
+from footfall.deploy.drivers import imu
+from footfall.deploy.drivers.mit_driver import MitDriver, MitMotorEnd
 from footfall.deploy.frames import Frames
-from footfall.deploy.python_can_bus import ROBOT_FILTERS, PythonCanBus
+from footfall.deploy.python_can_bus import PythonCanBus
 from footfall.deploy.safety import SafetyConfig
+from footfall.deploy.session import Session, run_on_interface
 from footfall.plant.episode import run_episode
+from footfall.plant.serve import serving
 from footfall.robots.description import Robot
 
 # Shared machines stall for tens of milliseconds: forgive them, but not what is tested here.
 PATIENT = SafetyConfig(start_timeout_s=3.0, silence_timeout_s=0.9)
 UNHURRIED = DeployConfig(joint_rate_hz=100.0, stand_s=0.4, motor_timeout_s=0.8, safety=PATIENT)
+SHORT = Session(stand_still, 0.4, config=UNHURRIED)
 
 
 class TestClocks:
@@ -57,8 +62,8 @@ class TestSimulatedBus:
     def test_keeps_to_the_wall_clock(self, go1: Robot) -> None:
         trace = run_episode(go1, Hold(go1), short_episode(duration_s=0.5, realtime=True, config=UNHURRIED))
         assert trace.final_state == "IDLE"
-        assert trace.wall_s >= trace.simulated_s - 0.01  # later on a busy machine, never earlier
-        assert trace.simulated_s >= 0.4 + 0.5 + 0.5  # stand, walk, damp
+        assert trace.wall_s >= trace.run_s - 0.01  # later on a busy machine, never earlier
+        assert trace.run_s >= 0.4 + 0.5 + 0.5  # stand, walk, damp
         assert trace.timing["lateness_us_max"] >= trace.timing["lateness_us_p50"] > 0.0
 
     def test_a_policy_that_takes_far_too_long_is_stopped_at_once(self, go1: Robot) -> None:
@@ -99,8 +104,8 @@ def frames(*rows: tuple[int, int, bytes]) -> Frames:
 
 class TestPythonCan:
     def test_frames_cross_and_each_end_hears_only_what_is_meant_for_it(self) -> None:
-        controller = PythonCanBus("virtual", ("cross0", "cross1"))
-        robot = PythonCanBus("virtual", ("cross0", "cross1"), ROBOT_FILTERS)
+        controller = PythonCanBus("virtual", ("cross0", "cross1"), (*MitDriver.filters, *imu.FILTERS))
+        robot = PythonCanBus("virtual", ("cross0", "cross1"), MitMotorEnd.filters)
         try:
             sent = frames((0, 1, b"12345678"), (1, 2, b"123456"), (1, 0x555, b"noise"))
             assert controller.send(sent, 0) == 0
@@ -119,7 +124,7 @@ class TestPythonCan:
             robot.close()
 
     def test_writes_are_paced_when_the_queue_would_overflow(self) -> None:
-        bus = PythonCanBus("virtual", ("pace0",))
+        bus = PythonCanBus("virtual", ("pace0",), MitDriver.filters)
         try:
             begun = time.monotonic()
             bus.send(frames(*[(0, 1, b"12345678")] * 60), 0)
@@ -128,12 +133,13 @@ class TestPythonCan:
             bus.close()
 
     def test_the_robot_walks_over_a_virtual_bus(self, go1: Robot) -> None:
-        trace = run_episode(go1, Hold(go1), short_episode(duration_s=0.4, bus="virtual", config=UNHURRIED))
-        assert trace.faults == ()
-        assert trace.final_state == "IDLE"
-        assert np.isnan(trace.base_position).all()  # nobody knows the truth on a real bus
-        assert not trace.fell
-        np.testing.assert_allclose(trace.joint_target[-1], go1.default_pose, atol=0.01)
+        policy = Hold(go1)
+        with serving(go1, "virtual"):
+            outcome = run_on_interface(go1, policy, "virtual", SHORT)
+        assert outcome.faults == ()
+        assert outcome.final_state == "IDLE"
+        assert outcome.walked_s == pytest.approx(0.4, abs=0.1)
+        np.testing.assert_allclose(policy.seen[-1].sensed.joint_position, go1.default_pose, atol=0.05)
 
     def test_the_robot_walks_over_multicast_from_another_process(self, go1: Robot) -> None:
         command = [sys.executable, "-m", "footfall.plant.serve", "--bus", "udp_multicast"]
@@ -143,26 +149,20 @@ class TestPythonCan:
                 time.sleep(2.0)
                 if server.poll() is not None:
                     pytest.skip(f"no multicast here: {server.communicate()[1].strip()}")
-                episode = short_episode(duration_s=0.4, bus="udp_multicast", config=UNHURRIED)
-                trace = run_episode(go1, Hold(go1), episode)
+                outcome = run_on_interface(go1, Hold(go1), "udp_multicast", SHORT)
             finally:
                 server.terminate()
-        assert trace.faults == ()
-        assert trace.final_state == "IDLE"
-        assert sum(bus.frames_received for bus in trace.buses) > 200
+        assert outcome.faults == ()
+        assert outcome.final_state == "IDLE"
+        assert sum(bus.frames_received for bus in outcome.buses) > 200
 
     def test_an_empty_bus_is_an_emergency_stop_that_names_the_first_motor(self, go1: Robot) -> None:
-        trace = run_episode(
-            go1, Hold(go1), short_episode(bus="udp_multicast", config=DeployConfig(joint_rate_hz=100.0))
-        )
-        assert trace.final_state == "ESTOP"
-        assert "no answer from FR_hip_joint (can0, id 1)" in trace.faults[0]
+        session = Session(stand_still, 1.0, config=DeployConfig(joint_rate_hz=100.0))
+        outcome = run_on_interface(go1, Hold(go1), "udp_multicast", session)
+        assert outcome.final_state == "ESTOP"
+        assert "no answer from FR_hip_joint (can0, id 1)" in outcome.faults[0]
 
     def test_an_interface_that_cannot_be_opened_is_refused_in_one_line(self, go1: Robot) -> None:
         with pytest.raises(UserError, match=r"cannot open bus 'can0' on socketcan: ") as caught:
-            run_episode(go1, Hold(go1), short_episode(bus="socketcan"))
+            run_on_interface(go1, Hold(go1), "socketcan", SHORT)
         assert "\n" not in str(caught.value)
-
-    def test_ground_truth_needs_the_simulated_bus(self, go1: Robot) -> None:
-        with pytest.raises(UserError, match="needs the simulated robot"):
-            run_episode(go1, Hold(go1), short_episode(bus="virtual", ground_truth=True))

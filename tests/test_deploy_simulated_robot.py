@@ -8,11 +8,12 @@ import pytest
 
 from footfall.common.errors import UserError
 from footfall.deploy.drivers import imu, mit
+from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import wire
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.sample import Sample
-from footfall.plant.robot import Difference, SimulatedRobot
+from footfall.plant.robot import PlantConfig, SimulatedRobot
 from footfall.plant.wires import Side, SimulatedWires
 from footfall.robots.description import Robot
 
@@ -24,9 +25,10 @@ class Bench:
 
     def __init__(self, robot: Robot, **difference: object) -> None:
         self.robot, self.wiring = robot, wire(robot)
-        self.codec = mit.Codec(self.wiring.protocols)
+        self.codec = mit.Codec(self.wiring.models)
+        self.driver = open_driver(self.wiring)
         self.wires = SimulatedWires(self.wiring.buses)
-        self.body = SimulatedRobot(robot, self.wiring, self.wires, Difference(**difference))
+        self.body = SimulatedRobot(robot, self.wiring, self.wires, PlantConfig(**difference))
         self.now_us = 0
         self.position = np.full(len(robot.joint_names), np.nan)
         self.velocity, self.error = self.position.copy(), np.zeros(len(self.position))
@@ -46,11 +48,10 @@ class Bench:
             if frames.id[0] in imu.IDS:
                 self.imu = {int(i): d.tobytes() for i, d in zip(frames.id, frames.data, strict=True)}
                 continue
-            motor = self.wiring.lookup[frames.channel, mit.reply_motor(frames.data)]
-            reply = self.codec.decode_replies(frames.data, motor)
-            self.position[motor], self.velocity[motor], _ = reply.values
-            self.error[motor] = reply.error
-            self.replies += len(motor)
+            motor, values, _, error = self.driver.replies(frames)
+            self.position[motor], self.velocity[motor], _ = values
+            self.error[motor] = error
+            self.replies += len(error)
 
     def enter(self) -> None:
         self.tick(mit.special(mit.ENTER, len(self.position)))

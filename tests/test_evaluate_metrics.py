@@ -51,7 +51,10 @@ def walk(seconds: float = 5.0, command: tuple[float, float, float] = (1.0, 0.0, 
         timing={},
         buses=(),
         wall_s=1.0,
-        simulated_s=seconds,
+        run_s=seconds,
+        walked_s=seconds,
+        distance_m=0.0,
+        mean_velocity=np.zeros(3),
     )
 
 

@@ -33,7 +33,7 @@ ALLOWED = {
     "robots": {"common"},
     "domain_rand": {"common", "robots"},
     "policies": {"common", "robots"},
-    "deploy": {"common", "robots", "policies", "domain_rand"},
+    "deploy": {"common", "robots", "policies"},
     "plant": {"common", "robots", "policies", "domain_rand", "deploy"},
     "evaluate": {"common", "robots", "policies", "domain_rand", "deploy", "plant"},
     "envs": {"common", "robots", "policies", "domain_rand"},
@@ -176,3 +176,19 @@ def test_importing_the_acting_wing_loads_no_learning_library() -> None:
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     loaded = ast.literal_eval(done.stdout)
     assert [name for name in loaded if belongs_to(name, LEARNING_ONLY)] == []
+
+
+DEPLOY_ON_SOCKETCAN = """
+import sys
+from footfall.cli import main
+status = main(["deploy", "stand", "--bus", "socketcan"])
+print(status, sorted(name for name in sys.modules if name.startswith("footfall.plant")))
+"""
+
+
+def test_deploying_on_a_robot_imports_no_simulated_one() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", DEPLOY_ON_SOCKETCAN], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert "cannot open bus 'can0' on socketcan" in done.stderr
+    assert done.stdout.strip() == "2 []"

@@ -17,7 +17,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from footfall.deploy.drivers.driver import CanFilter
+from footfall.deploy.frames import Frames
+
 GYRO_ID, ACCELERATION_ID, QUATERNION_ID = IDS = (0x300, 0x301, 0x302)
+FILTERS: tuple[CanFilter, ...] = ({"can_id": GYRO_ID, "can_mask": 0x7FC, "extended": False},)
 GYRO_UNIT = 0.001
 ACCELERATION_UNIT = 0.005
 QUATERNION_UNIT = 1.0 / 32767.0
@@ -63,3 +67,42 @@ def decode_quaternion(data: bytes) -> tuple[float, float, float, float] | None:
     w, x, y, z = _QUATERNION.unpack(data)
     norm = math.sqrt(w * w + x * x + y * y + z * z)
     return None if norm == 0.0 else (w / norm, x / norm, y / norm, z / norm)
+
+
+class ImuReader:
+    """The latest reading of an IMU, from frames as they arrive."""
+
+    def __init__(self, channel: int) -> None:
+        """`channel` is the bus that the IMU is on."""
+        self._channel = channel
+        self._counter = -1
+        self._seen: set[int] = set()
+        self._heard_us: int | None = None
+        self.reading = Inertial((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+
+    @property
+    def heard_us(self) -> int | None:
+        """When the last new reading came; None until each kind of frame has come once."""
+        return self._heard_us if len(self._seen) == len(IDS) else None
+
+    def absorb(self, frames: Frames, now_us: int) -> None:
+        """Take in frames; those that are not the IMU's are left aside."""
+        for identifier, channel, row in zip(
+            frames.id.tolist(), frames.channel.tolist(), frames.data, strict=True
+        ):
+            if channel != self._channel or identifier not in IDS:
+                continue
+            self._seen.add(identifier)
+            self._absorb_one(identifier, row.tobytes(), now_us)
+
+    def _absorb_one(self, identifier: int, data: bytes, now_us: int) -> None:
+        gyro, acceleration, quaternion = self.reading
+        if identifier == GYRO_ID:
+            gyro, counter = decode_gyro(data)
+            if counter != self._counter:
+                self._counter, self._heard_us = counter, now_us
+        elif identifier == ACCELERATION_ID:
+            acceleration = decode_acceleration(data)
+        else:
+            quaternion = decode_quaternion(data) or quaternion
+        self.reading = Inertial(gyro, acceleration, quaternion)

@@ -1,5 +1,5 @@
-"""MIT-mode actuator protocol (mini-cheetah, CubeMars AK, Damiao): numbers to frames and back, a whole bus
-of motors at a time.
+"""MIT-mode actuator protocol (mini-cheetah, CubeMars AK): numbers to frames and back, all motors of a robot
+at a time. `mit_driver.py` says which frame goes where.
 
 A command is `P16 V12 KP12 KD12 T12`, a reply `id8 P16 V12 T12 [temperature8 error8]`, both big-endian with
 the most significant bit first.
@@ -18,10 +18,6 @@ from typing import NamedTuple
 import numpy as np
 
 from footfall.common.errors import UserError
-from footfall.robots.actuator import JointCommand
-
-REPLY_ID = 0x100  # a motor replies on REPLY_ID + its id, which loses arbitration against any command
-SHARED_REPLY_ID = 0x000  # where motors reply that know only one host
 
 
 @dataclass(frozen=True)
@@ -42,16 +38,9 @@ RANGES = {
     "AK60-6": MotorRange(50.0, 15.0),
     "AK10-9": MotorRange(50.0, 65.0),
     "AK80-64": MotorRange(8.0, 144.0),
-    "DM4310": MotorRange(30.0, 10.0),
-    "DM4340": MotorRange(8.0, 28.0),
-    "DM6006": MotorRange(45.0, 20.0),
-    "DM8006": MotorRange(45.0, 40.0),
-    "DM8009": MotorRange(45.0, 54.0),
-    "DM10010": MotorRange(20.0, 200.0),
-    "DM10010L": MotorRange(25.0, 200.0),
 }
 
-COMMUNICATION_LOST = 13  # the motor's own time-out has switched it off; Damiao's code, CubeMars has none
+COMMUNICATION_LOST = 13  # of a simulated motor whose own time-out switched it off; the manual has none
 ERRORS = {
     1: "over-temperature",
     2: "over-current",
@@ -95,20 +84,15 @@ def special(word: int, count: int) -> np.ndarray:
     return bytes_of(np.full(count, word, dtype=np.uint64))
 
 
-def reply_motor(data: np.ndarray) -> np.ndarray:
-    """Which motor each reply (k, 8) comes from, (k,)."""
-    return data[:, 0].astype(np.intp)
-
-
 class Codec:
     """The ranges of n motors, ready to encode and decode all of them at once."""
 
-    def __init__(self, protocols: Sequence[str]) -> None:
+    def __init__(self, models: Sequence[str]) -> None:
         """Raises UserError for a motor that is not in `RANGES`."""
-        for name in protocols:
+        for name in models:
             if name not in RANGES:
                 raise UserError(f"no MIT-mode motor '{name}': there are {', '.join(RANGES)}")
-        rows = [RANGES[name] for name in protocols]
+        rows = [RANGES[name] for name in models]
         self.highest = np.array(
             [[r.position, r.velocity, r.kp, r.kd, r.torque] for r in rows], dtype=float
         ).T.copy()
@@ -168,8 +152,3 @@ class Codec:
         codes = (words(data) >> _REPLY_SHIFT) & _REPLY_MASK
         values = self._reply_lowest[:, motor] + codes * self.reply_quantum[:, motor]
         return Reply(values, data[:, 6], data[:, 7])
-
-
-def stacked(command: JointCommand) -> np.ndarray:
-    """A joint command as the (5, n) array that `Codec.encode` takes."""
-    return np.stack(command)

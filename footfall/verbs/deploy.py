@@ -1,6 +1,7 @@
 """`footfall deploy`."""
 
 import math
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -8,13 +9,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from cyclopts import Parameter
 
+from footfall.common.errors import UserError
 from footfall.common.outputs import check_outputs, write_json
 from footfall.options import JsonFile, Plant, PolicyName, RobotName, Seconds, Seed, VelocityCommand
 
 if TYPE_CHECKING:
-    from footfall.plant.trace import Trace
+    from footfall.deploy.config import DeployConfig
+    from footfall.deploy.session import Outcome
+    from footfall.policies.policy import Policy
+    from footfall.robots.description import Robot
 
-SAFE = "IDLE"
+SAFE, FALLEN = "IDLE", "FALLING"  # final states
+SIMULATED, VIRTUAL = "sim", "virtual"  # buses that lead to a simulated robot
 
 
 @Parameter(name="*")
@@ -44,33 +50,75 @@ class DeployOptions:
 def deploy(policy: PolicyName, /, *, options: DeployOptions = DeployOptions()) -> int:
     """Run a policy on a bus, simulated by default; exit 0 if it ended safely, 1 if not."""
     check_outputs(options.json, options.log)
-    from footfall.deploy.config import DeployConfig, load_deploy_config
-    from footfall.plant.episode import Episode, run_episode
     from footfall.policies.registry import load_policy
     from footfall.robots.description import load_robot
 
     robot = load_robot(options.robot)
-    command = np.array(options.command)
-    trace = run_episode(
-        robot,
-        load_policy(policy, robot),
-        Episode(
-            command=lambda _: command,
-            duration_s=options.duration,
-            seed=options.seed,
-            plant=options.plant,
-            ground_truth=options.ground_truth,
-            realtime=options.realtime,
-            log=options.log,
-            bus=options.bus,
-            policy_spec=_lasting(policy),
-            config=DeployConfig() if options.config is None else load_deploy_config(options.config),
-        ),
-    )
-    figures = {"policy": policy, "robot": robot.name} | _figures(trace, options)
+    decider = load_policy(policy, robot)
+    run = _simulated if options.bus == SIMULATED else _on_interface
+    figures = {"policy": policy, "robot": robot.name} | run(robot, decider, _lasting(policy), options)
     write_json(options.json, figures)
     _show(figures)
-    return 0 if trace.final_state == SAFE and not trace.fell else 1
+    return 0 if figures["final_state"] == SAFE and not figures["fell"] else 1
+
+
+def _simulated(robot: "Robot", policy: "Policy", spec: str, options: DeployOptions) -> dict[str, Any]:
+    """A run on the simulated robot; what it has to tell."""
+    from footfall.plant.episode import Episode, run_episode
+
+    command = np.array(options.command)
+    episode = Episode(
+        command=lambda _: command,
+        duration_s=options.duration,
+        seed=options.seed,
+        plant=options.plant,
+        ground_truth=options.ground_truth,
+        realtime=options.realtime,
+        log=options.log,
+        policy_spec=spec,
+        record=False,
+        config=_config(options),
+    )
+    trace = run_episode(robot, policy, episode)
+    return _figures(trace, options) | {
+        "fell": trace.fell,
+        "fall_reason": trace.fall_reason,
+        "distance_m": trace.distance_m,
+        "mean_velocity_m_s": trace.mean_velocity,
+        "notes": list(trace.notes),
+    }
+
+
+def _on_interface(robot: "Robot", policy: "Policy", spec: str, options: DeployOptions) -> dict[str, Any]:
+    """A run on CAN interfaces; what it has to tell."""
+    from footfall.deploy.session import Session, run_on_interface
+
+    if options.plant is not None or options.ground_truth:
+        what = "--plant" if options.plant is not None else "--ground-truth"
+        raise UserError(f"{what} needs the simulated robot: leave --bus at '{SIMULATED}'")
+    command = np.array(options.command)
+    facts = {"seed": options.seed, "policy_spec": spec, "bus": options.bus, "plant": None}
+    session = Session(lambda _: command, options.duration, True, options.log, facts, _config(options))
+    with ExitStack() as resources:
+        if options.bus == VIRTUAL:  # reaches no further than this process, so the robot has to be in it
+            from footfall.plant.serve import serving
+
+            resources.enter_context(serving(robot, VIRTUAL, seed=options.seed))
+        outcome = run_on_interface(robot, policy, options.bus, session)
+    tipped = outcome.final_state == FALLEN
+    return _figures(outcome, options) | {
+        "fell": tipped,
+        "fall_reason": outcome.faults[0] if tipped else "",
+        "distance_m": math.nan,  # nobody measures it
+        "mean_velocity_m_s": [math.nan] * 3,
+        "notes": [],
+    }
+
+
+def _config(options: DeployOptions) -> "DeployConfig":
+    from footfall.deploy.config import DeployConfig, load_deploy_config
+
+    return DeployConfig() if options.config is None else load_deploy_config(options.config)
 
 
 def _lasting(policy: str) -> str:
@@ -79,33 +127,20 @@ def _lasting(policy: str) -> str:
     return str(path.resolve()) if path.exists() else policy
 
 
-def distance_walked(trace: "Trace") -> float:
-    """Length of the base's path over the ground, m, in chords of a second so that sway does not count."""
-    stride = max(1, round(trace.record_rate_hz))
-    path = trace.base_position[:, :2]
-    points = np.concatenate([path[::stride], path[-1:]])
-    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
-
-
-def _figures(trace: "Trace", options: DeployOptions) -> dict[str, Any]:
-    walked = trace.time_s[-1] if len(trace.time_s) else 0.0
+def _figures(outcome: "Outcome", options: DeployOptions) -> dict[str, Any]:
+    """What every run has to tell."""
     return {
         "bus": options.bus,
         "seed": options.seed,
         "command": list(options.command),
         "duration_s": options.duration,
-        "walked_s": float(walked),
-        "final_state": trace.final_state,
-        "fell": trace.fell,
-        "fall_reason": trace.fall_reason,
-        "distance_m": distance_walked(trace),
-        "mean_velocity_m_s": trace.base_velocity.mean(axis=0) if walked else [math.nan] * 3,
-        "faults": list(trace.faults),
-        "notes": list(trace.notes),
-        "timing": trace.timing,
-        "buses": [asdict(bus) for bus in trace.buses],
-        "wall_s": trace.wall_s,
-        "simulated_s": trace.simulated_s,
+        "walked_s": outcome.walked_s,
+        "final_state": outcome.final_state,
+        "faults": list(outcome.faults),
+        "timing": outcome.timing,
+        "buses": [asdict(bus) for bus in outcome.buses],
+        "wall_s": outcome.wall_s,
+        "run_s": outcome.run_s,
     }
 
 
@@ -120,7 +155,7 @@ def _show(figures: dict[str, Any]) -> None:
         ("final state", figures["final_state"]),
         ("walked", f"{figures['distance_m']:.2f} m in {figures['walked_s']:.1f} s"),
         ("mean velocity", f"{forward:.2f} m/s forward, {leftward:.2f} m/s left"),
-        ("speed", f"{figures['simulated_s'] / max(figures['wall_s'], 1e-9):.1f} x real time"),
+        ("speed", f"{figures['run_s'] / max(figures['wall_s'], 1e-9):.1f} x real time"),
         ("tick", f"{timing['tick_us_p50']:.0f} us p50, {timing['tick_us_p99']:.0f} us p99"),
         ("policy step", f"{timing['policy_ms_p50']:.2f} ms p50, {timing['policy_ms_p99']:.2f} ms p99"),
     ]

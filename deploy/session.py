@@ -1,0 +1,165 @@
+"""One run of a policy on a robot, on any bus: stand up, walk, damp, motors off."""
+
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from footfall.common.errors import UserError
+from footfall.deploy.bus import Bus, BusStatistics
+from footfall.deploy.clock import Clock, LockstepClock, WallClock, undisturbed
+from footfall.deploy.config import DeployConfig
+from footfall.deploy.drivers import imu
+from footfall.deploy.drivers.choice import open_driver
+from footfall.deploy.loop import Command, ControlLoop, Estimator, Log
+from footfall.deploy.safety import Mode
+from footfall.deploy.wiring import wire
+from footfall.policies.policy import Policy
+from footfall.robots.description import Robot
+
+BaseState = Callable[[], tuple[np.ndarray, float]]  # the base's velocity (3,) m/s, body frame, and height m
+
+
+@dataclass(frozen=True)
+class Session:
+    """What shall happen in a run."""
+
+    command: Command  # time since walking began, s, to (3,)
+    duration_s: float  # of walking
+    realtime: bool = True
+    log: Path | None = None
+    facts: dict[str, Any] = field(default_factory=dict)  # for the log's metadata
+    config: DeployConfig = field(default_factory=DeployConfig)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a run went, as far as the robot itself can tell."""
+
+    final_state: str  # IDLE after an orderly end, else FALLING or ESTOP
+    faults: tuple[str, ...]
+    walked_s: float
+    run_s: float  # of the loop's clock, standing up and damping included
+    wall_s: float
+    compute_ms: np.ndarray  # one for each policy step
+    timing: dict[str, float]  # see deploy.loop.Timing.summary
+    buses: tuple[BusStatistics, ...]
+
+
+def run_on_interface(robot: Robot, policy: Policy, interface: str, session: Session) -> Outcome:
+    """A session on the CAN interfaces of one kind that `robot.yaml` names (see `run_session`)."""
+    from footfall.deploy.python_can_bus import PythonCanBus
+
+    wiring = wire(robot)
+    bus = PythonCanBus(interface, wiring.buses, (*open_driver(wiring).filters, *imu.FILTERS))
+    try:
+        return run_session(robot, policy, bus, session)
+    finally:
+        bus.close()
+
+
+def run_session(
+    robot: Robot,
+    policy: Policy,
+    bus: Bus,
+    session: Session,
+    each_tick: Callable[[ControlLoop], None] | None = None,
+    base_state: BaseState | None = None,
+) -> Outcome:
+    """Stand up, walk for the session's duration, damp, switch off.
+
+    Args:
+        robot: what the controller believes that it moves.
+        policy: what decides.
+        bus: leads to the robot.
+        session: what shall happen.
+        each_tick: called after each joint tick.
+        base_state: takes the place of an estimate, where somebody knows better.
+
+    Raises:
+        UserError: policy, robot or log do not fit; nothing has moved then.
+    """
+    if not session.duration_s > 0.0:
+        raise UserError(f"duration is {session.duration_s:g} s: it must be above 0")
+    _check_contract(policy, robot)
+    wiring, config = wire(robot), session.config
+    with ExitStack() as resources:
+        clock: Clock = (WallClock if session.realtime else LockstepClock)(config.tick_us)
+        estimator = _estimator(robot) if policy.needs_estimate and base_state is None else None
+        driver = open_driver(wiring)
+        loop = ControlLoop(robot, policy, wiring, driver, bus, clock, config, session.command, estimator)
+        loop.base_state = base_state
+        loop.log = _open_log(robot, policy, session, resources)  # last: nothing else can fail
+        if session.realtime:
+            resources.enter_context(_ending_on_signals(loop))
+        started = time.perf_counter()
+        with undisturbed(config.realtime_priority if session.realtime else None):
+            try:
+                _drive(loop, session.duration_s, each_tick)
+            finally:
+                loop.shut_down()
+        return Outcome(
+            final_state=loop.state.mode.value,
+            faults=loop.state.faults,
+            walked_s=loop.walked_s,
+            run_s=loop.now_us * 1e-6,
+            wall_s=time.perf_counter() - started,
+            compute_ms=np.array(loop.timing.policy_ms),
+            timing=loop.timing.summary(),
+            buses=tuple(bus.statistics()),
+        )
+
+
+def _drive(loop: ControlLoop, duration_s: float, each_tick: Callable[[ControlLoop], None] | None) -> None:
+    while loop.tick():
+        if each_tick is not None:
+            each_tick(loop)
+        if loop.state.mode is Mode.WALKING and loop.walking_s >= duration_s - 1e-9:
+            loop.finish()
+
+
+def _check_contract(policy: Policy, robot: Robot) -> None:
+    differences = [] if policy.contract is None else policy.contract.mismatches(robot)
+    if differences:
+        raise UserError(f"policy '{policy.name}' does not fit robot '{robot.name}': {'; '.join(differences)}")
+
+
+def _open_log(robot: Robot, policy: Policy, session: Session, resources: ExitStack) -> Log | None:
+    if session.log is None:
+        return None
+    from footfall.deploy.log import McapLog
+
+    config = session.config
+    facts = {"policy_spec": policy.name, **session.facts, "joint_rate_hz": config.joint_rate_hz}
+    start_ns = time.time_ns() if session.realtime else 0
+    log = McapLog(session.log, robot, policy, round(1e6 / config.log_rate_hz), facts, start_ns)
+    resources.callback(log.close)
+    return log
+
+
+@contextmanager
+def _ending_on_signals(loop: ControlLoop) -> Iterator[None]:
+    """Ctrl-C and a polite kill end the run in an orderly way: damping, then motors off."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {
+        number: signal.signal(number, lambda *_: loop.finish()) for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _estimator(robot: Robot) -> Estimator:
+    from footfall.deploy.estimator import BaseEstimator
+
+    return BaseEstimator(robot)
