@@ -1,7 +1,8 @@
 """The way into the learning wing, which may not be installed."""
 
+import io
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import redirect_stdout, suppress
 from threading import Thread
 from types import ModuleType
 from typing import Any
@@ -16,8 +17,12 @@ def learning_wing() -> ModuleType:
     Raises:
         UserError: JAX or another library of the `train` extra is missing.
     """
-    with needs_extra("train", "training and export need"), collector_paused():
-        import footfall.envs.workarounds.quiet_mjx  # noqa: F401, before brax imports MJX
+    # MJX announces on stdout that it goes without Warp, as it should.
+    with (
+        needs_extra("train", "training and export need"),
+        collector_paused(),
+        redirect_stdout(io.StringIO()),
+    ):
         from footfall.train import api
     return api
 

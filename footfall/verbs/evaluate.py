@@ -1,11 +1,11 @@
 """`footfall evaluate`."""
 
-from footfall.evaluation import NOMINAL, EvaluationOptions, arguments, exit_status
+from footfall.evaluation import NOMINAL, EvaluationOptions, arguments
 from footfall.options import PolicyName
 
 
-def evaluate(policy: PolicyName, /, *, options: EvaluationOptions = NOMINAL) -> int:
-    """Put a policy through scenarios in lockstep, in parallel processes; exit 1 if an episode failed."""
+def evaluate(policy: PolicyName, /, *, options: EvaluationOptions = NOMINAL) -> None:
+    """Put a policy through scenarios in lockstep, in parallel processes."""
     from footfall.evaluate.api import evaluate_policy
 
-    return exit_status([evaluate_policy(policy, **arguments(options))])
+    evaluate_policy(policy, **arguments(options))

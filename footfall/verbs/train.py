@@ -9,7 +9,6 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 
 from footfall.common.errors import UserError
-from footfall.evaluation import exit_status
 from footfall.options import Count, Index, RobotName, Seconds, Seed
 from footfall.train.entry import learning_wing, start_device
 from footfall.verbs.watch import LOCAL_PAGE, PageOptions
@@ -65,8 +64,8 @@ def train(
     options: TrainOptions = TrainOptions(),
     cluster: ClusterOptions = ALONE,
     page: PageOptions = LOCAL_PAGE,
-) -> int:
-    """Train a policy; RUN/policy.onnx is there when it ends. Exit 1 if an evaluation's episode failed."""
+) -> None:
+    """Train a policy; RUN/policy.onnx is there when it ends."""
     if page != LOCAL_PAGE and not options.watch:
         raise UserError("--host and --port are for the page: add --watch, or leave them out")
     if options.resume is not None:
@@ -90,18 +89,16 @@ def train(
         folder = wing.begin(_request(wing, options))
     with _watched(folder, page) if options.watch and wing.cluster.leads() else nullcontext():
         run = wing.open_run(wing.resume(folder))
-    if not options.evaluate or not wing.cluster.leads():
-        return 0
-    from footfall.evaluate.api import evaluate_policy
+    if options.evaluate and wing.cluster.leads():
+        from footfall.evaluate.api import evaluate_policy
 
-    result = evaluate_policy(
-        str(run.folder),
-        run.provenance.robot,
-        (EVALUATION,),
-        seed=run.provenance.seed,
-        json_path=run.folder / "evaluation.json",
-    )
-    return exit_status([result])
+        evaluate_policy(
+            str(run.folder),
+            run.provenance.robot,
+            (EVALUATION,),
+            seed=run.provenance.seed,
+            json_path=run.folder / "evaluation.json",
+        )
 
 
 def _is_known_to_lead(cluster: ClusterOptions) -> bool:

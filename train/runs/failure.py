@@ -20,11 +20,11 @@ from footfall.common.config import dump
 from footfall.common.errors import UserError
 from footfall.common.files import write_atomically
 from footfall.common.versions import versions
+from footfall.train.runs import checkpoint
 from footfall.train.brax import cluster
 from footfall.train.config import TrainConfig
-from footfall.train.runs import checkpoint
-from footfall.train.runs.folder import Provenance, Run
 from footfall.train.runs.provenance import PACKAGES
+from footfall.train.runs.folder import Provenance, Run
 
 FOLDER = "failure"
 REPORT = "failure.yaml"

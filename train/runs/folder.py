@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Literal
 
 from footfall.common.config import dump, load
+from footfall.robots.description import Robot, load_robot
 from footfall.common.errors import UserError
 from footfall.common.files import write_atomically
-from footfall.robots.description import Robot, load_robot
 from footfall.train.config import TrainConfig
 
 Trainer = Literal["brax", "rsl_rl"]

@@ -7,8 +7,8 @@ from contextlib import contextmanager
 from footfall.common.errors import CannotWriteError, UserError
 from footfall.train.runs.display import Display
 from footfall.train.runs.failure import failed, failure_of
-from footfall.train.runs.folder import Run
 from footfall.train.runs.metrics import MetricsLog
+from footfall.train.runs.folder import Run
 from footfall.train.runs.speed import Speed
 
 

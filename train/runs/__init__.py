@@ -1,1 +1,0 @@
-"""A run folder and what is written into it: checkpoints, metrics, failures."""
