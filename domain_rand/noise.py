@@ -20,12 +20,15 @@ class Noise:
 
 
 def noisy(readings: Readings, noise: Noise, u: Array) -> Readings:
-    """Readings with noise, from uniform numbers u in [0, 1) of shape (..., 6 + 2 n)."""
+    """Readings with noise, from uniform numbers u in [0, 1) of shape (..., 6 + 2 n).
+
+    Gravity keeps its unit length, as that of a robot's attitude filter does.
+    """
     n = readings.joint_position.shape[-1]
     signed = 2.0 * u - 1.0
     return Readings(
         gyro=readings.gyro + noise.gyro * signed[..., :3],
-        gravity=readings.gravity + noise.gravity * signed[..., 3:6],
+        gravity=_unit(readings.gravity + noise.gravity * signed[..., 3:6]),
         joint_position=readings.joint_position + noise.joint_position * signed[..., 6 : 6 + n],
         joint_velocity=readings.joint_velocity + noise.joint_velocity * signed[..., 6 + n : 6 + 2 * n],
     )
@@ -37,9 +40,12 @@ def biased(readings: Readings, sample: Sample) -> Readings:
     if sample.gyro_bias is not None:
         gyro = gyro + sample.gyro_bias
     if sample.gravity_bias is not None:
-        xp = gravity.__array_namespace__()
-        gravity = gravity + sample.gravity_bias
-        gravity = gravity / xp.sqrt(xp.sum(gravity * gravity, axis=-1, keepdims=True))
+        gravity = _unit(gravity + sample.gravity_bias)
     if sample.encoder_bias is not None:
         position = position + sample.encoder_bias
     return Readings(gyro, gravity, position, velocity)
+
+
+def _unit(vector: Array) -> Array:
+    xp = vector.__array_namespace__()
+    return vector / xp.sqrt(xp.sum(vector * vector, axis=-1, keepdims=True))

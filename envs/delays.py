@@ -1,24 +1,36 @@
-"""Delays in continuous time between control steps, at the resolution of the physics."""
+"""Delays in continuous time between control steps: none is rounded to physics steps."""
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 
-def delayed_goal(
-    goals: jax.Array, delay_s: jax.Array | None, since_step_s: jax.Array, period_s: float
+def delayed_goals(
+    goals: jax.Array, delay_s: jax.Array | None, starts_s: np.ndarray, timestep_s: float, period_s: float
 ) -> jax.Array:
-    """The joint target that has reached the motors.
+    """The joint target that has reached the motors, as its mean over each physics step.
+
+    A target that arrives within a step counts for the share of the step that is left. The motors' law is
+    linear in the target, so the step gets the impulse that it would get in continuous time.
 
     Args:
         goals: targets of the last control steps, newest first, shape (k, n).
         delay_s: action delay, at most (k - 1) control periods; None for none.
-        since_step_s: time since the newest target was computed.
+        starts_s: when each physics step begins, after the newest target was computed, shape (s,).
+        timestep_s: length of a physics step.
         period_s: control period.
+
+    Returns:
+        Targets, shape (s, n).
     """
     if delay_s is None:
-        return goals[0]
-    lag = jnp.ceil((delay_s - since_step_s) / period_s - 1e-6)
-    return goals[jnp.clip(lag, 0, goals.shape[0] - 1).astype(jnp.int32)]
+        return jnp.broadcast_to(goals[0], (len(starts_s), goals.shape[-1]))
+    newer = goals.shape[0] - 1  # all but the oldest goal, which has arrived for certain
+    ages_s = period_s * np.arange(newer)
+    left_s = (starts_s + timestep_s)[:, None] + ages_s - delay_s  # of each step, once a goal has arrived
+    arrived = jnp.clip(left_s / timestep_s, 0.0, 1.0)
+    steps = goals[:-1] - goals[1:]
+    return goals[-1] + sum(arrived[:, k, None] * steps[k] for k in range(newer))
 
 
 def delayed_readings(trail: jax.Array, delay_s: jax.Array | None, timestep_s: float) -> jax.Array:

@@ -13,7 +13,7 @@ import numpy as np
 from jax.experimental.buffer_callback import buffer_callback
 from mujoco.batch import Batch, SimulationError
 
-from footfall.envs.physics import Drive, Fields, Motion, Physics, Trace, drive_torque
+from footfall.envs.physics import Drive, Fields, Motion, Physics, Trace, joint_effort
 from footfall.robots.description import Robot
 from footfall.robots.model import joint_addresses
 
@@ -85,13 +85,18 @@ class _Simulations:
         force, geoms = pool.bind("qfrc_applied"), pool.bind("geom_xpos")
         for name, values in fields.items():
             pool.expand(name)[:] = values
+        inertia = pool.expand("dof_armature")
+        own_inertia = fields.get("dof_armature", self._model.dof_armature)[..., self._dofs]
+        timestep_s = self._model.opt.timestep
         _copy(start, state)
         for k in range(substeps):
             position = state.qpos[:, self._positions].astype(np.float32)
             velocity = state.qvel[:, self._dofs].astype(np.float32)
-            torque, force[:, self._dofs] = drive_torque(drive, drive.target[:, k], position, velocity)
+            effort = joint_effort(drive, drive.target[:, k], position, velocity, timestep_s)
+            force[:, self._dofs] = effort.torque
+            inertia[:, self._dofs] = own_inertia + effort.inertia
             _step(pool, state)
-            left = Trace(state.qpos, state.qvel, geoms[:, self._feet], torque)
+            left = Trace(state.qpos, state.qvel, geoms[:, self._feet], effort.motor_torque)
             _copy(left, Trace(*(kept[:, k] for kept in trace)))
         _copy(state, end)
 

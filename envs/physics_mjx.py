@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from mujoco import mjx
 
-from footfall.envs.physics import Drive, Fields, Motion, Physics, Trace, drive_torque
+from footfall.envs.physics import Drive, Fields, Motion, Physics, Trace, joint_effort
 from footfall.envs.workarounds.fewer_kernels import fewer_kernels
 from footfall.robots.description import Robot
 from footfall.robots.model import joint_addresses
@@ -20,20 +20,23 @@ def mjx_physics(model: mujoco.MjModel, robot: Robot) -> Physics:
     how: dict[str, Any] = {"device": jax.local_devices()[0], "impl": "jax"}
     nominal, template = mjx.put_model(model, **how), mjx.make_data(model, **how)
     positions, dofs = map(jnp.asarray, joint_addresses(model, robot))
-    # Which torque acts on each degree of freedom; on the base's, the one after the last, which is none.
-    torque_of = np.full(model.nv, len(dofs))
-    torque_of[dofs] = np.arange(len(dofs))
+    # Which joint moves each degree of freedom; of the base's, the one after the last, which is none.
+    joint_of = np.full(model.nv, len(dofs))
+    joint_of[dofs] = np.arange(len(dofs))
     feet = jnp.asarray([model.geom(foot.geom).id for foot in robot.description.feet])
 
     def simulate(motion: Motion, drive: Drive, fields: Fields) -> tuple[Motion, Trace]:
         sampled = nominal.replace(**fields)
 
         def substep(motion: Motion, target: jax.Array) -> tuple[Motion, Trace]:
-            torque, applied = drive_torque(drive, target, motion.qpos[positions], motion.qvel[dofs])
-            force = jnp.append(applied, 0.0)[torque_of]
+            position, velocity = motion.qpos[positions], motion.qvel[dofs]
+            effort = joint_effort(drive, target, position, velocity, model.opt.timestep)
+            of_joints = jnp.pad(jnp.stack([effort.torque, effort.inertia]), ((0, 0), (0, 1)))
+            force, inertia = of_joints[:, joint_of]
+            stepped = sampled.replace(dof_armature=sampled.dof_armature + inertia)
             with fewer_kernels():
-                data = mjx.step(sampled, template.replace(**motion._asdict(), qfrc_applied=force))
-            trace = Trace(data.qpos, data.qvel, data.geom_xpos[feet], torque)
+                data = mjx.step(stepped, template.replace(**motion._asdict(), qfrc_applied=force))
+            trace = Trace(data.qpos, data.qvel, data.geom_xpos[feet], effort.motor_torque)
             return Motion(data.qpos, data.qvel, data.qacc_warmstart), trace
 
         return jax.lax.scan(substep, motion, drive.target)

@@ -19,7 +19,7 @@ from footfall.domain_rand.randomisation import draw
 from footfall.domain_rand.sample import Sample, narrowed, randomised_command, randomised_motor
 from footfall.envs.commands import COMMAND_NUMBERS, draw_command, draw_hold_steps
 from footfall.envs.config import EnvConfig
-from footfall.envs.delays import delayed_goal, delayed_readings
+from footfall.envs.delays import delayed_goals, delayed_readings
 from footfall.envs.gait import make_gait
 from footfall.envs.physics import Drive, Motion, Physics, Trace
 from footfall.envs.physics_c import c_physics
@@ -244,13 +244,14 @@ class VelocityEnv:
         lower, upper = self._soft
         rate = self.robot.description.target_rate_rad_s
 
-        def tick(target: jax.Array, since_step_s: jax.Array) -> tuple[jax.Array, jax.Array]:
-            goal = delayed_goal(state.goals, state.sample.action_delay_s, since_step_s, self.period_s)
+        def tick(target: jax.Array, goal: jax.Array) -> tuple[jax.Array, jax.Array]:
             target = limit_target(goal, target, lower, upper, rate, self.timestep_s)
             return target, target
 
-        times = jnp.arange(self.config.substeps) * self.timestep_s
-        return jax.lax.scan(tick, state.target, times, unroll=True)[1]
+        starts_s = np.arange(self.config.substeps) * self.timestep_s
+        delay_s = state.sample.action_delay_s
+        goals = delayed_goals(state.goals, delay_s, starts_s, self.timestep_s, self.period_s)
+        return jax.lax.scan(tick, state.target, goals, unroll=True)[1]
 
     def _outcome(self, state: State, passed: Trace) -> Outcome:
         config = self.config

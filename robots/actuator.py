@@ -48,11 +48,18 @@ def limit_torque(torque: Array, velocity: Array, motor: Motor) -> Array:
     can only brake, still within the current limit.
     """
     xp = velocity.__array_namespace__()
+    least, most = _torque_range(velocity, motor)
+    return xp.minimum(xp.maximum(torque, least), most)
+
+
+def _torque_range(velocity: Array, motor: Motor) -> tuple[Array, Array]:
+    """Least and greatest torque that the motor can deliver at this speed, N m."""
+    xp = velocity.__array_namespace__()
     speed = velocity / motor.no_load_speed
     peak = motor.peak_torque
     most = xp.minimum(xp.maximum(motor.stall_torque * (1.0 - speed), -peak), peak)
     least = xp.minimum(xp.maximum(motor.stall_torque * (-1.0 - speed), -peak), peak)
-    return xp.minimum(xp.maximum(torque, least), most)
+    return least, most
 
 
 def friction_torque(velocity: Array, motor: Motor) -> Array:
@@ -78,3 +85,21 @@ def joint_torque(command: JointCommand, position: Array, velocity: Array, motor:
         motor: the motors' parameters.
     """
     return motor_torque(command, position, velocity, motor) + friction_torque(velocity, motor)
+
+
+def joint_damping(command: JointCommand, position: Array, velocity: Array, motor: Motor) -> Array:
+    """How fast `joint_torque` falls as the joint speeds up, N m s/rad: minus its slope in velocity, (..., n).
+
+    The motor's own damping where its PD law is within the limits, the slope of the torque-speed line where
+    that limits it, none at the current limit; the ramp of Coulomb friction at low speed; viscous friction.
+    Whoever integrates the law in steps that are long for a joint's inertia needs it (envs/physics.py).
+    """
+    xp = velocity.__array_namespace__()
+    asked = pd_torque(command, position, velocity) * motor.strength
+    least, most = _torque_range(velocity, motor)
+    limit = xp.where(asked > most, most, least)
+    line = motor.stall_torque / motor.no_load_speed
+    limited = xp.where(xp.abs(limit) < motor.peak_torque, line, 0.0)
+    delivered = xp.where((asked > most) | (asked < least), limited, command.kd * motor.strength)
+    ramp = xp.where(xp.abs(velocity) < motor.friction_speed, motor.friction / motor.friction_speed, 0.0)
+    return delivered + ramp + motor.damping

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -12,6 +12,7 @@ from footfall.robots.actuator import (
     JointCommand,
     Motor,
     friction_torque,
+    joint_damping,
     joint_torque,
     limit_torque,
     motor_torque,
@@ -117,6 +118,34 @@ def test_joint_torque_is_motor_torque_less_friction(
 ) -> None:
     expected = motor_torque(command, position, velocity, MOTOR) + friction_torque(velocity, MOTOR)
     np.testing.assert_array_equal(joint_torque(command, position, velocity, MOTOR), expected)
+
+
+@given(commands, arrays(-2, 2), arrays(-40, 40))
+def test_damping_is_the_slope_of_the_torque_in_speed(
+    command: JointCommand, position: np.ndarray, velocity: np.ndarray
+) -> None:
+    """Wherever the law has one: the slope is the same a little slower and a little faster."""
+    d = 1e-6
+    at = [joint_torque(command, position, velocity + k * d, MOTOR)[0] for k in (-1, 0, 1)]
+    slower, faster = at[0] - at[1], at[1] - at[2]
+    assume(abs(slower - faster) < 1e-3 * d)
+    damping = joint_damping(command, position, velocity, MOTOR)
+    assert damping[0] == pytest.approx(slower / d, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("torque", "speed", "damping"),
+    [
+        (0.0, 0.1, 0.9 * 2.0 + 0.5 / 0.2 + 0.05),  # the motor's kd, the ramp of friction, viscous friction
+        (0.0, 1.0, 0.9 * 2.0 + 0.05),  # friction is fully developed
+        (100.0, 1.0, 0.05),  # at the current limit
+        (100.0, 15.0, 30.0 / 30.0 + 0.05),  # on the torque-speed line
+        (-100.0, -15.0, 30.0 / 30.0 + 0.05),
+    ],
+)
+def test_damping_by_hand(torque: float, speed: float, damping: float) -> None:
+    command = JointCommand(*(np.array([x]) for x in (0.0, 0.0, 0.0, 2.0, torque)))
+    assert joint_damping(command, np.zeros(1), np.array([speed]), MOTOR) == pytest.approx(damping)
 
 
 def test_strength_scales_what_the_motor_delivers() -> None:

@@ -264,7 +264,15 @@ class TestSensors:
         assert np.linalg.norm(read.gravity) == pytest.approx(1.0)
         assert np.arcsin(read.gravity[0]) == pytest.approx(np.arctan(0.05))
 
-    @pytest.mark.parametrize("name", Readings._fields)
+    def test_noisy_gravity_keeps_unit_length(self) -> None:
+        """Noise of 0.2 to the left and of 0.2 downwards, on (0, 0, -1): a tilt by atan(0.2 / 1.2)."""
+        u = np.full(30, 0.5)
+        u[4], u[5] = 1.0, 0.0
+        expected = np.array([0.0, 0.2, -1.2]) / np.sqrt(0.2**2 + 1.2**2)
+        read = noisy(LEVEL, Noise(gravity=0.2), u)
+        np.testing.assert_allclose(read.gravity, expected)
+
+    @pytest.mark.parametrize("name", ["gyro", "joint_position", "joint_velocity"])
     def test_noise_is_centred_bounded_and_on_its_own_reading(self, name: str) -> None:
         width = 0.2
         u = np.random.default_rng(0).random((4000, 30))

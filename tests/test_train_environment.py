@@ -13,10 +13,11 @@ from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import Randomisation, load_randomisation
 from footfall.envs.config import Curriculum, PushConfig, RewardScales
-from footfall.envs.delays import delayed_goal, delayed_readings
+from footfall.envs.delays import delayed_goals, delayed_readings
 from footfall.envs.rewards import reward_rate
 from footfall.envs.velocity import DISTURBANCE_NUMBERS, VelocityEnv
 from footfall.policies.observation import observation_size
+from footfall.robots.actuator import JointCommand, joint_damping, joint_torque
 from footfall.robots.description import load_robot
 from footfall.robots.model import joint_addresses, training_model
 from footfall.train.config import load_preset
@@ -153,8 +154,6 @@ class TestStep:
 
 def test_one_step_agrees_with_mujoco_c_under_the_same_joint_law() -> None:
     """The lean carry (positions, velocities, warm start) loses nothing that the physics needs."""
-    from footfall.robots.actuator import JointCommand, joint_torque
-
     env = make(randomisation=Randomisation(), pushes=PushConfig(), gait=None)
     state, _ = jax.jit(env.reset)(jax.random.PRNGKey(12))
     model = training_model(ROBOT, env.timestep_s)
@@ -167,29 +166,58 @@ def test_one_step_agrees_with_mujoco_c_under_the_same_joint_law() -> None:
     for _ in range(3):
         state, _ = step(state, jnp.zeros(env.action_size))
         for _ in range(SMOKE.substeps):
-            torque = joint_torque(command, data.qpos[positions], data.qvel[dofs], ROBOT.motor)
-            data.qfrc_applied[dofs] = torque
+            joints = data.qpos[positions], data.qvel[dofs]
+            damping = joint_damping(command, *joints, ROBOT.motor)
+            model.dof_armature[dofs] = ROBOT.armature + 0.5 * env.timestep_s * damping
+            data.qfrc_applied[dofs] = joint_torque(command, *joints, ROBOT.motor)
             mujoco.mj_step(model, data)
     assert np.max(np.abs(state.qpos - data.qpos)) < 1e-4
 
 
 class TestDelays:
-    goals = jnp.array([[3.0], [2.0], [1.0]])
+    period_s, timestep_s = 0.02, 0.005
+    starts_s = np.arange(4) * 0.005
+
+    def arriving(self, delay_s: float, goals: jax.Array) -> np.ndarray:
+        """Targets of the four physics steps of a control step, one joint."""
+        delay = jnp.float32(delay_s)
+        return np.asarray(delayed_goals(goals, delay, self.starts_s, self.timestep_s, self.period_s))[:, 0]
 
     @pytest.mark.parametrize(
-        ("delay_s", "since_s", "expected"),
+        ("delay_s", "expected"),
         [
-            (0.0, 0.0, 3),
-            (0.006, 0.0, 2),
-            (0.006, 0.005, 2),
-            (0.006, 0.010, 3),
-            (0.025, 0.0, 1),
-            (0.025, 0.01, 2),
+            (0.0, [3, 3, 3, 3]),
+            (0.005, [2, 3, 3, 3]),
+            (0.006, [2, 2.8, 3, 3]),  # one millisecond of the second step is over when the target arrives
+            (0.0025, [2.5, 3, 3, 3]),
+            (0.02, [2, 2, 2, 2]),
+            (0.0225, [1.5, 2, 2, 2]),
+            (0.04, [1, 1, 1, 1]),
         ],
     )
-    def test_a_target_arrives_when_its_delay_is_over(self, delay_s, since_s, expected) -> None:
-        arrived = delayed_goal(self.goals, jnp.float32(delay_s), jnp.float32(since_s), 0.02)
-        assert float(arrived[0]) == expected
+    def test_a_target_arrives_when_its_delay_is_over(self, delay_s: float, expected: list[float]) -> None:
+        goals = jnp.array([[3.0], [2.0], [1.0]])
+        assert self.arriving(delay_s, goals) == pytest.approx(expected, abs=1e-5)
+
+    def test_no_delay_is_no_delay(self) -> None:
+        goals = jnp.array([[3.0], [2.0], [1.0]])
+        none = delayed_goals(goals, None, self.starts_s, self.timestep_s, self.period_s)
+        np.testing.assert_array_equal(none, np.full((4, 1), 3.0))
+
+    @pytest.mark.parametrize("longest_s", [0.006, 0.015])
+    def test_delays_at_the_motors_are_distributed_as_declared(self, longest_s: float) -> None:
+        """After a step of the goals from 0 to 1, the target lacks 1 for as long as its delay lasts."""
+        env = make(randomisation=Randomisation(action_delay_s=Distribution(0.0, longest_s)))
+        states, _ = jax.jit(jax.vmap(env.reset))(jax.random.split(jax.random.PRNGKey(14), 4000))
+        near = 0.05  # rad from the default pose, which the rate limit lets pass at once
+        goals = states.goals.at[:, 0].add(near)
+        targets = jax.jit(jax.vmap(env._targets))(states._replace(goals=goals))
+        lacking = 1.0 - (targets[:, :, 0] - states.target[:, None, 0]) / near
+        seen = np.sort(np.asarray(lacking.sum(axis=1)) * env.timestep_s)
+        np.testing.assert_allclose(seen, np.sort(states.sample.action_delay_s), atol=1e-6)
+        even = np.linspace(0.0, longest_s, len(seen))
+        assert np.abs(seen - even).max() < 0.03 * longest_s  # uniform: no step of its distribution function
+        assert seen.mean() == pytest.approx(longest_s / 2, rel=0.03)
 
     @pytest.mark.parametrize(("delay_s", "expected"), [(0.0, 7.0), (0.005, 6.0), (0.0075, 5.5), (1.0, 0.0)])
     def test_readings_are_interpolated_between_physics_steps(self, delay_s, expected) -> None:
