@@ -5,8 +5,12 @@ from typing import TYPE_CHECKING
 
 import mujoco
 
+from footfall.robots.stance import touching_height
+
 if TYPE_CHECKING:
     from footfall.robots.description import Description, Foot
+
+STANDING_TOLERANCE_M = 0.005
 
 
 def inconsistencies(description: "Description") -> Iterator[str]:
@@ -53,6 +57,16 @@ def contradictions(description: "Description", model: mujoco.MjModel) -> Iterato
         yield f"base: body '{description.base}' has no free joint in {description.model}"
     if model.site(description.imu).bodyid[0] != base:
         yield f"imu: site '{description.imu}' is not on the base '{description.base}'"
+    yield from _wrong_joints(description, model)
+    touching_m = touching_height(description, model)
+    if abs(touching_m - description.standing_height_m) > STANDING_TOLERANCE_M:
+        yield (
+            f"standing_height_m: the feet touch the ground in the default pose with '{description.base}' at"
+            f" {touching_m:.4f} m, not at {description.standing_height_m:g}"
+        )
+
+
+def _wrong_joints(description: "Description", model: mujoco.MjModel) -> Iterator[str]:
     for joint in description.joints:
         found = model.joint(joint.name)
         low, high = found.range
@@ -64,6 +78,8 @@ def contradictions(description: "Description", model: mujoco.MjModel) -> Iterato
             yield f"joint {joint.name} has no armature in {description.model}: the gains follow from it"
         elif not low <= joint.default_rad <= high:
             yield f"joint {joint.name}: default_rad {joint.default_rad:g} is outside {low:g} to {high:g}"
+        elif model.dof_dampingpoly[found.dofadr[0]].any():
+            yield f"joint {joint.name}: damping in {description.model} must be one number, N m s/rad"
 
 
 def _repeated(items: Sequence) -> object:

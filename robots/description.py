@@ -1,20 +1,18 @@
 """A robot's description: `robot.yaml` and `robot.xml` read into arrays in joint order."""
 
-import hashlib
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
 
-from footfall.common.config import load, require_positive, unstructure
+from footfall.common.config import load, require_positive
 from footfall.common.errors import UserError
 from footfall.robots.actuator import Motor
 from footfall.robots.checks import contradictions, inconsistencies
+from footfall.robots.digest import digest
 
 ROBOTS = Path(__file__).parent
 
@@ -104,6 +102,7 @@ class Robot:
     upper_rad: np.ndarray
     armature: np.ndarray  # reflected inertia, kg m^2
     motor: Motor
+    digest: str  # fingerprint of everything that a policy relies on (robots/digest.py)
 
     @property
     def name(self) -> str:
@@ -160,23 +159,6 @@ class Robot:
     def foot_joints(self) -> np.ndarray:
         """Indices of each leg's joints from the base outwards, shape (feet, joints of a leg)."""
         return np.array([[self.joint_index(j) for j in f.joints] for f in self.description.feet])
-
-    @cached_property
-    def digest(self) -> str:
-        """Fingerprint of everything that a policy relies on: model, joints, motors, gains, feet.
-
-        Layout, comments and the CAN map do not count.
-        """
-        content = unstructure(self.description)
-        del content["imu_bus"]
-        for joint in content["joints"]:
-            del joint["bus"], joint["id"]
-        for motor in content["motors"].values():
-            del motor["protocol"]
-        xml = ElementTree.canonicalize(
-            self.xml_path.read_text(encoding="utf-8"), strip_text=True, with_comments=False
-        )
-        return hashlib.sha256((json.dumps(content, sort_keys=True) + xml).encode()).hexdigest()[:16]
 
 
 def available_robots() -> list[str]:
@@ -236,7 +218,7 @@ def _assemble(description: Description, folder: Path) -> Robot:
         no_load_speed=np.array([m.no_load_speed_rad_s for m in motors]),
         friction=model.dof_frictionloss[dofs].copy(),
         friction_speed=np.array([m.friction_speed_rad_s for m in motors]),
-        damping=np.zeros(len(ids)),
+        damping=model.dof_damping[dofs].copy(),
         strength=np.ones(len(ids)),
     )
     return Robot(
@@ -246,6 +228,7 @@ def _assemble(description: Description, folder: Path) -> Robot:
         upper_rad=model.jnt_range[ids, 1].copy(),
         armature=model.dof_armature[dofs].copy(),
         motor=motor,
+        digest=digest(description, model),
     )
 
 

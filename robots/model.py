@@ -40,7 +40,7 @@ def training_model(robot: Robot, timestep_s: float = TRAINING_TIMESTEP_S) -> muj
         geom.contype, geom.conaffinity = 0, 1
     for joint in spec.joints:
         joint.limited = mujoco.mjtLimited.mjLIMITED_FALSE
-    _strip_friction_rows(spec)
+    _leave_losses_to_the_joint_law(spec, robot)
     _let_feet_decide(_add_floor(spec, contact_bits=1), [spec.geom(foot) for foot in feet])
     spec.option.timestep = timestep_s
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
@@ -49,7 +49,7 @@ def training_model(robot: Robot, timestep_s: float = TRAINING_TIMESTEP_S) -> muj
     spec.option.solver = mujoco.mjtSolver.mjSOL_NEWTON
     spec.option.iterations = 1
     spec.option.ls_iterations = 5
-    # Joint damping is part of the joint law; integrating it implicitly would factorise the mass matrix twice.
+    # The joint law carries damping; for MuJoCo's to be implicit it would factorise the mass matrix twice.
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_EULERDAMP
     return spec.compile()
 
@@ -58,7 +58,7 @@ class Plant(NamedTuple):
     """The body of the simulated robot, and what its file says about the motors' joints."""
 
     model: mujoco.MjModel
-    motor: Motor  # the robot's motors, with the plant's joint friction where its file gives any
+    motor: Motor  # the robot's motors, with the plant's joint friction and damping where its file gives any
     base: int  # body that carries the free joint
     feet: np.ndarray  # (feet,) geom of each foot, -1 where the plant has none of that name
     notes: tuple[str, ...]  # what was missing and what was done about it, one line each
@@ -75,9 +75,9 @@ def read_plant(robot: Robot, path: Path | None = None) -> Plant:
     Args:
         robot: whose joint names the plant must carry.
         path: another MJCF than the robot's own. Its actuators, sensors and keyframes are dropped (the
-            simulated robot adds its own motors and IMU); masses, geometry, reflected inertia and joint
-            friction are kept where the file gives them and are the robot's where it does not. A floor is
-            added if no plane or height field can be stood upon.
+            simulated robot adds its own motors and IMU); masses, geometry, reflected inertia, joint
+            friction and damping are kept where the file gives them and are the robot's where it does not.
+            A floor is added if no plane or height field can be stood upon.
 
     Raises:
         UserError: the file cannot be read, lacks a joint, or has no free base.
@@ -89,8 +89,11 @@ def read_plant(robot: Robot, path: Path | None = None) -> Plant:
     for item in [*spec.actuators, *spec.sensors, *spec.keys]:
         spec.delete(item)
     joints = [spec.joint(name) for name in robot.joint_names]
-    friction = np.array([_first(joint.frictionloss) for joint in joints])
-    _strip_friction_rows(spec)
+    losses = {
+        "friction": np.array([_first(joint.frictionloss) for joint in joints]),
+        "damping": np.array([_first(joint.damping) for joint in joints]),
+    }
+    _leave_losses_to_the_joint_law(spec, robot)
     if not any(_first(joint.armature) for joint in joints):
         notes.append(f"{source.name} gives no reflected inertia: the robot's is used")
         for joint, armature in zip(joints, robot.armature, strict=True):
@@ -114,7 +117,7 @@ def read_plant(robot: Robot, path: Path | None = None) -> Plant:
         )
         notes.append(f"{source.name} has no geom {absent}: what these feet do is not recorded")
     free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)[0]
-    motor = robot.motor._replace(friction=friction) if friction.any() else robot.motor
+    motor = robot.motor._replace(**{name: loss for name, loss in losses.items() if loss.any()})
     return Plant(model, motor, int(model.jnt_bodyid[free]), feet, tuple(notes))
 
 
@@ -168,9 +171,13 @@ def imu_position(robot: Robot) -> np.ndarray:
     return np.array(spec.site(robot.description.imu).pos)
 
 
-def _strip_friction_rows(spec: mujoco.MjSpec) -> None:
+def _leave_losses_to_the_joint_law(spec: mujoco.MjSpec, robot: Robot) -> None:
+    """Take friction out of all joints, as constraint rows, and viscous damping out of the motors' joints."""
     for joint in spec.joints:
         joint.frictionloss = 0.0
+    for name in robot.joint_names:
+        joint = spec.joint(name)
+        joint.damping = np.zeros_like(joint.damping)
 
 
 def _make_inertia_explicit(spec: mujoco.MjSpec) -> None:

@@ -13,9 +13,9 @@ from footfall.robots.model import joint_addresses, plant_model, training_model
 
 
 def standing(model: mujoco.MjModel, robot: Robot) -> mujoco.MjData:
-    """The default pose at standing height."""
+    """The default pose, the feet a millimetre in the ground."""
     data = mujoco.MjData(model)
-    data.qpos[:7] = (0, 0, robot.description.standing_height_m, 1, 0, 0, 0)
+    data.qpos[:7] = (0, 0, robot.description.standing_height_m - 0.001, 1, 0, 0, 0)
     data.qpos[joint_addresses(model, robot)[0]] = robot.default_pose
     mujoco.mj_forward(model, data)
     return data

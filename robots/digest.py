@@ -1,0 +1,104 @@
+"""A robot's digest: a fingerprint of everything that a policy relies on."""
+
+import hashlib
+import json
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import mujoco
+import numpy as np
+
+from footfall.common.config import unstructure
+
+if TYPE_CHECKING:
+    from footfall.robots.description import Description
+
+# Fields of the model that decide how the robot moves. Rotations and inertias are added as matrices, and of
+# geoms only those count that are feet or can touch something.
+BODIES = ("body_parentid", "body_mass", "body_pos", "body_ipos", "body_gravcomp")
+JOINTS = (
+    "jnt_type", "jnt_bodyid", "jnt_pos", "jnt_axis", "jnt_limited", "jnt_range", "jnt_stiffness",
+    "jnt_solref", "jnt_solimp", "jnt_margin", "qpos_spring", "dof_armature", "dof_damping",
+    "dof_frictionloss",
+)  # fmt: skip
+GEOMS = (
+    "geom_type", "geom_bodyid", "geom_pos", "geom_size", "geom_friction", "geom_contype", "geom_conaffinity",
+    "geom_condim", "geom_priority", "geom_solmix", "geom_solref", "geom_solimp", "geom_margin", "geom_gap",
+)  # fmt: skip
+CONSTRAINTS = (
+    "eq_type", "eq_obj1id", "eq_obj2id", "eq_active0", "eq_data", "eq_solref", "eq_solimp", "tendon_num",
+    "tendon_stiffness", "tendon_damping", "tendon_frictionloss", "tendon_limited", "tendon_range",
+    "tendon_lengthspring", "wrap_type", "wrap_objid", "wrap_prm", "exclude_signature",
+)  # fmt: skip
+OPTIONS = ("gravity", "cone", "impratio")
+
+
+def digest(description: "Description", model: mujoco.MjModel) -> str:
+    """The fingerprint of a robot, 16 hexadecimal digits.
+
+    Args:
+        description: the content of `robot.yaml`; the CAN map does not count.
+        model: the compiled MJCF, with all that it includes. Layout, comments, names that `robot.yaml` does
+            not use, looks, sensors and actuators do not count.
+    """
+    sha = hashlib.sha256(json.dumps(_counted(description), sort_keys=True).encode())
+    for name, values in _figures(description, model):
+        sha.update(f"\n{name} {' '.join(map(_text, np.ravel(values).tolist()))}".encode())
+    return sha.hexdigest()[:16]
+
+
+def _counted(description: "Description") -> Any:
+    content = unstructure(description)
+    del content["imu_bus"], content["model"]
+    for joint in content["joints"]:
+        del joint["bus"], joint["id"]
+    for motor in content["motors"].values():
+        del motor["protocol"]
+    return content
+
+
+def _figures(description: "Description", model: mujoco.MjModel) -> Iterator[tuple[str, Any]]:
+    """What counts of the model, in a fixed order, each with a name."""
+    feet = [model.geom(foot.geom).id for foot in description.feet]
+    imu = model.site(description.imu).id
+    yield "base", model.body(description.base).id
+    yield "joints", [model.joint(joint.name).id for joint in description.joints]
+    yield "imu", model.site_pos[imu]
+    yield "imu_rotation", _rotation(model.site_quat[imu])
+    for field in (*BODIES, *JOINTS):
+        yield field, getattr(model, field)
+    yield "body_rotation", [_rotation(quat) for quat in model.body_quat]
+    yield (
+        "body_inertia",
+        [
+            _rotation(quat) @ np.diag(principal) @ _rotation(quat).T
+            for quat, principal in zip(model.body_iquat, model.body_inertia, strict=True)
+        ],
+    )
+    touches = (model.geom_contype | model.geom_conaffinity) != 0
+    touches[feet] = True
+    geoms = np.flatnonzero(touches)
+    yield "feet", np.searchsorted(geoms, feet)
+    for field in GEOMS:
+        yield field, getattr(model, field)[geoms]
+    yield "geom_rotation", [_rotation(quat) for quat in model.geom_quat[geoms]]
+    for geom in geoms[model.geom_type[geoms] == mujoco.mjtGeom.mjGEOM_MESH]:
+        mesh = model.geom_dataid[geom]
+        start = model.mesh_vertadr[mesh]
+        yield "mesh_vert", model.mesh_vert[start : start + model.mesh_vertnum[mesh]]
+    for field in CONSTRAINTS:
+        yield field, getattr(model, field)
+    for field in OPTIONS:
+        yield field, getattr(model.opt, field)
+
+
+def _rotation(quaternion: np.ndarray) -> np.ndarray:
+    """As a matrix, which is the same for q and -q."""
+    matrix = np.empty(9)
+    mujoco.mju_quat2Mat(matrix, quaternion)
+    return matrix.reshape(3, 3)
+
+
+def _text(value: float) -> str:
+    """Nine digits, and nothing below 1e-12: compilers may round the last bits otherwise elsewhere."""
+    return f"{round(value, 12) + 0.0:.8e}"

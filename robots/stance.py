@@ -1,0 +1,47 @@
+"""How high a robot stands in its default pose."""
+
+from typing import TYPE_CHECKING
+
+import mujoco
+import numpy as np
+
+if TYPE_CHECKING:
+    from footfall.robots.description import Description
+
+
+def touching_height(description: "Description", model: mujoco.MjModel) -> float:
+    """Height of the base's origin, m, at which the lowest foot touches the ground in the default pose.
+
+    The base is level. Joints that `robot.yaml` does not list are where the MJCF starts them.
+    """
+    data = mujoco.MjData(model)
+    base = model.body(description.base)
+    at = model.jnt_qposadr[base.jntadr[0]]
+    data.qpos[at : at + 7] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+    for joint in description.joints:
+        data.qpos[model.joint(joint.name).qposadr] = joint.default_rad
+    mujoco.mj_kinematics(model, data)
+    return -min(_lowest_point(model, data, model.geom(foot.geom).id) for foot in description.feet)
+
+
+def _lowest_point(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> float:
+    """Height of a geom's lowest point, m."""
+    size = model.geom_size[geom]
+    up = data.geom_xmat[geom].reshape(3, 3)[2]  # the world's z in the geom's axes
+    kinds = mujoco.mjtGeom
+    match model.geom_type[geom]:
+        case kinds.mjGEOM_SPHERE:
+            below = size[0]
+        case kinds.mjGEOM_CAPSULE:
+            below = size[0] + size[1] * abs(up[2])
+        case kinds.mjGEOM_CYLINDER:
+            below = size[0] * np.hypot(up[0], up[1]) + size[1] * abs(up[2])
+        case kinds.mjGEOM_ELLIPSOID:
+            below = np.linalg.norm(size * up)
+        case kinds.mjGEOM_MESH:
+            mesh = model.geom_dataid[geom]
+            start = model.mesh_vertadr[mesh]
+            below = -(model.mesh_vert[start : start + model.mesh_vertnum[mesh]] @ up).min()
+        case _:
+            below = np.abs(size * up).sum()  # a box
+    return float(data.geom_xpos[geom][2] - below)

@@ -1,0 +1,79 @@
+"""What a robot's digest counts: how it moves, whichever files say so, and nothing else."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from footfall.robots.description import Robot, load_robot, load_spec
+from footfall.robots.digest import digest
+
+
+def edit(folder: Path, file: str, old: str, new: str) -> None:
+    """Replace text in one of the folder's files; the text must be there."""
+    path = folder / file
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new"),
+    [
+        ("robot.yaml", "name: go1", "# a remark\nname: go1"),
+        ("robot.yaml", "bus: can0, id: 1", "bus: can9, id: 7"),
+        ("robot.xml", "<worldbody>", "<worldbody> <!-- here -->\n"),
+        ("robot.xml", 'name="lens" rgba="0.10', 'name="lens" rgba="0.90'),
+        ("robot.xml", 'size="0.13 0.075 0.038"', 'size="0.10 0.100 0.100"'),  # seen, never touched
+        ("robot.xml", 'mass="5.204"', 'mass="5.2040"'),
+    ],
+)
+def test_what_does_not_count(go1: Robot, own_folder: Path, file: str, old: str, new: str) -> None:
+    edit(own_folder, file, old, new)
+    assert load_robot(own_folder).digest == go1.digest
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new"),
+    [
+        ("robot.yaml", "default_rad: 0.9", "default_rad: 0.901"),
+        ("robot.yaml", "speed_rad_s: 30.1", "speed_rad_s: 30"),
+        ("robot.yaml", "damping_ratio: 1.0", "damping_ratio: 0.9"),
+        ("robot.xml", 'mass="5.204"', 'mass="5.3"'),
+        ("robot.xml", 'diaginertia="0.0716565', 'diaginertia="0.0716566'),
+        ("robot.xml", 'quat="-0.003421 0.7', 'quat="-0.013421 0.7'),
+        ("robot.xml", "-0.01592 -0.06659", "-0.01592 0.06659"),  # the IMU's place
+        ("robot.xml", 'armature="0.00906"', 'armature="0.00907"'),
+        ("robot.xml", 'frictionloss="1.0"', 'frictionloss="1.1"'),
+        ("robot.xml", 'frictionloss="1.0"', 'frictionloss="1.0" damping="0.1"'),
+        ("robot.xml", 'range="-2.818 -0.888"', 'range="-2.818 -0.889"'),
+        ("robot.xml", 'size="0.13 0.09 0.05"', 'size="0.13 0.09 0.06"'),  # touches when the robot falls
+        ("robot.xml", 'friction="0.8"', 'friction="0.9"'),
+        ("robot.xml", 'impratio="10"', 'impratio="1"'),
+    ],
+)
+def test_what_counts(go1: Robot, own_folder: Path, file: str, old: str, new: str) -> None:
+    edit(own_folder, file, old, new)
+    assert load_robot(own_folder).digest != go1.digest
+
+
+def test_included_files_count(go1: Robot, own_folder: Path) -> None:
+    """A calf's mass stands in a file that robot.xml includes."""
+    inertial = re.search(r'<inertial mass="0.195862".*?/>', (own_folder / "robot.xml").read_text(), re.DOTALL)
+    assert inertial is not None
+    (own_folder / "calf.xml").write_text(f"<mujocoinclude>{inertial[0]}</mujocoinclude>")
+    edit(own_folder, "robot.xml", inertial[0], '<include file="calf.xml"/>')
+    assert load_robot(own_folder).digest == go1.digest
+    edit(own_folder, "calf.xml", "0.195862", "0.25")
+    assert load_robot(own_folder).digest != go1.digest
+
+
+def test_the_last_bits_do_not_count(go1: Robot) -> None:
+    """Another machine may round them otherwise."""
+    model = load_spec(go1.xml_path).compile()
+    model.body_mass[1:] *= 1 + 4e-16
+    model.body_ipos[:] += 1e-17
+    model.body_quat[:] *= -1.0
+    assert digest(go1.description, model) == go1.digest
+    model.body_mass[1] *= 1 + 1e-7
+    assert digest(go1.description, model) != go1.digest
