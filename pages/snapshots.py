@@ -145,10 +145,10 @@ def _export_on_demand(requests: Connection) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the first process
     os.nice(max(0, NICENESS - os.nice(0)))
     os.environ["JAX_PLATFORMS"] = "cpu"
-    from footfall.train.entry import learning_wing
+    from footfall.train.entry import learning_libraries
 
-    with suppress(UserError):
-        learning_wing()  # takes seconds, which are spent before there is anything to do
+    with suppress(UserError), learning_libraries():
+        import footfall.train.api  # noqa: F401  (takes seconds, spent before there is anything to do)
     with suppress(EOFError, KeyboardInterrupt):
         while True:
             requests.send(_export(*requests.recv()))
@@ -156,7 +156,7 @@ def _export_on_demand(requests: Connection) -> None:
 
 def _export(run: Path, checkpoint: Path, out: Path) -> Exported:
     """Export a checkpoint that the training may drop at any time: a copy of it, taken first."""
-    from footfall.train.entry import learning_wing
+    from footfall.train.entry import learning_libraries
 
     copy = out.with_name(checkpoint.name)
     try:
@@ -166,7 +166,9 @@ def _export(run: Path, checkpoint: Path, out: Path) -> Exported:
     except OSError as error:
         return Exported(None, " ".join(str(error).split()))
     try:
-        return Exported(learning_wing().export_run(run, out, copy)[0])
+        with learning_libraries():
+            from footfall.train.api import export_run
+        return Exported(export_run(run, out, copy)[0])
     except (UserError, OSError) as error:
         return Exported(None, " ".join(str(error).replace(str(copy), str(checkpoint)).split()))
     finally:

@@ -23,7 +23,7 @@ LEARNING_ONLY = (
     "optax",
     "mujoco.mjx",
     "onnx",
-    "tensorboardX",
+    "tensorboard",
 )
 DRAWING = ("jinja2", "matplotlib", "imageio_ffmpeg", "PIL", "scipy")  # not on a robot's small computer
 

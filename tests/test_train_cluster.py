@@ -11,8 +11,7 @@ import pytest
 pytest.importorskip("jax")
 
 from footfall.common.errors import UserError
-from footfall.train import api
-from footfall.train.brax import cluster
+from footfall.train import api, cluster
 
 PATIENCE_S = 420
 
@@ -87,11 +86,11 @@ def test_each_resumes_from_the_checkpoint_of_the_first_one_or_not_at_all(
 ) -> None:
     opened = api.open_run(run[0])
     monkeypatch.setattr(cluster, "processes", lambda: 2)
-    monkeypatch.setattr(cluster, "the_leaders", lambda _: 3)
-    assert api._newest_of_the_leader(opened) == opened.checkpoints / "00000003.ckpt"
-    monkeypatch.setattr(cluster, "the_leaders", lambda _: 9)
+    monkeypatch.setattr(cluster, "broadcast", lambda _: (3,))
+    assert api._newest_checkpoint(opened) == opened.checkpoints / "00000003.ckpt"
+    monkeypatch.setattr(cluster, "broadcast", lambda _: (9,))
     with pytest.raises(UserError, match=r"process 0 resumes from .*00000009\.ckpt"):
-        api._newest_of_the_leader(opened)
+        api._newest_checkpoint(opened)
 
 
 @pytest.mark.parametrize(

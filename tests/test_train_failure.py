@@ -22,13 +22,15 @@ from footfall.common.config import dump, load
 from footfall.common.errors import CannotWriteError, UserError
 from footfall.common.files import write_atomically
 from footfall.robots.description import load_robot
-from footfall.train import api
-from footfall.train.brax import cluster
+from footfall.train import api, cluster
 from footfall.train.brax.diagnosis import Diagnosis, differences
 from footfall.train.brax.parts import assemble
+from footfall.train.brax.trainer import BraxTrainer
 from footfall.train.config import load_preset
 from footfall.train.runs import checkpoint
 from footfall.train.runs.failure import ENVIRONMENT, FOLDER, REPORT, Failure, failure_of, non_finite_leaves
+from footfall.train.runs.folder import Run
+from footfall.train.runs.journal import Journal
 from footfall.train.runs.metrics import MetricsLog
 
 ITERATIONS = 6
@@ -186,6 +188,13 @@ class TestReplay:
         assert "holds no failed training" in shell.refuses("diagnose", sound)
 
 
+def broken_trainer(run: Run) -> BraxTrainer:
+    """After its seventh iteration, which left something that is not finite."""
+    trainer = BraxTrainer(run, load_robot("go1"))
+    trainer.iteration, trainer._state = 7, {"mean": np.array([0.0, np.nan])}  # type: ignore[assignment]
+    return trainer
+
+
 def test_a_state_that_is_not_finite_is_never_kept(sound: Path, tmp_path: Path) -> None:
     """Even if no metric shows it."""
     run = api.open_run(Path(shutil.copytree(sound, tmp_path / "run")))
@@ -194,7 +203,7 @@ def test_a_state_that_is_not_finite_is_never_kept(sound: Path, tmp_path: Path) -
     (run.folder / FOLDER).mkdir()
     (run.folder / FOLDER / ENVIRONMENT).touch()  # of a failure before
     with pytest.raises(UserError, match=r"in iteration 7: \['mean'\] is not finite"):
-        api._save(run, 7, {"mean": np.array([0.0, np.nan])}, np.zeros(1))
+        broken_trainer(run).save()
     assert checkpoint.latest(run.checkpoints) == before
     assert {path.name for path in (run.folder / FOLDER).iterdir()} == {REPORT, "00000006.ckpt"}
 
@@ -212,9 +221,9 @@ def test_a_process_that_does_not_lead_notices_such_a_state_too_but_writes_nothin
     sound: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run = replace(api.open_run(sound), folder=tmp_path)
-    monkeypatch.setattr(cluster, "leads", lambda: False)
+    monkeypatch.setattr(cluster, "is_main_process", lambda: False)
     with pytest.raises(UserError, match=r"\['mean'\] is not finite; see process 0"):
-        api._save(run, 7, {"mean": np.array([0.0, np.nan])}, np.zeros(1))
+        broken_trainer(run).save()
     assert list(tmp_path.iterdir()) == []
 
 
@@ -222,10 +231,11 @@ class TestDevice:
     def fail(self, sound: Path, monkeypatch: pytest.MonkeyPatch, text: str) -> str:
         """The message of a training whose device fails with this text."""
 
-        def failing(*_: Any) -> float:
+        def failing(_: BraxTrainer) -> None:
             raise jax.errors.JaxRuntimeError(text)
 
-        monkeypatch.setattr(api, "_train_with_brax", failing)
+        monkeypatch.setattr(BraxTrainer, "prepare", failing)
+        (sound / "policy.onnx").unlink(missing_ok=True)  # or there would be nothing left to do
         with pytest.raises(UserError) as error:
             api.resume(sound)
         assert "\n" not in str(error.value)
@@ -297,16 +307,16 @@ class TestFullDisk:
     def test_training_goes_on_and_keeps_later_what_it_could_not_keep_before(
         self, disk: Path, preset: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        report = api.Journal.report
+        record = Journal._record
 
         def filling(self: Any, iteration: int, figures: Any) -> None:
             if iteration == 2:
                 fill(disk)
             if iteration == 5:
                 (disk / "filler").unlink()
-            report(self, iteration, figures)
+            record(self, iteration, figures)
 
-        monkeypatch.setattr(api.Journal, "report", filling)
+        monkeypatch.setattr(Journal, "_record", filling)
         run = api.train(api.TrainRequest(preset=preset, seed=5, out=disk / "run"))
         said = capsys.readouterr().out
         assert said.count("cannot write checkpoint") == 1
@@ -317,14 +327,14 @@ class TestFullDisk:
         assert steps[-1] == ITERATIONS * 256
 
     def test_at_the_end_it_says_so(self, disk: Path, preset: str, monkeypatch: pytest.MonkeyPatch) -> None:
-        report = api.Journal.report
+        record = Journal._record
 
         def filling(self: Any, iteration: int, figures: Any) -> None:
             if iteration == 2:
                 fill(disk)
-            report(self, iteration, figures)
+            record(self, iteration, figures)
 
-        monkeypatch.setattr(api.Journal, "report", filling)
+        monkeypatch.setattr(Journal, "_record", filling)
         with pytest.raises(UserError, match="No space left on device; the last good one is 00000001"):
             api.train(api.TrainRequest(preset=preset, seed=5, out=disk / "run"))
         monkeypatch.undo()

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 from collections.abc import Iterator
 from dataclasses import replace
@@ -32,7 +33,7 @@ from footfall.robots.description import Robot
 from footfall.train import api, export
 from footfall.train.brax import networks
 from footfall.train.config import load_preset
-from footfall.train.rsl_rl import run as rsl_rl_run
+from footfall.train.loop import learn
 from footfall.train.rsl_rl.environment import TorchEnvironment
 from footfall.train.rsl_rl.symmetry import make_augmentation
 from footfall.train.rsl_rl.trainer import RslRlTrainer
@@ -337,7 +338,7 @@ def test_a_weight_that_is_not_finite_ends_the_training_and_is_not_kept(
 
     monkeypatch.setattr(algorithm, "update", breaking)
     with pytest.raises(UserError, match=complaint) as error:
-        rsl_rl_run._iterate(run, trainer, Display(1))
+        learn(run, trainer, Display(1))
     algorithm.storage.clear()  # what an update that failed leaves
     assert "diagnose" not in str(error.value)  # which cannot replay upstream's iterations
     assert newest(run.folder).name == "00000001.ckpt"
@@ -367,25 +368,31 @@ def test_each_part_of_a_checkpoint_is_checked(trainer: RslRlTrainer, part: str) 
 
 
 def test_running_out_of_memory_in_the_export_is_one_line(
-    preset: str, trainer: RslRlTrainer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, go1: Robot
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    run = api.open_run(api.begin(request(preset, tmp_path / "run")))
-    monkeypatch.setattr(trainer, "iteration", PPO.iterations)
-
-    def exhausted(_: Path) -> float:
+    def exhausted(*_: object) -> float:
         raise torch.OutOfMemoryError("CUDA out of memory. Tried to allocate 2.00 MiB.")
 
-    monkeypatch.setattr(trainer, "export", exhausted)
-    monkeypatch.setattr(rsl_rl_run, "RslRlTrainer", lambda run, robot: trainer)
+    monkeypatch.setattr(RslRlTrainer, "__init__", lambda *_: None)
+    monkeypatch.setattr(RslRlTrainer, "restore", lambda *_: None)
+    monkeypatch.setattr(RslRlTrainer, "export", exhausted)
     with pytest.raises(UserError, match=r"out of memory; .* a smaller ppo\.environments"):
-        rsl_rl_run.train_run(run, go1, Display(1))
+        api.export_run(run, tmp_path / "policy.onnx")
 
 
-def test_devices_that_stay_idle_are_named(capsys: pytest.CaptureFixture[str]) -> None:
-    rsl_rl_run._say_what_is_idle(1, Display(1))
-    assert capsys.readouterr().out == ""
-    rsl_rl_run._say_what_is_idle(4, Display(1))
-    assert "the first of 4 devices: the others are idle" in capsys.readouterr().out
+def test_devices_that_stay_idle_are_named(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def made(*_: object) -> None:
+        raise UserError("that is far enough")
+
+    folder = Path(shutil.copytree(run, tmp_path / "run"))
+    (folder / "policy.onnx").unlink()
+    monkeypatch.setattr(jax, "devices", lambda: 4 * jax.local_devices())
+    monkeypatch.setattr(RslRlTrainer, "__init__", made)
+    with pytest.raises(UserError, match="far enough"):
+        api.resume(folder)
+    assert "rsl_rl trains on the first of 4 devices: the others are idle" in capsys.readouterr().out
 
 
 def test_a_checkpoint_of_another_kind_of_device_can_be_exported(

@@ -100,14 +100,24 @@ def test_a_killed_run_resumes_to_the_same_bits(preset: str, whole: Path, tmp_pat
     assert logged_steps(run) == logged_steps(whole)
 
 
-def test_resuming_a_finished_run_changes_nothing_and_says_if_the_device_is_another(
+def test_resuming_a_finished_run_changes_nothing_and_says_what_else_it_began_on(
     whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     run = api.open_run(Path(shutil.copytree(whole, tmp_path / "run")))
-    (run.folder / "run.yaml").write_text(dump(replace(run.provenance, device="NVIDIA H100")))
+    began = replace(run.provenance, device="NVIDIA H100", revision="0f1e2d")
+    (run.folder / "run.yaml").write_text(dump(began))
+    before = {path: path.stat().st_mtime_ns for path in run.folder.rglob("*")}
     api.resume(run.folder)
+    assert "is finished" in capsys.readouterr().out
+    assert {path: path.stat().st_mtime_ns for path in run.folder.rglob("*")} == before
+
+    run.policy.unlink()
+    api.resume(run.folder)
+    said = capsys.readouterr().out
+    assert "it began on NVIDIA H100: the same statistics, not the same bits" in said
+    assert "it began on source revision 0f1e2d, now " in said
     assert last_checkpoint(run.folder) == last_checkpoint(whole)
-    assert "it began on NVIDIA H100: " in capsys.readouterr().out
+    assert run.policy.read_bytes() == (whole / "policy.onnx").read_bytes()
 
 
 def test_a_robot_that_was_changed_since_is_refused(own_folder: Path, tmp_path: Path) -> None:

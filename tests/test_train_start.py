@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from footfall.common.collector import collector_paused
-from footfall.envs.workarounds.kept_program import fingerprint
+from footfall.envs.workarounds.program_cache import fingerprint
 from footfall.robots.description import load_robot
 from footfall.train import api
 from footfall.train.brax.devices import GPU_OPTIONS, compiler_options, worth_keeping

@@ -328,8 +328,7 @@ class TestSnapshots:
             out.write_bytes(chosen.read_bytes())
             return out, 0.0
 
-        wing = SimpleNamespace(export_run=export_run)
-        monkeypatch.setattr("footfall.train.entry.learning_wing", lambda: wing)
+        monkeypatch.setattr("footfall.train.api.export_run", export_run)
         checkpoint, out = begun / "00000003.ckpt", tmp_path / "00000003.onnx"
         checkpoint.write_bytes(b"weights")
         assert _export(begun, checkpoint, out) == Exported(out)
@@ -384,11 +383,11 @@ def test_of_several_processes_the_first_serves_the_page(
         return nullcontext()
 
     did: list[str] = []
-    wing = SimpleNamespace(
-        cluster=SimpleNamespace(join=lambda *_: did.append("join"), leads=lambda: process == 0),
-        TrainRequest=SimpleNamespace, begin=lambda _: Path("run"), resume=Path, open_run=Path,
-    )  # fmt: skip
-    monkeypatch.setattr("footfall.verbs.train.learning_wing", lambda: wing)
+    api = "footfall.train.api"
+    monkeypatch.setattr(f"{api}.cluster.join", lambda *_: did.append("join"))
+    monkeypatch.setattr(f"{api}.cluster.is_main_process", lambda: process == 0)
+    monkeypatch.setattr(f"{api}.begin", lambda _: Path("run"))
+    monkeypatch.setattr(f"{api}.resume", lambda _: Path("run"))
     monkeypatch.setattr("footfall.verbs.train._watched", serve)
     monkeypatch.setattr("footfall.pages.page.check_page", lambda *_: did.append("check"))
     options = TrainOptions(watch=True, evaluate=False)

@@ -11,7 +11,7 @@ from jax.sharding import PartitionSpec
 
 from footfall.envs.velocity import VelocityEnv
 from footfall.robots.description import load_robot
-from footfall.train.brax.devices import DIVIDED, in_a_row, place, shardings
+from footfall.train.brax.devices import DIVIDED, device_mesh, place, shardings
 from footfall.train.brax.networks import make_networks
 from footfall.train.brax.ppo import STATE_SPECS, initial_state, make_learning
 from footfall.train.config import load_preset
@@ -19,7 +19,7 @@ from footfall.train.config import load_preset
 CONFIG = load_preset("smoke")
 ENV = VelocityEnv(load_robot("go1"), CONFIG.env)
 NETWORKS = make_networks(ENV.observation_sizes, ENV.action_size, CONFIG.ppo)
-MESH = in_a_row()
+MESH = device_mesh(CONFIG.ppo)
 UNROLL, ENVIRONMENTS = 4, 16  # of one device
 Data = tuple[Transition, dict[str, jax.Array]]
 

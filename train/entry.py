@@ -1,18 +1,18 @@
-"""The way into the learning wing, which may not be installed."""
+"""The way to the learning libraries, which may not be installed."""
 
 import io
-from collections.abc import Callable
-from contextlib import redirect_stdout, suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stdout, suppress
 from threading import Thread
-from types import ModuleType
 from typing import Any
 
 from footfall.common.collector import collector_paused
 from footfall.common.installation import needs_extra
 
 
-def learning_wing() -> ModuleType:
-    """`footfall.train.api`, once it is needed.
+@contextmanager
+def learning_libraries() -> Iterator[None]:
+    """Around the import of `footfall.train.api` or of another module that needs JAX.
 
     Raises:
         UserError: JAX or another library of the `train` extra is missing.
@@ -23,8 +23,7 @@ def learning_wing() -> ModuleType:
         collector_paused(),
         redirect_stdout(io.StringIO()),
     ):
-        from footfall.train import api
-    return api
+        yield
 
 
 def start_device() -> None:
@@ -33,7 +32,7 @@ def start_device() -> None:
     Whoever asks for the device then waits for it, and hears why it cannot be had. Not for a process of a
     cluster, which has to join that first.
     """
-    with collector_paused(), suppress(ModuleNotFoundError):  # which `learning_wing` reports
+    with collector_paused(), suppress(ModuleNotFoundError):  # which `learning_libraries` reports
         import jax.numpy
 
         Thread(target=_first_operation, args=(jax.numpy.zeros,), name="start device").start()

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from footfall.train.entry import learning_wing
+from footfall.train.entry import learning_libraries
 
 
 def diagnose(run: Path, /) -> int:
@@ -13,8 +13,9 @@ def diagnose(run: Path, /) -> int:
     run
         A run folder whose training failed.
     """
-    wing = learning_wing()
-    result = wing.diagnose(run, say=lambda text: print(text, flush=True))
+    with learning_libraries():
+        from footfall.train import api
+    result = api.diagnose(run, say=lambda text: print(text, flush=True))
     failure = result.failure
     if result.differences:
         print(f"the replay is approximate: it failed with {'; '.join(result.differences)}")

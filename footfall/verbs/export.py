@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from footfall.common.outputs import check_outputs
-from footfall.train.entry import learning_wing
+from footfall.train.entry import learning_libraries
 
 
 def export(run: Path, /, *, out: Path | None = None) -> None:
@@ -17,5 +17,7 @@ def export(run: Path, /, *, out: Path | None = None) -> None:
         File to write (default: RUN/policy.onnx).
     """
     check_outputs(out)
-    path, difference = learning_wing().export_run(run, out)
+    with learning_libraries():
+        from footfall.train import api
+    path, difference = api.export_run(run, out)
     print(f"wrote {path}; its actions differ from the trained network's by at most {difference:.1e}")

@@ -4,7 +4,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from footfall.common.errors import UserError
-from footfall.train.entry import learning_wing
+from footfall.train.entry import learning_libraries
 
 
 def sweep(file: Path | None = None, /, *, out: Path | None = None, resume: Path | None = None) -> int:
@@ -23,9 +23,9 @@ def sweep(file: Path | None = None, /, *, out: Path | None = None, resume: Path 
         raise UserError("give either a sweep's YAML file or --resume with its folder")
     if resume is not None and out is not None:
         raise UserError("--resume brings the sweep's own folder: leave --out out")
-    learning_wing()
-    from footfall.train.sweeps.sweep import RESULTS, resume_sweep
-    from footfall.train.sweeps.sweep import sweep as run_sweep
+    with learning_libraries():
+        from footfall.train.sweeps.sweep import RESULTS, resume_sweep
+        from footfall.train.sweeps.sweep import sweep as run_sweep
 
     if resume is not None:
         folder, (trials, unfinished) = resume, resume_sweep(resume)

@@ -1,39 +1,43 @@
 """`footfall train`."""
 
+import re
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, fields
 from pathlib import Path
-from types import ModuleType
 from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
 from footfall.common.errors import UserError
 from footfall.options import Count, Index, RobotName, Seconds, Seed
-from footfall.train.entry import learning_wing, start_device
+from footfall.train.entry import learning_libraries, start_device
 from footfall.verbs.watch import LOCAL_PAGE, PageOptions
 
 EVALUATION = "gentle"  # the scenario that every finished run goes through
 OF_ANY_RUN = {"resume", "evaluate", "watch"}
+COORDINATOR = re.compile(r"(\[[0-9a-fA-F:.]+\]|[^:\[\]\s]+):[0-9]{1,5}")
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
 class TrainOptions:
-    """What to train."""
+    """What to train. None: as `footfall.train.api.TrainRequest` has it, or the resumed run."""
 
-    robot: RobotName = "go1"
-    preset: str = "cpu"
-    """smoke (seconds), cpu (minutes), gpu-quick (a minute), gpu, or a YAML file of the same form."""
-    seed: Seed = 0
+    robot: Annotated[RobotName | None, Parameter(show_default=False)] = None
+    """Name of a robot, or a folder with its robot.yaml (default: go1)."""
+    preset: Annotated[str | None, Parameter(show_default=False)] = None
+    """smoke (seconds), cpu (minutes, the default), gpu-quick (a minute), gpu, or a YAML file of the same
+    form."""
+    seed: Annotated[Seed | None, Parameter(show_default=False)] = None
+    """The same seed gives the same result on the same machine (default: 0)."""
     out: Path | None = None
     """Run folder to make (default: runs/ROBOT-PRESET-SEED-TIME)."""
     steps: Annotated[Count | None, Parameter(show_default=False)] = None
     """Environment steps, instead of the preset's."""
     checkpoint_interval: Annotated[Seconds | None, Parameter(show_default=False)] = None
     """Seconds between checkpoints, instead of the preset's."""
-    trainer: Literal["brax", "rsl_rl"] = "brax"
-    """Who learns: our JAX loop of brax's parts, or rsl_rl's runner (an extra)."""
+    trainer: Annotated[Literal["brax", "rsl_rl"] | None, Parameter(show_default=False)] = None
+    """Who learns: our JAX loop of brax's parts (the default), or rsl_rl's runner (an extra)."""
     resume: Path | None = None
     """Run folder to continue from its last checkpoint; it brings its own settings."""
     evaluate: bool = True
@@ -66,65 +70,79 @@ def train(
     page: PageOptions = LOCAL_PAGE,
 ) -> None:
     """Train a policy; RUN/policy.onnx is there when it ends."""
+    from footfall.train.runs.folder import open_run
+
     if page != LOCAL_PAGE and not options.watch:
         raise UserError("--host and --port are for the page: add --watch, or leave them out")
+    _check_cluster(cluster)
     if options.resume is not None:
         _refuse_other_options(options)
     if cluster == ALONE:
         if options.resume is not None:
-            from footfall.train.runs.folder import open_run
-
             open_run(options.resume)  # a mistyped folder is known before the wait for a GPU
         start_device()
-    wing = learning_wing()
-    if options.watch and _is_known_to_lead(cluster):
+    with learning_libraries():
+        from footfall.train import api
+    if options.watch and _may_be_main_process(cluster):
         from footfall.pages.page import check_page
 
         check_page(page.host, page.port)
-    if cluster != ALONE:
-        _join(wing, cluster)
-    if options.resume is not None:
-        folder = wing.open_run(options.resume).folder
-    else:
-        folder = wing.begin(_request(wing, options))
-    with _watched(folder, page) if options.watch and wing.cluster.leads() else nullcontext():
-        run = wing.open_run(wing.resume(folder))
-    if options.evaluate and wing.cluster.leads():
-        from footfall.evaluate.api import evaluate_policy
-
-        evaluate_policy(
-            str(run.folder),
-            run.provenance.robot,
-            (EVALUATION,),
-            seed=run.provenance.seed,
-            json_path=run.folder / "evaluation.json",
-        )
+    if cluster.coordinator is not None:
+        api.cluster.join(cluster.coordinator, cluster.processes, cluster.process)
+    folder = options.resume or api.begin(api.TrainRequest(**_requested(options)))
+    main = api.cluster.is_main_process()
+    with _watched(folder, page) if options.watch and main else nullcontext():
+        api.resume(folder)
+    if options.evaluate and main:
+        _evaluate(folder)
 
 
-def _is_known_to_lead(cluster: ClusterOptions) -> bool:
-    """Before joining; which process leads under "auto" is known after it only."""
+def _evaluate(folder: Path) -> None:
+    """Walk a run's policy, unless it has been walked."""
+    from footfall.evaluate.api import evaluate_policy
+    from footfall.train.runs.folder import open_run
+
+    run = open_run(folder)
+    result = folder / "evaluation.json"
+    if result.is_file() and result.stat().st_mtime_ns >= run.policy.stat().st_mtime_ns:
+        return
+    seed = run.provenance.seed
+    evaluate_policy(str(folder), run.provenance.robot, (EVALUATION,), seed=seed, json_path=result)
+
+
+def _may_be_main_process(cluster: ClusterOptions) -> bool:
+    """Before joining; which process is the main one under "auto" is known after it only."""
     return cluster.coordinator != "auto" and cluster.process in (None, 0)
 
 
-def _join(wing: ModuleType, cluster: ClusterOptions) -> None:
+def _check_cluster(cluster: ClusterOptions) -> None:
+    """Refuse half a cluster, and what cannot be one, before anything waits for it."""
+    if cluster == ALONE:
+        return
     given = cluster.processes is not None and cluster.process is not None
     if cluster.coordinator is None or given == (cluster.coordinator == "auto"):
         raise UserError(
             "several processes need --coordinator HOST:PORT, --processes and --process, or --coordinator auto"
         )
-    wing.cluster.join(cluster.coordinator, cluster.processes, cluster.process)
+    if cluster.coordinator != "auto" and not COORDINATOR.fullmatch(cluster.coordinator):
+        raise UserError(f"--coordinator: expected HOST:PORT or auto, found '{cluster.coordinator}'")
+    processes, process = cluster.processes, cluster.process
+    if processes is not None and process is not None and process >= processes:
+        raise UserError(f"--process counts from 0: of {processes} the last is {processes - 1}")
 
 
-def _request(wing: ModuleType, options: TrainOptions) -> Any:
-    return wing.TrainRequest(
-        robot=options.robot,
-        preset=options.preset,
-        seed=options.seed,
-        out=options.out,
-        total_steps=options.steps,
-        checkpoint_interval_s=options.checkpoint_interval,
-        trainer=options.trainer,
-    )
+def _requested(options: TrainOptions) -> dict[str, Any]:
+    """What was asked for, by `TrainRequest`'s names."""
+    asked = {
+        "robot": options.robot,
+        "preset": options.preset,
+        "seed": options.seed,
+        "out": options.out,
+        "total_steps": options.steps,
+        "checkpoint_interval_s": options.checkpoint_interval,
+        "trainer": options.trainer,
+    }
+    return {name: value for name, value in asked.items() if value is not None}
 
 
 def _watched(folder: Path, page: PageOptions) -> AbstractContextManager[None]:

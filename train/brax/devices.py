@@ -8,6 +8,9 @@ import jax
 from jax.flatten_util import ravel_pytree
 from jax.sharding import AxisType, Mesh, NamedSharding, PartitionSpec
 
+from footfall.common.errors import UserError
+from footfall.train.config import PpoConfig
+
 AXIS = "devices"
 EACH = PartitionSpec()  # the same on each device
 DIVIDED = PartitionSpec(AXIS)  # along the first dimension
@@ -21,9 +24,18 @@ GPU_OPTIONS: dict[str, str | bool] = {
 }  # figures in docs/results.md
 
 
-def in_a_row(count: int | None = None) -> Mesh:
-    """Every device of every process, or the first few of them."""
+def device_mesh(config: PpoConfig, count: int | None = None) -> Mesh:
+    """Every device of every process, or the first few of them, along one axis.
+
+    Raises:
+        UserError: the environments cannot be divided among so many.
+    """
     devices = jax.devices()[:count]
+    if config.environments % (config.minibatches * len(devices)):
+        raise UserError(
+            f"ppo.environments {config.environments} cannot be divided among {len(devices)} devices"
+            f" and {config.minibatches} minibatches: give a multiple of {config.minibatches * len(devices)}"
+        )
     if len(devices) > 1:
         # jax 0.11.2's Shardy crashes on a shard_map over MJX: a segmentation fault in its pass over
         # unused inputs (ManualComputationUnusedInputsPattern). The older partitioner compiles it.

@@ -9,12 +9,14 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.sharding import Mesh
 
 from footfall.common.config import load
 from footfall.common.errors import UserError
 from footfall.common.files import write_atomically
 from footfall.common.versions import versions
-from footfall.train.brax import cluster
+from footfall.train import cluster
+from footfall.train.brax.devices import device_mesh
 from footfall.train.brax.parts import Iteration, Parts, assemble
 from footfall.train.brax.ppo import TrainState, iteration_keys, make_learning, make_rollout
 from footfall.train.runs import checkpoint
@@ -81,7 +83,7 @@ def replay_failure(folder: Path, say: Callable[[str], None]) -> Diagnosis:
     with device_failures(run, verb="diagnose"):
         # Each device draws its own noise: where there are as many as there were, no more than those.
         count = min(failure.devices or len(there), len(there))
-        replay = _Replay(failure, assemble(run, robot, count))
+        replay = _Replay(failure, assemble(run, robot), device_mesh(run.config.ppo, count))
         before, iterate = replay.state_before(checkpoint.latest(dump), say)
         reason, after = replay.failing_iteration(before, iterate)
         fault = replay.first_fault(jax.device_get(before), after)
@@ -103,14 +105,16 @@ def differences(failure: Failure, device: str, devices: int) -> list[str]:
 class _Replay:
     """The failed training's functions."""
 
-    def __init__(self, failure: Failure, parts: Parts) -> None:
+    def __init__(self, failure: Failure, parts: Parts, mesh: Mesh) -> None:
         self._failure = failure
         self._parts = parts
+        self._mesh = mesh
         self._ppo = failure.config.ppo
 
     def state_before(self, start: Path | None, say: Callable[[str], None]) -> tuple[TrainState, Iteration]:
         """The state before the failing iteration, and the program that failed."""
-        state, _, iterate = self._parts.prepare(start)
+        restored = checkpoint.restore(start, self._parts.shapes)[0] if start else None
+        state, iterate = self._parts.prepare(self._mesh, restored, say)
         done, last = int(state.iteration), self._failure.iteration - 1
         which = f"iterations {done + 1} to {last + 1}" if done < last else f"iteration {last + 1}"
         say(f"replaying {which} from {start.name if start else 'the seed'}")
@@ -132,7 +136,7 @@ class _Replay:
 
         Where several devices trained, each one's share is computed by itself, on one of them.
         """
-        devices = self._parts.mesh.size
+        devices = self._mesh.size
         roll_out = jax.jit(make_rollout(self._parts.env, self._parts.networks, self._ppo))
         learn = jax.jit(make_learning(self._parts.networks, self._ppo, mirror=self._parts.mirror))
         rollouts = [self._roll_out(roll_out, state, device, devices) for device in range(devices)]

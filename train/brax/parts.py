@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import jax
@@ -12,19 +11,17 @@ from brax.training.agents.ppo.networks import PPONetworks
 from jax.sharding import Mesh
 
 from footfall.common.collector import collector_paused
-from footfall.common.errors import UserError
 from footfall.envs.symmetry import EnvironmentMirror, environment_mirror
 from footfall.envs.velocity import VelocityEnv
-from footfall.envs.workarounds.kept_program import kept, model_bytes
+from footfall.envs.workarounds.program_cache import load_or_compile, model_bytes
 from footfall.robots.description import Robot
-from footfall.train.brax.devices import compiler_options, in_a_row, place, shardings, worth_keeping
+from footfall.train.brax.devices import compiler_options, place, shardings, worth_keeping
 from footfall.train.brax.networks import make_networks
 from footfall.train.brax.ppo import STATE_SPECS, TrainState, initial_state, make_iteration
 from footfall.train.config import TrainConfig
-from footfall.train.runs import checkpoint
 from footfall.train.runs.folder import Run
 
-Iteration = Callable[[TrainState], tuple[TrainState, dict[str, Any], Any]]
+Iteration = Callable[[TrainState], tuple[TrainState, dict[str, jax.Array], jax.Array]]
 
 
 @dataclass(frozen=True)
@@ -34,10 +31,14 @@ class Parts:
     env: VelocityEnv
     networks: PPONetworks
     run: Run
-    mesh: Mesh  # the devices it trains on
 
     @property
     def mirror(self) -> EnvironmentMirror | None:
+        """Of observations and actions, where the run learns from mirror images.
+
+        Raises:
+            UserError: it does, and its robot is not symmetric.
+        """
         if not self.run.config.ppo.symmetry:
             return None
         return environment_mirror(self.env.robot, self.env.config, self.env.contract)
@@ -51,49 +52,46 @@ class Parts:
         """The state before the first iteration; the seed is an argument, so that all have one program."""
         return initial_state(self.env, self.networks, self.run.config.ppo, seed)
 
-    def iteration(self) -> Iteration:
-        return make_iteration(self.env, self.networks, self.run.config.ppo, self.mesh, self.mirror)
-
     @collector_paused()
-    def prepare(self, start: Path | None) -> tuple[TrainState, Any, Iteration]:
-        """Everything that a training begins with; what has to be compiled is compiled side by side.
+    def prepare(
+        self, mesh: Mesh, restored: TrainState | None, say: Callable[[str], None]
+    ) -> tuple[TrainState, Iteration]:
+        """The state to begin with and the compiled iteration, which takes the state's memory for its own.
 
         Args:
-            start: the checkpoint to continue from, or None.
-
-        Returns:
-            The state, observations that the actor saw before it, and the compiled iteration, which takes
-            the state's memory for its own.
-
-        Raises:
-            UserError: the checkpoint is damaged or of another configuration.
+            mesh: the devices to train on.
+            restored: a checkpoint's state, on the host; None begins from the seed.
+            say: told what a user should know.
         """
         shapes = self.shapes
-        where = shardings(STATE_SPECS, shapes, self.mesh)
-        if start is not None:
-            state, observations = checkpoint.restore(start, shapes)
-            return place(state, where), observations, self._compiled_iteration(shapes, where)
-        first = jax.jit(self.first_state, out_shardings=where, compiler_options=compiler_options(self.mesh))
+        where = shardings(STATE_SPECS, shapes, mesh)
+        if restored is not None:
+            return place(restored, where), self._compiled_iteration(mesh, shapes, where, say)
+        first = jax.jit(self.first_state, out_shardings=where, compiler_options=compiler_options(mesh))
         seed = np.uint32(self.run.provenance.seed & 0xFFFFFFFF)  # as much of it as JAX's keys hold
         # Traced here, not beside: what `fewer_kernels` replaces, it replaces for every thread.
         traced = first.lower(seed)
-        # Nothing may run on the devices meanwhile: XLA times its choices of kernels there.
+        # Compiled side by side. Nothing may run on the devices meanwhile: XLA times its kernels there.
         with ThreadPoolExecutor(1) as beside:
             first_compiled = beside.submit(traced.compile)
-            compiled = self._compiled_iteration(shapes, where)
-        return first_compiled.result()(seed), np.zeros(0), compiled
+            iteration = self._compiled_iteration(mesh, shapes, where, say)
+        return first_compiled.result()(seed), iteration
 
-    def _compiled_iteration(self, shapes: TrainState, where: TrainState) -> Iteration:
+    def _compiled_iteration(
+        self, mesh: Mesh, shapes: TrainState, where: TrainState, say: Callable[[str], None]
+    ) -> Iteration:
         def compile_it() -> jax.stages.Compiled:
-            options = compiler_options(self.mesh)
             iterate = jax.jit(
-                self.iteration(), donate_argnums=0, in_shardings=(where,), compiler_options=options
+                make_iteration(self.env, self.networks, self.run.config.ppo, mesh, self.mirror),
+                donate_argnums=0,
+                in_shardings=(where,),
+                compiler_options=compiler_options(mesh),
             )
             return iterate.lower(shapes).compile()
 
-        if not worth_keeping(self.mesh):
+        if not worth_keeping(mesh):
             return compile_it()
-        return kept(compile_it, *made_from(self.env.robot, self.run.config))
+        return load_or_compile(compile_it, say, *made_from(self.env.robot, self.run.config))
 
 
 def made_from(robot: Robot, config: TrainConfig) -> tuple[Any, ...]:
@@ -102,17 +100,11 @@ def made_from(robot: Robot, config: TrainConfig) -> tuple[Any, ...]:
 
 
 @collector_paused()
-def assemble(run: Run, robot: Robot, devices: int | None = None) -> Parts:
-    """Build the parts of a run, for the first few devices or all of them.
+def assemble(run: Run, robot: Robot) -> Parts:
+    """Build the parts of a run.
 
     Raises:
-        UserError: the configuration does not fit the robot or the devices.
+        UserError: the configuration does not fit the robot.
     """
-    mesh, ppo = in_a_row(devices), run.config.ppo
-    if ppo.environments % (ppo.minibatches * mesh.size):
-        raise UserError(
-            f"ppo.environments {ppo.environments} cannot be divided among {mesh.size} devices"
-            f" and {ppo.minibatches} minibatches: give a multiple of {ppo.minibatches * mesh.size}"
-        )
     env = VelocityEnv(robot, run.config.env)
-    return Parts(env, make_networks(env.observation_sizes, env.action_size, ppo), run, mesh)
+    return Parts(env, make_networks(env.observation_sizes, env.action_size, run.config.ppo), run)

@@ -1,9 +1,11 @@
 """A training with rsl_rl: upstream's runner, unmodified, on our environment."""
 
 import io
+from collections.abc import Callable
 from contextlib import redirect_stdout
 from pathlib import Path
 from pickle import PickleError
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -33,7 +35,13 @@ DAMAGES = (OSError, EOFError, RuntimeError, LookupError, ValueError, TypeError, 
 
 
 class RslRlTrainer:
-    """Runs iterations one at a time; everything they depend on goes into a checkpoint."""
+    """See `footfall.train.trainer.Trainer`. It trains on JAX's first device."""
+
+    device_errors: ClassVar[tuple[type[Exception], ...]] = (
+        jax.errors.JaxRuntimeError,
+        torch.OutOfMemoryError,
+        torch.AcceleratorError,
+    )
 
     def __init__(self, run: Run, robot: Robot) -> None:
         self._run = run
@@ -54,8 +62,28 @@ class RslRlTrainer:
         self._random = torch.cuda.default_generators[device.index] if cuda else torch.default_generator
         self._seen = np.zeros((0, self._environment.get_observations()["state"].shape[1]), np.float32)
 
+    @staticmethod
+    def prefetch(run: Run, robot: Robot) -> None:
+        """Nothing is kept from one training to the next but what JAX keeps."""
+
+    def prepare(self, say: Callable[[str], None]) -> None:
+        """Ready as made: its environment is compiled, its networks are drawn from the seed."""
+
     def iterate(self) -> dict[str, float]:
-        """Roll out and learn once; returns metrics under the names that the JAX trainer gives them."""
+        """Roll out and learn once; returns metrics under the names that the JAX trainer gives them.
+
+        Raises:
+            UserError: the networks are not finite.
+        """
+        try:
+            return self._iterate()
+        except RuntimeError:
+            broken = self.broken()  # torch does not draw from a distribution that is not finite
+            if not broken:
+                raise
+            raise failed(self._run, self.iteration + 1, not_finite(broken)) from None
+
+    def _iterate(self) -> dict[str, float]:
         algorithm = self._runner.alg
         algorithm.limit = float(learning_rate_limit(jnp.float32(self.iteration), self._ppo))
         self._environment.steps_done = self.iteration * self._ppo.steps_per_iteration
@@ -75,7 +103,7 @@ class RslRlTrainer:
             "learning/action_std": algorithm.get_policy().output_std.mean().item(),
         }
 
-    def save(self) -> Path:
+    def save(self) -> None:
         """Write a checkpoint of upstream's form; its `infos` hold what upstream leaves out.
 
         Raises:
@@ -93,7 +121,7 @@ class RslRlTrainer:
         }
         content = io.BytesIO()
         self._runner.save(content, infos)
-        return checkpoint.write(self._run.checkpoints, self.iteration, content.getvalue())
+        checkpoint.write(self._run.checkpoints, self.iteration, content.getvalue())
 
     def broken(self) -> list[str]:
         """Names of what is not finite in the networks, the optimiser and the episodes."""

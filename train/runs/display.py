@@ -5,10 +5,14 @@ from types import TracebackType
 
 from rich.console import Console, Group
 from rich.live import Live
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
+from rich.text import Text
 
 PLAIN_INTERVAL_S = 5.0
+TABLE_WIDTH = 80
+LINES_BESIDE = 5  # of a terminal, for the progress, the headings and what was said last
+DETAILS = ("learning/policy_dist_",)  # beginnings of names that are for the log, not for the terminal
 
 
 class Display:
@@ -19,10 +23,11 @@ class Display:
         self._total = total_steps
         self._live = self._console.is_terminal
         self._progress = Progress(
-            TextColumn("{task.fields[steps]}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"),
-            TimeRemainingColumn(), console=self._console,
+            TextColumn("{task.description}"), BarColumn(20), TextColumn("{task.percentage:>3.0f} %"),
+            TimeElapsedColumn(), TextColumn("elapsed,"), TimeRemainingColumn(), TextColumn("left"),
+            console=self._console,
         )  # fmt: skip
-        self._task = self._progress.add_task("training", total=total_steps, steps="")
+        self._task = self._progress.add_task("starting", total=total_steps)
         self._screen = Live(self._progress, console=self._console, refresh_per_second=4)
         self._printed = 0.0
 
@@ -44,14 +49,21 @@ class Display:
         """One line above the live table."""
         self._console.print(text, highlight=False, soft_wrap=True)
 
+    def doing(self, what: str) -> None:
+        """Say what takes a while before there is progress to show, such as "compiling"."""
+        self._progress.update(self._task, description=what)
+        if not self._live:
+            self.say(what)
+
     def update(self, steps: int, steps_per_s: float, metrics: dict[str, float]) -> None:
         """Show the state after an iteration."""
         done = f"{min(steps, self._total):,} of {self._total:,} steps, {steps_per_s:,.0f} per s"
-        self._progress.update(self._task, completed=min(steps, self._total), steps=done)
+        self._progress.update(self._task, completed=min(steps, self._total), description="training")
         now = time.monotonic()
         last = steps >= self._total
         if self._live:
-            self._screen.update(Group(self._progress, _table(metrics)))
+            room = self._console.height - LINES_BESIDE
+            self._screen.update(Group(self._progress, Text(done), metrics_table(metrics, room)))
         elif now - self._printed > PLAIN_INTERVAL_S or last:
             self._printed = now
             left = max(self._total - steps, 0) / max(steps_per_s, 1.0)
@@ -59,20 +71,34 @@ class Display:
 
 
 def _summary(metrics: dict[str, float]) -> str:
+    length = metrics.get("episode/length_s")
     return (
-        f"reward {metrics['reward/total']:.2f}, episode {metrics['episode/length_s']:.1f} s,"
+        f"reward {metrics['reward/total']:.2f}, episode {'-' if length is None else f'{length:.1f}'} s,"
         f" error {metrics['tracking/linear_error_m_s']:.3f} m/s"
         f" {metrics['tracking/yaw_error_rad_s']:.3f} rad/s"
     )
 
 
-def _table(metrics: dict[str, float]) -> Table:
-    """Metrics in one column per group (reward, tracking, episode, learning)."""
-    groups: dict[str, list[str]] = {}
-    for name, value in sorted(metrics.items()):
-        group, _, short = name.partition("/")
-        groups.setdefault(group, []).append(f"{short:<24}{value:>9.3f}")
-    table = Table(*groups, box=None, padding=(0, 2))
-    for row in range(max(len(lines) for lines in groups.values())):
-        table.add_row(*(lines[row] if row < len(lines) else "" for lines in groups.values()))
+def metrics_table(metrics: dict[str, float], rows: int) -> Table:
+    """Rewards on the left, their total first; on the right how well it tracks, episodes and learning.
+
+    Args:
+        metrics: by name, GROUP/NAME.
+        rows: the most there is room for; what does not fit is left out, as it is in the log.
+    """
+    shown = {name: value for name, value in metrics.items() if not name.startswith(DETAILS)}
+    rewards = sorted((n for n in shown if n.startswith("reward/")), key=lambda n: (n != "reward/total", n))
+    groups = ("tracking/", "episode/", "learning/")
+    others = [name for group in groups for name in sorted(shown) if name.startswith(group)]
+    table = Table.grid(padding=(0, 2), expand=False)
+    table.width = TABLE_WIDTH
+    for justify in ("left", "right", "left", "right"):
+        table.add_column(justify=justify, no_wrap=True)
+    for row in range(min(max(len(rewards), len(others)), max(rows, 1))):
+        cells = [
+            text
+            for names in (rewards, others)
+            for text in ((names[row], f"{shown[names[row]]:.3f}") if row < len(names) else ("", ""))
+        ]
+        table.add_row(*cells)
     return table

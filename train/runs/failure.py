@@ -20,11 +20,12 @@ from footfall.common.config import dump
 from footfall.common.errors import UserError
 from footfall.common.files import write_atomically
 from footfall.common.versions import versions
-from footfall.train.runs import checkpoint
-from footfall.train.brax import cluster
+from footfall.train import cluster
 from footfall.train.config import TrainConfig
-from footfall.train.runs.provenance import PACKAGES
+from footfall.train.runs import checkpoint
 from footfall.train.runs.folder import Provenance, Run
+from footfall.train.runs.provenance import PACKAGES
+from footfall.train.trainer import TRAINERS
 
 FOLDER = "failure"
 REPORT = "failure.yaml"
@@ -88,7 +89,7 @@ def failed(run: Run, iteration: int, reason: str) -> UserError:
 
     Of several processes only the first leaves something.
     """
-    if not cluster.leads():
+    if not cluster.is_main_process():
         return UserError(f"training failed in iteration {iteration}: {reason}; see process 0")
     newest = checkpoint.latest(run.checkpoints)
     failure = Failure(
@@ -105,7 +106,7 @@ def failed(run: Run, iteration: int, reason: str) -> UserError:
         _leave(run.folder / FOLDER, failure, newest)
     except OSError as error:
         return UserError(f"{message}; nothing to replay was left: {error.strerror}")
-    if run.provenance.trainer != "brax":  # upstream's iterations cannot be computed step by step
+    if not TRAINERS[run.provenance.trainer].replayable:
         return UserError(f"{message}; all settings are in {run.folder / FOLDER / REPORT}")
     return UserError(f"{message}; find the cause with: footfall diagnose {run.folder}")
 

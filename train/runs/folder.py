@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Literal
 
 from footfall.common.config import dump, load
-from footfall.robots.description import Robot, load_robot
 from footfall.common.errors import UserError
 from footfall.common.files import write_atomically
+from footfall.robots.description import Robot, load_robot
 from footfall.train.config import TrainConfig
 
-Trainer = Literal["brax", "rsl_rl"]
+TrainerName = Literal["brax", "rsl_rl"]
 LOCK = ".lock"
 TEMPORARY = (".config.yaml.", ".run.yaml.")  # beginnings of names that atomic writing gives
 
@@ -24,7 +24,7 @@ class Provenance:
     robot: str
     seed: int
     preset: str
-    trainer: Trainer
+    trainer: TrainerName
     device: str
     revision: str
     created: str

@@ -1,19 +1,67 @@
-"""A training's journal: what it logs, shows, checks and keeps, whichever trainer writes it."""
+"""A training's journal: what it logs, shows, checks and saves, whichever trainer it follows."""
 
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from footfall.common.errors import CannotWriteError, UserError
+import jax
+
+from footfall.common.errors import CannotWriteError
 from footfall.train.runs.display import Display
 from footfall.train.runs.failure import failed, failure_of
-from footfall.train.runs.metrics import MetricsLog
 from footfall.train.runs.folder import Run
+from footfall.train.runs.metrics import MetricsLog
 from footfall.train.runs.speed import Speed
+from footfall.train.trainer import Metrics
 
 
-class Journal:
-    """Follows one run from its first or resumed iteration.
+class FailureCheck:
+    """Notices failures of a training: the journal of a process that does not write one."""
+
+    def __init__(self, run: Run) -> None:
+        self._run = run
+        self._pending: tuple[int, Metrics] | None = None
+
+    def report(self, iteration: int, metrics: Metrics) -> None:
+        """Take an iteration's metrics; the first iteration is 1.
+
+        Those that a device still computes are looked at in the next call, while the next iteration runs.
+
+        Raises:
+            UserError: metrics say that the training has failed.
+        """
+        self.flush()
+        self._pending = iteration, metrics
+        if not any(isinstance(value, jax.Array) for value in metrics.values()):
+            self.flush()
+
+    def flush(self) -> None:
+        """Wait for metrics that are still computed, and look at them; raises as `report`."""
+        if self._pending is not None:
+            iteration, metrics = self._pending
+            self._pending = None
+            self._record(iteration, {name: float(value) for name, value in metrics.items()})
+
+    @property
+    def checkpoint_due(self) -> bool:
+        return False
+
+    def save(self, write: Callable[[], object]) -> None:
+        """Take part in a checkpoint in the middle of a training, which the main process writes."""
+        self.flush()
+        write()
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+    def _record(self, iteration: int, metrics: dict[str, float]) -> None:
+        reason = failure_of(metrics, self._run.config.diverged_limit)
+        if reason is not None:
+            raise failed(self._run, iteration, reason)
+
+
+class Journal(FailureCheck):
+    """Logs and shows one run from its first or resumed iteration.
 
     A full disk does not end a training while there is hope: it is said once, and tried again.
     """
@@ -23,41 +71,35 @@ class Journal:
         Raises:
             CannotWriteError: the run folder cannot be written.
         """
-        self._run = run
+        super().__init__(run)
         self._display = display
         self._steps = run.config.ppo.steps_per_iteration
         self._log = MetricsLog(run.folder, iterations_done * self._steps)
         self._refused: set[str] = set()
-        self._kept_at = time.monotonic()
-        self._speed = Speed(self._kept_at, iterations_done * self._steps)
+        self._saved_at = time.monotonic()
+        self._speed = Speed(self._saved_at, iterations_done * self._steps)
 
-    def report(self, iteration: int, metrics: dict[str, float]) -> None:
-        """Record and show the metrics of an iteration, the first of which is 1.
+    @property
+    def checkpoint_due(self) -> bool:
+        return time.monotonic() - self._saved_at > self._run.config.checkpoint_interval_s
 
-        Raises:
-            UserError: they say that the training has failed.
-        """
+    def save(self, write: Callable[[], object]) -> None:
+        """Write a checkpoint in the middle of a training; if the disk is full, wait for the next one."""
+        self.flush()
+        with self._going_on("checkpoint"):
+            write()
+        self._saved_at = time.monotonic()
+
+    def close(self) -> None:
+        self._log.close()
+
+    def _record(self, iteration: int, metrics: dict[str, float]) -> None:
         steps = iteration * self._steps
         speed = self._speed.after(time.monotonic(), steps)
         with self._going_on("metrics"):
             self._log.write(steps, metrics | {"speed/steps_per_s": speed})
-        reason = failure_of(metrics, self._run.config.diverged_limit)
-        if reason is not None:
-            raise failed(self._run, iteration, reason)
+        super()._record(iteration, metrics)
         self._display.update(steps, speed, metrics)
-
-    @property
-    def checkpoint_due(self) -> bool:
-        return time.monotonic() - self._kept_at > self._run.config.checkpoint_interval_s
-
-    def keep(self, save: Callable[[], object]) -> None:
-        """Write a checkpoint in the middle of a training; if the disk is full, the next one is awaited."""
-        with self._going_on("checkpoint"):
-            save()
-        self._kept_at = time.monotonic()
-
-    def close(self) -> None:
-        self._log.close()
 
     @contextmanager
     def _going_on(self, what: str) -> Iterator[None]:
@@ -71,28 +113,3 @@ class Journal:
             if what in self._refused:
                 self._display.say(f"{what} can be written again")
             self._refused.discard(what)
-
-
-class Follower:
-    """In a process that does not lead, a journal that only notices failures."""
-
-    checkpoint_due = False
-
-    def __init__(self, run: Run) -> None:
-        self._run = run
-
-    def report(self, iteration: int, metrics: dict[str, float]) -> None:
-        """
-        Raises:
-            UserError: the metrics say that the training has failed.
-        """
-        reason = failure_of(metrics, self._run.config.diverged_limit)
-        if reason is not None:
-            raise UserError(f"training failed in iteration {iteration}: {reason}; see process 0")
-
-    def keep(self, save: Callable[[], object]) -> None:
-        """Take part in gathering a checkpoint, which the leader writes."""
-        save()
-
-    def close(self) -> None:
-        """Nothing is open."""

@@ -3,13 +3,15 @@
 import errno
 import json
 import os
-import struct
 import time
 from pathlib import Path
 
+from tensorboard.compat.proto.event_pb2 import Event, SessionLog
+from tensorboard.compat.proto.summary_pb2 import Summary
+from tensorboard.summary.writer.record_writer import RecordWriter
+
 from footfall.common.errors import CannotWriteError
 from footfall.common.files import write_atomically
-from footfall.train.runs.event_format import Event, SessionLog, Summary, masked_crc32c
 
 
 class MetricsLog:
@@ -29,11 +31,12 @@ class MetricsLog:
             self._keep_before(first_step)
             self._lines = _WholeRecords(self._path)
             (folder / "events").mkdir(exist_ok=True)
-            self._events = _WholeRecords(folder / "events" / f"events.out.tfevents.{time.time_ns()}")
-            self._events.append(_framed(Event(file_version="brain.Event:2")))
+            events = _WholeRecords(folder / "events" / f"events.out.tfevents.{time.time_ns()}")
+            self._events = RecordWriter(events)
+            self._write_event(Event(file_version="brain.Event:2"))
             if first_step:  # TensorBoard forgets what the interrupted run had logged after it
                 restarted = SessionLog(status=SessionLog.START)
-                self._events.append(_framed(Event(step=first_step + 1, session_log=restarted)))
+                self._write_event(Event(step=first_step + 1, session_log=restarted))
         except OSError as error:
             raise self._refusal(error) from None
 
@@ -45,14 +48,18 @@ class MetricsLog:
         """
         values = [Summary.Value(tag=name, simple_value=value) for name, value in metrics.items()]
         try:
-            self._lines.append((json.dumps({"step": step, **metrics}) + "\n").encode())
-            self._events.append(_framed(Event(step=step, summary=Summary(value=values))))
+            self._lines.write((json.dumps({"step": step, **metrics}) + "\n").encode())
+            self._write_event(Event(step=step, summary=Summary(value=values)))
         except OSError as error:
             raise self._refusal(error) from None
 
     def close(self) -> None:
         self._lines.close()
         self._events.close()
+
+    def _write_event(self, event: Event) -> None:
+        event.wall_time = time.time()
+        self._events.write(event.SerializeToString())
 
     def _refusal(self, error: OSError) -> CannotWriteError:
         return CannotWriteError(f"cannot write {self._path}: {error.strerror}")
@@ -78,7 +85,7 @@ class _WholeRecords:
     def __init__(self, path: Path) -> None:
         self._file = path.open("ab", buffering=0)
 
-    def append(self, record: bytes) -> None:
+    def write(self, record: bytes) -> None:
         end = self._file.seek(0, os.SEEK_END)
         try:
             if self._file.write(record) != len(record):
@@ -89,12 +96,3 @@ class _WholeRecords:
 
     def close(self) -> None:
         self._file.close()
-
-
-def _framed(event: Event) -> bytes:
-    """An event as a record of TensorBoard's files: its length and its content, each with a checksum."""
-    event.wall_time = time.time()
-    content = event.SerializeToString()
-    length = struct.pack("<Q", len(content))
-    checksums = (struct.pack("<I", masked_crc32c(part)) for part in (length, content))
-    return length + next(checksums) + content + next(checksums)

@@ -4,7 +4,6 @@ import subprocess
 from pathlib import Path
 
 PACKAGES = ("footfall", "mujoco", "mujoco-mjx", "jax", "jaxlib", "brax", "numpy", "onnx", "onnxruntime")
-TRAINER_PACKAGES = {"brax": (), "rsl_rl": ("torch", "rsl-rl-lib", "tensordict")}  # besides
 
 
 def git_revision() -> str:

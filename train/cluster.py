@@ -1,7 +1,7 @@
 """Training over several hosts: processes that JAX joins into one machine of many devices.
 
-Every process computes the same iterations; process 0 leads: it alone writes, shows, and decides when to
-stop and when to keep a checkpoint. Without a cluster there is one process, and it leads.
+Every process computes the same iterations; process 0 is the main one: it alone writes, shows, and decides
+when to stop and when to save a checkpoint. Without a cluster there is one process, the main one.
 """
 
 from collections.abc import Iterator
@@ -57,8 +57,8 @@ def processes() -> int:
     return jax.process_count()
 
 
-def leads() -> bool:
-    """Whether this process is the one that writes; raises as `devices`."""
+def is_main_process() -> bool:
+    """Whether this is process 0, the one that writes; raises as `devices`."""
     devices()
     return jax.process_index() == 0
 
@@ -90,22 +90,15 @@ def _which_failed(this: bool) -> list[int]:
     return [int(process) for process in np.flatnonzero(failed)]
 
 
-def the_leaders(number: int) -> int:
-    """The leader's number, in every process."""
+def broadcast(*values: int) -> tuple[int, ...]:
+    """Process 0's values, in every process."""
     if processes() == 1:
-        return number
-    return int(multihost_utils.broadcast_one_to_all(np.int32(number)))
+        return values
+    received = multihost_utils.broadcast_one_to_all(np.array(values, np.int32))
+    return tuple(int(value) for value in received)
 
 
-def as_the_leader_says(*flags: bool) -> tuple[bool, ...]:
-    """The leader's flags, in every process."""
-    if processes() == 1:
-        return flags
-    said = multihost_utils.broadcast_one_to_all(np.array(flags))
-    return tuple(bool(flag) for flag in said)
-
-
-def on_the_host(tree: Any) -> Any:
+def gather(tree: Any) -> Any:
     """Whole arrays on the host, in every process; all must ask for them."""
     if processes() == 1:
         return jax.device_get(tree)

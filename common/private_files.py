@@ -1,0 +1,47 @@
+"""Files that only their owner can have written: what is run, not only read, must come from nobody else."""
+
+import os
+import stat
+from pathlib import Path
+
+from footfall.common.files import write_atomically
+
+OTHERS_MAY_WRITE = stat.S_IWGRP | stat.S_IWOTH
+
+
+class NotPrivateError(Exception):
+    """Somebody else may have written a file: the message says why."""
+
+
+def read_private(path: Path) -> bytes:
+    """Content of a file in a folder, both of this user and writable by nobody else.
+
+    Raises:
+        NotPrivateError: one of them is not.
+        OSError: the file cannot be read, or is a symbolic link.
+    """
+    _check(path.parent, os.stat(path.parent, follow_symlinks=False))
+    with os.fdopen(os.open(path, os.O_RDONLY | os.O_NOFOLLOW), "rb") as file:
+        _check(path, os.fstat(file.fileno()))  # of the very file that is read
+        return file.read()
+
+
+def write_private(path: Path, content: bytes) -> None:
+    """Write a file that `read_private` accepts, and its folder if there is none.
+
+    Raises:
+        NotPrivateError: the folder is another user's, or others may write to it.
+        OSError: it cannot be written.
+    """
+    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    _check(path.parent, os.stat(path.parent, follow_symlinks=False))
+    write_atomically(path, content, mode=0o600)
+
+
+def _check(path: Path, status: os.stat_result) -> None:
+    if stat.S_ISLNK(status.st_mode):
+        raise NotPrivateError(f"{path} is a symbolic link")
+    if status.st_uid != os.getuid():
+        raise NotPrivateError(f"{path} belongs to another user")
+    if status.st_mode & OTHERS_MAY_WRITE:
+        raise NotPrivateError(f"others may write to {path}")

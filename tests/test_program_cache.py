@@ -1,0 +1,324 @@
+"""A compiled program is kept from one training to the next, and found again only by what it was made from."""
+
+import os
+import pickle
+import re
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, ClassVar, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from flax import struct
+
+import footfall
+from footfall.envs.workarounds import program_cache
+from footfall.envs.workarounds.program_cache import fingerprint, model_bytes, prefetch
+from footfall.robots.description import load_robot
+
+FAR_FUTURE_NS = 2**63
+
+
+@struct.dataclass
+class Statistics:
+    mean: jax.Array
+
+
+class State(NamedTuple):
+    numbers: jax.Array
+    statistics: Statistics
+    parts: tuple[dict[str, jax.Array], ...]
+
+
+STATE = State(jnp.arange(3.0), Statistics(jnp.float32(2.0)), ({"a": jnp.ones((2, 2))}, {}))
+
+
+def advance(state: State) -> tuple[State, dict[str, jax.Array]]:
+    numbers = state.numbers * state.statistics.mean
+    return state._replace(numbers=numbers), {"total": numbers.sum()}
+
+
+class Maker:
+    """Compiles `advance` and counts how often."""
+
+    def __init__(self) -> None:
+        self.made = 0
+
+    def __call__(self) -> Any:
+        self.made += 1
+        return jax.jit(advance).lower(STATE).compile()
+
+
+def kept(make: Any, *made_from: Any, say: Any = print) -> Any:
+    """The program, once whatever is written of it is written."""
+    program = program_cache.load_or_compile(make, say, *made_from)
+    for thread in threading.enumerate():
+        if thread.name == "keep program":
+            thread.join()
+    return program
+
+
+@pytest.fixture(autouse=True)
+def _sources_are_as_imported(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Even if somebody edits them while the tests run."""
+    monkeypatch.setattr(footfall, "IMPORTED_AT_NS", FAR_FUTURE_NS)
+
+
+@pytest.fixture
+def make() -> Maker:
+    return Maker()
+
+
+@pytest.fixture
+def cache(tmp_path: Path) -> Iterator[Path]:
+    before = jax.config.values["jax_compilation_cache_dir"]
+    jax.config.update("jax_compilation_cache_dir", str(tmp_path))
+    yield tmp_path
+    jax.config.update("jax_compilation_cache_dir", before)
+
+
+def only_file(cache: Path) -> Path:
+    (path,) = (cache / "programs").iterdir()
+    return path
+
+
+def test_a_program_is_made_once_and_does_the_same_from_then_on(cache: Path, make: Maker) -> None:
+    first, again = kept(make, "settings"), kept(make, "settings")
+    assert make.made == 1
+    (state, totals), (also_state, also_totals) = first(STATE), again(STATE)
+    assert isinstance(also_state, State)
+    assert isinstance(also_state.statistics, Statistics)
+    assert jax.tree.structure((state, totals)) == jax.tree.structure((also_state, also_totals))
+    for one, two in zip(*map(jax.tree.leaves, ((state, totals), (also_state, also_totals))), strict=True):
+        assert np.array_equal(one, two)
+    assert float(also_totals["total"]) == 6.0
+
+
+def test_a_program_may_be_prefetch(cache: Path, make: Maker) -> None:
+    kept(make, "settings")
+    prefetch("settings")
+    prefetch("settings")  # the same request again
+    file = only_file(cache)
+    program_cache._fetched[fingerprint(("settings",))].result()
+    file.unlink()
+    assert float(kept(make, "settings")(STATE)[1]["total"]) == 6.0
+    assert make.made == 1
+    assert fingerprint(("settings",)) not in program_cache._fetched
+    kept(make, "settings")
+    assert make.made == 2
+
+
+def test_nobody_waits_for_a_program_to_be_written(
+    cache: Path, make: Maker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked_for = threading.Event()
+
+    def slow(program: Any) -> Any:
+        assert asked_for.wait(60)
+        return serialize(program)
+
+    serialize = program_cache.serialize
+    monkeypatch.setattr(program_cache, "serialize", slow)
+    program_cache.load_or_compile(make, print, "settings")
+    assert not (cache / "programs").exists()
+    asked_for.set()
+    kept(make, "settings")
+    assert only_file(cache).stat().st_size > 0
+
+
+def test_what_is_not_there_beforehand_is_made(cache: Path, make: Maker) -> None:
+    prefetch("settings")
+    assert float(kept(make, "settings")(STATE)[1]["total"]) == 6.0
+    assert make.made == 1
+
+
+def test_other_things_make_another_program(cache: Path, make: Maker, monkeypatch: pytest.MonkeyPatch) -> None:
+    kept(make, "settings", b"model")
+    kept(make, "settings", b"another model")
+    kept(make, "other settings", b"model")
+    monkeypatch.setenv("XLA_FLAGS", "--xla_gpu_autotune_level=0")
+    kept(make, "settings", b"model")
+    assert make.made == 4
+
+
+def test_changed_source_makes_another_program(
+    cache: Path, make: Maker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = tmp_path / "source" / "envs" / "velocity.py"
+    source.parent.mkdir(parents=True)
+    monkeypatch.setattr(program_cache, "SOURCES", tmp_path / "source")
+    for text, made in (("one", 1), ("two", 2), ("one", 2)):
+        source.write_text(text)
+        kept(make)
+        assert make.made == made
+
+
+def test_every_package_of_ours_that_a_program_imports_counts() -> None:
+    imported = {
+        match
+        for package in program_cache.TRACED
+        for path in (program_cache.SOURCES / package).rglob("*.py")
+        for match in re.findall(r"^(?:from|import) footfall\.(\w+)", path.read_text(), re.MULTILINE)
+    }
+    ours = {path.parent.name for path in program_cache.SOURCES.glob("*/__init__.py")}
+    assert imported & ours == set(program_cache.TRACED)
+
+
+def test_a_source_that_changed_after_it_was_imported_keeps_nothing(
+    cache: Path, make: Maker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What was traced is then not what the file says: it would be found under the new text for good."""
+    source = tmp_path / "source" / "envs" / "velocity.py"
+    source.parent.mkdir(parents=True)
+    source.write_text("new")
+    os.utime(source, (0, 0))  # as an editor or a checkout may do
+    monkeypatch.setattr(program_cache, "SOURCES", tmp_path / "source")
+    for imported_at, made, files in ((0, 1, 0), (FAR_FUTURE_NS, 2, 1), (0, 3, 1), (FAR_FUTURE_NS, 3, 1)):
+        monkeypatch.setattr(footfall, "IMPORTED_AT_NS", imported_at)
+        kept(make)
+        assert (make.made, len(list(cache.rglob("programs/*")))) == (made, files)
+
+
+def test_a_source_that_changes_while_it_is_traced_keeps_nothing(
+    cache: Path, make: Maker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def compile_meanwhile() -> Any:
+        monkeypatch.setattr(footfall, "IMPORTED_AT_NS", 0)
+        return make()
+
+    kept(compile_meanwhile)
+    assert not any(cache.rglob("programs/*"))
+
+
+class Hostile:
+    """Reading it from a pickle makes a folder."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def __reduce__(self) -> tuple:
+        return os.mkdir, (str(self.folder),)
+
+
+@pytest.mark.parametrize("way", ["file", "folder", "owner", "link"])
+def test_code_that_others_may_have_written_is_not_run(
+    cache: Path, make: Maker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, way: str
+) -> None:
+    kept(make)
+    file = only_file(cache)
+    file.write_bytes(pickle.dumps(Hostile(tmp_path / "made")))
+    if way == "file":
+        file.chmod(0o620)
+    elif way == "folder":
+        file.parent.chmod(0o777)
+    elif way == "owner":
+        monkeypatch.setattr(os, "getuid", lambda: 12345)
+    else:
+        file.parent.rename(tmp_path / "elsewhere")
+        file.parent.symlink_to(tmp_path / "elsewhere")
+    said: list[str] = []
+    assert float(kept(make, say=said.append)(STATE)[1]["total"]) == 6.0
+    assert not (tmp_path / "made").exists()
+    assert make.made == 2
+    (line,) = said
+    assert "its compiled programs are not used, compiling afresh" in line
+    assert "\n" not in line
+
+
+def test_what_is_kept_is_for_its_owner_alone(cache: Path, make: Maker) -> None:
+    before = os.umask(0o002)  # everyone of a group may write, as on some systems
+    try:
+        kept(make)
+    finally:
+        os.umask(before)
+    assert only_file(cache).stat().st_mode & 0o777 == 0o600
+    assert only_file(cache).parent.stat().st_mode & 0o777 == 0o700
+
+
+def test_programs_that_were_not_used_for_longest_make_room(
+    cache: Path, make: Maker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept(make, "first")
+    monkeypatch.setattr(program_cache, "LARGEST_BYTES", int(2.5 * only_file(cache).stat().st_size))
+    kept(make, "second")
+    for age, file in enumerate(sorted(cache.rglob("programs/*"), key=lambda path: path.stat().st_mtime_ns)):
+        os.utime(file, ns=(age, age))
+    kept(make, "first")  # used again: the second is the older one now
+    kept(make, "third")
+    assert make.made == 3
+    kept(make, "first")
+    kept(make, "third")
+    assert make.made == 3
+    kept(make, "second")
+    assert make.made == 4
+
+
+def test_what_computes_besides_the_libraries_makes_another_program(
+    cache: Path, make: Maker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept(make)
+    driver = tmp_path / "version"
+    driver.write_text("NVRM version: 590.1")
+    monkeypatch.setattr(program_cache, "NVIDIA_DRIVER", driver)
+    kept(make)
+    assert make.made == 2
+    before = jax.config.values["jax_default_matmul_precision"]
+    jax.config.update("jax_default_matmul_precision", "highest")
+    try:
+        kept(make)
+    finally:
+        jax.config.update("jax_default_matmul_precision", before)
+    assert make.made == 3
+    monkeypatch.setattr(program_cache, "distributions", lambda: [CudaPlugin()])
+    kept(make)
+    assert make.made == 4
+
+
+class CudaPlugin:
+    metadata: ClassVar = {"Name": "jax-cuda12-plugin"}
+
+
+@pytest.mark.parametrize("content", [b"", b"not a program", b"\x80\x04N."])
+def test_a_damaged_file_is_replaced(cache: Path, make: Maker, content: bytes) -> None:
+    kept(make)
+    only_file(cache).write_bytes(content)
+    assert float(kept(make)(STATE)[1]["total"]) == 6.0
+    assert make.made == 2
+    kept(make)
+    assert make.made == 2
+
+
+def test_what_cannot_be_written_is_not_kept(cache: Path, make: Maker) -> None:
+    (cache / "programs").write_text("a file where the folder should be")
+    assert float(kept(make)(STATE)[1]["total"]) == 6.0
+
+
+def test_a_program_that_calls_python_is_not_kept(cache: Path) -> None:
+    shape = jax.ShapeDtypeStruct((), jnp.float32)
+
+    def calling() -> Any:
+        return jax.jit(lambda x: jax.pure_callback(lambda y: 2 * y, shape, x)).lower(1.0).compile()
+
+    assert [float(kept(calling)(3.0)) for _ in range(2)] == [6.0, 6.0]
+    assert not any(cache.rglob("programs/*"))
+
+
+def test_nothing_is_kept_without_a_cache(cache: Path, make: Maker) -> None:
+    jax.config.update("jax_compilation_cache_dir", None)
+    kept(make)
+    kept(make)
+    assert make.made == 2
+    assert list(cache.iterdir()) == []
+
+
+def test_fingerprints_tell_apart_what_only_joins_to_the_same() -> None:
+    assert len({fingerprint(p) for p in (["ab", "c"], ["a", "bc"], [b"abc"], ["abc"], [])}) == 5
+
+
+def test_a_model_is_known_by_its_content() -> None:
+    robot = load_robot("go1")
+    assert model_bytes(robot, 0.005) == model_bytes(robot, 0.005)
+    assert model_bytes(robot, 0.005) != model_bytes(robot, 0.004)
