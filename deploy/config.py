@@ -3,11 +3,12 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from footfall.common.config import load
+from footfall.common.config import load, require_between, require_not_negative, require_positive
 from footfall.deploy.bus import HOST_QUEUE
 from footfall.deploy.safety import SafetyConfig
 
 MOTOR_TIMEOUT_S = 0.1  # a motor that hears nothing for so long switches itself off, and says so from then on
+TICKS_OF_SILENCE = 2  # at least; a reply that comes a tick late is no fault
 
 
 @dataclass(frozen=True)
@@ -19,11 +20,24 @@ class DeployConfig:
     stand_s: float = 1.0  # from the measured pose to the default pose, and settling
     stand_kp_scale: float = 4.0  # of the robot's gains
     stand_kd_scale: float = 2.0
-    realtime_priority: int | None = None  # SCHED_FIFO, for wall-clock runs
+    realtime_priority: int | None = None  # SCHED_FIFO, 1 to 99, for wall-clock runs
     host_queue: int = HOST_QUEUE  # frames that a simulated CAN interface queues
     motor_timeout_s: float = MOTOR_TIMEOUT_S  # of simulated motors; real ones are set by their own tools
     log_rate_hz: float = 100.0  # of joint states and IMU readings; policy steps are all logged
     safety: SafetyConfig = field(default_factory=SafetyConfig)
+
+    def __post_init__(self) -> None:
+        require_between(self, 1.0, 10_000.0, "joint_rate_hz")
+        require_between(self, 1.0, 10_000.0, "estimator_rate_hz", "log_rate_hz")
+        require_positive(self, "stand_s", "motor_timeout_s", "host_queue")
+        require_not_negative(self, "stand_kp_scale", "stand_kd_scale")
+        require_between(self, 1, 99, "realtime_priority")
+        silence_s, tick_s = self.safety.silence_timeout_s, self.tick_us * 1e-6
+        if silence_s < TICKS_OF_SILENCE * tick_s:
+            raise ValueError(
+                f"safety.silence_timeout_s is {silence_s:g} s: at {self.joint_rate_hz:g} Hz a reply takes"
+                f" up to {TICKS_OF_SILENCE * tick_s:g} s"
+            )
 
     @property
     def tick_us(self) -> int:
@@ -31,5 +45,5 @@ class DeployConfig:
 
 
 def load_deploy_config(path: Path) -> DeployConfig:
-    """Read settings from YAML; raises UserError if they are malformed."""
+    """Read settings from YAML; raises UserError if they are malformed or cannot work."""
     return load(path, DeployConfig)

@@ -104,6 +104,10 @@ class McapLog:
         """A change of the supervisor's state."""
         self._queue.put(("state", now_us, (state,)))
 
+    def note(self, now_us: int, note: str) -> None:
+        """What had to be changed of what was asked for."""
+        self._queue.put(("note", now_us, (note,)))
+
     def close(self) -> None:
         """Write what is left and the file's index.
 
@@ -170,6 +174,9 @@ class McapLog:
 
     def _write_state(self, time_ns: int, state: State) -> None:
         self._put("/state", time_ns, {"data": ": ".join([state.mode.value, *state.faults[-1:]])})
+
+    def _write_note(self, time_ns: int, note: str) -> None:
+        self._put("/notes", time_ns, {"data": note})
 
     def _put(self, topic: str, time_ns: int, message: dict) -> None:
         self._writer.write_message(topic, self._schemas[messages.TOPICS[topic]], message, time_ns)

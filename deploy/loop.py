@@ -2,9 +2,7 @@
 
 import math
 import time
-from array import array
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -12,11 +10,13 @@ import numpy as np
 from footfall.common.errors import UserError
 from footfall.deploy.bus import Bus
 from footfall.deploy.clock import Clock
+from footfall.deploy.commands import CommandLimits
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers.driver import Driver
 from footfall.deploy.frames import Frames
 from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.safety import DAMPED, MOVING, Mode, Signals, State, advance
+from footfall.deploy.timing import Timing
 from footfall.deploy.wiring import Wiring
 from footfall.policies.policy import Observation, Policy, Sensed
 from footfall.robots.actuator import JointCommand
@@ -43,23 +43,7 @@ class Log(Protocol):
 
     def state(self, now_us: int, state: State) -> None: ...
 
-
-@dataclass
-class Timing:
-    """How the loop kept time."""
-
-    lateness_us: array = field(default_factory=lambda: array("d"))  # of each tick; wall clock only
-    tick_us: array = field(default_factory=lambda: array("d"))  # work of each tick
-    policy_ms: array = field(default_factory=lambda: array("d"))  # work of each policy step
-
-    def summary(self) -> dict[str, float]:
-        """p50, p99 and worst of each, by name."""
-        found: dict[str, float] = {"ticks": float(len(self.tick_us))}
-        for name in ("lateness_us", "tick_us", "policy_ms"):
-            values = np.frombuffer(getattr(self, name)) if len(getattr(self, name)) else np.zeros(1)
-            for label, share in (("p50", 50), ("p99", 99), ("max", 100)):
-                found[f"{name}_{label}"] = float(np.percentile(values, share))
-        return found
+    def note(self, now_us: int, note: str) -> None: ...
 
 
 class ControlLoop:
@@ -86,6 +70,8 @@ class ControlLoop:
         self._policy, self._bus, self._clock, self._config = policy, bus, clock, config
         self._driver = driver
         self._command, self._estimator = command, estimator
+        contract = policy.contract
+        self._command_limits = CommandLimits(None if contract is None else contract.commands)
         self.log: Log | None = None
         self._wiring, self._default_pose = wiring, robot.default_pose
         self._joints = JointLayer(robot, driver, wiring.imu_channel, config.tick_us * 1e-6)
@@ -104,6 +90,7 @@ class ControlLoop:
         self.estimate = UNKNOWN
         self.base_state: Callable[[], tuple[np.ndarray, float]] | None = None  # instead of an estimate
         self.asked_command = np.zeros(3)  # of the last policy step
+        self._logged_notes = 0
         self.walked_s = 0.0  # once the robot walks no more
         self._begun_us = 0
         self._estimated_us = -1
@@ -116,6 +103,21 @@ class ControlLoop:
         self._policy_error = ""
         self._refused = 0
         self._finish = False
+
+    @property
+    def notes(self) -> list[str]:
+        """What had to be changed of what was asked for, one line each."""
+        return self._command_limits.notes
+
+    @property
+    def walking(self) -> bool:
+        """Whether the policy is in charge."""
+        return self.state.mode is Mode.WALKING
+
+    @property
+    def ticks_skipped(self) -> int:
+        """Joint ticks that came so late that they were left out."""
+        return self.now_us // self._config.tick_us + 1 - self.timing.tick_us.count if self.now_us else 0
 
     @property
     def walking_s(self) -> float:
@@ -152,9 +154,9 @@ class ControlLoop:
         self._refused += self._bus.send(self._frames(mode), now_us)
         if self.log is not None:
             self.log.tick(now_us, self.sensed, joints.target)
-        self.timing.tick_us.append((time.perf_counter() - started) * 1e6)
+        self.timing.tick_us.add((time.perf_counter() - started) * 1e6)
         if self._clock.realtime:
-            self.timing.lateness_us.append(self._clock.lateness_us())
+            self.timing.lateness_us.add(self._clock.lateness_us())
         return True
 
     def shut_down(self) -> None:
@@ -186,7 +188,8 @@ class ControlLoop:
         now_us = self.now_us
         started = time.perf_counter()
         time_s = (now_us - self._begun_us) * 1e-6
-        self.asked_command = command = np.asarray(self._command(time_s), dtype=float)
+        self.asked_command = np.asarray(self._command(time_s), dtype=float)
+        command = self._command_limits.apply(self.asked_command)
         velocity, height = self.estimate
         observation = Observation(time_s, self.sensed, command, velocity, height)
         try:
@@ -199,13 +202,16 @@ class ControlLoop:
             return
         self._step_s = time.perf_counter() - started
         self.observation, self._decision = observation, decision
-        self.timing.policy_ms.append(self._step_s * 1e3)
+        self.timing.policy_ms.add(self._step_s * 1e3)
         late = self._clock.realtime and self._step_s * 1e6 > self._period_us
         self._late_steps = self._late_steps + 1 if late else 0
         periods = math.ceil((now_us - self._next_policy_us) / self._period_us)
         self._next_policy_us += self._period_us * max(1, periods)
         if self.log is not None:
             self.log.policy_step(now_us, observation, decision)
+            for note in self.notes[self._logged_notes :]:
+                self.log.note(now_us, note)
+                self._logged_notes += 1
 
     def _is_finite(self, decision: JointCommand) -> bool:
         """Raises ValueError for a decision of a wrong shape."""

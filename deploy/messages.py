@@ -72,6 +72,7 @@ TOPICS = {
     "/imu": "sensor_msgs/msg/Imu",
     "/cmd_vel": "geometry_msgs/msg/TwistStamped",
     "/state": "std_msgs/msg/String",
+    "/notes": "std_msgs/msg/String",  # what had to be changed of what was asked for
     "/policy/observation": "std_msgs/msg/Float32MultiArray",  # what the network saw
     "/policy/action": "std_msgs/msg/Float32MultiArray",  # what it answered
     "/policy/inputs": "std_msgs/msg/Float64MultiArray",  # all that the policy was handed, exactly

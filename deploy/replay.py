@@ -1,6 +1,7 @@
 """Reads a run's log back, complete or cut short, and feeds its readings to a policy again."""
 
 import json
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -39,7 +40,7 @@ class Replay:
 
     steps: int
     complete: bool  # whether the log has its end
-    worst_difference: float  # largest absolute difference of any number decided
+    worst_difference: float  # largest absolute difference of any number decided; inf where one is none
     first_difference: str  # where the first one is, in words; empty if every number is the same
 
 
@@ -86,8 +87,11 @@ def replay(path: Path, policy: Policy, tolerance: float = 0.0) -> Replay:
         tolerance: differences up to this are not reported.
 
     Raises:
-        UserError: the log cannot be read, holds no policy steps, or is another robot's.
+        UserError: the log cannot be read, holds no policy steps, or is another robot's; the tolerance is
+            no number from 0.
     """
+    if not 0.0 <= tolerance < math.inf:
+        raise UserError(f"tolerance is {tolerance:g}: it must be a number from 0")
     log = read_log(path)
     inputs = [entry for entry in log.entries if entry.topic == "/policy/inputs"]
     decided = [entry for entry in log.entries if entry.topic == "/policy/command"]
@@ -103,7 +107,7 @@ def replay(path: Path, policy: Policy, tolerance: float = 0.0) -> Replay:
         before = np.array(answer.message.data)
         if again.shape != before.shape:
             raise UserError(f"{path} is of a robot with {len(joints)} joints: the policy does not fit")
-        difference = np.abs(again - before)
+        difference = _difference(again, before)
         worst = max(worst, float(difference.max()))
         if not first and difference.max() > tolerance:
             field, joint = divmod(int(difference.argmax()), len(joints))
@@ -113,6 +117,14 @@ def replay(path: Path, policy: Policy, tolerance: float = 0.0) -> Replay:
                 f" is {again[difference.argmax()]:.9g}"
             )
     return Replay(len(decided), log.complete, worst, first)
+
+
+def _difference(again: np.ndarray, before: np.ndarray) -> np.ndarray:
+    """Absolute differences of numbers; infinite where only one of the two is a number."""
+    with np.errstate(invalid="ignore"):
+        difference = np.abs(again - before)
+    same = (again == before) | (np.isnan(again) & np.isnan(before))
+    return np.where(same, 0.0, np.where(np.isnan(difference), np.inf, difference))
 
 
 def records(path: Path) -> Iterator[Any]:

@@ -3,10 +3,13 @@
 Rules are rows of tables. A fault is latched: FALLING and ESTOP end a run, and only a new one clears them.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
+
+from footfall.common.config import require_between, require_positive
 
 
 class Mode(Enum):
@@ -35,6 +38,12 @@ class SafetyConfig:
     late_limit_s: float = 0.1  # one policy step may not take longer than this
     damping_kd: float = 3.0  # N m s/rad
     damping_s: float = 0.5  # how long to damp before the motors are switched off
+
+    def __post_init__(self) -> None:
+        require_positive(self, "start_timeout_s", "silence_timeout_s", "late_steps", "late_limit_s")
+        require_positive(self, "damping_kd")
+        require_between(self, 0.0, math.pi, "tilt_limit_rad")
+        require_between(self, 0.0, 60.0, "damping_s")
 
 
 class Signals(NamedTuple):

@@ -4,7 +4,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,13 +17,18 @@ from footfall.deploy.clock import Clock, LockstepClock, WallClock, undisturbed
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers import imu
 from footfall.deploy.drivers.choice import open_driver
+from footfall.deploy.frames import BITRATE, frame_bits
 from footfall.deploy.loop import Command, ControlLoop, Estimator, Log
 from footfall.deploy.safety import Mode
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import Wiring, wire
 from footfall.policies.policy import Policy
 from footfall.robots.description import Robot
 
+LONGEST_S = 86400.0
+
 BaseState = Callable[[], tuple[np.ndarray, float]]  # the base's velocity (3,) m/s, body frame, and height m
+
+Display = Callable[[ControlLoop], AbstractContextManager[None]]
 
 
 @dataclass(frozen=True)
@@ -36,6 +41,7 @@ class Session:
     log: Path | None = None
     facts: dict[str, Any] = field(default_factory=dict)  # for the log's metadata
     config: DeployConfig = field(default_factory=DeployConfig)
+    display: Display | None = None  # entered with the loop for as long as it runs
 
 
 @dataclass(frozen=True)
@@ -47,9 +53,10 @@ class Outcome:
     walked_s: float
     run_s: float  # of the loop's clock, standing up and damping included
     wall_s: float
-    compute_ms: np.ndarray  # one for each policy step
-    timing: dict[str, float]  # see deploy.loop.Timing.summary
+    compute_ms: np.ndarray  # of each policy step; of a very long run, of the last ones
+    timing: dict[str, float]  # see deploy.timing.Timing.summary
     buses: tuple[BusStatistics, ...]
+    notes: tuple[str, ...]  # what of the request had to be changed, or was missing
 
 
 def run_on_interface(robot: Robot, policy: Policy, interface: str, session: Session) -> Outcome:
@@ -85,10 +92,11 @@ def run_session(
     Raises:
         UserError: policy, robot or log do not fit; nothing has moved then.
     """
-    if not session.duration_s > 0.0:
-        raise UserError(f"duration is {session.duration_s:g} s: it must be above 0")
+    if not 0.0 < session.duration_s <= LONGEST_S:
+        raise UserError(f"duration is {session.duration_s:g} s: it must be above 0, and a day at most")
     _check_contract(policy, robot)
     wiring, config = wire(robot), session.config
+    _check_joint_rate(wiring, config.joint_rate_hz)
     with ExitStack() as resources:
         clock: Clock = (WallClock if session.realtime else LockstepClock)(config.tick_us)
         estimator = _estimator(robot) if policy.needs_estimate and base_state is None else None
@@ -96,6 +104,8 @@ def run_session(
         loop = ControlLoop(robot, policy, wiring, driver, bus, clock, config, session.command, estimator)
         loop.base_state = base_state
         loop.log = _open_log(robot, policy, session, resources)  # last: nothing else can fail
+        if session.display is not None:
+            resources.enter_context(session.display(loop))
         if session.realtime:
             resources.enter_context(_ending_on_signals(loop))
         started = time.perf_counter()
@@ -110,9 +120,10 @@ def run_session(
             walked_s=loop.walked_s,
             run_s=loop.now_us * 1e-6,
             wall_s=time.perf_counter() - started,
-            compute_ms=np.array(loop.timing.policy_ms),
-            timing=loop.timing.summary(),
+            compute_ms=loop.timing.policy_ms.values(),
+            timing=loop.timing.summary() | {"ticks_skipped": float(loop.ticks_skipped)},
             buses=tuple(bus.statistics()),
+            notes=tuple(loop.notes),
         )
 
 
@@ -128,6 +139,18 @@ def _check_contract(policy: Policy, robot: Robot) -> None:
     differences = [] if policy.contract is None else policy.contract.mismatches(robot)
     if differences:
         raise UserError(f"policy '{policy.name}' does not fit robot '{robot.name}': {'; '.join(differences)}")
+
+
+def _check_joint_rate(wiring: Wiring, rate_hz: float) -> None:
+    """Raise UserError for a rate at which a command and a reply of each motor cannot fit on its bus."""
+    motors = np.bincount(wiring.channel)
+    fastest_hz = BITRATE / (2 * frame_bits(8, stuffed=False) * int(motors.max()))
+    if rate_hz > fastest_hz:
+        bus = wiring.buses[int(motors.argmax())]
+        raise UserError(
+            f"joint_rate_hz is {rate_hz:g}:"
+            f" {motors.max()} motors on {bus} can be asked {fastest_hz:.0f} times a second at most"
+        )
 
 
 def _open_log(robot: Robot, policy: Policy, session: Session, resources: ExitStack) -> Log | None:

@@ -15,6 +15,7 @@ from footfall.verbs.diagnose import diagnose
 from footfall.verbs.doctor import doctor
 from footfall.verbs.evaluate import evaluate
 from footfall.verbs.export import export
+from footfall.verbs.log import log
 from footfall.verbs.replay import replay
 from footfall.verbs.sweep import sweep
 from footfall.verbs.train import train
@@ -30,7 +31,7 @@ app = App(
     version=lambda: version("footfall"),
     suppress_keyboard_interrupt=False,
 )
-for verb in (train, sweep, watch, evaluate, export, deploy, compare, replay, demo, diagnose, doctor):
+for verb in (train, sweep, watch, evaluate, export, deploy, compare, replay, log, demo, diagnose, doctor):
     app.command(verb)
 
 

@@ -7,6 +7,8 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 from cyclopts.validators import Number
 
+FASTEST = 100.0  # m/s or rad/s: no legged robot is commanded faster
+
 
 def _vector(_: type, tokens: Any) -> tuple[float, ...]:
     """'0.5,0,0' as three numbers."""
@@ -15,8 +17,8 @@ def _vector(_: type, tokens: Any) -> tuple[float, ...]:
         numbers = tuple(float(part) for part in text.split(","))
     except ValueError:
         numbers = ()
-    if len(numbers) != 3 or not all(map(math.isfinite, numbers)):
-        raise ValueError(f"expected three numbers such as 0.5,0,0, found '{text}'")
+    if len(numbers) != 3 or not all(abs(number) <= FASTEST for number in numbers):
+        raise ValueError(f"expected three numbers such as 0.5,0,0, none beyond {FASTEST:g}, found '{text}'")
     return numbers
 
 

@@ -1,9 +1,11 @@
 """A simulated trial: a session on the simulated robot, with pushes, ground truth and an eye on falls."""
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -25,6 +27,13 @@ from footfall.robots.description import Robot
 BUS = "sim"  # what users call the simulated bus
 
 Watch = Callable[[ControlLoop, SimulatedRobot], None]
+Velocity = Callable[[], np.ndarray]  # the base's, as last looked at: m/s, body frame, (3,)
+
+
+class Display(Protocol):
+    """Shows a run while it lasts."""
+
+    def __call__(self, loop: ControlLoop, velocity: Velocity) -> AbstractContextManager[None]: ...
 
 
 @dataclass(frozen=True)
@@ -53,6 +62,7 @@ class Episode:
     record: bool = True  # keep samples; without them the trace's arrays are empty
     record_rate_hz: float = 100.0  # how often to look at the truth, for samples, falls and power
     config: DeployConfig = field(default_factory=DeployConfig)
+    display: Display | None = None
 
 
 def run_episode(robot: Robot, policy: Policy, episode: Episode, watch: Watch | None = None) -> Trace:
@@ -78,8 +88,16 @@ def run_episode(robot: Robot, policy: Policy, episode: Episode, watch: Watch | N
         "bus": BUS,
         "plant": None if episode.plant is None else str(episode.plant),
     }
-    session = Session(episode.command, episode.duration_s, episode.realtime, episode.log, facts, config)
     trial = _Trial(robot, body, episode, watch)
+    session = Session(
+        command=episode.command,
+        duration_s=episode.duration_s,
+        realtime=episode.realtime,
+        log=episode.log,
+        facts=facts,
+        config=config,
+        display=None if episode.display is None else partial(episode.display, velocity=trial.velocity),
+    )
     base_state = true_base_state(body) if episode.ground_truth else None
     outcome = run_session(robot, policy, SimulatedBus(wires, body), session, trial.tick, base_state)
     return trial.trace(outcome)
@@ -97,6 +115,11 @@ class _Trial:
         self._next_look_s = 0.0
         self._fall_reason = ""
         self._diverged = False
+        self._velocity = np.full(3, np.nan)
+
+    def velocity(self) -> np.ndarray:
+        """The base's true velocity when it was last looked at, m/s, body frame, (3,)."""
+        return self._velocity
 
     def tick(self, loop: ControlLoop) -> None:
         """To be called after each joint tick."""
@@ -122,6 +145,7 @@ class _Trial:
 
     def _look(self, loop: ControlLoop, now_s: float) -> None:
         truth, power = self._body.truth(), self._body.take_power()
+        self._velocity = truth.base_velocity
         self._progress.add(truth.base_position, truth.base_velocity)
         if not self._episode.record:
             return
@@ -142,6 +166,7 @@ class _Trial:
         """The trial's trace; a fall that only the simulation saw counts, too."""
         tipped = outcome.final_state == Mode.FALLING.value
         report: dict[str, Any] = {**vars(outcome), **self._recorder.arrays()}
+        report["notes"] = (*outcome.notes, *self._body.notes)
         if self._diverged:
             report["faults"] = (*outcome.faults, "the simulation diverged")
         if self._fall_reason:
@@ -153,7 +178,6 @@ class _Trial:
             distance_m=self._progress.distance_m,
             mean_velocity=self._progress.mean_velocity,
             record_rate_hz=self._episode.record_rate_hz,
-            notes=self._body.notes,
         )
 
 

@@ -36,7 +36,6 @@ class Trace(Outcome):
     electrical_power: np.ndarray  # (T,) W, mean since the sample before: shaft power and copper loss
     mechanical_power: np.ndarray  # (T,) W, mean
     positive_power: np.ndarray  # (T,) W, mean of each motor's power where it is positive
-    notes: tuple[str, ...] = ()  # what the plant lacked
 
 
 @dataclass

@@ -8,6 +8,8 @@ import pytest
 from shell import Shell
 from tiny_policy import write_policy
 
+from footfall.plant import episode
+from footfall.plant.robot import SimulatedRobot
 from footfall.policies.registry import ZOO
 from footfall.robots.description import ROBOTS
 
@@ -45,7 +47,26 @@ def test_walking_covers_the_ground_that_was_asked_for(shell: Shell, tmp_path: Pa
     assert figures["mean_velocity_m_s"][0] == pytest.approx(figures["distance_m"] / 4, rel=0.2)
 
 
-def test_an_emergency_stop_exits_1_and_says_why(shell: Shell, tmp_path: Path) -> None:
+def test_a_silent_motor_is_an_emergency_stop_with_status_1(
+    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class WithASilentMotor(SimulatedRobot):
+        def advance(self, now_us: int) -> None:
+            self.faults.motors.silent[5] = now_us > 1_500_000  # half a second into the walk
+            super().advance(now_us)
+
+    monkeypatch.setattr(episode, "SimulatedRobot", WithASilentMotor)
+    path = tmp_path / "run.json"
+    outcome = shell("deploy", "stand", "--duration", "3", "--json", path)
+    assert outcome.status == 1
+    assert "no reply from FL_calf_joint" in " ".join(outcome.out.split())
+    figures = json.loads(path.read_text())
+    assert figures["final_state"] == "ESTOP"
+    assert figures["fell"] is False
+    assert figures["walked_s"] == pytest.approx(0.55, abs=0.02)
+
+
+def test_a_robot_that_tips_over_has_fallen_with_status_1(shell: Shell, tmp_path: Path) -> None:
     settings = tmp_path / "loop.yaml"
     settings.write_text("safety: {tilt_limit_rad: 1.0e-6}")
     path = tmp_path / "run.json"
@@ -54,7 +75,35 @@ def test_an_emergency_stop_exits_1_and_says_why(shell: Shell, tmp_path: Path) ->
     assert "tilt" in outcome.out
     figures = json.loads(path.read_text())
     assert figures["final_state"] == "FALLING"
+    assert figures["fell"] is True
     assert figures["faults"]
+
+
+def test_a_walk_too_short_to_measure_has_no_nan_in_it(shell: Shell) -> None:
+    outcome = shell("deploy", "stand", "--duration", "0.001")
+    assert outcome.status == 0
+    assert "nan" not in outcome.out
+
+
+def test_a_command_beyond_the_training_is_clipped_with_a_note(shell: Shell, tmp_path: Path) -> None:
+    path = tmp_path / "run.json"
+    outcome = shell("deploy", "go1-flat", *SHORT, "--command", "5,0,0", "--json", path)
+    assert outcome.status == 0
+    (note,) = json.loads(path.read_text())["notes"]
+    assert note == "the policy was trained on forward commands from -1.2 to 1.8 m/s: 5 became 1.8"
+    assert note in " ".join(outcome.out.split())
+
+
+def test_a_torn_log_is_recovered_under_another_name(shell: Shell, tmp_path: Path) -> None:
+    log, torn = tmp_path / "run.mcap", tmp_path / "torn.mcap"
+    assert shell("deploy", "stand", *SHORT, "--log", log).status == 0
+    torn.write_bytes(log.read_bytes()[:-2000])
+    outcome = shell("log", "recover", torn)
+    assert outcome.status == 0, outcome.err
+    whole = tmp_path / "torn.recovered.mcap"
+    assert str(whole) in "".join(outcome.out.split())
+    assert "the same decisions" in shell("replay", whole).out
+    assert "give another file" in shell.refuses("log", "recover", torn, "--out", torn)
 
 
 def test_the_same_seed_gives_the_same_run(shell: Shell, tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ import pytest
 FOOTFALL = [sys.executable, "-m", "footfall"]
 
 VERBS = (
-    "train", "sweep", "watch", "evaluate", "export", "deploy", "compare", "replay", "demo", "diagnose",
+    "train", "sweep", "watch", "evaluate", "export", "deploy", "compare", "replay", "log", "demo", "diagnose",
     "doctor",
 )  # fmt: skip
 

@@ -55,7 +55,7 @@ def decoded(path: Path, topic: str | None = None) -> list[Decoded]:
 class TestContent:
     def test_ros_tools_find_every_topic_with_its_type(self, logged: tuple[Path, Trace]) -> None:
         found = {m.topic: m.kind for m in decoded(logged[0])}
-        network = {"/policy/observation", "/policy/action"}  # Sway has no network
+        network = {"/policy/observation", "/policy/action", "/notes"}  # Sway has no network, nothing to note
         assert found == {topic: kind for topic, kind in messages.TOPICS.items() if topic not in network}
 
     def test_policy_steps_are_all_there_and_readings_at_the_log_rate(
@@ -177,6 +177,31 @@ class TestReplay:
         result = replay(logged[0], Other(go1))
         assert result.worst_difference == pytest.approx(0.5)
         assert result.first_difference.startswith("step 10 (0.200 s): position of FL_thigh_joint was ")
+
+    def test_a_decision_that_is_no_number_any_more_is_a_difference(
+        self, go1: Robot, logged: tuple[Path, Trace]
+    ) -> None:
+        class Undecided(Sway):
+            def act(self, observation: Observation) -> JointCommand:
+                command = super().act(observation)
+                return not_a_number(command) if observation.time_s > 0.19 else command
+
+        result = replay(logged[0], Undecided(go1), tolerance=1.0)
+        assert result.first_difference.startswith("step 10 (0.200 s): torque of FR_hip_joint was 0, is nan")
+        assert result.worst_difference == np.inf
+
+    def test_a_decision_that_was_none_before_is_none_again(self, go1: Robot, tmp_path: Path) -> None:
+        path = tmp_path / "bad.mcap"
+        run_episode(go1, Spoilt(go1, 0.1, not_a_number), short_episode(log=path))
+        assert replay(path, Spoilt(go1, 0.1, not_a_number)).first_difference == ""
+        assert "was nan, is 0" in replay(path, Hold(go1)).first_difference
+
+    @pytest.mark.parametrize("tolerance", [np.nan, np.inf, -1.0])
+    def test_a_tolerance_that_tolerates_everything_or_nothing_is_refused(
+        self, go1: Robot, logged: tuple[Path, Trace], tolerance: float
+    ) -> None:
+        with pytest.raises(UserError, match="tolerance"):
+            replay(logged[0], Sway(go1), tolerance)
 
     def test_a_hand_written_observation_survives_the_log(self) -> None:
         n = np.arange(4.0)

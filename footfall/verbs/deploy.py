@@ -3,6 +3,7 @@
 import math
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -64,6 +65,7 @@ def deploy(policy: PolicyName, /, *, options: DeployOptions = DeployOptions()) -
 
 def _simulated(robot: "Robot", policy: "Policy", spec: str, options: DeployOptions) -> dict[str, Any]:
     """A run on the simulated robot; what it has to tell."""
+    from footfall.live_state import live_state
     from footfall.plant.episode import Episode, run_episode
 
     command = np.array(options.command)
@@ -78,6 +80,7 @@ def _simulated(robot: "Robot", policy: "Policy", spec: str, options: DeployOptio
         policy_spec=spec,
         record=False,
         config=_config(options),
+        display=partial(live_state, duration_s=options.duration),
     )
     trace = run_episode(robot, policy, episode)
     return _figures(trace, options) | {
@@ -85,20 +88,27 @@ def _simulated(robot: "Robot", policy: "Policy", spec: str, options: DeployOptio
         "fall_reason": trace.fall_reason,
         "distance_m": trace.distance_m,
         "mean_velocity_m_s": trace.mean_velocity,
-        "notes": list(trace.notes),
     }
 
 
 def _on_interface(robot: "Robot", policy: "Policy", spec: str, options: DeployOptions) -> dict[str, Any]:
     """A run on CAN interfaces; what it has to tell."""
     from footfall.deploy.session import Session, run_on_interface
+    from footfall.live_state import live_state
 
     if options.plant is not None or options.ground_truth:
         what = "--plant" if options.plant is not None else "--ground-truth"
         raise UserError(f"{what} needs the simulated robot: leave --bus at '{SIMULATED}'")
     command = np.array(options.command)
     facts = {"seed": options.seed, "policy_spec": spec, "bus": options.bus, "plant": None}
-    session = Session(lambda _: command, options.duration, True, options.log, facts, _config(options))
+    session = Session(
+        command=lambda _: command,
+        duration_s=options.duration,
+        log=options.log,
+        facts=facts,
+        config=_config(options),
+        display=lambda loop: live_state(loop, lambda: loop.estimate[0], options.duration),
+    )
     with ExitStack() as resources:
         if options.bus == VIRTUAL:  # reaches no further than this process, so the robot has to be in it
             from footfall.plant.serve import serving
@@ -111,7 +121,6 @@ def _on_interface(robot: "Robot", policy: "Policy", spec: str, options: DeployOp
         "fall_reason": outcome.faults[0] if tipped else "",
         "distance_m": math.nan,  # nobody measures it
         "mean_velocity_m_s": [math.nan] * 3,
-        "notes": [],
     }
 
 
@@ -137,6 +146,7 @@ def _figures(outcome: "Outcome", options: DeployOptions) -> dict[str, Any]:
         "walked_s": outcome.walked_s,
         "final_state": outcome.final_state,
         "faults": list(outcome.faults),
+        "notes": list(outcome.notes),
         "timing": outcome.timing,
         "buses": [asdict(bus) for bus in outcome.buses],
         "wall_s": outcome.wall_s,
@@ -151,10 +161,12 @@ def _show(figures: dict[str, Any]) -> None:
 
     timing = figures["timing"]
     forward, leftward, _ = figures["mean_velocity_m_s"]
+    measured = math.isfinite(forward)
+    distance = f"{figures['distance_m']:.2f} m in " if measured else ""
     rows = [
         ("final state", figures["final_state"]),
-        ("walked", f"{figures['distance_m']:.2f} m in {figures['walked_s']:.1f} s"),
-        ("mean velocity", f"{forward:.2f} m/s forward, {leftward:.2f} m/s left"),
+        ("walked", f"{distance}{figures['walked_s']:.1f} s"),
+        *([("mean velocity", f"{forward:.2f} m/s forward, {leftward:.2f} m/s left")] if measured else []),
         ("speed", f"{figures['run_s'] / max(figures['wall_s'], 1e-9):.1f} x real time"),
         ("tick", f"{timing['tick_us_p50']:.0f} us p50, {timing['tick_us_p99']:.0f} us p99"),
         ("policy step", f"{timing['policy_ms_p50']:.2f} ms p50, {timing['policy_ms_p99']:.2f} ms p99"),

@@ -1,0 +1,48 @@
+"""Keeps commanded velocities inside what a policy was trained for."""
+
+import math
+
+import numpy as np
+
+from footfall.policies.contract import CommandRange
+
+_AXES = (("forward", "m/s"), ("leftward", "m/s"), ("yaw", "rad/s"))
+
+
+class CommandLimits:
+    """Clips commands to a policy's ranges, and says once for each axis when it had to."""
+
+    def __init__(self, ranges: CommandRange | None) -> None:
+        """Without ranges only what is not finite is changed: to 0."""
+        everything = (-math.inf, math.inf)
+        self._ranges = (
+            (everything,) * 3
+            if ranges is None
+            else (ranges.forward_m_s, ranges.leftward_m_s, ranges.yaw_rad_s)
+        )
+        self.notes: list[str] = []
+        self._noted: set[int] = set()
+
+    def apply(self, command: np.ndarray) -> np.ndarray:
+        """The command (3,) that the policy is handed; the same array if nothing had to be changed."""
+        asked = command.tolist()
+        inside = [
+            min(max(value, low), high) if math.isfinite(value) else 0.0
+            for value, (low, high) in zip(asked, self._ranges, strict=True)
+        ]
+        if inside == asked:
+            return command
+        for axis, (value, clipped) in enumerate(zip(asked, inside, strict=True)):
+            if value != clipped and axis not in self._noted:
+                self._noted.add(axis)
+                self.notes.append(self._note(axis, value, clipped))
+        return np.array(inside)
+
+    def _note(self, axis: int, asked: float, given: float) -> str:
+        (name, unit), (low, high) = _AXES[axis], self._ranges[axis]
+        if not math.isfinite(asked):
+            return f"a {name} command of {asked:g} {unit} counted as 0"
+        return (
+            f"the policy was trained on {name} commands from {low:g} to {high:g} {unit}:"
+            f" {asked:g} became {given:g}"
+        )

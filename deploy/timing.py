@@ -1,0 +1,47 @@
+"""How the control loop kept time, in memory that does not grow with the run."""
+
+from array import array
+from dataclasses import dataclass, field
+
+import numpy as np
+
+KEPT = 2**16  # of each kind: two minutes of ticks at 500 Hz
+
+
+class Durations:
+    """The last durations of one kind, and the longest ever."""
+
+    def __init__(self, kept: int = KEPT) -> None:
+        self._values = array("d", bytes(8 * kept))
+        self._kept = kept
+        self.count = 0
+        self.longest = 0.0
+
+    def add(self, value: float) -> None:
+        self._values[self.count % self._kept] = value
+        self.count += 1
+        self.longest = max(self.longest, value)
+
+    def values(self) -> np.ndarray:
+        """The last ones, oldest first."""
+        values = np.array(self._values[: self.count])
+        return values if self.count <= self._kept else np.roll(values, -(self.count % self._kept))
+
+
+@dataclass
+class Timing:
+    """How the loop kept time."""
+
+    lateness_us: Durations = field(default_factory=Durations)  # of each tick; wall clock only
+    tick_us: Durations = field(default_factory=Durations)  # work of each tick
+    policy_ms: Durations = field(default_factory=Durations)  # work of each policy step
+
+    def summary(self) -> dict[str, float]:
+        """p50 and p99 of the last ones and the longest ever of each, by name; 0 where there are none."""
+        found = {"ticks": float(self.tick_us.count)}
+        for name in ("lateness_us", "tick_us", "policy_ms"):
+            durations: Durations = getattr(self, name)
+            values = durations.values() if durations.count else np.zeros(1)
+            found[f"{name}_p50"], found[f"{name}_p99"] = np.percentile(values, (50, 99)).tolist()
+            found[f"{name}_max"] = durations.longest
+        return found

@@ -1,0 +1,28 @@
+"""`footfall log`: what can be done with a run's log."""
+
+from pathlib import Path
+
+from cyclopts import App
+
+from footfall.common.outputs import check_outputs
+
+log = App(name="log", help="Work on the log of a run.")
+
+
+@log.command
+def recover(file: Path, /, *, out: Path | None = None) -> int:
+    """Give a log that was cut short its end, so that tools which need a file's index open it.
+
+    Parameters
+    ----------
+    file
+        The log.
+    out
+        Where to write the whole copy (default: FILE.recovered.mcap, beside it).
+    """
+    whole = file.with_suffix(f".recovered{file.suffix}") if out is None else out
+    check_outputs(whole)
+    from footfall.deploy.recover import recover as recover_log
+
+    print(f"{recover_log(file, whole)} messages in {whole}")
+    return 0

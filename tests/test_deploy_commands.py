@@ -1,0 +1,63 @@
+"""Commands stay inside what a policy was trained for, and a run says when they had to."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from deploy_minds import Hold, short_episode
+
+from footfall.deploy.commands import CommandLimits
+from footfall.deploy.replay import read_log
+from footfall.plant.episode import run_episode
+from footfall.policies.contract import CommandRange, Contract
+from footfall.robots.description import Robot
+
+RANGES = CommandRange((-1.0, 1.5), (-0.5, 0.5), (-1.0, 1.0))
+
+
+class TestLimits:
+    @pytest.mark.parametrize(
+        ("asked", "given"),
+        [
+            ([1.5, -0.5, 1.0], [1.5, -0.5, 1.0]),
+            ([5.0, 0.0, 0.0], [1.5, 0.0, 0.0]),
+            ([-5.0, 3.0, -2.0], [-1.0, 0.5, -1.0]),
+            ([1e300, 0.0, 0.0], [1.5, 0.0, 0.0]),
+            ([np.nan, np.inf, 0.3], [0.0, 0.0, 0.3]),
+        ],
+    )
+    def test_commands_are_clipped_axis_by_axis(self, asked: list[float], given: list[float]) -> None:
+        assert CommandLimits(RANGES).apply(np.array(asked)).tolist() == given
+
+    def test_each_axis_is_noted_once(self) -> None:
+        limits = CommandLimits(RANGES)
+        for forward in (1.0, 5.0, 6.0, -7.0):
+            limits.apply(np.array([forward, 0.0, 0.0]))
+        limits.apply(np.array([0.0, 0.0, 1.1]))
+        assert limits.notes == [
+            "the policy was trained on forward commands from -1 to 1.5 m/s: 5 became 1.5",
+            "the policy was trained on yaw commands from -1 to 1 rad/s: 1.1 became 1",
+        ]
+
+    def test_a_controller_without_ranges_gets_what_was_asked(self) -> None:
+        limits = CommandLimits(None)
+        command = np.array([5.0, -3.0, 2.0])
+        assert limits.apply(command) is command
+        assert limits.apply(np.array([np.nan, 1.0, 0.0])).tolist() == [0.0, 1.0, 0.0]
+        assert limits.notes == ["a forward command of nan m/s counted as 0"]
+
+
+def test_a_run_hands_the_policy_what_it_was_trained_for_and_says_so(
+    go1: Robot, contract: Contract, tmp_path: Path
+) -> None:
+    """The trace keeps what was asked for: a policy is scored against that."""
+    policy = Hold(go1)
+    policy.contract = contract
+    log = tmp_path / "run.mcap"
+    episode = short_episode(duration_s=0.1, command=lambda _: np.array([5.0, 0.0, 0.0]), log=log)
+    trace = run_episode(go1, policy, episode)
+    assert {tuple(observation.command) for observation in policy.seen} == {(1.5, 0.0, 0.0)}
+    assert np.unique(trace.command[:, 0]).tolist() == [5.0]
+    assert trace.notes == ("the policy was trained on forward commands from -1 to 1.5 m/s: 5 became 1.5",)
+    logged = [entry.message.data for entry in read_log(log).entries if entry.topic == "/notes"]
+    assert logged == list(trace.notes)

@@ -1,0 +1,69 @@
+"""Settings that cannot work are refused in one line, before anything moves."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from deploy_minds import Hold, short_episode
+
+from footfall.common.errors import UserError
+from footfall.deploy.config import DeployConfig, load_deploy_config
+from footfall.plant.episode import run_episode
+from footfall.robots.description import Robot
+
+REFUSED = [
+    "joint_rate_hz: 0",
+    "joint_rate_hz: 1e9",
+    "joint_rate_hz: .nan",
+    "estimator_rate_hz: -1",
+    "log_rate_hz: 0",
+    "stand_s: 0",
+    "stand_kp_scale: -1",
+    "stand_kd_scale: .inf",
+    "realtime_priority: 200",
+    "host_queue: 0",
+    "motor_timeout_s: -0.1",
+    "safety: {start_timeout_s: 0}",
+    "safety: {silence_timeout_s: .nan}",
+    "safety: {silence_timeout_s: 0.001}",  # half a tick
+    "safety: {tilt_limit_rad: -1}",
+    "safety: {tilt_limit_rad: 4}",
+    "safety: {late_steps: 0}",
+    "safety: {late_limit_s: -1}",
+    "safety: {damping_kd: .nan}",
+    "safety: {damping_kd: -3}",
+    "safety: {damping_kd: 0}",
+    "safety: {damping_s: -1}",
+    "safety: {damping_s: 1e9}",
+]
+
+
+@pytest.mark.parametrize("text", REFUSED)
+def test_what_cannot_work_is_refused_with_its_name(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "loop.yaml"
+    path.write_text(text)
+    with pytest.raises(UserError) as caught:
+        load_deploy_config(path)
+    name = text.removeprefix("safety: {").partition(":")[0]
+    assert name in str(caught.value)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_the_defaults_and_the_page_on_safety_agree(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[1] / "docs" / "safety.md").read_text()
+    path = tmp_path / "loop.yaml"
+    path.write_text(page.partition("```yaml")[2].partition("```")[0])
+    assert replace(load_deploy_config(path), realtime_priority=None) == DeployConfig()
+
+
+def test_a_rate_that_a_bus_cannot_carry_is_refused_with_the_one_it_can(go1: Robot) -> None:
+    """Three motors: six frames of 111 bits at least in a tick, on a bus of 1 Mbit/s."""
+    with pytest.raises(UserError, match="3 motors on can0 can be asked 1502 times a second at most"):
+        run_episode(go1, Hold(go1), short_episode(config=DeployConfig(joint_rate_hz=2000.0)))
+
+
+@pytest.mark.parametrize("seconds", [0.0, -1.0, float("nan"), 1e12])
+def test_a_duration_that_never_begins_or_never_ends_is_refused(go1: Robot, seconds: float) -> None:
+    with pytest.raises(UserError, match="duration"):
+        run_episode(go1, Hold(go1), short_episode(duration_s=seconds))

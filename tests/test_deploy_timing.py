@@ -1,0 +1,27 @@
+"""How the loop kept time: figures of the last durations, in memory that stays as it is."""
+
+import numpy as np
+
+from footfall.deploy.timing import Durations, Timing
+
+
+def test_the_last_durations_are_kept_in_order_and_the_longest_for_ever() -> None:
+    durations = Durations(kept=4)
+    for value in (9.0, 1.0, 2.0):
+        durations.add(value)
+    assert durations.values().tolist() == [9.0, 1.0, 2.0]
+    for value in (3.0, 4.0, 5.0):
+        durations.add(value)
+    assert durations.values().tolist() == [2.0, 3.0, 4.0, 5.0]
+    assert (durations.count, durations.longest) == (6, 9.0)
+
+
+def test_a_summary_names_median_tail_and_longest_of_each() -> None:
+    timing = Timing()
+    for value in range(101):
+        timing.tick_us.add(float(value))
+    figures = timing.summary()
+    assert (figures["tick_us_p50"], figures["tick_us_p99"], figures["tick_us_max"]) == (50.0, 99.0, 100.0)
+    assert figures["ticks"] == 101
+    assert figures["policy_ms_max"] == 0.0
+    assert np.isfinite(list(figures.values())).all()

@@ -1,0 +1,68 @@
+"""What `footfall deploy` shows while it runs."""
+
+import io
+import time
+
+import numpy as np
+import pytest
+from deploy_minds import Hold, short_episode
+from rich.console import Console
+
+import footfall.live_state
+from footfall.deploy.loop import ControlLoop
+from footfall.live_state import describe, live_state
+from footfall.plant.episode import run_episode
+from footfall.plant.robot import SimulatedRobot
+from footfall.robots.description import Robot
+
+
+def walk(robot: Robot, console: Console, slow_s: float = 0.0) -> list[str]:
+    """Walks for half a second with the display on; returns the state at each tick in words."""
+    states = []
+
+    def display(loop: ControlLoop, velocity):
+        return live_state(loop, velocity, 0.5, console)
+
+    def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
+        states.append(describe(loop, body.truth().base_velocity, 0.5))
+        time.sleep(slow_s)
+
+    command = np.array([0.3, 0.0, -0.1])
+    run_episode(
+        robot, Hold(robot), short_episode(duration_s=0.5, command=lambda _: command, display=display), watch
+    )
+    return states
+
+
+def test_a_state_says_when_what_how_fast_and_how_late(go1: Robot) -> None:
+    states = walk(go1, Console(file=io.StringIO()))
+    assert states[0].startswith("0.0 of 0.5 s, IDLE")
+    middle = next(state for state in states if state.startswith("0.3 of 0.5 s, WALKING"))
+    assert "command +0.30 +0.00 m/s -0.10 rad/s" in middle
+    assert "velocity +0.0" in middle or "velocity -0.0" in middle
+    assert middle.endswith("tilt 0.00 rad, 0 ticks late")
+    assert states[-1].startswith("0.5 of 0.5 s, RELEASING")
+
+
+def test_a_velocity_that_nobody_knows_is_left_out(go1: Robot) -> None:
+    loops: list[ControlLoop] = []
+    run_episode(go1, Hold(go1), short_episode(duration_s=0.1), lambda loop, _: loops.append(loop))
+    assert "velocity" not in describe(loops[-1], np.full(3, np.nan), 0.1)
+
+
+def test_away_from_a_terminal_there_are_plain_lines_now_and_then(
+    go1: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(footfall.live_state, "LINE_EVERY_S", 0.1)
+    out = io.StringIO()
+    walk(go1, Console(file=out, width=200), slow_s=0.001)
+    lines = out.getvalue().splitlines()
+    assert len(lines) >= 2
+    assert all(" of 0.5 s, " in line and "\x1b" not in line for line in lines)
+
+
+def test_on_a_terminal_the_state_is_shown_in_place_and_wiped_at_the_end(go1: Robot) -> None:
+    out = io.StringIO()
+    walk(go1, Console(file=out, force_terminal=True, width=200), slow_s=0.001)
+    assert "WALKING" in out.getvalue()
+    assert out.getvalue().rstrip("\n").endswith("\x1b[2K")  # the line has been erased
