@@ -32,20 +32,12 @@ def rotate_to_body(quaternion: Array, vector: Array) -> Array:
 
 def projected_gravity(quaternion: Array) -> Array:
     """Direction of gravity in the body frame, a unit vector (..., 3); (0, 0, -1) when upright."""
-    w, x, y, z = _components(quaternion)
-    return _stacked(quaternion, [2 * (w * y - x * z), -2 * (y * z + w * x), 2 * (x * x + y * y) - 1])
+    return _stacked(quaternion, _gravity(_components(quaternion)))
 
 
 def multiply(a: Array, b: Array) -> Array:
     """Product of two quaternions (..., 4): the rotation b, then a."""
-    (aw, ax, ay, az), (bw, bx, by, bz) = _components(a), _components(b)
-    product = [
-        aw * bw - (ax * bx + ay * by + az * bz),
-        aw * bx + bw * ax + (ay * bz - az * by),
-        aw * by + bw * ay + (az * bx - ax * bz),
-        aw * bz + bw * az + (ax * by - ay * bx),
-    ]
-    return _stacked(a, product)
+    return _stacked(a, _product(_components(a), _components(b)))
 
 
 def normalised(vector: Array) -> Array:
@@ -56,9 +48,30 @@ def normalised(vector: Array) -> Array:
 
 def tilt(quaternion: Array) -> Array:
     """Angle between the body's z axis and the vertical, shape (...)."""
+    _, x, y, _ = _components(quaternion)
+    cosine = 1 - 2 * (x * x + y * y)
+    if isinstance(cosine, float):
+        return math.acos(max(-1.0, min(1.0, cosine)))
     xp = quaternion.__array_namespace__()
-    cosine = 1 - 2 * (quaternion[..., 1] ** 2 + quaternion[..., 2] ** 2)
     return xp.acos(xp.clip(cosine, -1.0, 1.0))
+
+
+def shift_gravity(quaternion: Sequence[float], offset: Sequence[float]) -> list[float]:
+    """The quaternion nearest to a given one whose projected gravity is that one's plus an offset, normalised.
+
+    Projected gravity is g; it shall be h, parallel to g + offset. The shortest rotation that takes h to g,
+    applied first, does that and leaves the heading alone. In plain numbers, since sensors are simulated so
+    at every tick.
+    """
+    g = _gravity(quaternion)
+    h = _unit([a + b for a, b in zip(g, offset, strict=True)])
+    turn = [
+        1.0 + h[0] * g[0] + h[1] * g[1] + h[2] * g[2],
+        h[1] * g[2] - h[2] * g[1],
+        h[2] * g[0] - h[0] * g[2],
+        h[0] * g[1] - h[1] * g[0],
+    ]
+    return _product(quaternion, _unit(turn))
 
 
 def heading(quaternion: Array) -> Array:
@@ -95,6 +108,28 @@ def skew(vector: np.ndarray) -> np.ndarray:
 def cross(vector: np.ndarray, others: np.ndarray) -> np.ndarray:
     """Cross product of one vector (3,) with others (..., 3); a fraction of `numpy.cross`'s overhead."""
     return others @ skew(vector).T
+
+
+def _gravity(quaternion: Sequence[Any]) -> list[Any]:
+    """Projected gravity, from and in components."""
+    w, x, y, z = quaternion
+    return [2 * (w * y - x * z), -2 * (y * z + w * x), 2 * (x * x + y * y) - 1]
+
+
+def _product(a: Sequence[Any], b: Sequence[Any]) -> list[Any]:
+    """Product of two quaternions, from and in components."""
+    (aw, ax, ay, az), (bw, bx, by, bz) = a, b
+    return [
+        aw * bw - (ax * bx + ay * by + az * bz),
+        aw * bx + bw * ax + (ay * bz - az * by),
+        aw * by + bw * ay + (az * bx - ax * bz),
+        aw * bz + bw * az + (ax * by - ay * bx),
+    ]
+
+
+def _unit(vector: list[float]) -> list[float]:
+    norm = math.sqrt(sum(value * value for value in vector))
+    return [value / norm for value in vector]
 
 
 def _components(vector: Array) -> Sequence[Any]:

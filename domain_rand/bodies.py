@@ -8,6 +8,7 @@ import numpy as np
 
 from footfall.domain_rand.sample import Sample
 from footfall.robots.description import Robot
+from footfall.robots.feet import find_feet
 from footfall.robots.model import joint_addresses
 
 Array = Any
@@ -25,16 +26,13 @@ class BodyMap:
 def body_map(model: mujoco.MjModel, robot: Robot) -> BodyMap:
     """Find a robot's parts in a model (its own, or another plant with the same joint names)."""
     free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)[0]
-    feet = {foot.geom for foot in robot.description.feet}
-    geoms = [
-        i
-        for i in range(model.ngeom)
-        if model.geom(i).name in feet or model.geom_type[i] == mujoco.mjtGeom.mjGEOM_PLANE
-    ]
-    if not any(model.geom(i).name in feet for i in geoms):  # a plant with geom names of its own
-        geoms = [i for i in range(model.ngeom) if model.geom_contype[i] or model.geom_conaffinity[i]]
+    feet = find_feet(model, robot)
+    planes = np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE)
+    geoms = np.union1d(feet[feet >= 0], planes)
+    if (feet < 0).all():  # a plant whose feet nobody found: whatever can touch the ground
+        geoms = np.flatnonzero((model.geom_contype | model.geom_conaffinity) != 0)
     _, dofs = joint_addresses(model, robot)
-    return BodyMap(int(model.jnt_bodyid[free]), tuple(geoms), tuple(int(d) for d in dofs))
+    return BodyMap(int(model.jnt_bodyid[free]), tuple(geoms.tolist()), tuple(dofs.tolist()))
 
 
 def randomised_fields(model: Any, sample: Sample, where: BodyMap) -> dict[str, Array]:

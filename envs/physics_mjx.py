@@ -6,10 +6,10 @@ import jax
 import jax.numpy as jnp
 import mujoco
 import numpy as np
-from mujoco import mjx
 
 from footfall.envs.physics import Drive, Fields, Motion, Physics, Trace, joint_effort
 from footfall.envs.workarounds.fewer_kernels import fewer_kernels
+from footfall.envs.workarounds.quiet_mjx import mjx
 from footfall.robots.description import Robot
 from footfall.robots.model import joint_addresses
 

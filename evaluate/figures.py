@@ -1,9 +1,10 @@
-"""The figures that tables and the report show: names, units, which way is better, how they are defined."""
+"""The figures that tables and the report show: names, units, intervals, and whose are clearly better."""
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import combinations
 from pathlib import Path
 from typing import Any, Literal
 
@@ -11,6 +12,8 @@ from footfall.common.config import load
 
 Summary = Mapping[str, Any]
 NOTHING = "–"
+# A bootstrap over fewer episodes gives an interval that is too narrow to rank anybody by.
+LEAST_EPISODES = 8
 
 
 @dataclass(frozen=True)
@@ -25,6 +28,7 @@ class Figure:
     better: Literal["low", "high", ""] = ""
     upright: bool = False
     headline: bool = False
+    leads: str = ""  # what the leader of a headline figure does
 
     @property
     def title(self) -> str:
@@ -48,18 +52,30 @@ def figures() -> dict[str, Figure]:
 def value(figure: Figure, summary: Summary) -> float | None:
     """The number, or None where it was not measured. Infinite for a push that nobody could find."""
     if figure.key == "dv50" and summary.get("dv50") is None:
-        return math.inf if _stood_all_pushes(summary) else None
+        return math.inf if _stood_most_pushes(summary) else None
     found: Any = summary
     for part in figure.key.split("."):
         found = found.get(part) if isinstance(found, Mapping) else None
     return None if found is None else float(found)
 
 
+def interval(figure: Figure, summary: Summary) -> tuple[float, float] | None:
+    """Its 95 % interval, of falls as a share of episodes; None where there is none."""
+    key = "fall_rate_interval" if figure.key == "falls" else f"{figure.key}_interval"
+    if key not in summary or (figure.key != "dv50" and value(figure, summary) is None):
+        return None
+    if figure.key == "dv50":  # None stands for beyond the strongest push
+        low, high = (math.inf if edge is None else edge for edge in summary[key])
+        return low, high
+    low, high = summary[key]
+    return None if low is None or high is None else (low, high)
+
+
 def text(figure: Figure, summary: Summary) -> str:
     """The number as it is shown."""
-    if figure.key == "falls":
-        return f"{summary['falls']} of {summary['episodes']}"
     number = value(figure, summary)
+    if figure.key == "falls" and number is not None:
+        return f"{number:.0f} of {summary['episodes']}"
     if number == math.inf:
         return f"above {summary['strongest_push']:g}"
     if number is None and figure.key == "dv50" and "strongest_push" in summary:
@@ -69,44 +85,57 @@ def text(figure: Figure, summary: Summary) -> str:
 
 def interval_text(figure: Figure, summary: Summary) -> str:
     """Its 95 % interval as it is shown, or nothing."""
-    if figure.key == "falls":
-        low, high = summary["fall_rate_interval"]
-        return f"{100 * low:.0f} to {100 * high:.0f} %"
-    low, high = summary.get(f"{figure.key}_interval") or (None, None)
-    if low is None or value(figure, summary) is None:
+    edges = interval(figure, summary)
+    if edges is None or math.isinf(edges[0]) or value(figure, summary) is None:
         return ""
-    return f"{_rounded(figure, low)} to {_rounded(figure, high) if high is not None else 'beyond'}"
+    low, high = edges
+    if figure.key == "falls":
+        return f"{100 * low:.0f} to {100 * high:.0f} %"
+    return f"{_rounded(figure, low)} to {_rounded(figure, high) if math.isfinite(high) else 'beyond'}"
 
 
 def measured(figure: Figure, summaries: Sequence[Summary]) -> bool:
     """Whether a figure is worth a row: somebody has a value, and an emergency stop is news."""
     if figure.key == "emergency_stops":
-        return any(summary["emergency_stops"] for summary in summaries)
+        return any(summary.get("emergency_stops") for summary in summaries)
     if figure.key == "dv50":
         return any("dv50" in summary for summary in summaries)
     return any(value(figure, summary) is not None for summary in summaries)
 
 
-def best(figure: Figure, summaries: Sequence[Summary]) -> set[int]:
-    """Which of several contenders are best; none where all are equal or no way is better.
+def beats(figure: Figure, one: Summary, other: Summary) -> bool:
+    """Whether one policy is clearly better than another: their intervals lie apart.
 
-    An upright figure is contended for by those that fell least only.
+    In an `upright` figure one that fell more often beats nobody: a robot that lies down early neither errs
+    nor works for long.
     """
-    values = [value(figure, summary) for summary in summaries]
-    if figure.upright:
-        fewest = min(summary["falls"] for summary in summaries)
-        values = [
-            number if summary["falls"] == fewest else None
-            for number, summary in zip(values, summaries, strict=True)
-        ]
-    known = [number for number in values if number is not None]
-    if not figure.better or len(known) < 2 or min(known) == max(known):
-        return set()
-    goal = min(known) if figure.better == "low" else max(known)
-    return {index for index, number in enumerate(values) if number == goal}
+    mine, theirs = interval(figure, one), interval(figure, other)
+    few = min(one["episodes"], other["episodes"]) < LEAST_EPISODES and figure.key != "falls"
+    if mine is None or theirs is None or few:
+        return False
+    if figure.upright and one["fall_rate"] > other["fall_rate"]:
+        return False
+    return mine[1] < theirs[0] if figure.better == "low" else figure.better == "high" and mine[0] > theirs[1]
 
 
-def _stood_all_pushes(summary: Summary) -> bool:
+def leaders(figure: Figure, summaries: Sequence[Summary]) -> set[int]:
+    """The fewest policies that each beat everybody else; empty where no difference is clear."""
+    everybody = range(len(summaries))
+    for size in range(1, len(summaries)):
+        for group in combinations(everybody, size):
+            rest = [index for index in everybody if index not in group]
+            if all(beats(figure, summaries[one], summaries[other]) for one in group for other in rest):
+                return set(group)
+    return set()
+
+
+def best(figure: Figure, summaries: Sequence[Summary]) -> int | None:
+    """The one policy that beats all others, if there is one."""
+    first = leaders(figure, summaries)
+    return first.pop() if len(first) == 1 else None
+
+
+def _stood_most_pushes(summary: Summary) -> bool:
     return "strongest_push" in summary and 2 * summary["falls"] < summary["episodes"]
 
 

@@ -81,10 +81,10 @@ class ScenarioFile:
     scenarios: dict[str, Scenario]
 
     def select(self, names: Sequence[str]) -> dict[str, Scenario]:
-        """The named scenarios, in the order given, each once.
+        """The named scenarios, in the order given.
 
         Raises:
-            UserError: one of them does not exist, or none is named.
+            UserError: one of them does not exist or is named twice, or none is named.
         """
         known = ", ".join(self.scenarios)
         if not names:
@@ -92,6 +92,8 @@ class ScenarioFile:
         for name in names:
             if name not in self.scenarios:
                 raise UserError(f"no scenario '{name}': there are {known}")
+            if names.count(name) > 1:
+                raise UserError(f"scenario '{name}' is named twice: name each once")
         return {name: self.scenarios[name] for name in names}
 
 

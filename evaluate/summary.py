@@ -19,7 +19,7 @@ from footfall.evaluate.statistics import (
 
 Summary = dict[str, Any]
 
-# Means over episodes: of which quantity, weighed by which other. Square roots are taken afterwards.
+# Means over episodes: of which quantity, weighted by which other. Square roots are taken afterwards.
 _ROOT_MEANS = {
     "lin_vel_rmse": ("lin_vel_mse", "scored_s"),
     "yaw_rate_rmse": ("yaw_rate_mse", "scored_s"),
@@ -27,19 +27,20 @@ _ROOT_MEANS = {
     "target_rate_rad_s": ("target_rate_rad_s", "walked_s"),
     "torque_rate_nm_s": ("torque_rate_nm_s", "walked_s"),
 }
-_SQUARED_FIRST = frozenset({"target_rate_rad_s", "torque_rate_nm_s"})
+# These two are root mean squares of an episode already: squared again before the mean.
+_ALREADY_ROOTS = frozenset({"target_rate_rad_s", "torque_rate_nm_s"})
 _MEANS = {"foot_slip_m_s": ("foot_slip_m_s", "stance_s")}
 # Ratios of totals: energy over weight times distance, or over distance.
-_ENERGY_PER_WAY = {
+_ENERGY_PER_DISTANCE = {
     "cost_of_transport": ("electrical_j", True),
     "cost_of_transport_mechanical": ("mechanical_j", True),
     "positive_work_j_m": ("positive_j", False),
 }
-_LEAST_WAY_M = 0.1  # a robot that stands still transports nothing
+_LEAST_DISTANCE_M = 0.1  # a robot that stands still has no cost of transport
 
 
 def summarise(scenario: Scenario, outcomes: Sequence[Outcome[EpisodeOutcome]], seed: int) -> Summary:
-    """Figures of one scenario. What could not be measured is None.
+    """Figures of one scenario. What could not be measured is None; without an episode there are no figures.
 
     Args:
         scenario: its definition.
@@ -49,15 +50,17 @@ def summarise(scenario: Scenario, outcomes: Sequence[Outcome[EpisodeOutcome]], s
     finished = [outcome.value for outcome in outcomes if outcome.value is not None]
     errors = [f"episode {i}: {outcome.error}" for i, outcome in enumerate(outcomes) if outcome.error]
     summary: Summary = {"episodes": len(finished), "failed_episodes": errors}
+    if not finished:
+        return summary
     summary |= _figures(finished, seed)
     summary |= _compute(finished)
     if len(scenario.script) == 1 and not scenario.levels:
         summary["mean_forward_m_s"] = summary["mean_velocity"][0]
     if scenario.rows:
         summary["rows"] = _rows(scenario.rows, finished, seed)
-    if "push_m_s" in scenario.levels and finished:
+    if "push_m_s" in scenario.levels:
         summary |= _survival(finished, seed)
-    summary["troubles"] = _troubles(finished)
+    summary["troubles"] = _reasons_for_ending(finished)
     summary["notes"] = sorted({note for outcome in finished for note in outcome.notes})
     return _plain(summary)
 
@@ -67,13 +70,13 @@ def _figures(finished: Sequence[EpisodeOutcome], seed: int) -> Summary:
     falls = sum(m.fell for m in metrics)
     figures: Summary = {
         "falls": falls,
-        "fall_rate": falls / len(metrics) if metrics else None,
+        "fall_rate": falls / len(metrics),
         "fall_rate_interval": wilson_interval(falls, len(metrics)),
         "emergency_stops": sum(m.emergency_stop for m in metrics),
     }
     for name, (quantity, weight) in _ROOT_MEANS.items():
         values, weights = _column(metrics, quantity), _column(metrics, weight)
-        values = values**2 if name in _SQUARED_FIRST else values
+        values = values**2 if name in _ALREADY_ROOTS else values
         figures[name] = math.sqrt(weighted_mean(values, weights))
         figures[f"{name}_interval"] = [
             math.sqrt(edge) for edge in bootstrap_mean_interval(values, weights, seed)
@@ -83,9 +86,9 @@ def _figures(finished: Sequence[EpisodeOutcome], seed: int) -> Summary:
         figures[name] = weighted_mean(values, weights)
         figures[f"{name}_interval"] = bootstrap_mean_interval(values, weights, seed)
     distance = _column(metrics, "distance_m")
-    way = np.where(distance > _LEAST_WAY_M, distance, 0.0)
-    for name, (energy, by_weight) in _ENERGY_PER_WAY.items():
-        weights = way * (_column(metrics, "weight_n") if by_weight else 1.0)
+    travelled = np.where(distance > _LEAST_DISTANCE_M, distance, 0.0)
+    for name, (energy, by_weight) in _ENERGY_PER_DISTANCE.items():
+        weights = travelled * (_column(metrics, "weight_n") if by_weight else 1.0)
         ratios = np.divide(
             _column(metrics, energy), weights, out=np.full(len(metrics), np.nan), where=weights > 0
         )
@@ -112,8 +115,6 @@ def compute_figures(compute_ms: np.ndarray, period_ms: float) -> Summary:
 
 
 def _compute(finished: Sequence[EpisodeOutcome]) -> Summary:
-    if not finished:
-        return compute_figures(np.zeros(0), 1.0)
     return compute_figures(
         np.concatenate([outcome.compute_ms for outcome in finished]), finished[0].period_ms
     )
@@ -144,7 +145,7 @@ def _survival(finished: Sequence[EpisodeOutcome], seed: int) -> Summary:
     }
 
 
-def _troubles(finished: Sequence[EpisodeOutcome]) -> dict[str, int]:
+def _reasons_for_ending(finished: Sequence[EpisodeOutcome]) -> dict[str, int]:
     """How often each reason for a fall or a stop was met."""
     reasons = [outcome.trouble for outcome in finished if outcome.trouble]
     return {reason: reasons.count(reason) for reason in sorted(set(reasons))}

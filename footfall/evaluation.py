@@ -1,5 +1,7 @@
-"""Options that evaluate and compare share."""
+"""What evaluate and compare share: their options, and how episodes that failed end a command."""
 
+import sys
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -28,6 +30,7 @@ class EvaluationOptions:
 
 
 NOMINAL = EvaluationOptions()
+EPISODES_FAILED = 1
 
 
 def arguments(options: EvaluationOptions) -> dict[str, Any]:
@@ -42,3 +45,17 @@ def arguments(options: EvaluationOptions) -> dict[str, Any]:
         "workers": options.workers,
         "json_path": options.json,
     }
+
+
+def exit_status(results: Iterable[Mapping[str, Any]]) -> int:
+    """0, or 1 and one line on stderr if an episode of a policy failed.
+
+    Args:
+        results: of policies, as `footfall.evaluate.api.evaluate_policy` returns them.
+    """
+    from footfall.evaluate.failures import failures
+
+    line = failures([summary for result in results for summary in result["scenarios"].values()])
+    if line:
+        print(f"footfall: {line}", file=sys.stderr)
+    return EPISODES_FAILED if line else 0

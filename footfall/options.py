@@ -24,7 +24,11 @@ def _vector(_: type, tokens: Any) -> tuple[float, ...]:
 
 def _names(_: type, tokens: Any) -> tuple[str, ...]:
     """'nominal,push' as two names."""
-    return tuple(name for name in (part.strip() for part in tokens[0].value.split(",")) if name)
+    text = tokens[0].value
+    names = tuple(part.strip() for part in text.split(","))
+    if not all(names):
+        raise ValueError(f"expected names with commas between them such as nominal,push, found '{text}'")
+    return names
 
 
 def _whole(_: type, tokens: Any) -> int:

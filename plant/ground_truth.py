@@ -5,6 +5,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
+from footfall.common.rotations import rotate_to_body, tilt
 from footfall.plant.sensors import Layout
 from footfall.robots.model import Plant
 
@@ -23,25 +24,11 @@ class Truth(NamedTuple):
     joint_position: np.ndarray  # (n,) rad
     joint_velocity: np.ndarray  # (n,) rad/s
     motor_torque: np.ndarray  # (n,) N m at the joint, before gearbox friction
-    foot_position: np.ndarray  # (feet, 3) m, world; NaN for a foot that the plant does not name
+    foot_position: np.ndarray  # (feet, 3) m, world; NaN for a foot that the plant does not have
     foot_velocity: np.ndarray  # (feet, 3) m/s, world
     foot_contact: np.ndarray  # (feet,) bool
     foot_force: np.ndarray  # (feet,) N, normal
     qpos: np.ndarray  # (nq,)
-
-
-def rotate_to_body(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """A world vector (3,) in the frame of a body with this quaternion (w x y z)."""
-    result, inverse = np.empty(3), np.empty(4)
-    mujoco.mju_negQuat(inverse, quaternion)
-    mujoco.mju_rotVecQuat(result, vector, inverse)
-    return result
-
-
-def tilt(quaternion: np.ndarray) -> float:
-    """Angle between a body's z axis and the world's, rad."""
-    _, x, y, _ = (float(value) for value in quaternion)
-    return float(np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0)))
 
 
 class GroundTruth:
@@ -52,21 +39,21 @@ class GroundTruth:
         self._model, self._data, self._plant = plant.model, data, plant
         self._qpos, self._qvel = layout.qpos, layout.qvel
         self._free_qpos, self._free_qvel = layout.base_qpos, layout.base_qvel
-        self._named = plant.feet >= 0
-        self._feet = plant.feet[self._named]
-        self._foot_of_geom = np.full(plant.model.ngeom, -1)
-        self._foot_of_geom[self._feet] = np.flatnonzero(self._named)
+        self._foot_of_geom = {geom: foot for foot, geom in enumerate(plant.feet.tolist()) if geom >= 0}
+        self._feet = list(self._foot_of_geom)
+        self._count = len(plant.feet)
+        self._twist, self._wrench = np.zeros(6), np.zeros(6)
         self._lowest_height = COLLAPSED_SHARE * height_m
 
     def truth(self, motor_torque: np.ndarray) -> Truth:
         """The state now; the caller knows the motor torque (n,)."""
         data, pos, vel = self._data, self._free_qpos, self._free_qvel
         quaternion = data.qpos[pos + 3 : pos + 7].copy()
-        count = len(self._named)
-        position, velocity = np.full((count, 3), np.nan), np.full((count, 3), np.nan)
-        position[self._named] = data.geom_xpos[self._feet]
-        velocity[self._named] = [self._velocity_of(geom) for geom in self._feet]
-        contact, force = self._contacts(count)
+        position, velocity = np.full((2, self._count, 3), np.nan)
+        for geom, foot in self._foot_of_geom.items():
+            position[foot] = data.geom_xpos[geom]
+            velocity[foot] = self._velocity_of(geom)
+        contact, force = self._contacts()
         return Truth(
             base_position=data.qpos[pos : pos + 3].copy(),
             base_quaternion=quaternion,
@@ -107,18 +94,17 @@ class GroundTruth:
         )
 
     def _velocity_of(self, geom: int) -> np.ndarray:
-        velocity = np.empty(6)
-        mujoco.mj_objectVelocity(self._model, self._data, mujoco.mjtObj.mjOBJ_GEOM, geom, velocity, 0)
-        return velocity[3:]
+        """Velocity of a geom's centre, m/s, world frame, (3,); overwritten by the next call."""
+        kind = mujoco.mjtObj.mjOBJ_GEOM
+        mujoco.mj_objectVelocity(self._model, self._data, kind, geom, self._twist, 0)
+        return self._twist[3:]
 
-    def _contacts(self, count: int) -> tuple[np.ndarray, np.ndarray]:
-        contact, force = np.zeros(count, dtype=bool), np.zeros(count)
-        wrench = np.empty(6)
-        for index in range(self._data.ncon):
-            geoms = self._data.contact.geom[index]
-            for foot in self._foot_of_geom[geoms]:
-                if foot >= 0:
-                    mujoco.mj_contactForce(self._model, self._data, index, wrench)
-                    force[foot] += wrench[0]
-                    contact[foot] |= bool(wrench[0] > 0.0)
-        return contact, force
+    def _contacts(self) -> tuple[np.ndarray, np.ndarray]:
+        """Whether each foot bears a force, and which, N: (feet,) each."""
+        force = np.zeros(self._count)
+        for index, geoms in enumerate(self._data.contact.geom[: self._data.ncon].tolist()):
+            for geom in geoms:
+                if geom in self._foot_of_geom:
+                    mujoco.mj_contactForce(self._model, self._data, index, self._wrench)
+                    force[self._foot_of_geom[geom]] += self._wrench[0]
+        return force > 0.0, force

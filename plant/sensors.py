@@ -6,6 +6,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
+from footfall.common.rotations import shift_gravity
 from footfall.deploy.drivers import imu
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.sample import Sample
@@ -77,11 +78,11 @@ class SimulatedSensors:
         gyro = moment.qvel[layout.base_qvel + 3 : layout.base_qvel + 6] + self._gyro_bias
         quaternion = moment.qpos[layout.base_qpos + 3 : layout.base_qpos + 7].tolist()
         if self._gravity_bias is not None:
-            quaternion = tilted(quaternion, self._gravity_bias)
+            quaternion = shift_gravity(quaternion, self._gravity_bias)
         if self._noisy:
             noise = self._noise()[2 * self._n :]
             gyro += noise[:3]
-            quaternion = tilted(quaternion, noise[3:].tolist())
+            quaternion = shift_gravity(quaternion, noise[3:].tolist())
         return imu.Inertial(gyro.tolist(), moment.acceleration.tolist(), quaternion)
 
     def _noise(self) -> np.ndarray:
@@ -96,33 +97,3 @@ class SimulatedSensors:
 def _half_widths(noise: Noise, n: int) -> np.ndarray:
     widths = (noise.joint_position, noise.joint_velocity, noise.gyro, noise.gravity)
     return np.repeat(widths, (n, n, 3, 3))
-
-
-def tilted(quaternion: list[float], offset: list[float]) -> list[float]:
-    """A quaternion whose gravity in the body frame is the given one's plus an offset, normalised.
-
-    Gravity in the body frame is g; it shall be h, parallel to g + offset. The shortest rotation that
-    takes h to g, applied first, does that and leaves the heading alone.
-    """
-    w, x, y, z = quaternion
-    g = (2 * (w * y - x * z), -2 * (w * x + y * z), 2 * (x * x + y * y) - 1.0)
-    h = _normalised([a + b for a, b in zip(g, offset, strict=True)])
-    a, b, c, d = _normalised(
-        [
-            1.0 + h[0] * g[0] + h[1] * g[1] + h[2] * g[2],
-            h[1] * g[2] - h[2] * g[1],
-            h[2] * g[0] - h[0] * g[2],
-            h[0] * g[1] - h[1] * g[0],
-        ]
-    )
-    return [
-        w * a - x * b - y * c - z * d,
-        w * b + x * a + y * d - z * c,
-        w * c - x * d + y * a + z * b,
-        w * d + x * c - y * b + z * a,
-    ]
-
-
-def _normalised(vector: list[float]) -> list[float]:
-    norm = sum(value * value for value in vector) ** 0.5
-    return [value / norm for value in vector]

@@ -9,6 +9,7 @@ import numpy as np
 from footfall.common.errors import UserError
 from footfall.robots.actuator import Motor
 from footfall.robots.description import Robot, load_spec
+from footfall.robots.feet import find_feet
 
 FLOOR = "floor"
 IMU = "footfall_imu"
@@ -60,7 +61,7 @@ class Plant(NamedTuple):
     model: mujoco.MjModel
     motor: Motor  # the robot's motors, with the plant's joint friction and damping where its file gives any
     base: int  # body that carries the free joint
-    feet: np.ndarray  # (feet,) geom of each foot, -1 where the plant has none of that name
+    feet: np.ndarray  # (feet,) geom of each foot, -1 where the plant has none (see `find_feet`)
     notes: tuple[str, ...]  # what was missing and what was done about it, one line each
 
 
@@ -108,17 +109,26 @@ def read_plant(robot: Robot, path: Path | None = None) -> Plant:
         model = spec.compile()
     except ValueError as error:
         raise UserError(f"{source} does not compile: {' '.join(str(error).split())}") from None
-    feet = np.array(
-        [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, foot.geom) for foot in robot.description.feet]
-    )
-    if (feet < 0).any():
-        absent = ", ".join(
-            foot.geom for foot, geom in zip(robot.description.feet, feet, strict=True) if geom < 0
-        )
-        notes.append(f"{source.name} has no geom {absent}: what these feet do is not recorded")
+    feet = find_feet(model, robot)
+    notes += _notes_on_feet(model, feet, robot, source.name)
     free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)[0]
     motor = robot.motor._replace(**{name: loss for name, loss in losses.items() if loss.any()})
     return Plant(model, motor, int(model.jnt_bodyid[free]), feet, tuple(notes))
+
+
+def _notes_on_feet(model: mujoco.MjModel, feet: np.ndarray, robot: Robot, source: str) -> list[str]:
+    """Which feet were found by place, and which not at all."""
+    names = [foot.geom for foot in robot.description.feet]
+    notes = []
+    absent = [name for name, geom in zip(names, feet.tolist(), strict=True) if geom < 0]
+    if absent:
+        notes.append(f"{source} has no geom {', '.join(absent)}: what these feet do is not recorded")
+    found = []
+    for name, geom in zip(names, feet.tolist(), strict=True):
+        if geom >= 0 and model.geom(geom).name != name:
+            body = model.body(model.geom_bodyid[geom]).name
+            found.append(f"{name} is {model.geom(geom).name or f'geom {geom}'} of body {body}")
+    return notes + ([f"feet of {source} found by their place: {', '.join(found)}"] if found else [])
 
 
 def joint_addresses(model: mujoco.MjModel, robot: Robot) -> tuple[np.ndarray, np.ndarray]:

@@ -1,16 +1,42 @@
-"""`footfall evaluate` and `footfall compare`: what the files hold."""
+"""`footfall evaluate` and `footfall compare`: what the files hold, and the exit status."""
 
+import importlib.util
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 from shell import Shell
 
+from footfall.evaluate import api, suite
+from footfall.evaluate.pool import Outcome, run_all
+from footfall.evaluate.scenarios import Scenario, ScenarioFile, Waypoint, load_scenarios
+from footfall.plant.episode import Push
+
+WALK = (Waypoint(0.0, forward_m_s=0.5),)
+SHORT = ScenarioFile(
+    noise=load_scenarios().noise,
+    scenarios={
+        "forward": Scenario("Straight ahead", 2, 1.4, script=WALK),
+        "push": Scenario(
+            "Pushed",
+            2,
+            0.6,
+            script=WALK,
+            levels={"push_m_s": (0.1, 6.0)},
+            push_between_s=(0.1, 0.2),
+            rows=("push_m_s",),
+        ),
+        "course": Scenario("A walk", 1, 0.4, script=WALK, pushes=(Push(0.2, (0.0, 0.1, 0.0)),)),
+    },
+)
 BRIEF = ("--scenarios", "forward", "--episodes", "1", "--workers", "1")
 
 
 @pytest.fixture
-def shell(capsys: pytest.CaptureFixture[str]) -> Shell:
+def shell(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Shell:
+    """A command line whose scenarios take a second."""
+    monkeypatch.setattr(api, "load_scenarios", lambda: SHORT)
     return Shell(capsys)
 
 
@@ -27,12 +53,13 @@ def test_evaluate_writes_what_it_promises(shell: Shell, tmp_path: Path) -> None:
     assert figures["episodes"] == 1
 
 
-def test_push_adds_the_even_odds_point_with_its_interval(shell: Shell, tmp_path: Path) -> None:
+def test_push_adds_the_median_survivable_push_with_its_interval(shell: Shell, tmp_path: Path) -> None:
     path = tmp_path / "stand.json"
-    shell("evaluate", "stand", "--scenarios", "push", "--episodes", "2", "--workers", "1", "--json", path)
+    outcome = shell("evaluate", "stand", "--scenarios", "push", "--workers", "1", "--json", path)
     figures = json.loads(path.read_text())["scenarios"]["push"]
-    assert "dv50" in figures
-    assert "dv50_interval" in figures
+    assert 0.1 < figures["dv50"] < 6.0
+    assert len(figures["dv50_interval"]) == 2
+    assert "Median survivable push" in outcome.out
 
 
 def test_compare_nests_the_same_under_each_name(shell: Shell, tmp_path: Path) -> None:
@@ -56,3 +83,44 @@ def test_the_same_seed_gives_the_same_figures(shell: Shell, tmp_path: Path) -> N
         figures = json.loads((tmp_path / name).read_text())["scenarios"]["forward"]
         results.append({k: v for k, v in figures.items() if k not in ("compute_ms", "missed_deadlines")})
     assert results[0] == results[1]
+
+
+def test_episodes_that_all_fail_end_in_status_1_and_one_line(
+    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    died = Outcome[Any](None, "its process died")
+    monkeypatch.setattr(suite, "run_all", lambda _, tasks, *__: [died] * len(tasks))
+    outcome = shell("evaluate", "stand", "--json", tmp_path / "a.json", "--scenarios", "forward")
+    assert outcome.status == 1
+    assert outcome.err == "footfall: 2 of 2 episodes failed: its process died (2)\n"
+    forward = json.loads((tmp_path / "a.json").read_text())["scenarios"]["forward"]
+    assert forward["episodes"] == 0
+    assert None not in forward.values()
+
+
+def test_one_failed_episode_is_told_beside_the_figures_of_the_others(
+    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def second_fails(function: Any, tasks: Any, *rest: Any) -> list[Outcome]:
+        return [*run_all(function, tasks[:1], *rest), Outcome(None, "ValueError: no")]
+
+    monkeypatch.setattr(suite, "run_all", second_fails)
+    outcome = shell("evaluate", "stand", "--scenarios", "forward", "--json", tmp_path / "a.json")
+    assert outcome.status == 1
+    assert "1 of 2 episodes failed: ValueError: no (1)" in outcome.err
+    forward = json.loads((tmp_path / "a.json").read_text())["scenarios"]["forward"]
+    assert (forward["episodes"], forward["falls"]) == (1, 0)
+
+
+def test_a_report_without_its_libraries_is_refused_before_anything_runs(
+    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    find_spec = importlib.util.find_spec
+    missing = {"jinja2", "matplotlib"}
+    monkeypatch.setattr(
+        "footfall.evaluate.report.extra.find_spec", lambda name: None if name in missing else find_spec(name)
+    )
+    monkeypatch.setattr(api, "run_suite", lambda *_: pytest.fail("it ran"))
+    complaint = shell.refuses("compare", "stand", "--html", tmp_path / "a.html", "--scenarios", "forward")
+    assert "jinja2, matplotlib" in complaint
+    assert "pip install '.[report]'" in complaint

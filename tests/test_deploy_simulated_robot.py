@@ -291,10 +291,46 @@ class TestPlants:
         )
         bench = Bench(go1, plant=plant)
         assert self.stands(bench)
-        assert bench.body.notes == ("names.xml has no geom FR_foot: what these feet do is not recorded",)
+        assert bench.body.notes == ("feet of names.xml found by their place: FR_foot is toe of body FR_calf",)
+        assert bench.body.truth().foot_contact.all()
+
+    def test_of_another_maker_has_its_feet_found_by_body_and_place(self, go1: Robot, tmp_path: Path) -> None:
+        """Nameless geoms: a mesh and a capsule along the shank, a foot on a body that is fixed to it."""
+        shank = """<geom class="collision" type="mesh" mesh="shank"/>
+          <geom class="collision" type="capsule" size="0.012" fromto="0 0 -0.02 0 0 -0.2"/>
+          <body name="{leg}_end" pos="0 0 -0.15"><geom class="foot" pos="0 0 -0.063"/></body>"""
+        mesh = '<asset><mesh name="shank" vertex="-.01 -.01 0 .01 -.01 0 0 .01 0 0 0 -.2"/></asset>'
+        feet = [
+            (f'<geom name="{leg}_foot" class="foot"/>', shank.format(leg=leg))
+            for leg in ("FR", "FL", "RR", "RL")
+        ]
+        own = Bench(go1)
+        other = Bench(go1, plant=rewritten(go1, tmp_path / "other.xml", *feet, extra=mesh))
+        assert "FR_foot is geom" in other.body.notes[0]
+        assert "of body FR_end" in other.body.notes[0]
+        places = [bench.body.truth().foot_position for bench in (own, other)]
+        np.testing.assert_allclose(*places, atol=1e-4)
+        assert self.stands(other)
+        truth = other.body.truth()
+        assert truth.foot_contact.all()
+        assert truth.foot_force.sum() == pytest.approx(other.body.model.body_subtreemass[0] * 9.81, rel=0.05)
+        slippery = Bench(go1, plant=tmp_path / "other.xml", sample=Sample(friction=np.array(0.2))).body.model
+        toes = slippery.geom_friction[slippery.geom_bodyid == slippery.body("FR_end").id]
+        assert toes[:, 0] == pytest.approx(0.2)
+        assert (slippery.geom_friction[:, 0] > 0.5).any()  # the shanks keep theirs
+
+    def test_without_anything_where_a_foot_should_be_stands_all_the_same(
+        self, go1: Robot, tmp_path: Path
+    ) -> None:
+        """Shanks that end where the feet would be: no foot's motion is known, and nothing else suffers."""
+        shank = '<geom class="collision" type="capsule" size="0.023" fromto="0 0 0 0 0 -0.213"/>'
+        feet = [(f'<geom name="{leg}_foot" class="foot"/>', shank) for leg in ("FR", "FL", "RR", "RL")]
+        bench = Bench(go1, plant=rewritten(go1, tmp_path / "stilts.xml", *feet))
+        assert self.stands(bench)
         truth = bench.body.truth()
-        assert np.isnan(truth.foot_velocity[0]).all()
-        assert truth.foot_contact.tolist() == [False, True, True, True]
+        assert np.isnan(truth.foot_position).all()
+        assert not truth.foot_contact.any()
+        assert "what these feet do is not recorded" in bench.body.notes[0]
 
     def test_without_reflected_inertia_it_gets_the_robots(self, go1: Robot, tmp_path: Path) -> None:
         plant = rewritten(

@@ -31,6 +31,10 @@ class TestScenarioFile:
         assert all(name in str(error.value) for name in FILE.scenarios)
         assert "\n" not in str(error.value)
 
+    def test_a_scenario_named_twice_is_refused(self) -> None:
+        with pytest.raises(UserError, match="'push' is named twice"):
+            FILE.select(["push", "nominal", "push"])
+
     def test_no_scenario_is_an_error_too(self) -> None:
         with pytest.raises(UserError, match="choose from nominal"):
             FILE.select([])
@@ -65,6 +69,10 @@ class TestPlans:
     def test_more_episodes_leave_the_first_ones_as_they_were(self, name: str) -> None:
         few, many = (plan_episodes(name, FILE.scenarios[name], 0, count) for count in (5, 40))
         assert many[:5] == few
+
+    def test_another_name_gives_other_draws_from_the_same_seed(self) -> None:
+        one, other = (plan_episodes(name, FILE.scenarios["nominal"], 0, 4) for name in ("nominal", "copy"))
+        assert all(a.schedule != b.schedule and a.seed != b.seed for a, b in zip(one, other, strict=True))
 
     def test_another_seed_gives_other_commands(self) -> None:
         first, second = (plan_episodes("nominal", FILE.scenarios["nominal"], seed, 4) for seed in (0, 1))

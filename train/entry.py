@@ -1,8 +1,7 @@
 """The way to the learning libraries, which may not be installed."""
 
-import io
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, redirect_stdout, suppress
+from contextlib import contextmanager, suppress
 from threading import Thread
 from typing import Any
 
@@ -17,12 +16,9 @@ def learning_libraries() -> Iterator[None]:
     Raises:
         UserError: JAX or another library of the `train` extra is missing.
     """
-    # MJX announces on stdout that it goes without Warp, as it should.
-    with (
-        needs_extra("train", "training and export need"),
-        collector_paused(),
-        redirect_stdout(io.StringIO()),
-    ):
+    with needs_extra("train", "training and export need"), collector_paused():
+        import footfall.envs.workarounds.quiet_mjx  # noqa: F401, before brax imports MJX
+
         yield
 
 

@@ -3,6 +3,7 @@
 from importlib.util import find_spec
 
 from footfall.common.errors import UserError
+from footfall.common.installation import install_extras
 
 LIBRARIES = ("jinja2", "matplotlib", "imageio_ffmpeg", "PIL")
 
@@ -16,6 +17,5 @@ def check_installed() -> None:
     missing = [name for name in LIBRARIES if find_spec(name) is None]
     if missing:
         raise UserError(
-            f"an HTML report needs {', '.join(missing)}, which is not installed:"
-            " install the extra with pip install '.[report]' in footfall's folder"
+            f"an HTML report needs {', '.join(missing)}, which is not installed: {install_extras('report')}"
         )

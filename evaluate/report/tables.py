@@ -27,7 +27,7 @@ def headlines(comparison: Comparison) -> str:
     rows = []
     for place, contender in enumerate(comparison.policies):
         cells = "".join(
-            _cell(figure, contender.result["scenarios"][scenario], place in winners[figure.key, scenario])
+            _cell(figure, contender.result["scenarios"][scenario], place == winners[figure.key, scenario])
             for figure, scenario in columns
         )
         rows.append(
@@ -89,8 +89,8 @@ def details(comparison: Comparison) -> str:
         rows = []
         for figure in figures().values():
             if measured(figure, summaries):
-                winners = best(figure, summaries)
-                cells = "".join(_cell(figure, s, place in winners) for place, s in enumerate(summaries))
+                winner = best(figure, summaries)
+                cells = "".join(_cell(figure, s, place == winner) for place, s in enumerate(summaries))
                 rows.append(f"<tr><th scope=row>{escape(figure.title)}</th>{cells}</tr>")
         head = "".join(f"<th scope=col>{escape(name)}</th>" for name in by_name)
         parts.append(
@@ -106,7 +106,7 @@ def _troubles(summaries: Mapping[str, Summary]) -> str:
     items = [
         f"<li>{escape(name)}: {escape(reason)} ({count})</li>"
         for name, summary in summaries.items()
-        for reason, count in summary["troubles"].items()
+        for reason, count in summary.get("troubles", {}).items()
     ]
     return (
         f"<p class=soft>What ended episodes early:</p><ul class=soft>{''.join(items)}</ul>" if items else ""

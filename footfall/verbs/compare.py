@@ -1,11 +1,11 @@
 """`footfall compare`."""
 
-from footfall.evaluation import NOMINAL, EvaluationOptions, arguments
+from footfall.evaluation import NOMINAL, EvaluationOptions, arguments, exit_status
 from footfall.options import HtmlFile, PolicyName
 
 
-def compare(*policies: PolicyName, options: EvaluationOptions = NOMINAL, html: HtmlFile = None) -> None:
-    """Put several policies through the same scenarios, and write a table, JSON and an HTML report."""
+def compare(*policies: PolicyName, options: EvaluationOptions = NOMINAL, html: HtmlFile = None) -> int:
+    """Put policies through the same scenarios: table, JSON, HTML report; exit 1 if an episode failed."""
     from footfall.evaluate.api import compare_policies
 
-    compare_policies(policies, **arguments(options), html_path=html)
+    return exit_status(compare_policies(policies, **arguments(options), html_path=html).values())

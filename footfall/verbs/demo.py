@@ -32,11 +32,15 @@ class DemoOptions:
 
 
 def demo(*, options: DemoOptions = DemoOptions()) -> None:
-    """Train for a few minutes, run the policy over CAN, hold it against the others: ends with a report."""
+    """Train for a few minutes, run the policy over CAN, compare it with the others: ends with a report."""
+    from footfall.evaluate.report.extra import check_installed
+    from footfall.evaluate.scenarios import load_scenarios
     from footfall.policies.registry import walking_controllers, zoo_names
     from footfall.robots.description import load_robot
 
     robot = load_robot(options.robot)
+    load_scenarios().select(options.scenarios)  # what only the last step needs is known before the first
+    check_installed()
     folder = options.out or Path("runs") / f"demo-{datetime.now():%Y%m%d-%H%M%S}"
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise UserError(f"{folder} exists and is not empty: give another --out")

@@ -1,11 +1,11 @@
 """`footfall evaluate`."""
 
-from footfall.evaluation import NOMINAL, EvaluationOptions, arguments
+from footfall.evaluation import NOMINAL, EvaluationOptions, arguments, exit_status
 from footfall.options import PolicyName
 
 
-def evaluate(policy: PolicyName, /, *, options: EvaluationOptions = NOMINAL) -> None:
-    """Put a policy through scenarios in lockstep, in parallel processes."""
+def evaluate(policy: PolicyName, /, *, options: EvaluationOptions = NOMINAL) -> int:
+    """Put a policy through scenarios in lockstep, in parallel processes; exit 1 if an episode failed."""
     from footfall.evaluate.api import evaluate_policy
 
-    evaluate_policy(policy, **arguments(options))
+    return exit_status([evaluate_policy(policy, **arguments(options))])

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 
 from footfall.common.errors import UserError
+from footfall.evaluation import exit_status
 from footfall.options import Count, Index, RobotName, Seconds, Seed
 from footfall.train.entry import learning_libraries, start_device
 from footfall.verbs.watch import LOCAL_PAGE, PageOptions
@@ -68,8 +69,8 @@ def train(
     options: TrainOptions = TrainOptions(),
     cluster: ClusterOptions = ALONE,
     page: PageOptions = LOCAL_PAGE,
-) -> None:
-    """Train a policy; RUN/policy.onnx is there when it ends."""
+) -> int:
+    """Train a policy; RUN/policy.onnx is there when it ends. Exit 1 if an evaluation's episode failed."""
     from footfall.train.runs.folder import open_run
 
     if page != LOCAL_PAGE and not options.watch:
@@ -93,21 +94,21 @@ def train(
     main = api.cluster.is_main_process()
     with _watched(folder, page) if options.watch and main else nullcontext():
         api.resume(folder)
-    if options.evaluate and main:
-        _evaluate(folder)
+    return _evaluate(folder) if options.evaluate and main else 0
 
 
-def _evaluate(folder: Path) -> None:
-    """Walk a run's policy, unless it has been walked."""
+def _evaluate(folder: Path) -> int:
+    """Walk a run's policy, unless it has been walked; returns the exit status."""
     from footfall.evaluate.api import evaluate_policy
     from footfall.train.runs.folder import open_run
 
     run = open_run(folder)
     result = folder / "evaluation.json"
     if result.is_file() and result.stat().st_mtime_ns >= run.policy.stat().st_mtime_ns:
-        return
+        return 0
     seed = run.provenance.seed
-    evaluate_policy(str(folder), run.provenance.robot, (EVALUATION,), seed=seed, json_path=result)
+    walked = evaluate_policy(str(folder), run.provenance.robot, (EVALUATION,), seed=seed, json_path=result)
+    return exit_status([walked])
 
 
 def _may_be_main_process(cluster: ClusterOptions) -> bool:

@@ -1,8 +1,6 @@
 """What a sweep's trials will report, known before one runs."""
 
-import io
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import redirect_stdout
 from functools import partial
 from multiprocessing import get_context
 
@@ -22,14 +20,13 @@ def reported_metrics(robot: str, config: TrainConfig) -> list[str]:
 
 
 def _trace(robot_name: str, config: TrainConfig) -> list[str]:
-    with redirect_stdout(io.StringIO()):  # MJX announces there that it goes without Warp, as it should
-        import jax
+    import jax
 
-        from footfall.envs.symmetry import environment_mirror
-        from footfall.envs.velocity import VelocityEnv
-        from footfall.robots.description import load_robot
-        from footfall.train.brax.networks import make_networks
-        from footfall.train.brax.ppo import initial_state, make_iteration
+    from footfall.envs.symmetry import environment_mirror
+    from footfall.envs.velocity import VelocityEnv
+    from footfall.robots.description import load_robot
+    from footfall.train.brax.networks import make_networks
+    from footfall.train.brax.ppo import initial_state, make_iteration
 
     jax.config.update("jax_platforms", "cpu")
     robot, ppo = load_robot(robot_name), config.ppo

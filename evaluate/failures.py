@@ -1,0 +1,24 @@
+"""Episodes that could not be run to their end: how many, and why."""
+
+from collections import Counter
+from collections.abc import Sequence
+
+from footfall.evaluate.figures import Summary
+
+REASONS = 3  # that a line names
+
+
+def failures(summaries: Sequence[Summary]) -> str:
+    """'2 of 24 episodes failed: ValueError: no (2)', the most frequent reasons first; empty if none did.
+
+    Args:
+        summaries: of scenarios, as `footfall.evaluate.summary.summarise` makes them.
+    """
+    failed = [error.partition(": ")[2] for summary in summaries for error in summary["failed_episodes"]]
+    if not failed:
+        return ""
+    total = len(failed) + sum(summary["episodes"] for summary in summaries)
+    counted = Counter(failed).most_common()
+    named = [f"{reason} ({count})" for reason, count in counted[:REASONS]]
+    more = [f"{len(counted) - REASONS} more reasons"] if len(counted) > REASONS else []
+    return f"{len(failed)} of {total} episodes failed: {'; '.join(named + more)}"

@@ -1,0 +1,125 @@
+"""One sentence: who is better at what, and how sure that is."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from footfall.evaluate.figures import (
+    LEAST_EPISODES,
+    Figure,
+    Summary,
+    figures,
+    interval_text,
+    leaders,
+    measured,
+    text,
+    value,
+)
+
+Summaries = Mapping[str, Summary]  # by policy
+Headline = tuple[Figure, str]  # a figure and the scenario that it is taken from
+
+
+def headlines(by_scenario: Mapping[str, Summaries]) -> list[Headline]:
+    """The figures that a report opens with: of the first scenario, and of the first one with pushes.
+
+    Args:
+        by_scenario: {scenario: {policy: summary}}.
+    """
+    first = next(iter(by_scenario))
+    found = []
+    for key, figure in figures().items():
+        of_pushes = (name for name, each in by_scenario.items() if measured(figure, list(each.values())))
+        scenario = next(of_pushes, first) if key == "dv50" else first
+        if figure.headline and measured(figure, list(by_scenario[scenario].values())):
+            found.append((figure, scenario))
+    return found
+
+
+def verdict(by_scenario: Mapping[str, Summaries]) -> str:
+    """One sentence that follows from the figures and their 95 % intervals alone.
+
+    Args:
+        by_scenario: {scenario: {policy: summary}}, the same policies in each.
+    """
+    rows = headlines(by_scenario)
+    if not rows:
+        return "Nothing could be measured: every episode failed."
+    used = {scenario: by_scenario[scenario] for _, scenario in rows}
+    if len(next(iter(used.values()))) == 1:
+        return _alone(rows, used)
+    if min(_episodes(each) for each in used.values()) < LEAST_EPISODES:
+        return (
+            f"Too few episodes to say who is better ({_counted(used)}): an interval over fewer than"
+            f" {LEAST_EPISODES} promises more than it knows."
+        )
+    return _ranking([row for row in rows if row[0].better], used)
+
+
+def _alone(rows: Sequence[Headline], by_scenario: Mapping[str, Summaries]) -> str:
+    shown = []
+    for figure, scenario in rows:
+        ((name, summary),) = by_scenario[scenario].items()
+        sure = interval_text(figure, summary)
+        verb = "fell in" if figure.key == "falls" else _lower(figure.label)
+        shown.append(f"{verb} {text(figure, summary)} {figure.unit}".strip() + (f" ({sure})" if sure else ""))
+    return f"Over {_counted(by_scenario)}, {name} {'; '.join(shown)} (95 % intervals in brackets)."
+
+
+def _ranking(rows: Sequence[Headline], by_scenario: Mapping[str, Summaries]) -> str:
+    clear: dict[tuple[str, ...], list[str]] = {}
+    marred: list[str] = []
+    unclear: list[str] = []
+    for figure, scenario in rows:
+        names, summaries = list(by_scenario[scenario]), list(by_scenario[scenario].values())
+        first = leaders(figure, summaries)
+        if first:
+            group = tuple(names[index] for index in sorted(first))
+            clear.setdefault(group, []).append(f"{figure.leads} ({_evidence(figure, names, summaries)})")
+        elif smallest := leaders(replace(figure, upright=False), summaries):
+            who = _listed([names[index] for index in sorted(smallest)])
+            marred.append(f"{who} leads in {_lower(figure.label)} but falls more often")
+        else:
+            unclear.append(_lower(figure.label))
+    claims = [f"{_listed(group)} {_listed(done)}" for group, done in clear.items()] + marred
+    nothing = f"no clear difference in {_listed(unclear, 'or')}" if unclear else ""
+    if not claims:
+        return f"Over {_counted(by_scenario)} there is {nothing}: the 95 % intervals overlap."
+    return f"Over {_counted(by_scenario)}, {'; '.join(claims)}; these 95 % intervals lie apart" + (
+        f", and there is {nothing}." if nothing else "."
+    )
+
+
+def _evidence(figure: Figure, names: Sequence[str], summaries: Sequence[Summary]) -> str:
+    """The leaders' numbers and that of the best of the others."""
+    first = leaders(figure, summaries)
+    own = _listed([text(figure, summaries[index]) for index in sorted(first)])
+    others = [index for index in range(len(names)) if index not in first]
+    nearest = min(others, key=lambda index: _badness(figure, summaries[index]))
+    unit = f" {figure.unit}" if figure.unit else ""
+    return f"{own}{unit}, next {names[nearest]} with {text(figure, summaries[nearest])}"
+
+
+def _badness(figure: Figure, summary: Summary) -> float:
+    number = value(figure, summary)
+    if number is None:
+        return math.inf
+    return -number if figure.better == "high" else number
+
+
+def _counted(by_scenario: Mapping[str, Summaries]) -> str:
+    counts = [f"{_episodes(each)} episodes of {scenario}" for scenario, each in by_scenario.items()]
+    return _listed(counts)
+
+
+def _episodes(summaries: Summaries) -> int:
+    return min(summary["episodes"] for summary in summaries.values())
+
+
+def _lower(label: str) -> str:
+    return label[0].lower() + label[1:]
+
+
+def _listed(parts: Sequence[str], word: str = "and") -> str:
+    """'a', 'a and b', 'a, b and c'."""
+    return f" {word} ".join(filter(None, [", ".join(parts[:-1]), parts[-1]]))

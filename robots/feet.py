@@ -1,0 +1,62 @@
+"""Which geoms of a model are the robot's feet, also in a model that calls them otherwise."""
+
+import mujoco
+import numpy as np
+
+from footfall.robots.description import Foot, Robot, load_spec
+
+NEAR = 0.25  # of the last link's length: how far from its expected place a foot may be
+
+
+def find_feet(model: mujoco.MjModel, robot: Robot) -> np.ndarray:
+    """Geom of each foot, (feet,), -1 where there is none.
+
+    A foot is known by its geom's name. In a model without that name it is found by body and place: among the
+    geoms that can collide on the leg's last link (and on what is fixed to it), the one nearest to where the
+    robot's own model has the foot, seen from the last joint, in the default pose.
+
+    Args:
+        model: compiled, with the robot's joint names.
+        robot: whose feet to look for.
+    """
+    feet = robot.description.feet
+    found = np.array([mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, foot.geom) for foot in feet])
+    absent = np.flatnonzero(found < 0)
+    if len(absent):
+        own = load_spec(robot.xml_path).compile()
+        expected, actual = _in_default_pose(own, robot), _in_default_pose(model, robot)
+        for index in absent:
+            place = _from_last_joint(own, expected, feet[index], own.geom(feet[index].geom).id)
+            found[index] = _nearest(model, actual, feet[index], place)
+    return found
+
+
+def _in_default_pose(model: mujoco.MjModel, robot: Robot) -> mujoco.MjData:
+    """The model upright in the default pose."""
+    data = mujoco.MjData(model)
+    base = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)[0]
+    at = model.jnt_qposadr[base]
+    data.qpos[at + 3 : at + 7] = (1.0, 0.0, 0.0, 0.0)
+    data.qpos[[model.joint(name).qposadr[0] for name in robot.joint_names]] = robot.default_pose
+    mujoco.mj_kinematics(model, data)
+    return data
+
+
+def _from_last_joint(model: mujoco.MjModel, data: mujoco.MjData, foot: Foot, geom: int) -> np.ndarray:
+    """Where a geom's centre is, seen from the anchor of the leg's last joint, m, (3,)."""
+    return data.geom_xpos[geom] - data.xanchor[model.joint(foot.joints[-1]).id]
+
+
+def _nearest(model: mujoco.MjModel, data: mujoco.MjData, foot: Foot, place: np.ndarray) -> int:
+    """The geom of the leg's last link nearest to a place, -1 if none is near."""
+    link = model.body_weldid[model.joint(foot.joints[-1]).bodyid[0]]
+    collides = (model.geom_contype | model.geom_conaffinity) != 0
+    candidates = np.flatnonzero(collides & (model.body_weldid[model.geom_bodyid] == link))
+    if not len(candidates):
+        return -1
+    away = [
+        float(np.linalg.norm(_from_last_joint(model, data, foot, geom) - place))
+        for geom in candidates.tolist()
+    ]
+    nearest = int(np.argmin(away))
+    return int(candidates[nearest]) if away[nearest] <= NEAR * np.linalg.norm(place) else -1

@@ -1,0 +1,135 @@
+"""Who is better, by intervals: what is marked as best, and the sentence that opens a report."""
+
+from typing import Any
+
+import pytest
+
+from footfall.evaluate.failures import failures
+from footfall.evaluate.figures import beats, best, figures, leaders
+from footfall.evaluate.statistics import wilson_interval
+from footfall.evaluate.verdict import verdict
+
+ERROR, FALLS, PUSH = (figures()[key] for key in ("lin_vel_rmse", "falls", "dv50"))
+
+
+def scored(error: float, half_width: float = 0.0, falls: int = 0, episodes: int = 24, **more: Any) -> dict:
+    """A scenario's summary with one measured figure."""
+    return {
+        "episodes": episodes,
+        "falls": falls,
+        "fall_rate": falls / episodes,
+        "fall_rate_interval": list(wilson_interval(falls, episodes)),
+        "lin_vel_rmse": error,
+        "lin_vel_rmse_interval": [error - half_width, error + half_width],
+        **more,
+    }
+
+
+def pushed(dv50: float | None, low: float | None, high: float | None, falls: int = 48) -> dict:
+    """A push scenario's summary; None is beyond the strongest push, 5 m/s."""
+    return scored(1.0, 1.0, falls, 96) | {
+        "dv50": dv50,
+        "dv50_interval": [low, high],
+        "strongest_push": 5.0,
+    }
+
+
+class TestBest:
+    def test_is_who_has_an_interval_apart_from_all_others(self) -> None:
+        assert best(ERROR, [scored(0.3, 0.02), scored(0.1, 0.02), scored(0.2, 0.02)]) == 1
+
+    def test_is_nobody_where_intervals_overlap(self) -> None:
+        assert best(ERROR, [scored(0.30, 0.06), scored(0.20, 0.06)]) is None
+        assert best(FALLS, [scored(0.1, falls=4), scored(0.1, falls=5)]) is None
+
+    def test_is_the_highest_where_more_is_better(self) -> None:
+        assert best(PUSH, [pushed(2.0, 1.8, 2.2), pushed(1.0, 0.8, 1.2)]) == 0
+
+    def test_who_stands_every_push_beats_who_does_not_but_not_another_of_his_kind(self) -> None:
+        unmoved, weak = pushed(None, None, None, falls=0), pushed(1.0, 0.8, 1.2)
+        assert best(PUSH, [weak, unmoved]) == 1
+        assert not beats(PUSH, unmoved, unmoved)
+
+    def test_who_falls_more_often_wins_nothing_by_falling_early(self) -> None:
+        careless, careful = scored(0.1, 0.01, falls=1), scored(0.5, 0.01, falls=0)
+        assert best(ERROR, [careless, careful]) is None
+        assert best(ERROR, [careless, scored(0.5, 0.01, falls=1)]) == 0
+
+    def test_few_episodes_rank_nobody(self) -> None:
+        assert best(ERROR, [scored(0.1, episodes=7), scored(0.5, episodes=7)]) is None
+        assert best(ERROR, [scored(0.1, episodes=8), scored(0.5, episodes=8)]) == 0
+
+    def test_a_figure_without_a_better_side_or_without_an_interval_has_no_best(self) -> None:
+        one, other = ({**scored(0.1), "peak_torque_nm": torque} for torque in (10.0, 20.0))
+        assert best(figures()["peak_torque_nm"], [one, other]) is None
+        one, other = ({**scored(0.1), "peak_torque_share": share} for share in (0.5, 1.0))
+        assert best(figures()["peak_torque_share"], [one, other]) is None
+
+    def test_several_lead_together_where_each_beats_all_the_rest(self) -> None:
+        summaries = [scored(0.10, 0.02), scored(0.50, 0.02), scored(0.11, 0.02)]
+        assert leaders(ERROR, summaries) == {0, 2}
+        assert best(ERROR, summaries) is None
+
+    def test_a_policy_whose_episodes_all_failed_beats_nobody(self) -> None:
+        failed = {"episodes": 0, "failed_episodes": ["episode 0: no"]}
+        assert best(ERROR, [failed, scored(0.1)]) is None
+        assert leaders(FALLS, [failed, scored(0.1)]) == set()
+
+
+class TestVerdict:
+    def test_says_who_is_better_at_what_by_how_much_and_how_sure(self) -> None:
+        sentence = verdict(
+            {
+                "nominal": {"mine": scored(0.1, 0.01), "trot": scored(0.3, 0.01, falls=12)},
+                "push": {"mine": pushed(1.0, 0.8, 1.2), "trot": pushed(1.1, 0.9, 1.3)},
+            }
+        )
+        assert sentence == (
+            "Over 24 episodes of nominal and 96 episodes of push, mine falls least often"
+            " (0 of 24, next trot with 12 of 24) and follows the commanded velocity most closely"
+            " (0.100 m/s, next trot with 0.300); these 95 % intervals lie apart,"
+            " and there is no clear difference in median survivable push."
+        )
+
+    def test_overlapping_intervals_are_no_clear_difference(self) -> None:
+        sentence = verdict({"nominal": {"a": scored(0.1, 0.05), "b": scored(0.12, 0.05, falls=1)}})
+        assert sentence == (
+            "Over 24 episodes of nominal there is no clear difference in falls or velocity error:"
+            " the 95 % intervals overlap."
+        )
+
+    def test_a_small_error_of_who_falls_more_is_told_with_the_falls(self) -> None:
+        sentence = verdict({"nominal": {"a": scored(0.1, 0.01, falls=3), "b": scored(0.3, 0.01)}})
+        assert "a leads in velocity error but falls more often" in sentence
+        assert "no clear difference in falls" in sentence
+
+    def test_too_few_episodes_are_said_to_be_too_few(self) -> None:
+        sentence = verdict({"nominal": {"a": scored(0.1, episodes=3), "b": scored(0.9, episodes=3)}})
+        assert sentence.startswith("Too few episodes to say who is better (3 episodes of nominal)")
+
+    def test_one_policy_alone_is_described(self) -> None:
+        sentence = verdict({"nominal": {"mine": scored(0.1, 0.01, falls=1)}})
+        assert sentence == (
+            "Over 24 episodes of nominal, mine fell in 1 of 24 (1 to 20 %); velocity error 0.100 m/s"
+            " (0.090 to 0.110) (95 % intervals in brackets)."
+        )
+
+    def test_nothing_measured_is_said(self) -> None:
+        assert "every episode failed" in verdict(
+            {"nominal": {"a": {"episodes": 0, "failed_episodes": ["x: y"]}}}
+        )
+
+
+class TestFailures:
+    @pytest.mark.parametrize(
+        ("failed", "line"),
+        [
+            ([], ""),
+            (["episode 1: ValueError: no: never"], "1 of 25 episodes failed: ValueError: no: never (1)"),
+            (["episode 0: b", "episode 1: a", "episode 2: a"], "3 of 27 episodes failed: a (2); b (1)"),
+            ([f"episode {i}: {i}" for i in range(5)], "0 (1); 1 (1); 2 (1); 2 more reasons"),
+        ],
+    )
+    def test_are_counted_by_reason(self, failed: list[str], line: str) -> None:
+        assert failures([{"episodes": 24, "failed_episodes": failed}]).endswith(line)
+        assert bool(line) == bool(failures([{"episodes": 24, "failed_episodes": failed}]))

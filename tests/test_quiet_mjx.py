@@ -1,0 +1,32 @@
+"""A library that is imported says nothing on stdout; the workaround for MJX goes when MJX agrees."""
+
+import subprocess
+import sys
+from importlib.util import find_spec
+
+import pytest
+
+pytest.importorskip("mujoco.mjx")
+
+
+def said_by(code: str) -> str:
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return done.stdout
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "import footfall.envs.velocity",
+        "from footfall.train.entry import learning_wing; learning_wing()",
+        "import gymnasium; gymnasium.make('footfall.gym:footfall/Go1Velocity-v0')",
+    ],
+)
+def test_nothing_is_said_on_import(code: str) -> None:
+    assert said_by(code) == ""
+
+
+@pytest.mark.skipif(find_spec("warp") is not None, reason="Warp is installed: MJX finds it and says nothing")
+def test_mjx_still_speaks_by_itself() -> None:
+    """When this fails, delete envs/workarounds/quiet_mjx.py."""
+    assert "Failed to import warp" in said_by("import mujoco.mjx")

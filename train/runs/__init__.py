@@ -1,0 +1,1 @@
+"""A run folder and what is written into it: checkpoints, metrics, failures."""
