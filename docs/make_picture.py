@@ -1,6 +1,6 @@
-"""Renders the README's picture: one walk, exposed several times.
+"""Renders the README's moving picture: a policy walks, turns and is pushed on the simulated robot.
 
-Usage: python docs/make_picture.py [POLICY] [--robot go1] [--out docs/images/walking.png]
+Usage: python docs/make_picture.py [POLICY] [--robot go1] [--out docs/images/walking.webp]
 """
 
 import argparse
@@ -12,78 +12,48 @@ from pathlib import Path
 if sys.platform.startswith("linux"):
     os.environ.setdefault("MUJOCO_GL", "egl")
 
-import mujoco
 import numpy as np
-from matplotlib import image
+from PIL import Image
 
-from footfall.evaluate.report.scene import scene_model
-from footfall.plant.episode import Episode, run_episode
-from footfall.plant.trace import Trace
+from footfall.evaluate.report import films
+from footfall.plant.episode import Episode, Push, run_episode
 from footfall.policies.registry import load_policy
-from footfall.robots.description import Robot, load_robot
+from footfall.robots.description import load_robot
 
-WIDTH, HEIGHT = 1600, 500
-OVERSAMPLING = 2  # edges are smoothed by averaging
-EXPOSURES = 4
-SPEED_M_S = 0.8
-WALK_S = 6.0
-SPACING_HEIGHTS = 2.6  # between exposures, in standing heights
-
-
-def walk(robot: Robot, policy: str) -> Trace:
-    """Straight ahead, on the simulated robot."""
-    command = np.array([SPEED_M_S, 0.0, 0.0])
-    trace = run_episode(robot, load_policy(policy, robot), Episode(lambda _: command, WALK_S))
-    if trace.fell:
-        sys.exit(f"{policy} fell: {trace.fall_reason}")
-    return trace
+COURSE = (  # from this time on, s: forward m/s, leftward m/s, yaw rad/s
+    (0.0, (1.0, 0.0, 0.0)),
+    (3.5, (0.5, 0.0, -1.0)),
+    (5.0, (1.0, 0.0, 0.0)),
+)
+PUSH = Push(2.0, (0.0, 2.0, 0.0))
+DURATION_S = 6.0
+BEGIN = 12  # frames left out, in which it sets off
+QUALITY = 55  # of WebP, 0 to 100
 
 
-def exposures(robot: Robot, trace: Trace) -> np.ndarray:
-    """Samples at which the robot has come the same way further each time, the last one at the end."""
-    way = trace.base_position[:, 0]
-    spacing = SPACING_HEIGHTS * robot.description.standing_height_m
-    wanted = way[-1] - spacing * np.arange(EXPOSURES)[::-1]
-    return np.searchsorted(way, wanted).clip(max=len(way) - 1)
-
-
-def picture(robot: Robot, trace: Trace) -> np.ndarray:
-    """All exposures in one scene, (HEIGHT, WIDTH, 3) uint8."""
-    model = scene_model(robot, None, WIDTH * OVERSAMPLING, HEIGHT * OVERSAMPLING)
-    model.vis.quality.shadowsize = 4096
-    data, camera, options = mujoco.MjData(model), mujoco.MjvCamera(), mujoco.MjvOption()
-    options.geomgroup[3:] = 0  # collision geometry, by custom
-    indices = exposures(robot, trace)
-    middle = trace.base_position[indices].mean(axis=0)
-    height = robot.description.standing_height_m
-    camera.lookat[:] = middle[0], middle[1], 0.6 * height
-    camera.distance = SPACING_HEIGHTS * height * (EXPOSURES - 1) * 0.72
-    camera.azimuth, camera.elevation = 104.0, -12.0
-    with mujoco.Renderer(model, HEIGHT * OVERSAMPLING, WIDTH * OVERSAMPLING, max_geom=4000) as renderer:
-        for number, index in enumerate(indices[::-1]):
-            data.qpos[:] = trace.qpos[index]
-            mujoco.mj_kinematics(model, data)
-            mujoco.mj_camlight(model, data)
-            if number == 0:
-                renderer.update_scene(data, camera, options)
-                continue
-            moving = mujoco.mjtCatBit.mjCAT_DYNAMIC
-            mujoco.mjv_addGeoms(model, data, options, mujoco.MjvPerturb(), moving, renderer.scene)
-        large = renderer.render().astype(float)
-    blocks = large.reshape(HEIGHT, OVERSAMPLING, WIDTH, OVERSAMPLING, 3)
-    return blocks.mean(axis=(1, 3)).round().astype(np.uint8)
+def command(time_s: float) -> np.ndarray:
+    """What is asked for so long after walking began, (3,)."""
+    return np.array([vector for start_s, vector in COURSE if time_s >= start_s][-1])
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("policy", nargs="?", default="go1-flat")
     parser.add_argument("--robot", default="go1")
-    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "images" / "walking.png")
+    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "images" / "walking.webp")
     options = parser.parse_args()
     robot = load_robot(options.robot)
+    trace = run_episode(robot, load_policy(options.policy, robot), Episode(command, DURATION_S, pushes=(PUSH,)))
+    if trace.fell:
+        sys.exit(f"{options.policy} fell: {trace.fall_reason}")
+    film = films.FilmTask(options.robot, None, trace, (PUSH,))
+    first, *others = [Image.fromarray(frame) for frame in films.frames(film)][BEGIN:]
+    frame_ms = round(1000 / films.FRAME_RATE_HZ)
     options.out.parent.mkdir(parents=True, exist_ok=True)
-    image.imsave(options.out, picture(robot, walk(robot, options.policy)))
-    print(f"wrote {options.out}")
+    first.save(
+        options.out, save_all=True, append_images=others, duration=frame_ms, loop=0, quality=QUALITY, method=6
+    )
+    print(f"wrote {options.out}: {1 + len(others)} frames, {options.out.stat().st_size / 1e6:.2f} MB")
 
 
 if __name__ == "__main__":
