@@ -43,7 +43,9 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path(__file__).parent / "images" / "walking.webp")
     options = parser.parse_args()
     robot = load_robot(options.robot)
-    trace = run_episode(robot, load_policy(options.policy, robot), Episode(command, DURATION_S, pushes=(PUSH,)))
+    trace = run_episode(
+        robot, load_policy(options.policy, robot), Episode(command, DURATION_S, pushes=(PUSH,))
+    )
     if trace.fell:
         sys.exit(f"{options.policy} fell: {trace.fall_reason}")
     film = films.FilmTask(options.robot, None, trace, (PUSH,))

@@ -1,4 +1,4 @@
-"""The page: a panel with commands, state and curves beside the 3-D view."""
+"""The page's server: where it listens, and viser's page made ours."""
 
 import errno
 import io
@@ -6,41 +6,17 @@ import logging
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
-from typing import TYPE_CHECKING, NamedTuple
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from footfall.common.errors import UserError
 from footfall.common.installation import needs_extra
-from footfall.pages.metrics_file import MetricsFile, thinned
-from footfall.policies.contract import CommandRange
+from footfall.pages.handshake import own_handshake
 
 if TYPE_CHECKING:
-    from viser import GuiSliderHandle, GuiUplotHandle, ViserServer
+    from viser import ViserServer
 
 NOT_HERE = (errno.EADDRNOTAVAIL, errno.EAFNOSUPPORT)
-POINTS = 400  # of a curve, at most
-CURVE_HEIGHT_PX = 110
-CURVES_WIDTH_PX = 320
 BRAND = (224, 112, 26)
-COLOUR = "#{:02x}{:02x}{:02x}".format(*BRAND)
-
-
-class Curve(NamedTuple):
-    """One chart: what it says above it, and the metric that it draws."""
-
-    title: str
-    metric: str
-
-
-CURVES = (
-    Curve("Reward, per second", "reward/total"),
-    Curve("Error of velocity, m/s", "tracking/linear_error_m_s"),
-    Curve("Error of yaw rate, rad/s", "tracking/yaw_error_rad_s"),
-    Curve("Length of an episode, s", "episode/length_s"),
-    Curve("Learning rate", "learning/learning_rate"),
-    Curve("Environment steps per second", "speed/steps_per_s"),
-)
 
 
 @contextmanager
@@ -55,7 +31,7 @@ def serving(host: str, port: int, label: str) -> "Iterator[ViserServer]":
 
     # A browser that hangs up early, as browsers do, would cost a traceback.
     logging.getLogger("websockets").setLevel(logging.CRITICAL)
-    with _quietly():
+    with _quietly(), own_handshake(host):
         server = ViserServer(host, port, label=label, verbose=False)
     try:
         server.gui.main_panel.dock_right()
@@ -117,107 +93,3 @@ def _no_page(host: str, port: int, reason: str | None) -> UserError:
 def _quietly() -> "redirect_stdout[io.StringIO]":
     """Whatever viser says of itself is said by us in a line."""
     return redirect_stdout(io.StringIO())
-
-
-class Panel:
-    """What the visitor reads and moves. Fields are read by the walk at its own pace."""
-
-    def __init__(self, server: "ViserServer") -> None:
-        self._server, self._gui = server, server.gui
-        self._status = self._gui.add_markdown("")
-        self._sliders: list[GuiSliderHandle[float]] = []
-        self._push_asked = self._restart_asked = False
-        self._commands = self._gui.add_folder("Command", visible=False)
-        with self._commands:
-            self._pause = self._gui.add_checkbox("Pause", False)
-            self._follow = self._gui.add_checkbox("Follow", True)
-            self._push_m_s = self._gui.add_slider("Push, m/s", 0.2, 4.0, 0.1, 1.0)
-            push = self._gui.add_button("Push it")
-            restart = self._gui.add_button("Start again", color="gray")
-        push.on_click(lambda _: setattr(self, "_push_asked", True))
-        restart.on_click(lambda _: setattr(self, "_restart_asked", True))
-        curves = self._gui.add_panel()
-        self._curves = curves.add_tab("Curves")
-        with self._curves:
-            self._gui.add_markdown("Over million environment steps:")
-        curves.dock_left()
-        curves.set_width(CURVES_WIDTH_PX)
-        self._charts: dict[str, GuiUplotHandle] = {}
-
-    def offer_commands(self, ranges: CommandRange) -> None:
-        """Show the controls, with sliders over the commands that the policy was trained on."""
-        rows = (
-            ("Forward, m/s", ranges.forward_m_s, 0.5),
-            ("Left, m/s", ranges.leftward_m_s, 0.0),
-            ("Yaw, rad/s", ranges.yaw_rad_s, 0.0),
-        )
-        with self._commands:
-            self._sliders = [
-                self._gui.add_slider(label, low, high, 0.05, float(np.clip(first, low, high)), order=-1.0)
-                for label, (low, high), first in rows
-            ]
-        self._commands.visible = True
-
-    @property
-    def command(self) -> np.ndarray:
-        """Forward m/s, leftward m/s, yaw rad/s, (3,)."""
-        return np.array([slider.value for slider in self._sliders])
-
-    @property
-    def paused(self) -> bool:
-        """Whether the robot shall hold still: on request, and while nobody looks."""
-        return self._pause.value or not self.seen
-
-    @property
-    def seen(self) -> bool:
-        """Whether anybody has the page open."""
-        return bool(self._server.get_clients())
-
-    @property
-    def follow(self) -> bool:
-        return self._follow.value
-
-    def take_push(self) -> float:
-        """Speed of a push that was asked for since the last call, m/s; 0 if none was."""
-        asked, self._push_asked = self._push_asked, False
-        return self._push_m_s.value if asked else 0.0
-
-    def take_restart(self) -> bool:
-        """Whether a new start was asked for since the last call."""
-        asked, self._restart_asked = self._restart_asked, False
-        return asked
-
-    def say(self, markdown: str) -> None:
-        """Show the state of things."""
-        if self._status.content != markdown:
-            self._status.content = markdown
-
-    def draw(self, metrics: MetricsFile) -> None:
-        """Draw the curves of all metrics that the run has."""
-        for curve in CURVES:
-            steps, values = metrics.curve(curve.metric)
-            if len(steps) < 2:
-                continue
-            data = (thinned(steps / 1e6, POINTS), thinned(values, POINTS))
-            if curve.metric in self._charts:
-                self._charts[curve.metric].data = data
-            else:
-                self._charts[curve.metric] = self._chart(curve, data)
-
-    def _chart(self, curve: Curve, data: tuple[np.ndarray, ...]) -> "GuiUplotHandle":
-        from viser import uplot
-
-        with self._curves:
-            return self._gui.add_uplot(
-                data,
-                (
-                    uplot.Series(label="million steps"),
-                    uplot.Series(
-                        label=curve.title, stroke=COLOUR, width=2, points=uplot.Series_Points(show=False)
-                    ),
-                ),
-                title=curve.title,
-                scales={"x": uplot.Scale(time=False, auto=True), "y": uplot.Scale(auto=True)},
-                legend=uplot.Legend(show=False),
-                height=CURVE_HEIGHT_PX,
-            )

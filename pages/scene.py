@@ -10,9 +10,11 @@ from footfall.pages.geometry import Shape, visible_shapes
 from footfall.robots.description import Robot
 
 if TYPE_CHECKING:
-    from viser import ViserServer
+    from viser import ClientHandle, ViserServer
 
 WORLD = "/world"
+GREY = (150, 156, 164)  # to be seen on a light page and on a dark one
+NARROW = 0.9  # a view less wide than this, by its height, is looked at from further away
 EDGED = (mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CYLINDER)
 ARROW_S = 0.4  # an arrow's length is the way of so many seconds
 FOLLOWING = 0.1  # how much of the way to the robot the view catches up with in a frame
@@ -25,14 +27,14 @@ class Scene:
         self._server = server
         scene, height = server.scene, robot.description.standing_height_m
         self._height = height
+        self._viewpoint = np.array([2.2, -3.4, 1.9]) * height
         self._base = int(model.body(robot.description.base).id)
         scene.configure_default_lights(enabled=True, cast_shadow=True)
         self._world = scene.add_frame(WORLD, show_axes=False)
         scene.add_grid(
             f"{WORLD}/ground", width=200.0, height=200.0, cell_size=0.5, section_size=2.5,
-            cell_color=(205, 211, 218), section_color=(176, 185, 196), cell_thickness=1.0,
-            section_thickness=1.2, plane_color=(232, 236, 240), plane_opacity=1.0, shadow_opacity=0.35,
-            fade_distance=14.0, fade_strength=1.5,
+            cell_color=GREY, section_color=GREY, cell_thickness=0.6, section_thickness=1.4,
+            plane_color=GREY, plane_opacity=0.15, shadow_opacity=0.35, fade_distance=14.0, fade_strength=1.5,
         )  # fmt: skip
         shapes = visible_shapes(model)
         self.bodies = {  # by number; geoms hang on these frames
@@ -50,8 +52,16 @@ class Scene:
         }  # fmt: skip
         camera = server.initial_camera
         camera.look_at = (0.0, 0.0, 0.6 * height)
-        camera.position = (2.2 * height, -3.4 * height, 1.9 * height)
+        camera.position = tuple(self._viewpoint)
+        server.on_client_connect(self._step_back)
         self._middle = np.zeros(3)
+
+    def _step_back(self, client: "ClientHandle") -> None:
+        """From further away where the view is narrow, so that the whole robot is in it."""
+        if client.camera.aspect < NARROW:
+            target = client.camera.look_at  # which moves with the camera otherwise
+            client.camera.position = self._viewpoint * (NARROW / client.camera.aspect)
+            client.camera.look_at = target
 
     def show(self, data: mujoco.MjData, command: np.ndarray, velocity: np.ndarray, follow: bool) -> None:
         """Draw a state.

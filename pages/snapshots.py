@@ -1,4 +1,4 @@
-"""The newest policy of a run, as an ONNX file: the finished one, or the newest checkpoint exported here.
+"""A run's policies as ONNX files: the finished one, and its checkpoints, which are exported here.
 
 Exporting needs the learning wing. It happens in another process, on the processor and at low priority, so
 that neither the training nor the walk is held up by it.
@@ -16,6 +16,7 @@ from typing import NamedTuple
 from footfall.common.errors import UserError
 
 NICENESS = 10
+NEWEST, FINISHED = "newest", "policy.onnx"  # what a visitor may choose besides single checkpoints
 
 
 class Snapshot(NamedTuple):
@@ -33,6 +34,13 @@ class Exported(NamedTuple):
 
     policy: Path | None
     problem: str = ""
+
+
+class Dated(NamedTuple):
+    """A file, and when it was written."""
+
+    path: Path
+    time_ns: int
 
 
 class Exporter:
@@ -81,43 +89,75 @@ class Exporter:
 
 
 class Snapshots:
-    """Finds the newest policy of a run each time it is asked. Files go into `folder`."""
+    """Finds the chosen policy of a run each time it is asked, at first the newest. Files go into `folder`."""
 
     def __init__(self, run: Path, folder: Path) -> None:
         self._run, self._folder = run, folder
         self._exporter = Exporter(run)
-        self._under_way: Path | None = None
-        self._seen: tuple[Path, int] | None = None  # the newest file that was handed out or did not do
-        self.problem = ""  # why the newest checkpoint could not be used, in one line
+        self._export: tuple[Path, str] | None = None  # the checkpoint, and what was chosen then
+        self._done: Dated | None = None  # what was handed out last, or cannot be used
+        self.chosen = NEWEST
+        self.problem = ""  # why a checkpoint could not be used, in one line
 
-    def newest(self) -> Snapshot | None:
-        """A policy newer than the last one handed out, if there is one by now. Never waits."""
-        if self._under_way is not None:
-            return self._exported(self._under_way)
-        source = _newest_source(self._run)
+    def names(self) -> list[str]:
+        """What can be chosen: the newest, the finished policy, checkpoints from the newest on.
+
+        Those that the training dropped are among them if they have been exported here.
+        """
+        finished = [FINISHED] if (self._run / FINISHED).exists() else []
+        return [NEWEST, *finished, *self._single()]
+
+    def poll(self) -> Snapshot | None:
+        """The chosen policy, if it is another than the last one handed out and ready. Never waits."""
+        if self._export is not None:
+            outcome = self._exporter.poll()
+            if outcome is None:
+                return None
+            (checkpoint, chosen), self._export = self._export, None
+            self.problem = outcome.problem
+            if outcome.policy is not None and chosen == self.chosen:
+                return Snapshot(outcome.policy, _iteration(checkpoint))
+        source = self._source()
         if source is None:
             self._exporter.wake()
-        if source is None or source == self._seen:
+        if source is None or source == self._done:
             return None
-        self._seen, path = source, source[0]
-        if path.suffix == ".onnx":
-            self.problem = ""
-            return Snapshot(path, _iteration(newest_checkpoint(self._run)))
-        self._under_way = path
-        self._exporter.start(path, self._out(path))
-        return None
+        self._done = source  # if its export fails, it is not tried again
+        policy = self._policy_of(source)
+        if policy is None:
+            self._export = (source.path, self.chosen)
+            self._exporter.start(source.path, self._exported(source.path))
+            return None
+        self.problem = ""
+        of = newest_checkpoint(self._run) if source.path.name == FINISHED else source.path
+        return Snapshot(policy, _iteration(of))
 
     def close(self) -> None:
         self._exporter.close()
 
-    def _exported(self, checkpoint: Path) -> Snapshot | None:
-        exported = self._exporter.poll()
-        if exported is None:
-            return None
-        self._under_way, self.problem = None, exported.problem
-        return None if exported.policy is None else Snapshot(exported.policy, _iteration(checkpoint))
+    def _source(self) -> Dated | None:
+        """The file that the chosen policy is in or comes from."""
+        if self.chosen == NEWEST:
+            return _newest(newest_checkpoint(self._run), self._run / FINISHED)
+        if self.chosen == FINISHED:
+            return _newest(self._run / FINISHED)
+        checkpoint = self._single().get(self.chosen)
+        return None if checkpoint is None else _newest(checkpoint)
 
-    def _out(self, checkpoint: Path) -> Path:
+    def _single(self) -> dict[str, Path]:
+        """Checkpoints by name, from the newest on; an exported policy stands for one that was dropped."""
+        exported, kept = self._folder.glob("[0-9]*.onnx"), (self._run / "checkpoints").glob("[0-9]*.ckpt")
+        files = {int(path.stem): path for path in (*exported, *kept)}
+        return {_name(iteration): files[iteration] for iteration in sorted(files, reverse=True)}
+
+    def _policy_of(self, source: Dated) -> Path | None:
+        """The ONNX file of a source, if it is there."""
+        if source.path.suffix == ".onnx":
+            return source.path
+        exported = _newest(self._exported(source.path))
+        return exported.path if exported is not None and exported.time_ns >= source.time_ns else None
+
+    def _exported(self, checkpoint: Path) -> Path:
         return self._folder / f"{checkpoint.stem}.onnx"
 
 
@@ -126,14 +166,18 @@ def newest_checkpoint(run: Path) -> Path | None:
     return max((run / "checkpoints").glob("[0-9]*.ckpt"), key=lambda path: int(path.stem), default=None)
 
 
-def _newest_source(run: Path) -> tuple[Path, int] | None:
-    """The finished policy or the newest checkpoint, whichever is newer, and its time of writing, ns."""
+def _newest(*paths: Path | None) -> Dated | None:
+    """The file that was written last, of those that are there."""
     dated = []
-    for path in (newest_checkpoint(run), run / "policy.onnx"):
+    for path in paths:
         if path is not None:
             with suppress(FileNotFoundError):  # a checkpoint that was dropped in favour of a newer one
-                dated.append((path, path.stat().st_mtime_ns))
-    return max(dated, key=lambda item: item[1], default=None)
+                dated.append(Dated(path, path.stat().st_mtime_ns))
+    return max(dated, key=lambda file: file.time_ns, default=None)
+
+
+def _name(iteration: int) -> str:
+    return f"iteration {iteration:,}"
 
 
 def _iteration(checkpoint: Path | None) -> int | None:

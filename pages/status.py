@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 WAITING = "**waiting for the first checkpoint**"
+QUIET_S = 120.0  # a training that has written nothing for so long may have been stopped
 
 
 @dataclass
@@ -12,8 +13,10 @@ class Status:
     """State of the training and of the walk."""
 
     title: str
-    total_steps: int
+    folder: str
+    total_steps: int  # after which the training ends
     steps_per_iteration: int
+    finished: bool = False  # there is a policy of the whole training
     trained_steps: int = 0
     metrics_age_s: float | None = None  # None before the first
     iteration: int | None = None  # of the policy that walks
@@ -43,6 +46,10 @@ def as_markdown(status: Status) -> str:
         ]
     table = "\n".join(f"| {name} | {text} |" for name, text in rows)
     notes = [f"Not usable: {status.problem}"] if status.problem else []
+    if _is_quiet(status):
+        notes.append(
+            f"If the training was stopped, it goes on with `footfall train --resume {status.folder}`"
+        )
     waiting = [] if status.policies else [WAITING]
     return "\n\n".join([f"**{status.title}**", *waiting, f"| | |\n| --- | --- |\n{table}", *notes])
 
@@ -50,11 +57,15 @@ def as_markdown(status: Status) -> str:
 def _training(status: Status) -> str:
     if status.metrics_age_s is None:
         return "no metrics yet"
+    if status.finished:
+        return f"**finished** after {status.trained_steps:,} steps, {_age(status.metrics_age_s)} ago"
     share = min(status.trained_steps / status.total_steps, 1.0)
-    return (
-        f"{status.trained_steps:,} of {status.total_steps:,} steps ({share:.0%}),"
-        f" metrics {_age(status.metrics_age_s)} old"
-    )
+    progress = f"{status.trained_steps:,} of {status.total_steps:,} steps ({share:.0%})"
+    return f"{progress}, nothing new for {_age(status.metrics_age_s)}" if _is_quiet(status) else progress
+
+
+def _is_quiet(status: Status) -> bool:
+    return not status.finished and status.metrics_age_s is not None and status.metrics_age_s > QUIET_S
 
 
 def _age(seconds: float) -> str:
@@ -67,7 +78,7 @@ def _age(seconds: float) -> str:
 
 def _policy(status: Status) -> str:
     if status.iteration is None:
-        return f"number {status.policies} shown"
+        return "the run's policy.onnx"
     return f"of iteration {status.iteration:,}, {status.iteration * status.steps_per_iteration:,} steps"
 
 

@@ -9,14 +9,17 @@ import numpy as np
 
 from footfall.common.errors import UserError
 from footfall.deploy.loop import ControlLoop
+from footfall.deploy.wiring import wire
 from footfall.pages.metrics_file import MetricsFile
 from footfall.pages.newest_policy import NewestPolicy
-from footfall.pages.page import Panel, serving
+from footfall.pages.page import serving
+from footfall.pages.panel import Panel
 from footfall.pages.scene import Scene
 from footfall.pages.snapshots import Snapshot, Snapshots
 from footfall.pages.status import Status, as_markdown
 from footfall.plant.episode import Episode, run_episode
 from footfall.plant.robot import SimulatedRobot
+from footfall.plant.wires import SimulatedWires
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.model import plant_model
 from footfall.train.runs.folder import Run, open_run
@@ -46,7 +49,14 @@ def watch(folder: Path, host: str, port: int, stop: StopRequest) -> None:
         resources.callback(snapshots.close)
         print(f"showing {run.folder} at http://{host}:{port} until Ctrl-C", flush=True)
         scene = Scene(server, robot, plant_model(robot))
+        scene.show(standing(robot).data, np.zeros(3), np.zeros(3), follow=False)  # until something walks
         Walk(run, robot, scene, Panel(server), snapshots, stop).go_on()
+
+
+def standing(robot: Robot) -> SimulatedRobot:
+    """The simulated robot in its default pose on the ground."""
+    wiring = wire(robot)
+    return SimulatedRobot(robot, wiring, SimulatedWires(wiring.buses))
 
 
 class Pace:
@@ -86,14 +96,15 @@ class Walk:
     ) -> None:
         self._robot, self._scene, self._panel, self._snapshots = robot, scene, panel, snapshots
         self._stop = stop
-        self._metrics = MetricsFile(run.folder / "metrics.jsonl")
+        self._metrics, self._policy_file = MetricsFile(run.folder / "metrics.jsonl"), run.policy
         self._policy: NewestPolicy | None = None
         self._pushes = np.random.default_rng(0)
         self._looked_s = 0.0
         made = run.provenance
         self._status = Status(
             title=f"{robot.name}, preset {Path(made.preset).stem}, seed {made.seed}, {made.trainer}",
-            total_steps=run.config.ppo.total_steps,
+            folder=str(run.folder),
+            total_steps=run.config.ppo.iterations * run.config.ppo.steps_per_iteration,
             steps_per_iteration=run.config.ppo.steps_per_iteration,
         )
 
@@ -125,14 +136,14 @@ class Walk:
             self._frame(loop, body)
 
     def _frame(self, loop: ControlLoop, body: SimulatedRobot) -> None:
-        """Obey the page, draw, look into the run folder, and wait for the wall clock."""
+        """Do what was asked for on the page, draw, look into the run folder, and wait for the wall clock."""
         self._next_frame_us += FRAME_US
-        self._obey(loop, body)
+        self._do_as_asked(loop, body)
         self._show(loop, body)
         self._look()
         self._pace.wait(loop.now_us * 1e-6)
 
-    def _obey(self, loop: ControlLoop, body: SimulatedRobot) -> None:
+    def _do_as_asked(self, loop: ControlLoop, body: SimulatedRobot) -> None:
         """Do what was asked for on the page."""
         if self._panel.paused:
             while self._panel.paused and not self._stop.requested:
@@ -164,8 +175,11 @@ class Walk:
             self._panel.draw(self._metrics)
             status.trained_steps = self._metrics.last_step
         status.metrics_age_s = self._metrics.age_s()
+        status.finished = status.trained_steps >= status.total_steps and self._policy_file.exists()
+        self._panel.offer_policies(self._snapshots.names())
+        self._snapshots.chosen = self._panel.policy
         if self._policy is None or self._panel.seen:  # exporting for nobody would only slow the training
-            snapshot = self._snapshots.newest()
+            snapshot = self._snapshots.poll()
             if snapshot is not None:
                 self._take_over(snapshot)
         status.problem = self._snapshots.problem

@@ -22,10 +22,12 @@ from footfall.pages.geometry import COLLISION_GROUP, visible_shapes
 from footfall.pages.metrics_file import MetricsFile, thinned
 from footfall.pages.newest_policy import NewestPolicy
 from footfall.pages.page import check_page
-from footfall.pages.snapshots import Exported, Snapshot, Snapshots, _export
+from footfall.pages.panel import Panel
+from footfall.pages.snapshots import FINISHED, NEWEST, Exported, Snapshot, Snapshots, _export
 from footfall.pages.status import WAITING, Status, as_markdown
-from footfall.pages.walk import Walk
+from footfall.pages.walk import Walk, standing
 from footfall.plant.episode import Episode, run_episode
+from footfall.policies.contract import CommandRange
 from footfall.policies.registry import ZOO
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.model import plant_model
@@ -132,12 +134,14 @@ class TestMetricsFile:
 
 class TestStatus:
     def test_says_that_it_waits(self) -> None:
-        text = as_markdown(Status("go1", 1000, 10))
+        text = as_markdown(Status("go1", "runs/mine", 1000, 10))
         assert WAITING in text
         assert "no metrics yet" in text
 
     def test_says_what_walks_and_how_it_follows(self) -> None:
-        status = Status("go1", 1000, 10, trained_steps=500, metrics_age_s=2.0, iteration=30, policies=3)
+        status = Status(
+            "go1", "runs/mine", 1000, 10, trained_steps=500, metrics_age_s=2.0, iteration=30, policies=3
+        )
         status.command, status.velocity = np.array([0.5, 0.0, 0.0]), np.array([0.42, -0.01, 0.0])
         status.mode, status.episodes, status.falls, status.last_fall = "WALKING", 4, 3, "the base tilted"
         text = as_markdown(status)
@@ -147,6 +151,16 @@ class TestStatus:
             "3 in 4 starts: the base tilted", "walking",
         ):  # fmt: skip
             assert fact in text
+
+    def test_says_that_a_training_is_finished(self) -> None:
+        status = Status("go1", "runs/mine", 1000, 10, finished=True, trained_steps=1000, metrics_age_s=7200.0)
+        assert "**finished** after 1,000 steps, 2 h ago" in as_markdown(status)
+        assert "--resume" not in as_markdown(status)
+
+    @pytest.mark.parametrize(("age_s", "said"), [(119.0, False), (121.0, True)])
+    def test_says_how_a_training_that_was_stopped_goes_on(self, age_s: float, said: bool) -> None:
+        text = as_markdown(Status("go1", "runs/mine", 1000, 10, trained_steps=500, metrics_age_s=age_s))
+        assert ("footfall train --resume runs/mine" in text) is said
 
 
 class TestGeometry:
@@ -209,6 +223,44 @@ class TestScene:
                 assert frame.position + place == pytest.approx(data.geom_xpos[shape.geom], abs=1e-6)
                 assert rotation == pytest.approx(data.geom_xmat[shape.geom], abs=1e-6)
 
+    def test_before_anything_walks_the_robot_stands(self, go1: Robot) -> None:
+        """In its default pose, its lowest foot on the ground, not its bodies heaped at the origin."""
+        data = standing(go1).data
+        model = plant_model(go1)
+        mujoco.mj_kinematics(model, data)
+        feet = [model.geom(foot.geom).id for foot in go1.description.feet]
+        soles = data.geom_xpos[feet, 2] - model.geom_size[feet, 0]
+        assert np.abs(soles).max() < 0.01
+        assert data.body(go1.description.base).xpos[2] == pytest.approx(
+            go1.description.standing_height_m, abs=0.02
+        )
+
+
+class TestPanel:
+    @pytest.fixture
+    def panel(self, port: int) -> Iterator[Panel]:
+        pytest.importorskip("viser")
+        from footfall.pages.page import serving
+
+        with serving("localhost", port, "test") as server:
+            panel = Panel(server)
+            panel.offer_commands(CommandRange((-1.0, 1.8), (-0.7, 0.7), (-1.4, 1.4)))
+            yield panel
+
+    def test_a_typed_command_is_clipped_to_what_the_policy_was_trained_on(self, panel: Panel) -> None:
+        for slider, typed in zip(panel._sliders, (99.0, -3.0, 0.2), strict=True):
+            slider._impl.value = typed  # a browser's message, before anything has answered to it
+        assert panel.command.tolist() == [1.8, -0.7, 0.2]
+
+    def test_the_field_then_shows_what_it_was_clipped_to(self, panel: Panel) -> None:
+        panel._sliders[0].value = 99.0
+        wait_until(lambda: panel._sliders[0].value == 1.8, limit_s=5.0)
+
+    def test_so_is_a_push(self, panel: Panel) -> None:
+        panel._push_m_s.value, panel._push_asked = 50.0, True
+        assert panel.take_push() == 4.0
+        assert panel.take_push() == 0.0
+
 
 class TestNewestPolicy:
     def test_a_new_network_goes_on_where_the_old_one_was(self, go1: Robot) -> None:
@@ -266,7 +318,7 @@ class TestSnapshots:
         """The next snapshot, or None if the newest checkpoint turns out to be of no use."""
         end = time.monotonic() + 240.0
         while time.monotonic() < end:
-            if (snapshot := snapshots.newest()) is not None:
+            if (snapshot := snapshots.poll()) is not None:
                 return snapshot
             if snapshots.problem:
                 return None
@@ -274,13 +326,13 @@ class TestSnapshots:
         pytest.fail("neither a snapshot nor a problem")
 
     def test_there_is_none_before_the_first_checkpoint(self, snapshots: Snapshots) -> None:
-        assert snapshots.newest() is None
+        assert snapshots.poll() is None
         assert snapshots.problem == ""
 
     def test_a_finished_policy_is_taken_as_it_is_and_once(self, finished: Path, tmp_path: Path) -> None:
         snapshots = Snapshots(finished, tmp_path)
-        assert snapshots.newest() == Snapshot(finished / "policy.onnx", None)
-        assert snapshots.newest() is None
+        assert snapshots.poll() == Snapshot(finished / "policy.onnx", None)
+        assert snapshots.poll() is None
 
     def test_checkpoints_are_exported_one_after_another_and_damaged_ones_skipped(
         self, trained: Path, begun: Path, snapshots: Snapshots
@@ -297,13 +349,22 @@ class TestSnapshots:
         (folder / "00000004.ckpt").write_bytes(checkpoint.read_bytes()[:1000])
         assert self.wait_for(snapshots) is None
         assert "00000004.ckpt" in snapshots.problem
-        assert snapshots.newest() is None
+        assert snapshots.poll() is None
 
         shutil.copy(checkpoint, folder / "00000005.ckpt")
         snapshots.problem = ""
         after = self.wait_for(snapshots)
         assert after is not None
         assert after.iteration == 5
+
+        (folder / "00000003.ckpt").unlink()
+        shutil.copy(trained / "policy.onnx", begun)
+        assert snapshots.names() == [NEWEST, FINISHED, "iteration 5", "iteration 4", "iteration 3"]
+        for chosen, iteration in (("iteration 3", 3), (FINISHED, 5), ("iteration 5", 5)):
+            snapshots.chosen = chosen
+            shown = snapshots.poll()  # at once: each was exported before
+            assert shown is not None
+            assert shown.iteration == iteration
 
     def test_a_checkpoint_that_the_training_dropped_is_passed_over(
         self, trained: Path, begun: Path, snapshots: Snapshots
@@ -312,7 +373,7 @@ class TestSnapshots:
         folder = begun / "checkpoints"
         folder.mkdir()
         dropped = Path(shutil.copy(checkpoint, folder / "00000003.ckpt"))
-        assert snapshots.newest() is None  # its export begins, in a process that takes seconds to start
+        assert snapshots.poll() is None  # its export begins, in a process that takes seconds to start
         dropped.unlink()
         shutil.copy(checkpoint, folder / "00000005.ckpt")
         after = self.wait_for(snapshots)
@@ -348,16 +409,26 @@ class TestWalk:
         """A walk whose page and snapshots are stand-ins: `look` looks into the run folder."""
         monkeypatch.setattr("footfall.pages.walk.LOOK_S", 0.0)
         said: list[str] = []
-        panel = SimpleNamespace(seen=False, say=said.append, offer_commands=lambda _: None)
-        snapshots = SimpleNamespace(problem="", newest=lambda: Snapshot(POLICY, None))
+        panel = SimpleNamespace(
+            seen=False,
+            say=said.append,
+            offer_commands=lambda _: None,
+            offer_policies=lambda _: None,
+            policy=NEWEST,
+        )
+        snapshots = SimpleNamespace(
+            problem="", chosen=NEWEST, names=list, poll=lambda: Snapshot(POLICY, None)
+        )
         walk = Walk(open_run(finished), go1, None, panel, snapshots, None)
-        return SimpleNamespace(look=walk._look, panel=panel, snapshots=snapshots, said=said)
+        return SimpleNamespace(
+            look=walk._look, status=walk._status, panel=panel, snapshots=snapshots, said=said
+        )
 
     def test_it_asks_for_newer_policies_while_somebody_looks(self, looking: SimpleNamespace) -> None:
         for seen, shown in ((False, 1), (False, 1), (True, 2)):
             looking.panel.seen = seen
             looking.look()
-            assert f"number {shown} shown" in looking.said[-1]
+            assert looking.status.policies == shown
 
     def test_why_a_network_was_refused_stays_on_the_page(
         self, looking: SimpleNamespace, monkeypatch: pytest.MonkeyPatch
@@ -369,7 +440,7 @@ class TestWalk:
         monkeypatch.setattr(NewestPolicy, "replace_network", refuse)
         looking.panel.seen = True
         looking.look()
-        looking.snapshots.newest = lambda: None
+        looking.snapshots.poll = lambda: None
         looking.look()
         assert "Not usable: another contract" in looking.said[-1]
 

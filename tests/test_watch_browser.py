@@ -66,8 +66,10 @@ def share_of_dark(seen: np.ndarray) -> float:
 def test_it_waits_and_then_shows_the_policy_walking(page: Tab, run: Path, tmp_path: Path) -> None:
     page.wait_for(lambda page: WAITING.strip("*") in page.text)
     page.wait_for(lambda page: "1,000 of 4,096 steps (24%)" in page.text)
-    page.wait_for(lambda page: "Reward, per second" in page.text)
+    page.wait_for(lambda page: "Reward per second" in page.text)
     assert "Push it" not in page.text
+    assert page.value("document.title") == "footfall"
+    page.wait_for(lambda page: share_of_dark(middle(page, tmp_path / "standing.png")) > 0.003)
 
     shutil.copy(ZOO / "go1-flat" / "policy.onnx", run)
     page.wait_for(lambda page: "walking" in page.text)

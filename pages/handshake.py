@@ -1,0 +1,83 @@
+"""What viser's web server lacks: a check of who connects, and a page with our title and colour scheme.
+
+viser 1.1 accepts a WebSocket from any page that the visitor has open, so that any web site could move the
+robot shown. It offers no hook for its handshake and none for its page, hence this replacement of the
+function that it starts its server with. It can go when viser compares Origin with Host (then
+`tests/test_watch_handshake.py` passes without it) and lets title and colour scheme be set.
+"""
+
+import socket
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from http import HTTPStatus
+from ipaddress import ip_address
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+HEAD = Path(__file__).with_name("head.html")  # takes the place of the page's title
+PAGE = ("/", "/index.html")
+
+
+def refusal(host: str | None, origin: str | None, served_at: str) -> str | None:
+    """Why a request is refused; None if it is not.
+
+    A page may connect to the server that it came from and to no other. A program that is no browser sends no
+    origin and is let in. The name by which the server is asked for must be one that cannot be made to point
+    here by somebody else: an IP address, localhost, this machine's name, or the one that was given.
+
+    Args:
+        host: the request's Host header, NAME[:PORT].
+        origin: its Origin header, if it has any.
+        served_at: what the server was told to listen at.
+    """
+    name = urlsplit(f"//{host or ''}").hostname or ""
+    machine = socket.gethostname().lower()
+    if not _is_address(name) and name not in {"localhost", served_at.lower(), machine, f"{machine}.local"}:
+        return f"this page is not served as '{name}': start it with --host {name or 'NAME'}, or use localhost"
+    if origin is not None and origin not in (f"http://{host}", f"https://{host}"):
+        return f"the page from {origin} may not connect to this server"
+    return None
+
+
+def _is_address(name: str) -> bool:
+    try:
+        ip_address(name)
+    except ValueError:
+        return False
+    return True
+
+
+@contextmanager
+def own_handshake(served_at: str) -> Iterator[None]:
+    """A viser server that is started meanwhile checks each request and serves our page."""
+    from websockets.asyncio import server
+
+    serve = server.serve
+
+    def start(*arguments: Any, process_request: Callable, **options: Any) -> Any:
+        def process(connection: Any, request: Any) -> Any:
+            reason = refusal(request.headers.get("Host"), request.headers.get("Origin"), served_at)
+            if reason is not None:
+                return connection.respond(HTTPStatus.FORBIDDEN, f"{reason}\n")
+            if request.path.partition("?")[0] not in PAGE:
+                return process_request(connection, request)
+            request.headers.pop("Accept-Encoding", None)  # viser's page is compressed as it is
+            response = process_request(connection, request)
+            return response if response is None else _ours(response)
+
+        return serve(*arguments, process_request=process, **options)
+
+    server.serve = start  # type: ignore[assignment, misc]
+    try:
+        yield
+    finally:
+        server.serve = serve  # type: ignore[misc]
+
+
+def _ours(response: Any) -> Any:
+    """The page with our head."""
+    response.body = response.body.replace(b"<title>Viser</title>", HEAD.read_bytes(), 1)
+    del response.headers["Content-Length"]
+    response.headers["Content-Length"] = str(len(response.body))
+    return response

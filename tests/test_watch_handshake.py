@@ -1,0 +1,118 @@
+"""Who may connect to the watch page's server, and what page it serves."""
+
+import http.client
+import socket
+from collections.abc import Iterator
+
+import pytest
+
+pytest.importorskip("viser")
+
+from viser import ViserServer, __version__
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+
+from footfall.pages.handshake import refusal
+from footfall.pages.page import serving
+
+FOREIGN = "http://evil.example"
+WHAT_VISER_SPEAKS = [f"viser-v{__version__}"]
+
+
+@pytest.fixture
+def port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("localhost", 0))
+        return int(probe.getsockname()[1])
+
+
+@pytest.fixture
+def page(port: int) -> Iterator[int]:
+    """The port of a page."""
+    with serving("localhost", port, "test"):
+        yield port
+
+
+def answer(port: int, origin: str | None) -> int:
+    """HTTP status for a WebSocket client that gives this origin; 101 if viser then sends it what it shows."""
+    try:
+        with connect(
+            f"ws://localhost:{port}", origin=origin, subprotocols=WHAT_VISER_SPEAKS, max_size=None, proxy=None
+        ) as connection:
+            assert len(connection.recv(timeout=20.0)) > 0
+            return 101
+    except InvalidStatus as error:
+        return error.response.status_code
+
+
+def fetched(port: int, host: str, path: str = "/") -> tuple[int, str]:
+    """Status and text of what is served when the server is asked for by this name."""
+    connection = http.client.HTTPConnection("localhost", port, timeout=20.0)
+    connection.request("GET", path, headers={"Host": host, "Accept-Encoding": "gzip"})
+    response = connection.getresponse()
+    return response.status, response.read().decode()
+
+
+@pytest.mark.parametrize(
+    ("origin", "status"),
+    [
+        ("http://localhost:{port}", 101),
+        (None, 101),  # no browser: whoever can run programs here needs no page
+        (FOREIGN, 403),
+        ("http://localhost:{port}.evil.example", 403),
+        ("http://localhost:1", 403),
+        ("null", 403),  # a sandboxed frame, or a file
+    ],
+)
+def test_only_the_pages_own_origin_and_programs_may_connect(
+    page: int, origin: str | None, status: int
+) -> None:
+    assert answer(page, origin and origin.format(port=page)) == status
+
+
+def test_a_name_that_somebody_else_may_point_here_is_refused(page: int) -> None:
+    status, text = fetched(page, f"evil.example:{page}")
+    assert status == 403
+    assert "--host evil.example" in text
+
+
+def test_the_page_is_ours(page: int) -> None:
+    status, text = fetched(page, f"localhost:{page}")
+    assert status == 200
+    assert "<title>footfall</title>" in text
+    assert "<title>Viser</title>" not in text
+
+
+def test_without_our_handshake_viser_lets_every_origin_in(port: int) -> None:
+    """When this fails, the replaced handshake can go."""
+    server = ViserServer("localhost", port, verbose=False)
+    try:
+        assert answer(port, FOREIGN) == 101
+    finally:
+        server.stop()
+
+
+@pytest.mark.parametrize(
+    ("host", "served_at", "allowed"),
+    [
+        ("localhost:8080", "localhost", True),
+        ("127.0.0.1:8080", "localhost", True),
+        ("[::1]:8080", "localhost", True),
+        ("192.168.1.7", "0.0.0.0", True),
+        ("lab.example:8080", "lab.example", True),
+        ("lab.example:8080", "0.0.0.0", False),
+        (None, "localhost", False),
+    ],
+)
+def test_names_of_the_server(host: str | None, served_at: str, allowed: bool) -> None:
+    assert (refusal(host, None, served_at) is None) is allowed
+
+
+def test_this_machines_name_is_a_name_of_the_server(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(socket, "gethostname", lambda: "Lab")
+    for host in ("lab:8080", "lab.local:8080"):
+        assert refusal(host, f"http://{host}", "0.0.0.0") is None
+
+
+def test_a_page_behind_an_encrypting_proxy_is_its_own() -> None:
+    assert refusal("localhost:8080", "https://localhost:8080", "localhost") is None
