@@ -20,15 +20,25 @@ USERS_OWN = ("train", "envs", "deploy", "evaluate", "robots", "policies", "commo
 
 
 @pytest.fixture(scope="module")
-def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the sdist, and the wheel made from that."""
-    sources, out = tmp_path_factory.mktemp("sources"), tmp_path_factory.mktemp("built")
-    for name in ("footfall", *ROOMS):
+def sources(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What a clone has of the package."""
+    folder = tmp_path_factory.mktemp("sources")
+    for name in ("src", "footfall", *ROOMS):
         shutil.copytree(
-            ROOT / name, sources / name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__")
+            ROOT / name,
+            folder / name,
+            symlinks=True,
+            ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"),
         )
     for name in ("pyproject.toml", "MANIFEST.in", "README.md", "LICENSE"):
-        shutil.copy(ROOT / name, sources)
+        shutil.copy(ROOT / name, folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def built(sources: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the sdist, and the wheel made from that."""
+    out = tmp_path_factory.mktemp("built")
     build(sources, out)
     return out
 
@@ -72,7 +82,7 @@ def content(wheel: Path) -> set[str]:
 
 def test_the_wheel_holds_every_file_of_the_rooms_under_one_name(wheel: Path) -> None:
     ours = {path for room in ROOMS for path in (ROOT / room).rglob("*")}
-    ours |= {path for path in (ROOT / "footfall").rglob("*.py")}
+    ours |= {path for path in (ROOT / "footfall").rglob("*") if not path.is_symlink()}
     files = {str(path.relative_to(ROOT)) for path in ours if path.is_file() and path.suffix != ".pyc"}
     expected = {name if name.startswith("footfall/") else f"footfall/{name}" for name in files}
     assert len(ROOMS) >= 10
@@ -90,6 +100,20 @@ def test_the_wheel_is_the_same_from_the_clone_and_from_the_sdist(
     build(unpacked, tmp_path / "again", "--wheel")
     [again] = (tmp_path / "again").glob("*.whl")
     assert content(again) == content(wheel)
+
+
+def test_an_editable_install_is_one_folder_on_the_search_path(sources: Path, tmp_path: Path) -> None:
+    """Which type checkers and editors read as well, and in which nothing but footfall can be imported."""
+    build_editable = (
+        "import sys; from setuptools.build_meta import build_editable; build_editable(sys.argv[1])"
+    )
+    subprocess.run(
+        [sys.executable, "-c", build_editable, tmp_path], cwd=sources, capture_output=True, check=True
+    )
+    [editable] = tmp_path.glob("*.whl")
+    [line] = content(editable)
+    assert zipfile.Path(editable, line).read_text().strip() == str(sources / "src")
+    assert [path.name for path in (sources / "src").iterdir() if path.suffix != ".egg-info"] == ["footfall"]
 
 
 class TestBesideAUsersOwn:
