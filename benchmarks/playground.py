@@ -11,7 +11,7 @@ import itertools
 import statistics
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -25,36 +25,90 @@ REPORTS = 4  # the first one contains the compilation
 MESHES = ("trunk", "hip", "thigh", "thigh_mirror", "calf")  # for the eye only: nothing collides with them
 
 
-def measure(impl: str, iterations: int) -> dict[str, Any]:
-    """Playground's steps per second of PPO, end to end; empty where it cannot run, after saying why.
+def measure(impl: str, environments: int, iterations: int) -> dict[str, Any]:
+    """Playground's steps per second of PPO, end to end, and of its physics alone: least, median, most.
 
     Args:
         impl: its physics, jax or warp.
+        environments: instead of its own 8,192; the batches grow with them.
         iterations: of PPO between two reports, at which it resets too.
+
+    Returns:
+        The figures; where it cannot run, the reason under "failed".
     """
+    found: dict[str, Any] = {"task": TASK, "impl": impl, "environments": environments}
     if importlib.util.find_spec("mujoco_playground") is None:
-        print("Playground is not installed (pip install playground): no ratio")
-        return {}
-    if not hasattr(jax, "device_put_replicated"):  # brax still calls it; pmap takes a stacked array as well
-        jax.device_put_replicated = lambda tree, devices: jax.tree.map(
-            lambda leaf: jnp.stack([jnp.asarray(leaf)] * len(devices)), tree
-        )
+        return found | {"failed": "it is not installed (pip install playground)"}
+    supply_device_put_replicated()
     try:
         with robot_at_hand():
-            times_and_steps = train(impl, iterations)
+            (begun_s, _), *reports = train(impl, environments, iterations)
+            rates = sorted((b[1] - a[1]) / (b[0] - a[0]) for a, b in itertools.pairwise(reports))
+            steps = {"PPO, end to end": (rates[0], statistics.median(rates), rates[-1])}
+            if impl == "jax":
+                steps["physics alone"] = physics_alone(environments)
     except Exception as error:  # someone else's program: its failure is a result, not ours
         lines = str(error).strip().splitlines()
-        print(f"Playground did not run, no ratio: {type(error).__name__}: {lines[0] if lines else ''}")
+        return found | {"failed": f"{type(error).__name__}: {lines[0] if lines else ''}"}
+    return found | {"first_report_s": reports[0][0] - begun_s, "steps_per_s": steps}
+
+
+def physics_alone(environments: int, control_steps: int = 10, repeats: int = 20) -> tuple[float, ...]:
+    """Control steps per second of its model under random actions: least, median, most."""
+    from mujoco_playground import registry
+    from mujoco_playground._src import mjx_env
+
+    env = registry.load(TASK, config_overrides={"impl": "jax"})
+    data = jax.jit(jax.vmap(env.reset))(jax.random.split(jax.random.PRNGKey(0), environments)).data
+    actions = 0.1 * jax.random.normal(jax.random.key(0), (control_steps, environments, env.action_size))
+    standing = jnp.asarray(env.mj_model.keyframe("home").qpos[7:])
+
+    @jax.jit
+    def simulate(data: Any) -> Any:
+        def step(data: Any, action: jax.Array) -> tuple[Any, None]:
+            one = functools.partial(mjx_env.step, env.mjx_model, n_substeps=env.n_substeps)
+            return jax.vmap(one)(data, standing + action), None
+
+        return jax.lax.scan(step, data, actions)[0]
+
+    jax.block_until_ready(simulate(data))
+    rates = []
+    for _ in range(repeats):
+        began = time.perf_counter()
+        jax.block_until_ready(simulate(data))
+        rates.append(control_steps * environments / (time.perf_counter() - began))
+    return min(rates), statistics.median(rates), max(rates)
+
+
+def constraint_rows(model: Any) -> int:
+    """Rows of MJX's constraint Jacobian for a MuJoCo model."""
+    from mujoco import mjx
+
+    return int(mjx.make_data(model, impl="jax")._impl.efc_J.shape[0])
+
+
+def facts() -> dict[str, Any]:
+    """What its task and recipe are, under the names of `throughput.differences`."""
+    if importlib.util.find_spec("mujoco_playground") is None:
         return {}
-    (begun_s, _), *reports = times_and_steps
-    rates = [(b[1] - a[1]) / (b[0] - a[0]) for a, b in itertools.pairwise(reports)]
+    from mujoco_playground import registry
+
+    with robot_at_hand():
+        env, config = registry.load(TASK, config_overrides={"impl": "jax"}), registry.get_default_config(TASK)
+    ppo = ppo_settings("jax")
+    batch = ppo["batch_size"] * ppo["num_minibatches"] * ppo["unroll_length"]
+    updates = ppo["num_minibatches"] * ppo["num_updates_per_batch"]
     return {
-        "playground": {
-            "task": TASK,
-            "impl": impl,
-            "first_report_s": reports[0][0] - begun_s,
-            "steps_per_s": statistics.median(rates),
-        }
+        "physics steps": f"{env.n_substeps} x {1e3 * env.sim_dt:g} ms",
+        "constraint rows": constraint_rows(env.mj_model),
+        "sensors in the model": env.mj_model.nsensor,
+        "environments": ppo["num_envs"],
+        "updates of the networks": f"{updates} each {batch:,} steps, {ppo['num_updates_per_batch']} passes",
+        "steps of the recipe": f"{ppo['num_timesteps']:,}",
+        "history in the observation": f"{config.history_len} frame",
+        "delays of actions and readings": "no",
+        "pushes": "yes" if config.pert_config.enable else "no",
+        "a new episode": "the first state again",
     }
 
 
@@ -92,15 +146,11 @@ def tetrahedron() -> bytes:
     return bytes(80) + np.uint32(4).tobytes() + triangles.tobytes()
 
 
-def train(impl: str, iterations: int) -> list[tuple[float, int]]:
+def train(impl: str, environments: int, iterations: int) -> list[tuple[float, int]]:
     """Time and environment steps at the start and at each report."""
-    from brax.training.agents.ppo import networks
-    from brax.training.agents.ppo import train as brax
-    from mujoco_playground import registry, wrapper
-    from mujoco_playground.config import locomotion_params
-
-    settings = dict(locomotion_params.brax_ppo_config(TASK, impl))
-    factory = settings.pop("network_factory")
+    settings = ppo_settings(impl)
+    settings["batch_size"] *= environments // settings["num_envs"]
+    settings["num_envs"] = environments
     iteration = settings["batch_size"] * settings["num_minibatches"] * settings["unroll_length"]
     settings |= {
         "num_timesteps": REPORTS * iterations * iteration,
@@ -108,14 +158,47 @@ def train(impl: str, iterations: int) -> list[tuple[float, int]]:
         "num_resets_per_eval": 1,
     }
     reports = [(time.perf_counter(), 0)]
+    run_brax(impl, settings, lambda steps, *_: reports.append((time.perf_counter(), steps)))
+    return reports[:1] + reports[2:]  # brax reports its untrained policy too
+
+
+def ppo_settings(impl: str) -> dict[str, Any]:
+    """What Playground trains this task with."""
+    from mujoco_playground.config import locomotion_params
+
+    return dict(locomotion_params.brax_ppo_config(TASK, impl))
+
+
+def run_brax(impl: str, settings: dict[str, Any], on_policy: Callable[..., None]) -> None:
+    """Train with brax's own function, randomised as Playground does, without its evaluations.
+
+    Args:
+        impl: Playground's physics, jax or warp.
+        settings: of brax's PPO.
+        on_policy: called with the environment steps so far, a function that makes policies, and
+            (normaliser, actor, critic), before the training and after each of its stages.
+    """
+    from brax.training.agents.ppo import networks
+    from brax.training.agents.ppo import train as brax
+    from mujoco_playground import registry, wrapper
+
+    settings = dict(settings)
+    factory = settings.pop("network_factory")
     brax.train(
         environment=registry.load(TASK, config_overrides={"impl": impl}),
         randomization_fn=registry.get_domain_randomizer(TASK),
         wrap_env_fn=wrapper.wrap_for_brax_training,
         network_factory=functools.partial(networks.make_ppo_networks, **factory),
-        progress_fn=lambda steps, _: reports.append((time.perf_counter(), steps)),
+        policy_params_fn=on_policy,
         run_evals=False,
         max_devices_per_host=1,
         **settings,
     )
-    return reports
+
+
+def supply_device_put_replicated() -> None:
+    """brax 0.14.2 calls what jax 0.10 dropped; pmap takes a stacked array as well."""
+    if not hasattr(jax, "device_put_replicated"):
+        jax.device_put_replicated = lambda tree, devices: jax.tree.map(
+            lambda leaf: jnp.stack([jnp.asarray(leaf)] * len(devices)), tree
+        )

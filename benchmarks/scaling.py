@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import jax
-from throughput import iterate
+from throughput import Spread, iterate, rates_of
 
 from footfall.robots.description import load_robot
 from footfall.train.brax.parts import assemble
@@ -36,25 +36,31 @@ def main() -> None:
         parser.error(f"this machine has {jax.device_count()} devices, not {max(counts)}")
     results: list[dict[str, float]] = []
     for count in counts:
-        rate = steps_per_s(options.robot, options.preset, count, options.iterations)
+        least, rate, most = steps_per_s(options.robot, options.preset, count, options.iterations)
         first = results[0] if results else {"devices": count, "steps_per_s": rate}
         efficiency = rate / count / (first["steps_per_s"] / first["devices"])
-        results.append({"devices": count, "steps_per_s": rate, "efficiency": efficiency})
+        results.append(
+            {"devices": count, "steps_per_s": rate, "least": least, "most": most, "efficiency": efficiency}
+        )
         kind = jax.devices()[0].device_kind
-        print(f"{count} x {kind}: {rate:,.0f} env-steps/s, efficiency {efficiency:.1%}", flush=True)
+        print(
+            f"{count} x {kind}: {rate:,.0f} [{least:,.0f} to {most:,.0f}] env-steps/s,"
+            f" efficiency {efficiency:.1%}",
+            flush=True,
+        )
     if options.json:
         content = {"device": jax.devices()[0].device_kind, "preset": options.preset, "results": results}
         options.json.write_text(json.dumps(content, indent=2) + "\n")
 
 
-def steps_per_s(robot: str, preset: str, devices: int, iterations: int) -> float:
-    """Speed of whole iterations on the first few devices."""
+def steps_per_s(robot: str, preset: str, devices: int, iterations: int) -> Spread:
+    """Speed of whole iterations on the first few devices: least, median, most."""
     config = load_preset(preset)
     ppo = replace(config.ppo, environments=config.ppo.environments * devices)
     provenance = Provenance(robot, 0, preset, "brax", jax.devices()[0].device_kind, "", "", {})
     run = Run(Path(), provenance, replace(config, ppo=ppo))
     state, _, compiled = assemble(run, load_robot(robot), devices).prepare(None)
-    return ppo.steps_per_iteration / iterate(compiled, state, iterations)
+    return rates_of(iterate(compiled, state, iterations), ppo.steps_per_iteration)
 
 
 if __name__ == "__main__":

@@ -1,17 +1,20 @@
-"""Environment steps per second of a training on all devices, and of MuJoCo Playground's if it is there.
+"""Environment steps per second of a training, beside MuJoCo Playground's in the same process, like for like.
 
-    python benchmarks/throughput.py --preset gpu --set ppo.environments=32768 --set ppo.unroll=10
     python benchmarks/throughput.py --preset gpu --playground --json throughput.json
+    python benchmarks/throughput.py --preset gpu --shares          # where the time of an iteration goes
+    python benchmarks/throughput.py --preset cpu --set ppo.environments=128 --cases ships
 
-PPO is measured end to end: whole iterations after compilation, each waited for, median of them. The shares
-below it are the same code with less in it: the rollout without learning, the environment with fixed actions,
-the physics alone (joint law and MJX, or MuJoCo in C).
+PPO is measured end to end: whole iterations after compilation, each waited for; printed are the median and,
+in brackets, the fastest and the slowest. "Physics alone" is the joint law and MJX (Playground: its
+actuators and MJX), or MuJoCo in C, without rewards, observations and resets.
 
-Playground is measured by `playground.py` beside this file, in this same process after ours.
+Playground is measured by `playground.py` beside this file. An environment step is a control step of 20 ms
+in both.
 """
 
 import argparse
 import functools
+import itertools
 import json
 import platform
 import statistics
@@ -29,54 +32,94 @@ from rich.table import Table
 from footfall.common.errors import UserError
 from footfall.envs.batch import step_batch
 from footfall.robots.description import load_robot
-from footfall.train.brax.parts import assemble
+from footfall.robots.model import training_model
+from footfall.train.brax.parts import Parts, assemble
 from footfall.train.brax.ppo import iteration_keys, make_rollout
+from footfall.train.config import TrainConfig
 from footfall.train.runs.folder import Provenance, Run
 from footfall.train.sweeps.sweep import trial_config
 
+PHYSICS, PPO = "physics alone", "PPO, end to end"
+# What each case changes of the preset. Playground's task has 8,192 environments and 5 steps of 4 ms.
+CASES: dict[str, dict[str, Any]] = {
+    "ships": {},
+    "8192": {"ppo.environments": 8192},
+    "5x4ms": {"env.substeps": 5},
+    "8192-5x4ms": {"ppo.environments": 8192, "env.substeps": 5},
+}
+PLAYGROUND_ENVIRONMENTS = (8192, 32768)
+
+Spread = tuple[float, float, float]  # least, median, most
+
 
 def main() -> None:
-    """Measure, print a table, write JSON."""
+    """Measure, print tables, write JSON."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--robot", default="go1")
     parser.add_argument("--preset", default="gpu")
-    parser.add_argument(
-        "--set", action="append", default=[], metavar="KEY=VALUE", help="instead of the preset's"
-    )
-    parser.add_argument("--iterations", type=int, default=10)
+    parser.add_argument("--cases", help=f"of {', '.join(CASES)}, joined by +; all with --playground")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="in every case")
+    parser.add_argument("--iterations", type=int, default=20)
+    parser.add_argument("--shares", action="store_true", help="measure the parts of an iteration too")
     parser.add_argument("--playground", action="store_true", help="measure Playground too")
-    parser.add_argument("--impl", default="jax", choices=["jax", "warp"], help="Playground's physics")
-    parser.add_argument(
-        "--playground-iterations",
-        type=int,
-        default=14,  # as in its own training of 200 M steps
-        help="of its PPO between two of four reports; one is enough for a slow machine",
-    )
+    parser.add_argument("--warp", action="store_true", help="and Playground's physics in Warp")
+    parser.add_argument("--playground-environments", default=",".join(map(str, PLAYGROUND_ENVIRONMENTS)))
+    parser.add_argument("--playground-iterations", type=int, default=5, help="of PPO between two reports")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
+    chosen = list(CASES) if options.playground else ["ships"]
+    if options.cases:
+        chosen = options.cases.split("+")
+    results: dict[str, Any] = {
+        "device": jax.devices()[0].device_kind,
+        "jax": jax.__version__,
+        "python": platform.python_version(),
+        "preset": options.preset,
+        "settings": options.set,
+    }
     try:
-        settings = {key: yaml.safe_load(value) for key, value in (s.split("=", 1) for s in options.set)}
-        results = measure_ours(options.robot, options.preset, settings, options.iterations)
+        common = {key: yaml.safe_load(value) for key, value in (s.split("=", 1) for s in options.set)}
+        results["footfall"] = {
+            case: measure_footfall(
+                options.robot, options.preset, common | CASES[case], options.iterations, options.shares
+            )
+            for case in chosen
+        }
     except UserError as error:
         parser.error(str(error))
+    except KeyError as error:
+        parser.error(f"no case {error}: there are {', '.join(CASES)}, joined by +")
     if options.playground:
-        results |= playground.measure(options.impl, options.playground_iterations)
+        counts = [int(count) for count in options.playground_environments.split(",")]
+        runs = [("jax", count) for count in counts] + ([("warp", counts[0])] if options.warp else [])
+        results["playground"] = [playground.measure(*run, options.playground_iterations) for run in runs]
+        results["differences"] = differences(options.robot, options.preset)
     show(results)
     if options.json:
         options.json.write_text(json.dumps(results, indent=2) + "\n")
 
 
-def measure_ours(robot: str, preset: str, settings: dict[str, Any], iterations: int) -> dict[str, Any]:
-    """Steps per second of whole iterations and of their parts, and the seconds until the first can begin."""
+def started(
+    robot: str, preset: str, settings: dict[str, Any], seed: int = 0
+) -> tuple[Parts, TrainConfig, Any, Callable[[Any], Any]]:
+    """A training's parts and settings, its first state, and its compiled iteration."""
     config = trial_config(preset, settings)
-    provenance = Provenance(robot, 0, preset, "brax", jax.devices()[0].device_kind, "", "", {})
+    provenance = Provenance(robot, seed, preset, "brax", jax.devices()[0].device_kind, "", "", {})
     parts = assemble(Run(Path(), provenance, config), load_robot(robot))
-    env, ppo = parts.env, config.ppo
+    state, _, compiled = parts.prepare(None)
+    return parts, config, state, compiled
+
+
+def measure_footfall(
+    robot: str, preset: str, settings: dict[str, Any], iterations: int, shares: bool
+) -> dict[str, Any]:
+    """Steps per second of whole iterations and of their parts, and the seconds until the first can begin."""
     began = time.perf_counter()
-    first, _, compiled = parts.prepare(None)
+    parts, config, first, compiled = started(robot, preset, settings)
     ready_s = time.perf_counter() - began
+    env, ppo = parts.env, config.ppo
     _, keys, _ = iteration_keys(first, ppo)
     actions = jax.random.normal(jax.random.key(0), (ppo.unroll, ppo.environments, env.action_size))
 
@@ -94,41 +137,40 @@ def measure_ours(robot: str, preset: str, settings: dict[str, Any], iterations: 
 
         return jax.lax.scan(step, state.env, None, length=ppo.unroll)
 
-    roll_out = make_rollout(env, parts.networks, ppo)
-    shares = {
-        "physics alone": lambda: repeat(jax.jit(physics), first, iterations),
-        "environment, fixed actions": lambda: repeat(jax.jit(environment), first, iterations),
-        "rollout": lambda: repeat(jax.jit(functools.partial(roll_out, keys=keys)), first, iterations),
+    parts_of_it: dict[str, Callable[[Any], Any]] = {PHYSICS: physics}
+    if shares:
+        roll_out = make_rollout(env, parts.networks, ppo)
+        parts_of_it |= {
+            "environment, fixed actions": environment,
+            "rollout": functools.partial(roll_out, keys=keys),
+        }
+    rates = {
+        name: rates_of(repeat(jax.jit(function), first, iterations), ppo.steps_per_iteration)
+        for name, function in parts_of_it.items()
     }
-    rates = {name: ppo.steps_per_iteration / run() for name, run in shares.items()}
-    rates["PPO, end to end"] = ppo.steps_per_iteration / iterate(compiled, first, iterations)
+    rates[PPO] = rates_of(iterate(compiled, first, iterations), ppo.steps_per_iteration)
     return {
-        "device": jax.devices()[0].device_kind,
-        "jax": jax.__version__,
-        "python": platform.python_version(),
-        "preset": preset,
-        "settings": settings,
         "environments": ppo.environments,
-        "unroll": ppo.unroll,
+        "physics_steps": f"{config.env.substeps} x {1e3 * config.env.timestep_s:g} ms",
         "ready_s": ready_s,
         "steps_per_s": rates,
     }
 
 
-def repeat(function: Callable[[Any], Any], state: Any, count: int) -> float:
-    """Median seconds of a call, after one that compiles."""
+def repeat(function: Callable[[Any], Any], state: Any, count: int) -> list[float]:
+    """Seconds of each call, after one that compiles."""
     jax.block_until_ready(function(state))
-    return statistics.median(timed(lambda: function(state))[0] for _ in range(count))
+    return [timed(lambda: function(state))[0] for _ in range(count)]
 
 
-def iterate(compiled: Callable[[Any], Any], state: Any, count: int) -> float:
-    """Median seconds of an iteration that follows others."""
+def iterate(compiled: Callable[[Any], Any], state: Any, count: int) -> list[float]:
+    """Seconds of each iteration, after a first one."""
     state, *_ = compiled(state)
     seconds = []
     for _ in range(count):
         duration, (state, *_) = timed(functools.partial(compiled, state))
         seconds.append(duration)
-    return statistics.median(seconds)
+    return seconds
 
 
 def timed(call: Callable[[], Any]) -> tuple[float, Any]:
@@ -138,20 +180,70 @@ def timed(call: Callable[[], Any]) -> tuple[float, Any]:
     return time.perf_counter() - began, result
 
 
+def rates_of(seconds: list[float], steps: int) -> Spread:
+    """Steps per second: least, median, most."""
+    return steps / max(seconds), steps / statistics.median(seconds), steps / min(seconds)
+
+
+def differences(robot: str, preset: str) -> list[tuple[str, str, str]]:
+    """What else sets the two apart, read from both: what, footfall's, Playground's."""
+    config = trial_config(preset, {})
+    ppo, model = config.ppo, training_model(load_robot(robot), config.env.timestep_s)
+    ours = {
+        "physics steps": f"{config.env.substeps} x {1e3 * config.env.timestep_s:g} ms",
+        "constraint rows": playground.constraint_rows(model),
+        "sensors in the model": model.nsensor,
+        "environments": ppo.environments,
+        "updates of the networks": f"{ppo.minibatches * ppo.passes} each {ppo.steps_per_iteration:,} steps,"
+        f" {ppo.passes} passes",
+        "steps of the recipe": f"{ppo.total_steps:,}",
+        "history in the observation": f"up to {max(term.history for term in config.env.observation)} frames",
+        "delays of actions and readings": "yes" if config.env.randomisation.action_delay_s else "no",
+        "pushes": "yes" if config.env.pushes else "no",
+        "a new episode": "drawn afresh",
+    }
+    theirs = playground.facts()
+    return [(name, str(value), str(theirs.get(name, "-"))) for name, value in ours.items()]
+
+
 def show(results: dict[str, Any]) -> None:
-    """The table."""
-    ours = results["steps_per_s"]
-    table = Table(
-        "env-steps/s", "", box=None, title=f"{results['device']}, {results['environments']} environments"
-    )
-    for name, rate in ours.items():
-        table.add_row(f"footfall, {name}", f"{rate:,.0f}")
-    if "playground" in results:
-        theirs = results["playground"]["steps_per_s"]
-        table.add_row(f"Playground ({results['playground']['impl']}), PPO end to end", f"{theirs:,.0f}")
-        table.add_row("ratio", f"{ours['PPO, end to end'] / theirs:.2f}")
-    Console().print(table)
-    print(f"ready to iterate after {results['ready_s']:.1f} s")
+    """Tables on the terminal."""
+    console = Console(width=140)
+    table = Table("", "environments", "physics", "thousand env-steps/s", box=None, title=results["device"])
+    for case, found in results["footfall"].items():
+        for name, rate in found["steps_per_s"].items():
+            table.add_row(
+                f"footfall ({case}), {name}",
+                f"{found['environments']:,}",
+                found["physics_steps"],
+                in_thousands(rate),
+            )
+    for found in results.get("playground", []):
+        label = f"Playground, {found['impl']}"
+        if "failed" in found:
+            table.add_row(label, f"{found['environments']:,}", "5 x 4 ms", f"not run: {found['failed']}")
+            continue
+        for name, rate in found["steps_per_s"].items():
+            table.add_row(f"{label}, {name}", f"{found['environments']:,}", "5 x 4 ms", in_thousands(rate))
+    console.print(table)
+    for ours, theirs in itertools.product(results["footfall"].items(), results.get("playground", [])):
+        (case, found), name = ours, f"{theirs['impl']}, {theirs['environments']:,}"
+        for what in (PPO, PHYSICS):
+            if "failed" not in theirs and what in theirs["steps_per_s"]:
+                ratio = found["steps_per_s"][what][1] / theirs["steps_per_s"][what][1]
+                print(f"footfall ({case}) over Playground ({name}), {what}: {ratio:.2f}")
+    if "differences" in results:
+        table = Table("what differs", "footfall", "Playground", box=None)
+        for row in results["differences"]:
+            table.add_row(*row)
+        console.print(table)
+    for case, found in results["footfall"].items():
+        print(f"footfall ({case}) was ready to iterate after {found['ready_s']:.1f} s")
+
+
+def in_thousands(rate: Spread) -> str:
+    least, median, most = (value / 1e3 for value in rate)
+    return f"{median:,.1f} [{least:,.1f} to {most:,.1f}]"
 
 
 if __name__ == "__main__":

@@ -53,8 +53,16 @@ def run_task(task: EpisodeTask) -> EpisodeOutcome:
     Raises:
         UserError: robot, policy or plant do not fit together.
     """
+    return run_with(_policy(task.policy, task.robot), task)
+
+
+def run_with(policy: Policy, task: EpisodeTask) -> EpisodeOutcome:
+    """Run one episode in lockstep with this policy, whatever the task calls its own.
+
+    Raises:
+        UserError: as `run_task`.
+    """
     robot = _robot(task.robot)
-    policy = _policy(task.policy, task.robot)
     model = _model(task.robot, task.plant)
     plan = task.plan
     sample = sample_of(plan, len(robot.joint_names), model.nbody - 1)

@@ -1,0 +1,101 @@
+"""MuJoCo Playground's Go1 policy as a policy of footfall, on the same joint layer and motor frames.
+
+Its observation is made as `Joystick._get_obs` of Playground 0.2.0 makes it, without noise of its own: the
+base's velocity is the simulator's, which no robot senses; the rest comes from the simulated sensors.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from footfall.policies.policy import Observation
+from footfall.robots.actuator import JointCommand
+from footfall.robots.description import Robot
+
+RATE_HZ = 50.0
+
+
+@dataclass(frozen=True)
+class KeptActors:
+    """The policies that `playground_training.py` kept along the way, and what they take for granted."""
+
+    time_s: np.ndarray  # (k,) since the training's command began
+    steps: np.ndarray  # (k,) environment steps
+    actors: tuple[tuple[np.ndarray, ...], ...]  # mean, deviation, then kernel and bias of each layer
+    joints: tuple[str, ...]  # in the actors' order
+    default_pose: np.ndarray  # (n,) rad
+    kp: float  # N m/rad
+    kd: float  # N m s/rad
+    action_scale: float  # rad
+
+
+def load_actors(path: Path) -> KeptActors:
+    """Read what `playground_training.py` wrote."""
+    with np.load(path) as file:
+        count = len(file["time_s"])
+        parts = 1 + max(int(name.split("/")[1]) for name in file.files if name.startswith("0/"))
+        actors = tuple(tuple(file[f"{k}/{part}"] for part in range(parts)) for k in range(count))
+        return KeptActors(
+            file["time_s"],
+            file["steps"],
+            actors,
+            tuple(str(name) for name in file["joints"]),
+            file["default_pose"],
+            *(float(file[name]) for name in ("kp", "kd", "action_scale")),
+        )
+
+
+class PlaygroundPolicy:
+    """One of the kept actors, on a robot whose joints have the same names."""
+
+    contract = None
+    rate_hz = RATE_HZ
+    needs_estimate = True
+
+    def __init__(self, kept: KeptActors, index: int, robot: Robot) -> None:
+        self.name = f"playground after {kept.time_s[index]:.0f} s"
+        mean, deviation, *layers = kept.actors[index]
+        self._mean, self._deviation = mean, deviation
+        self._layers = list(zip(layers[::2], layers[1::2], strict=True))
+        self._order = np.array([robot.joint_index(name) for name in kept.joints])
+        self._back = np.argsort(self._order)
+        self._kept, self._count = kept, len(kept.joints)
+        self._last_action = np.zeros(self._count)
+
+    def reset(self, observation: Observation) -> None:
+        self._last_action = np.zeros(self._count)
+
+    def act(self, observation: Observation) -> JointCommand:
+        kept, sensed = self._kept, observation.sensed
+        w, x, y, z = sensed.quaternion
+        gravity = [2 * (w * y - x * z), -2 * (w * x + y * z), 2 * (x * x + y * y) - 1]
+        state = np.concatenate(
+            [
+                observation.base_velocity,
+                sensed.gyro,
+                gravity,
+                sensed.joint_position[self._order] - kept.default_pose,
+                sensed.joint_velocity[self._order],
+                self._last_action,
+                observation.command,
+            ]
+        )
+        self._last_action = action = self._actor(state)
+        target = (kept.default_pose + kept.action_scale * action)[self._back]
+        zeros = np.zeros(self._count)
+        return JointCommand(
+            target, zeros, np.full(self._count, kept.kp), np.full(self._count, kept.kd), zeros
+        )
+
+    def stance(self) -> None:
+        """It has no plan of contacts."""
+
+    def _actor(self, state: np.ndarray) -> np.ndarray:
+        """The mode of its distribution, in [-1, 1]: swish layers; half of their output, squashed."""
+        x = (state - self._mean) / self._deviation
+        for index, (kernel, bias) in enumerate(self._layers):
+            x = x @ kernel + bias
+            if index < len(self._layers) - 1:
+                x = x / (1.0 + np.exp(-x))
+        return np.tanh(x[: self._count])

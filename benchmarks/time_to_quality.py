@@ -1,0 +1,256 @@
+"""Time to equal quality: footfall and MuJoCo Playground on one GPU, their policies scored on one plant.
+
+    python benchmarks/time_to_quality.py train --out quality            # on the machine with the GPU
+    python benchmarks/time_to_quality.py score --out quality            # on any machine
+    python benchmarks/time_to_quality.py plot --out quality
+
+`train` runs one training of each after the other, each as a process of its own with an empty compilation
+cache, and keeps policies along the way. The clock of each starts with its command: imports, compilation and
+all.
+
+`score` lets every kept policy walk in the same MuJoCo plant, over the same joint layer and motor frames,
+with the same commands (scenario `walk`) and pushes (scenario `push`). Playground's policy is told the
+base's true velocity, which its observation wants and no robot senses; footfall's is not.
+
+`plot` draws velocity error and the push that half survive against wall-clock, and says when footfall first
+was, and stayed, as good as Playground's last policy on both, with no more falls.
+"""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from playground_policy import KeptActors, PlaygroundPolicy, load_actors
+from rich.console import Console
+from rich.table import Table
+
+from footfall.common.errors import UserError
+from footfall.evaluate.episodes import EpisodeOutcome, EpisodeTask, run_task, run_with
+from footfall.evaluate.plan import plan_episodes
+from footfall.evaluate.pool import run_all
+from footfall.evaluate.scenarios import load_scenarios
+from footfall.evaluate.summary import summarise
+from footfall.robots.description import load_robot
+
+HERE = Path(__file__).parent
+ROBOT = "go1"  # the robot of Playground's task
+PLAYGROUND, FOOTFALL = "playground", "footfall"
+SCENARIOS = {"walk": 48, "push": 96}  # and how many episodes of each
+
+
+def main() -> None:
+    """Do one of the three."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("what", choices=["train", "score", "plot"])
+    parser.add_argument("--out", type=Path, required=True, help="folder of policies and scores")
+    parser.add_argument("--only", choices=[PLAYGROUND, FOOTFALL], help="train or score one of them")
+    parser.add_argument("--preset", default="gpu", help="footfall's")
+    parser.add_argument("--seeds", type=int, default=1, help="footfall's trainings")
+    parser.add_argument("--every", type=float, default=8.0, help="seconds between footfall's kept policies")
+    parser.add_argument("--until", type=float, default=1e9, help="seconds after which footfall's stops early")
+    parser.add_argument("--plant", type=Path, help="another MJCF than footfall's robot to score on")
+    parser.add_argument("--workers", type=int)
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    try:
+        {"train": train, "score": score, "plot": plot}[options.what](options)
+    except UserError as error:
+        parser.error(str(error))
+
+
+# -- train ---------------------------------------------------------------------------------------------------
+
+
+def train(options: argparse.Namespace) -> None:
+    """One process for each training, one after the other."""
+    if options.only != PLAYGROUND:
+        for seed in range(options.seeds):
+            command = ["footfall_training.py", "--out", str(options.out / f"{FOOTFALL}-{seed}")]
+            command += ["--preset", options.preset, "--seed", str(seed)]
+            run_from_empty_cache([*command, "--every", str(options.every), "--until", str(options.until)])
+    if options.only != FOOTFALL:
+        run_from_empty_cache(["playground_training.py", "--out", str(options.out / f"{PLAYGROUND}.npz")])
+
+
+def run_from_empty_cache(command: list[str]) -> None:
+    """Run one of our scripts; its clock begins now."""
+    with tempfile.TemporaryDirectory() as cache_folder:
+        environment = os.environ | {"JAX_COMPILATION_CACHE_DIR": cache_folder, "PYTHONUNBUFFERED": "1"}
+        script, *rest = command
+        began = ["--began", repr(time.time())]
+        subprocess.run([sys.executable, str(HERE / script), *rest, *began], env=environment, check=True)
+
+
+# -- score ---------------------------------------------------------------------------------------------------
+
+
+def score(options: argparse.Namespace) -> None:
+    """Score what has been kept; what has been scored before is left as it is."""
+    path = options.out / "scores.json"
+    scores: dict[str, Any] = json.loads(path.read_text()) if path.exists() else {}
+    for policy, (name, time_s, steps) in kept_policies(options.out).items():
+        if policy in scores or (options.only and not name.startswith(options.only)):
+            continue
+        figures = {scenario: figures_of(policy, scenario, options) for scenario in SCENARIOS}
+        scores[policy] = {"training": name, "time_s": time_s, "steps": steps, **figures}
+        path.write_text(json.dumps(scores, indent=1) + "\n")
+        print(one_line(scores[policy]), flush=True)
+
+
+def kept_policies(folder: Path) -> dict[str, tuple[str, float, int]]:
+    """Every kept policy by what `_run` calls it: training, seconds, environment steps."""
+    found = {}
+    for index in sorted(folder.glob(f"{FOOTFALL}-*/kept.json")):
+        for entry in json.loads(index.read_text()):
+            policy = str(index.parent / entry["file"])
+            found[policy] = (index.parent.name, entry["time_s"], entry["steps"])
+    theirs = folder / f"{PLAYGROUND}.npz"
+    if theirs.exists():
+        kept = load_actors(theirs)
+        for place in range(1, len(kept.time_s)):  # the first one is untrained
+            found[f"{theirs}#{place}"] = (PLAYGROUND, float(kept.time_s[place]), int(kept.steps[place]))
+    return found
+
+
+def figures_of(policy: str, scenario: str, options: argparse.Namespace) -> dict[str, Any]:
+    """What the policy reaches in a scenario."""
+    file = load_scenarios()
+    plans = plan_episodes(scenario, file.scenarios[scenario], seed=0, episodes=SCENARIOS[scenario])
+    tasks = [
+        EpisodeTask(policy, ROBOT, plan, file.noise, options.plant, ground_truth="#" in policy)
+        for plan in plans
+    ]
+    return summarise(file.scenarios[scenario], run_all(_run, tasks, options.workers), seed=0)
+
+
+def _run(task: EpisodeTask) -> EpisodeOutcome:
+    """In a worker process: run an episode with whichever kind of policy it names."""
+    file, _, place = task.policy.partition("#")
+    return run_with(_playground(file, int(place)), task) if place else run_task(task)
+
+
+@cache
+def _playground(file: str, place: int) -> PlaygroundPolicy:
+    return PlaygroundPolicy(_actors(file), place, load_robot(ROBOT))
+
+
+@cache
+def _actors(file: str) -> KeptActors:
+    return load_actors(Path(file))
+
+
+# -- plot ----------------------------------------------------------------------------------------------------
+
+
+def plot(options: argparse.Namespace) -> None:
+    """Print every score, say when quality was equal, and draw it."""
+    scores = json.loads((options.out / "scores.json").read_text())
+    runs: dict[str, list[dict[str, Any]]] = {}
+    for entry in sorted(scores.values(), key=lambda entry: entry["time_s"]):
+        runs.setdefault(entry["training"], []).append(entry)
+    table = Table("training", "s", "M steps", "fell", "m/s", "rad/s", "push, m/s", box=None)
+    for entries in runs.values():
+        for entry in entries:
+            table.add_row(*cells(entry))
+    Console(width=110).print(table)
+    goal = runs[PLAYGROUND][-1]
+    print(f"Playground's last policy: {one_line(goal)}")
+    for name, entries in runs.items():
+        if name == PLAYGROUND:
+            continue
+        reached = first_as_good(entries, goal)
+        if reached is None:
+            print(f"{name}: not reached within {entries[-1]['time_s']:.0f} s")
+        else:
+            share = reached["time_s"] / goal["time_s"]
+            print(f"{name}: as good after {reached['time_s']:.1f} s, {share:.2f} of Playground's time")
+    draw(runs, goal, options.out / "time_to_quality.svg")
+
+
+def first_as_good(entries: list[dict[str, Any]], goal: dict[str, Any]) -> dict[str, Any] | None:
+    """The first policy that is as good as the goal, and after which all are."""
+    reached = None
+    for entry in reversed(entries):
+        if not as_good(entry, goal):
+            break
+        reached = entry
+    return reached
+
+
+def as_good(entry: dict[str, Any], goal: dict[str, Any]) -> bool:
+    """No more falls, no larger velocity error, no weaker push survived by half."""
+    walk, wanted = entry["walk"], goal["walk"]
+    return (
+        walk["falls"] <= wanted["falls"]
+        and walk["lin_vel_rmse"] is not None
+        and walk["lin_vel_rmse"] <= wanted["lin_vel_rmse"]
+        and push_of(entry) >= push_of(goal)
+    )
+
+
+def push_of(entry: dict[str, Any]) -> float:
+    """The push that half survive, m/s: 0 if most fall at the weakest, the strongest if most survive it."""
+    push = entry["push"]
+    if push["dv50"] is not None:
+        return float(push["dv50"])
+    return float(push["strongest_push"]) if push["falls"] < push["episodes"] / 2 else 0.0
+
+
+def cells(entry: dict[str, Any]) -> list[str]:
+    """One policy's row."""
+    walk = entry["walk"]
+    errors = [
+        "-" if walk[name] is None else f"{walk[name]:.3f}" for name in ("lin_vel_rmse", "yaw_rate_rmse")
+    ]
+    falls = f"{walk['falls']} of {walk['episodes']}"
+    return [
+        entry["training"], f"{entry['time_s']:.0f}", f"{entry['steps'] / 1e6:.0f}", falls, *errors,
+        f"{push_of(entry):.2f}",
+    ]  # fmt: skip
+
+
+def one_line(entry: dict[str, Any]) -> str:
+    """One policy in words."""
+    name, seconds, steps, falls, linear, yaw, push = cells(entry)
+    return (
+        f"{name} after {seconds} s, {steps} M steps: {falls} fell, {linear} m/s, {yaw} rad/s,"
+        f" half survive {push} m/s"
+    )
+
+
+def draw(runs: dict[str, list[dict[str, Any]]], goal: dict[str, Any], path: Path) -> None:
+    """Both qualities against wall-clock."""
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(1, 2, figsize=(10, 4), constrained_layout=True)
+    colours = dict(zip(runs, plt.rcParams["axes.prop_cycle"].by_key()["color"], strict=False))
+    for name, entries in runs.items():
+        seconds = [entry["time_s"] for entry in entries]
+        walks = [(e["time_s"], e["walk"]["lin_vel_rmse"]) for e in entries]
+        walks = [(s, value) for s, value in walks if value is not None]
+        axes[0].plot(*zip(*walks, strict=True), marker="o", markersize=3, color=colours[name], label=name)
+        axes[1].plot(seconds, [push_of(e) for e in entries], marker="o", markersize=3, color=colours[name])
+    axes[0].axhline(goal["walk"]["lin_vel_rmse"], color="0.6", linewidth=1, linestyle=":")
+    axes[1].axhline(push_of(goal), color="0.6", linewidth=1, linestyle=":")
+    axes[0].set(yscale="log", xlabel="wall-clock, s", ylabel="velocity error, m/s", title="Tracking")
+    axes[1].set(xlabel="wall-clock, s", ylabel="push that half survive, m/s", title="Pushes")
+    axes[0].legend()
+    for axis in axes:
+        axis.axvline(goal["time_s"] / 4, color="0.6", linewidth=1, linestyle="--")
+        axis.set_xlim(left=0)
+    figure.savefig(path)
+    figure.savefig(path.with_suffix(".png"), dpi=150)
+    plt.close(figure)
+
+
+if __name__ == "__main__":
+    main()
