@@ -40,7 +40,7 @@ from footfall.policies.observation import (
 )
 from footfall.robots.actuator import JointCommand, Motor
 from footfall.robots.description import Robot
-from footfall.robots.model import joint_addresses, training_model
+from footfall.robots.model import ground_friction, joint_addresses, training_model
 from footfall.robots.targets import limit_target
 
 RANDOMISED_FIELDS = ("body_mass", "body_inertia", "body_ipos", "dof_armature", "geom_friction")
@@ -127,7 +127,7 @@ class VelocityEnv:
         self._positions, self._dofs = jnp.asarray(positions), jnp.asarray(dofs)
         feet = [model.geom(foot.geom).id for foot in robot.description.feet]
         self._foot_radius = jnp.asarray(model.geom_size[feet, 0], dtype=jnp.float32)
-        self._foot_friction = float(model.geom_friction[feet, 0].mean())
+        self._foot_friction = float(ground_friction(model, robot).mean())
         self._foot_phase = jnp.asarray([f.phase for f in robot.description.feet], dtype=jnp.float32)
         self._motor = Motor(*(jnp.asarray(a, dtype=jnp.float32) for a in robot.motor))
         lower, upper = robot.soft_limits
