@@ -120,7 +120,9 @@ class TestOtherRobots:
     def test_a_leg_with_skew_axes_is_refused_in_one_line(self, tmp_path: Path) -> None:
         for name in ("robot.yaml", "robot.xml"):
             text = (ROBOT.folder / name).read_text()
-            (tmp_path / name).write_text(text.replace("standing_height_m: 0.2945", "standing_height_m: 0.341"))
+            (tmp_path / name).write_text(
+                text.replace("standing_height_m: 0.2945", "standing_height_m: 0.341")
+            )
         knee = '<default class="knee">\n      <joint axis="0 1 0"'
         text = (tmp_path / "robot.xml").read_text()
         assert knee in text
