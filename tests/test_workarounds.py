@@ -3,6 +3,10 @@
 A test that fails here after an upgrade says: look at that file again; it may go.
 """
 
+import os
+import signal
+import subprocess
+import sys
 from importlib.metadata import version
 
 import mujoco
@@ -14,7 +18,7 @@ pytest.importorskip("jax")
 import jax
 
 from footfall.envs.physics_c import _Simulations
-from footfall.envs.workarounds import fewer_kernels, undisturbed
+from footfall.envs.workarounds import fewer_kernels, partitioner, undisturbed
 from footfall.envs.workarounds.undisturbed import UNDISTURBED
 from footfall.robots.description import Robot
 from footfall.robots.model import training_model
@@ -67,6 +71,46 @@ def test_jax_traces_a_function_again_that_it_has_compiled_before() -> None:
         jax.jit(function)(np.float32(1.0))
         jax.clear_caches()
     assert len(traced) == 2
+
+
+ACCELERATIONS_ON_TWO_DEVICES = """
+import jax
+from jax.sharding import AxisType, PartitionSpec
+from mujoco import mjx
+from footfall.robots.description import load_robot
+from footfall.robots.model import training_model
+
+mesh = jax.make_mesh((2,), ("devices",), (AxisType.Auto,))
+model = training_model(load_robot("go1"))
+nominal, template = mjx.put_model(model), mjx.make_data(model)
+
+def accelerations(qpos, qvel):
+    return mjx.step(nominal, template.replace(qpos=qpos, qvel=qvel)).qacc
+
+each = PartitionSpec("devices")
+divided = jax.shard_map(
+    jax.vmap(accelerations), mesh=mesh, in_specs=(each, each), out_specs=each, check_vma=False
+)
+shapes = (jax.ShapeDtypeStruct((8, size), "float32") for size in (model.nq, model.nv))
+jax.jit(divided).lower(*shapes).compile()
+"""
+
+
+@pytest.mark.skipif(jax.__version_info__ < partitioner.CRASHES_SINCE, reason="Shardy works with this jax")
+def test_shardy_crashes_on_mjx() -> None:
+    two = {"XLA_FLAGS": "--xla_force_host_platform_device_count=2", "JAX_PLATFORMS": "cpu"}
+    command = [sys.executable, "-c", ACCELERATIONS_ON_TWO_DEVICES]
+    done = subprocess.run(command, env=os.environ | two, capture_output=True, timeout=300, check=False)
+    assert done.returncode == -signal.SIGSEGV
+
+
+def test_shardy_is_avoided_only_where_it_crashes(monkeypatch: pytest.MonkeyPatch) -> None:
+    changed: list[tuple[str, bool]] = []
+    monkeypatch.setattr(jax.config, "update", lambda *change: changed.append(change))
+    for release, expected in (((0, 10, 2), []), ((0, 11, 2), [("jax_use_shardy_partitioner", False)])):
+        monkeypatch.setattr(jax, "__version_info__", release)
+        partitioner.avoid_crashing_partitioner()
+        assert changed == expected
 
 
 def test_results_that_would_be_written_to_a_copy_are_noticed(go1: Robot) -> None:
