@@ -53,7 +53,9 @@ def measure(impl: str, environments: int, iterations: int) -> dict[str, Any]:
     return found | {"first_report_s": reports[0][0] - begun_s, "steps_per_s": steps}
 
 
-def physics_alone(environments: int, control_steps: int = 10, repeats: int = 20) -> tuple[float, ...]:
+def physics_alone(
+    environments: int, control_steps: int = 10, repeats: int = 20
+) -> tuple[float, float, float]:
     """Control steps per second of its model under random actions: least, median, most."""
     from mujoco_playground import registry
     from mujoco_playground._src import mjx_env

@@ -15,6 +15,7 @@ import jax
 from throughput import Spread, iterate, rates_of
 
 from footfall.robots.description import load_robot
+from footfall.train.brax.devices import device_mesh
 from footfall.train.brax.parts import assemble
 from footfall.train.config import load_preset
 from footfall.train.runs.folder import Provenance, Run
@@ -59,7 +60,7 @@ def steps_per_s(robot: str, preset: str, devices: int, iterations: int) -> Sprea
     ppo = replace(config.ppo, environments=config.ppo.environments * devices)
     provenance = Provenance(robot, 0, preset, "brax", jax.devices()[0].device_kind, "", "", {})
     run = Run(Path(), provenance, replace(config, ppo=ppo))
-    state, _, compiled = assemble(run, load_robot(robot), devices).prepare(None)
+    state, compiled = assemble(run, load_robot(robot)).prepare(device_mesh(ppo, devices), None, print)
     return rates_of(iterate(compiled, state, iterations), ppo.steps_per_iteration)
 
 

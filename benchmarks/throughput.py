@@ -33,6 +33,7 @@ from footfall.common.errors import UserError
 from footfall.envs.batch import step_batch
 from footfall.robots.description import load_robot
 from footfall.robots.model import training_model
+from footfall.train.brax.devices import device_mesh
 from footfall.train.brax.parts import Parts, assemble
 from footfall.train.brax.ppo import iteration_keys, make_rollout
 from footfall.train.config import TrainConfig
@@ -78,27 +79,37 @@ def main() -> None:
         "python": platform.python_version(),
         "preset": options.preset,
         "settings": options.set,
+        "footfall": {},
+        "playground": [],
     }
     try:
         common = {key: yaml.safe_load(value) for key, value in (s.split("=", 1) for s in options.set)}
-        results["footfall"] = {
-            case: measure_footfall(
-                options.robot, options.preset, common | CASES[case], options.iterations, options.shares
-            )
-            for case in chosen
-        }
-    except UserError as error:
-        parser.error(str(error))
+        changes = {case: common | CASES[case] for case in chosen}
     except KeyError as error:
         parser.error(f"no case {error}: there are {', '.join(CASES)}, joined by +")
+
+    def keep() -> None:
+        if options.json:
+            options.json.write_text(json.dumps(results, indent=2) + "\n")
+
+    for case, settings in changes.items():
+        try:
+            found = measure_footfall(
+                options.robot, options.preset, settings, options.iterations, options.shares
+            )
+        except UserError as error:
+            parser.error(str(error))
+        results["footfall"][case] = found
+        keep()
     if options.playground:
+        results["differences"] = differences(options.robot, options.preset)
         counts = [int(count) for count in options.playground_environments.split(",")]
         runs = [("jax", count) for count in counts] + ([("warp", counts[0])] if options.warp else [])
-        results["playground"] = [playground.measure(*run, options.playground_iterations) for run in runs]
-        results["differences"] = differences(options.robot, options.preset)
+        for run in runs:
+            results["playground"].append(playground.measure(*run, options.playground_iterations))
+            keep()
     show(results)
-    if options.json:
-        options.json.write_text(json.dumps(results, indent=2) + "\n")
+    keep()
 
 
 def started(
@@ -108,7 +119,7 @@ def started(
     config = trial_config(preset, settings)
     provenance = Provenance(robot, seed, preset, "brax", jax.devices()[0].device_kind, "", "", {})
     parts = assemble(Run(Path(), provenance, config), load_robot(robot))
-    state, _, compiled = parts.prepare(None)
+    state, compiled = parts.prepare(device_mesh(config.ppo), None, print)
     return parts, config, state, compiled
 
 
@@ -142,7 +153,7 @@ def measure_footfall(
         roll_out = make_rollout(env, parts.networks, ppo)
         parts_of_it |= {
             "environment, fixed actions": environment,
-            "rollout": functools.partial(roll_out, keys=keys),
+            "rollout": lambda state: roll_out(state, keys),
         }
     rates = {
         name: rates_of(repeat(jax.jit(function), first, iterations), ppo.steps_per_iteration)
@@ -218,7 +229,7 @@ def show(results: dict[str, Any]) -> None:
                 found["physics_steps"],
                 in_thousands(rate),
             )
-    for found in results.get("playground", []):
+    for found in results["playground"]:
         label = f"Playground, {found['impl']}"
         if "failed" in found:
             table.add_row(label, f"{found['environments']:,}", "5 x 4 ms", f"not run: {found['failed']}")
@@ -226,7 +237,7 @@ def show(results: dict[str, Any]) -> None:
         for name, rate in found["steps_per_s"].items():
             table.add_row(f"{label}, {name}", f"{found['environments']:,}", "5 x 4 ms", in_thousands(rate))
     console.print(table)
-    for ours, theirs in itertools.product(results["footfall"].items(), results.get("playground", [])):
+    for ours, theirs in itertools.product(results["footfall"].items(), results["playground"]):
         (case, found), name = ours, f"{theirs['impl']}, {theirs['environments']:,}"
         for what in (PPO, PHYSICS):
             if "failed" not in theirs and what in theirs["steps_per_s"]:

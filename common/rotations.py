@@ -113,7 +113,7 @@ def cross(vector: np.ndarray, others: np.ndarray) -> np.ndarray:
 def _gravity(quaternion: Sequence[Any]) -> list[Any]:
     """Projected gravity, from and in components."""
     w, x, y, z = quaternion
-    return [2 * (w * y - x * z), -2 * (y * z + w * x), 2 * (x * x + y * y) - 1]
+    return [-2 * (x * z - w * y), -2 * (y * z + w * x), 2 * (x * x + y * y) - 1]
 
 
 def _product(a: Sequence[Any], b: Sequence[Any]) -> list[Any]:

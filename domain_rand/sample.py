@@ -1,77 +1,88 @@
 """One draw: how a particular robot differs from the nominal one."""
 
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import Any, TypeVar
 
+from footfall.domain_rand.distributions import Distribution
+from footfall.domain_rand.randomisation import QUANTITIES, Randomisation
 from footfall.robots.actuator import JointCommand, Motor
+from footfall.robots.kinds import Parts
 
 Array = Any
+T = TypeVar("T", Motor, JointCommand)
+
+# Differences that last for an episode, by the quantity's name; what is absent is nominal. Shapes as
+# `sample_shapes` gives them, units and meanings as `Randomisation` does.
+Sample = dict[str, Array]
 
 
-class Sample(NamedTuple):
-    """Differences that last for an episode. None means nominal. Shapes as `sample_shapes` gives them.
+def sample_shapes(joints: int, bodies: int) -> dict[str, tuple[int, ...]]:
+    """Shape of each quantity, the world not among the bodies."""
+    return {name: quantity.kind.shape(Parts(joints, bodies)) for name, quantity in QUANTITIES.items()}
 
-    Scales multiply the nominal value; the units of the others are in their names or in `Randomisation`.
+
+def draw(randomisation: Randomisation, uniform: Callable[[int], Array], joints: int, bodies: int) -> Sample:
+    """One robot out of the declared family.
+
+    Args:
+        randomisation: the declaration.
+        uniform: gives k independent numbers in [0, 1), shape (k,); called once.
+        joints: number of joints.
+        bodies: number of bodies of the model, the world left out.
     """
-
-    friction: Array | None = None
-    link_mass: Array | None = None
-    payload_kg: Array | None = None
-    com_offset_m: Array | None = None
-    inertia: Array | None = None
-    armature: Array | None = None
-    joint_friction: Array | None = None
-    joint_damping: Array | None = None
-    motor_strength: Array | None = None
-    kp: Array | None = None
-    kd: Array | None = None
-    battery: Array | None = None
-    action_delay_s: Array | None = None
-    observation_delay_s: Array | None = None
-    encoder_bias: Array | None = None
-    gyro_bias: Array | None = None
-    gravity_bias: Array | None = None
+    parts = Parts(joints, bodies)
+    sizes = {name: quantity.kind.size(parts) for name, quantity in QUANTITIES.items()}
+    numbers = uniform(sum(sizes.values()))
+    drawn, start = {}, 0
+    for name, shape in sample_shapes(joints, bodies).items():
+        stop = start + sizes[name]
+        distribution: Distribution | None = getattr(randomisation, name)
+        if distribution is not None:
+            drawn[name] = distribution.quantile(numbers[start:stop]).reshape(shape)
+        start = stop
+    return drawn
 
 
-SCALES = frozenset(
-    ["link_mass", "inertia", "armature", "joint_friction", "motor_strength", "kp", "kd", "battery"]
-)  # fields whose nominal value is 1; friction has the robot's own, the others 0
-
-
-def narrowed(sample: Sample, width: Array | float, friction: float) -> Sample:
+def towards_nominal(sample: Sample, share: Array | float, friction: float) -> Sample:
     """The sampled robot moved towards the nominal one.
 
     Args:
         sample: a draw.
-        width: 1 leaves it as it is, 0 makes it nominal.
+        share: of its distance from the nominal robot that is kept, 0 to 1.
         friction: nominal coefficient of the feet on the ground.
     """
-    nominal = {"friction": friction} | dict.fromkeys(SCALES, 1.0)
-    moved = {
-        name: nominal.get(name, 0.0) + width * (value - nominal.get(name, 0.0))
-        for name, value in sample._asdict().items()
-        if value is not None
-    }
-    return sample._replace(**moved)
-
-
-def _times(nominal: Array, scale: Array | None) -> Array:
-    return nominal if scale is None else nominal * scale
+    moved = {}
+    for name, value in sample.items():
+        nominal = QUANTITIES[name].nominal
+        nominal = friction if nominal is None else nominal
+        moved[name] = nominal + share * (value - nominal)
+    return moved
 
 
 def randomised_motor(motor: Motor, sample: Sample) -> Motor:
     """The motors of the sampled robot, from the nominal ones."""
-    damping = motor.damping
-    if sample.joint_damping is not None:
-        damping = damping + sample.joint_damping
-    return motor._replace(
-        stall_torque=_times(motor.stall_torque, sample.battery),
-        no_load_speed=_times(motor.no_load_speed, sample.battery),
-        friction=_times(motor.friction, sample.joint_friction),
-        damping=damping,
-        strength=_times(motor.strength, sample.motor_strength),
-    )
+    return _changed(motor, sample, "motor")
 
 
 def randomised_command(command: JointCommand, sample: Sample) -> JointCommand:
     """The command as the sampled robot's motors carry it out: their true stiffness and damping."""
-    return command._replace(kp=_times(command.kp, sample.kp), kd=_times(command.kd, sample.kd))
+    return _changed(command, sample, "command")
+
+
+def sensor_bias(sample: Sample, reading: str) -> Array | None:
+    """What the sampled robot's sensor adds to a reading, shape of the reading; None where nothing."""
+    drawn = [
+        sample[name]
+        for name, quantity in QUANTITIES.items()
+        if quantity.bias_of == reading and name in sample
+    ]
+    return sum(drawn[1:], start=drawn[0]) if drawn else None
+
+
+def _changed(values: T, sample: Sample, effect_on: str) -> T:
+    for name, quantity in QUANTITIES.items():
+        effect = getattr(quantity, effect_on)
+        if effect is not None and name in sample:
+            changed = {field: effect.change(getattr(values, field), sample[name]) for field in effect.fields}
+            values = values._replace(**changed)
+    return values

@@ -13,12 +13,20 @@ import mujoco
 import numpy as np
 
 from footfall.common.errors import UserError
-from footfall.domain_rand.bodies import body_map, randomised_fields
+from footfall.common.rotations import multiply, normalised, projected_gravity, rotate_to_body
+from footfall.domain_rand.bodies import body_map, randomised_field_names, randomised_fields
 from footfall.domain_rand.noise import biased, noisy
-from footfall.domain_rand.randomisation import draw
-from footfall.domain_rand.sample import Sample, narrowed, randomised_command, randomised_motor
+from footfall.domain_rand.sample import (
+    Sample,
+    draw,
+    randomised_command,
+    randomised_motor,
+    sensor_bias,
+    towards_nominal,
+)
 from footfall.envs.commands import COMMAND_NUMBERS, draw_command, draw_hold_steps
 from footfall.envs.config import EnvConfig
+from footfall.envs.critic import Truth, critic_observation
 from footfall.envs.delays import delayed_goals, delayed_readings
 from footfall.envs.gait import make_gait
 from footfall.envs.physics import Drive, Motion, Physics, Trace
@@ -30,7 +38,6 @@ from footfall.policies.action import joint_target
 from footfall.policies.contract import Contract
 from footfall.policies.observation import (
     Inputs,
-    Readings,
     frame,
     frame_size,
     history_length,
@@ -40,10 +47,10 @@ from footfall.policies.observation import (
 )
 from footfall.robots.actuator import JointCommand, Motor
 from footfall.robots.description import Robot
-from footfall.robots.model import joint_addresses, training_model
+from footfall.robots.model import ground_friction, joint_addresses, training_model
+from footfall.robots.readings import Sensed, as_vector, from_vector, read, readings_size
 from footfall.robots.targets import limit_target
 
-RANDOMISED_FIELDS = ("body_mass", "body_inertia", "body_ipos", "dof_armature", "geom_friction")
 KEPT_GOALS = 3  # control steps whose targets may still be on their way to the motors
 PUSH_NUMBERS = 6  # uniform numbers that a push is drawn from
 DISTURBANCE_NUMBERS = COMMAND_NUMBERS + PUSH_NUMBERS + 2
@@ -119,7 +126,10 @@ class VelocityEnv:
         model = training_model(robot, self.timestep_s)
         self._physics = PHYSICS[config.physics](model, robot)
         self._nominal = SimpleNamespace(
-            **{name: jnp.asarray(getattr(model, name), dtype=jnp.float32) for name in RANDOMISED_FIELDS}
+            **{
+                name: jnp.asarray(getattr(model, name), dtype=jnp.float32)
+                for name in randomised_field_names()
+            }
         )
         self._bodies, self._dof_count = model.nbody - 1, model.nv
         self._map = body_map(model, robot)
@@ -127,7 +137,7 @@ class VelocityEnv:
         self._positions, self._dofs = jnp.asarray(positions), jnp.asarray(dofs)
         feet = [model.geom(foot.geom).id for foot in robot.description.feet]
         self._foot_radius = jnp.asarray(model.geom_size[feet, 0], dtype=jnp.float32)
-        self._foot_friction = float(model.geom_friction[feet, 0].mean())
+        self._foot_friction = float(ground_friction(model, robot).mean())
         self._foot_phase = jnp.asarray([f.phase for f in robot.description.feet], dtype=jnp.float32)
         self._motor = Motor(*(jnp.asarray(a, dtype=jnp.float32) for a in robot.motor))
         lower, upper = robot.soft_limits
@@ -160,9 +170,11 @@ class VelocityEnv:
         """A new episode: state, command, timers, delay buffers and body are all drawn afresh."""
         config, n = self.config, self.action_size
         key, sample_key, rest_key = jax.random.split(key, 3)
-        pose, noise, command, timers, clock = _uniform(rest_key, 7 + 2 * n, 6 + 2 * n, COMMAND_NUMBERS, 2, 1)
+        pose, noise, command, timers, clock = _uniform(
+            rest_key, 7 + 2 * n, readings_size(n), COMMAND_NUMBERS, 2, 1
+        )
         sample = draw(config.randomisation, lambda k: jax.random.uniform(sample_key, (k,)), n, self._bodies)
-        sample = narrowed(sample, _grown(config.curriculum.randomisation, level), self._foot_friction)
+        sample = towards_nominal(sample, _grown(config.curriculum.randomisation, level), self._foot_friction)
         qpos, qvel = self._initial_state(pose)
         reading = self._reading(qpos, qvel)
         state = State(
@@ -211,7 +223,7 @@ class VelocityEnv:
         readings = jax.vmap(self._reading)(passed.qpos, passed.qvel)
         trail = jnp.concatenate([state.trail, readings])
         key, numbers_key = jax.random.split(state.key)
-        disturbance, noise = _uniform(numbers_key, DISTURBANCE_NUMBERS, 6 + 2 * self.action_size)
+        disturbance, noise = _uniform(numbers_key, DISTURBANCE_NUMBERS, readings_size(self.action_size))
         state = self._disturb(state._replace(key=key, trail=readings), disturbance)
         state, observed = self._observe(state, trail, noise)
         feet = (outcome.contact, outcome.clearance)
@@ -233,8 +245,8 @@ class VelocityEnv:
         zeros = jnp.zeros_like(self._kp)
         command = randomised_command(JointCommand(targets, zeros, self._kp, self._kd, zeros), state.sample)
         motor = randomised_motor(self._motor, state.sample)
-        bias = zeros if state.sample.encoder_bias is None else state.sample.encoder_bias
-        drive = Drive(targets, command.kp, command.kd, motor, bias)
+        bias = sensor_bias(state.sample, "joint_position")
+        drive = Drive(targets, command.kp, command.kd, motor, zeros if bias is None else bias)
         start = Motion(state.qpos, state.qvel, state.qacc_warmstart)
         end, passed = self._physics(start, drive, state.fields)
         return state._replace(**end._asdict(), target=targets[-1]), passed
@@ -249,17 +261,17 @@ class VelocityEnv:
             return target, target
 
         starts_s = np.arange(self.config.substeps) * self.timestep_s
-        delay_s = state.sample.action_delay_s
+        delay_s = state.sample.get("action_delay_s")
         goals = delayed_goals(state.goals, delay_s, starts_s, self.timestep_s, self.period_s)
         return jax.lax.scan(tick, state.target, goals, unroll=True)[1]
 
     def _outcome(self, state: State, passed: Trace) -> Outcome:
         config = self.config
-        rotation = _rotation(state.qpos[3:7])
+        quaternion = state.qpos[3:7]
         foot = passed.foot_position
         clearance = foot[-1, :, 2] - self._foot_radius
         foot_velocity = (foot[-1] - foot[-2]) / self.timestep_s
-        gravity = -rotation[2]
+        gravity = projected_gravity(quaternion)
         height = state.qpos[2]
         fell = (gravity[2] > -np.cos(config.tilt_limit_rad)) | (
             height < config.least_height_share * self.robot.description.standing_height_m
@@ -269,7 +281,7 @@ class VelocityEnv:
         return Outcome(
             command=state.command,
             moving=walk,
-            linear_velocity=state.qvel[:3] @ rotation,
+            linear_velocity=rotate_to_body(quaternion, state.qvel[:3]),
             angular_velocity=state.qvel[3:6],
             gravity=gravity,
             height=height,
@@ -294,10 +306,10 @@ class VelocityEnv:
         """Push a frame of delayed, biased, noisy readings; with `fill`, it becomes the whole history.
 
         Args:
-            u: uniform numbers, shape (6 + 2 n,).
+            u: uniform numbers, shape (readings_size,).
         """
-        delayed = delayed_readings(trail, state.sample.observation_delay_s, self.timestep_s)
-        readings = biased(_unpack(delayed, self.action_size), state.sample)
+        delayed = delayed_readings(trail, state.sample.get("observation_delay_s"), self.timestep_s)
+        readings = biased(from_vector(delayed, self.action_size), state.sample)
         readings = noisy(readings, self.config.noise, u)
         newest = frame(Inputs(readings, state.actions[0], state.command, state.phase), self.contract)
         frames = jnp.broadcast_to(newest, state.frames.shape) if fill else push_frame(state.frames, newest)
@@ -312,22 +324,16 @@ class VelocityEnv:
         torque: jax.Array,
     ) -> dict[str, jax.Array]:
         """The actor's observation, and the critic's: clean readings and what no robot senses."""
-        readings = _unpack(self._reading(state.qpos, state.qvel), self.action_size)
+        readings = from_vector(self._reading(state.qpos, state.qvel), self.action_size)
         clean = frame(Inputs(readings, state.actions[0], state.command, state.phase), self.contract)
-        sample = [jnp.ravel(leaf) for leaf in jax.tree.leaves(state.sample)]
-        sampled = jnp.concatenate([*sample, jnp.zeros(0)])
-        privileged = jnp.concatenate(
-            [
-                observed,
-                clean,
-                state.qvel[:3] @ _rotation(state.qpos[3:7]),
-                state.qpos[2:3],
-                contact,
-                clearance * 10.0,
-                torque / self._motor.peak_torque,
-                sampled,
-            ]
+        truth = Truth(
+            linear_velocity=rotate_to_body(state.qpos[3:7], state.qvel[:3]),
+            height=state.qpos[2],
+            contact=contact,
+            clearance=clearance,
+            torque=torque / self._motor.peak_torque,
         )
+        privileged = critic_observation(observed, clean, truth, state.sample)
         return {"state": observed, "privileged_state": privileged}
 
     def _disturb(self, state: State, u: jax.Array) -> State:
@@ -374,9 +380,9 @@ class VelocityEnv:
         u = 2 * u - 1
         yaw = jnp.pi * u[0]
         tilt = start.tilt_rad * u[1:3]
-        quaternion = _multiply(
+        quaternion = multiply(
             jnp.array([jnp.cos(yaw / 2), 0.0, 0.0, jnp.sin(yaw / 2)]),
-            _normalise(jnp.array([1.0, tilt[0] / 2, tilt[1] / 2, 0.0])),
+            normalised(jnp.array([1.0, tilt[0] / 2, tilt[1] / 2, 0.0])),
         )
         # Joints differ, and XLA is told so: what might add twice would be added one by one on a GPU.
         qpos = jnp.asarray(self._qpos0)
@@ -388,9 +394,16 @@ class VelocityEnv:
         return qpos, qvel.at[self._dofs].set(start.joint_velocity_rad_s * u[7 + n :], unique_indices=True)
 
     def _reading(self, qpos: jax.Array, qvel: jax.Array) -> jax.Array:
-        """True readings as one vector: gyro, gravity, joint positions, joint velocities."""
-        gravity = -_rotation(qpos[3:7])[2]
-        return jnp.concatenate([qvel[3:6], gravity, qpos[self._positions], qvel[self._dofs]])
+        """True readings as one vector."""
+        sensed = Sensed(
+            gyro=qvel[3:6],
+            acceleration=None,
+            quaternion=qpos[3:7],
+            joint_position=qpos[self._positions],
+            joint_velocity=qvel[self._dofs],
+            joint_torque=None,
+        )
+        return as_vector(read(sensed))
 
     def _check_delays(self) -> None:
         longest: dict[str, tuple[Any, float]] = {
@@ -414,29 +427,3 @@ def _parts(vector: jax.Array, *sizes: int) -> list[jax.Array]:
 def _grown(start: float, level: jax.Array | float) -> jax.Array | float:
     """What grows linearly from `start` at the curriculum's level 0 to 1 at level 1."""
     return start + (1 - start) * level
-
-
-def _unpack(reading: jax.Array, n: int) -> Readings:
-    return Readings(reading[:3], reading[3:6], reading[6 : 6 + n], reading[6 + n :])
-
-
-def _rotation(q: jax.Array) -> jax.Array:
-    """Rotation matrix (body to world) of a unit quaternion w x y z."""
-    w, x, y, z = q
-    return jnp.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-
-
-def _multiply(a: jax.Array, b: jax.Array) -> jax.Array:
-    """Product of two quaternions w x y z."""
-    w, v = a[0] * b[0] - a[1:] @ b[1:], a[0] * b[1:] + b[0] * a[1:] + jnp.cross(a[1:], b[1:])
-    return jnp.concatenate([w[None], v])
-
-
-def _normalise(q: jax.Array) -> jax.Array:
-    return q / jnp.sqrt(jnp.sum(q * q))

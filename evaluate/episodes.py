@@ -9,8 +9,8 @@ import numpy as np
 
 from footfall.domain_rand.bodies import body_map, randomised_fields
 from footfall.domain_rand.noise import Noise
-from footfall.domain_rand.randomisation import draw, load_randomisation, sample_shapes
-from footfall.domain_rand.sample import Sample
+from footfall.domain_rand.randomisation import load_randomisation
+from footfall.domain_rand.sample import Sample, draw, sample_shapes
 from footfall.evaluate.metrics import EpisodeMetrics, score
 from footfall.evaluate.plan import EpisodePlan, Levels
 from footfall.plant.episode import Episode, run_episode
@@ -96,14 +96,13 @@ def sample_of(plan: EpisodePlan, joints: int, bodies: int) -> Sample | None:
         joints: of the robot.
         bodies: of the plant, the world left out.
     """
-    sample = Sample()
+    sample: Sample = {}
     if plan.randomised:
         rng = np.random.default_rng(plan.seed)
         sample = draw(load_randomisation(), rng.random, joints, bodies)
     shapes = sample_shapes(joints, bodies)
     fixed = {name: np.full(shapes[name], value) for name, value in plan.levels.items() if name in shapes}
-    sample = sample._replace(**fixed)
-    return None if all(value is None for value in sample) else sample
+    return sample | fixed or None
 
 
 def _weight(model: mujoco.MjModel, robot: Robot, sample: Sample | None) -> float:

@@ -7,13 +7,13 @@ from pathlib import Path
 from footfall.common.config import load
 from footfall.common.errors import UserError
 from footfall.domain_rand.noise import Noise
-from footfall.domain_rand.sample import Sample
+from footfall.domain_rand.randomisation import QUANTITIES
 from footfall.plant.episode import Push
 
 DEFAULT = Path(__file__).parent / "scenarios.yaml"
 COMMAND_AXES = ("forward_m_s", "leftward_m_s", "yaw_rad_s")
 PUSH_LEVELS = ("push_m_s", "push_direction_deg")
-LEVEL_NAMES = (*COMMAND_AXES, *PUSH_LEVELS, *Sample._fields)
+LEVEL_NAMES = (*COMMAND_AXES, *PUSH_LEVELS, *QUANTITIES)
 
 Range = tuple[float, float]
 

@@ -80,7 +80,7 @@ def run_episode(robot: Robot, policy: Policy, episode: Episode, watch: Watch | N
     """
     wiring, config = wire(robot), episode.config
     wires = SimulatedWires(wiring.buses, config.host_queue)
-    difference = PlantConfig(episode.plant, episode.sample or Sample(), episode.noise, config.motor_timeout_s)
+    difference = PlantConfig(episode.plant, episode.sample or {}, episode.noise, config.motor_timeout_s)
     body = SimulatedRobot(robot, wiring, wires, difference, episode.seed)
     facts = {
         "seed": episode.seed,

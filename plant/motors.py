@@ -8,7 +8,7 @@ import numpy as np
 from footfall.deploy.config import MOTOR_TIMEOUT_S
 from footfall.deploy.drivers.driver import MotorEnd, Motors, Request, Requests
 from footfall.deploy.frames import Frames
-from footfall.domain_rand.sample import Sample, randomised_motor
+from footfall.domain_rand.sample import Sample, randomised_command, randomised_motor, sensor_bias
 from footfall.robots.actuator import JointCommand, Motor, friction_torque, motor_torque
 
 TEMPERATURE_C = 30
@@ -50,16 +50,11 @@ class SimulatedMotors:
         self._end = end
         self._motor = randomised_motor(motor, sample)
         self.encoder_bias = np.zeros(n)
-        if sample.encoder_bias is not None:
-            self.encoder_bias += sample.encoder_bias
-        self._gain_scale = np.ones((5, n))
-        if sample.kp is not None:
-            self._gain_scale[2] = sample.kp
-        if sample.kd is not None:
-            self._gain_scale[3] = sample.kd
-        self._delay_steps = (
-            0 if sample.action_delay_s is None else round(float(sample.action_delay_s) / step_s)
-        )
+        bias = sensor_bias(sample, "joint_position")
+        if bias is not None:
+            self.encoder_bias += bias
+        self._gain_scale = np.stack(randomised_command(JointCommand(*np.ones((5, n))), sample))
+        self._delay_steps = round(float(sample.get("action_delay_s", 0.0)) / step_s)
         self._timeout_steps = round(timeout_s / step_s)
         self.faults = MotorFaults(np.zeros(n, bool), np.zeros(n, bool), np.zeros(n, np.uint64))
         self.enabled = np.zeros(n, dtype=bool)

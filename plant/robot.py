@@ -17,12 +17,14 @@ from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import Wiring
 from footfall.domain_rand.bodies import apply_to_model, body_map
 from footfall.domain_rand.noise import Noise
+from footfall.domain_rand.randomisation import QUANTITIES
 from footfall.domain_rand.sample import Sample
 from footfall.plant.energy import EnergyMeter, Power
 from footfall.plant.ground_truth import GroundTruth, Truth
 from footfall.plant.motors import MotorFaults, SimulatedMotors
 from footfall.plant.sensors import Layout, SimulatedSensors
 from footfall.plant.wires import Side, SimulatedWires
+from footfall.robots import kinds
 from footfall.robots.description import Robot
 from footfall.robots.model import Plant, joint_addresses, read_plant
 
@@ -44,7 +46,7 @@ class PlantConfig:
     """How the simulated robot differs from the one that its controller believes in."""
 
     plant: Path | None = None  # another MJCF
-    sample: Sample = field(default_factory=Sample)
+    sample: Sample = field(default_factory=dict)
     noise: Noise | None = None
     motor_timeout_s: float = MOTOR_TIMEOUT_S
 
@@ -190,9 +192,8 @@ class SimulatedRobot:
 
 def _check_sample(sample: Sample, plant: Plant) -> None:
     bodies = plant.model.nbody - 1
-    for name in ("link_mass", "inertia"):
-        drawn = getattr(sample, name)
-        if drawn is not None and len(drawn) != bodies:
+    for name, drawn in sample.items():
+        if QUANTITIES[name].kind is kinds.BODY_AMOUNTS and len(drawn) != bodies:
             raise UserError(f"{name} was drawn for {len(drawn)} bodies, the plant has {bodies}")
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from footfall.common.rotations import shift_gravity
 from footfall.deploy.drivers import imu
 from footfall.domain_rand.noise import Noise
-from footfall.domain_rand.sample import Sample
+from footfall.domain_rand.sample import Sample, sensor_bias
 
 _NOISE_BLOCK = 256  # readings whose noise is drawn at once
 
@@ -46,9 +46,10 @@ class SimulatedSensors:
         seed: int,
     ) -> None:
         self._data, self._layout, self._n = data, layout, joints
-        self._gyro_bias = np.zeros(3) if sample.gyro_bias is None else np.asarray(sample.gyro_bias)
-        self._gravity_bias = None if sample.gravity_bias is None else np.asarray(sample.gravity_bias).tolist()
-        delay_s = 0.0 if sample.observation_delay_s is None else float(sample.observation_delay_s)
+        gyro_bias, gravity_bias = (sensor_bias(sample, name) for name in ("gyro", "gravity"))
+        self._gyro_bias = np.zeros(3) if gyro_bias is None else np.asarray(gyro_bias)
+        self._gravity_bias = None if gravity_bias is None else np.asarray(gravity_bias).tolist()
+        delay_s = float(sample.get("observation_delay_s", 0.0))
         self._past: deque[_Moment] = deque(maxlen=round(delay_s / step_s) + 1)
         self._noisy = noise is not None
         self._half_widths = _half_widths(noise or Noise(), joints)

@@ -6,12 +6,10 @@ import numpy as np
 import onnxruntime
 
 from footfall.common.errors import UserError
-from footfall.common.rotations import projected_gravity
 from footfall.policies.action import joint_target
 from footfall.policies.contract import CONTRACT_KEY, TRAINER_KEY, Contract
 from footfall.policies.observation import (
     Inputs,
-    Readings,
     frame,
     frame_size,
     history_length,
@@ -22,6 +20,7 @@ from footfall.policies.observation import (
 from footfall.policies.policy import Observation
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
+from footfall.robots.readings import read
 
 
 def open_network(path: Path) -> tuple[onnxruntime.InferenceSession, Contract]:
@@ -93,7 +92,7 @@ class LearnedPolicy:
         """Position targets under the contract's gains, arrays of shape (n,)."""
         contract = self.contract
         phase = np.array([self._phase()])
-        readings = _readings(observation_)
+        readings = read(observation_.sensed)
         newest = frame(Inputs(readings, self._action, observation_.command, phase), contract)
         if self._frames is None:
             self._frames = np.broadcast_to(newest, (history_length(contract), frame_size(contract)))
@@ -117,9 +116,3 @@ class LearnedPolicy:
     def _phase(self) -> float:
         gait = self.contract.gait
         return 0.0 if gait is None else self._steps * gait.frequency_hz / self.rate_hz % 1.0
-
-
-def _readings(observation_: Observation) -> Readings:
-    sensed = observation_.sensed
-    gravity = projected_gravity(sensed.quaternion)
-    return Readings(sensed.gyro, gravity, sensed.joint_position, sensed.joint_velocity)

@@ -5,7 +5,9 @@ from typing import Any, NamedTuple
 
 from footfall.common.errors import UserError
 from footfall.policies.contract import Contract
-from footfall.robots.readings import Readings
+from footfall.robots import kinds
+from footfall.robots.kinds import Kind, Parts
+from footfall.robots.readings import READINGS, Readings
 
 Array = Any
 
@@ -34,28 +36,41 @@ def _clock(inputs: Inputs, contract: Contract) -> Array:
 
 
 def _position_error(inputs: Inputs, contract: Contract) -> Array:
-    position = inputs.readings.joint_position
+    position = inputs.readings["joint_position"]
     xp = position.__array_namespace__()
     return position - xp.asarray(contract.default_pose_rad, dtype=position.dtype)
 
 
-TERMS: dict[str, Callable[[Inputs, Contract], Array]] = {
-    "gyro": lambda inputs, _: inputs.readings.gyro,
-    "gravity": lambda inputs, _: inputs.readings.gravity,
-    "command": lambda inputs, _: inputs.command,
-    "joint_position": _position_error,
-    "joint_velocity": lambda inputs, _: inputs.readings.joint_velocity,
-    "last_action": lambda inputs, _: inputs.last_action,
-    "clock": _clock,
+class ObservationTerm(NamedTuple):
+    """The declaration of an observation term. A configuration gives its scale and history."""
+
+    kind: Kind  # how many numbers in one frame, and their mirror image
+    source: Callable[[Inputs, Contract], Array]
+
+
+def reading_term(name: str) -> ObservationTerm:
+    """The term that shows a reading as it is."""
+    return ObservationTerm(READINGS[name].kind, lambda inputs, _: inputs.readings[name])
+
+
+TERMS: dict[str, ObservationTerm] = {name: reading_term(name) for name in READINGS} | {
+    "joint_position": ObservationTerm(kinds.JOINTS, _position_error),
+    "command": ObservationTerm(kinds.COMMAND, lambda inputs, _: inputs.command),
+    "last_action": ObservationTerm(kinds.JOINTS, lambda inputs, _: inputs.last_action),
+    "clock": ObservationTerm(kinds.CLOCK, _clock),
 }
+
+
+def term_kind(name: str) -> Kind:
+    """Raises UserError if there is no such term."""
+    if name not in TERMS:
+        raise UserError(f"no observation term '{name}': there are {', '.join(TERMS)}")
+    return TERMS[name].kind
 
 
 def term_size(name: str, contract: Contract) -> int:
     """Numbers in one frame of a term."""
-    if name not in TERMS:
-        raise UserError(f"no observation term '{name}': there are {', '.join(TERMS)}")
-    sizes = {"gyro": 3, "gravity": 3, "command": 3, "clock": 2}
-    return sizes.get(name, len(contract.joints))
+    return term_kind(name).size(Parts(len(contract.joints)))
 
 
 def frame_size(contract: Contract) -> int:
@@ -76,7 +91,7 @@ def history_length(contract: Contract) -> int:
 def frame(inputs: Inputs, contract: Contract) -> Array:
     """One scaled observation frame, shape (..., frame_size)."""
     xp = inputs.command.__array_namespace__()
-    parts = [TERMS[term.name](inputs, contract) * term.scale for term in contract.observation]
+    parts = [TERMS[term.name].source(inputs, contract) * term.scale for term in contract.observation]
     return xp.concat(parts, axis=-1)
 
 

@@ -6,17 +6,7 @@ import numpy as np
 
 from footfall.policies.contract import Contract
 from footfall.robots.actuator import JointCommand
-
-
-class Sensed(NamedTuple):
-    """One decoded set of readings, as they came over the bus."""
-
-    gyro: np.ndarray  # (3,) rad/s, body frame
-    acceleration: np.ndarray  # (3,) m/s^2, proper acceleration at the IMU, body frame
-    quaternion: np.ndarray  # (4,) body to world, w x y z; its yaw drifts on a real robot
-    joint_position: np.ndarray  # (n,) rad
-    joint_velocity: np.ndarray  # (n,) rad/s
-    joint_torque: np.ndarray  # (n,) N m, as the motors report it
+from footfall.robots.readings import Sensed
 
 
 class Observation(NamedTuple):

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 import mujoco
 
 from footfall.robots.stance import touching_height
+from footfall.robots.targets import soft_limits
 
 if TYPE_CHECKING:
-    from footfall.robots.description import Description, Foot
+    from footfall.robots.description import Description, Foot, Robot
 
 STANDING_TOLERANCE_M = 0.005
 
@@ -32,7 +33,11 @@ def inconsistencies(description: "Description") -> Iterator[str]:
 def _wrong_feet(feet: Sequence["Foot"], joints: list[str]) -> Iterator[str]:
     if _repeated([foot.name for foot in feet]):
         yield f"feet: {_repeated([foot.name for foot in feet])} is listed twice"
+    if _repeated([foot.geom for foot in feet]):
+        yield f"feet: geom {_repeated([foot.geom for foot in feet])} is that of two feet"
     for foot in feet:
+        if _repeated(foot.joints):
+            yield f"foot {foot.name}: joint {_repeated(foot.joints)} is listed twice"
         for name in foot.joints:
             if name not in joints:
                 yield f"foot {foot.name}: no joint '{name}' under joints"
@@ -69,7 +74,8 @@ def contradictions(description: "Description", model: mujoco.MjModel) -> Iterato
 def _wrong_joints(description: "Description", model: mujoco.MjModel) -> Iterator[str]:
     for joint in description.joints:
         found = model.joint(joint.name)
-        low, high = found.range
+        dof, (low, high) = found.dofadr[0], found.range
+        soft_low, soft_high = soft_limits(low, high, description.soft_limit_factor)
         if found.type[0] != mujoco.mjtJoint.mjJNT_HINGE:
             yield f"joint {joint.name} is no hinge in {description.model}"
         elif not model.jnt_limited[found.id]:
@@ -78,8 +84,26 @@ def _wrong_joints(description: "Description", model: mujoco.MjModel) -> Iterator
             yield f"joint {joint.name} has no armature in {description.model}: the gains follow from it"
         elif not low <= joint.default_rad <= high:
             yield f"joint {joint.name}: default_rad {joint.default_rad:g} is outside {low:g} to {high:g}"
-        elif model.dof_dampingpoly[found.dofadr[0]].any():
+        elif not soft_low <= joint.default_rad <= soft_high:
+            yield (
+                f"joint {joint.name}: default_rad {joint.default_rad:g} is outside the soft limits"
+                f" {soft_low:.4g} to {soft_high:.4g}, which soft_limit_factor leaves of its range"
+            )
+        elif model.dof_frictionloss[dof] < 0.0 or model.dof_damping[dof] < 0.0:
+            yield f"joint {joint.name}: frictionloss and damping in {description.model} must not be negative"
+        elif model.dof_dampingpoly[dof].any():
             yield f"joint {joint.name}: damping in {description.model} must be one number, N m s/rad"
+
+
+def overreach(robot: "Robot") -> Iterator[str]:
+    """Joints that an action of 1 would move further than they can go."""
+    span = robot.upper_rad - robot.lower_rad
+    for name, scale, most in zip(robot.joint_names, robot.action_scale, span, strict=True):
+        if scale > most:
+            yield (
+                f"gains: torque_share times the peak torque over kp lets an action of 1 move joint {name} by"
+                f" {scale:.3g} rad, its range is {most:.3g}"
+            )
 
 
 def _repeated(items: Sequence) -> object:

@@ -8,11 +8,13 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from footfall.common.config import load, require_positive
+from footfall.common.config import load, require_between, require_positive
 from footfall.common.errors import UserError
 from footfall.robots.actuator import Motor
-from footfall.robots.checks import contradictions, inconsistencies
+from footfall.robots.checks import contradictions, inconsistencies, overreach
 from footfall.robots.digest import digest
+from footfall.robots.stability import instabilities
+from footfall.robots.targets import soft_limits
 
 ROBOTS = Path(__file__).parent
 
@@ -44,6 +46,10 @@ class MotorType:
 
     def __post_init__(self) -> None:
         require_positive(self, *(name for name in self.__dataclass_fields__ if name != "protocol"))
+        if self.stall_torque_nm < self.peak_torque_nm:
+            raise ValueError(
+                f"stall_torque_nm {self.stall_torque_nm:g} is below peak_torque_nm {self.peak_torque_nm:g}"
+            )
 
 
 @dataclass(frozen=True)
@@ -56,6 +62,9 @@ class JointEntry:
     bus: str
     id: int
 
+    def __post_init__(self) -> None:
+        require_between(self, 1, 127, "id")
+
 
 @dataclass(frozen=True)
 class Foot:
@@ -65,6 +74,9 @@ class Foot:
     geom: str
     joints: tuple[str, ...]
     phase: float
+
+    def __post_init__(self) -> None:
+        require_between(self, 0.0, 1.0, "phase")
 
 
 @dataclass(frozen=True)
@@ -124,9 +136,7 @@ class Robot:
     @cached_property
     def soft_limits(self) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest position target of each joint, rad."""
-        middle = (self.lower_rad + self.upper_rad) / 2
-        half = (self.upper_rad - self.lower_rad) / 2 * self.description.soft_limit_factor
-        return middle - half, middle + half
+        return soft_limits(self.lower_rad, self.upper_rad, self.description.soft_limit_factor)
 
     @cached_property
     def kp(self) -> np.ndarray:
@@ -221,7 +231,7 @@ def _assemble(description: Description, folder: Path) -> Robot:
         damping=model.dof_damping[dofs].copy(),
         strength=np.ones(len(ids)),
     )
-    return Robot(
+    robot = Robot(
         description=description,
         folder=folder,
         lower_rad=model.jnt_range[ids, 0].copy(),
@@ -230,6 +240,9 @@ def _assemble(description: Description, folder: Path) -> Robot:
         motor=motor,
         digest=digest(description, model),
     )
+    _refuse(source, instabilities(robot, model))
+    _refuse(source, overreach(robot))
+    return robot
 
 
 def _refuse(source: Path, findings: Iterator[str]) -> None:

@@ -10,12 +10,11 @@ from footfall.common.errors import UserError
 from footfall.robots.actuator import Motor
 from footfall.robots.description import Robot, load_spec
 from footfall.robots.feet import find_feet
+from footfall.robots.stability import PLANT_TIMESTEP_S, TRAINING_TIMESTEP_S
 
 FLOOR = "floor"
 IMU = "footfall_imu"
 ALL_CONTACTS = 0x7FFFFFFF  # contact bits that meet any geom that can touch at all
-TRAINING_TIMESTEP_S = 0.005
-PLANT_TIMESTEP_S = 0.001
 
 
 def training_model(robot: Robot, timestep_s: float = TRAINING_TIMESTEP_S) -> mujoco.MjModel:
@@ -135,6 +134,17 @@ def joint_addresses(model: mujoco.MjModel, robot: Robot) -> tuple[np.ndarray, np
     """Where the robot's joints lie in `qpos` and `qvel`, each of shape (n,), in joint order."""
     ids = [model.joint(name).id for name in robot.joint_names]
     return model.jnt_qposadr[ids], model.jnt_dofadr[ids]
+
+
+def ground_friction(model: mujoco.MjModel, robot: Robot) -> np.ndarray:
+    """Coefficient of sliding friction of each foot on the floor of a training model, shape (feet,).
+
+    MuJoCo takes the larger of two geoms' coefficients unless one of them has priority.
+    """
+    feet = [model.geom(foot.geom).id for foot in robot.description.feet]
+    floor = np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE)[0]
+    own, ground = model.geom_friction[feet, 0], model.geom_friction[floor, 0]
+    return np.where(model.geom_priority[feet] > model.geom_priority[floor], own, np.maximum(own, ground))
 
 
 def _check_plant(spec: mujoco.MjSpec, robot: Robot, path: Path) -> None:

@@ -11,6 +11,7 @@ from footfall.robots.model import joint_addresses, training_model
 
 Array = Any
 PLACE_TOLERANCE_M = 0.01
+HALF_CYCLE = 0.5
 VECTOR = np.array([1.0, -1.0, 1.0])  # mirrors positions, velocities and forces at the x-z plane
 ROTATION = np.array([-1.0, 1.0, -1.0])  # mirrors rotation vectors, angular velocities and torques
 
@@ -33,6 +34,7 @@ class Symmetry(NamedTuple):
     joints: Mirror  # in joint order; signs as a joint's position or torque changes
     feet: np.ndarray  # (feet,) each foot's partner
     bodies: np.ndarray  # (bodies,) each body's partner, the world left out
+    clock: float  # sign of the gait clock's sine and cosine
 
 
 def find_symmetry(robot: Robot) -> Symmetry:
@@ -42,7 +44,7 @@ def find_symmetry(robot: Robot) -> Symmetry:
     to (-a_x, a_y, -a_z): an axis is a rotation vector.
 
     Raises:
-        UserError: a part has no mirror image, or the default pose is not symmetric.
+        UserError: a part has no mirror image, or the default pose or the feet's phases are not symmetric.
     """
     model = training_model(robot)
     data = mujoco.MjData(model)
@@ -64,11 +66,20 @@ def find_symmetry(robot: Robot) -> Symmetry:
     feet = [model.geom(foot.geom).id for foot in robot.description.feet]
     foot_names = [f"foot {foot.name}" for foot in robot.description.feet]
     bodies = [f"body {model.body(i).name}" for i in range(1, model.nbody)]
-    return Symmetry(
-        mirror,
-        _partners(data.geom_xpos[feet] - base, robot, foot_names),
-        _partners(data.xipos[1:] - base, robot, bodies),
-    )
+    foot_partners = _partners(data.geom_xpos[feet] - base, robot, foot_names)
+    body_partners = _partners(data.xipos[1:] - base, robot, bodies)
+    return Symmetry(mirror, foot_partners, body_partners, _clock_sign(robot, foot_partners))
+
+
+def _clock_sign(robot: Robot, partners: np.ndarray) -> float:
+    """Where partners step half a cycle apart, the mirror changes the sign of the clock's sine and cosine."""
+    phase = np.array([foot.phase for foot in robot.description.feet])
+    apart = (phase[partners] - phase) % 1.0
+    if np.allclose(apart, HALF_CYCLE):
+        return -1.0
+    if np.allclose(apart, 0.0):
+        return 1.0
+    raise UserError(f"robot '{robot.name}': its feet's phases have no mirror image; turn ppo.symmetry off")
 
 
 def _partners(places: np.ndarray, robot: Robot, names: list[str]) -> np.ndarray:

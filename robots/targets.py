@@ -5,6 +5,12 @@ from typing import Any
 Array = Any
 
 
+def soft_limits(lower: Array, upper: Array, factor: float) -> tuple[Array, Array]:
+    """Lowest and highest position target, rad: a share of each joint's range, about its middle."""
+    middle, half = (lower + upper) / 2, (upper - lower) / 2
+    return middle - factor * half, middle + factor * half
+
+
 def limit_target(
     goal: Array, previous: Array, lower: Array, upper: Array, rate_rad_s: float, dt_s: float
 ) -> Array:

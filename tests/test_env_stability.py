@@ -14,7 +14,8 @@ from footfall.domain_rand.sample import randomised_command, randomised_motor
 from footfall.envs.physics import Drive, joint_effort
 from footfall.robots.actuator import JointCommand, joint_torque
 from footfall.robots.description import Robot, load_robot
-from footfall.robots.model import TRAINING_TIMESTEP_S, joint_addresses, read_plant, training_model
+from footfall.robots.model import joint_addresses, read_plant, training_model
+from footfall.robots.stability import TRAINING_TIMESTEP_S
 from footfall.train.config import load_preset
 
 DRAWS = 2000

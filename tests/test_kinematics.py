@@ -1,6 +1,5 @@
 """Leg kinematics: against MuJoCo, against finite differences, and there and back."""
 
-import timeit
 from pathlib import Path
 
 import mujoco
@@ -121,18 +120,12 @@ class TestOtherRobots:
     def test_a_leg_with_skew_axes_is_refused_in_one_line(self, tmp_path: Path) -> None:
         for name in ("robot.yaml", "robot.xml"):
             text = (ROBOT.folder / name).read_text()
-            (tmp_path / name).write_text(text)
+            (tmp_path / name).write_text(
+                text.replace("standing_height_m: 0.2945", "standing_height_m: 0.341")
+            )
         knee = '<default class="knee">\n      <joint axis="0 1 0"'
         text = (tmp_path / "robot.xml").read_text()
         assert knee in text
         (tmp_path / "robot.xml").write_text(text.replace(knee, knee.replace("0 1 0", "0 1 1")))
         with pytest.raises(UserError, match="second and third joint"):
             Legs(load_robot(tmp_path))
-
-
-def test_fast_enough_for_the_joint_rate() -> None:
-    """All legs there and back take a small share of a 2 ms tick."""
-    foot = LEGS.default_foot
-    both = lambda: LEGS.solve(LEGS.pose(ROBOT.default_pose).foot + 0 * foot)  # noqa: E731
-    best = min(timeit.repeat(both, number=200, repeat=5)) / 200
-    assert best < 300e-6

@@ -9,7 +9,7 @@ import pytest
 
 from footfall.common.errors import UserError
 from footfall.robots.description import Robot, load_robot
-from footfall.robots.model import joint_addresses, plant_model, training_model
+from footfall.robots.model import ground_friction, joint_addresses, plant_model, training_model
 
 
 def standing(model: mujoco.MjModel, robot: Robot) -> mujoco.MjData:
@@ -99,6 +99,22 @@ def test_feet_meet_the_training_floor_as_they_would_the_plants(
     trained, plant = (standing(model, robot).contact for model in (training_model(robot), plant_model(robot)))
     for field in ("friction", "solref", "solimp", "dim"):
         np.testing.assert_array_equal(getattr(trained, field), getattr(plant, field)[:4], field)
+
+
+@pytest.mark.parametrize(
+    ("foot", "expected"),
+    [('priority="1" friction="0.3"', 0.3), ('friction="0.3"', 0.8), ('friction="0.9"', 0.9)],
+)
+def test_nominal_friction_is_that_of_the_contacts(own_folder: Path, foot: str, expected: float) -> None:
+    """Of the floor's 0.8 and the foot's, MuJoCo takes the larger, or that of the foot with priority."""
+    xml = own_folder / "robot.xml"
+    text = re.sub(r'priority="1"\s+friction="0.8"', foot, xml.read_text())
+    assert foot in text
+    xml.write_text(text)
+    robot = load_robot(own_folder)
+    model = training_model(robot)
+    np.testing.assert_allclose(ground_friction(model, robot), expected)
+    np.testing.assert_allclose(standing(model, robot).contact.friction[:, 0], expected)
 
 
 def test_plant_falls_onto_its_trunk(go1: Robot) -> None:

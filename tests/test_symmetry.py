@@ -25,7 +25,7 @@ PRESETS = {
 
 
 def test_mirroring_twice_changes_nothing() -> None:
-    joints, feet, bodies = find_symmetry(ROBOT)
+    joints, feet, bodies, _ = find_symmetry(ROBOT)
     vector = np.arange(1.0, 13.0)
     np.testing.assert_array_equal(joints(joints(vector)), vector)
     np.testing.assert_array_equal(feet[feet], np.arange(4))
@@ -33,7 +33,7 @@ def test_mirroring_twice_changes_nothing() -> None:
 
 
 def test_partners_have_the_names_one_expects() -> None:
-    joints, feet, _ = find_symmetry(ROBOT)
+    joints, feet, *_ = find_symmetry(ROBOT)
     other = {"L": "R", "R": "L"}
     names = ROBOT.joint_names
     assert [names[i] for i in joints.source] == [name[0] + other[name[1]] + name[2:] for name in names]
@@ -86,12 +86,12 @@ def test_a_robot_with_a_missing_image_is_refused(monkeypatch: pytest.MonkeyPatch
 def _observed(env: VelocityEnv, mirrored: bool) -> dict[str, np.ndarray]:
     """Everything that is observed in a random state, or in its mirror image."""
     state, contact, clearance, torque = _random_state(env)
-    joints, feet, bodies = find_symmetry(env.robot)
+    joints, feet, bodies, _ = find_symmetry(env.robot)
     if mirrored:
         sign = {"com_offset_m": VECTOR, "gravity_bias": VECTOR, "gyro_bias": ROTATION}
         sample = {}
-        for name, value in state.sample._asdict().items():
-            if value is None or value.ndim == 0:
+        for name, value in state.sample.items():
+            if value.ndim == 0:
                 sample[name] = value
             elif name in sign:
                 sample[name] = value * sign[name]
@@ -103,7 +103,7 @@ def _observed(env: VelocityEnv, mirrored: bool) -> dict[str, np.ndarray]:
         qpos = state.qpos[order] * np.concatenate([VECTOR, [1.0, -1.0, 1.0, -1.0], joints.sign])
         qvel = jnp.concatenate([state.qvel[:3] * VECTOR, state.qvel[3:6] * ROTATION, joints(state.qvel[6:])])
         state = state._replace(
-            sample=type(state.sample)(**sample),
+            sample=sample,
             qpos=qpos,
             qvel=qvel,
             command=state.command * jnp.array([1.0, -1.0, -1.0]),

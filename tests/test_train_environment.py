@@ -50,8 +50,8 @@ class TestReset:
         one, two = reset(jax.random.PRNGKey(1))[0], reset(jax.random.PRNGKey(2))[0]
         for field in ("qpos", "qvel", "phase", "frames", "trail"):
             assert not np.array_equal(getattr(one, field), getattr(two, field)), field
-        for field, value in one.sample._asdict().items():
-            assert not np.array_equal(value, getattr(two.sample, field)), field
+        for field, value in one.sample.items():
+            assert not np.array_equal(value, two.sample[field]), field
         for field, value in one.fields.items():
             assert not np.array_equal(value, two.fields[field]), field
 
@@ -145,11 +145,11 @@ class TestStep:
         env = make(curriculum=Curriculum(100, randomisation=0.0), randomisation=load_randomisation())
         key = jax.random.PRNGKey(12)
         nominal, half, full = (env.reset(key, level)[0] for level in (0.0, 0.5, 1.0))
-        assert np.allclose(nominal.sample.link_mass, 1.0)
+        assert np.allclose(nominal.sample["link_mass"], 1.0)
         assert np.allclose(nominal.fields["body_mass"], training_model(ROBOT).body_mass)
-        assert float(nominal.sample.action_delay_s) == 0.0
-        assert float(full.sample.payload_kg) != 0.0
-        assert np.isclose(half.sample.payload_kg, full.sample.payload_kg / 2)
+        assert float(nominal.sample["action_delay_s"]) == 0.0
+        assert float(full.sample["payload_kg"]) != 0.0
+        assert np.isclose(half.sample["payload_kg"], full.sample["payload_kg"] / 2)
 
 
 def test_one_step_agrees_with_mujoco_c_under_the_same_joint_law() -> None:
@@ -214,7 +214,7 @@ class TestDelays:
         targets = jax.jit(jax.vmap(env._targets))(states._replace(goals=goals))
         lacking = 1.0 - (targets[:, :, 0] - states.target[:, None, 0]) / near
         seen = np.sort(np.asarray(lacking.sum(axis=1)) * env.timestep_s)
-        np.testing.assert_allclose(seen, np.sort(states.sample.action_delay_s), atol=1e-6)
+        np.testing.assert_allclose(seen, np.sort(states.sample["action_delay_s"]), atol=1e-6)
         even = np.linspace(0.0, longest_s, len(seen))
         assert np.abs(seen - even).max() < 0.03 * longest_s  # uniform: no step of its distribution function
         assert seen.mean() == pytest.approx(longest_s / 2, rel=0.03)

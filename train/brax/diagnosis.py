@@ -250,7 +250,7 @@ def _save_environment(path: Path, fault: _Fault) -> None:
     tree = {"environment": fault.environment, "action": action}
     tree |= {f"observation.{name}": value for name, value in observation.items()}
     for keys, leaf in jax.tree_util.tree_leaves_with_path(env_state):
-        tree["state" + jax.tree_util.keystr(keys)] = leaf
+        tree["state." + jax.tree_util.keystr(keys, simple=True, separator=".")] = leaf
     content = io.BytesIO()
     np.savez(content, **tree)
     try:

@@ -1,0 +1,113 @@
+"""What the declaration of a randomised quantity says: its kind, its nominal value and its effects.
+
+An effect is the same in training (JAX, MJX models) and on the simulated robot (NumPy, MuJoCo models).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from footfall.robots.kinds import Kind
+
+Array = Any
+SCALE, OFFSET = 1.0, 0.0  # nominal values of what multiplies and of what is added
+
+
+@dataclass(frozen=True)
+class BodyMap:
+    """Where the parts that a sample speaks of lie in a model."""
+
+    base: int  # body
+    contact_geoms: tuple[int, ...]  # geoms whose friction decides foot-ground contact
+    dofs: tuple[int, ...]  # the joints', in joint order
+
+
+class Effect(NamedTuple):
+    """A change of some fields of a model, of the motors or of a joint command."""
+
+    fields: tuple[str, ...]
+    change: Callable[..., Array]  # of a field's value and the drawn one; of models, with their BodyMap
+
+
+class Quantity(NamedTuple):
+    """The declaration of a quantity that differs from robot to robot.
+
+    A delay has no effect here: who carries it out asks the sample by name.
+    """
+
+    kind: Kind  # its shape, and its mirror image
+    nominal: float | None  # None: the robot's own
+    model: Effect | None = None  # on the fields of a MuJoCo model
+    motor: Effect | None = None  # on the fields of robots.actuator.Motor
+    command: Effect | None = None  # on a JointCommand, as the motors carry it out
+    bias_of: str | None = None  # reading that it is added to
+
+
+def quantity(kind: Kind, nominal: float | None, **effects: Any) -> Any:
+    """A field of `Randomisation`: it declares a quantity, with the effects that `Quantity` names."""
+    return field(default=None, metadata={"declares": Quantity(kind, nominal, **effects)})
+
+
+def scales(*names: str) -> Effect:
+    """The drawn value multiplies these fields."""
+    return Effect(names, lambda nominal, drawn: nominal * drawn)
+
+
+def adds_to(*names: str) -> Effect:
+    """The drawn value is added to these fields."""
+    return Effect(names, lambda nominal, drawn: nominal + drawn)
+
+
+def scales_bodies(*names: str) -> Effect:
+    """One drawn value per body (the world left out) multiplies these model fields (bodies, ...)."""
+
+    def change(nominal: Array, drawn: Array, _: BodyMap) -> Array:
+        xp = nominal.__array_namespace__()
+        scale = xp.concat([xp.ones(1, dtype=nominal.dtype), drawn])
+        return nominal * _column(scale, nominal)
+
+    return Effect(names, change)
+
+
+def adds_to_base(*names: str) -> Effect:
+    """The drawn value is added to the base's row of these model fields (bodies, ...)."""
+
+    def change(nominal: Array, drawn: Array, where: BodyMap) -> Array:
+        xp = nominal.__array_namespace__()
+        at_base = xp.asarray(np.arange(nominal.shape[0]) == where.base, dtype=nominal.dtype)
+        return nominal + _column(at_base, nominal) * drawn
+
+    return Effect(names, change)
+
+
+def scales_joints(*names: str) -> Effect:
+    """One drawn value per joint multiplies these model fields (nv,) at the joints' degrees of freedom."""
+
+    def change(nominal: Array, drawn: Array, where: BodyMap) -> Array:
+        xp = nominal.__array_namespace__()
+        place, rest = np.zeros((nominal.shape[0], len(where.dofs))), np.ones(nominal.shape[0])
+        place[list(where.dofs), np.arange(len(where.dofs))] = 1.0
+        rest[list(where.dofs)] = 0.0
+        spread = xp.asarray(place, dtype=nominal.dtype) @ drawn
+        return nominal * (spread + xp.asarray(rest, dtype=nominal.dtype))
+
+    return Effect(names, change)
+
+
+def sets_sliding_friction() -> Effect:
+    """The drawn value is the sliding friction of the geoms that decide foot-ground contact."""
+
+    def change(nominal: Array, drawn: Array, where: BodyMap) -> Array:
+        xp = nominal.__array_namespace__()
+        sliding = np.zeros(nominal.shape, dtype=bool)
+        sliding[list(where.contact_geoms), 0] = True
+        return xp.where(xp.asarray(sliding), drawn, nominal)
+
+    return Effect(("geom_friction",), change)
+
+
+def _column(values: Array, like: Array) -> Array:
+    """Values (k,) as a column that multiplies the rows of `like` (k, ...)."""
+    return values.reshape(-1, *(1,) * (like.ndim - 1))

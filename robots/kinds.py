@@ -1,0 +1,52 @@
+"""The kinds of numbers that describe a robot: how many there are, and their mirror image.
+
+An observation term, a reading and a randomised quantity each say their kind; sizes and mirror maps follow.
+"""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from footfall.robots import symmetry
+from footfall.robots.symmetry import Mirror, Symmetry
+
+
+class Parts(NamedTuple):
+    """How many of each a robot has."""
+
+    joints: int
+    bodies: int = 0  # the world left out
+    feet: int = 0
+
+
+class Kind(NamedTuple):
+    """The shape of a value on a given robot, and how it changes when left and right do."""
+
+    shape: Callable[[Parts], tuple[int, ...]]
+    mirror: Callable[[Symmetry], Mirror]
+
+    def size(self, parts: Parts) -> int:
+        """Numbers in a value."""
+        return math.prod(self.shape(parts))
+
+
+def _fixed(signs: np.ndarray) -> Kind:
+    """A kind of as many numbers on every robot, which only change their signs in a mirror."""
+    return Kind(lambda _: signs.shape, lambda _: Mirror(np.arange(len(signs)), signs))
+
+
+def _swapped(partners: np.ndarray) -> Mirror:
+    return Mirror(partners, np.ones(len(partners)))
+
+
+SCALAR = Kind(lambda _: (), lambda _: _swapped(np.arange(1)))
+VECTOR = _fixed(symmetry.VECTOR)  # positions, velocities, forces, directions
+ROTATION = _fixed(symmetry.ROTATION)  # angular velocities, torques, small rotations
+COMMAND = _fixed(np.array([1.0, -1.0, -1.0]))  # forward, leftward, yaw
+CLOCK = Kind(lambda _: (2,), lambda s: Mirror(np.arange(2), np.full(2, s.clock)))  # sine and cosine
+JOINTS = Kind(lambda parts: (parts.joints,), lambda s: s.joints)  # angles, speeds, torques
+JOINT_AMOUNTS = Kind(lambda parts: (parts.joints,), lambda s: _swapped(s.joints.source))  # without a sense
+BODY_AMOUNTS = Kind(lambda parts: (parts.bodies,), lambda s: _swapped(s.bodies))
+FOOT_AMOUNTS = Kind(lambda parts: (parts.feet,), lambda s: _swapped(s.feet))

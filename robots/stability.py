@@ -1,0 +1,61 @@
+"""Whether physics steps can follow a robot's joint law."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import mujoco
+import numpy as np
+
+if TYPE_CHECKING:
+    from footfall.robots.description import Robot
+
+TRAINING_TIMESTEP_S = 0.005
+PLANT_TIMESTEP_S = 0.001
+MOST_TAKEN = 1.5  # share of a velocity that an explicit step may take away; from 2 on, speeds grow for ever
+MOST_TURNED_RAD = 2.0  # natural frequency times step; beyond, oscillations grow (symplectic Euler)
+
+
+def instabilities(robot: "Robot", model: mujoco.MjModel) -> Iterator[str]:
+    """What is too damped or too stiff for the inertia that it moves: in the default pose, the base free.
+
+    The plant's steps are explicit in the damping: one of length h takes h D / M of a velocity away. Those of
+    training are not (envs/physics.py), but they are longer, and the stiffness is explicit in both.
+
+    Args:
+        robot: the robot.
+        model: its compiled MJCF.
+    """
+    mobility = _mobility(robot, model)
+    squared_frequency, joint = _fastest(mobility, robot.kp)
+    if TRAINING_TIMESTEP_S * np.sqrt(squared_frequency) > MOST_TURNED_RAD:
+        yield (
+            f"gains: natural_frequency_hz of {robot.description.gains.natural_frequency_hz:g} makes joint"
+            f" {robot.joint_names[joint]} too stiff for physics steps of {1e3 * TRAINING_TIMESTEP_S:g} ms"
+        )
+    motor = robot.motor
+    damping = robot.kd + motor.friction / motor.friction_speed + motor.damping
+    rate, joint = _fastest(mobility, damping)
+    if PLANT_TIMESTEP_S * rate > MOST_TAKEN:
+        yield (
+            f"joint {robot.joint_names[joint]}: kd, friction at low speed and damping come to"
+            f" {damping[joint]:.3g} N m s/rad, too much for its inertia and physics steps of"
+            f" {1e3 * PLANT_TIMESTEP_S:g} ms"
+        )
+
+
+def _mobility(robot: "Robot", model: mujoco.MjModel) -> np.ndarray:
+    """The joints' accelerations per torque on each of them, (n, n)."""
+    data, mass = mujoco.MjData(model), np.zeros((model.nv, model.nv))
+    ids = [model.joint(name).id for name in robot.joint_names]
+    data.qpos[model.jnt_qposadr[ids]] = robot.default_pose
+    mujoco.mj_fwdPosition(model, data)
+    mujoco.mj_fullM(model, data, mass)
+    dofs = model.jnt_dofadr[ids]
+    return np.linalg.inv(mass)[np.ix_(dofs, dofs)]
+
+
+def _fastest(mobility: np.ndarray, gains: np.ndarray) -> tuple[float, int]:
+    """Greatest eigenvalue of mobility times gains, and the joint that moves most in its mode."""
+    root = np.sqrt(gains)
+    values, modes = np.linalg.eigh(root[:, None] * mobility * root)
+    return float(values[-1]), int(np.abs(modes[:, -1]).argmax())

@@ -1,0 +1,55 @@
+"""Files that are whole or not there: what is on the disk before a name points to it."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from footfall.common.files import write_atomically
+
+
+def test_the_content_is_on_the_disk_before_the_name_and_the_name_before_it_returns(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, happened = tmp_path / "kept", []
+    path.write_bytes(b"old")
+    plain_fsync, plain_replace = os.fsync, os.replace
+
+    def fsync(handle: int) -> None:
+        plain_fsync(handle)
+        reached = Path(f"/proc/self/fd/{handle}").resolve()
+        happened.append(("synced", b"" if reached.is_dir() else reached.read_bytes()))
+
+    def replace(source: str, target: Path) -> None:
+        assert path.read_bytes() == b"old"
+        plain_replace(source, target)
+        happened.append(("named", path.read_bytes()))
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    monkeypatch.setattr(os, "replace", replace)
+    write_atomically(path, b"new")
+    assert happened == [("synced", b"new"), ("named", b"new"), ("synced", b"")]
+
+
+def test_a_write_that_fails_leaves_the_old_content_and_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(_: int) -> None:
+        raise OSError("no space left")
+
+    path = tmp_path / "kept"
+    path.write_bytes(b"old")
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OSError, match="no space"):
+        write_atomically(path, b"new")
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_others_may_read_what_the_process_lets_them(tmp_path: Path) -> None:
+    mask = os.umask(0o027)
+    try:
+        write_atomically(tmp_path / "kept", b"")
+    finally:
+        os.umask(mask)
+    assert (tmp_path / "kept").stat().st_mode & 0o777 == 0o640
