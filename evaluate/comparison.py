@@ -1,5 +1,6 @@
 """What a comparison found: the policies with their figures and their walk over the test course."""
 
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -41,3 +42,17 @@ class Comparison:
         """The first scenario that looks for the push that half survive."""
         chosen = self.setup.scenarios
         return next((name for name in chosen if "push_m_s" in self.file.scenarios[name].levels), None)
+
+
+def command_line(comparison: Comparison) -> str:
+    """What to type for the same figures."""
+    setup = comparison.setup
+    options = ["--robot", setup.robot, "--scenarios", ",".join(setup.scenarios), "--seed", str(setup.seed)]
+    if setup.episodes is not None:
+        options += ["--episodes", str(setup.episodes)]
+    if setup.plant is not None:
+        options += ["--plant", str(setup.plant)]
+    if setup.ground_truth:
+        options.append("--ground-truth")
+    specs = [policy.spec for policy in comparison.policies]
+    return shlex.join(["footfall", "compare", *specs, *options, "--html", "report.html"])

@@ -75,10 +75,15 @@ def _ranking(rows: Sequence[Headline], by_scenario: Mapping[str, Summaries]) -> 
         first = leaders(figure, summaries)
         if first:
             group = tuple(names[index] for index in sorted(first))
-            clear.setdefault(group, []).append(f"{figure.leads} ({_evidence(figure, names, summaries)})")
+            done = figure.leads if len(group) == 1 else _plural(figure.leads)
+            clear.setdefault(group, []).append(f"{done} ({_evidence(figure, names, summaries)})")
         elif smallest := leaders(replace(figure, upright=False), summaries):
             who = _listed([names[index] for index in sorted(smallest)])
-            marred.append(f"{who} leads in {_lower(figure.label)} but falls more often")
+            one = len(smallest) == 1
+            marred.append(
+                f"{who} {'leads' if one else 'lead'} in {_lower(figure.label)}"
+                f" but {'falls' if one else 'fall'} more often than others"
+            )
         else:
             unclear.append(_lower(figure.label))
     claims = [f"{_listed(group)} {_listed(done)}" for group, done in clear.items()] + marred
@@ -114,6 +119,12 @@ def _counted(by_scenario: Mapping[str, Summaries]) -> str:
 
 def _episodes(summaries: Summaries) -> int:
     return min(summary["episodes"] for summary in summaries.values())
+
+
+def _plural(phrase: str) -> str:
+    """'fall least often' for 'falls least often'."""
+    verb, _, rest = phrase.partition(" ")
+    return f"{verb.removesuffix('s')} {rest}"
 
 
 def _lower(label: str) -> str:

@@ -1,10 +1,8 @@
 """The page, the film and the functions that the command line calls, end to end with short scenarios."""
 
 import json
-import re
 import shutil
 import subprocess
-from html.parser import HTMLParser
 from pathlib import Path
 
 import imageio_ffmpeg
@@ -19,7 +17,7 @@ from footfall.evaluate.api import compare_policies, evaluate_policy
 from footfall.evaluate.plan import CommandSchedule
 from footfall.evaluate.pool import Outcome
 from footfall.evaluate.report import films
-from footfall.evaluate.report.films import Film, FilmTask, frame_indices, render_films
+from footfall.evaluate.report.films import Film, FilmTask, render_films
 from footfall.evaluate.scenarios import Scenario, ScenarioFile, Waypoint, load_scenarios
 from footfall.evaluate.suite import Setup, run_suite
 from footfall.plant.episode import Episode, Push, run_episode
@@ -121,36 +119,6 @@ class TestEvaluate:
         assert "\n" not in str(error.value)
 
 
-class Page(HTMLParser):
-    """Collects what a page refers to, and checks that its elements close."""
-
-    VOID = frozenset({"meta", "link", "br", "img", "hr", "input", "source"})
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.references: list[str] = []
-        self.tags: list[str] = []
-        self._open: list[str] = []
-        self.feed(text)
-        assert self._open == []
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append(tag)
-        if tag not in self.VOID:
-            self._open.append(tag)
-        self.references += [
-            value or "" for name, value in attrs if name in {"src", "href", "poster", "xlink:href"}
-        ]
-
-    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.handle_starttag(tag, attrs)
-        if tag not in self.VOID:
-            self._open.pop()
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self._open.pop() == tag
-
-
 @pytest.fixture(scope="module")
 def compared(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict, Path, Path]:
     """A comparison on a machine that cannot render: results, JSON, page."""
@@ -185,21 +153,9 @@ class TestCompare:
             assert 0.0 < result["compute_ms"]["p50"] <= result["compute_ms"]["p99"]
             assert set(result["scenarios"]) == {"still", "push"}
 
-    def test_the_page_needs_nothing_but_itself(self, compared: tuple[dict, Path, Path]) -> None:
+    def test_the_page_says_why_there_are_no_films(self, compared: tuple[dict, Path, Path]) -> None:
         text = compared[2].read_text(encoding="utf-8")
-        page = Page(text)
-        assert all(reference.startswith(("data:", "#")) for reference in page.references)
-        assert not re.search(r"(?:@import|url\(\s*['\"]?https?:)", text)
-        assert page.tags.count("svg") >= 4
-
-    def test_the_page_says_how_it_was_measured(self, compared: tuple[dict, Path, Path]) -> None:
-        text = compared[2].read_text(encoding="utf-8")
-        for fact in ("hand-written controller, 500 Hz", "Seed 0", "mujoco 3.", "push_between_s"):
-            assert fact in text
-
-    def test_without_films_the_page_comes_out_and_says_why(self, compared: tuple[dict, Path, Path]) -> None:
-        text = compared[2].read_text(encoding="utf-8")
-        assert text.count("could not render it (egl: no display)") == 2
+        assert text.count("No film of ") == text.count("egl: no display") == 2
 
     @pytest.mark.skipif(shutil.which("chromium") is None, reason="needs Chromium")
     def test_chromium_draws_the_page(self, compared: tuple[dict, Path, Path], tmp_path: Path) -> None:
@@ -231,11 +187,6 @@ class TestCompare:
 
 
 class TestFilm:
-    def test_frames_keep_the_films_own_rate(self, standing: Trace) -> None:
-        times = standing.time_s[frame_indices(standing)]
-        assert np.diff(times) == pytest.approx(1.0 / films.FRAME_RATE_HZ, abs=0.011)
-        assert times[-1] == pytest.approx(0.4, abs=0.05)
-
     def test_shows_the_robot_and_plays_in_a_browser(self, standing: Trace, tmp_path: Path) -> None:
         film = _film_or_skip(standing)
         path = tmp_path / "film.mp4"
@@ -258,13 +209,13 @@ class TestFilm:
         self, standing: Trace, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         monkeypatch.setenv("MUJOCO_GL", "crayons")
-        (outcome,) = render_films([FilmTask("go1", None, standing, ())])
+        (outcome,) = render_films([FilmTask("go1", None, standing, (), 0.4)])
         assert outcome.value is None
         assert "crayons" in outcome.error
 
 
 def _film_or_skip(trace: Trace) -> Film:
-    (outcome,) = render_films([FilmTask("go1", None, trace, ())])
+    (outcome,) = render_films([FilmTask("go1", None, trace, (), 0.6)])
     if outcome.value is None:
         pytest.skip(f"this machine cannot render: {outcome.error}")
     return outcome.value

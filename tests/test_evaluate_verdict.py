@@ -91,6 +91,12 @@ class TestVerdict:
             " and there is no clear difference in median survivable push."
         )
 
+    def test_several_that_lead_together_are_named_together(self) -> None:
+        summaries = {"a": scored(0.10, 0.02), "b": scored(0.11, 0.02), "c": scored(0.5, 0.02)}
+        assert "a and b follow the commanded velocity most closely (0.100 and 0.110 m/s, next c" in verdict(
+            {"nominal": summaries}
+        )
+
     def test_overlapping_intervals_are_no_clear_difference(self) -> None:
         sentence = verdict({"nominal": {"a": scored(0.1, 0.05), "b": scored(0.12, 0.05, falls=1)}})
         assert sentence == (
@@ -100,7 +106,7 @@ class TestVerdict:
 
     def test_a_small_error_of_who_falls_more_is_told_with_the_falls(self) -> None:
         sentence = verdict({"nominal": {"a": scored(0.1, 0.01, falls=3), "b": scored(0.3, 0.01)}})
-        assert "a leads in velocity error but falls more often" in sentence
+        assert "a leads in velocity error but falls more often than others" in sentence
         assert "no clear difference in falls" in sentence
 
     def test_too_few_episodes_are_said_to_be_too_few(self) -> None:

@@ -1,107 +1,225 @@
-"""Plots of the course that every contender walks. Each is an SVG, or None where there is nothing to show."""
+"""Plots of the test course that every policy walks: what it did, its gait, its motors, its time."""
 
-from collections.abc import Mapping
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
+from markupsafe import Markup
 from matplotlib.axes import Axes
 
 from footfall.evaluate.plan import EpisodePlan
-from footfall.evaluate.report.svg import INK, WIDTH_IN, axes_grid, colour, drawing, legend_above, line, to_svg
+from footfall.evaluate.report.svg import INK, Panel, Plot, Reading, colour, line
 from footfall.plant.trace import Trace
 from footfall.robots.actuator import limit_torque
 from footfall.robots.description import Robot
 
 SMOOTHED_S = 0.2  # half a stride or so: the plot shows tracking, the figures count every sample
+READ_EVERY_S = 0.1
+GAIT_SHOWN_S = 2.0
+AXES = (("forward velocity", "m/s"), ("leftward velocity", "m/s"), ("yaw rate", "rad/s"))
 
 
-def tracking(traces: Mapping[str, Trace], plan: EpisodePlan) -> str | None:
+class Walk(NamedTuple):
+    """A policy's walk over the course."""
+
+    place: int  # of the policy, which gives it a colour
+    policy: str
+    trace: Trace
+    period_ms: float  # between steps of the policy
+
+
+def tracking(walks: Sequence[Walk], plan: EpisodePlan) -> Plot:
     """Commanded and true velocities over the course."""
-    if not traces:
-        return None
-    with drawing("tracking"):
-        figure, axes = axes_grid(3, 1, (WIDTH_IN, 5.4), sharex="all")
-        names = ("forward\nm/s", "leftward\nm/s", "yaw rate\nrad/s")
-        times = np.arange(0.0, plan.duration_s, 0.02)
-        commands = np.array([plan.schedule(time) for time in times])
-        for axis, (ax, name) in enumerate(zip(axes, names, strict=True)):
-            ax.plot(times, commands[:, axis], color=INK, lw=1.1, drawstyle="steps-post", label="command")
-            for place, (policy, trace) in enumerate(traces.items()):
-                ax.plot(trace.time_s, _smooth(_velocity(trace)[:, axis], trace), label=policy, **line(place))
-            for push in plan.pushes:
-                ax.axvline(push.time_s, color=INK, lw=0.8, dashes=(2, 2))
-            ax.set_ylabel(name)
+    return Plot(
+        "Tracking",
+        f"True velocity over the test course, averaged over {SMOOTHED_S:g} s, and the command in steps."
+        " Dotted: a push.",
+        [_tracking_panel(axis, walks, plan) for axis in range(3)] if walks else [],
+        legend=[walk.place for walk in walks],
+    )
+
+
+def _tracking_panel(axis: int, walks: Sequence[Walk], plan: EpisodePlan) -> Markup:
+    name, unit = AXES[axis]
+    times = np.arange(0.0, plan.duration_s, READ_EVERY_S)
+    commands = np.array([plan.schedule(time)[axis] for time in times])
+    shown = [_smooth(_velocity(walk.trace)[:, axis], walk.trace) for walk in walks]
+    with Panel(f"tracking-{axis}") as panel:
+        ax = panel.axes
+        ax.plot(times, commands, color=INK, lw=1.0, drawstyle="steps-post")
+        for walk, values in zip(walks, shown, strict=True):
+            ax.plot(walk.trace.time_s, values, **line(walk.place))
         for push in plan.pushes:
-            axes[0].annotate(
-                "push", (push.time_s, 1.0), (4, -4), xycoords=("data", "axes fraction"),
-                textcoords="offset points", va="top",
-            )  # fmt: skip
-        axes[-1].set_xlabel("time, s")
-        axes[-1].set_xlim(0.0, plan.duration_s)
-        legend_above(figure, axes[0], 6)
-        return to_svg(figure, "Commanded and true forward, leftward and yaw velocity over the course")
+            ax.axvline(push.time_s, color=INK, lw=0.9, dashes=(1, 2))
+        ax.set(xlabel="time, s", ylabel=unit, title=name, xlim=(0.0, plan.duration_s))
+        readings = []
+        for time, command in zip(times, commands, strict=True):
+            lines = [f"{time:.1f} s: command {command:.2f} {unit}"]
+            for (_, policy, trace, _), values in zip(walks, shown, strict=True):
+                if time <= trace.time_s[-1]:
+                    at = int(np.searchsorted(trace.time_s, time - 1e-9))
+                    lines.append(f"{policy} {values[at]:.2f}")
+                else:
+                    lines.append(f"{policy} fallen" if trace.fell else f"{policy} –")
+            readings.append(Reading(float(time), None, "\n".join(lines)))
+        return panel.svg(f"Commanded and true {name} over the course", readings)
 
 
-def torque_speed(traces: Mapping[str, Trace], robot: Robot) -> str | None:
+def gait(walks: Sequence[Walk], plan: EpisodePlan, robot: Robot) -> Plot:
+    """Which feet are on the ground, over two seconds of steady walking."""
+    start_s, end_s = steady_window(plan)
+    forward, leftward, yaw = plan.schedule(start_s)
+    return Plot(
+        "Gait",
+        f"Bars: a foot is on the ground, while the command is {forward:g} m/s forward, {leftward:g} m/s"
+        f" leftward and {yaw:g} rad/s. Duty: share of the time that a foot is on the ground.",
+        [_gait_panel(walk, robot, (start_s, end_s)) for walk in walks],
+    )
+
+
+def steady_window(plan: EpisodePlan) -> tuple[float, float]:
+    """The last seconds of the longest time that one command holds, one that asks for motion if any does."""
+    edges = [*plan.schedule.from_s, plan.duration_s]
+    spans = [
+        (any(command), end - start, start, end)
+        for command, start, end in zip(plan.schedule.commands, edges[:-1], edges[1:], strict=True)
+    ]
+    _, _, start, end = max(spans, key=lambda span: span[:2])
+    return max(start, end - GAIT_SHOWN_S), end
+
+
+def _gait_panel(walk: Walk, robot: Robot, window_s: tuple[float, float]) -> Markup:
+    place, policy, trace, _ = walk
+    feet = [foot.name for foot in robot.description.feet]
+    seen = (trace.time_s >= window_s[0]) & (trace.time_s <= window_s[1])
+    time_s, contact = trace.time_s[seen], trace.foot_contact[seen]
+    with Panel(f"gait-{place}", height=60.0 + 26.0 * len(feet)) as panel:
+        ax = panel.axes
+        for row, foot in enumerate(contact.T):
+            ax.broken_barh(_bars(time_s, foot), (row - 0.36, 0.72), color=colour(place), lw=0)
+        ax.set_yticks(range(len(feet)), feet)
+        ax.set(xlabel="time, s", xlim=window_s, ylim=(len(feet) - 0.5, -0.5))
+        ax.grid(visible=False, axis="y")
+        if not len(time_s):
+            ax.set_title(f"{policy}: fallen by then")
+            return panel.svg(f"{policy} had fallen by then")
+        duty, rate_hz = contact.mean(), _touchdown_rate_hz(contact, trace.record_rate_hz)
+        ax.set_title(f"{policy}: duty {duty:.2f}, {rate_hz:.1f} strides/s")
+        readings = [
+            Reading(
+                float(time), None, f"{time:.2f} s: " + (_named(feet, down) or "no foot") + " on the ground"
+            )
+            for time, down in zip(time_s[::2], contact[::2], strict=True)
+        ]
+        return panel.svg(f"Feet of {policy} on the ground over time, duty factor {duty:.2f}", readings)
+
+
+def _named(feet: list[str], down: np.ndarray) -> str:
+    return ", ".join(name for name, there in zip(feet, down, strict=True) if there)
+
+
+def _bars(time_s: np.ndarray, contact: np.ndarray) -> list[tuple[float, float]]:
+    """Start and length, s, of the stretches where `contact` (T,) holds."""
+    changes = np.flatnonzero(np.diff(np.concatenate([[False], contact, [False]]).astype(int)))
+    ends = np.append(time_s, time_s[-1:] + np.diff(time_s)[-1:])
+    return [(float(ends[a]), float(ends[min(b, len(ends) - 1)] - ends[a])) for a, b in changes.reshape(-1, 2)]
+
+
+def _touchdown_rate_hz(contact: np.ndarray, rate_hz: float) -> float:
+    """How often a foot comes down, per second, mean over feet; `contact` is (T, feet)."""
+    return float((~contact[:-1] & contact[1:]).sum() / contact.shape[1] / (len(contact) / rate_hz))
+
+
+def torque_speed(walks: Sequence[Walk], robot: Robot) -> Plot:
     """Where the motors work on the course, within what they can deliver."""
-    if not traces:
-        return None
     kinds: dict[str, list[int]] = {joint.motor: [] for joint in robot.description.joints}
     for index, joint in enumerate(robot.description.joints):
         kinds[joint.motor].append(index)
-    with drawing("torque"):
-        figure, axes = axes_grid(
-            len(kinds), len(traces), (WIDTH_IN, 2.6 * len(kinds)), sharex="row", sharey="row"
+    return Plot(
+        "Torque and speed",
+        "Each mark is one joint at one of 100 samples per second on the course. Lines: what the motor can"
+        " deliver.",
+        [
+            _torque_panel(f"torque-{row}-{walk.place}", walk, kind, robot, joints)
+            for row, (kind, joints) in enumerate(kinds.items())
+            for walk in walks
+        ],
+    )
+
+
+def _torque_panel(identity: str, walk: Walk, kind: str, robot: Robot, joints: list[int]) -> Markup:
+    place, policy, trace, _ = walk
+    speed, torque = trace.joint_velocity[:, joints].ravel(), trace.motor_torque[:, joints].ravel()
+    motor = type(robot.motor)(
+        *(np.broadcast_to(part, robot.armature.shape)[joints[0]] for part in robot.motor)
+    )
+    with Panel(identity) as panel:
+        ax = panel.axes
+        ax.plot(speed, torque, ".", ms=2.4, mew=0, alpha=0.35, color=colour(place), rasterized=True)
+        grid = np.linspace(-1.05, 1.05, 43) * motor.no_load_speed
+        limits = {}
+        for sign in (1, -1):
+            limits[sign] = limit_torque(np.full_like(grid, sign * np.inf), grid, motor)
+            ax.plot(grid, limits[sign], color=INK, lw=1.0)
+        edge = 1.08 * float(limits[1].max())
+        ax.set(xlabel="speed, rad/s", ylabel="torque, N m", title=f"{policy}: {kind}", ylim=(-edge, edge))
+        step = grid[1] - grid[0]
+        readings = []
+        for at, up, down in zip(grid, limits[1], limits[-1], strict=True):
+            near = torque[np.abs(speed - at) <= step / 2]
+            used = f"{near.min():.1f} to {near.max():.1f} N m" if len(near) else "never"
+            text = f"at {at:.1f} rad/s: {used}\nlimits {down:.1f} and {up:.1f} N m"
+            readings.append(Reading(float(at), None, text))
+        return panel.svg(
+            f"Torque against speed of the {kind} motors of {policy}, with their limits", readings
         )
-        for row, (kind, joints) in enumerate(kinds.items()):
-            for place, (policy, trace) in enumerate(traces.items()):
-                ax = axes[row * len(traces) + place]
-                speed, torque = trace.joint_velocity[:, joints], trace.motor_torque[:, joints]
-                ax.plot(
-                    speed.ravel(), torque.ravel(), ".", ms=2.2, mew=0, alpha=0.35,
-                    color=colour(place), rasterized=True,
-                )  # fmt: skip
-                _envelope(ax, robot, joints[0])
-                if row == 0:
-                    ax.set_title(policy)
-                if place == 0:
-                    ax.set_ylabel(f"{kind}\ntorque, N m")
-        for ax in axes[-len(traces) :]:
-            ax.set_xlabel("speed, rad/s")
-        return to_svg(figure, "Motor torque against joint speed on the course, with the motors' limits")
 
 
-def _envelope(ax: Axes, robot: Robot, joint: int) -> None:
-    motor = type(robot.motor)(*(np.broadcast_to(part, robot.armature.shape)[joint] for part in robot.motor))
-    speed = np.linspace(-1.05, 1.05, 211) * motor.no_load_speed
-    for extreme in (np.inf, -np.inf):
-        ax.plot(speed, limit_torque(np.full_like(speed, extreme), speed, motor), color=INK, lw=1.0)
-
-
-def timing(traces: Mapping[str, Trace], periods_ms: Mapping[str, float]) -> str | None:
+def timing(walks: Sequence[Walk]) -> Plot:
     """How long policy steps take, against the time they have."""
-    shown = {name: trace for name, trace in traces.items() if len(trace.compute_ms)}
-    if not shown:
-        return None
-    with drawing("timing"):
-        figure, axes = axes_grid(len(shown), 1, (WIDTH_IN, 0.7 + 1.15 * len(shown)), sharex="all")
-        fastest = min(float(trace.compute_ms.min()) for trace in shown.values())
-        slowest = max(*periods_ms.values(), *(float(t.compute_ms.max()) for t in shown.values()))
-        bins = np.geomspace(0.9 * fastest, 1.3 * slowest, 90).tolist()
-        for place, (ax, (policy, trace)) in enumerate(zip(axes, shown.items(), strict=True)):
-            weights = np.full(len(trace.compute_ms), 1.0 / len(trace.compute_ms))
-            ax.hist(trace.compute_ms, bins, weights=weights, color=colour(place), alpha=0.8)
-            p50, p99 = np.percentile(trace.compute_ms, [50, 99])
-            for time_ms, name in ((p50, "p50"), (p99, "p99"), (periods_ms[policy], "deadline")):
-                ax.axvline(time_ms, color=INK, lw=0.9, dashes=(1, 0) if name == "deadline" else (3, 2))
-                ax.annotate(
-                    name, (time_ms, 1.0), (3, -2), xycoords=("data", "axes fraction"),
-                    textcoords="offset points", va="top", fontsize=8.5,
-                )  # fmt: skip
-            ax.set_title(f"{policy}: p50 {p50:.3f} ms, p99 {p99:.3f} ms, {1e3 / periods_ms[policy]:.0f} Hz")
-            ax.set(xscale="log", yticks=[])
-            ax.spines["left"].set_visible(False)
-        axes[-1].set_xlabel("time per policy step, ms")
-        return to_svg(figure, "Histogram of the time that each contender's steps take")
+    shown = [walk for walk in walks if len(walk.trace.compute_ms)]
+    fastest = min((float(walk.trace.compute_ms.min()) for walk in shown), default=0.1)
+    slowest = max((max(walk.trace.compute_ms.max(), walk.period_ms) for walk in shown), default=1.0)
+    bins = np.geomspace(0.9 * fastest, 1.3 * slowest, 60)
+    return Plot(
+        "Timing",
+        "Time per policy step on the course, one policy at a time, on one core of this machine. Dashed: p50"
+        " and p99. Line: the time that a step has.",
+        [_timing_panel(walk, bins) for walk in shown],
+    )
+
+
+def _timing_panel(walk: Walk, bins: np.ndarray) -> Markup:
+    place, policy, trace, period_ms = walk
+    compute_ms = trace.compute_ms
+    p50, p99 = np.percentile(compute_ms, [50, 99])
+    with Panel(f"timing-{place}", height=170.0) as panel:
+        ax = panel.axes
+        shares, _, _ = ax.hist(
+            compute_ms,
+            bins.tolist(),
+            weights=np.full(len(compute_ms), 100.0 / len(compute_ms)),
+            color=colour(place),
+            alpha=0.8,
+        )
+        for time_ms, dashes in ((p50, (3, 2)), (p99, (3, 2)), (period_ms, (1, 0))):
+            ax.axvline(time_ms, color=INK, lw=1.0, dashes=dashes)
+        _plain_log_ticks(ax)
+        ax.set(xlabel="time per step, ms", ylabel="% of steps")
+        ax.set_title(f"{policy}: p50 {p50:.2f}, p99 {p99:.2f} of {period_ms:g} ms")
+        middles = np.sqrt(bins[:-1] * bins[1:])
+        readings = [
+            Reading(float(at), None, f"{low:.3g} to {high:.3g} ms: {share:.1f} % of steps")
+            for at, low, high, share in zip(middles, bins[:-1], bins[1:], np.asarray(shares), strict=True)
+        ]
+        return panel.svg(f"Histogram of the time that the steps of {policy} take", readings)
+
+
+def _plain_log_ticks(ax: Axes) -> None:
+    """A logarithmic x axis with 0.1, 1, 10 instead of powers, which need mathematical text."""
+    ax.set_xscale("log")
+    ax.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    ax.xaxis.set_minor_formatter(lambda *_: "")
 
 
 def _velocity(trace: Trace) -> np.ndarray:

@@ -1,31 +1,32 @@
-"""A film of an episode: H.264 in an MP4, rendered without a screen."""
+"""A film of an episode: H.264 in an MP4, rendered without a screen, with time and command in the picture."""
 
 import base64
 import io
 import os
 import sys
 import tempfile
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 import imageio_ffmpeg
 import mujoco
 import numpy as np
-from matplotlib import image as matplotlib_image
+from PIL import Image
 
 from footfall.common import colours
 from footfall.common.rotations import heading, heading_matrix
 from footfall.evaluate.comparison import Comparison
 from footfall.evaluate.pool import Outcome, run_all
-from footfall.evaluate.report import scene
+from footfall.evaluate.report import caption, scene
 from footfall.plant.episode import Push
 from footfall.plant.trace import Trace
 from footfall.robots.description import load_robot
 
 WIDTH, HEIGHT, FRAME_RATE_HZ = 640, 400, 25
 PUSH_SHOWN_S = 0.4
-ARROW_S = 0.4  # an arrow's length is the way of so many seconds
+ARROW_S = 0.4  # an arrow is as long as the robot would come in so many seconds
 # Ways to render without a screen, best first. A variable that the user has set goes before them.
 BACK_ENDS = ("egl", "osmesa") if sys.platform.startswith("linux") else ("",)
 
@@ -38,6 +39,7 @@ class FilmTask:
     plant: Path | None
     trace: Trace
     pushes: tuple[Push, ...]
+    duration_s: float  # of the film; one that ends earlier holds its last picture
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,11 @@ def films_of(comparison: Comparison) -> dict[str, Outcome[Film]]:
     """A film of each policy's walk over the test course, by name, or why there is none."""
     tasks = {
         policy.name: FilmTask(
-            comparison.setup.robot, comparison.setup.plant, policy.course.trace, policy.course.plan.pushes
+            comparison.setup.robot,
+            comparison.setup.plant,
+            policy.course.trace,
+            policy.course.plan.pushes,
+            policy.course.plan.duration_s,
         )
         for policy in comparison.policies
         if policy.course.trace is not None and len(policy.course.trace.time_s)
@@ -94,45 +100,62 @@ def film(task: FilmTask) -> Film:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "film.mp4"
         encoder = _encoder(path)
-        poster_at = len(frame_indices(task.trace)) // 3
+        times = frame_times(task)
         for number, frame in enumerate(frames(task)):
             encoder.send(frame)
-            if number == poster_at:
+            if number == len(times) // 3:
                 poster = _jpeg(frame)
         encoder.close()
         return Film(path.read_bytes(), poster)
 
 
-def frame_indices(trace: Trace) -> np.ndarray:
-    """Which samples of a trace become frames, int (frames,)."""
-    if not len(trace.time_s):
+def frame_times(task: FilmTask) -> np.ndarray:
+    """Times of the frames, s, (frames,). All films of a comparison have the same."""
+    return np.arange(0.0, task.duration_s, 1.0 / FRAME_RATE_HZ)
+
+
+def frame_indices(task: FilmTask) -> np.ndarray:
+    """Which samples of the trace become frames, int (frames,); the last one stays after the end."""
+    recorded = task.trace.time_s
+    if not len(recorded):
         raise ValueError("the episode has no samples to film")
-    times = np.arange(0.0, trace.time_s[-1] + 1e-9, 1.0 / FRAME_RATE_HZ)
-    return np.minimum(np.searchsorted(trace.time_s, times), len(trace.time_s) - 1)
+    return np.minimum(np.searchsorted(recorded, frame_times(task) - 1e-9), len(recorded) - 1)
 
 
 def frames(task: FilmTask) -> Iterator[np.ndarray]:
     """Images (HEIGHT, WIDTH, 3) uint8 of an episode."""
-    robot = load_robot(task.robot)
-    model = scene.scene_model(robot, task.plant, WIDTH, HEIGHT)
-    data, camera = mujoco.MjData(model), mujoco.MjvCamera()
     trace = task.trace
-    options = mujoco.MjvOption()
+    rendered, picture = -1, np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+    with _camera_shots(task) as shoot:
+        for time_s, index in zip(frame_times(task), frame_indices(task), strict=True):
+            if index != rendered:
+                rendered, picture = index, shoot(int(index))
+            over_s = float(trace.time_s[-1]) if trace.fell and time_s > trace.time_s[-1] else None
+            yield caption.written_on(picture, float(time_s), trace.command[index], over_s)
+
+
+@contextmanager
+def _camera_shots(task: FilmTask) -> Iterator[Callable[[int], np.ndarray]]:
+    """A function that renders a sample of the trace, to be called in their order: the camera follows."""
+    robot, trace = load_robot(task.robot), task.trace
+    height_m = robot.description.standing_height_m
+    model = scene.scene_model(robot, task.plant, WIDTH, HEIGHT)
+    data, camera, options = mujoco.MjData(model), mujoco.MjvCamera(), mujoco.MjvOption()
     options.geomgroup[3:] = 0  # collision geometry, by custom
-    renderer = mujoco.Renderer(model, HEIGHT, WIDTH)
     looked_at = trace.base_position[0].copy()
-    try:
-        for index in frame_indices(trace):
+    with mujoco.Renderer(model, HEIGHT, WIDTH) as renderer:
+
+        def shoot(index: int) -> np.ndarray:
             data.qpos[:] = trace.qpos[index]
             mujoco.mj_kinematics(model, data)
             mujoco.mj_camlight(model, data)
-            looked_at += 0.15 * (trace.base_position[index] - looked_at)
-            scene.follow(camera, looked_at, 2.0 * robot.description.standing_height_m)
+            looked_at[:] += 0.15 * (trace.base_position[index] - looked_at)
+            scene.follow(camera, looked_at, 2.0 * height_m)
             renderer.update_scene(data, camera, options)
-            _draw_arrows(renderer.scene, task, int(index), robot.description.standing_height_m)
-            yield renderer.render()
-    finally:
-        renderer.close()
+            _draw_arrows(renderer.scene, task, index, height_m)
+            return renderer.render()
+
+        yield shoot
 
 
 def _draw_arrows(canvas: mujoco.MjvScene, task: FilmTask, index: int, height_m: float) -> None:
@@ -172,5 +195,5 @@ def _encoder(path: Path) -> Generator[None, np.ndarray | None, None]:
 
 def _jpeg(image: np.ndarray) -> bytes:
     buffer = io.BytesIO()
-    matplotlib_image.imsave(buffer, image, format="jpeg", pil_kwargs={"quality": 82})
+    Image.fromarray(image).save(buffer, format="jpeg", quality=82)
     return buffer.getvalue()

@@ -1,76 +1,119 @@
-"""One HTML page, complete in itself, that holds a comparison: tables, films, plots, how it was measured."""
+"""One HTML page, complete in itself, that holds a comparison: verdict, tables, films, plots, method."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from datetime import UTC, datetime
-from html import escape
-from pathlib import Path
-from string import Template
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
 
 from footfall.common.config import dump
-from footfall.evaluate.comparison import Comparison
-from footfall.evaluate.figures import figures
+from footfall.evaluate.comparison import Comparison, PolicyResult, command_line
+from footfall.evaluate.figures import LEAST_EPISODES, figures
 from footfall.evaluate.pool import Outcome
 from footfall.evaluate.provenance import machine
+from footfall.evaluate.report import course_plots, scenario_plots, svg, tables
 from footfall.evaluate.report.films import Film
-from footfall.evaluate.report.pictures import films, plots
-from footfall.evaluate.report.tables import details, headlines
+from footfall.evaluate.report.learning_curves import learning_curves
+from footfall.evaluate.suite import COURSE
+from footfall.evaluate.verdict import verdict
 
-TEMPLATE = Path(__file__).parent / "page.html"
+
+@dataclass(frozen=True)
+class ShownFilm:
+    """A policy's film with its caption, or why there is none."""
+
+    policy: str
+    film: Film | None
+    text: str
 
 
-def render(comparison: Comparison, films_by_name: Mapping[str, Outcome[Film]]) -> str:
-    """The page."""
-    sections = [
-        ("figures", "Figures", headlines(comparison)),
-        ("films", "Films", films(comparison, films_by_name)),
-        ("plots", "Plots", plots(comparison)),
-        ("scenarios", "All figures by scenario", details(comparison)),
-        ("method", "How it was measured", _method(comparison)),
-    ]
-    names = [contender.name for contender in comparison.policies]
-    setup = comparison.setup
-    plant = f", plant {setup.plant.name}" if setup.plant else ""
-    return Template(TEMPLATE.read_text(encoding="utf-8")).substitute(
-        title=escape(f"{' · '.join(names)} on {comparison.robot.name}"),
-        subtitle=escape(
-            f"{'Comparison' if len(names) > 1 else 'Evaluation'} in simulation over the robot's CAN frames"
-            f"{plant}, seed {setup.seed}: {', '.join(setup.scenarios)}"
-        ),
-        contents="".join(
-            f'<li><a href="#{key}">{title}</a></li>' for key, title, content in sections if content
-        ),
-        body="\n".join(
-            f'<section id="{key}"><h2>{title}</h2>{content}</section>'
-            for key, title, content in sections
-            if content
-        ),
-        version=escape(comparison.versions["footfall"]),
+def render(comparison: Comparison, films: Mapping[str, Outcome[Film]]) -> str:
+    """The page.
+
+    Args:
+        comparison: what was found.
+        films: of each policy on the test course, by name.
+    """
+    setup, file = comparison.setup, comparison.file
+    names = [policy.name for policy in comparison.policies]
+    environment = Environment(
+        loader=PackageLoader("footfall.evaluate.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.globals |= {"columns": columns, "swatch": swatch}
+    return environment.get_template("page.html").render(
+        comparison=comparison,
+        setup=setup,
+        title=f"{' · '.join(names)} on {comparison.robot.name}",
+        verdict=verdict({name: comparison.summaries(name) for name in setup.scenarios}),
+        headlines=tables.headline_table(comparison),
+        falls=tables.falls_table(comparison),
+        warnings=tables.all_warnings(comparison),
+        films=[_shown(policy, films[policy.name]) for policy in comparison.policies],
+        plots=[plot for plot in plots(comparison) if plot.panels],
+        parts=tables.scenario_parts(comparison),
+        definitions=figures().values(),
+        scenarios={name: dump(file.scenarios[name]) for name in dict.fromkeys([*setup.scenarios, COURSE])},
+        about_course=file.scenarios[COURSE].about,
+        least_episodes=LEAST_EPISODES,
+        command=command_line(comparison),
+        machine=machine(),
         date=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
     )
 
 
-def _method(comparison: Comparison) -> str:
-    setup, file = comparison.setup, comparison.file
-    kinds = "".join(f"<li><b>{escape(c.name)}</b>: {escape(c.origin)}</li>" for c in comparison.policies)
-    estimate = (
-        "Controllers that need the base's velocity were handed the true one (--ground-truth)."
-        if setup.ground_truth
-        else "Controllers that need the base's velocity estimate it from the same readings."
+def plots(comparison: Comparison) -> list[svg.Plot]:
+    """All plots in the order of the page; those without panels have nothing to show."""
+    file, chosen, policies = comparison.file, comparison.setup.scenarios, comparison.policies
+    walks = [
+        course_plots.Walk(place, policy.name, policy.course.trace, policy.period_ms)
+        for place, policy in enumerate(policies)
+        if policy.course.trace is not None and len(policy.course.trace.time_s)
+    ]
+    plan = policies[0].course.plan
+    pushing = comparison.push_scenario
+    one_level = [
+        (file.scenarios[name].rows[0], comparison.summaries(name))
+        for name in chosen
+        if len(file.scenarios[name].rows) == 1 and name != pushing
+    ]
+    return [
+        scenario_plots.survival(comparison.summaries(pushing) if pushing else {}),
+        course_plots.tracking(walks, plan),
+        course_plots.gait(walks, plan, comparison.robot),
+        scenario_plots.conditions(one_level),
+        scenario_plots.sweep(comparison.summaries("sweep") if "sweep" in chosen else {}),
+        course_plots.torque_speed(walks, comparison.robot),
+        course_plots.timing(walks),
+        learning_curves({policy.name: policy.spec for policy in policies}),
+    ]
+
+
+def columns(pictures: int) -> int:
+    """How many pictures stand side by side, three at most: rows are full where that is possible."""
+    return next((count for count in (3, 2) if pictures % count == 0), min(pictures, 3))
+
+
+def swatch(place: int) -> Markup:
+    """The line and marker of a policy, drawn so that it shows in print as well."""
+    dashes = svg.DASHES[place % len(svg.DASHES)] or ()
+    return Markup(
+        '<svg class="swatch" viewBox="0 0 26 12" aria-hidden="true"><g stroke="{0}" fill="{0}">'
+        '<path d="M0 6H26" stroke-width="2.4" stroke-dasharray="{1}"/><path d="{2}" stroke="none"/></g></svg>'
+    ).format(
+        svg.colour(place),
+        " ".join(f"{1.6 * length:g}" for length in dashes),
+        svg.MARKER_PATHS[svg.marker(place)],
     )
-    definitions = "".join(
-        f"<div><dt>{escape(figure.title)}</dt><dd>{escape(figure.about)}</dd></div>"
-        for figure in figures().values()
-    )
-    scenarios = "".join(
-        f"<details><summary>{escape(name)}</summary>"
-        f"<pre class=scroll>{escape(dump(file.scenarios[name]))}</pre></details>"
-        for name in dict.fromkeys([*setup.scenarios, "course"])
-    )
-    versions = ", ".join(f"{name} {version}" for name, version in comparison.versions.items())
-    return (
-        "<div class=card><p>Every contender met the same episodes, drawn from the same seed, through the same"
-        " control loop, joint limits, CAN frames and simulated motors. Figures are scored from the"
-        f" simulation's true state. {estimate} Readings carry sensor noise.</p><ul>{kinds}</ul>"
-        f"<p class=soft>Seed {setup.seed}. {escape(versions)}. {escape(machine())}.</p>"
-        f"<h3>Definitions</h3><dl class=two>{definitions}</dl><h3>Scenarios</h3>{scenarios}</div>"
-    )
+
+
+def _shown(policy: PolicyResult, film: Outcome[Film]) -> ShownFilm:
+    trace = policy.course.trace
+    if film.value is None or trace is None:
+        return ShownFilm(policy.name, None, policy.course.error or film.error)
+    ending = f"fell after {trace.time_s[-1]:.1f} s" if trace.fell else "reached the end"
+    return ShownFilm(policy.name, film.value, ending)

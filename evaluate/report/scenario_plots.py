@@ -1,24 +1,17 @@
-"""Plots of scenarios' figures. Each is an SVG, or None where there is nothing to show."""
+"""Plots of scenarios' figures: pushes, worsening conditions, a grid of commands."""
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
+from markupsafe import Markup
 
-from footfall.evaluate.figures import Summary
-from footfall.evaluate.report.svg import (
-    INK,
-    PAPER,
-    WIDTH_IN,
-    axes_grid,
-    colour,
-    drawing,
-    legend_above,
-    line,
-    marker,
-    to_svg,
-)
+from footfall.evaluate.figures import Summary, figures, interval_text, text
+from footfall.evaluate.report.svg import INK, PAPER, Panel, Plot, Reading, colour, line, marker
 from footfall.evaluate.statistics import Survival
+
+Summaries = Mapping[str, Summary]  # by policy
 
 LEVEL_LABELS = {
     "friction": "friction coefficient",
@@ -28,109 +21,162 @@ LEVEL_LABELS = {
 }
 
 
-def survival(summaries: Mapping[str, Summary]) -> str | None:
-    """Share of robots that stay up against the size of a push, with the 50 % point and its interval."""
-    shown = {
-        name: summary for name, summary in summaries.items() if summary.get("rows") and "dv50" in summary
-    }
-    if not shown:
-        return None
-    with drawing("survival"):
-        figure, (ax,) = axes_grid(1, 1, (WIDTH_IN, 3.8))
-        strongest = max(summary["strongest_push"] for summary in shown.values())
-        for place, (policy, summary) in enumerate(shown.items()):
-            _survival_of(ax, place, policy, summary, strongest)
-        ax.axhline(0.5, color=INK, lw=0.7, dashes=(1, 3))
-        ax.set(
-            xlabel="push Δv, m/s",
-            ylabel="share that stays up",
-            xlim=(0, strongest * 1.04),
-            ylim=(-0.04, 1.04),
-        )
-        legend_above(figure, ax, 6)
-        return to_svg(figure, "Share of episodes survived against the size of a push, for each contender")
+def survival(summaries: Summaries) -> Plot:
+    """Share of robots that stay up against the size of a push, a panel for each policy."""
+    shown = [(place, *item) for place, item in enumerate(summaries.items()) if item[1].get("rows")]
+    strongest = max((summary["strongest_push"] for _, _, summary in shown), default=1.0)
+    return Plot(
+        "Pushes",
+        "Share of episodes that stayed up against the size of the push. Small marks: measured, with 95 %"
+        " Wilson intervals. Line: logistic fit. Large mark and bar: median survivable push with its 95 %"
+        " bootstrap interval.",
+        [_survival_panel(place, policy, summary, strongest) for place, policy, summary in shown],
+    )
 
 
-def _survival_of(ax: Axes, place: int, policy: str, summary: Summary, strongest: float) -> None:
+def _survival_panel(place: int, policy: str, summary: Summary, strongest: float) -> Markup:
+    half = figures()["dv50"]
     rows = summary["rows"]
-    x = np.array([row["push_m_s"] for row in rows]) + 0.012 * strongest * (place - 1)  # side by side
     stood = np.array([1 - row["falls"] / row["episodes"] for row in rows])
     low, high = (1 - np.array([row["fall_rate_interval"] for row in rows]).T)[::-1]
-    ax.errorbar(
-        x, stood, [np.maximum(stood - low, 0), np.maximum(high - stood, 0)], fmt=marker(place),
-        color=colour(place), ms=5, lw=0.8, alpha=0.75, label=policy,
-    )  # fmt: skip
-    low50, high50 = summary["dv50_interval"]
-    # Pushes beyond the strongest one tried are beyond the plot.
-    ax.axvspan(low50 or 0.0, strongest if high50 is None else high50, color=colour(place), alpha=0.12, lw=0)
-    if summary["dv50"] is None:
-        return
-    grid = np.linspace(0.0, strongest, 200)
-    ax.plot(grid, Survival(summary["dv50"], summary["dv50_width"], (0, 0)).chance(grid), **line(place))
-    ax.plot([summary["dv50"]], [0.5], marker(place), ms=10, mfc=PAPER, mec=colour(place), mew=2)
+    x = np.array([row["push_m_s"] for row in rows])
+    with Panel(f"survival-{place}") as panel:
+        ax = panel.axes
+        ax.axhline(0.5, color=INK, lw=0.7, dashes=(1, 3))
+        ax.errorbar(
+            x, stood, [np.maximum(stood - low, 0), np.maximum(high - stood, 0)], fmt=marker(place),
+            color=colour(place), ms=4.5, lw=0.8, alpha=0.7,
+        )  # fmt: skip
+        if summary["dv50"] is not None:
+            grid = np.linspace(0.0, strongest, 120)
+            fit = Survival(summary["dv50"], summary["dv50_width"], (0, 0))
+            ax.plot(grid, fit.chance(grid), color=colour(place))
+            # An edge beyond the strongest push tried is beyond the plot.
+            edges = [1.05 * strongest if edge is None else edge for edge in summary["dv50_interval"]]
+            ax.plot(edges, [0.5, 0.5], color=colour(place), lw=4, alpha=0.6, solid_capstyle="butt")
+            ax.plot([summary["dv50"]], [0.5], marker(place), ms=10, mfc=PAPER, mec=colour(place), mew=2)
+        ax.set(
+            xlabel="push, m/s", ylabel="share that stayed up", xlim=(0, strongest * 1.04), ylim=(-0.04, 1.04)
+        )
+        ax.set_title(f"{policy}: {text(half, summary)} m/s")
+        readings = [
+            Reading(
+                at,
+                None,
+                f"push of {at:g} m/s: {row['episodes'] - row['falls']} of {row['episodes']} stayed up"
+                f"\n95 % interval {100 * below:.0f} to {100 * above:.0f} %"
+                f"\nmedian survivable push {text(half, summary)} m/s ({interval_text(half, summary) or '–'})",
+            )
+            for at, row, below, above in zip(x.tolist(), rows, low, high, strict=True)
+        ]
+        return panel.svg(f"Share of episodes that {policy} survived against the size of a push", readings)
 
 
-def sweep(summaries: Mapping[str, Summary]) -> str | None:
-    """Velocity error over a grid of commands, and where a contender falls."""
-    shown = {name: summary for name, summary in summaries.items() if summary.get("rows")}
-    if not shown:
-        return None
-    rows = [row for summary in shown.values() for row in summary["rows"]]
-    forward, yaw = (sorted({row[axis] for row in rows}) for axis in ("forward_m_s", "yaw_rad_s"))
-    errors = [row["lin_vel_rmse"] for row in rows if row["lin_vel_rmse"] is not None]
-    most = float(np.percentile(errors, 95)) if errors else 1.0
-    with drawing("sweep"):
-        figure, axes = axes_grid(1, len(shown), (WIDTH_IN, 3.3), sharey="all")
-        for ax, (policy, summary) in zip(axes, shown.items(), strict=True):
-            cells = np.full((len(yaw), len(forward)), np.nan)
-            for row in summary["rows"]:
-                at = yaw.index(row["yaw_rad_s"]), forward.index(row["forward_m_s"])
-                cells[at] = np.nan if row["lin_vel_rmse"] is None else row["lin_vel_rmse"]
-                _cell_text(ax, at, row, most)
-            image = ax.imshow(cells, origin="lower", aspect="auto", cmap="viridis", vmin=0.0, vmax=most)
-            ax.set_xticks(range(len(forward)), [f"{value:g}" for value in forward])
-            ax.set_yticks(range(len(yaw)), [f"{value:g}" for value in yaw])
-            ax.set(title=policy, xlabel="forward, m/s")
-            ax.grid(visible=False)
-        axes[0].set_ylabel("yaw rate, rad/s")
-        figure.colorbar(image, ax=axes, label="velocity error, m/s", extend="max").outline.set_visible(False)
-        return to_svg(figure, "Velocity error over commanded forward speed and yaw rate; falls are marked")
-
-
-def _cell_text(ax: Axes, at: tuple[int, int], row: Summary, most: float) -> None:
-    fell = row["falls"] > 0
-    error = row["lin_vel_rmse"]
-    if error is None:
-        text, ink = ("fell" if fell else "", INK)
-    else:
-        text, ink = (f"{error:.2f}" + ("\nfell" if fell else ""), "white" if error < 0.6 * most else "black")
-    ax.text(at[1], at[0], text, ha="center", va="center", fontsize=7.5, color=ink)
-
-
-def conditions(scenarios: Sequence[tuple[str, Mapping[str, Summary]]]) -> str | None:
-    """Velocity error and falls as a condition worsens: one column for each scenario with one level.
+def conditions(scenarios: Sequence[tuple[str, Summaries]]) -> Plot:
+    """Velocity error and falls as a condition worsens: two panels for each scenario with one level.
 
     Args:
         scenarios: names of levels, each with the summaries {policy: summary} of its scenario.
     """
-    shown = [(level, s) for level, s in scenarios if any(summary.get("rows") for summary in s.values())]
-    if not shown:
-        return None
-    with drawing("conditions"):
-        figure, axes = axes_grid(2, len(shown), (WIDTH_IN, 4.2), sharex="col", sharey="row")
-        for column, (level, summaries) in enumerate(shown):
-            upper, lower = axes[column], axes[len(shown) + column]
-            for place, (policy, summary) in enumerate(summaries.items()):
-                rows = summary.get("rows", [])
-                x = [row[level] for row in rows]
-                style = {**line(place), "marker": marker(place), "ms": 4.5, "label": policy}
-                error = [np.nan if row["lin_vel_rmse"] is None else row["lin_vel_rmse"] for row in rows]
-                upper.plot(x, error, **style)
-                lower.plot(x, [100 * row["falls"] / row["episodes"] for row in rows], **style)
-            lower.set_xlabel(LEVEL_LABELS.get(level, level.replace("_", " ")))
-            lower.set_ylim(-5, 105)
-        axes[0].set_ylabel("velocity error, m/s")
-        axes[0].set_ylim(bottom=0.0)
-        axes[len(shown)].set_ylabel("falls, %")
-        legend_above(figure, axes[0], 6)
-        return to_svg(figure, "Velocity error and falls against friction, load, motor strength and latency")
+    panels = []
+    for number, (level, summaries) in enumerate(scenarios):
+        rows = {policy: summary.get("rows", []) for policy, summary in summaries.items()}
+        if any(rows.values()):
+            panels += [
+                _condition_panel(f"condition-{number}-{column}", level, rows, figure)
+                for column, figure in enumerate(CONDITION_FIGURES)
+            ]
+    return Plot(
+        "Harder conditions",
+        "How tracking and falls change as one condition worsens, all else nominal.",
+        panels,
+        legend=range(len(scenarios[0][1])) if panels else (),
+    )
+
+
+def _error(row: Summary) -> float:
+    return math.nan if row["lin_vel_rmse"] is None else float(row["lin_vel_rmse"])
+
+
+def _falls(row: Summary) -> float:
+    return 100.0 * row["falls"] / row["episodes"]
+
+
+class ConditionFigure(NamedTuple):
+    """What a panel shows over a condition."""
+
+    name: str
+    unit: str
+    measure: Callable[[Summary], float]  # of a row
+    highest: float | None  # of the axis
+
+
+CONDITION_FIGURES = (
+    ConditionFigure("velocity error", "m/s", _error, None),
+    ConditionFigure("falls", "%", _falls, 105.0),
+)
+
+
+def _condition_panel(
+    identity: str, level: str, rows: Mapping[str, list[Summary]], figure: ConditionFigure
+) -> Markup:
+    label = LEVEL_LABELS.get(level, level.replace("_", " "))
+    with Panel(identity) as panel:
+        ax = panel.axes
+        lines: dict[float, list[str]] = {}
+        for place, (policy, each) in enumerate(rows.items()):
+            x, y = [row[level] for row in each], [figure.measure(row) for row in each]
+            ax.plot(x, y, **line(place), marker=marker(place), ms=4.5)
+            for at, number in zip(x, y, strict=True):
+                lines.setdefault(at, []).append(f"{policy} {number:.3g}")
+        ax.set(xlabel=label, ylabel=figure.unit, title=figure.name)
+        ax.set_ylim(bottom=0.0 if figure.highest is None else -5.0, top=figure.highest)
+        readings = [
+            Reading(at, None, "\n".join([f"{label} {at:g}: {figure.name}, {figure.unit}", *each]))
+            for at, each in lines.items()
+        ]
+        return panel.svg(f"{figure.name} against {label}", readings)
+
+
+def sweep(summaries: Summaries) -> Plot:
+    """Velocity error over a grid of commands, and where a policy falls; a panel for each."""
+    shown = [(name, summary["rows"]) for name, summary in summaries.items() if summary.get("rows")]
+    errors = np.array([_error(row) for _, rows in shown for row in rows])
+    known = errors[np.isfinite(errors)]
+    most = float(np.percentile(known, 95)) if len(known) else 1.0
+    return Plot(
+        "Commands",
+        "Velocity error in m/s by command, the darker the smaller. ✕: it fell. Empty cells were not tried.",
+        [_sweep_panel(number, *item, most) for number, item in enumerate(shown)],
+    )
+
+
+def _sweep_panel(number: int, policy: str, rows: list[Summary], most: float) -> Markup:
+    forward, yaw = (sorted({row[axis] for row in rows}) for axis in ("forward_m_s", "yaw_rad_s"))
+    cells = np.full((len(yaw), len(forward)), np.nan)
+    readings = []
+    with Panel(f"sweep-{number}") as panel:
+        ax = panel.axes
+        for row in rows:
+            y, x = yaw.index(row["yaw_rad_s"]), forward.index(row["forward_m_s"])
+            error = _error(row)
+            cells[y, x] = error
+            mark = "✕" if row["falls"] else "" if math.isnan(error) else f"{error:.2f}"
+            dark = not math.isnan(error) and error < 0.6 * most
+            ink = INK if math.isnan(error) else "white" if dark else "black"
+            ax.text(x, y, mark, ha="center", va="center", fontsize=10.5, color=ink)
+            readings.append(
+                Reading(
+                    float(x),
+                    float(y),
+                    f"{row['forward_m_s']:g} m/s forward, {row['yaw_rad_s']:g} rad/s"
+                    f"\nvelocity error {'–' if math.isnan(error) else f'{error:.3f} m/s'}"
+                    f"\nfell in {row['falls']} of {row['episodes']}",
+                )
+            )
+        ax.imshow(cells, origin="lower", aspect="auto", cmap="viridis", vmin=0.0, vmax=most)
+        ax.set_xticks(range(len(forward)), [f"{value:g}" for value in forward])
+        ax.set_yticks(range(len(yaw)), [f"{value:g}" for value in yaw])
+        ax.set(title=policy, xlabel="forward, m/s", ylabel="yaw rate, rad/s")
+        ax.grid(visible=False)
+        return panel.svg(f"Velocity error of {policy} over commanded forward speed and yaw rate", readings)

@@ -1,0 +1,48 @@
+"""The line of text at the foot of a film: the time, what is commanded, and a fall."""
+
+from functools import cache
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+TEXT_HEIGHT, MARGIN = 21, 8  # pixels
+WHITE, RED, SHADE = (255, 255, 255), (255, 150, 140), 0.45
+AXES = (("forward", "backward", "m/s"), ("left", "right", "m/s"), ("turn left", "turn right", "rad/s"))
+
+
+def written_on(
+    picture: np.ndarray, time_s: float, command: np.ndarray, fell_at_s: float | None
+) -> np.ndarray:
+    """A copy of a picture (height, width, 3) uint8 with the line at its foot.
+
+    Args:
+        picture: what was rendered.
+        time_s: since walking began.
+        command: forward m/s, leftward m/s, yaw rad/s, (3,).
+        fell_at_s: when the robot fell, if it has.
+    """
+    copy = picture.copy()
+    band = TEXT_HEIGHT + 2 * MARGIN
+    copy[-band:] = (copy[-band:] * SHADE).astype(np.uint8)
+    image = Image.fromarray(copy)
+    draw = ImageDraw.Draw(image)
+    top = image.height - band + MARGIN - 3
+    draw.text((MARGIN, top), f"{time_s:.1f} s", WHITE, _font())
+    text = in_words(command) if fell_at_s is None else f"fell at {fell_at_s:.1f} s"
+    draw.text((image.width - MARGIN, top), text, WHITE if fell_at_s is None else RED, _font(), anchor="ra")
+    return np.asarray(image)
+
+
+def in_words(command: np.ndarray) -> str:
+    """'forward 0.6 m/s, turn left 0.8 rad/s', or 'stand'."""
+    parts = [
+        f"{names[0] if value > 0 else names[1]} {abs(value):.1f} {names[2]}"
+        for names, value in zip(AXES, command, strict=True)
+        if abs(value) >= 0.05
+    ]
+    return ", ".join(parts) or "stand"
+
+
+@cache
+def _font() -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    return ImageFont.load_default(TEXT_HEIGHT)

@@ -1,0 +1,309 @@
+"""The report's page, from a comparison made by hand: what it says and what it withstands."""
+
+import json
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from test_evaluate_metrics import walk
+
+from footfall.evaluate.comparison import Comparison, PolicyResult, command_line
+from footfall.evaluate.plan import plan_episodes
+from footfall.evaluate.pool import Outcome
+from footfall.evaluate.report import course_plots, learning_curves, scenario_plots, svg
+from footfall.evaluate.report.caption import in_words, written_on
+from footfall.evaluate.report.films import Film, FilmTask, frame_indices, frame_times
+from footfall.evaluate.report.page import columns, render
+from footfall.evaluate.scenarios import load_scenarios
+from footfall.evaluate.statistics import wilson_interval
+from footfall.evaluate.suite import CourseWalk, Setup
+from footfall.plant.trace import Trace
+from footfall.robots.description import Robot
+
+FILE = load_scenarios()
+(COURSE,) = plan_episodes("course", FILE.scenarios["course"], 0, 1)
+FILM = Film(b"film", b"poster")
+
+
+def summary(error: float, falls: int, episodes: int = 24, **more: Any) -> dict[str, Any]:
+    return {
+        "episodes": episodes,
+        "failed_episodes": [],
+        "falls": falls,
+        "fall_rate": falls / episodes,
+        "fall_rate_interval": list(wilson_interval(falls, episodes)),
+        "lin_vel_rmse": error,
+        "lin_vel_rmse_interval": [0.9 * error, 1.1 * error],
+        "troubles": {"the base touched the ground": falls} if falls else {},
+        "notes": [],
+        **more,
+    }
+
+
+def pushed(dv50: float, falls: int) -> dict[str, Any]:
+    rows = [
+        {"push_m_s": push, "episodes": 8, "falls": down, "fall_rate_interval": list(wilson_interval(down, 8))}
+        for push, down in ((1.0, 0), (2.0, 3), (3.0, 8))
+    ]
+    half = {"dv50": dv50, "dv50_interval": [dv50 - 0.1, dv50 + 0.1], "dv50_width": 0.2, "strongest_push": 3.0}
+    return summary(0.5, falls, rows=rows, **half)
+
+
+def walked(seconds: float = 12.0, fell: bool = False) -> Trace:
+    """The course walked exactly, feet of a trot at 2 Hz; it may end in a fall."""
+    trace = walk(seconds)
+    command = np.array([COURSE.schedule(time) for time in trace.time_s])
+    left = (trace.time_s * 2.0) % 1.0 < 0.5
+    contact = np.stack([left, ~left, ~left, left], axis=1)
+    return replace(trace, command=command, base_velocity=command * [1, 1, 0], foot_contact=contact, fell=fell)
+
+
+def result(name: str, spec: str, error: float, falls: int, dv50: float, trace: Trace | None) -> PolicyResult:
+    scenarios = {"nominal": summary(error, falls), "push": pushed(dv50, 11)}
+    compute = {"compute_ms": {"p50": 0.21, "p99": 0.4}}
+    course = CourseWalk(COURSE, trace, compute, "" if trace else "its process died")
+    return PolicyResult(name, spec, "made by hand", 20.0, {"scenarios": scenarios}, course)
+
+
+def comparison(go1: Robot, *results: PolicyResult) -> Comparison:
+    setup = Setup("go1", ("nominal", "push"), seed=3, episodes=24)
+    return Comparison(go1, setup, FILE, results, {"footfall": "1.2.3", "mujoco": "3.1"})
+
+
+def page_of(go1: Robot, *results: PolicyResult) -> str:
+    films = {each.name: Outcome(FILM) if each.course.trace else Outcome(None, "no light") for each in results}
+    return render(comparison(go1, *results), films)
+
+
+@pytest.fixture(scope="module")
+def page(go1: Robot) -> str:
+    good = result("mine", "runs/mine", 0.1, 0, 2.0, walked())
+    return page_of(go1, good, result("trot", "trot", 0.3, 9, 1.0, walked(5.0, fell=True)))
+
+
+REFERRING = {"src", "href", "poster", "xlink:href"}
+
+
+class Page(HTMLParser):
+    """What a page refers to and says; checks that its elements close."""
+
+    VOID = frozenset({"meta", "link", "br", "img", "hr", "input", "source"})
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.references: list[str] = []
+        self.identities: list[str] = []
+        self.words = ""
+        self._open: list[str] = []
+        self.feed(text)
+        assert self._open == []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag not in self.VOID:
+            self._open.append(tag)
+        self.references += [
+            value or "" for name, value in attrs if name in {"src", "href", "poster", "xlink:href"}
+        ]
+        self.identities += [value or "" for name, value in attrs if name == "id"]
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.handle_starttag(tag, attrs)
+        if tag not in self.VOID:
+            self._open.pop()
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self._open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if "script" not in self._open and "style" not in self._open:
+            self.words += " " + " ".join(data.split())
+
+
+class TestPage:
+    def test_opens_with_the_verdict(self, page: str) -> None:
+        words = Page(page).words
+        sentence = "mine falls least often (0 of 24, next trot with 9 of 24)"
+        assert words.index(sentence) < words.index("Headline figures")
+
+    def test_needs_nothing_but_itself_and_names_each_element_once(self, page: str) -> None:
+        parsed = Page(page)
+        assert all(reference.startswith(("data:", "#")) for reference in parsed.references)
+        assert not re.search(r"(?:@import|url\(\s*['\"]?https?:)", page)
+        assert len(set(parsed.identities)) == len(parsed.identities) > 100
+
+    def test_falls_to_pushes_stand_in_a_table_of_their_own(self, page: str) -> None:
+        words = Page(page).words
+        assert "11 of 24" in words[words.index("Falls in each scenario") :][:600]
+        assert '<details class="card" open>' in page  # nothing is hidden until somebody asks
+
+    def test_stars_go_to_intervals_that_lie_apart(self, page: str, go1: Robot) -> None:
+        assert page.count("★</span>") == 7  # falls, error and push, falls again, and all below
+        alike = [result(name, name, 0.1, 4, 2.0, walked(1.0)) for name in ("a", "b")]
+        assert "★</span>" not in page_of(go1, *alike)
+
+    def test_cells_say_what_they_are_where_the_heading_is_out_of_sight(self, page: str) -> None:
+        cells = re.findall(r"<td[^>]*>", page)
+        assert cells
+        assert all('data-label="' in cell for cell in cells)
+
+    def test_says_how_to_get_the_same_figures(self, page: str, go1: Robot) -> None:
+        command = (
+            "footfall compare runs/mine trot --robot go1 --scenarios nominal,push --seed 3 --episodes 24"
+        )
+        assert command in page
+        odd = comparison(go1, result("x", "my runs/x; rm", 0.1, 0, 1.0, None))
+        bare = replace(odd, setup=replace(odd.setup, episodes=None, plant=Path("b.xml"), ground_truth=True))
+        assert command_line(bare) == (
+            "footfall compare 'my runs/x; rm' --robot go1 --scenarios nominal,push --seed 3"
+            " --plant b.xml --ground-truth --html report.html"
+        )
+
+    def test_says_how_it_was_measured(self, page: str) -> None:
+        for fact in ("made by hand", "mujoco 3.1", "push_between_s", "reached the end", "fell after 5.0 s"):
+            assert fact in page
+
+    def test_rows_of_pictures_are_full_where_that_is_possible(self) -> None:
+        assert [columns(count) for count in range(1, 10)] == [1, 2, 3, 2, 3, 3, 3, 2, 3]
+
+    def test_without_a_film_says_why(self, go1: Robot) -> None:
+        text = page_of(go1, result("mine", "mine", 0.1, 0, 2.0, None))
+        assert "No film of mine: its process died." in text
+        assert "mine did not walk the course: its process died" in text
+
+    @pytest.mark.parametrize(
+        "name", ["a$\\frac$b", "<b>&amp;\"'", "{{ 1 + 1 }}", "_hidden", "$", "#010203", "ø\u2028"]
+    )
+    def test_a_policy_may_have_any_name(self, go1: Robot, name: str) -> None:
+        text = page_of(
+            go1, result(name, name, 0.1, 1, 2.0, walked(11.0)), result("b", "b", 0.1, 1, 2.0, None)
+        )
+        parsed = Page(text)
+        assert " ".join(name.split()) in parsed.words
+        assert "<b>&amp;\"'" not in text
+
+    def test_all_its_episodes_failed_is_said_and_no_figure_is_invented(self, go1: Robot) -> None:
+        dead = result("dead", "dead", 0.1, 0, 2.0, None)
+        failed = {"episodes": 0, "failed_episodes": ["episode 0: its process died"]}
+        dead = replace(dead, result={"scenarios": {"nominal": failed, "push": failed}})
+        text = page_of(go1, dead, result("mine", "mine", 0.1, 0, 2.0, walked()))
+        assert "1 of 1 episodes failed: its process died (1)" in text
+
+
+def taken(name: str, trace: Trace) -> course_plots.Walk:
+    """A walk with its place by letter."""
+    return course_plots.Walk("abc".index(name), name, trace, 20.0)
+
+
+def readings(panel: str) -> list[list[Any]]:
+    """The points with numbers of a panel."""
+    attribute = re.search(r'data-readings="([^"]*)"', panel)
+    assert attribute is not None
+    return list(json.loads(attribute.group(1).replace("&#34;", '"').replace("&#39;", "'"))["points"])
+
+
+class TestPlots:
+    def test_pushes_have_a_panel_for_each_policy_with_its_numbers(self) -> None:
+        plot = scenario_plots.survival({"a": pushed(2.0, 3), "b": pushed(1.0, 3)})
+        assert len(plot.panels) == 2
+        _, x, (_, _, text) = readings(plot.panels[0])
+        assert text.startswith("push of 3 m/s: 0 of 8 stayed up\n95 % interval 0 to 32 %")
+        assert "median survivable push 2.00 m/s (1.90 to 2.10)" in text
+        assert "push of 2 m/s: 5 of 8 stayed up\n95 % interval 31 to 86 %" in x[2]
+
+    def test_points_lie_where_they_are_drawn(self) -> None:
+        with svg.Panel("p") as panel:
+            panel.axes.plot([0.0, 10.0], [0.0, 1.0], color="#123456")
+            panel.axes.set(xlim=(0.0, 10.0), ylim=(0.0, 1.0))
+            drawn = panel.svg("a line", [svg.Reading(0.0, 0.0, "low"), svg.Reading(10.0, 1.0, "high")])
+        (left, bottom, _), (right, top, _) = readings(drawn)
+        path = re.search(r'd="M ([\d.]+) ([\d.]+) \s*L ([\d.]+) ([\d.]+) \s*"[^>]*#123456', drawn)
+        assert path is not None
+        ends = [float(each) for each in path.groups()]
+        assert [left, bottom, right, top] == pytest.approx(ends, abs=0.06)
+
+    def test_tracking_reads_what_was_asked_and_done(self) -> None:
+        plot = course_plots.tracking([taken("a", walked()), taken("b", walked(3.0, fell=True))], COURSE)
+        assert len(plot.panels) == 3
+        texts = [text for _, _, text in readings(plot.panels[0])]
+        assert texts[20] == "2.0 s: command 1.00 m/s\na 1.00\nb 1.00"
+        assert texts[50] == "5.0 s: command 0.60 m/s\na 0.60\nb fallen"
+
+    def test_the_gait_is_read_where_one_command_holds_longest(self, go1: Robot) -> None:
+        assert course_plots.steady_window(COURSE) == (2.0, 4.0)
+        plot = course_plots.gait([taken("a", walked()), taken("b", walked(1.0, fell=True))], COURSE, go1)
+        assert "a: duty 0.50, 2.0 strides/s" in plot.panels[0]
+        first, second = go1.description.feet[0].name, go1.description.feet[3].name
+        assert f"2.10 s: {first}, {second} on the ground" in [text for _, _, text in readings(plot.panels[0])]
+        assert "b: fallen by then" in plot.panels[1]
+
+    def test_bars_begin_and_end_with_contact(self) -> None:
+        time_s = np.arange(6) / 10.0
+        contact = np.array([True, True, False, False, True, True])
+        assert course_plots._bars(time_s, contact) == [(0.0, 0.2), (0.4, pytest.approx(0.2))]
+
+    def test_a_policy_keeps_its_colour_where_another_has_nothing_to_show(self) -> None:
+        walk = taken("b", walked())
+        for plot in (course_plots.tracking([walk], COURSE), course_plots.timing([walk])):
+            assert svg.colour(1) in plot.panels[0]
+            assert svg.colour(0) not in plot.panels[0]
+
+    def test_no_push_scenario_no_plot(self) -> None:
+        assert not scenario_plots.survival({}).panels
+
+
+class TestLearning:
+    def test_curves_come_from_run_folders_only(self, tmp_path: Path) -> None:
+        run = tmp_path / "mine"
+        run.mkdir()
+        lines = [json.dumps({"step": 1000 * i, "reward/total": 0.1 * i}) for i in range(1, 4)]
+        (run / "metrics.jsonl").write_text("\n".join([*lines, '{"step": 4000, "rew']))
+        plot = learning_curves.learning_curves({"trot": "trot", "mine": str(run)})
+        assert len(plot.panels) == 1
+        assert list(plot.legend) == [1]
+        assert [text for _, _, text in readings(plot.panels[0])] == [
+            f"mine: {0.1 * i:.3g}\nafter {i / 1000:.3g} million steps" for i in range(1, 4)
+        ]
+        assert not learning_curves.learning_curves({"trot": "trot"}).panels
+
+    def test_long_curves_are_means_of_stretches(self) -> None:
+        rows = [{"step": float(i), "a": float(i), "b": float("nan")} for i in range(960)]
+        points = learning_curves.curve(rows, "a")
+        assert points[0] == pytest.approx([1.5, 1.5])
+        assert points.shape == (learning_curves.POINTS, 2)
+        assert len(learning_curves.curve(rows, "b")) == 0
+
+
+class TestFilm:
+    def test_all_films_are_as_long_and_a_fall_holds_its_last_picture(self) -> None:
+        whole, fallen = (
+            FilmTask("go1", None, trace, (), 12.0) for trace in (walked(), walked(5.0, fell=True))
+        )
+        assert frame_times(whole)[[0, 1, -1]] == pytest.approx([0.0, 0.04, 11.96])
+        assert len(frame_indices(whole)) == len(frame_indices(fallen)) == 300
+        assert frame_indices(whole)[[0, 1, 299]].tolist() == [0, 4, 1196]
+        assert frame_indices(fallen)[[124, 125, 299]].tolist() == [496, 499, 499]
+
+    @pytest.mark.parametrize(
+        ("command", "words"),
+        [
+            ((0.6, 0.0, 0.8), "forward 0.6 m/s, turn left 0.8 rad/s"),
+            ((-0.5, -0.4, -1.0), "backward 0.5 m/s, right 0.4 m/s, turn right 1.0 rad/s"),
+            ((0.0, 0.4, 0.0), "left 0.4 m/s"),
+            ((0.0, 0.0, 0.0), "stand"),
+        ],
+    )
+    def test_the_command_is_written_in_words(self, command: tuple[float, ...], words: str) -> None:
+        assert in_words(np.array(command)) == words
+
+    def test_the_line_changes_the_foot_of_the_picture_only(self) -> None:
+        picture = np.full((400, 640, 3), 120, np.uint8)
+        walking = written_on(picture, 3.2, np.array([0.5, 0.0, 0.0]), None)
+        fallen = written_on(picture, 3.2, np.array([0.5, 0.0, 0.0]), 3.0)
+        assert np.all(picture == 120)
+        assert np.array_equal(walking[:340], picture[:340])
+        assert walking[365:].max() == 255
+        assert not np.array_equal(walking, fallen)
