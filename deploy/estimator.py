@@ -15,10 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from footfall.common.rotations import normalised, rotation_matrix, skew
+from footfall.common.rotations import rotation_matrix, skew
 from footfall.policies.policy import Sensed
 from footfall.robots.description import Robot
-from footfall.robots.kinematics import Legs
 from footfall.robots.model import imu_position
 from footfall.robots.rigid_body import nominal_body
 
@@ -55,9 +54,13 @@ class BaseEstimator:
 
     def __init__(self, robot: Robot, config: EstimatorConfig | None = None) -> None:
         self._config = config or EstimatorConfig()
-        self._legs = Legs(robot)
+        self._legs = robot.legs
         self._imu = imu_position(robot)
+        self._radius = self._legs.foot_radius[:, None]
         self._diagonal = np.arange(1 + self._legs.count)
+        self._identity = np.eye(1 + self._legs.count)
+        self._place_variance = np.full(1 + self._legs.count, self._config.foot_place_noise**2)
+        self._place_variance[0] = 0.0  # the velocity's comes with its measurements
         body = nominal_body(robot)
         self._leg_inertia = body.leg_inertia
         self._even_force = -GRAVITY[2] * body.mass / self._legs.count
@@ -67,7 +70,7 @@ class BaseEstimator:
         legs = self._legs
         self._momentum = (self._leg_inertia @ legs.gather(sensed.joint_velocity)[:, :, None])[:, :, 0]
         self._outside_torque = -legs.gather(sensed.joint_torque)
-        rotation = rotation_matrix(normalised(sensed.quaternion))
+        rotation = rotation_matrix(sensed.quaternion)
         feet = (legs.pose(sensed.joint_position).foot - self._imu) @ rotation.T
         self._state = np.vstack([np.zeros(3), feet])  # (1 + legs, 3): v, then r of each foot, world axes
         self._covariance = np.diag([0.01] + [0.01**2] * legs.count)
@@ -87,36 +90,36 @@ class BaseEstimator:
             the mean standing foot, m.
         """
         legs = self._legs
-        rotation = rotation_matrix(normalised(sensed.quaternion))
+        rotation = rotation_matrix(sensed.quaternion)
+        to_world, up = rotation.T, rotation[2]
         pose = legs.pose(sensed.joint_position)
-        rolling = legs.rolling_offset(pose.axes, rotation[2])
+        rolling = legs.rolling_offset(pose.axes, up)
         contact_jacobian = pose.jacobian + rolling
         rates = legs.gather(sensed.joint_velocity)[:, :, None]
 
-        trust = self._contact(sensed, contact_jacobian, rotation, dt_s)
+        trust = self._contact(sensed, contact_jacobian, up, dt_s)
         if stance is not None:
             trust = trust * stance
+        noise = self._config.swing_noise ** (2.0 - 2.0 * trust)
 
         place = pose.foot - self._imu
-        lowest = -legs.foot_radius[:, None] * rotation[2]
+        lowest = self._radius * -up
         turning = skew(sensed.gyro).T
         standing_rate = (contact_jacobian @ rates)[:, :, 0] + (place + lowest) @ turning
         rolling_rate = (rolling @ rates)[:, :, 0] + lowest @ turning
-        measured_velocity = -standing_rate @ rotation.T
-        measured_place = place @ rotation.T
-        foot_velocity = -rolling_rate @ rotation.T  # of a standing foot's centre, in the world
+        foot_velocity = rolling_rate @ -to_world  # of a standing foot's centre, in the world
 
-        self._predict(rotation @ sensed.acceleration + GRAVITY, foot_velocity, trust, dt_s)
-        self._correct(measured_velocity, measured_place, trust)
+        self._predict(rotation @ sensed.acceleration + GRAVITY, foot_velocity, noise, dt_s)
+        self._correct(standing_rate @ -to_world, place @ to_world, noise)
 
-        velocity = rotation.T @ self._state[0] - self._imu @ turning
+        velocity = self._state[0] @ rotation - self._imu @ turning
         if trust.sum() > 0.5:
             self._height = self._height_above(self._state[1:], trust)
         else:
             self._height += float(self._state[0, 2]) * dt_s
-        return velocity, self._height + float(-rotation[2] @ self._imu)
+        return velocity, self._height - float(up @ self._imu)
 
-    def _contact(self, sensed: Sensed, jacobian: np.ndarray, rotation: np.ndarray, dt_s: float) -> np.ndarray:
+    def _contact(self, sensed: Sensed, jacobian: np.ndarray, up: np.ndarray, dt_s: float) -> np.ndarray:
         """Trust in each foot's contact (legs,) from the force that the ground must exert on it.
 
         A leg's momentum observer (De Luca et al. 2006): what changes the momentum of a leg beyond its motors'
@@ -134,48 +137,54 @@ class BaseEstimator:
         # Least squares, regularised: near a singular pose a force is unknown along one direction only.
         pushed = jacobian @ self._outside_torque[:, :, None]
         regular = jacobian @ jacobian.transpose(0, 2, 1) + _REGULAR
-        force = np.linalg.solve(regular, pushed)[:, :, 0] @ rotation[2] / self._even_force
+        force = np.linalg.solve(regular, pushed)[:, :, 0] @ up / self._even_force
         trust = (force - config.contact_force_low) / (config.contact_force_high - config.contact_force_low)
         return np.minimum(np.maximum(trust, 0.0), 1.0)
 
-    def _noise(self, trust: np.ndarray) -> np.ndarray:
-        """Factor on the noise variance of each foot (legs,)."""
-        return self._config.swing_noise ** (2.0 - 2.0 * trust)
-
     def _predict(
-        self, acceleration: np.ndarray, foot_velocity: np.ndarray, trust: np.ndarray, dt_s: float
+        self, acceleration: np.ndarray, foot_velocity: np.ndarray, noise: np.ndarray, dt_s: float
     ) -> None:
-        """v' = v + a dt; r' = r + (u - v) dt, where u is the velocity of a foot's centre as it rolls."""
-        config = self._config
-        state = self._state
-        middle = state[0] + acceleration * (dt_s / 2)
-        state[1:] += (foot_velocity - middle) * dt_s
-        state[0] += acceleration * dt_s
-        covariance = self._covariance
-        covariance[1:] -= dt_s * covariance[0]
-        covariance[:, 1:] -= dt_s * covariance[:, :1]
-        covariance[0, 0] += (config.acceleration_noise * dt_s) ** 2
-        feet = self._diagonal[1:]
-        covariance[feet, feet] += (config.foot_drift_noise * dt_s) ** 2 * self._noise(trust)
+        """v' = v + a dt; r' = r + (u - v - a dt / 2) dt, where u is the velocity of a rolling foot's centre.
 
-    def _correct(self, velocity: np.ndarray, place: np.ndarray, trust: np.ndarray) -> None:
-        """Each leg measures v (velocity, (legs, 3)) and its own r (place, (legs, 3)).
-
-        In information form, since every measurement is of one state: the information matrix gains only on
-        its diagonal.
+        Args:
+            acceleration: a, (3,) m/s^2.
+            foot_velocity: u, (legs, 3) m/s.
+            noise: (legs,) factor on the variance of each foot's drift.
+            dt_s: time that passes.
         """
-        config = self._config
-        from_velocity = 1.0 / (config.foot_velocity_noise**2 * self._noise(trust))
-        from_place = 1.0 / config.foot_place_noise**2
-        information = np.linalg.inv(self._covariance)
-        information[0, 0] += from_velocity.sum()
-        feet = self._diagonal[1:]
-        information[feet, feet] += from_place
-        covariance = np.linalg.inv(information)
-        pull = np.empty_like(self._state)
-        pull[0] = from_velocity @ (velocity - self._state[0])
-        pull[1:] = from_place * (place - self._state[1:])
-        self._state += covariance @ pull
+        config, diagonal = self._config, self._diagonal
+        transition = self._identity.copy()
+        transition[1:, 0] = -dt_s
+        self._state = transition @ self._state
+        self._state[0] += acceleration * dt_s
+        self._state[1:] += (foot_velocity - acceleration * (dt_s / 2)) * dt_s
+        self._covariance = transition @ self._covariance @ transition.T
+        self._covariance[0, 0] += (config.acceleration_noise * dt_s) ** 2
+        self._covariance[diagonal[1:], diagonal[1:]] += (config.foot_drift_noise * dt_s) ** 2 * noise
+
+    def _correct(self, velocity: np.ndarray, place: np.ndarray, noise: np.ndarray) -> None:
+        """Kalman's correction: gain P (P + R)^-1, since the state itself is measured.
+
+        Every leg measures v. All of them together are one measurement: their mean, weighted by the inverse of
+        their variances, whose inverse variance is the sum of these.
+
+        Args:
+            velocity: (legs, 3) m/s, measurements of v.
+            place: (legs, 3) m, measurements of r, each of its own leg.
+            noise: (legs,) factor on the variance of each leg's measurement of v.
+        """
+        config, diagonal = self._config, self._diagonal
+        certainty = 1.0 / (config.foot_velocity_noise**2 * noise)
+        total = certainty.sum()
+        innovation = -self._state
+        innovation[0] += certainty @ velocity / total
+        innovation[1:] += place
+        measured = self._covariance.copy()
+        measured[diagonal, diagonal] += self._place_variance
+        measured[0, 0] += 1.0 / total
+        gain = np.linalg.solve(measured, self._covariance).T
+        self._state += gain @ innovation
+        covariance = self._covariance - gain @ self._covariance
         self._covariance = (covariance + covariance.T) / 2
 
     def _height_above(self, feet: np.ndarray, trust: np.ndarray) -> float:

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -15,6 +16,9 @@ from footfall.robots.checks import contradictions, inconsistencies, overreach
 from footfall.robots.digest import digest
 from footfall.robots.stability import instabilities
 from footfall.robots.targets import soft_limits
+
+if TYPE_CHECKING:
+    from footfall.robots.kinematics import Legs
 
 ROBOTS = Path(__file__).parent
 
@@ -169,6 +173,17 @@ class Robot:
     def foot_joints(self) -> np.ndarray:
         """Indices of each leg's joints from the base outwards, shape (feet, joints of a leg)."""
         return np.array([[self.joint_index(j) for j in f.joints] for f in self.description.feet])
+
+    @cached_property
+    def legs(self) -> "Legs":
+        """Kinematics of the legs, one for all who move or watch this robot.
+
+        Raises:
+            UserError: they are not made of three hinges (see `Legs`).
+        """
+        from footfall.robots.kinematics import Legs
+
+        return Legs(self)
 
 
 def available_robots() -> list[str]:

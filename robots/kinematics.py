@@ -1,20 +1,25 @@
 """Legs of three hinges: forward kinematics, Jacobians and closed-form inverse kinematics.
 
-A leg is read from the robot's MJCF as a first hinge followed by two parallel ones (abduction, hip, knee of
-a quadruped; coxa, femur, tibia of a hexapod). Seen from the first link, such a leg is a two-link arm in
-the plane across the parallel axes, so a complex number holds the foot's place in that plane:
+The way forward is MuJoCo's. For the way back, a leg is read from the robot's MJCF as a first hinge followed
+by two parallel ones (abduction, hip, knee of a quadruped; coxa, femur, tibia of a hexapod). Seen from the
+first link, such a leg is a two-link arm in the plane across the parallel axes, so a complex number holds the
+foot's place in that plane:
 
     z = exp(i q2) (upper + exp(i q3) lower)
 
-and the first hinge carries the plane around its axis. All legs are computed at once.
+and the first hinge carries the plane around its axis.
 """
 
+import cmath
+import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
 from footfall.common.errors import UserError
+from footfall.common.rotations import wrap_angle
 from footfall.robots.description import Robot, load_spec
 
 _PARALLEL = 1e-6  # largest sine of the angle between two axes that count as parallel
@@ -31,6 +36,8 @@ class LegPose(NamedTuple):
 class Legs:
     """Kinematics of a robot's legs. Leg order is that of the feet in `robot.yaml`.
 
+    The arrays that a pose is worked out in belong to this object: it is for one thread at a time.
+
     Args:
         robot: whose MJCF is read. Only the nominal geometry is used, never a plant's.
 
@@ -41,45 +48,39 @@ class Legs:
     def __init__(self, robot: Robot) -> None:
         self.joints = _leg_joints(robot)
         self.count = len(self.joints)
-        anchor, axis, foot, self.foot_radius = _zero_pose(robot)
-        lower, upper = robot.lower_rad[self.joints], robot.upper_rad[self.joints]
-        self._middle, self._half = (upper + lower) / 2, (upper - lower) / 2
-        self._set_plane(robot, anchor, axis, foot)
+        self._set_model(robot)
+        self._set_plane(robot, *self._zero_pose())
+        self._last = robot.default_pose.tobytes(), self._pose(robot.default_pose)
         self.default_angles = robot.default_pose[self.joints]
         self.default_foot = self.pose(robot.default_pose).foot
-        self._choose_branches()
+        self._choose_solutions(robot)
 
     def pose(self, joint_position: np.ndarray) -> LegPose:
-        """Feet, Jacobians and joint axes.
+        """Feet, Jacobians and joint axes; the arrays must not be written to.
+
+        The last answer is kept: in each tick the estimator and a controller ask about the same readings.
 
         Args:
             joint_position: (n,) rad, in the robot's joint order.
         """
-        turn = np.exp(1j * joint_position[self.joints])
-        first, second, third = turn[:, 0], turn[:, 1], turn[:, 2]
-        end = second * third * self._link_lower
-        z = second * self._link_upper + end
-        cos, sin = first.real[:, None, None], first.imag[:, None, None]
-        carried = self._carry_along + cos * self._carry_across + sin * self._carry_turned
-        swept = cos * self._carry_turned - sin * self._carry_across
+        key = joint_position.tobytes()
+        if key != self._last[0]:
+            self._last = key, self._pose(joint_position)
+        return self._last[1]
 
-        # Columns of `place`: the foot in the plane's coordinates (1, x, y), and its two derivatives there.
-        place = np.zeros((self.count, 3, 3))
-        place[:, 0, 0] = 1.0
-        place[:, 1, 0], place[:, 2, 0] = z.real, z.imag
-        place[:, 1, 1], place[:, 2, 1] = -z.imag, z.real
-        place[:, 1, 2], place[:, 2, 2] = -end.imag, end.real
-        jacobian = carried @ place
-        foot = self._anchor + jacobian[:, :, 0]
-        jacobian[:, :, 0] = (swept @ place)[:, :, 0]
+    def _pose(self, joint_position: np.ndarray) -> LegPose:
+        model, data = self._model, self._data
+        data.qpos[self._addresses] = joint_position
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        foot = data.geom_xpos[self._geoms]
+        for leg in range(self.count):
+            mujoco.mj_jac(model, data, self._full_jacobian[leg], None, foot[leg], self._bodies[leg])
+        return LegPose(
+            foot, self._full_jacobian.take(self._jacobian_places), data.xaxis.take(self._axis_places)
+        )
 
-        axes = np.empty((self.count, 3, 3))
-        axes[:, :, 0] = self._axis
-        axes[:, :, 1] = self._axes_along + cos[:, 0] * self._axes_across + sin[:, 0] * self._axes_turned
-        axes[:, :, 2] = axes[:, :, 1]
-        return LegPose(foot, jacobian, axes)
-
-    def solve(self, foot: np.ndarray) -> np.ndarray:
+    def solve(self, foot: np.ndarray, legs: Sequence[int] | None = None) -> np.ndarray:
         """Joint angles that put the feet at given places; the inverse of `pose`.
 
         Every result lies within the joint limits and is finite. A foot place out of reach gives the leg that
@@ -87,33 +88,15 @@ class Legs:
         two sides of the first hinge, the default pose's are chosen.
 
         Args:
-            foot: (legs, 3) m, base frame.
+            foot: (k, 3) m, base frame.
+            legs: the k legs that are meant; all if None.
 
         Returns:
-            (legs, 3) rad.
+            (k, 3) rad.
         """
-        reach = foot - self._anchor
-        # The first hinge must bring the reach's part along the parallel axes to its fixed value (Paden and
-        # Kahan's fourth subproblem): across cos(q1) + turned sin(q1) = offset - along.
-        along, across, turned = (self._axes_split @ reach[:, :, None])[:, :, 0].T
-        cosine = (self._offset - along) / np.maximum(np.hypot(across, turned), 1e-9)
-        angles = np.empty((self.count, 3))
-        angles[:, 0] = np.arctan2(turned, across) + self._side * _arccos(cosine)
-        first = self._within_limits(angles, 0)
-
-        cos, sin = np.cos(first)[:, None, None], np.sin(first)[:, None, None]
-        plane = self._carry_along + cos * self._carry_across + sin * self._carry_turned
-        local = (reach[:, None, :] @ plane)[:, 0, 1:] - self._plane_origin
-        z = local[:, 0] + 1j * local[:, 1]
-
-        # Law of cosines for the knee, then the hip turns the whole two-link arm onto z.
-        knee = (z.real**2 + z.imag**2 - self._square_sum) / self._twice_product
-        angles[:, 2] = self._bend * _arccos(knee) - self._knee_offset
-        third = self._within_limits(angles, 2)
-        arm = self._link_upper + np.exp(1j * third) * self._link_lower
-        angles[:, 1] = np.angle(z * arm.conj())
-        self._within_limits(angles, 1)
-        return angles
+        chosen = self._solutions if legs is None else [self._solutions[leg] for leg in legs]
+        # Leg by leg: on so few numbers, Python's own arithmetic takes a quarter of NumPy's time.
+        return np.array([_leg_angles(place, leg) for place, leg in zip(foot.tolist(), chosen, strict=True)])
 
     def rolling_offset(self, axes: np.ndarray, up: np.ndarray) -> np.ndarray:
         """What to add to the foot centres' Jacobians to get those of the points that touch the ground.
@@ -141,13 +124,33 @@ class Legs:
         result[self.joints] = leg_values
         return result
 
-    def _within_limits(self, angles: np.ndarray, joint: int) -> np.ndarray:
-        """Move one column of angles, in place, to the turn nearest its range's middle and into the range."""
-        turn = angles[:, joint] - self._middle[:, joint]
-        turn -= 2 * np.pi * np.rint(turn / (2 * np.pi))
-        turn = np.minimum(np.maximum(turn, -self._half[:, joint]), self._half[:, joint])
-        angles[:, joint] = self._middle[:, joint] + turn
-        return angles[:, joint]
+    def _set_model(self, robot: Robot) -> None:
+        """The robot's own model with its base at the origin, and where in it the legs are."""
+        self._model = model = load_spec(robot.xml_path).compile()
+        self._data = mujoco.MjData(model)
+        self._data.qpos[:] = 0.0
+        for joint in range(model.njnt):
+            if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE:
+                self._data.qpos[model.jnt_qposadr[joint] + 3] = 1.0
+        joints = np.array([model.joint(name).id for name in robot.joint_names])
+        self._addresses = model.jnt_qposadr[joints]
+        self._hinges = joints[robot.foot_joints]
+        if np.any(model.jnt_type[self._hinges] != mujoco.mjtJoint.mjJNT_HINGE):
+            raise UserError(f"{robot.xml_path}: the joints of a leg must be hinges")
+        self._geoms = [model.geom(foot.geom).id for foot in robot.description.feet]
+        self._bodies = model.geom_bodyid[self._geoms].tolist()
+        self._full_jacobian = np.zeros((self.count, 3, model.nv))
+        # Where each leg's (3, 3) stands in the flat arrays of all degrees of freedom, of all axes.
+        rows = np.arange(3 * self.count).reshape(self.count, 3, 1)
+        self._jacobian_places = rows * model.nv + model.jnt_dofadr[self._hinges][:, None, :]
+        self._axis_places = 3 * self._hinges[:, None, :] + np.arange(3)[:, None]
+        self.foot_radius = model.geom_size[self._geoms, 0].copy()
+
+    def _zero_pose(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Joint anchors and axes (legs, 3, 3), feet (legs, 3), all joints at zero."""
+        data = self._data
+        mujoco.mj_kinematics(self._model, data)
+        return data.xanchor[self._hinges], data.xaxis[self._hinges], data.geom_xpos[self._geoms]
 
     def _set_plane(self, robot: Robot, anchor: np.ndarray, axis: np.ndarray, foot: np.ndarray) -> None:
         """Precompute what `pose` needs, from the zero pose: (legs, 3, 3) anchors and axes, feet."""
@@ -167,39 +170,114 @@ class Legs:
         if np.any(np.abs(self._link_upper) < 1e-3) or np.any(np.abs(self._link_lower) < 1e-3):
             raise UserError(f"{robot.xml_path}: a leg has a link shorter than a millimetre")
 
-        self._anchor, self._axis = anchor[:, 0], axis[:, 0]
+        self._anchor = anchor[:, 0]
         hip = anchor[:, 1] - anchor[:, 0] + _along(upper + lower, normal)
         self._offset = np.sum(hip * normal, axis=1)
-        self._plane_origin = np.stack([np.sum(hip * x, axis=1), np.sum(hip * y, axis=1)], axis=1)
+        self._plane_origin = _in_plane(hip, x, y)
         flat = np.stack([hip, x, y], axis=2)  # plane coordinates (1, x, y) to the first link
-        split = _split_rotation(self._axis)
+        split = _split_rotation(axis[:, 0])
         self._carry_along, self._carry_across, self._carry_turned = (part @ flat for part in split)
         self._axes_along, self._axes_across, self._axes_turned = (
             (part @ normal[:, :, None])[:, :, 0] for part in split
         )
-        self._axes_split = np.stack([self._axes_along, self._axes_across, self._axes_turned], axis=1)
         if np.any(np.linalg.norm(self._axes_across, axis=1) < _PARALLEL):
             raise UserError(
                 f"{robot.xml_path}: the first joint of each leg must not be parallel to the others"
             )
 
-    def _choose_branches(self) -> None:
-        """Knee bend and side of the first hinge, from the default pose."""
+    def _choose_solutions(self, robot: Robot) -> None:
+        """Knee bend and side of the first hinge of each leg, from the default pose."""
+        low, high = robot.lower_rad[self.joints], robot.upper_rad[self.joints]
         upper, lower = self._link_upper, self._link_lower
-        self._knee_offset = np.angle(lower / upper)
-        self._square_sum = np.abs(upper) ** 2 + np.abs(lower) ** 2
-        self._twice_product = 2 * np.abs(upper) * np.abs(lower)
-        bent = self.default_angles[:, 2] + self._knee_offset
-        self._bend = np.where(np.sin(bent) < 0, -1.0, 1.0)
-        miss = []
-        for side in (-1.0, 1.0):
-            self._side = np.full(self.count, side)
-            miss.append(np.abs(self.solve(self.default_foot) - self.default_angles).max(axis=1))
-        self._side = np.where(miss[0] < miss[1], -1.0, 1.0)
+        knee_offset = np.angle(lower / upper)
+        bent = self.default_angles[:, 2] + knee_offset
+        planes = (self._carry_along, self._carry_across, self._carry_turned)
+        figures = {
+            "anchor": self._anchor,
+            "along": self._axes_along,
+            "across": self._axes_across + 1j * self._axes_turned,
+            "still": planes[0][:, :, 1] + 1j * planes[0][:, :, 2],
+            "cosine": planes[1][:, :, 1] + 1j * planes[1][:, :, 2],
+            "sine": planes[2][:, :, 1] + 1j * planes[2][:, :, 2],
+            "offset": self._offset,
+            "side": np.ones(self.count),
+            "origin": self._plane_origin,
+            "upper": upper,
+            "lower": lower,
+            "bend": np.where(np.sin(bent) < 0, -1.0, 1.0),
+            "square_sum": np.abs(upper) ** 2 + np.abs(lower) ** 2,
+            "twice_product": 2 * np.abs(upper) * np.abs(lower),
+            "knee_offset": knee_offset,
+            "middle": (high + low) / 2,
+            "half": (high - low) / 2,
+        }
+        columns = [values.tolist() for values in figures.values()]
+        right = [_Solution(*row) for row in zip(*columns, strict=True)]
+        left = [solution._replace(side=-1.0) for solution in right]
+        misses = []
+        for self._solutions in (left, right):
+            misses.append(np.abs(self.solve(self.default_foot) - self.default_angles).max(axis=1))
+        nearer = misses[0] < misses[1]
+        self._solutions = [a if near else b for a, b, near in zip(left, right, nearer, strict=True)]
 
 
-def _arccos(cosine: np.ndarray) -> np.ndarray:
-    return np.arccos(np.minimum(np.maximum(cosine, -1.0), 1.0))
+class _Solution(NamedTuple):
+    """Constants of one leg's inverse kinematics, and which of its solutions is meant.
+
+    The leg's plane turns with the first hinge: of a vector's part in it, one share stays, one goes with the
+    cosine of the first angle and one with the sine.
+    """
+
+    anchor: list[float]  # (3,) m, on the first hinge
+    along: list[float]  # (3,) the parallel axes' part along the first
+    across: list[complex]  # (3,) and across it, the imaginary part a quarter turn on
+    still: list[complex]  # (3,) a vector's part in the plane: the share that stays
+    cosine: list[complex]
+    sine: list[complex]
+    offset: float  # m, of the foot from the first hinge along the parallel axes
+    side: float  # +1 or -1: of the first hinge's two solutions
+    origin: complex  # m, the second hinge in the leg's plane
+    upper: complex  # m, link from the second hinge to the third
+    lower: complex  # m, from the third to the foot
+    bend: float  # +1 or -1: of the knee's two solutions
+    square_sum: float  # m^2, of the two links' lengths
+    twice_product: float  # m^2, of the same
+    knee_offset: float  # rad, between the links at zero knee angle
+    middle: list[float]  # rad, (3,) of each joint's range
+    half: list[float]  # rad, (3,)
+
+
+def _leg_angles(foot: Sequence[float], leg: _Solution) -> tuple[float, float, float]:
+    """The three angles that put one leg's foot at a place in the base frame, m."""
+    (x, y, z), (x0, y0, z0) = foot, leg.anchor
+    reach = x - x0, y - y0, z - z0
+    # The first hinge must bring the reach's part along the parallel axes to its fixed value (Paden and
+    # Kahan's fourth subproblem): across cos(q1) + turned sin(q1) = offset - along.
+    across = _dot(reach, leg.across)
+    turn = leg.side * _arccos((leg.offset - _dot(reach, leg.along).real) / max(abs(across), 1e-9))
+    first = _within(cmath.phase(across) + turn, leg.middle[0], leg.half[0])
+    # Law of cosines for the knee, then the hip turns the whole two-link arm onto the reach's place.
+    place = _dot(reach, leg.still) - leg.origin
+    place += math.cos(first) * _dot(reach, leg.cosine) + math.sin(first) * _dot(reach, leg.sine)
+    square = place.real * place.real + place.imag * place.imag
+    knee = leg.bend * _arccos((square - leg.square_sum) / leg.twice_product)
+    third = _within(knee - leg.knee_offset, leg.middle[2], leg.half[2])
+    arm = leg.upper + cmath.rect(1.0, third) * leg.lower
+    second = _within(cmath.phase(place * arm.conjugate()), leg.middle[1], leg.half[1])
+    return first, second, third
+
+
+def _dot(vector: tuple[float, float, float], row: Sequence[complex]) -> complex:
+    return vector[0] * row[0] + vector[1] * row[1] + vector[2] * row[2]
+
+
+def _arccos(cosine: float) -> float:
+    return math.acos(min(max(cosine, -1.0), 1.0))  # in this order, what is not a number stays so
+
+
+def _within(angle: float, middle: float, half: float) -> float:
+    """The turn of an angle that is nearest to the middle of a range, moved into the range."""
+    return middle + min(max(wrap_angle(angle - middle), -half), half)
 
 
 def _along(vector: np.ndarray, axis: np.ndarray) -> np.ndarray:
@@ -227,26 +305,3 @@ def _leg_joints(robot: Robot) -> np.ndarray:
                 f" found {len(foot.joints)}"
             )
     return robot.foot_joints
-
-
-def _zero_pose(robot: Robot) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Joint anchors and axes (legs, 3, 3), feet (legs, 3) in the base frame, and foot radii (legs,)."""
-    model = load_spec(robot.xml_path).compile()
-    data = mujoco.MjData(model)
-    data.qpos[:] = 0.0
-    for joint in range(model.njnt):
-        if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE:
-            data.qpos[model.jnt_qposadr[joint] + 3] = 1.0
-    mujoco.mj_kinematics(model, data)
-    base = model.body(robot.description.base).id
-    rotation, origin = data.xmat[base].reshape(3, 3), data.xpos[base]
-    ids = np.array([model.joint(name).id for name in robot.joint_names])[robot.foot_joints]
-    if np.any(model.jnt_type[ids] != mujoco.mjtJoint.mjJNT_HINGE):
-        raise UserError(f"{robot.xml_path}: the joints of a leg must be hinges")
-    geoms = [model.geom(foot.geom).id for foot in robot.description.feet]
-    return (
-        (data.xanchor[ids] - origin) @ rotation,
-        data.xaxis[ids] @ rotation,
-        (data.geom_xpos[geoms] - origin) @ rotation,
-        model.geom_size[geoms, 0].copy(),
-    )

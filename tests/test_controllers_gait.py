@@ -10,10 +10,9 @@ from footfall.policies.controllers.gait import (
     GaitTiming,
     StepClock,
     contact_trust,
-    cycloid,
-    hump,
     in_stance,
     leg_phases,
+    swing_curve,
     swing_progress,
 )
 
@@ -40,21 +39,26 @@ class TestSchedule:
         np.testing.assert_allclose(trust, [0, 1, 0, 0])
 
 
-class TestCurves:
-    @pytest.mark.parametrize("curve", [cycloid, hump])
+class TestSwingCurve:
     @given(s=st.floats(0.001, 0.999))
-    def test_slope_and_bend_are_the_derivatives(self, curve, s: float) -> None:  # type: ignore[no-untyped-def]
+    def test_slope_and_bend_are_the_derivatives(self, s: float) -> None:
         step = 1e-5
-        now, before, after = (curve(np.array(s + d)) for d in (0.0, -step, step))
-        assert now.slope == pytest.approx((after.value - before.value) / (2 * step), abs=1e-6)
-        assert now.bend == pytest.approx((after.slope - before.slope) / (2 * step), abs=1e-4)
+        for before, now, after in zip(*(swing_curve(s + d) for d in (-step, 0.0, step)), strict=True):
+            assert now.slope == pytest.approx((after.value - before.value) / (2 * step), abs=1e-6)
+            assert now.bend == pytest.approx((after.slope - before.slope) / (2 * step), abs=1e-4)
 
-    def test_a_swing_ends_at_rest_where_it_should(self) -> None:
-        end = np.array([0.0, 1.0])
-        np.testing.assert_allclose(cycloid(end).value, [0, 1], atol=1e-12)
-        np.testing.assert_allclose(hump(end).value, 0, atol=1e-12)
-        for curve in (cycloid, hump):
-            np.testing.assert_allclose(curve(end).slope, 0, atol=1e-12)
+    @pytest.mark.parametrize(("s", "along", "height"), [(0.0, 0.0, 0.0), (0.5, 0.5, 1.0), (1.0, 1.0, 0.0)])
+    def test_it_goes_from_lift_off_over_its_top_to_touch_down(
+        self, s: float, along: float, height: float
+    ) -> None:
+        curve = swing_curve(s)
+        assert curve.along.value == pytest.approx(along, abs=1e-12)
+        assert curve.height.value == pytest.approx(height, abs=1e-12)
+        assert curve.height.slope == pytest.approx(0.0, abs=1e-12)
+
+    @pytest.mark.parametrize("end", [0.0, 1.0])
+    def test_it_is_at_rest_at_both_ends(self, end: float) -> None:
+        assert swing_curve(end).along.slope == pytest.approx(0.0, abs=1e-12)
 
 
 class TestClock:

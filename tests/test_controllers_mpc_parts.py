@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 
 from footfall.policies.controllers.mpc.config import Contact, FootholdConfig, Horizon, Weights
-from footfall.policies.controllers.mpc.footholds import contact_points, footholds
-from footfall.policies.controllers.mpc.problem import GRAVITY, BodyState, ForceProblem, ForceProblems
+from footfall.policies.controllers.mpc.footholds import contact_points, foothold
+from footfall.policies.controllers.mpc.problem import GRAVITY, BodyState, ForceProblems
 from footfall.policies.controllers.mpc.solver import BoundedSolver
+from footfall.policies.controllers.mpc.swing import swing_motion
 from footfall.robots.description import load_robot
 from footfall.robots.rigid_body import nominal_body
 
@@ -29,8 +29,8 @@ def random_situation(
     seed: int, standing: bool = False
 ) -> tuple[BodyState, BodyState, np.ndarray, np.ndarray]:
     rng = np.random.default_rng(seed)
-    state = BodyState(*(0.3 * rng.standard_normal((4, 3))))
-    reference = BodyState(*(0.1 * rng.standard_normal((4, HORIZON.steps, 3))))
+    state = BodyState(*(0.3 * rng.standard_normal((2, 6))))
+    reference = BodyState(*(0.1 * rng.standard_normal((2, HORIZON.steps, 6))))
     contacts = rng.uniform(size=(HORIZON.steps, 4)) < 0.6
     contacts[:, 0] = True
     if standing:
@@ -105,9 +105,7 @@ class TestProblem:
         assert np.all(contacts[problem.step, problem.leg])
 
     def test_standing_level_asks_for_the_weight(self) -> None:
-        still = np.zeros(3)
-        height = np.array([0.0, 0.0, 0.25])
-        state = BodyState(still, height, still, still)
+        state = BodyState(np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.25]), np.zeros(6))
         reference = BodyState(*(np.tile(part, (HORIZON.steps, 1)) for part in state))
         contacts = np.ones((HORIZON.steps, 4), dtype=bool)
         feet = np.tile(PLACES, (HORIZON.steps, 1, 1))
@@ -156,53 +154,86 @@ class TestSolver:
         np.testing.assert_array_equal(PROBLEMS.forces(solution, problem, 4), 0)
 
 
-speeds = arrays(float, 3, elements=st.floats(-1.5, 1.5)).map(lambda v: v * np.array([1, 1, 0]))
+speeds = st.complex_numbers(max_magnitude=1.5)
+REACH = FootholdConfig(capture_gain_s=0.05, most_step_m=0.3)
+PLACE = 0.19 + 0.13j  # forward + i leftward: front left
 
 
-def steps_for(velocity: np.ndarray, wanted: np.ndarray, yaw: float = 0.0, rate: float = 0.0) -> np.ndarray:
-    return footholds(
-        np.array([0.0, 0.0, 0.28]),
-        velocity,
-        wanted,
-        yaw,
-        rate,
-        PLACES,
-        np.zeros(4),
-        0.2,
-        FootholdConfig(capture_gain_s=0.05, most_step_m=0.3),
-    )
+def step_to(  # of a foot that touches down now, unless said otherwise
+    velocity: complex = 0j,
+    wanted: complex = 0j,
+    yaw: float = 0.0,
+    rate: float = 0.0,
+    swing_left_s: float = 0.0,
+    place: complex = PLACE,
+    base: complex = 0j,
+) -> complex:
+    return foothold(place, base, 0.28, velocity, wanted, yaw, rate, swing_left_s, 0.2, REACH)
 
 
-class TestFootholds:
-    def test_at_rest_feet_land_in_their_places(self) -> None:
-        landing = steps_for(np.zeros(3), np.zeros(3))
-        np.testing.assert_allclose(landing[:, :2], PLACES[:, :2])
-        np.testing.assert_array_equal(landing[:, 2], 0.0)
+class TestFoothold:
+    def test_at_rest_a_foot_lands_in_its_place(self) -> None:
+        assert step_to(base=1 + 2j) == pytest.approx(1 + 2j + PLACE)
+        assert step_to(yaw=np.pi / 2) == pytest.approx(-0.13 + 0.19j)
+
+    def test_at_the_commanded_speed_it_lands_half_a_stance_ahead(self) -> None:
+        assert step_to(0.5 + 0j, 0.5 + 0j) - PLACE == pytest.approx(0.5 * 0.2 * 0.5)
+
+    def test_what_is_left_of_the_swing_carries_it_on(self) -> None:
+        """0.1 s at 0.5 m/s to the left, on top of half a stance at that speed."""
+        step = step_to(0.5j, 0.5j, swing_left_s=0.1) - PLACE
+        assert step == pytest.approx(0.1 * 0.5j + 0.05j)
+
+    def test_a_turning_robot_lands_where_its_hip_will_be(self) -> None:
+        """Turning left at 2 rad/s for 0.1 s: the place turns by 0.2 rad, then sweeps half a stance on."""
+        arm = PLACE * np.exp(0.2j)
+        sweep = 0.5 * 0.2 * 2.0 * complex(-arm.imag, arm.real)  # w x arm, w up
+        assert step_to(rate=2.0, swing_left_s=0.1) == pytest.approx(arm + sweep)
+
+    def test_in_a_turn_feet_land_on_the_outside(self) -> None:
+        """(z/g) v x w / 2: going forward at 1 m/s and turning left at 2 rad/s, feet shift to the right."""
+        moving = step_to(1 + 0j, 1 + 0j, rate=2.0) - step_to(rate=2.0)
+        assert moving == pytest.approx(0.5 * 0.2 * 1.0 - 0.5 * (0.28 / 9.81) * 1.0 * 2.0 * 1j)
+        assert moving.imag < 0
 
     @given(speeds, speeds)
     def test_sideways_feedback_is_as_strong_as_forward_feedback(
-        self, velocity: np.ndarray, wanted: np.ndarray
+        self, velocity: complex, wanted: complex
     ) -> None:
-        turned = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-        step = steps_for(velocity, wanted) - PLACES
-        sideways = steps_for(turned @ velocity, turned @ wanted) - PLACES
-        np.testing.assert_allclose(sideways[:, :2], (step @ turned.T)[:, :2], atol=1e-12)
+        step, sideways = step_to(velocity, wanted) - PLACE, step_to(1j * velocity, 1j * wanted) - PLACE
+        assert sideways == pytest.approx(1j * step, abs=1e-12)
 
     @given(speeds, st.floats(-3, 3))
-    def test_steps_turn_with_the_robot(self, velocity: np.ndarray, yaw: float) -> None:
-        cos, sin = np.cos(yaw), np.sin(yaw)
-        turn = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
-        straight = steps_for(velocity, velocity, rate=0.5)
-        turned = steps_for(turn @ velocity, turn @ velocity, yaw, rate=0.5)
-        np.testing.assert_allclose(turned, straight @ turn.T, atol=1e-12)
+    def test_steps_turn_with_the_robot(self, velocity: complex, yaw: float) -> None:
+        turn = np.exp(1j * yaw)
+        straight = step_to(velocity, velocity, rate=0.5, swing_left_s=0.1)
+        turned = step_to(turn * velocity, turn * velocity, yaw, 0.5, 0.1)
+        assert turned == pytest.approx(turn * straight, abs=1e-12)
 
     def test_a_push_is_caught_on_the_side_it_goes_to(self) -> None:
-        step = steps_for(np.array([0.0, 0.6, 0.0]), np.zeros(3)) - PLACES
-        assert np.all(step[:, 1] > 0.05)
+        """Half a stance and the capture gain: (0.1 + 0.05) s at 0.6 m/s to the left."""
+        assert step_to(0.6j) - PLACE == pytest.approx(0.09j)
 
     def test_steps_are_bounded(self) -> None:
-        step = (steps_for(np.array([9.0, 9.0, 0.0]), np.zeros(3)) - PLACES)[:, :2]
-        assert np.linalg.norm(step, axis=1).max() <= 0.3 + 1e-12
+        assert abs(step_to(9 + 9j) - PLACE) == pytest.approx(0.3)
+
+
+class TestSwingMotion:
+    def test_half_way_it_is_in_the_middle_and_highest(self) -> None:
+        """A cycloid's speed is there twice the mean's."""
+        motion = swing_motion(0.5, [0.0, 0.1, 0.02], [0.2, 0.0, 0.0], swing_s=0.1, height_m=0.07)
+        position, velocity, acceleration = motion
+        np.testing.assert_allclose(position, [0.1, 0.05, 0.01 + 0.07], atol=1e-12)
+        np.testing.assert_allclose(velocity, [2 * 0.2 / 0.1, -2 * 0.1 / 0.1, -2 * 0.02 / 0.1], atol=1e-12)
+        np.testing.assert_allclose(acceleration, [0.0, 0.0, -0.07 * 2 * np.pi**2 / 0.1**2], atol=1e-9)
+
+    @given(st.floats(0.01, 0.99))
+    def test_velocity_and_acceleration_are_the_derivatives_by_time(self, progress: float) -> None:
+        way, swing_s, step = ([0.0, 0.1, 0.02], [0.2, 0.0, 0.0]), 0.1, 1e-5
+        before, now, after = (
+            np.array(swing_motion(progress + d / swing_s, *way, swing_s, 0.07)) for d in (-step, 0.0, step)
+        )
+        np.testing.assert_allclose(now[1:], (after[:-1] - before[:-1]) / (2 * step), atol=1e-3)
 
 
 class TestContactPoints:
@@ -222,11 +253,3 @@ def test_daqp_reports_success_as_a_positive_number() -> None:
     """What `BoundedSolver` relies on."""
     _, _, status, _ = daqp.solve(np.eye(2), np.ones(2), np.eye(2), np.ones(2), -np.ones(2))
     assert status > 0
-
-
-def test_problem_fields_are_documented_sizes() -> None:
-    problem: ForceProblem = PROBLEMS.build(*random_situation(3))
-    n = len(problem.step)
-    assert problem.hessian.shape == (3 * n, 3 * n)
-    assert problem.rows.shape == (4 * n, 3 * n)
-    assert problem.upper.shape == problem.lower.shape == (5 * n,)

@@ -92,6 +92,12 @@ class TestInverse:
         assert np.all(reached[:, 2] < LEGS.default_foot[:, 2] - 0.05)
         np.testing.assert_allclose(reached[:, :2], far[:, :2], atol=0.08)
 
+    def test_a_place_that_is_not_a_number_gives_angles_that_are_not(self) -> None:
+        """The supervisor must see it; an angle at a joint limit would look like a decision."""
+        foot = LEGS.default_foot.copy()
+        foot[1] = np.nan
+        assert np.all(np.isnan(LEGS.solve(foot)) == np.isnan(foot))
+
     def test_the_hips_own_place_has_an_answer(self) -> None:
         assert np.all(np.isfinite(LEGS.solve(LEGS._anchor)))
 

@@ -45,7 +45,7 @@ class ShapedCommand:
 
     def wants_walk(self, command: np.ndarray) -> bool:
         """Whether a command (3,) asks to move, or an earlier one still has to be slowed down from."""
-        return self._asks_to_move(command) or bool(np.any(self.value != 0.0))
+        return self._asks_to_move(command) or bool(self.value.any())
 
     def _asks_to_move(self, command: np.ndarray) -> bool:
         return float(command @ command) > self._shaping.standing_command**2

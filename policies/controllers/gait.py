@@ -1,5 +1,6 @@
 """When feet step and along which curve: the clock, the contact schedule and the swing curve."""
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -62,30 +63,28 @@ def contact_trust(phases: np.ndarray, duty: float, edge: float) -> np.ndarray:
 
 
 class Curve(NamedTuple):
-    """A value over a normalised time s, with its derivatives by s; arrays of one shape."""
+    """A value over a normalised time s, with its derivatives by s."""
 
-    value: np.ndarray
-    slope: np.ndarray
-    bend: np.ndarray
-
-
-def cycloid(s: np.ndarray) -> Curve:
-    """From 0 to 1 along a cycloid: at rest at both ends, so that the foot meets the ground at its speed."""
-    angle = 2 * np.pi * s
-    return Curve(
-        s - np.sin(angle) / (2 * np.pi),
-        1 - np.cos(angle),
-        2 * np.pi * np.sin(angle),
-    )
+    value: float
+    slope: float
+    bend: float
 
 
-def hump(s: np.ndarray) -> Curve:
-    """From 0 up to 1 at s = 1/2 and back to 0, at rest at both ends: the height that goes with `cycloid`."""
-    angle = 2 * np.pi * s
-    return Curve(
-        (1 - np.cos(angle)) / 2,
-        np.pi * np.sin(angle),
-        2 * np.pi**2 * np.cos(angle),
+class SwingCurve(NamedTuple):
+    """How a foot gets from lift-off to touch-down. Both parts are at rest at both ends."""
+
+    along: Curve  # a cycloid from 0 to 1
+    height: Curve  # from 0 up to 1 at s = 1/2 and back to 0
+
+
+def swing_curve(s: float) -> SwingCurve:
+    """The two parts of a swing at a normalised time s in [0, 1]."""
+    angle = 2 * math.pi * s
+    sin, cos = math.sin(angle), math.cos(angle)
+    rise = 1 - cos
+    return SwingCurve(
+        Curve(s - sin / (2 * math.pi), rise, 2 * math.pi * sin),
+        Curve(rise / 2, math.pi * sin, 2 * math.pi**2 * cos),
     )
 
 
@@ -108,9 +107,9 @@ class StepClock:
             self.walking = True
         if not self.walking:
             return
-        before = self._swinging(self.phase)
-        self.phase = (self.phase + dt_s / self.timing.period_s) % 1.0
-        if not walk and not np.any(before & self._swinging(self.phase)):
+        before = self.phase
+        self.phase = (before + dt_s / self.timing.period_s) % 1.0
+        if not walk and not np.any(self._swinging(before) & self._swinging(self.phase)):
             self.walking = False  # every swing has ended: the next ones wait at this phase
 
     def phases(self) -> np.ndarray:

@@ -10,7 +10,6 @@ from footfall.policies.controllers.stance import level_feet, tilt_correction
 from footfall.policies.policy import Observation
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
-from footfall.robots.kinematics import Legs
 
 
 @dataclass(frozen=True)
@@ -41,7 +40,7 @@ class Stand:
         self._config = config or controller_settings(robot, self.name, StandConfig)
         self.rate_hz = self._config.rate_hz
         self._robot = robot
-        self._legs = Legs(robot)
+        self._legs = robot.legs
         self._start = robot.default_pose
         self._kp = np.full(len(robot.joint_names), self._config.kp)
         self._kd = np.full(len(robot.joint_names), self._config.kd)

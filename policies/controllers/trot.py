@@ -7,13 +7,13 @@ import numpy as np
 from footfall.common.config import require_not_negative, require_positive
 from footfall.common.rotations import cross
 from footfall.policies.controllers.command import CommandShaping, ShapedCommand
-from footfall.policies.controllers.gait import GaitTiming, StepClock, contact_trust, cycloid, hump
+from footfall.policies.controllers.gait import GaitTiming, StepClock, contact_trust, swing_curve
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.stance import level_feet, nominal_feet, tilt_correction
 from footfall.policies.policy import Observation
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
-from footfall.robots.kinematics import LegPose, Legs
+from footfall.robots.kinematics import LegPose
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Trot:
         self._config = config or controller_settings(robot, self.name, TrotConfig)
         self.rate_hz = self._config.rate_hz
         self._robot = robot
-        self._legs = Legs(robot)
+        self._legs = robot.legs
         offsets = np.array([foot.phase for foot in robot.description.feet])
         self._clock = StepClock(self._config.gait, offsets)
         self._command = ShapedCommand(self._config.command)
@@ -113,9 +113,11 @@ class Trot:
         through_stance = np.minimum(self._clock.phases() / config.gait.duty, 1.0)
         swing = self._clock.swing()
         stands = self._clock.stance()
-        sweep = np.where(stands, 1.0 - 2.0 * through_stance, 2.0 * cycloid(swing).value - 1.0)
+        curves = [swing_curve(progress) for progress in swing.tolist()]
+        along = np.array([curve.along.value for curve in curves])
+        sweep = np.where(stands, 1.0 - 2.0 * through_stance, 2.0 * along - 1.0)
         offset = sweep[:, None] * half
-        offset[:, 2] = config.swing_height_m * hump(swing).value
+        offset[:, 2] = config.swing_height_m * np.array([curve.height.value for curve in curves])
         return offset
 
     def _foot_velocity(self) -> np.ndarray:

@@ -4,6 +4,7 @@ At the joint rate it follows the base by odometry, steps its clock and turns for
 into joint commands; at `solve_hz` it plans the forces anew.
 """
 
+import cmath
 import math
 import time
 from collections import deque
@@ -15,32 +16,39 @@ from footfall.common.rotations import cross, heading_matrix, roll_pitch_yaw, rot
 from footfall.policies.controllers.command import ShapedCommand
 from footfall.policies.controllers.gait import StepClock, contact_trust
 from footfall.policies.controllers.mpc.config import MpcConfig
-from footfall.policies.controllers.mpc.footholds import contact_points, footholds
+from footfall.policies.controllers.mpc.footholds import contact_points, foothold
 from footfall.policies.controllers.mpc.legs import LegControl
 from footfall.policies.controllers.mpc.problem import BodyState, ForceProblems
 from footfall.policies.controllers.mpc.solver import BoundedSolver
-from footfall.policies.controllers.mpc.swing import SwingTarget, swing_target
+from footfall.policies.controllers.mpc.swing import swing_motion
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.stance import nominal_feet
 from footfall.policies.policy import Observation
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
-from footfall.robots.kinematics import LegPose, Legs
 from footfall.robots.rigid_body import nominal_body
 
 _TIMINGS_KEPT = 100_000
+_DECAY_S = 0.2  # within which the body's surplus speed is thought to be lost
+_NO_SWING = np.empty((0, 3, 3))
 
 
 class Base(NamedTuple):
     """The base as the controller sees it. World: where it was reset, z = 0 on the ground."""
 
-    position: np.ndarray  # (3,) m, of the base's origin
+    place: complex  # m, of the base's origin: x + i y
+    height: float  # m
     velocity: np.ndarray  # (3,) m/s, world
     rotation: np.ndarray  # (3, 3) body to world
     gyro: np.ndarray  # (3,) rad/s, body
     roll: float
     pitch: float
     yaw: float
+
+    @property
+    def position(self) -> np.ndarray:
+        """Of the base's origin, (3,) m, world."""
+        return np.array([self.place.real, self.place.imag, self.height])
 
 
 class Mpc:
@@ -57,7 +65,7 @@ class Mpc:
         self._config = config = config or controller_settings(robot, self.name, MpcConfig)
         self.rate_hz = config.rate_hz
         self._robot = robot
-        self._legs = Legs(robot)
+        self._legs = robot.legs
         self._body = nominal_body(robot)
         self._problems = ForceProblems(self._body, config.horizon, config.weights, config.contact)
         self._solver = BoundedSolver()
@@ -67,11 +75,15 @@ class Mpc:
         stance = config.stance
         self._places = nominal_feet(self._legs, stance.height_m, stance.outward_m, stance.shift_m)
         self._leg_control = LegControl(robot, self._legs, self._body, config)
+        self._places_ahead = (self._places[:, 0] + 1j * self._places[:, 1]).tolist()
         self._radius = float(self._legs.foot_radius.mean())
+        self._touch_down = np.zeros((self._legs.count, 3))  # of the feet's centres, from the ground
+        self._touch_down[:, 2] = self._legs.foot_radius - config.swing.depth_m
         self._solve_every = max(1, round(config.rate_hz / config.horizon.solve_hz))
         steps, step_s = config.horizon.steps, config.horizon.step_s
         self._middle_of_step = step_s * (np.arange(steps) + 0.5)
         self._end_of_step = step_s * np.arange(1, steps + 1)
+        self._decayed_s = (_DECAY_S * (1.0 - np.exp(-self._middle_of_step / _DECAY_S)))[:, None]
         self.solve_ms: deque[float] = deque(maxlen=_TIMINGS_KEPT)
         self._begin(0.0, stance.height_m)
 
@@ -88,9 +100,7 @@ class Mpc:
         count = self._legs.count
         self._clock.reset()
         self._command.reset()
-        self._position = np.array([0.0, 0.0, height])
-        self._wanted_position = np.zeros(2)
-        self._wanted_velocity = np.zeros(3)
+        self._place = self._wanted_place = self._wanted_velocity = 0j
         self._wanted_yaw = yaw
         self._wanted_height = height
         self._force = np.zeros((count, 3))
@@ -107,18 +117,33 @@ class Mpc:
         self._step_clock(observation, base, dt_s)
         self._lead(base, dt_s)
 
-        feet = base.position + pose.foot @ base.rotation.T
-        lifting = self._stands & ~self._clock.stance()
-        landing = ~self._stands & self._clock.stance()
-        self._stands = self._clock.stance()
-        self._lift_off[lifting] = feet[lifting]
-        self._target = self._footholds(base)
-
+        stands = self._clock.stance()
+        swinging = np.flatnonzero(~stands).tolist()
+        progress = self._clock.swing().tolist()
+        for leg in swinging:
+            self._set_target(leg, progress[leg], base)
         self._ticks_to_solve -= 1
-        if self._ticks_to_solve <= 0 or np.any(lifting) or np.any(landing):
+        changed = stands != self._stands
+        if self._ticks_to_solve <= 0 or changed.any():
+            feet = base.position + pose.foot @ base.rotation.T
+            lifting = changed & ~stands
+            self._lift_off[lifting] = feet[lifting]
+            self._stands = stands
             self._plan(base, feet)
             self._ticks_to_solve = self._solve_every
-        return self._joint_command(observation, base, pose)
+
+        up = base.rotation[2]
+        return self._leg_control.command(
+            observation.sensed.joint_position,
+            pose,
+            stands,
+            self._force @ base.rotation,
+            np.array([self._wanted_velocity.real, self._wanted_velocity.imag, 0.0]) @ base.rotation,
+            self._command.value[2] * up,
+            up,
+            swinging,
+            self._swing(swinging, progress, base),
+        )
 
     def stance(self) -> np.ndarray | None:
         if not self._clock.walking:
@@ -129,10 +154,11 @@ class Mpc:
         """The base's state; its place is dead reckoning, good for the length of a step."""
         rotation = rotation_matrix(observation.sensed.quaternion)
         velocity = rotation @ observation.base_velocity
-        self._position = self._position + velocity * dt_s
-        self._position[2] = self._above_ground(observation)
+        x, y, _ = velocity.tolist()
+        self._place += complex(x, y) * dt_s
         roll, pitch, yaw = roll_pitch_yaw(rotation)
-        return Base(self._position, velocity, rotation, observation.sensed.gyro, roll, pitch, yaw)
+        height = self._above_ground(observation)
+        return Base(self._place, height, velocity, rotation, observation.sensed.gyro, roll, pitch, yaw)
 
     def _above_ground(self, observation: Observation) -> float:
         return observation.base_height + self._radius
@@ -160,52 +186,64 @@ class Mpc:
     def _lead(self, base: Base, dt_s: float) -> None:
         """Move the reference pose on at the commanded velocity, within a bounded lead over the body."""
         stance = self._config.stance
-        forward, leftward, yaw_rate = self._command.value
-        self._wanted_velocity = heading_matrix(base.yaw) @ np.array([forward, leftward, 0.0])
-        wanted = self._wanted_position + self._wanted_velocity[:2] * dt_s
-        ahead = wanted - base.position[:2]
-        distance = math.hypot(ahead[0], ahead[1])
-        if distance > stance.most_position_lead_m:
-            ahead *= stance.most_position_lead_m / distance
-        self._wanted_position = base.position[:2] + ahead
+        forward, leftward, yaw_rate = self._command.value.tolist()
+        self._wanted_velocity = complex(forward, leftward) * cmath.rect(1.0, base.yaw)
+        ahead = self._wanted_place + self._wanted_velocity * dt_s - base.place
+        most = stance.most_position_lead_m
+        self._wanted_place = base.place + (ahead if abs(ahead) <= most else ahead * (most / abs(ahead)))
         turned = wrap_angle(self._wanted_yaw + yaw_rate * dt_s - base.yaw)
-        lead = stance.most_yaw_lead_rad
-        self._wanted_yaw = base.yaw + min(lead, max(-lead, turned))
+        most = stance.most_yaw_lead_rad
+        self._wanted_yaw = base.yaw + min(most, max(-most, turned))
         climb = stance.height_m - self._wanted_height
         self._wanted_height += min(1.0, dt_s / self._config.settle_s) * climb
 
-    def _footholds(self, base: Base) -> np.ndarray:
+    def _set_target(self, leg: int, progress: float, base: Base) -> None:
+        """Where a leg that swings should touch down."""
         gait = self._config.gait
-        return footholds(
-            base.position,
-            base.velocity,
+        target = foothold(
+            self._places_ahead[leg],
+            base.place,
+            base.height,
+            complex(base.velocity[0], base.velocity[1]),
             self._wanted_velocity,
             base.yaw,
             float(self._command.value[2]),
-            self._places,
-            (1.0 - self._clock.swing()) * gait.swing_s,
+            (1.0 - progress) * gait.swing_s,
             gait.stance_s,
             self._config.foothold,
         )
+        self._target[leg, :2] = target.real, target.imag
+
+    def _swing(self, swinging: list[int], progress: list[float], base: Base) -> np.ndarray:
+        """Motion of swinging feet as seen from the moving base, (k, 3, 3): see `LegControl.command`."""
+        if not swinging:
+            return _NO_SWING
+        config, swing_s = self._config.swing, self._config.gait.swing_s
+        lift_off, landing = self._lift_off.tolist(), (self._target + self._touch_down).tolist()
+        motion = np.array(
+            [
+                swing_motion(progress[leg], lift_off[leg], landing[leg], swing_s, config.height_m)
+                for leg in swinging
+            ]
+        )
+        motion[:, 0] -= base.position
+        motion[:, 1] -= base.velocity
+        motion = motion @ base.rotation
+        motion[:, 1] -= cross(base.gyro, motion[:, 0])
+        return motion
 
     def _plan(self, base: Base, feet: np.ndarray) -> None:
         """Solve for the feet's forces; where that fails, keep the last ones of the feet that still stand."""
         began = time.perf_counter()
         contacts = self._clock.planned_stance(self._middle_of_step)
         contacts[0] = self._stands
-        state, reference = self._state(base), self._reference(base)
         to_heading = heading_matrix(base.yaw)
+        state, reference = self._state(base, to_heading), self._reference(base)
+        points = np.array([feet, self._target]) - base.position
+        points[:, :, 2] = 0.0  # on the ground
+        present, targets = points @ to_heading
         centre = self._path(state, reference)
-        grounded = feet.copy()
-        grounded[:, 2] = 0.0
-        arms = contact_points(
-            contacts,
-            (grounded - base.position) @ to_heading + self._ground(base),
-            (self._target - base.position) @ to_heading + self._ground(base),
-            self._places,
-            centre,
-            reference.attitude[:, 2],
-        )
+        arms = contact_points(contacts, present, targets, self._places, centre, reference.pose[:, 2])
         problem = self._problems.build(state, reference, contacts, arms)
         solution = self._solver.solve(problem)
         if solution is None:
@@ -215,76 +253,37 @@ class Mpc:
             self._force = force @ to_heading.T
         self.solve_ms.append(1e3 * (time.perf_counter() - began))
 
-    @staticmethod
-    def _ground(base: Base) -> np.ndarray:
-        """The base's origin in the horizontal frame below it: heading frame, z above the ground."""
-        return np.array([0.0, 0.0, base.position[2]])
-
-    def _state(self, base: Base) -> BodyState:
-        """The centre of mass in the heading frame below the base."""
-        to_heading = heading_matrix(base.yaw)
+    def _state(self, base: Base, to_heading: np.ndarray) -> BodyState:
+        """The centre of mass in the heading frame on the ground below the base."""
         centre = base.rotation @ self._body.centre
         rate = base.rotation @ base.gyro
-        return BodyState(
-            np.array([base.roll, base.pitch, 0.0]),
-            centre @ to_heading + self._ground(base),
-            rate @ to_heading,
-            (base.velocity + cross(rate, centre)) @ to_heading,
-        )
+        vectors = np.array([centre, rate, base.velocity + cross(rate, centre)]) @ to_heading
+        pose = np.array([base.roll, base.pitch, 0.0, *vectors[0].tolist()])
+        pose[5] += base.height
+        return BodyState(pose, vectors[1:].reshape(6))
 
     def _reference(self, base: Base) -> BodyState:
-        forward, leftward, yaw_rate = self._command.value
+        """The commanded motion after each step of the horizon, from the wanted pose on."""
+        forward, leftward, yaw_rate = self._command.value.tolist()
         later = self._end_of_step
-        steps = len(later)
         yaw = wrap_angle(self._wanted_yaw - base.yaw) + yaw_rate * later
-        cos, sin = np.cos(yaw), np.sin(yaw)
-        velocity = np.stack(
-            [cos * forward - sin * leftward, sin * forward + cos * leftward, np.zeros(steps)], axis=1
-        )
-        attitude, rate = np.zeros((steps, 3)), np.zeros((steps, 3))
-        attitude[:, 2], rate[:, 2] = yaw, yaw_rate
-        ahead = np.append(self._wanted_position - base.position[:2], 0.0) @ heading_matrix(base.yaw)
-        position = ahead + np.cumsum(velocity, axis=0) * self._config.horizon.step_s
-        position[:, 0] += cos * self._body.centre[0] - sin * self._body.centre[1]
-        position[:, 1] += sin * self._body.centre[0] + cos * self._body.centre[1]
-        position[:, 2] = self._wanted_height + self._body.centre[2]
-        return BodyState(attitude, position, rate, velocity)
+        heading = np.exp(1j * yaw)
+        velocity = heading * complex(forward, leftward)
+        ahead = (self._wanted_place - base.place) * cmath.rect(1.0, -base.yaw)
+        centre_x, centre_y, centre_z = self._body.centre.tolist()
+        place = ahead + np.cumsum(velocity) * self._config.horizon.step_s
+        place += heading * complex(centre_x, centre_y)
+        pose, rate = np.zeros((len(later), 6)), np.zeros((len(later), 6))
+        pose[:, 2], rate[:, 2] = yaw, yaw_rate
+        pose[:, 3], pose[:, 4] = place.real, place.imag
+        rate[:, 3], rate[:, 4] = velocity.real, velocity.imag
+        pose[:, 5] = self._wanted_height + centre_z
+        return BodyState(pose, rate)
 
     def _path(self, state: BodyState, reference: BodyState) -> np.ndarray:
-        """The centre of mass in the middle of each step: its speed decays to the reference's."""
-        decay_s = 0.2
-        time_s = self._middle_of_step[:, None]
-        surplus = state.velocity - reference.velocity[0]
-        path = state.position + reference.velocity[0] * time_s
-        path += surplus * decay_s * (1.0 - np.exp(-time_s / decay_s))
-        path[:, 2] = state.position[2]
+        """The centre of mass (steps, 3) in the middle of each step: its speed decays to the reference's."""
+        wanted = reference.rate[0, 3:]
+        path = state.pose[3:] + wanted * self._middle_of_step[:, None]
+        path += (state.rate[3:] - wanted) * self._decayed_s
+        path[:, 2] = state.pose[5]
         return path
-
-    def _joint_command(self, observation: Observation, base: Base, pose: LegPose) -> JointCommand:
-        config, up = self._config, base.rotation[2]
-        swing = swing_target(
-            self._clock.swing(), self._lift_off, self._landing(), config.gait.swing_s, config.swing
-        )
-        return self._leg_control.command(
-            observation.sensed.joint_position,
-            pose,
-            self._stands,
-            self._force @ base.rotation,
-            self._wanted_velocity @ base.rotation,
-            self._command.value[2] * up,
-            up,
-            self._swing_in_body(swing, base),
-        )
-
-    def _landing(self) -> np.ndarray:
-        """Touch-down points of the feet's centres (legs, 3), world."""
-        landing = self._target.copy()
-        landing[:, 2] = self._legs.foot_radius - self._config.swing.depth_m
-        return landing
-
-    @staticmethod
-    def _swing_in_body(target: SwingTarget, base: Base) -> SwingTarget:
-        """A world-frame target as seen from the moving base."""
-        position = (target.position - base.position) @ base.rotation
-        velocity = (target.velocity - base.velocity) @ base.rotation - cross(base.gyro, position)
-        return SwingTarget(position, velocity, target.acceleration @ base.rotation)

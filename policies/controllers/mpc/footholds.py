@@ -1,25 +1,27 @@
-"""Where swinging feet should land."""
+"""Where swinging feet should land. Horizontal vectors are complex numbers, x + i y: turning is a product."""
+
+import cmath
 
 import numpy as np
 
-from footfall.common.rotations import cross
 from footfall.policies.controllers.mpc.config import FootholdConfig
 
 GRAVITY = 9.81
 
 
-def footholds(
-    base: np.ndarray,
-    velocity: np.ndarray,
-    wanted_velocity: np.ndarray,
+def foothold(
+    place: complex,
+    base: complex,
+    height_m: float,
+    velocity: complex,
+    wanted_velocity: complex,
     yaw: float,
     yaw_rate: float,
-    places: np.ndarray,
-    swing_left_s: np.ndarray,
+    swing_left_s: float,
     stance_s: float,
     config: FootholdConfig,
-) -> np.ndarray:
-    """Touch-down points of all feet on the ground, world frame, m (legs, 3), z = 0.
+) -> complex:
+    """Touch-down point of a foot on the ground, world frame, m.
 
     Raibert's symmetric step with a capture-point and a centrifugal term (Bledt et al. 2018, eq. 11):
 
@@ -28,30 +30,23 @@ def footholds(
     The feedback gain k acts on both axes alike: it is a time, not scaled by any control period.
 
     Args:
-        base: (3,) base origin, world; its z is the height above the ground.
-        velocity: (3,) of the base, world.
-        wanted_velocity: (3,) commanded, world.
+        place: m, of the foot in the nominal stance from the base, heading frame.
+        base: m, base origin, world.
+        height_m: z, of the base above the ground.
+        velocity: v, m/s, of the base, world.
+        wanted_velocity: m/s, commanded, world.
         yaw: heading, rad.
-        yaw_rate: commanded, rad/s.
-        places: (legs, 3) feet of the nominal stance from the base, heading frame.
-        swing_left_s: (legs,) time to touch-down.
+        yaw_rate: w, commanded, rad/s.
+        swing_left_s: time to touch-down.
         stance_s: time that the foot will stand.
         config: gain, and the farthest that a foot may land from its place under the body.
     """
-    turn = np.array([0.0, 0.0, yaw_rate])
-    landing_yaw = yaw + yaw_rate * swing_left_s
-    cos, sin = np.cos(landing_yaw), np.sin(landing_yaw)
-    arm = np.zeros_like(places)
-    arm[:, 0] = cos * places[:, 0] - sin * places[:, 1]
-    arm[:, 1] = sin * places[:, 0] + cos * places[:, 1]
-    step = 0.5 * stance_s * (velocity + cross(turn, arm))
+    arm = place * cmath.rect(1.0, yaw + yaw_rate * swing_left_s)
+    step = 0.5 * stance_s * (velocity + 1j * yaw_rate * arm)
     step += config.capture_gain_s * (velocity - wanted_velocity)
-    step += 0.5 * (base[2] / GRAVITY) * cross(velocity, turn)
-    reach = np.hypot(step[:, 0], step[:, 1])
-    step *= np.minimum(1.0, config.most_step_m / np.maximum(reach, 1e-9))[:, None]
-    target = base + velocity * swing_left_s[:, None] + arm + step
-    target[:, 2] = 0.0
-    return target
+    step += 0.5 * (height_m / GRAVITY) * (-1j * yaw_rate * velocity)
+    step *= min(1.0, config.most_step_m / max(abs(step), 1e-9))
+    return base + velocity * swing_left_s + arm + step
 
 
 def contact_points(
@@ -83,9 +78,8 @@ def contact_points(
     first_change = np.where(contacts[0], 0, 1)  # changes up to the first stance
     point = np.where(contacts[0][:, None], feet, targets)[None] - centre[:, None, :]
     later = changes > first_change
-    cos, sin = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
+    turned = np.exp(1j * yaw)[:, None] * (places[:, 0] + 1j * places[:, 1])
     under = np.empty_like(point)
-    under[:, :, 0] = cos * places[:, 0] - sin * places[:, 1]
-    under[:, :, 1] = sin * places[:, 0] + cos * places[:, 1]
+    under[:, :, 0], under[:, :, 1] = turned.real, turned.imag
     under[:, :, 2] = -centre[:, 2:]
     return np.where(later[:, :, None], under, point)

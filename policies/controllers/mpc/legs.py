@@ -4,7 +4,6 @@ import numpy as np
 
 from footfall.common.rotations import cross
 from footfall.policies.controllers.mpc.config import MpcConfig
-from footfall.policies.controllers.mpc.swing import SwingTarget
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 from footfall.robots.kinematics import LegPose, Legs
@@ -23,12 +22,15 @@ class LegControl:
     """
 
     def __init__(self, robot: Robot, legs: Legs, body: RigidBody, config: MpcConfig) -> None:
-        self._robot, self._legs, self._body, self._config = robot, legs, body, config
+        self._legs, self._body = legs, body
         self._friction = legs.gather(robot.motor.friction) * config.friction_compensation
         self._friction_speed = legs.gather(robot.motor.friction_speed)
         self._most_speed = legs.gather(robot.motor.no_load_speed)
         self._most_inertia_torque = _INERTIA_SHARE * legs.gather(robot.motor.peak_torque)
-        self._zero = np.zeros(len(robot.joint_names))
+        swing, stance = config.swing, config.stance
+        self._gains = np.array([[swing.kp, 0.0], [swing.kd, stance.kd]])  # kp and kd, by `stands`
+        zero = np.zeros(len(robot.joint_names))
+        self._outside_legs = np.array([robot.default_pose, zero, robot.kp, robot.kd, zero])
 
     def command(
         self,
@@ -39,7 +41,8 @@ class LegControl:
         velocity: np.ndarray,
         turn: np.ndarray,
         up: np.ndarray,
-        swing: SwingTarget,
+        swinging: list[int],
+        swing: np.ndarray,
     ) -> JointCommand:
         """The command of one joint tick. All vectors are in the base frame.
 
@@ -47,37 +50,35 @@ class LegControl:
             joint_position: (n,) rad, measured.
             pose: kinematics at this position.
             stands: (legs,) boolean.
-            force: (legs, 3) N, of the feet's on the robot.
+            force: (legs, 3) N, of the ground on the feet; zero of those that swing.
             velocity: (3,) m/s, commanded, of the base.
             turn: (3,) rad/s, commanded.
             up: (3,) vertical.
-            swing: of the feet that swing, relative to the base.
+            swinging: the k legs that do not stand.
+            swing: (k, 3, 3) position, velocity and acceleration of their feet, relative to the base.
         """
-        legs, config = self._legs, self._config
-        held = stands[:, None]
-        contact_jacobian = pose.jacobian + legs.rolling_offset(pose.axes, up)
-        jacobian = np.where(held[:, :, None], contact_jacobian, pose.jacobian)
-        foot_velocity = np.where(held, -velocity - cross(turn, pose.foot), swing.velocity)
-        motion = np.linalg.solve(jacobian, np.stack([foot_velocity, swing.acceleration], axis=2))
+        legs = self._legs
+        # A standing foot rolls: it is the point on the ground that stands still and carries the force.
+        jacobian = pose.jacobian + stands[:, None, None] * legs.rolling_offset(pose.axes, up)
+        wanted = np.zeros((legs.count, 3, 2))  # velocity and acceleration of the feet
+        wanted[:, :, 0] = -velocity - cross(turn, pose.foot)
+        wanted[swinging] = swing[:, 1:].transpose(0, 2, 1)
+        motion = np.linalg.solve(jacobian, wanted)
         joint_velocity = _within(motion[:, :, 0], self._most_speed)
         inertia_torque = (self._body.leg_inertia @ motion[:, :, 1:])[:, :, 0]
 
-        torque = np.where(
-            held,
-            -(force[:, None, :] @ contact_jacobian)[:, 0],
-            _within(inertia_torque, self._most_inertia_torque),
-        )
-        torque += self._friction * _within(joint_velocity / self._friction_speed, 1.0)
-        return JointCommand(
-            position=legs.scatter(
-                np.where(held, joint_position[legs.joints], legs.solve(swing.position)),
-                self._robot.default_pose,
-            ),
-            velocity=legs.scatter(joint_velocity, self._zero),
-            kp=legs.scatter(np.where(held, 0.0, config.swing.kp), self._robot.kp),
-            kd=legs.scatter(np.where(held, config.stance.kd, config.swing.kd), self._robot.kd),
-            torque=legs.scatter(torque, self._zero),
-        )
+        values = np.empty((5, legs.count, 3))
+        values[0] = joint_position[legs.joints]
+        if swinging:
+            values[0, swinging] = legs.solve(swing[:, 0], swinging)
+        values[1] = joint_velocity
+        values[2:4] = self._gains[:, stands.view(np.uint8), None]
+        values[4] = _within(inertia_torque, self._most_inertia_torque)
+        values[4] -= (force[:, None, :] @ jacobian)[:, 0]
+        values[4] += self._friction * _within(joint_velocity / self._friction_speed, 1.0)
+        command = self._outside_legs.copy()
+        command[:, legs.joints] = values
+        return JointCommand(*command)
 
 
 def _within(value: np.ndarray, most: np.ndarray | float) -> np.ndarray:

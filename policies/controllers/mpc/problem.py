@@ -21,15 +21,14 @@ from footfall.robots.rigid_body import RigidBody
 
 GRAVITY = 9.81
 _AXES = [2, 0, 1]  # forces are sorted z, x, y: daqp wants variables with plain bounds first
+_FORCE_AXES = [5, 3, 4]  # the same of the last three of six
 
 
 class BodyState(NamedTuple):
-    """Motion of the centre of mass in the heading frame: each (3,), or (steps, 3) for a reference."""
+    """Motion of the centre of mass in the heading frame: each (6,), or (steps, 6) for a reference."""
 
-    attitude: np.ndarray  # roll, pitch, yaw, rad
-    position: np.ndarray  # m
-    angular_rate: np.ndarray  # rad/s
-    velocity: np.ndarray  # m/s
+    pose: np.ndarray  # roll, pitch, yaw, rad; position, m
+    rate: np.ndarray  # angular rate, rad/s; velocity, m/s
 
 
 class ForceProblem(NamedTuple):
@@ -52,7 +51,7 @@ class _Pattern(NamedTuple):
     second: np.ndarray  # (n, n) weight shared by two forces through attitude and position
     first: np.ndarray  # (n, n) the same through the rates
     linear: np.ndarray  # (3, n, n) Hessian of the translation, per axis
-    even_share: np.ndarray  # (n,) upward force that carries the weight in each step
+    even_pull: np.ndarray  # (n,) gradient towards the upward forces that share the weight evenly
     rows: np.ndarray
     upper: np.ndarray
     lower: np.ndarray
@@ -64,16 +63,15 @@ class ForceProblems:
     def __init__(self, body: RigidBody, horizon: Horizon, weights: Weights, contact: Contact) -> None:
         steps, dt_s = horizon.steps, horizon.step_s
         self._body, self._weights, self._contact = body, weights, contact
-        self._inverse_inertia = np.linalg.inv(body.inertia)
+        self._turning = _turning(np.linalg.inv(body.inertia))
         late = np.arange(steps)[:, None] - np.arange(steps)[None, :]  # of state k after force j
         self._second = np.where(late >= 0, dt_s**2 * (late + 0.5), 0.0)
         self._first = np.where(late >= 0, dt_s, 0.0)
         self._times = dt_s * np.arange(1, steps + 1)[:, None]
-        self._fall = np.array([0.0, 0.0, -GRAVITY])
-        self._weight_attitude = np.array(weights.attitude)
-        self._weight_position = np.array(weights.position)
-        self._weight_rate = np.array(weights.angular_rate)
-        self._weight_velocity = np.array(weights.velocity)
+        fall = np.array([0.0, 0.0, 0.0, 0.0, 0.0, -GRAVITY])
+        self._fallen, self._falling = 0.5 * self._times**2 * fall, self._times * fall
+        self._weight_pose = np.array([*weights.attitude, *weights.position])
+        self._weight_rate = np.array([*weights.angular_rate, *weights.velocity])
         self._patterns: dict[bytes, _Pattern] = {}
 
     def build(
@@ -89,29 +87,23 @@ class ForceProblems:
         """
         pattern = self._pattern(contacts)
         n = len(pattern.step)
-        turn = self._turning(feet[pattern.step, pattern.leg])  # (3, 3, n)
+        turn = (self._turning @ feet[pattern.step, pattern.leg].T).reshape(3, 3, n)
         flat = turn.reshape(3, 3 * n)
-        hessian = (
-            (flat.T @ (self._weight_attitude[:, None] * flat)).reshape(3, n, 3, n)
-            * pattern.second[:, None, :]
-        ) + ((flat.T @ (self._weight_rate[:, None] * flat)).reshape(3, n, 3, n) * pattern.first[:, None, :])
+        by_pose = flat.T @ (self._weight_pose[:3, None] * flat)
+        by_rate = flat.T @ (self._weight_rate[:3, None] * flat)
+        hessian = by_pose.reshape(3, n, 3, n) * pattern.second[:, None, :]
+        hessian += by_rate.reshape(3, n, 3, n) * pattern.first[:, None, :]
         for axis in range(3):
             hessian[axis, :, axis, :] += pattern.linear[axis]
 
         # Where the body would be without any force, against where it should be.
-        time = self._times
-        attitude = state.attitude + time * state.angular_rate - reference.attitude
-        rate = state.angular_rate - reference.angular_rate
-        velocity = state.velocity + time * self._fall - reference.velocity
-        position = state.position + time * state.velocity - reference.position
-        position += 0.5 * time**2 * self._fall
-        torque_pull = self._second.T @ (attitude * self._weight_attitude)
-        torque_pull += self._first.T @ (rate * self._weight_rate)
-        force_pull = self._second.T @ (position * self._weight_position)
-        force_pull += self._first.T @ (velocity * self._weight_velocity)
-        gradient = np.einsum("icn,ni->cn", turn, torque_pull[pattern.step])
-        gradient += force_pull[pattern.step][:, _AXES].T / self._body.mass
-        gradient[0] -= self._weights.force * pattern.even_share
+        pose = state.pose + self._times * state.rate + self._fallen - reference.pose
+        rate = state.rate + self._falling - reference.rate
+        pull = self._second.T @ (pose * self._weight_pose) + self._first.T @ (rate * self._weight_rate)
+        pull = pull[pattern.step].T  # (6, n)
+        gradient = (turn * pull[:3, None]).sum(axis=0)
+        gradient += pull[_FORCE_AXES] / self._body.mass
+        gradient[0] -= pattern.even_pull
         return ForceProblem(
             hessian.reshape(3 * n, 3 * n),
             gradient.reshape(3 * n),
@@ -129,13 +121,6 @@ class ForceProblems:
         result[problem.leg[now]] = solution.reshape(3, -1)[:, now].T[:, [1, 2, 0]]
         return result
 
-    def _turning(self, arm: np.ndarray) -> np.ndarray:
-        """Angular acceleration (3,) by force component (3, sorted z, x, y) of each arm: (3, 3, n)."""
-        x, y, z = arm.T
-        zero = np.zeros_like(x)
-        torque = np.array([[y, zero, -z], [-x, z, zero], [zero, -y, x]])
-        return (self._inverse_inertia @ torque.reshape(3, -1)).reshape(torque.shape)
-
     def _pattern(self, contacts: np.ndarray) -> _Pattern:
         key = contacts.tobytes()
         if key not in self._patterns:
@@ -148,8 +133,8 @@ class ForceProblems:
         second = (self._second.T @ self._second)[np.ix_(step, step)]
         first = (self._first.T @ self._first)[np.ix_(step, step)]
         linear = (
-            self._weight_position[_AXES, None, None] * second
-            + self._weight_velocity[_AXES, None, None] * first
+            self._weight_pose[_FORCE_AXES, None, None] * second
+            + self._weight_rate[_FORCE_AXES, None, None] * first
         ) / self._body.mass**2
         linear += self._weights.force * np.eye(n)
         friction = self._contact.friction * np.eye(n)
@@ -169,8 +154,20 @@ class ForceProblems:
             second,
             first,
             linear,
-            self._body.mass * GRAVITY / standing,
+            self._weights.force * self._body.mass * GRAVITY / standing,
             rows,
             np.concatenate([np.full(n, self._contact.most_force_n), np.zeros(4 * n)]),
             np.concatenate([np.zeros(n), np.full(4 * n, -1e30)]),
         )
+
+
+def _turning(inverse_inertia: np.ndarray) -> np.ndarray:
+    """Angular acceleration by force as a matrix (9, 3) that waits for the force's arm (3,).
+
+    Its rows are acceleration's axis (3,) by the force's (3, sorted z, x, y).
+    """
+    torque = np.zeros((3, 3, 3))  # by torque's axis, force's axis, arm's axis: the cross product
+    for axis in range(3):
+        x, y = (axis + 1) % 3, (axis + 2) % 3
+        torque[axis, y, x], torque[axis, x, y] = 1.0, -1.0
+    return (inverse_inertia @ torque[:, _AXES].reshape(3, 9)).reshape(9, 3)

@@ -1,42 +1,28 @@
 """The path of a foot through the air."""
 
-from typing import NamedTuple
-
-import numpy as np
-
-from footfall.policies.controllers.gait import cycloid, hump
-from footfall.policies.controllers.mpc.config import SwingConfig
+from footfall.policies.controllers.gait import swing_curve
 
 
-class SwingTarget(NamedTuple):
-    """Motion of the feet's centres, each (legs, 3)."""
-
-    position: np.ndarray  # m
-    velocity: np.ndarray  # m/s
-    acceleration: np.ndarray  # m/s^2
-
-
-def swing_target(
-    progress: np.ndarray,
-    lift_off: np.ndarray,
-    landing: np.ndarray,
-    swing_s: float,
-    config: SwingConfig,
-) -> SwingTarget:
-    """Cycloid from lift-off to landing with a hump above it.
+def swing_motion(
+    progress: float, lift_off: list[float], landing: list[float], swing_s: float, height_m: float
+) -> list[list[float]]:
+    """Along a cycloid from lift-off to landing, and up and down above that.
 
     Args:
-        progress: (legs,) share of the swing that is over, in [0, 1].
-        lift_off, landing: (legs, 3) m, centres of the feet, world frame.
+        progress: share of the swing that is over, in [0, 1].
+        lift_off, landing: (3,) m, the foot's centre, world frame.
         swing_s: how long a swing takes.
-        config: height of the hump.
+        height_m: how high the foot is lifted above the straight way.
+
+    Returns:
+        Position (3,) m, velocity (3,) m/s and acceleration (3,) m/s^2 of the foot's centre.
     """
-    along, above = cycloid(progress), hump(progress)
-    way = landing - lift_off
-    position = lift_off + along.value[:, None] * way
-    velocity = (along.slope / swing_s)[:, None] * way
-    acceleration = (along.bend / swing_s**2)[:, None] * way
-    position[:, 2] += config.height_m * above.value
-    velocity[:, 2] += config.height_m * above.slope / swing_s
-    acceleration[:, 2] += config.height_m * above.bend / swing_s**2
-    return SwingTarget(position, velocity, acceleration)
+    along, height = swing_curve(progress)
+    x0, y0, z0 = lift_off
+    x, y, z = landing[0] - x0, landing[1] - y0, landing[2] - z0
+    share, rise = along.value, height_m * height.value
+    position = [x0 + share * x, y0 + share * y, z0 + share * z + rise]
+    share, rise = along.slope / swing_s, height_m * height.slope / swing_s
+    velocity = [share * x, share * y, share * z + rise]
+    share, rise = along.bend / swing_s**2, height_m * height.bend / swing_s**2
+    return [position, velocity, [share * x, share * y, share * z + rise]]
