@@ -34,6 +34,11 @@ class JointLayer:
         self._target = robot.default_pose.copy()
         self._joints = np.zeros((3, n))
         self._imu = ImuReader(imu_channel)
+        # Arrays of ids that came last from motors alone and from the IMU alone: a simulated bus hands out the
+        # same ones again and again, which saves looking into them.
+        self._reply_ids: np.ndarray | None = None
+        self._imu_ids: np.ndarray | None = None
+        self._values = np.zeros((5, n))  # of the command that goes out
         self._motor_us = np.full(n, NEVER)
         self._error = np.zeros(n, dtype=np.uint8)
 
@@ -67,29 +72,42 @@ class JointLayer:
         position, velocity, _ = self._joints
         asked = pd_torque(wanted._replace(position=target), position, velocity)
         excess = asked - limit_torque(asked, velocity, self._robot.motor)
-        values = np.array([target, wanted.velocity, wanted.kp, wanted.kd, wanted.torque - excess])
+        values = self._values
+        values[0], values[1], values[2], values[3] = target, wanted.velocity, wanted.kp, wanted.kd
+        np.subtract(wanted.torque, excess, out=values[4])
         return self._driver.command(values)
 
     def damping(self, kd: float) -> Frames:
         """Frames that only damp the joints, kd in N m s/rad."""
-        values = np.zeros((5, len(self._target)))
-        values[3] = kd
+        self._values[:] = 0.0
+        self._values[3] = kd
         self._target = self._joints[0].copy()
-        return self._driver.command(values)
+        return self._driver.command(self._values)
 
     # -- in ------------------------------------------------------------------------------------------
 
     def absorb(self, batches: list[Frames], now_us: int) -> None:
         """Take in frames that have arrived; what is not from this robot is left aside."""
         for frames in batches:
-            from_imu = frames.id >= GYRO_ID
-            if not from_imu.any():
+            if frames.id is self._reply_ids:
                 self._absorb_replies(frames, now_us)
-            elif from_imu.all():
+            elif frames.id is self._imu_ids:
                 self._imu.absorb(frames, now_us)
             else:
-                self._imu.absorb(frames.take(from_imu), now_us)
-                self._absorb_replies(frames.take(~from_imu), now_us)
+                self._sort(frames, now_us)
+
+    def _sort(self, frames: Frames, now_us: int) -> None:
+        """A batch whose ids were not seen before."""
+        from_imu = frames.id >= GYRO_ID
+        if not from_imu.any():
+            self._reply_ids = frames.id
+            self._absorb_replies(frames, now_us)
+        elif from_imu.all():
+            self._imu_ids = frames.id
+            self._imu.absorb(frames, now_us)
+        else:
+            self._imu.absorb(frames.take(from_imu), now_us)
+            self._absorb_replies(frames.take(~from_imu), now_us)
 
     def sensed(self) -> Sensed:
         """The latest readings; the arrays are not written to afterwards."""

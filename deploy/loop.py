@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from footfall.common.errors import UserError
+from footfall.common.rotations import tilt
 from footfall.deploy.bus import Bus
 from footfall.deploy.clock import Clock
 from footfall.deploy.commands import CommandLimits
@@ -15,7 +16,7 @@ from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers.driver import Driver
 from footfall.deploy.frames import Frames
 from footfall.deploy.joint_layer import JointLayer
-from footfall.deploy.safety import DAMPED, MOVING, Mode, Signals, State, advance
+from footfall.deploy.safety import DAMPED, Mode, Signals, State, advance
 from footfall.deploy.timing import Timing
 from footfall.deploy.wiring import Wiring
 from footfall.policies.policy import Observation, Policy, Sensed
@@ -73,7 +74,8 @@ class ControlLoop:
         contract = policy.contract
         self._command_limits = CommandLimits(None if contract is None else contract.commands)
         self.log: Log | None = None
-        self._wiring, self._default_pose = wiring, robot.default_pose
+        self._default_pose = robot.default_pose
+        self._places = [wiring.place(joint) for joint in range(len(robot.joint_names))]
         self._joints = JointLayer(robot, driver, wiring.imu_channel, config.tick_us * 1e-6)
         self._period_us = 1e6 / policy.rate_hz
         self._estimate_every_us = round(1e6 / config.estimator_rate_hz)
@@ -255,26 +257,24 @@ class ControlLoop:
         heard = self._joints.last_heard()
         now_us, state = self.now_us, self.state
         oldest = int(heard.motor_us.argmin())
-        _, x, y, _ = self.sensed.quaternion.tolist()
-        upright = 1.0 - 2.0 * (x * x + y * y)
         now_s = now_us * 1e-6
         return Signals(
             now_s=now_s,
             motor_silence_s=(now_us - int(heard.motor_us[oldest])) * 1e-6,
-            silent_motor=self._wiring.place(oldest),
+            silent_motor=self._places[oldest],
             imu_silence_s=(now_us - heard.imu_us) * 1e-6,
-            motor_error=self._error_of(heard.motor_error) if heard.motor_error.any() else "",
-            tilt_rad=math.acos(max(-1.0, min(1.0, upright))),
+            motor_error=self._error_of(heard.motor_error) if np.count_nonzero(heard.motor_error) else "",
+            tilt_rad=tilt(self.sensed.quaternion),
             command_finite=self._decision_finite,
             late_steps=self._late_steps,
             step_s=self._step_s if self._clock.realtime else 0.0,
             frames_refused=self._refused,
             policy_error=self._policy_error,
             stand_done=state.mode is Mode.STANDING and now_s - state.since_s >= self._config.stand_s,
-            finish=self._finish and state.mode in {Mode.IDLE, *MOVING},
+            finish=self._finish and state.mode not in DAMPED,
         )
 
     def _error_of(self, errors: np.ndarray) -> str:
         joint = int(np.flatnonzero(errors)[0])
         code = int(errors[joint])
-        return f"motor {self._wiring.place(joint)} reports {self._driver.error_name(code)}"
+        return f"motor {self._places[joint]} reports {self._driver.error_name(code)}"

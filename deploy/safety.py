@@ -23,8 +23,8 @@ class Mode(Enum):
     ESTOP = "ESTOP"  # damping, latched
 
 
-DAMPED = frozenset({Mode.RELEASING, Mode.FALLING, Mode.ESTOP})
-MOVING = frozenset({Mode.STANDING, Mode.WALKING})
+DAMPED = (Mode.RELEASING, Mode.FALLING, Mode.ESTOP)
+MOVING = (Mode.STANDING, Mode.WALKING)
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class State(NamedTuple):
 class Check(NamedTuple):
     """One reason to stop: in which modes it counts, what it looks for, where it leads."""
 
-    modes: frozenset[Mode]
+    modes: tuple[Mode, ...]
     find: Callable[[Signals, SafetyConfig], str]  # the fault in one line, or nothing
     leads_to: Mode
 
@@ -119,16 +119,18 @@ def _overflow(s: Signals, _: SafetyConfig) -> str:
 
 
 CHECKS = (
-    Check(frozenset({Mode.IDLE}), _never_started, Mode.ESTOP),
+    Check((Mode.IDLE,), _never_started, Mode.ESTOP),
     Check(MOVING, lambda s, _: s.policy_error, Mode.ESTOP),
     Check(MOVING, lambda s, _: "" if s.command_finite else "the policy's command is not finite", Mode.ESTOP),
     Check(MOVING, _silent_motor, Mode.ESTOP),
     Check(MOVING, _silent_imu, Mode.ESTOP),
     Check(MOVING, lambda s, _: s.motor_error, Mode.ESTOP),
     Check(MOVING, _late, Mode.ESTOP),
-    Check(frozenset({Mode.IDLE, *MOVING}), _overflow, Mode.ESTOP),
+    Check((Mode.IDLE, *MOVING), _overflow, Mode.ESTOP),
     Check(MOVING, _tilted, Mode.FALLING),
 )
+
+CHECKS_IN = {mode: tuple(check for check in CHECKS if mode in check.modes) for mode in Mode}
 
 
 def _heard_everyone(s: Signals, c: SafetyConfig) -> bool:
@@ -146,11 +148,10 @@ def advance(state: State, signals: Signals, config: SafetyConfig) -> State:
     if state.over:
         return state
     now = signals.now_s
-    for check in CHECKS:
-        if state.mode in check.modes:
-            fault = check.find(signals, config)
-            if fault:
-                return State(check.leads_to, now, (*state.faults, fault))
+    for check in CHECKS_IN[state.mode]:
+        fault = check.find(signals, config)
+        if fault:
+            return State(check.leads_to, now, (*state.faults, fault))
     if state.mode in DAMPED:
         if now - state.since_s < config.damping_s:
             return state

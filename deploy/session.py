@@ -4,7 +4,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -109,7 +109,7 @@ def run_session(
         if session.realtime:
             resources.enter_context(_ending_on_signals(loop))
         started = time.perf_counter()
-        with undisturbed(config.realtime_priority if session.realtime else None):
+        with undisturbed(config.realtime_priority) if session.realtime else nullcontext():
             try:
                 _drive(loop, session.duration_s, each_tick)
             finally:

@@ -41,6 +41,8 @@ class GroundTruth:
         self._free_qpos, self._free_qvel = layout.base_qpos, layout.base_qvel
         self._foot_of_geom = {geom: foot for foot, geom in enumerate(plant.feet.tolist()) if geom >= 0}
         self._feet = list(self._foot_of_geom)
+        self._body_of_geom = plant.model.geom_bodyid.tolist()
+        self._base_and_world = {plant.base, WORLD}
         self._count = len(plant.feet)
         self._twist, self._wrench = np.zeros(6), np.zeros(6)
         self._lowest_height = COLLAPSED_SHARE * height_m
@@ -74,10 +76,8 @@ class GroundTruth:
         data, pos = self._data, self._free_qpos
         if tilt(data.qpos[pos + 3 : pos + 7]) > FALLEN_TILT:
             return "the base tilted past 70 degrees"
-        if data.ncon:
-            bodies = self._model.geom_bodyid[data.contact.geom[: data.ncon]]
-            on_ground = (bodies == WORLD).any(axis=1) & (bodies == self._plant.base).any(axis=1)
-            if on_ground.any():
+        for one, other in data.contact.geom[: data.ncon].tolist():
+            if {self._body_of_geom[one], self._body_of_geom[other]} == self._base_and_world:
                 return "the base touched the ground"
         ground = float(data.geom_xpos[self._feet, 2].min()) if len(self._feet) else 0.0
         if data.qpos[pos + 2] - ground < self._lowest_height:

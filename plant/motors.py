@@ -53,12 +53,13 @@ class SimulatedMotors:
         bias = sensor_bias(sample, "joint_position")
         if bias is not None:
             self.encoder_bias += bias
-        self._gain_scale = np.stack(randomised_command(JointCommand(*np.ones((5, n))), sample))
+        scale = np.stack(randomised_command(JointCommand(*np.ones((5, n))), sample))
+        self._gain_scale = None if (scale == 1.0).all() else scale
         self._delay_steps = round(float(sample.get("action_delay_s", 0.0)) / step_s)
         self._timeout_steps = round(timeout_s / step_s)
         self.faults = MotorFaults(np.zeros(n, bool), np.zeros(n, bool), np.zeros(n, np.uint64))
         self.enabled = np.zeros(n, dtype=bool)
-        self._any_enabled = False
+        self._any_enabled = self._all_enabled = False
         self._timed_out = np.zeros(n, dtype=bool)
         self._values = np.zeros((5, n))  # the command that each motor follows
         self._command = JointCommand(*self._values)  # its rows
@@ -81,7 +82,9 @@ class SimulatedMotors:
             self._switch_off_unheard(step)
         if not self._any_enabled:
             return np.zeros_like(position)
-        return self.enabled * motor_torque(self._command, position + self.encoder_bias, velocity, self._motor)
+        measured = position + self.encoder_bias
+        torque = motor_torque(self._command, measured, velocity, self._motor)
+        return torque if self._all_enabled else self.enabled * torque
 
     def friction(self, velocity: np.ndarray) -> np.ndarray:
         """Gearbox friction at the joint, N m, (n,)."""
@@ -96,13 +99,15 @@ class SimulatedMotors:
             readings: (3, n) position, velocity and torque that every motor would report now.
         """
         requests = self._end.requests(frames)
-        if self.faults.silent.any():
+        if np.count_nonzero(self.faults.silent):
             requests = requests.take(~self.faults.silent[requests.motor], len(self.enabled))
         motor, values, kind = requests
         if not values.shape[1]:
             return None
+        if self._gain_scale is not None:
+            values *= self._gain_scale[:, motor]
         if kind is None:
-            self._due.append((step + self._delay_steps, motor, values * self._gain_scale[:, motor]))
+            self._due.append((step + self._delay_steps, motor, values))
         else:
             self._follow_each(step, requests, readings)
         self._heard_step[motor] = step
@@ -114,7 +119,7 @@ class SimulatedMotors:
         if late.any():
             self._timed_out |= late
             self.enabled &= ~late
-            self._any_enabled = bool(self.enabled.any())
+            self._note_enabled()
 
     def _follow_each(self, step: int, requests: Requests, readings: np.ndarray) -> None:
         """Requests one by one, where not all of them are commands."""
@@ -131,14 +136,19 @@ class SimulatedMotors:
             elif kind == Request.ZERO:
                 self.encoder_bias[motor] -= readings[0, motor]
             else:
-                values = requests.values[:, row] * self._gain_scale[:, motor]
-                self._due.append((step + self._delay_steps, np.array([motor]), values[:, None]))
-        self._any_enabled = bool(self.enabled.any())
+                values = requests.values[:, row : row + 1]
+                self._due.append((step + self._delay_steps, np.array([motor]), values))
+        self._note_enabled()
+
+    def _note_enabled(self) -> None:
+        self._any_enabled, self._all_enabled = bool(self.enabled.any()), bool(self.enabled.all())
 
     def _reply(self, motor: Motors, readings: np.ndarray) -> Frames:
-        error = np.maximum(self.faults.error, self._timed_out * np.uint64(self._end.time_out_error))
+        error = self.faults.error
+        if np.count_nonzero(self._timed_out):
+            error = np.maximum(error, self._timed_out * np.uint64(self._end.time_out_error))
         frames = self._end.reply(motor, readings[:, motor], TEMPERATURE_C, error[motor])
-        if self.faults.stuck.any():
+        if np.count_nonzero(self.faults.stuck):
             stuck = self.faults.stuck[motor]
             frames.data[stuck] = self._last_reply[motor][stuck]
         self._last_reply[motor] = frames.data

@@ -159,7 +159,8 @@ class SimulatedRobot:
         if not self.faults.imu_stuck:
             self._imu_counter += 1
             data = imu.encode(self._sensors.inertial(), self._imu_counter)
-            self._imu_frames = self._imu_frames._replace(data=data)
+            channel, identifier, _, length = self._imu_frames
+            self._imu_frames = Frames(channel, identifier, data, length)
         self._wires.send(Side.ROBOT, self._imu_frames, now_us)
 
     def _stand(self, robot: Robot) -> None:

@@ -1,6 +1,5 @@
 """What the simulated robot's encoders and IMU would say: the true state with delay, bias and noise."""
 
-from collections import deque
 from typing import NamedTuple
 
 import mujoco
@@ -25,13 +24,6 @@ class Layout(NamedTuple):
     base_qvel: int
 
 
-class _Moment(NamedTuple):
-    qpos: np.ndarray
-    qvel: np.ndarray
-    torque: np.ndarray
-    acceleration: np.ndarray
-
-
 class SimulatedSensors:
     """Remembers the recent past of a plant and reads it as the robot's sensors would."""
 
@@ -50,7 +42,7 @@ class SimulatedSensors:
         self._gyro_bias = np.zeros(3) if gyro_bias is None else np.asarray(gyro_bias)
         self._gravity_bias = None if gravity_bias is None else np.asarray(gravity_bias).tolist()
         delay_s = float(sample.get("observation_delay_s", 0.0))
-        self._past: deque[_Moment] = deque(maxlen=round(delay_s / step_s) + 1)
+        self._past = _Past(round(delay_s / step_s) + 1, joints)
         self._noisy = noise is not None
         self._half_widths = _half_widths(noise or Noise(), joints)
         self._random = np.random.default_rng(seed)
@@ -59,32 +51,36 @@ class SimulatedSensors:
 
     def remember(self, torque: np.ndarray) -> None:
         """Keep this moment, to be read after the observation delay. To be called at each physics step."""
-        data = self._data
-        self._past.append(_Moment(data.qpos.copy(), data.qvel.copy(), torque, data.sensordata[:3].copy()))
+        data, layout, past = self._data, self._layout, self._past
+        row, at = past.next_row(), layout.base_qpos + 3
+        qpos, qvel = data.qpos, data.qvel
+        past.joints[row, 0] = qpos[layout.qpos]
+        past.joints[row, 1] = qvel[layout.qvel]
+        past.joints[row, 2] = torque
+        past.quaternion[row] = qpos[at : at + 4]
+        past.gyro[row] = qvel[layout.base_qvel + 3 : layout.base_qvel + 6]
+        past.acceleration[row] = data.sensordata[:3]
 
     def joints(self, encoder_bias: np.ndarray) -> np.ndarray:
         """Joint positions rad, velocities rad/s and motor torques N m, (3, n)."""
-        moment, layout = self._past[0], self._layout
-        readings = np.empty((3, self._n))
-        np.add(moment.qpos[layout.qpos], encoder_bias, out=readings[0])
-        readings[1] = moment.qvel[layout.qvel]
-        readings[2] = moment.torque
+        readings = self._past.joints[self._past.oldest].copy()
+        readings[0] += encoder_bias
         if self._noisy:
             readings[:2] += self._noise()[: 2 * self._n].reshape(2, self._n)
         return readings
 
     def inertial(self) -> imu.Inertial:
         """The IMU's reading."""
-        moment, layout = self._past[0], self._layout
-        gyro = moment.qvel[layout.base_qvel + 3 : layout.base_qvel + 6] + self._gyro_bias
-        quaternion = moment.qpos[layout.base_qpos + 3 : layout.base_qpos + 7].tolist()
+        past, row = self._past, self._past.oldest
+        gyro = past.gyro[row] + self._gyro_bias
+        quaternion = past.quaternion[row].tolist()
         if self._gravity_bias is not None:
             quaternion = shift_gravity(quaternion, self._gravity_bias)
         if self._noisy:
             noise = self._noise()[2 * self._n :]
             gyro += noise[:3]
             quaternion = shift_gravity(quaternion, noise[3:].tolist())
-        return imu.Inertial(gyro.tolist(), moment.acceleration.tolist(), quaternion)
+        return imu.Inertial(gyro.tolist(), past.acceleration[row].tolist(), quaternion)
 
     def _noise(self) -> np.ndarray:
         """Noise of one reading: joint positions, joint velocities, gyro, gravity; (2 n + 6,)."""
@@ -98,3 +94,22 @@ class SimulatedSensors:
 def _half_widths(noise: Noise, n: int) -> np.ndarray:
     widths = (noise.joint_position, noise.joint_velocity, noise.gyro, noise.gravity)
     return np.repeat(widths, (n, n, 3, 3))
+
+
+class _Past:
+    """The last moments of a plant, in rows that are used in turn."""
+
+    def __init__(self, length: int, joints: int) -> None:
+        self.joints = np.zeros((length, 3, joints))  # position, velocity, motor torque
+        self.quaternion = np.zeros((length, 4))
+        self.gyro = np.zeros((length, 3))
+        self.acceleration = np.zeros((length, 3))
+        self.oldest = 0
+        self._length, self._count = length, 0
+
+    def next_row(self) -> int:
+        """The row for a new moment; the oldest one is then the one after it, once all rows are in use."""
+        row = self._count % self._length
+        self._count += 1
+        self.oldest = self._count % self._length if self._count >= self._length else 0
+        return row

@@ -56,9 +56,9 @@ def _torque_range(velocity: Array, motor: Motor) -> tuple[Array, Array]:
     """Least and greatest torque that the motor can deliver at this speed, N m."""
     xp = velocity.__array_namespace__()
     speed = velocity / motor.no_load_speed
-    peak = motor.peak_torque
-    most = xp.minimum(xp.maximum(motor.stall_torque * (1.0 - speed), -peak), peak)
-    least = xp.minimum(xp.maximum(motor.stall_torque * (-1.0 - speed), -peak), peak)
+    peak, trough = motor.peak_torque, -motor.peak_torque
+    most = xp.minimum(xp.maximum(motor.stall_torque * (1.0 - speed), trough), peak)
+    least = xp.minimum(xp.maximum(motor.stall_torque * (-1.0 - speed), trough), peak)
     return least, most
 
 

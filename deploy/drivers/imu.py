@@ -28,9 +28,8 @@ QUATERNION_UNIT = 1.0 / 32767.0
 
 _SAMPLE = struct.Struct(">hhhH")
 _QUATERNION = struct.Struct(">hhhh")
-_UNITS = np.repeat([GYRO_UNIT, ACCELERATION_UNIT, QUATERNION_UNIT], (3, 3, 4))
-_PLACES = np.array([0, 1, 2, 4, 5, 6, 8, 9, 10, 11])  # of the values among the 16-bit words
-_COUNTERS = np.array([3, 7])
+_UNITS = (GYRO_UNIT,) * 3 + (ACCELERATION_UNIT,) * 3 + (QUATERNION_UNIT,) * 4
+_ALL = struct.Struct(">hhhHhhhHhhhh")  # the three frames of a reading, one after another
 
 
 class Inertial(NamedTuple):
@@ -43,11 +42,15 @@ class Inertial(NamedTuple):
 
 def encode(reading: Inertial, counter: int) -> np.ndarray:
     """The three frames of a reading, (3, 8) uint8, in the order of `IDS`."""
-    values = np.array([*reading.gyro, *reading.acceleration, *reading.quaternion]) / _UNITS
-    words = np.empty(12, dtype=">i2")
-    words[_PLACES] = np.minimum(np.maximum(np.rint(values), -32768.0), 32767.0)
-    words[_COUNTERS] = (counter + 0x8000) % 0x10000 - 0x8000  # the same bits as an unsigned count
-    return words.view(np.uint8).reshape(3, 8)
+    values = (*reading.gyro, *reading.acceleration, *reading.quaternion)
+    words = [
+        round(max(-32768.0, min(32767.0, value / unit)))  # what is no number becomes the highest
+        for value, unit in zip(values, _UNITS, strict=True)
+    ]
+    count = counter % 0x10000
+    words[3:3] = (count,)
+    words[7:7] = (count,)
+    return np.frombuffer(_ALL.pack(*words), dtype=np.uint8).reshape(3, 8)
 
 
 def decode_gyro(data: bytes) -> tuple[tuple[float, float, float], int]:
@@ -64,7 +67,10 @@ def decode_acceleration(data: bytes) -> tuple[float, float, float]:
 
 def decode_quaternion(data: bytes) -> tuple[float, float, float, float] | None:
     """Unit quaternion w x y z, or None for a frame that carries no rotation (all zero)."""
-    w, x, y, z = _QUATERNION.unpack(data)
+    return _unit_quaternion(*_QUATERNION.unpack(data))
+
+
+def _unit_quaternion(w: int, x: int, y: int, z: int) -> tuple[float, float, float, float] | None:
     norm = math.sqrt(w * w + x * x + y * y + z * z)
     return None if norm == 0.0 else (w / norm, x / norm, y / norm, z / norm)
 
@@ -77,6 +83,7 @@ class ImuReader:
         self._channel = channel
         self._counter = -1
         self._seen: set[int] = set()
+        self._usual: Frames | None = None  # the last batch that was one whole reading in the order of `IDS`
         self._heard_us: int | None = None
         self.reading = Inertial((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
 
@@ -87,22 +94,40 @@ class ImuReader:
 
     def absorb(self, frames: Frames, now_us: int) -> None:
         """Take in frames; those that are not the IMU's are left aside."""
-        for identifier, channel, row in zip(
-            frames.id.tolist(), frames.channel.tolist(), frames.data, strict=True
-        ):
-            if channel != self._channel or identifier not in IDS:
-                continue
-            self._seen.add(identifier)
-            self._absorb_one(identifier, row.tobytes(), now_us)
+        usual = self._usual
+        if usual is not None and frames.id is usual.id and frames.channel is usual.channel:
+            self._absorb_reading(frames.data.tobytes(), now_us)
+            return
+        identifiers, channels = frames.id.tolist(), frames.channel.tolist()
+        if tuple(identifiers) == IDS and channels == [self._channel] * len(IDS):
+            self._usual = frames
+        for identifier, channel, row in zip(identifiers, channels, frames.data, strict=True):
+            if channel == self._channel and identifier in IDS:
+                self._absorb_frame(identifier, row.tobytes(), now_us)
 
-    def _absorb_one(self, identifier: int, data: bytes, now_us: int) -> None:
+    def _absorb_reading(self, data: bytes, now_us: int) -> None:
+        """The three frames of a reading at once."""
+        gx, gy, gz, counter, ax, ay, az, _, *quaternion = _ALL.unpack(data)
+        self._heard(counter, now_us)
+        self.reading = Inertial(
+            (gx * GYRO_UNIT, gy * GYRO_UNIT, gz * GYRO_UNIT),
+            (ax * ACCELERATION_UNIT, ay * ACCELERATION_UNIT, az * ACCELERATION_UNIT),
+            _unit_quaternion(*quaternion) or self.reading.quaternion,
+        )
+
+    def _absorb_frame(self, identifier: int, data: bytes, now_us: int) -> None:
+        self._seen.add(identifier)
         gyro, acceleration, quaternion = self.reading
         if identifier == GYRO_ID:
             gyro, counter = decode_gyro(data)
-            if counter != self._counter:
-                self._counter, self._heard_us = counter, now_us
+            self._heard(counter, now_us)
         elif identifier == ACCELERATION_ID:
             acceleration = decode_acceleration(data)
         else:
             quaternion = decode_quaternion(data) or quaternion
         self.reading = Inertial(gyro, acceleration, quaternion)
+
+    def _heard(self, counter: int, now_us: int) -> None:
+        """Only a counter that moves tells of a new reading."""
+        if counter != self._counter:
+            self._counter, self._heard_us = counter, now_us

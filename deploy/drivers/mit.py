@@ -71,7 +71,9 @@ class Reply(NamedTuple):
 
 def words(data: np.ndarray) -> np.ndarray:
     """Frame bytes (k, 8) as 64-bit words (k,), first byte most significant."""
-    return np.ascontiguousarray(data).view(">u8")[:, 0].astype(np.uint64)
+    if not data.flags.c_contiguous:
+        data = np.ascontiguousarray(data)
+    return data.view(">u8")[:, 0].astype(np.uint64)
 
 
 def bytes_of(word: np.ndarray) -> np.ndarray:
@@ -118,11 +120,14 @@ class Codec:
         Raises:
             ValueError: a value is not finite; the caller must damp instead.
         """
-        if not math.isfinite(values.sum()):
+        if not math.isfinite(np.add.reduce(values, axis=None)):
             raise ValueError("a command that is not finite cannot be sent")
-        inside = np.minimum(np.maximum(values, self.lowest), self.highest)
-        codes = np.rint((inside - self.lowest) * self._codes_per_unit).astype(np.uint64)
-        word = np.bitwise_or.reduce(codes << _COMMAND_SHIFT, axis=0)
+        codes = np.maximum(values, self.lowest)
+        np.minimum(codes, self.highest, out=codes)
+        codes -= self.lowest
+        codes *= self._codes_per_unit
+        np.rint(codes, out=codes)
+        word = np.bitwise_or.reduce(codes.astype(np.uint64) << _COMMAND_SHIFT, axis=0)
         return bytes_of(np.minimum(word, np.uint64(_SPECIAL - 1)))
 
     def decode(self, word: np.ndarray, motor: np.ndarray | slice) -> np.ndarray:
@@ -142,9 +147,12 @@ class Codec:
             tail: (k,) uint64, temperature (degrees Celsius) * 256 + error code.
         """
         lowest = self._reply_lowest[:, motor]
-        inside = np.minimum(np.maximum(values, lowest), self._reply_highest[:, motor])
-        scaled = (inside - lowest) * self._reply_codes_per_unit[:, motor]
-        word = np.bitwise_or.reduce(np.rint(scaled).astype(np.uint64) << _REPLY_SHIFT, axis=0)
+        codes = np.maximum(values, lowest)
+        np.minimum(codes, self._reply_highest[:, motor], out=codes)
+        codes -= lowest
+        codes *= self._reply_codes_per_unit[:, motor]
+        np.rint(codes, out=codes)
+        word = np.bitwise_or.reduce(codes.astype(np.uint64) << _REPLY_SHIFT, axis=0)
         return bytes_of(word | head << np.uint64(56) | tail)
 
     def decode_replies(self, data: np.ndarray, motor: np.ndarray | slice) -> Reply:

@@ -107,7 +107,7 @@ class MitMotorEnd:
         motor, data = self._addressed(frames)
         word = mit.words(data)
         values = self._codec.decode(word, motor)
-        if not (word >= mit.ENTER).any():
+        if np.maximum.reduce(word, initial=0) < mit.ENTER:
             return Requests(motor, values, None)
         return Requests(motor, values, np.array([_KIND.get(w, Request.COMMAND) for w in word.tolist()]))
 
