@@ -132,6 +132,11 @@ class Snapshots:
         of = newest_checkpoint(self._run) if source.path.name == FINISHED else source.path
         return Snapshot(policy, _iteration(of))
 
+    @property
+    def exporting(self) -> int | None:
+        """Iteration of the checkpoint that is being exported, if one is."""
+        return None if self._export is None else _iteration(self._export[0])
+
     def close(self) -> None:
         self._exporter.close()
 

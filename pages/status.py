@@ -19,6 +19,7 @@ class Status:
     finished: bool = False  # there is a policy of the whole training
     trained_steps: int = 0
     metrics_age_s: float | None = None  # None before the first
+    exporting: int | None = None  # iteration of a checkpoint that is being made ready to walk
     iteration: int | None = None  # of the policy that walks
     policies: int = 0  # that have walked so far
     mode: str = ""
@@ -50,8 +51,14 @@ def as_markdown(status: Status) -> str:
         notes.append(
             f"If the training was stopped, it goes on with `footfall train --resume {status.folder}`"
         )
-    waiting = [] if status.policies else [WAITING]
+    waiting = [] if status.policies else [_waiting(status)]
     return "\n\n".join([f"**{status.title}**", *waiting, f"| | |\n| --- | --- |\n{table}", *notes])
+
+
+def _waiting(status: Status) -> str:
+    if status.exporting is None:
+        return WAITING
+    return f"**preparing the policy of iteration {status.exporting:,}**"
 
 
 def _training(status: Status) -> str:

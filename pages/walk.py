@@ -182,7 +182,7 @@ class Walk:
             snapshot = self._snapshots.poll()
             if snapshot is not None:
                 self._take_over(snapshot)
-        status.problem = self._snapshots.problem
+        status.problem, status.exporting = self._snapshots.problem, self._snapshots.exporting
         self._panel.say(as_markdown(status))
 
     def _take_over(self, snapshot: Snapshot) -> None:

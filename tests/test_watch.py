@@ -138,6 +138,11 @@ class TestStatus:
         assert WAITING in text
         assert "no metrics yet" in text
 
+    def test_says_that_the_first_policy_is_being_prepared(self) -> None:
+        text = as_markdown(Status("go1", "runs/mine", 1000, 10, exporting=30))
+        assert WAITING not in text
+        assert "preparing the policy of iteration 30" in text
+
     def test_says_what_walks_and_how_it_follows(self) -> None:
         status = Status(
             "go1", "runs/mine", 1000, 10, trained_steps=500, metrics_age_s=2.0, iteration=30, policies=3
@@ -341,9 +346,12 @@ class TestSnapshots:
         folder = begun / "checkpoints"
         folder.mkdir()
         shutil.copy(checkpoint, folder / "00000003.ckpt")
+        assert snapshots.poll() is None
+        assert snapshots.exporting == 3
         first = self.wait_for(snapshots)
         assert first is not None
         assert first.iteration == 3
+        assert snapshots.exporting is None
         assert first.path.read_bytes() == (trained / "policy.onnx").read_bytes()
 
         (folder / "00000004.ckpt").write_bytes(checkpoint.read_bytes()[:1000])
@@ -417,7 +425,7 @@ class TestWalk:
             policy=NEWEST,
         )
         snapshots = SimpleNamespace(
-            problem="", chosen=NEWEST, names=list, poll=lambda: Snapshot(POLICY, None)
+            problem="", exporting=None, names=list, poll=lambda: Snapshot(POLICY, None)
         )
         walk = Walk(open_run(finished), go1, None, panel, snapshots, None)
         return SimpleNamespace(
