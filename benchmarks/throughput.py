@@ -144,7 +144,7 @@ def measure_footfall(
     def physics(state: Any) -> Any:
         def step(episodes: Any, _: None) -> tuple[Any, None]:
             with jax.default_matmul_precision("highest"):
-                return jax.vmap(env._simulate)(episodes)[0], None
+                return jax.vmap(env.simulate)(episodes)[0], None
 
         return jax.lax.scan(step, state.env, None, length=ppo.unroll)
 

@@ -5,7 +5,8 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from footfall.envs.velocity import State, Step, VelocityEnv
+from footfall.envs.state import State, Step
+from footfall.envs.velocity import VelocityEnv
 
 RESTARTED_AT_ONCE = 16  # more would be computed in vain where few end, fewer take turns where many do
 

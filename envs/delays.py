@@ -33,18 +33,18 @@ def delayed_goals(
     return goals[-1] + sum(arrived[:, k, None] * steps[k] for k in range(newer))
 
 
-def delayed_readings(trail: jax.Array, delay_s: jax.Array | None, timestep_s: float) -> jax.Array:
+def delayed_readings(recent: jax.Array, delay_s: jax.Array | None, timestep_s: float) -> jax.Array:
     """Readings as they were `delay_s` ago, by linear interpolation between physics steps.
 
     Args:
-        trail: readings after each of the last physics steps, oldest first, shape (k, m).
+        recent: readings after each of the last physics steps, oldest first, shape (k, m).
         delay_s: observation delay, at most (k - 1) physics steps; None for none.
         timestep_s: physics step.
     """
     if delay_s is None:
-        return trail[-1]
-    place = jnp.clip(trail.shape[0] - 1 - delay_s / timestep_s, 0.0, trail.shape[0] - 1.0)
+        return recent[-1]
+    place = jnp.clip(recent.shape[0] - 1 - delay_s / timestep_s, 0.0, recent.shape[0] - 1.0)
     before = jnp.floor(place).astype(jnp.int32)
-    after = jnp.minimum(before + 1, trail.shape[0] - 1)
+    after = jnp.minimum(before + 1, recent.shape[0] - 1)
     share = place - before
-    return (1.0 - share) * trail[before] + share * trail[after]
+    return (1.0 - share) * recent[before] + share * recent[after]

@@ -16,7 +16,8 @@ from gymnasium.vector.utils import batch_space
 from footfall.common.errors import UserError
 from footfall.envs.batch import step_batch
 from footfall.envs.config import EnvConfig
-from footfall.envs.velocity import State, Step, VelocityEnv
+from footfall.envs.state import State, Step
+from footfall.envs.velocity import VelocityEnv
 from footfall.robots.description import Robot
 from footfall.robots.model import plant_model
 

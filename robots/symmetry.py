@@ -51,7 +51,7 @@ def find_symmetry(robot: Robot) -> Symmetry:
     positions, _ = joint_addresses(model, robot)
     data.qpos[positions] = robot.default_pose
     mujoco.mj_kinematics(model, data)
-    base = data.qpos[:3]
+    base = data.xpos[model.body(robot.description.base).id]
     ids = [model.joint(name).id for name in robot.joint_names]
     joints = _partners(data.xanchor[ids] - base, robot, [f"joint {name}" for name in robot.joint_names])
     axes = data.xaxis[ids]

@@ -19,7 +19,8 @@ from footfall.envs import batch, velocity
 from footfall.envs.batch import step_batch
 from footfall.envs.physics import Drive, Motion
 from footfall.envs.physics_c import _Simulations, c_physics
-from footfall.envs.velocity import State, VelocityEnv
+from footfall.envs.state import State
+from footfall.envs.velocity import VelocityEnv
 from footfall.robots.actuator import Motor
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.model import training_model

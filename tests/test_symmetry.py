@@ -113,10 +113,10 @@ def _observed(env: VelocityEnv, mirrored: bool) -> dict[str, np.ndarray]:
         torque = joints(torque)
         contact, clearance = contact[feet], clearance[feet]
     clean = jnp.concatenate([state.qvel[3:6], -_up(state.qpos[3:7]), state.qpos[7:], state.qvel[6:]])
-    trail = jnp.tile(clean, (2 * env.config.substeps, 1))
+    recent = jnp.tile(clean, (2 * env.config.substeps, 1))
     no_noise = jnp.full(6 + 2 * env.action_size, 0.5)
-    state, observed = env._observe(state, trail, no_noise, fill=True)
-    seen = env._observations(state, observed, contact, clearance, torque)
+    state, observed = env.observer.observe(state, recent, no_noise, first=True)
+    seen = env.observations(state, observed, contact, clearance, torque)
     return {name: np.asarray(value) for name, value in seen.items()}
 
 

@@ -14,8 +14,10 @@ from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import Randomisation, load_randomisation
 from footfall.envs.config import Curriculum, PushConfig, RewardScales
 from footfall.envs.delays import delayed_goals, delayed_readings
+from footfall.envs.disturb import DISTURBANCE_NUMBERS, disturb
 from footfall.envs.rewards import reward_rate
-from footfall.envs.velocity import DISTURBANCE_NUMBERS, VelocityEnv
+from footfall.envs.state import State
+from footfall.envs.velocity import VelocityEnv
 from footfall.policies.observation import observation_size
 from footfall.robots.actuator import JointCommand, joint_damping, joint_torque
 from footfall.robots.description import load_robot
@@ -24,6 +26,11 @@ from footfall.train.config import load_preset
 
 ROBOT = load_robot("go1")
 SMOKE = load_preset("smoke").env
+
+
+def pushed_by(env: VelocityEnv, state: State, u: jax.Array) -> jax.Array:
+    """Velocities after what comes from outside."""
+    return disturb(state, u, env.config, env.base).qvel
 
 
 def make(**changes: object) -> VelocityEnv:
@@ -48,7 +55,7 @@ def reset(env: VelocityEnv):
 class TestReset:
     def test_draws_command_body_pose_timers_and_clock_afresh(self, reset) -> None:
         one, two = reset(jax.random.PRNGKey(1))[0], reset(jax.random.PRNGKey(2))[0]
-        for field in ("qpos", "qvel", "phase", "frames", "trail"):
+        for field in ("qpos", "qvel", "phase", "frames", "recent_readings"):
             assert not np.array_equal(getattr(one, field), getattr(two, field)), field
         for field, value in one.sample.items():
             assert not np.array_equal(value, two.sample[field]), field
@@ -78,11 +85,12 @@ class TestReset:
 class TestStep:
     def test_the_actor_does_not_see_the_base_velocity(self, env: VelocityEnv, reset) -> None:
         state, _ = reset(jax.random.PRNGKey(6))
-        moved = state._replace(qvel=state.qvel.at[:3].add(1.0))
-        trail = jnp.tile(env._reading(moved.qpos, moved.qvel), (2 * SMOKE.substeps, 1))
-        still = jnp.tile(env._reading(state.qpos, state.qvel), (2 * SMOKE.substeps, 1))
-        u = jnp.full(6 + 2 * env.action_size, 0.7)
-        assert np.array_equal(env._observe(moved, trail, u)[1], env._observe(state, still, u)[1])
+        moved, torque = state._replace(qvel=state.qvel.at[:3].add(1.0)), jnp.zeros(env.action_size)
+        recent = jnp.tile(env.observer.readings(moved.qpos, moved.qvel, torque), (2 * SMOKE.substeps, 1))
+        still = jnp.tile(env.observer.readings(state.qpos, state.qvel, torque), (2 * SMOKE.substeps, 1))
+        u = jnp.full(env.observer.numbers, 0.7)
+        seen = [env.observer.observe(*each, u)[1] for each in ((moved, recent), (state, still))]
+        assert np.array_equal(*seen)
 
     def test_a_fall_ends_the_episode(self, env: VelocityEnv, reset, step) -> None:
         state, _ = reset(jax.random.PRNGKey(7))
@@ -125,7 +133,7 @@ class TestStep:
         state, _ = pushed.reset(jax.random.PRNGKey(10))
         state = state._replace(push_steps=jnp.int32(0))
         u = jnp.full(DISTURBANCE_NUMBERS, 0.7)
-        difference = pushed._disturb(state, u).qvel - calm._disturb(state, u).qvel
+        difference = pushed_by(pushed, state, u) - pushed_by(calm, state, u)
         assert np.linalg.norm(difference[:2]) > 0.05
         assert not np.any(difference[6:])
 
@@ -139,7 +147,7 @@ class TestStep:
         assert np.allclose(easy.command, 0.5 * full.command)
         assert [float(env.level(jnp.float32(s))) for s in (0, 50, 200)] == [0.0, 0.5, 1.0]
         due = easy._replace(push_steps=jnp.int32(0))
-        assert np.array_equal(env._disturb(due, jnp.full(DISTURBANCE_NUMBERS, 0.7)).qvel, easy.qvel)
+        assert np.array_equal(pushed_by(env, due, jnp.full(DISTURBANCE_NUMBERS, 0.7)), easy.qvel)
 
     def test_the_curriculum_widens_the_randomisation_from_the_nominal_robot(self) -> None:
         env = make(curriculum=Curriculum(100, randomisation=0.0), randomisation=load_randomisation())
@@ -211,7 +219,7 @@ class TestDelays:
         states, _ = jax.jit(jax.vmap(env.reset))(jax.random.split(jax.random.PRNGKey(14), 4000))
         near = 0.05  # rad from the default pose, which the rate limit lets pass at once
         goals = states.goals.at[:, 0].add(near)
-        targets = jax.jit(jax.vmap(env._targets))(states._replace(goals=goals))
+        targets = jax.jit(jax.vmap(env.actuation.targets))(goals, states.target, states.sample)
         lacking = 1.0 - (targets[:, :, 0] - states.target[:, None, 0]) / near
         seen = np.sort(np.asarray(lacking.sum(axis=1)) * env.timestep_s)
         np.testing.assert_allclose(seen, np.sort(states.sample["action_delay_s"]), atol=1e-6)

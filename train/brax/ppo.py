@@ -20,8 +20,9 @@ from brax.training.types import Transition
 from jax.sharding import Mesh
 
 from footfall.envs.batch import step_batch
+from footfall.envs.state import State
 from footfall.envs.symmetry import EnvironmentMirror
-from footfall.envs.velocity import State, VelocityEnv
+from footfall.envs.velocity import VelocityEnv
 from footfall.envs.workarounds.fewer_kernels import fewer_kernels
 from footfall.train.brax.devices import AXIS, DIVIDED, EACH, mean_over_devices
 from footfall.train.brax.symmetry import mirror_half

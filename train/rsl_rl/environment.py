@@ -10,7 +10,8 @@ from rsl_rl.env import VecEnv
 from tensordict import TensorDict
 
 from footfall.envs.batch import step_batch
-from footfall.envs.velocity import State, Step, VelocityEnv
+from footfall.envs.state import State, Step
+from footfall.envs.velocity import VelocityEnv
 
 
 class Episodes(NamedTuple):

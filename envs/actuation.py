@@ -1,0 +1,66 @@
+"""From joint goals to what the motors hold on to in a control step: delays, limits, each robot's motors."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from footfall.common.errors import UserError
+from footfall.domain_rand.sample import Sample, randomised_command, randomised_motor, sensor_bias
+from footfall.envs.config import EnvConfig
+from footfall.envs.delays import delayed_goals
+from footfall.envs.physics import Drive
+from footfall.robots.actuator import JointCommand, Motor
+from footfall.robots.description import Robot
+from footfall.robots.targets import limit_target
+
+KEPT_GOALS = 3  # control steps whose goals may still be on their way to the motors
+
+
+class Actuation:
+    """The way of a goal (the joint positions that an action asks for) to the motors."""
+
+    def __init__(self, robot: Robot, config: EnvConfig) -> None:
+        """Raises UserError if goals may be delayed for longer than they are kept."""
+        self._period_s, self._timestep_s = 1.0 / config.control_rate_hz, config.timestep_s
+        self._starts_s = np.arange(config.substeps) * config.timestep_s
+        delay, limit = config.randomisation.action_delay_s, (KEPT_GOALS - 1) * self._period_s
+        if delay is not None and not 0 <= delay.low <= delay.high <= limit:
+            raise UserError(f"randomisation.action_delay_s: must lie between 0 and {limit} s")
+        self._motor = Motor(*(jnp.asarray(a, dtype=jnp.float32) for a in robot.motor))
+        self._kp = jnp.asarray(robot.kp, dtype=jnp.float32)
+        self._kd = jnp.asarray(robot.kd, dtype=jnp.float32)
+        self._rate_rad_s = robot.description.target_rate_rad_s
+        lower, upper = robot.soft_limits
+        self.soft_lower = jnp.asarray(lower, dtype=jnp.float32)
+        self.soft_upper = jnp.asarray(upper, dtype=jnp.float32)
+
+    @property
+    def peak_torque(self) -> jax.Array:
+        """Of the nominal motors, N m, (n,)."""
+        return self._motor.peak_torque
+
+    def targets(self, goals: jax.Array, target: jax.Array, sample: Sample) -> jax.Array:
+        """The target at each physics step, rad, shape (substeps, n): delayed, then rate-limited.
+
+        Args:
+            goals: of the last control steps, newest first, rad, shape (KEPT_GOALS, n).
+            target: at the last physics step before, rad, shape (n,).
+            sample: of the robot; its "action_delay_s" counts.
+        """
+
+        def tick(target: jax.Array, goal: jax.Array) -> tuple[jax.Array, jax.Array]:
+            rate, timestep_s = self._rate_rad_s, self._timestep_s
+            target = limit_target(goal, target, self.soft_lower, self.soft_upper, rate, timestep_s)
+            return target, target
+
+        delay_s = sample.get("action_delay_s")
+        arrived = delayed_goals(goals, delay_s, self._starts_s, self._timestep_s, self._period_s)
+        return jax.lax.scan(tick, target, arrived, unroll=True)[1]
+
+    def drive(self, targets: jax.Array, sample: Sample) -> Drive:
+        """What the motors of a sampled robot follow, given targets (substeps, n)."""
+        zeros = jnp.zeros_like(self._kp)
+        command = randomised_command(JointCommand(targets, zeros, self._kp, self._kd, zeros), sample)
+        bias = sensor_bias(sample, "joint_position")
+        motor = randomised_motor(self._motor, sample)
+        return Drive(targets, command.kp, command.kd, motor, zeros if bias is None else bias)

@@ -1,0 +1,82 @@
+"""What the actor sees of the simulated robot: readings with delay, bias and noise, in frames."""
+
+import jax
+import jax.numpy as jnp
+import mujoco
+
+from footfall.common.errors import UserError
+from footfall.domain_rand.noise import biased, noisy
+from footfall.envs.base import Base
+from footfall.envs.config import EnvConfig
+from footfall.envs.delays import delayed_readings
+from footfall.envs.state import State
+from footfall.policies.contract import Contract
+from footfall.policies.observation import (
+    Inputs,
+    frame,
+    frame_size,
+    history_length,
+    observation,
+    push_frame,
+)
+from footfall.robots.description import Robot
+from footfall.robots.model import joint_addresses
+from footfall.robots.readings import Sensed, as_vector, from_vector, read, readings_size
+
+
+class Observer:
+    """Observes a state as a policy on the robot would."""
+
+    def __init__(self, model: mujoco.MjModel, robot: Robot, config: EnvConfig, contract: Contract) -> None:
+        """Raises UserError if readings may be delayed for longer than they are kept."""
+        delay, limit = config.randomisation.observation_delay_s, 1.0 / config.control_rate_hz
+        if delay is not None and not 0 <= delay.low <= delay.high <= limit:
+            raise UserError(f"randomisation.observation_delay_s: must lie between 0 and {limit} s")
+        self._positions, self._dofs = map(jnp.asarray, joint_addresses(model, robot))
+        self._base, self._contract = Base(model, robot), contract
+        self._noise, self._timestep_s = config.noise, config.timestep_s
+        self._joints = len(robot.joint_names)
+        self.numbers = readings_size(self._joints)  # that `observe` needs
+
+    def readings(self, qpos: jax.Array, qvel: jax.Array, torque: jax.Array) -> jax.Array:
+        """The true readings in a moment, laid end to end (robots/readings.py).
+
+        Args:
+            qpos, qvel: positions (nq,) and velocities (nv,).
+            torque: of the motors, N m, shape (n,).
+        """
+        sensed = Sensed(
+            gyro=self._base.angular_velocity(qvel),
+            acceleration=None,
+            quaternion=self._base.quaternion(qpos),
+            joint_position=qpos[self._positions],
+            joint_velocity=qvel[self._dofs],
+            joint_torque=torque,
+        )
+        return as_vector(read(sensed))
+
+    def no_frames(self) -> jax.Array:
+        """The kept frames before the first observation, shape (history, frame)."""
+        return jnp.zeros((history_length(self._contract), frame_size(self._contract)))
+
+    def observe(
+        self, state: State, recent: jax.Array, u: jax.Array, first: bool = False
+    ) -> tuple[State, jax.Array]:
+        """The state with a new frame, and the actor's observation.
+
+        Args:
+            state: after the control step; its last action, command and phase are part of the frame.
+            recent: readings after each of the last physics steps, oldest first, shape (k, numbers).
+            u: uniform numbers for the noise, shape (numbers,).
+            first: whether an episode begins; the frame then fills the whole history.
+        """
+        delayed = delayed_readings(recent, state.sample.get("observation_delay_s"), self._timestep_s)
+        readings = noisy(biased(from_vector(delayed, self._joints), state.sample), self._noise, u)
+        newest = frame(Inputs(readings, state.actions[0], state.command, state.phase), self._contract)
+        frames = jnp.broadcast_to(newest, state.frames.shape) if first else push_frame(state.frames, newest)
+        return state._replace(frames=frames), observation(frames, self._contract)
+
+    def clean_frame(self, state: State, torque: jax.Array) -> jax.Array:
+        """A frame of the state as it is, without delay, bias and noise, for the critic."""
+        readings = from_vector(self.readings(state.qpos, state.qvel, torque), self._joints)
+        return frame(Inputs(readings, state.actions[0], state.command, state.phase), self._contract)

@@ -1,0 +1,39 @@
+"""What an episode is from one step to the next, and what a step gives."""
+
+from typing import NamedTuple
+
+import jax
+
+from footfall.domain_rand.sample import Sample
+
+
+class State(NamedTuple):
+    """All that an episode is, for one robot. `_replace` gives the next one."""
+
+    key: jax.Array
+    level: jax.Array  # () of the curriculum, 0 to 1
+    qpos: jax.Array
+    qvel: jax.Array
+    qacc_warmstart: jax.Array
+    sample: Sample
+    fields: dict[str, jax.Array]  # randomised model fields
+    command: jax.Array  # (3,) forward m/s, leftward m/s, yaw rad/s
+    hold_steps: jax.Array  # () control steps until the next command
+    push_steps: jax.Array  # () control steps until the next push
+    steps: jax.Array  # () control steps since the reset
+    phase: jax.Array  # (1,) cycles
+    actions: jax.Array  # (3, n) newest first
+    goals: jax.Array  # (actuation.KEPT_GOALS, n) newest first, rad
+    target: jax.Array  # (n,) rate-limited target, rad
+    recent_readings: jax.Array  # (substeps, m) true ones after each physics step, oldest first
+    frames: jax.Array  # (history, frame)
+
+
+class Step(NamedTuple):
+    """What a step hands to the learner."""
+
+    observation: dict[str, jax.Array]  # "state" for the actor, "privileged_state" for the critic
+    reward: jax.Array
+    terminated: jax.Array  # 1.0 after a fall or a diverged simulation
+    truncated: jax.Array  # 1.0 at the episode's time limit
+    metrics: dict[str, jax.Array]
