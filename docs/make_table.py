@@ -1,4 +1,7 @@
-"""Writes the headline figures of a comparison into a Markdown file, between two markers.
+"""Writes a comparison's headline figures into a Markdown file, between two markers.
+
+Errors and effort are left out of scenarios in which a policy fell: a robot that lies down early neither errs
+nor works for long.
 
 Usage: footfall compare ... --json compare.json && python docs/make_table.py compare.json README.md
 """
@@ -15,27 +18,27 @@ from footfall.evaluate.figures import figures, interval_text, measured, text
 BEGIN, END = "<!-- comparison -->", "<!-- /comparison -->"
 
 
-def contenders_of(results: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+def policies_of(results: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
     """The parts of a comparison that are about a policy."""
     return {name: part for name, part in results.items() if isinstance(part, dict) and "scenarios" in part}
 
 
 def table(results: Mapping[str, Any]) -> str:
-    """Headline figures in rows, contenders in columns, scenario by scenario, as Markdown."""
-    contenders = contenders_of(results)
-    lines = ["| | " + " | ".join(contenders) + " |", "| --- |" + " ---: |" * len(contenders)]
-    for scenario in next(iter(contenders.values()))["scenarios"]:
-        summaries = [part["scenarios"][scenario] for part in contenders.values()]
-        lines.append(f"| **{scenario}** |" + " |" * len(summaries))
+    """Headline figures in rows, policies in columns, scenario by scenario, as Markdown."""
+    policies = policies_of(results)
+    lines = ["| | " + " | ".join(policies) + " |", "| --- |" + " ---: |" * len(policies)]
+    for scenario in next(iter(policies.values()))["scenarios"]:
+        summaries = [part["scenarios"][scenario] for part in policies.values()]
+        somebody_fell = any(summary["falls"] for summary in summaries)
         for figure in figures().values():
-            if not (figure.headline and measured(figure, summaries)):
+            if not (figure.headline and measured(figure, summaries)) or (figure.upright and somebody_fell):
                 continue
             cells = [_cell(text(figure, each), interval_text(figure, each)) for each in summaries]
-            lines.append(f"| {figure.title} | " + " | ".join(cells) + " |")
-    steps = [part.get("compute_ms", {}) for part in contenders.values()]
-    if all(step.get("p50") is not None for step in steps):
-        cells = [f"{step['p50']:.2f} / {step['p99']:.2f}" for step in steps]
-        lines.append("| Time per policy step, p50 / p99 (ms) | " + " | ".join(cells) + " |")
+            lines.append(
+                f"| {scenario.capitalize()}: {figure.title[0].lower()}{figure.title[1:]} | "
+                + " | ".join(cells)
+                + " |"
+            )
     return "\n".join(lines)
 
 

@@ -1,9 +1,14 @@
 """Settings of the velocity-tracking environment, as they stand in a preset's YAML."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Literal
 
-from footfall.common.config import require_positive
+from footfall.common.config import (
+    require_between,
+    require_not_negative,
+    require_ordered,
+    require_positive,
+)
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import Randomisation
@@ -19,6 +24,10 @@ class GaitConfig:
     frequency_hz: float = 2.2
     reference_lift_m: float = 0.0
 
+    def __post_init__(self) -> None:
+        require_positive(self, "frequency_hz")
+        require_not_negative(self, "reference_lift_m")
+
 
 @dataclass(frozen=True)
 class CommandConfig:
@@ -31,8 +40,10 @@ class CommandConfig:
     standing_command: float = 0.1  # commands of a smaller norm mean: stand still; 0: step in place
 
     def __post_init__(self) -> None:
-        if self.standing_command < 0:
-            raise ValueError(f"standing_command must not be negative, it is {self.standing_command}")
+        require_not_negative(self, "standing_command")
+        require_between(self, 0.0, 1.0, "standing_probability", "single_axis_probability")
+        require_ordered(self.ranges, "forward_m_s", "leftward_m_s", "yaw_rad_s")
+        require_positive(self.hold_s, "low")
 
 
 @dataclass(frozen=True)
@@ -45,6 +56,9 @@ class InitialState:
     yaw_rate_rad_s: float = 0.3
     joint_velocity_rad_s: float = 0.5
 
+    def __post_init__(self) -> None:
+        require_not_negative(self, *(field.name for field in fields(self)))
+
 
 @dataclass(frozen=True)
 class PushConfig:
@@ -54,6 +68,10 @@ class PushConfig:
     horizontal_m_s: float = 0.0  # largest, in a random direction
     vertical_m_s: float = 0.0
     angular_rad_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_positive(self.interval_s, "low")
+        require_not_negative(self, "horizontal_m_s", "vertical_m_s", "angular_rad_s")
 
 
 @dataclass(frozen=True)
@@ -68,6 +86,10 @@ class Curriculum:
     pushes: float = 1.0  # share of the pushes' strength at level 0
     randomisation: float = 1.0  # share of robots' distance from the nominal one at level 0
 
+    def __post_init__(self) -> None:
+        require_not_negative(self, "steps")
+        require_between(self, 0.0, 1.0, "commands", "pushes", "randomisation")
+
 
 @dataclass(frozen=True)
 class RewardScales:
@@ -77,6 +99,9 @@ class RewardScales:
     yaw_sigma_rad2_s2: float = 0.25
     swing_height_m: float = 0.08
     least: float = -0.2  # the weighted sum of all but `fall` is clipped below here
+
+    def __post_init__(self) -> None:
+        require_positive(self, "linear_sigma_m2_s2", "yaw_sigma_rad2_s2", "swing_height_m")
 
 
 @dataclass(frozen=True)
@@ -107,6 +132,10 @@ class EnvConfig:
         return 1.0 / self.control_rate_hz / self.substeps
 
     def __post_init__(self) -> None:
-        require_positive(self, "control_rate_hz", "episode_s")
+        require_positive(self, "control_rate_hz", "episode_s", "tilt_limit_rad", "speed_limit")
+        require_between(self, 0.0, 1.0, "least_height_share")
+        if self.episode_s * self.control_rate_hz < 1.0:
+            period_s = 1.0 / self.control_rate_hz
+            raise ValueError(f"episode_s {self.episode_s:g} is shorter than a control step, {period_s:g} s")
         if self.substeps < LEAST_SUBSTEPS:
             raise ValueError(f"substeps must be at least {LEAST_SUBSTEPS}, not {self.substeps}")

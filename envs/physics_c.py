@@ -1,6 +1,5 @@
 """The physics in MuJoCo C: whole batches of robots on a thread pool, called from inside a JAX program."""
 
-import ctypes
 import os
 import threading
 from copy import copy
@@ -14,10 +13,9 @@ from jax.experimental.buffer_callback import buffer_callback
 from mujoco.batch import Batch, SimulationError
 
 from footfall.envs.physics import Drive, Fields, Motion, Physics, Trace, joint_effort
+from footfall.envs.workarounds.undisturbed import UNDISTURBED
 from footfall.robots.description import Robot
 from footfall.robots.model import joint_addresses
-
-_CLOCK = ctypes.c_void_p.in_dll(ctypes.CDLL(mujoco._callbacks.__file__), "mjcb_time")
 
 
 def c_physics(model: mujoco.MjModel, robot: Robot) -> Physics:
@@ -51,6 +49,7 @@ class _Simulations:
         self._feet = _as_slice(np.array([model.geom(foot.geom).id for foot in robot.description.feet]))
         self._joints, self._foot_count = len(robot.joint_names), len(robot.description.feet)
         self._pools: dict[int, Batch] = {}  # by number of robots
+        self._checked: set[tuple] = set()  # shapes of results that were seen to be views
         self._lock = threading.Lock()
 
     def __call__(self, motion: Motion, drive: Drive, fields: Fields) -> tuple[Motion, Trace]:
@@ -70,8 +69,17 @@ class _Simulations:
         values = jax.tree.map(np.asarray, (results, given))
         lead = values[0][0].qpos.ndim - 1
         results, given = jax.tree.map(lambda x: x.reshape(-1, *x.shape[lead:]), values)
-        with self._lock, _UNDISTURBED, np.errstate(all="ignore"):
+        self._check_views(values[0], results)
+        with self._lock, UNDISTURBED, np.errstate(all="ignore"):
             self._simulate(*results, *given)
+
+    def _check_views(self, memory: Any, results: Any) -> None:
+        """What is written to the reshaped results has to reach XLA's memory; asked once for each shape."""
+        shapes = tuple(x.shape for x in jax.tree.leaves(memory))
+        if shapes not in self._checked:
+            pairs = zip(jax.tree.leaves(memory), jax.tree.leaves(results), strict=True)
+            assert all(np.shares_memory(*pair) for pair in pairs), "results would be written to a copy"
+            self._checked.add(shapes)
 
     def room(self, substeps: int, lead: tuple[int, ...] = ()) -> Trace:
         """Room for a trace, its contents arbitrary."""
@@ -124,43 +132,6 @@ def _for_stepping(model: mujoco.MjModel) -> mujoco.MjModel:
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET | mujoco.mjtDisableBit.mjDSBL_ISLAND
     model.body_sameframe[:] = 0  # the centre of mass of a body may be moved
     return model
-
-
-class _Undisturbed:
-    """No stopwatch and no warnings while MuJoCo steps; both are settings of the whole process.
-
-    MuJoCo's Python package has each stage of each step timed (`MjData.timer`), a tenth of the step's time.
-    Only C can take its clock away: `mujoco.set_mjcb_time(None)` puts it back. Its warnings of a diverging
-    simulation would go to a file in the working directory. Of several threads inside, the first to enter
-    changes the settings and the last to leave restores them.
-    """
-
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._inside = 0
-        self._kept: tuple[int | None, Any] = (None, None)  # clock, handler of warnings
-
-    def __enter__(self) -> None:
-        with self._lock:
-            if self._inside == 0:
-                self._kept = (_CLOCK.value, mujoco.get_mju_user_warning())
-                _CLOCK.value = None
-                mujoco.set_mju_user_warning(_ignore)
-            self._inside += 1
-
-    def __exit__(self, *_: object) -> None:
-        with self._lock:
-            self._inside -= 1
-            if self._inside == 0:
-                _CLOCK.value, warning = self._kept
-                mujoco.set_mju_user_warning(warning)
-
-
-def _ignore(_: str) -> None:
-    pass
-
-
-_UNDISTURBED = _Undisturbed()
 
 
 def _as_slice(indices: np.ndarray) -> slice | np.ndarray:

@@ -1,8 +1,11 @@
 """The front door: parses, runs a verb, and turns whatever went wrong into one line and an exit status."""
 
 import os
+import signal
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from importlib.metadata import version
 
 from cyclopts import App, CycloptsError, UnusedCliTokensError
@@ -23,6 +26,7 @@ from footfall.verbs.watch import watch
 
 BAD_INPUT = 2
 INTERRUPTED = 130  # 128 + SIGINT
+TERMINATED = 143  # 128 + SIGTERM
 BROKEN_PIPE = 141  # 128 + SIGPIPE
 
 app = App(
@@ -43,8 +47,9 @@ def main(tokens: Sequence[str] | None = None) -> int:
     """
     arguments = list(sys.argv[1:] if tokens is None else tokens)
     try:
-        status = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
-        sys.stdout.flush()
+        with _interrupted_by_sigterm():
+            status = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+            sys.stdout.flush()
     except CycloptsError as error:
         return _complain(f"{_parse_error(error)} {_where_to_look(arguments)}")
     except UserError as error:
@@ -55,9 +60,32 @@ def main(tokens: Sequence[str] | None = None) -> int:
     except OSError as error:  # a full disk, a file that went away
         _stop_writing()
         return _complain(_one_line(error))
+    except _TerminatedError:
+        return _complain("terminated", TERMINATED)
     except KeyboardInterrupt:
         return _complain("interrupted", INTERRUPTED)
     return status if isinstance(status, int) else 0
+
+
+class _TerminatedError(KeyboardInterrupt):
+    """SIGTERM came: a verb ends as after Ctrl-C, only the exit status tells them apart."""
+
+
+@contextmanager
+def _interrupted_by_sigterm() -> Iterator[None]:
+    """Let SIGTERM unwind what is open, such as pools of processes, as Ctrl-C does."""
+
+    def terminate(*_: object) -> None:
+        raise _TerminatedError
+
+    if threading.current_thread() is not threading.main_thread():  # which alone gets signals
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, terminate)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _stop_writing() -> None:

@@ -134,7 +134,11 @@ def resume(folder: Path, display: Display | None = None) -> Path:
         if _is_finished(run):
             display.say(f"{folder} is finished: its policy is {run.policy}")
         else:
-            _train_to_the_end(run, robot, display)
+            try:
+                _train_to_the_end(run, robot, display)
+            except KeyboardInterrupt:
+                display.say(_how_far(run))
+                raise
     return run.folder
 
 
@@ -190,11 +194,7 @@ def _train_to_the_end(run: Run, robot: Robot, display: Display) -> None:
             display.doing("compiling")
             trainer.prepare(display.say)
         display.say(f"ready after {time.monotonic() - began:.1f} s")
-        try:
-            learn(run, trainer, display)
-        except KeyboardInterrupt:
-            display.say(f"stopped; continue with: footfall train --resume {run.folder}")
-            raise
+        learn(run, trainer, display)
         with cluster.all_or_none():
             difference = trainer.export(run.policy)
     display.say(
@@ -210,6 +210,16 @@ def _changes(began: Provenance, device: str) -> list[str]:
     if began.revision != revision:
         changes.append(f"source revision {began.revision}, now {revision}")
     return changes
+
+
+def _how_far(run: Run) -> str:
+    """What a stopped run has kept, and how to go on with it."""
+    newest, ppo = checkpoint.latest(run.checkpoints), run.config.ppo
+    steps = int(newest.stem) * ppo.steps_per_iteration if newest else 0
+    return (
+        f"stopped after {steps:,} of {ppo.iterations * ppo.steps_per_iteration:,} steps;"
+        f" continue with: footfall train --resume {run.folder}"
+    )
 
 
 def _is_finished(run: Run) -> bool:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from footfall.common.config import load, require_positive
+from footfall.common.config import load, require_between, require_not_negative, require_positive
 from footfall.common.errors import UserError
 from footfall.envs.config import EnvConfig
 
@@ -34,6 +34,12 @@ class PpoConfig:
 
     def __post_init__(self) -> None:
         require_positive(self, "total_steps", "environments", "unroll", "minibatches", "passes")
+        require_positive(self, "learning_rate", "desired_kl", "clip", "gradient_norm", "initial_std")
+        require_positive(self, "actor_layers", "critic_layers")
+        require_not_negative(self, "final_learning_rate", "entropy")
+        require_between(self, 0.0, 1.0, "discount", "gae_lambda")
+        if not self.actor_layers or not self.critic_layers:
+            raise ValueError("actor_layers and critic_layers need a hidden layer at least")
         if self.environments % self.minibatches:
             raise ValueError(
                 f"environments {self.environments} is not a multiple of minibatches {self.minibatches}"
@@ -56,6 +62,9 @@ class TrainConfig:
     env: EnvConfig
     checkpoint_interval_s: float = 30.0
     diverged_limit: float = 0.01  # share of control steps whose simulation may diverge, before training stops
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "checkpoint_interval_s")
 
 
 def available_presets() -> list[str]:

@@ -1,9 +1,11 @@
 """Tracing others' code so that a GPU has fewer kernels to run.
 
-With a thousand robots a GPU takes longer to begin a kernel than to run it. Of the kernels of MJX's step two
-fifths are short loops, and sums and insertions written as scatters; of those of brax's loss a third. Here
-they are traced as plain operations, which XLA melts into their neighbours. What is computed stays the same,
-and its sums have one order, which those of scatters do not.
+Reason: with a thousand robots a GPU takes longer to begin a kernel than to run it. Of the kernels of MJX's
+step two fifths are short loops, and sums and insertions written as scatters; of those of brax's loss a third.
+Here they are traced as plain operations, which XLA fuses with their neighbours. What is computed stays the
+same, and its sums have one order, which those of scatters do not.
+Upstream: on a GPU each turn of a scan is begun by the host, https://github.com/jax-ml/jax/issues/2491.
+It can go when MJX and brax trace fewer loops by themselves: tests/test_workarounds.py counts them.
 """
 
 import threading
@@ -29,6 +31,8 @@ def fewer_kernels() -> Iterator[None]:
         yield
         return
     with _TRACING:
+        originals = jax.lax.scan, jax.ops.segment_sum, jnp.insert
+        assert originals == (_SCAN, _SEGMENT_SUM, _INSERT), "somebody else has replaced them meanwhile"
         _replace(_unrolled, segment_sum, insert)
         try:
             yield

@@ -3,9 +3,10 @@
 JAX's own cache finds what XLA made of a program by the program, which has to be traced first; on a GPU that
 takes longer than all the rest of a start. Here a program is found by what it is made from.
 
-It can go when JAX finds a compiled program without tracing it; until then this is its own
-`jax.experimental.serialize_executable`, which writes a pickle around machine code. A file here is therefore
-code, and only read if nobody but this user can have written it.
+Reason: tracing takes most of a warm start. What is written is JAX's own `serialize_executable`, a pickle
+around machine code: a file here is code, and only read if nobody but this user can have written it.
+Upstream: https://github.com/jax-ml/jax/issues/476 brought the serialisation, not a cache that skips tracing.
+It can go when JAX has one: tests/test_workarounds.py says so.
 """
 
 import hashlib

@@ -1,10 +1,15 @@
 """`footfall sweep`."""
 
+import math
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from footfall.common.errors import UserError
 from footfall.train.entry import learning_libraries
+
+if TYPE_CHECKING:
+    from footfall.train.sweeps.results import Point, Trial
 
 
 def sweep(file: Path | None = None, /, *, out: Path | None = None, resume: Path | None = None) -> int:
@@ -24,32 +29,58 @@ def sweep(file: Path | None = None, /, *, out: Path | None = None, resume: Path 
     if resume is not None and out is not None:
         raise UserError("--resume brings the sweep's own folder: leave --out out")
     with learning_libraries():
-        from footfall.train.sweeps.sweep import RESULTS, resume_sweep
+        from footfall.train.sweeps.sweep import POINTS, RESULTS, resume_sweep
         from footfall.train.sweeps.sweep import sweep as run_sweep
 
     if resume is not None:
-        folder, (trials, unfinished) = resume, resume_sweep(resume)
+        folder, (trials, points, unfinished) = resume, resume_sweep(resume)
     else:
         assert file is not None
         folder = out or Path("runs") / f"sweep-{datetime.now(UTC):%Y%m%d-%H%M%S}"
-        trials, unfinished = run_sweep(file, folder)
-    _show(trials)
-    print(f"wrote {folder / RESULTS}")
+        trials, points, unfinished = run_sweep(file, folder)
+    _show_trials(trials)
+    _show_points(points)
+    print(f"wrote {folder / RESULTS} and {folder / POINTS}")
     if unfinished:
         print(f"{unfinished} unfinished; continue with: footfall sweep --resume {folder}")
         raise KeyboardInterrupt
     return 1 if any(trial.error for trial in trials) else 0
 
 
-def _show(trials: list) -> None:
+def _show_trials(trials: "list[Trial]") -> None:
+    names = list(trials[0].settings) if trials else []
+    rows = [
+        [t.folder, str(t.seed), *map(_short, t.settings.values()), _short(t.value), f"{t.steps:,}", t.error]
+        for t in trials
+    ]
+    _show(["run", "seed", *names, "result", "steps", ""], rows)
+
+
+def _show_points(points: "list[Point]") -> None:
+    """Means over seeds, and how far seeds lie apart: a difference smaller than that may be luck."""
+    names = list(points[0].settings) if points else []
+    rows = [
+        [
+            *map(_short, p.settings.values()),
+            _short(p.mean),
+            "unknown" if math.isnan(p.spread) else f"± {_short(p.spread)}",
+            str(p.seeds),
+            str(p.failed or ""),
+        ]
+        for p in points
+    ]
+    _show([*names, "mean result", "deviation between seeds", "seeds", "failed"], rows)
+
+
+def _show(header: list[str], rows: list[list[str]]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    names = list(trials[0].settings) if trials else []
-    table = Table("run", "seed", *names, "result", "steps", "", box=None)
-    for t in trials:
-        settings = [
-            f"{value:.4g}" if isinstance(value, float) else str(value) for value in t.settings.values()
-        ]
-        table.add_row(t.folder, str(t.seed), *settings, f"{t.value:.4g}", f"{t.steps:,}", t.error)
+    table = Table(*header, box=None)
+    for row in rows:
+        table.add_row(*row)
     Console().print(table)
+
+
+def _short(value: object) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

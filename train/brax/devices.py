@@ -9,6 +9,7 @@ from jax.flatten_util import ravel_pytree
 from jax.sharding import AxisType, Mesh, NamedSharding, PartitionSpec
 
 from footfall.common.errors import UserError
+from footfall.envs.workarounds.partitioner import avoid_crashing_partitioner
 from footfall.train.config import PpoConfig
 
 AXIS = "devices"
@@ -37,9 +38,7 @@ def device_mesh(config: PpoConfig, count: int | None = None) -> Mesh:
             f" and {config.minibatches} minibatches: give a multiple of {config.minibatches * len(devices)}"
         )
     if len(devices) > 1:
-        # jax 0.11.2's Shardy crashes on a shard_map over MJX: a segmentation fault in its pass over
-        # unused inputs (ManualComputationUnusedInputsPattern). The older partitioner compiles it.
-        jax.config.update("jax_use_shardy_partitioner", False)
+        avoid_crashing_partitioner()
     return jax.make_mesh((len(devices),), (AXIS,), (AxisType.Auto,), devices=devices)
 
 

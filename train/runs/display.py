@@ -79,6 +79,10 @@ def _summary(metrics: dict[str, float]) -> str:
     )
 
 
+def _short(value: float) -> str:
+    return f"{value:.1e}" if 0.0 < abs(value) < 0.01 else f"{value:.3f}"
+
+
 def metrics_table(metrics: dict[str, float], rows: int) -> Table:
     """Rewards on the left, their total first; on the right how well it tracks, episodes and learning.
 
@@ -98,7 +102,7 @@ def metrics_table(metrics: dict[str, float], rows: int) -> Table:
         cells = [
             text
             for names in (rewards, others)
-            for text in ((names[row], f"{shown[names[row]]:.3f}") if row < len(names) else ("", ""))
+            for text in ((names[row], _short(shown[names[row]])) if row < len(names) else ("", ""))
         ]
         table.add_row(*cells)
     return table

@@ -14,6 +14,8 @@ from footfall.train.runs.metrics import MetricsLog
 from footfall.train.runs.speed import Speed
 from footfall.train.trainer import Metrics
 
+EPISODE_LENGTH = "episode/length_s"
+
 
 class FailureCheck:
     """Notices failures of a training: the journal of a process that does not write one."""
@@ -40,7 +42,10 @@ class FailureCheck:
         if self._pending is not None:
             iteration, metrics = self._pending
             self._pending = None
-            self._record(iteration, {name: float(value) for name, value in metrics.items()})
+            figures = {name: float(value) for name, value in metrics.items()}
+            if figures.get(EPISODE_LENGTH) == 0.0:  # no episode has ended, so there is no length
+                del figures[EPISODE_LENGTH]
+            self._record(iteration, figures)
 
     @property
     def checkpoint_due(self) -> bool:

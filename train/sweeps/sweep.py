@@ -1,7 +1,5 @@
 """Sweeps over settings and seeds on Ray Tune: each trial is an ordinary run."""
 
-import csv
-import io
 import logging
 import math
 import os
@@ -22,7 +20,17 @@ from footfall.robots.description import load_robot
 from footfall.train.api import TrainRequest, begin, resume
 from footfall.train.config import TrainConfig, load_preset
 from footfall.train.runs.display import Display
+from footfall.train.runs.journal import EPISODE_LENGTH
 from footfall.train.sweeps.check import reported_metrics
+from footfall.train.sweeps.results import (
+    UNFINISHED,
+    Point,
+    Trial,
+    last_value,
+    points_of,
+    points_table,
+    trials_table,
+)
 
 DISTRIBUTIONS = (
     "choice", "grid_search", "uniform", "quniform", "loguniform", "qloguniform", "randint", "qrandint",
@@ -32,9 +40,10 @@ OF_A_LIST = ("choice", "grid_search")  # take the list, the others its elements
 STEPS = "environment_steps"  # what schedulers may count time in
 SPEED = "speed/steps_per_s"
 RAYS_OWN = ("training_iteration", "time_total_s", "time_this_iter_s")  # in every report, by Ray
-UNFINISHED = "unfinished"
+DRAWS_SEED = 0  # a file's draws are the same each time
 SETTINGS = "sweep.yaml"
-RESULTS = "results.csv"
+RESULTS = "results.csv"  # one row for each trial
+POINTS = "points.csv"  # one row for each point of the space, over its seeds
 TUNE = "tune"  # Ray's own folder
 
 
@@ -70,21 +79,11 @@ class SweepConfig:
         return math.prod(grids) * len(self.seeds) * self.trials
 
 
-class Trial(NamedTuple):
-    """One row of the results."""
-
-    folder: str
-    seed: int
-    settings: dict[str, Any]
-    value: float  # the metric when the trial ended; NaN if it failed before
-    steps: int
-    error: str  # empty if it ended well or was stopped by the scheduler
-
-
 class Outcome(NamedTuple):
     """What has become of a sweep."""
 
     trials: list[Trial]  # those that began, the best first
+    points: list[Point]  # trials of the same settings taken together, the best first
     unfinished: int  # trials that an interruption left to do, begun or not
 
 
@@ -92,10 +91,10 @@ def sweep(file: Path, out: Path) -> Outcome:
     """Run a sweep into a new folder, until it ends or is interrupted.
 
     Raises:
-        UserError: ray is missing, the file or a setting in it is wrong, or the folder is in use.
+        UserError: the file or a setting in it is wrong, ray is missing, or the folder is in use.
     """
-    tune = _tune()
     config = load(file, SweepConfig)
+    tune = _tune()
     scheduler = _scheduler(tune, config)
     _try_one(tune, config)
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
@@ -129,9 +128,9 @@ def resume_sweep(out: Path) -> Outcome:
     Raises:
         UserError: ray is missing, or there is no sweep in this folder.
     """
-    tune = _tune()
     if not (out / SETTINGS).is_file():
         raise UserError(f"no sweep at {out}: expected a folder that 'footfall sweep' made")
+    tune = _tune()
     out = out.resolve()
     config = load(out / SETTINGS, SweepConfig)
     if not tune.Tuner.can_restore(str(out / TUNE)):
@@ -191,7 +190,7 @@ def _search(config: SweepConfig) -> Any:
     from ray.tune.search.basic_variant import BasicVariantGenerator
 
     return BasicVariantGenerator(
-        max_concurrent=config.concurrent or 0, constant_grid_search=True, random_state=0
+        max_concurrent=config.concurrent or 0, constant_grid_search=True, random_state=DRAWS_SEED
     )
 
 
@@ -211,7 +210,9 @@ def _space(tune: ModuleType, config: SweepConfig) -> dict[str, Any]:
         try:
             space[key] = getattr(tune, name)(*([values] if name in OF_A_LIST else values))
             if name not in OF_A_LIST:
-                space[key].sample()  # bounds that leave nothing to draw are refused only here
+                space[key].sample(
+                    random_state=DRAWS_SEED
+                )  # bounds that leave nothing to draw are refused only here
         except (TypeError, ValueError, AssertionError, ArithmeticError) as error:
             raise UserError(f"space.{key}: {name}: {' '.join(str(error).split())}") from None
     return space
@@ -224,7 +225,7 @@ def _try_one(tune: ModuleType, config: SweepConfig) -> None:
         UserError: there is no such robot, setting, reward or metric, or a value does not fit.
     """
     drawn = {
-        key: domain["grid_search"][0] if isinstance(domain, dict) else domain.sample()
+        key: domain["grid_search"][0] if isinstance(domain, dict) else domain.sample(random_state=DRAWS_SEED)
         for key, domain in _space(tune, config).items()
     }
     load_robot(config.robot)
@@ -275,11 +276,12 @@ class _Reporter(Display):
         self._report = report
 
     def update(self, steps: int, steps_per_s: float, metrics: dict[str, float]) -> None:
-        self._report({STEPS: steps, SPEED: steps_per_s, **metrics})
+        nothing_ended = {EPISODE_LENGTH: math.nan}  # Ray wants each metric in each report
+        self._report({STEPS: steps, SPEED: steps_per_s, **nothing_ended, **metrics})
 
 
 def _results(grid: Any, config: SweepConfig, out: Path) -> Outcome:
-    """The trials, best first, which are also written as a table of comma-separated values."""
+    """The trials and points, best first, which are also written as comma-separated values."""
     trials = []
     for result in grid:
         metrics = result.metrics or {}
@@ -293,24 +295,23 @@ def _results(grid: Any, config: SweepConfig, out: Path) -> Outcome:
                 folder=folder,
                 seed=settings.pop("seed", -1),
                 settings=settings,
-                value=metrics.get(config.metric, math.nan),
+                value=_value(metrics, config.metric, out / folder / "metrics.jsonl"),
                 steps=metrics.get(STEPS, 0),
                 error=_last_line(result.error) or ("" if through else UNFINISHED),
             )
         )
     sign = 1.0 if config.mode == "min" else -1.0
     trials.sort(key=lambda trial: (bool(trial.error), math.isnan(trial.value), sign * trial.value))
-    write_atomically(out / RESULTS, _table(trials, config).encode())
-    return Outcome(trials, config.points - sum(trial.error != UNFINISHED for trial in trials))
+    points, names = points_of(trials, config.mode), list(config.space)
+    write_atomically(out / RESULTS, trials_table(trials, names, config.metric).encode())
+    write_atomically(out / POINTS, points_table(points, names, config.metric).encode())
+    left = config.points - sum(trial.error != UNFINISHED for trial in trials)
+    return Outcome(trials, points, left)
 
 
-def _table(trials: list[Trial], config: SweepConfig) -> str:
-    names, file = list(config.space), io.StringIO(newline="")
-    writer = csv.writer(file)
-    writer.writerow(["folder", "seed", *names, config.metric, STEPS, "error"])
-    for t in trials:
-        writer.writerow([t.folder, t.seed, *(t.settings.get(n) for n in names), t.value, t.steps, t.error])
-    return file.getvalue()
+def _value(last: dict[str, Any], metric: str, logged: Path) -> float:
+    """A trial's result: a mean over its last iterations, or what Ray alone knows of it."""
+    return float(last.get(metric, math.nan)) if metric in RAYS_OWN else last_value(logged, metric)
 
 
 def _last_line(error: BaseException | None) -> str:

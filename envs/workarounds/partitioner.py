@@ -1,0 +1,18 @@
+"""The older of XLA's partitioners for jax 0.11, whose Shardy crashes on our training.
+
+Reason: compiling a `shard_map` over MJX's accelerations for two devices ends in a segmentation fault inside
+Shardy's pass over unused inputs (ManualComputationUnusedInputsPattern), seen with jax 0.11.2 on GPUs and on
+virtual processors. jax 0.10.2 compiles the same program with Shardy, which is then used.
+Upstream: no report of it was found; JAX is about to drop the older partitioner.
+It can go when a jax release no longer crashes: tests/test_workarounds.py says so where jax 0.11 is installed.
+"""
+
+import jax
+
+CRASHES_SINCE = (0, 11)
+
+
+def avoid_crashing_partitioner() -> None:
+    """Have programs for several devices compiled without Shardy, where that would crash."""
+    if jax.__version_info__ >= CRASHES_SINCE:
+        jax.config.update("jax_use_shardy_partitioner", False)
