@@ -80,8 +80,8 @@ def run_episode(robot: Robot, policy: Policy, episode: Episode, watch: Watch | N
     """
     wiring, config = wire(robot), episode.config
     wires = SimulatedWires(wiring.buses, config.host_queue)
-    difference = PlantConfig(episode.plant, episode.sample or {}, episode.noise, config.motor_timeout_s)
-    body = SimulatedRobot(robot, wiring, wires, difference, episode.seed)
+    config_of_plant = PlantConfig(episode.plant, episode.sample or {}, episode.noise, config.motor_timeout_s)
+    body = SimulatedRobot(robot, wiring, wires, config_of_plant, episode.seed)
     facts = {
         "seed": episode.seed,
         "policy_spec": episode.policy_spec or policy.name,

@@ -114,7 +114,7 @@ class SimulatedMotors:
         return self._reply(motor, readings)
 
     def _switch_off_unheard(self, step: int) -> None:
-        """Switch off the motors that have not been spoken to for too long."""
+        """Switch off the motors that have not been addressed for too long."""
         late = self.enabled & (step - self._heard_step > self._timeout_steps)
         if late.any():
             self._timed_out |= late

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from deploy_minds import Hold, short_episode
+from deploy_policies import Hold, short_episode
 
 from footfall.deploy.commands import CommandLimits
 from footfall.deploy.replay import read_log

@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from deploy_minds import Hold, short_episode
+from deploy_policies import Hold, short_episode
 
 from footfall.common.errors import UserError
 from footfall.deploy.config import DeployConfig, load_deploy_config

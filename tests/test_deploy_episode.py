@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from deploy_minds import Hold, Spoilt, Sway, not_a_number, short_episode, stand_still
+from deploy_policies import Hold, Spoilt, Sway, not_a_number, short_episode, stand_still
 
 from footfall.common.errors import UserError
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.loop import ControlLoop
-from footfall.deploy.safety import Mode
+from footfall.deploy.safety import Mode, SafetyConfig
 from footfall.deploy.session import Session, run_on_interface
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.sample import Sample
@@ -149,6 +149,27 @@ class TestPushesAndFalls:
         assert speed[:50].max() < 0.05
         assert speed[50:53].max() > 0.25
         assert not trace.fell
+
+    def test_pushes_come_at_their_times_in_whatever_order_they_are_given(self, go1: Robot) -> None:
+        pushes = (Push(0.6, (0.0, 0.4, 0.0)), Push(0.2, (0.0, -0.4, 0.0)))
+        trace = run_episode(go1, Hold(go1), short_episode(pushes=pushes))
+        leftward = trace.base_velocity[:, 1]
+        assert np.abs(leftward[:20]).max() < 0.05
+        assert leftward[20:23].min() < -0.25
+        assert leftward[60:63].max() > 0.25
+
+    def test_a_tilt_counts_as_a_fall_where_the_supervisor_lets_it_pass(self, go1: Robot) -> None:
+        def topple(loop: ControlLoop, body: SimulatedRobot) -> None:
+            if loop.walking and 0.2 <= loop.walking_s < 0.4:
+                body.data.qpos[2] = 1.0  # in mid-air, so that nothing but the tilt tells
+                body.data.qvel[3] = 8.0
+
+        relaxed = DeployConfig(stand_s=0.4, safety=SafetyConfig(tilt_limit_rad=3.1))
+        trace = run_episode(go1, Hold(go1), short_episode(duration_s=3.0, config=relaxed), topple)
+        assert trace.faults == ()
+        assert (trace.fell, trace.final_state) == (True, "FALLING")
+        assert trace.fall_reason == "the base tilted past 70 degrees"
+        assert trace.walked_s == pytest.approx(0.2 + np.deg2rad(70) / 8.0, abs=0.03)
 
     def test_a_hard_push_makes_it_fall_and_ends_the_run(self, go1: Robot) -> None:
         trace = run_episode(
@@ -296,18 +317,19 @@ class TestBadInput:
             run_on_interface(go1, Hold(go1), "canopen", Session(stand_still, 1.0))
 
 
-def test_a_randomised_robot_runs_too(go1: Robot) -> None:
+def test_a_randomised_robot_stands_as_its_sample_says(go1: Robot, trace: Trace) -> None:
+    """Encoders that read 0.02 rad too much leave the joints as much behind; a load shows under the feet."""
     sample = Sample(
-        kp=np.full(12, 0.9),
-        motor_strength=np.full(12, 0.95),
         action_delay_s=np.array(0.007),
         observation_delay_s=np.array(0.004),
-        encoder_bias=np.full(12, 0.01),
+        encoder_bias=np.full(12, 0.02),
         payload_kg=np.array(1.5),
     )
-    trace = run_episode(go1, Hold(go1), short_episode(sample=sample))
-    assert trace.final_state == "IDLE"
-    assert not trace.fell
+    heavy = run_episode(go1, Hold(go1), short_episode(sample=sample))
+    assert heavy.final_state == "IDLE"
+    assert heavy.foot_force[-1].sum() - trace.foot_force[-1].sum() == pytest.approx(1.5 * 9.81, abs=2.0)
+    shift = heavy.joint_position[-1] - trace.joint_position[-1]
+    np.testing.assert_allclose(shift.reshape(4, 3)[:, 0], -0.02, atol=0.006)  # hips, which bear little
 
 
 def test_a_policy_made_for_another_robot_is_refused(go1: Robot, contract: Contract) -> None:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from deploy_minds import Hold, Spoilt, Sway, not_a_number, short_episode
+from deploy_policies import Hold, Spoilt, Sway, not_a_number, short_episode
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
@@ -99,7 +99,7 @@ class TestKilledRun:
     SCRIPT = """
 import sys
 from pathlib import Path
-from deploy_minds import Hold, short_episode
+from deploy_policies import Hold, short_episode
 from footfall.plant.episode import run_episode
 from footfall.robots.description import load_robot
 from footfall.deploy.config import DeployConfig

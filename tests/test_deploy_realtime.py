@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from deploy_minds import Hold, Spoilt, short_episode, slow, stand_still
+from deploy_policies import Hold, Spoilt, short_episode, slow, stand_still
 
 from footfall.common.errors import UserError
 from footfall.deploy.clock import LockstepClock, WallClock, undisturbed

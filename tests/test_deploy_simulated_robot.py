@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from footfall.common.errors import UserError
+from footfall.common.rotations import projected_gravity
 from footfall.deploy.drivers import imu, mit
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.frames import Frames
@@ -23,12 +24,12 @@ TICK_US = 2000
 class Bench:
     """A simulated robot with someone at the controller's end of its wires."""
 
-    def __init__(self, robot: Robot, **difference: object) -> None:
+    def __init__(self, robot: Robot, seed: int = 0, **difference: object) -> None:
         self.robot, self.wiring = robot, wire(robot)
         self.codec = mit.Codec(self.wiring.models)
         self.driver = open_driver(self.wiring)
         self.wires = SimulatedWires(self.wiring.buses)
-        self.body = SimulatedRobot(robot, self.wiring, self.wires, PlantConfig(**difference))
+        self.body = SimulatedRobot(robot, self.wiring, self.wires, PlantConfig(**difference), seed)
         self.now_us = 0
         self.position = np.full(len(robot.joint_names), np.nan)
         self.velocity, self.error = self.position.copy(), np.zeros(len(self.position))
@@ -60,6 +61,11 @@ class Bench:
         one = np.ones(len(self.position))
         pose = self.robot.default_pose + offset
         return self.codec.encode(np.array([pose, 0 * one, kp * one, kd * one, 0 * one]))
+
+    def gravity(self) -> np.ndarray:
+        quaternion = imu.decode_quaternion(self.imu[imu.QUATERNION_ID])
+        assert quaternion is not None
+        return projected_gravity(np.array(quaternion))
 
     def gyro(self) -> np.ndarray:
         return np.array(imu.decode_gyro(self.imu[imu.GYRO_ID])[0])
@@ -204,20 +210,36 @@ class TestDifferences:
         plain.tick()
         biased.tick()
         np.testing.assert_allclose(biased.gyro() - plain.gyro(), gyro, atol=1e-3)
-        quaternion = imu.decode_quaternion(biased.imu[imu.QUATERNION_ID])
-        assert quaternion is not None
-        w, x, y, z = quaternion
-        assert 2 * (w * y - x * z) == pytest.approx(0.02, abs=1e-3)
-        assert -2 * (w * x + y * z) == pytest.approx(-0.02, abs=1e-3)
+        np.testing.assert_allclose(biased.gravity()[:2], [0.02, -0.02], atol=1e-3)
 
-    def test_noise_is_bounded_by_its_half_width_and_differs_by_seed(self, go1: Robot) -> None:
-        bench = Bench(go1, noise=Noise(joint_position=0.01, joint_velocity=0.5, gyro=0.1, gravity=0.02))
-        errors = []
-        for _ in range(50):
-            bench.tick(mit.special(mit.EXIT, 12))
-            errors.append(bench.position - bench.body.truth().joint_position)
-        assert 0.005 < np.abs(errors[:3]).max() < 0.012
-        assert np.std(errors[:3]) > 0.003
+    def test_noise_of_encoders_is_bounded_by_its_half_width_and_differs_by_seed(self, go1: Robot) -> None:
+        def errors(seed: int) -> np.ndarray:
+            bench = Bench(go1, seed, noise=Noise(joint_position=0.01, joint_velocity=0.5))
+            found = []
+            for _ in range(3):
+                bench.tick(mit.special(mit.EXIT, 12))
+                found.append(bench.position - bench.body.truth().joint_position)
+            return np.array(found)
+
+        assert 0.005 < np.abs(errors(1)).max() < 0.012
+        assert np.std(errors(1)) > 0.003
+        assert np.array_equal(errors(1), errors(1))
+        assert np.abs(errors(1) - errors(2)).max() > 0.003
+
+    def test_noise_of_the_imu_tilts_gravity_and_turns_the_gyro_by_its_half_widths(self, go1: Robot) -> None:
+        """Gravity gets noise along each axis and is a unit vector again: what is left is sideways."""
+        plain = Bench(go1)
+        noisy = Bench(go1, noise=Noise(gyro=0.1, gravity=0.02))
+        gravity, gyro = [], []
+        for _ in range(60):
+            for bench in (plain, noisy):
+                bench.tick()
+            gravity.append(noisy.gravity() - plain.gravity())
+            gyro.append(noisy.gyro() - plain.gyro())
+        sideways = np.array(gravity)[:, :2]
+        assert 0.015 < np.abs(sideways).max() < 0.021
+        np.testing.assert_allclose(sideways.std(axis=0), 0.02 / np.sqrt(3), rtol=0.25)
+        np.testing.assert_allclose(np.std(gyro, axis=0), 0.1 / np.sqrt(3), rtol=0.25)
 
     def test_a_payload_and_a_friction_reach_the_model(self, go1: Robot) -> None:
         plain = Bench(go1).body.model
@@ -235,6 +257,41 @@ class TestDifferences:
         bench = Bench(go1)
         bench.body.push((0.5, -0.2, 0.0))
         np.testing.assert_allclose(bench.body.truth().base_velocity, [0.5, -0.2, 0.0], atol=1e-12)
+
+
+class TestFalls:
+    @pytest.mark.parametrize(
+        ("degrees", "fallen"), [(69.0, False), (71.0, True), (-71.0, True), (150.0, True)]
+    )
+    @pytest.mark.parametrize("axis", [0, 1])
+    def test_a_base_tilted_past_70_degrees_has_fallen(
+        self, go1: Robot, degrees: float, fallen: bool, axis: int
+    ) -> None:
+        body = Bench(go1).body
+        half = np.deg2rad(degrees) / 2
+        body.data.qpos[2] = 2.0
+        body.data.qpos[3:7] = np.cos(half), 0.0, 0.0, 0.0
+        body.data.qpos[4 + axis] = np.sin(half)
+        mujoco.mj_forward(body.model, body.data)
+        reason = body.fall()
+        assert (reason is not None) is fallen
+        assert not fallen or reason == "the base tilted past 70 degrees"
+
+    def test_a_base_that_turns_about_the_vertical_has_not(self, go1: Robot) -> None:
+        body = Bench(go1).body
+        body.data.qpos[2:7] = 2.0, 0.0, 0.0, 0.0, 1.0
+        mujoco.mj_forward(body.model, body.data)
+        assert body.fall() is None
+
+    def test_a_base_that_sank_to_its_feet_has_fallen(self, go1: Robot) -> None:
+        """Below 0.4 of the standing height above the lowest foot: legs folded up in mid-air."""
+        body = Bench(go1).body
+        body.data.qpos[2] = 2.0
+        body.data.qpos[7:] = np.tile([0.0, 1.3, -2.8], 4)
+        mujoco.mj_forward(body.model, body.data)
+        lowest = body.truth().foot_position[:, 2].min()
+        assert 2.0 - lowest < 0.4 * go1.description.standing_height_m
+        assert body.fall() == "the base sank to the height of the feet"
 
 
 def rewritten(robot: Robot, path: Path, *changes: tuple[str, str], extra: str = "") -> Path:

@@ -5,7 +5,7 @@ import time
 
 import numpy as np
 import pytest
-from deploy_minds import Hold, short_episode
+from deploy_policies import Hold, short_episode
 from rich.console import Console
 
 import footfall.live_state

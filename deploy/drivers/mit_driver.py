@@ -112,7 +112,7 @@ class MitMotorEnd:
         return Requests(motor, values, np.array([_KIND.get(w, Request.COMMAND) for w in word.tolist()]))
 
     def _addressed(self, frames: Frames) -> tuple[Motors, np.ndarray]:
-        """The motors of this robot that are spoken to, and the bytes that they get."""
+        """The motors of this robot that are addressed, and the bytes that they get."""
         if _same_layout(frames, self._usual):
             return _EVERYONE, frames.data
         motor = self._lookup[frames.channel, frames.id & 0xFF]

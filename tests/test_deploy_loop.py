@@ -1,0 +1,172 @@
+"""The control loop tick by tick: who is handed what, and what counts as late."""
+
+import numpy as np
+import pytest
+from deploy_policies import Hold, stand_still
+
+from footfall.deploy import loop as loop_module
+from footfall.deploy.clock import LockstepClock
+from footfall.deploy.config import DeployConfig
+from footfall.deploy.drivers.choice import open_driver
+from footfall.deploy.loop import Command, ControlLoop
+from footfall.deploy.safety import Mode
+from footfall.deploy.wiring import wire
+from footfall.plant.bus import SimulatedBus
+from footfall.plant.robot import SimulatedRobot
+from footfall.plant.wires import SimulatedWires
+from footfall.policies.policy import Observation, Policy, Sensed
+from footfall.robots.actuator import JointCommand
+from footfall.robots.description import Robot
+
+TICK_US = 2000
+
+
+class Pretence(LockstepClock):
+    """Ticks that follow at once, and count as wall-clock time."""
+
+    realtime = True  # type: ignore[assignment]
+
+
+def new_loop(
+    robot: Robot,
+    policy: Policy,
+    realtime: bool = False,
+    estimator: object = None,
+    command: Command = stand_still,
+) -> ControlLoop:
+    wiring = wire(robot)
+    wires = SimulatedWires(wiring.buses)
+    bus = SimulatedBus(wires, SimulatedRobot(robot, wiring, wires))
+    clock = (Pretence if realtime else LockstepClock)(TICK_US)
+    config = DeployConfig(stand_s=0.1)
+    return ControlLoop(robot, policy, wiring, open_driver(wiring), bus, clock, config, command, estimator)  # type: ignore[arg-type]
+
+
+def run_for(loop: ControlLoop, walking_s: float) -> None:
+    """Tick until the robot has walked for so long, or walks no more."""
+    while loop.tick() and not (loop.walking and loop.walking_s >= walking_s - 1e-9):
+        if loop.state.faults:
+            return
+
+
+class Stopwatch:
+    """Stands in for the loop's `time`: it moves on only when it is told to."""
+
+    now_s = 0.0
+
+    def perf_counter(self) -> float:
+        return self.now_s
+
+
+class Dawdle(Hold):
+    """Every so many steps it takes longer than its period of 20 ms."""
+
+    def __init__(self, robot: Robot, watch: Stopwatch, pattern: str) -> None:
+        super().__init__(robot)
+        self._watch, self._pattern = watch, pattern
+
+    def act(self, observation: Observation) -> JointCommand:
+        late = self._pattern[len(self.seen) % len(self._pattern)] == "L"
+        self._watch.now_s += 0.021 if late else 0.019
+        return super().act(observation)
+
+
+class TestLateness:
+    @pytest.mark.parametrize(
+        ("pattern", "faults"),
+        [("L.", 0), ("LLLL.", 0), ("LLLLL", 1)],
+        ids=["late, on time, late", "four late, one on time", "five late"],
+    )
+    def test_only_late_steps_in_a_row_count(
+        self, go1: Robot, monkeypatch: pytest.MonkeyPatch, pattern: str, faults: int
+    ) -> None:
+        watch = Stopwatch()
+        monkeypatch.setattr(loop_module, "time", watch)
+        loop = new_loop(go1, Dawdle(go1, watch, pattern), realtime=True)
+        run_for(loop, 0.3)
+        assert len(loop.state.faults) == faults
+
+    def test_nothing_is_late_in_lockstep(self, go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+        watch = Stopwatch()
+        monkeypatch.setattr(loop_module, "time", watch)
+        loop = new_loop(go1, Dawdle(go1, watch, "L"))
+        run_for(loop, 0.3)
+        assert loop.state.faults == ()
+
+
+class TestEstimate:
+    def test_the_estimator_gets_the_policys_contact_plan_once_it_walks(self, go1: Robot) -> None:
+        plan = np.array([1.0, 0.0, 0.0, 1.0])
+
+        class Planned(Hold):
+            needs_estimate = True
+
+            def stance(self) -> np.ndarray:  # type: ignore[override]
+                return plan
+
+        class Note:
+            """Keeps what it is handed, and estimates the number of its updates."""
+
+            def __init__(self) -> None:
+                self.plans: list[object] = []
+                self.resets = 0
+                self.elapsed_s = 0.0
+
+            def reset(self, sensed: Sensed) -> None:
+                self.resets += 1
+
+            def update(self, sensed: Sensed, stance: np.ndarray | None, dt_s: float) -> tuple:
+                self.plans.append(stance)
+                self.elapsed_s += dt_s
+                return np.array([len(self.plans), 0.0, 0.0]), 0.25
+
+        policy, note = Planned(go1), Note()
+        loop = new_loop(go1, policy, estimator=note)
+        while loop.state.mode is not Mode.WALKING:
+            standing = len(note.plans)
+            begun_us = loop.now_us
+            loop.tick()
+        run_for(loop, 0.1)
+        assert note.resets == 1
+        assert standing > 10
+        assert all(stance is None for stance in note.plans[:standing])
+        assert all(stance is plan for stance in note.plans[standing:])
+        assert note.elapsed_s == pytest.approx((loop.now_us - begun_us) * 1e-6 + 0.1, abs=0.006)
+        assert policy.seen[-1].base_velocity[0] == len(note.plans)  # the newest, taken at the same tick
+        assert policy.seen[-1].base_height == 0.25
+
+
+class TestStanding:
+    def test_the_targets_rise_smoothly_from_where_the_robot_is_to_the_default_pose(self, go1: Robot) -> None:
+        loop = new_loop(go1, Hold(go1))
+        targets = []
+        while loop.state.mode is not Mode.WALKING:
+            loop.tick()
+            if loop.state.mode is Mode.STANDING:
+                targets.append(loop.target)
+        np.testing.assert_allclose(targets[0], loop.sensed.joint_position, atol=0.05)
+        np.testing.assert_allclose(targets[-1], go1.default_pose, atol=1e-3)
+        assert np.abs(np.diff(targets, axis=0)).max() <= go1.description.target_rate_rad_s * 0.002 + 1e-12
+
+    def test_a_wish_to_end_before_it_walks_is_granted(self, go1: Robot) -> None:
+        loop = new_loop(go1, Hold(go1))
+        for _ in range(10):
+            loop.tick()
+        loop.finish()
+        while loop.tick():
+            assert loop.state.mode is not Mode.WALKING
+        assert loop.state.mode is Mode.IDLE
+        assert loop.walked_s == 0.0
+
+
+def test_the_command_is_a_function_of_the_time_since_walking_began(go1: Robot) -> None:
+    policy = Hold(go1)
+    loop = new_loop(go1, policy, command=lambda time_s: np.array([time_s, 0.0, 0.0]))
+    run_for(loop, 0.1)
+    asked = [observation.command[0] for observation in policy.seen]
+    np.testing.assert_allclose(asked, 0.02 * np.arange(len(asked)), atol=1e-9)
+    assert loop.walking_s == pytest.approx(0.1)
+    loop.finish()
+    while loop.tick():
+        pass
+    assert loop.walked_s == pytest.approx(0.102)  # until the tick after
