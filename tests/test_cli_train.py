@@ -8,6 +8,7 @@ import pytest
 from shell import Shell
 
 from footfall.cli import main
+from footfall.train.config import PRESETS
 
 pytest.importorskip("jax")
 
@@ -43,7 +44,8 @@ def test_the_finished_policy_has_walked_over_the_bus(run_folder: Path) -> None:
 
 
 def test_the_run_folder_is_a_policy(shell: Shell, run_folder: Path) -> None:
-    assert shell("deploy", run_folder, "--duration", "0.2").status in {0, 1}
+    outcome = shell("deploy", run_folder, "--duration", "0.2")
+    assert outcome.status == 0, outcome.err  # too short to fall
 
 
 def test_export_writes_the_same_policy_again(shell: Shell, run_folder: Path, tmp_path: Path) -> None:
@@ -62,12 +64,78 @@ def test_training_into_the_same_folder_is_refused(shell: Shell, run_folder: Path
 def test_a_damaged_checkpoint_is_named(shell: Shell, copied_run: Path, verb: list[str]) -> None:
     for path in (copied_run / "checkpoints").iterdir():
         path.write_bytes(b"garbage")
-    before = (copied_run / "policy.onnx").read_bytes()
+    policy = copied_run / "policy.onnx"
+    policy.unlink()  # or there would be nothing left to train
     outcome = shell(*verb, copied_run)
     assert outcome.status == 2
     assert outcome.err.count("\n") == 1
     assert str(copied_run) in outcome.err
-    assert (copied_run / "policy.onnx").read_bytes() == before
+    assert not policy.exists()
+
+
+def test_a_finished_run_is_neither_exported_nor_evaluated_again(shell: Shell, run_folder: Path) -> None:
+    files = {path: path.stat().st_mtime_ns for path in run_folder.rglob("*")}
+    outcome = shell("train", "--resume", run_folder)
+    assert outcome.status == 0
+    assert "is finished" in outcome.out
+    assert {path: path.stat().st_mtime_ns for path in run_folder.rglob("*")} == files
+
+
+@pytest.mark.parametrize(
+    "option",
+    [("--preset", "cpu"), ("--robot", "go1"), ("--seed", "0"), ("--trainer", "brax"), ("--steps", "9")],
+)
+def test_a_resumed_run_has_its_own_settings_even_where_they_are_the_default(
+    shell: Shell, run_folder: Path, option: tuple[str, str]
+) -> None:
+    assert f"leave {option[0]} out" in shell.refuses("train", "--resume", run_folder, *option)
+
+
+@pytest.mark.parametrize(
+    ("line", "change", "complaint"),
+    [
+        ("actor_layers: [32, 32]", "actor_layers: [32, -3]", "actor_layers must be above 0, not -3"),
+        ("critic_layers: [32, 32]", "critic_layers: []", "need a hidden layer"),
+        ("discount: 0.97", "discount: 1.7", "discount must be from 0 to 1"),
+        ("learning_rate: 1.0e-3", "learning_rate: .nan", "learning_rate"),
+        ("learning_rate: 1.0e-3", "learning_rate: -1.0", "learning_rate must be above 0"),
+        ("episode_s: 2.0", "episode_s: 1.0e-4", "shorter than a control step, 0.02 s"),
+        ("forward_m_s: [-0.5, 0.5]", "forward_m_s: [0.5, -0.5]", "forward_m_s must be a range from low"),
+        ("frequency_hz: 2.5", "frequency_hz: 0.0", "frequency_hz must be above 0"),
+        ("interval_s: {low: 0.5", "interval_s: {low: -0.5", "low must be above 0"),
+        ("checkpoint_interval_s: 2.0", "checkpoint_interval_s: -2.0", "must be 0 or above"),
+    ],
+)
+def test_settings_that_cannot_work_are_refused_and_leave_no_folder(
+    shell: Shell, tmp_path: Path, line: str, change: str, complaint: str
+) -> None:
+    smoke = (PRESETS / "smoke.yaml").read_text()
+    assert line in smoke
+    (tmp_path / "mine.yaml").write_text(smoke.replace(line, change, 1))
+    out = tmp_path / "run"
+    assert complaint in shell.refuses("train", "--preset", tmp_path / "mine.yaml", "--out", out)
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "complaint"),
+    [
+        (("--coordinator", "junk", "--processes", "2", "--process", "0"), "expected HOST:PORT or auto"),
+        (("--coordinator", "host:", "--processes", "2", "--process", "0"), "expected HOST:PORT or auto"),
+        (
+            ("--coordinator", "host:123456", "--processes", "2", "--process", "0"),
+            "expected HOST:PORT or auto",
+        ),
+        (("--coordinator", "[::1]:12", "--processes", "2", "--process", "2"), "of 2 the last is 1"),
+        (("--processes", "2"), "--coordinator HOST:PORT, --processes and --process"),
+        (("--coordinator", "host:1", "--processes", "2"), "--coordinator HOST:PORT, --processes and"),
+        (("--coordinator", "auto", "--process", "0", "--processes", "2"), "--coordinator HOST:PORT"),
+    ],
+)
+def test_what_is_no_cluster_is_refused_before_anything_waits(
+    shell: Shell, tmp_path: Path, options: tuple[str, ...], complaint: str
+) -> None:
+    assert complaint in shell.refuses("train", "--out", tmp_path / "run", *options)
 
 
 def test_a_mistyped_folder_does_not_wait_for_the_device(

@@ -1,14 +1,18 @@
 """Sweeps: a mistake is known before anything runs; each trial is an ordinary run; one that fails is one."""
 
 import csv
+import json
+import math
 import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -20,11 +24,16 @@ from shell import Shell
 
 from footfall.common.config import dump
 from footfall.common.errors import UserError
-from footfall.train.api import open_run
 from footfall.train.config import load_preset
-from footfall.train.sweeps.sweep import UNFINISHED, resume_sweep, sweep, trial_config
+from footfall.train.runs.folder import open_run
+from footfall.train.sweeps import sweep as sweep_module
+from footfall.train.sweeps.check import reported_metrics
+from footfall.train.sweeps.results import UNFINISHED, Trial, last_value, points_of
+from footfall.train.sweeps.sweep import SweepConfig, sweep, trial_config
 
 ITERATIONS = 6
+METRIC = "tracking/linear_error_m_s"
+GOOD_CLIP, BAD_CLIP = 0.1, 0.2
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +87,7 @@ def test_dotted_keys_replace_settings_and_nothing_else() -> None:
         ({"space": {"ppo.clip": {"uniform": ["a", "b"]}}}, "space.ppo.clip: uniform: "),
         ({"space": {"ppo.unroll": {"grid_search": [8, 0.5]}}}, "unroll: 0.5 is not a whole number"),
         ({"robot": "gp1"}, "gp1"),
-        ({"space": {"env.rewards.action_rte": {"uniform": [-1, 0]}}}, "no reward 'action_rte'"),
+        ({"space": {"ppo.discount": {"uniform": [1.5, 1.7]}}}, "discount must be from 0 to 1"),
         ({"metric": "tracking/linear_eror_m_s"}, "metric: a trial reports no 'tracking/linear_eror_m_s'"),
         (
             {"scheduler": {"name": "async_hyperband", "time_attr": "environment_step"}},
@@ -88,11 +97,32 @@ def test_dotted_keys_replace_settings_and_nothing_else() -> None:
     ids=lambda value: str(value)[:40],
 )
 def test_a_mistake_is_named_before_anything_runs(
-    settings: dict[str, object], complaint: str, tmp_path: Path, shell: Shell
+    settings: dict[str, object],
+    complaint: str,
+    tmp_path: Path,
+    shell: Shell,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setattr(sweep_module, "reported_metrics", lambda *_: [METRIC])
     out = tmp_path / "out"
     assert complaint in shell.refuses("sweep", written(tmp_path, **settings), "--out", out)
     assert not out.exists()
+
+
+def test_a_trials_program_is_built_before_anything_runs(preset: str) -> None:
+    """In a process of its own. It says which metrics there will be, and that there is no such reward."""
+    config = load_preset(preset)
+    assert METRIC in reported_metrics("go1", config)
+    env = replace(config.env, rewards={"action_rte": 1.0})
+    with pytest.raises(UserError, match="no reward 'action_rte'"):
+        reported_metrics("go1", replace(config, env=env))
+
+
+def test_a_missing_file_is_noticed_before_a_missing_library(
+    tmp_path: Path, shell: Shell, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "ray", None)
+    assert "nosuch.yaml" in shell.refuses("sweep", tmp_path / "nosuch.yaml")
 
 
 def test_without_ray_the_extra_is_named(
@@ -126,45 +156,131 @@ def interrupted_once(begun: Callable[[], bool]) -> Iterator[None]:
         thread.join()
 
 
-def test_an_interrupted_sweep_says_so_goes_on_and_one_trial_that_fails_leaves_the_others(
-    preset: str, tmp_path: Path, shell: Shell, monkeypatch: pytest.MonkeyPatch
+def drawn(config: SweepConfig) -> list[dict[str, object]]:
+    """Settings of a sweep's trials, in the order in which Ray is given them."""
+    tune = sweep_module._tune()
+    tune.register_trainable("nothing", lambda settings: None)
+    space = sweep_module._space(tune, config) | {"seed": tune.grid_search(list(config.seeds))}
+    search = sweep_module._search(config)
+    search.add_configurations({"x": {"run": "nothing", "config": space, "num_samples": config.trials}})
+    return [dict(search.next_trial().config) for _ in range(config.points)]
+
+
+def test_a_files_draws_are_the_same_each_time_and_the_same_for_each_seed() -> None:
+    space = {"ppo.learning_rate": {"loguniform": [1e-4, 1e-2]}, "ppo.entropy": {"uniform": [0.0, 0.01]}}
+    config = SweepConfig(space, seeds=(3, 4), trials=5)
+    settings = drawn(config)
+    assert settings == drawn(config)
+    rates = {seed: [s["ppo.learning_rate"] for s in settings if s["seed"] == seed] for seed in (3, 4)}
+    assert rates[3] == rates[4]
+    assert len(set(rates[3])) == 5
+
+
+def test_a_trial_is_an_ordinary_run_that_reports_each_iteration(preset: str, tmp_path: Path) -> None:
+    config = SweepConfig({}, preset=preset)
+    reports: list[dict[str, float]] = []
+    folder = tmp_path / "trial"
+    sweep_module._train(config, folder, {"seed": 5, "diverged_limit": 0.5}, reports.append)
+    run = open_run(folder)
+    assert run.policy.is_file()
+    assert run.config == trial_config(preset, {"diverged_limit": 0.5})
+    assert (run.provenance.seed, run.provenance.trainer) == (5, "brax")
+    assert [report["environment_steps"] for report in reports] == [256 * k for k in range(1, ITERATIONS + 1)]
+    assert all({METRIC, "episode/length_s", "speed/steps_per_s"} <= set(report) for report in reports)
+    # Told to go on, it finds its run, and nothing left to do.
+    sweep_module._train(config, folder, {"seed": 5, "diverged_limit": 0.5}, reports.append)
+    assert len(reports) == ITERATIONS
+    with pytest.raises(UserError, match=r"diverged_limit -100\.00%"):
+        sweep_module._train(config, tmp_path / "bad", {"seed": 5, "diverged_limit": -1.0}, reports.append)
+
+
+def quick_trials(tune: Any, config: SweepConfig, out: Path) -> Any:
+    """In place of trainings: trials of a moment. The first one waits until it is interrupted."""
+    files = ("run.yaml", "policy.onnx", "metrics.jsonl", "begun")
+
+    def trial(settings: dict[str, Any]) -> None:
+        folder = out / tune.get_context().get_trial_id()
+        folder.mkdir(exist_ok=True)
+        run, policy, metrics, begun = (folder / name for name in files)
+        if not (out / "interrupted").exists():
+            begun.touch()
+            time.sleep(60)
+        if settings["ppo.clip"] == BAD_CLIP and settings["seed"] == 1:
+            raise RuntimeError("it diverged")
+        run.touch()
+        # Its last iteration is a lucky one; the mean of the last ten is the seed and a tenth.
+        values = [settings["seed"] + 9.0] + [settings["seed"] + 1.0] * 9 + [settings["seed"] - 8.0]
+        metrics.write_text("".join(json.dumps({METRIC: value}) + "\n" for value in values))
+        tune.report({METRIC: values[-1], "environment_steps": 256})
+        policy.touch()
+
+    return tune.with_resources(trial, {"cpu": 0.1})
+
+
+def test_an_interrupted_sweep_says_so_goes_on_and_compares_points_over_seeds(
+    tmp_path: Path, shell: Shell, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(sweep_module, "_trainable", quick_trials)
+    monkeypatch.setattr(sweep_module, "reported_metrics", lambda *_: [METRIC])
     # Ray saves between a trial's last report and its end, as it may whenever the end takes a while.
     monkeypatch.setenv("TUNE_GLOBAL_CHECKPOINT_S", "0")
-    file = written(
-        tmp_path,
-        preset=preset,
-        seeds=[5],
-        space={"diverged_limit": {"grid_search": [0.5, -1.0]}},  # no training stays below the second
-        cpus=0.5,
-    )
+    file = written(tmp_path, seeds=[1, 2], space={"ppo.clip": {"grid_search": [GOOD_CLIP, BAD_CLIP]}})
     out = tmp_path / "out"
-    with interrupted_once(lambda: any(out.glob("*/run.yaml"))):  # its trial compiles then
+    with interrupted_once(lambda: any(out.glob("*/begun"))):
         stopped = shell("sweep", file, "--out", out)
     assert (stopped.status, stopped.err.splitlines()[-1]) == (130, "footfall: interrupted")
-    assert f"2 unfinished; continue with: footfall sweep --resume {out}" in stopped.out
-    assert {row["error"] for row in rows(out)} == {UNFINISHED}
-
-    (good, bad), unfinished = resume_sweep(out)
-    assert unfinished == 0
-    assert (good.error, good.settings, good.seed) == ("", {"diverged_limit": 0.5}, 5)
-    assert good.steps == ITERATIONS * 256
-    assert "diverged_limit -100.00%" in bad.error
-
-    run = open_run(out / good.folder)
-    assert run.policy.is_file()
-    assert run.config == trial_config(preset, good.settings)
-    assert (run.provenance.seed, run.provenance.trainer) == (5, "brax")
-    table = rows(out)
-    assert [row["folder"] for row in table] == [good.folder, bad.folder]
-    assert float(table[0]["tracking/linear_error_m_s"]) == good.value
-
+    assert f"4 unfinished; continue with: footfall sweep --resume {out}" in stopped.out
+    assert {row["error"] for row in rows(out / "results.csv")} == {UNFINISHED}
     with pytest.raises(UserError, match="is not empty"):
         sweep(file, out)
-    again = resume_sweep(out)
-    assert ([trial.folder for trial in again.trials], again.unfinished) == ([good.folder, bad.folder], 0)
+
+    (out / "interrupted").touch()
+    resumed = shell("sweep", "--resume", out)
+    assert resumed.status == 1, resumed.err  # one trial failed
+    assert "it diverged" in resumed.out
+    results = rows(out / "results.csv")
+    assert [(row["seed"], row["ppo.clip"]) for row in results[:2]] == [
+        ("1", str(GOOD_CLIP)),
+        ("2", str(GOOD_CLIP)),
+    ]
+    assert float(results[0][METRIC]) == pytest.approx(1.1)
+    good, bad = rows(out / "points.csv")
+    assert (good["ppo.clip"], good["seeds"], good["failed"]) == (str(GOOD_CLIP), "2", "0")
+    assert float(good[f"mean {METRIC}"]) == pytest.approx(1.6)
+    assert float(good["standard deviation"]) == pytest.approx(0.5**0.5)
+    assert (bad["ppo.clip"], bad["seeds"], bad["failed"], bad["standard deviation"]) == (
+        str(BAD_CLIP), "1", "1", "nan",
+    )  # fmt: skip
 
 
-def rows(out: Path) -> list[dict[str, str]]:
-    with (out / "results.csv").open(newline="") as file:
+def trial(point: int, value: float, error: str = "") -> Trial:
+    return Trial("folder", 0, {"ppo.clip": point}, value, 1, error)
+
+
+def test_points_are_ranked_by_their_mean_not_by_their_luckiest_seed() -> None:
+    lucky, steady = [trial(1, 0.0), trial(1, 1.0)], [trial(2, 0.3), trial(2, 0.4)]
+    first, second = points_of(lucky + steady, "min")
+    assert (first.settings, first.mean) == ({"ppo.clip": 2}, pytest.approx(0.35))
+    assert second.spread == pytest.approx(0.5**0.5)
+    assert [point.settings["ppo.clip"] for point in points_of(lucky + steady, "max")] == [1, 2]
+
+
+def test_a_point_with_failures_comes_after_those_without() -> None:
+    points = points_of(
+        [trial(1, 0.1), trial(1, math.nan, "failed"), trial(2, 0.9), trial(3, 0.0, "failed")], "min"
+    )
+    assert [point.settings["ppo.clip"] for point in points] == [2, 1, 3]
+    assert [(point.seeds, point.failed) for point in points] == [(1, 0), (1, 1), (0, 1)]
+
+
+def test_a_runs_result_is_the_mean_of_its_last_iterations_that_have_one(tmp_path: Path) -> None:
+    metrics = tmp_path / "metrics.jsonl"
+    assert math.isnan(last_value(metrics, "a"))
+    metrics.write_text('{"a": 9.0}\n{"a": 1.0}\n{"b": 5.0}\n{"a": 2.0}\n')
+    assert last_value(metrics, "a", iterations=2) == 1.5
+    assert math.isnan(last_value(metrics, "c"))
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    with path.open(newline="") as file:
         return list(csv.DictReader(file))

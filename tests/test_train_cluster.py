@@ -91,19 +91,3 @@ def test_each_resumes_from_the_checkpoint_of_the_first_one_or_not_at_all(
     monkeypatch.setattr(cluster, "broadcast", lambda _: (9,))
     with pytest.raises(UserError, match=r"process 0 resumes from .*00000009\.ckpt"):
         api._newest_checkpoint(opened)
-
-
-@pytest.mark.parametrize(
-    "options",
-    [
-        ("--processes", "2"),
-        ("--coordinator", "localhost:1", "--processes", "2"),
-        ("--coordinator", "auto", "--processes", "2", "--process", "0"),
-    ],
-)
-def test_half_a_cluster_is_refused_in_one_line(options: tuple[str, ...], tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "footfall", "train", "--preset", "smoke", *options]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
-    assert done.returncode == 2
-    assert "--coordinator HOST:PORT, --processes and --process" in done.stdout + done.stderr
-    assert not any(tmp_path.iterdir())

@@ -24,11 +24,12 @@ from footfall.train import cluster
 from footfall.train.config import TrainConfig
 from footfall.train.runs import checkpoint
 from footfall.train.runs.folder import Provenance, Run
-from footfall.train.runs.provenance import PACKAGES
+from footfall.train.runs.provenance import PACKAGES, git_revision
 from footfall.train.trainer import TRAINERS
 
 FOLDER = "failure"
 REPORT = "failure.yaml"
+SOURCE = "source revision"  # beside the packages' versions
 ENVIRONMENT = "environment.npz"  # left by a replay
 DEVICE_ERROR = "device_error.txt"
 NAMED = 4  # names in a message, before "and so many more"
@@ -97,7 +98,7 @@ def failed(run: Run, iteration: int, reason: str) -> UserError:
         reason=reason,
         device=jax.devices()[0].device_kind,
         devices=len(jax.devices()),
-        versions=versions(PACKAGES),
+        versions=versions(PACKAGES) | {SOURCE: git_revision()},
         provenance=run.provenance,
         config=run.config,
     )

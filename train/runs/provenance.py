@@ -1,5 +1,6 @@
 """What a run was made with: packages and revision."""
 
+import hashlib
 import subprocess
 from pathlib import Path
 
@@ -7,17 +8,16 @@ PACKAGES = ("footfall", "mujoco", "mujoco-mjx", "jax", "jaxlib", "brax", "numpy"
 
 
 def git_revision() -> str:
-    """Commit of the source tree, marked where files differ from it; 'unknown' outside a repository."""
+    """Commit of the source tree, and a digest of what differs from it; 'unknown' outside a repository."""
     here = Path(__file__).parent
 
     def git(*arguments: str) -> str:
-        result = subprocess.run(
-            ["git", *arguments], cwd=here, capture_output=True, text=True, check=True, timeout=10
-        )
-        return result.stdout.strip()
+        result = subprocess.run(["git", *arguments], cwd=here, capture_output=True, check=True, timeout=10)
+        return result.stdout.decode(errors="replace").strip()
 
     try:
-        changed = git("status", "--porcelain", "--untracked-files=no")
-        return git("rev-parse", "HEAD") + (" with uncommitted changes" if changed else "")
+        changes = git("diff", "HEAD", "--no-ext-diff", "--binary")
+        digest = hashlib.sha256(changes.encode()).hexdigest()[:8]
+        return git("rev-parse", "HEAD") + (f" with uncommitted changes {digest}" if changes else "")
     except (OSError, subprocess.SubprocessError):
         return "unknown"

@@ -1,0 +1,48 @@
+"""Files that are code: written for their owner alone, read only if nobody else can have written them."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from footfall.common.private_files import NotPrivateError, read_private, write_private
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "programs" / "one"
+    write_private(path, b"code")
+    return path
+
+
+def test_what_was_written_is_read_again(file: Path) -> None:
+    assert read_private(file) == b"code"
+    assert file.stat().st_mode & 0o777 == 0o600
+    assert file.parent.stat().st_mode & 0o777 == 0o700
+
+
+@pytest.mark.parametrize("mode", [0o620, 0o602])
+def test_a_file_that_others_may_write_is_refused(file: Path, mode: int) -> None:
+    file.chmod(mode)
+    with pytest.raises(NotPrivateError, match=r"others may write to .*one"):
+        read_private(file)
+
+
+def test_a_folder_that_others_may_write_is_refused_for_reading_and_writing(file: Path) -> None:
+    file.parent.chmod(0o770)
+    for use in (lambda: read_private(file), lambda: write_private(file, b"more")):
+        with pytest.raises(NotPrivateError, match=r"others may write to .*programs"):
+            use()
+
+
+def test_what_belongs_to_another_user_is_refused(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "getuid", lambda: 12345)
+    with pytest.raises(NotPrivateError, match="another user"):
+        read_private(file)
+
+
+def test_a_link_to_a_file_of_ones_own_is_refused(file: Path) -> None:
+    link = file.with_name("link")
+    link.symlink_to(file)
+    with pytest.raises(OSError, match="symbolic links"):
+        read_private(link)

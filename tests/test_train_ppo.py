@@ -1,0 +1,258 @@
+"""What PPO's iteration makes of a rollout, on an environment of a few numbers instead of a robot."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+pytest.importorskip("jax")
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from brax.training.types import Transition
+
+from footfall.envs.symmetry import EnvironmentMirror
+from footfall.robots.symmetry import Mirror
+from footfall.train.brax import ppo
+from footfall.train.brax.networks import make_networks
+from footfall.train.brax.ppo import LEAST_LEARNING_RATE, TrainState, learning_rate_limit
+from footfall.train.config import PpoConfig, load_preset
+
+ENVIRONMENTS, UNROLL, ACTIONS = 8, 4, 2
+SIZES = {"state": 3, "privileged_state": 2}
+RATE = 1e-3
+CONFIG: PpoConfig = replace(
+    load_preset("smoke").ppo,
+    environments=ENVIRONMENTS,
+    unroll=UNROLL,
+    minibatches=1,
+    passes=1,
+    learning_rate=RATE,
+    final_learning_rate=RATE,
+)
+REWARD = 3.0
+NOT_MOVED = 1e-4  # nats: brax's divergence of a distribution from itself is 1e-5 for each action
+
+
+def observation(value: float = 1.0) -> dict[str, jax.Array]:
+    """What every environment shows, throughout."""
+    return {name: jnp.full((ENVIRONMENTS, size), value) for name, size in SIZES.items()}
+
+
+class FakeEnvironment:
+    """Environments that always show and give the same; some fall in each step, some run out of time."""
+
+    period_s = 0.02
+    observation_sizes, action_size = SIZES, ACTIONS
+
+    def __init__(self, fallen: int = 0, out_of_time: int = 0, shown: float = 1.0) -> None:
+        rows = np.arange(ENVIRONMENTS)
+        self.fallen = jnp.float32(rows < fallen)
+        self.truncated = jnp.float32((rows >= fallen) & (rows < fallen + out_of_time))
+        self.shown = observation(shown)
+        self.seen_steps: list[float] = []
+
+    def reset(self, key: jax.Array, level: jax.Array) -> tuple[jax.Array, dict[str, jax.Array]]:
+        return jnp.float32(0.0), {name: value[0] for name, value in self.shown.items()}
+
+    def level(self, steps: jax.Array) -> jax.Array:
+        return jnp.float32(steps)
+
+    def at_level(self, state: jax.Array, level: jax.Array) -> jax.Array:
+        return jnp.full_like(state, level)
+
+    def step(self, state: jax.Array) -> tuple[jax.Array, dict[str, jax.Array], Any]:
+        done = jnp.maximum(self.fallen, self.truncated)
+        metrics = {"done": done, "length": 10.0 * done, "level": state}
+        reward = jnp.full((ENVIRONMENTS,), REWARD)
+        return state, self.shown, SimpleNamespace(reward=reward, truncated=self.truncated, metrics=metrics)
+
+
+@pytest.fixture(autouse=True)
+def _fake_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ppo, "step_batch", lambda env, state, action: env.step(state))
+
+
+NETWORKS = make_networks(SIZES, ACTIONS, CONFIG)
+
+
+def begun(env: FakeEnvironment, config: PpoConfig = CONFIG) -> TrainState:
+    return ppo.initial_state(env, NETWORKS, config, 0)  # type: ignore[arg-type]
+
+
+def decided(state: TrainState) -> TrainState:
+    """With an actor whose actions depend on what it sees, and hardly vary."""
+    policy = jax.tree.map(lambda x: 5.0 * x, state.params.policy)
+    return state._replace(params=state.params.replace(policy=policy))
+
+
+def rolled_out(env: FakeEnvironment, state: TrainState) -> Transition:
+    keys = jax.random.split(jax.random.PRNGKey(1), UNROLL)
+    return ppo.make_rollout(env, NETWORKS, CONFIG)(state, keys)[1][0]  # type: ignore[arg-type]
+
+
+def learnt(
+    state: TrainState,
+    rollout: Transition,
+    config: PpoConfig = CONFIG,
+    mirror: EnvironmentMirror | None = None,
+) -> tuple[Any, dict[str, np.ndarray]]:
+    """The optimiser's state and the losses (pass, minibatch)."""
+    learn = ppo.make_learning(NETWORKS, config, mirror=mirror)
+    _, optimizer, losses = learn(state, rollout, observation(), jax.random.PRNGKey(2))
+    return optimizer, {name: np.asarray(value) for name, value in losses.items()}
+
+
+class TestEndsOfEpisodes:
+    def value(self, state: TrainState) -> float:
+        """What the critic expects; it is the same everywhere."""
+        return float(NETWORKS.value_network.apply(state.normalizer, state.params.value, observation())[0])
+
+    def test_after_a_fall_nothing_is_expected(self) -> None:
+        """The critic's target is the reward alone; its loss is a quarter of the squared error."""
+        env = FakeEnvironment(fallen=ENVIRONMENTS)
+        state = begun(env)
+        _, losses = learnt(state, rolled_out(env, state))
+        assert losses["v_loss"][0, 0] == pytest.approx(0.25 * (REWARD - self.value(state)) ** 2, rel=1e-4)
+
+    def test_a_time_out_leaves_the_expectation_as_it_is(self) -> None:
+        """It says nothing of what would have followed: the target is what was expected anyhow."""
+        env = FakeEnvironment(out_of_time=ENVIRONMENTS)
+        state = begun(env)
+        _, losses = learnt(state, rolled_out(env, state))
+        assert losses["v_loss"][0, 0] == pytest.approx(0.0, abs=1e-9)
+
+    def test_an_episode_that_goes_on_counts_on_what_follows(self) -> None:
+        """With lambda 0 the target is the reward and the discounted value of the next observation."""
+        env, config = FakeEnvironment(), replace(CONFIG, gae_lambda=0.0)
+        state = begun(env)
+        value = self.value(state)
+        _, losses = learnt(state, rolled_out(env, state), config)
+        error = REWARD + CONFIG.discount * value - value
+        assert losses["v_loss"][0, 0] == pytest.approx(0.25 * error**2, rel=1e-4)
+
+
+class TestLearningRate:
+    CONFIG = replace(CONFIG, desired_kl=0.01, passes=3, learning_rate=1.0, final_learning_rate=1.0)
+
+    def rates(self, moved: float, limit: float, start: float = RATE) -> np.ndarray:
+        """Rates after each of three minibatches, of an actor that has moved so far from its behaviour."""
+        env = FakeEnvironment()
+        config = replace(self.CONFIG, learning_rate=limit, final_learning_rate=limit)
+        state = begun(env, config)
+        rollout = rolled_out(env, state)
+        loc, scale = rollout.extras["policy_extras"]["distribution_params"]
+        rollout.extras["policy_extras"]["distribution_params"] = (loc + moved, scale)
+        state = state._replace(optimizer=ppo._with_learning_rate(state.optimizer, jnp.float32(start)))
+        return learnt(state, rollout, config)[1]["learning_rate"].ravel()
+
+    def test_an_actor_that_moves_too_far_is_slowed_down(self) -> None:
+        assert self.rates(moved=3.0, limit=1.0) == pytest.approx(RATE / 1.5 ** np.arange(1, 4), rel=1e-5)
+
+    def test_but_not_to_a_halt(self) -> None:
+        rates = self.rates(moved=3.0, limit=1.0, start=1.2 * LEAST_LEARNING_RATE)
+        assert rates == pytest.approx(LEAST_LEARNING_RATE)
+
+    def test_an_actor_that_hardly_moves_is_sped_up(self) -> None:
+        start = 1e-7  # moves it by less than the target
+        rates = self.rates(moved=1e-2, limit=1.0, start=start)
+        assert rates == pytest.approx(start * 1.5 ** np.arange(1, 4), rel=1e-5)
+
+    def test_but_never_past_the_limit(self) -> None:
+        assert self.rates(moved=1e-2, limit=1.2e-7, start=1e-7) == pytest.approx(1.2e-7)
+
+    def test_a_rate_above_the_limit_falls_to_it_at_once(self) -> None:
+        assert self.rates(moved=1e-2, limit=1e-7, start=1e-3)[0] == pytest.approx(1e-7)
+
+    def test_without_a_target_it_is_the_limit(self) -> None:
+        env = FakeEnvironment()
+        state = begun(env)
+        state = state._replace(optimizer=ppo._with_learning_rate(state.optimizer, jnp.float32(0.5)))
+        assert learnt(state, rolled_out(env, state))[1]["learning_rate"] == pytest.approx(RATE)
+
+    def test_the_limit_falls_linearly_over_the_training(self) -> None:
+        config = replace(CONFIG, learning_rate=3e-3, final_learning_rate=1e-3, total_steps=10 * 32)
+        limits = [float(learning_rate_limit(jnp.float32(done), config)) for done in (0, 5, 10)]
+        assert limits == pytest.approx([3e-3, 2e-3, 1e-3])
+
+
+class TestIteration:
+    def after(self, env: FakeEnvironment) -> tuple[TrainState, dict[str, Any], Any]:
+        return ppo.make_iteration(env, NETWORKS, CONFIG)(begun(env))  # type: ignore[arg-type]
+
+    def test_the_normaliser_moves_to_what_was_observed(self) -> None:
+        state, _, _ = self.after(FakeEnvironment(shown=5.0))
+        np.testing.assert_allclose(state.normalizer.mean["state"], 5.0)
+        assert int(np.asarray(state.normalizer.count)) == ENVIRONMENTS * UNROLL
+
+    def test_learning_still_sees_what_the_behaviour_saw(self) -> None:
+        """The normaliser moves after learning, or the actor would look far from its own behaviour."""
+        env = FakeEnvironment(shown=5.0)
+        iterate = ppo.make_iteration(env, NETWORKS, CONFIG)  # type: ignore[arg-type]
+        _, metrics, _ = iterate(decided(begun(env)))
+        assert float(metrics["learning/kl_mean"]) == pytest.approx(0.0, abs=NOT_MOVED)
+
+    def test_metrics_are_of_episodes_that_ended_and_rewards_of_a_second(self) -> None:
+        _, metrics, _ = self.after(FakeEnvironment(fallen=2, out_of_time=1))
+        assert float(metrics["episode/length_s"]) == pytest.approx(10 * 0.02)
+        assert float(metrics["reward/total"]) == pytest.approx(REWARD / 0.02)
+
+    def test_environments_are_at_the_level_of_the_steps_done(self) -> None:
+        env = FakeEnvironment()
+        state = begun(env)._replace(iteration=jnp.int32(3))
+        _, metrics, _ = ppo.make_iteration(env, NETWORKS, CONFIG)(state)  # type: ignore[arg-type]
+        assert float(metrics["level"]) == 3 * ENVIRONMENTS * UNROLL
+
+    def test_each_iteration_draws_anew(self) -> None:
+        env = FakeEnvironment()
+        iterate = ppo.make_iteration(env, NETWORKS, CONFIG)  # type: ignore[arg-type]
+        first, _, _ = iterate(begun(env))
+        assert int(first.iteration) == 1
+        keys = [ppo.iteration_keys(state, CONFIG) for state in (begun(env), first)]
+        assert not np.array_equal(keys[0][1], keys[1][1])
+        assert not np.array_equal(keys[0][2], keys[1][2])
+
+
+class TestMirror:
+    """Of each vector the first two components change places; the action changes its sign besides."""
+
+    SWAP = EnvironmentMirror(
+        {
+            "state": Mirror(np.array([1, 0, 2]), np.ones(3)),
+            "privileged_state": Mirror(np.array([1, 0]), np.ones(2)),
+        },
+        Mirror(np.array([1, 0]), -np.ones(2)),
+    )
+
+    def begun(self) -> tuple[TrainState, Transition]:
+        """An actor that answers a mirrored observation with anything but the mirror image."""
+        env = FakeEnvironment()
+        env.shown = {name: jnp.arange(1.0, size + 1) + 0 * env.shown[name] for name, size in SIZES.items()}
+        state = decided(begun(env))
+        return state, rolled_out(env, state)
+
+    def test_a_mirrored_policy_that_has_not_changed_has_not_moved(self) -> None:
+        state, rollout = self.begun()
+        still = replace(CONFIG, learning_rate=1e-12, final_learning_rate=0.0, passes=3)
+        _, losses = learnt(state, rollout, still, self.SWAP)
+        assert losses["kl_mean"] == pytest.approx(0.0, abs=NOT_MOVED)
+
+    def test_images_are_of_observation_and_action_and_of_half_of_the_environments(self) -> None:
+        state, rollout = self.begun()
+        data = jax.tree.map(lambda x: jnp.swapaxes(x, 0, 1), rollout)
+        data = data._replace(next_observation=jax.tree.map(lambda x: x[:, None], observation()))
+        behaviour = (state.normalizer, state.params.policy)
+        flipped = 0
+        for seed in range(8):
+            half = ppo.mirror_half(data, self.SWAP, NETWORKS, behaviour, jax.random.PRNGKey(seed))
+            image = np.asarray(half.observation["state"][:, 0, 0] == 2.0)
+            np.testing.assert_array_equal(
+                half.observation["state"][image][..., :2], [[[2, 1]] * UNROLL] * image.sum()
+            )
+            action = np.asarray(data.action)[image][..., ::-1]
+            np.testing.assert_allclose(np.asarray(half.action)[image], -action)
+            np.testing.assert_allclose(np.asarray(half.action)[~image], np.asarray(data.action)[~image])
+            flipped += image.sum()
+        assert 16 < flipped < 48  # of 64
