@@ -48,9 +48,9 @@ class _Pattern(NamedTuple):
 
     step: np.ndarray
     leg: np.ndarray
-    second: np.ndarray  # (n, n) weight shared by two forces through attitude and position
-    first: np.ndarray  # (n, n) the same through the rates
-    linear: np.ndarray  # (3, n, n) Hessian of the translation, per axis
+    second: np.ndarray  # (3n, 3n) weight shared by two forces through attitude and position
+    first: np.ndarray  # (3n, 3n) the same through the rates
+    linear: np.ndarray  # (3n, 3n) Hessian of the translation and of the forces themselves
     even_pull: np.ndarray  # (n,) gradient towards the upward forces that share the weight evenly
     rows: np.ndarray
     upper: np.ndarray
@@ -91,10 +91,7 @@ class ForceProblems:
         flat = turn.reshape(3, 3 * n)
         by_pose = flat.T @ (self._weight_pose[:3, None] * flat)
         by_rate = flat.T @ (self._weight_rate[:3, None] * flat)
-        hessian = by_pose.reshape(3, n, 3, n) * pattern.second[:, None, :]
-        hessian += by_rate.reshape(3, n, 3, n) * pattern.first[:, None, :]
-        for axis in range(3):
-            hessian[axis, :, axis, :] += pattern.linear[axis]
+        hessian = by_pose * pattern.second + by_rate * pattern.first + pattern.linear
 
         # Where the body would be without any force, against where it should be.
         pose = state.pose + self._times * state.rate + self._fallen - reference.pose
@@ -105,7 +102,7 @@ class ForceProblems:
         gradient += pull[_FORCE_AXES] / self._body.mass
         gradient[0] -= pattern.even_pull
         return ForceProblem(
-            hessian.reshape(3 * n, 3 * n),
+            hessian,
             gradient.reshape(3 * n),
             pattern.rows,
             pattern.upper,
@@ -132,11 +129,11 @@ class ForceProblems:
         n = len(step)
         second = (self._second.T @ self._second)[np.ix_(step, step)]
         first = (self._first.T @ self._first)[np.ix_(step, step)]
-        linear = (
-            self._weight_pose[_FORCE_AXES, None, None] * second
-            + self._weight_rate[_FORCE_AXES, None, None] * first
-        ) / self._body.mass**2
-        linear += self._weights.force * np.eye(n)
+        linear = self._weights.force * np.eye(3 * n)
+        for axis, state in enumerate(_FORCE_AXES):
+            block = slice(axis * n, (axis + 1) * n)
+            shared = self._weight_pose[state] * second + self._weight_rate[state] * first
+            linear[block, block] += shared / self._body.mass**2
         friction = self._contact.friction * np.eye(n)
         none = np.zeros((n, n))
         rows = np.block(
@@ -151,8 +148,8 @@ class ForceProblems:
         return _Pattern(
             step,
             leg,
-            second,
-            first,
+            np.tile(second, (3, 3)),
+            np.tile(first, (3, 3)),
             linear,
             self._weights.force * self._body.mass * GRAVITY / standing,
             rows,
