@@ -1,12 +1,10 @@
 """The base estimator, against the true motion of a simulated robot."""
 
-import timeit
-
 import numpy as np
 import pytest
 from direct_plant import DirectPlant, walk
 
-from footfall.deploy.estimator import BaseEstimator
+from footfall.deploy.estimator import BaseEstimator, EstimatorConfig
 from footfall.policies.controllers.trot import Trot
 from footfall.policies.policy import Sensed
 from footfall.robots.description import load_robot
@@ -88,8 +86,115 @@ class TestContacts:
             assert np.isfinite(height)
 
 
-def test_fast_enough_for_the_joint_rate() -> None:
-    estimator, rest, stance = BaseEstimator(ROBOT), at_rest(), np.ones(4)
-    estimator.reset(rest)
-    best = min(timeit.repeat(lambda: estimator.update(rest, stance, 0.002), number=100, repeat=5))
-    assert best / 100 < 500e-6
+class TestFilter:
+    """One step against Kalman's textbook equations, written out for (v, r_1 .. r_4) of one world axis."""
+
+    DT_S, TRUST = 0.002, np.array([1.0, 0.6, 0.0, 0.3])
+
+    def begun(self) -> BaseEstimator:
+        """A filter with a covariance that couples everything."""
+        estimator = BaseEstimator(ROBOT)
+        estimator.reset(at_rest())
+        rng = np.random.default_rng(3)
+        root = 0.02 * rng.standard_normal((5, 5))
+        estimator._covariance = root @ root.T + 1e-5 * np.eye(5)
+        estimator._state = rng.standard_normal((5, 3))
+        return estimator
+
+    def noise(self) -> np.ndarray:
+        return EstimatorConfig().swing_noise ** (2 * (1 - self.TRUST))
+
+    def test_prediction(self) -> None:
+        estimator, config, dt_s = self.begun(), EstimatorConfig(), self.DT_S
+        state, covariance = estimator._state.copy(), estimator._covariance.copy()
+        acceleration, rolling = np.array([1.0, -2.0, 3.0]), np.arange(12.0).reshape(4, 3)
+        # d/dt (v, r_i) = (a, u_i - v): exact for constant a and u.
+        transition = np.eye(5)
+        transition[1:, 0] = -dt_s
+        expected = transition @ state
+        expected[0] += acceleration * dt_s
+        expected[1:] += rolling * dt_s - acceleration * dt_s**2 / 2
+        process = np.diag(
+            [(config.acceleration_noise * dt_s) ** 2]
+            + [(config.foot_drift_noise * dt_s) ** 2 * noise for noise in self.noise()]
+        )
+        estimator._predict(acceleration, rolling, self.noise(), dt_s)
+        np.testing.assert_allclose(estimator._state, expected, rtol=1e-12)
+        np.testing.assert_allclose(
+            estimator._covariance, transition @ covariance @ transition.T + process, rtol=1e-12
+        )
+
+    def test_correction(self) -> None:
+        estimator, config = self.begun(), EstimatorConfig()
+        state, covariance = estimator._state.copy(), estimator._covariance.copy()
+        rng = np.random.default_rng(4)
+        velocity, place = rng.standard_normal((2, 4, 3))
+        measures = np.zeros((8, 5))  # each leg measures v, then each its own r
+        measures[:4, 0] = 1.0
+        measures[4:, 1:] = np.eye(4)
+        variance = np.diag(
+            [*(config.foot_velocity_noise**2 * self.noise()), *[config.foot_place_noise**2] * 4]
+        )
+        gain = covariance @ measures.T @ np.linalg.inv(measures @ covariance @ measures.T + variance)
+        expected = state + gain @ (np.vstack([velocity, place]) - measures @ state)
+        estimator._correct(velocity, place, self.noise())
+        np.testing.assert_allclose(estimator._state, expected, rtol=1e-8, atol=1e-10)
+        np.testing.assert_allclose(
+            estimator._covariance, (np.eye(5) - gain @ measures) @ covariance, rtol=1e-7, atol=1e-12
+        )
+
+
+class TestReadings:
+    """What single readings say, with a filter that is told that nothing stands or everything does."""
+
+    def test_feet_that_stand_under_moving_legs_say_that_the_base_moves(self) -> None:
+        """Points of contact go at (-0.3, 0.1, 0) m/s under the base: it goes the opposite way itself."""
+        estimator, rest, legs, dt_s = BaseEstimator(ROBOT), at_rest(), ROBOT.legs, 0.002
+        up = np.array([0.0, 0.0, 1.0])
+        joint = ROBOT.default_pose.copy()
+        for tick in range(100):
+            pose = legs.pose(joint)
+            contact = pose.jacobian + legs.rolling_offset(pose.axes, up)
+            rates = np.linalg.solve(contact, np.tile([-0.3, 0.1, 0.0], (4, 1))[:, :, None])[:, :, 0]
+            load = contact.transpose(0, 2, 1) @ (estimator._even_force * up)
+            sensed = rest._replace(
+                quaternion=np.array([1.0, 0.0, 0.0, 0.0]),
+                gyro=np.zeros(3),
+                acceleration=9.81 * up,
+                joint_position=joint,
+                joint_velocity=legs.scatter(rates, np.zeros(12)),
+                joint_torque=legs.scatter(-load, np.zeros(12)),
+            )
+            if tick == 0:
+                estimator.reset(sensed)
+            velocity, height = estimator.update(sensed, np.ones(4), dt_s)
+            joint = joint + dt_s * sensed.joint_velocity
+        np.testing.assert_allclose(velocity, [0.3, -0.1, 0.0], atol=0.003)
+        assert height == pytest.approx(-pose.foot[:, 2].mean(), abs=0.003)
+
+    @pytest.mark.parametrize("force", [0.0, 0.7, 1.0])
+    def test_trust_in_a_contact_follows_the_force_on_the_foot(self, force: float) -> None:
+        """None below 0.4 of an even share of the weight, full at all of it, half in the middle."""
+        estimator, rest = BaseEstimator(ROBOT), at_rest()
+        contact = ROBOT.legs.pose(rest.joint_position).jacobian
+        share = np.array([0.0, 0.0, force * estimator._even_force])
+        load = contact.transpose(0, 2, 1) @ share
+        pressed = rest._replace(
+            joint_velocity=np.zeros(12), joint_torque=ROBOT.legs.scatter(-load, np.zeros(12))
+        )
+        estimator.reset(pressed)
+        trust = estimator._contact(pressed, contact, np.array([0.0, 0.0, 1.0]), 0.002)
+        np.testing.assert_allclose(trust, max(0.0, (force - 0.4) / 0.6), atol=0.01)
+
+    def test_turning_about_the_base_is_no_motion_of_the_base(self) -> None:
+        """The accelerometer sits off the base's origin: what it sees of a turn is taken off again."""
+        estimator, rest = BaseEstimator(ROBOT), at_rest()
+        estimator._imu = np.array([0.1, 0.0, 0.0])
+        turning = rest._replace(quaternion=np.array([1.0, 0.0, 0.0, 0.0]), gyro=np.array([0.0, 0.0, 2.0]))
+        estimator.reset(turning)
+        estimator._state[0] = [0.0, 0.2, 0.0]  # w x arm
+        estimator._covariance[0, 0] = 1e-12
+        velocity, _ = estimator.update(
+            turning._replace(acceleration=np.array([0.0, 0.0, 9.81])), np.zeros(4), 1e-6
+        )
+        np.testing.assert_allclose(velocity, 0.0, atol=1e-3)

@@ -1,4 +1,4 @@
-"""Small policies for tests: a network of one layer that always answers zero."""
+"""Small policies for tests: networks of one layer."""
 
 from pathlib import Path
 from types import ModuleType
@@ -25,19 +25,24 @@ def write_policy(onnx: ModuleType, path: Path, robot_folder: Path, contract: boo
         kd=tuple(robot.kd.tolist()),
         commands=CommandRange((-1.0, 1.0), (-1.0, 1.0), (-1.0, 1.0)),
     )
-    helper, number = onnx.helper, onnx.TensorProto.FLOAT
     size, actions = observation_size(terms), len(robot.joint_names)
-    weights = onnx.numpy_helper.from_array(np.zeros((size, actions), np.float32), "weights")
+    return write_network(onnx, path, np.zeros((size, actions), np.float32), terms if contract else None)
+
+
+def write_network(onnx: ModuleType, path: Path, weights: np.ndarray, contract: Contract | None) -> Path:
+    """A network of one layer, action = observation @ weights, (observation size, joints) float32."""
+    helper, number = onnx.helper, onnx.TensorProto.FLOAT
+    size, actions = weights.shape
     graph = helper.make_graph(
         [helper.make_node("MatMul", ["observation", "weights"], ["action"])],
-        "still",
+        "one_layer",
         [helper.make_tensor_value_info("observation", number, ["batch", size])],
         [helper.make_tensor_value_info("action", number, ["batch", actions])],
-        [weights],
+        [onnx.numpy_helper.from_array(weights, "weights")],
     )
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)])
     model.ir_version = 8
-    if contract:
-        helper.set_model_props(model, {CONTRACT_KEY: terms.to_json()})
+    if contract is not None:
+        helper.set_model_props(model, {CONTRACT_KEY: contract.to_json()})
     onnx.save(model, path)
     return path

@@ -1,0 +1,147 @@
+"""What the MPC commands in single moments."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from footfall.policies.controllers.mpc import Mpc
+from footfall.policies.controllers.mpc.config import MpcConfig
+from footfall.policies.controllers.mpc.legs import LegControl
+from footfall.policies.controllers.settings import controller_settings
+from footfall.policies.policy import Observation, Sensed
+from footfall.robots.actuator import JointCommand
+from footfall.robots.description import load_robot, load_spec
+from footfall.robots.rigid_body import nominal_body
+
+ROBOT = load_robot("go1")
+CONFIG = controller_settings(ROBOT, "mpc", MpcConfig)
+LEGS = ROBOT.legs
+UP = np.array([0.0, 0.0, 1.0])
+TROT = np.array([True, False, False, True])
+HEIGHT = float(LEGS.foot_radius.mean() - LEGS.default_foot[:, 2].mean())  # of the base, in the default pose
+
+
+def standing(
+    yaw: float = 0.0,
+    time_s: float = 0.0,
+    command: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    velocity: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> Observation:
+    """In the default pose, level, base velocity in the body frame."""
+    still = np.zeros(len(ROBOT.joint_names))
+    quaternion = np.array([np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)])
+    sensed = Sensed(np.zeros(3), 9.81 * UP, quaternion, ROBOT.default_pose, still, still)
+    return Observation(time_s, sensed, np.array(command), np.array(velocity), HEIGHT - LEGS.foot_radius[0])
+
+
+def forces(command: JointCommand) -> np.ndarray:
+    """Forces of the ground (legs, 3) that feed-forward torques of legs at rest stand for, base frame."""
+    pose = LEGS.pose(ROBOT.default_pose)
+    contact = pose.jacobian + LEGS.rolling_offset(pose.axes, UP)
+    torque = LEGS.gather(command.torque)[:, :, None]
+    return -np.linalg.solve(contact.transpose(0, 2, 1), torque)[:, :, 0]
+
+
+def yaw_moment(force: np.ndarray) -> float:
+    """About the vertical through the base, N m."""
+    feet = LEGS.default_foot
+    return float((feet[:, 0] * force[:, 1] - feet[:, 1] * force[:, 0]).sum())
+
+
+class TestStanding:
+    @pytest.mark.parametrize("yaw", [0.0, 2.0, -2.0])
+    def test_reset_at_any_heading_commands_no_turn(self, yaw: float) -> None:
+        policy = Mpc(ROBOT)
+        policy.reset(standing(yaw))
+        force = forces(policy.act(standing(yaw)))
+        assert yaw_moment(force) == pytest.approx(0.0, abs=0.01)
+        assert force[:, 2].sum() == pytest.approx(nominal_body(ROBOT).mass * 9.81, rel=0.02)
+
+    def test_turned_to_the_left_since_it_pushes_back_to_the_right(self) -> None:
+        policy = Mpc(ROBOT)
+        policy.reset(standing(2.0))
+        assert yaw_moment(forces(policy.act(standing(2.1)))) < -0.5
+
+    @pytest.mark.parametrize("yaw", [0.0, 2.0])
+    def test_a_push_to_the_left_is_met_with_force_to_the_right(self, yaw: float) -> None:
+        policy = Mpc(ROBOT)
+        policy.reset(standing(yaw))
+        force = forces(policy.act(standing(yaw, velocity=(0.0, 0.2, 0.0))))
+        assert force[:, 1].sum() < -5.0
+        assert abs(force[:, 0].sum()) < 1.0
+
+
+class TestLegs:
+    """`LegControl` with a diagonal down, in the default pose."""
+
+    FORCE = np.array([[3.0, -5.0, 60.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [-8.0, 2.0, 40.0]])
+
+    def command(
+        self,
+        velocity: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        yaw_rate: float = 0.0,
+        swing_velocity: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    ) -> JointCommand:
+        legs = LegControl(ROBOT, LEGS, nominal_body(ROBOT), CONFIG)
+        swing = np.zeros((2, 3, 3))
+        swing[:, 0] = LEGS.default_foot[1:3]
+        swing[:, 1] = swing_velocity
+        pose = LEGS.pose(ROBOT.default_pose)
+        return legs.command(
+            ROBOT.default_pose,
+            pose,
+            TROT,
+            self.FORCE,
+            np.array(velocity),
+            yaw_rate * UP,
+            UP,
+            [1, 2],
+            swing,
+        )
+
+    def test_standing_legs_are_sources_of_force_and_swinging_legs_follow(self) -> None:
+        command = self.command()
+        kp, kd = LEGS.gather(command.kp), LEGS.gather(command.kd)
+        np.testing.assert_array_equal(kp[TROT], 0.0)
+        np.testing.assert_array_equal(kp[~TROT], CONFIG.swing.kp)
+        np.testing.assert_array_equal(kd[TROT], CONFIG.stance.kd)
+        np.testing.assert_array_equal(kd[~TROT], CONFIG.swing.kd)
+        assert CONFIG.stance.kd != CONFIG.swing.kd
+        np.testing.assert_allclose(LEGS.gather(command.position)[~TROT], LEGS.default_angles[~TROT])
+
+    def test_torques_hold_the_forces_at_the_points_of_contact(self) -> None:
+        """Against MuJoCo's Jacobian of the lowest point of each foot: torque = -J' f."""
+        model = load_spec(ROBOT.xml_path).compile()
+        data = mujoco.MjData(model)
+        data.qpos[:7] = [0, 0, 0, 1, 0, 0, 0]
+        joints = [model.joint(name).id for name in ROBOT.joint_names]
+        data.qpos[model.jnt_qposadr[joints]] = ROBOT.default_pose
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        torque = LEGS.gather(self.command().torque)
+        for leg in (0, 3):
+            geom = model.geom(ROBOT.description.feet[leg].geom).id
+            jacobian = np.zeros((3, model.nv))
+            lowest = data.geom_xpos[geom] - LEGS.foot_radius[leg] * UP
+            mujoco.mj_jac(model, data, jacobian, None, lowest, model.geom_bodyid[geom])
+            dofs = model.jnt_dofadr[np.array(joints)[LEGS.joints[leg]]]
+            np.testing.assert_allclose(torque[leg], -jacobian[:, dofs].T @ self.FORCE[leg], atol=1e-9)
+
+    def test_standing_feet_pass_under_the_base_as_commanded(self) -> None:
+        """Points of contact move at -(v + w x r)."""
+        velocity, yaw_rate = np.array([0.4, 0.1, 0.0]), 0.5
+        command = self.command(tuple(velocity), yaw_rate)
+        pose = LEGS.pose(ROBOT.default_pose)
+        contact = pose.jacobian + LEGS.rolling_offset(pose.axes, UP)
+        moved = (contact @ LEGS.gather(command.velocity)[:, :, None])[:, :, 0]
+        for leg in (0, 3):
+            expected = -(velocity + np.cross([0.0, 0.0, yaw_rate], pose.foot[leg]))
+            np.testing.assert_allclose(moved[leg], expected, atol=1e-9)
+
+    def test_friction_is_fed_forward_along_the_wanted_motion(self) -> None:
+        """At more than its friction speed a joint gets all of the share that is compensated."""
+        fast = self.command(swing_velocity=(1.0, 0.5, 1.0))
+        speed, torque = LEGS.gather(fast.velocity)[1], LEGS.gather(fast.torque)[1]
+        expected = CONFIG.friction_compensation * LEGS.gather(ROBOT.motor.friction)[1] * np.sign(speed)
+        assert np.all(np.abs(speed) > LEGS.gather(ROBOT.motor.friction_speed)[1])
+        np.testing.assert_allclose(torque, expected)
