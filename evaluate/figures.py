@@ -119,11 +119,11 @@ def beats(figure: Figure, one: Summary, other: Summary) -> bool:
 
 
 def leaders(figure: Figure, summaries: Sequence[Summary]) -> set[int]:
-    """The fewest policies that each beat everybody else; empty where no difference is clear."""
-    everybody = range(len(summaries))
-    for size in range(1, len(summaries)):
-        for group in combinations(everybody, size):
-            rest = [index for index in everybody if index not in group]
+    """The fewest policies that each beat all others of whom the figure is known; empty where none do."""
+    known = [index for index, summary in enumerate(summaries) if interval(figure, summary) is not None]
+    for size in range(1, len(known)):
+        for group in combinations(known, size):
+            rest = [index for index in known if index not in group]
             if all(beats(figure, summaries[one], summaries[other]) for one in group for other in rest):
                 return set(group)
     return set()

@@ -1,4 +1,8 @@
-"""Many independent tasks on many processes, none of them lost: each ends in a value or in an error."""
+"""Many independent tasks on many processes, none of them lost: each ends in a value or in an error.
+
+pebble's pool names the task whose process died as well, but not if it ended with status 0 (seen with 5.2.3):
+then it waits for ever.
+"""
 
 import multiprocessing
 import os

@@ -107,6 +107,11 @@ class TestPlans:
         assert len(met) == 8 * len(scenario.levels["push_m_s"])
         assert set(met.values()) == {1}
 
+    def test_few_pushes_come_from_many_directions(self) -> None:
+        plans = plan_episodes("push", FILE.scenarios["push"], 0, 12)
+        assert len({plan.levels["push_m_s"] for plan in plans}) == 12
+        assert len({plan.levels["push_direction_deg"] for plan in plans}) > 3
+
     def test_a_push_has_the_size_and_direction_that_its_levels_say_and_comes_at_any_phase(self) -> None:
         plans = plan_episodes("push", FILE.scenarios["push"], 0)
         for plan in plans:

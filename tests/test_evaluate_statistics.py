@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+import scipy.stats
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -27,6 +28,11 @@ class TestWilsonInterval:
     def test_textbook_value(self) -> None:
         assert wilson_interval(10, 100) == pytest.approx((0.05522914, 0.17436566))
 
+    @pytest.mark.parametrize(("successes", "trials"), [(0, 1), (1, 7), (12, 24), (96, 96), (499, 500)])
+    def test_is_as_scipy_has_it(self, successes: int, trials: int) -> None:
+        theirs = scipy.stats.binomtest(successes, trials).proportion_ci(method="wilson")
+        assert wilson_interval(successes, trials) == pytest.approx((theirs.low, theirs.high))
+
     def test_no_falls_in_100_still_leave_room_for_some(self) -> None:
         assert wilson_interval(0, 100) == pytest.approx((0.0, 0.0369935), abs=1e-6)
 
@@ -47,6 +53,20 @@ class TestBootstrap:
         low, high = bootstrap_mean_interval(values, np.ones(len(values)))
         slack = 1e-9 * max(1.0, *map(abs, values))
         assert min(values) - slack <= low <= high <= max(values) + slack
+
+    def test_is_as_scipy_has_it_for_weighted_episodes(self) -> None:
+        rng = np.random.default_rng(4)
+        values, weights = rng.normal(size=60), rng.uniform(1.0, 20.0, 60)
+        theirs = scipy.stats.bootstrap(
+            (values, weights),
+            lambda value, weight, axis: (value * weight).sum(axis=axis) / weight.sum(axis=axis),
+            paired=True,
+            method="percentile",
+            rng=rng,
+        ).confidence_interval
+        assert bootstrap_mean_interval(values, weights) == pytest.approx(
+            (theirs.low, theirs.high), abs=0.1 * (theirs.high - theirs.low)
+        )
 
     def test_shrinks_as_episodes_are_added(self) -> None:
         values = np.random.default_rng(0).normal(size=400)

@@ -70,6 +70,33 @@ class TestSummary:
         assert summary["cost_of_transport"] == pytest.approx(1250.0 / (125.0 * 5.0 + 250.0 * 1.0))
         assert summary["positive_work_j_m"] == pytest.approx(600.0 / 6.0)
 
+    def test_mean_velocity_is_over_the_scored_time_of_all_episodes(self) -> None:
+        short_and_still = replace(GOOD, scored_s=2.0, mean_velocity=(0.0, 1.0, -0.5))
+        assert nominal(GOOD, short_and_still)["mean_velocity"] == pytest.approx([0.4, 0.2, -0.1])
+
+    def test_slip_is_over_the_time_of_stance_and_peaks_are_of_the_worst_episode(self) -> None:
+        slipping = replace(
+            GOOD, stance_s=60.0, foot_slip_m_s=0.25, peak_torque_nm=33.0, peak_torque_share=1.0
+        )
+        summary = nominal(GOOD, slipping, GOOD)
+        assert summary["foot_slip_m_s"] == pytest.approx((20 * 0.05 + 60 * 0.25 + 20 * 0.05) / 100)
+        assert (summary["peak_torque_nm"], summary["peak_torque_share"]) == (33.0, 1.0)
+
+    def test_rates_are_root_mean_squares_over_walked_time(self) -> None:
+        jerky = replace(GOOD, walked_s=30.0, target_rate_rad_s=6.0)
+        expected = np.sqrt((10.0 * 2.0**2 + 30.0 * 6.0**2) / 40.0)
+        assert nominal(GOOD, jerky)["target_rate_rad_s"] == pytest.approx(expected)
+
+    def test_an_interval_is_about_its_own_figure(self) -> None:
+        summary = nominal(*[replace(GOOD, lin_vel_mse=error**2) for error in np.linspace(0.1, 0.3, 30)])
+        low, high = summary["lin_vel_rmse_interval"]
+        assert 0.15 < low < summary["lin_vel_rmse"] < high < 0.26
+        assert summary["yaw_rate_rmse_interval"] == pytest.approx([0.2, 0.2])
+
+    def test_emergency_stops_are_counted_among_the_falls(self) -> None:
+        summary = nominal(GOOD, FELL, replace(FELL, emergency_stop=True))
+        assert (summary["falls"], summary["emergency_stops"]) == (2, 1)
+
     def test_a_command_that_holds_throughout_gives_a_mean_speed(self) -> None:
         assert summarise(SCENARIOS["forward"], [outcome()], 0)["mean_forward_m_s"] == 0.5
         assert "mean_forward_m_s" not in nominal(GOOD)
@@ -107,6 +134,8 @@ class TestSummary:
             (1.5, 4),
             (2.0, 4),
         ]
+        assert [row["episodes"] for row in summary["rows"]] == [4, 4, 4, 4]
+        assert summary["rows"][3]["fall_rate_interval"] == pytest.approx([0.5101, 1.0], abs=1e-4)
 
     def test_reasons_for_falls_are_counted(self) -> None:
         outcomes = [outcome(FELL, trouble="the base touched the ground")] * 2 + [outcome()]

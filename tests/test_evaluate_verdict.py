@@ -70,6 +70,11 @@ class TestBest:
         assert leaders(ERROR, summaries) == {0, 2}
         assert best(ERROR, summaries) is None
 
+    def test_who_has_no_figure_is_no_rival(self) -> None:
+        still = scored(0.2) | {"lin_vel_rmse": None, "lin_vel_rmse_interval": [None, None]}
+        assert best(ERROR, [scored(0.1, 0.01), still, scored(0.2, 0.01)]) == 0
+        assert best(ERROR, [scored(0.1, 0.01), still]) is None
+
     def test_a_policy_whose_episodes_all_failed_beats_nobody(self) -> None:
         failed = {"episodes": 0, "failed_episodes": ["episode 0: no"]}
         assert best(ERROR, [failed, scored(0.1)]) is None
@@ -96,6 +101,12 @@ class TestVerdict:
         assert "a and b follow the commanded velocity most closely (0.100 and 0.110 m/s, next c" in verdict(
             {"nominal": summaries}
         )
+
+    def test_the_next_is_the_best_of_the_others(self) -> None:
+        pushes = {"c": pushed(1.0, 0.9, 1.1), "b": pushed(2.0, 1.9, 2.1), "a": pushed(3.0, 2.9, 3.1)}
+        assert "a survives the hardest pushes (3.00 m/s, next b with 2.00)" in verdict({"push": pushes})
+        errors = {"c": scored(0.9), "b": scored(0.5), "a": scored(0.1)}
+        assert "(0.100 m/s, next b with 0.500)" in verdict({"nominal": errors})
 
     def test_overlapping_intervals_are_no_clear_difference(self) -> None:
         sentence = verdict({"nominal": {"a": scored(0.1, 0.05), "b": scored(0.12, 0.05, falls=1)}})

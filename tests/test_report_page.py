@@ -299,11 +299,11 @@ class TestFilm:
     def test_the_command_is_written_in_words(self, command: tuple[float, ...], words: str) -> None:
         assert in_words(np.array(command)) == words
 
-    def test_the_line_changes_the_foot_of_the_picture_only(self) -> None:
+    def test_the_line_changes_the_top_of_the_picture_only(self) -> None:
         picture = np.full((400, 640, 3), 120, np.uint8)
         walking = written_on(picture, 3.2, np.array([0.5, 0.0, 0.0]), None)
         fallen = written_on(picture, 3.2, np.array([0.5, 0.0, 0.0]), 3.0)
         assert np.all(picture == 120)
-        assert np.array_equal(walking[:340], picture[:340])
-        assert walking[365:].max() == 255
+        assert np.array_equal(walking[60:], picture[60:])
+        assert walking[:40].max() == 255
         assert not np.array_equal(walking, fallen)

@@ -1,11 +1,11 @@
-"""The line of text at the foot of a film: the time, what is commanded, and a fall."""
+"""The line of text at the top of a film, clear of a player's controls: time, command, a fall."""
 
 from functools import cache
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-TEXT_HEIGHT, MARGIN = 21, 8  # pixels
+TEXT_HEIGHT, TEXT_TOP, MARGIN = 21, 5, 8  # pixels
 WHITE, RED, SHADE = (255, 255, 255), (255, 150, 140), 0.45
 AXES = (("forward", "backward", "m/s"), ("left", "right", "m/s"), ("turn left", "turn right", "rad/s"))
 
@@ -13,7 +13,7 @@ AXES = (("forward", "backward", "m/s"), ("left", "right", "m/s"), ("turn left", 
 def written_on(
     picture: np.ndarray, time_s: float, command: np.ndarray, fell_at_s: float | None
 ) -> np.ndarray:
-    """A copy of a picture (height, width, 3) uint8 with the line at its foot.
+    """A copy of a picture (height, width, 3) uint8 with the line at its top.
 
     Args:
         picture: what was rendered.
@@ -23,13 +23,12 @@ def written_on(
     """
     copy = picture.copy()
     band = TEXT_HEIGHT + 2 * MARGIN
-    copy[-band:] = (copy[-band:] * SHADE).astype(np.uint8)
+    copy[:band] = (copy[:band] * SHADE).astype(np.uint8)
     image = Image.fromarray(copy)
     draw = ImageDraw.Draw(image)
-    top = image.height - band + MARGIN - 3
-    draw.text((MARGIN, top), f"{time_s:.1f} s", WHITE, _font())
-    text = in_words(command) if fell_at_s is None else f"fell at {fell_at_s:.1f} s"
-    draw.text((image.width - MARGIN, top), text, WHITE if fell_at_s is None else RED, _font(), anchor="ra")
+    draw.text((MARGIN, TEXT_TOP), f"{time_s:.1f} s", WHITE, _font())
+    text, ink = (in_words(command), WHITE) if fell_at_s is None else (f"fell at {fell_at_s:.1f} s", RED)
+    draw.text((image.width - MARGIN, TEXT_TOP), text, ink, _font(), anchor="ra")
     return np.asarray(image)
 
 

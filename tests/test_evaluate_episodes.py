@@ -1,0 +1,83 @@
+"""One episode as a worker runs it: what of its plan reaches the simulated robot, and what is scored."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from footfall.domain_rand.noise import Noise
+from footfall.evaluate.episodes import EpisodeOutcome, EpisodeTask, run_task
+from footfall.evaluate.plan import CommandSchedule, EpisodePlan
+from footfall.plant.episode import Push
+from footfall.robots.description import Robot
+
+GRAVITY = 9.81
+QUIET = Noise(joint_position=0.0, joint_velocity=0.0, gyro=0.0, gravity=0.0)
+PLAN = EpisodePlan(
+    scenario="own",
+    index=0,
+    seed=5,
+    duration_s=0.5,
+    schedule=CommandSchedule((0.0,), ((0.5, 0.0, 0.0),)),
+    pushes=(),
+    levels={},
+    randomised=False,
+)
+
+
+def run(policy: str, noise: Noise = QUIET, **changes: Any) -> EpisodeOutcome:
+    return run_task(EpisodeTask(policy, "go1", replace(PLAN, **changes), noise, keep_trace=True))
+
+
+def targets(outcome: EpisodeOutcome) -> np.ndarray:
+    assert outcome.trace is not None
+    return outcome.trace.joint_target
+
+
+def test_noise_reaches_the_readings_that_a_policy_acts_on() -> None:
+    still, noisy = run("go1-flat"), run("go1-flat", replace(QUIET, gyro=0.2))
+    assert np.abs(targets(still) - targets(noisy)).max() > 1e-3
+    other_seed = run("go1-flat", replace(QUIET, gyro=0.2), seed=6)
+    assert not np.array_equal(targets(noisy), targets(other_seed))
+
+
+def test_an_episode_does_not_depend_on_the_one_before_it_in_the_same_process() -> None:
+    first = run("go1-flat")
+    run("go1-flat", schedule=CommandSchedule((0.0,), ((-0.5, 0.3, 0.8),)))
+    assert np.array_equal(targets(first), targets(run("go1-flat")))
+
+
+def test_a_policy_is_handed_the_true_velocity_only_where_a_study_asks_for_it() -> None:
+    task = EpisodeTask("mpc", "go1", replace(PLAN, duration_s=0.2), QUIET, keep_trace=True)
+    estimating, knowing = (run_task(replace(task, ground_truth=truth)).trace for truth in (False, True))
+    assert estimating is not None
+    assert knowing is not None
+    assert np.array_equal(knowing.estimated_velocity, knowing.base_velocity)
+    assert not np.allclose(estimating.estimated_velocity, estimating.base_velocity, atol=1e-3)
+
+
+def test_a_load_raises_the_weight_that_transport_is_paid_for() -> None:
+    bare, loaded = (run("stand", levels={"payload_kg": load}).metrics.weight_n for load in (0.0, 3.0))
+    assert loaded - bare == pytest.approx(3.0 * GRAVITY, rel=1e-6)
+
+
+def test_the_weight_is_the_robots(go1: Robot) -> None:
+    mass_kg = run("stand").metrics.weight_n / GRAVITY
+    assert mass_kg == pytest.approx(12.0, abs=1.5)  # published: 12 kg with battery
+
+
+def test_a_push_changes_the_velocity_at_once() -> None:
+    outcome = run("stand", pushes=(Push(0.2, (0.0, 1.0, 0.0)),))
+    trace = outcome.trace
+    assert trace is not None
+    leftward = np.interp([0.19, 0.22], trace.time_s, trace.base_velocity[:, 1])
+    assert abs(leftward[0]) < 0.05
+    assert leftward[1] > 0.5
+
+
+def test_the_reason_of_a_fall_is_kept() -> None:
+    outcome = run("stand", pushes=(Push(0.1, (0.0, 8.0, 0.0)),), duration_s=2.0)
+    assert outcome.metrics.fell
+    assert outcome.trouble
+    assert run("stand").trouble == ""
