@@ -68,6 +68,14 @@ def test_included_files_count(go1: Robot, own_folder: Path) -> None:
     assert load_robot(own_folder).digest != go1.digest
 
 
+def test_feet_count_even_if_they_touch_nothing_in_the_mjcf(own_folder: Path) -> None:
+    """Training lets them touch the floor."""
+    edit(own_folder, "robot.xml", 'size="0.023"', 'size="0.023" contype="0" conaffinity="0"')
+    before = load_robot(own_folder).digest
+    edit(own_folder, "robot.xml", 'friction="0.8"', 'friction="0.9"')
+    assert load_robot(own_folder).digest != before
+
+
 def test_the_last_bits_do_not_count(go1: Robot) -> None:
     """Another machine may round them otherwise."""
     model = load_spec(go1.xml_path).compile()

@@ -69,6 +69,20 @@ def test_training_model_has_the_plants_body(go1: Robot, lean: mujoco.MjModel) ->
         np.testing.assert_allclose(getattr(lean, field), getattr(plant, field), rtol=1e-12, atol=1e-15)
 
 
+def test_bodies_keep_the_inertia_that_left_out_geoms_give_them(own_folder: Path) -> None:
+    xml = own_folder / "robot.xml"
+    text = re.sub(r"<inertial [^>]*/>", "", xml.read_text())
+    xml.write_text(
+        text.replace('group="3" condim="3" friction="0.6" density="0"', 'group="3" density="2000"')
+    )
+    xml.write_text(xml.read_text().replace('material="dark"', 'material="dark" density="500"'))
+    robot = load_robot(own_folder)
+    trained, plant = training_model(robot), plant_model(robot)
+    assert np.abs(plant.body_ipos[1:]).max() > 0.01
+    for field in ("body_mass", "body_inertia", "body_ipos", "body_iquat"):
+        np.testing.assert_allclose(getattr(trained, field), getattr(plant, field), rtol=1e-12, atol=1e-15)
+
+
 def test_training_model_is_lean(go1: Robot, lean: mujoco.MjModel) -> None:
     assert lean.ngeom == len(go1.description.feet) + 1
     assert lean.nu == lean.nsensor == lean.nkey == 0

@@ -49,6 +49,16 @@ def test_feet_of_any_shape_touch_with_their_lowest_point(go1: Robot, own_folder:
         assert (data.ncon > 0) is touches
 
 
+def test_the_lowest_foot_decides(go1: Robot, own_folder: Path) -> None:
+    xml = own_folder / "robot.xml"
+    text = xml.read_text()
+    short = '<geom name="RL_foot" class="foot"/>'
+    assert short in text
+    xml.write_text(text.replace(short, '<geom name="RL_foot" class="foot" pos="0 0 -0.15"/>'))
+    touching = touching_height(go1.description, load_spec(xml).compile())
+    assert touching == pytest.approx(FOOT_BELOW_BASE_M + 0.023)
+
+
 @pytest.mark.parametrize(("said", "true"), [(0.278, False), (2.0, False), (0.299, True), (0.290, True)])
 def test_a_height_at_which_no_foot_touches_is_refused(own_folder: Path, said: float, true: bool) -> None:
     declaration = own_folder / "robot.yaml"
