@@ -4,8 +4,10 @@ import re
 import shlex
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
+import yaml
 
 from footfall.cli import app
 
@@ -90,6 +92,20 @@ def test_the_index_names_every_page() -> None:
     pages = {page.name for page in ROOT.glob("docs/*.md")} - {"README.md"}
     named = set(LINK.findall((ROOT / "docs/README.md").read_text(encoding="utf-8")))
     assert pages - named == set()
+
+
+@pytest.mark.parametrize("file", ["robot.yaml", "controllers.yaml"])
+def test_every_field_of_a_robot_is_explained(file: str) -> None:
+    def fields(content: Any) -> Iterator[str]:
+        for part in content if isinstance(content, list) else [content]:
+            if isinstance(part, dict):
+                for name, inner in part.items():
+                    yield from [name] if not isinstance(inner, dict) else fields(inner)
+                    yield from fields(inner) if isinstance(inner, list) else []
+
+    content = yaml.safe_load((ROOT / "robots/go1" / file).read_text(encoding="utf-8"))
+    explained = set(re.findall(r"\w+", " ".join(codes(ROOT / "docs/robots.md"))))
+    assert set(fields(content)) - explained == set()
 
 
 def test_command_lines_are_found() -> None:
