@@ -179,7 +179,7 @@ def _probe(code: str, **environment: str) -> tuple[bool, str]:
     """Run Python apart; returns whether it succeeded, and its last line."""
     try:
         done = subprocess.run(
-            [sys.executable, "-c", code],
+            [sys.executable, "-P", "-c", code],
             env=os.environ | environment,
             capture_output=True,
             text=True,

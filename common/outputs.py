@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -31,7 +32,7 @@ def check_outputs(*paths: Path | None) -> None:
             there = _folder(path).is_dir()
             reason = error.strerror if there else f"there is no folder {_folder(path)}"
             raise UserError(f"cannot write {path}: {reason}") from None
-    if len({path.resolve() for path in given}) < len(given):
+    if len({_target(path) for path in given}) < len(given):
         raise UserError(f"cannot write two outputs to {given[0]}: give each a name of its own")
 
 
@@ -45,7 +46,7 @@ def write_text(path: Path, text: str) -> None:
         if is_device(path):
             path.write_text(text, encoding="utf-8")
         else:
-            write_atomically(path.resolve(), text.encode())
+            write_atomically(_target(path), text.encode())
     except OSError as error:
         raise UserError(f"cannot write {path}: {error.strerror}") from None
 
@@ -61,8 +62,13 @@ def is_device(path: Path) -> bool:
     return path.exists() and not path.is_file() and not path.is_dir()
 
 
+def _target(path: Path) -> Path:
+    """Where a path leads; of links in a circle, which `Path.resolve` fails on, the path itself."""
+    return Path(os.path.realpath(path))
+
+
 def _folder(path: Path) -> Path:
-    return path.resolve().parent
+    return _target(path).parent
 
 
 def _plain(value: Any) -> Any:

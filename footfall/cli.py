@@ -1,5 +1,6 @@
 """The front door: parses, runs a verb, and turns whatever went wrong into one line and an exit status."""
 
+import io
 import os
 import signal
 import sys
@@ -46,6 +47,9 @@ def main(tokens: Sequence[str] | None = None) -> int:
     and keeps its traceback.
     """
     arguments = list(sys.argv[1:] if tokens is None else tokens)
+    _print_any_name()
+    if "" in arguments:
+        return _complain(f"an empty argument: give a value, or leave it out {_where_to_look(arguments)}")
     try:
         with _interrupted_by_sigterm():
             status = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
@@ -86,6 +90,13 @@ def _interrupted_by_sigterm() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+def _print_any_name() -> None:
+    """Let no file's name or robot's name fail for a character that the terminal's encoding lacks."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
 
 
 def _stop_writing() -> None:

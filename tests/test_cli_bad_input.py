@@ -1,6 +1,5 @@
 """Every kind of bad input ends in one line that says what is wrong, status 2, and nothing written."""
 
-import os
 import socket
 from pathlib import Path
 
@@ -59,6 +58,8 @@ def nothing_is_left_behind(shell: Shell, tmp_path: Path):
         (["train", "--process", "0.6"], ["--process", "whole number"]),
         (["export"], ["RUN"]),
         (["replay"], ["LOG"]),
+        (["deploy", "stand", "--json", ""], ["empty argument", "footfall deploy --help"]),
+        (["train", "--out", ""], ["empty argument", "footfall train --help"]),
     ],
 )
 def test_what_does_not_parse(shell: Shell, tokens: list[str], wanted: list[str]) -> None:
@@ -217,11 +218,11 @@ class TestOutputs:
     def test_a_folder_that_takes_no_files(self, shell: Shell, tokens: list[str]) -> None:
         assert "/proc/out" in shell.refuses(*tokens, "/proc/out")
 
-    @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
-    def test_a_folder_without_permission(self, shell: Shell, tokens: list[str], tmp_path: Path) -> None:
-        folder = _folder(tmp_path / "locked")
-        folder.chmod(0o500)
-        assert "Permission denied" in shell.refuses(*tokens, folder / "out")
+
+def test_an_output_that_is_a_link_to_itself(shell: Shell, tmp_path: Path) -> None:
+    loop = tmp_path / "loop"
+    loop.symlink_to(loop)
+    assert "symbolic links" in shell.refuses("deploy", "stand", "--duration", "0.1", "--log", loop)
 
 
 def test_two_outputs_of_one_name(shell: Shell, tmp_path: Path) -> None:
@@ -234,6 +235,15 @@ def test_training_into_a_folder_in_use(shell: Shell, own_folder: Path) -> None:
     before = sorted(own_folder.iterdir())
     assert "not empty" in shell.refuses("train", "--preset", "smoke", "--out", own_folder)
     assert sorted(own_folder.iterdir()) == before
+
+
+def test_demo_with_a_preset_that_is_not_there(shell: Shell) -> None:
+    assert "no preset 'huge'" in shell.refuses("demo", "--preset", "huge")
+
+
+@pytest.mark.parametrize("file", ["/", ".."])
+def test_recovering_a_folder(shell: Shell, file: str) -> None:
+    assert "cannot read the log" in shell.refuses("log", "recover", file)
 
 
 def test_demo_into_a_folder_in_use(shell: Shell, own_folder: Path) -> None:

@@ -1,10 +1,13 @@
 """The installed command, in a process of its own: what only a real process shows."""
 
+import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -77,18 +80,90 @@ def test_deploy_needs_no_learning_library(tmp_path: Path) -> None:
     assert "[train]'" in refused.stderr
 
 
-def test_ctrl_c_ends_a_run_without_a_traceback(tmp_path: Path) -> None:
+def test_ctrl_c_ends_a_run_in_an_orderly_way(tmp_path: Path) -> None:
+    """It damps the robot and switches its motors off, and its figures are written."""
+    figures = tmp_path / "a.json"
     process = subprocess.Popen(
-        [*FOOTFALL, "deploy", "stand", "--realtime", "--duration", "60", "--json", str(tmp_path / "a.json")],
+        [*FOOTFALL, "deploy", "stand", "--realtime", "--duration", "600", "--json", figures],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
     )
-    time.sleep(4.0)
+    assert process.stdout is not None
+    assert "WALKING" in process.stdout.readline()  # the first of the lines that it prints as it goes
     process.send_signal(signal.SIGINT)
-    _, complaint = process.communicate(timeout=20)
-    assert "Traceback" not in complaint
-    assert process.returncode in {0, 1, 130}
+    _, complaint = process.communicate(timeout=60)
+    assert (process.returncode, complaint) == (0, "")
+    ended = json.loads(figures.read_text())
+    assert ended["final_state"] == "IDLE"
+    assert 0.0 < ended["walked_s"] < 60.0
+
+
+@pytest.mark.parametrize(
+    ("number", "status", "complaint"),
+    [(signal.SIGINT, 130, "footfall: interrupted\n"), (signal.SIGTERM, 143, "footfall: terminated\n")],
+)
+def test_a_signal_ends_an_evaluation_and_its_processes(
+    tmp_path: Path, number: signal.Signals, status: int, complaint: str
+) -> None:
+    process = subprocess.Popen(
+        [*FOOTFALL, "evaluate", "trot", "--scenarios", "gentle", "--episodes", "5000", "--workers", "2"],
+        cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True, start_new_session=True,
+        env=os.environ | {"TMPDIR": str(tmp_path)},
+    )  # fmt: skip
+    deadline = time.monotonic() + 60
+    while len(processes_of(process.pid)) < 3 and time.monotonic() < deadline:
+        time.sleep(0.1)
+    time.sleep(1.0)
+    process.send_signal(number)
+    _, told = process.communicate(timeout=60)
+    assert (process.returncode, told) == (status, complaint)
+    assert processes_of(process.pid) == []
+    assert list(tmp_path.iterdir()) == []
+
+
+def processes_of(session: int) -> list[int]:
+    """The processes of a session, those that are only waiting to be collected left out."""
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            state, _, _, of = stat.read_text().rpartition(")")[2].split()[:4]
+            found += [int(stat.parent.name)] if int(of) == session and state != "Z" else []
+    return found
+
+
+def without_roots_privilege() -> list[str]:
+    """What to put before a command so that permissions hold for it even if root runs it."""
+    if os.geteuid() != 0:
+        return []
+    lacking = "-dac_override,-dac_read_search"
+    dropped = ["setpriv", f"--bounding-set={lacking}", f"--inh-caps={lacking}"]
+    if shutil.which("setpriv") is None or subprocess.run([*dropped, "true"], check=False).returncode:
+        pytest.skip("root may read and write everything, and setpriv cannot change that here")
+    return dropped
+
+
+@pytest.mark.parametrize("tokens", [["deploy", "stand", "--json"], ["train", "--preset", "smoke", "--out"]])
+def test_a_folder_without_permission(tmp_path: Path, tokens: list[str]) -> None:
+    folder = tmp_path / "locked"
+    folder.mkdir(mode=0o500)
+    done = subprocess.run(
+        [*without_roots_privilege(), *FOOTFALL, *tokens, folder / "out"],
+        cwd=tmp_path, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.startswith("footfall: ")
+    assert "Permission denied" in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert list(tmp_path.iterdir()) == [folder]
+
+
+def test_a_file_that_may_not_be_read(tmp_path: Path) -> None:
+    settings = tmp_path / "loop.yaml"
+    settings.touch(mode=0o200)
+    command = [*without_roots_privilege(), *FOOTFALL, "deploy", "stand", "--config", settings]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (2, f"footfall: {settings}: Permission denied\n")
 
 
 def test_a_reader_that_leaves_is_no_error() -> None:

@@ -37,8 +37,10 @@ def demo(*, options: DemoOptions = DemoOptions()) -> None:
     from footfall.evaluate.scenarios import load_scenarios
     from footfall.policies.registry import walking_controllers, zoo_names
     from footfall.robots.description import load_robot
+    from footfall.train.config import load_preset
 
     robot = load_robot(options.robot)
+    load_preset(options.preset)
     load_scenarios().select(options.scenarios)  # what only the last step needs is known before the first
     check_installed()
     folder = options.out or Path("runs") / f"demo-{datetime.now():%Y%m%d-%H%M%S}"
@@ -65,7 +67,7 @@ def demo(*, options: DemoOptions = DemoOptions()) -> None:
 def _step(*tokens: str, tolerated: tuple[int, ...] = ()) -> None:
     """Run one command as a user would type it, in a process of its own; a failure ends the demo."""
     print(f"\n$ footfall {' '.join(tokens)}", flush=True)
-    process = subprocess.Popen([sys.executable, "-m", "footfall", *tokens])
+    process = subprocess.Popen([sys.executable, "-P", "-m", "footfall", *tokens])
     try:
         status = process.wait()
     except KeyboardInterrupt:

@@ -20,7 +20,7 @@ def recover(file: Path, /, *, out: Path | None = None) -> int:
     out
         Where to write the whole copy (default: FILE.recovered.mcap, beside it).
     """
-    whole = file.with_suffix(f".recovered{file.suffix}") if out is None else out
+    whole = file.parent / f"{file.stem}.recovered{file.suffix}" if out is None else out
     check_outputs(whole)
     from footfall.deploy.recover import recover as recover_log
 
