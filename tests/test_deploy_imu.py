@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from footfall.common.rotations import shift_gravity
 from footfall.deploy.drivers import imu
+from footfall.deploy.frames import Frames
 
 vectors = st.lists(st.floats(-30.0, 30.0), min_size=3, max_size=3)
 
@@ -49,3 +50,30 @@ def test_a_gravity_offset_moves_the_projected_gravity_as_declared() -> None:
     np.testing.assert_allclose(
         gravity(shift_gravity(quaternion, offset)), wanted / np.linalg.norm(wanted), atol=1e-12
     )
+
+
+def test_a_whole_reading_is_read_alike_at_once_and_frame_by_frame() -> None:
+    """The second batch from the same arrays takes the short way."""
+    reader = imu.ImuReader(channel=1)
+    channel, identifier, length = np.full(3, 1), np.array(imu.IDS), np.full(3, 8)
+    for counter, scale in ((1, 1.0), (2, -2.0)):
+        gyro, acceleration = [0.1 * scale, 0.2, 0.3], [1.0, 2.0 * scale, 9.0]
+        data = imu.encode(imu.Inertial(gyro, acceleration, [0.8, 0.0, 0.6, 0.0]), counter)
+        reader.absorb(Frames(channel, identifier, data, length), 1000 * counter)
+        np.testing.assert_allclose(reader.reading.gyro, gyro, atol=1e-3)
+        np.testing.assert_allclose(reader.reading.acceleration, acceleration, atol=5e-3)
+        np.testing.assert_allclose(reader.reading.quaternion, [0.8, 0.0, 0.6, 0.0], atol=1e-4)
+        assert reader.heard_us == 1000 * counter
+
+
+def test_an_imu_on_another_bus_is_not_listened_to() -> None:
+    reader = imu.ImuReader(channel=1)
+    data = imu.encode(imu.Inertial([1.0, 0.0, 0.0], [0.0, 0.0, 9.8], [1.0, 0.0, 0.0, 0.0]), 1)
+    reader.absorb(Frames(np.full(3, 0), np.array(imu.IDS), data, np.full(3, 8)), 1000)
+    assert reader.heard_us is None
+    assert reader.reading.gyro == (0.0, 0.0, 0.0)
+
+
+def test_a_reading_that_is_no_number_does_not_stop_the_simulation() -> None:
+    frames = imu.encode(imu.Inertial([np.nan, 0.0, 0.0], [0.0, 0.0, 9.8], [1.0, 0.0, 0.0, 0.0]), 1)
+    assert imu.decode_gyro(frames[0].tobytes())[0][0] == pytest.approx(32.767)

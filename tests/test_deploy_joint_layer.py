@@ -92,6 +92,13 @@ class TestOut:
         np.testing.assert_allclose(back.kd, 3.0, atol=1e-3)
         np.testing.assert_allclose(back.torque, 0.0, atol=0.02)
 
+    def test_after_damping_targets_go_on_from_where_the_joints_are(
+        self, go1: Robot, wiring: Wiring, layer: JointLayer
+    ) -> None:
+        layer.absorb([replies(wiring, go1.default_pose + 0.3)], 0)
+        layer.damping(3.0)
+        np.testing.assert_allclose(layer.target, go1.default_pose + 0.3, atol=2e-4)
+
 
 class TestIn:
     def test_replies_become_joint_readings(self, go1: Robot, wiring: Wiring, layer: JointLayer) -> None:

@@ -113,6 +113,16 @@ class TestMotors:
         bench.tick(bench.hold())
         assert np.array_equal(bench.body.truth().motor_torque, np.zeros(12))
 
+    def test_a_motor_that_is_switched_on_again_is_limp_until_it_is_commanded(self, go1: Robot) -> None:
+        bench = Bench(go1)
+        bench.enter()
+        bench.tick(bench.hold(offset=0.3))
+        assert np.abs(bench.body.truth().motor_torque).min() > 1.0
+        bench.tick(mit.special(mit.EXIT, 12))
+        bench.enter()
+        assert bench.body.motors_on.all()
+        assert np.array_equal(bench.body.truth().motor_torque, np.zeros(12))
+
     def test_a_motor_that_hears_nothing_for_100_ms_switches_itself_off(self, go1: Robot) -> None:
         bench = Bench(go1)
         bench.enter()
