@@ -1,5 +1,7 @@
 """Clock, schedule and swing curves."""
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -62,21 +64,27 @@ class TestSwingCurve:
 
 
 class TestClock:
-    @pytest.mark.parametrize(("offsets", "duty"), [(TROT, 0.5), (TROT, 0.65), (WAVE, 5 / 6)])
-    def test_it_stops_only_when_every_swing_has_ended(self, offsets: np.ndarray, duty: float) -> None:
+    @pytest.mark.parametrize(
+        ("offsets", "duty", "left_s"),
+        [
+            (TROT, 0.5, 0.102),  # 0.148 s into a period of 0.5 s: the second diagonal lands at 0.25 s
+            (TROT, 0.65, 0.102),
+            (WAVE, 5 / 6, 0.0187),  # the swing of the leg that lands at a third of the period
+        ],
+    )
+    def test_it_stops_when_the_swings_that_have_begun_are_over(
+        self, offsets: np.ndarray, duty: float, left_s: float
+    ) -> None:
         clock = StepClock(GaitTiming(period_s=0.5, duty=duty), offsets)
         for _ in range(37):
             clock.advance(0.004, walk=True)
-        swinging = ~clock.stance()
-        assert swinging.any()
-        ended = np.zeros(len(offsets), dtype=bool)
-        for _ in range(200):
-            ended |= clock.stance()
+        assert not clock.stance().all()
+        ticks = 0
+        while clock.walking:
             clock.advance(0.004, walk=False)
-            if not clock.walking:
-                break
-        assert not clock.walking
-        assert np.all(clock.stance())
+            ticks += 1
+        assert ticks == math.ceil(left_s / 0.004)
+        assert clock.stance().all()
 
     def test_a_resting_clock_plans_to_stand(self) -> None:
         clock = StepClock(GaitTiming(0.4, 0.5), TROT)
@@ -107,3 +115,9 @@ class TestCommand:
         assert command.wants_walk(small)
         command.advance(small, 1.0)
         assert not command.wants_walk(small)
+
+    def test_a_new_episode_begins_at_rest(self) -> None:
+        command = ShapedCommand(self.SHAPING)
+        command.advance(np.array([1.0, 0.0, 1.0]), 1.0)
+        command.reset()
+        np.testing.assert_array_equal(command.value, 0.0)

@@ -6,6 +6,7 @@ import pytest
 
 from footfall.policies.controllers.mpc import Mpc
 from footfall.policies.controllers.mpc.config import MpcConfig
+from footfall.policies.controllers.mpc.controller import Base
 from footfall.policies.controllers.mpc.legs import LegControl
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.policy import Observation, Sensed
@@ -69,6 +70,74 @@ class TestStanding:
         force = forces(policy.act(standing(yaw, velocity=(0.0, 0.2, 0.0))))
         assert force[:, 1].sum() < -5.0
         assert abs(force[:, 0].sum()) < 1.0
+
+
+def base(**changes: object) -> Base:
+    """At rest and level at the origin, unless said otherwise."""
+    level = Base(0j, 0.28, np.zeros(3), np.eye(3), np.zeros(3), 0.0, 0.0, 0.0)
+    return level._replace(**changes)  # type: ignore[arg-type]
+
+
+class TestState:
+    def test_the_centre_of_mass_moves_when_the_base_turns_about_its_origin(self) -> None:
+        """w x c for w = 2 rad/s about y."""
+        x, y, z = nominal_body(ROBOT).centre
+        state = Mpc(ROBOT)._state(base(gyro=np.array([0.0, 2.0, 0.0])), np.eye(3))
+        np.testing.assert_allclose(state.rate, [0.0, 2.0, 0.0, 2 * z, 0.0, -2 * x], atol=1e-12)
+        np.testing.assert_allclose(state.pose, [0.0, 0.0, 0.0, x, y, 0.28 + z], atol=1e-12)
+
+    def test_the_reference_never_runs_far_ahead_of_the_body(self) -> None:
+        """Of a robot that is held in place, at any heading: at most 5 cm and 0.2 rad."""
+        policy = Mpc(ROBOT)
+        policy.reset(standing(1.0))
+        for tick in range(1000):
+            policy.act(standing(1.0, time_s=1.0 + tick / 500, command=(1.0, 0.0, 1.0)))
+        reference = policy._reference(policy._follow(standing(1.0), 0.0))
+        x, _, z = nominal_body(ROBOT).centre
+        first = CONFIG.horizon.step_s
+        yaw = CONFIG.stance.most_yaw_lead_rad + 1.0 * first
+        assert reference.pose[0, 2] == pytest.approx(yaw)
+        lead = CONFIG.stance.most_position_lead_m + np.cos(yaw) * first
+        assert reference.pose[0, 3] == pytest.approx(lead + np.cos(yaw) * x, abs=1e-3)
+        assert reference.pose[0, 5] == pytest.approx(CONFIG.stance.height_m + z, abs=1e-3)
+
+    def test_swinging_feet_are_seen_from_the_base_that_turns(self) -> None:
+        """A foot at rest in the world at lift-off moves at -(v + w x r) in the base."""
+        policy = Mpc(ROBOT)
+        foot = np.array([0.2, 0.1, 0.02])
+        policy._lift_off[1] = foot
+        policy._target[1] = [0.3, 0.1, 0.0]
+        moving = base(velocity=np.array([0.5, 0.0, 0.0]), gyro=np.array([0.0, 0.0, 2.0]))
+        ((position, velocity, _),) = policy._swing([1], [0.0, 0.0, 0.0, 0.0], moving)
+        relative = foot - [0.0, 0.0, 0.28]
+        np.testing.assert_allclose(position, relative, atol=1e-12)
+        expected = -(np.array([0.5, 0.0, 0.0]) + np.cross([0.0, 0.0, 2.0], relative))
+        np.testing.assert_allclose(velocity, expected, atol=1e-9)
+
+
+class TestSwingBegins:
+    def test_a_lifted_foot_starts_from_where_it_stood(self) -> None:
+        policy = Mpc(ROBOT)
+        policy.reset(standing())
+        for tick in range(2):
+            command = policy.act(standing(time_s=1.0 + tick / 500, command=(0.5, 0.0, 0.0)))
+        swinging = LEGS.gather(command.kp)[:, 0] > 0
+        assert swinging.sum() == 2
+        angles = LEGS.gather(command.position)
+        np.testing.assert_allclose(angles[swinging], LEGS.default_angles[swinging], atol=0.02)
+
+    def test_without_a_solution_only_standing_feet_keep_their_force(
+        self, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        policy = Mpc(ROBOT)
+        policy.reset(standing())
+        policy.act(standing())
+        monkeypatch.setattr(policy._solver, "solve", lambda problem: None)
+        for tick in range(3):
+            policy.act(standing(time_s=1.0 + tick / 500, command=(0.5, 0.0, 0.0)))
+        pressed = policy._force[:, 2] > 1.0
+        np.testing.assert_array_equal(pressed, policy._stands)
+        assert pressed.sum() == 2
 
 
 class TestLegs:
@@ -145,3 +214,9 @@ class TestLegs:
         expected = CONFIG.friction_compensation * LEGS.gather(ROBOT.motor.friction)[1] * np.sign(speed)
         assert np.all(np.abs(speed) > LEGS.gather(ROBOT.motor.friction_speed)[1])
         np.testing.assert_allclose(torque, expected)
+
+    def test_no_joint_is_asked_to_turn_faster_than_its_motor_can(self) -> None:
+        speed = LEGS.gather(self.command(swing_velocity=(30.0, 10.0, 30.0)).velocity)[1]
+        most = LEGS.gather(ROBOT.motor.no_load_speed)[1]
+        assert np.all(np.abs(speed) <= most)
+        assert np.any(np.abs(speed) == most)
