@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from shell import Shell
 
+from footfall.common.installation import install_extras
 from footfall.evaluate import api, suite
 from footfall.evaluate.pool import Outcome, run_all
 from footfall.evaluate.scenarios import Scenario, ScenarioFile, Waypoint, load_scenarios
@@ -123,4 +124,4 @@ def test_a_report_without_its_libraries_is_refused_before_anything_runs(
     monkeypatch.setattr(api, "run_suite", lambda *_: pytest.fail("it ran"))
     complaint = shell.refuses("compare", "stand", "--html", tmp_path / "a.html", "--scenarios", "forward")
     assert "jinja2, matplotlib" in complaint
-    assert "pip install '.[report]'" in complaint
+    assert install_extras("report") in complaint

@@ -59,7 +59,8 @@ def walked(seconds: float = 12.0, fell: bool = False) -> Trace:
     command = np.array([COURSE.schedule(time) for time in trace.time_s])
     left = (trace.time_s * 2.0) % 1.0 < 0.5
     contact = np.stack([left, ~left, ~left, left], axis=1)
-    return replace(trace, command=command, base_velocity=command * [1, 1, 0], foot_contact=contact, fell=fell)
+    moving = {"base_velocity": command * [1, 1, 0], "base_angular_velocity": command * [0, 0, 1]}
+    return replace(trace, command=command, foot_contact=contact, fell=fell, **moving)
 
 
 def result(name: str, spec: str, error: float, falls: int, dv50: float, trace: Trace | None) -> PolicyResult:
@@ -231,6 +232,8 @@ class TestPlots:
         texts = [text for _, _, text in readings(plot.panels[0])]
         assert texts[20] == "2.0 s: command 1.00 m/s\na 1.00\nb 1.00"
         assert texts[50] == "5.0 s: command 0.60 m/s\na 0.60\nb fallen"
+        turning = [text for _, _, text in readings(plot.panels[2])]
+        assert turning[50] == "5.0 s: command 0.80 rad/s\na 0.80\nb fallen"
 
     def test_the_gait_is_read_where_one_command_holds_longest(self, go1: Robot) -> None:
         assert course_plots.steady_window(COURSE) == (2.0, 4.0)
