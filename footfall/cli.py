@@ -32,7 +32,7 @@ BROKEN_PIPE = 141  # 128 + SIGPIPE
 
 app = App(
     name="footfall",
-    help="Legged robots: train a policy, evaluate it, run it over CAN, hold it against other controllers.",
+    help="Legged robots: train a policy, evaluate it, run it over CAN, compare it with other controllers.",
     version=lambda: version("footfall"),
     suppress_keyboard_interrupt=False,
 )
