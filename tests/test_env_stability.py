@@ -9,8 +9,8 @@ import pytest
 from scipy.linalg import eigh
 
 from footfall.domain_rand.bodies import body_map, randomised_fields
-from footfall.domain_rand.randomisation import draw, load_randomisation
-from footfall.domain_rand.sample import randomised_command, randomised_motor
+from footfall.domain_rand.randomisation import load_randomisation
+from footfall.domain_rand.sample import draw, randomised_command, randomised_motor
 from footfall.envs.physics import Drive, joint_effort
 from footfall.robots.actuator import JointCommand, joint_torque
 from footfall.robots.description import Robot, load_robot
