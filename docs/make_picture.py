@@ -48,7 +48,7 @@ def main() -> None:
     )
     if trace.fell:
         sys.exit(f"{options.policy} fell: {trace.fall_reason}")
-    film = films.FilmTask(options.robot, None, trace, (PUSH,))
+    film = films.FilmTask(options.robot, None, trace, (PUSH,), DURATION_S)
     first, *others = [Image.fromarray(frame) for frame in films.frames(film)][BEGIN:]
     frame_ms = round(1000 / films.FRAME_RATE_HZ)
     options.out.parent.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""The command line: parses options and hands over to the room that a verb needs."""
+"""footfall: legged robots, from a description to a policy on motors. The command line is in `cli`."""
 
 import time
 

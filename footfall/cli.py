@@ -1,4 +1,4 @@
-"""The front door: parses, runs a verb, and turns whatever went wrong into one line and an exit status."""
+"""The command line: parses, runs a verb, and turns whatever went wrong into one line and an exit status."""
 
 import io
 import os

@@ -1,7 +1,7 @@
 """A run's policies as ONNX files: the finished one, and its checkpoints, which are exported here.
 
-Exporting needs the learning wing. It happens in another process, on the processor and at low priority, so
-that neither the training nor the walk is held up by it.
+Exporting needs JAX, and torch for a run of rsl_rl. It happens in another process, on the processor and at low
+priority, so that neither the training nor the walk is held up by it.
 """
 
 import multiprocessing

@@ -1,9 +1,12 @@
 """What the pages say can be followed: links and paths exist, command lines parse."""
 
+import json
 import re
+import runpy
 import shlex
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -12,6 +15,7 @@ import yaml
 from footfall.cli import app
 
 ROOT = Path(__file__).parents[1]
+make_table = SimpleNamespace(**runpy.run_path(str(ROOT / "docs/make_table.py")))
 PAGES = [ROOT / "README.md", *sorted(ROOT.glob("docs/**/*.md")), *sorted(ROOT.glob("policies/zoo/*/*.md"))]
 OF_TODAY = [page for page in PAGES if page.parent.name != "journal"]  # a journal's commands were of their day
 LINK = re.compile(r"\]\(([^)\s]+)\)")
@@ -106,6 +110,20 @@ def test_every_field_of_a_robot_is_explained(file: str) -> None:
     content = yaml.safe_load((ROOT / "robots/go1" / file).read_text(encoding="utf-8"))
     explained = set(re.findall(r"\w+", " ".join(codes(ROOT / "docs/robots.md"))))
     assert set(fields(content)) - explained == set()
+
+
+def test_the_readmes_table_is_of_the_comparison_beside_it() -> None:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    results = json.loads((ROOT / "docs/comparison.json").read_text(encoding="utf-8"))
+    assert make_table.insert(readme, make_table.table(results)) == readme
+
+
+def test_errors_of_those_who_fell_are_in_no_table() -> None:
+    """A robot that lies on the ground errs little: the trot's velocity error when pushed is the smallest."""
+    results = json.loads((ROOT / "docs/comparison.json").read_text(encoding="utf-8"))
+    rows = make_table.table(results).splitlines()
+    assert any(row.startswith("| Nominal: velocity error") for row in rows)
+    assert not any(row.startswith("| Push: velocity error") for row in rows)
 
 
 def test_command_lines_are_found() -> None:
