@@ -16,11 +16,12 @@ from footfall.evaluate.plan import plan_episodes
 from footfall.evaluate.pool import Outcome
 from footfall.evaluate.report import course_plots, learning_curves, scenario_plots, svg
 from footfall.evaluate.report.caption import in_words, written_on
-from footfall.evaluate.report.films import Film, FilmTask, frame_indices, frame_times
+from footfall.evaluate.report.films import Film, FilmTask, arrows, frame_indices, frame_times
 from footfall.evaluate.report.page import columns, render
 from footfall.evaluate.scenarios import load_scenarios
 from footfall.evaluate.statistics import wilson_interval
 from footfall.evaluate.suite import CourseWalk, Setup
+from footfall.plant.episode import Push
 from footfall.plant.trace import Trace
 from footfall.robots.description import Robot
 
@@ -289,6 +290,20 @@ class TestFilm:
         assert len(frame_indices(whole)) == len(frame_indices(fallen)) == 300
         assert frame_indices(whole)[[0, 1, 299]].tolist() == [0, 4, 1196]
         assert frame_indices(fallen)[[124, 125, 299]].tolist() == [496, 499, 499]
+
+    def test_arrows_point_where_the_robot_is_sent_and_goes(self) -> None:
+        quarter_turn_left = np.tile([np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)], (1200, 1))
+        trace = replace(walked(), base_quaternion=quarter_turn_left)
+        task = FilmTask("go1", None, trace, (Push(3.0, (0.0, 0.0, 0.5)),), 12.0)
+        commanded, true = arrows(task, 200, 0.3)  # 1 m/s forward
+        assert commanded.vector == pytest.approx([0.0, 0.4, 0.0])
+        assert true.vector == pytest.approx([0.0, 0.4, 0.0])
+        assert commanded.start == pytest.approx(trace.base_position[200] + [0.0, 0.0, 0.21])
+        shown = [len(arrows(task, index, 0.3)) for index in (299, 300, 339, 345)]
+        assert shown == [2, 3, 3, 2]
+        push = arrows(task, 300, 0.3)[2]
+        assert push.start + push.vector == pytest.approx(trace.base_position[300])
+        assert push.vector == pytest.approx([0.0, 0.0, 0.2])
 
     @pytest.mark.parametrize(
         ("command", "words"),

@@ -9,6 +9,7 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import imageio_ffmpeg
 import mujoco
@@ -56,6 +57,14 @@ class Film:
     @property
     def poster_base64(self) -> str:
         return base64.b64encode(self.poster_jpeg).decode()
+
+
+class Arrow(NamedTuple):
+    """An arrow among the scenery, (3,) each, m, in the world."""
+
+    start: np.ndarray
+    vector: np.ndarray
+    colour: np.ndarray  # red, green, blue, opacity
 
 
 def films_of(comparison: Comparison) -> dict[str, Outcome[Film]]:
@@ -152,29 +161,39 @@ def _camera_shots(task: FilmTask) -> Iterator[Callable[[int], np.ndarray]]:
             looked_at[:] += 0.15 * (trace.base_position[index] - looked_at)
             scene.follow(camera, looked_at, 2.0 * height_m)
             renderer.update_scene(data, camera, options)
-            _draw_arrows(renderer.scene, task, index, height_m)
+            for arrow in arrows(task, index, height_m):
+                scene.add_arrow(renderer.scene, *arrow)
             return renderer.render()
 
         yield shoot
 
 
-def _draw_arrows(canvas: mujoco.MjvScene, task: FilmTask, index: int, height_m: float) -> None:
-    """The commanded and the true horizontal velocity above the robot, and a push at its side."""
+def arrows(task: FilmTask, index: int, height_m: float) -> list[Arrow]:
+    """The commanded and the true horizontal velocity above the robot, and for a while a push at its side.
+
+    Args:
+        task: whose trace and pushes are drawn.
+        index: sample of the trace.
+        height_m: of the standing robot.
+    """
     trace = task.trace
     base = trace.base_position[index]
-    turn = heading_matrix(heading(trace.base_quaternion[index]))[:2, :2]
-    above = base + np.array([0.0, 0.0, 0.7 * height_m])
-    arrows = [
-        (trace.command[index, :2], colours.COMMAND, 0.0),
-        (trace.base_velocity[index, :2], colours.VELOCITY, 0.05),
+    to_world = heading_matrix(heading(trace.base_quaternion[index]))
+    velocities = (
+        (trace.command[index], colours.COMMAND, 0.7 * height_m),
+        (trace.base_velocity[index], colours.VELOCITY, 0.7 * height_m + 0.05),
+    )
+    shown = [
+        Arrow(
+            base + np.array([0.0, 0.0, above_m]), to_world @ [ARROW_S * forward, ARROW_S * left, 0.0], colour
+        )
+        for (forward, left, _), colour, above_m in velocities
     ]
-    for velocity, colour, raised_m in arrows:
-        vector = np.append(turn @ velocity * ARROW_S, 0.0)
-        scene.add_arrow(canvas, above + np.array([0.0, 0.0, raised_m]), vector, colour)
     for push in task.pushes:
         if 0.0 <= trace.time_s[index] - push.time_s <= PUSH_SHOWN_S:
             vector = np.array(push.delta_v_m_s) * ARROW_S
-            scene.add_arrow(canvas, base - vector, vector, colours.PUSH)
+            shown.append(Arrow(base - vector, vector, colours.PUSH))
+    return shown
 
 
 def _encoder(path: Path) -> Generator[None, np.ndarray | None, None]:
