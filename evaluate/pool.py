@@ -94,25 +94,25 @@ def _run_until_broken(
 ) -> list[int]:
     """Run tasks until all are settled or a process dies; returns those that were in flight then."""
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_leave_with_parent)
+    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_exit_with_parent)
     queue = iter(indices)
-    flying: dict[Future[R], int] = {}
+    in_flight: dict[Future[R], int] = {}
     try:
-        _launch(pool, function, tasks, queue, flying, workers)
-        while flying:
-            finished, _ = wait(flying, return_when=FIRST_COMPLETED)
+        _launch(pool, function, tasks, queue, in_flight, workers)
+        while in_flight:
+            finished, _ = wait(in_flight, return_when=FIRST_COMPLETED)
             for future in finished:
                 error = future.exception()
                 if isinstance(error, BrokenProcessPool):
-                    return sorted(flying.values())
+                    return sorted(in_flight.values())
                 if isinstance(error, UserError):
                     raise error
-                index = flying.pop(future)
+                index = in_flight.pop(future)
                 settle(index, Outcome(None, _one_line(error)) if error else Outcome(future.result()))
-            _launch(pool, function, tasks, queue, flying, workers)
+            _launch(pool, function, tasks, queue, in_flight, workers)
         return []
     except BrokenProcessPool:  # raised by submit
-        return sorted(flying.values())
+        return sorted(in_flight.values())
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
 
@@ -122,18 +122,18 @@ def _launch(
     function: Callable[[T], R],
     tasks: Sequence[T],
     queue: Iterator[int],
-    flying: dict[Future[R], int],
+    in_flight: dict[Future[R], int],
     workers: int,
 ) -> None:
     """Keep as many tasks in flight as there are workers, and no more: those are the ones to suspect."""
-    while len(flying) < workers:
+    while len(in_flight) < workers:
         index = next(queue, None)
         if index is None:
             return
-        flying[pool.submit(function, tasks[index])] = index
+        in_flight[pool.submit(function, tasks[index])] = index
 
 
-def _leave_with_parent() -> None:
+def _exit_with_parent() -> None:
     """In a worker: end when the parent is gone, however it went; its queue alone would wait forever.
 
     Ctrl-C ends a worker without a traceback of its own.

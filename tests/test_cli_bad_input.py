@@ -83,7 +83,6 @@ def test_what_does_not_parse(shell: Shell, tokens: list[str], wanted: list[str])
         (["evaluate", "stand", "--scenarios", "push,,nominal"], ["--scenarios", "nominal,push"]),
         (["evaluate", "stand", "--scenarios", "push,push"], ["push", "twice"]),
         (["compare", "stand", "stand"], ["stand", "twice"]),
-        (["demo", "--scenarios", "ballet"], ["ballet", "nominal"]),
         (["compare"], ["policy"]),
         (["compare", "stand", "rex"], ["rex"]),
         (["compare", "stand", "trot", "--scenarios", "ballet"], ["ballet", "nominal"]),

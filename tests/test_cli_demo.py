@@ -34,6 +34,16 @@ def test_it_goes_from_training_to_a_report(
     assert str((tmp_path / "demo" / "report.html").resolve()) in outcome.out
 
 
+def test_what_the_last_step_needs_is_known_before_the_first(
+    steps: list[tuple[str, ...]], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shell = Shell(capsys)
+    assert "no scenario 'ballet'" in shell.refuses("demo", "--scenarios", "ballet")
+    monkeypatch.setattr("footfall.evaluate.report.extra.find_spec", lambda _: None)
+    assert "an HTML report needs" in shell.refuses("demo")
+    assert steps == []
+
+
 def test_a_failed_step_ends_it(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     complaint = Shell(capsys)("demo", "--preset", "huge", "--out", tmp_path / "demo")
     assert complaint.status == 2
