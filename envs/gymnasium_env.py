@@ -1,5 +1,8 @@
 """The environment behind gymnasium's interfaces: one episode, or many side by side."""
 
+import atexit
+import os
+import weakref
 from collections.abc import Sequence
 from functools import partial
 from typing import Any, NamedTuple
@@ -193,11 +196,17 @@ class Camera:
         self._renderer: mujoco.Renderer | None = None
 
     def picture(self, qpos: np.ndarray) -> np.ndarray:
-        """The robot in this position, (height, width, 3) bytes."""
+        """The robot in this position, (height, width, 3) bytes.
+
+        Raises:
+            UserError: nothing can be rendered here.
+        """
         if self._renderer is None:
             self._model = plant_model(self._robot)
             self._data, self._view = mujoco.MjData(self._model), mujoco.MjvCamera()
-            self._renderer = mujoco.Renderer(self._model, HEIGHT, WIDTH)
+            self._renderer = offscreen_renderer(self._model)
+            # A camera that nobody closed is closed at the interpreter's end, before MuJoCo ends EGL there.
+            atexit.register(_close, weakref.ref(self))
         self._data.qpos[:] = qpos
         mujoco.mj_forward(self._model, self._data)
         self._view.lookat[:] = qpos[:3]
@@ -210,6 +219,29 @@ class Camera:
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None
+
+
+def _close(camera: "weakref.ref[Camera]") -> None:
+    still_there = camera()
+    if still_there is not None:
+        still_there.close()
+
+
+def offscreen_renderer(model: mujoco.MjModel) -> mujoco.Renderer:
+    """A renderer of pictures (HEIGHT, WIDTH).
+
+    Raises:
+        UserError: the graphics library that MUJOCO_GL names does not work here.
+    """
+    try:
+        return mujoco.Renderer(model, HEIGHT, WIDTH)
+    except Exception as error:  # of which kind depends on the library
+        chosen = os.environ.get("MUJOCO_GL")
+        raise UserError(
+            f"cannot render here with {f'MUJOCO_GL={chosen}' if chosen else 'MUJOCO_GL not set'}:"
+            " without a screen set MUJOCO_GL=egl or MUJOCO_GL=osmesa before Python starts,"
+            f" whichever footfall doctor finds to work ({error})"
+        ) from None
 
 
 def spaces(env: VelocityEnv) -> tuple[Box, Box]:

@@ -9,6 +9,7 @@ from typing import Any
 
 import gymnasium
 import jax
+import mujoco
 import numpy as np
 import pytest
 from gymnasium.spaces import Box
@@ -19,8 +20,10 @@ from gymnasium.wrappers.vector import DictInfoToList, RecordEpisodeStatistics, V
 
 import footfall.gym
 from footfall.common.errors import UserError
-from footfall.envs.gymnasium_env import GymnasiumEnv, GymnasiumVectorEnv
+from footfall.envs.gymnasium_env import Camera, GymnasiumEnv, GymnasiumVectorEnv
 from footfall.policies.observation import observation_size
+from footfall.robots.description import Robot
+from footfall.robots.model import plant_model
 
 ID = "footfall/Go1Velocity-v0"
 MANY = 8
@@ -247,10 +250,20 @@ def test_it_can_be_seen() -> None:
         probe = run(PROBE, variables)
         if probe.returncode == 0:
             done = run(RENDER, variables)
-            assert done.returncode == 0, done.stderr
-            assert done.stdout.splitlines()[-1] == "(320, 480, 3) uint8 True"
+            assert (done.stdout, done.stderr) == ("(320, 480, 3) uint8 True\n", "")
             return
     pytest.skip(f"no offscreen rendering here: {probe.stderr.splitlines()[-1]}")
+
+
+def test_where_nothing_can_be_rendered_it_says_what_to_set(
+    go1: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_screen(*_: Any) -> None:
+        raise mujoco.FatalError("an OpenGL platform library has not been loaded")
+
+    monkeypatch.setattr(mujoco, "Renderer", no_screen)
+    with pytest.raises(UserError, match=r"MUJOCO_GL=egl .*platform library"):
+        Camera(go1).picture(plant_model(go1).qpos0)
 
 
 def run(code: str, variables: dict[str, str]) -> subprocess.CompletedProcess[str]:
