@@ -198,3 +198,65 @@ class TestReadings:
             turning._replace(acceleration=np.array([0.0, 0.0, 9.81])), np.zeros(4), 1e-6
         )
         np.testing.assert_allclose(velocity, 0.0, atol=1e-3)
+
+
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def held(share: tuple[float, float, float, float], joint: np.ndarray = ROBOT.default_pose) -> Sensed:
+    """Level and at rest, with these shares of an even load on the feet."""
+    contact = ROBOT.legs.pose(joint).jacobian.transpose(0, 2, 1)
+    load = contact @ (BaseEstimator(ROBOT)._even_force * UP) * np.array(share)[:, None]
+    quaternion, zero = np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(12)
+    return Sensed(np.zeros(3), 9.81 * UP, quaternion, joint, zero, ROBOT.legs.scatter(-load, zero))
+
+
+class TestPlanAndHeight:
+    def test_a_foot_is_trusted_only_where_the_plan_lets_it_stand(self) -> None:
+        """Feet that press and slide: with a plan to swing, they say nothing about the base."""
+        sliding = held((1, 1, 1, 1))._replace(joint_velocity=np.full(12, 0.5))
+        estimator = BaseEstimator(ROBOT)
+        moved = {}
+        for planned in (0.0, 1.0):
+            estimator.reset(sliding)
+            moved[planned] = np.linalg.norm(estimator.update(sliding, np.full(4, planned), 0.002)[0])
+        assert moved[0.0] < 1e-4
+        assert moved[1.0] > 0.01
+
+    def test_held_in_the_air_it_does_not_move(self) -> None:
+        estimator, hanging = BaseEstimator(ROBOT), held((0, 0, 0, 0))
+        estimator.reset(hanging)
+        for _ in range(100):
+            velocity, _ = estimator.update(hanging, None, 0.002)
+        np.testing.assert_allclose(velocity, 0.0, atol=1e-6)
+
+    def test_in_a_fall_the_height_goes_down_with_the_velocity(self) -> None:
+        """A quarter of a tenth of a second: g t^2 / 2 is 3 mm."""
+        estimator, hanging = BaseEstimator(ROBOT), held((0, 0, 0, 0))
+        falling = hanging._replace(acceleration=np.zeros(3))
+        estimator.reset(falling)
+        heights = [estimator.update(falling, None, 0.001)[1] for _ in range(25)]
+        assert heights[0] - heights[-1] == pytest.approx(9.81 * 0.025**2 / 2, rel=0.15)
+
+    def test_height_is_above_the_feet_that_stand(self) -> None:
+        """One diagonal is lifted by 5 cm and carries nothing."""
+        legs = ROBOT.legs
+        feet = legs.default_foot + np.array([0.0, 0.05, 0.05, 0.0])[:, None] * UP
+        joint = legs.scatter(legs.solve(feet), ROBOT.default_pose)
+        estimator, lifted = BaseEstimator(ROBOT), held((1, 0, 0, 1), joint)
+        estimator.reset(lifted)
+        for _ in range(50):
+            _, height = estimator.update(lifted, None, 0.002)
+        assert height == pytest.approx(-legs.default_foot[:, 2].mean(), abs=0.001)
+
+    def test_a_second_episode_is_the_first_to_the_bit(self) -> None:
+        estimator = BaseEstimator(ROBOT)
+
+        def episode(*shares: tuple[float, float, float, float]) -> list[float]:
+            estimator.reset(held(shares[0]))
+            seen = [estimator.update(held(share), None, 0.002) for share in shares]
+            return [number for velocity, height in seen for number in (*velocity, height)]
+
+        first = episode((0, 0, 0, 0), (1, 1, 0, 1), (1, 0, 0.5, 1))
+        episode((1, 1, 1, 1), (2, 0, 0, 2))
+        assert episode((0, 0, 0, 0), (1, 1, 0, 1), (1, 0, 0.5, 1)) == first
