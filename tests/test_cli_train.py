@@ -1,7 +1,9 @@
 """`footfall train`, `export` and what follows, with the smoke preset."""
 
 import json
+import os
 import shutil
+import signal
 from pathlib import Path
 
 import pytest
@@ -145,6 +147,23 @@ def test_a_mistyped_folder_does_not_wait_for_the_device(
     monkeypatch.setattr("footfall.verbs.train.start_device", lambda: started.append("device"))
     assert "no run at" in shell.refuses("train", "--resume", tmp_path / "runn")
     assert not started
+
+
+def test_sigterm_lets_a_verb_close_what_is_open(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    closed: list[str] = []
+
+    def verb(*_: object, **__: object) -> None:
+        try:
+            os.kill(os.getpid(), signal.SIGTERM)
+        finally:
+            closed.append("pool")
+
+    before = signal.getsignal(signal.SIGTERM)
+    monkeypatch.setattr("footfall.cli.app", verb)
+    outcome = shell("train")
+    assert (outcome.status, outcome.err) == (143, "footfall: terminated\n")
+    assert closed == ["pool"]
+    assert signal.getsignal(signal.SIGTERM) is before
 
 
 @pytest.mark.parametrize("file", ["run.yaml", "config.yaml"])

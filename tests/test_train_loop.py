@@ -132,6 +132,26 @@ def test_a_first_signal_ends_it_after_the_iteration_with_a_checkpoint(run: Run) 
     assert [line["step"] for line in logged(run)] == [STEPS, 2 * STEPS]
 
 
+def test_what_is_saved_already_is_not_saved_again(run: Run) -> None:
+    trainer = FakeTrainer(run)
+    learn(run, trainer, quiet())
+    trainer.asked.clear()
+    learn(run, trainer, quiet())
+    assert trainer.asked == []
+
+
+def test_a_second_signal_interrupts_at_once(run: Run) -> None:
+    def stop(iteration: int) -> None:
+        if iteration == 2:
+            os.kill(os.getpid(), signal.SIGINT)
+            os.kill(os.getpid(), signal.SIGINT)
+
+    trainer = FakeTrainer(run, stop)
+    with pytest.raises(KeyboardInterrupt):
+        learn(run, trainer, quiet())
+    assert trainer.asked == ["iterate 1"]
+
+
 def test_other_processes_stop_and_save_when_the_main_one_says(
     run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -54,6 +54,9 @@ class FakeEnvironment:
         self.shown = observation(shown)
         self.seen_steps: list[float] = []
 
+    def reward(self, action: jax.Array) -> jax.Array:
+        return jnp.full((ENVIRONMENTS,), REWARD)
+
     def reset(self, key: jax.Array, level: jax.Array) -> tuple[jax.Array, dict[str, jax.Array]]:
         return jnp.float32(0.0), {name: value[0] for name, value in self.shown.items()}
 
@@ -63,16 +66,17 @@ class FakeEnvironment:
     def at_level(self, state: jax.Array, level: jax.Array) -> jax.Array:
         return jnp.full_like(state, level)
 
-    def step(self, state: jax.Array) -> tuple[jax.Array, dict[str, jax.Array], Any]:
+    def step(self, state: jax.Array, action: jax.Array) -> tuple[jax.Array, dict[str, jax.Array], Any]:
+        """One control step of all of them, in place of `step_batch`."""
         done = jnp.maximum(self.fallen, self.truncated)
         metrics = {"done": done, "length": 10.0 * done, "level": state}
-        reward = jnp.full((ENVIRONMENTS,), REWARD)
+        reward = self.reward(action)
         return state, self.shown, SimpleNamespace(reward=reward, truncated=self.truncated, metrics=metrics)
 
 
 @pytest.fixture(autouse=True)
 def _fake_steps(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ppo, "step_batch", lambda env, state, action: env.step(state))
+    monkeypatch.setattr(ppo, "step_batch", lambda env, state, action: env.step(state, action))
 
 
 NETWORKS = make_networks(SIZES, ACTIONS, CONFIG)
@@ -213,6 +217,72 @@ class TestIteration:
         keys = [ppo.iteration_keys(state, CONFIG) for state in (begun(env), first)]
         assert not np.array_equal(keys[0][1], keys[1][1])
         assert not np.array_equal(keys[0][2], keys[1][2])
+
+
+class Reaching(FakeEnvironment):
+    """Rewards actions by how near they are to one."""
+
+    TARGET = jnp.array([0.5, -0.3])
+
+    def reward(self, action: jax.Array) -> jax.Array:
+        return -jnp.sum((action - self.TARGET) ** 2, axis=-1)
+
+
+def test_it_learns_to_do_what_is_rewarded() -> None:
+    """An actor that begins at zero ends where the reward is largest, and becomes surer of it."""
+    iterations, environments = 20, 64
+    config = replace(
+        CONFIG,
+        environments=environments,
+        total_steps=iterations * environments * UNROLL,
+        minibatches=2,
+        passes=2,
+        learning_rate=3e-3,
+        desired_kl=0.01,
+    )
+    env = Reaching()
+    env.shown = {name: jnp.ones((environments, size)) for name, size in SIZES.items()}
+    env.fallen = env.truncated = jnp.zeros(environments)
+    iterate = jax.jit(ppo.make_iteration(env, NETWORKS, config))  # type: ignore[arg-type]
+    state = begun(env, config)
+    for _ in range(iterations):
+        state, _, _ = iterate(state)
+    mean, std = NETWORKS.policy_network.apply(state.normalizer, state.params.policy, env.shown)
+    np.testing.assert_allclose(mean[0], Reaching.TARGET, atol=0.1)
+    assert float(jnp.max(std)) < CONFIG.initial_std
+
+
+def test_every_control_step_acts_with_noise_of_its_own() -> None:
+    env = FakeEnvironment()
+    _, keys, _ = ppo.iteration_keys(begun(env), CONFIG)
+    actions = np.asarray(rolled_out(env, begun(env)).action)
+    assert len(np.unique(keys, axis=0)) == UNROLL
+    assert len(np.unique(actions.reshape(-1, ACTIONS), axis=0)) == UNROLL * ENVIRONMENTS
+
+
+def test_a_gradient_is_shortened_to_its_limit() -> None:
+    """Adam's first step would hide it: it is the same for any length. Its moments do not."""
+    env = FakeEnvironment(fallen=ENVIRONMENTS)
+    state = begun(env)
+    optimizer, losses = learnt(state, rolled_out(env, state), replace(CONFIG, gradient_norm=0.01))
+    first_moment = jnp.sqrt(sum(jnp.sum(x**2) for x in jax.tree.leaves(optimizer[-1].inner_state[0].mu)))
+    assert losses["gradient_norm"][0, 0] > 0.01  # as it was
+    assert float(first_moment) == pytest.approx(0.1 * 0.01, rel=1e-3)  # Adam keeps a tenth of each gradient
+
+
+def test_the_critic_sees_what_the_actor_does_not() -> None:
+    env = FakeEnvironment()
+    state = begun(env)
+    seen = observation() | {"privileged_state": 3.0 * observation()["privileged_state"]}
+    value, other = (
+        NETWORKS.value_network.apply(state.normalizer, state.params.value, x) for x in (observation(), seen)
+    )
+    action, same = (
+        NETWORKS.policy_network.apply(state.normalizer, state.params.policy, x)[0]
+        for x in (observation(), seen)
+    )
+    assert not np.allclose(value, other)
+    np.testing.assert_array_equal(action, same)
 
 
 class TestMirror:

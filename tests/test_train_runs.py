@@ -87,7 +87,7 @@ def test_another_seed_gives_another_policy(preset: str, whole: Path, tmp_path: P
 
 
 # Renames 1 and 2 are config.yaml and run.yaml; 3 is the first checkpoint, 8 the last, 10 the policy.
-@pytest.mark.parametrize("rename", [3, 5, 8])
+@pytest.mark.parametrize("rename", [3, 8])
 def test_a_killed_run_resumes_to_the_same_bits(preset: str, whole: Path, tmp_path: Path, rename: int) -> None:
     run = tmp_path / "run"
     command = [sys.executable, "-c", KILL_AT_RENAME, str(rename), preset, str(run)]
@@ -247,13 +247,6 @@ def test_deployment_computes_what_training_computed(whole: Path) -> None:
         state, result = step(state, jnp.asarray(policy.action))
         seen = result.observation
         assert np.allclose(command.position, state.goals[0], atol=1e-5)
-
-
-def test_a_short_training_learns_to_follow_the_command(tmp_path: Path) -> None:
-    run = api.train(api.TrainRequest(preset="cpu", seed=0, out=tmp_path / "run", total_steps=120_000))
-    lines = [json.loads(line) for line in (run / "metrics.jsonl").read_text().splitlines()]
-    error = [line["tracking/yaw_error_rad_s"] for line in lines]
-    assert np.mean(error[-3:]) < 0.92 * np.mean(error[:3])
 
 
 @pytest.mark.parametrize("name", sorted(path.stem for path in PRESETS.glob("*.yaml")))
