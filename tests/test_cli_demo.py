@@ -6,6 +6,7 @@ import pytest
 from shell import Shell
 
 from footfall.cli import app
+from footfall.common.errors import UserError
 from footfall.verbs import demo as demo_module
 
 
@@ -44,8 +45,14 @@ def test_what_the_last_step_needs_is_known_before_the_first(
     assert steps == []
 
 
-def test_a_failed_step_ends_it(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    complaint = Shell(capsys)("demo", "--preset", "huge", "--out", tmp_path / "demo")
-    assert complaint.status == 2
-    assert "footfall train failed" in complaint.err
+def test_a_preset_that_does_not_exist_is_refused_before_anything_is_made(
+    steps: list[tuple[str, ...]], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    assert "no preset 'huge'" in Shell(capsys).refuses("demo", "--preset", "huge", "--out", tmp_path / "demo")
     assert not (tmp_path / "demo").exists()
+    assert steps == []
+
+
+def test_a_failed_step_ends_it() -> None:
+    with pytest.raises(UserError, match="footfall train failed with status 2"):
+        demo_module._step("train", "--preset", "huge")
