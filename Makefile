@@ -4,6 +4,7 @@ PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11 python; do \
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.footfall-installed
+EXTRAS ?= train,dev
 WORKERS ?= 2
 TESTS ?= tests
 
@@ -23,7 +24,7 @@ $(STAMP): pyproject.toml
 	@test -n "$(PYTHON)" || { echo "footfall needs Python 3.11 or newer: install it, or run make PYTHON=/path/to/python" >&2; exit 2; }
 	@test -d src/footfall/train || { echo "footfall/train is no link to train/: unpack or clone footfall where there are symbolic links" >&2; exit 2; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[train,dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[$(EXTRAS)]'
 	@touch $(STAMP)
 
 # Workers of one thread each: MuJoCo, XLA and BLAS would otherwise fight over the cores. A file's tests stay
