@@ -113,7 +113,7 @@ def tab(profile: Path, width: int = 1400, height: int = 900) -> Iterator[Tab]:
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         address = _page_address(profile / "DevToolsActivePort")
-        with connect(address, max_size=None, proxy=None) as connection:
+        with connect(address, max_size=None, proxy=None, ping_interval=None) as connection:  # slow machines
             yield Tab(connection)
     finally:
         process.terminate()
