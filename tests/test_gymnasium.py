@@ -176,6 +176,15 @@ class TestMany:
             assert last is None if not end else (last != observation).any()
         assert np.array_equal(np.asarray(many._state.steps) == 0, ended)
 
+    def test_a_fall_terminates_and_a_timeout_truncates(self, many: GymnasiumVectorEnv) -> None:
+        many.reset(seed=8)
+        upside_down = many._state.qpos.at[0, 2:7].set(np.array([0.4, 0.0, 1.0, 0.0, 0.0]))
+        at_its_end = many._state.steps.at[1].set(many.env.episode_steps - 1)
+        many._state = many._state._replace(qpos=upside_down, steps=at_its_end)
+        _, _, terminated, truncated, _ = many.step(np.zeros((MANY, 12)))
+        assert np.flatnonzero(terminated).tolist() == [0]
+        assert np.flatnonzero(truncated).tolist() == [1]
+
     def test_its_information_is_like_that_of_gymnasiums_own(self, many: GymnasiumVectorEnv) -> None:
         own = SyncVectorEnv(
             [lambda: gymnasium.make(ID, preset="smoke")] * MANY, autoreset_mode=AutoresetMode.SAME_STEP

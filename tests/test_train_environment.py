@@ -12,11 +12,8 @@ from footfall.common.errors import UserError
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import Randomisation, load_randomisation
-from footfall.envs.config import Curriculum, PushConfig, RewardScales
+from footfall.envs.config import Curriculum, PushConfig
 from footfall.envs.delays import delayed_goals, delayed_readings
-from footfall.envs.disturb import DISTURBANCE_NUMBERS, disturb
-from footfall.envs.rewards import reward_rate
-from footfall.envs.state import State
 from footfall.envs.velocity import VelocityEnv
 from footfall.policies.observation import observation_size
 from footfall.robots.actuator import JointCommand, joint_damping, joint_torque
@@ -26,11 +23,6 @@ from footfall.train.config import load_preset
 
 ROBOT = load_robot("go1")
 SMOKE = load_preset("smoke").env
-
-
-def pushed_by(env: VelocityEnv, state: State, u: jax.Array) -> jax.Array:
-    """Velocities after what comes from outside."""
-    return disturb(state, u, env.config, env.base).qvel
 
 
 def make(**changes: object) -> VelocityEnv:
@@ -106,48 +98,36 @@ class TestStep:
         assert (result.terminated, result.truncated) == (0.0, 1.0)
 
     def test_a_diverged_simulation_ends_alone_and_is_counted(self, env: VelocityEnv, reset, step) -> None:
-        states = [reset(jax.random.PRNGKey(k))[0] for k in range(3)]
+        states = [reset(jax.random.PRNGKey(k))[0] for k in range(4)]
         states[1] = states[1]._replace(qvel=states[1].qvel.at[0].set(jnp.nan))
+        too_fast = 1.5 * SMOKE.speed_limit  # and finite
+        states[3] = states[3]._replace(qvel=states[3].qvel.at[0].set(too_fast))
         batch = jax.tree.map(lambda *leaves: jnp.stack(leaves), *states)
-        _, result = jax.jit(jax.vmap(env.step))(batch, jnp.zeros((3, env.action_size)))
-        assert result.metrics["episode/diverged"].tolist() == [0.0, 1.0, 0.0]
-        assert result.terminated.tolist() == [0.0, 1.0, 0.0]
+        _, result = jax.jit(jax.vmap(env.step))(batch, jnp.zeros((4, env.action_size)))
+        assert result.metrics["episode/diverged"].tolist() == [0.0, 1.0, 0.0, 1.0]
+        assert result.terminated.tolist() == [0.0, 1.0, 0.0, 1.0]
         assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(result))
         _, alone = step(states[2], jnp.zeros(env.action_size))
         assert np.allclose(result.reward[2], alone.reward, atol=1e-6)
 
-    def test_rewards_add_up_to_the_logged_terms(self, env: VelocityEnv, reset, step) -> None:
-        _, result = step(reset(jax.random.PRNGKey(9))[0], jnp.zeros(env.action_size))
-        terms = [value for name, value in result.metrics.items() if name.startswith("reward/")]
-        assert len(terms) == len(SMOKE.rewards)
-        expected = max(float(sum(terms)), SMOKE.reward_scales.least) * env.period_s
-        assert float(result.reward) == pytest.approx(expected, abs=1e-6)
-
-    def test_a_fall_counts_in_full_however_little_the_rest_may(self) -> None:
-        terms = {"track_linear": jnp.float32(1.0), "height": jnp.float32(-9.0), "fall": jnp.float32(-50.0)}
-        assert float(reward_rate(terms, RewardScales(least=-0.5))) == pytest.approx(-50.5)
-
-    def test_pushes_change_the_base_velocity(self) -> None:
-        strong = PushConfig(Distribution(0.02, 0.02), horizontal_m_s=3.0)
-        pushed, calm = make(pushes=strong), make(pushes=replace(strong, horizontal_m_s=0.0))
-        state, _ = pushed.reset(jax.random.PRNGKey(10))
-        state = state._replace(push_steps=jnp.int32(0))
-        u = jnp.full(DISTURBANCE_NUMBERS, 0.7)
-        difference = pushed_by(pushed, state, u) - pushed_by(calm, state, u)
-        assert np.linalg.norm(difference[:2]) > 0.05
-        assert not np.any(difference[6:])
-
-    def test_the_curriculum_scales_commands_and_pushes(self) -> None:
-        env = make(
-            curriculum=Curriculum(100, commands=0.5, pushes=0.0),
-            commands=replace(SMOKE.commands, standing_probability=0.0),
-        )
-        key = jax.random.PRNGKey(11)
-        easy, full = env.reset(key, 0.0)[0], env.reset(key, 1.0)[0]
-        assert np.allclose(easy.command, 0.5 * full.command)
+    def test_the_level_rises_with_the_steps(self) -> None:
+        env = make(curriculum=Curriculum(100))
         assert [float(env.level(jnp.float32(s))) for s in (0, 50, 200)] == [0.0, 0.5, 1.0]
-        due = easy._replace(push_steps=jnp.int32(0))
-        assert np.array_equal(pushed_by(env, due, jnp.full(DISTURBANCE_NUMBERS, 0.7)), easy.qvel)
+
+    def test_the_reward_is_the_weighted_rate_times_the_control_period(self, env, reset, step) -> None:
+        state, _ = reset(jax.random.PRNGKey(9))
+        after, result = step(state, jnp.zeros(env.action_size))
+        yaw_error = float(state.command[2] - after.qvel[5])  # no push came between
+        assert int(after.push_steps) == int(state.push_steps) - 1
+        weight, sigma = SMOKE.rewards["track_yaw"], SMOKE.reward_scales.yaw_sigma_rad2_s2
+        assert float(result.metrics["reward/track_yaw"]) == pytest.approx(
+            weight * np.exp(-(yaw_error**2) / sigma), rel=1e-4
+        )
+        terms = [float(value) for name, value in result.metrics.items() if name.startswith("reward/")]
+        assert len(terms) == len(SMOKE.rewards)
+        assert float(result.reward) == pytest.approx(
+            max(sum(terms), SMOKE.reward_scales.least) / SMOKE.control_rate_hz, abs=1e-6
+        )
 
     def test_the_curriculum_widens_the_randomisation_from_the_nominal_robot(self) -> None:
         env = make(curriculum=Curriculum(100, randomisation=0.0), randomisation=load_randomisation())

@@ -1,0 +1,146 @@
+"""One declaration is enough: a made-up reading, quantity and critic's term, each added in one place."""
+
+from dataclasses import dataclass, fields, replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from footfall.common.config import structure
+from footfall.common.errors import UserError
+from footfall.domain_rand.distributions import Distribution
+from footfall.domain_rand.quantity import SCALE, quantity, scales
+from footfall.domain_rand.randomisation import QUANTITIES, Randomisation
+from footfall.domain_rand.sample import randomised_motor, sample_shapes
+from footfall.envs import critic
+from footfall.envs.symmetry import environment_mirror
+from footfall.envs.velocity import VelocityEnv
+from footfall.policies.contract import Term
+from footfall.policies.observation import TERMS, Inputs, frame, reading_term, term_size
+from footfall.robots import kinds
+from footfall.robots.description import load_robot
+from footfall.robots.readings import READINGS, Noise, Sensed, read, reading
+from footfall.robots.symmetry import find_symmetry
+from footfall.train.config import load_preset
+
+ROBOT = load_robot("go1")
+CONFIG = load_preset("smoke").env
+NAMES = tuple(each.name for each in fields(Randomisation))
+
+
+@dataclass(frozen=True)
+class WithTorque(Noise):
+    """The readings, and the motors' torques."""
+
+    joint_torque: float = reading(kinds.JOINTS, lambda sensed: sensed.joint_torque)
+
+
+@dataclass(frozen=True)
+class WithSpeed(Randomisation):
+    """The quantities, and how fast the motors turn without load."""
+
+    motor_speed: Distribution | None = quantity(kinds.JOINT_AMOUNTS, SCALE, motor=scales("no_load_speed"))
+
+
+def declared(cls: type, name: str) -> object:
+    return next(each.metadata["declares"] for each in fields(cls) if each.name == name)
+
+
+@pytest.fixture
+def torque(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What importing the declaration would do."""
+    monkeypatch.setitem(READINGS, "joint_torque", declared(WithTorque, "joint_torque"))
+    monkeypatch.setitem(TERMS, "joint_torque", reading_term("joint_torque"))
+
+
+@pytest.fixture
+def speed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(QUANTITIES, "motor_speed", declared(WithSpeed, "motor_speed"))
+
+
+@pytest.mark.usefixtures("torque")
+class TestReading:
+    CONFIG = replace(CONFIG, observation=(Term("joint_torque", 0.1, 2), Term("gyro")), noise=WithTorque())
+
+    def test_its_noise_is_a_setting_that_is_checked(self) -> None:
+        assert structure({"joint_torque": 0.5}, WithTorque, "x.yaml").joint_torque == 0.5
+        with pytest.raises(UserError, match="joint_torque"):
+            structure({"joint_torque": "much"}, WithTorque, "x.yaml")
+
+    def test_training_and_the_robot_see_it_alike(self) -> None:
+        env = VelocityEnv(ROBOT, self.CONFIG)
+        assert term_size("joint_torque", env.contract) == 12
+        state, seen = env.reset(jax.random.PRNGKey(0))
+        assert seen["state"].shape == (2 * 12 + 3,)
+        torque = np.linspace(-6, 6, 12)
+        true = env.observer.readings(state.qpos, state.qvel, jnp.asarray(torque))
+        u = jnp.full(env.observer.numbers, 0.5)
+        _, seen = env.observer.observe(state, jnp.tile(true, (8, 1)), u)
+        np.testing.assert_allclose(seen[12:24], 0.1 * torque, rtol=1e-5)
+        upright = np.array([1.0, 0.0, 0.0, 0.0])
+        sensed = Sensed(np.zeros(3), np.zeros(3), upright, np.zeros(12), np.zeros(12), torque)
+        inputs = Inputs(read(sensed), np.zeros(12), np.zeros(3), np.zeros(1))
+        np.testing.assert_allclose(frame(inputs, env.contract)[:12], 0.1 * torque)
+
+    def test_it_has_noise_of_its_own(self) -> None:
+        env = VelocityEnv(ROBOT, replace(self.CONFIG, noise=WithTorque(joint_torque=2.0)))
+        assert env.observer.numbers == 30 + 12
+        state, _ = env.reset(jax.random.PRNGKey(0))
+        true = env.observer.readings(state.qpos, state.qvel, jnp.zeros(12))
+        _, seen = env.observer.observe(state, jnp.tile(true, (8, 1)), jnp.full(42, 1.0))
+        np.testing.assert_allclose(seen[12:24], np.full(12, 0.2), rtol=1e-6)
+
+    def test_it_has_a_mirror_image(self) -> None:
+        env = VelocityEnv(ROBOT, self.CONFIG)
+        mirror = environment_mirror(ROBOT, self.CONFIG, env.contract).observation["state"]
+        vector = np.arange(27.0)
+        np.testing.assert_array_equal(mirror(vector)[12:24], find_symmetry(ROBOT).joints(vector[12:24]))
+
+
+@pytest.mark.usefixtures("speed")
+class TestQuantity:
+    CONFIG = replace(CONFIG, randomisation=WithSpeed(motor_speed=Distribution(0.5, 0.5)))
+
+    def test_its_range_is_a_setting_that_is_checked(self) -> None:
+        data = {"motor_speed": {"low": 0.5, "high": 0.9}}
+        assert structure(data, WithSpeed, "x.yaml").motor_speed == Distribution(0.5, 0.9)
+        with pytest.raises(UserError, match="above high"):
+            structure({"motor_speed": {"low": 0.5, "high": 0.1}}, WithSpeed, "x.yaml")
+
+    def test_it_acts_in_training_and_on_the_plant(self) -> None:
+        env = VelocityEnv(ROBOT, self.CONFIG)
+        state, _ = env.reset(jax.random.PRNGKey(0))
+        half = 0.5 * ROBOT.motor.no_load_speed
+        drive = env.actuation.drive(jnp.zeros((4, 12)), state.sample)
+        np.testing.assert_allclose(drive.motor.no_load_speed, half, rtol=1e-6)
+        plants = randomised_motor(ROBOT.motor, {"motor_speed": np.full(12, 0.5)})
+        np.testing.assert_allclose(plants.no_load_speed, half)
+
+    def test_the_critic_sees_it_and_knows_its_mirror_image(self) -> None:
+        nominal = replace(CONFIG, randomisation=WithSpeed())
+        plain, env = VelocityEnv(ROBOT, nominal), VelocityEnv(ROBOT, self.CONFIG)
+        size = env.observation_sizes["privileged_state"]
+        assert size == plain.observation_sizes["privileged_state"] + 12
+        mirror = environment_mirror(ROBOT, self.CONFIG, env.contract).observation["privileged_state"]
+        assert len(mirror.source) == size
+        np.testing.assert_array_equal(mirror.sign[-12:], np.ones(12))
+
+
+def test_a_term_for_the_critic(monkeypatch: pytest.MonkeyPatch) -> None:
+    plain = VelocityEnv(ROBOT, CONFIG).observation_sizes["privileged_state"]
+    standing = critic.CriticTerm(kinds.SCALAR, lambda truth: jnp.sum(truth.contact))
+    monkeypatch.setitem(critic.TERMS, "feet_on_the_ground", standing)
+    env = VelocityEnv(ROBOT, CONFIG)
+    assert env.observation_sizes["privileged_state"] == plain + 1
+    mirror = environment_mirror(ROBOT, CONFIG, env.contract).observation["privileged_state"]
+    assert len(mirror.source) == plain + 1
+
+
+def test_kinds_of_quantities_are_those_of_the_robot() -> None:
+    shapes = sample_shapes(joints=12, bodies=13)
+    assert {name for name in NAMES if shapes[name] == (13,)} == {"link_mass", "inertia"}
+    assert {name for name in NAMES if shapes[name] == (3,)} == {"com_offset_m", "gyro_bias", "gravity_bias"}
+    assert {name for name in NAMES if shapes[name] == ()} == {
+        "friction", "payload_kg", "battery", "action_delay_s", "observation_delay_s",
+    }  # fmt: skip
