@@ -209,7 +209,7 @@ class Camera:
             atexit.register(_close, weakref.ref(self))
         self._data.qpos[:] = qpos
         mujoco.mj_forward(self._model, self._data)
-        self._view.lookat[:] = qpos[:3]
+        self._view.lookat[:] = self._data.body(self._robot.description.base).xpos
         self._view.distance = 5 * self._robot.description.standing_height_m
         self._renderer.update_scene(self._data, self._view)
         return self._renderer.render().copy()

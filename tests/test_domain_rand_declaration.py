@@ -67,6 +67,14 @@ def test_joints_and_links_are_drawn_apart(uniforms: np.ndarray) -> None:
         assert len(np.unique(sample[name])) > 1, name
 
 
+def test_every_quantity_is_drawn_from_numbers_of_its_own(uniforms: np.ndarray) -> None:
+    randomisation = load_randomisation()
+    sample = draw(randomisation, fixed(uniforms.astype(np.float64)), JOINTS, BODIES)
+    ranges = {name: getattr(randomisation, name) for name in NAMES}
+    used = [np.ravel((sample[name] - r.low) / (r.high - r.low)) for name, r in ranges.items()]
+    np.testing.assert_allclose(np.concatenate(used), uniforms[: sum(map(len, used))], atol=1e-6)
+
+
 @given(st.floats(0, 1, exclude_max=True), st.floats(-5, 5), st.floats(0, 5))
 def test_uniform_quantile(u: float, low: float, width: float) -> None:
     value = Distribution(low, low + width).quantile(np.array(u))

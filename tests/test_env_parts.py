@@ -2,6 +2,7 @@
 
 import re
 import shutil
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,13 +18,13 @@ from footfall.domain_rand.randomisation import Randomisation
 from footfall.envs.actuation import Actuation
 from footfall.envs.base import Base
 from footfall.envs.commands import draw_command, draw_hold_steps
-from footfall.envs.config import Curriculum, PushConfig
+from footfall.envs.config import Curriculum, GaitConfig, PushConfig
 from footfall.envs.disturb import DISTURBANCE_NUMBERS, disturb, draw_push
 from footfall.envs.feet import Feet
 from footfall.envs.observe import Observer
-from footfall.envs.physics import Trace
+from footfall.envs.physics import Drive, Fields, Motion, Trace
 from footfall.envs.start import Start
-from footfall.envs.state import State
+from footfall.envs.state import State, Step
 from footfall.envs.velocity import VelocityEnv, make_contract
 from footfall.policies.action import gait_reference
 from footfall.policies.contract import Term
@@ -151,6 +152,12 @@ class TestFeet:
         feet = Feet(MODEL, ROBOT, CONFIG.timestep_s)
         swing = feet.planned_swing(jnp.array([phase], dtype=jnp.float32), jnp.float32(1.0))
         np.testing.assert_allclose(swing, share, atol=1e-5)
+
+    def test_a_foot_with_a_quarter_cycles_phase_is_a_quarter_cycle_ahead(self) -> None:
+        crawl = [replace(foot, phase=k / 4) for k, foot in enumerate(ROBOT.description.feet)]
+        robot = replace(ROBOT, description=replace(ROBOT.description, feet=tuple(crawl)))
+        swing = Feet(MODEL, robot, CONFIG.timestep_s).planned_swing(jnp.zeros(1), jnp.float32(1.0))
+        np.testing.assert_allclose(swing, [0, 1, 0, 0], atol=1e-6)
 
     def test_no_foot_swings_while_the_robot_is_asked_to_stand(self, env: VelocityEnv, begun: State) -> None:
         phase = jnp.array([0.25])
@@ -354,3 +361,87 @@ class TestActuation:
         np.testing.assert_allclose(drive.motor.strength, 0.9 * ROBOT.motor.strength, rtol=1e-6)
         np.testing.assert_allclose(drive.encoder_bias, np.full(N, 0.02), rtol=1e-6)
         np.testing.assert_array_equal(actuation.drive(jnp.zeros((4, N)), {}).encoder_bias, np.zeros(N))
+
+
+class TestStep:
+    """What a step does around the physics, with a physics in which nothing moves."""
+
+    @pytest.fixture(scope="class")
+    @classmethod
+    def still(cls) -> VelocityEnv:
+        gait = replace(CONFIG.gait or GaitConfig(), frequency_hz=2.0)
+        pushes = replace(CONFIG.pushes, horizontal_m_s=0.0, vertical_m_s=0.0, angular_rad_s=0.0)
+        env = VelocityEnv(ROBOT, replace(CONFIG, gait=gait, pushes=pushes, episode_s=0.1, speed_limit=50.0))
+
+        def nothing_moves(motion: Motion, drive: Drive, _: Fields) -> tuple[Motion, Trace]:
+            count = CONFIG.substeps
+            feet = jnp.zeros((count, 4, 3))
+            torque = jnp.zeros((count, N))
+            return motion, Trace(*(jnp.tile(x, (count, 1)) for x in motion[:2]), feet, torque)
+
+        env._physics = nothing_moves
+        return env
+
+    @pytest.fixture(scope="class")
+    @classmethod
+    def step(cls, still: VelocityEnv) -> Callable[..., tuple[State, Step]]:
+        return jax.jit(still.step)
+
+    @pytest.fixture(scope="class")
+    @classmethod
+    def state(cls, still: VelocityEnv) -> State:
+        return placed(jax.jit(still.reset)(jax.random.PRNGKey(2))[0])
+
+    def test_the_clock_goes_on_by_the_control_period(self, step, state: State) -> None:
+        after, _ = step(state._replace(phase=jnp.array([0.97])), jnp.zeros(N))
+        np.testing.assert_allclose(after.phase, [0.01], atol=1e-6)  # 0.97 + 2 Hz / 50 Hz, wrapped
+
+    def test_the_last_three_actions_are_kept_newest_first(self, step, state: State) -> None:
+        for k in (1.0, 2.0, 3.0, 4.0):
+            state, _ = step(state, jnp.full(N, k))
+        np.testing.assert_array_equal(state.actions[:, 0], [4.0, 3.0, 2.0])
+
+    def test_an_episode_of_a_tenth_of_a_second_has_five_steps(self, step, state: State) -> None:
+        ends = []
+        for _ in range(5):
+            state, result = step(state, jnp.zeros(N))
+            ends.append((float(result.terminated), float(result.truncated)))
+        assert ends == [(0.0, 0.0)] * 4 + [(0.0, 1.0)]
+
+    def test_a_fall_terminates_and_is_no_time_out(self, step, state: State) -> None:
+        fallen = placed(state, quaternion=(0.0, 1.0, 0.0, 0.0))._replace(steps=jnp.int32(4))
+        _, result = step(fallen, jnp.zeros(N))
+        assert (float(result.terminated), float(result.truncated)) == (1.0, 0.0)
+
+    @pytest.mark.parametrize(("speed", "diverged"), [(49.0, 0.0), (51.0, 1.0), (-51.0, 1.0)])
+    def test_excessive_finite_speed_is_a_divergence(
+        self, step, state: State, speed: float, diverged: float
+    ) -> None:
+        fast = state._replace(qvel=state.qvel.at[17].set(speed))
+        _, result = step(fast, jnp.zeros(N))
+        assert float(result.metrics["episode/diverged"]) == float(result.terminated) == diverged
+
+    def test_every_step_has_random_numbers_of_its_own(self, step, state: State) -> None:
+        one, first = step(state, jnp.zeros(N))
+        _, second = step(one._replace(frames=state.frames, phase=state.phase), jnp.zeros(N))
+        assert not np.array_equal(one.key, state.key)
+        assert not np.array_equal(first.observation["state"][:3], second.observation["state"][:3])  # gyro
+
+    def test_the_readings_of_this_step_are_there_in_the_next(self, still, step, state: State) -> None:
+        turned = placed(state, velocity=(0, 0, 0, 0.5, 0.6, 0.7))
+        after, _ = step(turned, jnp.zeros(N))
+        expected = still.observer.readings(turned.qpos, turned.qvel, jnp.zeros(N))
+        np.testing.assert_allclose(after.recent_readings, np.tile(expected, (CONFIG.substeps, 1)), atol=1e-6)
+
+    def test_the_reward_is_the_weighted_rate_times_the_control_period(self, step, state: State) -> None:
+        command = jnp.array([0.5, 0.0, 0.3])
+        at_speed = placed(state, velocity=(0.5, 0, 0, 0, 0, 0.3))._replace(command=command)
+        _, result = step(at_speed, jnp.zeros(N))
+        weights = CONFIG.rewards  # it tracks perfectly, stands upright and does not change its action
+        best = weights["track_linear"] + weights["track_yaw"] + weights["alive"]
+        assert float(result.reward) == pytest.approx(best / CONFIG.control_rate_hz, rel=1e-5)
+        assert float(result.metrics["tracking/linear_error_m_s"]) == pytest.approx(0.0, abs=1e-6)
+        slow = at_speed._replace(command=jnp.array([0.8, 0.4, 0.1]))
+        metrics = step(slow, jnp.zeros(N))[1].metrics
+        assert float(metrics["tracking/linear_error_m_s"]) == pytest.approx(0.5, rel=1e-5)
+        assert float(metrics["tracking/yaw_error_rad_s"]) == pytest.approx(0.2, rel=1e-5)

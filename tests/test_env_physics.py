@@ -1,4 +1,4 @@
-"""The environment on MuJoCo C is the environment on MJX: the same episodes, and the same physics."""
+"""The physics of MuJoCo C is that of MJX and of plain MuJoCo, for robots side by side as for one alone."""
 
 import threading
 from collections.abc import Callable
@@ -15,21 +15,21 @@ from mujoco.batch import Batch, SimulationError
 
 from footfall.common.errors import UserError
 from footfall.domain_rand.randomisation import load_randomisation
-from footfall.envs import batch, velocity
+from footfall.envs import batch
 from footfall.envs.batch import step_batch
 from footfall.envs.physics import Drive, Motion
 from footfall.envs.physics_c import _Simulations, c_physics
+from footfall.envs.physics_mjx import mjx_physics
 from footfall.envs.state import State
 from footfall.envs.velocity import VelocityEnv
-from footfall.robots.actuator import Motor
-from footfall.robots.description import Robot, load_robot
-from footfall.robots.model import training_model
+from footfall.robots.actuator import JointCommand, Motor, joint_damping, joint_torque
+from footfall.robots.description import load_robot
+from footfall.robots.model import joint_addresses, training_model
 from footfall.train.config import PRESETS, load_preset
 
 ROBOT = load_robot("go1")
 SMOKE = replace(load_preset("smoke").env, randomisation=load_randomisation())
-ROBOTS, STEPS = 32, 50
-DRAWN = ("key", "command", "hold_steps", "push_steps", "phase", "sample", "fields", "target", "steps")
+ROBOTS, STEPS, COMPARED_EVERY = 32, 24, 4
 
 
 def make(physics: str) -> VelocityEnv:
@@ -63,37 +63,50 @@ def worst(one: jax.Array, two: jax.Array) -> float:
     return float(np.abs(np.asarray(one) - np.asarray(two)).max())
 
 
-def test_a_rollout_is_the_same_in_c_and_in_mjx(monkeypatch: pytest.MonkeyPatch, begun: State) -> None:
-    """To rounding: MJX calculates in single precision, C in double.
+def test_a_control_step_is_the_same_in_c_and_in_mjx(begun: State, step) -> None:
+    """To rounding, from many states of a walk: MJX calculates in single precision, C in double.
 
-    Each step starts from MJX's state on both sides. Left alone, the two would part as any walks do that
-    differ in the last bit, since a foot lands or does not. For the same reason the solver converges here;
-    the one Newton iteration of a training ends where its line search takes it, which in about one step of a
-    hundred is not the same in the two.
+    The solver converges here; the one Newton iteration of a training ends where its line search takes it,
+    which in about one step of a hundred is not the same in the two.
     """
+    model = training_model(ROBOT, SMOKE.timestep_s)
+    model.opt.iterations, model.opt.ls_iterations = 20, 50
+    mjx, c = (jax.jit(jax.vmap(physics(model, ROBOT))) for physics in (mjx_physics, c_physics))
+    state, contacts = begun, set()
+    for k, action in enumerate(actions(STEPS)):
+        if k % COMPARED_EVERY == 0:
+            given = arguments(state)
+            (mjx_end, mjx_trace), (c_end, c_trace) = mjx(*given), c(*given)
+            assert worst(mjx_end.qpos, c_end.qpos) < 1e-4
+            assert worst(mjx_end.qvel, c_end.qvel) < 5e-3
+            assert worst(mjx_trace.foot_position, c_trace.foot_position) < 1e-4
+            assert worst(mjx_trace.torque, c_trace.torque) < 1e-2
+            contacts |= set(np.asarray(c_trace.foot_position[..., 2] < 0.025).sum(axis=(1, 2)).tolist())
+        state, *_ = step(state, action)
+    assert len(contacts) > 3  # feet in the air, on the ground and landing
 
-    def converging(robot: Robot, timestep_s: float) -> mujoco.MjModel:
-        model = training_model(robot, timestep_s)
-        model.opt.iterations, model.opt.ls_iterations = 20, 50
-        return model
 
-    monkeypatch.setattr(velocity, "training_model", converging)
-    steps = [jax.jit(jax.vmap(make(physics).step)) for physics in ("mjx", "c")]
-    state, pushed, moved = begun, 0, 0.0
-    for action in actions(STEPS):
-        (mjx, seen), (c, also_seen) = [step(state, action) for step in steps]
-        assert all(equal(getattr(mjx, name), getattr(c, name)) for name in DRAWN)
-        assert worst(mjx.qpos, c.qpos) < 1e-4
-        assert worst(mjx.qvel, c.qvel) < 5e-3
-        for name in seen.observation:
-            assert worst(seen.observation[name], also_seen.observation[name]) < 5e-3, name
-        assert worst(seen.reward, also_seen.reward) < 1e-5
-        assert equal((seen.terminated, seen.truncated), (also_seen.terminated, also_seen.truncated))
-        pushed += int((mjx.push_steps > state.push_steps).sum())
-        moved = max(moved, worst(mjx.qvel, state.qvel))
-        state = mjx
-    assert pushed > 0
-    assert moved > 1.0
+def test_a_control_step_in_c_is_plain_mujocos(begun: State) -> None:
+    """Each robot in a model and data of its own, with the motors' law at each physics step."""
+    motion, drive, fields = arguments(begun)
+    end, _ = jax.vmap(c_physics(training_model(ROBOT, SMOKE.timestep_s), ROBOT))(motion, drive, fields)
+    positions, dofs = joint_addresses(training_model(ROBOT), ROBOT)
+    for k in range(0, ROBOTS, 8):
+        model = training_model(ROBOT, SMOKE.timestep_s)
+        model.body_sameframe[:] = 0
+        for name, value in fields.items():
+            getattr(model, name)[:] = value[k]
+        data, armature = mujoco.MjData(model), model.dof_armature[dofs].copy()
+        data.qpos[:], data.qvel[:] = motion.qpos[k], motion.qvel[k]
+        for target in np.asarray(drive.target[k]):
+            q, v = data.qpos[positions], data.qvel[dofs]
+            command = JointCommand(target, np.zeros(12), ROBOT.kp, ROBOT.kd, np.zeros(12))
+            data.qfrc_applied[dofs] = joint_torque(command, q, v, ROBOT.motor)
+            damping = joint_damping(command, q, v, ROBOT.motor)
+            model.dof_armature[dofs] = armature + 0.5 * SMOKE.timestep_s * damping
+            mujoco.mj_step(model, data)
+        assert worst(end.qpos[k], data.qpos) < 1e-5
+        assert worst(end.qvel[k], data.qvel) < 1e-3
 
 
 class TestPurity:

@@ -82,6 +82,13 @@ def test_terms_stand_in_contract_order_and_history_oldest_first(contract: Contra
     np.testing.assert_array_equal(history([first, second], short, np), expected)
 
 
+def test_of_many_frames_the_latest_are_kept(contract: Contract) -> None:
+    long = replace(contract, observation=(Term("command", 1.0, 3),))
+    inputs = [random_inputs(np.random.default_rng(seed)) for seed in range(5)]
+    expected = np.concatenate([each.command for each in inputs[-3:]])
+    np.testing.assert_array_equal(history(inputs, long, np), expected)
+
+
 def test_joint_positions_are_seen_relative_to_the_default_pose(contract: Contract) -> None:
     seen = replace(contract, observation=(Term("joint_position"),))
     inputs = random_inputs(np.random.default_rng(5))
@@ -149,6 +156,31 @@ def test_reference_lifts_diagonal_legs_together_for_half_a_cycle(contract: Contr
     phases = np.linspace(0, 1, 1000, endpoint=False)[:, None]
     moved = gait_reference(phases, np.broadcast_to(go, (1000, 3)), contract) != 0
     assert moved[:, 1].mean() == pytest.approx(0.5, abs=0.01)
+
+
+def test_a_joint_with_a_quarter_cycles_phase_is_a_quarter_cycle_ahead(contract: Contract) -> None:
+    ahead = replace(contract, gait=replace(contract.gait, phase=(0.25,) * 12))
+    reference = gait_reference(np.array([0.0]), np.array([0.5, 0.0, 0.0]), ahead)
+    np.testing.assert_allclose(reference, contract.gait.amplitude_rad)
+
+
+def test_the_action_is_a_residual_around_the_reference(contract: Contract) -> None:
+    go, phase = np.array([0.5, 0.0, 0.0]), np.array([0.25])
+    target = joint_target(np.zeros(12), phase, go, contract)
+    reference = gait_reference(phase, go, contract)
+    assert np.abs(reference).max() > 0.1
+    np.testing.assert_allclose(target, contract.default_pose_rad + reference)
+
+
+def test_the_reference_rests_while_the_robot_is_asked_to_stand(contract: Contract) -> None:
+    np.testing.assert_array_equal(gait_reference(np.array([0.25]), np.zeros(3), contract), np.zeros(12))
+
+
+def test_the_clock_is_sine_then_cosine(contract: Contract) -> None:
+    clock = replace(contract, observation=(Term("clock"),))
+    inputs = random_inputs(np.random.default_rng(8))._replace(phase=np.array([1 / 12]))
+    seen = frame(inputs._replace(command=np.array([1.0, 0.0, 0.0])), clock)
+    np.testing.assert_allclose(seen, [0.5, np.sqrt(0.75)])
 
 
 def test_no_gait_means_no_reference(contract: Contract) -> None:
