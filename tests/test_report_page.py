@@ -176,16 +176,12 @@ class TestPage:
         assert "No film of mine: its process died." in text
         assert "mine did not walk the course: its process died" in text
 
-    @pytest.mark.parametrize(
-        "name", ["a$\\frac$b", "<b>&amp;\"'", "{{ 1 + 1 }}", "_hidden", "$", "#010203", "ø\u2028"]
-    )
-    def test_a_policy_may_have_any_name(self, go1: Robot, name: str) -> None:
-        text = page_of(
-            go1, result(name, name, 0.1, 1, 2.0, walked(11.0)), result("b", "b", 0.1, 1, 2.0, None)
-        )
-        parsed = Page(text)
-        assert " ".join(name.split()) in parsed.words
-        assert "<b>&amp;\"'" not in text
+    def test_policies_may_have_any_name(self, go1: Robot) -> None:
+        names = ["a$\\frac$b", "<b>&amp;\"'", "{{ 1 + 1 }}", "_hidden", "$", "ø\u2028"]
+        text = page_of(go1, *(result(name, name, 0.1, 1, 2.0, walked(3.0)) for name in names))
+        words = Page(text).words
+        assert all(" ".join(name.split()) in words for name in names)
+        assert names[1] not in text
 
     def test_all_its_episodes_failed_is_said_and_no_figure_is_invented(self, go1: Robot) -> None:
         dead = result("dead", "dead", 0.1, 0, 2.0, None)
