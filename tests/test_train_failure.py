@@ -28,7 +28,15 @@ from footfall.train.brax.parts import assemble
 from footfall.train.brax.trainer import BraxTrainer
 from footfall.train.config import load_preset
 from footfall.train.runs import checkpoint
-from footfall.train.runs.failure import ENVIRONMENT, FOLDER, REPORT, Failure, failure_of, non_finite_leaves
+from footfall.train.runs.failure import (
+    ENVIRONMENT,
+    FOLDER,
+    REPORT,
+    SOURCE,
+    Failure,
+    failure_of,
+    non_finite_leaves,
+)
 from footfall.train.runs.folder import Run
 from footfall.train.runs.journal import Journal
 from footfall.train.runs.metrics import MetricsLog
@@ -209,11 +217,12 @@ def test_a_state_that_is_not_finite_is_never_kept(sound: Path, tmp_path: Path) -
 
     failure = load(run.folder / FOLDER / REPORT, Failure)
     assert differences(failure, failure.device, 1) == []
-    older = replace(failure, devices=2, versions=failure.versions | {"jax": "0.1"})
+    older = replace(failure, devices=2, versions=failure.versions | {"jax": "0.1", SOURCE: "0f1e2d"})
     assert differences(older, "another", 1) == [
         f"device {failure.device}, now another",
         "device count 2, now 1",
         f"jax 0.1, now {failure.versions['jax']}",
+        f"source revision 0f1e2d, now {failure.versions[SOURCE]}",
     ]
 
 
