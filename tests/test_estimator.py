@@ -253,8 +253,9 @@ class TestPlanAndHeight:
         estimator = BaseEstimator(ROBOT)
 
         def episode(*shares: tuple[float, float, float, float]) -> list[float]:
-            estimator.reset(held(shares[0]))
-            seen = [estimator.update(held(share), None, 0.002) for share in shares]
+            moving = [held(share)._replace(joint_velocity=np.linspace(-1.0, 1.0, 12)) for share in shares]
+            estimator.reset(moving[0])
+            seen = [estimator.update(each, None, 0.002) for each in moving]
             return [number for velocity, height in seen for number in (*velocity, height)]
 
         first = episode((0, 0, 0, 0), (1, 1, 0, 1), (1, 0, 0.5, 1))
