@@ -68,8 +68,10 @@ def test_a_whole_reading_is_read_alike_at_once_and_frame_by_frame() -> None:
 
 def test_an_imu_on_another_bus_is_not_listened_to() -> None:
     reader = imu.ImuReader(channel=1)
-    data = imu.encode(imu.Inertial([1.0, 0.0, 0.0], [0.0, 0.0, 9.8], [1.0, 0.0, 0.0, 0.0]), 1)
-    reader.absorb(Frames(np.full(3, 0), np.array(imu.IDS), data, np.full(3, 8)), 1000)
+    channel, identifier, length = np.full(3, 0), np.array(imu.IDS), np.full(3, 8)
+    for counter in (1, 2):  # the second time from arrays that were seen before
+        data = imu.encode(imu.Inertial([1.0, 0.0, 0.0], [0.0, 0.0, 9.8], [1.0, 0.0, 0.0, 0.0]), counter)
+        reader.absorb(Frames(channel, identifier, data, length), 1000 * counter)
     assert reader.heard_us is None
     assert reader.reading.gyro == (0.0, 0.0, 0.0)
 

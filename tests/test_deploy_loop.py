@@ -34,6 +34,7 @@ def new_loop(
     estimator: object = None,
     command: Command = stand_still,
     pose: np.ndarray | None = None,
+    estimator_rate_hz: float = 250.0,
 ) -> ControlLoop:
     """A loop on a simulated robot that stands in a pose, the default one if none is given."""
     wiring = wire(robot)
@@ -43,7 +44,7 @@ def new_loop(
         body.data.qpos[7:] = pose
     bus = SimulatedBus(wires, body)
     clock = (Pretence if realtime else LockstepClock)(TICK_US)
-    config = DeployConfig(stand_s=0.1)
+    config = DeployConfig(stand_s=0.1, estimator_rate_hz=estimator_rate_hz)
     return ControlLoop(robot, policy, wiring, open_driver(wiring), bus, clock, config, command, estimator)  # type: ignore[arg-type]
 
 
@@ -115,29 +116,36 @@ class TestEstimate:
             def __init__(self) -> None:
                 self.plans: list[object] = []
                 self.resets = 0
-                self.elapsed_s = 0.0
+                self.steps_s: list[float] = []
 
             def reset(self, sensed: Sensed) -> None:
                 self.resets += 1
 
             def update(self, sensed: Sensed, stance: np.ndarray | None, dt_s: float) -> tuple:
                 self.plans.append(stance)
-                self.elapsed_s += dt_s
+                self.steps_s.append(dt_s)
                 return np.array([len(self.plans), 0.0, 0.0]), 0.25
 
         policy, note = Planned(go1), Note()
-        loop = new_loop(go1, policy, estimator=note)
+        loop = new_loop(go1, policy, estimator=note, estimator_rate_hz=30.0)
         while loop.state.mode is not Mode.WALKING:
             standing = len(note.plans)
-            begun_us = loop.now_us
             loop.tick()
         run_for(loop, 0.1)
         assert note.resets == 1
-        assert standing > 10
+        assert standing == 2  # of 0.1 s
         assert all(stance is None for stance in note.plans[:standing])
         assert all(stance is plan for stance in note.plans[standing:])
-        assert note.elapsed_s == pytest.approx((loop.now_us - begun_us) * 1e-6 + 0.1, abs=0.006)
-        assert policy.seen[-1].base_velocity[0] == len(note.plans)  # the newest, taken at the same tick
+        np.testing.assert_allclose(note.steps_s[:2], 0.034, atol=1e-9)  # at least 30 times a second
+        assert [seen.base_velocity[0] for seen in policy.seen] == [
+            3,
+            4,
+            5,
+            6,
+            7,
+            8,
+        ]  # one at each policy step
+        np.testing.assert_allclose(note.steps_s[3:], 0.02, atol=1e-9)
         assert policy.seen[-1].base_height == 0.25
 
 

@@ -42,6 +42,8 @@ class TestCommandFrames:
         codec = mit.Codec(["AK80-9"])
         middle = codec.encode(np.zeros((5, 1)))[0]
         assert int.from_bytes(middle[:2].tobytes(), "big") == 0x8000  # 32767.5, to even
+        assert codec.lowest[:, 0].tolist() == [-12.5, -50.0, 0.0, 0.0, -18.0]
+        assert codec.highest[:, 0].tolist() == [12.5, 50.0, 500.0, 5.0, 18.0]
         assert codec.quantum[0, 0] == 25.0 / 65535
         assert codec.quantum[1, 0] == 100.0 / 4095
 

@@ -386,6 +386,13 @@ class TestPlants:
         assert toes[:, 0] == pytest.approx(0.2)
         assert (slippery.geom_friction[:, 0] > 0.5).any()  # the shanks keep theirs
 
+    def test_of_other_proportions_has_its_feet_found_from_the_last_joint_on(
+        self, go1: Robot, tmp_path: Path
+    ) -> None:
+        wider = ('<body name="FR_thigh" pos="0 -0.08 0">', '<body name="FR_thigh" pos="0 -0.25 0">')
+        plant = rewritten(go1, tmp_path / "wide.xml", wider, ('geom name="FR_foot"', 'geom name="toe"'))
+        assert "FR_foot is toe" in Bench(go1, plant=plant).body.notes[0]
+
     def test_without_anything_where_a_foot_should_be_stands_all_the_same(
         self, go1: Robot, tmp_path: Path
     ) -> None:

@@ -10,10 +10,10 @@ def test_the_last_durations_are_kept_in_order_and_the_longest_for_ever() -> None
     for value in (9.0, 1.0, 2.0):
         durations.add(value)
     assert durations.values().tolist() == [9.0, 1.0, 2.0]
-    for value in (3.0, 4.0, 5.0):
+    for value in (3.0, 4.0, 5.0, 6.0):
         durations.add(value)
-    assert durations.values().tolist() == [2.0, 3.0, 4.0, 5.0]
-    assert (durations.count, durations.longest) == (6, 9.0)
+    assert durations.values().tolist() == [3.0, 4.0, 5.0, 6.0]
+    assert (durations.count, durations.longest) == (7, 9.0)
 
 
 def test_a_summary_names_median_tail_and_longest_of_each() -> None:
