@@ -19,6 +19,7 @@ from footfall.envs.actuation import Actuation
 from footfall.envs.base import Base
 from footfall.envs.commands import draw_command, draw_hold_steps
 from footfall.envs.config import Curriculum, GaitConfig, PushConfig
+from footfall.envs.critic import Truth, critic_observation
 from footfall.envs.disturb import DISTURBANCE_NUMBERS, disturb, draw_push
 from footfall.envs.feet import Feet
 from footfall.envs.observe import Observer
@@ -329,6 +330,16 @@ class TestObserver:
         _, seen = observer.observe(state, recent, jnp.full(30, 0.5))
         np.testing.assert_allclose(seen[:3], np.full(3, 5.5), rtol=1e-6)
 
+    def test_the_last_action_is_the_newest_for_actor_and_critic(self, begun: State) -> None:
+        config = replace(CONFIG, observation=(Term("last_action"), Term("command")))
+        observer = Observer(MODEL, ROBOT, config, make_contract(ROBOT, config))
+        actions = jnp.array([[1.0], [2.0], [3.0]]) * jnp.ones(N)
+        state = begun._replace(actions=actions, frames=observer.no_frames())
+        expected = [*np.ones(N), *np.asarray(state.command)]
+        _, seen = observer.observe(state, jnp.zeros((8, 30)), jnp.full(30, 0.5))
+        np.testing.assert_array_equal(seen, np.float32(expected))
+        np.testing.assert_array_equal(observer.clean_frame(state, jnp.zeros(N)), np.float32(expected))
+
     def test_an_episode_begins_with_its_first_frame_as_the_whole_history(self) -> None:
         config = replace(CONFIG, observation=(Term("gyro", 1.0, 3),), noise=Noise())
         env = VelocityEnv(ROBOT, config)
@@ -445,3 +456,13 @@ class TestStep:
         metrics = step(slow, jnp.zeros(N))[1].metrics
         assert float(metrics["tracking/linear_error_m_s"]) == pytest.approx(0.5, rel=1e-5)
         assert float(metrics["tracking/yaw_error_rad_s"]) == pytest.approx(0.2, rel=1e-5)
+
+
+def test_the_critics_layout_does_not_depend_on_the_order_of_a_dictionary(env: VelocityEnv) -> None:
+    """JAX sorts a dictionary's keys wherever it hands one back."""
+    truth = Truth(jnp.zeros(3), jnp.zeros(()), jnp.zeros(4), jnp.zeros(4), jnp.zeros(N))
+    sample = {"friction": jnp.float32(0.7), "kp": jnp.full(N, 1.1), "battery": jnp.float32(0.9)}
+    backwards = dict(reversed(sample.items()))
+    seen = [critic_observation(jnp.zeros(2), jnp.zeros(2), truth, each) for each in (sample, backwards)]
+    np.testing.assert_array_equal(*seen)
+    np.testing.assert_allclose(seen[0][-14:], [0.7, *np.full(N, 1.1), 0.9], rtol=1e-6)
