@@ -137,6 +137,12 @@ class TestSummary:
         assert [row["episodes"] for row in summary["rows"]] == [4, 4, 4, 4]
         assert summary["rows"][3]["fall_rate_interval"] == pytest.approx([0.5101, 1.0], abs=1e-4)
 
+    def test_rows_of_two_levels_are_named_by_both(self) -> None:
+        levels = {"forward_m_s": 2.0, "yaw_rad_s": -1.0}
+        met = outcome()._replace(value=replace(outcome().value, levels=levels))  # type: ignore[type-var]
+        (row,) = summarise(SCENARIOS["sweep"], [met], 0)["rows"]
+        assert (row["forward_m_s"], row["yaw_rad_s"]) == (2.0, -1.0)
+
     def test_reasons_for_falls_are_counted(self) -> None:
         outcomes = [outcome(FELL, trouble="the base touched the ground")] * 2 + [outcome()]
         troubles = summarise(SCENARIOS["nominal"], outcomes, 0)["troubles"]

@@ -7,7 +7,7 @@ import pytest
 from footfall.evaluate.failures import failures
 from footfall.evaluate.figures import beats, best, figures, leaders
 from footfall.evaluate.statistics import wilson_interval
-from footfall.evaluate.verdict import verdict
+from footfall.evaluate.verdict import headlines, verdict
 
 ERROR, FALLS, PUSH = (figures()[key] for key in ("lin_vel_rmse", "falls", "dv50"))
 
@@ -107,6 +107,14 @@ class TestVerdict:
         assert "a survives the hardest pushes (3.00 m/s, next b with 2.00)" in verdict({"push": pushes})
         errors = {"c": scored(0.9), "b": scored(0.5), "a": scored(0.1)}
         assert "(0.100 m/s, next b with 0.500)" in verdict({"nominal": errors})
+
+    def test_is_about_the_first_scenario_and_the_pushes_alone(self) -> None:
+        bare = scored(0.1) | {"lin_vel_rmse": None, "lin_vel_rmse_interval": [None, None]}
+        found = headlines({"still": {"a": bare}, "push": {"a": pushed(1.0, 0.9, 1.1)}})
+        assert [(figure.key, scenario) for figure, scenario in found] == [
+            ("falls", "still"),
+            ("dv50", "push"),
+        ]
 
     def test_overlapping_intervals_are_no_clear_difference(self) -> None:
         sentence = verdict({"nominal": {"a": scored(0.1, 0.05), "b": scored(0.12, 0.05, falls=1)}})

@@ -251,6 +251,24 @@ class TestPlots:
             assert svg.colour(1) in plot.panels[0]
             assert svg.colour(0) not in plot.panels[0]
 
+    def test_conditions_show_the_share_that_fell(self) -> None:
+        row = {"friction": 0.2, "episodes": 4, "falls": 1, "lin_vel_rmse": 0.123}
+        error, falls = scenario_plots.conditions([("friction", {"a": summary(0.1, 1, rows=[row])})]).panels
+        assert readings(error)[0][2] == "friction coefficient 0.2: velocity error, m/s\na 0.123"
+        assert readings(falls)[0][2] == "friction coefficient 0.2: falls, %\na 25"
+
+    def test_a_cell_of_the_sweep_stands_at_its_command(self) -> None:
+        rows = [
+            {"forward_m_s": forward, "yaw_rad_s": yaw, "episodes": 1, "falls": 0, "lin_vel_rmse": 0.1}
+            for forward in (0.0, 1.0)
+            for yaw in (-1.0, 0.5)
+        ]
+        (panel,) = scenario_plots.sweep({"a": summary(0.1, 0, rows=rows)}).panels
+        places = {text.splitlines()[0]: (x, y) for x, y, text in readings(panel)}
+        slow_right, fast_left = places["0 m/s forward, -1 rad/s"], places["1 m/s forward, 0.5 rad/s"]
+        assert slow_right[0] < fast_left[0]
+        assert slow_right[1] > fast_left[1]  # a picture's y points down
+
     def test_no_push_scenario_no_plot(self) -> None:
         assert not scenario_plots.survival({}).panels
 
@@ -267,6 +285,8 @@ class TestLearning:
         assert [text for _, _, text in readings(plot.panels[0])] == [
             f"mine: {0.1 * i:.3g}\nafter {i / 1000:.3g} million steps" for i in range(1, 4)
         ]
+        across = [x for x, _, _ in readings(plot.panels[0])]
+        assert 0 < across[0] < across[1] < across[2] < svg.PANEL_WIDTH
         assert not learning_curves.learning_curves({"trot": "trot"}).panels
 
     def test_long_curves_are_means_of_stretches(self) -> None:
