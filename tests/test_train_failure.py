@@ -240,7 +240,7 @@ class TestDevice:
     def fail(self, sound: Path, monkeypatch: pytest.MonkeyPatch, text: str) -> str:
         """The message of a training whose device fails with this text."""
 
-        def failing(_: BraxTrainer) -> None:
+        def failing(*_: Any) -> None:
             raise jax.errors.JaxRuntimeError(text)
 
         monkeypatch.setattr(BraxTrainer, "prepare", failing)
