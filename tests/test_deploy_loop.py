@@ -136,7 +136,7 @@ class TestEstimate:
         assert standing == 2  # of 0.1 s
         assert all(stance is None for stance in note.plans[:standing])
         assert all(stance is plan for stance in note.plans[standing:])
-        np.testing.assert_allclose(note.steps_s[:2], 0.034, atol=1e-9)  # at least 30 times a second
+        np.testing.assert_allclose(note.steps_s[:2], 0.034, atol=1e-9)  # 1/30 s, at the next tick
         assert [seen.base_velocity[0] for seen in policy.seen] == [
             3,
             4,
