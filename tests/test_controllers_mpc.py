@@ -114,6 +114,13 @@ class TestState:
         expected = -(np.array([0.5, 0.0, 0.0]) + np.cross([0.0, 0.0, 2.0], relative))
         np.testing.assert_allclose(velocity, expected, atol=1e-9)
 
+    def test_a_swing_aims_a_little_below_the_ground(self) -> None:
+        policy = Mpc(ROBOT)
+        policy._target[1] = [0.3, 0.1, 0.0]
+        ((position, _, _),) = policy._swing([1], [0.0, 1.0, 0.0, 0.0], base())
+        lowest = 0.28 + position[2] - LEGS.foot_radius[1]
+        assert lowest == pytest.approx(-CONFIG.swing.depth_m)
+
 
 class TestSwingBegins:
     def test_a_lifted_foot_starts_from_where_it_stood(self) -> None:
@@ -150,11 +157,12 @@ class TestLegs:
         velocity: tuple[float, float, float] = (0.0, 0.0, 0.0),
         yaw_rate: float = 0.0,
         swing_velocity: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        swing_acceleration: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> JointCommand:
         legs = LegControl(ROBOT, LEGS, nominal_body(ROBOT), CONFIG)
         swing = np.zeros((2, 3, 3))
         swing[:, 0] = LEGS.default_foot[1:3]
-        swing[:, 1] = swing_velocity
+        swing[:, 1], swing[:, 2] = swing_velocity, swing_acceleration
         pose = LEGS.pose(ROBOT.default_pose)
         return legs.command(
             ROBOT.default_pose,
@@ -220,3 +228,10 @@ class TestLegs:
         most = LEGS.gather(ROBOT.motor.no_load_speed)[1]
         assert np.all(np.abs(speed) <= most)
         assert np.any(np.abs(speed) == most)
+
+    def test_a_swinging_leg_is_given_the_torque_that_its_inertia_needs(self) -> None:
+        """M times the joint acceleration that moves the foot as wanted."""
+        acceleration = np.array([5.0, 0.0, 8.0])
+        torque = LEGS.gather(self.command(swing_acceleration=tuple(acceleration)).torque)[1]
+        joint = np.linalg.solve(LEGS.pose(ROBOT.default_pose).jacobian[1], acceleration)
+        np.testing.assert_allclose(torque, nominal_body(ROBOT).leg_inertia[1] @ joint, atol=1e-9)

@@ -85,6 +85,14 @@ class TestTrot:
         grounded &= np.roll(grounded, 1, axis=0)
         np.testing.assert_allclose(speed[:, :, 0][grounded].mean(), -0.4, atol=0.02)
 
+    def test_turning_left_right_feet_go_back_and_left_feet_forward(self) -> None:
+        """Of feet in their place: w x r."""
+        policy = Trot(ROBOT)
+        walking(policy, (0.0, 0.0, 0.5))
+        expected = np.cross([0.0, 0.0, 0.5], policy._place)
+        np.testing.assert_allclose(policy._foot_velocity(), expected, atol=1e-9)
+        assert np.all(expected[[0, 2], 0] > 0)  # the base passes forward over right feet
+
     def test_feet_are_lifted_to_the_swing_height(self) -> None:
         feet = walking(Trot(ROBOT))
         np.testing.assert_allclose(np.ptp(feet[-200:, :, 2], axis=0), CONFIG.swing_height_m, rtol=0.01)

@@ -90,3 +90,15 @@ def test_its_command_is_a_target_under_the_contracts_gains(policy: LearnedPolicy
     np.testing.assert_array_equal(command.kp, contract.kp)
     np.testing.assert_array_equal(command.kd, contract.kd)
     np.testing.assert_array_equal([command.velocity, command.torque], 0.0)
+
+
+def test_actions_are_added_to_the_reference_gait(policy: LearnedPolicy, contract: Contract) -> None:
+    """At the sixth step the clock shows 0.22 cycles: feet of phase 0 are lifted by sin(2 pi 0.22)."""
+    seen = observations(1)
+    policy.reset(seen[0])
+    for each in seen[:6]:
+        command = policy.act(each)
+    scaled = np.array(contract.action_scale_rad) * policy.action
+    reference = (command.position - np.array(contract.default_pose_rad) - scaled).reshape(4, 3)
+    lifted = np.sin(2 * np.pi * 0.22) * np.array([0.0, 0.3, -0.6])
+    np.testing.assert_allclose(reference, [lifted, np.zeros(3), np.zeros(3), lifted], atol=1e-6)
