@@ -92,6 +92,7 @@ class TestPlans:
             assert plan.duration_s == 20.0
             gaps = np.diff(plan.schedule.from_s)
             assert np.all((gaps >= 3.0) & (gaps <= 6.0))
+            assert np.ptp(gaps) > 0.0
             assert plan.schedule.from_s[0] == 0.0
             assert plan.schedule.from_s[-1] > 14.0
 

@@ -12,14 +12,15 @@ from matplotlib.image import imread
 from rich.console import Console
 
 from footfall.common.errors import UserError
-from footfall.evaluate import api
+from footfall.evaluate import api, suite
 from footfall.evaluate.api import compare_policies, evaluate_policy
+from footfall.evaluate.episodes import EpisodeTask
 from footfall.evaluate.plan import CommandSchedule
 from footfall.evaluate.pool import Outcome
 from footfall.evaluate.report import films
 from footfall.evaluate.report.films import Film, FilmTask, render_films
 from footfall.evaluate.scenarios import Scenario, ScenarioFile, Waypoint, load_scenarios
-from footfall.evaluate.suite import Setup, run_suite
+from footfall.evaluate.suite import Setup, run_course, run_suite
 from footfall.plant.episode import Episode, Push, run_episode
 from footfall.plant.trace import Trace
 from footfall.policies.registry import load_policy
@@ -83,6 +84,23 @@ class TestSuite:
         figures = run_suite(["stand"], Setup("go1", ("push",)), SHORT)["stand"]["push"]
         assert [(row["push_m_s"], row["falls"]) for row in figures["rows"]] == [(0.1, 0), (6.0, 2)]
         assert 0.1 < figures["dv50"] < 6.0
+
+    def test_each_policy_has_its_own_walk_and_another_seed_gives_other_episodes(
+        self, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        tasks: list[EpisodeTask] = []
+
+        def note(_: object, given: list[EpisodeTask], *__: object, **___: object) -> list[Outcome]:
+            tasks.extend(given)
+            return [Outcome(None, task.policy) for task in given]
+
+        monkeypatch.setattr(suite, "run_all", note)
+        walks = run_course(["a", "b"], Setup("go1", ("still",)), SHORT)
+        assert {policy: walk.error for policy, walk in walks.items()} == {"a": "a", "b": "b"}
+        tasks.clear()
+        for seed in (1, 2):
+            run_suite(["a"], Setup("go1", ("still",), seed=seed), SHORT)
+        assert len({task.plan.seed for task in tasks}) == 4
 
 
 class TestEvaluate:
