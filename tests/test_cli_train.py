@@ -125,7 +125,7 @@ def test_settings_that_cannot_work_are_refused_and_leave_no_folder(
         (("--coordinator", "junk", "--processes", "2", "--process", "0"), "expected HOST:PORT or auto"),
         (("--coordinator", "host:", "--processes", "2", "--process", "0"), "expected HOST:PORT or auto"),
         (
-            ("--coordinator", "host:123456", "--processes", "2", "--process", "0"),
+            ("--coordinator", "host:65536", "--processes", "2", "--process", "0"),
             "expected HOST:PORT or auto",
         ),
         (("--coordinator", "[::1]:12", "--processes", "2", "--process", "2"), "of 2 the last is 1"),

@@ -16,7 +16,7 @@ from footfall.verbs.watch import LOCAL_PAGE, PageOptions
 
 EVALUATION = "gentle"  # the scenario that every finished run goes through
 OF_ANY_RUN = {"resume", "evaluate", "watch"}
-COORDINATOR = re.compile(r"(\[[0-9a-fA-F:.]+\]|[^:\[\]\s]+):[0-9]{1,5}")
+COORDINATOR = re.compile(r"(\[[0-9a-fA-F:.]+\]|[^:\[\]\s]+):(?P<port>[0-9]{1,5})")
 
 
 @Parameter(name="*")
@@ -125,7 +125,8 @@ def _check_cluster(cluster: ClusterOptions) -> None:
         raise UserError(
             "several processes need --coordinator HOST:PORT, --processes and --process, or --coordinator auto"
         )
-    if cluster.coordinator != "auto" and not COORDINATOR.fullmatch(cluster.coordinator):
+    address = COORDINATOR.fullmatch(cluster.coordinator)
+    if cluster.coordinator != "auto" and not (address and 0 < int(address["port"]) < 2**16):
         raise UserError(f"--coordinator: expected HOST:PORT or auto, found '{cluster.coordinator}'")
     processes, process = cluster.processes, cluster.process
     if processes is not None and process is not None and process >= processes:
