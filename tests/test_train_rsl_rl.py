@@ -26,7 +26,7 @@ from footfall.cli import main
 from footfall.common.config import dump
 from footfall.common.errors import UserError
 from footfall.envs.symmetry import environment_mirror
-from footfall.evaluate.provenance import kind
+from footfall.evaluate.provenance import origin
 from footfall.policies.contract import CONTRACT_KEY
 from footfall.policies.registry import load_policy
 from footfall.robots.description import Robot
@@ -242,7 +242,7 @@ def test_the_artifact_is_the_one_that_brax_makes(run: Path, trainer: RslRlTraine
 
 
 def test_a_comparison_names_the_trainer(run: Path, go1: Robot) -> None:
-    assert kind(load_policy(str(run), go1)).startswith("learned policy (trained by rsl_rl), 50 Hz")
+    assert origin(load_policy(str(run), go1)).startswith("learned policy (trained by rsl_rl), 50 Hz")
 
 
 def test_export_writes_the_same_policy_again(
