@@ -88,8 +88,8 @@ def test_each_resumes_from_the_checkpoint_of_the_first_one_or_not_at_all(
 ) -> None:
     opened = api.open_run(run[0])
     monkeypatch.setattr(cluster, "processes", lambda: 2)
-    monkeypatch.setattr(cluster, "broadcast", lambda _: (3,))
-    assert api._newest_checkpoint(opened) == opened.checkpoints / "00000003.ckpt"
+    monkeypatch.setattr(cluster, "broadcast", lambda _: (4,))  # this process sees newer ones
+    assert api._newest_checkpoint(opened) == opened.checkpoints / "00000004.ckpt"
     monkeypatch.setattr(cluster, "broadcast", lambda _: (9,))
     with pytest.raises(UserError, match=r"process 0 resumes from .*00000009\.ckpt"):
         api._newest_checkpoint(opened)

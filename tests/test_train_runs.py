@@ -127,8 +127,9 @@ def test_a_robot_that_was_changed_since_is_refused(own_folder: Path, tmp_path: P
     (run.folder / FOLDER).mkdir()
     (run.folder / FOLDER / REPORT).write_text(dump(failure))
     declaration = own_folder / "robot.yaml"
-    changed = declaration.read_text().replace("natural_frequency_hz: ", "natural_frequency_hz: 1")
-    declaration.write_text(changed)
+    text = declaration.read_text()
+    assert "natural_frequency_hz: 14" in text
+    declaration.write_text(text.replace("natural_frequency_hz: 14", "natural_frequency_hz: 13"))
     for use in (api.resume, api.export_run, lambda folder: api.diagnose(folder, say=print)):
         with pytest.raises(UserError, match=r"mine' has changed since this training began \(") as refusal:
             use(run.folder)
