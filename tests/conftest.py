@@ -8,6 +8,7 @@ os.environ.setdefault("JAX_PLATFORMS", "cpu")
 os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(Path(__file__).parents[1] / ".cache" / "jax"))
 
 import shutil
+import signal
 
 import numpy as np
 import pytest
@@ -15,6 +16,9 @@ from hypothesis import settings
 
 from footfall.policies.contract import CommandRange, Contract, Gait, Term
 from footfall.robots.description import ROBOTS, Robot, load_robot
+
+# A shell that starts the tests in the background has them, and all that they start, ignore Ctrl-C.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 settings.register_profile("footfall", deadline=None, max_examples=60, derandomize=True)
 settings.load_profile("footfall")

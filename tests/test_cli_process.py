@@ -111,12 +111,16 @@ def test_a_signal_ends_an_evaluation_and_its_processes(
         cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True, start_new_session=True,
         env=os.environ | {"TMPDIR": str(tmp_path)},
     )  # fmt: skip
-    deadline = time.monotonic() + 60
-    while len(processes_of(process.pid)) < 3 and time.monotonic() < deadline:
-        time.sleep(0.1)
-    time.sleep(1.0)
-    process.send_signal(number)
-    _, told = process.communicate(timeout=60)
+    try:
+        deadline = time.monotonic() + 60
+        while len(processes_of(process.pid)) < 3 and time.monotonic() < deadline:
+            time.sleep(0.1)
+        time.sleep(1.0)
+        process.send_signal(number)
+        _, told = process.communicate(timeout=60)
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
     assert (process.returncode, told) == (status, complaint)
     assert processes_of(process.pid) == []
     assert list(tmp_path.iterdir()) == []
