@@ -58,7 +58,7 @@ def main(tokens: Sequence[str] | None = None) -> int:
         return _complain(f"{_parse_error(error)} {_where_to_look(arguments)}")
     except UserError as error:
         return _complain(_one_line(error))
-    except BrokenPipeError:  # the reader of our output has left
+    except (BrokenPipeError, SystemExit):  # the reader of our output has left; rich says so by SystemExit
         _stop_writing()
         return BROKEN_PIPE
     except OSError as error:  # a full disk, a file that went away

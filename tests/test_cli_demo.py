@@ -56,3 +56,26 @@ def test_a_preset_that_does_not_exist_is_refused_before_anything_is_made(
 def test_a_failed_step_ends_it() -> None:
     with pytest.raises(UserError, match="footfall train failed with status 2"):
         demo_module._step("train", "--preset", "huge")
+
+
+def test_a_policy_that_falls_over_the_bus_is_still_compared(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """deploy ends with status 1 after a fall; of every other step that status ends the demo."""
+    statuses = {"train": 0, "export": 0, "deploy": 1, "compare": 0}
+    ran: list[str] = []
+
+    class Step:
+        def __init__(self, command: list[str]) -> None:
+            self.verb = command[command.index("footfall") + 1]
+            ran.append(self.verb)
+
+        def wait(self) -> int:
+            return statuses[self.verb]
+
+    monkeypatch.setattr(demo_module.subprocess, "Popen", Step)
+    assert Shell(capsys)("demo", "--out", tmp_path / "demo").status == 0
+    assert ran == ["train", "export", "deploy", "compare"]
+    statuses["export"] = 1
+    assert Shell(capsys)("demo", "--out", tmp_path / "demo").status == 2
+    assert ran[4:] == ["train", "export"]

@@ -78,6 +78,22 @@ class TestOne:
             assert np.array_equal(info["command"], one._state.command)
             *_, info = one.step(np.zeros(12))
 
+    def test_actions_reach_the_soft_limit_that_is_further_away(self, one: GymnasiumEnv) -> None:
+        """With the largest action of either sign a joint's target lies at that limit or beyond it."""
+        robot, bound = one.env.robot, one.action_space.high
+        assert np.array_equal(one.action_space.low, -bound)
+        reach = bound * robot.action_scale
+        lower, upper = robot.soft_limits
+        np.testing.assert_allclose(
+            reach,
+            np.where(
+                upper - robot.default_pose > robot.default_pose - lower,
+                upper - robot.default_pose,
+                robot.default_pose - lower,
+            ),
+            rtol=1e-6,
+        )
+
     def test_a_reset_with_options_is_refused(self, one: GymnasiumEnv, many: GymnasiumVectorEnv) -> None:
         with pytest.raises(UserError, match="no options: speed"):
             one.reset(options={"speed": 1})
@@ -181,9 +197,11 @@ class TestMany:
         upside_down = many._state.qpos.at[0, 2:7].set(np.array([0.4, 0.0, 1.0, 0.0, 0.0]))
         at_its_end = many._state.steps.at[1].set(many.env.episode_steps - 1)
         many._state = many._state._replace(qpos=upside_down, steps=at_its_end)
-        _, _, terminated, truncated, _ = many.step(np.zeros((MANY, 12)))
+        _, _, terminated, truncated, info = many.step(np.zeros((MANY, 12)))
         assert np.flatnonzero(terminated).tolist() == [0]
         assert np.flatnonzero(truncated).tolist() == [1]
+        assert info["_final_obs"][1]
+        assert info["final_obs"][1].shape == many.single_observation_space.shape
 
     def test_its_information_is_like_that_of_gymnasiums_own(self, many: GymnasiumVectorEnv) -> None:
         own = SyncVectorEnv(
