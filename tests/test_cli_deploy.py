@@ -160,6 +160,7 @@ def test_another_policy_differs_and_says_where(shell: Shell, tmp_path: Path) -> 
     assert outcome.status == 1
     assert "first difference: step " in outcome.out
     assert "_joint" in outcome.out
+    assert shell("replay", log, "--policy", "stand", "--tolerance", "100").status == 0
 
 
 def test_a_log_whose_policy_is_gone_asks_for_one(shell: Shell, tmp_path: Path) -> None:

@@ -1,12 +1,14 @@
 """Output files: refused before a long run, or whole."""
 
+import json
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from footfall.common.errors import UserError
-from footfall.common.outputs import check_outputs, write_text
+from footfall.common.outputs import check_outputs, write_json, write_text
 
 
 def test_checking_leaves_nothing_behind(tmp_path: Path) -> None:
@@ -59,3 +61,8 @@ def test_who_reads_while_it_is_written_sees_the_old_content(
         write_text(path, "new")
     assert path.read_text() == "old"
     assert os.listdir(tmp_path) == ["old.json"]
+
+
+def test_numbers_that_json_does_not_know_become_null(tmp_path: Path) -> None:
+    write_json(tmp_path / "a.json", {"a": [float("nan"), np.inf, -np.inf, 1.5], "b": np.array([np.nan, 2.0])})
+    assert json.loads((tmp_path / "a.json").read_text()) == {"a": [None, None, None, 1.5], "b": [None, 2.0]}
