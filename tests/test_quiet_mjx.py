@@ -18,7 +18,8 @@ def said_by(code: str) -> str:
     "code",
     [
         "import footfall.envs.velocity",
-        "from footfall.train.entry import learning_wing; learning_wing()",
+        "from footfall.train.entry import learning_libraries\n"
+        "with learning_libraries(): import footfall.train.api",
         "import gymnasium; gymnasium.make('footfall.gym:footfall/Go1Velocity-v0')",
     ],
 )
