@@ -78,6 +78,11 @@ def test_unknown_field_is_refused_by_name(contract: Contract) -> None:
         ("kp", [20.0], "kp has 1 numbers for 12 joints"),
         ("kp", ["stiff"] * 12, "'stiff' is not a number"),
         ("gait", {"frequency_hz": 2.0, "phase": [0.0], "amplitude_rad": [0.0]}, "gait.phase has 1"),
+        (
+            "gait",
+            {"frequency_hz": 2.0, "phase": [0.0] * 12, "amplitude_rad": [0.0]},
+            "gait.amplitude_rad has 1 numbers for 12 joints",
+        ),
         ("commands", {"forward_m_s": [0.0]}, "commands"),
     ],
 )

@@ -116,6 +116,12 @@ class TestCommand:
         command.advance(small, 1.0)
         assert not command.wants_walk(small)
 
+    @pytest.mark.parametrize(("asked", "followed"), [(0.09, 0.0), (0.11, 0.11), (-0.11, -0.11)])
+    def test_a_command_counts_from_the_norm_on_that_means_stand(self, asked: float, followed: float) -> None:
+        command = ShapedCommand(self.SHAPING)
+        command.advance(np.array([0.0, asked, 0.0]), 1.0)
+        np.testing.assert_allclose(command.value, [0.0, followed, 0.0])
+
     def test_a_new_episode_begins_at_rest(self) -> None:
         command = ShapedCommand(self.SHAPING)
         command.advance(np.array([1.0, 0.0, 1.0]), 1.0)

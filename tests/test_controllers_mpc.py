@@ -58,10 +58,12 @@ class TestStanding:
         assert yaw_moment(force) == pytest.approx(0.0, abs=0.01)
         assert force[:, 2].sum() == pytest.approx(nominal_body(ROBOT).mass * 9.81, rel=0.02)
 
-    def test_turned_to_the_left_since_it_pushes_back_to_the_right(self) -> None:
+    @pytest.mark.parametrize(("begun", "now"), [(2.0, 2.1), (3.1, 3.2 - 2 * np.pi)])
+    def test_turned_to_the_left_since_it_pushes_back_to_the_right(self, begun: float, now: float) -> None:
+        """Also across the heading where angles jump from pi to -pi."""
         policy = Mpc(ROBOT)
-        policy.reset(standing(2.0))
-        assert yaw_moment(forces(policy.act(standing(2.1)))) < -0.5
+        policy.reset(standing(begun))
+        assert yaw_moment(forces(policy.act(standing(now)))) < -0.5
 
     @pytest.mark.parametrize("yaw", [0.0, 2.0])
     def test_a_push_to_the_left_is_met_with_force_to_the_right(self, yaw: float) -> None:

@@ -141,6 +141,18 @@ class TestSolver:
         first = np.abs((fallback - exact).reshape(3, n)[:, now])
         assert first.max() < 1.0
 
+    @pytest.mark.parametrize("daqp_iterations", [0, 100], ids=["fallback", "daqp"])
+    def test_a_base_that_falls_is_met_with_all_that_feet_may_press(self, daqp_iterations: int) -> None:
+        """At 3 m/s downwards and 20 cm too low, more than 150 N on each foot would be better still."""
+        state = BodyState(np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.1]), np.array([0.0, 0.0, 0.0, 0.0, 0.0, -3.0]))
+        wanted = BodyState(np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.3]), np.zeros(6))
+        reference = BodyState(*(np.tile(part, (HORIZON.steps, 1)) for part in wanted))
+        contacts = np.ones((HORIZON.steps, 4), dtype=bool)
+        problem = PROBLEMS.build(state, reference, contacts, np.tile(PLACES, (HORIZON.steps, 1, 1)))
+        solution = BoundedSolver(daqp_iterations).solve(problem)
+        assert solution is not None
+        np.testing.assert_allclose(PROBLEMS.forces(solution, problem, 4)[:, 2], 150.0, atol=0.1)
+
     def test_a_problem_that_is_no_problem_gives_none_and_no_crash(self) -> None:
         problem = PROBLEMS.build(*random_situation(0))
         broken = problem._replace(gradient=np.full_like(problem.gradient, np.nan))

@@ -121,3 +121,13 @@ class TestTrot:
     def test_a_second_episode_is_the_first_to_the_bit(self) -> None:
         policy = Trot(ROBOT)
         np.testing.assert_array_equal(walking(policy), walking(policy))
+
+    def test_a_new_episode_forgets_the_tilt_of_the_last(self) -> None:
+        policy = Trot(ROBOT)
+        policy.reset(seen())
+        policy.act(seen(CONFIG.settle_s, roll=0.2))
+        positions = []
+        for each in (policy, Trot(ROBOT)):
+            each.reset(seen())
+            positions.append(each.act(seen(CONFIG.settle_s)).position)
+        np.testing.assert_array_equal(*positions)

@@ -50,6 +50,11 @@ def test_what_cannot_work_is_refused_with_its_name(text: str, tmp_path: Path) ->
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(("rate_hz", "tick_us"), [(500.0, 2000), (300.0, 3333), (600.0, 1667)])
+def test_a_tick_is_the_nearest_whole_number_of_microseconds(rate_hz: float, tick_us: int) -> None:
+    assert DeployConfig(joint_rate_hz=rate_hz).tick_us == tick_us
+
+
 def test_the_defaults_and_the_page_on_safety_agree(tmp_path: Path) -> None:
     page = (Path(__file__).parents[1] / "docs" / "safety.md").read_text()
     path = tmp_path / "loop.yaml"

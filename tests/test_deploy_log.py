@@ -16,7 +16,7 @@ from mcap_ros2.decoder import DecoderFactory
 
 from footfall.common.errors import UserError
 from footfall.deploy import messages
-from footfall.deploy.log import flatten, unflatten
+from footfall.deploy.log import McapLog, flatten, unflatten
 from footfall.deploy.recover import recover
 from footfall.deploy.replay import read_log, replay
 from footfall.plant.episode import run_episode
@@ -71,6 +71,28 @@ class TestContent:
         assert last.name == list(go1.joint_names)
         np.testing.assert_allclose(last.position, go1.default_pose, atol=0.3)
         assert len(last.velocity) == len(last.effort) == 12
+
+    def test_each_reading_stands_in_its_own_field(self, go1: Robot, tmp_path: Path) -> None:
+        """Orientation comes as w x y z and is written by name."""
+        position, velocity, torque, target = (100.0 * k + np.arange(12.0) for k in range(4))
+        gyro, acceleration, quaternion = (
+            np.array([1.0, 2, 3]),
+            np.array([4.0, 5, 6]),
+            np.array([0.1, 0.2, 0.3, 0.4]),
+        )
+        path = tmp_path / "tick.mcap"
+        log = McapLog(path, go1, Hold(go1), every_us=10_000, facts={}, start_ns=0)
+        log.tick(0, Sensed(gyro, acceleration, quaternion, position, velocity, torque), target)
+        log.close()
+        written = {each.topic: each.message for each in decoded(path)}
+        joints, inertial = written["/joint_states"], written["/imu"]
+        assert list(joints.position) == position.tolist()
+        assert list(joints.velocity) == velocity.tolist()
+        assert list(joints.effort) == torque.tolist()
+        assert list(written["/joint_commands"].position) == target.tolist()
+        assert [getattr(inertial.orientation, axis) for axis in "wxyz"] == quaternion.tolist()
+        assert [getattr(inertial.angular_velocity, axis) for axis in "xyz"] == gyro.tolist()
+        assert [getattr(inertial.linear_acceleration, axis) for axis in "xyz"] == acceleration.tolist()
 
     def test_states_come_in_order(self, logged: tuple[Path, Trace]) -> None:
         states = [m.message.data for m in decoded(logged[0], "/state")]
@@ -172,7 +194,7 @@ class TestReplay:
         class Other(Sway):
             def act(self, observation: Observation) -> JointCommand:
                 command = super().act(observation)
-                return lift(command) if observation.time_s > 0.19 else command
+                return lift(command) if 0.19 < observation.time_s < 0.29 else command
 
         result = replay(logged[0], Other(go1))
         assert result.worst_difference == pytest.approx(0.5)

@@ -100,6 +100,11 @@ class TestReplies:
         back = CODEC.decode_replies(replies(values), EVERYONE).values
         assert np.all(np.abs(back - values) <= 0.5 * CODEC.reply_quantum * (1 + 1e-9))
 
+    @pytest.mark.parametrize(("factor", "code"), [(2.0, "ff ff ff ff ff"), (-2.0, "00 00 00 00 00")])
+    def test_readings_out_of_range_are_clamped_and_never_wrap(self, factor: float, code: str) -> None:
+        data = replies(factor * CODEC.highest[[0, 1, 4]], tail=40 << 8)
+        assert data[0].tobytes().hex(" ") == f"01 {code} 28 00"
+
     def test_a_short_reply_of_six_bytes_is_read_too(self) -> None:
         data = replies(np.ones((3, N)), tail=99)
         short = data.copy()

@@ -145,6 +145,18 @@ class TestMotors:
         bench.tick(mit.special(mit.ZERO, 12))
         bench.tick(mit.special(mit.ENTER, 12))
         np.testing.assert_allclose(bench.position, 0.0, atol=5e-3)
+        bench.tick(mit.special(mit.ZERO, 12))  # where it is zero already, nothing changes
+        bench.tick(mit.special(mit.ENTER, 12))
+        np.testing.assert_allclose(bench.position, 0.0, atol=1e-2)
+
+    def test_a_motor_that_is_switched_off_alone_gives_no_torque(self, go1: Robot) -> None:
+        bench = Bench(go1)
+        bench.enter()
+        data = bench.hold(offset=0.1)
+        data[4] = mit.special(mit.EXIT, 1)[0]
+        bench.tick(data)
+        bench.tick(bench.hold(offset=0.1))
+        assert np.flatnonzero(bench.body.truth().motor_torque == 0.0).tolist() == [4]
 
 
 class TestFaults:
@@ -267,6 +279,8 @@ class TestDifferences:
         bench = Bench(go1)
         bench.body.push((0.5, -0.2, 0.0))
         np.testing.assert_allclose(bench.body.truth().base_velocity, [0.5, -0.2, 0.0], atol=1e-12)
+        bench.body.push((0.1, 0.0, 0.3))
+        np.testing.assert_allclose(bench.body.truth().base_velocity, [0.6, -0.2, 0.3], atol=1e-12)
 
 
 class TestFalls:
@@ -361,6 +375,14 @@ class TestPlants:
         assert bench.body.notes == ("feet of names.xml found by their place: FR_foot is toe of body FR_calf",)
         assert bench.body.truth().foot_contact.all()
 
+    def test_a_foot_that_only_lets_itself_be_touched_is_found(self, go1: Robot, tmp_path: Path) -> None:
+        passive = ('geom name="FR_foot"', 'geom name="toe" contype="0" conaffinity="1"')
+        bench = Bench(go1, plant=rewritten(go1, tmp_path / "passive.xml", passive))
+        assert bench.body.notes == (
+            "feet of passive.xml found by their place: FR_foot is toe of body FR_calf",
+        )
+        assert self.stands(bench)
+
     def test_of_another_maker_has_its_feet_found_by_body_and_place(self, go1: Robot, tmp_path: Path) -> None:
         """Nameless geoms: a mesh and a capsule along the shank, a foot on a body that is fixed to it."""
         shank = """<geom class="collision" type="mesh" mesh="shank"/>
@@ -440,6 +462,10 @@ class TestPlants:
         bench = Bench(go1, plant=rewritten(go1, tmp_path / "low.xml", extra=floor))
         assert bench.body.truth().foot_position[:, 2].min() == pytest.approx(0.023 - 0.7, abs=1e-3)
         assert self.stands(bench)
+
+    def test_with_a_plane_for_the_looks_alone_gets_a_floor(self, go1: Robot, tmp_path: Path) -> None:
+        looks = '<worldbody><geom type="plane" size="0 0 1" contype="0" conaffinity="0"/></worldbody>'
+        assert self.stands(Bench(go1, plant=rewritten(go1, tmp_path / "looks.xml", extra=looks)))
 
     def test_with_a_table_that_is_called_floor(self, go1: Robot, tmp_path: Path) -> None:
         table = '<worldbody><geom name="floor" type="box" size="1 1 0.1" pos="5 0 0.1"/></worldbody>'

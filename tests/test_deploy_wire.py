@@ -1,10 +1,13 @@
 """Simulated wires take their time, keep order, and refuse what does not fit their queues."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from footfall.deploy.bus import HOST_QUEUE
 from footfall.deploy.frames import Frames, frame_bits
+from footfall.plant.bus import SimulatedBus
 from footfall.plant.wires import Side, SimulatedWires
 
 
@@ -109,3 +112,15 @@ class TestQueue:
         assert wires.refused[Side.ROBOT, 0] > 0
         arrived = numbers(wires.receive(Side.HOST, 22_000))
         assert len(arrived) == wires.sent(Side.ROBOT)[0]
+
+
+def test_a_bus_counts_what_the_controller_sent_and_what_it_got() -> None:
+    """Three frames of 135 us on the first wire in one millisecond."""
+    wires = SimulatedWires(("a", "b"))
+    wires.send(Side.HOST, frames(0, 0, 1), 0)
+    wires.send(Side.ROBOT, frames(0), 0)
+    bus = SimulatedBus(wires, SimpleNamespace(time_us=1000))  # type: ignore[arg-type]
+    first, second = bus.statistics()
+    assert (first.name, first.frames_sent, first.frames_received, first.frames_refused) == ("a", 2, 1, 0)
+    assert (second.name, second.frames_sent, second.frames_received) == ("b", 1, 0)
+    assert (first.load, second.load) == pytest.approx((0.405, 0.135))

@@ -122,6 +122,17 @@ def test_doctor_says_what_each_extra_lacks(installed, tmp_path: Path) -> None:
     assert extras.advice == f"where wanted: {PIP} '{tmp_path}[train,sweep]'"
 
 
+@pytest.mark.parametrize(("mjx", "good"), [("3.3.0", True), ("3.2.9", False)])
+def test_doctor_wants_both_simulators_of_one_release(
+    monkeypatch: pytest.MonkeyPatch, mjx: str, good: bool
+) -> None:
+    monkeypatch.setattr(machine, "version", {"mujoco": "3.3.0", "mujoco-mjx": mjx}.__getitem__)
+    finding = machine._simulators()
+    assert finding.good is good
+    assert finding.found == f"mujoco 3.3.0, mujoco-mjx {mjx}"
+    assert bool(finding.advice) is not good
+
+
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 

@@ -135,3 +135,11 @@ class TestOtherRobots:
         (tmp_path / "robot.xml").write_text(text.replace(knee, knee.replace("0 1 0", "0 1 1")))
         with pytest.raises(UserError, match="second and third joint"):
             Legs(load_robot(tmp_path))
+
+
+def test_joint_values_are_gathered_by_leg_and_scattered_into_an_array_of_their_own() -> None:
+    others, joint = np.full(12, 7.0), np.arange(12.0)
+    by_leg = LEGS.gather(joint)
+    np.testing.assert_array_equal(by_leg, joint.reshape(4, 3))  # go1 lists its joints leg by leg
+    np.testing.assert_array_equal(LEGS.scatter(by_leg, others), joint)
+    np.testing.assert_array_equal(others, 7.0)

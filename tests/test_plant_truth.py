@@ -1,5 +1,7 @@
 """What the simulation knows: the true state in its frames, what motors cost, how far a robot came."""
 
+from types import SimpleNamespace
+
 import mujoco
 import numpy as np
 import pytest
@@ -7,6 +9,7 @@ import pytest
 from footfall.deploy.wiring import wire
 from footfall.domain_rand.sample import Sample
 from footfall.plant.energy import EnergyMeter
+from footfall.plant.episode import true_base_state
 from footfall.plant.progress import Progress, path_length
 from footfall.plant.robot import PlantConfig, SimulatedRobot
 from footfall.plant.wires import Side, SimulatedWires
@@ -118,3 +121,17 @@ def test_a_robot_whose_wires_carry_nothing_lies_still_in_the_end(go1: Robot) -> 
     assert not truth.motor_torque.any()
     assert np.abs(truth.joint_velocity).max() < 0.3
     assert wires.receive(Side.HOST, 1_500_000)  # the IMU reports all the same
+
+
+def test_a_policys_true_height_is_above_the_feet_that_stand() -> None:
+    """Feet at 2 and 4 cm stand, one at 20 cm swings, and one is not known."""
+    foot_position = np.array([[0.0, 0.0, 0.02], [0.0, 0.0, 0.2], [0.0, 0.0, 0.04], [np.nan] * 3])
+    truth = SimpleNamespace(
+        base_velocity=np.array([0.5, 0.0, 0.0]),
+        base_position=np.array([9.0, 9.0, 0.33]),
+        foot_position=foot_position,
+        foot_contact=np.array([True, False, True, False]),
+    )
+    velocity, height = true_base_state(SimpleNamespace(truth=lambda: truth))()  # type: ignore[arg-type]
+    np.testing.assert_array_equal(velocity, truth.base_velocity)
+    assert height == pytest.approx(0.30)

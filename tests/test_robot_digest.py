@@ -48,6 +48,7 @@ def test_what_does_not_count(go1: Robot, own_folder: Path, file: str, old: str, 
         ("robot.xml", 'frictionloss="1.0"', 'frictionloss="1.0" damping="0.1"'),
         ("robot.xml", 'range="-2.818 -0.888"', 'range="-2.818 -0.889"'),
         ("robot.xml", 'size="0.13 0.09 0.05"', 'size="0.13 0.09 0.06"'),  # touches when the robot falls
+        ("robot.xml", 'size="0.13 0.09 0.05"', 'size="0.13 0.09 0.05" quat="0.9 0.1 0 0"'),
         ("robot.xml", 'friction="0.8"', 'friction="0.9"'),
         ("robot.xml", 'impratio="10"', 'impratio="1"'),
     ],

@@ -93,8 +93,10 @@ def test_feet_touch_the_floor_but_not_each_other(go1: Robot, lean: mujoco.MjMode
     floor = lean.geom("floor").id
     assert all(floor in pair for pair in data.contact.geom)
     data.qpos[2] = 1.0
-    data.qpos[joint_addresses(lean, go1)[0]] = go1.default_pose * np.tile((-5.0, 1.0, 1.0), 4)
+    data.qpos[joint_addresses(lean, go1)[0]] = go1.default_pose * np.tile((4.5, 1.0, 1.0), 4)  # inwards
     mujoco.mj_forward(lean, data)
+    right, left = (data.geom(name).xpos for name in ("FR_foot", "FL_foot"))
+    assert np.linalg.norm(right - left) < 2 * 0.023  # they overlap
     assert data.ncon == 0
 
 

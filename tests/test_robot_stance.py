@@ -26,6 +26,7 @@ def test_go1_stands_where_its_feet_touch(go1: Robot) -> None:
     [
         'type="sphere" size="0.03"',
         'type="capsule" size="0.02 0.01"',
+        'type="capsule" size="0.02 0.01" quat="0 1 0 0"',  # its axis points down
         'type="cylinder" size="0.02 0.01"',
         'type="ellipsoid" size="0.03 0.02 0.01"',
         'type="box" size="0.03 0.02 0.01"',

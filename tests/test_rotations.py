@@ -83,6 +83,7 @@ def test_roll_pitch_yaw_are_those_of_z_y_x_order() -> None:
     half = [np.array([np.cos(a / 2), *(np.sin(a / 2) * np.eye(3)[k])]) for k, a in enumerate(angles)]
     quaternion = product(half[2], product(half[1], half[0]))
     assert rotations.roll_pitch_yaw(rotations.rotation_matrix(quaternion)) == pytest.approx(angles)
+    assert rotations.heading(quaternion) == pytest.approx(2.1)
 
 
 def test_heading_matrix_turns_forward_to_the_left() -> None:
