@@ -54,6 +54,7 @@ def nothing_is_left_behind(shell: Shell, tmp_path: Path):
         (["train", "--resume", "run", "--preset", "gpu"], ["--resume", "--preset"]),
         (["train", "--watch", "--port", "80.8"], ["--port", "whole number"]),
         (["train", "--watch", "--port", "0"], ["--port", ">= 1"]),
+        (["watch", "run", "--port", "65536"], ["--port", "< 65536"]),
         (["train", "--port", "9000"], ["--port", "--watch"]),
         (["train", "--host", "0.0.0.0"], ["--host", "--watch"]),
         (["train", "--process", "0.6"], ["--process", "whole number"]),

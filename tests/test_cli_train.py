@@ -83,6 +83,20 @@ def test_a_finished_run_is_neither_exported_nor_evaluated_again(shell: Shell, ru
     assert {path: path.stat().st_mtime_ns for path in run_folder.rglob("*")} == files
 
 
+def test_a_policy_that_was_written_since_it_walked_walks_again(
+    shell: Shell, copied_run: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def walk(spec: str, *_: object, **__: object) -> dict[str, dict]:
+        walked.append(spec)
+        return {"scenarios": {}}
+
+    walked: list[str] = []
+    monkeypatch.setattr("footfall.evaluate.api.evaluate_policy", walk)
+    os.utime(copied_run / "policy.onnx")
+    assert shell("train", "--resume", copied_run).status == 0
+    assert walked == [str(copied_run)]
+
+
 @pytest.mark.parametrize(
     "option",
     [("--preset", "cpu"), ("--robot", "go1"), ("--seed", "0"), ("--trainer", "brax"), ("--steps", "9")],

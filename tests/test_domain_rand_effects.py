@@ -78,6 +78,11 @@ class TestBody:
         mujoco.mj_step(model, data, 100)
         assert 1.0 - data.qvel[1] == pytest.approx(friction * GRAVITY * 0.1, rel=0.15)
 
+    def test_friction_is_that_of_sliding_and_leaves_twisting_and_rolling(self, build: Build) -> None:
+        nominal, slippery = build(Sample()), build(Sample(friction=0.3))
+        np.testing.assert_array_equal(slippery.geom_friction[:, 1:], nominal.geom_friction[:, 1:])
+        assert (slippery.geom_friction[:, 0] != nominal.geom_friction[:, 0]).sum() == 5  # ground and feet
+
     def test_link_mass_is_weight_on_the_feet(self, go1: Robot, build: Build) -> None:
         model = build(Sample(link_mass=np.full(13, 1.2)))
         assert feet_loads(model, stand(model, go1), go1).sum() == pytest.approx(

@@ -22,6 +22,7 @@ from footfall.envs.config import Curriculum, GaitConfig, PushConfig
 from footfall.envs.critic import Truth, critic_observation
 from footfall.envs.disturb import DISTURBANCE_NUMBERS, disturb, draw_push
 from footfall.envs.feet import Feet
+from footfall.envs.gait import make_gait
 from footfall.envs.observe import Observer
 from footfall.envs.physics import Drive, Fields, Motion, Trace
 from footfall.envs.start import Start
@@ -153,6 +154,15 @@ class TestFeet:
         feet = Feet(MODEL, ROBOT, CONFIG.timestep_s)
         swing = feet.planned_swing(jnp.array([phase], dtype=jnp.float32), jnp.float32(1.0))
         np.testing.assert_allclose(swing, share, atol=1e-5)
+
+    def test_the_reference_lifts_each_foot_straight_up(self) -> None:
+        gait = make_gait(ROBOT, GaitConfig(reference_lift_m=0.05))
+        data, feet = mujoco.MjData(MODEL), []
+        for pose in (ROBOT.default_pose, ROBOT.default_pose + gait.amplitude_rad):
+            data.qpos[7:] = pose
+            mujoco.mj_kinematics(MODEL, data)
+            feet.append([data.geom(foot.geom).xpos.copy() for foot in ROBOT.description.feet])
+        np.testing.assert_allclose(np.subtract(feet[1], feet[0]), np.tile([0, 0, 0.05], (4, 1)), atol=1e-4)
 
     def test_a_foot_with_a_quarter_cycles_phase_is_a_quarter_cycle_ahead(self) -> None:
         crawl = [replace(foot, phase=k / 4) for k, foot in enumerate(ROBOT.description.feet)]
@@ -443,6 +453,15 @@ class TestStep:
         after, _ = step(turned, jnp.zeros(N))
         expected = still.observer.readings(turned.qpos, turned.qvel, jnp.zeros(N))
         np.testing.assert_allclose(after.recent_readings, np.tile(expected, (CONFIG.substeps, 1)), atol=1e-6)
+
+    def test_the_next_step_goes_on_from_the_last_target(self, step, state: State) -> None:
+        """A far goal is approached at 60 rad/s through all physics steps of 20 ms, to the soft limit."""
+        at_once = state._replace(sample=state.sample | {"action_delay_s": jnp.float32(0.0)})
+        after, _ = step(at_once, jnp.full(N, 100.0))
+        assert ROBOT.description.target_rate_rad_s == 60.0
+        np.testing.assert_allclose(
+            after.target, np.minimum(ROBOT.default_pose + 1.2, ROBOT.soft_limits[1]), rtol=1e-5
+        )
 
     def test_the_reward_is_the_weighted_rate_times_the_control_period(self, step, state: State) -> None:
         command = jnp.array([0.5, 0.0, 0.3])

@@ -257,11 +257,13 @@ def test_every_episode_that_ends_begins_anew_and_no_other(
 ) -> None:
     monkeypatch.setattr(batch, "RESTARTED_AT_ONCE", at_once)
     ends = np.arange(len(begun.steps)) % 3 > 0
-    state = begun._replace(steps=jnp.where(ends, env.episode_steps - 1, 7))
+    level = jnp.full_like(begun.level, 0.25)  # of the curriculum, which goes on
+    state = begun._replace(steps=jnp.where(ends, env.episode_steps - 1, 7), level=level)
     action = jnp.zeros((len(ends), env.action_size))
     after, observation, step = jax.jit(lambda *arguments: step_batch(env, *arguments))(state, action)
     assert np.array_equal(np.asarray(step.truncated) > 0, ends)
     assert np.array_equal(after.steps, np.where(ends, 0, 8))
+    assert np.array_equal(after.level, level)
     stepped, last = jax.jit(jax.vmap(env.step))(state, action)
     begun_anew, first = jax.jit(jax.vmap(env.reset))(stepped.key, stepped.level)
     for now, new, old in zip(

@@ -14,6 +14,7 @@ from footfall.domain_rand.randomisation import QUANTITIES
 from footfall.evaluate.episodes import sample_of
 from footfall.evaluate.plan import CommandSchedule, plan_episodes, spread_levels
 from footfall.evaluate.scenarios import load_scenarios
+from footfall.plant.episode import Push
 
 FILE = load_scenarios()
 ALL = sorted(FILE.scenarios)
@@ -47,6 +48,11 @@ class TestScenarioFile:
             ("{about: x, episodes: 1, duration_s: 5, rows: [friction]}", "none of its levels"),
             ("{about: x, episodes: 1, duration_s: 5, levels: {push_m_s: [1]}}", "push_between_s"),
             ("{about: x, episodes: 1}", "duration_s"),
+            (
+                "{about: x, episodes: 1, duration_s: 5, commands: {forward_m_s: [0, 1], leftward_m_s: [0, 0],"
+                " yaw_rad_s: [0, 0], hold_s: [0, 1]}}",
+                "hold_s .* must rise from above 0",  # or drawing them might not end
+            ),
         ],
     )
     def test_a_malformed_scenario_is_refused_with_the_reason(
@@ -123,6 +129,14 @@ class TestPlans:
         times = np.array([plan.pushes[0].time_s for plan in plans])
         assert times.min() < 1.6
         assert times.max() > 2.4
+
+    def test_pushes_that_are_scripted_come_in_every_episode_beside_the_drawn_one(self) -> None:
+        shove = Push(3.0, (0.0, 0.5, 0.0))
+        scenario = replace(FILE.scenarios["push"], pushes=(shove,))
+        for plan in plan_episodes("push", scenario, 0, 3):
+            first, drawn = plan.pushes
+            assert first == shove
+            assert np.linalg.norm(drawn.delta_v_m_s) == pytest.approx(plan.levels["push_m_s"])
 
     def test_the_sweep_meets_every_command_of_its_grid(self) -> None:
         scenario = FILE.scenarios["sweep"]

@@ -102,6 +102,20 @@ class TestSuite:
             run_suite(["a"], Setup("go1", ("still",), seed=seed), SHORT)
         assert len({task.plan.seed for task in tasks}) == 4
 
+    def test_on_the_course_one_policy_walks_at_a_time_however_many_workers_there_are(
+        self, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """Others beside it would be in its time per step."""
+        asked: list[int | None] = []
+
+        def note(_: object, tasks: list[EpisodeTask], workers: int | None = None) -> list[Outcome]:
+            asked.append(workers)
+            return [Outcome(None, "not run")] * len(tasks)
+
+        monkeypatch.setattr(suite, "run_all", note)
+        run_course(["a", "b"], Setup("go1", ("still",), workers=4), SHORT)
+        assert asked == [1]
+
 
 class TestEvaluate:
     @pytest.mark.usefixtures("short")

@@ -143,6 +143,14 @@ class TestSummary:
         (row,) = summarise(SCENARIOS["sweep"], [met], 0)["rows"]
         assert (row["forward_m_s"], row["yaw_rad_s"]) == (2.0, -1.0)
 
+    def test_rows_rise_with_their_level_in_whatever_order_it_was_met(self) -> None:
+        met = [
+            outcome()._replace(value=replace(outcome().value, levels={"friction": friction}))  # type: ignore[type-var]
+            for friction in (0.6, 0.2, 1.2)
+        ]
+        rows = summarise(SCENARIOS["friction"], met, 0)["rows"]
+        assert [row["friction"] for row in rows] == [0.2, 0.6, 1.2]
+
     def test_reasons_for_falls_are_counted(self) -> None:
         outcomes = [outcome(FELL, trouble="the base touched the ground")] * 2 + [outcome()]
         troubles = summarise(SCENARIOS["nominal"], outcomes, 0)["troubles"]

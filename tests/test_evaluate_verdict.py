@@ -7,6 +7,7 @@ import pytest
 from footfall.evaluate.failures import failures
 from footfall.evaluate.figures import beats, best, figures, leaders
 from footfall.evaluate.statistics import wilson_interval
+from footfall.evaluate.table import warnings
 from footfall.evaluate.verdict import headlines, verdict
 
 ERROR, FALLS, PUSH = (figures()[key] for key in ("lin_vel_rmse", "falls", "dv50"))
@@ -58,6 +59,7 @@ class TestBest:
     def test_few_episodes_rank_nobody(self) -> None:
         assert best(ERROR, [scored(0.1, episodes=7), scored(0.5, episodes=7)]) is None
         assert best(ERROR, [scored(0.1, episodes=8), scored(0.5, episodes=8)]) == 0
+        assert best(ERROR, [scored(0.1, episodes=24), scored(0.5, episodes=7)]) is None
 
     def test_a_figure_without_a_better_side_or_without_an_interval_has_no_best(self) -> None:
         one, other = ({**scored(0.1), "peak_torque_nm": torque} for torque in (10.0, 20.0))
@@ -132,6 +134,10 @@ class TestVerdict:
         sentence = verdict({"nominal": {"a": scored(0.1, episodes=3), "b": scored(0.9, episodes=3)}})
         assert sentence.startswith("Too few episodes to say who is better (3 episodes of nominal)")
 
+    def test_the_fewest_episodes_count_where_some_failed(self) -> None:
+        sentence = verdict({"nominal": {"a": scored(0.1, episodes=24), "b": scored(0.9, episodes=3)}})
+        assert sentence.startswith("Too few episodes to say who is better (3 episodes of nominal)")
+
     def test_one_policy_alone_is_described(self) -> None:
         sentence = verdict({"nominal": {"mine": scored(0.1, 0.01, falls=1)}})
         assert sentence == (
@@ -143,6 +149,16 @@ class TestVerdict:
         assert "every episode failed" in verdict(
             {"nominal": {"a": {"episodes": 0, "failed_episodes": ["x: y"]}}}
         )
+
+
+class TestWarnings:
+    def test_what_the_plant_lacked_is_told_once_whoever_noted_it(self) -> None:
+        noted = {"mine": ["no floor"], "trot": ["no base", "no floor"], "stand": []}
+        results = {
+            name: {"scenarios": {"nominal": {"failed_episodes": [], "notes": notes}}}
+            for name, notes in noted.items()
+        }
+        assert warnings(results) == ["no base", "no floor"]
 
 
 class TestFailures:

@@ -233,6 +233,10 @@ class TestMany:
         assert np.array_equal(info["_episode"], ended)
         assert np.array_equal(info["episode"]["l"] > 0, ended)
 
+    def test_pictures_are_made_if_asked_for(self) -> None:
+        env = footfall.gym.make_vector("go1", num_envs=2, preset="smoke", render_mode="rgb_array")
+        assert env.render_mode == "rgb_array"
+
     def test_no_environment_is_refused(self) -> None:
         with pytest.raises(UserError, match="num_envs must be at least 1"):
             footfall.gym.make_vector("go1", num_envs=0, preset="smoke")

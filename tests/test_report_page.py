@@ -2,6 +2,7 @@
 
 import json
 import re
+from contextlib import nullcontext
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -12,9 +13,9 @@ import pytest
 from test_evaluate_metrics import walk
 
 from footfall.evaluate.comparison import Comparison, PolicyResult, command_line
-from footfall.evaluate.plan import plan_episodes
+from footfall.evaluate.plan import CommandSchedule, plan_episodes
 from footfall.evaluate.pool import Outcome
-from footfall.evaluate.report import course_plots, learning_curves, scenario_plots, svg
+from footfall.evaluate.report import course_plots, films, learning_curves, scenario_plots, svg
 from footfall.evaluate.report.caption import in_words, written_on
 from footfall.evaluate.report.films import Film, FilmTask, arrows, frame_indices, frame_times
 from footfall.evaluate.report.page import columns, render
@@ -240,6 +241,11 @@ class TestPlots:
         assert f"2.10 s: {first}, {second} on the ground" in [text for _, _, text in readings(plot.panels[0])]
         assert "b: fallen by then" in plot.panels[1]
 
+    def test_the_gait_is_read_of_no_other_command_where_each_is_short(self) -> None:
+        schedule = CommandSchedule((0.0, 1.5), ((0.0, 0.0, 0.0), (0.5, 0.0, 0.0)))
+        hasty = replace(COURSE, schedule=schedule, duration_s=2.5)
+        assert course_plots.steady_window(hasty) == (1.5, 2.5)
+
     def test_bars_begin_and_end_with_contact(self) -> None:
         time_s = np.arange(6) / 10.0
         contact = np.array([True, True, False, False, True, True])
@@ -306,6 +312,18 @@ class TestFilm:
         assert len(frame_indices(whole)) == len(frame_indices(fallen)) == 300
         assert frame_indices(whole)[[0, 1, 299]].tolist() == [0, 4, 1196]
         assert frame_indices(fallen)[[124, 125, 299]].tolist() == [496, 499, 499]
+
+    @pytest.mark.parametrize(("fell", "written"), [(True, 5.0), (False, None)])
+    def test_a_film_says_of_a_fall_that_it_was_one_and_of_an_early_end_nothing(
+        self, monkeypatch: pytest.MonkeyPatch, fell: bool, written: float | None
+    ) -> None:
+        said: list[float | None] = []
+        monkeypatch.setattr(films, "_camera_shots", lambda _: nullcontext(lambda _: np.zeros((8, 8, 3))))
+        monkeypatch.setattr(films.caption, "written_on", lambda *line: said.append(line[3]))
+        trace = walked(5.0, fell=fell)
+        assert len(list(films.frames(FilmTask("go1", None, trace, (), 6.0)))) == 150
+        assert said[:125] == [None] * 125
+        assert said[-1] == (written and pytest.approx(written, abs=0.02))
 
     def test_arrows_point_where_the_robot_is_sent_and_goes(self) -> None:
         quarter_turn_left = np.tile([np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)], (1200, 1))

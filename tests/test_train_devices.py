@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -53,3 +54,18 @@ def test_where_jax_has_accelerators_alone_the_default_device_computes(
     monkeypatch.setattr(jax, "local_devices", none_such)
     with on_the_processor():
         assert float(jax.numpy.ones(2).sum()) == 2.0
+
+
+def test_environments_that_cannot_be_divided_among_devices_and_minibatches_are_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    import jax
+
+    from footfall.common.errors import UserError
+    from footfall.train.brax.devices import device_mesh
+    from footfall.train.config import load_preset
+
+    monkeypatch.setattr(jax, "devices", lambda: ["one", "two"])
+    config = replace(load_preset("smoke").ppo, environments=12, minibatches=4)
+    with pytest.raises(UserError, match="among 2 devices and 4 minibatches: give a multiple of 8"):
+        device_mesh(config)

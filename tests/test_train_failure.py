@@ -23,7 +23,7 @@ from footfall.common.errors import CannotWriteError, UserError
 from footfall.common.files import write_atomically
 from footfall.robots.description import load_robot
 from footfall.train import api, cluster
-from footfall.train.brax.diagnosis import Diagnosis, differences
+from footfall.train.brax.diagnosis import Diagnosis, _broken_rows, differences
 from footfall.train.brax.parts import assemble
 from footfall.train.brax.trainer import BraxTrainer
 from footfall.train.config import load_preset
@@ -112,6 +112,11 @@ class TestNoticing:
     def test_the_culprit_in_a_state_is_named(self) -> None:
         tree = {"good": np.ones(2), "count": np.int32(3), "bad": {"deep": np.array([0.0, np.nan])}}
         assert non_finite_leaves(tree) == ["['bad']['deep']"]
+
+
+def test_one_number_that_is_not_finite_breaks_an_environment() -> None:
+    values = np.array([[1.0, 2.0], [np.nan, 2.0], [1.0, np.inf]])
+    np.testing.assert_array_equal(_broken_rows(values), [False, True, True])
 
 
 class TestReplay:

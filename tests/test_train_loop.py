@@ -9,6 +9,7 @@ import subprocess
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, ClassVar
 
 import pytest
@@ -187,6 +188,23 @@ def test_a_stopped_run_says_how_far_it_came_and_how_to_go_on(
             api.resume(run.folder)
         said = f"stopped after {steps} of 1,024 steps; continue with: footfall train --resume {run.folder}"
         assert said in capsys.readouterr().out
+
+
+def test_a_checkpoint_is_due_an_interval_after_the_last_one(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now_s = [100.0]
+    monkeypatch.setattr("footfall.train.runs.journal.time", SimpleNamespace(monotonic=lambda: now_s[0]))
+    run = replace(run, config=replace(run.config, checkpoint_interval_s=30.0))
+    journal = Journal(run, 0, quiet())
+    due = []
+    for at_s in (129.0, 131.0, 132.0, 160.0, 162.0):
+        now_s[0] = at_s
+        due.append(journal.checkpoint_due)
+        if at_s == 131.0:
+            journal.save(lambda: None)
+    journal.close()
+    assert due == [False, True, False, False, True]
 
 
 def test_where_no_episode_ended_no_length_is_logged(run: Run) -> None:

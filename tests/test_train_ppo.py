@@ -191,6 +191,10 @@ class TestIteration:
         np.testing.assert_allclose(state.normalizer.mean["state"], 5.0)
         assert int(np.asarray(state.normalizer.count)) == ENVIRONMENTS * UNROLL
 
+    def test_a_reading_that_hardly_varies_is_not_blown_up(self) -> None:
+        state, _, _ = self.after(FakeEnvironment(shown=0.0))  # what it starts from: nothing deviates
+        np.testing.assert_allclose(state.normalizer.std["state"], np.full(SIZES["state"], 0.02))
+
     def test_learning_still_sees_what_the_behaviour_saw(self) -> None:
         """The normaliser moves after learning, or the actor would look far from its own behaviour."""
         env = FakeEnvironment(shown=5.0)
@@ -312,7 +316,7 @@ class TestMirror:
     def test_images_are_of_observation_and_action_and_of_half_of_the_environments(self) -> None:
         state, rollout = self.begun()
         data = jax.tree.map(lambda x: jnp.swapaxes(x, 0, 1), rollout)
-        data = data._replace(next_observation=jax.tree.map(lambda x: x[:, None], observation()))
+        data = data._replace(next_observation=jax.tree.map(lambda x: x[:, -1:], data.observation))
         behaviour = (state.normalizer, state.params.policy)
         flipped = 0
         for seed in range(8):
@@ -321,6 +325,7 @@ class TestMirror:
             np.testing.assert_array_equal(
                 half.observation["state"][image][..., :2], [[[2, 1]] * UNROLL] * image.sum()
             )
+            assert (half.next_observation["state"][image][..., :2] == jnp.array([2, 1])).all()
             action = np.asarray(data.action)[image][..., ::-1]
             np.testing.assert_allclose(np.asarray(half.action)[image], -action)
             np.testing.assert_allclose(np.asarray(half.action)[~image], np.asarray(data.action)[~image])

@@ -138,6 +138,16 @@ def test_a_robot_that_was_changed_since_is_refused(own_folder: Path, tmp_path: P
     assert trained_robot(before_digests_were_kept).digest != run.provenance.robot_digest
 
 
+def test_a_run_of_ones_own_robot_can_be_resumed_from_elsewhere(
+    own_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(own_folder.parent)
+    request = api.TrainRequest(robot=own_folder.name, preset="smoke", out=tmp_path / "run")
+    folder = api.begin(request)
+    monkeypatch.chdir("/")
+    assert trained_robot(api.open_run(folder).provenance).folder == own_folder
+
+
 def test_a_run_is_trained_by_one_process_at_a_time(whole: Path) -> None:
     with (
         locked(api.open_run(whole)),

@@ -25,7 +25,7 @@ from footfall.pages.page import check_page
 from footfall.pages.panel import Panel
 from footfall.pages.snapshots import FINISHED, NEWEST, Exported, Snapshot, Snapshots, _export
 from footfall.pages.status import WAITING, Status, as_markdown
-from footfall.pages.walk import Walk, standing
+from footfall.pages.walk import Pace, Walk, standing
 from footfall.plant.episode import Episode, run_episode
 from footfall.policies.contract import CommandRange
 from footfall.policies.registry import ZOO
@@ -404,11 +404,48 @@ class TestSnapshots:
         assert out.read_bytes() == b"weights"
         assert list(tmp_path.glob("*.ckpt")) == []
 
+    def test_what_was_exported_before_another_choice_is_not_shown(
+        self, begun: Path, snapshots: Snapshots
+    ) -> None:
+        (begun / "checkpoints").mkdir()
+        for iteration in (3, 5):
+            (begun / "checkpoints" / f"{iteration:08d}.ckpt").touch()
+        snapshots._exporter = SimpleNamespace(  # type: ignore[assignment]
+            start=lambda *_: None, poll=lambda: Exported(Path("00000003.onnx")), close=lambda: None
+        )
+        snapshots.chosen = "iteration 3"
+        assert snapshots.poll() is None
+        assert snapshots.exporting == 3
+        snapshots.chosen = NEWEST
+        assert snapshots.poll() is None
+        assert snapshots.exporting == 5
+
     def test_the_run_folder_is_left_as_it_was(self, trained: Path, begun: Path, snapshots: Snapshots) -> None:
         shutil.copytree(trained / "checkpoints", begun / "checkpoints")
         before = sorted(begun.rglob("*"))
         assert self.wait_for(snapshots) is not None
         assert sorted(begun.rglob("*")) == before
+
+
+class TestPace:
+    def test_it_keeps_to_the_wall_clock_and_does_not_catch_up_on_lost_time(
+        self, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        now, slept = [100.0], []
+
+        def sleep(time_s: float) -> None:
+            slept.append(time_s)
+            now[0] += time_s
+
+        monkeypatch.setattr(
+            "footfall.pages.walk.time", SimpleNamespace(monotonic=lambda: now[0], sleep=sleep)
+        )
+        pace = Pace()
+        pace.wait(1.0)
+        now[0] += 5.0  # something else took long
+        pace.wait(1.5)
+        pace.wait(2.0)
+        assert slept == pytest.approx([1.0, 0.5])
 
 
 class TestWalk:
