@@ -56,11 +56,12 @@ def main() -> None:
 
 def steps_per_s(robot: str, preset: str, devices: int, iterations: int) -> Spread:
     """Speed of whole iterations on the first few devices: least, median, most."""
-    config = load_preset(preset)
+    description = load_robot(robot)
+    config = load_preset(preset, description)
     ppo = replace(config.ppo, environments=config.ppo.environments * devices)
     provenance = Provenance(robot, 0, preset, "brax", jax.devices()[0].device_kind, "", "", {})
     run = Run(Path(), provenance, replace(config, ppo=ppo))
-    state, compiled = assemble(run, load_robot(robot)).prepare(device_mesh(ppo, devices), None, print)
+    state, compiled = assemble(run, description).prepare(device_mesh(ppo, devices), None, print)
     return rates_of(iterate(compiled, state, iterations), ppo.steps_per_iteration)
 
 

@@ -149,6 +149,13 @@ def read_yaml(path: Path) -> Any:
         raise UserError(f"{path} is not valid YAML: {' '.join(str(error).split())}") from None
 
 
+def merged(base: Any, changes: Any) -> Any:
+    """Plain data with some of it replaced: mappings key by key, anything else as a whole."""
+    if not isinstance(base, dict) or not isinstance(changes, dict):
+        return changes
+    return base | {key: merged(base.get(key), value) for key, value in changes.items()}
+
+
 def load(path: Path, cls: type[T]) -> T:
     """Read a YAML file into a dataclass (see `read_yaml` and `structure` for errors)."""
     return structure(read_yaml(path), cls, str(path))

@@ -19,8 +19,9 @@ LEAST_SUBSTEPS = 2  # a foot's velocity is the difference of its last two positi
 
 @dataclass(frozen=True)
 class GaitConfig:
-    """The gait clock, and how high its reference motion lifts the feet (0: no reference)."""
+    """The gait, its clock, and how high its reference motion lifts the feet (0: no reference)."""
 
+    name: str  # in policies/gaits.yaml
     frequency_hz: float = 2.2
     reference_lift_m: float = 0.0
 

@@ -1,23 +1,29 @@
-"""The gait of a contract, derived from a robot: phases from its feet, reference lift from its kinematics."""
+"""The gait of a contract: phases from a named gait, reference lift from the robot's kinematics."""
 
 import mujoco
 import numpy as np
 
 from footfall.envs.config import GaitConfig
 from footfall.policies.contract import Gait
+from footfall.policies.gaits import find_gait
 from footfall.robots.description import Robot
 from footfall.robots.model import joint_addresses, training_model
 
 
 def make_gait(robot: Robot, config: GaitConfig) -> Gait:
-    """Phases and reference amplitudes of each joint. Joints of no foot stay still."""
+    """Phases and reference amplitudes of each joint. Joints of no foot stay still.
+
+    Raises:
+        UserError: there is no such gait for this robot.
+    """
     amplitude = np.zeros(len(robot.joint_names))
     phase = np.zeros(len(robot.joint_names))
-    for foot, joints in zip(robot.description.feet, robot.foot_joints, strict=True):
-        phase[joints] = foot.phase
+    pattern = find_gait(config.name, robot)
+    for foot, joints, place in zip(robot.description.feet, robot.foot_joints, pattern.phase, strict=True):
+        phase[joints] = place
         if config.reference_lift_m > 0:
             amplitude[joints] = _lift(robot, foot.geom, joints, config.reference_lift_m)
-    return Gait(config.frequency_hz, tuple(phase.tolist()), tuple(amplitude.tolist()))
+    return Gait(config.frequency_hz, tuple(phase.tolist()), tuple(amplitude.tolist()), pattern.duty)
 
 
 def _lift(robot: Robot, geom: str, joints: np.ndarray, lift_m: float) -> np.ndarray:

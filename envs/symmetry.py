@@ -12,6 +12,7 @@ import numpy as np
 from footfall.envs.config import EnvConfig
 from footfall.envs.critic import actor_kinds, critic_kinds
 from footfall.policies.contract import Contract
+from footfall.policies.gaits import find_gait
 from footfall.robots.description import Robot
 from footfall.robots.symmetry import Mirror, find_symmetry
 
@@ -29,7 +30,8 @@ def environment_mirror(robot: Robot, config: EnvConfig, contract: Contract) -> E
     Raises:
         UserError: the robot or its gait has no mirror image.
     """
-    symmetry = find_symmetry(robot)
+    gait = find_gait(config.gait.name, robot) if config.gait else None
+    symmetry = find_symmetry(robot, gait.phase if gait else None)
     layout = {
         "state": actor_kinds(contract),
         "privileged_state": critic_kinds(contract, config.randomisation),

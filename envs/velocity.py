@@ -35,6 +35,7 @@ from footfall.envs.start import Start
 from footfall.envs.state import State, Step
 from footfall.policies.action import joint_target
 from footfall.policies.contract import Contract
+from footfall.policies.gaits import find_gait
 from footfall.policies.observation import moving
 from footfall.robots.description import Robot
 from footfall.robots.model import ground_friction, joint_addresses, training_model
@@ -77,7 +78,8 @@ class VelocityEnv:
         self.episode_steps = round(config.episode_s * config.control_rate_hz)
         model = training_model(robot, self.timestep_s)
         self._physics = PHYSICS[config.physics](model, robot)
-        self.base, self.feet = Base(model, robot), Feet(model, robot, self.timestep_s)
+        gait = find_gait(config.gait.name, robot) if config.gait else None
+        self.base, self.feet = Base(model, robot), Feet(model, robot, self.timestep_s, gait)
         self.start, self.actuation = Start(model, robot, config.initial), Actuation(robot, config)
         self.observer = Observer(model, robot, config, self.contract)
         self._positions, self._dofs = map(jnp.asarray, joint_addresses(model, robot))

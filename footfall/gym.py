@@ -37,8 +37,9 @@ def make_single(
     """
     from footfall.envs.gymnasium_env import GymnasiumEnv
 
-    config = replace(load_preset(preset).env, physics=physics)
-    return GymnasiumEnv(load_robot(robot), config, render_mode)
+    description = load_robot(robot)
+    config = replace(load_preset(preset, description).env, physics=physics)
+    return GymnasiumEnv(description, config, render_mode)
 
 
 def make_vector(
@@ -51,8 +52,9 @@ def make_vector(
     """Many environments that step as one; otherwise as `make_single`."""
     from footfall.envs.gymnasium_env import GymnasiumVectorEnv
 
-    config = replace(load_preset(preset).env, physics=physics)
-    return GymnasiumVectorEnv(load_robot(robot), config, num_envs, render_mode)
+    description = load_robot(robot)
+    config = replace(load_preset(preset, description).env, physics=physics)
+    return GymnasiumVectorEnv(description, config, num_envs, render_mode)
 
 
 for _name in available_robots():

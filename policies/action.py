@@ -3,6 +3,7 @@
 from typing import Any
 
 from footfall.policies.contract import Contract
+from footfall.policies.gaits import planned_lift
 from footfall.policies.observation import moving
 
 Array = Any
@@ -21,8 +22,8 @@ def gait_reference(phase: Array, command: Array, contract: Contract) -> Array:
         return xp.zeros((*phase.shape[:-1], len(contract.joints)), dtype=phase.dtype)
     offsets = xp.asarray(contract.gait.phase, dtype=phase.dtype)
     amplitude = xp.asarray(contract.gait.amplitude_rad, dtype=phase.dtype)
-    swing = xp.maximum(xp.sin(2 * xp.pi * (phase + offsets)), 0.0)
-    return amplitude * swing * moving(command, contract)
+    lift = planned_lift(phase, offsets, contract.gait.duty)
+    return amplitude * lift * moving(command, contract)
 
 
 def joint_target(action: Array, phase: Array, command: Array, contract: Contract) -> Array:

@@ -31,12 +31,14 @@ class Term:
 class Gait:
     """A clock, and a reference motion around which the actions are residuals.
 
-    The position reference of joint j at phase p is amplitude_rad[j] * max(0, sin(2 pi (p + phase[j]))).
+    The position reference of joint j at clock p is amplitude_rad[j] * planned_lift(p, phase[j], duty), a half
+    sine over the foot's swing (policies/gaits.py).
     """
 
     frequency_hz: float
     phase: tuple[float, ...]
     amplitude_rad: tuple[float, ...]
+    duty: float = 0.5  # share of the cycle that a foot stands
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from footfall.robots.actuator import Motor
 from footfall.robots.checks import contradictions, inconsistencies, overreach
 from footfall.robots.digest import digest
 from footfall.robots.stability import instabilities
+from footfall.robots.stance import foot_places
 from footfall.robots.targets import soft_limits
 
 if TYPE_CHECKING:
@@ -72,15 +73,11 @@ class JointEntry:
 
 @dataclass(frozen=True)
 class Foot:
-    """One foot: its collision geom, its leg's joints from the base outwards, its phase in a trot."""
+    """One foot: its collision geom, its leg's joints from the base outwards."""
 
     name: str
     geom: str
     joints: tuple[str, ...]
-    phase: float
-
-    def __post_init__(self) -> None:
-        require_between(self, 0.0, 1.0, "phase")
 
 
 @dataclass(frozen=True)
@@ -118,6 +115,7 @@ class Robot:
     upper_rad: np.ndarray
     armature: np.ndarray  # reflected inertia, kg m^2
     motor: Motor
+    foot_places: np.ndarray  # (feet, 3) m, centre of each foot in the default pose, base frame
     digest: str  # fingerprint of everything that a policy relies on (robots/digest.py)
 
     @property
@@ -253,6 +251,7 @@ def _assemble(description: Description, folder: Path) -> Robot:
         upper_rad=model.jnt_range[ids, 1].copy(),
         armature=model.dof_armature[dofs].copy(),
         motor=motor,
+        foot_places=foot_places(description, model),
         digest=digest(description, model),
     )
     _refuse(source, instabilities(robot, model))

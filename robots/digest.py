@@ -37,7 +37,8 @@ def digest(description: "Description", model: mujoco.MjModel) -> str:
     """The fingerprint of a robot, 16 hexadecimal digits.
 
     Args:
-        description: the content of `robot.yaml`; the CAN map does not count.
+        description: the content of `robot.yaml`. What a learned policy is not built upon does not count: the
+            CAN map, and names of geoms.
         model: the compiled MJCF, with all that it includes. Layout, comments, names that `robot.yaml` does
             not use, looks, sensors and actuators do not count.
     """
@@ -54,6 +55,8 @@ def _counted(description: "Description") -> Any:
         del joint["bus"], joint["id"]
     for motor in content["motors"].values():
         del motor["protocol"]
+    for foot in content["feet"]:
+        del foot["geom"]  # `_figures` has it
     return content
 
 
@@ -78,7 +81,8 @@ def _figures(description: "Description", model: mujoco.MjModel) -> Iterator[tupl
     touches = (model.geom_contype | model.geom_conaffinity) != 0
     touches[feet] = True
     geoms = np.flatnonzero(touches)
-    yield "feet", np.searchsorted(geoms, feet)
+    for foot, geom in zip(description.feet, feet, strict=True):
+        yield f"foot {foot.name}", np.searchsorted(geoms, geom)
     for field in GEOMS:
         yield field, getattr(model, field)[geoms]
     yield "geom_rotation", [_rotation(quat) for quat in model.geom_quat[geoms]]

@@ -1,4 +1,4 @@
-"""How high a robot stands in its default pose."""
+"""How a robot stands in its default pose: how high, and where its feet are."""
 
 from typing import TYPE_CHECKING
 
@@ -10,9 +10,21 @@ if TYPE_CHECKING:
 
 
 def touching_height(description: "Description", model: mujoco.MjModel) -> float:
-    """Height of the base's origin, m, at which the lowest foot touches the ground in the default pose.
+    """Height of the base's origin, m, at which the lowest foot touches the ground in the default pose."""
+    data = _standing(description, model)
+    return -min(_lowest_point(model, data, model.geom(foot.geom).id) for foot in description.feet)
 
-    The base is level. Joints that `robot.yaml` does not list are where the MJCF starts them.
+
+def foot_places(description: "Description", model: mujoco.MjModel) -> np.ndarray:
+    """Centre of each foot in the default pose, m, base frame, (feet, 3)."""
+    data = _standing(description, model)
+    return np.array([data.geom(foot.geom).xpos for foot in description.feet])
+
+
+def _standing(description: "Description", model: mujoco.MjModel) -> mujoco.MjData:
+    """The default pose, the base level and at the origin.
+
+    Joints that `robot.yaml` does not list are where the MJCF starts them.
     """
     data = mujoco.MjData(model)
     base = model.body(description.base)
@@ -21,7 +33,7 @@ def touching_height(description: "Description", model: mujoco.MjModel) -> float:
     for joint in description.joints:
         data.qpos[model.joint(joint.name).qposadr] = joint.default_rad
     mujoco.mj_kinematics(model, data)
-    return -min(_lowest_point(model, data, model.geom(foot.geom).id) for foot in description.feet)
+    return data
 
 
 def _lowest_point(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> float:

@@ -37,14 +37,18 @@ class Symmetry(NamedTuple):
     clock: float  # sign of the gait clock's sine and cosine
 
 
-def find_symmetry(robot: Robot) -> Symmetry:
+def find_symmetry(robot: Robot, phase: np.ndarray | None = None) -> Symmetry:
     """Pair the robot's parts by where they lie in its default pose.
 
     A joint with axis a at position p is the mirror image of one at (p_x, -p_y, p_z) whose axis is parallel
     to (-a_x, a_y, -a_z): an axis is a rotation vector.
 
+    Args:
+        robot: the robot.
+        phase: (feet,) place of each foot in the cycle of the gait that the clock counts, if there is one.
+
     Raises:
-        UserError: a part has no mirror image, or the default pose or the feet's phases are not symmetric.
+        UserError: a part has no mirror image, or the default pose or the gait is not symmetric.
     """
     model = training_model(robot)
     data = mujoco.MjData(model)
@@ -68,18 +72,19 @@ def find_symmetry(robot: Robot) -> Symmetry:
     bodies = [f"body {model.body(i).name}" for i in range(1, model.nbody)]
     foot_partners = _partners(data.geom_xpos[feet] - base, robot, foot_names)
     body_partners = _partners(data.xipos[1:] - base, robot, bodies)
-    return Symmetry(mirror, foot_partners, body_partners, _clock_sign(robot, foot_partners))
+    return Symmetry(mirror, foot_partners, body_partners, _clock_sign(robot, foot_partners, phase))
 
 
-def _clock_sign(robot: Robot, partners: np.ndarray) -> float:
+def _clock_sign(robot: Robot, partners: np.ndarray, phase: np.ndarray | None) -> float:
     """Where partners step half a cycle apart, the mirror changes the sign of the clock's sine and cosine."""
-    phase = np.array([foot.phase for foot in robot.description.feet])
+    if phase is None:
+        return 1.0
     apart = (phase[partners] - phase) % 1.0
     if np.allclose(apart, HALF_CYCLE):
         return -1.0
     if np.allclose(apart, 0.0):
         return 1.0
-    raise UserError(f"robot '{robot.name}': its feet's phases have no mirror image; turn ppo.symmetry off")
+    raise UserError(f"the gait of robot '{robot.name}' has no mirror image; turn ppo.symmetry off")
 
 
 def _partners(places: np.ndarray, robot: Robot, names: list[str]) -> np.ndarray:

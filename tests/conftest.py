@@ -15,6 +15,7 @@ import pytest
 from hypothesis import settings
 
 from footfall.policies.contract import CommandRange, Contract, Gait, Term
+from footfall.policies.gaits import find_gait
 from footfall.robots.description import ROBOTS, Robot, load_robot
 
 # A shell that starts the tests in the background has them, and all that they start, ignore Ctrl-C.
@@ -41,8 +42,8 @@ def own_folder(tmp_path: Path) -> Path:
 def contract(go1: Robot) -> Contract:
     """A contract that fits go1 and uses every observation term, some with history."""
     phase = np.zeros(12)
-    for foot, joints in zip(go1.description.feet, go1.foot_joints, strict=True):
-        phase[joints] = foot.phase
+    for place, joints in zip(find_gait("trot", go1).phase, go1.foot_joints, strict=True):
+        phase[joints] = place
     return Contract(
         robot=go1.name,
         digest=go1.digest,

@@ -30,6 +30,7 @@ from footfall.envs.state import State, Step
 from footfall.envs.velocity import VelocityEnv, make_contract
 from footfall.policies.action import gait_reference
 from footfall.policies.contract import Term
+from footfall.policies.gaits import GaitPattern, find_gait
 from footfall.robots.description import load_robot
 from footfall.robots.model import training_model
 from footfall.train.config import load_preset
@@ -138,7 +139,7 @@ class TestFeet:
         assert np.abs(feet[:, 2] - radius).max() < 0.005  # the description's height is true
 
     def test_speed_is_horizontal_and_of_the_last_physics_step(self) -> None:
-        feet = Feet(MODEL, ROBOT, timestep_s=0.005)
+        feet = Feet(MODEL, ROBOT, timestep_s=0.005, gait=None)
         places = np.zeros((3, 4, 3))
         places[0] = 7.0
         places[2] = [[0.003, 0.004, 0.5], [0, 0, 0], [-0.01, 0, 0], [0, 0.02, 0]]
@@ -151,12 +152,12 @@ class TestFeet:
         reference = gait_reference(np.array([phase]), np.array([0.5, 0.0, 0.0]), contract)
         amplitude = np.array(contract.gait.amplitude_rad)
         share = (reference.reshape(4, 3) @ np.ones(3)) / (amplitude.reshape(4, 3) @ np.ones(3))
-        feet = Feet(MODEL, ROBOT, CONFIG.timestep_s)
+        feet = Feet(MODEL, ROBOT, CONFIG.timestep_s, find_gait("trot", ROBOT))
         swing = feet.planned_swing(jnp.array([phase], dtype=jnp.float32), jnp.float32(1.0))
         np.testing.assert_allclose(swing, share, atol=1e-5)
 
     def test_the_reference_lifts_each_foot_straight_up(self) -> None:
-        gait = make_gait(ROBOT, GaitConfig(reference_lift_m=0.05))
+        gait = make_gait(ROBOT, GaitConfig("trot", reference_lift_m=0.05))
         data, feet = mujoco.MjData(MODEL), []
         for pose in (ROBOT.default_pose, ROBOT.default_pose + gait.amplitude_rad):
             data.qpos[7:] = pose
@@ -165,10 +166,13 @@ class TestFeet:
         np.testing.assert_allclose(np.subtract(feet[1], feet[0]), np.tile([0, 0, 0.05], (4, 1)), atol=1e-4)
 
     def test_a_foot_with_a_quarter_cycles_phase_is_a_quarter_cycle_ahead(self) -> None:
-        crawl = [replace(foot, phase=k / 4) for k, foot in enumerate(ROBOT.description.feet)]
-        robot = replace(ROBOT, description=replace(ROBOT.description, feet=tuple(crawl)))
-        swing = Feet(MODEL, robot, CONFIG.timestep_s).planned_swing(jnp.zeros(1), jnp.float32(1.0))
+        crawl = GaitPattern(0.5, np.arange(4) / 4)
+        swing = Feet(MODEL, ROBOT, 0.005, crawl).planned_swing(jnp.zeros(1), jnp.float32(1.0))
         np.testing.assert_allclose(swing, [0, 1, 0, 0], atol=1e-6)
+
+    def test_without_a_gait_no_swing_is_planned(self) -> None:
+        swing = Feet(MODEL, ROBOT, 0.005, None).planned_swing(jnp.full(1, 0.3), jnp.float32(1.0))
+        np.testing.assert_array_equal(swing, np.zeros(4))
 
     def test_no_foot_swings_while_the_robot_is_asked_to_stand(self, env: VelocityEnv, begun: State) -> None:
         phase = jnp.array([0.25])
@@ -390,7 +394,7 @@ class TestStep:
     @pytest.fixture(scope="class")
     @classmethod
     def still(cls) -> VelocityEnv:
-        gait = replace(CONFIG.gait or GaitConfig(), frequency_hz=2.0)
+        gait = replace(CONFIG.gait or GaitConfig("trot"), frequency_hz=2.0)
         pushes = replace(CONFIG.pushes, horizontal_m_s=0.0, vertical_m_s=0.0, angular_rad_s=0.0)
         env = VelocityEnv(ROBOT, replace(CONFIG, gait=gait, pushes=pushes, episode_s=0.1, speed_limit=50.0))
 

@@ -46,6 +46,7 @@ POLICIES_FOR_LEARNING = {
     "footfall.policies.contract",
     "footfall.policies.observation",
     "footfall.policies.action",
+    "footfall.policies.gaits",
     "footfall.policies.learned",
 }
 IMPORT_BUDGET_S = 1.0

@@ -61,7 +61,6 @@ def test_unknown_robot_lists_the_known_ones() -> None:
         ("standing_height_m: 0.2945", "standing_height_m: .inf", "standing_height_m: not a finite number"),
         ("soft_limit_factor: 0.95", "soft_limit_factor: 1.5", "soft_limit_factor must be at most 1"),
         ("name: go1", "name: ../go1", "letters, digits"),
-        ("phase: 0.0", "phase: 7", "feet[0]: phase must be from 0 to 1"),
         ("stall_torque_nm: 23.7", "stall_torque_nm: 20", "stall_torque_nm 20 is below peak_torque_nm 23.7"),
         ("bus: can0, id: 1", "bus: can0, id: 500", "joints[0]: id must be from 1 to 127"),
         ("geom: FL_foot", "geom: FR_foot", "geom FR_foot is that of two feet"),

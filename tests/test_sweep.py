@@ -24,6 +24,7 @@ from shell import Shell
 
 from footfall.common.config import dump
 from footfall.common.errors import UserError
+from footfall.robots.description import load_robot
 from footfall.train.config import load_preset
 from footfall.train.runs.folder import open_run
 from footfall.train.sweeps import sweep as sweep_module
@@ -59,7 +60,7 @@ def shell(capsys: pytest.CaptureFixture[str]) -> Shell:
 
 def test_dotted_keys_replace_settings_and_nothing_else() -> None:
     smoke = load_preset("smoke")
-    config = trial_config("smoke", {"ppo.learning_rate": 0.5, "env.rewards.torque": -1.0})
+    config = trial_config("smoke", {"ppo.learning_rate": 0.5, "env.rewards.torque": -1.0}, load_robot("go1"))
     assert config.ppo == replace(smoke.ppo, learning_rate=0.5)
     assert config.env.rewards == smoke.env.rewards | {"torque": -1.0}
     assert config.env.commands == smoke.env.commands
@@ -183,7 +184,7 @@ def test_a_trial_is_an_ordinary_run_that_reports_each_iteration(preset: str, tmp
     sweep_module._train(config, folder, {"seed": 5, "diverged_limit": 0.5}, reports.append)
     run = open_run(folder)
     assert run.policy.is_file()
-    assert run.config == trial_config(preset, {"diverged_limit": 0.5})
+    assert run.config == trial_config(preset, {"diverged_limit": 0.5}, load_robot("go1"))
     assert (run.provenance.seed, run.provenance.trainer) == (5, "brax")
     assert [report["environment_steps"] for report in reports] == [256 * k for k in range(1, ITERATIONS + 1)]
     assert all({METRIC, "episode/length_s", "speed/steps_per_s"} <= set(report) for report in reports)

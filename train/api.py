@@ -84,12 +84,13 @@ def _check_cluster(request: TrainRequest) -> None:
 
 
 def _make_run(request: TrainRequest) -> Path:
-    config = load_preset(request.preset)
+    robot = load_robot(request.robot)
+    config = load_preset(request.preset, robot)
     if request.total_steps is not None:
         config = replace(config, ppo=replace(config.ppo, total_steps=request.total_steps))
     if request.checkpoint_interval_s is not None:
         config = replace(config, checkpoint_interval_s=request.checkpoint_interval_s)
-    robot, kind = load_robot(request.robot), TRAINERS[request.trainer]
+    kind = TRAINERS[request.trainer]
     trainer = kind.load()  # libraries that are missing are to be known before there is a folder
     now = datetime.now(UTC)
     name = f"{robot.name}-{Path(request.preset).stem}-{request.seed}-{now:%Y%m%d-%H%M%S}"

@@ -3,11 +3,21 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from footfall.common.config import load, require_between, require_not_negative, require_positive
+from footfall.common.config import (
+    load,
+    merged,
+    read_yaml,
+    require_between,
+    require_not_negative,
+    require_positive,
+    structure,
+)
 from footfall.common.errors import UserError
 from footfall.envs.config import EnvConfig
+from footfall.robots.description import Robot
 
 PRESETS = Path(__file__).parent / "presets"
+TRAINING_FILE = "training.yaml"  # in a robot's folder
 
 
 @dataclass(frozen=True)
@@ -72,13 +82,21 @@ def available_presets() -> list[str]:
     return sorted(path.stem for path in PRESETS.glob("*.yaml"))
 
 
-def load_preset(name_or_file: str) -> TrainConfig:
+def load_preset(name_or_file: str, robot: Robot | None = None) -> TrainConfig:
     """A preset by name, or a YAML file of the same form.
+
+    Args:
+        name_or_file: a name, or a path.
+        robot: whose `training.yaml`, if it has one, replaces settings of the presets that ship with footfall.
+            A file is taken as it is.
 
     Raises:
         UserError: there is no such preset, or the file is malformed.
     """
     path = PRESETS / f"{name_or_file}.yaml"
+    own = robot.folder / TRAINING_FILE if robot else None
+    if path.is_file() and own is not None and own.is_file():
+        return structure(merged(read_yaml(path), read_yaml(own)), TrainConfig, f"{own} over {path}")
     if not path.is_file():
         path = Path(name_or_file)
     if not path.is_file():

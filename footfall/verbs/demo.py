@@ -40,7 +40,7 @@ def demo(*, options: DemoOptions = DemoOptions()) -> None:
     from footfall.train.config import load_preset
 
     robot = load_robot(options.robot)
-    load_preset(options.preset)
+    load_preset(options.preset, robot)
     load_scenarios().select(options.scenarios)  # what only the last step needs is known before the first
     check_installed()
     folder = options.out or Path("runs") / f"demo-{datetime.now():%Y%m%d-%H%M%S}"

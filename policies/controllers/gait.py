@@ -7,6 +7,30 @@ from typing import NamedTuple
 import numpy as np
 
 from footfall.common.config import require_positive
+from footfall.policies.gaits import find_gait, require_duty
+from footfall.robots.description import Robot
+
+
+@dataclass(frozen=True)
+class GaitConfig:
+    """Which gait, and how fast."""
+
+    name: str  # in policies/gaits.yaml
+    period_s: float
+    duty: float | None = None  # instead of the named gait's
+
+    def __post_init__(self) -> None:
+        require_positive(self, "period_s")
+        require_duty(self.duty)
+
+    def clock(self, robot: Robot) -> "StepClock":
+        """The clock of this gait on a robot.
+
+        Raises:
+            UserError: there is no such gait for this robot.
+        """
+        duty, phase = find_gait(self.name, robot)
+        return StepClock(GaitTiming(self.period_s, self.duty or duty), phase)
 
 
 @dataclass(frozen=True)
@@ -18,8 +42,7 @@ class GaitTiming:
 
     def __post_init__(self) -> None:
         require_positive(self, "period_s")
-        if not 0.0 < self.duty < 1.0:
-            raise ValueError(f"duty must be above 0 and below 1, not {self.duty}")
+        require_duty(self.duty)
 
     @property
     def stance_s(self) -> float:

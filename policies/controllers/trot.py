@@ -7,7 +7,7 @@ import numpy as np
 from footfall.common.config import require_not_negative, require_positive
 from footfall.common.rotations import cross
 from footfall.policies.controllers.command import CommandShaping, ShapedCommand
-from footfall.policies.controllers.gait import GaitTiming, StepClock, contact_trust, swing_curve
+from footfall.policies.controllers.gait import GaitConfig, contact_trust, swing_curve
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.stance import level_feet, nominal_feet, tilt_correction
 from footfall.policies.policy import Observation
@@ -21,7 +21,7 @@ class TrotConfig:
     """Gait and gains of `Trot`."""
 
     rate_hz: float
-    gait: GaitTiming
+    gait: GaitConfig
     command: CommandShaping
     height_m: float  # base above the ground
     stance_outward_m: float  # of each foot, from its place in the default pose away from the middle
@@ -55,8 +55,7 @@ class Trot:
         self.rate_hz = self._config.rate_hz
         self._robot = robot
         self._legs = robot.legs
-        offsets = np.array([foot.phase for foot in robot.description.feet])
-        self._clock = StepClock(self._config.gait, offsets)
+        self._clock = self._config.gait.clock(robot)
         self._command = ShapedCommand(self._config.command)
         self._place = nominal_feet(
             self._legs,
@@ -101,16 +100,16 @@ class Trot:
     def stance(self) -> np.ndarray | None:
         if not self._clock.walking:
             return np.ones(self._legs.count)
-        return contact_trust(self._clock.phases(), self._config.gait.duty, edge=0.2)
+        return contact_trust(self._clock.phases(), self._clock.timing.duty, edge=0.2)
 
     def _step(self) -> np.ndarray:
         """Offset of each foot (legs, 3) from its place, m: sweep in stance, cycloid in swing."""
         config = self._config
-        half = 0.5 * config.gait.stance_s * self._foot_velocity()
+        half = 0.5 * self._clock.timing.stance_s * self._foot_velocity()
         half = np.minimum(np.maximum(half, -config.most_step_m), config.most_step_m)
         if not self._clock.walking:
             return np.zeros_like(self._place)
-        through_stance = np.minimum(self._clock.phases() / config.gait.duty, 1.0)
+        through_stance = np.minimum(self._clock.phases() / self._clock.timing.duty, 1.0)
         swing = self._clock.swing()
         stands = self._clock.stance()
         curves = [swing_curve(progress) for progress in swing.tolist()]

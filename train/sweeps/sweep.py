@@ -16,7 +16,7 @@ from footfall.common.config import dump, load, structure, unstructure
 from footfall.common.errors import UserError
 from footfall.common.files import write_atomically
 from footfall.common.installation import needs_extra
-from footfall.robots.description import load_robot
+from footfall.robots.description import Robot, load_robot
 from footfall.train.api import TrainRequest, begin, resume
 from footfall.train.config import TrainConfig, load_preset
 from footfall.train.runs.display import Display
@@ -140,13 +140,13 @@ def resume_sweep(out: Path) -> Outcome:
         return _results(tuner.fit(), config, out)
 
 
-def trial_config(preset: str, settings: dict[str, Any]) -> TrainConfig:
-    """A preset with some settings replaced, named by dotted keys.
+def trial_config(preset: str, settings: dict[str, Any], robot: Robot) -> TrainConfig:
+    """A robot's preset with some settings replaced, named by dotted keys.
 
     Raises:
         UserError: there is no such setting, or a value does not fit it.
     """
-    data = unstructure(load_preset(preset))
+    data = unstructure(load_preset(preset, robot))
     for key, value in settings.items():
         *parents, name = key.split(".")
         node = data
@@ -228,11 +228,11 @@ def _try_one(tune: ModuleType, config: SweepConfig) -> None:
         key: domain["grid_search"][0] if isinstance(domain, dict) else domain.sample(random_state=DRAWS_SEED)
         for key, domain in _space(tune, config).items()
     }
-    load_robot(config.robot)
-    one = trial_config(config.preset, drawn)
+    robot = load_robot(config.robot)
+    one = trial_config(config.preset, drawn, robot)
     for key, declared in config.space.items():
         for value in (value for name in OF_A_LIST for value in declared.get(name, ())):
-            trial_config(config.preset, drawn | {key: value})
+            trial_config(config.preset, drawn | {key: value}, robot)
     known = [STEPS, SPEED, *reported_metrics(config.robot, one)]
     asked = {"metric": config.metric, "scheduler: time_attr": config.scheduler.get("time_attr")}
     for setting, name in asked.items():
@@ -263,7 +263,8 @@ def _train(
     seed = settings.pop("seed")
     if not (folder / "run.yaml").exists():
         preset = folder.with_suffix(".yaml")
-        write_atomically(preset, dump(trial_config(config.preset, settings)).encode())
+        trial = trial_config(config.preset, settings, load_robot(config.robot))
+        write_atomically(preset, dump(trial).encode())
         begin(TrainRequest(robot=config.robot, preset=str(preset), seed=seed, out=folder))
     resume(folder, _Reporter(report))
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from footfall.common.config import require_not_negative, require_positive
 from footfall.policies.controllers.command import CommandShaping
-from footfall.policies.controllers.gait import GaitTiming
+from footfall.policies.controllers.gait import GaitConfig
 
 Triple = tuple[float, float, float]
 
@@ -105,7 +105,7 @@ class MpcConfig:
     """Everything about `Mpc` that depends on the robot."""
 
     rate_hz: float
-    gait: GaitTiming
+    gait: GaitConfig
     command: CommandShaping
     horizon: Horizon
     weights: Weights

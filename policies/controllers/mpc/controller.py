@@ -14,7 +14,7 @@ import numpy as np
 
 from footfall.common.rotations import cross, heading_matrix, roll_pitch_yaw, rotation_matrix, wrap_angle
 from footfall.policies.controllers.command import ShapedCommand
-from footfall.policies.controllers.gait import StepClock, contact_trust
+from footfall.policies.controllers.gait import contact_trust
 from footfall.policies.controllers.mpc.config import MpcConfig
 from footfall.policies.controllers.mpc.footholds import contact_points, foothold
 from footfall.policies.controllers.mpc.legs import LegControl
@@ -69,8 +69,7 @@ class Mpc:
         self._body = nominal_body(robot)
         self._problems = ForceProblems(self._body, config.horizon, config.weights, config.contact)
         self._solver = BoundedSolver()
-        offsets = np.array([foot.phase for foot in robot.description.feet])
-        self._clock = StepClock(config.gait, offsets)
+        self._clock = config.gait.clock(robot)
         self._command = ShapedCommand(config.command)
         stance = config.stance
         self._places = nominal_feet(self._legs, stance.height_m, stance.outward_m, stance.shift_m)
@@ -148,7 +147,7 @@ class Mpc:
     def stance(self) -> np.ndarray | None:
         if not self._clock.walking:
             return np.ones(self._legs.count)
-        return contact_trust(self._clock.phases(), self._config.gait.duty, edge=0.1)
+        return contact_trust(self._clock.phases(), self._clock.timing.duty, edge=0.1)
 
     def _follow(self, observation: Observation, dt_s: float) -> Base:
         """The base's state; its place is dead reckoning, good for the length of a step."""
@@ -199,7 +198,7 @@ class Mpc:
 
     def _set_target(self, leg: int, progress: float, base: Base) -> None:
         """Where a leg that swings should touch down."""
-        gait = self._config.gait
+        gait = self._clock.timing
         target = foothold(
             self._places_ahead[leg],
             base.place,
@@ -218,7 +217,7 @@ class Mpc:
         """Motion of swinging feet as seen from the moving base, (k, 3, 3): see `LegControl.command`."""
         if not swinging:
             return _NO_SWING
-        config, swing_s = self._config.swing, self._config.gait.swing_s
+        config, swing_s = self._config.swing, self._clock.timing.swing_s
         lift_off, landing = self._lift_off.tolist(), (self._target + self._touch_down).tolist()
         motion = np.array(
             [

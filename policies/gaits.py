@@ -1,0 +1,106 @@
+"""Named gaits: which foot is where in its cycle, for any robot with as many feet (`gaits.yaml`)."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from footfall.common.config import read_yaml, require_between, structure
+from footfall.common.errors import UserError
+from footfall.robots.description import Robot
+
+GAITS = Path(__file__).parent / "gaits.yaml"
+MIDDLE_M = 1e-6  # feet no farther from the middle plane are in it
+
+Array = Any
+
+
+@dataclass(frozen=True)
+class GaitEntry:
+    """A gait as it stands in `gaits.yaml`: its phases by side, each from front to back."""
+
+    duty: float
+    left: tuple[float, ...] = ()
+    right: tuple[float, ...] = ()
+    middle: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        require_duty(self.duty)
+        require_between(self, 0.0, 1.0, "left", "right", "middle")
+
+
+class GaitPattern(NamedTuple):
+    """A gait without its pace."""
+
+    duty: float  # share of the cycle that a foot stands
+    phase: np.ndarray  # (feet,) place in its cycle of each foot, in the robot's order, at clock 0
+
+
+def require_duty(duty: float | None) -> None:
+    """For a dataclass's own checks: raise ValueError unless feet both stand and swing."""
+    if duty is not None and not 0.0 < duty < 1.0:
+        raise ValueError(f"duty must be above 0 and below 1, not {duty}")
+
+
+def find_gait(name: str, robot: Robot) -> GaitPattern:
+    """A named gait on a robot: its feet are told apart by side, and from front to back.
+
+    Raises:
+        UserError: there is no such gait for robots with as many feet on each side.
+    """
+    sides = _sides(robot)
+    gaits = dict(_gaits_for(len(robot.description.feet)))
+    if name not in gaits:
+        known = ", ".join(gaits) or "none"
+        raise UserError(f"no gait '{name}' for the {sum(map(len, sides))} feet of '{robot.name}': {known}")
+    entry = gaits[name]
+    phase = np.zeros(len(robot.description.feet))
+    for feet, phases, side in zip(
+        sides, (entry.left, entry.right, entry.middle), ("left", "right", "middle"), strict=True
+    ):
+        if len(feet) != len(phases):
+            raise UserError(
+                f"gait '{name}' has {len(phases)} feet on the {side}, robot '{robot.name}' has {len(feet)}"
+            )
+        phase[feet] = phases
+    return GaitPattern(entry.duty, phase)
+
+
+def planned_lift(clock: Array, phase: Array, duty: float) -> Array:
+    """How high the gait wants its feet: a half sine over the swing, 0 in stance, 1 at mid-swing.
+
+    Here a cycle begins with its swing, as that of a contract's clock does.
+
+    Args:
+        clock: in cycles, shape (..., 1).
+        phase: (feet,) or (joints,) place in the cycle at clock 0, an array of the same library.
+        duty: share of the cycle that a foot stands.
+    """
+    xp = clock.__array_namespace__()
+    through = (clock + phase) % 1.0 / (1.0 - duty)
+    return xp.where(through < 1.0, xp.sin(xp.pi * through), xp.zeros_like(through))
+
+
+def _sides(robot: Robot) -> tuple[list[int], list[int], list[int]]:
+    """Feet on the left, on the right and in the middle, each from front to back."""
+    places = robot.foot_places
+    order = np.argsort(-places[:, 0], kind="stable").tolist()
+    side = {foot: places[foot, 1] for foot in order}
+    return (
+        [foot for foot in order if side[foot] > MIDDLE_M],
+        [foot for foot in order if side[foot] < -MIDDLE_M],
+        [foot for foot in order if abs(side[foot]) <= MIDDLE_M],
+    )
+
+
+def _gaits_for(feet: int) -> Iterator[tuple[str, GaitEntry]]:
+    for name, entry in _file().get(feet, {}).items():
+        yield name, structure(entry, GaitEntry, f"{GAITS}: {feet}: {name}")
+
+
+@cache
+def _file() -> dict[int, dict[str, Any]]:
+    return read_yaml(GAITS)

@@ -1,0 +1,131 @@
+"""Named gaits: which foot steps when, on any robot with as many feet."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from footfall.common.errors import UserError
+from footfall.policies.gaits import find_gait, planned_lift
+from footfall.robots.description import Robot
+
+FOUR = ("trot", "walk", "pace", "bound", "gallop")
+
+
+def standing_at(go1: Robot, places: dict[str, tuple[float, float]]) -> Robot:
+    """A robot with other feet: their names, and where they stand."""
+    foot = go1.description.feet[0]
+    feet = tuple(replace(foot, name=name) for name in places)
+    height = {name: (*place, -0.2) for name, place in places.items()}
+    return replace(
+        go1, description=replace(go1.description, feet=feet), foot_places=np.array(list(height.values()))
+    )
+
+
+def lift_offs(robot: Robot, name: str) -> list[str]:
+    """Names of the feet in the order in which they leave the ground, from the clock's 0 on."""
+    gait = find_gait(name, robot)
+    begins = (gait.duty - gait.phase) % 1.0
+    return [robot.description.feet[k].name for k in np.argsort(begins, kind="stable")]
+
+
+def in_the_air(robot: Robot, name: str, clock: float) -> set[str]:
+    gait = find_gait(name, robot)
+    swings = (clock + gait.phase) % 1.0 >= gait.duty
+    return {foot.name for foot, up in zip(robot.description.feet, swings, strict=True) if up}
+
+
+HEXAPOD = {  # in no order, its middle feet farther out
+    "RM": (0.01, -0.3),
+    "LR": (-0.2, 0.22),
+    "RF": (0.21, -0.2),
+    "LM": (0.0, 0.3),
+    "RR": (-0.19, -0.21),
+    "LF": (0.2, 0.2),
+}
+
+
+class TestFourFeet:
+    def test_a_trot_steps_with_diagonals(self, go1: Robot) -> None:
+        assert {frozenset(in_the_air(go1, "trot", clock)) for clock in (0.1, 0.4, 0.6, 0.9)} == {
+            frozenset({"FR", "RL"}),
+            frozenset({"FL", "RR"}),
+        }
+
+    def test_a_pace_steps_with_sides_and_a_bound_with_ends(self, go1: Robot) -> None:
+        assert in_the_air(go1, "pace", 0.1) == {"FL", "RL"}
+        assert in_the_air(go1, "bound", 0.1) == {"RL", "RR"}
+
+    def test_a_walk_steps_hind_before_front_on_each_side_one_foot_at_a_time(self, go1: Robot) -> None:
+        assert lift_offs(go1, "walk") == ["RL", "FL", "RR", "FR"]
+        assert all(len(in_the_air(go1, "walk", clock)) == 1 for clock in np.arange(0.01, 1.0, 0.02))
+
+    def test_a_gallop_has_a_moment_without_any_foot_on_the_ground(self, go1: Robot) -> None:
+        assert max(len(in_the_air(go1, "gallop", clock)) for clock in np.arange(0.0, 1.0, 0.01)) == 4
+        order = lift_offs(go1, "gallop")
+        hind_first = order[order.index("RL") :] + order[: order.index("RL")]
+        assert hind_first == ["RL", "RR", "FL", "FR"]
+
+
+class TestSixFeet:
+    @pytest.fixture
+    def hexapod(self, go1: Robot) -> Robot:
+        return standing_at(go1, HEXAPOD)
+
+    def test_a_tripod_steps_with_front_and_hind_of_one_side_and_the_others_middle(
+        self, hexapod: Robot
+    ) -> None:
+        assert in_the_air(hexapod, "tripod", 0.3) == {"LF", "RM", "LR"}
+        assert in_the_air(hexapod, "tripod", 0.8) == {"RF", "LM", "RR"}
+        assert in_the_air(hexapod, "tripod", 0.55) == set()  # each stands for 65 % of the cycle
+
+    def test_a_wave_lifts_one_foot_at_a_time_a_sixth_of_the_cycle_apart(self, hexapod: Robot) -> None:
+        order = lift_offs(hexapod, "wave")
+        first = order.index("LR")
+        assert order[first:] + order[:first] == ["LR", "LM", "LF", "RR", "RM", "RF"]
+        assert all(len(in_the_air(hexapod, "wave", clock)) == 1 for clock in np.arange(0.01, 1.0, 0.02))
+
+    def test_a_ripple_has_two_feet_in_the_air_never_neighbours(self, hexapod: Robot) -> None:
+        neighbours = [{"LF", "LM"}, {"LM", "LR"}, {"RF", "RM"}, {"RM", "RR"}, {"LF", "RF"}, {"LR", "RR"}]
+        for clock in np.arange(0.01, 1.0, 0.02):
+            up = in_the_air(hexapod, "ripple", clock)
+            assert len(up) == 2
+            assert up not in neighbours
+
+
+def test_feet_are_told_apart_by_where_they_stand(go1: Robot) -> None:
+    """Not by their names or their order."""
+    places = {"a": (-0.2, 0.1), "b": (0.2, -0.1), "c": (0.2, 0.1), "d": (-0.2, -0.1)}
+    gait = find_gait("walk", standing_at(go1, places))
+    np.testing.assert_array_equal(gait.phase, [0.75, 0.0, 0.5, 0.25])
+
+
+def test_an_unknown_gait_is_refused_with_those_that_there_are(go1: Robot) -> None:
+    with pytest.raises(UserError, match=r"no gait 'tripod' for the 4 feet of 'go1': trot, walk"):
+        find_gait("tripod", go1)
+
+
+def test_feet_on_the_wrong_side_are_refused(go1: Robot) -> None:
+    lopsided = {"a": (0.2, 0.1), "b": (0.0, 0.1), "c": (-0.2, 0.1), "d": (0.2, -0.1)}
+    with pytest.raises(UserError, match="gait 'trot' has 2 feet on the left, robot 'go1' has 3"):
+        find_gait("trot", standing_at(go1, lopsided))
+
+
+class TestPlannedLift:
+    """By hand: duty 0.75 leaves a quarter of the cycle for the swing, which comes first."""
+
+    @pytest.mark.parametrize(
+        ("clock", "lift"), [(0.0, 0.0), (1 / 24, 0.5), (0.125, 1.0), (5 / 24, 0.5), (0.25, 0.0), (0.6, 0.0)]
+    )
+    def test_a_half_sine_over_the_swing(self, clock: float, lift: float) -> None:
+        np.testing.assert_allclose(planned_lift(np.array([clock]), np.zeros(1), 0.75), [lift], atol=1e-12)
+
+    def test_a_foot_further_in_the_cycle_is_lifted_earlier(self) -> None:
+        lift = planned_lift(np.array([0.025]), np.array([0.0, 0.1, 0.9]), 0.75)
+        np.testing.assert_allclose(lift, [np.sin(0.1 * np.pi), 1.0, 0.0], atol=1e-12)
+
+    def test_of_a_duty_of_one_half_it_is_the_clocks_own_sine(self) -> None:
+        clock = np.linspace(0.0, 3.0, 101)[:, None]
+        offsets = np.array([0.0, 0.3])
+        sine = np.maximum(np.sin(2 * np.pi * (clock + offsets)), 0.0)
+        np.testing.assert_allclose(planned_lift(clock, offsets, 0.5), sine, atol=1e-12)
