@@ -1,7 +1,9 @@
 """From episodes to figures, and how figures are shown."""
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +13,8 @@ from footfall.evaluate.figures import figures, interval_text, measured, text
 from footfall.evaluate.metrics import EpisodeMetrics
 from footfall.evaluate.pool import Outcome
 from footfall.evaluate.scenarios import load_scenarios
-from footfall.evaluate.summary import Summary, summarise
+from footfall.evaluate.statistics import bootstrap_mean_interval
+from footfall.evaluate.summary import Summary, compute_figures, summarise
 
 SCENARIOS = load_scenarios().scenarios
 GOOD = EpisodeMetrics(
@@ -38,10 +41,11 @@ GOOD = EpisodeMetrics(
 
 
 def outcome(
-    metrics: EpisodeMetrics = GOOD, push: float | None = None, trouble: str = ""
+    metrics: EpisodeMetrics = GOOD, push: float | None = None, trouble: str = "", **changes: Any
 ) -> Outcome[EpisodeOutcome]:
     levels = {} if push is None else {"push_m_s": push, "push_direction_deg": 0.0}
-    return Outcome(EpisodeOutcome(metrics, levels, np.array([0.1, 0.2, 30.0]), 20.0, trouble, (), None))
+    plain = EpisodeOutcome(metrics, levels, np.array([0.1, 0.2, 30.0]), 20.0, trouble, (), None)
+    return Outcome(replace(plain, **changes))
 
 
 FELL = replace(GOOD, fell=True)
@@ -86,6 +90,83 @@ class TestSummary:
         jerky = replace(GOOD, walked_s=30.0, target_rate_rad_s=6.0)
         expected = np.sqrt((10.0 * 2.0**2 + 30.0 * 6.0**2) / 40.0)
         assert nominal(GOOD, jerky)["target_rate_rad_s"] == pytest.approx(expected)
+
+    @pytest.mark.parametrize(
+        ("name", "values", "weights", "root"),
+        [
+            ("lin_vel_rmse", "lin_vel_mse", lambda m: m.scored_s, True),
+            ("yaw_rate_rmse", "yaw_rate_mse", lambda m: m.scored_s, True),
+            ("estimate_rmse", "estimate_mse", lambda m: m.scored_s, True),
+            ("target_rate_rad_s", lambda m: m.target_rate_rad_s**2, lambda m: m.walked_s, True),
+            ("torque_rate_nm_s", lambda m: m.torque_rate_nm_s**2, lambda m: m.walked_s, True),
+            ("foot_slip_m_s", "foot_slip_m_s", lambda m: m.stance_s, False),
+            (
+                "cost_of_transport",
+                lambda m: m.electrical_j / (m.weight_n * m.distance_m),
+                lambda m: m.weight_n * m.distance_m,
+                False,
+            ),
+            (
+                "cost_of_transport_mechanical",
+                lambda m: m.mechanical_j / (m.weight_n * m.distance_m),
+                lambda m: m.weight_n * m.distance_m,
+                False,
+            ),
+            ("positive_work_j_m", lambda m: m.positive_j / m.distance_m, lambda m: m.distance_m, False),
+            ("positive_work_j", "positive_j", lambda _: 1.0, False),
+        ],
+    )
+    def test_each_mean_and_its_interval_are_of_its_own_values_and_weights(
+        self, name: str, values: str | Callable, weights: Callable, root: bool
+    ) -> None:
+        """Episodes that differ in every number: any other column, weight or seed gives other figures."""
+        rng = np.random.default_rng(8)
+        numbers = [name for name, value in vars(GOOD).items() if isinstance(value, float)]
+        drawn: list[dict[str, Any]] = [{n: float(rng.uniform(1.0, 3.0)) for n in numbers} for _ in range(9)]
+        episodes = [replace(GOOD, **each) for each in drawn]
+        summary = summarise(SCENARIOS["nominal"], [outcome(m) for m in episodes], 3)
+        measure = values if callable(values) else lambda m: getattr(m, values)
+        value, weight = (np.array([each(m) for m in episodes]) for each in (measure, weights))
+        transform = np.sqrt if root else np.asarray
+        assert summary[name] == pytest.approx(float(transform(value @ weight / weight.sum())))
+        if name != "positive_work_j":
+            edges = bootstrap_mean_interval(value, weight, 3)
+            assert summary[f"{name}_interval"] == pytest.approx([float(transform(edge)) for edge in edges])
+
+    def test_who_travels_a_little_transports_a_little(self) -> None:
+        assert nominal(replace(GOOD, distance_m=0.1))["cost_of_transport"] is None
+        assert nominal(replace(GOOD, distance_m=0.11))["cost_of_transport"] == pytest.approx(625 / 125 / 0.11)
+
+    def test_time_per_step_is_of_all_steps_of_all_episodes(self) -> None:
+        quick, slow = (outcome(compute_ms=ms) for ms in (np.arange(1.0, 52.0), np.arange(52.0, 102.0)))
+        summary = summarise(SCENARIOS["nominal"], [quick, slow], 0)
+        assert summary["compute_ms"] == {"p50": 51.0, "p99": 100.0}
+        assert summary["missed_deadlines"] == pytest.approx(81 / 101)  # a step of just 20 ms is in time
+        assert compute_figures(np.zeros(0), 20.0) == {
+            "compute_ms": {"p50": None, "p99": None},
+            "missed_deadlines": None,
+        }
+
+    def test_notes_are_told_once_and_in_order(self) -> None:
+        noted = [outcome(notes=notes) for notes in (("no floor",), ("no base", "no floor"), ())]
+        assert summarise(SCENARIOS["nominal"], noted, 0)["notes"] == ["no base", "no floor"]
+
+    def test_a_row_has_the_figures_of_its_own_episodes(self) -> None:
+        careless = replace(FELL, lin_vel_mse=0.25, yaw_rate_mse=0.49, electrical_j=1250.0)
+        met = [(GOOD, 1.0), (careless, 2.0), (careless, 2.0)]
+        rows = summarise(SCENARIOS["push"], [outcome(m, push) for m, push in met], 0)["rows"]
+        assert [row["lin_vel_rmse"] for row in rows] == pytest.approx([0.1, 0.5])
+        assert [row["yaw_rate_rmse"] for row in rows] == pytest.approx([0.2, 0.7])
+        assert [row["cost_of_transport"] for row in rows] == pytest.approx([1.0, 2.0])
+        assert set(rows[0]) == {
+            "push_m_s", "episodes", "falls", "fall_rate_interval", "lin_vel_rmse", "yaw_rate_rmse",
+            "cost_of_transport",
+        }  # fmt: skip
+
+    def test_of_pushes_the_strongest_is_told_and_no_median_below_the_weakest(self) -> None:
+        weak = summarise(SCENARIOS["push"], [outcome(FELL, push) for push in (1.5, 0.5)], 0)
+        assert (weak["strongest_push"], weak["dv50"]) == (1.5, None)
+        assert "dv50" not in nominal(GOOD)
 
     def test_an_interval_is_about_its_own_figure(self) -> None:
         summary = nominal(*[replace(GOOD, lin_vel_mse=error**2) for error in np.linspace(0.1, 0.3, 30)])
@@ -139,15 +220,11 @@ class TestSummary:
 
     def test_rows_of_two_levels_are_named_by_both(self) -> None:
         levels = {"forward_m_s": 2.0, "yaw_rad_s": -1.0}
-        met = outcome()._replace(value=replace(outcome().value, levels=levels))  # type: ignore[type-var]
-        (row,) = summarise(SCENARIOS["sweep"], [met], 0)["rows"]
+        (row,) = summarise(SCENARIOS["sweep"], [outcome(levels=levels)], 0)["rows"]
         assert (row["forward_m_s"], row["yaw_rad_s"]) == (2.0, -1.0)
 
     def test_rows_rise_with_their_level_in_whatever_order_it_was_met(self) -> None:
-        met = [
-            outcome()._replace(value=replace(outcome().value, levels={"friction": friction}))  # type: ignore[type-var]
-            for friction in (0.6, 0.2, 1.2)
-        ]
+        met = [outcome(levels={"friction": friction}) for friction in (0.6, 0.2, 1.2)]
         rows = summarise(SCENARIOS["friction"], met, 0)["rows"]
         assert [row["friction"] for row in rows] == [0.2, 0.6, 1.2]
 
@@ -155,6 +232,13 @@ class TestSummary:
         outcomes = [outcome(FELL, trouble="the base touched the ground")] * 2 + [outcome()]
         troubles = summarise(SCENARIOS["nominal"], outcomes, 0)["troubles"]
         assert troubles == {"the base touched the ground": 2}
+
+    def test_reasons_are_listed_in_the_alphabets_order(self) -> None:
+        outcomes = [
+            outcome(FELL, trouble=reason) for reason in ("tilted", "base down", "tilted", "motor off")
+        ]
+        troubles = summarise(SCENARIOS["nominal"], outcomes, 0)["troubles"]
+        assert list(troubles.items()) == [("base down", 1), ("motor off", 1), ("tilted", 2)]
 
 
 class TestShowing:
