@@ -199,6 +199,7 @@ class TestSweep:
         row(2, 4, (0, 1), forward_m_s=0.25, yaw_rad_s=0.8, lin_vel_rmse=0.3),
         row(0, 4, (0, 1), forward_m_s=0.25, yaw_rad_s=-0.5, lin_vel_rmse=0.9),
         row(0, 4, (0, 1), forward_m_s=-1.0, yaw_rad_s=0.8, lin_vel_rmse=None),
+        row(0, 4, (0, 1), forward_m_s=-1.0, yaw_rad_s=-0.5, lin_vel_rmse=0.6),
     )
 
     def test_a_cell_has_the_error_of_its_command(self, drawn: list[Drawn]) -> None:
@@ -206,9 +207,9 @@ class TestSweep:
         (panel,) = drawn
         (picture,) = panel.axes.images
         cells: Any = np.ma.filled(np.ma.asarray(picture.get_array()), np.nan)
-        np.testing.assert_array_equal(cells, [[np.nan, 0.9, 0.1], [np.nan, 0.3, np.nan]])
+        np.testing.assert_array_equal(cells, [[0.6, 0.9, 0.1], [np.nan, 0.3, np.nan]])
         assert picture.origin == "lower"
-        most = np.percentile([0.1, 0.3, 0.9], 95)
+        most = np.percentile([0.1, 0.3, 0.6, 0.9], 95)
         assert (picture.norm.vmin, picture.norm.vmax) == (0.0, pytest.approx(most))
         assert [label.get_text() for label in panel.axes.get_xticklabels()] == ["-1", "0.25", "1"]
         assert [label.get_text() for label in panel.axes.get_yticklabels()] == ["-0.5", "0.8"]
@@ -219,11 +220,11 @@ class TestSweep:
         scenario_plots.sweep({"a": {"rows": list(self.ROWS)}})
         marks = {tuple(map(int, text.get_position())): text for text in drawn[0].axes.texts}
         assert {place: text.get_text() for place, text in marks.items()} == {
-            (2, 0): "0.10", (1, 1): "✕", (1, 0): "0.90", (0, 1): "",
+            (2, 0): "0.10", (1, 1): "✕", (1, 0): "0.90", (0, 1): "", (0, 0): "0.60",
         }  # fmt: skip
         # White on the dark cells of small errors, black on bright ones, the page's ink on an empty one.
-        assert [marks[place].get_color() for place in ((2, 0), (1, 1), (1, 0), (0, 1))] == [
-            "white", "white", "black", svg.INK,
+        assert [marks[place].get_color() for place in ((2, 0), (1, 1), (1, 0), (0, 1), (0, 0))] == [
+            "white", "white", "black", svg.INK, "black",
         ]  # fmt: skip
 
     def test_the_pointer_reads_a_cell(self, drawn: list[Drawn]) -> None:
@@ -319,6 +320,7 @@ class TestGait:
         assert [label.get_text() for label in panel.axes.get_yticklabels()] == [
             f.name for f in go1.description.feet
         ]
+        assert len(panel.axes.collections) == 4
         for foot, bars in enumerate(panel.axes.collections):
             assert to_hex(np.asarray(bars.get_facecolor())[0]) == svg.colour(2)
             boxes = [path.get_extents() for path in bars.get_paths()]
@@ -356,12 +358,13 @@ class TestGait:
             ([0, 0, 1, 1], [(0.2, 0.2)]),
             ([1, 0, 1, 0], [(0.0, 0.1), (0.2, 0.1)]),
             ([0, 0, 0, 0], []),
+            ([1], [(0.0, 0.0)]),  # one sample is no stretch of time
         ],
     )
     def test_bars_begin_and_end_with_contact(
         self, contact: list[int], bars: list[tuple[float, float]]
     ) -> None:
-        found = course_plots._bars(np.arange(4) / 10.0, np.array(contact, dtype=bool))
+        found = course_plots._bars(np.arange(len(contact)) / 10.0, np.array(contact, dtype=bool))
         np.testing.assert_allclose(np.reshape(found, (-1, 2)), np.reshape(bars, (-1, 2)), atol=1e-12)
 
     def test_touchdowns_are_counted_per_foot_and_second(self) -> None:
@@ -506,6 +509,19 @@ class TestLearning:
         assert [each["step"] for each in rows] == [2, 4]
         assert learning_curves.curve(rows, "a").tolist() == [[4.0, 9.0]]
         assert learning_curves.read_metrics(tmp_path / "none.jsonl") == []
+
+
+def test_plots_say_what_they_are_though_there_be_nothing_to_draw(go1: Robot) -> None:
+    plots = [
+        scenario_plots.survival({}), course_plots.tracking([], PLAN), course_plots.gait([], PLAN, go1),
+        scenario_plots.conditions([]), scenario_plots.sweep({}), course_plots.torque_speed([], go1),
+        course_plots.timing([]), learning_curves.learning_curves({}),
+    ]  # fmt: skip
+    assert [plot.title for plot in plots] == [
+        "Pushes", "Tracking",
+        "Gait", "Harder conditions", "Commands", "Torque and speed", "Timing", "Learning",
+    ]  # fmt: skip
+    assert not any(plot.panels for plot in plots)
 
 
 class TestPanel:
