@@ -17,6 +17,8 @@ from footfall.common.errors import UserError
 
 T = TypeVar("T")
 
+LARGEST_BYTES = 2**20  # of a file with settings
+
 _converter = Converter(forbid_extra_keys=True)
 
 
@@ -137,10 +139,14 @@ def read_yaml(path: Path) -> Any:
     """Plain data of a YAML file.
 
     Raises:
-        UserError: the file cannot be read or is no YAML.
+        UserError: the file cannot be read, is too large for settings, or is no YAML.
     """
     try:
-        return yaml.safe_load(path.read_text(encoding="utf-8"))
+        with path.open("rb") as file:
+            content = file.read(LARGEST_BYTES + 1)  # a device may have no end
+        if len(content) > LARGEST_BYTES:
+            raise UserError(f"{path} holds no settings: it is larger than {LARGEST_BYTES:,} bytes")
+        return yaml.safe_load(content.decode())
     except OSError as error:
         raise UserError(f"{path}: {error.strerror or error}") from None
     except RecursionError:

@@ -14,6 +14,7 @@ from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import Randomisation
 from footfall.policies.contract import CommandRange, Term
 
+FASTEST_CONTROL_HZ = 1000.0  # no learned policy is run faster
 LEAST_SUBSTEPS = 2  # a foot's velocity is the difference of its last two positions in a control step
 
 
@@ -133,7 +134,8 @@ class EnvConfig:
         return 1.0 / self.control_rate_hz / self.substeps
 
     def __post_init__(self) -> None:
-        require_positive(self, "control_rate_hz", "episode_s", "tilt_limit_rad", "speed_limit")
+        require_between(self, 1.0, FASTEST_CONTROL_HZ, "control_rate_hz")
+        require_positive(self, "episode_s", "tilt_limit_rad", "speed_limit")
         require_between(self, 0.0, 1.0, "least_height_share")
         if self.episode_s * self.control_rate_hz < 1.0:
             period_s = 1.0 / self.control_rate_hz

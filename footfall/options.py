@@ -4,7 +4,7 @@ import math
 from pathlib import Path
 from typing import Annotated, Any
 
-from cyclopts import Parameter
+from cyclopts import Parameter, convert
 from cyclopts.validators import Number
 
 FASTEST = 100.0  # m/s or rad/s: no legged robot is commanded faster
@@ -44,6 +44,14 @@ def _positive(_: type, value: float | None) -> None:
         raise ValueError("Must be a number above 0.")
 
 
+def _as_typed(kind: Any, tokens: Any) -> Any:
+    """The value in its type. cyclopts would take 'none' to mean that the option was left out."""
+    return convert(kind, tokens)
+
+
+AS_TYPED = Parameter(converter=_as_typed)  # for options that may be left out
+OptionalPath = Annotated[Path | None, AS_TYPED]
+
 PolicyName = Annotated[
     str,
     Parameter(help="A run folder, an .onnx file, a name in the zoo, or a controller: stand, trot, mpc."),
@@ -58,11 +66,11 @@ Seed = Annotated[
     ),
 ]
 Plant = Annotated[
-    Path | None,
+    OptionalPath,
     Parameter(help="Another MJCF for the simulated robot's body, matched by joint name (default: its own)."),
 ]
-JsonFile = Annotated[Path | None, Parameter(help="Write the figures to this file.")]
-HtmlFile = Annotated[Path | None, Parameter(help="Write a self-contained report to this file.")]
+JsonFile = Annotated[OptionalPath, Parameter(help="Write the figures to this file.")]
+HtmlFile = Annotated[OptionalPath, Parameter(help="Write a self-contained report to this file.")]
 Seconds = Annotated[float, Parameter(validator=_positive)]
 Count = Annotated[int, Parameter(converter=_whole, validator=Number(gte=1))]
 Index = Annotated[int, Parameter(converter=_whole, validator=Number(gte=0))]

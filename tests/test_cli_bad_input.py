@@ -58,6 +58,8 @@ def nothing_is_left_behind(shell: Shell, tmp_path: Path):
         (["train", "--port", "9000"], ["--port", "--watch"]),
         (["train", "--host", "0.0.0.0"], ["--host", "--watch"]),
         (["train", "--process", "0.6"], ["--process", "whole number"]),
+        (["train", "--trainer", "none"], ["--trainer", "brax", "rsl_rl"]),
+        (["train", "--checkpoint-interval", "none"], ["--checkpoint-interval", "none"]),
         (["export"], ["RUN"]),
         (["replay"], ["LOG"]),
         (["deploy", "stand", "--json", ""], ["empty argument", "footfall deploy --help"]),
@@ -89,6 +91,13 @@ def test_what_does_not_parse(shell: Shell, tokens: list[str], wanted: list[str])
         (["compare", "stand", "rex"], ["rex"]),
         (["compare", "stand", "trot", "--scenarios", "ballet"], ["ballet", "nominal"]),
         (["train", "--robot", "rex"], ["rex", "go1"]),
+        (["train", "--robot", "none"], ["no robot 'none'"]),
+        (["train", "--preset", "none"], ["no preset 'none'"]),
+        (["train", "--resume", "none"], ["no run at none"]),
+        (["deploy", "stand", "--plant", "none"], ["no MJCF file at none"]),
+        (["deploy", "stand", "--config", "none"], ["none: No such file"]),
+        (["sweep", "none"], ["none"]),
+        (["replay", "none", "--policy", "none"], ["none"]),
         (["train", "--preset", "huge"], ["huge", "cpu", "gpu", "smoke"]),
         (["train", "--resume", "run"], ["run"]),
         (["export", "run"], ["run"]),
@@ -145,7 +154,9 @@ def test_garbage_yaml(shell: Shell, tmp_path: Path, file: str, tokens: list[str]
     [
         ("  substeps: 4", "  substeps: 0", ["substeps", "at least 2"]),
         ("  substeps: 4", "  substeps: 1", ["substeps", "at least 2"]),
-        ("  substeps: 4", "  control_rate_hz: 0", ["control_rate_hz", "above 0"]),
+        ("  substeps: 4", "  control_rate_hz: 0", ["control_rate_hz", "from 1 to 1000"]),
+        ("  substeps: 4", "  control_rate_hz: 1.0e+9", ["control_rate_hz", "from 1 to 1000"]),
+        ("gyro: 0.1", "gyro: -1", ["gyro", "0 or above"]),
         ("  episode_s: 2.0", "  episode_s: -1.0", ["episode_s", "above 0"]),
         ("  total_steps: 4096", "  total_steps: 0", ["total_steps", "above 0"]),
         ("  environments: 32", "  environments: 0", ["environments", "above 0"]),
@@ -164,6 +175,11 @@ def test_presets_that_cannot_be_trained(
     complaint = shell.refuses("train", "--preset", path)
     for words in ("preset.yaml", *wanted):
         assert words in complaint
+
+
+@pytest.mark.skipif(not Path("/dev/zero").exists(), reason="no /dev/zero")
+def test_settings_without_an_end(shell: Shell) -> None:
+    assert "/dev/zero" in shell.refuses("deploy", "stand", "--config", "/dev/zero")
 
 
 @pytest.mark.parametrize("verb", [["deploy", "stand"], ["evaluate", "stand"], ["train"]])

@@ -9,7 +9,7 @@ from pathlib import Path
 from cyclopts import Parameter
 
 from footfall.common.errors import UserError
-from footfall.options import Count, Names, RobotName, Seed
+from footfall.options import Count, Names, OptionalPath, RobotName, Seed
 
 FELL = 1  # deploy's exit status for a run that did not end well; the demo goes on, and says so
 
@@ -23,7 +23,7 @@ class DemoOptions:
     preset: str = "cpu"
     """How to train: a preset, or a YAML file of the same form."""
     seed: Seed = 0
-    out: Path | None = None
+    out: OptionalPath = None
     """Folder for everything that the demo makes (default: runs/demo-TIME)."""
     scenarios: Names = ("gentle", "push")
     """What to compare on."""

@@ -12,7 +12,16 @@ from cyclopts import Parameter
 
 from footfall.common.errors import UserError
 from footfall.common.outputs import check_outputs, write_json
-from footfall.options import JsonFile, Plant, PolicyName, RobotName, Seconds, Seed, VelocityCommand
+from footfall.options import (
+    JsonFile,
+    OptionalPath,
+    Plant,
+    PolicyName,
+    RobotName,
+    Seconds,
+    Seed,
+    VelocityCommand,
+)
 
 if TYPE_CHECKING:
     from footfall.deploy.config import DeployConfig
@@ -40,9 +49,9 @@ class DeployOptions:
     plant: Plant = None
     ground_truth: bool = False
     """Hand the policy the simulator's base velocity instead of an estimate, for study."""
-    config: Path | None = None
+    config: OptionalPath = None
     """YAML file with settings of the loop and its safety limits (see docs/safety.md)."""
-    log: Path | None = None
+    log: OptionalPath = None
     """Record the run to this MCAP file."""
     seed: Seed = 0
     json: JsonFile = None

@@ -3,10 +3,11 @@
 from pathlib import Path
 
 from footfall.common.outputs import check_outputs
+from footfall.options import OptionalPath
 from footfall.train.entry import learning_libraries
 
 
-def export(run: Path, /, *, out: Path | None = None) -> None:
+def export(run: Path, /, *, out: OptionalPath = None) -> None:
     """Write a run's last checkpoint as ONNX, checked against the trainer's own network.
 
     Parameters

@@ -5,12 +5,13 @@ from pathlib import Path
 from cyclopts import App
 
 from footfall.common.outputs import check_outputs
+from footfall.options import OptionalPath
 
 log = App(name="log", help="Work on the log of a run.")
 
 
 @log.command
-def recover(file: Path, /, *, out: Path | None = None) -> int:
+def recover(file: Path, /, *, out: OptionalPath = None) -> int:
     """Give a log that was cut short its end, so that tools which need a file's index open it.
 
     Parameters

@@ -3,12 +3,12 @@
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from footfall.common.errors import UserError
-from footfall.options import PolicyName
+from footfall.options import AS_TYPED, PolicyName
 
 if TYPE_CHECKING:
     from footfall.robots.description import Robot
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 class ReplayOptions:
     """What to replay with."""
 
-    policy: PolicyName | None = None
+    policy: Annotated[PolicyName | None, AS_TYPED] = None
     """Policy to ask again (default: the one that the log names)."""
-    robot: str | None = None
+    robot: Annotated[str | None, AS_TYPED] = None
     """Name of a robot, or a folder with its robot.yaml (default: the one that the log names)."""
     tolerance: float = 0.0
     """Differences up to this are not reported."""

@@ -6,13 +6,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from footfall.common.errors import UserError
+from footfall.options import OptionalPath
 from footfall.train.entry import learning_libraries
 
 if TYPE_CHECKING:
     from footfall.train.sweeps.results import Point, Trial
 
 
-def sweep(file: Path | None = None, /, *, out: Path | None = None, resume: Path | None = None) -> int:
+def sweep(file: OptionalPath = None, /, *, out: OptionalPath = None, resume: OptionalPath = None) -> int:
     """Train over a space of settings and seeds on Ray Tune; exit 1 if a trial failed, 130 if interrupted.
 
     Parameters

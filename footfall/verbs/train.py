@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from footfall.common.errors import UserError
 from footfall.evaluation import exit_status
-from footfall.options import Count, Index, RobotName, Seconds, Seed
+from footfall.options import AS_TYPED, Count, Index, OptionalPath, RobotName, Seconds, Seed
 from footfall.train.entry import learning_libraries, start_device
 from footfall.verbs.watch import LOCAL_PAGE, PageOptions
 
@@ -24,22 +24,22 @@ COORDINATOR = re.compile(r"(\[[0-9a-fA-F:.]+\]|[^:\[\]\s]+):(?P<port>[0-9]{1,5})
 class TrainOptions:
     """What to train. None: as `footfall.train.api.TrainRequest` has it, or the resumed run."""
 
-    robot: Annotated[RobotName | None, Parameter(show_default=False)] = None
+    robot: Annotated[RobotName | None, AS_TYPED, Parameter(show_default=False)] = None
     """Name of a robot, or a folder with its robot.yaml (default: go1)."""
-    preset: Annotated[str | None, Parameter(show_default=False)] = None
+    preset: Annotated[str | None, AS_TYPED, Parameter(show_default=False)] = None
     """smoke (seconds), cpu (minutes, the default), gpu-quick (a minute), gpu, or a YAML file of the same
     form."""
     seed: Annotated[Seed | None, Parameter(show_default=False)] = None
     """The same seed gives the same result on the same machine (default: 0)."""
-    out: Path | None = None
+    out: OptionalPath = None
     """Run folder to make (default: runs/ROBOT-PRESET-SEED-TIME)."""
     steps: Annotated[Count | None, Parameter(show_default=False)] = None
     """Environment steps, instead of the preset's."""
-    checkpoint_interval: Annotated[Seconds | None, Parameter(show_default=False)] = None
+    checkpoint_interval: Annotated[Seconds | None, AS_TYPED, Parameter(show_default=False)] = None
     """Seconds between checkpoints, instead of the preset's."""
-    trainer: Annotated[Literal["brax", "rsl_rl"] | None, Parameter(show_default=False)] = None
+    trainer: Annotated[Literal["brax", "rsl_rl"] | None, AS_TYPED, Parameter(show_default=False)] = None
     """Who learns: our JAX loop of brax's parts (the default), or rsl_rl's runner (an extra)."""
-    resume: Path | None = None
+    resume: OptionalPath = None
     """Run folder to continue from its last checkpoint; it brings its own settings."""
     evaluate: bool = True
     """Walk the finished policy over the simulated bus, into RUN/evaluation.json."""
@@ -53,7 +53,7 @@ class TrainOptions:
 class ClusterOptions:
     """Training in several processes, usually one per host: the same command in each, but for --process."""
 
-    coordinator: Annotated[str | None, Parameter(show_default=False)] = None
+    coordinator: Annotated[str | None, AS_TYPED, Parameter(show_default=False)] = None
     """HOST:PORT of process 0, or auto under Slurm, MPI or Kubernetes."""
     processes: Annotated[Count | None, Parameter(show_default=False)] = None
     """How many processes there are."""
