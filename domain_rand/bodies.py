@@ -18,10 +18,10 @@ Array = Any
 def body_map(model: mujoco.MjModel, robot: Robot) -> BodyMap:
     """Find a robot's parts in a model (its own, or another plant with the same joint names)."""
     free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)[0]
-    feet = find_feet(model, robot)
+    feet = np.concatenate(find_feet(model, robot))
     planes = np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE)
-    geoms = np.union1d(feet[feet >= 0], planes)
-    if (feet < 0).all():  # a plant whose feet nobody found: whatever can touch the ground
+    geoms = np.union1d(feet, planes)
+    if not len(feet):  # a plant whose feet nobody found: whatever can touch the ground
         geoms = np.flatnonzero((model.geom_contype | model.geom_conaffinity) != 0)
     _, dofs = joint_addresses(model, robot)
     return BodyMap(int(model.jnt_bodyid[free]), tuple(geoms.tolist()), tuple(dofs.tolist()))

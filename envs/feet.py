@@ -1,34 +1,52 @@
-"""The robot's feet: balls at the ends of its legs, each with its place in the gait."""
+"""The robot's feet: balls, or soles that stand on several, each with its place in the gait."""
 
 import jax
 import jax.numpy as jnp
 import mujoco
+import numpy as np
 
 from footfall.envs.ground import height_above_ground
 from footfall.policies.gaits import GaitPattern, planned_lift
 from footfall.robots.description import Robot
+from footfall.robots.feet import foot_geoms
 
 
 class Feet:
-    """What the feet do, from where the physics saw their centres; (feet, ...) in the robot's order."""
+    """What the feet do, from where the physics saw the balls that they stand on.
+
+    Results are (feet, ...) in the robot's order. Points are the balls' centres, foot after foot.
+    """
 
     def __init__(
         self, model: mujoco.MjModel, robot: Robot, timestep_s: float, gait: GaitPattern | None
     ) -> None:
-        geoms = [model.geom(foot.geom).id for foot in robot.description.feet]
-        self._radius = jnp.asarray(model.geom_size[geoms, 0], dtype=jnp.float32)
+        feet = foot_geoms(model, robot.description)
+        self._radius = jnp.asarray(model.geom_size[np.concatenate(feet), 0], dtype=jnp.float32)
+        counts = [len(geoms) for geoms in feet]
+        starts, most = np.cumsum([0, *counts[:-1]]), max(counts)
+        # The points of each foot, (feet, most); a foot with fewer has its first one several times.
+        self._points = np.array([s + np.arange(most) % c for s, c in zip(starts, counts, strict=True)])
         self._gait = gait
         self._timestep_s = timestep_s
-        self.count = len(geoms)
+        self.count = len(feet)
 
     def clearance(self, position: jax.Array) -> jax.Array:
-        """Height of the lowest point above the ground, m, of centres (feet, 3)."""
-        return height_above_ground(position) - self._radius
+        """Height of each foot's lowest point above the ground, m, from points (points, 3)."""
+        return jnp.min((height_above_ground(position) - self._radius)[self._points], axis=1)
+
+    def tilt(self, position: jax.Array) -> jax.Array:
+        """How much higher each foot's highest point is than its lowest, m, from points (points, 3)."""
+        height = (height_above_ground(position) - self._radius)[self._points]
+        return jnp.max(height, axis=1) - jnp.min(height, axis=1)
 
     def speed(self, positions: jax.Array) -> jax.Array:
-        """Horizontal speed in the last physics step, m/s, of centres (substeps, feet, 3)."""
+        """Horizontal speed of each foot in the last physics step, m/s, from points (substeps, points, 3).
+
+        That of its fastest point: a sole that turns where it stands slips.
+        """
         velocity = (positions[-1] - positions[-2]) / self._timestep_s
-        return jnp.sqrt(jnp.sum(velocity[:, :2] ** 2, axis=-1))
+        square = jnp.sum(velocity[:, :2] ** 2, axis=-1)
+        return jnp.sqrt(jnp.max(square[self._points], axis=1))
 
     def planned_swing(self, phase: jax.Array, moving: jax.Array) -> jax.Array:
         """What the gait plans: 0 in stance, rising to 1 at mid-swing; 0 where there is no gait.

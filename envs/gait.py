@@ -6,7 +6,7 @@ import numpy as np
 from footfall.envs.config import GaitConfig
 from footfall.policies.contract import Gait
 from footfall.policies.gaits import find_gait
-from footfall.robots.description import Robot
+from footfall.robots.description import Foot, Robot
 from footfall.robots.model import joint_addresses, training_model
 
 
@@ -22,26 +22,31 @@ def make_gait(robot: Robot, config: GaitConfig) -> Gait:
     for foot, joints, place in zip(robot.description.feet, robot.foot_joints, pattern.phase, strict=True):
         phase[joints] = place
         if config.reference_lift_m > 0:
-            amplitude[joints] = _lift(robot, foot.geom, joints, config.reference_lift_m)
+            amplitude[joints] = _lift(robot, foot, joints, config.reference_lift_m)
     return Gait(config.frequency_hz, tuple(phase.tolist()), tuple(amplitude.tolist()), pattern.duty)
 
 
-def _lift(robot: Robot, geom: str, joints: np.ndarray, lift_m: float) -> np.ndarray:
-    """Joint offsets from the default pose that raise a foot straight up, by damped Gauss-Newton."""
+def _lift(robot: Robot, foot: Foot, joints: np.ndarray, lift_m: float) -> np.ndarray:
+    """Joint offsets from the default pose that raise a foot straight up, by damped Gauss-Newton.
+
+    All of a sole's geoms are raised alike, so it stays level.
+    """
     model = training_model(robot)
     data = mujoco.MjData(model)
     positions, dofs = joint_addresses(model, robot)
     data.qpos[:] = model.qpos0
     data.qpos[positions] = robot.default_pose
     mujoco.mj_kinematics(model, data)
-    goal = data.geom(geom).xpos + np.array([0.0, 0.0, lift_m])
-    jacobian = np.zeros((3, model.nv))
+    geoms = [model.geom(name).id for name in foot.geoms]
+    goal = data.geom_xpos[geoms] + np.array([0.0, 0.0, lift_m])
+    jacobian = np.zeros((len(geoms), 3, model.nv))
     for _ in range(50):
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
-        mujoco.mj_jacGeom(model, data, jacobian, None, model.geom(geom).id)
-        leg = jacobian[:, dofs[joints]]
-        error = goal - data.geom(geom).xpos
-        step = leg.T @ np.linalg.solve(leg @ leg.T + 1e-6 * np.eye(3), error)
+        for rows, geom in zip(jacobian, geoms, strict=True):
+            mujoco.mj_jacGeom(model, data, rows, None, geom)
+        leg = jacobian.reshape(-1, model.nv)[:, dofs[joints]]
+        error = (goal - data.geom_xpos[geoms]).ravel()
+        step = leg.T @ np.linalg.solve(leg @ leg.T + 1e-6 * np.eye(len(leg)), error)
         data.qpos[positions[joints]] += step
     return data.qpos[positions[joints]] - robot.default_pose[joints]

@@ -34,7 +34,7 @@ class Trace(NamedTuple):
 
     qpos: Array  # (substeps, nq)
     qvel: Array  # (substeps, nv)
-    foot_position: Array  # (substeps, feet, 3) m, as the step's forces saw it
+    foot_position: Array  # (substeps, points, 3) m, of all feet's geoms, as the step's forces saw them
     torque: Array  # (substeps, n) N m, of the motors
 
 

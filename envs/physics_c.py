@@ -15,6 +15,7 @@ from mujoco.batch import Batch, SimulationError
 from footfall.envs.physics import Drive, Fields, Motion, Physics, Trace, joint_effort
 from footfall.envs.workarounds.undisturbed import UNDISTURBED
 from footfall.robots.description import Robot
+from footfall.robots.feet import foot_geoms
 from footfall.robots.model import joint_addresses
 
 
@@ -46,8 +47,9 @@ class _Simulations:
     def __init__(self, model: mujoco.MjModel, robot: Robot) -> None:
         self._model = _for_stepping(model)
         self._positions, self._dofs = map(_as_slice, joint_addresses(model, robot))
-        self._feet = _as_slice(np.array([model.geom(foot.geom).id for foot in robot.description.feet]))
-        self._joints, self._foot_count = len(robot.joint_names), len(robot.description.feet)
+        points = np.concatenate(foot_geoms(model, robot.description))
+        self._points = _as_slice(points)
+        self._joints, self._point_count = len(robot.joint_names), len(points)
         self._pools: dict[int, Batch] = {}  # by number of robots
         self._checked: set[tuple] = set()  # shapes of results that were seen to be views
         self._lock = threading.Lock()
@@ -83,7 +85,7 @@ class _Simulations:
 
     def room(self, substeps: int, lead: tuple[int, ...] = ()) -> Trace:
         """Room for a trace, its contents arbitrary."""
-        sizes = Trace((self._model.nq,), (self._model.nv,), (self._foot_count, 3), (self._joints,))
+        sizes = Trace((self._model.nq,), (self._model.nv,), (self._point_count, 3), (self._joints,))
         return Trace(*(np.empty((*lead, substeps, *size), np.float32) for size in sizes))
 
     def _simulate(self, end: Motion, trace: Trace, start: Motion, drive: Drive, fields: Fields) -> None:
@@ -104,7 +106,7 @@ class _Simulations:
             force[:, self._dofs] = effort.torque
             inertia[:, self._dofs] = own_inertia + effort.inertia
             _step(pool, state)
-            left = Trace(state.qpos, state.qvel, geoms[:, self._feet], effort.motor_torque)
+            left = Trace(state.qpos, state.qvel, geoms[:, self._points], effort.motor_torque)
             _copy(left, Trace(*(kept[:, k] for kept in trace)))
         _copy(state, end)
 

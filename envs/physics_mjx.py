@@ -11,6 +11,7 @@ from footfall.envs.physics import Drive, Fields, Motion, Physics, Trace, joint_e
 from footfall.envs.workarounds.fewer_kernels import fewer_kernels
 from footfall.envs.workarounds.quiet_mjx import mjx
 from footfall.robots.description import Robot
+from footfall.robots.feet import foot_geoms
 from footfall.robots.model import joint_addresses
 
 
@@ -23,7 +24,7 @@ def mjx_physics(model: mujoco.MjModel, robot: Robot) -> Physics:
     # Which joint moves each degree of freedom; of the base's, the one after the last, which is none.
     joint_of = np.full(model.nv, len(dofs))
     joint_of[dofs] = np.arange(len(dofs))
-    feet = jnp.asarray([model.geom(foot.geom).id for foot in robot.description.feet])
+    points = jnp.asarray(np.concatenate(foot_geoms(model, robot.description)))
 
     def simulate(motion: Motion, drive: Drive, fields: Fields) -> tuple[Motion, Trace]:
         sampled = nominal.replace(**fields)
@@ -36,7 +37,7 @@ def mjx_physics(model: mujoco.MjModel, robot: Robot) -> Physics:
             stepped = sampled.replace(dof_armature=sampled.dof_armature + inertia)
             with fewer_kernels():
                 data = mjx.step(stepped, template.replace(**motion._asdict(), qfrc_applied=force))
-            trace = Trace(data.qpos, data.qvel, data.geom_xpos[feet], effort.motor_torque)
+            trace = Trace(data.qpos, data.qvel, data.geom_xpos[points], effort.motor_torque)
             return Motion(data.qpos, data.qvel, data.qacc_warmstart), trace
 
         return jax.lax.scan(substep, motion, drive.target)

@@ -24,7 +24,7 @@ class Truth(NamedTuple):
     joint_position: np.ndarray  # (n,) rad
     joint_velocity: np.ndarray  # (n,) rad/s
     motor_torque: np.ndarray  # (n,) N m at the joint, before gearbox friction
-    foot_position: np.ndarray  # (feet, 3) m, world; NaN for a foot that the plant does not have
+    foot_position: np.ndarray  # (feet, 3) m, world, middle of its geoms; NaN of a foot that is not there
     foot_velocity: np.ndarray  # (feet, 3) m/s, world
     foot_contact: np.ndarray  # (feet,) bool
     foot_force: np.ndarray  # (feet,) N, normal
@@ -39,7 +39,7 @@ class GroundTruth:
         self._model, self._data, self._plant = plant.model, data, plant
         self._qpos, self._qvel = layout.qpos, layout.qvel
         self._free_qpos, self._free_qvel = layout.base_qpos, layout.base_qvel
-        self._foot_of_geom = {geom: foot for foot, geom in enumerate(plant.feet.tolist()) if geom >= 0}
+        self._foot_of_geom = {geom: foot for foot, geoms in enumerate(plant.feet) for geom in geoms.tolist()}
         self._feet = list(self._foot_of_geom)
         self._body_of_geom = plant.model.geom_bodyid.tolist()
         self._base_and_world = {plant.base, WORLD}
@@ -52,9 +52,10 @@ class GroundTruth:
         data, pos, vel = self._data, self._free_qpos, self._free_qvel
         quaternion = data.qpos[pos + 3 : pos + 7].copy()
         position, velocity = np.full((2, self._count, 3), np.nan)
-        for geom, foot in self._foot_of_geom.items():
-            position[foot] = data.geom_xpos[geom]
-            velocity[foot] = self._velocity_of(geom)
+        for foot, geoms in enumerate(self._plant.feet):
+            if len(geoms):
+                position[foot] = data.geom_xpos[geoms].mean(axis=0)
+                velocity[foot] = np.mean([self._velocity_of(geom) for geom in geoms.tolist()], axis=0)
         contact, force = self._contacts()
         return Truth(
             base_position=data.qpos[pos : pos + 3].copy(),
@@ -94,10 +95,10 @@ class GroundTruth:
         )
 
     def _velocity_of(self, geom: int) -> np.ndarray:
-        """Velocity of a geom's centre, m/s, world frame, (3,); overwritten by the next call."""
+        """Velocity of a geom's centre, m/s, world frame, (3,)."""
         kind = mujoco.mjtObj.mjOBJ_GEOM
         mujoco.mj_objectVelocity(self._model, self._data, kind, geom, self._twist, 0)
-        return self._twist[3:]
+        return self._twist[3:].copy()
 
     def _contacts(self) -> tuple[np.ndarray, np.ndarray]:
         """Whether each foot bears a force, and which, N: (feet,) each."""

@@ -33,8 +33,9 @@ def inconsistencies(description: "Description") -> Iterator[str]:
 def _wrong_feet(feet: Sequence["Foot"], joints: list[str]) -> Iterator[str]:
     if _repeated([foot.name for foot in feet]):
         yield f"feet: {_repeated([foot.name for foot in feet])} is listed twice"
-    if _repeated([foot.geom for foot in feet]):
-        yield f"feet: geom {_repeated([foot.geom for foot in feet])} is that of two feet"
+    geoms = [name for foot in feet for name in foot.geoms]
+    if _repeated(geoms):
+        yield f"feet: geom {_repeated(geoms)} is listed twice"
     for foot in feet:
         if _repeated(foot.joints):
             yield f"foot {foot.name}: joint {_repeated(foot.joints)} is listed twice"
@@ -51,7 +52,7 @@ def contradictions(description: "Description", model: mujoco.MjModel) -> Iterato
         (mujoco.mjtObj.mjOBJ_BODY, description.base),
         (mujoco.mjtObj.mjOBJ_SITE, description.imu),
         *((mujoco.mjtObj.mjOBJ_JOINT, joint.name) for joint in description.joints),
-        *((mujoco.mjtObj.mjOBJ_GEOM, foot.geom) for foot in description.feet),
+        *((mujoco.mjtObj.mjOBJ_GEOM, name) for foot in description.feet for name in foot.geoms),
     ):
         if mujoco.mj_name2id(model, kind, name) < 0:
             yield f"{description.model} has no {kind.name[6:].lower()} '{name}'"
@@ -62,6 +63,9 @@ def contradictions(description: "Description", model: mujoco.MjModel) -> Iterato
         yield f"base: body '{description.base}' has no free joint in {description.model}"
     if model.site(description.imu).bodyid[0] != base:
         yield f"imu: site '{description.imu}' is not on the base '{description.base}'"
+    for foot in description.feet:
+        if len({int(model.geom(name).bodyid[0]) for name in foot.geoms}) > 1:
+            yield f"foot {foot.name}: its geoms are on different bodies in {description.model}"
     yield from _wrong_joints(description, model)
     touching_m = touching_height(description, model)
     if abs(touching_m - description.standing_height_m) > STANDING_TOLERANCE_M:

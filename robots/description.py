@@ -73,11 +73,15 @@ class JointEntry:
 
 @dataclass(frozen=True)
 class Foot:
-    """One foot: its collision geom, its leg's joints from the base outwards."""
+    """One foot: the geoms it stands on (a ball, or the corners of a sole), its leg's joints from the base."""
 
     name: str
-    geom: str
+    geoms: tuple[str, ...]
     joints: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        if not self.geoms:
+            raise ValueError("geoms must name at least one")
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,10 @@ GEOMS = (
     "geom_type", "geom_bodyid", "geom_pos", "geom_size", "geom_friction", "geom_contype", "geom_conaffinity",
     "geom_condim", "geom_priority", "geom_solmix", "geom_solref", "geom_solimp", "geom_margin", "geom_gap",
 )  # fmt: skip
+PAIRS = (
+    "pair_dim", "pair_friction", "pair_solref", "pair_solreffriction", "pair_solimp", "pair_margin",
+    "pair_gap",
+)  # fmt: skip
 CONSTRAINTS = (
     "eq_type", "eq_obj1id", "eq_obj2id", "eq_active0", "eq_data", "eq_solref", "eq_solimp", "tendon_num",
     "tendon_stiffness", "tendon_damping", "tendon_frictionloss", "tendon_limited", "tendon_range",
@@ -56,13 +60,13 @@ def _counted(description: "Description") -> Any:
     for motor in content["motors"].values():
         del motor["protocol"]
     for foot in content["feet"]:
-        del foot["geom"]  # `_figures` has it
+        del foot["geoms"]  # `_figures` has it
     return content
 
 
 def _figures(description: "Description", model: mujoco.MjModel) -> Iterator[tuple[str, Any]]:
     """What counts of the model, in a fixed order, each with a name."""
-    feet = [model.geom(foot.geom).id for foot in description.feet]
+    feet = [[model.geom(name).id for name in foot.geoms] for foot in description.feet]
     imu = model.site(description.imu).id
     yield "base", model.body(description.base).id
     yield "joints", [model.joint(joint.name).id for joint in description.joints]
@@ -79,10 +83,10 @@ def _figures(description: "Description", model: mujoco.MjModel) -> Iterator[tupl
         ],
     )
     touches = (model.geom_contype | model.geom_conaffinity) != 0
-    touches[feet] = True
+    touches[np.concatenate(feet)] = True
     geoms = np.flatnonzero(touches)
-    for foot, geom in zip(description.feet, feet, strict=True):
-        yield f"foot {foot.name}", np.searchsorted(geoms, geom)
+    for foot, ids in zip(description.feet, feet, strict=True):
+        yield f"foot {foot.name}", np.searchsorted(geoms, ids)
     for field in GEOMS:
         yield field, getattr(model, field)[geoms]
     yield "geom_rotation", [_rotation(quat) for quat in model.geom_quat[geoms]]
@@ -90,6 +94,10 @@ def _figures(description: "Description", model: mujoco.MjModel) -> Iterator[tupl
         mesh = model.geom_dataid[geom]
         start = model.mesh_vertadr[mesh]
         yield "mesh_vert", model.mesh_vert[start : start + model.mesh_vertnum[mesh]]
+    if model.npair:
+        yield "pairs", np.searchsorted(geoms, [model.pair_geom1, model.pair_geom2])
+        for field in PAIRS:
+            yield field, getattr(model, field)
     for field in CONSTRAINTS:
         yield field, getattr(model, field)
     for field in OPTIONS:

@@ -3,32 +3,45 @@
 import mujoco
 import numpy as np
 
-from footfall.robots.description import Foot, Robot, load_spec
+from footfall.robots.description import Description, Foot, Robot, load_spec
 
 NEAR = 0.25  # of the last link's length: how far from its expected place a foot may be
 
 
-def find_feet(model: mujoco.MjModel, robot: Robot) -> np.ndarray:
-    """Geom of each foot, (feet,), -1 where there is none.
+def foot_geoms(model: mujoco.MjModel, description: Description) -> tuple[np.ndarray, ...]:
+    """Geoms that each foot stands on, (k,) ids each, in a model that has them all by name."""
+    return tuple(np.array([model.geom(name).id for name in foot.geoms]) for foot in description.feet)
 
-    A foot is known by its geom's name. In a model without that name it is found by body and place: among the
-    geoms that can collide on the leg's last link (and on what is fixed to it), the one nearest to where the
-    robot's own model has the foot, seen from the last joint, in the default pose.
+
+def find_feet(model: mujoco.MjModel, robot: Robot) -> tuple[np.ndarray, ...]:
+    """Geoms that each foot stands on, (k,) ids each, none where there is no such foot.
+
+    They are known by name. In a model without a name a geom is found by body and place: among those that can
+    collide on the leg's last link (and on what is fixed to it), the one nearest to where the robot's own model
+    has it, seen from the last joint, in the default pose. Where one geom serves for several, it counts once.
 
     Args:
         model: compiled, with the robot's joint names.
         robot: whose feet to look for.
     """
     feet = robot.description.feet
-    found = np.array([mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, foot.geom) for foot in feet])
-    absent = np.flatnonzero(found < 0)
-    if len(absent):
+    found = [
+        np.array([mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name) for name in foot.geoms])
+        for foot in feet
+    ]
+    if any((geoms < 0).any() for geoms in found):
         own = load_spec(robot.xml_path).compile()
         expected, actual = _in_default_pose(own, robot), _in_default_pose(model, robot)
-        for index in absent:
-            place = _from_last_joint(own, expected, feet[index], own.geom(feet[index].geom).id)
-            found[index] = _nearest(model, actual, feet[index], place)
-    return found
+        for foot, geoms in zip(feet, found, strict=True):
+            for index in np.flatnonzero(geoms < 0):
+                place = _from_last_joint(own, expected, foot, own.geom(foot.geoms[index]).id)
+                geoms[index] = _nearest(model, actual, foot, place)
+    return tuple(_once(geoms[geoms >= 0]) for geoms in found)
+
+
+def _once(geoms: np.ndarray) -> np.ndarray:
+    """The same ids in their order, none of them twice."""
+    return np.array(list(dict.fromkeys(geoms.tolist())), dtype=int)
 
 
 def _in_default_pose(model: mujoco.MjModel, robot: Robot) -> mujoco.MjData:

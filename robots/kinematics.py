@@ -137,7 +137,7 @@ class Legs:
         self._hinges = joints[robot.foot_joints]
         if np.any(model.jnt_type[self._hinges] != mujoco.mjtJoint.mjJNT_HINGE):
             raise UserError(f"{robot.xml_path}: the joints of a leg must be hinges")
-        self._geoms = [model.geom(foot.geom).id for foot in robot.description.feet]
+        self._geoms = [model.geom(foot.geoms[0]).id for foot in robot.description.feet]
         self._bodies = model.geom_bodyid[self._geoms].tolist()
         self._full_jacobian = np.zeros((self.count, 3, model.nv))
         # Where each leg's (3, 3) stands in the flat arrays of all degrees of freedom, of all axes.

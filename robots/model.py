@@ -9,7 +9,7 @@ import numpy as np
 from footfall.common.errors import UserError
 from footfall.robots.actuator import Motor
 from footfall.robots.description import Robot, load_spec
-from footfall.robots.feet import find_feet
+from footfall.robots.feet import find_feet, foot_geoms
 from footfall.robots.stability import PLANT_TIMESTEP_S, TRAINING_TIMESTEP_S
 
 FLOOR = "floor"
@@ -20,9 +20,9 @@ ALL_CONTACTS = 0x7FFFFFFF  # contact bits that meet any geom that can touch at a
 def training_model(robot: Robot, timestep_s: float = TRAINING_TIMESTEP_S) -> mujoco.MjModel:
     """The model that policies are trained on: the robot's bodies, its feet and a floor, nothing else.
 
-    No sensors, actuators or visual geometry; contact between feet and floor only; no joint-limit and no
-    friction constraint rows, since the joint law carries joint friction and targets stay inside soft
-    limits. Each row left out makes MJX faster.
+    No sensors, actuators or visual geometry; contact between feet and floor, and between the pairs of geoms
+    that the MJCF lists, only; no joint-limit and no friction constraint rows, since the joint law carries
+    joint friction and targets stay inside soft limits. Each row left out makes MJX faster.
     """
     spec = load_spec(robot.xml_path)
     _make_inertia_explicit(spec)
@@ -32,12 +32,13 @@ def training_model(robot: Robot, timestep_s: float = TRAINING_TIMESTEP_S) -> muj
         spec.delete(sensor)
     for key in list(spec.keys):
         spec.delete(key)
-    feet = {foot.geom for foot in robot.description.feet}
+    feet = {name for foot in robot.description.feet for name in foot.geoms}
+    paired = {name for pair in spec.pairs for name in (pair.geomname1, pair.geomname2)}
     for geom in list(spec.geoms):
-        if geom.name not in feet:
+        if geom.name not in feet | paired:
             spec.delete(geom)
             continue
-        geom.contype, geom.conaffinity = 0, 1
+        geom.contype, geom.conaffinity = 0, int(geom.name in feet)
     for joint in spec.joints:
         joint.limited = mujoco.mjtLimited.mjLIMITED_FALSE
     _leave_losses_to_the_joint_law(spec, robot)
@@ -60,7 +61,7 @@ class Plant(NamedTuple):
     model: mujoco.MjModel
     motor: Motor  # the robot's motors, with the plant's joint friction and damping where its file gives any
     base: int  # body that carries the free joint
-    feet: np.ndarray  # (feet,) geom of each foot, -1 where the plant has none (see `find_feet`)
+    feet: tuple[np.ndarray, ...]  # geoms of each foot, none where the plant has no such foot (`find_feet`)
     notes: tuple[str, ...]  # what was missing and what was done about it, one line each
 
 
@@ -115,18 +116,22 @@ def read_plant(robot: Robot, path: Path | None = None) -> Plant:
     return Plant(model, motor, int(model.jnt_bodyid[free]), feet, tuple(notes))
 
 
-def _notes_on_feet(model: mujoco.MjModel, feet: np.ndarray, robot: Robot, source: str) -> list[str]:
+def _notes_on_feet(
+    model: mujoco.MjModel, feet: tuple[np.ndarray, ...], robot: Robot, source: str
+) -> list[str]:
     """Which feet were found by place, and which not at all."""
-    names = [foot.geom for foot in robot.description.feet]
+    wanted = robot.description.feet
     notes = []
-    absent = [name for name, geom in zip(names, feet.tolist(), strict=True) if geom < 0]
+    absent = [", ".join(foot.geoms) for foot, geoms in zip(wanted, feet, strict=True) if not len(geoms)]
     if absent:
         notes.append(f"{source} has no geom {', '.join(absent)}: what these feet do is not recorded")
     found = []
-    for name, geom in zip(names, feet.tolist(), strict=True):
-        if geom >= 0 and model.geom(geom).name != name:
-            body = model.body(model.geom_bodyid[geom]).name
-            found.append(f"{name} is {model.geom(geom).name or f'geom {geom}'} of body {body}")
+    for foot, geoms in zip(wanted, feet, strict=True):
+        strange = [geom for geom in geoms.tolist() if model.geom(geom).name not in foot.geoms]
+        if strange:
+            names = ", ".join(model.geom(geom).name or f"geom {geom}" for geom in strange)
+            body = model.body(model.geom_bodyid[strange[0]]).name
+            found.append(f"{', '.join(foot.geoms)} is {names} of body {body}")
     return notes + ([f"feet of {source} found by their place: {', '.join(found)}"] if found else [])
 
 
@@ -141,7 +146,7 @@ def ground_friction(model: mujoco.MjModel, robot: Robot) -> np.ndarray:
 
     MuJoCo takes the larger of two geoms' coefficients unless one of them has priority.
     """
-    feet = [model.geom(foot.geom).id for foot in robot.description.feet]
+    feet = [geoms[0] for geoms in foot_geoms(model, robot.description)]  # those of one foot are alike
     floor = np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE)[0]
     own, ground = model.geom_friction[feet, 0], model.geom_friction[floor, 0]
     return np.where(model.geom_priority[feet] > model.geom_priority[floor], own, np.maximum(own, ground))
@@ -209,6 +214,7 @@ def _make_inertia_explicit(spec: mujoco.MjSpec) -> None:
         body.ipos = compiled.ipos
         body.iquat = compiled.iquat
         body.inertia = compiled.inertia
+        body.fullinertia = [np.nan, 0.0, 0.0, 0.0, 0.0, 0.0]  # MjSpec's way to say: not given
         body.explicitinertial = True
 
 

@@ -12,13 +12,16 @@ if TYPE_CHECKING:
 def touching_height(description: "Description", model: mujoco.MjModel) -> float:
     """Height of the base's origin, m, at which the lowest foot touches the ground in the default pose."""
     data = _standing(description, model)
-    return -min(_lowest_point(model, data, model.geom(foot.geom).id) for foot in description.feet)
+    return -min(
+        _lowest_point(model, data, model.geom(name).id) for foot in description.feet for name in foot.geoms
+    )
 
 
 def foot_places(description: "Description", model: mujoco.MjModel) -> np.ndarray:
-    """Centre of each foot in the default pose, m, base frame, (feet, 3)."""
+    """Middle of each foot's geoms in the default pose, m, base frame, (feet, 3)."""
     data = _standing(description, model)
-    return np.array([data.geom(foot.geom).xpos for foot in description.feet])
+    places = [[data.geom(name).xpos for name in foot.geoms] for foot in description.feet]
+    return np.array([np.mean(each, axis=0) for each in places])
 
 
 def _standing(description: "Description", model: mujoco.MjModel) -> mujoco.MjData:

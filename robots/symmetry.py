@@ -7,6 +7,7 @@ import numpy as np
 
 from footfall.common.errors import UserError
 from footfall.robots.description import Robot
+from footfall.robots.feet import foot_geoms
 from footfall.robots.model import joint_addresses, training_model
 
 Array = Any
@@ -67,10 +68,10 @@ def find_symmetry(robot: Robot, phase: np.ndarray | None = None) -> Symmetry:
     mirror = Mirror(joints, np.sign(along))
     if not np.allclose(mirror(robot.default_pose), robot.default_pose, atol=1e-3):
         raise UserError(f"robot '{robot.name}' is not symmetric: its default pose differs left and right")
-    feet = [model.geom(foot.geom).id for foot in robot.description.feet]
+    feet = np.array([data.geom_xpos[geoms].mean(axis=0) for geoms in foot_geoms(model, robot.description)])
     foot_names = [f"foot {foot.name}" for foot in robot.description.feet]
     bodies = [f"body {model.body(i).name}" for i in range(1, model.nbody)]
-    foot_partners = _partners(data.geom_xpos[feet] - base, robot, foot_names)
+    foot_partners = _partners(feet - base, robot, foot_names)
     body_partners = _partners(data.xipos[1:] - base, robot, bodies)
     return Symmetry(mirror, foot_partners, body_partners, _clock_sign(robot, foot_partners, phase))
 

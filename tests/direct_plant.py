@@ -22,7 +22,7 @@ class DirectPlant:
         self.model = plant_model(robot)
         self.data = mujoco.MjData(self.model)
         self._q, self._v = joint_addresses(self.model, robot)
-        self._feet = [self.model.geom(foot.geom).id for foot in robot.description.feet]
+        self._feet = [self.model.geom(foot.geoms[0]).id for foot in robot.description.feet]
         self.base = self.model.body(robot.description.base).id
         self._rng = np.random.default_rng(seed)
         self._torque = np.zeros(len(self._q))

@@ -199,7 +199,7 @@ class TestLegs:
         mujoco.mj_comPos(model, data)
         torque = LEGS.gather(self.command().torque)
         for leg in (0, 3):
-            geom = model.geom(ROBOT.description.feet[leg].geom).id
+            geom = model.geom(ROBOT.description.feet[leg].geoms[0]).id
             jacobian = np.zeros((3, model.nv))
             lowest = data.geom_xpos[geom] - LEGS.foot_radius[leg] * UP
             mujoco.mj_jac(model, data, jacobian, None, lowest, model.geom_bodyid[geom])

@@ -268,7 +268,7 @@ class TestDifferences:
         sample = Sample(payload_kg=np.array(2.0), friction=np.array(0.3))
         loaded = Bench(go1, sample=sample).body.model
         assert loaded.body_mass.sum() - plain.body_mass.sum() == pytest.approx(2.0)
-        foot = loaded.geom(go1.description.feet[0].geom).id
+        foot = loaded.geom(go1.description.feet[0].geoms[0]).id
         assert loaded.geom_friction[foot, 0] == pytest.approx(0.3)
 
     def test_a_sample_for_another_body_count_is_refused(self, go1: Robot) -> None:

@@ -52,7 +52,7 @@ def stand(model: mujoco.MjModel, robot: Robot) -> mujoco.MjData:
 def feet_loads(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot) -> np.ndarray:
     """Vertical force on each foot, N."""
     loads, force = np.zeros(4), np.zeros(6)
-    feet = [model.geom(foot.geom).id for foot in robot.description.feet]
+    feet = [model.geom(foot.geoms[0]).id for foot in robot.description.feet]
     for i, contact in enumerate(data.contact):
         mujoco.mj_contactForce(model, data, i, force)
         for geom in contact.geom:

@@ -129,8 +129,8 @@ class TestFeet:
         data.qpos[:7] = (0, 0, ROBOT.description.standing_height_m, 1, 0, 0, 0)
         data.qpos[7:] = ROBOT.default_pose
         mujoco.mj_forward(MODEL, data)
-        feet = np.array([data.geom(foot.geom).xpos for foot in ROBOT.description.feet])
-        radius = [MODEL.geom(foot.geom).size[0] for foot in ROBOT.description.feet]
+        feet = np.array([data.geom(foot.geoms[0]).xpos for foot in ROBOT.description.feet])
+        radius = [MODEL.geom(foot.geoms[0]).size[0] for foot in ROBOT.description.feet]
         on_ground = feet - np.array([0, 0, 1]) * (feet[:, 2] - radius)[:, None]
         lifted = on_ground + np.array([[0, 0, 0.0], [0, 0, 0.001], [0, 0, 0.003], [0, 0, 0.05]])
         outcome = env.outcome(begun, trace(np.stack([lifted, lifted])))
@@ -162,7 +162,7 @@ class TestFeet:
         for pose in (ROBOT.default_pose, ROBOT.default_pose + gait.amplitude_rad):
             data.qpos[7:] = pose
             mujoco.mj_kinematics(MODEL, data)
-            feet.append([data.geom(foot.geom).xpos.copy() for foot in ROBOT.description.feet])
+            feet.append([data.geom(foot.geoms[0]).xpos.copy() for foot in ROBOT.description.feet])
         np.testing.assert_allclose(np.subtract(feet[1], feet[0]), np.tile([0, 0, 0.05], (4, 1)), atol=1e-4)
 
     def test_a_foot_with_a_quarter_cycles_phase_is_a_quarter_cycle_ahead(self) -> None:

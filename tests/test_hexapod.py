@@ -23,8 +23,8 @@ def test_its_links_are_as_long_as_given() -> None:
         coxa, femur, tibia = (model.joint(name).bodyid[0] for name in foot.joints)
         assert np.linalg.norm(model.body_pos[femur]) == pytest.approx(0.05), "coxa"
         assert np.linalg.norm(model.body_pos[tibia]) == pytest.approx(0.10), "femur"
-        assert np.linalg.norm(model.geom(foot.geom).pos) == pytest.approx(0.22), "tibia"
-        assert model.geom(foot.geom).size[0] == 0.02
+        assert np.linalg.norm(model.geom(foot.geoms[0]).pos) == pytest.approx(0.22), "tibia"
+        assert model.geom(foot.geoms[0]).size[0] == 0.02
         assert model.body_parentid[coxa] == model.body(ROBOT.description.base).id
     assert model.body_mass.sum() == pytest.approx(1.45 + 6 * 0.26)
 
@@ -38,7 +38,7 @@ def test_its_feet_stand_beyond_the_femur_joints_with_the_body_at_its_height() ->
     assert ROBOT.description.standing_height_m == 0.2
     for foot in ROBOT.description.feet:
         femur = data.xanchor[model.joint(foot.joints[1]).id]
-        beyond = data.geom(foot.geom).xpos - femur
+        beyond = data.geom(foot.geoms[0]).xpos - femur
         assert np.hypot(*beyond[:2]) == pytest.approx(0.12, abs=1e-3)
         assert beyond[2] == pytest.approx(-0.18, abs=1e-3)
 

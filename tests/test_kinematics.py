@@ -48,7 +48,7 @@ class TestForward:
         rotation = data.xmat[base].reshape(3, 3)
         pose = LEGS.pose(data.qpos[q])
         for leg, foot in enumerate(ROBOT.description.feet):
-            geom = model.geom(foot.geom).id
+            geom = model.geom(foot.geoms[0]).id
             place = (data.geom_xpos[geom] - data.xpos[base]) @ rotation
             np.testing.assert_allclose(pose.foot[leg], place, atol=1e-9)
             jacobian, turning = np.zeros((3, model.nv)), np.zeros((3, model.nv))

@@ -46,7 +46,8 @@ def test_unknown_robot_lists_the_known_ones() -> None:
         ("motor: hip, ", "motor: shoulder, ", "shoulder"),
         ("base: trunk", "base: torso", "torso"),
         ("imu: imu", "imu: gyroscope", "gyroscope"),
-        ("geom: FR_foot", "geom: paw", "paw"),
+        ("geoms: [FR_foot]", "geoms: [paw]", "paw"),
+        ("geoms: [FR_foot]", "geoms: []", "geoms must name at least one"),
         ("joints: [FR_hip_joint,", "joints: [FR_fin_joint,", "FR_fin_joint"),
         ("model: robot.xml", "model: other.xml", "other.xml"),
         ("gear_ratio: 6.0", "gear_ratio_typo: 6.0", "gear_ratio"),
@@ -63,7 +64,7 @@ def test_unknown_robot_lists_the_known_ones() -> None:
         ("name: go1", "name: ../go1", "letters, digits"),
         ("stall_torque_nm: 23.7", "stall_torque_nm: 20", "stall_torque_nm 20 is below peak_torque_nm 23.7"),
         ("bus: can0, id: 1", "bus: can0, id: 500", "joints[0]: id must be from 1 to 127"),
-        ("geom: FL_foot", "geom: FR_foot", "geom FR_foot is that of two feet"),
+        ("geoms: [FL_foot]", "geoms: [FR_foot]", "geom FR_foot is listed twice"),
         ("[FR_hip_joint, FR_thigh_joint,", "[FR_hip_joint, FR_hip_joint,", "FR_hip_joint is listed twice"),
         (
             "limit_factor: 0.95",
@@ -78,7 +79,7 @@ def test_unknown_robot_lists_the_known_ones() -> None:
         ("default_rad: 0.1, ", "default_rad: 3.0, ", "outside -0.863 to 0.863"),
         ("base: trunk", "base: FR_hip", "no free joint"),
         ("FR_hip_joint, FR_thigh_joint, FR_calf_joint]", "FR_hip_joint]", "number of joints"),
-        ("{name: FL, geom", "{name: FR, geom", "listed twice"),
+        ("{name: FL, geoms", "{name: FR, geoms", "listed twice"),
     ],
 )
 def test_bad_yaml_names_the_culprit(own_folder: Path, old: str, new: str, wanted: str) -> None:

@@ -139,7 +139,7 @@ def test_default_pose_mirrors_the_abduction(go1: Robot) -> None:
 
 def test_feet_are_spheres_at_the_end_of_the_calves(model: mujoco.MjModel, go1: Robot) -> None:
     for foot in go1.description.feet:
-        geom = model.geom(foot.geom)
+        geom = model.geom(foot.geoms[0])
         assert geom.size[0] == 0.023
         assert tuple(geom.pos) == (0, 0, -0.213)
         assert model.body(geom.bodyid[0]).name == f"{foot.name}_calf"

@@ -233,7 +233,7 @@ class TestScene:
         data = standing(go1).data
         model = plant_model(go1)
         mujoco.mj_kinematics(model, data)
-        feet = [model.geom(foot.geom).id for foot in go1.description.feet]
+        feet = [model.geom(foot.geoms[0]).id for foot in go1.description.feet]
         soles = data.geom_xpos[feet, 2] - model.geom_size[feet, 0]
         assert np.abs(soles).max() < 0.01
         assert data.body(go1.description.base).xpos[2] == pytest.approx(
