@@ -101,6 +101,8 @@ class RewardScales:
     yaw_sigma_rad2_s2: float = 0.25
     swing_height_m: float = 0.08
     least: float = -0.2  # the weighted sum of all but `fall` is clipped below here
+    # How much joints count in `pose`, by pattern of their names (*, ?, [...]): the first that fits, else 1.
+    pose_shares: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         require_positive(self, "linear_sigma_m2_s2", "yaw_sigma_rad2_s2", "swing_height_m")

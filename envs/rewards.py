@@ -1,11 +1,14 @@
 """Rewards: small pure functions of what happened in one control step, weighted in configuration."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from fnmatch import fnmatchcase
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
+from footfall.common.errors import UserError
 from footfall.envs.config import RewardScales
 
 
@@ -22,6 +25,7 @@ class Outcome(NamedTuple):
     joint_position: jax.Array  # (n,) rad
     joint_velocity: jax.Array  # (n,) rad/s
     default_pose: jax.Array  # (n,) rad
+    pose_share: jax.Array  # (n,) how much each joint counts in `pose`
     soft_lower: jax.Array  # (n,) rad
     soft_upper: jax.Array  # (n,) rad
     torque: jax.Array  # (n,) N m, motor torque at the last physics step
@@ -29,6 +33,7 @@ class Outcome(NamedTuple):
     contact: jax.Array  # (feet,) 1.0 in contact
     clearance: jax.Array  # (feet,) m above ground
     foot_speed: jax.Array  # (feet,) m/s, horizontal
+    foot_tilt: jax.Array  # (feet,) m, from a sole's lowest point up to its highest; 0 of a ball
     swing: jax.Array  # (feet,) planned swing, 0 in stance, rising to 1 at mid-swing
     fell: jax.Array  # () 1.0 if the episode ended in a fall
 
@@ -94,7 +99,7 @@ def action_acceleration(o: Outcome, _: RewardScales) -> jax.Array:
 
 
 def pose(o: Outcome, _: RewardScales) -> jax.Array:
-    return jnp.sum((o.joint_position - o.default_pose) ** 2)
+    return jnp.sum(o.pose_share * (o.joint_position - o.default_pose) ** 2)
 
 
 def stand_still(o: Outcome, _: RewardScales) -> jax.Array:
@@ -111,6 +116,10 @@ def joint_limits(o: Outcome, _: RewardScales) -> jax.Array:
 
 def slip(o: Outcome, _: RewardScales) -> jax.Array:
     return jnp.sum(o.contact * o.foot_speed**2)
+
+
+def level_soles(o: Outcome, _: RewardScales) -> jax.Array:
+    return jnp.sum(o.foot_tilt**2)
 
 
 TERMS: dict[str, Callable[[Outcome, RewardScales], jax.Array]] = {
@@ -134,8 +143,22 @@ TERMS: dict[str, Callable[[Outcome, RewardScales], jax.Array]] = {
         stand_still,
         joint_limits,
         slip,
+        level_soles,
     )
 }
+
+
+def joint_shares(joint_names: Sequence[str], by_pattern: dict[str, float]) -> np.ndarray:
+    """What the first pattern that fits a joint's name gives it, 1 where none does, (n,).
+
+    Raises:
+        UserError: a pattern that no joint fits.
+    """
+    for pattern in by_pattern:
+        if not any(fnmatchcase(name, pattern) for name in joint_names):
+            raise UserError(f"reward_scales.pose_shares: no joint fits '{pattern}'")
+    fitting = ([share for p, share in by_pattern.items() if fnmatchcase(name, p)] for name in joint_names)
+    return np.array([shares[0] if shares else 1.0 for shares in fitting])
 
 
 def rewards(outcome: Outcome, weights: dict[str, float], scales: RewardScales) -> dict[str, jax.Array]:

@@ -30,7 +30,7 @@ from footfall.envs.physics_c import c_physics
 from footfall.envs.physics_mjx import mjx_physics
 from footfall.envs.random_numbers import uniform
 from footfall.envs.rewards import TERMS as REWARD_TERMS
-from footfall.envs.rewards import Outcome, reward_rate, rewards
+from footfall.envs.rewards import Outcome, joint_shares, reward_rate, rewards
 from footfall.envs.start import Start
 from footfall.envs.state import State, Step
 from footfall.policies.action import joint_target
@@ -83,6 +83,8 @@ class VelocityEnv:
         self.start, self.actuation = Start(model, robot, config.initial), Actuation(robot, config)
         self.observer = Observer(model, robot, config, self.contract)
         self._positions, self._dofs = map(jnp.asarray, joint_addresses(model, robot))
+        shares = joint_shares(robot.joint_names, config.reward_scales.pose_shares)
+        self._pose_share = jnp.asarray(shares, dtype=jnp.float32)
         self._default = jnp.asarray(robot.default_pose, dtype=jnp.float32)
         self._bodies, self._map = model.nbody - 1, body_map(model, robot)
         self._friction = float(ground_friction(model, robot).mean())
@@ -203,6 +205,7 @@ class VelocityEnv:
             joint_position=state.qpos[self._positions],
             joint_velocity=state.qvel[self._dofs],
             default_pose=self._default,
+            pose_share=self._pose_share,
             soft_lower=self.actuation.soft_lower,
             soft_upper=self.actuation.soft_upper,
             torque=trace.torque[-1],
@@ -210,6 +213,7 @@ class VelocityEnv:
             contact=in_contact(clearance),
             clearance=clearance,
             foot_speed=self.feet.speed(trace.foot_position),
+            foot_tilt=self.feet.tilt(trace.foot_position[-1]),
             swing=self.feet.planned_swing(state.phase, walk),
             fell=(tilted | sunk).astype(jnp.float32),
         )

@@ -4,8 +4,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from footfall.common.errors import UserError
 from footfall.envs.config import RewardScales
-from footfall.envs.rewards import TERMS, Outcome, reward_rate, rewards
+from footfall.envs.rewards import TERMS, Outcome, joint_shares, reward_rate, rewards
 
 SCALES = RewardScales(linear_sigma_m2_s2=0.25, yaw_sigma_rad2_s2=0.5, swing_height_m=0.08, least=-0.5)
 
@@ -21,6 +22,7 @@ PERFECT = Outcome(
     joint_position=jnp.array([0.5, -0.5]),
     joint_velocity=jnp.zeros(2),
     default_pose=jnp.array([0.5, -0.5]),
+    pose_share=jnp.array([1.0, 3.0]),
     soft_lower=jnp.array([-1.0, -1.0]),
     soft_upper=jnp.array([1.0, 1.0]),
     torque=jnp.zeros(2),
@@ -28,6 +30,7 @@ PERFECT = Outcome(
     contact=jnp.array([1.0, 0.0]),
     clearance=jnp.array([0.0, 0.08]),
     foot_speed=jnp.array([0.0, 1.5]),
+    foot_tilt=jnp.zeros(2),
     swing=jnp.array([0.0, 1.0]),
     fell=jnp.float32(0.0),
 )
@@ -69,13 +72,14 @@ def test_what_is_wanted_costs_nothing_and_earns_all(name: str) -> None:
         ("power", {"torque": [3.0, -4.0], "joint_velocity": [-2.0, -1.0]}, 10.0),
         ("action_rate", {"actions": [[1.0, 0.0], [0.0, 2.0], [9.0, 9.0]]}, 5.0),
         ("action_acceleration", {"actions": [[1.0, 0.0], [0.0, 1.0], [3.0, 0.0]]}, 16.0 + 4.0),
-        ("pose", {"joint_position": [0.8, -0.9]}, 0.09 + 0.16),
+        ("pose", {"joint_position": [0.8, -0.9]}, 0.09 + 3 * 0.16),  # the second joint counts threefold
         ("stand_still", {"joint_position": [0.8, -0.9]}, 0.0),  # asked to move
         ("stand_still", {"joint_position": [0.8, -0.9], "moving": 0.0}, 0.7),
         ("joint_limits", {"joint_position": [1.2, -1.3]}, 0.5),
         ("joint_limits", {"joint_position": [-0.99, 0.99]}, 0.0),
         ("slip", {"foot_speed": [0.5, 1.5]}, 0.25),  # a swinging foot may be fast
         ("slip", {"foot_speed": [0.5, 1.5], "contact": [1.0, 1.0]}, 2.5),
+        ("level_soles", {"foot_tilt": [0.01, 0.03]}, 1e-3),
     ],
 )
 def test_terms_have_their_values(name: str, changes: dict[str, object], expected: float) -> None:
@@ -107,3 +111,11 @@ def test_terms_are_weighted_by_name() -> None:
 )
 def test_the_sum_is_clipped_from_below_but_for_a_fall(terms: dict[str, float], rate: float) -> None:
     assert float(reward_rate({k: jnp.float32(v) for k, v in terms.items()}, SCALES)) == pytest.approx(rate)
+
+
+def test_joints_count_in_pose_by_the_first_pattern_that_fits() -> None:
+    names = ("left_hip_roll", "left_knee", "right_hip_roll", "right_ankle")
+    shares = joint_shares(names, {"left_*roll": 5.0, "*_hip_*": 2.0, "*knee": 0.0})
+    assert shares.tolist() == [5.0, 0.0, 2.0, 1.0]
+    with pytest.raises(UserError, match=r"no joint fits '\*_toe'"):
+        joint_shares(names, {"*_toe": 1.0})
