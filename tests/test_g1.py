@@ -1,0 +1,149 @@
+"""The g1 model against the published figures, and that it stands on the corners of its soles.
+
+Masses, places and ranges are from Unitree's `g1_description` (BSD-3-Clause), rotor inertias from the maker's
+motor sheets.
+"""
+
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+import pytest
+
+from footfall.envs.feet import Feet
+from footfall.policies.gaits import find_gait
+from footfall.robots.actuator import JointCommand, joint_torque
+from footfall.robots.description import Robot, load_robot
+from footfall.robots.feet import foot_geoms
+from footfall.robots.model import joint_addresses, read_plant, training_model
+from footfall.robots.symmetry import find_symmetry
+
+LEG_MASSES = (1.35, 1.52, 1.702, 1.932, 0.074, 0.608)
+KINDS = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
+RANGES = {
+    "left_hip_roll_joint": (-0.5236, 2.9671),
+    "right_hip_roll_joint": (-2.9671, 0.5236),
+    "left_knee_joint": (-0.0873, 2.8798),
+    "right_ankle_pitch_joint": (-0.8727, 0.5236),
+    "left_ankle_roll_joint": (-0.2618, 0.2618),
+    "right_hip_yaw_joint": (-2.7576, 2.7576),
+}
+
+
+def two_stage(rotors: tuple[float, float, float], first: float, second: float) -> float:
+    """Reflected inertia of a planetary gearbox of two stages, kg m^2."""
+    return rotors[0] * (first * second) ** 2 + rotors[1] * second**2 + rotors[2]
+
+
+@pytest.fixture(scope="module")
+def g1() -> Robot:
+    return load_robot("g1")
+
+
+@pytest.fixture(scope="module")
+def model(g1: Robot) -> mujoco.MjModel:
+    return read_plant(g1).model
+
+
+def standing(g1: Robot, model: mujoco.MjModel) -> mujoco.MjData:
+    data = mujoco.MjData(model)
+    data.qpos[:7] = (0, 0, g1.description.standing_height_m, 1, 0, 0, 0)
+    data.qpos[joint_addresses(model, g1)[0]] = g1.default_pose
+    mujoco.mj_forward(model, data)
+    return data
+
+
+def test_masses(model: mujoco.MjModel) -> None:
+    assert model.body_mass.sum() == pytest.approx(33.3411, abs=1e-4)
+    for side in ("left", "right"):
+        masses = [model.body(f"{side}_{kind}_link").mass[0] for kind in KINDS]
+        assert masses == pytest.approx(LEG_MASSES)
+
+
+def test_the_upper_body_is_lumped_into_the_pelvis(model: mujoco.MjModel) -> None:
+    pelvis = model.body("pelvis")
+    turn = np.zeros(9)
+    mujoco.mju_quat2Mat(turn, pelvis.iquat)
+    inertia = turn.reshape(3, 3) @ np.diag(pelvis.inertia) @ turn.reshape(3, 3).T
+    wanted = [[0.579174, 9.9e-05, 0.017475], [9.9e-05, 0.487544, -0.000246], [0.017475, -0.000246, 0.259332]]
+    np.testing.assert_allclose(inertia, wanted, atol=1e-6)
+    np.testing.assert_allclose(pelvis.ipos, [0.022632, 0.000145, 0.139697])
+
+
+def test_ranges_and_reflected_inertia(g1: Robot) -> None:
+    for name, (low, high) in RANGES.items():
+        joint = g1.joint_index(name)
+        assert (g1.lower_rad[joint], g1.upper_rad[joint]) == pytest.approx((low, high))
+    small = two_stage((0.489e-4, 0.098e-4, 0.533e-4), 4.5, 1 + 48 / 22)
+    large = two_stage((0.489e-4, 0.109e-4, 0.738e-4), 4.5, 5.0)
+    ankle = 2 * two_stage((0.139e-4, 0.017e-4, 0.169e-4), 1 + 46 / 18, 1 + 56 / 16)
+    np.testing.assert_allclose(g1.armature, [small, large, small, large, ankle, ankle] * 2, rtol=1e-4)
+
+
+def test_gains_are_near_the_published_ones(g1: Robot) -> None:
+    """Within a factor of two, and inside what a command frame can carry."""
+    published = np.array([100.0, 100.0, 100.0, 150.0, 40.0, 40.0] * 2)
+    assert np.all((g1.kp > 0.5 * published) & (g1.kp < 2.0 * published))
+    assert g1.kd.max() <= 5.0
+
+
+def test_left_and_right_are_mirror_images(g1: Robot) -> None:
+    symmetry = find_symmetry(g1, find_gait("walk", g1).phase)
+    assert symmetry.joints.sign[:6].tolist() == [1, -1, -1, 1, 1, -1]
+    assert symmetry.feet.tolist() == [1, 0]
+    assert symmetry.clock == -1.0
+
+
+def test_in_the_default_pose_both_soles_lie_flat_under_the_centre_of_mass(
+    g1: Robot, model: mujoco.MjModel
+) -> None:
+    data = standing(g1, model)
+    corners = data.geom_xpos[np.concatenate(foot_geoms(model, g1.description))]
+    np.testing.assert_allclose(corners[:, 2], 0.005, atol=1e-4)
+    middle = corners.mean(axis=0)
+    assert abs(data.subtree_com[1, 0] - middle[0]) < 0.01
+    assert abs(data.subtree_com[1, 1] - middle[1]) < 0.001
+
+
+def test_it_stands_on_four_corners_a_sole_under_the_joint_law(g1: Robot, model: mujoco.MjModel) -> None:
+    """With the gains that the control loop stands it up with, for three seconds."""
+    data = standing(g1, model)
+    positions, dofs = joint_addresses(model, g1)
+    zero = np.zeros(12)
+    command = JointCommand(g1.default_pose, zero, np.minimum(4 * g1.kp, 500), np.minimum(2 * g1.kd, 5), zero)
+    for _ in range(3000):
+        data.qfrc_applied[dofs] = joint_torque(command, data.qpos[positions], data.qvel[dofs], g1.motor)
+        mujoco.mj_step(model, data)
+    corners = np.concatenate(foot_geoms(model, g1.description))
+    touching = {geom for pair in data.contact.geom for geom in pair.tolist()}
+    assert set(corners.tolist()) <= touching
+    assert len(touching) == 9  # and nothing else but the floor
+    assert abs(data.qpos[2] - g1.description.standing_height_m) < 0.01
+    assert data.body("pelvis").xmat[8] > 0.998  # within 3.6 degrees
+
+
+def test_legs_that_cross_meet_in_training_once_each(g1: Robot) -> None:
+    lean = training_model(g1)
+    data = standing(g1, lean)
+    assert not any(lean.geom(geom).name.endswith("_foot") for geom in data.contact.geom.ravel())
+    positions, _ = joint_addresses(lean, g1)
+    data.qpos[positions[[g1.joint_index("left_hip_roll_joint"), g1.joint_index("right_hip_roll_joint")]]] = (
+        -0.15,
+        0.22,
+    )
+    data.qpos[2] += 0.5
+    mujoco.mj_forward(lean, data)
+    met = [tuple(sorted(lean.geom(geom).name for geom in pair)) for pair in data.contact.geom]
+    assert ("left_foot", "right_foot") in met
+    assert len(met) == len(set(met))
+
+
+def test_a_tilted_sole_touches_with_its_lowest_corner(g1: Robot) -> None:
+    feet = Feet(training_model(g1), g1, timestep_s=0.005, gait=None)
+    points = np.zeros((8, 3))
+    points[:, 2] = 0.005 + np.array([0.02, 0.001, 0.03, 0.04, 0.05, 0.07, 0.06, 0.09])
+    np.testing.assert_allclose(feet.clearance(jnp.asarray(points)), [0.001, 0.05], atol=1e-6)
+    np.testing.assert_allclose(feet.tilt(jnp.asarray(points)), [0.039, 0.04], atol=1e-6)
+    before = points.copy()
+    before[1, :2] += (0.003, -0.004)  # one corner slides 5 mm
+    before[6, 2] += 0.5  # one only rises
+    np.testing.assert_allclose(feet.speed(jnp.asarray([before, before, points])), [1.0, 0.0], atol=1e-4)
