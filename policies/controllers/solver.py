@@ -1,12 +1,31 @@
-"""Solving the quadratic programme in bounded time."""
+"""Solving a quadratic programme in bounded time."""
+
+from typing import Protocol
 
 import daqp
 import numpy as np
 import piqp
 
-from footfall.policies.controllers.mpc.problem import ForceProblem
-
 _SOFT_INFINITY = 1e30
+
+
+class Programme(Protocol):
+    """Minimise x' H x / 2 + g' x with lower <= (x[:k], rows x) <= upper: k bounds, then the rows'."""
+
+    @property
+    def hessian(self) -> np.ndarray: ...  # (variables, variables), positive definite
+
+    @property
+    def gradient(self) -> np.ndarray: ...  # (variables,)
+
+    @property
+    def rows(self) -> np.ndarray: ...  # (rows, variables)
+
+    @property
+    def lower(self) -> np.ndarray: ...  # (k + rows,), -1e30 where there is no bound
+
+    @property
+    def upper(self) -> np.ndarray: ...  # (k + rows,)
 
 
 class BoundedSolver:
@@ -26,8 +45,8 @@ class BoundedSolver:
         self._piqp_iterations = piqp_iterations
         self.fallbacks = 0
 
-    def solve(self, problem: ForceProblem) -> np.ndarray | None:
-        """The minimiser (3n,), or None where neither solver came to a usable result."""
+    def solve(self, problem: Programme) -> np.ndarray | None:
+        """The minimiser (variables,), or None where neither solver came to a usable result."""
         if len(problem.gradient) == 0:
             return problem.gradient
         solution, _, status, _ = daqp.solve(
@@ -43,8 +62,8 @@ class BoundedSolver:
         self.fallbacks += 1
         return self._interior_point(problem)
 
-    def _interior_point(self, problem: ForceProblem) -> np.ndarray | None:
-        variables, bounded = len(problem.gradient), len(problem.step)
+    def _interior_point(self, problem: Programme) -> np.ndarray | None:
+        variables, bounded = len(problem.gradient), len(problem.upper) - len(problem.rows)
         lower, upper = np.full(variables, -_SOFT_INFINITY), np.full(variables, _SOFT_INFINITY)
         lower[:bounded], upper[:bounded] = problem.lower[:bounded], problem.upper[:bounded]
         solver = piqp.DenseSolver()
@@ -55,6 +74,7 @@ class BoundedSolver:
             np.asfortranarray(problem.hessian),
             problem.gradient,
             G=np.asfortranarray(problem.rows),
+            h_l=problem.lower[bounded:],
             h_u=problem.upper[bounded:],
             x_l=lower,
             x_u=upper,
