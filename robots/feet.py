@@ -17,8 +17,9 @@ def find_feet(model: mujoco.MjModel, robot: Robot) -> tuple[np.ndarray, ...]:
     """Geoms that each foot stands on, (k,) ids each, none where there is no such foot.
 
     They are known by name. In a model without a name a geom is found by body and place: among those that can
-    collide on the leg's last link (and on what is fixed to it), the one nearest to where the robot's own model
-    has it, seen from the last joint, in the default pose. Where one geom serves for several, it counts once.
+    collide on the leg's last link (and on what is fixed to it), the one nearest to where the robot's own
+    model has it, seen from the last joint, in the default pose. Where one geom serves for several, it counts
+    once.
 
     Args:
         model: compiled, with the robot's joint names.

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from footfall.policies.controllers.mpc.config import Contact, FootholdConfig, Horizon, Weights
 from footfall.policies.controllers.mpc.footholds import contact_points, foothold
 from footfall.policies.controllers.mpc.problem import GRAVITY, BodyState, ForceProblems
-from footfall.policies.controllers.solver import BoundedSolver
 from footfall.policies.controllers.mpc.swing import swing_motion
+from footfall.policies.controllers.solver import BoundedSolver
 from footfall.robots.description import load_robot
 from footfall.robots.rigid_body import nominal_body
 

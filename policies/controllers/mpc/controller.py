@@ -19,9 +19,9 @@ from footfall.policies.controllers.mpc.config import MpcConfig
 from footfall.policies.controllers.mpc.footholds import contact_points, foothold
 from footfall.policies.controllers.mpc.legs import LegControl
 from footfall.policies.controllers.mpc.problem import BodyState, ForceProblems
-from footfall.policies.controllers.solver import BoundedSolver
 from footfall.policies.controllers.mpc.swing import swing_motion
 from footfall.policies.controllers.settings import controller_settings
+from footfall.policies.controllers.solver import BoundedSolver
 from footfall.policies.controllers.stance import nominal_feet
 from footfall.policies.policy import Observation
 from footfall.robots.actuator import JointCommand
