@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 
 from footfall.robots.description import Description, Foot, Robot, load_spec
+from footfall.robots.stance import in_default_pose
 
 NEAR = 0.25  # of the last link's length: how far from its expected place a foot may be
 
@@ -32,7 +33,7 @@ def find_feet(model: mujoco.MjModel, robot: Robot) -> tuple[np.ndarray, ...]:
     ]
     if any((geoms < 0).any() for geoms in found):
         own = load_spec(robot.xml_path).compile()
-        expected, actual = _in_default_pose(own, robot), _in_default_pose(model, robot)
+        expected, actual = (in_default_pose(each, robot.description) for each in (own, model))
         for foot, geoms in zip(feet, found, strict=True):
             for index in np.flatnonzero(geoms < 0):
                 place = _from_last_joint(own, expected, foot, own.geom(foot.geoms[index]).id)
@@ -43,17 +44,6 @@ def find_feet(model: mujoco.MjModel, robot: Robot) -> tuple[np.ndarray, ...]:
 def _once(geoms: np.ndarray) -> np.ndarray:
     """The same ids in their order, none of them twice."""
     return np.array(list(dict.fromkeys(geoms.tolist())), dtype=int)
-
-
-def _in_default_pose(model: mujoco.MjModel, robot: Robot) -> mujoco.MjData:
-    """The model upright in the default pose."""
-    data = mujoco.MjData(model)
-    base = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)[0]
-    at = model.jnt_qposadr[base]
-    data.qpos[at + 3 : at + 7] = (1.0, 0.0, 0.0, 0.0)
-    data.qpos[[model.joint(name).qposadr[0] for name in robot.joint_names]] = robot.default_pose
-    mujoco.mj_kinematics(model, data)
-    return data
 
 
 def _from_last_joint(model: mujoco.MjModel, data: mujoco.MjData, foot: Foot, geom: int) -> np.ndarray:

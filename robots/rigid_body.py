@@ -5,7 +5,9 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from footfall.common.rotations import skew
 from footfall.robots.description import Robot, load_spec
+from footfall.robots.stance import in_default_pose
 
 
 @dataclass(frozen=True)
@@ -21,32 +23,18 @@ class RigidBody:
 def nominal_body(robot: Robot) -> RigidBody:
     """The composite body of the robot's own model; a plant's true masses are never looked at."""
     model = load_spec(robot.xml_path).compile()
-    data = mujoco.MjData(model)
-    joints = [model.joint(name).id for name in robot.joint_names]
-    data.qpos[:] = 0.0
-    for joint in range(model.njnt):
-        if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE:
-            data.qpos[model.jnt_qposadr[joint] + 3] = 1.0
-    data.qpos[model.jnt_qposadr[joints]] = robot.default_pose
-    mujoco.mj_forward(model, data)
-
-    base = model.body(robot.description.base).id
-    rotation = data.xmat[base].reshape(3, 3)
-    masses = model.body_mass
-    centre = data.subtree_com[base]
-    inertia = np.zeros((3, 3))
-    for body in range(1, model.nbody):
-        turn = data.ximat[body].reshape(3, 3)
-        arm = data.xipos[body] - centre
-        inertia += turn @ np.diag(model.body_inertia[body]) @ turn.T
-        inertia += masses[body] * ((arm @ arm) * np.eye(3) - np.outer(arm, arm))
-
-    full = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, full)
-    dofs = model.jnt_dofadr[joints][robot.foot_joints]
+    data, inertia = in_default_pose(model, robot.description), np.zeros((model.nv, model.nv))
+    mujoco.mj_fwdPosition(model, data)
+    mujoco.mj_fullM(model, data, inertia)
+    base = model.body(robot.description.base)
+    six = np.arange(6) + base.dofadr[0]
+    joints = np.array([model.joint(name).dofadr[0] for name in robot.joint_names])[robot.foot_joints]
+    mass = model.body_subtreemass[base.id]
+    centre = data.subtree_com[base.id]
+    arm = skew(centre)
     return RigidBody(
-        mass=float(masses.sum()),
-        centre=rotation.T @ (centre - data.xpos[base]),
-        inertia=rotation.T @ inertia @ rotation,
-        leg_inertia=full[dofs[:, :, None], dofs[:, None, :]],
+        mass=float(mass),
+        centre=centre,
+        inertia=inertia[np.ix_(six[3:], six[3:])] + mass * arm @ arm,  # Steiner: less that of its centre
+        leg_inertia=inertia[joints[:, :, None], joints[:, None, :]],
     )

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 import mujoco
 import numpy as np
 
+from footfall.robots.stance import in_default_pose
+
 if TYPE_CHECKING:
     from footfall.robots.description import Robot
 
@@ -45,12 +47,10 @@ def instabilities(robot: "Robot", model: mujoco.MjModel) -> Iterator[str]:
 
 def _mobility(robot: "Robot", model: mujoco.MjModel) -> np.ndarray:
     """The joints' accelerations per torque on each of them, (n, n)."""
-    data, mass = mujoco.MjData(model), np.zeros((model.nv, model.nv))
-    ids = [model.joint(name).id for name in robot.joint_names]
-    data.qpos[model.jnt_qposadr[ids]] = robot.default_pose
+    data, mass = in_default_pose(model, robot.description), np.zeros((model.nv, model.nv))
     mujoco.mj_fwdPosition(model, data)
     mujoco.mj_fullM(model, data, mass)
-    dofs = model.jnt_dofadr[ids]
+    dofs = [model.joint(name).dofadr[0] for name in robot.joint_names]
     return np.linalg.inv(mass)[np.ix_(dofs, dofs)]
 
 

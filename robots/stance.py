@@ -9,9 +9,28 @@ if TYPE_CHECKING:
     from footfall.robots.description import Description
 
 
+def in_default_pose(model: mujoco.MjModel, description: "Description") -> mujoco.MjData:
+    """A model in the robot's default pose, its base level and at the origin, with `mj_kinematics` done.
+
+    Joints that `robot.yaml` does not list are where the MJCF starts them.
+
+    Args:
+        model: with the robot's joint names and a free joint, the first of which is the base's.
+        description: of the robot.
+    """
+    data = mujoco.MjData(model)
+    free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)[0]
+    at = model.jnt_qposadr[free]
+    data.qpos[at : at + 7] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+    for joint in description.joints:
+        data.qpos[model.joint(joint.name).qposadr] = joint.default_rad
+    mujoco.mj_kinematics(model, data)
+    return data
+
+
 def touching_height(description: "Description", model: mujoco.MjModel) -> float:
     """Height of the base's origin, m, at which the lowest foot touches the ground in the default pose."""
-    data = _standing(description, model)
+    data = in_default_pose(model, description)
     return -min(
         _lowest_point(model, data, model.geom(name).id) for foot in description.feet for name in foot.geoms
     )
@@ -19,24 +38,9 @@ def touching_height(description: "Description", model: mujoco.MjModel) -> float:
 
 def foot_places(description: "Description", model: mujoco.MjModel) -> np.ndarray:
     """Middle of each foot's geoms in the default pose, m, base frame, (feet, 3)."""
-    data = _standing(description, model)
+    data = in_default_pose(model, description)
     places = [[data.geom(name).xpos for name in foot.geoms] for foot in description.feet]
     return np.array([np.mean(each, axis=0) for each in places])
-
-
-def _standing(description: "Description", model: mujoco.MjModel) -> mujoco.MjData:
-    """The default pose, the base level and at the origin.
-
-    Joints that `robot.yaml` does not list are where the MJCF starts them.
-    """
-    data = mujoco.MjData(model)
-    base = model.body(description.base)
-    at = model.jnt_qposadr[base.jntadr[0]]
-    data.qpos[at : at + 7] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
-    for joint in description.joints:
-        data.qpos[model.joint(joint.name).qposadr] = joint.default_rad
-    mujoco.mj_kinematics(model, data)
-    return data
 
 
 def _lowest_point(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> float:

@@ -2,13 +2,13 @@
 
 from typing import Any, NamedTuple
 
-import mujoco
 import numpy as np
 
 from footfall.common.errors import UserError
 from footfall.robots.description import Robot
 from footfall.robots.feet import foot_geoms
-from footfall.robots.model import joint_addresses, training_model
+from footfall.robots.model import training_model
+from footfall.robots.stance import in_default_pose
 
 Array = Any
 PLACE_TOLERANCE_M = 0.01
@@ -52,13 +52,9 @@ def find_symmetry(robot: Robot, phase: np.ndarray | None = None) -> Symmetry:
         UserError: a part has no mirror image, or the default pose or the gait is not symmetric.
     """
     model = training_model(robot)
-    data = mujoco.MjData(model)
-    positions, _ = joint_addresses(model, robot)
-    data.qpos[positions] = robot.default_pose
-    mujoco.mj_kinematics(model, data)
-    base = data.xpos[model.body(robot.description.base).id]
+    data = in_default_pose(model, robot.description)
     ids = [model.joint(name).id for name in robot.joint_names]
-    joints = _partners(data.xanchor[ids] - base, robot, [f"joint {name}" for name in robot.joint_names])
+    joints = _partners(data.xanchor[ids], robot, [f"joint {name}" for name in robot.joint_names])
     axes = data.xaxis[ids]
     along = np.sum(axes * ROTATION * axes[joints], axis=-1)
     names = robot.joint_names
@@ -71,8 +67,8 @@ def find_symmetry(robot: Robot, phase: np.ndarray | None = None) -> Symmetry:
     feet = np.array([data.geom_xpos[geoms].mean(axis=0) for geoms in foot_geoms(model, robot.description)])
     foot_names = [f"foot {foot.name}" for foot in robot.description.feet]
     bodies = [f"body {model.body(i).name}" for i in range(1, model.nbody)]
-    foot_partners = _partners(feet - base, robot, foot_names)
-    body_partners = _partners(data.xipos[1:] - base, robot, bodies)
+    foot_partners = _partners(feet, robot, foot_names)
+    body_partners = _partners(data.xipos[1:], robot, bodies)
     return Symmetry(mirror, foot_partners, body_partners, _clock_sign(robot, foot_partners, phase))
 
 

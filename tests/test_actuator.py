@@ -19,7 +19,7 @@ from footfall.robots.actuator import (
     pd_torque,
 )
 from footfall.robots.description import Robot
-from footfall.robots.targets import limit_target
+from footfall.robots.targets import limit_target, soft_limits
 
 MOTOR = Motor(
     peak_torque=np.array([20.0]),
@@ -151,6 +151,66 @@ def test_damping_by_hand(torque: float, speed: float, damping: float) -> None:
 def test_strength_scales_what_the_motor_delivers() -> None:
     command = JointCommand(*(np.array([x]) for x in (0.0, 0.0, 0.0, 0.0, 10.0)))
     assert motor_torque(command, np.zeros(1), np.zeros(1), MOTOR) == pytest.approx(9.0)
+
+
+# Three motors that differ in everything, in the order of the fields of `Motor`.
+UNLIKE = Motor(
+    peak_torque=np.array([20.0, 8.0, 35.0]),
+    stall_torque=np.array([30.0, 9.0, 60.0]),
+    no_load_speed=np.array([30.0, 50.0, 12.0]),
+    friction=np.array([0.5, 0.2, 1.5]),
+    friction_speed=np.array([0.2, 0.6, 0.35]),
+    damping=np.array([0.05, 0.01, 0.3]),
+    strength=np.array([0.9, 1.1, 0.7]),
+)
+
+
+def by_hand(command: JointCommand, position: np.ndarray, velocity: np.ndarray, joint: int) -> list[float]:
+    """Motor torque, friction and the law's slope in speed of one joint, case by case."""
+    peak, stall, no_load, coulomb, full_at, viscous, strength = (float(x[joint]) for x in UNLIKE)
+    target, speed_target, kp, kd, extra = (float(x[joint]) for x in command)
+    angle, speed = float(position[joint]), float(velocity[joint])
+    torque = strength * (kp * (target - angle) + kd * (speed_target - speed) + extra)
+    slope = strength * kd
+    line = stall * (1 - speed / no_load), -stall * (1 + speed / no_load)
+    if torque > line[0]:
+        torque, slope = line[0], stall / no_load
+    elif torque < line[1]:
+        torque, slope = line[1], stall / no_load
+    if abs(torque) > peak:
+        torque, slope = (peak if torque > 0 else -peak), 0.0
+    if abs(speed) < full_at:
+        return [torque, -coulomb * speed / full_at - viscous * speed, slope + coulomb / full_at + viscous]
+    return [torque, -coulomb * (1 if speed > 0 else -1) - viscous * speed, slope + viscous]
+
+
+def test_unlike_motors_follow_the_law_each_with_its_own_figures() -> None:
+    rng = np.random.default_rng(2)
+    for speed_scale in (0.3, 5.0, 60.0):
+        rows = rng.normal(size=(7, 200, 3))
+        command = JointCommand(rows[0], 4 * rows[1], 20 + 8 * rows[2], 1 + 0.3 * rows[3], 9 * rows[4])
+        position, velocity = rows[5], speed_scale * rows[6]
+        ours = [
+            motor_torque(command, position, velocity, UNLIKE),
+            friction_torque(velocity, UNLIKE),
+            joint_damping(command, position, velocity, UNLIKE),
+        ]
+        for k in range(200):
+            moment = JointCommand(*(part[k] for part in command))
+            expected = [by_hand(moment, position[k], velocity[k], joint) for joint in range(3)]
+            np.testing.assert_allclose([part[k] for part in ours], np.transpose(expected), atol=1e-9)
+
+
+def test_targets_by_hand() -> None:
+    """Six joints: in reach, too far up, too far down, outside the limits by little and by much."""
+    lower, upper = np.array([-1.0, -1, -1, -1, -1, 0.5]), np.array([2.0, 2, 2, 2, 2, 0.8])
+    previous = np.array([0.3, 0.3, 0.3, -0.95, 1.97, 0.75])
+    goal = np.array([0.35, 1.0, -0.4, -3.0, 2.4, 0.2])
+    np.testing.assert_allclose(
+        limit_target(goal, previous, lower, upper, 50.0, 0.002), [0.35, 0.4, 0.2, -1.0, 2.0, 0.65]
+    )
+    low, high = soft_limits(np.array([-1.0, 0.0]), np.array([3.0, 0.5]), 0.8)
+    np.testing.assert_allclose([low, high], [[-0.6, 0.05], [2.6, 0.45]])
 
 
 @given(arrays(-10, 10), arrays(-1, 1))

@@ -17,6 +17,33 @@ def edit(folder: Path, file: str, old: str, new: str) -> None:
     path.write_text(text.replace(old, new, 1))
 
 
+JOINT_SETTINGS = (
+    'pos="0 0.01 0"',
+    'stiffness="1"',
+    'springref="0.1"',
+    'margin="0.01"',
+    'solreflimit="0.03 1"',
+    'solimplimit="0.8 0.95 0.001"',
+)
+FOOT_SETTINGS = (
+    'contype="3"',
+    'conaffinity="3"',
+    'solmix="0.7"',
+    'solref="0.03 1"',
+    'solimp="0.8 0.95 0.001"',
+    'margin="0.001"',
+    'gap="0.001"',
+)
+TENDON = """<tendon>
+  <fixed name="tie" limited="false" range="-1 1"><joint joint="FR_calf_joint" coef="1"/></fixed>
+</tendon>"""
+CONSTRAINTS = (
+    '<equality><joint joint1="FR_hip_joint" joint2="RR_hip_joint"/></equality>',
+    '<contact><exclude body1="trunk" body2="FR_calf"/></contact>',
+    TENDON,
+)
+
+
 @pytest.mark.parametrize(
     ("file", "old", "new"),
     [
@@ -51,6 +78,19 @@ def test_what_does_not_count(go1: Robot, own_folder: Path, file: str, old: str, 
         ("robot.xml", 'size="0.13 0.09 0.05"', 'size="0.13 0.09 0.05" quat="0.9 0.1 0 0"'),
         ("robot.xml", 'friction="0.8"', 'friction="0.9"'),
         ("robot.xml", 'impratio="10"', 'impratio="1"'),
+        ("robot.xml", 'cone="elliptic"', ""),
+        ("robot.xml", 'impratio="10"', 'impratio="10" gravity="0 0 -9.8"'),
+        *(("robot.xml", '<joint axis="0 1 0"', '<joint axis="0 1 0" ' + more) for more in JOINT_SETTINGS),
+        *(("robot.xml", 'size="0.023"', f'size="0.023" {more}') for more in FOOT_SETTINGS),
+        ("robot.xml", 'condim="3" priority="1"', 'condim="4" priority="1"'),
+        ("robot.xml", 'condim="3" priority="1"', 'condim="3" priority="2"'),
+        ("robot.xml", '<joint axis="0 1 0"', '<joint axis="0 1 0.1"'),
+        ("robot.xml", 'pos="0 -0.08 0"', 'pos="0 -0.081 0"'),
+        ("robot.xml", 'pos="0 -0.08 0"', 'pos="0 -0.08 0" gravcomp="0.5"'),
+        ("robot.xml", 'pos="0 -0.08 0"', 'pos="0 -0.08 0" euler="0 0 0.01"'),
+        ("robot.xml", 'pos="-0.003047 0.019315', 'pos="-0.003047 0.019316'),
+        ("robot.xml", "-0.00617", '-0.00617" euler="0 0.1 0'),  # the IMU's axes
+        *(("robot.xml", "</mujoco>", more + "</mujoco>") for more in CONSTRAINTS),
     ],
 )
 def test_what_counts(go1: Robot, own_folder: Path, file: str, old: str, new: str) -> None:
@@ -86,3 +126,55 @@ def test_the_last_bits_do_not_count(go1: Robot) -> None:
     assert digest(go1.description, model) == go1.digest
     model.body_mass[1] *= 1 + 1e-7
     assert digest(go1.description, model) != go1.digest
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('name="tie"', 'name="tie" stiffness="1"'),
+        ('name="tie"', 'name="tie" damping="1"'),
+        ('name="tie"', 'name="tie" frictionloss="1"'),
+        ('name="tie"', 'name="tie" springlength="0.1"'),
+        ('limited="false"', 'limited="true"'),
+        ('range="-1 1"', 'range="-1 2"'),
+        ('coef="1"', 'coef="2"'),
+        ('joint="FR_calf', 'joint="FL_calf'),
+    ],
+)
+def test_a_tendon_counts_with_all_that_it_does(own_folder: Path, old: str, new: str) -> None:
+    edit(own_folder, "robot.xml", "</mujoco>", TENDON + "</mujoco>")
+    before = load_robot(own_folder).digest
+    edit(own_folder, "robot.xml", old, new)
+    assert load_robot(own_folder).digest != before
+
+
+def test_a_constraint_counts_with_its_data(own_folder: Path) -> None:
+    joints = '<equality><joint joint1="FR_hip_joint" joint2="RR_hip_joint" polycoef="0 1 0 0 0"/></equality>'
+    edit(own_folder, "robot.xml", "</mujoco>", joints + "</mujoco>")
+    seen = {load_robot(own_folder).digest}
+    for old, new in (
+        ('"0 1 0 0 0"', '"0 2 0 0 0"'),
+        ('joint2="RR_hip', 'joint2="RL_hip'),
+        ('joint1="FR_hip', 'joint1="FL_hip'),
+        ('polycoef="', 'active="false" polycoef="'),
+        ('polycoef="', 'solref="0.05 1" polycoef="'),
+        ('polycoef="', 'solimp="0.8 0.9 0.01" polycoef="'),
+    ):
+        edit(own_folder, "robot.xml", old, new)
+        seen.add(load_robot(own_folder).digest)
+    assert len(seen) == 7
+
+
+def test_a_collision_mesh_counts_with_its_own_corners(own_folder: Path) -> None:
+    """Of two meshes the first is only seen."""
+    meshes = """<mesh name="seen" vertex="0 0 0 0.1 0 0 0 0.1 0 0 0 0.1"/>
+        <mesh name="shell" vertex="0 0 0 0.2 0 0 0 0.2 0 0 0 0.2"/>"""
+    edit(own_folder, "robot.xml", "<asset>", f"<asset>{meshes}")
+    box = '<geom class="collision" type="box" size="0.13 0.09 0.05"/>'
+    geoms = '<geom type="mesh" mesh="seen"/><geom class="collision" type="mesh" mesh="shell"/>'
+    edit(own_folder, "robot.xml", box, geoms)
+    before = load_robot(own_folder).digest
+    edit(own_folder, "robot.xml", "0.1 0 0 0 0.1 0", "0.1 0 0 0 0.15 0")
+    assert load_robot(own_folder).digest == before
+    edit(own_folder, "robot.xml", "0 0 0.2", "0 0.01 0.2")
+    assert load_robot(own_folder).digest != before

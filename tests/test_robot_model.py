@@ -1,6 +1,7 @@
 """The models derived from the one MJCF: what training leaves out, what the plant keeps."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -8,8 +9,9 @@ import numpy as np
 import pytest
 
 from footfall.common.errors import UserError
+from footfall.common.rotations import rotation_matrix
 from footfall.robots.description import Robot, load_robot
-from footfall.robots.model import ground_friction, joint_addresses, plant_model, training_model
+from footfall.robots.model import ground_friction, joint_addresses, plant_model, read_plant, training_model
 
 
 def standing(model: mujoco.MjModel, robot: Robot) -> mujoco.MjData:
@@ -195,3 +197,223 @@ def test_garbage_plant_is_refused_in_one_line(go1: Robot, tmp_path: Path, text: 
 def test_missing_plant_is_refused(go1: Robot, tmp_path: Path) -> None:
     with pytest.raises(UserError, match="no MJCF file"):
         plant_model(go1, tmp_path / "absent.xml")
+
+
+TAIL = """<body name="tail" pos="-0.3 0 0"><joint name="tail" frictionloss="0.2" damping="0.03" range="-1 1"/>
+  <geom name="tip" size="0.02" mass="0.1" pos="-0.1 0 0"/></body>"""
+EXTRAS = """
+  <actuator><motor joint="FR_hip_joint"/></actuator>
+  <sensor><gyro site="imu"/></sensor>
+  <keyframe><key name="home" qpos="1 2 9  1 0 0 0  0  0 0 0 0 0 0 0 0 0 0 0 0"/></keyframe>
+  <option integrator="RK4" solver="CG" iterations="70" ls_iterations="70" timestep="0.0003"/>
+"""
+
+
+@pytest.fixture
+def laden(own_folder: Path) -> Robot:
+    """go1 with a tail that no motor moves, and a file that is full of other things."""
+    xml = own_folder / "robot.xml"
+    text = xml.read_text().replace('<body name="FR_hip"', TAIL + '<body name="FR_hip"')
+    text = text.replace('axis="1 0 0" range', 'axis="1 0 0" damping="0.4" range')
+    xml.write_text(text.replace("</mujoco>", EXTRAS + "</mujoco>"))
+    return load_robot(own_folder)
+
+
+def test_training_needs_nothing_of_what_a_file_may_hold(laden: Robot) -> None:
+    model = training_model(laden, timestep_s=0.004)
+    assert (model.nu, model.nsensor, model.nkey, model.ngeom) == (0, 0, 0, 5)
+    options, kinds = model.opt, mujoco
+    assert options.timestep == 0.004
+    assert training_model(laden).opt.timestep == 0.005
+    assert options.integrator == kinds.mjtIntegrator.mjINT_EULER
+    assert options.solver == kinds.mjtSolver.mjSOL_NEWTON
+    assert options.cone == kinds.mjtCone.mjCONE_PYRAMIDAL
+    assert (options.impratio, options.iterations, options.ls_iterations) == (1.0, 1, 5)
+    assert options.disableflags == kinds.mjtDisableBit.mjDSBL_EULERDAMP
+    assert not model.jnt_limited.any()
+
+
+@pytest.mark.parametrize("make", [plant_model, training_model])
+def test_only_motors_joints_lose_their_damping_to_the_joint_law(laden: Robot, make) -> None:
+    model = make(laden)
+    assert laden.motor.damping.tolist() == [0.4, 0.0, 0.0] * 4
+    assert not model.dof_frictionloss.any()
+    tail = model.joint("tail").dofadr[0]
+    assert np.flatnonzero(model.dof_damping).tolist() == [tail]
+    assert model.dof_damping[tail] == 0.03
+
+
+def test_a_plant_keeps_its_options_but_for_the_step_and_a_costly_integrator(
+    laden: Robot, own_folder: Path
+) -> None:
+    options = plant_model(laden).opt
+    assert options.timestep == 0.001
+    assert options.integrator == mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    assert options.cone == mujoco.mjtCone.mjCONE_ELLIPTIC
+    assert (options.impratio, options.iterations) == (10.0, 70)
+    euler = own_folder / "euler.xml"
+    euler.write_text(laden.xml_path.read_text().replace('"RK4"', '"Euler"'))
+    assert plant_model(laden, euler).opt.integrator == mujoco.mjtIntegrator.mjINT_EULER
+
+
+def changed_plant(robot: Robot, path: Path, *changes: tuple[str, str]) -> Path:
+    """The robot's own MJCF with some text changed."""
+    text = robot.xml_path.read_text()
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("given", "friction", "damping"),
+    [
+        # what is not said of a joint is 0 in a file that says it of others
+        (('range="-2.818 -0.888" armature="0.00906"', "0.7", ""), [0.0, 0.0, 0.7], None),
+        (('range="-0.863 0.863" armature="0.00403"', "", "0.4"), None, [0.4, 0.0, 0.0]),
+        (('range="-0.863 0.863" armature="0.00403"', "0.5", "0.4"), [0.5, 0.0, 0.0], [0.4, 0.0, 0.0]),
+        (None, None, None),
+    ],
+)
+def test_a_plants_losses_count_as_its_file_gives_them_and_else_the_robots(
+    go1: Robot, tmp_path: Path, given, friction, damping
+) -> None:
+    nominal = go1.motor._replace(damping=np.linspace(0.01, 0.12, 12))
+    robot = replace(go1, motor=nominal)
+    changes = [(' frictionloss="0.3"', ""), (' frictionloss="1.0"', "")]
+    if given:
+        at, loss, viscous = given
+        losses = (f' frictionloss="{loss}"' if loss else "") + (f' damping="{viscous}"' if viscous else "")
+        changes.append((at, at + losses))
+    motor = read_plant(robot, changed_plant(robot, tmp_path / "plant.xml", *changes)).motor
+    expected = nominal.friction if friction is None else np.tile(friction, 4)
+    np.testing.assert_array_equal(motor.friction, expected)
+    expected = nominal.damping if damping is None else np.tile(damping, 4)
+    np.testing.assert_array_equal(motor.damping, expected)
+    np.testing.assert_array_equal(motor.peak_torque, nominal.peak_torque)
+
+
+def test_a_plant_that_gives_some_reflected_inertia_keeps_its_own(go1: Robot, tmp_path: Path) -> None:
+    path = changed_plant(go1, tmp_path / "plant.xml", (' armature="0.00403"', ""), ("0.00906", "0.02"))
+    plant = read_plant(go1, path)
+    np.testing.assert_array_equal(plant.model.dof_armature[6:], np.tile([0.0, 0.0, 0.02], 4))
+    assert plant.notes == ()
+
+
+@pytest.mark.parametrize(
+    ("ground", "planes"),
+    [
+        ('<geom type="plane" size="0 0 1"/>', 1),
+        ('<geom type="plane" size="0 0 1" contype="0"/>', 1),
+        ('<geom type="plane" size="0 0 1" conaffinity="0"/>', 1),
+        ('<geom type="plane" size="0 0 1" contype="0" conaffinity="0"/>', 2),
+        ('<geom type="hfield" hfield="hill"/>', 0),
+        ('<geom type="box" size="1 1 1" pos="9 0 0"/>', 1),
+    ],
+)
+def test_a_floor_is_added_where_nothing_can_be_stood_upon(
+    go1: Robot, tmp_path: Path, ground: str, planes: int
+) -> None:
+    hill = '<hfield name="hill" nrow="2" ncol="2" size="5 5 1 1" elevation="0 0 1 1"/>'
+    changes = ("<asset>", f"<asset>{hill}"), ("<worldbody>", f"<worldbody>{ground}")
+    plant = read_plant(go1, changed_plant(go1, tmp_path / "plant.xml", *changes))
+    kinds = plant.model.geom_type[plant.model.geom_bodyid == 0]
+    assert (kinds == mujoco.mjtGeom.mjGEOM_PLANE).sum() == planes
+
+
+def test_an_added_floor_meets_whatever_can_touch(go1: Robot) -> None:
+    model = plant_model(go1)
+    floor = model.geom("floor").id
+    assert model.geom_contype[floor] == model.geom_conaffinity[floor] == 2**31 - 1
+    np.testing.assert_array_equal(model.geom_friction[floor], [0.8, 0.005, 0.0001])
+    assert model.geom_type[floor] == mujoco.mjtGeom.mjGEOM_PLANE
+
+
+def test_a_plants_imu_sits_where_the_robots_does_along_the_bases_axes(
+    own_folder: Path, tmp_path: Path
+) -> None:
+    """Thrown, tilted and spinning, it feels a + dw/dt x r + w x (w x r)."""
+    xml = own_folder / "robot.xml"
+    xml.write_text(xml.read_text().replace('"-0.01592 -0.06659 -0.00617"', '"0.11 -0.07 0.05" euler="0 0 1"'))
+    robot = load_robot(own_folder)
+    moved = changed_plant(robot, tmp_path / "plant.xml", ('pos="0.11 -0.07 0.05"', 'pos="0 0 0"'))
+    plant = read_plant(robot, moved)
+    model = plant.model
+    data = mujoco.MjData(model)
+    quaternion = np.array([0.8, 0.3, -0.2, 0.48])
+    data.qpos[:7] = 1.0, 2.0, 9.0, *quaternion / np.linalg.norm(quaternion)
+    data.qpos[joint_addresses(model, robot)[0]] = robot.default_pose
+    spin = np.array([2.0, -3.0, 4.0])
+    data.qvel[:6] = 0.5, 0.2, -0.1, *spin
+    mujoco.mj_forward(model, data)
+    turned = rotation_matrix(data.qpos[3:7])
+    arm, spun = np.array([0.11, -0.07, 0.05]), data.qacc[3:6]
+    origin = turned.T @ (data.qacc[:3] - model.opt.gravity)
+    felt = origin + np.cross(spun, arm) + np.cross(spin, np.cross(spin, arm))
+    assert model.nsensordata == 3
+    np.testing.assert_allclose(data.sensordata, felt, atol=1e-9)
+    assert plant.base == model.body("trunk").id
+
+
+def test_feet_with_and_without_priority_each_have_their_friction(own_folder: Path) -> None:
+    """Of the floor's 0.8 and a foot's: its own if it has priority, else the larger."""
+    xml = own_folder / "robot.xml"
+    text = xml.read_text()
+    for leg, settings in (
+        ("FR", 'priority="0" friction="0.3"'),
+        ("FL", 'priority="1" friction="0.4"'),
+        ("RR", 'priority="0" friction="1.5"'),
+        ("RL", 'priority="2" friction="0.1"'),
+    ):
+        text = text.replace(f'name="{leg}_foot" class="foot"', f'name="{leg}_foot" class="foot" {settings}')
+    xml.write_text(text)
+    robot = load_robot(own_folder)
+    model = training_model(robot)
+    expected = [0.8, 0.4, 1.5, 0.1]
+    np.testing.assert_allclose(ground_friction(model, robot), expected)
+    contact = standing(model, robot).contact
+    feet = np.where(contact.geom[:, 0] == model.geom("floor").id, contact.geom[:, 1], contact.geom[:, 0])
+    found = dict(zip(feet.tolist(), contact.friction[:, 0].tolist(), strict=True))
+    assert [found[model.geom(foot.geom).id] for foot in robot.description.feet] == pytest.approx(expected)
+
+
+def test_missing_joints_are_counted(go1: Robot, tmp_path: Path) -> None:
+    path = write_plant(tmp_path / "other.xml", go1, FR_hip_joint="a", RL_calf_joint="b")
+    with pytest.raises(UserError, match=r"no joint 'FR_hip_joint'.* \(2 of 12 joints missing\)"):
+        plant_model(go1, path)
+
+
+def test_feet_that_a_plant_lacks_or_names_otherwise_are_told_of(go1: Robot, tmp_path: Path) -> None:
+    foot = '<geom name="{}_foot" class="foot"/>'
+    changes = [
+        (foot.format("FR"), ""),
+        (foot.format("RL"), ""),
+        ('"FL_foot"', '"toe"'),
+        ('"RR_foot"', '"tip"'),
+    ]
+    plant = read_plant(go1, changed_plant(go1, tmp_path / "plant.xml", *changes))
+    assert plant.feet.tolist() == [-1, plant.model.geom("toe").id, plant.model.geom("tip").id, -1]
+    assert plant.notes == (
+        "plant.xml has no geom FR_foot, RL_foot: what these feet do is not recorded",
+        "feet of plant.xml found by their place: FL_foot is toe of body FL_calf,"
+        " RR_foot is tip of body RR_calf",
+    )
+    assert read_plant(go1).feet.tolist() == [
+        plant_model(go1).geom(foot.geom).id for foot in go1.description.feet
+    ]
+
+
+@pytest.mark.parametrize(("away_m", "found"), [(0.05, True), (0.057, False)])
+def test_a_foot_may_be_a_quarter_of_its_link_from_its_place(
+    go1: Robot, tmp_path: Path, away_m: float, found: bool
+) -> None:
+    """Of a shank of 0.213 m; the nearer of two geoms is the foot, one of another leg's link is not."""
+    feet = (
+        '<geom name="knob" size="0.01" class="collision" pos="0 0 -0.1"/>'
+        f'<geom name="toe" size="0.01" class="collision" pos="0 {away_m} -0.213"/>'
+        f'<geom name="seen" size="0.01" class="visual" pos="0 0 -0.213"/>'
+    )
+    path = changed_plant(go1, tmp_path / "plant.xml", ('<geom name="FR_foot" class="foot"/>', feet))
+    plant = read_plant(go1, path)
+    assert plant.feet[0] == (plant.model.geom("toe").id if found else -1)

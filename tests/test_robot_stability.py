@@ -36,5 +36,38 @@ def test_stiffness_is_refused_where_steps_begin_to_swing_up(go1: Robot, share: f
     turned_rad = TRAINING_TIMESTEP_S * np.sqrt(_fastest(_mobility(go1, model), go1.kp)[0])
     limit_hz = go1.description.gains.natural_frequency_hz * MOST_TURNED_RAD / turned_rad
     robot = swinging(go1, share * limit_hz)
-    assert any("too stiff" in line for line in instabilities(robot, model)) is grows
+    assert any("too stiff for physics steps of 5 ms" in line for line in instabilities(robot, model)) is grows
     assert energy_grows(robot) is grows
+
+
+@pytest.mark.parametrize("fastest", range(3))
+@pytest.mark.parametrize("signs", [(1, 1, 1), (-1, 1, 1), (1, -1, 1), (1, 1, -1)])
+def test_the_fastest_joint_is_the_one_that_moves_most(fastest: int, signs: tuple[int, ...]) -> None:
+    """Of a mode (0.6, -0.5, -0.62) in any order and with any signs."""
+    mode = np.roll([0.62, -0.6, -0.5], fastest) * signs
+    gains = np.array([4.0, 9.0, 0.25])
+    scaled = 7.0 * np.outer(mode, mode) / (mode @ mode) + np.eye(3)
+    mobility = scaled / np.sqrt(np.outer(gains, gains))
+    value, joint = _fastest(mobility, gains)
+    assert value == pytest.approx(8.0)
+    assert joint == fastest
+
+
+@pytest.mark.parametrize(("share", "refused"), [(0.99, False), (1.01, True)])
+def test_damping_is_refused_where_a_plants_step_would_take_one_and_a_half_times_the_speed(
+    go1: Robot, share: float, refused: bool
+) -> None:
+    """kd, the ramp of friction and viscous damping together; the joint that is damped most is named."""
+    model = load_spec(go1.xml_path).compile()
+    mobility = _mobility(go1, model)
+    motor = go1.motor._replace(damping=np.linspace(0.1, 0.4, 12))
+    damping = go1.kd + motor.friction / motor.friction_speed + motor.damping
+    rates, modes = np.linalg.eig(mobility * damping)
+    rate, worst = rates.real.max(), np.abs(modes[:, rates.real.argmax()] * np.sqrt(damping)).argmax()
+    wanted = share * 1.5 / (0.001 * rate)
+    scaled = motor._replace(
+        damping=wanted * motor.damping + (wanted - 1) * go1.kd, friction=wanted * motor.friction
+    )
+    lines = list(instabilities(replace(go1, motor=scaled), model))
+    assert any(f"joint {go1.joint_names[worst]}: kd, friction" in line for line in lines) is refused
+    assert any(line.endswith("physics steps of 1 ms") for line in lines) is refused

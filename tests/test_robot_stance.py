@@ -9,7 +9,8 @@ import pytest
 from footfall.common.errors import UserError
 from footfall.robots.description import Robot, load_robot, load_spec
 from footfall.robots.model import joint_addresses
-from footfall.robots.stance import touching_height
+from footfall.robots.rigid_body import nominal_body
+from footfall.robots.stance import in_default_pose, touching_height
 
 # Thigh and shank of 0.213 m at 0.9 rad, then the hip's 0.08 m, all turned by 0.1 rad.
 FOOT_BELOW_BASE_M = 2 * 0.213 * np.cos(0.9) * np.cos(0.1) + 0.08 * np.sin(0.1)
@@ -36,7 +37,9 @@ def test_go1_stands_where_its_feet_touch(go1: Robot) -> None:
 def test_feet_of_any_shape_touch_with_their_lowest_point(go1: Robot, own_folder: Path, foot: str) -> None:
     """MuJoCo finds contact a tenth of a millimetre lower, and none a tenth higher."""
     text = (own_folder / "robot.xml").read_text()
-    wedge = '<mesh name="wedge" vertex="0 0 0 0.05 0 0 0 0.04 0 0 0 -0.03"/>'
+    wedge = '<mesh name="wedge" vertex="0 0 -0.03 0.05 0 0 0 0.04 0 0 0 0"/>'
+    wedge = f'<mesh name="first" vertex="0 0 0 0.9 0 0 0 0.9 0 0 0 -0.9"/>{wedge}'
+    wedge += '<mesh name="last" vertex="0 0 0 0.8 0 0 0 0.8 0 0 0 -0.8"/>'
     text = text.replace('type="sphere" size="0.023"', foot).replace("<asset>", f"<asset>{wedge}")
     text = text.replace("<worldbody>", '<worldbody><geom type="plane" size="0 0 1"/>')
     (own_folder / "robot.xml").write_text(text)
@@ -70,3 +73,68 @@ def test_a_height_at_which_no_foot_touches_is_refused(own_folder: Path, said: fl
     with pytest.raises(UserError, match=r"standing_height_m: .* at 0\.2945 m") as caught:
         load_robot(own_folder)
     assert "\n" not in str(caught.value)
+
+
+@pytest.fixture
+def odd(own_folder: Path) -> Robot:
+    """go1 behind a gate of its own world, with a tail, on a trunk that its file starts turned and tilted."""
+    xml = own_folder / "robot.xml"
+    text = xml.read_text()
+    gate = '<body pos="3 0 1"><joint name="gate" axis="0 0 1" ref="0.7"/><geom size="0.2" mass="5"/></body>'
+    tail = """<body name="tail" pos="-0.3 0.05 0.1"><joint name="tail" axis="0 1 0" ref="0.4"/>
+      <geom size="0.03" pos="-0.1 0 0" mass="0.7" contype="0" conaffinity="0"/></body>"""
+    turned = '<body name="trunk" pos="0.2 0.3 0.445" euler="0.2 0.3 1.1"'
+    xml.write_text(
+        text.replace("<worldbody>", f"<worldbody>{gate}")
+        .replace('<body name="FR_hip"', f'{tail}<body name="FR_hip"')
+        .replace('<body name="trunk" pos="0 0 0.445"', turned)
+    )
+    declaration = own_folder / "robot.yaml"
+    bent = declaration.read_text().replace(
+        "RR_thigh_joint, motor: hip,  default_rad: 0.9", "RR_thigh_joint, motor: hip,  default_rad: 0.7"
+    )
+    declaration.write_text(bent)
+    return load_robot(own_folder)
+
+
+def test_in_the_default_pose_the_base_is_level_and_other_joints_are_where_they_start(odd: Robot) -> None:
+    model = load_spec(odd.xml_path).compile()
+    qpos = in_default_pose(model, odd.description).qpos
+    assert qpos[:8].tolist() == [0.7, 0, 0, 0, 1, 0, 0, 0]
+    assert qpos[model.joint("tail").qposadr[0]] == 0.4
+    np.testing.assert_array_equal(qpos[joint_addresses(model, odd)[0]], odd.default_pose)
+
+
+def test_the_rigid_body_is_what_mujoco_sees_turn_and_move_as_one(odd: Robot) -> None:
+    """Its momenta about each axis in the default pose; the gate is no part of the robot."""
+    model = load_spec(odd.xml_path).compile()
+    data = in_default_pose(model, odd.description)
+    body, trunk = nominal_body(odd), model.body("trunk").id
+    mujoco.mj_forward(model, data)
+    assert body.mass == pytest.approx(model.body_mass.sum() - 5.0)
+    weights = model.body_mass[trunk:, None] * data.xipos[trunk:]
+    np.testing.assert_allclose(body.centre, weights.sum(axis=0) / body.mass, atol=1e-12)
+    for axis in range(3):
+        data.qvel[:] = 0.0
+        data.qvel[1 + 3 + axis] = 1.0
+        mujoco.mj_forward(model, data)
+        mujoco.mj_subtreeVel(model, data)
+        np.testing.assert_allclose(body.inertia[axis], data.subtree_angmom[trunk], atol=1e-12)
+
+
+def test_a_legs_inertia_is_what_its_joints_feel(odd: Robot) -> None:
+    """Without weight or motion, torque M a on one leg gives its joints the accelerations a, the base held."""
+    model = load_spec(odd.xml_path).compile()
+    model.opt.gravity[:] = 0.0
+    model.dof_frictionloss[:] = 0.0
+    data = in_default_pose(model, odd.description)
+    base = slice(1, 7)
+    mujoco.mj_forward(model, data)
+    dofs = joint_addresses(model, odd)[1][odd.foot_joints]
+    wanted = np.array([3.0, -5.0, 8.0])
+    for leg, inertia in enumerate(nominal_body(odd).leg_inertia):
+        data.qacc[:] = 0.0
+        data.qacc[dofs[leg]] = wanted
+        mujoco.mj_inverse(model, data)
+        np.testing.assert_allclose(data.qfrc_inverse[dofs[leg]], inertia @ wanted, atol=1e-9)
+        assert np.abs(data.qfrc_inverse[base]).max() > 0.1

@@ -1,0 +1,167 @@
+"""Left and right: partners by place, the kinds of numbers in a mirror, what is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from scipy.spatial.transform import Rotation
+
+from footfall.common.errors import UserError
+from footfall.robots import kinds
+from footfall.robots.description import Robot, load_robot
+from footfall.robots.kinds import Kind, Parts
+from footfall.robots.symmetry import Mirror, Symmetry, find_symmetry
+
+PARTS = Parts(joints=3, bodies=5, feet=4)
+SYMMETRY = Symmetry(
+    joints=Mirror(np.array([1, 0, 2]), np.array([1.0, 1.0, -1.0])),
+    feet=np.array([1, 0, 3, 2]),
+    bodies=np.array([0, 2, 1, 4, 3]),
+    clock=-1.0,
+)
+MIRROR = np.diag([1.0, -1.0, 1.0])  # at the x-z plane
+
+
+@pytest.mark.parametrize(
+    ("kind", "value", "image"),
+    [
+        (kinds.SCALAR, [7.0], [7.0]),
+        (kinds.VECTOR, [1.0, 2.0, 3.0], [1.0, -2.0, 3.0]),
+        (kinds.ROTATION, [1.0, 2.0, 3.0], [-1.0, 2.0, -3.0]),
+        (kinds.COMMAND, [1.0, 2.0, 3.0], [1.0, -2.0, -3.0]),
+        (kinds.CLOCK, [3.0, 4.0], [-3.0, -4.0]),
+        (kinds.JOINTS, [1.0, 2.0, 3.0], [2.0, 1.0, -3.0]),
+        (kinds.JOINT_AMOUNTS, [1.0, 2.0, 3.0], [2.0, 1.0, 3.0]),
+        (kinds.BODY_AMOUNTS, [1.0, 2.0, 3.0, 4.0, 5.0], [1.0, 3.0, 2.0, 5.0, 4.0]),
+        (kinds.FOOT_AMOUNTS, [1.0, 2.0, 3.0, 4.0], [2.0, 1.0, 4.0, 3.0]),
+    ],
+)
+def test_each_kind_of_numbers_has_its_size_and_its_image(
+    kind: Kind, value: list[float], image: list[float]
+) -> None:
+    assert kind.size(PARTS) == len(value)
+    mirror = kind.mirror(SYMMETRY)
+    assert mirror(np.array(value)).tolist() == image
+    batch = np.array([value, np.multiply(value, 10.0)], dtype=np.float32)
+    mirrored = mirror(batch)
+    np.testing.assert_array_equal(mirrored, [image, np.multiply(image, 10.0)])
+    assert mirrored.dtype == np.float32
+
+
+def test_a_single_number_has_no_axis() -> None:
+    assert kinds.SCALAR.shape(PARTS) == ()
+    assert kinds.CLOCK.shape(PARTS) == (2,)
+    assert kinds.JOINTS.shape(Parts(7)) == (7,)
+
+
+def test_rotations_are_mirrored_as_the_motion_is() -> None:
+    """A small turn r x p of a point, seen in the mirror, is the mirrored turn of the mirrored point."""
+    turn, point = np.array([0.3, -0.5, 0.7]), np.array([1.1, 0.4, -0.8])
+    image = kinds.ROTATION.mirror(SYMMETRY)(turn)
+    np.testing.assert_allclose(np.cross(image, MIRROR @ point), MIRROR @ np.cross(turn, point), atol=1e-12)
+    turned = Rotation.from_rotvec(turn).as_matrix()
+    np.testing.assert_allclose(Rotation.from_rotvec(image).as_matrix(), MIRROR @ turned @ MIRROR, atol=1e-12)
+
+
+def test_partners_and_signs_of_go1(go1: Robot) -> None:
+    """Legs are listed right, left, right, left; hips turn about x, thighs and calves about y."""
+    found = find_symmetry(go1)
+    assert found.feet.tolist() == [1, 0, 3, 2]
+    assert found.joints.source.tolist() == [3, 4, 5, 0, 1, 2, 9, 10, 11, 6, 7, 8]
+    assert found.joints.sign.tolist() == [-1, 1, 1] * 4
+    assert found.bodies.tolist() == [0, 4, 5, 6, 1, 2, 3, 10, 11, 12, 7, 8, 9]
+    assert set(np.abs(found.joints.sign)) == {1.0}
+
+
+def test_a_trunk_that_its_file_starts_turned_is_as_symmetric(own_folder: Path, go1: Robot) -> None:
+    xml = own_folder / "robot.xml"
+    xml.write_text(
+        xml.read_text().replace('"trunk" pos="0 0 0.445"', '"trunk" pos="1 2 0.4" euler="0.1 0.2 1.3"')
+    )
+    found, expected = find_symmetry(load_robot(own_folder)), find_symmetry(go1)
+    for ours, theirs in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(np.ravel(ours), np.ravel(theirs))
+
+
+def test_an_axis_the_other_way_round_changes_the_sign(own_folder: Path, go1: Robot) -> None:
+    """Left thighs that count backwards: their partners' images have the other sign."""
+    xml = own_folder / "robot.xml"
+    text = xml.read_text()
+    for leg in ("FL", "RL"):
+        text = text.replace(
+            f'name="{leg}_thigh_joint" class="hip"',
+            f'name="{leg}_thigh_joint" class="hip" axis="0 -1 0" range="-4.501 0.686"',
+        )
+    xml.write_text(text)
+    declaration = own_folder / "robot.yaml"
+    content = yaml.safe_load(declaration.read_text())
+    for joint in content["joints"]:
+        if joint["name"] in ("FL_thigh_joint", "RL_thigh_joint"):
+            joint["default_rad"] *= -1.0
+    declaration.write_text(yaml.safe_dump(content))
+    assert find_symmetry(load_robot(own_folder)).joints.sign.tolist() == [-1, -1, 1] * 4
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        (
+            'name="FL_hip" pos="0.1881 0.04675',
+            'name="FL_hip" pos="0.2081 0.04675',
+            "_joint has no mirror image",
+        ),
+        (
+            '"FL_calf_joint" class="knee"',
+            '"FL_calf_joint" class="knee" axis="0.2 1 0"',
+            "the axes of FR_calf",
+        ),
+        (
+            '<geom name="FL_foot" class="foot"/>',
+            '<geom name="FL_foot" class="foot" pos="0.02 0 -.213"/>',
+            "foot F",
+        ),
+        ('mass="5.204" pos="0.0223 0.002', 'mass="5.204" pos="0.0223 0.02', "body trunk has no mirror image"),
+    ],
+)
+def test_what_has_no_image_is_named(own_folder: Path, old: str, new: str, says: str) -> None:
+    xml = own_folder / "robot.xml"
+    text = xml.read_text()
+    assert old in text
+    xml.write_text(text.replace(old, new))
+    with pytest.raises(UserError, match=says) as caught:
+        find_symmetry(load_robot(own_folder))
+    assert "robot 'go1'" in str(caught.value)
+
+
+def test_a_default_pose_that_differs_left_and_right_is_refused(own_folder: Path) -> None:
+    """By two milliradians, which move no joint by the tolerance on places."""
+    declaration = own_folder / "robot.yaml"
+    text = declaration.read_text()
+    declaration.write_text(
+        text.replace(
+            "RR_calf_joint,  motor: knee, default_rad: -1.8",
+            "RR_calf_joint,  motor: knee, default_rad: -1.802",
+        )
+    )
+    with pytest.raises(UserError, match="its default pose differs left and right"):
+        find_symmetry(load_robot(own_folder))
+
+
+@pytest.mark.parametrize(
+    ("phase", "sign"),
+    [
+        (None, 1.0),
+        ([0.1, 0.6, 0.85, 0.35], -1.0),  # partners half a cycle apart
+        ([0.9, 0.9, 0.2, 0.2], 1.0),  # partners together
+    ],
+)
+def test_the_clock_changes_its_sign_where_partners_take_turns(
+    go1: Robot, phase: list[float] | None, sign: float
+) -> None:
+    assert find_symmetry(go1, None if phase is None else np.array(phase)).clock == sign
+
+
+def test_a_gait_that_has_no_image_is_refused(go1: Robot) -> None:
+    with pytest.raises(UserError, match="phase"):
+        find_symmetry(go1, np.array([0.0, 0.5, 0.25, 0.25]))
