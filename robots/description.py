@@ -172,17 +172,13 @@ class Robot:
         return self.joint_names.index(name)
 
     @cached_property
-    def foot_joints(self) -> np.ndarray:
-        """Indices of each leg's joints from the base outwards, shape (feet, joints of a leg)."""
-        return np.array([[self.joint_index(j) for j in f.joints] for f in self.description.feet])
+    def foot_joints(self) -> tuple[np.ndarray, ...]:
+        """Indices of each leg's joints from the base outwards."""
+        return tuple(np.array([self.joint_index(j) for j in f.joints]) for f in self.description.feet)
 
     @cached_property
     def legs(self) -> "Legs":
-        """Kinematics of the legs, one for all who move or watch this robot.
-
-        Raises:
-            UserError: they are not made of three hinges (see `Legs`).
-        """
+        """Kinematics of the legs, one for all who move or watch this robot."""
         from footfall.robots.kinematics import Legs
 
         return Legs(self)

@@ -17,7 +17,7 @@ class RigidBody:
     mass: float  # kg
     centre: np.ndarray  # (3,) m, centre of mass from the base's origin
     inertia: np.ndarray  # (3, 3) kg m^2 about the centre of mass
-    leg_inertia: np.ndarray  # (legs, 3, 3) kg m^2, joint space, reflected inertia included
+    leg_inertia: np.ndarray  # (legs, m, m) kg m^2, joint space as in `Legs`, reflected inertia included
 
 
 def nominal_body(robot: Robot) -> RigidBody:
@@ -28,7 +28,9 @@ def nominal_body(robot: Robot) -> RigidBody:
     mujoco.mj_fullM(model, data, inertia)
     base = model.body(robot.description.base)
     six = np.arange(6) + base.dofadr[0]
-    joints = np.array([model.joint(name).dofadr[0] for name in robot.joint_names])[robot.foot_joints]
+    legs = robot.legs
+    joints = np.array([model.joint(name).dofadr[0] for name in robot.joint_names])[legs.joints]
+    present = legs.present[:, :, None] & legs.present[:, None, :]
     mass = model.body_subtreemass[base.id]
     centre = data.subtree_com[base.id]
     arm = skew(centre)
@@ -36,5 +38,5 @@ def nominal_body(robot: Robot) -> RigidBody:
         mass=float(mass),
         centre=centre,
         inertia=inertia[np.ix_(six[3:], six[3:])] + mass * arm @ arm,  # Steiner: less that of its centre
-        leg_inertia=inertia[joints[:, :, None], joints[:, None, :]],
+        leg_inertia=inertia[joints[:, :, None], joints[:, None, :]] * present,
     )

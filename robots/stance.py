@@ -30,10 +30,14 @@ def in_default_pose(model: mujoco.MjModel, description: "Description") -> mujoco
 
 def touching_height(description: "Description", model: mujoco.MjModel) -> float:
     """Height of the base's origin, m, at which the lowest foot touches the ground in the default pose."""
+    return -float(lowest_points(description, model).min())
+
+
+def lowest_points(description: "Description", model: mujoco.MjModel) -> np.ndarray:
+    """Height of each foot's lowest point over the base's origin in the default pose, m, (feet,)."""
     data = in_default_pose(model, description)
-    return -min(
-        _lowest_point(model, data, model.geom(name).id) for foot in description.feet for name in foot.geoms
-    )
+    lowest = [[_lowest_point(model, data, model.geom(n).id) for n in foot.geoms] for foot in description.feet]
+    return np.array([min(each) for each in lowest])
 
 
 def foot_places(description: "Description", model: mujoco.MjModel) -> np.ndarray:

@@ -78,7 +78,7 @@ def test_unknown_robot_lists_the_known_ones() -> None:
         ("torque_share: 0.3", "torque_share: 30", "an action of 1 move joint FR_hip_joint by 22.8 rad"),
         ("default_rad: 0.1, ", "default_rad: 3.0, ", "outside -0.863 to 0.863"),
         ("base: trunk", "base: FR_hip", "no free joint"),
-        ("FR_hip_joint, FR_thigh_joint, FR_calf_joint]", "FR_hip_joint]", "number of joints"),
+        ("[FR_hip_joint, FR_thigh_joint, FR_calf_joint]", "[]", "foot FR: its leg needs a joint at least"),
         ("{name: FL, geoms", "{name: FR, geoms", "listed twice"),
     ],
 )

@@ -37,7 +37,7 @@ def test_arrays_follow_its_joint_order(mine: Robot, go1: Robot) -> None:
     for figure in ("default_pose", "lower_rad", "upper_rad", "armature", "kp", "kd", "action_scale"):
         np.testing.assert_array_equal(getattr(mine, figure), getattr(go1, figure)[::-1])
     np.testing.assert_array_equal(mine.motor.peak_torque, go1.motor.peak_torque[::-1])
-    np.testing.assert_array_equal(mine.foot_joints, 11 - go1.foot_joints)
+    np.testing.assert_array_equal(np.array(mine.foot_joints), 11 - np.array(go1.foot_joints))
 
 
 @pytest.mark.parametrize("make", [plant_model, training_model])

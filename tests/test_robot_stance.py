@@ -130,7 +130,7 @@ def test_a_legs_inertia_is_what_its_joints_feel(odd: Robot) -> None:
     data = in_default_pose(model, odd.description)
     base = slice(1, 7)
     mujoco.mj_forward(model, data)
-    dofs = joint_addresses(model, odd)[1][odd.foot_joints]
+    dofs = joint_addresses(model, odd)[1][np.array(odd.foot_joints)]
     wanted = np.array([3.0, -5.0, 8.0])
     for leg, inertia in enumerate(nominal_body(odd).leg_inertia):
         data.qacc[:] = 0.0

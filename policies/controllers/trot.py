@@ -126,7 +126,8 @@ class Trot:
         return turning + np.array([forward, leftward, 0.0])
 
     def _weight_torque(self, pose: LegPose) -> np.ndarray:
-        """Joint torques (legs, 3) that share the weight among the feet that stand, N m."""
+        """Joint torques (legs, m) that share the weight among the feet that stand, N m."""
         stands = self._clock.stance()
-        force = stands * (self._config.weight_n / max(1, int(stands.sum())))
-        return -pose.jacobian[:, 2, :] * force[:, None]
+        force = np.zeros_like(pose.foot)
+        force[:, 2] = stands * (self._config.weight_n / max(1, int(stands.sum())))
+        return self._legs.torque(pose.jacobian, force)

@@ -63,22 +63,20 @@ class LegControl:
         wanted = np.zeros((legs.count, 3, 2))  # velocity and acceleration of the feet
         wanted[:, :, 0] = -velocity - cross(turn, pose.foot)
         wanted[swinging] = swing[:, 1:].transpose(0, 2, 1)
-        motion = np.linalg.solve(jacobian, wanted)
+        motion = legs.joint_rates(jacobian, wanted)
         joint_velocity = _within(motion[:, :, 0], self._most_speed)
         inertia_torque = (self._body.leg_inertia @ motion[:, :, 1:])[:, :, 0]
 
-        values = np.empty((5, legs.count, 3))
-        values[0] = joint_position[legs.joints]
+        values = np.empty((5, legs.count, legs.hinges))
+        values[0] = legs.gather(joint_position)
         if swinging:
             values[0, swinging] = legs.solve(swing[:, 0], swinging)
         values[1] = joint_velocity
         values[2:4] = self._gains[:, stands.view(np.uint8), None]
         values[4] = _within(inertia_torque, self._most_inertia_torque)
-        values[4] -= (force[:, None, :] @ jacobian)[:, 0]
+        values[4] += legs.torque(jacobian, force)
         values[4] += self._friction * _within(joint_velocity / self._friction_speed, 1.0)
-        command = self._outside_legs.copy()
-        command[:, legs.joints] = values
-        return JointCommand(*command)
+        return JointCommand(*legs.scatter(values, self._outside_legs))
 
 
 def _within(value: np.ndarray, most: np.ndarray | float) -> np.ndarray:

@@ -1,0 +1,141 @@
+"""Inverse kinematics in closed form of a limb with a first hinge and two parallel ones after it.
+
+Such are the legs of most quadrupeds (abduction, hip, knee) and hexapods (coxa, femur, tibia). Seen from the
+first link, the limb is a two-link arm in the plane across the parallel axes, so a complex number holds the
+tip's place in that plane:
+
+    z = exp(i q2) (upper + exp(i q3) lower)
+
+and the first hinge carries the plane around its axis.
+"""
+
+import cmath
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from footfall.common.rotations import skew, wrap_angle
+from footfall.robots.limb import Limb
+
+_PARALLEL = 1e-6  # largest sine of the angle between two axes that count as parallel
+_SHORT_M = 1e-3  # a link has to be longer
+
+
+class ClosedForm(NamedTuple):
+    """Constants of one limb's inverse kinematics, and which of its solutions is meant.
+
+    The limb's plane turns with the first hinge: of a vector's part in it, one share stays, one goes with the
+    cosine of the first angle and one with the sine.
+    """
+
+    anchor: list[float]  # (3,) m, on the first hinge
+    along: list[float]  # (3,) the parallel axes' part along the first
+    across: list[complex]  # (3,) and across it, the imaginary part a quarter turn on
+    still: list[complex]  # (3,) a vector's part in the plane: the share that stays
+    cosine: list[complex]
+    sine: list[complex]
+    offset: float  # m, of the tip from the first hinge along the parallel axes
+    side: float  # +1 or -1: of the first hinge's two solutions
+    origin: complex  # m, the second hinge in the limb's plane
+    upper: complex  # m, link from the second hinge to the third
+    lower: complex  # m, from the third to the tip
+    bend: float  # +1 or -1: of the knee's two solutions
+    square_sum: float  # m^2, of the two links' lengths
+    twice_product: float  # m^2, of the same
+    knee_offset: float  # rad, between the links at zero knee angle
+    middle: list[float]  # rad, (3,) of each joint's range
+    half: list[float]  # rad, (3,)
+
+    def angles(self, tip: Sequence[float]) -> tuple[float, float, float]:
+        """The three angles that put the tip at a place (3,) in the base frame, m.
+
+        Within the limits always; out of reach the limb points at the place, stretched or folded.
+        """
+        (x, y, z), (x0, y0, z0) = tip, self.anchor
+        reach = x - x0, y - y0, z - z0
+        # The first hinge must bring the reach's part along the parallel axes to its fixed value (Paden and
+        # Kahan's fourth subproblem): across cos(q1) + turned sin(q1) = offset - along.
+        across = _dot(reach, self.across)
+        turn = self.side * _arccos((self.offset - _dot(reach, self.along).real) / max(abs(across), 1e-9))
+        first = _within(cmath.phase(across) + turn, self.middle[0], self.half[0])
+        # Law of cosines for the knee, then the hip turns the whole two-link arm onto the reach's place.
+        place = _dot(reach, self.still) - self.origin
+        place += math.cos(first) * _dot(reach, self.cosine) + math.sin(first) * _dot(reach, self.sine)
+        square = place.real * place.real + place.imag * place.imag
+        knee = self.bend * _arccos((square - self.square_sum) / self.twice_product)
+        third = _within(knee - self.knee_offset, self.middle[2], self.half[2])
+        arm = self.upper + cmath.rect(1.0, third) * self.lower
+        second = _within(cmath.phase(place * arm.conjugate()), self.middle[1], self.half[1])
+        return first, second, third
+
+
+def closed_form(limb: Limb, default_tip: np.ndarray) -> ClosedForm | None:
+    """The closed form of a limb, or None where it is of another kind.
+
+    Of the two bends of the knee, and of the two sides of the first hinge, the default pose's are chosen.
+
+    Args:
+        limb: its geometry.
+        default_tip: (3,) m, where its tip is in the default pose.
+    """
+    if len(limb.axis) != 3:
+        return None
+    first, normal, third = limb.axis
+    bent = np.linalg.norm(np.cross(normal, third)) > _PARALLEL or normal @ third < 0
+    if bent or np.linalg.norm(np.cross(first, normal)) < _PARALLEL:
+        return None
+    upper_link, lower_link = limb.anchor[2] - limb.anchor[1], limb.tip - limb.anchor[2]
+    flat = upper_link - (upper_link @ normal) * normal
+    if np.linalg.norm(flat) < _SHORT_M:
+        return None
+    x = flat / np.linalg.norm(flat)
+    plane = x + 1j * np.cross(normal, x)  # a vector's product with it is its place in the plane
+    upper, lower = complex(upper_link @ plane), complex(lower_link @ plane)
+    if abs(lower) < _SHORT_M:
+        return None
+    hip = limb.anchor[1] - limb.anchor[0] + ((upper_link + lower_link) @ normal) * normal
+    along, across, turned = _split_rotation(first)
+    knee_offset = cmath.phase(lower / upper)
+    right = ClosedForm(
+        anchor=limb.anchor[0].tolist(),
+        along=(along @ normal).tolist(),
+        across=(across @ normal + 1j * (turned @ normal)).tolist(),
+        still=(along @ plane).tolist(),
+        cosine=(across @ plane).tolist(),
+        sine=(turned @ plane).tolist(),
+        offset=float(hip @ normal),
+        side=1.0,
+        origin=complex(hip @ plane),
+        upper=upper,
+        lower=lower,
+        bend=-1.0 if math.sin(limb.default[2] + knee_offset) < 0 else 1.0,
+        square_sum=abs(upper) ** 2 + abs(lower) ** 2,
+        twice_product=2 * abs(upper) * abs(lower),
+        knee_offset=knee_offset,
+        middle=((limb.upper + limb.lower) / 2).tolist(),
+        half=((limb.upper - limb.lower) / 2).tolist(),
+    )
+    left = right._replace(side=-1.0)
+    place = default_tip.tolist()
+    return min((right, left), key=lambda side: np.abs(side.angles(place) - limb.default).max())
+
+
+def _dot(vector: tuple[float, float, float], row: Sequence[complex]) -> complex:
+    return vector[0] * row[0] + vector[1] * row[1] + vector[2] * row[2]
+
+
+def _arccos(cosine: float) -> float:
+    return math.acos(min(max(cosine, -1.0), 1.0))  # in this order, what is not a number stays so
+
+
+def _within(angle: float, middle: float, half: float) -> float:
+    """The turn of an angle that is nearest to the middle of a range, moved into the range."""
+    return middle + min(max(wrap_angle(angle - middle), -half), half)
+
+
+def _split_rotation(axis: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rodrigues' rotation about an axis as along + cos(q) across + sin(q) turned, each (3, 3)."""
+    along = np.outer(axis, axis)
+    return along, np.eye(3) - along, skew(axis)

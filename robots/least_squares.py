@@ -1,0 +1,116 @@
+"""Inverse kinematics of any serial chains, several at a time, by damped least squares within joint limits.
+
+Levenberg-Marquardt with the damping of Sugihara 2011 ("Solvability-unconcerned inverse kinematics by the
+Levenberg-Marquardt method"): it grows with the squared error, so that a place out of reach ends in the pose
+nearest to it, and vanishes at the solution, where steps become Newton's. Each solve begins at the default
+pose: its result depends on the place alone, and of several solutions it is the one that this pose leads to.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+_ITERATIONS = 40
+_CLOSE_M = 1e-10
+_WORTHWHILE = 1.0 - 1e-4  # share of the squared error that a step has to go below
+_DAMPING = 1e-9  # m^2, what stays of the damping at the solution
+_LEVEL_WEIGHT_M = 0.1  # metres that one radian between a sole and its orientation counts as
+
+
+class Chains(NamedTuple):
+    """Where limbs' ends are in a pose, base frame; limbs with fewer hinges than m have zero columns."""
+
+    tip: np.ndarray  # (limbs, 3) m
+    jacobian: np.ndarray  # (limbs, 3, m) m/rad
+    axes: np.ndarray  # (limbs, 3, m) directions of the hinges
+    turn: np.ndarray  # (limbs, 3, 3) rotation of the last link
+
+
+class LeastSquares:
+    """Solves for the angles of limbs that have no closed form.
+
+    Args:
+        forward: joint angles (limbs, m) to where the limbs' ends are.
+        lower, upper: (limbs, m) rad, joint limits.
+        default: (limbs, m) rad, where each solve begins.
+        level: (limbs,) whose last link keeps the orientation that it has in the default pose: soles at the
+            end of limbs that have hinges enough.
+    """
+
+    def __init__(
+        self,
+        forward: Callable[[np.ndarray], Chains],
+        lower: np.ndarray,
+        upper: np.ndarray,
+        default: np.ndarray,
+        level: np.ndarray,
+    ) -> None:
+        self._forward, self._lower, self._upper, self._default = forward, lower, upper, default
+        start = forward(default)
+        self._tip, self._turn = start.tip.copy(), start.turn.copy()
+        self._weight = _LEVEL_WEIGHT_M * level[:, None]
+
+    def solve(self, tips: np.ndarray, limbs: list[int]) -> np.ndarray:
+        """Joint angles (k, m), rad, that put the tips of k limbs at places (k, 3), m, or as near as can be.
+
+        Finite and within the limits; not a number where the place is not. A sole that cannot be level there
+        gives up its orientation, not its place.
+        """
+        target = self._tip.copy()
+        wanted = np.isfinite(tips).all(axis=1)
+        target[limbs] = np.where(wanted[:, None], tips, target[limbs])
+        angles, missing = self._descend(target, self._default, self._weight)
+        if self._weight.any() and missing.max() > _CLOSE_M:
+            nearest, _ = self._descend(target, angles, 0.0 * self._weight)
+            angles = np.where((missing > _CLOSE_M)[:, None], nearest, angles)
+        result = angles[limbs]
+        result[~wanted] = np.nan
+        return result
+
+    def _descend(
+        self, target: np.ndarray, start: np.ndarray, weight: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The best angles on the way from a start, (limbs, m), and what they leave missing, (limbs,) m."""
+        angles = best = start
+        least = np.full(len(start), np.inf)
+        for _ in range(_ITERATIONS):
+            error, jacobian = self._error(angles, target, weight)
+            square = (error * error).sum(axis=1)
+            better = square < _WORTHWHILE * least
+            best, least = np.where(better[:, None], angles, best), np.where(better, square, least)
+            if not better.any() or least.max() < _CLOSE_M**2:
+                break
+            angles = self._stepped(angles, error, jacobian, square)
+        return best, np.sqrt(least)
+
+    def _error(
+        self, angles: np.ndarray, target: np.ndarray, weight: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """What is missing, (limbs, 3 or 6) m, and its Jacobian: place, then orientation where it counts."""
+        ends = self._forward(angles)
+        missing = target - ends.tip
+        if not weight.any():
+            return missing, ends.jacobian
+        # The rotation that is missing, of which a small one is the skew part.
+        turn = self._turn @ ends.turn.transpose(0, 2, 1)
+        turned = 0.5 * (turn[:, [2, 0, 1], [1, 2, 0]] - turn[:, [1, 2, 0], [2, 0, 1]])
+        error = np.concatenate([missing, weight * turned], axis=1)
+        return error, np.concatenate([ends.jacobian, weight[:, :, None] * ends.axes], axis=1)
+
+    def _stepped(
+        self, angles: np.ndarray, error: np.ndarray, jacobian: np.ndarray, square: np.ndarray
+    ) -> np.ndarray:
+        """The next angles. Joints that would leave their range from its end are held, and the rest solved."""
+        damping = (0.5 * square + _DAMPING)[:, None, None] * np.eye(error.shape[1])
+        step = _damped_step(jacobian, error, damping)
+        held = ((angles <= self._lower) & (step < 0.0)) | ((angles >= self._upper) & (step > 0.0))
+        if held.any():
+            step = _damped_step(np.where(held[:, None, :], 0.0, jacobian), error, damping)
+        return np.minimum(np.maximum(angles + step, self._lower), self._upper)
+
+
+def _damped_step(jacobian: np.ndarray, error: np.ndarray, damping: np.ndarray) -> np.ndarray:
+    """J' (J J' + damping)^-1 error, (limbs, m)."""
+    across = jacobian.transpose(0, 2, 1)
+    return (across @ np.linalg.solve(jacobian @ across + damping, error[:, :, None]))[:, :, 0]
