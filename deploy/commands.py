@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from footfall.policies.contract import CommandRange
+from footfall.robots.commands import CommandRange
 
 _AXES = (("forward", "m/s"), ("leftward", "m/s"), ("yaw", "rad/s"))
 

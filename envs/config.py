@@ -12,7 +12,8 @@ from footfall.common.config import (
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import Randomisation
-from footfall.policies.contract import CommandRange, Term
+from footfall.policies.contract import Term
+from footfall.robots.commands import CommandRange
 
 FASTEST_CONTROL_HZ = 1000.0  # no learned policy is run faster
 LEAST_SUBSTEPS = 2  # a foot's velocity is the difference of its last two positions in a control step

@@ -34,6 +34,7 @@ def evaluate_policy(
     json_path: Path | None = None,
     workers: int | None = None,
     ground_truth: bool = False,
+    scenario_file: Path | None = None,
     console: Console | None = None,
 ) -> dict[str, Any]:
     """Run a policy through scenarios, print the table, write the JSON.
@@ -48,6 +49,7 @@ def evaluate_policy(
         json_path: where results go as well.
         workers: processes; one for each core if None.
         ground_truth: hand the policy the true base velocity.
+        scenario_file: scenarios of the user's, beside ours.
         console: where to print.
 
     Returns:
@@ -58,7 +60,7 @@ def evaluate_policy(
         UserError: something named does not exist or does not fit, or the output cannot be written.
     """
     console = console or Console()
-    setup = Setup(robot_spec, tuple(scenarios), seed, episodes, plant, ground_truth, workers)
+    setup = Setup(robot_spec, tuple(scenarios), seed, episodes, plant, ground_truth, workers, scenario_file)
     robot, file, policies = _load(setup, [policy_spec])
     check_outputs(json_path)
     (result,) = _score(robot, file, policies, setup, console).values()
@@ -78,6 +80,7 @@ def compare_policies(
     html_path: Path | None = None,
     workers: int | None = None,
     ground_truth: bool = False,
+    scenario_file: Path | None = None,
     console: Console | None = None,
 ) -> dict[str, Any]:
     """Run several policies through the same scenarios and the test course; table, JSON, HTML report.
@@ -92,7 +95,7 @@ def compare_policies(
             output cannot be written.
     """
     console = console or Console()
-    setup = Setup(robot_spec, tuple(scenarios), seed, episodes, plant, ground_truth, workers)
+    setup = Setup(robot_spec, tuple(scenarios), seed, episodes, plant, ground_truth, workers, scenario_file)
     robot, file, policies = _load(setup, policy_specs)
     if html_path is not None:
         from footfall.evaluate.report.extra import check_installed
@@ -138,7 +141,7 @@ def _load(setup: Setup, specs: Sequence[str]) -> tuple[Robot, ScenarioFile, dict
     if setup.episodes is not None and setup.episodes < 1:
         raise UserError(f"episodes is {setup.episodes}: it must be 1 or more")
     robot = load_robot(setup.robot)
-    file = load_scenarios()
+    file = load_scenarios(robot.description.commands, setup.scenario_file)
     file.select(setup.scenarios)
     policies = {spec: load_policy(spec, robot) for spec in specs}
     if setup.plant is not None:

@@ -50,6 +50,8 @@ def command_line(comparison: Comparison) -> str:
     options = ["--robot", setup.robot, "--scenarios", ",".join(setup.scenarios), "--seed", str(setup.seed)]
     if setup.episodes is not None:
         options += ["--episodes", str(setup.episodes)]
+    if setup.scenario_file is not None:
+        options += ["--scenario-file", str(setup.scenario_file)]
     if setup.plant is not None:
         options += ["--plant", str(setup.plant)]
     if setup.ground_truth:

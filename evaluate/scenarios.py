@@ -1,17 +1,20 @@
 """Scenarios as data: what policies are put through, read from `scenarios.yaml`."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
-from footfall.common.config import load
+from footfall.common.config import merged, read_yaml, structure
 from footfall.common.errors import UserError
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import QUANTITIES
 from footfall.plant.episode import Push
+from footfall.robots.commands import CommandRange
 
 DEFAULT = Path(__file__).parent / "scenarios.yaml"
 COMMAND_AXES = ("forward_m_s", "leftward_m_s", "yaw_rad_s")
+SHARES = dict(zip(("forward_share", "leftward_share", "yaw_share"), COMMAND_AXES, strict=True))
 PUSH_LEVELS = ("push_m_s", "push_direction_deg")
 LEVEL_NAMES = (*COMMAND_AXES, *PUSH_LEVELS, *QUANTITIES)
 
@@ -97,6 +100,54 @@ class ScenarioFile:
         return {name: self.scenarios[name] for name in names}
 
 
-def load_scenarios(path: Path = DEFAULT) -> ScenarioFile:
-    """Read scenarios from YAML; raises UserError if they are malformed."""
-    return load(path, ScenarioFile)
+def load_scenarios(commands: CommandRange, own: Path | None = None) -> ScenarioFile:
+    """The scenarios for a robot, its commands in m/s and rad/s.
+
+    Args:
+        commands: the robot's range, of which the file's commands are shares.
+        own: a file of the user's, whose scenarios come after ours, or replace those of the same name.
+
+    Raises:
+        UserError: a file is malformed.
+    """
+    data = read_yaml(DEFAULT)
+    if own is not None:
+        data = merged(data, read_yaml(own))
+    file = structure(_in_units(data, commands), ScenarioFile, str(own or DEFAULT))
+    return replace(file, scenarios={name: _told(scenario) for name, scenario in file.scenarios.items()})
+
+
+def _in_units(data: Any, ranges: CommandRange) -> Any:
+    """Plain data with shares of the robot's commands replaced by commands."""
+    if isinstance(data, list):
+        return [SHARES.get(item, item) if isinstance(item, str) else _in_units(item, ranges) for item in data]
+    if not isinstance(data, dict):
+        return data
+    return {
+        SHARES.get(key, key): _scaled(value, getattr(ranges, SHARES[key]))
+        if key in SHARES
+        else _in_units(value, ranges)
+        for key, value in data.items()
+    }
+
+
+def _scaled(share: Any, limits: Range) -> Any:
+    """A share of a range, or each of a list, as a command; what is no number stays as it is."""
+    if isinstance(share, list):
+        return [_scaled(item, limits) for item in share]
+    if not isinstance(share, int | float):
+        return share
+    return share * limits[1] if share >= 0 else -share * limits[0]
+
+
+def _told(scenario: Scenario) -> Scenario:
+    """The scenario, saying in what ranges its commands are drawn."""
+    drawn = scenario.commands
+    if drawn is None:
+        return scenario
+    forward, leftward, yaw = (
+        f"{low:g} to {high:g}" for low, high in (drawn.forward_m_s, drawn.leftward_m_s, drawn.yaw_rad_s)
+    )
+    return replace(
+        scenario, about=f"{scenario.about} (forward {forward} m/s, leftward {leftward} m/s, yaw {yaw} rad/s)"
+    )

@@ -27,6 +27,7 @@ class Setup:
     plant: Path | None = None
     ground_truth: bool = False
     workers: int | None = None
+    scenario_file: Path | None = None  # of the user's
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from footfall.options import Count, JsonFile, Names, Plant, RobotName, Seed
+from footfall.options import Count, JsonFile, Names, Plant, RobotName, ScenarioFile, Seed
 
 
 @Parameter(name="*")
@@ -18,6 +18,7 @@ class EvaluationOptions:
     robot: RobotName = "go1"
     scenarios: Names = ("nominal", "push")
     """Names of scenarios, see evaluate/scenarios.yaml."""
+    scenario_file: ScenarioFile = None
     episodes: Annotated[Count | None, Parameter(show_default=False)] = None
     """Episodes of each scenario (default: the scenario's own number)."""
     seed: Seed = 0
@@ -38,6 +39,7 @@ def arguments(options: EvaluationOptions) -> dict[str, Any]:
     return {
         "robot_spec": options.robot,
         "scenarios": options.scenarios,
+        "scenario_file": options.scenario_file,
         "episodes": options.episodes,
         "seed": options.seed,
         "plant": options.plant,

@@ -69,6 +69,10 @@ Plant = Annotated[
     OptionalPath,
     Parameter(help="Another MJCF for the simulated robot's body, matched by joint name (default: its own)."),
 ]
+ScenarioFile = Annotated[
+    OptionalPath,
+    Parameter(help="Scenarios of your own in YAML, beside those of evaluate/scenarios.yaml."),
+]
 JsonFile = Annotated[OptionalPath, Parameter(help="Write the figures to this file.")]
 HtmlFile = Annotated[OptionalPath, Parameter(help="Write a self-contained report to this file.")]
 Seconds = Annotated[float, Parameter(validator=_positive)]

@@ -8,7 +8,7 @@ import numpy as np
 from footfall.pages.metrics_file import MetricsFile, thinned
 from footfall.pages.page import BRAND
 from footfall.pages.snapshots import NEWEST
-from footfall.policies.contract import CommandRange
+from footfall.robots.commands import CommandRange
 
 if TYPE_CHECKING:
     from viser import GuiSliderHandle, GuiUplotHandle, ViserServer

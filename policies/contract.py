@@ -8,6 +8,7 @@ import numpy as np
 
 from footfall.common.config import require_positive, structure, unstructure
 from footfall.common.errors import UserError
+from footfall.robots.commands import CommandRange
 from footfall.robots.description import Robot
 
 CONTRACT_KEY = "footfall.contract"  # of an ONNX file's metadata
@@ -42,15 +43,6 @@ class Gait:
 
 
 @dataclass(frozen=True)
-class CommandRange:
-    """Commands that a policy was trained on: forward and leftward m/s, yaw rad/s."""
-
-    forward_m_s: tuple[float, float]
-    leftward_m_s: tuple[float, float]
-    yaw_rad_s: tuple[float, float]
-
-
-@dataclass(frozen=True)
 class Contract:
     """All that training and deployment must agree on. Per-joint tuples are in joint order."""
 
@@ -63,7 +55,7 @@ class Contract:
     action_scale_rad: tuple[float, ...]
     kp: tuple[float, ...]
     kd: tuple[float, ...]
-    commands: CommandRange
+    commands: CommandRange  # that it was trained on
     gait: Gait | None = None
     standing_command: float = 0.1  # commands of a smaller norm mean: stand still; 0: step in place
     version: int = field(default=VERSION)

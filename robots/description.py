@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 import mujoco
 import numpy as np
 
-from footfall.common.config import load, require_between, require_positive
+from footfall.common.config import load, require_between, require_ordered, require_positive
 from footfall.common.errors import UserError
 from footfall.robots.actuator import Motor
 from footfall.robots.checks import contradictions, inconsistencies, overreach
+from footfall.robots.commands import CommandRange
 from footfall.robots.digest import digest
 from footfall.robots.stability import instabilities
 from footfall.robots.stance import foot_places
@@ -100,9 +101,11 @@ class Description:
     joints: tuple[JointEntry, ...]
     feet: tuple[Foot, ...]
     imu_bus: str
+    commands: CommandRange  # that scenarios ask of it
 
     def __post_init__(self) -> None:
         require_positive(self, "standing_height_m", "soft_limit_factor", "target_rate_rad_s")
+        require_ordered(self.commands, "forward_m_s", "leftward_m_s", "yaw_rad_s")
         if self.soft_limit_factor > 1.0:
             raise ValueError(f"soft_limit_factor must be at most 1, not {self.soft_limit_factor}")
         if not self.name.replace("-", "").replace("_", "").isalnum():

@@ -14,8 +14,9 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from footfall.policies.contract import CommandRange, Contract, Gait, Term
+from footfall.policies.contract import Contract, Gait, Term
 from footfall.policies.gaits import find_gait
+from footfall.robots.commands import CommandRange
 from footfall.robots.description import ROBOTS, Robot, load_robot
 
 # A shell that starts the tests in the background has them, and all that they start, ignore Ctrl-C.

@@ -13,10 +13,11 @@ from footfall.evaluate import api, suite
 from footfall.evaluate.pool import Outcome, run_all
 from footfall.evaluate.scenarios import Scenario, ScenarioFile, Waypoint, load_scenarios
 from footfall.plant.episode import Push
+from footfall.robots.description import load_robot
 
 WALK = (Waypoint(0.0, forward_m_s=0.5),)
 SHORT = ScenarioFile(
-    noise=load_scenarios().noise,
+    noise=load_scenarios(load_robot("go1").description.commands).noise,
     scenarios={
         "forward": Scenario("Straight ahead", 2, 1.4, script=WALK),
         "push": Scenario(
@@ -37,7 +38,7 @@ BRIEF = ("--scenarios", "forward", "--episodes", "1", "--workers", "1")
 @pytest.fixture
 def shell(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Shell:
     """A command line whose scenarios take a second."""
-    monkeypatch.setattr(api, "load_scenarios", lambda: SHORT)
+    monkeypatch.setattr(api, "load_scenarios", lambda *_: SHORT)
     return Shell(capsys)
 
 

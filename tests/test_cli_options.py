@@ -68,15 +68,15 @@ def scored(*errors: str) -> dict[str, Any]:
 
 EVALUATION = (
     "--robot", "rex", "--scenarios", "push, nominal", "--episodes", "3", "--seed", "5", "--plant", "p.xml",
-    "--ground-truth", "--workers", "2", "--json", "out.json",
+    "--ground-truth", "--workers", "2", "--json", "out.json", "--scenario-file", "own.yaml",
 )  # fmt: skip
 ASKED = {
     "robot_spec": "rex", "scenarios": ("push", "nominal"), "episodes": 3, "seed": 5, "plant": Path("p.xml"),
-    "ground_truth": True, "workers": 2, "json_path": Path("out.json"),
+    "ground_truth": True, "workers": 2, "json_path": Path("out.json"), "scenario_file": Path("own.yaml"),
 }  # fmt: skip
 PLAIN = {
     "robot_spec": "go1", "scenarios": ("nominal", "push"), "episodes": None, "seed": 0, "plant": None,
-    "ground_truth": False, "workers": None, "json_path": None,
+    "ground_truth": False, "workers": None, "json_path": None, "scenario_file": None,
 }  # fmt: skip
 
 

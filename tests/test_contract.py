@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from footfall.common.errors import UserError
-from footfall.policies.contract import CommandRange, Contract, Gait, Term
+from footfall.policies.contract import Contract, Gait, Term
+from footfall.robots.commands import CommandRange
 from footfall.robots.description import Robot, load_robot
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)

@@ -9,7 +9,8 @@ from deploy_policies import Hold, short_episode
 from footfall.deploy.commands import CommandLimits
 from footfall.deploy.replay import read_log
 from footfall.plant.episode import run_episode
-from footfall.policies.contract import CommandRange, Contract
+from footfall.policies.contract import Contract
+from footfall.robots.commands import CommandRange
 from footfall.robots.description import Robot
 
 RANGES = CommandRange((-1.0, 1.5), (-0.5, 0.5), (-1.0, 1.0))

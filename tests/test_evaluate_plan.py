@@ -15,8 +15,11 @@ from footfall.evaluate.episodes import sample_of
 from footfall.evaluate.plan import CommandSchedule, plan_episodes, spread_levels
 from footfall.evaluate.scenarios import load_scenarios
 from footfall.plant.episode import Push
+from footfall.robots.commands import CommandRange
+from footfall.robots.description import load_robot
 
-FILE = load_scenarios()
+GO1 = load_robot("go1").description.commands
+FILE = load_scenarios(GO1)
 ALL = sorted(FILE.scenarios)
 
 
@@ -59,9 +62,61 @@ class TestScenarioFile:
         self, tmp_path: Path, scenario: str, complaint: str
     ) -> None:
         path = tmp_path / "own.yaml"
-        path.write_text(f"noise: {{}}\nscenarios: {{own: {scenario}}}")
+        path.write_text(f"scenarios: {{own: {scenario}}}")
         with pytest.raises(UserError, match=complaint):
-            load_scenarios(path)
+            load_scenarios(GO1, path)
+
+
+class TestCommandsOfARobot:
+    """Scenarios give shares of what a robot is meant to be asked."""
+
+    RANGES = CommandRange((-0.2, 0.4), (-0.1, 0.3), (-0.5, 2.0))
+
+    def test_one_is_the_highest_command_and_minus_one_the_lowest(self) -> None:
+        drawn = load_scenarios(self.RANGES).scenarios["nominal"].commands
+        assert drawn is not None
+        assert drawn.forward_m_s == (-0.2, 0.4)
+        assert drawn.leftward_m_s == (-0.1, 0.3)
+        assert drawn.yaw_rad_s == (-0.5, 2.0)
+
+    def test_shares_in_scripts_and_levels_are_scaled_too(self) -> None:
+        scenarios = load_scenarios(self.RANGES).scenarios
+        assert scenarios["forward"].script[0].forward_m_s == pytest.approx(1.5 * 0.4)
+        turn = scenarios["course"].script[2]
+        assert (turn.forward_m_s, turn.yaw_rad_s) == pytest.approx((0.6 * 0.4, 0.8 * 2.0))
+        assert scenarios["course"].script[3].leftward_m_s == pytest.approx(0.8 * 0.3)
+        sweep = scenarios["sweep"]
+        assert sweep.levels["forward_m_s"][:2] == pytest.approx((-0.2, -0.1))
+        assert sweep.levels["yaw_rad_s"] == pytest.approx((-0.5, -0.25, 0.0, 1.0, 2.0))
+        assert sweep.rows == ("forward_m_s", "yaw_rad_s")
+
+    def test_the_description_says_what_the_shares_come_to(self) -> None:
+        about = load_scenarios(self.RANGES).scenarios["nominal"].about
+        assert about.endswith("(forward -0.2 to 0.4 m/s, leftward -0.1 to 0.3 m/s, yaw -0.5 to 2 rad/s)")
+
+    def test_a_file_of_ones_own_adds_and_replaces_and_may_give_units(self, tmp_path: Path) -> None:
+        path = tmp_path / "own.yaml"
+        path.write_text(
+            "scenarios:\n"
+            "  slow: {about: x, episodes: 1, duration_s: 5,"
+            "         script: [{at_s: 0, forward_m_s: 0.07, yaw_share: -1}]}\n"
+            "  push: {episodes: 3}\n"
+        )
+        ours, file = load_scenarios(self.RANGES), load_scenarios(self.RANGES, path)
+        (waypoint,) = file.scenarios["slow"].script
+        assert (waypoint.forward_m_s, waypoint.yaw_rad_s) == (0.07, -0.5)
+        assert file.scenarios["push"] == replace(ours.scenarios["push"], episodes=3)
+        assert file.noise == ours.noise
+        assert list(file.scenarios) == [*ours.scenarios, "slow"]
+
+    @pytest.mark.parametrize(
+        "text", ["[1, 2]", "scenarios: 3", "scenarios: {a: {forward_share: high}}", "noise: 1"]
+    )
+    def test_a_file_that_makes_no_sense_is_named(self, tmp_path: Path, text: str) -> None:
+        path = tmp_path / "own.yaml"
+        path.write_text(text)
+        with pytest.raises(UserError, match=r"own\.yaml"):
+            load_scenarios(self.RANGES, path)
 
 
 class TestPlans:

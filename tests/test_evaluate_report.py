@@ -24,7 +24,7 @@ from footfall.evaluate.suite import Setup, run_course, run_suite
 from footfall.plant.episode import Episode, Push, run_episode
 from footfall.plant.trace import Trace
 from footfall.policies.registry import load_policy
-from footfall.robots.description import Robot
+from footfall.robots.description import Robot, load_robot
 
 CHROMIUM_FLAGS = (
     "--headless",
@@ -38,7 +38,7 @@ CHROMIUM_FLAGS = (
     "--window-size=1200,1600",
 )
 SHORT = ScenarioFile(
-    noise=load_scenarios().noise,
+    noise=load_scenarios(load_robot("go1").description.commands).noise,
     scenarios={
         "still": Scenario("Standing still", 2, 1.3),
         "push": Scenario(
@@ -56,7 +56,7 @@ SHORT = ScenarioFile(
 
 @pytest.fixture
 def short(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(api, "load_scenarios", lambda: SHORT)
+    monkeypatch.setattr(api, "load_scenarios", lambda *_: SHORT)
 
 
 @pytest.fixture
@@ -157,7 +157,7 @@ def compared(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict, Path, Path
     folder = tmp_path_factory.mktemp("compared")
     html, results = folder / "report.html", folder / "report.json"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(api, "load_scenarios", lambda: SHORT)
+        patch.setattr(api, "load_scenarios", lambda *_: SHORT)
         patch.setattr(
             films, "render_films", lambda tasks, *_: [Outcome(None, "egl: no display")] * len(tasks)
         )

@@ -15,8 +15,9 @@ from footfall.evaluate.pool import Outcome
 from footfall.evaluate.scenarios import load_scenarios
 from footfall.evaluate.statistics import bootstrap_mean_interval
 from footfall.evaluate.summary import Summary, compute_figures, summarise
+from footfall.robots.description import load_robot
 
-SCENARIOS = load_scenarios().scenarios
+SCENARIOS = load_scenarios(load_robot("go1").description.commands).scenarios
 GOOD = EpisodeMetrics(
     fell=False,
     emergency_stop=False,

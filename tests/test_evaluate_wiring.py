@@ -29,7 +29,8 @@ from footfall.evaluate.suite import CourseWalk, Setup
 from footfall.evaluate.table import scenario_table, warnings
 from footfall.plant.episode import Push
 from footfall.policies.registry import load_policy
-from footfall.robots.description import Robot
+from footfall.robots.commands import CommandRange
+from footfall.robots.description import Robot, load_robot
 
 OWN_NOISE = Noise(gyro=0.123)
 FILE = ScenarioFile(
@@ -41,6 +42,7 @@ FILE = ScenarioFile(
     },
 )
 PLANT = Path("other.xml")
+OWN = Path("own.yaml")
 SETUP = Setup("go1", ("two", "one"), seed=7, plant=PLANT, ground_truth=True, workers=3)
 
 
@@ -216,7 +218,12 @@ class TestApi:
                 for spec in policies
             }
 
-        monkeypatch.setattr(api, "load_scenarios", lambda: FILE)
+        def load_scenarios(commands: CommandRange, own: Path | None) -> ScenarioFile:
+            assert commands == load_robot("go1").description.commands
+            seen.own = own
+            return FILE
+
+        monkeypatch.setattr(api, "load_scenarios", load_scenarios)
         monkeypatch.setattr(api, "run_suite", run_suite)
         monkeypatch.setattr(api, "run_course", run_course)
         return seen
@@ -239,11 +246,13 @@ class TestApi:
             path,
             workers=3,
             ground_truth=True,
+            scenario_file=OWN,
             console=console,
         )
-        setup = Setup("go1", ("two", "one"), 7, 5, go1.xml_path, True, 3)
+        setup = Setup("go1", ("two", "one"), 7, 5, go1.xml_path, True, 3, OWN)
         assert ran.suite == (["trot"], setup, FILE)
         assert ran.order == ["suite"]
+        assert ran.own == OWN
         assert json.loads(path.read_text()) == result
         assert list(result["scenarios"]) == ["two", "one"]
         assert result["scenarios"]["one"] == bare("trot one")
@@ -274,9 +283,9 @@ class TestApi:
         )
         json_path, html_path = tmp_path / "out.json", tmp_path / "out.html"
         results = api.compare_policies(
-            ["trot", "stand"], "go1", ["two"], 5, 7, go1.xml_path, json_path, html_path, 3, True, console
+            ["trot", "stand"], "go1", ["two"], 5, 7, go1.xml_path, json_path, html_path, 3, True, OWN, console
         )
-        setup = Setup("go1", ("two",), 7, 5, go1.xml_path, True, 3)
+        setup = Setup("go1", ("two",), 7, 5, go1.xml_path, True, 3, OWN)
         assert ran.suite == ran.course == (["trot", "stand"], setup, FILE)
         assert ran.order == ["suite", "course"]
         assert html_path.read_text() == "films of True"

@@ -24,9 +24,9 @@ from footfall.evaluate.statistics import wilson_interval
 from footfall.evaluate.suite import CourseWalk, Setup
 from footfall.plant.episode import Push
 from footfall.plant.trace import Trace
-from footfall.robots.description import Robot
+from footfall.robots.description import Robot, load_robot
 
-FILE = load_scenarios()
+FILE = load_scenarios(load_robot("go1").description.commands)
 (COURSE,) = plan_episodes("course", FILE.scenarios["course"], 0, 1)
 FILM = Film(b"film", b"poster")
 

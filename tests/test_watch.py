@@ -27,8 +27,8 @@ from footfall.pages.snapshots import FINISHED, NEWEST, Exported, Snapshot, Snaps
 from footfall.pages.status import WAITING, Status, as_markdown
 from footfall.pages.walk import Pace, Walk, standing
 from footfall.plant.episode import Episode, run_episode
-from footfall.policies.contract import CommandRange
 from footfall.policies.registry import ZOO
+from footfall.robots.commands import CommandRange
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.model import plant_model
 from footfall.train.config import load_preset

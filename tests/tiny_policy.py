@@ -5,8 +5,9 @@ from types import ModuleType
 
 import numpy as np
 
-from footfall.policies.contract import CONTRACT_KEY, CommandRange, Contract, Term
+from footfall.policies.contract import CONTRACT_KEY, Contract, Term
 from footfall.policies.observation import observation_size
+from footfall.robots.commands import CommandRange
 from footfall.robots.description import load_robot
 
 

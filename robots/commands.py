@@ -1,0 +1,12 @@
+"""Velocity commands: the ranges that a robot is meant to follow, or that a policy was trained on."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class CommandRange:
+    """Lowest and highest command of each axis: forward and leftward m/s, yaw rad/s."""
+
+    forward_m_s: tuple[float, float]
+    leftward_m_s: tuple[float, float]
+    yaw_rad_s: tuple[float, float]
