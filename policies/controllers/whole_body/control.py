@@ -1,0 +1,157 @@
+"""From wanted accelerations to joint commands, and what happens when there is no solution."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from footfall.common.config import require_between, require_not_negative, require_positive
+from footfall.policies.controllers.solver import BoundedSolver
+from footfall.policies.controllers.whole_body.dynamics import Dynamics, WholeBody
+from footfall.policies.controllers.whole_body.problem import Contact, Wanted, Weights, build
+from footfall.robots.actuator import JointCommand, limit_torque
+from footfall.robots.description import Robot
+
+_BOUNDLESS = 1e9  # N m
+
+
+@dataclass(frozen=True)
+class JointFeedback:
+    """How the motors hold on to the accelerations that were solved for, between and beside the torques."""
+
+    kp: float  # N m/rad, about the integrated acceleration
+    kd: float  # N m s/rad, the same
+    memory_s: float  # after which the integrals have let go of the past
+    friction_compensation: float  # share of the gearbox friction
+
+    def __post_init__(self) -> None:
+        require_positive(self, "memory_s")
+        require_not_negative(self, "kp", "kd")
+        require_between(self, 0.0, 1.0, "friction_compensation")
+
+
+@dataclass(frozen=True)
+class Lapse:
+    """What is done in ticks without a solution: the last torques fade, the joints are damped."""
+
+    fade_s: float  # time constant
+    kd: float  # N m s/rad
+    most_s: float  # of lapses in a row, before the controller gives up
+
+    def __post_init__(self) -> None:
+        require_positive(self, "fade_s", "kd", "most_s")
+
+
+@dataclass(frozen=True)
+class WholeBodyConfig:
+    """Settings of `WholeBodyControl`."""
+
+    weights: Weights
+    contact: Contact
+    joints: JointFeedback
+    lapse: Lapse
+
+
+class NoSolutionError(RuntimeError):
+    """The quadratic programme had no usable solution for too long."""
+
+
+class WholeBodyControl:
+    """Turns wanted accelerations into joint commands, one quadratic programme a tick.
+
+    `lapses` counts the ticks without a usable solution, `fallbacks` those in which the second solver was
+    needed.
+    """
+
+    def __init__(self, robot: Robot, config: WholeBodyConfig, dt_s: float) -> None:
+        self.body = WholeBody(robot)
+        self._config, self._dt_s = config, dt_s
+        self._motor = robot.motor
+        n = len(robot.joint_names)
+        self._kp, self._kd = np.full(n, config.joints.kp), np.full(n, config.joints.kd)
+        self._damping, self._zeros = np.full(n, config.lapse.kd), np.zeros(n)
+        self._most = np.full(n, _BOUNDLESS)
+        self._solver = BoundedSolver()
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget what was before."""
+        self._position: np.ndarray | None = None
+        self._velocity = self._zeros
+        self._torque = self._zeros
+        self._lapsed_s = 0.0
+        self.lapses = 0
+
+    @property
+    def fallbacks(self) -> int:
+        """Programmes that daqp did not finish within its iterations."""
+        return self._solver.fallbacks
+
+    def command(
+        self,
+        dynamics: Dynamics,
+        joint_position: np.ndarray,
+        joint_velocity: np.ndarray,
+        wanted: Wanted,
+        most_force: np.ndarray,
+    ) -> JointCommand:
+        """Joint commands for this tick.
+
+        Args:
+            dynamics: of the robot now.
+            joint_position: (n,) rad, measured.
+            joint_velocity: (n,) rad/s, measured.
+            wanted: accelerations.
+            most_force: (points,) N, upward, that each point of contact may press with; 0: it does not stand.
+
+        Raises:
+            NoSolutionError: for longer than the configuration allows.
+        """
+        programme, meaning = build(
+            dynamics,
+            wanted,
+            most_force,
+            self.body.foot_of_point,
+            limit_torque(-self._most, joint_velocity, self._motor),
+            limit_torque(self._most, joint_velocity, self._motor),
+            self._config.weights,
+            self._config.contact,
+            self.body.total_mass,
+        )
+        solution = self._solver.solve(programme)
+        if solution is None:
+            return self._without_solution(joint_position)
+        self._lapsed_s = 0.0
+        torque = meaning.torque @ solution + meaning.torque_offset
+        acceleration = meaning.acceleration[-len(torque) :] @ solution
+        self._integrate(acceleration, joint_position, joint_velocity)
+        self._torque = torque + self._friction(self._velocity)
+        assert self._position is not None
+        return JointCommand(self._position, self._velocity, self._kp, self._kd, self._torque)
+
+    def _integrate(self, acceleration: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> None:
+        """References that follow the solved acceleration, and the measurements in the long run."""
+        dt_s = self._dt_s
+        keep = math.exp(-dt_s / self._config.joints.memory_s)
+        if self._position is None:
+            self._position, self._velocity = position, velocity
+        before = velocity + keep * (self._velocity - velocity)
+        self._velocity = before + acceleration * dt_s
+        self._position = position + keep * (self._position - position) + self._velocity * dt_s
+
+    def _friction(self, velocity: np.ndarray) -> np.ndarray:
+        """Torque against the gearbox friction at a wanted velocity (n,), N m."""
+        motor = self._motor
+        share = self._config.joints.friction_compensation
+        developed = np.minimum(np.maximum(velocity / motor.friction_speed, -1.0), 1.0)
+        return share * (motor.friction * developed + motor.damping * velocity)
+
+    def _without_solution(self, position: np.ndarray) -> JointCommand:
+        lapse = self._config.lapse
+        self.lapses += 1
+        self._lapsed_s += self._dt_s
+        if self._lapsed_s > lapse.most_s:
+            raise NoSolutionError(f"whole-body control found no solution for {lapse.most_s:g} s")
+        self._position = None
+        self._torque = self._torque * math.exp(-self._dt_s / lapse.fade_s)
+        return JointCommand(position, self._zeros, self._zeros, self._damping, self._torque)

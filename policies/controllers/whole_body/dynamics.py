@@ -1,0 +1,152 @@
+"""A robot's equations of motion and the Jacobians of its feet, by MuJoCo.
+
+World axes, the origin at the base's. Degrees of freedom are ordered base first (linear velocity in the
+world, angular velocity in the body), then the joints in the robot's order.
+"""
+
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from footfall.common.errors import UserError
+from footfall.common.rotations import skew
+from footfall.robots.description import Robot, load_spec
+from footfall.robots.feet import foot_geoms
+
+BASE = 6  # degrees of freedom of the base
+DOWN = np.array([0.0, 0.0, -1.0])
+_CROSS = np.array([skew(axis).ravel() for axis in np.eye(3)])  # (3, 9)
+
+
+class Motion(NamedTuple):
+    """How the robot stands and moves."""
+
+    quaternion: np.ndarray  # (4,) w x y z, body to world
+    velocity: np.ndarray  # (3,) m/s, of the base's origin, world
+    gyro: np.ndarray  # (3,) rad/s, body frame
+    joint_position: np.ndarray  # (n,) rad
+    joint_velocity: np.ndarray  # (n,) rad/s
+
+
+class Dynamics(NamedTuple):
+    """mass @ acceleration + bias = torques + jacobian.T @ forces, and where everything is.
+
+    A drift is the part of an acceleration that is there without any of the degrees of freedom's.
+    """
+
+    velocity: np.ndarray  # (nv,) m/s and rad/s
+    mass: np.ndarray  # (nv, nv), reflected inertia included
+    bias: np.ndarray  # (nv,) N and N m: gravity, Coriolis and centrifugal forces
+    centre: np.ndarray  # (3,) m, centre of mass from the base's origin
+    centre_velocity: np.ndarray  # (3,) m/s
+    angular_momentum: np.ndarray  # (3,) kg m^2/s, about the centre of mass
+    point: np.ndarray  # (points, 3) m, of contact: the lowest of each contact geom
+    point_jacobian: np.ndarray  # (points, 3, nv)
+    point_drift: np.ndarray  # (points, 3) m/s^2
+    foot: np.ndarray  # (feet, 3) m, middle of each foot's points
+    foot_rotation: np.ndarray  # (feet, 3, 3) to the world; of a level robot in its default pose: the identity
+    foot_jacobian: np.ndarray  # (feet, 6, nv), linear above angular
+    foot_drift: np.ndarray  # (feet, 6) m/s^2 and rad/s^2
+
+
+class WholeBody:
+    """Works out the dynamics of a robot's own model; a plant's true masses are never looked at.
+
+    The arrays that MuJoCo writes to belong to this object: it is for one thread at a time.
+
+    Raises:
+        UserError: the robot has a joint that `robot.yaml` does not list.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        model = self._model = load_spec(robot.xml_path).compile()
+        data = self._data = mujoco.MjData(model)
+        n = len(robot.joint_names)
+        if model.nv != BASE + n:
+            raise UserError(
+                f"{robot.xml_path}: whole-body control needs a free base and the joints of robot.yaml alone"
+            )
+        base = model.body(robot.description.base)
+        start, speed = int(model.jnt_qposadr[base.jntadr[0]]), int(model.jnt_dofadr[base.jntadr[0]])
+        joints = [model.joint(name).id for name in robot.joint_names]
+        self._base = int(base.id)
+        self._quaternion = slice(start + 3, start + 7)
+        self._positions = model.jnt_qposadr[joints]
+        self._order = np.concatenate([np.arange(speed, speed + BASE), model.jnt_dofadr[joints]])
+        geoms = foot_geoms(model, robot.description)
+        self._geoms = np.concatenate(geoms)
+        self.foot_of_point = np.repeat(np.arange(len(geoms)), [len(each) for each in geoms])
+        self.feet, self.points = len(geoms), len(self._geoms)
+        self._radius = model.geom_size[self._geoms, 0][:, None]
+        self._bodies = [int(model.geom_bodyid[each[0]]) for each in geoms]
+        share = np.zeros((self.feet, self.points))
+        share[self.foot_of_point, np.arange(self.points)] = 1.0
+        self._middle = share / share.sum(axis=1, keepdims=True)
+        self.total_mass = float(model.body_mass.sum())
+        self.weight_n = self.total_mass * float(-model.opt.gravity[2])
+
+        self._full = np.zeros((model.nv, model.nv))
+        self._bias = np.zeros(model.nv)
+        self._jacobian = np.zeros((self.feet, 6, model.nv))
+        self._jacobian_rate = np.zeros((self.feet, 6, model.nv))
+        data.qpos[:] = 0.0
+        data.qpos[start + 3] = 1.0
+        data.qpos[self._positions] = robot.default_pose
+        mujoco.mj_kinematics(model, data)
+        self._level = data.xmat[self._bodies].reshape(-1, 3, 3).transpose(0, 2, 1).copy()
+
+    def update(self, motion: Motion) -> Dynamics:
+        """The dynamics in a state of motion."""
+        model, data, order = self._model, self._data, self._order
+        data.qpos[self._quaternion] = motion.quaternion
+        data.qpos[self._positions] = motion.joint_position
+        velocity = np.concatenate([motion.velocity, motion.gyro, motion.joint_velocity])
+        data.qvel[order] = velocity
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_makeM(model, data)
+        mujoco.mj_comVel(model, data)
+        mujoco.mj_subtreeVel(model, data)
+        mujoco.mj_rne(model, data, 0, self._bias)
+        mujoco.mj_fullM(model, data, self._full)
+
+        points = data.geom_xpos[self._geoms] + self._radius * DOWN
+        foot = self._middle @ points
+        for place, body, rows, rates in zip(
+            foot, self._bodies, self._jacobian, self._jacobian_rate, strict=True
+        ):
+            mujoco.mj_jac(model, data, rows[:3], rows[3:], place, body)
+            mujoco.mj_jacDot(model, data, rates[:3], rates[3:], place, body)
+        jacobian = self._jacobian[:, :, order]
+        drift = self._jacobian_rate[:, :, order] @ velocity
+        spin = jacobian[:, 3:] @ velocity
+        arm = points - foot[self.foot_of_point]
+        of = self.foot_of_point
+        turning = -skews(arm)
+        return Dynamics(
+            velocity,
+            self._full[order[:, None], order],
+            self._bias[order],
+            data.subtree_com[self._base].copy(),
+            data.subtree_linvel[self._base].copy(),
+            data.subtree_angmom[self._base].copy(),
+            points,
+            jacobian[of, :3] + turning @ jacobian[of, 3:],
+            drift[of, :3] + (turning @ drift[of, 3:, None])[:, :, 0] + _centripetal(spin[of], arm),
+            foot,
+            data.xmat[self._bodies].reshape(-1, 3, 3) @ self._level,
+            jacobian,
+            drift,
+        )
+
+
+def skews(vectors: np.ndarray) -> np.ndarray:
+    """The matrices (k, 3, 3) of cross products with vectors (k, 3)."""
+    return (vectors @ _CROSS).reshape(-1, 3, 3)
+
+
+def _centripetal(spin: np.ndarray, arm: np.ndarray) -> np.ndarray:
+    """spin x (spin x arm), each (k, 3)."""
+    along = np.sum(spin * arm, axis=1, keepdims=True)
+    return spin * along - arm * np.sum(spin * spin, axis=1, keepdims=True)

@@ -1,0 +1,60 @@
+"""Feedback that controllers on whole-body control share."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from footfall.common.config import require_not_negative
+from footfall.common.rotations import rotation_matrix
+from footfall.policies.controllers.whole_body.dynamics import Dynamics, Motion, WholeBody
+from footfall.policies.policy import Observation
+from footfall.robots.description import Robot
+
+GRAVITY_M_S2 = 9.81
+
+
+@dataclass(frozen=True)
+class Feedback:
+    """A spring and damper: acceleration per deviation, and per rate."""
+
+    stiffness: float  # 1/s^2
+    damping: float  # 1/s
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "stiffness", "damping")
+
+    def __call__(self, deviation: np.ndarray, rate: np.ndarray) -> np.ndarray:
+        """The acceleration that brings a deviation and its rate back to nought."""
+        return -self.stiffness * deviation - self.damping * rate
+
+
+def observed(body: WholeBody, observation: Observation) -> Dynamics:
+    """The dynamics of a robot that moves as observed."""
+    sensed = observation.sensed
+    velocity = rotation_matrix(sensed.quaternion) @ observation.base_velocity
+    return body.update(
+        Motion(sensed.quaternion, velocity, sensed.gyro, sensed.joint_position, sensed.joint_velocity)
+    )
+
+
+def standing(body: WholeBody, robot: Robot) -> Dynamics:
+    """The dynamics of a robot at rest, level, in its default pose."""
+    level, still = np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3)
+    return body.update(Motion(level, still, still, robot.default_pose, np.zeros_like(robot.default_pose)))
+
+
+def pendulum_rate(height_m: float) -> float:
+    """How fast an inverted pendulum of this height falls, w = sqrt(g / height), 1/s."""
+    return math.sqrt(GRAVITY_M_S2 / height_m)
+
+
+def base_tilt(quaternion: np.ndarray, dynamics: Dynamics) -> np.ndarray:
+    """How the base is turned from upright, heading as the feet do: a rotation vector (3,), body frame.
+
+    For small angles; the yaw is that of the base from the mean of the feet.
+    """
+    rotation = rotation_matrix(quaternion)
+    up = rotation[2]
+    forward = dynamics.foot_rotation[:, :, 0].mean(axis=0) @ rotation  # the feet's, in the body frame
+    return np.array([up[1], -up[0], -math.atan2(forward[1], forward[0])])

@@ -1,0 +1,268 @@
+"""Whole-body control against statics worked out by hand and MuJoCo's own inverse dynamics."""
+
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+from footfall.common.rotations import normalised
+from footfall.policies.controllers.whole_body import control as control_module
+from footfall.policies.controllers.whole_body.control import (
+    JointFeedback,
+    Lapse,
+    NoSolutionError,
+    WholeBodyConfig,
+    WholeBodyControl,
+)
+from footfall.policies.controllers.whole_body.dynamics import Dynamics, Motion, WholeBody
+from footfall.policies.controllers.whole_body.feedback import standing
+from footfall.policies.controllers.whole_body.problem import Contact, Wanted, Weights, build
+from footfall.robots.description import Robot, load_robot, load_spec
+from footfall.robots.feet import foot_geoms
+
+G1, GO1 = load_robot("g1"), load_robot("go1")
+BODIES = {"g1": WholeBody(G1), "go1": WholeBody(GO1)}
+ROBOTS = {"g1": G1, "go1": GO1}
+CONFIG = WholeBodyConfig(
+    Weights(
+        contact=100.0,
+        centre=10.0,
+        momentum=1.0,
+        attitude=0.05,
+        swing=10.0,
+        swing_attitude=0.3,
+        posture=1e-3,
+        force=1e-2,
+    ),
+    Contact(friction=0.5, damping_s=5.0),
+    JointFeedback(kp=0.0, kd=1.0, memory_s=0.05, friction_compensation=0.0),
+    Lapse(fade_s=0.05, kd=3.0, most_s=0.02),
+)
+STILL = {
+    name: Wanted(
+        np.zeros(3),
+        np.zeros(3),
+        np.zeros(3),
+        np.zeros((body.feet, 6)),
+        np.zeros(len(ROBOTS[name].joint_names)),
+    )
+    for name, body in BODIES.items()
+}
+
+
+def some_motion(robot: Robot, seed: int) -> Motion:
+    rng = np.random.default_rng(seed)
+    n = len(robot.joint_names)
+    return Motion(
+        normalised(np.array([1.0, 0.2, -0.3, 0.5])),
+        rng.normal(size=3),
+        rng.normal(size=3),
+        robot.default_pose + 0.1 * rng.normal(size=n),
+        rng.normal(size=n),
+    )
+
+
+def moved(robot: Robot, motion: Motion) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    """MuJoCo in the same state, without contacts, limits and friction. The base is its first joint."""
+    model = load_spec(robot.xml_path).compile()
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    data = mujoco.MjData(model)
+    data.qpos[:7] = 0.0, 0.0, 0.0, *motion.quaternion
+    data.qpos[[int(model.joint(name).qposadr[0]) for name in robot.joint_names]] = motion.joint_position
+    data.qvel[:6] = *motion.velocity, *motion.gyro
+    data.qvel[[int(model.joint(name).dofadr[0]) for name in robot.joint_names]] = motion.joint_velocity
+    return model, data
+
+
+def solved(robot: Robot, dynamics: Dynamics, wanted: Wanted, **changes: Any) -> tuple[np.ndarray, ...]:
+    """Forces (points, 3), accelerations (nv,) and torques (n,) of one tick; all points may press."""
+    body = BODIES[robot.name]
+    most = changes.get("most_force", np.full(body.points, 1e4))
+    torque = changes.get("most_torque", robot.motor.peak_torque)
+    programme, meaning = build(
+        *(dynamics, wanted, most, body.foot_of_point, -torque, torque),
+        *(CONFIG.weights, CONFIG.contact, body.total_mass),
+    )
+    x = control_module.BoundedSolver().solve(programme)
+    assert x is not None
+    force = np.zeros((body.points, 3))
+    force[meaning.standing] = x[: 3 * len(meaning.standing)].reshape(-1, 3)
+    return (
+        force,
+        meaning.acceleration @ x + meaning.acceleration_offset,
+        meaning.torque @ x + meaning.torque_offset,
+    )
+
+
+class TestDynamics:
+    @pytest.mark.parametrize("name", ROBOTS)
+    def test_mass_and_bias_are_those_of_mujocos_inverse_dynamics(self, name: str) -> None:
+        robot, motion = ROBOTS[name], some_motion(ROBOTS[name], 3)
+        model, data = moved(robot, motion)
+        order = np.concatenate([np.arange(6), [model.joint(n).dofadr[0] for n in robot.joint_names]])
+        acceleration = np.random.default_rng(4).normal(size=model.nv)
+        data.qacc[order] = acceleration
+        mujoco.mj_inverse(model, data)
+        dynamics = BODIES[name].update(motion)
+        np.testing.assert_allclose(
+            dynamics.mass @ acceleration + dynamics.bias, data.qfrc_inverse[order], atol=1e-8
+        )
+
+    @pytest.mark.parametrize("name", ROBOTS)
+    def test_points_accelerate_as_jacobian_and_drift_say(self, name: str) -> None:
+        """Against differences of where the same points of the links are, in the world."""
+        robot, motion = ROBOTS[name], some_motion(ROBOTS[name], 5)
+        dynamics = BODIES[name].update(motion)
+        model, data = moved(robot, motion)
+        order = np.concatenate([np.arange(6), [model.joint(n).dofadr[0] for n in robot.joint_names]])
+        acceleration = np.random.default_rng(6).normal(size=model.nv)
+        mujoco.mj_kinematics(model, data)
+        geoms = np.concatenate(foot_geoms(model, robot.description))
+        links = model.geom_bodyid[geoms]
+        turn = data.xmat[links].reshape(-1, 3, 3)
+        own = ((dynamics.point - data.xpos[links])[:, None] @ turn)[:, 0]
+        start, speed, h = data.qpos.copy(), dynamics.velocity, 1e-4
+        places = []
+        for t in (-h, 0.0, h):
+            data.qpos[:] = start
+            step = np.zeros(model.nv)
+            step[order] = speed * t + acceleration * t * t / 2
+            mujoco.mj_integratePos(model, data.qpos, step, 1.0)
+            mujoco.mj_kinematics(model, data)
+            places.append(data.xpos[links] + (data.xmat[links].reshape(-1, 3, 3) @ own[:, :, None])[:, :, 0])
+        before, now, after = places
+        velocity = dynamics.point_jacobian @ speed
+        np.testing.assert_allclose((after - before) / (2 * h), velocity, atol=1e-5)
+        wanted = dynamics.point_jacobian @ acceleration + dynamics.point_drift
+        np.testing.assert_allclose((after - 2 * now + before) / h**2, wanted, atol=2e-4)
+
+    def test_the_centre_of_mass_moves_as_its_parts(self) -> None:
+        motion = some_motion(G1, 7)
+        dynamics = BODIES["g1"].update(motion)
+        model, data = moved(G1, motion)
+        mujoco.mj_forward(model, data)
+        mujoco.mj_subtreeVel(model, data)
+        np.testing.assert_allclose(dynamics.centre, data.subtree_com[1], atol=1e-12)
+        np.testing.assert_allclose(dynamics.centre_velocity, data.subtree_linvel[1], atol=1e-12)
+        np.testing.assert_allclose(dynamics.angular_momentum, data.subtree_angmom[1], atol=1e-12)
+
+
+class TestStanding:
+    @pytest.mark.parametrize("name", ROBOTS)
+    def test_the_ground_carries_the_weight_and_nothing_moves(self, name: str) -> None:
+        robot, body = ROBOTS[name], BODIES[name]
+        force, acceleration, _ = solved(robot, standing(body, robot), STILL[name])
+        np.testing.assert_allclose(force.sum(axis=0), [0, 0, body.total_mass * 9.81], atol=0.2)
+        np.testing.assert_allclose(acceleration, 0.0, atol=0.01)
+
+    @pytest.mark.parametrize("name", ROBOTS)
+    def test_torques_balance_the_forces_and_the_legs_own_weight(self, name: str) -> None:
+        """Inverse dynamics with the same accelerations and forces at the same points."""
+        robot, body = ROBOTS[name], BODIES[name]
+        dynamics = standing(body, robot)
+        force, acceleration, torque = solved(
+            robot, dynamics, STILL[name]._replace(centre=np.array([0.7, -0.4, 0.5]))
+        )
+        n = len(robot.joint_names)
+        level = Motion(np.array([1.0, 0, 0, 0]), np.zeros(3), np.zeros(3), robot.default_pose, np.zeros(n))
+        model, data = moved(robot, level)
+        order = np.concatenate([np.arange(6), [model.joint(n).dofadr[0] for n in robot.joint_names]])
+        data.qacc[order] = acceleration
+        mujoco.mj_inverse(model, data)
+        from_ground = np.zeros(model.nv)
+        geoms = np.concatenate(foot_geoms(model, robot.description))
+        for geom, point, f in zip(geoms, dynamics.point, force, strict=True):
+            mujoco.mj_applyFT(model, data, f, np.zeros(3), point, model.geom_bodyid[geom], from_ground)
+        left = (data.qfrc_inverse - from_ground)[order]
+        np.testing.assert_allclose(left[:6], 0.0, atol=1e-6)
+        np.testing.assert_allclose(left[6:], torque, atol=1e-6)
+
+    def test_an_ankle_holds_what_presses_before_and_behind_it(self) -> None:
+        """By hand: force times lever of each corner, less the foot's own weight on its lever."""
+        dynamics = standing(BODIES["g1"], G1)
+        force, _, torque = solved(G1, dynamics, STILL["g1"])
+        model, data = moved(
+            G1, Motion(np.array([1.0, 0, 0, 0]), np.zeros(3), np.zeros(3), G1.default_pose, np.zeros(12))
+        )
+        mujoco.mj_forward(model, data)
+        joint = G1.joint_index("left_ankle_pitch_joint")
+        ankle = data.xanchor[model.joint("left_ankle_pitch_joint").id]
+        corners = BODIES["g1"].foot_of_point == 0
+        up = force[corners, 2] @ (dynamics.point[corners, 0] - ankle[0])
+        along = force[corners, 0] @ (dynamics.point[corners, 2] - ankle[2])
+        links = [model.body(f"left_ankle_{kind}_link").id for kind in ("pitch", "roll")]
+        down = 9.81 * model.body_mass[links] @ (data.xipos[links, 0] - ankle[0])
+        # About y, a force (x, z) at a lever (x, z) turns by z fx - x fz; the motor holds against it.
+        assert torque[joint] == pytest.approx(up - along - down, abs=1e-3)
+        assert abs(torque[joint]) > 1.0
+
+    def test_the_weight_is_shared_by_levers(self) -> None:
+        """To accelerate by a sideways, the centre of pressure is a height / g off the centre of mass."""
+        dynamics = standing(BODIES["g1"], G1)
+        for sideways in (-0.8, 0.3):
+            force, _, _ = solved(G1, dynamics, STILL["g1"]._replace(centre=np.array([0.0, sideways, 0.0])))
+            height = dynamics.centre[2] - dynamics.point[0, 2]
+            pressure = dynamics.centre[1] - sideways * height / 9.81
+            left, right = dynamics.foot[:, 1]
+            on_left = force[BODIES["g1"].foot_of_point == 0, 2].sum() / force[:, 2].sum()
+            assert on_left == pytest.approx((pressure - right) / (left - right), abs=0.02)
+
+    def test_a_foot_that_may_not_press_bears_nothing(self) -> None:
+        dynamics = standing(BODIES["g1"], G1)
+        most = np.where(BODIES["g1"].foot_of_point == 1, 200.0, 0.0)
+        force, acceleration, _ = solved(G1, dynamics, STILL["g1"], most_force=most)
+        assert not force[:4].any()
+        # One foot cannot hold the body from here without a turn or a fall towards the other side.
+        assert abs(acceleration[:6]).max() > 0.5
+
+
+class TestLimits:
+    def test_forces_stay_in_their_cones(self) -> None:
+        dynamics = standing(BODIES["g1"], G1)
+        force, _, _ = solved(G1, dynamics, STILL["g1"]._replace(centre=np.array([9.0, -7.0, 0.0])))
+        sideways = np.abs(force[:, :2])
+        assert np.all(sideways <= 0.5 * force[:, 2:] + 1e-6)
+        assert np.any(sideways > 0.5 * force[:, 2:] - 1e-3)
+        assert np.all(force[:, 2] >= -1e-9)
+
+    def test_torques_stay_in_their_limits(self) -> None:
+        dynamics = standing(BODIES["g1"], G1)
+        most = np.linspace(3.0, 9.0, 12)
+        _, _, torque = solved(G1, dynamics, STILL["g1"], most_torque=most)
+        assert np.all(np.abs(torque) <= most + 1e-6)
+        assert np.any(np.abs(torque) > most - 1e-3)  # the knees would need more
+
+    def test_a_point_presses_no_more_than_it_may(self) -> None:
+        most = np.array([30.0, 45.0, 60.0, 20.0, 80.0, 70.0, 10.0, 40.0])
+        force, _, _ = solved(G1, standing(BODIES["g1"], G1), STILL["g1"], most_force=most)
+        assert np.all(force[:, 2] <= most + 1e-6)
+
+
+class TestLapses:
+    def test_without_a_solution_the_torques_fade_into_damping_and_the_run_is_told(self) -> None:
+        control = WholeBodyControl(G1, CONFIG, dt_s=0.004)
+        dynamics = standing(control.body, G1)
+        most, zero = np.full(8, 1e3), np.zeros(12)
+        good = control.command(dynamics, G1.default_pose, zero, STILL["g1"], most)
+        assert np.abs(good.torque).max() > 3.0
+        broken = STILL["g1"]._replace(centre=np.array([np.nan, 0.0, 0.0]))
+        for tick in range(1, 6):
+            command = control.command(dynamics, G1.default_pose, zero, broken, most)
+            np.testing.assert_allclose(command.torque, good.torque * np.exp(-0.08 * tick))
+            assert np.all(command.kd == 3.0)
+            assert not command.kp.any()
+            assert not command.velocity.any()
+        assert control.lapses == 5
+        with pytest.raises(NoSolutionError, match=r"0\.02 s"):
+            control.command(dynamics, G1.default_pose, zero, broken, most)
+
+    def test_one_solution_between_lapses_begins_them_anew(self) -> None:
+        control = WholeBodyControl(G1, CONFIG, dt_s=0.004)
+        dynamics = standing(control.body, G1)
+        most, zero = np.full(8, 1e3), np.zeros(12)
+        broken = STILL["g1"]._replace(joints=np.full(12, np.inf))
+        for wanted in [broken] * 4 + [STILL["g1"]] + [broken] * 4:
+            command = control.command(dynamics, G1.default_pose, zero, wanted, most)
+        assert control.lapses == 8
+        assert np.all(np.isfinite(command.torque))
