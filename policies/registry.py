@@ -24,6 +24,8 @@ CONTROLLERS = {
     "stand": Controller("footfall.policies.controllers.stand", "Stand", walks=False),
     "trot": Controller("footfall.policies.controllers.trot", "Trot", walks=True),
     "mpc": Controller("footfall.policies.controllers.mpc", "Mpc", walks=True),
+    "balance": Controller("footfall.policies.controllers.balance", "Balance", walks=False),
+    "step": Controller("footfall.policies.controllers.step", "Step", walks=True),
 }
 
 

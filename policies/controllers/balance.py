@@ -1,0 +1,112 @@
+"""Balancing on the feet where they stand, by ankles, hips and the centre of mass.
+
+The capture point (the divergent part of an inverted pendulum's motion, Englsberger et al. 2015)
+
+    x = c + v / w,    w = sqrt(g / height)
+
+runs away from the centre of pressure p as dx/dt = w (x - p). A centre of pressure beyond it by a share of its
+distance from the middle of the support brings it back, which is an acceleration w^2 (c - p) of the centre of
+mass. Within the soles the ankles supply it. What the soles cannot, the quadratic programme takes from the
+angular momentum: the upper body turns about the hips.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from footfall.common.config import require_not_negative, require_positive
+from footfall.policies.controllers.settings import controller_settings
+from footfall.policies.controllers.whole_body.control import WholeBodyConfig, WholeBodyControl
+from footfall.policies.controllers.whole_body.dynamics import Dynamics
+from footfall.policies.controllers.whole_body.feedback import (
+    Feedback,
+    base_tilt,
+    observed,
+    pendulum_rate,
+    standing,
+)
+from footfall.policies.controllers.whole_body.problem import Wanted
+from footfall.policies.policy import Observation
+from footfall.robots.actuator import JointCommand
+from footfall.robots.description import Robot
+
+
+@dataclass(frozen=True)
+class BalanceConfig:
+    """Gains of `Balance`."""
+
+    rate_hz: float
+    capture_gain: float  # of the centre of pressure, per distance of the capture point
+    most_lead_m: float  # farthest that the centre of pressure is wanted from the middle of the support
+    height: Feedback
+    attitude: Feedback
+    posture: Feedback
+    momentum_damping: float  # 1/s
+    most_force: float  # of all points of a foot, as a share of the weight
+    settle_s: float  # time to move from the stance found at reset to the default pose
+    whole_body: WholeBodyConfig
+
+    def __post_init__(self) -> None:
+        require_positive(self, "rate_hz", "most_lead_m", "most_force", "settle_s")
+        require_not_negative(self, "capture_gain", "momentum_damping")
+
+
+class Balance:
+    """Stands on all feet and keeps the centre of mass over them."""
+
+    name = "balance"
+    needs_estimate = True
+    contract = None
+
+    def __init__(self, robot: Robot, config: BalanceConfig | None = None) -> None:
+        self._config = config = config or controller_settings(robot, self.name, BalanceConfig)
+        self.rate_hz = config.rate_hz
+        self.control = WholeBodyControl(robot, config.whole_body, 1.0 / config.rate_hz)
+        body = self.control.body
+        self._default = robot.default_pose
+        self._most_force = np.full(body.points, config.most_force * body.weight_n)
+        self._most_force /= np.bincount(body.foot_of_point)[body.foot_of_point]
+        rest = standing(body, robot)
+        self._height = float((rest.centre - rest.foot.mean(axis=0))[2])
+        self._start_height, self._start_pose = self._height, self._default
+        self._stance = np.ones(body.feet)
+
+    def reset(self, observation: Observation) -> None:
+        self.control.reset()
+        dynamics = observed(self.control.body, observation)
+        self._start_height = float((dynamics.centre - dynamics.foot.mean(axis=0))[2])
+        self._start_pose = observation.sensed.joint_position.copy()
+
+    def act(self, observation: Observation) -> JointCommand:
+        config, sensed = self._config, observation.sensed
+        dynamics = observed(self.control.body, observation)
+        share = min(1.0, observation.time_s / config.settle_s)
+        height = self._start_height + share * (self._height - self._start_height)
+        pose = self._start_pose + share * (self._default - self._start_pose)
+        wanted = Wanted(
+            centre=self._centre(dynamics, height),
+            momentum_rate=-config.momentum_damping * dynamics.angular_momentum,
+            attitude=config.attitude(base_tilt(sensed.quaternion, dynamics), sensed.gyro),
+            feet=np.zeros((self.control.body.feet, 6)),
+            joints=config.posture(sensed.joint_position - pose, sensed.joint_velocity),
+        )
+        position, velocity = sensed.joint_position, sensed.joint_velocity
+        return self.control.command(dynamics, position, velocity, wanted, self._most_force)
+
+    def stance(self) -> np.ndarray | None:
+        return self._stance
+
+    def _centre(self, dynamics: Dynamics, height: float) -> np.ndarray:
+        """The wanted acceleration of the centre of mass, (3,) m/s^2."""
+        config = self._config
+        place = dynamics.centre - dynamics.foot.mean(axis=0)
+        rate = pendulum_rate(self._height)
+        capture = place + dynamics.centre_velocity / rate
+        pressure = (1.0 + config.capture_gain) * capture
+        ahead = math.hypot(pressure[0], pressure[1])
+        pressure *= min(1.0, config.most_lead_m / max(ahead, 1e-9))
+        acceleration = rate**2 * (place - pressure)
+        deviation = np.array([place[2] - height])
+        acceleration[2] = config.height(deviation, dynamics.centre_velocity[2:])[0]
+        return acceleration

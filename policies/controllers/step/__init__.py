@@ -1,0 +1,5 @@
+"""Walking by capture-point footsteps, on whole-body control."""
+
+from footfall.policies.controllers.step.controller import Step
+
+__all__ = ["Step"]

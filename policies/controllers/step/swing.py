@@ -1,0 +1,62 @@
+"""How a foot flies: least jerk towards a place that may still change, and a lift."""
+
+import math
+
+import numpy as np
+
+
+class Swing:
+    """The reference of a swinging foot: x, y and yaw at least jerk, and the height over the way done.
+
+    From where it is, a motion of least jerk that comes to rest at a goal in a time s begins with the jerk
+    60 d / s^3 - 36 v / s^2 - 9 a / s, d the way left (Flash and Hogan 1985). Taken anew at each tick it needs
+    no plan to be mended when the goal moves.
+
+    Args:
+        place: (2,) m, of the foot.
+        height: m, of the foot above the standing one.
+        yaw: rad.
+        lift_m: highest above the ground.
+        depth_m: how far below the ground the foot aims, so that it surely lands.
+    """
+
+    def __init__(self, place: np.ndarray, height: float, yaw: float, lift_m: float, depth_m: float) -> None:
+        self._motion = np.zeros((3, 3))  # value, rate and acceleration of x, y, yaw
+        self._motion[0] = *place, yaw
+        self._height, self._lift_m, self._depth_m = height, lift_m, depth_m
+        self.progress = 0.0
+
+    def advance(self, goal: np.ndarray, remaining_s: float, dt_s: float) -> np.ndarray:
+        """Move on for a tick.
+
+        Args:
+            goal: (3,) x, y in m and yaw in rad.
+            remaining_s: until the foot lands.
+            dt_s: of the tick.
+
+        Returns:
+            (3, 4): position, velocity and acceleration of x, y, height and yaw.
+        """
+        left_s = max(remaining_s, 4 * dt_s)
+        value, rate, acceleration = self._motion
+        jerk = 60 * (goal - value) / left_s**3 - 36 * rate / left_s**2 - 9 * acceleration / left_s
+        acceleration = acceleration + jerk * dt_s
+        rate = rate + acceleration * dt_s
+        self._motion = np.array([value + rate * dt_s, rate, acceleration])
+        pace = (1.0 - self.progress) / left_s
+        self.progress = min(1.0, self.progress + pace * dt_s)
+        return np.insert(self._motion, 2, self._vertical(self.progress, pace), axis=1)
+
+    def _vertical(self, s: float, pace: float) -> np.ndarray:
+        """Height and its first two derivatives: a bump, from the height at lift-off to below the ground."""
+        fall = self._height + self._depth_m
+        bump = 16.0 * self._lift_m
+        height = self._height - fall * s * s * (3 - 2 * s) + bump * s**2 * (1 - s) ** 2
+        slope = -fall * 6 * s * (1 - s) + bump * 2 * s * (1 - s) * (1 - 2 * s)
+        bend = -fall * (6 - 12 * s) + bump * 2 * (1 - 6 * s + 6 * s * s)
+        return np.array([height, slope * pace, bend * pace * pace])
+
+
+def yaw_of(rotation: np.ndarray) -> float:
+    """Heading of a matrix (3, 3), rad."""
+    return math.atan2(rotation[1, 0], rotation[0, 0])

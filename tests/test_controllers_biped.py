@@ -1,0 +1,81 @@
+"""Balancing and stepping on soles: the joint law, noisy readings, MuJoCo, no bus."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+
+from footfall.common.errors import UserError
+from footfall.policies.controllers.balance import Balance
+from footfall.policies.controllers.step import Step
+from footfall.policies.registry import controllers_of, load_policy, walking_controllers
+from footfall.robots.description import load_robot
+from tests.direct_plant import DirectPlant, walk
+
+G1 = load_robot("g1")
+
+
+def hold(command: tuple[float, float, float], _: float) -> np.ndarray:
+    return np.array(command)
+
+
+STANDING = partial(hold, (0.0, 0.0, 0.0))
+
+
+def test_the_biped_has_its_controllers_by_name() -> None:
+    assert {"balance", "step"} <= set(controllers_of(G1))
+    assert "step" in walking_controllers(G1)
+    assert "balance" not in walking_controllers(G1)
+    assert isinstance(load_policy("balance", G1), Balance)
+
+
+def test_step_refuses_a_robot_of_four_feet() -> None:
+    settings = load_policy("step", G1)._config  # type: ignore[attr-defined]
+    with pytest.raises(UserError, match="a left and a right foot"):
+        Step(load_robot("go1"), settings)
+
+
+class TestBalance:
+    @pytest.mark.parametrize("push", [(0.2, 0.0), (-0.2, 0.0), (0.0, 0.2), (0.0, -0.2)])
+    def test_a_nudge_is_caught_on_the_spot(self, push: tuple[float, float]) -> None:
+        policy, plant = Balance(G1), DirectPlant(G1, seed=3)
+        result = walk(policy, plant, STANDING, 2.5, push=(0.6, np.array([*push, 0.0])))
+        assert not result.fell
+        assert policy.control.lapses == 0
+        moved = np.linalg.norm(np.array(result.position) - result.position[0], axis=1)
+        assert moved.max() > 0.015
+        assert moved[-1] < 0.02
+        assert np.linalg.norm(result.velocity[-1]) < 0.05
+
+    def test_the_base_begins_where_it_is_and_rises_to_the_default_pose(self) -> None:
+        policy, plant = Balance(G1), DirectPlant(G1, seed=1)
+        result = walk(policy, plant, STANDING, 1.0)
+        assert np.abs(np.diff(result.height)).max() < 5e-4
+        assert result.height[-1] == pytest.approx(G1.description.standing_height_m, abs=0.01)
+
+
+class TestStep:
+    def test_it_walks_as_commanded(self) -> None:
+        policy, plant = Step(G1), DirectPlant(G1, seed=2)
+        result = walk(policy, plant, partial(hold, (0.2, 0.0, 0.3)), 4.5)
+        assert not result.fell
+        assert policy.steps >= 5
+        assert policy.control.lapses == 0
+        forward, _, yaw_rate = result.mean_velocity(after_s=1.5)
+        assert forward == pytest.approx(0.2, abs=0.06)
+        assert yaw_rate == pytest.approx(0.3, abs=0.08)
+
+    def test_a_shove_is_stepped_after_and_then_it_stands(self) -> None:
+        policy, plant = Step(G1), DirectPlant(G1, seed=4)
+        result = walk(policy, plant, STANDING, 5.0, push=(0.8, np.array([0.4, 0.0, 0.0])))
+        assert not result.fell
+        assert 1 <= policy.steps <= 10
+        assert np.linalg.norm(result.velocity[-1][:2]) < 0.2
+
+    def test_undisturbed_it_does_not_step(self) -> None:
+        policy, plant = Step(G1), DirectPlant(G1, seed=5)
+        assert not walk(policy, plant, STANDING, 1.5).fell
+        assert policy.steps == 0
+        stance = policy.stance()
+        assert stance is not None
+        assert stance.tolist() == [1.0, 1.0]

@@ -1,0 +1,144 @@
+"""Footsteps of the capture point and the flight of a foot, against integrated pendulums and brute force."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import minimize
+
+from footfall.policies.controllers.step.footsteps import (
+    NominalStep,
+    StepLimits,
+    StepWeights,
+    capture_after,
+    next_step,
+    nominal_step,
+)
+from footfall.policies.controllers.step.swing import Swing
+
+RATE = 3.9  # 1/s, of a pendulum 0.645 m high
+STEP_S, BOTH_S = 0.7, 0.15
+LIMITS = StepLimits(ahead_m=(-0.3, 0.4), apart_m=(0.14, 0.35), time_s=(0.4, 0.9), least_swing_s=0.05)
+WEIGHTS = StepWeights(place=1.0, time=0.02, offset=300.0)
+
+
+def pendulum(capture: np.ndarray, last: np.ndarray, duration_s: float, begin_s: float = 0.0) -> np.ndarray:
+    """The capture point from the new foot, integrated; the pressure moves there from the last one."""
+
+    def rate(t: float, x: np.ndarray) -> np.ndarray:
+        pressure = -last * max(0.0, 1.0 - t / BOTH_S)
+        return RATE * (x - pressure)
+
+    kwargs = {"rtol": 1e-10, "atol": 1e-12, "max_step": 0.01}
+    return solve_ivp(rate, (begin_s, begin_s + duration_s), capture, **kwargs).y[:, -1]
+
+
+class TestNominalStep:
+    @pytest.mark.parametrize("velocity", [(0.3, 0.0), (-0.2, 0.1), (0.0, -0.15)])
+    def test_the_gait_repeats_itself_in_the_pendulum(self, velocity: tuple[float, float]) -> None:
+        left, right = (
+            nominal_step(np.array(velocity), side, 0.22, STEP_S, BOTH_S, RATE) for side in (1.0, -1.0)
+        )
+        # The right foot has landed, and the left one will; then the right one again.
+        end = pendulum(right.offset, right.place, STEP_S)
+        np.testing.assert_allclose(end, left.place + left.offset, atol=1e-6)
+        end = pendulum(left.offset, left.place, STEP_S)
+        np.testing.assert_allclose(end, right.place + right.offset, atol=1e-6)
+
+    def test_two_steps_cover_the_ground_of_the_velocity(self) -> None:
+        velocity = np.array([0.3, -0.1])
+        both = [nominal_step(velocity, side, 0.22, STEP_S, BOTH_S, RATE).place for side in (1.0, -1.0)]
+        np.testing.assert_allclose(sum(both), 2 * STEP_S * velocity)
+
+
+def test_the_capture_point_under_a_moving_pressure() -> None:
+    begin, last = np.array([0.05, -0.08]), np.array([0.2, 0.18])
+    for time_s in (0.04, 0.15):
+        ahead = capture_after(begin, -last, last / BOTH_S, time_s, RATE)
+        np.testing.assert_allclose(ahead, pendulum(begin, last, time_s), atol=1e-8)
+
+
+class TestNextStep:
+    nominal = nominal_step(np.array([0.25, 0.05]), -1.0, 0.22, STEP_S, BOTH_S, RATE)
+
+    def decide(
+        self, capture: np.ndarray, elapsed_s: float = 0.2, pressure: tuple[float, float] = (0.01, 0.0)
+    ):
+        return next_step(capture, np.array(pressure), elapsed_s, -1.0, RATE, self.nominal, LIMITS, WEIGHTS)
+
+    def steady(self, elapsed_s: float) -> np.ndarray:
+        """Where the capture point is in the steady gait, the pressure under the middle of the foot."""
+        end = self.nominal.place + self.nominal.offset
+        return end * math.exp(-RATE * (STEP_S - elapsed_s))
+
+    def test_undisturbed_it_is_the_nominal_one(self) -> None:
+        step = self.decide(self.steady(0.2), pressure=(0.0, 0.0))
+        np.testing.assert_allclose(step.place, self.nominal.place, atol=1e-6)
+        assert step.remaining_s == pytest.approx(STEP_S - 0.2, abs=1e-6)
+
+    @pytest.mark.parametrize("push", [(0.03, 0.0), (-0.04, 0.01), (0.0, -0.02), (0.02, 0.015)])
+    def test_disturbed_it_is_the_best_of_all(self, push: tuple[float, float]) -> None:
+        capture = self.steady(0.2) + np.array(push)
+        step = self.decide(capture)
+        away = capture - np.array([0.01, 0.0])
+        growth = math.exp(RATE * (STEP_S - 0.2))
+
+        def cost(x: np.ndarray) -> float:
+            offset = np.array([0.01, 0.0]) + away * x[2] - x[:2] - self.nominal.offset
+            return float(
+                np.sum((x[:2] - self.nominal.place) ** 2)
+                + 0.02 * (x[2] - growth) ** 2
+                + 300.0 * np.sum(offset**2)
+            )
+
+        bounds = [(-0.3, 0.4), (-0.35, -0.14), (math.exp(RATE * 0.2), math.exp(RATE * 0.7))]
+        best = minimize(cost, [*self.nominal.place, growth], bounds=bounds, tol=1e-14).x
+        np.testing.assert_allclose(step.place, best[:2], atol=2e-4)
+        assert step.remaining_s == pytest.approx(math.log(best[2]) / RATE, abs=1e-3)
+
+    def test_a_push_ahead_is_stepped_after_and_sooner(self) -> None:
+        step = self.decide(self.steady(0.2) + np.array([0.04, 0.0]))
+        assert step.place[0] > self.nominal.place[0] + 0.05
+        assert step.remaining_s < STEP_S - 0.2
+
+    def test_feet_do_not_land_on_each_other_nor_too_late(self) -> None:
+        step = self.decide(self.steady(0.2) + np.array([-0.3, 0.2]))
+        assert step.place[0] >= -0.3 - 1e-9
+        assert -0.35 - 1e-9 <= step.place[1] <= -0.14 + 1e-9
+        assert 0.2 - 1e-9 <= step.remaining_s <= 0.7 + 1e-9
+
+    def test_numbers_that_are_none_leave_the_nominal_step(self) -> None:
+        step = self.decide(np.array([np.nan, 0.0]))
+        assert isinstance(self.nominal, NominalStep)
+        np.testing.assert_array_equal(step.place, self.nominal.place)
+        assert step.remaining_s == pytest.approx(STEP_S - 0.2)
+
+
+class TestSwing:
+    def fly(self, goals: list[np.ndarray]) -> np.ndarray:
+        """The reference at each tick, (ticks, 3, 4); a new goal for each equal part of 0.5 s."""
+        swing, ticks = Swing(np.array([-0.1, 0.2]), 0.01, 0.3, lift_m=0.06, depth_m=0.005), 250
+        return np.array(
+            [swing.advance(goals[k * len(goals) // ticks], 0.5 - k * 0.002, 0.002) for k in range(ticks)]
+        )
+
+    def test_it_lands_at_rest_where_it_shall(self) -> None:
+        goal = np.array([0.25, 0.15, -0.2])
+        flight = self.fly([goal])
+        np.testing.assert_allclose(flight[-1, 0, [0, 1, 3]], goal, atol=2e-3)
+        assert np.abs(flight[-1, 1]).max() < 0.05
+        assert flight[-1, 0, 2] == pytest.approx(-0.005, abs=1e-4)
+        assert flight[:, 0, 2].max() == pytest.approx(0.06, abs=0.005)
+
+    def test_a_goal_that_moves_is_reached_without_a_jump(self) -> None:
+        flight = self.fly([np.array([0.25, 0.15, -0.2]), np.array([0.15, 0.3, 0.1])])
+        np.testing.assert_allclose(flight[-1, 0, [0, 1, 3]], [0.15, 0.3, 0.1], atol=3e-3)
+        assert np.abs(np.diff(flight[:, 0], axis=0)).max() < 0.01
+
+    def test_rates_are_those_of_the_places(self) -> None:
+        flight = self.fly([np.array([0.25, 0.15, -0.2])])[20:200]
+        slope = (flight[2:, 0] - flight[:-2, 0]) / 0.004
+        np.testing.assert_allclose(slope, flight[1:-1, 1], atol=0.02)
+        bend = (flight[2:, 1] - flight[:-2, 1]) / 0.004
+        np.testing.assert_allclose(bend, flight[1:-1, 2], atol=0.35)
