@@ -54,6 +54,16 @@ class TestBalance:
         assert result.height[-1] == pytest.approx(G1.description.standing_height_m, abs=0.01)
 
 
+def test_balance_serves_four_round_feet_as_well() -> None:
+    go1 = load_robot("go1")
+    config = load_policy("balance", G1)._config  # type: ignore[attr-defined]
+    policy, plant = Balance(go1, config), DirectPlant(go1, seed=3)
+    result = walk(policy, plant, STANDING, 2.0, push=(0.6, np.array([0.2, -0.2, 0.0])))
+    assert not result.fell
+    assert policy.control.lapses == 0
+    assert np.linalg.norm(np.array(result.position)[-1] - result.position[0]) < 0.03
+
+
 class TestStep:
     def test_it_walks_as_commanded(self) -> None:
         policy, plant = Step(G1), DirectPlant(G1, seed=2)

@@ -17,7 +17,7 @@ from footfall.policies.registry import (
     walking_controllers,
     zoo_names,
 )
-from footfall.robots.description import Robot, load_robot
+from footfall.robots.description import Robot, available_robots, load_robot
 from footfall.verbs import demo as demo_module
 
 
@@ -30,8 +30,10 @@ def refusal(spec: str, robot: Robot) -> str:
 
 class TestControllers:
     @pytest.mark.parametrize("name", CONTROLLERS)
-    def test_each_name_leads_to_its_controller(self, go1: Robot, name: str) -> None:
-        policy = load_policy(name, go1)
+    def test_each_name_leads_to_its_controller(self, name: str) -> None:
+        robots = [load_robot(robot) for robot in available_robots()]
+        robot = next(robot for robot in robots if name in controllers_of(robot))
+        policy = load_policy(name, robot)
         assert isinstance(policy, Policy)
         assert policy.name == name
         assert policy.contract is None
