@@ -21,23 +21,26 @@ class EnergyMeter:
     def __init__(self, robot: Robot) -> None:
         torque_per_ampere = robot.motor_figures("torque_constant_nm_a") * robot.motor_figures("gear_ratio")
         self._loss = robot.motor_figures("winding_resistance_ohm") / torque_per_ampere**2
-        self._rows = np.empty((64, 2, len(self._loss)))
+        self._rows = np.empty((64, 3, len(self._loss)))
         self._count = 0
 
-    def add(self, torque: np.ndarray, velocity: np.ndarray) -> None:
-        """One physics step: motor torque at the joint, N m, and joint velocity, rad/s, each (n,)."""
+    def add(self, torque: np.ndarray, before: np.ndarray, after: np.ndarray) -> None:
+        """One physics step: motor torque at the joint, N m, and joint velocity before and after it, rad/s, (n,).
+
+        The mean velocity counts: with the speed before the step alone, damping would seem to create power.
+        """
         if self._count == len(self._rows):
             self._rows = np.concatenate([self._rows, np.empty_like(self._rows)])
         row = self._rows[self._count]
-        row[0], row[1] = torque, velocity
+        row[0], row[1], row[2] = torque, before, after
         self._count += 1
 
     def take(self) -> Power:
         """Mean power since the last call. The copper loss of a motor is R (torque / (gear ratio kt))^2."""
-        torque, velocity = self._rows[: self._count, 0], self._rows[: self._count, 1]
+        torque, before, after = self._rows[: self._count].swapaxes(0, 1)
         steps = max(self._count, 1)
         self._count = 0
-        shaft = torque * velocity
+        shaft = torque * (0.5 * (before + after))
         mechanical = float(shaft.sum()) / steps
-        copper = float((torque**2 @ self._loss).sum()) / steps
+        copper = float((torque * torque @ self._loss).sum()) / steps
         return Power(mechanical + copper, mechanical, float(np.maximum(shaft, 0.0).sum()) / steps)

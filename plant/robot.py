@@ -70,6 +70,7 @@ class SimulatedRobot:
         self.model, self.notes = plant.model, plant.notes
         apply_to_model(self.model, sample, body_map(self.model, robot))
         self.data = mujoco.MjData(self.model)
+        self._qvel, self._applied = self.data.qvel, self.data.qfrc_applied
         qpos, qvel = joint_addresses(self.model, robot)
         base_joint = self.model.body_jntadr[plant.base]
         self._layout = Layout(
@@ -136,24 +137,19 @@ class SimulatedRobot:
 
     def _advance_one_step(self) -> None:
         now_us, motors, sensors = self._step * self._step_us, self._motors, self._sensors
-        sensors.remember(self._torque)
+        position, velocity = sensors.remember(self._torque)
         for frames in self._wires.receive(Side.ROBOT, now_us + self._step_us / 2):
             replies = motors.answer(self._step, frames, sensors.joints(motors.encoder_bias))
             if replies is not None:
                 self._wires.send(Side.ROBOT, replies, now_us)
         if self._step % self._imu_every == 0 and not self.faults.imu_silent:
             self._report_imu(now_us)
-        self._move()
+        self._torque = torque = motors.torque(self._step, position, velocity)
+        joints = self._layout.qvel
+        self._applied[joints] = torque + motors.friction(velocity)
+        mujoco.mj_step(self.model, self.data)
+        self._energy.add(torque, velocity, self._qvel[joints])
         self._step += 1
-
-    def _move(self) -> None:
-        data, layout = self.data, self._layout
-        velocity = data.qvel[layout.qvel].copy()
-        self._torque = torque = self._motors.torque(self._step, data.qpos[layout.qpos], velocity)
-        data.qfrc_applied[layout.qvel] = torque + self._motors.friction(velocity)
-        mujoco.mj_step(self.model, data)
-        # Speed changes within a step; with the speed before it alone, damping would seem to create power.
-        self._energy.add(torque, 0.5 * (velocity + data.qvel[layout.qvel]))
 
     def _report_imu(self, now_us: float) -> None:
         if not self.faults.imu_stuck:

@@ -37,34 +37,38 @@ class SimulatedSensors:
         joints: int,
         seed: int,
     ) -> None:
-        self._data, self._layout, self._n = data, layout, joints
+        self._qpos, self._qvel, self._acceleration = data.qpos, data.qvel, data.sensordata[:3]
+        self._layout, self._n = layout, joints
         gyro_bias, gravity_bias = (sensor_bias(sample, name) for name in ("gyro", "gravity"))
         self._gyro_bias = np.zeros(3) if gyro_bias is None else np.asarray(gyro_bias)
         self._gravity_bias = None if gravity_bias is None else np.asarray(gravity_bias).tolist()
         delay_s = float(sample.get("observation_delay_s", 0.0))
-        self._past = _Past(round(delay_s / step_s) + 1, joints)
+        self._past = _Past(round(delay_s / step_s) + 1, len(data.qpos), len(data.qvel), joints)
         self._noisy = noise is not None
         self._half_widths = _half_widths(noise or Noise(), joints)
         self._random = np.random.default_rng(seed)
         self._rows = np.zeros((0, 2 * joints + 6))
         self._row = 0
 
-    def remember(self, torque: np.ndarray) -> None:
-        """Keep this moment, to be read after the observation delay. To be called at each physics step."""
-        data, layout, past = self._data, self._layout, self._past
-        row, at = past.next_row(), layout.base_qpos + 3
-        qpos, qvel = data.qpos, data.qvel
-        past.joints[row, 0] = qpos[layout.qpos]
-        past.joints[row, 1] = qvel[layout.qvel]
-        past.joints[row, 2] = torque
-        past.quaternion[row] = qpos[at : at + 4]
-        past.gyro[row] = qvel[layout.base_qvel + 3 : layout.base_qvel + 6]
-        past.acceleration[row] = data.sensordata[:3]
+    def remember(self, torque: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Keep this moment, to be read after the observation delay. To be called at each physics step.
+
+        Returns:
+            The true joint positions, rad, and velocities, rad/s, (n,) each, until the next call.
+        """
+        layout, past = self._layout, self._past
+        row = past.next_row()
+        qpos, qvel = past.qpos[row], past.qvel[row]
+        qpos[:], qvel[:] = self._qpos, self._qvel
+        past.torque[row] = torque
+        past.acceleration[row] = self._acceleration
+        return qpos[layout.qpos], qvel[layout.qvel]
 
     def joints(self, encoder_bias: np.ndarray) -> np.ndarray:
         """Joint positions rad, velocities rad/s and motor torques N m, (3, n)."""
-        readings = self._past.joints[self._past.oldest].copy()
-        readings[0] += encoder_bias
+        layout, past, row = self._layout, self._past, self._past.oldest
+        position, velocity = past.qpos[row][layout.qpos], past.qvel[row][layout.qvel]
+        readings = np.array((position + encoder_bias, velocity, past.torque[row]))
         if self._noisy:
             readings[:2] += self._noise()[: 2 * self._n].reshape(2, self._n)
         return readings
@@ -72,8 +76,9 @@ class SimulatedSensors:
     def inertial(self) -> imu.Inertial:
         """The IMU's reading."""
         past, row = self._past, self._past.oldest
-        gyro = past.gyro[row] + self._gyro_bias
-        quaternion = past.quaternion[row].tolist()
+        base_qpos, base_qvel = self._layout.base_qpos, self._layout.base_qvel
+        gyro = past.qvel[row, base_qvel + 3 : base_qvel + 6] + self._gyro_bias
+        quaternion = past.qpos[row, base_qpos + 3 : base_qpos + 7].tolist()
         if self._gravity_bias is not None:
             quaternion = shift_gravity(quaternion, self._gravity_bias)
         if self._noisy:
@@ -99,10 +104,10 @@ def _half_widths(noise: Noise, n: int) -> np.ndarray:
 class _Past:
     """The last moments of a plant, in rows that are used in turn."""
 
-    def __init__(self, length: int, joints: int) -> None:
-        self.joints = np.zeros((length, 3, joints))  # position, velocity, motor torque
-        self.quaternion = np.zeros((length, 4))
-        self.gyro = np.zeros((length, 3))
+    def __init__(self, length: int, nq: int, nv: int, joints: int) -> None:
+        self.qpos = np.zeros((length, nq))
+        self.qvel = np.zeros((length, nv))
+        self.torque = np.zeros((length, joints))  # of the motors
         self.acceleration = np.zeros((length, 3))
         self.oldest = 0
         self._length, self._count = length, 0
