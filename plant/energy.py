@@ -25,7 +25,7 @@ class EnergyMeter:
         self._count = 0
 
     def add(self, torque: np.ndarray, before: np.ndarray, after: np.ndarray) -> None:
-        """One physics step: motor torque at the joint, N m, and joint velocity before and after it, rad/s, (n,).
+        """One physics step: motor torque at the joint, N m, joint velocity before and after it, rad/s; (n,).
 
         The mean velocity counts: with the speed before the step alone, damping would seem to create power.
         """

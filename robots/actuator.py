@@ -45,21 +45,18 @@ def limit_torque(torque: Array, velocity: Array, motor: Motor) -> Array:
 
     A current limit caps torque at low speed. The supply voltage less the back-EMF caps it along the line
     from stall torque to no-load speed, in the direction of motion only; past the no-load speed the motor
-    can only brake, still within the current limit.
+    can only brake, still within the current limit, which therefore comes last.
     """
     xp = velocity.__array_namespace__()
-    least, most = _torque_range(velocity, motor)
-    return xp.minimum(xp.maximum(torque, least), most)
+    least, most = _supply_range(velocity, motor)
+    supplied = xp.minimum(xp.maximum(torque, least), most)
+    return xp.minimum(xp.maximum(supplied, -motor.peak_torque), motor.peak_torque)
 
 
-def _torque_range(velocity: Array, motor: Motor) -> tuple[Array, Array]:
-    """Least and greatest torque that the motor can deliver at this speed, N m."""
-    xp = velocity.__array_namespace__()
+def _supply_range(velocity: Array, motor: Motor) -> tuple[Array, Array]:
+    """Least and greatest torque that the supply voltage allows at this speed, N m."""
     speed = velocity / motor.no_load_speed
-    peak, trough = motor.peak_torque, -motor.peak_torque
-    most = xp.minimum(xp.maximum(motor.stall_torque * (1.0 - speed), trough), peak)
-    least = xp.minimum(xp.maximum(motor.stall_torque * (-1.0 - speed), trough), peak)
-    return least, most
+    return motor.stall_torque * (-1.0 - speed), motor.stall_torque * (1.0 - speed)
 
 
 def friction_torque(velocity: Array, motor: Motor) -> Array:
@@ -96,7 +93,8 @@ def joint_damping(command: JointCommand, position: Array, velocity: Array, motor
     """
     xp = velocity.__array_namespace__()
     asked = pd_torque(command, position, velocity) * motor.strength
-    least, most = _torque_range(velocity, motor)
+    peak, trough = motor.peak_torque, -motor.peak_torque
+    least, most = (xp.minimum(xp.maximum(end, trough), peak) for end in _supply_range(velocity, motor))
     limit = xp.where(asked > most, most, least)
     line = motor.stall_torque / motor.no_load_speed
     limited = xp.where(xp.abs(limit) < motor.peak_torque, line, 0.0)
