@@ -30,7 +30,7 @@ def layer(go1: Robot, wiring: Wiring) -> JointLayer:
 def replies(wiring: Wiring, position: np.ndarray, velocity: float = 0.0, error: int = 0) -> Frames:
     n = len(position)
     values = np.array([position, np.full(n, velocity), np.zeros(n)])
-    head, tail = wiring.motor_id.astype(np.uint64), np.full(n, error, dtype=np.uint64)
+    head, tail = wiring.motor_id.astype(np.uint64) << np.uint64(56), np.full(n, error, dtype=np.uint64)
     data = mit.Codec(wiring.models).encode_replies(slice(None), head, values, tail)
     return Frames(wiring.channel, mit_driver.REPLY_ID + wiring.motor_id, data, np.full(n, 8))
 

@@ -27,7 +27,7 @@ def decoded(data: np.ndarray) -> np.ndarray:
 
 
 def replies(values: np.ndarray, tail: int = 0) -> np.ndarray:
-    head = np.arange(1, N + 1, dtype=np.uint64)
+    head = np.arange(1, N + 1, dtype=np.uint64) << np.uint64(56)
     return CODEC.encode_replies(EVERYONE, head, values, np.full(N, tail, dtype=np.uint64))
 
 
@@ -85,7 +85,7 @@ class TestReplies:
         codec = mit.Codec(["AK80-9"])
         data = codec.encode_replies(
             np.array([0]),
-            np.array([7], dtype=np.uint64),
+            np.array([7 << 56], dtype=np.uint64),
             np.array([[12.5], [-50.0], [18.0]]),
             np.array([40 << 8 | 3], dtype=np.uint64),
         )

@@ -54,12 +54,14 @@ ERRORS = {
 
 _SPECIAL = 0xFFFF_FFFF_FFFF_FFFC
 ENTER, EXIT, ZERO = _SPECIAL, _SPECIAL + 1, _SPECIAL + 2  # as 64-bit words
+_HIGHEST_COMMAND = np.uint64(_SPECIAL - 1)
 
-_COMMAND_BITS = np.array([[16], [12], [12], [12], [12]])
-_COMMAND_SHIFT = np.array([[48], [36], [24], [12], [0]], dtype=np.uint64)
-_COMMAND_MASK = (2**_COMMAND_BITS - 1).astype(np.uint64)
-_REPLY_SHIFT = np.array([[40], [28], [16]], dtype=np.uint64)
-_REPLY_MASK = _COMMAND_MASK[[0, 1, 4]]
+_WIRE = np.dtype(">u8")  # a word as it stands in a frame
+
+_BITS = np.array([[16], [12], [12], [12], [12]])  # position, velocity, kp, kd, torque
+_COMMAND_SHIFT = np.array([[48], [36], [24], [12], [0]])
+_REPLY_SHIFT = np.array([[40], [28], [16]])
+_REPLIED = [0, 1, 4]  # which of the five a motor reports
 
 
 class Reply(NamedTuple):
@@ -74,17 +76,58 @@ def words(data: np.ndarray) -> np.ndarray:
     """Frame bytes (k, 8) as 64-bit words (k,), first byte most significant."""
     if not data.flags.c_contiguous:
         data = np.ascontiguousarray(data)
-    return data.view(">u8")[:, 0].astype(np.uint64)
+    return data.view(_WIRE)[:, 0].astype(np.uint64)
 
 
 def bytes_of(word: np.ndarray) -> np.ndarray:
     """64-bit words (k,) as frame bytes (k, 8)."""
-    return word.astype(">u8").view(np.uint8).reshape(-1, 8)
+    return word.astype(_WIRE).view(np.uint8).reshape(-1, 8)
 
 
 def special(word: int, count: int) -> np.ndarray:
     """`count` frames of one of ENTER, EXIT and ZERO, (count, 8) uint8."""
     return bytes_of(np.full(count, word, dtype=np.uint64))
+
+
+class _Fields(NamedTuple):
+    """The numbers in one kind of frame: their places in a 64-bit word and their scales, each (fields, k).
+
+    Places are repeated for each motor: NumPy takes twice as long where it has to broadcast.
+    """
+
+    shift: np.ndarray  # uint64, bits
+    mask: np.ndarray  # uint64, of a field that was shifted down
+    lowest: np.ndarray
+    highest: np.ndarray
+    quantum: np.ndarray
+    codes_per_unit: np.ndarray
+
+    def of(self, motor: np.ndarray | slice) -> "_Fields":
+        """The same of some motors (indices), or of all of them (a slice)."""
+        return self if isinstance(motor, slice) else _Fields(*(part[:, motor] for part in self))
+
+    def pack(self, values: np.ndarray) -> np.ndarray:
+        """Words (k,) of values (fields, k), which are clamped to the range."""
+        codes = np.maximum(values, self.lowest)
+        np.minimum(codes, self.highest, out=codes)
+        codes -= self.lowest
+        codes *= self.codes_per_unit
+        np.rint(codes, out=codes)
+        return np.bitwise_or.reduce(codes.astype(np.uint64) << self.shift, axis=0)
+
+    def unpack(self, word: np.ndarray) -> np.ndarray:
+        """Values (fields, k) of words (k,)."""
+        values = ((word >> self.shift) & self.mask).astype(float)
+        values *= self.quantum
+        values += self.lowest
+        return values
+
+
+def _fields(shift: np.ndarray, bits: np.ndarray, lowest: np.ndarray, highest: np.ndarray) -> _Fields:
+    """Fields at bits (fields, 1) of a word, whose extreme codes mean lowest and highest (fields, k)."""
+    quantum = (highest - lowest) / (2.0**bits - 1)
+    places, masks = (np.tile(part.astype(np.uint64), lowest.shape[1]) for part in (shift, 2**bits - 1))
+    return _Fields(places, masks, lowest, highest, quantum, 1.0 / quantum)
 
 
 class Codec:
@@ -96,17 +139,15 @@ class Codec:
             if name not in RANGES:
                 raise UserError(f"no MIT-mode motor '{name}': there are {', '.join(RANGES)}")
         rows = [RANGES[name] for name in models]
-        self.highest = np.array(
+        highest = np.array(
             [[r.position, r.velocity, r.kp, r.kd, r.torque] for r in rows], dtype=float
         ).T.copy()
-        self.lowest = -self.highest
-        self.lowest[2:4] = 0.0
-        self.quantum = (self.highest - self.lowest) / (2.0**_COMMAND_BITS - 1)
-        self._codes_per_unit = 1.0 / self.quantum
-        reply = [0, 1, 4]
-        self._reply_highest, self._reply_lowest = self.highest[reply], self.lowest[reply]
-        self.reply_quantum = self.quantum[reply]
-        self._reply_codes_per_unit = 1.0 / self.reply_quantum
+        lowest = -highest
+        lowest[2:4] = 0.0
+        self._command = _fields(_COMMAND_SHIFT, _BITS, lowest, highest)
+        self._reply = _fields(_REPLY_SHIFT, _BITS[_REPLIED], lowest[_REPLIED], highest[_REPLIED])
+        self.lowest, self.highest, self.quantum = lowest, highest, self._command.quantum
+        self.reply_quantum = self._reply.quantum
 
     def encode(self, values: np.ndarray) -> np.ndarray:
         """Command frames of all motors, (n, 8) uint8.
@@ -123,18 +164,11 @@ class Codec:
         """
         if not math.isfinite(np.add.reduce(values, axis=None)):
             raise ValueError("a command that is not finite cannot be sent")
-        codes = np.maximum(values, self.lowest)
-        np.minimum(codes, self.highest, out=codes)
-        codes -= self.lowest
-        codes *= self._codes_per_unit
-        np.rint(codes, out=codes)
-        word = np.bitwise_or.reduce(codes.astype(np.uint64) << _COMMAND_SHIFT, axis=0)
-        return bytes_of(np.minimum(word, np.uint64(_SPECIAL - 1)))
+        return bytes_of(np.minimum(self._command.pack(values), _HIGHEST_COMMAND))
 
     def decode(self, word: np.ndarray, motor: np.ndarray | slice) -> np.ndarray:
         """Commands (5, k) from their words (k,), addressed to motors (k,) (indices)."""
-        codes = (word >> _COMMAND_SHIFT) & _COMMAND_MASK
-        return self.lowest[:, motor] + codes * self.quantum[:, motor]
+        return self._command.of(motor).unpack(word)
 
     def encode_replies(
         self, motor: np.ndarray | slice, head: np.ndarray, values: np.ndarray, tail: np.ndarray
@@ -143,21 +177,12 @@ class Codec:
 
         Args:
             motor: (k,) indices of the motors that reply.
-            head: (k,) uint64, their ids on the bus.
+            head: (k,) uint64, their ids on the bus in the highest byte.
             values: (3, k) position, velocity, torque; clamped to the range.
             tail: (k,) uint64, temperature (degrees Celsius) * 256 + error code.
         """
-        lowest = self._reply_lowest[:, motor]
-        codes = np.maximum(values, lowest)
-        np.minimum(codes, self._reply_highest[:, motor], out=codes)
-        codes -= lowest
-        codes *= self._reply_codes_per_unit[:, motor]
-        np.rint(codes, out=codes)
-        word = np.bitwise_or.reduce(codes.astype(np.uint64) << _REPLY_SHIFT, axis=0)
-        return bytes_of(word | head << np.uint64(56) | tail)
+        return bytes_of(self._reply.of(motor).pack(values) | head | tail)
 
     def decode_replies(self, data: np.ndarray, motor: np.ndarray | slice) -> Reply:
         """Replies from their frames (k, 8), short ones zero-padded, of motors (k,) (indices)."""
-        codes = (words(data) >> _REPLY_SHIFT) & _REPLY_MASK
-        values = self._reply_lowest[:, motor] + codes * self.reply_quantum[:, motor]
-        return Reply(values, data[:, 6], data[:, 7])
+        return Reply(self._reply.of(motor).unpack(words(data)), data[:, 6], data[:, 7])

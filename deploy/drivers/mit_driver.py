@@ -97,7 +97,7 @@ class MitMotorEnd:
         self._codec = mit.Codec(wiring.models)
         self._lookup = _lookup(wiring)
         self._everyone = np.arange(n)
-        self._head = wiring.motor_id.astype(np.uint64)
+        self._head = wiring.motor_id.astype(np.uint64) << np.uint64(56)
         self._outgoing = Frames(
             wiring.channel, REPLY_ID + wiring.motor_id, np.zeros((n, 8), np.uint8), np.full(n, 8, np.intp)
         )
