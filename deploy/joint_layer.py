@@ -38,7 +38,6 @@ class JointLayer:
         # same ones again and again, which saves looking into them.
         self._reply_ids: np.ndarray | None = None
         self._imu_ids: np.ndarray | None = None
-        self._values = np.zeros((5, n))  # of the command that goes out
         self._motor_us = np.full(n, NEVER)
         self._error = np.zeros(n, dtype=np.uint8)
 
@@ -69,20 +68,19 @@ class JointLayer:
             self._tick_s,
         )
         self._target = target
+        limited = JointCommand(target, *wanted[1:])
         position, velocity, _ = self._joints
-        asked = pd_torque(wanted._replace(position=target), position, velocity)
-        excess = asked - limit_torque(asked, velocity, self._robot.motor)
-        values = self._values
-        values[0], values[1], values[2], values[3] = target, wanted.velocity, wanted.kp, wanted.kd
-        np.subtract(wanted.torque, excess, out=values[4])
+        asked = pd_torque(limited, position, velocity)
+        values = np.array(limited)
+        values[4] -= asked - limit_torque(asked, velocity, self._robot.motor)
         return self._driver.command(values)
 
     def damping(self, kd: float) -> Frames:
         """Frames that only damp the joints, kd in N m s/rad."""
-        self._values[:] = 0.0
-        self._values[3] = kd
+        values = np.zeros((5, len(self._target)))
+        values[3] = kd
         self._target = self._joints[0].copy()
-        return self._driver.command(self._values)
+        return self._driver.command(values)
 
     # -- in ------------------------------------------------------------------------------------------
 

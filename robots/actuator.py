@@ -47,10 +47,8 @@ def limit_torque(torque: Array, velocity: Array, motor: Motor) -> Array:
     from stall torque to no-load speed, in the direction of motion only; past the no-load speed the motor
     can only brake, still within the current limit, which therefore comes last.
     """
-    xp = velocity.__array_namespace__()
     least, most = _supply_range(velocity, motor)
-    supplied = xp.minimum(xp.maximum(torque, least), most)
-    return xp.minimum(xp.maximum(supplied, -motor.peak_torque), motor.peak_torque)
+    return torque.clip(least, most).clip(-motor.peak_torque, motor.peak_torque)
 
 
 def _supply_range(velocity: Array, motor: Motor) -> tuple[Array, Array]:
@@ -61,8 +59,7 @@ def _supply_range(velocity: Array, motor: Motor) -> tuple[Array, Array]:
 
 def friction_torque(velocity: Array, motor: Motor) -> Array:
     """Torque lost in the gearbox, N m, opposing motion: Coulomb, ramped through zero, and viscous."""
-    xp = velocity.__array_namespace__()
-    developed = xp.minimum(xp.maximum(velocity / motor.friction_speed, -1.0), 1.0)
+    developed = (velocity / motor.friction_speed).clip(-1.0, 1.0)
     return -motor.friction * developed - motor.damping * velocity
 
 
@@ -93,8 +90,8 @@ def joint_damping(command: JointCommand, position: Array, velocity: Array, motor
     """
     xp = velocity.__array_namespace__()
     asked = pd_torque(command, position, velocity) * motor.strength
-    peak, trough = motor.peak_torque, -motor.peak_torque
-    least, most = (xp.minimum(xp.maximum(end, trough), peak) for end in _supply_range(velocity, motor))
+    peak = motor.peak_torque
+    least, most = (end.clip(-peak, peak) for end in _supply_range(velocity, motor))
     limit = xp.where(asked > most, most, least)
     line = motor.stall_torque / motor.no_load_speed
     limited = xp.where(xp.abs(limit) < motor.peak_torque, line, 0.0)

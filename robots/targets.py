@@ -23,7 +23,5 @@ def limit_target(
         rate_rad_s: fastest change of a target.
         dt_s: time since the tick before.
     """
-    xp = goal.__array_namespace__()
     step = rate_rad_s * dt_s
-    inside = xp.minimum(xp.maximum(goal, lower), upper)
-    return previous + xp.minimum(xp.maximum(inside - previous, -step), step)
+    return previous + (goal.clip(lower, upper) - previous).clip(-step, step)
