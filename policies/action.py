@@ -10,7 +10,7 @@ Array = Any
 
 
 def gait_reference(phase: Array, command: Array, contract: Contract) -> Array:
-    """Reference offset of each joint from the default pose, rad, shape (..., n); zero without a gait.
+    """Reference offset of each joint from the default pose, rad, shape (..., n); zero unless a gait moves any.
 
     Args:
         phase: clock in cycles, shape (..., 1).
@@ -18,7 +18,7 @@ def gait_reference(phase: Array, command: Array, contract: Contract) -> Array:
         contract: whose gait is meant.
     """
     xp = phase.__array_namespace__()
-    if contract.gait is None:
+    if contract.gait is None or not any(contract.gait.amplitude_rad):
         return xp.zeros((*phase.shape[:-1], len(contract.joints)), dtype=phase.dtype)
     offsets = xp.asarray(contract.gait.phase, dtype=phase.dtype)
     amplitude = xp.asarray(contract.gait.amplitude_rad, dtype=phase.dtype)

@@ -71,6 +71,10 @@ class LearnedPolicy:
         self._input = self._session.get_inputs()[0].name
         self._kp, self._kd = np.asarray(self.contract.kp), np.asarray(self.contract.kd)
         self._zeros = np.zeros(len(self.contract.joints))
+        kept = history_length(self.contract), frame_size(self.contract)
+        # Where each number of an observation stands among the kept frames: put together of places once, an
+        # observation is one look-up at each step.
+        self._places = observation(np.arange(np.prod(kept)).reshape(kept), self.contract)
         self._begin()
         self.network(np.zeros(observation_size(self.contract), dtype=np.float32))  # the first call is slow
 
@@ -95,10 +99,10 @@ class LearnedPolicy:
         readings = read(observation_.sensed)
         newest = frame(Inputs(readings, self._action, observation_.command, phase), contract)
         if self._frames is None:
-            self._frames = np.broadcast_to(newest, (history_length(contract), frame_size(contract)))
+            self._frames = np.tile(newest, (history_length(contract), 1))
         else:
             self._frames = push_frame(self._frames, newest)
-        self.observed = observation(self._frames, contract).astype(np.float32)
+        self.observed = self._frames.ravel()[self._places].astype(np.float32)
         self._action = self.network(self.observed)
         self._steps += 1
         target = joint_target(self._action.astype(np.float64), phase, observation_.command, contract)
