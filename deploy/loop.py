@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Callable
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -142,13 +142,14 @@ class ControlLoop:
         joints = self._joints
         joints.absorb(self._bus.receive(now_us), now_us)
         self.sensed = joints.sensed()
-        self._supervise()
+        signals = self._signals()
+        self._supervise(signals)
         mode = self.state.mode
         if mode is Mode.WALKING:
             self._estimate_base(self._policy.stance())
             if now_us >= self._next_policy_us:
                 self._policy_step()
-                self._supervise()
+                self._supervise(signals._replace(**self._policy_signals()))
                 mode = self.state.mode
         if self.state.over:
             self._refused += self._bus.send(self._driver.disable(), now_us)
@@ -234,9 +235,9 @@ class ControlLoop:
 
     # -- what may not go wrong -----------------------------------------------------------------------
 
-    def _supervise(self) -> None:
+    def _supervise(self, signals: Signals) -> None:
         before = self.state
-        self.state = advance(before, self._signals(), self._config.safety)
+        self.state = advance(before, signals, self._config.safety)
         if self.state is before or self.state.mode is before.mode:
             return
         if before.mode is Mode.WALKING:
@@ -265,14 +266,20 @@ class ControlLoop:
             imu_silence_s=(now_us - heard.imu_us) * 1e-6,
             motor_error=self._error_of(heard.motor_error) if np.count_nonzero(heard.motor_error) else "",
             tilt_rad=tilt(self.sensed.quaternion),
-            command_finite=self._decision_finite,
-            late_steps=self._late_steps,
-            step_s=self._step_s if self._clock.realtime else 0.0,
             frames_refused=self._refused,
-            policy_error=self._policy_error,
             stand_done=state.mode is Mode.STANDING and now_s - state.since_s >= self._config.stand_s,
             finish=self._finish and state.mode not in DAMPED,
+            **self._policy_signals(),
         )
+
+    def _policy_signals(self) -> dict[str, Any]:
+        """Those of the signals that a policy step may change."""
+        return {
+            "command_finite": self._decision_finite,
+            "late_steps": self._late_steps,
+            "step_s": self._step_s if self._clock.realtime else 0.0,
+            "policy_error": self._policy_error,
+        }
 
     def _error_of(self, errors: np.ndarray) -> str:
         joint = int(np.flatnonzero(errors)[0])

@@ -10,6 +10,14 @@ from footfall.plant.sensors import Layout
 from footfall.robots.model import Plant
 
 WORLD = 0  # body id
+DIVERGED = [  # warnings
+    int(kind)
+    for kind in (
+        mujoco.mjtWarning.mjWARN_BADQPOS,
+        mujoco.mjtWarning.mjWARN_BADQVEL,
+        mujoco.mjtWarning.mjWARN_BADQACC,
+    )
+]
 FALLEN_TILT = np.deg2rad(70.0)
 COLLAPSED_SHARE = 0.4  # of the standing height
 
@@ -87,12 +95,7 @@ class GroundTruth:
 
     def diverged(self) -> bool:
         """Whether the simulation lost its numbers (MuJoCo then starts it afresh by itself)."""
-        warning = self._data.warning
-        kinds = mujoco.mjtWarning
-        return any(
-            warning[kind].number > 0
-            for kind in (kinds.mjWARN_BADQPOS, kinds.mjWARN_BADQVEL, kinds.mjWARN_BADQACC)
-        )
+        return bool(self._data.warning.number[DIVERGED].any())
 
     def _velocity_of(self, geom: int) -> np.ndarray:
         """Velocity of a geom's centre, m/s, world frame, (3,)."""

@@ -92,7 +92,7 @@ class SimulatedWires:
                 frames = frames.take(accepted)
                 plan = self._plan(frames)
         if len(frames.channel):
-            start = [max(free_at, now_us) for free_at in self._free_at]
+            start = [free_at if free_at > now_us else now_us for free_at in self._free_at]
             self._free_at = [begun + taken for begun, taken in zip(start, plan.occupied, strict=True)]
             self._all_free_at = max(self._free_at)
             plan.sent[side] += 1

@@ -10,7 +10,7 @@ Array = Any
 
 
 def gait_reference(phase: Array, command: Array, contract: Contract) -> Array:
-    """Reference offset of each joint from the default pose, rad, shape (..., n); zero unless a gait moves any.
+    """Reference offset of each joint from the default pose, rad, shape (..., n); zero if no joint has any.
 
     Args:
         phase: clock in cycles, shape (..., 1).
