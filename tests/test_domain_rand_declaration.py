@@ -85,6 +85,38 @@ def test_uniform_quantile(u: float, low: float, width: float) -> None:
 def test_log_uniform_halves_its_mass_at_the_geometric_mean() -> None:
     distribution = Distribution(0.1, 10.0, "log_uniform")
     assert distribution.quantile(np.array([0.0, 0.5])) == pytest.approx([0.1, 1.0])
+    lopsided = Distribution(0.5, 8.0, "log_uniform")  # from a half to sixteen times as much
+    assert lopsided.quantile(np.array([0.0, 0.25, 0.75, 1.0])) == pytest.approx([0.5, 1.0, 4.0, 8.0])
+
+
+def test_a_range_may_be_one_value() -> None:
+    for shape in ("uniform", "log_uniform"):
+        assert Distribution(0.7, 0.7, shape).quantile(np.array([0.0, 0.9])) == pytest.approx([0.7, 0.7])
+
+
+def test_what_is_read_is_what_stands_in_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text("friction: {low: 0.25, high: 1, shape: log_uniform}\nkp: {low: 0.9, high: 1.1}")
+    read = load_randomisation(path)
+    assert read == Randomisation(friction=Distribution(0.25, 1.0, "log_uniform"), kp=Distribution(0.9, 1.1))
+
+
+def test_numbers_are_asked_for_once_and_all_of_them() -> None:
+    asked: list[int] = []
+
+    def uniform(count: int) -> np.ndarray:
+        asked.append(count)
+        return np.full(count, 0.5)
+
+    draw(Randomisation(), uniform, 3, 5)
+    shapes = sample_shapes(3, 5)
+    assert asked == [sum(int(np.prod(shape)) for shape in shapes.values())]
+    assert (shapes["link_mass"], shapes["kp"], shapes["com_offset_m"], shapes["friction"]) == (
+        (5,),
+        (3,),
+        (3,),
+        (),
+    )
 
 
 @pytest.mark.parametrize("share", [0.0, 0.25, 1.0])

@@ -13,8 +13,9 @@ from mujoco import mjx
 
 from footfall.domain_rand.bodies import BodyMap, apply_to_model, body_map, randomised_fields
 from footfall.domain_rand.noise import Noise, biased, noisy
-from footfall.domain_rand.randomisation import load_randomisation
-from footfall.domain_rand.sample import Sample, draw, randomised_command, randomised_motor
+from footfall.domain_rand.quantity import scales_joints
+from footfall.domain_rand.randomisation import QUANTITIES, load_randomisation
+from footfall.domain_rand.sample import Sample, draw, randomised_command, randomised_motor, sensor_bias
 from footfall.robots.actuator import JointCommand, friction_torque, joint_torque, motor_torque
 from footfall.robots.description import Robot
 from footfall.robots.model import joint_addresses, plant_model, training_model
@@ -296,3 +297,122 @@ class TestSensors:
             assert abs(off.mean()) < 0.01
             assert off.std() == pytest.approx(width / np.sqrt(3), rel=0.05)
             assert len(np.unique(off[0])) == off.shape[1]
+
+
+class TestEveryField:
+    """Each effect on values that all differ, worked out with plain NumPy."""
+
+    def test_of_the_model(self, go1: Robot) -> None:
+        model, rng = plant_model(go1), np.random.default_rng(1)
+        sample = Sample(
+            friction=0.37, payload_kg=2.5, com_offset_m=np.array([0.01, -0.02, 0.03]),
+            link_mass=rng.uniform(0.5, 1.5, 13), inertia=rng.uniform(0.5, 1.5, 13),
+            armature=rng.uniform(0.5, 1.5, 12),
+        )  # fmt: skip
+        nominal = plant_model(go1)
+        where = body_map(model, go1)
+        changed = randomised_fields(model, sample, where)
+        base, dofs = model.body(go1.description.base).id, joint_addresses(model, go1)[1]
+        mass = nominal.body_mass * [1.0, *sample["link_mass"]]
+        mass[base] += 2.5
+        np.testing.assert_allclose(changed["body_mass"], mass)
+        turning = np.array([1.0, *(sample["link_mass"] * sample["inertia"])])
+        np.testing.assert_allclose(changed["body_inertia"], nominal.body_inertia * turning[:, None])
+        place = nominal.body_ipos.copy()
+        place[base] += sample["com_offset_m"]
+        np.testing.assert_allclose(changed["body_ipos"], place)
+        armature = nominal.dof_armature.copy()
+        armature[dofs] *= sample["armature"]
+        np.testing.assert_allclose(changed["dof_armature"], armature)
+        friction = nominal.geom_friction.copy()
+        feet = [model.geom(foot.geom).id for foot in go1.description.feet]
+        friction[[*feet, *np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE)], 0] = 0.37
+        np.testing.assert_allclose(changed["geom_friction"], friction)
+        np.testing.assert_array_equal(model.body_mass, nominal.body_mass)  # what was handed in is only read
+
+    def test_a_joint_is_changed_at_its_own_degree_of_freedom(self) -> None:
+        """Joints in another order than the model's degrees of freedom."""
+        where = BodyMap(base=1, contact_geoms=(), dofs=(4, 2, 7))
+        effect = scales_joints("dof_armature")
+        changed = effect.change(np.arange(1.0, 9.0), np.array([10.0, 100.0, 1000.0]), where)
+        np.testing.assert_allclose(changed, [1, 2, 300, 4, 50, 6, 7, 8000])
+
+    def test_of_the_motors_and_commands(self, go1: Robot) -> None:
+        rng = np.random.default_rng(2)
+        names = ("joint_friction", "joint_damping", "motor_strength", "kp", "kd")
+        sample = {name: rng.uniform(0.5, 1.5, 12) for name in names} | {"battery": np.array(0.8)}
+        motor = go1.motor._replace(damping=rng.random(12), friction_speed=rng.random(12))
+        changed = randomised_motor(motor, sample)
+        np.testing.assert_allclose(changed.friction, motor.friction * sample["joint_friction"])
+        np.testing.assert_allclose(changed.damping, motor.damping + sample["joint_damping"])
+        np.testing.assert_allclose(changed.strength, motor.strength * sample["motor_strength"])
+        np.testing.assert_allclose(changed.stall_torque, motor.stall_torque * 0.8)
+        np.testing.assert_allclose(changed.no_load_speed, motor.no_load_speed * 0.8)
+        np.testing.assert_array_equal(changed.peak_torque, motor.peak_torque)
+        np.testing.assert_array_equal(changed.friction_speed, motor.friction_speed)
+        command = JointCommand(*rng.random((5, 12)))
+        obeyed = randomised_command(command, sample)
+        np.testing.assert_allclose(obeyed.kp, command.kp * sample["kp"])
+        np.testing.assert_allclose(obeyed.kd, command.kd * sample["kd"])
+        for untouched in ("position", "velocity", "torque"):
+            np.testing.assert_array_equal(getattr(obeyed, untouched), getattr(command, untouched))
+
+    def test_of_the_readings(self) -> None:
+        rng = np.random.default_rng(3)
+        readings = {name: rng.normal(size=value.shape) for name, value in LEVEL.items()}
+        readings["gravity"] /= np.linalg.norm(readings["gravity"])
+        sizes = {"encoder_bias": 12, "gyro_bias": 3, "gravity_bias": 3}
+        sample: Sample = {name: rng.normal(size=size) for name, size in sizes.items()}
+        read = biased(readings, sample)
+        positions = readings["joint_position"] + sample["encoder_bias"]
+        np.testing.assert_allclose(read["joint_position"], positions)
+        np.testing.assert_allclose(read["gyro"], readings["gyro"] + sample["gyro_bias"])
+        tilted = readings["gravity"] + sample["gravity_bias"]
+        np.testing.assert_allclose(read["gravity"], tilted / np.linalg.norm(tilted))
+        np.testing.assert_array_equal(read["joint_velocity"], readings["joint_velocity"])
+        u, noise = rng.random(30), Noise(gyro=0.1, gravity=0.2, joint_position=0.3, joint_velocity=0.4)
+        read, signed = noisy(readings, noise, u), 2 * u - 1
+        np.testing.assert_allclose(read["gyro"], readings["gyro"] + 0.1 * signed[:3])
+        tilted = readings["gravity"] + 0.2 * signed[3:6]
+        np.testing.assert_allclose(read["gravity"], tilted / np.linalg.norm(tilted))
+        np.testing.assert_allclose(read["joint_position"], readings["joint_position"] + 0.3 * signed[6:18])
+        np.testing.assert_allclose(read["joint_velocity"], readings["joint_velocity"] + 0.4 * signed[18:])
+
+    def test_two_biases_of_one_reading_add_up(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setitem(QUANTITIES, "second", QUANTITIES["gyro_bias"])
+        one, two = np.array([0.1, 0.2, 0.3]), np.array([1.0, -2.0, 4.0])
+        np.testing.assert_allclose(sensor_bias(Sample(gyro_bias=one, second=two), "gyro"), one + two)
+        assert sensor_bias(Sample(encoder_bias=one), "gyro") is None
+
+
+class TestBodyMap:
+    XML = """<mujoco><worldbody>{floor}<geom name="wall" type="box" size="1 1 1" pos="9 0 0"/>
+        <body name="vane"><joint name="turn" axis="0 0 1"/><geom size=".1" mass="1"/></body>
+        <body name="trunk"><freejoint/><geom size=".1"/></body></worldbody></mujoco>"""
+
+    def robot(self, go1: Robot, monkeypatch: pytest.MonkeyPatch, feet: list[int]) -> Robot:
+        """Whose feet are found at these geoms and whose joints at two degrees of freedom."""
+        monkeypatch.setattr("footfall.domain_rand.bodies.find_feet", lambda *_: np.array(feet))
+        addresses = np.array([7, 8]), np.array([6, 0])
+        monkeypatch.setattr("footfall.domain_rand.bodies.joint_addresses", lambda *_: addresses)
+        return go1
+
+    def test_friction_is_of_the_feet_that_were_found_and_of_the_floor(
+        self, go1: Robot, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        floor = '<geom name="dust" size=".1"/><geom name="floor" type="plane" size="1 1 1"/>'
+        model = mujoco.MjModel.from_xml_string(self.XML.format(floor=floor))
+        robot = self.robot(go1, monkeypatch, [4, -1, 0])  # one foot was not found; one is the first geom
+        where = body_map(model, robot)
+        assert where.contact_geoms == (0, 1, 4)
+        assert where.dofs == (6, 0)
+        assert where.base == model.body("trunk").id == 2
+
+    def test_where_no_foot_is_found_it_is_of_all_that_can_touch(
+        self, go1: Robot, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        shown = '<geom name="shown" size=".1" contype="0" conaffinity="0"/>'
+        touched = '<geom size=".1" contype="0"/><geom size=".1" conaffinity="0"/>'
+        model = mujoco.MjModel.from_xml_string(self.XML.format(floor=shown + touched))
+        where = body_map(model, self.robot(go1, monkeypatch, [-1, -1]))
+        assert where.contact_geoms == (1, 2, 3, 4, 5)
