@@ -11,7 +11,13 @@ import numpy as np
 import pytest
 from mujoco import mjx
 
-from footfall.domain_rand.bodies import BodyMap, apply_to_model, body_map, randomised_fields
+from footfall.domain_rand.bodies import (
+    BodyMap,
+    apply_to_model,
+    body_map,
+    randomised_field_names,
+    randomised_fields,
+)
 from footfall.domain_rand.noise import Noise, biased, noisy
 from footfall.domain_rand.quantity import scales_joints
 from footfall.domain_rand.randomisation import QUANTITIES, load_randomisation
@@ -329,6 +335,10 @@ class TestEveryField:
         friction[[*feet, *np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE)], 0] = 0.37
         np.testing.assert_allclose(changed["geom_friction"], friction)
         np.testing.assert_array_equal(model.body_mass, nominal.body_mass)  # what was handed in is only read
+
+    def test_the_fields_that_may_change_are_known_beforehand(self) -> None:
+        names = ("geom_friction", "body_mass", "body_inertia", "body_ipos", "dof_armature")
+        assert randomised_field_names() == names
 
     def test_a_joint_is_changed_at_its_own_degree_of_freedom(self) -> None:
         """Joints in another order than the model's degrees of freedom."""

@@ -98,11 +98,13 @@ def test_a_control_step_in_c_is_plain_mujocos(begun: State) -> None:
             getattr(model, name)[:] = value[k]
         data, armature = mujoco.MjData(model), model.dof_armature[dofs].copy()
         data.qpos[:], data.qvel[:] = motion.qpos[k], motion.qvel[k]
+        kp, kd, bias = (np.asarray(each[k], float) for each in (drive.kp, drive.kd, drive.encoder_bias))
+        motor = Motor(*(np.asarray(part[k], float) for part in drive.motor))
         for target in np.asarray(drive.target[k]):
-            q, v = data.qpos[positions], data.qvel[dofs]
-            command = JointCommand(target, np.zeros(12), ROBOT.kp, ROBOT.kd, np.zeros(12))
-            data.qfrc_applied[dofs] = joint_torque(command, q, v, ROBOT.motor)
-            damping = joint_damping(command, q, v, ROBOT.motor)
+            q, v = data.qpos[positions] + bias, data.qvel[dofs]
+            command = JointCommand(target, np.zeros(12), kp, kd, np.zeros(12))
+            data.qfrc_applied[dofs] = joint_torque(command, q, v, motor)
+            damping = joint_damping(command, q, v, motor)
             model.dof_armature[dofs] = armature + 0.5 * SMOKE.timestep_s * damping
             mujoco.mj_step(model, data)
         assert worst(end.qpos[k], data.qpos) < 1e-5
@@ -239,15 +241,16 @@ def test_other_physics_are_refused_by_name(tmp_path: Path) -> None:
 
 
 def arguments(state: State) -> tuple[Motion, Drive, dict[str, jax.Array]]:
-    """What a batch of robots hands to its physics."""
+    """What a batch of robots hands to its physics: no two robots, joints or physics steps are alike in it."""
+    rng = np.random.default_rng(3)
 
     def each(values: np.ndarray) -> jax.Array:
-        return jnp.tile(jnp.asarray(values, dtype=jnp.float32), (ROBOTS, 1))
+        return jnp.asarray(values * rng.uniform(0.9, 1.1, (ROBOTS, len(values))), dtype=jnp.float32)
 
-    target = jnp.stack([state.target] * SMOKE.substeps, axis=1)
-    drive = Drive(
-        target, each(ROBOT.kp), each(ROBOT.kd), Motor(*map(each, ROBOT.motor)), jnp.zeros_like(state.target)
-    )
+    moving = 0.01 * jnp.arange(SMOKE.substeps)[:, None] * jnp.linspace(-1.0, 1.0, 12)
+    target = state.target[:, None] + moving
+    bias = jnp.asarray(0.02 * rng.normal(size=(ROBOTS, 12)), dtype=jnp.float32)
+    drive = Drive(target, each(ROBOT.kp), each(ROBOT.kd), Motor(*map(each, ROBOT.motor)), bias)
     return Motion(state.qpos, state.qvel, state.qacc_warmstart), drive, state.fields
 
 
