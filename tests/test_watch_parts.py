@@ -1,6 +1,7 @@
 """The parts of the page, each with what is around it stood in for: what it reads, draws, says and does."""
 
 import json
+import multiprocessing
 import os
 import socket
 from collections.abc import Iterator
@@ -28,6 +29,7 @@ from footfall.pages.snapshots import (
     FINISHED,
     NEWEST,
     Exported,
+    Exporter,
     Snapshot,
     Snapshots,
     _export,
@@ -185,6 +187,15 @@ class TestGeometry:
         np.testing.assert_allclose(shape.quaternion, turned.as_quat()[[3, 0, 1, 2]], atol=1e-12)
         np.testing.assert_allclose(shape.rgba, [0.1, 0.2, 0.3, 0.4], atol=1e-6)
         assert (shape.geom, shape.body) == (1, 1)  # the first is the ground
+
+    def test_what_is_drawn_stays_as_it_was_when_the_model_changes(self, go1: Robot) -> None:
+        model = plant_model(go1)
+        shapes = visible_shapes(model)
+        before = [(s.position.copy(), s.quaternion.copy(), s.rgba.copy()) for s in shapes]
+        model.geom_pos[:], model.geom_quat[:], model.geom_rgba[:], model.mat_rgba[:] = 7.0, 7.0, 7.0, 7.0
+        for shape, values in zip(shapes, before, strict=True):
+            for now, then in zip((shape.position, shape.quaternion, shape.rgba), values, strict=True):
+                np.testing.assert_array_equal(now, then)
 
     def test_a_material_colours_what_has_no_colour_of_its_own(self) -> None:
         model = mujoco.MjModel.from_xml_string(
@@ -491,6 +502,25 @@ class TestSnapshots:
         snapshots.chosen = "iteration 5"
         exporter.answer = Exported(None)
         assert snapshots.poll() is None
+
+    def test_an_exporter_that_dies_is_a_problem_and_another_is_started(self, run: Path) -> None:
+        exporter, ended = Exporter(run), []
+        ours, theirs = multiprocessing.Pipe()
+        process = SimpleNamespace(
+            terminate=lambda: ended.append("terminate"), join=lambda: ended.append("join")
+        )
+        exporter._connection, exporter._process = ours, process  # type: ignore[assignment]
+        exporter.start(Path("a.ckpt"), Path("a.onnx"))
+        assert theirs.recv() == (run, Path("a.ckpt"), Path("a.onnx"))
+        assert exporter.poll() is None
+        theirs.send(Exported(Path("a.onnx")))
+        assert exporter.poll() == Exported(Path("a.onnx"))
+        theirs.close()
+        exporter.start(Path("b.ckpt"), Path("b.onnx"))  # nobody is there to be told
+        assert exporter.poll() == Exported(None, "the process that exports it died")
+        assert ended == ["terminate", "join"]
+        assert ours.closed
+        assert exporter._process is None
 
     def test_an_export_tells_what_went_wrong_of_the_file_that_it_was_asked_for(
         self, run: Path, monkeypatch: pytest.MonkeyPatch
