@@ -13,6 +13,7 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from footfall.deploy.bus import BusStatistics
+from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers.driver import Motors, Request, Requests
 from footfall.deploy.frames import Frames, frame_bits
 from footfall.deploy.safety import Mode
@@ -20,12 +21,13 @@ from footfall.deploy.session import Outcome
 from footfall.deploy.wiring import wire
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.sample import Sample
+from footfall.plant import episode as episode_module
 from footfall.plant.energy import EnergyMeter
-from footfall.plant.episode import Episode, Push, _Trial
+from footfall.plant.episode import Episode, Push, _Trial, run_episode
 from footfall.plant.ground_truth import GroundTruth
 from footfall.plant.motors import SimulatedMotors
 from footfall.plant.progress import Progress
-from footfall.plant.robot import PlantConfig, SimulatedRobot
+from footfall.plant.robot import PlantConfig, SimulatedRobot, _as_slice
 from footfall.plant.sensors import Layout, SimulatedSensors
 from footfall.plant.trace import Recorder
 from footfall.plant.wires import Side, SimulatedWires
@@ -186,7 +188,7 @@ class TestStart:
         body = body_of(odd, plant=own_folder / "step.xml")
         data = body.data
         np.testing.assert_array_equal(data.qpos[joint_addresses(body.model, odd)[0]], odd.default_pose)
-        assert data.qpos[0] == 0.7
+        assert data.qpos[:3].tolist() == [0.7, 0.0, 0.0]
         assert data.qpos[4:8].tolist() == [1.0, 0.0, 0.0, 0.0]
         assert data.qpos[3] == pytest.approx(odd.description.standing_height_m - 0.7, abs=1e-4)
         lowest = data.geom("FL_foot").xpos[2] - 0.023
@@ -215,6 +217,40 @@ class TestStart:
             times.append(body.time_us)
         assert times == [0, 0, 1000, 3000, 3000, 4000]
         assert body.data.time == pytest.approx(0.004)
+
+    def test_the_imu_reports_every_two_milliseconds_one_count_on(self, go1: Robot) -> None:
+        wiring = wire(go1)
+        wires = SimulatedWires(wiring.buses)
+        body = SimulatedRobot(go1, wiring, wires)
+
+        def heard(until_us: int) -> list[int]:
+            """Counters of the gyro frames that arrived; they are on the IMU's bus alone."""
+            body.advance(until_us)
+            frames = wires.receive(Side.HOST, until_us)
+            assert all((batch.channel == wiring.imu_channel).all() for batch in frames)
+            assert all(batch.id.tolist() == [0x300, 0x301, 0x302] for batch in frames)
+            return [int.from_bytes(batch.data[0, 6:].tobytes(), "big") for batch in frames]
+
+        assert heard(1000) == [1]
+        assert heard(2500) == []
+        assert heard(7000) == [2, 3, 4]
+        body.faults.imu_stuck = True
+        assert heard(9000) == [4]
+        body.faults.imu_silent = True
+        assert heard(13_000) == []
+        body.faults.imu_silent = body.faults.imu_stuck = False
+        assert heard(15_000) == [5]
+
+    @pytest.mark.parametrize(
+        ("indices", "expected"),
+        [([3, 4, 5], slice(3, 6)), ([7], slice(7, 8)), ([3, 4, 6], None), ([5, 4, 3], None)],
+    )
+    def test_consecutive_places_are_read_without_a_copy(
+        self, indices: list[int], expected: slice | None
+    ) -> None:
+        found = _as_slice(np.array(indices))
+        np.testing.assert_array_equal(np.arange(9)[found], indices)
+        assert expected is None or found == expected
 
     def test_switched_on_motors_are_told_in_a_copy(self, go1: Robot) -> None:
         body = body_of(go1)
@@ -595,6 +631,7 @@ class FakeBody:
             "motor_torque",
         )
         rest = dict.fromkeys((*names, "foot_position", "foot_velocity", "foot_force", "qpos"), np.full(3, k))
+        rest["foot_position"] = np.full((1, 3), k)
         values = {
             "base_position": np.array([0.25 * k, 0.0, 9.0]),
             "base_velocity": np.array([k, 2 * k, 3 * k]),
@@ -740,3 +777,67 @@ def test_a_recorder_stacks_rows_in_their_order() -> None:
     assert arrays["a"].tolist() == [1.0, 2.0]
     assert arrays["b"].tolist() == [[1, 2], [3, 4]]
     assert Recorder(2, 1, 9).rows == {}
+
+
+@pytest.mark.parametrize("asked", [True, False])
+def test_what_an_episode_asks_for_reaches_plant_and_session(
+    go1: Robot, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, asked: bool
+) -> None:
+    seen: dict[str, Any] = {}
+
+    class Body(FakeBody):
+        def __init__(self, robot: Robot, wiring: Any, wires: Any, config: Any, seed: int) -> None:
+            super().__init__()
+            seen.update(robot=robot, wires=wires, config=config, seed=seed)
+
+    def run_session(robot: Any, policy: Any, bus: Any, session: Any, each_tick: Any, base: Any) -> Outcome:
+        seen.update(policy=policy, bus=bus, session=session, each_tick=each_tick, base=base)
+        return OUTCOME
+
+    monkeypatch.setattr(episode_module, "SimulatedRobot", Body)
+    monkeypatch.setattr(episode_module, "run_session", run_session)
+
+    def command(_: float) -> np.ndarray:
+        return np.zeros(3)
+
+    shown = []
+    further: dict[str, Any] = {
+        "seed": 5,
+        "plant": tmp_path / "other.xml",
+        "sample": {"friction": 0.4},
+        "noise": Noise(gyro=0.1),
+        "ground_truth": True,
+        "realtime": True,
+        "log": tmp_path / "log.mcap",
+        "policy_spec": "mine.onnx",
+        "config": DeployConfig(host_queue=3, motor_timeout_s=0.3),
+        "display": lambda loop, velocity: shown.append((loop, velocity())),
+    }
+    policy = SimpleNamespace(name="hold")
+    run_episode(go1, policy, Episode(command, 2.5, **(further if asked else {})))  # type: ignore[arg-type]
+    session, plant = seen["session"], seen["config"]
+    assert seen["robot"] is go1
+    assert seen["policy"] is policy
+    assert (session.command, session.duration_s) == (command, 2.5)
+    assert session.realtime is asked
+    if not asked:
+        assert (plant.plant, plant.sample, plant.noise, plant.motor_timeout_s) == (None, {}, None, 0.1)
+        assert (seen["seed"], session.log, seen["base"], session.display) == (0, None, None, None)
+        assert session.facts == {"seed": 0, "policy_spec": "hold", "bus": "sim", "plant": None}
+        return
+    assert (plant.plant, plant.sample) == (further["plant"], further["sample"])
+    assert (plant.noise, plant.motor_timeout_s) == (further["noise"], 0.3)
+    assert (seen["seed"], session.log, session.config) == (5, further["log"], further["config"])
+    assert seen["wires"]._host_queue == 3
+    assert session.facts == {
+        "seed": 5,
+        "policy_spec": "mine.onnx",
+        "bus": "sim",
+        "plant": str(further["plant"]),
+    }
+    session.display("a loop")
+    assert shown[0][0] == "a loop"
+    assert np.isnan(shown[0][1]).all()
+    velocity, height = seen["base"]()
+    np.testing.assert_array_equal(velocity, [1.0, 2.0, 3.0])
+    assert height == pytest.approx(9.0 - 1.0)
