@@ -119,7 +119,10 @@ class ControlLoop:
     @property
     def ticks_skipped(self) -> int:
         """Joint ticks that came so late that they were left out."""
-        return self.now_us // self._config.tick_us + 1 - self.timing.tick_us.count if self.now_us else 0
+        if not self.now_us:
+            return 0
+        came = self.timing.tick_us.count + self.state.over  # the last tick is not timed
+        return self.now_us // self._config.tick_us + 1 - came
 
     @property
     def walking_s(self) -> float:

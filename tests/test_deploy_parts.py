@@ -1,0 +1,885 @@
+"""The deploy loop on a robot made of frames alone: what goes out, what comes in, when, and who is told."""
+
+import gc
+import math
+import os
+import sys
+from contextlib import nullcontext
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from deploy_policies import Hold, stand_still
+
+from footfall.common.errors import UserError
+from footfall.deploy import clock as clock_module
+from footfall.deploy import messages, python_can_bus, session
+from footfall.deploy.bus import BusStatistics
+from footfall.deploy.clock import LockstepClock, WallClock, undisturbed
+from footfall.deploy.config import DeployConfig
+from footfall.deploy.drivers import imu
+from footfall.deploy.drivers.choice import open_driver, open_motor_end
+from footfall.deploy.drivers.driver import Request, Requests
+from footfall.deploy.drivers.mit_driver import MitDriver, MitMotorEnd
+from footfall.deploy.frames import Frames, frame_bits
+from footfall.deploy.joint_layer import JointLayer
+from footfall.deploy.loop import ControlLoop
+from footfall.deploy.python_can_bus import PythonCanBus
+from footfall.deploy.replay import _difference
+from footfall.deploy.safety import Mode, SafetyConfig
+from footfall.deploy.session import Session, run_session
+from footfall.deploy.timing import Durations
+from footfall.deploy.wiring import Wiring, wire
+from footfall.policies.contract import CommandRange
+from footfall.policies.policy import Observation
+from footfall.robots.actuator import JointCommand, limit_torque
+from footfall.robots.description import Robot
+
+TICK_US = 2000
+RNG = np.random.default_rng(6)
+ROWS = np.arange(12)
+
+
+class FrameRobot:
+    """A robot on a bus that is what its attributes say: it answers every tick and keeps what it was sent."""
+
+    def __init__(self, robot: Robot) -> None:
+        self.wiring = wire(robot)
+        self._end = open_motor_end(self.wiring)
+        self.readings = np.array([robot.default_pose, np.zeros(12), np.zeros(12)])
+        self.quaternion = (1.0, 0.0, 0.0, 0.0)
+        self.gyro = (0.0, 0.0, 0.0)
+        self.error = np.zeros(12, dtype=np.uint64)
+        self.silent: list[int] = []
+        self.imu_silent = False
+        self.refuses = 0
+        self.sent: list[tuple[int, Requests]] = []
+        self._count = 0
+
+    def send(self, frames: Frames, now_us: int) -> int:
+        self.sent.append((now_us, self._end.requests(frames)))
+        return self.refuses
+
+    def receive(self, now_us: int) -> list[Frames]:
+        heard = np.setdiff1d(ROWS, self.silent)
+        batches = [self._end.reply(heard, self.readings[:, heard], 30, self.error[heard])]
+        if not self.imu_silent:
+            self._count += 1
+            reading = imu.Inertial(self.gyro, (0.0, 0.0, 9.8), self.quaternion)
+            batches.append(imu_frames(self.wiring, reading, self._count))
+        return batches
+
+    def statistics(self) -> list[BusStatistics]:
+        return [BusStatistics("can0", 7)]
+
+    def kinds(self) -> list[int]:
+        """What the last batch asked of each motor."""
+        kind = self.sent[-1][1].kind
+        return [Request.COMMAND] * 12 if kind is None else kind.tolist()
+
+    def command(self) -> JointCommand:
+        return JointCommand(*self.sent[-1][1].values)
+
+
+def imu_frames(wiring: Wiring, reading: imu.Inertial, counter: int) -> Frames:
+    channel = np.full(3, wiring.imu_channel)
+    return Frames(channel, np.array(imu.IDS), imu.encode(reading, counter), np.full(3, 8))
+
+
+class Ticks:
+    """A clock that hands out given times."""
+
+    realtime = False
+
+    def __init__(self, times_us: Any) -> None:
+        self._times = iter(times_us)
+
+    def next_tick(self) -> int:
+        return int(next(self._times))
+
+    def lateness_us(self) -> float:
+        return 17.0
+
+
+class Notebook:
+    """A log that keeps what it is told."""
+
+    def __init__(self) -> None:
+        self.told: list[tuple] = []
+
+    def tick(self, now_us: int, sensed: Any, target: np.ndarray) -> None:
+        self.told.append(("tick", now_us, sensed, target))
+
+    def policy_step(self, now_us: int, observation: Observation, command: JointCommand) -> None:
+        self.told.append(("policy_step", now_us, observation, command))
+
+    def state(self, now_us: int, state: Any) -> None:
+        self.told.append(("state", now_us, state))
+
+    def note(self, now_us: int, note: str) -> None:
+        self.told.append(("note", now_us, note))
+
+    def of(self, kind: str) -> list[tuple]:
+        return [each[1:] for each in self.told if each[0] == kind]
+
+
+def loop_of(
+    robot: Robot, policy: Any, times_us: Any = None, command: Any = stand_still, **settings: Any
+) -> tuple[ControlLoop, FrameRobot]:
+    body = FrameRobot(robot)
+    config = DeployConfig(**{"stand_s": 0.099, **settings})
+    clock = LockstepClock(TICK_US) if times_us is None else Ticks(times_us)
+    wiring = body.wiring
+    loop = ControlLoop(robot, policy, wiring, open_driver(wiring), body, clock, config, command)  # type: ignore[arg-type]
+    return loop, body
+
+
+def until(loop: ControlLoop, mode: Mode, most: int = 2000) -> None:
+    for _ in range(most):
+        if loop.state.mode is mode:
+            return
+        loop.tick()
+    pytest.fail(f"{loop.state} never became {mode}")
+
+
+class TestLoop:
+    def test_a_run_from_switching_on_to_switching_off(self, go1: Robot) -> None:
+        loop, body = loop_of(go1, Hold(go1), safety=SafetyConfig(damping_kd=2.5, damping_s=0.019))
+        assert loop.tick()
+        assert loop.state.mode is Mode.STANDING  # everyone had answered
+        until(loop, Mode.WALKING)
+        assert loop.now_us == 100_000
+        quantum = body._end._codec.quantum  # type: ignore[attr-defined]
+        gains = body.command()
+        np.testing.assert_array_less(np.abs(gains.kp - 4 * go1.kp), quantum[2])
+        np.testing.assert_array_less(np.abs(gains.kd - np.minimum(2 * go1.kd, 5.0)), quantum[3])
+        for _ in range(25):
+            assert loop.tick()
+        assert loop.walking
+        assert loop.walking_s == pytest.approx(0.05)
+        loop.finish()
+        loop.tick()
+        assert loop.state.mode is Mode.RELEASING
+        assert loop.walked_s == pytest.approx(0.052)
+        damped = body.command()
+        assert not damped.kp.any()
+        np.testing.assert_allclose(damped.kd, 2.5, atol=0.01)
+        np.testing.assert_allclose([damped.velocity, damped.torque], 0.0, atol=0.05)
+        ticks = 1
+        while loop.tick():
+            ticks += 1
+        assert ticks == 10  # of damping
+        assert loop.state.mode is Mode.IDLE
+        assert loop.state.over
+        assert body.kinds() == [Request.DISABLE] * 12
+        assert loop.walked_s == pytest.approx(0.052)
+
+    def test_motors_are_switched_on_until_all_have_answered(self, go1: Robot) -> None:
+        loop, body = loop_of(go1, Hold(go1))
+        body.silent = [3]
+        for _ in range(5):
+            loop.tick()
+            assert body.kinds() == [Request.ENABLE] * 12
+        assert loop.state.mode is Mode.IDLE
+        body.silent = []
+        loop.tick()
+        assert loop.state.mode is Mode.STANDING
+
+    @pytest.mark.parametrize("rate_hz", [30.0, 50.0, 77.0, 500.0])
+    def test_policy_steps_come_at_the_first_tick_of_their_time(self, go1: Robot, rate_hz: float) -> None:
+        policy = Hold(go1)
+        policy.rate_hz = rate_hz
+        loop, _ = loop_of(go1, policy)
+        until(loop, Mode.WALKING)
+        for _ in range(300):
+            loop.tick()
+        times = [seen.time_s for seen in policy.seen]
+        due = np.arange(len(times)) / rate_hz
+        np.testing.assert_allclose(times, np.ceil(np.round(due / 0.002, 6)) * 0.002, atol=1e-9)
+        assert len(times) == math.floor(0.6 * rate_hz + 1e-6) + 1
+        assert policy.resets == 1
+
+    def test_steps_that_were_missed_are_not_caught_up_on(self, go1: Robot) -> None:
+        """A pause of 90 ms: one step at its end, and the next where the rhythm of 20 ms has it."""
+        times = [*range(0, 152_000, TICK_US), *range(240_000, 300_000, TICK_US)]
+        policy = Hold(go1)
+        loop, _ = loop_of(go1, policy, times, safety=SafetyConfig(silence_timeout_s=1.0))
+        for _ in times:
+            loop.tick()
+        assert loop.ticks_skipped == 44
+        assert [round(seen.time_s, 3) for seen in policy.seen] == [0, 0.02, 0.04, 0.14, 0.16, 0.18]
+
+    def test_commands_go_out_at_every_tick_decisions_at_every_step(self, go1: Robot) -> None:
+        class Creep(Hold):
+            def act(self, observation: Observation) -> JointCommand:
+                hold = super().act(observation)
+                return hold._replace(position=hold.position + 0.01 * len(self.seen))
+
+        loop, body = loop_of(go1, Creep(go1))
+        until(loop, Mode.WALKING)
+        sent = []
+        for _ in range(25):
+            loop.tick()
+            sent.append(body.command().position[0] - go1.default_pose[0])
+        np.testing.assert_allclose(sent, [0.01] * 9 + [0.02] * 10 + [0.03] * 6, atol=3e-4)
+        assert [time_us for time_us, _ in body.sent[-25:]] == list(range(102_000, 152_000, TICK_US))
+
+    def test_what_the_policy_sees_is_what_the_frames_said(self, go1: Robot) -> None:
+        policy = Hold(go1)
+        loop, body = loop_of(go1, policy, command=lambda t: np.array([t, 2 * t, 3 * t]))
+        until(loop, Mode.WALKING)
+        body.readings = np.array([go1.default_pose + 0.01 * ROWS, 0.1 * ROWS, -0.2 * ROWS])
+        body.gyro, body.quaternion = (0.1, 0.2, -0.3), (0.96, 0.0, 0.28, 0.0)
+        for _ in range(10):
+            loop.tick()
+        seen = policy.seen[-1]
+        np.testing.assert_allclose(seen.sensed.joint_position, body.readings[0], atol=3e-4)
+        np.testing.assert_allclose(seen.sensed.joint_velocity, body.readings[1], atol=0.02)
+        np.testing.assert_allclose(seen.sensed.joint_torque, body.readings[2], atol=0.02)
+        np.testing.assert_allclose(seen.sensed.gyro, body.gyro, atol=1e-3)
+        np.testing.assert_allclose(seen.sensed.quaternion, body.quaternion, atol=1e-4)
+        np.testing.assert_allclose(seen.sensed.acceleration, [0.0, 0.0, 9.8], atol=0.005)
+        np.testing.assert_allclose(seen.command, [0.02, 0.04, 0.06])
+        np.testing.assert_allclose(loop.asked_command, [0.02, 0.04, 0.06])
+        assert np.isnan(seen.base_velocity).all()
+        assert math.isnan(seen.base_height)
+
+    def test_who_knows_the_base_better_is_asked_instead_of_the_estimator(self, go1: Robot) -> None:
+        policy = Hold(go1)
+        loop, _ = loop_of(go1, policy)
+        loop._estimator = SimpleNamespace(reset=lambda sensed: None)  # type: ignore[assignment]
+        loop.base_state = lambda: (np.array([1.0, 2.0, 3.0]), 0.4)
+        until(loop, Mode.WALKING)
+        loop.tick()
+        assert policy.seen[-1].base_velocity.tolist() == [1.0, 2.0, 3.0]
+        assert policy.seen[-1].base_height == 0.4
+
+    @pytest.mark.parametrize(
+        ("spoil", "says", "mode"),
+        [
+            (lambda body: body.silent.append(7), "no reply from RR_thigh_joint (can2, id 2)", Mode.ESTOP),
+            (lambda body: setattr(body, "imu_silent", True), "no new IMU reading", Mode.ESTOP),
+            (
+                lambda body: body.error.__setitem__(4, 3),
+                "motor FL_thigh_joint (can1, id 2) reports over-voltage",
+                Mode.ESTOP,
+            ),
+            (lambda body: setattr(body, "refuses", 2), "bus overflow: 2 frames refused", Mode.ESTOP),
+            (
+                lambda body: setattr(body, "quaternion", (0.8, 0.0, 0.6, 0.0)),
+                "tilt of 1.29 rad",
+                Mode.FALLING,
+            ),
+        ],
+    )
+    @pytest.mark.parametrize("before", [Mode.STANDING, Mode.WALKING])
+    def test_a_fault_is_named_and_damps(
+        self, go1: Robot, spoil: Any, says: str, mode: Mode, before: Mode
+    ) -> None:
+        loop, body = loop_of(go1, Hold(go1))
+        until(loop, before)
+        loop.tick()
+        spoil(body)
+        until(loop, mode, most=40)
+        assert len(loop.state.faults) == 1
+        assert loop.state.faults[0].startswith(says)
+        assert not body.command().kp.any()
+
+    def test_what_is_refused_is_counted_over_the_run(self, go1: Robot) -> None:
+        loop, body = loop_of(go1, Hold(go1))
+        until(loop, Mode.WALKING)
+        body.refuses = 3
+        loop.tick()
+        body.refuses = 0
+        loop.tick()
+        assert loop.state.faults == ("bus overflow: 3 frames refused",)
+
+    def test_the_log_is_told_of_each_tick_step_change_and_note_once(self, go1: Robot) -> None:
+        policy = Hold(go1)
+        loop, _ = loop_of(go1, policy, command=lambda t: np.array([9.0, 0.0, 9.0 if t > 0.03 else 0.0]))
+        loop.log = notebook = Notebook()
+        loop._command_limits._ranges = ((-1.0, 1.0), (-1.0, 1.0), (-2.0, 2.0))
+        until(loop, Mode.WALKING)
+        for _ in range(30):
+            loop.tick()
+        assert [time_us for time_us, *_ in notebook.of("tick")] == list(range(0, 162_000, TICK_US))
+        assert notebook.of("tick")[-1][1] is loop.sensed
+        np.testing.assert_array_equal(notebook.of("tick")[-1][2], loop.target)
+        assert [(time_us, state.mode) for time_us, state in notebook.of("state")] == [
+            (0, Mode.STANDING),
+            (100_000, Mode.WALKING),
+        ]
+        steps = notebook.of("policy_step")
+        assert [time_us for time_us, *_ in steps] == [100_000, 120_000, 140_000, 160_000]
+        assert [each[1] for each in steps] == policy.seen
+        np.testing.assert_array_equal(steps[0][2].position, go1.default_pose)
+        notes = notebook.of("note")
+        assert [time_us for time_us, _ in notes] == [100_000, 140_000]
+        assert "forward" in notes[0][1]
+        assert "yaw" in notes[1][1]
+        assert policy.seen[-1].command.tolist() == [1.0, 0.0, 2.0]
+        assert loop.asked_command.tolist() == [9.0, 0.0, 9.0]
+
+    def test_lateness_counts_on_the_wall_clock_alone(self, go1: Robot) -> None:
+        loop, _ = loop_of(go1, Hold(go1), range(0, 20_000, TICK_US))
+        for realtime in (False, True):
+            loop._clock.realtime = realtime
+            for _ in range(4):
+                loop.tick()
+        assert loop.timing.tick_us.count == 8
+        assert loop.timing.lateness_us.values().tolist() == [17.0] * 4
+
+    def test_shutting_down_switches_every_motor_off(self, go1: Robot) -> None:
+        loop, body = loop_of(go1, Hold(go1))
+        until(loop, Mode.WALKING)
+        loop.shut_down()
+        assert body.kinds() == [Request.DISABLE] * 12
+        assert body.sent[-1][0] == loop.now_us
+
+    @pytest.mark.parametrize(("rate_hz", "fits"), [(500.0, True), (500.1, False), (0.0, False), (0.1, True)])
+    def test_a_policys_rate_is_above_zero_and_at_most_the_joints(
+        self, go1: Robot, rate_hz: float, fits: bool
+    ) -> None:
+        policy = Hold(go1)
+        policy.rate_hz = rate_hz
+        if fits:
+            loop_of(go1, policy)
+        else:
+            with pytest.raises(UserError, match="the policy cannot be faster"):
+                loop_of(go1, policy)
+
+
+class TestJointLayer:
+    @pytest.fixture
+    def layer(self, go1: Robot) -> JointLayer:
+        wiring = wire(go1)
+        return JointLayer(go1, open_driver(wiring), wiring.imu_channel, 0.002)
+
+    def replies(self, robot: Robot, motors: Any, values: np.ndarray, error: int = 0) -> Frames:
+        end = open_motor_end(wire(robot))
+        return end.reply(motors, values, 30, np.full(12, error, np.uint64)[motors])
+
+    def test_each_joint_gets_its_own_command_less_what_its_motor_cannot_do(
+        self, go1: Robot, layer: JointLayer
+    ) -> None:
+        """Unlike readings and commands; half of the joints are asked for more than they can give."""
+        position = go1.default_pose + RNG.uniform(-0.02, 0.02, 12)
+        velocity = RNG.uniform(-8.0, 8.0, 12)
+        layer.absorb([self.replies(go1, slice(None), np.array([position, velocity, 0 * ROWS]))], 0)
+        sensed = layer.sensed()
+        layer.begin_at(go1.default_pose)
+        wanted = JointCommand(
+            go1.default_pose + RNG.uniform(-0.05, 0.05, 12),
+            RNG.uniform(-2.0, 2.0, 12),
+            RNG.uniform(20.0, 60.0, 12),
+            RNG.uniform(0.5, 2.0, 12),
+            np.where(ROWS % 2, 40.0, -1.0) * RNG.uniform(0.9, 1.1, 12),
+        )
+        frames = layer.command(wanted)
+        sent = JointCommand(*open_motor_end(wire(go1)).requests(frames).values)
+        for ours, theirs, atol in zip(sent[:4], wanted[:4], (4e-4, 0.02, 0.13, 2e-3), strict=True):
+            np.testing.assert_allclose(ours, theirs, atol=atol)
+        pd = wanted.kp * (wanted.position - sensed.joint_position)
+        pd += wanted.kd * (wanted.velocity - sensed.joint_velocity)
+        limited = limit_torque(pd + wanted.torque, sensed.joint_velocity, go1.motor)
+        most = np.tile([25.0, 25.0, 65.0], 4)  # that a frame can say
+        assert 3 <= (limited != pd + wanted.torque).sum() < 12
+        np.testing.assert_allclose(sent.torque, np.clip(limited - pd, -most, most), atol=0.05)
+        np.testing.assert_array_equal(layer.target, wanted.position)
+
+    def test_each_target_moves_at_most_its_rate_at_each_tick(self, go1: Robot, layer: JointLayer) -> None:
+        """60 rad/s over 2 ms are 0.12 rad; a second tick goes on from the first."""
+        start = go1.default_pose + 0.01 * ROWS
+        layer.begin_at(start)
+        start += 5.0  # the layer has a copy
+        start -= 5.0
+        zero = np.zeros(12)
+        away = np.where(ROWS % 3, 0.2, -0.3)
+        away[5] = 0.05
+        for tick in (1, 2):
+            layer.command(JointCommand(start + away, zero, zero, zero, zero))
+            moved = np.clip(away, -0.12 * tick, 0.12 * tick)
+            np.testing.assert_allclose(layer.target - start, moved, atol=1e-12)
+
+    def test_frames_of_motors_and_imu_come_apart_however_they_are_batched(
+        self, go1: Robot, layer: JointLayer
+    ) -> None:
+        wiring = wire(go1)
+        values = np.array([0.1 * ROWS, 0.2 * ROWS, 0.3 * ROWS])
+        motors = self.replies(go1, np.array([9, 2, 5]), values[:, [9, 2, 5]])
+        turned = imu.Inertial((0.1, 0.2, 0.3), (1.0, 2.0, 3.0), (0.6, 0.8, 0.0, 0.0))
+        mixed = [
+            np.concatenate(parts)[[3, 0, 4, 1, 2, 5]]
+            for parts in zip(motors, imu_frames(wiring, turned, 1), strict=True)
+        ]
+        layer.absorb([Frames(*mixed)], 30)
+        sensed = layer.sensed()
+        heard = np.isin(ROWS, [9, 2, 5])
+        np.testing.assert_allclose(sensed.joint_position[heard], values[0, heard], atol=4e-4)
+        np.testing.assert_allclose(sensed.joint_torque[heard], values[2, heard], atol=0.02)
+        assert not sensed.joint_position[~heard].any()
+        np.testing.assert_allclose(sensed.gyro, turned.gyro)
+        np.testing.assert_allclose(sensed.acceleration, turned.acceleration)
+        np.testing.assert_allclose(sensed.quaternion, turned.quaternion, atol=1e-4)
+        last = layer.last_heard()
+        assert (last.motor_us == 30).tolist() == heard.tolist()
+        assert (last.motor_us[~heard] < -(10**12)).all()
+        assert last.imu_us == 30
+        # the same arrays of ids, with other contents
+        everyone = self.replies(go1, slice(None), values)
+        inertial = imu_frames(wiring, turned, 2)
+        layer.absorb([everyone, inertial], 40)
+        again = everyone._replace(data=self.replies(go1, slice(None), -values, error=5).data)
+        other = imu.Inertial((0.4, 0.5, 0.6), (4.0, 5.0, 6.0), (0.0, 0.0, 0.6, 0.8))
+        layer.absorb([again, inertial._replace(data=imu.encode(other, 3))], 50)
+        np.testing.assert_allclose(layer.sensed().joint_velocity, -values[1], atol=0.02)
+        np.testing.assert_allclose(layer.sensed().gyro, other.gyro)
+        assert layer.last_heard().motor_error.tolist() == [5] * 12
+        assert (layer.last_heard().motor_us == 50).all()
+        assert layer.last_heard().imu_us == 50
+        np.testing.assert_allclose(sensed.joint_position[heard], values[0, heard], atol=4e-4)
+
+    def test_an_error_stays_with_its_motor_until_that_one_answers_again(
+        self, go1: Robot, layer: JointLayer
+    ) -> None:
+        values = np.zeros((3, 12))
+        layer.absorb([self.replies(go1, slice(None), values)], 0)
+        layer.absorb([self.replies(go1, np.array([4, 7]), values[:, :2], error=2)], 1)
+        layer.absorb([self.replies(go1, np.array([4]), values[:, :1])], 2)
+        assert np.flatnonzero(layer.last_heard().motor_error).tolist() == [7]
+
+    def test_damping_starts_targets_where_the_joints_are_and_leaves_nothing_of_a_command(
+        self, go1: Robot, layer: JointLayer
+    ) -> None:
+        values = np.array([0.1 * ROWS - 0.5, ROWS / 10, 0 * ROWS])
+        layer.absorb([self.replies(go1, slice(None), values)], 0)
+        layer.command(JointCommand(*RNG.uniform(1.0, 2.0, (5, 12))))
+        sent = JointCommand(*open_motor_end(wire(go1)).requests(layer.damping(1.7)).values)
+        np.testing.assert_allclose([*sent], np.outer([0, 0, 0, 1.7, 0], np.ones(12)), atol=0.05)
+        np.testing.assert_allclose(layer.target, values[0], atol=4e-4)
+
+
+def test_a_robot_whose_imu_has_a_bus_of_its_own_is_wired_by_name(go1: Robot) -> None:
+    wiring = wire(go1)
+    assert wiring.buses == tuple(dict.fromkeys([*(f"can{k}" for k in range(4)), go1.description.imu_bus]))
+    assert wiring.buses[wiring.imu_channel] == go1.description.imu_bus
+    assert wiring.place(5) == "FL_calf_joint (can1, id 3)"
+    assert wiring.models == ("AK70-10", "AK70-10", "AK10-9") * 4
+
+
+@pytest.mark.parametrize(
+    ("end", "heard", "unheard"),
+    [
+        (MitDriver, [0x000, 0x101, 0x17F], [0x001, 0x07F, 0x0FF, 0x180, 0x300]),
+        (MitMotorEnd, [0x001, 0x07F], [0x080, 0x101, 0x300, 0x17F]),
+        (imu, [0x300, 0x301, 0x302], [0x2FF, 0x304, 0x100, 0x001]),
+    ],
+)
+def test_filters_let_through_what_is_meant_for_an_end(end: Any, heard: list[int], unheard: list[int]) -> None:
+    filters = end.FILTERS if end is imu else end.filters
+
+    def passes(identifier: int) -> bool:
+        return any((identifier & f["can_mask"]) == (f["can_id"] & f["can_mask"]) for f in filters)
+
+    assert [passes(identifier) for identifier in heard] == [True] * len(heard)
+    assert [passes(identifier) for identifier in unheard] == [False] * len(unheard)
+    assert not any(f["extended"] for f in filters)
+
+
+# -- time --------------------------------------------------------------------------------------------
+
+
+class FakeTime:
+    """Nanoseconds that pass in sleep, and by hand."""
+
+    def __init__(self) -> None:
+        self.ns = 5_000_000_000
+        self.slept: list[float] = []
+
+    def monotonic_ns(self) -> int:
+        return self.ns
+
+    def monotonic(self) -> float:
+        return self.ns * 1e-9
+
+    def sleep(self, seconds: float) -> None:
+        if seconds < 1e-9:
+            return
+        self.slept.append(seconds)
+        self.ns += round(seconds * 1e9) + 7000  # and wakes up 7 us late
+
+
+class TestClocks:
+    def test_wall_time_keeps_to_its_deadlines_and_skips_what_was_missed(
+        self, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        fake = FakeTime()
+        monkeypatch.setattr(clock_module, "time", fake)
+        clock = WallClock(2000)
+        assert (clock.next_tick(), clock.lateness_us()) == (0, 0.0)
+        fake.ns += 500_000
+        assert (clock.next_tick(), clock.lateness_us()) == (2000, 7.0)
+        assert fake.slept == pytest.approx([0.0015])
+        fake.ns = 5_004_300_000  # 2.3 ms later, due 0.3 ms ago
+        assert (clock.next_tick(), clock.lateness_us()) == (4000, pytest.approx(300.0))
+        fake.ns = 5_011_900_000
+        assert (clock.next_tick(), clock.lateness_us()) == (10_000, pytest.approx(1900.0))
+        assert (clock.next_tick(), clock.lateness_us()) == (12_000, 7.0)
+        assert fake.slept == pytest.approx([0.0015, 0.0001])
+
+    def test_lockstep_time_begins_at_zero(self) -> None:
+        clock = LockstepClock(1500)
+        assert [clock.next_tick() for _ in range(3)] == [0, 1500, 3000]
+        assert clock.lateness_us() == 0.0
+
+    @pytest.mark.parametrize("priority", [None, 42])
+    @pytest.mark.parametrize("refused", [False, True])
+    def test_a_priority_is_taken_for_as_long_as_it_lasts_where_it_is_given(
+        self, monkeypatch: pytest.MonkeyPatch, priority: int | None, refused: bool
+    ) -> None:
+        calls: list[tuple] = []
+
+        def set_scheduler(pid: int, policy: int, parameter: Any) -> None:
+            if refused:
+                raise PermissionError
+            calls.append((pid, policy, parameter))
+
+        library = SimpleNamespace(
+            mlockall=lambda flags: calls.append(("lock", flags)), munlockall=lambda: calls.append(("unlock",))
+        )
+        monkeypatch.setattr(clock_module, "ctypes", SimpleNamespace(CDLL=lambda _: library))
+        monkeypatch.setattr(os, "sched_getscheduler", lambda _: 1)
+        monkeypatch.setattr(os, "sched_getparam", lambda _: "usual")
+        monkeypatch.setattr(os, "sched_param", lambda value: value)
+        monkeypatch.setattr(os, "sched_setscheduler", set_scheduler)
+        with undisturbed(priority):
+            assert not gc.isenabled()
+            assert gc.get_freeze_count() > 0
+        assert gc.isenabled()
+        assert gc.get_freeze_count() == 0
+        fifo, back = (0, os.SCHED_FIFO, 42), (0, 1, "usual")
+        if priority is None:
+            assert calls == []
+        else:
+            assert calls == [("lock", 3), *([] if refused else [fifo, back]), ("unlock",)]
+
+
+def test_durations_are_the_last_ones_in_order_however_often_they_go_round() -> None:
+    kept = Durations(kept=3)
+    for count, expected in enumerate(
+        ([], [5.0], [5.0, 9.0], [5.0, 9.0, 1.0], [9.0, 1.0, 2.0], [1.0, 2.0, 3.0])
+    ):
+        assert kept.values().tolist() == expected
+        kept.add([5.0, 9.0, 1.0, 2.0, 3.0, 4.0][count])
+    assert (kept.count, kept.longest) == (6, 9.0)
+
+
+# -- python-can --------------------------------------------------------------------------------------
+
+
+class FakeCan:
+    """As much of python-can as the bus uses."""
+
+    VALID_INTERFACES = frozenset({"socketcan", "virtual", "udp_multicast"})
+
+    class CanError(Exception):
+        """As python-can's."""
+
+    def __init__(self) -> None:
+        self.opened: list[dict] = []
+        self.buses: list[Any] = []
+        self.refuse: set[int] = set()
+        self.waiting: dict[int, list] = {}
+
+    def Message(self, **fields: Any) -> Any:  # noqa: N802
+        return SimpleNamespace(**fields)
+
+    def Bus(self, **options: Any) -> Any:  # noqa: N802
+        index = len(self.buses)
+        if options["channel"] == "broken":
+            raise OSError("no such\n device")
+        self.opened.append(options)
+        bus = SimpleNamespace(sent=[], closed=0, index=index)
+
+        def send(message: Any) -> None:
+            if message.arbitration_id in self.refuse:
+                raise self.CanError
+            bus.sent.append(message)
+
+        def recv(timeout: float) -> Any:
+            assert timeout == 0
+            queue = self.waiting.get(index, [])
+            found = queue.pop(0) if queue else None
+            if found == "failure":
+                raise OSError
+            return found
+
+        bus.send, bus.recv = send, recv
+        bus.shutdown = lambda: setattr(bus, "closed", bus.closed + 1)
+        self.buses.append(bus)
+        return bus
+
+
+def received(identifier: int, data: bytes, **special: bool) -> Any:
+    flags = dict.fromkeys(("is_error_frame", "is_remote_frame", "is_extended_id"), False)
+    return SimpleNamespace(arbitration_id=identifier, data=bytearray(data), **(flags | special))
+
+
+class TestPythonCanBus:
+    @pytest.fixture
+    def can(self, monkeypatch: pytest.MonkeyPatch) -> FakeCan:
+        can = FakeCan()
+        monkeypatch.setitem(sys.modules, "can", can)  # type: ignore[arg-type]
+        return can
+
+    def test_buses_are_opened_by_name_or_by_port(self, can: FakeCan) -> None:
+        filters = ({"can_id": 1, "can_mask": 2, "extended": False},)
+        PythonCanBus("socketcan", ("can0", "can7"), filters)
+        PythonCanBus("udp_multicast", ("can0", "can7"), filters)
+        assert can.opened[1] == {
+            "interface": "socketcan",
+            "channel": "can7",
+            "can_filters": list(filters),
+        }
+        assert [each.get("port") for each in can.opened] == [None, None, 43113, 43114]
+        assert can.opened[3]["channel"] == "239.74.163.2"
+        assert can.opened[3]["fd"] is False
+
+    def test_what_cannot_be_opened_closes_the_others(self, can: FakeCan) -> None:
+        with pytest.raises(UserError, match="cannot open bus 'broken' on socketcan: no such device"):
+            PythonCanBus("socketcan", ("can0", "broken"), ())
+        assert [bus.closed for bus in can.buses] == [1]
+        with pytest.raises(UserError, match="no bus 'serial': give one of sim, socketcan, udp_m"):
+            PythonCanBus("serial", ("can0",), ())
+
+    def test_each_frame_goes_to_its_bus_with_its_bytes(self, can: FakeCan) -> None:
+        bus = PythonCanBus("socketcan", ("can0", "can1"), ())
+        can.refuse = {3}
+        data = np.arange(32, dtype=np.uint8).reshape(4, 8)
+        frames = Frames(np.array([1, 0, 1, 1]), np.array([4, 3, 2, 3]), data, np.array([8, 8, 3, 8]))
+        assert bus.send(frames, 0) == 2
+        assert can.buses[0].sent == []
+        assert [(m.arbitration_id, m.data) for m in can.buses[1].sent] == [
+            (4, bytes(range(8))),
+            (2, bytes([16, 17, 18])),
+        ]
+        assert not any(m.is_extended_id for m in can.buses[1].sent)
+        assert [(s.name, s.frames_sent, s.frames_refused) for s in bus.statistics()] == [
+            ("can0", 0, 1),
+            ("can1", 2, 1),
+        ]
+        bus.close()
+        bus.close()
+        assert [each.closed for each in can.buses] == [1, 1]
+
+    def test_plain_frames_of_all_buses_come_in_one_batch(self, can: FakeCan) -> None:
+        bus = PythonCanBus("socketcan", ("can0", "can1"), ())
+        can.waiting = {
+            0: [
+                received(5, b"\x01\x02"),
+                received(6, b"", is_error_frame=True),
+                received(6, b"", is_remote_frame=True),
+                received(6, b"", is_extended_id=True),
+                received(6, b"123456789"),
+                received(7, b"abcdefgh"),
+                "failure",
+                received(8, b"late"),
+            ],
+            1: [received(9, b"\xff")],
+        }
+        (batch,) = bus.receive(0)
+        assert batch.channel.tolist() == [0, 0, 1]
+        assert batch.id.tolist() == [5, 7, 9]
+        assert batch.length.tolist() == [2, 8, 1]
+        assert batch.data.tolist() == [[1, 2, *[0] * 6], list(b"abcdefgh"), [255, *[0] * 7]]
+        assert [s.frames_received for s in bus.statistics()] == [2, 1]
+        assert bus.receive(0)[0].id.tolist() == [8]
+        assert bus.receive(0) == []
+        can.waiting = {0: [received(1, b"x") for _ in range(300)]}
+        assert [len(bus.receive(0)[0].id) for _ in range(2)] == [256, 44]
+
+    def test_a_frame_waits_while_the_queue_would_overflow(
+        self, can: FakeCan, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """A queue of three: the fourth frame waits for the first to leave, and another bus for nobody."""
+        fake = FakeTime()
+        monkeypatch.setattr(python_can_bus, "time", fake)
+        bus = PythonCanBus("socketcan", ("can0", "can1"), (), queue_frames=3)
+
+        def send(*channels: int) -> None:
+            k = len(channels)
+            bus.send(Frames(np.array(channels), ROWS[:k], np.zeros((k, 8), np.uint8), np.full(k, 8)), 0)
+
+        one_s = frame_bits(8) * 1e-6
+        send(0, 0, 0)
+        assert fake.slept == []
+        send(1, 1, 0)
+        assert fake.slept == pytest.approx([one_s])
+        fake.slept.clear()
+        fake.ns += 10_000_000  # the queue runs empty
+        send(0, 0, 0)
+        assert fake.slept == []
+
+
+# -- sessions, logs, replays -------------------------------------------------------------------------
+
+
+def session_of(**settings: Any) -> Session:
+    config = DeployConfig(stand_s=0.02, safety=SafetyConfig(damping_s=0.0))
+    return Session(
+        **{"command": stand_still, "duration_s": 0.03, "realtime": False, "config": config, **settings}
+    )
+
+
+class TestSession:
+    def test_its_outcome_says_how_it_went(self, go1: Robot) -> None:
+        body, ticks = FrameRobot(go1), []
+        shown: list[ControlLoop] = []
+
+        def display(loop: ControlLoop) -> Any:
+            shown.append(loop)
+            return nullcontext()
+
+        run = session_of(display=display, command=lambda t: np.array([math.nan, 0.0, 0.0]))
+        outcome = run_session(go1, Hold(go1), body, run, lambda loop: ticks.append(loop.now_us))  # type: ignore[arg-type]
+        assert (outcome.final_state, outcome.faults) == ("IDLE", ())
+        assert outcome.walked_s == pytest.approx(0.032)
+        assert outcome.run_s == pytest.approx(0.054)
+        assert len(outcome.compute_ms) == 2
+        assert outcome.timing["ticks_skipped"] == 0.0
+        assert outcome.timing["ticks"] == 27.0
+        assert outcome.buses == (BusStatistics("can0", 7),)
+        assert outcome.notes == ("a forward command of nan m/s counted as 0",)
+        assert ticks == list(range(0, 54_000, TICK_US))
+        assert len(shown) == 1
+        assert body.kinds() == [Request.DISABLE] * 12
+
+    def test_whatever_happens_the_motors_are_switched_off(self, go1: Robot) -> None:
+        body = FrameRobot(go1)
+
+        def trip(loop: ControlLoop) -> None:
+            if loop.walking:
+                raise RuntimeError("over the cable")
+
+        with pytest.raises(RuntimeError, match="cable"):
+            run_session(go1, Hold(go1), body, session_of(), trip)  # type: ignore[arg-type]
+        assert body.kinds() == [Request.DISABLE] * 12
+
+    @pytest.mark.parametrize(
+        ("needs", "knows", "estimates"), [(True, False, True), (False, False, False), (True, True, False)]
+    )
+    def test_the_base_is_estimated_where_a_policy_needs_it_and_nobody_knows_better(
+        self, go1: Robot, monkeypatch: pytest.MonkeyPatch, needs: bool, knows: bool, estimates: bool
+    ) -> None:
+        estimated = []
+
+        class Estimator:
+            def __init__(self, robot: Robot) -> None:
+                estimated.append(robot)
+
+            def reset(self, sensed: Any) -> None: ...
+
+            def update(self, *_: Any) -> tuple:
+                return np.array([7.0, 0.0, 0.0]), 0.7
+
+        monkeypatch.setattr(session, "_estimator", Estimator)
+        policy = Hold(go1)
+        policy.needs_estimate = needs
+        base = (lambda: (np.array([5.0, 0.0, 0.0]), 0.5)) if knows else None
+        run_session(go1, policy, FrameRobot(go1), session_of(), None, base)  # type: ignore[arg-type]
+        assert len(estimated) == estimates
+        seen = policy.seen[-1].base_velocity[0]
+        assert seen == (7.0 if estimates else 5.0) or (np.isnan(seen) and not needs)
+
+    @pytest.mark.parametrize("duration_s", [0.0, -1.0, math.nan, math.inf, 86_401.0])
+    def test_a_duration_without_sense_is_refused(self, go1: Robot, duration_s: float) -> None:
+        with pytest.raises(UserError, match="above 0, and a day at most"):
+            run_session(go1, Hold(go1), FrameRobot(go1), session_of(duration_s=duration_s))  # type: ignore[arg-type]
+
+    def test_joints_are_asked_no_faster_than_their_fullest_bus_allows(self, go1: Robot) -> None:
+        """Three motors on a bus, 111 bits there and as many back without stuffing: 1501.5 times a second."""
+        wiring = wire(go1)
+        session._check_joint_rate(wiring, 1501.0)
+        crowded = wiring.__class__(
+            **{**vars(wiring), "channel": np.array([0, 0, 1, 2, 2, 2, 2, 3, 3, 3, 1, 1])}
+        )
+        session._check_joint_rate(crowded, 1126.0)
+        with pytest.raises(UserError, match=r"is 1127: 4 motors on can2 .* 1126 times"):
+            session._check_joint_rate(crowded, 1127.0)
+
+    @pytest.mark.parametrize("realtime", [False, True])
+    def test_a_log_is_opened_with_what_is_known_of_the_run(
+        self, go1: Robot, monkeypatch: pytest.MonkeyPatch, tmp_path: Any, realtime: bool
+    ) -> None:
+        from footfall.deploy import log as log_module
+
+        opened: list[tuple] = []
+        closed: list[int] = []
+
+        class Log(Notebook):
+            def __init__(self, *arguments: Any) -> None:
+                super().__init__()
+                opened.append(arguments)
+
+            def close(self) -> None:
+                closed.append(len(self.told))
+
+        monkeypatch.setattr(log_module, "McapLog", Log)
+        monkeypatch.setattr(session.time, "time_ns", lambda: 123)
+        config = DeployConfig(stand_s=0.01, joint_rate_hz=250.0, log_rate_hz=40.0)
+        run = session_of(log=tmp_path / "a", facts={"seed": 3}, config=config, realtime=realtime)
+        policy = Hold(go1)
+        run_session(go1, policy, FrameRobot(go1), run)  # type: ignore[arg-type]
+        facts = {"policy_spec": "hold", "seed": 3, "joint_rate_hz": 250.0}
+        assert opened == [(tmp_path / "a", go1, policy, 25_000, facts, 123 if realtime else 0)]
+        assert len(closed) == 1
+        assert closed[0] > 5
+
+
+def test_messages_hold_each_number_in_its_field() -> None:
+    stamp = {"sec": 12, "nanosec": 345_678_901}
+    time_ns = 12_345_678_901
+    assert messages.header(time_ns, "x") == {"stamp": stamp, "frame_id": "x"}
+    twist = messages.twist(time_ns, [0.1, 0.2, 0.3])
+    assert twist["header"] == {"stamp": stamp, "frame_id": "base"}
+    assert twist["twist"]["linear"] == {"x": 0.1, "y": 0.2, "z": 0.0}
+    assert twist["twist"]["angular"] == {"x": 0.0, "y": 0.0, "z": 0.3}
+    inertial = messages.imu(time_ns, [0.1, 0.2, 0.3, 0.4], [1.0, 2.0, 3.0], [4.0, 5.0, 6.0])
+    assert inertial["orientation"] == {"w": 0.1, "x": 0.2, "y": 0.3, "z": 0.4}
+    assert inertial["angular_velocity"] == {"x": 1.0, "y": 2.0, "z": 3.0}
+    assert inertial["linear_acceleration"] == {"x": 4.0, "y": 5.0, "z": 6.0}
+    assert inertial["header"] == {"stamp": stamp, "frame_id": "imu"}
+    state = messages.joint_state(time_ns, ["a"], [1.0], [2.0], [3.0])
+    assert (state["name"], state["position"], state["velocity"], state["effort"]) == (
+        ["a"],
+        [1.0],
+        [2.0],
+        [3.0],
+    )
+    array = messages.multi_array([1.0, 2.0, 3.0], "what")
+    assert array["data"] == [1.0, 2.0, 3.0]
+    assert array["layout"] == {"dim": [{"label": "what", "size": 3, "stride": 3}], "data_offset": 0}
+
+
+def test_numbers_that_are_none_differ_from_those_that_are() -> None:
+    again = np.array([1.0, 2.0, np.nan, np.nan, np.inf, np.inf, 3.0])
+    before = np.array([1.0, 2.5, np.nan, 1.0, np.inf, -np.inf, np.nan])
+    assert _difference(again, before).tolist() == [0.0, 0.5, 0.0, np.inf, 0.0, np.inf, np.inf]
+
+
+def test_commands_inside_the_ranges_pass_as_they_are() -> None:
+    from footfall.deploy.commands import CommandLimits
+
+    limits = CommandLimits(CommandRange((-0.5, 1.0), (-0.2, 0.3), (-2.0, 1.5)))
+    inside = np.array([-0.5, 0.3, 1.5])
+    assert limits.apply(inside) is inside
+    assert limits.apply(np.array([1.2, -0.3, -2.5])).tolist() == [1.0, -0.2, -2.0]
+    assert limits.apply(np.array([-0.6, 0.4, 1.6])).tolist() == [-0.5, 0.3, 1.5]
+    assert [note.split(" commands from ")[1] for note in limits.notes] == [
+        "-0.5 to 1 m/s: 1.2 became 1",
+        "-0.2 to 0.3 m/s: -0.3 became -0.2",
+        "-2 to 1.5 rad/s: -2.5 became -2",
+    ]
+    assert limits.apply(np.array([0.1, math.inf, -math.inf])).tolist() == [0.1, 0.0, 0.0]
+    assert len(limits.notes) == 3
