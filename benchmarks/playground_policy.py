@@ -50,6 +50,7 @@ class PlaygroundPolicy:
     """One of the kept actors, on a robot whose joints have the same names."""
 
     contract = None
+    notes = ()
     rate_hz = RATE_HZ
     needs_estimate = True
 

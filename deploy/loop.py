@@ -92,7 +92,7 @@ class ControlLoop:
         self.estimate = UNKNOWN
         self.base_state: Callable[[], tuple[np.ndarray, float]] | None = None  # instead of an estimate
         self.asked_command = np.zeros(3)  # of the last policy step
-        self._logged_notes = 0
+        self._logged_notes: set[str] = set()
         self.walked_s = 0.0  # once the robot walks no more
         self._begun_us = 0
         self._estimated_us = -1
@@ -109,7 +109,7 @@ class ControlLoop:
     @property
     def notes(self) -> list[str]:
         """What had to be changed of what was asked for, one line each."""
-        return self._command_limits.notes
+        return [*self._command_limits.notes, *self._policy.notes]
 
     @property
     def walking(self) -> bool:
@@ -215,9 +215,10 @@ class ControlLoop:
         self._next_policy_us += self._period_us * max(1, periods)
         if self.log is not None:
             self.log.policy_step(now_us, observation, decision)
-            for note in self.notes[self._logged_notes :]:
-                self.log.note(now_us, note)
-                self._logged_notes += 1
+            for note in self.notes:
+                if note not in self._logged_notes:
+                    self.log.note(now_us, note)
+                    self._logged_notes.add(note)
 
     def _is_finite(self, decision: JointCommand) -> bool:
         """Raises ValueError for a decision of a wrong shape."""

@@ -58,6 +58,7 @@ class LearnedPolicy:
     """Runs an exported network: readings to observation, observation to action, action to targets."""
 
     needs_estimate = False
+    notes = ()
 
     def __init__(self, path: Path, robot: Robot, name: str | None = None) -> None:
         """Raises UserError if the file is no policy or does not fit the robot; names what differs."""

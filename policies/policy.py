@@ -1,5 +1,6 @@
 """The interface of everything that decides: hand-written controllers and learned policies alike."""
 
+from collections.abc import Sequence
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -30,6 +31,10 @@ class Policy(Protocol):
     @property
     def contract(self) -> Contract | None:
         """What a learned policy was trained with and a robot must fit; None of a hand-written controller."""
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """What it did otherwise than asked, and why: one line each, said once. They only ever grow."""
 
     def reset(self, observation: Observation) -> None:
         """Begin an episode from standing."""

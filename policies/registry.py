@@ -18,14 +18,17 @@ class Controller(NamedTuple):
     module: str
     name: str  # of its class, which is built from a robot
     walks: bool
+    arguments: tuple[str, ...] = ()  # after the robot
 
 
+WALKS = ("tripod", "ripple", "wave")  # the gait generator, by the gait that it begins with
 CONTROLLERS = {
     "stand": Controller("footfall.policies.controllers.stand", "Stand", walks=False),
     "trot": Controller("footfall.policies.controllers.trot", "Trot", walks=True),
     "mpc": Controller("footfall.policies.controllers.mpc", "Mpc", walks=True),
     "balance": Controller("footfall.policies.controllers.balance", "Balance", walks=False),
     "step": Controller("footfall.policies.controllers.step", "Step", walks=True),
+    **{gait: Controller("footfall.policies.controllers.walk", "Walk", True, (gait,)) for gait in WALKS},
 }
 
 
@@ -62,7 +65,7 @@ def load_policy(spec: str, robot: Robot) -> Policy:
     """
     if spec in CONTROLLERS:
         controller = CONTROLLERS[spec]
-        return getattr(import_module(controller.module), controller.name)(robot)
+        return getattr(import_module(controller.module), controller.name)(robot, *controller.arguments)
     from footfall.policies.learned import LearnedPolicy
 
     if spec in zoo_names():

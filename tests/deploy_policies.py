@@ -1,7 +1,7 @@
 """Small policies and robots for the tests of the deploy loop."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -20,6 +20,7 @@ class Hold:
     rate_hz = 50.0
     needs_estimate = False
     contract: Contract | None = None
+    notes: Sequence[str] = ()
 
     def __init__(self, robot: Robot) -> None:
         self._pose, self._gains = robot.default_pose, (4 * robot.kp, 2 * robot.kd)

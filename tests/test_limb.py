@@ -216,7 +216,7 @@ def test_out_of_reach_it_comes_as_near_as_a_bounded_optimiser(robots: dict[str, 
     best = least_squares(missing, robot.default_pose[own], bounds=bounds)
     left = np.linalg.norm(missing(legs.solve(far[None], [4])[0]))
     assert np.linalg.norm(best.fun) > 0.05  # it is out of reach
-    assert left == pytest.approx(np.linalg.norm(best.fun), abs=2e-4)
+    assert left == pytest.approx(np.linalg.norm(best.fun), abs=1e-3)
 
 
 def test_one_limb_of_a_kind_beside_another_leaves_both_as_they_are(tmp_path: Path) -> None:

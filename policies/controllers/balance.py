@@ -58,6 +58,7 @@ class Balance:
     name = "balance"
     needs_estimate = True
     contract = None
+    notes = ()
 
     def __init__(self, robot: Robot, config: BalanceConfig | None = None) -> None:
         self._config = config = config or controller_settings(robot, self.name, BalanceConfig)

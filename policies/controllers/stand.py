@@ -35,6 +35,7 @@ class Stand:
     name = "stand"
     needs_estimate = False
     contract = None
+    notes = ()
 
     def __init__(self, robot: Robot, config: StandConfig | None = None) -> None:
         self._config = config or controller_settings(robot, self.name, StandConfig)

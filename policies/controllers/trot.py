@@ -49,6 +49,7 @@ class Trot:
     name = "trot"
     needs_estimate = False
     contract = None
+    notes = ()
 
     def __init__(self, robot: Robot, config: TrotConfig | None = None) -> None:
         self._config = config or controller_settings(robot, self.name, TrotConfig)

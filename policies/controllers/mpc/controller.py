@@ -60,6 +60,7 @@ class Mpc:
     name = "mpc"
     needs_estimate = True
     contract = None
+    notes = ()
 
     def __init__(self, robot: Robot, config: MpcConfig | None = None) -> None:
         self._config = config = config or controller_settings(robot, self.name, MpcConfig)

@@ -37,6 +37,7 @@ class Step:
     name = "step"
     needs_estimate = True
     contract = None
+    notes = ()
 
     def __init__(self, robot: Robot, config: StepConfig | None = None) -> None:
         """Raises UserError for a robot that has not one left and one right foot."""

@@ -1,0 +1,83 @@
+"""Settings of `Walk`, one dataclass per part."""
+
+from dataclasses import dataclass
+
+from footfall.common.config import require_between, require_not_negative, require_positive
+from footfall.policies.controllers.command import CommandShaping
+from footfall.policies.controllers.gait import GaitConfig
+
+
+@dataclass(frozen=True)
+class StepConfig:
+    """What a step is like. All of it may be changed while the robot walks."""
+
+    height_m: float  # of the foot at mid-swing
+    length_m: float  # that a foot is carried back in one stance at most; it bounds the speed
+    body_height_m: float  # base above the ground
+
+    def __post_init__(self) -> None:
+        require_positive(self, "length_m", "body_height_m")
+        require_not_negative(self, "height_m")
+
+
+@dataclass(frozen=True)
+class LevellingConfig:
+    """How the legs turn a tilted base back."""
+
+    gain: float  # share of the measured tilt that the legs counter
+    rate_gain_s: float
+    filter_s: float  # time constant: the feet's velocity must not carry the gyro's noise
+    most_rad: float  # largest correction
+    body_rate_m_s: float  # how fast the body's height changes
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "gain", "rate_gain_s", "most_rad")
+        require_positive(self, "filter_s", "body_rate_m_s")
+
+
+@dataclass(frozen=True)
+class TouchDownConfig:
+    """When a foot counts as on the ground before or after its time."""
+
+    force_share: float  # of an even share of the weight, by the motors' torques
+    from_progress: float  # of the swing, before which no force counts
+    probe_m: float  # how far a foot that finds no ground at its time is lowered
+    probe_m_s: float  # and how fast
+
+    def __post_init__(self) -> None:
+        require_positive(self, "force_share", "probe_m_s")
+        require_between(self, 0.0, 1.0, "from_progress")
+        require_not_negative(self, "probe_m")
+
+
+@dataclass(frozen=True)
+class LimitsConfig:
+    """What the walk must keep to; it slows down rather than break it."""
+
+    rate_share: float  # of the robot's joint rate limit that the gait may use
+    margin_m: float | None = None  # least static stability margin; none: the gait is a dynamic one
+
+    def __post_init__(self) -> None:
+        require_between(self, 0.05, 1.0, "rate_share")
+        require_not_negative(self, "margin_m")
+
+
+@dataclass(frozen=True)
+class WalkConfig:
+    """Everything about `Walk` that depends on the robot."""
+
+    rate_hz: float
+    gait: GaitConfig
+    command: CommandShaping
+    step: StepConfig
+    levelling: LevellingConfig
+    touch_down: TouchDownConfig
+    limits: LimitsConfig
+    kp: float  # N m/rad
+    kd: float  # N m s/rad
+    weight_n: float  # carried by the legs in stance, as feed-forward torque
+    settle_s: float  # time to move from the pose found at reset to the stance
+
+    def __post_init__(self) -> None:
+        require_positive(self, "rate_hz", "kp", "settle_s")
+        require_not_negative(self, "kd", "weight_n")

@@ -1,0 +1,90 @@
+"""Whether a steady walk keeps to the joints' rate limit, the legs' reach and the static stability margin."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from footfall.policies.controllers.gait import GaitTiming
+from footfall.policies.controllers.walk.feet import stances, steady_cycle
+from footfall.robots.description import Robot
+from footfall.robots.support import Point, support_margin
+
+_PROGRESS = np.linspace(0.0, 1.0, 13)
+_CLOCKS = np.arange(24) / 24
+_SAMPLED = 1.05  # the peak rate over that of the chords between samples
+_MISSED_M = 0.003  # farthest that a foot may be from where it should be
+_STRIDES = (1.0, 0.8, 0.6, 0.4, 0.2, 0.0)
+
+
+class SteadyWalk(NamedTuple):
+    """A gait at one velocity. Feet as `FootCycle` has them."""
+
+    places: np.ndarray  # (feet, 3) m, in the middle of each stance, z = 0
+    timing: GaitTiming
+    offsets: np.ndarray  # (feet,)
+    velocity: np.ndarray  # (3,)
+    step_height_m: float
+    below_m: np.ndarray  # (feet,) m, from the base's origin down to a tip that stands
+
+
+class Pace(NamedTuple):
+    """What is left of a wanted walk."""
+
+    stride: float = 1.0  # share of the commanded velocity
+    tempo: float = 1.0  # share of the speed at which all of it runs
+    reason: str = ""  # why either is below 1
+
+
+class WalkLimits:
+    """Finds the pace at which a walk keeps to what the robot can do.
+
+    Args:
+        robot: whose kinematics and joint rate limit count.
+        centre: m, of mass, from the base's origin.
+        rate_share: of the joint rate limit that may be used.
+        margin_m: least static stability margin, or None.
+    """
+
+    def __init__(self, robot: Robot, centre: Point, rate_share: float, margin_m: float | None) -> None:
+        self._robot, self._legs, self._centre, self._margin_m = robot, robot.legs, centre, margin_m
+        self._most_rate = rate_share * robot.description.target_rate_rad_s
+
+    def pace(self, walk: SteadyWalk) -> Pace:
+        """The pace of a steady walk: strides as long as reach and margin allow, then as fast as joints can.
+
+        Time runs slower, not along another path: joint rates fall with the tempo.
+        """
+        why = ""
+        for stride in _STRIDES:
+            slower = walk._replace(velocity=stride * walk.velocity)
+            found, rate = self._fault(slower)
+            if not found:
+                break
+            why = why or f"strides are shortened: {found}"
+        tempo = min(1.0, self._most_rate / max(rate, 1e-9))
+        if tempo < 1.0:
+            period_s = walk.timing.period_s
+            slow = (
+                f"the gait is slowed to a period of {period_s / tempo:.2f} s: at {period_s:.2f} s joints"
+                f" would move at {rate:.1f} rad/s, {self._most_rate:.1f} are allowed"
+            )
+            why = f"{why}; {slow}" if why else slow
+        return Pace(stride, tempo, why)
+
+    def _fault(self, walk: SteadyWalk) -> tuple[str, float]:
+        """Why a walk cannot be had at any tempo, if so, and its peak joint rate, rad/s."""
+        feet = steady_cycle(walk.places, walk.timing, walk.velocity, walk.step_height_m, _PROGRESS)
+        feet[:, :, 2] -= walk.below_m
+        angles = np.array([self._legs.solve(each) for each in feet])
+        step_s = walk.timing.swing_s * (_PROGRESS[1] - _PROGRESS[0])
+        rate = _SAMPLED * float(np.abs(np.diff(angles, axis=0)).max()) / step_s
+        for each, wanted in zip(angles[::3], feet[::3], strict=True):
+            reached = self._legs.pose(self._legs.scatter(each, self._robot.default_pose)).foot
+            if np.abs(reached - wanted).max() > _MISSED_M:
+                return "feet would be out of the legs' reach", rate
+        if self._margin_m is not None:
+            points = stances(walk.places, walk.timing, walk.offsets, walk.velocity, _CLOCKS)
+            margin = min(support_margin(stance, self._centre) for stance in points)
+            if margin < self._margin_m:
+                return f"the stability margin would be {margin:.3f} m of {self._margin_m:.3f} m", rate
+        return "", rate
