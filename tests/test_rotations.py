@@ -4,6 +4,7 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from footfall.common import rotations
 
@@ -106,4 +107,77 @@ def test_normalised_vectors_keep_their_direction() -> None:
     np.testing.assert_allclose(
         rotations.normalised(np.array([[0.0, 3.0, 4.0], [0.0, -2.0, 0.0]])),
         [[0.0, 0.6, 0.8], [0.0, -1.0, 0.0]],
+    )
+
+
+TURNS = Rotation.from_quat(QUATERNIONS, scalar_first=True)
+
+
+@pytest.mark.parametrize("library", [np, jnp])
+def test_tilt_heading_and_their_batches_are_scipys(library) -> None:
+    atol = 1e-12 if library is np else 2e-5
+    upright = TURNS.apply([0.0, 0.0, 1.0])[:, 2]
+    forward = TURNS.apply([1.0, 0.0, 0.0])
+    batch = library.asarray(QUATERNIONS.reshape(2, 3, 4))
+    expected = np.arccos(upright).reshape(2, 3)
+    np.testing.assert_allclose(rotations.tilt(batch), expected, atol=atol)
+    expected = np.arctan2(forward[:, 1], forward[:, 0]).reshape(2, 3)
+    np.testing.assert_allclose(rotations.heading(batch), expected, atol=atol)
+    for quaternion, up in zip(QUATERNIONS, upright, strict=True):
+        assert float(rotations.tilt(library.asarray(quaternion))) == pytest.approx(np.arccos(up), abs=atol)
+
+
+def test_half_a_turn_and_none_have_a_tilt_whatever_rounding_makes_of_them() -> None:
+    for scale in (1.0, 1.0 + 1e-12):
+        assert rotations.tilt(scale * np.array([0.0, 1.0, 0.0, 0.0])) == pytest.approx(np.pi)
+        batch = scale * np.array([[0.0, 0.6, 0.8, 0.0], [1.0, 0.0, 0.0, 0.0]])
+        np.testing.assert_allclose(rotations.tilt(batch), [np.pi, 0.0])
+
+
+def test_roll_pitch_yaw_survive_in_all_octants() -> None:
+    for yaw, pitch, roll in TURNS.as_euler("ZYX"):
+        turn = Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_matrix()
+        assert rotations.roll_pitch_yaw(turn) == pytest.approx((roll, pitch, yaw))
+        np.testing.assert_allclose(
+            rotations.heading_matrix(yaw), Rotation.from_euler("z", yaw).as_matrix(), atol=1e-12
+        )
+    beyond = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0 + 1e-12, 0.0, 0.0]])
+    assert rotations.roll_pitch_yaw(beyond)[1] == pytest.approx(-np.pi / 2)
+    assert rotations.roll_pitch_yaw(-beyond)[1] == pytest.approx(np.pi / 2)
+
+
+@pytest.mark.parametrize("index", range(6))
+def test_gravity_is_shifted_by_the_shortest_turn(index: int) -> None:
+    """Of the body about an axis across gravity: scipy's turn from one direction to the other."""
+    before, offset = TURNS[index], np.array([0.2, -0.1, 0.15])
+    down = before.inv().apply([0.0, 0.0, -1.0])
+    wanted = (down + offset) / np.linalg.norm(down + offset)
+    found = rotations.shift_gravity(QUATERNIONS[index].tolist(), offset.tolist())
+    assert np.linalg.norm(found) == pytest.approx(1.0)
+    after = Rotation.from_quat(found, scalar_first=True)
+    np.testing.assert_allclose(after.inv().apply([0.0, 0.0, -1.0]), wanted, atol=1e-12)
+    between = np.arccos(np.clip(down @ wanted, -1.0, 1.0))
+    assert (before.inv() * after).magnitude() == pytest.approx(between)
+
+
+@pytest.mark.parametrize("turns", [-2, -1, 0, 1, 3])
+def test_angles_come_back_into_half_a_turn_from_wherever(turns: int) -> None:
+    for angle in (-np.pi, -3.0, -0.1, 0.0, 2.0, 3.1):
+        wrapped = rotations.wrap_angle(angle + 2 * np.pi * turns)
+        assert wrapped == pytest.approx(angle, abs=1e-9) or wrapped == pytest.approx(angle + 2 * np.pi)
+    assert rotations.wrap_angle(np.pi) == -np.pi
+
+
+def test_unit_vectors_of_a_batch_are_each_by_themselves() -> None:
+    vectors = RNG.normal(size=(2, 5, 4))
+    expected = vectors / np.linalg.norm(vectors, axis=-1)[..., None]
+    np.testing.assert_allclose(rotations.normalised(vectors), expected)
+    np.testing.assert_allclose(rotations.normalised(np.array([3.0, -4.0])), [0.6, -0.8])
+
+
+def test_a_cross_product_of_rows_is_numpys_for_any_shape() -> None:
+    others = RNG.normal(size=(2, 4, 3))
+    np.testing.assert_allclose(rotations.cross(VECTORS[2], others), np.cross(VECTORS[2], others), atol=1e-12)
+    np.testing.assert_allclose(
+        others @ rotations.skew(VECTORS[2]).T, np.cross(VECTORS[2], others), atol=1e-12
     )

@@ -1,0 +1,520 @@
+"""The parts of policies on bodies that are tilted, turned and in motion, against sums written out in 3D."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from footfall.common.rotations import heading_matrix, wrap_angle
+from footfall.policies.action import gait_reference, joint_target
+from footfall.policies.contract import Contract, Term
+from footfall.policies.controllers.command import CommandShaping, ShapedCommand
+from footfall.policies.controllers.mpc import Mpc
+from footfall.policies.controllers.mpc.config import FootholdConfig, MpcConfig
+from footfall.policies.controllers.mpc.controller import Base
+from footfall.policies.controllers.mpc.footholds import contact_points, foothold
+from footfall.policies.controllers.mpc.problem import BodyState
+from footfall.policies.controllers.mpc.swing import swing_motion
+from footfall.policies.controllers.settings import controller_settings
+from footfall.policies.controllers.stance import level_feet, nominal_feet, tilt_correction
+from footfall.policies.controllers.stand import Stand, StandConfig
+from footfall.policies.observation import (
+    Inputs,
+    frame,
+    history_length,
+    moving,
+    observation,
+    push_frame,
+)
+from footfall.policies.policy import Observation, Sensed
+from footfall.robots.description import load_robot
+
+ROBOT = load_robot("go1")
+LEGS = ROBOT.legs
+RNG = np.random.default_rng(12)
+TILTED = Rotation.from_euler("ZYX", [1.1, -0.15, 0.1])
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def in_plane(vector: np.ndarray) -> complex:
+    return complex(vector[0], vector[1])
+
+
+def observed(turn: Rotation, gyro: Any = (0, 0, 0), time_s: float = 9.0, **more: Any) -> Observation:
+    """A robot turned so, with joints that all differ from the default pose and from one another."""
+    position = ROBOT.default_pose + 0.01 * np.arange(12)
+    sensed = Sensed(
+        np.array(gyro, dtype=float),
+        9.81 * turn.inv().apply(UP),
+        turn.as_quat(scalar_first=True),
+        position,
+        0.1 * np.arange(12),
+        np.zeros(12),
+    )
+    values = {"command": np.zeros(3), "base_velocity": np.zeros(3), "base_height": 0.26, **more}
+    return Observation(time_s, sensed, **values)
+
+
+# -- commands, stances, standing ---------------------------------------------------------------------
+
+
+class TestShapedCommand:
+    SHAPING = CommandShaping(acceleration_m_s2=2.0, yaw_acceleration_rad_s2=5.0, standing_command=0.1)
+
+    def test_each_axis_has_its_own_acceleration_in_both_directions(self) -> None:
+        shaped = ShapedCommand(self.SHAPING)
+        goal = np.array([0.5, -0.9, 0.03])
+        found = []
+        for _ in range(3):
+            shaped.advance(goal, 0.1)
+            found.append(shaped.value.tolist())
+        np.testing.assert_allclose(found, [[0.2, -0.2, 0.03], [0.4, -0.4, 0.03], [0.5, -0.6, 0.03]])
+        kept = shaped.value
+        shaped.advance(np.array([0.0, 0.0, -2.0]), 0.1)
+        np.testing.assert_allclose(shaped.value, [0.3, -0.4, -0.47])
+        np.testing.assert_allclose(kept, found[-1])
+
+    @pytest.mark.parametrize(
+        ("command", "walks"),
+        [((0.06, 0.06, 0.06), True), ((0.05, 0.05, 0.05), False), ((0, 0, -0.2), True), ((0, 0, 0), False)],
+    )
+    def test_small_commands_of_all_axes_together_mean_stand(self, command: Any, walks: bool) -> None:
+        shaped = ShapedCommand(self.SHAPING)
+        assert shaped.wants_walk(np.array(command)) is walks
+        shaped.advance(np.array(command), 0.5)
+        assert shaped.value.any() == walks
+
+    def test_it_walks_until_it_has_slowed_down_and_a_reset_stands(self) -> None:
+        shaped = ShapedCommand(self.SHAPING)
+        shaped.advance(np.array([0.0, 0.5, 0.0]), 0.1)
+        still = np.zeros(3)
+        assert shaped.wants_walk(still)
+        shaped.advance(np.array([0.05, 0.0, 0.0]), 0.1)
+        assert not shaped.value.any()
+        assert not shaped.wants_walk(still)
+        shaped.advance(np.array([1.0, 1.0, 1.0]), 0.1)
+        shaped.reset()
+        assert not shaped.wants_walk(still)
+
+
+def test_feet_stand_out_forward_and_below_as_asked() -> None:
+    """A leg in the middle plane does not stand out; the feet's own places are left as they are."""
+    places = np.array([[0.2, -0.1, -0.3], [-0.2, 0.15, -0.25], [0.0, 1e-9, -0.2]])
+    legs = SimpleNamespace(default_foot=places.copy(), foot_radius=np.array([0.02, 0.03, 0.01]))
+    feet = nominal_feet(legs, height_m=0.3, outward_m=0.04, shift_m=0.05)  # type: ignore[arg-type]
+    expected = [[0.25, -0.14, -0.28], [-0.15, 0.19, -0.27], [0.05, 0.0, -0.29]]
+    np.testing.assert_allclose(feet, expected, atol=1e-8)
+    np.testing.assert_array_equal(legs.default_foot, places)
+
+
+@pytest.mark.parametrize(("roll", "pitch"), [(0.05, 0.0), (0.0, 0.08), (-0.04, 0.06)])
+@pytest.mark.parametrize("yaw", [0.0, 2.5])
+def test_the_measured_tilt_is_roll_and_pitch_at_any_heading(roll: float, pitch: float, yaw: float) -> None:
+    seen = observed(Rotation.from_euler("ZYX", [yaw, pitch, roll]), gyro=(0.3, -0.5, 9.0))
+    np.testing.assert_allclose(tilt_correction(seen, 2.0, 0.0, 9.0), [2 * roll, 2 * pitch], atol=3e-3)
+    both = tilt_correction(seen, 2.0, 0.1, 9.0) - tilt_correction(seen, 2.0, 0.0, 9.0)
+    np.testing.assert_allclose(both, [0.03, -0.05])
+    np.testing.assert_allclose(tilt_correction(seen, 0.0, 1.0, 0.2), [0.2, -0.2])
+
+
+def test_feet_of_a_turned_plane_move_along_z_as_its_points_do() -> None:
+    roll, pitch = 2e-4, -3e-4
+    feet = RNG.uniform(-0.3, 0.3, (4, 3))
+    flat = feet * [1.0, 1.0, 0.0]
+    turned = Rotation.from_euler("xyz", [roll, pitch, 0.0]).apply(flat)
+    moved = level_feet(feet, np.array([roll, pitch]))
+    np.testing.assert_allclose(moved - feet, turned * [0.0, 0.0, 1.0], atol=1e-6)
+    assert np.abs(moved - feet).max() > 1e-5
+
+
+class TestStand:
+    CONFIG = StandConfig(
+        rate_hz=100.0, kp=33.0, kd=1.5, tilt_gain=0.8, tilt_rate_gain_s=0.05, most_tilt_rad=0.3, settle_s=2.0
+    )
+
+    def test_it_goes_from_where_it_was_reset_to_a_level_default_pose(self) -> None:
+        policy = Stand(ROBOT, self.CONFIG)
+        begun = observed(Rotation.identity(), time_s=0.0)
+        policy.reset(begun)
+        start = begun.sensed.joint_position.copy()
+        begun.sensed.joint_position[:] = 99.0
+        np.testing.assert_allclose(
+            policy.act(begun._replace(time_s=0.5)).position,
+            0.75 * start + 0.25 * ROBOT.default_pose,
+            atol=1e-9,
+        )
+        for time_s in (2.0, 7.0):
+            settled = policy.act(observed(Rotation.identity(), time_s=time_s))
+            np.testing.assert_allclose(settled.position, ROBOT.default_pose, atol=1e-9)
+        assert settled.kp.tolist() == [33.0] * 12
+        assert settled.kd.tolist() == [1.5] * 12
+        assert not np.any([settled.velocity, settled.torque])
+        assert policy.rate_hz == 100.0
+        again = observed(Rotation.identity(), time_s=0.0)
+        policy.reset(again)
+        np.testing.assert_allclose(policy.act(again).position, again.sensed.joint_position)
+        stance = policy.stance()
+        assert stance is not None
+        assert stance.tolist() == [1.0] * 4
+
+    def test_tilted_its_feet_are_where_a_plane_turned_by_its_share_has_them(self) -> None:
+        policy = Stand(ROBOT, self.CONFIG)
+        seen = observed(Rotation.from_euler("ZYX", [0.7, -0.06, 0.09]), gyro=(0.2, 0.3, 5.0))
+        policy.reset(seen)
+        feet = LEGS.pose(policy.act(seen).position).foot
+        roll, pitch = 0.8 * 0.09 + 0.05 * 0.2, 0.8 * -0.06 + 0.05 * 0.3
+        default = LEGS.default_foot
+        rise = roll * default[:, 1] - pitch * default[:, 0]
+        np.testing.assert_allclose(feet - default, np.outer(rise, UP), atol=1.5e-3)
+        assert np.abs(rise).max() > 0.012
+
+
+# -- learned policies --------------------------------------------------------------------------------
+
+
+class TestObservation:
+    def inputs(self, contract: Contract, scale: float) -> Inputs:
+        rng = np.random.default_rng(int(scale * 10))
+        names = {"gyro": 3, "gravity": 3, "joint_position": 12, "joint_velocity": 12}
+        return Inputs(
+            {name: rng.normal(size=size) for name, size in names.items()},
+            rng.normal(size=12),
+            np.array([0.3, -0.2, 0.1]) * scale,
+            np.array([0.15 * scale]),
+        )
+
+    def test_three_frames_by_hand(self, contract: Contract) -> None:
+        """Unequal scales and histories; the clock where sine and cosine differ."""
+        terms = (Term("joint_velocity", 0.05, 2), Term("clock", 3.0, 1), Term("command", -2.0, 3))
+        contract = replace(contract, observation=terms)
+        moments = [self.inputs(contract, scale) for scale in (1.0, 2.0, 3.0)]
+        frames = np.zeros((history_length(contract), 12 + 2 + 3))
+        for moment in moments:
+            frames = push_frame(frames, frame(moment, contract))
+        angle = 2 * np.pi * 0.45
+        expected = np.concatenate(
+            [
+                0.05 * moments[1].readings["joint_velocity"],
+                0.05 * moments[2].readings["joint_velocity"],
+                [3.0 * np.sin(angle), 3.0 * np.cos(angle)],
+                *(-2.0 * moment.command for moment in moments),
+            ]
+        )
+        np.testing.assert_allclose(observation(frames, contract), expected, atol=1e-12)
+
+    @pytest.mark.parametrize(
+        ("command", "expected"),
+        [((0.06, 0.0, 0.08), 1.0), ((0.0, -0.0999, 0.0), 0.0), ((-0.07, 0.06, -0.05), 1.0), ((0, 0, 0), 0.0)],
+    )
+    def test_moving_is_a_norm_over_all_axes_from_the_threshold_on(
+        self, contract: Contract, command: Any, expected: float
+    ) -> None:
+        assert contract.standing_command == 0.1
+        assert moving(np.array(command, dtype=float), contract).tolist() == [expected]
+        assert moving(np.zeros(3), replace(contract, standing_command=0.0)).tolist() == [1.0]
+
+    def test_targets_by_hand(self, contract: Contract) -> None:
+        action, command = RNG.normal(size=12), np.array([0.5, 0.0, 0.0])
+        phase = RNG.uniform(size=12)
+        amplitude = RNG.normal(size=12)
+        assert contract.gait is not None
+        gait = replace(contract.gait, phase=tuple(phase), amplitude_rad=tuple(amplitude))
+        contract = replace(contract, gait=gait, action_scale_rad=tuple(RNG.uniform(0.1, 1.0, 12)))
+        clock = np.array([0.37])
+        wave = np.sin(2 * np.pi * (0.37 + phase))
+        reference = np.where(wave > 0, amplitude * wave, 0.0)
+        np.testing.assert_allclose(gait_reference(clock, command, contract), reference, atol=1e-12)
+        expected = np.array(contract.default_pose_rad) + reference
+        expected += np.array(contract.action_scale_rad) * action
+        np.testing.assert_allclose(joint_target(action, clock, command, contract), expected, atol=1e-12)
+        assert not gait_reference(clock, np.zeros(3), contract).any()
+        still = gait_reference(np.zeros((5, 1)), np.ones((5, 3)), replace(contract, gait=None))
+        assert still.shape == (5, 12)
+        assert not still.any()
+
+
+# -- model-predictive control ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_footholds_are_bledts_sum_in_three_dimensions(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    place, base, velocity, wanted = (np.array([*rng.uniform(-0.4, 0.4, 2), 0.0]) for _ in range(4))
+    yaw, rate, left_s, stance_s, height = 2.3, -1.7, 0.11, 0.23, 0.31
+    config = FootholdConfig(capture_gain_s=0.07, most_step_m=10.0 if seed % 2 else 0.03)
+    arm = Rotation.from_euler("z", yaw + rate * left_s).apply(place)
+    spin = rate * UP
+    step = stance_s / 2 * (velocity + np.cross(spin, arm)) + 0.07 * (velocity - wanted)
+    step += height / (2 * 9.81) * np.cross(velocity, spin)
+    if np.linalg.norm(step) > config.most_step_m:
+        step *= config.most_step_m / np.linalg.norm(step)
+    expected = base + velocity * left_s + arm + step
+    vectors = [in_plane(each) for each in (place, base)]
+    found = foothold(
+        *vectors, height, in_plane(velocity), in_plane(wanted), yaw, rate, left_s, stance_s, config
+    )
+    assert found == pytest.approx(in_plane(expected))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_contact_points_by_walking_through_the_plan(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    steps, legs = 9, 4
+    contacts = rng.random((steps, legs)) < 0.6
+    feet, targets, places = rng.normal(size=(3, legs, 3))
+    centre, yaw = rng.normal(size=(steps, 3)), rng.normal(size=steps)
+    found = contact_points(contacts, feet, targets, places, centre, yaw)
+    for leg in range(legs):
+        touchdowns = 0
+        for step in range(steps):
+            if step and contacts[step, leg] and not contacts[step - 1, leg]:
+                touchdowns += 1
+            if not contacts[step, leg]:
+                continue
+            if contacts[0, leg] and touchdowns == 0:
+                expected = feet[leg] - centre[step]
+            elif not contacts[0, leg] and touchdowns == 1:
+                expected = targets[leg] - centre[step]
+            else:
+                expected = Rotation.from_euler("z", yaw[step]).apply(places[leg])
+                expected[2] = -centre[step, 2]
+            np.testing.assert_allclose(found[step, leg], expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("progress", [0.0, 0.2, 0.5, 0.9, 1.0])
+def test_a_swing_leads_from_lift_off_to_landing_in_its_time(progress: float) -> None:
+    start, end, swing_s = [0.1, -0.2, 0.03], [0.4, 0.1, -0.01], 0.3
+
+    def at(share: float) -> np.ndarray:
+        return np.array(swing_motion(share, start, end, swing_s, 0.08))
+
+    position, velocity, acceleration = at(progress)
+    if progress in (0.0, 1.0):
+        np.testing.assert_allclose(position, start if progress == 0.0 else end, atol=1e-12)
+        np.testing.assert_allclose(velocity, 0.0, atol=1e-12)
+        return
+    d = 1e-5
+    before, after = at(progress - d / swing_s), at(progress + d / swing_s)
+    np.testing.assert_allclose(velocity, (after[0] - before[0]) / (2 * d), atol=1e-6)
+    np.testing.assert_allclose(acceleration, (after[1] - before[1]) / (2 * d), atol=1e-4)
+    straight = np.array(start) + (np.array(end) - start) * (position[0] - start[0]) / (end[0] - start[0])
+    np.testing.assert_allclose((position - straight)[:2], 0.0, atol=1e-12)
+    assert 0.0 < (position - straight)[2] <= 0.08 + 1e-12
+    if progress == 0.5:
+        np.testing.assert_allclose(position, [0.25, -0.05, 0.01 + 0.08])
+
+
+def base_of(turn: Rotation = TILTED, place: complex = 0.3 - 0.2j, height: float = 0.28) -> Base:
+    yaw, pitch, roll = turn.as_euler("ZYX")
+    velocity, gyro = np.array([0.4, -0.3, 0.1]), np.array([0.5, -0.7, 0.9])
+    return Base(place, height, velocity, turn.as_matrix(), gyro, roll, pitch, yaw)
+
+
+@pytest.fixture
+def mpc() -> Mpc:
+    return Mpc(ROBOT)
+
+
+CONFIG = controller_settings(ROBOT, "mpc", MpcConfig)
+
+
+class TestMpc:
+    def test_the_state_is_that_of_the_centre_of_mass_in_the_heading_frame(self, mpc: Mpc) -> None:
+        base = base_of()
+        state = mpc._state(base, heading_matrix(base.yaw))
+        arm = TILTED.apply(mpc._body.centre)
+        spin = TILTED.apply(base.gyro)
+        heading = Rotation.from_euler("z", -base.yaw)
+        np.testing.assert_allclose(state.pose[:3], [base.roll, base.pitch, 0.0])
+        np.testing.assert_allclose(state.pose[3:], heading.apply(arm) + 0.28 * UP, atol=1e-12)
+        np.testing.assert_allclose(state.rate[:3], heading.apply(spin), atol=1e-12)
+        expected = heading.apply(base.velocity + np.cross(spin, arm))
+        np.testing.assert_allclose(state.rate[3:], expected, atol=1e-12)
+
+    def test_the_reference_is_the_commanded_motion_step_by_step(self, mpc: Mpc) -> None:
+        base = base_of()
+        mpc._command.value = np.array([0.6, -0.25, 0.8])
+        mpc._wanted_place, mpc._wanted_yaw, mpc._wanted_height = 0.33 - 0.15j, base.yaw + 0.1, 0.27
+        reference = mpc._reference(base)
+        to_heading = Rotation.from_euler("z", -base.yaw)
+        place = to_heading.apply([0.03, 0.05, 0.0])
+        dt = CONFIG.horizon.step_s
+        assert len(reference.pose) == CONFIG.horizon.steps
+        for k, (pose, rate) in enumerate(zip(reference.pose, reference.rate, strict=True)):
+            yaw = 0.1 + 0.8 * dt * (k + 1)
+            turn = Rotation.from_euler("z", yaw)
+            velocity = turn.apply([0.6, -0.25, 0.0])
+            place = place + velocity * dt
+            centre = place + turn.apply(mpc._body.centre)
+            np.testing.assert_allclose(pose, [0, 0, yaw, centre[0], centre[1], 0.27 + centre[2]], atol=1e-9)
+            np.testing.assert_allclose(rate, [0, 0, 0.8, *velocity], atol=1e-9)
+
+    def test_a_heading_across_half_a_turn_is_a_small_one(self, mpc: Mpc) -> None:
+        base = base_of(Rotation.from_euler("z", 3.1))
+        mpc._wanted_yaw = -3.1
+        yaw = mpc._reference(base).pose[:, 2]
+        np.testing.assert_allclose(yaw, 2 * np.pi - 6.2)
+
+    def test_the_path_loses_its_surplus_speed(self, mpc: Mpc) -> None:
+        """Against an integration of v = wanted + (now - wanted) exp(-t / 0.2 s), at the steps' middles."""
+        steps = CONFIG.horizon.steps
+        state = BodyState(np.array([0, 0, 0, 0.1, -0.2, 0.25]), np.array([0, 0, 0, 0.9, -0.5, 0.4]))
+        wanted = np.array([0.3, 0.2, 0.0])
+        reference = BodyState(np.zeros((steps, 6)), np.tile([9.0, 9.0, 9.0, *wanted], (steps, 1)))
+        path = mpc._path(state, reference)
+        fine = np.linspace(0.0, 1.0, 200_001)
+        speed = wanted + (state.rate[3:] - wanted) * np.exp(-fine / 0.2)[:, None]
+        travelled = np.cumsum(speed, axis=0) * fine[1]
+        for k in range(steps):
+            index = np.searchsorted(fine, CONFIG.horizon.step_s * (k + 0.5))
+            expected = state.pose[3:5] + travelled[index, :2]
+            np.testing.assert_allclose(path[k, :2], expected, atol=1e-4)
+        assert path[:, 2].tolist() == [0.25] * steps
+
+    def test_it_follows_the_base_by_its_velocity_turned_into_the_world(self, mpc: Mpc) -> None:
+        velocity = np.array([0.7, -0.4, 0.2])
+        seen = observed(TILTED, gyro=(1, 2, 3), base_velocity=velocity, base_height=0.24)
+        mpc.reset(seen)
+        moved = TILTED.apply(velocity)
+        for k in (1, 2):
+            base = mpc._follow(seen, 0.004)
+            assert base.place == pytest.approx(in_plane(moved) * 0.004 * k)
+        np.testing.assert_allclose(base.velocity, moved, atol=1e-12)
+        assert base.height == pytest.approx(0.24 + LEGS.foot_radius.mean())
+        assert (base.yaw, base.pitch, base.roll) == pytest.approx((1.1, -0.15, 0.1))
+        assert base.gyro.tolist() == [1.0, 2.0, 3.0]
+        np.testing.assert_allclose(base.position, [base.place.real, base.place.imag, base.height])
+
+    def test_the_reference_leads_by_no_more_than_it_may(self, mpc: Mpc) -> None:
+        stance = CONFIG.stance
+        base = base_of()
+        mpc._command.value = np.array([0.5, -0.2, 0.6])
+        mpc._wanted_place, mpc._wanted_yaw, mpc._wanted_height = base.place, base.yaw, 0.2
+        mpc._lead(base, 0.01)
+        forward = in_plane(Rotation.from_euler("z", base.yaw).apply([0.5, -0.2, 0.0]))
+        assert mpc._wanted_velocity == pytest.approx(forward)
+        assert mpc._wanted_place == pytest.approx(base.place + 0.01 * forward)
+        assert mpc._wanted_yaw == pytest.approx(base.yaw + 0.006)
+        climbed = 0.2 + 0.01 / CONFIG.settle_s * (stance.height_m - 0.2)
+        assert mpc._wanted_height == pytest.approx(climbed)
+        for sign in (1.0, -1.0):
+            mpc._command.value = sign * np.array([0.5, -0.2, 0.6])
+            mpc._lead(base, 5.0)
+            ahead = mpc._wanted_place - base.place
+            assert abs(ahead) == pytest.approx(stance.most_position_lead_m)
+            assert ahead / abs(ahead) == pytest.approx(sign * forward / abs(forward))
+            assert wrap_angle(mpc._wanted_yaw - base.yaw) == pytest.approx(sign * stance.most_yaw_lead_rad)
+        assert mpc._wanted_height == pytest.approx(stance.height_m)
+
+    def test_what_upsets_a_standing_robot_keeps_it_stepping_until_it_has_been_calm(self, mpc: Mpc) -> None:
+        restart = CONFIG.restart
+
+        def base(speed: float = 0.0, roll: float = 0.0, pitch: float = 0.0) -> Base:
+            velocity = np.array([0.6 * speed, -0.8 * speed, 9.0])
+            return base_of()._replace(velocity=velocity, roll=roll, pitch=pitch)
+
+        assert restart.stop_speed_m_s < restart.start_speed_m_s
+        between = base(0.5 * (restart.stop_speed_m_s + restart.start_speed_m_s))
+        assert not mpc._unsettled(between, 0.1)
+        assert mpc._unsettled(base(1.01 * restart.start_speed_m_s), 0.1)
+        mpc._begin(0.0, 0.3)
+        assert not mpc._unsettled(base(), 0.1)
+        for roll, pitch in ((-1.01, 0.0), (0.0, 1.01)):
+            tilted = base(0.0, roll * restart.start_tilt_rad, pitch * restart.start_tilt_rad)
+            assert mpc._unsettled(tilted, 0.1)
+            steps = 0
+            while mpc._unsettled(base(), restart.calm_s / 10.5):
+                steps += 1
+            assert steps == 10
+        mpc._clock.advance(0.01, True)
+        assert mpc._clock.walking
+        assert mpc._unsettled(between, 0.1)
+
+    def test_swinging_feet_are_seen_from_a_base_that_moves_and_turns(self, mpc: Mpc) -> None:
+        """Their velocity is the change of their place in the base's axes."""
+        base = base_of()
+        spin = TILTED.apply(base.gyro)
+        mpc._lift_off = RNG.uniform(-0.3, 0.3, (4, 3))
+        mpc._target = RNG.uniform(-0.3, 0.3, (4, 3))
+        swing_s, progress, d = mpc._clock.timing.swing_s, [0.0, 0.3, 0.0, 0.7], 1e-5
+
+        def seen(dt: float) -> np.ndarray:
+            turn = Rotation.from_rotvec(spin * dt) * TILTED
+            place = base.place + dt * in_plane(base.velocity)
+            moved = base._replace(
+                place=place, height=base.height + dt * base.velocity[2], rotation=turn.as_matrix()
+            )
+            return mpc._swing([1, 3], [share + dt / swing_s for share in progress], moved)
+
+        motion, before, after = seen(0.0), seen(-d), seen(d)
+        np.testing.assert_allclose(motion[:, 1], (after[:, 0] - before[:, 0]) / (2 * d), atol=1e-5)
+        landing = mpc._target + (LEGS.foot_radius[0] - CONFIG.swing.depth_m) * UP
+        world = np.array(
+            swing_motion(0.7, mpc._lift_off[3].tolist(), landing[3].tolist(), swing_s, CONFIG.swing.height_m)
+        )
+        np.testing.assert_allclose(TILTED.apply(motion[1, 0]) + base.position, world[0], atol=1e-12)
+        np.testing.assert_allclose(TILTED.apply(motion[1, 2]), world[2], atol=1e-9)
+        assert mpc._swing([], progress, base).shape == (0, 3, 3)
+
+    def test_a_leg_that_swings_aims_where_its_foothold_is_when_it_lands(self, mpc: Mpc) -> None:
+        base = base_of()
+        mpc._command.value = np.array([0.3, 0.2, -0.6])
+        mpc._wanted_velocity = 0.25 + 0.1j
+        mpc._set_target(2, 0.3, base)
+        timing = mpc._clock.timing
+        expected = foothold(
+            in_plane(mpc._places[2]),
+            base.place,
+            base.height,
+            in_plane(base.velocity),
+            0.25 + 0.1j,
+            base.yaw,
+            -0.6,
+            0.7 * timing.swing_s,
+            timing.stance_s,
+            CONFIG.foothold,
+        )
+        assert in_plane(mpc._target[2]) == pytest.approx(expected)
+        assert not mpc._target[[0, 1, 3]].any()
+
+    def test_a_reset_forgets_the_episode_before(self, mpc: Mpc) -> None:
+        """The same episode twice gives the same commands to the bit."""
+
+        def episode() -> list[np.ndarray]:
+            rng = np.random.default_rng(1)
+            mpc.reset(observed(TILTED))
+            found = []
+            for k in range(60):
+                turn = Rotation.from_euler("ZYX", [1.1 + 0.003 * k, 0.02, -0.03])
+                noise = {"base_velocity": 0.3 * rng.normal(size=3), "command": np.array([0.5, 0.1, 0.4])}
+                seen = observed(turn, gyro=rng.normal(size=3), time_s=1.0 + k / mpc.rate_hz, **noise)
+                found.append(np.concatenate(mpc.act(seen)))
+            return found
+
+        np.testing.assert_array_equal(episode(), episode())
+
+    def test_forces_are_planned_as_often_as_asked_and_whenever_a_foot_changes(
+        self, mpc: Mpc, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        ticks = []
+        plan = mpc._plan
+        monkeypatch.setattr(mpc, "_plan", lambda base, feet: (ticks.append(k), plan(base, feet)))
+        mpc.reset(observed(TILTED))
+        changed = []
+        for k in range(200):
+            stands = mpc._stands
+            mpc.act(observed(TILTED, time_s=9.0, command=np.array([0.5, 0.0, 0.0])))
+            if (mpc._stands != stands).any():
+                changed.append(k)
+        every = round(CONFIG.rate_hz / CONFIG.horizon.solve_hz)
+        assert len(changed) > 2
+        expected, next_at = [], 0
+        for k in range(200):
+            if k >= next_at or k in changed:
+                expected.append(k)
+                next_at = k + every
+        assert ticks == expected
+        assert len(mpc.solve_ms) == len(ticks)
