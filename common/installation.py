@@ -70,7 +70,7 @@ def requirements(extra: str = "") -> Iterator[Requirement]:
             continue
         requirement.marker = None
         if requirement.name == NAME:
-            for included in requirement.extras:
+            for included in sorted(requirement.extras):  # a set: in another order in each process
                 yield from requirements(included)
         else:
             yield requirement
