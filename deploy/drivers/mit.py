@@ -39,6 +39,7 @@ RANGES = {
     "AK10-9": MotorRange(50.0, 65.0),
     "AK80-64": MotorRange(8.0, 144.0),
     "MIT-40-150": MotorRange(40.0, 150.0),  # no maker's: the protocol leaves the ranges to the firmware
+    "MIT-65-500": MotorRange(65.0, 500.0, kp=4000.0, kd=100.0),  # likewise, for heavy machines
 }
 
 COMMUNICATION_LOST = 13  # of a simulated motor whose own time-out switched it off; the manual has none
