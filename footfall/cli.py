@@ -21,6 +21,7 @@ from footfall.verbs.evaluate import evaluate
 from footfall.verbs.export import export
 from footfall.verbs.log import log
 from footfall.verbs.replay import replay
+from footfall.verbs.robot import robot
 from footfall.verbs.sweep import sweep
 from footfall.verbs.train import train
 from footfall.verbs.watch import watch
@@ -36,7 +37,21 @@ app = App(
     version=lambda: version("footfall"),
     suppress_keyboard_interrupt=False,
 )
-for verb in (train, sweep, watch, evaluate, export, deploy, compare, replay, log, demo, diagnose, doctor):
+for verb in (
+    train,
+    sweep,
+    watch,
+    evaluate,
+    export,
+    deploy,
+    compare,
+    replay,
+    log,
+    robot,
+    demo,
+    diagnose,
+    doctor,
+):
     app.command(verb)
 
 

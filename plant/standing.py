@@ -1,0 +1,78 @@
+"""Whether a robot stands by itself: its joint law holds the default pose, over the simulated bus."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from footfall.common.rotations import tilt
+from footfall.plant.episode import Episode, run_episode
+from footfall.policies.policy import Observation
+from footfall.robots.actuator import JointCommand
+from footfall.robots.description import Robot
+
+SETTLED = 0.5  # the last share of the time counts for torques and contacts
+
+
+class HoldDefaultPose:
+    """Asks for the default pose with the robot's own gains, whatever happens."""
+
+    name = "hold-default-pose"
+    rate_hz = 50.0
+    needs_estimate = False
+    contract = None
+
+    def __init__(self, robot: Robot) -> None:
+        zero = np.zeros(len(robot.joint_names))
+        self._command = JointCommand(robot.default_pose, zero, robot.kp, robot.kd, zero)
+
+    def reset(self, observation: Observation) -> None:
+        """There is nothing to begin."""
+
+    def act(self, observation: Observation) -> JointCommand:
+        return self._command
+
+    def stance(self) -> np.ndarray | None:
+        return None
+
+
+@dataclass(frozen=True)
+class Standing:
+    """How a robot stood."""
+
+    fall_reason: str  # empty if it did not fall
+    faults: tuple[str, ...]  # that the deploy loop found
+    stood_s: float
+    sank_m: float  # most that the base was below its standing height
+    tilt_rad: float  # most
+    moved_m: float  # most, on the ground
+    torque_share: np.ndarray  # (n,) most of the peak torque once settled
+    feet_down: np.ndarray  # (feet,) share of the time on the ground once settled
+
+    @property
+    def stood(self) -> bool:
+        """Up until the end, without a fault."""
+        return not self.fall_reason and not self.faults
+
+
+def standing_test(robot: Robot, duration_s: float = 4.0, seed: int = 0) -> Standing:
+    """Let a robot hold its default pose in simulation.
+
+    Raises:
+        UserError: its motors cannot be driven.
+    """
+    episode = Episode(command=lambda _: np.zeros(3), duration_s=duration_s, seed=seed)
+    trace = run_episode(robot, HoldDefaultPose(robot), episode)
+    late = slice(int(len(trace.time_s) * (1 - SETTLED)), None)
+    place, contact = trace.base_position, trace.foot_contact[late]
+    torque = np.abs(trace.motor_torque[late]) / robot.motor.peak_torque
+    height = robot.description.standing_height_m
+    return Standing(
+        fall_reason=trace.fall_reason or ("the simulation diverged" if trace.fell else ""),
+        faults=trace.faults,
+        stood_s=trace.walked_s,
+        sank_m=float(np.max(height - place[:, 2], initial=0.0)),
+        tilt_rad=float(max((tilt(q) for q in trace.base_quaternion), default=0.0)),
+        moved_m=float(np.linalg.norm((place - place[:1])[:, :2], axis=1).max(initial=0.0)),
+        torque_share=torque.max(axis=0, initial=0.0),
+        feet_down=contact.mean(axis=0) if len(contact) else np.zeros(contact.shape[1]),
+    )

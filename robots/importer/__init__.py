@@ -1,0 +1,1 @@
+"""From a URDF or MJCF of another maker to a robot folder."""

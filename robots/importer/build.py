@@ -1,0 +1,97 @@
+"""From a source to a machine: legs found, the other joints frozen, feet chosen."""
+
+from collections import Counter
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+
+from footfall.common.errors import UserError
+from footfall.robots.importer.feet import leg_names, stand_on
+from footfall.robots.importer.limbs import Limbs, find_limbs
+from footfall.robots.importer.machine import Geom, Link, Machine, build_links, frozen_pose, pose_of
+from footfall.robots.importer.model_xml import FOOT_FRICTION
+from footfall.robots.importer.source import Source
+
+SHOWN = 4  # names in a message; of the others, the number
+
+
+def build_machine(source: Source, name: str, feet: tuple[str, ...] = ()) -> tuple[Machine, list[str]]:
+    """A legged machine, and what was guessed on the way, one line each.
+
+    Args:
+        source: what was read.
+        name: of the robot.
+        feet: see `find_limbs`.
+
+    Raises:
+        UserError: the source is no legged machine that footfall can move; the message says why.
+    """
+    model = source.model
+    limbs = find_limbs(source, feet)
+    use = Counter(joint for limb in limbs.legs for joint in limb.joints)
+    links = list(build_links(source, limbs.base, set(use)))
+    if not source.self_collisions:
+        links = [_with_friction(link, FOOT_FRICTION) for link in links]
+    data = pose_of(model, frozen_pose(model, set()))
+    ends = [limb.bodies[0] for limb in limbs.legs]
+    legs = []
+    for limb, end, leg_name in zip(
+        limbs.legs, ends, leg_names([model.body(end).name for end in ends]), strict=True
+    ):
+        index = next(i for i, link in enumerate(links) if link.name == model.body(end).name)
+        own = tuple(joint for joint in limb.joints if use[joint] == 1)
+        up = data.xmat[end].reshape(3, 3)[2]
+        try:
+            links[index], leg = stand_on(links[index], index, limb, own, leg_name, up)
+        except UserError as error:
+            raise UserError(f"{source.path}: {error}") from None
+        legs.append(leg)
+    imu, imu_guess = _imu(model, limbs.base)
+    guesses = [*source.guesses, *limbs.guesses, *_frozen(source, limbs, set(use)), imu_guess]
+    if source.meshes:
+        guesses.append(f"{len(source.meshes)} meshes were replaced by primitives")
+    if not source.self_collisions:
+        guesses.append(f"friction of the feet on the ground: {FOOT_FRICTION:g}")
+    return Machine(name, tuple(links), tuple(legs), imu), guesses
+
+
+def shortened(names: list[str]) -> str:
+    """A few names, and how many others there are."""
+    more = len(names) - SHOWN
+    return ", ".join(names[:SHOWN]) + (f" and {more} more" if more > 0 else "")
+
+
+def _with_friction(link: Link, friction: float) -> Link:
+    def with_it(geom: Geom) -> Geom:
+        return replace(geom, friction=friction)
+
+    return replace(link, geoms=tuple(map(with_it, link.geoms)))
+
+
+def _frozen(source: Source, limbs: Limbs, driven: set[str]) -> list[str]:
+    model = source.model
+    names = [
+        model.joint(j).name
+        for j in range(model.njnt)
+        if model.jnt_type[j] != mujoco.mjtJoint.mjJNT_FREE
+        and model.joint(j).name not in driven
+        and model.body_rootid[model.jnt_bodyid[j]] == limbs.base
+    ]
+    if not names:
+        return []
+    return [f"joints that lead to no foot are rigid, as near to zero as they go: {shortened(names)}"]
+
+
+def _imu(model: mujoco.MjModel, base: int) -> tuple[np.ndarray, str]:
+    """Where the IMU is, in the base's frame, (3,) m, and how that is known."""
+    data = pose_of(model, model.qpos0)
+    rotation, origin = data.xmat[base].reshape(3, 3), data.xpos[base]
+    bodies = [("link", model.body(b).name, data.xpos[b], b) for b in range(model.nbody)]
+    sites = [
+        ("site", model.site(s).name, data.site_xpos[s], model.site_bodyid[s]) for s in range(model.nsite)
+    ]
+    for kind, name, place, body in (*sites, *bodies):
+        if "imu" in name.lower() and model.body_weldid[body] == base:
+            return rotation.T @ (place - origin), f"IMU: at {kind} {name}, along the axes of the base"
+    return np.zeros(3), f"IMU: at the origin of '{model.body(base).name}', along its axes"

@@ -1,0 +1,143 @@
+"""Makes a robot folder out of another maker's model."""
+
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from footfall.common.errors import UserError
+from footfall.robots.description import load_robot
+from footfall.robots.importer.build import build_machine, shortened
+from footfall.robots.importer.controllers_yaml import controllers_yaml
+from footfall.robots.importer.machine import Machine
+from footfall.robots.importer.model_xml import model_xml
+from footfall.robots.importer.motors import ByJoint, choose_drive, peak_torques, value_for, with_armature
+from footfall.robots.importer.pose import Pose, standing_pose
+from footfall.robots.importer.robot_yaml import MODEL_FILE, Ranges, choose_protocols, robot_yaml
+from footfall.robots.importer.source import read_source
+from footfall.robots.importer.statics import statics
+
+ON_SOLES = 2  # legs; a machine on so many is not held by `stand`, which lengthens and shortens legs
+
+
+@dataclass(frozen=True)
+class ImportRequest:
+    """What to make of which file."""
+
+    source: Path
+    folder: Path  # to make
+    protocols: Mapping[str, Ranges]  # motor models that there are drivers for
+    feet: tuple[str, ...] = ()  # links that are feet or carry them; empty: they are looked for
+    packages: tuple[Path, ...] = ()  # folders with the packages of a URDF's meshes
+    peak_torque_nm: ByJoint = field(default_factory=dict)  # instead of the file's, by part of a joint's name
+    speed_rad_s: ByJoint = field(default_factory=dict)
+    armature: ByJoint = field(default_factory=dict)  # reflected inertia, kg m^2
+
+
+class Imported(NamedTuple):
+    """The folder, and what was guessed for it, one line each."""
+
+    folder: Path
+    guesses: tuple[str, ...]
+
+
+def import_robot(request: ImportRequest) -> Imported:
+    """Write a robot folder.
+
+    Raises:
+        UserError: the folder exists, or the source is no legged machine that footfall can move. Nothing is
+            written then.
+    """
+    folder = request.folder
+    if folder.exists() or folder.is_symlink():
+        raise UserError(f"{folder} exists already: give another --out, or remove it")
+    source = read_source(request.source, request.packages)
+    machine, guesses = build_machine(source, _name(folder), request.feet)
+    _refuse_unknown(machine, request)
+    pose = standing_pose(machine)
+    peak = peak_torques(machine, source, request.peak_torque_nm, pose.reach_m)
+    machine, armature_guesses = with_armature(machine, peak, request.armature)
+    model = mujoco.MjModel.from_xml_string(model_xml(machine))
+    qpos = _standing_qpos(model, machine, pose)
+    names = tuple(hinge.name for hinge in machine.hinges)
+    standing = statics(model, names, machine.legs, qpos)
+    drive = choose_drive(machine, source, peak, request.speed_rad_s, standing)
+    protocols, beyond = choose_protocols(machine, drive, request.protocols)
+    apart = _touching_links(model, qpos)
+    guesses.insert(0, f"base: '{machine.links[0].name}', its x axis pointing forward, z up")
+    guesses += [*armature_guesses, *drive.guesses, "default pose: knees bent, centre of mass above the feet"]
+    guesses.append("bus, id and protocol of each motor are placeholders, and so is the IMU's bus")
+    if beyond:
+        guesses.append(f"no protocol here carries what {shortened(beyond)} can do: the widest was taken")
+    if apart:
+        guesses.append(f"{len(apart)} pairs of links that meet in the default pose do not collide")
+    origin = f"Made from {request.source.name} by footfall robot new."
+    texts = {
+        MODEL_FILE: model_xml(
+            machine, pose.height_m, apart, [origin, "What was guessed stands in robot.yaml."]
+        ),
+        "robot.yaml": robot_yaml(machine, pose, drive, protocols, [origin, *_as_comment(guesses)]),
+    }
+    if drive.stands and len(machine.legs) > ON_SOLES:
+        texts["controllers.yaml"] = controllers_yaml(machine, drive)
+    _write(folder, texts)
+    return Imported(folder, tuple(guesses))
+
+
+def _name(folder: Path) -> str:
+    """The robot's name: the folder's, of the characters that a name may have."""
+    name = "".join(c if c.isalnum() or c in "-_" else "_" for c in folder.resolve().name)
+    return name or "robot"
+
+
+def _as_comment(guesses: list[str]) -> list[str]:
+    return ["Guessed, to be checked:", *(f"- {guess}" for guess in guesses)]
+
+
+def _refuse_unknown(machine: Machine, request: ImportRequest) -> None:
+    """Refuse parts of joints' names that no joint has."""
+    names = [hinge.name for hinge in machine.hinges]
+    for option, values in (
+        ("--peak-torque", request.peak_torque_nm),
+        ("--speed", request.speed_rad_s),
+        ("--armature", request.armature),
+    ):
+        for part in values:
+            if not any(value_for(name, {part: 0.0}) is not None for name in names):
+                raise UserError(f"{option}: no joint has '{part}' in its name: there are {', '.join(names)}")
+
+
+def _standing_qpos(model: mujoco.MjModel, machine: Machine, pose: Pose) -> np.ndarray:
+    qpos = model.qpos0.copy()
+    qpos[:7] = (0.0, 0.0, pose.height_m, 1.0, 0.0, 0.0, 0.0)
+    for hinge in machine.hinges:
+        qpos[model.joint(hinge.name).qposadr] = pose.joints[hinge.name]
+    return qpos
+
+
+def _touching_links(model: mujoco.MjModel, qpos: np.ndarray) -> list[tuple[str, str]]:
+    """Pairs of links that meet in a pose, none of them twice."""
+    data = mujoco.MjData(model)
+    data.qpos[:] = qpos
+    mujoco.mj_forward(model, data)
+    pairs = {tuple(sorted(model.geom_bodyid[geoms].tolist())) for geoms in data.contact.geom}
+    return [(model.body(a).name, model.body(b).name) for a, b in sorted(pairs)]
+
+
+def _write(folder: Path, texts: Mapping[str, str]) -> None:
+    """Write the files into a new folder, once footfall can load what they say."""
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".new-") as scratch:
+            made = Path(scratch) / folder.name
+            made.mkdir()
+            for name, text in texts.items():
+                (made / name).write_text(text, encoding="utf-8")
+            load_robot(made.resolve())
+            made.rename(folder)
+    except OSError as error:
+        raise UserError(f"cannot write {folder}: {error.strerror or error}") from None

@@ -1,0 +1,140 @@
+"""What each foot stands on: the geoms of a limb's last link that are lowest."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from footfall.common.errors import UserError
+from footfall.robots.importer.limbs import Limb
+from footfall.robots.importer.machine import Geom, Kind, Leg, Link
+from footfall.robots.importer.shapes import Shape, fit_sole, lowest_point, rotation_of, support
+
+LEVEL_M = 0.01  # geoms whose lowest points are no further apart in height touch together
+ROUND = (Kind.mjGEOM_SPHERE, Kind.mjGEOM_ELLIPSOID)
+LONG = (Kind.mjGEOM_CAPSULE, Kind.mjGEOM_CYLINDER)
+WITH_ANKLE = 5  # joints of a leg that can hold a sole level
+CORNER_M = 0.005  # radius of the spheres at the corners of a sole
+LARGEST_TIP_M = 0.04  # radius of a sphere that is put at the end of a limb
+
+
+def leg_names(ends: list[str]) -> list[str]:
+    """What tells limbs apart in the names of their last links: FL of FL_calf, beside FR_calf."""
+    tokens = [end.split("_") for end in ends]
+    while all(len(words) > 1 for words in tokens) and len({words[-1] for words in tokens}) == 1:
+        tokens = [words[:-1] for words in tokens]
+    while all(len(words) > 1 for words in tokens) and len({words[0] for words in tokens}) == 1:
+        tokens = [words[1:] for words in tokens]
+    return ["_".join(words) for words in tokens]
+
+
+def stand_on(
+    link: Link, index: int, limb: Limb, joints: tuple[str, ...], name: str, up: np.ndarray
+) -> tuple[Link, Leg]:
+    """The link with its foot's geoms named, and the leg that ends in it.
+
+    Spheres are taken as they are; a level sole is given a small sphere at each corner. A mesh at the end of a
+    leg with an ankle becomes a sole; at the end of anything else a sphere is put.
+
+    Args:
+        link: the limb's last, number `index`.
+        limb: as found.
+        joints: those of the leg alone.
+        name: of the leg.
+        up: the world's z in the link's frame where all joints are at zero, (3,).
+
+    Raises:
+        UserError: nothing of the link can touch.
+    """
+    geoms = [g for g in link.geoms if g.of_body in limb.foot_bodies] or list(link.geoms)
+    if not geoms:
+        raise UserError(f"link {link.name} carries a foot, but no collision geometry")
+    lows = np.array([g.shape.position @ up - support(g.shape, up) for g in geoms])
+    near = [g for g, low in zip(geoms, lows, strict=True) if low < lows.min() + LEVEL_M]
+    others = [g for g in link.geoms if g not in near]
+    lowest = geoms[int(lows.argmin())]
+    if len(limb.joints) >= WITH_ANKLE and lowest.points is not None:
+        near = [replace(lowest, shape=fit_sole(lowest.points, up))]
+    elif not all(g.shape.kind in ROUND or is_sole(g.shape, up) for g in near):
+        near = [replace(lowest, shape=_tip(lowest.shape, up))]
+        rest = _shortened(lowest, near[0].shape, up)
+        others += [] if rest is None else [rest]
+    others = [g for g in others if g is not lowest]
+    others += [replace(g, shape=_raised(g.shape, up)) for g in near if is_sole(g.shape, up)]
+    near = [part for g in near for part in (_corners(g, up) if is_sole(g.shape, up) else [g])]
+    feet = tuple(
+        replace(g, name=f"{name}_foot{f'_{i + 1}' if len(near) > 1 else ''}") for i, g in enumerate(near)
+    )
+    leg = Leg(name, joints, index, tuple(g.name for g in feet))
+    return replace(link, geoms=(*others, *feet)), leg
+
+
+def is_sole(shape: Shape, up: np.ndarray) -> bool:
+    """Whether a shape is a box that lies flat, at least as long and as wide as it is high."""
+    if shape.kind != Kind.mjGEOM_BOX:
+        return False
+    along = np.abs(rotation_of(shape.quaternion).T @ up)
+    vertical = int(along.argmax())
+    return along[vertical] > 0.97 and shape.size[vertical] <= np.delete(shape.size, vertical).min()
+
+
+def _corners(sole: Geom, up: np.ndarray) -> list[Geom]:
+    """Spheres that touch the ground at the corners of a level box, within its outline."""
+    shape, radius = sole.shape, _corner_radius(sole.shape, up)
+    axes = rotation_of(shape.quaternion)
+    along = axes.T @ up
+    vertical = int(np.abs(along).argmax())
+    ahead, aside = (axis for axis in range(3) if axis != vertical)
+    found = []
+    for front in (1.0, -1.0):
+        for left in (1.0, -1.0):
+            corner = np.zeros(3)
+            corner[vertical] = -np.sign(along[vertical]) * (shape.size[vertical] - radius)
+            corner[ahead] = front * (shape.size[ahead] - radius)
+            corner[aside] = left * (shape.size[aside] - radius)
+            place = shape.position + axes @ corner
+            size = np.array([radius, 0.0, 0.0])
+            ball = Shape(Kind.mjGEOM_SPHERE, size, place, np.array([1.0, 0.0, 0.0, 0.0]))
+            found.append(replace(sole, shape=ball))
+    return found
+
+
+def _raised(shape: Shape, up: np.ndarray) -> Shape:
+    """A sole without the part below the middle of its corners' spheres."""
+    axes = rotation_of(shape.quaternion)
+    vertical = int(np.abs(axes.T @ up).argmax())
+    size, radius = shape.size.copy(), _corner_radius(shape, up)
+    size[vertical] -= radius / 2
+    return shape._replace(size=size, position=shape.position + up * radius / 2)
+
+
+def _corner_radius(shape: Shape, up: np.ndarray) -> float:
+    vertical = int(np.abs(rotation_of(shape.quaternion).T @ up).argmax())
+    return float(min(CORNER_M, shape.size[vertical] / 2))
+
+
+def _tip(shape: Shape, up: np.ndarray) -> Shape:
+    """A sphere that touches the ground where the shape does."""
+    radius = float(shape.size[0] if shape.kind in LONG else shape.size.min())
+    radius = min(radius, LARGEST_TIP_M)
+    size = np.array([radius, 0.0, 0.0])
+    return Shape(
+        Kind.mjGEOM_SPHERE, size, lowest_point(shape, up) + radius * up, np.array([1.0, 0.0, 0.0, 0.0])
+    )
+
+
+def _shortened(geom: Geom, tip: Shape, up: np.ndarray) -> Geom | None:
+    """A long shape drawn back from its end by the tip's radius, so that the tip alone touches.
+
+    None if nothing is left, or if the shape lies along the ground.
+    """
+    shape = geom.shape
+    axes = rotation_of(shape.quaternion)
+    axis = 2 if shape.kind in LONG else int(shape.size.argmax())
+    half = 1 if shape.kind in LONG else axis
+    slope = axes[:, axis] @ up
+    size = shape.size.copy()
+    size[half] -= tip.size[0] / 2
+    if abs(slope) < 0.3 or size[half] <= 0.0:
+        return None
+    back = np.sign(slope) * axes[:, axis] * tip.size[0] / 2
+    return replace(geom, shape=shape._replace(size=size, position=shape.position + back))

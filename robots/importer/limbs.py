@@ -1,0 +1,163 @@
+"""Which limbs of a model are legs: the chains of joints from the base to the feet."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from footfall.common.errors import UserError
+from footfall.robots.importer.machine import frozen_pose, geom_shape, pose_of
+from footfall.robots.importer.shapes import lowest_point
+from footfall.robots.importer.source import Source
+
+FOOT_NAME = re.compile(r"foot|feet|sole|paw|(^|[^a-z])toes?([^a-z]|$)", re.IGNORECASE)
+AS_LOW = 0.7  # share of the deepest limb's depth that a foot reaches at least
+FEWEST_FEET = 2
+
+
+class Limb(NamedTuple):
+    """A chain of joints that ends in a foot."""
+
+    joints: tuple[str, ...]  # from the base outwards; those near the base may be shared with other limbs
+    bodies: tuple[int, ...]  # that move together at its end
+    foot_bodies: frozenset[str]  # those that are called feet, if any
+
+
+class Limbs(NamedTuple):
+    base: int  # body that carries the free joint
+    legs: tuple[Limb, ...]
+    guesses: tuple[str, ...]
+
+
+def find_limbs(source: Source, named: tuple[str, ...] = ()) -> Limbs:
+    """The base and the legs of a model.
+
+    Args:
+        source: the model.
+        named: bodies that are feet, or carry them; without them, limbs are taken whose last part is called a
+            foot, or else those that reach lowest.
+
+    Raises:
+        UserError: there are no feet, or a leg is not made of hinges with limits and motors of their own.
+    """
+    model = source.model
+    base = _base(model)
+    ends = _ends(model, base)
+    if not ends:
+        raise UserError(f"{source.path} has no joints that move a limb of '{model.body(base).name}'")
+    depth = _depths(source, base, ends)
+    called = {end: _called_feet(model, _welded(model, end)) for end in ends}
+    if named:
+        feet, why = _by_name(source, ends, named), "as asked for"
+    elif sum(bool(called[end]) and depth[end] > 0 for end in ends) >= FEWEST_FEET:
+        feet, why = [end for end in ends if called[end] and depth[end] > 0], "by their names"
+    else:
+        feet = [end for end in ends if depth[end] >= AS_LOW * max(depth.values()) > 0]
+        why = "for being lowest where all joints are at zero"
+    if len(feet) < FEWEST_FEET:
+        raise UserError(_no_feet(source.path, model, base, feet))
+    legs = tuple(_limb(model, base, end, called[end]) for end in feet)
+    for leg in legs:
+        _check(leg, source)
+    guesses = [f"feet: {', '.join(model.body(end).name for end in feet)}, taken {why}"]
+    return Limbs(base, legs, () if named else tuple(guesses))
+
+
+def _base(model: mujoco.MjModel) -> int:
+    """The body with a free joint whose tree has the most joints."""
+    free = model.jnt_bodyid[model.jnt_type == mujoco.mjtJoint.mjJNT_FREE]
+    joints = [int(model.body_jntnum[model.body_rootid == root].sum()) for root in free]
+    return int(free[int(np.argmax(joints))])
+
+
+def _ends(model: mujoco.MjModel, base: int) -> list[int]:
+    """Bodies that a joint moves and that move no other."""
+    tops = [b for b in range(base + 1, model.nbody) if model.body_jntnum[b] and model.body_rootid[b] == base]
+    moving = {int(model.body_weldid[model.body_parentid[top]]) for top in tops}
+    return [top for top in tops if top not in moving]
+
+
+def _welded(model: mujoco.MjModel, top: int) -> list[int]:
+    """A body and what is fixed to it."""
+    return np.flatnonzero(model.body_weldid == top).tolist()
+
+
+def _depths(source: Source, base: int, ends: list[int]) -> dict[int, float]:
+    """How far below the base's origin the lowest point of each limb's end is, m."""
+    model = source.model
+    data = pose_of(model, frozen_pose(model, set()))
+    up = np.array([0.0, 0.0, 1.0])
+    depth = {}
+    for end in ends:
+        lows = [data.xpos[end][2]]
+        for geom in np.flatnonzero(np.isin(model.geom_bodyid, _welded(model, end))).tolist():
+            shape = geom_shape(source, geom)
+            if shape is not None:
+                body = model.geom_bodyid[geom]
+                axes = data.xmat[body].reshape(3, 3)
+                lows.append((data.xpos[body] + axes @ lowest_point(shape, axes.T @ up))[2])
+        depth[end] = float(data.xpos[base][2] - min(lows))
+    return depth
+
+
+def _called_feet(model: mujoco.MjModel, bodies: list[int]) -> frozenset[str]:
+    """Bodies that are called feet, or carry geoms or sites that are."""
+    found = {body for body in bodies if FOOT_NAME.search(model.body(body).name)}
+    if not found:
+        geoms = [g for g in range(model.ngeom) if FOOT_NAME.search(model.geom(g).name)]
+        sites = [s for s in range(model.nsite) if FOOT_NAME.search(model.site(s).name)]
+        carrying = {*model.geom_bodyid[geoms].tolist(), *model.site_bodyid[sites].tolist()}
+        found = carrying & set(bodies)
+    return frozenset(model.body(body).name for body in found)
+
+
+def _by_name(source: Source, ends: list[int], named: tuple[str, ...]) -> list[int]:
+    model, found = source.model, []
+    for name in named:
+        body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)
+        top = int(model.body_weldid[body]) if body >= 0 else -1
+        if top not in ends:
+            known = ", ".join(model.body(end).name for end in ends)
+            what = "no link" if body < 0 else "no end of a limb is"
+            raise UserError(f"{source.path}: {what} '{name}': limbs end in {known}")
+        found.append(top)
+    return found
+
+
+def _no_feet(path: Path, model: mujoco.MjModel, base: int, found: list[int]) -> str:
+    only = f"only one foot, {model.body(found[0]).name}," if found else "no feet"
+    return (
+        f"{path}: {only} found: with all joints at zero, limbs should reach below"
+        f" '{model.body(base).name}'; if it has legs, name their last links with --feet"
+    )
+
+
+def _limb(model: mujoco.MjModel, base: int, end: int, called: frozenset[str]) -> Limb:
+    chain: list[str] = []
+    body = end
+    while body != base:
+        first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
+        chain[:0] = [model.joint(joint).name for joint in range(first, first + count)]
+        body = int(model.body_parentid[body])
+    return Limb(tuple(chain), tuple(_welded(model, end)), called)
+
+
+def _check(leg: Limb, source: Source) -> None:
+    for finding in _unfit(leg, source):
+        raise UserError(f"{source.path}: {finding}")
+
+
+def _unfit(leg: Limb, source: Source) -> Iterator[str]:
+    for name in leg.joints:
+        joint = source.model.joint(name)
+        low, high = joint.range
+        if joint.type[0] != mujoco.mjtJoint.mjJNT_HINGE:
+            kind = mujoco.mjtJoint(joint.type[0]).name.removeprefix("mjJNT_").lower()
+            yield f"joint {name} of a leg is a {kind} joint: footfall's legs are made of hinges"
+        if name in source.coupled:
+            yield f"joint {name} of a leg follows another one: footfall has a motor for each joint of a leg"
+        if not source.model.jnt_limited[joint.id] or not low < high:
+            yield f"joint {name} of a leg has no limits: write its range into the file"

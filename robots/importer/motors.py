@@ -1,0 +1,165 @@
+"""Motors of a machine: from its file, from what the user says, and guessed where neither does."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from footfall.common.errors import UserError
+from footfall.robots.importer.build import shortened
+from footfall.robots.importer.machine import Hinge, Machine
+from footfall.robots.importer.source import Source
+from footfall.robots.importer.statics import Statics
+
+# Of the joints of Go1 and G1, whose rotors are published: 1.2e-4 to 2.5e-4.
+ARMATURE_PER_TORQUE = 1.7e-4  # kg m^2 per N m of peak torque
+NO_LOAD_SPEED_RAD_S = 30.0  # where a file gives none
+FASTEST_RAD_S = 60.0  # beyond, a file's figure is none of a motor
+FRICTION_SPEED_RAD_S = 0.2
+PLANT_STEP_S = 0.001
+FRICTION_TAKEN = 0.3  # share of a velocity that the ramp of friction may take away in one step of the plant
+MOST_LEVERAGE = 3.0  # torque over weight times reach, beyond which a file's figure is none of a motor
+LEAN_RAD = 0.75  # error at which the stiffness asks for the peak torque: 0.5 to 1.1 on Go1 and G1
+MOST_SAG_RAD = 0.12  # under the robot's own weight
+STABILITY_MARGIN = (
+    2.0  # share by which the joints are stiffer than the least that stands: errors grow twofold
+)
+FREQUENCIES_HZ = tuple(np.arange(1.0, 61.0, 0.5).tolist())
+
+ByJoint = Mapping[str, float]  # value by part of a joint's name; '' is in every name
+
+
+class JointMotor(NamedTuple):
+    """What moves one joint."""
+
+    peak_torque_nm: float
+    no_load_speed_rad_s: float
+    friction_speed_rad_s: float
+
+
+@dataclass(frozen=True)
+class Drive:
+    """Motors and gains."""
+
+    motors: dict[str, JointMotor]  # by joint, in joint order
+    natural_frequency_hz: float
+    torque_share: float
+    stands: bool  # by itself, as far as `Statics` can tell
+    guesses: tuple[str, ...]
+
+
+def value_for(joint: str, values: ByJoint) -> float | None:
+    """The value whose key is part of the joint's name; of several, the one of the longest key."""
+    fitting = [key for key in values if key in joint]
+    return values[max(fitting, key=len)] if fitting else None
+
+
+def with_armature(machine: Machine, peak: Mapping[str, float], given: ByJoint) -> tuple[Machine, list[str]]:
+    """The machine with a reflected inertia for each joint, and what was guessed.
+
+    As given; else the file's; else in proportion to the peak torque (see `ARMATURE_PER_TORQUE`).
+    """
+    estimated: list[str] = []
+
+    def armature(hinge: Hinge) -> float:
+        named = value_for(hinge.name, given)
+        if named is not None:
+            return named
+        if hinge.armature > 0.0:
+            return hinge.armature
+        estimated.append(hinge.name)
+        return ARMATURE_PER_TORQUE * peak[hinge.name]
+
+    hinges = {hinge.name: replace(hinge, armature=armature(hinge)) for hinge in machine.hinges}
+    guesses = []
+    if estimated:
+        guesses.append(
+            f"reflected inertia of {shortened(estimated)}: estimated as {ARMATURE_PER_TORQUE:g} kg m^2 per"
+            " N m of peak torque; the gains follow from it, so measure it or give --armature"
+        )
+    return machine.with_hinges(hinges), guesses
+
+
+def peak_torques(machine: Machine, source: Source, given: ByJoint, reach_m: float) -> dict[str, float]:
+    """Peak torque of each joint, N m: as given, else the file's.
+
+    Raises:
+        UserError: a joint has none, or the file's is no motor's for a machine of this weight.
+    """
+    peak = {}
+    most = MOST_LEVERAGE * machine.mass * 9.81 * reach_m
+    for hinge in machine.hinges:
+        named, filed = value_for(hinge.name, given), source.peak_torque_nm.get(hinge.name)
+        if named is None and filed is None:
+            raise UserError(
+                f"{source.path}: joint {hinge.name} has no peak torque (effort): give --peak-torque"
+            )
+        if named is None and filed is not None and filed > most:
+            raise UserError(
+                f"{source.path}: joint {hinge.name} has a peak torque of {filed:g} N m, which is no motor's"
+                f" on a machine of {machine.mass:.3g} kg: give --peak-torque"
+            )
+        peak[hinge.name] = filed if named is None and filed is not None else float(named or 0.0)
+    return peak
+
+
+def choose_drive(
+    machine: Machine, source: Source, peak: Mapping[str, float], speed: ByJoint, standing: Statics
+) -> Drive:
+    """Motors, and gains on which the machine stands where it can.
+
+    The stiffness of a joint is its reflected inertia times the square of one natural frequency. It is chosen
+    so that the peak torque is asked for at an error of `LEAN_RAD` in the middle joint, or stiffer as far as
+    standing takes it.
+    """
+    hinges = machine.hinges
+    armature = np.array([hinge.armature for hinge in hinges])
+    torque = np.array([peak[hinge.name] for hinge in hinges])
+    usual = float(np.sqrt(np.median(torque / armature) / LEAN_RAD) / (2 * np.pi))
+    guesses = [
+        "torque-speed line: from the peak torque at rest to the no-load speed",
+        "winding and gear ratio: assumed, they price the copper loss only",
+    ]
+    if not any(hinge.friction or hinge.damping for hinge in hinges):
+        guesses.append("friction and damping of the joints: none, as the file says nothing")
+
+    def stiffness(frequency: float) -> np.ndarray:
+        return armature * (2 * np.pi * frequency) ** 2
+
+    def stands(frequency: float) -> bool:
+        kp = stiffness(frequency)
+        sag = float(np.abs(standing.torque_nm / kp).max())
+        return sag < MOST_SAG_RAD and standing.stable(kp / STABILITY_MARGIN)
+
+    frequency = next((f for f in FREQUENCIES_HZ if f >= usual - 0.25 and stands(f)), None)
+    found = frequency is not None
+    if frequency is None:
+        frequency = min(FREQUENCIES_HZ, key=lambda f: abs(f - usual))
+        guesses.append(
+            "no stiffness of the joints lets it stand by itself: it needs a policy that balances it"
+        )
+    else:
+        guesses.append(f"gains: a natural frequency of {frequency:g} Hz, at which it should stand")
+    kp = stiffness(frequency)
+    span = np.array([hinge.high - hinge.low for hinge in hinges])
+    share = min(0.3, float(0.9 * (span * kp / torque).min()))
+    motors, unknown = {}, []
+    for hinge in hinges:
+        fastest = value_for(hinge.name, speed) or source.speed_rad_s.get(hinge.name, np.inf)
+        if fastest > FASTEST_RAD_S:
+            unknown.append(hinge.name)
+            fastest = NO_LOAD_SPEED_RAD_S
+        ramp = hinge.friction * PLANT_STEP_S / (FRICTION_TAKEN * hinge.armature)
+        motors[hinge.name] = JointMotor(peak[hinge.name], fastest, max(FRICTION_SPEED_RAD_S, _ceil(ramp)))
+    if unknown:
+        guesses.append(f"no-load speed of {shortened(unknown)}: {NO_LOAD_SPEED_RAD_S:g} rad/s")
+    return Drive(motors, frequency, _floor(share), found, tuple(guesses))
+
+
+def _ceil(value: float) -> float:
+    return float(np.ceil(value * 100) / 100)
+
+
+def _floor(value: float) -> float:
+    return float(np.floor(value * 1000) / 1000) or value

@@ -1,0 +1,246 @@
+"""A default pose to stand in: knees bent, soles level, the centre of mass above the middle of the feet.
+
+Each leg's joints are found by damped least squares over where its foot should be, from several starts.
+"""
+
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from footfall.robots.importer.machine import Leg, Machine
+from footfall.robots.importer.model_xml import model_xml
+
+USED_RANGE = 0.85  # share of each joint's range, about its middle, that the pose may use
+FARTHEST_RAD = np.pi  # nor does a joint turn farther than this
+UPRIGHT, CROUCHED = 0.95, 0.75  # share of a leg's reach, on two legs and on more
+SPREAD_SHARE = 0.4  # a leg that reaches down less than this share of its length, at zero, is spread out
+SPREAD_IN = 0.7  # how far from its hip the foot of such a leg stands, as a share of where it is at zero
+STARTS = 5
+STEPS = 40
+WORTH_A_STEP = 1e-3  # share of the cost
+DAMPING = 1e-3
+WEIGHTS = {"place": 1.0, "height": 3.0, "level": 3.0, "heading": 0.3, "posture": 0.02}
+ALIKE = 0.02  # costs no further apart are as good as each other
+THE_SAME = 1e-4  # costs no further apart are not worth another pose
+OFF_CENTRE = 0.02  # of a leg's length: a centre of mass less far to the side counts as in the middle
+BALANCING_ROUNDS = 4
+
+
+class Pose(NamedTuple):
+    """A way to stand."""
+
+    joints: dict[str, float]  # rad
+    height_m: float  # of the base, feet just touching
+    reach_m: float  # of the longest leg: from its first joint to the lowest point of its foot, stretched
+
+
+def standing_pose(machine: Machine, seed: int = 0) -> Pose:
+    """A default pose for a machine; the base is level and its x axis points forward."""
+    return _Search(machine, seed).run()
+
+
+class _Search:
+    def __init__(self, machine: Machine, seed: int) -> None:
+        self._machine = machine
+        self._random = np.random.default_rng(seed)
+        self._model = mujoco.MjModel.from_xml_string(model_xml(machine))
+        self._data = mujoco.MjData(self._model)
+        self._data.qpos[:] = self._model.qpos0
+        mujoco.mj_kinematics(self._model, self._data)
+        self._legs = [_LegSearch(self._model, self._data, leg) for leg in machine.legs]
+
+    def run(self) -> Pose:
+        data, legs = self._data, self._legs
+        shared = self._joints_of_no_leg()
+        data.qpos[[at for at, _, _ in shared]] = [np.clip(0.0, low, high) for _, low, high in shared]
+        mujoco.mj_kinematics(self._model, data)
+        reach = [self._solve(leg, self._lowest_of(leg)).reach for leg in legs]
+        share = UPRIGHT if len(legs) == 2 else CROUCHED
+        ground = max(leg.hip[2] - share * far for leg, far in zip(legs, reach, strict=True))
+        targets = [np.array([*leg.natural_place(), ground]) for leg in legs]
+        for _ in range(BALANCING_ROUNDS):
+            solved: list[_Solved] = []
+            for leg, target in zip(legs, targets, strict=True):
+                solved.append(self._next(leg, target, solved))
+                data.qpos[leg.at] = solved[-1].joints
+            shift = self._centre_of_mass()[:2] - np.mean([leg.foot(data)[:2] for leg in legs], axis=0)
+            if abs(shift[1]) < OFF_CENTRE * legs[0].length:
+                shift[1] = 0.0
+            targets = [target + np.append(shift, 0.0) for target in targets]
+        mujoco.mj_kinematics(self._model, data)
+        names = [hinge.name for hinge in self._machine.hinges]
+        joints = {name: float(data.joint(name).qpos[0]) for name in names}
+        return Pose(joints, -min(leg.foot(data)[2] for leg in legs), max(reach))
+
+    def _joints_of_no_leg(self) -> list[tuple[int, float, float]]:
+        own = {name for leg in self._machine.legs for name in leg.joints}
+        return [
+            (int(self._model.joint(hinge.name).qposadr[0]), hinge.low, hinge.high)
+            for hinge in self._machine.hinges
+            if hinge.name not in own
+        ]
+
+    def _lowest_of(self, leg: "_LegSearch") -> np.ndarray:
+        """A place far below the hip: reaching for it stretches the leg."""
+        return np.array([*leg.hip[:2], leg.hip[2] - 1.2 * leg.length])
+
+    def _next(self, leg: "_LegSearch", target: np.ndarray, solved: "list[_Solved]") -> "_Solved":
+        """As a leg before it stands, mirrored on the other side; or afresh if that does not do."""
+        before = [(other, found) for other, found in zip(self._legs, solved, strict=False)]
+        like = [
+            (leg.like(other, found.joints), found.cost) for other, found in before if other.kind == leg.kind
+        ]
+        if not like:
+            return self._solve(leg, target)
+        exact = min((self._as_is(leg, target, joints) for joints, _ in like), key=lambda found: found.cost)
+        nearby = self._descend(leg, target, exact.joints)
+        if exact.cost < nearby.cost + THE_SAME:
+            return exact
+        return nearby if nearby.cost < max(cost for _, cost in like) + ALIKE else self._solve(leg, target)
+
+    def _as_is(self, leg: "_LegSearch", target: np.ndarray, joints: np.ndarray) -> "_Solved":
+        joints = np.clip(joints, leg.low, leg.high)
+        residual = self._residual(leg, target, joints)
+        return self._solved(leg, joints, residual)
+
+    def _solve(self, leg: "_LegSearch", target: np.ndarray) -> "_Solved":
+        """The best of several starts; of those as good as each other, the one whose knee bends as usual."""
+        starts = [leg.near_zero, *self._random.uniform(leg.low, leg.high, (STARTS, len(leg.at)))]
+        found = [self._descend(leg, target, start) for start in starts]
+        best = min(solved.cost for solved in found)
+        good = [solved for solved in found if solved.cost < best + ALIKE]
+        return max(good, key=lambda solved: solved.knee * (1.0 if len(self._legs) == 2 else -1.0))
+
+    def _descend(self, leg: "_LegSearch", target: np.ndarray, start: np.ndarray) -> "_Solved":
+        joints = np.clip(start, leg.low, leg.high)
+        residual = self._residual(leg, target, joints)
+        damping = DAMPING
+        for _ in range(STEPS):
+            slope = np.empty((len(residual), len(joints)))
+            for i in range(len(joints)):
+                moved = joints.copy()
+                moved[i] += 1e-6
+                slope[:, i] = (self._residual(leg, target, moved) - residual) / 1e-6
+            normal = slope.T @ slope
+            step = np.linalg.solve(normal + damping * np.eye(len(joints)), -slope.T @ residual)
+            trial = np.clip(joints + step, leg.low, leg.high)
+            tried = self._residual(leg, target, trial)
+            if tried @ tried < residual @ residual:
+                done = tried @ tried > (1.0 - WORTH_A_STEP) * (residual @ residual)
+                joints, residual, damping = trial, tried, damping / 3
+                if done:
+                    break
+            else:
+                damping *= 5
+                if damping > 1e6:
+                    break
+        return self._solved(leg, joints, residual)
+
+    def _solved(self, leg: "_LegSearch", joints: np.ndarray, residual: np.ndarray) -> "_Solved":
+        self._data.qpos[leg.at] = joints
+        mujoco.mj_kinematics(self._model, self._data)
+        foot = leg.foot(self._data)
+        return _Solved(joints, float(residual @ residual), float(leg.hip[2] - foot[2]), leg.knee(self._data))
+
+    def _residual(self, leg: "_LegSearch", target: np.ndarray, joints: np.ndarray) -> np.ndarray:
+        data = self._data
+        data.qpos[leg.at] = joints
+        mujoco.mj_kinematics(self._model, data)
+        away = (leg.foot(data) - target) / leg.length
+        parts = [
+            WEIGHTS["place"] * away[:2],
+            WEIGHTS["height"] * away[2:],
+            WEIGHTS["posture"] * (joints - leg.near_zero),
+        ]
+        if leg.sole:
+            axes = leg.axes(data)
+            parts += [WEIGHTS["level"] * axes[:2, 2], WEIGHTS["heading"] * axes[1:2, 0]]
+        return np.concatenate(parts)
+
+    def _centre_of_mass(self) -> np.ndarray:
+        mujoco.mj_kinematics(self._model, self._data)
+        mujoco.mj_comPos(self._model, self._data)
+        return self._data.subtree_com[1]
+
+
+class _Solved(NamedTuple):
+    joints: np.ndarray
+    cost: float
+    reach: float  # m, from the hip down to the foot's lowest point
+    knee: float  # how far the knee is in front of the line from hip to foot, m
+
+
+class _LegSearch:
+    """One leg in the model: its joints, its foot, and what its foot's frame is at zero."""
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, leg: Leg) -> None:
+        """`data` has all joints where the file places the links."""
+        joints = [model.joint(name) for name in leg.joints]
+        self._ids = np.array([joint.id for joint in joints])
+        self.at = np.array([int(joint.qposadr[0]) for joint in joints])
+        self.zero = model.qpos0[self.at]
+        low, high = np.array([joint.range for joint in joints]).T
+        middle, half = (low + high) / 2, USED_RANGE * (high - low) / 2
+        self.low, self.high = (
+            np.maximum(middle - half, np.minimum(-FARTHEST_RAD, middle)),
+            np.minimum(middle + half, np.maximum(FARTHEST_RAD, middle)),
+        )
+        self.near_zero = np.clip(0.0, self.low, self.high)
+        self._model = model
+        self._geoms = [model.geom(name).id for name in leg.geoms]
+        self._body = int(model.geom_bodyid[self._geoms[0]])
+        self._upright = data.xmat[self._body].reshape(3, 3).T.copy()
+        self.sole = _is_sole(data, self._geoms)
+        self.hip = data.xanchor[self._ids[0]].copy()
+        self._place_at_zero = self.foot(data)
+        self._axes_at_zero = data.xaxis[self._ids].copy()
+        anchors = [*data.xanchor[self._ids], self._place_at_zero]
+        self.length = float(np.linalg.norm(np.diff(anchors, axis=0), axis=1).sum())
+        self.kind = (len(self.at), self.sole)
+
+    def foot(self, data: mujoco.MjData) -> np.ndarray:
+        """Middle of the foot and height of its lowest point, m, (3,)."""
+        middle = np.mean(data.geom_xpos[self._geoms], axis=0)
+        lowest = min(lowest_height(self._model, data, geom) for geom in self._geoms)
+        return np.array([middle[0], middle[1], lowest])
+
+    def axes(self, data: mujoco.MjData) -> np.ndarray:
+        """The foot's rotation since zero, (3, 3)."""
+        return data.xmat[self._body].reshape(3, 3) @ self._upright
+
+    def knee(self, data: mujoco.MjData) -> float:
+        """How far the joint that is farthest from the line from hip to foot is in front of it, m."""
+        foot, anchors = self.foot(data), data.xanchor[self._ids]
+        along = foot - self.hip
+        share = np.clip((anchors - self.hip) @ along / max(along @ along, 1e-9), 0.0, 1.0)
+        away = anchors - self.hip - share[:, None] * along
+        return float(away[int(np.linalg.norm(away, axis=1).argmax())][0])
+
+    def natural_place(self) -> np.ndarray:
+        """Where the foot belongs on the ground, (2,) m: as at zero, nearer if the leg is spread there."""
+        outward = self._place_at_zero - self.hip
+        spread = -outward[2] < SPREAD_SHARE * self.length
+        return (self.hip + (SPREAD_IN if spread else 1.0) * outward)[:2]
+
+    def like(self, other: "_LegSearch", joints: np.ndarray) -> np.ndarray:
+        """Joints of this leg that turn its links as `joints` turn those of another leg.
+
+        Across the body's middle plane a rotation vector (x, y, z) is mirrored to (-x, y, -z).
+        """
+        mirror = np.array([-1.0, 1.0, -1.0]) if self.hip[1] * other.hip[1] < 0 else np.ones(3)
+        turned = (joints - other.zero)[:, None] * other._axes_at_zero * mirror
+        return self.zero + np.sum(turned * self._axes_at_zero, axis=1)
+
+
+def lowest_height(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> float:
+    """Height of the lowest point of a sphere or an ellipsoid, m."""
+    up, size = data.geom_xmat[geom].reshape(3, 3)[2], model.geom_size[geom]
+    is_sphere = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_SPHERE
+    return float(data.geom_xpos[geom][2] - (size[0] if is_sphere else np.linalg.norm(size * up)))
+
+
+def _is_sole(data: mujoco.MjData, geoms: list[int]) -> bool:
+    """Whether a foot touches over an area: at three places or more that are not in a line."""
+    places = data.geom_xpos[geoms][:, :2]
+    return len(geoms) > 2 and float(np.linalg.svd(places - places.mean(axis=0))[1][1]) > 0.01

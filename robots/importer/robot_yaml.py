@@ -1,0 +1,179 @@
+"""Writes `robot.yaml`, with comments that say what was guessed."""
+
+import json
+from collections.abc import Iterable, Mapping
+from typing import Protocol
+
+import numpy as np
+
+from footfall.robots.importer.machine import Leg, Machine
+from footfall.robots.importer.model_xml import IMU
+from footfall.robots.importer.motors import Drive, JointMotor
+from footfall.robots.importer.pose import Pose
+
+MODEL_FILE = "robot.xml"
+SOFT_LIMIT_FACTOR = 0.95
+DAMPING_RATIO = 1.0
+# Fastest command, over the root of gravity times leg length, and rad/s of yaw: on two legs and on more.
+OF_TWO, OF_MORE = (0.25, 0.6), (0.45, 1.0)
+MOTORS_PER_BUS = 3  # that 1 Mbit/s carries at 500 Hz, beside an IMU
+TARGET_RATE_SHARE = 2.0  # of the fastest joint's no-load speed
+# Of motors of medium size; they price the copper loss only.
+GEAR_RATIO, TORQUE_CONSTANT, WINDING_RESISTANCE = 10.0, 0.1, 0.2
+
+
+class Ranges(Protocol):
+    """What the frames of a motor model can carry."""
+
+    @property
+    def velocity(self) -> float: ...
+    @property
+    def torque(self) -> float: ...
+    @property
+    def kp(self) -> float: ...
+    @property
+    def kd(self) -> float: ...
+
+
+def robot_yaml(
+    machine: Machine, pose: Pose, drive: Drive, protocols: Mapping[str, str], notes: Iterable[str]
+) -> str:
+    """The text of `robot.yaml`.
+
+    Args:
+        machine: with the reflected inertia of its joints.
+        pose: to stand in.
+        drive: motors and gains.
+        protocols: motor model of each joint.
+        notes: what was guessed, for the comment at the top.
+    """
+    types = list(dict.fromkeys((drive.motors[h.name], protocols[h.name]) for h in machine.hinges))
+    names = {kind: f"motor_{index + 1}" for index, kind in enumerate(types)}
+    kinds = {h.name: names[drive.motors[h.name], protocols[h.name]] for h in machine.hinges}
+    fastest = max(motor.no_load_speed_rad_s for motor in drive.motors.values())
+    buses = _buses(machine)
+    lines = [
+        *(f"# {note}" for note in notes),
+        f"name: {_text(machine.name)}",
+        f"model: {MODEL_FILE}",
+        f"base: {_text(machine.links[0].name)}",
+        f"imu: {IMU}",
+        f"standing_height_m: {pose.height_m:.4f} # base origin above the ground in the default pose",
+        "",
+        "# Gains of learned policies, from the reflected inertia I of each joint (armature in robot.xml):",
+        "# kp = I w^2, kd = 2 z I w, action scale = torque_share * peak torque / kp.",
+        "gains:",
+        f"  natural_frequency_hz: {drive.natural_frequency_hz:g}",
+        f"  damping_ratio: {DAMPING_RATIO:g}",
+        f"  torque_share: {drive.torque_share:g}",
+        "",
+        f"soft_limit_factor: {SOFT_LIMIT_FACTOR:g}     # share of each joint's range that targets may use",
+        f"target_rate_rad_s: {TARGET_RATE_SHARE * fastest:g}     # fastest that a position target may move",
+        "",
+        "# Gear ratio and winding are assumed, and so is the line between peak torque and no-load speed.",
+        "# protocol is a placeholder: see deploy/drivers/mit.py for the motors that there are.",
+        "motors:",
+        *(line for kind in types for line in _motor(names[kind], *kind)),
+        "",
+        "# The joint order of every joint vector. bus and id are placeholders.",
+        "joints:",
+        *(
+            f"  - {{name: {_text(name)}, motor: {kinds[name]}, default_rad: {_angle(pose.joints[name])},"
+            f" bus: {bus}, id: {number}}}"
+            for name, (bus, number) in buses.items()
+        ),
+        "",
+        "# Geoms that each foot stands on, and the joints of its leg from the base outwards.",
+        "feet:",
+        *(_foot(leg) for leg in machine.legs),
+        "",
+        "# Which bus carries the IMU's frames: a placeholder.",
+        "imu_bus: can0",
+        "",
+        "# Commands that scenarios ask of this robot, scaled from those of others by the length of the legs.",
+        _commands(machine, pose),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def choose_protocols(
+    machine: Machine, drive: Drive, known: Mapping[str, Ranges]
+) -> tuple[dict[str, str], list[str]]:
+    """Motor model for each joint: that with the least torque whose frames carry all that it needs.
+
+    Where none does, that with the most torque; which joints those are is told.
+    """
+    chosen, beyond = {}, []
+    by_torque = sorted(known, key=lambda name: known[name].torque)
+    w = 2 * np.pi * drive.natural_frequency_hz
+    for hinge in machine.hinges:
+        motor, kp = drive.motors[hinge.name], hinge.armature * w**2
+        kd = 2 * DAMPING_RATIO * hinge.armature * w
+        fitting = (name for name in by_torque if _carries(known[name], motor, kp, kd))
+        chosen[hinge.name] = next(fitting, by_torque[-1])
+        if not _carries(known[chosen[hinge.name]], motor, kp, kd):
+            beyond.append(hinge.name)
+    return chosen, beyond
+
+
+def _carries(ranges: Ranges, motor: JointMotor, kp: float, kd: float) -> bool:
+    return (
+        ranges.torque >= motor.peak_torque_nm
+        and ranges.velocity >= motor.no_load_speed_rad_s
+        and ranges.kp >= kp
+        and ranges.kd >= kd
+    )
+
+
+def _motor(name: str, motor: JointMotor, protocol: str) -> list[str]:
+    return [
+        f"  {name}:",
+        f"    peak_torque_nm: {motor.peak_torque_nm:g}",
+        f"    stall_torque_nm: {motor.peak_torque_nm:g}",
+        f"    no_load_speed_rad_s: {motor.no_load_speed_rad_s:g}",
+        f"    friction_speed_rad_s: {motor.friction_speed_rad_s:g}",
+        f"    gear_ratio: {GEAR_RATIO:g}",
+        f"    torque_constant_nm_a: {TORQUE_CONSTANT:g}",
+        f"    winding_resistance_ohm: {WINDING_RESISTANCE:g}",
+        f"    protocol: {protocol}",
+    ]
+
+
+def _foot(leg: Leg) -> str:
+    geoms, joints = (", ".join(map(_text, names)) for names in (leg.geoms, leg.joints))
+    return f"  - name: {_text(leg.name)}\n    geoms: [{geoms}]\n    joints: [{joints}]"
+
+
+def _buses(machine: Machine) -> dict[str, tuple[str, int]]:
+    """Bus and id of each joint, in joint order: each leg on buses of its own, and so are joints of no leg."""
+    leg_of = {joint: leg.name for leg in machine.legs for joint in leg.joints}
+    places: dict[str, tuple[str, int]] = {}
+    filling: dict[str | None, tuple[int, int]] = {}  # bus and number of motors on it
+    buses = 0
+    for hinge in machine.hinges:
+        leg = leg_of.get(hinge.name)
+        bus, count = filling.get(leg, (0, MOTORS_PER_BUS))
+        if count == MOTORS_PER_BUS:
+            bus, count, buses = buses, 0, buses + 1
+        filling[leg] = (bus, count + 1)
+        places[hinge.name] = (f"can{bus}", count + 1)
+    return places
+
+
+def _commands(machine: Machine, pose: Pose) -> str:
+    """Speeds as shares of sqrt(g L), of which the Froude number is the square, with L the legs' reach."""
+    share, yaw = OF_TWO if len(machine.legs) == 2 else OF_MORE
+    forward = share * (9.81 * pose.reach_m) ** 0.5
+    ranges = {"forward_m_s": forward, "leftward_m_s": forward / 2, "yaw_rad_s": yaw}
+    return f"commands: {{{', '.join(f'{name}: [-{most:.1f}, {most:.1f}]' for name, most in ranges.items())}}}"
+
+
+def _angle(angle: float) -> str:
+    return f"{round(angle, 4) + 0.0:g}"
+
+
+def _text(text: str) -> str:
+    """A name as YAML, quoted where YAML could take it for something else."""
+    plain = text.replace("_", "").replace("-", "").isalnum() and text[0].isalpha() and text.isascii()
+    words = {"true", "false", "yes", "no", "on", "off", "null", "y", "n"}
+    return text if plain and text.lower() not in words else json.dumps(text)

@@ -1,0 +1,185 @@
+"""Primitive shapes fitted to points, so that no mesh is needed afterwards.
+
+A convex body is known by its support function h(u), the farthest that it reaches in each direction u. Those
+of primitives are linear in their sizes once their axes are chosen:
+
+    sphere   c·u + r
+    capsule  c·u + r + l |a·u|
+    box      c·u + Σ s_i |a_i·u|
+
+so each fit is one linear least-squares problem over a fixed set of directions, and the residuals of different
+shapes compare.
+"""
+
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+DIRECTIONS = 400
+THINNEST_M = 1e-3  # half-thickness that every shape has at least
+SOLE_M = 0.02  # thickness of a sole, and of what counts as lying on the ground
+NEARLY_LEVEL = 0.05  # sine of the angle
+WORTH_ANOTHER = (
+    0.9  # a shape is taken over a simpler one, or over one along the link, if it errs this much less
+)
+
+Kind = mujoco.mjtGeom
+
+
+class Shape(NamedTuple):
+    """A primitive in the frame of its link."""
+
+    kind: mujoco.mjtGeom
+    size: np.ndarray  # (3,) m, as MuJoCo has it
+    position: np.ndarray  # (3,) m, its centre
+    quaternion: np.ndarray  # (4,) w x y z
+
+
+def fit_shape(points: np.ndarray) -> tuple[Shape, float]:
+    """The sphere, capsule or box nearest to the hull of points (k, 3), m, and its root mean square error, m.
+
+    Boxes enclose the points; spheres and capsules are fitted by least squares. The axes tried are those of
+    the frame and the principal axes of the hull.
+    """
+    directions = _directions()
+    reach = (points @ directions.T).max(axis=0)
+    hull = points[(points @ directions.T).argmax(axis=0)]
+    frames = (np.eye(3), _principal_axes(hull))
+    fits = [_fit_sphere(directions, reach)]
+    fits += [_fit_capsule(directions, reach, frame, axis) for frame in frames for axis in range(3)]
+    fits += [_fit_box(directions, reach, points, frame) for frame in frames]
+    best, error = fits[0]
+    for shape, this in fits[1:]:
+        if this < WORTH_ANOTHER * error:
+            best, error = shape, this
+    return best, error
+
+
+def fit_sole(points: np.ndarray, up: np.ndarray) -> Shape:
+    """A flat box under points (k, 3), m: as long and as wide as what lies lowest along `up` (3,)."""
+    forward = np.eye(3)[np.abs(up).argmin()]
+    if abs(up[0]) < 0.7:
+        forward = np.array([1.0, 0.0, 0.0])
+    left = np.cross(up, forward)
+    left /= np.linalg.norm(left)
+    axes = np.stack([np.cross(left, up), left, up], axis=1)
+    local = points @ axes
+    lowest = local[:, 2].min()
+    bottom = local[local[:, 2] < lowest + SOLE_M]
+    low, high = bottom.min(axis=0), bottom.max(axis=0)
+    low[2], high[2] = lowest, lowest + SOLE_M
+    return Shape(Kind.mjGEOM_BOX, _size(*(high - low) / 2), axes @ (high + low) / 2, quaternion_of(axes))
+
+
+def hull_points(points: np.ndarray) -> np.ndarray:
+    """Of points (k, 3), those that are extreme in some direction, none twice."""
+    return points[np.unique((points @ _directions().T).argmax(axis=0))]
+
+
+def quaternion_of(rotation: np.ndarray) -> np.ndarray:
+    """w x y z of a rotation matrix (3, 3)."""
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(rotation).ravel())
+    return quaternion
+
+
+def rotation_of(quaternion: np.ndarray) -> np.ndarray:
+    """Rotation matrix (3, 3) of a quaternion w x y z."""
+    rotation = np.empty(9)
+    mujoco.mju_quat2Mat(rotation, np.asarray(quaternion, dtype=float))
+    return rotation.reshape(3, 3)
+
+
+def support(shape: Shape, direction: np.ndarray) -> float:
+    """How far a shape reaches from its centre along a unit vector (3,) of the link's frame, m."""
+    local = rotation_of(shape.quaternion).T @ direction
+    size = shape.size
+    match shape.kind:
+        case Kind.mjGEOM_SPHERE:
+            return float(size[0])
+        case Kind.mjGEOM_CAPSULE:
+            return float(size[0] + size[1] * abs(local[2]))
+        case Kind.mjGEOM_CYLINDER:
+            return float(size[0] * np.hypot(local[0], local[1]) + size[1] * abs(local[2]))
+        case Kind.mjGEOM_ELLIPSOID:
+            return float(np.linalg.norm(size * local))
+    return float(size @ np.abs(local))
+
+
+def lowest_point(shape: Shape, up: np.ndarray) -> np.ndarray:
+    """The point of a shape that lies lowest along `up`, link frame, (3,) m.
+
+    Of an edge or a face that is nearly level it is the middle. `up` is a unit vector (3,) of the same frame.
+    """
+    axes = rotation_of(shape.quaternion)
+    local = axes.T @ up
+    level = np.where(np.abs(local) < NEARLY_LEVEL, 0.0, local)
+    match shape.kind:
+        case Kind.mjGEOM_SPHERE:
+            below = -shape.size[0] * local
+        case Kind.mjGEOM_CAPSULE:
+            below = -shape.size[0] * local - [0.0, 0.0, shape.size[1] * np.sign(level[2])]
+        case Kind.mjGEOM_CYLINDER:
+            rim = np.array([level[0], level[1], 0.0])
+            below = -shape.size[0] * rim / max(np.linalg.norm(rim), 1e-9)
+            below[2] = -shape.size[1] * np.sign(level[2])
+        case Kind.mjGEOM_ELLIPSOID:
+            below = -(shape.size**2) * local / max(np.linalg.norm(shape.size * local), 1e-9)
+        case _:
+            below = -shape.size * np.sign(level)
+    return shape.position + axes @ below
+
+
+def _directions() -> np.ndarray:
+    """Directions spread evenly over the sphere (a Fibonacci lattice), (k, 3)."""
+    index = np.arange(DIRECTIONS) + 0.5
+    z, angle = 1 - 2 * index / DIRECTIONS, np.pi * (1 + 5**0.5) * index
+    radius = np.sqrt(1 - z**2)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=1)
+
+
+def _principal_axes(points: np.ndarray) -> np.ndarray:
+    """A right-handed frame (3, 3) along the principal axes of points (k, 3), z along the longest."""
+    _, _, rows = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
+    if len(rows) < 3:
+        return np.eye(3)
+    return np.stack([rows[1], np.cross(rows[0], rows[1]), rows[0]], axis=1)
+
+
+def _fit_sphere(directions: np.ndarray, reach: np.ndarray) -> tuple[Shape, float]:
+    columns = np.column_stack([directions, np.ones(len(directions))])
+    (*centre, radius), error = _least_squares(columns, reach)
+    return Shape(Kind.mjGEOM_SPHERE, _size(radius), np.array(centre), np.array([1.0, 0, 0, 0])), error
+
+
+def _fit_capsule(
+    directions: np.ndarray, reach: np.ndarray, frame: np.ndarray, axis: int
+) -> tuple[Shape, float]:
+    along = np.abs(directions @ frame[:, axis])
+    columns = np.column_stack([directions, np.ones(len(directions)), along])
+    (*centre, radius, half), error = _least_squares(columns, reach)
+    turned = np.roll(frame, 2 - axis, axis=1)  # MuJoCo's capsules lie along z
+    shape = Shape(Kind.mjGEOM_CAPSULE, _size(radius, half), np.array(centre), quaternion_of(turned))
+    return shape, error if radius > THINNEST_M and half > THINNEST_M else np.inf
+
+
+def _fit_box(
+    directions: np.ndarray, reach: np.ndarray, points: np.ndarray, frame: np.ndarray
+) -> tuple[Shape, float]:
+    low, high = (points @ frame).min(axis=0), (points @ frame).max(axis=0)
+    size, centre = _size(*(high - low) / 2), frame @ ((high + low) / 2)
+    box = directions @ centre + np.abs(directions @ frame) @ size
+    error = float(np.sqrt(np.mean((box - reach) ** 2)))
+    return Shape(Kind.mjGEOM_BOX, size, centre, quaternion_of(frame)), error
+
+
+def _least_squares(columns: np.ndarray, reach: np.ndarray) -> tuple[list[float], float]:
+    found = np.linalg.lstsq(columns, reach, rcond=None)[0]
+    return found.tolist(), float(np.sqrt(np.mean((columns @ found - reach) ** 2)))
+
+
+def _size(*values: float) -> np.ndarray:
+    size = np.zeros(3)
+    size[: len(values)] = np.maximum(values, THINNEST_M)
+    return size

@@ -1,0 +1,98 @@
+"""Another maker's model, read: the compiled model and what its file says about the motors."""
+
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from footfall.common.errors import UserError
+
+
+@dataclass(frozen=True)
+class Source:
+    """A model with a free base, compiled by MuJoCo. Every body, joint and geom has a name."""
+
+    path: Path
+    model: mujoco.MjModel
+    self_collisions: bool  # the file says itself which parts may touch each other
+    meshes: dict[str, np.ndarray]  # hull (k, 3) m of each geom that is a mesh, in the frame of its body
+    peak_torque_nm: dict[str, float] = field(default_factory=dict)  # of joints for which the file gives it
+    speed_rad_s: dict[str, float] = field(default_factory=dict)
+    coupled: frozenset[str] = frozenset()  # joints that follow another one
+    guesses: tuple[str, ...] = ()  # what was assumed while reading, one line each
+
+
+def read_source(path: Path, packages: tuple[Path, ...] = ()) -> Source:
+    """Read a URDF or an MJCF.
+
+    Args:
+        path: the file.
+        packages: folders in which to look for the packages that a URDF's meshes lie in, beside the folders
+            above the URDF and ROS_PACKAGE_PATH.
+
+    Raises:
+        UserError: the file is neither, or cannot be used; the message says why.
+    """
+    from footfall.robots.importer.mjcf import read_mjcf
+    from footfall.robots.importer.urdf import read_urdf
+
+    if not path.is_file():
+        raise UserError(f"no file at {path}: give a URDF or an MJCF")
+    try:
+        root = ET.parse(path).getroot()
+    except (ET.ParseError, ValueError, LookupError) as error:
+        raise UserError(f"{path} is neither URDF nor MJCF: {error}") from None
+    match root.tag:
+        case "robot":
+            return read_urdf(path, root, packages)
+        case "mujoco":
+            return read_mjcf(path)
+    raise UserError(f"{path} is neither URDF nor MJCF: its root is <{root.tag}>, not <robot> or <mujoco>")
+
+
+def name_everything(spec: mujoco.MjSpec) -> None:
+    """Give a name to each body, joint and geom that has none: later steps go by names."""
+    for body in spec.bodies[1:]:
+        body.name = body.name or _new_name(spec.bodies, f"{body.parent.name}_child")
+    for geom in spec.geoms:
+        geom.name = geom.name or _new_name(spec.geoms, f"{geom.parent.name}_geom")
+    for joint in spec.joints:
+        joint.name = joint.name or _new_name(spec.joints, f"{joint.parent.name}_joint")
+
+
+def free_the_base(spec: mujoco.MjSpec, path: Path) -> None:
+    """See to it that one tree floats: where none does, the one with the most joints.
+
+    Raises:
+        UserError: there is none, or its base moves on other joints.
+    """
+    if any(joint.type == mujoco.mjtJoint.mjJNT_FREE for joint in spec.joints):
+        return
+    if not spec.joints:
+        raise UserError(f"{path} has no joints")
+    base = max(spec.worldbody.bodies, key=lambda body: len(body.find_all("joint")))
+    if base.joints:
+        raise UserError(
+            f"{path}: '{base.name}' has no free joint but {len(base.joints)} others, such as"
+            f" '{base.joints[0].name}': a base that cannot move in all directions is none of footfall's"
+        )
+    base.add_freejoint(name=_new_name(spec.joints, "floating_base"))
+
+
+def compiled(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
+    """The compiled model; raises UserError in MuJoCo's words if there is none."""
+    try:
+        return spec.compile()
+    except (ValueError, mujoco.FatalError) as error:
+        raise UserError(f"{path}: {one_line(error)}") from None
+
+
+def one_line(error: Exception) -> str:
+    return " ".join(str(error).split())
+
+
+def _new_name(items: list, stem: str) -> str:
+    taken = {item.name for item in items}
+    return next(name for index in range(len(taken) + 1) if (name := f"{stem}{index or ''}") not in taken)

@@ -1,0 +1,110 @@
+"""Whether a machine stands on stiff joints: the torques that it takes, and whether it tips.
+
+With its feet fixed to the ground, a robot at rest in its default pose is stable if its potential energy (of
+gravity and of the joints' springs) has a minimum there: N'(K + G)N is positive definite, with N a basis of
+the motions that leave the feet where they are, K the joints' stiffnesses and G the slope of gravity's
+generalised force, the ground's forces held.
+"""
+
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from footfall.robots.importer.machine import Leg
+
+STEP = 1e-5  # rad and m, of the central differences
+
+
+class Statics(NamedTuple):
+    """At rest in the default pose, the feet on the ground."""
+
+    torque_nm: np.ndarray  # (n,) of the joints, in joint order
+    gravity: np.ndarray  # (k, k) N' G N
+    joints: np.ndarray  # (n, k) how the joints take part in the motions N
+
+    def stable(self, kp: np.ndarray) -> bool:
+        """Whether joints of stiffness kp (n,), N m/rad, keep it from tipping."""
+        stiffness = self.joints.T @ (kp[:, None] * self.joints) + self.gravity
+        values = np.linalg.eigvalsh(stiffness)
+        return bool(len(values) == 0 or values[0] > 1e-6 * max(values[-1], 1.0))
+
+
+def statics(
+    model: mujoco.MjModel, joints: tuple[str, ...], legs: tuple[Leg, ...], qpos: np.ndarray
+) -> Statics:
+    """Torques and stability of a model that stands with pose `qpos`, its feet touching the ground.
+
+    Args:
+        model: with a free base as its first joint.
+        joints: names of the driven ones.
+        legs: whose geoms, spheres and ellipsoids, stand on the ground.
+        qpos: (nq,) the base level.
+    """
+    data = mujoco.MjData(model)
+    data.qpos[:] = qpos
+    mujoco.mj_forward(model, data)
+    points = [_lowest(model, data, name) for leg in legs for name in leg.geoms]
+    places = np.array([place for _, place in points])
+    force = _ground_forces(places, data.subtree_com[1], float(model.body_mass.sum() * 9.81))
+    local = [(body, data.xmat[body].reshape(3, 3).T @ (place - data.xpos[body])) for body, place in points]
+    unbalanced = _unbalanced(model, qpos, local, force)
+    jacobian = np.concatenate([_jacobian(model, data, body, at) for body, at in local])
+    _, values, rows = np.linalg.svd(jacobian)
+    free = rows[int((values > 1e-6 * values[0]).sum()) :].T
+    slope = np.stack([_slope(model, qpos, local, force, direction) for direction in free.T], axis=1)
+    gravity = free.T @ slope
+    dofs = [int(model.joint(name).dofadr[0]) for name in joints]
+    return Statics(unbalanced[dofs], (gravity + gravity.T) / 2, free[dofs])
+
+
+def _lowest(model: mujoco.MjModel, data: mujoco.MjData, geom: str) -> tuple[int, np.ndarray]:
+    """The body of a sphere or an ellipsoid and its lowest point, (3,) m."""
+    index = model.geom(geom).id
+    axes, size = data.geom_xmat[index].reshape(3, 3), model.geom_size[index]
+    if model.geom_type[index] == mujoco.mjtGeom.mjGEOM_SPHERE:
+        size = np.full(3, size[0])
+    below = axes @ (size**2 * axes[2] / np.linalg.norm(size * axes[2]))
+    return int(model.geom_bodyid[index]), data.geom_xpos[index] - below
+
+
+def _ground_forces(places: np.ndarray, centre: np.ndarray, weight_n: float) -> np.ndarray:
+    """Upward forces at points (k, 3) that carry the weight and balance about the centre of mass, N, (k,)."""
+    rows = np.stack([np.ones(len(places)), places[:, 0] - centre[0], places[:, 1] - centre[1]])
+    return np.linalg.pinv(rows, rcond=1e-6) @ np.array([weight_n, 0.0, 0.0])
+
+
+def _jacobian(model: mujoco.MjModel, data: mujoco.MjData, body: int, local: np.ndarray) -> np.ndarray:
+    """Of a point of a body, (3, nv)."""
+    jacobian = np.zeros((3, model.nv))
+    place = data.xpos[body] + data.xmat[body].reshape(3, 3) @ local
+    mujoco.mj_jac(model, data, jacobian, None, place, body)
+    return jacobian
+
+
+def _unbalanced(
+    model: mujoco.MjModel, qpos: np.ndarray, local: list[tuple[int, np.ndarray]], force: np.ndarray
+) -> np.ndarray:
+    """Generalised force that has to be added for rest, (nv,): of gravity, less that of the ground."""
+    data = mujoco.MjData(model)
+    data.qpos[:] = qpos
+    mujoco.mj_forward(model, data)
+    needed = data.qfrc_bias.copy()
+    for (body, at), upward in zip(local, force, strict=True):
+        needed -= upward * _jacobian(model, data, body, at)[2]
+    return needed
+
+
+def _slope(
+    model: mujoco.MjModel,
+    qpos: np.ndarray,
+    local: list[tuple[int, np.ndarray]],
+    force: np.ndarray,
+    direction: np.ndarray,
+) -> np.ndarray:
+    """How `_unbalanced` changes along a direction (nv,)."""
+    there, back = qpos.copy(), qpos.copy()
+    mujoco.mj_integratePos(model, there, direction, STEP)
+    mujoco.mj_integratePos(model, back, direction, -STEP)
+    ahead = _unbalanced(model, there, local, force)
+    return (ahead - _unbalanced(model, back, local, force)) / (2 * STEP)

@@ -1,0 +1,219 @@
+"""URDF: what MuJoCo does not read of it is taken care of here."""
+
+import math
+import os
+import xml.etree.ElementTree as ET
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from footfall.common.errors import UserError
+from footfall.robots.importer.meshes import read_points
+from footfall.robots.importer.shapes import hull_points, rotation_of
+from footfall.robots.importer.source import Source, compiled, free_the_base, name_everything, one_line
+
+# MuJoCo would put links that are fixed to each other into one, and forget their names.
+COMPILER = {"fusestatic": "false", "discardvisual": "true", "balanceinertia": "true", "strippath": "false"}
+PACKAGE = "package://"
+SMALLEST_INERTIA = 1e-9  # kg m^2
+SMALLEST_RADIUS_M = 1e-3  # of gyration
+NO_SIZE = 1e-3  # m, of what stands for a mesh
+NO_MASS = 1e-9  # kg, and kg m^2
+MOMENTS = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
+
+
+class _Limit(NamedTuple):
+    """What a URDF says of a joint's motor; None where it says nothing."""
+
+    effort_nm: float | None
+    speed_rad_s: float | None
+
+
+def read_urdf(path: Path, root: ET.Element, packages: tuple[Path, ...]) -> Source:
+    """Read a URDF whose XML is parsed; `root` is changed on the way. See `read_source`."""
+    if any("xacro" in element.tag for element in root.iter()):
+        raise UserError(f"{path} is a xacro: expand it first, with 'xacro {path.name} > model.urdf'")
+    if not root.findall("link"):
+        raise UserError(f"{path} has no links")
+    _refuse_repeated_names(root, path)
+    guesses = [*_visuals_for_collisions(root, path)]
+    if mended := list(_mend_inertias(root, path)):
+        guesses.append(f"inertias that no body has were evened out: {', '.join(mended)}")
+    continuous = _make_revolute(root)
+    guesses += [f"joint {name} is continuous: its range is taken as -3.14 to 3.14 rad" for name in continuous]
+    coupled = frozenset(j.get("name", "") for j in root.findall("joint") if j.find("mimic") is not None)
+    limits = {j.get("name", ""): _limit(j, path) for j in root.findall("joint")}
+    taken = list(_take_meshes(root, path, packages))
+    _leave_to_mujoco(root)
+    try:
+        spec = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"))
+    except (ValueError, mujoco.FatalError) as error:
+        raise UserError(f"{path}: {one_line(error)}") from None
+    in_place_of = [spec.body(link).add_geom(size=[NO_SIZE, 0.0, 0.0]) for link, _ in taken]
+    name_everything(spec)
+    free_the_base(spec, path)
+    return Source(
+        path=path,
+        model=compiled(spec, path),
+        self_collisions=False,
+        meshes={geom.name: points for geom, (_, points) in zip(in_place_of, taken, strict=True)},
+        peak_torque_nm={n: limit.effort_nm for n, limit in limits.items() if limit.effort_nm},
+        speed_rad_s={n: limit.speed_rad_s for n, limit in limits.items() if limit.speed_rad_s},
+        coupled=coupled,
+        guesses=tuple(guesses),
+    )
+
+
+def _refuse_repeated_names(root: ET.Element, path: Path) -> None:
+    for kind in ("link", "joint"):
+        names = Counter(element.get("name") for element in root.findall(kind))
+        for name, count in names.items():
+            if count > 1:
+                raise UserError(f"{path}: {count} {kind}s are called '{name}'")
+
+
+def _visuals_for_collisions(root: ET.Element, path: Path) -> Iterator[str]:
+    """Where no link says what may touch, take what is seen."""
+    if root.find("link/collision") is not None:
+        return
+    seen = root.findall("link/visual")
+    if not seen:
+        raise UserError(
+            f"{path}: no link has a collision or visual geometry, so nothing can touch the ground"
+        )
+    for visual in seen:
+        visual.tag = "collision"
+    yield "no link has a collision geometry: the visual ones were taken"
+
+
+def _mend_inertias(root: ET.Element, path: Path) -> Iterator[str]:
+    """Make MuJoCo take links without an inertia, or with one that no body has; names of the latter.
+
+    A link without mass gets next to none: what is fixed to it may bring enough (see `machine.build_links`).
+    """
+    for link in root.findall("link"):
+        inertial = link.find("inertial")
+        mass = inertial.find("mass") if inertial is not None else None
+        entry = inertial.find("inertia") if inertial is not None else None
+        weight = _vector(f"{mass.get('value', 0)} 0 0", path)[0] if mass is not None else 0.0
+        if inertial is None or mass is None or entry is None or not weight > 0.0:
+            if inertial is not None:
+                link.remove(inertial)
+            link.append(_next_to_nothing())
+            continue
+        xx, yy, zz = _vector(" ".join(entry.get(name, "0") for name in ("ixx", "iyy", "izz")), path)
+        xy, xz, yz = _vector(" ".join(entry.get(name, "0") for name in ("ixy", "ixz", "iyz")), path)
+        moments, axes = np.linalg.eigh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        least = weight * SMALLEST_RADIUS_M**2
+        if moments[0] < least:
+            raised = axes @ np.diag(np.maximum(moments, least)) @ axes.T
+            for name, (row, column) in MOMENTS.items():
+                entry.set(name, repr(float(raised[row, column])))
+        if moments[0] < least or moments[2] > moments[0] + moments[1] + SMALLEST_INERTIA:
+            yield link.get("name", "")
+
+
+def _next_to_nothing() -> ET.Element:
+    inertial = ET.Element("inertial")
+    ET.SubElement(inertial, "mass", value=str(NO_MASS))
+    ET.SubElement(inertial, "inertia", {name: str(NO_MASS * (r == c)) for name, (r, c) in MOMENTS.items()})
+    return inertial
+
+
+def _make_revolute(root: ET.Element) -> list[str]:
+    """Give continuous joints a range; their names."""
+    names = []
+    for joint in root.findall("joint[@type='continuous']"):
+        joint.set("type", "revolute")
+        limit = joint.find("limit")
+        limit = ET.SubElement(joint, "limit") if limit is None else limit
+        limit.set("lower", str(-math.pi))
+        limit.set("upper", str(math.pi))
+        names.append(joint.get("name", ""))
+    return names
+
+
+def _limit(joint: ET.Element, path: Path) -> _Limit:
+    limit = joint.find("limit")
+    if limit is None:
+        return _Limit(None, None)
+    try:
+        values = [float(limit.get(name, 0)) for name in ("effort", "velocity")]
+    except ValueError as error:
+        raise UserError(f"{path}: limit of joint {joint.get('name')}: {error}") from None
+    return _Limit(*(value if math.isfinite(value) and value > 0 else None for value in values))
+
+
+def _take_meshes(
+    root: ET.Element, path: Path, packages: tuple[Path, ...]
+) -> Iterator[tuple[str, np.ndarray]]:
+    """Remove mesh collisions; of each, the link's name and its hull in the link's frame, (k, 3) m."""
+    known: dict[tuple[Path, str], np.ndarray] = {}
+    for link in root.findall("link"):
+        for collision in link.findall("collision"):
+            mesh = collision.find("geometry/mesh")
+            if mesh is None:
+                continue
+            file, scale = _find(mesh.get("filename", ""), path, packages), mesh.get("scale", "1 1 1")
+            if (file, scale) not in known:
+                known[file, scale] = hull_points(read_points(file, _vector(scale, path)))
+            link.remove(collision)
+            yield link.get("name", ""), _placed(known[file, scale], collision.find("origin"), path)
+
+
+def _placed(points: np.ndarray, origin: ET.Element | None, path: Path) -> np.ndarray:
+    """Points (k, 3) moved by a URDF's origin; its angles are about the fixed axes x, y, z, in this order."""
+    if origin is None:
+        return points
+    turn = np.empty(4)
+    mujoco.mju_euler2Quat(turn, _vector(origin.get("rpy", "0 0 0"), path), "XYZ")
+    return points @ rotation_of(turn).T + _vector(origin.get("xyz", "0 0 0"), path)
+
+
+def _vector(text: str, path: Path) -> np.ndarray:
+    try:
+        vector = np.array(text.split(), dtype=float)
+    except ValueError:
+        vector = np.zeros(0)
+    if vector.shape != (3,):
+        raise UserError(f"{path}: expected three numbers, found '{text}'")
+    return vector
+
+
+def _find(name: str, urdf: Path, packages: tuple[Path, ...]) -> Path:
+    """The file that a mesh's name means; raises UserError if there is none."""
+    candidates = list(_candidates(name, urdf.resolve(), packages))
+    for candidate in candidates:
+        if candidate.is_file():
+            return candidate
+    hint = " (--packages names the folder that holds the packages)" if name.startswith(PACKAGE) else ""
+    raise UserError(f"{urdf}: no mesh file for '{name}'{hint}")
+
+
+def _candidates(name: str, urdf: Path, packages: tuple[Path, ...]) -> Iterator[Path]:
+    if not name.startswith(PACKAGE):
+        yield urdf.parent / name.removeprefix("file://")
+        return
+    package, _, rest = name.removeprefix(PACKAGE).lstrip("/").partition("/")
+    of_ros = filter(None, os.environ.get("ROS_PACKAGE_PATH", "").split(":"))
+    for folder in (*packages, *urdf.parents, *map(Path, of_ros)):
+        yield folder / package / rest
+        yield folder / rest
+
+
+def _leave_to_mujoco(root: ET.Element) -> None:
+    """Take out what MuJoCo would stumble over or need not know."""
+    for tag in ("transmission", "gazebo", "mujoco"):
+        for element in root.findall(tag):
+            root.remove(element)
+    for link in root.findall("link"):
+        for visual in link.findall("visual"):
+            link.remove(visual)
+    for joint in root.findall("joint"):
+        for element in joint.findall("mimic"):
+            joint.remove(element)
+    ET.SubElement(ET.SubElement(root, "mujoco"), "compiler", COMPILER)

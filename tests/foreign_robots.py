@@ -1,0 +1,135 @@
+"""Robots as other makers describe them, small and lopsided."""
+
+HIPS = {"FL": (0.21, 0.11), "FR": (0.21, -0.11), "RL": (-0.24, 0.13), "RR": (-0.24, -0.13)}
+BALL = '<collision><origin xyz="0 0 -0.2"/><geometry><sphere radius="0.02"/></geometry></collision>'
+
+
+def quadruped(
+    *,
+    knee_limit: str = "",
+    knee_kind: str = "revolute",
+    knee_extra: str = "",
+    thigh: str = "",
+    foot: str = BALL,
+    shank_mass: float = 0.37,
+    upside_down: bool = False,
+) -> str:
+    """A URDF: roll, hip and knee on each leg, no two legs alike in mass; between roll and hip is no mass.
+
+    The trunk carries a tilted box, an IMU, and an arm whose range does not hold zero.
+    """
+    parts = [
+        _link("trunk", 5.3, '<collision><geometry><box size="0.3 0.16 0.1"/></geometry></collision>'),
+        _link("box", 0.9, turn="0.3 -0.2 0.5"),
+        '<link name="imu_link"/>',
+        _link("arm_link", 0.4),
+        _joint("box_fixed", "trunk", "box", "0.02 0.03 0.07", kind="fixed", turn="0.1 0.2 -0.4"),
+        _joint("imu_fixed", "trunk", "imu_link", "0.03 -0.02 0.05", kind="fixed"),
+        _joint("arm", "trunk", "arm_link", "0.2 0.01 0.1", limit='<limit lower="0.4" upper="2" effort="5"/>'),
+    ]
+    down = 1.0 if upside_down else -1.0
+    for index, (leg, (x, y)) in enumerate(HIPS.items()):
+        knee = knee_limit or f'<limit lower="-2.3{index}" upper="-0.4" effort="23" velocity="17"/>'
+        at = f"0.01 0 {down * 0.2}"
+        shank = foot.replace('"0 0 -0.2"', f'"0 0 {down * 0.2}"')
+        parts += [
+            f'<link name="{leg}_bracket"/>',
+            _link(f"{leg}_thigh", 0.8 + 0.05 * index, thigh),
+            _link(f"{leg}_shank", shank_mass, shank),
+            _joint(
+                f"{leg}_roll",
+                "trunk",
+                f"{leg}_bracket",
+                f"{x} {y} 0.01",
+                axis="1 0 0",
+                number=1,
+                turn="0 0.1 0",
+            ),
+            _joint(f"{leg}_hip", f"{leg}_bracket", f"{leg}_thigh", "0.02 0.01 0", number=2, turn="0 -0.1 0"),
+            _joint(
+                f"{leg}_knee",
+                f"{leg}_thigh",
+                f"{leg}_shank",
+                at,
+                kind=knee_kind,
+                limit=knee,
+                number=3,
+                extra=knee_extra,
+            ),
+        ]
+    return f'<robot name="dog">{"".join(parts)}</robot>'
+
+
+def _link(name: str, mass: float, collision: str = "", turn: str = "0.1 0 0.2") -> str:
+    moments = {"ixx": 4e-3, "iyy": 5e-3, "izz": 3e-3, "ixy": 4e-4, "ixz": 0.0, "iyz": 0.0}
+    given = " ".join(f'{name}="{mass * each}"' for name, each in moments.items())
+    inertial = f'<inertial><origin xyz="0.01 -0.004 -0.05" rpy="{turn}"/><mass value="{mass}"/>'
+    inertial += f"<inertia {given}/></inertial>"
+    return f'<link name="{name}">{inertial}{collision}</link>'
+
+
+def _joint(
+    name: str,
+    parent: str,
+    child: str,
+    at: str,
+    *,
+    kind: str = "revolute",
+    axis: str = "0 1 0",
+    limit: str = "",
+    number: int = 0,
+    turn: str = "0 0 0",
+    extra: str = "",
+) -> str:
+    limit = limit or f'<limit lower="-1.{number}" upper="1.4" effort="2{number}" velocity="{14 + number}"/>'
+    losses = f'<dynamics damping="0.1{number}" friction="0.2{number}"/>'
+    ends = f'<parent link="{parent}"/><child link="{child}"/><origin xyz="{at}" rpy="{turn}"/>'
+    inside = "" if kind == "fixed" else f'<axis xyz="{axis}"/>{limit}{losses}{extra}'
+    return f'<joint name="{name}" type="{kind}">{ends}{inside}</joint>'
+
+
+def _leg(side: str, y: float, roll: str) -> str:
+    return f"""
+    <body name="{side}_hip_link" pos="0 {y} -0.05">
+      <joint name="{side}_yaw" axis="0 0 1" range="-0.5 0.5"/>
+      <joint name="{side}_roll" axis="1 0 0" range="{roll}"/>
+      <joint name="{side}_hip" axis="0 1 0" range="-1.8 0.6"/>
+      <geom type="capsule" fromto="0 0 -0.05 0 0 -0.3" size="0.05" mass="2.1"/>
+      <body name="{side}_shin" pos="0 0 -0.35">
+        <joint name="{side}_knee" axis="0 1 0" range="0 2.2" armature="0.03"/>
+        <geom type="capsule" fromto="0 0 -0.05 0 0 -0.27" size="0.04" mass="1.3"/>
+        <body name="{side}_foot" pos="0 0 -0.33">
+          <joint name="{side}_ankle" axis="0 1 0" range="-0.9 0.8" actuatorfrcrange="-50 50"/>
+          <joint name="{side}_ankle_roll" axis="1 0 0" range="-0.4 0.4"/>
+          <geom type="box" pos="0.03 0 -0.045" size="0.12 0.05 0.015" mass="0.6"/>
+        </body>
+      </body>
+    </body>"""
+
+
+def _motors(side: str) -> str:
+    geared = f'<motor joint="{side}_hip" gear="40" ctrlrange="-1.5 1.5"/>'
+    bounded = f'<position joint="{side}_knee" kp="300" forcerange="-70 70"/>'
+    rest = "".join(
+        f'<motor joint="{side}_{part}" ctrlrange="-45 45"/>'
+        for part in ("yaw", "roll", "ankle", "ankle_roll")
+    )
+    return geared + bounded + rest.replace("-45 45", "-60 60")
+
+
+BIPED_MJCF = f"""
+<mujoco model="walker">
+  <compiler angle="radian" autolimits="true"/>
+  <default><joint armature="0.02" damping="0.4"/></default>
+  <worldbody>
+    <geom name="ground" type="plane" size="5 5 1"/>
+    <body name="pelvis" pos="0 0 1">
+      <freejoint name="root"/>
+      <geom type="box" size="0.08 0.12 0.1" pos="0.01 0 0.1" mass="9"/>
+      {_leg("left", 0.1, "-0.3 0.6")}
+      {_leg("right", -0.1, "-0.6 0.3")}
+    </body>
+  </worldbody>
+  <actuator>{_motors("left")}{_motors("right")}</actuator>
+</mujoco>
+"""

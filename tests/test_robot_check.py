@@ -1,0 +1,188 @@
+"""`footfall robot check`: what a robot amounts to, and whether it stands."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from foreign_robots import BALL, BIPED_MJCF, quadruped
+
+from footfall.cli import main
+from footfall.deploy.drivers.mit import RANGES
+from footfall.plant.standing import Standing, standing_test
+from footfall.robots.description import Robot, load_robot
+from footfall.robots.importer.create import ImportRequest, import_robot
+from footfall.robots.inspection import inspect_robot
+
+FRONT_LEG = (0.0224, 0.2002, 0.2)  # m, from the roll axis to the hip, to the knee, to the middle of the foot
+
+
+def imported(folder: Path, text: str, suffix: str) -> Path:
+    (folder / f"model.{suffix}").write_text(text)
+    return import_robot(ImportRequest(folder / f"model.{suffix}", folder / "made", RANGES)).folder
+
+
+@pytest.fixture(scope="module")
+def four(tmp_path_factory: pytest.TempPathFactory) -> Robot:
+    return load_robot(imported(tmp_path_factory.mktemp("four"), quadruped(), "urdf"))
+
+
+@pytest.fixture(scope="module")
+def four_standing(four: Robot) -> Standing:
+    return standing_test(four, duration_s=1.5)
+
+
+@pytest.fixture
+def changed(four: Robot, tmp_path: Path) -> Callable[..., Path]:
+    """A copy of the quadruped in which one text of one file is replaced."""
+
+    def change(file: str, old: str, new: str) -> Path:
+        folder = tmp_path / "changed"
+        if not folder.exists():
+            folder.mkdir()
+            for path in four.folder.iterdir():
+                (folder / path.name).write_text(path.read_text())
+        text = (folder / file).read_text()
+        found = re.sub(old, new, text)
+        assert found != text
+        (folder / file).write_text(found)
+        return folder
+
+    return change
+
+
+def wrong(folder: Path, capsys: pytest.CaptureFixture[str], seconds: str = "1") -> str:
+    """What check finds wrong; it must end with status 1."""
+    assert main(["robot", "check", str(folder), "--duration", seconds]) == 1
+    return "\n".join(line for line in capsys.readouterr().out.splitlines() if line.startswith("wrong: "))
+
+
+class TestStanding:
+    def test_an_imported_quadruped_stands_on_all_feet(self, four_standing: Standing) -> None:
+        assert four_standing.stood
+        assert four_standing.stood_s == pytest.approx(1.5, abs=0.01)
+        assert (four_standing.feet_down == 1.0).all()
+
+    def test_it_sinks_and_tilts_little_and_is_seen_to(self, four_standing: Standing) -> None:
+        """Joints without friction give way under the weight."""
+        assert 0.001 < four_standing.sank_m < 0.04
+        assert 0.0 < four_standing.tilt_rad < 0.1
+        assert four_standing.moved_m < 0.1
+
+    def test_torques_are_those_of_the_weight(self, four: Robot, four_standing: Standing) -> None:
+        """The knees' torques: a quarter of the weight each, on the foot's distance from the knee's axis."""
+        knees = [four.joint_index(f"{leg}_knee") for leg in ("FL", "FR", "RL", "RR")]
+        angle = four.default_pose[knees] + four.default_pose[[k - 1 for k in knees]]
+        distance = 0.2 * np.abs(np.sin(angle))
+        weight = inspect_robot(four).mass_kg * 9.81
+        shares = four_standing.torque_share[knees] * four.motor.peak_torque[knees]
+        assert shares.sum() == pytest.approx(np.mean(distance) * weight, rel=0.3)
+
+    def test_a_biped_on_soles_stands(self, tmp_path: Path) -> None:
+        found = standing_test(load_robot(imported(tmp_path, BIPED_MJCF, "xml")), duration_s=2.0)
+        assert found.stood
+        assert found.tilt_rad < 0.1
+
+    def test_weak_knees_give_way(self, changed: Callable[..., Path]) -> None:
+        folder = changed("robot.yaml", r"(peak|stall)_torque_nm: 23", r"\1_torque_nm: 1")
+        found = standing_test(load_robot(folder), duration_s=1.5)
+        assert found.sank_m > 0.1
+        assert found.torque_share.reshape(4, 3).max(axis=0) == pytest.approx([0.1, 0.2, 1.0], abs=0.15)
+
+
+class TestInspection:
+    def test_the_tree(self, four: Robot) -> None:
+        looked = inspect_robot(four)
+        assert [row.name for row in looked.links[:4]] == ["trunk", "FL_thigh", "FL_shank", "FR_thigh"]
+        assert [row.depth for row in looked.links[:4]] == [0, 1, 2, 1]
+        assert looked.links[1].joints == ("FL_roll", "FL_hip")
+        assert looked.mass_kg == pytest.approx(5.3 + 0.9 + 0.4 + 4 * (0.8 + 0.37) + 0.05 * (1 + 2 + 3))
+
+    def test_nothing_is_wrong_with_what_was_imported(self, four: Robot) -> None:
+        assert list(inspect_robot(four).findings()) == []
+
+    def test_the_reach_of_a_leg(self, four: Robot) -> None:
+        """At most its links in a line, which the knee's limit of -0.4 rad does not quite allow."""
+        near, far = inspect_robot(four).feet[0].reach_m
+        assert 0.97 * sum(FRONT_LEG) < far < sum(FRONT_LEG)
+        assert 0.1 < near < 0.25
+
+    def test_a_foot_in_the_air(self, changed: Callable[..., Path]) -> None:
+        """A knee that is bent by half a radian more."""
+        folder = changed("robot.yaml", r"(RL_knee, motor: \w+, default_rad: )(-[\d.]+)", r"\1-1.9")
+        findings = list(inspect_robot(load_robot(folder)).findings())
+        assert any(re.match(r"foot RL is [1-9]\d mm above the ground", finding) for finding in findings)
+
+    def test_links_that_collide(self, changed: Callable[..., Path]) -> None:
+        grown = r'\1<geom type="sphere" size="0.13" pos="0 0 0.02"/>'
+        folder = changed("robot.xml", r'(<joint name="F[LR]_hip"[^>]*>)', grown)
+        findings = list(inspect_robot(load_robot(folder)).findings())
+        assert findings == ["links FL_thigh and FR_thigh collide in the default pose"]
+
+    def test_a_belly_on_the_ground(self, changed: Callable[..., Path]) -> None:
+        belly = r'\1<geom type="sphere" size="0.1" pos="0 0 -0.3"/>'
+        folder = changed("robot.xml", r'(<freejoint name="floating_base"/>)', belly)
+        findings = list(inspect_robot(load_robot(folder)).findings())
+        assert "link trunk touches the ground in the default pose, and is no foot" in findings
+
+    def test_a_centre_of_mass_outside_the_feet(self, changed: Callable[..., Path]) -> None:
+        folder = changed("robot.xml", r'(<inertial mass="6.6" pos=")[-\d.e]+', r"\g<1>0.9")
+        looked = inspect_robot(load_robot(folder))
+        assert looked.margin_m < -0.05
+        assert any("the centre of mass is not above" in finding for finding in looked.findings())
+
+
+class TestCommand:
+    def test_a_sound_robot(self, four: Robot, capsys: pytest.CaptureFixture[str]) -> None:
+        assert main(["robot", "check", str(four.folder), "--duration", "1"]) == 0
+        told = capsys.readouterr().out
+        for word in (
+            "RR_knee",
+            "-2.33 to -0.40",
+            "total 11.58 kg",
+            "reach",
+            "sank",
+            "nothing wrong was found",
+        ):
+            assert word in told, word
+
+    def test_a_robot_that_sinks(
+        self, changed: Callable[..., Path], capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        folder = changed("robot.yaml", r"(peak|stall)_torque_nm: 23", r"\1_torque_nm: 1")
+        assert re.search(r"wrong: it sinks by 1\d\d mm", wrong(folder, capsys))
+
+    def test_a_biped_on_points(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        """Told when it is made, and found again when it is looked over."""
+        (tmp_path / "m.urdf").write_text(quadruped(foot=BALL))
+        arguments = [
+            "--from",
+            str(tmp_path / "m.urdf"),
+            "--out",
+            str(tmp_path / "two"),
+            "--feet",
+            "FL_shank,FR_shank",
+        ]
+        assert main(["robot", "new", *arguments]) == 0
+        assert "no stiffness of the joints lets it stand by itself" in capsys.readouterr().out
+        assert "wrong: it does not stand by itself" in wrong(tmp_path / "two", capsys, "3")
+
+    def test_motors_at_their_limit(
+        self, changed: Callable[..., Path], capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        """Knees with little more torque than the weight asks for."""
+        folder = changed("robot.yaml", r"(peak|stall)_torque_nm: 23", r"\1_torque_nm: 3.4")
+        assert re.search(r"joint \w+_knee needs \d+ % of its peak torque", wrong(folder, capsys, "2"))
+
+    def test_gains_that_frames_cannot_carry(
+        self, changed: Callable[..., Path], capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        """Of a reflected inertia of 0.3 kg m^2 at 5 Hz: kd = 2 * 0.3 * 2 pi * 5 = 18.8 N m s/rad."""
+        changed("robot.xml", r'armature="[\d.]+"', 'armature="0.3"')
+        folder = changed("robot.yaml", r"natural_frequency_hz: [\d.]+", "natural_frequency_hz: 5")
+        assert "joint FL_roll: kd is 18.8, frames of AK" in wrong(folder, capsys)
+
+    def test_what_is_no_robot(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        assert main(["robot", "check", str(tmp_path)]) == 2
+        assert "a folder with robot.yaml" in capsys.readouterr().err
