@@ -19,6 +19,7 @@ class HoldDefaultPose:
     name = "hold-default-pose"
     rate_hz = 50.0
     needs_estimate = False
+    notes = ()
     contract = None
 
     def __init__(self, robot: Robot) -> None:
