@@ -17,7 +17,7 @@ from footfall.policies.controllers.whole_body.control import (
 )
 from footfall.policies.controllers.whole_body.dynamics import Dynamics, Motion, WholeBody
 from footfall.policies.controllers.whole_body.feedback import standing
-from footfall.policies.controllers.whole_body.problem import Contact, Wanted, Weights, build
+from footfall.policies.controllers.whole_body.problem import Contact, Programmes, Wanted, Weights
 from footfall.robots.description import Robot, load_robot, load_spec
 from footfall.robots.feet import foot_geoms
 
@@ -80,10 +80,10 @@ def solved(robot: Robot, dynamics: Dynamics, wanted: Wanted, **changes: Any) -> 
     body = BODIES[robot.name]
     most = changes.get("most_force", np.full(body.points, 1e4))
     torque = changes.get("most_torque", robot.motor.peak_torque)
-    programme, meaning = build(
-        *(dynamics, wanted, most, body.foot_of_point, -torque, torque),
-        *(CONFIG.weights, CONFIG.contact, body.total_mass),
+    programmes = Programmes(
+        body.foot_of_point, len(robot.joint_names), body.total_mass, CONFIG.weights, CONFIG.contact
     )
+    programme, meaning = programmes.build(dynamics, wanted, most, -torque, torque)
     x = control_module.BoundedSolver().solve(programme)
     assert x is not None
     force = np.zeros((body.points, 3))

@@ -8,7 +8,7 @@ import numpy as np
 from footfall.common.config import require_between, require_not_negative, require_positive
 from footfall.policies.controllers.solver import BoundedSolver
 from footfall.policies.controllers.whole_body.dynamics import Dynamics, WholeBody
-from footfall.policies.controllers.whole_body.problem import Contact, Wanted, Weights, build
+from footfall.policies.controllers.whole_body.problem import Contact, Programmes, Wanted, Weights
 from footfall.robots.actuator import JointCommand, limit_torque
 from footfall.robots.description import Robot
 
@@ -71,6 +71,9 @@ class WholeBodyControl:
         self._kp, self._kd = np.full(n, config.joints.kp), np.full(n, config.joints.kd)
         self._damping, self._zeros = np.full(n, config.lapse.kd), np.zeros(n)
         self._most = np.full(n, _BOUNDLESS)
+        self._programmes = Programmes(
+            self.body.foot_of_point, n, self.body.total_mass, config.weights, config.contact
+        )
         self._solver = BoundedSolver()
         self.reset()
 
@@ -107,16 +110,12 @@ class WholeBodyControl:
         Raises:
             NoSolutionError: for longer than the configuration allows.
         """
-        programme, meaning = build(
+        programme, meaning = self._programmes.build(
             dynamics,
             wanted,
             most_force,
-            self.body.foot_of_point,
             limit_torque(-self._most, joint_velocity, self._motor),
             limit_torque(self._most, joint_velocity, self._motor),
-            self._config.weights,
-            self._config.contact,
-            self.body.total_mass,
         )
         solution = self._solver.solve(programme)
         if solution is None:

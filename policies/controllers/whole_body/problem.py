@@ -11,6 +11,7 @@ freely with motors at rest is always allowed. (After Herzog et al. 2016, "Moment
 inverse dynamics on a torque-controlled humanoid", with weights instead of a hierarchy.)
 """
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -82,106 +83,159 @@ class TorqueMap(NamedTuple):
     torque_offset: np.ndarray  # (n,)
 
 
-def build(
-    dynamics: Dynamics,
-    wanted: Wanted,
-    most_force: np.ndarray,
-    foot_of_point: np.ndarray,
-    least_torque: np.ndarray,
-    most_torque: np.ndarray,
-    weights: Weights,
-    contact: Contact,
-    mass: float,
-) -> tuple[Programme, TorqueMap]:
-    """The programme of one tick.
+class _Pattern(NamedTuple):
+    """All that depends on which points stand, and on nothing else."""
+
+    standing: np.ndarray  # (k,) points
+    swinging: np.ndarray  # feet of which no point stands
+    unit: np.ndarray  # (nv, variables) the joints' own accelerations; of the base 0
+    by_forces: np.ndarray  # (6, variables) the momentum's rates, weighted; the angular ones are 0
+    damping: np.ndarray  # (variables,) diagonal of the Hessian that is always there
+    cones: np.ndarray  # (4 k + n, variables) friction cones above the torques, which are 0
+    lower: np.ndarray  # (3 k + 4 k + n,), the torques' 0
+    upper: np.ndarray  # per N that a point may press with; the rest 0
+
+
+class Programmes:
+    """Builds the quadratic programmes of one robot.
 
     Args:
-        dynamics: of the robot now.
-        wanted: accelerations.
-        most_force: (points,) N, upward, that each point may press with; 0 where it does not stand.
-        foot_of_point: (points,) index of its foot.
-        least_torque: (n,) N m, of the motors now.
-        most_torque: (n,) N m.
+        foot_of_point: (points,) index of the foot of each point of contact.
+        joints: n.
+        mass: kg, of the whole robot.
         weights: costs.
         contact: friction.
-        mass: kg, of the whole robot.
     """
-    standing = np.flatnonzero(most_force > 0.0)
-    forces, n = 3 * len(standing), len(wanted.joints)
-    jacobian = dynamics.point_jacobian[standing].reshape(forces, -1)
 
-    # Accelerations and torques as affine functions of (forces, joint accelerations).
-    right = np.concatenate(
-        [jacobian[:, :BASE].T, -dynamics.mass[:BASE, BASE:], -dynamics.bias[:BASE, None]], axis=1
-    )
-    base = np.linalg.solve(dynamics.mass[:BASE, :BASE], right)
-    acceleration = np.zeros((BASE + n, forces + n))
-    acceleration[:BASE] = base[:, :-1]
-    acceleration[BASE:, forces:] = np.eye(n)
-    offset = np.zeros(BASE + n)
-    offset[:BASE] = base[:, -1]
-    of_base = dynamics.mass[BASE:, :BASE]
-    torque = of_base @ base[:, :-1]
-    torque[:, forces:] += dynamics.mass[BASE:, BASE:]
-    torque[:, :forces] -= jacobian[:, BASE:].T
-    torque_offset = of_base @ base[:, -1] + dynamics.bias[BASE:]
+    def __init__(
+        self, foot_of_point: np.ndarray, joints: int, mass: float, weights: Weights, contact: Contact
+    ) -> None:
+        self._foot_of_point, self._n, self._mass = foot_of_point, joints, mass
+        self._weights, self._contact = weights, contact
+        self._contact_root = math.sqrt(weights.contact)
+        self._attitude_root = math.sqrt(weights.attitude)
+        self._centre_root = math.sqrt(weights.centre)
+        self._momentum_root = math.sqrt(weights.momentum) / mass
+        self._swing_root = np.sqrt(np.repeat([weights.swing, weights.swing_attitude], 3))
+        self._patterns: dict[bytes, _Pattern] = {}
 
-    # Rows of a least-squares problem in the acceleration, each times the root of its weight.
-    swinging = np.ones(len(wanted.feet), dtype=bool)
-    swinging[foot_of_point[standing]] = False
-    swing_root = np.sqrt(np.repeat([weights.swing, weights.swing_attitude], 3))
-    slowing = contact.damping_s * (jacobian @ dynamics.velocity)
-    roots = np.sqrt([weights.contact, weights.attitude])
-    rows = np.concatenate(
-        [
-            roots[0] * jacobian,
-            roots[1] * np.eye(BASE + n)[3:BASE],
-            (swing_root[:, None] * dynamics.foot_jacobian[swinging]).reshape(-1, BASE + n),
-        ]
-    )
-    aims = np.concatenate(
-        [
-            -roots[0] * (dynamics.point_drift[standing].ravel() + slowing),
-            roots[1] * wanted.attitude,
-            (swing_root * (wanted.feet - dynamics.foot_drift)[swinging]).ravel(),
-        ]
-    )
-    # What forces alone decide: the momentum's rates.
-    arms = skews(dynamics.point[standing] - dynamics.centre)
-    centre = np.sqrt(weights.centre) / mass
-    momentum = np.sqrt(weights.momentum) / mass
-    by_forces = np.zeros((6, forces + n))
-    by_forces[:3, :forces] = np.tile(centre * np.eye(3), len(standing))
-    by_forces[3:, :forces] = momentum * arms.transpose(1, 0, 2).reshape(3, forces)
-    matrix = np.concatenate([rows @ acceleration, by_forces])
-    aim = np.concatenate(
-        [aims - rows @ offset, centre * mass * (wanted.centre - GRAVITY), momentum * wanted.momentum_rate]
-    )
-    hessian = matrix.T @ matrix
-    gradient = -(aim @ matrix)
-    hessian.flat[:: forces + n + 1] += np.concatenate(
-        [np.full(forces, weights.force / (mass * GRAVITY[2]) ** 2), np.full(n, weights.posture)]
-    )
-    gradient[forces:] -= weights.posture * wanted.joints
+    def build(
+        self,
+        dynamics: Dynamics,
+        wanted: Wanted,
+        most_force: np.ndarray,
+        least_torque: np.ndarray,
+        most_torque: np.ndarray,
+    ) -> tuple[Programme, TorqueMap]:
+        """The programme of one tick.
 
-    most = most_force[standing]
-    cone = _cones(len(standing), contact.friction)
-    sideways = contact.friction * most
-    top = np.column_stack([sideways, sideways, most]).ravel()
-    bottom = np.column_stack([-sideways, -sideways, np.zeros_like(most)]).ravel()
-    friction_rows = np.zeros((len(cone), forces + n))
-    friction_rows[:, :forces] = cone
-    unbounded = np.full(len(cone), -1e30)
-    return (
-        Programme(
-            hessian,
-            gradient,
-            np.concatenate([friction_rows, torque]),
-            np.concatenate([bottom, unbounded, least_torque - torque_offset]),
-            np.concatenate([top, np.zeros(len(cone)), most_torque - torque_offset]),
-        ),
-        TorqueMap(standing, acceleration, offset, torque, torque_offset),
-    )
+        Args:
+            dynamics: of the robot now.
+            wanted: accelerations.
+            most_force: (points,) N, upward, that each point may press with; 0 where it does not stand.
+            least_torque: (n,) N m, of the motors now.
+            most_torque: (n,) N m.
+        """
+        pattern = self._pattern(most_force > 0.0)
+        standing, n, forces = pattern.standing, self._n, 3 * len(pattern.standing)
+        jacobian = dynamics.point_jacobian[standing].reshape(forces, BASE + n)
+
+        # Accelerations and torques as affine functions of (forces, joint accelerations).
+        right = np.empty((BASE, forces + n + 1))
+        right[:, :forces] = jacobian[:, :BASE].T
+        right[:, forces:-1] = -dynamics.mass[:BASE, BASE:]
+        right[:, -1] = -dynamics.bias[:BASE]
+        base = np.linalg.solve(dynamics.mass[:BASE, :BASE], right)
+        acceleration = pattern.unit.copy()
+        acceleration[:BASE] = base[:, :-1]
+        offset = np.zeros(BASE + n)
+        offset[:BASE] = base[:, -1]
+        torque = dynamics.mass[BASE:, :BASE] @ base
+        torque_offset = torque[:, -1] + dynamics.bias[BASE:]
+        torque = torque[:, :-1]
+        torque[:, forces:] += dynamics.mass[BASE:, BASE:]
+        torque[:, :forces] -= jacobian[:, BASE:].T
+
+        matrix, aim = self._least_squares(dynamics, wanted, pattern, jacobian, acceleration, offset)
+        hessian = matrix.T @ matrix
+        hessian.flat[:: forces + n + 1] += pattern.damping
+        gradient = -(aim @ matrix)
+        gradient[forces:] -= self._weights.posture * wanted.joints
+
+        most = most_force[standing]
+        rows, lower, upper = pattern.cones.copy(), pattern.lower.copy(), pattern.upper.copy()
+        rows[-n:] = torque
+        lower[:forces].reshape(-1, 3)[:] *= most[:, None]
+        upper[:forces].reshape(-1, 3)[:] *= most[:, None]
+        lower[-n:], upper[-n:] = least_torque - torque_offset, most_torque - torque_offset
+        programme = Programme(hessian, gradient, rows, lower, upper)
+        return programme, TorqueMap(standing, acceleration, offset, torque, torque_offset)
+
+    def _least_squares(
+        self,
+        dynamics: Dynamics,
+        wanted: Wanted,
+        pattern: _Pattern,
+        jacobian: np.ndarray,
+        acceleration: np.ndarray,
+        offset: np.ndarray,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """What shall be near to what: matrix @ variables to aim, each row times the root of its weight."""
+        forces, contact, attitude = len(jacobian), self._contact_root, self._attitude_root
+        swinging = pattern.swinging
+        tasks = 6 * len(swinging)
+        matrix = np.empty((forces + 3 + tasks + 6, acceleration.shape[1]))
+        aim = np.empty(len(matrix))
+        slowing = self._contact.damping_s * (jacobian @ dynamics.velocity)
+        drift = dynamics.point_drift[pattern.standing].ravel()
+        matrix[:forces] = contact * (jacobian @ acceleration)
+        aim[:forces] = -contact * (drift + slowing + jacobian @ offset)
+        turning = slice(forces, forces + 3)
+        matrix[turning] = attitude * acceleration[3:BASE]
+        aim[turning] = attitude * (wanted.attitude - offset[3:BASE])
+        if tasks:
+            feet = dynamics.foot_jacobian[swinging]
+            flying = slice(forces + 3, forces + 3 + tasks)
+            root = self._swing_root
+            matrix[flying] = (root[:, None] * (feet @ acceleration)).reshape(tasks, -1)
+            missing = wanted.feet[swinging] - dynamics.foot_drift[swinging] - feet @ offset
+            aim[flying] = (root * missing).ravel()
+        # What forces alone decide: the momentum's rates.
+        arms = skews(dynamics.point[pattern.standing] - dynamics.centre)
+        matrix[-6:] = pattern.by_forces
+        matrix[-3:, :forces] = self._momentum_root * arms.transpose(1, 0, 2).reshape(3, forces)
+        aim[-6:-3] = self._centre_root * (wanted.centre - GRAVITY)
+        aim[-3:] = self._momentum_root * wanted.momentum_rate
+        return matrix, aim
+
+    def _pattern(self, stands: np.ndarray) -> _Pattern:
+        key = stands.tobytes()
+        if key not in self._patterns:
+            self._patterns[key] = self._new_pattern(stands)
+        return self._patterns[key]
+
+    def _new_pattern(self, stands: np.ndarray) -> _Pattern:
+        weights, n, friction = self._weights, self._n, self._contact.friction
+        standing = np.flatnonzero(stands)
+        k, forces = len(standing), 3 * len(standing)
+        unit = np.zeros((BASE + n, forces + n))
+        unit[BASE:, forces:] = np.eye(n)
+        by_forces = np.zeros((6, forces + n))
+        by_forces[:3, :forces] = np.tile(self._centre_root / self._mass * np.eye(3), k)
+        force = weights.force / (self._mass * GRAVITY[2]) ** 2
+        cones = np.zeros((4 * k + n, forces + n))
+        cones[: 4 * k, :forces] = _cones(k, friction)
+        torques = np.zeros(n)
+        return _Pattern(
+            standing,
+            np.setdiff1d(self._foot_of_point, self._foot_of_point[standing]),
+            unit,
+            by_forces,
+            np.concatenate([np.full(forces, force), np.full(n, weights.posture)]),
+            cones,
+            np.concatenate([np.tile([-friction, -friction, 0.0], k), np.full(4 * k, -1e30), torques]),
+            np.concatenate([np.tile([friction, friction, 1.0], k), np.zeros(4 * k), torques]),
+        )
 
 
 def _cones(points: int, friction: float) -> np.ndarray:
