@@ -108,6 +108,7 @@ def _declaration(legs: Sequence[Leg]) -> dict:
             for leg in legs
         ],
         "imu_bus": "imu",
+        "commands": {"forward_m_s": [-0.4, 0.5], "leftward_m_s": [-0.2, 0.2], "yaw_rad_s": [-0.6, 0.6]},
     }
 
 

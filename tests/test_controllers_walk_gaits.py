@@ -15,12 +15,14 @@ from footfall.policies.gaits import find_gait
 from footfall.policies.policy import Observation, Sensed
 from footfall.policies.registry import load_policy
 from footfall.robots.description import load_robot
+from footfall.robots.rigid_body import nominal_body
 from tests.deploy_policies import Hold
 
 ROBOT = load_robot("hexapod")
 LEGS = ROBOT.legs
 GAITS = ("tripod", "ripple", "wave")
 FASTEST = 3.0  # rad/s, the robot's limit
+INERTIA = nominal_body(ROBOT).leg_inertia
 PLACES = LEGS.default_foot * np.array([1.0, 1.0, 0.0])
 MOVING = np.array([0.08, -0.05, 0.2])
 
@@ -111,11 +113,14 @@ def seen(time_s: float, command: np.ndarray, joint: np.ndarray, torque: np.ndarr
 
 
 class Trial:
-    """Lets a policy act on a robot that is always where it was told to be."""
+    """Lets a policy act on a robot that is always where it was told to be.
+
+    Its motors give the torque that the legs' inertia takes, and carry the weight as they are told.
+    """
 
     def __init__(self, policy: Walk) -> None:
         self.policy, self.ticks = policy, 0
-        self.joint, self.torque = ROBOT.default_pose, np.zeros(18)
+        self.joint, self.velocity, self.torque = ROBOT.default_pose, np.zeros(18), np.zeros(18)
         policy.reset(seen(0.0, np.zeros(3), self.joint, self.torque))
 
     def walk(self, command: tuple[float, float, float], seconds: float) -> np.ndarray:
@@ -124,7 +129,10 @@ class Trial:
         for _ in range(round(seconds * self.policy.rate_hz)):
             time_s = self.ticks / self.policy.rate_hz
             told = self.policy.act(seen(time_s, np.array(command), self.joint, self.torque))
-            self.joint, self.torque = told.position, told.torque
+            acceleration = LEGS.gather(told.velocity - self.velocity) * self.policy.rate_hz
+            inertial = (INERTIA @ acceleration[:, :, None])[:, :, 0]
+            self.torque = LEGS.scatter(inertial, np.zeros(18)) + told.torque
+            self.joint, self.velocity = told.position, told.velocity
             targets.append(told.position)
             self.ticks += 1
         return np.array(targets)

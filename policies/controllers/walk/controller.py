@@ -37,6 +37,7 @@ class Walk:
         self.rate_hz = config.rate_hz
         self._robot, self._legs = robot, robot.legs
         body = nominal_body(robot)
+        self._leg_inertia = body.leg_inertia
         self._even_force = _GRAVITY * body.mass / self._legs.count
         centre = (float(body.centre[0]), float(body.centre[1]))
         self._limits = WalkLimits(robot, centre, config.limits.rate_share, config.limits.margin_m)
@@ -59,6 +60,7 @@ class Walk:
         self._cycle.reset()
         self._command.reset()
         self._start = self._previous = joint_position
+        self._velocity = self._acceleration = np.zeros_like(joint_position)
         self._tilt = np.zeros(2)
         self._step, self._gait = self._config.step, self._config.gait
         self._wanted_gait = self._gait
@@ -112,6 +114,7 @@ class Walk:
         position = np.minimum(np.maximum(wanted_position, self._previous - step), self._previous + step)
         velocity = (position - self._previous) / dt_s
         self._previous = position
+        self._acceleration, self._velocity = (velocity - self._velocity) / dt_s, velocity
         torque = self._legs.scatter(self._weight_torque(pose.jacobian), np.zeros_like(position))
         return JointCommand(position, velocity, self._kp, self._kd, torque)
 
@@ -163,9 +166,14 @@ class Walk:
         self._looked_at = None
 
     def _feel_ground(self, jacobian: np.ndarray, torque: np.ndarray, dt_s: float) -> None:
-        """Feet that meet the ground early stand; feet that should stand and do not are lowered a little."""
-        config, cycle = self._config.touch_down, self._cycle
-        pushed = jacobian @ self._legs.gather(torque)[:, :, None]
+        """Feet that meet the ground early stand; feet that should stand and do not are lowered a little.
+
+        Torque beyond that of the legs' own inertia comes from the feet. Without taking that off, a leg
+        slowing down at the end of its swing would look like one on the ground.
+        """
+        config, cycle, gather = self._config.touch_down, self._cycle, self._legs.gather
+        inertial = self._leg_inertia @ gather(self._acceleration)[:, :, None]
+        pushed = jacobian @ (gather(torque)[:, :, None] - inertial)
         regular = jacobian @ jacobian.transpose(0, 2, 1) + _REGULAR
         upward = -np.linalg.solve(regular, pushed)[:, 2, 0]
         touches = upward > config.force_share * self._even_force
