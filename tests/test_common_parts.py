@@ -264,6 +264,11 @@ class Outer:
     label: str = "none"
 
 
+@dataclass(frozen=True)
+class Defaults:
+    count: int = 3
+
+
 class TestSettings:
     def test_a_file_reads_as_what_was_dumped(self, tmp_path: Path) -> None:
         settings = Outer(3, Inner(2.5, ("b", "a"), True), "yes")
@@ -296,6 +301,12 @@ class TestSettings:
         with pytest.raises(UserError) as caught:
             structure(data, Outer, "here")
         assert str(caught.value) == says
+
+    def test_an_empty_file_leaves_every_setting_at_its_default(self, tmp_path: Path) -> None:
+        (tmp_path / "empty.yaml").write_text("# nothing\n")
+        assert load(tmp_path / "empty.yaml", Defaults) == Defaults()
+        with pytest.raises(UserError, match=r"empty\.yaml: count: required"):
+            load(tmp_path / "empty.yaml", Outer)
 
     @pytest.mark.parametrize("text", ["1e-3", "-2E5", "+3.e4", "1e3"])
     def test_exponents_make_numbers(self, text: str) -> None:
