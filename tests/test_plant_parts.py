@@ -265,9 +265,10 @@ def test_the_meter_holds_any_number_of_steps_each_once(go1: Robot) -> None:
     assert tuple(meter.take()) == (0.0, 0.0, 0.0)
     resistance, constant, gear = np.full(12, 0.17), np.full(12, 0.105), np.tile([6.0, 6.0, 9.0], 4)
     for steps in (200, 3, 64):
-        torque, velocity = rng.normal(size=(2, steps, 12)) * 5.0
-        reused = np.zeros((2, 12))
-        for row in zip(torque, velocity, strict=True):
+        torque, before, after = rng.normal(size=(3, steps, 12)) * 5.0
+        velocity = (before + after) / 2
+        reused = np.zeros((3, 12))
+        for row in zip(torque, before, after, strict=True):
             reused[:] = row
             meter.add(*reused)
         power = meter.take()
