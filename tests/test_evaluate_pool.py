@@ -2,11 +2,14 @@
 
 import os
 import time
+from concurrent.futures import Future
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 from footfall.common.errors import UserError
-from footfall.evaluate.pool import run_all
+from footfall.evaluate.pool import _launch, run_all
 
 
 def square(number: int) -> int:
@@ -67,6 +70,38 @@ def test_workers_keep_to_one_thread_and_the_caller_keeps_its_environment(
     assert os.environ["OMP_NUM_THREADS"] == "5"
 
 
+def variable(name: str) -> str | None:
+    return os.environ.get(name)
+
+
+def test_variables_for_the_workers_are_gone_afterwards_if_they_were_not_there(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("FOOTFALL_TEST", "before")
+    monkeypatch.delenv("MKL_NUM_THREADS", raising=False)
+    monkeypatch.delenv("FOOTFALL_NEW", raising=False)
+    given = {"FOOTFALL_TEST": "within", "FOOTFALL_NEW": "new", "OMP_NUM_THREADS": "3"}
+    outcomes = run_all(variable, [*given, "MKL_NUM_THREADS"], workers=1, environment=given)
+    assert [outcome.value for outcome in outcomes] == ["within", "new", "3", "1"]
+    assert os.environ["FOOTFALL_TEST"] == "before"
+    assert not {"FOOTFALL_NEW", "MKL_NUM_THREADS"} & set(os.environ)
+
+
 def test_no_workers_is_bad_input() -> None:
     with pytest.raises(UserError, match="workers is 0"):
         run_all(square, [1], workers=0)
+
+
+def test_no_more_tasks_are_in_flight_than_there_are_workers() -> None:
+    """They alone are suspected when a process dies."""
+    submitted: list[str] = []
+    pool: Any = SimpleNamespace(submit=lambda _, task: submitted.append(task) or Future())
+    in_flight: dict[Future, int] = {}
+    queue = iter(range(5))
+    _launch(pool, square, "abcde", queue, in_flight, 2)  # type: ignore[arg-type, type-var]
+    assert submitted == ["a", "b"]
+    assert list(in_flight.values()) == [0, 1]
+    in_flight.pop(next(iter(in_flight)))
+    _launch(pool, square, "abcde", queue, in_flight, 2)  # type: ignore[arg-type, type-var]
+    assert submitted == ["a", "b", "c"]
+    assert list(in_flight.values()) == [1, 2]

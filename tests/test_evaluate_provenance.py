@@ -1,11 +1,14 @@
 """How a report names where a policy comes from."""
 
+import platform
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import pytest
+
 from footfall.common.versions import versions
-from footfall.evaluate.provenance import PACKAGES, origin
+from footfall.evaluate.provenance import PACKAGES, machine, origin
 from footfall.policies.contract import Contract, Gait
 from footfall.policies.registry import load_policy
 from footfall.robots.description import Robot
@@ -36,6 +39,17 @@ def test_a_learned_policy_names_its_trainer(contract: Contract) -> None:
 def test_hand_written_controllers_say_whether_they_estimate_velocity(go1: Robot) -> None:
     assert origin(load_policy("stand", go1)) == "hand-written controller, 500 Hz"
     assert "on estimated velocity" in origin(load_policy("mpc", go1))
+
+
+def test_a_gait_of_some_joints_is_a_prior_too(contract: Contract) -> None:
+    assert contract.gait is not None
+    one = replace(contract.gait, amplitude_rad=(0.0,) * 11 + (0.1,))
+    assert "(a motion prior)" in origin(learned(replace(contract, gait=one)))
+
+
+def test_a_machine_is_named_by_its_usable_cores(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("footfall.evaluate.provenance.usable_cores", lambda: 7)
+    assert machine() == f"{platform.system()} {platform.machine()}, 7 cores"
 
 
 def test_versions_name_what_results_depend_on() -> None:

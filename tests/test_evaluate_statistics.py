@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+import scipy.optimize
 import scipy.stats
 from hypothesis import given
 from hypothesis import strategies as st
@@ -88,6 +89,15 @@ class TestBootstrap:
     def test_long_episodes_weigh_more_and_unmeasured_ones_nothing(self) -> None:
         assert weighted_mean([1.0, 3.0, np.nan], [3.0, 1.0, 5.0]) == 1.5
         assert math.isnan(weighted_mean([np.nan], [1.0]))
+        assert math.isnan(weighted_mean([2.0, 3.0], [0.0, 0.0]))
+        assert weighted_mean([1.0, 9.0], [2.0, np.inf]) == 1.0
+
+    def test_an_episode_without_weight_is_none(self) -> None:
+        values, weights = np.random.default_rng(6).normal(size=12), np.full(12, 3.0)
+        alone = bootstrap_mean_interval(values, weights)
+        assert bootstrap_mean_interval([*values, 99.0, np.nan], [*weights, 0.0, 5.0]) == alone
+        assert bootstrap_mean_interval(values, weights, seed=1) != alone
+        assert all(math.isnan(edge) for edge in bootstrap_mean_interval([1.0], [0.0]))
 
 
 class TestSurvival:
@@ -100,6 +110,32 @@ class TestSurvival:
         assert fit.interval[0] < 1.4 < fit.interval[1]
         assert fit.interval[1] - fit.interval[0] < 0.3
         assert fit.width == pytest.approx(0.2, rel=0.4)
+
+    def test_is_the_penalised_likelihoods_maximum_as_scipy_finds_it(self) -> None:
+        pushes = np.array([0.5, 0.5, 1.0, 1.0, 1.5, 1.5, 1.5, 2.5, 2.5, 2.5])
+        stood = np.array([1, 1, 1, 0, 1, 0, 1, 0, 0, 1])
+        place = (pushes - 0.5) / 2.0
+
+        def cost(coefficients: np.ndarray) -> float:
+            offset, slope = coefficients
+            score = offset + slope * place
+            return float(np.sum(np.logaddexp(0, score) - stood * score) + 0.025 * slope**2 + 5e-7 * offset**2)
+
+        offset, slope = scipy.optimize.minimize(cost, [0.0, 0.0], tol=1e-10).x
+        fit = fit_survival(pushes, stood)
+        assert fit.dv50 == pytest.approx(0.5 - 2.0 * offset / slope, rel=1e-3)
+        assert fit.width == pytest.approx(-2.0 / slope, rel=1e-3)
+        many = [fit_survival(np.tile(pushes, 8), np.tile(stood, 8), seed).interval for seed in (0, 0, 1)]
+        assert many[0] == many[1] != many[2]
+        assert many[0][0] < fit.dv50 < many[0][1]
+        far = fit.chance(np.array([-1e9, 0.0, fit.dv50 + fit.width, 1e9]))
+        assert far[[0, 3]] == pytest.approx([1.0, 0.0])
+        assert far[2] == pytest.approx(1 / (1 + math.e))
+
+    @pytest.mark.parametrize(("pushes", "stood"), [([], []), ([1.0], [True, False])])
+    def test_as_many_outcomes_as_pushes_are_needed(self, pushes: list, stood: list) -> None:
+        with pytest.raises(ValueError, match="as many outcomes"):
+            fit_survival(pushes, stood)
 
     def test_survivors_and_fallen_that_do_not_overlap_meet_in_the_middle(self) -> None:
         fit = fit_survival([0.5, 1.0, 1.5, 2.0], [True, True, False, False])

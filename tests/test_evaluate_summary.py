@@ -182,6 +182,8 @@ class TestSummary:
     def test_a_command_that_holds_throughout_gives_a_mean_speed(self) -> None:
         assert summarise(SCENARIOS["forward"], [outcome()], 0)["mean_forward_m_s"] == 0.5
         assert "mean_forward_m_s" not in nominal(GOOD)
+        scripted = replace(SCENARIOS["forward"], levels={"friction": (0.5,)})
+        assert "mean_forward_m_s" not in summarise(scripted, [outcome()], 0)
 
     def test_who_stands_still_transports_nothing(self) -> None:
         assert nominal(replace(GOOD, distance_m=0.001))["cost_of_transport"] is None

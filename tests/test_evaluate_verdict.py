@@ -1,11 +1,22 @@
 """Who is better, by intervals: what is marked as best, and the sentence that opens a report."""
 
+import math
 from typing import Any
 
 import pytest
 
 from footfall.evaluate.failures import failures
-from footfall.evaluate.figures import beats, best, figures, leaders
+from footfall.evaluate.figures import (
+    beats,
+    best,
+    figures,
+    interval,
+    interval_text,
+    leaders,
+    measured,
+    text,
+    value,
+)
 from footfall.evaluate.statistics import wilson_interval
 from footfall.evaluate.table import warnings
 from footfall.evaluate.verdict import headlines, verdict
@@ -81,6 +92,91 @@ class TestBest:
         failed = {"episodes": 0, "failed_episodes": ["episode 0: no"]}
         assert best(ERROR, [failed, scored(0.1)]) is None
         assert leaders(FALLS, [failed, scored(0.1)]) == set()
+
+
+class TestFigures:
+    """A figure's number, its interval and both as they are shown, at the edges of what there is."""
+
+    def test_a_number_lies_where_its_dots_lead(self) -> None:
+        p50 = figures()["compute_ms.p50"]
+        assert value(p50, {"compute_ms": {"p50": 3, "p99": 4}}) == 3.0
+        for nothing in ({}, {"compute_ms": None}, {"compute_ms": {"p50": None}}):
+            assert value(p50, nothing) is None
+            assert text(p50, nothing) == "–"
+        assert text(p50, {"compute_ms": {"p50": 0.12345}}) == "0.123"
+
+    @pytest.mark.parametrize(
+        ("falls", "number", "shown"),
+        [(47, math.inf, "above 5"), (48, None, "below the weakest"), (49, None, "below the weakest")],
+    )
+    def test_a_push_that_was_not_found_is_above_all_for_who_mostly_stood(
+        self, falls: int, number: float | None, shown: str
+    ) -> None:
+        unknown = pushed(None, None, None, falls=falls)
+        assert (value(PUSH, unknown), text(PUSH, unknown)) == (number, shown)
+        unpushed = {key: each for key, each in unknown.items() if key != "strongest_push"}
+        assert (value(PUSH, unpushed), text(PUSH, unpushed)) == (None, "–")
+
+    @pytest.mark.parametrize(
+        ("summary", "edges", "shown"),
+        [
+            (pushed(2.0, 1.8, None), (1.8, math.inf), "1.80 to beyond"),
+            (pushed(2.0, 1.8, 2.25), (1.8, 2.25), "1.80 to 2.25"),
+            (pushed(None, None, None, falls=0), (math.inf, math.inf), ""),
+            (pushed(None, 0.0, 0.4, falls=90), (0.0, 0.4), ""),
+        ],
+    )
+    def test_an_edge_beyond_the_strongest_push_is_beyond(
+        self, summary: dict, edges: tuple[float, float], shown: str
+    ) -> None:
+        assert interval(PUSH, summary) == edges
+        assert interval_text(PUSH, summary) == shown
+
+    def test_what_has_no_number_has_no_interval(self) -> None:
+        assert interval(ERROR, scored(0.2, 0.05)) == pytest.approx((0.15, 0.25))
+        assert interval_text(ERROR, scored(0.2, 0.05)) == "0.150 to 0.250"
+        assert interval(ERROR, scored(0.2) | {"lin_vel_rmse": None}) is None
+        assert interval(ERROR, scored(0.2) | {"lin_vel_rmse_interval": [None, 0.3]}) is None
+        assert interval(figures()["peak_torque_nm"], {"peak_torque_nm": 3.0}) is None
+        assert interval(FALLS, scored(0.2) | {"fall_rate_interval": [0.125, 0.5]}) == (0.125, 0.5)
+        assert interval_text(FALLS, scored(0.2) | {"fall_rate_interval": [0.125, 0.5]}) == "12 to 50 %"
+
+    def test_a_row_is_for_what_somebody_has(self) -> None:
+        stops = figures()["emergency_stops"]
+        assert measured(stops, [{"emergency_stops": 0}, {"emergency_stops": 1}])
+        assert not measured(stops, [{"emergency_stops": 0}, {}])
+        assert measured(PUSH, [scored(0.1), {"dv50": None}])
+        assert not measured(PUSH, [scored(0.1)])
+        assert measured(ERROR, [{}, scored(0.1)])
+        assert not measured(ERROR, [{}, {}])
+
+    def test_intervals_that_touch_do_not_lie_apart(self) -> None:
+        def edges(low: float, high: float, **more: Any) -> dict:
+            return scored(0.5, **more) | {
+                "lin_vel_rmse_interval": [low, high],
+                "dv50": 1.0,
+                "dv50_interval": [low, high],
+            }
+
+        assert not beats(ERROR, edges(0.1, 0.2), edges(0.2, 0.3))
+        assert beats(ERROR, edges(0.1, 0.2), edges(0.21, 0.3))
+        assert not beats(ERROR, edges(0.21, 0.3), edges(0.1, 0.2))
+        assert beats(PUSH, edges(0.21, 0.3), edges(0.1, 0.2))
+        assert not beats(PUSH, edges(0.2, 0.3), edges(0.1, 0.2))
+        assert beats(PUSH, edges(0.21, 0.3, falls=9), edges(0.1, 0.2))  # falls are what pushes are about
+        assert beats(ERROR, edges(0.1, 0.2, falls=3), edges(0.3, 0.4, falls=3))
+        assert not beats(ERROR, edges(0.1, 0.2, falls=4), edges(0.3, 0.4, falls=3))
+
+    def test_falls_rank_however_few_the_episodes(self) -> None:
+        few = [
+            scored(0.1, falls=falls, episodes=6) | {"fall_rate_interval": [low, low + 0.1]}
+            for falls, low in ((0, 0.0), (6, 0.5))
+        ]
+        assert beats(FALLS, *few)
+        assert not beats(FALLS, *reversed(few))
+
+    def test_a_title_has_its_unit_where_there_is_one(self) -> None:
+        assert (ERROR.title, FALLS.title) == ("Velocity error (m/s)", "Falls")
 
 
 class TestVerdict:

@@ -312,6 +312,11 @@ class TestApi:
         monkeypatch.setattr("footfall.evaluate.report.films.films_of", lambda _: pytest.fail("it filmed"))
         assert list(api.compare_policies(["stand"], "go1", ["two"], console=console)) == ["stand"]
 
+    def test_a_report_is_a_file(self, ran: SimpleNamespace, console: Console) -> None:
+        with pytest.raises(UserError, match="cannot write the report to /dev/null: give a file name"):
+            api.compare_policies(["stand"], "go1", ["two"], html_path=Path("/dev/null"), console=console)
+        assert ran.order == []
+
     def test_a_policy_named_twice_is_refused(self, ran: SimpleNamespace, console: Console) -> None:
         with pytest.raises(UserError, match="'stand' is named twice"):
             api.compare_policies(["stand", "trot", "stand"], "go1", ["two"], console=console)

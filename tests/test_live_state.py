@@ -2,11 +2,13 @@
 
 import io
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from deploy_policies import Hold, short_episode
 from rich.console import Console
+from scipy.spatial.transform import Rotation
 
 import footfall.live_state
 from footfall.deploy.loop import ControlLoop
@@ -47,7 +49,23 @@ def test_a_state_says_when_what_how_fast_and_how_late(go1: Robot) -> None:
 def test_a_velocity_that_nobody_knows_is_left_out(go1: Robot) -> None:
     loops: list[ControlLoop] = []
     run_episode(go1, Hold(go1), short_episode(duration_s=0.1), lambda loop, _: loops.append(loop))
-    assert "velocity" not in describe(loops[-1], np.full(3, np.nan), 0.1)
+    for unknown in (np.full(3, np.nan), np.array([0.1, np.nan, 0.0])):
+        assert "velocity" not in describe(loops[-1], unknown, 0.1)
+
+
+@pytest.mark.parametrize(("walking", "told"), [(True, "1.3 of 2.5 s"), (False, "4.2 of 2.5 s")])
+def test_every_part_of_a_state_is_its_own(walking: bool, told: str) -> None:
+    """In numbers that all differ; the robot leans by 0.3 rad and looks elsewhere."""
+    attitude = Rotation.from_euler("ZX", [1.1, 0.3]).as_quat()[[3, 0, 1, 2]]
+    loop = SimpleNamespace(
+        walking=walking, walking_s=1.26, walked_s=4.2,
+        state=SimpleNamespace(mode=SimpleNamespace(value="WALKING")),
+        asked_command=(0.5, -0.25, 0.75), sensed=SimpleNamespace(quaternion=attitude), ticks_skipped=7,
+    )  # fmt: skip
+    assert describe(loop, np.array([0.11, -0.22, 9.0]), 2.5) == (  # type: ignore[arg-type]
+        f"{told}, WALKING, command +0.50 -0.25 m/s +0.75 rad/s, velocity +0.11 -0.22 m/s,"
+        " tilt 0.30 rad, 7 ticks late"
+    )
 
 
 def test_away_from_a_terminal_there_are_plain_lines_now_and_then(

@@ -364,8 +364,8 @@ class TestFilms:
             def __exit__(self, *_: object) -> None: ...
 
             def update_scene(self, data: Any, camera: Any, options: Any) -> None:
-                groups = options.geomgroup.copy()
-                seen.append((data.qpos.copy(), data.xpos[1].copy(), camera.lookat.copy(), groups))
+                groups, place = options.geomgroup.copy(), data.xpos[1].copy()
+                seen.append((data.qpos.copy(), place, camera.lookat.copy(), groups, camera.distance))
 
             def render(self) -> np.ndarray:
                 return np.zeros((1, 1, 3), np.uint8)
@@ -386,6 +386,7 @@ class TestFilms:
         np.testing.assert_allclose(first[2], [1.0, 2.0, 0.18])
         np.testing.assert_allclose(second[2], [1.0 + 0.15 * 0.5, 2.0 - 0.15 * 1.0, 0.18])
         assert second[3].tolist() == [1, 1, 1, 0, 0, 0]
+        assert second[4] == pytest.approx(2.7 * 2.0 * go1.description.standing_height_m)
         assert len(drawn) == 4  # two a picture
         expected = arrows(self.task(trace), 50, go1.description.standing_height_m)
         for (where, *arrow), wanted in zip(drawn[2:], expected, strict=True):

@@ -27,6 +27,8 @@ from footfall.pages.snapshots import FINISHED, NEWEST, Exported, Snapshot, Snaps
 from footfall.pages.status import WAITING, Status, as_markdown
 from footfall.pages.walk import Pace, Walk, standing
 from footfall.plant.episode import Episode, run_episode
+from footfall.policies.learned import open_network
+from footfall.policies.observation import observation_size
 from footfall.policies.registry import ZOO
 from footfall.robots.commands import CommandRange
 from footfall.robots.description import Robot, load_robot
@@ -282,6 +284,20 @@ class TestNewestPolicy:
             return run_episode(go1, policy, episode, watch).qpos
 
         assert np.array_equal(walk(replace=True), walk(replace=False))
+
+    def test_it_is_the_new_network_that_decides(self, go1: Robot, tmp_path: Path) -> None:
+        onnx = pytest.importorskip("onnx")
+        from tiny_policy import write_network
+
+        contract = open_network(POLICY)[1]
+        shape = observation_size(contract), len(contract.joints)
+        weights = np.random.default_rng(0).normal(size=shape).astype(np.float32)
+        other = write_network(onnx, tmp_path / "other.onnx", 0.1 * weights, contract)
+        session = NewestPolicy(POLICY, go1)
+        observed = np.ones((1, shape[0]), np.float32)
+        session.replace_network(other)
+        (action,) = session._session.run(None, {"observation": observed})
+        np.testing.assert_allclose(action, 0.1 * observed @ weights, rtol=1e-4, atol=1e-4)
 
     def test_a_network_of_another_contract_is_refused(
         self, go1: Robot, own_folder: Path, tmp_path: Path

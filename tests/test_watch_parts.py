@@ -306,6 +306,17 @@ class TestPanel:
         titles = {curve.metric: curve.title for curve in CURVES}
         assert all(chart.title == titles[name] for name, chart in charts.items())
 
+    def test_a_long_curve_is_thinned_along_both_axes(self, panel: Panel, tmp_path: Path) -> None:
+        path = tmp_path / "metrics.jsonl"
+        rows = [json.dumps({"step": 1_000_000 * k, "reward/total": 3.0 * k}) for k in range(1001)]
+        path.write_text("\n".join(rows) + "\n")
+        metrics = MetricsFile(path)
+        metrics.refresh()
+        panel.draw(metrics)
+        steps, values = panel._charts["reward/total"].data
+        assert len(steps) == len(values) == 400
+        np.testing.assert_allclose(values, 3.0 * steps)
+
     def test_the_status_is_sent_when_it_changes(self, panel: Panel) -> None:
         panel.say("one")
         panel.say("one")
