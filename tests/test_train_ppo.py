@@ -18,6 +18,7 @@ from footfall.robots.symmetry import Mirror
 from footfall.train.brax import ppo
 from footfall.train.brax.networks import make_networks
 from footfall.train.brax.ppo import LEAST_LEARNING_RATE, TrainState, learning_rate_limit
+from footfall.train.brax.symmetry import mirrored
 from footfall.train.config import PpoConfig, load_preset
 
 ENVIRONMENTS, UNROLL, ACTIONS = 8, 4, 2
@@ -312,6 +313,22 @@ class TestMirror:
         still = replace(CONFIG, learning_rate=1e-12, final_learning_rate=0.0, passes=3)
         _, losses = learnt(state, rollout, still, self.SWAP)
         assert losses["kl_mean"] == pytest.approx(0.0, abs=NOT_MOVED)
+
+    def test_what_follows_is_mirrored_as_what_was_seen_is(self) -> None:
+        state, rollout = self.begun()
+        data = jax.tree.map(lambda x: jnp.swapaxes(x, 0, 1), rollout)
+        following = {name: 10.0 + value[:, -1:] for name, value in data.observation.items()}
+        behaviour = (state.normalizer, state.params.policy)
+        image = mirrored(data._replace(next_observation=following), self.SWAP, NETWORKS, behaviour)
+        for name, source in (("state", [1, 0, 2]), ("privileged_state", [1, 0])):
+            np.testing.assert_allclose(image.observation[name], data.observation[name][..., source])
+            np.testing.assert_allclose(image.next_observation[name], following[name][..., source])
+        extras, original = (each.extras["policy_extras"] for each in (image, data))
+        np.testing.assert_allclose(extras["raw_action"], -original["raw_action"][..., ::-1])
+        np.testing.assert_array_equal(extras["log_prob"], original["log_prob"])
+        loc, scale = NETWORKS.policy_network.apply(*behaviour, image.observation)
+        np.testing.assert_allclose(extras["distribution_params"][0], loc, atol=1e-6)
+        np.testing.assert_allclose(extras["distribution_params"][1], scale, atol=1e-6)
 
     def test_images_are_of_observation_and_action_and_of_half_of_the_environments(self) -> None:
         state, rollout = self.begun()

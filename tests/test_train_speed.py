@@ -21,3 +21,11 @@ def test_an_iteration_longer_than_the_window_has_its_own_speed() -> None:
     speed = Speed(0.0, 0)
     speed.after(3 * WINDOW_S, 10)
     assert speed.after(6 * WINDOW_S, 70) == pytest.approx(60 / (3 * WINDOW_S))
+
+
+def test_it_is_of_the_last_five_seconds() -> None:
+    speed = Speed(0.0, 0)
+    for second in range(1, 21):
+        latest = speed.after(float(second), 100 * second if second <= 14 else 1400 + 7 * (second - 14))
+    assert latest == 7.0
+    assert speed.after(21.0, 1449 + 500) == (1449 + 500 - 1414) / 5.0

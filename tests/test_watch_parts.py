@@ -206,15 +206,19 @@ class TestGeometry:
         colours_of = [shape.rgba.tolist() for shape in visible_shapes(model)]
         assert colours_of == [[1, 0, 0, 1], [0, 1, 0, 1], [0.5, 0.5, 0.5, 1]]
 
-    def test_two_meshes_are_not_mixed_up(self) -> None:
+    def test_meshes_are_not_mixed_up(self) -> None:
+        corners = " ".join(f"{x} {y} {z}" for x in (0, 1) for y in (0, 2) for z in (0, 3))
+        box = f'<mesh name="box" vertex="{corners}"/>'
         shapes = " ".join(
             f'<mesh name="m{k}" vertex="0 0 0 {k} 0 0 0 {2 * k} 0 0 0 {3 * k}"/>' for k in (1, 2)
         )
         model = mujoco.MjModel.from_xml_string(
-            f'<mujoco><asset>{shapes}</asset><worldbody><body><geom type="mesh" mesh="m2"/>'
+            f'<mujoco><asset>{box}{shapes}</asset><worldbody><body><geom type="mesh" mesh="box"/>'
+            '<geom type="mesh" mesh="m2"/>'
             '<geom type="mesh" mesh="m1"/></body></worldbody></mujoco>'
         )
-        two, one = visible_shapes(model)
+        edged, two, one = visible_shapes(model)
+        assert len(edged.faces) == 12
         for shape, size in ((one, 1.0), (two, 2.0)):
             turned = Rotation.from_quat(shape.quaternion[[1, 2, 3, 0]]).apply(shape.vertices)
             np.testing.assert_allclose(np.ptp(turned, axis=0), [size, 2 * size, 3 * size], rtol=1e-5)
