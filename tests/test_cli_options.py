@@ -4,6 +4,7 @@ Options are given with values other than their defaults, and no two of one type 
 """
 
 import json
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -420,6 +421,22 @@ class TestTrain:
             (str(tmp_path), "rex", ("gentle",)), {"seed": 5, "json_path": tmp_path / "evaluation.json"},
         )  # fmt: skip
         assert called.of("resume") == ((tmp_path,), {})
+
+    @pytest.mark.parametrize(("older_s", "walks"), [(5, True), (0, False), (-5, False)])
+    def test_a_policy_walks_again_if_it_is_newer_than_its_evaluation(
+        self,
+        shell: Shell,
+        called: Recorder,
+        trained: SimpleNamespace,
+        tmp_path: Path,
+        older_s: int,
+        walks: bool,
+    ) -> None:
+        (tmp_path / "evaluation.json").touch()
+        os.utime(trained.run.policy, (1000, 1000))
+        os.utime(tmp_path / "evaluation.json", (1000 - older_s, 1000 - older_s))
+        assert shell("train").status == 0
+        assert ("evaluate_policy" in called.names) == walks
 
     def test_a_failed_episode_of_it_is_status_1(
         self, shell: Shell, called: Recorder, trained: SimpleNamespace

@@ -213,6 +213,7 @@ class TestPlans:
 class TestCommandSchedule:
     def test_a_command_holds_from_its_time_until_the_next(self) -> None:
         schedule = CommandSchedule((0.0, 2.0), ((1.0, 0.0, 0.0), (0.0, 0.5, 0.0)))
+        assert np.array_equal(schedule(-0.5), [1.0, 0.0, 0.0])  # before it begins, the first
         assert np.array_equal(schedule(0.0), [1.0, 0.0, 0.0])
         assert np.array_equal(schedule(1.999), [1.0, 0.0, 0.0])
         assert np.array_equal(schedule(2.0), [0.0, 0.5, 0.0])

@@ -706,6 +706,19 @@ class TestRslRl:
         assert algorithm["schedule"] == "fixed"
         assert algorithm["symmetry_cfg"] == {"data_augmentation_func": max, "use_data_augmentation": True}
 
+    def test_metrics_are_means_over_steps_and_environments_and_lengths_of_episodes_that_ended(self) -> None:
+        pytest.importorskip("rsl_rl")
+        from footfall.train.rsl_rl.environment import TorchEnvironment
+
+        steps = [{"done": 0.25, "length": 2.0, "a": 1.0}, {"done": 0.5, "length": 5.0, "a": 2.0}]
+        seen: Any = SimpleNamespace(_metrics=list(steps), num_envs=4, _period_s=0.05)
+        metrics = TorchEnvironment.take_metrics(seen)
+        # Three episodes ended, after 28 control steps in all.
+        assert metrics == pytest.approx({"a": 1.5, "episode/length_s": 28 / 3 * 0.05})
+        assert seen._metrics == []
+        seen._metrics.append({"done": 0.0, "length": 0.0, "a": 3.0})
+        assert TorchEnvironment.take_metrics(seen) == {"a": 3.0, "episode/length_s": 0.0}
+
 
 class TestSweep:
     @pytest.fixture

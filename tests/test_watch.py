@@ -558,6 +558,15 @@ class TestCommand:
             with pytest.raises(UserError, match=f"name:{port}: .*in use"):
                 check_page("name", port)
 
+    def test_a_port_that_was_just_let_go_is_free(self) -> None:
+        """The system holds it for a while after a connection that the server ended."""
+        with socket.create_server(("127.0.0.1", 0)) as server:
+            port = server.getsockname()[1]
+            with socket.create_connection(("127.0.0.1", port)) as visitor:
+                server.accept()[0].close()
+                assert visitor.recv(1) == b""
+        check_page("127.0.0.1", port)
+
     @pytest.mark.parametrize("host", ["no.such.host.invalid", "203.0.113.1", "a..b"])
     def test_a_host_that_is_not_ours_is_told(self, shell: Shell, finished: Path, host: str) -> None:
         assert host in shell.refuses("watch", finished, "--host", host)

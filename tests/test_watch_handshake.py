@@ -76,8 +76,9 @@ def test_a_name_that_somebody_else_may_point_here_is_refused(page: int) -> None:
     assert "--host evil.example" in text
 
 
-def test_the_page_is_ours(page: int) -> None:
-    status, text = fetched(page, f"localhost:{page}")
+@pytest.mark.parametrize("path", ["/", "/index.html", "/?initialCameraPosition=1,2,3"])
+def test_the_page_is_ours(page: int, path: str) -> None:
+    status, text = fetched(page, f"localhost:{page}", path)
     assert status == 200
     assert "<title>footfall</title>" in text
     assert "<title>Viser</title>" not in text
