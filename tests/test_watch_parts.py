@@ -482,6 +482,7 @@ class TestSnapshots:
         assert snapshots.exporting == 13
         assert newest_checkpoint(run) == later
         self.write(run / "checkpoints" / "00000009.ckpt", 400)  # the number counts, not the time
+        self.write(run / "checkpoints" / "99999999.ckpt", 500)
         self.write(run / "checkpoints" / "100000000.ckpt", 50)
         assert newest_checkpoint(run) == run / "checkpoints" / "100000000.ckpt"
         assert newest_checkpoint(run.parent) is None
@@ -704,12 +705,17 @@ class TestWalk:
         monkeypatch.setattr(walk, "run_episode", lambda *each: given.append(each) or traces[len(given) - 1])
         ends = []
         for _ in traces:
+            made.walk._next_frame_us = 7_000_000  # of an episode before
             made.walk._episode("policy")
+            assert made.walk._next_frame_us == 0
+            assert isinstance(made.walk._pace, Pace)
             ends.append((made.status.episodes, made.status.falls, made.status.last_fall))
         assert ends == [(1, 1, "it tilted"), (2, 1, "motor 3"), (3, 1, "motor 3")]
         robot, policy, episode, tick = given[0]
         assert (robot.name, policy, episode.duration_s) == ("go1", "policy", 60.0)
         assert episode.command(0.0) is made.panel.command
+        made.panel.command = np.array([0.7, 0.1, -0.2])  # moved meanwhile
+        assert episode.command(5.0) is made.panel.command
         assert tick == made.walk._tick
         assert self.done(made) == ["begin"] * 3
 
