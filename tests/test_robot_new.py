@@ -122,6 +122,24 @@ class TestWhatIsMade:
         robot, _ = two
         assert robot.default_pose[robot.joint_index("left_knee")] > 0.2
 
+    def test_knees_that_bend_backward_are_told(self, tmp_path: Path) -> None:
+        """On two legs they are likely those of a model whose x axis points backward."""
+        backward = BIPED_MJCF.replace('range="0 2.2"', 'range="-2.2 0"').replace("-1.8 0.6", "-0.6 1.8")
+        _, made = make(tmp_path, backward, "xml")
+        assert any("knees bend backward" in guess for guess in made.guesses)
+
+    def test_a_keyframe_that_stands_is_the_default_pose(self, tmp_path: Path) -> None:
+        """By its name, beside another one; a knee beyond the soft limits comes back within them."""
+        joints = ("0.1 0.05 -0.4 0.9 -0.5 -0.05", "-0.1 -0.05 -0.3 0.0 -0.4 0.05")
+        keys = "".join(
+            f'<key name="{name}" qpos="0 0 1 1 0 0 0 {left} {right}"/>'
+            for name, left, right in (("fallen", "0 0 0 1 0 0", "0 0 0 1 0 0"), ("home", *joints))
+        )
+        text = BIPED_MJCF.replace("</mujoco>", f"<keyframe>{keys}</keyframe></mujoco>")
+        robot, _ = make(tmp_path, text, "xml")
+        assert robot.default_pose[:6] == pytest.approx([0.1, 0.05, -0.4, 0.9, -0.5, -0.05])
+        assert robot.default_pose[9] == pytest.approx(0.03 * 2.2, abs=1e-4)
+
     def test_a_sole_becomes_its_corners(self, two: tuple[Robot, Imported]) -> None:
         """Of a box of 0.24 by 0.1 m whose middle is 0.03 m before the ankle; within its outline."""
         robot, _ = two
@@ -142,6 +160,20 @@ class TestWhatIsMade:
         ball = model.geom(robot.description.feet[0].geoms[0])
         assert ball.type[0] == Kind.mjGEOM_SPHERE
         assert ball.pos[2] - ball.size[0] == pytest.approx(-0.31, abs=2e-3)
+
+    def test_balls_beside_a_rod_are_the_foot(self, tmp_path: Path) -> None:
+        """Three balls of unlike sizes that reach 0.06 m down, a rod between them ends 4 mm higher."""
+        balls = "".join(
+            f'<geom type="sphere" pos="{x} {y} {r - 0.06}" size="{r}" mass="0.2"/>'
+            for x, y, r in ((0.14, 0.03, 0.006), (0.13, -0.03, 0.008), (-0.07, 0.0, 0.01))
+        )
+        rod = '<geom type="capsule" fromto="-0.05 0 -0.046 0.1 0 -0.046" size="0.01" mass="0.1"/>'
+        text = re.sub(r'<geom type="box" pos="0.03[^>]*/>', rod + balls, BIPED_MJCF)
+        robot, _ = make(tmp_path, text, "xml")
+        model = mujoco.MjModel.from_xml_path(str(robot.xml_path))
+        for foot in robot.description.feet:
+            assert [float(model.geom(name).size[0]) for name in foot.geoms] == [0.006, 0.008, 0.01]
+        assert (model.geom_type == Kind.mjGEOM_CAPSULE).sum() == 2 * 3
 
     def test_the_gains_hold_the_weight(self, four: tuple[Robot, Imported]) -> None:
         """One frequency for all joints; no joint sags by more than 0.12 rad under the static torque."""

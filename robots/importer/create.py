@@ -58,7 +58,7 @@ def import_robot(request: ImportRequest) -> Imported:
     source = read_source(request.source, request.packages)
     machine, guesses = build_machine(source, _name(folder), request.feet)
     _refuse_unknown(machine, request)
-    pose = standing_pose(machine)
+    pose = standing_pose(machine, source.pose_rad)
     peak = peak_torques(machine, source, request.peak_torque_nm, pose.reach_m)
     machine, armature_guesses = with_armature(machine, peak, request.armature)
     model = mujoco.MjModel.from_xml_string(model_xml(machine))
@@ -68,8 +68,14 @@ def import_robot(request: ImportRequest) -> Imported:
     drive = choose_drive(machine, source, peak, request.speed_rad_s, standing)
     protocols, beyond = choose_protocols(machine, drive, request.protocols)
     apart = _touching_links(model, qpos)
+    if len(machine.legs) == ON_SOLES and pose.knees_forward_m < 0.0:
+        guesses.append(f"the knees bend backward: does x of '{machine.links[0].name}' point forward?")
     guesses.insert(0, f"base: '{machine.links[0].name}', its x axis pointing forward, z up")
-    guesses += [*armature_guesses, *drive.guesses, "default pose: knees bent, centre of mass above the feet"]
+    guesses += [*armature_guesses, *drive.guesses]
+    if source.pose_rad:
+        guesses.append("default pose: of the file's keyframe, the base level")
+    else:
+        guesses.append("default pose: knees bent, centre of mass above the feet")
     guesses.append("bus, id and protocol of each motor are placeholders, and so is the IMU's bus")
     if beyond:
         guesses.append(f"no protocol here carries what {shortened(beyond)} can do: the widest was taken")

@@ -49,23 +49,28 @@ def stand_on(
     if not geoms:
         raise UserError(f"link {link.name} carries a foot, but no collision geometry")
     lows = np.array([g.shape.position @ up - support(g.shape, up) for g in geoms])
-    near = [g for g, low in zip(geoms, lows, strict=True) if low < lows.min() + LEVEL_M]
-    others = [g for g in link.geoms if g not in near]
     lowest = geoms[int(lows.argmin())]
+    near = [g for g, low in zip(geoms, lows, strict=True) if low < lows.min() + LEVEL_M]
+    stands = [g for g in near if _can_stand(g.shape, up)] if _can_stand(lowest.shape, up) else [lowest]
+    replaced = {g.name for g in stands}
+    others = [g for g in link.geoms if g.name not in replaced]
     if len(limb.joints) >= WITH_ANKLE and lowest.points is not None:
-        near = [replace(lowest, shape=fit_sole(lowest.points, up))]
-    elif not all(g.shape.kind in ROUND or is_sole(g.shape, up) for g in near):
-        near = [replace(lowest, shape=_tip(lowest.shape, up))]
-        rest = _shortened(lowest, near[0].shape, up)
+        stands = [replace(lowest, shape=fit_sole(lowest.points, up))]
+    elif not _can_stand(lowest.shape, up):
+        stands = [replace(lowest, shape=_tip(lowest.shape, up))]
+        rest = _shortened(lowest, stands[0].shape, up)
         others += [] if rest is None else [rest]
-    others = [g for g in others if g is not lowest]
-    others += [replace(g, shape=_raised(g.shape, up)) for g in near if is_sole(g.shape, up)]
-    near = [part for g in near for part in (_corners(g, up) if is_sole(g.shape, up) else [g])]
+    others += [replace(g, shape=_raised(g.shape, up)) for g in stands if is_sole(g.shape, up)]
+    parts = [part for g in stands for part in (_corners(g, up) if is_sole(g.shape, up) else [g])]
     feet = tuple(
-        replace(g, name=f"{name}_foot{f'_{i + 1}' if len(near) > 1 else ''}") for i, g in enumerate(near)
+        replace(g, name=f"{name}_foot{f'_{i + 1}' if len(parts) > 1 else ''}") for i, g in enumerate(parts)
     )
     leg = Leg(name, joints, index, tuple(g.name for g in feet))
     return replace(link, geoms=(*others, *feet)), leg
+
+
+def _can_stand(shape: Shape, up: np.ndarray) -> bool:
+    return shape.kind in ROUND or is_sole(shape, up)
 
 
 def is_sole(shape: Shape, up: np.ndarray) -> bool:

@@ -1,5 +1,6 @@
 """MJCF: what footfall needs of it, and what it cannot take."""
 
+import re
 from pathlib import Path
 
 import mujoco
@@ -10,6 +11,7 @@ from footfall.robots.description import load_spec
 from footfall.robots.importer.shapes import hull_points, rotation_of
 from footfall.robots.importer.source import Source, compiled, free_the_base, name_everything
 
+STANDING = re.compile("stand|home|default", re.IGNORECASE)
 LOOPS = (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
 
 
@@ -31,9 +33,20 @@ def read_mjcf(path: Path) -> Source:
         self_collisions=True,
         meshes=_meshes(model),
         peak_torque_nm=_peak_torques(model),
+        pose_rad=_pose(model),
         coupled=frozenset(model.joint(int(joint)).name for joint in coupled),
         guesses=(f"{model.ntendon} tendons were left out",) if model.ntendon else (),
     )
+
+
+def _pose(model: mujoco.MjModel) -> dict[str, float]:
+    """Of the keyframe whose name says that the robot stands in it, else of the first; joints by name."""
+    if not model.nkey:
+        return {}
+    names = [model.key(key).name for key in range(model.nkey)]
+    key = next((key for key, name in enumerate(names) if STANDING.search(name)), 0)
+    hinges = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE).tolist()
+    return {model.joint(j).name: float(model.key_qpos[key, model.jnt_qposadr[j]]) for j in hinges}
 
 
 def _meshes(model: mujoco.MjModel) -> dict[str, np.ndarray]:

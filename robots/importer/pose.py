@@ -3,6 +3,7 @@
 Each leg's joints are found by damped least squares over where its foot should be, from several starts.
 """
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import mujoco
@@ -10,7 +11,9 @@ import numpy as np
 
 from footfall.robots.importer.machine import Leg, Machine
 from footfall.robots.importer.model_xml import model_xml
+from footfall.robots.targets import soft_limits
 
+GIVEN_RANGE = 0.94  # the same of a pose that is given: what the soft limits leave, but for rounding
 USED_RANGE = 0.85  # share of each joint's range, about its middle, that the pose may use
 FARTHEST_RAD = np.pi  # nor does a joint turn farther than this
 UPRIGHT, CROUCHED = 0.95, 0.75  # share of a leg's reach, on two legs and on more
@@ -32,12 +35,19 @@ class Pose(NamedTuple):
 
     joints: dict[str, float]  # rad
     height_m: float  # of the base, feet just touching
+    knees_forward_m: float  # how far the knees are in front of the lines from hips to feet, on average
     reach_m: float  # of the longest leg: from its first joint to the lowest point of its foot, stretched
 
 
-def standing_pose(machine: Machine, seed: int = 0) -> Pose:
-    """A default pose for a machine; the base is level and its x axis points forward."""
-    return _Search(machine, seed).run()
+def standing_pose(machine: Machine, given: Mapping[str, float] | None = None, seed: int = 0) -> Pose:
+    """A default pose for a machine; the base is level and its x axis points forward.
+
+    Args:
+        machine: to stand.
+        given: joints of a pose to take as it is, within the soft limits, rad; empty: one is looked for.
+        seed: of the search.
+    """
+    return _Search(machine, seed).run(given or {})
 
 
 class _Search:
@@ -50,12 +60,29 @@ class _Search:
         mujoco.mj_kinematics(self._model, self._data)
         self._legs = [_LegSearch(self._model, self._data, leg) for leg in machine.legs]
 
-    def run(self) -> Pose:
+    def run(self, given: Mapping[str, float]) -> Pose:
         data, legs = self._data, self._legs
-        shared = self._joints_of_no_leg()
-        data.qpos[[at for at, _, _ in shared]] = [np.clip(0.0, low, high) for _, low, high in shared]
+        for at, low, high in self._joints_of_no_leg():
+            data.qpos[at] = np.clip(0.0, low, high)
         mujoco.mj_kinematics(self._model, data)
         reach = [self._solve(leg, self._lowest_of(leg)).reach for leg in legs]
+        if given:
+            self._take(given)
+        else:
+            self._balance(reach)
+        mujoco.mj_kinematics(self._model, data)
+        joints = {hinge.name: float(data.joint(hinge.name).qpos[0]) for hinge in self._machine.hinges}
+        knees = float(np.mean([leg.knee(data) for leg in legs]))
+        return Pose(joints, -min(leg.foot(data)[2] for leg in legs), knees, max(reach))
+
+    def _take(self, given: Mapping[str, float]) -> None:
+        for hinge in self._machine.hinges:
+            low, high = soft_limits(hinge.low, hinge.high, GIVEN_RANGE)
+            self._data.joint(hinge.name).qpos = np.clip(given[hinge.name], low, high)
+
+    def _balance(self, reach: list[float]) -> None:
+        """Bend the legs, and move the feet until the centre of mass is above their middle."""
+        data, legs = self._data, self._legs
         share = UPRIGHT if len(legs) == 2 else CROUCHED
         ground = max(leg.hip[2] - share * far for leg, far in zip(legs, reach, strict=True))
         targets = [np.array([*leg.natural_place(), ground]) for leg in legs]
@@ -68,10 +95,6 @@ class _Search:
             if abs(shift[1]) < OFF_CENTRE * legs[0].length:
                 shift[1] = 0.0
             targets = [target + np.append(shift, 0.0) for target in targets]
-        mujoco.mj_kinematics(self._model, data)
-        names = [hinge.name for hinge in self._machine.hinges]
-        joints = {name: float(data.joint(name).qpos[0]) for name in names}
-        return Pose(joints, -min(leg.foot(data)[2] for leg in legs), max(reach))
 
     def _joints_of_no_leg(self) -> list[tuple[int, float, float]]:
         own = {name for leg in self._machine.legs for name in leg.joints}

@@ -20,6 +20,7 @@ class Source:
     meshes: dict[str, np.ndarray]  # hull (k, 3) m of each geom that is a mesh, in the frame of its body
     peak_torque_nm: dict[str, float] = field(default_factory=dict)  # of joints for which the file gives it
     speed_rad_s: dict[str, float] = field(default_factory=dict)
+    pose_rad: dict[str, float] = field(default_factory=dict)  # a pose of the file's, if it has one
     coupled: frozenset[str] = frozenset()  # joints that follow another one
     guesses: tuple[str, ...] = ()  # what was assumed while reading, one line each
 
