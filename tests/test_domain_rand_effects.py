@@ -331,7 +331,7 @@ class TestEveryField:
         armature[dofs] *= sample["armature"]
         np.testing.assert_allclose(changed["dof_armature"], armature)
         friction = nominal.geom_friction.copy()
-        feet = [model.geom(foot.geom).id for foot in go1.description.feet]
+        feet = [model.geom(name).id for foot in go1.description.feet for name in foot.geoms]
         friction[[*feet, *np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE)], 0] = 0.37
         np.testing.assert_allclose(changed["geom_friction"], friction)
         np.testing.assert_array_equal(model.body_mass, nominal.body_mass)  # what was handed in is only read
@@ -400,9 +400,12 @@ class TestBodyMap:
         <body name="vane"><joint name="turn" axis="0 0 1"/><geom size=".1" mass="1"/></body>
         <body name="trunk"><freejoint/><geom size=".1"/></body></worldbody></mujoco>"""
 
-    def robot(self, go1: Robot, monkeypatch: pytest.MonkeyPatch, feet: list[int]) -> Robot:
+    def robot(self, go1: Robot, monkeypatch: pytest.MonkeyPatch, feet: list[list[int]]) -> Robot:
         """Whose feet are found at these geoms and whose joints at two degrees of freedom."""
-        monkeypatch.setattr("footfall.domain_rand.bodies.find_feet", lambda *_: np.array(feet))
+        monkeypatch.setattr(
+            "footfall.domain_rand.bodies.find_feet",
+            lambda *_: tuple(np.array(geoms, dtype=int) for geoms in feet),
+        )
         addresses = np.array([7, 8]), np.array([6, 0])
         monkeypatch.setattr("footfall.domain_rand.bodies.joint_addresses", lambda *_: addresses)
         return go1
@@ -412,7 +415,7 @@ class TestBodyMap:
     ) -> None:
         floor = '<geom name="dust" size=".1"/><geom name="floor" type="plane" size="1 1 1"/>'
         model = mujoco.MjModel.from_xml_string(self.XML.format(floor=floor))
-        robot = self.robot(go1, monkeypatch, [4, -1, 0])  # one foot was not found; one is the first geom
+        robot = self.robot(go1, monkeypatch, [[4], [], [0]])  # one foot was not found; one is the first geom
         where = body_map(model, robot)
         assert where.contact_geoms == (0, 1, 4)
         assert where.dofs == (6, 0)
@@ -424,5 +427,5 @@ class TestBodyMap:
         shown = '<geom name="shown" size=".1" contype="0" conaffinity="0"/>'
         touched = '<geom size=".1" contype="0"/><geom size=".1" conaffinity="0"/>'
         model = mujoco.MjModel.from_xml_string(self.XML.format(floor=shown + touched))
-        where = body_map(model, self.robot(go1, monkeypatch, [-1, -1]))
+        where = body_map(model, self.robot(go1, monkeypatch, [[], []]))
         assert where.contact_geoms == (1, 2, 3, 4, 5)

@@ -205,7 +205,7 @@ class TestStep:
             velocity, TILTED.inv().apply(np.asarray(begun.qvel[:3])), rtol=1e-4, atol=1e-6
         )
         assert height == pytest.approx([0.25])
-        radius = np.array([MODEL.geom(foot.geom).size[0] for foot in ROBOT.description.feet])
+        radius = np.array([MODEL.geom(foot.geoms[0]).size[0] for foot in ROBOT.description.feet])
         above = 0.01 * np.arange(1, 5) - radius
         np.testing.assert_allclose(clearance, 10 * above, rtol=1e-4, atol=1e-6)
         np.testing.assert_array_equal(contact, above < 0.002)
@@ -483,7 +483,7 @@ def test_what_is_due_at_once_leaves_what_is_not_alone(begun: State) -> None:
 
 def test_feet_of_two_sizes_have_each_its_own_clearance() -> None:
     model = training_model(ROBOT, 0.005)
-    geoms = [model.geom(foot.geom).id for foot in ROBOT.description.feet]
+    geoms = [model.geom(foot.geoms[0]).id for foot in ROBOT.description.feet]
     model.geom_size[geoms, 0] = [0.01, 0.02, 0.03, 0.04]
     feet = Feet(model, ROBOT, 0.005, None)
     np.testing.assert_allclose(feet.clearance(jnp.full((4, 3), 0.05)), [0.04, 0.03, 0.02, 0.01], rtol=1e-5)
