@@ -1,5 +1,6 @@
 """Whole-body control against statics worked out by hand and MuJoCo's own inverse dynamics."""
 
+from dataclasses import replace
 from typing import Any
 
 import mujoco
@@ -80,8 +81,13 @@ def solved(robot: Robot, dynamics: Dynamics, wanted: Wanted, **changes: Any) -> 
     body = BODIES[robot.name]
     most = changes.get("most_force", np.full(body.points, 1e4))
     torque = changes.get("most_torque", robot.motor.peak_torque)
+    weights = changes.get("weights", CONFIG.weights)
     programmes = Programmes(
-        body.foot_of_point, len(robot.joint_names), body.total_mass, CONFIG.weights, CONFIG.contact
+        body.foot_of_point,
+        len(robot.joint_names),
+        body.total_mass,
+        weights,
+        changes.get("contact", CONFIG.contact),
     )
     programme, meaning = programmes.build(dynamics, wanted, most, -torque, torque)
     x = control_module.BoundedSolver().solve(programme)
@@ -215,6 +221,52 @@ class TestStanding:
         assert not force[:4].any()
         # One foot cannot hold the body from here without a turn or a fall towards the other side.
         assert abs(acceleration[:6]).max() > 0.5
+
+
+class TestMoving:
+    def test_a_foot_in_the_air_accelerates_as_wanted_and_standing_points_come_to_rest(self) -> None:
+        """Of a robot in motion, where the drifts count, and stiffly weighted."""
+        body = BODIES["g1"]
+        rng = np.random.default_rng(8)
+        spin = Motion(
+            normalised(np.array([1.0, 0.02, -0.03, 0.4])),
+            0.1 * rng.normal(size=3),
+            0.5 * rng.normal(size=3),
+            G1.default_pose + 0.05 * rng.normal(size=12),
+            rng.normal(size=12),
+        )
+        dynamics = body.update(spin)
+        wanted = np.zeros((2, 6))
+        wanted[1] = 1.0, -2.0, 3.0, 4.0, -5.0, 6.0
+        most = np.where(body.foot_of_point == 0, 1e4, 0.0)
+        weights = replace(CONFIG.weights, contact=1e6, swing=1e5, swing_attitude=1e5)
+        _, acceleration, _ = solved(
+            *(G1, dynamics, STILL["g1"]._replace(feet=wanted)),
+            most_force=most,
+            weights=weights,
+            contact=replace(CONFIG.contact, friction=5.0),  # so that the foot can be held
+        )
+        foot = dynamics.foot_jacobian[1] @ acceleration + dynamics.foot_drift[1]
+        np.testing.assert_allclose(foot, wanted[1], atol=0.05)
+        left = body.foot_of_point == 0
+        points = dynamics.point_jacobian[left] @ acceleration + dynamics.point_drift[left]
+        slowing = -5.0 * (dynamics.point_jacobian[left] @ dynamics.velocity)
+        # A rigid sole cannot do it at each corner, since these circle about its middle.
+        np.testing.assert_allclose(points.mean(axis=0), slowing.mean(axis=0), atol=0.05)
+        assert np.abs(dynamics.foot_drift[1]).max() > 0.3
+        assert np.abs(dynamics.point_drift[left]).max() > 0.3
+
+    def test_angular_momentum_and_attitude_follow_what_is_wanted(self) -> None:
+        dynamics = standing(BODIES["g1"], G1)
+        rate = np.array([3.0, -4.0, 1.5])
+        heavy = replace(CONFIG.weights, momentum=1e4, attitude=0.0)
+        force, *_ = solved(G1, dynamics, STILL["g1"]._replace(momentum_rate=rate), weights=heavy)
+        turned = np.cross(dynamics.point - dynamics.centre, force).sum(axis=0)
+        np.testing.assert_allclose(turned, rate, atol=0.1)
+        stiff = replace(CONFIG.weights, momentum=0.0, attitude=1e3)
+        goal = np.array([0.5, -0.8, 0.3])
+        _, acceleration, _ = solved(G1, dynamics, STILL["g1"]._replace(attitude=goal), weights=stiff)
+        np.testing.assert_allclose(acceleration[3:6], goal, atol=0.02)
 
 
 class TestLimits:
