@@ -57,10 +57,10 @@ class BaseEstimator:
         self._legs = robot.legs
         self._imu = imu_position(robot)
         self._radius = self._legs.foot_radius[:, None]
-        self._diagonal = np.arange(1 + self._legs.count)
+        self._feet = np.arange(1, 1 + self._legs.count)  # rows of the state
         self._identity = np.eye(1 + self._legs.count)
-        self._place_variance = np.full(1 + self._legs.count, self._config.foot_place_noise**2)
-        self._place_variance[0] = 0.0  # the velocity's comes with its measurements
+        self._place_noise = self._config.foot_place_noise**2 * self._identity
+        self._place_noise[0, 0] = 0.0  # the velocity's comes with its measurements
         body = nominal_body(robot)
         self._leg_inertia = body.leg_inertia
         self._even_force = -GRAVITY[2] * body.mass / self._legs.count
@@ -139,7 +139,7 @@ class BaseEstimator:
         regular = jacobian @ jacobian.transpose(0, 2, 1) + _REGULAR
         force = np.linalg.solve(regular, pushed)[:, :, 0] @ up / self._even_force
         trust = (force - config.contact_force_low) / (config.contact_force_high - config.contact_force_low)
-        return np.minimum(np.maximum(trust, 0.0), 1.0)
+        return trust.clip(0.0, 1.0)
 
     def _predict(
         self, acceleration: np.ndarray, foot_velocity: np.ndarray, noise: np.ndarray, dt_s: float
@@ -152,7 +152,7 @@ class BaseEstimator:
             noise: (legs,) factor on the variance of each foot's drift.
             dt_s: time that passes.
         """
-        config, diagonal = self._config, self._diagonal
+        config, feet = self._config, self._feet
         transition = self._identity.copy()
         transition[1:, 0] = -dt_s
         self._state = transition @ self._state
@@ -160,7 +160,7 @@ class BaseEstimator:
         self._state[1:] += (foot_velocity - acceleration * (dt_s / 2)) * dt_s
         self._covariance = transition @ self._covariance @ transition.T
         self._covariance[0, 0] += (config.acceleration_noise * dt_s) ** 2
-        self._covariance[diagonal[1:], diagonal[1:]] += (config.foot_drift_noise * dt_s) ** 2 * noise
+        self._covariance[feet, feet] += (config.foot_drift_noise * dt_s) ** 2 * noise
 
     def _correct(self, velocity: np.ndarray, place: np.ndarray, noise: np.ndarray) -> None:
         """Kalman's correction: gain P (P + R)^-1, since the state itself is measured.
@@ -173,14 +173,12 @@ class BaseEstimator:
             place: (legs, 3) m, measurements of r, each of its own leg.
             noise: (legs,) factor on the variance of each leg's measurement of v.
         """
-        config, diagonal = self._config, self._diagonal
-        certainty = 1.0 / (config.foot_velocity_noise**2 * noise)
+        certainty = 1.0 / (self._config.foot_velocity_noise**2 * noise)
         total = certainty.sum()
         innovation = -self._state
         innovation[0] += certainty @ velocity / total
         innovation[1:] += place
-        measured = self._covariance.copy()
-        measured[diagonal, diagonal] += self._place_variance
+        measured = self._covariance + self._place_noise
         measured[0, 0] += 1.0 / total
         gain = np.linalg.solve(measured, self._covariance).T
         self._state += gain @ innovation

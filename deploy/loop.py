@@ -149,7 +149,7 @@ class ControlLoop:
         self._supervise(signals)
         mode = self.state.mode
         if mode is Mode.WALKING:
-            self._estimate_base(self._policy.stance())
+            self._estimate_base()
             if now_us >= self._next_policy_us:
                 self._policy_step()
                 self._supervise(signals._replace(**self._policy_signals()))
@@ -175,7 +175,7 @@ class ControlLoop:
         if mode is Mode.WALKING and self._decision is not None:
             return self._joints.command(self._decision)
         if mode is Mode.STANDING:
-            self._estimate_base(None)
+            self._estimate_base()
             return self._joints.command(self._standing())
         if mode in DAMPED:
             return self._joints.damping(self._config.safety.damping_kd)
@@ -227,13 +227,14 @@ class ControlLoop:
             raise ValueError(f"it decides on shape {values.shape}, expected (5, {len(self._zeros)})")
         return math.isfinite(values.sum())
 
-    def _estimate_base(self, stance: np.ndarray | None) -> None:
+    def _estimate_base(self) -> None:
         if self.base_state is not None:
             self.estimate = self.base_state()
         elif self._estimator is not None:
             elapsed_us = self.now_us - self._estimated_us
-            due = self.state.mode is Mode.WALKING and self.now_us >= self._next_policy_us
+            due = self.walking and self.now_us >= self._next_policy_us
             if due or elapsed_us >= self._estimate_every_us:
+                stance = self._policy.stance() if self.walking else None
                 self.estimate = self._estimator.update(self.sensed, stance, elapsed_us * 1e-6)
                 self._estimated_us = self.now_us
 
