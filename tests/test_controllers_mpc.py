@@ -93,7 +93,7 @@ class TestState:
         policy = Mpc(ROBOT)
         policy.reset(standing(1.0))
         for tick in range(1000):
-            policy.act(standing(1.0, time_s=1.0 + tick / 500, command=(1.0, 0.0, 1.0)))
+            policy.act(standing(1.0, time_s=1.0 + tick / policy.rate_hz, command=(1.0, 0.0, 1.0)))
         reference = policy._reference(policy._follow(standing(1.0), 0.0))
         x, _, z = nominal_body(ROBOT).centre
         first = CONFIG.horizon.step_s
@@ -129,7 +129,7 @@ class TestSwingBegins:
         policy = Mpc(ROBOT)
         policy.reset(standing())
         for tick in range(2):
-            command = policy.act(standing(time_s=1.0 + tick / 500, command=(0.5, 0.0, 0.0)))
+            command = policy.act(standing(time_s=1.0 + tick / policy.rate_hz, command=(0.5, 0.0, 0.0)))
         swinging = LEGS.gather(command.kp)[:, 0] > 0
         assert swinging.sum() == 2
         angles = LEGS.gather(command.position)
@@ -143,7 +143,7 @@ class TestSwingBegins:
         policy.act(standing())
         monkeypatch.setattr(policy._solver, "solve", lambda problem: None)
         for tick in range(3):
-            policy.act(standing(time_s=1.0 + tick / 500, command=(0.5, 0.0, 0.0)))
+            policy.act(standing(time_s=1.0 + tick / policy.rate_hz, command=(0.5, 0.0, 0.0)))
         pressed = policy._force[:, 2] > 1.0
         np.testing.assert_array_equal(pressed, policy._stands)
         assert pressed.sum() == 2
