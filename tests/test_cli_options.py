@@ -751,4 +751,4 @@ class TestEndings:
         assert shell.refuses("watch").endswith("(see footfall watch --help)")
         assert shell.refuses("dance").endswith("(see footfall --help)")
         assert shell.refuses("").endswith("(see footfall --help)")
-        assert "an empty argument" in shell.refuses("train", "--out", "")
+        assert "an empty argument" in shell.refuses("watch", "run", "--host", "")

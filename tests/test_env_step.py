@@ -42,6 +42,8 @@ from footfall.envs.physics import Drive, Fields, Motion, Trace, joint_effort
 from footfall.envs.start import Start
 from footfall.envs.state import State, Step
 from footfall.envs.velocity import VelocityEnv, make_contract
+from footfall.envs.workarounds.fewer_kernels import segment_sum
+from footfall.envs.workarounds.undisturbed import UNDISTURBED
 from footfall.policies.action import joint_target
 from footfall.policies.contract import CommandRange, Term
 from footfall.policies.observation import moving
@@ -631,3 +633,20 @@ class TestGymnasium:
             "error",
             "_error",
         }
+
+
+def test_rows_of_other_segments_are_no_part_of_a_sum_over_one() -> None:
+    rows = jnp.array([[1.0, 2.0], [10.0, 20.0], [100.0, 200.0]])
+    for ids, total in (([0, 0, 0], [111.0, 222.0]), ([0, 1, 0], [101.0, 202.0])):
+        np.testing.assert_allclose(segment_sum(rows, np.array(ids), 1), [total])
+
+
+def test_mujoco_is_undisturbed_until_the_last_of_those_inside_has_left() -> None:
+    before = mujoco.get_mju_user_warning()
+    with UNDISTURBED:
+        inside = mujoco.get_mju_user_warning()
+        assert inside is not before
+        with UNDISTURBED:
+            assert mujoco.get_mju_user_warning() is inside
+        assert mujoco.get_mju_user_warning() is inside  # the first is still inside
+    assert mujoco.get_mju_user_warning() is before
