@@ -19,6 +19,7 @@ from footfall.deploy import messages
 from footfall.deploy.log import McapLog, flatten, unflatten
 from footfall.deploy.recover import recover
 from footfall.deploy.replay import read_log, replay
+from footfall.deploy.safety import Mode, State
 from footfall.plant.episode import run_episode
 from footfall.plant.trace import Trace
 from footfall.policies.policy import Observation, Sensed
@@ -255,3 +256,16 @@ class TestBadInput:
     def test_a_missing_log_is_named(self, go1: Robot, tmp_path: Path) -> None:
         with pytest.raises(UserError, match="cannot read the log"):
             replay(tmp_path / "none.mcap", Hold(go1))
+
+
+def test_readings_are_apart_by_the_log_rate_also_after_a_pause(go1: Robot, tmp_path: Path) -> None:
+    path = tmp_path / "pause.mcap"
+    log = McapLog(path, go1, Hold(go1), every_us=10_000, facts={}, start_ns=0)
+    still = Sensed(np.zeros(3), np.zeros(3), np.array([1.0, 0, 0, 0]), *np.zeros((3, 12)))
+    for now_us in (0, 8_000, 45_000, 46_000, 54_000, 55_000):
+        log.tick(now_us, still, np.zeros(12))
+    log.state(60_000, State(Mode.ESTOP, 0.06, ("first", "second")))
+    log.close()
+    entries = read_log(path).entries
+    assert [entry.time_ns for entry in entries if entry.topic == "/imu"] == [0, 45_000_000, 55_000_000]
+    assert [entry.message.data for entry in entries if entry.topic == "/state"] == ["ESTOP: second"]

@@ -9,6 +9,7 @@ import yaml
 from shell import Shell
 
 from footfall.common.errors import UserError
+from footfall.policies import registry
 from footfall.policies.policy import Policy
 from footfall.policies.registry import (
     CONTROLLERS,
@@ -141,3 +142,14 @@ def test_settings_that_cannot_work_are_refused_before_anything_moves(
     message = refusal(controller, load_robot(own_folder))
     assert message.startswith(f"{settings}: {controller}: ")
     assert complaint in message
+
+
+def test_a_robots_policies_are_those_of_its_whole_name(
+    go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("go1-flat", "go10-flat", "go1x", "go1-rough"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "policy.onnx").write_text("")
+    monkeypatch.setattr(registry, "ZOO", tmp_path)
+    assert registry.zoo_names(go1) == ["go1-flat", "go1-rough"]
+    assert len(registry.zoo_names()) == 4

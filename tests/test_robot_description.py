@@ -181,3 +181,24 @@ def test_each_leg_has_a_bus_of_its_own(go1: Robot) -> None:
         for foot in go1.description.feet
     }
     assert sorted(bus for used in buses.values() for bus in used) == ["can0", "can1", "can2", "can3"]
+
+
+def test_a_folder_is_known_by_its_full_path(own_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whoever changes the working folder later still finds its files."""
+    monkeypatch.chdir(own_folder.parent)
+    assert load_robot(own_folder.name).folder == own_folder.resolve()
+
+
+@pytest.mark.parametrize(("share", "refused"), [(0.99, False), (1.01, True)])
+def test_an_action_of_1_moves_no_joint_further_than_its_range(
+    go1: Robot, own_folder: Path, share: float, refused: bool
+) -> None:
+    widest = (go1.action_scale / (go1.upper_rad - go1.lower_rad)).max()
+    declaration = own_folder / "robot.yaml"
+    wanted = share * go1.description.gains.torque_share / widest
+    declaration.write_text(declaration.read_text().replace("torque_share: 0.3", f"torque_share: {wanted}"))
+    if refused:
+        with pytest.raises(UserError, match="lets an action of 1 move joint"):
+            load_robot(own_folder)
+    else:
+        load_robot(own_folder)

@@ -418,3 +418,12 @@ def test_a_foot_may_be_a_quarter_of_its_link_from_its_place(
     path = changed_plant(go1, tmp_path / "plant.xml", ('<geom name="FR_foot" class="foot"/>', feet))
     plant = read_plant(go1, path)
     assert plant.feet[0].tolist() == ([plant.model.geom("toe").id] if found else [])
+
+
+def test_one_geom_that_serves_for_two_of_a_foot_counts_once(go1: Robot, tmp_path: Path) -> None:
+    feet = list(go1.description.feet)
+    feet[0] = replace(feet[0], geoms=("FR_foot", "FR_foot"))
+    robot = replace(go1, description=replace(go1.description, feet=tuple(feet)))
+    path = changed_plant(go1, tmp_path / "plant.xml", ('"FR_foot"', '"toe"'))
+    plant = read_plant(robot, path)
+    assert plant.feet[0].tolist() == [plant.model.geom("toe").id]

@@ -1,5 +1,6 @@
 """The standing height: where the feet touch, and refused where they do not."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -10,7 +11,7 @@ from footfall.common.errors import UserError
 from footfall.robots.description import Robot, load_robot, load_spec
 from footfall.robots.model import joint_addresses
 from footfall.robots.rigid_body import nominal_body
-from footfall.robots.stance import in_default_pose, touching_height
+from footfall.robots.stance import foot_places, in_default_pose, touching_height
 
 # Thigh and shank of 0.213 m at 0.9 rad, then the hip's 0.08 m, all turned by 0.1 rad.
 FOOT_BELOW_BASE_M = 2 * 0.213 * np.cos(0.9) * np.cos(0.1) + 0.08 * np.sin(0.1)
@@ -138,3 +139,12 @@ def test_a_legs_inertia_is_what_its_joints_feel(odd: Robot) -> None:
         mujoco.mj_inverse(model, data)
         np.testing.assert_allclose(data.qfrc_inverse[dofs[leg]], inertia @ wanted, atol=1e-9)
         assert np.abs(data.qfrc_inverse[base]).max() > 0.1
+
+
+def test_a_foot_of_several_geoms_is_in_their_middle(go1: Robot) -> None:
+    feet = list(go1.description.feet)
+    feet[1] = replace(feet[1], geoms=("FL_foot", "FR_foot"))
+    model = load_spec(go1.xml_path).compile()
+    places = foot_places(replace(go1.description, feet=tuple(feet)), model)
+    np.testing.assert_allclose(places[1], (places[0] + foot_places(go1.description, model)[1]) / 2)
+    assert places[1, 1] == pytest.approx(0.0, abs=1e-9)
