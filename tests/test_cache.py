@@ -7,7 +7,8 @@ import pytest
 from footfall.common import cache
 from footfall.common.cache import compilation_cache, processor_kind
 
-CORE = "processor: {core}\nmodel name: {model}\ncpu MHz: {clock}\nflags: {flags}\n\n"
+# As Linux writes it: a tab before the colon.
+CORE = "processor\t: {core}\nmodel name\t: {model}\ncpu MHz\t\t: {clock}\nflags\t\t: {flags}\n\n"
 
 
 @pytest.fixture

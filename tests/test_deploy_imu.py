@@ -66,6 +66,16 @@ def test_a_whole_reading_is_read_alike_at_once_and_frame_by_frame() -> None:
         assert reader.heard_us == 1000 * counter
 
 
+def test_an_imu_is_heard_once_each_kind_of_frame_has_come() -> None:
+    reader = imu.ImuReader(channel=1)
+    data = imu.encode(imu.Inertial([0.1, 0.2, 0.3], [0.0, 0.0, 9.8], [1.0, 0.0, 0.0, 0.0]), 1)
+    one, heard = np.ones(1, int), []
+    for kind in (0, 2, 1):
+        reader.absorb(Frames(one, np.array([imu.IDS[kind]]), data[[kind]], np.full(1, 8)), 1000 + kind)
+        heard.append(reader.heard_us)
+    assert heard == [None, None, 1000]  # the counter is in the gyro's frame
+
+
 def test_an_imu_on_another_bus_is_not_listened_to() -> None:
     reader = imu.ImuReader(channel=1)
     channel, identifier, length = np.full(3, 0), np.array(imu.IDS), np.full(3, 8)

@@ -1,6 +1,8 @@
 """The parts of the simulated machine, each by itself: truth, motors, sensors, wires, what a trial records."""
 
 from collections import deque
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -22,6 +24,8 @@ from footfall.deploy.wiring import wire
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.sample import Sample
 from footfall.plant import episode as episode_module
+from footfall.plant import serve
+from footfall.plant.bus import SimulatedBus
 from footfall.plant.energy import EnergyMeter
 from footfall.plant.episode import Episode, Push, _Trial, run_episode
 from footfall.plant.ground_truth import GroundTruth
@@ -842,3 +846,28 @@ def test_what_an_episode_asks_for_reaches_plant_and_session(
     velocity, height = seen["base"]()
     np.testing.assert_array_equal(velocity, [1.0, 2.0, 3.0])
     assert height == pytest.approx(9.0 - 1.0)
+
+
+def test_what_the_host_sent_and_a_full_wire_refused_is_the_hosts(go1: Robot) -> None:
+    wires = SimulatedWires(wire(go1).buses, host_queue=3)
+    bus = SimulatedBus(wires, SimpleNamespace(time_us=1000))  # type: ignore[arg-type]
+    channel = np.array([1] * 5 + [2] * 4)
+    frames = Frames(channel, np.full(9, 1), np.zeros((9, 8), np.uint8), np.full(9, 8))
+    wires.send(Side.HOST, frames, 0)
+    wires.refused[Side.ROBOT] = [7, 8, 9, 10]
+    assert [statistics.frames_refused for statistics in bus.statistics()] == [0, 2, 1, 0]
+
+
+def test_the_stand_in_robot_takes_its_options(monkeypatch: pytest.MonkeyPatch) -> None:
+    taken = []
+
+    @contextmanager
+    def serving(robot: Robot, interface: str, config: PlantConfig) -> Iterator[None]:
+        taken.append((robot.name, interface, config))
+        yield
+
+    monkeypatch.setattr(serve, "serving", serving)
+    options = "--robot hexapod --bus virtual --plant other.xml --motor-timeout 0.7 --duration 0.0"
+    monkeypatch.setattr("sys.argv", ["serve", *options.split()])
+    serve.main()
+    assert taken == [("hexapod", "virtual", PlantConfig(Path("other.xml"), motor_timeout_s=0.7))]
