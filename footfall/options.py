@@ -54,7 +54,7 @@ OptionalPath = Annotated[Path | None, AS_TYPED]
 
 PolicyName = Annotated[
     str,
-    Parameter(help="A run folder, an .onnx file, a name in the zoo, or a controller: stand, trot, mpc."),
+    Parameter(help="A run folder, an .onnx file, a name in the zoo, or a controller of the robot (stand)."),
 ]
 RobotName = Annotated[str, Parameter(help="Name of a robot, or a folder with its robot.yaml.")]
 Seed = Annotated[
