@@ -100,6 +100,12 @@ class ScenarioFile:
         return {name: self.scenarios[name] for name in names}
 
 
+def described() -> dict[str, Scenario]:
+    """Our scenarios by name, for whoever wants to read of them; commands are as shares of a robot's range."""
+    shares = CommandRange((-1.0, 1.0), (-1.0, 1.0), (-1.0, 1.0))
+    return structure(_in_units(read_yaml(DEFAULT), shares), ScenarioFile, str(DEFAULT)).scenarios
+
+
 def load_scenarios(commands: CommandRange, own: Path | None = None) -> ScenarioFile:
     """The scenarios for a robot, its commands in m/s and rad/s.
 

@@ -19,6 +19,7 @@ from footfall.verbs.diagnose import diagnose
 from footfall.verbs.doctor import doctor
 from footfall.verbs.evaluate import evaluate
 from footfall.verbs.export import export
+from footfall.verbs.list import list_names
 from footfall.verbs.log import log
 from footfall.verbs.replay import replay
 from footfall.verbs.robot import robot
@@ -53,6 +54,7 @@ for verb in (
     doctor,
 ):
     app.command(verb)
+app.command(list_names, name="list")
 
 
 def main(tokens: Sequence[str] | None = None) -> int:

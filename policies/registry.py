@@ -17,18 +17,44 @@ class Controller(NamedTuple):
 
     module: str
     name: str  # of its class, which is built from a robot
-    walks: bool
+    about: str
+    walks: bool = True
     arguments: tuple[str, ...] = ()  # after the robot
 
 
-WALKS = ("tripod", "ripple", "wave")  # the gait generator, by the gait that it begins with
+def _gait(name: str) -> Controller:
+    """The gait generator, which begins with this gait."""
+    about = f"the gait generator's {name}: feet by clock and inverse kinematics"
+    return Controller("footfall.policies.controllers.walk", "Walk", about, arguments=(name,))
+
+
 CONTROLLERS = {
-    "stand": Controller("footfall.policies.controllers.stand", "Stand", walks=False),
-    "trot": Controller("footfall.policies.controllers.trot", "Trot", walks=True),
-    "mpc": Controller("footfall.policies.controllers.mpc", "Mpc", walks=True),
-    "balance": Controller("footfall.policies.controllers.balance", "Balance", walks=False),
-    "step": Controller("footfall.policies.controllers.step", "Step", walks=True),
-    **{gait: Controller("footfall.policies.controllers.walk", "Walk", True, (gait,)) for gait in WALKS},
+    "stand": Controller(
+        "footfall.policies.controllers.stand",
+        "Stand",
+        "stands in the default pose, levelled by the IMU",
+        False,
+    ),
+    "trot": Controller(
+        "footfall.policies.controllers.trot",
+        "Trot",
+        "trots by clock and inverse kinematics, balanced by the IMU",
+    ),
+    "mpc": Controller(
+        "footfall.policies.controllers.mpc", "Mpc", "convex model-predictive control of the feet's forces"
+    ),
+    "balance": Controller(
+        "footfall.policies.controllers.balance",
+        "Balance",
+        "stands, by whole-body control of its momentum",
+        False,
+    ),
+    "step": Controller(
+        "footfall.policies.controllers.step",
+        "Step",
+        "walks on two legs: planned footsteps, whole-body control",
+    ),
+    **{name: _gait(name) for name in ("tripod", "ripple", "wave")},
 }
 
 

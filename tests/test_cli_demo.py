@@ -35,6 +35,24 @@ def test_it_goes_from_training_to_a_report(
     assert str((tmp_path / "demo" / "report.html").resolve()) in outcome.out
 
 
+@pytest.mark.parametrize(
+    ("robot", "walkers", "half_speed"),
+    [("hexapod", ["hexapod-flat", "tripod", "ripple", "wave"], "0.125"), ("g1", ["g1-flat", "step"], "0.4")],
+)
+def test_another_robot_is_asked_for_its_own_controllers_and_speed(
+    steps: list[tuple[str, ...]],
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    robot: str,
+    walkers: list[str],
+    half_speed: str,
+) -> None:
+    Shell(capsys)("demo", "--robot", robot, "--out", tmp_path / "demo")
+    _, _, deploy, compare = steps
+    assert list(compare[2 : compare.index("--robot")]) == walkers
+    assert deploy[deploy.index("--command") + 1] == f"{half_speed},0,0"
+
+
 def test_what_the_last_step_needs_is_known_before_the_first(
     steps: list[tuple[str, ...]], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

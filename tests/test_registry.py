@@ -55,8 +55,21 @@ class TestControllers:
         robot = load_robot(own_folder)
         assert controllers_of(robot) == ["stand", "trot"]
         assert walking_controllers(robot) == ["trot"]
-        assert "no settings for 'mpc'" in refusal("mpc", robot)
+        assert "'go1' has no settings for 'mpc': it has stand, trot (a section 'mpc' in" in refusal(
+            "mpc", robot
+        )
         assert "give one of stand, trot, go1-flat," in refusal("dance", robot)
+
+    @pytest.mark.parametrize(
+        ("robot", "foreign", "has"),
+        [("hexapod", "trot", "stand, tripod, ripple, wave"), ("g1", "tripod", "stand, balance, step")],
+    )
+    def test_another_robots_controller_is_answered_with_its_own(
+        self, robot: str, foreign: str, has: str
+    ) -> None:
+        assert f"'{robot}' has no settings for '{foreign}': it has {has} (" in refusal(
+            foreign, load_robot(robot)
+        )
 
     def test_a_robot_without_settings_has_none(self, own_folder: Path) -> None:
         (own_folder / "controllers.yaml").unlink()

@@ -50,11 +50,12 @@ def demo(*, options: DemoOptions = DemoOptions()) -> None:
         raise UserError(f"{folder} exists and is not empty: give another --out")
     run, report = folder / "trained", folder / "report.html"
     others = [*zoo_names(robot), *walking_controllers(robot)]
+    command = f"{0.5 * robot.description.commands.forward_m_s[1]:g},0,0"
     shared = ["--robot", options.robot, "--seed", str(options.seed)]
     _step("train", *shared, "--no-evaluate", "--preset", options.preset, "--out", str(run))
     _step("export", str(run), "--out", str(folder / "policy.onnx"))
     _step(
-        *("deploy", str(run), *shared, "--command", "0.5,0,0", "--duration", "10"),
+        *("deploy", str(run), *shared, "--command", command, "--duration", "10"),
         *("--log", str(folder / "walk.mcap"), "--json", str(folder / "walk.json")),
         tolerated=(FELL,),
     )

@@ -37,6 +37,7 @@ def controller_settings(robot: Robot, controller: str, cls: type[T]) -> T:
     sections = configured_controllers(robot)
     if controller not in sections:
         raise UserError(
-            f"robot '{robot.name}' has no settings for '{controller}': give {path} a section '{controller}'"
+            f"robot '{robot.name}' has no settings for '{controller}': it has {', '.join(sections) or 'none'}"
+            f" (a section '{controller}' in {path} would add it)"
         )
     return structure(sections[controller], cls, f"{path}: {controller}")
