@@ -55,11 +55,11 @@ class JointLayer:
     def command(self, wanted: JointCommand) -> Frames:
         """Frames for one tick of a wanted command with finite numbers.
 
-        The position target stays inside the soft limits and moves no faster than the robot's target rate. The
-        feed-forward torque takes back what the PD law would ask beyond the motor's limits at the measured
-        position and speed.
+        The position target stays inside the soft limits and moves no faster than the robot's target rate.
+        Where the PD law would ask a motor for more than its limits at the measured position and speed,
+        stiffness, damping and feed-forward torque are lowered together.
         """
-        target = limit_target(
+        self._target = limit_target(
             wanted.position,
             self._target,
             self._lower,
@@ -67,19 +67,27 @@ class JointLayer:
             self._robot.description.target_rate_rad_s,
             self._tick_s,
         )
-        self._target = target
-        limited = JointCommand(target, *wanted[1:])
-        position, velocity, _ = self._joints
-        asked = pd_torque(limited, position, velocity)
-        values = np.array(limited)
-        values[4] -= asked - limit_torque(asked, velocity, self._robot.motor)
-        return self._driver.command(values)
+        return self._frames(np.array((self._target, *wanted[1:]), dtype=float))
 
     def damping(self, kd: float) -> Frames:
-        """Frames that only damp the joints, kd in N m s/rad."""
+        """Frames that only damp the joints, kd in N m s/rad, within the motors' limits."""
         values = np.zeros((5, len(self._target)))
         values[3] = kd
         self._target = self._joints[0].copy()
+        return self._frames(values)
+
+    def _frames(self, values: np.ndarray) -> Frames:
+        """Frames of a command (5, n) that asks no motor for more than it can do; `values` is written to.
+
+        What a frame cannot say is cut off first, since what the motor is asked for depends on it.
+        """
+        np.maximum(values, self._driver.lowest, out=values)
+        np.minimum(values, self._driver.highest, out=values)
+        position, velocity, _ = self._joints
+        asked = pd_torque(JointCommand(*values), position, velocity)
+        possible = limit_torque(asked, velocity, self._robot.motor)
+        if (asked != possible).any():
+            values[2:] *= _share(possible, asked)
         return self._driver.command(values)
 
     # -- in ------------------------------------------------------------------------------------------
@@ -126,3 +134,13 @@ class JointLayer:
             self._joints[:, motor] = values
             self._error[motor] = error
         self._motor_us[motor] = now_us
+
+
+def _share(possible: np.ndarray, asked: np.ndarray) -> np.ndarray:
+    """The share of an asked torque that is possible, (n,), 0 to 1.
+
+    None of it where a motor past its no-load speed can only brake, and is asked to push on.
+    """
+    share = (possible == asked).astype(float)
+    np.divide(possible, asked, out=share, where=np.abs(possible) < np.abs(asked))
+    return share.clip(0.0, 1.0)

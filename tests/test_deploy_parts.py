@@ -374,18 +374,18 @@ class TestJointLayer:
             RNG.uniform(-2.0, 2.0, 12),
             RNG.uniform(20.0, 60.0, 12),
             RNG.uniform(0.5, 2.0, 12),
-            np.where(ROWS % 2, 40.0, -1.0) * RNG.uniform(0.9, 1.1, 12),
+            np.where(ROWS % 2, 24.0, -1.0) * RNG.uniform(0.9, 1.04, 12),
         )
         frames = layer.command(wanted)
         sent = JointCommand(*open_motor_end(wire(go1)).requests(frames).values)
-        for ours, theirs, atol in zip(sent[:4], wanted[:4], (4e-4, 0.02, 0.13, 2e-3), strict=True):
-            np.testing.assert_allclose(ours, theirs, atol=atol)
         pd = wanted.kp * (wanted.position - sensed.joint_position)
         pd += wanted.kd * (wanted.velocity - sensed.joint_velocity)
-        limited = limit_torque(pd + wanted.torque, sensed.joint_velocity, go1.motor)
-        most = np.tile([25.0, 25.0, 65.0], 4)  # that a frame can say
-        assert 3 <= (limited != pd + wanted.torque).sum() < 12
-        np.testing.assert_allclose(sent.torque, np.clip(limited - pd, -most, most), atol=0.05)
+        asked = pd + wanted.torque
+        share = limit_torque(asked, sensed.joint_velocity, go1.motor) / asked
+        assert 2 <= (share < 1.0).sum() < 12
+        lowered = JointCommand(*wanted[:2], *(share * np.array(wanted[2:])))
+        for ours, theirs, atol in zip(sent, lowered, (4e-4, 0.02, 0.07, 2e-3, 0.02), strict=True):
+            np.testing.assert_allclose(ours, theirs, atol=atol)
         np.testing.assert_array_equal(layer.target, wanted.position)
 
     def test_each_target_moves_at_most_its_rate_at_each_tick(self, go1: Robot, layer: JointLayer) -> None:

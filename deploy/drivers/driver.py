@@ -28,6 +28,8 @@ class Driver(Protocol):
     """The controller's end of a protocol."""
 
     filters: tuple[CanFilter, ...]  # of the frames that motors send
+    lowest: np.ndarray  # (5, n) what a command can say, in the rows of a `JointCommand`
+    highest: np.ndarray
 
     def enable(self) -> Frames:
         """Frames that switch every motor on. Motors answer them."""

@@ -49,6 +49,7 @@ class MitDriver:
         """Raises UserError for a motor, or a motor id, that MIT mode does not know."""
         n = len(wiring.motor_id)
         self._codec = mit.Codec(wiring.models)
+        self.lowest, self.highest = self._codec.lowest, self._codec.highest
         self._lookup = _lookup(wiring)
         self._everyone = np.arange(n)
         self._ids = wiring.motor_id.astype(np.uint8).tobytes()

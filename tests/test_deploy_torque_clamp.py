@@ -1,0 +1,127 @@
+"""Whatever is decided and whatever is read, no frame asks a motor for more than it can do."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from footfall.deploy.drivers.choice import open_driver, open_motor_end
+from footfall.deploy.drivers.driver import Driver, MotorEnd
+from footfall.deploy.frames import Frames
+from footfall.deploy.joint_layer import JointLayer
+from footfall.deploy.wiring import wire
+from footfall.robots.actuator import JointCommand, Motor
+from footfall.robots.description import load_robot
+
+ROBOT = load_robot("go1")
+WIRING = wire(ROBOT)
+STIFF = replace(WIRING, models=("MIT-65-500",) * 12)  # frames that can say ten times what the motors can do
+N = 12
+
+anything = st.floats(-1e300, 1e300)
+usual = st.floats(-3.0, 3.0)
+decisions = arrays.arrays(float, (5, N), elements=st.one_of(usual, st.floats(-600.0, 600.0), anything))
+readings = arrays.arrays(float, (3, N), elements=st.floats(-1.0, 1.0))  # of what a frame can say
+wirings = st.sampled_from([WIRING, STIFF])
+
+
+class Ends:
+    """A joint layer that has read something, and the motors that hear it."""
+
+    def __init__(self, wiring: object, share: np.ndarray, target: np.ndarray) -> None:
+        self.driver: Driver = open_driver(wiring)  # type: ignore[arg-type]
+        self.motors: MotorEnd = open_motor_end(wiring)  # type: ignore[arg-type]
+        self.layer = JointLayer(ROBOT, self.driver, WIRING.imu_channel, 0.002)
+        reading = share * self.driver.highest[[0, 1, 4]]
+        self.layer.absorb([self.motors.reply(slice(None), reading, 30, np.zeros(N, np.uint64))], 0)
+        self.layer.begin_at(target)
+
+    def heard(self, frames: Frames) -> JointCommand:
+        return JointCommand(*self.motors.requests(frames).values)
+
+    def excess(self, frames: Frames) -> np.ndarray:
+        """Torque that the motors are asked for beyond what they can do, N m, less what rounding may cost."""
+        sensed, heard = self.layer.sensed(), self.heard(frames)
+        error, speed_error = heard.position - sensed.joint_position, heard.velocity - sensed.joint_velocity
+        torque = heard.kp * error + heard.kd * speed_error + heard.torque
+        quanta = (self.driver.highest - self.driver.lowest) / np.array(
+            [[65535], [4095], [4095], [4095], [4095]]
+        )
+        position, velocity, kp, kd, torque_quantum = quanta
+        rounding = 0.5 * (
+            kp * (np.abs(error) + position)
+            + kd * (np.abs(speed_error) + velocity)
+            + heard.kp * position
+            + heard.kd * velocity
+            + torque_quantum
+        )
+        least, most = limits(ROBOT.motor, sensed.joint_velocity)
+        return np.maximum(torque - most, least - torque) - rounding * (1 + 1e-9)
+
+
+def limits(motor: Motor, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Least and greatest torque to ask for: the current limit, and the supply's line down to no torque."""
+    line = motor.stall_torque / motor.no_load_speed * velocity
+    most = np.clip(motor.stall_torque - line, 0.0, motor.peak_torque)
+    least = np.clip(-motor.stall_torque - line, -motor.peak_torque, 0.0)
+    return least, most
+
+
+@settings(max_examples=300, deadline=None)
+@given(wiring=wirings, decision=decisions, share=readings, begun=readings)
+def test_no_command_asks_for_more_than_a_motor_can_do(
+    wiring: object, decision: np.ndarray, share: np.ndarray, begun: np.ndarray
+) -> None:
+    ends = Ends(wiring, share, 12.5 * begun[0])
+    for _ in range(2):
+        assert ends.excess(ends.layer.command(JointCommand(*decision))).max() <= 0.0
+
+
+@settings(max_examples=100, deadline=None)
+@given(wiring=wirings, kd=st.floats(0.0, 1e6), share=readings)
+def test_nor_does_damping(wiring: object, kd: float, share: np.ndarray) -> None:
+    ends = Ends(wiring, share, ROBOT.default_pose)
+    assert ends.excess(ends.layer.damping(kd)).max() <= 0.0
+
+
+@settings(max_examples=100, deadline=None)
+@given(decision=decisions, share=readings)
+def test_what_every_motor_can_do_is_sent_as_it_was_decided(decision: np.ndarray, share: np.ndarray) -> None:
+    """Bit for bit what the driver makes of the decision, at joints that ask for no more than a share."""
+    ends = Ends(WIRING, 0.3 * share, ROBOT.default_pose)
+    lower, upper = ROBOT.soft_limits
+    step = 60.0 * 0.002
+    target = ROBOT.default_pose + (np.clip(decision[0], lower, upper) - ROBOT.default_pose).clip(-step, step)
+    whole = np.clip(np.array([target, *decision[1:]]), ends.driver.lowest, ends.driver.highest)
+    sensed = ends.layer.sensed()
+    torque = whole[2] * (target - sensed.joint_position) + whole[3] * (whole[1] - sensed.joint_velocity)
+    least, most = limits(ROBOT.motor, sensed.joint_velocity)
+    possible = (torque + whole[4] < most - 1e-9) & (torque + whole[4] > least + 1e-9)
+    sent = ends.layer.command(JointCommand(*decision)).data
+    assert np.array_equal(sent[possible], ends.driver.command(whole).data[possible])
+
+
+def test_stiff_gains_a_radian_away_are_lowered_until_the_peak_is_asked_for() -> None:
+    """350 N m/rad over the 0.5 rad that the target is away would be 175 N m; a hip motor has 23.7."""
+    ends = Ends(WIRING, np.zeros((3, N)), np.full(N, 0.5))
+    position = np.full(N, 0.5).clip(*ROBOT.soft_limits)
+    one = np.ones(N)
+    heard = ends.heard(ends.layer.command(JointCommand(position, 0 * one, 350 * one, 2 * one, 0 * one)))
+    hip = ROBOT.joint_index("FR_hip_joint")
+    assert heard.kp[hip] == pytest.approx(23.7 / 0.5, abs=0.07)
+    assert heard.kd[hip] == pytest.approx(2 * 23.7 / 175, abs=1e-3)
+    assert heard.torque[hip] == pytest.approx(0.0, abs=0.01)
+
+
+def test_a_motor_past_its_no_load_speed_is_not_pushed_on() -> None:
+    """40 rad/s of 30.1: an ask along the motion is taken back whole, one against it is left alone."""
+    ends = Ends(WIRING, np.array([[0.0], [0.8], [0.0]]) * np.ones((1, N)), ROBOT.default_pose)
+    zero, hip, other = np.zeros(N), 0, 3
+    torque = np.zeros(N)
+    torque[hip], torque[other] = 10.0, -10.0
+    heard = ends.heard(ends.layer.command(JointCommand(ROBOT.default_pose, zero, zero, zero, torque)))
+    assert heard.torque[hip] == pytest.approx(0.0, abs=0.01)
+    assert heard.torque[other] == pytest.approx(-10.0, abs=0.01)
