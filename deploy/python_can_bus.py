@@ -1,7 +1,9 @@
 """CAN interfaces through python-can: SocketCAN on a robot, `virtual` and `udp_multicast` without hardware."""
 
 import logging
+import operator
 import time
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -16,7 +18,13 @@ MULTICAST_GROUP = "239.74.163.2"
 MULTICAST_PORT = (
     43113  # of the first bus; each further bus has the next one, since ports alone keep them apart
 )
-MOST_FRAMES_AT_ONCE = 256  # taken from one bus in one tick, so that a babbling node cannot stop the loop
+# Taken from one bus in one tick, so that a babbling node cannot stop the loop: more than a wire of 1 Mbit/s
+# carries in 100 ms, so that what waits after a pause is taken at once and no reading ages in the queue.
+MOST_FRAMES_AT_ONCE = 1024
+MOST_FAILURES_AT_ONCE = (
+    16  # of one bus in one tick: a datagram that is no frame, or an interface that is down
+)
+FILTERING = ("socketcan",)  # interfaces that filter before a frame reaches the process
 
 
 def interfaces() -> list[str]:
@@ -46,7 +54,7 @@ class PythonCanBus:
         Args:
             interface: python-can's name of the kind of interface.
             names: of the buses.
-            filters: which frames to receive.
+            filters: which frames to receive: those that pass any of them.
             queue_frames: how many frames an interface queues for sending.
 
         Raises:
@@ -60,6 +68,7 @@ class PythonCanBus:
         self._queue_s = (queue_frames - 1) * frame_bits(8) * 1e-6
         self._free_at = [0.0] * len(names)
         self._statistics = [BusStatistics(name) for name in names]
+        self._wanted = [(f["can_id"], f["can_mask"]) for f in filters]
         self._buses: list[Any] = []
         logging.getLogger("can").setLevel(logging.CRITICAL)  # failures are reported in our own words
         for index, name in enumerate(names):
@@ -93,19 +102,15 @@ class PythonCanBus:
         return refused
 
     def receive(self, now_us: int) -> list[Frames]:
-        """Frames that wait on any bus, in one batch."""
+        """Frames that wait on any bus and are meant for this end, in one batch.
+
+        Whatever waits is taken, foreign frames too: one left in the queue would make all after it old.
+        """
         rows: list[tuple[int, int, bytes]] = []
         for channel, bus in enumerate(self._buses):
-            for _ in range(MOST_FRAMES_AT_ONCE):
-                try:
-                    message = bus.recv(timeout=0)
-                except (OSError, self._can.CanError):
-                    break
-                if message is None:
-                    break
-                if _is_plain(message):
-                    rows.append((channel, message.arbitration_id, bytes(message.data)))
-                    self._statistics[channel].frames_received += 1
+            before = len(rows)
+            rows.extend((channel, *frame) for frame in self._waiting(bus))
+            self._statistics[channel].frames_received += len(rows) - before
         if not rows:
             return []
         data = b"".join(content.ljust(8, b"\0") for _, _, content in rows)
@@ -117,6 +122,26 @@ class PythonCanBus:
                 np.array([len(content) for _, _, content in rows]),
             )
         ]
+
+    def _waiting(self, bus: Any) -> Iterator[tuple[int, bytes]]:
+        """Identifier and bytes of each frame for this end that waits on one bus."""
+        failures = 0
+        for _ in range(MOST_FRAMES_AT_ONCE):
+            try:
+                message = bus.recv(timeout=0)
+                if message is None:
+                    return
+                frame = _plain_frame(message)
+            except Exception:  # an interface that fails, or a datagram of somebody else's making
+                failures += 1
+                if failures >= MOST_FAILURES_AT_ONCE:
+                    return
+                continue
+            if frame is not None and self._is_meant(frame[0]):
+                yield frame
+
+    def _is_meant(self, identifier: int) -> bool:
+        return any((identifier ^ wanted) & mask == 0 for wanted, mask in self._wanted)
 
     def statistics(self) -> list[BusStatistics]:
         return self._statistics
@@ -134,18 +159,21 @@ class PythonCanBus:
         self._free_at[channel] = max(self._free_at[channel], now) + frame_bits(length) * 1e-6
 
 
-def _is_plain(message: Any) -> bool:
-    special = message.is_error_frame or message.is_remote_frame or message.is_extended_id
-    return not special and len(message.data) <= 8
+def _plain_frame(message: Any) -> tuple[int, bytes] | None:
+    """Identifier and bytes of a data frame from another node; None for anything else.
+
+    Raises:
+        TypeError: what came is no frame.
+    """
+    if message.is_error_frame or message.is_remote_frame or message.is_extended_id or not message.is_rx:
+        return None
+    data = bytes(message.data)
+    return (operator.index(message.arbitration_id), data) if len(data) <= 8 else None
 
 
 def _open(can: Any, interface: str, index: int, name: str, filters: tuple[CanFilter, ...]) -> Any:
+    """One bus. Filters of python-can's own make `recv` return None for a foreign frame, as for no frame."""
     if interface == MULTICAST:
-        return can.Bus(
-            interface=interface,
-            channel=MULTICAST_GROUP,
-            port=MULTICAST_PORT + index,
-            fd=False,
-            can_filters=list(filters),
-        )
-    return can.Bus(interface=interface, channel=name, can_filters=list(filters))
+        return can.Bus(interface=interface, channel=MULTICAST_GROUP, port=MULTICAST_PORT + index, fd=False)
+    in_kernel = {"can_filters": list(filters)} if interface in FILTERING else {}
+    return can.Bus(interface=interface, channel=name, **in_kernel)

@@ -621,9 +621,9 @@ class FakeCan:
         return bus
 
 
-def received(identifier: int, data: bytes, **special: bool) -> Any:
-    flags = dict.fromkeys(("is_error_frame", "is_remote_frame", "is_extended_id"), False)
-    return SimpleNamespace(arbitration_id=identifier, data=bytearray(data), **(flags | special))
+def received(identifier: int, data: bytes | None, **special: bool) -> Any:
+    flags = dict.fromkeys(("is_error_frame", "is_remote_frame", "is_extended_id"), False) | {"is_rx": True}
+    return SimpleNamespace(arbitration_id=identifier, data=data, **(flags | special))
 
 
 class TestPythonCanBus:
@@ -644,6 +644,7 @@ class TestPythonCanBus:
         }
         assert [each.get("port") for each in can.opened] == [None, None, 43113, 43114]
         assert can.opened[3]["channel"] == "239.74.163.2"
+        assert "can_filters" not in can.opened[3]  # it would filter after the queue, not before
         assert can.opened[3]["fd"] is False
 
     def test_what_cannot_be_opened_closes_the_others(self, can: FakeCan) -> None:
@@ -674,7 +675,8 @@ class TestPythonCanBus:
         assert [each.closed for each in can.buses] == [1, 1]
 
     def test_plain_frames_of_all_buses_come_in_one_batch(self, can: FakeCan) -> None:
-        bus = PythonCanBus("socketcan", ("can0", "can1"), ())
+        everything = ({"can_id": 0, "can_mask": 0, "extended": False},)
+        bus = PythonCanBus("socketcan", ("can0", "can1"), everything)
         can.waiting = {
             0: [
                 received(5, b"\x01\x02"),
@@ -682,22 +684,47 @@ class TestPythonCanBus:
                 received(6, b"", is_remote_frame=True),
                 received(6, b"", is_extended_id=True),
                 received(6, b"123456789"),
+                received(6, b"echo", is_rx=False),
                 received(7, b"abcdefgh"),
                 "failure",
+                received(6.5, b""),  # type: ignore[arg-type]
+                received(6, None),
                 received(8, b"late"),
             ],
             1: [received(9, b"\xff")],
         }
         (batch,) = bus.receive(0)
-        assert batch.channel.tolist() == [0, 0, 1]
-        assert batch.id.tolist() == [5, 7, 9]
-        assert batch.length.tolist() == [2, 8, 1]
-        assert batch.data.tolist() == [[1, 2, *[0] * 6], list(b"abcdefgh"), [255, *[0] * 7]]
-        assert [s.frames_received for s in bus.statistics()] == [2, 1]
-        assert bus.receive(0)[0].id.tolist() == [8]
+        assert batch.channel.tolist() == [0, 0, 0, 1]
+        assert batch.id.tolist() == [5, 7, 8, 9]
+        assert batch.length.tolist() == [2, 8, 4, 1]
+        assert batch.data.tolist() == [
+            [1, 2, *[0] * 6],
+            list(b"abcdefgh"),
+            [*b"late", *[0] * 4],
+            [255, *[0] * 7],
+        ]
+        assert [s.frames_received for s in bus.statistics()] == [3, 1]
         assert bus.receive(0) == []
-        can.waiting = {0: [received(1, b"x") for _ in range(300)]}
-        assert [len(bus.receive(0)[0].id) for _ in range(2)] == [256, 44]
+
+    def test_foreign_frames_are_taken_and_left_out(self, can: FakeCan) -> None:
+        wanted = (
+            {"can_id": 0x100, "can_mask": 0x780, "extended": False},
+            {"can_id": 0x305, "can_mask": 0x7FF, "extended": False},
+        )
+        bus = PythonCanBus("virtual", ("can0",), wanted)
+        can.waiting = {0: [received(i, b"") for i in (0x017, 0x17F, 0x180, 0x304, 0x305, 0x101)]}
+        assert bus.receive(0)[0].id.tolist() == [0x17F, 0x305, 0x101]
+        assert bus.statistics()[0].frames_received == 3
+
+    def test_a_bus_that_never_falls_silent_or_never_works_does_not_hold_up_the_loop(
+        self, can: FakeCan
+    ) -> None:
+        bus = PythonCanBus("virtual", ("can0",), ({"can_id": 0, "can_mask": 0, "extended": False},))
+        can.waiting = {0: [received(1, b"x") for _ in range(1100)]}
+        assert [len(bus.receive(0)[0].id) for _ in range(2)] == [1024, 76]
+        can.waiting = {0: ["failure"] * 40}
+        assert bus.receive(0) == []
+        assert len(can.waiting[0]) == 24
 
     def test_a_frame_waits_while_the_queue_would_overflow(
         self, can: FakeCan, monkeypatch: pytest.MonkeyPatch

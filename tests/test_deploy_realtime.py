@@ -2,12 +2,14 @@
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
 import time
 from functools import partial
 
+import msgpack
 import numpy as np
 import pytest
 from deploy_policies import Hold, Spoilt, short_episode, slow, stand_still
@@ -18,7 +20,7 @@ from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers import imu
 from footfall.deploy.drivers.mit_driver import MitDriver, MitMotorEnd
 from footfall.deploy.frames import Frames
-from footfall.deploy.python_can_bus import PythonCanBus
+from footfall.deploy.python_can_bus import MULTICAST_GROUP, MULTICAST_PORT, PythonCanBus
 from footfall.deploy.safety import SafetyConfig
 from footfall.deploy.session import Session, run_on_interface
 from footfall.plant.episode import run_episode
@@ -102,6 +104,24 @@ def frames(*rows: tuple[int, int, bytes]) -> Frames:
     )
 
 
+FIELDS = {"arbitration_id": 0x101, "is_extended_id": False, "dlc": 0, "data": b"", "is_fd": False}
+NO_FRAMES = (
+    b"",
+    b"\xc1",
+    msgpack.packb([1, 2]),
+    msgpack.packb({"a key that no frame has": 1}),
+    msgpack.packb(FIELDS | {"arbitration_id": "text"}),
+    msgpack.packb(FIELDS | {"arbitration_id": 257.5}),
+    msgpack.packb(FIELDS | {"arbitration_id": -1}),
+    msgpack.packb(FIELDS | {"data": {"a": 1}}),
+)
+
+
+def send_datagram(content: bytes) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        sender.sendto(content, (MULTICAST_GROUP, MULTICAST_PORT))
+
+
 class TestPythonCan:
     def test_frames_cross_and_each_end_hears_only_what_is_meant_for_it(self) -> None:
         controller = PythonCanBus("virtual", ("cross0", "cross1"), (*MitDriver.filters, *imu.FILTERS))
@@ -119,6 +139,29 @@ class TestPythonCan:
             assert sorted(answers.id.tolist()) == [0x101, 0x300]
             assert controller.receive(0) == []
             assert [s.frames_sent for s in controller.statistics()] == [1, 2]
+        finally:
+            controller.close()
+            robot.close()
+
+    @pytest.mark.parametrize("interface", ["virtual", "udp_multicast"])
+    def test_readings_are_of_this_tick_however_much_else_is_on_the_bus(self, interface: str) -> None:
+        """Per tick three commands, which multicast echoes, five foreign frames, no frames, and one reply."""
+        names = ("fresh0",)
+        controller, robot = (
+            PythonCanBus(interface, names, filters)
+            for filters in ((*MitDriver.filters, *imu.FILTERS), MitMotorEnd.filters)
+        )
+        try:
+            for tick in range(60):
+                controller.send(frames(*[(0, 1 + motor, b"command.") for motor in range(3)]), 0)
+                robot.send(frames(*[(0, 0x500 + node, b"foreign.") for node in range(5)]), 0)
+                if interface == "udp_multicast":
+                    for datagram in NO_FRAMES:
+                        send_datagram(datagram)
+                robot.send(frames((0, 0x101, bytes([1, tick]))), 0)
+                time.sleep(0.002)
+                batches = controller.receive(0)
+                assert [batch.data[:, 1].tolist() for batch in batches] == [[tick]]
         finally:
             controller.close()
             robot.close()
