@@ -17,9 +17,16 @@ from footfall.robots.importer.machine import Machine
 from footfall.robots.importer.model_xml import model_xml
 from footfall.robots.importer.motors import ByJoint, choose_drive, peak_torques, value_for, with_armature
 from footfall.robots.importer.pose import Pose, standing_pose
-from footfall.robots.importer.robot_yaml import MODEL_FILE, Ranges, choose_protocols, robot_yaml
+from footfall.robots.importer.robot_yaml import (
+    MODEL_FILE,
+    Ranges,
+    choose_protocols,
+    command_range,
+    robot_yaml,
+)
 from footfall.robots.importer.source import read_source
 from footfall.robots.importer.statics import statics
+from footfall.robots.importer.training_yaml import training_yaml
 
 ON_SOLES = 2  # legs; a machine on so many is not held by `stand`, which lengthens and shortens legs
 
@@ -87,6 +94,7 @@ def import_robot(request: ImportRequest) -> Imported:
             machine, pose.height_m, apart, [origin, "What was guessed stands in robot.yaml."]
         ),
         "robot.yaml": robot_yaml(machine, pose, drive, protocols, [origin, *_as_comment(guesses)]),
+        "training.yaml": training_yaml(machine, pose, command_range(machine, pose)),
     }
     if drive.stands and len(machine.legs) > ON_SOLES:
         texts["controllers.yaml"] = controllers_yaml(machine, drive)

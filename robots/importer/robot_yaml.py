@@ -6,6 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
+from footfall.robots.commands import CommandRange
 from footfall.robots.importer.machine import Leg, Machine
 from footfall.robots.importer.model_xml import IMU
 from footfall.robots.importer.motors import Drive, JointMotor
@@ -91,7 +92,7 @@ def robot_yaml(
         "imu_bus: can0",
         "",
         "# Commands that scenarios ask of this robot, scaled from those of others by the length of the legs.",
-        _commands(machine, pose),
+        _commands(command_range(machine, pose)),
     ]
     return "\n".join(lines) + "\n"
 
@@ -160,12 +161,18 @@ def _buses(machine: Machine) -> dict[str, tuple[str, int]]:
     return places
 
 
-def _commands(machine: Machine, pose: Pose) -> str:
+def command_range(machine: Machine, pose: Pose) -> CommandRange:
     """Speeds as shares of sqrt(g L), of which the Froude number is the square, with L the legs' reach."""
     share, yaw = OF_TWO if len(machine.legs) == 2 else OF_MORE
-    forward = share * (9.81 * pose.reach_m) ** 0.5
-    ranges = {"forward_m_s": forward, "leftward_m_s": forward / 2, "yaw_rad_s": yaw}
-    return f"commands: {{{', '.join(f'{name}: [-{most:.1f}, {most:.1f}]' for name, most in ranges.items())}}}"
+    forward = round(share * (9.81 * pose.reach_m) ** 0.5, 1)
+    leftward = round(share * (9.81 * pose.reach_m) ** 0.5 / 2, 1)
+    return CommandRange((-forward, forward), (-leftward, leftward), (-yaw, yaw))
+
+
+def _commands(range_: CommandRange) -> str:
+    return (
+        f"commands: {{{', '.join(f'{name}: [{a:.1f}, {b:.1f}]' for name, (a, b) in vars(range_).items())}}}"
+    )
 
 
 def _angle(angle: float) -> str:

@@ -1,0 +1,47 @@
+"""Writes `training.yaml`: what suits a small quadruped in the presets, for a machine of another size."""
+
+from footfall.robots.commands import CommandRange
+from footfall.robots.importer.machine import Machine
+from footfall.robots.importer.pose import Pose
+
+# What the presets (train/presets/) were tuned on, and their figures that have a size.
+MASS_KG, REACH_M = 13.0, 0.45
+FREQUENCY_HZ, SWING_HEIGHT_M = 2.2, 0.08
+TORQUE, POWER = -5.0e-4, -2.0e-3
+PAYLOAD_KG, COM_OFFSET_M = (-1.0, 2.0), (-0.03, 0.03)
+BEYOND = 1.2  # of the commands that scenarios ask: training goes a little further
+GAITS = {2: "walk", 4: "trot", 6: "tripod"}  # by number of feet
+
+
+def training_yaml(machine: Machine, pose: Pose, commands: CommandRange) -> str:
+    """The text of `training.yaml`.
+
+    Lengths are scaled by the legs' reach, times by its square root, forces by the mass (dynamic similarity:
+    Alexander and Jayes 1983, A dynamic similarity hypothesis for the gaits of quadrupedal mammals), and the
+    costs of torque and power so that a machine of the same build pays as much.
+    """
+    mass = sum(link.mass for link in machine.links) / MASS_KG
+    length = pose.reach_m / REACH_M
+    time = length**0.5
+    torque, power = TORQUE / (mass * length) ** 2, POWER / (mass * length / time)
+    payload = [kg * mass for kg in PAYLOAD_KG]
+    offset = [metres * length for metres in COM_OFFSET_M]
+    ranges = {name: [BEYOND * end for end in ends] for name, ends in vars(commands).items()}
+    name = GAITS.get(len(machine.legs))
+    gait = (
+        f"  gait: {{name: {name}, frequency_hz: {FREQUENCY_HZ / time:.3g}}}\n"
+        if name
+        else "  gait: null # none that is shipped has as many feet: see policies/gaits.yaml\n"
+    )
+    return f"""\
+# What trainings of this robot change of the presets, which suit a quadruped of {MASS_KG:g} kg on legs of
+# {REACH_M:g} m: lengths, times, loads, and the costs of torque and power, by this one's size. Not tuned.
+env:
+{gait}  commands:
+    ranges: {{{", ".join(f"{axis}: [{low:.2g}, {high:.2g}]" for axis, (low, high) in ranges.items())}}}
+  rewards: {{torque: {torque:.2g}, power: {power:.2g}}}
+  reward_scales: {{swing_height_m: {SWING_HEIGHT_M * length:.2g}}}
+  randomisation:
+    payload_kg: {{low: {payload[0]:.2g}, high: {payload[1]:.2g}}}
+    com_offset_m: {{low: {offset[0]:.2g}, high: {offset[1]:.2g}}}
+"""

@@ -1,0 +1,76 @@
+"""The training.yaml that `footfall robot new` writes: the presets' figures for a machine of another size."""
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+import yaml
+from foreign_robots import BIPED_MJCF, quadruped
+
+from footfall.deploy.drivers.mit import RANGES
+from footfall.robots.commands import CommandRange
+from footfall.robots.description import load_robot
+from footfall.robots.importer.build import build_machine
+from footfall.robots.importer.create import ImportRequest, import_robot
+from footfall.robots.importer.pose import Pose
+from footfall.robots.importer.source import read_source
+from footfall.robots.importer.training_yaml import training_yaml
+from footfall.train.config import available_presets, load_preset
+
+COMMANDS = CommandRange((-1.0, 1.5), (-0.5, 0.5), (-0.8, 0.8))
+
+
+def written(tmp_path: Path, reach_m: float, mass: float) -> dict[str, dict]:
+    """What is written for a quadruped of that mass, with legs of that reach."""
+    (tmp_path / "dog.urdf").write_text(quadruped())
+    machine, _ = build_machine(read_source(tmp_path / "dog.urdf", ()), "dog", ())
+    heavier = mass / sum(link.mass for link in machine.links)
+    links = tuple(dataclasses.replace(link, mass=link.mass * heavier) for link in machine.links)
+    pose = Pose({}, 0.3, 0.0, reach_m)
+    return yaml.safe_load(training_yaml(dataclasses.replace(machine, links=links), pose, COMMANDS))["env"]
+
+
+def test_a_machine_of_the_size_that_the_presets_suit_keeps_their_figures(tmp_path: Path) -> None:
+    env, gpu = written(tmp_path, 0.45, 13.0), load_preset("gpu").env
+    assert gpu.gait is not None
+    assert env["gait"] == {"name": gpu.gait.name, "frequency_hz": gpu.gait.frequency_hz}
+    assert env["rewards"] == {name: pytest.approx(gpu.rewards[name]) for name in ("torque", "power")}
+    assert env["reward_scales"]["swing_height_m"] == gpu.reward_scales.swing_height_m
+    payload, offset = gpu.randomisation.payload_kg, gpu.randomisation.com_offset_m
+    assert payload is not None
+    assert offset is not None
+    assert env["randomisation"]["payload_kg"] == {"low": payload.low, "high": payload.high}
+    assert env["randomisation"]["com_offset_m"] == {"low": offset.low, "high": offset.high}
+
+
+def test_four_times_as_long_and_three_times_as_heavy(tmp_path: Path) -> None:
+    env = written(tmp_path, 1.8, 39.0)
+    assert env["gait"]["frequency_hz"] == pytest.approx(1.1)  # twice the time for a step
+    assert env["rewards"]["torque"] == pytest.approx(-5.0e-4 / 144, rel=0.05)  # squared torque: (3 * 4)^2
+    assert env["rewards"]["power"] == pytest.approx(-2.0e-3 / 6, rel=0.05)  # torque 12 times, rates a half
+    assert env["reward_scales"]["swing_height_m"] == pytest.approx(0.32)
+    assert env["randomisation"]["payload_kg"] == {"low": -3.0, "high": 6.0}
+    assert env["randomisation"]["com_offset_m"] == {"low": -0.12, "high": 0.12}
+
+
+def test_training_goes_a_fifth_beyond_the_commands_that_scenarios_ask(tmp_path: Path) -> None:
+    ranges = written(tmp_path, 0.45, 13.0)["commands"]["ranges"]
+    assert ranges == {"forward_m_s": [-1.2, 1.8], "leftward_m_s": [-0.6, 0.6], "yaw_rad_s": [-0.96, 0.96]}
+
+
+@pytest.mark.parametrize(
+    ("text", "suffix", "gait"), [(quadruped(), "urdf", "trot"), (BIPED_MJCF, "xml", "walk")]
+)
+def test_every_preset_takes_it(tmp_path: Path, text: str, suffix: str, gait: str) -> None:
+    (tmp_path / f"model.{suffix}").write_text(text)
+    robot = load_robot(
+        import_robot(ImportRequest(tmp_path / f"model.{suffix}", tmp_path / "made", RANGES)).folder
+    )
+    most = robot.description.commands.forward_m_s[1]
+    for preset in available_presets():
+        env = load_preset(preset, robot).env
+        assert env.gait is not None
+        assert env.gait.name == gait
+        assert env.commands.ranges.forward_m_s[1] == pytest.approx(1.2 * most, rel=0.05)
+        assert 0.0 > env.rewards["torque"] > -1.0
+        assert env.rewards["alive"] > 0.0  # the rest is the preset's
