@@ -65,6 +65,8 @@ def _reason(error: BaseException, expected: type | None) -> str:
     if isinstance(error, ForbiddenExtraKeysError):
         unknown = ", ".join(sorted(error.extra_fields))
         return f"no setting {unknown} (there are {', '.join(f.name for f in fields(error.cl))})"
+    if isinstance(error, AttributeError):  # cattrs asked something else for its keys
+        return "expected a mapping of settings"
     if type(error) in (ValueError, Exception) and str(error):
         return " ".join(str(error).split())
     return " ".join(format_exception(error, expected).split())

@@ -8,6 +8,7 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from footfall.common.config import unstructure
 from footfall.common.errors import UserError
 from footfall.common.outputs import check_outputs, is_device, write_json, write_text
 from footfall.common.versions import versions
@@ -17,7 +18,7 @@ from footfall.evaluate.scenarios import ScenarioFile, load_scenarios
 from footfall.evaluate.suite import Setup, run_course, run_suite
 from footfall.evaluate.table import print_results
 from footfall.policies.policy import Policy
-from footfall.policies.registry import load_policy
+from footfall.policies.registry import changed_settings, load_policy, load_settings
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.model import read_plant
 
@@ -112,7 +113,12 @@ def compare_policies(
         results[spec] |= walk.compute
     compared = [
         PolicyResult(
-            results[spec]["policy"], spec, origin(policy), 1e3 / policy.rate_hz, results[spec], walks[spec]
+            results[spec]["policy"],
+            spec,
+            results[spec]["about"],
+            1e3 / policy.rate_hz,
+            results[spec],
+            walks[spec],
         )
         for spec, policy in policies.items()
     ]
@@ -156,6 +162,7 @@ def _score(
     with _progress(console) as done:
         figures = run_suite(list(policies), setup, file, done)
     names = policy_names(policies)
+    settings = {spec: unstructure(load_settings(spec, robot)) for spec in policies}
     shared = {
         "robot": robot.name,
         "seed": setup.seed,
@@ -165,7 +172,13 @@ def _score(
         "machine": machine(),
     }
     return {
-        spec: {"policy": names[spec], **shared, "about": origin(policy), "scenarios": figures[spec]}
+        spec: {
+            "policy": names[spec],
+            **shared,
+            "about": origin(policy, changed_settings(spec)),
+            "settings": settings[spec],
+            "scenarios": figures[spec],
+        }
         for spec, policy in policies.items()
     }
 

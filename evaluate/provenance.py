@@ -1,6 +1,7 @@
 """What figures were measured with."""
 
 import platform
+from collections.abc import Sequence
 
 from footfall.evaluate.pool import usable_cores
 from footfall.policies.policy import Policy
@@ -13,11 +14,17 @@ def machine() -> str:
     return f"{platform.system()} {platform.machine()}, {usable_cores()} cores"
 
 
-def origin(policy: Policy) -> str:
-    """How a policy came about, one sentence: its trainer where the file names it, its motion prior if any."""
+def origin(policy: Policy, changes: Sequence[str] = ()) -> str:
+    """How a policy came about, one sentence: its trainer where the file names it, its motion prior if any.
+
+    Args:
+        policy: built.
+        changes: of a controller's settings, from `footfall.policies.registry.changed_settings`.
+    """
     contract = policy.contract
     if contract is None:
-        return f"hand-written controller, {policy.rate_hz:g} Hz" + _estimate_note(policy)
+        changed = f", with {', '.join(changes)}" if changes else ""
+        return f"hand-written controller, {policy.rate_hz:g} Hz" + _estimate_note(policy) + changed
     trainer = getattr(policy, "trainer", None)
     text = f"learned policy{f' (trained by {trainer})' if trainer else ''}, {policy.rate_hz:g} Hz"
     gait = contract.gait

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from footfall.options import Count, JsonFile, Names, Plant, RobotName, ScenarioFile, Seed
+from footfall.options import ControllerSettings, Count, JsonFile, Names, Plant, RobotName, ScenarioFile, Seed
 
 
 @Parameter(name="*")
@@ -25,6 +25,7 @@ class EvaluationOptions:
     plant: Plant = None
     ground_truth: bool = False
     """Hand policies the simulator's base velocity instead of an estimate, for study."""
+    settings: ControllerSettings = ()
     workers: Annotated[Count | None, Parameter(show_default=False)] = None
     """Processes (default: one for each core)."""
     json: JsonFile = None

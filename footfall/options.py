@@ -54,7 +54,20 @@ OptionalPath = Annotated[Path | None, AS_TYPED]
 
 PolicyName = Annotated[
     str,
-    Parameter(help="A run folder, an .onnx file, a name in the zoo, or a controller of the robot (stand)."),
+    Parameter(
+        help="A run folder, an .onnx file, a name in the zoo, or a controller of the robot (stand; with other"
+        " settings stand@mine.yaml, stand@kp=50)."
+    ),
+]
+ControllerSettings = Annotated[
+    tuple[str, ...],
+    Parameter(
+        name="--set",
+        negative=(),
+        show_default=False,
+        metavar="CONTROLLER.KEY=VALUE",
+        help="Another setting of a named controller than the robot's controllers.yaml has; may be repeated.",
+    ),
 ]
 RobotName = Annotated[str, Parameter(help="Name of a robot, or a folder with its robot.yaml.")]
 Seed = Annotated[

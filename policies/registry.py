@@ -2,56 +2,68 @@
 
 from importlib import import_module
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from footfall.common.errors import UserError
-from footfall.policies.controllers.settings import SETTINGS_FILE, configured_controllers
+from footfall.policies.controllers.settings import (
+    SETTINGS_FILE,
+    configured_controllers,
+    controller_settings,
+)
 from footfall.policies.policy import Policy
+from footfall.policies.spec import read_changes, self_contained, short_name, split_spec
 from footfall.robots.description import Robot
 
 ZOO = Path(__file__).parent / "zoo"
 
 
+_HERE = "footfall.policies.controllers"
+
+
 class Controller(NamedTuple):
     """Where a hand-written controller is found. Its module is imported when it is asked for, not before."""
 
-    module: str
-    name: str  # of its class, which is built from a robot
+    place: str  # module:class, which is built from a robot and its settings
+    settings: str  # module:dataclass
     about: str
     walks: bool = True
-    arguments: tuple[str, ...] = ()  # after the robot
+    arguments: tuple[str, ...] = ()  # between robot and settings
 
 
 def _gait(name: str) -> Controller:
     """The gait generator, which begins with this gait."""
     about = f"the gait generator's {name}: feet by clock and inverse kinematics"
-    return Controller("footfall.policies.controllers.walk", "Walk", about, arguments=(name,))
+    return Controller(
+        f"{_HERE}.walk:Walk", f"{_HERE}.walk.config:WalkConfig", about, walks=True, arguments=(name,)
+    )
 
 
 CONTROLLERS = {
     "stand": Controller(
-        "footfall.policies.controllers.stand",
-        "Stand",
+        f"{_HERE}.stand:Stand",
+        f"{_HERE}.stand:StandConfig",
         "stands in the default pose, levelled by the IMU",
-        False,
+        walks=False,
     ),
     "trot": Controller(
-        "footfall.policies.controllers.trot",
-        "Trot",
+        f"{_HERE}.trot:Trot",
+        f"{_HERE}.trot:TrotConfig",
         "trots by clock and inverse kinematics, balanced by the IMU",
     ),
     "mpc": Controller(
-        "footfall.policies.controllers.mpc", "Mpc", "convex model-predictive control of the feet's forces"
+        f"{_HERE}.mpc:Mpc",
+        f"{_HERE}.mpc.config:MpcConfig",
+        "convex model-predictive control of the feet's forces",
     ),
     "balance": Controller(
-        "footfall.policies.controllers.balance",
-        "Balance",
+        f"{_HERE}.balance:Balance",
+        f"{_HERE}.balance:BalanceConfig",
         "stands, by whole-body control of its momentum",
-        False,
+        walks=False,
     ),
     "step": Controller(
-        "footfall.policies.controllers.step",
-        "Step",
+        f"{_HERE}.step:Step",
+        f"{_HERE}.step.config:StepConfig",
         "walks on two legs: planned footsteps, whole-body control",
     ),
     **{name: _gait(name) for name in ("tripod", "ripple", "wave")},
@@ -84,14 +96,17 @@ def zoo_names(robot: Robot | None = None) -> list[str]:
 
 
 def load_policy(spec: str, robot: Robot) -> Policy:
-    """Build the policy that `spec` names, for this robot.
+    """Build the policy that `spec` names, for this robot: a controller may carry settings (`spec.py`).
 
     Raises:
         UserError: there is no such policy, or it does not fit the robot.
     """
-    if spec in CONTROLLERS:
-        controller = CONTROLLERS[spec]
-        return getattr(import_module(controller.module), controller.name)(robot, *controller.arguments)
+    name, parts = split_spec(spec)
+    if name in CONTROLLERS:
+        controller = CONTROLLERS[name]
+        policy = _find(controller.place)(robot, *controller.arguments, load_settings(spec, robot))
+        policy.name = short_name(name, parts)
+        return policy
     from footfall.policies.learned import LearnedPolicy
 
     if spec in zoo_names():
@@ -104,6 +119,46 @@ def load_policy(spec: str, robot: Robot) -> Policy:
     known = ", ".join([*controllers_of(robot), *zoo_names(robot)])
     given = f"no policy '{spec}'" if spec else "no policy is named"
     raise UserError(f"{given}: give one of {known}, a run folder or an .onnx file")
+
+
+def load_settings(spec: str, robot: Robot) -> Any:
+    """The settings of the hand-written controller that `spec` names, a dataclass; None of any other policy.
+
+    Raises:
+        UserError: this robot has none for it, or they cannot work.
+    """
+    name, parts = split_spec(spec)
+    if name not in CONTROLLERS:
+        return None
+    cls = _find(CONTROLLERS[name].settings)
+    return controller_settings(robot, name, cls, read_changes(name, parts))
+
+
+def lasting_spec(spec: str) -> str:
+    """A spec that means the same in another folder, and a controller's also when a file has changed.
+
+    Raises:
+        UserError: a file of settings cannot be read.
+    """
+    name, parts = split_spec(spec)
+    if name in CONTROLLERS:
+        return self_contained(name, parts)
+    path = Path(spec)
+    return str(path.resolve()) if path.exists() else spec
+
+
+def changed_settings(spec: str) -> list[str]:
+    """What a spec changes of a hand-written controller's settings, as KEY=VALUE.
+
+    Raises:
+        UserError: a file of settings cannot be read.
+    """
+    return split_spec(lasting_spec(spec))[1] if split_spec(spec)[0] in CONTROLLERS else []
+
+
+def _find(place: str) -> Any:
+    module, _, name = place.partition(":")
+    return getattr(import_module(module), name)
 
 
 def _policy_in(folder: Path) -> Path:

@@ -62,6 +62,7 @@ def nothing_is_left_behind(shell: Shell, tmp_path: Path):
         (["train", "--checkpoint-interval", "none"], ["--checkpoint-interval", "none"]),
         (["export"], ["RUN"]),
         (["replay"], ["LOG"]),
+        (["deploy", "stand", "--set"], ["--set", "argument"]),
         (["deploy", "stand", "--json", ""], ["empty argument", "footfall deploy --help"]),
         (["train", "--out", ""], ["empty argument", "footfall train --help"]),
     ],
@@ -75,6 +76,10 @@ def test_what_does_not_parse(shell: Shell, tokens: list[str], wanted: list[str])
 @pytest.mark.parametrize(
     ("tokens", "wanted"),
     [
+        (["deploy", "stand", "--set", "stand.kp=-1"], ["stand@kp=-1", "kp must be above 0"]),
+        (["evaluate", "stand", "--set", "trot.kp=1"], ["--set trot.kp=1", "not among", "stand"]),
+        (["compare", "stand", "stand@none.yaml"], ["none.yaml", "No such file"]),
+        (["evaluate", "stand@rate_hz=5000", "--episodes", "1", "--workers", "1"], ["5000 Hz", "500 Hz"]),
         (["deploy", "rex"], ["rex", "stand", "trot", "mpc", ".onnx"]),
         (["deploy", "stand", "--robot", "rex"], ["rex", "go1", "robot.yaml"]),
         (["deploy", "stand", "--bus", "tram"], ["tram", "sim"]),

@@ -139,6 +139,21 @@ def test_a_log_replays_to_the_same_decisions(shell: Shell, tmp_path: Path) -> No
     assert "the same decisions" in outcome.out
 
 
+def test_a_log_replays_with_the_settings_that_made_it(shell: Shell, tmp_path: Path) -> None:
+    """Also when the file that they came from has changed."""
+    log, figures, mine = tmp_path / "run.mcap", tmp_path / "run.json", tmp_path / "mine.yaml"
+    mine.write_text("kp: 45.0")
+    spec = f"stand@{mine}"
+    assert shell("deploy", spec, "--set", "stand.kd=2.5", *SHORT, "--log", log, "--json", figures).status == 0
+    told = json.loads(figures.read_text())
+    assert told["policy"] == f"{spec}@kd=2.5"
+    assert (told["settings"]["kp"], told["settings"]["kd"], told["settings"]["tilt_gain"]) == (45.0, 2.5, 0.3)
+    mine.write_text("kp: 300.0")
+    assert shell("replay", log).status == 0
+    assert shell("replay", log, "--policy", spec).status == 1
+    assert shell("replay", log, "--policy", "stand@kp=45@kd=2.5").status == 0
+
+
 def test_a_log_finds_a_users_own_robot_unless_that_has_changed(
     shell: Shell, own_folder: Path, tmp_path: Path
 ) -> None:

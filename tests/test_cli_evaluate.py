@@ -78,6 +78,41 @@ def test_compare_nests_the_same_under_each_name(shell: Shell, tmp_path: Path) ->
     assert "https://" not in page.split("</head>")[0]  # self-contained
 
 
+def test_a_controller_can_be_compared_with_itself_at_other_settings(shell: Shell, tmp_path: Path) -> None:
+    """One with a file's settings, and one set apart from both: each is told by its name and its settings."""
+    mine, path, page = tmp_path / "mine.yaml", tmp_path / "both.json", tmp_path / "both.html"
+    mine.write_text("kp: 45.0")
+    outcome = shell(
+        *(
+            "compare",
+            "stand",
+            f"stand@{mine}",
+            *BRIEF,
+            "--set",
+            "stand.kd=2.5",
+            "--set",
+            "stand.settle_s=0.4",
+        ),
+        *("--json", path, "--html", page),
+    )
+    assert outcome.status == 0, outcome.err
+    results = json.loads(path.read_text())
+    own, other = "stand@kd=2.5@settle_s=0.4", "stand@mine.yaml@kd=2.5@settle_s=0.4"
+    assert list(results) == [own, other]
+    assert [results[name]["settings"]["kp"] for name in (own, other)] == [60.0, 45.0]
+    assert [results[name]["settings"]["kd"] for name in (own, other)] == [2.5, 2.5]
+    assert results[own]["about"] == "hand-written controller, 500 Hz, with kd=2.5, settle_s=0.4"
+    assert results[other]["about"].endswith("with kp=45.0, kd=2.5, settle_s=0.4")
+    assert "with kp=45.0, kd=2.5" in page.read_text()
+    assert "Settings of stand@mine.yaml@kd=2.5" in page.read_text()
+
+
+def test_a_policy_without_settings_says_so(shell: Shell, tmp_path: Path) -> None:
+    path = tmp_path / "flat.json"
+    assert shell("evaluate", "go1-flat", *BRIEF, "--json", path).status == 0
+    assert json.loads(path.read_text())["settings"] is None
+
+
 def test_the_same_seed_gives_the_same_figures(shell: Shell, tmp_path: Path) -> None:
     results = []
     for name in ("a.json", "b.json"):

@@ -58,6 +58,11 @@ def render(comparison: Comparison, films: Mapping[str, Outcome[Film]]) -> str:
         parts=tables.scenario_parts(comparison),
         definitions=figures().values(),
         scenarios={name: dump(file.scenarios[name]) for name in dict.fromkeys([*setup.scenarios, COURSE])},
+        settings={
+            policy.name: dump(policy.result["settings"])
+            for policy in comparison.policies
+            if policy.result.get("settings")
+        },
         about_course=file.scenarios[COURSE].about,
         least_episodes=LEAST_EPISODES,
         command=command_line(comparison),

@@ -4,7 +4,6 @@ import math
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from cyclopts import Parameter
 from footfall.common.errors import UserError
 from footfall.common.outputs import check_outputs, write_json
 from footfall.options import (
+    ControllerSettings,
     JsonFile,
     OptionalPath,
     Plant,
@@ -54,19 +54,24 @@ class DeployOptions:
     log: OptionalPath = None
     """Record the run to this MCAP file."""
     seed: Seed = 0
+    settings: ControllerSettings = ()
     json: JsonFile = None
 
 
 def deploy(policy: PolicyName, /, *, options: DeployOptions = DeployOptions()) -> int:
     """Run a policy on a bus, simulated by default; exit 0 if it ended safely, 1 if not."""
     check_outputs(options.json, options.log)
-    from footfall.policies.registry import load_policy
+    from footfall.common.config import unstructure
+    from footfall.policies.registry import lasting_spec, load_policy, load_settings
+    from footfall.policies.spec import add_settings
     from footfall.robots.description import load_robot
 
     robot = load_robot(options.robot)
-    decider = load_policy(policy, robot)
+    (spec,) = add_settings([policy], options.settings)
+    decider = load_policy(spec, robot)
     run = _simulated if options.bus == SIMULATED else _on_interface
-    figures = {"policy": policy, "robot": robot.name} | run(robot, decider, _lasting(policy), options)
+    about = {"policy": spec, "robot": robot.name, "settings": unstructure(load_settings(spec, robot))}
+    figures = about | run(robot, decider, lasting_spec(spec), options)
     write_json(options.json, figures)
     _show(figures)
     return 0 if figures["final_state"] == SAFE and not figures["fell"] else 1
@@ -137,12 +142,6 @@ def _config(options: DeployOptions) -> "DeployConfig":
     from footfall.deploy.config import DeployConfig, load_deploy_config
 
     return DeployConfig() if options.config is None else load_deploy_config(options.config)
-
-
-def _lasting(policy: str) -> str:
-    """A path that still holds from another folder; a name stays a name."""
-    path = Path(policy)
-    return str(path.resolve()) if path.exists() else policy
 
 
 def _figures(outcome: "Outcome", options: DeployOptions) -> dict[str, Any]:

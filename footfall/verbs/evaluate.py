@@ -7,5 +7,7 @@ from footfall.options import PolicyName
 def evaluate(policy: PolicyName, /, *, options: EvaluationOptions = NOMINAL) -> int:
     """Put a policy through scenarios in lockstep, in parallel processes; exit 1 if an episode failed."""
     from footfall.evaluate.api import evaluate_policy
+    from footfall.policies.spec import add_settings
 
-    return exit_status([evaluate_policy(policy, **arguments(options))])
+    (spec,) = add_settings([policy], options.settings)
+    return exit_status([evaluate_policy(spec, **arguments(options))])

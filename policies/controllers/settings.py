@@ -1,12 +1,16 @@
 """Settings of the hand-written controllers: one section each in a robot's `controllers.yaml`."""
 
-from typing import Any, TypeVar
+from collections.abc import Iterator, Sequence
+from dataclasses import fields, is_dataclass
+from typing import Any, TypeVar, get_type_hints
 
-from footfall.common.config import read_yaml, structure
+from footfall.common.config import merged, read_yaml, structure
 from footfall.common.errors import UserError
+from footfall.policies.spec import Change
 from footfall.robots.description import Robot
 
 T = TypeVar("T")
+Key = tuple[str, ...]
 
 SETTINGS_FILE = "controllers.yaml"
 
@@ -26,8 +30,14 @@ def configured_controllers(robot: Robot) -> dict[str, Any]:
     return sections
 
 
-def controller_settings(robot: Robot, controller: str, cls: type[T]) -> T:
+def controller_settings(robot: Robot, controller: str, cls: type[T], changes: Sequence[Change] = ()) -> T:
     """One controller's section of the robot's settings.
+
+    Args:
+        robot: whose settings.
+        controller: by name.
+        cls: dataclass of its settings.
+        changes: what shall differ from the robot's.
 
     Raises:
         UserError: the robot has no such file or section, or a field is missing, unknown, of a wrong type or
@@ -40,4 +50,46 @@ def controller_settings(robot: Robot, controller: str, cls: type[T]) -> T:
             f"robot '{robot.name}' has no settings for '{controller}': it has {', '.join(sections) or 'none'}"
             f" (a section '{controller}' in {path} would add it)"
         )
-    return structure(sections[controller], cls, f"{path}: {controller}")
+    section = sections[controller]
+    settings = structure(section, cls, f"{path}: {controller}")
+    if not changes:
+        return settings
+    for change in changes:
+        key = _whole_key(change.key, cls, f"{controller}@{change.source}")
+        section = merged(section, _nested(key, change.content))
+    return structure(section, cls, "@".join([controller, *(change.source for change in changes)]))
+
+
+def _nested(key: Key, content: Any) -> Any:
+    """Content under a key, as a mapping of mappings."""
+    for name in reversed(key):
+        content = {name: content}
+    return content
+
+
+def _whole_key(key: Key, cls: type, source: str) -> Key:
+    """A setting's whole key: its parents may be left out where no other setting ends alike.
+
+    Raises:
+        UserError: there is no such setting, or there are several.
+    """
+    keys = list(_keys(cls))
+    alike = [each for each in keys if each[-len(key) :] == key]
+    if any(each[: len(key)] == key for each in keys):  # in whole, or of a group of settings
+        return key
+    if len(alike) == 1:
+        return alike[0]
+    if alike:
+        raise UserError(f"{source}: there are {' and '.join(map('.'.join, alike))}: say which")
+    raise UserError(f"{source}: no setting {'.'.join(key)} (there are {', '.join(map('.'.join, keys))})")
+
+
+def _keys(cls: type) -> Iterator[Key]:
+    """The keys of all settings, of parts of parts as well."""
+    kinds = get_type_hints(cls)
+    for field in fields(cls):
+        kind = kinds[field.name]
+        if isinstance(kind, type) and is_dataclass(kind):
+            yield from ((field.name, *inner) for inner in _keys(kind))
+        else:
+            yield (field.name,)

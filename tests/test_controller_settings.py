@@ -1,0 +1,172 @@
+"""A controller with other settings than the robot's: what a user may type for it, and what comes of it."""
+
+from pathlib import Path
+
+import pytest
+
+from footfall.common.errors import UserError
+from footfall.policies.controllers.mpc.config import MpcConfig
+from footfall.policies.controllers.stand import StandConfig
+from footfall.policies.registry import (
+    CONTROLLERS,
+    changed_settings,
+    controllers_of,
+    lasting_spec,
+    load_policy,
+    load_settings,
+)
+from footfall.policies.spec import add_settings
+from footfall.robots.description import Robot, available_robots, load_robot
+
+
+@pytest.fixture
+def mine(tmp_path: Path) -> Path:
+    file = tmp_path / "mine.yaml"
+    file.write_text("gait: {period_s: 0.5}\nweights: {force: 1e-4}\n")
+    return file
+
+
+def refusal(spec: str, robot: Robot) -> str:
+    with pytest.raises(UserError) as caught:
+        load_policy(spec, robot)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+class TestWhatIsTyped:
+    @pytest.mark.parametrize("key", ["stance.kd", "gait.period_s", "period_s", "attitude"])
+    def test_one_setting_differs_and_no_other(self, go1: Robot, key: str) -> None:
+        """The last two leave out sections that no other setting of that name has."""
+        value = [3.0, 2.0, 1.0] if key == "attitude" else 0.46
+        own, changed = load_settings("mpc", go1), load_settings(f"mpc@{key}={value}", go1)
+        assert isinstance(changed, MpcConfig)
+        found = {
+            "stance.kd": (own.stance.kd, changed.stance.kd),
+            "gait.period_s": (own.gait.period_s, changed.gait.period_s),
+            "attitude": (own.weights.attitude, changed.weights.attitude),
+        }
+        for name, (before, after) in found.items():
+            meant = name.endswith(key)
+            assert (after != before) == meant
+            assert not meant or after == (tuple(value) if isinstance(value, list) else value)
+        assert changed.swing == own.swing
+
+    def test_a_file_replaces_what_it_names(self, go1: Robot, mine: Path) -> None:
+        own, changed = load_settings("mpc", go1), load_settings(f"mpc@{mine}", go1)
+        assert (changed.gait.period_s, changed.weights.force) == (0.5, 1e-4)
+        assert (changed.gait.name, changed.weights.attitude) == (own.gait.name, own.weights.attitude)
+
+    def test_a_file_may_be_of_the_form_of_the_robots_own(self, go1: Robot, tmp_path: Path) -> None:
+        file = tmp_path / "two.yaml"
+        file.write_text("trot: {kp: 3.0}\nstand: {kp: 61.0}\n")
+        assert load_settings(f"stand@{file}", go1).kp == 61.0
+
+    def test_settings_that_follow_a_file_win(self, go1: Robot, mine: Path) -> None:
+        changed = load_settings(f"mpc@{mine}@gait.period_s=0.41@friction=0.55", go1)
+        assert (changed.gait.period_s, changed.contact.friction) == (0.41, 0.55)
+        assert changed.weights.force == 1e-4
+
+    def test_a_group_of_settings_is_merged(self, go1: Robot) -> None:
+        changed = load_settings("mpc@gait={period_s: 0.44}", go1)
+        assert (changed.gait.period_s, changed.gait.duty) == (0.44, 0.5)
+
+    def test_a_folder_may_have_an_at_in_its_name(self, go1: Robot, tmp_path: Path) -> None:
+        folder = tmp_path / "me@home"
+        folder.mkdir()
+        (folder / "s.yaml").write_text("kp: 62.0")
+        assert load_settings(f"stand@{folder / 's.yaml'}@kd=2.5", go1) == StandConfig(
+            rate_hz=500.0,
+            kp=62.0,
+            kd=2.5,
+            tilt_gain=0.3,
+            tilt_rate_gain_s=0.02,
+            most_tilt_rad=0.2,
+            settle_s=0.5,
+        )
+
+    def test_the_controller_runs_with_them_and_is_called_by_them(self, go1: Robot, mine: Path) -> None:
+        assert load_policy("stand@rate_hz=250", go1).rate_hz == 250.0
+        assert load_policy("stand", go1).name == "stand"
+        assert load_policy(f"mpc@{mine}@kp=41", go1).name == "mpc@mine.yaml@kp=41"
+
+    @pytest.mark.parametrize("name", CONTROLLERS)
+    def test_every_controllers_settings_can_be_changed(self, name: str) -> None:
+        robot = next(r for r in map(load_robot, available_robots()) if name in controllers_of(r))
+        assert load_policy(f"{name}@settle_s=0.37", robot)._config.settle_s == 0.37  # type: ignore[attr-defined]
+
+
+class TestRefusals:
+    @pytest.mark.parametrize(
+        ("spec", "complaint"),
+        [
+            ("stand@kq=1", "stand@kq=1: no setting kq (there are rate_hz, kp, kd, tilt_gain,"),
+            ("stand@kp.x=1", "stand@kp.x=1: no setting kp.x (there are"),
+            ("stand@kp=soft", "stand@kp=soft: kp: 'soft' is not a number"),
+            ("stand@kp=", "stand@kp=: kp: None is not a number"),
+            ("stand@kp=[1", "stand@kp=[1: '[1' is not valid YAML"),
+            ("stand@kd=1@kp=-3", "stand@kd=1@kp=-3: kp must be above 0, not -3.0"),
+            ("stand@rate_hz=.nan", "rate_hz: not a finite number"),
+            ("mpc@kd=1", "mpc@kd=1: there are stance.kd and swing.kd: say which"),
+            ("mpc@swing=fast", "mpc@swing=fast: swing: expected a mapping of settings"),
+            ("mpc@gait.name=tripod", "no gait 'tripod' for the 4 feet of 'go1': trot, walk, pace"),
+            ("stand@", "stand@: expected a YAML file or KEY=VALUE after the @"),
+            ("stand@none.yaml", "none.yaml: No such file or directory"),
+            ("tripod@kp=1", "robot 'go1' has no settings for 'tripod': it has stand,"),
+            ("go1-flat@kp=1", "no policy 'go1-flat@kp=1': give one of stand,"),
+        ],
+    )
+    def test_each_says_what_is_wrong(self, go1: Robot, spec: str, complaint: str) -> None:
+        assert complaint in refusal(spec, go1)
+
+    def test_a_file_that_is_none(self, go1: Robot, tmp_path: Path) -> None:
+        (tmp_path / "list.yaml").write_text("[1, 2]")
+        assert "list.yaml: expected a mapping of settings" in refusal(f"stand@{tmp_path / 'list.yaml'}", go1)
+        (tmp_path / "bad.yaml").write_text("a: b: c")
+        assert "bad.yaml is not valid YAML" in refusal(f"stand@{tmp_path / 'bad.yaml'}", go1)
+
+
+class TestSettingsGivenApart:
+    """--set CONTROLLER.KEY=VALUE"""
+
+    def test_they_reach_every_contender_of_that_controller(self) -> None:
+        given = add_settings(["mpc", "stand", "mpc@a.yaml"], ["mpc.swing.kp=50", "stand.kp=9", "mpc.force=1"])
+        assert given == ("mpc@swing.kp=50@force=1", "stand@kp=9", "mpc@a.yaml@swing.kp=50@force=1")
+
+    @pytest.mark.parametrize(
+        ("setting", "complaint"),
+        [
+            ("mpc", "expected CONTROLLER.KEY=VALUE"),
+            ("mpc.kp", "expected CONTROLLER.KEY=VALUE"),
+            ("mpc.=1", "expected CONTROLLER.KEY=VALUE"),
+            ("kp=1.5", "expected CONTROLLER.KEY=VALUE"),
+            ("trot.kp=1", "'trot' is not among the policies mpc, stand"),
+        ],
+    )
+    def test_what_cannot_be_meant_is_refused(self, setting: str, complaint: str) -> None:
+        with pytest.raises(UserError, match=f"--set {setting}: .*{complaint}"):
+            add_settings(["mpc", "stand"], [setting])
+
+
+class TestWhatIsKept:
+    def test_a_spec_that_lasts_needs_no_file(self, go1: Robot, mine: Path) -> None:
+        spec = f"mpc@{mine}@attitude=[3, 2, 1]"
+        lasting = lasting_spec(spec)
+        before = load_settings(spec, go1)
+        mine.unlink()
+        assert lasting == "mpc@gait.period_s=0.5@weights.force=1e-4@attitude=[3, 2, 1]"
+        assert load_settings(lasting, go1) == before
+
+    def test_names_and_files_of_other_policies_last_as_they_did(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.chdir(tmp_path)
+        (tmp_path / "mine.onnx").touch()
+        assert lasting_spec("mine.onnx") == str(tmp_path / "mine.onnx")
+        assert (lasting_spec("trot"), lasting_spec("go1-flat")) == ("trot", "go1-flat")
+
+    def test_changes_are_told_one_by_one(self, mine: Path) -> None:
+        assert changed_settings(f"mpc@{mine}@kp=3") == ["gait.period_s=0.5", "weights.force=1e-4", "kp=3"]
+        assert changed_settings("mpc") == changed_settings("run@home") == []
+
+    def test_a_policy_that_is_no_controller_has_none(self, go1: Robot) -> None:
+        assert load_settings("go1-flat", go1) is None
