@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from footfall.common.errors import UserError
-from footfall.policies.contract import Contract, Gait, Term
+from footfall.policies.contract import CONTRACT_KEY, TRAINER_KEY, Contract, Gait, Term
 from footfall.robots.commands import CommandRange
 from footfall.robots.description import Robot, load_robot
 
@@ -77,6 +77,9 @@ def test_unknown_field_is_refused_by_name(contract: Contract) -> None:
         ("observation", [], "observation has no terms"),
         ("observation", [{"name": "gyro", "history": 0}], "history must be above 0"),
         ("kp", [20.0], "kp has 1 numbers for 12 joints"),
+        ("kd", [0.5] * 13, "kd has 13 numbers for 12 joints"),
+        ("default_pose_rad", [0.0] * 11, "default_pose_rad has 11 numbers for 12 joints"),
+        ("action_scale_rad", [], "action_scale_rad has 0 numbers for 12 joints"),
         ("kp", ["stiff"] * 12, "'stiff' is not a number"),
         ("gait", {"frequency_hz": 2.0, "phase": [0.0], "amplitude_rad": [0.0]}, "gait.phase has 1"),
         (
@@ -131,3 +134,45 @@ def test_a_changed_body_is_a_mismatch(contract: Contract, own_folder: Path) -> N
     xml.write_text(xml.read_text().replace('mass="5.204"', 'mass="6"'))
     (line,) = contract.mismatches(load_robot(own_folder))
     assert line.startswith("digest:")
+
+
+def test_the_joints_order_is_part_of_it(contract: Contract, go1: Robot) -> None:
+    swapped = (contract.joints[1], contract.joints[0], *contract.joints[2:])
+    (line,) = replace(contract, joints=swapped).mismatches(go1)
+    assert line.startswith("joints: policy has ['FR_thigh_joint', 'FR_hip_joint',")
+
+
+def test_a_mismatch_says_which_side_has_what(contract: Contract, go1: Robot) -> None:
+    assert replace(contract, robot="go2").mismatches(go1) == ["robot: policy has go2, robot has go1"]
+    (line,) = replace(contract, kp=(1.5,) * 12).mismatches(go1)
+    assert line == f"kp: policy has {[1.5] * 12}, robot has {go1.kp.tolist()}"
+    changed = go1.digest[:-1] + ("0" if go1.digest[-1] != "0" else "1")
+    (line,) = replace(contract, digest=changed).mismatches(go1)
+    assert line.startswith(f"digest: policy was trained on description {changed}, robot has {go1.digest} (")
+
+
+def test_a_digest_says_nothing_new_where_a_field_differs(contract: Contract, go1: Robot) -> None:
+    found = replace(contract, robot="go2", digest="other", kd=(0.5,) * 12).mismatches(go1)
+    assert [line.split(":")[0] for line in found] == ["robot", "kd"]
+
+
+def test_names_under_which_files_are_already_written(contract: Contract) -> None:
+    """Policies that were exported earlier must stay readable."""
+    assert (CONTRACT_KEY, TRAINER_KEY) == ("footfall.contract", "footfall.trainer")
+    written = json.loads(contract.to_json())
+    assert written["version"] == 1
+    assert list(written) == [
+        *("robot", "digest", "joints", "control_rate_hz", "observation", "default_pose_rad"),
+        *("action_scale_rad", "kp", "kd", "commands", "gait", "standing_command", "version"),
+    ]
+
+
+def test_what_a_contract_leaves_out_has_the_value_that_it_always_had(contract: Contract) -> None:
+    written = json.loads(contract.to_json())
+    del written["standing_command"], written["version"], written["gait"]["duty"]
+    written["observation"] = [{"name": "gyro"}]
+    read = Contract.from_json(json.dumps(written), "walk.onnx")
+    assert (read.standing_command, read.version) == (0.1, 1)
+    assert read.gait is not None
+    assert read.gait.duty == 0.5
+    assert read.observation == (Term("gyro", 1.0, 1),)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from footfall.common.errors import UserError
-from footfall.policies.gaits import find_gait, planned_lift
+from footfall.policies import gaits
+from footfall.policies.gaits import GaitEntry, find_gait, planned_lift, require_duty
 from footfall.robots.description import Robot
 
 FOUR = ("trot", "walk", "pace", "bound", "gallop")
@@ -47,7 +48,7 @@ HEXAPOD = {  # in no order, its middle feet farther out
 
 class TestFourFeet:
     def test_a_trot_steps_with_diagonals(self, go1: Robot) -> None:
-        assert {frozenset(in_the_air(go1, "trot", clock)) for clock in (0.1, 0.4, 0.6, 0.9)} == {
+        assert {frozenset(in_the_air(go1, "trot", clock)) for clock in np.arange(0.01, 1.0, 0.02)} == {
             frozenset({"FR", "RL"}),
             frozenset({"FL", "RR"}),
         }
@@ -55,6 +56,8 @@ class TestFourFeet:
     def test_a_pace_steps_with_sides_and_a_bound_with_ends(self, go1: Robot) -> None:
         assert in_the_air(go1, "pace", 0.1) == {"FL", "RL"}
         assert in_the_air(go1, "bound", 0.1) == {"RL", "RR"}
+        for clock in np.arange(0.01, 1.0, 0.02):
+            assert len(in_the_air(go1, "pace", clock)) == len(in_the_air(go1, "bound", clock)) == 2
 
     def test_a_walk_steps_hind_before_front_on_each_side_one_foot_at_a_time(self, go1: Robot) -> None:
         assert lift_offs(go1, "walk") == ["RL", "FL", "RR", "FR"]
@@ -65,6 +68,15 @@ class TestFourFeet:
         order = lift_offs(go1, "gallop")
         hind_first = order[order.index("RL") :] + order[: order.index("RL")]
         assert hind_first == ["RL", "RR", "FL", "FR"]
+
+
+def test_two_feet_step_in_turn_and_stand_together_for_a_fifth_of_the_cycle(go1: Robot) -> None:
+    biped = standing_at(go1, {"L": (0.0, 0.1), "R": (0.0, -0.1)})
+    up = [in_the_air(biped, "walk", clock) for clock in np.arange(0.005, 1.0, 0.01)]
+    assert sorted(map(len, up)) == [0] * 20 + [1] * 80
+    assert up[0] == set()
+    assert in_the_air(biped, "walk", 0.2) == {"L"}
+    assert in_the_air(biped, "walk", 0.7) == {"R"}
 
 
 class TestSixFeet:
@@ -98,6 +110,54 @@ def test_feet_are_told_apart_by_where_they_stand(go1: Robot) -> None:
     places = {"a": (-0.2, 0.1), "b": (0.2, -0.1), "c": (0.2, 0.1), "d": (-0.2, -0.1)}
     gait = find_gait("walk", standing_at(go1, places))
     np.testing.assert_array_equal(gait.phase, [0.75, 0.0, 0.5, 0.25])
+
+
+class TestFeetInTheMiddle:
+    """Gaits of a made-up file, for five feet of which two or three stand in the middle plane."""
+
+    PLACES = {"b": (-0.3, -1e-7), "r": (0.0, -0.001), "f": (0.3, 1e-7), "l": (0.1, 0.2), "m": (0.2, 0.0)}
+
+    @pytest.fixture(autouse=True)
+    def file(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        hop = {"duty": 0.6, "left": [0.1], "right": [0.2], "middle": [0.3, 0.4, 0.5]}
+        limp = hop | {"left": [0.1, 0.7], "middle": [0.3, 0.4]}
+        monkeypatch.setattr(gaits, "_file", lambda: {5: {"hop": hop, "limp": limp}})
+
+    def test_they_have_phases_of_their_own_from_front_to_back(self, go1: Robot) -> None:
+        """A millimetre beside the plane is a side."""
+        found = find_gait("hop", standing_at(go1, self.PLACES))
+        assert found.duty == 0.6
+        np.testing.assert_array_equal(found.phase, [0.5, 0.2, 0.3, 0.1, 0.4])
+
+    def test_as_many_as_the_gait_has(self, go1: Robot) -> None:
+        with pytest.raises(UserError, match="gait 'limp' has 2 feet on the left, robot 'go1' has 1"):
+            find_gait("limp", standing_at(go1, self.PLACES))
+        beside = self.PLACES | {"m": (0.2, -0.1)}
+        with pytest.raises(UserError, match="gait 'hop' has 1 feet on the right, robot 'go1' has 2"):
+            find_gait("hop", standing_at(go1, beside))
+
+
+@pytest.mark.parametrize("duty", [0.0, 1.0, -0.1, float("nan")])
+def test_a_foot_both_stands_and_swings(duty: float) -> None:
+    with pytest.raises(ValueError, match="duty must be above 0 and below 1"):
+        require_duty(duty)
+    with pytest.raises(ValueError, match="duty must be above 0 and below 1"):
+        GaitEntry(duty)
+    require_duty(None)
+    require_duty(0.01)
+
+
+@pytest.mark.parametrize("side", ["left", "right", "middle"])
+@pytest.mark.parametrize("place", [-0.1, 1.1])
+def test_a_place_in_the_cycle_is_within_it(side: str, place: float) -> None:
+    with pytest.raises(ValueError, match=f"{side} must be from 0 to 1"):
+        GaitEntry(0.5, **{side: (0.2, place)})
+
+
+def test_feet_of_which_no_robot_has_so_many_have_no_gaits(go1: Robot) -> None:
+    seven = standing_at(go1, {name: (0.1 * k, 0.1) for k, name in enumerate("abcdefg")})
+    with pytest.raises(UserError, match="no gait 'trot' for the 7 feet of 'go1': none"):
+        find_gait("trot", seven)
 
 
 def test_an_unknown_gait_is_refused_with_those_that_there_are(go1: Robot) -> None:

@@ -1,12 +1,15 @@
 """A learned policy from readings to joint targets, with a network that answers to everything it sees."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from tiny_policy import write_network
 
-from footfall.policies.contract import Contract
+from footfall.common.errors import UserError
+from footfall.policies.contract import CONTRACT_KEY, TRAINER_KEY, Contract, Term
 from footfall.policies.learned import LearnedPolicy
 from footfall.policies.observation import frame_size, observation_size
 from footfall.policies.policy import Observation, Sensed
@@ -86,7 +89,8 @@ def test_its_command_is_a_target_under_the_contracts_gains(policy: LearnedPolicy
     policy.reset(seen)
     command = policy.act(seen)
     scaled = np.array(contract.action_scale_rad) * policy.action
-    np.testing.assert_allclose(command.position, np.array(contract.default_pose_rad) + scaled, rtol=1e-6)
+    assert command.position.dtype == np.float64
+    np.testing.assert_allclose(command.position, np.array(contract.default_pose_rad) + scaled, rtol=1e-12)
     np.testing.assert_array_equal(command.kp, contract.kp)
     np.testing.assert_array_equal(command.kd, contract.kd)
     np.testing.assert_array_equal([command.velocity, command.torque], 0.0)
@@ -102,3 +106,156 @@ def test_actions_are_added_to_the_reference_gait(policy: LearnedPolicy, contract
     reference = (command.position - np.array(contract.default_pose_rad) - scaled).reshape(4, 3)
     lifted = np.sin(2 * np.pi * 0.22) * np.array([0.0, 0.3, -0.6])
     np.testing.assert_allclose(reference, [lifted, np.zeros(3), np.zeros(3), lifted], atol=1e-6)
+
+
+def test_its_action_is_what_the_network_makes_of_what_it_sees(
+    tmp_path: Path, contract: Contract, go1: Robot
+) -> None:
+    """However large: what the targets may be is for the joint layer to say."""
+    weights = np.random.default_rng(5).standard_normal((observation_size(contract), 12)).astype(np.float32)
+    policy = LearnedPolicy(write_network(onnx, tmp_path / "p.onnx", weights, contract), go1)
+    episode(policy)
+    np.testing.assert_allclose(policy.action, policy.observed @ weights, rtol=1e-4)
+    assert np.abs(policy.action).max() > 2.0
+
+
+def test_a_reset_leaves_nothing_of_the_last_episode_to_be_seen(policy: LearnedPolicy) -> None:
+    episode(policy)
+    assert policy.observed.any()
+    assert policy.action.any()
+    policy.reset(observations(1)[0])
+    assert not policy.observed.any()
+    assert not policy.action.any()
+
+
+def test_it_runs_at_its_contracts_rate(tmp_path: Path, contract: Contract, go1: Robot) -> None:
+    """And so does its clock: 2.2 Hz at 40 steps a second are 0.055 cycles a step."""
+    contract = replace(contract, control_rate_hz=40.0)
+    weights = np.zeros((observation_size(contract), 12), np.float32)
+    policy = LearnedPolicy(write_network(onnx, tmp_path / "p.onnx", weights, contract), go1)
+    assert policy.rate_hz == 40.0
+    assert not policy.needs_estimate
+    assert policy.notes == ()
+    seen = observations(1)[0]
+    policy.reset(seen)
+    policy.act(seen)
+    policy.act(seen)
+    angle = 2 * np.pi * 0.055
+    np.testing.assert_allclose(policy.observed[-2:], [np.sin(angle), np.cos(angle)], atol=1e-6)
+
+
+def test_without_a_gait_the_clock_stands_at_zero(tmp_path: Path, contract: Contract, go1: Robot) -> None:
+    contract = replace(contract, gait=None, observation=(Term("clock"),))
+    weights = np.zeros((2, 12), np.float32)
+    policy = LearnedPolicy(write_network(onnx, tmp_path / "p.onnx", weights, contract), go1)
+    episode(policy)
+    np.testing.assert_array_equal(policy.observed, [0.0, 1.0])
+
+
+# -- files -------------------------------------------------------------------------------------------
+
+
+def write_graph(
+    path: Path,
+    contract: Contract,
+    inputs: Sequence[tuple[str, int]],
+    outputs: Sequence[tuple[str, int]],
+    **properties: str,
+) -> Path:
+    """A network whose outputs are zero, with as many inputs and outputs, by name and size, as wanted."""
+    helper, number = onnx.helper, onnx.TensorProto.FLOAT
+    first, size = inputs[0]
+    graph = helper.make_graph(
+        [helper.make_node("MatMul", [first, f"to_{name}"], [name]) for name, _ in outputs],
+        "zeros",
+        [helper.make_tensor_value_info(name, number, ["batch", count]) for name, count in inputs],
+        [helper.make_tensor_value_info(name, number, ["batch", count]) for name, count in outputs],
+        [
+            onnx.numpy_helper.from_array(np.zeros((size, count), np.float32), f"to_{name}")
+            for name, count in outputs
+        ],
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)])
+    model.ir_version = 8
+    helper.set_model_props(model, {CONTRACT_KEY: contract.to_json(), **properties})
+    onnx.save(model, path)
+    return path
+
+
+class TestFile:
+    def test_it_is_named_after_its_file_unless_another_name_is_given(
+        self, tmp_path: Path, contract: Contract, go1: Robot
+    ) -> None:
+        """Whatever its input and output are called."""
+        size = observation_size(contract)
+        path = write_graph(tmp_path / "gentle.v2.onnx", contract, [("x", size)], [("y", 12)])
+        policy = LearnedPolicy(path, go1)
+        assert policy.name == "gentle.v2"
+        assert policy.trainer is None
+        assert LearnedPolicy(path, go1, "mine").name == "mine"
+        assert not episode(policy)[:, 4].any()
+
+    def test_it_tells_who_trained_it(self, tmp_path: Path, contract: Contract, go1: Robot) -> None:
+        told = {TRAINER_KEY: "somebody"}
+        size = observation_size(contract)
+        path = write_graph(tmp_path / "p.onnx", contract, [("x", size)], [("y", 12)], **told)
+        assert LearnedPolicy(path, go1).trainer == "somebody"
+
+    @pytest.mark.parametrize(
+        ("inputs", "outputs", "complaint"),
+        [
+            ([("x", 0), ("y", 3)], [("a", 0)], "its input should be one vector of 110"),
+            ([("x", 1)], [("a", 0)], "its input should be one vector of 110"),
+            ([("x", 0)], [("a", 0), ("b", 0)], "its output should be one vector of 12"),
+            ([("x", 0)], [("a", 1)], "its output should be one vector of 12"),
+        ],
+    )
+    def test_a_network_of_other_sizes_than_its_contracts_is_refused(
+        self, tmp_path: Path, contract: Contract, go1: Robot, inputs: list, outputs: list, complaint: str
+    ) -> None:
+        """Sizes are given by how much larger they are than 110 (6 + 3 + 3 + 36 + 36 + 24 + 2), or 12."""
+        size = observation_size(contract)
+        inputs = [(name, size + more) for name, more in inputs]
+        path = write_graph(
+            tmp_path / "p.onnx", contract, inputs, [(name, 12 + more) for name, more in outputs]
+        )
+        with pytest.raises(UserError, match=complaint):
+            LearnedPolicy(path, go1)
+
+    def test_what_is_no_file_of_a_policy_is_refused(
+        self, tmp_path: Path, contract: Contract, go1: Robot
+    ) -> None:
+        with pytest.raises(UserError, match="no policy file at .*absent.onnx"):
+            LearnedPolicy(tmp_path / "absent.onnx", go1)
+        (tmp_path / "text.onnx").write_text("a walk\nin the park")
+        with pytest.raises(UserError, match=r"text.onnx is not a readable ONNX file: .+") as caught:
+            LearnedPolicy(tmp_path / "text.onnx", go1)
+        assert "\n" not in str(caught.value)
+        bare = write_network(onnx, tmp_path / "bare.onnx", np.zeros((3, 12), np.float32), None)
+        with pytest.raises(UserError, match="bare.onnx carries no footfall contract"):
+            LearnedPolicy(bare, go1)
+
+    def test_one_difference_to_the_robot_is_enough_to_refuse_it(
+        self, tmp_path: Path, contract: Contract, go1: Robot
+    ) -> None:
+        other = replace(contract, kd=(0.5,) * 12)
+        path = write_graph(tmp_path / "p.onnx", other, [("x", observation_size(other))], [("y", 12)])
+        with pytest.raises(UserError, match="p.onnx does not fit robot 'go1': kd: policy has"):
+            LearnedPolicy(path, go1)
+
+    def test_it_leaves_the_other_cores_alone_and_is_quiet(self, policy: LearnedPolicy) -> None:
+        """A control loop has one core: threads that spin beside it cost it its deadlines."""
+        options = policy._session.get_session_options()
+        assert (options.intra_op_num_threads, options.inter_op_num_threads) == (1, 1)
+        assert options.get_session_config_entry("session.intra_op.allow_spinning") == "0"
+        assert options.log_severity_level == 4
+        assert policy._session.get_providers() == ["CPUExecutionProvider"]
+
+    def test_its_network_has_run_once_before_the_first_step(
+        self, tmp_path: Path, contract: Contract, go1: Robot, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        calls: list[np.ndarray] = []
+        monkeypatch.setattr(LearnedPolicy, "network", lambda _, observed: calls.append(observed))
+        size = observation_size(contract)
+        LearnedPolicy(write_graph(tmp_path / "p.onnx", contract, [("x", size)], [("y", 12)]), go1)
+        assert [call.shape for call in calls] == [(size,)]

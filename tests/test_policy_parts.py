@@ -231,6 +231,12 @@ class TestObservation:
         expected += np.array(contract.action_scale_rad) * action
         np.testing.assert_allclose(joint_target(action, clock, command, contract), expected, atol=1e-12)
         assert not gait_reference(clock, np.zeros(3), contract).any()
+        shorter = replace(contract, gait=replace(gait, duty=0.8))
+        swing = (0.37 + phase) % 1.0 / 0.2
+        reference = np.where(swing < 1.0, amplitude * np.sin(np.pi * swing), 0.0)
+        np.testing.assert_allclose(gait_reference(clock, command, shorter), reference, atol=1e-12)
+        single = gait_reference(clock.astype(np.float32), command.astype(np.float32), contract)
+        assert single.dtype == np.float32
         still = gait_reference(np.zeros((5, 1)), np.ones((5, 3)), replace(contract, gait=None))
         assert still.shape == (5, 12)
         assert not still.any()
