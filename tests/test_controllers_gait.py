@@ -1,14 +1,17 @@
 """Clock, schedule and swing curves."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from footfall.common.errors import UserError
 from footfall.policies.controllers.command import CommandShaping, ShapedCommand
 from footfall.policies.controllers.gait import (
+    GaitConfig,
     GaitTiming,
     StepClock,
     contact_trust,
@@ -17,6 +20,7 @@ from footfall.policies.controllers.gait import (
     swing_curve,
     swing_progress,
 )
+from footfall.robots.description import Robot
 
 TROT = np.array([0.0, 0.5, 0.5, 0.0])
 WAVE = np.arange(6) / 6
@@ -39,6 +43,50 @@ class TestSchedule:
     def test_trust_is_full_in_mid_stance_and_none_at_the_edges_and_in_swing(self) -> None:
         trust = contact_trust(np.array([0.0, 0.25, 0.5, 0.8]), duty=0.5, edge=0.2)
         np.testing.assert_allclose(trust, [0, 1, 0, 0])
+
+    def test_trust_rises_and_falls_over_the_edges_of_the_stance(self) -> None:
+        """Of a stance of 0.8 cycles, a tenth is 0.08: half of the trust is there after 0.04."""
+        trust = contact_trust(np.array([0.02, 0.04, 0.08, 0.72, 0.76, 0.78]), duty=0.8, edge=0.1)
+        np.testing.assert_allclose(trust, [0.25, 0.5, 1.0, 1.0, 0.5, 0.25])
+
+    def test_a_foot_ahead_in_the_cycle_is_there_earlier(self) -> None:
+        np.testing.assert_allclose(leg_phases(0.3, np.array([0.0, 0.2, 0.9])), [0.3, 0.5, 0.2])
+
+    def test_a_foot_lifts_off_at_its_duty_and_its_swing_takes_the_rest(self) -> None:
+        phases = np.array([0.0, 0.599, 0.6, 0.7, 0.999])
+        assert in_stance(phases, 0.6).tolist() == [True, True, False, False, False]
+        np.testing.assert_allclose(swing_progress(phases, 0.6), [0.0, 0.0, 0.0, 0.25, 0.9975])
+
+    def test_a_period_is_a_stance_and_a_swing(self) -> None:
+        timing = GaitTiming(period_s=0.4, duty=0.7)
+        assert timing.stance_s == pytest.approx(0.28)
+        assert timing.swing_s == pytest.approx(0.12)
+
+
+class TestNamedGait:
+    def test_its_clock_has_the_gaits_feet_and_duty_unless_another_duty_is_given(self, go1: Robot) -> None:
+        clock = GaitConfig("walk", 0.9).clock(go1)
+        assert (clock.timing.period_s, clock.timing.duty) == (0.9, 0.75)
+        assert clock.offsets.tolist() == [0.0, 0.5, 0.25, 0.75]
+        assert GaitConfig("walk", 0.9, duty=0.8).clock(go1).timing.duty == 0.8
+        with pytest.raises(UserError, match="no gait 'tripod'"):
+            GaitConfig("tripod", 0.9).clock(go1)
+
+    @pytest.mark.parametrize("make", [lambda *numbers: GaitConfig("walk", *numbers), GaitTiming])
+    @pytest.mark.parametrize(
+        ("period_s", "duty", "complaint"),
+        [
+            (0.0, 0.5, "period_s must be above 0"),
+            (-1.0, 0.5, "period_s must be above 0"),
+            (0.5, 0.0, "duty must be above 0"),
+            (0.5, 1.0, "duty must be above 0 and below 1"),
+        ],
+    )
+    def test_a_gait_that_never_ends_or_never_steps_is_refused(
+        self, make: Callable[..., object], period_s: float, duty: float, complaint: str
+    ) -> None:
+        with pytest.raises(ValueError, match=complaint):
+            make(period_s, duty)
 
 
 class TestSwingCurve:
@@ -83,6 +131,7 @@ class TestClock:
         while clock.walking:
             clock.advance(0.004, walk=False)
             ticks += 1
+            assert ticks < 1000
         assert ticks == math.ceil(left_s / 0.004)
         assert clock.stance().all()
 
@@ -91,6 +140,23 @@ class TestClock:
         clock.advance(1.0, walk=False)
         assert clock.planned_stance(np.linspace(0, 1, 5)).all()
         assert not clock.swing().any()
+
+    def test_its_phase_runs_a_cycle_in_a_period_and_starts_again(self) -> None:
+        clock = StepClock(GaitTiming(0.4, 0.6), TROT)
+        for _ in range(7):
+            clock.advance(0.1, walk=True)
+        assert clock.phase == pytest.approx(0.75)
+        np.testing.assert_allclose(clock.phases(), [0.75, 0.25, 0.25, 0.75])
+        np.testing.assert_allclose(clock.swing(), [0.375, 0.0, 0.0, 0.375])
+        assert clock.stance().tolist() == [False, True, True, False]
+
+    def test_a_reset_clock_stands_at_the_beginning_of_a_cycle(self) -> None:
+        clock = StepClock(GaitTiming(0.4, 0.6), TROT)
+        clock.advance(0.3, walk=True)
+        clock.reset()
+        assert clock.phase == 0.0
+        assert not clock.walking
+        assert clock.stance().all()
 
     def test_the_plan_is_what_then_happens(self) -> None:
         clock = StepClock(GaitTiming(0.4, 0.6), TROT)
@@ -121,6 +187,28 @@ class TestCommand:
         command = ShapedCommand(self.SHAPING)
         command.advance(np.array([0.0, asked, 0.0]), 1.0)
         np.testing.assert_allclose(command.value, [0.0, followed, 0.0])
+
+    @pytest.mark.parametrize("axis", [0, 1, 2])
+    def test_the_norm_itself_still_means_stand(self, axis: int) -> None:
+        command = ShapedCommand(CommandShaping(2.0, 5.0, 0.25))
+        asked = np.zeros(3)
+        asked[axis] = 0.25
+        command.advance(asked, 1.0)
+        assert not command.value.any()
+
+    @pytest.mark.parametrize(
+        ("numbers", "complaint"),
+        [
+            ((0.0, 5.0, 0.1), "acceleration_m_s2 must be above 0"),
+            ((2.0, 0.0, 0.1), "yaw_acceleration_rad_s2 must be above 0"),
+            ((2.0, 5.0, -0.1), "standing_command must be 0 or above"),
+        ],
+    )
+    def test_accelerations_are_above_zero_and_a_norm_is_not_below_it(
+        self, numbers: tuple[float, float, float], complaint: str
+    ) -> None:
+        with pytest.raises(ValueError, match=complaint):
+            CommandShaping(*numbers)
 
     def test_a_new_episode_begins_at_rest(self) -> None:
         command = ShapedCommand(self.SHAPING)

@@ -1,6 +1,7 @@
 """Named gaits: which foot steps when, on any robot with as many feet."""
 
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -115,7 +116,13 @@ def test_feet_are_told_apart_by_where_they_stand(go1: Robot) -> None:
 class TestFeetInTheMiddle:
     """Gaits of a made-up file, for five feet of which two or three stand in the middle plane."""
 
-    PLACES = {"b": (-0.3, -1e-7), "r": (0.0, -0.001), "f": (0.3, 1e-7), "l": (0.1, 0.2), "m": (0.2, 0.0)}
+    PLACES: ClassVar = {
+        "b": (-0.3, -1e-7),
+        "r": (0.0, -0.001),
+        "f": (0.3, 1e-7),
+        "l": (0.1, 0.2),
+        "m": (0.2, 0.0),
+    }
 
     @pytest.fixture(autouse=True)
     def file(self, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -225,14 +225,14 @@ class TestFile:
     def test_what_is_no_file_of_a_policy_is_refused(
         self, tmp_path: Path, contract: Contract, go1: Robot
     ) -> None:
-        with pytest.raises(UserError, match="no policy file at .*absent.onnx"):
+        with pytest.raises(UserError, match=r"no policy file at .*absent.onnx"):
             LearnedPolicy(tmp_path / "absent.onnx", go1)
         (tmp_path / "text.onnx").write_text("a walk\nin the park")
         with pytest.raises(UserError, match=r"text.onnx is not a readable ONNX file: .+") as caught:
             LearnedPolicy(tmp_path / "text.onnx", go1)
         assert "\n" not in str(caught.value)
         bare = write_network(onnx, tmp_path / "bare.onnx", np.zeros((3, 12), np.float32), None)
-        with pytest.raises(UserError, match="bare.onnx carries no footfall contract"):
+        with pytest.raises(UserError, match=r"bare.onnx carries no footfall contract"):
             LearnedPolicy(bare, go1)
 
     def test_one_difference_to_the_robot_is_enough_to_refuse_it(
@@ -240,7 +240,7 @@ class TestFile:
     ) -> None:
         other = replace(contract, kd=(0.5,) * 12)
         path = write_graph(tmp_path / "p.onnx", other, [("x", observation_size(other))], [("y", 12)])
-        with pytest.raises(UserError, match="p.onnx does not fit robot 'go1': kd: policy has"):
+        with pytest.raises(UserError, match=r"p.onnx does not fit robot 'go1': kd: policy has"):
             LearnedPolicy(path, go1)
 
     def test_it_leaves_the_other_cores_alone_and_is_quiet(self, policy: LearnedPolicy) -> None:

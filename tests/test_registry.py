@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 from shell import Shell
+from tiny_policy import write_policy
 
 from footfall.common.errors import UserError
 from footfall.policies import registry
@@ -89,6 +90,61 @@ class TestControllers:
         Shell(capsys)("demo", "--robot", own_folder, "--out", own_folder / "demo")
         assert steps[-1][:4] == ("compare", str(own_folder / "demo" / "trained"), "go1-flat", "--robot")
 
+    def test_those_that_walk_are_told_from_those_that_stand(self) -> None:
+        standing = {name for name, controller in CONTROLLERS.items() if not controller.walks}
+        assert standing == {"stand", "balance"}
+        assert set(CONTROLLERS) - standing == {"trot", "mpc", "step", "tripod", "ripple", "wave"}
+
+    def test_they_come_in_one_order_whatever_that_of_the_settings(self, own_folder: Path) -> None:
+        settings = own_folder / "controllers.yaml"
+        sections = yaml.safe_load(settings.read_text())
+        backwards = {name: sections[name] for name in reversed(sections)}
+        settings.write_text(yaml.safe_dump(backwards, sort_keys=False))
+        assert controllers_of(load_robot(own_folder)) == ["stand", "trot", "mpc"]
+
+    def test_settings_that_are_no_sections_are_refused(self, own_folder: Path) -> None:
+        settings = own_folder / "controllers.yaml"
+        settings.write_text("[stand, trot]")
+        assert (
+            refusal("stand", load_robot(own_folder)) == f"{settings}: expected a section for each controller"
+        )
+
+
+class TestLearned:
+    """Run folders, files and the zoo, and the name that a policy goes by."""
+
+    @pytest.fixture
+    def run(self, tmp_path: Path, go1: Robot) -> Path:
+        onnx = pytest.importorskip("onnx")
+        folder = tmp_path / "tuesday"
+        folder.mkdir()
+        write_policy(onnx, folder / "policy.onnx", go1.folder)
+        return folder
+
+    def test_a_run_folder_goes_by_its_name(
+        self, run: Path, go1: Robot, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        assert load_policy(str(run), go1).name == "tuesday"
+        assert load_policy(f"{run}/", go1).name == "tuesday"
+        monkeypatch.chdir(run)
+        assert load_policy(".", go1).name == "tuesday"
+
+    def test_a_link_to_a_run_goes_by_the_links_name(self, run: Path, go1: Robot) -> None:
+        (run.parent / "best").symlink_to(run)
+        assert load_policy(str(run.parent / "best"), go1).name == "best"
+
+    def test_a_file_is_a_policy_whatever_it_is_called(self, run: Path, go1: Robot) -> None:
+        renamed = (run / "policy.onnx").rename(run / "gentle.bin")
+        assert load_policy(str(renamed), go1).name == "gentle"
+
+    def test_one_of_the_zoo_goes_by_its_name_there(self, go1: Robot) -> None:
+        policy = load_policy("go1-flat", go1)
+        assert policy.name == "go1-flat"
+        assert policy.contract is not None
+
+    def test_one_of_another_robots_zoo_does_not_fit(self, go1: Robot) -> None:
+        assert "does not fit robot 'go1': robot: policy has hexapod" in refusal("hexapod-flat", go1)
+
 
 class TestWhatIsNoPolicy:
     def test_nothing_named(self, go1: Robot) -> None:
@@ -160,9 +216,11 @@ def test_settings_that_cannot_work_are_refused_before_anything_moves(
 def test_a_robots_policies_are_those_of_its_whole_name(
     go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for name in ("go1-flat", "go10-flat", "go1x", "go1-rough"):
+    for name in ("go1-rough", "go1-flat", "go10-flat", "go1x", "go1-stairs", "go1-b", "go1-a", "go1-z"):
         (tmp_path / name).mkdir()
         (tmp_path / name / "policy.onnx").write_text("")
+    (tmp_path / "go1-unfinished").mkdir()
     monkeypatch.setattr(registry, "ZOO", tmp_path)
-    assert registry.zoo_names(go1) == ["go1-flat", "go1-rough"]
-    assert len(registry.zoo_names()) == 4
+    own = ["go1-a", "go1-b", "go1-flat", "go1-rough", "go1-stairs", "go1-z"]
+    assert registry.zoo_names(go1) == own
+    assert registry.zoo_names() == sorted([*own, "go10-flat", "go1x"])

@@ -1,0 +1,174 @@
+"""What balancing wants of the whole body in single moments, worked out by hand."""
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from footfall.policies.controllers.balance import Balance, BalanceConfig
+from footfall.policies.controllers.settings import controller_settings
+from footfall.policies.controllers.whole_body.feedback import Feedback, standing
+from footfall.policies.controllers.whole_body.problem import Wanted
+from footfall.policies.policy import Observation, Sensed
+from footfall.robots.description import load_robot
+
+G1 = load_robot("g1")
+N = len(G1.joint_names)
+CONFIG = replace(
+    controller_settings(G1, "balance", BalanceConfig),
+    capture_gain=0.5,
+    most_lead_m=0.2,
+    height=Feedback(60.0, 15.0),
+    attitude=Feedback(100.0, 20.0),
+    posture=Feedback(40.0, 12.0),
+    momentum_damping=2.0,
+    most_force=1.2,
+    settle_s=0.5,
+)
+
+
+@pytest.fixture(scope="module")
+def policy() -> Balance:
+    return Balance(G1, CONFIG)
+
+
+def seen(time_s: float = 9.0, crouch: float = 0.0, **more: Any) -> Observation:
+    """A level robot whose joints are off their default pose by unlike angles."""
+    joint = G1.default_pose + crouch * np.linspace(0.01, 0.2, N)
+    values = {
+        "gyro": np.zeros(3),
+        "quaternion": np.array([1.0, 0.0, 0.0, 0.0]),
+        "velocity": np.zeros(N),
+        "base_velocity": np.zeros(3),
+        **more,
+    }
+    up = np.array([0.0, 0.0, 9.81])
+    sensed = Sensed(values["gyro"], up, values["quaternion"], joint, values["velocity"], np.zeros(N))
+    return Observation(time_s, sensed, np.zeros(3), values["base_velocity"], 0.7)
+
+
+def wanted(policy: Balance, monkeypatch: pytest.MonkeyPatch, observation: Observation) -> tuple:
+    """What is asked of the whole body: dynamics, position, velocity, wanted, most force."""
+    told: list[tuple] = []
+    monkeypatch.setattr(policy.control, "command", lambda *arguments: told.append(arguments))
+    policy.act(observation)
+    return told[0]
+
+
+class TestCentre:
+    """The wanted acceleration of the centre of mass."""
+
+    def at(self, policy: Balance, place: Any, velocity: Any, height: float) -> np.ndarray:
+        """Feet 0.3 m apart, whose middle is not at the origin."""
+        foot = np.array([[1.0, 0.15, 0.2], [1.0, -0.15, 0.2]])
+        centre = np.add(place, (1.0, 0.0, 0.2))
+        dynamics = SimpleNamespace(centre=centre, foot=foot, centre_velocity=np.array(velocity))
+        return policy._centre(dynamics, height)  # type: ignore[arg-type]
+
+    def test_the_pressure_lies_beyond_the_capture_point(self, policy: Balance) -> None:
+        """x = c + v / w, p = 1.5 x, and the acceleration is w^2 (c - p)."""
+        rate = math.sqrt(9.81 / policy._height)
+        capture = np.array([0.02 + 0.1 / rate, -0.01 - 0.05 / rate])
+        expected = rate**2 * (np.array([0.02, -0.01]) - 1.5 * capture)
+        found = self.at(policy, (0.02, -0.01, 0.6), (0.1, -0.05, 0.0), 0.6)
+        np.testing.assert_allclose(found[:2], expected)
+        assert found[2] == pytest.approx(0.0, abs=1e-12)
+
+    def test_the_pressure_is_wanted_no_farther_from_the_middle_than_allowed(self, policy: Balance) -> None:
+        """A fast fall forward and a little to the left: 0.2 m in that direction."""
+        rate = math.sqrt(9.81 / policy._height)
+        velocity = np.array([1.2, 0.5, 0.0])
+        pressure = 0.2 * velocity[:2] / 1.3
+        np.testing.assert_allclose(self.at(policy, (0.0, 0.0, 0.6), velocity, 0.6)[:2], -(rate**2) * pressure)
+
+    def test_its_height_is_held_by_a_spring_and_a_damper(self, policy: Balance) -> None:
+        """5 cm too low and rising at 0.1 m/s: 60 * 0.05 - 15 * 0.1."""
+        found = self.at(policy, (0.0, 0.0, 0.55), (0.0, 0.0, 0.1), 0.6)
+        np.testing.assert_allclose(found, [0.0, 0.0, 1.5], atol=1e-9)
+
+
+class TestAct:
+    def test_at_rest_in_its_pose_it_wants_nothing_but_its_balance(
+        self, policy: Balance, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        _, position, _, asked, _ = wanted(policy, monkeypatch, seen())
+        assert isinstance(asked, Wanted)
+        np.testing.assert_array_equal(position, G1.default_pose)
+        for part in (asked.momentum_rate, asked.attitude, asked.feet, asked.joints):
+            np.testing.assert_allclose(part, 0.0, atol=1e-9)
+        assert asked.centre[2] == pytest.approx(0.0, abs=1e-9)
+        assert asked.feet.shape == (2, 6)
+
+    def test_it_turns_a_tilted_base_back(self, policy: Balance, monkeypatch: pytest.MonkeyPatch) -> None:
+        """A roll of 0.02 rad, a pitch of -0.03 rad, and a gyro: -100 tilt - 20 rate."""
+        quaternion = np.array([1.0, 0.01, -0.015, 0.0])
+        tilted = seen(quaternion=quaternion / np.linalg.norm(quaternion), gyro=np.array([0.1, 0.2, -0.3]))
+        *_, asked, _ = wanted(policy, monkeypatch, tilted)
+        np.testing.assert_allclose(asked.attitude, [-2.0 - 2.0, 3.0 - 4.0, 6.0], atol=0.05)
+
+    def test_it_brings_joints_back_and_stops_them(
+        self, policy: Balance, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        velocity = np.linspace(-0.1, 0.3, N)
+        *_, asked, _ = wanted(policy, monkeypatch, seen(crouch=1.0, velocity=velocity))
+        np.testing.assert_allclose(asked.joints, -40.0 * np.linspace(0.01, 0.2, N) - 12.0 * velocity)
+
+    def test_it_damps_its_angular_momentum(self, policy: Balance, monkeypatch: pytest.MonkeyPatch) -> None:
+        dynamics, *_, asked, _ = wanted(policy, monkeypatch, seen(gyro=np.array([0.3, -0.2, 0.1])))
+        np.testing.assert_allclose(asked.momentum_rate, -2.0 * dynamics.angular_momentum)
+        assert np.abs(dynamics.angular_momentum).min() > 0.01
+
+    def test_from_where_it_was_reset_it_goes_to_its_pose_in_its_time(
+        self, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """After a fifth of the time it wants a fifth of the way, in its joints and in its height."""
+        policy = Balance(G1, CONFIG)
+        crouched = seen(0.0, crouch=1.0)
+        policy.reset(crouched)
+        off = np.linspace(0.01, 0.2, N)
+        crouched.sensed.joint_position[:] = 99.0
+        for time_s, share in ((0.0, 0.0), (0.1, 0.2), (0.5, 1.0), (3.0, 1.0)):
+            dynamics, *_, asked, _ = wanted(policy, monkeypatch, seen(time_s, crouch=1.0))
+            np.testing.assert_allclose(asked.joints, -40.0 * share * off, atol=1e-9)
+            low = float((dynamics.centre - dynamics.foot.mean(axis=0))[2]) - policy._height
+            assert asked.centre[2] == pytest.approx(-60.0 * share * low)
+            assert abs(low) > 1e-3
+
+    def test_each_foot_may_press_with_its_share_of_the_weight_spread_over_its_points(
+        self, policy: Balance, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        *_, most = wanted(policy, monkeypatch, seen())
+        body = policy.control.body
+        for foot in range(2):
+            assert most[body.foot_of_point == foot].sum() == pytest.approx(1.2 * 9.81 * body.total_mass)
+        assert np.ptp(most[body.foot_of_point == 0]) == 0.0
+
+    def test_both_feet_stand_and_nothing_of_a_run_is_left_after_a_reset(self, policy: Balance) -> None:
+        stance = policy.stance()
+        assert stance is not None
+        assert stance.tolist() == [1.0, 1.0]
+        assert (policy.rate_hz, policy.needs_estimate) == (CONFIG.rate_hz, True)
+        policy.control.lapses = 3
+        policy.reset(seen())
+        assert policy.control.lapses == 0
+
+    def test_its_height_is_that_of_the_default_pose(self, policy: Balance) -> None:
+        rest = standing(policy.control.body, G1)
+        assert policy._height == pytest.approx(rest.centre[2] - rest.foot[:, 2].mean())
+        assert 0.4 < policy._height < 0.9
+
+
+@pytest.mark.parametrize("name", ["rate_hz", "most_lead_m", "most_force", "settle_s"])
+def test_settings_that_must_be_above_zero(name: str) -> None:
+    with pytest.raises(ValueError, match=f"{name} must be above 0"):
+        replace(CONFIG, **{name: 0.0})
+
+
+@pytest.mark.parametrize("name", ["capture_gain", "momentum_damping"])
+def test_settings_that_must_not_be_below_zero(name: str) -> None:
+    replace(CONFIG, **{name: 0.0})
+    with pytest.raises(ValueError, match=f"{name} must be 0 or above"):
+        replace(CONFIG, **{name: -1.0})
