@@ -46,6 +46,16 @@ class TestLimits:
         assert limits.apply(command) is command
         assert limits.apply(np.array([np.nan, 1.0, 0.0])).tolist() == [0.0, 1.0, 0.0]
         assert limits.notes == ["a forward command of nan m/s counted as 0"]
+        limits.apply(np.array([0.0, np.inf, -np.inf]))
+        assert limits.notes[1:] == [
+            "a leftward command of inf m/s counted as 0",
+            "a yaw command of -inf rad/s counted as 0",
+        ]
+
+    def test_what_was_asked_for_stays_as_it_was(self) -> None:
+        asked = np.array([5.0, 0.0, -3.0])
+        CommandLimits(RANGES).apply(asked)
+        assert asked.tolist() == [5.0, 0.0, -3.0]
 
 
 def test_a_run_hands_the_policy_what_it_was_trained_for_and_says_so(

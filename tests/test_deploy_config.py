@@ -26,6 +26,15 @@ REFUSED = [
     "safety: {start_timeout_s: 0}",
     "safety: {silence_timeout_s: .nan}",
     "safety: {silence_timeout_s: 0.001}",  # half a tick
+    "safety: {silence_timeout_s: 0.0039}",  # two ticks are 4 ms
+    "joint_rate_hz: 10001",
+    "joint_rate_hz: 0.9",
+    "estimator_rate_hz: 10001",
+    "log_rate_hz: 10001",
+    "stand_kd_scale: -0.1",
+    "realtime_priority: 0",
+    "realtime_priority: 100",
+    "motor_timeout_s: 0",
     "safety: {tilt_limit_rad: -1}",
     "safety: {tilt_limit_rad: 4}",
     "safety: {late_steps: 0}",
@@ -72,3 +81,27 @@ def test_a_rate_that_a_bus_cannot_carry_is_refused_with_the_one_it_can(go1: Robo
 def test_a_duration_that_never_begins_or_never_ends_is_refused(go1: Robot, seconds: float) -> None:
     with pytest.raises(UserError, match="duration"):
         run_episode(go1, Hold(go1), short_episode(duration_s=seconds))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "safety: {silence_timeout_s: 0.004}",
+        "{stand_kp_scale: 0, stand_kd_scale: 0}",
+        "realtime_priority: 1",
+        "realtime_priority: 99",
+        "safety: {damping_s: 0, tilt_limit_rad: 3.14, late_steps: 1}",
+        "{estimator_rate_hz: 1, log_rate_hz: 10000}",
+    ],
+)
+def test_what_just_works_is_taken(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "loop.yaml"
+    path.write_text(text)
+    load_deploy_config(path)
+
+
+def test_settings_that_the_page_on_safety_does_not_name() -> None:
+    """Whoever changes these changes what a robot does that nobody configured."""
+    plain = DeployConfig()
+    assert (plain.estimator_rate_hz, plain.motor_timeout_s, plain.host_queue) == (250.0, 0.1, 10)
+    assert plain.realtime_priority is None

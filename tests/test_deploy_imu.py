@@ -89,3 +89,108 @@ def test_an_imu_on_another_bus_is_not_listened_to() -> None:
 def test_a_reading_that_is_no_number_does_not_stop_the_simulation() -> None:
     frames = imu.encode(imu.Inertial([np.nan, 0.0, 0.0], [0.0, 0.0, 9.8], [1.0, 0.0, 0.0, 0.0]), 1)
     assert imu.decode_gyro(frames[0].tobytes())[0][0] == pytest.approx(32.767)
+
+
+# -- the wire, to the bit ----------------------------------------------------------------------------
+
+
+def test_a_reading_on_the_wire() -> None:
+    """1.5 rad/s are 1500 = 0x05dc units, -1 m/s^2 is -200 = 0xff38, 0.6 is 19660 = 0x4ccc of 32767."""
+    reading = imu.Inertial([1.5, -0.001, 0.0], [-1.0, 0.005, 10.0], [0.0, 0.6, -0.8, 1.0])
+    assert imu.IDS == (0x300, 0x301, 0x302)
+    assert [row.tobytes().hex(" ", 2) for row in imu.encode(reading, 0x1234)] == [
+        "05dc ffff 0000 1234",
+        "ff38 0001 07d0 1234",
+        "0000 4ccc 999a 7fff",
+    ]
+
+
+def test_a_counter_on_the_wire_starts_again_after_sixteen_bits() -> None:
+    reading = imu.Inertial([0.0] * 3, [0.0] * 3, [1.0, 0.0, 0.0, 0.0])
+    for row in imu.encode(reading, 0x3FFFF)[:2]:
+        assert row.tobytes().hex(" ", 2) == "0000 0000 0000 ffff"
+
+
+def test_the_ends_of_the_range_are_those_of_sixteen_bits() -> None:
+    frames = imu.encode(imu.Inertial([99.0, -99.0, 0.0], [999.0, -999.0, 0.0], [2.0, -2.0, 0.0, 0.0]), 0)
+    assert [row.tobytes().hex(" ", 2)[:9] for row in frames] == ["7fff 8000"] * 3
+
+
+# -- readers -----------------------------------------------------------------------------------------
+
+
+class Wire:
+    """An IMU on bus 1 as a simulated bus hands it out: the same arrays again and again."""
+
+    def __init__(self) -> None:
+        self.reader = imu.ImuReader(channel=1)
+        self.channel, self.id, self.length = np.full(3, 1), np.array(imu.IDS), np.full(3, 8)
+
+    def send(self, counter: int, now_us: int, gyro: float = 0.0, quaternion: object = None) -> None:
+        turned = [0.8, 0.0, 0.6, 0.0] if quaternion is None else quaternion
+        data = imu.encode(imu.Inertial([gyro, 0.2, 0.3], [1.0, 2.0, 9.0], turned), counter)  # type: ignore[arg-type]
+        self.reader.absorb(Frames(self.channel, self.id, data, self.length), now_us)
+
+
+class TestReader:
+    @pytest.fixture
+    def wire(self) -> Wire:
+        return Wire()
+
+    @pytest.mark.parametrize("before", [1, 2, 3])
+    def test_a_quaternion_of_zeros_leaves_the_last_one(self, wire: Wire, before: int) -> None:
+        """After one reading as after many: the first comes frame by frame, the others at once."""
+        for counter in range(before):
+            wire.send(counter, 1000 * counter)
+        wire.send(before, 9000, gyro=0.5, quaternion=[0.0] * 4)
+        np.testing.assert_allclose(wire.reader.reading.quaternion, [0.8, 0.0, 0.6, 0.0], atol=1e-4)
+        assert wire.reader.reading.gyro[0] == pytest.approx(0.5)
+        assert wire.reader.heard_us == 9000
+
+    def test_a_quaternion_of_zeros_at_first_leaves_the_robot_upright(self, wire: Wire) -> None:
+        wire.send(0, 0, quaternion=[0.0] * 4)
+        assert wire.reader.reading.quaternion == (1.0, 0.0, 0.0, 0.0)
+
+    @pytest.mark.parametrize("before", [1, 2, 3])
+    def test_a_reading_that_is_repeated_is_no_new_one(self, wire: Wire, before: int) -> None:
+        for counter in range(before):
+            wire.send(counter, 1000 * counter)
+        for now_us in (9000, 9500):
+            wire.send(before - 1, now_us)
+        assert wire.reader.heard_us == 1000 * (before - 1)
+
+    @pytest.mark.parametrize("counters", [(0xFFFE, 0xFFFF, 0x10000), (0xFFFF, 0), (7, 3)])
+    def test_a_counter_that_goes_back_is_a_new_reading_too(self, wire: Wire, counters: tuple) -> None:
+        for k, counter in enumerate(counters):
+            wire.send(counter, 1000 * k)
+            assert wire.reader.heard_us == 1000 * k
+
+    def test_the_very_first_reading_may_have_any_counter(self, wire: Wire) -> None:
+        wire.send(0, 250)
+        assert wire.reader.heard_us == 250
+
+    def test_the_same_ids_from_another_bus_are_left_aside(self, wire: Wire) -> None:
+        wire.send(1, 0)
+        wire.channel = np.full(3, 2)
+        wire.send(2, 1000, gyro=5.0)
+        assert wire.reader.reading.gyro[0] == 0.0
+        assert wire.reader.heard_us == 0
+
+    def test_frames_may_come_in_any_order_and_among_others(self, wire: Wire) -> None:
+        data = imu.encode(imu.Inertial([0.1, 0.2, 0.3], [1.0, 2.0, 9.0], [0.8, 0.0, 0.6, 0.0]), 1)
+        rows = np.vstack([data[[2, 0]], np.full((2, 8), 0x11, np.uint8), data[[1]]])
+        ids = np.array([0x302, 0x300, 0x303, 0x2FF, 0x301])
+        wire.reader.absorb(Frames(np.ones(5, int), ids, rows, np.full(5, 8)), 70)
+        reading = wire.reader.reading
+        np.testing.assert_allclose(reading.gyro, [0.1, 0.2, 0.3])
+        np.testing.assert_allclose(reading.acceleration, [1.0, 2.0, 9.0])
+        np.testing.assert_allclose(reading.quaternion, [0.8, 0.0, 0.6, 0.0], atol=1e-4)
+        assert wire.reader.heard_us == 70
+
+    def test_a_whole_reading_in_another_order_is_not_taken_for_the_usual_one(self, wire: Wire) -> None:
+        wire.id = np.array([0x302, 0x300, 0x301])
+        data = imu.encode(imu.Inertial([0.1, 0.2, 0.3], [1.0, 2.0, 9.0], [0.8, 0.0, 0.6, 0.0]), 1)
+        for now_us in (0, 1):
+            wire.reader.absorb(Frames(wire.channel, wire.id, data[[2, 0, 1]], wire.length), now_us)
+            np.testing.assert_allclose(wire.reader.reading.gyro, [0.1, 0.2, 0.3])
+            np.testing.assert_allclose(wire.reader.reading.quaternion, [0.8, 0.0, 0.6, 0.0], atol=1e-4)

@@ -11,6 +11,9 @@ from hypothesis.extra import numpy as arrays
 from footfall.common.errors import UserError
 from footfall.deploy.drivers import mit
 from footfall.deploy.drivers.choice import open_driver
+from footfall.deploy.drivers.driver import Request, Requests
+from footfall.deploy.drivers.mit_driver import MitDriver, MitMotorEnd
+from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import wire
 from footfall.robots.description import Robot
 
@@ -112,6 +115,188 @@ class TestReplies:
         full, brief = (CODEC.decode_replies(d, EVERYONE) for d in (data, short))
         assert np.array_equal(full.values, brief.values)
         assert not brief.error.any()
+
+
+MANUAL = {  # velocity rad/s, torque N m; position 12.5 rad, stiffness 500, damping 5
+    "AK80-9": (50.0, 18.0),
+    "AK80-6": (76.0, 12.0),
+    "AK70-10": (50.0, 25.0),
+    "AK60-6": (50.0, 15.0),
+    "AK10-9": (50.0, 65.0),
+    "AK80-64": (8.0, 144.0),
+}
+
+
+def test_ranges_are_those_of_the_makers_manual() -> None:
+    for name, (velocity, torque) in MANUAL.items():
+        assert mit.Codec([name]).highest[:, 0].tolist() == [12.5, velocity, 500.0, 5.0, torque]
+    assert set(mit.RANGES) - set(MANUAL) == {"MIT-40-150", "MIT-65-500"}
+    assert mit.Codec(["MIT-40-150"]).highest[:, 0].tolist() == [12.5, 40.0, 500.0, 5.0, 150.0]
+    assert mit.Codec(["MIT-65-500"]).highest[:, 0].tolist() == [12.5, 65.0, 4000.0, 100.0, 500.0]
+
+
+def test_errors_are_those_of_the_makers_manual(go1: Robot) -> None:
+    driver = MitDriver(wire(go1))
+    known = ["over-temperature", "over-current", "over-voltage", "under-voltage", "encoder error"]
+    assert [driver.error_name(code) for code in range(1, 7)] == [*known, "phase imbalance"]
+    assert "heard nothing for too long" in driver.error_name(MitMotorEnd.time_out_error)
+    assert driver.error_name(99) == "error 99"
+
+
+def test_words_are_read_of_every_second_row_as_well() -> None:
+    data = np.arange(48, dtype=np.uint8).reshape(6, 8)
+    assert mit.words(data[::2]).tolist() == [0x0001020304050607, 0x1011121314151617, 0x2021222324252627]
+
+
+class TestWhoIsMeant:
+    """A robot with motors 1 to 3 on each of four buses: joint 4 is the second on bus 1."""
+
+    @pytest.fixture
+    def ends(self, go1: Robot) -> tuple[MitDriver, MitMotorEnd]:
+        return MitDriver(wire(go1)), MitMotorEnd(wire(go1))
+
+    def replies(self, end: MitMotorEnd, motors: np.ndarray) -> Frames:
+        values = np.array([0.1, 0.2, 0.3])[:, None] * motors
+        return end.reply(motors, values, 35, np.zeros(len(motors), np.uint64))
+
+    def test_a_reply_is_told_by_its_bus_and_its_id(self, ends: tuple[MitDriver, MitMotorEnd]) -> None:
+        driver, end = ends
+        sent = self.replies(end, np.array([4, 1, 11]))
+        assert sent.channel.tolist() == [1, 0, 3]
+        assert sent.id.tolist() == [0x102, 0x102, 0x103]
+        found = driver.replies(sent)
+        assert found.motor.tolist() == [4, 1, 11]  # type: ignore[union-attr]
+        np.testing.assert_allclose(found.values[0], [0.4, 0.1, 1.1], atol=2e-4)
+        assert found.temperature_c.tolist() == [35] * 3
+
+    def test_a_reply_may_come_on_the_hosts_own_id_but_on_no_other(
+        self, ends: tuple[MitDriver, MitMotorEnd]
+    ) -> None:
+        driver, end = ends
+        sent = self.replies(end, np.array([4, 1, 11, 7]))
+        found = driver.replies(sent._replace(id=np.array([0x000, 0x102, 0x102, 0x555])))
+        assert found.motor.tolist() == [4, 1]  # type: ignore[union-attr]
+
+    def test_a_reply_of_six_bytes_counts_and_one_of_five_does_not(
+        self, ends: tuple[MitDriver, MitMotorEnd]
+    ) -> None:
+        driver, end = ends
+        sent = self.replies(end, np.array([0, 1, 2, 3]))
+        found = driver.replies(sent._replace(length=np.array([8, 6, 5, 7])))
+        assert found.motor.tolist() == [0, 1, 3]  # type: ignore[union-attr]
+
+    def test_a_motor_that_is_not_ours_is_left_out(self, ends: tuple[MitDriver, MitMotorEnd]) -> None:
+        driver, end = ends
+        sent = self.replies(end, np.array([0, 1]))
+        data = sent.data.copy()
+        data[1, 0] = 9
+        found = driver.replies(sent._replace(id=np.array([0x101, 0x109]), data=data))
+        assert found.motor.tolist() == [0]  # type: ignore[union-attr]
+
+    @pytest.mark.parametrize("spoil", ["id", "length", "channel", "data"])
+    def test_after_many_whole_batches_a_spoilt_one_is_still_looked_into(
+        self, ends: tuple[MitDriver, MitMotorEnd], spoil: str
+    ) -> None:
+        driver, end = ends
+        everyone = self.replies(end, np.arange(12))
+        for _ in range(3):
+            driver.replies(everyone)
+        array = getattr(everyone, spoil).copy()
+        if spoil == "data":
+            array[5, 0] = 77  # another sender in the same arrays
+        else:
+            array[5] = {"id": 0x555, "length": 4, "channel": 0}[spoil]
+        found = driver.replies(everyone._replace(**{spoil: array}))
+        others = [joint for joint in range(12) if joint != 5]
+        if spoil == "channel":
+            others.insert(5, 2)  # the third motor of the first bus
+        assert found.motor.tolist() == others  # type: ignore[union-attr]
+
+    def test_a_whole_batch_with_one_short_frame_is_never_taken_for_whole(
+        self, ends: tuple[MitDriver, MitMotorEnd]
+    ) -> None:
+        driver, end = ends
+        torn = self.replies(end, np.arange(12))._replace(length=np.array([4, *[8] * 11]))
+        for _ in range(3):
+            assert driver.replies(torn).motor.tolist() == list(range(1, 12))  # type: ignore[union-attr]
+
+    def test_a_whole_batch_in_another_order_keeps_its_order(
+        self, ends: tuple[MitDriver, MitMotorEnd]
+    ) -> None:
+        driver, end = ends
+        backwards = self.replies(end, np.arange(12)[::-1])
+        for _ in range(3):
+            found = driver.replies(backwards)
+            np.testing.assert_allclose(
+                found.values[0], 0.1 * np.arange(12)[found.motor], atol=2e-4
+            )  # whichever way it is told
+
+    def test_motors_hear_commands_on_their_bus_alone_and_whole_ones(
+        self, ends: tuple[MitDriver, MitMotorEnd]
+    ) -> None:
+        driver, end = ends
+        values = np.zeros((5, 12))
+        values[0] = 0.1 * np.arange(12)
+        sent = driver.command(values)
+        for _ in range(3):
+            asked = end.requests(sent)
+            np.testing.assert_allclose(asked.values[0], values[0], atol=2e-4)
+            assert asked.kind is None
+        rows = sent.take(np.array([4, 1, 7, 8]))
+        asked = end.requests(rows._replace(id=np.array([2, 2, 0x102, 9]), length=np.array([8, 7, 8, 8])))
+        assert asked.motor.tolist() == [4]  # type: ignore[union-attr]
+
+    @pytest.mark.parametrize("spoil", ["id", "length", "channel"])
+    def test_after_many_whole_batches_a_spoilt_command_is_still_looked_into(
+        self, ends: tuple[MitDriver, MitMotorEnd], spoil: str
+    ) -> None:
+        driver, end = ends
+        sent = driver.command(np.zeros((5, 12)))
+        for _ in range(3):
+            end.requests(sent)
+        array = getattr(sent, spoil).copy()
+        array[5] = {"id": 0x103, "length": 4, "channel": 0}[spoil]
+        expected = [joint for joint in range(12) if joint != 5]
+        if spoil == "channel":
+            expected.insert(5, 2)
+        for _ in range(2):
+            assert end.requests(sent._replace(**{spoil: array})).motor.tolist() == expected  # type: ignore[union-attr]
+
+    def test_what_is_asked_of_each_motor(self, ends: tuple[MitDriver, MitMotorEnd]) -> None:
+        driver, end = ends
+        assert end.requests(driver.enable()).kind.tolist() == [Request.ENABLE] * 12  # type: ignore[union-attr]
+        assert end.requests(driver.disable()).kind.tolist() == [Request.DISABLE] * 12  # type: ignore[union-attr]
+        mixed = driver.command(np.zeros((5, 12)))
+        data = mixed.data.copy()
+        data[2], data[3], data[7] = (mit.special(code, 1)[0] for code in (mit.ZERO, mit.ENTER, mit.EXIT))
+        kind = end.requests(mixed._replace(data=data)).kind
+        assert kind is not None
+        assert {k: int(v) for k, v in enumerate(kind) if v} == {2: 3, 3: 1, 7: 2}  # zero, enable, disable
+
+    @pytest.mark.parametrize(("motor", "fits"), [(0, False), (1, True), (127, True), (128, False)])
+    @pytest.mark.parametrize("end", [MitDriver, MitMotorEnd])
+    def test_motor_ids_are_those_that_leave_room_for_replies(
+        self, go1: Robot, end: type, motor: int, fits: bool
+    ) -> None:
+        wiring = wire(go1)
+        wiring = replace(wiring, motor_id=np.array([*wiring.motor_id[:11], motor]))
+        if fits:
+            end(wiring)
+        else:
+            with pytest.raises(UserError, match=f"joint RL_calf_joint has motor id {motor}"):
+                end(wiring)
+
+
+@pytest.mark.parametrize("motor", [slice(None), np.array([0, 1, 2])])
+def test_some_of_what_was_asked_is_taken_row_by_row(motor: np.ndarray | slice) -> None:
+    kind = np.array([Request.COMMAND, Request.DISABLE, Request.ZERO])
+    asked = Requests(motor, np.arange(15.0).reshape(5, 3), kind)
+    some = asked.take(np.array([True, False, True]), 3)
+    assert some.motor.tolist() == [0, 2]  # type: ignore[union-attr]
+    assert some.values.tolist() == [[0, 2], [3, 5], [6, 8], [9, 11], [12, 14]]
+    assert some.kind is not None
+    assert some.kind.tolist() == [Request.COMMAND, Request.ZERO]
+    assert asked._replace(kind=None).take(np.array([True, False, True]), 3).kind is None
 
 
 def test_an_unknown_motor_is_named_with_the_known_ones() -> None:

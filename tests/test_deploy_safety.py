@@ -93,3 +93,63 @@ class TestFaults:
 
     def test_few_late_steps_are_forgiven(self) -> None:
         assert after(Mode.WALKING, late_steps=CONFIG.late_steps - 1).mode is Mode.WALKING
+
+    def test_faults_of_before_are_kept(self) -> None:
+        state = advance(State(Mode.WALKING, 4.0, ("earlier",)), QUIET._replace(tilt_rad=2.0), CONFIG)
+        assert state.faults[0] == "earlier"
+        assert len(state.faults) == 2
+        assert state.since_s == QUIET.now_s
+
+    def test_a_full_queue_stops_a_robot_that_has_not_even_stood_up(self) -> None:
+        assert after(Mode.IDLE, now_s=0.5, frames_refused=1).mode is Mode.ESTOP
+
+    def test_of_motors_and_imu_that_never_answer_the_motor_is_named(self) -> None:
+        fault = after(Mode.IDLE, now_s=1.0, motor_silence_s=1e8, imu_silence_s=1e9).faults[0]
+        assert "no answer from FR_hip_joint" in fault
+
+    @pytest.mark.parametrize("mode", [Mode.RELEASING, Mode.FALLING, Mode.ESTOP])
+    @pytest.mark.parametrize("signal", [signal for signal, _, _ in FAULTS])
+    def test_a_damped_robot_is_damped_to_the_end(self, mode: Mode, signal: dict[str, object]) -> None:
+        assert after(mode, since_s=4.9, **signal) == State(mode, 4.9)
+
+
+class TestLimits:
+    """A limit itself is still kept to; past it is a fault."""
+
+    @pytest.mark.parametrize(
+        ("name", "limit"),
+        [
+            ("motor_silence_s", CONFIG.silence_timeout_s),
+            ("imu_silence_s", CONFIG.silence_timeout_s),
+            ("tilt_rad", CONFIG.tilt_limit_rad),
+            ("step_s", CONFIG.late_limit_s),
+        ],
+    )
+    def test_of_what_is_measured(self, name: str, limit: float) -> None:
+        assert after(Mode.WALKING, **{name: limit}).mode is Mode.WALKING
+        assert after(Mode.WALKING, **{name: 1.001 * limit}).mode is not Mode.WALKING
+
+    @pytest.mark.parametrize("name", ["motor_silence_s", "imu_silence_s"])
+    def test_of_who_has_answered(self, name: str) -> None:
+        silence_s = CONFIG.silence_timeout_s
+        assert after(Mode.IDLE, now_s=0.5, **{name: silence_s}).mode is Mode.STANDING
+        assert after(Mode.IDLE, now_s=0.5, **{name: 1.001 * silence_s}).mode is Mode.IDLE
+
+    def test_of_the_time_to_start(self) -> None:
+        silent = {"motor_silence_s": 1e9}
+        assert after(Mode.IDLE, now_s=0.999 * CONFIG.start_timeout_s, **silent).mode is Mode.IDLE
+        assert after(Mode.IDLE, now_s=CONFIG.start_timeout_s, **silent).mode is Mode.ESTOP
+
+    @pytest.mark.parametrize(
+        ("mode", "following", "changes"),
+        [
+            (Mode.IDLE, Mode.STANDING, {"now_s": 0.5}),
+            (Mode.STANDING, Mode.WALKING, {"stand_done": True}),
+            (Mode.WALKING, Mode.RELEASING, {"finish": True}),
+        ],
+    )
+    def test_each_mode_counts_its_time_from_its_beginning(
+        self, mode: Mode, following: Mode, changes: dict[str, object]
+    ) -> None:
+        state = after(mode, **changes)
+        assert state == State(following, float(changes.get("now_s", QUIET.now_s)))  # type: ignore[arg-type]
