@@ -103,5 +103,7 @@ def test_what_just_works_is_taken(text: str, tmp_path: Path) -> None:
 def test_settings_that_the_page_on_safety_does_not_name() -> None:
     """Whoever changes these changes what a robot does that nobody configured."""
     plain = DeployConfig()
-    assert (plain.estimator_rate_hz, plain.motor_timeout_s, plain.host_queue) == (250.0, 0.1, 10)
+    assert (plain.joint_rate_hz, plain.estimator_rate_hz, plain.log_rate_hz) == (500.0, 250.0, 100.0)
+    assert (plain.stand_s, plain.stand_kp_scale, plain.stand_kd_scale) == (1.0, 4.0, 2.0)
+    assert (plain.motor_timeout_s, plain.host_queue) == (0.1, 10)
     assert plain.realtime_priority is None

@@ -5,12 +5,13 @@ import math
 import os
 import sys
 from contextlib import nullcontext
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from deploy_policies import Hold, stand_still
+from deploy_policies import Hold, Spoilt, stand_still
 
 from footfall.common.errors import UserError
 from footfall.deploy import clock as clock_module
@@ -44,8 +45,8 @@ ROWS = np.arange(12)
 class FrameRobot:
     """A robot on a bus that is what its attributes say: it answers every tick and keeps what it was sent."""
 
-    def __init__(self, robot: Robot) -> None:
-        self.wiring = wire(robot)
+    def __init__(self, robot: Robot, wiring: Wiring | None = None) -> None:
+        self.wiring = wiring or wire(robot)
         self._end = open_motor_end(self.wiring)
         self.readings = np.array([robot.default_pose, np.zeros(12), np.zeros(12)])
         self.quaternion = (1.0, 0.0, 0.0, 0.0)
@@ -125,9 +126,14 @@ class Notebook:
 
 
 def loop_of(
-    robot: Robot, policy: Any, times_us: Any = None, command: Any = stand_still, **settings: Any
+    robot: Robot,
+    policy: Any,
+    times_us: Any = None,
+    command: Any = stand_still,
+    wiring: Wiring | None = None,
+    **settings: Any,
 ) -> tuple[ControlLoop, FrameRobot]:
-    body = FrameRobot(robot)
+    body = FrameRobot(robot, wiring)
     config = DeployConfig(**{"stand_s": 0.099, **settings})
     clock = LockstepClock(TICK_US) if times_us is None else Ticks(times_us)
     wiring = body.wiring
@@ -174,6 +180,38 @@ class TestLoop:
         assert loop.state.over
         assert body.kinds() == [Request.DISABLE] * 12
         assert loop.walked_s == pytest.approx(0.052)
+
+    def test_it_stands_up_under_gains_of_its_own(self, go1: Robot) -> None:
+        loop, body = loop_of(go1, Hold(go1), stand_kp_scale=2.0, stand_kd_scale=1.25)
+        until(loop, Mode.STANDING)
+        for _ in range(5):
+            loop.tick()
+        assert loop.state.mode is Mode.STANDING
+        standing = body.command()
+        np.testing.assert_allclose(standing.kp, 2.0 * go1.kp, atol=0.13)
+        np.testing.assert_allclose(standing.kd, 1.25 * go1.kd, atol=2e-3)
+        np.testing.assert_allclose([standing.velocity, standing.torque], 0.0, atol=0.05)
+
+    def test_what_a_policy_notes_is_told_beside_what_became_of_commands(self, go1: Robot) -> None:
+        policy = Hold(go1)
+        policy.notes = notes = ["slower"]  # type: ignore[assignment]
+        loop, _ = loop_of(go1, policy, command=lambda _: np.array([math.nan, 0.0, 0.0]))
+        loop.log = notebook = Notebook()
+        until(loop, Mode.WALKING)
+        for _ in range(15):
+            loop.tick()
+        notes.append("lower")
+        for _ in range(15):
+            loop.tick()
+        nan = "a forward command of nan m/s counted as 0"
+        assert loop.notes == [nan, "slower", "lower"]
+        assert [note for _, note in notebook.of("note")] == [nan, "slower", "lower"]
+
+    def test_no_tick_is_skipped_before_the_first(self, go1: Robot) -> None:
+        loop, _ = loop_of(go1, Hold(go1))
+        assert loop.ticks_skipped == 0
+        loop.tick()
+        assert loop.ticks_skipped == 0
 
     def test_motors_are_switched_on_until_all_have_answered(self, go1: Robot) -> None:
         loop, body = loop_of(go1, Hold(go1))
@@ -285,6 +323,59 @@ class TestLoop:
         assert len(loop.state.faults) == 1
         assert loop.state.faults[0].startswith(says)
         assert not body.command().kp.any()
+
+    def test_of_two_motors_that_report_errors_the_first_is_named(self, go1: Robot) -> None:
+        loop, body = loop_of(go1, Hold(go1))
+        until(loop, Mode.WALKING)
+        body.error[[4, 9]] = 1, 2
+        loop.tick()
+        assert loop.state.faults == ("motor FL_thigh_joint (can1, id 2) reports over-temperature",)
+
+    @pytest.mark.parametrize(
+        ("spoil", "says"),
+        [
+            (lambda hold: hold._replace(torque=hold.torque + np.inf), "the policy's command is not finite"),
+            (lambda hold: hold._replace(kd=-np.inf * hold.kd), "the policy's command is not finite"),
+            (lambda hold: hold._replace(velocity=np.nan * hold.kd), "the policy's command is not finite"),
+            (lambda hold: [part[:11] for part in hold], "the policy failed: ValueError: it decides on shape"),
+            (lambda hold: hold[:4], "the policy failed: ValueError: it decides on shape (4, 12)"),
+            (lambda hold: {}["legs"], "the policy failed: KeyError: 'legs'"),
+        ],
+    )
+    def test_what_is_no_command_damps_the_robot_in_the_same_tick(
+        self, go1: Robot, spoil: Any, says: str
+    ) -> None:
+        loop, body = loop_of(go1, Spoilt(go1, 0.04, spoil))
+        until(loop, Mode.WALKING)
+        while loop.now_us < 140_000:
+            loop.tick()
+        assert loop.state.mode is Mode.ESTOP
+        assert len(loop.state.faults) == 1
+        assert loop.state.faults[0].startswith(says)
+        assert not body.command().kp.any()
+        assert loop.walked_s == pytest.approx(0.04)
+
+    def test_an_imu_on_a_bus_of_its_own_is_heard_there(self, go1: Robot) -> None:
+        usual = wire(go1)
+        for channel in (0, 3):
+            loop, _ = loop_of(go1, Hold(go1), wiring=replace(usual, imu_channel=channel))
+            loop.tick()
+            assert loop.state.mode is Mode.STANDING
+
+    def test_targets_of_a_leaping_policy_move_at_the_robots_rate(self, go1: Robot) -> None:
+        """60 rad/s in ticks of 2 ms."""
+
+        class Leap(Hold):
+            def act(self, observation: Observation) -> JointCommand:
+                hold = super().act(observation)
+                return hold._replace(position=hold.position + 0.5)
+
+        loop, _ = loop_of(go1, Leap(go1))
+        until(loop, Mode.WALKING)
+        assert go1.description.target_rate_rad_s == 60.0
+        for tick in (1, 2, 3):
+            np.testing.assert_allclose(loop.target - go1.default_pose, 0.12 * tick, atol=1e-9)
+            loop.tick()
 
     def test_what_is_refused_is_counted_over_the_run(self, go1: Robot) -> None:
         loop, body = loop_of(go1, Hold(go1))

@@ -1,0 +1,404 @@
+"""Reading a log back and giving it its end, on files that are written here record by record."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from deploy_policies import Hold
+from mcap.reader import make_reader
+from mcap.writer import CompressionType
+from mcap.writer import Writer as PlainWriter
+from mcap_ros2.decoder import DecoderFactory
+from mcap_ros2.writer import Writer
+
+from footfall.common.errors import UserError
+from footfall.deploy import messages
+from footfall.deploy.log import McapLog, flatten
+from footfall.deploy.recover import recover
+from footfall.deploy.replay import read_log, replay
+from footfall.deploy.safety import Mode, State
+from footfall.policies.contract import Contract
+from footfall.policies.policy import Observation, Sensed
+from footfall.robots.actuator import JointCommand
+from footfall.robots.description import Robot
+
+ARRAY = "std_msgs/msg/Float64MultiArray"
+ZEROS = np.zeros(12)
+
+
+def observation(time_s: float) -> Observation:
+    upright = np.array([1.0, 0.0, 0.0, 0.0])
+    sensed = Sensed(np.zeros(3), np.zeros(3), upright, ZEROS, ZEROS, ZEROS)
+    return Observation(time_s, sensed, np.zeros(3), np.zeros(3), 0.3)
+
+
+class Counts(Hold):
+    """Its first target is 0.1 rad at each reset, and 0.1 more at each step: all that is in a state."""
+
+    def reset(self, observation: Observation) -> None:
+        super().reset(observation)
+        self.steps = 0
+
+    def act(self, observation: Observation) -> JointCommand:
+        self.steps += 1
+        return JointCommand(ZEROS + 0.1 * self.steps, ZEROS, ZEROS, ZEROS, ZEROS)
+
+
+def write_steps(path: Path, decisions: list[np.ndarray], steps: int, joints: list[str]) -> Path:
+    """A log of so many handed observations, and what was decided on the first of them."""
+    with path.open("wb") as file:
+        writer = Writer(file)
+        schema = writer.register_msgdef(ARRAY, messages.SCHEMAS[ARRAY])
+        writer.add_metadata("somebody else's", {"robot": "not JSON"})
+        writer.add_metadata("footfall", {"joints": json.dumps(joints)})
+        for step in range(steps):
+            values = [("/policy/inputs", flatten(observation(0.02 * step)))]
+            values += [("/policy/command", decisions[step])] if step < len(decisions) else []
+            for topic, numbers in values:
+                message = messages.multi_array(numbers.tolist(), "x")
+                writer.write_message(topic, schema, message, 1000 + step, 7)
+        writer.finish()
+    return path
+
+
+def decided(steps: int, **changes: float) -> list[np.ndarray]:
+    """Decisions of `Counts`, with some numbers changed: at_STEP_INDEX=by."""
+    numbers = [np.concatenate([ZEROS + 0.1 * (step + 1), np.zeros(48)]) for step in range(steps)]
+    for place, by in changes.items():
+        _, step, index = place.split("_")
+        numbers[int(step)][int(index)] += by
+    return numbers
+
+
+class TestReplay:
+    @pytest.fixture
+    def joints(self, go1: Robot) -> list[str]:
+        return list(go1.joint_names)
+
+    def test_a_policy_is_reset_once_and_then_goes_on(
+        self, go1: Robot, joints: list[str], tmp_path: Path
+    ) -> None:
+        policy = Counts(go1)
+        result = replay(write_steps(tmp_path / "a.mcap", decided(4), 4, joints), policy)
+        assert (result.steps, result.worst_difference, result.first_difference) == (4, 0.0, "")
+        assert (policy.resets, policy.steps) == (1, 4)
+
+    def test_the_first_difference_is_told_and_the_worst_of_all(
+        self, go1: Robot, joints: list[str], tmp_path: Path
+    ) -> None:
+        """Differences of 0.25 at step 1, 2.0 at step 2 and 0.5 at step 3."""
+        changes = {"at_1_17": -0.25, "at_1_3": 0.125, "at_2_59": 2.0, "at_3_0": 0.5}
+        path = write_steps(tmp_path / "a.mcap", decided(5, **changes), 5, joints)
+        result = replay(path, Counts(go1))
+        assert result.worst_difference == pytest.approx(2.0)
+        assert result.first_difference == ("step 1 (0.020 s): velocity of FL_calf_joint was -0.25, is 0")
+
+    @pytest.mark.parametrize(("tolerance", "step"), [(0.2499, 1), (0.25, 2), (1.9, 2), (2.0, None)])
+    def test_a_difference_as_large_as_the_tolerance_is_tolerated(
+        self, go1: Robot, joints: list[str], tmp_path: Path, tolerance: float, step: int | None
+    ) -> None:
+        path = write_steps(tmp_path / "a.mcap", decided(3, at_1_17=-0.25, at_2_40=2.0), 3, joints)
+        result = replay(path, Counts(go1), tolerance)
+        assert result.first_difference.partition(" (")[0] == ("" if step is None else f"step {step}")
+        assert result.worst_difference == pytest.approx(2.0)
+
+    def test_the_last_observation_of_a_torn_log_may_have_no_decision(
+        self, go1: Robot, joints: list[str], tmp_path: Path
+    ) -> None:
+        result = replay(write_steps(tmp_path / "a.mcap", decided(2), 3, joints), Counts(go1))
+        assert (result.steps, result.first_difference) == (2, "")
+
+    def test_a_log_without_a_decision_is_told(self, go1: Robot, joints: list[str], tmp_path: Path) -> None:
+        path = write_steps(tmp_path / "a.mcap", [], 1, joints)
+        with pytest.raises(UserError, match=r"a\.mcap holds no policy steps"):
+            replay(path, Counts(go1))
+
+    def test_a_log_of_a_robot_with_other_joints_is_told(self, go1: Robot, tmp_path: Path) -> None:
+        path = write_steps(tmp_path / "a.mcap", [np.zeros(40)], 1, [f"joint{k}" for k in range(8)])
+        with pytest.raises(UserError, match=r"a\.mcap is of a robot with 8 joints"):
+            replay(path, Counts(go1))
+
+    def test_a_log_of_somebody_else_is_told(self, go1: Robot, tmp_path: Path) -> None:
+        path = tmp_path / "a.mcap"
+        with path.open("wb") as file:
+            writer = PlainWriter(file)
+            writer.start()
+            writer.add_metadata("other", {"joints": "[]"})
+            writer.finish()
+        with pytest.raises(UserError, match=r"a\.mcap is no log of a footfall run: it has no metadata"):
+            read_log(path)
+
+    def test_entries_carry_the_time_of_the_log(self, joints: list[str], tmp_path: Path) -> None:
+        log = read_log(write_steps(tmp_path / "a.mcap", decided(2), 2, joints))
+        assert [entry.time_ns for entry in log.entries] == [1000, 1000, 1001, 1001]
+        assert log.metadata == {"joints": joints}
+        assert log.complete
+
+
+class TestRecover:
+    """Against MCAP's own reader."""
+
+    @pytest.fixture
+    def torn(self, tmp_path: Path) -> Path:
+        """Two schemas, three channels, messages whose times and numbers all differ, and no end."""
+        path = tmp_path / "torn.mcap"
+        with path.open("wb") as file:
+            writer = PlainWriter(file, chunk_size=1, compression=CompressionType.NONE)
+            writer.start("ros2", "a library")
+            writer.add_metadata("who", {"robot": "rex"})
+            schemas = [writer.register_schema(f"s{k}", f"encoding {k}", bytes([k])) for k in (1, 2)]
+            channels = [
+                writer.register_channel(f"/t{k}", f"message {k}", schemas[k % 2], {"k": str(k)})
+                for k in range(3)
+            ]
+            for k in range(7):
+                writer.add_message(channels[k % 3], 100 + k, bytes([k]) * 50, 900 - k, 40 + 3 * k)
+            writer.finish()
+        whole = path.read_bytes()
+        path.write_bytes(whole[: whole.rindex(bytes([6]) * 50)])  # the last message is lost
+        return path
+
+    def found(self, path: Path) -> Iterator[tuple]:
+        with path.open("rb") as file:
+            for schema, channel, message in make_reader(file).iter_messages():
+                assert schema is not None
+                yield (
+                    (schema.name, schema.encoding, schema.data),
+                    (channel.topic, channel.message_encoding, channel.metadata),
+                    (message.log_time, message.publish_time, message.sequence, message.data),
+                )
+
+    def test_all_that_was_written_is_found_again(self, torn: Path) -> None:
+        whole = torn.with_name("whole.mcap")
+        assert recover(torn, whole) == 6
+        assert list(self.found(whole)) == [
+            (
+                (f"s{1 + k % 3 % 2}", f"encoding {1 + k % 3 % 2}", bytes([1 + k % 3 % 2])),
+                (f"/t{k % 3}", f"message {k % 3}", {"k": str(k % 3)}),
+                (100 + k, 900 - k, 40 + 3 * k, bytes([k]) * 50),
+            )
+            for k in range(6)
+        ]
+        with whole.open("rb") as file:
+            reader = make_reader(file)
+            header, summary = reader.get_header(), reader.get_summary()
+            assert (header.profile, header.library) == ("ros2", "a library")
+            assert [(each.name, each.metadata) for each in reader.iter_metadata()] == [
+                ("who", {"robot": "rex"})
+            ]
+        assert summary is not None
+        assert (len(summary.schemas), len(summary.channels)) == (2, 3)
+
+    def test_a_whole_log_stays_as_it_is(self, torn: Path) -> None:
+        """The summary at a file's end names schemas and channels a second time."""
+        once, twice = torn.with_name("once.mcap"), torn.with_name("twice.mcap")
+        recover(torn, once)
+        assert recover(once, twice) == 6
+        assert list(self.found(twice)) == list(self.found(once))
+        with twice.open("rb") as file:
+            summary = make_reader(file).get_summary()
+        assert summary is not None
+        assert (len(summary.schemas), len(summary.channels)) == (2, 3)
+
+    def test_a_log_is_not_written_over_itself_by_whatever_name(self, torn: Path) -> None:
+        link = torn.with_name("link.mcap")
+        link.symlink_to(torn)
+        before = torn.read_bytes()
+        for name in (torn, link, torn.parent / "." / torn.name):
+            with pytest.raises(UserError, match="is the log itself"):
+                recover(torn, name)
+        assert torn.read_bytes() == before
+
+    def test_a_copy_that_cannot_be_written_is_told_and_nothing_is_left_of_a_log_that_cannot_be_read(
+        self, torn: Path
+    ) -> None:
+        with pytest.raises(UserError, match=r"cannot write .*absent/whole\.mcap: No such file"):
+            recover(torn, torn.parent / "absent" / "whole.mcap")
+        with pytest.raises(UserError, match="cannot read the log"):
+            recover(torn.with_name("absent.mcap"), torn.with_name("whole.mcap"))
+        assert not torn.with_name("whole.mcap").exists()
+
+
+# -- what is written ---------------------------------------------------------------------------------
+
+
+class Seeing(Hold):
+    """A policy with an observation and an action of its own."""
+
+    observed = np.array([1.5, 2.5, 3.5], dtype=np.float32)
+    action = np.array([-0.5, 0.25], dtype=np.float32)
+
+
+START_NS = 1_700_000_000_123_456_789
+
+
+@pytest.fixture
+def log(go1: Robot, tmp_path: Path) -> McapLog:
+    (tmp_path / "run.mcap").write_bytes(b"an older and much longer file" * 10_000)
+    facts = {"seed": 5, "policy": "by another name"}
+    return McapLog(tmp_path / "run.mcap", go1, Seeing(go1), 10_000, facts, START_NS)
+
+
+def written(path: Path) -> dict[str, list[Any]]:
+    found: dict[str, list[Any]] = {}
+    with path.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        for _, channel, record, message in reader.iter_decoded_messages():
+            found.setdefault(channel.topic, []).append((record.log_time, message))
+    return found
+
+
+class TestWritten:
+    def test_a_policy_step_is_written_number_by_number(self, log: McapLog, tmp_path: Path) -> None:
+        n = np.arange(12.0)
+        command = JointCommand(n, n + 100, n + 200, n + 300, n + 400)
+        upright = np.array([1.0, 0.1, 0.2, 0.3])
+        sensed = Sensed(np.array([1.0, 2, 3]), np.array([4.0, 5, 6]), upright, n + 1, n + 2, n + 3)
+        seen = Observation(0.75, sensed, np.array([0.1, 0.2, 0.3]), np.array([7.0, 8, 9]), 0.31)
+        log.policy_step(1_500_000, seen, command)
+        log.note(1_600_000, "a note")
+        log.close()
+        found = written(tmp_path / "run.mcap")
+        assert set(found) == {
+            *("/cmd_vel", "/policy/inputs", "/policy/command", "/policy/observation", "/policy/action"),
+            "/notes",
+        }
+        at_ns = START_NS + 1_500_000_000
+        assert [times[0][0] for topic, times in found.items() if topic != "/notes"] == [at_ns] * 5
+        inputs = [
+            0.75,
+            1,
+            2,
+            3,
+            4,
+            5,
+            6,
+            *upright,
+            *(n + 1),
+            *(n + 2),
+            *(n + 3),
+            0.1,
+            0.2,
+            0.3,
+            7,
+            8,
+            9,
+            0.31,
+        ]
+        for topic, numbers in (
+            ("/policy/inputs", inputs),
+            ("/policy/command", np.concatenate(command)),
+            ("/policy/observation", Seeing.observed),
+            ("/policy/action", Seeing.action),
+        ):
+            message = found[topic][0][1]
+            assert list(message.data) == list(numbers)
+            (dimension,) = message.layout.dim
+            assert (dimension.label, dimension.size) == (topic.rpartition("/")[2], len(numbers))
+        twist = found["/cmd_vel"][0][1]
+        assert (twist.header.stamp.sec, twist.header.stamp.nanosec) == (1_700_000_001, 623_456_789)
+        assert (twist.twist.linear.x, twist.twist.linear.y, twist.twist.angular.z) == (0.1, 0.2, 0.3)
+        assert found["/notes"][0][0] == START_NS + 1_600_000_000
+        assert found["/notes"][0][1].data == "a note"
+
+    def test_who_and_how_is_in_the_file_before_anything_happens(
+        self, log: McapLog, go1: Robot, tmp_path: Path
+    ) -> None:
+        """A run that is killed at once leaves this."""
+        metadata = read_log(tmp_path / "run.mcap").metadata
+        log.close()
+        assert metadata == {
+            "policy": "by another name",
+            "policy_rate_hz": 50.0,
+            "robot": "go1",
+            "robot_folder": str(go1.folder),
+            "robot_digest": go1.digest,
+            "joints": list(go1.joint_names),
+            "contract": None,
+            "seed": 5,
+        }
+
+    def test_a_learned_policys_contract_is_kept(self, go1: Robot, contract: Contract, tmp_path: Path) -> None:
+        policy = Hold(go1)
+        policy.contract = contract
+        McapLog(tmp_path / "b.mcap", go1, policy, 1, {}, 0).close()
+        kept = read_log(tmp_path / "b.mcap").metadata["contract"]
+        assert Contract.from_json(json.dumps(kept), "log") == contract
+
+    def test_what_cannot_be_written_is_told_at_the_end_and_stops_nothing_before(
+        self, log: McapLog, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        def full(*_: Any) -> None:
+            raise OSError(28, "No space left on device")
+
+        monkeypatch.setattr(log._writer, "write_message", full)
+        log.state(0, State(Mode.WALKING, 0.0, ()))
+        log.state(1, State(Mode.IDLE, 0.0, ()))
+        with pytest.raises(UserError, match=r"cannot write the log .*run\.mcap: .*No space left"):
+            log.close()
+        assert log._file.closed
+
+    def test_a_defect_of_the_writer_is_told_as_well(
+        self, log: McapLog, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(log, "_put", lambda *_: {}["schema"])
+        log.note(0, "x")
+        with pytest.raises(UserError, match="cannot write the log"):
+            log.close()
+
+    def test_what_is_written_reaches_the_file_before_the_end(
+        self, log: McapLog, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr("footfall.deploy.log.FLUSH_EVERY_S", 0.0)
+        for k in range(20):
+            log.note(k, f"note {k}")
+        log._queue.put(None)
+        log._thread.join(timeout=10.0)
+        assert not log._thread.is_alive()
+        log.close()
+        assert [m.data for _, m in written(tmp_path / "run.mcap")["/notes"]] == [
+            f"note {k}" for k in range(20)
+        ]
+
+
+DEFINITIONS = {
+    "sensor_msgs/msg/JointState": "std_msgs/Header header|string[] name|float64[] position|"
+    "float64[] velocity|float64[] effort",
+    "sensor_msgs/msg/Imu": "std_msgs/Header header|geometry_msgs/Quaternion orientation|"
+    "float64[9] orientation_covariance|geometry_msgs/Vector3 angular_velocity|"
+    "float64[9] angular_velocity_covariance|geometry_msgs/Vector3 linear_acceleration|"
+    "float64[9] linear_acceleration_covariance",
+    "geometry_msgs/msg/TwistStamped": "std_msgs/Header header|geometry_msgs/Twist twist",
+    "std_msgs/msg/String": "string data",
+    "std_msgs/msg/Float32MultiArray": "std_msgs/MultiArrayLayout layout|float32[] data",
+    "std_msgs/msg/Float64MultiArray": "std_msgs/MultiArrayLayout layout|float64[] data",
+}
+PARTS = {
+    "std_msgs/Header": "builtin_interfaces/Time stamp|string frame_id",
+    "builtin_interfaces/Time": "int32 sec|uint32 nanosec",
+    "geometry_msgs/Vector3": "float64 x|float64 y|float64 z",
+    "geometry_msgs/Quaternion": "float64 x 0|float64 y 0|float64 z 0|float64 w 1",
+    "geometry_msgs/Twist": "geometry_msgs/Vector3 linear|geometry_msgs/Vector3 angular",
+    "std_msgs/MultiArrayLayout": "std_msgs/MultiArrayDimension[] dim|uint32 data_offset",
+    "std_msgs/MultiArrayDimension": "string label|uint32 size|uint32 stride",
+}
+
+
+@pytest.mark.parametrize("name", DEFINITIONS)
+def test_definitions_are_those_of_ros_2(name: str) -> None:
+    """From common_interfaces: a tool reads the bytes by its own definition, whatever the file says."""
+    first, *parts = messages.SCHEMAS[name].split("\n" + 80 * "=" + "\n")
+    assert first.splitlines() == DEFINITIONS[name].split("|")
+    for part in parts:
+        title, *fields = part.splitlines()
+        assert fields == PARTS[title.removeprefix("MSG: ")].split("|")
+    assert set(messages.SCHEMAS) == set(DEFINITIONS)
+
+
+def test_what_a_replay_needs_exactly_is_in_double_precision() -> None:
+    kinds = {topic: kind.rpartition("/")[2] for topic, kind in messages.TOPICS.items()}
+    assert kinds["/policy/inputs"] == kinds["/policy/command"] == "Float64MultiArray"
+    assert kinds["/policy/observation"] == kinds["/policy/action"] == "Float32MultiArray"
