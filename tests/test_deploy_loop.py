@@ -100,6 +100,17 @@ class TestLateness:
         assert loop.state.faults == ()
 
 
+def test_durations_are_told_in_their_units(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Steps of 19 ms and, every third, 21 ms; they are nearly all of their ticks."""
+    watch = Stopwatch()
+    monkeypatch.setattr(loop_module, "time", watch)
+    loop = new_loop(go1, Dawdle(go1, watch, "..L"))
+    run_for(loop, 0.1)
+    np.testing.assert_allclose(loop.timing.policy_ms.values(), [19.0, 19.0, 21.0, 19.0, 19.0, 21.0])
+    ticks_us = loop.timing.tick_us.values()
+    np.testing.assert_allclose(ticks_us[ticks_us > 0.0], [19e3, 19e3, 21e3, 19e3, 19e3, 21e3])
+
+
 class TestEstimate:
     def test_the_estimator_gets_the_policys_contact_plan_once_it_walks(self, go1: Robot) -> None:
         plan = np.array([1.0, 0.0, 0.0, 1.0])
@@ -163,6 +174,8 @@ class TestStanding:
         thighs = np.array(targets)[:, 1::3]
         assert (np.diff(thighs, axis=0) <= 0.0).all()  # up, and never down again
         np.testing.assert_allclose(thighs[17], (targets[0] + targets[-1])[1::3] / 2, atol=0.02)  # half-way
+        begun = (thighs[9] - thighs[0]) / (thighs[-1] - thighs[0])  # a quarter of the time, 0.7 * 0.1 s
+        np.testing.assert_allclose(begun, 0.5 - 0.5 * np.cos(np.pi * 0.018 / 0.07), atol=0.01)
 
     def test_a_wish_to_end_before_it_walks_is_granted(self, go1: Robot) -> None:
         loop = new_loop(go1, Hold(go1))

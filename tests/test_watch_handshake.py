@@ -46,11 +46,16 @@ def answer(port: int, origin: str | None) -> int:
 
 
 def fetched(port: int, host: str, path: str = "/") -> tuple[int, str]:
-    """Status and text of what is served when the server is asked for by this name."""
+    """Status and text of what is served when the server is asked for by this name.
+
+    Its length is told once, and is right: a browser would wait for more, or drop what is beyond.
+    """
     connection = http.client.HTTPConnection("localhost", port, timeout=20.0)
     connection.request("GET", path, headers={"Host": host, "Accept-Encoding": "gzip"})
     response = connection.getresponse()
-    return response.status, response.read().decode()
+    content = response.read()
+    assert response.headers.get_all("Content-Length") == [str(len(content))]
+    return response.status, content.decode()
 
 
 @pytest.mark.parametrize(
