@@ -107,7 +107,7 @@ def skew(vector: np.ndarray) -> np.ndarray:
 
 def cross(vector: np.ndarray, others: np.ndarray) -> np.ndarray:
     """Cross product of one vector (3,) with others (..., 3); a fraction of `numpy.cross`'s overhead."""
-    return others @ skew(vector).T
+    return others.dot(skew(vector).T)
 
 
 def _gravity(quaternion: Sequence[Any]) -> list[Any]:

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footfall.common.rotations import skew, wrap_angle
+from footfall.common.rotations import skew
 from footfall.robots.limb import Limb
 
 _PARALLEL = 1e-6  # largest sine of the angle between two axes that count as parallel
@@ -54,15 +54,16 @@ class ClosedForm(NamedTuple):
         Within the limits always; out of reach the limb points at the place, stretched or folded.
         """
         (x, y, z), (x0, y0, z0) = tip, self.anchor
-        reach = x - x0, y - y0, z - z0
+        x, y, z = x - x0, y - y0, z - z0
         # The first hinge must bring the reach's part along the parallel axes to its fixed value (Paden and
         # Kahan's fourth subproblem): across cos(q1) + turned sin(q1) = offset - along.
-        across = _dot(reach, self.across)
-        turn = self.side * _arccos((self.offset - _dot(reach, self.along).real) / max(abs(across), 1e-9))
+        across = _dot(x, y, z, self.across)
+        along = x * self.along[0] + y * self.along[1] + z * self.along[2]
+        turn = self.side * _arccos((self.offset - along) / max(abs(across), 1e-9))
         first = _within(cmath.phase(across) + turn, self.middle[0], self.half[0])
         # Law of cosines for the knee, then the hip turns the whole two-link arm onto the reach's place.
-        place = _dot(reach, self.still) - self.origin
-        place += math.cos(first) * _dot(reach, self.cosine) + math.sin(first) * _dot(reach, self.sine)
+        place = _dot(x, y, z, self.still) - self.origin
+        place += math.cos(first) * _dot(x, y, z, self.cosine) + math.sin(first) * _dot(x, y, z, self.sine)
         square = place.real * place.real + place.imag * place.imag
         knee = self.bend * _arccos((square - self.square_sum) / self.twice_product)
         third = _within(knee - self.knee_offset, self.middle[2], self.half[2])
@@ -122,17 +123,20 @@ def closed_form(limb: Limb, default_tip: np.ndarray) -> ClosedForm | None:
     return min((right, left), key=lambda side: np.abs(side.angles(place) - limb.default).max())
 
 
-def _dot(vector: tuple[float, float, float], row: Sequence[complex]) -> complex:
-    return vector[0] * row[0] + vector[1] * row[1] + vector[2] * row[2]
+def _dot(x: float, y: float, z: float, row: Sequence[complex]) -> complex:
+    a, b, c = row
+    return x * a + y * b + z * c
 
 
 def _arccos(cosine: float) -> float:
-    return math.acos(min(max(cosine, -1.0), 1.0))  # in this order, what is not a number stays so
+    """Of what lies outside [-1, 1], that of the nearer end; what is not a number stays so."""
+    return math.acos(1.0 if cosine > 1.0 else -1.0 if cosine < -1.0 else cosine)
 
 
 def _within(angle: float, middle: float, half: float) -> float:
     """The turn of an angle that is nearest to the middle of a range, moved into the range."""
-    return middle + min(max(wrap_angle(angle - middle), -half), half)
+    away = (angle - middle + math.pi) % (2 * math.pi) - math.pi
+    return middle + (half if away > half else -half if away < -half else away)
 
 
 def _split_rotation(axis: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

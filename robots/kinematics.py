@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 
 from footfall.common.errors import UserError
+from footfall.common.rotations import skew
 from footfall.robots.closed_form import closed_form
 from footfall.robots.description import Robot, load_spec
 from footfall.robots.least_squares import Chains, LeastSquares
@@ -57,6 +58,8 @@ class Legs:
         self.default_angles = self.gather(robot.default_pose)
         self.default_foot = self.pose(robot.default_pose).foot
         self.foot_radius = self.default_foot[:, 2] - lowest_points(robot.description, self._model)
+        # Each as often as a limb's Jacobian has numbers: to broadcast takes longer.
+        self._radii = np.repeat(self.foot_radius, 3 * self.hinges).reshape(self.count, 3, self.hinges)
         forms = [closed_form(limb, tip) for limb, tip in zip(self.limbs, self.default_foot, strict=True)]
         self._forms = [form for form in forms if form is not None]
         self._chains = None if len(self._forms) == self.count else self._least_squares(robot)
@@ -130,8 +133,7 @@ class Legs:
         Returns:
             (legs, 3, m) m/rad.
         """
-        skew = np.array([[0.0, up[2], -up[1]], [-up[2], 0.0, up[0]], [up[1], -up[0], 0.0]])
-        return -self.foot_radius[:, None, None] * (skew @ axes)
+        return self._radii * (skew(up) @ axes)
 
     def torque(self, jacobian: np.ndarray, force: np.ndarray) -> np.ndarray:
         """Joint torques (legs, m), N m, at which the ground exerts forces (legs, 3), N, on limbs at rest.

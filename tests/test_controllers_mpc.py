@@ -169,7 +169,6 @@ class TestLegs:
         return legs.command(
             ROBOT.default_pose,
             pose,
-            TROT,
             self.FORCE,
             np.array(velocity),
             yaw_rate * UP,

@@ -1,5 +1,6 @@
 """What the hand-written controllers do with a velocity command before they follow it."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,12 +26,11 @@ class ShapedCommand:
 
     def __init__(self, shaping: CommandShaping) -> None:
         self._shaping = shaping
-        accelerations = (
+        self._most = (
             shaping.acceleration_m_s2,
             shaping.acceleration_m_s2,
             shaping.yaw_acceleration_rad_s2,
         )
-        self._most = np.array(accelerations)
         self.value = np.zeros(3)
 
     def reset(self) -> None:
@@ -39,13 +39,18 @@ class ShapedCommand:
 
     def advance(self, command: np.ndarray, dt_s: float) -> None:
         """Move towards a command (3,) for a time."""
-        goal = command if self._asks_to_move(command) else np.zeros(3)
-        step = self._most * dt_s
-        self.value = self.value + np.minimum(np.maximum(goal - self.value, -step), step)
+        goal = command.tolist() if self._asks_to_move(command) else (0.0, 0.0, 0.0)
+        self.value = np.array(
+            [
+                now + min(max(wanted - now, -most * dt_s), most * dt_s)
+                for now, wanted, most in zip(self.value.tolist(), goal, self._most, strict=True)
+            ]
+        )
 
     def wants_walk(self, command: np.ndarray) -> bool:
         """Whether a command (3,) asks to move, or an earlier one still has to be slowed down from."""
         return self._asks_to_move(command) or bool(self.value.any())
 
     def _asks_to_move(self, command: np.ndarray) -> bool:
-        return float(command @ command) > self._shaping.standing_command**2
+        forward, leftward, yaw_rate = command.tolist()
+        return math.hypot(forward, leftward, yaw_rate) > self._shaping.standing_command

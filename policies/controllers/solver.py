@@ -57,7 +57,7 @@ class BoundedSolver:
             problem.lower,
             iter_limit=self._daqp_iterations,
         )
-        if status > 0 and np.all(np.isfinite(solution)):
+        if status > 0 and np.isfinite(solution).all():
             return np.asarray(solution)
         self.fallbacks += 1
         return self._interior_point(problem)

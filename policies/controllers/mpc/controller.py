@@ -83,7 +83,8 @@ class Mpc:
         steps, step_s = config.horizon.steps, config.horizon.step_s
         self._middle_of_step = step_s * (np.arange(steps) + 0.5)
         self._end_of_step = step_s * np.arange(1, steps + 1)
-        self._decayed_s = (_DECAY_S * (1.0 - np.exp(-self._middle_of_step / _DECAY_S)))[:, None]
+        decayed_s = _DECAY_S * (1.0 - np.exp(-self._middle_of_step / _DECAY_S))
+        self._path_basis = np.column_stack([np.ones(steps), self._middle_of_step, decayed_s])
         self.solve_ms: deque[float] = deque(maxlen=_TIMINGS_KEPT)
         self._begin(0.0, stance.height_m)
 
@@ -105,6 +106,7 @@ class Mpc:
         self._wanted_height = height
         self._force = np.zeros((count, 3))
         self._stands = np.ones(count, dtype=bool)
+        self._swinging: list[int] = []
         self._lift_off = np.zeros((count, 3))
         self._target = np.zeros((count, 3))
         self._ticks_to_solve = 0
@@ -117,28 +119,26 @@ class Mpc:
         self._step_clock(observation, base, dt_s)
         self._lead(base, dt_s)
 
-        stands = self._clock.stance()
-        swinging = np.flatnonzero(~stands).tolist()
-        progress = self._clock.swing().tolist()
+        stands, progress = self._clock.stance(), self._clock.swing().tolist()
+        swinging = [leg for leg, stands_now in enumerate(stands.tolist()) if not stands_now]
         for leg in swinging:
             self._set_target(leg, progress[leg], base)
         self._ticks_to_solve -= 1
-        changed = stands != self._stands
-        if self._ticks_to_solve <= 0 or changed.any():
+        if self._ticks_to_solve <= 0 or swinging != self._swinging:
             feet = base.position + pose.foot @ base.rotation.T
-            lifting = changed & ~stands
+            lifting = [leg for leg in swinging if leg not in self._swinging]
             self._lift_off[lifting] = feet[lifting]
-            self._stands = stands
+            self._swinging, self._stands = swinging, stands
             self._plan(base, feet)
             self._ticks_to_solve = self._solve_every
 
         up = base.rotation[2]
+        velocity = np.array([self._wanted_velocity.real, self._wanted_velocity.imag, 0.0])
         return self._leg_control.command(
             observation.sensed.joint_position,
             pose,
-            stands,
-            self._force @ base.rotation,
-            np.array([self._wanted_velocity.real, self._wanted_velocity.imag, 0.0]) @ base.rotation,
+            self._force.dot(base.rotation),
+            velocity.dot(base.rotation),
             self._command.value[2] * up,
             up,
             swinging,
@@ -174,7 +174,8 @@ class Mpc:
         """Whether a robot that was told to stand had better step, as after a push."""
         restart = self._config.restart
         walking = self._clock.walking
-        speed = math.hypot(base.velocity[0], base.velocity[1])
+        x, y, _ = base.velocity.tolist()
+        speed = math.hypot(x, y)
         limit = restart.stop_speed_m_s if walking else restart.start_speed_m_s
         tilted = max(abs(base.roll), abs(base.pitch)) > restart.start_tilt_rad
         if speed > limit or tilted:
@@ -200,11 +201,12 @@ class Mpc:
     def _set_target(self, leg: int, progress: float, base: Base) -> None:
         """Where a leg that swings should touch down."""
         gait = self._clock.timing
+        x, y, _ = base.velocity.tolist()
         target = foothold(
             self._places_ahead[leg],
             base.place,
             base.height,
-            complex(base.velocity[0], base.velocity[1]),
+            complex(x, y),
             self._wanted_velocity,
             base.yaw,
             float(self._command.value[2]),
@@ -226,9 +228,10 @@ class Mpc:
                 for leg in swinging
             ]
         )
-        motion[:, 0] -= base.position
-        motion[:, 1] -= base.velocity
-        motion = motion @ base.rotation
+        for place, velocity, _ in motion:
+            place -= base.position
+            velocity -= base.velocity
+        motion = motion.reshape(-1, 3).dot(base.rotation).reshape(-1, 3, 3)
         motion[:, 1] -= cross(base.gyro, motion[:, 0])
         return motion
 
@@ -250,17 +253,16 @@ class Mpc:
             self._force = self._force * self._stands[:, None]
         else:
             force = self._problems.forces(solution, problem, self._legs.count)
-            self._force = force @ to_heading.T
+            self._force = force.dot(to_heading.T)
         self.solve_ms.append(1e3 * (time.perf_counter() - began))
 
     def _state(self, base: Base, to_heading: np.ndarray) -> BodyState:
         """The centre of mass in the heading frame on the ground below the base."""
         centre = base.rotation @ self._body.centre
         rate = base.rotation @ base.gyro
-        vectors = np.array([centre, rate, base.velocity + cross(rate, centre)]) @ to_heading
-        pose = np.array([base.roll, base.pitch, 0.0, *vectors[0].tolist()])
-        pose[5] += base.height
-        return BodyState(pose, vectors[1:].reshape(6))
+        vectors = np.array([centre, rate, base.velocity + cross(rate, centre)]).dot(to_heading)
+        x, y, z = vectors[0].tolist()
+        return BodyState(np.array([base.roll, base.pitch, 0.0, x, y, z + base.height]), vectors[1:].ravel())
 
     def _reference(self, base: Base) -> BodyState:
         """The commanded motion after each step of the horizon, from the wanted pose on."""
@@ -271,7 +273,7 @@ class Mpc:
         velocity = heading * complex(forward, leftward)
         ahead = (self._wanted_place - base.place) * cmath.rect(1.0, -base.yaw)
         centre_x, centre_y, centre_z = self._body.centre.tolist()
-        place = ahead + np.cumsum(velocity) * self._config.horizon.step_s
+        place = ahead + velocity.cumsum() * self._config.horizon.step_s
         place += heading * complex(centre_x, centre_y)
         pose, rate = np.zeros((len(later), 6)), np.zeros((len(later), 6))
         pose[:, 2], rate[:, 2] = yaw, yaw_rate
@@ -282,8 +284,7 @@ class Mpc:
 
     def _path(self, state: BodyState, reference: BodyState) -> np.ndarray:
         """The centre of mass (steps, 3) in the middle of each step: its speed decays to the reference's."""
-        wanted = reference.rate[0, 3:]
-        path = state.pose[3:] + wanted * self._middle_of_step[:, None]
-        path += (state.rate[3:] - wanted) * self._decayed_s
-        path[:, 2] = state.pose[5]
-        return path
+        (x, y, z), (forward, leftward, _) = state.pose[3:].tolist(), state.rate[3:].tolist()
+        wanted_x, wanted_y, _ = reference.rate[0, 3:].tolist()
+        rows = [[x, y, z], [wanted_x, wanted_y, 0.0], [forward - wanted_x, leftward - wanted_y, 0.0]]
+        return self._path_basis.dot(np.array(rows))

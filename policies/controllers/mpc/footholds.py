@@ -1,6 +1,7 @@
 """Where swinging feet should land. Horizontal vectors are complex numbers, x + i y: turning is a product."""
 
 import cmath
+from functools import cache
 
 import numpy as np
 
@@ -73,13 +74,19 @@ def contact_points(
     Returns:
         (steps, legs, 3) m.
     """
-    changes = np.cumsum(contacts[1:] != contacts[:-1], axis=0)
-    changes = np.concatenate([np.zeros((1, contacts.shape[1]), dtype=int), changes])
-    first_change = np.where(contacts[0], 0, 1)  # changes up to the first stance
-    point = np.where(contacts[0][:, None], feet, targets)[None] - centre[:, None, :]
-    later = changes > first_change
+    first = np.where(contacts[0][:, None], feet, targets)
+    points = first - centre[:, None]
+    later = _later(contacts.tobytes(), len(feet))
     turned = np.exp(1j * yaw)[:, None] * (places[:, 0] + 1j * places[:, 1])
-    under = np.empty_like(point)
-    under[:, :, 0], under[:, :, 1] = turned.real, turned.imag
-    under[:, :, 2] = -centre[:, 2:]
-    return np.where(later[:, :, None], under, point)
+    np.copyto(points[:, :, 0], turned.real, where=later)
+    np.copyto(points[:, :, 1], turned.imag, where=later)
+    np.copyto(points[:, :, 2], -centre[:, 2:], where=later)
+    return points
+
+
+@cache
+def _later(contacts: bytes, legs: int) -> np.ndarray:
+    """Which feet (steps, legs) have left the place of their first stance, of contacts as bytes of booleans."""
+    stands = np.frombuffer(contacts, dtype=bool).reshape(-1, legs)
+    changes = np.cumsum(stands[1:] != stands[:-1], axis=0)
+    return np.concatenate([np.zeros((1, legs), dtype=bool), changes > np.where(stands[0], 0, 1)])

@@ -1,8 +1,10 @@
 """From planned forces and swing trajectories to joint commands."""
 
+from typing import NamedTuple
+
 import numpy as np
 
-from footfall.common.rotations import cross
+from footfall.common.rotations import skew
 from footfall.policies.controllers.mpc.config import MpcConfig
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
@@ -10,6 +12,14 @@ from footfall.robots.kinematics import LegPose, Legs
 from footfall.robots.rigid_body import RigidBody
 
 _INERTIA_SHARE = 0.5  # of the peak torque that may be spent on a leg's own inertia
+
+
+class _Stance(NamedTuple):
+    """What depends on which legs stand, and on nothing else. Whole arrays: to broadcast takes longer."""
+
+    contact: np.ndarray  # (legs, 3, m) 1 of those that stand, else 0
+    kp: np.ndarray  # (legs, m) N m/rad
+    kd: np.ndarray  # (legs, m) N m s/rad
 
 
 class LegControl:
@@ -27,8 +37,9 @@ class LegControl:
         self._friction_speed = legs.gather(robot.motor.friction_speed)
         self._most_speed = legs.gather(robot.motor.no_load_speed)
         self._most_inertia_torque = _INERTIA_SHARE * legs.gather(robot.motor.peak_torque)
-        swing, stance = config.swing, config.stance
-        self._gains = np.array([[swing.kp, 0.0], [swing.kd, stance.kd]])  # kp and kd, by `stands`
+        self._one = np.ones((legs.count, legs.hinges))
+        self._swing, self._stand = config.swing, config.stance
+        self._stances: dict[tuple[int, ...], _Stance] = {}
         zero = np.zeros(len(robot.joint_names))
         self._outside_legs = np.array([robot.default_pose, zero, robot.kp, robot.kd, zero])
 
@@ -36,7 +47,6 @@ class LegControl:
         self,
         joint_position: np.ndarray,
         pose: LegPose,
-        stands: np.ndarray,
         force: np.ndarray,
         velocity: np.ndarray,
         turn: np.ndarray,
@@ -49,7 +59,6 @@ class LegControl:
         Args:
             joint_position: (n,) rad, measured.
             pose: kinematics at this position.
-            stands: (legs,) boolean.
             force: (legs, 3) N, of the ground on the feet; zero of those that swing.
             velocity: (3,) m/s, commanded, of the base.
             turn: (3,) rad/s, commanded.
@@ -57,27 +66,35 @@ class LegControl:
             swinging: the k legs that do not stand.
             swing: (k, 3, 3) position, velocity and acceleration of their feet, relative to the base.
         """
-        legs = self._legs
+        legs, stance = self._legs, self._stance(swinging)
         # A standing foot rolls: it is the point on the ground that stands still and carries the force.
-        jacobian = pose.jacobian + stands[:, None, None] * legs.rolling_offset(pose.axes, up)
+        jacobian = pose.jacobian + stance.contact * legs.rolling_offset(pose.axes, up)
         wanted = np.zeros((legs.count, 3, 2))  # velocity and acceleration of the feet
-        wanted[:, :, 0] = -velocity - cross(turn, pose.foot)
-        wanted[swinging] = swing[:, 1:].transpose(0, 2, 1)
-        motion = legs.joint_rates(jacobian, wanted)
-        joint_velocity = _within(motion[:, :, 0], self._most_speed)
-        inertia_torque = (self._body.leg_inertia @ motion[:, :, 1:])[:, :, 0]
+        wanted[:, :, 0] = pose.foot.dot(skew(turn)) - velocity
+        for leg, motion in zip(swinging, swing, strict=True):
+            wanted[leg] = motion[1:].T
+        rates = legs.joint_rates(jacobian, wanted)
+        joint_velocity = _within(rates[:, :, 0], self._most_speed)
+        inertia_torque = (self._body.leg_inertia @ rates[:, :, 1:])[:, :, 0]
 
-        values = np.empty((5, legs.count, legs.hinges))
-        values[0] = legs.gather(joint_position)
+        position = legs.gather(joint_position)
         if swinging:
-            values[0, swinging] = legs.solve(swing[:, 0], swinging)
-        values[1] = joint_velocity
-        values[2:4] = self._gains[:, stands.view(np.uint8), None]
-        values[4] = _within(inertia_torque, self._most_inertia_torque)
-        values[4] += legs.torque(jacobian, force)
-        values[4] += self._friction * _within(joint_velocity / self._friction_speed, 1.0)
+            position[swinging] = legs.solve(swing[:, 0], swinging)
+        torque = _within(inertia_torque, self._most_inertia_torque)
+        torque += legs.torque(jacobian, force)
+        torque += self._friction * _within(joint_velocity / self._friction_speed, self._one)
+        values = np.array([position, joint_velocity, stance.kp, stance.kd, torque])
         return JointCommand(*legs.scatter(values, self._outside_legs))
 
+    def _stance(self, swinging: list[int]) -> _Stance:
+        key = tuple(swinging)
+        if key not in self._stances:
+            contact = np.ones((self._legs.count, 3, self._legs.hinges))
+            kp, kd = 0.0 * self._one, self._stand.kd * self._one
+            contact[swinging], kp[swinging], kd[swinging] = 0.0, self._swing.kp, self._swing.kd
+            self._stances[key] = _Stance(contact, kp, kd)
+        return self._stances[key]
 
-def _within(value: np.ndarray, most: np.ndarray | float) -> np.ndarray:
+
+def _within(value: np.ndarray, most: np.ndarray) -> np.ndarray:
     return np.minimum(np.maximum(value, -most), most)

@@ -20,6 +20,7 @@ from footfall.policies.controllers.mpc.config import Contact, Horizon, Weights
 from footfall.robots.rigid_body import RigidBody
 
 GRAVITY = 9.81
+_FALL = np.array([0.0, 0.0, 0.0, 0.0, 0.0, -GRAVITY])
 _AXES = [2, 0, 1]  # forces are sorted z, x, y: daqp wants variables with plain bounds first
 _FORCE_AXES = [5, 3, 4]  # the same of the last three of six
 
@@ -67,11 +68,15 @@ class ForceProblems:
         late = np.arange(steps)[:, None] - np.arange(steps)[None, :]  # of state k after force j
         self._second = np.where(late >= 0, dt_s**2 * (late + 0.5), 0.0)
         self._first = np.where(late >= 0, dt_s, 0.0)
-        self._times = dt_s * np.arange(1, steps + 1)[:, None]
-        fall = np.array([0.0, 0.0, 0.0, 0.0, 0.0, -GRAVITY])
-        self._fallen, self._falling = 0.5 * self._times**2 * fall, self._times * fall
         self._weight_pose = np.array([*weights.attitude, *weights.position])
         self._weight_rate = np.array([*weights.angular_rate, *weights.velocity])
+        # Of the poses after all steps, then of the rates: what state, rate and gravity make of them without
+        # any force, their weights, and what forces make of them.
+        times, one, none = dt_s * np.arange(1, steps + 1), np.ones(steps), np.zeros(steps)
+        self._free = np.array([[one, times, times**2 / 2], [none, one, times]]).transpose(0, 2, 1)
+        self._free = self._free.reshape(2 * steps, 3)
+        self._by_force = np.concatenate([self._second, self._first]).T
+        self._weight = np.repeat([self._weight_pose, self._weight_rate], steps, axis=0)
         self._patterns: dict[bytes, _Pattern] = {}
 
     def build(
@@ -89,15 +94,18 @@ class ForceProblems:
         n = len(pattern.step)
         turn = (self._turning @ feet[pattern.step, pattern.leg].T).reshape(3, 3, n)
         flat = turn.reshape(3, 3 * n)
-        by_pose = flat.T @ (self._weight_pose[:3, None] * flat)
+        hessian = flat.T @ (self._weight_pose[:3, None] * flat)
+        hessian *= pattern.second
         by_rate = flat.T @ (self._weight_rate[:3, None] * flat)
-        hessian = by_pose * pattern.second + by_rate * pattern.first + pattern.linear
+        by_rate *= pattern.first
+        hessian += by_rate
+        hessian += pattern.linear
 
         # Where the body would be without any force, against where it should be.
-        pose = state.pose + self._times * state.rate + self._fallen - reference.pose
-        rate = state.rate + self._falling - reference.rate
-        pull = self._second.T @ (pose * self._weight_pose) + self._first.T @ (rate * self._weight_rate)
-        pull = pull[pattern.step].T  # (6, n)
+        deviation = self._free.dot(np.array([state.pose, state.rate, _FALL]))
+        deviation -= np.concatenate(reference)
+        pull = self._by_force.dot(self._weight * deviation)  # (steps, 6)
+        pull = pull.take(pattern.step, axis=0).T  # (6, n)
         gradient = (turn * pull[:3, None]).sum(axis=0)
         gradient += pull[_FORCE_AXES] / self._body.mass
         gradient[0] -= pattern.even_pull
@@ -114,8 +122,9 @@ class ForceProblems:
     def forces(self, solution: np.ndarray, problem: ForceProblem, legs: int) -> np.ndarray:
         """The first step's forces (legs, 3) in N, heading frame, from a solution (3n,)."""
         result = np.zeros((legs, 3))
-        now = problem.step == 0
-        result[problem.leg[now]] = solution.reshape(3, -1)[:, now].T[:, [1, 2, 0]]
+        now = np.count_nonzero(problem.step == 0)
+        z, x, y = solution.reshape(3, -1)[:, :now]
+        result[problem.leg[:now]] = np.array([x, y, z]).T
         return result
 
     def _pattern(self, contacts: np.ndarray) -> _Pattern:
