@@ -1,0 +1,92 @@
+"""Inverse kinematics in closed form, limb by limb, against a chain of scipy's rotations."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from footfall.robots.closed_form import closed_form
+from footfall.robots.limb import Limb
+
+SLANTING = (0.8, 0.36, 0.48)  # a first hinge neither across the parallel ones nor along them
+
+
+def limb(default_knee: float = -1.1, first: tuple[float, ...] = SLANTING) -> Limb:
+    """Links that are bent at zero, and each of which goes sideways, too: no two figures alike."""
+    return Limb(
+        anchor=np.array([[0.2, 0.1, 0.05], [0.25, 0.16, 0.03], [0.27, 0.18, -0.17]]),
+        axis=np.array([first, [0.0, 1.0, 0.0], [0.0, 1.0, 0.0]]),
+        tip=np.array([0.22, 0.215, -0.36]),
+        lower=np.array([-0.9, -1.2, -2.4]),
+        upper=np.array([0.7, 1.4, 2.2]),
+        default=np.array([0.1, 0.4, default_knee]),
+    )
+
+
+def tip_at(chain: Limb, angles: np.ndarray) -> np.ndarray:
+    """Where the tip is: each hinge, the last one first, turns all that comes after it."""
+    place = chain.tip
+    for anchor, axis, angle in zip(chain.anchor[::-1], chain.axis[::-1], angles[::-1], strict=True):
+        place = anchor + Rotation.from_rotvec(angle * axis).apply(place - anchor)
+    return place
+
+
+@pytest.mark.parametrize("first", [SLANTING, (-0.8, 0.36, -0.48), (1.0, 0.0, 0.0), (0.0, 0.0, -1.0)])
+@pytest.mark.parametrize("knee", [-1.1, 0.5, 0.9])
+@pytest.mark.parametrize("moved", [(0.0, 0.0, 0.0), (-0.1, 0.3, -0.2), (0.25, -0.4, 0.3)])
+def test_a_place_gives_back_the_angles_that_lead_there(
+    first: tuple[float, ...], knee: float, moved: tuple[float, ...]
+) -> None:
+    chain = limb(knee, first)
+    form = closed_form(chain, tip_at(chain, chain.default))
+    assert form is not None
+    angles = chain.default + moved
+    np.testing.assert_allclose(form.angles(tip_at(chain, angles).tolist()), angles, atol=1e-9)
+
+
+@pytest.mark.parametrize("knee", [-0.55, -0.15, 0.15, 0.55])
+def test_the_knee_bends_as_in_the_default_pose_counted_from_links_in_a_line(knee: float) -> None:
+    """In a line they are at -0.357 rad: from z of (0.02, -0.2) to (-0.05, -0.19), atan(0.1) + atan(5/19)."""
+    for sign in (1.0, -1.0):  # hinges that count the other way
+        chain = limb(sign * knee)
+        chain = chain._replace(axis=chain.axis * [[1.0], [sign], [sign]])
+        chain = chain._replace(default=chain.default * [1.0, sign, 1.0])
+        form = closed_form(chain, tip_at(chain, chain.default))
+        assert form is not None
+        found = form.angles(tip_at(chain, chain.default).tolist())
+        np.testing.assert_allclose(found, chain.default, atol=1e-9)
+
+
+def test_out_of_reach_it_points_at_the_place_stretched_within_the_limits() -> None:
+    chain = limb(first=(1.0, 0.0, 0.0))
+    form = closed_form(chain, tip_at(chain, chain.default))
+    assert form is not None
+    first, second, third = form.angles([0.3, 0.3, -3.0])
+    hip = chain.anchor[0] + Rotation.from_rotvec([first, 0, 0]).apply(chain.anchor[1] - chain.anchor[0])
+    reached = tip_at(chain, np.array([first, second, third]))
+    aim, arm = np.array([0.3, 0.3, -3.0]) - hip, reached - hip
+    assert arm @ aim / np.linalg.norm(arm) / np.linalg.norm(aim) > 0.99
+    longest = np.hypot(0.02, 0.2) + np.hypot(0.05, 0.19)
+    assert np.linalg.norm(arm[[0, 2]]) == pytest.approx(longest, abs=1e-2)
+    folded = np.array(form.angles((chain.anchor[1] + [0.0, 0.055, 0.0]).tolist()))
+    assert np.all((chain.lower <= folded) & (folded <= chain.upper))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"axis": np.array([SLANTING, [0, 1, 0], [0, 0.9999875, 0.005]])},  # 0.3 degrees askew
+        {"axis": np.array([SLANTING, [0, 1, 0], [0, -1, 0]])},
+        {"axis": np.array([[0, 1, 0], [0, 1, 0], [0, 1, 0]])},  # all three parallel
+        {"anchor": np.array([[0.2, 0.1, 0.05], [0.25, 0.16, 0.03], [0.25, 0.3, 0.0301]])},  # no thigh
+        {"tip": np.array([0.2701, 0.3, -0.17])},  # no shank
+        {"anchor": np.zeros((2, 3)), "axis": np.array([[1, 0, 0], [0, 1, 0]])},
+        {"anchor": np.zeros((4, 3)), "axis": np.array([[1, 0, 0], [0, 1, 0], [0, 1, 0], [0, 1, 0]])},
+    ],
+)
+def test_limbs_of_another_kind_have_none(change: dict) -> None:
+    assert closed_form(limb()._replace(**change), limb().tip) is None
+
+
+def test_a_limb_reaches_as_far_as_all_its_links_in_a_line() -> None:
+    links = ([0.05, 0.06, 0.02], [0.02, 0.02, 0.2], [0.05, 0.035, 0.19])
+    assert limb().reach == pytest.approx(sum(np.linalg.norm(link) for link in links))
