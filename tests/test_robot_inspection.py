@@ -103,7 +103,9 @@ def test_links_meet_if_they_touch_not_if_they_are_near(
 
 def test_findings_are_told_in_words() -> None:
     foot = FootRow("paw", np.zeros(3), 0.0049, (0.1, 0.2))
-    looked = Inspection((), 1.0, np.zeros(3), (foot, foot._replace(gap_m=0.0123)), 0.0, ("hip",), (("a", "b"),))
+    looked = Inspection(
+        (), 1.0, np.zeros(3), (foot, foot._replace(gap_m=0.0123)), 0.0, ("hip",), (("a", "b"),)
+    )
     assert list(looked.findings()) == [
         "foot paw is 12 mm above the ground in the default pose",
         "link hip touches the ground in the default pose, and is no foot",
