@@ -1,5 +1,9 @@
 """Robots as other makers describe them, small and lopsided."""
 
+from pathlib import Path
+
+from footfall.robots.importer.source import Source, read_source
+
 HIPS = {"FL": (0.21, 0.11), "FR": (0.21, -0.11), "RL": (-0.24, 0.13), "RR": (-0.24, -0.13)}
 BALL = '<collision><origin xyz="0 0 -0.2"/><geometry><sphere radius="0.02"/></geometry></collision>'
 
@@ -133,3 +137,47 @@ BIPED_MJCF = f"""
   <actuator>{_motors("left")}{_motors("right")}</actuator>
 </mujoco>
 """
+
+
+def read(tmp_path: Path, text: str, suffix: str = "xml") -> Source:
+    path = tmp_path / f"m.{suffix}"
+    path.write_text(text)
+    return read_source(path)
+
+
+def hanging(name: str, y: float, length: float, inner: str = "", joint: str = "") -> str:
+    """A limb of one hinge with a ball at its end."""
+    return f"""<body name="{name}" pos="0 {y} 0"><joint name="{name}_joint" axis="0 1 0" range="-1 1"/>
+      <geom name="{name}_ball" size="0.02" pos="0 0 {0.02 - length}" mass="0.3"/>{joint}{inner}</body>"""
+
+
+def on_base(*limbs: str, extra: str = "") -> str:
+    return f"""<mujoco><compiler angle="radian" autolimits="true"/><worldbody>
+      <body name="base" pos="0 0 2"><freejoint/><geom size="0.1" mass="3"/>{"".join(limbs)}</body>
+      </worldbody>{extra}</mujoco>"""
+
+
+ODD_LEG = """<body name="{0}_hip" pos="0.1 {1} 0" euler="0.1 0.2 {2}">
+  <joint name="{0}_roll" axis="1 0.1 0" pos="0.01 0.02 -0.03" ref="0.3" range="-0.6 0.9" damping="0.3"/>
+  <joint name="{0}_pitch" axis="0 1 0.1" pos="0 -0.01 0.02" range="-1.2 1" frictionloss="0.4"/>
+  <geom type="capsule" fromto="0 0 0 0.02 0 -0.2" size="0.03" mass="1.1"/>
+  <body name="{0}_bracket" pos="0.02 0 -0.2" euler="0.3 0 0.2"><geom size="0.01" mass="0.1"/>
+    <body name="{0}_shank" pos="0.01 0.01 0" euler="0 1.2 0">
+      <joint name="{0}_knee" axis="0 1 0" ref="-0.5" range="-2 -0.1"/>
+      <geom type="box" pos="0.1 0 0" size="0.1 0.01 0.02" mass="0.5" euler="0.1 0 0"/>
+      <body name="{0}_foot" pos="0.22 0 0" euler="0.2 0.1 0.3">
+        <geom name="{0}_ball" size="0.025" pos="0.01 0 0" mass="0.07" friction="1.3"
+          contype="2" conaffinity="5"/>
+      </body></body></body></body>"""
+ODD = f"""<mujoco><compiler angle="radian" autolimits="true"/><worldbody>
+  <body name="stand" pos="9 9 9"><joint name="crank"/><geom size="0.3" mass="7"/></body>
+  <body name="pelvis" pos="0.3 0.2 1" euler="0.3 -0.2 0.9"><freejoint/>
+    <geom type="box" size="0.1 0.05 0.08" mass="4"/>
+    <body name="mount" pos="0.05 0.01 0.1" euler="0 0.5 0"><geom size="0.03" mass="0.4"/>
+      <site name="My_IMU" pos="0.02 0 0.01"/><body name="imu_box" pos="1 1 1"/></body>
+    <body name="chest" pos="0 0 0.2"><joint name="waist" axis="0 0 1" range="0.2 1"/>
+      <geom size="0.1" mass="2"/>
+      <body name="arm" pos="0 0.3 0"><joint name="arm" axis="0 1 0" range="0.4 2"/>
+        <geom name="hand" size="0.04" pos="0.2 0 0" mass="0.6"/></body>
+      {ODD_LEG.format("l", 0.1, 0.4)}{ODD_LEG.format("r", -0.1, -0.3)}</body>
+  </body></worldbody></mujoco>"""

@@ -192,6 +192,14 @@ class TestSoles:
         turn = legs._data.site_xmat[legs._tips].reshape(2, 3, 3)
         np.testing.assert_allclose(turn, np.tile(np.eye(3), (2, 1, 1)), atol=1e-6)
 
+    def test_a_sole_out_of_reach_gives_up_its_own_level_only(self, robots: dict[str, Robot]) -> None:
+        legs, default = robots["six hinges and soles"].legs, robots["six hinges and soles"].default_pose
+        places = legs.default_foot + np.array([[0.05, 0.02, 0.04], [0.6, -0.3, 0.0]])
+        legs.pose(legs.scatter(legs.solve(places), default))
+        turn = legs._data.site_xmat[legs._tips].reshape(2, 3, 3)
+        np.testing.assert_allclose(turn[0], np.eye(3), atol=1e-6)
+        assert np.abs(turn[1] - np.eye(3)).max() > 0.1
+
     def test_the_geoms_of_a_foot_belong_to_one_body(self, tmp_path: Path) -> None:
         write_robot(tmp_path, [quadruped_leg("a", 0.2, 0.1), quadruped_leg("b", -0.2, -0.1)])
         declaration, xml = tmp_path / "robot.yaml", tmp_path / "robot.xml"
@@ -201,11 +209,16 @@ class TestSoles:
             load_robot(tmp_path)
 
 
-def test_out_of_reach_it_comes_as_near_as_a_bounded_optimiser(robots: dict[str, Robot]) -> None:
+@pytest.mark.parametrize(
+    "away", [(0.25, -0.1, -0.15), (-0.3, 0.2, -0.1), (-0.2, -0.35, 0.2), (0.1, 0.3, -0.3)]
+)
+def test_out_of_reach_it_comes_as_near_as_a_bounded_optimiser(
+    robots: dict[str, Robot], away: tuple[float, float, float]
+) -> None:
     """scipy's, from the same start."""
     robot = robots["five legs, one of four hinges"]
     legs, own = robot.legs, robot.foot_joints[4]
-    far = legs.default_foot[4] + np.array([0.25, -0.1, -0.15])
+    far = legs.default_foot[4] + np.array(away)
 
     def missing(angles: np.ndarray) -> np.ndarray:
         joint = robot.default_pose.copy()

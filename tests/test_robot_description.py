@@ -61,6 +61,14 @@ def test_unknown_robot_lists_the_known_ones() -> None:
         ("torque_share: 0.3", "torque_share: 0", "gains: torque_share must be above 0"),
         ("standing_height_m: 0.2945", "standing_height_m: .inf", "standing_height_m: not a finite number"),
         ("soft_limit_factor: 0.95", "soft_limit_factor: 1.5", "soft_limit_factor must be at most 1"),
+        ("target_rate_rad_s: 60.0", "target_rate_rad_s: 0", "target_rate_rad_s must be above 0"),
+        ("soft_limit_factor: 0.95", "soft_limit_factor: 0", "soft_limit_factor must be above 0"),
+        ("forward_m_s: [", "forward_m_s: [9, ", "forward_m_s"),
+        ("default_rad: -1.8, ", "default_rad: -2.8, ", "FR_calf_joint: default_rad -2.8 is outside the soft"),
+        ("default_rad: -1.8, ", "default_rad: -0.9, ", "FR_calf_joint: default_rad -0.9 is outside the soft"),
+        ("geoms: [FR_foot]", "geoms: [FR_foot, FL_foot]", "geom FL_foot is listed twice"),
+        ("bus: can0, id: 1", "bus: can0, id: 0", "joints[0]: id must be from 1 to 127"),
+        ("bus: can0, id: 1", "bus: can0, id: 128", "joints[0]: id must be from 1 to 127"),
         ("name: go1", "name: ../go1", "letters, digits"),
         ("stall_torque_nm: 23.7", "stall_torque_nm: 20", "stall_torque_nm 20 is below peak_torque_nm 23.7"),
         ("bus: can0, id: 1", "bus: can0, id: 500", "joints[0]: id must be from 1 to 127"),
@@ -166,6 +174,50 @@ def test_gains_follow_from_reflected_inertia(go1: Robot) -> None:
     np.testing.assert_allclose(natural_hz, gains.natural_frequency_hz)
     np.testing.assert_allclose(go1.kd / (2 * np.sqrt(go1.kp * go1.armature)), gains.damping_ratio)
     np.testing.assert_allclose(go1.kp * go1.action_scale, gains.torque_share * go1.motor.peak_torque)
+
+
+def test_the_current_limit_is_not_the_stall_torque(own_folder: Path, go1: Robot) -> None:
+    """An action asks for a share of what the motor may give, 0.3 * 23.7 N m, whatever it stalls at."""
+    edit(own_folder, "robot.yaml", "stall_torque_nm: 23.7", "stall_torque_nm: 40")
+    robot = load_robot(own_folder)
+    np.testing.assert_array_equal(robot.motor.peak_torque, np.tile([23.7, 23.7, 35.55], 4))
+    np.testing.assert_array_equal(robot.motor.stall_torque, np.tile([40.0, 40.0, 35.55], 4))
+    np.testing.assert_allclose(robot.action_scale * robot.kp, 0.3 * np.tile([23.7, 23.7, 35.55], 4))
+
+
+@pytest.mark.parametrize("axis", ["forward_m_s", "leftward_m_s", "yaw_rad_s"])
+def test_ranges_of_commands_go_from_low_to_high(own_folder: Path, axis: str) -> None:
+    declaration = own_folder / "robot.yaml"
+    content = yaml.safe_load(declaration.read_text())
+    content["commands"][axis] = [0.2, 0.1]
+    declaration.write_text(yaml.safe_dump(content))
+    assert f"{axis} must be a range from low to high" in refusal(own_folder)
+
+
+def test_each_joint_has_its_own_figures_whatever_else_the_file_moves(own_folder: Path, go1: Robot) -> None:
+    """Joints listed backwards, a tail between the legs that no motor moves, no two joints alike."""
+    xml, declaration = own_folder / "robot.xml", own_folder / "robot.yaml"
+    tail = '<body name="tail"><joint name="tail" range="-9 9" frictionloss="8" damping="7" armature="6"/>'
+    text = xml.read_text().replace(
+        '<body name="RR_hip"', f'{tail}<geom size="0.01" mass="0.1"/></body><body name="RR_hip"'
+    )
+    wanted = {}
+    for k, name in enumerate(reversed(go1.joint_names)):
+        low, high = (go1.lower_rad - 0.01 * k)[11 - k], (go1.upper_rad + 0.02 * k)[11 - k]
+        wanted[name] = low, high, 0.01 + 0.001 * k, 0.1 + 0.01 * k, 0.02 + 0.001 * k
+        figures = 'range="{:g} {:g}" armature="{:g}" frictionloss="{:g}" damping="{:g}"'.format(*wanted[name])
+        assert f'name="{name}"' in text
+        text = text.replace(f'name="{name}"', f'name="{name}" {figures}')
+    xml.write_text(text)
+    content = yaml.safe_load(declaration.read_text())
+    content["joints"].reverse()
+    declaration.write_text(yaml.safe_dump(content))
+    robot = load_robot(own_folder)
+    motor = robot.motor
+    found = robot.lower_rad, robot.upper_rad, robot.armature, motor.friction, motor.damping
+    np.testing.assert_allclose(np.transpose(found), list(wanted.values()), rtol=1e-5)
+    assert robot.motor_figures("gear_ratio").tolist() == [9.0, 6.0, 6.0] * 4
+    assert [joints.tolist() for joints in robot.foot_joints] == [[11, 10, 9], [8, 7, 6], [5, 4, 3], [2, 1, 0]]
 
 
 def test_soft_limits_lie_inside_the_range_and_hold_the_default_pose(go1: Robot) -> None:

@@ -178,3 +178,57 @@ def test_a_collision_mesh_counts_with_its_own_corners(own_folder: Path) -> None:
     assert load_robot(own_folder).digest == before
     edit(own_folder, "robot.xml", "0 0 0.2", "0 0.01 0.2")
     assert load_robot(own_folder).digest != before
+
+
+TAIL = """<body name="tail" pos="-0.3 0 0"><joint name="tail" axis="0 0 1" range="-1 1"/>
+  <inertial pos="0 0 0" mass="1" diaginertia="0.1 0.1 0.1"/>
+  <geom class="collision" type="box" size="0.02 0.03 0.04"/>
+  <body name="first" pos="0.01 0.02 0.03"><geom size="0.01" mass="0.1"/></body>
+  <body name="second" pos="0.01 0.02 0.03"><geom name="end" class="collision" size="0.02" mass="0.1"/></body>
+</body>"""
+PAIR = '<contact><pair geom1="FR_foot" geom2="FL_foot" condim="3"/></contact>'
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('name="tail" axis', 'name="tail" type="slide" axis'),
+        ('type="box" size="0.02 0.03 0.04"', 'type="ellipsoid" size="0.02 0.03 0.04"'),
+        ('size="0.02 0.03 0.04"', 'size="0.02 0.03 0.04" pos="0 0 0.01"'),
+        ('geom1="FR_foot"', 'geom1="RR_foot"'),
+        ('geom2="FL_foot"', 'geom2="end"'),
+        ('geom2="FL_foot" condim="3"', 'geom2="FL_foot" condim="1"'),
+        *(
+            ('geom2="FL_foot"', f'geom2="FL_foot" {more}')
+            for more in (
+                'friction="0.5"',
+                'margin="0.01"',
+                'gap="0.01"',
+                'solref="0.05 1"',
+                'solimp="0.8 0.9 0.01"',
+                'solreffriction="0.05 1"',
+            )
+        ),
+    ],
+)
+def test_limbs_without_a_motor_and_pairs_that_may_touch_count(own_folder: Path, old: str, new: str) -> None:
+    edit(own_folder, "robot.xml", '<body name="FR_hip"', TAIL + '<body name="FR_hip"')
+    edit(own_folder, "robot.xml", "</mujoco>", PAIR + "</mujoco>")
+    before = load_robot(own_folder).digest
+    edit(own_folder, "robot.xml", old, new)
+    assert load_robot(own_folder).digest != before
+
+
+def test_whose_part_a_body_is_counts(own_folder: Path) -> None:
+    """The second part of a tail, at the same place on the first one as it was on the tail."""
+    edit(own_folder, "robot.xml", '<body name="FR_hip"', TAIL + '<body name="FR_hip"')
+    before = load_robot(own_folder).digest
+    edit(
+        own_folder,
+        "robot.xml",
+        'mass="0.1"/></body>\n  <body name="second"',
+        'mass="0.1"/><body name="second"',
+    )
+    end = '<geom name="end" class="collision" size="0.02" mass="0.1"/></body>'
+    edit(own_folder, "robot.xml", end, end + "</body>")
+    assert load_robot(own_folder).digest != before

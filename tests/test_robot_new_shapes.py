@@ -1,0 +1,245 @@
+"""The shapes that `footfall robot new` fits, and what feet it makes of them, by hand."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from footfall.robots.importer.feet import is_sole, stand_on
+from footfall.robots.importer.limbs import Limb
+from footfall.robots.importer.machine import Geom, Link
+from footfall.robots.importer.pose import lowest_height
+from footfall.robots.importer.shapes import (
+    Kind,
+    Shape,
+    fit_shape,
+    fit_sole,
+    lowest_point,
+    quaternion_of,
+    rotation_of,
+    support,
+)
+
+UP = np.array([0.0, 0.0, 1.0])
+LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
+TURN = Rotation.from_euler("xyz", [0.4, -0.7, 1.1])
+PLACE = np.array([0.3, -0.2, 0.5])
+
+
+def turned(*angles: float) -> np.ndarray:
+    """Quaternion w x y z of turns about the fixed x, y and z."""
+    return Rotation.from_euler("xyz", angles).as_quat(scalar_first=True)
+
+
+def surface(kind: mujoco.mjtGeom, size: Sequence[float]) -> np.ndarray:
+    """Points all over a primitive about the origin, (k, 3)."""
+    rng = np.random.default_rng(2)
+    ball = rng.normal(size=(200_000, 3))
+    ball /= np.linalg.norm(ball, axis=1, keepdims=True)
+    match kind:
+        case Kind.mjGEOM_SPHERE:
+            return size[0] * ball
+        case Kind.mjGEOM_CAPSULE:
+            return size[0] * ball + np.outer(np.sign(ball[:, 2]) * size[1], UP)
+        case Kind.mjGEOM_CYLINDER:
+            rim = ball[:, :2] / np.linalg.norm(ball[:, :2], axis=1, keepdims=True)
+            return np.column_stack([size[0] * rim, np.sign(ball[:, 2]) * size[1]])
+        case Kind.mjGEOM_ELLIPSOID:
+            return np.array(size) * ball
+    return np.array(size) * np.sign(ball)
+
+
+@pytest.mark.parametrize(
+    ("kind", "size"),
+    [
+        (Kind.mjGEOM_SPHERE, (0.07, 0.0, 0.0)),
+        (Kind.mjGEOM_CAPSULE, (0.03, 0.1, 0.0)),
+        (Kind.mjGEOM_CYLINDER, (0.05, 0.1, 0.0)),
+        (Kind.mjGEOM_ELLIPSOID, (0.03, 0.06, 0.1)),
+        (Kind.mjGEOM_BOX, (0.03, 0.06, 0.1)),
+    ],
+)
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_shape_reaches_as_far_and_as_low_as_its_surface(
+    kind: mujoco.mjtGeom, size: tuple[float, ...], sign: float
+) -> None:
+    up = sign * np.array([0.8, 0.36, 0.48])
+    shape = Shape(kind, np.array(size), PLACE, TURN.as_quat(scalar_first=True))
+    points = TURN.apply(surface(kind, size)) + PLACE
+    assert support(shape, up) == pytest.approx(((points - PLACE) @ up).max(), abs=2e-4)
+    lowest = lowest_point(shape, up)
+    assert lowest @ up == pytest.approx((points @ up).min(), abs=2e-4)
+    np.testing.assert_allclose(lowest, points[(points @ up).argmin()], atol=3e-3)
+
+
+def test_of_what_is_nearly_level_the_middle_is_lowest() -> None:
+    """A rod and a brick that lean by 0.03 rad."""
+    up = np.array([np.sin(0.03), 0.0, np.cos(0.03)])
+    rod = Shape(Kind.mjGEOM_CAPSULE, np.array([0.02, 0.3, 0.0]), PLACE, turned(0.0, np.pi / 2, 0.0))
+    np.testing.assert_allclose(lowest_point(rod, up), PLACE - 0.02 * up, atol=1e-9)
+    brick = Shape(Kind.mjGEOM_BOX, np.array([0.3, 0.1, 0.05]), PLACE, LEVEL)
+    np.testing.assert_allclose(lowest_point(brick, up), PLACE - [0.0, 0.0, 0.05], atol=1e-9)
+
+
+def test_rotations_are_scipys() -> None:
+    np.testing.assert_allclose(rotation_of(TURN.as_quat(scalar_first=True)), TURN.as_matrix(), atol=1e-12)
+    found = quaternion_of(TURN.as_matrix())
+    np.testing.assert_allclose(Rotation.from_quat(found, scalar_first=True).as_matrix(), TURN.as_matrix())
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_a_rod_along_any_of_the_links_axes_is_a_capsule_along_it(axis: int) -> None:
+    points = surface(Kind.mjGEOM_CAPSULE, (0.02, 0.1))[:4000, np.roll([0, 1, 2], axis - 2)] + PLACE
+    shape, _ = fit_shape(points)
+    assert shape.kind == Kind.mjGEOM_CAPSULE
+    assert shape.size[:2] == pytest.approx([0.02, 0.1], rel=0.05)
+    np.testing.assert_allclose(np.abs(rotation_of(shape.quaternion)[:, 2]), np.eye(3)[axis], atol=1e-6)
+    np.testing.assert_allclose(shape.position, PLACE, atol=2e-3)
+
+
+def test_a_brick_askew_is_boxed_along_its_own_axes() -> None:
+    shape, _ = fit_shape(TURN.apply(surface(Kind.mjGEOM_BOX, (0.05, 0.1, 0.2))[:500]) + PLACE)
+    assert shape.kind == Kind.mjGEOM_BOX
+    assert sorted(shape.size) == pytest.approx([0.05, 0.1, 0.2], rel=0.02)
+    np.testing.assert_allclose(shape.position, PLACE, atol=1e-3)
+
+
+def test_a_sole_points_where_the_links_x_axis_does() -> None:
+    """0.2 by 0.08 m, on an ankle that leans a little both ways."""
+    frame = Rotation.from_euler("XY", [0.1, 0.3])
+    corners = np.array([[x, y, 0.0] for x in (-0.05, 0.15) for y in (-0.04, 0.04)])
+    shape = fit_sole(frame.apply(corners) + PLACE, frame.apply(UP))
+    assert shape.size == pytest.approx([0.1, 0.04, 0.01])
+    np.testing.assert_allclose(shape.position, frame.apply([0.05, 0.0, 0.01]) + PLACE, atol=1e-9)
+
+
+def test_a_turned_ellipsoid_is_as_low_as_its_surface() -> None:
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><geom type="ellipsoid" size="0.03 0.06 0.1" pos="0 0 1" euler="40 20 0"/>'
+        "</worldbody></mujoco>"
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    points = surface(Kind.mjGEOM_ELLIPSOID, (0.03, 0.06, 0.1)) @ data.geom_xmat[0].reshape(3, 3).T
+    assert lowest_height(model, data, 0) == pytest.approx(1.0 + points[:, 2].min(), abs=1e-4)
+
+
+def geom(name: str, kind: mujoco.mjtGeom, size: Sequence[float], at: Sequence[float], **rest: Any) -> Geom:
+    sizes = np.zeros(3)
+    sizes[: len(size)] = size
+    shape = Shape(kind, sizes, np.array(at, dtype=float), rest.pop("turn", LEVEL))
+    return Geom(name, shape, 0.7, 1, 1, **{"of_body": "shank", **rest})
+
+
+def foot_of(
+    *geoms: Geom, up: np.ndarray = UP, joints: int = 3, feet: Sequence[str] = ()
+) -> tuple[list[Geom], list[Geom]]:
+    """What a link's foot stands on, and its other geoms."""
+    link = Link("shank", 1, np.zeros(3), LEVEL, 1.0, np.zeros(3), np.eye(3), (), geoms)
+    limb = Limb(tuple(f"j{k}" for k in range(joints)), (4,), frozenset(feet))
+    made, leg = stand_on(link, 2, limb, limb.joints[1:], "FL", up)
+    assert (leg.name, leg.joints, leg.link) == ("FL", limb.joints[1:], 2)
+    return [g for g in made.geoms if g.name in leg.geoms], [g for g in made.geoms if g.name not in leg.geoms]
+
+
+def ball(name: str, low: float, radius: float = 0.02, x: float = 0.0, **rest: Any) -> Geom:
+    """One whose lowest point is at a height."""
+    return geom(name, Kind.mjGEOM_SPHERE, [radius], [x, 0.0, low + radius], **rest)
+
+
+class TestFeet:
+    def test_balls_that_are_level_within_a_centimetre_touch_together(self) -> None:
+        feet, others = foot_of(ball("a", -0.2), ball("b", -0.192, 0.03, 0.1), ball("c", -0.188, 0.01, -0.1))
+        assert [g.name for g in feet] == ["FL_foot_1", "FL_foot_2"]
+        assert [g.shape.size[0] for g in feet] == [0.02, 0.03]
+        assert [g.name for g in others] == ["c"]
+
+    def test_parts_that_are_called_feet_go_before_lower_ones(self) -> None:
+        feet, others = foot_of(ball("spur", -0.3), ball("paw", -0.2, of_body="foot"), feet=["foot"])
+        assert [g.name for g in feet] == ["FL_foot"]
+        assert feet[0].shape.position[2] == pytest.approx(-0.18)
+        assert [g.name for g in others] == ["spur"]
+
+    def test_down_is_where_the_link_says_that_it_is(self) -> None:
+        feet, _ = foot_of(ball("a", -0.2), ball("b", 0.16), up=-UP)
+        assert feet[0].shape.position[2] == pytest.approx(0.18)
+
+    @pytest.mark.parametrize(("half_height", "radius"), [(0.02, 0.005), (0.008, 0.004)])
+    @pytest.mark.parametrize("sign", [1.0, -1.0])
+    def test_a_sole_stands_on_balls_at_its_corners_and_the_rest_is_clear_of_the_ground(
+        self, half_height: float, radius: float, sign: float
+    ) -> None:
+        """A box of 0.24 by 0.1 m, a quarter turn about the vertical, on a link that may hang upside down."""
+        quarter = turned(0.0, 0.0, np.pi / 2)
+        box = geom("sole", Kind.mjGEOM_BOX, [0.12, 0.05, half_height], [0.3, 0.2, 0.1], turn=quarter)
+        feet, others = foot_of(box, up=sign * UP)
+        places = np.array([g.shape.position for g in feet])
+        assert [g.shape.size[0] for g in feet] == [radius] * 4
+        assert sorted(set(places[:, 0].round(9))) == pytest.approx([0.25 + radius, 0.35 - radius])
+        assert sorted(set(places[:, 1].round(9))) == pytest.approx([0.08 + radius, 0.32 - radius])
+        assert places[:, 2] == pytest.approx(np.full(4, 0.1 - sign * (half_height - radius)))
+        shape = others[0].shape
+        ends = shape.position[2] + np.array([-1.0, 1.0]) * sign * shape.size[2]
+        assert ends == pytest.approx([0.1 - sign * (half_height - radius), 0.1 + sign * half_height])
+        assert {g.friction for g in feet} == {0.7}
+
+    @pytest.mark.parametrize(
+        ("size", "lean", "flat"),
+        [
+            ((0.1, 0.05, 0.02), 0.2, True),
+            ((0.1, 0.05, 0.02), 0.3, False),
+            ((0.02, 0.05, 0.1), np.pi / 2, True),
+            ((0.1, 0.05, 0.06), 0.0, False),
+        ],
+    )
+    def test_a_sole_is_a_flat_box_that_leans_by_less_than_fourteen_degrees(
+        self, size: tuple[float, ...], lean: float, flat: bool
+    ) -> None:
+        shape = Shape(Kind.mjGEOM_BOX, np.array(size), PLACE, turned(0.0, lean, 0.0))
+        assert bool(is_sole(shape, UP)) is flat
+        assert not is_sole(shape._replace(kind=Kind.mjGEOM_ELLIPSOID), UP)
+
+    @pytest.mark.parametrize("way", [0.0, np.pi])
+    def test_a_rod_is_drawn_back_by_the_ball_at_its_end(self, way: float) -> None:
+        """Radius 0.03, from 0.03 m above to 0.23 m below the joint, along its axis or against it."""
+        rod = geom("rod", Kind.mjGEOM_CAPSULE, [0.03, 0.1], [0.0, 0.0, -0.1], turn=turned(way, 0.0, 0.0))
+        feet, others = foot_of(rod)
+        assert (feet[0].shape.kind, feet[0].shape.size[0]) == (Kind.mjGEOM_SPHERE, 0.03)
+        np.testing.assert_allclose(feet[0].shape.position, [0.0, 0.0, -0.2], atol=1e-9)
+        rest = others[0].shape
+        ends = rest.position[2] + np.array([-1.0, 1.0]) * (rest.size[1] + rest.size[0])
+        assert ends == pytest.approx([-0.2, 0.03])
+
+    def test_a_thick_rod_ends_in_a_ball_of_four_centimetres(self) -> None:
+        feet, _ = foot_of(geom("rod", Kind.mjGEOM_CAPSULE, [0.07, 0.1], [0.0, 0.0, -0.1]))
+        assert feet[0].shape.size[0] == 0.04
+        assert feet[0].shape.position[2] == pytest.approx(-0.27 + 0.04)
+
+    def test_a_tall_box_ends_in_a_ball_as_wide_as_its_narrow_side(self) -> None:
+        feet, others = foot_of(geom("box", Kind.mjGEOM_BOX, [0.03, 0.02, 0.1], [0.1, 0.0, -0.1]))
+        assert feet[0].shape.size[0] == 0.02
+        np.testing.assert_allclose(feet[0].shape.position, [0.1, 0.0, -0.18], atol=1e-9)
+        assert others[0].shape.size.tolist() == pytest.approx([0.03, 0.02, 0.09])
+        assert others[0].shape.position[2] == pytest.approx(-0.09)
+
+    def test_nothing_is_left_of_a_rod_that_lies_along_the_ground_or_is_short(self) -> None:
+        lying = geom("rod", Kind.mjGEOM_CAPSULE, [0.02, 0.1], [0.0, 0.0, -0.1], turn=turned(0.0, 1.4, 0.0))
+        short = geom("rod", Kind.mjGEOM_CAPSULE, [0.03, 0.01], [0.0, 0.0, -0.1])
+        for each in (lying, short):
+            feet, others = foot_of(each)
+            assert len(feet) == 1
+            assert others == []
+
+    @pytest.mark.parametrize(("joints", "corners"), [(4, 1), (5, 4)])
+    def test_a_mesh_becomes_a_sole_where_an_ankle_can_hold_it_level(self, joints: int, corners: int) -> None:
+        points = np.array([[x, y, z] for x in (-0.05, 0.15) for y in (-0.04, 0.04) for z in (-0.1, 0.0)])
+        shoe = replace(
+            geom("shoe", Kind.mjGEOM_ELLIPSOID, [0.1, 0.04, 0.05], [0.05, 0, -0.05]), points=points
+        )
+        feet, _ = foot_of(shoe, joints=joints)
+        assert len(feet) == corners
+        assert all(g.shape.position[2] - support(g.shape, UP) == pytest.approx(-0.1) for g in feet)
