@@ -228,9 +228,7 @@ class Mpc:
                 for leg in swinging
             ]
         )
-        for place, velocity, _ in motion:
-            place -= base.position
-            velocity -= base.velocity
+        motion -= np.array([base.position.tolist(), base.velocity.tolist(), [0.0, 0.0, 0.0]])
         motion = motion.reshape(-1, 3).dot(base.rotation).reshape(-1, 3, 3)
         motion[:, 1] -= cross(base.gyro, motion[:, 0])
         return motion

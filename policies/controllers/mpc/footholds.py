@@ -86,7 +86,7 @@ def contact_points(
 
 @cache
 def _later(contacts: bytes, legs: int) -> np.ndarray:
-    """Which feet (steps, legs) have left the place of their first stance, of contacts as bytes of booleans."""
+    """Which feet (steps, legs) have left the place of their first stance, of booleans as bytes."""
     stands = np.frombuffer(contacts, dtype=bool).reshape(-1, legs)
     changes = np.cumsum(stands[1:] != stands[:-1], axis=0)
     return np.concatenate([np.zeros((1, legs), dtype=bool), changes > np.where(stands[0], 0, 1)])
