@@ -3,9 +3,12 @@
 Options are given with values other than their defaults, and no two of one type alike.
 """
 
+import io
 import json
 import os
+import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import datetime
@@ -17,6 +20,7 @@ import numpy as np
 import pytest
 from shell import Shell
 
+from footfall import cli
 from footfall.common.errors import UserError
 from footfall.common.machine import Finding
 from footfall.deploy.config import DeployConfig
@@ -712,6 +716,8 @@ class TestEndings:
             (lambda: None, 0, ""), (lambda: 3, 3, ""), (lambda: "text", 0, ""),
             (UserError("a\n  b"), 2, "footfall: a b\n"), (OSError(28, "No space left"), 2, "No space left"),
             (KeyboardInterrupt(), 130, "footfall: interrupted\n"),
+            (cli._TerminatedError(), 143, "footfall: terminated\n"),
+            (BrokenPipeError(32, "Broken pipe"), 141, ""), (SystemExit(1), 141, ""),
         ],
     )  # fmt: skip
     def test_status_and_line(
@@ -741,6 +747,50 @@ class TestEndings:
         monkeypatch.setattr("footfall.cli.app", app)
         with pytest.raises(ZeroDivisionError):
             shell("train")
+
+    def test_of_arguments_that_nobody_asked_for_the_first_is_told(self, shell: Shell) -> None:
+        assert shell.refuses("doctor", "one", "two").startswith("unexpected argument 'one' (see")
+        assert ". (see" not in shell.refuses("watch")
+
+    def test_output_that_reaches_nobody_is_noticed_before_the_end(
+        self, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """What is printed may wait in a buffer until the process ends, and its failure with it."""
+
+        class Pipe(io.StringIO):
+            def flush(self) -> None:
+                raise BrokenPipeError
+
+        monkeypatch.setattr("footfall.cli.app", lambda *_, **__: 0)
+        monkeypatch.setattr("footfall.cli._stop_writing", lambda: None)
+        monkeypatch.setattr(sys, "stdout", Pipe())
+        assert cli.main(["doctor"]) == 141
+
+    def test_a_polite_kill_is_for_a_verb_and_for_nobody_after_it(
+        self, shell: Shell, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr("footfall.cli.app", lambda *_, **__: signal.raise_signal(signal.SIGTERM))
+        before = signal.getsignal(signal.SIGTERM)
+        outcome = shell("doctor")
+        assert (outcome.status, outcome.err) == (143, "footfall: terminated\n")
+        assert signal.getsignal(signal.SIGTERM) is before
+
+    def test_a_thread_that_gets_no_signals_may_run_a_verb(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr("footfall.cli.app", lambda *_, **__: 7)
+        statuses: list[int] = []
+        thread = threading.Thread(target=lambda: statuses.append(cli.main(["doctor"])))
+        thread.start()
+        thread.join()
+        assert statuses == [7]
+
+    def test_a_name_that_the_terminal_cannot_show_is_shown_by_its_codes(
+        self, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        written = io.BytesIO()
+        monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(written, "ascii"))
+        cli._print_any_name()
+        print("caf\xe9", flush=True)
+        assert written.getvalue() == b"caf\\xe9\n"
 
     def test_where_to_look_is_the_verbs_own_help(self, shell: Shell) -> None:
         assert shell.refuses("watch").endswith("(see footfall watch --help)")

@@ -1,6 +1,7 @@
 """What `footfall deploy` shows while it runs."""
 
 import io
+import threading
 import time
 from types import SimpleNamespace
 
@@ -76,6 +77,7 @@ def test_away_from_a_terminal_there_are_plain_lines_now_and_then(
     walk(go1, Console(file=out, width=200), slow_s=0.001)
     lines = out.getvalue().splitlines()
     assert len(lines) >= 2
+    assert "live state" not in {thread.name for thread in threading.enumerate()}
     assert all(" of 0.5 s, " in line and "\x1b" not in line for line in lines)
 
 
@@ -84,3 +86,7 @@ def test_on_a_terminal_the_state_is_shown_in_place_and_wiped_at_the_end(go1: Rob
     walk(go1, Console(file=out, force_terminal=True, width=200), slow_s=0.001)
     assert "WALKING" in out.getvalue()
     assert out.getvalue().rstrip("\n").endswith("\x1b[2K")  # the line has been erased
+
+
+def test_lines_come_every_five_seconds() -> None:
+    assert footfall.live_state.LINE_EVERY_S == 5.0

@@ -105,6 +105,7 @@ def test_without_our_handshake_viser_lets_every_origin_in(port: int) -> None:
         ("127.0.0.1:8080", "localhost", True),
         ("[::1]:8080", "localhost", True),
         ("192.168.1.7", "0.0.0.0", True),
+        ("localhost:8080", "0.0.0.0", True),
         ("lab.example:8080", "lab.example", True),
         ("Lab.example:8080", "lab.Example", True),
         ("lab.example:8080", "0.0.0.0", False),

@@ -403,6 +403,14 @@ class TestMetricsFile:
         assert [part.tolist() for part in metrics.curve("a")] == [[10, 20], [1, 5]]
         assert metrics.last_step == 20
 
+    @pytest.mark.parametrize("line", ["", "{", "[1]", "7", '{"a": 1}', '{"step": null}', '{"step": "x"}'])
+    def test_a_line_that_is_no_row_is_passed_over(self, tmp_path: Path, line: str) -> None:
+        path = tmp_path / "metrics.jsonl"
+        path.write_text(f'{{"step": 1, "a": 3}}\n{line}\n{{"step": 2, "a": 4}}\n')
+        metrics = MetricsFile(path)
+        assert metrics.refresh()
+        assert [part.tolist() for part in metrics.curve("a")] == [[1, 2], [3, 4]]
+
     def test_a_shorter_file_is_read_from_its_beginning(self, tmp_path: Path) -> None:
         path = tmp_path / "metrics.jsonl"
         metrics = MetricsFile(path)
