@@ -26,7 +26,7 @@ from footfall.evaluate.plan import CommandSchedule, EpisodePlan, plan_episodes, 
 from footfall.evaluate.pool import Outcome
 from footfall.evaluate.scenarios import DrawnCommands, Scenario, ScenarioFile, Waypoint
 from footfall.evaluate.suite import CourseWalk, Setup
-from footfall.evaluate.table import scenario_table, warnings
+from footfall.evaluate.table import print_results, scenario_table, warnings
 from footfall.plant.episode import Push
 from footfall.policies.registry import load_policy
 from footfall.robots.commands import CommandRange
@@ -321,6 +321,49 @@ class TestApi:
         with pytest.raises(UserError, match="'stand' is named twice"):
             api.compare_policies(["stand", "trot", "stand"], "go1", ["two"], console=console)
 
+    @pytest.mark.parametrize(
+        ("changes", "complaint"),
+        [
+            ({"specs": []}, "name at least one policy"),
+            ({"episodes": 0}, "episodes is 0: it must be 1 or more"),
+            ({"scenarios": ["two", "ballet"]}, "no scenario 'ballet'"),
+            ({"specs": ["stand", "dance"]}, "no policy 'dance'"),
+            ({"plant": Path("absent.xml")}, "no MJCF file at absent.xml"),
+            ({"json_path": Path("absent/out.json")}, "there is no folder .*absent"),
+            ({"html_path": Path("absent/out.html")}, "there is no folder .*absent"),
+            ({"json_path": Path("out"), "html_path": Path("out")}, "a name of its own"),
+        ],
+    )
+    def test_what_cannot_be_is_known_before_the_first_episode(
+        self,
+        ran: SimpleNamespace,
+        console: Console,
+        tmp_path: Path,
+        monkeypatch: pytest.MonkeyPatch,
+        changes: dict[str, Any],
+        complaint: str,
+    ) -> None:
+        monkeypatch.chdir(tmp_path)
+        asked = {"scenarios": ["two"], "console": console, **changes}
+        specs = asked.pop("specs", ["stand"])
+        with pytest.raises(UserError, match=complaint):
+            api.compare_policies(specs, "go1", **asked)
+        if len(specs) == 1 and "html_path" not in changes:
+            with pytest.raises(UserError, match=complaint):
+                api.evaluate_policy(*specs, "go1", **asked)
+        assert ran.order == []
+
+    def test_without_the_extra_no_report_is_begun(
+        self, ran: SimpleNamespace, console: Console, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr("footfall.evaluate.report.extra.find_spec", lambda _: None)
+        with pytest.raises(UserError, match="an HTML report needs jinja2, matplotlib"):
+            api.compare_policies(["stand"], "go1", ["two"], html_path=tmp_path / "x.html", console=console)
+        assert ran.order == []
+
+    def test_what_is_run_unless_asked_otherwise(self) -> None:
+        assert api.DEFAULT_SCENARIOS == ("nominal", "push")
+
     def test_names_are_the_policies_own_where_they_differ(self) -> None:
         policies: Any = {
             spec: SimpleNamespace(name=name) for spec, name in zip("abc", ("x", "y", "x"), strict=True)
@@ -385,6 +428,13 @@ class TestPlans:
         orders = [[each[1:] for each in met[:12] if each[0] == friction] for friction in levels["friction"]]
         assert not orders[0] == orders[1] == orders[2]  # each has an order of its own
         assert spread_levels({}, 3, np.random.default_rng(0)) == [{}, {}, {}]
+
+
+def test_brackets_in_a_name_are_no_markup() -> None:
+    console = Console(file=io.StringIO(), width=200)
+    print_results({"[bold]mine": {"scenarios": {"one": bare("x")}}}, console)
+    printed = console.file.getvalue()  # type: ignore[attr-defined]
+    assert printed.count("[bold]mine") == 2  # over its column and in the verdict
 
 
 class TestTable:
