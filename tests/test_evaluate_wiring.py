@@ -11,6 +11,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 from rich.console import Console
@@ -20,6 +21,7 @@ from test_evaluate_summary import GOOD, outcome
 from footfall.common.errors import UserError
 from footfall.domain_rand.noise import Noise
 from footfall.evaluate import api, episodes, suite
+from footfall.evaluate.comparison import Comparison, PolicyResult, command_line
 from footfall.evaluate.episodes import EpisodeTask, run_with
 from footfall.evaluate.metrics import score
 from footfall.evaluate.plan import CommandSchedule, EpisodePlan, plan_episodes, spread_levels
@@ -163,6 +165,26 @@ class TestEpisode:
         weight_n = found.metrics.weight_n
         assert found.metrics == replace(
             score(ran.trace, go1, weight_n), estimate_mse=found.metrics.estimate_mse
+        )
+
+    def test_a_load_on_its_back_is_part_of_its_weight(self, ran: SimpleNamespace, go1: Robot) -> None:
+        """2 kg, at the gravity of the robot's own model."""
+        own = mujoco.MjModel.from_xml_path(str(go1.xml_path)).body_mass.sum()
+        plain = replace(self.PLAN, levels={"friction": 0.3})
+        weights = [
+            run_with(load_policy("stand", go1), self.task(plan=plan)).metrics.weight_n
+            for plan in (plain, self.PLAN)
+        ]
+        assert weights == pytest.approx([9.81 * own, 9.81 * (own + 2.0)])
+
+    def test_what_is_drawn_is_drawn_for_its_joints_and_its_bodies_the_world_left_out(
+        self, ran: SimpleNamespace, go1: Robot
+    ) -> None:
+        run_with(load_policy("stand", go1), self.task(plan=replace(self.PLAN, randomised=True)))
+        own = mujoco.MjModel.from_xml_path(str(go1.xml_path))
+        assert {np.shape(value) for value in ran.given[2].sample.values()} >= {(12,), (own.nbody - 1,)}
+        assert all(
+            len(np.shape(v)) < 1 or len(v) in (3, 12, own.nbody - 1) for v in ran.given[2].sample.values()
         )
 
     def test_what_is_not_asked_for_is_not_there(self, ran: SimpleNamespace, go1: Robot) -> None:
@@ -428,6 +450,42 @@ class TestPlans:
         orders = [[each[1:] for each in met[:12] if each[0] == friction] for friction in levels["friction"]]
         assert not orders[0] == orders[1] == orders[2]  # each has an order of its own
         assert spread_levels({}, 3, np.random.default_rng(0)) == [{}, {}, {}]
+
+
+class TestComparison:
+    """What a report says of how it came about."""
+
+    def compared(self, setup: Setup, file: ScenarioFile = FILE, specs: Sequence[str] = ("b", "a")) -> Any:
+        policies = [
+            PolicyResult(f"{spec}'s name", spec, "", 2.0, {"scenarios": {"one": spec}}, None)  # type: ignore[arg-type]
+            for spec in specs
+        ]
+        return Comparison(None, setup, file, policies, {})  # type: ignore[arg-type]
+
+    def test_what_to_type_for_the_same_figures(self) -> None:
+        plain = "footfall compare b a --robot go1 --scenarios one --seed 0 --html report.html"
+        assert command_line(self.compared(Setup("go1", ("one",)))) == plain
+        setup = Setup("my robot", ("two", "one"), 7, 5, Path("a b.xml"), True, 3, OWN)
+        assert command_line(self.compared(setup, specs=["runs/it's mine"])) == (
+            "footfall compare 'runs/it'\"'\"'s mine' --robot 'my robot' --scenarios two,one --seed 7"
+            " --episodes 5 --scenario-file own.yaml --plant 'a b.xml' --ground-truth --html report.html"
+        )
+
+    def test_pushes_are_those_of_the_first_scenario_that_varies_their_size(self) -> None:
+        def pushing(*levels: str) -> Scenario:
+            return Scenario("x", 1, 2.0, levels=dict.fromkeys(levels, (1.0,)), push_between_s=(0.0, 1.0))
+
+        scenarios = FILE.scenarios | {
+            "where": pushing("push_direction_deg"), "late": pushing("push_m_s"), "later": pushing("push_m_s"),
+        }  # fmt: skip
+        file = ScenarioFile(OWN_NOISE, scenarios)
+        chosen = Setup("go1", ("one", "where", "late", "later"))
+        assert self.compared(chosen, file).push_scenario == "late"
+        assert self.compared(Setup("go1", ("one", "where")), file).push_scenario is None
+
+    def test_summaries_are_by_name_in_the_order_of_the_policies(self) -> None:
+        found = self.compared(Setup("go1", ("one",))).summaries("one")
+        assert list(found.items()) == [("b's name", "b"), ("a's name", "a")]
 
 
 def test_brackets_in_a_name_are_no_markup() -> None:

@@ -1,0 +1,207 @@
+"""What `footfall robot` tells of a robot: figures that are handed over here, in words and verdicts."""
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from shell import Shell
+
+from footfall.plant.standing import Standing
+from footfall.robots.description import Robot
+from footfall.robots.inspection import Inspection
+from footfall.verbs import robot as verb
+
+GO1_HEIGHT_M = 0.2945
+
+
+@pytest.fixture
+def shell(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Shell:
+    monkeypatch.chdir(tmp_path)
+    return Shell(capsys)
+
+
+def stood(**changes: Any) -> Standing:
+    """A standing test with nothing to complain of."""
+    facts: dict[str, Any] = {
+        "fall_reason": "", "faults": (), "stood_s": 4.0, "sank_m": 0.01, "tilt_rad": 0.05,
+        "moved_m": 0.02, "torque_share": np.linspace(0.1, 0.5, 12), "feet_down": np.ones(4),
+    }  # fmt: skip
+    return Standing(**(facts | changes))
+
+
+class TestVerdict:
+    def wrong(self, robot: Robot, **changes: Any) -> list[str]:
+        return list(verb._wrong_standing(robot, stood(**changes)))
+
+    def test_who_stands_is_not_complained_of(self, go1: Robot) -> None:
+        assert go1.description.standing_height_m == GO1_HEIGHT_M
+        assert self.wrong(go1) == []
+        just = {"sank_m": 0.149 * GO1_HEIGHT_M, "tilt_rad": 0.169, "torque_share": np.full(12, 0.8)}
+        assert self.wrong(go1, **just, feet_down=np.full(4, 0.5)) == []
+
+    @pytest.mark.parametrize(
+        ("changes", "complaint"),
+        [
+            ({"sank_m": 0.151 * GO1_HEIGHT_M}, "it sinks by 44 mm: the gains are low, or the pose asks"),
+            ({"tilt_rad": 0.175}, "it tilts by 10 degrees"),
+            (
+                {"torque_share": np.where(np.arange(12) == 4, 0.81, 0.1)},
+                "joint FL_thigh_joint needs 81 % of its peak torque to stand",
+            ),
+            ({"feet_down": np.array([1.0, 1.0, 0.49, 1.0])}, "foot RR is in the air"),
+        ],
+    )
+    def test_what_is_past_its_limit_is_told(
+        self, go1: Robot, changes: dict[str, Any], complaint: str
+    ) -> None:
+        (found,) = self.wrong(go1, **changes)
+        assert found.startswith(complaint)
+
+    def test_of_who_does_not_stand_only_the_reason_counts(self, go1: Robot) -> None:
+        fell = {"stood_s": 1.25, "sank_m": 0.2, "tilt_rad": 1.0}
+        assert self.wrong(go1, **fell, fall_reason="it tilted", faults=("x",)) == [
+            "it does not stand by itself: it tilted after 1.2 s"
+        ]
+        assert self.wrong(go1, **fell, faults=("motor 3", "motor 4")) == [
+            "it does not stand by itself: motor 3; motor 4 after 1.2 s"
+        ]
+
+    @pytest.mark.parametrize(("gain", "most"), [("kp", 500.0), ("kd", 5.0)])
+    def test_gains_that_frames_cannot_carry_are_told_by_joint(
+        self, go1: Robot, gain: str, most: float
+    ) -> None:
+        assert list(verb._beyond_frames(go1)) == []
+        gains = {"kp": go1.kp.copy(), "kd": go1.kd.copy()}
+        gains[gain][[5, 7]] = most + 0.5, most
+        robot: Any = SimpleNamespace(description=go1.description, **gains)
+        (found,) = verb._beyond_frames(robot)
+        assert found == f"joint FL_calf_joint: {gain} is {most + 0.5:.3g}, frames of AK10-9 carry {most:g}"
+
+
+class TestShown:
+    def test_how_it_stood(self, go1: Robot, capsys: pytest.CaptureFixture[str]) -> None:
+        share = np.where(np.arange(12) == 7, 0.625, 0.25)
+        standing = stood(stood_s=3.5, sank_m=0.0123, tilt_rad=0.1, moved_m=0.045, torque_share=share)
+        verb._show_standing(go1, standing)
+        assert capsys.readouterr().out.splitlines() == [
+            "standing test, 3.5 s on the joint law over the simulated bus:",
+            "  sank 12 mm of 294",
+            "  tilted 5.7 degrees, moved 45 mm",
+            "  hardest at work: RR_thigh_joint, 62 % of its peak torque",
+            "",
+        ]
+
+    @pytest.mark.parametrize(("margin_m", "told"), [(0.0312, "31 mm inside"), (-0.0312, "31 mm outside")])
+    def test_where_the_centre_of_mass_is(
+        self, capsys: pytest.CaptureFixture[str], margin_m: float, told: str
+    ) -> None:
+        foot = SimpleNamespace(
+            name="FR", place=np.array([0.1, -0.2, -0.3]), gap_m=0.0024, reach_m=(0.1, 0.4123)
+        )
+        looked: Any = SimpleNamespace(feet=[foot], margin_m=margin_m)
+        verb._show_feet(looked)
+        out = capsys.readouterr().out
+        assert out.splitlines()[1].split() == [
+            *("FR", "0.100", "-0.200", "-0.300", "2.4", "0.100", "to", "0.412")
+        ]
+        assert f"the centre of mass is {told} the feet" in out
+
+    def test_the_tree_with_each_joints_own_figures(
+        self, go1: Robot, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        links = [
+            SimpleNamespace(name="trunk", depth=0, mass_kg=5.204, joints=("floating_base",)),
+            SimpleNamespace(name="leg", depth=2, mass_kg=0.68, joints=("FL_thigh_joint", "FL_calf_joint")),
+        ]
+        looked: Any = SimpleNamespace(links=links, centre_m=np.array([0.01, -0.02, 0.03]), mass_kg=5.884)
+        verb._show_tree(go1, looked)
+        lines = capsys.readouterr().out.splitlines()
+        assert lines[1].split() == ["trunk", "5.204"]
+        assert lines[2].startswith("    leg")
+
+        def figures(i: int) -> list[str]:
+            return [
+                f"{go1.lower_rad[i]:.2f}", "to", f"{go1.upper_rad[i]:.2f}", f"{go1.default_pose[i]:.2f}",
+                f"{go1.motor.peak_torque[i]:g}", f"{go1.kp[i]:.0f}",
+            ]  # fmt: skip
+
+        assert lines[2].split() == ["leg", "0.680", "FL_thigh_joint", *figures(4)]
+        assert lines[3].split() == ["FL_calf_joint", *figures(5)]
+        assert lines[4] == "total 5.88 kg, centre of mass 0.010 -0.020 0.030 m from the base's origin"
+
+
+class TestCheck:
+    @pytest.fixture
+    def asked(self, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+        """What was looked at and tested; nothing is simulated, and nothing wrong."""
+        calls: list[Any] = []
+        looked = SimpleNamespace(
+            links=[], feet=[], margin_m=0.1, mass_kg=1.0, centre_m=np.zeros(3), findings=lambda: iter(())
+        )
+
+        def inspect(robot: Robot, seed: int) -> Inspection:
+            calls.append(("inspect", robot.name, seed))
+            return looked  # type: ignore[return-value]
+
+        def test(robot: Robot, duration_s: float, seed: int) -> Standing:
+            calls.append(("stand", robot.name, duration_s, seed))
+            return stood()
+
+        monkeypatch.setattr("footfall.robots.inspection.inspect_robot", inspect)
+        monkeypatch.setattr("footfall.plant.standing.standing_test", test)
+        calls.append(looked)
+        return calls
+
+    def test_options_reach_both_tests(self, shell: Shell, asked: list[Any]) -> None:
+        outcome = shell("robot", "check", "go1", "--duration", "2.5", "--seed", "9")
+        assert outcome.status == 0, outcome.err
+        assert asked[1:] == [("inspect", "go1", 9), ("stand", "go1", 2.5, 9)]
+        assert outcome.out.endswith("nothing wrong was found\n")
+
+    def test_by_default_it_stands_for_four_seconds(self, shell: Shell, asked: list[Any]) -> None:
+        shell("robot", "check", "go1")
+        assert asked[2] == ("stand", "go1", 4.0, 0)
+
+    def test_anything_wrong_is_status_1(self, shell: Shell, asked: list[Any]) -> None:
+        asked[0].findings = lambda: iter(["a foot is missing"])
+        outcome = shell("robot", "check", "go1")
+        assert outcome.status == 1
+        assert outcome.out.endswith("wrong: a foot is missing\n")
+        assert "nothing wrong" not in outcome.out
+
+
+class TestNew:
+    def test_options_reach_the_import(
+        self, shell: Shell, tmp_path: Path, go1: Robot, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        asked: list[Any] = []
+        made = SimpleNamespace(folder="there", guesses=["a guess", "another"])
+        monkeypatch.setattr(
+            "footfall.robots.importer.create.import_robot", lambda request: asked.append(request) or made
+        )
+        monkeypatch.setattr("footfall.robots.description.load_robot", lambda _: go1)
+        outcome = shell(
+            "robot", "new", "--from", "a.urdf", "--out", "mine", "--feet", "left,right", "--packages", "p",
+            "--packages", "q", "--peak-torque", "23.7", "--speed", "hip=30.1,knee=20.06",
+            "--armature", "a=b=0.01",
+        )  # fmt: skip
+        assert outcome.status == 0, outcome.err
+        (request,) = asked
+        assert (request.source, request.folder) == (Path("a.urdf"), Path("mine"))
+        assert (request.feet, request.packages) == (("left", "right"), (Path("p"), Path("q")))
+        assert request.peak_torque_nm == {"": 23.7}
+        assert request.speed_rad_s == {"hip": 30.1, "knee": 20.06}
+        assert request.armature == {"a=b": 0.01}
+        assert outcome.out.splitlines() == [
+            "wrote there: 12 joints, 4 feet. Guessed, to be checked:",
+            "- a guess",
+            "- another",
+            "look it over with: footfall robot check there",
+        ]
+
+    @pytest.mark.parametrize("value", ["0", "-1", "1e6", "hip=", "hip=x", "=,", "nan", "inf", "hip=1,knee=0"])
+    def test_a_figure_is_a_number_above_zero(self, shell: Shell, value: str) -> None:
+        told = shell.refuses("robot", "new", "--from", "a.urdf", "--out", "b", f"--speed={value}")
+        assert "expected a number above 0, or such as hip=23.7,knee=35.5" in told
