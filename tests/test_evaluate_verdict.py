@@ -46,6 +46,57 @@ def pushed(dv50: float | None, low: float | None, high: float | None, falls: int
     }
 
 
+class TestFigures:
+    """What a reader is told is better, and of whom."""
+
+    def test_more_is_better_of_survived_pushes_alone_and_less_of_all_that_is_ranked_besides(self) -> None:
+        ranked = {key: figure.better for key, figure in figures().items() if figure.better}
+        assert [key for key, better in ranked.items() if better == "high"] == ["dv50"]
+        assert set(ranked) == {
+            *("falls", "lin_vel_rmse", "yaw_rate_rmse", "dv50", "cost_of_transport"),
+            *("cost_of_transport_mechanical", "positive_work_j_m", "peak_torque_share", "foot_slip_m_s"),
+            *("torque_rate_nm_s", "compute_ms.p50", "compute_ms.p99", "missed_deadlines"),
+        }
+
+    def test_what_a_robot_that_lies_down_would_be_best_at_counts_for_the_upright(self) -> None:
+        assert {key for key, figure in figures().items() if figure.upright} == {
+            *("lin_vel_rmse", "yaw_rate_rmse", "cost_of_transport", "cost_of_transport_mechanical"),
+            *("positive_work_j_m", "peak_torque_share", "foot_slip_m_s", "torque_rate_nm_s"),
+        }
+
+    def test_a_report_opens_with_these(self) -> None:
+        headline = [key for key, figure in figures().items() if figure.headline]
+        assert headline == [
+            *("falls", "lin_vel_rmse", "yaw_rate_rmse", "mean_forward_m_s", "dv50", "cost_of_transport"),
+        ]
+        assert {key: figures()[key].leads for key in headline if figures()[key].better} == {
+            "falls": "falls least often",
+            "lin_vel_rmse": "follows the commanded velocity most closely",
+            "yaw_rate_rmse": "follows the commanded yaw rate most closely",
+            "dv50": "survives the hardest pushes",
+            "cost_of_transport": "needs the least energy",
+        }
+
+    def test_units(self) -> None:
+        units = {key: figure.unit for key, figure in figures().items() if figure.unit}
+        assert units == {
+            "lin_vel_rmse": "m/s",
+            "yaw_rate_rmse": "rad/s",
+            "mean_forward_m_s": "m/s",
+            "dv50": "m/s",
+            "positive_work_j_m": "J/m",
+            "peak_torque_nm": "N m",
+            "peak_torque_share": "share of limit",
+            "foot_slip_m_s": "m/s",
+            "target_rate_rad_s": "rad/s",
+            "torque_rate_nm_s": "N m/s",
+            "estimate_rmse": "m/s",
+            "compute_ms.p50": "ms",
+            "compute_ms.p99": "ms",
+            "missed_deadlines": "share of steps",
+        }
+
+
 class TestBest:
     def test_is_who_has_an_interval_apart_from_all_others(self) -> None:
         assert best(ERROR, [scored(0.3, 0.02), scored(0.1, 0.02), scored(0.2, 0.02)]) == 1
