@@ -46,7 +46,7 @@ def pushed(dv50: float | None, low: float | None, high: float | None, falls: int
     }
 
 
-class TestFigures:
+class TestDirections:
     """What a reader is told is better, and of whom."""
 
     def test_more_is_better_of_survived_pushes_alone_and_less_of_all_that_is_ranked_besides(self) -> None:
