@@ -79,6 +79,13 @@ class TestWhatIsKept:
         wanted = mass_matrix(theirs, {**pose, "arm": 0.4}, robot.joint_names)
         assert mass_matrix(ours, pose, robot.joint_names) == pytest.approx(wanted, abs=1e-5)
 
+    def test_a_urdf_says_nothing_of_friction(self, four: tuple[Robot, Imported]) -> None:
+        robot, made = four
+        model = mujoco.MjModel.from_xml_path(str(robot.xml_path))
+        feet = [model.geom(foot.geoms[0]) for foot in robot.description.feet]
+        assert [(foot.friction[0], foot.priority[0]) for foot in feet] == [(0.8, 1)] * 4
+        assert "friction of the feet on the ground: 0.8" in made.guesses
+
     def test_an_imu_where_the_file_has_one(self, four: tuple[Robot, Imported]) -> None:
         model = mujoco.MjModel.from_xml_path(str(four[0].xml_path))
         assert model.site("imu").pos == pytest.approx([0.03, -0.02, 0.05])

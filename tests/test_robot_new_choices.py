@@ -239,6 +239,34 @@ class TestPose:
         assert pose.height_m == pytest.approx(0.75 * reach, abs=5e-3)
         assert all(-1.88 <= pose.joints[f"{leg}_knee"] <= -0.52 for leg in ("fl", "fr", "rl", "rr"))
 
+    def test_the_shortest_leg_says_how_low_and_the_longest_how_far(self, tmp_path: Path) -> None:
+        """Hind shanks of 0.25 m; the same search finds the same pose to the last bit."""
+        text = walker().replace("0 0 -0.2", "0 0 -0.25")
+        for leg in ("fl", "fr"):
+            at = text.index(f'name="{leg}_foot"')
+            text = text[:at] + text[at:].replace("-0.25", "-0.2", 1)
+        text = text.replace('pos="0 0 -0.25"><joint', 'pos="0 0 -0.2"><joint')
+        pose = self.pose(tmp_path, text)
+        short, long = (np.sqrt(0.04 + b * b + 0.4 * b * np.cos(0.52)) + 0.02 for b in (0.2, 0.25))
+        assert pose.reach_m == pytest.approx(long, abs=5e-3)
+        assert pose.height_m == pytest.approx(0.75 * short, abs=5e-3)
+        assert self.pose(tmp_path, text) == pose
+
+    def test_the_height_of_a_given_pose_is_that_of_its_lowest_foot(self, tmp_path: Path) -> None:
+        machine, _ = build_machine(read(tmp_path, walker()), "m")
+        given = dict.fromkeys((each.name for each in machine.hinges), 0.0)
+        given |= {name: -1.0 for name in given if "knee" in name} | {"rr_knee": -0.5}
+        assert standing_pose(machine, given).height_m == pytest.approx(
+            0.2 + 0.2 * np.cos(0.5) + 0.02, abs=1e-6
+        )
+
+    def test_legs_may_have_unlike_numbers_of_joints(self, tmp_path: Path) -> None:
+        text = walker().replace(
+            '<joint name="rl_hip"', '<joint name="rl_yaw" axis="0 0 1" range="-1 1"/><joint name="rl_hip"'
+        )
+        pose = self.pose(tmp_path, text)
+        assert pose.height_m == pytest.approx(0.75 * (0.4 * np.cos(0.26) + 0.02), abs=5e-3)
+
     def test_two_legs_stand_nearly_straight(self, tmp_path: Path) -> None:
         text = walker(legs=(("l", 0.0, 0.1), ("r", 0.0, -0.1)), knee="0.4 2")
         pose = self.pose(tmp_path, text)

@@ -1,5 +1,6 @@
 """What `footfall robot new` reads: limbs, links, and what the files say of meshes and motors, by hand."""
 
+import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -196,10 +197,12 @@ class TestMachine:
     def test_a_feather_keeps_its_inertia_and_a_machine_its_height(self, machine: Machine) -> None:
         light = replace(machine.links[-1], inertia=np.diag([3e-7, 4e-7, 5e-7]) + 1e-8 * (1 - np.eye(3)))
         feather = replace(machine, links=(*machine.links[:-1], light))
-        model = mujoco.MjModel.from_xml_string(model_xml(feather, 0.75, notes=["a --feet b"]))
+        model = mujoco.MjModel.from_xml_string(model_xml(feather, 0.75))
         axes = rotation_of(model.body_iquat[-1])
         np.testing.assert_allclose(axes @ np.diag(model.body_inertia[-1]) @ axes.T, light.inertia, atol=2e-9)
         assert model.body_pos[1].tolist() == [0.0, 0.0, 0.75]
+        assert (model.opt.cone, model.opt.impratio) == (mujoco.mjtCone.mjCONE_ELLIPTIC, 10.0)
+        ET.fromstring(model_xml(machine, notes=["no comment of XML may hold --"]))
 
     @pytest.mark.parametrize(
         "extra",
