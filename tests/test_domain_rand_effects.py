@@ -19,7 +19,7 @@ from footfall.domain_rand.bodies import (
     randomised_fields,
 )
 from footfall.domain_rand.noise import Noise, biased, noisy
-from footfall.domain_rand.quantity import scales_joints
+from footfall.domain_rand.quantity import adds_to_base, scales_joints
 from footfall.domain_rand.randomisation import QUANTITIES, load_randomisation
 from footfall.domain_rand.sample import Sample, draw, randomised_command, randomised_motor, sensor_bias
 from footfall.robots.actuator import JointCommand, friction_torque, joint_torque, motor_torque
@@ -393,6 +393,15 @@ class TestEveryField:
         one, two = np.array([0.1, 0.2, 0.3]), np.array([1.0, -2.0, 4.0])
         np.testing.assert_allclose(sensor_bias(Sample(gyro_bias=one, second=two), "gyro"), one + two)
         assert sensor_bias(Sample(encoder_bias=one), "gyro") is None
+
+
+def test_what_is_added_to_the_base_is_added_to_it_wherever_it_stands() -> None:
+    where = BodyMap(base=2, contact_geoms=(), dofs=())
+    mass = adds_to_base("body_mass").change(np.array([0.0, 7.0, 5.0, 1.0]), 1.5, where)
+    np.testing.assert_array_equal(mass, [0.0, 7.0, 6.5, 1.0])
+    offset = np.array([0.1, -0.2, 0.3])
+    place = adds_to_base("body_ipos").change(np.ones((4, 3)), offset, where)
+    np.testing.assert_allclose(place, np.ones((4, 3)) + np.outer([0, 0, 1, 0], offset))
 
 
 class TestBodyMap:

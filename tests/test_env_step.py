@@ -261,21 +261,30 @@ def test_episodes_side_by_side_are_each_their_own(physics: str) -> None:
     np.testing.assert_allclose(last.metrics["a"], [0.5, 0.6, 0.7])
 
 
+@pytest.fixture(scope="module")
+def outcome(env: VelocityEnv) -> Callable[[State], Any]:
+    """What the stand-in physics makes of a state, its motors at rest."""
+
+    @jax.jit
+    def of(state: State) -> Any:
+        motion = Motion(state.qpos, state.qvel, state.qacc_warmstart)
+        _, trace = told_apart(motion, env.actuation.drive(jnp.zeros((SUBSTEPS, N)), {}), {})
+        return env.outcome(state, trace)
+
+    return of
+
+
 class TestOutcome:
     @pytest.mark.parametrize(("share", "fell"), [(0.56, 0.0), (0.54, 1.0)])
     def test_a_base_below_its_share_of_the_standing_height_has_sunk(
-        self, env: VelocityEnv, begun: State, share: float, fell: float
+        self, outcome: Callable[[State], Any], begun: State, share: float, fell: float
     ) -> None:
         height = share * ROBOT.description.standing_height_m
-        motion = Motion(begun.qpos.at[2].set(height), begun.qvel, begun.qacc_warmstart)
-        _, trace = told_apart(motion, env.actuation.drive(jnp.zeros((SUBSTEPS, N)), {}), {})
-        assert float(jax.jit(env.outcome)(begun._replace(qpos=motion.qpos), trace).fell) == fell
+        assert float(outcome(begun._replace(qpos=begun.qpos.at[2].set(height))).fell) == fell
 
-    def test_all_of_it_is_where_it_belongs(self, env: VelocityEnv, begun: State) -> None:
-        motion = Motion(begun.qpos, begun.qvel, begun.qacc_warmstart)
-        _, trace = told_apart(motion, env.actuation.drive(jnp.zeros((SUBSTEPS, N)), {}), {})
+    def test_all_of_it_is_where_it_belongs(self, outcome: Callable[[State], Any], begun: State) -> None:
         state = begun._replace(phase=jnp.array([0.15]), actions=jnp.arange(36.0).reshape(3, N))
-        outcome = jax.jit(env.outcome)(state, trace)
+        found = outcome(state)
         expected: dict[str, Any] = {
             "command": [0.4, -0.2, 0.3], "moving": 1.0,
             "linear_velocity": TILTED.inv().apply(np.asarray(begun.qvel[:3])),
@@ -287,10 +296,10 @@ class TestOutcome:
             "actions": state.actions, "foot_speed": np.full(4, 0.01 / CONFIG.timestep_s), "fell": 0.0,
         }  # fmt: skip
         for name, value in expected.items():
-            np.testing.assert_allclose(getattr(outcome, name), value, rtol=1e-4, atol=1e-5, err_msg=name)
+            np.testing.assert_allclose(getattr(found, name), value, rtol=1e-4, atol=1e-5, err_msg=name)
         # A gallop, duty 0.4: the feet are at 0.55, 0.65, 0.15 and 0.25 of the cycle, and swings last 0.6.
         lifted = np.sin(np.pi * np.array([0.55, 0.6, 0.15, 0.25]) / 0.6)
-        np.testing.assert_allclose(outcome.swing, lifted, atol=1e-5)
+        np.testing.assert_allclose(found.swing, lifted, atol=1e-5)
 
 
 class TestReset:

@@ -15,7 +15,17 @@ from footfall.common.errors import UserError
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.kinematics import Legs
 from footfall.robots.rigid_body import nominal_body
-from tests.made_up import PLATE, Leg, bodies, four_hinge_leg, quadruped_leg, six_hinge_leg, write_robot
+from tests.made_up import (
+    PITCH,
+    PLATE,
+    Hinge,
+    Leg,
+    bodies,
+    four_hinge_leg,
+    quadruped_leg,
+    six_hinge_leg,
+    write_robot,
+)
 
 KINDS = ("five legs, one of four hinges", "biped without ankles", "six hinges and soles")
 
@@ -230,6 +240,19 @@ def test_out_of_reach_it_comes_as_near_as_a_bounded_optimiser(
     left = np.linalg.norm(missing(legs.solve(far[None], [4])[0]))
     assert np.linalg.norm(best.fun) > 0.05  # it is out of reach
     assert left == pytest.approx(np.linalg.norm(best.fun), abs=1e-3)
+
+
+def test_a_leg_of_two_hinges_beside_one_of_three_moves_as_far_as_it_can(tmp_path: Path) -> None:
+    """In its own plane, across which it cannot move."""
+    hip, knee = (Hinge(PITCH, (0.0, 0.0, -0.2), angle) for angle in (0.5, -0.9))
+    legs = write_robot(
+        tmp_path, [quadruped_leg("a", 0.2, 0.1), Leg("b", (-0.2, -0.1, 0.0), (hip, knee))]
+    ).legs
+    jacobian = legs.pose(legs.scatter(legs.default_angles, np.zeros(5))).jacobian
+    motion = np.array([[[0.1], [0.2], [0.3]], [[0.1], [0.2], [0.3]]])
+    moved = jacobian @ legs.joint_rates(jacobian, motion)
+    np.testing.assert_allclose(moved[0], motion[0], atol=1e-3)
+    np.testing.assert_allclose(moved[1, :, 0], [0.1, 0.0, 0.3], atol=1e-3)
 
 
 def test_one_limb_of_a_kind_beside_another_leaves_both_as_they_are(tmp_path: Path) -> None:

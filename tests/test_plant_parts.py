@@ -139,6 +139,20 @@ class TestTruth:
         assert truth.foot_force[foot] == pytest.approx(upward)
         assert data.ncon == (2 if foot == 0 else 1)
 
+    def test_a_foot_that_bears_a_newton_touches(self, go1: Robot) -> None:
+        """go1 of 12 kg where weight is a thirtieth of the earth's."""
+        body = body_of(go1)
+        body.model.opt.gravity[2] = -0.3
+        body.data.qvel[2] = -0.02
+        for _ in range(5):
+            mujoco.mj_step(body.model, body.data)
+            truth = body.truth()
+            np.testing.assert_array_equal(truth.foot_contact, truth.foot_force > 0.0)
+            if truth.foot_force.min() > 0.0 and truth.foot_force.max() < 5.0:
+                break
+        else:
+            pytest.fail("no foot touched lightly")
+
     @pytest.mark.parametrize(("share", "sunk"), [(0.39, True), (0.41, False)])
     def test_a_base_less_than_two_fifths_of_its_height_above_its_lowest_foot_has_sunk(
         self, go1: Robot, share: float, sunk: bool
@@ -437,6 +451,17 @@ class TestMotors:
         stand.on(27, 1)
         stand.ask(28, np.array([2, 1, 0]), None, VALUES)
         assert stand.end.replied[-1][2] == [0, 0, 2]
+
+    def test_one_that_went_off_stays_marked_when_another_follows(self) -> None:
+        stand = Stand()
+        stand.on()
+        for step in range(1, 46):
+            heard = [0, 2] if step < 15 else [0]
+            stand.ask(step, np.array(heard), None, VALUES[:, heard])
+            stand.torque(step)
+        assert stand.motors.enabled.tolist() == [True, False, False]
+        stand.ask(46, slice(None), None, VALUES)
+        assert stand.end.replied[-1][2] == [0, 13, 13]
 
     def test_they_answer_in_the_order_of_the_requests_with_their_own_readings(self) -> None:
         stand = Stand()

@@ -49,10 +49,14 @@ CONSTRAINTS = (
     [
         ("robot.yaml", "name: go1", "# a remark\nname: go1"),
         ("robot.yaml", "bus: can0, id: 1", "bus: can9, id: 7"),
+        ("robot.yaml", "imu_bus: can0", "imu_bus: can3"),
+        ("robot.yaml", "protocol: AK70-10", "protocol: AK10-9"),
+        ("robot.yaml", "forward_m_s: [", "forward_m_s: [-9, 9] # ["),
         ("robot.xml", "<worldbody>", "<worldbody> <!-- here -->\n"),
         ("robot.xml", 'name="lens" rgba="0.10', 'name="lens" rgba="0.90'),
         ("robot.xml", 'size="0.13 0.075 0.038"', 'size="0.10 0.100 0.100"'),  # seen, never touched
         ("robot.xml", 'mass="5.204"', 'mass="5.2040"'),
+        ("robot.xml", '<body name="FR_hip"', '<geom size="0.01" class="visual"/><body name="FR_hip"'),
     ],
 )
 def test_what_does_not_count(go1: Robot, own_folder: Path, file: str, old: str, new: str) -> None:
@@ -98,6 +102,14 @@ def test_what_counts(go1: Robot, own_folder: Path, file: str, old: str, new: str
     assert load_robot(own_folder).digest != go1.digest
 
 
+def test_names_of_the_file_and_of_geoms_do_not_count(go1: Robot, own_folder: Path) -> None:
+    edit(own_folder, "robot.yaml", "model: robot.xml", "model: body.xml")
+    edit(own_folder, "robot.yaml", "geoms: [FR_foot]", "geoms: [paw]")
+    edit(own_folder, "robot.xml", 'name="FR_foot"', 'name="paw"')
+    (own_folder / "robot.xml").rename(own_folder / "body.xml")
+    assert load_robot(own_folder).digest == go1.digest
+
+
 def test_included_files_count(go1: Robot, own_folder: Path) -> None:
     """A calf's mass stands in a file that robot.xml includes."""
     inertial = re.search(r'<inertial mass="0.195862".*?/>', (own_folder / "robot.xml").read_text(), re.DOTALL)
@@ -122,6 +134,7 @@ def test_the_last_bits_do_not_count(go1: Robot) -> None:
     model = load_spec(go1.xml_path).compile()
     model.body_mass[1:] *= 1 + 4e-16
     model.body_ipos[:] += 1e-17
+    model.body_pos[:] -= 1e-17
     model.body_quat[:] *= -1.0
     assert digest(go1.description, model) == go1.digest
     model.body_mass[1] *= 1 + 1e-7
@@ -177,7 +190,14 @@ def test_a_collision_mesh_counts_with_its_own_corners(own_folder: Path) -> None:
     edit(own_folder, "robot.xml", "0.1 0 0 0 0.1 0", "0.1 0 0 0 0.15 0")
     assert load_robot(own_folder).digest == before
     edit(own_folder, "robot.xml", "0 0 0.2", "0 0.01 0.2")
-    assert load_robot(own_folder).digest != before
+    robot = load_robot(own_folder)
+    assert robot.digest != before
+    model = load_spec(robot.xml_path).compile()
+    start = {name: model.mesh(name).vertadr[0] for name in ("seen", "shell")}
+    model.mesh_vert[start["seen"]] += 0.01  # of the corners alone, not of what follows from them
+    assert digest(robot.description, model) == robot.digest
+    model.mesh_vert[start["shell"] + model.mesh("shell").vertnum[0] - 1, 1] += 0.01
+    assert digest(robot.description, model) != robot.digest
 
 
 TAIL = """<body name="tail" pos="-0.3 0 0"><joint name="tail" axis="0 0 1" range="-1 1"/>

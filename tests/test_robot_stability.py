@@ -9,6 +9,7 @@ import pytest
 from footfall.robots.description import Robot, load_spec
 from footfall.robots.model import joint_addresses, training_model
 from footfall.robots.stability import MOST_TURNED_RAD, TRAINING_TIMESTEP_S, _fastest, _mobility, instabilities
+from footfall.robots.stance import in_default_pose
 
 
 def swinging(robot: Robot, frequency_hz: float) -> Robot:
@@ -38,6 +39,18 @@ def test_stiffness_is_refused_where_steps_begin_to_swing_up(go1: Robot, share: f
     robot = swinging(go1, share * limit_hz)
     assert any("too stiff for physics steps of 5 ms" in line for line in instabilities(robot, model)) is grows
     assert energy_grows(robot) is grows
+
+
+def test_mobility_is_how_joints_answer_torques_while_the_base_is_free(go1: Robot) -> None:
+    model = load_spec(go1.xml_path).compile()
+    model.opt.gravity[:], model.dof_frictionloss[:], model.dof_damping[:] = 0.0, 0.0, 0.0
+    dofs, mobility = joint_addresses(model, go1)[1], _mobility(go1, model)
+    for joint in (1, 6, 11):
+        data = in_default_pose(model, go1.description)
+        data.qfrc_applied[dofs[joint]] = 1.0
+        mujoco.mj_forward(model, data)
+        np.testing.assert_allclose(data.qacc[dofs], mobility[:, joint], atol=1e-9)
+    assert np.abs(data.qacc[:6]).max() > 0.01
 
 
 @pytest.mark.parametrize("fastest", range(3))
