@@ -51,7 +51,7 @@ CONSTRAINTS = (
         ("robot.yaml", "bus: can0, id: 1", "bus: can9, id: 7"),
         ("robot.yaml", "imu_bus: can0", "imu_bus: can3"),
         ("robot.yaml", "protocol: AK70-10", "protocol: AK10-9"),
-        ("robot.yaml", "forward_m_s: [", "forward_m_s: [-9, 9] # ["),
+        ("robot.yaml", "leftward_m_s: [-0.5", "leftward_m_s: [-0.6"),
         ("robot.xml", "<worldbody>", "<worldbody> <!-- here -->\n"),
         ("robot.xml", 'name="lens" rgba="0.10', 'name="lens" rgba="0.90'),
         ("robot.xml", 'size="0.13 0.075 0.038"', 'size="0.10 0.100 0.100"'),  # seen, never touched
