@@ -92,6 +92,22 @@ class TestLateness:
         run_for(loop, 0.3)
         assert len(loop.state.faults) == faults
 
+    @pytest.mark.parametrize(("realtime", "faults"), [(True, 1), (False, 0)])
+    def test_one_step_that_takes_far_too_long_is_enough_on_the_wall_clock(
+        self, go1: Robot, monkeypatch: pytest.MonkeyPatch, realtime: bool, faults: int
+    ) -> None:
+        class Stuck(Hold):
+            def act(self, observation: Observation) -> JointCommand:
+                watch.now_s += 0.101 if len(self.seen) == 3 else 0.001
+                return super().act(observation)
+
+        watch = Stopwatch()
+        monkeypatch.setattr(loop_module, "time", watch)
+        loop = new_loop(go1, Stuck(go1), realtime)
+        run_for(loop, 0.3)
+        assert len(loop.state.faults) == faults
+        assert not faults or loop.state.faults[0].endswith("one step took 101 ms")
+
     def test_nothing_is_late_in_lockstep(self, go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
         watch = Stopwatch()
         monkeypatch.setattr(loop_module, "time", watch)

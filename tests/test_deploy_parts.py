@@ -745,6 +745,32 @@ class TestPythonCanBus:
         with pytest.raises(UserError, match="no bus 'serial': give one of sim, socketcan, udp_m"):
             PythonCanBus("serial", ("can0",), ())
 
+    @pytest.mark.parametrize(
+        "error", [OSError("no\nway"), FakeCan.CanError("no way"), ImportError("no way"), ValueError("no way"),
+                  TypeError("no way")],
+    )  # fmt: skip
+    def test_however_an_interface_refuses_it_is_told_in_one_line(
+        self, can: FakeCan, monkeypatch: pytest.MonkeyPatch, error: Exception
+    ) -> None:
+        def fail(**_: Any) -> None:
+            raise error
+
+        monkeypatch.setattr(can, "Bus", fail)
+        with pytest.raises(UserError, match=r"cannot open bus 'can0' on socketcan: no way$"):
+            PythonCanBus("socketcan", ("can0",), ())
+
+    @pytest.mark.parametrize("error", [OSError, FakeCan.CanError])
+    def test_whatever_a_full_queue_raises_is_counted(self, can: FakeCan, error: type[Exception]) -> None:
+        bus = PythonCanBus("socketcan", ("can0",), ())
+
+        def full(_: Any) -> None:
+            raise error
+
+        can.buses[0].send = full
+        one = Frames(np.array([0]), np.array([1]), np.zeros((1, 8), np.uint8), np.array([8]))
+        assert [bus.send(one, 0), bus.send(one, 0)] == [1, 1]
+        assert bus.statistics()[0].frames_refused == 2
+
     def test_each_frame_goes_to_its_bus_with_its_bytes(self, can: FakeCan) -> None:
         bus = PythonCanBus("socketcan", ("can0", "can1"), ())
         can.refuse = {3}

@@ -451,6 +451,14 @@ class TestPlans:
         assert not orders[0] == orders[1] == orders[2]  # each has an order of its own
         assert spread_levels({}, 3, np.random.default_rng(0)) == [{}, {}, {}]
 
+    def test_which_level_comes_first_is_drawn(self) -> None:
+        """Or the first few episodes would always meet the mildest ones."""
+        firsts = [
+            spread_levels({"friction": (0.2, 0.4, 0.6)}, 1, np.random.default_rng(seed))[0]["friction"]
+            for seed in range(20)
+        ]
+        assert set(firsts) == {0.2, 0.4, 0.6}
+
 
 class TestComparison:
     """What a report says of how it came about."""

@@ -237,6 +237,8 @@ class TestObservation:
         np.testing.assert_allclose(gait_reference(clock, command, shorter), reference, atol=1e-12)
         single = gait_reference(clock.astype(np.float32), command.astype(np.float32), contract)
         assert single.dtype == np.float32
+        none = gait_reference(clock.astype(np.float32), command, replace(contract, gait=None))
+        assert none.dtype == np.float32
         still = gait_reference(np.zeros((5, 1)), np.ones((5, 3)), replace(contract, gait=None))
         assert still.shape == (5, 12)
         assert not still.any()

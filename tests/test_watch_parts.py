@@ -238,6 +238,39 @@ class TestPanel:
         np.testing.assert_allclose(panel.command, [0.3, 0.1, -0.2])
         assert [s.label for s in panel._sliders] == ["Forward, m/s", "Left, m/s", "Yaw, rad/s"]
 
+    def test_within_wide_ranges_it_walks_ahead_at_half_a_metre_per_second(self, panel: Panel) -> None:
+        panel.offer_commands(CommandRange((-1.0, 1.5), (-0.5, 0.5), (-1.0, 1.0)))
+        np.testing.assert_allclose(panel.command, [0.5, 0.0, 0.0])
+
+    def test_a_push_is_from_a_nudge_to_a_shove(self, panel: Panel) -> None:
+        slider = panel._push_m_s
+        assert (slider.min, slider.max, slider.value) == (0.2, 4.0, 1.0)
+        slider.value, panel._push_asked = 9.0, True
+        assert panel.take_push() == 4.0
+
+    def test_each_chart_is_of_its_own_metric(self, panel: Panel, tmp_path: Path) -> None:
+        """The names are those that a training writes."""
+        names = {
+            "Reward per second": "reward/total",
+            "Velocity error, m/s": "tracking/linear_error_m_s",
+            "Yaw-rate error, rad/s": "tracking/yaw_error_rad_s",
+            "Episode length, s": "episode/length_s",
+            "Learning rate, thousandths": "learning/learning_rate",
+            "Steps per second, thousands": "speed/steps_per_s",
+        }
+        units = {"learning/learning_rate": 1e3, "speed/steps_per_s": 1e-3}
+        path = tmp_path / "metrics.jsonl"
+        rows = [{"step": k} | {name: k + place for place, name in enumerate(names.values())} for k in (1, 2)]
+        path.write_text("".join(json.dumps(row) + "\n" for row in rows))
+        metrics = MetricsFile(path)
+        metrics.refresh()
+        panel.draw(metrics)
+        charts = {chart.title: chart for chart in panel._charts.values()}
+        assert set(charts) == set(names)
+        for place, (title, name) in enumerate(names.items()):
+            expected = units.get(name, 1.0) * np.array([1.0 + place, 2.0 + place])
+            np.testing.assert_allclose(charts[title].data[1], expected)
+
     def test_policies_are_offered_and_one_is_chosen(self, panel: Panel) -> None:
         assert panel.policy == NEWEST
         panel.offer_policies([NEWEST, FINISHED, "iteration 7"])
@@ -371,6 +404,25 @@ class TestStatus:
         assert "| Training | 500 of 2,000 steps (25%) |" in text
         assert "the run's policy.onnx" in as_markdown(self.status(iteration=None))
         assert "2,500 of 2,000 steps (100%)" in as_markdown(self.status(trained_steps=2500))
+
+    def test_what_is_waited_for(self) -> None:
+        nothing = self.status(policies=0, iteration=None, metrics_age_s=None)
+        assert "**waiting for the first checkpoint**" in as_markdown(nothing)
+        assert "| Training | no metrics yet |" in as_markdown(nothing)
+        assert "| Policy |" not in as_markdown(nothing)
+        for iteration, told in ((0, "0"), (1200, "1,200")):
+            nothing.exporting = iteration
+            assert f"**preparing the policy of iteration {told}**" in as_markdown(nothing)
+
+    def test_a_training_is_quiet_after_two_minutes_unless_it_is_finished(self) -> None:
+        def told(age_s: float, finished: bool) -> bool:
+            return "train --resume runs/mine" in as_markdown(
+                self.status(metrics_age_s=age_s, finished=finished)
+            )
+
+        assert [told(120.0, False), told(120.1, False), told(999.0, True)] == [False, True, False]
+        done = as_markdown(self.status(finished=True, trained_steps=2000, metrics_age_s=7300.0))
+        assert "| Training | **finished** after 2,000 steps, 2 h ago |" in done
 
     @pytest.mark.parametrize(
         ("seconds", "said"),
