@@ -158,8 +158,10 @@ class TestClock:
         assert not clock.walking
         assert clock.stance().all()
 
-    def test_the_plan_is_what_then_happens(self) -> None:
+    @pytest.mark.parametrize("begun_s", [0.0, 0.06, 0.17, 0.3])
+    def test_the_plan_is_what_then_happens(self, begun_s: float) -> None:
         clock = StepClock(GaitTiming(0.4, 0.6), TROT)
+        clock.advance(begun_s, walk=True)
         clock.advance(0.01, walk=True)
         plan = clock.planned_stance(np.array([0.05, 0.15, 0.25]))
         for row, ahead in zip(plan, (0.05, 0.1, 0.1), strict=True):

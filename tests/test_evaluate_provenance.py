@@ -53,4 +53,6 @@ def test_a_machine_is_named_by_its_usable_cores(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_versions_name_what_results_depend_on() -> None:
-    assert {"python", "footfall", "mujoco", "numpy"} <= set(versions(PACKAGES))
+    """The solver and the network's runtime among them: other ones give other decisions."""
+    assert set(PACKAGES) == {"footfall", "mujoco", "numpy", "onnxruntime", "daqp"}
+    assert {"python", *PACKAGES} <= set(versions(PACKAGES))

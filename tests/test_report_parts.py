@@ -19,7 +19,7 @@ from footfall.common import colours
 from footfall.evaluate.comparison import Comparison
 from footfall.evaluate.pool import Outcome
 from footfall.evaluate.report import course_plots, films, page, scenario_plots, scene, svg, tables
-from footfall.evaluate.report.caption import MARGIN, SHADE, written_on
+from footfall.evaluate.report.caption import MARGIN, SHADE, in_words, written_on
 from footfall.evaluate.report.films import Film, FilmTask, arrows
 from footfall.evaluate.report.tables import Cell, Heading
 from footfall.evaluate.suite import Setup
@@ -467,6 +467,23 @@ class TestCaption:
         assert ink.tolist() == [255, 255, 255]
         columns, ink = self.bright(written_on(picture, 3.2, np.zeros(3), 3.0))
         assert ink[0] > ink[1] + 50
+
+    @pytest.mark.parametrize(
+        ("command", "words"),
+        [
+            ((0.6, 0.0, 0.8), "forward 0.6 m/s, turn left 0.8 rad/s"),
+            ((-0.31, 0.5, 0.0), "backward 0.3 m/s, left 0.5 m/s"),
+            ((0.0, -0.5, -0.06), "right 0.5 m/s, turn right 0.1 rad/s"),
+            ((0.04, -0.04, 0.049), "stand"),
+        ],
+    )
+    def test_a_command_in_words(self, command: tuple[float, float, float], words: str) -> None:
+        assert in_words(np.array(command)) == words
+
+    def test_the_picture_itself_is_left_as_it_was(self) -> None:
+        picture = np.full((60, 640, 3), 100, np.uint8)
+        written_on(picture, 0.0, np.zeros(3), None)
+        assert (picture == 100).all()
 
     def test_the_band_behind_it_is_shaded(self) -> None:
         shaded = written_on(np.full((400, 640, 3), 100, np.uint8), 0.0, np.zeros(3), None)
