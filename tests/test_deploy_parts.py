@@ -952,9 +952,23 @@ class TestSession:
         with pytest.raises(UserError, match=r"is 1127: 4 motors on can2 .* 1126 times"):
             session._check_joint_rate(crowded, 1127.0)
 
-    @pytest.mark.parametrize("realtime", [False, True])
+    def test_how_a_run_ended_is_told_as_it_was(self, go1: Robot) -> None:
+        body = FrameRobot(go1)
+
+        def mute(loop: ControlLoop) -> None:
+            if loop.walking:
+                body.silent = [4]
+
+        outcome = run_session(go1, Hold(go1), body, session_of(duration_s=1.0), mute)  # type: ignore[arg-type]
+        assert outcome.final_state == "ESTOP"
+        assert outcome.faults == ("no reply from FL_thigh_joint (can1, id 2) for 50 ms",)
+        assert outcome.walked_s == pytest.approx(0.052)  # the first tick past 50 ms
+        assert outcome.wall_s > 0.0
+        assert body.kinds() == [Request.DISABLE] * 12
+
+    @pytest.mark.parametrize(("realtime", "spec"), [(False, "hold"), (True, "runs/mine")])
     def test_a_log_is_opened_with_what_is_known_of_the_run(
-        self, go1: Robot, monkeypatch: pytest.MonkeyPatch, tmp_path: Any, realtime: bool
+        self, go1: Robot, monkeypatch: pytest.MonkeyPatch, tmp_path: Any, realtime: bool, spec: str
     ) -> None:
         from footfall.deploy import log as log_module
 
@@ -972,10 +986,11 @@ class TestSession:
         monkeypatch.setattr(log_module, "McapLog", Log)
         monkeypatch.setattr(session.time, "time_ns", lambda: 123)
         config = DeployConfig(stand_s=0.01, joint_rate_hz=250.0, log_rate_hz=40.0)
-        run = session_of(log=tmp_path / "a", facts={"seed": 3}, config=config, realtime=realtime)
+        told = {"seed": 3} | ({"policy_spec": spec} if realtime else {})
+        run = session_of(log=tmp_path / "a", facts=told, config=config, realtime=realtime)
         policy = Hold(go1)
         run_session(go1, policy, FrameRobot(go1), run)  # type: ignore[arg-type]
-        facts = {"policy_spec": "hold", "seed": 3, "joint_rate_hz": 250.0}
+        facts = {"policy_spec": spec, "seed": 3, "joint_rate_hz": 250.0}
         assert opened == [(tmp_path / "a", go1, policy, 25_000, facts, 123 if realtime else 0)]
         assert len(closed) == 1
         assert closed[0] > 5

@@ -2,13 +2,18 @@
 
 import signal
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from deploy_policies import Hold, stand_still
+from test_deploy_parts import FrameRobot
 
+from footfall.common.errors import UserError
 from footfall.deploy import session
 from footfall.deploy.bus import HOST_QUEUE
 from footfall.deploy.config import DeployConfig
@@ -17,6 +22,7 @@ from footfall.deploy.drivers.mit_driver import MitDriver
 from footfall.deploy.safety import SafetyConfig
 from footfall.deploy.session import Session, run_on_interface
 from footfall.deploy.timing import KEPT, Durations, Timing
+from footfall.policies.contract import Contract
 from footfall.robots.description import Robot
 
 
@@ -94,6 +100,43 @@ class TestInterface:
         with pytest.raises(RuntimeError, match="no"):
             run_on_interface(go1, Hold(go1), "socketcan", Session(stand_still, 1.0))
         assert opened[1:] == ["closed"]
+
+
+@pytest.mark.parametrize("realtime", [False, True])
+def test_only_a_run_by_the_wall_clock_is_left_undisturbed_at_its_priority(
+    go1: Robot, monkeypatch: pytest.MonkeyPatch, realtime: bool
+) -> None:
+    asked: list[Any] = []
+
+    @contextmanager
+    def undisturbed(priority: int | None) -> Iterator[None]:
+        asked.append(priority)
+        yield
+        asked.append("over")
+
+    monkeypatch.setattr(session, "undisturbed", undisturbed)
+    config = DeployConfig(stand_s=0.01, realtime_priority=42, safety=SafetyConfig(damping_s=0.0))
+    run = Session(stand_still, 0.004, realtime, config=config)
+    session.run_session(go1, Hold(go1), FrameRobot(go1), run)  # type: ignore[arg-type]
+    assert asked == ([42, "over"] if realtime else [])
+
+
+def test_a_rate_that_no_bus_can_carry_is_refused_before_anything_is_sent(go1: Robot) -> None:
+    body = FrameRobot(go1)
+    run = Session(stand_still, 1.0, False, config=DeployConfig(joint_rate_hz=1600.0))
+    with pytest.raises(UserError, match="joint_rate_hz is 1600"):
+        session.run_session(go1, Hold(go1), body, run)  # type: ignore[arg-type]
+    assert body.sent == []
+
+
+def test_a_policy_of_another_contract_is_refused_before_anything_is_sent(
+    go1: Robot, contract: Contract
+) -> None:
+    body, policy = FrameRobot(go1), Hold(go1)
+    policy.contract = replace(contract, robot="go2")
+    with pytest.raises(UserError, match="policy 'hold' does not fit robot 'go1': robot: policy has go2"):
+        session.run_session(go1, policy, body, Session(stand_still, 1.0, False))  # type: ignore[arg-type]
+    assert body.sent == []
 
 
 def test_what_nobody_says_is_wall_clock_time_without_a_log() -> None:
