@@ -431,6 +431,11 @@ class TestPlans:
         assert all(plan.randomised for plan in plans)
         assert [plan.index for plan in plans] == list(range(40))
 
+    def test_nobody_is_asked_to_stand_unless_that_is_said(self) -> None:
+        drawn = DrawnCommands((0.1, 0.2), (0.3, 0.4), (0.5, 0.6), (0.1, 0.2))
+        for plan in plan_episodes("x", Scenario("x", 5, 10.0, commands=drawn), 0):
+            assert all(all(command) for command in plan.schedule.commands)
+
     def test_pushes_come_within_their_time_and_straight_ahead_unless_a_direction_is_given(self) -> None:
         scenario = Scenario("x", 50, 5.0, levels={"push_m_s": (0.5, 2.0)}, push_between_s=(1.25, 1.75))
         plans = plan_episodes("x", scenario, 0)
