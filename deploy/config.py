@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from footfall.common.config import load, require_between, require_not_negative, require_positive
+from footfall.common.config import load, require_between
 from footfall.deploy.bus import HOST_QUEUE
 from footfall.deploy.safety import SafetyConfig
 
@@ -29,8 +29,9 @@ class DeployConfig:
     def __post_init__(self) -> None:
         require_between(self, 1.0, 10_000.0, "joint_rate_hz")
         require_between(self, 1.0, 10_000.0, "estimator_rate_hz", "log_rate_hz")
-        require_positive(self, "stand_s", "motor_timeout_s", "host_queue")
-        require_not_negative(self, "stand_kp_scale", "stand_kd_scale")
+        require_between(self, 0.001, 60.0, "stand_s", "motor_timeout_s")
+        require_between(self, 1, 10_000, "host_queue")
+        require_between(self, 0.0, 100.0, "stand_kp_scale", "stand_kd_scale")
         require_between(self, 1, 99, "realtime_priority")
         silence_s, tick_s = self.safety.silence_timeout_s, self.tick_us * 1e-6
         if silence_s < TICKS_OF_SILENCE * tick_s:

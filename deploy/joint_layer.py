@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from footfall.deploy.drivers.driver import Driver
-from footfall.deploy.drivers.imu import GYRO_ID, ImuReader
+from footfall.deploy.drivers.imu import GYRO_ID, ImuReader, Inertial
 from footfall.deploy.frames import Frames
 from footfall.policies.policy import Sensed
 from footfall.robots.actuator import JointCommand, limit_torque, pd_torque
@@ -19,7 +19,7 @@ class LastHeard(NamedTuple):
     """When the robot was last heard, in microseconds of the loop's clock, and what its motors reported."""
 
     motor_us: np.ndarray  # (n,)
-    imu_us: int
+    imu_us: int  # the part of the IMU that was renewed longest ago
     motor_error: np.ndarray  # (n,) error codes
 
 
@@ -40,6 +40,9 @@ class JointLayer:
         self._imu_ids: np.ndarray | None = None
         self._motor_us = np.full(n, NEVER)
         self._error = np.zeros(n, dtype=np.uint8)
+        self.temperature_c = np.zeros(n, dtype=np.uint8)
+        self.commanded_torque = np.zeros(n)  # that the last frames asked for, N m
+        self.stiffness = np.zeros(n)  # that they carried, N m/rad
 
     # -- out -----------------------------------------------------------------------------------------
 
@@ -88,6 +91,7 @@ class JointLayer:
         possible = limit_torque(asked, velocity, self._robot.motor)
         if (asked != possible).any():
             values[2:] *= _share(possible, asked)
+        self.commanded_torque, self.stiffness = possible, values[2]
         return self._driver.command(values)
 
     # -- in ------------------------------------------------------------------------------------------
@@ -120,19 +124,41 @@ class JointLayer:
         gyro, acceleration, quaternion = self._imu.reading
         return Sensed(np.array(gyro), np.array(acceleration), np.array(quaternion), *self._joints)
 
+    @property
+    def joints(self) -> np.ndarray:
+        """Position rad, velocity rad/s and torque N m that the motors reported last, (3, n)."""
+        return self._joints
+
+    @property
+    def inertial(self) -> Inertial:
+        """The IMU's latest reading."""
+        return self._imu.reading
+
+    @property
+    def oldest_of_imu(self) -> str:
+        """The part of the IMU's reading that has not been renewed for longest."""
+        return self._imu.oldest
+
     def last_heard(self) -> LastHeard:
         """When each part was last heard."""
         imu_us = self._imu.heard_us
         return LastHeard(self._motor_us, NEVER if imu_us is None else imu_us, self._error)
 
     def _absorb_replies(self, frames: Frames, now_us: int) -> None:
-        motor, values, _, error = self._driver.replies(frames)
+        motor, values, temperature, error = self._driver.replies(frames)
+        before = self._error if np.count_nonzero(self._error) else None
         if isinstance(motor, slice):
-            self._joints, self._error = values, error
+            self._joints, self.temperature_c, self._error = values, temperature, error
         else:
-            self._joints, self._error = self._joints.copy(), self._error.copy()
+            self._joints, self.temperature_c = self._joints.copy(), self.temperature_c.copy()
             self._joints[:, motor] = values
-            self._error[motor] = error
+            self.temperature_c[motor] = temperature
+            self._error = self._error.copy()
+            self._error[motor] = 0
+            np.maximum.at(self._error, motor, error)
+        if before is not None:  # an error outlives a later reply of the same tick that has none
+            same_tick = self._motor_us == now_us
+            self._error = np.where(same_tick, np.maximum(self._error, before), self._error)
         self._motor_us[motor] = now_us
 
 

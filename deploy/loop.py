@@ -2,7 +2,10 @@
 
 import math
 import time
+import traceback
 from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
@@ -16,7 +19,9 @@ from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers.driver import Driver
 from footfall.deploy.frames import Frames
 from footfall.deploy.joint_layer import JointLayer
-from footfall.deploy.safety import DAMPED, Mode, Signals, State, advance
+from footfall.deploy.pose import impossible_pose
+from footfall.deploy.safety import DAMPED, MOVING, Implausible, Mode, Signals, State, advance, damped
+from footfall.deploy.sensor_checks import SensorChecks
 from footfall.deploy.timing import Timing
 from footfall.deploy.wiring import Wiring
 from footfall.policies.policy import Observation, Policy, Sensed
@@ -74,9 +79,13 @@ class ControlLoop:
         contract = policy.contract
         self._command_limits = CommandLimits(None if contract is None else contract.commands)
         self.log: Log | None = None
+        self._robot = robot
         self._default_pose = robot.default_pose
         self._places = [wiring.place(joint) for joint in range(len(robot.joint_names))]
         self._joints = JointLayer(robot, driver, wiring.imu_channel, config.tick_us * 1e-6)
+        safety = config.safety
+        self._checks = SensorChecks(robot, wiring, safety.sensors, config.tick_us * 1e-6)
+        self._last_resort = self._joints.damping(safety.damping_kd)  # needs no reading to be right
         self._period_us = 1e6 / policy.rate_hz
         self._estimate_every_us = round(1e6 / config.estimator_rate_hz)
         self._stand_gains = (
@@ -104,6 +113,7 @@ class ControlLoop:
         self._step_s = 0.0
         self._policy_error = ""
         self._refused = 0
+        self._skipped_share = 0.0
         self._finish = False
 
     @property
@@ -139,13 +149,29 @@ class ControlLoop:
         self._finish = True
 
     def tick(self) -> bool:
-        """One joint tick. Returns False once the run is over and the motors are off."""
-        self.now_us = now_us = self._clock.next_tick()
+        """One joint tick. Returns False once the run is over and the motors are off.
+
+        Whatever goes wrong in it, the robot is damped, and only then switched off.
+        """
+        before_us, self.now_us = self.now_us, self._clock.next_tick()
         started = time.perf_counter()
-        joints = self._joints
+        try:
+            self._act(self.now_us - before_us)
+        except Exception as error:
+            self._fail(error)
+        if self.state.over:
+            return False
+        self.timing.tick_us.add((time.perf_counter() - started) * 1e6)
+        if self._clock.realtime:
+            self.timing.lateness_us.add(self._clock.lateness_us())
+        return True
+
+    def _act(self, elapsed_us: int) -> None:
+        """Readings in, decisions, frames out."""
+        now_us, joints = self.now_us, self._joints
         joints.absorb(self._bus.receive(now_us), now_us)
         self.sensed = joints.sensed()
-        signals = self._signals()
+        signals = self._signals(elapsed_us)
         self._supervise(signals)
         mode = self.state.mode
         if mode is Mode.WALKING:
@@ -154,16 +180,24 @@ class ControlLoop:
                 self._policy_step()
                 self._supervise(signals._replace(**self._policy_signals()))
                 mode = self.state.mode
-        if self.state.over:
-            self._refused += self._bus.send(self._driver.disable(), now_us)
-            return False
-        self._refused += self._bus.send(self._frames(mode), now_us)
-        if self.log is not None:
+        frames = self._driver.disable() if self.state.over else self._frames(mode)
+        self._refused += self._bus.send(frames, now_us)
+        if self.log is not None and not self.state.over:
             self.log.tick(now_us, self.sensed, joints.target)
-        self.timing.tick_us.add((time.perf_counter() - started) * 1e6)
-        if self._clock.realtime:
-            self.timing.lateness_us.add(self._clock.lateness_us())
-        return True
+
+    def _fail(self, error: Exception) -> None:
+        """What is left after an exception: damping frames that were made beforehand, then motors off."""
+        now_s, state, config = self.now_us * 1e-6, self.state, self._config.safety
+        if state.mode in DAMPED:
+            self.state = damped(state, now_s, config)
+        else:
+            if state.mode is Mode.WALKING:
+                self.walked_s = self.walking_s
+            self.state = State(
+                Mode.ESTOP, now_s, (*state.faults, f"the control loop failed: {_where(error)}")
+            )
+        with suppress(Exception):
+            self._bus.send(self._driver.disable() if self.state.over else self._last_resort, self.now_us)
 
     def shut_down(self) -> None:
         """Switch the motors off at once, whatever happened before."""
@@ -193,16 +227,16 @@ class ControlLoop:
         """One policy step, timed."""
         now_us = self.now_us
         started = time.perf_counter()
-        time_s = (now_us - self._begun_us) * 1e-6
-        self.asked_command = np.asarray(self._command(time_s), dtype=float)
-        command = self._command_limits.apply(self.asked_command)
-        velocity, height = self.estimate
-        observation = Observation(time_s, self.sensed, command, velocity, height)
         try:
+            time_s = (now_us - self._begun_us) * 1e-6
+            self.asked_command = np.asarray(self._command(time_s), dtype=float)
+            command = self._command_limits.apply(self.asked_command)
+            velocity, height = self.estimate
+            observation = Observation(time_s, self.sensed, command, velocity, height)
             if self._decision is None:
                 self._policy.reset(observation)
-            decision = self._policy.act(observation)
-            self._decision_finite = self._is_finite(decision)
+            decision = self._checked(self._policy.act(observation))
+            self._decision_finite = math.isfinite(np.add.reduce(decision, axis=None))
         except Exception as error:  # whatever a policy raises, the robot has to be damped
             self._policy_error = f"the policy failed: {type(error).__name__}: {error}"
             return
@@ -220,12 +254,12 @@ class ControlLoop:
                     self.log.note(now_us, note)
                     self._logged_notes.add(note)
 
-    def _is_finite(self, decision: JointCommand) -> bool:
-        """Raises ValueError for a decision of a wrong shape."""
+    def _checked(self, decision: JointCommand) -> JointCommand:
+        """A copy of a decision, as arrays. Raises ValueError for one of a wrong shape."""
         values = np.array(decision, dtype=float)
         if values.shape != (5, len(self._zeros)):
             raise ValueError(f"it decides on shape {values.shape}, expected (5, {len(self._zeros)})")
-        return math.isfinite(values.sum())
+        return JointCommand(*values)
 
     def _estimate_base(self) -> None:
         if self.base_state is not None:
@@ -234,7 +268,11 @@ class ControlLoop:
             elapsed_us = self.now_us - self._estimated_us
             due = self.walking and self.now_us >= self._next_policy_us
             if due or elapsed_us >= self._estimate_every_us:
-                stance = self._policy.stance() if self.walking else None
+                try:
+                    stance = self._policy.stance() if self.walking else None
+                except Exception as error:
+                    self._policy_error = f"the policy failed: {type(error).__name__}: {error}"
+                    return
                 self.estimate = self._estimator.update(self.sensed, stance, elapsed_us * 1e-6)
                 self._estimated_us = self.now_us
 
@@ -250,6 +288,8 @@ class ControlLoop:
         if self.state.mode is Mode.STANDING:
             self._stand_from = self.sensed.joint_position
             self._joints.begin_at(self._stand_from)
+            joints = self._joints
+            self._checks.monitor.begin(self.now_us, joints.inertial, joints.joints, joints.target)
             self._estimated_us = self.now_us
             if self._estimator is not None:
                 self._estimator.reset(self.sensed)
@@ -259,14 +299,17 @@ class ControlLoop:
         if self.log is not None:
             self.log.state(self.now_us, self.state)
 
-    def _signals(self) -> Signals:
+    def _signals(self, elapsed_us: int) -> Signals:
         heard = self._joints.last_heard()
         now_us, state = self.now_us, self.state
         oldest = int(heard.motor_us.argmin())
         now_s = now_us * 1e-6
+        motor_silence_s = (now_us - int(heard.motor_us[oldest])) * 1e-6
+        idle = state.mode is Mode.IDLE
+        everyone = motor_silence_s <= self._config.safety.silence_timeout_s
         return Signals(
             now_s=now_s,
-            motor_silence_s=(now_us - int(heard.motor_us[oldest])) * 1e-6,
+            motor_silence_s=motor_silence_s,
             silent_motor=self._places[oldest],
             imu_silence_s=(now_us - heard.imu_us) * 1e-6,
             motor_error=self._error_of(heard.motor_error) if np.count_nonzero(heard.motor_error) else "",
@@ -274,8 +317,43 @@ class ControlLoop:
             frames_refused=self._refused,
             stand_done=state.mode is Mode.STANDING and now_s - state.since_s >= self._config.stand_s,
             finish=self._finish and state.mode not in DAMPED,
+            oldest_of_imu=self._joints.oldest_of_imu,
+            first_pose=self._first_pose() if idle and everyone else "",
+            implausible=self._contradiction(now_us - min(int(heard.motor_us[oldest]), heard.imu_us))
+            if state.mode in MOVING
+            else None,
+            pause_s=elapsed_us * 1e-6,
+            skipped_share=self._skipped(elapsed_us),
             **self._policy_signals(),
         )
+
+    def _first_pose(self) -> str:
+        position, limit = self._joints.joints[0], self._config.safety.first_pose_rad
+        return impossible_pose(self._robot, self._places, position, limit)
+
+    def _contradiction(self, silence_us: int) -> Implausible | None:
+        """Readings that contradict each other, if this is a tick at which they are compared."""
+        joints = self._joints
+        compared = self._checks.monitor.add(
+            self.now_us,
+            silence_us,
+            joints.inertial,
+            joints.joints,
+            joints.commanded_torque,
+            joints.stiffness,
+            joints.target,
+            joints.temperature_c,
+        )
+        return self._checks.find() if compared else None
+
+    def _skipped(self, elapsed_us: int) -> float:
+        """Share of the last second's ticks that were left out, older ones counting less and less."""
+        tick_us = self._config.tick_us
+        if elapsed_us > tick_us or self._skipped_share:
+            weight = min(elapsed_us * 1e-6, 1.0)
+            share = (elapsed_us - tick_us) / elapsed_us if elapsed_us else 0.0
+            self._skipped_share += weight * (share - self._skipped_share)
+        return self._skipped_share
 
     def _policy_signals(self) -> dict[str, Any]:
         """Those of the signals that a policy step may change."""
@@ -290,3 +368,10 @@ class ControlLoop:
         joint = int(np.flatnonzero(errors)[0])
         code = int(errors[joint])
         return f"motor {self._places[joint]} reports {self._driver.error_name(code)}"
+
+
+def _where(error: Exception) -> str:
+    """An exception in one line, with the place that raised it."""
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    text = " ".join(str(error).split())
+    return f"{type(error).__name__}: {text} ({Path(last.filename).name}, line {last.lineno})"

@@ -5,11 +5,12 @@ Rules are rows of tables. A fault is latched: FALLING and ESTOP end a run, and o
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import NamedTuple
 
-from footfall.common.config import require_between, require_positive
+from footfall.common.config import require_between
+from footfall.deploy.sensor_limits import SensorLimits
 
 
 class Mode(Enum):
@@ -38,12 +39,28 @@ class SafetyConfig:
     late_limit_s: float = 0.1  # one policy step may not take longer than this
     damping_kd: float = 3.0  # N m s/rad
     damping_s: float = 0.5  # how long to damp before the motors are switched off
+    pause_limit_s: float = 0.1  # between two ticks; motors that hear nothing for longer switch themselves off
+    skipped_share: float = (
+        0.25  # of the ticks of the last second that may come so late that they are left out
+    )
+    first_pose_rad: float = 0.1  # that a joint may begin beyond its range: calibration is never exact
+    sensors: SensorLimits = field(default_factory=SensorLimits)
 
     def __post_init__(self) -> None:
-        require_positive(self, "start_timeout_s", "silence_timeout_s", "late_steps", "late_limit_s")
-        require_positive(self, "damping_kd")
-        require_between(self, 0.0, math.pi, "tilt_limit_rad")
+        require_between(self, 0.001, 60.0, "start_timeout_s", "silence_timeout_s", "late_limit_s")
+        require_between(self, 0.001, 60.0, "pause_limit_s")
+        require_between(self, 1, 1000, "late_steps")
+        require_between(self, 0.01, 100.0, "damping_kd")
+        require_between(self, 0.01, math.pi, "tilt_limit_rad", "first_pose_rad")
         require_between(self, 0.0, 60.0, "damping_s")
+        require_between(self, 0.0, 1.0, "skipped_share")
+
+
+class Implausible(NamedTuple):
+    """Readings that contradict each other."""
+
+    fault: str  # in one line
+    leads_to: Mode
 
 
 class Signals(NamedTuple):
@@ -60,6 +77,11 @@ class Signals(NamedTuple):
     step_s: float  # duration of the last policy step
     frames_refused: int  # so far
     policy_error: str = ""
+    oldest_of_imu: str = ""  # the part of its reading that has been silent longest
+    first_pose: str = ""  # why the joints cannot be where they say that they begin
+    implausible: Implausible | None = None
+    pause_s: float = 0.0  # between this tick and the one before
+    skipped_share: float = 0.0  # of the ticks of the last second
     stand_done: bool = False
     finish: bool = False  # the run shall end
 
@@ -90,7 +112,7 @@ def _silent_motor(s: Signals, c: SafetyConfig) -> str:
 def _silent_imu(s: Signals, c: SafetyConfig) -> str:
     if s.imu_silence_s <= c.silence_timeout_s:
         return ""
-    return f"no new IMU reading for {c.silence_timeout_s * 1e3:.0f} ms"
+    return f"no new IMU reading ({s.oldest_of_imu}) for {c.silence_timeout_s * 1e3:.0f} ms"
 
 
 def _never_started(s: Signals, c: SafetyConfig) -> str:
@@ -114,18 +136,28 @@ def _late(s: Signals, c: SafetyConfig) -> str:
     return ""
 
 
+def _paused(s: Signals, c: SafetyConfig) -> str:
+    if s.pause_s > c.pause_limit_s:
+        return f"the loop paused for {s.pause_s * 1e3:.0f} ms"
+    if s.skipped_share > c.skipped_share:
+        return f"the loop ran late: {s.skipped_share:.0%} of the last second's ticks were left out"
+    return ""
+
+
 def _overflow(s: Signals, _: SafetyConfig) -> str:
     return f"bus overflow: {s.frames_refused} frames refused" if s.frames_refused else ""
 
 
 CHECKS = (
     Check((Mode.IDLE,), _never_started, Mode.ESTOP),
+    Check((Mode.IDLE,), lambda s, _: s.first_pose, Mode.ESTOP),
     Check(MOVING, lambda s, _: s.policy_error, Mode.ESTOP),
     Check(MOVING, lambda s, _: "" if s.command_finite else "the policy's command is not finite", Mode.ESTOP),
     Check(MOVING, _silent_motor, Mode.ESTOP),
     Check(MOVING, _silent_imu, Mode.ESTOP),
     Check(MOVING, lambda s, _: s.motor_error, Mode.ESTOP),
     Check(MOVING, _late, Mode.ESTOP),
+    Check(MOVING, _paused, Mode.ESTOP),
     Check((Mode.IDLE, *MOVING), _overflow, Mode.ESTOP),
     Check(MOVING, _tilted, Mode.FALLING),
 )
@@ -148,18 +180,32 @@ def advance(state: State, signals: Signals, config: SafetyConfig) -> State:
     if state.over:
         return state
     now = signals.now_s
-    for check in CHECKS_IN[state.mode]:
-        fault = check.find(signals, config)
-        if fault:
-            return State(check.leads_to, now, (*state.faults, fault))
+    if (failed := _failure(state, state.mode, signals, config)) is not None:
+        return failed
     if state.mode in DAMPED:
-        if now - state.since_s < config.damping_s:
-            return state
-        final = Mode.IDLE if state.mode is Mode.RELEASING else state.mode
-        return State(final, now, state.faults, over=True)
+        return damped(state, now, config)
     if signals.finish:
         return State(Mode.RELEASING, now, state.faults)
     ready, following = PROGRESS.get(state.mode, (None, state.mode))
-    if ready is not None and ready(signals, config):
-        return State(following, now, state.faults)
-    return state
+    if ready is None or not ready(signals, config):
+        return state
+    return _failure(state, following, signals, config) or State(following, now, state.faults)
+
+
+def damped(state: State, now_s: float, config: SafetyConfig) -> State:
+    """A state in which the robot is damped, a tick later."""
+    if now_s - state.since_s < config.damping_s:
+        return state
+    final = Mode.IDLE if state.mode is Mode.RELEASING else state.mode
+    return State(final, now_s, state.faults, over=True)
+
+
+def _failure(state: State, mode: Mode, signals: Signals, config: SafetyConfig) -> State | None:
+    """Where a fault leads that counts in a mode, or None."""
+    for check in CHECKS_IN[mode]:
+        fault = check.find(signals, config)
+        if fault:
+            return State(check.leads_to, signals.now_s, (*state.faults, fault))
+    if signals.implausible is not None and mode in MOVING:
+        return State(signals.implausible.leads_to, signals.now_s, (*state.faults, signals.implausible.fault))
+    return None

@@ -25,6 +25,8 @@ from footfall.policies.policy import Policy
 from footfall.robots.description import Robot
 
 LONGEST_S = 86400.0
+# Ctrl-C, a polite kill, a terminal that goes away (a dropped SSH), Ctrl-\\
+ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 
 BaseState = Callable[[], tuple[np.ndarray, float]]  # the base's velocity (3,) m/s, body frame, and height m
 
@@ -168,13 +170,11 @@ def _open_log(robot: Robot, policy: Policy, session: Session, resources: ExitSta
 
 @contextmanager
 def _ending_on_signals(loop: ControlLoop) -> Iterator[None]:
-    """Ctrl-C and a polite kill end the run in an orderly way: damping, then motors off."""
+    """Signals that would end the process end the run in an orderly way: damping, then motors off."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = {
-        number: signal.signal(number, lambda *_: loop.finish()) for number in (signal.SIGINT, signal.SIGTERM)
-    }
+    before = {number: signal.signal(number, lambda *_: loop.finish()) for number in ENDING}
     try:
         yield
     finally:

@@ -86,6 +86,11 @@ class SimulatedMotors:
         torque = motor_torque(self._command, measured, velocity, self._motor)
         return torque if self._all_enabled else self.enabled * torque
 
+    def reboot(self, motors: np.ndarray) -> None:
+        """Switch motors (joint indices) off, as one that has just been powered up is."""
+        self.enabled[motors] = False
+        self._note_enabled()
+
     def friction(self, velocity: np.ndarray) -> np.ndarray:
         """Gearbox friction at the joint, N m, (n,)."""
         return friction_torque(velocity, self._motor)

@@ -3,6 +3,7 @@
 Frames take effect, and readings are taken, at the physics step nearest to the moment in question.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -39,6 +40,7 @@ class Faults:
     motors: MotorFaults
     imu_silent: bool = False
     imu_stuck: bool = False  # repeats its last reading
+    on_wire: Callable[[Frames], Frames] | None = None  # what becomes of the frames that leave the robot
 
 
 @dataclass(frozen=True)
@@ -135,13 +137,17 @@ class SimulatedRobot:
         at = self._layout.base_qvel
         self.data.qvel[at : at + 3] += delta_v_world
 
+    def reboot(self, motors: np.ndarray) -> None:
+        """Let motors (joint indices) start anew: they answer, limp until they are switched on again."""
+        self._motors.reboot(motors)
+
     def _advance_one_step(self) -> None:
         now_us, motors, sensors = self._step * self._step_us, self._motors, self._sensors
         position, velocity = sensors.remember(self._torque)
         for frames in self._wires.receive(Side.ROBOT, now_us + self._step_us / 2):
             replies = motors.answer(self._step, frames, sensors.joints(motors.encoder_bias))
             if replies is not None:
-                self._wires.send(Side.ROBOT, replies, now_us)
+                self._send(replies, now_us)
         if self._step % self._imu_every == 0 and not self.faults.imu_silent:
             self._report_imu(now_us)
         self._torque = torque = motors.torque(self._step, position, velocity)
@@ -157,7 +163,13 @@ class SimulatedRobot:
             data = imu.encode(self._sensors.inertial(), self._imu_counter)
             channel, identifier, _, length = self._imu_frames
             self._imu_frames = Frames(channel, identifier, data, length)
-        self._wires.send(Side.ROBOT, self._imu_frames, now_us)
+        self._send(self._imu_frames, now_us)
+
+    def _send(self, frames: Frames, now_us: float) -> None:
+        if self.faults.on_wire is not None:
+            frames = self.faults.on_wire(frames)
+        if len(frames.id):
+            self._wires.send(Side.ROBOT, frames, now_us)
 
     def _stand(self, robot: Robot) -> None:
         """Default pose, upright, as high as the lowest part just touches the ground.

@@ -82,9 +82,11 @@ def test_deploy_needs_no_learning_library(tmp_path: Path) -> None:
 
 def test_ctrl_c_ends_a_run_in_an_orderly_way(tmp_path: Path) -> None:
     """It damps the robot and switches its motors off, and its figures are written."""
-    figures = tmp_path / "a.json"
+    figures, patient = tmp_path / "a.json", tmp_path / "patient.yaml"
+    patient.write_text("safety: {pause_limit_s: 30, skipped_share: 1, late_limit_s: 30, late_steps: 1000}")
+    command = [*FOOTFALL, "deploy", "stand", "--realtime", "--duration", "600", "--config", patient]
     process = subprocess.Popen(
-        [*FOOTFALL, "deploy", "stand", "--realtime", "--duration", "600", "--json", figures],
+        [*command, "--json", figures],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

@@ -44,6 +44,19 @@ REFUSED = [
     "safety: {damping_kd: 0}",
     "safety: {damping_s: -1}",
     "safety: {damping_s: 1e9}",
+    "safety: {damping_kd: 1e9}",
+    "safety: {tilt_limit_rad: 0}",
+    "safety: {silence_timeout_s: 1e9}",
+    "safety: {late_steps: 1000000}",
+    "safety: {pause_limit_s: .inf}",
+    "safety: {skipped_share: 2}",
+    "safety: {first_pose_rad: .nan}",
+    "safety: {sensors: {drift_rad: .nan}}",
+    "safety: {sensors: {period_s: 0}}",
+    "safety: {sensors: {temperature_c: 1000}}",
+    "stand_s: 1e9",
+    "stand_kp_scale: .nan",
+    "host_queue: 1000000000",
 ]
 
 
@@ -53,7 +66,7 @@ def test_what_cannot_work_is_refused_with_its_name(text: str, tmp_path: Path) ->
     path.write_text(text)
     with pytest.raises(UserError) as caught:
         load_deploy_config(path)
-    name = text.removeprefix("safety: {").partition(":")[0]
+    name = text.replace("safety: {", "").replace("sensors: {", "").partition(":")[0]
     assert name in str(caught.value)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)

@@ -1,5 +1,7 @@
 """IMU readings as CAN frames."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -74,6 +76,48 @@ def test_an_imu_is_heard_once_each_kind_of_frame_has_come() -> None:
         reader.absorb(Frames(one, np.array([imu.IDS[kind]]), data[[kind]], np.full(1, 8)), 1000 + kind)
         heard.append(reader.heard_us)
     assert heard == [None, None, 1000]  # the counter is in the gyro's frame
+
+
+def whole(counter: int, acceleration_counter: int | None = None) -> np.ndarray:
+    reading = imu.Inertial([0.1, 0.2, 0.3], [1.0, 0.0, 9.8], [0.8, 0.0, 0.6, 0.0])
+    data = imu.encode(reading, counter).copy()
+    if acceleration_counter is not None:
+        data[1] = imu.encode(reading, acceleration_counter)[1]
+    return data
+
+
+@pytest.mark.parametrize("at_once", [True, False])
+@pytest.mark.parametrize(
+    ("part", "spoil"),
+    [
+        ("gyro", lambda data, length: data.__setitem__((0, slice(6, 8)), [0, 1])),  # counts no further
+        ("acceleration", lambda data, length: data.__setitem__((1, slice(6, 8)), [0, 1])),
+        ("quaternion", lambda data, length: data.__setitem__(2, 0)),
+        ("quaternion", lambda data, length: data.__setitem__((2, 0), 0)),  # too short to be a rotation
+        ("quaternion", lambda data, length: data.__setitem__((2, 2), 0x7F)),  # too long
+        ("gyro", lambda data, length: length.__setitem__(0, 7)),
+        ("acceleration", lambda data, length: length.__setitem__(1, 2)),
+        ("quaternion", lambda data, length: length.__setitem__(2, 1)),
+    ],
+)
+def test_each_part_has_to_be_renewed_by_frames_that_are_whole(part: str, spoil: Any, at_once: bool) -> None:
+    reader = imu.ImuReader(channel=1)
+    channel, identifier, length = np.full(3, 1), np.array(imu.IDS), np.full(3, 8)
+    reader.absorb(Frames(channel, identifier, whole(1), length), 1000)
+    before = reader.reading
+    for counter in (2, 3):
+        data, lengths = whole(counter), length.copy()
+        spoil(data, lengths)
+        same = bool((lengths == 8).all())
+        batch = Frames(channel, identifier, data, length if same else lengths)
+        if at_once:
+            reader.absorb(batch, 1000 * counter)
+        else:
+            for row in range(3):
+                reader.absorb(batch.take(np.array([row])), 1000 * counter)
+    assert reader.heard_us == 1000
+    assert reader.oldest == part
+    assert reader.reading.quaternion == before.quaternion
 
 
 def test_an_imu_on_another_bus_is_not_listened_to() -> None:

@@ -128,7 +128,8 @@ from footfall.robots.description import load_robot
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.safety import SafetyConfig
 robot = load_robot("go1")
-config = DeployConfig(motor_timeout_s=5.0, safety=SafetyConfig(silence_timeout_s=5.0))
+patient = SafetyConfig(silence_timeout_s=5.0, pause_limit_s=5.0, skipped_share=1.0)
+config = DeployConfig(motor_timeout_s=5.0, safety=patient)
 episode = short_episode(duration_s=60.0, realtime=True, log=Path(sys.argv[1]), config=config)
 run_episode(robot, Hold(robot), episode)
 """

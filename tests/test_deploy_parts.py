@@ -29,6 +29,7 @@ from footfall.deploy.loop import ControlLoop
 from footfall.deploy.python_can_bus import PythonCanBus
 from footfall.deploy.replay import _difference
 from footfall.deploy.safety import Mode, SafetyConfig
+from footfall.deploy.sensor_limits import SensorLimits
 from footfall.deploy.session import Session, run_session
 from footfall.deploy.timing import Durations
 from footfall.deploy.wiring import Wiring, wire
@@ -242,7 +243,7 @@ class TestLoop:
         """A pause of 90 ms: one step at its end, and the next where the rhythm of 20 ms has it."""
         times = [*range(0, 152_000, TICK_US), *range(240_000, 300_000, TICK_US)]
         policy = Hold(go1)
-        loop, _ = loop_of(go1, policy, times, safety=SafetyConfig(silence_timeout_s=1.0))
+        loop, _ = loop_of(go1, policy, times, safety=SafetyConfig(pause_limit_s=1.0))
         for _ in times:
             loop.tick()
         assert loop.ticks_skipped == 44
@@ -265,13 +266,16 @@ class TestLoop:
 
     def test_what_the_policy_sees_is_what_the_frames_said(self, go1: Robot) -> None:
         policy = Hold(go1)
-        loop, body = loop_of(go1, policy, command=lambda t: np.array([t, 2 * t, 3 * t]))
+        unmoved = SensorLimits(rotation_rad=3.0, drift_rad=3.0, lean_error=2.0)  # jumps are what is tested
+        safety = SafetyConfig(sensors=unmoved)
+        loop, body = loop_of(go1, policy, command=lambda t: np.array([t, 2 * t, 3 * t]), safety=safety)
         until(loop, Mode.WALKING)
         body.readings = np.array([go1.default_pose + 0.01 * ROWS, 0.1 * ROWS, -0.2 * ROWS])
         body.gyro, body.quaternion = (0.1, 0.2, -0.3), (0.96, 0.0, 0.28, 0.0)
         for _ in range(10):
             loop.tick()
         seen = policy.seen[-1]
+        assert loop.state.faults == ()
         np.testing.assert_allclose(seen.sensed.joint_position, body.readings[0], atol=3e-4)
         np.testing.assert_allclose(seen.sensed.joint_velocity, body.readings[1], atol=0.02)
         np.testing.assert_allclose(seen.sensed.joint_torque, body.readings[2], atol=0.02)
@@ -377,6 +381,56 @@ class TestLoop:
             np.testing.assert_allclose(loop.target - go1.default_pose, 0.12 * tick, atol=1e-9)
             loop.tick()
 
+    @pytest.mark.parametrize(
+        ("times", "says"),
+        [
+            ([*range(0, 150_000, TICK_US), *range(360_000, 380_000, TICK_US)], "the loop paused for 212 ms"),
+            (
+                [*range(0, 150_000, TICK_US), *range(150_000, 900_000, 2 * TICK_US)],
+                "of the last second's ticks were left out",
+            ),
+        ],
+    )
+    def test_ticks_that_are_left_out_are_a_fault(self, go1: Robot, times: list[int], says: str) -> None:
+        loop, body = loop_of(go1, Hold(go1), times)
+        for _ in times[:76]:
+            loop.tick()
+        for _ in times[76:]:
+            if loop.state.mode is Mode.WALKING:
+                loop.tick()
+        assert loop.state.mode is Mode.ESTOP
+        assert says in loop.state.faults[0]
+        assert not body.command().kp.any()
+
+    def test_a_few_ticks_that_are_left_out_are_forgiven(self, go1: Robot) -> None:
+        """One of six, and a pause of 90 ms."""
+        times = [at for at in range(0, 1_500_000, TICK_US) if at % (6 * TICK_US)]
+        times = [at for at in times if not 700_000 < at < 790_000]
+        loop, _ = loop_of(go1, Hold(go1), times)
+        for _ in times:
+            loop.tick()
+        assert loop.state.faults == ()
+
+    @pytest.mark.parametrize("joint", [3, 10])
+    @pytest.mark.parametrize(
+        ("offset", "says"),
+        [
+            (2 * np.pi, "off by +1 turn of the joint (+6.28 rad)?"),
+            (-2 * np.pi, "off by -1 turn of the joint (-6.28 rad)?"),
+        ],
+    )
+    def test_a_joint_that_cannot_be_where_it_says_gets_no_stiffness(
+        self, go1: Robot, joint: int, offset: float, says: str
+    ) -> None:
+        loop, body = loop_of(go1, Hold(go1))
+        body.readings[0, joint] += offset
+        while loop.tick():
+            values = body.sent[-1][1].values[2]
+            assert body.kinds()[joint] != Request.COMMAND or not values.any()
+        assert loop.state.mode is Mode.ESTOP
+        assert loop.state.faults[0].startswith(body.wiring.place(joint))
+        assert says in loop.state.faults[0]
+
     def test_what_is_refused_is_counted_over_the_run(self, go1: Robot) -> None:
         loop, body = loop_of(go1, Hold(go1))
         until(loop, Mode.WALKING)
@@ -420,6 +474,48 @@ class TestLoop:
                 loop.tick()
         assert loop.timing.tick_us.count == 8
         assert loop.timing.lateness_us.values().tolist() == [17.0] * 4
+
+    @pytest.mark.parametrize("part", ["receive", "stance", "command", "log", "frames", "send"])
+    def test_whatever_raises_the_robot_is_damped_and_then_switched_off(self, go1: Robot, part: str) -> None:
+        """Of readings, a policy, what steers it, a log, the joint layer, the bus."""
+
+        def fails(*_: object) -> None:
+            raise KeyError("no such\n thing")
+
+        loop, body = loop_of(go1, Hold(go1))
+        loop._estimator = SimpleNamespace(reset=lambda sensed: None, update=lambda *_: (np.zeros(3), 0.3))
+        until(loop, Mode.WALKING)
+        for _ in range(5):
+            loop.tick()
+        if part == "receive":
+            body.receive = fails  # type: ignore[assignment, method-assign]
+        elif part == "stance":
+            loop._policy.stance = fails  # type: ignore[assignment, method-assign]
+        elif part == "command":
+            loop._command = fails  # type: ignore[assignment]
+        elif part == "log":
+            loop.log = SimpleNamespace(tick=fails, state=fails, policy_step=fails, note=fails)
+        elif part == "frames":
+            loop._joints.command = loop._joints.damping = fails  # type: ignore[assignment, method-assign]
+        else:
+            send, body.send = body.send, fails  # type: ignore[assignment, method-assign]
+            loop.tick()
+            body.send = send  # type: ignore[method-assign]
+        begun_us = loop.now_us
+        ticks = 0
+        while loop.tick():
+            ticks += 1
+            assert loop.state.mode is Mode.ESTOP or ticks <= 10
+            if loop.state.mode is Mode.ESTOP:
+                damped = body.command()
+                assert not damped.kp.any()
+                np.testing.assert_allclose(damped.kd, 3.0, atol=0.01)
+        assert len(loop.state.faults) == 1
+        assert "KeyError: 'no such" in loop.state.faults[0]
+        assert "\n" not in loop.state.faults[0]
+        assert body.kinds() == [Request.DISABLE] * 12
+        assert 0.49 < (loop.now_us - begun_us) * 1e-6 < 0.53
+        assert loop.walked_s > 0.0
 
     def test_shutting_down_switches_every_motor_off(self, go1: Robot) -> None:
         loop, body = loop_of(go1, Hold(go1))
@@ -539,6 +635,28 @@ class TestJointLayer:
         layer.absorb([self.replies(go1, np.array([4, 7]), values[:, :2], error=2)], 1)
         layer.absorb([self.replies(go1, np.array([4]), values[:, :1])], 2)
         assert np.flatnonzero(layer.last_heard().motor_error).tolist() == [7]
+
+    def test_an_error_outlives_a_reply_of_the_same_tick_that_has_none(
+        self, go1: Robot, layer: JointLayer
+    ) -> None:
+        values = np.zeros((3, 12))
+        for batches in (
+            [self.replies(go1, slice(None), values, error=2), self.replies(go1, slice(None), values)],
+            [self.both(go1, error=2)],
+            [
+                self.replies(go1, np.array([4]), values[:, :1], error=2),
+                self.replies(go1, slice(None), values),
+            ],
+        ):
+            layer.absorb(batches, 1)
+            assert layer.last_heard().motor_error[4] == 2
+            layer.absorb([self.replies(go1, slice(None), values)], 2)
+            assert not layer.last_heard().motor_error.any()
+
+    def both(self, robot: Robot, error: int) -> Frames:
+        """A reply with an error and one without, of the same motor in one batch."""
+        one = [self.replies(robot, np.array([4]), np.zeros((3, 1)), code) for code in (error, 0)]
+        return Frames(*(np.concatenate(parts) for parts in zip(*one, strict=True)))
 
     def test_damping_starts_targets_where_the_joints_are_and_leaves_nothing_of_a_command(
         self, go1: Robot, layer: JointLayer

@@ -22,13 +22,21 @@ from footfall.deploy.drivers.mit_driver import MitDriver, MitMotorEnd
 from footfall.deploy.frames import Frames
 from footfall.deploy.python_can_bus import MULTICAST_GROUP, MULTICAST_PORT, PythonCanBus
 from footfall.deploy.safety import SafetyConfig
+from footfall.deploy.sensor_limits import SensorLimits
 from footfall.deploy.session import Session, run_on_interface
 from footfall.plant.episode import run_episode
+from footfall.plant.robot import PlantConfig
 from footfall.plant.serve import serving
 from footfall.robots.description import Robot
 
 # Shared machines stall for tens of milliseconds: forgive them, but not what is tested here.
-PATIENT = SafetyConfig(start_timeout_s=3.0, silence_timeout_s=0.9)
+PATIENT = SafetyConfig(
+    start_timeout_s=3.0,
+    silence_timeout_s=0.9,
+    pause_limit_s=0.9,
+    skipped_share=1.0,
+    sensors=SensorLimits(drift_rad=3.0, rotation_rad=3.0),  # of a robot whose time stalls like the loop's
+)
 UNHURRIED = DeployConfig(joint_rate_hz=100.0, stand_s=0.4, motor_timeout_s=0.8, safety=PATIENT)
 SHORT = Session(stand_still, 0.4, config=UNHURRIED)
 
@@ -85,8 +93,11 @@ class TestSimulatedBus:
         trace = run_episode(go1, policy, short_episode(duration_s=0.2))
         assert trace.final_state == "IDLE"
 
-    def test_an_interrupt_ends_the_run_in_order(self, go1: Robot) -> None:
-        timer = threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT))
+    @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT])
+    def test_a_signal_that_would_end_the_process_ends_the_run_in_order(
+        self, go1: Robot, number: signal.Signals
+    ) -> None:
+        timer = threading.Timer(0.6, os.kill, (os.getpid(), number))
         timer.start()
         trace = run_episode(go1, Hold(go1), short_episode(duration_s=20.0, realtime=True, config=UNHURRIED))
         timer.join()
@@ -177,7 +188,7 @@ class TestPythonCan:
 
     def test_the_robot_walks_over_a_virtual_bus(self, go1: Robot) -> None:
         policy = Hold(go1)
-        with serving(go1, "virtual"):
+        with serving(go1, "virtual", PlantConfig(motor_timeout_s=0.8)):
             outcome = run_on_interface(go1, policy, "virtual", SHORT)
         assert outcome.faults == ()
         assert outcome.final_state == "IDLE"

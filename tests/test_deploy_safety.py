@@ -2,7 +2,7 @@
 
 import pytest
 
-from footfall.deploy.safety import Mode, SafetyConfig, Signals, State, advance
+from footfall.deploy.safety import Implausible, Mode, SafetyConfig, Signals, State, advance
 
 CONFIG = SafetyConfig()
 QUIET = Signals(
@@ -47,12 +47,19 @@ class TestOrdinaryRun:
 
 FAULTS = [
     ({"motor_silence_s": 0.06}, Mode.ESTOP, "no reply from FR_hip_joint (can0, id 1) for 50 ms"),
-    ({"imu_silence_s": 0.06}, Mode.ESTOP, "no new IMU reading for 50 ms"),
+    (
+        {"imu_silence_s": 0.06, "oldest_of_imu": "quaternion"},
+        Mode.ESTOP,
+        "no new IMU reading (quaternion) for 50 ms",
+    ),
     ({"motor_error": "motor x reports over-current"}, Mode.ESTOP, "over-current"),
     ({"command_finite": False}, Mode.ESTOP, "not finite"),
     ({"policy_error": "the policy failed: ValueError: x"}, Mode.ESTOP, "ValueError"),
     ({"late_steps": 5}, Mode.ESTOP, "5 steps in a row"),
     ({"step_s": 0.11}, Mode.ESTOP, "one step took 110 ms"),
+    ({"pause_s": 0.13}, Mode.ESTOP, "the loop paused for 130 ms"),
+    ({"skipped_share": 0.3}, Mode.ESTOP, "30% of the last second's ticks were left out"),
+    ({"implausible": Implausible("x leans", Mode.FALLING)}, Mode.FALLING, "x leans"),
     ({"frames_refused": 3}, Mode.ESTOP, "bus overflow: 3 frames refused"),
     ({"tilt_rad": 1.1}, Mode.FALLING, "tilt of 1.10 rad is past the limit"),
 ]
@@ -90,6 +97,13 @@ class TestFaults:
 
     def test_an_imu_that_never_answers_is_named(self) -> None:
         assert "the IMU" in after(Mode.IDLE, now_s=1.0, imu_silence_s=1e9).faults[0]
+
+    @pytest.mark.parametrize(
+        "why", [{"first_pose": "x reads 4.48 rad"}, {"motor_error": "x"}, {"tilt_rad": 2.0}]
+    )
+    def test_no_motor_gets_stiffness_where_standing_would_be_a_fault_at_once(self, why: dict) -> None:
+        state = after(Mode.IDLE, now_s=0.5, **why)
+        assert state.mode is (Mode.FALLING if "tilt_rad" in why else Mode.ESTOP)
 
     def test_few_late_steps_are_forgiven(self) -> None:
         assert after(Mode.WALKING, late_steps=CONFIG.late_steps - 1).mode is Mode.WALKING

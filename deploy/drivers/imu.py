@@ -7,7 +7,7 @@
 | 0x302 | quaternion w x y z (int16), body to world | 1/32767 |
 
 Big-endian, body axes. Readings past the range are clamped. The sample counter tells a reading that is new
-from one that is repeated.
+from one that is repeated. A frame that is shorter and a quaternion that is no rotation count as not received.
 """
 
 import math
@@ -25,6 +25,7 @@ FILTERS: tuple[CanFilter, ...] = ({"can_id": GYRO_ID, "can_mask": 0x7FC, "extend
 GYRO_UNIT = 0.001
 ACCELERATION_UNIT = 0.005
 QUATERNION_UNIT = 1.0 / 32767.0
+NORM_ERROR = 0.01  # of a quaternion: rounding makes it 0.00003
 
 _SAMPLE = struct.Struct(">hhhH")
 _QUATERNION = struct.Struct(">hhhh")
@@ -66,13 +67,15 @@ def decode_acceleration(data: bytes) -> tuple[float, float, float]:
 
 
 def decode_quaternion(data: bytes) -> tuple[float, float, float, float] | None:
-    """Unit quaternion w x y z, or None for a frame that carries no rotation (all zero)."""
+    """Unit quaternion w x y z, or None for a frame that carries no rotation: its length is not 1."""
     return _unit_quaternion(*_QUATERNION.unpack(data))
 
 
 def _unit_quaternion(w: int, x: int, y: int, z: int) -> tuple[float, float, float, float] | None:
     norm = math.sqrt(w * w + x * x + y * y + z * z)
-    return None if norm == 0.0 else (w / norm, x / norm, y / norm, z / norm)
+    if abs(norm * QUATERNION_UNIT - 1.0) > NORM_ERROR:
+        return None
+    return w / norm, x / norm, y / norm, z / norm
 
 
 class ImuReader:
@@ -81,53 +84,74 @@ class ImuReader:
     def __init__(self, channel: int) -> None:
         """`channel` is the bus that the IMU is on."""
         self._channel = channel
-        self._counter = -1
-        self._seen: set[int] = set()
         self._usual: Frames | None = None  # the last batch that was one whole reading in the order of `IDS`
-        self._heard_us: int | None = None
+        self._gyro_counter = self._acceleration_counter = -1
+        self._heard_us: list[int | None] = [None, None, None]  # each part, as in `IDS`
         self.reading = Inertial((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
 
     @property
     def heard_us(self) -> int | None:
-        """When the last new reading came; None until each kind of frame has come once."""
-        return self._heard_us if len(self._seen) == len(IDS) else None
+        """When the part that was last renewed longest ago was renewed; None until each part has come once."""
+        gyro, acceleration, quaternion = self._heard_us
+        if gyro is None or acceleration is None or quaternion is None:
+            return None
+        return min(gyro, acceleration, quaternion)
+
+    @property
+    def oldest(self) -> str:
+        """The part that has not been renewed for longest."""
+        ages = [-math.inf if heard is None else heard for heard in self._heard_us]
+        return Inertial._fields[ages.index(min(ages))]
 
     def absorb(self, frames: Frames, now_us: int) -> None:
-        """Take in frames; those that are not the IMU's are left aside."""
+        """Take in frames; those that are not the IMU's, or not whole, are left aside."""
         usual = self._usual
-        if usual is not None and frames.id is usual.id and frames.channel is usual.channel:
+        if (
+            usual is not None
+            and frames.id is usual.id
+            and frames.channel is usual.channel
+            and frames.length is usual.length
+        ):
             self._absorb_reading(frames.data.tobytes(), now_us)
             return
-        identifiers, channels = frames.id.tolist(), frames.channel.tolist()
-        if tuple(identifiers) == IDS and channels == [self._channel] * len(IDS):
+        identifiers, channels, lengths = frames.id.tolist(), frames.channel.tolist(), frames.length.tolist()
+        if tuple(identifiers) == IDS and channels == [self._channel] * len(IDS) and lengths == [8] * len(IDS):
             self._usual = frames
-        for identifier, channel, row in zip(identifiers, channels, frames.data, strict=True):
-            if channel == self._channel and identifier in IDS:
+        for identifier, channel, length, row in zip(identifiers, channels, lengths, frames.data, strict=True):
+            if channel == self._channel and identifier in IDS and length == 8:
                 self._absorb_frame(identifier, row.tobytes(), now_us)
 
     def _absorb_reading(self, data: bytes, now_us: int) -> None:
         """The three frames of a reading at once."""
-        gx, gy, gz, counter, ax, ay, az, _, *quaternion = _ALL.unpack(data)
-        self._heard(counter, now_us)
+        gx, gy, gz, gyro_count, ax, ay, az, acceleration_count, *words = _ALL.unpack(data)
+        self._heard_counts(gyro_count, acceleration_count, now_us)
+        quaternion: Sequence[float] | None = _unit_quaternion(*words)
+        if quaternion is None:
+            quaternion = self.reading.quaternion
+        else:
+            self._heard_us[2] = now_us
         self.reading = Inertial(
             (gx * GYRO_UNIT, gy * GYRO_UNIT, gz * GYRO_UNIT),
             (ax * ACCELERATION_UNIT, ay * ACCELERATION_UNIT, az * ACCELERATION_UNIT),
-            _unit_quaternion(*quaternion) or self.reading.quaternion,
+            quaternion,
         )
 
     def _absorb_frame(self, identifier: int, data: bytes, now_us: int) -> None:
-        self._seen.add(identifier)
         gyro, acceleration, quaternion = self.reading
         if identifier == GYRO_ID:
             gyro, counter = decode_gyro(data)
-            self._heard(counter, now_us)
+            self._heard_counts(counter, self._acceleration_counter, now_us)
         elif identifier == ACCELERATION_ID:
             acceleration = decode_acceleration(data)
-        else:
-            quaternion = decode_quaternion(data) or quaternion
+            self._heard_counts(self._gyro_counter, _SAMPLE.unpack(data)[3], now_us)
+        elif (decoded := decode_quaternion(data)) is not None:
+            quaternion = decoded
+            self._heard_us[2] = now_us
         self.reading = Inertial(gyro, acceleration, quaternion)
 
-    def _heard(self, counter: int, now_us: int) -> None:
+    def _heard_counts(self, gyro: int, acceleration: int, now_us: int) -> None:
         """Only a counter that moves tells of a new reading."""
-        if counter != self._counter:
-            self._counter, self._heard_us = counter, now_us
+        if gyro != self._gyro_counter:
+            self._gyro_counter, self._heard_us[0] = gyro, now_us
+        if acceleration != self._acceleration_counter:
+            self._acceleration_counter, self._heard_us[1] = acceleration, now_us

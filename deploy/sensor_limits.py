@@ -1,0 +1,46 @@
+"""How far readings may contradict each other before the robot is damped."""
+
+import math
+from dataclasses import dataclass
+
+from footfall.common.config import require_between
+
+
+@dataclass(frozen=True)
+class SensorLimits:
+    """How far readings may contradict each other.
+
+    The defaults are at least 1.6 times the most that simulated robots gave while they walked, randomised,
+    pushed and with noisy sensors (docs/safety.md).
+    """
+
+    period_s: float = 0.02  # between two looks; a fault is seen within a few of them
+    memory_s: float = 0.25  # over which contradictions add up; what is older fades
+    position_rad: float = 0.2  # beyond a joint's range: stops give way, and calibration is never exact
+    drift_rad: float = 0.2  # a joint's way by its position against the one by its velocity
+    limp_s: float = 0.1  # that a motor reports little torque while much is commanded
+    opposing_s: float = 0.15  # that it reports much in the other direction
+    lag_s: float = 0.03  # of a reading and of a command together: what a torque was predicted from is older
+    torque_much: float = 0.1  # of the peak torque: more than friction and rounding can hide
+    torque_little: float = 0.02  # of the peak torque: what a motor without current may report
+    repeated_rad: float = 0.1  # way of a joint's target while its motor repeats one reply
+    temperature_c: float = 85.0  # of any motor; windings and magnets suffer from 100 on
+    rotation_rad: float = 0.2  # the base's turn by the quaternion against the one by the gyro
+    imu_repeated_s: float = 0.1  # that a part of the IMU repeats itself while joints move
+    moving_rad_s: float = 1.0  # of the fastest joint: then a body shakes by more than an IMU's last digit
+    resting_rad_s: float = 0.3  # of every joint and of the base: slower than that for `resting_s` is rest
+    resting_s: float = 0.3
+    rest_error: float = 0.15  # of gravity: acceleration at rest against the quaternion's idea of up
+    lean_error: float = 0.35  # of gravity: the same in motion, on average
+    lean_memory_s: float = 1.0  # over which a walk's accelerations cancel out
+
+    def __post_init__(self) -> None:
+        require_between(self, 0.001, 0.2, "period_s")
+        require_between(self, 0.01, 10.0, "memory_s", "imu_repeated_s", "resting_s", "lean_memory_s")
+        require_between(self, 0.001, math.tau, "position_rad", "drift_rad", "repeated_rad", "rotation_rad")
+        require_between(self, 0.01, 2.0, "rest_error", "lean_error")
+        require_between(self, 0.01, 10.0, "limp_s", "opposing_s")
+        require_between(self, 0.0, 0.1, "lag_s")
+        require_between(self, 0.001, 1.0, "torque_much", "torque_little")
+        require_between(self, 0.01, 100.0, "moving_rad_s", "resting_rad_s")
+        require_between(self, 30.0, 150.0, "temperature_c")
