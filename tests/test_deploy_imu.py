@@ -189,7 +189,7 @@ class TestReader:
         wire.send(before, 9000, gyro=0.5, quaternion=[0.0] * 4)
         np.testing.assert_allclose(wire.reader.reading.quaternion, [0.8, 0.0, 0.6, 0.0], atol=1e-4)
         assert wire.reader.reading.gyro[0] == pytest.approx(0.5)
-        assert wire.reader.heard_us == 9000
+        assert wire.reader.heard_us == 1000 * (before - 1)  # no new attitude is no new reading
 
     def test_a_quaternion_of_zeros_at_first_leaves_the_robot_upright(self, wire: Wire) -> None:
         wire.send(0, 0, quaternion=[0.0] * 4)
