@@ -139,6 +139,32 @@ class TestLimits:
         assert called.of("evaluate_policy")[1][option[2:]] == int(taken)
         assert option in shell.refuses("evaluate", "stand", option, refused)
 
+    @pytest.mark.parametrize("duration", ["0", "-1", "nan", "inf", "soon"])
+    def test_of_times(self, shell: Shell, duration: str) -> None:
+        assert "--duration" in shell.refuses("deploy", "stand", f"--duration={duration}")
+
+    @pytest.mark.parametrize("names", ["", ",", "push,,nominal", "push, "])
+    def test_of_names(self, shell: Shell, names: str) -> None:
+        assert "expected names with commas between them" in shell.refuses(
+            "evaluate", "stand", f"--scenarios={names}"
+        )
+
+    @pytest.mark.parametrize("port", ["0", "65536", "80.5"])
+    def test_of_what_is_no_port(self, shell: Shell, port: str) -> None:
+        assert "--port" in shell.refuses("watch", "run", "--port", port)
+
+    @pytest.mark.parametrize("number", ["1.5", "three", "1e3"])
+    def test_of_whole_numbers(self, shell: Shell, number: str) -> None:
+        assert f"expected a whole number, found '{number}'" in shell.refuses(
+            "evaluate", "stand", "--episodes", number
+        )
+
+    @pytest.mark.parametrize("command", ["0.5", "0.5,0", "0.5,0,0,0", "nan,0,0", "a,0,0", "0,0,101"])
+    def test_of_a_velocity(self, shell: Shell, command: str) -> None:
+        assert "expected three numbers such as 0.5,0,0" in shell.refuses(
+            "deploy", "stand", f"--command={command}"
+        )
+
     @pytest.mark.parametrize("port", ["1", "65535"])
     def test_of_ports(self, shell: Shell, called: Recorder, port: str) -> None:
         called.replace("footfall.pages.walk.watch")
@@ -465,6 +491,29 @@ class TestTrain:
     def test_with_settings_of_its_own(self, shell: Shell, option: tuple[str, str]) -> None:
         assert f"leave {option[0]} out" in shell.refuses("train", "--resume", "run", *option)
 
+    @pytest.mark.parametrize("option", [("--host", "there"), ("--port", "9000")])
+    def test_a_page_that_nobody_asked_for_has_no_address(
+        self, shell: Shell, called: Recorder, trained: SimpleNamespace, option: tuple[str, str]
+    ) -> None:
+        assert "add --watch, or leave them out" in shell.refuses("train", *option)
+        assert called.names == []
+
+    @pytest.mark.parametrize(
+        "option", [("--seed", "0"), ("--seed", "3"), ("--preset", "gpu"), ("--robot", "go1")]
+    )
+    def test_a_resumed_run_has_its_own_robot_preset_and_seed(
+        self, shell: Shell, called: Recorder, trained: SimpleNamespace, option: tuple[str, str]
+    ) -> None:
+        assert f"leave {option[0]} out" in shell.refuses("train", "--resume", "run", *option)
+        assert called.names == []
+
+    def test_a_resumed_run_may_be_watched_and_left_unevaluated(
+        self, shell: Shell, called: Recorder, trained: SimpleNamespace, tmp_path: Path
+    ) -> None:
+        assert shell("train", "--resume", tmp_path, "--watch", "--no-evaluate").status == 0
+        assert called.of("watched") == ((tmp_path, "localhost", 8080), {})
+        assert "evaluate_policy" not in called.names
+
     def test_several_processes_join_before_the_run_begins(
         self, shell: Shell, called: Recorder, trained: SimpleNamespace
     ) -> None:
@@ -686,6 +735,20 @@ class TestDemo:
         compared = steps[3][0]
         assert compared[compared.index("--scenarios") + 1] == "gentle,push"
         assert compared[compared.index("--episodes") + 1] == "24"
+
+    @pytest.mark.parametrize(
+        ("option", "complaint"),
+        [
+            (("--preset", "huge"), "no preset 'huge'"),
+            (("--scenarios", "gentle,ballet"), "no scenario 'ballet'"),
+            (("--robot", "rex"), "no robot 'rex'"),
+        ],
+    )
+    def test_what_does_not_exist_is_known_before_the_first_step(
+        self, shell: Shell, steps: list[Any], option: tuple[str, str], complaint: str
+    ) -> None:
+        assert complaint in shell.refuses("demo", "--out", "d", *option)
+        assert steps == []
 
     def test_an_empty_folder_will_do(self, shell: Shell, steps: list[Any], tmp_path: Path) -> None:
         (tmp_path / "empty").mkdir()

@@ -149,8 +149,9 @@ class TestSummary:
         }
 
     def test_notes_are_told_once_and_in_order(self) -> None:
-        noted = [outcome(notes=notes) for notes in (("no floor",), ("no base", "no floor"), ())]
-        assert summarise(SCENARIOS["nominal"], noted, 0)["notes"] == ["no base", "no floor"]
+        said = (("no floor", "h", "d"), ("no base", "no floor", "a"), (), ("c", "g", "a"), ("e", "b", "f"))
+        noted = [outcome(notes=notes) for notes in said]
+        assert summarise(SCENARIOS["nominal"], noted, 0)["notes"] == [*"abcdefgh", "no base", "no floor"]
 
     def test_a_row_has_the_figures_of_its_own_episodes(self) -> None:
         careless = replace(FELL, lin_vel_mse=0.25, yaw_rate_mse=0.49, electrical_j=1250.0)

@@ -256,6 +256,10 @@ class TestVerdict:
         assert "a survives the hardest pushes (3.00 m/s, next b with 2.00)" in verdict({"push": pushes})
         errors = {"c": scored(0.9), "b": scored(0.5), "a": scored(0.1)}
         assert "(0.100 m/s, next b with 0.500)" in verdict({"nominal": errors})
+        unknown = scored(0.9) | {"lin_vel_rmse": None, "lin_vel_rmse_interval": [None, None]}
+        assert "(0.100 m/s, next b with 0.500)" in verdict(
+            {"nominal": {"c": unknown} | errors | {"c": unknown}}
+        )
 
     def test_is_about_the_first_scenario_and_the_pushes_alone(self) -> None:
         bare = scored(0.1) | {"lin_vel_rmse": None, "lin_vel_rmse_interval": [None, None]}

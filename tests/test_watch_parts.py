@@ -3,6 +3,7 @@
 import json
 import multiprocessing
 import os
+import signal
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
@@ -19,7 +20,7 @@ pytest.importorskip("viser")
 
 from footfall.common import colours
 from footfall.common.errors import UserError
-from footfall.pages import walk
+from footfall.pages import snapshots, walk
 from footfall.pages.geometry import visible_shapes
 from footfall.pages.metrics_file import MetricsFile, thinned
 from footfall.pages.page import serving
@@ -241,6 +242,12 @@ class TestPanel:
     def test_within_wide_ranges_it_walks_ahead_at_half_a_metre_per_second(self, panel: Panel) -> None:
         panel.offer_commands(CommandRange((-1.0, 1.5), (-0.5, 0.5), (-1.0, 1.0)))
         np.testing.assert_allclose(panel.command, [0.5, 0.0, 0.0])
+
+    def test_a_number_typed_beyond_a_range_is_clipped_to_it(self, panel: Panel) -> None:
+        panel.offer_commands(CommandRange((-1.0, 1.5), (-0.5, 0.5), (-1.0, 1.0)))
+        for slider, value in zip(panel._sliders, (9.0, -9.0, 0.25), strict=True):
+            slider.value = value
+        np.testing.assert_allclose(panel.command, [1.5, -0.5, 0.25])
 
     def test_a_push_is_from_a_nudge_to_a_shove(self, panel: Panel) -> None:
         slider = panel._push_m_s
@@ -620,6 +627,23 @@ class TestSnapshots:
         assert given == [(run, out, out.with_name(checkpoint.name))]
 
 
+def test_the_exporting_process_leaves_the_accelerator_the_cores_and_ctrl_c_to_others(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("JAX_PLATFORMS", "cuda")
+    monkeypatch.setattr("footfall.train.entry.learning_libraries", nullcontext)
+    done: list[Any] = []
+    monkeypatch.setattr(snapshots.signal, "signal", lambda *given: done.append(given))
+    monkeypatch.setattr(snapshots.os, "nice", lambda by: done.append(by) or 3)
+
+    def recv() -> Any:
+        done.append(os.environ["JAX_PLATFORMS"])
+        raise EOFError
+
+    snapshots._export_on_demand(SimpleNamespace(recv=recv, send=done.append))  # type: ignore[arg-type]
+    assert done == [(signal.SIGINT, signal.SIG_IGN), 0, 7, "cpu"]  # from a niceness of 3 to 10
+
+
 class TestPace:
     def test_time_that_was_lost_or_paused_is_not_caught_up_on_and_the_factor_is_of_late(
         self, monkeypatch: pytest.MonkeyPatch
@@ -649,6 +673,33 @@ class TestPace:
         now[0] += 1.0
         pace.wait(3.0)
         assert pace.factor == pytest.approx(1.3 / 1.3)
+
+    def test_a_fifth_of_a_second_is_lost_for_good(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        now, slept = [50.0], []
+
+        def sleep(time_s: float) -> None:
+            slept.append(time_s)
+            now[0] += time_s
+
+        monkeypatch.setattr(walk, "time", SimpleNamespace(monotonic=lambda: now[0], sleep=sleep))
+        pace = Pace()
+        now[0] += 0.7
+        pace.wait(0.5)  # 0.2 s late
+        for simulated_s in (0.9, 1.3):
+            pace.wait(simulated_s)
+        assert slept == pytest.approx([0.4, 0.4])
+
+    def test_a_pause_does_not_count_as_slowness(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        now = [50.0]
+        time = SimpleNamespace(monotonic=lambda: now[0], sleep=lambda s: now.__setitem__(0, now[0] + s))
+        monkeypatch.setattr(walk, "time", time)
+        pace = Pace()
+        now[0] += 100.0
+        pace.resume(0.0)
+        pace.wait(0.4)
+        assert pace.factor == 1.0
+        pace.wait(1.2)
+        assert pace.factor == pytest.approx(1.0)
 
 
 class TestWalk:
@@ -753,6 +804,39 @@ class TestWalk:
         assert [each for each in made.log if each[0] == "commands"] == [("commands", "ranges")]
         assert (made.status.iteration, made.status.policies) == (5, 2)
 
+    def test_a_policy_is_looked_for_until_there_is_one_and_then_while_somebody_looks(
+        self, made: SimpleNamespace, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        asked: list[str] = []
+        made.snapshots.poll = lambda: asked.append("asked")
+        for policy, seen, times in ((None, False, 1), ("policy", False, 1), ("policy", True, 2)):
+            made.walk._policy, made.panel.seen = policy, seen
+            made.now.s += 2.0
+            made.walk._look()
+            assert len(asked) == times
+
+    def test_a_training_is_finished_after_its_last_step_alone(self, made: SimpleNamespace) -> None:
+        """A policy.onnx may be one that was exported on the way."""
+        made.run.policy.touch()
+        metrics = made.run.folder / "metrics.jsonl"
+        for step, finished in ((159, False), (160, True)):
+            metrics.write_text(f'{{"step": {step}}}\n')
+            made.walk._metrics = MetricsFile(metrics)
+            made.now.s += 2.0
+            made.walk._look()
+            assert made.status.finished is finished
+
+    def test_a_network_that_is_refused_changes_nothing_but_what_is_said(self, made: SimpleNamespace) -> None:
+        def refuse(_: Path) -> None:
+            raise UserError("another contract")
+
+        made.walk._policy = SimpleNamespace(replace_network=refuse)
+        made.status.iteration, made.status.policies = 3, 1
+        made.panel.seen, made.snapshots.next = True, Snapshot(Path("b.onnx"), 5)
+        made.walk._look()
+        assert (made.status.iteration, made.status.policies) == (3, 1)
+        assert made.status.problem == "another contract"
+
     def test_an_episode_is_walked_as_the_page_commands_and_its_fall_is_counted(
         self, made: SimpleNamespace, monkeypatch: pytest.MonkeyPatch
     ) -> None:
@@ -810,6 +894,9 @@ class TestWalk:
         assert self.done(walking) == ["show", "look", "wait"]
         assert walking.log[-1] == ("wait", 2.0)
         assert walking.walk._next_frame_us == 2_033_000
+        walking.loop.now_us = 2_040_000  # a late one leaves the rhythm as it is
+        walking.walk._tick(walking.loop, walking.body)
+        assert walking.walk._next_frame_us == 2_066_000
         walking.stop.requested = True
         walking.log.clear()
         walking.walk._tick(walking.loop, walking.body)
