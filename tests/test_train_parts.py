@@ -84,13 +84,46 @@ class Counting:
 
 @pytest.fixture
 def counting(monkeypatch: pytest.MonkeyPatch) -> Any:
-    monkeypatch.setattr(ppo, "step_batch", lambda env, state, action: env.step(state, action))
+    monkeypatch.setattr(ppo, "step_batch", step_by_hand)
     return Counting()
 
 
 @pytest.fixture(scope="module")
 def begun() -> TrainState:
     return ppo.initial_state(Counting(), NETWORKS, CONFIG, 3)  # type: ignore[arg-type]
+
+
+def step_by_hand(env: Any, state: Any, action: jax.Array) -> Any:
+    """In place of `step_batch`: `Counting` steps all its environments by itself."""
+    return env.step(state, action)
+
+
+@pytest.fixture(scope="module")
+def rolled(begun: TrainState) -> Any:
+    """Three steps of each environment."""
+    keys = jax.random.split(jax.random.PRNGKey(1), UNROLL)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ppo, "step_batch", step_by_hand)
+        return ppo.make_rollout(Counting(), NETWORKS, CONFIG)(begun, keys)  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def learnt(begun: TrainState, rolled: Any) -> tuple[dict[str, Any], Any]:
+    """Learning with a loss that shows what it is given, and is steep alike along all parameters."""
+    given: dict[str, Any] = {}
+
+    def loss(params: Any, normalizer: Any, data: Any, key: jax.Array, **settings: Any) -> tuple[Any, dict]:
+        given.update(settings)
+        following = data.next_observation["state"][:, -1, 0]
+        shown = {"reward": data.reward, "following": following, "key": key}
+        total = 1e-4 * sum(jnp.sum(leaf) for leaf in jax.tree.leaves(params))
+        return total, {"kl_mean": jnp.float32(0.0), **shown}
+
+    (_, observation), (rollout, _) = rolled
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ppo, "compute_ppo_loss", loss)
+        learn = ppo.make_learning(NETWORKS, CONFIG)
+        return given, learn(begun, rollout, observation, jax.random.PRNGKey(2))
 
 
 def plain_loss(params: Any, *_: Any, **__: Any) -> tuple[Any, dict]:
@@ -111,10 +144,9 @@ class TestPpo:
         assert not any(leaf.weak_type for leaf in jax.tree.leaves(begun))
 
     def test_a_transition_is_what_was_seen_done_and_earned_in_one_step(
-        self, counting: Any, begun: TrainState
+        self, begun: TrainState, rolled: Any
     ) -> None:
-        keys = jax.random.split(jax.random.PRNGKey(1), UNROLL)
-        (env, observation), (rollout, metrics) = ppo.make_rollout(counting, NETWORKS, CONFIG)(begun, keys)
+        (env, observation), (rollout, metrics) = rolled
         start = np.asarray(begun.env)
         np.testing.assert_allclose(
             rollout.observation["state"][..., 0], start + np.arange(UNROLL)[:, None], rtol=1e-6
@@ -135,8 +167,9 @@ class TestPpo:
         monkeypatch.setattr(ppo, "compute_ppo_loss", plain_loss)
         for most, kept in ((4, 4), (1000, ENVIRONMENTS * UNROLL), (8, 8)):
             monkeypatch.setattr(ppo, "LOGGED_OBSERVATIONS", most)
-            _, metrics, seen = ppo.make_iteration(counting, NETWORKS, CONFIG)(begun)
-            assert seen.shape == (kept, 3)
+            iteration = ppo.make_iteration(counting, NETWORKS, CONFIG)
+            assert jax.eval_shape(iteration, begun)[2].shape == (kept, 3)
+        _, metrics, seen = iteration(begun)
         assert float(metrics["episode/length_s"]) == pytest.approx(2.5 * 0.05)  # of two steps and of three
         assert float(metrics["reward/total"]) == pytest.approx((25.0 + 2.0) / 0.05)
         assert float(metrics["steps"]) == pytest.approx(2.0)
@@ -145,36 +178,10 @@ class TestPpo:
             seen[-ENVIRONMENTS:, 0], np.asarray(begun.env) + 2.0, rtol=1e-6
         )  # the newest
 
-    def learnt(self, monkeypatch: pytest.MonkeyPatch, begun: TrainState, slope: float = 1.0) -> Any:
-        """Learning with a loss that shows what it is given."""
-        given: dict[str, Any] = {}
-
-        def loss(
-            params: Any, normalizer: Any, data: Any, key: jax.Array, **settings: Any
-        ) -> tuple[Any, dict]:
-            given.update(settings)
-            following = data.next_observation["state"][:, -1, 0]
-            total = slope * sum(jnp.sum(leaf) for leaf in jax.tree.leaves(params))
-            return total, {
-                "kl_mean": jnp.float32(0.0),
-                "reward": data.reward,
-                "following": following,
-                "key": key,
-            }
-
-        monkeypatch.setattr(ppo, "compute_ppo_loss", loss)
-        rollout_of = SimpleNamespace(env=Counting())
-        keys = jax.random.split(jax.random.PRNGKey(1), UNROLL)
-        (_, observation), (rollout, _) = ppo.make_rollout(rollout_of.env, NETWORKS, CONFIG)(begun, keys)  # type: ignore[arg-type]
-        learn = ppo.make_learning(NETWORKS, CONFIG)
-        return given, learn(begun, rollout, observation, jax.random.PRNGKey(2))
-
-    def test_the_settings_reach_the_loss(
-        self, monkeypatch: pytest.MonkeyPatch, counting: Any, begun: TrainState
-    ) -> None:
-        given, _ = self.learnt(monkeypatch, begun)
-        assert given.pop("ppo_network") is NETWORKS
-        assert given == {
+    def test_the_settings_reach_the_loss(self, learnt: tuple[dict[str, Any], Any]) -> None:
+        given, _ = learnt
+        assert given["ppo_network"] is NETWORKS
+        assert {name: value for name, value in given.items() if name != "ppo_network"} == {
             "entropy_cost": 0.017,
             "discounting": 0.91,
             "gae_lambda": 0.82,
@@ -182,9 +189,9 @@ class TestPpo:
         }
 
     def test_each_pass_learns_once_from_each_environment_in_an_order_of_its_own(
-        self, monkeypatch: pytest.MonkeyPatch, counting: Any, begun: TrainState
+        self, begun: TrainState, learnt: tuple[dict[str, Any], Any]
     ) -> None:
-        _, (_, _, losses) = self.learnt(monkeypatch, begun)
+        _, (_, _, losses) = learnt
         seen = np.asarray(losses["reward"])
         assert seen.shape == (4, 3, 2, UNROLL)  # pass, minibatch, environment, time
         np.testing.assert_array_equal(seen - seen[..., :1], np.broadcast_to([0, 1, 2], seen.shape))
@@ -196,11 +203,11 @@ class TestPpo:
         assert len(np.unique(np.asarray(losses["key"]).reshape(12, -1), axis=0)) == 12
 
     def test_parameters_go_down_the_gradient_by_the_learning_rate(
-        self, monkeypatch: pytest.MonkeyPatch, counting: Any, begun: TrainState
+        self, begun: TrainState, learnt: tuple[dict[str, Any], Any]
     ) -> None:
         """Adam's steps along a gradient that stays as it is are as long as its rate; there are twelve of
         them."""
-        _, (params, _, losses) = self.learnt(monkeypatch, begun, slope=1e-4)
+        _, (params, _, losses) = learnt
         for before, after in zip(*map(jax.tree.leaves, (begun.params, params)), strict=True):
             np.testing.assert_allclose(after - before, np.full(before.shape, -12 * 2e-3), rtol=2e-3)
         np.testing.assert_allclose(losses["learning_rate"], np.full((4, 3), 2e-3))
