@@ -85,6 +85,14 @@ class TestInverse:
         assert np.all(angles >= ROBOT.lower_rad - 1e-9)
         assert np.all(angles <= ROBOT.upper_rad + 1e-9)
 
+    @pytest.mark.parametrize("limit", [ROBOT.lower_rad + 0.01, ROBOT.upper_rad - 0.01])
+    def test_knees_next_to_their_limits_are_found(self, limit: np.ndarray) -> None:
+        """Beyond the soft limits, which bind targets, not legs."""
+        wanted = LEGS.default_angles.copy()
+        wanted[:, 2] = limit[LEGS.joints[:, 2]]
+        foot = LEGS.pose(LEGS.scatter(wanted, ROBOT.default_pose)).foot
+        np.testing.assert_allclose(LEGS.solve(foot), wanted, atol=1e-6)
+
     def test_a_place_too_far_below_stretches_the_leg_towards_it(self) -> None:
         far = LEGS.default_foot * np.array([1.0, 1.0, 3.0])
         reached = LEGS.pose(LEGS.scatter(LEGS.solve(far), ROBOT.default_pose)).foot

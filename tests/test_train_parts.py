@@ -165,18 +165,19 @@ class TestPpo:
         self, counting: Any, begun: TrainState, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         monkeypatch.setattr(ppo, "compute_ppo_loss", plain_loss)
-        for most, kept in ((4, 4), (1000, ENVIRONMENTS * UNROLL), (8, 8)):
+        monkeypatch.setattr(ppo, "LOGGED_OBSERVATIONS", 1000)
+        all_of_them = jax.eval_shape(ppo.make_iteration(counting, NETWORKS, CONFIG), begun)[2]
+        assert all_of_them.shape == (ENVIRONMENTS * UNROLL, 3)
+        for most in (4, 8):
             monkeypatch.setattr(ppo, "LOGGED_OBSERVATIONS", most)
-            iteration = ppo.make_iteration(counting, NETWORKS, CONFIG)
-            assert jax.eval_shape(iteration, begun)[2].shape == (kept, 3)
-        _, metrics, seen = iteration(begun)
+            _, metrics, seen = ppo.make_iteration(counting, NETWORKS, CONFIG)(begun)
+            assert seen.shape == (most, 3)
+            newest = np.asarray(begun.env) + 2.0
+            np.testing.assert_allclose(seen[-ENVIRONMENTS:, 0], newest[:most], rtol=1e-6)
         assert float(metrics["episode/length_s"]) == pytest.approx(2.5 * 0.05)  # of two steps and of three
         assert float(metrics["reward/total"]) == pytest.approx((25.0 + 2.0) / 0.05)
         assert float(metrics["steps"]) == pytest.approx(2.0)
         assert not {"done", "length"} & set(metrics)
-        np.testing.assert_allclose(
-            seen[-ENVIRONMENTS:, 0], np.asarray(begun.env) + 2.0, rtol=1e-6
-        )  # the newest
 
     def test_the_settings_reach_the_loss(self, learnt: tuple[dict[str, Any], Any]) -> None:
         given, _ = learnt
