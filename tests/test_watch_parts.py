@@ -82,6 +82,16 @@ class TestScene:
             np.testing.assert_allclose(arrow.points, [[np.zeros(3), 0.4 * turned.apply(vector)]], atol=1e-6)
             np.testing.assert_allclose(arrow.position, [3.0, -2.0, 0.5 + above * height], atol=1e-6)
 
+    def test_bodies_are_drawn_by_their_frames_and_not_by_their_centres_of_mass(
+        self, scene: Scene, data: mujoco.MjData
+    ) -> None:
+        scene.show(data, np.zeros(3), np.zeros(3), follow=False)
+        for body, frame in scene.bodies.items():
+            np.testing.assert_allclose(frame.position, data.xpos[body], atol=1e-6)
+            np.testing.assert_allclose(frame.wxyz, data.xquat[body], atol=1e-6)
+        bodies = list(scene.bodies)
+        assert np.abs(data.xpos[bodies] - data.xipos[bodies]).max() > 0.01
+
     def test_an_arrow_of_nothing_is_not_there(self, scene: Scene, data: mujoco.MjData) -> None:
         scene.show(data, np.array([0.04, 0.0, 0.9]), np.array([0.0, 0.06, 0.0]), follow=False)
         assert [scene._arrows[name].visible for name in ("command", "velocity")] == [False, True]
@@ -585,6 +595,15 @@ class TestSnapshots:
         snapshots.chosen = "iteration 5"
         exporter.answer = Exported(None)
         assert snapshots.poll() is None
+
+    def test_a_checkpoint_that_was_written_again_is_exported_again(self, run: Path) -> None:
+        """A resumed run computes iterations anew."""
+        snapshots, exporter = self.found(run)
+        kept = self.write(run / "checkpoints" / "00000090.ckpt", 200)
+        out = self.write(run.parent / "out" / "00000090.onnx", 100)
+        snapshots.chosen = "iteration 90"
+        assert snapshots.poll() is None
+        assert exporter.asked == [(kept, out)]
 
     def test_an_exporter_that_dies_is_a_problem_and_another_is_started(self, run: Path) -> None:
         exporter, ended = Exporter(run), []
