@@ -1,14 +1,21 @@
 """What the MPC commands in single moments."""
 
+from typing import NamedTuple
+
 import mujoco
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from footfall.policies.controllers.mpc import Mpc
 from footfall.policies.controllers.mpc.config import MpcConfig
 from footfall.policies.controllers.mpc.controller import Base
 from footfall.policies.controllers.mpc.legs import LegControl
+from footfall.policies.controllers.mpc.problem import BodyState
 from footfall.policies.controllers.settings import controller_settings
+from footfall.policies.controllers.solver import BoundedSolver
+from footfall.policies.controllers.stance import nominal_feet
+from footfall.policies.gaits import find_gait
 from footfall.policies.policy import Observation, Sensed
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import load_robot, load_spec
@@ -47,6 +54,15 @@ def yaw_moment(force: np.ndarray) -> float:
     """About the vertical through the base, N m."""
     feet = LEGS.default_foot
     return float((feet[:, 0] * force[:, 1] - feet[:, 1] * force[:, 0]).sum())
+
+
+class Planned(NamedTuple):
+    """What `ForceProblems.build` was asked for."""
+
+    state: BodyState
+    reference: BodyState
+    contacts: np.ndarray
+    feet: np.ndarray
 
 
 class TestStanding:
@@ -135,6 +151,31 @@ class TestSwingBegins:
         angles = LEGS.gather(command.position)
         np.testing.assert_allclose(angles[swinging], LEGS.default_angles[swinging], atol=0.02)
 
+    @pytest.mark.parametrize("yaw", [0.0, 1.1])
+    def test_its_foot_aims_for_its_place_under_a_body_that_hardly_moves(self, yaw: float) -> None:
+        policy = Mpc(ROBOT)
+        policy.reset(standing(yaw))
+        for tick in range(2):
+            now = standing(yaw, time_s=1.0 + tick / policy.rate_hz, command=(0.5, 0.0, 0.0))
+            swinging = LEGS.gather(policy.act(now).kp)[:, 0] > 0
+        stance = CONFIG.stance
+        places = nominal_feet(LEGS, stance.height_m, stance.outward_m, stance.shift_m)
+        under = Rotation.from_euler("z", yaw).apply(places)
+        np.testing.assert_allclose(policy._target[swinging, :2], under[swinging, :2], atol=0.005)
+
+    def test_a_foot_in_the_air_keeps_the_place_where_it_was_lifted(self) -> None:
+        """Through later plans, while the base moves on over it."""
+        policy = Mpc(ROBOT)
+        policy.reset(standing())
+        for tick in range(20):
+            velocity = (0.0, 0.0, 0.0) if tick < 2 else (0.5, 0.0, 0.0)
+            now = standing(time_s=1.0 + tick / policy.rate_hz, command=(0.5, 0.0, 0.0), velocity=velocity)
+            swinging = LEGS.gather(policy.act(now).kp)[:, 0] > 0
+            if tick == 1:
+                begun, lifted = swinging, policy._lift_off[swinging].copy()
+        np.testing.assert_array_equal(swinging, begun)
+        np.testing.assert_array_equal(policy._lift_off[swinging], lifted)
+
     def test_without_a_solution_only_standing_feet_keep_their_force(
         self, monkeypatch: pytest.MonkeyPatch
     ) -> None:
@@ -147,6 +188,142 @@ class TestSwingBegins:
         pressed = policy._force[:, 2] > 1.0
         np.testing.assert_array_equal(pressed, policy._stands)
         assert pressed.sum() == 2
+
+
+class TestTicks:
+    """What a tick of `act` hands on."""
+
+    def test_a_tilted_robot_moves_along_the_ground_and_turns_about_the_vertical(self) -> None:
+        """Feet that stand pass under it at -(v + w x r), v level and w upright in the world."""
+        policy = Mpc(ROBOT)
+        yaw = 0.7
+        tilted = Rotation.from_euler("ZYX", [yaw, -0.3, 0.2])
+        x, y, z, w = tilted.as_quat()
+        seen = standing()
+        seen = seen._replace(sensed=seen.sensed._replace(quaternion=np.array([w, x, y, z])))
+        policy.reset(seen)
+        policy._command.value = np.array([0.4, -0.1, 0.8])  # not yet settled: it stays
+        command = policy.act(seen)
+        up = tilted.inv().apply(UP)
+        velocity = tilted.inv().apply(Rotation.from_euler("z", yaw).apply([0.4, -0.1, 0.0]))
+        pose = LEGS.pose(ROBOT.default_pose)
+        contact = pose.jacobian + LEGS.rolling_offset(pose.axes, up)
+        passed = (contact @ LEGS.gather(command.velocity)[:, :, None])[:, :, 0]
+        np.testing.assert_allclose(passed, -(velocity + np.cross(0.8 * up, pose.foot)), atol=1e-9)
+
+    def test_no_foot_is_lifted_and_no_command_followed_before_the_robot_has_settled(self) -> None:
+        policy = Mpc(ROBOT)
+        policy.reset(standing())
+        for time_s in (0.0, 0.5 * CONFIG.settle_s, 0.99 * CONFIG.settle_s):
+            command = policy.act(standing(time_s=time_s, command=(0.5, 0.0, 0.3)))
+            assert not command.kp.any()
+            assert not command.velocity.any()
+            np.testing.assert_array_equal(policy.stance(), 1.0)
+        command = policy.act(standing(time_s=CONFIG.settle_s, command=(0.5, 0.0, 0.3)))
+        assert command.kp.any()
+
+    def test_a_new_episode_begins_with_a_new_plan(self) -> None:
+        policy = Mpc(ROBOT)
+        for _ in range(2):
+            policy.reset(standing())
+            before = len(policy.solve_ms)
+            policy.act(standing())
+            assert len(policy.solve_ms) == before + 1
+
+    def test_plans_that_took_the_second_solver_are_counted(self) -> None:
+        policy = Mpc(ROBOT)
+        policy.reset(standing())
+        policy.act(standing())
+        assert policy.late == 0
+        policy._solver = BoundedSolver(daqp_iterations=0)
+        policy.reset(standing())
+        policy.act(standing(velocity=(0.0, 3.0, 0.0)))  # pushed: friction counts
+        assert policy.late == 1
+
+    def test_a_contact_is_trusted_after_a_tenth_of_its_stance(self) -> None:
+        """Feet that have stood for a twentieth of it by half; those that swing not at all."""
+        policy = Mpc(ROBOT)
+        policy.reset(standing())
+        stance_s = CONFIG.gait.period_s * CONFIG.gait.clock(ROBOT).timing.duty
+        for tick in range(round(1.05 * stance_s * policy.rate_hz)):
+            policy.act(standing(time_s=1.0 + tick / policy.rate_hz, command=(0.5, 0.0, 0.0)))
+        trust = policy.stance()
+        assert trust is not None
+        assert sorted(trust) == pytest.approx([0.0, 0.0, 0.5, 0.5], abs=0.02)
+
+
+class TestPlan:
+    """What a plan is made from."""
+
+    @pytest.fixture
+    def policy(self) -> Mpc:
+        return Mpc(ROBOT)
+
+    @pytest.fixture
+    def planned(self, policy: Mpc, monkeypatch: pytest.MonkeyPatch) -> list[Planned]:
+        """All plans of the policy."""
+        plans = []
+        build = policy._problems.build
+
+        def seen(state: BodyState, reference: BodyState, contacts: np.ndarray, feet: np.ndarray) -> object:
+            plans.append(Planned(state, reference, contacts.copy(), feet))
+            return build(state, reference, contacts, feet)
+
+        monkeypatch.setattr(policy._problems, "build", seen)
+        return plans
+
+    def test_it_counts_all_feet_as_on_the_ground(self, policy: Mpc, planned: list[Planned]) -> None:
+        """However high the leg kinematics of a tilted or badly estimated base see them."""
+        low = standing()._replace(base_height=HEIGHT - 0.07)
+        policy.reset(low)
+        policy.act(low)
+        for tick in range(2):
+            policy.act(low._replace(time_s=1.0 + tick / policy.rate_hz, command=np.array([0.5, 0.0, 0.0])))
+        assert len(planned) == 2
+        for state, _, _, feet in planned:
+            np.testing.assert_allclose(feet[:, :, 2], -state.pose[5], atol=1e-12)
+
+    def test_it_knows_who_stands_now_and_who_will(self, policy: Mpc, planned: list[Planned]) -> None:
+        """The first step is now, the others are the clock's at their middle."""
+        policy.reset(standing())
+        gait, horizon = CONFIG.gait, CONFIG.horizon
+        duty, phase = find_gait(gait.name, ROBOT)
+        middle = (np.arange(horizon.steps) + 0.5) * horizon.step_s
+        for tick in range(round(gait.period_s * policy.rate_hz)):
+            before = len(planned)
+            now = standing(time_s=1.0 + tick / policy.rate_hz, command=(0.5, 0.0, 0.0))
+            stands = LEGS.gather(policy.act(now).kp)[:, 0] == 0
+            walked_s = (tick + 1) / policy.rate_hz
+            for _, _, contacts, _ in planned[before:]:
+                np.testing.assert_array_equal(contacts[0], stands)
+                later = ((walked_s + middle[1:, None]) / gait.period_s + phase) % 1.0 < (gait.duty or duty)
+                np.testing.assert_array_equal(contacts[1:], later)
+        assert len(planned) > 10
+
+    def test_it_sees_standing_feet_from_the_centre_of_mass(self, policy: Mpc, planned: list[Planned]) -> None:
+        """In the heading frame, wherever the robot has gone to."""
+        policy.reset(standing(1.1))
+        policy._place = 3.0 - 2.0j
+        policy.act(standing(1.1))
+        expected = LEGS.default_foot[:, :2] - nominal_body(ROBOT).centre[:2]
+        np.testing.assert_allclose(planned[0].feet[0, :, :2], expected, atol=1e-9)
+
+    def test_a_foot_that_has_stepped_once_more_is_seen_under_the_turned_body(
+        self, policy: Mpc, planned: list[Planned]
+    ) -> None:
+        """Turning left at 1 rad/s, when one pair is about to lift: at the horizon's end it stands again."""
+        policy.reset(standing())
+        for tick in range(round(0.49 * CONFIG.gait.period_s * policy.rate_hz)):
+            policy.act(standing(time_s=1.0 + tick / policy.rate_hz, command=(0.0, 0.0, 1.0)))
+        _, reference, contacts, feet = planned[-1]
+        again = contacts[0] & ~contacts[3] & contacts[-1]
+        assert again.sum() == 2
+        stance = CONFIG.stance
+        places = nominal_feet(LEGS, stance.height_m, stance.outward_m, stance.shift_m)
+        yaw = reference.pose[-1, 2]
+        assert yaw > 0.2
+        turned = Rotation.from_euler("z", yaw).apply(places)
+        np.testing.assert_allclose(feet[-1, again, :2], turned[again, :2], atol=1e-9)
 
 
 class TestLegs:
