@@ -147,9 +147,20 @@ class TestTrot:
         force = -np.linalg.solve(jacobian.transpose(0, 2, 1), torque[stands][:, :, None])[:, :, 0]
         np.testing.assert_allclose(force, [[0.0, 0.0, CONFIG.weight_n / 2]] * 2, atol=1e-9)
 
-    def test_contacts_are_planned_with_a_fifth_of_the_stance_at_each_edge(self) -> None:
+    def test_a_command_is_approached_from_rest_once_it_has_settled(self) -> None:
         policy = Trot(ROBOT)
-        walking(policy, seconds=0.3)
+        policy.reset(seen())
+        for share in (0.2, 0.5, 0.99):
+            policy.act(seen(share * CONFIG.settle_s, FORWARD))
+            assert not policy._command.value.any()
+        policy.act(seen(CONFIG.settle_s, FORWARD))
+        first = CONFIG.command.acceleration_m_s2 / CONFIG.rate_hz
+        np.testing.assert_allclose(policy._command.value, [first, 0.0, 0.0])
+
+    @pytest.mark.parametrize("share", [0.05, 0.1, 0.4, 0.45, 0.55, 0.9])
+    def test_contacts_are_planned_with_a_fifth_of_the_stance_at_each_edge(self, share: float) -> None:
+        policy = Trot(ROBOT)
+        walking(policy, seconds=share * CONFIG.gait.period_s)
         phases, duty = policy._clock.phases(), policy._clock.timing.duty
         through = phases / duty
         edges = np.minimum(through, 1 - through) / 0.2
