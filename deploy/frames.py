@@ -5,13 +5,14 @@ from typing import NamedTuple
 import numpy as np
 
 BITRATE = 1_000_000  # bit/s: one bit takes one microsecond
+EXTENDED = 1 << 31  # added to an identifier of 29 bits, as SocketCAN does
 
 
 class Frames(NamedTuple):
     """A batch of k data frames, in the order in which they are queued."""
 
     channel: np.ndarray  # (k,) intp, which of the robot's buses
-    id: np.ndarray  # (k,) intp, 11-bit identifier
+    id: np.ndarray  # (k,) intp, identifier of 11 bits, or of 29 bits plus EXTENDED
     data: np.ndarray  # (k, 8) uint8; bytes past the length are zero
     length: np.ndarray  # (k,) intp, data length code 0..8
 

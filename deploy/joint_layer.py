@@ -4,8 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from footfall.deploy.drivers import imu
 from footfall.deploy.drivers.driver import Driver
-from footfall.deploy.drivers.imu import GYRO_ID, ImuReader, Inertial
+from footfall.deploy.drivers.imu import ImuReader, Inertial
 from footfall.deploy.frames import Frames
 from footfall.policies.policy import Sensed
 from footfall.robots.actuator import JointCommand, limit_torque, pd_torque
@@ -32,6 +33,8 @@ class JointLayer:
         self._lower, self._upper = robot.soft_limits
         n = len(robot.joint_names)
         self._target = robot.default_pose.copy()
+        self._wanted: JointCommand | None = None  # the decision that `_sayable` was made of
+        self._sayable = np.zeros((5, n))
         self._joints = np.zeros((3, n))
         self._imu = ImuReader(imu_channel)
         # Arrays of ids that came last from motors alone and from the IMU alone: a simulated bus hands out the
@@ -48,7 +51,9 @@ class JointLayer:
 
     def begin_at(self, position: np.ndarray) -> None:
         """Let the rate limit start from these joint positions, rad, (n,)."""
-        self._target = position.copy()
+        lowest, highest = self._driver.lowest[0], self._driver.highest[0]
+        self._lower, self._upper = (limit.clip(lowest, highest) for limit in self._robot.soft_limits)
+        self._target = position.clip(lowest, highest)
 
     @property
     def target(self) -> np.ndarray:
@@ -56,7 +61,7 @@ class JointLayer:
         return self._target
 
     def command(self, wanted: JointCommand) -> Frames:
-        """Frames for one tick of a wanted command with finite numbers.
+        """Frames for one tick of a wanted command with finite numbers, in arrays that nobody writes to.
 
         The position target stays inside the soft limits and moves no faster than the robot's target rate.
         Where the PD law would ask a motor for more than its limits at the measured position and speed,
@@ -70,26 +75,29 @@ class JointLayer:
             self._robot.description.target_rate_rad_s,
             self._tick_s,
         )
-        return self._frames(np.array((self._target, *wanted[1:]), dtype=float))
+        if wanted is not self._wanted:
+            self._wanted, self._sayable = wanted, self._within_frames(np.array(wanted, dtype=float))
+        values = self._sayable.copy()
+        values[0] = self._target
+        return self._frames(values)
 
     def damping(self, kd: float) -> Frames:
         """Frames that only damp the joints, kd in N m s/rad, within the motors' limits."""
         values = np.zeros((5, len(self._target)))
         values[3] = kd
         self._target = self._joints[0].copy()
-        return self._frames(values)
+        return self._frames(self._within_frames(values))
+
+    def _within_frames(self, values: np.ndarray) -> np.ndarray:
+        """A command (5, n) without what a frame cannot say, since what a motor is asked for depends on it."""
+        return np.minimum(np.maximum(values, self._driver.lowest), self._driver.highest)
 
     def _frames(self, values: np.ndarray) -> Frames:
-        """Frames of a command (5, n) that asks no motor for more than it can do; `values` is written to.
-
-        What a frame cannot say is cut off first, since what the motor is asked for depends on it.
-        """
-        np.maximum(values, self._driver.lowest, out=values)
-        np.minimum(values, self._driver.highest, out=values)
+        """Frames of a command (5, n) that asks no motor for more than it can do; `values` is written to."""
         position, velocity, _ = self._joints
         asked = pd_torque(JointCommand(*values), position, velocity)
         possible = limit_torque(asked, velocity, self._robot.motor)
-        if (asked != possible).any():
+        if np.count_nonzero(asked != possible):
             values[2:] *= _share(possible, asked)
         self.commanded_torque, self.stiffness = possible, values[2]
         return self._driver.command(values)
@@ -108,7 +116,7 @@ class JointLayer:
 
     def _sort(self, frames: Frames, now_us: int) -> None:
         """A batch whose ids were not seen before."""
-        from_imu = frames.id >= GYRO_ID
+        from_imu = (frames.id >= imu.IDS[0]) & (frames.id <= imu.IDS[-1])
         if not from_imu.any():
             self._reply_ids = frames.id
             self._absorb_replies(frames, now_us)

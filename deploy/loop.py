@@ -86,6 +86,7 @@ class ControlLoop:
         safety = config.safety
         self._checks = SensorChecks(robot, wiring, safety.sensors, config.tick_us * 1e-6)
         self._last_resort = self._joints.damping(safety.damping_kd)  # needs no reading to be right
+        self._silence_us = safety.silence_timeout_s * 1e6
         self._period_us = 1e6 / policy.rate_hz
         self._estimate_every_us = round(1e6 / config.estimator_rate_hz)
         self._stand_gains = (
@@ -300,28 +301,26 @@ class ControlLoop:
             self.log.state(self.now_us, self.state)
 
     def _signals(self, elapsed_us: int) -> Signals:
-        heard = self._joints.last_heard()
-        now_us, state = self.now_us, self.state
-        oldest = int(heard.motor_us.argmin())
+        joints, now_us, state = self._joints, self.now_us, self.state
+        motor_us, imu_us, motor_error = joints.last_heard()
+        oldest = int(motor_us.argmin())
+        oldest_us, silence_us = int(motor_us[oldest]), self._silence_us
         now_s = now_us * 1e-6
-        motor_silence_s = (now_us - int(heard.motor_us[oldest])) * 1e-6
-        idle = state.mode is Mode.IDLE
-        everyone = motor_silence_s <= self._config.safety.silence_timeout_s
+        starting = state.mode is Mode.IDLE and now_us - oldest_us <= silence_us
+        moving = state.mode in MOVING
         return Signals(
             now_s=now_s,
-            motor_silence_s=motor_silence_s,
+            motor_silence_s=(now_us - oldest_us) * 1e-6,
             silent_motor=self._places[oldest],
-            imu_silence_s=(now_us - heard.imu_us) * 1e-6,
-            motor_error=self._error_of(heard.motor_error) if np.count_nonzero(heard.motor_error) else "",
+            imu_silence_s=(now_us - imu_us) * 1e-6,
+            motor_error=self._error_of(motor_error) if np.count_nonzero(motor_error) else "",
             tilt_rad=tilt(self.sensed.quaternion),
             frames_refused=self._refused,
             stand_done=state.mode is Mode.STANDING and now_s - state.since_s >= self._config.stand_s,
             finish=self._finish and state.mode not in DAMPED,
-            oldest_of_imu=self._joints.oldest_of_imu,
-            first_pose=self._first_pose() if idle and everyone else "",
-            implausible=self._contradiction(now_us - min(int(heard.motor_us[oldest]), heard.imu_us))
-            if state.mode in MOVING
-            else None,
+            oldest_of_imu="" if now_us - imu_us <= silence_us else joints.oldest_of_imu,
+            first_pose=self._first_pose() if starting else "",
+            implausible=self._contradiction(now_us - min(oldest_us, imu_us)) if moving else None,
             pause_s=elapsed_us * 1e-6,
             skipped_share=self._skipped(elapsed_us),
             **self._policy_signals(),

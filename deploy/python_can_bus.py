@@ -11,7 +11,7 @@ import numpy as np
 from footfall.common.errors import UserError
 from footfall.deploy.bus import HOST_QUEUE, BusStatistics
 from footfall.deploy.drivers.driver import CanFilter
-from footfall.deploy.frames import Frames, frame_bits
+from footfall.deploy.frames import EXTENDED, Frames, frame_bits
 
 MULTICAST = "udp_multicast"
 MULTICAST_GROUP = "239.74.163.2"
@@ -68,7 +68,7 @@ class PythonCanBus:
         self._queue_s = (queue_frames - 1) * frame_bits(8) * 1e-6
         self._free_at = [0.0] * len(names)
         self._statistics = [BusStatistics(name) for name in names]
-        self._wanted = [(f["can_id"], f["can_mask"]) for f in filters]
+        self._wanted = [(f["can_id"] | f["extended"] * EXTENDED, f["can_mask"] | EXTENDED) for f in filters]
         self._buses: list[Any] = []
         logging.getLogger("can").setLevel(logging.CRITICAL)  # failures are reported in our own words
         for index, name in enumerate(names):
@@ -86,10 +86,11 @@ class PythonCanBus:
         for channel, identifier, data, length in zip(
             frames.channel.tolist(), frames.id.tolist(), frames.data, frames.length.tolist(), strict=True
         ):
-            self._pace(channel, length)
+            extended = bool(identifier & EXTENDED)
+            self._pace(channel, frame_bits(length, extended))
             message = self._can.Message(
-                arbitration_id=identifier,
-                is_extended_id=False,
+                arbitration_id=identifier & ~EXTENDED,
+                is_extended_id=extended,
                 data=data[:length].tobytes(),
                 check=False,
             )
@@ -151,12 +152,12 @@ class PythonCanBus:
             bus.shutdown()
         self._buses = []
 
-    def _pace(self, channel: int, length: int) -> None:
+    def _pace(self, channel: int, bits: int) -> None:
         now = time.monotonic()
         backlog = self._free_at[channel] - now
         if backlog > self._queue_s:
             time.sleep(backlog - self._queue_s)
-        self._free_at[channel] = max(self._free_at[channel], now) + frame_bits(length) * 1e-6
+        self._free_at[channel] = max(self._free_at[channel], now) + bits * 1e-6
 
 
 def _plain_frame(message: Any) -> tuple[int, bytes] | None:
@@ -165,10 +166,11 @@ def _plain_frame(message: Any) -> tuple[int, bytes] | None:
     Raises:
         TypeError: what came is no frame.
     """
-    if message.is_error_frame or message.is_remote_frame or message.is_extended_id or not message.is_rx:
+    if message.is_error_frame or message.is_remote_frame or not message.is_rx:
         return None
     data = bytes(message.data)
-    return (operator.index(message.arbitration_id), data) if len(data) <= 8 else None
+    identifier = operator.index(message.arbitration_id) | bool(message.is_extended_id) * EXTENDED
+    return (identifier, data) if len(data) <= 8 else None
 
 
 def _open(can: Any, interface: str, index: int, name: str, filters: tuple[CanFilter, ...]) -> Any:

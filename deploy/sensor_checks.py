@@ -113,7 +113,7 @@ class SensorChecks:
         for row, check in enumerate(JOINT_CHECKS):
             measures[row] = check.measure(monitor)
         good = measures <= self._joint_limits  # what is no number is not good either
-        if not good.all():
+        if np.count_nonzero(good) < good.size:
             row, joint = np.argwhere(~good)[0].tolist()
             check = JOINT_CHECKS[row]
             says = check.says.format(measures[row, joint], monitor.joints[0, joint])

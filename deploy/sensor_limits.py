@@ -14,7 +14,7 @@ class SensorLimits:
     pushed and with noisy sensors (docs/safety.md).
     """
 
-    period_s: float = 0.02  # between two looks; a fault is seen within a few of them
+    period_s: float = 0.04  # between two looks; a fault is seen within a few of them
     memory_s: float = 0.25  # over which contradictions add up; what is older fades
     position_rad: float = 0.2  # beyond a joint's range: stops give way, and calibration is never exact
     drift_rad: float = 0.2  # a joint's way by its position against the one by its velocity

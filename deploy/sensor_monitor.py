@@ -29,7 +29,6 @@ class SensorMonitor:
         self.lower, self.upper = robot.lower_rad, robot.upper_rad
         self._much = limits.torque_much * robot.motor.peak_torque
         self._little = limits.torque_little * robot.motor.peak_torque
-        self._sums = np.zeros((3, n))  # since the last look: velocity, reported torque, commanded torque
         self._n = n
         self._gap, self._added_us = False, 0
         self.begin(0, Inertial((0.0,) * 3, (0.0,) * 3, (1.0, 0.0, 0.0, 0.0)), np.zeros((3, n)), np.zeros(n))
@@ -73,17 +72,9 @@ class SensorMonitor:
             target: (n,) position targets that went out last, rad.
             temperature: (n,) degrees Celsius.
         """
-        sums, turned, pulled = self._sums, self._turned, self._pulled
-        sums[:2] += joints[1:]
-        sums[2] += commanded
-        x, y, z = inertial.gyro
-        turned[0] += x
-        turned[1] += y
-        turned[2] += z
-        x, y, z = inertial.acceleration
-        pulled[0] += x
-        pulled[1] += y
-        pulled[2] += z
+        self._readings.append(joints)
+        self._commands.append(commanded)
+        self._inertials.append(inertial)
         self._ticks += 1
         self._gap |= silence_us > self._gap_us or now_us - self._added_us > self._gap_us
         self._added_us = now_us
@@ -99,9 +90,9 @@ class SensorMonitor:
 
     def _start_window(self, now_us: int) -> None:
         self._ticks, self._looked_us, self._added_us, self._gap = 0, now_us, now_us, False
-        self._sums[:] = 0.0
-        self._turned = [0.0, 0.0, 0.0]  # sums of the gyro and of the acceleration
-        self._pulled = [0.0, 0.0, 0.0]
+        self._readings: list[np.ndarray] = []  # since the last look
+        self._commands: list[np.ndarray] = []
+        self._inertials: list[Inertial] = []
 
     def _compare(
         self,
@@ -113,8 +104,12 @@ class SensorMonitor:
     ) -> None:
         limits, count = self._limits, self._ticks
         kept = math.exp(-elapsed_s / limits.memory_s)
-        self._sums *= 1.0 / count
-        velocity = self._sums[0]
+        _, velocity, torque = np.add.reduce(self._readings) / count
+        commanded = np.add.reduce(self._commands) / count
+        gyros, accelerations, _ = zip(*self._inertials, strict=True)
+        gyro, acceleration = (
+            [sum(values) / count for values in zip(*parts, strict=True)] for parts in (gyros, accelerations)
+        )
         moved = joints[0] - self.joints[0]
         self.drift *= kept
         self.drift += moved
@@ -122,29 +117,36 @@ class SensorMonitor:
         same = (joints == self.joints).all(axis=0)
         self.repeated += np.abs(target - self._target)
         self.repeated *= same
-        self._compare_torques(joints[2], stiffness * velocity, elapsed_s)
-        fastest = float(np.abs(velocity).max())
-        gyro = [value / count for value in self._turned]
+        self._compare_torques(torque, joints[2], commanded, stiffness * velocity, elapsed_s)
+        fastest = float(np.maximum.reduce(np.abs(velocity)))
         self._compare_turns(gyro, inertial.quaternion, elapsed_s, kept)
-        self._compare_gravity([value / count for value in self._pulled], gyro, inertial, fastest, elapsed_s)
+        self._compare_gravity(acceleration, gyro, inertial, fastest, elapsed_s)
         for part, (now, before) in enumerate(zip(inertial, self._inertial, strict=True)):
             if now != before:
                 self._imu_repeated[part] = 0.0
             elif fastest > limits.moving_rad_s:
                 self._imu_repeated[part] += elapsed_s
 
-    def _compare_torques(self, last: np.ndarray, slope: np.ndarray, elapsed_s: float) -> None:
+    def _compare_torques(
+        self,
+        torque: np.ndarray,
+        last: np.ndarray,
+        commanded: np.ndarray,
+        slope: np.ndarray,
+        elapsed_s: float,
+    ) -> None:
         """How long much was commanded, and none, or the opposite, was reported.
 
         A motor that follows late does either for moments; what it reports in between sets the time back.
 
         Args:
-            last: torque that was reported last, N m, (n,).
-            slope: how fast the commanded torque changes with a joint's motion, N m/s, (n,). It was worked out
+            torque: reported torque, N m, (n,), on average since the last look.
+            last: torque that was reported last.
+            commanded: commanded torque, on average since the last look.
+            slope: how fast the commanded torque changes with a joint's motion, N m/s. It was worked out
                 from older readings than the motor's own, so that some of it counts for nothing.
             elapsed_s: time since the last look.
         """
-        _, torque, commanded = self._sums
         asked = np.abs(commanded) - self._limits.lag_s * np.abs(slope) > self._much
         reports = np.maximum(np.abs(torque), np.abs(last)) > self._little
         self.limp_s += elapsed_s * asked

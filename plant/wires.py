@@ -7,13 +7,13 @@ from enum import IntEnum
 import numpy as np
 
 from footfall.deploy.bus import HOST_QUEUE
-from footfall.deploy.frames import Frames, frame_bits
+from footfall.deploy.frames import EXTENDED, Frames, frame_bits
 
 NODE_BACKLOG_US = 20_000.0  # a motor or an IMU gives up on a frame that would wait longer
 
 _REMEMBERED = 16  # arrays of channels
 
-_BITS = np.array([frame_bits(length) for length in range(9)], dtype=float)
+_BITS = np.array([[frame_bits(length, extended) for length in range(9)] for extended in (False, True)], float)
 
 
 class Side(IntEnum):
@@ -25,7 +25,7 @@ class Side(IntEnum):
 
 @dataclass
 class _Plan:
-    """How a batch of given channels and lengths follows one another on the wires."""
+    """How a batch of given channels, lengths and kinds of identifier follows one another on the wires."""
 
     channel: np.ndarray  # (k,), and
     length: np.ndarray  # (k,): of the batch that last had this plan
@@ -73,7 +73,7 @@ class SimulatedWires:
         self._free_at = [0.0] * len(names)  # when each wire falls idle
         self._all_free_at = 0.0
         self._flying: tuple[deque[_Batch], ...] = (deque(), deque())
-        self._plans: dict[tuple[bytes, bytes], _Plan] = {}
+        self._plans: dict[tuple[bytes, ...], _Plan] = {}
         self._plan_of_array: dict[int, _Plan] = {}  # by the identity of an array of channels
         self.refused = np.zeros((2, len(names)), dtype=np.int64)
 
@@ -131,11 +131,12 @@ class SimulatedWires:
     def _plan(self, frames: Frames) -> _Plan:
         known = self._plan_of_array.get(id(frames.channel))
         if known is not None and known.channel is frames.channel and known.length is frames.length:
-            return known
-        key = frames.channel.tobytes(), frames.length.tobytes()
+            return known  # whoever keeps an array of channels keeps the kind of identifier, too
+        extended = frames.id >= EXTENDED
+        key = frames.channel.tobytes(), frames.length.tobytes(), extended.tobytes()
         plan = self._plans.get(key)
         if plan is None:
-            channel, duration = frames.channel, _BITS[frames.length]
+            channel, duration = frames.channel, _BITS[extended.astype(np.intp), frames.length]
             before = np.tril(channel[:, None] == channel[None, :]).astype(float)
             on = (np.arange(len(self.names))[:, None] == channel[None, :]).astype(float)
             count = on.sum(axis=1).astype(np.int64)

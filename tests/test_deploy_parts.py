@@ -23,7 +23,7 @@ from footfall.deploy.drivers import imu
 from footfall.deploy.drivers.choice import open_driver, open_motor_end
 from footfall.deploy.drivers.driver import Request, Requests
 from footfall.deploy.drivers.mit_driver import MitDriver, MitMotorEnd
-from footfall.deploy.frames import Frames, frame_bits
+from footfall.deploy.frames import EXTENDED, Frames, frame_bits
 from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.python_can_bus import PythonCanBus
@@ -954,6 +954,22 @@ class TestPythonCanBus:
         ]
         assert [s.frames_received for s in bus.statistics()] == [3, 1]
         assert bus.receive(0) == []
+
+    def test_identifiers_of_29_bits_go_out_and_come_in_as_such(self, can: FakeCan) -> None:
+        wanted = ({"can_id": 0x0200_0000, "can_mask": 0x1F00_0000, "extended": True},)
+        bus = PythonCanBus("socketcan", ("can0",), wanted)
+        ids = np.array([EXTENDED | 0x0112_3401, 0x101])
+        bus.send(Frames(np.zeros(2, int), ids, np.zeros((2, 8), np.uint8), np.full(2, 8)), 0)
+        sent = can.buses[0].sent
+        assert [(m.arbitration_id, m.is_extended_id) for m in sent] == [(0x0112_3401, True), (0x101, False)]
+        can.waiting = {
+            0: [
+                received(0x0200_01FD, b"x", is_extended_id=True),
+                received(0x0300_01FD, b"x", is_extended_id=True),  # of another kind
+                received(0x200, b"x"),
+            ]
+        }
+        assert bus.receive(0)[0].id.tolist() == [EXTENDED | 0x0200_01FD]
 
     def test_foreign_frames_are_taken_and_left_out(self, can: FakeCan) -> None:
         wanted = (

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from footfall.deploy.bus import HOST_QUEUE
-from footfall.deploy.frames import Frames, frame_bits
+from footfall.deploy.frames import EXTENDED, Frames, frame_bits
 from footfall.plant.bus import SimulatedBus
 from footfall.plant.wires import Side, SimulatedWires
 
@@ -76,6 +76,18 @@ class TestTime:
         wires = SimulatedWires(("a",))
         wires.send(Side.HOST, frames(0, length=0), 0)
         assert numbers(wires.receive(Side.ROBOT, frame_bits(0))) == [0]
+
+    def test_frames_with_29_bits_take_longer(self) -> None:
+        """160 us with the most stuff bits, 135 with 11 bits; also where both kinds follow one another."""
+        wires = SimulatedWires(("a",))
+        plain, extended = frames(0), frames(0)
+        extended.id[:] |= EXTENDED
+        wires.send(Side.HOST, extended, 0)
+        assert wires.receive(Side.ROBOT, 159) == []
+        assert wires.receive(Side.ROBOT, 160)[0].id.tolist() == [EXTENDED | 1]
+        wires.send(Side.HOST, plain, 1000)
+        assert wires.receive(Side.ROBOT, 1134) == []
+        assert wires.receive(Side.ROBOT, 1135)[0].id.tolist() == [1]
 
     def test_nobody_hears_what_they_sent_themselves(self) -> None:
         wires = SimulatedWires(("a",))
