@@ -5,9 +5,11 @@ import math
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.linalg import solve_discrete_are
 from scipy.optimize import minimize
 
 from footfall.policies.controllers.step.footsteps import (
+    NextStep,
     NominalStep,
     StepLimits,
     StepWeights,
@@ -19,7 +21,9 @@ from footfall.policies.controllers.step.swing import Swing
 
 RATE = 3.9  # 1/s, of a pendulum 0.645 m high
 STEP_S, BOTH_S = 0.7, 0.15
-LIMITS = StepLimits(ahead_m=(-0.3, 0.4), apart_m=(0.14, 0.35), time_s=(0.4, 0.9), least_swing_s=0.05)
+LIMITS = StepLimits(
+    ahead_m=(-0.3, 0.4), apart_m=(0.14, 0.35), time_s=(0.4, 0.9), least_swing_s=0.05, speed_m_s=1.5
+)
 WEIGHTS = StepWeights(place=1.0, time=0.02, offset=300.0)
 
 
@@ -52,6 +56,54 @@ class TestNominalStep:
         np.testing.assert_allclose(sum(both), 2 * STEP_S * velocity)
 
 
+def preview_control(wanted: np.ndarray, dt_s: float, previewed: int) -> np.ndarray:
+    """The capture point (ticks, axes) of a cart-table model whose centre of pressure follows `wanted`.
+
+    Preview control of the zero-moment point by the jerk of the centre of mass (Kajita et al. 2003, "Biped
+    walking pattern generation by using preview control of zero-moment point"), from rest.
+    """
+    a = np.array([[1.0, dt_s, dt_s**2 / 2], [0.0, 1.0, dt_s], [0.0, 0.0, 1.0]])
+    b = np.array([[dt_s**3 / 6], [dt_s**2 / 2], [dt_s]])
+    c = np.array([[1.0, 0.0, -1.0 / RATE**2]])
+    full_a, full_b = np.block([[np.ones((1, 1)), c @ a], [np.zeros((3, 1)), a]]), np.vstack([c @ b, b])
+    error, effort = np.diag([1.0, 0.0, 0.0, 0.0]), np.array([[1e-8]])
+    p = solve_discrete_are(full_a, full_b, error, effort)
+    share = np.linalg.inv(effort + full_b.T @ p @ full_b) @ full_b.T
+    gain = share @ p @ full_a
+    ahead, x = [-gain[0, 0]], -(full_a - full_b @ gain).T @ p[:, :1]
+    for _ in range(previewed - 1):
+        ahead.append((share @ x).item())
+        x = (full_a - full_b @ gain).T @ x
+    state, sum_of_errors = np.zeros((3, wanted.shape[1])), np.zeros(wanted.shape[1])
+    path = []
+    for tick in range(len(wanted) - previewed):
+        path.append(state[0] + state[1] / RATE)
+        sum_of_errors += (c @ state)[0] - wanted[tick]
+        coming = np.array(ahead) @ wanted[tick + 1 : tick + 1 + previewed]
+        state = a @ state + b @ (-gain[:, :1] * sum_of_errors - gain[:, 1:] @ state - coming)
+    return np.array(path)
+
+
+@pytest.mark.parametrize("velocity", [(0.3, 0.0), (-0.15, 0.06)])
+def test_preview_control_of_the_zero_moment_point_has_the_capture_point_where_the_gait_says(
+    velocity: tuple[float, float],
+) -> None:
+    """A dozen steps; the pressure moves evenly to each new foot while both bear, then rests in its middle."""
+    dt_s, steps = 0.005, 12
+    foot, feet, offsets, wanted = np.zeros(2), [np.zeros(2)], [], [np.zeros((400, 2))]  # 2 s of rest
+    for number in range(steps):
+        nominal = nominal_step(np.array(velocity), (-1.0) ** number, 0.22, STEP_S, BOTH_S, RATE)
+        moved = np.minimum((np.arange(round(STEP_S / dt_s)) + 1) * dt_s / BOTH_S, 1.0)[:, None]
+        wanted.append(foot + moved * nominal.place)
+        foot = foot + nominal.place
+        feet.append(foot)
+        offsets.append(nominal.offset)
+    capture = preview_control(np.concatenate(wanted), dt_s, previewed=320)
+    for number in range(4, 8):
+        landing = 400 + round(STEP_S / dt_s) * number - 1
+        np.testing.assert_allclose(capture[landing] - feet[number + 1], offsets[number], atol=0.002)
+
+
 def test_the_capture_point_under_a_moving_pressure() -> None:
     begin, last = np.array([0.05, -0.08]), np.array([0.2, 0.18])
     for time_s in (0.04, 0.15):
@@ -63,9 +115,14 @@ class TestNextStep:
     nominal = nominal_step(np.array([0.25, 0.05]), -1.0, 0.22, STEP_S, BOTH_S, RATE)
 
     def decide(
-        self, capture: np.ndarray, elapsed_s: float = 0.2, pressure: tuple[float, float] = (0.01, 0.0)
-    ):
-        return next_step(capture, np.array(pressure), elapsed_s, -1.0, RATE, self.nominal, LIMITS, WEIGHTS)
+        self,
+        capture: np.ndarray,
+        elapsed_s: float = 0.2,
+        way_m: float = 0.1,
+        pressure: tuple[float, float] = (0.01, 0.0),
+    ) -> NextStep:
+        p = np.array(pressure)
+        return next_step(capture, p, elapsed_s, way_m, -1.0, RATE, self.nominal, LIMITS, WEIGHTS)
 
     def steady(self, elapsed_s: float) -> np.ndarray:
         """Where the capture point is in the steady gait, the pressure under the middle of the foot."""
@@ -85,11 +142,14 @@ class TestNextStep:
         growth = math.exp(RATE * (STEP_S - 0.2))
 
         def cost(x: np.ndarray) -> float:
-            offset = np.array([0.01, 0.0]) + away * x[2] - x[:2] - self.nominal.offset
+            offset = np.array([0.01, 0.0]) + away * x[2] - x[:2]
+            # The step after it begins with the pressure's way from the one foot to the other.
+            begins = pendulum(offset, x[:2], BOTH_S) - pendulum(self.nominal.offset, self.nominal.place, BOTH_S)
+            missed = begins * math.exp(-RATE * BOTH_S)
             return float(
                 np.sum((x[:2] - self.nominal.place) ** 2)
                 + 0.02 * (x[2] - growth) ** 2
-                + 300.0 * np.sum(offset**2)
+                + 300.0 * np.sum(missed**2)
             )
 
         bounds = [(-0.3, 0.4), (-0.35, -0.14), (math.exp(RATE * 0.2), math.exp(RATE * 0.7))]
@@ -107,6 +167,11 @@ class TestNextStep:
         assert step.place[0] >= -0.3 - 1e-9
         assert -0.35 - 1e-9 <= step.place[1] <= -0.14 + 1e-9
         assert 0.2 - 1e-9 <= step.remaining_s <= 0.7 + 1e-9
+
+    def test_a_foot_far_from_its_place_takes_the_time_that_its_way_takes(self) -> None:
+        hurried = self.steady(0.2) + np.array([0.25, 0.0])
+        assert self.decide(hurried).remaining_s == pytest.approx(0.2)
+        assert self.decide(hurried, way_m=0.45).remaining_s == pytest.approx(0.3)
 
     def test_numbers_that_are_none_leave_the_nominal_step(self) -> None:
         step = self.decide(np.array([np.nan, 0.0]))

@@ -43,7 +43,7 @@ class BalanceConfig:
     attitude: Feedback
     posture: Feedback
     momentum_damping: float  # 1/s
-    most_force: float  # of all points of a foot, as a share of the weight
+    most_force: float  # of all points of a foot together, each an even part, as a share of the weight
     settle_s: float  # time to move from the stance found at reset to the default pose
     whole_body: WholeBodyConfig
 
@@ -58,7 +58,6 @@ class Balance:
     name = "balance"
     needs_estimate = True
     contract = None
-    notes = ()
 
     def __init__(self, robot: Robot, config: BalanceConfig | None = None) -> None:
         self._config = config = config or controller_settings(robot, self.name, BalanceConfig)
@@ -94,6 +93,10 @@ class Balance:
         )
         position, velocity = sensed.joint_position, sensed.joint_velocity
         return self.control.command(dynamics, position, velocity, wanted, self._most_force)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        return self.control.notes
 
     def stance(self) -> np.ndarray | None:
         return self._stance

@@ -61,9 +61,10 @@ class Start:
     capture_m: float  # a capture point further than this from the middle of the feet calls for a step
     near_m: float  # how near to the standing foot's it must come, sideways, before the other one is lifted
     most_s: float  # but no later than this
+    urgent_m: float  # a capture point this far ahead or behind does not wait for that
 
     def __post_init__(self) -> None:
-        require_positive(self, "capture_m", "near_m", "most_s")
+        require_positive(self, "capture_m", "near_m", "most_s", "urgent_m")
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,7 @@ class StepConfig:
     attitude: Feedback
     posture: Feedback
     momentum_damping: float  # 1/s
-    most_force: float  # of a foot, as a share of the weight
+    most_force: float  # of all points of a foot together, each an even part, as a share of the weight
     settle_s: float  # time to reach the height
     whole_body: WholeBodyConfig
 

@@ -37,7 +37,6 @@ class Step:
     name = "step"
     needs_estimate = True
     contract = None
-    notes = ()
 
     def __init__(self, robot: Robot, config: StepConfig | None = None) -> None:
         """Raises UserError for a robot that has not one left and one right foot."""
@@ -73,6 +72,10 @@ class Step:
         self._swing: Swing | None = None
         self._lands_after_s = 0.0
         self.steps = 0
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        return self.control.notes
 
     def stance(self) -> np.ndarray | None:
         return self._load.copy()
@@ -150,7 +153,8 @@ class Step:
         to_heading = heading_matrix(yaw_of(dynamics.foot_rotation[self._bears]))[:2, :2].T
         missing = to_heading @ (capture[:2] - self._shifted(dynamics))
         outwards = missing[1] * self._side[self._bears]
-        if outwards > -start.near_m or self._elapsed_s > start.most_s:
+        shifted = outwards > -start.near_m or self._elapsed_s > start.most_s
+        if shifted or abs(missing[0]) > start.urgent_m:
             self._lift(dynamics, shifted=True)
 
     # -- stepping ------------------------------------------------------------------------------------
@@ -162,6 +166,8 @@ class Step:
         self._elapsed_s = self._config.gait.double_support_s if shifted else 0.0
         self._lands_after_s = self._config.gait.step_s
         self._yaw = yaw_of(dynamics.foot_rotation[self._bears])
+        # Where the other foot shall land, from this one, along the world's axes.
+        self._place = self._to_world() @ self._nominal(self._side[self._swings]).place
         self.steps += 1
 
     def _land(self, dynamics: Dynamics, walk: bool) -> None:
@@ -181,11 +187,18 @@ class Step:
         gait, velocity = self._config.gait, self._command.value[:2]
         return nominal_step(velocity, side, gait.apart_m, gait.step_s, gait.double_support_s, self._fall_rate)
 
+    def _turn(self) -> float:
+        """How far the robot shall turn in a step, rad."""
+        return float(self._command.value[2]) * self._config.gait.step_s
+
+    def _to_world(self) -> np.ndarray:
+        """From the heading frame of the present step to the world, (2, 2)."""
+        return heading_matrix(self._yaw + 0.5 * self._turn())[:2, :2]
+
     def _step(self, dynamics: Dynamics, capture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The centre of pressure (2,), and the acceleration (6,) of the foot that swings."""
         gait, rate = self._config.gait, self._fall_rate
-        yaw_rate = float(self._command.value[2])
-        to_world = heading_matrix(self._yaw + 0.5 * yaw_rate * gait.step_s)[:2, :2]
+        to_world = self._to_world()
         stand, swing = dynamics.foot[self._bears], dynamics.foot[self._swings]
         now = (capture - stand)[:2] @ to_world
         leaving = (swing - stand)[:2] @ to_world
@@ -205,13 +218,16 @@ class Step:
         after_s = max(self._elapsed_s, gait.double_support_s)
         steer, until_landing = self._steer(ahead, nominal, self._lands_after_s - after_s)
         if self._lands_after_s - after_s > gait.limits.least_swing_s:
-            step = next_step(ahead, until_landing, after_s, side, rate, nominal, gait.limits, gait.weights)
+            way_m = math.hypot(*(self._place @ to_world - leaving))
+            step = next_step(
+                ahead, until_landing, after_s, way_m, side, rate, nominal, gait.limits, gait.weights
+            )
             self._place, self._lands_after_s = to_world @ step.place, after_s + step.remaining_s
         remaining_s = self._lands_after_s - after_s
         pressure = pressure + steer
         foot = np.zeros(6)
         if shift_s <= 0.0:
-            foot = self._fly(dynamics, stand, self._place, remaining_s, yaw_rate)
+            foot = self._fly(dynamics, stand, remaining_s)
         return stand[:2] + to_world @ pressure, foot
 
     def _steer(
@@ -229,17 +245,15 @@ class Step:
         now, held = (1.0 + config.gain) * missing, missing * growth / (growth - 1.0)
         return np.minimum(np.maximum(now, -most), most), np.minimum(np.maximum(held, -most), most)
 
-    def _fly(
-        self, dynamics: Dynamics, stand: np.ndarray, place: np.ndarray, remaining_s: float, yaw_rate: float
-    ) -> np.ndarray:
-        """The acceleration (6,) of the swinging foot towards a place (2,) seen from the standing one."""
+    def _fly(self, dynamics: Dynamics, stand: np.ndarray, remaining_s: float) -> np.ndarray:
+        """The acceleration (6,) of the swinging foot towards its place."""
         config, foot = self._config.swing, self._swings
         rotation = dynamics.foot_rotation[foot]
         here, yaw = dynamics.foot[foot] - stand, yaw_of(rotation)
         if self._swing is None:
             self._swing = Swing(here[:2], float(here[2]), yaw, config.lift_m, config.depth_m)
-        turned = yaw + wrap_angle(self._yaw + yaw_rate * self._config.gait.step_s - yaw)
-        goal = np.array([place[0], place[1], turned])
+        turned = yaw + wrap_angle(self._yaw + self._turn() - yaw)
+        goal = np.array([*self._place, turned])
         position, velocity, acceleration = self._swing.advance(goal, remaining_s, self._dt_s)
         motion = dynamics.foot_jacobian[foot] @ dynamics.velocity
         up = rotation[:, 2]

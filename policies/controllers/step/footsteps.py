@@ -27,10 +27,11 @@ class StepLimits:
     apart_m: Range  # to the swinging foot's own side
     time_s: Range  # since the step before
     least_swing_s: float  # a foot in the air cannot land sooner than this from now
+    speed_m_s: float  # nor sooner than its way takes at this mean speed
 
     def __post_init__(self) -> None:
         require_ordered(self, "ahead_m", "apart_m", "time_s")
-        require_positive(self, "least_swing_s")
+        require_positive(self, "least_swing_s", "speed_m_s")
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,7 @@ class NominalStep(NamedTuple):
     place: np.ndarray  # (2,) where the foot lands
     time_s: float
     offset: np.ndarray  # (2,) of the capture point from it
+    lag: float  # what double support adds to the offset, per length of the step (see `nominal_step`)
 
 
 class NextStep(NamedTuple):
@@ -80,16 +82,17 @@ def nominal_step(
     """
     growth = math.exp(rate * time_s)
     both = rate * double_support_s
-    lag = growth * (1.0 - (1.0 - math.exp(-both)) / both)
+    lag = 1.0 - (1.0 - math.exp(-both)) / both
     travel, across = velocity * time_s, np.array([0.0, side * apart_m])
-    offset = travel * (1.0 - lag) / (growth - 1.0) - across * (1.0 + lag) / (growth + 1.0)
-    return NominalStep(travel + across, time_s, offset)
+    offset = travel * (1.0 - growth * lag) / (growth - 1.0) - across * (1.0 + growth * lag) / (growth + 1.0)
+    return NominalStep(travel + across, time_s, offset, lag)
 
 
 def next_step(
     capture: np.ndarray,
     pressure: np.ndarray,
     elapsed_s: float,
+    way_m: float,
     side: float,
     rate: float,
     nominal: NominalStep,
@@ -102,6 +105,7 @@ def next_step(
         capture: (2,) the capture point now.
         pressure: (2,) the centre of pressure until the foot lands.
         elapsed_s: since the step before.
+        way_m: that the foot still has before it.
         side: +1.0 where the left foot swings, -1.0 where the right one does.
         rate: w of the pendulum, 1/s.
         nominal: the step to come near to.
@@ -109,13 +113,14 @@ def next_step(
         weights: of the differences.
     """
     growth = math.exp(rate * (nominal.time_s - elapsed_s))
-    soonest = max(limits.time_s[0] - elapsed_s, limits.least_swing_s)
+    soonest = max(limits.time_s[0] - elapsed_s, limits.least_swing_s, way_m / limits.speed_m_s)
     latest = max(limits.time_s[1] - elapsed_s, soonest)
     apart = sorted((side * limits.apart_m[0], side * limits.apart_m[1]))
-    # In (place, growth): the offset is pressure + (capture - pressure) growth - place.
-    away = capture - pressure
-    missed = np.array([[-1.0, 0.0, away[0]], [0.0, -1.0, away[1]]])
-    aim = nominal.offset - pressure
+    # In (place, growth): the offset is pressure + (capture - pressure) growth - place. What counts for the
+    # steps after it is offset + lag place: a long step needs less of an offset.
+    away, held = capture - pressure, 1.0 - nominal.lag
+    missed = np.array([[-held, 0.0, away[0]], [0.0, -held, away[1]]])
+    aim = nominal.offset + nominal.lag * nominal.place - pressure
     goal = np.array([nominal.place[0], nominal.place[1], growth])
     diagonal = np.array([weights.place, weights.place, weights.time])
     hessian = weights.offset * (missed.T @ missed)

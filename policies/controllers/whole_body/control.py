@@ -12,6 +12,8 @@ from footfall.policies.controllers.whole_body.problem import Contact, Programmes
 from footfall.robots.actuator import JointCommand, limit_torque
 from footfall.robots.description import Robot
 
+LAPSED = "whole-body control had no solution in time: its last torques faded, the joints were damped"
+
 _BOUNDLESS = 1e9  # N m
 
 
@@ -60,7 +62,7 @@ class WholeBodyControl:
     """Turns wanted accelerations into joint commands, one quadratic programme a tick.
 
     `lapses` counts the ticks without a usable solution, `fallbacks` those in which the second solver was
-    needed.
+    needed; `notes` says that there were lapses.
     """
 
     def __init__(self, robot: Robot, config: WholeBodyConfig, dt_s: float) -> None:
@@ -84,6 +86,7 @@ class WholeBodyControl:
         self._torque = self._zeros
         self._lapsed_s = 0.0
         self.lapses = 0
+        self.notes: tuple[str, ...] = ()
 
     @property
     def fallbacks(self) -> int:
@@ -148,6 +151,7 @@ class WholeBodyControl:
     def _without_solution(self, position: np.ndarray) -> JointCommand:
         lapse = self._config.lapse
         self.lapses += 1
+        self.notes = (LAPSED,)
         self._lapsed_s += self._dt_s
         if self._lapsed_s > lapse.most_s:
             raise NoSolutionError(f"whole-body control found no solution for {lapse.most_s:g} s")
