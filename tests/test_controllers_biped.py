@@ -6,8 +6,13 @@ import numpy as np
 import pytest
 
 from footfall.common.errors import UserError
+from footfall.deploy.estimator import BaseEstimator
+from footfall.plant.episode import Episode, run_episode
 from footfall.policies.controllers.balance import Balance
+from footfall.policies.controllers.solver import BoundedSolver, Programme
 from footfall.policies.controllers.step import Step
+from footfall.policies.controllers.step.controller import Phase
+from footfall.policies.controllers.whole_body.control import LAPSED
 from footfall.policies.registry import controllers_of, load_policy, walking_controllers
 from footfall.robots.description import load_robot
 from tests.direct_plant import DirectPlant, walk
@@ -64,6 +69,35 @@ def test_balance_serves_four_round_feet_as_well() -> None:
     assert np.linalg.norm(np.array(result.position)[-1] - result.position[0]) < 0.03
 
 
+class Missing(BoundedSolver):
+    """Has no solution for a number of ticks, after the first hundred."""
+
+    def __init__(self, ticks: int) -> None:
+        super().__init__()
+        self._ticks, self._count = ticks, 0
+
+    def solve(self, problem: Programme) -> np.ndarray | None:
+        self._count += 1
+        return None if 100 < self._count <= 100 + self._ticks else super().solve(problem)
+
+
+class TestLapses:
+    def test_a_run_goes_on_over_a_few_and_says_so(self) -> None:
+        policy = Balance(G1)
+        policy.control.solver = Missing(ticks=10)
+        trace = run_episode(G1, policy, Episode(command=STANDING, duration_s=0.6))
+        assert not trace.fell
+        assert not trace.faults
+        assert trace.notes == (LAPSED,)
+
+    def test_a_run_without_a_solution_ends_damped_and_says_why(self) -> None:
+        policy = Balance(G1)
+        policy.control.solver = Missing(ticks=1000)
+        trace = run_episode(G1, policy, Episode(command=STANDING, duration_s=0.6))
+        assert trace.final_state == "ESTOP"
+        assert "no solution for 0.1 s" in trace.faults[0]
+
+
 class TestStep:
     def test_it_walks_as_commanded(self) -> None:
         policy, plant = Step(G1), DirectPlant(G1, seed=2)
@@ -75,12 +109,27 @@ class TestStep:
         assert forward == pytest.approx(0.2, abs=0.06)
         assert yaw_rate == pytest.approx(0.3, abs=0.08)
 
-    def test_a_shove_is_stepped_after_and_then_it_stands(self) -> None:
+    @pytest.mark.parametrize("push", [(0.4, 0.0), (-0.37, 0.15)])
+    def test_a_shove_is_stepped_after_and_then_it_stands(self, push: tuple[float, float]) -> None:
         policy, plant = Step(G1), DirectPlant(G1, seed=4)
-        result = walk(policy, plant, STANDING, 5.0, push=(0.8, np.array([0.4, 0.0, 0.0])))
+        shove = (0.8, np.array([*push, 0.0]))
+        result = walk(policy, plant, STANDING, 3.0, BaseEstimator(G1), shove)
         assert not result.fell
-        assert 1 <= policy.steps <= 10
-        assert np.linalg.norm(result.velocity[-1][:2]) < 0.2
+        assert 1 <= policy.steps <= 4
+        assert policy.phase is Phase.STAND
+        assert np.linalg.norm(result.velocity[-1][:2]) < 0.1
+
+    def test_a_harder_shove_is_stepped_after_before_the_weight_has_shifted(self) -> None:
+        policy, plant = Step(G1), DirectPlant(G1, seed=4)
+        lifted: list[float] = []
+
+        def look(time_s: float, _: DirectPlant) -> None:
+            if policy.steps and not lifted:
+                lifted.append(time_s)
+
+        shove = (0.8, np.array([0.5, 0.0, 0.0]))
+        assert not walk(policy, plant, STANDING, 3.0, push=shove, frame=look).fell
+        assert lifted[0] < 0.8 + 0.1
 
     def test_undisturbed_it_does_not_step(self) -> None:
         policy, plant = Step(G1), DirectPlant(G1, seed=5)

@@ -144,7 +144,9 @@ class TestNextStep:
         def cost(x: np.ndarray) -> float:
             offset = np.array([0.01, 0.0]) + away * x[2] - x[:2]
             # The step after it begins with the pressure's way from the one foot to the other.
-            begins = pendulum(offset, x[:2], BOTH_S) - pendulum(self.nominal.offset, self.nominal.place, BOTH_S)
+            begins = pendulum(offset, x[:2], BOTH_S) - pendulum(
+                self.nominal.offset, self.nominal.place, BOTH_S
+            )
             missed = begins * math.exp(-RATE * BOTH_S)
             return float(
                 np.sum((x[:2] - self.nominal.place) ** 2)

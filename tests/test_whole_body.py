@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from footfall.common.rotations import normalised
+from footfall.policies.controllers.solver import BoundedSolver
 from footfall.policies.controllers.whole_body import control as control_module
 from footfall.policies.controllers.whole_body.control import (
     JointFeedback,
@@ -19,6 +20,7 @@ from footfall.policies.controllers.whole_body.control import (
 from footfall.policies.controllers.whole_body.dynamics import Dynamics, Motion, WholeBody
 from footfall.policies.controllers.whole_body.feedback import standing
 from footfall.policies.controllers.whole_body.problem import Contact, Programmes, Wanted, Weights
+from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot, load_robot, load_spec
 from footfall.robots.feet import foot_geoms
 
@@ -90,7 +92,7 @@ def solved(robot: Robot, dynamics: Dynamics, wanted: Wanted, **changes: Any) -> 
         changes.get("contact", CONFIG.contact),
     )
     programme, meaning = programmes.build(dynamics, wanted, most, -torque, torque)
-    x = control_module.BoundedSolver().solve(programme)
+    x = BoundedSolver().solve(programme)
     assert x is not None
     force = np.zeros((body.points, 3))
     force[meaning.standing] = x[: 3 * len(meaning.standing)].reshape(-1, 3)
@@ -291,30 +293,70 @@ class TestLimits:
         assert np.all(force[:, 2] <= most + 1e-6)
 
 
+def contradicting(solver: BoundedSolver) -> BoundedSolver:
+    """Asks the solver for torques and forces that are at once above and below their limits."""
+    solve = solver.solve
+    solver.solve = lambda problem: solve(problem._replace(lower=problem.upper + 1.0))  # type: ignore
+    return solver
+
+
+def blind(solver: BoundedSolver) -> BoundedSolver:
+    """Hands the solver numbers that are none."""
+    solve = solver.solve
+    solver.solve = lambda problem: solve(problem._replace(gradient=problem.gradient * np.nan))  # type: ignore
+    return solver
+
+
+def hurried(solver: BoundedSolver) -> BoundedSolver:
+    """Stops the solver before it has come to an end."""
+    solver._daqp_iterations, solver._piqp_iterations = 1, 2
+    return solver
+
+
+SPOILED = {"infeasible": contradicting, "late": hurried, "not a number": blind}
+
+
 class TestLapses:
-    def test_without_a_solution_the_torques_fade_into_damping_and_the_run_is_told(self) -> None:
+    dynamics = standing(BODIES["g1"], G1)
+
+    def command(self, control: WholeBodyControl) -> JointCommand:
+        """Of a robot that stands still and shall accelerate forward, so that toes and heels differ."""
+        wanted = STILL["g1"]._replace(centre=np.array([0.8, 0.0, 0.0]))
+        return control.command(self.dynamics, G1.default_pose, np.zeros(12), wanted, np.full(8, 300.0))
+
+    @pytest.mark.parametrize("why", SPOILED)
+    def test_without_a_solution_the_torques_fade_into_damping_and_the_run_is_told(self, why: str) -> None:
         control = WholeBodyControl(G1, CONFIG, dt_s=0.004)
-        dynamics = standing(control.body, G1)
-        most, zero = np.full(8, 1e3), np.zeros(12)
-        good = control.command(dynamics, G1.default_pose, zero, STILL["g1"], most)
+        good = self.command(control)
         assert np.abs(good.torque).max() > 3.0
-        broken = STILL["g1"]._replace(centre=np.array([np.nan, 0.0, 0.0]))
+        assert not control.notes
+        control.solver = SPOILED[why](control.solver)
         for tick in range(1, 6):
-            command = control.command(dynamics, G1.default_pose, zero, broken, most)
+            command = self.command(control)
             np.testing.assert_allclose(command.torque, good.torque * np.exp(-0.08 * tick))
             assert np.all(command.kd == 3.0)
             assert not command.kp.any()
             assert not command.velocity.any()
+            assert control.notes == (control_module.LAPSED,)
         assert control.lapses == 5
         with pytest.raises(NoSolutionError, match=r"0\.02 s"):
-            control.command(dynamics, G1.default_pose, zero, broken, most)
+            self.command(control)
 
     def test_one_solution_between_lapses_begins_them_anew(self) -> None:
         control = WholeBodyControl(G1, CONFIG, dt_s=0.004)
-        dynamics = standing(control.body, G1)
-        most, zero = np.full(8, 1e3), np.zeros(12)
-        broken = STILL["g1"]._replace(joints=np.full(12, np.inf))
-        for wanted in [broken] * 4 + [STILL["g1"]] + [broken] * 4:
-            command = control.command(dynamics, G1.default_pose, zero, wanted, most)
+        sound, spoiled = control.solver, contradicting(BoundedSolver())
+        for solver in [spoiled] * 4 + [sound] + [spoiled] * 4:
+            control.solver = solver
+            command = self.command(control)
         assert control.lapses == 8
         assert np.all(np.isfinite(command.torque))
+
+    def test_a_reset_forgets_them(self) -> None:
+        control = WholeBodyControl(G1, CONFIG, dt_s=0.004)
+        sound, control.solver = control.solver, contradicting(BoundedSolver())
+        self.command(control)
+        control.solver = sound
+        control.reset()
+        assert not control.lapses
+        assert not control.notes
+        assert np.abs(self.command(control).torque).max() > 3.0

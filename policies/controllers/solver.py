@@ -37,12 +37,17 @@ class BoundedSolver:
 
     Args:
         daqp_iterations: after which PIQP takes over.
-        piqp_iterations: after which its last iterate is taken.
+        piqp_iterations: after which it is stopped.
+        unfinished: whether PIQP's last iterate serves where it was stopped. It may break a bound by a little,
+            and by any amount where no solution exists.
     """
 
-    def __init__(self, daqp_iterations: int = 100, piqp_iterations: int = 15) -> None:
+    def __init__(
+        self, daqp_iterations: int = 100, piqp_iterations: int = 15, unfinished: bool = True
+    ) -> None:
         self._daqp_iterations = daqp_iterations
         self._piqp_iterations = piqp_iterations
+        self._usable = (piqp.PIQP_SOLVED, piqp.PIQP_MAX_ITER_REACHED) if unfinished else (piqp.PIQP_SOLVED,)
         self.fallbacks = 0
 
     def solve(self, problem: Programme) -> np.ndarray | None:
@@ -80,6 +85,5 @@ class BoundedSolver:
             x_u=upper,
         )
         status = solver.solve()
-        usable = status in (piqp.PIQP_SOLVED, piqp.PIQP_MAX_ITER_REACHED)
         solution = np.array(solver.result.x)
-        return solution if usable and np.all(np.isfinite(solution)) else None
+        return solution if status in self._usable and np.all(np.isfinite(solution)) else None

@@ -61,8 +61,9 @@ class NoSolutionError(RuntimeError):
 class WholeBodyControl:
     """Turns wanted accelerations into joint commands, one quadratic programme a tick.
 
-    `lapses` counts the ticks without a usable solution, `fallbacks` those in which the second solver was
-    needed; `notes` says that there were lapses.
+    A tick has no solution where the programme has none, or where the solvers do not reach it within their
+    iterations. `lapses` counts these ticks and `notes` says that there were any, `fallbacks` counts those in
+    which the second solver was needed.
     """
 
     def __init__(self, robot: Robot, config: WholeBodyConfig, dt_s: float) -> None:
@@ -76,7 +77,7 @@ class WholeBodyControl:
         self._programmes = Programmes(
             self.body.foot_of_point, n, self.body.total_mass, config.weights, config.contact
         )
-        self._solver = BoundedSolver()
+        self.solver = BoundedSolver(piqp_iterations=30, unfinished=False)
         self.reset()
 
     def reset(self) -> None:
@@ -91,7 +92,7 @@ class WholeBodyControl:
     @property
     def fallbacks(self) -> int:
         """Programmes that daqp did not finish within its iterations."""
-        return self._solver.fallbacks
+        return self.solver.fallbacks
 
     def command(
         self,
@@ -120,7 +121,7 @@ class WholeBodyControl:
             limit_torque(-self._most, joint_velocity, self._motor),
             limit_torque(self._most, joint_velocity, self._motor),
         )
-        solution = self._solver.solve(programme)
+        solution = self.solver.solve(programme)
         if solution is None:
             return self._without_solution(joint_position)
         self._lapsed_s = 0.0
