@@ -1,6 +1,6 @@
 """What the MPC commands in single moments."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -63,6 +63,7 @@ class Planned(NamedTuple):
     reference: BodyState
     contacts: np.ndarray
     feet: np.ndarray
+    before: np.ndarray
 
 
 class TestStanding:
@@ -265,9 +266,9 @@ class TestPlan:
         plans = []
         build = policy._problems.build
 
-        def seen(state: BodyState, reference: BodyState, contacts: np.ndarray, feet: np.ndarray) -> object:
-            plans.append(Planned(state, reference, contacts.copy(), feet))
-            return build(state, reference, contacts, feet)
+        def seen(*situation: Any) -> object:
+            plans.append(Planned(*situation[:2], situation[2].copy(), *situation[3:]))
+            return build(*situation)
 
         monkeypatch.setattr(policy._problems, "build", seen)
         return plans
@@ -280,7 +281,7 @@ class TestPlan:
         for tick in range(2):
             policy.act(low._replace(time_s=1.0 + tick / policy.rate_hz, command=np.array([0.5, 0.0, 0.0])))
         assert len(planned) == 2
-        for state, _, _, feet in planned:
+        for state, _, _, feet, _ in planned:
             np.testing.assert_allclose(feet[:, :, 2], -state.pose[5], atol=1e-12)
 
     def test_it_knows_who_stands_now_and_who_will(self, policy: Mpc, planned: list[Planned]) -> None:
@@ -294,7 +295,7 @@ class TestPlan:
             now = standing(time_s=1.0 + tick / policy.rate_hz, command=(0.5, 0.0, 0.0))
             stands = LEGS.gather(policy.act(now).kp)[:, 0] == 0
             walked_s = (tick + 1) / policy.rate_hz
-            for _, _, contacts, _ in planned[before:]:
+            for _, _, contacts, _, _ in planned[before:]:
                 np.testing.assert_array_equal(contacts[0], stands)
                 later = ((walked_s + middle[1:, None]) / gait.period_s + phase) % 1.0 < (gait.duty or duty)
                 np.testing.assert_array_equal(contacts[1:], later)
@@ -308,6 +309,22 @@ class TestPlan:
         expected = LEGS.default_foot[:, :2] - nominal_body(ROBOT).centre[:2]
         np.testing.assert_allclose(planned[0].feet[0, :, :2], expected, atol=1e-9)
 
+    def test_it_begins_from_the_forces_that_were_applied_last(
+        self, policy: Mpc, planned: list[Planned]
+    ) -> None:
+        """An even share of the weight to begin with; later, the plan before, as the heading is now."""
+        for _ in range(2):
+            policy.reset(standing(2.0))
+            policy.act(standing(2.0, velocity=(0.0, 0.4, 0.0)))
+            even = [0.0, 0.0, nominal_body(ROBOT).mass * 9.81 / LEGS.count]
+            np.testing.assert_allclose(planned[-1].before, np.tile(even, (LEGS.count, 1)))
+        first = forces(policy.act(standing(2.0)))
+        while len(planned) < 3:
+            policy.act(standing(2.3))
+        turned = Rotation.from_euler("z", -0.3).apply(first)
+        np.testing.assert_allclose(planned[-1].before, turned, atol=1e-6)
+        assert first[:, 1].sum() < -5.0
+
     def test_a_foot_that_has_stepped_once_more_is_seen_under_the_turned_body(
         self, policy: Mpc, planned: list[Planned]
     ) -> None:
@@ -315,7 +332,7 @@ class TestPlan:
         policy.reset(standing())
         for tick in range(round(0.49 * CONFIG.gait.period_s * policy.rate_hz)):
             policy.act(standing(time_s=1.0 + tick / policy.rate_hz, command=(0.0, 0.0, 1.0)))
-        _, reference, contacts, feet = planned[-1]
+        _, reference, contacts, feet, _ = planned[-1]
         again = contacts[0] & ~contacts[3] & contacts[-1]
         assert again.sum() == 2
         stance = CONFIG.stance

@@ -23,17 +23,18 @@ class Horizon:
 
 @dataclass(frozen=True)
 class Weights:
-    """Cost of squared deviations from the reference at each step, and of squared forces."""
+    """Cost of squared deviations from the reference at each step, of squared forces and of their changes."""
 
     attitude: Triple  # roll, pitch, yaw, per rad^2
     position: Triple  # per m^2
     angular_rate: Triple  # per (rad/s)^2
     velocity: Triple  # per (m/s)^2
     force: float  # per N^2, about an even share of the weight; above 0, so that there is one best plan
+    force_change: float = 0.0  # per N^2, from step to step, and from what the foot pressed with before
 
     def __post_init__(self) -> None:
         require_positive(self, "force")
-        require_not_negative(self, "attitude", "position", "angular_rate", "velocity")
+        require_not_negative(self, "attitude", "position", "angular_rate", "velocity", "force_change")
 
 
 @dataclass(frozen=True)

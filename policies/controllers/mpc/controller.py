@@ -18,7 +18,7 @@ from footfall.policies.controllers.gait import contact_trust
 from footfall.policies.controllers.mpc.config import MpcConfig
 from footfall.policies.controllers.mpc.footholds import contact_points, foothold
 from footfall.policies.controllers.mpc.legs import LegControl
-from footfall.policies.controllers.mpc.problem import BodyState, ForceProblems
+from footfall.policies.controllers.mpc.problem import GRAVITY, BodyState, ForceProblems
 from footfall.policies.controllers.mpc.swing import swing_motion
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.solver import BoundedSolver
@@ -104,7 +104,7 @@ class Mpc:
         self._place = self._wanted_place = self._wanted_velocity = 0j
         self._wanted_yaw = yaw
         self._wanted_height = height
-        self._force = np.zeros((count, 3))
+        self._force = np.tile([0.0, 0.0, GRAVITY * self._body.mass / count], (count, 1))
         self._stands = np.ones(count, dtype=bool)
         self._swinging: list[int] = []
         self._lift_off = np.zeros((count, 3))
@@ -245,7 +245,7 @@ class Mpc:
         present, targets = points @ to_heading
         centre = self._path(state, reference)
         arms = contact_points(contacts, present, targets, self._places, centre, reference.pose[:, 2])
-        problem = self._problems.build(state, reference, contacts, arms)
+        problem = self._problems.build(state, reference, contacts, arms, self._force.dot(to_heading))
         solution = self._solver.solve(problem)
         if solution is None:
             self._force = self._force * self._stands[:, None]

@@ -10,6 +10,9 @@ Its A is nilpotent (A^2 = 0 apart from gravity, which is integrated by hand), so
 has a closed form: a force f held during step j changes rates after step k >= j by dt, and attitude and
 position by dt^2 (k - j + 1/2), times its acceleration. The programme is condensed: its only variables are
 the forces of feet in contact. With a weight per state, the Hessian is a few products of small matrices.
+
+The forces' changes that cost are those of every foot, which presses with nothing while it swings: also the
+load that a foot takes up as it lands and gives up before it is lifted.
 """
 
 from typing import NamedTuple
@@ -49,9 +52,10 @@ class _Pattern(NamedTuple):
 
     step: np.ndarray
     leg: np.ndarray
+    now: int  # how many of the n are the first step's; they come first
     second: np.ndarray  # (3n, 3n) weight shared by two forces through attitude and position
     first: np.ndarray  # (3n, 3n) the same through the rates
-    linear: np.ndarray  # (3n, 3n) Hessian of the translation and of the forces themselves
+    linear: np.ndarray  # (3n, 3n) Hessian of the translation, of the forces themselves and of their changes
     even_pull: np.ndarray  # (n,) gradient towards the upward forces that share the weight evenly
     rows: np.ndarray
     upper: np.ndarray
@@ -77,10 +81,17 @@ class ForceProblems:
         self._free = self._free.reshape(2 * steps, 3)
         self._by_force = np.concatenate([self._second, self._first]).T
         self._weight = np.repeat([self._weight_pose, self._weight_rate], steps, axis=0)
+        difference = np.eye(steps) - np.eye(steps, k=-1)  # of a force from the step before
+        self._change = weights.force_change * difference.T @ difference
         self._patterns: dict[bytes, _Pattern] = {}
 
     def build(
-        self, state: BodyState, reference: BodyState, contacts: np.ndarray, feet: np.ndarray
+        self,
+        state: BodyState,
+        reference: BodyState,
+        contacts: np.ndarray,
+        feet: np.ndarray,
+        before: np.ndarray,
     ) -> ForceProblem:
         """The programme for one moment.
 
@@ -89,6 +100,7 @@ class ForceProblems:
             reference: wanted after each step.
             contacts: (steps, legs) boolean, who stands during each step.
             feet: (steps, legs, 3) m, points of contact from the centre of mass, heading frame.
+            before: (legs, 3) N, forces that were applied last, heading frame; of feet that swung 0.
         """
         pattern = self._pattern(contacts)
         n = len(pattern.step)
@@ -109,6 +121,8 @@ class ForceProblems:
         gradient = (turn * pull[:3, None]).sum(axis=0)
         gradient += pull[_FORCE_AXES] / self._body.mass
         gradient[0] -= pattern.even_pull
+        now = pattern.leg[: pattern.now]
+        gradient[:, : pattern.now] -= self._weights.force_change * before[now].T[_AXES]
         return ForceProblem(
             hessian,
             gradient.reshape(3 * n),
@@ -138,7 +152,8 @@ class ForceProblems:
         n = len(step)
         second = (self._second.T @ self._second)[np.ix_(step, step)]
         first = (self._first.T @ self._first)[np.ix_(step, step)]
-        linear = self._weights.force * np.eye(3 * n)
+        change = self._change[np.ix_(step, step)] * (leg[:, None] == leg)
+        linear = self._weights.force * np.eye(3 * n) + np.kron(np.eye(3), change)
         for axis, state in enumerate(_FORCE_AXES):
             block = slice(axis * n, (axis + 1) * n)
             shared = self._weight_pose[state] * second + self._weight_rate[state] * first
@@ -157,6 +172,7 @@ class ForceProblems:
         return _Pattern(
             step,
             leg,
+            int(contacts[0].sum()),
             np.tile(second, (3, 3)),
             np.tile(first, (3, 3)),
             linear,
