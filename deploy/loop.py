@@ -214,7 +214,7 @@ class ControlLoop:
             return self._joints.command(self._standing())
         if mode in DAMPED:
             return self._joints.damping(self._config.safety.damping_kd)
-        return self._driver.enable()
+        return self._driver.ask() if self._driver.unready() else self._driver.enable()
 
     def _standing(self) -> JointCommand:
         share = min((self.now_us * 1e-6 - self.state.since_s) / (0.7 * self._config.stand_s), 1.0)
@@ -320,6 +320,7 @@ class ControlLoop:
             finish=self._finish and state.mode not in DAMPED,
             oldest_of_imu="" if now_us - imu_us <= silence_us else joints.oldest_of_imu,
             first_pose=self._first_pose() if starting else "",
+            unready=self._driver.unready() if state.mode is Mode.IDLE else "",
             implausible=self._contradiction(now_us - min(oldest_us, imu_us)) if moving else None,
             pause_s=elapsed_us * 1e-6,
             skipped_share=self._skipped(elapsed_us),
@@ -366,7 +367,7 @@ class ControlLoop:
     def _error_of(self, errors: np.ndarray) -> str:
         joint = int(np.flatnonzero(errors)[0])
         code = int(errors[joint])
-        return f"motor {self._places[joint]} reports {self._driver.error_name(code)}"
+        return f"motor {self._places[joint]} reports {self._driver.error_name(code, joint)}"
 
 
 def _where(error: Exception) -> str:

@@ -78,6 +78,7 @@ class Signals(NamedTuple):
     frames_refused: int  # so far
     policy_error: str = ""
     oldest_of_imu: str = ""  # the part of its reading that has been silent longest
+    unready: str = ""  # which motor may not be switched on yet, and why
     first_pose: str = ""  # why the joints cannot be where they say that they begin
     implausible: Implausible | None = None
     pause_s: float = 0.0  # between this tick and the one before
@@ -118,6 +119,8 @@ def _silent_imu(s: Signals, c: SafetyConfig) -> str:
 def _never_started(s: Signals, c: SafetyConfig) -> str:
     if s.now_s < c.start_timeout_s:
         return ""
+    if s.unready:
+        return s.unready
     who = s.silent_motor if s.motor_silence_s > c.silence_timeout_s else "the IMU"
     return f"no answer from {who} within {c.start_timeout_s:g} s of switching on"
 
@@ -166,7 +169,7 @@ CHECKS_IN = {mode: tuple(check for check in CHECKS if mode in check.modes) for m
 
 
 def _heard_everyone(s: Signals, c: SafetyConfig) -> bool:
-    return max(s.motor_silence_s, s.imu_silence_s) <= c.silence_timeout_s
+    return not s.unready and max(s.motor_silence_s, s.imu_silence_s) <= c.silence_timeout_s
 
 
 PROGRESS: dict[Mode, tuple[Callable[[Signals, SafetyConfig], bool], Mode]] = {

@@ -1,6 +1,6 @@
 """Which motor sits where on the buses, from `robot.yaml`."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,6 +17,16 @@ class Wiring:
     imu_channel: int
     models: tuple[str, ...]  # (n,) motor models, which tell the protocol and its ranges
     joint_names: tuple[str, ...]
+
+    def take(self, joints: np.ndarray) -> "Wiring":
+        """The same buses with some joints (indices) alone."""
+        return replace(
+            self,
+            channel=self.channel[joints],
+            motor_id=self.motor_id[joints],
+            models=tuple(self.models[joint] for joint in joints),
+            joint_names=tuple(self.joint_names[joint] for joint in joints),
+        )
 
     def place(self, joint: int) -> str:
         """Where to look for a joint's motor, for messages."""

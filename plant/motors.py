@@ -108,7 +108,7 @@ class SimulatedMotors:
             requests = requests.take(~self.faults.silent[requests.motor], len(self.enabled))
         motor, values, kind = requests
         if not values.shape[1]:
-            return None
+            return self._end.tell(frames)
         if self._gain_scale is not None:
             values *= self._gain_scale[:, motor]
         if kind is None:
@@ -152,7 +152,7 @@ class SimulatedMotors:
         error = self.faults.error
         if np.count_nonzero(self._timed_out):
             error = np.maximum(error, self._timed_out * np.uint64(self._end.time_out_error))
-        frames = self._end.reply(motor, readings[:, motor], TEMPERATURE_C, error[motor])
+        frames = self._end.reply(motor, readings[:, motor], TEMPERATURE_C, error[motor], self.enabled[motor])
         if np.count_nonzero(self.faults.stuck):
             stuck = self.faults.stuck[motor]
             frames.data[stuck] = self._last_reply[motor][stuck]

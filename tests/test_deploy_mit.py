@@ -307,10 +307,9 @@ def test_an_unknown_motor_is_named_with_the_known_ones() -> None:
 
 
 def test_a_motor_of_another_protocol_is_refused_with_its_joint(go1: Robot) -> None:
-    """Damiao's replies are laid out differently; nothing here reads them yet."""
     wiring = wire(go1)
-    with pytest.raises(UserError, match=r"joint FR_hip_joint: no driver for motor 'DM8009': .*AK80-9"):
-        open_driver(replace(wiring, models=("DM8009", *wiring.models[1:])))
+    with pytest.raises(UserError, match=r"joint FR_hip_joint: no driver for motor 'XY1': .*AK80-9.*DM8009"):
+        open_driver(replace(wiring, models=("XY1", *wiring.models[1:])))
 
 
 def test_a_motor_id_that_a_frame_cannot_carry_is_refused_with_its_joint(go1: Robot) -> None:

@@ -338,7 +338,17 @@ class End:
         assert self.next is not None
         return self.next
 
-    def reply(self, motor: Motors, values: np.ndarray, temperature_c: int, error: np.ndarray) -> Frames:
+    def tell(self, frames: Frames) -> None:
+        return None
+
+    def reply(
+        self,
+        motor: Motors,
+        values: np.ndarray,
+        temperature_c: int,
+        error: np.ndarray,
+        on: np.ndarray | None = None,
+    ) -> Frames:
         index = np.arange(3)[motor]
         self.replied.append((index.tolist(), values.copy(), error.tolist()))
         data = np.zeros((len(index), 8), np.uint8)

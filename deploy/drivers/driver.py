@@ -31,6 +31,14 @@ class Driver(Protocol):
     lowest: np.ndarray  # (5, n) what a command can say, in the rows of a `JointCommand`
     highest: np.ndarray
 
+    def ask(self) -> Frames:
+        """Frames that ask for settings that have to be known, or right, before motors are switched on."""
+        ...
+
+    def unready(self) -> str:
+        """Which motor may not be switched on yet, and why; empty if all may."""
+        ...
+
     def enable(self) -> Frames:
         """Frames that switch every motor on. Motors answer them."""
         ...
@@ -54,8 +62,8 @@ class Driver(Protocol):
         """Decode what motors of this robot sent; other frames are left out."""
         ...
 
-    def error_name(self, code: int) -> str:
-        """An error code in words."""
+    def error_name(self, code: int, joint: int = 0) -> str:
+        """An error code of a joint's motor in words."""
         ...
 
 
@@ -91,7 +99,18 @@ class MotorEnd(Protocol):
         """Decode what was sent to motors of this robot; other frames are left out."""
         ...
 
-    def reply(self, motor: Motors, values: np.ndarray, temperature_c: int, error: np.ndarray) -> Frames:
+    def tell(self, frames: Frames) -> Frames | None:
+        """What motors answer to questions about their settings; None if nothing was asked."""
+        ...
+
+    def reply(
+        self,
+        motor: Motors,
+        values: np.ndarray,
+        temperature_c: int,
+        error: np.ndarray,
+        on: np.ndarray | None = None,
+    ) -> Frames:
         """What k motors answer.
 
         Args:
@@ -99,5 +118,6 @@ class MotorEnd(Protocol):
             values: (3, k) position rad, velocity rad/s, torque N m; clamped to the motors' ranges.
             temperature_c: of all of them.
             error: (k,) uint64 error codes.
+            on: (k,) bool, which are switched on; None for all.
         """
         ...

@@ -139,10 +139,21 @@ class Codec:
         for name in models:
             if name not in RANGES:
                 raise UserError(f"no MIT-mode motor '{name}': there are {', '.join(RANGES)}")
-        rows = [RANGES[name] for name in models]
-        highest = np.array(
-            [[r.position, r.velocity, r.kp, r.kd, r.torque] for r in rows], dtype=float
-        ).T.copy()
+        self._set([RANGES[name] for name in models])
+
+    @classmethod
+    def of(cls, ranges: Sequence[MotorRange]) -> "Codec":
+        """Of motors whose ranges are known from elsewhere."""
+        codec = cls(())
+        codec._set(ranges)
+        return codec
+
+    def _set(self, rows: Sequence[MotorRange]) -> None:
+        highest = (
+            np.array([[r.position, r.velocity, r.kp, r.kd, r.torque] for r in rows], dtype=float)
+            .reshape(-1, 5)
+            .T.copy()
+        )
         lowest = -highest
         lowest[2:4] = 0.0
         self._command = _fields(_COMMAND_SHIFT, _BITS, lowest, highest)

@@ -13,10 +13,11 @@ REPLY_ID = 0x100  # a motor replies on REPLY_ID + its id, which loses arbitratio
 SHARED_REPLY_ID = 0x000  # where motors reply that know only one host
 
 _EVERYONE = slice(None)
+_NOBODY = np.zeros(0, dtype=np.intp)
 _KIND = {mit.ENTER: Request.ENABLE, mit.EXIT: Request.DISABLE, mit.ZERO: Request.ZERO}
 
 
-def _lookup(wiring: Wiring) -> np.ndarray:
+def motor_lookup(wiring: Wiring) -> np.ndarray:
     """Joint index of a motor id on a bus, -1 for none: (buses, 256).
 
     Raises:
@@ -32,7 +33,7 @@ def _lookup(wiring: Wiring) -> np.ndarray:
     return lookup
 
 
-def _same_layout(frames: Frames, usual: Frames) -> bool:
+def same_layout(frames: Frames, usual: Frames) -> bool:
     """Whether two batches share the very arrays of ids, channels and lengths: cheap, and sufficient."""
     return frames.id is usual.id and frames.channel is usual.channel and frames.length is usual.length
 
@@ -50,7 +51,7 @@ class MitDriver:
         n = len(wiring.motor_id)
         self._codec = mit.Codec(wiring.models)
         self.lowest, self.highest = self._codec.lowest, self._codec.highest
-        self._lookup = _lookup(wiring)
+        self._lookup = motor_lookup(wiring)
         self._everyone = np.arange(n)
         self._ids = wiring.motor_id.astype(np.uint8).tobytes()
         self._outgoing = Frames(
@@ -59,6 +60,12 @@ class MitDriver:
         self._enable = self._outgoing._replace(data=mit.special(mit.ENTER, n))
         self._disable = self._outgoing._replace(data=mit.special(mit.EXIT, n))
         self._usual = self._outgoing  # the last batch of replies from every motor in joint order
+
+    def ask(self) -> Frames:
+        return self._outgoing.take(_NOBODY)
+
+    def unready(self) -> str:
+        return ""  # there is nothing to ask for
 
     def enable(self) -> Frames:
         return self._enable
@@ -71,7 +78,7 @@ class MitDriver:
         return Frames(channel, identifier, self._codec.encode(values), length)
 
     def replies(self, frames: Frames) -> Replies:
-        if _same_layout(frames, self._usual) and frames.data[:, 0].tobytes() == self._ids:
+        if same_layout(frames, self._usual) and frames.data[:, 0].tobytes() == self._ids:
             return Replies(_EVERYONE, *self._codec.decode_replies(frames.data, _EVERYONE))
         sender = frames.data[:, 0].astype(np.intp)
         motor = self._lookup[frames.channel, sender]
@@ -82,7 +89,7 @@ class MitDriver:
         motor = motor[usable]
         return Replies(motor, *self._codec.decode_replies(frames.data[usable], motor))
 
-    def error_name(self, code: int) -> str:
+    def error_name(self, code: int, joint: int = 0) -> str:
         return mit.ERRORS.get(code, f"error {code}")
 
 
@@ -96,7 +103,7 @@ class MitMotorEnd:
         """Raises UserError for a motor, or a motor id, that MIT mode does not know."""
         n = len(wiring.motor_id)
         self._codec = mit.Codec(wiring.models)
-        self._lookup = _lookup(wiring)
+        self._lookup = motor_lookup(wiring)
         self._everyone = np.arange(n)
         self._head = wiring.motor_id.astype(np.uint64) << np.uint64(56)
         self._outgoing = Frames(
@@ -114,7 +121,7 @@ class MitMotorEnd:
 
     def _addressed(self, frames: Frames) -> tuple[Motors, np.ndarray]:
         """The motors of this robot that are addressed, and the bytes that they get."""
-        if _same_layout(frames, self._usual):
+        if same_layout(frames, self._usual):
             return _EVERYONE, frames.data
         motor = self._lookup[frames.channel, frames.id & 0xFF]
         usable = (motor >= 0) & (frames.id < 0x100) & (frames.length == 8)
@@ -122,7 +129,17 @@ class MitMotorEnd:
             self._usual = frames
         return motor[usable], frames.data[usable]
 
-    def reply(self, motor: Motors, values: np.ndarray, temperature_c: int, error: np.ndarray) -> Frames:
+    def tell(self, frames: Frames) -> Frames | None:
+        return None
+
+    def reply(
+        self,
+        motor: Motors,
+        values: np.ndarray,
+        temperature_c: int,
+        error: np.ndarray,
+        on: np.ndarray | None = None,
+    ) -> Frames:
         tail = error | np.uint64(temperature_c << 8)
         data = self._codec.encode_replies(motor, self._head[motor], values, tail)
         channel, identifier, _, length = self._outgoing

@@ -1,0 +1,257 @@
+"""Damiao motors in MIT mode, both ends.
+
+Commands are those of `mit.py`. A reply comes on the motor's host id (MST_ID, to be set to REPLY_ID + the
+motor's id) and differs: byte 0 is `state << 4 | id`, byte 6 the temperature of the MOSFETs, byte 7 the
+rotor's.
+
+What the extreme codes mean are registers of the motor (PMAX, VMAX, TMAX), read before it is switched on. So
+are its control mode, which has to be MIT, and its communication time-out, which has to be on. A register is
+asked for on 0x7FF by `id_low id_high 33 register 00 00 00 00`, and told on the host id with its value,
+little-endian, in the last four bytes.
+"""
+
+import struct
+from dataclasses import replace
+
+import numpy as np
+
+from footfall.deploy.drivers import mit
+from footfall.deploy.drivers.driver import CanFilter, Motors, Replies, Request, Requests
+from footfall.deploy.drivers.mit import MotorRange
+from footfall.deploy.drivers.mit_driver import MOTOR_IDS, motor_lookup, same_layout
+from footfall.deploy.frames import Frames
+from footfall.deploy.wiring import Wiring
+
+REPLY_ID = 0x200
+REGISTER_ID = 0x7FF
+READ = 0x33
+
+# As delivered, by the maker's table. What a motor says of itself counts.
+RANGES = {
+    "DM4310": MotorRange(30.0, 10.0),
+    "DM4340": MotorRange(8.0, 28.0),
+    "DM6006": MotorRange(45.0, 20.0),
+    "DM8006": MotorRange(45.0, 40.0),
+    "DM8009": MotorRange(45.0, 54.0),
+    "DM10010": MotorRange(20.0, 200.0),
+    "DM10010L": MotorRange(25.0, 200.0),
+}
+
+TIME_OUT, MODE, POSITION_MAX, VELOCITY_MAX, TORQUE_MAX = REGISTERS = (9, 10, 21, 22, 23)
+_NAMES = {
+    TIME_OUT: "communication time-out",
+    MODE: "control mode",
+    POSITION_MAX: "PMAX",
+    VELOCITY_MAX: "VMAX",
+    TORQUE_MAX: "TMAX",
+}
+_WHOLE = (TIME_OUT, MODE)  # registers that are whole numbers; the others are floats
+MIT_MODE = 1
+
+OFF, ON = 0, 1  # states that are no faults
+WENT_OFF = 16  # of a motor that was on, and says that it is off: it has rebooted
+COMMUNICATION_LOST = 13
+ERRORS = {
+    5: "sensor error",
+    6: "parameter error",
+    8: "over-voltage",
+    9: "under-voltage",
+    10: "over-current",
+    11: "over-temperature of its MOSFETs",
+    12: "over-temperature of its coil",
+    COMMUNICATION_LOST: "that it heard nothing for too long and switched itself off",
+    14: "overload",
+    WENT_OFF: "that it is switched off",
+}
+
+_EVERYONE = slice(None)
+
+
+class DamiaoDriver:
+    """The controller's end."""
+
+    filters: tuple[CanFilter, ...] = ({"can_id": REPLY_ID, "can_mask": 0x780, "extended": False},)
+
+    def __init__(self, wiring: Wiring) -> None:
+        """Raises UserError for a motor id that a frame cannot carry."""
+        n = len(wiring.motor_id)
+        self._wiring = wiring
+        self._lookup = motor_lookup(wiring)
+        self._everyone = np.arange(n)
+        self._ranges = [RANGES[model] for model in wiring.models]
+        self._told: list[dict[int, float]] = [{} for _ in range(n)]
+        self._asking = True
+        self._was_on = np.zeros(n, dtype=bool)
+        self._outgoing = Frames(wiring.channel, wiring.motor_id, np.zeros((n, 8), np.uint8), np.full(n, 8))
+        self._enable = self._outgoing._replace(data=mit.special(mit.ENTER, n))
+        self._disable = self._outgoing._replace(data=mit.special(mit.EXIT, n))
+        self._usual = self._outgoing
+        self._use(self._ranges)
+
+    def _use(self, ranges: list[MotorRange]) -> None:
+        self._codec = mit.Codec.of(ranges)
+        self.lowest, self.highest = self._codec.lowest, self._codec.highest
+
+    # -- settings ------------------------------------------------------------------------------------
+
+    def ask(self) -> Frames:
+        """One question to each motor that has not told all."""
+        missing = [next((r for r in REGISTERS if r not in told), None) for told in self._told]
+        asked = [(row, register) for row, register in enumerate(missing) if register is not None]
+        rows = np.array([row for row, _ in asked], dtype=np.intp)
+        data = np.zeros((len(rows), 8), np.uint8)
+        data[:, 0], data[:, 2] = self._wiring.motor_id[rows], READ
+        data[:, 3] = [register for _, register in asked]
+        return Frames(
+            self._wiring.channel[rows], np.full(len(rows), REGISTER_ID), data, np.full(len(rows), 8)
+        )
+
+    def unready(self) -> str:
+        if not self._asking:
+            return ""
+        for joint, told in enumerate(self._told):
+            problem = _problem(told)
+            if problem:
+                return f"motor {self._wiring.place(joint)} {problem}"
+        self._use(
+            [
+                replace(
+                    usual, position=told[POSITION_MAX], velocity=told[VELOCITY_MAX], torque=told[TORQUE_MAX]
+                )
+                for usual, told in zip(self._ranges, self._told, strict=True)
+            ]
+        )
+        self._asking = False
+        return ""
+
+    def _listen(self, data: np.ndarray, motor: np.ndarray) -> np.ndarray:
+        """Take in what motors tell; returns which frames (k,) told something."""
+        tells = (data[:, 0] == self._wiring.motor_id[motor]) & (data[:, 1] == 0) & (data[:, 2] == READ)
+        tells &= np.isin(data[:, 3], REGISTERS)
+        for row in np.flatnonzero(tells):
+            register = int(data[row, 3])
+            (value,) = struct.unpack("<I" if register in _WHOLE else "<f", data[row, 4:].tobytes())
+            self._told[motor[row]][register] = value
+        return tells
+
+    # -- every tick ----------------------------------------------------------------------------------
+
+    def enable(self) -> Frames:
+        return self._enable
+
+    def disable(self) -> Frames:
+        return self._disable
+
+    def command(self, values: np.ndarray) -> Frames:
+        return self._outgoing._replace(data=self._codec.encode(values))
+
+    def replies(self, frames: Frames) -> Replies:
+        if same_layout(frames, self._usual) and not self._asking:
+            return self._decoded(frames.data, _EVERYONE)
+        sender = frames.id - REPLY_ID
+        usable = (sender > 0) & (sender <= MOTOR_IDS[-1]) & (frames.length == 8)
+        motor = self._lookup[frames.channel, np.where(usable, sender, 0)]
+        usable &= motor >= 0
+        usable[usable] = (frames.data[usable, 0] & 0xF) == (sender[usable] & 0xF)
+        if self._asking:
+            told = self._listen(frames.data[usable], motor[usable])
+            usable[usable] = ~told
+        elif np.array_equal(motor, self._everyone) and usable.all():
+            self._usual = frames
+        return self._decoded(frames.data[usable], motor[usable])
+
+    def _decoded(self, data: np.ndarray, motor: Motors) -> Replies:
+        values = self._codec.decode_replies(data, motor).values
+        state = data[:, 0] >> 4
+        error = np.where(state > ON, state, 0).astype(np.uint8)
+        error[(state == OFF) & self._was_on[motor]] = WENT_OFF
+        self._was_on[motor] |= state == ON
+        return Replies(motor, values, np.maximum(data[:, 6], data[:, 7]), error)
+
+    def error_name(self, code: int, joint: int = 0) -> str:
+        return ERRORS.get(code, f"error {code}")
+
+
+def _problem(told: dict[int, float]) -> str:
+    """What is missing, or wrong, of what a motor has told."""
+    for register in REGISTERS:
+        if register not in told:
+            return f"has not told its {_NAMES[register]} (register {register})"
+    if told[MODE] != MIT_MODE:
+        return f"is in control mode {told[MODE]:g}: register {MODE} must be {MIT_MODE}, MIT mode"
+    if told[TIME_OUT] == 0:
+        return f"has no communication time-out: register {TIME_OUT} must be above 0"
+    for register in (POSITION_MAX, VELOCITY_MAX, TORQUE_MAX):
+        if not 0.0 < told[register] < 1e4:
+            return f"says that its {_NAMES[register]} is {told[register]:g} (register {register})"
+    return ""
+
+
+class DamiaoMotorEnd:
+    """The motors' end. `registers` (joint, register) are what each tells of itself."""
+
+    filters: tuple[CanFilter, ...] = (
+        {"can_id": 0, "can_mask": 0x7FF - MOTOR_IDS[-1], "extended": False},
+        {"can_id": REGISTER_ID, "can_mask": 0x7FF, "extended": False},
+    )
+    time_out_error = COMMUNICATION_LOST
+
+    def __init__(self, wiring: Wiring, ranges: list[MotorRange] | None = None) -> None:
+        """`ranges` are the motors' own; those of the maker's table by default."""
+        n = len(wiring.motor_id)
+        self._wiring, self._lookup = wiring, motor_lookup(wiring)
+        ranges = ranges or [RANGES[model] for model in wiring.models]
+        self._codec = mit.Codec.of(ranges)
+        self.registers = [
+            {
+                TIME_OUT: 2000,
+                MODE: MIT_MODE,
+                POSITION_MAX: r.position,
+                VELOCITY_MAX: r.velocity,
+                TORQUE_MAX: r.torque,
+            }
+            for r in ranges
+        ]
+        self._reply_id = REPLY_ID + wiring.motor_id
+        self._length = np.full(n, 8)
+
+    def requests(self, frames: Frames) -> Requests:
+        motor = self._lookup[frames.channel, frames.id & 0xFF]
+        usable = (motor >= 0) & (frames.id <= MOTOR_IDS[-1]) & (frames.length == 8)
+        word = mit.words(frames.data[usable])
+        kind = None
+        if np.maximum.reduce(word, initial=0) >= mit.ENTER:
+            kind = np.array([_KIND.get(w, Request.COMMAND) for w in word.tolist()])
+        return Requests(motor[usable], self._codec.decode(word, motor[usable]), kind)
+
+    def tell(self, frames: Frames) -> Frames | None:
+        asked = (frames.id == REGISTER_ID) & (frames.length == 8) & (frames.data[:, 2] == READ)
+        motor = self._lookup[frames.channel, frames.data[:, 0]]
+        rows = np.flatnonzero(asked & (motor >= 0) & (frames.data[:, 1] == 0))
+        if not len(rows):
+            return None
+        data = frames.data[rows].copy()
+        for row, (joint, register) in enumerate(zip(motor[rows].tolist(), data[:, 3].tolist(), strict=True)):
+            value = self.registers[joint].get(register, 0)
+            packed = struct.pack("<I", int(value)) if register in _WHOLE else struct.pack("<f", value)
+            data[row, 4:] = np.frombuffer(packed, np.uint8)
+        who = motor[rows]
+        return Frames(self._wiring.channel[who], self._reply_id[who], data, self._length[who])
+
+    def reply(
+        self,
+        motor: Motors,
+        values: np.ndarray,
+        temperature_c: int,
+        error: np.ndarray,
+        on: np.ndarray | None = None,
+    ) -> Frames:
+        state = np.ones(len(error), np.uint64) if on is None else on.astype(np.uint64)
+        state = np.where(error != 0, error, state)
+        first = (state << np.uint64(4)) | (self._wiring.motor_id[motor] & 0xF).astype(np.uint64)
+        tail = np.full(len(error), temperature_c << 8 | temperature_c, np.uint64)
+        data = self._codec.encode_replies(motor, first << np.uint64(56), values, tail)
+        return Frames(self._wiring.channel[motor], self._reply_id[motor], data, self._length[motor])
+
+
+_KIND = {mit.ENTER: Request.ENABLE, mit.EXIT: Request.DISABLE, mit.ZERO: Request.ZERO}

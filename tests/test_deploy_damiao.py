@@ -1,0 +1,228 @@
+"""Damiao motors: their frames by the maker's tables, what they are asked at the start, robots that mix."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from deploy_policies import Hold, short_episode
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from footfall.deploy.drivers import damiao
+from footfall.deploy.drivers.choice import open_driver, open_motor_end
+from footfall.deploy.drivers.damiao import DamiaoDriver, DamiaoMotorEnd
+from footfall.deploy.drivers.mit import MotorRange
+from footfall.deploy.frames import Frames
+from footfall.deploy.loop import ControlLoop
+from footfall.deploy.wiring import Wiring, wire
+from footfall.plant.episode import run_episode
+from footfall.plant.robot import SimulatedRobot
+from footfall.robots.description import Robot
+
+TWO = Wiring(
+    buses=("can0", "can1"),
+    channel=np.array([0, 1]),
+    motor_id=np.array([3, 3]),
+    imu_channel=0,
+    models=("DM4310", "DM8009"),
+    joint_names=("hip", "knee"),
+)
+
+
+def frame(identifier: int, content: str, channel: int = 0) -> Frames:
+    data = np.frombuffer(bytes.fromhex(content), np.uint8).reshape(1, 8)
+    return Frames(np.array([channel]), np.array([identifier]), data, np.array([8]))
+
+
+def hexed(frames: Frames) -> list[str]:
+    return [row.tobytes().hex(" ") for row in frames.data]
+
+
+def introduce(driver: DamiaoDriver, end: DamiaoMotorEnd) -> int:
+    """Ask until all is told; how often that took."""
+    for count in range(10):
+        if not driver.unready():
+            return count
+        answer = end.tell(driver.ask())
+        assert answer is not None
+        assert not driver.replies(answer).values.size  # what a motor tells is no reading
+    raise AssertionError(driver.unready())
+
+
+@pytest.fixture
+def driver() -> DamiaoDriver:
+    driver = DamiaoDriver(TWO)
+    introduce(driver, DamiaoMotorEnd(TWO))
+    return driver
+
+
+class TestFrames:
+    def test_a_command_lies_where_the_manual_puts_it(self, driver: DamiaoDriver) -> None:
+        """3.2 rad of 12.5 is 15.7 / 25 of 65535: 41156, 0xa0c4. The range's ends are the code's."""
+        values = np.array([[-12.5, 3.2], [30.0, -45.0], [0.0, 500.0], [5.0, 0.0], [-10.0, 54.0]])
+        frames = driver.command(values)
+        assert frames.id.tolist() == [3, 3]
+        assert hexed(frames) == ["00 00 ff f0 00 ff f0 00", "a0 c4 00 0f ff 00 0f ff"]
+
+    def test_a_reply_lies_where_the_manual_puts_it(self, driver: DamiaoDriver) -> None:
+        """State 1 and id 3 share byte 0; MOSFETs of 40 degrees, a rotor of 45, of which the hotter counts."""
+        replies = driver.replies(frame(0x203, "13 ff ff 00 0f ff 28 2d"))
+        assert np.arange(2)[replies.motor].tolist() == [0]
+        np.testing.assert_allclose(replies.values[:, 0], [12.5, -30.0, 10.0])
+        assert (replies.temperature_c.tolist(), replies.error.tolist()) == ([45], [0])
+
+    @pytest.mark.parametrize(
+        ("first", "says"),
+        [
+            ("83", "over-voltage"),
+            ("b3", "over-temperature of its MOSFETs"),
+            ("d3", "heard nothing"),
+            ("f3", "15"),
+        ],
+    )
+    def test_states_from_2_on_are_errors(self, driver: DamiaoDriver, first: str, says: str) -> None:
+        (error,) = driver.replies(frame(0x203, f"{first} 80 00 80 08 00 1e 1e")).error
+        assert says in driver.error_name(int(error))
+
+    def test_a_motor_that_was_on_and_is_off_has_rebooted(self, driver: DamiaoDriver) -> None:
+        states = ["03", "13", "03", "13"]
+        errors = [driver.replies(frame(0x203, f"{state} 80 00 80 08 00 1e 1e")).error[0] for state in states]
+        assert errors == [0, 0, damiao.WENT_OFF, 0]
+
+    @pytest.mark.parametrize(
+        ("identifier", "first"), [(0x203, "14"), (0x204, "14"), (0x103, "13"), (0x3, "13")]
+    )
+    def test_replies_of_others_are_left_aside(
+        self, driver: DamiaoDriver, identifier: int, first: str
+    ) -> None:
+        assert not driver.replies(frame(identifier, f"{first} 80 00 80 08 00 1e 1e")).values.size
+
+    def test_the_same_id_on_another_bus_is_another_motor(self, driver: DamiaoDriver) -> None:
+        replies = driver.replies(frame(0x203, "13 ff ff ff ff ff 1e 1e", channel=1))
+        assert np.arange(2)[replies.motor].tolist() == [1]
+        np.testing.assert_allclose(replies.values[:, 0], [12.5, 45.0, 54.0])
+
+    @given(arrays.arrays(float, (3, 2), elements=st.floats(-1.0, 1.0)))
+    def test_a_round_trip_is_off_by_half_a_quantum_at_most(self, share: np.ndarray) -> None:
+        driver, end = DamiaoDriver(TWO), DamiaoMotorEnd(TWO)
+        introduce(driver, end)
+        most = np.array([[12.5, 12.5], [30.0, 45.0], [10.0, 54.0]])
+        for _ in range(2):  # the second time from arrays that were seen before
+            frames = end.reply(slice(None), share * most, 30, np.zeros(2, np.uint64))
+            back = driver.replies(frames)
+        quantum = 2 * most / np.array([[65535], [4095], [4095]])
+        assert np.all(np.abs(back.values - share * most) <= 0.5 * quantum * (1 + 1e-9))
+
+
+class TestRegisters:
+    def test_a_question_and_its_answer(self) -> None:
+        driver = DamiaoDriver(TWO)
+        assert driver.ask().id.tolist() == [0x7FF, 0x7FF]
+        assert hexed(driver.ask())[0] == "03 00 33 09 00 00 00 00"
+        answer = DamiaoMotorEnd(TWO).tell(frame(0x7FF, "03 00 33 15 00 00 00 00"))
+        assert answer is not None
+        assert (answer.id.tolist(), hexed(answer)) == ([0x203], ["03 00 33 15 00 00 48 41"])  # 12.5
+
+    def test_what_a_motor_says_of_its_ranges_counts(self) -> None:
+        own = [MotorRange(25.0, 12.0, position=6.0), MotorRange(45.0, 54.0)]
+        driver, end = DamiaoDriver(TWO), DamiaoMotorEnd(TWO, own)
+        assert introduce(driver, end) == 5  # registers, one at a time
+        assert driver.highest[:, 0].tolist() == [6.0, 25.0, 500.0, 5.0, 12.0]
+        assert driver.lowest[[0, 1, 4], 0].tolist() == [-6.0, -25.0, -12.0]
+        wanted = np.array([[1.5, -2.0], [3.0, 4.0], [50.0, 60.0], [1.0, 2.0], [5.0, -6.0]])
+        back = end.requests(driver.command(wanted)).values
+        np.testing.assert_allclose(back, wanted, atol=0.07)
+
+    @pytest.mark.parametrize(
+        ("register", "value", "says"),
+        [
+            (damiao.MODE, 2, "is in control mode 2: register 10 must be 1, MIT mode"),
+            (damiao.TIME_OUT, 0, "has no communication time-out: register 9 must be above 0"),
+            (damiao.TORQUE_MAX, -1.0, "says that its TMAX is -1 (register 23)"),
+            (damiao.VELOCITY_MAX, float("nan"), "says that its VMAX is nan (register 22)"),
+        ],
+    )
+    def test_a_motor_that_is_set_wrongly_is_not_switched_on(
+        self, register: int, value: float, says: str
+    ) -> None:
+        driver, end = DamiaoDriver(TWO), DamiaoMotorEnd(TWO)
+        end.registers[1][register] = value
+        for _ in range(6):
+            answer = end.tell(driver.ask())
+            if answer is not None:
+                driver.replies(answer)
+        assert driver.unready() == f"motor knee (can1, id 3) {says}"
+
+    def test_a_motor_that_tells_nothing_is_named(self) -> None:
+        driver, end = DamiaoDriver(TWO), DamiaoMotorEnd(TWO)
+        for _ in range(6):
+            answer = end.tell(driver.ask())
+            assert answer is not None
+            driver.replies(answer.take(answer.channel == 0))
+        assert (
+            driver.unready() == "motor knee (can1, id 3) has not told its communication time-out (register 9)"
+        )
+        assert driver.ask().channel.tolist() == [1]
+
+
+def with_motors(robot: Robot, **protocols: str) -> Robot:
+    motors = {
+        name: replace(motor, protocol=protocols.get(name, motor.protocol))
+        for name, motor in robot.description.motors.items()
+    }
+    return replace(robot, description=replace(robot.description, motors=motors))
+
+
+class TestRobots:
+    @pytest.mark.parametrize("protocols", [{"hip": "DM8006", "knee": "DM8009"}, {"knee": "DM8009"}])
+    def test_a_robot_of_damiao_motors_and_one_that_mixes_stand(
+        self, go1: Robot, protocols: dict[str, str]
+    ) -> None:
+        trace = run_episode(with_motors(go1, **protocols), Hold(go1), short_episode())
+        assert trace.faults == ()
+        assert trace.final_state == "IDLE"
+        np.testing.assert_allclose(trace.joint_position[-1], go1.default_pose, atol=0.05)
+
+    @pytest.mark.parametrize("joint", [4, 8])
+    def test_a_motor_that_reboots_says_so(self, go1: Robot, joint: int) -> None:
+        robot = with_motors(go1, hip="DM8006", knee="DM8009")
+
+        def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
+            if loop.walking and 0.3 < loop.walking_s < 0.3021:
+                body.reboot(np.array([joint]))
+
+        trace = run_episode(robot, Hold(robot), short_episode(), watch)
+        place = wire(robot).place(joint)
+        assert trace.faults == (f"motor {place} reports that it is switched off",)
+        assert trace.walked_s < 0.32
+
+    def test_an_error_of_a_mixed_robot_is_named_in_its_makers_words(self, go1: Robot) -> None:
+        wiring = wire(with_motors(go1, knee="DM8009"))
+        driver = open_driver(wiring)
+        assert driver.error_name(5, 0) == "encoder error"
+        assert driver.error_name(5, 2) == "sensor error"
+
+    def test_each_motor_of_a_mixed_robot_gets_and_gives_its_own(self, go1: Robot) -> None:
+        wiring = wire(with_motors(go1, knee="DM8009"))
+        driver, end = open_driver(wiring), open_motor_end(wiring)
+        while driver.unready():
+            answer = end.tell(driver.ask())
+            assert answer is not None
+            driver.replies(answer)
+        rng = np.random.default_rng(2)
+        wanted = rng.uniform(0.1, 0.9, (5, 12)) * driver.highest
+        requests = end.requests(driver.command(wanted))
+        heard = np.zeros((5, 12))
+        heard[:, requests.motor] = requests.values
+        np.testing.assert_allclose(heard, wanted, atol=0.07)
+        readings = rng.uniform(-0.9, 0.9, (3, 12)) * driver.highest[[0, 1, 4]]
+        error = np.zeros(12, np.uint64)
+        error[[1, 5]] = 2, 8
+        motor = requests.motor
+        replies = driver.replies(end.reply(motor, readings[:, motor], 33, error[motor]))
+        back, codes = np.zeros((3, 12)), np.zeros(12)
+        back[:, replies.motor], codes[replies.motor] = replies.values, replies.error
+        np.testing.assert_allclose(back, readings, atol=0.02)
+        assert codes.tolist() == error.tolist()
+        assert replies.temperature_c.tolist() == [33] * 12
