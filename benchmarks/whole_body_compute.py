@@ -1,6 +1,7 @@
 """How long whole-body control takes: python benchmarks/whole_body_compute.py [--robot g1] [--ticks 2000].
 
-One core: keep OMP_NUM_THREADS=1. A tick is dynamics, build and solve, on a robot that sways and is pushed.
+One core: keep OMP_NUM_THREADS=1. A tick is dynamics, build and solve, on a robot that sways and is pushed: of
+`balance` on all feet, of `step` walking, which is on one foot most of the time.
 """
 
 import argparse
@@ -9,6 +10,7 @@ import time
 import numpy as np
 
 from footfall.policies.controllers.balance import Balance
+from footfall.policies.controllers.step import Step
 from footfall.policies.policy import Observation, Sensed
 from footfall.robots.description import load_robot
 
@@ -19,29 +21,31 @@ def main() -> None:
     parser.add_argument("--ticks", type=int, default=2000)
     given = parser.parse_args()
     robot = load_robot(given.robot)
-    policy, rng = Balance(robot), np.random.default_rng(0)
-    n, act_ms = len(robot.joint_names), []
-    for tick in range(given.ticks):
-        sensed = Sensed(
-            gyro=0.3 * rng.normal(size=3),
-            acceleration=np.array([0.0, 0.0, 9.81]),
-            quaternion=np.array([1.0, 0.0, 0.0, 0.0]),
-            joint_position=robot.default_pose + 0.02 * rng.normal(size=n),
-            joint_velocity=0.3 * rng.normal(size=n),
-            joint_torque=np.zeros(n),
+    n = len(robot.joint_names)
+    for policy in (Balance(robot), Step(robot)):
+        rng, act_ms = np.random.default_rng(0), []
+        for tick in range(given.ticks):
+            sensed = Sensed(
+                gyro=0.3 * rng.normal(size=3),
+                acceleration=np.array([0.0, 0.0, 9.81]),
+                quaternion=np.array([1.0, 0.0, 0.0, 0.0]),
+                joint_position=robot.default_pose + 0.02 * rng.normal(size=n),
+                joint_velocity=0.3 * rng.normal(size=n),
+                joint_torque=np.zeros(n),
+            )
+            time_s, walk = 1.0 + tick / policy.rate_hz, np.array([0.2, 0.0, 0.1])
+            observation = Observation(time_s, sensed, walk, 0.15 * rng.normal(size=3), 0.0)
+            if tick == 0:
+                policy.reset(observation)
+            began = time.perf_counter()
+            policy.act(observation)
+            act_ms.append(1e3 * (time.perf_counter() - began))
+        control = policy.control
+        p50, p99 = np.percentile(act_ms[10:], [50, 99])
+        print(
+            f"a tick of {policy.name} on {robot.name}: p50 {p50:.3f} ms, p99 {p99:.3f} ms"
+            f" ({control.fallbacks} by the second solver, {control.lapses} without a solution)"
         )
-        observation = Observation(1.0, sensed, np.zeros(3), 0.15 * rng.normal(size=3), 0.0)
-        if tick == 0:
-            policy.reset(observation)
-        began = time.perf_counter()
-        policy.act(observation)
-        act_ms.append(1e3 * (time.perf_counter() - began))
-    control = policy.control
-    p50, p99 = np.percentile(act_ms[10:], [50, 99])
-    print(f"a tick of balance on {robot.name}: p50 {p50:.3f} ms, p99 {p99:.3f} ms")
-    print(
-        f"{given.ticks} ticks: {control.fallbacks} by the second solver, {control.lapses} without a solution"
-    )
 
 
 if __name__ == "__main__":

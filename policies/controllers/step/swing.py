@@ -4,6 +4,8 @@ import math
 
 import numpy as np
 
+_LEVEL = [0, 1, 3]  # where x, y and yaw stand in what is returned
+
 
 class Swing:
     """The reference of a swinging foot: x, y and yaw at least jerk, and the height over the way done.
@@ -43,18 +45,21 @@ class Swing:
         acceleration = acceleration + jerk * dt_s
         rate = rate + acceleration * dt_s
         self._motion = np.array([value + rate * dt_s, rate, acceleration])
+        result = np.empty((3, 4))
+        result[:, _LEVEL] = self._motion
         pace = (1.0 - self.progress) / left_s
         self.progress = min(1.0, self.progress + pace * dt_s)
-        return np.insert(self._motion, 2, self._vertical(self.progress, pace), axis=1)
+        result[:, 2] = self._vertical(self.progress, pace)
+        return result
 
-    def _vertical(self, s: float, pace: float) -> np.ndarray:
+    def _vertical(self, s: float, pace: float) -> tuple[float, float, float]:
         """Height and its first two derivatives: a bump, from the height at lift-off to below the ground."""
         fall = self._height + self._depth_m
         bump = 16.0 * self._lift_m
         height = self._height - fall * s * s * (3 - 2 * s) + bump * s**2 * (1 - s) ** 2
         slope = -fall * 6 * s * (1 - s) + bump * 2 * s * (1 - s) * (1 - 2 * s)
         bend = -fall * (6 - 12 * s) + bump * 2 * (1 - 6 * s + 6 * s * s)
-        return np.array([height, slope * pace, bend * pace * pace])
+        return height, slope * pace, bend * pace * pace
 
 
 def yaw_of(rotation: np.ndarray) -> float:

@@ -14,8 +14,6 @@ from footfall.robots.description import Robot
 
 LAPSED = "whole-body control had no solution in time: its last torques faded, the joints were damped"
 
-_BOUNDLESS = 1e9  # N m
-
 
 @dataclass(frozen=True)
 class JointFeedback:
@@ -73,7 +71,7 @@ class WholeBodyControl:
         n = len(robot.joint_names)
         self._kp, self._kd = np.full(n, config.joints.kp), np.full(n, config.joints.kd)
         self._damping, self._zeros = np.full(n, config.lapse.kd), np.zeros(n)
-        self._most = np.full(n, _BOUNDLESS)
+        self._anything = np.array([np.full(n, -np.inf), np.full(n, np.inf)])
         self._programmes = Programmes(
             self.body.foot_of_point, n, self.body.total_mass, config.weights, config.contact
         )
@@ -114,13 +112,8 @@ class WholeBodyControl:
         Raises:
             NoSolutionError: for longer than the configuration allows.
         """
-        programme, meaning = self._programmes.build(
-            dynamics,
-            wanted,
-            most_force,
-            limit_torque(-self._most, joint_velocity, self._motor),
-            limit_torque(self._most, joint_velocity, self._motor),
-        )
+        least, most = limit_torque(self._anything, joint_velocity, self._motor)
+        programme, meaning = self._programmes.build(dynamics, wanted, most_force, least, most)
         solution = self.solver.solve(programme)
         if solution is None:
             return self._without_solution(joint_position)
