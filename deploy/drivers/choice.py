@@ -6,11 +6,12 @@ from typing import NamedTuple
 import numpy as np
 
 from footfall.common.errors import UserError
-from footfall.deploy.drivers import damiao, mit
+from footfall.deploy.drivers import damiao, mit, robstride
 from footfall.deploy.drivers.damiao import DamiaoDriver, DamiaoMotorEnd
 from footfall.deploy.drivers.driver import Driver, MotorEnd
 from footfall.deploy.drivers.mit_driver import MitDriver, MitMotorEnd
 from footfall.deploy.drivers.mixed import MixedDriver, MixedMotorEnd
+from footfall.deploy.drivers.robstride import RobstrideDriver, RobstrideMotorEnd
 from footfall.deploy.wiring import Wiring
 
 
@@ -24,6 +25,7 @@ class Ends(NamedTuple):
 PROTOCOLS: dict[str, Ends] = {  # by motor model
     **dict.fromkeys(mit.RANGES, Ends(MitDriver, MitMotorEnd)),
     **dict.fromkeys(damiao.RANGES, Ends(DamiaoDriver, DamiaoMotorEnd)),
+    **dict.fromkeys(robstride.RANGES, Ends(RobstrideDriver, RobstrideMotorEnd)),
 }
 
 

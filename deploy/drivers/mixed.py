@@ -50,9 +50,10 @@ class MixedDriver:
         return self._from_all(lambda driver: driver.disable())
 
     def command(self, values: np.ndarray) -> Frames:
-        channel, identifier, _, length = self._outgoing  # the same arrays each time
-        data = [driver.command(values[:, joints]).data for driver, joints in self._parts]
-        return Frames(channel, identifier, np.concatenate(data), length)
+        batches = [driver.command(values[:, joints]) for driver, joints in self._parts]
+        identifier = np.concatenate([frames.id for frames in batches])
+        data = np.concatenate([frames.data for frames in batches])
+        return self._outgoing._replace(id=identifier, data=data)  # the same channels and lengths each time
 
     def replies(self, frames: Frames) -> Replies:
         parts = [(driver.replies(frames), joints) for driver, joints in self._parts]

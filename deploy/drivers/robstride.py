@@ -1,0 +1,250 @@
+"""RobStride motors in operation (MIT) mode, both ends.
+
+Identifiers have 29 bits: `type << 24 | data << 8 | addressee`. A command (type 1) carries its torque in the
+identifier's 16 data bits, and position, velocity, stiffness and damping as four big-endian words. A reply
+(type 2) carries position, velocity, torque and temperature * 10; its data bits are the motor's id, six faults
+and two bits of mode. A parameter (type 17) is asked for by its index, little-endian, in the first two bytes,
+and told with its value, little-endian, in the last four.
+
+Positions span 4 pi to either side, as the manual says; the maker's sample program has 12.5 rad, half a per
+cent less.
+"""
+
+import math
+
+import numpy as np
+
+from footfall.deploy.drivers.driver import CanFilter, Motors, Replies, Request, Requests
+from footfall.deploy.drivers.mit import MotorRange
+from footfall.deploy.drivers.mit_driver import motor_lookup
+from footfall.deploy.frames import EXTENDED, Frames
+from footfall.deploy.wiring import Wiring
+
+HOST = 0xFD
+CONTROL, FEEDBACK, ENABLE, STOP, ZERO, READ = 1, 2, 3, 4, 6, 17
+
+_TURNS = 4 * math.pi
+RANGES = {
+    "RS00": MotorRange(33.0, 14.0, _TURNS),
+    "RS01": MotorRange(44.0, 17.0, _TURNS),
+    "RS02": MotorRange(44.0, 17.0, _TURNS),
+    "RS03": MotorRange(20.0, 60.0, _TURNS, kp=5000.0, kd=100.0),
+    "RS04": MotorRange(15.0, 120.0, _TURNS, kp=5000.0, kd=100.0),
+    "RS05": MotorRange(50.0, 5.5, _TURNS),
+    "RS06": MotorRange(50.0, 36.0, _TURNS, kp=5000.0, kd=100.0),
+}
+
+RUN_MODE, TIME_OUT = PARAMETERS = (0x7005, 0x7028)
+_NAMES = {RUN_MODE: "run mode", TIME_OUT: "communication time-out"}
+RUNNING = 2  # of the modes in a reply; 0 is off, 1 calibrates
+
+WENT_OFF = (
+    64  # of a motor that was on, and says that it is off: it has rebooted, or heard nothing for too long
+)
+FAULTS = {
+    1: "under-voltage",
+    2: "over-current",
+    4: "over-temperature",
+    8: "magnetic encoder fault",
+    16: "stall overload",
+    32: "that it is not calibrated",
+    WENT_OFF: "that it is switched off",
+}
+
+_WORDS = np.dtype(">u2")
+_REPLIED = [0, 1, 4]
+_EVERYONE = slice(None)
+_KIND = {CONTROL: Request.COMMAND, ENABLE: Request.ENABLE, STOP: Request.DISABLE, ZERO: Request.ZERO}
+
+
+def _identifier(kind: int, data: np.ndarray | int, addressee: np.ndarray | int) -> np.ndarray:
+    return np.asarray(EXTENDED | kind << 24 | np.asarray(data) << 8 | addressee)
+
+
+class Codec:
+    """The ranges of n motors. Both directions use 65535 intervals, rounded to nearest."""
+
+    def __init__(self, models: tuple[str, ...]) -> None:
+        rows = [RANGES[model] for model in models]
+        self.highest = np.array([[r.position, r.velocity, r.kp, r.kd, r.torque] for r in rows]).T.copy()
+        self.lowest = -self.highest
+        self.lowest[2:4] = 0.0
+        self.quantum = (self.highest - self.lowest) / 65535
+
+    def codes(self, values: np.ndarray, rows: list[int], motor: Motors = _EVERYONE) -> np.ndarray:
+        """Codes (rows, k) of values (rows, k), clamped to the range; `rows` are those of a `JointCommand`."""
+        lowest, highest, quantum = (part[rows][:, motor] for part in self._parts)
+        return np.rint((np.minimum(np.maximum(values, lowest), highest) - lowest) / quantum).astype(np.intp)
+
+    def values(self, codes: np.ndarray, rows: list[int], motor: Motors = _EVERYONE) -> np.ndarray:
+        """Values (rows, k) of codes (rows, k)."""
+        lowest, _, quantum = (part[rows][:, motor] for part in self._parts)
+        return lowest + codes * quantum
+
+    @property
+    def _parts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return self.lowest, self.highest, self.quantum
+
+
+def _payload(words: np.ndarray) -> np.ndarray:
+    """Four words for each of k frames, (4, k), as bytes (k, 8)."""
+    return np.ascontiguousarray(words.T.astype(_WORDS)).view(np.uint8)
+
+
+def _words(data: np.ndarray) -> np.ndarray:
+    """Bytes (k, 8) as four words for each frame, (4, k)."""
+    return np.ascontiguousarray(data).view(_WORDS).astype(np.intp).T
+
+
+class RobstrideDriver:
+    """The controller's end."""
+
+    filters: tuple[CanFilter, ...] = tuple(
+        {"can_id": kind << 24 | HOST, "can_mask": 0x1F00_00FF, "extended": True} for kind in (FEEDBACK, READ)
+    )
+
+    def __init__(self, wiring: Wiring) -> None:
+        """Raises UserError for a motor id that a frame cannot carry."""
+        n = len(wiring.motor_id)
+        self._wiring, self._lookup = wiring, motor_lookup(wiring)
+        self._codec = Codec(wiring.models)
+        self.lowest, self.highest = self._codec.lowest, self._codec.highest
+        self._everyone = np.arange(n)
+        self._told: list[dict[int, int]] = [{} for _ in range(n)]
+        self._asking = True
+        self._was_on = np.zeros(n, dtype=bool)
+        self._control = _identifier(CONTROL, 0, wiring.motor_id)
+        nothing = Frames(wiring.channel, wiring.motor_id, np.zeros((n, 8), np.uint8), np.full(n, 8))
+        self._outgoing = nothing
+        self._enable = nothing._replace(id=_identifier(ENABLE, HOST, wiring.motor_id))
+        self._disable = nothing._replace(id=_identifier(STOP, HOST, wiring.motor_id))
+
+    def ask(self) -> Frames:
+        """One question to each motor that has not told all."""
+        asked = [
+            (joint, next(p for p in PARAMETERS if p not in told))
+            for joint, told in enumerate(self._told)
+            if len(told) < len(PARAMETERS)
+        ]
+        rows = np.array([joint for joint, _ in asked], dtype=np.intp)
+        data = np.zeros((len(rows), 8), np.uint8)
+        for row, (_, parameter) in enumerate(asked):
+            data[row, 0], data[row, 1] = parameter & 0xFF, parameter >> 8
+        identifier = _identifier(READ, HOST, self._wiring.motor_id[rows])
+        return Frames(self._wiring.channel[rows], identifier, data, np.full(len(rows), 8))
+
+    def unready(self) -> str:
+        if not self._asking:
+            return ""
+        for joint, told in enumerate(self._told):
+            problem = _problem(told)
+            if problem:
+                return f"motor {self._wiring.place(joint)} {problem}"
+        self._asking = False
+        return ""
+
+    def enable(self) -> Frames:
+        return self._enable
+
+    def disable(self) -> Frames:
+        return self._disable
+
+    def command(self, values: np.ndarray) -> Frames:
+        if not math.isfinite(np.add.reduce(values, axis=None)):
+            raise ValueError("a command that is not finite cannot be sent")
+        codes = self._codec.codes(values, [0, 1, 2, 3, 4])
+        return self._outgoing._replace(id=self._control | codes[4] << 8, data=_payload(codes[:4]))
+
+    def replies(self, frames: Frames) -> Replies:
+        kind, sender = frames.id >> 24 & 0x1F, frames.id >> 8 & 0xFF
+        ours = (frames.id >= EXTENDED) & (frames.id & 0xFF == HOST) & (frames.length == 8)
+        motor = self._lookup[frames.channel, sender]
+        ours &= motor >= 0
+        if self._asking:
+            self._listen(frames.take(ours & (kind == READ)), motor[ours & (kind == READ)])
+        usable = ours & (kind == FEEDBACK)
+        if not usable.all():
+            motor, frames = motor[usable], frames.take(usable)
+        words = _words(frames.data)
+        values = self._codec.values(words[:3], _REPLIED, motor)
+        running = frames.id >> 22 & 3 == RUNNING
+        error = (frames.id >> 16 & 0x3F).astype(np.uint8)
+        error[~running & self._was_on[motor]] |= WENT_OFF
+        self._was_on[motor] |= running
+        return Replies(motor, values, words[3] // 10, error)
+
+    def _listen(self, frames: Frames, motor: np.ndarray) -> None:
+        """Take in what motors tell."""
+        for joint, row in zip(motor.tolist(), frames.data.tolist(), strict=True):
+            parameter = row[0] | row[1] << 8
+            if parameter in PARAMETERS:
+                whole = row[4:5] if parameter == RUN_MODE else row[4:]  # the mode is a byte
+                self._told[joint][parameter] = int.from_bytes(bytes(whole), "little")
+
+    def error_name(self, code: int, joint: int = 0) -> str:
+        names = [name for bit, name in FAULTS.items() if code & bit]
+        return " and ".join(names) or f"error {code}"
+
+
+def _problem(told: dict[int, int]) -> str:
+    """What is missing, or wrong, of what a motor has told."""
+    for parameter in PARAMETERS:
+        if parameter not in told:
+            return f"has not told its {_NAMES[parameter]} (parameter {parameter:#06x})"
+    if told[RUN_MODE] != 0:
+        return f"is in run mode {told[RUN_MODE]}: parameter {RUN_MODE:#06x} must be 0, operation mode"
+    if told[TIME_OUT] == 0:
+        return f"has no communication time-out: parameter {TIME_OUT:#06x} must be above 0"
+    return ""
+
+
+class RobstrideMotorEnd:
+    """The motors' end. `parameters` are what each tells of itself."""
+
+    filters: tuple[CanFilter, ...] = ({"can_id": 0, "can_mask": 0, "extended": True},)
+    time_out_error = 0  # it switches itself off, and says no more than that
+
+    def __init__(self, wiring: Wiring) -> None:
+        self._wiring, self._lookup = wiring, motor_lookup(wiring)
+        self._codec = Codec(wiring.models)
+        self.parameters = [{RUN_MODE: 0, TIME_OUT: 2000} for _ in wiring.models]
+        self._length = np.full(len(wiring.models), 8)
+
+    def requests(self, frames: Frames) -> Requests:
+        kind, addressee = frames.id >> 24 & 0x1F, frames.id & 0xFF
+        motor = self._lookup[frames.channel, addressee]
+        usable = (frames.id >= EXTENDED) & (motor >= 0) & (frames.length == 8) & np.isin(kind, [*_KIND])
+        motor, kind, frames = motor[usable], kind[usable], frames.take(usable)
+        codes = np.vstack([_words(frames.data), frames.id >> 8 & 0xFFFF])
+        values = self._codec.values(codes, [0, 1, 2, 3, 4], motor)
+        if (kind == CONTROL).all():
+            return Requests(motor, values, None)
+        return Requests(motor, values, np.array([_KIND[each] for each in kind.tolist()]))
+
+    def tell(self, frames: Frames) -> Frames | None:
+        motor = self._lookup[frames.channel, frames.id & 0xFF]
+        asked = (frames.id >= EXTENDED) & (frames.id >> 24 & 0x1F == READ) & (motor >= 0)
+        rows = np.flatnonzero(asked & (frames.length == 8))
+        if not len(rows):
+            return None
+        data, who = frames.data[rows].copy(), motor[rows]
+        for row, joint in enumerate(who.tolist()):
+            value = self.parameters[joint].get(int(data[row, 0]) | int(data[row, 1]) << 8, 0)
+            data[row, 4:] = list(value.to_bytes(4, "little"))
+        identifier = _identifier(READ, self._wiring.motor_id[who], HOST)
+        return Frames(self._wiring.channel[who], identifier, data, self._length[who])
+
+    def reply(
+        self,
+        motor: Motors,
+        values: np.ndarray,
+        temperature_c: int,
+        error: np.ndarray,
+        on: np.ndarray | None = None,
+    ) -> Frames:
+        running = np.ones(len(error), bool) if on is None else on
+        codes = self._codec.codes(values, _REPLIED, motor)
+        words = np.vstack([codes, np.full(len(error), 10 * temperature_c)])
+        about = self._wiring.motor_id[motor] | error.astype(np.intp) << 8 | running * RUNNING << 14
+        identifier = _identifier(FEEDBACK, about, HOST)
+        return Frames(self._wiring.channel[motor], identifier, _payload(words), self._length[motor])
