@@ -55,6 +55,11 @@ CONTROLLERS = {
         f"{_HERE}.mpc.config:MpcConfig",
         "convex model-predictive control of the feet's forces",
     ),
+    "mpc-wbc": Controller(
+        f"{_HERE}.mpc.whole_body:MpcWholeBody",
+        f"{_HERE}.mpc.whole_body:MpcWholeBodyConfig",
+        "the same plan, carried out by whole-body control",
+    ),
     "balance": Controller(
         f"{_HERE}.balance:Balance",
         f"{_HERE}.balance:BalanceConfig",

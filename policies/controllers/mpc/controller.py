@@ -8,6 +8,7 @@ import cmath
 import math
 import time
 from collections import deque
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +27,7 @@ from footfall.policies.controllers.stance import nominal_feet
 from footfall.policies.policy import Observation
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
+from footfall.robots.kinematics import LegPose
 from footfall.robots.rigid_body import nominal_body
 
 _TIMINGS_KEPT = 100_000
@@ -60,7 +62,6 @@ class Mpc:
     name = "mpc"
     needs_estimate = True
     contract = None
-    notes = ()
 
     def __init__(self, robot: Robot, config: MpcConfig | None = None) -> None:
         self._config = config = config or controller_settings(robot, self.name, MpcConfig)
@@ -87,6 +88,10 @@ class Mpc:
         self._path_basis = np.column_stack([np.ones(steps), self._middle_of_step, decayed_s])
         self.solve_ms: deque[float] = deque(maxlen=_TIMINGS_KEPT)
         self._begin(0.0, stance.height_m)
+
+    @property
+    def notes(self) -> Sequence[str]:
+        return ()
 
     @property
     def late(self) -> int:
@@ -132,6 +137,12 @@ class Mpc:
             self._plan(base, feet)
             self._ticks_to_solve = self._solve_every
 
+        return self._joints(observation, base, pose, self._swing(swinging, progress, base))
+
+    def _joints(
+        self, observation: Observation, base: Base, pose: LegPose, swing: np.ndarray
+    ) -> JointCommand:
+        """Joint commands that press with the planned forces and swing feet as planned (see `_swing`)."""
         up = base.rotation[2]
         velocity = np.array([self._wanted_velocity.real, self._wanted_velocity.imag, 0.0])
         return self._leg_control.command(
@@ -141,8 +152,8 @@ class Mpc:
             velocity.dot(base.rotation),
             self._command.value[2] * up,
             up,
-            swinging,
-            self._swing(swinging, progress, base),
+            self._swinging,
+            swing,
         )
 
     def stance(self) -> np.ndarray | None:

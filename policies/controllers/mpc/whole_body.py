@@ -1,0 +1,91 @@
+"""The MPC's plan, carried out by whole-body control.
+
+The planned forces stand for what the body as a whole shall do: accelerate its centre of mass and turn. From
+that and the wanted accelerations of the feet that swing, a quadratic programme on the robot's whole dynamics
+works out the joints' torques at each tick (after Kim et al. 2019, "Highly dynamic quadruped locomotion via
+whole-body impulse control and model predictive control", with weights instead of null spaces).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from footfall.policies.controllers.mpc.config import MpcConfig
+from footfall.policies.controllers.mpc.controller import Base, Mpc
+from footfall.policies.controllers.settings import controller_settings
+from footfall.policies.controllers.whole_body.control import WholeBodyConfig, WholeBodyControl
+from footfall.policies.controllers.whole_body.feedback import Feedback, observed
+from footfall.policies.controllers.whole_body.problem import GRAVITY, Wanted
+from footfall.policies.policy import Observation
+from footfall.robots.actuator import JointCommand
+from footfall.robots.description import Robot
+from footfall.robots.kinematics import LegPose
+
+
+@dataclass(frozen=True)
+class MpcWholeBodyConfig:
+    """Settings of `MpcWholeBody`."""
+
+    plan: MpcConfig  # its `stance.kd`, `swing.kp` and `swing.kd` are not used
+    swing: Feedback  # about the trajectories of feet that swing
+    posture: Feedback  # of the joints, about the default pose
+    whole_body: WholeBodyConfig
+
+
+class MpcWholeBody(Mpc):
+    """Plans as `Mpc` does, and moves the joints by whole-body control."""
+
+    name = "mpc-wbc"
+
+    def __init__(self, robot: Robot, config: MpcWholeBodyConfig | None = None) -> None:
+        config = config or controller_settings(robot, self.name, MpcWholeBodyConfig)
+        super().__init__(robot, config.plan)
+        self._swing_feedback, self._posture = config.swing, config.posture
+        self.control = WholeBodyControl(robot, config.whole_body, 1.0 / self.rate_hz)
+        self._from_moment = np.linalg.inv(self._body.inertia)
+        foot = self.control.body.foot_of_point
+        self._most_force = config.plan.contact.most_force_n / np.bincount(foot)[foot]
+
+    @property
+    def notes(self) -> Sequence[str]:
+        return self.control.notes
+
+    def reset(self, observation: Observation) -> None:
+        super().reset(observation)
+        self.control.reset()
+
+    def _joints(
+        self, observation: Observation, base: Base, pose: LegPose, swing: np.ndarray
+    ) -> JointCommand:
+        body, sensed = self.control.body, observation.sensed
+        dynamics = observed(body, observation)
+        moment = _moment(dynamics.foot - dynamics.centre, self._force)
+        wanted = Wanted(
+            centre=self._force.sum(axis=0) / self._body.mass + GRAVITY,
+            momentum_rate=moment,
+            attitude=self._from_moment @ (moment @ base.rotation),
+            feet=self._feet(sensed.joint_velocity, base, pose, swing),
+            joints=self._posture(sensed.joint_position - self._robot.default_pose, sensed.joint_velocity),
+        )
+        most = np.where(self._stands[body.foot_of_point], self._most_force, 0.0)
+        return self.control.command(dynamics, sensed.joint_position, sensed.joint_velocity, wanted, most)
+
+    def _feet(
+        self, joint_velocity: np.ndarray, base: Base, pose: LegPose, swing: np.ndarray
+    ) -> np.ndarray:
+        """Wanted accelerations (feet, 6) of those that swing, world axes."""
+        feet, swinging = np.zeros((self._legs.count, 6)), self._swinging
+        if swinging:
+            rates = self._legs.gather(joint_velocity)[swinging, :, None]
+            velocity = (pose.jacobian[swinging] @ rates)[:, :, 0]
+            back = self._swing_feedback(pose.foot[swinging] - swing[:, 0], velocity - swing[:, 1])
+            feet[swinging, :3] = (swing[:, 2] + back) @ base.rotation.T
+        return feet
+
+
+def _moment(arms: np.ndarray, forces: np.ndarray) -> np.ndarray:
+    """Sum of the cross products of arms with forces, each (k, 3): (3,)."""
+    products = arms.T @ forces
+    (_, xy, xz), (yx, _, yz), (zx, zy, _) = products.tolist()
+    return np.array([yz - zy, zx - xz, xy - yx])
