@@ -51,7 +51,7 @@ class TestControllers:
     def test_a_robot_has_those_that_it_has_settings_for(self, own_folder: Path) -> None:
         settings = own_folder / "controllers.yaml"
         sections = yaml.safe_load(settings.read_text())
-        del sections["mpc"]
+        del sections["mpc"], sections["mpc-wbc"]
         settings.write_text(yaml.safe_dump(sections))
         robot = load_robot(own_folder)
         assert controllers_of(robot) == ["stand", "trot"]
@@ -93,14 +93,14 @@ class TestControllers:
     def test_those_that_walk_are_told_from_those_that_stand(self) -> None:
         standing = {name for name, controller in CONTROLLERS.items() if not controller.walks}
         assert standing == {"stand", "balance"}
-        assert set(CONTROLLERS) - standing == {"trot", "mpc", "step", "tripod", "ripple", "wave"}
+        assert set(CONTROLLERS) - standing == {"trot", "mpc", "mpc-wbc", "step", "tripod", "ripple", "wave"}
 
     def test_they_come_in_one_order_whatever_that_of_the_settings(self, own_folder: Path) -> None:
         settings = own_folder / "controllers.yaml"
         sections = yaml.safe_load(settings.read_text())
         backwards = {name: sections[name] for name in reversed(sections)}
         settings.write_text(yaml.safe_dump(backwards, sort_keys=False))
-        assert controllers_of(load_robot(own_folder)) == ["stand", "trot", "mpc"]
+        assert controllers_of(load_robot(own_folder)) == ["stand", "trot", "mpc", "mpc-wbc"]
 
     def test_settings_that_are_no_sections_are_refused(self, own_folder: Path) -> None:
         settings = own_folder / "controllers.yaml"
@@ -148,7 +148,7 @@ class TestLearned:
 
 class TestWhatIsNoPolicy:
     def test_nothing_named(self, go1: Robot) -> None:
-        assert refusal("", go1).startswith("no policy is named: give one of stand, trot, mpc, go1-flat,")
+        assert refusal("", go1).startswith("no policy is named: give one of stand, trot, mpc, mpc-wbc, go1-flat,")
 
     def test_a_plain_folder_cannot_be_exported(self, go1: Robot, tmp_path: Path) -> None:
         assert refusal(str(tmp_path), go1) == (

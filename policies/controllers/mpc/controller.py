@@ -139,9 +139,7 @@ class Mpc:
 
         return self._joints(observation, base, pose, self._swing(swinging, progress, base))
 
-    def _joints(
-        self, observation: Observation, base: Base, pose: LegPose, swing: np.ndarray
-    ) -> JointCommand:
+    def _joints(self, observation: Observation, base: Base, pose: LegPose, swing: np.ndarray) -> JointCommand:
         """Joint commands that press with the planned forces and swing feet as planned (see `_swing`)."""
         up = base.rotation[2]
         velocity = np.array([self._wanted_velocity.real, self._wanted_velocity.imag, 0.0])

@@ -27,7 +27,7 @@ from footfall.robots.kinematics import LegPose
 class MpcWholeBodyConfig:
     """Settings of `MpcWholeBody`."""
 
-    plan: MpcConfig  # its `stance.kd`, `swing.kp` and `swing.kd` are not used
+    plan: MpcConfig  # its stance.kd, swing.kp, swing.kd and friction_compensation are not used
     swing: Feedback  # about the trajectories of feet that swing
     posture: Feedback  # of the joints, about the default pose
     whole_body: WholeBodyConfig
@@ -55,9 +55,7 @@ class MpcWholeBody(Mpc):
         super().reset(observation)
         self.control.reset()
 
-    def _joints(
-        self, observation: Observation, base: Base, pose: LegPose, swing: np.ndarray
-    ) -> JointCommand:
+    def _joints(self, observation: Observation, base: Base, pose: LegPose, swing: np.ndarray) -> JointCommand:
         body, sensed = self.control.body, observation.sensed
         dynamics = observed(body, observation)
         moment = _moment(dynamics.foot - dynamics.centre, self._force)
@@ -71,9 +69,7 @@ class MpcWholeBody(Mpc):
         most = np.where(self._stands[body.foot_of_point], self._most_force, 0.0)
         return self.control.command(dynamics, sensed.joint_position, sensed.joint_velocity, wanted, most)
 
-    def _feet(
-        self, joint_velocity: np.ndarray, base: Base, pose: LegPose, swing: np.ndarray
-    ) -> np.ndarray:
+    def _feet(self, joint_velocity: np.ndarray, base: Base, pose: LegPose, swing: np.ndarray) -> np.ndarray:
         """Wanted accelerations (feet, 6) of those that swing, world axes."""
         feet, swinging = np.zeros((self._legs.count, 6)), self._swinging
         if swinging:
