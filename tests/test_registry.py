@@ -148,7 +148,7 @@ class TestLearned:
 
 class TestWhatIsNoPolicy:
     def test_nothing_named(self, go1: Robot) -> None:
-        assert refusal("", go1).startswith("no policy is named: give one of stand, trot, mpc, mpc-wbc, go1-flat,")
+        assert refusal("", go1).startswith("no policy is named: give one of stand, trot, mpc, mpc-wbc, ")
 
     def test_a_plain_folder_cannot_be_exported(self, go1: Robot, tmp_path: Path) -> None:
         assert refusal(str(tmp_path), go1) == (
