@@ -123,8 +123,9 @@ class TestAnyLimb:
         legs = robot.legs
         rng = np.random.default_rng(2)
         joint = near_default(robot, rng.uniform(-1, 1, len(robot.joint_names)))
-        jacobian = legs.pose(joint).jacobian
+        _, jacobian, axes = legs.pose(joint)
         assert not jacobian.transpose(0, 2, 1)[~legs.present].any()
+        assert not axes.transpose(0, 2, 1)[~legs.present].any()
         for leg, own in enumerate(robot.foot_joints):
             for column, index in enumerate(own.tolist()):
                 nudge = np.zeros_like(joint)
