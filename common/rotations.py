@@ -105,9 +105,17 @@ def skew(vector: np.ndarray) -> np.ndarray:
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
+def skews(vectors: np.ndarray) -> np.ndarray:
+    """The matrices (k, 3, 3) of the cross products with vectors (k, 3)."""
+    return (vectors @ _CROSS).reshape(-1, 3, 3)
+
+
 def cross(vector: np.ndarray, others: np.ndarray) -> np.ndarray:
     """Cross product of one vector (3,) with others (..., 3); a fraction of `numpy.cross`'s overhead."""
     return others.dot(skew(vector).T)
+
+
+_CROSS = np.array([skew(axis).ravel() for axis in np.eye(3)])  # (3, 9)
 
 
 def _gravity(quaternion: Sequence[Any]) -> list[Any]:

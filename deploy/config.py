@@ -5,6 +5,7 @@ from pathlib import Path
 
 from footfall.common.config import load, require_between
 from footfall.deploy.bus import HOST_QUEUE
+from footfall.deploy.estimation.config import EstimatorConfig
 from footfall.deploy.safety import SafetyConfig
 
 MOTOR_TIMEOUT_S = 0.1  # a motor that hears nothing for so long switches itself off, and says so from then on
@@ -24,6 +25,7 @@ class DeployConfig:
     host_queue: int = HOST_QUEUE  # frames that a simulated CAN interface queues
     motor_timeout_s: float = MOTOR_TIMEOUT_S  # of simulated motors; real ones are set by their own tools
     log_rate_hz: float = 100.0  # of joint states and IMU readings; policy steps are all logged
+    estimator: EstimatorConfig = field(default_factory=EstimatorConfig)
     safety: SafetyConfig = field(default_factory=SafetyConfig)
 
     def __post_init__(self) -> None:

@@ -37,6 +37,9 @@ class Estimator(Protocol):
 
     def reset(self, sensed: Sensed) -> None: ...
 
+    def start(self) -> None:
+        """The pose is zero here and now: the policy takes over."""
+
     def update(self, sensed: Sensed, stance: np.ndarray | None, dt_s: float) -> tuple[np.ndarray, float]: ...
 
 
@@ -297,6 +300,8 @@ class ControlLoop:
         elif self.state.mode is Mode.WALKING:
             self._begun_us = self.now_us
             self._next_policy_us = self.now_us - 0.5
+            if self._estimator is not None:
+                self._estimator.start()
         if self.log is not None:
             self.log.state(self.now_us, self.state)
 

@@ -17,6 +17,7 @@ from footfall.deploy.clock import Clock, LockstepClock, WallClock, undisturbed
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers import imu
 from footfall.deploy.drivers.choice import open_driver
+from footfall.deploy.estimation.config import EstimatorConfig
 from footfall.deploy.frames import BITRATE, frame_bits
 from footfall.deploy.loop import Command, ControlLoop, Estimator, Log
 from footfall.deploy.safety import Mode
@@ -101,7 +102,9 @@ def run_session(
     _check_joint_rate(wiring, config.joint_rate_hz)
     with ExitStack() as resources:
         clock: Clock = (WallClock if session.realtime else LockstepClock)(config.tick_us)
-        estimator = _estimator(robot) if policy.needs_estimate and base_state is None else None
+        estimator = (
+            _estimator(robot, config.estimator) if policy.needs_estimate and base_state is None else None
+        )
         driver = open_driver(wiring)
         loop = ControlLoop(robot, policy, wiring, driver, bus, clock, config, session.command, estimator)
         loop.base_state = base_state
@@ -182,7 +185,7 @@ def _ending_on_signals(loop: ControlLoop) -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def _estimator(robot: Robot) -> Estimator:
-    from footfall.deploy.estimator import BaseEstimator
+def _estimator(robot: Robot, config: EstimatorConfig) -> Estimator:
+    from footfall.deploy.estimation.estimator import BaseEstimator
 
-    return BaseEstimator(robot)
+    return BaseEstimator(robot, config)

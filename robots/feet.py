@@ -1,5 +1,8 @@
 """Which geoms of a model are the robot's feet, also in a model that calls them otherwise."""
 
+from itertools import product
+from typing import NamedTuple
+
 import mujoco
 import numpy as np
 
@@ -9,9 +12,42 @@ from footfall.robots.stance import in_default_pose
 NEAR = 0.25  # of the last link's length: how far from its expected place a foot may be
 
 
+class FootBalls(NamedTuple):
+    """What a foot touches the ground with: a ball, or several at the ends and corners of a sole."""
+
+    place: np.ndarray  # (k, 3) m, centres, in the frame of the limb's last link
+    radius: np.ndarray  # (k,) m; none of the corner of a box
+
+
 def foot_geoms(model: mujoco.MjModel, description: Description) -> tuple[np.ndarray, ...]:
     """Geoms that each foot stands on, (k,) ids each, in a model that has them all by name."""
     return tuple(np.array([model.geom(name).id for name in foot.geoms]) for foot in description.feet)
+
+
+def foot_balls(model: mujoco.MjModel, geoms: np.ndarray, tip: np.ndarray) -> FootBalls:
+    """The balls of one foot: spheres as they are, both ends of a capsule, the corners of anything else's box.
+
+    Args:
+        model: compiled.
+        geoms: ids of the geoms that it stands on, all of one body.
+        tip: (3,) m, where the places are counted from, in that body's frame.
+    """
+    place, radius = [], []
+    for geom in geoms.tolist():
+        size = model.geom_size[geom]
+        middle, half = np.split(model.geom_aabb[geom], 2)
+        match model.geom_type[geom]:
+            case mujoco.mjtGeom.mjGEOM_SPHERE:
+                inside, thickness = np.zeros((1, 3)), size[0]
+            case mujoco.mjtGeom.mjGEOM_CAPSULE:
+                inside, thickness = np.array([[0.0, 0.0, size[1]], [0.0, 0.0, -size[1]]]), size[0]
+            case _:
+                inside, thickness = middle + half * np.array(list(product((-1, 1), repeat=3))), 0.0
+        turn = np.zeros(9)
+        mujoco.mju_quat2Mat(turn, model.geom_quat[geom])
+        place.append(model.geom_pos[geom] - tip + inside @ turn.reshape(3, 3).T)
+        radius.append(np.full(len(inside), thickness))
+    return FootBalls(np.concatenate(place), np.concatenate(radius))
 
 
 def find_feet(model: mujoco.MjModel, robot: Robot) -> tuple[np.ndarray, ...]:

@@ -15,6 +15,7 @@ from footfall.common.errors import UserError
 from footfall.common.rotations import skew
 from footfall.robots.closed_form import closed_form
 from footfall.robots.description import Robot, load_spec
+from footfall.robots.feet import FootBalls, foot_balls, foot_geoms
 from footfall.robots.least_squares import Chains, LeastSquares
 from footfall.robots.limb import Limb
 from footfall.robots.stance import lowest_points
@@ -54,7 +55,7 @@ class Legs:
         self._set_model(robot)
         self.limbs = self._read_limbs(robot)
         self.reach = np.array([limb.reach for limb in self.limbs])  # (legs,) m, from each first hinge
-        self._last = robot.default_pose.tobytes(), self._pose(robot.default_pose)
+        self._last = robot.default_pose.tobytes(), self._pose(robot.default_pose, self._data)
         self.default_angles = self.gather(robot.default_pose)
         self.default_foot = self.pose(robot.default_pose).foot
         self.foot_radius = self.default_foot[:, 2] - lowest_points(robot.description, self._model)
@@ -75,11 +76,29 @@ class Legs:
         """
         key = joint_position.tobytes()
         if key != self._last[0]:
-            self._last = key, self._pose(joint_position)
+            self._last = key, self._pose(joint_position, self._data)
         return self._last[1]
 
-    def _pose(self, joint_position: np.ndarray) -> LegPose:
-        model, data = self._model, self._data
+    def turn(self, joint_position: np.ndarray) -> np.ndarray:
+        """Rotation of each limb's last link, to the base frame, (legs, 3, 3)."""
+        self.pose(joint_position)
+        return self._data.site_xmat[self._tips].reshape(self.count, 3, 3)
+
+    def holding_torque(self, joint_position: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+        """Torques (legs, m), N m, that hold the limbs against their own weight and the base's acceleration.
+
+        Args:
+            joint_position: (n,) rad.
+            acceleration: (3,) m/s^2, the base's proper acceleration, base frame: 9.81 upwards at rest.
+        """
+        self.pose(joint_position)
+        self._model.opt.gravity[:] = -acceleration
+        mujoco.mj_rne(self._model, self._data, 0, self._bias)
+        torque = self._bias[self._dofs]
+        return torque if self._alike else torque * self.present
+
+    def _pose(self, joint_position: np.ndarray, data: mujoco.MjData) -> LegPose:
+        model = self._model
         data.qpos[self._addresses] = joint_position
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
@@ -194,10 +213,16 @@ class Legs:
             raise UserError(f"{robot.xml_path}: the joints of a leg must be hinges")
         self._tips = [model.site(_tip_name(foot.name)).id for foot in robot.description.feet]
         self._bodies = model.site_bodyid[self._tips].tolist()
+        self.balls: list[FootBalls] = [  # that each foot touches the ground with
+            foot_balls(model, geoms, model.site_pos[tip])
+            for geoms, tip in zip(foot_geoms(model, robot.description), self._tips, strict=True)
+        ]
+        self._dofs = model.jnt_dofadr[self._hinges_at]
+        self._bias = np.zeros(model.nv)
         self._full_jacobian = np.zeros((self.count, 3, model.nv))
         # Where each limb's (3, m) stands in the flat arrays of all degrees of freedom, of all axes.
         rows = np.arange(3 * self.count).reshape(self.count, 3, 1)
-        self._jacobian_places = rows * model.nv + model.jnt_dofadr[self._hinges_at][:, None, :]
+        self._jacobian_places = rows * model.nv + self._dofs[:, None, :]
         self._axis_places = 3 * self._hinges_at[:, None, :] + np.arange(3)[:, None]
 
     def _read_limbs(self, robot: Robot) -> list[Limb]:
@@ -224,10 +249,12 @@ class Legs:
         enough = self.present.sum(axis=1) >= _HINGES_FOR_LEVEL_SOLE
         lower, upper = self.gather(robot.lower_rad), self.gather(robot.upper_rad)
         others = robot.default_pose
+        data = mujoco.MjData(self._model)  # its own: what is kept of the last pose stays
+        data.qpos[:] = self._data.qpos
 
         def forward(angles: np.ndarray) -> Chains:
-            pose = self._pose(self.scatter(angles, others))
-            return Chains(*pose, self._data.site_xmat[self._tips].reshape(self.count, 3, 3))
+            pose = self._pose(self.scatter(angles, others), data)
+            return Chains(*pose, data.site_xmat[self._tips].reshape(self.count, 3, 3))
 
         return LeastSquares(forward, lower, upper, self.default_angles, soles & enough)
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from footfall.deploy.estimator import BaseEstimator
+from footfall.deploy.estimation.estimator import BaseEstimator
 from footfall.policies.controllers.gait import GaitConfig
 from footfall.policies.controllers.mpc import Mpc
 from footfall.policies.controllers.mpc.config import MpcConfig
@@ -78,13 +78,16 @@ class TestAnyRobot:
         """All feet go back under it at the same speed: it goes forward, sideways and up at that speed."""
         robot = robots[kind]
         legs, wanted, dt_s = robot.legs, np.array([0.11, -0.04, 0.02]), 0.002
-        back = np.tile(-wanted[:, None], (legs.count, 1, 1))
         moving, estimator = at_rest(robot), BaseEstimator(robot)
         estimator.reset(moving)
         for _ in range(100):
             pose = legs.pose(moving.joint_position)
             contact = pose.jacobian + legs.rolling_offset(pose.axes, np.array([0.0, 0.0, 1.0]))
-            rates = legs.scatter(legs.joint_rates(contact, back)[:, :, 0], np.zeros_like(robot.kp))
+            if kind == SOLES:  # which do not turn
+                contact = np.concatenate([pose.jacobian, pose.axes], axis=1)
+            back = np.zeros(contact.shape[1])
+            back[:3] = -wanted
+            rates = legs.scatter(np.linalg.pinv(contact) @ back, np.zeros_like(robot.kp))
             joint = moving.joint_position + dt_s * rates
             moving = moving._replace(joint_position=joint, joint_velocity=rates)
             velocity, _ = estimator.update(moving, None, dt_s)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from footfall.common.errors import UserError
-from footfall.deploy.estimator import BaseEstimator
+from footfall.deploy.estimation.estimator import BaseEstimator
 from footfall.plant.episode import Episode, run_episode
 from footfall.policies.controllers.balance import Balance
 from footfall.policies.controllers.solver import BoundedSolver, Programme

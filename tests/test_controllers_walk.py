@@ -8,7 +8,7 @@ import pytest
 from direct_plant import DirectPlant, Walk, walk
 
 from footfall.common.errors import UserError
-from footfall.deploy.estimator import BaseEstimator
+from footfall.deploy.estimation.estimator import BaseEstimator
 from footfall.policies.controllers.mpc import Mpc
 from footfall.policies.controllers.stand import Stand
 from footfall.policies.controllers.trot import Trot

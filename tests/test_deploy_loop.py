@@ -143,10 +143,14 @@ class TestEstimate:
             def __init__(self) -> None:
                 self.plans: list[object] = []
                 self.resets = 0
+                self.started: list[int] = []
                 self.steps_s: list[float] = []
 
             def reset(self, sensed: Sensed) -> None:
                 self.resets += 1
+
+            def start(self) -> None:
+                self.started.append(len(self.plans))
 
             def update(self, sensed: Sensed, stance: np.ndarray | None, dt_s: float) -> tuple:
                 self.plans.append(stance)
@@ -160,6 +164,7 @@ class TestEstimate:
             loop.tick()
         run_for(loop, 0.1)
         assert note.resets == 1
+        assert note.started == [standing]  # the pose is zero where the policy takes over
         assert standing == 2  # of 0.1 s
         assert all(stance is None for stance in note.plans[:standing])
         assert all(stance is plan for stance in note.plans[standing:])

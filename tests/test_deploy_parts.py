@@ -290,7 +290,7 @@ class TestLoop:
     def test_who_knows_the_base_better_is_asked_instead_of_the_estimator(self, go1: Robot) -> None:
         policy = Hold(go1)
         loop, _ = loop_of(go1, policy)
-        loop._estimator = SimpleNamespace(reset=lambda sensed: None)  # type: ignore[assignment]
+        loop._estimator = SimpleNamespace(reset=lambda sensed: None, start=lambda: None)  # type: ignore[assignment]
         loop.base_state = lambda: (np.array([1.0, 2.0, 3.0]), 0.4)
         until(loop, Mode.WALKING)
         loop.tick()
@@ -483,7 +483,9 @@ class TestLoop:
             raise KeyError("no such\n thing")
 
         loop, body = loop_of(go1, Hold(go1))
-        loop._estimator = SimpleNamespace(reset=lambda sensed: None, update=lambda *_: (np.zeros(3), 0.3))
+        loop._estimator = SimpleNamespace(
+            reset=lambda sensed: None, start=lambda: None, update=lambda *_: (np.zeros(3), 0.3)
+        )
         until(loop, Mode.WALKING)
         for _ in range(5):
             loop.tick()
@@ -1067,10 +1069,12 @@ class TestSession:
         estimated = []
 
         class Estimator:
-            def __init__(self, robot: Robot) -> None:
-                estimated.append(robot)
+            def __init__(self, robot: Robot, config: Any) -> None:
+                estimated.append(config)
 
             def reset(self, sensed: Any) -> None: ...
+
+            def start(self) -> None: ...
 
             def update(self, *_: Any) -> tuple:
                 return np.array([7.0, 0.0, 0.0]), 0.7
@@ -1080,7 +1084,7 @@ class TestSession:
         policy.needs_estimate = needs
         base = (lambda: (np.array([5.0, 0.0, 0.0]), 0.5)) if knows else None
         run_session(go1, policy, FrameRobot(go1), session_of(), None, base)  # type: ignore[arg-type]
-        assert len(estimated) == estimates
+        assert estimated == [DeployConfig().estimator] * estimates
         seen = policy.seen[-1].base_velocity[0]
         assert seen == (7.0 if estimates else 5.0) or (np.isnan(seen) and not needs)
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from footfall.robots.description import available_robots, load_robot
+from footfall.robots.description import available_robots, load_robot, load_spec
 from footfall.robots.kinematics import Legs
 from footfall.robots.model import joint_addresses, plant_model
 
@@ -107,6 +107,59 @@ class TestInverse:
 
     def test_the_hips_own_place_has_an_answer(self) -> None:
         assert np.all(np.isfinite(LEGS.solve(np.array([limb.anchor[0] for limb in LEGS.limbs]))))
+
+
+class TestLoad:
+    """What limbs' own weight asks of their motors, against the potential energy."""
+
+    @pytest.mark.parametrize("name", ["go1", "g1", "hexapod"])
+    @pytest.mark.parametrize("acceleration", [(0.0, 0.0, 9.81), (3.0, -2.0, 12.0)])
+    def test_holding_torque_is_the_slope_of_the_energy(
+        self, name: str, acceleration: tuple[float, float, float]
+    ) -> None:
+        """Energy: mass times the centre of mass along the proper acceleration, the base at rest."""
+        robot, felt = load_robot(name), np.array(acceleration)
+        legs, model = robot.legs, load_spec(robot.xml_path).compile()
+        data = mujoco.MjData(model)
+        q, _ = joint_addresses(model, robot)
+        base = model.body(robot.description.base).id
+        pose = robot.default_pose + 0.1 * np.sin(np.arange(len(robot.joint_names)))
+
+        def energy(joints: np.ndarray) -> float:
+            data.qpos[:] = 0.0
+            data.qpos[3], data.qpos[q] = 1.0, joints
+            mujoco.mj_kinematics(model, data)
+            mujoco.mj_comPos(model, data)
+            return float(model.body_subtreemass[base] * data.subtree_com[base] @ felt)
+
+        step = 1e-5 * np.eye(len(pose))
+        slope = np.array([energy(pose + each) - energy(pose - each) for each in step]) / 2e-5
+        assert np.abs(slope).max() > 0.1
+        np.testing.assert_allclose(legs.holding_torque(pose, felt), legs.gather(slope), atol=1e-5)
+
+    def test_it_is_of_the_pose_that_is_asked_about(self) -> None:
+        """Whatever was worked out in between, also by the way back that goes by MuJoCo."""
+        robot = load_robot("g1")
+        legs, down = robot.legs, np.array([0.0, 0.0, 9.81])
+        pose = robot.default_pose + 0.1
+        turn, torque = legs.turn(pose).copy(), legs.holding_torque(pose, down)
+        legs.pose(robot.default_pose)
+        assert not np.allclose(legs.turn(robot.default_pose), turn)
+        np.testing.assert_array_equal(legs.turn(pose), turn)
+        legs.solve(legs.default_foot + 0.02)
+        np.testing.assert_array_equal(legs.turn(pose), turn)
+        np.testing.assert_array_equal(legs.holding_torque(pose, down), torque)
+
+    def test_a_sole_turns_with_its_joints(self) -> None:
+        """In the default pose g1's soles are level; hip, knee and ankle pitch add up."""
+        robot = load_robot("g1")
+        np.testing.assert_allclose(robot.legs.turn(robot.default_pose), [np.eye(3)] * 2, atol=1e-4)
+        pose = robot.default_pose.copy()
+        for joint, angle in (("hip_pitch", 0.3), ("knee", -0.1), ("ankle_pitch", 0.05)):
+            pose[robot.joint_index(f"right_{joint}_joint")] += angle
+        cos, sin = np.cos(0.25), np.sin(0.25)
+        expected = [[cos, 0.0, sin], [0.0, 1.0, 0.0], [-sin, 0.0, cos]]
+        np.testing.assert_allclose(robot.legs.turn(pose)[1], expected, atol=0.01)
 
 
 class TestRolling:

@@ -10,13 +10,12 @@ import mujoco
 import numpy as np
 
 from footfall.common.errors import UserError
-from footfall.common.rotations import skew
+from footfall.common.rotations import skews
 from footfall.robots.description import Robot, load_spec
 from footfall.robots.feet import foot_geoms
 
 BASE = 6  # degrees of freedom of the base
 DOWN = np.array([0.0, 0.0, -1.0])
-_CROSS = np.array([skew(axis).ravel() for axis in np.eye(3)])  # (3, 9)
 
 
 class Motion(NamedTuple):
@@ -139,11 +138,6 @@ class WholeBody:
             jacobian,
             drift,
         )
-
-
-def skews(vectors: np.ndarray) -> np.ndarray:
-    """The matrices (k, 3, 3) of cross products with vectors (k, 3)."""
-    return (vectors @ _CROSS).reshape(-1, 3, 3)
 
 
 def _centripetal(spin: np.ndarray, arm: np.ndarray) -> np.ndarray:

@@ -18,7 +18,8 @@ from typing import NamedTuple
 import numpy as np
 
 from footfall.common.config import require_not_negative, require_positive
-from footfall.policies.controllers.whole_body.dynamics import BASE, Dynamics, skews
+from footfall.common.rotations import skews
+from footfall.policies.controllers.whole_body.dynamics import BASE, Dynamics
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 

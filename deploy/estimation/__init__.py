@@ -1,0 +1,5 @@
+"""How the base moves and where it is, from what the robot senses of itself.
+
+`BaseEstimator` puts four parts together: which feet stand (`contact`), where they touch the ground (`feet`),
+a Kalman filter on accelerometer and standing legs (`filter`), and how sure the pose is (`odometry`).
+"""

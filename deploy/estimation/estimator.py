@@ -1,0 +1,136 @@
+"""The base's motion and pose from IMU, joints and contacts, for any number of limbs."""
+
+import math
+
+import numpy as np
+
+from footfall.common.rotations import heading_matrix, multiply, rotation_matrix, skew, skews, wrap_angle
+from footfall.deploy.estimation.config import EstimatorConfig
+from footfall.deploy.estimation.contact import ContactEstimator
+from footfall.deploy.estimation.feet import ContactPoints
+from footfall.deploy.estimation.filter import MotionFilter
+from footfall.deploy.estimation.odometry import POSITION, VELOCITY, Drift, Odometry
+from footfall.policies.policy import Sensed
+from footfall.robots.description import Robot
+from footfall.robots.model import imu_position
+from footfall.robots.rigid_body import nominal_body
+
+_SOME_CONTACT = 0.5  # feet: with fewer the height is not measured
+
+
+class BaseEstimator:
+    """Estimates how the base moves, and where it is, from what the robot senses.
+
+    Args:
+        robot: its nominal geometry and masses are used, never a plant's.
+        config: noise figures.
+    """
+
+    def __init__(self, robot: Robot, config: EstimatorConfig | None = None) -> None:
+        self._config = config or EstimatorConfig()
+        self._legs = robot.legs
+        self._imu = imu_position(robot)
+        self._radius = self._legs.foot_radius
+        self._points = ContactPoints(self._legs, self._config.contact.level_m)
+        self._contact = ContactEstimator(self._legs, nominal_body(robot), self._config.contact)
+        self._filter = MotionFilter(self._config.filter)
+        self._drift = Drift(self._config.odometry)
+
+    def reset(self, sensed: Sensed) -> None:
+        """Begin at rest, all feet down; the pose is zero here."""
+        self._contact.reset(sensed)
+        self._filter.reset()
+        self._velocity = np.zeros(3)
+        self._take(sensed)
+        self._height = -float((self._place @ self._up + self._radius).mean())
+        self.start()
+
+    def start(self) -> None:
+        """The pose is zero here and now; what is known of the motion is kept."""
+        self._filter.begin_at((self._rotation @ self._imu).tolist())
+        self._drift.reset()
+        self._start_yaw = self._yaw()
+        self._start_height = self._base_height()
+
+    def update(self, sensed: Sensed, stance: np.ndarray | None, dt_s: float) -> tuple[np.ndarray, float]:
+        """Take in one set of readings.
+
+        Args:
+            sensed: the readings.
+            stance: (legs,) planned contact in [0, 1], or None where nothing is planned.
+            dt_s: time since the readings before.
+
+        Returns:
+            The base origin's velocity in the body frame, (3,) m/s, and its height above the centre of
+            the mean standing foot, m.
+        """
+        jacobian = self._take(sensed)
+        rotation, rows, turning = self._rotation, self._rotation.tolist(), skew(sensed.gyro).T
+        rates = self._legs.gather(sensed.joint_velocity)
+        contact = self._contact.update(sensed, rates, jacobian, self._up, stance, dt_s)
+        # How the points of contact pass the IMU, body frame.
+        passing = (jacobian @ rates[:, :, None])[:, :, 0] + self._place @ turning
+        self._filter.predict(sensed.acceleration.tolist(), rows, dt_s)
+        self._filter.correct((passing @ -rotation.T).tolist(), contact, rows, dt_s)
+        self._follow_height(contact, dt_s)
+        self._drift.advance(self._filter.velocity, dt_s)
+        self._velocity = np.array(self._filter.velocity) @ rotation - self._imu @ turning
+        return self._velocity, self._base_height()
+
+    def odometry(self) -> Odometry:
+        """Everything that is estimated, with its covariance."""
+        config, motion = self._config.odometry, self._filter
+        position = np.array(motion.place) - self._rotation @ self._imu
+        covariance = np.zeros((7, 7))
+        covariance[:4, :4] = self._drift.covariance(position)
+        covariance[POSITION, POSITION] += motion.pp * np.eye(3)
+        covariance[POSITION, VELOCITY] = covariance[VELOCITY, POSITION] = motion.pv * np.eye(3)
+        standing = np.diag([config.creep_m_s, config.creep_m_s, config.sink_m_s]) ** 2
+        covariance[VELOCITY, VELOCITY] = motion.vv * np.eye(3) + standing
+        if config.level_ground:
+            position[2] = self._base_height() - self._start_height
+            covariance[2] = covariance[:, 2] = 0.0
+            covariance[2, 2] = config.height_noise**2
+        turn = np.eye(7)
+        turn[POSITION, POSITION] = heading_matrix(-self._start_yaw)
+        turn[VELOCITY, VELOCITY] = self._rotation.T
+        return Odometry(
+            position=turn[POSITION, POSITION] @ position,
+            orientation=multiply(_about_vertical(-self._start_yaw), self._sensed.quaternion),
+            yaw=wrap_angle(self._yaw() - self._start_yaw),
+            velocity=self._velocity,
+            angular_velocity=self._sensed.gyro,
+            height=self._base_height(),
+            contact=np.array(self._contact.probability),
+            covariance=turn @ covariance @ turn.T,
+        )
+
+    def _take(self, sensed: Sensed) -> np.ndarray:
+        """Note where everything is; returns the Jacobians of the points of contact, (legs, 3, m)."""
+        self._sensed = sensed
+        self._rotation = rotation_matrix(sensed.quaternion)
+        self._up = up = self._rotation[2]
+        pose = self._legs.pose(sensed.joint_position)
+        arms = self._points.arms(sensed.joint_position, up)
+        self._place = pose.foot + arms - self._imu
+        return pose.jacobian - skews(arms) @ pose.axes  # axis x arm
+
+    def _follow_height(self, contact: list[float], dt_s: float) -> None:
+        """The IMU's height above the mean standing foot: by its velocity, and as standing legs measure it."""
+        self._height += self._filter.velocity[2] * dt_s
+        total = sum(contact)
+        if total > _SOME_CONTACT:
+            measured = -float((self._place @ self._up + self._radius) @ contact) / total
+            share = 1.0 - math.exp(-dt_s / self._config.odometry.height_filter_s)
+            self._height += share * (measured - self._height)
+
+    def _base_height(self) -> float:
+        return self._height - float(self._up @ self._imu)
+
+    def _yaw(self) -> float:
+        return math.atan2(self._rotation[1, 0], self._rotation[0, 0])
+
+
+def _about_vertical(angle: float) -> np.ndarray:
+    """Quaternion (4,) of a turn about the vertical."""
+    return np.array([math.cos(angle / 2), 0.0, 0.0, math.sin(angle / 2)])

@@ -1,0 +1,42 @@
+"""Where feet touch the ground: balls below their centres, soles at their lowest corners."""
+
+import numpy as np
+
+from footfall.robots.kinematics import Legs
+
+
+class ContactPoints:
+    """The point of each foot that stands still while it rolls or tips.
+
+    Of a ball it is the lowest point. Of a sole it is the mean of its corners' lowest points, each weighted by
+    exp(-height / level): all of them where it is flat, the edge over which it tips where it is not.
+    """
+
+    def __init__(self, legs: Legs, level_m: float) -> None:
+        self._legs, self._level = legs, level_m
+        self._round = all(len(balls.radius) == 1 and not balls.place.any() for balls in legs.balls)
+        self._radius = np.array([balls.radius[:1] for balls in legs.balls])  # where all are balls
+        most = max(len(balls.radius) for balls in legs.balls)
+        # x, y, z, radius and 1 of each ball: their weighted sums give the mean. What is missing floats.
+        self._balls = np.zeros((legs.count, most, 5))
+        self._floats = np.full((legs.count, most), np.inf)
+        for leg, (place, radius) in enumerate(legs.balls):
+            own = slice(len(radius))
+            self._balls[leg, own] = np.column_stack([place, radius, np.ones_like(radius)])
+            self._floats[leg, own] = -radius
+
+    def arms(self, joint_position: np.ndarray, up: np.ndarray) -> np.ndarray:
+        """From each limb's tip to its point of contact, (legs, 3) m, base frame.
+
+        Args:
+            joint_position: (n,) rad.
+            up: (3,) vertical, base frame.
+        """
+        if self._round:
+            return self._radius * -up
+        turn = self._legs.turn(joint_position)
+        height = (self._balls[:, :, :3] @ (up @ turn)[:, :, None])[:, :, 0] + self._floats
+        weight = np.exp((height.min(axis=1, keepdims=True) - height) / self._level)
+        sums = (weight[:, None] @ self._balls)[:, 0]
+        mean = sums[:, :4] / sums[:, 4:]
+        return (turn @ mean[:, :3, None])[:, :, 0] - mean[:, 3:] * up

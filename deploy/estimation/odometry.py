@@ -1,0 +1,66 @@
+"""Where the base is since the start, and how sure that is."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from footfall.deploy.estimation.config import OdometryConfig
+
+POSITION, YAW, VELOCITY = slice(0, 3), 3, slice(4, 7)  # rows of the covariance
+
+
+class Odometry(NamedTuple):
+    """The base's motion, as estimated. Its frame: where the base was at the start, x as it headed, z up."""
+
+    position: np.ndarray  # (3,) m
+    orientation: np.ndarray  # (4,) w x y z, body to this frame, from the IMU's
+    yaw: float  # rad, in [-pi, pi), of the same
+    velocity: np.ndarray  # (3,) m/s, body frame
+    angular_velocity: np.ndarray  # (3,) rad/s, body frame
+    height: float  # m above the centre of the mean standing foot
+    contact: np.ndarray  # (legs,) probability that each foot stands
+    covariance: np.ndarray  # (7, 7) of position, yaw, velocity
+
+
+class Drift:
+    """How the pose grows uncertain with the way, in the frame of the IMU's orientation.
+
+    Three errors that no reading tells about: yaw drifts (a random walk, whose effect on the place is that of
+    a turned way), the scale is off (limbs are not quite as described), and feet slip a little at each step.
+    """
+
+    def __init__(self, config: OdometryConfig) -> None:
+        self._config = config
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin where the robot is."""
+        self._time = self._way = 0.0
+        self._yaw_x = self._yaw_y = 0.0  # covariance of the place with the yaw
+        self._xx = self._xy = self._yy = 0.0  # of the place, from the yaw's
+
+    def advance(self, velocity: Sequence[float], dt_s: float) -> None:
+        """The base moved at a velocity (x, y, z), m/s, for a while."""
+        x, y, _ = velocity
+        self._time += dt_s
+        self._way += math.hypot(x, y) * dt_s
+        yaw = self._config.yaw_drift**2 * self._time * dt_s
+        self._yaw_x -= yaw * y
+        self._yaw_y += yaw * x
+        self._xx -= 2.0 * dt_s * y * self._yaw_x
+        self._xy += dt_s * (x * self._yaw_x - y * self._yaw_y)
+        self._yy += 2.0 * dt_s * x * self._yaw_y
+
+    def covariance(self, moved: np.ndarray) -> np.ndarray:
+        """Of place and yaw, (4, 4), after a displacement (3,), m; the way up counts as integrated, too."""
+        config = self._config
+        result = np.zeros((4, 4))
+        result[:2, :2] = (self._xx, self._xy), (self._xy, self._yy)
+        result[:2, YAW] = result[YAW, :2] = self._yaw_x, self._yaw_y
+        result[YAW, YAW] = config.orientation_noise**2 + config.yaw_drift**2 * self._time
+        result[:3, :3] += config.scale_error**2 * np.outer(moved, moved)
+        result[:3, :3] += config.slip**2 * self._way * np.eye(3)
+        result[2, 2] += (config.climb_error * self._way) ** 2
+        return result
