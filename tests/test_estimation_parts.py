@@ -1,6 +1,7 @@
 """The parts of the base estimator, each against figures worked out by hand or by another library."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -15,7 +16,7 @@ from footfall.deploy.estimation.filter import MotionFilter
 from footfall.deploy.estimation.odometry import YAW, Drift
 from footfall.policies.policy import Sensed
 from footfall.robots.description import Robot, load_robot
-from footfall.robots.feet import foot_balls
+from footfall.robots.feet import FootBalls, foot_balls
 from footfall.robots.rigid_body import nominal_body
 from tests.made_up import bodies
 
@@ -180,6 +181,12 @@ def carried(robot: Robot, force: np.ndarray, acceleration: np.ndarray = 9.81 * U
     return Sensed(*still, robot.default_pose, zero, legs.scatter(torque, zero))
 
 
+def held_out(robot: Robot, pose: np.ndarray) -> Sensed:
+    """At rest in any pose, motors off."""
+    zero = np.zeros_like(pose)
+    return Sensed(np.zeros(3), 9.81 * UP, np.array([1.0, 0.0, 0.0, 0.0]), pose, zero, zero)
+
+
 class TestContact:
     CONFIG = ContactConfig()
 
@@ -212,17 +219,13 @@ class TestContact:
         found = self.after(robot, self.begun(robot, sensed), sensed, 200)
         np.testing.assert_allclose(found, trust, atol=0.01)
 
-    def test_a_heavy_leg_in_the_air_is_no_standing_one(self) -> None:
-        """The hexapod's legs weigh as much as its body: held up, their motors work as if they stood."""
+    def test_legs_in_the_air_do_not_stand_however_heavy_they_are(self) -> None:
+        """The hexapod's weigh as much as its body: held up, then yanked down faster than they would fall."""
         robot = load_robot("hexapod")
-        hanging = carried(robot, np.zeros((6, 3)))
-        assert np.abs(hanging.joint_torque).max() > 0.1
-        np.testing.assert_array_equal(self.after(robot, self.begun(robot, hanging), hanging, 100), 0.0)
-
-    def test_a_lift_is_felt_by_legs_in_the_air_and_not_taken_for_ground(self) -> None:
-        robot = load_robot("hexapod")
-        lifted = carried(robot, np.zeros((6, 3)), np.array([2.0, -3.0, 25.0]))
-        np.testing.assert_array_equal(self.after(robot, self.begun(robot, lifted), lifted, 100), 0.0)
+        for felt in (9.81 * UP, np.array([10.0, -20.0, 60.0]), np.array([5.0, 5.0, -30.0])):
+            hanging = carried(robot, np.zeros((6, 3)), felt)
+            assert np.abs(hanging.joint_torque).max() > 0.1
+            np.testing.assert_array_equal(self.after(robot, self.begun(robot, hanging), hanging, 100), 0.0)
 
     def test_a_leg_that_is_thrown_is_no_standing_one(self) -> None:
         """Motors accelerate legs in the air with the very torques that would carry 30 N each."""
@@ -237,6 +240,14 @@ class TestContact:
             found = self.after(ROBOT, contact, standing._replace(joint_velocity=speed), 1)
             np.testing.assert_allclose(found, 0.0, atol=1e-9)
         assert self.after(ROBOT, self.begun(ROBOT, standing), standing, 40).min() > 0.9
+
+    def test_a_stretched_leg_does_not_stop_it(self, tmp_path: Path) -> None:
+        """All links in a line: no torque tells of a force along it."""
+        robot = bodies(tmp_path)["biped without ankles"]
+        straight = held_out(robot, np.zeros(6))
+        jacobian = robot.legs.pose(straight.joint_position).jacobian
+        assert np.linalg.matrix_rank(jacobian[0]) == 2
+        assert np.isfinite(self.after(robot, self.begun(robot, straight), straight, 3)).all()
 
     def test_a_plan_limits_trust(self) -> None:
         standing = carried(ROBOT, np.tile(40.0 * UP, (4, 1)))
@@ -300,6 +311,12 @@ class TestContactPoints:
         arms = ContactPoints(robot.legs, 0.0005).arms(robot.default_pose, up)
         balls = np.array([0.07, 0.0, 0.0]) - 0.012 * up  # toes, 0.1 m from the ankle, 0.03 m to the middle
         np.testing.assert_allclose(arms, [balls, [0.09, 0.0, -0.01]], atol=1e-4)
+
+    def test_the_thickest_of_level_balls_touches(self) -> None:
+        balls = FootBalls(np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]]), np.array([0.01, 0.03]))
+        legs = SimpleNamespace(balls=[balls], count=1, turn=lambda _: np.eye(3)[None])
+        arms = ContactPoints(legs, 0.001).arms(np.zeros(0), UP)  # type: ignore[arg-type]
+        np.testing.assert_allclose(arms, [[0.1, 0.0, -0.03]], atol=1e-6)
 
     def test_what_a_foot_touches_with(self) -> None:
         """A ball, both ends of a lying capsule, the corners of a turned box."""

@@ -239,6 +239,9 @@ class TestPose:
         velocity = np.array([0.5, 0.2, 0.0])
         used, sensed = self.moving(0.7, velocity)
         fresh = BaseEstimator(ROBOT)
+        shoved = carried_by_its_legs(ROBOT, sensed, np.array([-1.0, 0.5, 0.0]))
+        used.update(shoved._replace(acceleration=np.array([3.0, 2.0, 15.0])), None, 0.002)
+        assert used._filter._surprise != [0.0, 0.0, 0.0]
         for estimator in (used, fresh):
             estimator.reset(sensed)
             glide(estimator, sensed, velocity, np.full(50, 0.0))
@@ -263,6 +266,16 @@ class TestPose:
             turned.update(other, None, 0.004)
         for one, same in zip(ours.odometry(), turned.odometry(), strict=True):
             np.testing.assert_allclose(one, same, atol=1e-9)
+
+    def test_its_covariance_holds_the_filters(self) -> None:
+        """Beside creeping feet, 5 mm/s, and sinking ones, 30 mm/s."""
+        estimator, _ = self.moving(1.2, np.zeros(3))
+        motion = estimator._filter
+        motion.pp, motion.pv, motion.vv = 0.5, 0.03, 0.2
+        found = estimator.odometry().covariance
+        np.testing.assert_allclose(np.diag(found[:2, :2]), 0.5, rtol=1e-4)
+        np.testing.assert_allclose(np.diag(found[VELOCITY, VELOCITY]), 0.2 + np.array([25, 25, 900]) * 1e-6)
+        np.testing.assert_allclose(found[:2, 4:6], 0.03 * np.eye(2), atol=1e-9)
 
     def test_its_covariance_is_that_of_where_it_heads(self) -> None:
         """After a way straight ahead, the yaw's drift shows across and the scale along, whatever north is."""

@@ -22,8 +22,8 @@ class ContactEstimator:
 
         J' f = d(M q')/dt + weight - torque.
 
-    Without the first term a leg thrown forward in its swing would look like one that stands, without the
-    second a heavy leg in the air.
+    Without the first term a leg thrown forward in its swing would look like one that stands; without the
+    second a heavy leg that stands would look like one in the air, and one that falls the other way round.
     """
 
     def __init__(self, legs: Legs, body: RigidBody, config: ContactConfig) -> None:
