@@ -47,7 +47,7 @@ def normalised(vector: Array) -> Array:
 
 
 def tilt(quaternion: Array) -> Array:
-    """Angle between the body's z axis and the vertical, shape (...)."""
+    """Angle between the body's z axis and the vertical, shape (...). Takes a sequence of four floats, too."""
     _, x, y, _ = _components(quaternion)
     cosine = 1 - 2 * (x * x + y * y)
     if isinstance(cosine, float):
@@ -148,6 +148,8 @@ def _components(vector: Array) -> Sequence[Any]:
     """
     if isinstance(vector, np.ndarray) and vector.ndim == 1:
         return vector.tolist()
+    if isinstance(vector, (tuple, list)):
+        return vector
     return [vector[..., k] for k in range(vector.shape[-1])]
 
 

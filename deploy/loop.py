@@ -6,7 +6,7 @@ import traceback
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -89,6 +89,7 @@ class ControlLoop:
         safety = config.safety
         self._checks = SensorChecks(robot, wiring, safety.sensors, config.tick_us * 1e-6)
         self._last_resort = self._joints.damping(safety.damping_kd)  # needs no reading to be right
+        self._tick_us = config.tick_us
         self._silence_us = safety.silence_timeout_s * 1e6
         self._period_us = 1e6 / policy.rate_hz
         self._estimate_every_us = round(1e6 / config.estimator_rate_hz)
@@ -100,7 +101,7 @@ class ControlLoop:
         self.state = State()
         self.timing = Timing()
         self.now_us = 0
-        self.sensed = self._joints.sensed()
+        self._sensed: Sensed | None = None  # of this tick
         self.observation: Observation | None = None
         self.estimate = UNKNOWN
         self.base_state: Callable[[], tuple[np.ndarray, float]] | None = None  # instead of an estimate
@@ -144,6 +145,13 @@ class ControlLoop:
         return (self.now_us - self._begun_us) * 1e-6
 
     @property
+    def sensed(self) -> Sensed:
+        """The latest readings. Not every tick needs them in this form."""
+        if self._sensed is None:
+            self._sensed = self._joints.sensed()
+        return self._sensed
+
+    @property
     def target(self) -> np.ndarray:
         """Position targets that went out last, rad, (n,)."""
         return self._joints.target
@@ -174,7 +182,7 @@ class ControlLoop:
         """Readings in, decisions, frames out."""
         now_us, joints = self.now_us, self._joints
         joints.absorb(self._bus.receive(now_us), now_us)
-        self.sensed = joints.sensed()
+        self._sensed = None
         signals = self._signals(elapsed_us)
         self._supervise(signals)
         mode = self.state.mode
@@ -182,7 +190,7 @@ class ControlLoop:
             self._estimate_base()
             if now_us >= self._next_policy_us:
                 self._policy_step()
-                self._supervise(signals._replace(**self._policy_signals()))
+                self._supervise(self._after_policy(signals))
                 mode = self.state.mode
         frames = self._driver.disable() if self.state.over else self._frames(mode)
         self._refused += self._bus.send(frames, now_us)
@@ -244,11 +252,12 @@ class ControlLoop:
         except Exception as error:  # whatever a policy raises, the robot has to be damped
             self._policy_error = f"the policy failed: {type(error).__name__}: {error}"
             return
-        self._step_s = time.perf_counter() - started
+        took_s = time.perf_counter() - started
         self.observation, self._decision = observation, decision
-        self.timing.policy_ms.add(self._step_s * 1e3)
-        late = self._clock.realtime and self._step_s * 1e6 > self._period_us
-        self._late_steps = self._late_steps + 1 if late else 0
+        self.timing.policy_ms.add(took_s * 1e3)
+        if self._clock.realtime:  # simulated time waits
+            self._step_s = took_s
+            self._late_steps = self._late_steps + 1 if took_s * 1e6 > self._period_us else 0
         periods = math.ceil((now_us - self._next_policy_us) / self._period_us)
         self._next_policy_us += self._period_us * max(1, periods)
         if self.log is not None:
@@ -307,29 +316,37 @@ class ControlLoop:
 
     def _signals(self, elapsed_us: int) -> Signals:
         joints, now_us, state = self._joints, self.now_us, self.state
+        mode = state.mode
         motor_us, imu_us, motor_error = joints.last_heard()
         oldest = int(motor_us.argmin())
-        oldest_us, silence_us = int(motor_us[oldest]), self._silence_us
+        motor_silence_us, imu_silence_us = now_us - int(motor_us[oldest]), now_us - imu_us
         now_s = now_us * 1e-6
-        starting = state.mode is Mode.IDLE and now_us - oldest_us <= silence_us
-        moving = state.mode in MOVING
-        return Signals(
+        moving = mode in MOVING
+        implausible = self._contradiction(max(motor_silence_us, imu_silence_us)) if moving else None
+        signals = Signals(
             now_s=now_s,
-            motor_silence_s=(now_us - oldest_us) * 1e-6,
+            motor_silence_s=motor_silence_us * 1e-6,
             silent_motor=self._places[oldest],
-            imu_silence_s=(now_us - imu_us) * 1e-6,
+            imu_silence_s=imu_silence_us * 1e-6,
             motor_error=self._error_of(motor_error) if np.count_nonzero(motor_error) else "",
-            tilt_rad=tilt(self.sensed.quaternion),
+            tilt_rad=tilt(joints.inertial.quaternion),
+            command_finite=self._decision_finite,
+            late_steps=self._late_steps,
+            step_s=self._step_s,
             frames_refused=self._refused,
-            stand_done=state.mode is Mode.STANDING and now_s - state.since_s >= self._config.stand_s,
-            finish=self._finish and state.mode not in DAMPED,
-            oldest_of_imu="" if now_us - imu_us <= silence_us else joints.oldest_of_imu,
-            first_pose=self._first_pose() if starting else "",
-            unready=self._driver.unready() if state.mode is Mode.IDLE else "",
-            implausible=self._contradiction(now_us - min(oldest_us, imu_us)) if moving else None,
+            policy_error=self._policy_error,
+            oldest_of_imu="" if imu_silence_us <= self._silence_us else joints.oldest_of_imu,
+            implausible=implausible,
             pause_s=elapsed_us * 1e-6,
             skipped_share=self._skipped(elapsed_us),
-            **self._policy_signals(),
+            stand_done=mode is Mode.STANDING and now_s - state.since_s >= self._config.stand_s,
+            finish=self._finish and mode not in DAMPED,
+        )
+        if mode is not Mode.IDLE:
+            return signals
+        heard = motor_silence_us <= self._silence_us
+        return signals._replace(
+            first_pose=self._first_pose() if heard else "", unready=self._driver.unready()
         )
 
     def _first_pose(self) -> str:
@@ -338,36 +355,32 @@ class ControlLoop:
 
     def _contradiction(self, silence_us: int) -> Implausible | None:
         """Readings that contradict each other, if this is a tick at which they are compared."""
-        joints = self._joints
-        compared = self._checks.monitor.add(
-            self.now_us,
-            silence_us,
-            joints.inertial,
-            joints.joints,
-            joints.commanded_torque,
-            joints.stiffness,
-            joints.target,
-            joints.temperature_c,
-        )
-        return self._checks.find() if compared else None
+        joints, checks, now_us = self._joints, self._checks, self.now_us
+        monitor = checks.monitor
+        if not monitor.due(now_us):
+            return None
+        if not monitor.add(now_us, silence_us, joints.inertial, joints.joints, joints.commanded_torque):
+            return None
+        compared = monitor.look(joints.stiffness, joints.target, joints.temperature_c)
+        return checks.find() if compared else None
 
     def _skipped(self, elapsed_us: int) -> float:
         """Share of the last second's ticks that were left out, older ones counting less and less."""
-        tick_us = self._config.tick_us
+        tick_us = self._tick_us
         if elapsed_us > tick_us or self._skipped_share:
             weight = min(elapsed_us * 1e-6, 1.0)
             share = (elapsed_us - tick_us) / elapsed_us if elapsed_us else 0.0
             self._skipped_share += weight * (share - self._skipped_share)
         return self._skipped_share
 
-    def _policy_signals(self) -> dict[str, Any]:
-        """Those of the signals that a policy step may change."""
-        return {
-            "command_finite": self._decision_finite,
-            "late_steps": self._late_steps,
-            "step_s": self._step_s if self._clock.realtime else 0.0,
-            "policy_error": self._policy_error,
-        }
+    def _after_policy(self, signals: Signals) -> Signals:
+        """Signals with those renewed that a policy step may change."""
+        return signals._replace(
+            command_finite=self._decision_finite,
+            late_steps=self._late_steps,
+            step_s=self._step_s,
+            policy_error=self._policy_error,
+        )
 
     def _error_of(self, errors: np.ndarray) -> str:
         joint = int(np.flatnonzero(errors)[0])

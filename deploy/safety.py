@@ -6,14 +6,14 @@ Rules are rows of tables. A fault is latched: FALLING and ESTOP end a run, and o
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from enum import Enum
+from enum import StrEnum
 from typing import NamedTuple
 
 from footfall.common.config import require_between
 from footfall.deploy.sensor_limits import SensorLimits
 
 
-class Mode(Enum):
+class Mode(StrEnum):
     """What the loop does. IDLE motors are off, or being switched on."""
 
     IDLE = "IDLE"

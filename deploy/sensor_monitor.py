@@ -1,7 +1,7 @@
 """Adds up what sensors say, and works out how far they contradict each other.
 
-Readings are summed at each tick and compared every `period_s`, which keeps the cost of a tick small and takes
-single spikes out.
+Readings are added up every `SAMPLE_S` and compared every `period_s`, which keeps the cost of a tick small and
+takes single spikes out.
 """
 
 import math
@@ -15,6 +15,7 @@ from footfall.deploy.sensor_limits import SensorLimits
 from footfall.robots.description import Robot
 
 GRAVITY = 9.81
+SAMPLE_S = 0.004  # between two readings that are added up: a fraction of what a leg takes to swing
 IMU_PARTS = Inertial._fields
 
 
@@ -24,13 +25,15 @@ class SensorMonitor:
     def __init__(self, robot: Robot, limits: SensorLimits, tick_s: float) -> None:
         n = len(robot.joint_names)
         self._limits = limits
-        self._every = max(1, round(limits.period_s / tick_s))
-        self._gap_us = round(1e6 * max(limits.period_s / 2, 1.5 * tick_s))
+        sample_s = tick_s * max(1, round(min(SAMPLE_S, limits.period_s) / tick_s))
+        self._sample_us = round(1e6 * (sample_s - tick_s / 2))  # half a tick early: rounding costs none
+        self._every = max(1, round(limits.period_s / sample_s))
+        self._gap_us = round(1e6 * max(limits.period_s / 2, 1.5 * sample_s))
         self.lower, self.upper = robot.lower_rad, robot.upper_rad
         self._much = limits.torque_much * robot.motor.peak_torque
         self._little = limits.torque_little * robot.motor.peak_torque
         self._n = n
-        self._gap, self._added_us = False, 0
+        self._added_us = 0
         self.begin(0, Inertial((0.0,) * 3, (0.0,) * 3, (1.0, 0.0, 0.0, 0.0)), np.zeros((3, n)), np.zeros(n))
 
     def begin(self, now_us: int, inertial: Inertial, joints: np.ndarray, target: np.ndarray) -> None:
@@ -38,9 +41,11 @@ class SensorMonitor:
         n = self._n
         self._start_window(now_us)
         self.joints, self._target, self._inertial = joints, target, inertial
+        self._last = joints
         self.temperature = np.zeros(n)
         self.drift, self.repeated = np.zeros(n), np.zeros(n)
         self.limp_s, self.opposing_s = np.zeros(n), np.zeros(n)
+        self._suspected = False  # whether any of them is above 0
         self.rotation = [0.0, 0.0, 0.0]
         self._imu_repeated = [0.0, 0.0, 0.0]
         self._resting_s = 0.0
@@ -48,18 +53,14 @@ class SensorMonitor:
         self.rest_error = 0.0
         self._lean = [0.0, 0.0]
 
+    def due(self, now_us: int) -> bool:
+        """Whether it is time to add readings."""
+        return now_us - self._added_us >= self._sample_us
+
     def add(
-        self,
-        now_us: int,
-        silence_us: int,
-        inertial: Inertial,
-        joints: np.ndarray,
-        commanded: np.ndarray,
-        stiffness: np.ndarray,
-        target: np.ndarray,
-        temperature: np.ndarray,
+        self, now_us: int, silence_us: int, inertial: Inertial, joints: np.ndarray, commanded: np.ndarray
     ) -> bool:
-        """Take in one tick's readings; returns whether it was time to look at them.
+        """Take in one tick's readings; returns whether it is time to look at what was added.
 
         Args:
             now_us: the loop's time.
@@ -68,57 +69,58 @@ class SensorMonitor:
             inertial: the IMU's reading.
             joints: (3, n) position rad, velocity rad/s, torque N m that the motors report.
             commanded: (n,) torque that the last command asked for, N m.
+        """
+        if silence_us > self._gap_us or now_us - self._added_us > self._gap_us:
+            self._gap = True
+        self._added_us = now_us
+        self._last = joints
+        self._sum += joints
+        self._commanded += commanded
+        self._inertials.append(inertial)
+        return len(self._inertials) >= self._every
+
+    def look(self, stiffness: np.ndarray, target: np.ndarray, temperature: np.ndarray) -> bool:
+        """Compare what was added since the last look; returns False if a gap made that impossible.
+
+        Args:
             stiffness: (n,) of the last command, N m/rad.
             target: (n,) position targets that went out last, rad.
             temperature: (n,) degrees Celsius.
         """
-        self._readings.append(joints)
-        self._commands.append(commanded)
-        self._inertials.append(inertial)
-        self._ticks += 1
-        self._gap |= silence_us > self._gap_us or now_us - self._added_us > self._gap_us
-        self._added_us = now_us
-        if self._ticks < self._every:
-            return False
         compared = not self._gap
         if compared:
-            self._compare((now_us - self._looked_us) * 1e-6, inertial, joints, stiffness, target)
+            self._compare((self._added_us - self._looked_us) * 1e-6, stiffness, target)
         self.temperature = temperature
-        self.joints, self._target, self._inertial = joints, target, inertial
-        self._start_window(now_us)
+        self.joints, self._target, self._inertial = self._last, target, self._inertials[-1]
+        self._start_window(self._added_us)
         return compared
 
     def _start_window(self, now_us: int) -> None:
-        self._ticks, self._looked_us, self._added_us, self._gap = 0, now_us, now_us, False
-        self._readings: list[np.ndarray] = []  # since the last look
-        self._commands: list[np.ndarray] = []
-        self._inertials: list[Inertial] = []
+        self._looked_us = now_us
+        self._added_us = now_us
+        self._gap = False
+        self._sum: np.ndarray = np.zeros((3, self._n))  # of readings since the last look
+        self._commanded: np.ndarray = np.zeros(self._n)  # likewise, of commanded torques
+        self._inertials: list[Inertial] = []  # since the last look
 
-    def _compare(
-        self,
-        elapsed_s: float,
-        inertial: Inertial,
-        joints: np.ndarray,
-        stiffness: np.ndarray,
-        target: np.ndarray,
-    ) -> None:
-        limits, count = self._limits, self._ticks
+    def _compare(self, elapsed_s: float, stiffness: np.ndarray, target: np.ndarray) -> None:
+        limits, count = self._limits, len(self._inertials)
+        joints, inertial = self._last, self._inertials[-1]
         kept = math.exp(-elapsed_s / limits.memory_s)
-        _, velocity, torque = np.add.reduce(self._readings) / count
-        commanded = np.add.reduce(self._commands) / count
+        self._sum /= count
+        self._commanded /= count
+        _, velocity, torque = self._sum
         gyros, accelerations, _ = zip(*self._inertials, strict=True)
         gyro, acceleration = (
             [sum(values) / count for values in zip(*parts, strict=True)] for parts in (gyros, accelerations)
         )
-        moved = joints[0] - self.joints[0]
         self.drift *= kept
-        self.drift += moved
-        self.drift -= velocity * elapsed_s
-        same = (joints == self.joints).all(axis=0)
-        self.repeated += np.abs(target - self._target)
-        self.repeated *= same
-        self._compare_torques(torque, joints[2], commanded, stiffness * velocity, elapsed_s)
-        fastest = float(np.maximum.reduce(np.abs(velocity)))
+        self.drift += joints[0] - self.joints[0] - elapsed_s * velocity
+        same = np.logical_and.reduce(joints == self.joints)
+        self.repeated = same * (self.repeated + np.abs(target - self._target))
+        speed = np.abs(velocity)
+        self._compare_torques(torque, joints[2], self._commanded, stiffness * speed, elapsed_s)
+        fastest = max(speed.tolist())
         self._compare_turns(gyro, inertial.quaternion, elapsed_s, kept)
         self._compare_gravity(acceleration, gyro, inertial, fastest, elapsed_s)
         for part, (now, before) in enumerate(zip(inertial, self._inertial, strict=True)):
@@ -143,16 +145,19 @@ class SensorMonitor:
             torque: reported torque, N m, (n,), on average since the last look.
             last: torque that was reported last.
             commanded: commanded torque, on average since the last look.
-            slope: how fast the commanded torque changes with a joint's motion, N m/s. It was worked out
+            slope: how fast the commanded torque may change with a joint's motion, N m/s. It was worked out
                 from older readings than the motor's own, so that some of it counts for nothing.
             elapsed_s: time since the last look.
         """
-        asked = np.abs(commanded) - self._limits.lag_s * np.abs(slope) > self._much
-        reports = np.maximum(np.abs(torque), np.abs(last)) > self._little
-        self.limp_s += elapsed_s * asked
-        self.limp_s *= ~reports
-        self.opposing_s += elapsed_s * (asked & (np.abs(torque) > self._much))
-        self.opposing_s *= ~(reports & (torque * commanded > 0.0))
+        asked = np.abs(commanded) - self._limits.lag_s * slope > self._much
+        reported = np.abs(torque)
+        reports = np.maximum(reported, np.abs(last)) > self._little
+        agrees = reports & (torque * commanded > 0.0)
+        if not self._suspected and not np.count_nonzero(asked > agrees):
+            return  # as most of the time: nothing to count, and nothing to set back
+        self.limp_s = ~reports * (self.limp_s + elapsed_s * asked)
+        self.opposing_s = ~agrees * (self.opposing_s + elapsed_s * (asked & (reported > self._much)))
+        self._suspected = bool(self.limp_s.any() or self.opposing_s.any())
 
     def _compare_turns(self, gyro: list[float], now: Sequence[float], elapsed_s: float, kept: float) -> None:
         """The body's turn since the last look: by quaternions twice the vector part of before* now."""

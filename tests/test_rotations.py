@@ -77,6 +77,7 @@ def test_heading_and_tilt_are_apart() -> None:
     assert rotations.tilt(turned_and_pitched) == pytest.approx(np.pi / 6)
     assert rotations.tilt(ROLL_90) == pytest.approx(np.pi / 2)
     assert rotations.tilt(np.array([1.0, 1e-9, 0.0, 0.0])) == 0.0
+    assert rotations.tilt(ROLL_90.tolist()) == rotations.tilt(ROLL_90)
 
 
 def test_roll_pitch_yaw_are_those_of_z_y_x_order() -> None:
