@@ -20,6 +20,8 @@ def rotation_matrix(quaternion: Array) -> Array:
         [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
         [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
     ]
+    if isinstance(quaternion, np.ndarray) and quaternion.ndim == 1:
+        return np.array([*rows[0], *rows[1], *rows[2]], quaternion.dtype).reshape(3, 3)  # faster than nested
     xp = quaternion.__array_namespace__()
     matrix = xp.asarray(rows, dtype=quaternion.dtype)
     return matrix if quaternion.ndim == 1 else xp.moveaxis(matrix, (0, 1), (-2, -1))
@@ -83,9 +85,9 @@ def heading(quaternion: Array) -> Array:
 
 def roll_pitch_yaw(rotation: np.ndarray) -> tuple[float, float, float]:
     """Angles of a matrix (3, 3), R = Rz(yaw) Ry(pitch) Rx(roll)."""
-    pitch = math.asin(min(1.0, max(-1.0, -rotation[2, 0])))
-    roll = math.atan2(rotation[2, 1], rotation[2, 2])
-    return roll, pitch, math.atan2(rotation[1, 0], rotation[0, 0])
+    (forward_x, _, _), (forward_y, _, _), (forward_z, left_z, up_z) = rotation.tolist()
+    pitch = math.asin(min(1.0, max(-1.0, -forward_z)))
+    return math.atan2(left_z, up_z), pitch, math.atan2(forward_y, forward_x)
 
 
 def heading_matrix(yaw: float) -> np.ndarray:
@@ -101,13 +103,12 @@ def wrap_angle(angle: float) -> float:
 
 def skew(vector: np.ndarray) -> np.ndarray:
     """Matrix (3, 3) of the cross product with a vector (3,): skew(a) @ b = a x b, b @ skew(a).T for rows."""
-    x, y, z = vector.tolist()
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return vector.dot(_CROSS).reshape(3, 3)
 
 
 def skews(vectors: np.ndarray) -> np.ndarray:
     """The matrices (k, 3, 3) of the cross products with vectors (k, 3)."""
-    return (vectors @ _CROSS).reshape(-1, 3, 3)
+    return vectors.dot(_CROSS).reshape(-1, 3, 3)
 
 
 def cross(vector: np.ndarray, others: np.ndarray) -> np.ndarray:
@@ -115,7 +116,9 @@ def cross(vector: np.ndarray, others: np.ndarray) -> np.ndarray:
     return others.dot(skew(vector).T)
 
 
-_CROSS = np.array([skew(axis).ravel() for axis in np.eye(3)])  # (3, 9)
+_CROSS = np.array(  # (3, 9): the matrix of each axis, row by row
+    [[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]], dtype=float
+)
 
 
 def _gravity(quaternion: Sequence[Any]) -> list[Any]:

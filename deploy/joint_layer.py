@@ -33,7 +33,7 @@ class JointLayer:
         self._lower, self._upper = robot.soft_limits
         n = len(robot.joint_names)
         self._target = robot.default_pose.copy()
-        self._wanted: JointCommand | None = None  # the decision that `_sayable` was made of
+        self._wanted: JointCommand | np.ndarray | None = None  # the decision that `_sayable` was made of
         self._sayable = np.zeros((5, n))
         self._joints = np.zeros((3, n))
         self._imu = ImuReader(imu_channel)
@@ -60,15 +60,17 @@ class JointLayer:
         """Position targets that went out last, rad, (n,)."""
         return self._target
 
-    def command(self, wanted: JointCommand) -> Frames:
+    def command(self, wanted: JointCommand | np.ndarray) -> Frames:
         """Frames for one tick of a wanted command with finite numbers, in arrays that nobody writes to.
+
+        An array (5, n) holds the command's parts as its rows, which saves putting them together.
 
         The position target stays inside the soft limits and moves no faster than the robot's target rate.
         Where the PD law would ask a motor for more than its limits at the measured position and speed,
         stiffness, damping and feed-forward torque are lowered together.
         """
         self._target = limit_target(
-            wanted.position,
+            wanted[0],
             self._target,
             self._lower,
             self._upper,
@@ -76,7 +78,7 @@ class JointLayer:
             self._tick_s,
         )
         if wanted is not self._wanted:
-            self._wanted, self._sayable = wanted, self._within_frames(np.array(wanted, dtype=float))
+            self._wanted, self._sayable = wanted, self._within_frames(np.asarray(wanted, dtype=float))
         values = self._sayable.copy()
         values[0] = self._target
         return self._frames(values)

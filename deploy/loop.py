@@ -113,6 +113,7 @@ class ControlLoop:
         self._next_policy_us = 0.0  # half a microsecond early, so that rounding cannot cost a tick
         self._stand_from = robot.default_pose
         self._decision: JointCommand | None = None
+        self._wanted = np.zeros((5, len(robot.joint_names)))  # the same, as one array
         self._decision_finite = True
         self._late_steps = 0
         self._step_s = 0.0
@@ -219,7 +220,7 @@ class ControlLoop:
 
     def _frames(self, mode: Mode) -> Frames:
         if mode is Mode.WALKING and self._decision is not None:
-            return self._joints.command(self._decision)
+            return self._joints.command(self._wanted)
         if mode is Mode.STANDING:
             self._estimate_base()
             return self._joints.command(self._standing())
@@ -247,13 +248,14 @@ class ControlLoop:
             observation = Observation(time_s, self.sensed, command, velocity, height)
             if self._decision is None:
                 self._policy.reset(observation)
-            decision = self._checked(self._policy.act(observation))
-            self._decision_finite = math.isfinite(np.add.reduce(decision, axis=None))
+            wanted = self._checked(self._policy.act(observation))
+            decision = JointCommand(*wanted)
+            self._decision_finite = math.isfinite(np.add.reduce(wanted, axis=None))
         except Exception as error:  # whatever a policy raises, the robot has to be damped
             self._policy_error = f"the policy failed: {type(error).__name__}: {error}"
             return
         took_s = time.perf_counter() - started
-        self.observation, self._decision = observation, decision
+        self.observation, self._decision, self._wanted = observation, decision, wanted
         self.timing.policy_ms.add(took_s * 1e3)
         if self._clock.realtime:  # simulated time waits
             self._step_s = took_s
@@ -267,12 +269,12 @@ class ControlLoop:
                     self.log.note(now_us, note)
                     self._logged_notes.add(note)
 
-    def _checked(self, decision: JointCommand) -> JointCommand:
-        """A copy of a decision, as arrays. Raises ValueError for one of a wrong shape."""
+    def _checked(self, decision: JointCommand) -> np.ndarray:
+        """A copy of a decision, (5, n). Raises ValueError for one of a wrong shape."""
         values = np.array(decision, dtype=float)
         if values.shape != (5, len(self._zeros)):
             raise ValueError(f"it decides on shape {values.shape}, expected (5, {len(self._zeros)})")
-        return JointCommand(*values)
+        return values
 
     def _estimate_base(self) -> None:
         if self.base_state is not None:

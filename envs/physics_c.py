@@ -16,7 +16,7 @@ from footfall.envs.physics import Drive, Fields, Motion, Physics, Trace, joint_e
 from footfall.envs.workarounds.undisturbed import UNDISTURBED
 from footfall.robots.description import Robot
 from footfall.robots.feet import foot_geoms
-from footfall.robots.model import joint_addresses
+from footfall.robots.model import as_slice, joint_addresses
 
 
 def c_physics(model: mujoco.MjModel, robot: Robot) -> Physics:
@@ -46,9 +46,9 @@ class _Simulations:
 
     def __init__(self, model: mujoco.MjModel, robot: Robot) -> None:
         self._model = _for_stepping(model)
-        self._positions, self._dofs = map(_as_slice, joint_addresses(model, robot))
+        self._positions, self._dofs = map(as_slice, joint_addresses(model, robot))
         points = np.concatenate(foot_geoms(model, robot.description))
-        self._points = _as_slice(points)
+        self._points = as_slice(points)
         self._joints, self._point_count = len(robot.joint_names), len(points)
         self._pools: dict[int, Batch] = {}  # by number of robots
         self._checked: set[tuple] = set()  # shapes of results that were seen to be views
@@ -134,12 +134,6 @@ def _for_stepping(model: mujoco.MjModel) -> mujoco.MjModel:
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET | mujoco.mjtDisableBit.mjDSBL_ISLAND
     model.body_sameframe[:] = 0  # the centre of mass of a body may be moved
     return model
-
-
-def _as_slice(indices: np.ndarray) -> slice | np.ndarray:
-    """Indices that follow one another as a slice, which NumPy need not gather."""
-    first, last = int(indices[0]), int(indices[-1])
-    return slice(first, last + 1) if np.array_equal(indices, np.arange(first, last + 1)) else indices
 
 
 def _usable_cores() -> int:

@@ -27,7 +27,7 @@ from footfall.plant.sensors import Layout, SimulatedSensors
 from footfall.plant.wires import Side, SimulatedWires
 from footfall.robots import kinds
 from footfall.robots.description import Robot
-from footfall.robots.model import Plant, joint_addresses, read_plant
+from footfall.robots.model import Plant, as_slice, joint_addresses, read_plant
 
 IMU_PERIOD_S = 0.002
 SEARCH_HEIGHT_M = 4.0  # how far from the origin the ground may be
@@ -76,8 +76,8 @@ class SimulatedRobot:
         qpos, qvel = joint_addresses(self.model, robot)
         base_joint = self.model.body_jntadr[plant.base]
         self._layout = Layout(
-            _as_slice(qpos),
-            _as_slice(qvel),
+            as_slice(qpos),
+            as_slice(qvel),
             int(self.model.jnt_qposadr[base_joint]),
             int(self.model.jnt_dofadr[base_joint]),
         )
@@ -204,9 +204,3 @@ def _check_sample(sample: Sample, plant: Plant) -> None:
     for name, drawn in sample.items():
         if QUANTITIES[name].kind is kinds.BODY_AMOUNTS and len(drawn) != bodies:
             raise UserError(f"{name} was drawn for {len(drawn)} bodies, the plant has {bodies}")
-
-
-def _as_slice(indices: np.ndarray) -> slice | np.ndarray:
-    """Consecutive indices as a slice, which NumPy reads and writes without a copy."""
-    first, last = int(indices[0]), int(indices[-1])
-    return slice(first, last + 1) if (np.diff(indices) == 1).all() else indices

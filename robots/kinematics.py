@@ -18,6 +18,7 @@ from footfall.robots.description import Robot, load_spec
 from footfall.robots.feet import FootBalls, foot_balls, foot_geoms
 from footfall.robots.least_squares import Chains, LeastSquares
 from footfall.robots.limb import Limb
+from footfall.robots.model import as_slice
 from footfall.robots.stance import lowest_points
 
 _REGULAR = 1e-6 * np.eye(3)  # m^2/rad^2
@@ -52,6 +53,7 @@ class Legs:
         self._alike = bool(self.present.all())
         # Where a limb has no hinge, its first one stands in, and `present` says so.
         self.joints = np.array([[*own, *[own[0]] * (self.hinges - len(own))] for own in self._joints_of])
+        self._places = as_slice(self.joints.ravel())
         self._set_model(robot)
         self.limbs = self._read_limbs(robot)
         self.reach = np.array([limb.reach for limb in self.limbs])  # (legs,) m, from each first hinge
@@ -92,9 +94,9 @@ class Legs:
             acceleration: (3,) m/s^2, the base's proper acceleration, base frame: 9.81 upwards at rest.
         """
         self.pose(joint_position)
-        self._model.opt.gravity[:] = -acceleration
+        np.negative(acceleration, out=self._model.opt.gravity)
         mujoco.mj_rne(self._model, self._data, 0, self._bias)
-        torque = self._bias[self._dofs]
+        torque = self._bias.take(self._dofs)
         return torque if self._alike else torque * self.present
 
     def _pose(self, joint_position: np.ndarray, data: mujoco.MjData) -> LegPose:
@@ -102,9 +104,9 @@ class Legs:
         data.qpos[self._addresses] = joint_position
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
-        foot = data.site_xpos[self._tips]
-        for leg in range(self.count):
-            mujoco.mj_jac(model, data, self._full_jacobian[leg], None, foot[leg], self._bodies[leg])
+        foot = data.site_xpos.take(self._tips, axis=0)
+        for full, tip in zip(self._full_jacobian, self._tips_one_by_one, strict=True):
+            mujoco.mj_jacSite(model, data, full, None, tip)
         jacobian, axes = self._full_jacobian.take(self._jacobian_places), data.xaxis.take(self._axis_places)
         if self._alike:
             return LegPose(foot, jacobian, axes)
@@ -180,14 +182,14 @@ class Legs:
 
     def gather(self, joint_values: np.ndarray) -> np.ndarray:
         """Joint order (..., n) to limbs (..., legs, m)."""
-        values = joint_values[..., self.joints]
+        values = joint_values.take(self.joints, axis=-1)
         return values if self._alike else values * self.present
 
     def scatter(self, leg_values: np.ndarray, others: np.ndarray) -> np.ndarray:
         """Limbs (..., legs, m) to joint order (..., n); joints outside them keep their value in `others`."""
         result = others.copy()
         if self._alike:
-            result[..., self.joints] = leg_values
+            result[..., self._places] = leg_values.reshape(*leg_values.shape[:-2], -1)
         else:
             result[..., self.joints[self.present]] = leg_values[..., self.present]
         return result
@@ -207,12 +209,12 @@ class Legs:
             if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE:
                 self._data.qpos[model.jnt_qposadr[joint] + 3] = 1.0
         joints = np.array([model.joint(name).id for name in robot.joint_names])
-        self._addresses = model.jnt_qposadr[joints]
+        self._addresses = as_slice(model.jnt_qposadr[joints])
         self._hinges_at = joints[self.joints]
         if np.any(model.jnt_type[self._hinges_at] != mujoco.mjtJoint.mjJNT_HINGE):
             raise UserError(f"{robot.xml_path}: the joints of a leg must be hinges")
-        self._tips = [model.site(_tip_name(foot.name)).id for foot in robot.description.feet]
-        self._bodies = model.site_bodyid[self._tips].tolist()
+        self._tips = np.array([model.site(_tip_name(foot.name)).id for foot in robot.description.feet])
+        self._tips_one_by_one = self._tips.tolist()
         self.balls: list[FootBalls] = [  # that each foot touches the ground with
             foot_balls(model, geoms, model.site_pos[tip])
             for geoms, tip in zip(foot_geoms(model, robot.description), self._tips, strict=True)

@@ -141,6 +141,12 @@ def joint_addresses(model: mujoco.MjModel, robot: Robot) -> tuple[np.ndarray, np
     return model.jnt_qposadr[ids], model.jnt_dofadr[ids]
 
 
+def as_slice(indices: np.ndarray) -> slice | np.ndarray:
+    """Consecutive indices as a slice, which NumPy reads and writes without a copy; others as they are."""
+    first, last = int(indices[0]), int(indices[-1])
+    return slice(first, last + 1) if (np.diff(indices) == 1).all() else indices
+
+
 def ground_friction(model: mujoco.MjModel, robot: Robot) -> np.ndarray:
     """Coefficient of sliding friction of each foot on the floor of a training model, shape (feet,).
 

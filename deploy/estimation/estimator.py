@@ -69,12 +69,12 @@ class BaseEstimator:
         rates = self._legs.gather(sensed.joint_velocity)
         contact = self._contact.update(sensed, rates, jacobian, self._up, stance, dt_s)
         # How the points of contact pass the IMU, body frame.
-        passing = (jacobian @ rates[:, :, None])[:, :, 0] + self._place @ turning
+        passing = (jacobian @ rates[:, :, None])[:, :, 0] + self._place.dot(turning)
         self._filter.predict(sensed.acceleration.tolist(), rows, dt_s)
-        self._filter.correct((passing @ -rotation.T).tolist(), contact, rows, dt_s)
+        self._filter.correct(passing.dot(-rotation.T).tolist(), contact, rows, dt_s)
         self._follow_height(contact, dt_s)
         self._drift.advance(self._filter.velocity, dt_s)
-        self._velocity = np.array(self._filter.velocity) @ rotation - self._imu @ turning
+        self._velocity = np.array(self._filter.velocity).dot(rotation) - self._imu.dot(turning)
         return self._velocity, self._base_height()
 
     def odometry(self) -> Odometry:
@@ -120,12 +120,12 @@ class BaseEstimator:
         self._height += self._filter.velocity[2] * dt_s
         total = sum(contact)
         if total > _SOME_CONTACT:
-            measured = -float((self._place @ self._up + self._radius) @ contact) / total
+            measured = -float((self._place.dot(self._up) + self._radius).dot(contact)) / total
             share = 1.0 - math.exp(-dt_s / self._config.odometry.height_filter_s)
             self._height += share * (measured - self._height)
 
     def _base_height(self) -> float:
-        return self._height - float(self._up @ self._imu)
+        return self._height - float(self._up.dot(self._imu))
 
     def _yaw(self) -> float:
         return math.atan2(self._rotation[1, 0], self._rotation[0, 0])

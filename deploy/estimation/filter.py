@@ -33,8 +33,8 @@ class MotionFilter:
     def reset(self) -> None:
         """Begin at rest, with a place of zero."""
         self.place = self.velocity = self._bias = [0.0, 0.0, 0.0]
-        self._surprise = self._acceleration = [0.0, 0.0, 0.0]
-        self._force: Vector | None = None
+        self._surprise = [0.0, 0.0, 0.0]
+        self._last: tuple[float, ...] | None = None  # what was read last, and the acceleration that it meant
         self.pp = self.pv = self.pb = self.vb = 0.0
         self.vv, self.bb = _AT_REST_M_S**2, self._config.acceleration_bias**2
 
@@ -54,18 +54,23 @@ class MotionFilter:
             dt_s: time that passes.
         """
         config = self._config
-        x, y, z = (f - b for f, b in zip(force, self._bias, strict=True))
-        acceleration = [row[0] * x + row[1] * y + row[2] * z for row in rotation]
-        acceleration[2] -= GRAVITY_M_S2
-        if self._force is None:
-            self._force, self._acceleration = force, acceleration
-        change = _square(force, self._force) / 3.0
-        mean = [0.5 * (a + b) for a, b in zip(acceleration, self._acceleration, strict=True)]
-        self._force, self._acceleration = force, acceleration
+        (fx, fy, fz), (bx, by, bz) = force, self._bias
+        sx, sy, sz = fx - bx, fy - by, fz - bz
+        ax, ay, az = [row_x * sx + row_y * sy + row_z * sz for row_x, row_y, row_z in rotation]
+        az -= GRAVITY_M_S2
+        if self._last is None:
+            self._last = fx, fy, fz, ax, ay, az
+        last_fx, last_fy, last_fz, last_ax, last_ay, last_az = self._last
+        self._last = fx, fy, fz, ax, ay, az
+        change = ((fx - last_fx) ** 2 + (fy - last_fy) ** 2 + (fz - last_fz) ** 2) / 3.0
+        ax, ay, az = 0.5 * (ax + last_ax), 0.5 * (ay + last_ay), 0.5 * (az + last_az)
+        (px, py, pz), (vx, vy, vz), half = self.place, self.velocity, 0.5 * dt_s
         self.place = [
-            p + dt_s * (v + 0.5 * dt_s * a) for p, v, a in zip(self.place, self.velocity, mean, strict=True)
+            px + dt_s * (vx + half * ax),
+            py + dt_s * (vy + half * ay),
+            pz + dt_s * (vz + half * az),
         ]
-        self.velocity = [v + dt_s * a for v, a in zip(self.velocity, mean, strict=True)]
+        self.velocity = [vx + dt_s * ax, vy + dt_s * ay, vz + dt_s * az]
         noise = config.acceleration_noise**2 + config.acceleration_change**2 * change
         # F P F' + Q of p' = p + v dt, v' = v - b dt.
         self.pp += dt_s * (2.0 * self.pv + dt_s * self.vv)
@@ -106,10 +111,15 @@ class MotionFilter:
         variance = self.vv + 1.0 / total
         kp, kv, kb = self.pv / variance, self.vv / variance, self.vb / variance
         x, y, z = innovation
-        seen = [rotation[0][k] * x + rotation[1][k] * y + rotation[2][k] * z for k in range(3)]  # by the body
-        self.place = [p + kp * i for p, i in zip(self.place, innovation, strict=True)]
-        self.velocity = [v + kv * i for v, i in zip(self.velocity, innovation, strict=True)]
-        self._bias = [b + kb * i for b, i in zip(self._bias, seen, strict=True)]
+        (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation
+        (px, py, pz), (vx, vy, vz), (bx, by, bz) = self.place, self.velocity, self._bias
+        self.place = [px + kp * x, py + kp * y, pz + kp * z]
+        self.velocity = [vx + kv * x, vy + kv * y, vz + kv * z]
+        self._bias = [  # in the body's axes
+            bx + kb * (xx * x + yx * y + zx * z),
+            by + kb * (xy * x + yy * y + zy * z),
+            bz + kb * (xz * x + yz * y + zz * z),
+        ]
         # P - K P_v, a row of which is K's own; v's entries last.
         self.pp -= kp * self.pv
         self.pb -= kp * self.vb
@@ -120,14 +130,9 @@ class MotionFilter:
 
     def _look_for_push(self, innovation: Vector, contact: float, dt_s: float) -> None:
         share = min(1.0, dt_s / self._config.push_filter_s)
-        self._surprise = [
-            s + share * (contact * i - s) for s, i in zip(self._surprise, innovation, strict=True)
-        ]
-        x, y, z = self._surprise
+        (x, y, z), (ix, iy, iz) = self._surprise, innovation
+        x += share * (contact * ix - x)
+        y += share * (contact * iy - y)
+        z += share * (contact * iz - z)
+        self._surprise = [x, y, z]
         self.vv += max(0.0, (x * x + y * y + z * z) / 3.0 - self._push_variance)
-
-
-def _square(a: Vector, b: Vector) -> float:
-    """Squared distance."""
-    x, y, z = (p - q for p, q in zip(a, b, strict=True))
-    return x * x + y * y + z * z

@@ -123,6 +123,7 @@ class StepClock:
         """Stand, about to begin a cycle."""
         self.phase = 0.0
         self.walking = False
+        self._known = self.phase, leg_phases(self.phase, self.offsets)
 
     def advance(self, dt_s: float, walk: bool) -> None:
         """Let time pass. A clock asked to stop finishes the swings that have begun."""
@@ -136,8 +137,10 @@ class StepClock:
             self.walking = False  # every swing has ended: the next ones wait at this phase
 
     def phases(self) -> np.ndarray:
-        """Phase of each leg, shape (legs,)."""
-        return leg_phases(self.phase, self.offsets)
+        """Phase of each leg, shape (legs,), not to be written to. The last answer is kept."""
+        if self._known[0] != self.phase:
+            self._known = self.phase, leg_phases(self.phase, self.offsets)
+        return self._known[1]
 
     def stance(self) -> np.ndarray:
         """Which legs stand now, boolean (legs,)."""

@@ -5,7 +5,6 @@ into joint commands; at `solve_hz` it plans the forces anew.
 """
 
 import cmath
-import math
 import time
 from collections import deque
 from collections.abc import Sequence
@@ -46,6 +45,12 @@ class Base(NamedTuple):
     roll: float
     pitch: float
     yaw: float
+
+    @property
+    def speed(self) -> complex:
+        """The velocity's horizontal part, m/s."""
+        x, y, _ = self.velocity.tolist()
+        return complex(x, y)
 
     @property
     def position(self) -> np.ndarray:
@@ -162,7 +167,7 @@ class Mpc:
     def _follow(self, observation: Observation, dt_s: float) -> Base:
         """The base's state; its place is dead reckoning, good for the length of a step."""
         rotation = rotation_matrix(observation.sensed.quaternion)
-        velocity = rotation @ observation.base_velocity
+        velocity = rotation.dot(observation.base_velocity)
         x, y, _ = velocity.tolist()
         self._place += complex(x, y) * dt_s
         roll, pitch, yaw = roll_pitch_yaw(rotation)
@@ -183,8 +188,7 @@ class Mpc:
         """Whether a robot that was told to stand had better step, as after a push."""
         restart = self._config.restart
         walking = self._clock.walking
-        x, y, _ = base.velocity.tolist()
-        speed = math.hypot(x, y)
+        speed = abs(base.speed)
         limit = restart.stop_speed_m_s if walking else restart.start_speed_m_s
         tilted = max(abs(base.roll), abs(base.pitch)) > restart.start_tilt_rad
         if speed > limit or tilted:
@@ -210,12 +214,11 @@ class Mpc:
     def _set_target(self, leg: int, progress: float, base: Base) -> None:
         """Where a leg that swings should touch down."""
         gait = self._clock.timing
-        x, y, _ = base.velocity.tolist()
         target = foothold(
             self._places_ahead[leg],
             base.place,
             base.height,
-            complex(x, y),
+            base.speed,
             self._wanted_velocity,
             base.yaw,
             float(self._command.value[2]),
@@ -223,7 +226,7 @@ class Mpc:
             gait.stance_s,
             self._config.foothold,
         )
-        self._target[leg, :2] = target.real, target.imag
+        self._target[leg, 0], self._target[leg, 1] = target.real, target.imag
 
     def _swing(self, swinging: list[int], progress: list[float], base: Base) -> np.ndarray:
         """Motion of swinging feet as seen from the moving base, (k, 3, 3): see `LegControl.command`."""
@@ -237,7 +240,8 @@ class Mpc:
                 for leg in swinging
             ]
         )
-        motion -= np.array([base.position.tolist(), base.velocity.tolist(), [0.0, 0.0, 0.0]])
+        position = [base.place.real, base.place.imag, base.height]
+        motion -= np.array([position, base.velocity.tolist(), [0.0, 0.0, 0.0]])
         motion = motion.reshape(-1, 3).dot(base.rotation).reshape(-1, 3, 3)
         motion[:, 1] -= cross(base.gyro, motion[:, 0])
         return motion

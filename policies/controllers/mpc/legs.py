@@ -17,6 +17,7 @@ _INERTIA_SHARE = 0.5  # of the peak torque that may be spent on a leg's own iner
 class _Stance(NamedTuple):
     """What depends on which legs stand, and on nothing else. Whole arrays: to broadcast takes longer."""
 
+    swinging: np.ndarray  # (k,) the others
     contact: np.ndarray  # (legs, 3, m) 1 of those that stand, else 0
     kp: np.ndarray  # (legs, m) N m/rad
     kd: np.ndarray  # (legs, m) N m s/rad
@@ -71,19 +72,25 @@ class LegControl:
         jacobian = pose.jacobian + stance.contact * legs.rolling_offset(pose.axes, up)
         wanted = np.zeros((legs.count, 3, 2))  # velocity and acceleration of the feet
         wanted[:, :, 0] = pose.foot.dot(skew(turn)) - velocity
-        for leg, motion in zip(swinging, swing, strict=True):
-            wanted[leg] = motion[1:].T
+        wanted[stance.swinging] = swing[:, 1:].transpose(0, 2, 1)
         rates = legs.joint_rates(jacobian, wanted)
         joint_velocity = _within(rates[:, :, 0], self._most_speed)
         inertia_torque = (self._body.leg_inertia @ rates[:, :, 1:])[:, :, 0]
 
         position = legs.gather(joint_position)
         if swinging:
-            position[swinging] = legs.solve(swing[:, 0], swinging)
+            position[stance.swinging] = legs.solve(swing[:, 0], swinging)
         torque = _within(inertia_torque, self._most_inertia_torque)
         torque += legs.torque(jacobian, force)
         torque += self._friction * _within(joint_velocity / self._friction_speed, self._one)
-        values = np.array([position, joint_velocity, stance.kp, stance.kd, torque])
+        values = np.empty((5, *position.shape))
+        values[0], values[1], values[2], values[3], values[4] = (
+            position,
+            joint_velocity,
+            stance.kp,
+            stance.kd,
+            torque,
+        )
         return JointCommand(*legs.scatter(values, self._outside_legs))
 
     def _stance(self, swinging: list[int]) -> _Stance:
@@ -92,7 +99,7 @@ class LegControl:
             contact = np.ones((self._legs.count, 3, self._legs.hinges))
             kp, kd = 0.0 * self._one, self._stand.kd * self._one
             contact[swinging], kp[swinging], kd[swinging] = 0.0, self._swing.kp, self._swing.kd
-            self._stances[key] = _Stance(contact, kp, kd)
+            self._stances[key] = _Stance(np.array(swinging, dtype=np.intp), contact, kp, kd)
         return self._stances[key]
 
 
