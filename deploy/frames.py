@@ -1,5 +1,6 @@
 """CAN frames in batches: arrays instead of one object per frame, and what a frame costs on the wire."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,10 +16,25 @@ class Frames(NamedTuple):
     id: np.ndarray  # (k,) intp, identifier of 11 bits, or of 29 bits plus EXTENDED
     data: np.ndarray  # (k, 8) uint8; bytes past the length are zero
     length: np.ndarray  # (k,) intp, data length code 0..8
+    time_us: np.ndarray | None = None  # (k,) when each arrived, of the loop's clock; None where nobody knows
 
     def take(self, rows: np.ndarray) -> "Frames":
         """The frames at some rows (indices or a mask)."""
-        return Frames(self.channel[rows], self.id[rows], self.data[rows], self.length[rows])
+        time_us = None if self.time_us is None else self.time_us[rows]
+        return Frames(self.channel[rows], self.id[rows], self.data[rows], self.length[rows], time_us)
+
+
+def joined(batches: Sequence[Frames]) -> Frames:
+    """Several batches (one at least) as one."""
+    channel, identifier, data, length = zip(*(batch[:4] for batch in batches), strict=True)
+    times = [batch.time_us for batch in batches if batch.time_us is not None]
+    return Frames(
+        np.concatenate(channel),
+        np.concatenate(identifier),
+        np.concatenate(data),
+        np.concatenate(length),
+        np.concatenate(times) if len(times) == len(batches) else None,
+    )
 
 
 def frame_bits(length: int, extended: bool = False, stuffed: bool = True) -> int:

@@ -43,7 +43,9 @@ class JointLayer:
         self._imu_ids: np.ndarray | None = None
         self._motor_us = np.full(n, NEVER)
         self._error = np.zeros(n, dtype=np.uint8)
-        self.temperature_c = np.zeros(n, dtype=np.uint8)
+        self._absorbed_us = NEVER  # when replies were taken in last
+        self.temperature_c = np.full(n, np.nan)  # as last told; NaN where a motor does not say
+        self.voltage = np.full(n, np.nan)  # likewise, V
         self.commanded_torque = np.zeros(n)  # that the last frames asked for, N m
         self.stiffness = np.zeros(n)  # that they carried, N m/rad
 
@@ -155,21 +157,23 @@ class JointLayer:
         return LastHeard(self._motor_us, NEVER if imu_us is None else imu_us, self._error)
 
     def _absorb_replies(self, frames: Frames, now_us: int) -> None:
-        motor, values, temperature, error = self._driver.replies(frames)
+        motor, values, error, temperature, voltage, arrived_us = self._driver.replies(frames)
         before = self._error if np.count_nonzero(self._error) else None
         if isinstance(motor, slice):
-            self._joints, self.temperature_c, self._error = values, temperature, error
+            self._joints, self._error = values, error
+            self.temperature_c, self.voltage = temperature, voltage
         else:
-            self._joints, self.temperature_c = self._joints.copy(), self.temperature_c.copy()
+            self._joints = self._joints.copy()
+            self.temperature_c, self.voltage = self.temperature_c.copy(), self.voltage.copy()
             self._joints[:, motor] = values
-            self.temperature_c[motor] = temperature
+            self.temperature_c[motor], self.voltage[motor] = temperature, voltage
             self._error = self._error.copy()
             self._error[motor] = 0
             np.maximum.at(self._error, motor, error)
-        if before is not None:  # an error outlives a later reply of the same tick that has none
-            same_tick = self._motor_us == now_us
-            self._error = np.where(same_tick, np.maximum(self._error, before), self._error)
-        self._motor_us[motor] = now_us
+        if before is not None and self._absorbed_us == now_us:
+            self._error = np.maximum(self._error, before)  # it outlives a later reply of the same tick
+        self._absorbed_us = now_us
+        self._motor_us[motor] = now_us if arrived_us is None else arrived_us
 
 
 def _share(possible: np.ndarray, asked: np.ndarray) -> np.ndarray:

@@ -209,8 +209,13 @@ class ControlLoop:
             self.state = State(
                 Mode.ESTOP, now_s, (*state.faults, f"the control loop failed: {_where(error)}")
             )
+        frames = self._last_resort
+        with suppress(
+            Exception
+        ):  # where the host closes the joint law, what was made beforehand has no torque
+            frames = self._driver.disable() if self.state.over else self._joints.damping(config.damping_kd)
         with suppress(Exception):
-            self._bus.send(self._driver.disable() if self.state.over else self._last_resort, self.now_us)
+            self._bus.send(frames, self.now_us)
 
     def shut_down(self) -> None:
         """Switch the motors off at once, whatever happened before."""
@@ -348,7 +353,8 @@ class ControlLoop:
             return signals
         heard = motor_silence_us <= self._silence_us
         return signals._replace(
-            first_pose=self._first_pose() if heard else "", unready=self._driver.unready()
+            first_pose=self._first_pose() if heard else "",
+            unready=self._driver.unready() or self._driver.off(),
         )
 
     def _first_pose(self) -> str:

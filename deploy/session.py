@@ -17,8 +17,9 @@ from footfall.deploy.clock import Clock, LockstepClock, WallClock, undisturbed
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers import imu
 from footfall.deploy.drivers.choice import open_driver
+from footfall.deploy.drivers.driver import Driver
 from footfall.deploy.estimation.config import EstimatorConfig
-from footfall.deploy.frames import BITRATE, frame_bits
+from footfall.deploy.frames import BITRATE
 from footfall.deploy.loop import Command, ControlLoop, Estimator, Log
 from footfall.deploy.safety import Mode
 from footfall.deploy.wiring import Wiring, wire
@@ -99,13 +100,13 @@ def run_session(
         raise UserError(f"duration is {session.duration_s:g} s: it must be above 0, and a day at most")
     _check_contract(policy, robot)
     wiring, config = wire(robot), session.config
-    _check_joint_rate(wiring, config.joint_rate_hz)
+    driver = open_driver(wiring)
+    _check_joint_rate(wiring, driver, config.joint_rate_hz)
     with ExitStack() as resources:
         clock: Clock = (WallClock if session.realtime else LockstepClock)(config.tick_us)
         estimator = (
             _estimator(robot, config.estimator) if policy.needs_estimate and base_state is None else None
         )
-        driver = open_driver(wiring)
         loop = ControlLoop(robot, policy, wiring, driver, bus, clock, config, session.command, estimator)
         loop.base_state = base_state
         loop.log = _open_log(robot, policy, session, resources)  # last: nothing else can fail
@@ -146,15 +147,16 @@ def _check_contract(policy: Policy, robot: Robot) -> None:
         raise UserError(f"policy '{policy.name}' does not fit robot '{robot.name}': {'; '.join(differences)}")
 
 
-def _check_joint_rate(wiring: Wiring, rate_hz: float) -> None:
+def _check_joint_rate(wiring: Wiring, driver: Driver, rate_hz: float) -> None:
     """Raise UserError for a rate at which a command and a reply of each motor cannot fit on its bus."""
-    motors = np.bincount(wiring.channel)
-    fastest_hz = BITRATE / (2 * frame_bits(8, stuffed=False) * int(motors.max()))
+    bits = np.bincount(wiring.channel, weights=driver.exchange_bits)
+    fullest = int(bits.argmax())
+    fastest_hz = BITRATE / bits[fullest]
     if rate_hz > fastest_hz:
-        bus = wiring.buses[int(motors.argmax())]
+        motors = np.count_nonzero(wiring.channel == fullest)
         raise UserError(
-            f"joint_rate_hz is {rate_hz:g}:"
-            f" {motors.max()} motors on {bus} can be asked {fastest_hz:.0f} times a second at most"
+            f"joint_rate_hz is {rate_hz:g}: {motors} motors on {wiring.buses[fullest]}"
+            f" can be asked {fastest_hz:.0f} times a second at most"
         )
 
 

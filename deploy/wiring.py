@@ -16,6 +16,7 @@ class Wiring:
     motor_id: np.ndarray  # (n,) intp
     imu_channel: int
     models: tuple[str, ...]  # (n,) motor models, which tell the protocol and its ranges
+    gear_ratio: np.ndarray  # (n,) turns of the rotor for one of the joint
     joint_names: tuple[str, ...]
 
     def take(self, joints: np.ndarray) -> "Wiring":
@@ -25,6 +26,7 @@ class Wiring:
             channel=self.channel[joints],
             motor_id=self.motor_id[joints],
             models=tuple(self.models[joint] for joint in joints),
+            gear_ratio=self.gear_ratio[joints],
             joint_names=tuple(self.joint_names[joint] for joint in joints),
         )
 
@@ -46,5 +48,6 @@ def wire(robot: Robot) -> Wiring:
         motor_id=motor_id,
         imu_channel=buses.index(robot.description.imu_bus),
         models=tuple(robot.description.motors[joint.motor].protocol for joint in joints),
+        gear_ratio=robot.motor_figures("gear_ratio"),
         joint_names=robot.joint_names,
     )

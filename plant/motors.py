@@ -2,13 +2,15 @@
 
 from collections import deque
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from footfall.deploy.config import MOTOR_TIMEOUT_S
-from footfall.deploy.drivers.driver import MotorEnd, Motors, Request, Requests
+from footfall.deploy.drivers.driver import Motors
 from footfall.deploy.frames import Frames
 from footfall.domain_rand.sample import Sample, randomised_command, randomised_motor, sensor_bias
+from footfall.plant.motor_ends.motor_end import MotorEnd, Request, Requests
 from footfall.robots.actuator import JointCommand, Motor, friction_torque, motor_torque
 
 TEMPERATURE_C = 30
@@ -20,7 +22,7 @@ class MotorFaults:
     """Faults to inject, switched on and off from outside. Arrays are (n,) in joint order."""
 
     silent: np.ndarray  # bool: cut off from the bus; the motor carries on until its own time-out
-    stuck: np.ndarray  # bool: repeats its last reply
+    stuck: np.ndarray  # bool: repeats what it reported last
     error: np.ndarray  # uint64: error code that it reports
 
 
@@ -48,6 +50,7 @@ class SimulatedMotors:
         """
         n = joints
         self._end = end
+        self.talkative = end.talkative
         self._motor = randomised_motor(motor, sample)
         self.encoder_bias = np.zeros(n)
         bias = sensor_bias(sample, "joint_position")
@@ -65,7 +68,7 @@ class SimulatedMotors:
         self._command = JointCommand(*self._values)  # its rows
         self._due: deque[tuple[int, Motors, np.ndarray]] = deque()
         self._heard_step = np.zeros(n, dtype=np.int64)
-        self._last_reply = np.zeros((n, 8), np.uint8)
+        self._said = _Report(np.zeros((3, n)), np.zeros(n, np.uint64), np.zeros(n, bool))
 
     def torque(self, step: int, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
         """Motor torque at the joint in this physics step, N m, (n,), before gearbox friction.
@@ -136,6 +139,8 @@ class SimulatedMotors:
                     self._values[:, motor] = 0.0  # a motor wakes up limp
                 self.enabled[motor] = True
                 self._timed_out[motor] = False
+            elif kind == Request.CLEAR:
+                self._timed_out[motor] = False
             elif kind == Request.DISABLE:
                 self.enabled[motor] = False
             elif kind == Request.ZERO:
@@ -148,13 +153,33 @@ class SimulatedMotors:
     def _note_enabled(self) -> None:
         self._any_enabled, self._all_enabled = bool(self.enabled.any()), bool(self.enabled.all())
 
-    def _reply(self, motor: Motors, readings: np.ndarray) -> Frames:
-        error = self.faults.error
+    def _reply(self, motor: Motors, readings: np.ndarray) -> Frames | None:
+        values, error, on = self._report(readings)
+        frames = self._end.reply(motor, values[:, motor], TEMPERATURE_C, error[motor], on[motor])
+        return frames if len(frames.id) else None
+
+    def broadcast(self, now_us: int, readings: np.ndarray) -> Frames | None:
+        """What motors send by themselves now; `readings` as for `answer`."""
+        values, error, on = self._report(readings)
+        return self._end.broadcast(now_us, ~self.faults.silent, values, TEMPERATURE_C, error, on)
+
+    def _report(self, readings: np.ndarray) -> "_Report":
+        """What every motor has to say now; a stuck one repeats itself."""
+        error, on = self.faults.error.copy(), self.enabled.copy()
         if np.count_nonzero(self._timed_out):
-            error = np.maximum(error, self._timed_out * np.uint64(self._end.time_out_error))
-        frames = self._end.reply(motor, readings[:, motor], TEMPERATURE_C, error[motor], self.enabled[motor])
-        if np.count_nonzero(self.faults.stuck):
-            stuck = self.faults.stuck[motor]
-            frames.data[stuck] = self._last_reply[motor][stuck]
-        self._last_reply[motor] = frames.data
-        return frames
+            error = np.maximum(error, self._timed_out * np.asarray(self._end.time_out_error, np.uint64))
+        report, stuck = _Report(readings, error, on), self.faults.stuck
+        if np.count_nonzero(stuck):
+            report = _Report(
+                *(np.where(stuck, old, new) for old, new in zip(self._said, report, strict=True))
+            )
+        self._said = report
+        return report
+
+
+class _Report(NamedTuple):
+    """What n motors have to say."""
+
+    values: np.ndarray  # (3, n) position rad, velocity rad/s, torque N m
+    error: np.ndarray  # (n,)
+    on: np.ndarray  # (n,) bool

@@ -13,7 +13,6 @@ import numpy as np
 from footfall.common.errors import UserError
 from footfall.deploy.config import MOTOR_TIMEOUT_S
 from footfall.deploy.drivers import imu
-from footfall.deploy.drivers.choice import open_motor_end
 from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import Wiring
 from footfall.domain_rand.bodies import apply_to_model, body_map
@@ -22,6 +21,7 @@ from footfall.domain_rand.randomisation import QUANTITIES
 from footfall.domain_rand.sample import Sample
 from footfall.plant.energy import EnergyMeter, Power
 from footfall.plant.ground_truth import GroundTruth, Truth
+from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.plant.motors import MotorFaults, SimulatedMotors
 from footfall.plant.sensors import Layout, SimulatedSensors
 from footfall.plant.wires import Side, SimulatedWires
@@ -30,6 +30,7 @@ from footfall.robots.description import Robot
 from footfall.robots.model import Plant, as_slice, joint_addresses, read_plant
 
 IMU_PERIOD_S = 0.002
+TALK_EVERY_US = 1000  # how often motors may send by themselves
 SEARCH_HEIGHT_M = 4.0  # how far from the origin the ground may be
 
 
@@ -148,6 +149,10 @@ class SimulatedRobot:
             replies = motors.answer(self._step, frames, sensors.joints(motors.encoder_bias))
             if replies is not None:
                 self._send(replies, now_us)
+        if motors.talkative and now_us % TALK_EVERY_US == 0:
+            said = motors.broadcast(now_us, sensors.joints(motors.encoder_bias))
+            if said is not None:
+                self._send(said, now_us)
         if self._step % self._imu_every == 0 and not self.faults.imu_silent:
             self._report_imu(now_us)
         self._torque = torque = motors.torque(self._step, position, velocity)
@@ -161,7 +166,7 @@ class SimulatedRobot:
         if not self.faults.imu_stuck:
             self._imu_counter += 1
             data = imu.encode(self._sensors.inertial(), self._imu_counter)
-            channel, identifier, _, length = self._imu_frames
+            channel, identifier, _, length, _ = self._imu_frames
             self._imu_frames = Frames(channel, identifier, data, length)
         self._send(self._imu_frames, now_us)
 

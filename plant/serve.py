@@ -13,9 +13,9 @@ from pathlib import Path
 from footfall.common.errors import UserError
 from footfall.deploy.clock import WallClock
 from footfall.deploy.config import MOTOR_TIMEOUT_S
-from footfall.deploy.drivers.choice import open_motor_end
 from footfall.deploy.python_can_bus import MULTICAST, PythonCanBus
 from footfall.deploy.wiring import wire
+from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.plant.robot import PlantConfig, SimulatedRobot
 from footfall.plant.wires import Side, SimulatedWires
 from footfall.robots.description import Robot, load_robot

@@ -55,7 +55,7 @@ class _Batch:
 
     def take(self, rows: np.ndarray) -> Frames:
         """Remove the frames at some rows (a mask)."""
-        taken = self.frames.take(rows)
+        taken = self.frames.take(rows)._replace(time_us=self.arrival[rows])
         self.frames, self._arrival = self.frames.take(~rows), self.arrival[~rows]
         return taken
 
@@ -119,7 +119,7 @@ class SimulatedWires:
         while queue:
             batch = queue.popleft()
             if batch.last <= now_us:
-                arrived.append(batch.frames)
+                arrived.append(batch.frames._replace(time_us=batch.arrival))
                 continue
             here = batch.arrival <= now_us
             if here.any():

@@ -10,13 +10,15 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from footfall.deploy.drivers import damiao
-from footfall.deploy.drivers.choice import open_driver, open_motor_end
-from footfall.deploy.drivers.damiao import DamiaoDriver, DamiaoMotorEnd
+from footfall.deploy.drivers.choice import open_driver
+from footfall.deploy.drivers.damiao import DamiaoDriver
 from footfall.deploy.drivers.mit import MotorRange
 from footfall.deploy.frames import Frames
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.wiring import Wiring, wire
 from footfall.plant.episode import run_episode
+from footfall.plant.motor_ends.choice import open_motor_end
+from footfall.plant.motor_ends.damiao import DamiaoMotorEnd
 from footfall.plant.robot import SimulatedRobot
 from footfall.robots.description import Robot
 
@@ -26,6 +28,7 @@ TWO = Wiring(
     motor_id=np.array([3, 3]),
     imu_channel=0,
     models=("DM4310", "DM8009"),
+    gear_ratio=np.array([6.0, 9.0]),
     joint_names=("hip", "knee"),
 )
 

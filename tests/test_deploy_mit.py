@@ -11,10 +11,11 @@ from hypothesis.extra import numpy as arrays
 from footfall.common.errors import UserError
 from footfall.deploy.drivers import mit
 from footfall.deploy.drivers.choice import open_driver
-from footfall.deploy.drivers.driver import Request, Requests
-from footfall.deploy.drivers.mit_driver import MitDriver, MitMotorEnd
+from footfall.deploy.drivers.mit_driver import MitDriver
 from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import wire
+from footfall.plant.motor_ends.mit import MitMotorEnd
+from footfall.plant.motor_ends.motor_end import Request, Requests
 from footfall.robots.description import Robot
 
 PROTOCOLS = list(mit.RANGES)

@@ -20,10 +20,9 @@ from footfall.deploy.bus import BusStatistics
 from footfall.deploy.clock import LockstepClock, WallClock, undisturbed
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers import imu
-from footfall.deploy.drivers.choice import open_driver, open_motor_end
-from footfall.deploy.drivers.driver import Request, Requests
-from footfall.deploy.drivers.mit_driver import MitDriver, MitMotorEnd
-from footfall.deploy.frames import EXTENDED, Frames, frame_bits
+from footfall.deploy.drivers.choice import open_driver
+from footfall.deploy.drivers.mit_driver import MitDriver
+from footfall.deploy.frames import EXTENDED, Frames, frame_bits, joined
 from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.python_can_bus import PythonCanBus
@@ -33,6 +32,9 @@ from footfall.deploy.sensor_limits import SensorLimits
 from footfall.deploy.session import Session, run_session
 from footfall.deploy.timing import Durations
 from footfall.deploy.wiring import Wiring, wire
+from footfall.plant.motor_ends.choice import open_motor_end
+from footfall.plant.motor_ends.mit import MitMotorEnd
+from footfall.plant.motor_ends.motor_end import Request, Requests
 from footfall.policies.contract import CommandRange
 from footfall.policies.policy import Observation
 from footfall.robots.actuator import JointCommand, limit_torque
@@ -598,11 +600,8 @@ class TestJointLayer:
         values = np.array([0.1 * ROWS, 0.2 * ROWS, 0.3 * ROWS])
         motors = self.replies(go1, np.array([9, 2, 5]), values[:, [9, 2, 5]])
         turned = imu.Inertial((0.1, 0.2, 0.3), (1.0, 2.0, 3.0), (0.6, 0.8, 0.0, 0.0))
-        mixed = [
-            np.concatenate(parts)[[3, 0, 4, 1, 2, 5]]
-            for parts in zip(motors, imu_frames(wiring, turned, 1), strict=True)
-        ]
-        layer.absorb([Frames(*mixed)], 30)
+        mixed = joined([motors, imu_frames(wiring, turned, 1)]).take(np.array([3, 0, 4, 1, 2, 5]))
+        layer.absorb([mixed], 30)
         sensed = layer.sensed()
         heard = np.isin(ROWS, [9, 2, 5])
         np.testing.assert_allclose(sensed.joint_position[heard], values[0, heard], atol=4e-4)
@@ -658,7 +657,7 @@ class TestJointLayer:
     def both(self, robot: Robot, error: int) -> Frames:
         """A reply with an error and one without, of the same motor in one batch."""
         one = [self.replies(robot, np.array([4]), np.zeros((3, 1)), code) for code in (error, 0)]
-        return Frames(*(np.concatenate(parts) for parts in zip(*one, strict=True)))
+        return joined(one)
 
     def test_damping_starts_targets_where_the_joints_are_and_leaves_nothing_of_a_command(
         self, go1: Robot, layer: JointLayer
@@ -1096,13 +1095,14 @@ class TestSession:
     def test_joints_are_asked_no_faster_than_their_fullest_bus_allows(self, go1: Robot) -> None:
         """Three motors on a bus, 111 bits there and as many back without stuffing: 1501.5 times a second."""
         wiring = wire(go1)
-        session._check_joint_rate(wiring, 1501.0)
+        driver = open_driver(wiring)
+        session._check_joint_rate(wiring, driver, 1501.0)
         crowded = wiring.__class__(
             **{**vars(wiring), "channel": np.array([0, 0, 1, 2, 2, 2, 2, 3, 3, 3, 1, 1])}
         )
-        session._check_joint_rate(crowded, 1126.0)
+        session._check_joint_rate(crowded, driver, 1126.0)
         with pytest.raises(UserError, match=r"is 1127: 4 motors on can2 .* 1126 times"):
-            session._check_joint_rate(crowded, 1127.0)
+            session._check_joint_rate(crowded, driver, 1127.0)
 
     def test_how_a_run_ended_is_told_as_it_was(self, go1: Robot) -> None:
         body = FrameRobot(go1)

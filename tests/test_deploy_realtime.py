@@ -18,13 +18,14 @@ from footfall.common.errors import UserError
 from footfall.deploy.clock import LockstepClock, WallClock, undisturbed
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers import imu
-from footfall.deploy.drivers.mit_driver import MitDriver, MitMotorEnd
+from footfall.deploy.drivers.mit_driver import MitDriver
 from footfall.deploy.frames import Frames
 from footfall.deploy.python_can_bus import MULTICAST_GROUP, MULTICAST_PORT, PythonCanBus
 from footfall.deploy.safety import SafetyConfig
 from footfall.deploy.sensor_limits import SensorLimits
 from footfall.deploy.session import Session, run_on_interface
 from footfall.plant.episode import run_episode
+from footfall.plant.motor_ends.mit import MitMotorEnd
 from footfall.plant.robot import PlantConfig
 from footfall.plant.serve import serving
 from footfall.robots.description import Robot

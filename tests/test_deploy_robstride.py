@@ -10,12 +10,13 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from footfall.deploy.drivers import robstride
-from footfall.deploy.drivers.driver import Request
-from footfall.deploy.drivers.robstride import RobstrideDriver, RobstrideMotorEnd
+from footfall.deploy.drivers.robstride import RobstrideDriver
 from footfall.deploy.frames import EXTENDED, Frames
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.wiring import Wiring, wire
 from footfall.plant.episode import run_episode
+from footfall.plant.motor_ends.motor_end import Request
+from footfall.plant.motor_ends.robstride import RobstrideMotorEnd
 from footfall.plant.robot import SimulatedRobot
 from footfall.robots.description import Robot
 
@@ -25,6 +26,7 @@ TWO = Wiring(
     motor_id=np.array([7, 7]),
     imu_channel=0,
     models=("RS00", "RS03"),
+    gear_ratio=np.array([6.0, 9.0]),
     joint_names=("hip", "knee"),
 )
 TURNS = 12.566370614359172

@@ -7,7 +7,7 @@ import pytest
 
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers import imu, mit, mit_driver
-from footfall.deploy.frames import Frames
+from footfall.deploy.frames import Frames, joined
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.safety import DAMPED, Mode
 from footfall.deploy.wiring import wire
@@ -71,7 +71,7 @@ def on_imu_frame(identifier: int, change: OnFrames) -> Inject:
         row = np.flatnonzero(frames.id == identifier)
         rest = frames.take(frames.id != identifier)
         changed = change(frames.take(row))
-        return Frames(*(np.concatenate(parts) for parts in zip(rest, changed, strict=True)))
+        return joined([rest, changed])
 
     return lambda body, _: setattr(body.faults, "on_wire", spoil)
 

@@ -8,11 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from footfall.deploy.drivers.choice import open_driver, open_motor_end
-from footfall.deploy.drivers.driver import Driver, MotorEnd
+from footfall.deploy.drivers.choice import open_driver
+from footfall.deploy.drivers.driver import Driver
 from footfall.deploy.frames import Frames
 from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.wiring import wire
+from footfall.plant.motor_ends.choice import open_motor_end
+from footfall.plant.motor_ends.motor_end import MotorEnd
 from footfall.robots.actuator import JointCommand, Motor
 from footfall.robots.description import load_robot
 

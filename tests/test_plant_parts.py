@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from footfall.deploy.bus import BusStatistics
 from footfall.deploy.config import DeployConfig
-from footfall.deploy.drivers.driver import Motors, Request, Requests
+from footfall.deploy.drivers.driver import Motors
 from footfall.deploy.frames import Frames, frame_bits
 from footfall.deploy.safety import Mode
 from footfall.deploy.session import Outcome
@@ -29,6 +29,7 @@ from footfall.plant.bus import SimulatedBus
 from footfall.plant.energy import EnergyMeter
 from footfall.plant.episode import Episode, Push, _Trial, run_episode
 from footfall.plant.ground_truth import GroundTruth
+from footfall.plant.motor_ends.motor_end import Request, Requests
 from footfall.plant.motors import SimulatedMotors
 from footfall.plant.progress import Progress
 from footfall.plant.robot import PlantConfig, SimulatedRobot, _as_slice
@@ -329,6 +330,7 @@ class End:
 
     filters = ()
     time_out_error = 13
+    talkative = False
 
     def __init__(self) -> None:
         self.next: Requests | None = None
@@ -339,6 +341,9 @@ class End:
         return self.next
 
     def tell(self, frames: Frames) -> None:
+        return None
+
+    def broadcast(self, *_: Any) -> None:
         return None
 
     def reply(
@@ -352,7 +357,7 @@ class End:
         index = np.arange(3)[motor]
         self.replied.append((index.tolist(), values.copy(), error.tolist()))
         data = np.zeros((len(index), 8), np.uint8)
-        data[:, 0], data[:, 1] = index + 1, len(self.replied)
+        data[:, 0] = index + 1
         return Frames(np.zeros_like(index), index, data, np.full(len(index), 8))
 
 
@@ -363,9 +368,16 @@ class Stand:
         self.end = End()
         self.motors = SimulatedMotors(self.end, MOTOR, 3, Sample(**sample), 0.001, timeout_s=0.02)
 
-    def ask(self, step: int, motor: Motors, kind: list[Request] | None, values: np.ndarray) -> Frames | None:
+    def ask(
+        self,
+        step: int,
+        motor: Motors,
+        kind: list[Request] | None,
+        values: np.ndarray,
+        readings: np.ndarray = READINGS,
+    ) -> Frames | None:
         self.end.next = Requests(motor, values.copy(), None if kind is None else np.array(kind))
-        return self.motors.answer(step, NO_FRAMES, READINGS)
+        return self.motors.answer(step, NO_FRAMES, readings)
 
     def on(self, step: int = 0, *motors: int) -> Frames | None:
         which = np.array(motors or (0, 1, 2))
@@ -494,19 +506,18 @@ class TestMotors:
         assert first is not None
         stand.motors.faults.silent[1] = True
         stand.motors.faults.stuck[2] = True
-        second = stand.ask(1, slice(None), None, VALUES)
-        assert second is not None
-        assert stand.end.replied[-1][0] == [0, 2]
-        assert second.data[:, 1].tolist() == [2, 1]
+        stand.motors.faults.error[:] = 3
+        stand.ask(1, slice(None), None, VALUES, 2.0 * READINGS)
+        motors, values, errors = stand.end.replied[-1]
+        assert (motors, errors) == ([0, 2], [3, 0])
+        np.testing.assert_array_equal(values, READINGS[:, [0, 2]] * [2.0, 1.0])
         np.testing.assert_allclose(stand.torque(1), torque_of(VALUES * [1, 0, 1]))
         stand.motors.faults.silent[1] = False
-        third = stand.ask(2, slice(None), None, VALUES)
-        assert third is not None
-        assert third.data[:, 1].tolist() == [3, 3, 1]
+        stand.ask(2, slice(None), None, VALUES, 3.0 * READINGS)
+        np.testing.assert_array_equal(stand.end.replied[-1][1], READINGS * [3.0, 3.0, 1.0])
         stand.motors.faults.stuck[2] = False
-        fourth = stand.ask(3, slice(None), None, VALUES)
-        assert fourth is not None
-        assert fourth.data[:, 1].tolist() == [4, 4, 4]
+        stand.ask(3, slice(None), None, VALUES, 4.0 * READINGS)
+        np.testing.assert_array_equal(stand.end.replied[-1][1], 4.0 * READINGS)
 
 
 # -- sensors -----------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Damiao motors in MIT mode, both ends.
+"""Damiao motors in MIT mode.
 
 Commands are those of `mit.py`. A reply comes on the motor's host id (MST_ID, to be set to REPLY_ID + the
 motor's id) and differs: byte 0 is `state << 4 | id`, byte 6 the temperature of the MOSFETs, byte 7 the
@@ -16,10 +16,10 @@ from dataclasses import replace
 import numpy as np
 
 from footfall.deploy.drivers import mit
-from footfall.deploy.drivers.driver import CanFilter, Motors, Replies, Request, Requests
+from footfall.deploy.drivers.driver import CanFilter, Motors, Replies
 from footfall.deploy.drivers.mit import MotorRange
 from footfall.deploy.drivers.mit_driver import MOTOR_IDS, motor_lookup, same_layout
-from footfall.deploy.frames import Frames
+from footfall.deploy.frames import Frames, frame_bits
 from footfall.deploy.wiring import Wiring
 
 REPLY_ID = 0x200
@@ -45,7 +45,7 @@ _NAMES = {
     VELOCITY_MAX: "VMAX",
     TORQUE_MAX: "TMAX",
 }
-_WHOLE = (TIME_OUT, MODE)  # registers that are whole numbers; the others are floats
+WHOLE = (TIME_OUT, MODE)  # registers that are whole numbers; the others are floats
 MIT_MODE = 1
 
 OFF, ON = 0, 1  # states that are no faults
@@ -67,9 +67,15 @@ ERRORS = {
 _EVERYONE = slice(None)
 
 
+def identifiers(motor: int) -> tuple[int, ...]:
+    """All that a motor alone sends or hears."""
+    return motor, REPLY_ID + motor
+
+
 class DamiaoDriver:
     """The controller's end."""
 
+    identifiers = staticmethod(identifiers)
     filters: tuple[CanFilter, ...] = ({"can_id": REPLY_ID, "can_mask": 0x780, "extended": False},)
 
     def __init__(self, wiring: Wiring) -> None:
@@ -78,6 +84,8 @@ class DamiaoDriver:
         self._wiring = wiring
         self._lookup = motor_lookup(wiring)
         self._everyone = np.arange(n)
+        self._unknown = np.full(n, np.nan)  # no reply tells the voltage
+        self.exchange_bits = np.full(n, 2 * frame_bits(8, stuffed=False))
         self._ranges = [RANGES[model] for model in wiring.models]
         self._told: list[dict[int, float]] = [{} for _ in range(n)]
         self._asking = True
@@ -85,6 +93,8 @@ class DamiaoDriver:
         self._outgoing = Frames(wiring.channel, wiring.motor_id, np.zeros((n, 8), np.uint8), np.full(n, 8))
         self._enable = self._outgoing._replace(data=mit.special(mit.ENTER, n))
         self._disable = self._outgoing._replace(data=mit.special(mit.EXIT, n))
+        self._clear = self._outgoing._replace(data=mit.special(mit.CLEAR, n))
+        self._zero = self._outgoing._replace(data=mit.special(mit.ZERO, n))
         self._usual = self._outgoing
         self._use(self._ranges)
 
@@ -130,7 +140,7 @@ class DamiaoDriver:
         tells &= np.isin(data[:, 3], REGISTERS)
         for row in np.flatnonzero(tells):
             register = int(data[row, 3])
-            (value,) = struct.unpack("<I" if register in _WHOLE else "<f", data[row, 4:].tobytes())
+            (value,) = struct.unpack("<I" if register in WHOLE else "<f", data[row, 4:].tobytes())
             self._told[motor[row]][register] = value
         return tells
 
@@ -139,15 +149,24 @@ class DamiaoDriver:
     def enable(self) -> Frames:
         return self._enable
 
+    def off(self) -> str:
+        return ""  # an answer is all that counts
+
     def disable(self) -> Frames:
         return self._disable
+
+    def clear(self) -> Frames:
+        return self._clear
+
+    def zero(self) -> Frames:
+        return self._zero
 
     def command(self, values: np.ndarray) -> Frames:
         return self._outgoing._replace(data=self._codec.encode(values))
 
     def replies(self, frames: Frames) -> Replies:
         if same_layout(frames, self._usual) and not self._asking:
-            return self._decoded(frames.data, _EVERYONE)
+            return self._decoded(frames, _EVERYONE)
         sender = frames.id - REPLY_ID
         usable = (sender > 0) & (sender <= MOTOR_IDS[-1]) & (frames.length == 8)
         motor = self._lookup[frames.channel, np.where(usable, sender, 0)]
@@ -158,15 +177,17 @@ class DamiaoDriver:
             usable[usable] = ~told
         elif np.array_equal(motor, self._everyone) and usable.all():
             self._usual = frames
-        return self._decoded(frames.data[usable], motor[usable])
+        return self._decoded(frames.take(usable), motor[usable])
 
-    def _decoded(self, data: np.ndarray, motor: Motors) -> Replies:
+    def _decoded(self, frames: Frames, motor: Motors) -> Replies:
+        data = frames.data
         values = self._codec.decode_replies(data, motor).values
         state = data[:, 0] >> 4
         error = np.where(state > ON, state, 0).astype(np.uint8)
         error[(state == OFF) & self._was_on[motor]] = WENT_OFF
         self._was_on[motor] |= state == ON
-        return Replies(motor, values, np.maximum(data[:, 6], data[:, 7]), error)
+        temperature = np.maximum(data[:, 6], data[:, 7]).astype(float)
+        return Replies(motor, values, error, temperature, self._unknown[motor], frames.time_us)
 
     def error_name(self, code: int, joint: int = 0) -> str:
         return ERRORS.get(code, f"error {code}")
@@ -185,73 +206,3 @@ def _problem(told: dict[int, float]) -> str:
         if not 0.0 < told[register] < 1e4:
             return f"says that its {_NAMES[register]} is {told[register]:g} (register {register})"
     return ""
-
-
-class DamiaoMotorEnd:
-    """The motors' end. `registers` (joint, register) are what each tells of itself."""
-
-    filters: tuple[CanFilter, ...] = (
-        {"can_id": 0, "can_mask": 0x7FF - MOTOR_IDS[-1], "extended": False},
-        {"can_id": REGISTER_ID, "can_mask": 0x7FF, "extended": False},
-    )
-    time_out_error = COMMUNICATION_LOST
-
-    def __init__(self, wiring: Wiring, ranges: list[MotorRange] | None = None) -> None:
-        """`ranges` are the motors' own; those of the maker's table by default."""
-        n = len(wiring.motor_id)
-        self._wiring, self._lookup = wiring, motor_lookup(wiring)
-        ranges = ranges or [RANGES[model] for model in wiring.models]
-        self._codec = mit.Codec.of(ranges)
-        self.registers = [
-            {
-                TIME_OUT: 2000,
-                MODE: MIT_MODE,
-                POSITION_MAX: r.position,
-                VELOCITY_MAX: r.velocity,
-                TORQUE_MAX: r.torque,
-            }
-            for r in ranges
-        ]
-        self._reply_id = REPLY_ID + wiring.motor_id
-        self._length = np.full(n, 8)
-
-    def requests(self, frames: Frames) -> Requests:
-        motor = self._lookup[frames.channel, frames.id & 0xFF]
-        usable = (motor >= 0) & (frames.id <= MOTOR_IDS[-1]) & (frames.length == 8)
-        word = mit.words(frames.data[usable])
-        kind = None
-        if np.maximum.reduce(word, initial=0) >= mit.ENTER:
-            kind = np.array([_KIND.get(w, Request.COMMAND) for w in word.tolist()])
-        return Requests(motor[usable], self._codec.decode(word, motor[usable]), kind)
-
-    def tell(self, frames: Frames) -> Frames | None:
-        asked = (frames.id == REGISTER_ID) & (frames.length == 8) & (frames.data[:, 2] == READ)
-        motor = self._lookup[frames.channel, frames.data[:, 0]]
-        rows = np.flatnonzero(asked & (motor >= 0) & (frames.data[:, 1] == 0))
-        if not len(rows):
-            return None
-        data = frames.data[rows].copy()
-        for row, (joint, register) in enumerate(zip(motor[rows].tolist(), data[:, 3].tolist(), strict=True)):
-            value = self.registers[joint].get(register, 0)
-            packed = struct.pack("<I", int(value)) if register in _WHOLE else struct.pack("<f", value)
-            data[row, 4:] = np.frombuffer(packed, np.uint8)
-        who = motor[rows]
-        return Frames(self._wiring.channel[who], self._reply_id[who], data, self._length[who])
-
-    def reply(
-        self,
-        motor: Motors,
-        values: np.ndarray,
-        temperature_c: int,
-        error: np.ndarray,
-        on: np.ndarray | None = None,
-    ) -> Frames:
-        state = np.ones(len(error), np.uint64) if on is None else on.astype(np.uint64)
-        state = np.where(error != 0, error, state)
-        first = (state << np.uint64(4)) | (self._wiring.motor_id[motor] & 0xF).astype(np.uint64)
-        tail = np.full(len(error), temperature_c << 8 | temperature_c, np.uint64)
-        data = self._codec.encode_replies(motor, first << np.uint64(56), values, tail)
-        return Frames(self._wiring.channel[motor], self._reply_id[motor], data, self._length[motor])
-
-
-_KIND = {mit.ENTER: Request.ENABLE, mit.EXIT: Request.DISABLE, mit.ZERO: Request.ZERO}

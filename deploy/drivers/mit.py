@@ -54,8 +54,8 @@ ERRORS = {
 }
 
 _SPECIAL = 0xFFFF_FFFF_FFFF_FFFC
-ENTER, EXIT, ZERO = _SPECIAL, _SPECIAL + 1, _SPECIAL + 2  # as 64-bit words
-_HIGHEST_COMMAND = np.uint64(_SPECIAL - 1)
+CLEAR, ENTER, EXIT, ZERO = _SPECIAL - 1, _SPECIAL, _SPECIAL + 1, _SPECIAL + 2  # as 64-bit words
+_HIGHEST_COMMAND = np.uint64(CLEAR - 1)
 
 _WIRE = np.dtype(">u8")  # a word as it stands in a frame
 
@@ -69,7 +69,7 @@ class Reply(NamedTuple):
     """Decoded replies of k motors."""
 
     values: np.ndarray  # (3, k): position rad, velocity rad/s, torque N m
-    temperature_c: np.ndarray  # (k,) degrees Celsius, 0 where a short reply left it out
+    temperature_c: np.ndarray  # (k,) degrees Celsius; 0 where a short reply left it out
     error: np.ndarray  # (k,) error code, 0 where a short reply left it out
 
 
@@ -86,7 +86,7 @@ def bytes_of(word: np.ndarray) -> np.ndarray:
 
 
 def special(word: int, count: int) -> np.ndarray:
-    """`count` frames of one of ENTER, EXIT and ZERO, (count, 8) uint8."""
+    """`count` frames of one of CLEAR (which Damiao alone knows), ENTER, EXIT and ZERO, (count, 8) uint8."""
     return bytes_of(np.full(count, word, dtype=np.uint64))
 
 

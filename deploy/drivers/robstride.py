@@ -1,4 +1,4 @@
-"""RobStride motors in operation (MIT) mode, both ends.
+"""RobStride motors in operation (MIT) mode.
 
 Identifiers have 29 bits: `type << 24 | data << 8 | addressee`. A command (type 1) carries its torque in the
 identifier's 16 data bits, and position, velocity, stiffness and damping as four big-endian words. A reply
@@ -14,10 +14,10 @@ import math
 
 import numpy as np
 
-from footfall.deploy.drivers.driver import CanFilter, Motors, Replies, Request, Requests
+from footfall.deploy.drivers.driver import CanFilter, Motors, Replies
 from footfall.deploy.drivers.mit import MotorRange
 from footfall.deploy.drivers.mit_driver import motor_lookup
-from footfall.deploy.frames import EXTENDED, Frames
+from footfall.deploy.frames import EXTENDED, Frames, frame_bits
 from footfall.deploy.wiring import Wiring
 
 HOST = 0xFD
@@ -52,12 +52,12 @@ FAULTS = {
 }
 
 _WORDS = np.dtype(">u2")
-_REPLIED = [0, 1, 4]
+REPLIED = [0, 1, 4]
 _EVERYONE = slice(None)
-_KIND = {CONTROL: Request.COMMAND, ENABLE: Request.ENABLE, STOP: Request.DISABLE, ZERO: Request.ZERO}
 
 
-def _identifier(kind: int, data: np.ndarray | int, addressee: np.ndarray | int) -> np.ndarray:
+def identifier_of(kind: int, data: np.ndarray | int, addressee: np.ndarray | int) -> np.ndarray:
+    """Identifiers of frames of a kind, with 16 bits of data, for one or more addressees."""
     return np.asarray(EXTENDED | kind << 24 | np.asarray(data) << 8 | addressee)
 
 
@@ -86,19 +86,25 @@ class Codec:
         return self.lowest, self.highest, self.quantum
 
 
-def _payload(words: np.ndarray) -> np.ndarray:
+def payload(words: np.ndarray) -> np.ndarray:
     """Four words for each of k frames, (4, k), as bytes (k, 8)."""
     return np.ascontiguousarray(words.T.astype(_WORDS)).view(np.uint8)
 
 
-def _words(data: np.ndarray) -> np.ndarray:
+def words_of(data: np.ndarray) -> np.ndarray:
     """Bytes (k, 8) as four words for each frame, (4, k)."""
     return np.ascontiguousarray(data).view(_WORDS).astype(np.intp).T
+
+
+def identifiers(motor: int) -> tuple[int, ...]:
+    """No motor sends or hears an identifier of 11 bits."""
+    return ()
 
 
 class RobstrideDriver:
     """The controller's end."""
 
+    identifiers = staticmethod(identifiers)
     filters: tuple[CanFilter, ...] = tuple(
         {"can_id": kind << 24 | HOST, "can_mask": 0x1F00_00FF, "extended": True} for kind in (FEEDBACK, READ)
     )
@@ -109,15 +115,19 @@ class RobstrideDriver:
         self._wiring, self._lookup = wiring, motor_lookup(wiring)
         self._codec = Codec(wiring.models)
         self.lowest, self.highest = self._codec.lowest, self._codec.highest
-        self._everyone = np.arange(n)
+        self._unknown = np.full(n, np.nan)  # no reply tells the voltage
+        self.exchange_bits = np.full(n, 2 * frame_bits(8, extended=True, stuffed=False))
         self._told: list[dict[int, int]] = [{} for _ in range(n)]
         self._asking = True
         self._was_on = np.zeros(n, dtype=bool)
-        self._control = _identifier(CONTROL, 0, wiring.motor_id)
+        self._control = identifier_of(CONTROL, 0, wiring.motor_id)
         nothing = Frames(wiring.channel, wiring.motor_id, np.zeros((n, 8), np.uint8), np.full(n, 8))
         self._outgoing = nothing
-        self._enable = nothing._replace(id=_identifier(ENABLE, HOST, wiring.motor_id))
-        self._disable = nothing._replace(id=_identifier(STOP, HOST, wiring.motor_id))
+        self._enable = nothing._replace(id=identifier_of(ENABLE, HOST, wiring.motor_id))
+        self._disable = nothing._replace(id=identifier_of(STOP, HOST, wiring.motor_id))
+        one = np.tile(np.array([1, 0, 0, 0, 0, 0, 0, 0], np.uint8), (n, 1))
+        self._clear = self._disable._replace(data=one)
+        self._zero = Frames(wiring.channel, identifier_of(ZERO, HOST, wiring.motor_id), one, nothing.length)
 
     def ask(self) -> Frames:
         """One question to each motor that has not told all."""
@@ -130,7 +140,7 @@ class RobstrideDriver:
         data = np.zeros((len(rows), 8), np.uint8)
         for row, (_, parameter) in enumerate(asked):
             data[row, 0], data[row, 1] = parameter & 0xFF, parameter >> 8
-        identifier = _identifier(READ, HOST, self._wiring.motor_id[rows])
+        identifier = identifier_of(READ, HOST, self._wiring.motor_id[rows])
         return Frames(self._wiring.channel[rows], identifier, data, np.full(len(rows), 8))
 
     def unready(self) -> str:
@@ -146,14 +156,23 @@ class RobstrideDriver:
     def enable(self) -> Frames:
         return self._enable
 
+    def off(self) -> str:
+        return ""  # an answer is all that counts
+
     def disable(self) -> Frames:
         return self._disable
+
+    def clear(self) -> Frames:
+        return self._clear
+
+    def zero(self) -> Frames:
+        return self._zero
 
     def command(self, values: np.ndarray) -> Frames:
         if not math.isfinite(np.add.reduce(values, axis=None)):
             raise ValueError("a command that is not finite cannot be sent")
         codes = self._codec.codes(values, [0, 1, 2, 3, 4])
-        return self._outgoing._replace(id=self._control | codes[4] << 8, data=_payload(codes[:4]))
+        return self._outgoing._replace(id=self._control | codes[4] << 8, data=payload(codes[:4]))
 
     def replies(self, frames: Frames) -> Replies:
         kind, sender = frames.id >> 24 & 0x1F, frames.id >> 8 & 0xFF
@@ -165,13 +184,13 @@ class RobstrideDriver:
         usable = ours & (kind == FEEDBACK)
         if not usable.all():
             motor, frames = motor[usable], frames.take(usable)
-        words = _words(frames.data)
-        values = self._codec.values(words[:3], _REPLIED, motor)
+        words = words_of(frames.data)
+        values = self._codec.values(words[:3], REPLIED, motor)
         running = frames.id >> 22 & 3 == RUNNING
         error = (frames.id >> 16 & 0x3F).astype(np.uint8)
         error[~running & self._was_on[motor]] |= WENT_OFF
         self._was_on[motor] |= running
-        return Replies(motor, values, words[3] // 10, error)
+        return Replies(motor, values, error, words[3] * 0.1, self._unknown[motor], frames.time_us)
 
     def _listen(self, frames: Frames, motor: np.ndarray) -> None:
         """Take in what motors tell."""
@@ -196,55 +215,3 @@ def _problem(told: dict[int, int]) -> str:
     if told[TIME_OUT] == 0:
         return f"has no communication time-out: parameter {TIME_OUT:#06x} must be above 0"
     return ""
-
-
-class RobstrideMotorEnd:
-    """The motors' end. `parameters` are what each tells of itself."""
-
-    filters: tuple[CanFilter, ...] = ({"can_id": 0, "can_mask": 0, "extended": True},)
-    time_out_error = 0  # it switches itself off, and says no more than that
-
-    def __init__(self, wiring: Wiring) -> None:
-        self._wiring, self._lookup = wiring, motor_lookup(wiring)
-        self._codec = Codec(wiring.models)
-        self.parameters = [{RUN_MODE: 0, TIME_OUT: 2000} for _ in wiring.models]
-        self._length = np.full(len(wiring.models), 8)
-
-    def requests(self, frames: Frames) -> Requests:
-        kind, addressee = frames.id >> 24 & 0x1F, frames.id & 0xFF
-        motor = self._lookup[frames.channel, addressee]
-        usable = (frames.id >= EXTENDED) & (motor >= 0) & (frames.length == 8) & np.isin(kind, [*_KIND])
-        motor, kind, frames = motor[usable], kind[usable], frames.take(usable)
-        codes = np.vstack([_words(frames.data), frames.id >> 8 & 0xFFFF])
-        values = self._codec.values(codes, [0, 1, 2, 3, 4], motor)
-        if (kind == CONTROL).all():
-            return Requests(motor, values, None)
-        return Requests(motor, values, np.array([_KIND[each] for each in kind.tolist()]))
-
-    def tell(self, frames: Frames) -> Frames | None:
-        motor = self._lookup[frames.channel, frames.id & 0xFF]
-        asked = (frames.id >= EXTENDED) & (frames.id >> 24 & 0x1F == READ) & (motor >= 0)
-        rows = np.flatnonzero(asked & (frames.length == 8))
-        if not len(rows):
-            return None
-        data, who = frames.data[rows].copy(), motor[rows]
-        for row, joint in enumerate(who.tolist()):
-            value = self.parameters[joint].get(int(data[row, 0]) | int(data[row, 1]) << 8, 0)
-            data[row, 4:] = list(value.to_bytes(4, "little"))
-        identifier = _identifier(READ, self._wiring.motor_id[who], HOST)
-        return Frames(self._wiring.channel[who], identifier, data, self._length[who])
-
-    def reply(
-        self,
-        motor: Motors,
-        values: np.ndarray,
-        temperature_c: int,
-        error: np.ndarray,
-        on: np.ndarray | None = None,
-    ) -> Frames:
-        running = np.ones(len(error), bool) if on is None else on
-        codes = self._codec.codes(values, _REPLIED, motor)
-        words = np.vstack([codes, np.full(len(error), 10 * temperature_c)])
-        about = self._wiring.motor_id[motor] | error.astype(np.intp) << 8 | running * RUNNING << 14
-        identifier = _identifier(FEEDBACK, about, HOST)
-        return Frames(self._wiring.channel[motor], identifier, _payload(words), self._length[motor])

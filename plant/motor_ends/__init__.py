@@ -1,0 +1,1 @@
+"""The motors' ends of the actuator protocols, one file for each maker."""

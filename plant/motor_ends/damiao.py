@@ -1,0 +1,109 @@
+"""Damiao motors in MIT mode."""
+
+import struct
+
+import numpy as np
+
+from footfall.deploy.drivers import mit
+from footfall.deploy.drivers.damiao import (
+    COMMUNICATION_LOST,
+    MIT_MODE,
+    MODE,
+    POSITION_MAX,
+    RANGES,
+    READ,
+    REGISTER_ID,
+    REPLY_ID,
+    TIME_OUT,
+    TORQUE_MAX,
+    VELOCITY_MAX,
+    WHOLE,
+)
+from footfall.deploy.drivers.driver import CanFilter, Motors
+from footfall.deploy.drivers.mit import MotorRange
+from footfall.deploy.drivers.mit_driver import MOTOR_IDS, motor_lookup
+from footfall.deploy.frames import Frames
+from footfall.deploy.wiring import Wiring
+from footfall.plant.motor_ends import mit as mit_end
+from footfall.plant.motor_ends.motor_end import Request, Requests
+
+KIND = {**mit_end.KIND, mit.CLEAR: Request.CLEAR}
+
+
+class DamiaoMotorEnd:
+    """The motors' end. `registers` (joint, register) are what each tells of itself."""
+
+    filters: tuple[CanFilter, ...] = (
+        {"can_id": 0, "can_mask": 0x7FF - MOTOR_IDS[-1], "extended": False},
+        {"can_id": REGISTER_ID, "can_mask": 0x7FF, "extended": False},
+    )
+    time_out_error = COMMUNICATION_LOST
+    talkative = False
+
+    def __init__(self, wiring: Wiring, ranges: list[MotorRange] | None = None) -> None:
+        """`ranges` are the motors' own; those of the maker's table by default."""
+        n = len(wiring.motor_id)
+        self._wiring, self._lookup = wiring, motor_lookup(wiring)
+        ranges = ranges or [RANGES[model] for model in wiring.models]
+        self._codec = mit.Codec.of(ranges)
+        self.registers = [
+            {
+                TIME_OUT: 2000,
+                MODE: MIT_MODE,
+                POSITION_MAX: r.position,
+                VELOCITY_MAX: r.velocity,
+                TORQUE_MAX: r.torque,
+            }
+            for r in ranges
+        ]
+        self._reply_id = REPLY_ID + wiring.motor_id
+        self._length = np.full(n, 8)
+
+    def requests(self, frames: Frames) -> Requests:
+        motor = self._lookup[frames.channel, frames.id & 0xFF]
+        usable = (motor >= 0) & (frames.id <= MOTOR_IDS[-1]) & (frames.length == 8)
+        word = mit.words(frames.data[usable])
+        kind = None
+        if np.maximum.reduce(word, initial=0) >= mit.CLEAR:
+            kind = np.array([KIND.get(w, Request.COMMAND) for w in word.tolist()])
+        return Requests(motor[usable], self._codec.decode(word, motor[usable]), kind)
+
+    def tell(self, frames: Frames) -> Frames | None:
+        asked = (frames.id == REGISTER_ID) & (frames.length == 8) & (frames.data[:, 2] == READ)
+        motor = self._lookup[frames.channel, frames.data[:, 0]]
+        rows = np.flatnonzero(asked & (motor >= 0) & (frames.data[:, 1] == 0))
+        if not len(rows):
+            return None
+        data = frames.data[rows].copy()
+        for row, (joint, register) in enumerate(zip(motor[rows].tolist(), data[:, 3].tolist(), strict=True)):
+            value = self.registers[joint].get(register, 0)
+            packed = struct.pack("<I", int(value)) if register in WHOLE else struct.pack("<f", value)
+            data[row, 4:] = np.frombuffer(packed, np.uint8)
+        who = motor[rows]
+        return Frames(self._wiring.channel[who], self._reply_id[who], data, self._length[who])
+
+    def reply(
+        self,
+        motor: Motors,
+        values: np.ndarray,
+        temperature_c: int,
+        error: np.ndarray,
+        on: np.ndarray | None = None,
+    ) -> Frames:
+        state = np.ones(len(error), np.uint64) if on is None else on.astype(np.uint64)
+        state = np.where(error != 0, error, state)
+        first = (state << np.uint64(4)) | (self._wiring.motor_id[motor] & 0xF).astype(np.uint64)
+        tail = np.full(len(error), temperature_c << 8 | temperature_c, np.uint64)
+        data = self._codec.encode_replies(motor, first << np.uint64(56), values, tail)
+        return Frames(self._wiring.channel[motor], self._reply_id[motor], data, self._length[motor])
+
+    def broadcast(
+        self,
+        now_us: int,
+        speaking: np.ndarray,
+        values: np.ndarray,
+        temperature_c: int,
+        error: np.ndarray,
+        on: np.ndarray,
+    ) -> Frames | None:
+        return None

@@ -1,0 +1,81 @@
+"""Motors of several protocols on one robot."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from footfall.deploy.drivers.driver import CanFilter, Motors
+from footfall.deploy.frames import Frames, joined
+from footfall.plant.motor_ends.motor_end import MotorEnd, Request, Requests
+
+Joints = np.ndarray  # indices
+
+
+class MixedMotorEnd:
+    """The motors' end."""
+
+    def __init__(self, parts: Sequence[tuple[MotorEnd, Joints]]) -> None:
+        """`parts` are motors' ends, each with its joints: every joint once."""
+        self._parts = parts
+        self.filters: tuple[CanFilter, ...] = tuple(each for end, _ in parts for each in end.filters)
+        n = sum(len(joints) for _, joints in parts)
+        self.talkative = any(end.talkative for end, _ in parts)
+        self.time_out_error: np.ndarray = np.zeros(n, np.uint64)
+        for end, joints in parts:
+            self.time_out_error[joints] = end.time_out_error
+        self._everyone = np.arange(n)
+        self._part_of, self._own = np.zeros(n, np.intp), np.zeros(n, np.intp)
+        for part, (_, joints) in enumerate(parts):
+            self._part_of[joints], self._own[joints] = part, np.arange(len(joints))
+
+    def requests(self, frames: Frames) -> Requests:
+        parts = [(end.requests(frames), joints) for end, joints in self._parts]
+        kinds = [
+            np.full(requests.values.shape[1], Request.COMMAND) if requests.kind is None else requests.kind
+            for requests, _ in parts
+        ]
+        return Requests(
+            np.concatenate([joints[requests.motor] for requests, joints in parts]),
+            np.concatenate([requests.values for requests, _ in parts], axis=1),
+            None if all(requests.kind is None for requests, _ in parts) else np.concatenate(kinds),
+        )
+
+    def tell(self, frames: Frames) -> Frames | None:
+        told = [answer for end, _ in self._parts if (answer := end.tell(frames)) is not None]
+        return joined(told) if told else None
+
+    def reply(
+        self,
+        motor: Motors,
+        values: np.ndarray,
+        temperature_c: int,
+        error: np.ndarray,
+        on: np.ndarray | None = None,
+    ) -> Frames:
+        """As `MotorEnd.reply`; frames come in the order of the motors if these are grouped by protocol."""
+        motor = self._everyone[motor]
+        batches = []
+        for part, (end, _) in enumerate(self._parts):
+            rows = np.flatnonzero(self._part_of[motor] == part)
+            those = None if on is None else on[rows]
+            batches.append(
+                end.reply(self._own[motor[rows]], values[:, rows], temperature_c, error[rows], those)
+            )
+        return joined(batches)
+
+    def broadcast(
+        self,
+        now_us: int,
+        speaking: np.ndarray,
+        values: np.ndarray,
+        temperature_c: int,
+        error: np.ndarray,
+        on: np.ndarray,
+    ) -> Frames | None:
+        said = []
+        for end, joints in self._parts:
+            if end.talkative:
+                theirs = values[:, joints], temperature_c, error[joints], on[joints]
+                said.append(end.broadcast(now_us, speaking[joints], *theirs))
+        heard = [frames for frames in said if frames is not None]
+        return joined(heard) if heard else None

@@ -1,0 +1,133 @@
+"""ODrive axes: they take torques, and send what they measure by themselves."""
+
+import numpy as np
+
+from footfall.deploy.drivers import odrive
+from footfall.deploy.drivers.driver import CanFilter, Motors
+from footfall.deploy.frames import Frames, joined
+from footfall.deploy.wiring import Wiring
+from footfall.plant.motor_ends.motor_end import Request, Requests
+
+READING_US = 2000  # encoder_msg_rate_ms and torques_msg_rate_ms
+SLOW_US = 100_000  # heartbeat, temperature and supply
+SUPPLY_V, SUPPLY_A = 24.0, 1.0
+STAGGER_US = 7000  # axes begin at different times, so that their slow messages do not meet
+
+_SLOW = (odrive.HEARTBEAT, odrive.TEMPERATURE, odrive.SUPPLY)  # each a third of the time after the one before
+_KIND = {
+    odrive.TORQUE: Request.COMMAND,
+    odrive.CLEAR: Request.CLEAR,
+    odrive.POSITION: Request.ZERO,
+    odrive.MODE: None,  # taken in at once
+    odrive.STATE: None,  # tells on or off
+}
+
+
+class OdriveMotorEnd:
+    """The axes' end. `mode` (n, 2) are the control and input modes that each was told."""
+
+    filters: tuple[CanFilter, ...] = tuple(
+        {"can_id": message, "can_mask": 0x1F, "extended": False} for message in _KIND
+    )
+    time_out_error = odrive.WATCHDOG
+    talkative = True
+
+    def __init__(self, wiring: Wiring) -> None:
+        """Raises UserError for a node id that is none."""
+        n = len(wiring.motor_id)
+        self._wiring, self._lookup = wiring, odrive.node_lookup(wiring)
+        self._gear = wiring.gear_ratio
+        self._per_turn = odrive.TURN / wiring.gear_ratio
+        self.mode = np.zeros((n, 2), np.intp)
+        self._stagger_us = STAGGER_US * np.arange(n)
+        self._eights = np.full(n, 8)
+        self._ids = {
+            message: wiring.motor_id << 5 | message for message in (odrive.ENCODER, odrive.TORQUES, *_SLOW)
+        }
+
+    def requests(self, frames: Frames) -> Requests:
+        message = frames.id & 0x1F
+        motor = self._lookup[frames.channel, np.where(frames.id < 0x800, frames.id >> 5, 0)]
+        usable = (motor >= 0) & np.isin(message, list(_KIND))
+        message, motor, frames = message[usable], motor[usable], frames.take(usable)
+        words = np.ascontiguousarray(frames.data).view(np.dtype("<u4")).astype(np.intp)
+        tells_mode = message == odrive.MODE
+        self.mode[motor[tells_mode]] = words[tells_mode]
+        torque = odrive.floats(frames.data)[0] * self._gear[motor]
+        obeyed = ~tells_mode & np.isfinite(torque)
+        obeyed &= (message != odrive.TORQUE) | (self.mode[motor] == odrive.TORQUE_CONTROL).all(axis=1)
+        motor, message = motor[obeyed], message[obeyed]
+        values = np.zeros((5, len(motor)))
+        values[4] = torque[obeyed]
+        if (message == odrive.TORQUE).all():
+            return Requests(motor, values, None)
+        values[4, message != odrive.TORQUE] = 0.0
+        state = np.where(words[obeyed, 0] == odrive.CLOSED_LOOP, Request.ENABLE, Request.DISABLE)
+        kinds = [
+            int(switched) if (kind := _KIND[each]) is None else int(kind)
+            for each, switched in zip(message.tolist(), state.tolist(), strict=True)
+        ]
+        return Requests(motor, values, np.array(kinds))
+
+    def tell(self, frames: Frames) -> Frames | None:
+        return None
+
+    def reply(
+        self,
+        motor: Motors,
+        values: np.ndarray,
+        temperature_c: int,
+        error: np.ndarray,
+        on: np.ndarray | None = None,
+    ) -> Frames:
+        """Nothing: no message is answered."""
+        nobody = np.zeros(0, np.intp)
+        return Frames(nobody, nobody, np.zeros((0, 8), np.uint8), nobody)
+
+    def broadcast(
+        self,
+        now_us: int,
+        speaking: np.ndarray,
+        values: np.ndarray,
+        temperature_c: int,
+        error: np.ndarray,
+        on: np.ndarray,
+    ) -> Frames | None:
+        """Readings of one half of the axes in each millisecond, of the other half in the next."""
+        n = values.shape[1]
+        position, velocity, torque = values
+        estimates = position / self._per_turn, velocity / self._per_turn
+        at_rotor = torque / self._gear
+        half = np.flatnonzero(speaking & ((now_us + 1000 * np.arange(n)) % READING_US == 0))
+        said = [
+            self._frames(odrive.ENCODER, half, _floats(*estimates)),
+            self._frames(odrive.TORQUES, half, _floats(at_rotor, at_rotor)),
+        ]
+        for place, message in enumerate(_SLOW):
+            phase_us = (now_us - self._stagger_us - place * 33_000) % SLOW_US
+            if (due := np.flatnonzero(speaking & (phase_us < 1000))).size:
+                said.append(self._frames(message, due, self._slow(message, temperature_c, error, on)))
+        return joined(said)
+
+    def _frames(self, message: int, motor: np.ndarray, data: np.ndarray) -> Frames:
+        return Frames(
+            self._wiring.channel[motor], self._ids[message][motor], data[motor], self._eights[motor]
+        )
+
+    def _slow(self, message: int, temperature_c: int, error: np.ndarray, on: np.ndarray) -> np.ndarray:
+        n = len(error)
+        if message == odrive.TEMPERATURE:
+            return _floats(np.full(n, temperature_c), np.full(n, temperature_c))
+        if message == odrive.SUPPLY:
+            return _floats(np.full(n, SUPPLY_V), np.full(n, SUPPLY_A))
+        bits = np.where(error > 0, 1 << (np.maximum(error, 1).astype(np.int64) - 1), 0)
+        data = np.zeros((n, 8), np.uint8)
+        data[:, :4] = bits.astype("<u4").view(np.uint8).reshape(n, 4)
+        data[:, 4] = np.where(on, odrive.CLOSED_LOOP, odrive.IDLE)
+        data[:, 6] = 1
+        return data
+
+
+def _floats(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Two numbers for each of n frames as bytes, (n, 8)."""
+    return np.ascontiguousarray(np.stack([first, second], axis=1).astype("<f4")).view(np.uint8)

@@ -1,0 +1,94 @@
+"""RobStride motors in operation (MIT) mode."""
+
+import numpy as np
+
+from footfall.deploy.drivers.driver import CanFilter, Motors
+from footfall.deploy.drivers.mit_driver import motor_lookup
+from footfall.deploy.drivers.robstride import (
+    CONTROL,
+    ENABLE,
+    FEEDBACK,
+    HOST,
+    READ,
+    REPLIED,
+    RUN_MODE,
+    RUNNING,
+    STOP,
+    TIME_OUT,
+    ZERO,
+    Codec,
+    identifier_of,
+    payload,
+    words_of,
+)
+from footfall.deploy.frames import EXTENDED, Frames
+from footfall.deploy.wiring import Wiring
+from footfall.plant.motor_ends.motor_end import Request, Requests
+
+_KIND = {CONTROL: Request.COMMAND, ENABLE: Request.ENABLE, STOP: Request.DISABLE, ZERO: Request.ZERO}
+
+
+class RobstrideMotorEnd:
+    """The motors' end. `parameters` are what each tells of itself."""
+
+    filters: tuple[CanFilter, ...] = ({"can_id": 0, "can_mask": 0, "extended": True},)
+    time_out_error = 0  # it switches itself off, and says no more than that
+    talkative = False
+
+    def __init__(self, wiring: Wiring) -> None:
+        self._wiring, self._lookup = wiring, motor_lookup(wiring)
+        self._codec = Codec(wiring.models)
+        self.parameters = [{RUN_MODE: 0, TIME_OUT: 2000} for _ in wiring.models]
+        self._length = np.full(len(wiring.models), 8)
+
+    def requests(self, frames: Frames) -> Requests:
+        kind, addressee = frames.id >> 24 & 0x1F, frames.id & 0xFF
+        motor = self._lookup[frames.channel, addressee]
+        usable = (frames.id >= EXTENDED) & (motor >= 0) & (frames.length == 8) & np.isin(kind, [*_KIND])
+        motor, kind, frames = motor[usable], kind[usable], frames.take(usable)
+        codes = np.vstack([words_of(frames.data), frames.id >> 8 & 0xFFFF])
+        values = self._codec.values(codes, [0, 1, 2, 3, 4], motor)
+        if (kind == CONTROL).all():
+            return Requests(motor, values, None)
+        kinds = np.array([_KIND[each] for each in kind.tolist()])
+        kinds[(kind == STOP) & (frames.data[:, 0] == 1)] = Request.CLEAR
+        return Requests(motor, values, kinds)
+
+    def tell(self, frames: Frames) -> Frames | None:
+        motor = self._lookup[frames.channel, frames.id & 0xFF]
+        asked = (frames.id >= EXTENDED) & (frames.id >> 24 & 0x1F == READ) & (motor >= 0)
+        rows = np.flatnonzero(asked & (frames.length == 8))
+        if not len(rows):
+            return None
+        data, who = frames.data[rows].copy(), motor[rows]
+        for row, joint in enumerate(who.tolist()):
+            value = self.parameters[joint].get(int(data[row, 0]) | int(data[row, 1]) << 8, 0)
+            data[row, 4:] = list(value.to_bytes(4, "little"))
+        identifier = identifier_of(READ, self._wiring.motor_id[who], HOST)
+        return Frames(self._wiring.channel[who], identifier, data, self._length[who])
+
+    def reply(
+        self,
+        motor: Motors,
+        values: np.ndarray,
+        temperature_c: int,
+        error: np.ndarray,
+        on: np.ndarray | None = None,
+    ) -> Frames:
+        running = np.ones(len(error), bool) if on is None else on
+        codes = self._codec.codes(values, REPLIED, motor)
+        words = np.vstack([codes, np.full(len(error), 10 * temperature_c)])
+        about = self._wiring.motor_id[motor] | error.astype(np.intp) << 8 | running * RUNNING << 14
+        identifier = identifier_of(FEEDBACK, about, HOST)
+        return Frames(self._wiring.channel[motor], identifier, payload(words), self._length[motor])
+
+    def broadcast(
+        self,
+        now_us: int,
+        speaking: np.ndarray,
+        values: np.ndarray,
+        temperature_c: int,
+        error: np.ndarray,
+        on: np.ndarray,
+    ) -> Frames | None:
+        return None

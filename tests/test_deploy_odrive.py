@@ -1,0 +1,343 @@
+"""ODrive axes: their frames by the maker's manual, the joint law on the host, what is asked at the start."""
+
+import struct
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from deploy_policies import Hold, Spoilt, short_episode
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from footfall.common.errors import UserError
+from footfall.deploy.drivers import odrive
+from footfall.deploy.drivers.choice import open_driver
+from footfall.deploy.drivers.odrive import OdriveDriver
+from footfall.deploy.frames import Frames, joined
+from footfall.deploy.loop import ControlLoop
+from footfall.deploy.wiring import Wiring, wire
+from footfall.plant.episode import run_episode
+from footfall.plant.motor_ends.motor_end import Request
+from footfall.plant.motor_ends.odrive import OdriveMotorEnd
+from footfall.plant.robot import SimulatedRobot
+from footfall.policies.policy import Policy
+from footfall.robots.actuator import JointCommand
+from footfall.robots.description import Robot
+
+TURN = 6.283185307179586
+TWO = Wiring(
+    buses=("can0", "can1"),
+    channel=np.array([0, 1]),
+    motor_id=np.array([3, 3]),
+    imu_channel=0,
+    models=("ODrive", "ODrive"),
+    gear_ratio=np.array([1.0, 8.0]),
+    joint_names=("hip", "knee"),
+)
+BOTH = np.ones(2, bool)
+
+
+def frame(identifier: int, content: bytes, channel: int = 0) -> Frames:
+    data = np.frombuffer(content.ljust(8, b"\0"), np.uint8).reshape(1, 8)
+    return Frames(np.array([channel]), np.array([identifier]), data, np.array([len(content)]))
+
+
+def pair(identifier: int, first: float, second: float, channel: int = 0) -> Frames:
+    return frame(identifier, struct.pack("<ff", first, second), channel)
+
+
+def heartbeat(state: int, error: int = 0, channel: int = 0) -> Frames:
+    return frame(0x061, struct.pack("<IBBBB", error, state, 0, 1, 0), channel)
+
+
+def hexed(frames: Frames) -> list[tuple[int, str]]:
+    return [
+        (identifier, row[:length].tobytes().hex(" "))
+        for identifier, row, length in zip(
+            frames.id.tolist(), frames.data, frames.length.tolist(), strict=True
+        )
+    ]
+
+
+@pytest.fixture
+def driver() -> OdriveDriver:
+    """Both axes have told all, are on, and stand at zero."""
+    driver = OdriveDriver(TWO)
+    driver.enable()
+    for channel in (0, 1):
+        for said in (
+            pair(0x069, 0, 0, channel),
+            pair(0x07C, 0, 0, channel),
+            heartbeat(8, channel=channel),
+        ):
+            driver.replies(said)
+    assert (driver.unready(), driver.off()) == ("", "")
+    return driver
+
+
+def command(driver: OdriveDriver, **rows: float) -> list[float]:
+    """Torques that go out for one command to both axes, N m at the rotor."""
+    values = np.zeros((5, 2))
+    for name, value in rows.items():
+        values[JointCommand._fields.index(name)] = value
+    return [struct.unpack("<f", row[:4].tobytes())[0] for row in driver.command(values).data]
+
+
+class TestFrames:
+    def test_switching_and_the_mode_lie_where_the_manual_puts_them(self) -> None:
+        """Node 3 is 0x060; state 8 is the closed loop, 1 off; mode 1 is torque, 1 passes it through."""
+        driver = OdriveDriver(TWO)
+        assert hexed(driver.ask())[0] == (0x06B, "01 00 00 00 01 00 00 00")
+        assert hexed(driver.enable())[0] == (0x067, "08 00 00 00")
+        assert hexed(driver.disable())[0] == (0x067, "01 00 00 00")
+        assert hexed(driver.clear())[0] == (0x078, "")
+        assert hexed(driver.zero())[0] == (0x079, "00 00 00 00")
+
+    def test_a_torque_is_a_float_at_the_rotor(self, driver: OdriveDriver) -> None:
+        """2.5 N m is 0x40200000; behind a gear of 8 it takes 0.3125, 0x3ea00000."""
+        values = np.zeros((5, 2))
+        values[4] = 2.5
+        assert hexed(driver.command(values)) == [(0x06E, "00 00 20 40"), (0x06E, "00 00 a0 3e")]
+
+    def test_a_position_is_in_turns_of_the_rotor(self, driver: OdriveDriver) -> None:
+        for channel, gear in ((0, 1.0), (1, 8.0)):
+            replies = driver.replies(pair(0x069, 0.25, -2.0, channel))
+            assert np.arange(2)[replies.motor].tolist() == [channel]
+            np.testing.assert_allclose(replies.values[:2, 0], [0.25 * TURN / gear, -2.0 * TURN / gear])
+
+    def test_the_estimate_of_the_torque_counts_not_its_target(self, driver: OdriveDriver) -> None:
+        assert not driver.replies(pair(0x07C, 9.0, 0.5, 1)).values.size  # no reading by itself
+        assert driver.replies(pair(0x069, 0.0, 0.0, 1)).values[2, 0] == 4.0
+
+    def test_supply_and_temperature_are_unknown_until_told(self, driver: OdriveDriver) -> None:
+        """33 f5 42 41 was recorded from an axis on 12 V. The hotter of two temperatures counts."""
+        before = driver.replies(pair(0x069, 0.0, 0.0))
+        assert np.isnan([before.voltage[0], before.temperature_c[0]]).all()
+        driver.replies(frame(0x077, bytes.fromhex("33f5424100000000")))
+        driver.replies(pair(0x075, 40.0, 55.0))
+        after = driver.replies(pair(0x069, 0.0, 0.0))
+        assert after.voltage[0] == pytest.approx(12.184863)
+        assert after.temperature_c[0] == 55.0
+
+    @pytest.mark.parametrize(
+        ("bits", "says"),
+        [
+            (0x200, "under-voltage"),
+            (0x01000000, "heard nothing"),
+            (0x4000, "over-temperature of its power stage"),
+            (0x80000000, "error bit 31"),
+            (0x6000, "over-temperature of its motor"),  # the lowest of several
+        ],
+    )
+    def test_errors_are_bits_of_the_heartbeat(self, driver: OdriveDriver, bits: int, says: str) -> None:
+        driver.replies(heartbeat(1, bits))
+        (error,) = driver.replies(pair(0x069, 0.0, 0.0)).error
+        assert says in driver.error_name(int(error))
+        driver.replies(heartbeat(8))
+        assert driver.replies(pair(0x069, 0.0, 0.0)).error.tolist() == [0]
+
+    def test_an_axis_that_was_on_and_is_off_has_rebooted(self, driver: OdriveDriver) -> None:
+        driver.replies(heartbeat(1))
+        (error,) = driver.replies(pair(0x069, 0.0, 0.0)).error
+        assert driver.error_name(int(error)) == "that it is switched off"
+
+    def test_frames_of_others_are_left_aside(self, driver: OdriveDriver) -> None:
+        others = [pair(0x089, 1, 1), pair(0x069 | 1 << 31, 1, 1), frame(0x069, b"\0" * 7)]
+        assert not driver.replies(joined(others)).values.size
+
+    def test_what_is_no_number_is_no_reading(self, driver: OdriveDriver) -> None:
+        assert not driver.replies(pair(0x069, float("nan"), 0.0)).values.size
+        driver.replies(pair(0x07C, 0.0, float("inf")))
+        assert driver.replies(pair(0x069, 0.0, 0.0)).values[2, 0] == 0.0
+
+    @given(arrays.arrays(float, (3, 2), elements=st.floats(-100.0, 100.0)))
+    def test_readings_come_back_as_floats_carry_them(self, values: np.ndarray) -> None:
+        driver, end = OdriveDriver(TWO), OdriveMotorEnd(TWO)
+        for now_us in (0, 1000):  # half of the axes at a time
+            said = end.broadcast(now_us, BOTH, values, 41, np.zeros(2, np.uint64), BOTH)
+            assert said is not None
+            driver.replies(said.take(said.id & 0x1F == odrive.TORQUES))
+            for row in np.flatnonzero(said.id & 0x1F == odrive.ENCODER):
+                replies = driver.replies(said.take(np.array([row])))
+                joint = said.channel[row]
+                np.testing.assert_allclose(replies.values[:, 0], values[:, joint], rtol=1e-6, atol=1e-30)
+
+    @given(arrays.arrays(float, 2, elements=st.floats(-500.0, 500.0)))
+    def test_torques_arrive_as_floats_carry_them(self, torque: np.ndarray) -> None:
+        driver, end = OdriveDriver(TWO), OdriveMotorEnd(TWO)
+        for channel in (0, 1):
+            driver.replies(pair(0x069, 0.0, 0.0, channel))
+        end.requests(driver.ask())
+        values = np.zeros((5, 2))
+        values[4] = torque
+        requests = end.requests(driver.command(values))
+        np.testing.assert_allclose(requests.values[4], torque, rtol=1e-6, atol=1e-30)
+        assert requests.kind is None
+
+
+class TestJointLaw:
+    def test_stiffness_and_damping_act_on_the_latest_reading(self, driver: OdriveDriver) -> None:
+        """The hip is at a quarter of a turn, 1.5708 rad, at 1 rad/s; the knee at zero, behind a gear of 8."""
+        driver.replies(pair(0x069, 0.25, 1.0 / TURN))
+        hip, knee = command(driver, position=2.0, velocity=0.5, kp=10.0, kd=2.0, torque=0.25)
+        assert hip == pytest.approx(10.0 * (2.0 - TURN / 4) + 2.0 * (0.5 - 1.0) + 0.25, rel=1e-6)
+        assert knee == pytest.approx((10.0 * 2.0 + 2.0 * 0.5 + 0.25) / 8.0, rel=1e-6)
+
+    def test_a_reading_that_has_become_old_makes_no_torque(self, driver: OdriveDriver) -> None:
+        """The hip goes on reporting, the knee does not."""
+        for tick in range(8):
+            driver.replies(pair(0x069, 0.0, 0.0))
+            hip, knee = command(driver, kp=10.0, position=1.0)
+            assert hip == pytest.approx(10.0)
+            assert (knee == 0.0) == (tick >= 5), tick
+
+    @pytest.mark.parametrize("bad", [np.nan, np.inf])
+    def test_what_is_not_finite_is_refused(self, driver: OdriveDriver, bad: float) -> None:
+        with pytest.raises(ValueError, match="not finite"):
+            command(driver, torque=bad)
+
+    def test_positions_without_torques_are_at_fault(self, driver: OdriveDriver) -> None:
+        codes = [int(driver.replies(pair(0x069, 0.0, 0.0)).error[0]) for _ in range(26)]
+        assert codes[:25] == [0] * 25
+        assert driver.error_name(codes[25]) == "no torque (set torques_msg_rate_ms)"
+
+
+class TestStart:
+    def test_what_an_axis_does_not_send_is_named_in_turn(self) -> None:
+        driver = OdriveDriver(TWO)
+        for said, missing in (
+            (pair(0x069, 0, 0), "motor knee (can1, id 3) sends no position"),
+            (pair(0x069, 0, 0, 1), "motor hip (can0, id 3) sends no torque"),
+            (joined([pair(0x07C, 0, 0), pair(0x07C, 0, 0, 1)]), "motor hip (can0, id 3) sends no heartbeat"),
+            (heartbeat(1), "motor knee (can1, id 3) sends no heartbeat"),
+        ):
+            driver.replies(said)
+            assert driver.unready().startswith(missing)
+        driver.replies(heartbeat(1, channel=1))
+        assert driver.unready() == ""
+        assert driver.off() == "motor hip (can0, id 3) does not switch on"
+        driver.replies(joined([heartbeat(8), heartbeat(8, channel=1)]))
+        assert driver.off() == ""
+
+    def test_an_axis_is_told_to_switch_on_now_and_then(self) -> None:
+        """While it is on, being told so again would start it anew."""
+        driver = OdriveDriver(TWO)
+        told = [tick for tick in range(250) if driver.enable().id[0] & 0x1F == odrive.STATE]
+        assert told == [0, 100, 200]
+
+    @pytest.mark.parametrize("node", [0, 63])
+    def test_a_node_that_is_none_is_refused(self, node: int) -> None:
+        with pytest.raises(UserError, match=f"joint hip has motor id {node}: an ODrive takes 1 to 62"):
+            open_driver(replace(TWO, motor_id=np.array([node, 3])))
+
+    def test_a_node_whose_frames_are_the_imus_is_refused(self) -> None:
+        """0x300 is node 24's 0x00."""
+        with pytest.raises(
+            UserError, match=r"knee \(can1, id 24\) and the IMU would both use identifier 0x300"
+        ):
+            open_driver(replace(TWO, motor_id=np.array([3, 24])))
+
+    def test_a_node_whose_frames_are_another_makers_is_refused(self) -> None:
+        """Node 1 has 0x020 to 0x03f, where the motor with id 0x21 hears its commands."""
+        wiring = replace(TWO, models=("AK80-9", "ODrive"), motor_id=np.array([0x21, 1]))
+        open_driver(wiring)  # each on a bus of its own
+        with pytest.raises(UserError, match="would both use identifier 0x021"):
+            open_driver(replace(wiring, channel=np.array([0, 0])))
+
+
+class TestMotorEnd:
+    def test_an_axis_knows_what_is_asked_of_it(self) -> None:
+        driver, end = OdriveDriver(TWO), OdriveMotorEnd(TWO)
+        for frames, kind in (
+            (driver.enable(), Request.ENABLE),
+            (driver.disable(), Request.DISABLE),
+            (driver.clear(), Request.CLEAR),
+            (driver.zero(), Request.ZERO),
+        ):
+            assert end.requests(frames).kind.tolist() == [kind] * 2  # type: ignore[union-attr]
+
+    def test_a_torque_is_not_obeyed_in_another_mode(self) -> None:
+        driver, end = OdriveDriver(TWO), OdriveMotorEnd(TWO)
+        assert not end.requests(driver.command(np.ones((5, 2)))).values.size
+        end.requests(driver.ask())
+        assert end.requests(driver.command(np.ones((5, 2)))).values.shape == (5, 2)
+
+    def test_each_message_comes_as_often_as_it_should(self) -> None:
+        end, count = OdriveMotorEnd(TWO), dict.fromkeys((*odrive_messages(),), 0)
+        for now_us in range(0, 200_000, 1000):
+            said = end.broadcast(now_us, BOTH, np.zeros((3, 2)), 41, np.zeros(2, np.uint64), BOTH)
+            for message in [] if said is None else (said.id & 0x1F).tolist():
+                count[message] += 1
+        assert count == dict(zip(odrive_messages(), [200, 200, 4, 4, 4], strict=True))
+
+    def test_a_silent_axis_sends_nothing(self) -> None:
+        end = OdriveMotorEnd(TWO)
+        heard = [
+            said.channel
+            for now_us in range(0, 200_000, 1000)
+            if (said := end.broadcast(now_us, ~BOTH, np.zeros((3, 2)), 41, np.zeros(2, np.uint64), BOTH))
+        ]
+        assert not np.concatenate(heard).size
+
+
+def odrive_messages() -> tuple[int, ...]:
+    return odrive.ENCODER, odrive.TORQUES, odrive.HEARTBEAT, odrive.TEMPERATURE, odrive.SUPPLY
+
+
+def with_odrives(robot: Robot, *motors: str, first_id: int = 1) -> Robot:
+    """The robot with ODrives for some of its kinds of motors."""
+    description = robot.description
+    entries = {n: replace(m, protocol="ODrive") if n in motors else m for n, m in description.motors.items()}
+    joints = tuple(replace(joint, id=joint.id + first_id - 1) for joint in description.joints)
+    return replace(robot, description=replace(description, motors=entries, joints=joints))
+
+
+class TestRobots:
+    @pytest.mark.parametrize(("motors", "first_id"), [(("hip", "knee"), 1), (("hip",), 4)])
+    def test_a_robot_of_odrives_and_one_that_mixes_stand(
+        self, go1: Robot, motors: tuple[str, ...], first_id: int
+    ) -> None:
+        """Beside MIT motors, whose ids go up to 0x7f, nodes begin at 4, 0x080."""
+        robot = with_odrives(go1, *motors, first_id=first_id)
+        trace = run_episode(robot, Hold(robot), short_episode())
+        assert trace.faults == ()
+        assert trace.final_state == "IDLE"
+        np.testing.assert_allclose(trace.joint_position[-1], go1.default_pose, atol=0.05)
+
+    def faults(self, robot: Robot, at: object, policy: Policy | None = None) -> tuple[str, ...]:
+        return run_episode(robot, policy or Hold(robot), short_episode(), at).faults  # type: ignore[arg-type]
+
+    def test_an_axis_that_reboots_says_so_with_its_next_heartbeat(self, go1: Robot) -> None:
+        robot = with_odrives(go1, "hip", "knee")
+
+        def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
+            if loop.walking and 0.3 < loop.walking_s < 0.3021:
+                body.reboot(np.array([8]))
+
+        assert self.faults(robot, watch) == (f"motor {wire(robot).place(8)} reports that it is switched off",)
+
+    def test_an_axis_that_falls_silent_is_named(self, go1: Robot) -> None:
+        robot = with_odrives(go1, "hip", "knee")
+
+        def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
+            if loop.walking and loop.walking_s > 0.3:
+                body.faults.motors.silent[4] = True
+
+        assert self.faults(robot, watch) == (f"no reply from {wire(robot).place(4)} for 50 ms",)
+
+    def test_damping_after_an_exception_still_brakes(self, go1: Robot) -> None:
+        """The joint law is the host's, so that frames made beforehand carry no torque."""
+        robot = with_odrives(go1, "hip", "knee")
+        braked: list[float] = []
+
+        def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
+            if loop.walking and loop.walking_s > 0.3:
+                loop._signals = None  # type: ignore[assignment, method-assign]
+            if loop.state.faults:
+                truth = body.truth()
+                braked.append(float(np.sum(truth.motor_torque * truth.joint_velocity)))
+
+        (fault,) = self.faults(robot, watch, Spoilt(robot, 10.0, lambda c: c))
+        assert "the control loop failed" in fault
+        assert min(braked) < -1.0  # W
