@@ -13,8 +13,10 @@ from footfall.policies.controllers.solver import BoundedSolver, Programme
 from footfall.policies.controllers.step import Step
 from footfall.policies.controllers.step.controller import Phase
 from footfall.policies.controllers.whole_body.control import LAPSED
+from footfall.policies.policy import Observation
 from footfall.policies.registry import controllers_of, load_policy, walking_controllers
 from footfall.robots.description import load_robot
+from footfall.robots.readings import Sensed
 from tests.direct_plant import DirectPlant, walk
 
 G1 = load_robot("g1")
@@ -138,3 +140,29 @@ class TestStep:
         stance = policy.stance()
         assert stance is not None
         assert stance.tolist() == [1.0, 1.0]
+
+    @pytest.mark.parametrize("ahead", [1.7, 2.0, 2.3])
+    def test_a_foot_in_the_air_does_not_care_where_headings_begin_anew(self, ahead: float) -> None:
+        """A turn over half a circle is the same turn a quarter of a circle earlier.
+
+        A quarter, since the friction pyramids are square. The joints stand still, the body is turned by hand.
+        """
+        over_half_a_circle, earlier = self.turned(np.pi - ahead), self.turned(np.pi / 2 - ahead)
+        np.testing.assert_allclose(over_half_a_circle, earlier, atol=1e-4)
+
+    @staticmethod
+    def turned(heading: float, rate: float = 1.0, seconds: float = 2.5) -> np.ndarray:
+        """The commands (ticks, 5, n) while the body turns from a heading at a rate, rad/s."""
+        policy, still, commands = Step(G1), np.zeros_like(G1.default_pose), []
+        for time_s in np.arange(0.0, seconds, 1.0 / policy.rate_hz):
+            half = 0.5 * (heading + rate * time_s)
+            level = np.array([np.cos(half), 0.0, 0.0, np.sin(half)])
+            gyro, up = np.array([0.0, 0.0, rate]), np.array([0.0, 0.0, 9.81])
+            sensed = Sensed(gyro, up, level, G1.default_pose, still, still)
+            height = G1.description.standing_height_m
+            seen = Observation(float(time_s), sensed, np.array([0.0, 0.0, rate]), np.zeros(3), height)
+            if time_s == 0.0:
+                policy.reset(seen)
+            commands.append(np.array(policy.act(seen)))
+        assert policy.phase is Phase.STEP
+        return np.array(commands)

@@ -252,7 +252,7 @@ class Step:
         here, yaw = dynamics.foot[foot] - stand, yaw_of(rotation)
         if self._swing is None:
             self._swing = Swing(here[:2], float(here[2]), yaw, config.lift_m, config.depth_m)
-        turned = yaw + wrap_angle(self._yaw + self._turn() - yaw)
+        turned = self._swing.yaw + wrap_angle(self._yaw + self._turn() - self._swing.yaw)
         goal = np.array([*self._place, turned])
         position, velocity, acceleration = self._swing.advance(goal, remaining_s, self._dt_s)
         motion = dynamics.foot_jacobian[foot] @ dynamics.velocity

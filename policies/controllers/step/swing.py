@@ -28,6 +28,11 @@ class Swing:
         self._height, self._lift_m, self._depth_m = height, lift_m, depth_m
         self.progress = 0.0
 
+    @property
+    def yaw(self) -> float:
+        """rad, of the reference; it goes on past half a circle."""
+        return float(self._motion[0, 2])
+
     def advance(self, goal: np.ndarray, remaining_s: float, dt_s: float) -> np.ndarray:
         """Move on for a tick.
 
