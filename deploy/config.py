@@ -24,13 +24,12 @@ class DeployConfig:
     realtime_priority: int | None = None  # SCHED_FIFO, 1 to 99, for wall-clock runs
     host_queue: int = HOST_QUEUE  # frames that a simulated CAN interface queues
     motor_timeout_s: float = MOTOR_TIMEOUT_S  # of simulated motors; real ones are set by their own tools
-    log_rate_hz: float = 100.0  # of joint states and IMU readings; policy steps are all logged
     estimator: EstimatorConfig = field(default_factory=EstimatorConfig)
     safety: SafetyConfig = field(default_factory=SafetyConfig)
 
     def __post_init__(self) -> None:
         require_between(self, 1.0, 10_000.0, "joint_rate_hz")
-        require_between(self, 1.0, 10_000.0, "estimator_rate_hz", "log_rate_hz")
+        require_between(self, 1.0, 10_000.0, "estimator_rate_hz")
         require_between(self, 0.001, 60.0, "stand_s", "motor_timeout_s")
         require_between(self, 1, 10_000, "host_queue")
         require_between(self, 0.0, 100.0, "stand_kp_scale", "stand_kd_scale")

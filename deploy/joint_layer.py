@@ -48,6 +48,7 @@ class JointLayer:
         self.voltage = np.full(n, np.nan)  # likewise, V
         self.commanded_torque = np.zeros(n)  # that the last frames asked for, N m
         self.stiffness = np.zeros(n)  # that they carried, N m/rad
+        self.sent = np.zeros((5, n))  # all that they carried, before a frame rounds it
 
     # -- out -----------------------------------------------------------------------------------------
 
@@ -103,7 +104,7 @@ class JointLayer:
         possible = limit_torque(asked, velocity, self._robot.motor)
         if np.count_nonzero(asked != possible):
             values[2:] *= _share(possible, asked)
-        self.commanded_torque, self.stiffness = possible, values[2]
+        self.commanded_torque, self.stiffness, self.sent = possible, values[2], values
         return self._driver.command(values)
 
     # -- in ------------------------------------------------------------------------------------------

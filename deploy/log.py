@@ -1,13 +1,14 @@
-"""MCAP logs of a run, written outside the control loop's thread; ROS 2 tools open them.
+"""MCAP logs of a run, written by another process; ROS 2 tools open them.
 
-A killed run keeps all but its last fraction of a second: the file is written in small chunks that are
-flushed often, and `deploy/replay.py` reads files that lack their end.
+The loop hands records to a pipe and never waits for the disk. What the writing process has been handed
+survives whatever happens to the loop's; were both killed, all but the last fraction of a second is there.
 """
 
 import json
-import queue
-import threading
-import time
+import os
+import subprocess
+import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -15,15 +16,15 @@ import numpy as np
 
 from footfall.common.config import unstructure
 from footfall.common.errors import UserError
-from footfall.deploy import messages
+from footfall.deploy.log_records import Kind, record
+from footfall.deploy.log_writer import READY
 from footfall.deploy.safety import State
 from footfall.policies.policy import Observation, Policy, Sensed
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
-METADATA = "footfall"
-CHUNK_BYTES = 64 * 1024
-FLUSH_EVERY_S = 0.2
+MOST_WAITING_BYTES = 4 * 2**20  # for a slow disk: some seconds of a run
+LAST_WAIT_S = 10.0  # for the writing process, once the run has ended
 
 
 def flatten(observation: Observation) -> np.ndarray:
@@ -40,8 +41,14 @@ def flatten(observation: Observation) -> np.ndarray:
 
 
 def unflatten(values: np.ndarray) -> Observation:
-    """The observation that `flatten` made a vector of."""
-    joints = (len(values) - 18) // 3
+    """The observation that `flatten` made a vector of.
+
+    Raises:
+        ValueError: no robot has readings of so many numbers.
+    """
+    joints, rest_of_it = divmod(len(values) - 18, 3)
+    if joints < 0 or rest_of_it:
+        raise ValueError(f"{len(values)} numbers are no observation")
     sizes = [1, 3, 3, 4, joints, joints, joints, 3, 3, 1]
     time_s, *rest = np.split(values, np.cumsum(sizes)[:-1])
     *sensed, command, velocity, height = rest
@@ -49,140 +56,126 @@ def unflatten(values: np.ndarray) -> Observation:
 
 
 class McapLog:
-    """Takes what the loop hands over and writes it from a thread of its own."""
+    """Takes what the loop hands over and passes it on to a process that writes it."""
 
     def __init__(
-        self, path: Path, robot: Robot, policy: Policy, every_us: int, facts: dict[str, Any], start_ns: int
+        self, path: Path, robot: Robot, policy: Policy, facts: dict[str, Any], start_ns: int, may_wait: bool
     ) -> None:
-        """Open the file.
+        """Open the file and start the process.
 
         Args:
             path: where to write; an older file is replaced.
             robot, policy: whom the log is about.
-            every_us: shortest time between two logged readings.
             facts: further metadata, such as the seed.
             start_ns: Unix time of the loop's time zero, ns.
+            may_wait: let the loop wait for a slow disk; otherwise records are left out, and counted.
 
         Raises:
             UserError: the file cannot be written.
         """
-        from mcap_ros2.writer import Writer
-
-        self._path, self._policy = path, policy
-        self._names = list(robot.joint_names)
-        self._every_us, self._next_us, self._start_ns = every_us, 0, start_ns
+        self._path, self._policy, self._may_wait = path, policy, may_wait
         try:
-            # a buffered file: the MCAP writer flushes it, and would wrap a raw one in a buffer of its own
-            self._file = path.open("wb")
+            with path.open("wb") as file:
+                self._process = _start(file.fileno())
         except OSError as error:
             raise UserError(f"cannot write the log {path}: {error.strerror or error}") from None
-        self._writer = Writer(self._file, chunk_size=CHUNK_BYTES)
-        self._writer.add_metadata(METADATA, _metadata(robot, policy, facts))
-        self._schemas = {
-            name: self._writer.register_msgdef(name, text) for name, text in messages.SCHEMAS.items()
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        if self._process.stdout.readline().strip() != READY.encode():
+            raise UserError(f"cannot write the log {path}: the process that writes it does not start")
+        self._pipe = self._process.stdin.fileno()
+        os.set_blocking(self._pipe, may_wait)
+        self._waiting = bytearray()
+        self._left_out = 0
+        self._broken = False
+        self._lacks: str | None = None
+        begin = {
+            "joints": list(robot.joint_names),
+            "metadata": _metadata(robot, policy, facts),
+            "start_ns": start_ns,
+            "path": str(path),
         }
-        self._flush()
-        self._queue: queue.SimpleQueue[tuple[str, int, tuple] | None] = queue.SimpleQueue()
-        self._failure: Exception | None = None
-        self._thread = threading.Thread(target=self._write_all, name="log", daemon=True)
-        self._thread.start()
+        self._put(record(Kind.BEGIN, 0, json.dumps(begin).encode()))
 
     # -- called by the loop --------------------------------------------------------------------------
 
-    def tick(self, now_us: int, sensed: Sensed, target: np.ndarray) -> None:
-        """Readings of a joint tick and the position targets that went out."""
-        if now_us >= self._next_us:
-            self._next_us = now_us + self._every_us
-            self._queue.put(("tick", now_us, (sensed, target)))
+    def tick(self, now_us: int, sensed: Sensed, commanded: np.ndarray | None) -> None:
+        """Readings of a joint tick, and the command (5, n) that went out; None if none did."""
+        records = record(Kind.READINGS, now_us, np.concatenate(sensed).tobytes())
+        if commanded is not None:
+            records += record(Kind.COMMANDED, now_us, commanded.tobytes())
+        self._put(records)
 
     def policy_step(self, now_us: int, observation: Observation, command: JointCommand) -> None:
         """What the policy was handed and what it decided."""
-        seen, action = getattr(self._policy, "observed", None), getattr(self._policy, "action", None)
-        self._queue.put(("policy_step", now_us, (observation, command, seen, action)))
+        records = record(Kind.INPUTS, now_us, flatten(observation).tobytes())
+        records += record(Kind.DECISION, now_us, np.concatenate(command).tobytes())
+        for kind, name in ((Kind.OBSERVATION, "observed"), (Kind.ACTION, "action")):
+            values = getattr(self._policy, name, None)
+            if values is not None:
+                records += record(kind, now_us, np.asarray(values, dtype=np.float32).tobytes())
+        self._put(records)
 
     def state(self, now_us: int, state: State) -> None:
         """A change of the supervisor's state."""
-        self._queue.put(("state", now_us, (state,)))
+        text = ": ".join([state.mode.value, *state.faults[-1:]])
+        self._put(record(Kind.STATE, now_us, text.encode()))
 
     def note(self, now_us: int, note: str) -> None:
         """What had to be changed of what was asked for."""
-        self._queue.put(("note", now_us, (note,)))
+        self._put(record(Kind.NOTE, now_us, note.encode()))
 
-    def close(self) -> None:
-        """Write what is left and the file's index.
+    def close(self) -> str:
+        """Let the file be ended. Returns what it lacks in one line; empty if it is whole."""
+        if self._lacks is None:
+            self._lacks = self._close()
+        return self._lacks
 
-        Raises:
-            UserError: something could not be written, now or earlier.
-        """
-        self._queue.put(None)
-        self._thread.join()
-        if self._failure is not None:
-            raise UserError(f"cannot write the log {self._path}: {self._failure}")
-
-    # -- the writing thread --------------------------------------------------------------------------
-
-    def _write_all(self) -> None:
+    def _close(self) -> str:
+        if not self._broken:
+            self._may_wait = True
+            self._waiting += record(Kind.END, 0)
         try:
-            flushed = time.monotonic()
-            while (item := self._queue.get()) is not None:
-                kind, now_us, content = item
-                getattr(self, f"_write_{kind}")(self._start_ns + now_us * 1000, *content)
-                if time.monotonic() - flushed > FLUSH_EVERY_S:
-                    self._flush()
-                    flushed = time.monotonic()
-            self._writer.finish()
-        except Exception as error:  # reported by close(): the robot must not stop for its log
-            self._failure = error
-        finally:
-            self._file.close()
+            reason, _ = self._process.communicate(bytes(self._waiting), timeout=LAST_WAIT_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.communicate()
+            return f"the log {self._path} has no end: the disk does not take it"
+        if self._process.returncode:
+            why = reason.decode().strip() or "the process that writes it failed"
+            return f"the log {self._path} is cut short: {why}"
+        if self._left_out:
+            return f"the log {self._path} lacks {self._left_out} ticks or policy steps: the disk was too slow"
+        return ""
 
-    def _write_tick(self, time_ns: int, sensed: Sensed, target: np.ndarray) -> None:
-        position, velocity, torque = (part.tolist() for part in sensed[3:])
-        self._put(
-            "/joint_states",
-            time_ns,
-            messages.joint_state(time_ns, self._names, position, velocity, torque),
-        )
-        self._put(
-            "/joint_commands",
-            time_ns,
-            messages.joint_state(time_ns, self._names, target.tolist(), [], []),
-        )
-        inertial = messages.imu(
-            time_ns, sensed.quaternion.tolist(), sensed.gyro.tolist(), sensed.acceleration.tolist()
-        )
-        self._put("/imu", time_ns, inertial)
+    # -- into the pipe -------------------------------------------------------------------------------
 
-    def _write_policy_step(
-        self,
-        time_ns: int,
-        observation: Observation,
-        command: JointCommand,
-        seen: np.ndarray | None,
-        action: np.ndarray | None,
-    ) -> None:
-        self._put("/cmd_vel", time_ns, messages.twist(time_ns, observation.command.tolist()))
-        for topic, values in (
-            ("/policy/inputs", flatten(observation)),
-            ("/policy/command", np.concatenate(command)),
-            ("/policy/observation", seen),
-            ("/policy/action", action),
-        ):
-            if values is not None:
-                label = topic.rpartition("/")[2]
-                self._put(topic, time_ns, messages.multi_array(values.tolist(), label))
+    def _put(self, records: bytes) -> None:
+        if self._broken:
+            return
+        if len(self._waiting) > MOST_WAITING_BYTES:
+            self._left_out += 1
+        else:
+            self._waiting += records
+        try:
+            with suppress(BlockingIOError):
+                del self._waiting[: os.write(self._pipe, self._waiting)]
+                while self._may_wait and self._waiting:
+                    del self._waiting[: os.write(self._pipe, self._waiting)]
+        except OSError:  # the process has said why
+            self._broken = True
+            self._waiting.clear()
 
-    def _write_state(self, time_ns: int, state: State) -> None:
-        self._put("/state", time_ns, {"data": ": ".join([state.mode.value, *state.faults[-1:]])})
 
-    def _write_note(self, time_ns: int, note: str) -> None:
-        self._put("/notes", time_ns, {"data": note})
-
-    def _put(self, topic: str, time_ns: int, message: dict) -> None:
-        self._writer.write_message(topic, self._schemas[messages.TOPICS[topic]], message, time_ns)
-
-    def _flush(self) -> None:
-        self._writer._writer.flush()  # the ROS 2 wrapper does not offer it
+def _start(file: int) -> "subprocess.Popen[bytes]":
+    """The process that writes, out of reach of a terminal's signals."""
+    return subprocess.Popen(
+        [sys.executable, "-P", "-m", "footfall.deploy.log_writer", str(file)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        pass_fds=[file],
+        start_new_session=True,
+    )
 
 
 def _metadata(robot: Robot, policy: Policy, facts: dict[str, Any]) -> dict[str, str]:

@@ -46,7 +46,7 @@ class Estimator(Protocol):
 class Log(Protocol):
     """What the loop tells a log. Nothing here may block."""
 
-    def tick(self, now_us: int, sensed: Sensed, target: np.ndarray) -> None: ...
+    def tick(self, now_us: int, sensed: Sensed, commanded: np.ndarray | None) -> None: ...
 
     def policy_step(self, now_us: int, observation: Observation, command: JointCommand) -> None: ...
 
@@ -195,12 +195,14 @@ class ControlLoop:
                 mode = self.state.mode
         frames = self._driver.disable() if self.state.over else self._frames(mode)
         self._refused += self._bus.send(frames, now_us)
-        if self.log is not None and not self.state.over:
-            self.log.tick(now_us, self.sensed, joints.target)
+        if self.log is not None:
+            nothing_commanded = mode is Mode.IDLE or self.state.over
+            self.log.tick(now_us, self.sensed, None if nothing_commanded else joints.sent)
 
     def _fail(self, error: Exception) -> None:
         """What is left after an exception: damping frames that were made beforehand, then motors off."""
-        now_s, state, config = self.now_us * 1e-6, self.state, self._config.safety
+        now_s, config = self.now_us * 1e-6, self._config.safety
+        before = state = self.state
         if state.mode in DAMPED:
             self.state = damped(state, now_s, config)
         else:
@@ -216,6 +218,9 @@ class ControlLoop:
             frames = self._driver.disable() if self.state.over else self._joints.damping(config.damping_kd)
         with suppress(Exception):
             self._bus.send(frames, self.now_us)
+        if self.log is not None and self.state is not before:
+            with suppress(Exception):
+                self.log.state(self.now_us, self.state)
 
     def shut_down(self) -> None:
         """Switch the motors off at once, whatever happened before."""

@@ -1,4 +1,12 @@
-"""ROS 2 message definitions as MCAP schemas carry them: each with all that it depends on."""
+"""ROS 2 messages as a log holds them: their definitions, and their bytes in CDR.
+
+A run's messages never change their shape, so that each is a template with gaps, and writing one is copying
+the numbers' bytes into it. Encoding: OMG's Common Data Representation (DDS-XTypes 1.3, 7.4.1, version 1),
+little-endian, aligned from behind the four bytes of the head.
+"""
+
+import struct
+from functools import lru_cache
 
 _TIME = """MSG: builtin_interfaces/Time
 int32 sec
@@ -68,7 +76,8 @@ SCHEMAS = {
 
 TOPICS = {
     "/joint_states": "sensor_msgs/msg/JointState",  # readings
-    "/joint_commands": "sensor_msgs/msg/JointState",  # targets that went out
+    "/joint_commands": "sensor_msgs/msg/JointState",  # targets and feed-forward torque that went out
+    "/joint_gains": "std_msgs/msg/Float64MultiArray",  # stiffness and damping that went out
     "/imu": "sensor_msgs/msg/Imu",
     "/cmd_vel": "geometry_msgs/msg/TwistStamped",
     "/state": "std_msgs/msg/String",
@@ -79,61 +88,92 @@ TOPICS = {
     "/policy/command": "std_msgs/msg/Float64MultiArray",  # what it decided, exactly
 }
 
-_NO_COVARIANCE = [0.0] * 9
+_DOUBLE, _FLOAT = 8, 4
 
 
-def header(time_ns: int, frame: str = "") -> dict:
-    """A std_msgs/Header."""
-    return {"stamp": {"sec": time_ns // 10**9, "nanosec": time_ns % 10**9}, "frame_id": frame}
+class Template:
+    """A message whose numbers alone change."""
+
+    def __init__(self) -> None:
+        self._bytes = bytearray(b"\x00\x01\x00\x00")
+        self._gaps: list[slice] = []
+        self._stamped = False
+
+    def stamp(self, frame: str = "") -> "Template":
+        """A std_msgs/Header."""
+        self._stamped = True
+        self._bytes += bytes(8)
+        return self.text(frame)
+
+    def text(self, value: str) -> "Template":
+        content = value.encode() + b"\x00"
+        self.count(len(content))
+        self._bytes += content
+        return self
+
+    def count(self, value: int) -> "Template":
+        self._align(4)
+        self._bytes += struct.pack("<I", value)
+        return self
+
+    def gap(self, numbers: int, size: int = _DOUBLE) -> "Template":
+        """Room for some numbers of `size` bytes."""
+        if numbers:
+            self._align(size)
+            start = len(self._bytes)
+            self._bytes += bytes(numbers * size)
+            self._gaps.append(slice(start, len(self._bytes)))
+        return self
+
+    def zeros(self, numbers: int) -> "Template":
+        """As many float64 that stay 0."""
+        self.gap(numbers)
+        self._gaps.pop()
+        return self
+
+    def fill(self, time_ns: int, *numbers: bytes) -> bytes:
+        """The message at a time, its gaps filled in their order. A gap takes as many bytes as it has."""
+        content = self._bytes
+        if self._stamped:
+            struct.pack_into("<iI", content, 4, *divmod(time_ns, 10**9))
+        for gap, part in zip(self._gaps, numbers, strict=True):
+            content[gap] = part
+        return bytes(content)
+
+    def _align(self, size: int) -> None:
+        self._bytes += bytes((4 - len(self._bytes)) % size)
 
 
-def vector(values: list[float]) -> dict:
-    """A geometry_msgs/Vector3."""
-    return {"x": values[0], "y": values[1], "z": values[2]}
+@lru_cache(None)
+def joint_state(names: tuple[str, ...]) -> Template:
+    """A sensor_msgs/JointState; gaps: position rad, velocity rad/s, effort N m, each (n,)."""
+    template = Template().stamp().count(len(names))
+    for name in names:
+        template.text(name)
+    for _ in range(3):
+        template.count(len(names)).gap(len(names))
+    return template
 
 
-def joint_state(
-    time_ns: int,
-    names: list[str],
-    position: list[float],
-    velocity: list[float],
-    effort: list[float],
-) -> dict:
-    """A sensor_msgs/JointState: rad, rad/s, N m."""
-    return {
-        "header": header(time_ns),
-        "name": names,
-        "position": position,
-        "velocity": velocity,
-        "effort": effort,
-    }
+@lru_cache(None)
+def imu() -> Template:
+    """A sensor_msgs/Imu; gaps: quaternion x, y, z, its w, gyro rad/s, acceleration m/s². No covariances."""
+    return Template().stamp("imu").gap(3).gap(1).zeros(9).gap(3).zeros(9).gap(3).zeros(9)
 
 
-def imu(time_ns: int, quaternion: list[float], gyro: list[float], acceleration: list[float]) -> dict:
-    """A sensor_msgs/Imu; the quaternion comes as w x y z."""
-    w, x, y, z = quaternion
-    return {
-        "header": header(time_ns, "imu"),
-        "orientation": {"x": x, "y": y, "z": z, "w": w},
-        "orientation_covariance": _NO_COVARIANCE,
-        "angular_velocity": vector(gyro),
-        "angular_velocity_covariance": _NO_COVARIANCE,
-        "linear_acceleration": vector(acceleration),
-        "linear_acceleration_covariance": _NO_COVARIANCE,
-    }
+@lru_cache(None)
+def twist() -> Template:
+    """A geometry_msgs/TwistStamped; gaps: forward and leftward m/s, yaw rad/s."""
+    return Template().stamp("base").gap(2).zeros(1).zeros(2).gap(1)
 
 
-def twist(time_ns: int, command: list[float]) -> dict:
-    """A geometry_msgs/TwistStamped from forward m/s, leftward m/s and yaw rad/s."""
-    forward, leftward, yaw = command
-    return {
-        "header": header(time_ns, "base"),
-        "twist": {"linear": vector([forward, leftward, 0.0]), "angular": vector([0.0, 0.0, yaw])},
-    }
+@lru_cache(None)
+def multi_array(label: str, numbers: int, size: int = _DOUBLE) -> Template:
+    """A std_msgs/Float64MultiArray of one dimension, or with `size` 4 a Float32MultiArray; one gap."""
+    template = Template().count(1).text(label).count(numbers).count(numbers).count(0)
+    return template.count(numbers).gap(numbers, size)
 
 
-def multi_array(values: list[float], label: str) -> dict:
-    """A std_msgs/Float32MultiArray or Float64MultiArray of one dimension."""
-    size = len(values)
-    dimension = {"label": label, "size": size, "stride": size}
-    return {"layout": {"dim": [dimension], "data_offset": 0}, "data": values}
+def text(value: str) -> bytes:
+    """A std_msgs/String."""
+    return Template().text(value).fill(0)

@@ -1,13 +1,21 @@
-"""Gives a log that was cut short its end, so that tools which need a file's index open it."""
+"""Gives a log that was cut short or damaged its end, so that tools which need a file's index open it."""
 
 from pathlib import Path
+from typing import Any, NamedTuple
 
 from footfall.common.errors import UserError
-from footfall.deploy.replay import records
+from footfall.deploy.log_file import Damage, records
 
 
-def recover(torn: Path, whole: Path) -> int:
-    """Copy what is left of a log into a complete file; returns how many messages it holds.
+class Recovered(NamedTuple):
+    """What was found."""
+
+    messages: int
+    damaged: int  # parts and messages that could not be read and are left out
+
+
+def recover(torn: Path, whole: Path) -> Recovered:
+    """Copy what is left of a log into a complete file.
 
     Raises:
         UserError: the log cannot be read or the copy not written.
@@ -17,25 +25,27 @@ def recover(torn: Path, whole: Path) -> int:
 
     if whole.exists() and whole.samefile(torn):
         raise UserError(f"{whole} is the log itself: give another file for its recovered copy")
-    count = 0
+    count, damage = 0, Damage()
     schemas: dict[int, int] = {}
     channels: dict[int, int] = {}
-    found = list(records(torn))
+    found = list(records(torn, damage))
+    header = next((each for each in found if isinstance(each, Header)), Header("", ""))
     try:
         with whole.open("wb") as file:
             writer = Writer(file)
+            writer.start(header.profile, header.library)
             for record in found:
-                if isinstance(record, Header):
-                    writer.start(record.profile, record.library)
-                elif isinstance(record, Metadata):
+                if isinstance(record, Metadata):
                     writer.add_metadata(record.name, record.metadata)
                 elif isinstance(record, Schema) and record.id not in schemas:
                     schemas[record.id] = writer.register_schema(record.name, record.encoding, record.data)
                 elif isinstance(record, Channel) and record.id not in channels:
-                    channels[record.id] = writer.register_channel(
-                        record.topic, record.message_encoding, schemas[record.schema_id], record.metadata
-                    )
+                    if record.schema_id in schemas:
+                        channels[record.id] = _register(writer, record, schemas[record.schema_id])
                 elif isinstance(record, Message):
+                    if record.channel_id not in channels:
+                        damage.parts += 1
+                        continue
                     count += 1
                     writer.add_message(
                         channels[record.channel_id],
@@ -47,4 +57,10 @@ def recover(torn: Path, whole: Path) -> int:
             writer.finish()
     except OSError as error:
         raise UserError(f"cannot write {whole}: {error.strerror or error}") from None
-    return count
+    return Recovered(count, damage.parts)
+
+
+def _register(writer: Any, channel: Any, schema: int) -> int:
+    """A channel of a log in its copy; returns its new number."""
+    number: int = writer.register_channel(channel.topic, channel.message_encoding, schema, channel.metadata)
+    return number

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,11 +20,14 @@ from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.drivers.driver import Driver
 from footfall.deploy.estimation.config import EstimatorConfig
 from footfall.deploy.frames import BITRATE
-from footfall.deploy.loop import Command, ControlLoop, Estimator, Log
+from footfall.deploy.loop import Command, ControlLoop, Estimator
 from footfall.deploy.safety import Mode
 from footfall.deploy.wiring import Wiring, wire
 from footfall.policies.policy import Policy
 from footfall.robots.description import Robot
+
+if TYPE_CHECKING:
+    from footfall.deploy.log import McapLog
 
 LONGEST_S = 86400.0
 # Ctrl-C, a polite kill, a terminal that goes away (a dropped SSH), Ctrl-\\
@@ -109,7 +112,7 @@ def run_session(
         )
         loop = ControlLoop(robot, policy, wiring, driver, bus, clock, config, session.command, estimator)
         loop.base_state = base_state
-        loop.log = _open_log(robot, policy, session, resources)  # last: nothing else can fail
+        loop.log = log = _open_log(robot, policy, session, resources)  # last: nothing else can fail
         if session.display is not None:
             resources.enter_context(session.display(loop))
         if session.realtime:
@@ -120,16 +123,18 @@ def run_session(
                 _drive(loop, session.duration_s, each_tick)
             finally:
                 loop.shut_down()
+        wall_s = time.perf_counter() - started
+        lacking = "" if log is None else log.close()
         return Outcome(
             final_state=loop.state.mode.value,
             faults=loop.state.faults,
             walked_s=loop.walked_s,
             run_s=loop.now_us * 1e-6,
-            wall_s=time.perf_counter() - started,
+            wall_s=wall_s,
             compute_ms=loop.timing.policy_ms.values(),
             timing=loop.timing.summary() | {"ticks_skipped": float(loop.ticks_skipped)},
             buses=tuple(bus.statistics()),
-            notes=tuple(loop.notes),
+            notes=(*loop.notes, *filter(None, [lacking])),
         )
 
 
@@ -160,7 +165,7 @@ def _check_joint_rate(wiring: Wiring, driver: Driver, rate_hz: float) -> None:
         )
 
 
-def _open_log(robot: Robot, policy: Policy, session: Session, resources: ExitStack) -> Log | None:
+def _open_log(robot: Robot, policy: Policy, session: Session, resources: ExitStack) -> "McapLog | None":
     if session.log is None:
         return None
     from footfall.deploy.log import McapLog
@@ -168,7 +173,7 @@ def _open_log(robot: Robot, policy: Policy, session: Session, resources: ExitSta
     config = session.config
     facts = {"policy_spec": policy.name, **session.facts, "joint_rate_hz": config.joint_rate_hz}
     start_ns = time.time_ns() if session.realtime else 0
-    log = McapLog(session.log, robot, policy, round(1e6 / config.log_rate_hz), facts, start_ns)
+    log = McapLog(session.log, robot, policy, facts, start_ns, may_wait=not session.realtime)
     resources.callback(log.close)
     return log
 

@@ -331,8 +331,10 @@ class TestReplay:
             "robot_folder": "/nowhere",
             "robot_digest": go1.digest,
         }
-        called.replace("footfall.deploy.replay.read_log", SimpleNamespace(metadata=named))
-        result = SimpleNamespace(steps=7, complete=True, first_difference="", worst_difference=0.00123)
+        called.replace("footfall.deploy.log_file.read_log", SimpleNamespace(text=named.__getitem__))
+        result = SimpleNamespace(
+            steps=7, complete=True, damaged=0, first_difference="", worst_difference=0.00123
+        )
         called.replace("footfall.deploy.replay.replay", result)
         self.result = result
         return named
@@ -616,7 +618,7 @@ class TestOtherVerbs:
     def test_a_recovered_log_lies_beside_its_file_unless_told_otherwise(
         self, shell: Shell, called: Recorder, tmp_path: Path
     ) -> None:
-        called.replace("footfall.deploy.recover.recover", 42)
+        called.replace("footfall.deploy.recover.recover", SimpleNamespace(messages=42, damaged=0))
         (tmp_path / "logs").mkdir()
         outcome = shell("log", "recover", "logs/walk.mcap")
         assert called.of("recover") == ((Path("logs/walk.mcap"), Path("logs/walk.recovered.mcap")), {})

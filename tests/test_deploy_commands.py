@@ -7,7 +7,7 @@ import pytest
 from deploy_policies import Hold, short_episode
 
 from footfall.deploy.commands import CommandLimits
-from footfall.deploy.replay import read_log
+from footfall.deploy.log_file import read_log
 from footfall.plant.episode import run_episode
 from footfall.policies.contract import Contract
 from footfall.robots.commands import CommandRange

@@ -1,10 +1,14 @@
 """Logs: what they hold, that a killed run keeps them, and that a replay finds the first difference."""
 
+import os
+import re
 import signal
 import subprocess
 import sys
 import time
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,18 +17,25 @@ import pytest
 from deploy_policies import Hold, Spoilt, Sway, not_a_number, short_episode
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+from mutate import mutated
 
 from footfall.common.errors import UserError
+from footfall.deploy import log as log_module
 from footfall.deploy import messages
+from footfall.deploy.config import DeployConfig
 from footfall.deploy.log import McapLog, flatten, unflatten
+from footfall.deploy.log_file import read_log
+from footfall.deploy.loop import ControlLoop
 from footfall.deploy.recover import recover
-from footfall.deploy.replay import read_log, replay
+from footfall.deploy.replay import replay
 from footfall.deploy.safety import Mode, State
 from footfall.plant.episode import run_episode
 from footfall.plant.trace import Trace
 from footfall.policies.policy import Observation, Sensed
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
+
+UNHURRIED = DeployConfig(stand_s=0.4, joint_rate_hz=250.0)
 
 
 @pytest.fixture(scope="module")
@@ -59,13 +70,20 @@ class TestContent:
         network = {"/policy/observation", "/policy/action", "/notes"}  # Sway has no network, nothing to note
         assert found == {topic: kind for topic, kind in messages.TOPICS.items() if topic not in network}
 
-    def test_policy_steps_are_all_there_and_readings_at_the_log_rate(
-        self, logged: tuple[Path, Trace]
-    ) -> None:
+    def test_every_tick_and_every_policy_step_is_there(self, logged: tuple[Path, Trace]) -> None:
         path, trace = logged
         counts = Counter(m.topic for m in decoded(path))
-        assert counts["/policy/inputs"] == len(trace.compute_ms) == 26
-        assert counts["/joint_states"] == counts["/imu"] == pytest.approx(100 * trace.run_s, abs=2)
+        assert counts["/policy/inputs"] == counts["/policy/command"] == len(trace.compute_ms) == 26
+        ticks = int(trace.timing["ticks"]) + 1  # the last one switches the motors off, and is not timed
+        assert counts["/joint_states"] == counts["/imu"] == ticks == round(500 * trace.run_s) + 1
+
+    def test_commands_are_logged_while_there_are_any(self, logged: tuple[Path, Trace]) -> None:
+        """From the first tick of STANDING to the one before motors are switched off."""
+        found = read_log(logged[0]).entries
+        state = {entry.message.data: entry.time_ns for entry in found if entry.topic == "/state"}
+        for topic in ("/joint_commands", "/joint_gains"):
+            times = [entry.time_ns for entry in found if entry.topic == topic]
+            assert times == list(range(state["STANDING"], state["IDLE"], 2_000_000))
 
     def test_joint_states_carry_names_and_readings(self, go1: Robot, logged: tuple[Path, Trace]) -> None:
         last = decoded(logged[0], "/joint_states")[60].message
@@ -75,22 +93,28 @@ class TestContent:
 
     def test_each_reading_stands_in_its_own_field(self, go1: Robot, tmp_path: Path) -> None:
         """Orientation comes as w x y z and is written by name."""
-        position, velocity, torque, target = (100.0 * k + np.arange(12.0) for k in range(4))
+        position, velocity, torque = (100.0 * k + np.arange(12.0) for k in range(3))
+        commanded = 1000.0 * np.arange(1, 6)[:, None] + np.arange(12.0)
         gyro, acceleration, quaternion = (
             np.array([1.0, 2, 3]),
             np.array([4.0, 5, 6]),
             np.array([0.1, 0.2, 0.3, 0.4]),
         )
         path = tmp_path / "tick.mcap"
-        log = McapLog(path, go1, Hold(go1), every_us=10_000, facts={}, start_ns=0)
-        log.tick(0, Sensed(gyro, acceleration, quaternion, position, velocity, torque), target)
-        log.close()
+        log = McapLog(path, go1, Hold(go1), facts={}, start_ns=0, may_wait=True)
+        log.tick(0, Sensed(gyro, acceleration, quaternion, position, velocity, torque), commanded)
+        assert log.close() == ""
         written = {each.topic: each.message for each in decoded(path)}
         joints, inertial = written["/joint_states"], written["/imu"]
         assert list(joints.position) == position.tolist()
         assert list(joints.velocity) == velocity.tolist()
         assert list(joints.effort) == torque.tolist()
-        assert list(written["/joint_commands"].position) == target.tolist()
+        command = written["/joint_commands"]
+        assert list(command.name) == list(go1.joint_names)
+        assert list(command.position) == commanded[0].tolist()
+        assert list(command.velocity) == commanded[1].tolist()
+        assert list(command.effort) == commanded[4].tolist()
+        assert list(written["/joint_gains"].data) == [*commanded[2], *commanded[3]]
         assert [getattr(inertial.orientation, axis) for axis in "wxyz"] == quaternion.tolist()
         assert [getattr(inertial.angular_velocity, axis) for axis in "xyz"] == gyro.tolist()
         assert [getattr(inertial.linear_acceleration, axis) for axis in "xyz"] == acceleration.tolist()
@@ -118,9 +142,24 @@ class TestContent:
         assert np.array_equal(again.qpos, logged[1].qpos)
 
 
+def children(pid: int) -> list[int]:
+    return [int(each) for each in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def wait_for_end(pid: int) -> None:
+    """Of somebody else's child."""
+    deadline = time.monotonic() + 10.0
+    while Path(f"/proc/{pid}").exists() and time.monotonic() < deadline:
+        if "(zombie)" in Path(f"/proc/{pid}/status").read_text():
+            return
+        time.sleep(0.02)
+
+
 class TestKilledRun:
+    """A loop that keeps to the wall clock, and a reader who sees each tick as it happens."""
+
     SCRIPT = """
-import sys
+import os, sys
 from pathlib import Path
 from deploy_policies import Hold, short_episode
 from footfall.plant.episode import run_episode
@@ -131,26 +170,52 @@ robot = load_robot("go1")
 patient = SafetyConfig(silence_timeout_s=5.0, pause_limit_s=5.0, skipped_share=1.0)
 config = DeployConfig(motor_timeout_s=5.0, safety=patient)
 episode = short_episode(duration_s=60.0, realtime=True, log=Path(sys.argv[1]), config=config)
-run_episode(robot, Hold(robot), episode)
+run_episode(robot, Hold(robot), episode, lambda loop, _: os.write(1, b"%d\\n" % loop.now_us))
 """
 
-    def test_keeps_all_but_its_last_moments(self, tmp_path: Path) -> None:
-        path = tmp_path / "killed.mcap"
-        environment = {"PYTHONPATH": f"{Path(__file__).parent}:{Path(__file__).parents[1]}"}
-        process = subprocess.Popen([sys.executable, "-c", self.SCRIPT, str(path)], env=environment)
+    @pytest.fixture
+    def run(self, tmp_path: Path) -> Iterator[subprocess.Popen[bytes]]:
+        """A run that has been logging for a second."""
+        environment = os.environ | {"PYTHONPATH": f"{Path(__file__).parent}:{Path(__file__).parents[1]}"}
+        command = [sys.executable, "-c", self.SCRIPT, str(tmp_path / "killed.mcap")]
+        process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE)
+        assert process.stdout is not None
         try:
-            deadline = time.monotonic() + 20.0
-            while not path.exists() and time.monotonic() < deadline:
-                time.sleep(0.05)
-            time.sleep(2.5)
+            while int(process.stdout.readline()) < 1_000_000:
+                pass
+            yield process
         finally:
-            process.send_signal(signal.SIGKILL)
-            process.wait()
-        log = read_log(path)
-        assert not log.complete
-        assert log.metadata["policy"] == "hold"
-        readings = [entry for entry in log.entries if entry.topic == "/joint_states"]
-        assert (readings[-1].time_ns - readings[0].time_ns) * 1e-9 > 1.0
+            process.kill()
+            process.communicate()
+
+    @pytest.mark.parametrize("with_its_writer", [False, True])
+    def test_lacks_a_fifth_of_a_second_at_most(
+        self, run: subprocess.Popen[bytes], tmp_path: Path, with_its_writer: bool
+    ) -> None:
+        (writer,) = children(run.pid)
+        if with_its_writer:
+            os.kill(writer, signal.SIGKILL)
+        run.kill()
+        seen_us = int(run.communicate()[0].split()[-1])
+        wait_for_end(writer)
+        path = tmp_path / "killed.mcap"
+        recover(path, tmp_path / "whole.mcap")
+        for each in (path, tmp_path / "whole.mcap"):
+            log = read_log(each)
+            assert not log.complete
+            assert log.metadata["policy"] == "hold"
+            readings = [entry.time_ns for entry in log.entries if entry.topic == "/joint_states"]
+            assert readings[-1] - readings[0] >= (seen_us - (200_000 if with_its_writer else 4_000)) * 1000
+        assert decoded(tmp_path / "whole.mcap")
+
+    def test_has_its_index_where_the_writer_could_go_on(
+        self, run: subprocess.Popen[bytes], tmp_path: Path
+    ) -> None:
+        (writer,) = children(run.pid)
+        run.kill()
+        run.communicate()
+        wait_for_end(writer)
+        assert decoded(tmp_path / "killed.mcap", "/imu")
 
     def test_a_torn_file_can_be_replayed(
         self, go1: Robot, logged: tuple[Path, Trace], tmp_path: Path
@@ -168,11 +233,11 @@ run_episode(robot, Hold(robot), episode)
         content = logged[0].read_bytes()
         torn.write_bytes(content[: len(content) * 9 // 10])
         left = read_log(torn)
-        assert recover(torn, whole) == len(left.entries) > 0
+        assert recover(torn, whole).messages == len(left.entries) > 0
         assert len(decoded(whole)) == len(left.entries)
         again = read_log(whole)
-        assert again.complete
         assert again.metadata == left.metadata
+        assert not again.complete  # the run was cut short all the same
 
 
 class TestReplay:
@@ -259,14 +324,101 @@ class TestBadInput:
             replay(tmp_path / "none.mcap", Hold(go1))
 
 
-def test_readings_are_apart_by_the_log_rate_also_after_a_pause(go1: Robot, tmp_path: Path) -> None:
-    path = tmp_path / "pause.mcap"
-    log = McapLog(path, go1, Hold(go1), every_us=10_000, facts={}, start_ns=0)
-    still = Sensed(np.zeros(3), np.zeros(3), np.array([1.0, 0, 0, 0]), *np.zeros((3, 12)))
-    for now_us in (0, 8_000, 45_000, 46_000, 54_000, 55_000):
-        log.tick(now_us, still, np.zeros(12))
+STILL = Sensed(np.zeros(3), np.zeros(3), np.array([1.0, 0, 0, 0]), *np.zeros((3, 12)))
+
+
+def test_a_state_is_logged_with_its_last_fault(go1: Robot, tmp_path: Path) -> None:
+    log = McapLog(tmp_path / "a.mcap", go1, Hold(go1), facts={}, start_ns=0, may_wait=True)
     log.state(60_000, State(Mode.ESTOP, 0.06, ("first", "second")))
     log.close()
-    entries = read_log(path).entries
-    assert [entry.time_ns for entry in entries if entry.topic == "/imu"] == [0, 45_000_000, 55_000_000]
-    assert [entry.message.data for entry in entries if entry.topic == "/state"] == ["ESTOP: second"]
+    assert [entry.message.data for entry in read_log(tmp_path / "a.mcap").entries] == ["ESTOP: second"]
+
+
+class TestDisk:
+    """A log may cost itself, and nothing else."""
+
+    def test_a_full_one_is_told_at_once_and_the_run_goes_on(
+        self, go1: Robot, capfd: pytest.CaptureFixture[str]
+    ) -> None:
+        told_after: list[int] = []
+
+        def listen(loop: ControlLoop, _: object) -> None:
+            if not told_after and "No space left" in capfd.readouterr().err:
+                told_after.append(loop.now_us)
+
+        trace = run_episode(go1, Hold(go1), short_episode(log=Path("/dev/full"), config=UNHURRIED), listen)
+        assert trace.final_state == "IDLE"
+        assert trace.walked_s == pytest.approx(1.0, abs=0.01)
+        assert trace.notes == ("the log /dev/full is cut short: No space left on device",)
+        assert told_after
+        assert told_after[0] < 1_000_000
+
+    def test_one_that_hangs_for_a_while_makes_a_log_lack_ticks_but_not_the_loop_wait(
+        self, go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """A process that is stopped is like one whose disk hangs."""
+        monkeypatch.setattr(log_module, "MOST_WAITING_BYTES", 20_000)
+        path = tmp_path / "a.mcap"
+        log = McapLog(path, go1, Hold(go1), facts={}, start_ns=0, may_wait=False)
+        os.kill(log._process.pid, signal.SIGSTOP)
+        slowest_s = 0.0
+        for tick in range(1000):
+            started = time.perf_counter()
+            log.tick(2000 * tick, STILL, np.zeros((5, 12)))
+            slowest_s = max(slowest_s, time.perf_counter() - started)
+        os.kill(log._process.pid, signal.SIGCONT)
+        lacks = re.fullmatch(r"the log .*a\.mcap lacks (\d+) ticks or .*: the disk was too slow", log.close())
+        assert lacks is not None
+        assert slowest_s < 0.2
+        readings = [entry for entry in read_log(path).entries if entry.topic == "/imu"]
+        assert 0 < len(readings) == 1000 - int(lacks[1])
+        assert read_log(path).complete
+
+    def test_one_that_hangs_for_ever_is_given_up(
+        self, go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(log_module, "LAST_WAIT_S", 0.3)
+        log = McapLog(tmp_path / "a.mcap", go1, Hold(go1), facts={}, start_ns=0, may_wait=False)
+        os.kill(log._process.pid, signal.SIGSTOP)
+        log.tick(0, STILL, None)
+        assert "a.mcap has no end: the disk does not take it" in log.close()
+
+    def test_a_writer_that_dies_is_told(self, go1: Robot, tmp_path: Path) -> None:
+        log = McapLog(tmp_path / "a.mcap", go1, Hold(go1), facts={}, start_ns=0, may_wait=True)
+        os.kill(log._process.pid, signal.SIGKILL)
+        log._process.wait()
+        for tick in range(3):
+            log.tick(tick, STILL, None)
+        assert "is cut short: the process that writes it failed" in log.close()
+
+
+class TestDamage:
+    """Logs with bytes changed, lost or added give what is left of them, or one line."""
+
+    def test_a_damaged_chunk_is_left_out_and_the_rest_read(
+        self, go1: Robot, logged: tuple[Path, Trace], tmp_path: Path
+    ) -> None:
+        content = bytearray(logged[0].read_bytes())
+        zstd = b"\x28\xb5\x2f\xfd"  # at the head of each chunk's content
+        content[content.index(zstd, len(content) // 2) + 100] ^= 0xFF
+        hurt, whole = tmp_path / "hurt.mcap", tmp_path / "whole.mcap"
+        hurt.write_bytes(content)
+        log = read_log(hurt)
+        assert log.damaged == 1
+        assert len(read_log(logged[0]).entries) * 0.5 < len(log.entries) < len(read_log(logged[0]).entries)
+        assert recover(hurt, whole) == (len(log.entries), 1)
+        assert read_log(whole).damaged == 0
+
+    @pytest.mark.parametrize("seed", range(40))
+    def test_no_mutation_gives_a_traceback(
+        self, go1: Robot, logged: tuple[Path, Trace], tmp_path: Path, seed: int
+    ) -> None:
+        hurt = tmp_path / "hurt.mcap"
+        hurt.write_bytes(mutated(logged[0].read_bytes(), np.random.default_rng(seed)))
+        for work in (
+            lambda: read_log(hurt),
+            lambda: replay(hurt, Sway(go1)),
+            lambda: recover(hurt, tmp_path / "whole.mcap"),
+        ):
+            with suppress(UserError):
+                work()

@@ -15,7 +15,7 @@ from deploy_policies import Hold, Spoilt, stand_still
 
 from footfall.common.errors import UserError
 from footfall.deploy import clock as clock_module
-from footfall.deploy import messages, python_can_bus, session
+from footfall.deploy import python_can_bus, session
 from footfall.deploy.bus import BusStatistics
 from footfall.deploy.clock import LockstepClock, WallClock, undisturbed
 from footfall.deploy.config import DeployConfig
@@ -112,8 +112,8 @@ class Notebook:
     def __init__(self) -> None:
         self.told: list[tuple] = []
 
-    def tick(self, now_us: int, sensed: Any, target: np.ndarray) -> None:
-        self.told.append(("tick", now_us, sensed, target))
+    def tick(self, now_us: int, sensed: Any, commanded: np.ndarray | None) -> None:
+        self.told.append(("tick", now_us, sensed, commanded))
 
     def policy_step(self, now_us: int, observation: Observation, command: JointCommand) -> None:
         self.told.append(("policy_step", now_us, observation, command))
@@ -444,7 +444,7 @@ class TestLoop:
 
     def test_the_log_is_told_of_each_tick_step_change_and_note_once(self, go1: Robot) -> None:
         policy = Hold(go1)
-        loop, _ = loop_of(go1, policy, command=lambda t: np.array([9.0, 0.0, 9.0 if t > 0.03 else 0.0]))
+        loop, body = loop_of(go1, policy, command=lambda t: np.array([9.0, 0.0, 9.0 if t > 0.03 else 0.0]))
         loop.log = notebook = Notebook()
         loop._command_limits._ranges = ((-1.0, 1.0), (-1.0, 1.0), (-2.0, 2.0))
         until(loop, Mode.WALKING)
@@ -452,7 +452,10 @@ class TestLoop:
             loop.tick()
         assert [time_us for time_us, *_ in notebook.of("tick")] == list(range(0, 162_000, TICK_US))
         assert notebook.of("tick")[-1][1] is loop.sensed
-        np.testing.assert_array_equal(notebook.of("tick")[-1][2], loop.target)
+        sent = notebook.of("tick")[-1][2]
+        np.testing.assert_array_equal(sent[0], loop.target)
+        np.testing.assert_allclose(body.command().kp, sent[2], atol=0.2)  # a frame's rounding
+        np.testing.assert_allclose(body.command().kd, sent[3], atol=0.01)
         assert [(time_us, state.mode) for time_us, state in notebook.of("state")] == [
             (0, Mode.STANDING),
             (100_000, Mode.WALKING),
@@ -1128,49 +1131,26 @@ class TestSession:
         closed: list[int] = []
 
         class Log(Notebook):
-            def __init__(self, *arguments: Any) -> None:
+            def __init__(self, *arguments: Any, may_wait: bool) -> None:
                 super().__init__()
-                opened.append(arguments)
+                opened.append((*arguments, may_wait))
 
-            def close(self) -> None:
+            def close(self) -> str:
                 closed.append(len(self.told))
+                return "the log is short"
 
         monkeypatch.setattr(log_module, "McapLog", Log)
         monkeypatch.setattr(session.time, "time_ns", lambda: 123)
-        config = DeployConfig(stand_s=0.01, joint_rate_hz=250.0, log_rate_hz=40.0)
+        config = DeployConfig(stand_s=0.01, joint_rate_hz=250.0)
         told = {"seed": 3} | ({"policy_spec": spec} if realtime else {})
         run = session_of(log=tmp_path / "a", facts=told, config=config, realtime=realtime)
         policy = Hold(go1)
-        run_session(go1, policy, FrameRobot(go1), run)  # type: ignore[arg-type]
+        outcome = run_session(go1, policy, FrameRobot(go1), run)  # type: ignore[arg-type]
         facts = {"policy_spec": spec, "seed": 3, "joint_rate_hz": 250.0}
-        assert opened == [(tmp_path / "a", go1, policy, 25_000, facts, 123 if realtime else 0)]
-        assert len(closed) == 1
+        assert opened == [(tmp_path / "a", go1, policy, facts, 123 if realtime else 0, not realtime)]
+        assert outcome.notes == ("the log is short",)
+        assert closed
         assert closed[0] > 5
-
-
-def test_messages_hold_each_number_in_its_field() -> None:
-    stamp = {"sec": 12, "nanosec": 345_678_901}
-    time_ns = 12_345_678_901
-    assert messages.header(time_ns, "x") == {"stamp": stamp, "frame_id": "x"}
-    twist = messages.twist(time_ns, [0.1, 0.2, 0.3])
-    assert twist["header"] == {"stamp": stamp, "frame_id": "base"}
-    assert twist["twist"]["linear"] == {"x": 0.1, "y": 0.2, "z": 0.0}
-    assert twist["twist"]["angular"] == {"x": 0.0, "y": 0.0, "z": 0.3}
-    inertial = messages.imu(time_ns, [0.1, 0.2, 0.3, 0.4], [1.0, 2.0, 3.0], [4.0, 5.0, 6.0])
-    assert inertial["orientation"] == {"w": 0.1, "x": 0.2, "y": 0.3, "z": 0.4}
-    assert inertial["angular_velocity"] == {"x": 1.0, "y": 2.0, "z": 3.0}
-    assert inertial["linear_acceleration"] == {"x": 4.0, "y": 5.0, "z": 6.0}
-    assert inertial["header"] == {"stamp": stamp, "frame_id": "imu"}
-    state = messages.joint_state(time_ns, ["a"], [1.0], [2.0], [3.0])
-    assert (state["name"], state["position"], state["velocity"], state["effort"]) == (
-        ["a"],
-        [1.0],
-        [2.0],
-        [3.0],
-    )
-    array = messages.multi_array([1.0, 2.0, 3.0], "what")
-    assert array["data"] == [1.0, 2.0, 3.0]
-    assert array["layout"] == {"dim": [{"label": "what", "size": 3, "stride": 3}], "data_offset": 0}
 
 
 def test_numbers_that_are_none_differ_from_those_that_are() -> None:

@@ -12,7 +12,7 @@ log = App(name="log", help="Work on the log of a run.")
 
 @log.command
 def recover(file: Path, /, *, out: OptionalPath = None) -> int:
-    """Give a log that was cut short its end, so that tools which need a file's index open it.
+    """Give a log that was cut short or damaged its end, so that tools which need a file's index open it.
 
     Parameters
     ----------
@@ -25,5 +25,7 @@ def recover(file: Path, /, *, out: OptionalPath = None) -> int:
     check_outputs(whole)
     from footfall.deploy.recover import recover as recover_log
 
-    print(f"{recover_log(file, whole)} messages in {whole}")
+    found = recover_log(file, whole)
+    lost = f", {found.damaged} damaged parts left out" if found.damaged else ""
+    print(f"{found.messages} messages in {whole}{lost}")
     return 0

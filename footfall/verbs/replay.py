@@ -11,6 +11,8 @@ from footfall.common.errors import UserError
 from footfall.options import AS_TYPED, PolicyName
 
 if TYPE_CHECKING:
+    from footfall.deploy.log_file import LogFile
+    from footfall.policies.policy import Policy
     from footfall.robots.description import Robot
 
 
@@ -29,23 +31,26 @@ class ReplayOptions:
 
 def replay(log: Path, /, *, options: ReplayOptions = ReplayOptions()) -> int:
     """Feed a log's readings to its policy again; exit 0 if it decides the same, 1 if not."""
-    from footfall.deploy.replay import read_log
+    from footfall.deploy.log_file import read_log
     from footfall.deploy.replay import replay as replay_log
     from footfall.policies.registry import load_policy
     from footfall.robots.description import load_robot
 
-    named: dict[str, str] = {}
     if options.policy is None or options.robot is None:
-        named = read_log(log).metadata
-    robot = load_robot(options.robot) if options.robot is not None else _logged_robot(named)
-    try:
-        policy = load_policy(options.policy or named["policy_spec"], robot)
-    except UserError as error:
-        if options.policy is not None:
-            raise
-        raise UserError(f"the log was made with a policy that is not here ({error}): give --policy") from None
+        named = read_log(log, topics=())
+        robot = _logged_robot(named) if options.robot is None else load_robot(options.robot)
+        policy = (
+            _logged_policy(named, robot) if options.policy is None else load_policy(options.policy, robot)
+        )
+    else:
+        robot = load_robot(options.robot)
+        policy = load_policy(options.policy, robot)
     result = replay_log(log, policy, options.tolerance)
-    print(f"{result.steps} policy steps" + ("" if result.complete else ", of a run that was cut short"))
+    print(
+        f"{result.steps} policy steps"
+        + ("" if result.complete else ", of a run that was cut short")
+        + (f", {result.damaged} damaged parts left out" if result.damaged else "")
+    )
     if result.first_difference:
         print(f"first difference: {result.first_difference}")
         print(f"worst difference: {result.worst_difference:.3g}")
@@ -54,7 +59,17 @@ def replay(log: Path, /, *, options: ReplayOptions = ReplayOptions()) -> int:
     return 0
 
 
-def _logged_robot(named: dict[str, str]) -> "Robot":
+def _logged_policy(named: "LogFile", robot: "Robot") -> "Policy":
+    """The policy that a log was made with. Raises UserError if it is not here."""
+    from footfall.policies.registry import load_policy
+
+    try:
+        return load_policy(named.text("policy_spec"), robot)
+    except UserError as error:
+        raise UserError(f"the log was made with a policy that is not here ({error}): give --policy") from None
+
+
+def _logged_robot(named: "LogFile") -> "Robot":
     """The robot that a log was made with, wherever it lies.
 
     Raises:
@@ -62,12 +77,13 @@ def _logged_robot(named: dict[str, str]) -> "Robot":
     """
     from footfall.robots.description import load_robot
 
-    for where in (named["robot"], named["robot_folder"]):
+    name, folder, digest = (named.text(part) for part in ("robot", "robot_folder", "robot_digest"))
+    for where in (name, folder):
         with suppress(UserError):
             robot = load_robot(where)
-            if robot.digest == named["robot_digest"]:
+            if robot.digest == digest:
                 return robot
     raise UserError(
-        f"the log was made with robot {named['robot']} of {named['robot_folder']},"
+        f"the log was made with robot {name} of {folder},"
         " which is not here or has changed since: give --robot"
     )

@@ -1,0 +1,134 @@
+"""Reads a run's log back, complete, cut short or damaged."""
+
+import json
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from footfall.common.errors import UserError
+from footfall.deploy.log_writer import ENDED, METADATA
+
+LARGEST_RECORD = 2**26  # bytes; a damaged length may claim anything
+
+
+class Entry(NamedTuple):
+    """One message of a log."""
+
+    topic: str
+    time_ns: int
+    message: Any  # decoded; fields as attributes
+
+
+@dataclass(frozen=True)
+class LogFile:
+    """A log's metadata and messages."""
+
+    path: Path
+    metadata: dict[str, Any]
+    entries: tuple[Entry, ...]
+    complete: bool  # False if the run was cut short
+    damaged: int  # parts and messages that could not be read
+
+    def text(self, name: str) -> str:
+        """An entry of the metadata that is text; raises UserError if it is not there."""
+        value = self.metadata.get(name)
+        if not isinstance(value, str):
+            raise UserError(f"{self.path} does not say its {name.replace('_', ' ')}")
+        return value
+
+    @property
+    def joints(self) -> list[str]:
+        """The joints' names; raises UserError if they are not there."""
+        joints = self.metadata.get("joints")
+        if not isinstance(joints, list) or not joints or not all(isinstance(each, str) for each in joints):
+            raise UserError(f"{self.path} does not say its joints")
+        return joints
+
+
+@dataclass
+class Damage:
+    """Counts what of a file could not be read."""
+
+    parts: int = 0
+
+
+def read_log(path: Path, topics: Collection[str] | None = None) -> LogFile:
+    """Read a log, also one whose writer was killed. What is damaged is left out and counted.
+
+    Args:
+        path: the file.
+        topics: read only these (default: all).
+
+    Raises:
+        UserError: the file cannot be read, is no MCAP or no log of a run.
+    """
+    from mcap.records import Channel, Message, Metadata, Schema
+    from mcap_ros2.decoder import DecoderFactory
+
+    decoders = DecoderFactory()
+    metadata: dict[str, Any] = {}
+    entries: list[Entry] = []
+    schemas: dict[int, Schema] = {}
+    channels: dict[int, Channel] = {}
+    damage = Damage()
+    for record in records(path, damage):
+        try:
+            if isinstance(record, Metadata) and record.name == METADATA:
+                metadata.update({key: json.loads(value) for key, value in record.metadata.items()})
+            elif isinstance(record, Schema):
+                schemas[record.id] = record
+            elif isinstance(record, Channel):
+                channels[record.id] = record
+            elif isinstance(record, Message):
+                channel = channels[record.channel_id]
+                if topics is None or channel.topic in topics:
+                    decode = decoders.decoder_for(channel.message_encoding, schemas[channel.schema_id])
+                    if decode is not None:
+                        entries.append(Entry(channel.topic, record.log_time, decode(record.data)))
+        except (Exception, RecursionError):  # a decoder fails in many ways on what is no message
+            damage.parts += 1
+    if not metadata:
+        raise UserError(f"{path} is no log of a footfall run: it has no metadata '{METADATA}'")
+    return LogFile(path, metadata, tuple(entries), metadata.pop(ENDED, False) is True, damage.parts)
+
+
+def records(path: Path, damage: Damage) -> Iterator[Any]:
+    """The records of an MCAP file in their order, up to its end or to where it was torn off.
+
+    A chunk whose check sum is wrong is left out.
+
+    Raises:
+        UserError: the file cannot be read or is no MCAP.
+    """
+    from mcap.records import Chunk
+    from mcap.stream_reader import StreamReader, breakup_chunk
+
+    try:
+        file = path.open("rb")
+    except OSError as error:
+        raise UserError(f"cannot read the log {path}: {error.strerror or error}") from None
+    with file:
+        reader = StreamReader(file, emit_chunks=True, record_size_limit=LARGEST_RECORD)
+        source, begun = iter(reader.records), False
+        while True:
+            try:
+                record = next(source)
+            except StopIteration:
+                return
+            except Exception:  # a torn end fails in many ways
+                if not begun:
+                    raise UserError(f"{path} is no MCAP file") from None
+                return
+            begun = True
+            if not isinstance(record, Chunk):
+                yield record
+                continue
+            try:
+                if record.uncompressed_size > LARGEST_RECORD:
+                    raise ValueError
+                contents = breakup_chunk(record, validate_crc=True)
+            except Exception:  # in as many ways as there are decompressors
+                damage.parts += 1
+                continue
+            yield from contents

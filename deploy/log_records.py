@@ -1,0 +1,43 @@
+"""How the control loop hands a log's content to the process that writes it: records in a pipe."""
+
+import struct
+from collections.abc import Iterator
+from enum import IntEnum
+
+HEAD = struct.Struct("<BIq")  # kind, bytes that follow, time in microseconds of the loop's clock
+
+
+class Kind(IntEnum):
+    """What a record holds. Numbers are float64, of the network float32; n is the number of joints."""
+
+    BEGIN = 0  # JSON: joints' names, metadata, time zero, the file's name
+    READINGS = 1  # (10 + 3n,) gyro, acceleration, quaternion, positions, velocities, torques
+    COMMANDED = 2  # (5n,) what went out: position, velocity, stiffness, damping, torque
+    INPUTS = 3  # (18 + 3n,) what the policy was handed: see `flatten`
+    DECISION = 4  # (5n,) what it decided
+    OBSERVATION = 5  # what its network saw
+    ACTION = 6  # what that answered
+    STATE = 7  # text
+    NOTE = 8  # text
+    END = 9  # the run ended in order
+
+
+def record(kind: Kind, now_us: int, content: bytes = b"") -> bytes:
+    """A record's bytes."""
+    return HEAD.pack(kind, len(content), now_us) + content
+
+
+def take_records(arrived: bytearray) -> Iterator[tuple[Kind, int, bytes]]:
+    """Kind, time and content of each whole record that has arrived, which are taken out."""
+    done = 0
+    try:
+        while len(arrived) - done >= HEAD.size:
+            kind, size, now_us = HEAD.unpack_from(arrived, done)
+            end = done + HEAD.size + size
+            if len(arrived) < end:
+                break
+            content = bytes(arrived[done + HEAD.size : end])
+            done = end
+            yield Kind(kind), now_us, content
+    finally:
+        del arrived[:done]

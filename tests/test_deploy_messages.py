@@ -1,0 +1,98 @@
+"""A log's messages, byte by byte as the encoder of MCAP's ROS 2 library writes them."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mcap_ros2._dynamic import serialize_dynamic
+
+from footfall.deploy import messages
+
+TIMES = st.integers(0, 2**31 * 10**9 - 1)
+NAMES = st.lists(st.text(st.characters(codec="ascii", exclude_characters="\0"), max_size=9), max_size=5)
+
+
+def encoded(kind: str, message: dict) -> bytes:
+    return serialize_dynamic(kind, messages.SCHEMAS[kind])[kind](message)
+
+
+def header(time_ns: int, frame: str) -> dict:
+    return {"stamp": {"sec": time_ns // 10**9, "nanosec": time_ns % 10**9}, "frame_id": frame}
+
+
+def vector(values: np.ndarray) -> dict:
+    return dict(zip("xyz", values.tolist(), strict=True))
+
+
+@given(TIMES, NAMES, st.integers(0, 99))
+def test_joint_states(time_ns: int, names: list[str], seed: int) -> None:
+    numbers = np.random.default_rng(seed).normal(size=(3, len(names)))
+    expected = {
+        "header": header(time_ns, ""),
+        "name": names,
+        "position": numbers[0].tolist(),
+        "velocity": numbers[1].tolist(),
+        "effort": numbers[2].tolist(),
+    }
+    template = messages.joint_state(tuple(names))
+    gaps = [row.tobytes() for row in numbers] if names else []
+    assert template.fill(time_ns, *gaps) == encoded("sensor_msgs/msg/JointState", expected)
+
+
+@given(TIMES, st.integers(0, 99))
+def test_inertial_readings(time_ns: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    quaternion, gyro, acceleration = rng.normal(size=4), rng.normal(size=3), rng.normal(size=3)
+    expected = {
+        "header": header(time_ns, "imu"),
+        "orientation": vector(quaternion[1:]) | {"w": float(quaternion[0])},
+        "orientation_covariance": [0.0] * 9,
+        "angular_velocity": vector(gyro),
+        "angular_velocity_covariance": [0.0] * 9,
+        "linear_acceleration": vector(acceleration),
+        "linear_acceleration_covariance": [0.0] * 9,
+    }
+    gaps = (quaternion[1:], quaternion[:1], gyro, acceleration)
+    found = messages.imu().fill(time_ns, *(gap.tobytes() for gap in gaps))
+    assert found == encoded("sensor_msgs/msg/Imu", expected)
+
+
+def test_a_velocity_command() -> None:
+    twist = {
+        "linear": {"x": 0.1, "y": 0.2, "z": 0.0},
+        "angular": {"x": 0.0, "y": 0.0, "z": 0.3},
+    }
+    expected = {"header": header(12_345_678_901, "base"), "twist": twist}
+    numbers = np.array([0.1, 0.2, 0.3])
+    found = messages.twist().fill(12_345_678_901, numbers[:2].tobytes(), numbers[2:].tobytes())
+    assert found == encoded("geometry_msgs/msg/TwistStamped", expected)
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("label", ["", "x", "inputs", "command"])
+def test_numbers(dtype: type, label: str) -> None:
+    numbers = np.random.default_rng(0).normal(size=7).astype(dtype)
+    expected = {
+        "layout": {"dim": [{"label": label, "size": 7, "stride": 7}], "data_offset": 0},
+        "data": numbers.tolist(),
+    }
+    kind = f"std_msgs/msg/Float{numbers.itemsize * 8}MultiArray"
+    found = messages.multi_array(label, 7, numbers.itemsize).fill(0, numbers.tobytes())
+    assert found == encoded(kind, expected)
+
+
+@pytest.mark.parametrize("value", ["", "ESTOP: no reply", "ü"])
+def test_text(value: str) -> None:
+    assert messages.text(value) == encoded("std_msgs/msg/String", {"data": value})
+
+
+def test_a_message_is_not_changed_by_the_next() -> None:
+    template = messages.multi_array("x", 1)
+    first = template.fill(0, np.ones(1).tobytes())
+    template.fill(0, np.zeros(1).tobytes())
+    assert first == template.fill(0, np.ones(1).tobytes())
+
+
+def test_numbers_that_are_not_as_many_as_a_message_has_are_refused() -> None:
+    with pytest.raises(ValueError, match="zip"):
+        messages.twist().fill(0, bytes(24))
