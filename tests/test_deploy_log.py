@@ -196,7 +196,8 @@ run_episode(robot, Hold(robot), episode, lambda loop, _: os.write(1, b"%d\\n" % 
         if with_its_writer:
             os.kill(writer, signal.SIGKILL)
         run.kill()
-        seen_us = int(run.communicate()[0].split()[-1])
+        assert run.stdout is not None
+        seen_us = int((b"1000000 " + run.stdout.read()).split()[-1])
         wait_for_end(writer)
         path = tmp_path / "killed.mcap"
         recover(path, tmp_path / "whole.mcap")
