@@ -186,7 +186,8 @@ run_episode(robot, Hold(robot), episode, lambda loop, _: os.write(1, b"%d\\n" % 
             yield process
         finally:
             process.kill()
-            process.communicate()
+            process.wait()
+            process.stdout.close()
 
     @pytest.mark.parametrize("with_its_writer", [False, True])
     def test_lacks_a_fifth_of_a_second_at_most(
@@ -214,7 +215,7 @@ run_episode(robot, Hold(robot), episode, lambda loop, _: os.write(1, b"%d\\n" % 
     ) -> None:
         (writer,) = children(run.pid)
         run.kill()
-        run.communicate()
+        run.wait()
         wait_for_end(writer)
         assert decoded(tmp_path / "killed.mcap", "/imu")
 
