@@ -16,6 +16,7 @@ class BusStatistics:
     frames_sent: int = 0
     frames_received: int = 0
     frames_refused: int = 0  # the transmit queue was full
+    errors: int = 0  # error frames, where the interface tells of them
     load: float | None = None  # share of the time that the wire was busy, where it is known
 
 
@@ -28,6 +29,10 @@ class Bus(Protocol):
 
     def receive(self, now_us: int) -> list[Frames]:
         """Frames that have arrived since the last call, oldest first."""
+        ...
+
+    def fault(self) -> str:
+        """Which bus does not work, and why, in one line; empty if all do."""
         ...
 
     def statistics(self) -> list[BusStatistics]:

@@ -211,10 +211,8 @@ class ControlLoop:
             self.state = State(
                 Mode.ESTOP, now_s, (*state.faults, f"the control loop failed: {_where(error)}")
             )
-        frames = self._last_resort
-        with suppress(
-            Exception
-        ):  # where the host closes the joint law, what was made beforehand has no torque
+        frames = self._last_resort  # which brakes nothing where the host closes the joint law
+        with suppress(Exception):
             frames = self._driver.disable() if self.state.over else self._joints.damping(config.damping_kd)
         with suppress(Exception):
             self._bus.send(frames, self.now_us)
@@ -346,6 +344,7 @@ class ControlLoop:
             late_steps=self._late_steps,
             step_s=self._step_s,
             frames_refused=self._refused,
+            bus_fault=self._bus.fault(),
             policy_error=self._policy_error,
             oldest_of_imu="" if imu_silence_us <= self._silence_us else joints.oldest_of_imu,
             implausible=implausible,

@@ -4,11 +4,13 @@ import logging
 import operator
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
 from footfall.common.errors import UserError
+from footfall.deploy import can_errors
 from footfall.deploy.bus import HOST_QUEUE, BusStatistics
 from footfall.deploy.drivers.driver import CanFilter
 from footfall.deploy.frames import EXTENDED, Frames, frame_bits
@@ -24,6 +26,7 @@ MOST_FRAMES_AT_ONCE = 1024
 MOST_FAILURES_AT_ONCE = (
     16  # of one bus in one tick: a datagram that is no frame, or an interface that is down
 )
+STATE_EVERY_S = 0.1  # how often a controller is asked for its state
 FILTERING = ("socketcan",)  # interfaces that filter before a frame reaches the process
 
 
@@ -69,6 +72,8 @@ class PythonCanBus:
         self._free_at = [0.0] * len(names)
         self._statistics = [BusStatistics(name) for name in names]
         self._wanted = [(f["can_id"] | f["extended"] * EXTENDED, f["can_mask"] | EXTENDED) for f in filters]
+        self._faults = [""] * len(names)
+        self._received_s = self._looked_s = time.monotonic()
         self._buses: list[Any] = []
         logging.getLogger("can").setLevel(logging.CRITICAL)  # failures are reported in our own words
         for index, name in enumerate(names):
@@ -107,31 +112,57 @@ class PythonCanBus:
 
         Whatever waits is taken, foreign frames too: one left in the queue would make all after it old.
         """
-        rows: list[tuple[int, int, bytes]] = []
+        rows: list[tuple[int, int, bytes, float]] = []
         for channel, bus in enumerate(self._buses):
             before = len(rows)
-            rows.extend((channel, *frame) for frame in self._waiting(bus))
+            rows.extend((channel, *frame) for frame in self._waiting(channel, bus))
             self._statistics[channel].frames_received += len(rows) - before
+        longest_s = self._since_last()
         if not rows:
             return []
-        data = b"".join(content.ljust(8, b"\0") for _, _, content in rows)
+        channels, identifiers, contents, stamps = zip(*rows, strict=True)
+        age_s = (time.time() - np.array(stamps)).clip(0.0, longest_s)
         return [
             Frames(
-                np.array([channel for channel, _, _ in rows]),
-                np.array([identifier for _, identifier, _ in rows]),
-                np.frombuffer(data, dtype=np.uint8).reshape(-1, 8),
-                np.array([len(content) for _, _, content in rows]),
+                np.array(channels),
+                np.array(identifiers),
+                np.frombuffer(b"".join(c.ljust(8, b"\0") for c in contents), np.uint8).reshape(-1, 8),
+                np.array([len(content) for content in contents]),
+                now_us - 1e6 * age_s,
             )
         ]
 
-    def _waiting(self, bus: Any) -> Iterator[tuple[int, bytes]]:
-        """Identifier and bytes of each frame for this end that waits on one bus."""
+    def _since_last(self) -> float:
+        """Time since the last call, s: no frame that waits is older, whatever a clock that was set says."""
+        now_s = time.monotonic()
+        since_s, self._received_s = now_s - self._received_s, now_s
+        return since_s
+
+    def fault(self) -> str:
+        now_s = time.monotonic()
+        if now_s - self._looked_s >= STATE_EVERY_S:
+            self._looked_s = now_s
+            for channel, bus in enumerate(self._buses):
+                with suppress(Exception):  # not every interface tells
+                    self._faults[channel] = self._faults[channel] or can_errors.meaning_of_state(
+                        bus.state.name
+                    )
+        for statistics, fault in zip(self._statistics, self._faults, strict=True):
+            if fault:
+                return f"bus {statistics.name} {fault}"
+        return ""
+
+    def _waiting(self, channel: int, bus: Any) -> Iterator[tuple[int, bytes, float]]:
+        """Identifier, bytes and time stamp of each frame for this end that waits on one bus."""
         failures = 0
         for _ in range(MOST_FRAMES_AT_ONCE):
             try:
                 message = bus.recv(timeout=0)
                 if message is None:
                     return
+                if message.is_error_frame:
+                    self._note_error(channel, message)
+                    continue
                 frame = _plain_frame(message)
             except Exception:  # an interface that fails, or a datagram of somebody else's making
                 failures += 1
@@ -140,6 +171,11 @@ class PythonCanBus:
                 continue
             if frame is not None and self._is_meant(frame[0]):
                 yield frame
+
+    def _note_error(self, channel: int, message: Any) -> None:
+        self._statistics[channel].errors += 1
+        if not self._faults[channel]:
+            self._faults[channel] = can_errors.meaning(message.arbitration_id, bytes(message.data))
 
     def _is_meant(self, identifier: int) -> bool:
         return any((identifier ^ wanted) & mask == 0 for wanted, mask in self._wanted)
@@ -160,17 +196,17 @@ class PythonCanBus:
         self._free_at[channel] = max(self._free_at[channel], now) + bits * 1e-6
 
 
-def _plain_frame(message: Any) -> tuple[int, bytes] | None:
-    """Identifier and bytes of a data frame from another node; None for anything else.
+def _plain_frame(message: Any) -> tuple[int, bytes, float] | None:
+    """Identifier, bytes and Unix time of arrival of a data frame from another node; None for anything else.
 
     Raises:
         TypeError: what came is no frame.
     """
-    if message.is_error_frame or message.is_remote_frame or not message.is_rx:
+    if message.is_remote_frame or not message.is_rx:
         return None
     data = bytes(message.data)
     identifier = operator.index(message.arbitration_id) | bool(message.is_extended_id) * EXTENDED
-    return (identifier, data) if len(data) <= 8 else None
+    return (identifier, data, float(message.timestamp)) if len(data) <= 8 else None
 
 
 def _open(can: Any, interface: str, index: int, name: str, filters: tuple[CanFilter, ...]) -> Any:

@@ -76,6 +76,7 @@ class Signals(NamedTuple):
     late_steps: int  # policy steps in a row that were late
     step_s: float  # duration of the last policy step
     frames_refused: int  # so far
+    bus_fault: str = ""  # which bus does not work, and why
     policy_error: str = ""
     oldest_of_imu: str = ""  # the part of its reading that has been silent longest
     unready: str = ""  # which motor may not be switched on yet, and why
@@ -161,6 +162,7 @@ CHECKS = (
     Check(MOVING, lambda s, _: s.motor_error, Mode.ESTOP),
     Check(MOVING, _late, Mode.ESTOP),
     Check(MOVING, _paused, Mode.ESTOP),
+    Check((Mode.IDLE, *MOVING), lambda s, _: s.bus_fault, Mode.ESTOP),
     Check((Mode.IDLE, *MOVING), _overflow, Mode.ESTOP),
     Check(MOVING, _tilted, Mode.FALLING),
 )

@@ -19,6 +19,9 @@ class SimulatedBus:
         self._robot.advance(now_us)
         return self._wires.receive(Side.HOST, now_us)
 
+    def fault(self) -> str:
+        return ""
+
     def statistics(self) -> list[BusStatistics]:
         elapsed = max(self._robot.time_us, 1)
         wires = self._wires

@@ -58,6 +58,7 @@ class FrameRobot:
         self.silent: list[int] = []
         self.imu_silent = False
         self.refuses = 0
+        self.bus_fault = ""
         self.sent: list[tuple[int, Requests]] = []
         self._count = 0
 
@@ -73,6 +74,9 @@ class FrameRobot:
             reading = imu.Inertial(self.gyro, (0.0, 0.0, 9.8), self.quaternion)
             batches.append(imu_frames(self.wiring, reading, self._count))
         return batches
+
+    def fault(self) -> str:
+        return self.bus_fault
 
     def statistics(self) -> list[BusStatistics]:
         return [BusStatistics("can0", 7)]
@@ -442,6 +446,13 @@ class TestLoop:
         loop.tick()
         assert loop.state.faults == ("bus overflow: 3 frames refused",)
 
+    def test_a_bus_that_does_not_work_is_a_fault(self, go1: Robot) -> None:
+        loop, body = loop_of(go1, Hold(go1))
+        until(loop, Mode.WALKING)
+        body.bus_fault = "bus can2 is bus-off"
+        loop.tick()
+        assert (loop.state.mode, loop.state.faults) == (Mode.ESTOP, ("bus can2 is bus-off",))
+
     def test_the_log_is_told_of_each_tick_step_change_and_note_once(self, go1: Robot) -> None:
         policy = Hold(go1)
         loop, body = loop_of(go1, policy, command=lambda t: np.array([9.0, 0.0, 9.0 if t > 0.03 else 0.0]))
@@ -640,6 +651,25 @@ class TestJointLayer:
         layer.absorb([self.replies(go1, np.array([4]), values[:, :1])], 2)
         assert np.flatnonzero(layer.last_heard().motor_error).tolist() == [7]
 
+    def test_a_motor_was_heard_when_its_frame_arrived(self, go1: Robot, layer: JointLayer) -> None:
+        """Not when the loop got round to it; where nobody knows, then."""
+        values, times = np.zeros((3, 12)), 1000.0 + ROWS
+        frames = self.replies(go1, slice(None), values)
+        for _ in range(2):  # the second time from arrays that were seen before
+            layer.absorb([frames._replace(time_us=times)], 2000)
+            assert layer.last_heard().motor_us.tolist() == times.tolist()
+        layer.absorb([frames], 2000)
+        assert layer.last_heard().motor_us.tolist() == [2000] * 12
+
+    def test_what_a_motor_does_not_tell_is_no_number(self, go1: Robot, layer: JointLayer) -> None:
+        """A reply of six bytes has no temperature; no motor in MIT mode tells its voltage."""
+        frames = self.replies(go1, slice(None), np.zeros((3, 12)))
+        short = np.where(ROWS == 4, 6, 8)
+        layer.absorb([frames._replace(length=short)], 1)
+        assert np.flatnonzero(np.isnan(layer.temperature_c)).tolist() == [4]
+        assert layer.temperature_c[5] == 30.0
+        assert np.isnan(layer.voltage).all()
+
     def test_an_error_outlives_a_reply_of_the_same_tick_that_has_none(
         self, go1: Robot, layer: JointLayer
     ) -> None:
@@ -729,6 +759,9 @@ class FakeTime:
 
     def monotonic(self) -> float:
         return self.ns * 1e-9
+
+    def time(self) -> float:
+        return 1.7e9 + self.ns * 1e-9
 
     def sleep(self, seconds: float) -> None:
         if seconds < 1e-9:
@@ -848,9 +881,9 @@ class FakeCan:
         return bus
 
 
-def received(identifier: int, data: bytes | None, **special: bool) -> Any:
+def received(identifier: int, data: bytes | None, timestamp: float = 0.0, **special: bool) -> Any:
     flags = dict.fromkeys(("is_error_frame", "is_remote_frame", "is_extended_id"), False) | {"is_rx": True}
-    return SimpleNamespace(arbitration_id=identifier, data=data, **(flags | special))
+    return SimpleNamespace(arbitration_id=identifier, data=data, timestamp=timestamp, **(flags | special))
 
 
 class TestPythonCanBus:
@@ -994,6 +1027,57 @@ class TestPythonCanBus:
         can.waiting = {0: ["failure"] * 40}
         assert bus.receive(0) == []
         assert len(can.waiting[0]) == 24
+
+    def test_a_frame_has_the_time_at_which_the_interface_got_it(
+        self, can: FakeCan, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """Read 2 ms after the last time: 1.5 ms and 0.5 ms old, one from before, one from the future."""
+        fake = FakeTime()
+        monkeypatch.setattr(python_can_bus, "time", fake)
+        bus = PythonCanBus("socketcan", ("can0",), ({"can_id": 0, "can_mask": 0, "extended": False},))
+        fake.ns += 2_000_000
+        now = fake.time()
+        can.waiting = {0: [received(1, b"", now + late) for late in (-0.0015, -0.0005, -3600.0, 3600.0)]}
+        (batch,) = bus.receive(10_000)
+        assert batch.time_us is not None
+        np.testing.assert_allclose(batch.time_us, [8500, 9500, 8000, 10_000], atol=1.0)
+
+    @pytest.mark.parametrize(
+        ("identifier", "data", "says"),
+        [
+            (0x040, b"", "bus can1 is bus-off"),
+            (0x004, b"\0\x20", "bus can1 is error-passive"),
+            (0x024, b"\0\x10", "bus can1 is error-passive"),
+            (0x004, b"\0\x01", "bus can1 lost frames"),
+            (0x004, b"\0\x08", ""),  # a warning
+            (0x004, b"", ""),
+            (0x088, b"\0\0\x04", ""),  # one frame was garbled, and was sent again
+        ],
+    )
+    def test_error_frames_tell_of_the_bus(
+        self, can: FakeCan, identifier: int, data: bytes, says: str
+    ) -> None:
+        bus = PythonCanBus("socketcan", ("can0", "can1"), ())
+        can.waiting = {1: [received(identifier, data, is_error_frame=True)]}
+        assert bus.receive(0) == []
+        assert bus.fault().startswith(says)
+        assert (bus.fault() == "") == (says == "")
+        assert [each.errors for each in bus.statistics()] == [0, 1]
+
+    @pytest.mark.parametrize(
+        ("state", "says"), [("ACTIVE", ""), ("PASSIVE", "passive"), ("ERROR", "bus-off")]
+    )
+    def test_interfaces_without_error_frames_are_asked_for_their_state_now_and_then(
+        self, can: FakeCan, monkeypatch: pytest.MonkeyPatch, state: str, says: str
+    ) -> None:
+        fake = FakeTime()
+        monkeypatch.setattr(python_can_bus, "time", fake)
+        bus = PythonCanBus("virtual", ("can0",), ())
+        can.buses[0].state = SimpleNamespace(name=state)
+        assert bus.fault() == ""
+        fake.ns += 100_000_000
+        assert says in bus.fault()
+        assert (bus.fault() == "") == (says == "")
 
     def test_a_frame_waits_while_the_queue_would_overflow(
         self, can: FakeCan, monkeypatch: pytest.MonkeyPatch

@@ -152,3 +152,15 @@ def test_a_bus_counts_what_the_controller_sent_and_what_it_got() -> None:
     assert (first.name, first.frames_sent, first.frames_received, first.frames_refused) == ("a", 2, 1, 0)
     assert (second.name, second.frames_sent, second.frames_received) == ("b", 1, 0)
     assert (first.load, second.load) == pytest.approx((0.405, 0.135))
+
+
+def test_frames_tell_when_they_arrived() -> None:
+    """135 us each, one after another on the first wire; the second batch is read in two pieces."""
+    wires = SimulatedWires(("a", "b"))
+    wires.send(Side.ROBOT, frames(0, 0, 1), 1000)
+    (batch,) = wires.receive(Side.HOST, 2000)
+    assert batch.time_us is not None
+    assert batch.time_us.tolist() == [1135, 1270, 1135]
+    wires.send(Side.ROBOT, frames(0, 0), 3000)
+    pieces = [wires.receive(Side.HOST, now)[0].time_us for now in (3200, 3300)]
+    assert [piece.tolist() for piece in pieces if piece is not None] == [[3135], [3270]]
