@@ -174,9 +174,11 @@ class ControlLoop:
             self._fail(error)
         if self.state.over:
             return False
-        self.timing.tick_us.add((time.perf_counter() - started) * 1e6)
+        work_us = (time.perf_counter() - started) * 1e6
+        self.timing.tick_us.add(work_us)
         if self._clock.realtime:
             self.timing.lateness_us.add(self._clock.lateness_us())
+            self.timing.overruns += work_us > self._config.tick_us
         return True
 
     def _act(self, elapsed_us: int) -> None:

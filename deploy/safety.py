@@ -144,7 +144,10 @@ def _paused(s: Signals, c: SafetyConfig) -> str:
     if s.pause_s > c.pause_limit_s:
         return f"the loop paused for {s.pause_s * 1e3:.0f} ms"
     if s.skipped_share > c.skipped_share:
-        return f"the loop ran late: {s.skipped_share:.0%} of the last second's ticks were left out"
+        return (
+            f"the loop ran late: {s.skipped_share:.0%} of the last second's ticks were left out"
+            f" (skipped_share allows {c.skipped_share:.0%})"
+        )
     return ""
 
 

@@ -118,7 +118,11 @@ def run_session(
         if session.realtime:
             resources.enter_context(_ending_on_signals(loop))
         started = time.perf_counter()
-        with undisturbed(config.realtime_priority) if session.realtime else nullcontext():
+        realtime = undisturbed(config.realtime_priority) if session.realtime else nullcontext([])
+        with realtime as refused:
+            if log is not None:
+                for note in refused:
+                    log.note(0, note)
             try:
                 _drive(loop, session.duration_s, each_tick)
             finally:
@@ -134,7 +138,7 @@ def run_session(
             compute_ms=loop.timing.policy_ms.values(),
             timing=loop.timing.summary() | {"ticks_skipped": float(loop.ticks_skipped)},
             buses=tuple(bus.statistics()),
-            notes=(*loop.notes, *filter(None, [lacking])),
+            notes=(*refused, *loop.notes, *filter(None, [lacking])),
         )
 
 

@@ -35,10 +35,11 @@ class Timing:
     lateness_us: Durations = field(default_factory=Durations)  # of each tick; wall clock only
     tick_us: Durations = field(default_factory=Durations)  # work of each tick
     policy_ms: Durations = field(default_factory=Durations)  # work of each policy step
+    overruns: int = 0  # ticks whose work took longer than a tick lasts; wall clock only
 
     def summary(self) -> dict[str, float]:
         """p50 and p99 of the last ones and the longest ever of each, by name; 0 where there are none."""
-        found = {"ticks": float(self.tick_us.count)}
+        found = {"ticks": float(self.tick_us.count), "overruns": float(self.overruns)}
         for name in ("lateness_us", "tick_us", "policy_ms"):
             durations: Durations = getattr(self, name)
             values = durations.values() if durations.count else np.zeros(1)

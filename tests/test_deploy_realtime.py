@@ -1,13 +1,17 @@
 """Runs that keep to the wall clock: on the simulated bus, and on python-can's buses without hardware."""
 
+import gc
 import os
+import re
 import signal
 import socket
 import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
 from functools import partial
+from pathlib import Path
 
 import msgpack
 import numpy as np
@@ -61,12 +65,64 @@ class TestClocks:
         time.sleep(0.055)
         assert clock.next_tick() >= 50_000
 
-    def test_the_loop_runs_without_garbage_collection(self) -> None:
-        import gc
 
-        with undisturbed(priority=1):
-            assert not gc.isenabled()
+class TestUndisturbed:
+    """What the loop's thread asks of Python and the system, and what becomes of it afterwards."""
+
+    @pytest.fixture
+    def before(self) -> Iterator[None]:
+        yield
         assert gc.isenabled()
+        assert gc.get_freeze_count() == 0
+        assert sys.getswitchinterval() == pytest.approx(0.005)
+        assert timer_slack_ns() == 50_000
+        assert os.sched_getscheduler(0) == os.SCHED_OTHER
+
+    def test_no_collection_and_other_threads_give_way(self, before: None) -> None:
+        with undisturbed(None) as refused:
+            assert not gc.isenabled()
+            assert gc.get_freeze_count() > 0
+            assert sys.getswitchinterval() <= 1e-4
+            assert timer_slack_ns() == 1
+            assert os.sched_getscheduler(0) == os.SCHED_OTHER
+        assert refused == []
+
+    def test_a_priority_is_taken_and_memory_locked_where_permitted(self, before: None) -> None:
+        with undisturbed(7) as refused:
+            if os.geteuid() != 0:
+                pytest.skip("not permitted here")
+            assert refused == []
+            assert (os.sched_getscheduler(0), os.sched_getparam(0).sched_priority) == (os.SCHED_FIFO, 7)
+            assert locked_kib() > 0
+        assert locked_kib() == 0
+
+    def test_what_the_system_refuses_is_told_and_the_loop_runs_all_the_same(
+        self, before: None, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        def refuse(*_: object) -> None:
+            raise PermissionError(1, "Operation not permitted")
+
+        monkeypatch.setattr(os, "sched_setscheduler", refuse)
+        monkeypatch.setattr(os, "geteuid", lambda: 1000)
+        monkeypatch.setattr("resource.getrlimit", lambda _: (8 * 2**20, 8 * 2**20))
+        with undisturbed(80) as refused:
+            assert not gc.isenabled()
+        assert refused == [
+            "memory is not locked: the limit (ulimit -l) is 8 MiB",
+            "no real-time priority 80: Operation not permitted",
+        ]
+
+    def test_everything_is_given_back_when_the_loop_fails(self, before: None) -> None:
+        with pytest.raises(ZeroDivisionError), undisturbed(3):
+            raise ZeroDivisionError
+
+
+def timer_slack_ns() -> int:
+    return int(Path("/proc/self/timerslack_ns").read_text())
+
+
+def locked_kib() -> int:
+    return int(re.search(r"VmLck:\s+(\d+)", Path("/proc/self/status").read_text())[1])  # type: ignore[index]
 
 
 class TestSimulatedBus:

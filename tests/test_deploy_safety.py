@@ -58,7 +58,11 @@ FAULTS = [
     ({"late_steps": 5}, Mode.ESTOP, "5 steps in a row"),
     ({"step_s": 0.11}, Mode.ESTOP, "one step took 110 ms"),
     ({"pause_s": 0.13}, Mode.ESTOP, "the loop paused for 130 ms"),
-    ({"skipped_share": 0.3}, Mode.ESTOP, "30% of the last second's ticks were left out"),
+    (
+        {"skipped_share": 0.3},
+        Mode.ESTOP,
+        "30% of the last second's ticks were left out (skipped_share allows 25%)",
+    ),
     ({"implausible": Implausible("x leans", Mode.FALLING)}, Mode.FALLING, "x leans"),
     ({"frames_refused": 3}, Mode.ESTOP, "bus overflow: 3 frames refused"),
     ({"tilt_rad": 1.1}, Mode.FALLING, "tilt of 1.10 rad is past the limit"),

@@ -109,16 +109,17 @@ def test_only_a_run_by_the_wall_clock_is_left_undisturbed_at_its_priority(
     asked: list[Any] = []
 
     @contextmanager
-    def undisturbed(priority: int | None) -> Iterator[None]:
+    def undisturbed(priority: int | None) -> Iterator[list[str]]:
         asked.append(priority)
-        yield
+        yield ["not permitted"]
         asked.append("over")
 
     monkeypatch.setattr(session, "undisturbed", undisturbed)
     config = DeployConfig(stand_s=0.01, realtime_priority=42, safety=SafetyConfig(damping_s=0.0))
     run = Session(stand_still, 0.004, realtime, config=config)
-    session.run_session(go1, Hold(go1), FrameRobot(go1), run)  # type: ignore[arg-type]
+    outcome = session.run_session(go1, Hold(go1), FrameRobot(go1), run)  # type: ignore[arg-type]
     assert asked == ([42, "over"] if realtime else [])
+    assert outcome.notes == (("not permitted",) if realtime else ())
 
 
 def test_a_rate_that_no_bus_can_carry_is_refused_before_anything_is_sent(go1: Robot) -> None:

@@ -179,6 +179,10 @@ def _show(figures: dict[str, Any]) -> None:
         ("tick", f"{timing['tick_us_p50']:.0f} us p50, {timing['tick_us_p99']:.0f} us p99"),
         ("policy step", f"{timing['policy_ms_p50']:.2f} ms p50, {timing['policy_ms_p99']:.2f} ms p99"),
     ]
+    if timing["lateness_us_max"]:
+        late = "{lateness_us_p50:.0f} us p50, {lateness_us_p99:.0f} us p99"
+        long = "{overruns:.0f} of {ticks:.0f} ticks, {ticks_skipped:.0f} were left out"
+        rows += [("lateness", late.format(**timing)), ("took too long", long.format(**timing))]
     loads = [f"{bus['name']} {bus['load']:.0%}" for bus in figures["buses"] if bus["load"] is not None]
     if loads:
         rows.append(("bus load", ", ".join(loads)))

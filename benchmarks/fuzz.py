@@ -1,0 +1,241 @@
+"""Malformed input at every reader: nothing may end in a traceback, or in an unsafe command.
+
+    python benchmarks/fuzz.py [--what logs frames yaml policies] [--count N] [--seed 0] [--workers 1]
+
+`logs`: a run's log with bytes changed, to reading, replay and recovery. `frames`: random and mutated CAN
+frames to the joint layer, each batch followed by a command that is held against the robot's limits, and to
+the motors. `yaml`: settings and descriptions with bytes and values changed, to what reads them. `policies`:
+ONNX files with bytes and metadata changed. Prints a JSON object for each; exit status 1 if anything escaped.
+"""
+
+import argparse
+import json
+import sys
+import tempfile
+import time
+import traceback
+from collections import Counter
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from functools import cache, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from footfall.common.errors import UserError
+from footfall.deploy.drivers import imu
+from footfall.deploy.drivers.choice import open_driver
+from footfall.deploy.drivers.driver import Driver
+from footfall.deploy.frames import EXTENDED, Frames
+from footfall.deploy.joint_layer import JointLayer
+from footfall.deploy.log_file import read_log
+from footfall.deploy.recover import recover
+from footfall.deploy.replay import replay
+from footfall.deploy.wiring import Wiring, wire
+from footfall.plant.episode import Episode, run_episode
+from footfall.plant.motor_ends.choice import open_motor_end
+from footfall.plant.motor_ends.motor_end import MotorEnd
+from footfall.plant.motors import SimulatedMotors
+from footfall.policies.registry import load_policy
+from footfall.robots.actuator import JointCommand, limit_torque, pd_torque
+from footfall.robots.description import Robot, load_robot
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+from mutate import mutated
+
+ROBOT, POLICY = "go1", "go1-flat"
+COUNTS = {"logs": 600, "frames": 10_000_000, "yaml": 2000, "policies": 600}
+BATCH = 64  # frames between two commands
+TICK_S = 0.002
+MODELS = ("", "DM4310", "RS02", "ODrive")  # of motors; the first is what the robot's are
+
+
+class Tally:
+    """What became of the cases."""
+
+    def __init__(self) -> None:
+        self.ends: Counter[str] = Counter()
+        self.escaped: dict[str, str] = {}
+
+    def attempt(self, label: str, work: Callable[[], object]) -> None:
+        """Do something that may end well or in a UserError."""
+        try:
+            work()
+            self.ends["taken"] += 1
+        except UserError as error:
+            self.ends["refused"] += 1
+            if "\n" in str(error):
+                self.escaped[label] = f"more than one line: {error}"
+        except BaseException:
+            self.escaped[label] = traceback.format_exc()[-1500:]
+
+    def add(self, other: "Tally") -> None:
+        self.ends += other.ends
+        self.escaped |= other.escaped
+
+
+@cache
+def a_log() -> bytes:
+    """The log of a second's walk."""
+    robot = load_robot(ROBOT)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "run.mcap"
+        episode = Episode(
+            lambda _: np.array([0.5, 0.0, 0.0]), 1.0, log=path, policy_spec=POLICY, record=False
+        )
+        run_episode(robot, load_policy(POLICY, robot), episode)
+        return path.read_bytes()
+
+
+def fuzz_logs(seeds: range) -> Tally:
+    """Each reader of a log, on one mutated log a seed."""
+    tally, policy = Tally(), load_policy(POLICY, load_robot(ROBOT))
+    with tempfile.TemporaryDirectory() as folder:
+        hurt, whole = Path(folder) / "hurt.mcap", Path(folder) / "whole.mcap"
+        for seed in seeds:
+            hurt.write_bytes(mutated(a_log(), np.random.default_rng(seed)))
+            tally.attempt(f"read {seed}", lambda: read_log(hurt))
+            tally.attempt(f"replay {seed}", lambda: replay(hurt, policy))
+            tally.attempt(f"recover {seed}", lambda: recover(hurt, whole))
+    return tally
+
+
+def fuzz_frames(cases: range) -> Tally:
+    """Frames to the joint layer and to the motors, for the robot's motors and for each other maker's."""
+    tally = Tally()
+    for model in MODELS:
+        part = range(cases.start // BATCH // len(MODELS), cases.stop // BATCH // len(MODELS))
+        fuzz_motors_of(model, part, tally)
+    return tally
+
+
+def fuzz_motors_of(model: str, batches: range, tally: Tally) -> None:
+    """Batches of frames for one kind of motor."""
+    robot = load_robot(ROBOT)
+    wiring = wire(robot)
+    wiring = replace(wiring, models=(model,) * len(wiring.models)) if model else wiring
+    driver, end = open_driver(wiring), open_motor_end(wiring)
+    joints = JointLayer(robot, driver, wiring.imu_channel, TICK_S)
+    joints.begin_at(robot.default_pose)
+    motors = SimulatedMotors(end, robot.motor, len(wiring.models), {}, 0.001)
+    wires = Wires(wiring, driver, end)
+    for batch in batches:
+        rng = np.random.default_rng(batch)
+        label = f"{model or 'own motors'}, batch {batch}"
+        to_host, to_motors = (wires.frames(rng, from_motors) for from_motors in (True, False))
+        tally.attempt(label, partial(command_after, to_host, rng, robot, joints))
+        tally.attempt(label, partial(move, motors, batch, to_motors))
+
+
+class Wires:
+    """Makes frames: any at all, and good ones with bits flipped."""
+
+    def __init__(self, wiring: Wiring, driver: Driver, end: MotorEnd) -> None:
+        n = len(wiring.models)
+        commands = [driver.command(np.ones((5, n))), driver.enable(), driver.disable(), driver.ask()]
+        replies = [end.reply(slice(None), np.zeros((3, n)), 30, np.zeros(n, np.uint64), np.ones(n, bool))]
+        inertial = Frames(
+            np.full(3, wiring.imu_channel), np.array(imu.IDS), np.zeros((3, 8), np.uint8), np.full(3, 8)
+        )
+        self._buses = len(wiring.buses)
+        self._good = {True: joined([*replies, inertial]), False: joined(commands)}
+
+    def frames(self, rng: np.random.Generator, from_motors: bool) -> Frames:
+        """A batch for one end."""
+        good = self._good[from_motors]
+        rows = rng.integers(len(good.id), size=BATCH)
+        channel, identifier, data, length = (np.array(part[rows]) for part in good[:4])
+        any_at_all = rng.random(BATCH) < 0.5
+        data[any_at_all] = rng.integers(256, size=(int(any_at_all.sum()), 8), dtype=np.uint8)
+        data[~any_at_all] ^= (1 << rng.integers(8, size=(int((~any_at_all).sum()), 8), dtype=np.uint8)) * (
+            rng.random((int((~any_at_all).sum()), 8)) < 0.1
+        ).astype(np.uint8)
+        foreign = rng.random(BATCH) < 0.1
+        identifier[foreign] = rng.integers(1 << 11, size=int(foreign.sum()))
+        far = rng.random(BATCH) < 0.02
+        identifier[far] = rng.integers(1 << 29, size=int(far.sum())) | EXTENDED
+        short = rng.random(BATCH) < 0.1
+        length[short] = rng.integers(9, size=int(short.sum()))
+        data[np.arange(8) >= length[:, None]] = 0
+        moved = rng.random(BATCH) < 0.05
+        channel[moved] = rng.integers(self._buses, size=int(moved.sum()))
+        return Frames(channel, identifier, data, length)
+
+
+def joined(batches: list[Frames]) -> Frames:
+    return Frames(*(np.concatenate(parts) for parts in zip(*(each[:4] for each in batches), strict=True)))
+
+
+def command_after(frames: Frames, rng: np.random.Generator, robot: Robot, joints: JointLayer) -> None:
+    """Let the joint layer take frames in, then command something; raise if that is more than it may be."""
+    joints.absorb([frames], int(rng.integers(10**9)))
+    before = joints.target.copy()
+    wanted = rng.normal(size=(5, len(before))) * 10.0 ** rng.uniform(-2, 3, size=(5, 1))
+    joints.command(JointCommand(*wanted))
+    lower, upper = robot.soft_limits
+    step = robot.description.target_rate_rad_s * TICK_S
+    sent = joints.sent
+    problems = {
+        "not finite": not np.isfinite(sent).all(),
+        "outside the soft limits": bool(((sent[0] < lower - 1e-9) | (sent[0] > upper + 1e-9)).any()),
+        "a leap": bool((np.abs(sent[0] - before) > step + 1e-9).any()),
+    }
+    position, velocity, _ = joints.joints
+    if np.isfinite(joints.joints).all():
+        asked = pd_torque(JointCommand(*sent), position, velocity)
+        possible = limit_torque(asked, velocity, robot.motor)
+        problems["too much torque"] = bool((np.abs(asked) > np.abs(possible) + 1e-6).any())
+    if found := [name for name, there in problems.items() if there]:
+        raise AssertionError(f"unsafe command: {', '.join(found)}")
+
+
+def move(motors: SimulatedMotors, step: int, frames: Frames) -> None:
+    """Let motors take frames in and move; raise if their torque is none."""
+    n = len(motors.enabled)
+    motors.answer(step, frames, np.zeros((3, n)))
+    torque = motors.torque(step, np.zeros(n), np.zeros(n))
+    if not np.isfinite(torque).all():
+        raise AssertionError("torque is not finite")
+
+
+FUZZ: dict[str, Callable[[range], Tally]] = {"logs": fuzz_logs, "frames": fuzz_frames}
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--what", nargs="+", choices=FUZZ, default=list(FUZZ))
+    parser.add_argument(
+        "--count", type=int, help="cases of each (default: as many as the head of this file says)"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="of the first case; the others follow")
+    parser.add_argument("--workers", type=int, default=1)
+    options = parser.parse_args()
+    bad = 0
+    for what in options.what:
+        count = options.count or COUNTS[what]
+        began, tally = time.perf_counter(), Tally()
+        parts = [
+            range(
+                options.seed + count * k // options.workers, options.seed + count * (k + 1) // options.workers
+            )
+            for k in range(options.workers)
+        ]
+        if options.workers == 1:
+            tally.add(FUZZ[what](parts[0]))
+        else:
+            with ProcessPoolExecutor(options.workers) as pool:
+                for each in pool.map(FUZZ[what], parts):
+                    tally.add(each)
+        bad += len(tally.escaped)
+        shown: dict[str, Any] = {"what": what, "cases": count, "seed": options.seed, **tally.ends}
+        shown |= {"escaped": len(tally.escaped), "seconds": round(time.perf_counter() - began, 1)}
+        print(json.dumps(shown), flush=True)
+        for label, trace in list(tally.escaped.items())[:5]:
+            print(f"-- {what} {label}\n{trace}", file=sys.stderr)
+    return 1 if bad else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,167 @@
+"""How late the control loop's ticks begin on the wall clock, and what each of their stages takes.
+
+    python benchmarks/realtime.py [--policy go1-flat] [--seconds 60] [--priority 80] [--log FILE]
+
+The loop runs on the simulated robot, whose physics are a stage of the tick of their own. Before and after it
+an empty loop runs for half as long each, at the same rate and priority: what the machine alone does. Prints a
+JSON object: lateness of both, ticks that took too long or were left out, stages with their budgets, in
+microseconds. Exit status 1 if the loop's lateness is above its limit, p99 0.3 ms, or a stage above its budget.
+"""
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from footfall.deploy.clock import WallClock, undisturbed
+from footfall.deploy.config import DeployConfig
+from footfall.deploy.loop import ControlLoop
+from footfall.deploy.safety import SafetyConfig
+from footfall.deploy.timing import Durations
+from footfall.plant.episode import Episode, run_episode
+from footfall.plant.robot import SimulatedRobot
+from footfall.policies.registry import load_policy
+from footfall.robots.description import load_robot
+
+LIMIT_US = 300.0  # p99 of lateness
+BUDGET_US = {  # p99 of each stage; a tick at 500 Hz has 2,000
+    "plant": 800.0,  # not on a robot
+    "readings": 150.0,
+    "signals": 150.0,
+    "supervisor": 50.0,
+    "estimator": 150.0,
+    "policy": 600.0,
+    "command": 250.0,
+    "log": 100.0,
+}
+QUANTILES = (50, 99, 99.9)
+
+
+class Stages:
+    """Times parts of a loop by wrapping them."""
+
+    def __init__(self) -> None:
+        self.durations = {name: Durations() for name in BUDGET_US}
+        self._watching = False
+        self._inside: list[float] = []  # time taken by the stages inside of each that is under way
+
+    def wrap(self, name: str, owner: Any, method: str) -> None:
+        """Let a method's time count as a stage's, less the stages inside of it."""
+        work: Callable[..., Any] = getattr(owner, method)
+        durations, inside = self.durations[name], self._inside
+
+        def timed(*arguments: Any) -> Any:
+            inside.append(0.0)
+            began = time.perf_counter()
+            try:
+                return work(*arguments)
+            finally:
+                took = (time.perf_counter() - began) * 1e6
+                durations.add(took - inside.pop())
+                if inside:
+                    inside[-1] += took
+
+        setattr(owner, method, timed)
+
+    def watch(self, loop: ControlLoop, body: SimulatedRobot) -> None:
+        """To be called after each tick: wraps the loop's parts at the first."""
+        if self._watching:
+            return
+        self._watching = True
+        for name, owner, method in (
+            ("plant", body, "advance"),
+            ("readings", loop._bus, "receive"),
+            ("readings", loop._joints, "absorb"),
+            ("signals", loop, "_signals"),
+            ("supervisor", loop, "_supervise"),
+            ("estimator", loop, "_estimate_base"),
+            ("policy", loop, "_policy_step"),
+            ("command", loop, "_frames"),
+            ("command", loop._bus, "send"),
+        ):
+            self.wrap(name, owner, method)
+        if loop.log is not None:
+            self.wrap("log", loop.log, "tick")
+            self.wrap("log", loop.log, "policy_step")
+
+    def summary(self) -> dict[str, dict[str, float]]:
+        return {
+            name: figures(durations.values()) | {"longest": durations.longest, "budget_p99": BUDGET_US[name]}
+            for name, durations in self.durations.items()
+            if durations.count
+        }
+
+
+def figures(values: np.ndarray) -> dict[str, float]:
+    return {f"p{q:g}": float(np.percentile(values, q)) for q in QUANTILES}
+
+
+def empty_loop(seconds: float, period_us: int, priority: int | None) -> np.ndarray:
+    """Lateness of the ticks of a loop that does nothing, us."""
+    clock, late = WallClock(period_us), Durations()
+    with undisturbed(priority):
+        while clock.next_tick() < seconds * 1e6:
+            late.add(clock.lateness_us())
+    return late.values()
+
+
+def rounded(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: rounded(item) for key, item in value.items()}
+    return round(value, 1) if isinstance(value, float) else value
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--robot", default="go1")
+    parser.add_argument("--policy", default="go1-flat")
+    parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--rate", type=float, default=500.0, help="of joint ticks, Hz")
+    parser.add_argument("--priority", type=int, default=80, help="of SCHED_FIFO; 0 for none")
+    parser.add_argument("--log", type=Path, help="record the run, too")
+    options = parser.parse_args()
+    priority = options.priority or None
+    robot = load_robot(options.robot)
+    policy = load_policy(options.policy, robot)
+    # what is measured here shall not end the measurement
+    patient = SafetyConfig(pause_limit_s=10.0, silence_timeout_s=10.0, skipped_share=1.0, late_limit_s=10.0)
+    config = DeployConfig(
+        joint_rate_hz=options.rate, realtime_priority=priority, motor_timeout_s=10.0, safety=patient
+    )
+    command, stages = np.array([0.5, 0.0, 0.0]), Stages()
+    empty = [empty_loop(options.seconds / 2, config.tick_us, priority)]
+    trace = run_episode(
+        robot,
+        policy,
+        Episode(
+            lambda _: command, options.seconds, realtime=True, config=config, record=False, log=options.log
+        ),
+        stages.watch,
+    )
+    empty.append(empty_loop(options.seconds / 2, config.tick_us, priority))
+    timing, each = trace.timing, stages.summary()
+    over = [name for name, found in each.items() if found["p99"] > found["budget_p99"]]
+    over += ["lateness"] if timing["lateness_us_p99"] > LIMIT_US else []
+    shown = {
+        "policy": policy.name,
+        "final_state": trace.final_state,
+        "faults": list(trace.faults),
+        "notes": list(trace.notes),
+        "lateness_us": {name: timing[f"lateness_us_{name}"] for name in ("p50", "p99", "max")},
+        "empty_loop_us": figures(np.concatenate(empty)) | {"max": float(np.concatenate(empty).max())},
+        "tick_us": {name: timing[f"tick_us_{name}"] for name in ("p50", "p99", "max")},
+        **{name: timing[name] for name in ("ticks", "overruns", "ticks_skipped")},
+        "stages_us": each,
+        "over": over,
+    }
+    print(json.dumps(rounded(shown), indent=2))
+    return 1 if over else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
