@@ -5,7 +5,7 @@
 The loop runs on the simulated robot, whose physics are a stage of the tick of their own. Before and after it
 an empty loop runs for half as long each, at the same rate and priority: what the machine alone does. Prints a
 JSON object: lateness of both, ticks that took too long or were left out, stages with their budgets, in
-microseconds. Exit status 1 if the loop's lateness is above its limit, p99 0.3 ms, or a stage above its budget.
+microseconds. Exit status 1 if p99 of the loop's lateness is above 0.3 ms, or a stage above its budget.
 """
 
 import argparse
