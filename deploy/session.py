@@ -118,8 +118,7 @@ def run_session(
         if session.realtime:
             resources.enter_context(_ending_on_signals(loop))
         started = time.perf_counter()
-        realtime = undisturbed(config.realtime_priority) if session.realtime else nullcontext([])
-        with realtime as refused:
+        with _realtime(session) as refused:
             if log is not None:
                 for note in refused:
                     log.note(0, note)
@@ -140,6 +139,11 @@ def run_session(
             buses=tuple(bus.statistics()),
             notes=(*refused, *loop.notes, *filter(None, [lacking])),
         )
+
+
+def _realtime(session: Session) -> AbstractContextManager[list[str]]:
+    """What a run by the wall clock asks of the system."""
+    return undisturbed(session.config.realtime_priority) if session.realtime else nullcontext([])
 
 
 def _drive(loop: ControlLoop, duration_s: float, each_tick: Callable[[ControlLoop], None] | None) -> None:
