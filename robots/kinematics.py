@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 
 from footfall.common.errors import UserError
+from footfall.common.linear import solve
 from footfall.common.rotations import skew
 from footfall.robots.closed_form import closed_form
 from footfall.robots.description import Robot, load_spec
@@ -176,9 +177,9 @@ class Legs:
             motion: m/s, m/s^2 or whatever the joint rates shall be rates of.
         """
         if self.hinges == 3 and self._alike:
-            return np.linalg.solve(jacobian, motion)
+            return solve(jacobian, motion)
         across = jacobian.transpose(0, 2, 1)
-        return across @ np.linalg.solve(jacobian @ across + _REGULAR, motion)
+        return across @ solve(jacobian @ across + _REGULAR, motion)
 
     def gather(self, joint_values: np.ndarray) -> np.ndarray:
         """Joint order (..., n) to limbs (..., legs, m)."""

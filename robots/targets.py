@@ -23,5 +23,6 @@ def limit_target(
         rate_rad_s: fastest change of a target.
         dt_s: time since the tick before.
     """
-    step = rate_rad_s * dt_s
-    return previous + (goal.clip(lower, upper) - previous).clip(-step, step)
+    xp, step = goal.__array_namespace__(), rate_rad_s * dt_s
+    change = xp.minimum(xp.maximum(goal, lower), upper) - previous
+    return previous + xp.minimum(xp.maximum(change, -step), step)

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from footfall.common.linear import solve
 from footfall.deploy.estimation.config import ContactConfig
 from footfall.policies.policy import Sensed
 from footfall.robots.kinematics import Legs
@@ -71,7 +72,7 @@ class ContactEstimator:
         outside = (self._filtered + momentum)[:, :, None]
         # Least squares, regularised: near a singular pose a force is unknown along one direction only.
         regular = jacobian @ jacobian.transpose(0, 2, 1) + _REGULAR
-        force = np.linalg.solve(regular, jacobian @ outside)[:, :, 0].dot(up)
+        force = solve(regular, jacobian @ outside)[:, :, 0].dot(up)
         low, span = self._least_force, self._force_span
         share = 1.0 - math.exp(-dt_s / config.rise_s)
         planned = [1.0] * len(force) if plan is None else plan.tolist()

@@ -1,0 +1,22 @@
+"""Linear equations, many at a time."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from footfall.common.linear import solve
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 6), st.integers(1, 6), st.integers(1, 3))
+def test_it_is_numpys_own_solution(seed: int, count: int, unknowns: int, sides: int) -> None:
+    rng = np.random.default_rng(seed)
+    matrices = rng.normal(size=(count, unknowns, unknowns)) + 3.0 * np.eye(unknowns)
+    right = rng.normal(size=(count, unknowns, sides))
+    np.testing.assert_array_equal(solve(matrices, right), np.linalg.solve(matrices, right))
+
+
+def test_what_is_singular_spoils_nothing_but_itself() -> None:
+    matrices = np.array([np.zeros((3, 3)), 2.0 * np.eye(3)])
+    x = solve(matrices, np.ones((2, 3, 1)))
+    assert np.isnan(x[0]).all()
+    np.testing.assert_array_equal(x[1], 0.5 * np.ones((3, 1)))
