@@ -58,6 +58,7 @@ class Legs:
         self._set_model(robot)
         self.limbs = self._read_limbs(robot)
         self.reach = np.array([limb.reach for limb in self.limbs])  # (legs,) m, from each first hinge
+        self._last_rolling = np.empty(0), b"", np.empty(0)
         self._last = robot.default_pose.tobytes(), self._pose(robot.default_pose, self._data)
         self.default_angles = self.gather(robot.default_pose)
         self.default_foot = self.pose(robot.default_pose).foot
@@ -147,6 +148,7 @@ class Legs:
 
         A round foot rolls: not its centre but its lowest point stands still in stance. At a walking pace the
         difference is close to a tenth of the base's speed. Of a sole flat on the ground it is the same.
+        The last answer is kept, as that of `pose` is, and must not be written to.
 
         Args:
             axes: (legs, 3, m) from `pose`.
@@ -155,7 +157,10 @@ class Legs:
         Returns:
             (legs, 3, m) m/rad.
         """
-        return self._radii * (skew(up) @ axes)
+        key = up.tobytes()
+        if axes is not self._last_rolling[0] or key != self._last_rolling[1]:
+            self._last_rolling = axes, key, self._radii * (skew(up) @ axes)
+        return self._last_rolling[2]
 
     def torque(self, jacobian: np.ndarray, force: np.ndarray) -> np.ndarray:
         """Joint torques (legs, m), N m, at which the ground exerts forces (legs, 3), N, on limbs at rest.

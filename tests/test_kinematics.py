@@ -173,6 +173,14 @@ class TestRolling:
                 expected = np.cross(pose.axes[leg, :, joint], -LEGS.foot_radius[leg] * up)
                 np.testing.assert_allclose(offset[leg, :, joint], expected, atol=1e-12)
 
+    def test_the_answer_that_is_kept_is_that_of_these_axes_and_this_vertical(self) -> None:
+        level, tilted = np.array([0.0, 0.0, 1.0]), np.array([0.6, 0.0, 0.8])
+        axes = LEGS.pose(ROBOT.default_pose).axes
+        once = LEGS.rolling_offset(axes, level).copy()
+        assert not np.allclose(LEGS.rolling_offset(axes, tilted), once)
+        np.testing.assert_array_equal(LEGS.rolling_offset(axes, level), once)
+        np.testing.assert_array_equal(LEGS.rolling_offset(-axes, level), -once)
+
 
 class TestOtherRobots:
     @pytest.mark.parametrize("name", available_robots())

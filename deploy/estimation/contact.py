@@ -76,11 +76,12 @@ class ContactEstimator:
         low, span = self._least_force, self._force_span
         share = 1.0 - math.exp(-dt_s / config.rise_s)
         planned = [1.0] * len(force) if plan is None else plan.tolist()
-        for leg, (pressed, plans) in enumerate(zip(force.tolist(), planned, strict=True)):
-            present = plans * min(max((pressed - low) / span, 0.0), 1.0)
+        for leg, pressed in enumerate(force.tolist()):
+            load = (pressed - low) / span
+            present = planned[leg] * (0.0 if load < 0.0 else 1.0 if load > 1.0 else load)
             before = self.probability[leg]
             # Lost at once, won slowly.
-            self.probability[leg] = min(present, before + share * (present - before))
+            self.probability[leg] = present if present < before else before + share * (present - before)
         return self.probability
 
     def _momentum(self, rates: np.ndarray) -> np.ndarray:

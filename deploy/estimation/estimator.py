@@ -113,6 +113,8 @@ class BaseEstimator:
         pose = self._legs.pose(sensed.joint_position)
         arms = self._points.arms(sensed.joint_position, up)
         self._place = pose.foot + arms - self._imu
+        if self._points.round:
+            return pose.jacobian + self._legs.rolling_offset(pose.axes, up)
         return pose.jacobian - skews(arms) @ pose.axes  # axis x arm
 
     def _follow_height(self, contact: list[float], dt_s: float) -> None:

@@ -14,7 +14,9 @@ class ContactPoints:
 
     def __init__(self, legs: Legs, level_m: float) -> None:
         self._legs, self._level = legs, level_m
-        self._round = all(len(balls.radius) == 1 and not balls.place.any() for balls in legs.balls)
+        self.round = all(  # whether each foot is one ball about its tip
+            len(balls.radius) == 1 and not balls.place.any() for balls in legs.balls
+        )
         self._radius = np.array([balls.radius[:1] for balls in legs.balls])  # where all are balls
         most = max(len(balls.radius) for balls in legs.balls)
         # x, y, z, radius and 1 of each ball: their weighted sums give the mean. What is missing floats.
@@ -32,7 +34,7 @@ class ContactPoints:
             joint_position: (n,) rad.
             up: (3,) vertical, base frame.
         """
-        if self._round:
+        if self.round:
             return self._radius * -up
         turn = self._legs.turn(joint_position)
         height = (self._balls[:, :, :3] @ (up @ turn)[:, :, None])[:, :, 0] + self._floats

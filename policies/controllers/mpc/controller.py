@@ -131,8 +131,9 @@ class Mpc:
 
         stands, progress = self._clock.stance(), self._clock.swing().tolist()
         swinging = [leg for leg, stands_now in enumerate(stands.tolist()) if not stands_now]
+        speed = base.speed
         for leg in swinging:
-            self._set_target(leg, progress[leg], base)
+            self._set_target(leg, progress[leg], base, speed)
         self._ticks_to_solve -= 1
         if self._ticks_to_solve <= 0 or swinging != self._swinging:
             feet = base.position + pose.foot @ base.rotation.T
@@ -211,14 +212,14 @@ class Mpc:
         climb = stance.height_m - self._wanted_height
         self._wanted_height += min(1.0, dt_s / self._config.settle_s) * climb
 
-    def _set_target(self, leg: int, progress: float, base: Base) -> None:
-        """Where a leg that swings should touch down."""
+    def _set_target(self, leg: int, progress: float, base: Base, speed: complex) -> None:
+        """Where a leg that swings should touch down; `speed` is the base's."""
         gait = self._clock.timing
         target = foothold(
             self._places_ahead[leg],
             base.place,
             base.height,
-            base.speed,
+            speed,
             self._wanted_velocity,
             base.yaw,
             float(self._command.value[2]),
