@@ -83,6 +83,12 @@ def heading(quaternion: Array) -> Array:
     return xp.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
 
+def yaw_of(quaternion: Sequence[float]) -> float:
+    """`heading` of one quaternion, in plain numbers."""
+    w, x, y, z = quaternion
+    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+
+
 def roll_pitch_yaw(rotation: np.ndarray) -> tuple[float, float, float]:
     """Angles of a matrix (3, 3), R = Rz(yaw) Ry(pitch) Rx(roll)."""
     (forward_x, _, _), (forward_y, _, _), (forward_z, left_z, up_z) = rotation.tolist()

@@ -2,5 +2,5 @@
 
 - `policy.py`: the interface that all policies share; `registry.py`: from a name to a policy.
 - `contract.py`, `observation.py`, `action.py`, `learned.py`: learned policies; `zoo/` holds trained ones.
-- `controllers/`: the hand-written ones: standing, a trot from a clock, convex MPC.
+- `controllers/`: the hand-written ones: standing, a generator of gaits, convex MPC.
 """

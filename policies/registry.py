@@ -45,11 +45,7 @@ CONTROLLERS = {
         "stands in the default pose, levelled by the IMU",
         walks=False,
     ),
-    "trot": Controller(
-        f"{_HERE}.trot:Trot",
-        f"{_HERE}.trot:TrotConfig",
-        "trots by clock and inverse kinematics, balanced by the IMU",
-    ),
+    "trot": _gait("trot"),
     "mpc": Controller(
         f"{_HERE}.mpc:Mpc",
         f"{_HERE}.mpc.config:MpcConfig",
@@ -71,7 +67,7 @@ CONTROLLERS = {
         f"{_HERE}.step.config:StepConfig",
         "walks on two legs: planned footsteps, whole-body control",
     ),
-    **{name: _gait(name) for name in ("tripod", "ripple", "wave")},
+    **{name: _gait(name) for name in ("walk", "pace", "bound", "gallop", "tripod", "ripple", "wave")},
 }
 
 
@@ -90,8 +86,12 @@ def controllers_of(robot: Robot) -> list[str]:
 
 
 def walking_controllers(robot: Robot) -> list[str]:
-    """Those of `controllers_of` that follow a commanded velocity."""
-    return [name for name in controllers_of(robot) if CONTROLLERS[name].walks]
+    """Those of `controllers_of` that follow a commanded velocity; of the generator's gaits the first."""
+    found: dict[str, str] = {}
+    for name in controllers_of(robot):
+        if CONTROLLERS[name].walks:
+            found.setdefault(CONTROLLERS[name].place, name)
+    return list(found.values())
 
 
 def zoo_names(robot: Robot | None = None) -> list[str]:

@@ -1,6 +1,7 @@
 """The hand-written controllers on the simulated robot."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +12,12 @@ from footfall.common.errors import UserError
 from footfall.deploy.estimation.estimator import BaseEstimator
 from footfall.policies.controllers.mpc import Mpc
 from footfall.policies.controllers.stand import Stand
-from footfall.policies.controllers.trot import Trot
+from footfall.policies.controllers.walk import Walk as Generator
 from footfall.policies.policy import Policy
 from footfall.robots.description import load_robot
 
 ROBOT = load_robot("go1")
+Trot = partial(Generator, name="trot")
 CONTROLLERS: list[Callable[..., Policy]] = [Stand, Trot, Mpc]
 
 
@@ -71,12 +73,12 @@ class TestAll:
 
     def test_a_wrong_setting_is_named(self, own_folder: Path) -> None:
         text = (ROBOT.folder / "controllers.yaml").read_text()
-        (own_folder / "controllers.yaml").write_text(text.replace("duty: 0.5", "duty: half", 1))
+        (own_folder / "controllers.yaml").write_text(text.replace("duty: 0.55", "duty: half", 1))
         with pytest.raises(UserError, match="duty"):
             Trot(load_robot(own_folder))
 
 
-class TestTrot:
+class TestGaits:
     @pytest.mark.parametrize("command", [(0.5, 0.0, 0.0), (-0.3, 0.0, 0.0), (0.0, 0.2, 0.0), (0.0, 0.0, 0.5)])
     def test_it_goes_where_it_is_told(self, command: tuple[float, float, float]) -> None:
         result = go(Trot(ROBOT), command)

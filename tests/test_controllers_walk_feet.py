@@ -2,37 +2,45 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from footfall.policies.controllers.gait import GaitTiming
 from footfall.policies.controllers.settings import controller_settings
-from footfall.policies.controllers.walk.config import (
-    LevellingConfig,
-    LimitsConfig,
-    StepConfig,
-    TouchDownConfig,
-    WalkConfig,
+from footfall.policies.controllers.walk.config import WalkConfig
+from footfall.policies.controllers.walk.feet import (
+    FootCycle,
+    Footing,
+    blend,
+    lift,
+    rolling_of,
+    stances,
+    steady_cycle,
 )
-from footfall.policies.controllers.walk.feet import FootCycle, blend, lift, stances, steady_cycle
 from footfall.robots.description import load_robot
+from footfall.robots.rigid_body import nominal_body
 
 TIMING = GaitTiming(period_s=2.0, duty=0.6)  # stands for 1.2 s, swings for 0.8 s
 PLACES = np.array([[0.3, 0.2, 0.0], [-0.2, -0.1, 0.0]])
 OFFSETS = np.array([0.0, 0.5])
+FOOTING = Footing(PLACES, np.tile(np.eye(2), (2, 1, 1)))  # of points, which do not roll
+BOTH = (True, True)
+REST = [0.0, 0.0, 0.0]
 VELOCITY = np.array([0.1, -0.05, 0.2])
 PASSING = np.array([[0.1 - 0.04, -0.05 + 0.06, 0.0], [0.1 + 0.02, -0.05 - 0.04, 0.0]])  # v + w x r
 
 
 def test_a_blend_is_at_rest_at_both_ends_and_a_lift_as_well() -> None:
     np.testing.assert_allclose(blend(np.array([0.0, 0.2, 0.5, 0.8, 1.0])), [0, 0.05792, 0.5, 0.94208, 1])
-    np.testing.assert_allclose(lift(np.array([0.0, 0.25, 0.5, 0.75, 1.0])), [0, 0.5, 1, 0.5, 0], atol=1e-15)
+    lifted = [lift(s) for s in (0.0, 0.25, 0.5, 0.75, 1.0)]
+    np.testing.assert_allclose(lifted, [0, 0.5, 1, 0.5, 0], atol=1e-15)
 
 
 def test_a_steady_swing_leads_from_behind_to_ahead_by_half_a_stance() -> None:
     """Over ground that passes on meanwhile, so as seen from the body it first goes on backwards."""
-    feet = steady_cycle(PLACES, TIMING, VELOCITY, 0.04, np.array([0.0, 0.2, 0.5, 1.0]))
+    feet = steady_cycle(FOOTING, TIMING, VELOCITY, 0.04, np.array([0.0, 0.2, 0.5, 1.0]))
     half = 0.6 * PASSING
     up = np.array([0.0, 0.0, 0.04])
     np.testing.assert_allclose(feet[0], PLACES - half, atol=1e-12)
@@ -44,52 +52,90 @@ def test_a_steady_swing_leads_from_behind_to_ahead_by_half_a_stance() -> None:
 
 def test_a_steady_stance_goes_back_with_the_ground() -> None:
     """At clock 0.15 the first foot has done a quarter of its stance, the other is in the air."""
-    (first, second) = stances(PLACES, TIMING, OFFSETS, VELOCITY, np.array([0.15, 0.55]))
+    (first, second) = stances(FOOTING, TIMING, OFFSETS, VELOCITY, np.array([0.15, 0.55]))
     np.testing.assert_allclose(first, (PLACES + 0.25 * 1.2 * PASSING)[:1, :2])
     through = (0.55 / 0.6, 0.05 / 0.6)
     expected = [PLACES[k] + (0.5 - through[k]) * 1.2 * PASSING[k] for k in range(2)]
     np.testing.assert_allclose(second, np.array(expected)[:, :2])
 
 
+def lift_feet(cycle: FootCycle, *feet: int) -> None:
+    for foot in feet:
+        cycle._feet[foot].lift_off(0.03)
+
+
+class TestRolling:
+    def test_the_body_goes_faster_than_the_tips_of_balls_that_roll(self) -> None:
+        """Links turn while their tips go with the ground: points under them go farther by r times that."""
+        robot = load_robot("go1")
+        legs, pose = robot.legs, robot.default_pose
+        tips, step = legs.default_foot, 1e-4
+        rolling = rolling_of(legs, tips, pose)
+        before = legs.turn(legs.scatter(legs.solve(tips), pose)).copy()
+        for axis in np.eye(3)[:2]:
+            turned = legs.turn(legs.scatter(legs.solve(tips + step * axis), pose)) @ before.transpose(0, 2, 1)
+            spin = np.stack([turned[:, 2, 1], turned[:, 0, 2], turned[:, 1, 0]], axis=1) / step
+            under = axis + np.cross(spin, np.outer(legs.foot_radius, [0.0, 0.0, -1.0]))
+            assert np.all(under @ axis > 1.05)
+            back = (rolling @ under[:, :2, None])[:, :, 0]
+            np.testing.assert_allclose(back, np.tile(axis[:2], (4, 1)), atol=1e-3)
+
+    def test_it_passes_over_a_foot_at_v_plus_w_x_r_times_what_rolling_leaves(self) -> None:
+        half = Footing(PLACES, np.tile(0.5 * np.eye(2), (2, 1, 1)))
+        np.testing.assert_allclose(half.passing(VELOCITY, PLACES[:, :2]), 0.5 * PASSING[:, :2])
+
+    def test_one_foot_goes_as_all_of_them_together(self) -> None:
+        """Foot and Footing have the same formula, one in plain numbers."""
+        askew = Footing(PLACES, np.array([[[0.9, 0.1], [0.2, 0.8]], [[1.0, -0.1], [0.0, 0.7]]]))
+        cycle = FootCycle(askew, TIMING, OFFSETS)
+        cycle.advance(VELOCITY.tolist(), 0.01, 0.04, (False, False))
+        moved = PLACES[:, :2] - 0.01 * askew.passing(VELOCITY, PLACES[:, :2])
+        np.testing.assert_allclose(cycle.feet[:, :2], moved, atol=1e-12)
+
+    def test_a_foot_stands_symmetrically_about_its_place_whatever_its_rolling(self) -> None:
+        askew = Footing(PLACES, np.tile(np.array([[0.9, 0.1], [0.2, 0.8]]), (2, 1, 1)))
+        forward = np.array([0.1, 0.0, 0.0])
+        ends = steady_cycle(askew, TIMING, forward, 0.0, np.array([0.0, 1.0]))
+        np.testing.assert_allclose(ends.mean(axis=0), PLACES, atol=1e-12)
+        np.testing.assert_allclose((ends[1] - ends[0])[:, :2], np.tile([0.9 * 0.12, 0.2 * 0.12], (2, 1)))
+
+
 class TestCycle:
     @pytest.fixture
     def cycle(self) -> FootCycle:
-        return FootCycle(PLACES, TIMING, OFFSETS)
+        return FootCycle(FOOTING, TIMING, OFFSETS)
 
     def test_its_clock_runs_a_cycle_in_a_period(self, cycle: FootCycle) -> None:
-        cycle.advance(0 * VELOCITY, 0.5, 0.04, lift_off=True)
+        cycle.advance(REST, 0.5, 0.04, BOTH)
         assert cycle.clock == pytest.approx(0.25)
         np.testing.assert_allclose(cycle.phases(), [0.25, 0.75])
         for _ in range(4):
-            cycle.advance(0 * VELOCITY, 0.5, 0.04, lift_off=True)
+            cycle.advance(REST, 0.5, 0.04, BOTH)
         assert cycle.clock == pytest.approx(0.25)
 
     def test_a_foot_lifts_off_at_its_duty_and_lands_at_the_cycles_end(self, cycle: FootCycle) -> None:
-        cycle.advance(0 * VELOCITY, 1.19, 0.04, lift_off=True)
+        cycle.advance(REST, 1.19, 0.04, BOTH)
         assert cycle.swings.tolist() == [False, False]
-        cycle.advance(0 * VELOCITY, 0.41, 0.04, lift_off=True)
+        cycle.advance(REST, 0.41, 0.04, BOTH)
         assert cycle.swings.tolist() == [True, False]
         np.testing.assert_allclose(cycle.progress, [0.5, 0.0])
         np.testing.assert_allclose(cycle.feet, PLACES + np.outer([1.0, 0.0], [0.0, 0.0, 0.04]), atol=1e-9)
-        cycle.advance(0 * VELOCITY, 0.41, 0.04, lift_off=True)
+        cycle.advance(REST, 0.41, 0.04, BOTH)
         assert cycle.swings.tolist() == [False, False]
         np.testing.assert_allclose(cycle.feet, PLACES, atol=1e-12)
 
     def test_a_swing_keeps_the_height_that_it_began_with(self, cycle: FootCycle) -> None:
-        cycle.advance(0 * VELOCITY, 1.19, 0.02, lift_off=True)
-        cycle.advance(0 * VELOCITY, 0.02, 0.04, lift_off=True)
-        cycle.advance(0 * VELOCITY, 0.39, 0.09, lift_off=True)
+        cycle.advance(REST, 1.19, 0.02, BOTH)
+        cycle.advance(REST, 0.02, 0.04, BOTH)
+        cycle.advance(REST, 0.39, 0.09, BOTH)
         assert cycle.feet[0, 2] == pytest.approx(0.04)
 
     def test_a_reset_puts_all_feet_in_their_places(self, cycle: FootCycle) -> None:
         for _ in range(14):
-            cycle.advance(VELOCITY, 0.1, 0.04, lift_off=True)
+            cycle.advance(VELOCITY.tolist(), 0.1, 0.04, BOTH)
         assert cycle.swings.any()
         cycle.reset()
         assert (cycle.clock, cycle.swings.any(), cycle.progress.any()) == (0.0, False, False)
-        np.testing.assert_array_equal(cycle.feet, PLACES)
-        cycle.feet += 1.0
-        cycle.reset()
         np.testing.assert_array_equal(cycle.feet, PLACES)
 
     def test_only_standing_feet_are_lowered_and_no_deeper_than_told(self, cycle: FootCycle) -> None:
@@ -98,14 +144,14 @@ class TestCycle:
         for _ in range(3):
             cycle.lower(np.array([True, False]), 0.004, -0.01)
         np.testing.assert_allclose(cycle.feet[:, 2], [-0.01, 0.0])
-        cycle.swings[1] = True
+        lift_feet(cycle, 1)
         cycle.lower(np.array([True, True]), 0.004, -0.01)
         np.testing.assert_allclose(cycle.feet[:, 2], [-0.01, 0.0])
         cycle.lower(np.array([True, True]), 0.004, -0.002)  # none is raised to a higher bound
         np.testing.assert_allclose(cycle.feet[:, 2], [-0.01, 0.0])
 
     def test_only_feet_that_are_told_touch_down(self, cycle: FootCycle) -> None:
-        cycle.swings[:] = True
+        lift_feet(cycle, 0, 1)
         cycle.touch_down(np.array([False, True]))
         assert cycle.swings.tolist() == [True, False]
 
@@ -124,25 +170,25 @@ class TestWalk:
     def test_a_command_is_shortened_to_what_one_stance_can_carry_back(self, walk: SimpleNamespace) -> None:
         """The whole command, in one proportion: speed and turn at the farthest foot, times the stance."""
         policy, config = walk.policy, walk.config
-        farthest = np.linalg.norm(policy._places[:, :2], axis=1).max()
+        farthest = np.linalg.norm(policy._footing.places[:, :2], axis=1).max()
         asked = np.array([0.6, -0.8, 2.0])
         carried = (1.0 + 2.0 * farthest) * policy._cycle.timing.stance_s
         assert carried > config.step.length_m
-        np.testing.assert_allclose(policy._within_steps(asked), asked * config.step.length_m / carried)
+        np.testing.assert_allclose(policy._within_limits(asked), asked * config.step.length_m / carried)
         slow = np.array([0.01, 0.0, -0.01])
-        np.testing.assert_array_equal(policy._within_steps(slow), slow)
+        np.testing.assert_array_equal(policy._within_limits(slow), slow)
 
     def test_it_plans_contacts_with_a_tenth_of_the_stance_at_each_edge(self, walk: SimpleNamespace) -> None:
         policy = walk.policy
-        cycle = policy._cycle
-        cycle.timing = GaitTiming(1.0, 0.5)
-        cycle.offsets = np.array([0.0, 0.025, 0.25, 0.475, 0.7, 0.8])
-        cycle.swings[5] = True
+        assert policy.stance().tolist() == [1.0] * 6  # it does not step yet
+        policy._steps, cycle = True, policy._cycle
+        cycle.begin(GaitTiming(1.0, 0.5), np.array([0.0, 0.025, 0.25, 0.475, 0.7, 0.8]))
+        lift_feet(cycle, 5)
         np.testing.assert_allclose(policy.stance(), [0.0, 0.5, 1.0, 0.5, 1.0, 0.0], atol=1e-9)
 
     def test_the_weight_is_shared_among_the_feet_that_stand(self, walk: SimpleNamespace) -> None:
         policy = walk.policy
-        policy._cycle.swings[[0, 3]] = True
+        lift_feet(policy._cycle, 0, 3)
         jacobian = policy._legs.pose(walk.robot.default_pose).jacobian
         torque = policy._weight_torque(jacobian)
         assert not torque[[0, 3]].any()
@@ -153,22 +199,25 @@ class TestWalk:
         """Two of the feet in the air feel twice the force that tells the ground, one of them too early."""
         policy, config = walk.policy, walk.config.touch_down
         cycle, legs = policy._cycle, policy._legs
-        cycle.swings[[0, 1, 2]] = True
-        cycle.progress[:] = [0.999, 0.999, config.from_progress / 2, 0.0, 0.0, 0.0]
+        lift_feet(cycle, 0, 1, 2)
+        for foot, progress in zip(cycle._feet, [0.999, 0.999, config.from_progress / 2], strict=False):
+            foot.progress = progress
         jacobian = legs.pose(walk.robot.default_pose).jacobian
+        even_force = 9.81 * nominal_body(walk.robot).mass / 6
         force = np.zeros((6, 3))
-        force[[0, 2, 3], 2] = 2 * config.force_share * policy._even_force
+        force[[0, 2, 3], 2] = 2 * config.force_share * even_force
         torque = legs.scatter(legs.torque(jacobian, force), np.zeros(18))
-        policy._feel_ground(jacobian, torque, 0.01)
+        policy._meet_ground(policy._ground.touches(jacobian, torque, np.zeros(18)), 0.01)
         assert cycle.swings.tolist() == [False, True, True, False, False, False]
         lowered = min(config.probe_m_s * 0.01, config.probe_m)
         np.testing.assert_allclose(cycle.feet[3:, 2], [0.0, -lowered, -lowered])
 
 
 CONFIG = controller_settings(load_robot("hexapod"), "tripod", WalkConfig)
-PARTS: dict[str, StepConfig | LevellingConfig | TouchDownConfig | LimitsConfig | WalkConfig] = {
+PARTS: dict[str, Any] = {
     "step": CONFIG.step,
     "levelling": CONFIG.levelling,
+    "heading": CONFIG.heading,
     "touch_down": CONFIG.touch_down,
     "limits": CONFIG.limits,
     "walk": CONFIG,
@@ -177,6 +226,7 @@ BAD = [
     *(("step", name, 0.0, "above 0") for name in ("length_m", "body_height_m")),
     ("step", "height_m", -0.1, "0 or above"),
     *(("levelling", name, -0.1, "0 or above") for name in ("gain", "rate_gain_s", "most_rad")),
+    *(("heading", name, -0.1, "0 or above") for name in ("gain", "most_rad")),
     *(("levelling", name, 0.0, "above 0") for name in ("filter_s", "body_rate_m_s")),
     *(("touch_down", name, 0.0, "above 0") for name in ("force_share", "probe_m_s")),
     *(("touch_down", "from_progress", value, "from 0 to 1") for value in (-0.1, 1.1)),

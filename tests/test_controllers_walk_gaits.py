@@ -10,7 +10,7 @@ from footfall.policies.controllers.gait import GaitConfig, GaitTiming
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.walk import Walk
 from footfall.policies.controllers.walk.config import WalkConfig
-from footfall.policies.controllers.walk.feet import FootCycle
+from footfall.policies.controllers.walk.feet import FootCycle, Footing
 from footfall.policies.gaits import find_gait
 from footfall.policies.policy import Observation, Sensed
 from footfall.policies.registry import load_policy
@@ -24,19 +24,21 @@ GAITS = ("tripod", "ripple", "wave")
 FASTEST = 3.0  # rad/s, the robot's limit
 INERTIA = nominal_body(ROBOT).leg_inertia
 PLACES = LEGS.default_foot * np.array([1.0, 1.0, 0.0])
-MOVING = np.array([0.08, -0.05, 0.2])
+STILL = Footing(PLACES, np.tile(np.eye(2), (6, 1, 1)))  # points, which do not roll
+MOVING = [0.08, -0.05, 0.2]
+ALL = [True] * 6
 
 
 def cycle(gait: str, period_s: float = 1.3) -> FootCycle:
     duty, phase = find_gait(gait, ROBOT)
-    return FootCycle(PLACES, GaitTiming(period_s, duty), phase)
+    return FootCycle(STILL, GaitTiming(period_s, duty), phase)
 
 
 def course(feet: FootCycle, seconds: float, dt_s: float = 0.001) -> tuple[np.ndarray, np.ndarray]:
     """Feet (ticks, feet, 3) and whether they swing (ticks, feet)."""
     places, swings = [], []
     for _ in range(round(seconds / dt_s)):
-        feet.advance(MOVING, dt_s, 0.03, lift_off=True)
+        feet.advance(MOVING, dt_s, 0.03, ALL)
         places.append(feet.feet.copy())
         swings.append(feet.swings.copy())
     return np.array(places), np.array(swings)
@@ -74,7 +76,7 @@ class TestFeet:
 
     def test_who_would_be_in_the_air_at_the_start_waits(self, gait: str) -> None:
         feet = cycle(gait)
-        feet.advance(MOVING, 0.001, 0.03, lift_off=True)
+        feet.advance(MOVING, 0.001, 0.03, ALL)
         assert not feet.swings[feet.phases() > feet.timing.duty + 0.01].any()
         assert np.abs(feet.feet - PLACES).max() < 1e-3
 
@@ -84,7 +86,7 @@ class TestFeet:
         flew = feet.swings.copy()
         assert flew.any()
         for _ in range(1300):
-            feet.advance(MOVING, 0.001, 0.03, lift_off=False)
+            feet.advance(MOVING, 0.001, 0.03, [False] * 6)
             assert not (feet.swings & ~flew).any()
         assert not feet.swings.any()
         assert not feet.feet[:, 2].any()
@@ -93,15 +95,15 @@ class TestFeet:
 def test_a_foot_that_meets_the_ground_early_stands_where_it_is_until_its_next_swing() -> None:
     feet = cycle("tripod")
     while feet.progress[0] < 0.8:
-        feet.advance(MOVING, 0.001, 0.03, lift_off=True)
+        feet.advance(MOVING, 0.001, 0.03, ALL)
     height = feet.feet[0, 2]
     assert height > 0.005
     feet.touch_down(np.array([True, False, False, False, False, False]))
-    feet.advance(MOVING, 0.001, 0.03, lift_off=True)
+    feet.advance(MOVING, 0.001, 0.03, ALL)
     assert feet.feet[0, 2] == height
     assert feet.swings[2]
     course(feet, 1.3)  # its next swing ends on the ground again
-    feet.advance(MOVING, 0.3, 0.03, lift_off=False)
+    feet.advance(MOVING, 0.3, 0.03, [False] * 6)
     assert feet.feet[0, 2] < 1e-3
 
 
@@ -255,7 +257,8 @@ def test_feet_that_should_stand_and_find_no_ground_are_lowered_a_little() -> Non
     force[3] = 0.0
     torque = LEGS.scatter(LEGS.torque(jacobian, force), np.zeros(18))
     before = policy._cycle.feet[:, 2].copy()
-    policy._feel_ground(jacobian, torque, 0.1)
+    assert policy._ground is not None
+    policy._meet_ground(policy._ground.touches(jacobian, torque, np.zeros(18)), 0.1)
     lowered = policy._cycle.feet[:, 2] - before
     assert lowered[3] == pytest.approx(-0.002)
     np.testing.assert_array_equal(np.delete(lowered, 3), 0.0)

@@ -15,7 +15,7 @@ from footfall.common.rotations import multiply
 from footfall.deploy.estimation.config import EstimatorConfig
 from footfall.deploy.estimation.estimator import BaseEstimator
 from footfall.deploy.estimation.odometry import POSITION, VELOCITY, YAW, Odometry
-from footfall.policies.controllers.trot import Trot
+from footfall.policies.controllers.walk import Walk as Generator
 from footfall.policies.policy import Sensed
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.rigid_body import nominal_body
@@ -30,7 +30,7 @@ def yawed(angle: float) -> np.ndarray:
     return np.array([np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)])
 
 
-class Unplanned(Trot):
+class Unplanned(Generator):
     """A trot that keeps to itself when which foot stands, as learned policies do."""
 
     def stance(self) -> None:  # type: ignore[override]
@@ -65,13 +65,13 @@ class Follower:
 def walks() -> dict[str, Follower]:
     """Four seconds of a curve, with and without the controller's contact plan."""
 
-    def follow(make: Callable[[Robot], Trot]) -> Follower:
+    def follow(make: Callable[..., Generator]) -> Follower:
         plant = DirectPlant(ROBOT, seed=1)
         follower = Follower(plant)
-        walk(make(ROBOT), plant, lambda _: np.array([0.4, 0.1, 0.4]), 4.0, follower)
+        walk(make(ROBOT, "trot"), plant, lambda _: np.array([0.4, 0.1, 0.4]), 4.0, follower)
         return follower
 
-    return {"planned": follow(Trot), "unplanned": follow(Unplanned)}
+    return {"planned": follow(Generator), "unplanned": follow(Unplanned)}
 
 
 class TestAgainstTheTruth:
@@ -126,7 +126,7 @@ class TestAgainstTheTruth:
     def test_a_robot_at_rest_stays_where_it_is(self) -> None:
         plant = DirectPlant(ROBOT)
         follower = Follower(plant)
-        walk(Trot(ROBOT), plant, lambda _: np.zeros(3), 2.0, follower)
+        walk(Generator(ROBOT, "trot"), plant, lambda _: np.zeros(3), 2.0, follower)
         error = follower.errors()[500:]
         assert np.abs(error[:, :2]).max() < 0.003
         assert np.abs(error[:, 3:]).max() < 0.03
@@ -136,7 +136,7 @@ class TestAgainstTheTruth:
         """So short that the accelerometer misses it: 30 ms later the legs have told."""
         plant, estimator = DirectPlant(ROBOT), BaseEstimator(ROBOT)
         push = (1.0, np.array([0.0, 0.4, 0.0]))
-        result = walk(Trot(ROBOT), plant, lambda _: np.zeros(3), 1.05, estimator, push)
+        result = walk(Generator(ROBOT, "trot"), plant, lambda _: np.zeros(3), 1.05, estimator, push)
         assert result.velocity[513][1] > 0.25
         assert result.estimate[514][1] == pytest.approx(result.velocity[513][1], abs=0.06)
 

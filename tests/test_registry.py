@@ -51,7 +51,7 @@ class TestControllers:
     def test_a_robot_has_those_that_it_has_settings_for(self, own_folder: Path) -> None:
         settings = own_folder / "controllers.yaml"
         sections = yaml.safe_load(settings.read_text())
-        del sections["mpc"], sections["mpc-wbc"]
+        sections = {name: sections[name] for name in ("stand", "trot")}
         settings.write_text(yaml.safe_dump(sections))
         robot = load_robot(own_folder)
         assert controllers_of(robot) == ["stand", "trot"]
@@ -93,14 +93,21 @@ class TestControllers:
     def test_those_that_walk_are_told_from_those_that_stand(self) -> None:
         standing = {name for name, controller in CONTROLLERS.items() if not controller.walks}
         assert standing == {"stand", "balance"}
-        assert set(CONTROLLERS) - standing == {"trot", "mpc", "mpc-wbc", "step", "tripod", "ripple", "wave"}
+        gaits = {"trot", "walk", "pace", "bound", "gallop", "tripod", "ripple", "wave"}
+        assert set(CONTROLLERS) - standing == {"mpc", "mpc-wbc", "step"} | gaits
+
+    def test_of_the_gaits_one_is_compared_with(self, go1: Robot) -> None:
+        assert walking_controllers(go1) == ["trot", "mpc", "mpc-wbc"]
+        assert walking_controllers(load_robot("hexapod")) == ["tripod"]
 
     def test_they_come_in_one_order_whatever_that_of_the_settings(self, own_folder: Path) -> None:
         settings = own_folder / "controllers.yaml"
         sections = yaml.safe_load(settings.read_text())
         backwards = {name: sections[name] for name in reversed(sections)}
         settings.write_text(yaml.safe_dump(backwards, sort_keys=False))
-        assert controllers_of(load_robot(own_folder)) == ["stand", "trot", "mpc", "mpc-wbc"]
+        assert controllers_of(load_robot(own_folder)) == [
+            *("stand", "trot", "mpc", "mpc-wbc", "walk", "pace", "bound", "gallop")
+        ]
 
     def test_settings_that_are_no_sections_are_refused(self, own_folder: Path) -> None:
         settings = own_folder / "controllers.yaml"
@@ -179,9 +186,9 @@ BAD_SETTINGS = [
     ("trot", "gait.duty", 1.0, "duty must be above 0 and below 1"),
     ("trot", "gait.duty", 0.0, "duty must be above 0 and below 1"),
     ("trot", "command.acceleration_m_s2", 0.0, "acceleration_m_s2 must be above 0"),
-    ("trot", "height_m", -0.28, "height_m must be above 0"),
-    ("trot", "tilt_filter_s", 0.0, "tilt_filter_s must be above 0"),
-    ("trot", "most_step_m", -0.1, "most_step_m must be 0 or above"),
+    ("trot", "step.body_height_m", -0.28, "body_height_m must be above 0"),
+    ("trot", "levelling.filter_s", 0.0, "filter_s must be above 0"),
+    ("trot", "step.height_m", -0.1, "height_m must be 0 or above"),
     ("mpc", "horizon.steps", 0, "steps must be above 0"),
     ("mpc", "horizon.solve_hz", 0.0, "solve_hz must be above 0"),
     ("mpc", "weights.force", 0.0, "force must be above 0"),

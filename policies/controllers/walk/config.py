@@ -21,6 +21,14 @@ class StepConfig:
 
 
 @dataclass(frozen=True)
+class StanceConfig:
+    """Where feet stand in the middle of their stance."""
+
+    outward_m: float = 0.0  # of each foot, from its place in the default pose away from the middle
+    shift_m: float = 0.0  # of all feet, forward
+
+
+@dataclass(frozen=True)
 class LevellingConfig:
     """How the legs turn a tilted base back."""
 
@@ -33,6 +41,17 @@ class LevellingConfig:
     def __post_init__(self) -> None:
         require_not_negative(self, "gain", "rate_gain_s", "most_rad")
         require_positive(self, "filter_s", "body_rate_m_s")
+
+
+@dataclass(frozen=True)
+class HeadingConfig:
+    """How the walk keeps to the heading that the commanded yaw rate leads to, by the IMU."""
+
+    gain: float  # 1/s, of the heading's error; 0: it keeps to none
+    most_rad: float  # largest error that counts: what a shove turns beyond that is forgotten
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "gain", "most_rad")
 
 
 @dataclass(frozen=True)
@@ -71,12 +90,14 @@ class WalkConfig:
     command: CommandShaping
     step: StepConfig
     levelling: LevellingConfig
-    touch_down: TouchDownConfig
+    heading: HeadingConfig
     limits: LimitsConfig
     kp: float  # N m/rad
     kd: float  # N m s/rad
     weight_n: float  # carried by the legs in stance, as feed-forward torque
     settle_s: float  # time to move from the pose found at reset to the stance
+    stance: StanceConfig = StanceConfig()
+    touch_down: TouchDownConfig | None = None  # none: feet stand by the clock alone
 
     def __post_init__(self) -> None:
         require_positive(self, "rate_hz", "kp", "settle_s")

@@ -1,23 +1,26 @@
 """The gait generator as a controller: any named gait, on any robot whose feet it fits."""
 
+import math
+
 import numpy as np
 
+from footfall.common.rotations import wrap_angle, yaw_of
 from footfall.policies.controllers.command import ShapedCommand
 from footfall.policies.controllers.gait import GaitConfig, contact_trust
 from footfall.policies.controllers.settings import controller_settings
-from footfall.policies.controllers.stance import level_feet, tilt_correction
+from footfall.policies.controllers.stance import level_feet, nominal_feet, tilt_correction
 from footfall.policies.controllers.walk.config import StepConfig, WalkConfig
-from footfall.policies.controllers.walk.feet import FootCycle
+from footfall.policies.controllers.walk.feet import FootCycle, Footing, rolling_of
+from footfall.policies.controllers.walk.ground import GroundSense
 from footfall.policies.controllers.walk.limits import Pace, SteadyWalk, WalkLimits
 from footfall.policies.policy import Observation
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 from footfall.robots.rigid_body import nominal_body
 
-_CHANGE = np.array([0.005, 0.005, 0.02])  # of the velocity, after which the limits are looked at again
+_CHANGE = np.array([0.005, 0.005, 0.02])  # of the wanted velocity, after which the limits are looked at again
 _TEMPO_RATE = 0.5  # 1/s, how fast the tempo may rise; it falls at once
-_REGULAR = 1e-5 * np.eye(3)  # m^2/rad^2
-_GRAVITY = 9.81
+_ASTRAY_M = 0.01  # a robot that has come to rest brings feet farther away than this to their places
 
 
 class Walk:
@@ -37,17 +40,18 @@ class Walk:
         self.rate_hz = config.rate_hz
         self._robot, self._legs = robot, robot.legs
         body = nominal_body(robot)
-        self._leg_inertia = body.leg_inertia
-        self._even_force = _GRAVITY * body.mass / self._legs.count
         centre = (float(body.centre[0]), float(body.centre[1]))
         self._limits = WalkLimits(robot, centre, config.limits.rate_share, config.limits.margin_m)
-        self._places = self._legs.default_foot.copy()
-        self._places[:, 2] = 0.0
+        touch_down = config.touch_down
+        self._ground = None if touch_down is None else GroundSense(self._legs, body, touch_down.force_share)
+        self._footing = self._stand(config)
+        self._farthest = float(np.hypot(*self._footing.places[:, :2].T).max())
         clock = config.gait.clock(robot)
-        self._cycle = FootCycle(self._places, clock.timing, clock.offsets)
+        self._cycle = FootCycle(self._footing, clock.timing, clock.offsets)
         self._command = ShapedCommand(config.command)
         self._kp = np.full(len(robot.joint_names), config.kp)
         self._kd = np.full(len(robot.joint_names), config.kd)
+        self._most_step_rad = robot.description.target_rate_rad_s / config.rate_hz
         self.notes: list[str] = []
         self._begin(robot.default_pose)
 
@@ -65,7 +69,12 @@ class Walk:
         self._step, self._gait = self._config.step, self._config.gait
         self._wanted_gait = self._gait
         self._height_m = self._step.body_height_m
-        self._pace, self._tempo = Pace(), 1.0
+        self._steps = False
+        self._yaw: float | None = None  # that it keeps to, while it steps
+        self._asked = [0.0, 0.0, 0.0]
+        self._attainable = np.zeros(3)
+        self._pace = self._pace_before = Pace()
+        self._tempo = 1.0
         self._looked_at: np.ndarray | None = None
 
     def change(self, gait: GaitConfig | None = None, step: StepConfig | None = None) -> None:
@@ -85,79 +94,119 @@ class Walk:
 
     def act(self, observation: Observation) -> JointCommand:
         config, dt_s = self._config, 1.0 / self.rate_hz
-        cycle, sensed = self._cycle, observation.sensed
-        settled = observation.time_s >= config.settle_s
+        sensed = observation.sensed
         pose = self._legs.pose(sensed.joint_position)
-        wanted = self._within_steps(observation.command)
-        if settled:
-            self._command.advance(wanted, dt_s)
-        walk = settled and self._command.wants_walk(wanted)
-        if walk:
-            self._look_at_limits(wanted)
-        self._tempo = min(self._pace.tempo, self._tempo + _TEMPO_RATE * dt_s)
-        if self._wanted_gait != self._gait:
-            walk = False
-            if not cycle.swings.any():
-                self._take_up_gait()
-        if walk or cycle.swings.any():
-            velocity = self._pace.stride * self._command.value
-            cycle.advance(velocity, self._tempo * dt_s, self._step.height_m, lift_off=walk)
-            self._feel_ground(pose.jacobian, sensed.joint_torque, dt_s)
+        if observation.time_s >= config.settle_s:
+            self._walk(observation, dt_s)
+            if self._ground is not None:
+                touches = self._ground.touches(pose.jacobian, sensed.joint_torque, self._acceleration)
+                self._meet_ground(touches, dt_s)
 
         most = config.levelling.body_rate_m_s * dt_s
         self._height_m += min(max(self._step.body_height_m - self._height_m, -most), most)
         goal = self._legs.scatter(self._legs.solve(self._tips(observation, dt_s)), self._robot.default_pose)
         share = min(1.0, observation.time_s / config.settle_s)
-        wanted_position = self._start + share * (goal - self._start)
+        wanted = self._start + share * (goal - self._start)
         # Steps of a steady walk keep to the limit by their tempo; those from one gait to another may not.
-        step = self._robot.description.target_rate_rad_s * dt_s
-        position = np.minimum(np.maximum(wanted_position, self._previous - step), self._previous + step)
-        velocity = (position - self._previous) / dt_s
-        self._previous = position
-        self._acceleration, self._velocity = (velocity - self._velocity) / dt_s, velocity
+        before, most = self._previous, self._most_step_rad
+        self._previous = position = np.minimum(np.maximum(wanted, before - most), before + most)
+        velocity = (position - before) / dt_s
+        if self._ground is not None:
+            self._acceleration, self._velocity = (velocity - self._velocity) / dt_s, velocity
         torque = self._legs.scatter(self._weight_torque(pose.jacobian), np.zeros_like(position))
         return JointCommand(position, velocity, self._kp, self._kd, torque)
 
     def stance(self) -> np.ndarray | None:
         cycle = self._cycle
+        if not self._steps:
+            return np.ones(self._legs.count)
         phases = cycle.phases()
         trust = contact_trust(phases, cycle.timing.duty, edge=0.1)
         waits = phases >= cycle.timing.duty
         return np.where(cycle.swings, 0.0, np.where(waits, 1.0, trust))
+
+    def _stand(self, config: WalkConfig) -> Footing:
+        legs, stance = self._legs, config.stance
+        places = nominal_feet(legs, config.step.body_height_m, stance.outward_m, stance.shift_m)
+        return Footing(places * [1.0, 1.0, 0.0], rolling_of(legs, places, self._robot.default_pose))
+
+    def _walk(self, observation: Observation, dt_s: float) -> None:
+        """Let feet stand, swing, lift off and land as the command wants it."""
+        cycle, command = self._cycle, self._command
+        wanted = self._within_limits(observation.command)
+        command.advance(wanted, dt_s)
+        walk = command.wants_walk(wanted)
+        if self._wanted_gait != self._gait and not cycle.flies:
+            self._take_up_gait()
+        astray = cycle.astray(_ASTRAY_M)
+        changes = self._wanted_gait != self._gait
+        lift_off = [not changes and (walk or away) for away in astray]
+        if walk:
+            self._set_tempo(wanted, dt_s)
+        self._steps = walk or cycle.flies or any(lift_off)
+        if self._steps:
+            passed_s = self._tempo * dt_s
+            forward, leftward, yaw_rate = command.value.tolist()
+            yaw_rate += self._turn_back(observation, yaw_rate * passed_s)
+            cycle.advance([forward, leftward, yaw_rate], passed_s, self._step.height_m, lift_off)
+        else:
+            self._yaw = None
+
+    def _turn_back(self, observation: Observation, turned: float) -> float:
+        """Yaw rate, rad/s, towards the heading that commands led to, which have turned it a bit further."""
+        config, yaw = self._config.heading, yaw_of(observation.sensed.quaternion.tolist())
+        ahead = 0.0 if self._yaw is None else wrap_angle(self._yaw - yaw)
+        ahead = min(max(ahead, -config.most_rad), config.most_rad)
+        self._yaw = yaw + ahead + turned
+        return config.gain * ahead
 
     def _tips(self, observation: Observation, dt_s: float) -> np.ndarray:
         """Where the tips should be, (legs, 3) m, base frame."""
         levelling = self._config.levelling
         tilt = tilt_correction(observation, levelling.gain, levelling.rate_gain_s, levelling.most_rad)
         self._tilt += min(1.0, dt_s / levelling.filter_s) * (tilt - self._tilt)
-        feet = self._cycle.feet.copy()
+        feet = self._cycle.feet
         feet[:, 2] -= self._below()
         return level_feet(feet, self._tilt)
 
     def _below(self) -> np.ndarray:
         return self._height_m - self._legs.foot_radius
 
-    def _within_steps(self, command: np.ndarray) -> np.ndarray:
-        """The command as far as no foot is carried back farther than a step's length in one stance."""
-        turning = np.abs(command[2]) * np.hypot(self._places[:, 0], self._places[:, 1]).max()
-        carried = (float(np.hypot(command[0], command[1])) + turning) * self._cycle.timing.stance_s
-        return command * min(1.0, self._step.length_m / max(carried, 1e-9))
+    def _within_limits(self, command: np.ndarray) -> np.ndarray:
+        """The command as far as steps' length, legs' reach and the stability margin allow.
 
-    def _look_at_limits(self, wanted: np.ndarray) -> None:
-        """Find the pace for a wanted velocity, or for a higher one of now, and note what it costs."""
-        present = self._command.value
-        velocity = wanted if wanted @ wanted >= present @ present else present
-        if self._looked_at is not None and np.all(np.abs(velocity - self._looked_at) < _CHANGE):
-            return
+        No foot is carried back farther than a step's length in one stance.
+        """
+        asked = command.tolist()
+        if self._looked_at is not None and asked == self._asked:
+            return self._attainable
+        self._asked = asked
+        forward, leftward, yaw_rate = asked
+        speed = math.hypot(forward, leftward) + abs(yaw_rate) * self._farthest
+        carried = speed * self._cycle.timing.stance_s
+        within = command * min(1.0, self._step.length_m / max(carried, 1e-9))
+        if self._looked_at is None or np.any(np.abs(within - self._looked_at) >= _CHANGE):
+            self._look_at_limits(within)
+        self._attainable = self._pace.stride * within
+        return self._attainable
+
+    def _look_at_limits(self, velocity: np.ndarray) -> None:
+        """Find the pace for a velocity, and note what it costs."""
         self._looked_at = velocity.copy()
         cycle = self._cycle
-        self._pace = self._limits.pace(
-            SteadyWalk(
-                self._places, cycle.timing, cycle.offsets, velocity, self._step.height_m, self._below()
-            )
+        steady = SteadyWalk(
+            self._footing, cycle.timing, cycle.offsets, velocity, self._step.height_m, self._below()
         )
+        self._pace_before, self._pace = self._pace, self._limits.pace(steady)
         if self._pace.reason and not any(note.startswith(f"{self._gait.name}: ") for note in self.notes):
             self.notes.append(f"{self._gait.name}: {self._pace.reason}")
+
+    def _set_tempo(self, wanted: np.ndarray, dt_s: float) -> None:
+        """On the way from one velocity to another the tempo suits both."""
+        most = self._pace.tempo
+        if self._command.value.tolist() != wanted.tolist():
+            most = min(most, self._pace_before.tempo)
+        self._tempo = min(most, self._tempo + _TEMPO_RATE * dt_s)
 
     def _take_up_gait(self) -> None:
         self._gait = self._wanted_gait
@@ -165,18 +214,10 @@ class Walk:
         self._cycle.begin(clock.timing, clock.offsets)
         self._looked_at = None
 
-    def _feel_ground(self, jacobian: np.ndarray, torque: np.ndarray, dt_s: float) -> None:
-        """Feet that meet the ground early stand; feet that should stand and do not are lowered a little.
-
-        Torque beyond that of the legs' own inertia comes from the feet. Without taking that off, a leg
-        slowing down at the end of its swing would look like one on the ground.
-        """
-        config, cycle, gather = self._config.touch_down, self._cycle, self._legs.gather
-        inertial = self._leg_inertia @ gather(self._acceleration)[:, :, None]
-        pushed = jacobian @ (gather(torque)[:, :, None] - inertial)
-        regular = jacobian @ jacobian.transpose(0, 2, 1) + _REGULAR
-        upward = -np.linalg.solve(regular, pushed)[:, 2, 0]
-        touches = upward > config.force_share * self._even_force
+    def _meet_ground(self, touches: np.ndarray, dt_s: float) -> None:
+        """Feet that meet the ground early stand; feet that should stand and do not are lowered a little."""
+        config, cycle = self._config.touch_down, self._cycle
+        assert config is not None
         cycle.touch_down(touches & (cycle.progress > config.from_progress))
         cycle.lower(~touches, config.probe_m_s * dt_s, -config.probe_m)
 

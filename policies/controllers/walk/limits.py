@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from footfall.policies.controllers.gait import GaitTiming
-from footfall.policies.controllers.walk.feet import stances, steady_cycle
+from footfall.policies.controllers.walk.feet import Footing, stances, steady_cycle
 from footfall.robots.description import Robot
 from footfall.robots.support import Point, support_margin
 
@@ -17,9 +17,9 @@ _STRIDES = (1.0, 0.8, 0.6, 0.4, 0.2, 0.0)
 
 
 class SteadyWalk(NamedTuple):
-    """A gait at one velocity. Feet as `FootCycle` has them."""
+    """A gait at one velocity."""
 
-    places: np.ndarray  # (feet, 3) m, in the middle of each stance, z = 0
+    footing: Footing
     timing: GaitTiming
     offsets: np.ndarray  # (feet,)
     velocity: np.ndarray  # (3,)
@@ -73,7 +73,7 @@ class WalkLimits:
 
     def _fault(self, walk: SteadyWalk) -> tuple[str, float]:
         """Why a walk cannot be had at any tempo, if so, and its peak joint rate, rad/s."""
-        feet = steady_cycle(walk.places, walk.timing, walk.velocity, walk.step_height_m, _PROGRESS)
+        feet = steady_cycle(walk.footing, walk.timing, walk.velocity, walk.step_height_m, _PROGRESS)
         feet[:, :, 2] -= walk.below_m
         angles = np.array([self._legs.solve(each) for each in feet])
         step_s = walk.timing.swing_s * (_PROGRESS[1] - _PROGRESS[0])
@@ -83,7 +83,7 @@ class WalkLimits:
             if np.abs(reached - wanted).max() > _MISSED_M:
                 return "feet would be out of the legs' reach", rate
         if self._margin_m is not None:
-            points = stances(walk.places, walk.timing, walk.offsets, walk.velocity, _CLOCKS)
+            points = stances(walk.footing, walk.timing, walk.offsets, walk.velocity, _CLOCKS)
             margin = min(support_margin(stance, self._centre) for stance in points)
             if margin < self._margin_m:
                 return f"the stability margin would be {margin:.3f} m of {self._margin_m:.3f} m", rate

@@ -1,0 +1,193 @@
+"""What the gait generator commands in single moments, on four legs."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from footfall.policies.controllers.settings import controller_settings
+from footfall.policies.controllers.walk import Walk
+from footfall.policies.controllers.walk.config import HeadingConfig, WalkConfig
+from footfall.policies.policy import Observation, Sensed
+from footfall.robots.description import load_robot
+
+ROBOT = load_robot("go1")
+LEGS = ROBOT.legs
+CONFIG = replace(controller_settings(ROBOT, "trot", WalkConfig), heading=HeadingConfig(0.0, 0.0))
+FORWARD = (0.4, 0.0, 0.0)
+PLACES = LEGS.default_foot + [[0, side * CONFIG.stance.outward_m, 0] for side in (-1, 1, -1, 1)]
+PLACES[:, 2] = LEGS.foot_radius - CONFIG.step.body_height_m
+PERIOD = round(CONFIG.gait.period_s * CONFIG.rate_hz)  # ticks
+
+
+def make() -> Walk:
+    return Walk(ROBOT, "trot", CONFIG)
+
+
+def seen(
+    time_s: float = 0.0,
+    command: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    roll: float = 0.0,
+    yaw: float = 0.0,
+    joint: np.ndarray = ROBOT.default_pose,
+) -> Observation:
+    """A small tilt or turn, legs in the default pose unless said otherwise."""
+    quaternion = np.array([np.cos((roll + yaw) / 2), np.sin(roll / 2), 0.0, np.sin(yaw / 2)])
+    zero = np.zeros(12)
+    sensed = Sensed(np.zeros(3), np.array([0.0, 0.0, 9.81]), quaternion, joint, zero, zero)
+    return Observation(time_s, sensed, np.array(command), np.zeros(3), 0.28)
+
+
+def feet_of(command_position: np.ndarray) -> np.ndarray:
+    return LEGS.pose(command_position).foot
+
+
+def walking(policy: Walk, command: tuple[float, float, float] = FORWARD, seconds: float = 1.0) -> np.ndarray:
+    """Walk from a settled stance and return commanded feet, (ticks, legs, 3)."""
+    policy.reset(seen())
+    dt_s, start = 1 / policy.rate_hz, CONFIG.settle_s
+    ticks = round(seconds * policy.rate_hz)
+    return np.array([feet_of(policy.act(seen(start + k * dt_s, command)).position) for k in range(ticks)])
+
+
+def test_it_goes_to_its_stance_before_it_follows_a_command() -> None:
+    """On a straight line of joint angles; then the first steps begin."""
+    policy, bent = make(), ROBOT.default_pose + 0.002 * np.arange(12)
+    policy.reset(seen(joint=bent))
+    ticks = round(CONFIG.settle_s * CONFIG.rate_hz)
+    at = [policy.act(seen(k / CONFIG.rate_hz, FORWARD)).position for k in range(ticks)]
+    np.testing.assert_allclose(feet_of(at[-1]), PLACES, atol=1e-3)
+    whole = (at[-1] - bent) * ticks / (ticks - 1)
+    np.testing.assert_allclose(at[ticks // 5], bent + whole / 5, atol=1e-9)
+    assert policy.stance().tolist() == [1.0] * 4  # type: ignore[union-attr]
+    for k in range(ticks, ticks + PERIOD // 2):
+        policy.act(seen(k / CONFIG.rate_hz, FORWARD))
+    assert policy.stance().tolist() != [1.0] * 4  # type: ignore[union-attr]
+
+
+def test_its_velocity_is_that_of_its_targets_under_its_gains() -> None:
+    policy = make()
+    walking(policy)
+    before = policy._previous
+    told = policy.act(seen(CONFIG.settle_s + 1.0, FORWARD))
+    np.testing.assert_allclose(told.velocity, (told.position - before) * CONFIG.rate_hz)
+    assert np.abs(told.velocity).max() > 0.1
+    assert told.kp.tolist() == [CONFIG.kp] * 12
+    assert told.kd.tolist() == [CONFIG.kd] * 12
+
+
+@pytest.mark.parametrize("command", [(0.3, 0.0, 0.0), (0.0, 0.2, 0.0), (-0.1, 0.1, 0.6)])
+def test_the_point_under_each_standing_foot_goes_with_the_ground(command: tuple[float, float, float]) -> None:
+    """Back under a base that moves by v + w x r. A foot is a ball that rolls: as its shank turns, the point
+    under it goes farther than its centre. By MuJoCo's own Jacobians, in mid-stance.
+    """
+    policy = make()
+    policy.reset(seen())
+    targets = [policy.act(seen(CONFIG.settle_s + k / CONFIG.rate_hz, command)) for k in range(4 * PERIOD)]
+    vx, vy, yaw = command
+    for told in targets[-PERIOD:]:
+        pose = LEGS.pose(told.position)
+        x, y, z = pose.foot.T
+        middle = (np.abs(pose.foot[:, :2] - PLACES[:, :2]).max(axis=1) < 0.003) & (z < PLACES[:, 2] + 1e-6)
+        contact = pose.jacobian + LEGS.rolling_offset(pose.axes, np.array([0.0, 0.0, 1.0]))
+        velocity = (contact @ LEGS.gather(told.velocity)[:, :, None])[middle, :2, 0]
+        expected = np.stack([-(vx - yaw * y), -(vy + yaw * x)], axis=1)[middle]
+        np.testing.assert_allclose(velocity, expected, atol=6e-3)
+
+
+def test_a_step_is_symmetric_about_the_foots_place() -> None:
+    feet = walking(make(), FORWARD, seconds=1.4)[-PERIOD:]
+    middle = (feet.max(axis=0) + feet.min(axis=0)) / 2 - PLACES
+    np.testing.assert_allclose(middle[:, :2], 0.0, atol=3e-3)
+    ahead = feet[:, :, 0] > PLACES[:, 0] + 0.03
+    falls = np.diff(feet[:, :, 2], axis=0) < -1e-3
+    rises = np.diff(feet[:, :, 2], axis=0) > 1e-3
+    assert (falls & ahead[1:]).any()  # it lands ahead and lifts off behind
+    assert not (rises & ahead[1:]).any()
+
+
+def test_the_tilt_is_filtered() -> None:
+    """The first of many readings moves the feet by dt / filter of the correction."""
+    policy, levelling = make(), CONFIG.levelling
+    policy.reset(seen(joint=LEGS.scatter(LEGS.solve(PLACES), ROBOT.default_pose)))
+    feet = feet_of(policy.act(seen(CONFIG.settle_s, roll=0.1)).position)
+    share = 1.0 / CONFIG.rate_hz / levelling.filter_s
+    assert share < 1.0
+    roll = share * min(levelling.gain * 0.1, levelling.most_rad)
+    np.testing.assert_allclose((feet - PLACES)[:, 2], roll * PLACES[:, 1], atol=2e-5)
+    assert roll > 1e-3
+
+
+def test_a_command_is_approached_from_rest_once_it_has_settled() -> None:
+    policy = make()
+    policy.reset(seen())
+    for share in (0.2, 0.5, 0.99):
+        policy.act(seen(share * CONFIG.settle_s, FORWARD))
+        assert not policy._command.value.any()
+    policy.act(seen(CONFIG.settle_s, FORWARD))
+    first = CONFIG.command.acceleration_m_s2 / CONFIG.rate_hz
+    np.testing.assert_allclose(policy._command.value, [first, 0.0, 0.0])
+
+
+def test_feet_are_lifted_to_the_steps_height() -> None:
+    feet = walking(make())
+    np.testing.assert_allclose(np.ptp(feet[-PERIOD:, :, 2], axis=0), CONFIG.step.height_m, rtol=0.01)
+
+
+def test_come_to_rest_it_brings_its_feet_home_and_stays() -> None:
+    policy = make()
+    walking(policy, (0.8, 0.2, -0.5), seconds=1.37)
+    start = CONFIG.settle_s + 1.37
+    for k in range(round(1.5 * CONFIG.rate_hz)):
+        told = policy.act(seen(start + k / CONFIG.rate_hz))
+    np.testing.assert_allclose(feet_of(told.position), PLACES, atol=0.0101)
+    assert not told.velocity.any()
+    assert policy.stance().tolist() == [1.0] * 4  # type: ignore[union-attr]
+
+
+class TestHeading:
+    """By a gain of 2 and 0.2 rad at most."""
+
+    @pytest.fixture
+    def policy(self) -> Walk:
+        policy = Walk(ROBOT, "trot", replace(CONFIG, heading=HeadingConfig(2.0, 0.2)))
+        policy.reset(seen())
+        policy.act(seen(CONFIG.settle_s, FORWARD, yaw=1.0))  # it keeps to where it heads when it sets off
+        return policy
+
+    @pytest.mark.parametrize(("turned", "back"), [(0.1, -0.2), (-0.05, 0.1), (0.5, -0.4), (-3.0, 0.4)])
+    def test_it_turns_back_to_where_it_headed(self, policy: Walk, turned: float, back: float) -> None:
+        assert policy._turn_back(seen(yaw=1.0 + turned), 0.0) == pytest.approx(back)
+
+    def test_what_it_is_commanded_to_turn_moves_the_heading(self, policy: Walk) -> None:
+        policy._turn_back(seen(yaw=1.0), 0.03)
+        assert policy._turn_back(seen(yaw=1.0), 0.0) == pytest.approx(0.06)
+
+    def test_a_robot_that_stands_keeps_to_none(self, policy: Walk) -> None:
+        for k in range(2 * PERIOD):
+            policy.act(seen(CONFIG.settle_s + k / CONFIG.rate_hz, yaw=1.0))
+        assert policy._yaw is None
+        assert policy._turn_back(seen(yaw=-2.0), 0.0) == 0.0
+
+
+def test_a_new_episode_starts_without_a_jump_in_velocity() -> None:
+    policy = make()
+    walking(policy)
+    policy.reset(seen())
+    assert np.abs(policy.act(seen(0.0)).velocity).max() == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_second_episode_is_the_first_to_the_bit() -> None:
+    policy = Walk(ROBOT, "trot")
+    np.testing.assert_array_equal(walking(policy), walking(policy))
+
+
+def test_a_new_episode_forgets_the_tilt_of_the_last() -> None:
+    policy = make()
+    policy.reset(seen())
+    policy.act(seen(CONFIG.settle_s, roll=0.2))
+    positions = []
+    for each in (policy, make()):
+        each.reset(seen())
+        positions.append(each.act(seen(CONFIG.settle_s)).position)
+    np.testing.assert_array_equal(*positions)
