@@ -261,7 +261,7 @@ def test_a_pushed_robot_that_differs_from_the_nominal_one_raises_no_alarm(
     rng = np.random.default_rng(seed)
     sample = draw(load_randomisation(), lambda count: rng.uniform(size=count), 12, 13)
     sample["action_delay_s"] = np.array(0.004)
-    pushes = (Push(0.4, (0.5, 0.6, 0.0)), Push(1.4, (-0.6, 0.5, 0.0)))
+    pushes = (Push(0.4, (0.5, 0.5, 0.0)), Push(1.4, (-0.5, 0.5, 0.0)))
     episode = walk(seed=seed, duration_s=2.5, noise=NOISE, sample=sample, pushes=pushes)
     trace = run_episode(go1, load_policy(policy, go1), episode)
     assert trace.faults == ()
