@@ -1,0 +1,298 @@
+"""How far the base estimator's odometry drifts, and whether its covariance is honest.
+
+    python benchmarks/odometry.py --workers 16 --out odometry.json --plot docs/images/odometry.png
+
+Each walking controller and learned policy of each robot walks straight ahead, along a curve and round a
+rectangle, on the nominal plant and on randomised ones, with the scenarios' sensor noise. A `BaseEstimator`
+listens to what the loop hears and to the policy's contact plan; the pose that it ends with is compared with
+the true one, both seen from where the walk began. Seeds begin at 1000: the estimator's settings were chosen
+on others. Prints a table.
+"""
+
+import argparse
+import json
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from footfall.common.rotations import heading, heading_matrix, wrap_angle
+from footfall.deploy.estimation.config import EstimatorConfig, OdometryConfig
+from footfall.deploy.estimation.estimator import BaseEstimator
+from footfall.deploy.loop import ControlLoop
+from footfall.domain_rand.randomisation import load_randomisation
+from footfall.domain_rand.sample import draw
+from footfall.evaluate.scenarios import load_scenarios
+from footfall.plant.episode import Episode, run_episode
+from footfall.plant.robot import SimulatedRobot
+from footfall.policies.policy import Policy
+from footfall.policies.registry import load_policy, walking_controllers, zoo_names
+from footfall.robots.commands import CommandRange
+from footfall.robots.description import available_robots, load_robot
+from footfall.robots.model import plant_model
+
+FIRST_SEED = 1000
+LOOK_EVERY_S = 0.25
+SHARE = 0.5  # of the robot's highest commands
+SIDE_S = 3.0  # of the rectangle
+PARTS = {"horizontal place": [0, 1], "height": [2], "yaw": [3], "horizontal velocity": [4, 5]}
+PLANTS = ("nominal", "randomised")
+GOAL = 2.0  # % of the way
+LONG_ENOUGH_M = 0.5  # a shorter way says nothing about drift
+
+
+@dataclass(frozen=True)
+class Walk:
+    """One episode."""
+
+    robot: str
+    policy: str
+    path: str
+    plant: str
+    seed: int
+    scale_error: float | None
+
+
+class Course:
+    """Commands over time, (3,) each."""
+
+    def __init__(self, name: str, commands: CommandRange, duration_s: float) -> None:
+        ahead, turn = SHARE * commands.forward_m_s[1], SHARE * commands.yaw_rad_s[1]
+        quarter_s = math.pi / 2 / turn
+        self.legs = {
+            "straight": [(duration_s, ahead, 0.0)],
+            "curve": [(duration_s, ahead, 0.5 * turn)],
+            "rectangle": [(SIDE_S, ahead, 0.0), (quarter_s, 0.0, turn)] * 4,
+        }[name]
+        self.duration_s = sum(leg[0] for leg in self.legs)
+
+    def __call__(self, time_s: float) -> np.ndarray:
+        for lasts_s, ahead, turn in self.legs:
+            if time_s < lasts_s:
+                return np.array([ahead, 0.0, turn])
+            time_s -= lasts_s
+        return np.zeros(3)
+
+
+class Listener:
+    """Runs an estimator beside the loop, and looks at it and at the truth now and then."""
+
+    def __init__(self, policy: Policy, estimator: BaseEstimator) -> None:
+        self._policy, self._estimator = policy, estimator
+        self._now_us = self._next_look_s = 0.0
+        self._plan: np.ndarray | None = None  # the policy's, of the tick before
+        self._begun = False
+        self.rows: list[dict[str, Any]] = []
+
+    def __call__(self, loop: ControlLoop, body: SimulatedRobot) -> None:
+        """After each joint tick."""
+        if not loop.walking:
+            return
+        if not self._begun:
+            self._begun, self._now_us = True, loop.now_us
+            self._estimator.reset(loop.sensed)
+            self._from_place, quaternion = body.truth().base_position, body.truth().base_quaternion
+            self._from_yaw = float(heading(quaternion))
+        elif loop.now_us > self._now_us:
+            self._estimator.update(loop.sensed, self._plan, (loop.now_us - self._now_us) * 1e-6)
+            self._now_us = loop.now_us
+        self._plan = self._policy.stance()
+        if loop.walking_s >= self._next_look_s:
+            self._next_look_s += LOOK_EVERY_S
+            self._look(loop.walking_s, body)
+
+    def _look(self, time_s: float, body: SimulatedRobot) -> None:
+        truth, found = body.truth(), self._estimator.odometry()
+        place = heading_matrix(-self._from_yaw) @ (truth.base_position - self._from_place)
+        yaw = wrap_angle(float(heading(truth.base_quaternion)) - self._from_yaw)
+        self.rows.append(
+            {
+                "time_s": time_s,
+                "true": place.tolist(),
+                "estimated": found.position.tolist(),
+                "error": [
+                    *(found.position - place).tolist(),
+                    wrap_angle(found.yaw - yaw),
+                    *(found.velocity - truth.base_velocity).tolist(),
+                ],
+                "sigma": np.sqrt(np.diag(found.covariance)).tolist(),
+            }
+        )
+
+
+def follow(walk: Walk, duration_s: float) -> dict[str, Any]:
+    """One walk, and what the estimator made of it."""
+    robot = load_robot(walk.robot)
+    policy = load_policy(walk.policy, robot)
+    commands = robot.description.commands
+    config = EstimatorConfig()
+    if walk.scale_error is not None:
+        config = replace(config, odometry=OdometryConfig(scale_error=walk.scale_error))
+    listener = Listener(policy, BaseEstimator(robot, config))
+    path = Course(walk.path, commands, duration_s)
+    sample = None
+    if walk.plant == "randomised":
+        rng = np.random.default_rng(walk.seed)
+        bodies = plant_model(robot).nbody - 1
+        sample = draw(load_randomisation(), rng.random, len(robot.joint_names), bodies)
+    episode = Episode(
+        command=path,
+        duration_s=path.duration_s,
+        seed=walk.seed,
+        sample=sample,
+        noise=load_scenarios(commands).noise,
+        record=False,
+    )
+    trace = run_episode(robot, policy, episode, listener)
+    true = np.array([row["true"] for row in listener.rows])
+    way = float(np.linalg.norm(np.diff(true[:, :2], axis=0), axis=1).sum())
+    off = float(np.linalg.norm(listener.rows[-1]["error"][:2]))
+    return {
+        **vars(walk),
+        "fell": trace.fell,
+        "way_m": way,
+        "error_m": off,
+        "drift_percent": 100.0 * off / way if way > LONG_ENOUGH_M else None,
+        "rows": listener.rows,
+    }
+
+
+def within_two_sigma(walks: Iterable[dict[str, Any]]) -> dict[str, float]:
+    """Share of the errors within two standard deviations, by part of the pose; 0.954 if all is Gaussian."""
+    rows = [row for walk in walks for row in walk["rows"][1:]]
+    if not rows:
+        return {}
+    error, sigma = (np.array([row[key] for row in rows]) for key in ("error", "sigma"))
+    inside = np.abs(error) <= 2.0 * sigma
+    return {name: float(inside[:, columns].mean()) for name, columns in PARTS.items()}
+
+
+def summary(walks: list[dict[str, Any]]) -> dict[str, Any]:
+    """Drift and honesty of some walks; those that ended in a fall, or nowhere, are counted only."""
+    whole = [walk for walk in walks if not walk["fell"] and walk["drift_percent"] is not None]
+    drift = np.array([walk["drift_percent"] for walk in whole])
+    figures = {"walks": len(walks), "fell": sum(walk["fell"] for walk in walks), "counted": len(whole)}
+    if whole:
+        figures |= {
+            "drift_percent_median": float(np.median(drift)),
+            "drift_percent_p95": float(np.percentile(drift, 95)),
+            "drift_percent_max": float(drift.max()),
+            "share_below_goal": float((drift <= GOAL).mean()),
+            "way_m": float(np.mean([walk["way_m"] for walk in whole])),
+        }
+    return {**figures, "within_two_sigma": within_two_sigma(whole)}
+
+
+def table(walks: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """A summary for each robot, policy and plant, and one of all walks on each plant."""
+    keys = sorted({(walk["robot"], walk["policy"], walk["plant"]) for walk in walks})
+    rows = []
+    for plant in PLANTS:
+        for key in [key for key in keys if key[2] == plant]:
+            own = [walk for walk in walks if (walk["robot"], walk["policy"], walk["plant"]) == key]
+            rows.append({"robot": key[0], "policy": key[1], "plant": plant, **summary(own)})
+        own = [walk for walk in walks if walk["plant"] == plant]
+        if own:
+            rows.append({"robot": "all", "policy": "all", "plant": plant, **summary(own)})
+    return rows
+
+
+def write(rows: list[dict[str, Any]]) -> None:
+    """The table, in Markdown."""
+    print("| robot | policy | plant | walks (fell) | way, m | drift: median, p95, max, % | within 2 sigma |")
+    print("| --- | --- | --- | --- | --- | --- | --- |")
+    for row in rows:
+        inside = ", ".join(f"{name} {share:.2f}" for name, share in row["within_two_sigma"].items())
+        drift = [row.get(f"drift_percent_{key}", math.nan) for key in ("median", "p95", "max")]
+        print(
+            f"| {row['robot']} | {row['policy']} | {row['plant']} | {row['walks']} ({row['fell']}) |"
+            f" {row.get('way_m', math.nan):.1f} | {', '.join(f'{value:.2f}' for value in drift)} | {inside} |"
+        )
+
+
+def plot(walks: list[dict[str, Any]], path: Path) -> None:
+    """Drift of every walk by policy, and one rectangle of each robot."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4.2), constrained_layout=True)
+    policies = sorted({(walk["robot"], walk["policy"]) for walk in walks}, reverse=True)
+    for plant, shift, colour in zip(PLANTS, (0.15, -0.15), ("tab:blue", "tab:orange"), strict=True):
+        whole = [walk for walk in walks if walk["plant"] == plant and walk["drift_percent"] is not None]
+        whole = [walk for walk in whole if not walk["fell"]]
+        at = [policies.index((walk["robot"], walk["policy"])) + shift for walk in whole]
+        drift = [walk["drift_percent"] for walk in whole]
+        left.plot(drift, at, "o", ms=3, alpha=0.6, color=colour, label=f"{plant} plant")
+    left.axvline(GOAL, color="grey", lw=1, ls="--")
+    left.set_yticks(range(len(policies)), [f"{robot} {policy}" for robot, policy in policies], fontsize=8)
+    left.set_xscale("log")
+    left.set_xlabel("error of the final place, % of the way")
+    left.legend(fontsize=8)
+    shown: set[str] = set()
+    for walk in walks:
+        if walk["path"] != "rectangle" or walk["plant"] != "nominal" or walk["fell"]:
+            continue
+        if walk["robot"] in shown:
+            continue
+        shown.add(walk["robot"])
+        true, found = (np.array([row[key] for row in walk["rows"]]) for key in ("true", "estimated"))
+        (line,) = right.plot(
+            true[:, 0], true[:, 1], lw=3, alpha=0.35, label=f"{walk['robot']} {walk['policy']}"
+        )
+        right.plot(found[:, 0], found[:, 1], lw=1, color=line.get_color())
+    right.set_aspect("equal")
+    right.set_xlabel("x, m (broad: true, thin: estimated)")
+    right.set_ylabel("y, m")
+    if shown:
+        right.legend(fontsize=8)
+    figure.savefig(path, dpi=90)
+    plt.close(figure)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--robots", default=",".join(available_robots()))
+    parser.add_argument("--policies", default="", help="A,B: these only, of those that each robot has")
+    parser.add_argument("--paths", default="straight,curve,rectangle")
+    parser.add_argument("--plants", default=",".join(PLANTS))
+    parser.add_argument("--seeds", type=int, default=10, help="walks of each kind")
+    parser.add_argument("--first-seed", type=int, default=FIRST_SEED)
+    parser.add_argument("--duration", type=float, default=20.0, help="of straight walks and curves, s")
+    parser.add_argument("--scale-error", type=float, help="instead of the estimator's own")
+    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--out", type=Path, help="JSON with every walk")
+    parser.add_argument("--plot", type=Path, help="image")
+    options = parser.parse_args()
+
+    wanted = [name for name in options.policies.split(",") if name]
+    seeds = range(options.first_seed, options.first_seed + options.seeds)
+    walks = [
+        Walk(name, policy, path, plant, seed, options.scale_error)
+        for name in options.robots.split(",")
+        for policy in (*walking_controllers(load_robot(name)), *zoo_names(load_robot(name)))
+        if not wanted or policy in wanted
+        for path in options.paths.split(",")
+        for plant in options.plants.split(",")
+        for seed in seeds
+    ]
+    with get_context("spawn").Pool(options.workers) as pool:
+        found = pool.map(partial(follow, duration_s=options.duration), walks, chunksize=1)
+    rows = table(found)
+    write(rows)
+    if options.out is not None:
+        options.out.write_text(json.dumps({"summary": rows, "walks": found}))
+    if options.plot is not None:
+        plot(found, options.plot)
+
+
+if __name__ == "__main__":
+    main()
