@@ -138,6 +138,30 @@ class TestCycle:
         assert (cycle.clock, cycle.swings.any(), cycle.progress.any()) == (0.0, False, False)
         np.testing.assert_array_equal(cycle.feet, PLACES)
 
+    def test_it_knows_how_far_standing_feet_are_carried_along_the_bodys_way(self, cycle: FootCycle) -> None:
+        """Points at rest on the ground, half a second of a body at 0.1 m/s behind their places."""
+        forward = [0.1, 0.0, 0.0]
+        for _ in range(50):
+            cycle.advance(forward, 0.01, 0.04, (False, False))
+        assert cycle.carried(forward) == pytest.approx(0.05)
+        assert cycle.carried([-0.1, 0.0, 0.0]) == pytest.approx(-0.05)
+        assert cycle.carried([0.0, 0.3, 0.0]) == pytest.approx(0.0)
+        lift_feet(cycle, 0, 1)
+        assert cycle.carried(forward) == 0.0
+
+    def test_a_gait_begins_anew_where_the_foot_that_is_farthest_behind_lifts_off_first(
+        self, cycle: FootCycle
+    ) -> None:
+        """It stands for 0.6 of 2 s: the second foot is 0.1 m behind, the first 0.1 m ahead, both in turn."""
+        first, second = cycle._feet
+        first.x, second.x = first.place_x + 0.1, second.place_x - 0.1
+        cycle.begin_anew(TIMING, OFFSETS, [0.2, 0.0, 0.0])
+        waits = (0.6 - cycle.phases()) % 1.0
+        assert waits[1] < 0.05
+        first.x, second.x = first.place_x - 0.1, second.place_x + 0.1
+        cycle.begin_anew(TIMING, OFFSETS, [0.2, 0.0, 0.0])
+        assert ((0.6 - cycle.phases()) % 1.0)[0] < 0.05
+
     def test_only_standing_feet_are_lowered_and_no_deeper_than_told(self, cycle: FootCycle) -> None:
         cycle.lower(np.array([True, False]), 0.004, -0.01)
         np.testing.assert_allclose(cycle.feet[:, 2], [-0.004, 0.0])
@@ -177,6 +201,18 @@ class TestWalk:
         np.testing.assert_allclose(policy._within_limits(asked), asked * config.step.length_m / carried)
         slow = np.array([0.01, 0.0, -0.01])
         np.testing.assert_array_equal(policy._within_limits(slow), slow)
+
+    def test_a_foot_that_is_carried_too_far_slows_the_body_down_and_stops_it(
+        self, walk: SimpleNamespace
+    ) -> None:
+        """From 0.6 of a step's length to 0.9, five times a second at most."""
+        policy, length = walk.policy, walk.config.step.length_m
+        policy._command.value, foot = np.array([0.06, 0.0, 0.0]), policy._cycle._feet[2]
+        for carried, share in ((0.5, 1.0), (0.6, 1.0), (0.75, 0.5), (0.9, 0.0), (1.4, 0.0), (0.6, 1.0)):
+            foot.x = foot.place_x - carried * length
+            np.testing.assert_allclose(policy._with_room(1.0), [share * 0.06, 0.0, 0.0], atol=2e-4)
+        foot.x = foot.place_x - length
+        np.testing.assert_allclose(policy._with_room(0.02), [0.9 * 0.06, 0.0, 0.0])
 
     def test_it_plans_contacts_with_a_tenth_of_the_stance_at_each_edge(self, walk: SimpleNamespace) -> None:
         policy = walk.policy

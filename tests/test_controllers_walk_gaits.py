@@ -4,17 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from footfall.common.errors import UserError
 from footfall.policies.controllers.gait import GaitConfig, GaitTiming
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.walk import Walk
-from footfall.policies.controllers.walk.config import WalkConfig
+from footfall.policies.controllers.walk.config import StepConfig, WalkConfig
 from footfall.policies.controllers.walk.feet import FootCycle, Footing
 from footfall.policies.gaits import find_gait
 from footfall.policies.policy import Observation, Sensed
 from footfall.policies.registry import load_policy
-from footfall.robots.description import load_robot
+from footfall.robots.description import Robot, load_robot
 from footfall.robots.rigid_body import nominal_body
 from tests.deploy_policies import Hold
 
@@ -22,7 +24,6 @@ ROBOT = load_robot("hexapod")
 LEGS = ROBOT.legs
 GAITS = ("tripod", "ripple", "wave")
 FASTEST = 3.0  # rad/s, the robot's limit
-INERTIA = nominal_body(ROBOT).leg_inertia
 PLACES = LEGS.default_foot * np.array([1.0, 1.0, 0.0])
 STILL = Footing(PLACES, np.tile(np.eye(2), (6, 1, 1)))  # points, which do not roll
 MOVING = [0.08, -0.05, 0.2]
@@ -108,7 +109,7 @@ def test_a_foot_that_meets_the_ground_early_stands_where_it_is_until_its_next_sw
 
 
 def seen(time_s: float, command: np.ndarray, joint: np.ndarray, torque: np.ndarray) -> Observation:
-    zero = np.zeros(18)
+    zero = np.zeros_like(joint)
     up = np.array([0.0, 0.0, 9.81])
     sensed = Sensed(np.zeros(3), up, np.array([1.0, 0.0, 0.0, 0.0]), joint, zero, torque)
     return Observation(time_s, sensed, command, np.zeros(3), 0.18)
@@ -120,9 +121,10 @@ class Trial:
     Its motors give the torque that the legs' inertia takes, and carry the weight as they are told.
     """
 
-    def __init__(self, policy: Walk) -> None:
-        self.policy, self.ticks = policy, 0
-        self.joint, self.velocity, self.torque = ROBOT.default_pose, np.zeros(18), np.zeros(18)
+    def __init__(self, policy: Walk, robot: Robot = ROBOT) -> None:
+        self.policy, self.ticks, self.legs = policy, 0, robot.legs
+        self.inertia, self.still = nominal_body(robot).leg_inertia, np.zeros(len(robot.joint_names))
+        self.joint, self.velocity, self.torque = robot.default_pose, self.still, self.still
         policy.reset(seen(0.0, np.zeros(3), self.joint, self.torque))
 
     def walk(self, command: tuple[float, float, float], seconds: float) -> np.ndarray:
@@ -131,9 +133,9 @@ class Trial:
         for _ in range(round(seconds * self.policy.rate_hz)):
             time_s = self.ticks / self.policy.rate_hz
             told = self.policy.act(seen(time_s, np.array(command), self.joint, self.torque))
-            acceleration = LEGS.gather(told.velocity - self.velocity) * self.policy.rate_hz
-            inertial = (INERTIA @ acceleration[:, :, None])[:, :, 0]
-            self.torque = LEGS.scatter(inertial, np.zeros(18)) + told.torque
+            acceleration = self.legs.gather(told.velocity - self.velocity) * self.policy.rate_hz
+            inertial = (self.inertia @ acceleration[:, :, None])[:, :, 0]
+            self.torque = self.legs.scatter(inertial, self.still) + told.torque
             self.joint, self.velocity = told.position, told.velocity
             targets.append(told.position)
             self.ticks += 1
@@ -188,6 +190,57 @@ def test_no_stride_is_longer_than_a_step() -> None:
     targets = Trial(policy).walk((0.5, 0.0, 0.0), 5.0)
     feet = np.array([LEGS.pose(each).foot for each in targets[-400:]])
     assert np.ptp(feet[:, 1, 0]) == pytest.approx(0.085, abs=0.005)  # it swings out at both ends
+
+
+ANY_GAIT = {"go1": ("trot", "walk", "pace", "bound", "gallop"), "hexapod": GAITS}
+SHARE = st.floats(0.0, 1.0)
+CHANGES = st.lists(
+    st.tuples(st.integers(0, 4), *[SHARE] * 5, st.tuples(*[st.floats(-1.0, 1.0)] * 3), st.floats(0.2, 1.2)),
+    min_size=3,
+    max_size=5,
+)
+
+
+@pytest.mark.parametrize("name", ["go1", "hexapod"])
+@settings(max_examples=5, deadline=None, derandomize=True)
+@given(changes=CHANGES)
+def test_whatever_is_changed_while_it_walks_no_target_jumps_and_no_foot_is_left_behind(
+    name: str, changes: list[tuple]
+) -> None:
+    """Gait, period, duty, step's height and length, body's height and command, at any moment.
+
+    A target may wait for a joint whose rate is at its limit, but not for long. Feet stay within a step's
+    length of their places: the longest step that there was.
+    """
+    robot = load_robot(name)
+    policy = Walk(robot, ANY_GAIT[name][0])
+    trial, config, ranges = Trial(policy, robot), policy._config, robot.description.commands
+    most = np.array([ranges.forward_m_s[1], ranges.leftward_m_s[1], ranges.yaw_rad_s[1]])
+    start = round(config.settle_s * policy.rate_hz) + 1
+    trial.walk((0.0, 0.0, 0.0), start / policy.rate_hz)
+    longest = config.step.length_m
+    for gait, period, duty, height, length, body, command, seconds in changes:
+        step = StepConfig(
+            height_m=(0.3 + 1.2 * height) * config.step.height_m,
+            length_m=(0.4 + 0.8 * length) * config.step.length_m,
+            body_height_m=(0.85 + 0.2 * body) * config.step.body_height_m,
+        )
+        longest = max(longest, step.length_m)
+        names = ANY_GAIT[name]
+        chosen = GaitConfig(
+            names[gait % len(names)], (0.8 + period) * config.gait.period_s, 0.5 + 0.35 * duty
+        )
+        policy.change(chosen, step)
+        for _ in range(round(seconds * policy.rate_hz / 10)):
+            before = trial.joint
+            targets = trial.walk(tuple((most * command).tolist()), 10 / policy.rate_hz)
+            rate = np.abs(np.diff(np.vstack([before, targets]), axis=0)).max() * policy.rate_hz
+            assert rate < robot.description.target_rate_rad_s + 1e-9
+            tips = policy._cycle.feet - np.outer(policy._below(), [0.0, 0.0, 1.0])
+            lag = robot.legs.scatter(robot.legs.solve(tips), robot.default_pose) - targets[-1]
+            assert np.abs(lag).max() < 0.15
+            away = (policy._cycle.feet - policy._footing.places)[:, :2]
+            assert np.hypot(*away.T).max() < longest + 0.02
 
 
 class TestChanges:

@@ -20,6 +20,8 @@ from footfall.robots.rigid_body import nominal_body
 
 _CHANGE = np.array([0.005, 0.005, 0.02])  # of the wanted velocity, after which the limits are looked at again
 _TEMPO_RATE = 0.5  # 1/s, how fast the tempo may rise; it falls at once
+_FAR, _TOO_FAR = 0.6, 0.9  # of a step's length, from which on a foot slows the body down, and stops it
+_ROOM_RATE = 5.0  # 1/s, how fast it does
 _ASTRAY_M = 0.01  # a robot that has come to rest brings feet farther away than this to their places
 
 
@@ -69,7 +71,7 @@ class Walk:
         self._step, self._gait = self._config.step, self._config.gait
         self._wanted_gait = self._gait
         self._height_m = self._step.body_height_m
-        self._steps = False
+        self._steps, self._room = False, 1.0
         self._yaw: float | None = None  # that it keeps to, while it steps
         self._asked = [0.0, 0.0, 0.0]
         self._attainable = np.zeros(3)
@@ -146,11 +148,23 @@ class Walk:
         self._steps = walk or cycle.flies or any(lift_off)
         if self._steps:
             passed_s = self._tempo * dt_s
-            forward, leftward, yaw_rate = command.value.tolist()
+            forward, leftward, yaw_rate = self._with_room(dt_s)
             yaw_rate += self._turn_back(observation, yaw_rate * passed_s)
             cycle.advance([forward, leftward, yaw_rate], passed_s, self._step.height_m, lift_off)
         else:
             self._yaw = None
+
+    def _with_room(self, dt_s: float) -> list[float]:
+        """The velocity now, less where a foot that waits for its swing is carried too far meanwhile.
+
+        A steady walk carries feet half a step's length out of their places; others come with new commands,
+        other steps and other gaits.
+        """
+        velocity, length = self._command.value.tolist(), self._step.length_m
+        room = (_TOO_FAR - self._cycle.carried(velocity) / length) / (_TOO_FAR - _FAR)
+        most = _ROOM_RATE * dt_s
+        self._room += min(max(min(max(room, 0.0), 1.0) - self._room, -most), most)
+        return [self._room * part for part in velocity]
 
     def _turn_back(self, observation: Observation, turned: float) -> float:
         """Yaw rate, rad/s, towards the heading that commands led to, which have turned it a bit further."""
@@ -211,7 +225,7 @@ class Walk:
     def _take_up_gait(self) -> None:
         self._gait = self._wanted_gait
         clock = self._gait.clock(self._robot)
-        self._cycle.begin(clock.timing, clock.offsets)
+        self._cycle.begin_anew(clock.timing, clock.offsets, self._command.value.tolist())
         self._looked_at = None
 
     def _meet_ground(self, touches: np.ndarray, dt_s: float) -> None:

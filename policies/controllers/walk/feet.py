@@ -13,6 +13,7 @@ Number = TypeVar("Number", float, np.ndarray)
 
 _QUARTER_TURN = np.array([[0.0, 1.0], [-1.0, 0.0]])  # (x, y) @ this = (-y, x)
 _NUDGE_M = 0.005
+_CLOCKS = np.arange(24) / 24
 _UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -86,6 +87,12 @@ class Foot:
         self.swings, self._height = True, height_m
         self._left = self.x, self.y, self.z
 
+    def carried(self, velocity: list[float]) -> float:
+        """How far a body of a velocity has carried it out of its place, along its way over the ground, m."""
+        over_x, over_y = self._passing(velocity, self.x, self.y)
+        along = (self.place_x - self.x) * over_x + (self.place_y - self.y) * over_y
+        return along / max(math.hypot(over_x, over_y), 1e-9)
+
     def land(self) -> None:
         """End its swing where it is."""
         self.swings, self.progress = False, 0.0
@@ -157,6 +164,22 @@ class FootCycle:
     def begin(self, timing: GaitTiming, offsets: np.ndarray) -> None:
         """Another gait, for feet that all stand. One that would be in the air waits for its next swing."""
         self.timing, self._offsets = timing, offsets.tolist()
+
+    def begin_anew(self, timing: GaitTiming, offsets: np.ndarray, velocity: list[float]) -> None:
+        """Another gait while the body goes on, for feet that all stand.
+
+        The clock is set to where the feet that have been carried farthest lift off first, so that none is
+        carried farther than need be until it does.
+        """
+        self.begin(timing, offsets)
+        speed = math.hypot(*velocity[:2])
+        carried = np.array([foot.carried(velocity) for foot in self._feet])
+        waits_s = (timing.duty - leg_phases(_CLOCKS[:, None], offsets)) % 1.0 * timing.period_s
+        self.clock = float(_CLOCKS[np.argmin((carried + speed * waits_s).max(axis=1))])
+
+    def carried(self, velocity: list[float]) -> float:
+        """How far a body of a velocity has carried those feet that stand out of their places at most, m."""
+        return max((foot.carried(velocity) for foot in self._feet if not foot.swings), default=0.0)
 
     @property
     def offsets(self) -> np.ndarray:
