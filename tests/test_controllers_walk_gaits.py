@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from footfall.common.errors import UserError
@@ -200,10 +200,13 @@ CHANGES = st.lists(
     max_size=5,
 )
 
+SUDDENLY = (1, 1.0, 1.0, 0.5, 0.0, 0.8, (1.0, 0.0, 0.0), 1.1)  # slow, short steps at full speed
+
 
 @pytest.mark.parametrize("name", ["go1", "hexapod"])
 @settings(max_examples=5, deadline=None, derandomize=True)
 @given(changes=CHANGES)
+@example(changes=[(0, 0.0, 0.5, 0.5, 1.0, 0.8, (1.0, 0.0, 0.0), 1.2), SUDDENLY, SUDDENLY])
 def test_whatever_is_changed_while_it_walks_no_target_jumps_and_no_foot_is_left_behind(
     name: str, changes: list[tuple]
 ) -> None:
