@@ -6,6 +6,7 @@ import json
 import os
 import platform
 import resource
+import socket
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -22,7 +23,10 @@ PROCESSORS = Path("/sys/devices/system/cpu")
 PROBE_LIMIT_S = 60
 MIN_LOCKED_MEMORY = 256 * 2**20
 FOR_DEVELOPERS = ("dev",)
+NETWORK = Path("/sys/class/net")
 CAN_LINK_TYPE = "280"  # ARPHRD_CAN
+MIN_CAN_QUEUE = 64  # frames; the kernel's default of 10 is less than a tick's frames on a full bus
+MULTICAST_GROUP = "239.74.163.2"  # as deploy/python_can_bus.py has it
 
 
 class Finding(NamedTuple):
@@ -118,13 +122,55 @@ def _rendering() -> Finding:
 
 def _can() -> Finding:
     links = [
-        path.name
-        for path in sorted(Path("/sys/class/net").glob("*"))
+        path
+        for path in sorted(NETWORK.glob("*"))
         if (path / "type").is_file() and (path / "type").read_text().strip() == CAN_LINK_TYPE
     ]
-    if links:
-        return Finding("CAN interfaces", True, ", ".join(links))
-    return Finding("CAN interfaces", False, "none", "only a real robot needs one; --bus sim does without")
+    if not links:
+        socket_missing = "" if _has_can_sockets() else ", and this system's kernel has no CAN sockets"
+        advice = "only a real robot needs one; --bus sim does without"
+        if socket_missing and sys.platform == "linux":
+            advice += "; with an adapter: modprobe can_raw"
+        return Finding("CAN interfaces", False, f"none{socket_missing}", advice)
+    down = [link.name for link in links if _read(link / "operstate") == "down"]
+    short = [link.name for link in links if 0 < int(_read(link / "tx_queue_len") or 0) < MIN_CAN_QUEUE]
+    found = ", ".join(link.name + (" (down)" if link.name in down else "") for link in links)
+    commands = [f"ip link set {name} up type can bitrate 1000000 restart-ms 100" for name in down]
+    commands += [f"ip link set {name} txqueuelen {MIN_CAN_QUEUE}" for name in short]
+    return Finding("CAN interfaces", not commands, found, "; ".join(commands))
+
+
+def _has_can_sockets() -> bool:
+    """Whether the kernel knows the CAN protocol family."""
+    if not hasattr(socket, "AF_CAN"):
+        return False
+    try:
+        socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW).close()
+    except OSError:
+        return False
+    return True
+
+
+def _multicast() -> Finding:
+    """Whether a simulated robot in another process could be reached (udp_multicast)."""
+    what, membership = "multicast", socket.inet_aton(MULTICAST_GROUP) + socket.inet_aton("0.0.0.0")
+    try:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as joined:
+            joined.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership)
+    except OSError as error:
+        advice = "--bus udp_multicast, a simulated robot in another process, needs a network with multicast"
+        return Finding(what, False, f"no: {error.strerror or error}", advice)
+    if importlib.util.find_spec("msgpack") is None:
+        return Finding(what, False, "no msgpack", f"--bus udp_multicast needs it: {install('msgpack')}")
+    return Finding(what, True, "works")
+
+
+def _read(path: Path) -> str:
+    """What a file of the kernel's says, empty if it cannot be read."""
+    try:
+        return path.read_text().strip()
+    except OSError:
+        return ""
 
 
 def _realtime() -> Finding:
@@ -200,6 +246,7 @@ CHECKS: tuple[Callable[[], Finding], ...] = (
     _rendering,
     _cache,
     _can,
+    _multicast,
     _realtime,
     _locked_memory,
 )

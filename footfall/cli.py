@@ -12,6 +12,7 @@ from importlib.metadata import version
 from cyclopts import App, CycloptsError, UnusedCliTokensError
 
 from footfall.common.errors import UserError
+from footfall.verbs.can import can
 from footfall.verbs.compare import compare
 from footfall.verbs.demo import demo
 from footfall.verbs.deploy import deploy
@@ -49,6 +50,7 @@ for verb in (
     replay,
     log,
     robot,
+    can,
     demo,
     diagnose,
     doctor,

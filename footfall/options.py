@@ -89,6 +89,7 @@ ScenarioFile = Annotated[
 JsonFile = Annotated[OptionalPath, Parameter(help="Write the figures to this file.")]
 HtmlFile = Annotated[OptionalPath, Parameter(help="Write a self-contained report to this file.")]
 Seconds = Annotated[float, Parameter(validator=_positive)]
+OptionalSeconds = Annotated[float | None, AS_TYPED, Parameter(validator=_positive)]
 Count = Annotated[int, Parameter(converter=_whole, validator=Number(gte=1))]
 Index = Annotated[int, Parameter(converter=_whole, validator=Number(gte=0))]
 Port = Annotated[int, Parameter(converter=_whole, validator=Number(gte=1, lt=2**16))]

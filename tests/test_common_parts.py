@@ -45,7 +45,7 @@ class TestDoctor:
         names = [check.__name__ for check in machine.CHECKS]
         assert names == [
             "_python", "_processors", "_packages", "_extras", "_simulators", "_accelerator", "_rendering",
-            "_cache", "_can", "_realtime", "_locked_memory",
+            "_cache", "_can", "_multicast", "_realtime", "_locked_memory",
         ]  # fmt: skip
         monkeypatch.setattr(machine, "CHECKS", (lambda: "a", lambda: "b"))
         assert list(machine.findings()) == ["a", "b"]
@@ -143,7 +143,8 @@ class TestDoctor:
     def test_can_interfaces_are_network_links_of_their_type(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(machine, "Path", lambda _: tmp_path)
+        monkeypatch.setattr(machine, "NETWORK", tmp_path)
+        monkeypatch.setattr(machine, "_has_can_sockets", lambda: True)
         assert machine._can()[1:3] == (False, "none")
         for name, kind in (("can1", "280"), ("eth0", "1"), ("can0", "280"), ("odd", None)):
             (tmp_path / name).mkdir()

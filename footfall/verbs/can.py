@@ -1,0 +1,248 @@
+"""`footfall can`: a robot on a stand, motor by motor."""
+
+import math
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import App, Parameter
+
+from footfall.common.errors import UserError
+from footfall.options import Names, OptionalSeconds, RobotName, Seconds
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from footfall.deploy.bench import Bench, MotorState
+    from footfall.deploy.drivers.driver import CanFilter
+    from footfall.deploy.python_can_bus import PythonCanBus
+    from footfall.deploy.wiring import Wiring
+    from footfall.robots.description import Robot
+
+can = App(name="can", help="A robot on a stand: who is on its buses, switch on, set zeros, watch.")
+
+NOT_ALL_WELL = 1
+VIRTUAL = "virtual"  # leads to a simulated robot in this process
+FRAMES_PER_SECOND = 5
+
+Yes = Annotated[bool, Parameter(negative=(), help="Do not ask.")]
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Place:
+    """Which motors, on which interface."""
+
+    robot: RobotName = "go1"
+    bus: str = "socketcan"
+    """Interface that the robot's buses are on, by python-can's name; virtual for a simulated robot."""
+
+
+@can.command
+def scan(*, place: Place = Place()) -> int:
+    """Find motors by id and maker, and hold them against robot.yaml; exit 1 if they differ."""
+    from footfall.deploy.scan import EVERYTHING, MAKERS, Found
+    from footfall.deploy.scan import scan as scan_buses
+
+    robot, wiring = _wired(place)
+    with _opened(robot, wiring, place.bus, EVERYTHING) as bus:
+        found = scan_buses(bus, len(wiring.buses))
+    expected = {
+        Found(int(channel), int(motor), MAKERS[model]): joint
+        for channel, motor, model, joint in zip(
+            wiring.channel, wiring.motor_id, wiring.models, wiring.joint_names, strict=True
+        )
+    }
+    rows: list[tuple[str, ...]] = []
+    for each in sorted(found | set(expected)):
+        verdict = "found" if each in found else "missing"
+        joint = expected.get(each, "not in robot.yaml")
+        rows.append((wiring.buses[each.channel], str(each.id), each.maker, joint, verdict))
+    _print_table(("bus", "id", "maker", "joint", ""), rows)
+    return 0 if found == set(expected) else NOT_ALL_WELL
+
+
+@can.command
+def monitor(*, place: Place = Place(), joint: Names = (), duration: OptionalSeconds = None) -> int:
+    """Show what the motors report while they are off, until Ctrl-C.
+
+    Parameters
+    ----------
+    joint
+        These joints alone.
+    duration
+        End after so many seconds.
+    """
+    with _bench(place, joint) as bench:
+        problem = bench.ask()
+        with _live(bench) as show, suppress(KeyboardInterrupt):
+            bench.watch(math.inf if duration is None else duration, show)
+        return _verdict(bench, problem or bench.missing())
+
+
+@can.command
+def enable(*, place: Place = Place(), joint: Names = (), duration: Seconds = 3.0, yes: Yes = False) -> int:
+    """Switch motors on for a moment, without any torque, and off again.
+
+    Parameters
+    ----------
+    joint
+        These joints alone.
+    duration
+        How long they stay on, s.
+    """
+    _confirm("switch the motors on, without torque? The robot must hang or lie: its joints are limp", yes)
+    with _bench(place, joint) as bench:
+        problem = bench.ask() or bench.enable()
+        if not problem:
+            with _live(bench) as show:
+                bench.idle(duration, show)
+            problem = bench.missing()
+        return _verdict(bench, problem)
+
+
+@can.command
+def zero(*, place: Place = Place(), joint: Names = (), yes: Yes = False) -> int:
+    """Let motors that are off, and do not move, take their present position for zero.
+
+    Parameters
+    ----------
+    joint
+        These joints alone.
+    """
+    which = ", ".join(joint) if joint else "every joint"
+    _confirm(f"take the present position of {which} for zero? What was zero before is lost", yes)
+    with _bench(place, joint) as bench:
+        problem = bench.ask() or bench.settle()
+        if not problem:
+            bench.zero()
+            problem = bench.missing()
+        _print_motors(bench)
+        return _verdict(bench, problem)
+
+
+def _wired(place: Place) -> "tuple[Robot, Wiring]":
+    from footfall.deploy.drivers.choice import by_maker
+    from footfall.deploy.wiring import wire
+    from footfall.robots.description import load_robot
+
+    robot = load_robot(place.robot)
+    wiring = wire(robot)
+    by_maker(wiring)  # refuses what no driver knows
+    return robot, wiring
+
+
+@contextmanager
+def _opened(
+    robot: "Robot", wiring: "Wiring", interface: str, filters: "tuple[CanFilter, ...]"
+) -> "Iterator[PythonCanBus]":
+    """The robot's buses; with a simulated robot on them where they reach no further than this process."""
+    from footfall.deploy.python_can_bus import PythonCanBus
+
+    with ExitStack() as resources:
+        if interface == VIRTUAL:
+            from footfall.plant.serve import serving
+
+            resources.enter_context(serving(robot, VIRTUAL))
+        bus = PythonCanBus(interface, wiring.buses, filters)
+        resources.callback(bus.close)
+        yield bus
+
+
+@contextmanager
+def _bench(place: Place, joints: tuple[str, ...]) -> "Iterator[Bench]":
+    """The motors of a robot, or of some of its joints; off when the context ends."""
+    import numpy as np
+
+    from footfall.deploy.bench import Bench, switched_off_afterwards
+    from footfall.deploy.drivers.choice import open_driver
+
+    robot, wiring = _wired(place)
+    for name in joints:
+        if name not in robot.joint_names:
+            raise UserError(f"no joint '{name}': there are {', '.join(robot.joint_names)}")
+    some = wiring.take(np.array([robot.joint_index(name) for name in joints])) if joints else wiring
+    with _opened(robot, wiring, place.bus, open_driver(some).filters) as bus:
+        bench = Bench(some, bus)
+        with switched_off_afterwards(bench):
+            yield bench
+
+
+def _confirm(question: str, yes: bool) -> None:
+    """Raise UserError unless the user agrees."""
+    if yes:
+        return
+    if not sys.stdin.isatty():
+        raise UserError("nobody is there to confirm: add --yes")
+    if input(f"{question} [y/N] ").strip().lower() not in ("y", "yes"):
+        raise UserError("not confirmed")
+
+
+def _verdict(bench: "Bench", problem: str) -> int:
+    errors = [f"{state.joint} reports {state.error}" for state in bench.states() if state.error]
+    for line in [*([problem] if problem else []), *errors]:
+        print(line)
+    return NOT_ALL_WELL if problem or errors else 0
+
+
+@contextmanager
+def _live(bench: "Bench") -> Iterator[Callable[[], None]]:
+    """A table that is kept up to date on a terminal, and printed once at the end elsewhere."""
+    from rich.console import Console
+    from rich.live import Live
+
+    console = Console()
+    if not console.is_terminal:
+        yield lambda: None
+        _print_motors(bench)
+        return
+    with Live(_table(bench.states()), console=console, auto_refresh=False) as live:
+        shown_s = time.monotonic()
+
+        def show() -> None:
+            nonlocal shown_s
+            if time.monotonic() - shown_s >= 1.0 / FRAMES_PER_SECOND:
+                shown_s = time.monotonic()
+                live.update(_table(bench.states()), refresh=True)
+
+        yield show
+        live.update(_table(bench.states()), refresh=True)
+
+
+HEADER = ("joint", "bus", "id", "motor", "rad", "rad/s", "N m", "deg C", "V", "age, ms", "")
+
+
+def _table(states: "list[MotorState]") -> "Table":
+    from rich.table import Table
+
+    table = Table(*HEADER, box=None)
+    for state in states:
+        table.add_row(*_row(state))
+    return table
+
+
+def _row(state: "MotorState") -> tuple[str, ...]:
+    figures = (
+        (state.position, "+.3f"),
+        (state.velocity, "+.2f"),
+        (state.torque, "+.2f"),
+        (state.temperature_c, ".0f"),
+        (state.voltage, ".1f"),
+        (1e3 * state.age_s, ".0f"),
+    )
+    shown = [format(value, form) if math.isfinite(value) else "-" for value, form in figures]
+    return (state.joint, state.bus, str(state.id), state.model, *shown, state.error)
+
+
+def _print_motors(bench: "Bench") -> None:
+    _print_table(HEADER, [_row(state) for state in bench.states()])
+
+
+def _print_table(header: tuple[str, ...], rows: list[tuple[str, ...]]) -> None:
+    """Columns as wide as they need to be, also where the output is no terminal."""
+    widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
+    for row in (header, *rows):
+        print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())

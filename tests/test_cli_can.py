@@ -1,0 +1,156 @@
+"""`footfall can` on a simulated robot: what it shows, what it asks, what it refuses."""
+
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import yaml
+from shell import Shell
+
+from footfall.common import machine
+
+
+def joints(out: str) -> list[list[str]]:
+    """The rows of a table, header left out."""
+    return [line.split() for line in out.splitlines()[1:]]
+
+
+class TestVirtual:
+    """A bus that reaches no further than this process, with a simulated robot on it."""
+
+    def test_a_scan_finds_what_robot_yaml_says(self, shell: Shell) -> None:
+        outcome = shell("can", "scan", "--bus", "virtual")
+        assert (outcome.status, outcome.err) == (0, "")
+        rows = joints(outcome.out)
+        assert rows[0] == ["can0", "1", "MIT", "mode", "FR_hip_joint", "found"]
+        assert len(rows) == 12
+
+    def test_motors_are_watched_one_or_all(self, shell: Shell) -> None:
+        outcome = shell("can", "monitor", "--bus", "virtual", "--duration", "0.2")
+        assert (outcome.status, len(joints(outcome.out))) == (0, 12)
+        outcome = shell("can", "monitor", "--bus", "virtual", "--duration", "0.2", "--joint", "RL_calf_joint")
+        (row,) = joints(outcome.out)
+        assert row[:4] == ["RL_calf_joint", "can3", "3", "AK10-9"]
+        assert float(row[4]) < -1.5
+
+    def test_motors_are_switched_on_for_a_moment(self, shell: Shell) -> None:
+        outcome = shell("can", "enable", "--bus", "virtual", "--duration", "0.2", "--yes")
+        assert (outcome.status, len(joints(outcome.out))) == (0, 12)
+
+    def test_a_zero_is_set(self, shell: Shell) -> None:
+        outcome = shell("can", "zero", "--bus", "virtual", "--joint", "RL_calf_joint", "--yes")
+        (row,) = joints(outcome.out)
+        assert outcome.status == 0
+        assert abs(float(row[4])) < 0.05
+
+
+class TestRefusals:
+    @pytest.mark.parametrize("verb", ["enable", "zero"])
+    def test_nothing_is_done_that_nobody_confirms(self, shell: Shell, verb: str) -> None:
+        assert shell.refuses("can", verb, "--bus", "virtual") == "nobody is there to confirm: add --yes"
+
+    @pytest.mark.parametrize("answer", ["", "n", "yep"])
+    def test_an_answer_that_is_no_yes_is_a_no(
+        self, shell: Shell, monkeypatch: pytest.MonkeyPatch, answer: str
+    ) -> None:
+        monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+        monkeypatch.setattr("builtins.input", lambda _: answer)
+        assert shell.refuses("can", "zero", "--bus", "virtual") == "not confirmed"
+
+    @pytest.mark.parametrize(
+        ("options", "says"),
+        [
+            (["--bus", "nonsense"], "no bus 'nonsense'"),
+            (["--bus", "serial"], "cannot open bus 'can0' on serial"),
+            (["--bus", "virtual", "--robot", "rex"], "no robot 'rex'"),
+        ],
+    )
+    @pytest.mark.parametrize("verb", [["scan"], ["monitor"], ["enable", "--yes"], ["zero", "--yes"]])
+    def test_a_wrong_interface_or_robot_is_one_line(
+        self, shell: Shell, verb: list[str], options: list[str], says: str
+    ) -> None:
+        assert says in shell.refuses("can", *verb, *options)
+
+    def test_a_joint_that_the_robot_lacks_is_named(self, shell: Shell) -> None:
+        complaint = shell.refuses("can", "monitor", "--bus", "virtual", "--joint", "tail")
+        assert complaint.startswith("no joint 'tail': there are FR_hip_joint,")
+
+    @pytest.mark.parametrize("duration", ["0", "-1", "nan"])
+    def test_a_time_that_is_none_is_refused(self, shell: Shell, duration: str) -> None:
+        assert "duration" in shell.refuses("can", "monitor", "--duration", duration).lower()
+
+
+@pytest.fixture(scope="module")
+def served() -> Iterator[None]:
+    """The simulated robot in a process of its own."""
+    command = [sys.executable, "-m", "footfall.plant.serve", "--bus", "udp_multicast", "--duration", "40"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as server:
+        try:
+            time.sleep(2.0)
+            if server.poll() is not None:
+                assert server.stderr is not None
+                pytest.skip(f"no multicast here: {server.stderr.read().strip()}")
+            yield
+        finally:
+            server.terminate()
+
+
+class TestAnotherProcess:
+    def test_a_robot_behind_a_network_is_scanned_and_held_against_its_description(
+        self, shell: Shell, served: None, own_folder: Path
+    ) -> None:
+        """In robot.yaml the motor with id 3 on can1 has id 9: one is missing, one is too many."""
+        outcome = shell("can", "scan", "--bus", "udp_multicast")
+        assert [row[-1] for row in joints(outcome.out)] == ["found"] * 12
+        assert outcome.status == 0
+        declaration = own_folder / "robot.yaml"
+        content = yaml.safe_load(declaration.read_text())
+        content["joints"][5]["id"] = 9
+        declaration.write_text(yaml.safe_dump(content))
+        outcome = shell("can", "scan", "--bus", "udp_multicast", "--robot", own_folder)
+        assert outcome.status == 1
+        rows = [row for row in joints(outcome.out) if row[0] == "can1" and row[1] in "39"]
+        assert [row[1:2] + row[4:] for row in rows] == [
+            ["3", "not", "in", "robot.yaml", "found"],
+            ["9", "FL_calf_joint", "missing"],
+        ]
+
+    def test_it_is_switched_on_and_watched(self, shell: Shell, served: None) -> None:
+        assert shell("can", "enable", "--bus", "udp_multicast", "--duration", "0.2", "--yes").status == 0
+        outcome = shell("can", "monitor", "--bus", "udp_multicast", "--duration", "0.2")
+        assert (outcome.status, len(joints(outcome.out))) == (0, 12)
+
+
+class TestDoctor:
+    @pytest.fixture
+    def links(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+        monkeypatch.setattr(machine, "NETWORK", tmp_path)
+        for name, state, queue in (("can0", "up", "64"), ("can1", "down", "10"), ("eth0", "up", "10")):
+            (tmp_path / name).mkdir()
+            (tmp_path / name / "type").write_text("1\n" if name == "eth0" else "280\n")
+            (tmp_path / name / "operstate").write_text(f"{state}\n")
+            (tmp_path / name / "tx_queue_len").write_text(f"{queue}\n")
+        return tmp_path
+
+    def test_links_that_are_down_or_queue_little_are_told_with_what_mends_them(self, links: Path) -> None:
+        found = machine._can()
+        assert (found.good, found.found) == (False, "can0, can1 (down)")
+        assert found.advice.split("; ") == [
+            "ip link set can1 up type can bitrate 1000000 restart-ms 100",
+            "ip link set can1 txqueuelen 64",
+        ]
+
+    def test_links_that_are_ready_are_good(self, links: Path) -> None:
+        (links / "can1" / "operstate").write_text("up\n")
+        (links / "can1" / "tx_queue_len").write_text("64\n")
+        assert machine._can()[1:] == (True, "can0, can1", "")
+
+    def test_a_kernel_without_can_says_so(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(machine, "NETWORK", tmp_path / "empty")
+        monkeypatch.setattr(machine, "_has_can_sockets", lambda: False)
+        assert machine._can().found == "none, and this system's kernel has no CAN sockets"
+        monkeypatch.setattr(machine, "_has_can_sockets", lambda: True)
+        assert machine._can().found == "none"

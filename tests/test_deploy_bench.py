@@ -1,0 +1,179 @@
+"""A robot on a stand: its motors asked, switched on, zeroed and watched; who is on its buses."""
+
+import math
+import os
+import signal
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from footfall.common.errors import UserError
+from footfall.deploy.bench import PERIOD_US, Bench, switched_off_afterwards
+from footfall.deploy.clock import LockstepClock
+from footfall.deploy.scan import DAMIAO, MIT, ODRIVE, ROBSTRIDE, Found, scan
+from footfall.deploy.wiring import Wiring, wire
+from footfall.plant.bus import SimulatedBus
+from footfall.plant.robot import SimulatedRobot
+from footfall.plant.wires import SimulatedWires
+from footfall.robots.description import Robot
+
+
+def with_motors(robot: Robot, first_id: int = 1, **protocols: str) -> Robot:
+    description = robot.description
+    motors = {n: replace(m, protocol=protocols.get(n, m.protocol)) for n, m in description.motors.items()}
+    joints = tuple(replace(joint, id=joint.id + first_id - 1) for joint in description.joints)
+    return replace(robot, description=replace(description, motors=motors, joints=joints))
+
+
+class OnStand:
+    """A simulated robot and what is spoken to it in lockstep."""
+
+    def __init__(self, robot: Robot) -> None:
+        self.wiring = wire(robot)
+        wires = SimulatedWires(self.wiring.buses, host_queue=20)
+        self.body = SimulatedRobot(robot, self.wiring, wires)
+        self.bus = SimulatedBus(wires, self.body)
+        self.clock = LockstepClock(PERIOD_US)
+
+    def bench(self, wiring: Wiring | None = None) -> Bench:
+        return Bench(wiring or self.wiring, self.bus, self.clock)
+
+    def scan(self) -> set[Found]:
+        return scan(self.bus, len(self.wiring.buses), self.clock)
+
+
+EVERY_MAKER = [
+    {},
+    {"hip": "DM8006", "knee": "RS03"},
+    {"hip": "ODrive", "first_id": 4},
+    {"hip": "ODrive", "knee": "ODrive"},
+]
+
+
+@pytest.fixture(params=EVERY_MAKER, ids=["mit", "damiao-robstride", "odrive-mit", "odrive"])
+def stand(request: pytest.FixtureRequest, go1: Robot) -> OnStand:
+    return OnStand(with_motors(go1, **request.param))
+
+
+class TestBench:
+    def test_motors_go_on_without_torque_and_off_whatever_happens(self, stand: OnStand) -> None:
+        bench, torques = stand.bench(), []
+        with suppress(RuntimeError), switched_off_afterwards(bench):
+            assert (bench.ask(), bench.enable()) == ("", "")
+            assert stand.body.motors_on.all()
+            bench.idle(0.2, lambda: torques.append(np.abs(stand.body.truth().motor_torque).max()))
+            assert stand.body.motors_on.all()
+            raise RuntimeError("in between")
+        assert max(torques) < 0.1
+        assert not stand.body.motors_on.any()
+
+    def test_watching_shows_readings_and_switches_nothing_on(self, stand: OnStand) -> None:
+        bench, seen = stand.bench(), []
+        assert (bench.ask(), bench.settle()) == ("", "")
+        bench.watch(0.3, lambda: seen.append(stand.body.motors_on.any()))
+        assert not any(seen)
+        assert bench.missing() == ""
+        truth = stand.body.truth()
+        states = bench.states()
+        np.testing.assert_allclose([s.position for s in states], truth.joint_position, atol=0.02)
+        assert [s.temperature_c for s in states] == pytest.approx([30.0] * 12)
+        assert all(s.error == "" and s.age_s < 0.1 for s in states)
+        told = [not math.isnan(s.voltage) for s in states]
+        assert told == [s.model == "ODrive" for s in states]
+
+    def test_a_zero_is_where_the_joint_is(self, stand: OnStand) -> None:
+        """The robot lies down with bent knees; the knee of one leg alone is zeroed."""
+        bench = stand.bench(stand.wiring.take(np.array([2])))
+        assert (bench.ask(), bench.settle()) == ("", "")
+        assert bench.states()[0].position < -1.5
+        bench.zero()
+        assert abs(bench.states()[0].position) < 0.05
+        everyone = stand.bench()
+        everyone.ask()
+        everyone.watch(0.1, lambda: None)
+        assert everyone.states()[5].position < -1.5
+
+    def test_a_joint_that_keeps_moving_is_named(self, go1: Robot) -> None:
+        stand = OnStand(go1)
+        bench = stand.bench(stand.wiring.take(np.array([2])))
+
+        def shake() -> int:
+            now_us = LockstepClock.next_tick(stand.clock)
+            stand.body.data.qvel[8] = 6.0 * (-1) ** (now_us // PERIOD_US)
+            return now_us
+
+        stand.clock.next_tick = shake  # type: ignore[method-assign]
+        assert bench.settle() == "FR_calf_joint (can0, id 3) moves"
+
+    def test_who_does_not_answer_is_named(self, go1: Robot) -> None:
+        stand = OnStand(go1)
+        stand.body.faults.motors.silent[7] = True
+        bench = stand.bench()
+        assert bench.enable() == f"no answer from {stand.wiring.place(7)}"
+        bench.watch(0.1, lambda: None)
+        assert [math.isinf(state.age_s) for state in bench.states()] == [joint == 7 for joint in range(12)]
+
+    def test_an_error_is_told_in_words(self, go1: Robot) -> None:
+        stand = OnStand(go1)
+        stand.body.faults.motors.error[3] = 4
+        bench = stand.bench()
+        bench.watch(0.1, lambda: None)
+        assert [state.error for state in bench.states()] == [""] * 3 + ["under-voltage"] + [""] * 8
+
+    def test_a_bus_that_does_not_work_is_told_and_the_motors_are_switched_off(self, go1: Robot) -> None:
+        stand = OnStand(go1)
+        bench = stand.bench()
+        bench.enable()
+        stand.bus.fault = lambda: "bus can0 is bus-off"  # type: ignore[method-assign]
+        with pytest.raises(UserError, match="bus-off"), switched_off_afterwards(bench):
+            bench.idle(1.0, lambda: None)
+        assert not stand.body.motors_on.any()
+
+    @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP, signal.SIGQUIT])
+    def test_signals_end_it_with_motors_off_and_are_given_back(self, go1: Robot, number: int) -> None:
+        stand, before = OnStand(go1), signal.getsignal(number)
+        bench = stand.bench()
+        bench.enable()
+        with pytest.raises(KeyboardInterrupt), switched_off_afterwards(bench):
+            bench.idle(1.0, lambda: os.kill(os.getpid(), number))
+        assert not stand.body.motors_on.any()
+        assert signal.getsignal(number) is before
+
+
+class TestScan:
+    @pytest.mark.parametrize(
+        ("motors", "makers"),
+        [
+            (EVERY_MAKER[0], (MIT, MIT)),
+            (EVERY_MAKER[1], (DAMIAO, ROBSTRIDE)),
+            (EVERY_MAKER[2], (ODRIVE, MIT)),
+            (EVERY_MAKER[3], (ODRIVE, ODRIVE)),
+        ],
+    )
+    def test_ids_and_makers_are_found_and_nothing_is_switched_on(
+        self, go1: Robot, motors: dict, makers: tuple[str, str]
+    ) -> None:
+        stand = OnStand(with_motors(go1, **motors))
+        hip, knee = makers
+        first = motors.get("first_id", 1)
+        places = [
+            (channel, first + joint, knee if joint == 2 else hip)
+            for channel in range(4)
+            for joint in range(3)
+        ]
+        assert stand.scan() == {Found(*place) for place in places}
+        assert not stand.body.motors_on.any()
+
+    def test_a_motor_that_is_not_there_is_not_found(self, go1: Robot) -> None:
+        stand = OnStand(go1)
+        stand.body.faults.motors.silent[4] = True
+        assert Found(1, 2, MIT) not in stand.scan()
+
+    def test_motors_that_were_on_are_off_afterwards(self, go1: Robot) -> None:
+        stand = OnStand(go1)
+        stand.bench().enable()
+        assert stand.body.motors_on.all()
+        stand.scan()
+        assert not stand.body.motors_on.any()
