@@ -18,7 +18,8 @@ from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import Wiring
 
 PERIOD_US = 20_000  # well within a motor's time-out
-PATIENCE_S = 1.0  # for motors to tell their settings, and to switch on
+PATIENCE_S = 2.0  # for motors to tell their settings, and to switch on
+SILENCE_US = 500_000
 SETTLE_S = 1.0  # motors off, before a zero is set
 STILL_RAD_S = 0.2
 OFF_TICKS = 5  # how often motors are told to switch off: a frame may be lost
@@ -105,8 +106,8 @@ class Bench:
     # -- what it knows -------------------------------------------------------------------------------
 
     def missing(self) -> str:
-        """Which motor was not heard in the last quarter of a second."""
-        silent = self._now_us - self._heard_us > 250_000
+        """Which motor was not heard lately."""
+        silent = self._now_us - self._heard_us > SILENCE_US
         return f"no answer from {self._wiring.place(int(silent.argmax()))}" if silent.any() else ""
 
     def states(self) -> list[MotorState]:

@@ -20,6 +20,8 @@ EVERYTHING: tuple[CanFilter, ...] = tuple(
 )
 PERIOD_US = 10_000
 LISTENING_TICKS = 25  # two heartbeats
+ROUNDS = 2  # that each id is asked: a frame may be lost
+LATE_TICKS = 30  # for answers that are late
 AT_ONCE = 8  # ids that are asked in a tick: an interface queues ten frames
 
 MIT, DAMIAO, ROBSTRIDE, ODRIVE = "MIT mode", "Damiao", "RobStride", "ODrive"
@@ -49,13 +51,12 @@ def scan(bus: Bus, buses: int, clock: Clock | None = None) -> set[Found]:
             found |= _heartbeats(frames)
         now_us = clock.next_tick()
     odrives = {(each.channel, identifier) for each in found for identifier in odrive.identifiers(each.id)}
-    ids = list(mit_driver.MOTOR_IDS)
-    for first in range(0, len(ids), AT_ONCE):
-        for frames in _questions(ids[first : first + AT_ONCE], buses, odrives):
-            bus.send(frames, now_us)
-            now_us = clock.next_tick()
-            for answer in bus.receive(now_us):
-                found |= _answers(answer, odrives)
+    nothing = Frames(*np.zeros((4, 0), np.intp))
+    for frames in [*_questions(buses, odrives) * ROUNDS, *[nothing] * LATE_TICKS]:
+        bus.send(frames, now_us)
+        now_us = clock.next_tick()
+        for answer in bus.receive(now_us):
+            found |= _answers(answer, odrives)
     return found
 
 
@@ -68,17 +69,22 @@ def _heartbeats(frames: Frames) -> set[Found]:
     }
 
 
-def _questions(ids: list[int], buses: int, odrives: set[tuple[int, int]]) -> list[Frames]:
-    """To switch off: one batch for motors in MIT mode and Damiao's, one for RobStride's."""
-    everywhere = [(channel, motor) for channel in range(buses) for motor in ids]
-    plain = [place for place in everywhere if place not in odrives]
-    stop = robstride.identifier_of(robstride.STOP, robstride.HOST, 0)
-    batches = []
-    for places, flag, word in ((plain, 0, mit.EXIT), (everywhere, int(stop), 0)):
-        channel = np.array([place[0] for place in places], np.intp)
-        identifier = np.array([flag | place[1] for place in places], np.intp)
-        batches.append(Frames(channel, identifier, mit.special(word, len(places)), np.full(len(places), 8)))
-    return [batch for batch in batches if len(batch.id)]
+def _questions(buses: int, odrives: set[tuple[int, int]]) -> list[Frames]:
+    """Frames that switch off, some ids in each batch: in MIT mode, and RobStride's."""
+    stop = int(robstride.identifier_of(robstride.STOP, robstride.HOST, 0))
+    ids, batches = mit_driver.MOTOR_IDS, []
+    for first in range(0, len(ids), AT_ONCE):
+        places = [(channel, motor) for channel in range(buses) for motor in ids[first : first + AT_ONCE]]
+        plain = [place for place in places if place not in odrives]
+        batches += [_to(plain, 0, mit.EXIT), _to(places, stop, 0)]
+    return batches
+
+
+def _to(places: list[tuple[int, int]], flags: int, word: int) -> Frames:
+    """One frame for each place (bus and motor id), with a word for content."""
+    channel = np.array([place[0] for place in places], np.intp)
+    identifier = np.array([flags | place[1] for place in places], np.intp)
+    return Frames(channel, identifier, mit.special(word, len(places)), np.full(len(places), 8))
 
 
 def _answers(frames: Frames, odrives: set[tuple[int, int]]) -> set[Found]:

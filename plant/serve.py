@@ -24,13 +24,17 @@ PERIOD_US = 1000
 
 
 def serve(body: SimulatedRobot, wires: SimulatedWires, bus: PythonCanBus, stop: threading.Event) -> None:
-    """Run a simulated robot in wall-clock time, its wires joined to a bus, until told to stop."""
+    """Run a simulated robot in wall-clock time, its wires joined to a bus, until told to stop.
+
+    It is simulated up to now before the wires take what came meanwhile: after a pause, answers of the past
+    would otherwise find wires that are busy with frames of the present.
+    """
     clock = WallClock(PERIOD_US)
     while not stop.is_set():
         now_us = clock.next_tick()
+        body.advance(now_us)
         for frames in bus.receive(now_us):
             wires.send(Side.HOST, frames, now_us)
-        body.advance(now_us)
         for frames in wires.receive(Side.HOST, now_us):
             bus.send(frames, now_us)
 

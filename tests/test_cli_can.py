@@ -11,6 +11,12 @@ import yaml
 from shell import Shell
 
 from footfall.common import machine
+from footfall.deploy import scan
+
+
+@pytest.fixture
+def shell(capsys: pytest.CaptureFixture[str]) -> Shell:
+    return Shell(capsys)
 
 
 def joints(out: str) -> list[list[str]]:
@@ -99,29 +105,37 @@ def served() -> Iterator[None]:
 
 
 class TestAnotherProcess:
-    def test_a_robot_behind_a_network_is_scanned_and_held_against_its_description(
-        self, shell: Shell, served: None, own_folder: Path
-    ) -> None:
-        """In robot.yaml the motor with id 3 on can1 has id 9: one is missing, one is too many."""
-        outcome = shell("can", "scan", "--bus", "udp_multicast")
-        assert [row[-1] for row in joints(outcome.out)] == ["found"] * 12
-        assert outcome.status == 0
-        declaration = own_folder / "robot.yaml"
-        content = yaml.safe_load(declaration.read_text())
-        content["joints"][5]["id"] = 9
-        declaration.write_text(yaml.safe_dump(content))
-        outcome = shell("can", "scan", "--bus", "udp_multicast", "--robot", own_folder)
-        assert outcome.status == 1
-        rows = [row for row in joints(outcome.out) if row[0] == "can1" and row[1] in "39"]
-        assert [row[1:2] + row[4:] for row in rows] == [
-            ["3", "not", "in", "robot.yaml", "found"],
-            ["9", "FL_calf_joint", "missing"],
-        ]
+    """A busy machine loses datagrams, or a second: what fails there is tried again."""
+
+    def tried(self, shell: Shell, status: int, *tokens: str | Path) -> list[list[str]]:
+        """The rows of the first try that ends in a status."""
+        outcomes = (shell("can", *tokens, "--bus", "udp_multicast") for _ in range(6))
+        return next(joints(outcome.out) for outcome in outcomes if outcome.status == status)
+
+    def test_a_robot_behind_a_network_is_scanned(self, shell: Shell, served: None) -> None:
+        assert [row[-1] for row in self.tried(shell, 0, "scan")] == ["found"] * 12
 
     def test_it_is_switched_on_and_watched(self, shell: Shell, served: None) -> None:
-        assert shell("can", "enable", "--bus", "udp_multicast", "--duration", "0.2", "--yes").status == 0
-        outcome = shell("can", "monitor", "--bus", "udp_multicast", "--duration", "0.2")
-        assert (outcome.status, len(joints(outcome.out))) == (0, 12)
+        for verb in (["enable", "--yes"], ["monitor"]):
+            assert len(self.tried(shell, 0, *verb, "--duration", "0.3")) == 12
+
+
+def test_what_a_scan_finds_is_held_against_robot_yaml(
+    shell: Shell, own_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The motor with id 3 on can1 has id 9 there: one is missing, one is too many."""
+    monkeypatch.setattr(scan, "scan", lambda bus, buses: {scan.Found(1, 3, scan.MIT)})
+    declaration = own_folder / "robot.yaml"
+    content = yaml.safe_load(declaration.read_text())
+    content["joints"][5]["id"] = 9
+    declaration.write_text(yaml.safe_dump(content))
+    outcome = shell("can", "scan", "--bus", "virtual", "--robot", own_folder)
+    assert outcome.status == 1
+    rows = [row for row in joints(outcome.out) if row[0] == "can1" and row[1] in "39"]
+    assert [row[1:2] + row[4:] for row in rows] == [
+        ["3", "not", "in", "robot.yaml", "found"],
+        ["9", "FL_calf_joint", "missing"],
+    ]
 
 
 class TestDoctor:
