@@ -1,11 +1,14 @@
-"""Renders the README's moving picture: a policy walks, turns and is pushed on the simulated robot.
+"""Renders the README's moving pictures: a policy walks, turns and is pushed on the simulated robot.
 
-Usage: python docs/make_picture.py [POLICY] [--robot go1] [--out docs/images/walking.webp]
+python docs/make_picture.py go1-flat
+python docs/make_picture.py g1-flat --robot g1 --push 0.8 --width 400 --out g1.webp
+python docs/make_picture.py hexapod-flat --robot hexapod --push 1 --width 400 --out docs/images/hexapod.webp
 """
 
 import argparse
 import os
 import sys
+from functools import partial
 from pathlib import Path
 
 # MuJoCo settles on a way to render when it is imported.
@@ -20,20 +23,20 @@ from footfall.plant.episode import Episode, Push, run_episode
 from footfall.policies.registry import load_policy
 from footfall.robots.description import load_robot
 
-COURSE = (  # from this time on, s: forward m/s, leftward m/s, yaw rad/s
+COURSE = (  # from this time on, s: shares of the fastest forward, leftward and turning command
     (0.0, (1.0, 0.0, 0.0)),
     (3.5, (0.5, 0.0, -1.0)),
     (5.0, (1.0, 0.0, 0.0)),
 )
-PUSH = Push(2.0, (0.0, 2.0, 0.0))
+PUSH_AFTER_S = 2.0
 DURATION_S = 6.0
 BEGIN = 12  # frames left out, in which it sets off
 QUALITY = 55  # of WebP, 0 to 100
 
 
-def command(time_s: float) -> np.ndarray:
-    """What is asked for so long after walking began, (3,)."""
-    return np.array([vector for start_s, vector in COURSE if time_s >= start_s][-1])
+def command(fastest: np.ndarray, time_s: float) -> np.ndarray:
+    """What is asked for so long after walking began, (3,), of a robot whose fastest command (3,) this is."""
+    return fastest * [shares for start_s, shares in COURSE if time_s >= start_s][-1]
 
 
 def main() -> None:
@@ -41,15 +44,20 @@ def main() -> None:
     parser.add_argument("policy", nargs="?", default="go1-flat")
     parser.add_argument("--robot", default="go1")
     parser.add_argument("--out", type=Path, default=Path(__file__).parent / "images" / "walking.webp")
+    parser.add_argument("--push", type=float, default=2.0, help="m/s to the left")
+    parser.add_argument("--width", type=int, default=films.WIDTH, help="of the picture, pixels")
     options = parser.parse_args()
     robot = load_robot(options.robot)
-    trace = run_episode(
-        robot, load_policy(options.policy, robot), Episode(command, DURATION_S, pushes=(PUSH,))
-    )
+    ranges = robot.description.commands
+    fastest = np.array([ranges.forward_m_s[1], ranges.leftward_m_s[1], ranges.yaw_rad_s[1]])
+    push = Push(PUSH_AFTER_S, (0.0, options.push, 0.0))
+    episode = Episode(partial(command, fastest), DURATION_S, pushes=(push,))
+    trace = run_episode(robot, load_policy(options.policy, robot), episode)
     if trace.fell:
         sys.exit(f"{options.policy} fell: {trace.fall_reason}")
-    film = films.FilmTask(options.robot, None, trace, (PUSH,), DURATION_S)
-    first, *others = [Image.fromarray(frame) for frame in films.frames(film)][BEGIN:]
+    film = films.FilmTask(options.robot, None, trace, (push,), DURATION_S)
+    size = options.width, round(options.width * films.HEIGHT / films.WIDTH)
+    first, *others = [Image.fromarray(frame).resize(size) for frame in films.frames(film)][BEGIN:]
     frame_ms = round(1000 / films.FRAME_RATE_HZ)
     options.out.parent.mkdir(parents=True, exist_ok=True)
     first.save(

@@ -383,10 +383,11 @@ class TestFilms:
         first, second = seen
         np.testing.assert_array_equal(second[0], qpos[50])
         np.testing.assert_allclose(second[1], place[50])
-        np.testing.assert_allclose(first[2], [1.0, 2.0, 0.18])
-        np.testing.assert_allclose(second[2], [1.0 + 0.15 * 0.5, 2.0 - 0.15 * 1.0, 0.18])
+        np.testing.assert_allclose(first[2], [1.0, 2.0, 0.24])
+        np.testing.assert_allclose(second[2], [1.0 + 0.15 * 0.5, 2.0 - 0.15 * 1.0, 0.24])
         assert second[3].tolist() == [1, 1, 1, 0, 0, 0]
-        assert second[4] == pytest.approx(2.7 * 2.0 * go1.description.standing_height_m)
+        model = scene.scene_model(go1, None, 64, 64)
+        assert second[4] == pytest.approx(2.2 * scene.size_of(model, qpos[0]))
         assert len(drawn) == 4  # two a picture
         expected = arrows(self.task(trace), 50, go1.description.standing_height_m)
         for (where, *arrow), wanted in zip(drawn[2:], expected, strict=True):
@@ -423,11 +424,25 @@ class TestScene:
         assert model.geom_type[model.geom(scene.FLOOR).id] == mujoco.mjtGeom.mjGEOM_PLANE
         assert model.nq == 7
 
+    @pytest.mark.parametrize(("turned", "size_m"), [([1.0, 0, 0, 0], 0.8), ([0.5**0.5, 0, 0.5**0.5, 0], 0.7)])
+    def test_a_robot_is_as_large_as_the_longest_side_of_its_box(
+        self, turned: list[float], size_m: float
+    ) -> None:
+        """A box 0.6 m long and 0.2 m high, with a foot reaching 0.2 m beyond its end, or hanging below."""
+        model = mujoco.MjModel.from_xml_string(
+            '<mujoco><worldbody><geom type="plane" size="9 9 .1"/><body><freejoint/>'
+            '<geom type="box" size=".3 .1 .1"/><geom type="sphere" size="5" group="3"/>'
+            '<body pos=".3 0 0"><joint axis="0 1 0"/><geom type="sphere" size=".1" pos=".1 0 0"/></body>'
+            "</body></worldbody></mujoco>"
+        )
+        knee = 0.0 if turned[0] == 1.0 else np.pi / 2
+        assert scene.size_of(model, np.array([5.0, 5.0, 1.0, *turned, knee])) == pytest.approx(size_m)
+
     def test_the_camera_looks_from_the_front_and_the_side_at_the_lower_body(self) -> None:
         camera = mujoco.MjvCamera()
         scene.follow(camera, np.array([3.0, -2.0, 0.5]), 0.6)
-        np.testing.assert_allclose(camera.lookat, [3.0, -2.0, 0.3])
-        assert (camera.distance, camera.azimuth, camera.elevation) == pytest.approx((1.62, 130.0, -16.0))
+        np.testing.assert_allclose(camera.lookat, [3.0, -2.0, 0.4])
+        assert (camera.distance, camera.azimuth, camera.elevation) == pytest.approx((1.32, 130.0, -16.0))
         assert camera.type == mujoco.mjtCamera.mjCAMERA_FREE
 
     def test_an_arrow_begins_at_its_start_and_points_along_its_vector(self, go1: Robot) -> None:

@@ -150,8 +150,9 @@ def _camera_shots(task: FilmTask) -> Iterator[Callable[[int], np.ndarray]]:
     height_m = robot.description.standing_height_m
     model = scene.scene_model(robot, task.plant, WIDTH, HEIGHT)
     data, camera, options = mujoco.MjData(model), mujoco.MjvCamera(), mujoco.MjvOption()
-    options.geomgroup[3:] = 0  # collision geometry, by custom
+    options.geomgroup[scene.HIDDEN_GROUPS :] = 0
     looked_at = trace.base_position[0].copy()
+    size_m = scene.size_of(model, trace.qpos[0])
     with mujoco.Renderer(model, HEIGHT, WIDTH) as renderer:
 
         def shoot(index: int) -> np.ndarray:
@@ -159,7 +160,7 @@ def _camera_shots(task: FilmTask) -> Iterator[Callable[[int], np.ndarray]]:
             mujoco.mj_kinematics(model, data)
             mujoco.mj_camlight(model, data)
             looked_at[:] += 0.15 * (trace.base_position[index] - looked_at)
-            scene.follow(camera, looked_at, 2.0 * height_m)
+            scene.follow(camera, looked_at, size_m)
             renderer.update_scene(data, camera, options)
             for arrow in arrows(task, index, height_m):
                 scene.add_arrow(renderer.scene, *arrow)

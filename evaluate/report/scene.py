@@ -9,6 +9,7 @@ from footfall.robots.description import Robot, load_spec
 from footfall.robots.model import FLOOR
 
 FLOOR_MATERIAL = "footfall_floor"
+HIDDEN_GROUPS = 3  # and above: collision geometry, by custom
 
 
 def scene_model(robot: Robot, plant: Path | None, width: int, height: int) -> mujoco.MjModel:
@@ -35,14 +36,25 @@ def scene_model(robot: Robot, plant: Path | None, width: int, height: int) -> mu
     return spec.compile()
 
 
-def follow(camera: mujoco.MjvCamera, position: np.ndarray, reach_m: float) -> None:
-    """Point a free camera at a base position (3,), from the front and the side.
+def size_of(model: mujoco.MjModel, qpos: np.ndarray) -> float:
+    """The longest side, m, of the upright box around a robot at a `qpos`: its length, width or height."""
+    data = mujoco.MjData(model)
+    data.qpos[:] = qpos
+    mujoco.mj_kinematics(model, data)
+    drawn = (model.geom_bodyid > 0) & (model.geom_group < HIDDEN_GROUPS)
+    sides = np.abs(data.geom_xmat[drawn].reshape(-1, 3, 3)) @ model.geom_aabb[drawn, 3:, None]
+    centre = (
+        data.geom_xmat[drawn].reshape(-1, 3, 3) @ model.geom_aabb[drawn, :3, None]
+        + data.geom_xpos[drawn, :, None]
+    )
+    return float(((centre + sides).max(axis=0) - (centre - sides).min(axis=0)).max())
 
-    `reach_m` is the robot's size, for the distance.
-    """
+
+def follow(camera: mujoco.MjvCamera, position: np.ndarray, size_m: float) -> None:
+    """Point a free camera at a base position (3,), from the front and the side; a robot of that size fits."""
     camera.type = mujoco.mjtCamera.mjCAMERA_FREE
-    camera.lookat[:] = position[0], position[1], 0.6 * position[2]
-    camera.distance = 2.7 * reach_m
+    camera.lookat[:] = position[0], position[1], 0.8 * position[2]
+    camera.distance = 2.2 * size_m
     camera.azimuth, camera.elevation = 130.0, -16.0
 
 
