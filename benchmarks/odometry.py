@@ -1,6 +1,6 @@
 """How far the base estimator's odometry drifts, and whether its covariance is honest.
 
-    python benchmarks/odometry.py --workers 16 --out odometry.json --plot docs/images/odometry.png
+    python benchmarks/odometry.py --workers 16 --out odometry.json --plot odometry.png
 
 Each walking controller and learned policy of each robot walks straight ahead, along a curve and round a
 rectangle, on the nominal plant and on randomised ones, with the scenarios' sensor noise. A `BaseEstimator`

@@ -25,6 +25,7 @@ class DeployConfig:
     host_queue: int = HOST_QUEUE  # frames that a simulated CAN interface queues
     motor_timeout_s: float = MOTOR_TIMEOUT_S  # of simulated motors; real ones are set by their own tools
     estimator: EstimatorConfig = field(default_factory=EstimatorConfig)
+    odometry: bool = False  # estimate the base's motion for the log, also where the policy does not need it
     safety: SafetyConfig = field(default_factory=SafetyConfig)
 
     def __post_init__(self) -> None:

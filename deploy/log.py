@@ -16,6 +16,7 @@ import numpy as np
 
 from footfall.common.config import unstructure
 from footfall.common.errors import UserError
+from footfall.deploy.estimation.odometry import VELOCITY, YAW, Odometry
 from footfall.deploy.log_records import Kind, record
 from footfall.deploy.log_writer import READY
 from footfall.deploy.safety import State
@@ -25,6 +26,7 @@ from footfall.robots.description import Robot
 
 MOST_WAITING_BYTES = 4 * 2**20  # for a slow disk: some seconds of a run
 LAST_WAIT_S = 10.0  # for the writing process, once the run has ended
+_PLACE_AND_YAW = [0, 1, 2, 5]  # of x, y, z and the turns about them
 
 
 def flatten(observation: Observation) -> np.ndarray:
@@ -53,6 +55,20 @@ def unflatten(values: np.ndarray) -> Observation:
     time_s, *rest = np.split(values, np.cumsum(sizes)[:-1])
     *sensed, command, velocity, height = rest
     return Observation(float(time_s[0]), Sensed(*sensed), command, velocity, float(height[0]))
+
+
+def odometry_numbers(found: Odometry) -> np.ndarray:
+    """The numbers of a nav_msgs/Odometry, (85,): see `messages.odometry`.
+
+    Covariances of roll, pitch and angular velocity are zero: nobody estimates them.
+    """
+    w, x, y, z = found.orientation
+    pose, twist = np.zeros((6, 6)), np.zeros((6, 6))
+    pose[np.ix_(_PLACE_AND_YAW, _PLACE_AND_YAW)] = found.covariance[: YAW + 1, : YAW + 1]
+    twist[:3, :3] = found.covariance[VELOCITY, VELOCITY]
+    return np.concatenate(
+        [found.position, [x, y, z, w], pose.ravel(), found.velocity, found.angular_velocity, twist.ravel()]
+    )
 
 
 class McapLog:
@@ -115,6 +131,11 @@ class McapLog:
             if values is not None:
                 records += record(kind, now_us, np.asarray(values, dtype=np.float32).tobytes())
         self._put(records)
+
+    def odometry(self, now_us: int, found: Odometry) -> None:
+        """What the base is estimated to do."""
+        records = record(Kind.ODOMETRY, now_us, odometry_numbers(found).tobytes())
+        self._put(records + record(Kind.CONTACTS, now_us, found.contact.tobytes()))
 
     def state(self, now_us: int, state: State) -> None:
         """A change of the supervisor's state."""

@@ -20,6 +20,8 @@ class Kind(IntEnum):
     STATE = 7  # text
     NOTE = 8  # text
     END = 9  # the run ended in order
+    ODOMETRY = 10  # (85,) as a nav_msgs/Odometry has them
+    CONTACTS = 11  # (feet,) probability that each stands
 
 
 def record(kind: Kind, now_us: int, content: bytes = b"") -> bytes:

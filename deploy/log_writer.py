@@ -62,6 +62,10 @@ class LogWriter:
             self._array("/policy/observation", time_ns, content, size=4)
         elif kind is Kind.ACTION:
             self._array("/policy/action", time_ns, content, size=4)
+        elif kind is Kind.ODOMETRY:
+            self._put("/odom", time_ns, messages.odometry().fill(time_ns, content))
+        elif kind is Kind.CONTACTS:
+            self._array("/contacts", time_ns, content)
         elif kind is Kind.STATE:
             self._put("/state", time_ns, messages.text(content.decode()))
         elif kind is Kind.NOTE:

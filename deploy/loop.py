@@ -17,6 +17,7 @@ from footfall.deploy.clock import Clock
 from footfall.deploy.commands import CommandLimits
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers.driver import Driver
+from footfall.deploy.estimation.odometry import Odometry
 from footfall.deploy.frames import Frames
 from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.pose import impossible_pose
@@ -29,6 +30,7 @@ from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
 Command = Callable[[float], np.ndarray]  # time since walking began, s, to (3,)
+ODOMETRY_EVERY_US = 20_000  # for the log
 UNKNOWN = (np.full(3, np.nan), math.nan)  # velocity and height that nobody estimates
 
 
@@ -42,6 +44,8 @@ class Estimator(Protocol):
 
     def update(self, sensed: Sensed, stance: np.ndarray | None, dt_s: float) -> tuple[np.ndarray, float]: ...
 
+    def odometry(self) -> Odometry: ...
+
 
 class Log(Protocol):
     """What the loop tells a log. Nothing here may block."""
@@ -49,6 +53,8 @@ class Log(Protocol):
     def tick(self, now_us: int, sensed: Sensed, commanded: np.ndarray | None) -> None: ...
 
     def policy_step(self, now_us: int, observation: Observation, command: JointCommand) -> None: ...
+
+    def odometry(self, now_us: int, found: Odometry) -> None: ...
 
     def state(self, now_us: int, state: State) -> None: ...
 
@@ -110,6 +116,7 @@ class ControlLoop:
         self.walked_s = 0.0  # once the robot walks no more
         self._begun_us = 0
         self._estimated_us = -1
+        self._next_odometry_us = 0
         self._next_policy_us = 0.0  # half a microsecond early, so that rounding cannot cost a tick
         self._stand_from = robot.default_pose
         self._decision: JointCommand | None = None
@@ -200,6 +207,7 @@ class ControlLoop:
         if self.log is not None:
             nothing_commanded = mode is Mode.IDLE or self.state.over
             self.log.tick(now_us, self.sensed, None if nothing_commanded else joints.sent)
+            self._log_odometry(now_us)
 
     def _fail(self, error: Exception) -> None:
         """What is left after an exception: damping frames that were made beforehand, then motors off."""
@@ -300,6 +308,14 @@ class ControlLoop:
                     return
                 self.estimate = self._estimator.update(self.sensed, stance, elapsed_us * 1e-6)
                 self._estimated_us = self.now_us
+
+    def _log_odometry(self, now_us: int) -> None:
+        """Now and then while walking, which is when the pose means something."""
+        if self.log is None or self._estimator is None or not self.walking:
+            return
+        if now_us >= self._next_odometry_us:
+            self._next_odometry_us = now_us + ODOMETRY_EVERY_US
+            self.log.odometry(now_us, self._estimator.odometry())
 
     # -- what may not go wrong -----------------------------------------------------------------------
 

@@ -31,6 +31,28 @@ _TWIST = """MSG: geometry_msgs/Twist
 geometry_msgs/Vector3 linear
 geometry_msgs/Vector3 angular"""
 
+_POINT = """MSG: geometry_msgs/Point
+float64 x
+float64 y
+float64 z"""
+
+_POSE = """MSG: geometry_msgs/Pose
+geometry_msgs/Point position
+geometry_msgs/Quaternion orientation"""
+
+_POSE_WITH_COVARIANCE = """MSG: geometry_msgs/PoseWithCovariance
+geometry_msgs/Pose pose
+float64[36] covariance"""
+
+_TWIST_WITH_COVARIANCE = """MSG: geometry_msgs/TwistWithCovariance
+geometry_msgs/Twist twist
+float64[36] covariance"""
+
+_ODOMETRY = """std_msgs/Header header
+string child_frame_id
+geometry_msgs/PoseWithCovariance pose
+geometry_msgs/TwistWithCovariance twist"""
+
 _LAYOUT = """MSG: std_msgs/MultiArrayLayout
 std_msgs/MultiArrayDimension[] dim
 uint32 data_offset"""
@@ -65,6 +87,18 @@ SCHEMAS = {
     "geometry_msgs/msg/TwistStamped": _schema(
         "std_msgs/Header header\ngeometry_msgs/Twist twist", _HEADER, _TIME, _TWIST, _VECTOR
     ),
+    "nav_msgs/msg/Odometry": _schema(
+        _ODOMETRY,
+        _HEADER,
+        _TIME,
+        _POSE_WITH_COVARIANCE,
+        _POSE,
+        _POINT,
+        _QUATERNION,
+        _TWIST_WITH_COVARIANCE,
+        _TWIST,
+        _VECTOR,
+    ),
     "std_msgs/msg/String": "string data",
     "std_msgs/msg/Float32MultiArray": _schema(
         "std_msgs/MultiArrayLayout layout\nfloat32[] data", _LAYOUT, _DIMENSION
@@ -80,6 +114,8 @@ TOPICS = {
     "/joint_gains": "std_msgs/msg/Float64MultiArray",  # stiffness and damping that went out
     "/imu": "sensor_msgs/msg/Imu",
     "/cmd_vel": "geometry_msgs/msg/TwistStamped",
+    "/odom": "nav_msgs/msg/Odometry",  # where the base is estimated to be, and how it moves
+    "/contacts": "std_msgs/msg/Float64MultiArray",  # probability that each foot stands
     "/state": "std_msgs/msg/String",
     "/notes": "std_msgs/msg/String",  # what had to be changed of what was asked for
     "/policy/observation": "std_msgs/msg/Float32MultiArray",  # what the network saw
@@ -165,6 +201,16 @@ def imu() -> Template:
 def twist() -> Template:
     """A geometry_msgs/TwistStamped; gaps: forward and leftward m/s, yaw rad/s."""
     return Template().stamp("base").gap(2).zeros(1).zeros(2).gap(1)
+
+
+@lru_cache(None)
+def odometry() -> Template:
+    """A nav_msgs/Odometry from frame `odom` to `base`; one gap of 85 numbers.
+
+    Position (3), orientation x, y, z, w, covariance (36) of x, y, z and of the turns about them; velocity
+    (3), angular velocity (3), their covariance (36).
+    """
+    return Template().stamp("odom").text("base").gap(3 + 4 + 36 + 3 + 3 + 36)
 
 
 @lru_cache(None)

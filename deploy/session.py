@@ -108,7 +108,9 @@ def run_session(
     with ExitStack() as resources:
         clock: Clock = (WallClock if session.realtime else LockstepClock)(config.tick_us)
         estimator = (
-            _estimator(robot, config.estimator) if policy.needs_estimate and base_state is None else None
+            _estimator(robot, config.estimator)
+            if (policy.needs_estimate or config.odometry) and base_state is None
+            else None
         )
         loop = ControlLoop(robot, policy, wiring, driver, bus, clock, config, session.command, estimator)
         loop.base_state = base_state

@@ -9,6 +9,7 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -23,6 +24,7 @@ from footfall.common.errors import UserError
 from footfall.deploy import log as log_module
 from footfall.deploy import messages
 from footfall.deploy.config import DeployConfig
+from footfall.deploy.estimation.odometry import Odometry
 from footfall.deploy.log import McapLog, flatten, unflatten
 from footfall.deploy.log_file import read_log
 from footfall.deploy.loop import ControlLoop
@@ -67,8 +69,9 @@ def decoded(path: Path, topic: str | None = None) -> list[Decoded]:
 class TestContent:
     def test_ros_tools_find_every_topic_with_its_type(self, logged: tuple[Path, Trace]) -> None:
         found = {m.topic: m.kind for m in decoded(logged[0])}
-        network = {"/policy/observation", "/policy/action", "/notes"}  # Sway has no network, nothing to note
-        assert found == {topic: kind for topic, kind in messages.TOPICS.items() if topic not in network}
+        absent = {"/policy/observation", "/policy/action", "/notes"}  # Sway has no network, nothing to note
+        absent |= {"/odom", "/contacts"}  # nor does it ask for an estimate
+        assert found == {topic: kind for topic, kind in messages.TOPICS.items() if topic not in absent}
 
     def test_every_tick_and_every_policy_step_is_there(self, logged: tuple[Path, Trace]) -> None:
         path, trace = logged
@@ -118,6 +121,50 @@ class TestContent:
         assert [getattr(inertial.orientation, axis) for axis in "wxyz"] == quaternion.tolist()
         assert [getattr(inertial.angular_velocity, axis) for axis in "xyz"] == gyro.tolist()
         assert [getattr(inertial.linear_acceleration, axis) for axis in "xyz"] == acceleration.tolist()
+
+    def test_what_is_estimated_stands_in_its_own_field(self, go1: Robot, tmp_path: Path) -> None:
+        """ROS counts x, y, z and the turns about them; yaw is the last, and the velocity is in `base`."""
+        found = Odometry(
+            position=np.array([1.0, 2, 3]),
+            orientation=np.array([0.1, 0.2, 0.3, 0.4]),
+            yaw=0.0,
+            velocity=np.array([4.0, 5, 6]),
+            angular_velocity=np.array([7.0, 8, 9]),
+            height=0.3,
+            contact=np.array([0.0, 0.5, 1.0, 0.25]),
+            covariance=np.arange(49.0).reshape(7, 7),
+        )
+        path = tmp_path / "odometry.mcap"
+        log = McapLog(path, go1, Hold(go1), facts={}, start_ns=0, may_wait=True)
+        log.odometry(20_000, found)
+        assert log.close() == ""
+        written = {each.topic: each.message for each in decoded(path)}
+        odometry = written["/odom"]
+        assert (odometry.header.stamp.nanosec, odometry.header.frame_id) == (20_000_000, "odom")
+        assert odometry.child_frame_id == "base"
+        pose, twist = odometry.pose.pose, odometry.twist.twist
+        assert [getattr(pose.position, axis) for axis in "xyz"] == [1, 2, 3]
+        assert [getattr(pose.orientation, axis) for axis in "wxyz"] == [0.1, 0.2, 0.3, 0.4]
+        assert [getattr(twist.linear, axis) for axis in "xyz"] == [4, 5, 6]
+        assert [getattr(twist.angular, axis) for axis in "xyz"] == [7, 8, 9]
+        spread = np.reshape(odometry.pose.covariance, (6, 6))
+        assert spread[1].tolist() == [7, 8, 9, 0, 0, 10]
+        assert spread[5].tolist() == [21, 22, 23, 0, 0, 24]
+        scatter = np.reshape(odometry.twist.covariance, (6, 6))
+        assert scatter[1].tolist() == [39, 40, 41, 0, 0, 0]
+        assert not scatter[3:].any()
+        assert list(written["/contacts"].data) == found.contact.tolist()
+
+    def test_who_asks_for_odometry_gets_it_fifty_times_a_second(self, go1: Robot, tmp_path: Path) -> None:
+        path = tmp_path / "asked.mcap"
+        config = replace(UNHURRIED, odometry=True)
+        run_episode(go1, Sway(go1), short_episode(duration_s=0.5, log=path, config=config))
+        found = decoded(path)
+        counts = Counter(m.topic for m in found)
+        assert counts["/odom"] == counts["/contacts"] == 26
+        first = {m.topic: m.message for m in reversed(found)}
+        assert list(first["/contacts"].data) == pytest.approx([1.0] * 4, abs=0.01)
+        assert first["/odom"].pose.pose.position.x == pytest.approx(0.0, abs=1e-3)
 
     def test_states_come_in_order(self, logged: tuple[Path, Trace]) -> None:
         states = [m.message.data for m in decoded(logged[0], "/state")]

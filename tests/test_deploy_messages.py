@@ -57,6 +57,22 @@ def test_inertial_readings(time_ns: int, seed: int) -> None:
     assert found == encoded("sensor_msgs/msg/Imu", expected)
 
 
+@given(TIMES, st.integers(0, 99))
+def test_odometry(time_ns: int, seed: int) -> None:
+    numbers = np.random.default_rng(seed).normal(size=85)
+    place, orientation, spread, velocity, turn, scatter = np.split(numbers, [3, 7, 43, 46, 49])
+    pose = {"position": vector(place), "orientation": vector(orientation[:3]) | {"w": float(orientation[3])}}
+    twist = {"linear": vector(velocity), "angular": vector(turn)}
+    expected = {
+        "header": header(time_ns, "odom"),
+        "child_frame_id": "base",
+        "pose": {"pose": pose, "covariance": spread.tolist()},
+        "twist": {"twist": twist, "covariance": scatter.tolist()},
+    }
+    found = messages.odometry().fill(time_ns, numbers.tobytes())
+    assert found == encoded("nav_msgs/msg/Odometry", expected)
+
+
 def test_a_velocity_command() -> None:
     twist = {
         "linear": {"x": 0.1, "y": 0.2, "z": 0.0},
