@@ -1,5 +1,6 @@
 """From what a user types to a policy: a hand-written controller, a zoo name, a run folder, an ONNX file."""
 
+from collections.abc import Iterable
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -86,11 +87,15 @@ def controllers_of(robot: Robot) -> list[str]:
 
 
 def walking_controllers(robot: Robot) -> list[str]:
-    """Those of `controllers_of` that follow a commanded velocity; of the generator's gaits the first."""
+    """Those of `controllers_of` that follow a commanded velocity."""
+    return [name for name in controllers_of(robot) if CONTROLLERS[name].walks]
+
+
+def first_of_each_kind(names: Iterable[str]) -> list[str]:
+    """Of hand-written controllers one of each kind: of the generator's gaits the first alone."""
     found: dict[str, str] = {}
-    for name in controllers_of(robot):
-        if CONTROLLERS[name].walks:
-            found.setdefault(CONTROLLERS[name].place, name)
+    for name in names:
+        found.setdefault(CONTROLLERS[name].place, name)
     return list(found.values())
 
 

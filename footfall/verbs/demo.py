@@ -35,7 +35,7 @@ def demo(*, options: DemoOptions = DemoOptions()) -> None:
     """Train for a few minutes, run the policy over CAN, compare it with the others: ends with a report."""
     from footfall.evaluate.report.extra import check_installed
     from footfall.evaluate.scenarios import load_scenarios
-    from footfall.policies.registry import walking_controllers, zoo_names
+    from footfall.policies.registry import first_of_each_kind, walking_controllers, zoo_names
     from footfall.robots.description import load_robot
     from footfall.train.config import load_preset
 
@@ -49,7 +49,7 @@ def demo(*, options: DemoOptions = DemoOptions()) -> None:
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise UserError(f"{folder} exists and is not empty: give another --out")
     run, report = folder / "trained", folder / "report.html"
-    others = [*zoo_names(robot), *walking_controllers(robot)]
+    others = [*zoo_names(robot), *first_of_each_kind(walking_controllers(robot))]
     command = f"{0.5 * robot.description.commands.forward_m_s[1]:g},0,0"
     shared = ["--robot", options.robot, "--seed", str(options.seed)]
     _step("train", *shared, "--no-evaluate", "--preset", options.preset, "--out", str(run))
