@@ -37,9 +37,9 @@ def test_it_goes_from_training_to_a_report(
 
 @pytest.mark.parametrize(
     ("robot", "walkers", "half_speed"),
-    [("hexapod", ["hexapod-flat", "tripod", "ripple", "wave"], "0.125"), ("g1", ["g1-flat", "step"], "0.4")],
+    [("hexapod", ["hexapod-flat", "tripod"], "0.125"), ("g1", ["g1-flat", "step"], "0.4")],
 )
-def test_another_robot_is_asked_for_its_own_controllers_and_speed(
+def test_another_robot_is_asked_for_its_own_controllers_of_each_kind_and_speed(
     steps: list[tuple[str, ...]],
     capsys: pytest.CaptureFixture[str],
     tmp_path: Path,
