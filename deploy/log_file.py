@@ -1,13 +1,17 @@
 """Reads a run's log back, complete, cut short or damaged."""
 
 import json
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
+from contextlib import redirect_stdout
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from footfall.common.errors import UserError
 from footfall.deploy.log_writer import ENDED, METADATA
+
+Decoder = Callable[[bytes], Any]
 
 LARGEST_RECORD = 2**26  # bytes; a damaged length may claim anything
 
@@ -64,9 +68,8 @@ def read_log(path: Path, topics: Collection[str] | None = None) -> LogFile:
         UserError: the file cannot be read, is no MCAP or no log of a run.
     """
     from mcap.records import Channel, Message, Metadata, Schema
-    from mcap_ros2.decoder import DecoderFactory
 
-    decoders = DecoderFactory()
+    decoders: dict[int, Decoder | None] = {}  # by channel; None for one whose messages cannot be read
     metadata: dict[str, Any] = {}
     entries: list[Entry] = []
     schemas: dict[int, Schema] = {}
@@ -83,14 +86,29 @@ def read_log(path: Path, topics: Collection[str] | None = None) -> LogFile:
             elif isinstance(record, Message):
                 channel = channels[record.channel_id]
                 if topics is None or channel.topic in topics:
-                    decode = decoders.decoder_for(channel.message_encoding, schemas[channel.schema_id])
-                    if decode is not None:
+                    if channel.id not in decoders:
+                        decoders[channel.id] = _decoder(channel, schemas)
+                    decode = decoders[channel.id]
+                    if decode is None:
+                        damage.parts += 1
+                    else:
                         entries.append(Entry(channel.topic, record.log_time, decode(record.data)))
         except (Exception, RecursionError):  # a decoder fails in many ways on what is no message
             damage.parts += 1
     if not metadata:
         raise UserError(f"{path} is no log of a footfall run: it has no metadata '{METADATA}'")
     return LogFile(path, metadata, tuple(entries), metadata.pop(ENDED, False) is True, damage.parts)
+
+
+def _decoder(channel: Any, schemas: dict[int, Any]) -> Decoder | None:
+    """What turns a channel's bytes into messages; None where nobody knows."""
+    from mcap_ros2.decoder import DecoderFactory
+
+    try:
+        with redirect_stdout(StringIO()):  # where it tells of definitions that it does not understand
+            return DecoderFactory().decoder_for(channel.message_encoding, schemas[channel.schema_id])
+    except (Exception, RecursionError):
+        return None
 
 
 def records(path: Path, damage: Damage) -> Iterator[Any]:

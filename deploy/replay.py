@@ -45,7 +45,7 @@ def replay(path: Path, policy: Policy, tolerance: float = 0.0) -> Replay:
     worst, first, steps = 0.0, "", 0
     for index, (handed, answer) in enumerate(_steps(log)):
         observation = _observation(log, handed)
-        before = np.array(answer.message.data, dtype=float)
+        before = _numbers(log, answer)
         if len(before) != 5 * len(joints):
             raise UserError(f"{path}: step {index} has {len(before)} numbers for {len(joints)} joints")
         try:
@@ -81,10 +81,18 @@ def _steps(log: LogFile) -> list[tuple[Entry, Entry]]:
 
 
 def _observation(log: LogFile, handed: Entry) -> Observation:
-    values = np.array(handed.message.data, dtype=float)
+    values = _numbers(log, handed)
     if len(values) != 18 + 3 * len(log.joints):
         raise UserError(f"{log.path}: an observation has {len(values)} numbers for {len(log.joints)} joints")
     return unflatten(values)
+
+
+def _numbers(log: LogFile, entry: Entry) -> np.ndarray:
+    """A message's numbers; raises UserError if it holds none, since the log may say anything of its kind."""
+    try:
+        return np.array(entry.message.data, dtype=float).reshape(-1)
+    except (AttributeError, TypeError, ValueError):
+        raise UserError(f"{log.path}: {entry.topic} holds no numbers at {entry.time_ns} ns") from None
 
 
 def _difference(again: np.ndarray, before: np.ndarray) -> np.ndarray:

@@ -77,7 +77,19 @@ class LearnedPolicy:
         # observation is one look-up at each step.
         self._places = observation(np.arange(np.prod(kept)).reshape(kept), self.contract)
         self._begin()
-        self.network(np.zeros(observation_size(self.contract), dtype=np.float32))  # the first call is slow
+        self._try_out(path)  # the first call is slow
+
+    def _try_out(self, path: Path) -> None:
+        """Raise UserError for a network that does not run, or whose answer is no vector of numbers."""
+        try:
+            action = self.network(self.observed)
+        except Exception as error:  # ONNX Runtime's errors share no base class below Exception
+            raise UserError(f"{path}: its network does not run: {' '.join(str(error).split())}") from None
+        if action.dtype != np.float32 or action.shape != self._zeros.shape:
+            raise UserError(
+                f"{path}: its network answers {action.dtype} of shape {action.shape},"
+                f" expected float32 of shape {self._zeros.shape}"
+            )
 
     def network(self, observed: np.ndarray) -> np.ndarray:
         """The action for one observation, float32: (observation_size,) to (n,)."""

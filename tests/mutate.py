@@ -1,6 +1,19 @@
 """Files gone wrong, from a seed."""
 
+import io
+from typing import Any
+
 import numpy as np
+import yaml
+from mcap.records import Channel, DataEnd, Message, Metadata, Schema
+from mcap.stream_reader import StreamReader
+from mcap.writer import Writer
+
+NASTY: tuple[Any, ...] = (
+    *(None, True, 0, 1, -1, 10**30, -1e-300, 1e308, float("nan"), float("inf"), -float("inf")),
+    *("", "text", "1e400", "../..", "\0", "a\nb", "2026-02-30"),
+    *([], {}, [[]], [1, 2], ["a"], {"a": 1}, [None], [float("nan")] * 3),
+)
 
 
 def mutated(content: bytes, rng: np.random.Generator) -> bytes:
@@ -24,3 +37,63 @@ def mutated(content: bytes, rng: np.random.Generator) -> bytes:
         elif rng.integers(4) == 0:
             del data[at:]
     return bytes(data)
+
+
+def mutated_records(content: bytes, rng: np.random.Generator) -> bytes:
+    """A log whose check sums are right and some of whose records are not."""
+    output = io.BytesIO()
+    writer = Writer(output)
+    writer.start("ros2", "fuzz")
+    share = 10.0 ** rng.uniform(-3, 0)
+    for record in StreamReader(io.BytesIO(content)).records:
+        hurt = rng.random() < share
+        if isinstance(record, Metadata):
+            values = {
+                key: mutated(value.encode(), rng).decode(errors="replace") if hurt else value
+                for key, value in record.metadata.items()
+            }
+            writer.add_metadata(record.name, values)
+        elif isinstance(record, Schema):
+            writer.register_schema(
+                record.name, record.encoding, mutated(record.data, rng) if hurt else record.data
+            )
+        elif isinstance(record, Channel):
+            topic = str(rng.choice(["/policy/inputs", "/imu", ""])) if hurt else record.topic
+            schema = int(rng.integers(9)) if hurt else record.schema_id
+            writer.register_channel(topic, record.message_encoding, schema)
+        elif isinstance(record, Message):
+            data = mutated(record.data, rng) if hurt else record.data
+            writer.add_message(record.channel_id, record.log_time, data, record.publish_time)
+        elif isinstance(record, DataEnd):
+            break
+    writer.finish()
+    return output.getvalue()
+
+
+def mutated_yaml(content: bytes, rng: np.random.Generator) -> bytes:
+    """Settings with up to three values replaced, taken out or added; of one in four the bytes are changed."""
+    if rng.integers(4) == 0:
+        return mutated(content, rng)
+    data = yaml.safe_load(content)
+    for _ in range(int(rng.integers(1, 4))):
+        data = with_a_change(data, rng)
+    return yaml.safe_dump(data).encode()
+
+
+def with_a_change(data: Any, rng: np.random.Generator) -> Any:
+    """Plain data with one value changed, as deep as chance leads."""
+    deeper = isinstance(data, dict | list) and len(data) > 0 and rng.integers(8) > 0
+    if not deeper:
+        return NASTY[int(rng.integers(len(NASTY)))]
+    keys = list(data) if isinstance(data, dict) else range(len(data))
+    key, kind = keys[int(rng.integers(len(keys)))], int(rng.integers(12))
+    changed = data.copy()
+    if kind == 0:
+        del changed[key]
+    elif kind == 1 and isinstance(changed, dict):
+        changed["nobody_knows_this"] = data[key]
+    elif kind == 1:
+        changed.append(data[key])
+    else:
+        changed[key] = with_a_change(data[key], rng)
+    return changed

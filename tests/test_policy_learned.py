@@ -235,6 +235,31 @@ class TestFile:
         with pytest.raises(UserError, match=r"bare.onnx carries no footfall contract"):
             LearnedPolicy(bare, go1)
 
+    @pytest.mark.parametrize(
+        ("takes", "answers", "expected"),
+        [("DOUBLE", "DOUBLE", "does not run: .*double"), ("FLOAT", "DOUBLE", "answers float64")],
+    )
+    def test_a_network_of_other_numbers_is_refused(
+        self, tmp_path: Path, contract: Contract, go1: Robot, takes: str, answers: str, expected: str
+    ) -> None:
+        helper, size = onnx.helper, observation_size(contract)
+        given, found = getattr(onnx.TensorProto, takes), getattr(onnx.TensorProto, answers)
+        number = np.float64 if takes == "DOUBLE" else np.float32
+        graph = helper.make_graph(
+            [helper.make_node("MatMul", ["x", "w"], ["z"]), helper.make_node("Cast", ["z"], ["y"], to=found)],
+            "other_numbers",
+            [helper.make_tensor_value_info("x", given, ["batch", size])],
+            [helper.make_tensor_value_info("y", found, ["batch", 12])],
+            [onnx.numpy_helper.from_array(np.zeros((size, 12), number), "w")],
+        )
+        model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)])
+        model.ir_version = 8
+        helper.set_model_props(model, {CONTRACT_KEY: contract.to_json()})
+        onnx.save(model, tmp_path / "p.onnx")
+        with pytest.raises(UserError, match=rf"p.onnx: its network {expected}") as caught:
+            LearnedPolicy(tmp_path / "p.onnx", go1)
+        assert "\n" not in str(caught.value)
+
     def test_one_difference_to_the_robot_is_enough_to_refuse_it(
         self, tmp_path: Path, contract: Contract, go1: Robot
     ) -> None:
@@ -255,7 +280,12 @@ class TestFile:
         self, tmp_path: Path, contract: Contract, go1: Robot, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         calls: list[np.ndarray] = []
-        monkeypatch.setattr(LearnedPolicy, "network", lambda _, observed: calls.append(observed))
+
+        def network(_: LearnedPolicy, observed: np.ndarray) -> np.ndarray:
+            calls.append(observed)
+            return np.zeros(12, np.float32)
+
+        monkeypatch.setattr(LearnedPolicy, "network", network)
         size = observation_size(contract)
         LearnedPolicy(write_graph(tmp_path / "p.onnx", contract, [("x", size)], [("y", 12)]), go1)
         assert [call.shape for call in calls] == [(size,)]

@@ -1,0 +1,220 @@
+"""Long runs: memory that stays as it is, time that does not drift, faults that are all noticed.
+
+    python benchmarks/soak.py [--lockstep-minutes 60] [--wall-minutes 10] [--faults 100] [--workers 1]
+
+Short runs in lockstep with one fault each, its kind, joint and moment drawn from the seed; the simulator's
+own eye on falls is closed in these. Then a run on the wall clock and one in lockstep, both logged, walking
+about with commands that change. Prints a JSON object for each part; exit status 1 if memory grew, time
+drifted, a run ended early or a fault was missed.
+"""
+
+import argparse
+import json
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from footfall.deploy.config import DeployConfig
+from footfall.deploy.loop import ControlLoop
+from footfall.plant.episode import Episode, run_episode
+from footfall.plant.robot import SimulatedRobot
+from footfall.policies.registry import load_policy
+from footfall.robots.description import load_robot
+
+MOST_GROWTH = 0.02  # of memory, from the first tenth of a run to its end
+MOST_DRIFT_TICKS = 2.0
+NOTICED_WITHIN_S = 2.0
+PAGE = 4096
+
+
+def command_at(time_s: float) -> np.ndarray:
+    """Forward 0.1 to 0.7 m/s, turning to and fro: a robot that stays near its origin."""
+    return np.array([0.4 + 0.3 * np.sin(0.1 * time_s), 0.0, 0.5 * np.sin(0.05 * time_s)])
+
+
+class Watcher:
+    """Looks at memory and time as a run goes on."""
+
+    def __init__(self, every_s: float, realtime: bool) -> None:
+        self._every_us, self._next_us, self._realtime = every_s * 1e6, 0.0, realtime
+        self._begun = 0.0
+        self.memory_mib: list[float] = []
+        self.drift_us = 0.0  # largest difference between the loop's time and the other clock
+
+    def look(self, loop: ControlLoop, body: SimulatedRobot) -> None:
+        """To be called after each tick."""
+        wall_us = time.monotonic() * 1e6
+        if not self._begun:
+            self._begun = wall_us - loop.now_us
+        if loop.now_us < self._next_us:
+            return
+        self._next_us += self._every_us
+        other_us = wall_us - self._begun if self._realtime else float(body.time_us)
+        self.drift_us = max(self.drift_us, abs(loop.now_us - other_us))
+        self.memory_mib.append(int(Path("/proc/self/statm").read_text().split()[1]) * PAGE / 2**20)
+
+    def growth(self) -> float:
+        """Of memory, from the first tenth of the run to its end, as a share."""
+        first, last = self.memory_mib[len(self.memory_mib) // 10], self.memory_mib[-1]
+        return last / first - 1.0
+
+
+def long_run(minutes: float, realtime: bool, options: argparse.Namespace) -> dict[str, Any]:
+    """One run, looked at two hundred times."""
+    robot = load_robot(options.robot)
+    config, seconds = DeployConfig(realtime_priority=80 if realtime else None), minutes * 60
+    watcher = Watcher(seconds / 200, realtime)
+    with tempfile.TemporaryDirectory() as folder:
+        log = Path(folder) / "soak.mcap"
+        episode = Episode(
+            command_at, seconds, options.seed, realtime=realtime, log=log, record=False, config=config
+        )
+        began = time.monotonic()
+        trace = run_episode(robot, load_policy(options.policy, robot), episode, watcher.look)
+        wall_s, log_mib = time.monotonic() - began, log.stat().st_size / 2**20
+    whole = trace.final_state == "IDLE" and abs(trace.walked_s - seconds) < 0.1
+    flat = watcher.growth() < MOST_GROWTH
+    steady = watcher.drift_us <= MOST_DRIFT_TICKS * config.tick_us
+    return {
+        "part": "wall clock" if realtime else "lockstep",
+        "good": whole and flat and steady,
+        "walked_s": trace.walked_s,
+        "wall_s": wall_s,
+        "final_state": trace.final_state,
+        "faults": list(trace.faults),
+        "notes": list(trace.notes),
+        "memory_mib": [watcher.memory_mib[0], watcher.memory_mib[-1], max(watcher.memory_mib)],
+        "growth": watcher.growth(),
+        "drift_us": watcher.drift_us,
+        "log_mib": log_mib,
+        "timing": trace.timing,
+    }
+
+
+def _silence(body: SimulatedRobot, joint: int) -> None:
+    body.faults.motors.silent[joint] = True
+
+
+def _error(body: SimulatedRobot, joint: int) -> None:
+    body.faults.motors.error[joint] = 1
+
+
+def _repeat(body: SimulatedRobot, joint: int) -> None:
+    body.faults.motors.stuck[joint] = True
+
+
+def _reboot(body: SimulatedRobot, joint: int) -> None:
+    body.reboot(np.array([joint]))
+
+
+def _imu_silent(body: SimulatedRobot, _: int) -> None:
+    body.faults.imu_silent = True
+
+
+def _imu_stuck(body: SimulatedRobot, _: int) -> None:
+    body.faults.imu_stuck = True
+
+
+def _topple(body: SimulatedRobot, _: int) -> None:
+    body.push((0.0, 12.0, 0.0))
+
+
+FAULTS: dict[str, Callable[[SimulatedRobot, int], None]] = {
+    "motor silent": _silence,
+    "motor reports an error": _error,
+    "motor repeats its reply": _repeat,
+    "motor reboots": _reboot,
+    "IMU silent": _imu_silent,
+    "IMU stuck": _imu_stuck,
+    "toppled": _topple,
+}
+
+
+def with_fault(seed: int, robot_name: str, policy: str) -> dict[str, Any]:
+    """A short run with one fault; what was noticed and how soon."""
+    rng = np.random.default_rng(seed)
+    robot = load_robot(robot_name)
+    kind = list(FAULTS)[int(rng.integers(len(FAULTS)))]
+    joint, at_s = int(rng.integers(len(robot.joint_names))), float(rng.uniform(0.5, 4.0))
+    happened: list[float] = []
+    damped: list[float] = []
+
+    def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
+        body.fall = lambda: None  # type: ignore[method-assign]
+        if not happened and loop.walking and loop.walking_s >= at_s:
+            FAULTS[kind](body, joint)
+            happened.append(loop.now_us * 1e-6)
+        if happened and not damped and loop.state.faults:
+            damped.append(loop.now_us * 1e-6)
+
+    episode = Episode(command_at, at_s + NOTICED_WITHIN_S, seed, record=False)
+    trace = run_episode(robot, load_policy(policy, robot), episode, watch)
+    after_s = damped[0] - happened[0] if happened and damped else None
+    return {
+        "seed": seed,
+        "kind": kind,
+        "joint": joint,
+        "at_s": at_s,
+        "noticed_after_s": after_s,
+        "faults": list(trace.faults),
+    }
+
+
+def faults(options: argparse.Namespace) -> dict[str, Any]:
+    """As many faults as asked for."""
+    work = partial(with_fault, robot_name=options.robot, policy=options.policy)
+    seeds = range(options.seed, options.seed + options.faults)
+    if options.workers > 1:
+        with ProcessPoolExecutor(options.workers) as pool:
+            found = list(pool.map(work, seeds))
+    else:
+        found = [work(seed) for seed in seeds]
+    missed = [each for each in found if each["noticed_after_s"] is None]
+    slowest = {
+        kind: max((e["noticed_after_s"] or 0.0 for e in found if e["kind"] == kind), default=0.0)
+        for kind in FAULTS
+    }
+    counts = {kind: sum(each["kind"] == kind for each in found) for kind in FAULTS}
+    return {
+        "part": "faults",
+        "good": not missed,
+        "injected": counts,
+        "missed": missed,
+        "slowest_noticed_after_s": slowest,
+    }
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--robot", default="go1")
+    parser.add_argument("--policy", default="go1-flat")
+    parser.add_argument("--lockstep-minutes", type=float, default=60.0)
+    parser.add_argument("--wall-minutes", type=float, default=10.0)
+    parser.add_argument("--faults", type=int, default=100)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--workers", type=int, default=1, help="of the runs with faults")
+    options = parser.parse_args()
+    parts: list[Callable[[], dict[str, Any]]] = []
+    if options.faults:
+        parts.append(lambda: faults(options))
+    if options.wall_minutes:
+        parts.append(lambda: long_run(options.wall_minutes, True, options))
+    if options.lockstep_minutes:
+        parts.append(lambda: long_run(options.lockstep_minutes, False, options))
+    good = True
+    for part in parts:
+        shown = part()
+        good = good and shown["good"]
+        print(json.dumps(shown), flush=True)
+    return 0 if good else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
