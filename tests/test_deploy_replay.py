@@ -397,6 +397,8 @@ DEFINITIONS = {
     "float64[9] angular_velocity_covariance|geometry_msgs/Vector3 linear_acceleration|"
     "float64[9] linear_acceleration_covariance",
     "geometry_msgs/msg/TwistStamped": "std_msgs/Header header|geometry_msgs/Twist twist",
+    "nav_msgs/msg/Odometry": "std_msgs/Header header|string child_frame_id|"
+    "geometry_msgs/PoseWithCovariance pose|geometry_msgs/TwistWithCovariance twist",
     "std_msgs/msg/String": "string data",
     "std_msgs/msg/Float32MultiArray": "std_msgs/MultiArrayLayout layout|float32[] data",
     "std_msgs/msg/Float64MultiArray": "std_msgs/MultiArrayLayout layout|float64[] data",
@@ -406,6 +408,10 @@ PARTS = {
     "builtin_interfaces/Time": "int32 sec|uint32 nanosec",
     "geometry_msgs/Vector3": "float64 x|float64 y|float64 z",
     "geometry_msgs/Quaternion": "float64 x 0|float64 y 0|float64 z 0|float64 w 1",
+    "geometry_msgs/Point": "float64 x|float64 y|float64 z",
+    "geometry_msgs/Pose": "geometry_msgs/Point position|geometry_msgs/Quaternion orientation",
+    "geometry_msgs/PoseWithCovariance": "geometry_msgs/Pose pose|float64[36] covariance",
+    "geometry_msgs/TwistWithCovariance": "geometry_msgs/Twist twist|float64[36] covariance",
     "geometry_msgs/Twist": "geometry_msgs/Vector3 linear|geometry_msgs/Vector3 angular",
     "std_msgs/MultiArrayLayout": "std_msgs/MultiArrayDimension[] dim|uint32 data_offset",
     "std_msgs/MultiArrayDimension": "string label|uint32 size|uint32 stride",
