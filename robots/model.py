@@ -213,6 +213,8 @@ def _leave_losses_to_the_joint_law(spec: mujoco.MjSpec, robot: Robot) -> None:
 
 def _make_inertia_explicit(spec: mujoco.MjSpec) -> None:
     """Write each body's compiled mass and inertia down, so that deleting geoms cannot change them."""
+    for number, body in enumerate(spec.bodies):
+        body.name = body.name or f"unnamed_body_{number}"  # by which it is found again below
     model = spec.copy().compile()
     for body in spec.bodies[1:]:
         compiled = model.body(body.name)
