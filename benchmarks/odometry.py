@@ -25,6 +25,7 @@ from footfall.common.rotations import heading, heading_matrix, wrap_angle
 from footfall.deploy.estimation.config import EstimatorConfig, OdometryConfig
 from footfall.deploy.estimation.estimator import BaseEstimator
 from footfall.deploy.loop import ControlLoop
+from footfall.deploy.safety import MOVING
 from footfall.domain_rand.randomisation import load_randomisation
 from footfall.domain_rand.sample import draw
 from footfall.evaluate.scenarios import load_scenarios
@@ -84,23 +85,26 @@ class Listener:
 
     def __init__(self, policy: Policy, estimator: BaseEstimator) -> None:
         self._policy, self._estimator = policy, estimator
-        self._now_us = self._next_look_s = 0.0
+        self._now_us: int | None = None
+        self._next_look_s = 0.0
         self._plan: np.ndarray | None = None  # the policy's, of the tick before
-        self._begun = False
         self.rows: list[dict[str, Any]] = []
 
     def __call__(self, loop: ControlLoop, body: SimulatedRobot) -> None:
         """After each joint tick."""
+        if loop.state.mode not in MOVING:
+            return
+        if self._now_us is None:
+            self._estimator.reset(loop.sensed)
+        else:
+            self._estimator.update(loop.sensed, self._plan, (loop.now_us - self._now_us) * 1e-6)
+        self._now_us = loop.now_us
         if not loop.walking:
             return
-        if not self._begun:
-            self._begun, self._now_us = True, loop.now_us
-            self._estimator.reset(loop.sensed)
+        if not self.rows:
+            self._estimator.start()
             self._from_place, quaternion = body.truth().base_position, body.truth().base_quaternion
             self._from_yaw = float(heading(quaternion))
-        elif loop.now_us > self._now_us:
-            self._estimator.update(loop.sensed, self._plan, (loop.now_us - self._now_us) * 1e-6)
-            self._now_us = loop.now_us
         self._plan = self._policy.stance()
         if loop.walking_s >= self._next_look_s:
             self._next_look_s += LOOK_EVERY_S

@@ -22,6 +22,17 @@ class ContactConfig:
 
 
 @dataclass(frozen=True)
+class GyroConfig:
+    """How fast the gyro's bias is learnt."""
+
+    bias_filter_s: float = 10.0  # over which it is averaged in the long run
+    bias_half_s: float = 0.2  # after which half of it is believed: the orientation's noise by the usual bias
+
+    def __post_init__(self) -> None:
+        require_positive(self, "bias_filter_s", "bias_half_s")
+
+
+@dataclass(frozen=True)
 class FilterConfig:
     """How far accelerometer and legs are believed."""
 
@@ -57,7 +68,7 @@ class OdometryConfig:
     height_filter_s: float = 0.02  # time constant
     orientation_noise: float = 0.005  # rad, of one reading of the IMU's orientation
     yaw_drift: float = 0.001  # rad per root of a second, of the same
-    scale_error: float = 0.005  # share of the way: limbs not as long as the description says, feet that creep
+    scale_error: float = 0.01  # share of the way: limbs not as long as the description says, feet that creep
     climb_error: float = 0.03  # share of the way, of an integrated way up: feet sink in as they land
     slip: float = 0.01  # m per root of a metre walked
     creep_m_s: float = 0.005  # horizontal velocity of a foot that is thought to stand
@@ -74,5 +85,6 @@ class EstimatorConfig:
     """Settings of `BaseEstimator`."""
 
     contact: ContactConfig = field(default_factory=ContactConfig)
+    gyro: GyroConfig = field(default_factory=GyroConfig)
     filter: FilterConfig = field(default_factory=FilterConfig)
     odometry: OdometryConfig = field(default_factory=OdometryConfig)

@@ -9,6 +9,7 @@ from footfall.deploy.estimation.config import EstimatorConfig
 from footfall.deploy.estimation.contact import ContactEstimator
 from footfall.deploy.estimation.feet import ContactPoints
 from footfall.deploy.estimation.filter import MotionFilter
+from footfall.deploy.estimation.gyro import GyroBias
 from footfall.deploy.estimation.odometry import POSITION, VELOCITY, Drift, Odometry
 from footfall.policies.policy import Sensed
 from footfall.robots.description import Robot
@@ -33,14 +34,16 @@ class BaseEstimator:
         self._radius = self._legs.foot_radius
         self._points = ContactPoints(self._legs, self._config.contact.level_m)
         self._contact = ContactEstimator(self._legs, nominal_body(robot), self._config.contact)
+        self._gyro = GyroBias(self._config.gyro)
         self._filter = MotionFilter(self._config.filter)
         self._drift = Drift(self._config.odometry)
 
     def reset(self, sensed: Sensed) -> None:
         """Begin at rest, all feet down; the pose is zero here."""
         self._contact.reset(sensed)
+        self._gyro.reset()
         self._filter.reset()
-        self._velocity = np.zeros(3)
+        self._velocity, self._turning = np.zeros(3), sensed.gyro
         self._take(sensed)
         self._height = -float((self._place @ self._up + self._radius).mean())
         self.start()
@@ -65,7 +68,8 @@ class BaseEstimator:
             the mean standing foot, m.
         """
         jacobian = self._take(sensed)
-        rotation, rows, turning = self._rotation, self._rotation.tolist(), skew(sensed.gyro).T
+        self._turning = np.array(self._gyro.update(sensed.gyro.tolist(), sensed.quaternion.tolist(), dt_s))
+        rotation, rows, turning = self._rotation, self._rotation.tolist(), skew(self._turning).T
         rates = self._legs.gather(sensed.joint_velocity)
         contact = self._contact.update(sensed, rates, jacobian, self._up, stance, dt_s)
         # How the points of contact pass the IMU, body frame.
@@ -99,7 +103,7 @@ class BaseEstimator:
             orientation=multiply(_about_vertical(-self._start_yaw), self._sensed.quaternion),
             yaw=wrap_angle(self._yaw() - self._start_yaw),
             velocity=self._velocity,
-            angular_velocity=self._sensed.gyro,
+            angular_velocity=self._turning,
             height=self._base_height(),
             contact=np.array(self._contact.probability),
             covariance=turn @ covariance @ turn.T,

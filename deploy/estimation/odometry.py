@@ -18,7 +18,7 @@ class Odometry(NamedTuple):
     orientation: np.ndarray  # (4,) w x y z, body to this frame, from the IMU's
     yaw: float  # rad, in [-pi, pi), of the same
     velocity: np.ndarray  # (3,) m/s, body frame
-    angular_velocity: np.ndarray  # (3,) rad/s, body frame
+    angular_velocity: np.ndarray  # (3,) rad/s, body frame, without the gyro's bias
     height: float  # m above the centre of the mean standing foot
     contact: np.ndarray  # (legs,) probability that each foot stands
     covariance: np.ndarray  # (7, 7) of position, yaw, velocity

@@ -1,0 +1,75 @@
+"""The gyro's bias, found by how the IMU's orientation turns."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from footfall.common.rotations import multiply
+from footfall.deploy.estimation.config import GyroConfig
+from footfall.deploy.estimation.gyro import GyroBias
+
+DT_S = 0.002
+BIAS = np.array([0.03, -0.02, 0.01])
+
+
+def turn(vector: np.ndarray) -> np.ndarray:
+    """Quaternion of a rotation vector."""
+    angle = float(np.linalg.norm(vector))
+    axis = vector / angle if angle else vector
+    return np.array([np.cos(angle / 2), *np.sin(angle / 2) * axis])
+
+
+def follow(estimator: GyroBias, rate: np.ndarray, seconds: float, noise: float = 0.0) -> list[float]:
+    """Turn steadily at a rate about the body's axes; returns the last estimate of it."""
+    rng = np.random.default_rng(0)
+    quaternion = turn(np.array([0.3, -0.4, 2.0]))
+    found = [0.0, 0.0, 0.0]
+    for _ in range(round(seconds / DT_S)):
+        quaternion = multiply(quaternion, turn(rate * DT_S))
+        read = multiply(quaternion, turn(rng.uniform(-noise, noise, 3)))
+        found = estimator.update((rate + BIAS).tolist(), read.tolist(), DT_S)
+    return found
+
+
+@pytest.mark.parametrize("rate", [np.zeros(3), np.array([0.0, 0.0, 1.0]), np.array([2.0, -1.0, 0.5])])
+def test_what_the_orientation_does_not_turn_is_bias(rate: np.ndarray) -> None:
+    estimator = GyroBias(GyroConfig())
+    assert follow(estimator, rate, 10.0) == pytest.approx(rate.tolist(), abs=1e-3)
+    assert estimator.bias == pytest.approx(BIAS.tolist(), abs=1e-3)
+
+
+@pytest.mark.parametrize(("seconds", "share"), [(0.1, 0.2), (0.2, 0.5), (0.6, 0.9)])
+def test_it_is_believed_the_more_the_longer_it_was_seen(seconds: float, share: float) -> None:
+    """t^2 / (t^2 + 0.2^2)."""
+    estimator = GyroBias(GyroConfig(bias_half_s=0.2))
+    follow(estimator, np.zeros(3), seconds + DT_S)  # the first reading has none before it
+    assert estimator.bias == pytest.approx((share * BIAS).tolist(), rel=0.02)
+
+
+def test_noise_of_the_orientation_averages_out() -> None:
+    """It moves by 0.005 rad from one reading to the next, as by 2.5 rad/s."""
+    estimator = GyroBias(GyroConfig())
+    follow(estimator, np.array([0.1, 0.0, 0.5]), 4.0, noise=0.005)
+    assert estimator.bias == pytest.approx(BIAS.tolist(), abs=0.004)
+
+
+@given(st.integers(0, 999))
+def test_a_quaternion_and_its_negative_are_one_orientation(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    estimators = GyroBias(GyroConfig()), GyroBias(GyroConfig())
+    quaternion = turn(rng.normal(size=3))
+    for step in range(5):
+        quaternion = multiply(quaternion, turn(0.01 * rng.normal(size=3)))
+        gyro = rng.normal(size=3).tolist()
+        one = estimators[0].update(gyro, quaternion.tolist(), DT_S)
+        other = estimators[1].update(gyro, (quaternion if step % 2 else -quaternion).tolist(), DT_S)
+        assert other == pytest.approx(one, abs=1e-9)
+
+
+def test_a_reset_forgets_it() -> None:
+    estimator = GyroBias(GyroConfig())
+    follow(estimator, np.zeros(3), 1.0)
+    estimator.reset()
+    assert estimator.bias == [0.0, 0.0, 0.0]
+    assert estimator.update([0.1, 0.2, 0.3], [1.0, 0.0, 0.0, 0.0], DT_S) == [0.1, 0.2, 0.3]
