@@ -13,6 +13,7 @@ from footfall.robots.actuator import JointCommand, limit_torque, pd_torque
 from footfall.robots.description import Robot
 from footfall.robots.targets import limit_target
 
+GAIN_CODES = 4095  # of a frame, at least
 NEVER = -(10**15)  # microseconds: long ago
 
 
@@ -103,7 +104,11 @@ class JointLayer:
         asked = pd_torque(JointCommand(*values), position, velocity)
         possible = limit_torque(asked, velocity, self._robot.motor)
         if np.count_nonzero(asked != possible):
-            values[2:] *= _share(possible, asked)
+            share = _share(possible, asked)
+            values[2:] *= share
+            # a frame must not round a lowered gain up: many radians of error make that much torque
+            rounding = (share < 1.0) * self._driver.highest[2:4] / (2 * GAIN_CODES)
+            values[2:4] = np.maximum(values[2:4] - rounding, self._driver.lowest[2:4])
         self.commanded_torque, self.stiffness, self.sent = possible, values[2], values
         return self._driver.command(values)
 

@@ -58,6 +58,24 @@ JOINT_CHECKS = (
         "repeated_rad",
     ),
     SensorCheck(
+        "position that stays while the velocity says otherwise",
+        "its position stayed the same while its velocity made {0:.2f} rad",
+        lambda monitor: monitor.frozen[0],
+        "frozen",
+    ),
+    SensorCheck(
+        "velocity that stays while the position changes",
+        "its velocity stayed the same while its position changed by {0:.2f} rad",
+        lambda monitor: monitor.frozen[1],
+        "frozen",
+    ),
+    SensorCheck(
+        "torque that stays while commands change",
+        "its torque stayed the same while commands changed by {0:.0%} of its peak",
+        lambda monitor: monitor.frozen[2],
+        "frozen_torque",
+    ),
+    SensorCheck(
         "motor temperature",
         "the motor is at {0:.0f} degrees Celsius",
         lambda monitor: monitor.temperature,
@@ -68,14 +86,14 @@ JOINT_CHECKS = (
 BODY_CHECKS = (
     SensorCheck(
         "gyro against quaternion",
-        "its quaternion turned by {0:.2f} rad other than its gyro says",
+        "the IMU: its quaternion turned by {0:.2f} rad other than its gyro says",
         lambda monitor: math.hypot(*monitor.rotation),
         "rotation_rad",
     ),
     *(
         SensorCheck(
             f"{part} that repeats itself",
-            f"its {part} has repeated itself for {{0:.2f}} s while joints moved",
+            f"the IMU: its {part} has repeated itself for {{0:.2f}} s while joints moved",
             lambda monitor, part=part: monitor.imu_repeated(part),  # type: ignore[misc]
             "imu_repeated_s",
         )
@@ -83,15 +101,28 @@ BODY_CHECKS = (
     ),
     SensorCheck(
         "acceleration at rest",
-        "at rest its acceleration is off its quaternion's gravity by {0:.0%}",
+        "the IMU: at rest its acceleration is off its quaternion's gravity by {0:.0%}",
         lambda monitor: monitor.rest_error,
         "rest_error",
     ),
     SensorCheck(
         "acceleration against quaternion",
-        "its acceleration leans away from its quaternion's gravity by {0:.0%}",
+        "the IMU: its acceleration leans away from its quaternion's gravity by {0:.0%}",
         SensorMonitor.lean,
         "lean_error",
+    ),
+    SensorCheck(
+        "acceleration against gravity",
+        "the IMU: on average its acceleration is off gravity by {0:.0%}",
+        SensorMonitor.lift,
+        "lift_error",
+    ),
+    SensorCheck(
+        "legs that carry the body",
+        "the base has sunk to the ground: {0:.0%} of its clearance is gone",
+        lambda monitor: monitor.sunk,
+        "sunk",
+        Mode.FALLING,
     ),
 )
 
@@ -121,5 +152,5 @@ class SensorChecks:
         for check, limit in zip(BODY_CHECKS, self._body_limits, strict=True):
             value = check.measure(monitor)
             if not value <= limit:
-                return Implausible(f"the IMU: {check.says.format(value)}", check.leads_to)
+                return Implausible(check.says.format(value), check.leads_to)
         return None

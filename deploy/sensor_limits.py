@@ -25,20 +25,26 @@ class SensorLimits:
     torque_little: float = 0.02  # of the peak torque: what a motor without current may report
     repeated_rad: float = 0.1  # way of a joint's target while its motor repeats one reply
     temperature_c: float = 85.0  # of any motor; windings and magnets suffer from 100 on
-    rotation_rad: float = 0.2  # the base's turn by the quaternion against the one by the gyro
-    imu_repeated_s: float = 0.1  # that a part of the IMU repeats itself while joints move
+    frozen: float = 0.1  # rad: a joint's way by its position while its velocity stays the same, or by that
+    frozen_torque: float = 0.2  # of the peak torque: changes of what is commanded while the torque stays
+    rotation_rad: float = 0.08  # the base's turn by the quaternion against the one by the gyro
+    imu_repeated_s: float = 0.06  # that a part of the IMU repeats itself while joints move
     moving_rad_s: float = 1.0  # of the fastest joint: then a body shakes by more than an IMU's last digit
     resting_rad_s: float = 0.3  # of every joint and of the base: slower than that for `resting_s` is rest
     resting_s: float = 0.3
     rest_error: float = 0.15  # of gravity: acceleration at rest against the quaternion's idea of up
-    lean_error: float = 0.35  # of gravity: the same in motion, on average
+    lean_error: float = 0.35  # of gravity: the same in motion, on average, sideways
+    lift_error: float = 0.6  # of gravity: upwards; a robot that is thrown or falls over feels less of it
+    sunk: float = 0.85  # of the base's clearance when standing: how much may be gone
     lean_memory_s: float = 1.0  # over which a walk's accelerations cancel out
 
     def __post_init__(self) -> None:
         require_between(self, 0.001, 0.2, "period_s")
         require_between(self, 0.01, 10.0, "memory_s", "imu_repeated_s", "resting_s", "lean_memory_s")
         require_between(self, 0.001, math.tau, "position_rad", "drift_rad", "repeated_rad", "rotation_rad")
-        require_between(self, 0.01, 2.0, "rest_error", "lean_error")
+        require_between(self, 0.001, math.tau, "frozen", "frozen_torque")
+        require_between(self, 0.1, 1.0, "sunk")
+        require_between(self, 0.01, 2.0, "rest_error", "lean_error", "lift_error")
         require_between(self, 0.01, 10.0, "limp_s", "opposing_s")
         require_between(self, 0.0, 0.1, "lag_s")
         require_between(self, 0.001, 1.0, "torque_much", "torque_little")

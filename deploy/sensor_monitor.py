@@ -9,12 +9,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from footfall.common.errors import UserError
 from footfall.deploy.drivers.imu import Inertial
 from footfall.deploy.pose import beyond
 from footfall.deploy.sensor_limits import SensorLimits
 from footfall.robots.description import Robot
+from footfall.robots.kinematics import Legs
 
 GRAVITY = 9.81
+SAME = 1e-9  # rad, or rad/s: readings whose mean is the last one were all the same
+NO_WAY, MOST_WAY = 0.004, 0.04  # rad, or of the peak torque, between two looks
+LOOKS_A_HEIGHT = 3  # a body takes its time to fall, and its height takes more to work out than all the rest
 SAMPLE_S = 0.004  # between two readings that are added up: a fraction of what a leg takes to swing
 IMU_PARTS = Inertial._fields
 
@@ -30,8 +35,10 @@ class SensorMonitor:
         self._every = max(1, round(limits.period_s / sample_s))
         self._gap_us = round(1e6 * max(limits.period_s / 2, 1.5 * sample_s))
         self.lower, self.upper = robot.lower_rad, robot.upper_rad
+        self._peak_torque = robot.motor.peak_torque
         self._much = limits.torque_much * robot.motor.peak_torque
         self._little = limits.torque_little * robot.motor.peak_torque
+        self._legs, self._standing_m = _legs(robot), robot.description.standing_height_m
         self._n = n
         self._added_us = 0
         self.begin(0, Inertial((0.0,) * 3, (0.0,) * 3, (1.0, 0.0, 0.0, 0.0)), np.zeros((3, n)), np.zeros(n))
@@ -51,7 +58,12 @@ class SensorMonitor:
         self._resting_s = 0.0
         self._resting = [0.0, 0.0, 0.0]  # mean acceleration of the rest, world axes
         self.rest_error = 0.0
-        self._lean = [0.0, 0.0]
+        self._mean = [0.0, 0.0, GRAVITY]  # acceleration, world axes
+        self.frozen = np.zeros((3, n))
+        self._none = self.frozen
+        self._commanded_before = np.zeros(n)
+        self._looks = 0
+        self.sunk = 0.0  # of the base's clearance when standing, how much is gone
 
     def due(self, now_us: int) -> bool:
         """Whether it is time to add readings."""
@@ -92,6 +104,7 @@ class SensorMonitor:
             self._compare((self._added_us - self._looked_us) * 1e-6, stiffness, target)
         self.temperature = temperature
         self.joints, self._target, self._inertial = self._last, target, self._inertials[-1]
+        self._commanded_before = self._commanded
         self._start_window(self._added_us)
         return compared
 
@@ -114,20 +127,42 @@ class SensorMonitor:
         gyro, acceleration = (
             [sum(values) / count for values in zip(*parts, strict=True)] for parts in (gyros, accelerations)
         )
+        moved = joints[0] - self.joints[0]
+        turned = elapsed_s * velocity
         self.drift *= kept
-        self.drift += joints[0] - self.joints[0] - elapsed_s * velocity
-        same = np.logical_and.reduce(joints == self.joints)
+        self.drift += moved - turned
+        equal = joints == self.joints
+        same = np.logical_and.reduce(equal)
         self.repeated = same * (self.repeated + np.abs(target - self._target))
+        self._compare_frozen(equal, turned, moved)
         speed = np.abs(velocity)
         self._compare_torques(torque, joints[2], self._commanded, stiffness * speed, elapsed_s)
         fastest = max(speed.tolist())
         self._compare_turns(gyro, inertial.quaternion, elapsed_s, kept)
         self._compare_gravity(acceleration, gyro, inertial, fastest, elapsed_s)
+        self._looks += 1
+        if self._looks % LOOKS_A_HEIGHT == 0:
+            self._compare_height(joints[0], inertial.quaternion)
         for part, (now, before) in enumerate(zip(inertial, self._inertial, strict=True)):
             if now != before:
                 self._imu_repeated[part] = 0.0
             elif fastest > limits.moving_rad_s:
                 self._imu_repeated[part] += elapsed_s
+
+    def _compare_frozen(self, equal: np.ndarray, turned: np.ndarray, moved: np.ndarray) -> None:
+        """How far something has gone of which one reading stays the same: a joint by its velocity while its
+        position stays, by its position while its velocity does, its commanded torque while its torque does.
+
+        A reading may equal the one before, and their mean, by chance: each look counts for `MOST_WAY` at
+        most, so that it takes several. What a joint at rest seems to do is rounding, and counts for nothing.
+        """
+        if not np.count_nonzero(equal):
+            self.frozen = self._none
+            return
+        stays = equal & (np.abs(self._sum - self._last) < SAME)
+        asked = (self._commanded - self._commanded_before) / self._peak_torque
+        way = np.abs(np.array((turned, moved, asked)))
+        self.frozen = (self.frozen + np.minimum(way, MOST_WAY) * (way > NO_WAY)) * stays
 
     def _compare_torques(
         self,
@@ -185,7 +220,10 @@ class SensorMonitor:
         left = 2 * (x * y + w * z) * a + (1 - 2 * (x * x + z * z)) * b + 2 * (y * z - w * x) * c
         up = 2 * (x * z - w * y) * a + 2 * (y * z + w * x) * b + (1 - 2 * (x * x + y * y)) * c
         kept = math.exp(-elapsed_s / limits.lean_memory_s)
-        self._lean = [kept * self._lean[0] + (1 - kept) * ahead, kept * self._lean[1] + (1 - kept) * left]
+        self._mean = [
+            kept * mean + (1 - kept) * value
+            for mean, value in zip(self._mean, (ahead, left, up), strict=True)
+        ]
         if max(fastest, *map(abs, gyro)) >= limits.resting_rad_s:
             self._resting_s, self.rest_error = 0.0, 0.0
             return
@@ -199,6 +237,17 @@ class SensorMonitor:
             ahead, left, up = self._resting
             self.rest_error = math.hypot(ahead, left, up - GRAVITY) / GRAVITY
 
+    def _compare_height(self, position: np.ndarray, quaternion: Sequence[float]) -> None:
+        """The base's height above its lowest foot, by the legs and the IMU."""
+        if self._legs is None:
+            return
+        w, x, y, z = quaternion
+        up = (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y))
+        below = self._legs.pose(position).foot @ up
+        height = float(np.maximum.reduce(self._legs.foot_radius - below))
+        clearance = (height - self._legs.base_below) / (self._standing_m - self._legs.base_below)
+        self.sunk = 1.0 - clearance
+
     # -- what the rows measure -----------------------------------------------------------------------
 
     def outside(self) -> np.ndarray:
@@ -207,8 +256,20 @@ class SensorMonitor:
 
     def lean(self) -> float:
         """Mean sideways acceleration over gravity."""
-        return math.hypot(*self._lean) / GRAVITY
+        return math.hypot(*self._mean[:2]) / GRAVITY
+
+    def lift(self) -> float:
+        """How far the mean upward acceleration is off gravity's opposite, over gravity."""
+        return abs(self._mean[2] / GRAVITY - 1.0)
 
     def imu_repeated(self, part: str) -> float:
         """How long a part of the IMU has repeated itself while joints moved, s."""
         return self._imu_repeated[IMU_PARTS.index(part)]
+
+
+def _legs(robot: Robot) -> Legs | None:
+    """The robot's legs; None of a robot that stands on something else."""
+    try:
+        return robot.legs if robot.description.feet else None
+    except UserError:
+        return None

@@ -94,6 +94,10 @@ class SimulatedMotors:
         self.enabled[motors] = False
         self._note_enabled()
 
+    def weaken(self, strength: np.ndarray) -> None:
+        """Scale what motors deliver from now on, (n,)."""
+        self._motor = self._motor._replace(strength=self._motor.strength * strength)
+
     def friction(self, velocity: np.ndarray) -> np.ndarray:
         """Gearbox friction at the joint, N m, (n,)."""
         return friction_torque(velocity, self._motor)

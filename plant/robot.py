@@ -142,6 +142,15 @@ class SimulatedRobot:
         """Let motors (joint indices) start anew: they answer, limp until they are switched on again."""
         self._motors.reboot(motors)
 
+    @property
+    def encoder_bias(self) -> np.ndarray:
+        """How far each motor's encoder is off, rad, (n,); may be written to."""
+        return self._motors.encoder_bias
+
+    def weaken(self, strength: np.ndarray) -> None:
+        """What motors deliver of what they should from now on, (n,): 1 all of it, negative the reverse."""
+        self._motors.weaken(strength)
+
     def _advance_one_step(self) -> None:
         now_us, motors, sensors = self._step * self._step_us, self._motors, self._sensors
         position, velocity = sensors.remember(self._torque)

@@ -40,6 +40,15 @@ def lowest_points(description: "Description", model: mujoco.MjModel) -> np.ndarr
     return np.array([min(each) for each in lowest])
 
 
+def base_below(description: "Description", model: mujoco.MjModel) -> float:
+    """How far the base reaches below its origin when level, m; 0 of a base that can touch nothing."""
+    data = in_default_pose(model, description)
+    free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)[0]
+    solid = (model.geom_contype | model.geom_conaffinity) > 0
+    geoms = np.flatnonzero(solid & (model.geom_bodyid == model.jnt_bodyid[free])).tolist()
+    return max((-_lowest_point(model, data, geom) for geom in geoms), default=0.0)
+
+
 def foot_places(description: "Description", model: mujoco.MjModel) -> np.ndarray:
     """Middle of each foot's geoms in the default pose, m, base frame, (feet, 3)."""
     data = in_default_pose(model, description)

@@ -9,7 +9,9 @@ from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers import imu, mit, mit_driver
 from footfall.deploy.frames import Frames, joined
 from footfall.deploy.loop import ControlLoop
-from footfall.deploy.safety import DAMPED, Mode
+from footfall.deploy.safety import DAMPED, Implausible, Mode
+from footfall.deploy.sensor_checks import SensorChecks
+from footfall.deploy.sensor_limits import SensorLimits
 from footfall.deploy.wiring import wire
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import load_randomisation
@@ -136,6 +138,17 @@ def position_jumps(joint: int, by: float) -> Inject:
     return on_motors(shift)
 
 
+def velocity_stops(joint: int) -> Inject:
+    kept: list[float] = []
+
+    def freeze(values: np.ndarray, _: np.ndarray) -> None:
+        if values[:, joint].any():
+            kept.append(values[1, joint])
+            values[1, joint] = kept[0]
+
+    return on_motors(freeze)
+
+
 def heats(joint: int) -> Inject:
     return on_motors(lambda _, temperature: temperature.__setitem__(joint, 90))
 
@@ -178,7 +191,7 @@ FAULTS = {
     "quaternion of zeros": (on_imu_frame(0x302, zeros), "no new IMU reading (quaternion)", 0.06),
     "quaternion cut": (on_imu_frame(0x302, cut), "no new IMU reading (quaternion)", 0.06),
     "gyro cut": (on_imu_frame(0x300, cut), "no new IMU reading (gyro)", 0.06),
-    "IMU stuck": (frozen(*imu.Inertial._fields), "the IMU: its gyro has repeated itself", 0.4),
+    "IMU stuck": (frozen(*imu.Inertial._fields), "the IMU: its ", 0.4),
     "acceleration stuck": (frozen("acceleration"), "the IMU: its acceleration has repeated itself", 0.4),
     "quaternion stuck": (frozen("quaternion"), "the IMU: its quaternion", 0.5),
     "gyro turned round": (
@@ -188,6 +201,13 @@ FAULTS = {
     ),
     "IMU came loose": (on_imu(turned(30.0)), "the IMU: its quaternion turned by", 0.05),
     "encoder stuck": (position_stops(4), "FL_thigh_joint (can1, id 2): its position changed by", 0.3),
+    "hip's encoder stuck": (position_stops(3), "FL_hip_joint (can1, id 1): its position ", 0.6),
+    "velocity stuck": (velocity_stops(4), "FL_thigh_joint (can1, id 2): its ", 0.4),
+    "acceleration upside down": (
+        on_imu(lambda reading: reading._replace(acceleration=[-a for a in reading.acceleration])),
+        "the IMU: on average its acceleration is off gravity by",
+        0.6,
+    ),
     "encoder jumps": (position_jumps(10, 0.3), "RL_thigh_joint (can3, id 2): its position changed", 0.05),
     "encoder loses a turn": (position_jumps(7, -6.28), "RR_thigh_joint (can2, id 2): reads", 0.05),
     "ids swapped": (swapped_ids, "(can0, id 1): its position changed by", 0.05),
@@ -271,3 +291,29 @@ def test_a_robot_that_stands_still_raises_no_alarm(go1: Robot) -> None:
     """Its readings repeat themselves for as long as it stands."""
     trace = run_episode(go1, load_policy("stand", go1), walk(command=lambda _: np.zeros(3), duration_s=2.0))
     assert trace.faults == ()
+
+
+def test_a_robot_that_sinks_to_the_ground_without_tipping_over_counts_as_fallen(go1: Robot) -> None:
+    """Its legs fold while it stays level: nothing contradicts anything."""
+    checks = SensorChecks(go1, wire(go1), SensorLimits(), 0.002)
+    still = imu.Inertial((0.0, 0.0, 0.0), (0.0, 0.0, 9.81), (1.0, 0.0, 0.0, 0.0))
+
+    def looks(thigh: float, calf: float) -> list[Implausible | None]:
+        """What three looks find of a robot at rest."""
+        joints = np.zeros((3, 12))
+        joints[0] = np.tile([0.0, thigh, calf], 4)
+        checks.monitor.begin(0, still, joints, joints[0])
+        found = []
+        for now_us in range(4000, 121_000, 4000):
+            if checks.monitor.add(now_us, 0, still, joints, np.zeros(12)):
+                assert checks.monitor.look(np.zeros(12), joints[0], np.zeros(12))
+                found.append(checks.find())
+        return found
+
+    # Links of 0.213 m, a ball of 0.023 m, a trunk that reaches 0.05 m below its origin, which stands 0.2945 m
+    # high. In the air: 0.213 (cos 2.2 + cos 1.2) + 0.023 m = -0.025 m; 1 + (0.025 + 0.05) / 0.2445 = 1.31.
+    # A deep crouch: 0.213 (cos 1.5 + cos 1.2) + 0.023 m = 0.115 m, of which 27 % of the clearance is left.
+    (fallen,) = [each for each in looks(2.2, -1.0) if each is not None]
+    says = "the base has sunk to the ground: 131% of its clearance is gone"
+    assert fallen == Implausible(says, Mode.FALLING)
+    assert looks(1.5, -2.7) == [None] * 3

@@ -1,0 +1,424 @@
+"""Puts robots through every kind of fault in `plant/fault_kinds.py`, and counts false alarms without any.
+
+    python benchmarks/fault_table.py --seeds 100 --nominal 1000 --randomised 1000 --out faults.json
+    python benchmarks/fault_table.py --read faults.json --page docs/faults.md
+
+Lockstep, over the simulated bus. The simulator's own eye on falls is only an observer here, since no real
+robot has one: a run ends when the robot damps itself, or `OBSERVED_S` after the fault.
+"""
+
+import argparse
+import json
+import math
+import re
+import time
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from footfall.deploy.config import DeployConfig
+from footfall.deploy.loop import ControlLoop
+from footfall.deploy.safety import DAMPED, MOVING, Mode, SafetyConfig
+from footfall.deploy.session import Session, run_session
+from footfall.deploy.wiring import wire
+from footfall.domain_rand.noise import Noise
+from footfall.domain_rand.randomisation import load_randomisation
+from footfall.domain_rand.sample import draw
+from footfall.evaluate.pool import run_all
+from footfall.plant.audit import Audit
+from footfall.plant.bus import SimulatedBus
+from footfall.plant.episode import Episode, Push, run_episode
+from footfall.plant.fault_kinds import KINDS, FaultKind
+from footfall.plant.injection import Command, InjectingBus, InjectingPolicy, Rig
+from footfall.plant.robot import PlantConfig, SimulatedRobot
+from footfall.plant.wires import SimulatedWires
+from footfall.policies.policy import Policy
+from footfall.policies.registry import load_policy
+from footfall.robots.description import Robot, load_robot
+
+SUBJECTS = {  # robot and policy, and whether all rows are tried or the main ones
+    ("go1", "go1-flat"): True,
+    ("go1", "mpc"): True,
+    ("hexapod", "hexapod-flat"): False,
+    ("g1", "g1-flat"): False,
+}
+NOISE = Noise(joint_position=0.002, joint_velocity=0.1, gyro=0.02, gravity=0.005)
+OBSERVED_S = 2.0  # after the fault
+BETWEEN_S = (0.5, 1.0)  # of walking, when the fault comes
+LOOK_S = 0.01  # between two looks at whether the robot is down
+DOWN_S = 0.2  # that it is down, to count as fallen
+ROUNDING = 0.03  # of a motor's peak torque: what a frame's quanta may add to a command
+EPISODE_S = 6.0  # of each run without a fault
+PUSH_M_S = 0.6
+BEGIN, END = "<!-- faults -->", "<!-- /faults -->"
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run with a fault."""
+
+    robot: str
+    policy: str
+    kind: str
+    seed: int
+    detected: bool
+    seconds: float | None  # from the fault to damping
+    fault: str  # what the supervisor said
+    final_state: str
+    fell: bool  # before it was damped
+    torque_over: float
+    outside_rad: float
+    rate_share: float
+    stiff: bool  # whether any motor got stiffness
+
+
+@lru_cache(maxsize=4)
+def _robot(name: str) -> Robot:
+    return load_robot(name)
+
+
+@lru_cache(maxsize=4)
+def _policy(robot: str, name: str) -> Policy:
+    return load_policy(name, _robot(robot))
+
+
+def _kind(name: str) -> FaultKind:
+    return next(kind for kind in KINDS if _title(kind) == name)
+
+
+def _title(kind: FaultKind) -> str:
+    return f"{kind.name} ({kind.group})" if kind.starting else kind.name
+
+
+class _Watch:
+    """Injects the fault at its time, and sees what follows."""
+
+    def __init__(self, rig: Rig, kind: FaultKind, audit: Audit) -> None:
+        self._rig, self._kind, self._audit = rig, kind, audit
+        self._at_s = math.inf if kind.starting else float(rig.rng.uniform(*BETWEEN_S))
+        self.loop: ControlLoop | None = None
+        self.injected_us: int | None = 0 if kind.starting else None
+        self.damped_us: int | None = None
+        self.fell = False
+        self._look_us, self._down_s = 0, 0.0
+        rig.bus.watch = self._audit_frames
+
+    def _audit_frames(self, frames: Any) -> None:
+        if self.loop is not None:
+            sensed = self.loop.sensed
+            self._audit.look(frames, sensed.joint_position, sensed.joint_velocity)
+
+    def tick(self, loop: ControlLoop) -> None:
+        self.loop = loop
+        mode, now_us = loop.state.mode, loop.now_us
+        if self.injected_us is None:
+            if mode is Mode.WALKING and loop.walking_s >= self._at_s:
+                self._kind.inject(self._rig)
+                self.injected_us = now_us
+            return
+        if mode in DAMPED:
+            if self.damped_us is None:
+                self.damped_us = now_us
+            return
+        if mode in MOVING and now_us >= self._look_us:
+            self._look_us = now_us + round(LOOK_S * 1e6)
+            self._down_s = self._down_s + LOOK_S if self._rig.body.fall() is not None else 0.0
+            self.fell = self.fell or self._down_s >= DOWN_S
+        began_us = self.injected_us if not self._kind.starting else round(1.5e6)
+        if now_us - began_us >= OBSERVED_S * 1e6:
+            loop.finish()
+
+
+def run_fault(task: tuple[str, str, str, int]) -> Run:
+    """One run with a fault."""
+    robot_name, policy_name, title, seed = task
+    robot, kind = _robot(robot_name), _kind(title)
+    rng = np.random.default_rng([seed, KINDS.index(kind)])
+    config = DeployConfig(stand_s=0.8, safety=SafetyConfig(damping_s=0.1))
+    wiring = wire(robot)
+    wires = SimulatedWires(wiring.buses, config.host_queue)
+    plant = PlantConfig(noise=NOISE, motor_timeout_s=config.motor_timeout_s)
+    body = SimulatedRobot(robot, wiring, wires, plant, seed)
+    bus = InjectingBus(SimulatedBus(wires, body))
+    policy = InjectingPolicy(_policy(robot_name, policy_name))
+    command = Command(_drawn_command(rng))
+    rig = Rig(robot, wiring, body, bus, policy, command, rng)
+    audit = Audit(robot, wiring, config.tick_us * 1e-6)
+    watch = _Watch(rig, kind, audit)
+    if kind.starting:
+        kind.inject(rig)
+    session = Session(command=command, duration_s=20.0, realtime=False, config=config)
+    outcome = run_session(robot, policy, bus, session, watch.tick)
+    if watch.damped_us is None and outcome.faults:  # in the very last tick
+        watch.damped_us = round(outcome.run_s * 1e6)
+    detected = bool(outcome.faults) and watch.damped_us is not None and watch.injected_us is not None
+    return Run(
+        robot=robot_name,
+        policy=policy_name,
+        kind=title,
+        seed=seed,
+        detected=detected,
+        seconds=(watch.damped_us - watch.injected_us) * 1e-6 if detected else None,  # type: ignore[operator]
+        fault=outcome.faults[0] if outcome.faults else "",
+        final_state=outcome.final_state,
+        fell=watch.fell,
+        torque_over=audit.torque_over,
+        outside_rad=audit.outside_rad,
+        rate_share=audit.rate_share,
+        stiff=audit.stiff,
+    )
+
+
+def _drawn_command(rng: np.random.Generator) -> np.ndarray:
+    return np.array([rng.uniform(0.2, 0.6), rng.uniform(-0.2, 0.2), rng.uniform(-0.5, 0.5)])
+
+
+# -- without a fault -----------------------------------------------------------------------------------
+
+
+def run_healthy(task: tuple[str, str, bool, int]) -> dict[str, Any]:
+    """One run of a healthy robot that is pushed: what its supervisor said, if anything."""
+    robot_name, policy_name, randomised, seed = task
+    robot = _robot(robot_name)
+    rng = np.random.default_rng([seed, int(randomised)])
+    sample = None
+    if randomised:
+        bodies = SimulatedRobot(robot, wire(robot), SimulatedWires(wire(robot).buses)).model.nbody - 1
+        sample = draw(
+            load_randomisation(), lambda count: rng.uniform(size=count), len(robot.joint_names), bodies
+        )
+    schedule = [_drawn_command(rng) for _ in range(3)]
+    pushes = tuple(_drawn_push(rng, at_s) for at_s in (1.5, 4.0))
+    episode = Episode(
+        command=lambda t: schedule[min(int(t / 2.0), 2)],
+        duration_s=EPISODE_S,
+        seed=seed,
+        sample=sample,
+        noise=NOISE,
+        pushes=pushes,
+        record=False,
+    )
+    trace = run_episode(robot, _policy(robot_name, policy_name), episode)
+    fault = trace.faults[0] if trace.faults else ""
+    return {
+        "robot": robot_name,
+        "policy": policy_name,
+        "randomised": randomised,
+        "seed": seed,
+        "fell": trace.fell,
+        "alarm": "" if trace.fell else fault,
+        "fault": fault,
+    }
+
+
+def _drawn_push(rng: np.random.Generator, at_s: float) -> Push:
+    angle, size = rng.uniform(0.0, math.tau), rng.uniform(0.0, PUSH_M_S)
+    return Push(at_s + rng.uniform(0.0, 0.7), (size * math.cos(angle), size * math.sin(angle), 0.0))
+
+
+# -- tables --------------------------------------------------------------------------------------------
+
+
+def rows(runs: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """A row for each robot, policy and kind of fault, in the order of the table of kinds."""
+    found = []
+    for (robot, policy), _ in SUBJECTS.items():
+        for kind in KINDS:
+            of = [r for r in runs if (r["robot"], r["policy"], r["kind"]) == (robot, policy, _title(kind))]
+            if of:
+                found.append(_row(robot, policy, kind, of))
+    return found
+
+
+def _row(robot: str, policy: str, kind: FaultKind, runs: list[dict[str, Any]]) -> dict[str, Any]:
+    seconds = [run["seconds"] for run in runs if run["seconds"] is not None]
+    in_time = sum(s <= (kind.within_s or math.inf) + 1e-9 for s in seconds)
+    detected = sum(run["detected"] for run in runs)
+    worst = {name: max(run[name] for run in runs) for name in ("torque_over", "outside_rad", "rate_share")}
+    within_limits = (
+        worst["torque_over"] <= ROUNDING and worst["outside_rad"] <= 1e-3 and worst["rate_share"] <= 1.01
+    )
+    idle = sum(run["fell"] and run["final_state"] == Mode.IDLE.value for run in runs)
+    expected = kind.within_s is None or in_time >= 0.99 * len(runs)
+    return {
+        "robot": robot,
+        "policy": policy,
+        "kind": _title(kind),
+        "group": kind.group,
+        "runs": len(runs),
+        "detected": detected,
+        "in_time": in_time,
+        "limit_s": kind.within_s,
+        "median_s": float(np.median(seconds)) if seconds else None,
+        "longest_s": max(seconds, default=None),
+        **worst,
+        "stiff": sum(run["stiff"] for run in runs),
+        "final_states": dict(Counter(run["final_state"] for run in runs)),
+        "fell": sum(run["fell"] for run in runs),
+        "idle_after_a_fall": idle,
+        "reason": kind.reason,
+        "faults": dict(Counter(_without_figures(run["fault"]) for run in runs).most_common(3)),
+        "as_expected": expected and within_limits and not idle,
+    }
+
+
+def _without_figures(fault: str) -> str:
+    return re.sub(r"^.*\(can\d+, id \d+\): ", "", re.sub(r"-?\d+\.\d+", "…", fault))
+
+
+def page(results: dict[str, Any]) -> str:
+    """Everything as Markdown."""
+    lines = [_healthy_table(results["healthy"]), ""] if results["healthy"] else []
+    for robot, policy in SUBJECTS:
+        of = [row for row in results["rows"] if (row["robot"], row["policy"]) == (robot, policy)]
+        if of:
+            lines += [f"### `{policy}` on {robot}", "", _table(of), ""]
+    return "\n".join(lines).strip()
+
+
+def _healthy_table(runs: Sequence[dict[str, Any]]) -> str:
+    lines = ["| without a fault | runs | false alarms | fell |", "| --- | ---: | ---: | ---: |"]
+    for robot, policy in SUBJECTS:
+        for randomised in (False, True):
+            of = [
+                r for r in runs if (r["robot"], r["policy"], r["randomised"]) == (robot, policy, randomised)
+            ]
+            if of:
+                name = f"`{policy}` on {robot}, {'randomised' if randomised else 'nominal'}"
+                alarms = sum(bool(run["alarm"]) for run in of)
+                lines.append(f"| {name} | {len(of)} | {alarms} | {sum(run['fell'] for run in of)} |")
+    return "\n".join(lines)
+
+
+def _table(of: Sequence[dict[str, Any]]) -> str:
+    lines = [
+        "| fault | noticed | damped after, ms: p50, longest (limit) | worst command | ends | fell first | |",
+        "| --- | ---: | ---: | --- | --- | ---: | --- |",
+    ]
+    group = ""
+    for row in of:
+        if row["group"] != group:
+            group = row["group"]
+            lines.append(f"| **{group}** | | | | | | |")
+        lines.append("| " + " | ".join(_cells(row)) + " |")
+    return "\n".join(lines)
+
+
+def _cells(row: dict[str, Any]) -> list[str]:
+    name = row["kind"].removesuffix(f" ({row['group']})")
+    median, longest = (_ms(row[name]) for name in ("median_s", "longest_s"))
+    limit = _ms(row["limit_s"])
+    ends = ", ".join(f"{state} {count}" for state, count in sorted(row["final_states"].items()))
+    return [
+        name,
+        f"{row['detected']}/{row['runs']}",
+        f"{median}, {longest} ({limit})",
+        _worst(row),
+        ends,
+        str(row["fell"]) if row["fell"] else "0",
+        row["reason"] if row["as_expected"] else "**" + (row["reason"] or "missed") + "**",
+    ]
+
+
+def _ms(seconds: float | None) -> str:
+    return "–" if seconds is None else f"{1e3 * seconds:.0f}"
+
+
+def _worst(row: dict[str, Any]) -> str:
+    """What went beyond a limit, if anything."""
+    if row["group"] == "at the start" and not row["stiff"]:
+        return "no stiffness"
+    over = []
+    if row["torque_over"] > ROUNDING:
+        over.append(f"torque over by {row['torque_over']:.0%} of the peak")
+    if row["outside_rad"] > 1e-3:
+        over.append(f"target {row['outside_rad']:.2f} rad outside")
+    if row["rate_share"] > 1.01:
+        over.append(f"target at {row['rate_share']:.1f} times its rate")
+    return ", ".join(over) or "within"
+
+
+def insert(document: str, content: str) -> str:
+    """The document with new content between the markers."""
+    pattern = re.compile(f"{re.escape(BEGIN)}.*?{re.escape(END)}", re.DOTALL)
+    if not pattern.search(document):
+        raise SystemExit(f"no '{BEGIN}' and '{END}' in the document")
+    return pattern.sub(lambda _: f"{BEGIN}\n{content}\n{END}", document)
+
+
+# -- command line --------------------------------------------------------------------------------------
+
+
+def measure(options: argparse.Namespace) -> dict[str, Any]:
+    """Run everything that was asked for."""
+    chosen = [pair for pair in SUBJECTS if options.policy in (None, pair[1])]
+    faults = [
+        (robot, policy, _title(kind), seed)
+        for robot, policy in chosen
+        for kind in KINDS
+        if (SUBJECTS[robot, policy] or kind.main) and (options.only or "") in _title(kind)
+        for seed in range(options.seeds)
+    ]
+    healthy = [
+        (robot, policy, randomised, seed)
+        for robot, policy in chosen
+        for randomised, count in ((False, options.nominal), (True, options.randomised))
+        for seed in range(count if SUBJECTS[robot, policy] else count // 10)
+    ]
+    began = time.perf_counter()
+    runs = run_all(run_fault, faults, options.workers)
+    walks = run_all(run_healthy, healthy, options.workers)
+    errors = [
+        f"{task}: {outcome.error}"
+        for task, outcome in zip([*faults, *healthy], [*runs, *walks], strict=True)
+        if outcome.value is None
+    ]
+    each = [asdict(outcome.value) for outcome in runs if outcome.value is not None]
+    return {
+        "rows": rows(each),
+        "healthy": [outcome.value for outcome in walks if outcome.value is not None],
+        "errors": errors,
+        "seconds": time.perf_counter() - began,
+        "runs": each if options.keep_runs else [],
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--workers", type=int)
+    parser.add_argument(
+        "--nominal", type=int, default=0, help="runs without a fault; a tenth where rows are few"
+    )
+    parser.add_argument("--randomised", type=int, default=0, help="the same on randomised robots")
+    parser.add_argument("--policy", help="this policy alone")
+    parser.add_argument("--only", help="kinds with this in their names alone")
+    parser.add_argument("--keep-runs", action="store_true", help="write every run, too")
+    parser.add_argument("--out", type=Path)
+    parser.add_argument("--read", type=Path, help="results to make a page of, instead of running")
+    parser.add_argument("--page", type=Path, help="a page with markers to write the tables into")
+    options = parser.parse_args()
+
+    results = json.loads(options.read.read_text()) if options.read else measure(options)
+    if options.out:
+        options.out.write_text(json.dumps(results, indent=1) + "\n")
+    if options.page:
+        options.page.write_text(insert(options.page.read_text(), page(results)))
+    else:
+        print(page(results))
+    wrong = [row for row in results["rows"] if not row["as_expected"]]
+    alarms = [run for run in results["healthy"] if run["alarm"]]
+    print(f"{len(results['rows'])} rows, {len(wrong)} not as expected; {len(alarms)} false alarms")
+    for row in wrong:
+        print(f"  {row['policy']}: {row['kind']}: in time {row['in_time']}/{row['runs']}, {row['faults']}")
+    for text in [*(f"  alarm: {run}" for run in alarms), *results["errors"]]:
+        print(text)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,52 @@
+"""What a controller asked of its motors, held against what it may ask."""
+
+import numpy as np
+
+from footfall.deploy.drivers.choice import open_motor_end
+from footfall.deploy.frames import Frames
+from footfall.deploy.wiring import Wiring
+from footfall.robots.actuator import JointCommand, limit_torque, pd_torque
+from footfall.robots.description import Robot
+
+ROUNDING_RAD = 0.0004  # of two position targets together, in frames
+
+
+class Audit:
+    """Looks at every frame that a controller sends."""
+
+    def __init__(self, robot: Robot, wiring: Wiring, tick_s: float) -> None:
+        self._robot, self._tick_s = robot, tick_s
+        self._end = open_motor_end(wiring)
+        self._lower, self._upper = robot.soft_limits
+        self._target: np.ndarray | None = None  # of the tick before
+        self.stiff = False  # whether a motor was ever given stiffness
+        self.torque_over = 0.0  # most torque asked for beyond what a motor can do at its speed, over its peak
+        self.outside_rad = 0.0  # farthest position target outside the soft limits
+        self.rate_share = 0.0  # fastest change of a position target over the robot's target rate
+
+    def look(self, frames: Frames, position: np.ndarray, velocity: np.ndarray) -> None:
+        """One batch of frames, and the readings (n,) that the controller had: rad and rad/s."""
+        requests = self._end.requests(frames)
+        if requests.kind is not None or requests.values.shape[1] != len(position):
+            return
+        command = JointCommand(*requests.values)
+        asked = pd_torque(command, position, velocity)
+        possible = limit_torque(asked, velocity, self._robot.motor)
+        excess = (np.abs(asked) - np.abs(possible)) / self._robot.motor.peak_torque
+        self.torque_over = max(self.torque_over, float(excess.max()))
+        stiff = command.kp > 0.0
+        self._look_at_target(command.position, stiff)
+
+    def _look_at_target(self, target: np.ndarray, stiff: np.ndarray) -> None:
+        if not stiff.any():
+            self._target = None
+            return
+        self.stiff = True
+        outside = np.maximum(self._lower - target, target - self._upper)[stiff]
+        self.outside_rad = max(self.outside_rad, float(outside.max()))
+        if self._target is not None:
+            moved = np.abs(target - self._target)[stiff].max() - ROUNDING_RAD
+            rate = max(moved, 0.0) / self._tick_s
+            limit = self._robot.description.target_rate_rad_s
+            self.rate_share = max(self.rate_share, float(rate) / limit)
+        self._target = target

@@ -1,0 +1,623 @@
+"""The kinds of faults that a robot is put through: one row each, with what is expected of it.
+
+A row's `inject` is called with the run: in the walk, at a moment that is drawn, or before the first tick.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from footfall.deploy.drivers.imu import ACCELERATION_ID, GYRO_ID, QUATERNION_ID, Inertial
+from footfall.deploy.frames import Frames
+from footfall.plant.injection import (
+    Batches,
+    Rig,
+    cut_short,
+    dropped,
+    each_imu_frame,
+    emptied,
+    flipped,
+    from_imu,
+    nothing,
+    turned,
+)
+from footfall.robots.actuator import JointCommand
+
+SILENCE_S = 0.055
+IMPLAUSIBLE_S = 0.1
+FROZEN_S = 0.2  # of what repeats itself: it has to while joints move
+SOON_S = 0.6  # of contradictions that grow with motion: what they are is stated in the table
+
+
+class FaultKind(NamedTuple):
+    """One row."""
+
+    name: str
+    group: str
+    inject: Callable[[Rig], None]
+    within_s: float | None = IMPLAUSIBLE_S  # from the fault to damping; None if it need not be noticed
+    reason: str = ""  # why it cannot be noticed, or not sooner
+    main: bool = False  # tried on every robot
+    starting: bool = False  # there from the beginning
+
+
+# -- the IMU -----------------------------------------------------------------------------------------------
+
+
+def _imu_frame(identifier: int, change: Callable[[Frames], Frames]) -> Callable[[Rig], None]:
+    return lambda rig: rig.on_imu_frames(each_imu_frame(identifier, change))
+
+
+def _imu(change: Callable[[Inertial], Inertial]) -> Callable[[Rig], None]:
+    return lambda rig: rig.on_imu(change)
+
+
+def _frozen(*parts: str) -> Callable[[Rig], None]:
+    def inject(rig: Rig) -> None:
+        kept: list[Inertial] = []
+
+        def freeze(reading: Inertial) -> Inertial:
+            kept.append(reading) if not kept else None
+            return reading._replace(**{part: getattr(kept[0], part) for part in parts})
+
+        rig.on_imu(freeze)
+
+    return inject
+
+
+def _scaled(part: str, *factors: float) -> Callable[[Rig], None]:
+    """A part of the reading times factors, one for each axis."""
+
+    def change(reading: Inertial) -> Inertial:
+        values = getattr(reading, part)
+        return reading._replace(**{part: tuple(v * f for v, f in zip(values, factors, strict=True))})
+
+    return _imu(change)
+
+
+def _permuted(part: str, *order: int) -> Callable[[Rig], None]:
+    return _imu(lambda r: r._replace(**{part: tuple(getattr(r, part)[k] for k in order)}))
+
+
+def _gyro_bias(size: float) -> Callable[[Rig], None]:
+    return _imu(lambda r: r._replace(gyro=tuple(rate + size for rate in r.gyro)))
+
+
+def _leaning(degrees: float) -> Callable[[Rig], None]:
+    def inject(rig: Rig) -> None:
+        axis, sign = int(rig.rng.integers(2)), float(rig.rng.choice([-1.0, 1.0]))
+        rig.on_imu(lambda reading: turned(reading, axis, sign * degrees))
+
+    return inject
+
+
+def _short_quaternion(frames: Frames) -> Frames:
+    """Nine tenths of the quaternion: no rotation."""
+    words = frames.data.copy().view(">i2")
+    return frames._replace(data=(words * 0.9).astype(">i2").view(np.uint8).reshape(frames.data.shape))
+
+
+def _imu_silent(rig: Rig) -> None:
+    rig.body.faults.imu_silent = True
+
+
+def _imu_stuck(rig: Rig) -> None:
+    rig.body.faults.imu_stuck = True
+
+
+def _imu_late(milliseconds: int) -> Callable[[Rig], None]:
+    return lambda rig: rig.late(1000 * milliseconds, from_imu)
+
+
+CALM = "a calm walk turns by little more than noise does; noticed once the body turns by more"
+MEAN = "steps shake an accelerometer: only its mean over a second is compared"
+IMU = (
+    FaultKind("gyro frames lost", "IMU", _imu_frame(GYRO_ID, nothing), SILENCE_S),
+    FaultKind("acceleration frames lost", "IMU", _imu_frame(ACCELERATION_ID, nothing), SILENCE_S),
+    FaultKind("quaternion frames lost", "IMU", _imu_frame(QUATERNION_ID, nothing), SILENCE_S, main=True),
+    FaultKind("gyro frames cut to 2 bytes", "IMU", _imu_frame(GYRO_ID, cut_short), SILENCE_S),
+    FaultKind("acceleration frames cut to 2 bytes", "IMU", _imu_frame(ACCELERATION_ID, cut_short), SILENCE_S),
+    FaultKind("quaternion frames cut to 2 bytes", "IMU", _imu_frame(QUATERNION_ID, cut_short), SILENCE_S),
+    FaultKind("gyro frames of zeros", "IMU", _imu_frame(GYRO_ID, emptied), SILENCE_S),
+    FaultKind("acceleration frames of zeros", "IMU", _imu_frame(ACCELERATION_ID, emptied), SILENCE_S),
+    FaultKind("quaternion frames of zeros", "IMU", _imu_frame(QUATERNION_ID, emptied), SILENCE_S),
+    FaultKind("quaternion of length 0.9", "IMU", _imu_frame(QUATERNION_ID, _short_quaternion), SILENCE_S),
+    FaultKind("IMU silent", "IMU", _imu_silent, SILENCE_S, main=True),
+    FaultKind("IMU repeats one sample", "IMU", _imu_stuck, SILENCE_S),
+    FaultKind("IMU frozen, its counters go on", "IMU", _frozen(*Inertial._fields), FROZEN_S, main=True),
+    FaultKind("gyro frozen", "IMU", _frozen("gyro"), FROZEN_S),
+    FaultKind("acceleration frozen", "IMU", _frozen("acceleration"), FROZEN_S),
+    FaultKind("quaternion frozen", "IMU", _frozen("quaternion"), FROZEN_S),
+    FaultKind("gyro reads nothing but zero", "IMU", _scaled("gyro", 0.0, 0.0, 0.0), FROZEN_S),
+    FaultKind("gyro's signs turned round", "IMU", _scaled("gyro", -1.0, -1.0, -1.0), SOON_S),
+    FaultKind("gyro three times too high", "IMU", _scaled("gyro", 3.0, 3.0, 3.0), None, CALM),
+    FaultKind("gyro's x and y exchanged", "IMU", _permuted("gyro", 1, 0, 2), None, CALM),
+    FaultKind("gyro off by 2 rad/s", "IMU", _gyro_bias(2.0), FROZEN_S),
+    FaultKind(
+        "quaternion's roll turned round", "IMU", _scaled("quaternion", 1.0, -1.0, 1.0, 1.0), None, CALM
+    ),
+    FaultKind(
+        "quaternion's pitch turned round", "IMU", _scaled("quaternion", 1.0, 1.0, -1.0, 1.0), None, CALM
+    ),
+    FaultKind("quaternion from world to body", "IMU", _scaled("quaternion", 1.0, -1.0, -1.0, -1.0), SOON_S),
+    FaultKind("quaternion's w last", "IMU", _permuted("quaternion", 1, 2, 3, 0), main=True),
+    FaultKind("quaternion off by 30 degrees", "IMU", _leaning(30.0), main=True),
+    FaultKind("quaternion off by 15 degrees", "IMU", _leaning(15.0)),
+    FaultKind(
+        "acceleration's signs turned round", "IMU", _scaled("acceleration", -1.0, -1.0, -1.0), 0.6, MEAN
+    ),
+    FaultKind("acceleration in units of g", "IMU", _scaled("acceleration", *(1 / 9.81,) * 3), 1.3, MEAN),
+    FaultKind("IMU late by 20 ms", "IMU", _imu_late(20), None, "late readings agree with each other"),
+    FaultKind("IMU late by 100 ms", "IMU", _imu_late(100), SILENCE_S),
+)
+
+# -- what motors reply -------------------------------------------------------------------------------------
+
+
+def _values(change: Callable[[Rig, np.ndarray, np.ndarray], None]) -> Callable[[Rig], None]:
+    return lambda rig: rig.on_values(lambda values, temperature: change(rig, values, temperature))
+
+
+def _row_frozen(row: int) -> Callable[[Rig], None]:
+    """Position (0), velocity (1) or torque (2) of one motor stays what it is."""
+
+    def inject(rig: Rig) -> None:
+        kept: list[float] = []
+
+        def freeze(values: np.ndarray, _: np.ndarray) -> None:
+            if not values[:, rig.joint].any():
+                return
+            kept.append(float(values[row, rig.joint])) if not kept else None
+            values[row, rig.joint] = kept[0]
+
+        rig.on_values(freeze)
+
+    return inject
+
+
+def _position_off(by: Callable[[Rig], float]) -> Callable[[Rig], None]:
+    """A motor's encoder is off from now on: it reports so, and closes its own loop on it."""
+
+    def inject(rig: Rig) -> None:
+        rig.body.encoder_bias[rig.joint] += rig.rng.choice([-1.0, 1.0]) * by(rig)
+
+    return inject
+
+
+def _all_off(by: float) -> Callable[[Rig], None]:
+    def inject(rig: Rig) -> None:
+        rig.body.encoder_bias[:] += by
+
+    return inject
+
+
+def _sector(rig: Rig) -> float:
+    """One turn of a rotor, at the joint."""
+    return float(2 * np.pi / rig.robot.motor_figures("gear_ratio")[rig.joint])
+
+
+def _drifting(rate_rad_s: float) -> Callable[[Rig], None]:
+    def inject(rig: Rig) -> None:
+        off = [0.0]
+
+        def drift(values: np.ndarray, _: np.ndarray) -> None:
+            off[0] += rate_rad_s * 0.002
+            values[0, rig.joint] += off[0]
+
+        rig.on_values(drift)
+
+    return inject
+
+
+def _negative(*rows: int) -> Callable[[Rig], None]:
+    def change(rig: Rig, values: np.ndarray, _: np.ndarray) -> None:
+        values[list(rows), rig.joint] *= -1.0
+
+    return _values(change)
+
+
+def _zeroed(row: int) -> Callable[[Rig], None]:
+    def change(rig: Rig, values: np.ndarray, _: np.ndarray) -> None:
+        values[row, rig.joint] = 0.0
+
+    return _values(change)
+
+
+def _doubled_speed(rig: Rig, values: np.ndarray, _: np.ndarray) -> None:
+    values[1, rig.joint] *= 2.0
+
+
+def _temperature(celsius: int) -> Callable[[Rig], None]:
+    def change(rig: Rig, _: np.ndarray, temperature: np.ndarray) -> None:
+        temperature[rig.joint] = celsius
+
+    return _values(change)
+
+
+def _heating(rig: Rig) -> None:
+    now = [60.0]
+
+    def heat(_: np.ndarray, temperature: np.ndarray) -> None:
+        now[0] += 0.1  # of 500 ticks a second: 85 degrees after half a second
+        temperature[rig.joint] = min(int(now[0]), 120)
+
+    rig.on_values(heat)
+
+
+def _ids_swapped(rig: Rig) -> None:
+    """Two motors of one bus answer under each other's id."""
+    mates = np.flatnonzero(rig.wiring.channel == rig.channel)
+    one, other = rig.rng.choice(mates, 2, replace=False)
+
+    def swap(values: np.ndarray, _: np.ndarray) -> None:
+        values[:, [one, other]] = values[:, [other, one]]
+
+    rig.on_values(swap)
+
+
+def _buses_swapped(rig: Rig) -> None:
+    """Two plugs exchanged: replies of two like legs come from each other's bus."""
+    channels = np.unique(rig.wiring.channel)
+    counts = np.bincount(rig.wiring.channel)
+    first, second = channels[:2]
+    assert counts[first] == counts[second]
+    one, other = (np.flatnonzero(rig.wiring.channel == channel) for channel in (first, second))
+
+    def swap(values: np.ndarray, _: np.ndarray) -> None:
+        values[:, one], values[:, other] = values[:, other].copy(), values[:, one].copy()
+
+    rig.on_values(swap)
+
+
+def _error(code: int) -> Callable[[Rig], None]:
+    def inject(rig: Rig) -> None:
+        rig.body.faults.motors.error[rig.joint] = code
+
+    return inject
+
+
+def _error_once(rig: Rig) -> None:
+    left = [1]
+
+    def spoil(frames: Frames, joint: np.ndarray) -> Frames:
+        rows = np.flatnonzero(joint == rig.joint)
+        if not left[0] or not len(rows):
+            return frames
+        left[0] = 0
+        data = frames.data.copy()
+        data[rows, 7] = 2
+        return frames._replace(data=data)
+
+    rig.on_replies(spoil)
+
+
+def _silent(all_of_them: bool) -> Callable[[Rig], None]:
+    def inject(rig: Rig) -> None:
+        rig.body.faults.motors.silent[slice(None) if all_of_them else rig.joint] = True
+
+    return inject
+
+
+def _bus_dead(rig: Rig) -> None:
+    """Neither end of a bus hears the other."""
+    rig.on_all(lambda frames: frames.take(frames.channel != rig.channel))
+    rig.bus.outgoing = lambda frames, _: frames.take(frames.channel != rig.channel)
+
+
+def _all_dead(rig: Rig) -> None:
+    rig.on_all(nothing)
+    rig.bus.outgoing = lambda frames, _: nothing(frames)
+
+
+def _commands_lost(rig: Rig) -> None:
+    rig.bus.outgoing = lambda frames, _: nothing(frames)
+
+
+def _commands_lost_to_one(rig: Rig) -> None:
+    keep = np.arange(len(rig.robot.joint_names)) != rig.joint
+    rig.bus.outgoing = lambda frames, _: frames.take(keep) if len(frames.id) == len(keep) else frames
+
+
+def _replies(change: Callable[[Rig], Callable[[Frames], Frames]]) -> Callable[[Rig], None]:
+    def inject(rig: Rig) -> None:
+        spoil = change(rig)
+        rig.on_replies(lambda frames, _: spoil(frames))
+
+    return inject
+
+
+def _stuck(rig: Rig) -> None:
+    rig.body.faults.motors.stuck[rig.joint] = True
+
+
+def _wrong_sender(rig: Rig) -> None:
+    def spoil(frames: Frames, joint: np.ndarray) -> Frames:
+        data = frames.data.copy()
+        data[joint == rig.joint, 0] = 0x7E
+        return frames._replace(data=data)
+
+    rig.on_replies(spoil)
+
+
+def _doubled(batches: Batches, _: int) -> Batches:
+    return [*batches, *batches]
+
+
+def _twice(rig: Rig) -> None:
+    rig.bus.incoming = _doubled
+
+
+def _foreign(rig: Rig) -> None:
+    """A bus on which somebody else talks, too."""
+    stranger = Frames(
+        np.full(8, rig.channel), np.arange(0x500, 0x508), np.full((8, 8), 0xA5, np.uint8), np.full(8, 8)
+    )
+    rig.bus.incoming = lambda batches, _: [stranger, *batches, stranger]
+
+
+def _late(milliseconds: int) -> Callable[[Rig], None]:
+    return lambda rig: rig.late(1000 * milliseconds)
+
+
+CONSTANT_LAG = "late readings agree with each other; a walk bears it"
+REPLIES = (
+    FaultKind("one motor silent", "motors' replies", _silent(False), SILENCE_S, main=True),
+    FaultKind("all motors silent", "motors' replies", _silent(True), SILENCE_S),
+    FaultKind("a bus dead", "motors' replies", _bus_dead, SILENCE_S, main=True),
+    FaultKind("all buses dead", "motors' replies", _all_dead, SILENCE_S),
+    FaultKind("commands to one motor lost", "motors' replies", _commands_lost_to_one, SILENCE_S),
+    FaultKind("all commands lost", "motors' replies", _commands_lost, SILENCE_S),
+    *(
+        FaultKind(f"motor reports error {code}", "motors' replies", _error(code), 0.01, main=code == 2)
+        for code in range(1, 7)
+    ),
+    FaultKind("motor reports an unknown error", "motors' replies", _error(99), 0.01),
+    FaultKind("motor reports an error in one reply", "motors' replies", _error_once, 0.01),
+    FaultKind("one reply over and over", "motors' replies", _stuck, SOON_S, main=True),
+    FaultKind("position frozen", "motors' replies", _row_frozen(0), SOON_S, main=True),
+    FaultKind("velocity frozen", "motors' replies", _row_frozen(1), SOON_S),
+    FaultKind("velocity zero", "motors' replies", _zeroed(1), SOON_S),
+    FaultKind("velocity's sign turned round", "motors' replies", _negative(1), SOON_S),
+    FaultKind("velocity doubled", "motors' replies", _values(_doubled_speed), SOON_S),
+    FaultKind("position's sign turned round", "motors' replies", _negative(0), IMPLAUSIBLE_S),
+    FaultKind("torque zero", "motors' replies", _zeroed(2), SOON_S),
+    FaultKind("torque frozen", "motors' replies", _row_frozen(2), SOON_S),
+    FaultKind("torque's sign turned round", "motors' replies", _negative(2), SOON_S),
+    FaultKind("encoder jumps by 0.3 rad", "motors' replies", _position_off(lambda _: 0.3), main=True),
+    FaultKind("encoder jumps by 1 rad", "motors' replies", _position_off(lambda _: 1.0)),
+    FaultKind("encoder jumps by a turn", "motors' replies", _position_off(lambda _: 2 * np.pi), main=True),
+    FaultKind("encoder jumps by a turn of the rotor", "motors' replies", _position_off(_sector)),
+    FaultKind("encoder drifts by 1 rad/s", "motors' replies", _drifting(1.0), SOON_S),
+    FaultKind("ids of two motors swapped", "motors' replies", _ids_swapped, main=True),
+    FaultKind("two buses swapped", "motors' replies", _buses_swapped),
+    FaultKind("motor at 90 degrees Celsius", "motors' replies", _temperature(90), main=True),
+    FaultKind("temperature sensor reads 255", "motors' replies", _temperature(255)),
+    FaultKind("motor heats up past 85 degrees", "motors' replies", _heating, 0.6),
+    FaultKind("replies under an unknown id", "motors' replies", _wrong_sender, SILENCE_S),
+    FaultKind("replies cut to 2 bytes", "motors' replies", _replies(lambda _: cut_short), SILENCE_S),
+    FaultKind("replies of zeros", "motors' replies", _replies(lambda _: emptied), SILENCE_S),
+    FaultKind("all frames twice", "motors' replies", _twice, None, "it does no harm"),
+    FaultKind("foreign frames on the bus", "motors' replies", _foreign, None, "it does no harm"),
+    FaultKind(
+        "a tenth of the frames lost",
+        "motors' replies",
+        lambda rig: rig.on_all(dropped(0.1, rig.rng)),
+        None,
+        "the next reading is 2 ms away",
+    ),
+    FaultKind(
+        "half of the frames lost",
+        "motors' replies",
+        lambda rig: rig.on_all(dropped(0.5, rig.rng)),
+        None,
+        "the next reading is a few ticks away",
+    ),
+    FaultKind(
+        "bits flipped in 1 % of the frames",
+        "motors' replies",
+        lambda rig: rig.on_all(flipped(0.01, rig.rng)),
+        SOON_S,
+    ),
+    FaultKind(
+        "bits flipped in 20 % of the frames", "motors' replies", lambda rig: rig.on_all(flipped(0.2, rig.rng))
+    ),
+    FaultKind("all frames late by 10 ms", "motors' replies", _late(10), None, CONSTANT_LAG),
+    FaultKind("all frames late by 100 ms", "motors' replies", _late(100), SILENCE_S),
+)
+
+# -- motors and body ---------------------------------------------------------------------------------------
+
+
+def _reboot(all_of_them: bool) -> Callable[[Rig], None]:
+    def inject(rig: Rig) -> None:
+        joints = np.arange(len(rig.robot.joint_names)) if all_of_them else np.array([rig.joint])
+        rig.body.reboot(joints)
+
+    return inject
+
+
+def _strength(of_one: float | None = None, of_all: float = 1.0) -> Callable[[Rig], None]:
+    def inject(rig: Rig) -> None:
+        strength = np.full(len(rig.robot.joint_names), of_all)
+        if of_one is not None:
+            strength[rig.joint] = of_one
+        rig.body.weaken(strength)
+
+    return inject
+
+
+def _pushed(speed_m_s: float) -> Callable[[Rig], None]:
+    def inject(rig: Rig) -> None:
+        angle = rig.rng.uniform(0.0, 2 * np.pi)
+        rig.body.push((speed_m_s * np.cos(angle), speed_m_s * np.sin(angle), 0.5 * speed_m_s))
+
+    return inject
+
+
+TILT = "noticed by its tilt"
+WEAK = (
+    "a motor that delivers less than it says is a heavier robot to all sensors; a fall is noticed by its tilt"
+)
+BODY = (
+    FaultKind("one motor rebooted: limp, but replies", "motors and body", _reboot(False), SOON_S, main=True),
+    FaultKind("all motors rebooted", "motors and body", _reboot(True), SOON_S, main=True),
+    FaultKind("motor pulls the other way", "motors and body", _strength(-1.0), SOON_S, main=True),
+    FaultKind("motor has a third of its torque", "motors and body", _strength(0.33), None, WEAK),
+    FaultKind("all motors have half their torque", "motors and body", _strength(of_all=0.5), None, WEAK),
+    FaultKind(
+        "joint blocked",
+        "motors and body",
+        lambda rig: rig.brake(rig.joint, 1e3),
+        None,
+        "its readings are true",
+    ),
+    FaultKind("pushed over", "motors and body", _pushed(5.0), None, TILT),
+    FaultKind(
+        "turned upside down",
+        "motors and body",
+        lambda rig: rig.turn_over((0.0, 1.0, 0.0, 0.0), 0.5),
+        IMPLAUSIBLE_S,
+    ),
+)
+
+# -- policy and program ------------------------------------------------------------------------------------
+
+
+def _decides(change: Callable[[Rig, JointCommand], Any]) -> Callable[[Rig], None]:
+    def inject(rig: Rig) -> None:
+        rig.policy.spoil = lambda decision: change(rig, decision)
+
+    return inject
+
+
+def _filled(field: str, value: float) -> Callable[[Rig], None]:
+    return _decides(lambda _, decision: decision._replace(**{field: np.full_like(decision.position, value)}))
+
+
+def _raise(*_: object) -> Any:
+    raise RuntimeError("on purpose")
+
+
+def _stance_raises(rig: Rig) -> None:
+    rig.policy.spoil_stance = _raise
+
+
+def _command_raises(rig: Rig) -> None:
+    rig.command.spoil = _raise
+
+
+def _command_nan(rig: Rig) -> None:
+    rig.command.spoil = lambda: np.full(3, np.nan)
+
+
+def _bang_bang(rig: Rig, decision: JointCommand) -> JointCommand:
+    lower, upper = rig.robot.soft_limits
+    sign = rig.rng.random() < 0.5
+    return decision._replace(position=upper if sign else lower, kp=np.full_like(lower, 500.0))
+
+
+def _random(rig: Rig, decision: JointCommand) -> JointCommand:
+    n = len(decision.position)
+    return JointCommand(
+        rig.rng.uniform(-10, 10, n),
+        rig.rng.uniform(-50, 50, n),
+        rig.rng.uniform(0, 500, n),
+        rig.rng.uniform(0, 5, n),
+        rig.rng.uniform(-100, 100, n),
+    )
+
+
+def _receive_raises(rig: Rig) -> None:
+    rig.bus.incoming = _raise
+
+
+def _send_raises(rig: Rig) -> None:
+    rig.bus.outgoing = _raise
+
+
+def _refused(rig: Rig) -> None:
+    """An interface whose queue is full."""
+    send = rig.bus.send
+    rig.bus.send = lambda frames, now_us: send(frames, now_us) * 0 + 1  # type: ignore[method-assign]
+
+
+LIMITED = "what a policy wants within the limits is its own; a fall is noticed by its tilt"
+POLICY = (
+    *(
+        FaultKind(
+            f"policy: {name} of {value}", "policy and program", _filled(name, value), 0.03, main=name == "kp"
+        )
+        for name, value in (("position", np.nan), ("kp", np.nan), ("torque", np.inf), ("kd", -np.inf))
+    ),
+    FaultKind("policy raises", "policy and program", _decides(_raise), 0.03, main=True),
+    FaultKind("policy returns nothing", "policy and program", _decides(lambda *_: None), 0.03),
+    FaultKind(
+        "policy decides for one joint too few",
+        "policy and program",
+        _decides(lambda _, decision: JointCommand(*(part[:-1] for part in decision))),
+        0.03,
+    ),
+    FaultKind("policy: kp of 1e9", "policy and program", _filled("kp", 1e9), None, LIMITED),
+    FaultKind("policy: kd of 1e300", "policy and program", _filled("kd", 1e300), None, LIMITED),
+    FaultKind("policy: torque of 1e9", "policy and program", _filled("torque", 1e9), None, LIMITED),
+    FaultKind("policy: position of 1e9", "policy and program", _filled("position", 1e9), None, LIMITED),
+    FaultKind(
+        "policy from limit to limit", "policy and program", _decides(_bang_bang), None, LIMITED, main=True
+    ),
+    FaultKind("policy at random", "policy and program", _decides(_random), None, LIMITED, main=True),
+    FaultKind("the velocity command raises", "policy and program", _command_raises, 0.03),
+    FaultKind(
+        "the velocity command is not a number",
+        "policy and program",
+        _command_nan,
+        None,
+        "it counts as 0, and a note says so",
+    ),
+    FaultKind("receiving raises", "policy and program", _receive_raises, 0.01),
+    FaultKind("the interface refuses frames", "policy and program", _refused, 0.01),
+)
+
+# -- from the beginning ------------------------------------------------------------------------------------
+
+START_S = 1.3  # start-up, and a while of standing
+
+
+def _at_start(
+    name: str, inject: Callable[[Rig], None], within_s: float | None = 1.05, **rest: Any
+) -> FaultKind:
+    return FaultKind(name, "at the start", inject, within_s, starting=True, **rest)
+
+
+def _nan_quaternion(reading: Inertial) -> Inertial:
+    return reading._replace(quaternion=(0.0, 0.0, 0.0, 1e-3))
+
+
+IN_RANGE = "noticed, and named, where it leaves the joint's range; else it reads like any other pose"
+START = (
+    _at_start("a motor is missing", _silent(False), main=True),
+    _at_start("all motors are missing", _silent(True)),
+    _at_start("the IMU is missing", _imu_silent, main=True),
+    _at_start("a bus is missing", _bus_dead),
+    _at_start("no commands arrive", _commands_lost),
+    _at_start("a motor reports an error", _error(3), 0.02),
+    _at_start("a quaternion that is none", _imu(_nan_quaternion)),
+    _at_start("one encoder off by a turn", _position_off(lambda _: 2 * np.pi), 0.02, main=True),
+    _at_start("all encoders off by a turn", _all_off(2 * np.pi), 0.02),
+    _at_start(
+        "one encoder off by a turn of the rotor", _position_off(_sector), None, reason=IN_RANGE, main=True
+    ),
+    _at_start("IMU askew by 30 degrees", _leaning(30.0), START_S, main=True),
+    _at_start("IMU askew by 15 degrees", _leaning(15.0), START_S),
+    _at_start("IMU askew by 5 degrees", _leaning(5.0), None, reason="less than a slope"),
+    _at_start("IMU upside down", _imu(lambda r: turned(r, 0, 180.0)), 0.02),
+    _at_start("acceleration in units of g", _scaled("acceleration", *(1 / 9.81,) * 3), START_S),
+    _at_start("a motor at 90 degrees Celsius", _temperature(90), 0.1),
+    _at_start("ids of two motors swapped", _ids_swapped, START_S, main=True),
+    _at_start("two buses swapped", _buses_swapped, START_S),
+    _at_start("motor pulls the other way", _strength(-1.0), START_S),
+    _at_start("the interface refuses frames", _refused, 0.01),
+    _at_start("receiving raises", _receive_raises, 0.01),
+)
+
+KINDS = (*IMU, *REPLIES, *BODY, *POLICY, *START)

@@ -1,0 +1,257 @@
+"""Faults let loose on a run: what becomes of frames on their way, of decisions, and of the robot's parts."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import mujoco
+import numpy as np
+
+from footfall.deploy.bus import Bus, BusStatistics
+from footfall.deploy.drivers import imu, mit
+from footfall.deploy.drivers.mit_driver import motor_lookup
+from footfall.deploy.frames import Frames
+from footfall.deploy.wiring import Wiring
+from footfall.plant.robot import SimulatedRobot
+from footfall.policies.contract import Contract
+from footfall.policies.policy import Observation, Policy
+from footfall.robots.actuator import JointCommand
+from footfall.robots.description import Robot
+from footfall.robots.model import joint_addresses
+
+Batches = list[Frames]
+Incoming = Callable[[Batches, int], Batches]  # what the controller gets of what arrived, and when, us
+Outgoing = Callable[[Frames, int], Frames]  # what leaves of what the controller sends, and when, us
+
+
+class InjectingBus:
+    """A bus between which and the controller something may happen to frames."""
+
+    def __init__(self, inner: Bus) -> None:
+        self._inner = inner
+        self.incoming: Incoming | None = None
+        self.outgoing: Outgoing | None = None
+        self.watch: Callable[[Frames], None] | None = None  # sees whatever the controller sends
+
+    def send(self, frames: Frames, now_us: int) -> int:
+        if self.watch is not None:
+            self.watch(frames)
+        if self.outgoing is not None:
+            frames = self.outgoing(frames, now_us)
+        return self._inner.send(frames, now_us) if len(frames.id) else 0
+
+    def receive(self, now_us: int) -> Batches:
+        batches = self._inner.receive(now_us)
+        return batches if self.incoming is None else self.incoming(batches, now_us)
+
+    def statistics(self) -> list[BusStatistics]:
+        return self._inner.statistics()
+
+    def close(self) -> None:
+        self._inner.close()
+
+
+class InjectingPolicy:
+    """A policy whose decisions may be replaced."""
+
+    def __init__(self, inner: Policy) -> None:
+        self._inner = inner
+        self.name, self.rate_hz, self.needs_estimate = inner.name, inner.rate_hz, inner.needs_estimate
+        self.spoil: Callable[[JointCommand], JointCommand] | None = None
+        self.spoil_stance: Callable[[], np.ndarray | None] | None = None
+
+    @property
+    def contract(self) -> Contract | None:
+        return self._inner.contract
+
+    @property
+    def notes(self) -> Sequence[str]:
+        return self._inner.notes
+
+    def reset(self, observation: Observation) -> None:
+        self._inner.reset(observation)
+
+    def act(self, observation: Observation) -> JointCommand:
+        decision = self._inner.act(observation)
+        return decision if self.spoil is None else self.spoil(decision)
+
+    def stance(self) -> np.ndarray | None:
+        return self._inner.stance() if self.spoil_stance is None else self.spoil_stance()
+
+
+@dataclass
+class Command:
+    """The velocity command of a run, which may fail like all else. Called with the time, s."""
+
+    value: np.ndarray  # (3,)
+    spoil: Callable[[], np.ndarray] | None = None
+
+    def __call__(self, time_s: float) -> np.ndarray:
+        return self.value if self.spoil is None else self.spoil()
+
+
+@dataclass
+class Rig:
+    """A run with all the places where a fault may sit."""
+
+    robot: Robot
+    wiring: Wiring
+    body: SimulatedRobot
+    bus: InjectingBus
+    policy: InjectingPolicy
+    command: Command
+    rng: np.random.Generator
+    joint: int = field(init=False)  # the victim, drawn
+    channel: int = field(init=False)  # its bus
+
+    def __post_init__(self) -> None:
+        self.joint = int(self.rng.integers(len(self.robot.joint_names)))
+        self.channel = int(self.wiring.channel[self.joint])
+        self._lookup = motor_lookup(self.wiring)
+        self._codec = mit.Codec(self.wiring.models)
+
+    # -- frames on their way to the controller -----------------------------------------------------------
+
+    def on_replies(self, change: Callable[[Frames, np.ndarray], Frames]) -> None:
+        """Replies of motors become others; `change` is given a batch and its joints (k,), -1 for unknown."""
+
+        def changed(frames: Frames) -> Frames:
+            return change(frames, self._lookup[frames.channel, frames.data[:, 0]])
+
+        self.bus.incoming = lambda batches, _: [
+            frames if from_imu(frames) else changed(frames) for frames in batches
+        ]
+
+    def on_values(self, change: Callable[[np.ndarray, np.ndarray], None]) -> None:
+        """What motors report becomes something else.
+
+        `change` is given values (3, n) and temperatures (n,) in joint order, and writes to them.
+        """
+        n = len(self.robot.joint_names)
+
+        def spoil(frames: Frames, joint: np.ndarray) -> Frames:
+            values, temperature = np.zeros((3, n)), np.zeros(n, np.uint64)
+            reply = self._codec.decode_replies(frames.data, joint)
+            values[:, joint], temperature[joint] = reply.values, reply.temperature_c
+            change(values, temperature)
+            head = self.wiring.motor_id.astype(np.uint64)[joint] << np.uint64(56)
+            tail = temperature[joint] << np.uint64(8) | reply.error.astype(np.uint64)
+            return frames._replace(data=self._codec.encode_replies(joint, head, values[:, joint], tail))
+
+        self.on_replies(spoil)
+
+    def on_imu(self, change: Callable[[imu.Inertial], imu.Inertial]) -> None:
+        """The IMU reads something else; its counters go on."""
+
+        def spoil(frames: Frames) -> Frames:
+            gyro, count = imu.decode_gyro(frames.data[0].tobytes())
+            acceleration = imu.decode_acceleration(frames.data[1].tobytes())
+            quaternion = imu.decode_quaternion(frames.data[2].tobytes())
+            assert quaternion is not None
+            reading = change(imu.Inertial(gyro, acceleration, quaternion))
+            return frames._replace(data=imu.encode(reading, count))
+
+        self.on_imu_frames(spoil)
+
+    def on_imu_frames(self, change: Callable[[Frames], Frames]) -> None:
+        """The three frames of an IMU's reading become others."""
+        self.bus.incoming = lambda batches, _: [
+            change(frames) if from_imu(frames) else frames for frames in batches
+        ]
+
+    def on_all(self, change: Callable[[Frames], Frames]) -> None:
+        """Whatever arrives becomes something else."""
+        self.bus.incoming = lambda batches, _: [change(frames) for frames in batches]
+
+    def late(self, by_us: int, what: Callable[[Frames], bool] = lambda _: True) -> None:
+        """Some batches arrive later than they would."""
+        waiting: list[tuple[int, Frames]] = []
+
+        def hold(batches: Batches, now_us: int) -> Batches:
+            waiting.extend((now_us + by_us, frames) for frames in batches if what(frames))
+            due = [frames for at, frames in waiting if at <= now_us]
+            waiting[:] = [(at, frames) for at, frames in waiting if at > now_us]
+            return [*due, *(frames for frames in batches if not what(frames))]
+
+        self.bus.incoming = hold
+
+    # -- the robot's parts -------------------------------------------------------------------------------
+
+    def brake(self, joint: int, damping: float) -> None:
+        """Let a joint turn only against damping, N m s/rad."""
+        _, qvel = joint_addresses(self.body.model, self.robot)
+        self.body.model.dof_damping[qvel[joint]] = damping
+
+    def turn_over(self, quaternion: Sequence[float], height_m: float) -> None:
+        """Put the body elsewhere: as a robot that was turned over."""
+        model = self.body.model
+        free = int(np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)[0])
+        at = int(model.jnt_qposadr[free])
+        self.body.data.qpos[at + 2] += height_m
+        self.body.data.qpos[at + 3 : at + 7] = quaternion
+
+
+def from_imu(frames: Frames) -> bool:
+    """Whether a batch is a reading of the IMU."""
+    return bool(len(frames.id)) and int(frames.id[0]) in imu.IDS
+
+
+def nothing(frames: Frames) -> Frames:
+    """None of these frames."""
+    return frames.take(np.zeros(0, dtype=np.intp))
+
+
+def each_imu_frame(identifier: int, change: Callable[[Frames], Frames]) -> Callable[[Frames], Frames]:
+    """One of the three frames of a reading becomes another, or none."""
+
+    def spoil(frames: Frames) -> Frames:
+        rest, changed = frames.take(frames.id != identifier), change(frames.take(frames.id == identifier))
+        return Frames(*(np.concatenate(parts) for parts in zip(rest, changed, strict=True)))
+
+    return spoil
+
+
+def cut_short(frames: Frames) -> Frames:
+    """The first two bytes alone."""
+    data = frames.data.copy()
+    data[:, 2:] = 0
+    return frames._replace(data=data, length=np.full(len(data), 2))
+
+
+def emptied(frames: Frames) -> Frames:
+    """All bytes zero."""
+    return frames._replace(data=np.zeros_like(frames.data))
+
+
+def dropped(share: float, rng: np.random.Generator) -> Callable[[Frames], Frames]:
+    """A share of the frames gets lost."""
+    return lambda frames: frames.take(rng.random(len(frames.id)) >= share)
+
+
+def flipped(share: float, rng: np.random.Generator) -> Callable[[Frames], Frames]:
+    """One bit of a share of the frames is the other one, as if no checksum had caught it."""
+
+    def flip(frames: Frames) -> Frames:
+        rows = np.flatnonzero(rng.random(len(frames.id)) < share)
+        if not len(rows):
+            return frames
+        data = frames.data.copy()
+        data[rows, rng.integers(8, size=len(rows))] ^= (1 << rng.integers(8, size=len(rows))).astype(np.uint8)
+        return frames._replace(data=data)
+
+    return flip
+
+
+def turned(reading: imu.Inertial, axis: int, degrees: float) -> imu.Inertial:
+    """A reading whose quaternion is turned about an axis of the body's."""
+    half = np.deg2rad(degrees) / 2
+    w, x, y, z = reading.quaternion
+    c, s = float(np.cos(half)), float(np.sin(half))
+    a, b, d = (s * float(axis == k) for k in range(3))
+    return reading._replace(
+        quaternion=(
+            w * c - x * a - y * b - z * d,
+            w * a + x * c + y * d - z * b,
+            w * b - x * d + y * c + z * a,
+            w * d + x * b - y * a + z * c,
+        )
+    )

@@ -1,0 +1,109 @@
+"""The table of faults and the audit of commands that go with it."""
+
+import runpy
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from footfall.deploy.drivers.choice import open_driver
+from footfall.deploy.wiring import wire
+from footfall.plant.audit import Audit
+from footfall.plant.fault_kinds import KINDS
+from footfall.robots.description import Robot
+
+ROOT = Path(__file__).parents[1]
+fault_table = SimpleNamespace(**runpy.run_path(str(ROOT / "benchmarks/fault_table.py")))
+
+
+def test_every_kind_has_a_name_of_its_own_and_a_limit_or_a_reason() -> None:
+    titles = [fault_table._title(kind) for kind in KINDS]
+    assert len(set(titles)) == len(titles) >= 60
+    assert [kind.name for kind in KINDS if kind.within_s is None and not kind.reason] == []
+
+
+@pytest.mark.parametrize(
+    ("title", "final_state", "says", "longest_s"),
+    [
+        ("quaternion frames lost", "ESTOP", "no new IMU reading (quaternion)", 0.055),
+        ("ids of two motors swapped", "ESTOP", "", 0.1),
+        ("turned upside down", "FALLING", "tilt", 0.1),
+        ("one encoder off by a turn (at the start)", "ESTOP", "1 turn of the joint", 0.02),
+    ],
+)
+def test_a_run_tells_what_was_noticed_when_and_what_went_out(
+    title: str, final_state: str, says: str, longest_s: float
+) -> None:
+    run = fault_table.run_fault(("go1", "go1-flat", title, 5))
+    assert run.detected
+    assert says in run.fault
+    assert run.final_state == final_state
+    assert 0.0 < run.seconds <= longest_s
+    assert run.stiff == ("start" not in title)
+    assert not run.fell
+    assert run.torque_over < fault_table.ROUNDING
+    assert run.outside_rad == 0.0
+    assert run.rate_share < 1.01
+
+
+def test_a_fault_that_nobody_can_notice_ends_in_order() -> None:
+    run = fault_table.run_fault(("go1", "go1-flat", "foreign frames on the bus", 5))
+    assert not run.detected
+    assert run.seconds is None
+    assert run.final_state == "IDLE"
+
+
+class TestAudit:
+    """A controller that sends what it should not is caught."""
+
+    @pytest.fixture
+    def audit(self, go1: Robot) -> Audit:
+        return Audit(go1, wire(go1), 0.002)
+
+    def look(self, go1: Robot, audit: Audit, position: np.ndarray, kp: float) -> None:
+        values = np.zeros((5, 12))
+        values[0], values[2] = position, kp
+        audit.look(open_driver(wire(go1)).command(values), go1.default_pose, np.zeros(12))
+
+    def test_torque_beyond_a_motor_is_told_as_a_share_of_its_peak(self, go1: Robot, audit: Audit) -> None:
+        off = go1.default_pose.copy()
+        off[0] += 0.5
+        kp = 2.5 * go1.motor.peak_torque[0] / 0.5
+        self.look(go1, audit, off, kp)  # asks for 2.5 times the peak
+        assert audit.torque_over == pytest.approx(1.5, abs=0.02)
+        assert audit.stiff
+
+    def test_a_target_outside_the_soft_limits_is_told_in_radians(self, go1: Robot, audit: Audit) -> None:
+        off = go1.default_pose.copy()
+        off[2] = go1.soft_limits[1][2] + 0.25
+        self.look(go1, audit, off, 1.0)
+        assert audit.outside_rad == pytest.approx(0.25, abs=1e-3)
+
+    def test_a_target_that_jumps_is_told_over_the_robots_rate(self, go1: Robot, audit: Audit) -> None:
+        self.look(go1, audit, go1.default_pose, 1.0)
+        self.look(go1, audit, go1.default_pose + 0.06, 1.0)
+        rate = go1.description.target_rate_rad_s
+        assert audit.rate_share == pytest.approx(0.06 / 0.002 / rate, rel=0.02)
+
+    def test_damping_has_no_target(self, go1: Robot, audit: Audit) -> None:
+        self.look(go1, audit, go1.default_pose + 9.0, 0.0)
+        assert not audit.stiff
+        assert audit.outside_rad == 0.0
+
+
+def test_rows_say_which_share_was_in_time_and_what_went_wrong() -> None:
+    run = {"robot": "go1", "policy": "go1-flat", "kind": "IMU silent", "seed": 0, "fault": "x"}
+    run |= {"detected": True, "seconds": 0.05, "final_state": "ESTOP", "fell": False}
+    run |= {"torque_over": 0.0, "outside_rad": 0.0, "rate_share": 0.5, "stiff": True}
+    (row,) = fault_table.rows([run, {**run, "seconds": 0.06}])
+    assert (row["runs"], row["detected"], row["in_time"]) == (2, 2, 1)
+    assert (row["median_s"], row["longest_s"], row["limit_s"]) == (0.055, 0.06, 0.055)
+    assert not row["as_expected"]
+    (row,) = fault_table.rows([run] * 3)
+    assert row["as_expected"]
+    (row,) = fault_table.rows([{**run, "torque_over": 0.03}])
+    assert not row["as_expected"]
+    (row,) = fault_table.rows([{**run, "fell": True, "final_state": "IDLE"}])
+    assert (row["idle_after_a_fall"], row["as_expected"]) == (1, False)
+    assert "**missed**" in fault_table.page({"rows": [row], "healthy": []})
