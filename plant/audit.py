@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from footfall.deploy.drivers.choice import open_motor_end
 from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import Wiring
+from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.robots.actuator import JointCommand, limit_torque, pd_torque
 from footfall.robots.description import Robot
 

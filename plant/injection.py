@@ -9,7 +9,7 @@ import numpy as np
 from footfall.deploy.bus import Bus, BusStatistics
 from footfall.deploy.drivers import imu, mit
 from footfall.deploy.drivers.mit_driver import motor_lookup
-from footfall.deploy.frames import Frames
+from footfall.deploy.frames import Frames, joined
 from footfall.deploy.wiring import Wiring
 from footfall.plant.robot import SimulatedRobot
 from footfall.policies.contract import Contract
@@ -42,6 +42,9 @@ class InjectingBus:
     def receive(self, now_us: int) -> Batches:
         batches = self._inner.receive(now_us)
         return batches if self.incoming is None else self.incoming(batches, now_us)
+
+    def fault(self) -> str:
+        return self._inner.fault()
 
     def statistics(self) -> list[BusStatistics]:
         return self._inner.statistics()
@@ -167,7 +170,7 @@ class Rig:
         waiting: list[tuple[int, Frames]] = []
 
         def hold(batches: Batches, now_us: int) -> Batches:
-            waiting.extend((now_us + by_us, frames) for frames in batches if what(frames))
+            waiting.extend((now_us + by_us, _later(frames, by_us)) for frames in batches if what(frames))
             due = [frames for at, frames in waiting if at <= now_us]
             waiting[:] = [(at, frames) for at, frames in waiting if at > now_us]
             return [*due, *(frames for frames in batches if not what(frames))]
@@ -190,6 +193,10 @@ class Rig:
         self.body.data.qpos[at + 3 : at + 7] = quaternion
 
 
+def _later(frames: Frames, by_us: int) -> Frames:
+    return frames if frames.time_us is None else frames._replace(time_us=frames.time_us + by_us)
+
+
 def from_imu(frames: Frames) -> bool:
     """Whether a batch is a reading of the IMU."""
     return bool(len(frames.id)) and int(frames.id[0]) in imu.IDS
@@ -204,8 +211,8 @@ def each_imu_frame(identifier: int, change: Callable[[Frames], Frames]) -> Calla
     """One of the three frames of a reading becomes another, or none."""
 
     def spoil(frames: Frames) -> Frames:
-        rest, changed = frames.take(frames.id != identifier), change(frames.take(frames.id == identifier))
-        return Frames(*(np.concatenate(parts) for parts in zip(rest, changed, strict=True)))
+        of_it = frames.id == identifier
+        return joined([frames.take(~of_it), change(frames.take(of_it))])
 
     return spoil
 
