@@ -106,9 +106,10 @@ class JointLayer:
         if np.count_nonzero(asked != possible):
             share = _share(possible, asked)
             values[2:] *= share
-            # a frame must not round a lowered gain up: many radians of error make that much torque
-            rounding = (share < 1.0) * self._driver.highest[2:4] / (2 * GAIN_CODES)
-            values[2:4] = np.maximum(values[2:4] - rounding, self._driver.lowest[2:4])
+            # A frame must not round up what pushes too far: many radians of error make that much torque.
+            pushes = (share < 1.0) & (asked * (values[:2] - self._joints[:2]) > 0.0)
+            values[2:4] -= pushes * self._driver.highest[2:4] / (2 * GAIN_CODES)
+            np.maximum(values[2:4], self._driver.lowest[2:4], out=values[2:4])
         self.commanded_torque, self.stiffness, self.sent = possible, values[2], values
         return self._driver.command(values)
 
