@@ -117,7 +117,7 @@ class TestAnotherProcess:
 
     def test_it_is_switched_on_and_watched(self, shell: Shell, served: None) -> None:
         for verb in (["enable", "--yes"], ["monitor"]):
-            assert len(self.tried(shell, 0, *verb, "--duration", "0.3")) == 12
+            assert len(self.tried(shell, 0, *verb, "--duration", "2")) == 12
 
 
 def test_what_a_scan_finds_is_held_against_robot_yaml(

@@ -1,0 +1,223 @@
+"""Processor time that the control loop takes for its motors, by the kind of bus.
+
+    python benchmarks/bus_load.py [--robots go1 hexapod] [--buses in-process virtual udp_multicast]
+
+A whole loop (`stand`: joint layer, supervisor, sensor checks, driver, bus) at its joint rate by the wall
+clock, on motors that answer every frame at once and stand still, without physics. They run in the same
+process, but for udp_multicast, where they have a process of their own. Prints a JSON object for each case:
+`share` of a processor that the loop's thread takes at its joint rate, the motors left out: its processor
+time for one tick times the rate, so that a busy machine, which leaves ticks out, does not flatter it.
+`bus_share` is what sending and receiving take of it.
+"""
+
+import argparse
+import json
+import multiprocessing
+import os
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+
+import numpy as np
+
+from footfall.deploy.bus import Bus, BusStatistics
+from footfall.deploy.clock import WallClock
+from footfall.deploy.config import DeployConfig
+from footfall.deploy.drivers import imu
+from footfall.deploy.drivers.choice import open_driver
+from footfall.deploy.frames import Frames
+from footfall.deploy.loop import ControlLoop
+from footfall.deploy.python_can_bus import PythonCanBus
+from footfall.deploy.safety import SafetyConfig
+from footfall.deploy.sensor_limits import SensorLimits
+from footfall.deploy.session import Session, run_session
+from footfall.deploy.wiring import wire
+from footfall.plant.motor_ends.choice import open_motor_end
+from footfall.plant.wires import Side, SimulatedWires
+from footfall.policies.registry import load_policy
+from footfall.robots.description import Robot, load_robot
+
+IN_PROCESS, MULTICAST = "in-process", "udp_multicast"
+PERIOD_US = 1000
+# A busy machine shall be measured, not stopped.
+PATIENT = SafetyConfig(
+    start_timeout_s=20.0, silence_timeout_s=5.0, pause_limit_s=30.0, skipped_share=1.0, late_limit_s=30.0
+)
+
+
+class StillRobot:
+    """Motors and an IMU that answer at once: everything stands in the default pose."""
+
+    def __init__(self, robot: Robot) -> None:
+        wiring = wire(robot)
+        self._end = open_motor_end(wiring)
+        n = len(robot.joint_names)
+        self._readings = np.array([robot.default_pose, np.zeros(n), np.zeros(n)])
+        self._everyone, self._no_error = np.arange(n), np.zeros(n, np.uint64)
+        self._counter = 0
+        self._imu = Frames(
+            np.full(3, wiring.imu_channel), np.array(imu.IDS), np.zeros((3, 8), np.uint8), np.full(3, 8)
+        )
+
+    def answers(self, frames: Frames) -> Frames | None:
+        motor = self._everyone[self._end.requests(frames).motor]
+        if not len(motor):
+            return self._end.tell(frames)
+        on = np.ones(len(motor), bool)
+        return self._end.reply(motor, self._readings[:, motor], 30, self._no_error[motor], on)
+
+    def inertial(self) -> Frames:
+        self._counter += 1
+        reading = imu.Inertial((0.0, 0.0, 0.0), (0.0, 0.0, 9.81), (1.0, 0.0, 0.0, 0.0))
+        return self._imu._replace(data=imu.encode(reading, self._counter))
+
+
+class InProcessBus:
+    """Simulated wires with a still robot on them; `elsewhere_s` is what that took of the thread's time."""
+
+    def __init__(self, robot: Robot) -> None:
+        wiring = wire(robot)
+        self._robot, self._wires = StillRobot(robot), SimulatedWires(wiring.buses, host_queue=20)
+        self.elsewhere_s = 0.0
+
+    def send(self, frames: Frames, now_us: int) -> int:
+        return self._wires.send(Side.HOST, frames, now_us)
+
+    def receive(self, now_us: int) -> list[Frames]:
+        begun = time.thread_time()
+        for frames in self._wires.receive(Side.ROBOT, now_us):
+            if (answers := self._robot.answers(frames)) is not None:
+                self._wires.send(Side.ROBOT, answers, now_us - PERIOD_US)
+        self._wires.send(Side.ROBOT, self._robot.inertial(), now_us - PERIOD_US)
+        self.elsewhere_s += time.thread_time() - begun
+        return self._wires.receive(Side.HOST, now_us)
+
+    def fault(self) -> str:
+        return ""
+
+    def statistics(self) -> list[BusStatistics]:
+        return []
+
+    def close(self) -> None:
+        """Nothing to let go of."""
+
+
+class TimedBus:
+    """Another bus, with the thread's time that sending and receiving took."""
+
+    def __init__(self, bus: Bus) -> None:
+        self._bus, self.spent_s = bus, 0.0
+        self.statistics, self.fault, self.close = bus.statistics, bus.fault, bus.close
+
+    def send(self, frames: Frames, now_us: int) -> int:
+        begun = time.thread_time()
+        refused = self._bus.send(frames, now_us)
+        self.spent_s += time.thread_time() - begun
+        return refused
+
+    def receive(self, now_us: int) -> list[Frames]:
+        begun = time.thread_time()
+        arrived = self._bus.receive(now_us)
+        self.spent_s += time.thread_time() - begun
+        return arrived
+
+
+def answer(name: str, interface: str, stopped: Callable[[], bool]) -> None:
+    """Be a still robot on an interface."""
+    robot = load_robot(name)
+    wiring, still = wire(robot), StillRobot(robot)
+    bus = PythonCanBus(interface, wiring.buses, open_motor_end(wiring).filters)
+    clock = WallClock(PERIOD_US)
+    while not stopped():
+        now_us = clock.next_tick()
+        for frames in bus.receive(now_us):
+            if (answers := still.answers(frames)) is not None:
+                bus.send(answers, now_us)
+        if now_us % (2 * PERIOD_US) == 0:
+            bus.send(still.inertial(), now_us)
+    bus.close()
+
+
+def answer_until(name: str, interface: str, stop: object) -> None:
+    """`answer` in a process of its own; `stop` is a multiprocessing.Event."""
+    answer(name, interface, stop.is_set)  # type: ignore[attr-defined]
+
+
+@contextmanager
+def answering(name: str, interface: str) -> Iterator[None]:
+    """Somebody who answers, for as long as the context lasts."""
+    if interface == MULTICAST:
+        context = multiprocessing.get_context("spawn")
+        stop = context.Event()
+        somebody = context.Process(target=answer_until, args=(name, interface, stop), daemon=True)
+    else:
+        stop = threading.Event()  # type: ignore[assignment]
+        somebody = threading.Thread(target=answer_until, args=(name, interface, stop), daemon=True)  # type: ignore[assignment]
+    somebody.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        somebody.join(5.0)
+
+
+def measure(name: str, kind: str, seconds: float, rate_hz: float) -> dict[str, object]:
+    """One case."""
+    robot = load_robot(name)
+    wiring = wire(robot)
+    marks: list[tuple[float, float]] = []  # time of the thread and for the bus, s: at first and now
+    ticks = [0]
+    if kind == IN_PROCESS:
+        inner: Bus = InProcessBus(robot)
+    else:
+        inner = PythonCanBus(kind, wiring.buses, (*open_driver(wiring).filters, *imu.FILTERS), 64)
+    bus = TimedBus(inner)
+
+    def mark(loop: ControlLoop) -> None:
+        if loop.walking:
+            elsewhere_s = getattr(inner, "elsewhere_s", 0.0)
+            now = (time.thread_time() - elsewhere_s, bus.spent_s - elsewhere_s)
+            marks[1:] = [now] if marks else []
+            marks[:0] = [] if marks else [now]
+            ticks[0] += 1
+
+    config = DeployConfig(joint_rate_hz=rate_hz, stand_s=0.3, safety=replace(PATIENT, sensors=SensorLimits()))
+    session = Session(lambda _: np.zeros(3), seconds, realtime=True, config=config)
+    if kind == IN_PROCESS:
+        outcome = run_session(robot, load_policy("stand", robot), bus, session, mark)
+    else:
+        with answering(name, kind):
+            outcome = run_session(robot, load_policy("stand", robot), bus, session, mark)
+    bus.close()
+    thread_s, bus_s = ((end - begin) / (ticks[0] - 1) for begin, end in zip(*marks, strict=True))
+    return {
+        "robot": name,
+        "motors": len(robot.joint_names),
+        "bus": kind,
+        "buses": len(wiring.buses),
+        "rate_hz": rate_hz,
+        "share": round(thread_s * rate_hz, 3),
+        "bus_share": round(bus_s * rate_hz, 3),
+        "ticks": ticks[0],
+        "ticks_wanted": round(seconds * rate_hz),
+        "faults": list(outcome.faults),
+        "processors": os.cpu_count(),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--robots", nargs="+", default=["go1", "hexapod"])
+    parser.add_argument("--buses", nargs="+", default=[IN_PROCESS, "virtual", MULTICAST])
+    parser.add_argument("--seconds", type=float, default=4.0)
+    parser.add_argument("--rate", type=float, default=500.0)
+    options = parser.parse_args()
+    for robot in options.robots:
+        for kind in options.buses:
+            print(json.dumps(measure(robot, kind, options.seconds, options.rate)), flush=True)
+
+
+if __name__ == "__main__":
+    main()
