@@ -20,7 +20,7 @@ class SimulatedBus:
         return self._wires.receive(Side.HOST, now_us)
 
     def fault(self) -> str:
-        return ""
+        return self._wires.fault()
 
     def statistics(self) -> list[BusStatistics]:
         elapsed = max(self._robot.time_us, 1)

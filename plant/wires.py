@@ -1,19 +1,25 @@
 """In-process CAN buses that take as long as real ones: one frame at a time, at 1 Mbit/s, behind queues."""
 
+import math
 from collections import deque
 from dataclasses import dataclass, field
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 
 from footfall.deploy.bus import HOST_QUEUE
 from footfall.deploy.frames import EXTENDED, Frames, frame_bits
+from footfall.plant.wire_faults import ERROR_BITS, FaultyWires, WireFaults
 
 NODE_BACKLOG_US = 20_000.0  # a motor or an IMU gives up on a frame that would wait longer
 
 _REMEMBERED = 16  # arrays of channels
 
 _BITS = np.array([[frame_bits(length, extended) for length in range(9)] for extended in (False, True)], float)
+
+
+_NOT_KNOWN = np.zeros(0)
 
 
 class Side(IntEnum):
@@ -37,6 +43,16 @@ class _Plan:
     sent: list[int] = field(default_factory=lambda: [0, 0])  # times that each side sent such a batch
 
 
+class _Precedence(NamedTuple):
+    """What arbitration makes of a batch's identifiers."""
+
+    ids: np.ndarray  # (k,), and
+    channel: np.ndarray  # (k,): of the batch
+    first: list[float]  # on each wire, the least in order of precedence
+    last: list[float]  # and the greatest
+    orderly: bool  # whether the frames on each wire stand in that order
+
+
 class _Batch:
     """Frames on their way."""
 
@@ -44,7 +60,8 @@ class _Batch:
         self.frames = frames
         self.last = last  # by then all of them have arrived
         self._start, self._plan = start, plan  # on each wire
-        self._arrival: np.ndarray | None = None  # worked out when it is needed, which is seldom
+        self._arrival: np.ndarray | None = None  # worked out when it is needed
+        self.bits: np.ndarray = _NOT_KNOWN  # (k,) that each occupies its wire, repetitions included
 
     @property
     def arrival(self) -> np.ndarray:
@@ -57,24 +74,36 @@ class _Batch:
         """Remove the frames at some rows (a mask)."""
         taken = self.frames.take(rows)._replace(time_us=self.arrival[rows])
         self.frames, self._arrival = self.frames.take(~rows), self.arrival[~rows]
+        if self.bits is not _NOT_KNOWN:
+            self.bits = self.bits[~rows]
         return taken
+
+    def set_arrival(self, arrival: np.ndarray) -> None:
+        """Let each frame arrive at another time, (k,)."""
+        self._arrival, self.last = arrival, float(arrival.max())
 
 
 class SimulatedWires:
-    """Several buses. A frame occupies its wire for its bits at 1 Mbit/s, with worst-case stuffing.
+    """Several buses. A frame occupies its wire for its bits at 1 Mbit/s, worst-case stuffing included.
 
-    Frames on one wire go in the order in which they were queued. Arbitration gives the same order, since
-    the controller's frames have the lower identifiers and a motor answers after it was addressed.
+    Where several nodes have a frame to send when a wire falls idle, the lowest identifier wins. The host
+    offers the frame at the head of its queue alone; each motor, and the IMU, is a node of its own. Ordinary
+    traffic comes in that order by itself, so that it is worked out only where a batch would overtake others.
     """
 
-    def __init__(self, names: tuple[str, ...], host_queue: int = HOST_QUEUE) -> None:
+    def __init__(
+        self, names: tuple[str, ...], host_queue: int = HOST_QUEUE, faults: WireFaults | None = None
+    ) -> None:
         self.names = names
+        self.set_faults(faults)
         self._host_queue = host_queue
         self._free_at = [0.0] * len(names)  # when each wire falls idle
         self._all_free_at = 0.0
+        self._last_waiting = [0.0] * len(names)  # the greatest in order of precedence since a wire was idle
         self._flying: tuple[deque[_Batch], ...] = (deque(), deque())
         self._plans: dict[tuple[bytes, ...], _Plan] = {}
         self._plan_of_array: dict[int, _Plan] = {}  # by the identity of an array of channels
+        self._precedence_of_array: dict[int, _Precedence] = {}  # by that of an array of identifiers
         self.refused = np.zeros((2, len(names)), dtype=np.int64)
 
     def send(self, side: Side, frames: Frames, now_us: float) -> int:
@@ -82,8 +111,13 @@ class SimulatedWires:
 
         A refused frame is counted and lost, as one that meets ENOBUFS is.
         """
-        plan = self._plan(frames)
         refused = 0
+        if self._faulty is not None:
+            working = self._faulty.working(frames.channel)
+            if side is Side.HOST:
+                self._faulty.count_unheard(frames.channel)
+            frames = frames.take(working)
+        plan = self._plan(frames)
         if self._crowded(side, plan, now_us):
             accepted = self._accept(side, frames, plan, now_us)
             refused = int(np.count_nonzero(~accepted))
@@ -92,12 +126,94 @@ class SimulatedWires:
                 frames = frames.take(accepted)
                 plan = self._plan(frames)
         if len(frames.channel):
+            overtaken = self._overtaken(side, frames, plan, now_us)
             start = [free_at if free_at > now_us else now_us for free_at in self._free_at]
             self._free_at = [begun + taken for begun, taken in zip(start, plan.occupied, strict=True)]
             self._all_free_at = max(self._free_at)
             plan.sent[side] += 1
-            self._flying[side].append(_Batch(frames, start, plan, self._all_free_at))
+            batch = _Batch(frames, start, plan, self._all_free_at)
+            self._flying[side].append(batch)
+            if self._faulty is not None:
+                self._repeat(side, batch)
+            for wire in overtaken:
+                self._arbitrate(wire, now_us)
         return refused
+
+    def set_faults(self, faults: WireFaults | None) -> None:
+        """What goes wrong from now on; None for nothing."""
+        self._faulty = None if faults is None else FaultyWires(faults, len(self.names))
+
+    def fault(self) -> str:
+        """Which bus does not work for the controller, and why; empty if all do."""
+        return "" if self._faulty is None else self._faulty.fault(self.names)
+
+    def _overtaken(self, side: Side, frames: Frames, plan: _Plan, now_us: float) -> list[int]:
+        """Wires on which the order of a new batch is not the one in which frames were queued."""
+        own = self._precedence_of_array.get(id(frames.id))
+        if own is None or own.ids is not frames.id or own.channel is not frames.channel:
+            if len(self._precedence_of_array) >= _REMEMBERED:
+                self._precedence_of_array.clear()
+            own = _precedence_on_wires(frames, len(self.names))
+            self._precedence_of_array[id(frames.id)] = own
+        last, overtaken = self._last_waiting, []
+        for wire, free_at in enumerate(self._free_at):
+            if free_at <= now_us:
+                last[wire] = own.last[wire]
+            else:
+                if own.first[wire] < last[wire]:
+                    overtaken.append(wire)
+                last[wire] = max(last[wire], own.last[wire])
+        if own.orderly or side is Side.HOST:
+            return overtaken
+        return [wire for wire, count in enumerate(plan.frames.tolist()) if count]
+
+    def _repeat(self, side: Side, batch: _Batch) -> None:
+        """Let errors destroy transmissions, which are sent again."""
+        assert self._faulty is not None
+        frames = batch.frames
+        again = self._faulty.repetitions(frames.channel, side is Side.HOST)
+        if not again.any():
+            return
+        batch.bits, arrival = _bits_of(frames), batch.arrival.copy()
+        extra = again * (batch.bits + ERROR_BITS)
+        batch.bits = batch.bits + extra
+        for wire in range(len(self.names)):
+            on = frames.channel == wire
+            arrival[on] += np.cumsum(extra[on])
+            self._free_at[wire] += float(extra[on].sum())
+        batch.set_arrival(arrival)
+        self._all_free_at = max(self._free_at)
+
+    def _arbitrate(self, wire: int, now_us: float) -> None:
+        """Put the frames that have not begun on a wire in the order in which they win it."""
+        queued: list[_Waiting] = []  # the controller's, first in, first out
+        others: list[_Waiting] = []  # of a node each, the one that takes precedence first
+        begin_us = math.inf
+        for side, waiting in ((Side.HOST, queued), (Side.ROBOT, others)):
+            for batch in self._flying[side]:
+                if batch.bits is _NOT_KNOWN:
+                    batch.bits = _bits_of(batch.frames)
+                start = batch.arrival - batch.bits
+                rows = np.flatnonzero((batch.frames.channel == wire) & (start >= now_us - 1e-6))
+                if not len(rows):
+                    continue
+                begin_us = min(begin_us, float(start[rows].min()))
+                order = _precedence(batch.frames.id[rows]).tolist()
+                waiting += [
+                    _Waiting(*each) for each in zip(order, [batch] * len(rows), rows.tolist(), strict=True)
+                ]
+        others.sort(key=lambda each: each.order)
+        at_us, queue, rest = begin_us, deque(queued), deque(others)
+        arrivals: dict[int, tuple[_Batch, np.ndarray]] = {}
+        while queue or rest:
+            host_wins = bool(queue) and (not rest or queue[0].order <= rest[0].order)
+            _, batch, row = (queue if host_wins else rest).popleft()
+            at_us += float(batch.bits[row])
+            if id(batch) not in arrivals:
+                arrivals[id(batch)] = batch, batch.arrival.copy()
+            arrivals[id(batch)][1][row] = at_us
+        for batch, arrival in arrivals.values():
+            batch.set_arrival(arrival)
 
     def sent(self, side: Side) -> np.ndarray:
         """Frames that a side has sent on each wire, (channels,)."""
@@ -119,14 +235,15 @@ class SimulatedWires:
         while queue:
             batch = queue.popleft()
             if batch.last <= now_us:
-                arrived.append(batch.frames._replace(time_us=batch.arrival))
+                frames = batch.frames
+                arrived.append(frames._replace(time_us=batch.arrival) if side is Side.HOST else frames)
                 continue
             here = batch.arrival <= now_us
             if here.any():
                 arrived.append(batch.take(here))
             rest.append(batch)
         queue.extend(rest)
-        return arrived
+        return arrived if self._faulty is None else [self._faulty.spoil(frames) for frames in arrived]
 
     def _plan(self, frames: Frames) -> _Plan:
         known = self._plan_of_array.get(id(frames.channel))
@@ -170,3 +287,34 @@ class SimulatedWires:
         for batch in self._flying[side]:
             np.add.at(waiting, batch.frames.channel[batch.arrival > now_us], 1)
         return waiting[frames.channel] + plan.place <= self._host_queue
+
+
+class _Waiting(NamedTuple):
+    """A frame that has not begun."""
+
+    order: float  # of precedence
+    batch: _Batch
+    row: int
+
+
+def _bits_of(frames: Frames) -> np.ndarray:
+    return _BITS[(frames.id >= EXTENDED).astype(np.intp), frames.length]
+
+
+def _precedence(identifier: np.ndarray) -> np.ndarray:
+    """Numbers that are lower for a frame that wins arbitration, (k,)."""
+    plain = identifier << 19  # 11 bits, then the bit that tells a plain identifier, 0, from a long one
+    extended = identifier & 0x1FFF_FFFF
+    long = (extended >> 18) << 19 | 1 << 18 | (extended & 0x3FFFF)
+    return np.where(identifier >= EXTENDED, long, plain)
+
+
+def _precedence_on_wires(frames: Frames, wires: int) -> _Precedence:
+    order = _precedence(frames.id)
+    first, last, orderly = [math.inf] * wires, [0.0] * wires, True
+    for wire in range(wires):
+        on = order[frames.channel == wire]
+        if len(on):
+            first[wire], last[wire] = float(on.min()), float(on.max())
+            orderly &= bool((np.diff(on) >= 0).all())
+    return _Precedence(frames.id, frames.channel, first, last, orderly)

@@ -32,13 +32,13 @@ from footfall.plant.ground_truth import GroundTruth
 from footfall.plant.motor_ends.motor_end import Request, Requests
 from footfall.plant.motors import SimulatedMotors
 from footfall.plant.progress import Progress
-from footfall.plant.robot import PlantConfig, SimulatedRobot, _as_slice
+from footfall.plant.robot import PlantConfig, SimulatedRobot
 from footfall.plant.sensors import Layout, SimulatedSensors
 from footfall.plant.trace import Recorder
 from footfall.plant.wires import Side, SimulatedWires
 from footfall.robots.actuator import JointCommand, Motor, friction_torque, motor_torque
 from footfall.robots.description import Robot, load_robot
-from footfall.robots.model import joint_addresses
+from footfall.robots.model import as_slice, joint_addresses
 
 ORDER = [7, 2, 11, 0, 5, 9, 4, 1, 10, 3, 8, 6]  # of the joints, none where it was nor beside its neighbour
 
@@ -267,7 +267,7 @@ class TestStart:
     def test_consecutive_places_are_read_without_a_copy(
         self, indices: list[int], expected: slice | None
     ) -> None:
-        found = _as_slice(np.array(indices))
+        found = as_slice(np.array(indices))
         np.testing.assert_array_equal(np.arange(9)[found], indices)
         assert expected is None or found == expected
 

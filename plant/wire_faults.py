@@ -1,0 +1,79 @@
+"""What can go wrong on simulated wires, on demand."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from footfall.deploy import can_errors
+from footfall.deploy.frames import Frames
+
+ERROR_BITS = 23  # that an error costs beside the frame at most: flag, echo, delimiter, interframe space
+
+PASSIVE_ABOVE, BUS_OFF_ABOVE = 127, 255  # errors that a controller counts, ISO 11898-1
+
+
+@dataclass(frozen=True)
+class WireFaults:
+    """Shares of all frames, 0 to 1, and wires by their number; draws come from the seed."""
+
+    lost: float = 0.0  # arrive nowhere: a buffer ran over
+    corrupted: float = 0.0  # arrive with one bit of their data changed, which no checksum noticed
+    destroyed: float = 0.0  # transmissions that an error destroys; the frame is sent again, up to 16 times
+    unplugged: tuple[int, ...] = ()  # wires whose controller is alone: nobody acknowledges
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name in ("lost", "corrupted", "destroyed"):
+            if not 0.0 <= getattr(self, name) < 1.0:
+                raise ValueError(f"{name} is {getattr(self, name)}: a share from 0 up to, not including, 1")
+
+
+class FaultyWires:
+    """Draws faults, and counts the errors that the controller's interfaces see."""
+
+    def __init__(self, faults: WireFaults, wires: int) -> None:
+        self._faults = faults
+        self._random = np.random.default_rng(faults.seed)
+        self.transmit_errors = np.zeros(wires, np.int64)  # error counters of the controller's interfaces
+
+    def working(self, channel: np.ndarray) -> np.ndarray:
+        """Which frames (k,) are on wires that carry anything."""
+        dead = np.isin(channel, self._faults.unplugged) | (self.transmit_errors[channel] > BUS_OFF_ABOVE)
+        return np.asarray(~dead)
+
+    def count_unheard(self, channel: np.ndarray) -> None:
+        """Frames that nobody acknowledged: a controller stops counting once it is error-passive."""
+        alone = np.intersect1d(channel, self._faults.unplugged).astype(np.intp)
+        self.transmit_errors[alone] = PASSIVE_ABOVE + 1
+
+    def repetitions(self, channel: np.ndarray, from_host: bool) -> np.ndarray:
+        """How often each frame is destroyed before it gets through, (k,)."""
+        if self._faults.destroyed == 0.0:
+            return np.zeros(len(channel), np.int64)
+        again = np.minimum(self._random.geometric(1.0 - self._faults.destroyed, len(channel)) - 1, 16)
+        if from_host:  # each error counts for 8, each success takes 1 off
+            for wire, count in zip(channel.tolist(), again.tolist(), strict=True):
+                self.transmit_errors[wire] = max(self.transmit_errors[wire] + 8 * count - 1, 0)
+        return again
+
+    def spoil(self, frames: Frames) -> Frames:
+        """What arrives of frames that got through."""
+        faults, random = self._faults, self._random
+        if faults.lost:
+            frames = frames.take(random.random(len(frames.id)) >= faults.lost)
+        if faults.corrupted:
+            data = frames.data.copy()
+            for row in np.flatnonzero((random.random(len(data)) < faults.corrupted) & (frames.length > 0)):
+                bit = int(random.integers(8 * int(frames.length[row])))
+                data[row, bit // 8] ^= np.uint8(1 << bit % 8)
+            frames = frames._replace(data=data, id=frames.id.copy())  # it is to be looked into
+        return frames
+
+    def fault(self, names: tuple[str, ...]) -> str:
+        """Which bus does not work, and why; empty if all do."""
+        for name, errors in zip(names, self.transmit_errors.tolist(), strict=True):
+            if errors > BUS_OFF_ABOVE:
+                return f"bus {name} {can_errors.BUS_OFF_TEXT}"
+            if errors > PASSIVE_ABOVE:
+                return f"bus {name} {can_errors.PASSIVE_TEXT}"
+        return ""
