@@ -67,7 +67,9 @@ class _Batch:
     def arrival(self) -> np.ndarray:
         """When each frame arrives, (k,)."""
         if self._arrival is None:
-            self._arrival = np.array(self._start)[self.frames.channel] + self._plan.offset
+            start = self._start
+            same = start.count(start[0]) == len(start)
+            self._arrival = (start[0] if same else np.array(start)[self.frames.channel]) + self._plan.offset
         return self._arrival
 
     def take(self, rows: np.ndarray) -> Frames:

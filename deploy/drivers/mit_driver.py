@@ -68,6 +68,7 @@ class MitDriver:
         self._disable = self._outgoing._replace(data=mit.special(mit.EXIT, n))
         self._zero = self._outgoing._replace(data=mit.special(mit.ZERO, n))
         self._usual = self._outgoing  # the last batch of replies from every motor in joint order
+        self._all_whole = True  # whether all of these had eight bytes
 
     def ask(self) -> Frames:
         return self._outgoing.take(_NOBODY)
@@ -96,19 +97,20 @@ class MitDriver:
 
     def replies(self, frames: Frames) -> Replies:
         if same_layout(frames, self._usual) and frames.data[:, 0].tobytes() == self._ids:
-            return self._decoded(frames, _EVERYONE)
+            return self._decoded(frames, _EVERYONE, self._all_whole)
         sender = frames.data[:, 0].astype(np.intp)
         motor = self._lookup[frames.channel, sender]
         identified = (frames.id == SHARED_REPLY_ID) | (frames.id == sender + REPLY_ID)
         usable = (motor >= 0) & identified & (frames.length >= 6)
         if np.array_equal(motor, self._everyone) and usable.all():
-            self._usual = frames
+            self._usual, self._all_whole = frames, bool((frames.length == 8).all())
         return self._decoded(frames.take(usable), motor[usable])
 
-    def _decoded(self, frames: Frames, motor: Motors) -> Replies:
+    def _decoded(self, frames: Frames, motor: Motors, whole: bool = False) -> Replies:
+        """Replies; `whole` are those of eight bytes, which have a temperature."""
         values, temperature, error = self._codec.decode_replies(frames.data, motor)
-        temperature = np.where(frames.length > 6, temperature, np.nan)
-        return Replies(motor, values, error, temperature, self._unknown[motor], frames.time_us)
+        told = temperature.astype(float) if whole else np.where(frames.length > 6, temperature, np.nan)
+        return Replies(motor, values, error, told, self._unknown[motor], frames.time_us)
 
     def error_name(self, code: int, joint: int = 0) -> str:
         return mit.ERRORS.get(code, f"error {code}")
