@@ -65,7 +65,9 @@ class TestCentre:
         """Feet 0.3 m apart, whose middle is not at the origin."""
         foot = np.array([[1.0, 0.15, 0.2], [1.0, -0.15, 0.2]])
         centre = np.add(place, (1.0, 0.0, 0.2))
-        dynamics = SimpleNamespace(centre=centre, foot=foot, centre_velocity=np.array(velocity))
+        dynamics = SimpleNamespace(
+            centre=centre, middle=foot.mean(axis=0), centre_velocity=np.array(velocity)
+        )
         return policy._centre(dynamics, height)  # type: ignore[arg-type]
 
     def test_the_pressure_lies_beyond_the_capture_point(self, policy: Balance) -> None:

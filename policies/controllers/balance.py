@@ -68,14 +68,14 @@ class Balance:
         self._most_force = np.full(body.points, config.most_force * body.weight_n)
         self._most_force /= np.bincount(body.foot_of_point)[body.foot_of_point]
         rest = standing(body, robot)
-        self._height = float((rest.centre - rest.foot.mean(axis=0))[2])
+        self._height = float((rest.centre - rest.middle)[2])
         self._start_height, self._start_pose = self._height, self._default
         self._stance = np.ones(body.feet)
 
     def reset(self, observation: Observation) -> None:
         self.control.reset()
         dynamics = observed(self.control.body, observation)
-        self._start_height = float((dynamics.centre - dynamics.foot.mean(axis=0))[2])
+        self._start_height = float((dynamics.centre - dynamics.middle)[2])
         self._start_pose = observation.sensed.joint_position.copy()
 
     def act(self, observation: Observation) -> JointCommand:
@@ -104,7 +104,7 @@ class Balance:
     def _centre(self, dynamics: Dynamics, height: float) -> np.ndarray:
         """The wanted acceleration of the centre of mass, (3,) m/s^2."""
         config = self._config
-        place = dynamics.centre - dynamics.foot.mean(axis=0)
+        place = dynamics.centre - dynamics.middle
         rate = pendulum_rate(self._height)
         capture = place + dynamics.centre_velocity / rate
         pressure = (1.0 + config.capture_gain) * capture

@@ -51,7 +51,7 @@ class Step:
             )
         self._side = np.sign(rest.foot[:, 1])  # +1 of the left foot
         self._default = robot.default_pose
-        self._height = float((rest.centre - rest.foot.mean(axis=0))[2]) - config.lower_m
+        self._height = float((rest.centre - rest.middle)[2]) - config.lower_m
         self._fall_rate = pendulum_rate(self._height)
         points = np.bincount(body.foot_of_point)
         self._most_force = (config.most_force * body.weight_n / points)[body.foot_of_point]
@@ -60,7 +60,7 @@ class Step:
 
     def reset(self, observation: Observation) -> None:
         dynamics = observed(self.control.body, observation)
-        self._begin(float((dynamics.centre - dynamics.foot.mean(axis=0))[2]))
+        self._begin(float((dynamics.centre - dynamics.middle)[2]))
 
     def _begin(self, height: float) -> None:
         self.control.reset()
@@ -97,7 +97,7 @@ class Step:
             self._land(dynamics, self._command.wants_walk(observation.command))
         match self.phase:
             case Phase.STAND:
-                pressure = self._both_press(dynamics, capture, dynamics.foot.mean(axis=0)[:2])
+                pressure = self._both_press(dynamics, capture, dynamics.middle[:2])
             case Phase.SHIFT:
                 pressure = self._both_press(dynamics, capture, self._shifted(dynamics))
             case Phase.STEP:
@@ -123,7 +123,7 @@ class Step:
     # -- standing ------------------------------------------------------------------------------------
 
     def _consider_a_step(self, dynamics: Dynamics, capture: np.ndarray, walk: bool) -> None:
-        middle = dynamics.foot.mean(axis=0)
+        middle = dynamics.middle
         away = capture[:2] - middle[:2]
         if walk or math.hypot(away[0], away[1]) > self._config.start.capture_m:
             across = dynamics.foot[0] - dynamics.foot[1]
@@ -134,7 +134,7 @@ class Step:
     def _both_press(self, dynamics: Dynamics, capture: np.ndarray, goal: np.ndarray) -> np.ndarray:
         """The centre of pressure (2,) that brings the capture point to a goal (2,)."""
         pressure = capture[:2] + self._config.pressure.gain * (capture[:2] - goal)
-        middle = dynamics.foot.mean(axis=0)[:2]
+        middle = dynamics.middle[:2]
         lead = pressure - middle
         return middle + lead * min(1.0, self._config.pressure.most_lead_m / max(math.hypot(*lead), 1e-9))
 
@@ -144,9 +144,9 @@ class Step:
         begins = math.exp(-self._fall_rate * (gait.step_s - gait.double_support_s))
         to_world = heading_matrix(yaw_of(dynamics.foot_rotation[self._bears]))[:2, :2]
         goal = dynamics.foot[self._bears, :2] + to_world @ (begins * (nominal.place + nominal.offset))
-        goal_along = to_world.T @ (goal - dynamics.foot.mean(axis=0)[:2])
+        goal_along = to_world.T @ (goal - dynamics.middle[:2])
         goal_along[0] = 0.0
-        return dynamics.foot.mean(axis=0)[:2] + to_world @ goal_along
+        return dynamics.middle[:2] + to_world @ goal_along
 
     def _consider_lifting(self, dynamics: Dynamics, capture: np.ndarray) -> None:
         start = self._config.start
@@ -175,7 +175,7 @@ class Step:
         self._bears, self._swings = self._swings, self._bears
         between = dynamics.foot[self._bears] - dynamics.foot[self._swings]
         capture = dynamics.centre + dynamics.centre_velocity / self._fall_rate
-        away = capture[:2] - dynamics.foot.mean(axis=0)[:2]
+        away = capture[:2] - dynamics.middle[:2]
         ahead = heading_matrix(yaw_of(dynamics.foot_rotation[self._bears]))[:2, 0]
         calm = abs(away @ ahead) < config.start.capture_m and abs(between[:2] @ ahead) < config.start.near_m
         if walk or not calm:

@@ -118,8 +118,8 @@ class WholeBodyControl:
         if solution is None:
             return self._without_solution(joint_position)
         self._lapsed_s = 0.0
-        torque = meaning.torque @ solution + meaning.torque_offset
-        acceleration = meaning.acceleration[-len(torque) :] @ solution
+        torque = meaning.torque.dot(solution) + meaning.torque_offset
+        acceleration = meaning.acceleration[-len(torque) :].dot(solution)
         self._integrate(acceleration, joint_position, joint_velocity)
         self._torque = torque + self._friction(self._velocity)
         assert self._position is not None

@@ -13,9 +13,11 @@ from footfall.common.errors import UserError
 from footfall.common.rotations import skews
 from footfall.robots.description import Robot, load_spec
 from footfall.robots.feet import foot_geoms
+from footfall.robots.model import as_slice
 
 BASE = 6  # degrees of freedom of the base
 DOWN = np.array([0.0, 0.0, -1.0])
+_ONES = np.ones((3, 1))
 
 
 class Motion(NamedTuple):
@@ -44,6 +46,7 @@ class Dynamics(NamedTuple):
     point_jacobian: np.ndarray  # (points, 3, nv)
     point_drift: np.ndarray  # (points, 3) m/s^2
     foot: np.ndarray  # (feet, 3) m, middle of each foot's points
+    middle: np.ndarray  # (3,) m, of the feet
     foot_rotation: np.ndarray  # (feet, 3, 3) to the world; of a level robot in its default pose: the identity
     foot_jacobian: np.ndarray  # (feet, 6, nv), linear above angular
     foot_drift: np.ndarray  # (feet, 6) m/s^2 and rad/s^2
@@ -71,17 +74,18 @@ class WholeBody:
         joints = [model.joint(name).id for name in robot.joint_names]
         self._base = int(base.id)
         self._quaternion = slice(start + 3, start + 7)
-        self._positions = model.jnt_qposadr[joints]
-        self._order = np.concatenate([np.arange(speed, speed + BASE), model.jnt_dofadr[joints]])
+        self._positions = as_slice(model.jnt_qposadr[joints])
+        self._order = as_slice(np.concatenate([np.arange(speed, speed + BASE), model.jnt_dofadr[joints]]))
         geoms = foot_geoms(model, robot.description)
         self._geoms = np.concatenate(geoms)
         self.foot_of_point = np.repeat(np.arange(len(geoms)), [len(each) for each in geoms])
         self.feet, self.points = len(geoms), len(self._geoms)
-        self._radius = model.geom_size[self._geoms, 0][:, None]
+        self._below = model.geom_size[self._geoms, 0][:, None] * DOWN
         self._bodies = [int(model.geom_bodyid[each[0]]) for each in geoms]
         share = np.zeros((self.feet, self.points))
         share[self.foot_of_point, np.arange(self.points)] = 1.0
         self._middle = share / share.sum(axis=1, keepdims=True)
+        self._even = np.full(self.feet, 1.0 / self.feet)
         self.total_mass = float(model.body_mass.sum())
         self.weight_n = self.total_mass * float(-model.opt.gravity[2])
 
@@ -110,23 +114,23 @@ class WholeBody:
         mujoco.mj_rne(model, data, 0, self._bias)
         mujoco.mj_fullM(model, data, self._full)
 
-        points = data.geom_xpos[self._geoms] + self._radius * DOWN
-        foot = self._middle @ points
+        points = data.geom_xpos.take(self._geoms, axis=0) + self._below
+        foot = self._middle.dot(points)
         for place, body, rows, rates in zip(
             foot, self._bodies, self._jacobian, self._jacobian_rate, strict=True
         ):
             mujoco.mj_jac(model, data, rows[:3], rows[3:], place, body)
             mujoco.mj_jacDot(model, data, rates[:3], rates[3:], place, body)
-        jacobian = self._jacobian[:, :, order]
-        drift = self._jacobian_rate[:, :, order] @ velocity
-        spin = jacobian[:, 3:] @ velocity
+        jacobian = self._jacobian[:, :, order].copy()
+        drift = self._jacobian_rate[:, :, order].dot(velocity)
+        spin = jacobian[:, 3:].dot(velocity)
         arm = points - foot[self.foot_of_point]
         of = self.foot_of_point
         turning = -skews(arm)
         return Dynamics(
             velocity,
-            self._full[order[:, None], order],
-            self._bias[order],
+            self._full[order][:, order].copy(),
+            self._bias[order].copy(),
             data.subtree_com[self._base].copy(),
             data.subtree_linvel[self._base].copy(),
             data.subtree_angmom[self._base].copy(),
@@ -134,6 +138,7 @@ class WholeBody:
             jacobian[of, :3] + turning @ jacobian[of, 3:],
             drift[of, :3] + (turning @ drift[of, 3:, None])[:, :, 0] + _centripetal(spin[of], arm),
             foot,
+            self._even.dot(foot),
             data.xmat[self._bodies].reshape(-1, 3, 3) @ self._level,
             jacobian,
             drift,
@@ -142,5 +147,4 @@ class WholeBody:
 
 def _centripetal(spin: np.ndarray, arm: np.ndarray) -> np.ndarray:
     """spin x (spin x arm), each (k, 3)."""
-    along = np.sum(spin * arm, axis=1, keepdims=True)
-    return spin * along - arm * np.sum(spin * spin, axis=1, keepdims=True)
+    return spin * (spin * arm).dot(_ONES) - arm * (spin * spin).dot(_ONES)

@@ -32,7 +32,7 @@ class Feedback:
 def observed(body: WholeBody, observation: Observation) -> Dynamics:
     """The dynamics of a robot that moves as observed."""
     sensed = observation.sensed
-    velocity = rotation_matrix(sensed.quaternion) @ observation.base_velocity
+    velocity = rotation_matrix(sensed.quaternion).dot(observation.base_velocity)
     return body.update(
         Motion(sensed.quaternion, velocity, sensed.gyro, sensed.joint_position, sensed.joint_velocity)
     )
@@ -56,5 +56,5 @@ def base_tilt(quaternion: np.ndarray, dynamics: Dynamics) -> np.ndarray:
     """
     rotation = rotation_matrix(quaternion)
     up = rotation[2]
-    forward = dynamics.foot_rotation[:, :, 0].mean(axis=0) @ rotation  # the feet's, in the body frame
+    forward = dynamics.foot_rotation[:, :, 0].sum(axis=0).dot(rotation)  # the feet's, in the body frame
     return np.array([up[1], -up[0], -math.atan2(forward[1], forward[0])])

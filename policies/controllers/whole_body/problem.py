@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from footfall.common.config import require_not_negative, require_positive
+from footfall.common.linear import solve
 from footfall.common.rotations import skews
 from footfall.policies.controllers.whole_body.dynamics import BASE, Dynamics
 
@@ -146,12 +147,12 @@ class Programmes:
         right[:, :forces] = jacobian[:, :BASE].T
         right[:, forces:-1] = -dynamics.mass[:BASE, BASE:]
         right[:, -1] = -dynamics.bias[:BASE]
-        base = np.linalg.solve(dynamics.mass[:BASE, :BASE], right)
+        base = solve(dynamics.mass[:BASE, :BASE], right)
         acceleration = pattern.unit.copy()
         acceleration[:BASE] = base[:, :-1]
         offset = np.zeros(BASE + n)
         offset[:BASE] = base[:, -1]
-        torque = dynamics.mass[BASE:, :BASE] @ base
+        torque = dynamics.mass[BASE:, :BASE].dot(base)
         torque_offset = torque[:, -1] + dynamics.bias[BASE:]
         torque = torque[:, :-1]
         torque[:, forces:] += dynamics.mass[BASE:, BASE:]
@@ -160,7 +161,7 @@ class Programmes:
         matrix, aim = self._least_squares(dynamics, wanted, pattern, jacobian, acceleration, offset)
         hessian = matrix.T @ matrix
         hessian.flat[:: forces + n + 1] += pattern.damping
-        gradient = -(aim @ matrix)
+        gradient = -aim.dot(matrix)
         gradient[forces:] -= self._weights.posture * wanted.joints
 
         most = most_force[standing]
@@ -187,10 +188,10 @@ class Programmes:
         tasks = 6 * len(swinging)
         matrix = np.empty((forces + 3 + tasks + 6, acceleration.shape[1]))
         aim = np.empty(len(matrix))
-        slowing = self._contact.damping_s * (jacobian @ dynamics.velocity)
+        slowing = self._contact.damping_s * jacobian.dot(dynamics.velocity)
         drift = dynamics.point_drift[pattern.standing].ravel()
-        matrix[:forces] = contact * (jacobian @ acceleration)
-        aim[:forces] = -contact * (drift + slowing + jacobian @ offset)
+        np.multiply(jacobian.dot(acceleration), contact, out=matrix[:forces])
+        aim[:forces] = -contact * (drift + slowing + jacobian.dot(offset))
         turning = slice(forces, forces + 3)
         matrix[turning] = attitude * acceleration[3:BASE]
         aim[turning] = attitude * (wanted.attitude - offset[3:BASE])
