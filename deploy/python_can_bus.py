@@ -28,6 +28,9 @@ MOST_FAILURES_AT_ONCE = (
 )
 STATE_EVERY_S = 0.1  # how often a controller is asked for its state
 FILTERING = ("socketcan",)  # interfaces that filter before a frame reaches the process
+# Interfaces that keep our own frames back. What python-can calls received there is what came from another
+# machine: a motor simulated on this one, behind `vcan`, sends frames that are not.
+WITHOUT_ECHO = ("socketcan",)
 
 
 def interfaces() -> list[str]:
@@ -72,6 +75,7 @@ class PythonCanBus:
         self._free_at = [0.0] * len(names)
         self._statistics = [BusStatistics(name) for name in names]
         self._wanted = [(f["can_id"] | f["extended"] * EXTENDED, f["can_mask"] | EXTENDED) for f in filters]
+        self._may_echo = interface not in WITHOUT_ECHO
         self._faults = [""] * len(names)
         self._received_s = self._looked_s = time.monotonic()
         self._buses: list[Any] = []
@@ -163,7 +167,8 @@ class PythonCanBus:
                 if message.is_error_frame:
                     self._note_error(channel, message)
                     continue
-                frame = _plain_frame(message)
+                echo = self._may_echo and not message.is_rx
+                frame = None if echo else _plain_frame(message)
             except Exception:  # an interface that fails, or a datagram of somebody else's making
                 failures += 1
                 if failures >= MOST_FAILURES_AT_ONCE:
@@ -197,12 +202,12 @@ class PythonCanBus:
 
 
 def _plain_frame(message: Any) -> tuple[int, bytes, float] | None:
-    """Identifier, bytes and Unix time of arrival of a data frame from another node; None for anything else.
+    """Identifier, bytes and Unix time of arrival of a data frame; None for anything else.
 
     Raises:
         TypeError: what came is no frame.
     """
-    if message.is_remote_frame or not message.is_rx:
+    if message.is_remote_frame:
         return None
     data = bytes(message.data)
     identifier = operator.index(message.arbitration_id) | bool(message.is_extended_id) * EXTENDED

@@ -962,7 +962,7 @@ class TestPythonCanBus:
 
     def test_plain_frames_of_all_buses_come_in_one_batch(self, can: FakeCan) -> None:
         everything = ({"can_id": 0, "can_mask": 0, "extended": False},)
-        bus = PythonCanBus("socketcan", ("can0", "can1"), everything)
+        bus = PythonCanBus("udp_multicast", ("can0", "can1"), everything)
         can.waiting = {
             0: [
                 received(5, b"\x01\x02"),
@@ -991,6 +991,16 @@ class TestPythonCanBus:
         ]
         assert [s.frames_received for s in bus.statistics()] == [3, 1]
         assert bus.receive(0) == []
+
+    def test_frames_of_another_process_on_this_machine_count_where_our_own_are_kept_back(
+        self, can: FakeCan
+    ) -> None:
+        """SocketCAN marks what any process of this host sent, as on vcan, like what we sent ourselves."""
+        everything = ({"can_id": 0, "can_mask": 0, "extended": False},)
+        bus = PythonCanBus("socketcan", ("can0",), everything)
+        can.waiting = {0: [received(5, b"theirs", is_rx=False)]}
+        (batch,) = bus.receive(0)
+        assert batch.id.tolist() == [5]
 
     def test_identifiers_of_29_bits_go_out_and_come_in_as_such(self, can: FakeCan) -> None:
         wanted = ({"can_id": 0x0200_0000, "can_mask": 0x1F00_0000, "extended": True},)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from deploy_policies import Hold, stand_still
-from test_deploy_parts import FrameRobot
+from test_deploy_parts import FrameRobot, Notebook
 
 from footfall.common.errors import UserError
 from footfall.deploy import session
@@ -117,7 +117,11 @@ def test_only_a_run_by_the_wall_clock_is_left_undisturbed_at_its_priority(
     monkeypatch.setattr(session, "undisturbed", undisturbed)
     config = DeployConfig(stand_s=0.01, realtime_priority=42, safety=SafetyConfig(damping_s=0.0))
     run = Session(stand_still, 0.004, realtime, config=config)
+    log = Notebook()
+    log.close = lambda: ""  # type: ignore[attr-defined]
+    monkeypatch.setattr(session, "_open_log", lambda *_: log)
     outcome = session.run_session(go1, Hold(go1), FrameRobot(go1), run)  # type: ignore[arg-type]
+    assert log.of("note") == ([(0, "not permitted")] if realtime else [])
     assert asked == ([42, "over"] if realtime else [])
     assert outcome.notes == (("not permitted",) if realtime else ())
 
