@@ -16,6 +16,7 @@ from footfall.deploy.bus import Bus
 from footfall.deploy.clock import Clock
 from footfall.deploy.commands import CommandLimits
 from footfall.deploy.config import DeployConfig
+from footfall.deploy.deadline import Arm, OverdueError, unarmed
 from footfall.deploy.drivers.driver import Driver
 from footfall.deploy.estimation.odometry import Odometry
 from footfall.deploy.frames import Frames
@@ -31,6 +32,7 @@ from footfall.robots.description import Robot
 
 Command = Callable[[float], np.ndarray]  # time since walking began, s, to (3,)
 ODOMETRY_EVERY_US = 20_000  # for the log
+OFF_US = 100_000  # how long motors are asked to switch off
 UNKNOWN = (np.full(3, np.nan), math.nan)  # velocity and height that nobody estimates
 
 
@@ -88,6 +90,9 @@ class ControlLoop:
         contract = policy.contract
         self._command_limits = CommandLimits(None if contract is None else contract.commands)
         self.log: Log | None = None
+        self.arm: Arm = unarmed  # sets a deadline for the policy
+        self.heartbeat_s = math.inf  # when the last tick began, by `time.perf_counter`
+        self.taken_over: Callable[[], bool] = lambda: False  # whether somebody else has the robot in hand
         self._robot = robot
         self._default_pose = robot.default_pose
         self._places = [wiring.place(joint) for joint in range(len(robot.joint_names))]
@@ -112,6 +117,7 @@ class ControlLoop:
         self.estimate = UNKNOWN
         self.base_state: Callable[[], tuple[np.ndarray, float]] | None = None  # instead of an estimate
         self.asked_command = np.zeros(3)  # of the last policy step
+        self.silent_at_the_end: list[str] = []  # motors that did not answer when they were switched off
         self._logged_notes: set[str] = set()
         self.walked_s = 0.0  # once the robot walks no more
         self._begun_us = 0
@@ -174,7 +180,10 @@ class ControlLoop:
         Whatever goes wrong in it, the robot is damped, and only then switched off.
         """
         before_us, self.now_us = self.now_us, self._clock.next_tick()
-        started = time.perf_counter()
+        if self.taken_over():
+            self._stand_back()
+            return False
+        started = self.heartbeat_s = time.perf_counter()
         try:
             self._act(self.now_us - before_us)
         except Exception as error:
@@ -230,9 +239,36 @@ class ControlLoop:
             with suppress(Exception):
                 self.log.state(self.now_us, self.state)
 
+    def _stand_back(self) -> None:
+        """The end of a run that a guard had to end: the robot was damped, and its motors are off."""
+        if self.state.mode is Mode.WALKING:
+            self.walked_s = self.walking_s
+        fault = "the loop did not come back in time: a guard damped the robot and switched its motors off"
+        self.state = State(Mode.ESTOP, self.now_us * 1e-6, (*self.state.faults, fault), over=True)
+        if self.log is not None:
+            self.log.state(self.now_us, self.state)
+
+    def damp(self) -> None:
+        """Send damping frames, whatever happened before."""
+        self._bus.send(self._last_resort, self.now_us)
+
     def shut_down(self) -> None:
-        """Switch the motors off at once, whatever happened before."""
-        self._bus.send(self._driver.disable(), self.now_us)
+        """Switch the motors off, whatever happened before: again and again, until each has answered.
+
+        What a motor says two ticks after the first request is the answer to one, since nothing else is asked.
+        Ends after `OFF_US`; a motor that has not answered by then is in `silent_at_the_end`.
+        """
+        began_us = now_us = self._clock.next_tick()
+        while now_us - began_us <= OFF_US:
+            with suppress(Exception):
+                self._joints.absorb(self._bus.receive(now_us), now_us)
+            waiting = np.flatnonzero(self._joints.last_heard().motor_us < began_us + 2 * self._tick_us)
+            self.silent_at_the_end = [self._places[joint] for joint in waiting]
+            if not self.silent_at_the_end:
+                return
+            with suppress(Exception):
+                self._bus.send(self._driver.disable(), now_us)
+            now_us = self._clock.next_tick()
 
     # -- what goes out -------------------------------------------------------------------------------
 
@@ -258,20 +294,21 @@ class ControlLoop:
         """One policy step, timed."""
         now_us = self.now_us
         started = time.perf_counter()
+        limit_s = self._config.safety.late_limit_s
         try:
-            time_s = (now_us - self._begun_us) * 1e-6
-            self.asked_command = np.asarray(self._command(time_s), dtype=float)
-            command = self._command_limits.apply(self.asked_command)
-            velocity, height = self.estimate
-            observation = Observation(time_s, self.sensed, command, velocity, height)
-            if self._decision is None:
-                self._policy.reset(observation)
-            wanted = self._checked(self._policy.act(observation))
-            decision = JointCommand(*wanted)
-            self._decision_finite = math.isfinite(np.add.reduce(wanted, axis=None))
+            try:
+                self.arm(limit_s)
+                observation, wanted = self._decided(now_us)
+            finally:
+                self.arm(0.0)
+        except OverdueError:
+            self._policy_error = f"the policy ran late: no decision within {limit_s * 1e3:.0f} ms"
+            return
         except Exception as error:  # whatever a policy raises, the robot has to be damped
             self._policy_error = f"the policy failed: {type(error).__name__}: {error}"
             return
+        decision = JointCommand(*wanted)
+        self._decision_finite = math.isfinite(np.add.reduce(wanted, axis=None))
         took_s = time.perf_counter() - started
         self.observation, self._decision, self._wanted = observation, decision, wanted
         self.timing.policy_ms.add(took_s * 1e3)
@@ -286,6 +323,17 @@ class ControlLoop:
                 if note not in self._logged_notes:
                     self.log.note(now_us, note)
                     self._logged_notes.add(note)
+
+    def _decided(self, now_us: int) -> tuple[Observation, np.ndarray]:
+        """What the policy is shown, and what it makes of that (5, n)."""
+        time_s = (now_us - self._begun_us) * 1e-6
+        self.asked_command = np.asarray(self._command(time_s), dtype=float)
+        command = self._command_limits.apply(self.asked_command)
+        velocity, height = self.estimate
+        observation = Observation(time_s, self.sensed, command, velocity, height)
+        if self._decision is None:
+            self._policy.reset(observation)
+        return observation, self._checked(self._policy.act(observation))
 
     def _checked(self, decision: JointCommand) -> np.ndarray:
         """A copy of a decision, (5, n). Raises ValueError for one of a wrong shape."""

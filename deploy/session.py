@@ -15,11 +15,13 @@ from footfall.common.errors import UserError
 from footfall.deploy.bus import Bus, BusStatistics
 from footfall.deploy.clock import Clock, LockstepClock, WallClock, undisturbed
 from footfall.deploy.config import DeployConfig
+from footfall.deploy.deadline import deadlines, unarmed
 from footfall.deploy.drivers import imu
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.drivers.driver import Driver
 from footfall.deploy.estimation.config import EstimatorConfig
 from footfall.deploy.frames import BITRATE
+from footfall.deploy.guard import Guard
 from footfall.deploy.loop import Command, ControlLoop, Estimator
 from footfall.deploy.safety import Mode
 from footfall.deploy.wiring import Wiring, wire
@@ -30,6 +32,7 @@ if TYPE_CHECKING:
     from footfall.deploy.log import McapLog
 
 LONGEST_S = 86400.0
+GUARD_SHARE = 1.2  # of the time after which the loop itself would call it a fault
 # Ctrl-C, a polite kill, a terminal that goes away (a dropped SSH), Ctrl-\\
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 
@@ -125,7 +128,8 @@ def run_session(
                 for note in refused:
                     log.note(0, note)
             try:
-                _drive(loop, session.duration_s, each_tick)
+                with _watched(loop, session):
+                    _drive(loop, session.duration_s, each_tick)
             finally:
                 loop.shut_down()
         wall_s = time.perf_counter() - started
@@ -139,7 +143,7 @@ def run_session(
             compute_ms=loop.timing.policy_ms.values(),
             timing=loop.timing.summary() | {"ticks_skipped": float(loop.ticks_skipped)},
             buses=tuple(bus.statistics()),
-            notes=(*refused, *loop.notes, *filter(None, [lacking])),
+            notes=(*refused, *loop.notes, *filter(None, [lacking]), *_unheard(loop)),
         )
 
 
@@ -186,6 +190,30 @@ def _open_log(robot: Robot, policy: Policy, session: Session, resources: ExitSta
     log = McapLog(session.log, robot, policy, facts, start_ns, may_wait=not session.realtime)
     resources.callback(log.close)
     return log
+
+
+@contextmanager
+def _watched(loop: ControlLoop, session: Session) -> Iterator[None]:
+    """By the wall clock, a policy has a deadline, and the loop a guard."""
+    if not session.realtime:
+        yield
+        return
+    safety = session.config.safety
+    limit_s = GUARD_SHARE * max(safety.late_limit_s, safety.pause_limit_s)
+    with deadlines() as arm:
+        loop.arm = arm
+        guard = Guard(lambda: loop.heartbeat_s, loop.damp, loop.shut_down, limit_s, safety.damping_s)
+        loop.taken_over = guard.taken_over.is_set
+        try:
+            yield
+        finally:
+            guard.close()
+            loop.arm = unarmed
+
+
+def _unheard(loop: ControlLoop) -> list[str]:
+    motors = loop.silent_at_the_end
+    return [f"no answer to being switched off from {', '.join(motors)}"] if motors else []
 
 
 @contextmanager

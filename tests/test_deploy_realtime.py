@@ -137,7 +137,7 @@ class TestSimulatedBus:
         policy = Spoilt(go1, 0.1, slow)
         trace = run_episode(go1, policy, short_episode(realtime=True, config=UNHURRIED))
         assert trace.final_state == "ESTOP"
-        assert "ran late: one step took" in trace.faults[0]
+        assert "ran late: no decision within 100 ms" in trace.faults[0]
 
     def test_a_policy_that_is_always_a_little_late_is_stopped_too(self, go1: Robot) -> None:
         policy = Spoilt(go1, 0.1, partial(slow, seconds=0.03))

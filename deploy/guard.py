@@ -1,0 +1,76 @@
+"""A thread that brings the robot to rest when the loop's own thread does not come back.
+
+A deadline (`deploy/deadline.py`) interrupts Python. Code outside it that never returns, as a driver that
+waits for ever does, is left to this thread: it damps the robot and switches its motors off. It needs Python's
+lock: what keeps that is left to the motors' own time-out.
+"""
+
+import os
+import sys
+import threading
+import time
+from collections.abc import Callable
+
+PATIENCE_S = 1.0  # for the loop's thread to end the process itself, once the motors are off
+EVERY_S = 0.01  # between two looks, and between two frames
+
+
+class Guard(threading.Thread):
+    """Watches a heart that beats once a tick."""
+
+    def __init__(
+        self,
+        heartbeat: Callable[[], float],
+        damp: Callable[[], None],
+        off: Callable[[], None],
+        limit_s: float,
+        damping_s: float,
+        end: Callable[[int], None] = os._exit,
+    ) -> None:
+        """Start watching.
+
+        Args:
+            heartbeat: when the loop last began a tick, by `time.perf_counter`, s.
+            damp: sends one damping command.
+            off: switches the motors off.
+            limit_s: how long the loop may stay away.
+            damping_s: how long to damp before the motors are switched off.
+            end: ends a process whose loop never came back.
+        """
+        super().__init__(name="guard", daemon=True)
+        self._heartbeat, self._damp, self._off, self._end = heartbeat, damp, off, end
+        self._limit_s, self._damping_s = limit_s, damping_s
+        self._done = threading.Event()
+        self.taken_over = threading.Event()
+        self.start()
+
+    def close(self) -> None:
+        """The run is over."""
+        self._done.set()
+        self.join()
+
+    def run(self) -> None:
+        while not self._done.wait(EVERY_S):
+            if time.perf_counter() - self._heartbeat() > self._limit_s:
+                self._take_over()
+                return
+
+    def _take_over(self) -> None:
+        self.taken_over.set()
+        until = time.perf_counter() + self._damping_s
+        while time.perf_counter() < until:
+            _try(self._damp)
+            time.sleep(EVERY_S)
+        _try(self._off)
+        if self._done.wait(PATIENCE_S):
+            return
+        print("the control loop did not come back: robot damped, motors off", file=sys.stderr, flush=True)
+        self._end(1)
+
+
+def _try(act: Callable[[], None]) -> None:
+    """Whatever fails, the next one is tried."""
+    try:
+        act()
+    except Exception as error:
+        print(f"guard: {type(error).__name__}: {error}", file=sys.stderr, flush=True)
