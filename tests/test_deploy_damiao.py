@@ -233,7 +233,15 @@ class TestRobots:
 
 @pytest.mark.parametrize(
     "models",
-    [("AK70-10", "AK80-9"), ("DM4310", "DM8009"), ("RS00", "RS03"), ("AK80-9", "RS03"), ("DM4310", "RS00")],
+    [
+        ("AK70-10", "AK80-9"),
+        ("DM4310", "DM8009"),
+        ("RS00", "RS03"),
+        ("AK80-9", "RS03"),
+        ("DM4310", "RS00"),
+        ("ODrive", "ODrive"),
+        ("ODrive", "DM4310"),
+    ],
 )
 def test_whatever_comes_nothing_raises_and_readings_stay_in_range(models: tuple[str, str]) -> None:
     """20,000 frames: identifiers of every kind on both buses, some as long as they should be."""
@@ -241,7 +249,21 @@ def test_whatever_comes_nothing_raises_and_readings_stay_in_range(models: tuple[
     driver, end = open_driver(wiring), open_motor_end(wiring)
     rng = np.random.default_rng(1)
     count = 100
-    kinds = np.array([0x000, 0x103, 0x203, 0x003, 0x7FF, 1 << 31 | 0x028003FD, 1 << 31 | 0x110003FD])
+    kinds = np.array(
+        [
+            0x000,
+            0x103,
+            0x203,
+            0x003,
+            0x061,
+            0x069,
+            0x06E,
+            0x07C,
+            0x7FF,
+            1 << 31 | 0x028003FD,
+            1 << 31 | 0x110003FD,
+        ]
+    )
     most = driver.highest[[0, 1, 4]]
     for _ in range(200):
         near = rng.choice(kinds, count) ^ rng.integers(0, 2, count) * (1 << rng.integers(0, 29, count))
@@ -249,7 +271,7 @@ def test_whatever_comes_nothing_raises_and_readings_stay_in_range(models: tuple[
         data[::3, 0] = rng.choice([3, 0x13, 0x83], len(data[::3]))
         length = np.where(rng.random(count) < 0.7, 8, rng.integers(0, 9, count))
         frames = Frames(rng.integers(0, 2, count), near, data, length)
-        motor, values, temperature, error = driver.replies(frames)
+        motor, values, error, temperature, *_ = driver.replies(frames)
         assert values.shape == (3, len(temperature)) == (3, len(error))
         assert np.all(np.abs(values) <= most[:, motor] * (1 + 1e-9))
         end.requests(frames)

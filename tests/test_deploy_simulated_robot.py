@@ -49,10 +49,11 @@ class Bench:
             if frames.id[0] in imu.IDS:
                 self.imu = {int(i): d.tobytes() for i, d in zip(frames.id, frames.data, strict=True)}
                 continue
-            motor, values, _, error = self.driver.replies(frames)
-            self.position[motor], self.velocity[motor], _ = values
-            self.error[motor] = error
-            self.replies += len(error)
+            replies = self.driver.replies(frames)
+            motor = replies.motor
+            self.position[motor], self.velocity[motor], _ = replies.values
+            self.error[motor] = replies.error
+            self.replies += len(replies.error)
 
     def enter(self) -> None:
         self.tick(mit.special(mit.ENTER, len(self.position)))

@@ -38,7 +38,7 @@ from footfall.plant.trace import Recorder
 from footfall.plant.wires import Side, SimulatedWires
 from footfall.robots.actuator import JointCommand, Motor, friction_torque, motor_torque
 from footfall.robots.description import Robot, load_robot
-from footfall.robots.model import as_slice, joint_addresses
+from footfall.robots.model import as_slice, joint_addresses, read_plant
 
 ORDER = [7, 2, 11, 0, 5, 9, 4, 1, 10, 3, 8, 6]  # of the joints, none where it was nor beside its neighbour
 
@@ -163,8 +163,7 @@ class TestTruth:
         body.data.qpos[9] += 0.2  # one foot is higher than the others
         mujoco.mj_forward(body.model, body.data)
         above = 7.0 - body.truth().foot_position[:, 2].min()
-        plant = SimpleNamespace(**body._ground_truth._plant._asdict())
-        truth = GroundTruth(plant, body.data, body._layout, above / share)  # type: ignore[arg-type]
+        truth = GroundTruth(read_plant(go1, None), body.data, body._layout, above / share)
         assert truth.fall() == ("the base sank to the height of the feet" if sunk else None)
 
     def test_only_the_base_may_not_touch_the_ground(self, go1: Robot) -> None:

@@ -95,7 +95,8 @@ def node_lookup(wiring: Wiring) -> np.ndarray:
 
 def floats(data: np.ndarray) -> np.ndarray:
     """The two numbers in each of k frames (k, 8), as (2, k)."""
-    return np.ascontiguousarray(data).view(_FLOATS).T.astype(float)
+    with np.errstate(invalid="ignore"):  # other makers' frames are looked at, too, and hold anything
+        return np.ascontiguousarray(data).view(_FLOATS).T.astype(float)
 
 
 def error_code(bits: np.ndarray) -> np.ndarray:
