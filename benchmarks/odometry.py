@@ -220,7 +220,7 @@ def write(rows: list[dict[str, Any]]) -> None:
 
 
 def plot(walks: list[dict[str, Any]], path: Path) -> None:
-    """Drift of every walk by policy, and one rectangle of each robot."""
+    """Drift of every walk by policy, and one walk of each robot on the last course."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -241,7 +241,7 @@ def plot(walks: list[dict[str, Any]], path: Path) -> None:
     left.legend(fontsize=8)
     shown: set[str] = set()
     for walk in walks:
-        if walk["path"] != "rectangle" or walk["plant"] != "nominal" or walk["fell"]:
+        if walk["path"] != walks[-1]["path"] or walk["plant"] != walks[0]["plant"] or walk["fell"]:
             continue
         if walk["robot"] in shown:
             continue
