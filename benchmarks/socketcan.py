@@ -1,0 +1,268 @@
+"""The simulated robot as one process, `footfall deploy --bus socketcan` as another, faults between them.
+
+    python benchmarks/socketcan.py [--rows walk motor_silent ...] [--out FOLDER]
+
+Needs the interfaces that the robot's `robot.yaml` names, up, and nothing else on them:
+
+    for bus in can0 can1 can2 can3; do ip link add $bus type vcan; ip link set $bus up; done
+
+as root. A machine whose kernel has no CAN borrows one: `benchmarks/socketcan_qemu.py`. Each row of the table
+below ends in a JSON object on a line of its own, with what the controller said and what the motors did;
+`candump` logs all frames to --out. Exit status 1 if a row ended not as it has to.
+"""
+
+import argparse
+import json
+import signal
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+ORDERLY, ESTOP, KILLED = "IDLE", "ESTOP", ""
+LONGEST_S = 300.0  # a slow machine imports for a long time
+LONGEST_START_S = 30.0  # the robot is started once the controller asks for it
+MOTORS_TIME_OUT_S = 0.5  # is over by then
+
+
+@dataclass(frozen=True)
+class Row:
+    """One thing that happens, and how the run has to end."""
+
+    final_state: str
+    fault: str = ""  # has to be part of what the controller says
+    to_robot: str = ""  # a fault of `inject`
+    to_controller: int = 0  # a signal
+    to_system: tuple[str, ...] = ()  # a command
+
+
+ROWS = {
+    "walk": Row(ORDERLY),
+    "motor_silent": Row(ESTOP, "no reply from", to_robot="motor_silent"),
+    "motor_error": Row(ESTOP, "reports", to_robot="motor_error"),
+    "imu_silent": Row(ESTOP, "no new IMU reading", to_robot="imu_silent"),
+    "bus_down": Row(ESTOP, "", to_system=("ip", "link", "set", "can1", "down")),
+    "sigterm": Row(ORDERLY, to_controller=signal.SIGTERM),
+    "sighup": Row(ORDERLY, to_controller=signal.SIGHUP),
+    "sigkill": Row(KILLED, to_controller=signal.SIGKILL),
+}
+
+
+def inject(fault: str, body: Any) -> None:
+    """Let something go wrong with the simulated robot."""
+    if fault == "motor_silent":
+        body.faults.motors.silent[4] = True
+    elif fault == "motor_error":
+        body.faults.motors.error[7] = 1
+    elif fault == "imu_silent":
+        body.faults.imu_silent = True
+
+
+def robot(name: str, bus: str, slow: bool) -> None:
+    """The robot's process: one simulated robot after another, as lines of input say.
+
+    `start` puts a robot on the bus, `stop` takes it away, anything else is a fault. Prints a JSON object
+    whenever motors were switched on or off.
+    """
+    import footfall.plant.robot as robot_module
+    import footfall.plant.serve as serve_module
+    import footfall.robots.model as model_module
+    from footfall.robots.description import load_robot
+
+    if slow:
+        robot_module.IMU_PERIOD_S, model_module.PLANT_TIMESTEP_S, serve_module.PERIOD_US = 0.01, 0.002, 2000
+    description = load_robot(name)
+    for line in sys.stdin:
+        if line.strip() == "start":
+            with serve_module.serving(description, bus) as body:
+                say(ready=True)
+                ended = threading.Event()
+                watcher = threading.Thread(target=watch, args=(body, ended))
+                watcher.start()
+                for order in sys.stdin:
+                    if order.strip() == "stop":
+                        break
+                    inject(order.strip(), body)
+                ended.set()
+                watcher.join()
+            say(stopped=True)
+
+
+def watch(body: Any, ended: threading.Event) -> None:
+    """Tell of motors that are switched on or off."""
+    before = -1
+    while not ended.wait(0.005):
+        on = int(body.motors_on.sum())
+        if on != before:
+            say(motors_on=on)
+            before = on
+
+
+def say(**content: Any) -> None:
+    print(json.dumps({"at_s": time.monotonic(), **content}), flush=True)
+
+
+def progress(text: str) -> None:
+    print(f"{time.monotonic():.1f} s: {text}", file=sys.stderr, flush=True)
+
+
+class Robot:
+    """The robot's process, seen from outside."""
+
+    def __init__(self, name: str, bus: str, slow: bool) -> None:
+        command = [sys.executable, __file__, "--robot", name, "--as-robot", "--bus", bus]
+        command += ["--slow"] if slow else []
+        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        self.said: list[dict[str, Any]] = []
+        threading.Thread(target=self._listen, daemon=True).start()
+
+    def _listen(self) -> None:
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            self.said.append(json.loads(line))
+
+    def start(self) -> None:
+        """Put a new robot on the bus."""
+        self.said.clear()
+        self.order("start")
+        self.wait_for("ready")
+
+    def stop(self) -> None:
+        """Take it away."""
+        self.order("stop")
+        self.wait_for("stopped")
+
+    def order(self, line: str) -> None:
+        assert self._process.stdin is not None
+        self._process.stdin.write(line + "\n")
+        self._process.stdin.flush()
+
+    def wait_for(self, what: str) -> None:
+        """Wait until the robot says something that is not nothing."""
+        deadline = time.monotonic() + LONGEST_S
+        while not any(each.get(what) for each in list(self.said)):
+            if time.monotonic() > deadline:
+                sys.exit(f"the robot does not say '{what}'")
+            time.sleep(0.02)
+
+    def off_at(self, after_s: float) -> float | None:
+        """When the last motor was switched off, after a moment."""
+        times = [e["at_s"] for e in self.said if e.get("motors_on") == 0 and e["at_s"] > after_s]
+        return times[0] if times else None
+
+
+def run(name: str, body: Robot, options: argparse.Namespace) -> dict[str, Any]:
+    """One row: a robot on the bus, the controller, the fault, the end."""
+    row, out = ROWS[name], options.out
+    result = out / f"{name}.json"
+    dump = start_dump(out / f"{name}.candump") if options.bus == "socketcan" else None
+    progress(f"{name}: starting the controller")
+    command = [sys.executable, "-m", "footfall", "deploy", options.policy, "--robot", options.robot]
+    command += ["--bus", options.bus, "--duration", str(options.seconds), "--json", str(result)]
+    config = out / "loop.yaml"
+    config.write_text(
+        f"joint_rate_hz: {options.joint_rate}\nsafety: {{start_timeout_s: {LONGEST_START_S}}}\n"
+    )
+    command += ["--config", str(config)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    while dump is not None and not frames_in(out / f"{name}.candump"):  # it asks for the robot
+        if process.poll() is not None:
+            sys.exit(process.communicate()[0])
+        time.sleep(0.05)
+    progress(f"{name}: starting the robot")
+    body.start()
+    body.wait_for("motors_on")
+    happened_at = time.monotonic()
+    progress(f"{name}: motors are on")
+    if name != "walk":
+        time.sleep(options.fault_after)
+        happened_at = time.monotonic()
+        if row.to_robot:
+            body.order(row.to_robot)
+        if row.to_controller:
+            process.send_signal(row.to_controller)
+        if row.to_system:
+            subprocess.run(row.to_system, check=True)
+    progress(f"{name}: waiting for the controller's end")
+    text, _ = process.communicate(timeout=LONGEST_S)
+    time.sleep(MOTORS_TIME_OUT_S)
+    if row.to_system:
+        subprocess.run([*row.to_system[:-1], "up"], check=True)
+    body.stop()
+    frames = None if dump is None else end_dump(dump, out / f"{name}.candump")
+    said = json.loads(result.read_text()) if result.exists() else {}
+    final_state, faults = said.get("final_state", ""), said.get("faults", [])
+    off_at = body.off_at(happened_at)
+    good = (
+        final_state == row.final_state
+        and row.fault in " ".join(faults)
+        and bool(faults) == (row.final_state == ESTOP)
+        and off_at is not None
+    )
+    shown = {
+        "row": name,
+        "as_it_should": good,
+        "exit": process.returncode,
+        "final_state": final_state,
+        "faults": faults,
+        "motors_off_after_s": round(off_at - happened_at, 3) if off_at else None,
+        "frames_seen": frames,
+        "walked_s": said.get("walked_s"),
+        "timing": said.get("timing"),
+    }
+    if not good:
+        shown["output"] = text[-2000:]
+        shown["robot"] = body.said[-20:]
+    return shown
+
+
+def start_dump(path: Path) -> subprocess.Popen[bytes]:
+    """All frames of all interfaces into a file, with times."""
+    with path.open("wb") as file:
+        return subprocess.Popen(["candump", "-L", "any"], stdout=file)
+
+
+def end_dump(dump: subprocess.Popen[bytes], path: Path) -> int:
+    """Ends it; returns how many frames there were."""
+    dump.send_signal(signal.SIGINT)
+    dump.wait(LONGEST_S)
+    return frames_in(path)
+
+
+def frames_in(path: Path) -> int:
+    """How many frames a log of candump's holds."""
+    return path.read_bytes().count(b"\n")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--robot", default="go1")
+    parser.add_argument("--policy", default="go1-flat")
+    parser.add_argument("--rows", nargs="+", choices=ROWS, default=list(ROWS))
+    parser.add_argument("--seconds", type=float, default=5.0, help="of walking")
+    parser.add_argument("--fault-after", type=float, default=3.0, help="seconds after the first motor is on")
+    parser.add_argument("--joint-rate", type=float, default=500.0, help="Hz, of the control loop")
+    parser.add_argument("--bus", default="socketcan", help="udp_multicast tries the rest out without CAN")
+    parser.add_argument("--slow", action="store_true", help="halve the robot's physics, IMU at 100 Hz")
+    parser.add_argument("--out", type=Path, default=Path("socketcan"))
+    parser.add_argument("--as-robot", action="store_true", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.as_robot:
+        robot(options.robot, options.bus, options.slow)
+        return
+    options.out.mkdir(parents=True, exist_ok=True)
+    body, bad = Robot(options.robot, options.bus, options.slow), 0
+    for name in options.rows:
+        shown = run(name, body, options)
+        bad += not shown["as_it_should"]
+        print(json.dumps(shown), flush=True)
+    sys.exit(1 if bad else 0)
+
+
+if __name__ == "__main__":
+    main()

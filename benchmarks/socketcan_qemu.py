@@ -1,0 +1,179 @@
+"""`benchmarks/socketcan.py` in a guest with a Debian kernel that has virtual CAN interfaces.
+
+    apt-get install qemu-system-x86 busybox-static can-utils kmod cpio   # as root
+    python benchmarks/socketcan_qemu.py [--kernel linux-image-….deb] [--rows walk motor_silent ...]
+
+For machines whose own kernel has no CAN. The kernel is a Debian package (without --kernel the present one is
+downloaded by apt-get); the guest's files are this machine's, read-only over 9p, so that the same Python and
+the same footfall run in it. Results, candump's logs and the guest's console are left in --out.
+
+Emulated processors are slow. With `-icount` the guest's clock counts instructions, one a nanosecond: the
+guest is a machine of 1,000 million instructions a second whose time passes more slowly than ours, and its
+deadlines mean what they say. --accel kvm takes the processor's own virtualisation where there is one.
+"""
+
+import argparse
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+MODULES = ("virtio_pci", "9pnet_virtio", "9p", "vcan", "can_raw")
+BUSES = ("can0", "can1", "can2", "can3")
+NEEDED = ("qemu-system-x86_64", "busybox", "depmod", "modprobe", "cpio", "dpkg-deb")
+
+INIT = """#!/bin/busybox sh
+/bin/busybox --install -s /bin
+mount -t proc proc /proc
+mount -t sysfs sys /sys
+mount -t devtmpfs dev /dev
+{modules}
+mount -t 9p -o trans=virtio,version=9p2000.L,msize=1048576,cache=loose,ro root /root
+mount -t proc proc /root/proc
+mount -t sysfs sys /root/sys
+mount -t devtmpfs dev /root/dev
+mkdir -p /root/dev/shm
+mount -t tmpfs tmpfs /root/dev/shm
+mount -t 9p -o trans=virtio,version=9p2000.L,msize=1048576 out /root/mnt
+for bus in {buses}; do ip link add $bus type vcan; ip link set $bus up; done
+echo "guest: kernel $(uname -r), interfaces: $(ls /sys/class/net | xargs)"
+chroot /root /usr/bin/env -i {environment} {command}
+echo "guest: exit status $?"
+cp /root/dev/shm/out/* /root/mnt/
+sync
+poweroff -f
+"""
+
+
+def unpack(package: Path | None, folder: Path) -> tuple[Path, Path, str]:
+    """A kernel's image, the folder with its modules, and its version."""
+    if package is None:
+        depends = subprocess.run(
+            ["apt-cache", "depends", "linux-image-amd64"], capture_output=True, text=True, check=True
+        )
+        name = next(
+            line.split()[-1] for line in depends.stdout.splitlines() if "Depends: linux-image-" in line
+        )
+        subprocess.run(["apt-get", "download", name], cwd=folder, check=True)
+        package = next(folder.glob("linux-image-*.deb"))
+    tree = folder / "kernel"
+    subprocess.run(["dpkg-deb", "-x", str(package), str(tree)], check=True)
+    image = next((tree / "boot").glob("vmlinuz-*"))
+    version = image.name.removeprefix("vmlinuz-")
+    subprocess.run(["depmod", "-b", str(tree), version], check=True)
+    return image, tree, version
+
+
+def initramfs(tree: Path, version: str, init: str, folder: Path) -> Path:
+    """A first root file system: busybox, the modules that the guest needs, and a script."""
+    base = folder / "initramfs"
+    for name in ("bin", "proc", "sys", "dev", "root", "modules"):
+        (base / name).mkdir(parents=True, exist_ok=True)
+    busybox = shutil.which("busybox")
+    assert busybox is not None
+    shutil.copy(busybox, base / "bin" / "busybox")
+    loads: list[str] = []
+    for module in MODULES:
+        shown = subprocess.run(
+            ["modprobe", "-d", str(tree), "-S", version, "--show-depends", module],
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        for line in shown.stdout.splitlines():
+            if line.startswith("insmod "):
+                file = Path(line.split()[1])
+                if f"insmod /modules/{file.name}" not in loads:
+                    shutil.copy(file, base / "modules" / file.name)
+                    loads.append(f"insmod /modules/{file.name}")
+    script = base / "init"
+    script.write_text(init.replace("{modules}", "\n".join(loads)))
+    script.chmod(0o755)
+    archive = folder / "initramfs.cpio"
+    names = subprocess.run(["find", ".", "-print0"], cwd=base, capture_output=True, check=True).stdout
+    with archive.open("wb") as file:
+        subprocess.run(
+            ["cpio", "-0", "-o", "-H", "newc", "--quiet"], cwd=base, input=names, stdout=file, check=True
+        )
+    return archive
+
+
+def guest_init(arguments: list[str]) -> str:
+    """The guest's script; what is left in braces is filled in with the modules."""
+    path = os.pathsep.join([str(Path(sys.executable).parent), "/usr/sbin:/usr/bin:/sbin:/bin"])
+    environment = {
+        "PATH": path,
+        "PYTHONPATH": str(ROOT),
+        "PYTHONDONTWRITEBYTECODE": "1",
+        "OMP_NUM_THREADS": "1",
+        "HOME": "/dev/shm",
+        "TMPDIR": "/dev/shm",
+    }
+    script = [sys.executable, str(ROOT / "benchmarks" / "socketcan.py"), "--out", "/dev/shm/out", *arguments]
+    return INIT.format(
+        modules="{modules}",
+        buses=" ".join(BUSES),
+        environment=" ".join(f"{key}={shlex.quote(value)}" for key, value in environment.items()),
+        command=shlex.join(script),
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--kernel", type=Path, help="a Debian package linux-image-VERSION-amd64")
+    parser.add_argument("--rows", nargs="+", default=[], help="as of benchmarks/socketcan.py (default: all)")
+    parser.add_argument("--policy", default="go1-flat")
+    parser.add_argument(
+        "--joint-rate", type=float, default=100.0, help="of the control loop in the guest, Hz"
+    )
+    parser.add_argument("--accel", default="tcg", choices=("tcg", "kvm"))
+    parser.add_argument("--memory", default="3G")
+    parser.add_argument("--out", type=Path, default=Path("socketcan_qemu"))
+    options = parser.parse_args()
+    lacking = [name for name in NEEDED if shutil.which(name) is None]
+    if lacking:
+        sys.exit(f"missing: {', '.join(lacking)} (see the head of this file)")
+    options.out.mkdir(parents=True, exist_ok=True)
+    arguments = ["--policy", options.policy, "--joint-rate", str(options.joint_rate)]
+    arguments += ["--slow"] if options.accel == "tcg" else []
+    arguments += ["--rows", *options.rows] if options.rows else []
+    init = guest_init(arguments)
+    with tempfile.TemporaryDirectory() as folder:
+        image, tree, version = unpack(options.kernel, Path(folder))
+        archive = initramfs(tree, version, init, Path(folder))
+        clock = ["-icount", "shift=0,sleep=on"] if options.accel == "tcg" else []
+        shares = [("root", "/", ",readonly=on"), ("out", str(options.out.resolve()), "")]
+        command = ["qemu-system-x86_64", "-accel", options.accel, "-cpu", "max", "-m", options.memory]
+        command += ["-nographic", "-no-reboot", "-nic", "none", *clock]
+        command += ["-kernel", str(image), "-initrd", str(archive)]
+        command += ["-append", "console=ttyS0 quiet panic=-1 mitigations=off"]
+        for tag, path, extra in shares:
+            share = f"local,path={path},mount_tag={tag},security_model=none,multidevs=remap{extra}"
+            command += ["-virtfs", share]
+        console = options.out / "console.log"
+        with (
+            console.open("w") as log,
+            subprocess.Popen(
+                command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True, errors="replace"
+            ) as guest,
+        ):
+            assert guest.stdout is not None
+            status = "?"
+            for line in guest.stdout:
+                log.write(line)
+                log.flush()
+                if line.startswith(("{", "guest:")) or " s: " in line:
+                    print(line.rstrip(), flush=True)
+                if line.startswith("guest: exit status"):
+                    status = line.split()[-1]
+    sys.exit(0 if status == "0" else 1)
+
+
+if __name__ == "__main__":
+    main()
