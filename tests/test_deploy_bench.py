@@ -12,6 +12,7 @@ import pytest
 from footfall.common.errors import UserError
 from footfall.deploy.bench import PERIOD_US, Bench, switched_off_afterwards
 from footfall.deploy.clock import LockstepClock
+from footfall.deploy.frames import EXTENDED, Frames
 from footfall.deploy.scan import DAMIAO, MIT, ODRIVE, ROBSTRIDE, Found, scan
 from footfall.deploy.wiring import Wiring, wire
 from footfall.plant.bus import SimulatedBus
@@ -170,6 +171,19 @@ class TestScan:
         stand = OnStand(go1)
         stand.body.faults.motors.silent[4] = True
         assert Found(1, 2, MIT) not in stand.scan()
+
+    def test_no_frame_goes_where_an_odrive_would_take_it_for_another(self, go1: Robot) -> None:
+        """With id 1 it has 0x020 to 0x03f: what switches off motor 0x36 in MIT mode would start it anew."""
+        stand, sent = OnStand(with_motors(go1, hip="ODrive", knee="ODrive")), []
+        send = stand.bus.send
+
+        def note(frames: Frames, now_us: int) -> int:
+            sent.extend(frames.id[frames.id < EXTENDED].tolist())
+            return send(frames, now_us)
+
+        stand.bus.send = note  # type: ignore[method-assign]
+        stand.scan()
+        assert set(sent) == set(range(0x01, 0x20))
 
     def test_motors_that_were_on_are_off_afterwards(self, go1: Robot) -> None:
         stand = OnStand(go1)

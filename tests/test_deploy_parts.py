@@ -1201,6 +1201,18 @@ class TestSession:
         with pytest.raises(UserError, match=r"is 1127: 4 motors on can2 .* 1126 times"):
             session._check_joint_rate(crowded, driver, 1127.0)
 
+    @pytest.mark.parametrize(
+        ("model", "fastest_hz"),
+        [("RS03", 1272), ("ODrive", 1107)],
+    )
+    def test_what_motors_of_a_maker_send_counts(self, go1: Robot, model: str, fastest_hz: int) -> None:
+        """29 bits: 131 there and back, three times. ODrive: 79 there (4 bytes), twice 111 back, three times."""
+        wiring = replace(wire(go1), models=(model,) * 12)
+        driver = open_driver(wiring)
+        session._check_joint_rate(wiring, driver, fastest_hz)
+        with pytest.raises(UserError, match=f"3 motors on can0 can be asked {fastest_hz} times"):
+            session._check_joint_rate(wiring, driver, fastest_hz + 1)
+
     def test_how_a_run_ended_is_told_as_it_was(self, go1: Robot) -> None:
         body = FrameRobot(go1)
 
