@@ -1206,7 +1206,7 @@ class TestSession:
         [("RS03", 1272), ("ODrive", 1107)],
     )
     def test_what_motors_of_a_maker_send_counts(self, go1: Robot, model: str, fastest_hz: int) -> None:
-        """29 bits: 131 there and back, three times. ODrive: 79 there (4 bytes), twice 111 back, three times."""
+        """Three motors: 131 bits there and back; an ODrive has 79 there (4 bytes) and twice 111 back."""
         wiring = replace(wire(go1), models=(model,) * 12)
         driver = open_driver(wiring)
         session._check_joint_rate(wiring, driver, fastest_hz)
