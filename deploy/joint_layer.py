@@ -13,7 +13,6 @@ from footfall.robots.actuator import JointCommand, limit_torque, pd_torque
 from footfall.robots.description import Robot
 from footfall.robots.targets import limit_target
 
-GAIN_CODES = 4095  # of a frame, at least
 NEVER = -(10**15)  # microseconds: long ago
 
 
@@ -108,7 +107,7 @@ class JointLayer:
             values[2:] *= share
             # A frame must not round up what pushes too far: many radians of error make that much torque.
             pushes = (share < 1.0) & (asked * (values[:2] - self._joints[:2]) > 0.0)
-            values[2:4] -= pushes * self._driver.highest[2:4] / (2 * GAIN_CODES)
+            values[2:4] -= pushes * self._driver.gain_rounding
             np.maximum(values[2:4], self._driver.lowest[2:4], out=values[2:4])
         self.commanded_torque, self.stiffness, self.sent = possible, values[2], values
         return self._driver.command(values)

@@ -15,6 +15,7 @@ from footfall.deploy.drivers import odrive
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.drivers.odrive import OdriveDriver
 from footfall.deploy.frames import Frames, joined
+from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.wiring import Wiring, wire
 from footfall.plant.episode import run_episode
@@ -191,6 +192,20 @@ class TestJointLaw:
             hip, knee = command(driver, kp=10.0, position=1.0)
             assert hip == pytest.approx(10.0)
             assert (knee == 0.0) == (tick >= 5), tick
+
+    def test_a_command_beyond_the_motors_limits_goes_out_at_its_limit(self, go1: Robot) -> None:
+        """Frames know no limit: the motor's own is all that counts."""
+        robot = with_odrives(go1, "hip", "knee")
+        wiring = wire(robot)
+        driver = open_driver(wiring)
+        for channel in range(4):
+            for node in (1, 2, 3):
+                driver.replies(pair(node << 5 | 9, 0.0, 0.0, channel))
+        layer = JointLayer(robot, driver, wiring.imu_channel, 0.002)
+        one = np.ones(12)
+        frames = layer.command(JointCommand(0 * one, 0 * one, 5 * one, one, 500 * one))
+        torque = frames.data[:, :4].copy().view("<f4")[:, 0] * wiring.gear_ratio
+        np.testing.assert_allclose(torque, robot.motor.peak_torque, rtol=1e-6)
 
     @pytest.mark.parametrize("bad", [np.nan, np.inf])
     def test_what_is_not_finite_is_refused(self, driver: OdriveDriver, bad: float) -> None:

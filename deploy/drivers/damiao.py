@@ -101,6 +101,7 @@ class DamiaoDriver:
     def _use(self, ranges: list[MotorRange]) -> None:
         self._codec = mit.Codec.of(ranges)
         self.lowest, self.highest = self._codec.lowest, self._codec.highest
+        self.gain_rounding = 0.5 * self._codec.quantum[2:4]
 
     # -- settings ------------------------------------------------------------------------------------
 

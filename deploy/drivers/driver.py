@@ -31,6 +31,7 @@ class Driver(Protocol):
     filters: tuple[CanFilter, ...]  # of the frames that motors send
     lowest: np.ndarray  # (5, n) what a command can say, in the rows of a `JointCommand`
     highest: np.ndarray
+    gain_rounding: np.ndarray  # (2, n) most that a frame's rounding adds to stiffness and to damping
     exchange_bits: np.ndarray  # (n,) least that a command and its answer take on the wire, without stuff bits
 
     def ask(self) -> Frames:

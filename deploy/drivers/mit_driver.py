@@ -56,6 +56,7 @@ class MitDriver:
         n = len(wiring.motor_id)
         self._codec = mit.Codec(wiring.models)
         self.lowest, self.highest = self._codec.lowest, self._codec.highest
+        self.gain_rounding = 0.5 * self._codec.quantum[2:4]
         self._lookup = motor_lookup(wiring)
         self._everyone = np.arange(n)
         self._unknown = np.full(n, np.nan)  # no motor tells its voltage

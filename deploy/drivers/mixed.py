@@ -28,8 +28,10 @@ class MixedDriver:
 
     def _read_ranges(self) -> None:
         self.lowest, self.highest = np.zeros((5, self._n)), np.zeros((5, self._n))
+        self.gain_rounding = np.zeros((2, self._n))
         for driver, joints in self._parts:
             self.lowest[:, joints], self.highest[:, joints] = driver.lowest, driver.highest
+            self.gain_rounding[:, joints] = driver.gain_rounding
 
     def _from_all(self, frames: Callable[[Driver], Frames]) -> Frames:
         return joined([frames(driver) for driver, _ in self._parts])

@@ -125,6 +125,7 @@ class OdriveDriver:
         self.highest = np.full((5, n), np.inf)  # a float carries whatever the motor can do
         self.lowest = -self.highest
         self.lowest[2:4] = 0.0
+        self.gain_rounding = np.zeros((2, n))  # gains stay on the host
         self.exchange_bits = np.full(n, frame_bits(4, stuffed=False) + 2 * frame_bits(8, stuffed=False))
         self._values = np.zeros((3, n))
         self._age = np.full(n, OLDEST_READING)  # commands since the last reading
