@@ -70,12 +70,6 @@ JOINT_CHECKS = (
         "frozen",
     ),
     SensorCheck(
-        "torque that stays while commands change",
-        "its torque stayed the same while commands changed by {0:.0%} of its peak",
-        lambda monitor: monitor.frozen[2],
-        "frozen_torque",
-    ),
-    SensorCheck(
         "motor temperature",
         "the motor is at {0:.0f} degrees Celsius",
         lambda monitor: monitor.temperature,

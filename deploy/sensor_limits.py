@@ -25,8 +25,7 @@ class SensorLimits:
     torque_little: float = 0.02  # of the peak torque: what a motor without current may report
     repeated_rad: float = 0.1  # way of a joint's target while its motor repeats one reply
     temperature_c: float = 85.0  # of any motor; windings and magnets suffer from 100 on
-    frozen: float = 0.1  # rad: a joint's way by its position while its velocity stays the same, or by that
-    frozen_torque: float = 0.2  # of the peak torque: changes of what is commanded while the torque stays
+    frozen: float = 0.24  # rad: a joint's way by its position while its velocity stays the same, or by that
     rotation_rad: float = 0.08  # the base's turn by the quaternion against the one by the gyro
     imu_repeated_s: float = 0.06  # that a part of the IMU repeats itself while joints move
     moving_rad_s: float = 1.0  # of the fastest joint: then a body shakes by more than an IMU's last digit
@@ -42,7 +41,7 @@ class SensorLimits:
         require_between(self, 0.001, 0.2, "period_s")
         require_between(self, 0.01, 10.0, "memory_s", "imu_repeated_s", "resting_s", "lean_memory_s")
         require_between(self, 0.001, math.tau, "position_rad", "drift_rad", "repeated_rad", "rotation_rad")
-        require_between(self, 0.001, math.tau, "frozen", "frozen_torque")
+        require_between(self, 0.001, math.tau, "frozen")
         require_between(self, 0.1, 1.0, "sunk")
         require_between(self, 0.01, 2.0, "rest_error", "lean_error", "lift_error")
         require_between(self, 0.01, 10.0, "limp_s", "opposing_s")

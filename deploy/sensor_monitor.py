@@ -18,7 +18,7 @@ from footfall.robots.kinematics import Legs
 
 GRAVITY = 9.81
 SAME = 1e-9  # rad, or rad/s: readings whose mean is the last one were all the same
-NO_WAY, MOST_WAY = 0.004, 0.04  # rad, or of the peak torque, between two looks
+NO_WAY, MOST_WAY = 0.004, 0.04  # rad, between two looks
 LOOKS_A_HEIGHT = 3  # a body takes its time to fall, and its height takes more to work out than all the rest
 SAMPLE_S = 0.004  # between two readings that are added up: a fraction of what a leg takes to swing
 IMU_PARTS = Inertial._fields
@@ -35,7 +35,6 @@ class SensorMonitor:
         self._every = max(1, round(limits.period_s / sample_s))
         self._gap_us = round(1e6 * max(limits.period_s / 2, 1.5 * sample_s))
         self.lower, self.upper = robot.lower_rad, robot.upper_rad
-        self._peak_torque = robot.motor.peak_torque
         self._much = limits.torque_much * robot.motor.peak_torque
         self._little = limits.torque_little * robot.motor.peak_torque
         self._legs, self._standing_m = _legs(robot), robot.description.standing_height_m
@@ -59,9 +58,8 @@ class SensorMonitor:
         self._resting = [0.0, 0.0, 0.0]  # mean acceleration of the rest, world axes
         self.rest_error = 0.0
         self._mean = [0.0, 0.0, GRAVITY]  # acceleration, world axes
-        self.frozen = np.zeros((3, n))
+        self.frozen = np.zeros((2, n))
         self._none = self.frozen
-        self._commanded_before = np.zeros(n)
         self._looks = 0
         self.sunk = 0.0  # of the base's clearance when standing, how much is gone
 
@@ -104,7 +102,6 @@ class SensorMonitor:
             self._compare((self._added_us - self._looked_us) * 1e-6, stiffness, target)
         self.temperature = temperature
         self.joints, self._target, self._inertial = self._last, target, self._inertials[-1]
-        self._commanded_before = self._commanded
         self._start_window(self._added_us)
         return compared
 
@@ -150,8 +147,7 @@ class SensorMonitor:
                 self._imu_repeated[part] += elapsed_s
 
     def _compare_frozen(self, equal: np.ndarray, turned: np.ndarray, moved: np.ndarray) -> None:
-        """How far something has gone of which one reading stays the same: a joint by its velocity while its
-        position stays, by its position while its velocity does, its commanded torque while its torque does.
+        """How far a joint has gone by its velocity while its position stays, and the other way round.
 
         A reading may equal the one before, and their mean, by chance: each look counts for `MOST_WAY` at
         most, so that it takes several. What a joint at rest seems to do is rounding, and counts for nothing.
@@ -159,9 +155,8 @@ class SensorMonitor:
         if not np.count_nonzero(equal):
             self.frozen = self._none
             return
-        stays = equal & (np.abs(self._sum - self._last) < SAME)
-        asked = (self._commanded - self._commanded_before) / self._peak_torque
-        way = np.abs(np.array((turned, moved, asked)))
+        stays = (equal & (np.abs(self._sum - self._last) < SAME))[:2]
+        way = np.abs(np.array((turned, moved)))
         self.frozen = (self.frozen + np.minimum(way, MOST_WAY) * (way > NO_WAY)) * stays
 
     def _compare_torques(

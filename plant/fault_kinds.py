@@ -360,6 +360,9 @@ def _late(milliseconds: int) -> Callable[[Rig], None]:
     return lambda rig: rig.late(1000 * milliseconds)
 
 
+SLOW_S = 1.5  # of a joint that hardly moves
+WAY = "a joint has to move for a while before its readings contradict each other"
+UNUSED = "no controller uses it; noticed where it reads none, or the opposite, while much is commanded"
 CONSTANT_LAG = "late readings agree with each other; a walk bears it"
 REPLIES = (
     FaultKind("one motor silent", "motors' replies", _silent(False), SILENCE_S, main=True),
@@ -375,14 +378,14 @@ REPLIES = (
     FaultKind("motor reports an unknown error", "motors' replies", _error(99), 0.01),
     FaultKind("motor reports an error in one reply", "motors' replies", _error_once, 0.01),
     FaultKind("one reply over and over", "motors' replies", _stuck, SOON_S, main=True),
-    FaultKind("position frozen", "motors' replies", _row_frozen(0), SOON_S, main=True),
-    FaultKind("velocity frozen", "motors' replies", _row_frozen(1), SOON_S),
-    FaultKind("velocity zero", "motors' replies", _zeroed(1), SOON_S),
+    FaultKind("position frozen", "motors' replies", _row_frozen(0), SLOW_S, WAY, main=True),
+    FaultKind("velocity frozen", "motors' replies", _row_frozen(1), SLOW_S, WAY),
+    FaultKind("velocity zero", "motors' replies", _zeroed(1), SLOW_S, WAY),
     FaultKind("velocity's sign turned round", "motors' replies", _negative(1), SOON_S),
     FaultKind("velocity doubled", "motors' replies", _values(_doubled_speed), SOON_S),
     FaultKind("position's sign turned round", "motors' replies", _negative(0), IMPLAUSIBLE_S),
     FaultKind("torque zero", "motors' replies", _zeroed(2), SOON_S),
-    FaultKind("torque frozen", "motors' replies", _row_frozen(2), SOON_S),
+    FaultKind("torque frozen", "motors' replies", _row_frozen(2), None, UNUSED),
     FaultKind("torque's sign turned round", "motors' replies", _negative(2), SOON_S),
     FaultKind("encoder jumps by 0.3 rad", "motors' replies", _position_off(lambda _: 0.3), main=True),
     FaultKind("encoder jumps by 1 rad", "motors' replies", _position_off(lambda _: 1.0)),

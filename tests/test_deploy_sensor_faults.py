@@ -201,7 +201,7 @@ FAULTS = {
     ),
     "IMU came loose": (on_imu(turned(30.0)), "the IMU: its quaternion turned by", 0.05),
     "encoder stuck": (position_stops(4), "FL_thigh_joint (can1, id 2): its position changed by", 0.3),
-    "hip's encoder stuck": (position_stops(3), "FL_hip_joint (can1, id 1): its position ", 0.6),
+    "hip's encoder stuck": (position_stops(3), "FL_hip_joint (can1, id 1): its position ", 1.2),
     "velocity stuck": (velocity_stops(4), "FL_thigh_joint (can1, id 2): its ", 0.4),
     "acceleration upside down": (
         on_imu(lambda reading: reading._replace(acceleration=[-a for a in reading.acceleration])),
@@ -251,7 +251,7 @@ def test_a_fault_in_a_walk_is_named_in_time_and_damps(go1: Robot, name: str) -> 
 def walk(**changes: object) -> Episode:
     settings = {
         "command": lambda _: np.array([0.6, 0.2, -0.5]),
-        "duration_s": 1.5,
+        "duration_s": 2.0,
         "config": DeployConfig(stand_s=0.6),
         "record": False,
         **changes,
