@@ -1,5 +1,7 @@
 """The gyro's bias, found by how the IMU's orientation turns."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -52,6 +54,17 @@ def test_noise_of_the_orientation_averages_out() -> None:
     estimator = GyroBias(GyroConfig())
     follow(estimator, np.array([0.1, 0.0, 0.5]), 4.0, noise=0.005)
     assert estimator.bias == pytest.approx(BIAS.tolist(), abs=0.004)
+
+
+def test_speeding_up_is_no_bias() -> None:
+    """Between two readings the robot turns by their mean: from 0 to 10 rad/s in half a second."""
+    estimator, quaternion = GyroBias(GyroConfig()), turn(np.zeros(3))
+    rates = np.linspace(0.0, 10.0, 251)
+    estimator.update([0.0, 0.0, 0.0], quaternion.tolist(), DT_S)
+    for before, rate in pairwise(rates):
+        quaternion = multiply(quaternion, turn(np.array([0.5 * (before + rate) * DT_S, 0.0, 0.0])))
+        estimator.update([rate, 0.0, 0.0], quaternion.tolist(), DT_S)
+    assert estimator.bias == pytest.approx([0.0, 0.0, 0.0], abs=1e-4)
 
 
 @given(st.integers(0, 999))
