@@ -1,6 +1,7 @@
 """The hand-written controllers on the simulated robot."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -9,7 +10,9 @@ import pytest
 from direct_plant import DirectPlant, Walk, walk
 
 from footfall.common.errors import UserError
+from footfall.common.rotations import tilt
 from footfall.deploy.estimation.estimator import BaseEstimator
+from footfall.policies.controllers.gait import GaitConfig
 from footfall.policies.controllers.mpc import Mpc
 from footfall.policies.controllers.stand import Stand
 from footfall.policies.controllers.walk import Walk as Generator
@@ -81,9 +84,46 @@ class TestAll:
 class TestGaits:
     @pytest.mark.parametrize("command", [(0.5, 0.0, 0.0), (-0.3, 0.0, 0.0), (0.0, 0.2, 0.0), (0.0, 0.0, 0.5)])
     def test_it_goes_where_it_is_told(self, command: tuple[float, float, float]) -> None:
-        result = go(Trot(ROBOT), command)
+        result = go(Trot(ROBOT), command, 3.0)
         assert not result.fell
-        np.testing.assert_allclose(result.mean_velocity(2.0), command, atol=0.15)
+        np.testing.assert_allclose(result.mean_velocity(1.4), command, atol=0.05)
+
+    @pytest.mark.parametrize("gait", ["walk", "pace", "bound", "gallop"])
+    def test_every_gait_holds_the_body_and_goes_where_it_is_told(self, gait: str) -> None:
+        plant, tilts = DirectPlant(ROBOT), []
+
+        def look(time_s: float, plant: DirectPlant) -> None:
+            tilts.append(float(tilt(plant.data.qpos[3:7])))
+
+        result = walk(Generator(ROBOT, gait), plant, lambda _: np.array([0.4, 0.1, 0.2]), 3.0, frame=look)
+        assert not result.fell
+        np.testing.assert_allclose(result.mean_velocity(1.5), (0.4, 0.1, 0.2), atol=0.07)
+        assert max(tilts) < 0.12
+
+    def test_it_changes_its_gait_and_its_steps_while_it_walks(self) -> None:
+        """Every second another gait and other steps, at no particular phase; it neither falls nor stops."""
+        policy = Generator(ROBOT, "trot")
+        step = policy._config.step
+        others = {
+            500: (GaitConfig("walk", 0.5), replace(step, height_m=0.04)),
+            1013: (GaitConfig("pace", 0.25, 0.55), replace(step, body_height_m=0.25)),
+            1507: (GaitConfig("bound", 0.25, 0.6), replace(step, length_m=0.2)),
+            2022: (GaitConfig("gallop", 0.25, 0.6), step),
+            2531: (GaitConfig("trot", 0.4, 0.6), replace(step, height_m=0.08)),
+        }
+        tilts = []
+
+        def change(time_s: float, plant: DirectPlant) -> None:
+            tilts.append(float(tilt(plant.data.qpos[3:7])))
+            gait, steps = others.get(round(time_s * 500), (None, None))
+            policy.change(gait, steps)
+
+        result = walk(policy, DirectPlant(ROBOT), lambda _: np.array([0.4, 0.0, 0.0]), 6.0, frame=change)
+        assert not result.fell
+        assert max(tilts) < 0.2
+        speed = np.array(result.velocity)[600:, 0].reshape(-1, 300).mean(axis=1)
+        assert speed.min() > 0.25
+        np.testing.assert_allclose(result.mean_velocity(5.5)[0], 0.4, atol=0.05)
 
 
 class TestMpc:
