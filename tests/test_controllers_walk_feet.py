@@ -19,6 +19,7 @@ from footfall.policies.controllers.walk.feet import (
     stances,
     steady_cycle,
 )
+from footfall.policies.controllers.walk.limits import Pace, SteadyWalk
 from footfall.robots.description import load_robot
 from footfall.robots.rigid_body import nominal_body
 
@@ -201,6 +202,39 @@ class TestWalk:
         np.testing.assert_allclose(policy._within_limits(asked), asked * config.step.length_m / carried)
         slow = np.array([0.01, 0.0, -0.01])
         np.testing.assert_array_equal(policy._within_limits(slow), slow)
+
+    def test_it_goes_by_the_share_that_limits_leave_and_asks_them_again_for_other_steps(
+        self, walk: SimpleNamespace
+    ) -> None:
+        policy, looked = walk.policy, []
+
+        def pace(steady: SteadyWalk) -> Pace:
+            looked.append(steady.step_height_m)
+            return Pace(0.4, 0.5)
+
+        policy._limits = SimpleNamespace(pace=pace)
+        slow = np.array([0.02, 0.0, -0.01])
+        for _ in range(3):
+            np.testing.assert_allclose(policy._within_limits(slow), 0.4 * slow)
+        np.testing.assert_allclose(policy._within_limits(slow + 0.001), 0.4 * (slow + 0.001))
+        policy.change(step=replace(walk.config.step, height_m=0.05))
+        policy._within_limits(slow)
+        assert looked == [walk.config.step.height_m, 0.05]
+
+    def test_on_its_way_to_a_slower_walk_it_keeps_to_the_tempo_of_the_faster_one(
+        self, walk: SimpleNamespace
+    ) -> None:
+        """The tempo falls at once and rises by 0.5 a second."""
+        policy, wanted = walk.policy, np.array([0.02, 0.0, 0.0])
+        policy._pace_before, policy._pace = Pace(1.0, 0.3), Pace(1.0, 0.9)
+        policy._command.value = np.array([0.05, 0.0, 0.0])
+        policy._set_tempo(wanted, 0.1)
+        assert policy._tempo == pytest.approx(0.3)
+        policy._command.value = wanted.copy()
+        policy._set_tempo(wanted, 0.1)
+        assert policy._tempo == pytest.approx(0.35)
+        policy._set_tempo(wanted, 10.0)
+        assert policy._tempo == pytest.approx(0.9)
 
     def test_a_foot_that_is_carried_too_far_slows_the_body_down_and_stops_it(
         self, walk: SimpleNamespace
