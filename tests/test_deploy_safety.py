@@ -1,8 +1,11 @@
 """The supervisor as a state machine: which signal leads from which mode to which."""
 
+import re
+from pathlib import Path
+
 import pytest
 
-from footfall.deploy.safety import Implausible, Mode, SafetyConfig, Signals, State, advance
+from footfall.deploy.safety import CHECKS, PROGRESS, Implausible, Mode, SafetyConfig, Signals, State, advance
 
 CONFIG = SafetyConfig()
 QUIET = Signals(
@@ -171,3 +174,19 @@ class TestLimits:
     ) -> None:
         state = after(mode, **changes)
         assert state == State(following, float(changes.get("now_s", QUIET.now_s)))  # type: ignore[arg-type]
+
+
+def test_the_picture_in_the_documents_shows_the_ways_that_the_tables_have() -> None:
+    page = (Path(__file__).parents[1] / "docs/safety.md").read_text(encoding="utf-8")
+    drawn = set(re.findall(r"^    ([A-Z]+) --> ([A-Z]+):", page, re.MULTILINE))
+    faults = {(mode, check.leads_to) for check in CHECKS for mode in check.modes}
+    # what would end the mode that follows at once keeps a robot out of it
+    faults |= {
+        (mode, check.leads_to)
+        for mode, (_, following) in PROGRESS.items()
+        for check in CHECKS
+        if following in check.modes
+    }
+    progress = {(mode, following) for mode, (_, following) in PROGRESS.items()}
+    end = {(mode, Mode.RELEASING) for mode in (Mode.IDLE, Mode.STANDING, Mode.WALKING)}
+    assert drawn == faults | progress | end | {(Mode.RELEASING, Mode.IDLE)}
