@@ -62,11 +62,15 @@ class StillRobot:
         )
 
     def answers(self, frames: Frames) -> Frames | None:
-        motor = self._everyone[self._end.requests(frames).motor]
+        requests = self._end.requests(frames)
+        motor, readings = self._everyone[requests.motor], self._readings[:, requests.motor].copy()
         if not len(motor):
             return self._end.tell(frames)
+        if requests.kind is None:
+            position, velocity, kp, kd, torque = requests.values
+            readings[2] = kp * (position - readings[0]) + kd * velocity + torque
         on = np.ones(len(motor), bool)
-        return self._end.reply(motor, self._readings[:, motor], 30, self._no_error[motor], on)
+        return self._end.reply(motor, readings, 30, self._no_error[motor], on)
 
     def inertial(self) -> Frames:
         self._counter += 1
