@@ -3,6 +3,7 @@
 import gc
 import math
 import os
+import resource
 import sys
 from contextlib import nullcontext
 from dataclasses import replace
@@ -808,7 +809,9 @@ class TestClocks:
         library = SimpleNamespace(
             mlockall=lambda flags: calls.append(("lock", flags)), munlockall=lambda: calls.append(("unlock",))
         )
-        monkeypatch.setattr(clock_module, "ctypes", SimpleNamespace(CDLL=lambda _: library))
+        monkeypatch.setattr(clock_module, "ctypes", SimpleNamespace(CDLL=lambda _, use_errno: library))
+        unlimited = (resource.RLIM_INFINITY, resource.RLIM_INFINITY)
+        monkeypatch.setattr(clock_module.resource, "getrlimit", lambda _: unlimited)
         monkeypatch.setattr(os, "sched_getscheduler", lambda _: 1)
         monkeypatch.setattr(os, "sched_getparam", lambda _: "usual")
         monkeypatch.setattr(os, "sched_param", lambda value: value)
