@@ -809,7 +809,7 @@ class TestClocks:
         library = SimpleNamespace(
             mlockall=lambda flags: calls.append(("lock", flags)), munlockall=lambda: calls.append(("unlock",))
         )
-        monkeypatch.setattr(clock_module, "ctypes", SimpleNamespace(CDLL=lambda _, use_errno: library))
+        monkeypatch.setattr(clock_module, "ctypes", SimpleNamespace(CDLL=lambda _, use_errno=False: library))
         unlimited = (resource.RLIM_INFINITY, resource.RLIM_INFINITY)
         monkeypatch.setattr(clock_module.resource, "getrlimit", lambda _: unlimited)
         monkeypatch.setattr(os, "sched_getscheduler", lambda _: 1)
