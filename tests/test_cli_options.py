@@ -189,7 +189,8 @@ def ran(**changes: Any) -> Any:
         "walked_s": 1.5, "final_state": "IDLE", "faults": (), "notes": ("a note",), "buses": (),
         "wall_s": 2.0, "run_s": 3.0, "fell": False, "fall_reason": "", "distance_m": 0.7,
         "mean_velocity": np.array([0.4, -0.1, 0.2]),
-        "timing": {"tick_us_p50": 1.0, "tick_us_p99": 2.0, "policy_ms_p50": 0.25, "policy_ms_p99": 4.0},
+        "timing": {"tick_us_p50": 1.0, "tick_us_p99": 2.0, "policy_ms_p50": 0.25, "policy_ms_p99": 4.0,
+                   "lateness_us_max": 0.0},
     }  # fmt: skip
     return SimpleNamespace(**(facts | changes))
 
