@@ -80,13 +80,15 @@ class TestHungPolicy:
 
     def test_a_signal_finds_nobody_stuck(self, go1: Robot) -> None:
         """SIGTERM while the policy spins: the deadline frees the loop, which ends."""
-        timer = threading.Timer(0.8, os.kill, (os.getpid(), signal.SIGTERM))
-        timer.start()
+
+        def terminated(command: JointCommand) -> JointCommand:
+            threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGTERM)).start()
+            return spin(command)
+
         simulation = Simulation(go1)
         outcome = run_session(
-            go1, Spoilt(go1, 0.2, spin), simulation.bus, Session(stand_still, 9.0, config=CONFIG)
+            go1, Spoilt(go1, 0.2, terminated), simulation.bus, Session(stand_still, 9.0, config=CONFIG)
         )
-        timer.join()
         assert outcome.final_state == "ESTOP"
         assert not simulation.body.motors_on.any()
 

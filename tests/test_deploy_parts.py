@@ -541,7 +541,8 @@ class TestLoop:
         until(loop, Mode.WALKING)
         loop.shut_down()
         assert body.kinds() == [Request.DISABLE] * 12
-        assert body.sent[-1][0] == loop.now_us
+        assert body.sent[-1][0] <= loop.now_us + 4000  # as soon as each has answered it ends
+        assert loop.silent_at_the_end == []
 
     @pytest.mark.parametrize(("rate_hz", "fits"), [(500.0, True), (500.1, False), (0.0, False), (0.1, True)])
     def test_a_policys_rate_is_above_zero_and_at_most_the_joints(

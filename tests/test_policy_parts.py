@@ -471,7 +471,7 @@ class TestMpc:
         base = base_of()
         mpc._command.value = np.array([0.3, 0.2, -0.6])
         mpc._wanted_velocity = 0.25 + 0.1j
-        mpc._set_target(2, 0.3, base)
+        mpc._set_target(2, 0.3, base, in_plane(base.velocity))
         timing = mpc._clock.timing
         expected = foothold(
             in_plane(mpc._places[2]),
