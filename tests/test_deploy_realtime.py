@@ -245,7 +245,7 @@ class TestPythonCan:
 
     def test_the_robot_walks_over_a_virtual_bus(self, go1: Robot) -> None:
         policy = Hold(go1)
-        with serving(go1, "virtual", PlantConfig(motor_timeout_s=0.8)):
+        with serving(go1, "virtual", PlantConfig(motor_timeout_s=3.0)):
             outcome = run_on_interface(go1, policy, "virtual", SHORT)
         assert outcome.faults == ()
         assert outcome.final_state == "IDLE"
