@@ -25,12 +25,12 @@ from footfall.deploy.drivers.mit_driver import MOTOR_IDS, motor_lookup
 from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import Wiring
 from footfall.plant.motor_ends import mit as mit_end
-from footfall.plant.motor_ends.motor_end import Request, Requests
+from footfall.plant.motor_ends.motor_end import AnswersOnly, Request, Requests
 
 KIND = {**mit_end.KIND, mit.CLEAR: Request.CLEAR}
 
 
-class DamiaoMotorEnd:
+class DamiaoMotorEnd(AnswersOnly):
     """The motors' end. `registers` (joint, register) are what each tells of itself."""
 
     filters: tuple[CanFilter, ...] = (
@@ -96,14 +96,3 @@ class DamiaoMotorEnd:
         tail = np.full(len(error), temperature_c << 8 | temperature_c, np.uint64)
         data = self._codec.encode_replies(motor, first << np.uint64(56), values, tail)
         return Frames(self._wiring.channel[motor], self._reply_id[motor], data, self._length[motor])
-
-    def broadcast(
-        self,
-        now_us: int,
-        speaking: np.ndarray,
-        values: np.ndarray,
-        temperature_c: int,
-        error: np.ndarray,
-        on: np.ndarray,
-    ) -> Frames | None:
-        return None

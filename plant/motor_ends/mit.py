@@ -7,14 +7,14 @@ from footfall.deploy.drivers.driver import CanFilter, Motors
 from footfall.deploy.drivers.mit_driver import MOTOR_IDS, REPLY_ID, motor_lookup, same_layout
 from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import Wiring
-from footfall.plant.motor_ends.motor_end import Request, Requests
+from footfall.plant.motor_ends.motor_end import AnswersOnly, Request, Requests
 
 KIND = {mit.ENTER: Request.ENABLE, mit.EXIT: Request.DISABLE, mit.ZERO: Request.ZERO}
 
 _EVERYONE = slice(None)
 
 
-class MitMotorEnd:
+class MitMotorEnd(AnswersOnly):
     """The motors' end."""
 
     filters: tuple[CanFilter, ...] = ({"can_id": 0, "can_mask": 0x7FF - MOTOR_IDS[-1], "extended": False},)
@@ -68,14 +68,3 @@ class MitMotorEnd:
         if isinstance(motor, slice):
             return Frames(channel, identifier, data, length)
         return Frames(channel[motor], identifier[motor], data, length[motor])
-
-    def broadcast(
-        self,
-        now_us: int,
-        speaking: np.ndarray,
-        values: np.ndarray,
-        temperature_c: int,
-        error: np.ndarray,
-        on: np.ndarray,
-    ) -> Frames | None:
-        return None

@@ -87,3 +87,18 @@ class MotorEnd(Protocol):
             values, temperature_c, error, on: as for `reply`, of all motors.
         """
         ...
+
+
+class AnswersOnly:
+    """Of makers whose motors send nothing by themselves."""
+
+    def broadcast(
+        self,
+        now_us: int,
+        speaking: np.ndarray,
+        values: np.ndarray,
+        temperature_c: int,
+        error: np.ndarray,
+        on: np.ndarray,
+    ) -> Frames | None:
+        return None

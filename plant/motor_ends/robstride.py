@@ -23,12 +23,12 @@ from footfall.deploy.drivers.robstride import (
 )
 from footfall.deploy.frames import EXTENDED, Frames
 from footfall.deploy.wiring import Wiring
-from footfall.plant.motor_ends.motor_end import Request, Requests
+from footfall.plant.motor_ends.motor_end import AnswersOnly, Request, Requests
 
 _KIND = {CONTROL: Request.COMMAND, ENABLE: Request.ENABLE, STOP: Request.DISABLE, ZERO: Request.ZERO}
 
 
-class RobstrideMotorEnd:
+class RobstrideMotorEnd(AnswersOnly):
     """The motors' end. `parameters` are what each tells of itself."""
 
     filters: tuple[CanFilter, ...] = ({"can_id": 0, "can_mask": 0, "extended": True},)
@@ -81,14 +81,3 @@ class RobstrideMotorEnd:
         about = self._wiring.motor_id[motor] | error.astype(np.intp) << 8 | running * RUNNING << 14
         identifier = identifier_of(FEEDBACK, about, HOST)
         return Frames(self._wiring.channel[motor], identifier, payload(words), self._length[motor])
-
-    def broadcast(
-        self,
-        now_us: int,
-        speaking: np.ndarray,
-        values: np.ndarray,
-        temperature_c: int,
-        error: np.ndarray,
-        on: np.ndarray,
-    ) -> Frames | None:
-        return None
