@@ -1,17 +1,17 @@
 """Puts robots through every kind of fault in `plant/fault_kinds.py`, and counts false alarms without any.
 
-    python benchmarks/fault_table.py --seeds 100 --nominal 1000 --randomised 1000 --out faults.json
-    python benchmarks/fault_table.py --read faults.json --page docs/faults.md
+    python benchmarks/fault_table.py --seeds 100 --nominal 1000 --randomised 1000 --out faults.jsonl
+    python benchmarks/fault_table.py --read faults.jsonl --page docs/faults.md
+
+Runs are kept in the file as they end, and not run again by a second call.
 
 Lockstep, over the simulated bus. The simulator's own eye on falls is only an observer here, since no real
 robot has one: a run ends when the robot damps itself, or `OBSERVED_S` after the fault.
 """
 
 import argparse
-import json
 import math
 import re
-import time
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from kept_runs import read_runs, run_kept
 
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.loop import ControlLoop
@@ -29,7 +30,6 @@ from footfall.deploy.wiring import wire
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import load_randomisation
 from footfall.domain_rand.sample import draw
-from footfall.evaluate.pool import run_all
 from footfall.plant.audit import Audit
 from footfall.plant.bus import SimulatedBus
 from footfall.plant.episode import Episode, Push, run_episode
@@ -134,7 +134,7 @@ class _Watch:
             loop.finish()
 
 
-def run_fault(task: tuple[str, str, str, int]) -> Run:
+def run_fault(task: tuple[str, str, str, int]) -> dict[str, Any]:
     """One run with a fault."""
     robot_name, policy_name, title, seed = task
     robot, kind = _robot(robot_name), _kind(title)
@@ -157,7 +157,7 @@ def run_fault(task: tuple[str, str, str, int]) -> Run:
     if watch.damped_us is None and outcome.faults:  # in the very last tick
         watch.damped_us = round(outcome.run_s * 1e6)
     detected = bool(outcome.faults) and watch.damped_us is not None and watch.injected_us is not None
-    return Run(
+    run = Run(
         robot=robot_name,
         policy=policy_name,
         kind=title,
@@ -172,6 +172,7 @@ def run_fault(task: tuple[str, str, str, int]) -> Run:
         rate_share=audit.rate_share,
         stiff=audit.stiff,
     )
+    return asdict(run)
 
 
 def _drawn_command(rng: np.random.Generator) -> np.ndarray:
@@ -271,11 +272,11 @@ def _without_figures(fault: str) -> str:
     return re.sub(r"^.*\(can\d+, id \d+\): ", "", re.sub(r"-?\d+\.\d+", "…", fault))
 
 
-def page(results: dict[str, Any]) -> str:
-    """Everything as Markdown."""
-    lines = [_healthy_table(results["healthy"]), ""] if results["healthy"] else []
+def page(found: Sequence[dict[str, Any]], healthy: Sequence[dict[str, Any]]) -> str:
+    """Everything as Markdown: rows of faults, and runs without one."""
+    lines = [_healthy_table(healthy), ""] if healthy else []
     for robot, policy in SUBJECTS:
-        of = [row for row in results["rows"] if (row["robot"], row["policy"]) == (robot, policy)]
+        of = [row for row in found if (row["robot"], row["policy"]) == (robot, policy)]
         if of:
             lines += [f"### `{policy}` on {robot}", "", _table(of), ""]
     return "\n".join(lines).strip()
@@ -354,8 +355,8 @@ def insert(document: str, content: str) -> str:
 # -- command line --------------------------------------------------------------------------------------
 
 
-def measure(options: argparse.Namespace) -> dict[str, Any]:
-    """Run everything that was asked for."""
+def measure(options: argparse.Namespace) -> tuple[list[dict[str, Any]], list[dict[str, Any]], list[str]]:
+    """Run everything that was asked for: runs with a fault, runs without, and what went wrong."""
     chosen = [pair for pair in SUBJECTS if options.policy in (None, pair[1])]
     faults = [
         (robot, policy, _title(kind), seed)
@@ -370,22 +371,16 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
         for randomised, count in ((False, options.nominal), (True, options.randomised))
         for seed in range(count if SUBJECTS[robot, policy] else count // 10)
     ]
-    began = time.perf_counter()
-    runs = run_all(run_fault, faults, options.workers)
-    walks = run_all(run_healthy, healthy, options.workers)
-    errors = [
-        f"{task}: {outcome.error}"
-        for task, outcome in zip([*faults, *healthy], [*runs, *walks], strict=True)
-        if outcome.value is None
-    ]
-    each = [asdict(outcome.value) for outcome in runs if outcome.value is not None]
-    return {
-        "rows": rows(each),
-        "healthy": [outcome.value for outcome in walks if outcome.value is not None],
-        "errors": errors,
-        "seconds": time.perf_counter() - began,
-        "runs": each if options.keep_runs else [],
-    }
+    kept = (options.out, options.workers, options.time_limit)
+    runs, errors = run_kept(run_fault, faults, *kept)
+    walks, more = run_kept(run_healthy, healthy, *kept)
+    return runs, walks, [*errors, *more]
+
+
+def read(path: Path) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Runs with a fault and runs without in a file."""
+    runs = list(read_runs(path).values())
+    return [run for run in runs if "kind" in run], [run for run in runs if "kind" not in run]
 
 
 def main() -> None:
@@ -398,25 +393,26 @@ def main() -> None:
     parser.add_argument("--randomised", type=int, default=0, help="the same on randomised robots")
     parser.add_argument("--policy", help="this policy alone")
     parser.add_argument("--only", help="kinds with this in their names alone")
-    parser.add_argument("--keep-runs", action="store_true", help="write every run, too")
-    parser.add_argument("--out", type=Path)
-    parser.add_argument("--read", type=Path, help="results to make a page of, instead of running")
+    parser.add_argument("--out", type=Path, help="file that keeps every run; those in it are not run again")
+    parser.add_argument(
+        "--time-limit", type=float, help="seconds until no run begins, for each of both parts"
+    )
+    parser.add_argument("--read", type=Path, help="runs to make a page of, instead of running")
     parser.add_argument("--page", type=Path, help="a page with markers to write the tables into")
     options = parser.parse_args()
 
-    results = json.loads(options.read.read_text()) if options.read else measure(options)
-    if options.out:
-        options.out.write_text(json.dumps(results, indent=1) + "\n")
+    runs, healthy, errors = (*read(options.read), []) if options.read else measure(options)
+    found = rows(runs)
     if options.page:
-        options.page.write_text(insert(options.page.read_text(), page(results)))
+        options.page.write_text(insert(options.page.read_text(), page(found, healthy)))
     else:
-        print(page(results))
-    wrong = [row for row in results["rows"] if not row["as_expected"]]
-    alarms = [run for run in results["healthy"] if run["alarm"]]
-    print(f"{len(results['rows'])} rows, {len(wrong)} not as expected; {len(alarms)} false alarms")
+        print(page(found, healthy))
+    wrong = [row for row in found if not row["as_expected"]]
+    alarms = [run for run in healthy if run["alarm"]]
+    print(f"{len(found)} rows, {len(wrong)} not as expected; {len(alarms)} false alarms")
     for row in wrong:
         print(f"  {row['policy']}: {row['kind']}: in time {row['in_time']}/{row['runs']}, {row['faults']}")
-    for text in [*(f"  alarm: {run}" for run in alarms), *results["errors"]]:
+    for text in [*(f"  alarm: {run}" for run in alarms), *errors]:
         print(text)
 
 

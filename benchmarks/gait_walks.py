@@ -1,6 +1,6 @@
 """How each gait walks: five metres straight ahead, and round a rectangle steered by the robot's own odometry.
 
-    python benchmarks/gait_walks.py --workers 16 --out gait_walks.json
+    python benchmarks/gait_walks.py --workers 16 --out gait_walks.jsonl
 
 Every gait of every robot, over the simulated bus with the scenarios' sensor noise. The straight walk is told
 a velocity and nothing else; what it drifts is the gait's. On the rectangle, 2 by 1 m, a pilot that sees the
@@ -9,15 +9,13 @@ the robot really stands at the end. Prints a table.
 """
 
 import argparse
-import json
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
-from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from kept_runs import run_kept
 
 from footfall.common.rotations import heading, heading_matrix, wrap_angle
 from footfall.deploy.estimation.estimator import BaseEstimator
@@ -41,8 +39,7 @@ NEAR_M, NEAR_RAD = 0.01, 0.04  # where a side and a turn have ended
 STAND_S = 3.0  # at the end, so that the gait comes to rest
 
 
-@dataclass(frozen=True)
-class Trial:
+class Trial(NamedTuple):
     """One walk."""
 
     robot: str
@@ -132,7 +129,7 @@ def walk(trial: Trial) -> dict[str, Any]:
     if not isinstance(policy, Walk):
         raise TypeError(f"{trial.gait} is no gait of the generator")
     course = _straight if trial.course == "straight" else _rectangle
-    return {**vars(trial), **course(robot, policy, load_scenarios(commands).noise, trial.seed)}
+    return {**trial._asdict(), **course(robot, policy, load_scenarios(commands).noise, trial.seed)}
 
 
 def _straight(robot: Robot, policy: Walk, noise: Any, seed: int) -> dict[str, Any]:
@@ -244,7 +241,8 @@ def main() -> None:
     parser.add_argument("--courses", default="straight,rectangle")
     parser.add_argument("--seeds", type=int, default=5, help="walks of each kind")
     parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--out", type=Path, help="JSON with every walk")
+    parser.add_argument("--out", type=Path, help="file that keeps every walk; those in it are not run again")
+    parser.add_argument("--time-limit", type=float, help="seconds until no walk begins")
     options = parser.parse_args()
     wanted = [name for name in options.gaits.split(",") if name]
     trials = [
@@ -255,12 +253,9 @@ def main() -> None:
         for course in options.courses.split(",")
         for seed in range(options.seeds)
     ]
-    with get_context("spawn").Pool(options.workers) as pool:
-        walks = pool.map(walk, trials, chunksize=1)
-    for line in table(walks):
+    walks, errors = run_kept(walk, trials, options.out, options.workers, options.time_limit)
+    for line in [*table(walks), *errors]:
         print(line)
-    if options.out is not None:
-        options.out.write_text(json.dumps(walks, indent=1))
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """How far the base estimator's odometry drifts, and whether its covariance is honest.
 
-    python benchmarks/odometry.py --workers 16 --out odometry.json --plot odometry.png
+    python benchmarks/odometry.py --workers 16 --out odometry.jsonl --plot odometry.png
 
 Each walking controller and learned policy of each robot walks straight ahead, along a curve and round a
 rectangle, on the nominal plant and on randomised ones, with the scenarios' sensor noise. A `BaseEstimator`
@@ -10,16 +10,14 @@ on others. Prints a table.
 """
 
 import argparse
-import json
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
-from functools import partial
-from multiprocessing import get_context
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from kept_runs import run_kept
 
 from footfall.common.rotations import heading, heading_matrix, wrap_angle
 from footfall.deploy.estimation.config import EstimatorConfig, OdometryConfig
@@ -47,8 +45,7 @@ GOAL = 2.0  # % of the way
 LONG_ENOUGH_M = 0.5  # a shorter way says nothing about drift
 
 
-@dataclass(frozen=True)
-class Walk:
+class Walk(NamedTuple):
     """One episode."""
 
     robot: str
@@ -56,6 +53,7 @@ class Walk:
     path: str
     plant: str
     seed: int
+    duration_s: float  # of a straight walk or a curve
     scale_error: float | None
 
 
@@ -129,7 +127,7 @@ class Listener:
         )
 
 
-def follow(walk: Walk, duration_s: float) -> dict[str, Any]:
+def follow(walk: Walk) -> dict[str, Any]:
     """One walk, and what the estimator made of it."""
     robot = load_robot(walk.robot)
     policy = load_policy(walk.policy, robot)
@@ -138,7 +136,7 @@ def follow(walk: Walk, duration_s: float) -> dict[str, Any]:
     if walk.scale_error is not None:
         config = replace(config, odometry=OdometryConfig(scale_error=walk.scale_error))
     listener = Listener(policy, BaseEstimator(robot, config))
-    path = Course(walk.path, commands, duration_s)
+    path = Course(walk.path, commands, walk.duration_s)
     sample = None
     if walk.plant == "randomised":
         rng = np.random.default_rng(walk.seed)
@@ -157,7 +155,7 @@ def follow(walk: Walk, duration_s: float) -> dict[str, Any]:
     way = float(np.linalg.norm(np.diff(true[:, :2], axis=0), axis=1).sum())
     off = float(np.linalg.norm(listener.rows[-1]["error"][:2]))
     return {
-        **vars(walk),
+        **walk._asdict(),
         "fell": trace.fell,
         "way_m": way,
         "error_m": off,
@@ -273,14 +271,15 @@ def main() -> None:
     parser.add_argument("--duration", type=float, default=20.0, help="of straight walks and curves, s")
     parser.add_argument("--scale-error", type=float, help="instead of the estimator's own")
     parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--out", type=Path, help="JSON with every walk")
+    parser.add_argument("--out", type=Path, help="file that keeps every walk; those in it are not run again")
+    parser.add_argument("--time-limit", type=float, help="seconds until no walk begins")
     parser.add_argument("--plot", type=Path, help="image")
     options = parser.parse_args()
 
     wanted = [name for name in options.policies.split(",") if name]
     seeds = range(options.first_seed, options.first_seed + options.seeds)
     walks = [
-        Walk(name, policy, path, plant, seed, options.scale_error)
+        Walk(name, policy, path, plant, seed, options.duration, options.scale_error)
         for name in options.robots.split(",")
         for policy in (*walking_controllers(load_robot(name)), *zoo_names(load_robot(name)))
         if not wanted or policy in wanted
@@ -288,12 +287,10 @@ def main() -> None:
         for plant in options.plants.split(",")
         for seed in seeds
     ]
-    with get_context("spawn").Pool(options.workers) as pool:
-        found = pool.map(partial(follow, duration_s=options.duration), walks, chunksize=1)
-    rows = table(found)
-    write(rows)
-    if options.out is not None:
-        options.out.write_text(json.dumps({"summary": rows, "walks": found}))
+    found, errors = run_kept(follow, walks, options.out, options.workers, options.time_limit)
+    write(table(found))
+    for error in errors:
+        print(error)
     if options.plot is not None:
         plot(found, options.plot)
 
