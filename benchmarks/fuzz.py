@@ -1,12 +1,15 @@
 """Malformed input at every reader: nothing may end in a traceback, or in an unsafe command.
 
-    python benchmarks/fuzz.py [--what logs frames yaml policies] [--count N] [--seed 0] [--workers 1]
+    python benchmarks/fuzz.py [--what logs frames yaml policies] [--count N] [--workers 1] [--out fuzz.jsonl]
 
 `logs`: a run's log with bytes or records changed, to reading, replay and recovery. `frames`: random and
 mutated CAN frames to the joint layer, each batch followed by a command that is held against the robot's
 limits, and to the motors. `yaml`: settings and descriptions with bytes and values changed, to their readers.
-`policies`: ONNX files with bytes and contracts changed. Prints a JSON object for each; exit status 1 if
-anything escaped.
+`policies`: ONNX files with bytes and contracts changed.
+
+Cases come in pieces. Each piece's result is a line of --out, and a run that was stopped, or that --time-limit
+ended, goes on from there. Prints a JSON object for each kind with counts for each reader (of frames: of
+batches); exit status 1 if anything escaped.
 """
 
 import argparse
@@ -18,15 +21,14 @@ import time
 import traceback
 from collections import Counter
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import yaml
+from pieces import Result, ResultsFile, run_pieces
 
 import footfall.policies
 from footfall.common.errors import UserError
@@ -64,6 +66,7 @@ from mutate import mutated, mutated_records, mutated_yaml, with_a_change
 ROBOT, POLICY = "go1", "go1-flat"
 ZOO = Path(footfall.policies.__file__).parent / "zoo"
 COUNTS = {"logs": 600, "frames": 10_000_000, "yaml": 2000, "policies": 600}
+PIECES = {"logs": 20, "frames": 102_400, "yaml": 60, "policies": 60}  # cases of each
 BATCH = 64  # frames between two commands
 TICK_S = 0.002
 LOOP = """
@@ -80,22 +83,20 @@ class Tally:
     """What became of the cases."""
 
     def __init__(self) -> None:
-        self.ends: Counter[str] = Counter()
+        self.ends: dict[str, Counter[str]] = {}  # of each reader
         self.escaped: dict[str, str] = {}
 
-    def attempt(self, label: str, work: Callable[[], object]) -> None:
-        """Do something that may end well or in a UserError."""
+    def attempt(self, reader: str, case: int, work: Callable[[], object]) -> None:
+        """Let a reader do something that may end well or in a UserError."""
+        ends = self.ends.setdefault(reader, Counter())
         try:
             work()
-            self.ends["taken"] += 1
+            ends["taken"] += 1
         except UserError:
-            self.ends["refused"] += 1
+            ends["refused"] += 1
         except BaseException:
-            self.escaped[label] = traceback.format_exc()[-1500:]
-
-    def add(self, other: "Tally") -> None:
-        self.ends += other.ends
-        self.escaped |= other.escaped
+            ends["escaped"] += 1
+            self.escaped[f"{reader} {case}"] = traceback.format_exc()[-1500:]
 
 
 @cache
@@ -119,9 +120,9 @@ def fuzz_logs(seeds: range) -> Tally:
         for seed in seeds:
             mutation = mutated_records if seed % 2 else mutated
             hurt.write_bytes(mutation(a_log(), np.random.default_rng(seed)))
-            tally.attempt(f"read {seed}", lambda: read_log(hurt))
-            tally.attempt(f"replay {seed}", lambda: replay(hurt, policy))
-            tally.attempt(f"recover {seed}", lambda: recover(hurt, whole))
+            tally.attempt("read", seed, lambda: read_log(hurt))
+            tally.attempt("replay", seed, lambda: replay(hurt, policy))
+            tally.attempt("recover", seed, lambda: recover(hurt, whole))
     return tally
 
 
@@ -129,7 +130,7 @@ def fuzz_frames(cases: range) -> Tally:
     """Frames to the joint layer and to the motors, for the robot's motors and for each other maker's."""
     tally = Tally()
     for model in MODELS:
-        part = range(cases.start // BATCH // len(MODELS), cases.stop // BATCH // len(MODELS))
+        part = range(cases.start // BATCH // len(MODELS), -(-cases.stop // BATCH // len(MODELS)))
         fuzz_motors_of(model, part, tally)
     return tally
 
@@ -146,10 +147,10 @@ def fuzz_motors_of(model: str, batches: range, tally: Tally) -> None:
     wires = Wires(wiring, driver, end)
     for batch in batches:
         rng = np.random.default_rng(batch)
-        label = f"{model or 'own motors'}, batch {batch}"
+        maker = model or "own motors"
         to_host, to_motors = (wires.frames(rng, from_motors) for from_motors in (True, False))
-        tally.attempt(label, partial(command_after, to_host, rng, robot, joints))
-        tally.attempt(label, partial(move, motors, batch, to_motors))
+        tally.attempt(f"joint layer, {maker}", batch, partial(command_after, to_host, rng, robot, joints))
+        tally.attempt(f"motors, {maker}", batch, partial(move, motors, batch, to_motors))
 
 
 class Wires:
@@ -246,7 +247,7 @@ def fuzz_yaml(seeds: range) -> Tally:
         for seed in seeds:
             name, content, path, read = readers[seed % len(readers)]
             path.write_bytes(mutated_yaml(content, np.random.default_rng(seed)))
-            tally.attempt(f"{name} {seed}", read)
+            tally.attempt(name, seed, read)
             path.write_bytes(content)
     return tally
 
@@ -286,7 +287,7 @@ def fuzz_policies(seeds: range) -> Tally:
                     if contract is not None:
                         each.value = json.dumps(with_a_change(contract, rng))
                 path.write_bytes(model.SerializeToString())
-            tally.attempt(f"policy {seed}", read)
+            tally.attempt("policy", seed, read)
     return tally
 
 
@@ -298,6 +299,29 @@ FUZZ: dict[str, Callable[[range], Tally]] = {
 }
 
 
+def piece_result(piece: tuple[str, int, int]) -> Result:
+    """What became of the cases from one seed up to another."""
+    what, first, end = piece
+    began, tally = time.perf_counter(), FUZZ[what](range(first, end))
+    return {"ends": tally.ends, "escaped": tally.escaped, "seconds": round(time.perf_counter() - began, 1)}
+
+
+def summary(what: str, results: list[Result]) -> Result:
+    """All pieces of a kind as one."""
+    of = [each for each in results if each["piece"][0] == what]
+    readers: dict[str, Counter[str]] = {}
+    for each in of:
+        for reader, ends in each["ends"].items():
+            readers.setdefault(reader, Counter()).update(ends)
+    return {
+        "what": what,
+        "cases": sum(each["piece"][2] - each["piece"][1] for each in of),
+        "readers": readers,
+        "escaped": sum(len(each["escaped"]) for each in of),
+        "seconds": round(sum(each["seconds"] for each in of), 1),
+    }
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--what", nargs="+", choices=FUZZ, default=list(FUZZ))
@@ -306,30 +330,25 @@ def main() -> int:
     )
     parser.add_argument("--seed", type=int, default=0, help="of the first case; the others follow")
     parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--out", type=Path, default=Path("fuzz.jsonl"))
+    parser.add_argument(
+        "--time-limit", type=float, default=float("inf"), help="seconds until no piece begins"
+    )
     options = parser.parse_args()
-    bad = 0
+    pieces = []
     for what in options.what:
-        count = options.count or COUNTS[what]
-        began, tally = time.perf_counter(), Tally()
-        parts = [
-            range(
-                options.seed + count * k // options.workers, options.seed + count * (k + 1) // options.workers
-            )
-            for k in range(options.workers)
-        ]
-        if options.workers == 1:
-            tally.add(FUZZ[what](parts[0]))
-        else:
-            with ProcessPoolExecutor(options.workers) as pool:
-                for each in pool.map(FUZZ[what], parts):
-                    tally.add(each)
-        bad += len(tally.escaped)
-        shown: dict[str, Any] = {"what": what, "cases": count, "seed": options.seed, **tally.ends}
-        shown |= {"escaped": len(tally.escaped), "seconds": round(time.perf_counter() - began, 1)}
-        print(json.dumps(shown), flush=True)
-        for label, trace in list(tally.escaped.items())[:5]:
-            print(f"-- {what} {label}\n{trace}", file=sys.stderr)
-    return 1 if bad else 0
+        end, size = options.seed + (options.count or COUNTS[what]), PIECES[what]
+        pieces += [[what, first, min(first + size, end)] for first in range(options.seed, end, size)]
+    file = ResultsFile(options.out)
+    if not run_pieces(piece_result, pieces, file, options.workers, options.time_limit):
+        print("out of time: not all cases have been tried", file=sys.stderr)
+    shown = [summary(what, file.results) for what in options.what]
+    for each in shown:
+        print(json.dumps(each), flush=True)
+    for each in file.results:
+        for label, trace in list(each["escaped"].items())[:5]:
+            print(f"-- {label}\n{trace}", file=sys.stderr)
+    return 1 if any(each["escaped"] for each in shown) else 0
 
 
 if __name__ == "__main__":

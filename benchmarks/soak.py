@@ -4,8 +4,12 @@
 
 Short runs in lockstep with one fault each, its kind, joint and moment drawn from the seed; the simulator's
 own eye on falls is closed in these. Then a run on the wall clock and one in lockstep, both logged, walking
-about with commands that change. Prints a JSON object for each part; exit status 1 if memory grew, time
-drifted, a run ended early or a fault was missed.
+about with commands that change.
+
+Each run's result is a line of --out as soon as it is there, and a soak that was stopped goes on with the runs
+that are missing. --time-limit ends a long run in order, which then counts for as long as it was. Prints
+a JSON object for each part; exit status 1 if memory grew, time drifted, a run ended early or a fault was
+missed.
 """
 
 import argparse
@@ -14,12 +18,11 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from pieces import Result, ResultsFile, run_pieces
 
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.loop import ControlLoop
@@ -32,6 +35,8 @@ MOST_GROWTH = 0.02  # of memory, from the first tenth of a run to its end
 MOST_DRIFT_TICKS = 2.0
 NOTICED_WITHIN_S = 2.0
 PAGE = 4096
+FAULT, WALL_CLOCK, LOCKSTEP = "fault", "wall clock", "lockstep"
+LOOKS = 200  # at memory and time, in a long run
 
 
 def command_at(time_s: float) -> np.ndarray:
@@ -40,25 +45,39 @@ def command_at(time_s: float) -> np.ndarray:
 
 
 class Watcher:
-    """Looks at memory and time as a run goes on."""
+    """Looks at memory and time as a run goes on, and ends it when its time is up."""
 
-    def __init__(self, every_s: float, realtime: bool) -> None:
+    def __init__(self, every_s: float, realtime: bool, end_s: float) -> None:
+        """`end_s` is of `time.monotonic`."""
         self._every_us, self._next_us, self._realtime = every_s * 1e6, 0.0, realtime
+        self._end_us = end_s * 1e6
+        self.out_of_time = False
         self._begun = 0.0
         self.memory_mib: list[float] = []
-        self.drift_us = 0.0  # largest difference between the loop's time and the other clock
+        self._behind_us: list[float] = []  # the loop's time, behind the other clock
 
     def look(self, loop: ControlLoop, body: SimulatedRobot) -> None:
         """To be called after each tick."""
         wall_us = time.monotonic() * 1e6
         if not self._begun:
             self._begun = wall_us - loop.now_us
+        if wall_us > self._end_us and not self.out_of_time:
+            self.out_of_time = True
+            loop.finish()
         if loop.now_us < self._next_us:
             return
         self._next_us += self._every_us
         other_us = wall_us - self._begun if self._realtime else float(body.time_us)
-        self.drift_us = max(self.drift_us, abs(loop.now_us - other_us))
+        self._behind_us.append(other_us - loop.now_us)
         self.memory_mib.append(int(Path("/proc/self/statm").read_text().split()[1]) * PAGE / 2**20)
+
+    def drift_us(self) -> float:
+        """Between the loop's clock and the other, from the first tenth of the run to the last.
+
+        A tick that is late comes behind the other clock, too, but never before it: the least of each tenth.
+        """
+        tenth = max(len(self._behind_us) // 10, 1)
+        return min(self._behind_us[-tenth:]) - min(self._behind_us[:tenth])
 
     def growth(self) -> float:
         """Of memory, from the first tenth of the run to its end, as a share."""
@@ -66,11 +85,11 @@ class Watcher:
         return last / first - 1.0
 
 
-def long_run(minutes: float, realtime: bool, options: argparse.Namespace) -> dict[str, Any]:
-    """One run, looked at two hundred times."""
+def long_run(minutes: float, realtime: bool, end_s: float, options: argparse.Namespace) -> Result:
+    """One run, looked at now and then."""
     robot = load_robot(options.robot)
     config, seconds = DeployConfig(realtime_priority=80 if realtime else None), minutes * 60
-    watcher = Watcher(seconds / 200, realtime)
+    watcher = Watcher(seconds / LOOKS, realtime, end_s)
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "soak.mcap"
         episode = Episode(
@@ -79,12 +98,13 @@ def long_run(minutes: float, realtime: bool, options: argparse.Namespace) -> dic
         began = time.monotonic()
         trace = run_episode(robot, load_policy(options.policy, robot), episode, watcher.look)
         wall_s, log_mib = time.monotonic() - began, log.stat().st_size / 2**20
-    whole = trace.final_state == "IDLE" and abs(trace.walked_s - seconds) < 0.1
+    as_long = watcher.out_of_time or abs(trace.walked_s - seconds) < 0.1
+    whole = trace.final_state == "IDLE" and as_long
     flat = watcher.growth() < MOST_GROWTH
-    steady = watcher.drift_us <= MOST_DRIFT_TICKS * config.tick_us
+    steady = abs(watcher.drift_us()) <= MOST_DRIFT_TICKS * config.tick_us
     return {
-        "part": "wall clock" if realtime else "lockstep",
         "good": whole and flat and steady,
+        "out_of_time": watcher.out_of_time,
         "walked_s": trace.walked_s,
         "wall_s": wall_s,
         "final_state": trace.final_state,
@@ -92,7 +112,7 @@ def long_run(minutes: float, realtime: bool, options: argparse.Namespace) -> dic
         "notes": list(trace.notes),
         "memory_mib": [watcher.memory_mib[0], watcher.memory_mib[-1], max(watcher.memory_mib)],
         "growth": watcher.growth(),
-        "drift_us": watcher.drift_us,
+        "drift_us": watcher.drift_us(),
         "log_mib": log_mib,
         "timing": trace.timing,
     }
@@ -137,7 +157,7 @@ FAULTS: dict[str, Callable[[SimulatedRobot, int], None]] = {
 }
 
 
-def with_fault(seed: int, robot_name: str, policy: str) -> dict[str, Any]:
+def with_fault(seed: int, robot_name: str, policy: str) -> Result:
     """A short run with one fault; what was noticed and how soon."""
     rng = np.random.default_rng(seed)
     robot = load_robot(robot_name)
@@ -167,15 +187,16 @@ def with_fault(seed: int, robot_name: str, policy: str) -> dict[str, Any]:
     }
 
 
-def faults(options: argparse.Namespace) -> dict[str, Any]:
-    """As many faults as asked for."""
-    work = partial(with_fault, robot_name=options.robot, policy=options.policy)
-    seeds = range(options.seed, options.seed + options.faults)
-    if options.workers > 1:
-        with ProcessPoolExecutor(options.workers) as pool:
-            found = list(pool.map(work, seeds))
-    else:
-        found = [work(seed) for seed in seeds]
+def run_piece(piece: tuple[str, float], end_s: float, options: argparse.Namespace) -> Result:
+    """One run: a fault by its seed, or a long one by its minutes."""
+    kind, figure = piece
+    if kind == FAULT:
+        return with_fault(int(figure), options.robot, options.policy)
+    return long_run(figure, kind == WALL_CLOCK, end_s, options)
+
+
+def faults_summary(found: list[Result]) -> Result:
+    """What became of all faults."""
     missed = [each for each in found if each["noticed_after_s"] is None]
     slowest = {
         kind: max((e["noticed_after_s"] or 0.0 for e in found if e["kind"] == kind), default=0.0)
@@ -200,20 +221,26 @@ def main() -> int:
     parser.add_argument("--faults", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--workers", type=int, default=1, help="of the runs with faults")
+    parser.add_argument("--out", type=Path, default=Path("soak.jsonl"))
+    parser.add_argument("--time-limit", type=float, default=float("inf"), help="seconds of all runs together")
     options = parser.parse_args()
-    parts: list[Callable[[], dict[str, Any]]] = []
-    if options.faults:
-        parts.append(lambda: faults(options))
-    if options.wall_minutes:
-        parts.append(lambda: long_run(options.wall_minutes, True, options))
-    if options.lockstep_minutes:
-        parts.append(lambda: long_run(options.lockstep_minutes, False, options))
-    good = True
-    for part in parts:
-        shown = part()
-        good = good and shown["good"]
-        print(json.dumps(shown), flush=True)
-    return 0 if good else 1
+    end_s = time.monotonic() + options.time_limit
+    work = partial(run_piece, end_s=end_s, options=options)
+    seeds = range(options.seed, options.seed + options.faults)
+    short = [[FAULT, seed] for seed in seeds]
+    long = [[WALL_CLOCK, options.wall_minutes], [LOCKSTEP, options.lockstep_minutes]]
+    file = ResultsFile(options.out)
+    whole = run_pieces(work, short, file, options.workers, options.time_limit)
+    left_s = end_s - time.monotonic()
+    whole &= run_pieces(work, [piece for piece in long if piece[1]], file, time_limit_s=left_s)
+    shown = [{"part": each["piece"][0], **each} for each in file.results if each["piece"][0] != FAULT]
+    if found := [each for each in file.results if each["piece"][0] == FAULT]:
+        shown.insert(0, faults_summary(found))
+    for each in shown:
+        print(json.dumps(each), flush=True)
+    if not whole:
+        print("out of time: not all runs were made", file=sys.stderr)
+    return 0 if all(each["good"] for each in shown) else 1
 
 
 if __name__ == "__main__":
