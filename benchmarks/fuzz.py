@@ -1,6 +1,6 @@
 """Malformed input at every reader: nothing may end in a traceback, or in an unsafe command.
 
-    python benchmarks/fuzz.py [--what logs frames yaml policies] [--count N] [--workers 1] [--out fuzz.jsonl]
+    python benchmarks/fuzz.py [--what logs frames yaml policies] [--count N] [--workers 1] [--out FILE]
 
 `logs`: a run's log with bytes or records changed, to reading, replay and recovery. `frames`: random and
 mutated CAN frames to the joint layer, each batch followed by a command that is held against the robot's
@@ -25,10 +25,11 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import yaml
-from pieces import Result, ResultsFile, run_pieces
+from kept_runs import run_kept
 
 import footfall.policies
 from footfall.common.errors import UserError
@@ -67,6 +68,7 @@ ROBOT, POLICY = "go1", "go1-flat"
 ZOO = Path(footfall.policies.__file__).parent / "zoo"
 COUNTS = {"logs": 600, "frames": 10_000_000, "yaml": 2000, "policies": 600}
 PIECES = {"logs": 20, "frames": 102_400, "yaml": 60, "policies": 60}  # cases of each
+MOST_SHOWN = 20  # tracebacks
 BATCH = 64  # frames between two commands
 TICK_S = 0.002
 LOOP = """
@@ -299,23 +301,29 @@ FUZZ: dict[str, Callable[[range], Tally]] = {
 }
 
 
-def piece_result(piece: tuple[str, int, int]) -> Result:
+def run_piece(piece: tuple[str, int, int]) -> dict[str, Any]:
     """What became of the cases from one seed up to another."""
     what, first, end = piece
     began, tally = time.perf_counter(), FUZZ[what](range(first, end))
-    return {"ends": tally.ends, "escaped": tally.escaped, "seconds": round(time.perf_counter() - began, 1)}
+    return {
+        "what": what,
+        "cases": end - first,
+        "ends": tally.ends,
+        "escaped": tally.escaped,
+        "seconds": round(time.perf_counter() - began, 1),
+    }
 
 
-def summary(what: str, results: list[Result]) -> Result:
+def summary(what: str, pieces: list[dict[str, Any]]) -> dict[str, Any]:
     """All pieces of a kind as one."""
-    of = [each for each in results if each["piece"][0] == what]
+    of = [each for each in pieces if each["what"] == what]
     readers: dict[str, Counter[str]] = {}
     for each in of:
         for reader, ends in each["ends"].items():
             readers.setdefault(reader, Counter()).update(ends)
     return {
         "what": what,
-        "cases": sum(each["piece"][2] - each["piece"][1] for each in of),
+        "cases": sum(each["cases"] for each in of),
         "readers": readers,
         "escaped": sum(len(each["escaped"]) for each in of),
         "seconds": round(sum(each["seconds"] for each in of), 1),
@@ -330,25 +338,22 @@ def main() -> int:
     )
     parser.add_argument("--seed", type=int, default=0, help="of the first case; the others follow")
     parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--out", type=Path, default=Path("fuzz.jsonl"))
-    parser.add_argument(
-        "--time-limit", type=float, default=float("inf"), help="seconds until no piece begins"
-    )
+    parser.add_argument("--out", type=Path, help="file that keeps every piece; those in it are not run again")
+    parser.add_argument("--time-limit", type=float, help="seconds until no piece begins")
     options = parser.parse_args()
-    pieces = []
+    tasks = []
     for what in options.what:
         end, size = options.seed + (options.count or COUNTS[what]), PIECES[what]
-        pieces += [[what, first, min(first + size, end)] for first in range(options.seed, end, size)]
-    file = ResultsFile(options.out)
-    if not run_pieces(piece_result, pieces, file, options.workers, options.time_limit):
-        print("out of time: not all cases have been tried", file=sys.stderr)
-    shown = [summary(what, file.results) for what in options.what]
-    for each in shown:
-        print(json.dumps(each), flush=True)
-    for each in file.results:
-        for label, trace in list(each["escaped"].items())[:5]:
-            print(f"-- {label}\n{trace}", file=sys.stderr)
-    return 1 if any(each["escaped"] for each in shown) else 0
+        tasks += [(what, first, min(first + size, end)) for first in range(options.seed, end, size)]
+    pieces, errors = run_kept(run_piece, tasks, options.out, options.workers, options.time_limit)
+    for what in options.what:
+        print(json.dumps(summary(what, pieces)), flush=True)
+    escaped = {label: trace for each in pieces for label, trace in each["escaped"].items()}
+    for label, trace in list(escaped.items())[:MOST_SHOWN]:
+        print(f"-- {label}\n{trace}", file=sys.stderr)
+    for line in errors:
+        print(line, file=sys.stderr)
+    return 1 if escaped or errors else 0
 
 
 if __name__ == "__main__":

@@ -14,15 +14,17 @@ missed.
 
 import argparse
 import json
+import math
 import sys
 import tempfile
 import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from pieces import Result, ResultsFile, run_pieces
+from kept_runs import run_kept
 
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.loop import ControlLoop
@@ -35,7 +37,7 @@ MOST_GROWTH = 0.02  # of memory, from the first tenth of a run to its end
 MOST_DRIFT_TICKS = 2.0
 NOTICED_WITHIN_S = 2.0
 PAGE = 4096
-FAULT, WALL_CLOCK, LOCKSTEP = "fault", "wall clock", "lockstep"
+WALL_CLOCK, LOCKSTEP = "wall clock", "lockstep"
 LOOKS = 200  # at memory and time, in a long run
 
 
@@ -85,24 +87,24 @@ class Watcher:
         return last / first - 1.0
 
 
-def long_run(minutes: float, realtime: bool, end_s: float, options: argparse.Namespace) -> Result:
-    """One run, looked at now and then."""
-    robot = load_robot(options.robot)
+def long_run(task: tuple[str, float, int, str, str], end_s: float) -> dict[str, Any]:
+    """One run, looked at now and then: its kind, minutes, seed, robot and policy."""
+    kind, minutes, seed, robot_name, policy = task
+    realtime, robot = kind == WALL_CLOCK, load_robot(robot_name)
     config, seconds = DeployConfig(realtime_priority=80 if realtime else None), minutes * 60
     watcher = Watcher(seconds / LOOKS, realtime, end_s)
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "soak.mcap"
-        episode = Episode(
-            command_at, seconds, options.seed, realtime=realtime, log=log, record=False, config=config
-        )
+        episode = Episode(command_at, seconds, seed, realtime=realtime, log=log, record=False, config=config)
         began = time.monotonic()
-        trace = run_episode(robot, load_policy(options.policy, robot), episode, watcher.look)
+        trace = run_episode(robot, load_policy(policy, robot), episode, watcher.look)
         wall_s, log_mib = time.monotonic() - began, log.stat().st_size / 2**20
     as_long = watcher.out_of_time or abs(trace.walked_s - seconds) < 0.1
     whole = trace.final_state == "IDLE" and as_long
     flat = watcher.growth() < MOST_GROWTH
     steady = abs(watcher.drift_us()) <= MOST_DRIFT_TICKS * config.tick_us
     return {
+        "part": kind,
         "good": whole and flat and steady,
         "out_of_time": watcher.out_of_time,
         "walked_s": trace.walked_s,
@@ -157,8 +159,9 @@ FAULTS: dict[str, Callable[[SimulatedRobot, int], None]] = {
 }
 
 
-def with_fault(seed: int, robot_name: str, policy: str) -> Result:
-    """A short run with one fault; what was noticed and how soon."""
+def with_fault(task: tuple[str, int, str, str]) -> dict[str, Any]:
+    """A short run with one fault, by its seed; what was noticed and how soon."""
+    _, seed, robot_name, policy = task
     rng = np.random.default_rng(seed)
     robot = load_robot(robot_name)
     kind = list(FAULTS)[int(rng.integers(len(FAULTS)))]
@@ -187,15 +190,7 @@ def with_fault(seed: int, robot_name: str, policy: str) -> Result:
     }
 
 
-def run_piece(piece: tuple[str, float], end_s: float, options: argparse.Namespace) -> Result:
-    """One run: a fault by its seed, or a long one by its minutes."""
-    kind, figure = piece
-    if kind == FAULT:
-        return with_fault(int(figure), options.robot, options.policy)
-    return long_run(figure, kind == WALL_CLOCK, end_s, options)
-
-
-def faults_summary(found: list[Result]) -> Result:
+def faults_summary(found: list[dict[str, Any]]) -> dict[str, Any]:
     """What became of all faults."""
     missed = [each for each in found if each["noticed_after_s"] is None]
     slowest = {
@@ -221,26 +216,27 @@ def main() -> int:
     parser.add_argument("--faults", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--workers", type=int, default=1, help="of the runs with faults")
-    parser.add_argument("--out", type=Path, default=Path("soak.jsonl"))
-    parser.add_argument("--time-limit", type=float, default=float("inf"), help="seconds of all runs together")
+    parser.add_argument("--out", type=Path, help="file that keeps every run; those in it are not run again")
+    parser.add_argument("--time-limit", type=float, help="seconds of all runs together")
     options = parser.parse_args()
-    end_s = time.monotonic() + options.time_limit
-    work = partial(run_piece, end_s=end_s, options=options)
+    end_s = time.monotonic() + (options.time_limit or math.inf)
+    subject = (options.robot, options.policy)
+    shown: list[dict[str, Any]] = []
     seeds = range(options.seed, options.seed + options.faults)
-    short = [[FAULT, seed] for seed in seeds]
-    long = [[WALL_CLOCK, options.wall_minutes], [LOCKSTEP, options.lockstep_minutes]]
-    file = ResultsFile(options.out)
-    whole = run_pieces(work, short, file, options.workers, options.time_limit)
-    left_s = end_s - time.monotonic()
-    whole &= run_pieces(work, [piece for piece in long if piece[1]], file, time_limit_s=left_s)
-    shown = [{"part": each["piece"][0], **each} for each in file.results if each["piece"][0] != FAULT]
-    if found := [each for each in file.results if each["piece"][0] == FAULT]:
-        shown.insert(0, faults_summary(found))
+    short = [("fault", seed, *subject) for seed in seeds]
+    found, errors = run_kept(with_fault, short, options.out, options.workers, options.time_limit)
+    shown += [faults_summary(found)] if found else []
+    for kind, minutes in ((WALL_CLOCK, options.wall_minutes), (LOCKSTEP, options.lockstep_minutes)):
+        if minutes:  # in a process of its own, whose memory is looked at
+            task = (kind, minutes, options.seed, *subject)
+            left_s = max(end_s - time.monotonic(), 0.0)
+            ran, more = run_kept(partial(long_run, end_s=end_s), [task], options.out, 1, left_s)
+            shown, errors = shown + ran, errors + more
     for each in shown:
         print(json.dumps(each), flush=True)
-    if not whole:
-        print("out of time: not all runs were made", file=sys.stderr)
-    return 0 if all(each["good"] for each in shown) else 1
+    for line in errors:
+        print(line, file=sys.stderr)
+    return 0 if all(each["good"] for each in shown) and not errors else 1
 
 
 if __name__ == "__main__":
