@@ -6,6 +6,9 @@ from typing import Protocol
 from footfall.deploy.frames import Frames
 
 HOST_QUEUE = 10  # frames that a CAN interface queues for sending: the default on Linux
+# Taken from one bus in one tick, so that a babbling node cannot stop the loop: more than a wire of 1 Mbit/s
+# carries in 100 ms, so that what waits after a pause is taken at once and no reading ages in the queue.
+MOST_FRAMES_AT_ONCE = 1024
 
 
 @dataclass

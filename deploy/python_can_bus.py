@@ -1,4 +1,4 @@
-"""CAN interfaces through python-can: SocketCAN on a robot, `virtual` and `udp_multicast` without hardware."""
+"""CAN interfaces through python-can: makers' adapters, `virtual` and `udp_multicast` without hardware."""
 
 import logging
 import operator
@@ -11,26 +11,20 @@ import numpy as np
 
 from footfall.common.errors import UserError
 from footfall.deploy import can_errors
-from footfall.deploy.bus import HOST_QUEUE, BusStatistics
+from footfall.deploy.bus import HOST_QUEUE, MOST_FRAMES_AT_ONCE, BusStatistics
 from footfall.deploy.drivers.driver import CanFilter
 from footfall.deploy.frames import EXTENDED, Frames, frame_bits
+from footfall.deploy.interface_time import Arrivals, Pacing
 
 MULTICAST = "udp_multicast"
 MULTICAST_GROUP = "239.74.163.2"
 MULTICAST_PORT = (
     43113  # of the first bus; each further bus has the next one, since ports alone keep them apart
 )
-# Taken from one bus in one tick, so that a babbling node cannot stop the loop: more than a wire of 1 Mbit/s
-# carries in 100 ms, so that what waits after a pause is taken at once and no reading ages in the queue.
-MOST_FRAMES_AT_ONCE = 1024
 MOST_FAILURES_AT_ONCE = (
     16  # of one bus in one tick: a datagram that is no frame, or an interface that is down
 )
 STATE_EVERY_S = 0.1  # how often a controller is asked for its state
-FILTERING = ("socketcan",)  # interfaces that filter before a frame reaches the process
-# Interfaces that keep our own frames back. What python-can calls received there is what came from another
-# machine: a motor simulated on this one, behind `vcan`, sends frames that are not.
-WITHOUT_ECHO = ("socketcan",)
 
 
 def interfaces() -> list[str]:
@@ -43,9 +37,8 @@ def interfaces() -> list[str]:
 class PythonCanBus:
     """All buses of a robot on one kind of python-can interface.
 
-    Writes are paced: a frame waits while as many frames as the transmit queue holds are still on their way
-    out, which keeps SocketCAN from answering ENOBUFS. A frame that the interface refuses all the same is
-    counted and lost, and an interface that fails goes silent; the supervisor acts on both.
+    Writes are paced (`Pacing`). A frame that the interface refuses all the same is counted and lost, and an
+    interface that fails goes silent; the supervisor acts on both.
     """
 
     def __init__(
@@ -55,13 +48,7 @@ class PythonCanBus:
         filters: tuple[CanFilter, ...],
         queue_frames: int = HOST_QUEUE,
     ) -> None:
-        """Open the interfaces.
-
-        Args:
-            interface: python-can's name of the kind of interface.
-            names: of the buses.
-            filters: which frames to receive: those that pass any of them.
-            queue_frames: how many frames an interface queues for sending.
+        """Open the interfaces (see `deploy.interfaces.open_interfaces`).
 
         Raises:
             UserError: there is no such interface, or a bus of it cannot be opened.
@@ -71,18 +58,17 @@ class PythonCanBus:
         if interface not in can.VALID_INTERFACES:
             raise UserError(f"no bus '{interface}': give one of sim, {', '.join(interfaces())}")
         self._can = can
-        self._queue_s = (queue_frames - 1) * frame_bits(8) * 1e-6
-        self._free_at = [0.0] * len(names)
+        self._pacing = Pacing(len(names), queue_frames)
+        self._arrivals = Arrivals()
         self._statistics = [BusStatistics(name) for name in names]
         self._wanted = [(f["can_id"] | f["extended"] * EXTENDED, f["can_mask"] | EXTENDED) for f in filters]
-        self._may_echo = interface not in WITHOUT_ECHO
         self._faults = [""] * len(names)
-        self._received_s = self._looked_s = time.monotonic()
+        self._looked_s = time.monotonic()
         self._buses: list[Any] = []
         logging.getLogger("can").setLevel(logging.CRITICAL)  # failures are reported in our own words
         for index, name in enumerate(names):
             try:
-                self._buses.append(_open(can, interface, index, name, filters))
+                self._buses.append(_open(can, interface, index, name))
             except (OSError, can.CanError, ImportError, ValueError, TypeError) as error:
                 self.close()
                 raise UserError(
@@ -96,7 +82,7 @@ class PythonCanBus:
             frames.channel.tolist(), frames.id.tolist(), frames.data, frames.length.tolist(), strict=True
         ):
             extended = bool(identifier & EXTENDED)
-            self._pace(channel, frame_bits(length, extended))
+            self._pacing.wait(channel, frame_bits(length, extended))
             message = self._can.Message(
                 arbitration_id=identifier & ~EXTENDED,
                 is_extended_id=extended,
@@ -121,26 +107,19 @@ class PythonCanBus:
             before = len(rows)
             rows.extend((channel, *frame) for frame in self._waiting(channel, bus))
             self._statistics[channel].frames_received += len(rows) - before
-        longest_s = self._since_last()
+        time_us = self._arrivals.times_us(np.array([stamp for *_, stamp in rows]), now_us)
         if not rows:
             return []
-        channels, identifiers, contents, stamps = zip(*rows, strict=True)
-        age_s = (time.time() - np.array(stamps)).clip(0.0, longest_s)
+        channels, identifiers, contents, _ = zip(*rows, strict=True)
         return [
             Frames(
                 np.array(channels),
                 np.array(identifiers),
                 np.frombuffer(b"".join(c.ljust(8, b"\0") for c in contents), np.uint8).reshape(-1, 8),
                 np.array([len(content) for content in contents]),
-                now_us - 1e6 * age_s,
+                time_us,
             )
         ]
-
-    def _since_last(self) -> float:
-        """Time since the last call, s: no frame that waits is older, whatever a clock that was set says."""
-        now_s = time.monotonic()
-        since_s, self._received_s = now_s - self._received_s, now_s
-        return since_s
 
     def fault(self) -> str:
         now_s = time.monotonic()
@@ -164,11 +143,11 @@ class PythonCanBus:
                 message = bus.recv(timeout=0)
                 if message is None:
                     return
+                frame = None
                 if message.is_error_frame:
                     self._note_error(channel, message)
-                    continue
-                echo = self._may_echo and not message.is_rx
-                frame = None if echo else _plain_frame(message)
+                elif message.is_rx:  # not the echo of what this end sent
+                    frame = _plain_frame(message)
             except Exception:  # an interface that fails, or a datagram of somebody else's making
                 failures += 1
                 if failures >= MOST_FAILURES_AT_ONCE:
@@ -179,7 +158,7 @@ class PythonCanBus:
 
     def _note_error(self, channel: int, message: Any) -> None:
         self._statistics[channel].errors += 1
-        if not self._faults[channel]:
+        if not self._faults[channel]:  # where identifiers are as SocketCAN's
             self._faults[channel] = can_errors.meaning(message.arbitration_id, bytes(message.data))
 
     def _is_meant(self, identifier: int) -> bool:
@@ -192,13 +171,6 @@ class PythonCanBus:
         for bus in self._buses:
             bus.shutdown()
         self._buses = []
-
-    def _pace(self, channel: int, bits: int) -> None:
-        now = time.monotonic()
-        backlog = self._free_at[channel] - now
-        if backlog > self._queue_s:
-            time.sleep(backlog - self._queue_s)
-        self._free_at[channel] = max(self._free_at[channel], now) + bits * 1e-6
 
 
 def _plain_frame(message: Any) -> tuple[int, bytes, float] | None:
@@ -214,9 +186,8 @@ def _plain_frame(message: Any) -> tuple[int, bytes, float] | None:
     return (identifier, data, float(message.timestamp)) if len(data) <= 8 else None
 
 
-def _open(can: Any, interface: str, index: int, name: str, filters: tuple[CanFilter, ...]) -> Any:
+def _open(can: Any, interface: str, index: int, name: str) -> Any:
     """One bus. Filters of python-can's own make `recv` return None for a foreign frame, as for no frame."""
     if interface == MULTICAST:
         return can.Bus(interface=interface, channel=MULTICAST_GROUP, port=MULTICAST_PORT + index, fd=False)
-    in_kernel = {"can_filters": list(filters)} if interface in FILTERING else {}
-    return can.Bus(interface=interface, channel=name, **in_kernel)
+    return can.Bus(interface=interface, channel=name)

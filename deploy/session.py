@@ -71,10 +71,10 @@ class Outcome:
 
 def run_on_interface(robot: Robot, policy: Policy, interface: str, session: Session) -> Outcome:
     """A session on the CAN interfaces of one kind that `robot.yaml` names (see `run_session`)."""
-    from footfall.deploy.python_can_bus import PythonCanBus
+    from footfall.deploy.interfaces import open_interfaces
 
     wiring = wire(robot)
-    bus = PythonCanBus(interface, wiring.buses, (*open_driver(wiring).filters, *imu.FILTERS))
+    bus = open_interfaces(interface, wiring.buses, (*open_driver(wiring).filters, *imu.FILTERS))
     try:
         return run_session(robot, policy, bus, session)
     finally:

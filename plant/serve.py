@@ -1,4 +1,4 @@
-"""The simulated robot on a python-can bus, in wall-clock time: a stand-in for the real one.
+"""The simulated robot on CAN interfaces, in wall-clock time: a stand-in for the real one.
 
 In a process of its own, for a controller in another: `python -m footfall.plant.serve --robot go1`.
 """
@@ -11,9 +11,11 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from footfall.common.errors import UserError
+from footfall.deploy.bus import Bus
 from footfall.deploy.clock import WallClock
 from footfall.deploy.config import MOTOR_TIMEOUT_S
-from footfall.deploy.python_can_bus import MULTICAST, PythonCanBus
+from footfall.deploy.interfaces import open_interfaces
+from footfall.deploy.python_can_bus import MULTICAST
 from footfall.deploy.wiring import wire
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.plant.robot import PlantConfig, SimulatedRobot
@@ -23,7 +25,7 @@ from footfall.robots.description import Robot, load_robot
 PERIOD_US = 1000
 
 
-def serve(body: SimulatedRobot, wires: SimulatedWires, bus: PythonCanBus, stop: threading.Event) -> None:
+def serve(body: SimulatedRobot, wires: SimulatedWires, bus: Bus, stop: threading.Event) -> None:
     """Run a simulated robot in wall-clock time, its wires joined to a bus, until told to stop.
 
     It is simulated up to now before the wires take what came meanwhile: after a pause, answers of the past
@@ -51,7 +53,7 @@ def serving(
     wiring = wire(robot)
     wires = SimulatedWires(wiring.buses, host_queue=1000)  # the interface has queued already
     body = SimulatedRobot(robot, wiring, wires, config, seed)
-    bus = PythonCanBus(interface, wiring.buses, open_motor_end(wiring).filters)
+    bus = open_interfaces(interface, wiring.buses, open_motor_end(wiring).filters)
     stop = threading.Event()
     thread = threading.Thread(target=serve, args=(body, wires, bus, stop), name="robot", daemon=True)
     thread.start()
@@ -65,9 +67,9 @@ def serving(
 
 def main() -> None:
     """Command line of the stand-in robot."""
-    parser = argparse.ArgumentParser(description="A simulated robot on a python-can bus.")
+    parser = argparse.ArgumentParser(description="A simulated robot on CAN interfaces.")
     parser.add_argument("--robot", default="go1", help="name or folder of the robot")
-    parser.add_argument("--bus", default=MULTICAST, help="python-can interface")
+    parser.add_argument("--bus", default=MULTICAST, help="kind of interface")
     parser.add_argument("--plant", type=Path, help="another MJCF than the robot's own")
     parser.add_argument("--motor-timeout", type=float, default=MOTOR_TIMEOUT_S, help="seconds")
     parser.add_argument("--duration", type=float, help="seconds until it ends by itself")

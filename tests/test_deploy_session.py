@@ -75,7 +75,7 @@ class TestInterface:
             def close(self) -> None:
                 found.append("closed")
 
-        monkeypatch.setattr("footfall.deploy.python_can_bus.PythonCanBus", Bus)
+        monkeypatch.setattr("footfall.deploy.interfaces.open_interfaces", Bus)
         return found
 
     def test_it_hears_motors_and_imu_of_every_bus_and_is_let_go_of(

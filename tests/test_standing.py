@@ -167,7 +167,7 @@ def test_the_plant_is_as_asked_and_ends_with_the_context(go1: Robot, monkeypatch
             self.closed_with = sum(thread.name == "robot" for thread in threading.enumerate())
             made.append(self.closed_with)
 
-    monkeypatch.setattr(serve_module, "PythonCanBus", Bus)
+    monkeypatch.setattr(serve_module, "open_interfaces", Bus)
     with serving(
         go1, "vcan", PlantConfig(sample={"encoder_bias": np.full(12, 0.25)}, motor_timeout_s=0.7)
     ) as body:

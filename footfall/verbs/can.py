@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from footfall.deploy.bench import Bench, MotorState
+    from footfall.deploy.bus import Bus
     from footfall.deploy.drivers.driver import CanFilter
-    from footfall.deploy.python_can_bus import PythonCanBus
     from footfall.deploy.wiring import Wiring
     from footfall.robots.description import Robot
 
@@ -138,16 +138,16 @@ def _wired(place: Place) -> "tuple[Robot, Wiring]":
 @contextmanager
 def _opened(
     robot: "Robot", wiring: "Wiring", interface: str, filters: "tuple[CanFilter, ...]"
-) -> "Iterator[PythonCanBus]":
+) -> "Iterator[Bus]":
     """The robot's buses; with a simulated robot on them where they reach no further than this process."""
-    from footfall.deploy.python_can_bus import PythonCanBus
+    from footfall.deploy.interfaces import open_interfaces
 
     with ExitStack() as resources:
         if interface == VIRTUAL:
             from footfall.plant.serve import serving
 
             resources.enter_context(serving(robot, VIRTUAL))
-        bus = PythonCanBus(interface, wiring.buses, filters)
+        bus = open_interfaces(interface, wiring.buses, filters)
         resources.callback(bus.close)
         yield bus
 

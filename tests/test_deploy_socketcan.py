@@ -1,0 +1,247 @@
+"""Linux's CAN interfaces: what goes to the kernel and comes from it, byte by byte."""
+
+import errno
+import socket
+import struct
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+
+from footfall.common.errors import UserError
+from footfall.deploy import socketcan_bus
+from footfall.deploy.drivers.driver import CanFilter
+from footfall.deploy.frames import EXTENDED, Frames
+from footfall.deploy.interfaces import open_interfaces
+from footfall.deploy.python_can_bus import PythonCanBus
+from footfall.deploy.socketcan_bus import SocketCanBus
+
+FILTERS: tuple[CanFilter, ...] = (
+    {"can_id": 0x100, "can_mask": 0x780, "extended": False},
+    {"can_id": 0x0200_0000, "can_mask": 0x1F00_0000, "extended": True},
+)
+
+
+def can_frame(identifier: int, data: bytes, length: int | None = None) -> bytes:
+    """<linux/can.h>: struct can_frame in this machine's byte order."""
+    return struct.pack("=IB3x8s", identifier, len(data) if length is None else length, data)
+
+
+def batch(*rows: tuple[int, int, bytes]) -> Frames:
+    data = np.array([list(content.ljust(8, b"\0")) for _, _, content in rows], np.uint8)
+    return Frames(
+        np.array([channel for channel, _, _ in rows]),
+        np.array([identifier for _, identifier, _ in rows]),
+        data,
+        np.array([len(content) for _, _, content in rows]),
+    )
+
+
+class Kernel:
+    """The far ends of the sockets: datagrams with time stamps, as CAN's raw sockets have them."""
+
+    def __init__(self) -> None:
+        self.ends: dict[str, socket.socket] = {}
+
+    def open(self, name: str, _: Any) -> socket.socket:
+        near, self.ends[name] = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+        near.setsockopt(socket.SOL_SOCKET, socketcan_bus.SO_TIMESTAMPNS, 1)
+        near.setblocking(False)
+        return near
+
+
+@pytest.fixture
+def kernel(monkeypatch: pytest.MonkeyPatch) -> Kernel:
+    kernel = Kernel()
+    monkeypatch.setattr(socketcan_bus, "open_socket", kernel.open)
+    return kernel
+
+
+class TestFrames:
+    def test_each_frame_goes_to_its_interface_as_the_kernel_wants_it(self, kernel: Kernel) -> None:
+        bus = SocketCanBus(("a", "b"), FILTERS)
+        sent = batch((1, 0x7FF, b"12345678"), (0, 5, b"abc"), (1, EXTENDED | 0x1234567, b""))
+        assert bus.send(sent, 0) == 0
+        assert kernel.ends["a"].recv(100) == can_frame(5, b"abc")
+        assert kernel.ends["b"].recv(100) == can_frame(0x7FF, b"12345678")
+        assert kernel.ends["b"].recv(100) == can_frame(0x8000_0000 | 0x1234567, b"")
+        assert [(each.name, each.frames_sent) for each in bus.statistics()] == [("a", 1), ("b", 2)]
+
+    def test_what_waits_on_any_interface_comes_in_one_batch(self, kernel: Kernel) -> None:
+        """What a sender left behind a frame's length is not data."""
+        bus = SocketCanBus(("a", "b", "c"), FILTERS)
+        assert bus.receive(0) == []
+        kernel.ends["c"].send(can_frame(0x101, b"12345678"))
+        kernel.ends["a"].send(can_frame(0x102, b"xyrubbis", length=2))
+        kernel.ends["a"].send(can_frame(0x8200_01FD, b"abcdefgh"))
+        (got,) = bus.receive(0)
+        assert got.channel.tolist() == [0, 0, 2]
+        assert got.id.tolist() == [0x102, EXTENDED | 0x0200_01FD, 0x101]
+        assert got.length.tolist() == [2, 8, 8]
+        assert [row.tobytes() for row in got.data] == [b"xy\0\0\0\0\0\0", b"abcdefgh", b"12345678"]
+        assert [each.frames_received for each in bus.statistics()] == [2, 0, 1]
+        assert bus.receive(0) == []
+
+    def test_a_frame_has_the_time_at_which_the_kernel_got_it(self, kernel: Kernel) -> None:
+        bus = SocketCanBus(("a",), FILTERS)
+        kernel.ends["a"].send(can_frame(0x101, b""))
+        time.sleep(0.02)
+        kernel.ends["a"].send(can_frame(0x101, b""))
+        (got,) = bus.receive(50_000)
+        assert got.time_us is not None
+        early, late = got.time_us.tolist()
+        assert late - early >= 20_000
+        assert early < late <= 50_000
+
+    def test_a_babbling_bus_does_not_hold_up_the_loop(self, kernel: Kernel) -> None:
+        bus = SocketCanBus(("a",), FILTERS)
+        bus._sockets[0].close()
+
+        class Babbling:
+            def recvmsg(self, size: int, ancillary: int) -> Any:
+                return can_frame(0x101, b"blah"), [(1, 35, bytes(16))], 0, None
+
+        bus._sockets = [Babbling()]  # type: ignore[list-item]
+        assert [len(each.id) for each in bus.receive(0)] == [1024]
+
+
+class TestFaults:
+    def test_error_frames_tell_of_their_bus_and_are_no_readings(self, kernel: Kernel) -> None:
+        bus = SocketCanBus(("a", "b"), FILTERS)
+        kernel.ends["b"].send(can_frame(0x2000_0000 | 0x088, b"\0\0\x04\0\0\0\0\0"))  # one was sent again
+        assert bus.receive(0) == []
+        assert bus.fault() == ""
+        kernel.ends["b"].send(can_frame(0x101, b"reading"))
+        kernel.ends["b"].send(can_frame(0x2000_0000 | 0x040, bytes(8)))
+        (got,) = bus.receive(0)
+        assert got.id.tolist() == [0x101]
+        assert bus.fault().startswith("bus b is bus-off")
+        assert [(each.errors, each.frames_received) for each in bus.statistics()] == [(0, 0), (2, 1)]
+
+    @pytest.mark.parametrize(
+        ("number", "says"),
+        [(errno.ENETDOWN, "bus b is down: "), (errno.ENODEV, "bus b is down: "), (errno.ENOBUFS, "")],
+    )
+    def test_a_frame_that_is_refused_is_counted_and_an_interface_that_is_down_is_named(
+        self, kernel: Kernel, number: int, says: str
+    ) -> None:
+        bus = SocketCanBus(("a", "b"), FILTERS)
+
+        class Failing:
+            def send(self, _: bytes) -> None:
+                raise OSError(number, "no")
+
+            def recvmsg(self, *_: int) -> None:
+                raise OSError(number, "no")
+
+        bus._sockets[1].close()
+        bus._sockets[1] = Failing()  # type: ignore[call-overload]
+        assert bus.receive(0) == []
+        assert bus.fault().startswith(says)
+        assert bool(bus.fault()) == bool(says)
+        assert bus.send(batch((1, 1, b""), (0, 1, b""), (1, 2, b"")), 0) == 2
+        assert [(each.frames_sent, each.frames_refused) for each in bus.statistics()] == [(1, 0), (0, 2)]
+
+    def test_writes_are_paced(self, kernel: Kernel) -> None:
+        bus = SocketCanBus(("a",), FILTERS, queue_frames=3)
+        begun = time.monotonic()
+        bus.send(batch(*[(0, 1, b"12345678")] * 13), 0)
+        assert time.monotonic() - begun >= 10 * 135e-6
+
+
+class FakeSocket:
+    """Takes down what is asked of a CAN socket."""
+
+    made: list["FakeSocket"] = []  # noqa: RUF012
+
+    def __init__(self, *kind: int) -> None:
+        self.kind, self.options, self.closed = kind, {}, False
+        self.made.append(self)
+
+    def setsockopt(self, level: int, option: int, value: object) -> None:
+        self.options[level, option] = value
+
+    def setblocking(self, blocking: bool) -> None:
+        self.blocking = blocking
+
+    def bind(self, address: tuple[str]) -> None:
+        if address == ("broken",):
+            raise OSError(errno.ENODEV, "No such device")
+        self.address = address
+
+    def close(self) -> None:
+        self.closed = True
+
+
+class TestOpening:
+    @pytest.fixture
+    def sockets(self, monkeypatch: pytest.MonkeyPatch) -> list[FakeSocket]:
+        monkeypatch.setattr(FakeSocket, "made", [])
+        monkeypatch.setattr(socket, "socket", FakeSocket)
+        return FakeSocket.made
+
+    def test_the_kernel_filters_and_stamps(self, sockets: list[FakeSocket]) -> None:
+        """Masks hold the bits that tell 29-bit identifiers and remote frames: none passes for another."""
+        SocketCanBus(("can3",), FILTERS)
+        (opened,) = sockets
+        assert opened.kind == (29, 3, 1)  # AF_CAN, SOCK_RAW, CAN_RAW
+        assert opened.address == ("can3",)
+        assert opened.blocking is False
+        assert opened.options[101, 1] == struct.pack(
+            "=4I", 0x100, 0xC000_0780, 0x8200_0000, 0xDF00_0000
+        )  # SOL_CAN_RAW, CAN_RAW_FILTER
+        assert opened.options[101, 2] == 0x1FFF_FFFF  # every class of error frame
+        assert opened.options[socket.SOL_SOCKET, 35] == 1
+
+    def test_what_cannot_be_opened_is_refused_in_one_line_and_the_others_are_closed(
+        self, sockets: list[FakeSocket]
+    ) -> None:
+        with pytest.raises(UserError, match=r"^cannot open bus 'broken' on socketcan: .*No such device$"):
+            SocketCanBus(("can0", "broken"), FILTERS)
+        assert [each.closed for each in sockets] == [True, True]
+
+    def test_a_system_without_can_is_no_traceback(
+        self, sockets: list[FakeSocket], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.delattr(socket, "AF_CAN")
+        with pytest.raises(UserError, match=r"^cannot open bus 'can0' on socketcan: .*AF_CAN"):
+            SocketCanBus(("can0",), FILTERS)
+
+    def test_the_name_of_a_kind_says_who_opens_it(self, sockets: list[FakeSocket]) -> None:
+        assert isinstance(open_interfaces("socketcan", ("can0",), FILTERS), SocketCanBus)
+        with pytest.raises(UserError, match="no bus 'morse': give one of sim, "):
+            open_interfaces("morse", ("can0",), FILTERS)
+
+
+def has_vcan() -> bool:
+    try:
+        socketcan_bus.open_socket("can0", ()).close()
+    except (OSError, AttributeError):
+        return False
+    return True
+
+
+@pytest.mark.skipif(not has_vcan(), reason="there is no interface can0, as by: ip link add can0 type vcan")
+class TestKernel:
+    def test_frames_cross_and_the_kernel_keeps_foreign_ones_back(self) -> None:
+        host, robot = SocketCanBus(("can0",), FILTERS), SocketCanBus(("can0",), FILTERS)
+        robot.send(batch((0, 0x101, b"plain"), (0, 0x181, b"foreign"), (0, EXTENDED | 0x101, b"foreign"),
+                         (0, EXTENDED | 0x0200_0001, b"extended"), (0, 0x17F, b"")), 0)  # fmt: skip
+        (got,) = host.receive(0)
+        assert got.id.tolist() == [0x101, EXTENDED | 0x0200_0001, 0x17F]
+        assert [row.tobytes() for row in got.data] == [b"plain\0\0\0", b"extended", bytes(8)]
+        assert robot.receive(0) == []  # nobody hears what they sent themselves
+        host.close()
+        robot.close()
+
+    def test_python_can_speaks_the_same_frames(self) -> None:
+        ours = SocketCanBus(("can0",), FILTERS)
+        theirs = PythonCanBus("socketcan", ("can0",), FILTERS)
+        rows = batch((0, 0x101, b"abc"), (0, EXTENDED | 0x0200_0001, b"12345678"))
+        theirs.send(rows, 0)
+        (got,) = ours.receive(0)
+        assert got.id.tolist() == rows.id.tolist()
+        np.testing.assert_array_equal(got.data, rows.data)
+        ours.close()
+        theirs.close()
