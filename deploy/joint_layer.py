@@ -46,17 +46,17 @@ class JointLayer:
         self._absorbed_us = NEVER  # when replies were taken in last
         self.temperature_c = np.full(n, np.nan)  # as last told; NaN where a motor does not say
         self.voltage = np.full(n, np.nan)  # likewise, V
-        self.commanded_torque = np.zeros(n)  # that the last frames asked for, N m
-        self.stiffness = np.zeros(n)  # that they carried, N m/rad
+        self.stiffness = np.zeros(n)  # that the last frames carried, N m/rad
         self.sent = np.zeros((5, n))  # all that they carried, before a frame rounds it
+        self._sent_before = self.sent  # likewise, of the frames before
 
     # -- out -----------------------------------------------------------------------------------------
 
     def begin_at(self, position: np.ndarray) -> None:
-        """Let the rate limit start from these joint positions, rad, (n,)."""
+        """Let targets start from these joint positions, rad, (n,), or from the soft limits next to them."""
         lowest, highest = self._driver.lowest[0], self._driver.highest[0]
         self._lower, self._upper = (limit.clip(lowest, highest) for limit in self._robot.soft_limits)
-        self._target = position.clip(lowest, highest)
+        self._target = position.clip(self._lower, self._upper)
 
     @property
     def target(self) -> np.ndarray:
@@ -109,7 +109,8 @@ class JointLayer:
             pushes = (share < 1.0) & (asked * (values[:2] - self._joints[:2]) > 0.0)
             values[2:4] -= pushes * self._driver.gain_rounding
             np.maximum(values[2:4], self._driver.lowest[2:4], out=values[2:4])
-        self.commanded_torque, self.stiffness, self.sent = possible, values[2], values
+        self._sent_before = self.sent
+        self.stiffness, self.sent = values[2], values
         return self._driver.command(values)
 
     # -- in ------------------------------------------------------------------------------------------
@@ -156,6 +157,18 @@ class JointLayer:
     def oldest_of_imu(self) -> str:
         """The part of the IMU's reading that has not been renewed for longest."""
         return self._imu.oldest
+
+    def expected_torque(self) -> np.ndarray:
+        """Torque that motors should report with their latest readings, N m, (n,).
+
+        A reply to a command was measured before the command had an effect, another kind of message after:
+        this is the smaller of what the last two commands ask for, and 0 where they point apart.
+        """
+        position, velocity, _ = self._joints
+        last, before = (
+            pd_torque(JointCommand(*sent), position, velocity) for sent in (self.sent, self._sent_before)
+        )
+        return np.where(np.abs(last) < np.abs(before), last, before) * (last * before > 0.0)
 
     def last_heard(self) -> LastHeard:
         """When each part was last heard."""

@@ -378,7 +378,8 @@ class ControlLoop:
             self._stand_from = self.sensed.joint_position
             self._joints.begin_at(self._stand_from)
             joints = self._joints
-            self._checks.monitor.begin(self.now_us, joints.inertial, joints.joints, joints.target)
+            heard_us = joints.last_heard().motor_us
+            self._checks.monitor.begin(self.now_us, heard_us, joints.inertial, joints.joints, joints.target)
             self._estimated_us = self.now_us
             if self._estimator is not None:
                 self._estimator.reset(self.sensed)
@@ -437,7 +438,8 @@ class ControlLoop:
         monitor = checks.monitor
         if not monitor.due(now_us):
             return None
-        if not monitor.add(now_us, silence_us, joints.inertial, joints.joints, joints.commanded_torque):
+        heard_us, expected = joints.last_heard().motor_us, joints.expected_torque()
+        if not monitor.add(now_us, silence_us, heard_us, joints.inertial, joints.joints, expected):
             return None
         compared = monitor.look(joints.stiffness, joints.target, joints.temperature_c)
         return checks.find() if compared else None

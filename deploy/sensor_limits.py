@@ -17,15 +17,19 @@ class SensorLimits:
     period_s: float = 0.04  # between two looks; a fault is seen within a few of them
     memory_s: float = 0.25  # over which contradictions add up; what is older fades
     position_rad: float = 0.2  # beyond a joint's range: stops give way, and calibration is never exact
-    drift_rad: float = 0.2  # a joint's way by its position against the one by its velocity
+    drift_rad: float = (
+        0.02  # a joint's ways by its position and by its velocity apart, but for a share of them
+    )
+    drift_share: float = 0.25  # that a velocity filtered over 7 ms takes up
+    drift_memory_s: float = 0.5  # over which ways apart add up
     limp_s: float = 0.1  # that a motor reports little torque while much is commanded
-    opposing_s: float = 0.15  # that it reports much in the other direction
+    opposing: float = 0.3  # share of the expected torque that it reports in the other direction, on average
     lag_s: float = 0.03  # of a reading and of a command together: what a torque was predicted from is older
     torque_much: float = 0.1  # of the peak torque: more than friction and rounding can hide
+    torque_some: float = 0.05  # of the peak torque, on average: less has no direction that counts
     torque_little: float = 0.02  # of the peak torque: what a motor without current may report
     repeated_rad: float = 0.1  # way of a joint's target while its motor repeats one reply
     temperature_c: float = 85.0  # of any motor; windings and magnets suffer from 100 on
-    frozen: float = 0.24  # rad: a joint's way by its position while its velocity stays the same, or by that
     rotation_rad: float = 0.08  # the base's turn by the quaternion against the one by the gyro
     imu_repeated_s: float = 0.06  # that a part of the IMU repeats itself while joints move
     moving_rad_s: float = 1.0  # of the fastest joint: then a body shakes by more than an IMU's last digit
@@ -39,13 +43,15 @@ class SensorLimits:
 
     def __post_init__(self) -> None:
         require_between(self, 0.001, 0.2, "period_s")
-        require_between(self, 0.01, 10.0, "memory_s", "imu_repeated_s", "resting_s", "lean_memory_s")
+        require_between(
+            self, 0.01, 10.0, "memory_s", "drift_memory_s", "imu_repeated_s", "resting_s", "lean_memory_s"
+        )
         require_between(self, 0.001, math.tau, "position_rad", "drift_rad", "repeated_rad", "rotation_rad")
-        require_between(self, 0.001, math.tau, "frozen")
+        require_between(self, 0.0, 1.0, "drift_share", "opposing")
         require_between(self, 0.1, 1.0, "sunk")
         require_between(self, 0.01, 2.0, "rest_error", "lean_error", "lift_error")
-        require_between(self, 0.01, 10.0, "limp_s", "opposing_s")
+        require_between(self, 0.01, 10.0, "limp_s")
         require_between(self, 0.0, 0.1, "lag_s")
-        require_between(self, 0.001, 1.0, "torque_much", "torque_little")
+        require_between(self, 0.001, 1.0, "torque_much", "torque_some", "torque_little")
         require_between(self, 0.01, 100.0, "moving_rad_s", "resting_rad_s")
         require_between(self, 30.0, 150.0, "temperature_c")

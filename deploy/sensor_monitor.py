@@ -17,8 +17,6 @@ from footfall.robots.description import Robot
 from footfall.robots.kinematics import Legs
 
 GRAVITY = 9.81
-SAME = 1e-9  # rad, or rad/s: readings whose mean is the last one were all the same
-NO_WAY, MOST_WAY = 0.004, 0.04  # rad, between two looks
 LOOKS_A_HEIGHT = 3  # a body takes its time to fall, and its height takes more to work out than all the rest
 SAMPLE_S = 0.004  # between two readings that are added up: a fraction of what a leg takes to swing
 IMU_PARTS = Inertial._fields
@@ -37,29 +35,33 @@ class SensorMonitor:
         self.lower, self.upper = robot.lower_rad, robot.upper_rad
         self._much = limits.torque_much * robot.motor.peak_torque
         self._little = limits.torque_little * robot.motor.peak_torque
+        self._least = (limits.torque_some * robot.motor.peak_torque) ** 2
         self._legs, self._standing_m = _legs(robot), robot.description.standing_height_m
         self._n = n
         self._added_us = 0
-        self.begin(0, Inertial((0.0,) * 3, (0.0,) * 3, (1.0, 0.0, 0.0, 0.0)), np.zeros((3, n)), np.zeros(n))
+        inertial = Inertial((0.0,) * 3, (0.0,) * 3, (1.0, 0.0, 0.0, 0.0))
+        self.begin(0, np.zeros(n, np.int64), inertial, np.zeros((3, n)), np.zeros(n))
 
-    def begin(self, now_us: int, inertial: Inertial, joints: np.ndarray, target: np.ndarray) -> None:
-        """Forget all, and start from these readings."""
+    def begin(
+        self, now_us: int, heard_us: np.ndarray, inertial: Inertial, joints: np.ndarray, target: np.ndarray
+    ) -> None:
+        """Forget all, and start from these readings (as in `add`) and position targets, rad, (n,)."""
         n = self._n
         self._start_window(now_us)
+        self._heard_us = heard_us.copy()
         self.joints, self._target, self._inertial = joints, target, inertial
         self._last = joints
         self.temperature = np.zeros(n)
         self.drift, self.repeated = np.zeros(n), np.zeros(n)
-        self.limp_s, self.opposing_s = np.zeros(n), np.zeros(n)
-        self._suspected = False  # whether any of them is above 0
+        self._apart, self._ways = np.zeros((2, n))  # rad^2: squares that were added up, and fade
+        self.limp_s, self.opposing = np.zeros(n), np.zeros(n)
+        self._work, self._asked = np.zeros((2, n))  # (N m)^2: reported by expected, and expected squared
         self.rotation = [0.0, 0.0, 0.0]
         self._imu_repeated = [0.0, 0.0, 0.0]
         self._resting_s = 0.0
         self._resting = [0.0, 0.0, 0.0]  # mean acceleration of the rest, world axes
         self.rest_error = 0.0
         self._mean = [0.0, 0.0, GRAVITY]  # acceleration, world axes
-        self.frozen = np.zeros((2, n))
-        self._none = self.frozen
         self._looks = 0
         self.sunk = 0.0  # of the base's clearance when standing, how much is gone
 
@@ -68,7 +70,13 @@ class SensorMonitor:
         return now_us - self._added_us >= self._sample_us
 
     def add(
-        self, now_us: int, silence_us: int, inertial: Inertial, joints: np.ndarray, commanded: np.ndarray
+        self,
+        now_us: int,
+        silence_us: int,
+        heard_us: np.ndarray,
+        inertial: Inertial,
+        joints: np.ndarray,
+        expected: np.ndarray,
     ) -> bool:
         """Take in one tick's readings; returns whether it is time to look at what was added.
 
@@ -76,16 +84,19 @@ class SensorMonitor:
             now_us: the loop's time.
             silence_us: how old the oldest of the readings is. After a gap they are not compared, since what
                 happened in it is not known.
+            heard_us: (n,) when each motor's reading arrived.
             inertial: the IMU's reading.
             joints: (3, n) position rad, velocity rad/s, torque N m that the motors report.
-            commanded: (n,) torque that the last command asked for, N m.
+            expected: (n,) torque that the last commands ask for at these readings, N m.
         """
         if silence_us > self._gap_us or now_us - self._added_us > self._gap_us:
             self._gap = True
         self._added_us = now_us
+        self._turned += (0.5e-6 * (heard_us - self._heard_us)) * (joints[1] + self._last[1])
+        self._heard_us = heard_us.copy()
         self._last = joints
         self._sum += joints
-        self._commanded += commanded
+        self._expected += expected
         self._inertials.append(inertial)
         return len(self._inertials) >= self._every
 
@@ -110,7 +121,8 @@ class SensorMonitor:
         self._added_us = now_us
         self._gap = False
         self._sum: np.ndarray = np.zeros((3, self._n))  # of readings since the last look
-        self._commanded: np.ndarray = np.zeros(self._n)  # likewise, of commanded torques
+        self._expected: np.ndarray = np.zeros(self._n)  # likewise, of expected torques
+        self._turned: np.ndarray = np.zeros(self._n)  # by velocities, rad
         self._inertials: list[Inertial] = []  # since the last look
 
     def _compare(self, elapsed_s: float, stiffness: np.ndarray, target: np.ndarray) -> None:
@@ -118,22 +130,17 @@ class SensorMonitor:
         joints, inertial = self._last, self._inertials[-1]
         kept = math.exp(-elapsed_s / limits.memory_s)
         self._sum /= count
-        self._commanded /= count
+        self._expected /= count
         _, velocity, torque = self._sum
         gyros, accelerations, _ = zip(*self._inertials, strict=True)
         gyro, acceleration = (
             [sum(values) / count for values in zip(*parts, strict=True)] for parts in (gyros, accelerations)
         )
-        moved = joints[0] - self.joints[0]
-        turned = elapsed_s * velocity
-        self.drift *= kept
-        self.drift += moved - turned
-        equal = joints == self.joints
-        same = np.logical_and.reduce(equal)
+        self._compare_ways(joints[0] - self.joints[0], self._turned, elapsed_s)
+        same = np.logical_and.reduce(joints == self.joints)
         self.repeated = same * (self.repeated + np.abs(target - self._target))
-        self._compare_frozen(equal, turned, moved)
         speed = np.abs(velocity)
-        self._compare_torques(torque, joints[2], self._commanded, stiffness * speed, elapsed_s)
+        self._compare_torques(torque, joints[2], self._expected, stiffness * speed, elapsed_s)
         fastest = max(speed.tolist())
         self._compare_turns(gyro, inertial.quaternion, elapsed_s, kept)
         self._compare_gravity(acceleration, gyro, inertial, fastest, elapsed_s)
@@ -146,48 +153,47 @@ class SensorMonitor:
             elif fastest > limits.moving_rad_s:
                 self._imu_repeated[part] += elapsed_s
 
-    def _compare_frozen(self, equal: np.ndarray, turned: np.ndarray, moved: np.ndarray) -> None:
-        """How far a joint has gone by its velocity while its position stays, and the other way round.
+    def _compare_ways(self, moved: np.ndarray, turned: np.ndarray, elapsed_s: float) -> None:
+        """How far joints have gone by their positions, (n,), against how far by their velocities, rad.
 
-        A reading may equal the one before, and their mean, by chance: each look counts for `MOST_WAY` at
-        most, so that it takes several. What a joint at rest seems to do is rounding, and counts for nothing.
+        Squares are added up, so that what a joint does to and fro does not cancel out. A share of the way
+        is granted: a velocity that a motor filters lags behind its position.
         """
-        if not np.count_nonzero(equal):
-            self.frozen = self._none
-            return
-        stays = (equal & (np.abs(self._sum - self._last) < SAME))[:2]
-        way = np.abs(np.array((turned, moved)))
-        self.frozen = (self.frozen + np.minimum(way, MOST_WAY) * (way > NO_WAY)) * stays
+        limits = self._limits
+        kept = math.exp(-elapsed_s / limits.drift_memory_s)
+        self._apart = kept * self._apart + (moved - turned) ** 2
+        self._ways = kept * self._ways + np.maximum(moved * moved, turned * turned)
+        self.drift = np.sqrt(self._apart) - limits.drift_share * np.sqrt(self._ways)
 
     def _compare_torques(
         self,
         torque: np.ndarray,
         last: np.ndarray,
-        commanded: np.ndarray,
+        expected: np.ndarray,
         slope: np.ndarray,
         elapsed_s: float,
     ) -> None:
-        """How long much was commanded, and none, or the opposite, was reported.
+        """How long much was expected and none reported, and how much of it points the other way.
 
-        A motor that follows late does either for moments; what it reports in between sets the time back.
+        A motor that follows late does either for moments; a report in between sets the time back.
 
         Args:
             torque: reported torque, N m, (n,), on average since the last look.
             last: torque that was reported last.
-            commanded: commanded torque, on average since the last look.
-            slope: how fast the commanded torque may change with a joint's motion, N m/s. It was worked out
+            expected: expected torque, on average since the last look.
+            slope: how fast the expected torque may change with a joint's motion, N m/s. It is worked out
                 from older readings than the motor's own, so that some of it counts for nothing.
             elapsed_s: time since the last look.
         """
-        asked = np.abs(commanded) - self._limits.lag_s * slope > self._much
-        reported = np.abs(torque)
-        reports = np.maximum(reported, np.abs(last)) > self._little
-        agrees = reports & (torque * commanded > 0.0)
-        if not self._suspected and not np.count_nonzero(asked > agrees):
-            return  # as most of the time: nothing to count, and nothing to set back
-        self.limp_s = ~reports * (self.limp_s + elapsed_s * asked)
-        self.opposing_s = ~agrees * (self.opposing_s + elapsed_s * (asked & (reported > self._much)))
-        self._suspected = bool(self.limp_s.any() or self.opposing_s.any())
+        limits = self._limits
+        least = np.maximum(np.abs(expected) - limits.lag_s * slope, 0.0)
+        asked = least > self._much
+        silent = np.maximum(np.abs(torque), np.abs(last)) <= self._little
+        self.limp_s = silent * (self.limp_s + elapsed_s * asked)
+        kept = math.exp(-elapsed_s / limits.memory_s)
+        self._work = kept * self._work + (1.0 - kept) * torque * np.copysign(least, expected)
+        self._asked = kept * self._asked + (1.0 - kept) * least * least
+        self.opposing = -self._work / np.maximum(self._asked, self._least)
 
     def _compare_turns(self, gyro: list[float], now: Sequence[float], elapsed_s: float, kept: float) -> None:
         """The body's turn since the last look: by quaternions twice the vector part of before* now."""

@@ -26,6 +26,7 @@ from footfall.robots.actuator import JointCommand
 
 SILENCE_S = 0.055
 IMPLAUSIBLE_S = 0.1
+QUEUE_S = 0.11  # of a queue that grows by half of what arrives: twice the silence
 FROZEN_S = 0.2  # of what repeats itself: it has to while joints move
 SOON_S = 0.6  # of contradictions that grow with motion: what they are is stated in the table
 
@@ -110,6 +111,10 @@ def _imu_late(milliseconds: int) -> Callable[[Rig], None]:
     return lambda rig: rig.late(1000 * milliseconds, from_imu)
 
 
+def _imu_queues(rig: Rig) -> None:
+    rig.falls_behind(0.5, from_imu)
+
+
 CALM = "a calm walk turns by little more than noise does; noticed once the body turns by more"
 MEAN = "steps shake an accelerometer: only its mean over a second is compared"
 IMU = (
@@ -150,6 +155,7 @@ IMU = (
     FaultKind("acceleration in units of g", "IMU", _scaled("acceleration", *(1 / 9.81,) * 3), 1.3, MEAN),
     FaultKind("IMU late by 20 ms", "IMU", _imu_late(20), None, "late readings agree with each other"),
     FaultKind("IMU late by 100 ms", "IMU", _imu_late(100), SILENCE_S),
+    FaultKind("IMU's readings queue up", "IMU", _imu_queues, QUEUE_S),
 )
 
 # -- what motors reply -------------------------------------------------------------------------------------
@@ -356,12 +362,18 @@ def _foreign(rig: Rig) -> None:
     rig.bus.incoming = lambda batches, _: [stranger, *batches, stranger]
 
 
+def _queue(rig: Rig) -> None:
+    rig.falls_behind(0.5, lambda frames: not from_imu(frames))
+
+
 def _late(milliseconds: int) -> Callable[[Rig], None]:
     return lambda rig: rig.late(1000 * milliseconds)
 
 
 SLOW_S = 1.5  # of a joint that hardly moves
 WAY = "a joint has to move for a while before its readings contradict each other"
+NEAR_ZERO = "a joint near its zero reads much the same with either sign; noticed once it moves"
+CARRIES_LITTLE = "a motor that is hardly asked for torque has no direction to compare"
 UNUSED = "no controller uses it; noticed where it reads none, or the opposite, while much is commanded"
 CONSTANT_LAG = "late readings agree with each other; a walk bears it"
 REPLIES = (
@@ -382,11 +394,11 @@ REPLIES = (
     FaultKind("velocity frozen", "motors' replies", _row_frozen(1), SLOW_S, WAY),
     FaultKind("velocity zero", "motors' replies", _zeroed(1), SLOW_S, WAY),
     FaultKind("velocity's sign turned round", "motors' replies", _negative(1), SOON_S),
-    FaultKind("velocity doubled", "motors' replies", _values(_doubled_speed), SOON_S),
-    FaultKind("position's sign turned round", "motors' replies", _negative(0), IMPLAUSIBLE_S),
+    FaultKind("velocity doubled", "motors' replies", _values(_doubled_speed), SLOW_S, WAY),
+    FaultKind("position's sign turned round", "motors' replies", _negative(0), SLOW_S, NEAR_ZERO),
     FaultKind("torque zero", "motors' replies", _zeroed(2), SOON_S),
     FaultKind("torque frozen", "motors' replies", _row_frozen(2), None, UNUSED),
-    FaultKind("torque's sign turned round", "motors' replies", _negative(2), SOON_S),
+    FaultKind("torque's sign turned round", "motors' replies", _negative(2), SLOW_S, CARRIES_LITTLE),
     FaultKind("encoder jumps by 0.3 rad", "motors' replies", _position_off(lambda _: 0.3), main=True),
     FaultKind("encoder jumps by 1 rad", "motors' replies", _position_off(lambda _: 1.0)),
     FaultKind("encoder jumps by a turn", "motors' replies", _position_off(lambda _: 2 * np.pi), main=True),
@@ -427,6 +439,7 @@ REPLIES = (
     ),
     FaultKind("all frames late by 10 ms", "motors' replies", _late(10), None, CONSTANT_LAG),
     FaultKind("all frames late by 100 ms", "motors' replies", _late(100), SILENCE_S),
+    FaultKind("replies queue up", "motors' replies", _queue, QUEUE_S),
 )
 
 # -- motors and body ---------------------------------------------------------------------------------------

@@ -177,6 +177,24 @@ class Rig:
 
         self.bus.incoming = hold
 
+    def falls_behind(self, share: float, what: Callable[[Frames], bool]) -> None:
+        """Some batches wait to be read, each a share of the time since now: the queue grows and grows.
+
+        When each arrived stays what it was.
+        """
+        waiting: list[tuple[int, Frames]] = []
+        began: list[int] = []
+
+        def hold(batches: Batches, now_us: int) -> Batches:
+            began.append(now_us) if not began else None
+            waiting.extend((now_us, frames) for frames in batches if what(frames))
+            read_until = now_us - share * (now_us - began[0])
+            due = [frames for at, frames in waiting if at <= read_until]
+            waiting[:] = [(at, frames) for at, frames in waiting if at > read_until]
+            return [*due, *(frames for frames in batches if not what(frames))]
+
+        self.bus.incoming = hold
+
     # -- the robot's parts -------------------------------------------------------------------------------
 
     def brake(self, joint: int, damping: float) -> None:

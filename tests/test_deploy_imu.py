@@ -238,3 +238,14 @@ class TestReader:
             wire.reader.absorb(Frames(wire.channel, wire.id, data[[2, 0, 1]], wire.length), now_us)
             np.testing.assert_allclose(wire.reader.reading.gyro, [0.1, 0.2, 0.3])
             np.testing.assert_allclose(wire.reader.reading.quaternion, [0.8, 0.0, 0.6, 0.0], atol=1e-4)
+
+    @pytest.mark.parametrize("before", [1, 2, 3])
+    def test_a_part_was_heard_when_its_frame_arrived(self, wire: Wire, before: int) -> None:
+        """Frame by frame at first, at once later; what waits in a queue is older than its counter says."""
+        for counter in range(before):
+            wire.send(counter, 1000 * counter)
+        data = imu.encode(imu.Inertial([0.1, 0.2, 0.3], [1.0, 2.0, 9.0], [0.8, 0.0, 0.6, 0.0]), before)
+        arrived = np.array([40_700, 40_500, 40_600])
+        wire.reader.absorb(Frames(wire.channel, wire.id, data, wire.length, arrived), 90_000)
+        assert wire.reader.heard_us == 40_500
+        assert wire.reader.oldest == "acceleration"

@@ -56,6 +56,27 @@ class TestOut:
         np.testing.assert_allclose(back.position, go1.default_pose, atol=2e-4)
         np.testing.assert_allclose(back.kp, 20.0, atol=0.07)
 
+    def test_targets_begin_at_the_soft_limit_where_a_joint_is_beyond_it(
+        self, go1: Robot, layer: JointLayer
+    ) -> None:
+        beyond = go1.upper_rad.copy()
+        layer.begin_at(beyond)
+        np.testing.assert_array_equal(layer.target, go1.soft_limits[1])
+        layer.command(command(go1, beyond))
+        np.testing.assert_array_equal(layer.target, go1.soft_limits[1])
+
+    def test_what_motors_should_report_is_the_smaller_of_what_the_last_two_commands_ask_for(
+        self, go1: Robot, wiring: Wiring, layer: JointLayer
+    ) -> None:
+        """In between, a joint has moved by 0.04 rad, which is 0.8 N m with 20 N m/rad."""
+        pose = go1.default_pose
+        for torque in (0.4, -0.4, 2.0, 1.2):
+            layer.command(command(go1, pose, torque=torque))
+        layer.absorb([replies(wiring, pose - 0.04)], 2000)
+        np.testing.assert_allclose(layer.expected_torque(), 1.2 + 0.8, atol=0.01)
+        layer.command(command(go1, pose, torque=-2.0))  # asks for -1.2 N m here, the one before for 2
+        np.testing.assert_array_equal(layer.expected_torque(), 0.0)
+
     def test_targets_stay_inside_the_soft_limits(self, go1: Robot, layer: JointLayer) -> None:
         _, upper = go1.soft_limits
         for _ in range(200):

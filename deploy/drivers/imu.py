@@ -104,7 +104,12 @@ class ImuReader:
         return Inertial._fields[ages.index(min(ages))]
 
     def absorb(self, frames: Frames, now_us: int) -> None:
-        """Take in frames; those that are not the IMU's, or not whole, are left aside."""
+        """Take in frames; those that are not the IMU's, or not whole, are left aside.
+
+        A part was heard when its frame arrived, where the bus knows that, and else now: what has waited in
+        a queue is as old as it is.
+        """
+        arrived = [now_us] * len(frames.id) if frames.time_us is None else frames.time_us.tolist()
         usual = self._usual
         if (
             usual is not None
@@ -112,46 +117,47 @@ class ImuReader:
             and frames.channel is usual.channel
             and frames.length is usual.length
         ):
-            self._absorb_reading(frames.data.tobytes(), now_us)
+            self._absorb_reading(frames.data.tobytes(), arrived)
             return
         identifiers, channels, lengths = frames.id.tolist(), frames.channel.tolist(), frames.length.tolist()
         if tuple(identifiers) == IDS and channels == [self._channel] * len(IDS) and lengths == [8] * len(IDS):
             self._usual = frames
-        for identifier, channel, length, row in zip(identifiers, channels, lengths, frames.data, strict=True):
+        rows = zip(identifiers, channels, lengths, frames.data, arrived, strict=True)
+        for identifier, channel, length, row, arrived_us in rows:
             if channel == self._channel and identifier in IDS and length == 8:
-                self._absorb_frame(identifier, row.tobytes(), now_us)
+                self._absorb_frame(identifier, row.tobytes(), arrived_us)
 
-    def _absorb_reading(self, data: bytes, now_us: int) -> None:
-        """The three frames of a reading at once."""
+    def _absorb_reading(self, data: bytes, arrived: list[int]) -> None:
+        """The three frames of a reading at once, and when each arrived, us."""
         gx, gy, gz, gyro_count, ax, ay, az, acceleration_count, *words = _ALL.unpack(data)
-        self._heard_counts(gyro_count, acceleration_count, now_us)
+        self._heard_counts(gyro_count, arrived[0], acceleration_count, arrived[1])
         quaternion: Sequence[float] | None = _unit_quaternion(*words)
         if quaternion is None:
             quaternion = self.reading.quaternion
         else:
-            self._heard_us[2] = now_us
+            self._heard_us[2] = arrived[2]
         self.reading = Inertial(
             (gx * GYRO_UNIT, gy * GYRO_UNIT, gz * GYRO_UNIT),
             (ax * ACCELERATION_UNIT, ay * ACCELERATION_UNIT, az * ACCELERATION_UNIT),
             quaternion,
         )
 
-    def _absorb_frame(self, identifier: int, data: bytes, now_us: int) -> None:
+    def _absorb_frame(self, identifier: int, data: bytes, arrived_us: int) -> None:
         gyro, acceleration, quaternion = self.reading
         if identifier == GYRO_ID:
             gyro, counter = decode_gyro(data)
-            self._heard_counts(counter, self._acceleration_counter, now_us)
+            self._heard_counts(counter, arrived_us, self._acceleration_counter, arrived_us)
         elif identifier == ACCELERATION_ID:
             acceleration = decode_acceleration(data)
-            self._heard_counts(self._gyro_counter, _SAMPLE.unpack(data)[3], now_us)
+            self._heard_counts(self._gyro_counter, arrived_us, _SAMPLE.unpack(data)[3], arrived_us)
         elif (decoded := decode_quaternion(data)) is not None:
             quaternion = decoded
-            self._heard_us[2] = now_us
+            self._heard_us[2] = arrived_us
         self.reading = Inertial(gyro, acceleration, quaternion)
 
-    def _heard_counts(self, gyro: int, acceleration: int, now_us: int) -> None:
+    def _heard_counts(self, gyro: int, gyro_us: int, acceleration: int, acceleration_us: int) -> None:
         """Only a counter that moves tells of a new reading."""
         if gyro != self._gyro_counter:
-            self._gyro_counter, self._heard_us[0] = gyro, now_us
+            self._gyro_counter, self._heard_us[0] = gyro, gyro_us
         if acceleration != self._acceleration_counter:
-            self._acceleration_counter, self._heard_us[1] = acceleration, now_us
+            self._acceleration_counter, self._heard_us[1] = acceleration, acceleration_us

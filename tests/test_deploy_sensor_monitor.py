@@ -1,0 +1,118 @@
+"""What adds up of readings: ways by positions and by velocities, torques that were asked for and reported."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from footfall.deploy.drivers.imu import Inertial
+from footfall.deploy.sensor_limits import SensorLimits
+from footfall.deploy.sensor_monitor import SensorMonitor
+from footfall.robots.description import Robot
+
+LIMITS = SensorLimits()
+STILL = Inertial((0.0, 0.0, 0.0), (0.0, 0.0, 9.81), (1.0, 0.0, 0.0, 0.0))
+SAMPLE_US = 4000
+SWING_RAD, SWING_RAD_S = 0.1, 15.0  # of a leg: 2.4 swings a second
+
+Reading = Callable[[float], tuple[float, float]]  # s to rad and rad/s
+
+
+def swing(time_s: float) -> tuple[float, float]:
+    angle = SWING_RAD_S * time_s
+    return SWING_RAD * np.sin(angle), SWING_RAD * SWING_RAD_S * np.cos(angle)
+
+
+def told(
+    robot: Robot,
+    reading: Reading = swing,
+    torque: Callable[[float], tuple[float, float]] = lambda _: (0.0, 0.0),
+    lost: Callable[[int], bool] = lambda _: False,
+    samples: int = 250,
+) -> SensorMonitor:
+    """A monitor of which one joint moves; `torque` gives what it reports and what is expected, N m.
+
+    A sample whose number is `lost` leaves the reading, and the time at which it arrived, as they were.
+    """
+    monitor = SensorMonitor(robot, LIMITS, 0.002)
+    n, heard_us = len(robot.joint_names), np.zeros(12, np.int64)
+    joints, zeros = np.zeros((3, n)), np.zeros(n)
+    joints[:2, 0] = reading(0.0)
+    monitor.begin(0, heard_us, STILL, joints, zeros)
+    for k in range(1, samples + 1):
+        now_us = k * SAMPLE_US
+        expected = zeros.copy()
+        if not lost(k):
+            joints, heard_us = joints.copy(), np.full(n, now_us)
+            joints[:2, 0] = reading(now_us * 1e-6)
+            joints[2, 0], expected[0] = torque(now_us * 1e-6)
+        if monitor.add(now_us, 0, heard_us, STILL, joints, expected):
+            monitor.look(zeros, zeros, zeros)
+    return monitor
+
+
+class TestWays:
+    """A position against a velocity."""
+
+    def test_of_a_joint_that_swings_agree(self, go1: Robot) -> None:
+        assert told(go1).drift.max() <= 0.0
+
+    @pytest.mark.parametrize("factor", [-1.0, 0.0, 0.5, 2.0])
+    def test_differ_where_a_velocity_has_another_sign_or_unit(self, go1: Robot, factor: float) -> None:
+        """To and fro does not cancel out: within half a second, and of this joint alone."""
+        monitor = told(go1, lambda t: (swing(t)[0], factor * swing(t)[1]), samples=125)
+        assert monitor.drift[0] > LIMITS.drift_rad
+        assert (monitor.drift[1:] == 0.0).all()
+
+    def test_differ_where_a_position_stays(self, go1: Robot) -> None:
+        assert told(go1, lambda t: (0.1, swing(t)[1])).drift[0] > LIMITS.drift_rad
+
+    def test_by_how_much_is_a_root_of_squares_less_a_share(self, go1: Robot) -> None:
+        """1 rad/s for one look of 40 ms while nothing moves: 0.04 rad, a quarter of which is granted."""
+        monitor = told(go1, lambda _: (0.0, 1.0), samples=10)
+        assert monitor.drift[0] == pytest.approx(0.75 * 0.04)
+
+    @pytest.mark.parametrize(("lag_s", "noticed"), [(0.005, False), (0.05, True)])
+    def test_a_velocity_may_lag_as_a_filtered_one_does(self, go1: Robot, lag_s: float, noticed: bool) -> None:
+        monitor = told(go1, lambda t: (swing(t)[0], swing(t - lag_s)[1]))
+        assert (monitor.drift[0] > LIMITS.drift_rad) == noticed
+
+    def test_are_those_between_the_readings_that_came(self, go1: Robot) -> None:
+        """Every second reply is lost, two more in a row now and then."""
+        monitor = told(go1, lost=lambda k: k % 2 == 1 or k % 14 < 4)
+        assert monitor.drift[0] < 0.5 * LIMITS.drift_rad
+
+
+class TestTorques:
+    """What a motor reports against what is asked of it."""
+
+    def asked(self, robot: Robot, reported: float, lag_s: float = 0.0) -> SensorMonitor:
+        """A tenth of the peak torque and a half, to and fro, of which a share is reported, later."""
+        peak = float(robot.motor.peak_torque[0])
+
+        def wave(time_s: float) -> float:
+            return peak * (0.1 + 0.5 * np.sin(10.0 * time_s))
+
+        return told(robot, torque=lambda t: (reported * wave(t - lag_s), wave(t)))
+
+    @pytest.mark.parametrize(("reported", "opposing"), [(1.0, -1.0), (0.5, -0.5), (-1.0, 1.0), (-0.5, 0.5)])
+    def test_are_compared_over_time_in_size_and_sign(
+        self, go1: Robot, reported: float, opposing: float
+    ) -> None:
+        assert self.asked(go1, reported).opposing[0] == pytest.approx(opposing, abs=0.01)
+
+    def test_may_lag(self, go1: Robot) -> None:
+        """A radian is 100 ms here: half of that later it is not yet the other way."""
+        assert self.asked(go1, 1.0, lag_s=0.05).opposing[0] < 0.0
+
+    def test_of_a_motor_that_is_asked_for_little_do_not_count(self, go1: Robot) -> None:
+        """1 % of the peak torque against the 5 % from which on a direction counts: 0.01^2 / 0.05^2."""
+        little = 0.01 * float(go1.motor.peak_torque[0])
+        assert told(go1, torque=lambda _: (-little, little)).opposing[0] == pytest.approx(0.04, rel=0.05)
+
+    def test_a_motor_without_any_is_limp_as_long_as_much_is_asked(self, go1: Robot) -> None:
+        peak = float(go1.motor.peak_torque[0])
+        limp = told(go1, torque=lambda _: (0.01 * peak, 0.5 * peak), samples=50)
+        assert limp.limp_s[0] == pytest.approx(0.2)
+        assert told(go1, torque=lambda _: (0.03 * peak, 0.5 * peak)).limp_s[0] == 0.0
+        assert told(go1, torque=lambda _: (0.0, 0.05 * peak)).limp_s[0] == 0.0
