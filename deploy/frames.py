@@ -23,6 +23,10 @@ class Frames(NamedTuple):
         time_us = None if self.time_us is None else self.time_us[rows]
         return Frames(self.channel[rows], self.id[rows], self.data[rows], self.length[rows], time_us)
 
+    def at(self, time_us: np.ndarray) -> "Frames":
+        """The same frames with the time at which each arrived, (k,)."""
+        return Frames(self.channel, self.id, self.data, self.length, time_us)
+
 
 def joined(batches: Sequence[Frames]) -> Frames:
     """Several batches (one at least) as one."""

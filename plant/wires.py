@@ -31,35 +31,37 @@ class Side(IntEnum):
 
 @dataclass
 class _Plan:
-    """How a batch of given channels, lengths and kinds of identifier follows one another on the wires."""
+    """How a batch of given channels, identifiers and lengths takes its turns on the wires."""
 
     channel: np.ndarray  # (k,), and
+    id: np.ndarray  # (k,), and
     length: np.ndarray  # (k,): of the batch that last had this plan
     place: np.ndarray  # (k,) how many frames of the batch are on the same wire up to this one
     offset: np.ndarray  # (k,) microseconds from the start of the batch on its wire to the frame's end
     occupied: list[float]  # microseconds that the batch takes on each wire
+    longest: float  # of these
     frames: np.ndarray  # (channels,) frames on each wire
     most: int  # frames on the busiest wire
-    sent: list[int] = field(default_factory=lambda: [0, 0])  # times that each side sent such a batch
-
-
-class _Precedence(NamedTuple):
-    """What arbitration makes of a batch's identifiers."""
-
-    ids: np.ndarray  # (k,), and
-    channel: np.ndarray  # (k,): of the batch
+    wires: list[int]  # those with any
     first: list[float]  # on each wire, the least in order of precedence
     last: list[float]  # and the greatest
     orderly: bool  # whether the frames on each wire stand in that order
+    sent: list[int] = field(default_factory=lambda: [0, 0])  # times that each side sent such a batch
+
+    def is_of(self, frames: Frames) -> bool:
+        """Whether these are the very arrays that it was made of: cheap, and sufficient."""
+        return frames.id is self.id and frames.channel is self.channel and frames.length is self.length
 
 
 class _Batch:
     """Frames on their way."""
 
-    def __init__(self, frames: Frames, start: list[float], plan: _Plan, last: float) -> None:
+    __slots__ = ("_arrival", "_offset", "_start", "bits", "frames", "last")
+
+    def __init__(self, frames: Frames, start: float | list[float], offset: np.ndarray, last: float) -> None:
         self.frames = frames
         self.last = last  # by then all of them have arrived
-        self._start, self._plan = start, plan  # on each wire
+        self._start, self._offset = start, offset  # on all wires alike, or on each; each frame's, (k,)
         self._arrival: np.ndarray | None = None  # worked out when it is needed
         self.bits: np.ndarray = _NOT_KNOWN  # (k,) that each occupies its wire, repetitions included
 
@@ -68,13 +70,13 @@ class _Batch:
         """When each frame arrives, (k,)."""
         if self._arrival is None:
             start = self._start
-            same = start.count(start[0]) == len(start)
-            self._arrival = (start[0] if same else np.array(start)[self.frames.channel]) + self._plan.offset
+            begun = np.array(start)[self.frames.channel] if isinstance(start, list) else start
+            self._arrival = begun + self._offset
         return self._arrival
 
     def take(self, rows: np.ndarray) -> Frames:
         """Remove the frames at some rows (a mask)."""
-        taken = self.frames.take(rows)._replace(time_us=self.arrival[rows])
+        taken = self.frames.take(rows).at(self.arrival[rows])
         self.frames, self._arrival = self.frames.take(~rows), self.arrival[~rows]
         if self.bits is not _NOT_KNOWN:
             self.bits = self.bits[~rows]
@@ -104,8 +106,7 @@ class SimulatedWires:
         self._last_waiting = [0.0] * len(names)  # the greatest in order of precedence since a wire was idle
         self._flying: tuple[deque[_Batch], ...] = (deque(), deque())
         self._plans: dict[tuple[bytes, ...], _Plan] = {}
-        self._plan_of_array: dict[int, _Plan] = {}  # by the identity of an array of channels
-        self._precedence_of_array: dict[int, _Precedence] = {}  # by that of an array of identifiers
+        self._plan_of_array: dict[int, _Plan] = {}  # by the identity of an array of identifiers
         self.refused = np.zeros((2, len(names)), dtype=np.int64)
 
     def send(self, side: Side, frames: Frames, now_us: float) -> int:
@@ -128,12 +129,10 @@ class SimulatedWires:
                 frames = frames.take(accepted)
                 plan = self._plan(frames)
         if len(frames.channel):
-            overtaken = self._overtaken(side, frames, plan, now_us)
-            start = [free_at if free_at > now_us else now_us for free_at in self._free_at]
-            self._free_at = [begun + taken for begun, taken in zip(start, plan.occupied, strict=True)]
-            self._all_free_at = max(self._free_at)
+            overtaken = self._overtaken(side, plan, now_us)
+            start = self._occupy(plan, now_us)
             plan.sent[side] += 1
-            batch = _Batch(frames, start, plan, self._all_free_at)
+            batch = _Batch(frames, start, plan.offset, self._all_free_at)
             self._flying[side].append(batch)
             if self._faulty is not None:
                 self._repeat(side, batch)
@@ -149,25 +148,32 @@ class SimulatedWires:
         """Which bus does not work for the controller, and why; empty if all do."""
         return "" if self._faulty is None else self._faulty.fault(self.names)
 
-    def _overtaken(self, side: Side, frames: Frames, plan: _Plan, now_us: float) -> list[int]:
+    def _occupy(self, plan: _Plan, now_us: float) -> float | list[float]:
+        """Keep wires busy with a batch; returns when it begins on them: on all alike, or on each."""
+        if self._all_free_at <= now_us:  # as most of the time
+            self._free_at = [now_us + taken for taken in plan.occupied]
+            self._all_free_at = now_us + plan.longest
+            return now_us
+        start = [free_at if free_at > now_us else now_us for free_at in self._free_at]
+        self._free_at = [begun + taken for begun, taken in zip(start, plan.occupied, strict=True)]
+        self._all_free_at = max(self._free_at)
+        return start
+
+    def _overtaken(self, side: Side, plan: _Plan, now_us: float) -> list[int]:
         """Wires on which the order of a new batch is not the one in which frames were queued."""
-        own = self._precedence_of_array.get(id(frames.id))
-        if own is None or own.ids is not frames.id or own.channel is not frames.channel:
-            if len(self._precedence_of_array) >= _REMEMBERED:
-                self._precedence_of_array.clear()
-            own = _precedence_on_wires(frames, len(self.names))
-            self._precedence_of_array[id(frames.id)] = own
-        last, overtaken = self._last_waiting, []
-        for wire, free_at in enumerate(self._free_at):
-            if free_at <= now_us:
-                last[wire] = own.last[wire]
-            else:
-                if own.first[wire] < last[wire]:
-                    overtaken.append(wire)
-                last[wire] = max(last[wire], own.last[wire])
-        if own.orderly or side is Side.HOST:
-            return overtaken
-        return [wire for wire, count in enumerate(plan.frames.tolist()) if count]
+        overtaken: list[int] = []
+        if self._all_free_at <= now_us:
+            self._last_waiting = plan.last.copy()
+        else:
+            last = self._last_waiting
+            for wire, free_at in enumerate(self._free_at):
+                if free_at <= now_us:
+                    last[wire] = plan.last[wire]
+                else:
+                    if plan.first[wire] < last[wire]:
+                        overtaken.append(wire)
+                    last[wire] = max(last[wire], plan.last[wire])
+        return overtaken if plan.orderly or side is Side.HOST else plan.wires
 
     def _repeat(self, side: Side, batch: _Batch) -> None:
         """Let errors destroy transmissions, which are sent again."""
@@ -238,7 +244,7 @@ class SimulatedWires:
             batch = queue.popleft()
             if batch.last <= now_us:
                 frames = batch.frames
-                arrived.append(frames._replace(time_us=batch.arrival) if side is Side.HOST else frames)
+                arrived.append(frames.at(batch.arrival) if side is Side.HOST else frames)
                 continue
             here = batch.arrival <= now_us
             if here.any():
@@ -248,31 +254,17 @@ class SimulatedWires:
         return arrived if self._faulty is None else [self._faulty.spoil(frames) for frames in arrived]
 
     def _plan(self, frames: Frames) -> _Plan:
-        known = self._plan_of_array.get(id(frames.channel))
-        if known is not None and known.channel is frames.channel and known.length is frames.length:
-            return known  # whoever keeps an array of channels keeps the kind of identifier, too
-        extended = frames.id >= EXTENDED
-        key = frames.channel.tobytes(), frames.length.tobytes(), extended.tobytes()
+        known = self._plan_of_array.get(id(frames.id))
+        if known is not None and known.is_of(frames):
+            return known
+        key = frames.channel.tobytes(), frames.id.tobytes(), frames.length.tobytes()
         plan = self._plans.get(key)
         if plan is None:
-            channel, duration = frames.channel, _BITS[extended.astype(np.intp), frames.length]
-            before = np.tril(channel[:, None] == channel[None, :]).astype(float)
-            on = (np.arange(len(self.names))[:, None] == channel[None, :]).astype(float)
-            count = on.sum(axis=1).astype(np.int64)
-            plan = _Plan(
-                channel,
-                frames.length,
-                place=before.sum(axis=1),
-                offset=before @ duration,
-                occupied=(on @ duration).tolist(),
-                frames=count,
-                most=int(count.max(initial=0)),
-            )
-            self._plans[key] = plan
-        plan.channel, plan.length = frames.channel, frames.length
+            plan = self._plans[key] = _planned(frames, len(self.names))
+        plan.channel, plan.id, plan.length = frames.channel, frames.id, frames.length
         if len(self._plan_of_array) >= _REMEMBERED:
             self._plan_of_array.clear()
-        self._plan_of_array[id(frames.channel)] = plan
+        self._plan_of_array[id(frames.id)] = plan
         return plan
 
     def _crowded(self, side: Side, plan: _Plan, now_us: float) -> bool:
@@ -311,12 +303,26 @@ def _precedence(identifier: np.ndarray) -> np.ndarray:
     return np.where(identifier >= EXTENDED, long, plain)
 
 
-def _precedence_on_wires(frames: Frames, wires: int) -> _Precedence:
-    order = _precedence(frames.id)
-    first, last, orderly = [math.inf] * wires, [0.0] * wires, True
-    for wire in range(wires):
-        on = order[frames.channel == wire]
-        if len(on):
-            first[wire], last[wire] = float(on.min()), float(on.max())
-            orderly &= bool((np.diff(on) >= 0).all())
-    return _Precedence(frames.id, frames.channel, first, last, orderly)
+def _planned(frames: Frames, wires: int) -> _Plan:
+    """The plan of a batch that was not sent before."""
+    channel, duration = frames.channel, _bits_of(frames)
+    order = _precedence(frames.id).astype(float)
+    before = np.tril(channel[:, None] == channel[None, :]).astype(float)
+    on = np.arange(wires)[:, None] == channel[None, :]
+    occupied, count = (on @ duration).tolist(), on.sum(axis=1)
+    each = [order[row] for row in on]
+    return _Plan(
+        channel,
+        frames.id,
+        frames.length,
+        place=before.sum(axis=1),
+        offset=before @ duration,
+        occupied=occupied,
+        longest=max(occupied, default=0.0),
+        frames=count,
+        most=int(count.max(initial=0)),
+        wires=np.flatnonzero(count).tolist(),
+        first=[float(row.min(initial=math.inf)) for row in each],
+        last=[float(row.max(initial=0.0)) for row in each],
+        orderly=all(bool((np.diff(row) >= 0).all()) for row in each),
+    )
