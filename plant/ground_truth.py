@@ -10,6 +10,7 @@ from footfall.plant.sensors import Layout
 from footfall.robots.model import Plant
 
 WORLD = 0  # body id
+GEOM = mujoco.mjtObj.mjOBJ_GEOM
 DIVERGED = [  # warnings
     int(kind)
     for kind in (
@@ -45,6 +46,8 @@ class GroundTruth:
     def __init__(self, plant: Plant, data: mujoco.MjData, layout: Layout, height_m: float) -> None:
         """`layout` says where the joints and the base lie; `height_m` is the base's when standing."""
         self._model, self._data = plant.model, data
+        self._position, self._velocity, self._geom_position = data.qpos, data.qvel, data.geom_xpos
+        self._warnings = data.warning.number
         self._geoms_of_foot = [geoms.tolist() for geoms in plant.feet]
         self._qpos, self._qvel = layout.qpos, layout.qvel
         self._free_qpos, self._free_qvel = layout.base_qpos, layout.base_qvel
@@ -52,66 +55,69 @@ class GroundTruth:
         self._feet = list(self._foot_of_geom)
         self._body_of_geom = plant.model.geom_bodyid.tolist()
         self._base_and_world = {plant.base, WORLD}
-        self._count = len(plant.feet)
+        self._nowhere = np.full((len(plant.feet), 3), np.nan)  # of feet that are not there
         self._twist, self._wrench = np.zeros(6), np.zeros(6)
         self._lowest_height = COLLAPSED_SHARE * height_m
 
     def truth(self, motor_torque: np.ndarray) -> Truth:
         """The state now; the caller knows the motor torque (n,)."""
-        data, pos, vel = self._data, self._free_qpos, self._free_qvel
-        quaternion = data.qpos[pos + 3 : pos + 7].copy()
-        position, velocity = np.full((2, self._count, 3), np.nan)
+        qpos, qvel, pos, vel = self._position, self._velocity, self._free_qpos, self._free_qvel
+        quaternion = qpos[pos + 3 : pos + 7].copy()
+        position, velocity = self._nowhere.copy(), self._nowhere.copy()
         for foot, geoms in enumerate(self._geoms_of_foot):
             if len(geoms) == 1:  # their mean would take ten times as long
-                position[foot], velocity[foot] = data.geom_xpos[geoms[0]], self._velocity_of(geoms[0])
+                position[foot], velocity[foot] = self._geom_position[geoms[0]], self._velocity_of(geoms[0])
             elif geoms:
-                position[foot] = data.geom_xpos[geoms].mean(axis=0)
+                position[foot] = self._geom_position[geoms].mean(axis=0)
                 velocity[foot] = np.mean([self._velocity_of(geom).copy() for geom in geoms], axis=0)
         contact, force = self._contacts()
         return Truth(
-            base_position=data.qpos[pos : pos + 3].copy(),
+            base_position=qpos[pos : pos + 3].copy(),
             base_quaternion=quaternion,
-            base_velocity=rotate_to_body(quaternion, data.qvel[vel : vel + 3]),
-            base_angular_velocity=data.qvel[vel + 3 : vel + 6].copy(),
-            joint_position=data.qpos[self._qpos].copy(),
-            joint_velocity=data.qvel[self._qvel].copy(),
+            base_velocity=rotate_to_body(quaternion, qvel[vel : vel + 3]),
+            base_angular_velocity=qvel[vel + 3 : vel + 6].copy(),
+            joint_position=qpos[self._qpos].copy(),
+            joint_velocity=qvel[self._qvel].copy(),
             motor_torque=motor_torque.copy(),
             foot_position=position,
             foot_velocity=velocity,
             foot_contact=contact,
             foot_force=force,
-            qpos=data.qpos.copy(),
+            qpos=qpos.copy(),
         )
 
     def fall(self) -> str | None:
         """Why the robot counts as fallen, in a few words, or None while it is up."""
-        data, pos = self._data, self._free_qpos
-        if tilt(data.qpos[pos + 3 : pos + 7]) > FALLEN_TILT:
+        qpos, pos = self._position, self._free_qpos
+        if tilt(qpos[pos + 3 : pos + 7]) > FALLEN_TILT:
             return "the base tilted past 70 degrees"
-        for one, other in data.contact.geom[: data.ncon].tolist():
+        for one, other in self._touching():
             if {self._body_of_geom[one], self._body_of_geom[other]} == self._base_and_world:
                 return "the base touched the ground"
-        ground = float(data.geom_xpos[self._feet, 2].min()) if len(self._feet) else 0.0
-        if data.qpos[pos + 2] - ground < self._lowest_height:
+        ground = min(self._geom_position[self._feet, 2].tolist()) if len(self._feet) else 0.0
+        if qpos[pos + 2] - ground < self._lowest_height:
             return "the base sank to the height of the feet"
         return None
 
     def diverged(self) -> bool:
         """Whether the simulation lost its numbers (MuJoCo then starts it afresh by itself)."""
-        return bool(self._data.warning.number[DIVERGED].any())
+        return any(self._warnings[DIVERGED].tolist())
 
     def _velocity_of(self, geom: int) -> np.ndarray:
         """Velocity of a geom's centre, m/s, world frame, (3,), until the next call."""
-        kind = mujoco.mjtObj.mjOBJ_GEOM
-        mujoco.mj_objectVelocity(self._model, self._data, kind, geom, self._twist, 0)
+        mujoco.mj_objectVelocity(self._model, self._data, GEOM, geom, self._twist, 0)
         return self._twist[3:]
 
     def _contacts(self) -> tuple[np.ndarray, np.ndarray]:
         """Whether each foot bears a force, and which, N: (feet,) each."""
-        force = np.zeros(self._count)
-        for index, geoms in enumerate(self._data.contact.geom[: self._data.ncon].tolist()):
+        force = np.zeros(len(self._nowhere))
+        for index, geoms in enumerate(self._touching()):
             for geom in geoms:
                 if geom in self._foot_of_geom:
                     mujoco.mj_contactForce(self._model, self._data, index, self._wrench)
                     force[self._foot_of_geom[geom]] += self._wrench[0]
         return force > 0.0, force
+
+    def _touching(self) -> list[list[int]]:
+        """The two geoms of each contact."""
+        return self._data.contact.geom[: self._data.ncon].tolist()

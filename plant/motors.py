@@ -84,7 +84,7 @@ class SimulatedMotors:
         if step % _WATCHDOG_EVERY == 0 and self._any_enabled:
             self._switch_off_unheard(step)
         if not self._any_enabled:
-            return np.zeros_like(position)
+            return np.zeros(len(position))
         measured = position + self.encoder_bias
         torque = motor_torque(self._command, measured, velocity, self._motor)
         return torque if self._all_enabled else self.enabled * torque
@@ -127,7 +127,10 @@ class SimulatedMotors:
 
     def _switch_off_unheard(self, step: int) -> None:
         """Switch off the motors that have not been addressed for too long."""
-        late = self.enabled & (step - self._heard_step > self._timeout_steps)
+        heard = self._heard_step
+        if step - heard[heard.argmin()] <= self._timeout_steps:
+            return
+        late = self.enabled & (step - heard > self._timeout_steps)
         if late.any():
             self._timed_out |= late
             self.enabled &= ~late

@@ -153,7 +153,8 @@ class SimulatedRobot:
 
     def _advance_one_step(self) -> None:
         now_us, motors, sensors = self._step * self._step_us, self._motors, self._sensors
-        position, velocity = sensors.remember(self._torque)
+        true = sensors.remember(self._torque)
+        position, velocity = true[0], true[1]
         for frames in self._wires.receive(Side.ROBOT, now_us + self._step_us / 2):
             replies = motors.answer(self._step, frames, sensors.joints(motors.encoder_bias))
             if replies is not None:

@@ -130,9 +130,17 @@ def test_an_imu_on_another_bus_is_not_listened_to() -> None:
     assert reader.reading.gyro == (0.0, 0.0, 0.0)
 
 
-def test_a_reading_that_is_no_number_does_not_stop_the_simulation() -> None:
-    frames = imu.encode(imu.Inertial([np.nan, 0.0, 0.0], [0.0, 0.0, 9.8], [1.0, 0.0, 0.0, 0.0]), 1)
-    assert imu.decode_gyro(frames[0].tobytes())[0][0] == pytest.approx(32.767)
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize(("strange", "sent"), [(np.nan, 32.767), (np.inf, 32.767), (-np.inf, -32.768)])
+def test_a_reading_that_is_no_number_does_not_stop_the_simulation(
+    axis: int, strange: float, sent: float
+) -> None:
+    gyro = [0.1, 0.2, 0.3]
+    gyro[axis] = strange
+    frames = imu.encode(imu.Inertial(gyro, [0.0, 0.0, 9.8], [1.0, 0.0, 0.0, 0.0]), 1)
+    gyro[axis] = sent
+    assert imu.decode_gyro(frames[0].tobytes())[0] == pytest.approx(gyro)
+    assert imu.decode_acceleration(frames[1].tobytes()) == pytest.approx([0.0, 0.0, 9.8])
 
 
 # -- the wire, to the bit ----------------------------------------------------------------------------

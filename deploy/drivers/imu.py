@@ -44,14 +44,18 @@ class Inertial(NamedTuple):
 def encode(reading: Inertial, counter: int) -> np.ndarray:
     """The three frames of a reading, (3, 8) uint8, in the order of `IDS`."""
     values = (*reading.gyro, *reading.acceleration, *reading.quaternion)
-    words = [
-        round(max(-32768.0, min(32767.0, value / unit)))  # what is no number becomes the highest
-        for value, unit in zip(values, _UNITS, strict=True)
-    ]
-    count = counter % 0x10000
-    words[3:3] = (count,)
-    words[7:7] = (count,)
-    return np.frombuffer(_ALL.pack(*words), dtype=np.uint8).reshape(3, 8)
+    codes, count = [value / unit for value, unit in zip(values, _UNITS, strict=True)], counter % 0x10000
+    try:
+        data = _packed(codes, count)
+    except (struct.error, OverflowError, ValueError):  # past the range, infinite, or no number
+        data = _packed([max(-32768.0, min(32767.0, code)) for code in codes], count)
+    return np.frombuffer(data, dtype=np.uint8).reshape(3, 8)
+
+
+def _packed(codes: list[float], count: int) -> bytes:
+    """The three frames, one after another. What is no number becomes the highest once it is clamped."""
+    gx, gy, gz, ax, ay, az, *quaternion = map(round, codes)
+    return _ALL.pack(gx, gy, gz, count, ax, ay, az, count, *quaternion)
 
 
 def decode_gyro(data: bytes) -> tuple[tuple[float, float, float], int]:

@@ -93,9 +93,10 @@ def special(word: int, count: int) -> np.ndarray:
 class _Fields(NamedTuple):
     """The numbers in one kind of frame: their places in a 64-bit word and their scales, each (fields, k).
 
-    Places are repeated for each motor: NumPy takes twice as long where it has to broadcast.
+    Shifts are repeated for each motor: NumPy takes twice as long where it has to broadcast.
     """
 
+    place: np.ndarray  # (fields,) uint64, what a code of 1 adds to the word
     shift: np.ndarray  # uint64, bits
     mask: np.ndarray  # uint64, of a field that was shifted down
     lowest: np.ndarray
@@ -105,7 +106,10 @@ class _Fields(NamedTuple):
 
     def of(self, motor: np.ndarray | slice) -> "_Fields":
         """The same of some motors (indices), or of all of them (a slice)."""
-        return self if isinstance(motor, slice) else _Fields(*(part[:, motor] for part in self))
+        if isinstance(motor, slice):
+            return self
+        place, *rest = self
+        return _Fields(place, *(part[:, motor] for part in rest))
 
     def pack(self, values: np.ndarray) -> np.ndarray:
         """Words (k,) of values (fields, k), which are clamped to the range."""
@@ -114,7 +118,7 @@ class _Fields(NamedTuple):
         codes -= self.lowest
         codes *= self.codes_per_unit
         np.rint(codes, out=codes)
-        return np.bitwise_or.reduce(codes.astype(np.uint64) << self.shift, axis=0)
+        return self.place.dot(codes.astype(np.uint64))
 
     def unpack(self, word: np.ndarray) -> np.ndarray:
         """Values (fields, k) of words (k,)."""
@@ -127,8 +131,9 @@ class _Fields(NamedTuple):
 def _fields(shift: np.ndarray, bits: np.ndarray, lowest: np.ndarray, highest: np.ndarray) -> _Fields:
     """Fields at bits (fields, 1) of a word, whose extreme codes mean lowest and highest (fields, k)."""
     quantum = (highest - lowest) / (2.0**bits - 1)
-    places, masks = (np.tile(part.astype(np.uint64), lowest.shape[1]) for part in (shift, 2**bits - 1))
-    return _Fields(places, masks, lowest, highest, quantum, 1.0 / quantum)
+    shifts, masks = (np.tile(part.astype(np.uint64), lowest.shape[1]) for part in (shift, 2**bits - 1))
+    place = np.uint64(1) << shift[:, 0].astype(np.uint64)
+    return _Fields(place, shifts, masks, lowest, highest, quantum, 1.0 / quantum)
 
 
 class Codec:
