@@ -11,7 +11,7 @@ from footfall.deploy.frames import Frames
 from footfall.policies.policy import Sensed
 from footfall.robots.actuator import JointCommand, limit_torque, pd_torque
 from footfall.robots.description import Robot
-from footfall.robots.targets import limit_target
+from footfall.robots.targets import approach, within
 
 NEVER = -(10**15)  # microseconds: long ago
 
@@ -29,11 +29,13 @@ class JointLayer:
 
     def __init__(self, robot: Robot, driver: Driver, imu_channel: int, tick_s: float) -> None:
         """`imu_channel` is the bus that the IMU is on, `tick_s` the time between two commands."""
-        self._robot, self._driver, self._tick_s = robot, driver, tick_s
+        self._robot, self._driver = robot, driver
+        self._step = robot.description.target_rate_rad_s * tick_s  # of a target in one tick, rad
         self._lower, self._upper = robot.soft_limits
         n = len(robot.joint_names)
         self._target = robot.default_pose.copy()
-        self._wanted: JointCommand | np.ndarray | None = None  # the decision that `_sayable` was made of
+        self._wanted: JointCommand | np.ndarray | None = None  # the decision that these two were made of
+        self._goal = self._target
         self._sayable = np.zeros((5, n))
         self._joints = np.zeros((3, n))
         self._imu = ImuReader(imu_channel)
@@ -57,6 +59,7 @@ class JointLayer:
         lowest, highest = self._driver.lowest[0], self._driver.highest[0]
         self._lower, self._upper = (limit.clip(lowest, highest) for limit in self._robot.soft_limits)
         self._target = position.clip(self._lower, self._upper)
+        self._wanted = None
 
     @property
     def target(self) -> np.ndarray:
@@ -72,16 +75,10 @@ class JointLayer:
         Where the PD law would ask a motor for more than its limits at the measured position and speed,
         stiffness, damping and feed-forward torque are lowered together.
         """
-        self._target = limit_target(
-            wanted[0],
-            self._target,
-            self._lower,
-            self._upper,
-            self._robot.description.target_rate_rad_s,
-            self._tick_s,
-        )
         if wanted is not self._wanted:
             self._wanted, self._sayable = wanted, self._within_frames(np.asarray(wanted, dtype=float))
+            self._goal = within(wanted[0], self._lower, self._upper)
+        self._target = approach(self._goal, self._target, self._step)
         values = self._sayable.copy()
         values[0] = self._target
         return self._frames(values)
@@ -95,12 +92,12 @@ class JointLayer:
 
     def _within_frames(self, values: np.ndarray) -> np.ndarray:
         """A command (5, n) without what a frame cannot say, since what a motor is asked for depends on it."""
-        return np.minimum(np.maximum(values, self._driver.lowest), self._driver.highest)
+        return within(values, self._driver.lowest, self._driver.highest)
 
     def _frames(self, values: np.ndarray) -> Frames:
         """Frames of a command (5, n) that asks no motor for more than it can do; `values` is written to."""
-        position, velocity, _ = self._joints
-        asked = pd_torque(JointCommand(*values), position, velocity)
+        position, velocity = self._joints[0], self._joints[1]
+        asked = pd_torque(JointCommand.of(values), position, velocity)
         possible = limit_torque(asked, velocity, self._robot.motor)
         if np.count_nonzero(asked != possible):
             share = _share(possible, asked)
@@ -141,7 +138,10 @@ class JointLayer:
     def sensed(self) -> Sensed:
         """The latest readings; the arrays are not written to afterwards."""
         gyro, acceleration, quaternion = self._imu.reading
-        return Sensed(np.array(gyro), np.array(acceleration), np.array(quaternion), *self._joints)
+        position, velocity, torque = self._joints[0], self._joints[1], self._joints[2]
+        return Sensed(
+            np.array(gyro), np.array(acceleration), np.array(quaternion), position, velocity, torque
+        )
 
     @property
     def joints(self) -> np.ndarray:
@@ -177,7 +177,8 @@ class JointLayer:
 
     def _absorb_replies(self, frames: Frames, now_us: int) -> None:
         motor, values, error, temperature, voltage, arrived_us = self._driver.replies(frames)
-        before = self._error if np.count_nonzero(self._error) else None
+        again = self._absorbed_us == now_us
+        before = self._error if again and np.count_nonzero(self._error) else None
         if isinstance(motor, slice):
             self._joints, self._error = values, error
             self.temperature_c, self.voltage = temperature, voltage
@@ -189,7 +190,7 @@ class JointLayer:
             self._error = self._error.copy()
             self._error[motor] = 0
             np.maximum.at(self._error, motor, error)
-        if before is not None and self._absorbed_us == now_us:
+        if before is not None:
             self._error = np.maximum(self._error, before)  # it outlives a later reply of the same tick
         self._absorbed_us = now_us
         self._motor_us[motor] = now_us if arrived_us is None else arrived_us

@@ -209,8 +209,10 @@ class ControlLoop:
             self._estimate_base()
             if now_us >= self._next_policy_us:
                 self._policy_step()
-                self._supervise(self._after_policy(signals))
-                mode = self.state.mode
+                after = self._after_policy(signals)
+                if after != signals:
+                    self._supervise(after)
+                    mode = self.state.mode
         frames = self._driver.disable() if self.state.over else self._frames(mode)
         self._refused += self._bus.send(frames, now_us)
         if self.log is not None:
@@ -307,7 +309,7 @@ class ControlLoop:
         except Exception as error:  # whatever a policy raises, the robot has to be damped
             self._policy_error = f"the policy failed: {type(error).__name__}: {error}"
             return
-        decision = JointCommand(*wanted)
+        decision = JointCommand.of(wanted)
         self._decision_finite = math.isfinite(np.add.reduce(wanted, axis=None))
         took_s = time.perf_counter() - started
         self.observation, self._decision, self._wanted = observation, decision, wanted

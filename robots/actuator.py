@@ -18,6 +18,11 @@ class JointCommand(NamedTuple):
     kd: Array  # N m s/rad
     torque: Array  # N m, feed-forward
 
+    @classmethod
+    def of(cls, values: Array) -> "JointCommand":
+        """The rows of an array (5, ..., n). To unpack it takes NumPy twice as long."""
+        return cls(values[0], values[1], values[2], values[3], values[4])
+
 
 class Motor(NamedTuple):
     """What a motor can do, as seen at the joint: arrays that broadcast to (..., n)."""

