@@ -13,9 +13,11 @@ import pytest
 import yaml
 
 from footfall.cli import app
+from footfall.common.errors import UserError
 
 ROOT = Path(__file__).parents[1]
 make_table = SimpleNamespace(**runpy.run_path(str(ROOT / "docs/make_table.py")))
+make_report = SimpleNamespace(**runpy.run_path(str(ROOT / "docs/make_report.py")))
 PAGES = [ROOT / "README.md", *sorted(ROOT.glob("docs/**/*.md")), *sorted(ROOT.glob("policies/zoo/*/*.md"))]
 OF_TODAY = [page for page in PAGES if page.parent.name != "journal"]  # a journal's commands were of their day
 LINK = re.compile(r"\]\(([^)\s]+)\)")
@@ -124,6 +126,23 @@ def test_errors_of_those_who_fell_are_in_no_table() -> None:
     rows = make_table.table(results).splitlines()
     assert any(row.startswith("| Nominal: velocity error") for row in rows)
     assert not any(row.startswith("| Push: velocity error") for row in rows)
+
+
+def test_results_from_several_files_make_one_comparison(tmp_path: Path) -> None:
+    def written(policy: str, scenario: str, **other: Any) -> Path:
+        shared = {"robot": "go1", "seed": 0, "ground_truth": False, "plant": None, **other}
+        path = tmp_path / f"{policy}-{scenario}.json"
+        path.write_text(json.dumps({"policy": policy, **shared, "scenarios": {scenario: {"episodes": 3}}}))
+        return path
+
+    both = [written(policy, scenario) for policy in ("b", "a") for scenario in ("push", "walk")]
+    results = make_report.together([*both, written("a", "sweep")])
+    assert {name: list(result["scenarios"]) for name, result in results.items()} == {
+        "b": ["push", "walk"],
+        "a": ["push", "walk"],
+    }
+    with pytest.raises(UserError, match="differ in 'seed'"):
+        make_report.together([written("c", "push", seed=1), written("d", "push")])
 
 
 def test_command_lines_are_found() -> None:

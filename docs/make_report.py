@@ -1,0 +1,100 @@
+"""Puts results of `footfall evaluate --json` together: one JSON, and the page that `compare` writes.
+
+python docs/make_report.py a.json b.json --json docs/comparison.json --html report.html
+python docs/make_report.py docs/comparison.json --html report.html
+
+Policies are named as their results name them; each walks over the test course here, once, for the page's
+plots of velocities, gait and time per step. Films are left out.
+"""
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from footfall.common.errors import UserError
+from footfall.evaluate.comparison import Comparison, PolicyResult
+from footfall.evaluate.pool import Outcome
+from footfall.evaluate.report.page import render
+from footfall.evaluate.scenarios import load_scenarios
+from footfall.evaluate.suite import Setup, run_course
+from footfall.policies.registry import load_policy
+from footfall.robots.description import load_robot
+
+SHARED = ("robot", "seed", "ground_truth", "plant")
+
+
+def together(files: Sequence[Path]) -> dict[str, dict[str, Any]]:
+    """Results by policy, the scenarios of all files together, those of policies' first in the order of files.
+
+    Raises:
+        UserError: results are of different robots, seeds or plants, or differ in their numbers of episodes.
+    """
+    merged: dict[str, dict[str, Any]] = {}
+    for file in files:
+        content = json.loads(file.read_text(encoding="utf-8"))
+        for result in [content] if "scenarios" in content else content.values():
+            known = merged.setdefault(result["policy"], {**result, "scenarios": {}})
+            known["scenarios"] |= result["scenarios"]
+    for key in SHARED:
+        if len({json.dumps(result[key]) for result in merged.values()}) > 1:
+            raise UserError(f"the results differ in '{key}'")
+    first: dict[str, Any] = next(iter(merged.values()))["scenarios"]
+    common = [name for name in first if all(name in each["scenarios"] for each in merged.values())]
+    for name in common:
+        if len({each["scenarios"][name]["episodes"] for each in merged.values()}) > 1:
+            raise UserError(f"the results differ in the number of episodes of '{name}'")
+    for result in merged.values():
+        result["scenarios"] = {name: result["scenarios"][name] for name in common}
+    return merged
+
+
+def page(results: dict[str, dict[str, Any]]) -> str:
+    """The report of results that `together` put together; the policies' courses are run for it."""
+    first = next(iter(results.values()))
+    setup = Setup(
+        first["robot"],
+        tuple(first["scenarios"]),
+        first["seed"],
+        next(iter(first["scenarios"].values()))["episodes"],
+        Path(first["plant"]) if first["plant"] else None,
+        first["ground_truth"],
+    )
+    robot = load_robot(setup.robot)
+    file = load_scenarios(robot.description.commands)
+    walks = run_course(list(results), setup, file)
+    compared = [
+        PolicyResult(
+            name,
+            name,
+            result["about"],
+            1e3 / load_policy(name, robot).rate_hz,
+            {**result, **walks[name].compute},
+            walks[name],
+        )
+        for name, result in results.items()
+    ]
+    not_filmed = {name: Outcome(None, "not filmed") for name in results}
+    return render(Comparison(robot, setup, file, compared, first["versions"]), not_filmed)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("results", type=Path, nargs="+")
+    parser.add_argument("--json", type=Path)
+    parser.add_argument("--html", type=Path)
+    options = parser.parse_args()
+    try:
+        results = together(options.results)
+        if options.json:
+            options.json.write_text(json.dumps(results, indent=2) + "\n", encoding="utf-8")
+        if options.html:
+            options.html.write_text(page(results), encoding="utf-8")
+    except UserError as error:
+        sys.exit(f"make_report: {error}")
+
+
+if __name__ == "__main__":
+    main()
