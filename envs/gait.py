@@ -8,6 +8,7 @@ from footfall.policies.contract import Gait
 from footfall.policies.gaits import find_gait
 from footfall.robots.description import Foot, Robot
 from footfall.robots.model import joint_addresses, training_model
+from footfall.robots.stance import in_default_pose
 
 
 def make_gait(robot: Robot, config: GaitConfig) -> Gait:
@@ -32,11 +33,8 @@ def _lift(robot: Robot, foot: Foot, joints: np.ndarray, lift_m: float) -> np.nda
     All of a sole's geoms are raised alike, so it stays level.
     """
     model = training_model(robot)
-    data = mujoco.MjData(model)
+    data = in_default_pose(model, robot.description)
     positions, dofs = joint_addresses(model, robot)
-    data.qpos[:] = model.qpos0
-    data.qpos[positions] = robot.default_pose
-    mujoco.mj_kinematics(model, data)
     geoms = [model.geom(name).id for name in foot.geoms]
     goal = data.geom_xpos[geoms] + np.array([0.0, 0.0, lift_m])
     jacobian = np.zeros((len(geoms), 3, model.nv))

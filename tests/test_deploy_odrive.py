@@ -147,6 +147,13 @@ class TestFrames:
         others = [pair(0x089, 1, 1), pair(0x069 | 1 << 31, 1, 1), frame(0x069, b"\0" * 7)]
         assert not driver.replies(joined(others)).values.size
 
+    @pytest.mark.filterwarnings("error")
+    @pytest.mark.parametrize("bits", [(0x7F800001, 0), (0x7F800000, 0xFF800000)], ids=["signalling", "inf"])
+    def test_what_is_no_number_is_left_aside_in_silence(
+        self, driver: OdriveDriver, bits: tuple[int, int]
+    ) -> None:
+        assert not driver.replies(frame(0x069, struct.pack("<II", *bits))).values.size
+
     def test_what_is_no_number_is_no_reading(self, driver: OdriveDriver) -> None:
         assert not driver.replies(pair(0x069, float("nan"), 0.0)).values.size
         driver.replies(pair(0x07C, 0.0, float("inf")))

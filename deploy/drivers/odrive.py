@@ -200,7 +200,7 @@ class OdriveDriver:
         if not ours.all():
             frames, motor, message = frames.take(ours), motor[ours], message[ours]
         first, second = floats(frames.data)
-        finite = np.isfinite(first + second)
+        finite = np.isfinite(first) & np.isfinite(second)
         encoder = (message == ENCODER) & finite
         rest = ~encoder
         if rest.any():
