@@ -12,7 +12,7 @@ import pytest
 pytest.importorskip("jax")
 
 SCRIPT = Path(__file__).parent / "two_devices.py"
-TWO = {"XLA_FLAGS": "--xla_force_host_platform_device_count=2", "JAX_PLATFORMS": "cpu"}
+TWO = {"JAX_NUM_CPU_DEVICES": "2", "JAX_PLATFORMS": "cpu"}
 
 
 @pytest.fixture(scope="module")

@@ -98,7 +98,7 @@ jax.jit(divided).lower(*shapes).compile()
 
 @pytest.mark.skipif(jax.__version_info__ < partitioner.CRASHES_SINCE, reason="Shardy works with this jax")
 def test_shardy_crashes_on_mjx() -> None:
-    two = {"XLA_FLAGS": "--xla_force_host_platform_device_count=2", "JAX_PLATFORMS": "cpu"}
+    two = {"JAX_NUM_CPU_DEVICES": "2", "JAX_PLATFORMS": "cpu"}
     command = [sys.executable, "-c", ACCELERATIONS_ON_TWO_DEVICES]
     done = subprocess.run(command, env=os.environ | two, capture_output=True, timeout=300, check=False)
     assert done.returncode == -signal.SIGSEGV
