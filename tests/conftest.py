@@ -3,17 +3,14 @@
 import os
 from pathlib import Path
 
-# Tests compile much and run little: XLA is told to compile quickly rather than well.
-QUICKLY_COMPILED = (
-    "--xla_backend_optimization_level=0"
-    " --xla_llvm_disable_expensive_passes=true"
-    " --xla_cpu_use_fusion_emitters=false"
-)
-
-# Before anything imports JAX, and for all processes that the tests start: they run on the CPU, and keep
-# compiled programs between runs.
+# Before anything imports JAX, and for all processes that the tests start: they run on the CPU, keep compiled
+# programs between runs, and have XLA compile quickly rather than well: they compile much and run little.
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
-os.environ.setdefault("XLA_FLAGS", QUICKLY_COMPILED)
+os.environ.setdefault(
+    "XLA_FLAGS",
+    "--xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true"
+    " --xla_cpu_use_fusion_emitters=false",
+)
 os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(Path(__file__).parents[1] / ".cache" / "jax"))
 
 import shutil

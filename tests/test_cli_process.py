@@ -1,4 +1,4 @@
-"""The installed command, in a process of its own: what only a real process shows."""
+"""The installed command, where it matters in a process of its own: what only a real process shows."""
 
 import json
 import os
@@ -11,6 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from shell import Shell
 
 FOOTFALL = [sys.executable, "-m", "footfall"]
 
@@ -36,10 +37,10 @@ def test_help_names_every_verb_and_loads_no_room() -> None:
 
 
 @pytest.mark.parametrize("verb", VERBS)
-def test_every_verb_explains_itself(verb: str) -> None:
-    done = run(verb, "--help")
-    assert done.returncode == 0
-    assert f"footfall {verb}" in done.stdout
+def test_every_verb_explains_itself(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    explained = Shell(capsys)(verb, "--help")
+    assert explained.status == 0
+    assert f"footfall {verb}" in explained.out
 
 
 def test_version() -> None:

@@ -80,12 +80,11 @@ def test_a_step_of_mjx_moves_robots_the_same(go1: Robot) -> None:
             return step(*state)
 
     state = [jnp.asarray(x, jnp.float32) for x in (qpos, qvel, force)]
-    whole = jax.jit(jax.vmap(step))(*state)  # op by op each would be compiled by itself
-    for before, after in zip(whole, jax.jit(jax.vmap(fewer))(*state), strict=True):
+    was, now = (jax.jit(jax.vmap(function)).lower(*state) for function in (step, fewer))
+    for before, after in zip(was.compile()(*state), now.compile()(*state), strict=True):
         np.testing.assert_allclose(after, before, rtol=1e-4, atol=1e-4)
-    was, now = lowered(jax.vmap(step), *state), lowered(jax.vmap(fewer), *state)
-    assert (was["while"], now["while"]) == (1, 0)
-    assert now["scatter"] < was["scatter"] / 4
+    assert (operations(was)["while"], operations(now)["while"]) == (1, 0)
+    assert operations(now)["scatter"] < operations(was)["scatter"] / 4
 
 
 @pytest.mark.usefixtures("on_a_gpu")
@@ -98,9 +97,10 @@ def test_advantages_are_the_same_without_a_loop() -> None:
         with fewer_kernels():
             return compute_gae(*arrays)
 
-    for before, after in zip(compute_gae(*arrays), fewer(*arrays), strict=True):
+    was, now = (jax.jit(function).lower(*arrays) for function in (compute_gae, fewer))
+    for before, after in zip(was.compile()(*arrays), now.compile()(*arrays), strict=True):
         np.testing.assert_allclose(after, before, rtol=1e-5, atol=1e-6)
-    assert (lowered(compute_gae, *arrays)["while"], lowered(fewer, *arrays)["while"]) == (1, 0)
+    assert (operations(was)["while"], operations(now)["while"]) == (1, 0)
 
 
 @pytest.mark.usefixtures("on_a_gpu")
@@ -120,6 +120,6 @@ def test_a_processor_is_traced_for_as_ever() -> None:
         assert jax.lax.scan is scan
 
 
-def lowered(function: Any, *arguments: jax.Array) -> Counter[str]:
+def operations(given: jax.stages.Lowered) -> Counter[str]:
     """How often each operation stands in what XLA is given."""
-    return Counter(re.findall(r'stablehlo\.(\w+)"?\(', jax.jit(function).lower(*arguments).as_text()))
+    return Counter(re.findall(r'stablehlo\.(\w+)"?\(', given.as_text()))
