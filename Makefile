@@ -28,9 +28,9 @@ $(STAMP): pyproject.toml
 	@touch $(STAMP)
 
 # Workers of one thread each: MuJoCo, XLA and BLAS would otherwise fight over the cores. A file's tests stay
-# together, since they share what is slow to make.
+# together, since they share what is slow to make; which files are begun first is settled in tests/conftest.py.
 test: $(STAMP)
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile $(TESTS)
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder $(TESTS)
 
 demo: $(STAMP)
 	$(BIN)/footfall demo

@@ -32,6 +32,30 @@ settings.register_profile("footfall", deadline=None, max_examples=60, derandomiz
 settings.load_profile("footfall")
 
 
+# The files that take longest, the longest first: begun last, one of them would keep one worker busy while the
+# others have nothing left to do.
+LONGEST = (
+    "test_sweep.py",
+    "test_watch.py",
+    "test_train_runs.py",
+    "test_train_rsl_rl.py",
+    "test_train_failure.py",
+    "test_gymnasium.py",
+    "test_train_cluster.py",
+    "test_watch_browser.py",
+    "test_cli_train.py",
+    "test_env_physics.py",
+    "test_train_loop.py",
+    "test_fewer_kernels.py",
+)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the files that take longest."""
+    place = {name: index for index, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: place.get(item.path.name, len(LONGEST)))
+
+
 @pytest.fixture(scope="session")
 def go1() -> Robot:
     return load_robot("go1")
