@@ -360,16 +360,17 @@ def measure(options: argparse.Namespace) -> tuple[list[dict[str, Any]], list[dic
     chosen = [pair for pair in SUBJECTS if options.policy in (None, pair[1])]
     faults = [
         (robot, policy, _title(kind), seed)
+        for seed in range(options.seeds)  # first, so that a run that is stopped has some of each kind
         for robot, policy in chosen
         for kind in KINDS
         if (SUBJECTS[robot, policy] or kind.main) and (options.only or "") in _title(kind)
-        for seed in range(options.seeds)
     ]
     healthy = [
         (robot, policy, randomised, seed)
+        for seed in range(max(options.nominal, options.randomised))
         for robot, policy in chosen
         for randomised, count in ((False, options.nominal), (True, options.randomised))
-        for seed in range(count if SUBJECTS[robot, policy] else count // 10)
+        if seed < (count if SUBJECTS[robot, policy] else count // 10)
     ]
     kept = (options.out, options.workers, options.time_limit)
     runs, errors = run_kept(run_fault, faults, *kept)

@@ -79,7 +79,7 @@ def text(figure: Figure, summary: Summary) -> str:
     if number == math.inf:
         return f"above {summary['strongest_push']:g}"
     if number is None and figure.key == "dv50" and "strongest_push" in summary:
-        return "below the weakest"
+        return f"below {summary.get('weakest_push', math.nan):g}"
     return _rounded(figure, number)
 
 

@@ -141,6 +141,7 @@ def _survival(finished: Sequence[EpisodeOutcome], seed: int) -> Summary:
         "dv50": fit.dv50 if fit.dv50 > 0 else None,
         "dv50_interval": fit.interval,
         "dv50_width": fit.width,
+        "weakest_push": min(pushes),
         "strongest_push": max(pushes),
     }
 

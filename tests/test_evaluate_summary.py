@@ -255,7 +255,7 @@ class TestShowing:
         strong = summarise(SCENARIOS["push"], [outcome(GOOD, p) for p in (0.5, 1.5)], 0)
         none = summarise(SCENARIOS["push"], [outcome(FELL, p) for p in (0.5, 1.5)], 0)
         assert text(figures()["dv50"], strong) == "above 1.5"
-        assert text(figures()["dv50"], none) == "below the weakest"
+        assert text(figures()["dv50"], none) == "below 0.5"
         assert interval_text(figures()["dv50"], strong) == ""
 
     def test_figures_that_nobody_has_are_left_out(self) -> None:

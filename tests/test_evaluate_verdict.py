@@ -42,6 +42,7 @@ def pushed(dv50: float | None, low: float | None, high: float | None, falls: int
     return scored(1.0, 1.0, falls, 96) | {
         "dv50": dv50,
         "dv50_interval": [low, high],
+        "weakest_push": 0.5,
         "strongest_push": 5.0,
     }
 
@@ -158,7 +159,7 @@ class TestFigures:
 
     @pytest.mark.parametrize(
         ("falls", "number", "shown"),
-        [(47, math.inf, "above 5"), (48, None, "below the weakest"), (49, None, "below the weakest")],
+        [(47, math.inf, "above 5"), (48, None, "below 0.5"), (49, None, "below 0.5")],
     )
     def test_a_push_that_was_not_found_is_above_all_for_who_mostly_stood(
         self, falls: int, number: float | None, shown: str
