@@ -22,7 +22,8 @@ from footfall.deploy.estimation.odometry import Odometry
 from footfall.deploy.frames import Frames
 from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.pose import impossible_pose
-from footfall.deploy.safety import DAMPED, MOVING, Implausible, Mode, Signals, State, advance, damped
+from footfall.deploy.postures import Postures
+from footfall.deploy.safety import DAMPED, HELD, Implausible, Mode, Signals, State, advance, damped
 from footfall.deploy.sensor_checks import SensorChecks
 from footfall.deploy.timing import Timing
 from footfall.deploy.wiring import Wiring
@@ -32,6 +33,7 @@ from footfall.robots.description import Robot
 
 Command = Callable[[float], np.ndarray]  # time since walking began, s, to (3,)
 ODOMETRY_EVERY_US = 20_000  # for the log
+POSED = (Mode.STANDING, Mode.LOWERING)  # between two postures
 OFF_US = 100_000  # how long motors are asked to switch off
 UNKNOWN = (np.full(3, np.nan), math.nan)  # velocity and height that nobody estimates
 
@@ -77,8 +79,12 @@ class ControlLoop:
         config: DeployConfig,
         command: Command,
         estimator: Estimator | None = None,
+        lie_down: bool = False,
     ) -> None:
-        """Raises UserError if the policy wants to be called more often than joints are."""
+        """`lie_down` before the motors go off, where robot and fault permit it.
+
+        Raises UserError if the policy wants to be called more often than joints are.
+        """
         if not 0.0 < policy.rate_hz <= config.joint_rate_hz:
             raise UserError(
                 f"policy '{policy.name}' runs at {policy.rate_hz:g} Hz,"
@@ -94,7 +100,7 @@ class ControlLoop:
         self.heartbeat_s = math.inf  # when the last tick began, by `time.perf_counter`
         self.taken_over: Callable[[], bool] = lambda: False  # whether somebody else has the robot in hand
         self._robot = robot
-        self._default_pose = robot.default_pose
+        self._postures = Postures(robot, config, lie_down)
         self._places = [wiring.place(joint) for joint in range(len(robot.joint_names))]
         self._joints = JointLayer(robot, driver, wiring.imu_channel, config.tick_us * 1e-6)
         safety = config.safety
@@ -104,11 +110,6 @@ class ControlLoop:
         self._silence_us = safety.silence_timeout_s * 1e6
         self._period_us = 1e6 / policy.rate_hz
         self._estimate_every_us = round(1e6 / config.estimator_rate_hz)
-        self._stand_gains = (
-            config.stand_kp_scale * robot.kp,
-            config.stand_kd_scale * robot.kd,
-        )
-        self._zeros = np.zeros(len(robot.joint_names))
         self.state = State()
         self.timing = Timing()
         self.now_us = 0
@@ -124,7 +125,6 @@ class ControlLoop:
         self._estimated_us = -1
         self._next_odometry_us = 0
         self._next_policy_us = 0.0  # half a microsecond early, so that rounding cannot cost a tick
-        self._stand_from = robot.default_pose
         self._decision: JointCommand | None = None
         self._wanted = np.zeros((5, len(robot.joint_names)))  # the same, as one array
         self._decision_finite = True
@@ -134,6 +134,7 @@ class ControlLoop:
         self._refused = 0
         self._skipped_share = 0.0
         self._finish = False
+        self._at_once = False
 
     @property
     def notes(self) -> list[str]:
@@ -170,8 +171,12 @@ class ControlLoop:
         """Position targets that went out last, rad, (n,)."""
         return self._joints.target
 
-    def finish(self) -> None:
-        """Ask for the end of the run: the robot is damped, then its motors are switched off."""
+    def finish(self, at_once: bool = False) -> None:
+        """Ask for the end of the run: the robot lies down if it can, is damped, then its motors go off.
+
+        It does not lie down `at_once`, and stops doing so when asked again.
+        """
+        self._at_once |= at_once or self.state.mode is Mode.LOWERING
         self._finish = True
 
     def tick(self) -> bool:
@@ -279,16 +284,11 @@ class ControlLoop:
             return self._joints.command(self._wanted)
         if mode is Mode.STANDING:
             self._estimate_base()
-            return self._joints.command(self._standing())
+        if mode in HELD:
+            return self._joints.command(self._postures.command(self.now_us * 1e-6 - self.state.since_s))
         if mode in DAMPED:
             return self._joints.damping(self._config.safety.damping_kd)
         return self._driver.ask() if self._driver.unready() else self._driver.enable()
-
-    def _standing(self) -> JointCommand:
-        share = min((self.now_us * 1e-6 - self.state.since_s) / (0.7 * self._config.stand_s), 1.0)
-        smooth = 0.5 - 0.5 * math.cos(math.pi * share)
-        position = self._stand_from + smooth * (self._default_pose - self._stand_from)
-        return JointCommand(position, self._zeros, *self._stand_gains, self._zeros)
 
     # -- what the policy decides ---------------------------------------------------------------------
 
@@ -304,7 +304,7 @@ class ControlLoop:
             finally:
                 self.arm(0.0)
         except OverdueError:
-            self._policy_error = f"the policy ran late: no decision within {limit_s * 1e3:.0f} ms"
+            self._step_s = math.inf
             return
         except Exception as error:  # whatever a policy raises, the robot has to be damped
             self._policy_error = f"the policy failed: {type(error).__name__}: {error}"
@@ -340,8 +340,8 @@ class ControlLoop:
     def _checked(self, decision: JointCommand) -> np.ndarray:
         """A copy of a decision, (5, n). Raises ValueError for one of a wrong shape."""
         values = np.array(decision, dtype=float)
-        if values.shape != (5, len(self._zeros)):
-            raise ValueError(f"it decides on shape {values.shape}, expected (5, {len(self._zeros)})")
+        if values.shape != (5, len(self._places)):
+            raise ValueError(f"it decides on shape {values.shape}, expected (5, {len(self._places)})")
         return values
 
     def _estimate_base(self) -> None:
@@ -377,14 +377,18 @@ class ControlLoop:
         if before.mode is Mode.WALKING:
             self.walked_s = self.walking_s
         if self.state.mode is Mode.STANDING:
-            self._stand_from = self.sensed.joint_position
-            self._joints.begin_at(self._stand_from)
+            sensed = self.sensed
+            sunk = self._checks.monitor.sunk_share(sensed.joint_position, sensed.quaternion)
+            self._postures.stand_up(sensed.joint_position, sunk)
+            self._joints.begin_at(sensed.joint_position)
             joints = self._joints
             heard_us = joints.last_heard().motor_us
             self._checks.monitor.begin(self.now_us, heard_us, joints.inertial, joints.joints, joints.target)
             self._estimated_us = self.now_us
             if self._estimator is not None:
                 self._estimator.reset(self.sensed)
+        elif self.state.mode is Mode.LOWERING:
+            self._postures.lie_down(self._joints.target, on_all_feet=before.mode is Mode.STANDING)
         elif self.state.mode is Mode.WALKING:
             self._begun_us = self.now_us
             self._next_policy_us = self.now_us - 0.5
@@ -400,8 +404,9 @@ class ControlLoop:
         oldest = int(motor_us.argmin())
         motor_silence_us, imu_silence_us = now_us - int(motor_us[oldest]), now_us - imu_us
         now_s = now_us * 1e-6
-        moving = mode in MOVING
-        implausible = self._contradiction(max(motor_silence_us, imu_silence_us)) if moving else None
+        held = mode in HELD
+        implausible = self._contradiction(max(motor_silence_us, imu_silence_us)) if held else None
+        posed = mode in POSED and self._postures.done(now_s - state.since_s)
         signals = Signals(
             now_s=now_s,
             motor_silence_s=motor_silence_us * 1e-6,
@@ -419,8 +424,11 @@ class ControlLoop:
             implausible=implausible,
             pause_s=elapsed_us * 1e-6,
             skipped_share=self._skipped(elapsed_us),
-            stand_done=mode is Mode.STANDING and now_s - state.since_s >= self._config.stand_s,
+            stand_done=posed,
             finish=self._finish and mode not in DAMPED,
+            may_lie=self._postures.may_lie,
+            lain_down=posed,
+            at_once=self._at_once,
         )
         if mode is not Mode.IDLE:
             return signals
@@ -438,6 +446,7 @@ class ControlLoop:
         """Readings that contradict each other, if this is a tick at which they are compared."""
         joints, checks, now_us = self._joints, self._checks, self.now_us
         monitor = checks.monitor
+        monitor.on_legs = self.walking or self._postures.on_legs(now_us * 1e-6 - self.state.since_s)
         if not monitor.due(now_us):
             return None
         heard_us, expected = joints.last_heard().motor_us, joints.expected_torque()

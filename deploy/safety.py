@@ -1,4 +1,4 @@
-"""The safety supervisor: a pure state machine that decides when the robot stands, walks, or is damped.
+"""The safety supervisor: a pure state machine: when the robot stands, walks, lies down, or is damped.
 
 Rules are rows of tables. A fault is latched: FALLING and ESTOP end a run, and only a new one clears them.
 """
@@ -19,6 +19,7 @@ class Mode(StrEnum):
     IDLE = "IDLE"
     STANDING = "STANDING"
     WALKING = "WALKING"
+    LOWERING = "LOWERING"  # lying down, before the motors go off
     RELEASING = "RELEASING"  # damping at the end of a run
     FALLING = "FALLING"  # damping, latched
     ESTOP = "ESTOP"  # damping, latched
@@ -26,6 +27,7 @@ class Mode(StrEnum):
 
 DAMPED = (Mode.RELEASING, Mode.FALLING, Mode.ESTOP)
 MOVING = (Mode.STANDING, Mode.WALKING)
+HELD = (*MOVING, Mode.LOWERING)  # joints have stiffness
 
 
 @dataclass(frozen=True)
@@ -74,7 +76,7 @@ class Signals(NamedTuple):
     tilt_rad: float
     command_finite: bool
     late_steps: int  # policy steps in a row that were late
-    step_s: float  # duration of the last policy step
+    step_s: float  # duration of the last policy step; infinite of one that was interrupted
     frames_refused: int  # so far
     bus_fault: str = ""  # which bus does not work, and why
     policy_error: str = ""
@@ -86,6 +88,9 @@ class Signals(NamedTuple):
     skipped_share: float = 0.0  # of the ticks of the last second
     stand_done: bool = False
     finish: bool = False  # the run shall end
+    may_lie: bool = False  # the robot can lie down, and may
+    lain_down: bool = False  # it has
+    at_once: bool = False  # the run shall end without lying down
 
 
 class State(NamedTuple):
@@ -98,7 +103,10 @@ class State(NamedTuple):
 
 
 class Check(NamedTuple):
-    """One reason to stop: in which modes it counts, what it looks for, where it leads."""
+    """One reason to stop: in which modes it counts, what it looks for, where it leads.
+
+    One that leads to LOWERING leaves joints, buses and IMU trustworthy: the robot lies down first, if it can.
+    """
 
     modes: tuple[Mode, ...]
     find: Callable[[Signals, SafetyConfig], str]  # the fault in one line, or nothing
@@ -132,9 +140,16 @@ def _tilted(s: Signals, c: SafetyConfig) -> str:
     return f"tilt of {s.tilt_rad:.2f} rad is past the limit of {c.tilt_limit_rad:.2f} rad"
 
 
+def _overdue(s: Signals, c: SafetyConfig) -> str:
+    """Motors hear nothing while a step lasts, and switch themselves off in the end."""
+    if s.step_s <= c.late_limit_s:
+        return ""
+    if s.step_s == math.inf:
+        return f"the policy ran late: no decision within {c.late_limit_s * 1e3:.0f} ms"
+    return f"the policy ran late: one step took {s.step_s * 1e3:.0f} ms"
+
+
 def _late(s: Signals, c: SafetyConfig) -> str:
-    if s.step_s > c.late_limit_s:
-        return f"the policy ran late: one step took {s.step_s * 1e3:.0f} ms"
     if s.late_steps >= c.late_steps:
         return f"the policy ran late: {s.late_steps} steps in a row took longer than their period"
     return ""
@@ -158,16 +173,19 @@ def _overflow(s: Signals, _: SafetyConfig) -> str:
 CHECKS = (
     Check((Mode.IDLE,), _never_started, Mode.ESTOP),
     Check((Mode.IDLE,), lambda s, _: s.first_pose, Mode.ESTOP),
-    Check(MOVING, lambda s, _: s.policy_error, Mode.ESTOP),
-    Check(MOVING, lambda s, _: "" if s.command_finite else "the policy's command is not finite", Mode.ESTOP),
-    Check(MOVING, _silent_motor, Mode.ESTOP),
-    Check(MOVING, _silent_imu, Mode.ESTOP),
-    Check(MOVING, lambda s, _: s.motor_error, Mode.ESTOP),
-    Check(MOVING, _late, Mode.ESTOP),
-    Check(MOVING, _paused, Mode.ESTOP),
-    Check((Mode.IDLE, *MOVING), lambda s, _: s.bus_fault, Mode.ESTOP),
-    Check((Mode.IDLE, *MOVING), _overflow, Mode.ESTOP),
-    Check(MOVING, _tilted, Mode.FALLING),
+    Check(HELD, _silent_motor, Mode.ESTOP),
+    Check(HELD, _silent_imu, Mode.ESTOP),
+    Check(HELD, lambda s, _: s.motor_error, Mode.ESTOP),
+    Check(HELD, _paused, Mode.ESTOP),
+    Check(MOVING, _overdue, Mode.ESTOP),
+    Check((Mode.IDLE, *HELD), lambda s, _: s.bus_fault, Mode.ESTOP),
+    Check((Mode.IDLE, *HELD), _overflow, Mode.ESTOP),
+    Check(HELD, _tilted, Mode.FALLING),
+    Check(MOVING, lambda s, _: s.policy_error, Mode.LOWERING),
+    Check(
+        MOVING, lambda s, _: "" if s.command_finite else "the policy's command is not finite", Mode.LOWERING
+    ),
+    Check(MOVING, _late, Mode.LOWERING),
 )
 
 CHECKS_IN = {mode: tuple(check for check in CHECKS if mode in check.modes) for mode in Mode}
@@ -192,8 +210,11 @@ def advance(state: State, signals: Signals, config: SafetyConfig) -> State:
         return failed
     if state.mode in DAMPED:
         return damped(state, now, config)
+    if state.mode is Mode.LOWERING:
+        done = signals.lain_down or signals.at_once
+        return State(Mode.ESTOP if state.faults else Mode.RELEASING, now, state.faults) if done else state
     if signals.finish:
-        return State(Mode.RELEASING, now, state.faults)
+        return State(_lowered_or(Mode.RELEASING, state.mode, signals), now, state.faults)
     ready, following = PROGRESS.get(state.mode, (None, state.mode))
     if ready is None or not ready(signals, config):
         return state
@@ -213,7 +234,15 @@ def _failure(state: State, mode: Mode, signals: Signals, config: SafetyConfig) -
     for check in CHECKS_IN[mode]:
         fault = check.find(signals, config)
         if fault:
-            return State(check.leads_to, signals.now_s, (*state.faults, fault))
-    if signals.implausible is not None and mode in MOVING:
+            leads_to = check.leads_to
+            if leads_to is Mode.LOWERING:
+                leads_to = _lowered_or(Mode.ESTOP, state.mode, signals)
+            return State(leads_to, signals.now_s, (*state.faults, fault))
+    if signals.implausible is not None and mode in HELD:
         return State(signals.implausible.leads_to, signals.now_s, (*state.faults, signals.implausible.fault))
     return None
+
+
+def _lowered_or(otherwise: Mode, mode: Mode, signals: Signals) -> Mode:
+    """Lying down, of a robot that can and whose joints have stiffness; else another mode."""
+    return Mode.LOWERING if signals.may_lie and not signals.at_once and mode in MOVING else otherwise

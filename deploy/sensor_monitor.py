@@ -63,6 +63,7 @@ class SensorMonitor:
         self.rest_error = 0.0
         self._mean = [0.0, 0.0, GRAVITY]  # acceleration, world axes
         self._looks = 0
+        self.on_legs = True  # whether the legs should carry the base
         self.sunk = 0.0  # of the base's clearance when standing, how much is gone
 
     def due(self, now_us: int) -> bool:
@@ -145,8 +146,10 @@ class SensorMonitor:
         self._compare_turns(gyro, inertial.quaternion, elapsed_s, kept)
         self._compare_gravity(acceleration, gyro, inertial, fastest, elapsed_s)
         self._looks += 1
-        if self._looks % LOOKS_A_HEIGHT == 0:
-            self._compare_height(joints[0], inertial.quaternion)
+        if not self.on_legs:
+            self.sunk = 0.0
+        elif self._looks % LOOKS_A_HEIGHT == 0:
+            self.sunk = self.sunk_share(joints[0], inertial.quaternion)
         for part, (now, before) in enumerate(zip(inertial, self._inertial, strict=True)):
             if now != before:
                 self._imu_repeated[part] = 0.0
@@ -238,16 +241,24 @@ class SensorMonitor:
             ahead, left, up = self._resting
             self.rest_error = math.hypot(ahead, left, up - GRAVITY) / GRAVITY
 
-    def _compare_height(self, position: np.ndarray, quaternion: Sequence[float]) -> None:
-        """The base's height above its lowest foot, by the legs and the IMU."""
+    def sunk_share(self, position: np.ndarray, quaternion: Sequence[float]) -> float:
+        """How much of the base's clearance above its lowest foot is gone, by the legs and the IMU.
+
+        Args:
+            position: (n,) of the joints, rad.
+            quaternion: of the base, w x y z.
+
+        Returns:
+            0 when it stands, 1 when the base is as low as the feet; 0 of a robot without legs.
+        """
         if self._legs is None:
-            return
+            return 0.0
         w, x, y, z = quaternion
         up = (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y))
         below = self._legs.pose(position).foot @ up
         height = float(np.maximum.reduce(self._legs.foot_radius - below))
         clearance = (height - self._legs.base_below) / (self._standing_m - self._legs.base_below)
-        self.sunk = 1.0 - clearance
+        return 1.0 - clearance
 
     # -- what the rows measure -----------------------------------------------------------------------
 

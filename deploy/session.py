@@ -1,4 +1,4 @@
-"""One run of a policy on a robot, on any bus: stand up, walk, damp, motors off."""
+"""One run of a policy on a robot, on any bus: stand up, walk, lie down, damp, motors off."""
 
 import signal
 import threading
@@ -52,6 +52,7 @@ class Session:
     facts: dict[str, Any] = field(default_factory=dict)  # for the log's metadata
     config: DeployConfig = field(default_factory=DeployConfig)
     display: Display | None = None  # entered with the loop for as long as it runs
+    lie_down: bool = True  # before the motors go off, where robot and fault permit it
 
 
 @dataclass(frozen=True)
@@ -89,7 +90,7 @@ def run_session(
     each_tick: Callable[[ControlLoop], None] | None = None,
     base_state: BaseState | None = None,
 ) -> Outcome:
-    """Stand up, walk for the session's duration, damp, switch off.
+    """Stand up, walk for the session's duration, lie down, damp, switch off.
 
     Args:
         robot: what the controller believes that it moves.
@@ -115,7 +116,8 @@ def run_session(
             if (policy.needs_estimate or config.odometry) and base_state is None
             else None
         )
-        loop = ControlLoop(robot, policy, wiring, driver, bus, clock, config, session.command, estimator)
+        command, lie_down = session.command, session.lie_down
+        loop = ControlLoop(robot, policy, wiring, driver, bus, clock, config, command, estimator, lie_down)
         loop.base_state = base_state
         loop.log = log = _open_log(robot, policy, session, resources)  # last: nothing else can fail
         if session.display is not None:
@@ -218,7 +220,10 @@ def _unheard(loop: ControlLoop) -> list[str]:
 
 @contextmanager
 def _ending_on_signals(loop: ControlLoop) -> Iterator[None]:
-    """Signals that would end the process end the run in an orderly way: damping, then motors off."""
+    """Signals that would end the process end the run in an orderly way: lying down, damping, motors off.
+
+    One that comes while the robot lies down damps it at once.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return

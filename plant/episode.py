@@ -55,6 +55,8 @@ class Episode:
     sample: Sample | None = None
     noise: Noise | None = None
     pushes: tuple[Push, ...] = ()  # in any order
+    lying: bool = False  # at first
+    lie_down: bool = False  # before the motors go off, where robot and fault permit it
     ground_truth: bool = False  # hand the policy the true base velocity and height
     realtime: bool = False
     log: Path | None = None
@@ -66,7 +68,7 @@ class Episode:
 
 
 def run_episode(robot: Robot, policy: Policy, episode: Episode, watch: Watch | None = None) -> Trace:
-    """Stand up, walk for the episode's duration, damp, switch off.
+    """Stand up, walk for the episode's duration, lie down if asked to, damp, switch off.
 
     Args:
         robot: what the controller believes that it moves.
@@ -80,7 +82,9 @@ def run_episode(robot: Robot, policy: Policy, episode: Episode, watch: Watch | N
     """
     wiring, config = wire(robot), episode.config
     wires = SimulatedWires(wiring.buses, config.host_queue)
-    config_of_plant = PlantConfig(episode.plant, episode.sample or {}, episode.noise, config.motor_timeout_s)
+    config_of_plant = PlantConfig(
+        episode.plant, episode.sample or {}, episode.noise, config.motor_timeout_s, episode.lying
+    )
     body = SimulatedRobot(robot, wiring, wires, config_of_plant, episode.seed)
     facts = {
         "seed": episode.seed,
@@ -96,6 +100,7 @@ def run_episode(robot: Robot, policy: Policy, episode: Episode, watch: Watch | N
         log=episode.log,
         facts=facts,
         config=config,
+        lie_down=episode.lie_down,
         display=None if episode.display is None else partial(episode.display, velocity=trial.velocity),
     )
     base_state = true_base_state(body) if episode.ground_truth else None
@@ -138,10 +143,10 @@ class _Trial:
         self._look(loop, now_s)
         if (reason := body.fall()) is not None:
             self._fall_reason = reason
-            loop.finish()
+            loop.finish(at_once=True)
         if body.diverged():
             self._diverged = True
-            loop.finish()
+            loop.finish(at_once=True)
 
     def _look(self, loop: ControlLoop, now_s: float) -> None:
         truth, power = self._body.truth(), self._body.take_power()

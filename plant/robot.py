@@ -52,10 +52,14 @@ class PlantConfig:
     sample: Sample = field(default_factory=dict)
     noise: Noise | None = None
     motor_timeout_s: float = MOTOR_TIMEOUT_S
+    lying: bool = False  # at first, in the robot's lying pose
 
 
 class SimulatedRobot:
-    """A robot in simulation, seen through its buses. Stands in its default pose on the ground at first."""
+    """A robot in simulation, seen through its buses.
+
+    Stands in its default pose on the ground at first, or lies there.
+    """
 
     def __init__(
         self,
@@ -65,7 +69,7 @@ class SimulatedRobot:
         config: PlantConfig | None = None,
         seed: int = 0,
     ) -> None:
-        """Raises UserError if the plant does not fit the robot, or the sample does not fit the plant."""
+        """Raises UserError if plant, robot and sample do not fit, or if one shall lie that cannot."""
         config = config or PlantConfig()
         sample = config.sample
         plant = read_plant(robot, config.plant)
@@ -100,7 +104,7 @@ class SimulatedRobot:
             np.full(3, wiring.imu_channel), np.array(imu.IDS), np.zeros((3, 8), np.uint8), np.full(3, 8)
         )
         self.faults = Faults(self._motors.faults)
-        self._stand(robot)
+        self._put_down(robot, _first_pose(robot, config.lying))
 
     @property
     def time_us(self) -> int:
@@ -186,13 +190,13 @@ class SimulatedRobot:
         if len(frames.id):
             self._wires.send(Side.ROBOT, frames, now_us)
 
-    def _stand(self, robot: Robot) -> None:
-        """Default pose, upright, as high as the lowest part just touches the ground.
+    def _put_down(self, robot: Robot, pose: np.ndarray) -> None:
+        """In a pose (n,), upright, as high as the lowest part just touches the ground.
 
         Lowered until it touches, then by bisection. Raises UserError if there is nothing below.
         """
         data, at = self.data, self._layout.base_qpos
-        data.qpos[self._layout.qpos] = robot.default_pose
+        data.qpos[self._layout.qpos] = pose
         data.qpos[at + 3 : at + 7] = (1.0, 0.0, 0.0, 0.0)
         stride = robot.description.standing_height_m / 4
         heights = np.arange(SEARCH_HEIGHT_M, -SEARCH_HEIGHT_M, -stride)
@@ -212,6 +216,14 @@ class SimulatedRobot:
         contact = self.data.contact
         bodies = self.model.geom_bodyid[contact.geom]
         return bool(((bodies == 0).any(axis=1) & (contact.dist <= 0.0)).any())
+
+
+def _first_pose(robot: Robot, lying: bool) -> np.ndarray:
+    if not lying:
+        return robot.default_pose
+    if robot.lying_pose is None:
+        raise UserError(f"robot '{robot.name}' cannot lie: its joints have no lying_rad in robot.yaml")
+    return robot.lying_pose
 
 
 def _check_sample(sample: Sample, plant: Plant) -> None:

@@ -5,13 +5,14 @@ from typing import TYPE_CHECKING
 
 import mujoco
 
-from footfall.robots.stance import touching_height
+from footfall.robots.stance import lying_clearance, touching_height
 from footfall.robots.targets import soft_limits
 
 if TYPE_CHECKING:
     from footfall.robots.description import Description, Foot, Robot
 
 STANDING_TOLERANCE_M = 0.005
+LYING_SHARE = 0.1  # of the standing height: how high the base may be above the ground when it lies
 
 
 def inconsistencies(description: "Description") -> Iterator[str]:
@@ -27,6 +28,9 @@ def inconsistencies(description: "Description") -> Iterator[str]:
         if joint.motor not in description.motors:
             known = ", ".join(description.motors)
             yield f"joint {joint.name}: no motor '{joint.motor}' under motors ({known})"
+    without = [joint.name for joint in description.joints if joint.lying_rad is None]
+    if without and len(without) < len(names):
+        yield f"joint {without[0]} has no lying_rad, though others have"
     yield from _wrong_feet(description.feet, names)
 
 
@@ -73,6 +77,10 @@ def contradictions(description: "Description", model: mujoco.MjModel) -> Iterato
             f"standing_height_m: the feet touch the ground in the default pose with '{description.base}' at"
             f" {touching_m:.4f} m, not at {description.standing_height_m:g}"
         )
+    if description.joints[0].lying_rad is not None:
+        clearance_m = lying_clearance(description, model)
+        if clearance_m > LYING_SHARE * description.standing_height_m:
+            yield f"lying_rad: '{description.base}' is {clearance_m:.3f} m above the feet, not on the ground"
 
 
 def _wrong_joints(description: "Description", model: mujoco.MjModel) -> Iterator[str]:
@@ -92,6 +100,11 @@ def _wrong_joints(description: "Description", model: mujoco.MjModel) -> Iterator
             yield (
                 f"joint {joint.name}: default_rad {joint.default_rad:g} is outside the soft limits"
                 f" {soft_low:.4g} to {soft_high:.4g}, which soft_limit_factor leaves of its range"
+            )
+        elif joint.lying_rad is not None and not soft_low <= joint.lying_rad <= soft_high:
+            yield (
+                f"joint {joint.name}: lying_rad {joint.lying_rad:g} is outside the soft limits"
+                f" {soft_low:.4g} to {soft_high:.4g}"
             )
         elif model.dof_frictionloss[dof] < 0.0 or model.dof_damping[dof] < 0.0:
             yield f"joint {joint.name}: frictionloss and damping in {description.model} must not be negative"

@@ -67,6 +67,7 @@ class JointEntry:
     default_rad: float
     bus: str
     id: int
+    lying_rad: float | None = None  # with the base on the ground; every joint has one, or none has
 
     def __post_init__(self) -> None:
         require_between(self, 1, 127, "id")
@@ -141,6 +142,12 @@ class Robot:
     def default_pose(self) -> np.ndarray:
         """Joint positions of the default pose, rad."""
         return np.array([joint.default_rad for joint in self.description.joints])
+
+    @cached_property
+    def lying_pose(self) -> np.ndarray | None:
+        """Joint positions with the base on the ground, rad; None of a robot that cannot lie down on it."""
+        given = [joint.lying_rad for joint in self.description.joints if joint.lying_rad is not None]
+        return np.array(given) if given else None
 
     @cached_property
     def soft_limits(self) -> tuple[np.ndarray, np.ndarray]:

@@ -18,14 +18,7 @@ def in_default_pose(model: mujoco.MjModel, description: "Description") -> mujoco
         model: with the robot's joint names and a free joint, the first of which is the base's.
         description: of the robot.
     """
-    data = mujoco.MjData(model)
-    free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)[0]
-    at = model.jnt_qposadr[free]
-    data.qpos[at : at + 7] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
-    for joint in description.joints:
-        data.qpos[model.joint(joint.name).qposadr] = joint.default_rad
-    mujoco.mj_kinematics(model, data)
-    return data
+    return _in_pose(model, {joint.name: joint.default_rad for joint in description.joints})
 
 
 def touching_height(description: "Description", model: mujoco.MjModel) -> float:
@@ -35,7 +28,32 @@ def touching_height(description: "Description", model: mujoco.MjModel) -> float:
 
 def lowest_points(description: "Description", model: mujoco.MjModel) -> np.ndarray:
     """Height of each foot's lowest point over the base's origin in the default pose, m, (feet,)."""
-    data = in_default_pose(model, description)
+    return _lowest_of_feet(description, model, in_default_pose(model, description))
+
+
+def lying_clearance(description: "Description", model: mujoco.MjModel) -> float:
+    """How high the base is above its lowest foot in the lying pose, level, m; below 0 if the feet hang free.
+
+    Every joint must have a `lying_rad`.
+    """
+    pose = {joint.name: joint.lying_rad for joint in description.joints if joint.lying_rad is not None}
+    lowest = float(_lowest_of_feet(description, model, _in_pose(model, pose)).min())
+    return -base_below(description, model) - lowest
+
+
+def _in_pose(model: mujoco.MjModel, pose: dict[str, float]) -> mujoco.MjData:
+    """A model with its base level and at the origin and its joints at these angles, rad."""
+    data = mujoco.MjData(model)
+    free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)[0]
+    at = model.jnt_qposadr[free]
+    data.qpos[at : at + 7] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+    for name, angle in pose.items():
+        data.qpos[model.joint(name).qposadr] = angle
+    mujoco.mj_kinematics(model, data)
+    return data
+
+
+def _lowest_of_feet(description: "Description", model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
     lowest = [[_lowest_point(model, data, model.geom(n).id) for n in foot.geoms] for foot in description.feet]
     return np.array([min(each) for each in lowest])
 

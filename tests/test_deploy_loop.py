@@ -44,7 +44,7 @@ def new_loop(
         body.data.qpos[7:] = pose
     bus = SimulatedBus(wires, body)
     clock = (Pretence if realtime else LockstepClock)(TICK_US)
-    config = DeployConfig(stand_s=0.1, estimator_rate_hz=estimator_rate_hz)
+    config = DeployConfig(stand_s=0.1, pose_rate_rad_s=100.0, estimator_rate_hz=estimator_rate_hz)
     return ControlLoop(robot, policy, wiring, open_driver(wiring), bus, clock, config, command, estimator)  # type: ignore[arg-type]
 
 

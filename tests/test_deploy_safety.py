@@ -5,7 +5,17 @@ from pathlib import Path
 
 import pytest
 
-from footfall.deploy.safety import CHECKS, PROGRESS, Implausible, Mode, SafetyConfig, Signals, State, advance
+from footfall.deploy.safety import (
+    CHECKS,
+    MOVING,
+    PROGRESS,
+    Implausible,
+    Mode,
+    SafetyConfig,
+    Signals,
+    State,
+    advance,
+)
 
 CONFIG = SafetyConfig()
 QUIET = Signals(
@@ -134,6 +144,51 @@ class TestFaults:
         assert after(mode, since_s=4.9, **signal) == State(mode, 4.9)
 
 
+OF_THE_POLICY = ({"command_finite": False}, {"policy_error": "x"}, {"late_steps": 5})
+OF_THE_ROBOT = [signal for signal, _, _ in FAULTS if signal not in OF_THE_POLICY[::2]]
+OF_THE_ROBOT = [signal for signal in OF_THE_ROBOT if "policy_error" not in signal]
+
+
+class TestLyingDown:
+    @pytest.mark.parametrize("mode", MOVING)
+    def test_a_robot_that_can_lies_down_before_a_run_ends(self, mode: Mode) -> None:
+        assert after(mode, finish=True, may_lie=True) == State(Mode.LOWERING, QUIET.now_s)
+
+    def test_not_one_whose_joints_have_no_stiffness_yet(self) -> None:
+        assert after(Mode.IDLE, now_s=0.5, finish=True, may_lie=True).mode is Mode.RELEASING
+        soft = after(Mode.IDLE, now_s=0.5, policy_error="x", may_lie=True)
+        assert soft.mode is Mode.ESTOP
+
+    @pytest.mark.parametrize("mode", MOVING)
+    @pytest.mark.parametrize("signal", OF_THE_POLICY)
+    def test_it_does_so_after_a_fault_of_the_policy(self, mode: Mode, signal: dict[str, object]) -> None:
+        state = after(mode, **signal, may_lie=True)
+        assert state.mode is Mode.LOWERING
+        assert len(state.faults) == 1
+        on_its_way = advance(state, QUIET._replace(now_s=6.0, **signal, may_lie=True), CONFIG)
+        assert on_its_way == state  # which is no news, and no reason to stop
+        lies = advance(state, QUIET._replace(now_s=7.0, **signal, may_lie=True, lain_down=True), CONFIG)
+        assert lies == State(Mode.ESTOP, 7.0, state.faults)
+
+    @pytest.mark.parametrize("mode", [*MOVING, Mode.LOWERING])
+    @pytest.mark.parametrize("signal", OF_THE_ROBOT)
+    def test_a_fault_of_the_robot_damps_at_once(self, mode: Mode, signal: dict[str, object]) -> None:
+        if mode is Mode.LOWERING and "step_s" in signal:
+            return  # the policy is not asked any more
+        assert after(mode, **signal, may_lie=True).mode in (Mode.ESTOP, Mode.FALLING)
+
+    def test_once_it_lies_the_robot_is_released(self) -> None:
+        assert after(Mode.LOWERING, may_lie=True) == State(Mode.LOWERING, 4.0)
+        assert after(Mode.LOWERING, may_lie=True, finish=True) == State(Mode.LOWERING, 4.0)
+        assert after(Mode.LOWERING, may_lie=True, lain_down=True) == State(Mode.RELEASING, QUIET.now_s)
+
+    def test_who_cannot_wait_ends_it_at_once(self) -> None:
+        assert after(Mode.LOWERING, may_lie=True, at_once=True).mode is Mode.RELEASING
+        assert after(Mode.WALKING, may_lie=True, finish=True, at_once=True).mode is Mode.RELEASING
+        faulty = advance(State(Mode.LOWERING, 4.0, ("why",)), QUIET._replace(at_once=True), CONFIG)
+        assert faulty == State(Mode.ESTOP, QUIET.now_s, ("why",))
+
+
 class TestLimits:
     """A limit itself is still kept to; past it is a fault."""
 
@@ -188,5 +243,6 @@ def test_the_picture_in_the_documents_shows_the_ways_that_the_tables_have() -> N
         if following in check.modes
     }
     progress = {(mode, following) for mode, (_, following) in PROGRESS.items()}
-    end = {(mode, Mode.RELEASING) for mode in (Mode.IDLE, Mode.STANDING, Mode.WALKING)}
+    faults -= {(Mode.IDLE, Mode.LOWERING)}  # without stiffness nobody lies down
+    end = {(mode, Mode.RELEASING) for mode in (Mode.IDLE, Mode.STANDING, Mode.WALKING, Mode.LOWERING)}
     assert drawn == faults | progress | end | {(Mode.RELEASING, Mode.IDLE)}

@@ -4,7 +4,7 @@ import math
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from cyclopts import Parameter
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from footfall.robots.description import Robot
 
 SAFE, FALLEN = "IDLE", "FALLING"  # final states
+LYING = "lying"
 SIMULATED, VIRTUAL = "sim", "virtual"  # buses that lead to a simulated robot
 
 
@@ -44,6 +45,10 @@ class DeployOptions:
     command: VelocityCommand = (0.5, 0.0, 0.0)
     duration: Seconds = 10.0
     """Walking time, s."""
+    start: Literal["standing", "lying"] = "standing"
+    """How the simulated robot begins."""
+    lie_down: bool = True
+    """Lie down before the motors go off, where robot and fault permit it."""
     realtime: bool = False
     """Keep to the wall clock; a bus other than sim always does."""
     plant: Plant = None
@@ -88,6 +93,8 @@ def _simulated(robot: "Robot", policy: "Policy", spec: str, options: DeployOptio
         duration_s=options.duration,
         seed=options.seed,
         plant=options.plant,
+        lying=options.start == LYING,
+        lie_down=options.lie_down,
         ground_truth=options.ground_truth,
         realtime=options.realtime,
         log=options.log,
@@ -110,8 +117,7 @@ def _on_interface(robot: "Robot", policy: "Policy", spec: str, options: DeployOp
     from footfall.deploy.session import Session, run_on_interface
     from footfall.live_state import live_state
 
-    if options.plant is not None or options.ground_truth:
-        what = "--plant" if options.plant is not None else "--ground-truth"
+    if what := _for_simulation_alone(options):
         raise UserError(f"{what} needs the simulated robot: leave --bus at '{SIMULATED}'")
     command = np.array(options.command)
     facts = {"seed": options.seed, "policy_spec": spec, "bus": options.bus, "plant": None}
@@ -121,6 +127,7 @@ def _on_interface(robot: "Robot", policy: "Policy", spec: str, options: DeployOp
         log=options.log,
         facts=facts,
         config=_config(options),
+        lie_down=options.lie_down,
         display=lambda loop: live_state(loop, lambda: loop.estimate[0], options.duration),
     )
     with ExitStack() as resources:
@@ -136,6 +143,16 @@ def _on_interface(robot: "Robot", policy: "Policy", spec: str, options: DeployOp
         "distance_m": math.nan,  # nobody measures it
         "mean_velocity_m_s": [math.nan] * 3,
     }
+
+
+def _for_simulation_alone(options: DeployOptions) -> str:
+    """The first option given that no bus but the simulated one has a use for; empty if none is."""
+    given = {
+        "--plant": options.plant is not None,
+        "--ground-truth": options.ground_truth,
+        "--start": options.start == LYING,
+    }
+    return next((option for option, is_given in given.items() if is_given), "")
 
 
 def _config(options: DeployOptions) -> "DeployConfig":

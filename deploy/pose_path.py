@@ -1,0 +1,34 @@
+"""A way through joint poses: from one to the next along a smooth curve, at rest at each of them."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+
+class PosePath:
+    """Joint positions as a function of time."""
+
+    def __init__(self, poses: Sequence[np.ndarray], rate_rad_s: float, least_s: float = 0.0) -> None:
+        """The time from one pose to the next follows from the joint that has the longest way.
+
+        Args:
+            poses: (n,) rad each, the first one where the path begins.
+            rate_rad_s: fastest that any joint moves, rad/s.
+            least_s: that it takes at least from one pose to the next, s.
+        """
+        self._poses = np.array(poses)
+        ways = np.abs(np.diff(self._poses, axis=0)).max(axis=1, initial=0.0)
+        # Half a turn of a cosine is pi / 2 times as fast in its middle as on average.
+        self._lasts_s = np.maximum(0.5 * math.pi * ways / rate_rad_s, least_s).tolist()
+        self.duration_s = float(sum(self._lasts_s))
+
+    def at(self, time_s: float) -> np.ndarray:
+        """Joint positions (n,), rad; before the beginning the first pose, after the end the last one."""
+        for leg, lasts_s in enumerate(self._lasts_s):
+            if time_s < lasts_s:
+                start, goal = self._poses[leg : leg + 2]
+                share = 0.5 - 0.5 * math.cos(math.pi * max(time_s, 0.0) / lasts_s)
+                return start + share * (goal - start)
+            time_s -= lasts_s
+        return self._poses[-1]

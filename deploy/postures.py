@@ -1,0 +1,62 @@
+"""Standing up and lying down: the joint commands on the way from one to the other."""
+
+import numpy as np
+
+from footfall.deploy.config import DeployConfig
+from footfall.deploy.pose_path import PosePath
+from footfall.robots.actuator import JointCommand
+from footfall.robots.description import Robot
+
+MOVING_SHARE = 0.7  # of the time to stand up at least; the rest is for settling
+
+
+class Postures:
+    """Where the joints shall be while the robot stands up or lies down; times count from its beginning."""
+
+    def __init__(self, robot: Robot, config: DeployConfig, lie_down: bool) -> None:
+        """`lie_down` says whether it may, if the robot can."""
+        self._standing, self._lying = robot.default_pose, robot.lying_pose
+        self.may_lie = lie_down and self._lying is not None
+        self._sunk = config.safety.sensors.sunk
+        self._rate_rad_s = min(config.pose_rate_rad_s, robot.description.target_rate_rad_s)
+        self._least_s, self._hold_s = MOVING_SHARE * config.stand_s, (1.0 - MOVING_SHARE) * config.stand_s
+        self._zeros = np.zeros(len(robot.joint_names))
+        self._gains = config.stand_kp_scale * robot.kp, config.stand_kd_scale * robot.kd
+        self._path = PosePath([self._standing], self._rate_rad_s)
+        self._carried_s = 0.0
+
+    def stand_up(self, here: np.ndarray, sunk: float) -> None:
+        """Begin the way to the default pose; of a robot that lies, with its legs folded first.
+
+        Args:
+            here: joint positions, rad, (n,).
+            sunk: how much of the base's clearance is gone: by that a robot is known to lie.
+        """
+        lies = self._lying is not None and sunk >= self._sunk
+        between = [self._lying] if lies and self._lying is not None else []
+        self._path = PosePath([here, *between, self._standing], self._rate_rad_s, self._least_s)
+        self._carried_s = self._path.duration_s if lies else 0.0
+
+    def lie_down(self, target: np.ndarray, on_all_feet: bool) -> None:
+        """Begin the way to the lying pose, without which this does nothing.
+
+        Args:
+            target: position targets that went out last, rad, (n,).
+            on_all_feet: else the default pose comes first.
+        """
+        if self._lying is not None:
+            between = [] if on_all_feet else [self._standing]
+            self._path = PosePath([target, *between, self._lying], self._rate_rad_s)
+            self._carried_s = float("inf")
+
+    def command(self, time_s: float) -> JointCommand:
+        """What the joints shall do."""
+        return JointCommand(self._path.at(time_s), self._zeros, *self._gains, self._zeros)
+
+    def done(self, time_s: float) -> bool:
+        """Whether the pose is reached, and the robot has settled in it."""
+        return time_s >= self._path.duration_s + self._hold_s - 1e-9
+
+    def on_legs(self, time_s: float) -> bool:
+        """Whether the legs should carry the base."""
+        return time_s >= self._carried_s

@@ -1,0 +1,259 @@
+"""A robot that lies stands up, and lies down before its motors go off, where the fault permits it."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+import pytest
+from deploy_policies import Hold, Spoilt, not_a_number, short_episode
+
+from footfall.common.errors import UserError
+from footfall.common.rotations import tilt
+from footfall.deploy.config import DeployConfig
+from footfall.deploy.loop import ControlLoop
+from footfall.deploy.pose_path import PosePath
+from footfall.deploy.postures import Postures
+from footfall.deploy.safety import HELD, Mode
+from footfall.deploy.wiring import wire
+from footfall.plant.episode import Episode, run_episode
+from footfall.plant.robot import PlantConfig, SimulatedRobot
+from footfall.plant.trace import Trace
+from footfall.plant.wires import SimulatedWires
+from footfall.policies.policy import Policy
+from footfall.policies.registry import load_policy
+from footfall.robots.description import Robot, load_robot
+
+CONFIG = DeployConfig()
+QUICK = DeployConfig(joint_rate_hz=250.0, stand_s=0.2, pose_rate_rad_s=3.0)
+
+
+class Tick(NamedTuple):
+    mode: Mode
+    target: np.ndarray
+    height_m: float
+    tilt_rad: float
+
+
+class Notebook:
+    """What happened at each tick."""
+
+    def __init__(self, then: Callable[[ControlLoop, SimulatedRobot], None] | None = None) -> None:
+        self.ticks: list[Tick] = []
+        self._then = then
+
+    def __call__(self, loop: ControlLoop, body: SimulatedRobot) -> None:
+        place = body.data.qpos[:7].copy()
+        self.ticks.append(Tick(loop.state.mode, loop.target, place[2], tilt(place[3:])))
+        if self._then is not None:
+            self._then(loop, body)
+
+    @property
+    def modes(self) -> list[str]:
+        """One after the other."""
+        modes = [tick.mode.value for tick in self.ticks]
+        return [mode for mode, before in zip(modes, ["", *modes], strict=False) if mode != before]
+
+    def of(self, mode: Mode) -> list[Tick]:
+        return [tick for tick in self.ticks if tick.mode is mode]
+
+    def fastest(self) -> float:
+        """That a target moved while the robot stood up or lay down, rad a tick, also as it began to."""
+        targets = np.array([tick.target for tick in self.ticks])
+        posed = [tick.mode in HELD and tick.mode is not Mode.WALKING for tick in self.ticks]
+        between = np.array(posed[1:]) & [tick.mode in HELD for tick in self.ticks[:-1]]
+        return float(np.abs(np.diff(targets, axis=0)[between]).max())
+
+
+def run(robot: Robot, policy: Policy, note: Notebook | None = None, **changes: object) -> Trace:
+    settings = {"lying": True, "lie_down": True, "config": QUICK, "duration_s": 0.1} | changes
+    return run_episode(robot, policy, short_episode(**settings), note)
+
+
+class TestPath:
+    def test_takes_as_long_as_the_longest_way_of_a_joint_does_at_its_fastest(self) -> None:
+        """One radian at pi/2 rad/s in the middle, which is 1 rad/s on average."""
+        path = PosePath([np.array([0.0, 0.0]), np.array([0.25, 1.0])], np.pi / 2)
+        assert path.duration_s == pytest.approx(1.0)
+        np.testing.assert_allclose(path.at(0.5), [0.125, 0.5])
+        assert (path.at(0.501) - path.at(0.499))[1] / 0.002 == pytest.approx(np.pi / 2, rel=1e-4)
+
+    def test_is_at_rest_at_each_pose(self) -> None:
+        poses = [np.array([0.0]), np.array([1.0]), np.array([-1.0])]
+        path = PosePath(poses, np.pi / 2)
+        assert path.duration_s == pytest.approx(3.0)
+        for time_s, pose in zip([0.0, 1.0, 3.0], poses, strict=True):
+            assert path.at(time_s) == pytest.approx(pose, abs=1e-12)
+            assert np.abs(path.at(time_s + 0.001) - path.at(time_s - 0.001)) < 1e-5
+
+    def test_stays_where_it_begins_and_ends(self) -> None:
+        path = PosePath([np.array([0.0]), np.array([1.0])], 1.0)
+        assert (path.at(-1.0), path.at(99.0)) == (0.0, 1.0)
+
+    def test_may_be_told_to_take_longer(self) -> None:
+        path = PosePath([np.array([0.0]), np.array([0.0])], 1.0, least_s=0.7)
+        assert path.duration_s == 0.7
+        assert path.at(0.3) == 0.0
+
+
+class TestPostures:
+    def test_a_robot_lies_if_its_clearance_is_gone(self, go1: Robot) -> None:
+        postures = Postures(go1, CONFIG, lie_down=True)
+        postures.stand_up(go1.lying_pose + 0.05, sunk=0.9)
+        assert not postures.on_legs(0.0)
+        postures.stand_up(go1.lying_pose + 0.05, sunk=0.5)  # it hangs, or crouches
+        assert postures.on_legs(0.0)
+
+    def test_legs_are_folded_before_they_push(self, go1: Robot) -> None:
+        """Lying with its legs stretched out forwards and backwards."""
+        postures = Postures(go1, CONFIG, lie_down=True)
+        spread = go1.lying_pose + np.tile([0.0, 0.3, 0.0], 4)
+        postures.stand_up(spread, sunk=1.0)
+        folded_s = max(0.5 * np.pi * 0.3 / CONFIG.pose_rate_rad_s, 0.7 * CONFIG.stand_s)
+        np.testing.assert_allclose(postures.command(0.0).position, spread)
+        np.testing.assert_allclose(postures.command(folded_s).position, go1.lying_pose, atol=1e-9)
+
+    def test_whether_it_may_lie_down_is_up_to_robot_and_user(self, go1: Robot) -> None:
+        assert Postures(go1, CONFIG, lie_down=True).may_lie
+        assert not Postures(go1, CONFIG, lie_down=False).may_lie
+        assert not Postures(load_robot("g1"), CONFIG, lie_down=True).may_lie
+
+
+class TestRun:
+    @pytest.mark.parametrize("name", ["go1", "hexapod"])
+    def test_from_lying_to_motors_off(self, name: str) -> None:
+        robot, note = load_robot(name), Notebook()
+        outcome = run(robot, Hold(robot), note)
+        standing_m, base_below = robot.description.standing_height_m, robot.legs.base_below
+        assert note.modes == ["IDLE", "STANDING", "WALKING", "LOWERING", "RELEASING"]
+        assert (outcome.final_state, outcome.faults) == ("IDLE", ())
+        assert note.ticks[0].height_m < base_below + 0.01
+        assert note.of(Mode.WALKING)[0].height_m > 0.9 * standing_m
+        assert note.ticks[-1].height_m < base_below + 0.01
+        assert 0.9 < note.fastest() * QUICK.joint_rate_hz / QUICK.pose_rate_rad_s < 1.01
+        assert max(tick.tilt_rad for tick in note.ticks) < 0.1
+        released = note.of(Mode.RELEASING)
+        assert np.ptp([tick.height_m for tick in released]) < 0.01  # nothing drops
+
+    def test_out_of_a_trot_without_a_fall_or_a_jump(self, go1: Robot) -> None:
+        note, config = Notebook(), DeployConfig(stand_s=0.2)
+        command = np.array([0.8, 0.0, 0.5])
+        episode = Episode(lambda _: command, 0.53, config=config, lie_down=True, record=False)
+        trace = run_episode(go1, load_policy("trot", go1), episode, note)
+        assert (trace.final_state, trace.faults, trace.fell) == ("IDLE", (), False)
+        lowering = note.of(Mode.LOWERING)
+        assert note.fastest() * config.joint_rate_hz < 1.01 * config.pose_rate_rad_s
+        assert max(tick.tilt_rad for tick in lowering) < 0.3
+        assert lowering[-1].height_m < go1.legs.base_below + 0.01
+
+    def test_a_fault_of_the_policy_lets_it_lie_down(self, go1: Robot) -> None:
+        note = Notebook()
+        outcome = run(go1, Spoilt(go1, 0.05, not_a_number), note, lying=False)
+        assert note.modes[2:] == ["WALKING", "LOWERING", "ESTOP"]
+        assert outcome.faults == ("the policy's command is not finite",)
+        assert outcome.final_state == "ESTOP"
+        assert note.ticks[-1].height_m < go1.legs.base_below + 0.01
+
+    def test_a_motor_that_falls_silent_on_the_way_damps_it(self, go1: Robot) -> None:
+        def silence(loop: ControlLoop, body: SimulatedRobot) -> None:
+            if loop.state.mode is Mode.LOWERING:
+                body.faults.motors.silent[3] = True
+
+        note = Notebook(silence)
+        outcome = run(go1, Hold(go1), note, lying=False)
+        assert note.modes[2:] == ["WALKING", "LOWERING", "ESTOP"]
+        assert len(note.of(Mode.LOWERING)) < 20
+        assert "no reply from FL_hip_joint" in outcome.faults[0]
+
+    def test_a_second_wish_to_end_damps_it_at_once(self, go1: Robot) -> None:
+        def ask_again(loop: ControlLoop, body: SimulatedRobot) -> None:
+            loop.finish() if loop.state.mode is Mode.LOWERING else None
+
+        note = Notebook(ask_again)
+        outcome = run(go1, Hold(go1), note, lying=False)
+        assert note.modes[2:] == ["WALKING", "LOWERING", "RELEASING"]
+        assert len(note.of(Mode.LOWERING)) == 1
+        assert outcome.final_state == "IDLE"
+
+    def test_who_shall_end_while_standing_up_lies_down_again(self, go1: Robot) -> None:
+        def end(loop: ControlLoop, body: SimulatedRobot) -> None:
+            if loop.state.mode is Mode.STANDING and loop.now_us > 150_000:
+                loop.finish()
+
+        note = Notebook(end)
+        run(go1, Hold(go1), note)
+        assert note.modes == ["IDLE", "STANDING", "LOWERING", "RELEASING"]
+        assert max(tick.height_m for tick in note.ticks) < 0.9 * go1.description.standing_height_m
+        assert note.ticks[-1].height_m < go1.legs.base_below + 0.01
+
+    def test_a_robot_that_does_not_get_up_is_no_robot_that_stands(self, go1: Robot) -> None:
+        """It carries 200 kg, which its motors do not lift."""
+
+        def load(loop: ControlLoop, body: SimulatedRobot) -> None:
+            body.model.body("trunk").mass[:] = 200.0
+
+        outcome = run(go1, Hold(go1), Notebook(load), config=replace(QUICK, stand_s=0.6))
+        assert "the base has sunk to the ground" in outcome.faults[0]
+        assert outcome.walked_s == 0.0
+
+    def test_a_robot_without_a_lying_pose_is_damped_where_it_stands(self) -> None:
+        biped, note = load_robot("g1"), Notebook()
+        outcome = run(biped, Hold(biped), note, lying=False)
+        assert note.modes == ["IDLE", "STANDING", "WALKING", "RELEASING"]
+        assert outcome.final_state == "IDLE"
+
+    def test_a_robot_without_a_lying_pose_cannot_begin_in_it(self) -> None:
+        biped = load_robot("g1")
+        with pytest.raises(UserError, match="robot 'g1' cannot lie: its joints have no lying_rad"):
+            run(biped, Hold(biped))
+
+
+class TestDescription:
+    @pytest.mark.parametrize(
+        ("old", "new", "says"),
+        [
+            ("lying_rad: -0.6, ", "", "joint FR_hip_joint has no lying_rad, though others have"),
+            (
+                "lying_rad: -2.7",
+                "lying_rad: -2.8",
+                "FR_calf_joint: lying_rad -2.8 is outside the soft limits",
+            ),
+            (
+                "lying_rad: -2.7",
+                "lying_rad: -1.8",
+                "lying_rad: 'trunk' is .* m above the feet, not on the ground",
+            ),
+        ],
+    )
+    def test_a_lying_pose_that_cannot_be_is_refused(
+        self, own_folder: Path, old: str, new: str, says: str
+    ) -> None:
+        path = own_folder / "robot.yaml"
+        path.write_text(path.read_text().replace(old, new, 1))
+        with pytest.raises(UserError, match=says):
+            load_robot(own_folder)
+
+    def test_a_policy_is_not_built_upon_it(self, go1: Robot, own_folder: Path) -> None:
+        path = own_folder / "robot.yaml"
+        path.write_text(path.read_text().replace("lying_rad: 1.35", "lying_rad: 1.4"))
+        assert load_robot(own_folder).digest == go1.digest
+
+    @pytest.mark.parametrize("name", ["go1", "hexapod"])
+    def test_nothing_but_base_and_feet_touches_the_ground(self, name: str) -> None:
+        """By MuJoCo's own collisions, a few millimetres into it."""
+        robot = load_robot(name)
+        wiring = wire(robot)
+        body = SimulatedRobot(robot, wiring, SimulatedWires(wiring.buses), PlantConfig(lying=True))
+        model, data = body.model, body.data
+        data.qpos[2] = robot.legs.base_below - 0.001
+        mujoco.mj_forward(model, data)
+        ground = [
+            geom for pair in data.contact.geom.tolist() if 0 in model.geom_bodyid[pair] for geom in pair
+        ]
+        touching = {geom for geom in ground if model.geom_bodyid[geom] != 0}
+        feet = {model.geom(geom).id for foot in robot.description.feet for geom in foot.geoms}
+        base = {geom for geom in touching if model.geom(geom).bodyid == model.body(robot.description.base).id}
+        assert base
+        assert touching == base | feet
