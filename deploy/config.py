@@ -24,6 +24,8 @@ class DeployConfig:
     # Fastest that a joint moves while the robot stands up or lies down: slower than what
     # `safety.sensors.moving_rad_s` takes for a motion that every IMU feels.
     pose_rate_rad_s: float = 0.8
+    stop_rate_rad_s: float = 8.0  # the same out of a walk, until all feet stand
+    stop_s: float = 1.0  # that a policy has to come to a stand before the robot lies down
     realtime_priority: int | None = None  # SCHED_FIFO, 1 to 99, for wall-clock runs
     host_queue: int = HOST_QUEUE  # frames that a simulated CAN interface queues
     motor_timeout_s: float = MOTOR_TIMEOUT_S  # of simulated motors; real ones are set by their own tools
@@ -35,9 +37,10 @@ class DeployConfig:
         require_between(self, 1.0, 10_000.0, "joint_rate_hz")
         require_between(self, 1.0, 10_000.0, "estimator_rate_hz")
         require_between(self, 0.001, 60.0, "stand_s", "motor_timeout_s")
+        require_between(self, 0.0, 60.0, "stop_s")
         require_between(self, 1, 10_000, "host_queue")
         require_between(self, 0.0, 100.0, "stand_kp_scale", "stand_kd_scale")
-        require_between(self, 0.01, 100.0, "pose_rate_rad_s")
+        require_between(self, 0.01, 100.0, "pose_rate_rad_s", "stop_rate_rad_s")
         require_between(self, 1, 99, "realtime_priority")
         silence_s, tick_s = self.safety.silence_timeout_s, self.tick_us * 1e-6
         if silence_s < TICKS_OF_SILENCE * tick_s:

@@ -23,7 +23,7 @@ from footfall.deploy.frames import Frames
 from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.pose import impossible_pose
 from footfall.deploy.postures import Postures
-from footfall.deploy.safety import DAMPED, HELD, Implausible, Mode, Signals, State, advance, damped
+from footfall.deploy.safety import DAMPED, DECIDING, HELD, Implausible, Mode, Signals, State, advance, damped
 from footfall.deploy.sensor_checks import SensorChecks
 from footfall.deploy.timing import Timing
 from footfall.deploy.wiring import Wiring
@@ -33,6 +33,7 @@ from footfall.robots.description import Robot
 
 Command = Callable[[float], np.ndarray]  # time since walking began, s, to (3,)
 ODOMETRY_EVERY_US = 20_000  # for the log
+ENDING = (Mode.STOPPING, Mode.LOWERING)  # that may be cut short
 POSED = (Mode.STANDING, Mode.LOWERING)  # between two postures
 OFF_US = 100_000  # how long motors are asked to switch off
 UNKNOWN = (np.full(3, np.nan), math.nan)  # velocity and height that nobody estimates
@@ -174,9 +175,9 @@ class ControlLoop:
     def finish(self, at_once: bool = False) -> None:
         """Ask for the end of the run: the robot lies down if it can, is damped, then its motors go off.
 
-        It does not lie down `at_once`, and stops doing so when asked again.
+        It comes to a stand first, if it walks. `at_once`, or asked again, it does neither.
         """
-        self._at_once |= at_once or self.state.mode is Mode.LOWERING
+        self._at_once |= at_once or self.state.mode in ENDING
         self._finish = True
 
     def tick(self) -> bool:
@@ -210,7 +211,7 @@ class ControlLoop:
         signals = self._signals(elapsed_us)
         self._supervise(signals)
         mode = self.state.mode
-        if mode is Mode.WALKING:
+        if mode in DECIDING:
             self._estimate_base()
             if now_us >= self._next_policy_us:
                 self._policy_step()
@@ -280,7 +281,7 @@ class ControlLoop:
     # -- what goes out -------------------------------------------------------------------------------
 
     def _frames(self, mode: Mode) -> Frames:
-        if mode is Mode.WALKING and self._decision is not None:
+        if mode in DECIDING and self._decision is not None:
             return self._joints.command(self._wanted)
         if mode is Mode.STANDING:
             self._estimate_base()
@@ -329,7 +330,8 @@ class ControlLoop:
     def _decided(self, now_us: int) -> tuple[Observation, np.ndarray]:
         """What the policy is shown, and what it makes of that (5, n)."""
         time_s = (now_us - self._begun_us) * 1e-6
-        self.asked_command = np.asarray(self._command(time_s), dtype=float)
+        asked = self._command(time_s) if self.walking else np.zeros(3)
+        self.asked_command = np.asarray(asked, dtype=float)
         command = self._command_limits.apply(self.asked_command)
         velocity, height = self.estimate
         observation = Observation(time_s, self.sensed, command, velocity, height)
@@ -349,10 +351,11 @@ class ControlLoop:
             self.estimate = self.base_state()
         elif self._estimator is not None:
             elapsed_us = self.now_us - self._estimated_us
-            due = self.walking and self.now_us >= self._next_policy_us
+            deciding = self.state.mode in DECIDING
+            due = deciding and self.now_us >= self._next_policy_us
             if due or elapsed_us >= self._estimate_every_us:
                 try:
-                    stance = self._policy.stance() if self.walking else None
+                    stance = self._policy.stance() if deciding else None
                 except Exception as error:
                     self._policy_error = f"the policy failed: {type(error).__name__}: {error}"
                     return
@@ -427,6 +430,7 @@ class ControlLoop:
             stand_done=posed,
             finish=self._finish and mode not in DAMPED,
             may_lie=self._postures.may_lie,
+            stopped=mode is Mode.STOPPING and now_s - state.since_s >= self._config.stop_s,
             lain_down=posed,
             at_once=self._at_once,
         )
@@ -446,7 +450,9 @@ class ControlLoop:
         """Readings that contradict each other, if this is a tick at which they are compared."""
         joints, checks, now_us = self._joints, self._checks, self.now_us
         monitor = checks.monitor
-        monitor.on_legs = self.walking or self._postures.on_legs(now_us * 1e-6 - self.state.since_s)
+        monitor.on_legs = self.state.mode in DECIDING or self._postures.on_legs(
+            now_us * 1e-6 - self.state.since_s
+        )
         if not monitor.due(now_us):
             return None
         heard_us, expected = joints.last_heard().motor_us, joints.expected_torque()

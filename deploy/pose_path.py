@@ -9,18 +9,20 @@ import numpy as np
 class PosePath:
     """Joint positions as a function of time."""
 
-    def __init__(self, poses: Sequence[np.ndarray], rate_rad_s: float, least_s: float = 0.0) -> None:
+    def __init__(
+        self, poses: Sequence[np.ndarray], rates_rad_s: Sequence[float], least_s: float = 0.0
+    ) -> None:
         """The time from one pose to the next follows from the joint that has the longest way.
 
         Args:
             poses: (n,) rad each, the first one where the path begins.
-            rate_rad_s: fastest that any joint moves, rad/s.
+            rates_rad_s: fastest that any joint moves from each pose to the next, rad/s.
             least_s: that it takes at least from one pose to the next, s.
         """
         self._poses = np.array(poses)
         ways = np.abs(np.diff(self._poses, axis=0)).max(axis=1, initial=0.0)
         # Half a turn of a cosine is pi / 2 times as fast in its middle as on average.
-        self._lasts_s = np.maximum(0.5 * math.pi * ways / rate_rad_s, least_s).tolist()
+        self._lasts_s = np.maximum(0.5 * math.pi * ways / np.array(rates_rad_s), least_s).tolist()
         self.duration_s = float(sum(self._lasts_s))
 
     def at(self, time_s: float) -> np.ndarray:

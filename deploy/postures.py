@@ -18,11 +18,12 @@ class Postures:
         self._standing, self._lying = robot.default_pose, robot.lying_pose
         self.may_lie = lie_down and self._lying is not None
         self._sunk = config.safety.sensors.sunk
-        self._rate_rad_s = min(config.pose_rate_rad_s, robot.description.target_rate_rad_s)
+        most = robot.description.target_rate_rad_s
+        self._rate, self._stop_rate = min(config.pose_rate_rad_s, most), min(config.stop_rate_rad_s, most)
         self._least_s, self._hold_s = MOVING_SHARE * config.stand_s, (1.0 - MOVING_SHARE) * config.stand_s
         self._zeros = np.zeros(len(robot.joint_names))
         self._gains = config.stand_kp_scale * robot.kp, config.stand_kd_scale * robot.kd
-        self._path = PosePath([self._standing], self._rate_rad_s)
+        self._path = PosePath([self._standing], [])
         self._carried_s = 0.0
 
     def stand_up(self, here: np.ndarray, sunk: float) -> None:
@@ -33,8 +34,10 @@ class Postures:
             sunk: how much of the base's clearance is gone: by that a robot is known to lie.
         """
         lies = self._lying is not None and sunk >= self._sunk
-        between = [self._lying] if lies and self._lying is not None else []
-        self._path = PosePath([here, *between, self._standing], self._rate_rad_s, self._least_s)
+        poses = [here, self._standing]
+        if lies and self._lying is not None:
+            poses.insert(1, self._lying)
+        self._path = PosePath(poses, [self._rate] * (len(poses) - 1), self._least_s)
         self._carried_s = self._path.duration_s if lies else 0.0
 
     def lie_down(self, target: np.ndarray, on_all_feet: bool) -> None:
@@ -42,12 +45,16 @@ class Postures:
 
         Args:
             target: position targets that went out last, rad, (n,).
-            on_all_feet: else the default pose comes first.
+            on_all_feet: else the default pose comes first, and fast: a robot that walks tips over a foot that
+                stays in the air.
         """
-        if self._lying is not None:
-            between = [] if on_all_feet else [self._standing]
-            self._path = PosePath([target, *between, self._lying], self._rate_rad_s)
-            self._carried_s = float("inf")
+        if self._lying is None:
+            return
+        if on_all_feet:
+            self._path = PosePath([target, self._lying], [self._rate])
+        else:
+            self._path = PosePath([target, self._standing, self._lying], [self._stop_rate, self._rate])
+        self._carried_s = float("inf")
 
     def command(self, time_s: float) -> JointCommand:
         """What the joints shall do."""

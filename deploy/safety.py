@@ -19,6 +19,7 @@ class Mode(StrEnum):
     IDLE = "IDLE"
     STANDING = "STANDING"
     WALKING = "WALKING"
+    STOPPING = "STOPPING"  # the policy walks on until it stands still
     LOWERING = "LOWERING"  # lying down, before the motors go off
     RELEASING = "RELEASING"  # damping at the end of a run
     FALLING = "FALLING"  # damping, latched
@@ -26,7 +27,8 @@ class Mode(StrEnum):
 
 
 DAMPED = (Mode.RELEASING, Mode.FALLING, Mode.ESTOP)
-MOVING = (Mode.STANDING, Mode.WALKING)
+DECIDING = (Mode.WALKING, Mode.STOPPING)  # the policy is asked
+MOVING = (Mode.STANDING, *DECIDING)
 HELD = (*MOVING, Mode.LOWERING)  # joints have stiffness
 
 
@@ -89,6 +91,7 @@ class Signals(NamedTuple):
     stand_done: bool = False
     finish: bool = False  # the run shall end
     may_lie: bool = False  # the robot can lie down, and may
+    stopped: bool = False  # the policy was given the time to stand still
     lain_down: bool = False  # it has
     at_once: bool = False  # the run shall end without lying down
 
@@ -198,6 +201,7 @@ def _heard_everyone(s: Signals, c: SafetyConfig) -> bool:
 PROGRESS: dict[Mode, tuple[Callable[[Signals, SafetyConfig], bool], Mode]] = {
     Mode.IDLE: (_heard_everyone, Mode.STANDING),
     Mode.STANDING: (lambda s, _: s.stand_done, Mode.WALKING),
+    Mode.STOPPING: (lambda s, _: s.stopped, Mode.LOWERING),
 }
 
 
@@ -213,8 +217,10 @@ def advance(state: State, signals: Signals, config: SafetyConfig) -> State:
     if state.mode is Mode.LOWERING:
         done = signals.lain_down or signals.at_once
         return State(Mode.ESTOP if state.faults else Mode.RELEASING, now, state.faults) if done else state
-    if signals.finish:
-        return State(_lowered_or(Mode.RELEASING, state.mode, signals), now, state.faults)
+    if signals.finish and (state.mode is not Mode.STOPPING or signals.at_once):
+        ending = _lowered_or(Mode.RELEASING, state.mode, signals)
+        stops = ending is Mode.LOWERING and state.mode is Mode.WALKING
+        return State(Mode.STOPPING if stops else ending, now, state.faults)
     ready, following = PROGRESS.get(state.mode, (None, state.mode))
     if ready is None or not ready(signals, config):
         return state

@@ -21,7 +21,7 @@ from footfall.deploy.session import Session, run_session
 from footfall.deploy.wiring import wire
 from footfall.plant.bus import SimulatedBus
 from footfall.plant.injection import InjectingBus, nothing
-from footfall.plant.robot import SimulatedRobot
+from footfall.plant.robot import PlantConfig, SimulatedRobot
 from footfall.plant.wires import SimulatedWires
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
@@ -58,7 +58,7 @@ class Simulation:
     def __init__(self, robot: Robot) -> None:
         wiring = wire(robot)
         wires = SimulatedWires(wiring.buses)
-        self.body = SimulatedRobot(robot, wiring, wires)
+        self.body = SimulatedRobot(robot, wiring, wires, PlantConfig(motor_timeout_s=30.0))
         self.bus = InjectingBus(SimulatedBus(wires, self.body))
         self.sent: list[Frames] = []
         self.bus.watch = self.sent.append

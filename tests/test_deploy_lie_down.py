@@ -13,7 +13,7 @@ from deploy_policies import Hold, Spoilt, not_a_number, short_episode
 from footfall.common.errors import UserError
 from footfall.common.rotations import tilt
 from footfall.deploy.config import DeployConfig
-from footfall.deploy.loop import ControlLoop
+from footfall.deploy.loop import POSED, ControlLoop
 from footfall.deploy.pose_path import PosePath
 from footfall.deploy.postures import Postures
 from footfall.deploy.safety import HELD, Mode
@@ -27,7 +27,7 @@ from footfall.policies.registry import load_policy
 from footfall.robots.description import Robot, load_robot
 
 CONFIG = DeployConfig()
-QUICK = DeployConfig(joint_rate_hz=250.0, stand_s=0.2, pose_rate_rad_s=3.0)
+QUICK = DeployConfig(joint_rate_hz=250.0, stand_s=0.2, pose_rate_rad_s=3.0, stop_rate_rad_s=3.0, stop_s=0.1)
 
 
 class Tick(NamedTuple):
@@ -62,7 +62,7 @@ class Notebook:
     def fastest(self) -> float:
         """That a target moved while the robot stood up or lay down, rad a tick, also as it began to."""
         targets = np.array([tick.target for tick in self.ticks])
-        posed = [tick.mode in HELD and tick.mode is not Mode.WALKING for tick in self.ticks]
+        posed = [tick.mode in POSED for tick in self.ticks]
         between = np.array(posed[1:]) & [tick.mode in HELD for tick in self.ticks[:-1]]
         return float(np.abs(np.diff(targets, axis=0)[between]).max())
 
@@ -75,25 +75,25 @@ def run(robot: Robot, policy: Policy, note: Notebook | None = None, **changes: o
 class TestPath:
     def test_takes_as_long_as_the_longest_way_of_a_joint_does_at_its_fastest(self) -> None:
         """One radian at pi/2 rad/s in the middle, which is 1 rad/s on average."""
-        path = PosePath([np.array([0.0, 0.0]), np.array([0.25, 1.0])], np.pi / 2)
+        path = PosePath([np.array([0.0, 0.0]), np.array([0.25, 1.0])], [np.pi / 2])
         assert path.duration_s == pytest.approx(1.0)
         np.testing.assert_allclose(path.at(0.5), [0.125, 0.5])
         assert (path.at(0.501) - path.at(0.499))[1] / 0.002 == pytest.approx(np.pi / 2, rel=1e-4)
 
     def test_is_at_rest_at_each_pose(self) -> None:
         poses = [np.array([0.0]), np.array([1.0]), np.array([-1.0])]
-        path = PosePath(poses, np.pi / 2)
-        assert path.duration_s == pytest.approx(3.0)
-        for time_s, pose in zip([0.0, 1.0, 3.0], poses, strict=True):
+        path = PosePath(poses, [np.pi / 2, np.pi])
+        assert path.duration_s == pytest.approx(2.0)
+        for time_s, pose in zip([0.0, 1.0, 2.0], poses, strict=True):
             assert path.at(time_s) == pytest.approx(pose, abs=1e-12)
             assert np.abs(path.at(time_s + 0.001) - path.at(time_s - 0.001)) < 1e-5
 
     def test_stays_where_it_begins_and_ends(self) -> None:
-        path = PosePath([np.array([0.0]), np.array([1.0])], 1.0)
+        path = PosePath([np.array([0.0]), np.array([1.0])], [1.0])
         assert (path.at(-1.0), path.at(99.0)) == (0.0, 1.0)
 
     def test_may_be_told_to_take_longer(self) -> None:
-        path = PosePath([np.array([0.0]), np.array([0.0])], 1.0, least_s=0.7)
+        path = PosePath([np.array([0.0]), np.array([0.0])], [1.0], least_s=0.7)
         assert path.duration_s == 0.7
         assert path.at(0.3) == 0.0
 
@@ -127,7 +127,7 @@ class TestRun:
         robot, note = load_robot(name), Notebook()
         outcome = run(robot, Hold(robot), note)
         standing_m, base_below = robot.description.standing_height_m, robot.legs.base_below
-        assert note.modes == ["IDLE", "STANDING", "WALKING", "LOWERING", "RELEASING"]
+        assert note.modes == ["IDLE", "STANDING", "WALKING", "STOPPING", "LOWERING", "RELEASING"]
         assert (outcome.final_state, outcome.faults) == ("IDLE", ())
         assert note.ticks[0].height_m < base_below + 0.01
         assert note.of(Mode.WALKING)[0].height_m > 0.9 * standing_m
@@ -138,13 +138,13 @@ class TestRun:
         assert np.ptp([tick.height_m for tick in released]) < 0.01  # nothing drops
 
     def test_out_of_a_trot_without_a_fall_or_a_jump(self, go1: Robot) -> None:
-        note, config = Notebook(), DeployConfig(stand_s=0.2)
+        note, config = Notebook(), DeployConfig(stand_s=0.2, stop_s=0.5)
         command = np.array([0.8, 0.0, 0.5])
         episode = Episode(lambda _: command, 0.53, config=config, lie_down=True, record=False)
         trace = run_episode(go1, load_policy("trot", go1), episode, note)
         assert (trace.final_state, trace.faults, trace.fell) == ("IDLE", (), False)
         lowering = note.of(Mode.LOWERING)
-        assert note.fastest() * config.joint_rate_hz < 1.01 * config.pose_rate_rad_s
+        assert note.fastest() * config.joint_rate_hz < 1.01 * config.stop_rate_rad_s
         assert max(tick.tilt_rad for tick in lowering) < 0.3
         assert lowering[-1].height_m < go1.legs.base_below + 0.01
 
@@ -163,7 +163,7 @@ class TestRun:
 
         note = Notebook(silence)
         outcome = run(go1, Hold(go1), note, lying=False)
-        assert note.modes[2:] == ["WALKING", "LOWERING", "ESTOP"]
+        assert note.modes[2:] == ["WALKING", "STOPPING", "LOWERING", "ESTOP"]
         assert len(note.of(Mode.LOWERING)) < 20
         assert "no reply from FL_hip_joint" in outcome.faults[0]
 
@@ -173,9 +173,15 @@ class TestRun:
 
         note = Notebook(ask_again)
         outcome = run(go1, Hold(go1), note, lying=False)
-        assert note.modes[2:] == ["WALKING", "LOWERING", "RELEASING"]
+        assert note.modes[2:] == ["WALKING", "STOPPING", "LOWERING", "RELEASING"]
         assert len(note.of(Mode.LOWERING)) == 1
         assert outcome.final_state == "IDLE"
+
+    def test_it_comes_to_a_stand_before_it_lies_down(self, go1: Robot) -> None:
+        policy = Hold(go1)
+        run(go1, policy, lying=False, command=lambda _: np.array([0.5, 0.0, 0.1]))
+        commands = [seen.command.tolist() for seen in policy.seen]
+        assert commands == [[0.5, 0.0, 0.1]] * 6 + [[0.0] * 3] * 5  # 0.1 s each, and both ends
 
     def test_who_shall_end_while_standing_up_lies_down_again(self, go1: Robot) -> None:
         def end(loop: ControlLoop, body: SimulatedRobot) -> None:

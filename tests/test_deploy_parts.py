@@ -1109,9 +1109,14 @@ class TestPacing:
 
 def session_of(**settings: Any) -> Session:
     config = DeployConfig(stand_s=0.02, safety=SafetyConfig(damping_s=0.0))
-    return Session(
-        **{"command": stand_still, "duration_s": 0.03, "realtime": False, "config": config, **settings}
-    )
+    plain = {
+        "command": stand_still,
+        "duration_s": 0.03,
+        "realtime": False,
+        "config": config,
+        "lie_down": False,
+    }
+    return Session(**{**plain, **settings})
 
 
 class TestSession:

@@ -7,6 +7,7 @@ import pytest
 
 from footfall.deploy.safety import (
     CHECKS,
+    DAMPED,
     MOVING,
     PROGRESS,
     Implausible,
@@ -150,9 +151,15 @@ OF_THE_ROBOT = [signal for signal in OF_THE_ROBOT if "policy_error" not in signa
 
 
 class TestLyingDown:
-    @pytest.mark.parametrize("mode", MOVING)
-    def test_a_robot_that_can_lies_down_before_a_run_ends(self, mode: Mode) -> None:
-        assert after(mode, finish=True, may_lie=True) == State(Mode.LOWERING, QUIET.now_s)
+    def test_a_robot_that_can_lies_down_before_a_run_ends(self) -> None:
+        assert after(Mode.STANDING, finish=True, may_lie=True) == State(Mode.LOWERING, QUIET.now_s)
+
+    def test_out_of_a_walk_it_comes_to_a_stand_first(self) -> None:
+        ends = {"finish": True, "may_lie": True}
+        assert after(Mode.WALKING, **ends) == State(Mode.STOPPING, QUIET.now_s)
+        assert after(Mode.STOPPING, **ends) == State(Mode.STOPPING, 4.0)
+        assert after(Mode.STOPPING, **ends, stopped=True) == State(Mode.LOWERING, QUIET.now_s)
+        assert after(Mode.STOPPING, **ends, at_once=True) == State(Mode.RELEASING, QUIET.now_s)
 
     def test_not_one_whose_joints_have_no_stiffness_yet(self) -> None:
         assert after(Mode.IDLE, now_s=0.5, finish=True, may_lie=True).mode is Mode.RELEASING
@@ -244,5 +251,6 @@ def test_the_picture_in_the_documents_shows_the_ways_that_the_tables_have() -> N
     }
     progress = {(mode, following) for mode, (_, following) in PROGRESS.items()}
     faults -= {(Mode.IDLE, Mode.LOWERING)}  # without stiffness nobody lies down
-    end = {(mode, Mode.RELEASING) for mode in (Mode.IDLE, Mode.STANDING, Mode.WALKING, Mode.LOWERING)}
+    end = {(mode, Mode.RELEASING) for mode in Mode if mode not in DAMPED}
+    end |= {(Mode.WALKING, Mode.STOPPING), (Mode.STANDING, Mode.LOWERING)}
     assert drawn == faults | progress | end | {(Mode.RELEASING, Mode.IDLE)}
