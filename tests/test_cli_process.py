@@ -82,9 +82,10 @@ def test_deploy_needs_no_learning_library(tmp_path: Path) -> None:
 
 
 def test_ctrl_c_ends_a_run_in_an_orderly_way(tmp_path: Path) -> None:
-    """It damps the robot and switches its motors off, and its figures are written."""
+    """The robot lies down, its motors are switched off, and the figures are written."""
     figures, patient = tmp_path / "a.json", tmp_path / "patient.yaml"
-    patient.write_text("safety: {pause_limit_s: 30, skipped_share: 1, late_limit_s: 30, late_steps: 1000}")
+    safety = "{pause_limit_s: 30, skipped_share: 1, late_limit_s: 30, late_steps: 1000}"
+    patient.write_text(f"motor_timeout_s: 30\nsafety: {safety}")
     command = [*FOOTFALL, "deploy", "stand", "--realtime", "--duration", "600", "--config", patient]
     process = subprocess.Popen(
         [*command, "--json", figures],
