@@ -2,8 +2,8 @@
 
     python benchmarks/stuff_bits.py [--robot go1] [--policy go1-flat] [--seconds 4]
 
-Stuffs every 50th batch of a walk in lockstep bit by bit, CAN 2.0 with its checksum. Prints a JSON object: bits
-of a frame on average, as they are and as the wires count them.
+Stuffs every 50th batch of a walk in lockstep bit by bit, CAN 2.0 with its checksum. Prints a JSON object:
+bits of a frame on average, as they are and as the wires count them.
 """
 
 import argparse
