@@ -4,10 +4,13 @@
 
 A whole loop (`stand`: joint layer, supervisor, sensor checks, driver, bus) at its joint rate by the wall
 clock, on motors that answer every frame at once and stand still, without physics. They run in the same
-process, but for udp_multicast, where they have a process of their own. Prints a JSON object for each case:
+process, but for udp_multicast and socketcan, where they have a process of their own; socketcan needs the
+interfaces that `robot.yaml` names. Prints a JSON object for each case:
+
 `share` of a processor that the loop's thread takes at its joint rate, the motors left out: its processor
 time for one tick times the rate, so that a busy machine, which leaves ticks out, does not flatter it.
-`bus_share` is what sending and receiving take of it.
+`bus_share` is what sending and receiving take of it. `calibration_ms` is the processor time of a loop that is
+always the same, just before and after: shares of two machines, or hours, compare by it.
 """
 
 import argparse
@@ -28,18 +31,21 @@ from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers import imu
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.frames import Frames
+from footfall.deploy.interfaces import open_interfaces
 from footfall.deploy.loop import ControlLoop
-from footfall.deploy.python_can_bus import PythonCanBus
+from footfall.deploy.python_can_bus import MULTICAST
 from footfall.deploy.safety import SafetyConfig
 from footfall.deploy.sensor_limits import SensorLimits
 from footfall.deploy.session import Session, run_session
+from footfall.deploy.socketcan_bus import SOCKETCAN
 from footfall.deploy.wiring import wire
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.plant.wires import Side, SimulatedWires
 from footfall.policies.registry import load_policy
 from footfall.robots.description import Robot, load_robot
 
-IN_PROCESS, MULTICAST = "in-process", "udp_multicast"
+IN_PROCESS = "in-process"
+FROM_ELSEWHERE = (MULTICAST, SOCKETCAN)  # reach another process
 PERIOD_US = 1000
 # A busy machine shall be measured, not stopped.
 PATIENT = SafetyConfig(
@@ -132,7 +138,7 @@ def answer(name: str, interface: str, stopped: Callable[[], bool]) -> None:
     """Be a still robot on an interface."""
     robot = load_robot(name)
     wiring, still = wire(robot), StillRobot(robot)
-    bus = PythonCanBus(interface, wiring.buses, open_motor_end(wiring).filters)
+    bus = open_interfaces(interface, wiring.buses, open_motor_end(wiring).filters)
     clock = WallClock(PERIOD_US)
     while not stopped():
         now_us = clock.next_tick()
@@ -152,7 +158,7 @@ def answer_until(name: str, interface: str, stop: object) -> None:
 @contextmanager
 def answering(name: str, interface: str) -> Iterator[None]:
     """Somebody who answers, for as long as the context lasts."""
-    if interface == MULTICAST:
+    if interface in FROM_ELSEWHERE:
         context = multiprocessing.get_context("spawn")
         stop = context.Event()
         somebody = context.Process(target=answer_until, args=(name, interface, stop), daemon=True)
@@ -167,16 +173,28 @@ def answering(name: str, interface: str) -> Iterator[None]:
         somebody.join(5.0)
 
 
+def calibration_ms() -> float:
+    """Processor time of a loop like the control loop's work, ms: Python's arithmetic, and small arrays."""
+    values, total = np.linspace(-1.0, 1.0, 12), 0.0
+    begun = time.thread_time()
+    for round_ in range(2000):
+        for number in range(20):
+            total += (round_ ^ number) & 7
+        total += float((values * round_ + values).clip(-1.0, 1.0).sum())
+    return (time.thread_time() - begun) * 1e3
+
+
 def measure(name: str, kind: str, seconds: float, rate_hz: float) -> dict[str, object]:
     """One case."""
     robot = load_robot(name)
     wiring = wire(robot)
+    calibrations = [calibration_ms() for _ in range(3)]
     marks: list[tuple[float, float]] = []  # time of the thread and for the bus, s: at first and now
     ticks = [0]
     if kind == IN_PROCESS:
         inner: Bus = InProcessBus(robot)
     else:
-        inner = PythonCanBus(kind, wiring.buses, (*open_driver(wiring).filters, *imu.FILTERS), 64)
+        inner = open_interfaces(kind, wiring.buses, (*open_driver(wiring).filters, *imu.FILTERS), 64)
     bus = TimedBus(inner)
 
     def mark(loop: ControlLoop) -> None:
@@ -195,6 +213,7 @@ def measure(name: str, kind: str, seconds: float, rate_hz: float) -> dict[str, o
         with answering(name, kind):
             outcome = run_session(robot, load_policy("stand", robot), bus, session, mark)
     bus.close()
+    calibration = float(np.median(calibrations + [calibration_ms() for _ in range(3)]))
     thread_s, bus_s = ((end - begin) / (ticks[0] - 1) for begin, end in zip(*marks, strict=True))
     return {
         "robot": name,
@@ -204,6 +223,8 @@ def measure(name: str, kind: str, seconds: float, rate_hz: float) -> dict[str, o
         "rate_hz": rate_hz,
         "share": round(thread_s * rate_hz, 3),
         "bus_share": round(bus_s * rate_hz, 3),
+        "calibration_ms": round(calibration, 2),
+        "calibrations_per_tick": round(thread_s * 1e3 / calibration, 4),
         "ticks": ticks[0],
         "ticks_wanted": round(seconds * rate_hz),
         "faults": list(outcome.faults),

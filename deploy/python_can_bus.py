@@ -5,6 +5,7 @@ import operator
 import time
 from collections.abc import Iterator
 from contextlib import suppress
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -61,7 +62,13 @@ class PythonCanBus:
         self._pacing = Pacing(len(names), queue_frames)
         self._arrivals = Arrivals()
         self._statistics = [BusStatistics(name) for name in names]
-        self._wanted = [(f["can_id"] | f["extended"] * EXTENDED, f["can_mask"] | EXTENDED) for f in filters]
+        wanted = [(f["can_id"] | f["extended"] * EXTENDED, f["can_mask"] | EXTENDED) for f in filters]
+
+        @lru_cache(maxsize=MOST_FRAMES_AT_ONCE)
+        def is_meant(identifier: int) -> bool:
+            return any((identifier ^ each) & mask == 0 for each, mask in wanted)
+
+        self._is_meant = is_meant
         self._faults = [""] * len(names)
         self._looked_s = time.monotonic()
         self._buses: list[Any] = []
@@ -160,9 +167,6 @@ class PythonCanBus:
         self._statistics[channel].errors += 1
         if not self._faults[channel]:  # where identifiers are as SocketCAN's
             self._faults[channel] = can_errors.meaning(message.arbitration_id, bytes(message.data))
-
-    def _is_meant(self, identifier: int) -> bool:
-        return any((identifier ^ wanted) & mask == 0 for wanted, mask in self._wanted)
 
     def statistics(self) -> list[BusStatistics]:
         return self._statistics
