@@ -53,6 +53,7 @@ class SensorMonitor:
         self._last = joints
         self.temperature = np.zeros(n)
         self.drift, self.repeated = np.zeros(n), np.zeros(n)
+        self._target_way = np.zeros(n)  # of the targets in the last window
         self._apart, self._ways = np.zeros((2, n))  # rad^2: squares that were added up, and fade
         self.limp_s, self.opposing = np.zeros(n), np.zeros(n)
         self._work, self._asked = np.zeros((2, n))  # (N m)^2: reported by expected, and expected squared
@@ -113,6 +114,7 @@ class SensorMonitor:
         if compared:
             self._compare((self._added_us - self._looked_us) * 1e-6, stiffness, target)
         self.temperature = temperature
+        self._target_way = np.abs(target - self._target)
         self.joints, self._target, self._inertial = self._last, target, self._inertials[-1]
         self._start_window(self._added_us)
         return compared
@@ -139,7 +141,8 @@ class SensorMonitor:
         )
         self._compare_ways(joints[0] - self.joints[0], self._turned, elapsed_s)
         same = np.logical_and.reduce(joints == self.joints)
-        self.repeated = same * (self.repeated + np.abs(target - self._target))
+        # A reading is older than the target that went out last, which may leap while a robot stands still.
+        self.repeated = same * (self.repeated + self._target_way)
         speed = np.abs(velocity)
         self._compare_torques(torque, joints[2], self._expected, stiffness * speed, elapsed_s)
         fastest = max(speed.tolist())

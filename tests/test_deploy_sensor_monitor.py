@@ -116,3 +116,24 @@ class TestTorques:
         assert limp.limp_s[0] == pytest.approx(0.2)
         assert told(go1, torque=lambda _: (0.03 * peak, 0.5 * peak)).limp_s[0] == 0.0
         assert told(go1, torque=lambda _: (0.0, 0.05 * peak)).limp_s[0] == 0.0
+
+
+class TestRepeated:
+    """A reading that stays while its target moves."""
+
+    def look(self, monitor: SensorMonitor, look: int, target: np.ndarray) -> float:
+        """One look at a robot that does not move; how far targets have moved by it, rad."""
+        zeros, every = np.zeros(12), round(LIMITS.period_s / 0.004)
+        for k in range(look * every, (look + 1) * every):
+            now_us = (k + 1) * SAMPLE_US
+            monitor.add(now_us, 0, np.full(12, now_us), STILL, np.zeros((3, 12)), zeros)
+        monitor.look(zeros, target, zeros)
+        return float(monitor.repeated[0])
+
+    def test_counts_from_the_look_after_the_one_in_which_the_target_moved(self, go1: Robot) -> None:
+        """A leap may go out at the tick of a look: its answer cannot be there yet."""
+        monitor = SensorMonitor(go1, LIMITS, 0.002)
+        monitor.begin(0, np.zeros(12, np.int64), STILL, np.zeros((3, 12)), np.zeros(12))
+        leapt = np.full(12, 0.12)
+        assert self.look(monitor, 0, leapt) == 0.0
+        assert self.look(monitor, 1, leapt) == pytest.approx(0.12)
