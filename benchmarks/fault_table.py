@@ -49,6 +49,7 @@ SUBJECTS = {  # robot and policy, and whether all rows are tried or the main one
 }
 NOISE = Noise(joint_position=0.002, joint_velocity=0.1, gyro=0.02, gravity=0.005)
 OBSERVED_S = 2.0  # after the fault
+SAFE = (*DAMPED, Mode.LOWERING)
 BETWEEN_S = (0.5, 1.0)  # of walking, when the fault comes
 LOOK_S = 0.01  # between two looks at whether the robot is down
 DOWN_S = 0.2  # that it is down, to count as fallen
@@ -67,10 +68,10 @@ class Run:
     kind: str
     seed: int
     detected: bool
-    seconds: float | None  # from the fault to damping
+    seconds: float | None  # from the fault to damping, or to the beginning of lying down
     fault: str  # what the supervisor said
     final_state: str
-    fell: bool  # before it was damped
+    fell: bool  # before that
     torque_over: float
     outside_rad: float
     rate_share: float
@@ -103,7 +104,7 @@ class _Watch:
         self._at_s = math.inf if kind.starting else float(rig.rng.uniform(*BETWEEN_S))
         self.loop: ControlLoop | None = None
         self.injected_us: int | None = 0 if kind.starting else None
-        self.damped_us: int | None = None
+        self.safe_us: int | None = None  # damped, or on its way to lie down
         self.fell = False
         self._look_us, self._down_s = 0, 0.0
         rig.bus.watch = self._audit_frames
@@ -121,9 +122,9 @@ class _Watch:
                 self._kind.inject(self._rig)
                 self.injected_us = now_us
             return
-        if mode in DAMPED:
-            if self.damped_us is None:
-                self.damped_us = now_us
+        if mode in SAFE:
+            if self.safe_us is None:
+                self.safe_us = now_us
             return
         if mode in MOVING and now_us >= self._look_us:
             self._look_us = now_us + round(LOOK_S * 1e6)
@@ -154,16 +155,16 @@ def run_fault(task: tuple[str, str, str, int]) -> dict[str, Any]:
         kind.inject(rig)
     session = Session(command=command, duration_s=20.0, realtime=False, config=config)
     outcome = run_session(robot, policy, bus, session, watch.tick)
-    if watch.damped_us is None and outcome.faults:  # in the very last tick
-        watch.damped_us = round(outcome.run_s * 1e6)
-    detected = bool(outcome.faults) and watch.damped_us is not None and watch.injected_us is not None
+    if watch.safe_us is None and outcome.faults:  # in the very last tick
+        watch.safe_us = round(outcome.run_s * 1e6)
+    detected = bool(outcome.faults) and watch.safe_us is not None and watch.injected_us is not None
     run = Run(
         robot=robot_name,
         policy=policy_name,
         kind=title,
         seed=seed,
         detected=detected,
-        seconds=(watch.damped_us - watch.injected_us) * 1e-6 if detected else None,  # type: ignore[operator]
+        seconds=(watch.safe_us - watch.injected_us) * 1e-6 if detected else None,  # type: ignore[operator]
         fault=outcome.faults[0] if outcome.faults else "",
         final_state=outcome.final_state,
         fell=watch.fell,
@@ -298,7 +299,7 @@ def _healthy_table(runs: Sequence[dict[str, Any]]) -> str:
 
 def _table(of: Sequence[dict[str, Any]]) -> str:
     lines = [
-        "| fault | noticed | damped after, ms: p50, longest (limit) | worst command | ends | fell first | |",
+        "| fault | noticed | safe after, ms: p50, longest (limit) | worst command | ends | fell first | |",
         "| --- | ---: | ---: | --- | --- | ---: | --- |",
     ]
     group = ""
