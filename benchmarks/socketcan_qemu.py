@@ -2,10 +2,13 @@
 
     apt-get install qemu-system-x86 busybox-static can-utils kmod cpio   # as root
     python benchmarks/socketcan_qemu.py [--kernel linux-image-….deb] [--rows walk motor_silent ...]
+    python benchmarks/socketcan_qemu.py --run "benchmarks/bus_load.py --robots go1 --buses socketcan"
+    python benchmarks/socketcan_qemu.py --run "-m pytest -p no:cacheprovider tests/test_deploy_socketcan.py"
 
 For machines whose own kernel has no CAN. The kernel is a Debian package (without --kernel the present one is
 downloaded by apt-get); the guest's files are this machine's, read-only over 9p, so that the same Python and
-the same footfall run in it. Results, candump's logs and the guest's console are left in --out.
+the same footfall run in it: that benchmark, or what --run says. Results, candump's logs and the guest's
+console are left in --out.
 
 Emulated processors are slow. With `-icount` the guest's clock counts instructions, one a nanosecond: the
 guest is a machine of 1,000 million instructions a second whose time passes more slowly than ours, and its
@@ -41,9 +44,10 @@ mount -t tmpfs tmpfs /root/dev/shm
 mount -t 9p -o trans=virtio,version=9p2000.L,msize=1048576 out /root/mnt
 for bus in {buses}; do ip link add $bus type vcan; ip link set $bus up; done
 echo "guest: kernel $(uname -r), interfaces: $(ls /sys/class/net | xargs)"
-chroot /root /usr/bin/env -i {environment} {command}
+mkdir /root/dev/shm/out
+chroot /root /usr/bin/env -i -C {root} {environment} {command}
 echo "guest: exit status $?"
-cp /root/dev/shm/out/* /root/mnt/
+cp -r /root/dev/shm/out/. /root/mnt/
 sync
 poweroff -f
 """
@@ -103,7 +107,7 @@ def initramfs(tree: Path, version: str, init: str, folder: Path) -> Path:
 
 
 def guest_init(arguments: list[str]) -> str:
-    """The guest's script; what is left in braces is filled in with the modules."""
+    """The guest's script, which calls Python; what is left in braces is filled in with the modules."""
     path = os.pathsep.join([str(Path(sys.executable).parent), "/usr/sbin:/usr/bin:/sbin:/bin"])
     environment = {
         "PATH": path,
@@ -113,12 +117,12 @@ def guest_init(arguments: list[str]) -> str:
         "HOME": "/dev/shm",
         "TMPDIR": "/dev/shm",
     }
-    script = [sys.executable, str(ROOT / "benchmarks" / "socketcan.py"), "--out", "/dev/shm/out", *arguments]
     return INIT.format(
         modules="{modules}",
         buses=" ".join(BUSES),
         environment=" ".join(f"{key}={shlex.quote(value)}" for key, value in environment.items()),
-        command=shlex.join(script),
+        command=shlex.join([sys.executable, *arguments]),
+        root=shlex.quote(str(ROOT)),
     )
 
 
@@ -132,6 +136,7 @@ def main() -> None:
     parser.add_argument(
         "--joint-rate", type=float, default=100.0, help="of the control loop in the guest, Hz"
     )
+    parser.add_argument("--run", help="another command line of Python's, from the repository's root")
     parser.add_argument("--accel", default="tcg", choices=("tcg", "kvm"))
     parser.add_argument("--memory", default="3G")
     parser.add_argument("--out", type=Path, default=Path("socketcan_qemu"))
@@ -140,10 +145,11 @@ def main() -> None:
     if lacking:
         sys.exit(f"missing: {', '.join(lacking)} (see the head of this file)")
     options.out.mkdir(parents=True, exist_ok=True)
-    arguments = ["--policy", options.policy, "--joint-rate", str(options.joint_rate)]
+    arguments = ["benchmarks/socketcan.py", "--out", "/dev/shm/out", "--policy", options.policy]
+    arguments += ["--joint-rate", str(options.joint_rate)]
     arguments += ["--slow"] if options.accel == "tcg" else []
     arguments += ["--rows", *options.rows] if options.rows else []
-    init = guest_init(arguments)
+    init = guest_init(shlex.split(options.run) if options.run else arguments)
     with tempfile.TemporaryDirectory() as folder:
         image, tree, version = unpack(options.kernel, Path(folder))
         archive = initramfs(tree, version, init, Path(folder))
