@@ -21,7 +21,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 
 import numpy as np
 
@@ -47,9 +46,14 @@ from footfall.robots.description import Robot, load_robot
 IN_PROCESS = "in-process"
 FROM_ELSEWHERE = (MULTICAST, SOCKETCAN)  # reach another process
 PERIOD_US = 1000
-# A busy machine shall be measured, not stopped.
+# A busy machine shall be measured, not stopped, nor motors that stand still while their targets lie down.
 PATIENT = SafetyConfig(
-    start_timeout_s=20.0, silence_timeout_s=5.0, pause_limit_s=30.0, skipped_share=1.0, late_limit_s=30.0
+    start_timeout_s=20.0,
+    silence_timeout_s=5.0,
+    pause_limit_s=30.0,
+    skipped_share=1.0,
+    late_limit_s=30.0,
+    sensors=SensorLimits(repeated_rad=3.0),
 )
 
 
@@ -205,7 +209,7 @@ def measure(name: str, kind: str, seconds: float, rate_hz: float) -> dict[str, o
             marks[:0] = [] if marks else [now]
             ticks[0] += 1
 
-    config = DeployConfig(joint_rate_hz=rate_hz, stand_s=0.3, safety=replace(PATIENT, sensors=SensorLimits()))
+    config = DeployConfig(joint_rate_hz=rate_hz, stand_s=0.3, safety=PATIENT)
     session = Session(lambda _: np.zeros(3), seconds, realtime=True, config=config)
     if kind == IN_PROCESS:
         outcome = run_session(robot, load_policy("stand", robot), bus, session, mark)
