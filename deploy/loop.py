@@ -458,7 +458,7 @@ class ControlLoop:
         heard_us, expected = joints.last_heard().motor_us, joints.expected_torque()
         if not monitor.add(now_us, silence_us, heard_us, joints.inertial, joints.joints, expected):
             return None
-        compared = monitor.look(joints.stiffness, joints.target, joints.temperature_c)
+        compared = monitor.look(joints.stiffness, joints.target, joints.temperature_c, joints.voltage)
         return checks.find() if compared else None
 
     def _skipped(self, elapsed_us: int) -> float:

@@ -1,6 +1,6 @@
-"""Sensors checked against each other and against what was commanded: a table of checks.
+"""Sensors checked against each other, against what was commanded and what the robot bears: a table of rules.
 
-Each row says what it compares, its limit in `SensorLimits`, and the state that it leads to.
+Each row says what it looks at, its limit, and the state that it leads to.
 """
 
 import math
@@ -15,95 +15,126 @@ from footfall.deploy.sensor_monitor import IMU_PARTS, SensorMonitor
 from footfall.deploy.wiring import Wiring
 from footfall.robots.description import Robot
 
+Values = np.ndarray | float  # one for each joint, or one for the body
+
+
+class Limit(NamedTuple):
+    """How large what is measured may be: a setting, a motor's figure, or a share of one."""
+
+    setting: str = ""  # field of `SensorLimits`
+    motor: str = ""  # field of `MotorType` in robot.yaml
+
+    def of(self, robot: Robot, limits: SensorLimits) -> Values:
+        share = getattr(limits, self.setting) if self.setting else 1.0
+        return share * robot.motor_figures(self.motor) if self.motor else share
+
 
 class SensorCheck(NamedTuple):
     """One row: what is compared, in a sentence that ends with the figure, and what follows."""
 
     name: str
     says: str  # of the place and the value
-    measure: Callable[["SensorMonitor"], np.ndarray | float]
-    limit: str  # field of `SensorLimits`
+    measure: Callable[["SensorMonitor"], Values]
+    limit: Limit
     leads_to: Mode = Mode.ESTOP
 
 
 JOINT_CHECKS = (
     SensorCheck(
-        "joint position within its range",
+        "a joint's position beyond its range in the MJCF",
         "reads {1:.2f} rad, {0:.2f} rad beyond its range",
         SensorMonitor.outside,
-        "position_rad",
+        Limit("position_rad"),
     ),
     SensorCheck(
-        "joint position against velocity",
+        "a joint's velocity",
+        "turns at {0:.1f} rad/s, faster than its motor can",
+        lambda monitor: np.abs(monitor.joints[1]),
+        Limit("speed_share", "no_load_speed_rad_s"),
+    ),
+    SensorCheck(
+        "a motor's reported torque",
+        "the motor reports {0:.1f} N m, more than it can",
+        lambda monitor: np.abs(monitor.joints[2]),
+        Limit("torque_share", "peak_torque_nm"),
+    ),
+    SensorCheck(
+        "a joint's way by its position against that by its velocity: stuck, jumping, swapped encoders",
         "its position changed by {0:.2f} rad other than its velocity says",
         lambda monitor: monitor.drift,
-        "drift_rad",
+        Limit("drift_rad"),
     ),
     SensorCheck(
-        "a motor that is limp",
+        "how long a motor reports no torque while much is commanded: it has rebooted",
         "the motor has reported no torque for {0:.2f} s while torque was commanded",
         lambda monitor: monitor.limp_s,
-        "limp_s",
+        Limit("limp_s"),
     ),
     SensorCheck(
-        "a motor that pulls the other way",
+        "how much of its torque a motor pulls the other way",
         "the motor pulls the other way by {0:.0%} of the torque that was commanded",
         lambda monitor: monitor.opposing,
-        "opposing",
+        Limit("opposing"),
     ),
     SensorCheck(
-        "joint readings against a moving target",
+        "how far a target moves while its motor repeats one reply",
         "it repeats one reading while its target moved by {0:.2f} rad",
         lambda monitor: monitor.repeated,
-        "repeated_rad",
+        Limit("repeated_rad"),
     ),
     SensorCheck(
-        "motor temperature",
+        "a motor's temperature, where it tells",
         "the motor is at {0:.0f} degrees Celsius",
-        lambda monitor: monitor.temperature,
-        "temperature_c",
+        SensorMonitor.hot,
+        Limit(motor="temperature_limit_c"),
+    ),
+    SensorCheck(
+        "a motor's voltage beyond `voltage_v` in robot.yaml, where it tells",
+        "the motor's supply is {0:.1f} V outside its range",
+        SensorMonitor.off_voltage,
+        Limit("voltage_v"),
     ),
 )
 
 BODY_CHECKS = (
     SensorCheck(
-        "gyro against quaternion",
+        "the quaternion's turn against the gyro's",
         "the IMU: its quaternion turned by {0:.2f} rad other than its gyro says",
         lambda monitor: math.hypot(*monitor.rotation),
-        "rotation_rad",
+        Limit("rotation_rad"),
     ),
     *(
         SensorCheck(
-            f"{part} that repeats itself",
+            f"how long the {part} repeats itself while joints move",
             f"the IMU: its {part} has repeated itself for {{0:.2f}} s while joints moved",
             lambda monitor, part=part: monitor.imu_repeated(part),  # type: ignore[misc]
-            "imu_repeated_s",
+            Limit("imu_repeated_s"),
         )
         for part in IMU_PARTS
     ),
     SensorCheck(
-        "acceleration at rest",
+        "acceleration at rest against the quaternion's gravity: an IMU askew by 9 degrees",
         "the IMU: at rest its acceleration is off its quaternion's gravity by {0:.0%}",
         lambda monitor: monitor.rest_error,
-        "rest_error",
+        Limit("rest_error"),
     ),
     SensorCheck(
-        "acceleration against quaternion",
+        "acceleration in motion against it, on average, sideways",
         "the IMU: its acceleration leans away from its quaternion's gravity by {0:.0%}",
         SensorMonitor.lean,
-        "lean_error",
+        Limit("lean_error"),
     ),
     SensorCheck(
-        "acceleration against gravity",
+        "the same upwards: an accelerometer with another unit or sign",
         "the IMU: on average its acceleration is off gravity by {0:.0%}",
         SensorMonitor.lift,
-        "lift_error",
+        Limit("lift_error"),
     ),
     SensorCheck(
-        "legs that carry the body",
+        "the base's clearance that is gone, by legs and IMU: the robot lies, without having tipped over",
         "the base has sunk to the ground: {0:.0%} of its clearance is gone",
         lambda monitor: monitor.sunk,
-        "sunk",
+        Limit("sunk"),
         Mode.FALLING,
     ),
 )
@@ -116,9 +147,11 @@ class SensorChecks:
         n = len(robot.joint_names)
         self.monitor = SensorMonitor(robot, limits, tick_s)
         self._places = [wiring.place(joint) for joint in range(n)]
-        self._joint_limits = np.array([[getattr(limits, check.limit)] for check in JOINT_CHECKS])
+        self._joint_limits = np.array(
+            [np.broadcast_to(check.limit.of(robot, limits), n) for check in JOINT_CHECKS]
+        )
         self._joint_measures = np.zeros((len(JOINT_CHECKS), n))
-        self._body_limits = tuple(getattr(limits, check.limit) for check in BODY_CHECKS)
+        self._body_limits = tuple(check.limit.of(robot, limits) for check in BODY_CHECKS)
 
     def find(self) -> Implausible | None:
         """The first contradiction that goes too far, if there is one."""

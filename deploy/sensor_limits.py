@@ -20,8 +20,11 @@ class SensorLimits:
     drift_rad: float = (
         0.02  # a joint's ways by its position and by its velocity apart, but for a share of them
     )
+    voltage_v: float = 0.0  # that a supply may be outside its range
     drift_share: float = 0.25  # that a velocity filtered over 7 ms takes up
     drift_memory_s: float = 0.5  # over which ways apart add up
+    speed_share: float = 1.5  # of the no-load speed: a push or a fall drives a motor beyond it
+    torque_share: float = 1.2  # of the peak torque: rounding, and a motor's own idea of its constant
     limp_s: float = 0.1  # that a motor reports little torque while much is commanded
     opposing: float = 0.3  # share of the expected torque that it reports in the other direction, on average
     lag_s: float = 0.03  # of a reading and of a command together: what a torque was predicted from is older
@@ -29,7 +32,6 @@ class SensorLimits:
     torque_some: float = 0.05  # of the peak torque, on average: less has no direction that counts
     torque_little: float = 0.02  # of the peak torque: what a motor without current may report
     repeated_rad: float = 0.1  # way of a joint's target while its motor repeats one reply
-    temperature_c: float = 85.0  # of any motor; windings and magnets suffer from 100 on
     rotation_rad: float = 0.08  # the base's turn by the quaternion against the one by the gyro
     imu_repeated_s: float = 0.06  # that a part of the IMU repeats itself while joints move
     moving_rad_s: float = 1.0  # of the fastest joint: then a body shakes by more than an IMU's last digit
@@ -54,4 +56,5 @@ class SensorLimits:
         require_between(self, 0.0, 0.1, "lag_s")
         require_between(self, 0.001, 1.0, "torque_much", "torque_some", "torque_little")
         require_between(self, 0.01, 100.0, "moving_rad_s", "resting_rad_s")
-        require_between(self, 30.0, 150.0, "temperature_c")
+        require_between(self, 1.0, 10.0, "speed_share", "torque_share")
+        require_between(self, 0.0, 100.0, "voltage_v")

@@ -33,6 +33,7 @@ class SensorMonitor:
         self._every = max(1, round(limits.period_s / sample_s))
         self._gap_us = round(1e6 * max(limits.period_s / 2, 1.5 * sample_s))
         self.lower, self.upper = robot.lower_rad, robot.upper_rad
+        self._least_voltage, self._most_voltage = robot.voltage_range
         self._much = limits.torque_much * robot.motor.peak_torque
         self._little = limits.torque_little * robot.motor.peak_torque
         self._least = (limits.torque_some * robot.motor.peak_torque) ** 2
@@ -51,7 +52,7 @@ class SensorMonitor:
         self._heard_us = heard_us.copy()
         self.joints, self._target, self._inertial = joints, target, inertial
         self._last = joints
-        self.temperature = np.zeros(n)
+        self.temperature, self.voltage = np.full((2, n), np.nan)
         self.drift, self.repeated = np.zeros(n), np.zeros(n)
         self._target_way = np.zeros(n)  # of the targets in the last window
         self._apart, self._ways = np.zeros((2, n))  # rad^2: squares that were added up, and fade
@@ -102,18 +103,21 @@ class SensorMonitor:
         self._inertials.append(inertial)
         return len(self._inertials) >= self._every
 
-    def look(self, stiffness: np.ndarray, target: np.ndarray, temperature: np.ndarray) -> bool:
+    def look(
+        self, stiffness: np.ndarray, target: np.ndarray, temperature: np.ndarray, voltage: np.ndarray
+    ) -> bool:
         """Compare what was added since the last look; returns False if a gap made that impossible.
 
         Args:
             stiffness: (n,) of the last command, N m/rad.
             target: (n,) position targets that went out last, rad.
-            temperature: (n,) degrees Celsius.
+            temperature: (n,) degrees Celsius; NaN of a motor that does not say. Likewise:
+            voltage: (n,) at the motors' supply, V.
         """
         compared = not self._gap
         if compared:
             self._compare((self._added_us - self._looked_us) * 1e-6, stiffness, target)
-        self.temperature = temperature
+        self.temperature, self.voltage = temperature, voltage
         self._target_way = np.abs(target - self._target)
         self.joints, self._target, self._inertial = self._last, target, self._inertials[-1]
         self._start_window(self._added_us)
@@ -268,6 +272,14 @@ class SensorMonitor:
     def outside(self) -> np.ndarray:
         """How far each joint is beyond its range, rad."""
         return beyond(self.joints[0], self.lower, self.upper)
+
+    def hot(self) -> np.ndarray:
+        """Each motor's temperature, degrees Celsius, (n,); 0 of one that does not say."""
+        return np.nan_to_num(self.temperature)
+
+    def off_voltage(self) -> np.ndarray:
+        """How far each motor's supply is outside its range, V, (n,); 0 of one that does not say."""
+        return np.nan_to_num(beyond(self.voltage, self._least_voltage, self._most_voltage))
 
     def lean(self) -> float:
         """Mean sideways acceleration over gravity."""

@@ -1,10 +1,10 @@
 """A robot's description: `robot.yaml` and `robot.xml` read into arrays in joint order."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
@@ -49,9 +49,12 @@ class MotorType:
     torque_constant_nm_a: float  # at the rotor
     winding_resistance_ohm: float
     protocol: str
+    temperature_limit_c: float = 85.0  # windings and magnets suffer from 100 on
+    voltage_v: tuple[float, float] | None = None  # least and most at its supply; None if any will do
 
     def __post_init__(self) -> None:
         require_positive(self, *(name for name in self.__dataclass_fields__ if name != "protocol"))
+        require_ordered(self, "voltage_v")
         if self.stall_torque_nm < self.peak_torque_nm:
             raise ValueError(
                 f"stall_torque_nm {self.stall_torque_nm:g} is below peak_torque_nm {self.peak_torque_nm:g}"
@@ -103,6 +106,7 @@ class Description:
     feet: tuple[Foot, ...]
     imu_bus: str
     commands: CommandRange  # that scenarios ask of it
+    safety: dict[str, Any] = field(default_factory=dict)  # limits of its supervisor (deploy/config.py reads them)
 
     def __post_init__(self) -> None:
         require_positive(self, "standing_height_m", "soft_limit_factor", "target_rate_rad_s")
@@ -177,6 +181,14 @@ class Robot:
         """One datasheet figure (a numeric field of `MotorType`) for each joint."""
         motors = self.description.motors
         return np.array([getattr(motors[j.motor], field) for j in self.description.joints])
+
+    @cached_property
+    def voltage_range(self) -> tuple[np.ndarray, np.ndarray]:
+        """Least and most voltage at each joint's motor, V; infinite where any will do."""
+        motors = self.description.motors
+        given = [motors[j.motor].voltage_v or (-np.inf, np.inf) for j in self.description.joints]
+        least, most = np.array(given).T
+        return least, most
 
     def joint_index(self, name: str) -> int:
         return self.joint_names.index(name)

@@ -42,7 +42,7 @@ def digest(description: "Description", model: mujoco.MjModel) -> str:
 
     Args:
         description: the content of `robot.yaml`. What a learned policy is not built upon does not count: the
-            CAN map, the lying pose, names of geoms, and the commands of scenarios.
+            CAN map, the lying pose, the supervisor's limits, names of geoms, and the commands of scenarios.
         model: the compiled MJCF, with all that it includes. Layout, comments, names that `robot.yaml` does
             not use, looks, sensors and actuators do not count.
     """
@@ -54,11 +54,11 @@ def digest(description: "Description", model: mujoco.MjModel) -> str:
 
 def _counted(description: "Description") -> Any:
     content = unstructure(description)
-    del content["imu_bus"], content["model"], content["commands"]
+    del content["imu_bus"], content["model"], content["commands"], content["safety"]
     for joint in content["joints"]:
         del joint["bus"], joint["id"], joint["lying_rad"]
     for motor in content["motors"].values():
-        del motor["protocol"]
+        del motor["protocol"], motor["temperature_limit_c"], motor["voltage_v"]
     for foot in content["feet"]:
         del foot["geoms"]  # `_figures` has it
     return content

@@ -314,7 +314,7 @@ def test_a_robot_that_sinks_to_the_ground_without_tipping_over_counts_as_fallen(
         found = []
         for now_us in range(4000, 121_000, 4000):
             if checks.monitor.add(now_us, 0, heard_us + now_us, still, joints, np.zeros(12)):
-                assert checks.monitor.look(np.zeros(12), joints[0], np.zeros(12))
+                assert checks.monitor.look(np.zeros(12), joints[0], *np.zeros((2, 12)))
                 found.append(checks.find())
         return found
 

@@ -47,7 +47,7 @@ def told(
             joints[:2, 0] = reading(now_us * 1e-6)
             joints[2, 0], expected[0] = torque(now_us * 1e-6)
         if monitor.add(now_us, 0, heard_us, STILL, joints, expected):
-            monitor.look(zeros, zeros, zeros)
+            monitor.look(zeros, zeros, zeros, zeros)
     return monitor
 
 
