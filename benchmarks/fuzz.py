@@ -33,7 +33,7 @@ from kept_runs import run_kept
 
 import footfall.policies
 from footfall.common.errors import UserError
-from footfall.deploy.config import load_deploy_config
+from footfall.deploy.config import deploy_config
 from footfall.deploy.drivers import imu
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.drivers.driver import Driver
@@ -235,7 +235,7 @@ def fuzz_yaml(seeds: range) -> Tally:
         ranges = robot.description.commands
         readers: list[tuple[str, bytes, Path, Callable[[], object]]] = [
             ("robot", (robot.folder / "robot.yaml").read_bytes(), copy / "robot.yaml", lambda: stand(copy)),
-            ("loop", LOOP.encode(), file, lambda: load_deploy_config(file)),
+            ("loop", LOOP.encode(), file, lambda: deploy_config(load_robot(ROBOT), file)),
             ("randomisation", RANDOMISATION.read_bytes(), file, lambda: load_randomisation(file)),
             ("scenarios", SCENARIOS.read_bytes(), file, lambda: load_scenarios(ranges, file)),
             ("preset", (PRESETS / "cpu.yaml").read_bytes(), file, lambda: load_preset(str(file))),

@@ -3,10 +3,11 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from footfall.common.config import load, require_between
+from footfall.common.config import merged, read_yaml, require_between, structure
 from footfall.deploy.bus import HOST_QUEUE
 from footfall.deploy.estimation.config import EstimatorConfig
 from footfall.deploy.safety import SafetyConfig
+from footfall.robots.description import Robot
 
 MOTOR_TIMEOUT_S = 0.1  # a motor that hears nothing for so long switches itself off, and says so from then on
 TICKS_OF_SILENCE = 2  # at least; a reply that comes a tick late is no fault
@@ -54,6 +55,13 @@ class DeployConfig:
         return round(1e6 / self.joint_rate_hz)
 
 
-def load_deploy_config(path: Path) -> DeployConfig:
-    """Read settings from YAML; raises UserError if they are malformed or cannot work."""
-    return load(path, DeployConfig)
+def deploy_config(robot: Robot, path: Path | None = None) -> DeployConfig:
+    """The defaults with the limits of a robot's description, and with what a YAML file changes of them.
+
+    Raises:
+        UserError: either is malformed or cannot work.
+    """
+    own = {"safety": robot.description.safety}
+    config = structure(own, DeployConfig, str(robot.folder / "robot.yaml"))
+    changes = None if path is None else read_yaml(path)
+    return config if changes is None else structure(merged(own, changes), DeployConfig, str(path))

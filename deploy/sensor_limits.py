@@ -17,14 +17,12 @@ class SensorLimits:
     period_s: float = 0.04  # between two looks; a fault is seen within a few of them
     memory_s: float = 0.25  # over which contradictions add up; what is older fades
     position_rad: float = 0.2  # beyond a joint's range: stops give way, and calibration is never exact
-    drift_rad: float = (
-        0.02  # a joint's ways by its position and by its velocity apart, but for a share of them
-    )
-    voltage_v: float = 0.0  # that a supply may be outside its range
+    drift_rad: float = 0.02  # a joint's ways by its position and by its velocity apart, less a share
     drift_share: float = 0.25  # that a velocity filtered over 7 ms takes up
     drift_memory_s: float = 0.5  # over which ways apart add up
     speed_share: float = 1.5  # of the no-load speed: a push or a fall drives a motor beyond it
     torque_share: float = 1.2  # of the peak torque: rounding, and a motor's own idea of its constant
+    voltage_v: float = 0.0  # that a supply may be outside its range
     limp_s: float = 0.1  # that a motor reports little torque while much is commanded
     opposing: float = 0.3  # share of the expected torque that it reports in the other direction, on average
     lag_s: float = 0.03  # of a reading and of a command together: what a torque was predicted from is older

@@ -2,14 +2,14 @@
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
-from footfall.deploy.config import DeployConfig
+from footfall.deploy.config import DeployConfig, deploy_config
 from footfall.deploy.loop import Command, ControlLoop
 from footfall.deploy.safety import Mode
 from footfall.deploy.session import BaseState, Outcome, Session, run_session
@@ -63,7 +63,7 @@ class Episode:
     policy_spec: str = ""  # what the user calls the policy; the log keeps it, so that a replay can load it
     record: bool = True  # keep samples; without them the trace's arrays are empty
     record_rate_hz: float = 100.0  # how often to look at the truth, for samples, falls and power
-    config: DeployConfig = field(default_factory=DeployConfig)
+    config: DeployConfig | None = None  # None for the defaults, with the robot's own limits
     display: Display | None = None
 
 
@@ -80,7 +80,7 @@ def run_episode(robot: Robot, policy: Policy, episode: Episode, watch: Watch | N
     Raises:
         UserError: plant, policy or log do not fit; nothing has moved then.
     """
-    wiring, config = wire(robot), episode.config
+    wiring, config = wire(robot), episode.config or deploy_config(robot)
     wires = SimulatedWires(wiring.buses, config.host_queue)
     config_of_plant = PlantConfig(
         episode.plant, episode.sample or {}, episode.noise, config.motor_timeout_s, episode.lying

@@ -106,7 +106,7 @@ class Description:
     feet: tuple[Foot, ...]
     imu_bus: str
     commands: CommandRange  # that scenarios ask of it
-    safety: dict[str, Any] = field(default_factory=dict)  # limits of its supervisor (deploy/config.py reads them)
+    safety: dict[str, Any] = field(default_factory=dict)  # supervisor's limits (deploy/config.py)
 
     def __post_init__(self) -> None:
         require_positive(self, "standing_height_m", "soft_limit_factor", "target_rate_rad_s")

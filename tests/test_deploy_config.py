@@ -7,7 +7,7 @@ import pytest
 from deploy_policies import Hold, short_episode
 
 from footfall.common.errors import UserError
-from footfall.deploy.config import DeployConfig, load_deploy_config
+from footfall.deploy.config import DeployConfig, deploy_config
 from footfall.plant.episode import run_episode
 from footfall.robots.description import Robot
 
@@ -60,7 +60,7 @@ REFUSED = [
     "safety: {first_pose_rad: .nan}",
     "safety: {sensors: {drift_rad: .nan}}",
     "safety: {sensors: {period_s: 0}}",
-    "safety: {sensors: {temperature_c: 1000}}",
+    "safety: {sensors: {speed_share: 0.9}}",
     "stand_s: 1e9",
     "stand_kp_scale: .nan",
     "host_queue: 1000000000",
@@ -68,11 +68,11 @@ REFUSED = [
 
 
 @pytest.mark.parametrize("text", REFUSED)
-def test_what_cannot_work_is_refused_with_its_name(text: str, tmp_path: Path) -> None:
+def test_what_cannot_work_is_refused_with_its_name(go1: Robot, text: str, tmp_path: Path) -> None:
     path = tmp_path / "loop.yaml"
     path.write_text(text)
     with pytest.raises(UserError) as caught:
-        load_deploy_config(path)
+        deploy_config(go1, path)
     name = text.replace("safety: {", "").replace("sensors: {", "").partition(":")[0]
     assert name in str(caught.value)
     assert str(path) in str(caught.value)
@@ -84,11 +84,11 @@ def test_a_tick_is_the_nearest_whole_number_of_microseconds(rate_hz: float, tick
     assert DeployConfig(joint_rate_hz=rate_hz).tick_us == tick_us
 
 
-def test_the_defaults_and_the_page_on_safety_agree(tmp_path: Path) -> None:
+def test_the_defaults_and_the_page_on_safety_agree(go1: Robot, tmp_path: Path) -> None:
     page = (Path(__file__).parents[1] / "docs" / "safety.md").read_text()
     path = tmp_path / "loop.yaml"
     path.write_text(page.partition("```yaml")[2].partition("```")[0])
-    assert replace(load_deploy_config(path), realtime_priority=None) == DeployConfig()
+    assert replace(deploy_config(go1, path), realtime_priority=None) == DeployConfig()
 
 
 def test_a_rate_that_a_bus_cannot_carry_is_refused_with_the_one_it_can(go1: Robot) -> None:
@@ -114,10 +114,38 @@ def test_a_duration_that_never_begins_or_never_ends_is_refused(go1: Robot, secon
         "estimator_rate_hz: 1",
     ],
 )
-def test_what_just_works_is_taken(text: str, tmp_path: Path) -> None:
+def test_what_just_works_is_taken(go1: Robot, text: str, tmp_path: Path) -> None:
     path = tmp_path / "loop.yaml"
     path.write_text(text)
-    load_deploy_config(path)
+    deploy_config(go1, path)
+
+
+class TestLimitsOfARobot:
+    """`safety` in robot.yaml."""
+
+    def with_limits(self, robot: Robot, **limits: object) -> Robot:
+        return replace(robot, description=replace(robot.description, safety=limits))
+
+    def test_take_the_place_of_the_defaults(self, go1: Robot) -> None:
+        config = deploy_config(self.with_limits(go1, tilt_limit_rad=0.7, sensors={"sunk": 0.5}))
+        assert (config.safety.tilt_limit_rad, config.safety.sensors.sunk) == (0.7, 0.5)
+        assert config.safety.silence_timeout_s == DeployConfig().safety.silence_timeout_s
+
+    def test_a_file_changes_them_one_by_one(self, go1: Robot, tmp_path: Path) -> None:
+        path = tmp_path / "loop.yaml"
+        path.write_text("{stand_s: 0.5, safety: {tilt_limit_rad: 0.9}}")
+        config = deploy_config(self.with_limits(go1, tilt_limit_rad=0.7, sensors={"sunk": 0.5}), path)
+        assert config.stand_s == 0.5
+        assert (config.safety.tilt_limit_rad, config.safety.sensors.sunk) == (0.9, 0.5)
+
+    def test_that_cannot_work_are_refused_with_the_robots_file(self, go1: Robot) -> None:
+        with pytest.raises(UserError, match=r"go1/robot.yaml: safety: no setting tilt \("):
+            deploy_config(self.with_limits(go1, tilt=0.7))
+
+    def test_hold_in_the_simulation(self, go1: Robot) -> None:
+        """1e-9 rad: less than any robot tilts."""
+        trace = run_episode(self.with_limits(go1, tilt_limit_rad=1e-9), Hold(go1), short_episode(config=None))
+        assert trace.final_state == "FALLING"
 
 
 def test_settings_that_the_page_on_safety_does_not_name() -> None:

@@ -100,7 +100,7 @@ def _simulated(robot: "Robot", policy: "Policy", spec: str, options: DeployOptio
         log=options.log,
         policy_spec=spec,
         record=False,
-        config=_config(options),
+        config=_config(robot, options),
         display=partial(live_state, duration_s=options.duration),
     )
     trace = run_episode(robot, policy, episode)
@@ -126,7 +126,7 @@ def _on_interface(robot: "Robot", policy: "Policy", spec: str, options: DeployOp
         duration_s=options.duration,
         log=options.log,
         facts=facts,
-        config=_config(options),
+        config=_config(robot, options),
         lie_down=options.lie_down,
         display=lambda loop: live_state(loop, lambda: loop.estimate[0], options.duration),
     )
@@ -155,10 +155,10 @@ def _for_simulation_alone(options: DeployOptions) -> str:
     return next((option for option, is_given in given.items() if is_given), "")
 
 
-def _config(options: DeployOptions) -> "DeployConfig":
-    from footfall.deploy.config import DeployConfig, load_deploy_config
+def _config(robot: "Robot", options: DeployOptions) -> "DeployConfig":
+    from footfall.deploy.config import deploy_config
 
-    return DeployConfig() if options.config is None else load_deploy_config(options.config)
+    return deploy_config(robot, options.config)
 
 
 def _figures(outcome: "Outcome", options: DeployOptions) -> dict[str, Any]:
