@@ -35,7 +35,7 @@ Command = Callable[[float], np.ndarray]  # time since walking began, s, to (3,)
 ODOMETRY_EVERY_US = 20_000  # for the log
 ENDING = (Mode.STOPPING, Mode.LOWERING)  # that may be cut short
 POSED = (Mode.STANDING, Mode.LOWERING)  # between two postures
-OFF_US = 100_000  # how long motors are asked to switch off
+OFF_US = 250_000  # how long motors are asked to switch off: two heartbeats of those that answer by them
 UNKNOWN = (np.full(3, np.nan), math.nan)  # velocity and height that nobody estimates
 
 
@@ -263,14 +263,16 @@ class ControlLoop:
     def shut_down(self) -> None:
         """Switch the motors off, whatever happened before: again and again, until each has answered.
 
-        What a motor says two ticks after the first request is the answer to one, since nothing else is asked.
+        What a motor says two ticks after the first request is the answer to one, since nothing else is asked;
+        one that speaks by itself has to say that it is off.
         Ends after `OFF_US`; a motor that has not answered by then is in `silent_at_the_end`.
         """
         began_us = now_us = self._clock.next_tick()
         while now_us - began_us <= OFF_US:
             with suppress(Exception):
                 self._joints.absorb(self._bus.receive(now_us), now_us)
-            waiting = np.flatnonzero(self._joints.last_heard().motor_us < began_us + 2 * self._tick_us)
+            unanswered = self._joints.last_heard().motor_us < began_us + 2 * self._tick_us
+            waiting = np.flatnonzero(unanswered | self._driver.still_on())
             self.silent_at_the_end = [self._places[joint] for joint in waiting]
             if not self.silent_at_the_end:
                 return

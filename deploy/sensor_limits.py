@@ -32,7 +32,7 @@ class SensorLimits:
     repeated_rad: float = 0.1  # way of a joint's target while its motor repeats one reply
     rotation_rad: float = 0.08  # the base's turn by the quaternion against the one by the gyro
     imu_repeated_s: float = 0.06  # that a part of the IMU repeats itself while joints move
-    moving_rad_s: float = 1.0  # of the fastest joint: then a body shakes by more than an IMU's last digit
+    moving_rad_s: float = 0.5  # of the fastest joint: then a body shakes by more than an IMU's last digit
     resting_rad_s: float = 0.3  # of every joint and of the base: slower than that for `resting_s` is rest
     resting_s: float = 0.3
     rest_error: float = 0.15  # of gravity: acceleration at rest against the quaternion's idea of up

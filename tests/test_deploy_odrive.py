@@ -11,17 +11,22 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from footfall.common.errors import UserError
+from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers import odrive
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.drivers.odrive import OdriveDriver
 from footfall.deploy.frames import Frames, joined
 from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.loop import ControlLoop
+from footfall.deploy.session import Session, run_session
 from footfall.deploy.wiring import Wiring, wire
+from footfall.plant.bus import SimulatedBus
 from footfall.plant.episode import run_episode
+from footfall.plant.injection import InjectingBus
 from footfall.plant.motor_ends.motor_end import Request
 from footfall.plant.motor_ends.odrive import OdriveMotorEnd
-from footfall.plant.robot import SimulatedRobot
+from footfall.plant.robot import PlantConfig, SimulatedRobot
+from footfall.plant.wires import SimulatedWires
 from footfall.policies.policy import Policy
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
@@ -225,6 +230,18 @@ class TestJointLaw:
         assert driver.error_name(codes[25]) == "no torque (set torques_msg_rate_ms)"
 
 
+class TestEnd:
+    def test_a_heartbeat_tells_that_an_axis_is_off_and_readings_do_not(self, driver: OdriveDriver) -> None:
+        driver.disable()
+        driver.replies(joined([pair(0x069, 0, 0), pair(0x07C, 0, 0), heartbeat(1, channel=1)]))
+        assert driver.still_on().tolist() == [True, False]
+        driver.replies(heartbeat(1))
+        assert driver.still_on().tolist() == [False, False]
+
+    def test_an_axis_that_was_never_heard_may_be_on(self) -> None:
+        assert OdriveDriver(TWO).still_on().all()
+
+
 class TestStart:
     def test_what_an_axis_does_not_send_is_named_in_turn(self) -> None:
         driver = OdriveDriver(TWO)
@@ -347,6 +364,30 @@ class TestRobots:
                 body.faults.motors.silent[4] = True
 
         assert self.faults(robot, watch) == (f"no reply from {wire(robot).place(4)} for 50 ms",)
+
+    @pytest.mark.parametrize("deaf", [[], [4]])
+    def test_who_does_not_switch_off_is_named_though_it_sends_its_readings(
+        self, go1: Robot, deaf: list[int]
+    ) -> None:
+        """Every axis sends a position every other millisecond, on or off; these hear no request to go off."""
+        robot = with_odrives(go1, "hip", "knee")
+        wiring, config = wire(robot), DeployConfig(stand_s=0.1, motor_timeout_s=10.0)
+        wires = SimulatedWires(wiring.buses)
+        body = SimulatedRobot(robot, wiring, wires, PlantConfig(motor_timeout_s=config.motor_timeout_s))
+        bus = InjectingBus(SimulatedBus(wires, body))
+
+        def lost(frames: Frames, _: int) -> Frames:
+            off = (frames.id & 0x1F == odrive.STATE) & (frames.data[:, 0] == odrive.IDLE)
+            return frames.take(
+                ~(off & np.isin(frames.id >> 5, wiring.motor_id[deaf]) & (frames.channel == 1))
+            )
+
+        bus.outgoing = lost
+        session = Session(lambda _: np.zeros(3), 0.1, realtime=False, config=config)
+        outcome = run_session(robot, Hold(robot), bus, session)
+        places = ", ".join(wiring.place(joint) for joint in deaf)
+        assert outcome.notes == ((f"no answer to being switched off from {places}",) if deaf else ())
+        assert np.flatnonzero(body.motors_on).tolist() == deaf
 
     def test_damping_after_an_exception_still_brakes(self, go1: Robot) -> None:
         """The joint law is the host's, so that frames made beforehand carry no torque."""

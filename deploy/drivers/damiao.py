@@ -84,6 +84,7 @@ class DamiaoDriver:
         self._wiring = wiring
         self._lookup = motor_lookup(wiring)
         self._everyone = np.arange(n)
+        self._speaks = np.zeros(n, bool)  # unasked: none does
         self._unknown = np.full(n, np.nan)  # no reply tells the voltage
         self.exchange_bits = np.full(n, 2 * frame_bits(8, stuffed=False))
         self._ranges = [RANGES[model] for model in wiring.models]
@@ -155,6 +156,9 @@ class DamiaoDriver:
 
     def disable(self) -> Frames:
         return self._disable
+
+    def still_on(self) -> np.ndarray:
+        return self._speaks
 
     def clear(self) -> Frames:
         return self._clear

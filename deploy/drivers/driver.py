@@ -54,6 +54,13 @@ class Driver(Protocol):
         """Frames that switch every motor off."""
         ...
 
+    def still_on(self) -> np.ndarray:
+        """Which motors (n,) have not said by themselves that they are off.
+
+        None of those whose makers have them answer: their answer to being switched off says it.
+        """
+        ...
+
     def clear(self) -> Frames:
         """Frames that clear the errors that motors have latched; none for makers that know no such frame."""
         ...

@@ -59,6 +59,7 @@ class MitDriver:
         self.gain_rounding = 0.5 * self._codec.quantum[2:4]
         self._lookup = motor_lookup(wiring)
         self._everyone = np.arange(n)
+        self._speaks = np.zeros(n, bool)  # unasked: none does
         self._unknown = np.full(n, np.nan)  # no motor tells its voltage
         self.exchange_bits = np.full(n, 2 * frame_bits(8, stuffed=False))
         self._ids = wiring.motor_id.astype(np.uint8).tobytes()
@@ -85,6 +86,9 @@ class MitDriver:
 
     def disable(self) -> Frames:
         return self._disable
+
+    def still_on(self) -> np.ndarray:
+        return self._speaks
 
     def clear(self) -> Frames:
         return self._outgoing.take(_NOBODY)

@@ -54,6 +54,12 @@ class MixedDriver:
     def disable(self) -> Frames:
         return self._from_all(lambda driver: driver.disable())
 
+    def still_on(self) -> np.ndarray:
+        on = np.zeros(self._n, bool)
+        for driver, joints in self._parts:
+            on[joints] = driver.still_on()
+        return on
+
     def clear(self) -> Frames:
         return self._from_all(lambda driver: driver.clear())
 

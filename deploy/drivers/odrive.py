@@ -173,6 +173,10 @@ class OdriveDriver:
         self._was_on[:], self._tellings = False, 0
         return self._disable
 
+    def still_on(self) -> np.ndarray:
+        """An axis sends its readings whether it is on or off: its heartbeat tells."""
+        return (self._state == 0) | (self._state == CLOSED_LOOP)
+
     def clear(self) -> Frames:
         return self._clear
 

@@ -116,6 +116,7 @@ class RobstrideDriver:
         self._codec = Codec(wiring.models)
         self.lowest, self.highest = self._codec.lowest, self._codec.highest
         self.gain_rounding = 0.5 * self._codec.quantum[2:4]
+        self._speaks = np.zeros(n, bool)  # unasked: none does
         self._unknown = np.full(n, np.nan)  # no reply tells the voltage
         self.exchange_bits = np.full(n, 2 * frame_bits(8, extended=True, stuffed=False))
         self._told: list[dict[int, int]] = [{} for _ in range(n)]
@@ -162,6 +163,9 @@ class RobstrideDriver:
 
     def disable(self) -> Frames:
         return self._disable
+
+    def still_on(self) -> np.ndarray:
+        return self._speaks
 
     def clear(self) -> Frames:
         return self._clear
