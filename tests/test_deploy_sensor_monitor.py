@@ -57,6 +57,11 @@ class TestWays:
     def test_of_a_joint_that_swings_agree(self, go1: Robot) -> None:
         assert told(go1).drift.max() <= 0.0
 
+    def test_of_a_joint_that_speeds_up_agree(self, go1: Robot) -> None:
+        """25 rad/s^2 for 40 ms make 0.02 rad, and a velocity that changes evenly is added up without error."""
+        monitor = told(go1, lambda t: (12.5 * t * t, 25.0 * t), samples=10)
+        assert monitor.drift[0] == pytest.approx(-0.25 * 0.02, abs=1e-6)
+
     @pytest.mark.parametrize("factor", [-1.0, 0.0, 0.5, 2.0])
     def test_differ_where_a_velocity_has_another_sign_or_unit(self, go1: Robot, factor: float) -> None:
         """To and fro does not cancel out: within half a second, and of this joint alone."""
@@ -127,7 +132,7 @@ class TestRepeated:
         for k in range(look * every, (look + 1) * every):
             now_us = (k + 1) * SAMPLE_US
             monitor.add(now_us, 0, np.full(12, now_us), STILL, np.zeros((3, 12)), zeros)
-        monitor.look(zeros, target, zeros)
+        monitor.look(zeros, target, zeros, zeros)
         return float(monitor.repeated[0])
 
     def test_counts_from_the_look_after_the_one_in_which_the_target_moved(self, go1: Robot) -> None:
