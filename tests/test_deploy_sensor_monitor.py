@@ -58,7 +58,7 @@ class TestWays:
         assert told(go1).drift.max() <= 0.0
 
     def test_of_a_joint_that_speeds_up_agree(self, go1: Robot) -> None:
-        """25 rad/s^2 for 40 ms make 0.02 rad, and a velocity that changes evenly is added up without error."""
+        """25 rad/s^2 for 40 ms make 0.02 rad, and an even change is added up without error."""
         monitor = told(go1, lambda t: (12.5 * t * t, 25.0 * t), samples=10)
         assert monitor.drift[0] == pytest.approx(-0.25 * 0.02, abs=1e-6)
 
