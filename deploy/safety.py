@@ -111,9 +111,11 @@ class Check(NamedTuple):
     One that leads to LOWERING leaves joints, buses and IMU trustworthy: the robot lies down first, if it can.
     """
 
+    looks_at: str
     modes: tuple[Mode, ...]
     find: Callable[[Signals, SafetyConfig], str]  # the fault in one line, or nothing
     leads_to: Mode
+    limits: tuple[str, ...] = ()  # fields of `SafetyConfig` that it goes by; none if anything is a fault
 
 
 def _silent_motor(s: Signals, c: SafetyConfig) -> str:
@@ -174,21 +176,48 @@ def _overflow(s: Signals, _: SafetyConfig) -> str:
 
 
 CHECKS = (
-    Check((Mode.IDLE,), _never_started, Mode.ESTOP),
-    Check((Mode.IDLE,), lambda s, _: s.first_pose, Mode.ESTOP),
-    Check(HELD, _silent_motor, Mode.ESTOP),
-    Check(HELD, _silent_imu, Mode.ESTOP),
-    Check(HELD, lambda s, _: s.motor_error, Mode.ESTOP),
-    Check(HELD, _paused, Mode.ESTOP),
-    Check(MOVING, _overdue, Mode.ESTOP),
-    Check((Mode.IDLE, *HELD), lambda s, _: s.bus_fault, Mode.ESTOP),
-    Check((Mode.IDLE, *HELD), _overflow, Mode.ESTOP),
-    Check(HELD, _tilted, Mode.FALLING),
-    Check(MOVING, lambda s, _: s.policy_error, Mode.LOWERING),
     Check(
-        MOVING, lambda s, _: "" if s.command_finite else "the policy's command is not finite", Mode.LOWERING
+        "the time until every motor and the IMU have answered",
+        (Mode.IDLE,),
+        _never_started,
+        Mode.ESTOP,
+        ("start_timeout_s",),
     ),
-    Check(MOVING, _late, Mode.LOWERING),
+    Check(
+        "a joint's first position beyond its range",
+        (Mode.IDLE,),
+        lambda s, _: s.first_pose,
+        Mode.ESTOP,
+        ("first_pose_rad",),
+    ),
+    Check(
+        "the age of each motor's reading: silence",
+        HELD,
+        _silent_motor,
+        Mode.ESTOP,
+        ("silence_timeout_s",),
+    ),
+    Check(
+        "the age of each part of the IMU's reading: silence",
+        HELD,
+        _silent_imu,
+        Mode.ESTOP,
+        ("silence_timeout_s",),
+    ),
+    Check("an error that a motor reports", HELD, lambda s, _: s.motor_error, Mode.ESTOP),
+    Check("a tick's lateness", HELD, _paused, Mode.ESTOP, ("pause_limit_s", "skipped_share")),
+    Check("the age of the policy's command", MOVING, _overdue, Mode.ESTOP, ("late_limit_s",)),
+    Check("a bus that does not work", (Mode.IDLE, *HELD), lambda s, _: s.bus_fault, Mode.ESTOP),
+    Check("frames that a bus refuses", (Mode.IDLE, *HELD), _overflow, Mode.ESTOP),
+    Check("the base's tilt", HELD, _tilted, Mode.FALLING, ("tilt_limit_rad",)),
+    Check("an exception in the policy", MOVING, lambda s, _: s.policy_error, Mode.LOWERING),
+    Check(
+        "a command that is not finite",
+        MOVING,
+        lambda s, _: "" if s.command_finite else "the policy's command is not finite",
+        Mode.LOWERING,
+    ),
+    Check("policy steps in a row that outlast their period", MOVING, _late, Mode.LOWERING, ("late_steps",)),
 )
 
 CHECKS_IN = {mode: tuple(check for check in CHECKS if mode in check.modes) for mode in Mode}

@@ -32,7 +32,7 @@ class Limit(NamedTuple):
 class SensorCheck(NamedTuple):
     """One row: what is compared, in a sentence that ends with the figure, and what follows."""
 
-    name: str
+    looks_at: str
     says: str  # of the place and the value
     measure: Callable[["SensorMonitor"], Values]
     limit: Limit

@@ -374,6 +374,7 @@ SLOW_S = 1.5  # of a joint that hardly moves
 WAY = "a joint has to move for a while before its readings contradict each other"
 NEAR_ZERO = "a joint near its zero reads much the same with either sign; noticed once it moves"
 CARRIES_LITTLE = "a motor that is hardly asked for torque has no direction to compare"
+ALIKE = "two joints in like poses read alike until they move apart"
 UNUSED = "no controller uses it; noticed where it reads none, or the opposite, while much is commanded"
 CONSTANT_LAG = "late readings agree with each other; a walk bears it"
 REPLIES = (
@@ -389,7 +390,7 @@ REPLIES = (
     ),
     FaultKind("motor reports an unknown error", "motors' replies", _error(99), 0.01),
     FaultKind("motor reports an error in one reply", "motors' replies", _error_once, 0.01),
-    FaultKind("one reply over and over", "motors' replies", _stuck, SOON_S, main=True),
+    FaultKind("one reply over and over", "motors' replies", _stuck, SLOW_S, WAY, main=True),
     FaultKind("position frozen", "motors' replies", _row_frozen(0), SLOW_S, WAY, main=True),
     FaultKind("velocity frozen", "motors' replies", _row_frozen(1), SLOW_S, WAY),
     FaultKind("velocity zero", "motors' replies", _zeroed(1), SLOW_S, WAY),
@@ -404,7 +405,7 @@ REPLIES = (
     FaultKind("encoder jumps by a turn", "motors' replies", _position_off(lambda _: 2 * np.pi), main=True),
     FaultKind("encoder jumps by a turn of the rotor", "motors' replies", _position_off(_sector)),
     FaultKind("encoder drifts by 1 rad/s", "motors' replies", _drifting(1.0), SOON_S),
-    FaultKind("ids of two motors swapped", "motors' replies", _ids_swapped, main=True),
+    FaultKind("ids of two motors swapped", "motors' replies", _ids_swapped, SOON_S, ALIKE, main=True),
     FaultKind("two buses swapped", "motors' replies", _buses_swapped),
     FaultKind("motor at 90 degrees Celsius", "motors' replies", _temperature(90), main=True),
     FaultKind("temperature sensor reads 255", "motors' replies", _temperature(255)),
@@ -597,6 +598,7 @@ POLICY = (
 # -- from the beginning ------------------------------------------------------------------------------------
 
 START_S = 1.3  # start-up, and a while of standing
+WALKING_S = 2.0  # and the first steps
 
 
 def _at_start(
@@ -629,7 +631,7 @@ START = (
     _at_start("IMU upside down", _imu(lambda r: turned(r, 0, 180.0)), 0.02),
     _at_start("acceleration in units of g", _scaled("acceleration", *(1 / 9.81,) * 3), START_S),
     _at_start("a motor at 90 degrees Celsius", _temperature(90), 0.1),
-    _at_start("ids of two motors swapped", _ids_swapped, START_S, main=True),
+    _at_start("ids of two motors swapped", _ids_swapped, WALKING_S, main=True, reason=ALIKE),
     _at_start("two buses swapped", _buses_swapped, START_S),
     _at_start("motor pulls the other way", _strength(-1.0), START_S),
     _at_start("the interface refuses frames", _refused, 0.01),

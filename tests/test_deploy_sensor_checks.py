@@ -84,6 +84,6 @@ def test_a_setting_scales_a_motors_figure(go1: Robot) -> None:
 
 def test_every_row_has_a_name_of_its_own_and_a_limit(go1: Robot) -> None:
     rows = (*JOINT_CHECKS, *BODY_CHECKS)
-    assert len({row.name for row in rows}) == len(rows)
+    assert len({row.looks_at for row in rows}) == len(rows)
     for row in rows:
         assert np.all(np.isfinite(row.limit.of(go1, SensorLimits())))

@@ -96,7 +96,7 @@ def test_rows_say_which_share_was_in_time_and_what_went_wrong() -> None:
     assert not row["as_expected"]
     (row,) = fault_table.rows([run] * 3)
     assert row["as_expected"]
-    (row,) = fault_table.rows([{**run, "torque_over": 0.04}])
+    (row,) = fault_table.rows([{**run, "torque_over": 0.05}])
     assert not row["as_expected"]
     (row,) = fault_table.rows([{**run, "fell": True, "final_state": "IDLE"}])
     assert (row["idle_after_a_fall"], row["as_expected"]) == (1, False)

@@ -1,0 +1,64 @@
+"""Everything that limits what a robot does, as one table: what is looked at, its limit, and what follows.
+
+The rows are the supervisor's (`safety.CHECKS`), the sensors' (`sensor_checks`) and those that the joint layer
+keeps to in every command. `docs/safety.md` shows the table; `python -m footfall.deploy.rules` prints it.
+"""
+
+from typing import NamedTuple
+
+from footfall.deploy.safety import CHECKS, Check, SafetyConfig
+from footfall.deploy.sensor_checks import BODY_CHECKS, JOINT_CHECKS, SensorCheck
+from footfall.deploy.sensor_limits import SensorLimits
+
+SETTING = "`safety`"  # in robot.yaml, changed by a file for --config
+SENSOR_SETTING = "`safety.sensors`"  # likewise
+MOTOR = "`motors` in robot.yaml"
+
+
+class Rule(NamedTuple):
+    """One row."""
+
+    looks_at: str
+    limit: str  # with its default, where it has one
+    source: str
+    follows: str  # the state that it leads to, or what becomes of a command
+
+
+COMMANDS = (
+    Rule("a position target", "`soft_limit_factor` of the joint's range", "robot.yaml", "clipped"),
+    Rule("a position target's speed", "`target_rate_rad_s`", "robot.yaml", "slowed down"),
+    Rule(
+        "a command's torque at the measured position and speed",
+        "`peak_torque_nm`, `stall_torque_nm`, `no_load_speed_rad_s`",
+        MOTOR,
+        "gains and torque lowered",
+    ),
+    Rule("a velocity command", "the policy's ranges", "its contract", "clipped"),
+)
+
+
+def _of_signals(check: Check) -> Rule:
+    defaults = SafetyConfig()
+    limit = ", ".join(f"`{name}` {getattr(defaults, name):g}" for name in check.limits)
+    return Rule(check.looks_at, limit or "none at all", SETTING if limit else "", check.leads_to)
+
+
+def _of_sensors(check: SensorCheck) -> Rule:
+    setting, motor = check.limit
+    share = f"`{setting}` {getattr(SensorLimits(), setting):g}" if setting else ""
+    figure = f"`{motor}`" if motor else ""
+    sources = [source for source, given in ((SENSOR_SETTING, setting), (MOTOR, motor)) if given]
+    return Rule(check.looks_at, " × ".join(filter(None, (share, figure))), ", ".join(sources), check.leads_to)
+
+
+RULES = (*map(_of_signals, CHECKS), *map(_of_sensors, (*JOINT_CHECKS, *BODY_CHECKS)), *COMMANDS)
+
+
+def table() -> str:
+    """All rules as Markdown."""
+    lines = ["| looked at | limit | from | what follows |", "| --- | --- | --- | --- |"]
+    return "\n".join([*lines, *(f"| {' | '.join(rule)} |" for rule in RULES)])
+
+
+if __name__ == "__main__":
+    print(table())
