@@ -164,11 +164,11 @@ class JointLayer:
         A reply to a command was measured before the command had an effect, another kind of message after:
         this is the smaller of what the last two commands ask for, and 0 where they point apart.
         """
-        position, velocity, _ = self._joints
-        last, before = (
-            pd_torque(JointCommand(*sent), position, velocity) for sent in (self.sent, self._sent_before)
-        )
-        return np.where(np.abs(last) < np.abs(before), last, before) * (last * before > 0.0)
+        position, velocity = self._joints[0], self._joints[1]
+        last = pd_torque(JointCommand.of(self.sent), position, velocity)
+        before = pd_torque(JointCommand.of(self._sent_before), position, velocity)
+        least, most = np.minimum(last, before), np.maximum(last, before)
+        return np.maximum(least, 0.0) + np.minimum(most, 0.0)
 
     def last_heard(self) -> LastHeard:
         """When each part was last heard."""

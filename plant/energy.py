@@ -37,10 +37,11 @@ class EnergyMeter:
 
     def take(self) -> Power:
         """Mean power since the last call. The copper loss of a motor is R (torque / (gear ratio kt))^2."""
-        torque, before, after = self._rows[: self._count].swapaxes(0, 1)
-        steps = max(self._count, 1)
+        rows, steps = self._rows[: self._count], max(self._count, 1)
         self._count = 0
-        shaft = torque * (0.5 * (before + after))
-        mechanical = float(shaft.sum()) / steps
-        copper = float((torque * torque @ self._loss).sum()) / steps
-        return Power(mechanical + copper, mechanical, float(np.maximum(shaft, 0.0).sum()) / steps)
+        torque = rows[:, 0]
+        shaft = torque * (0.5 * (rows[:, 1] + rows[:, 2]))
+        mechanical = float(np.add.reduce(shaft, axis=None)) / steps
+        copper = float(np.add.reduce(torque * torque @ self._loss)) / steps
+        positive = float(np.add.reduce(np.maximum(shaft, 0.0), axis=None)) / steps
+        return Power(mechanical + copper, mechanical, positive)

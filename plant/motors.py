@@ -117,11 +117,11 @@ class SimulatedMotors:
         if not values.shape[1]:
             return self._end.tell(frames)
         if self._gain_scale is not None:
-            values *= self._gain_scale[:, motor]
+            values = values * self._gain_scale[:, motor]
         if kind is None:
             self._due.append((step + self._delay_steps, motor, values))
         else:
-            self._follow_each(step, requests, readings)
+            self._follow_each(step, requests._replace(values=values), readings)
         self._heard_step[motor] = step
         return self._reply(motor, readings)
 

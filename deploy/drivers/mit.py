@@ -165,9 +165,10 @@ class Codec:
         self._reply = _fields(_REPLY_SHIFT, _BITS[_REPLIED], lowest[_REPLIED], highest[_REPLIED])
         self.lowest, self.highest, self.quantum = lowest, highest, self._command.quantum
         self.reply_quantum = self._reply.quantum
+        self._encoded = b"", np.zeros((0, 8), np.uint8)  # what was encoded last, and its frames
 
     def encode(self, values: np.ndarray) -> np.ndarray:
-        """Command frames of all motors, (n, 8) uint8.
+        """Command frames of all motors, (n, 8) uint8, not to be written to. The last answer is kept.
 
         Args:
             values: (5, n): position, velocity, kp, kd, torque, in the units of `JointCommand`. What lies
@@ -179,9 +180,12 @@ class Codec:
         Raises:
             ValueError: a value is not finite; the caller must damp instead.
         """
-        if not math.isfinite(np.add.reduce(values, axis=None)):
-            raise ValueError("a command that is not finite cannot be sent")
-        return bytes_of(np.minimum(self._command.pack(values), _HIGHEST_COMMAND))
+        key = values.tobytes()
+        if key != self._encoded[0]:
+            if not math.isfinite(np.add.reduce(values, axis=None)):
+                raise ValueError("a command that is not finite cannot be sent")
+            self._encoded = key, bytes_of(np.minimum(self._command.pack(values), _HIGHEST_COMMAND))
+        return self._encoded[1]
 
     def decode(self, word: np.ndarray, motor: np.ndarray | slice) -> np.ndarray:
         """Commands (5, k) from their words (k,), addressed to motors (k,) (indices)."""

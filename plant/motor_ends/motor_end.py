@@ -23,7 +23,9 @@ class Requests(NamedTuple):
     """What was asked of k motors, in the order of the frames."""
 
     motor: Motors
-    values: np.ndarray  # (5, k) commands; without meaning where something else was asked
+    values: (
+        np.ndarray
+    )  # (5, k) commands, not to be written to; without meaning where something else was asked
     kind: np.ndarray | None  # (k,) of `Request`; None if all are commands
 
     def take(self, rows: np.ndarray, joints: int) -> "Requests":
