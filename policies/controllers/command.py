@@ -39,17 +39,20 @@ class ShapedCommand:
 
     def advance(self, command: np.ndarray, dt_s: float) -> None:
         """Move towards a command (3,) for a time."""
-        goal = command.tolist() if self._asks_to_move(command) else (0.0, 0.0, 0.0)
+        goal = command.tolist() if self._asks_to_move(command) else [0.0, 0.0, 0.0]
+        present = self.value.tolist()
+        if present == goal:
+            return
         self.value = np.array(
             [
                 now + min(max(wanted - now, -most * dt_s), most * dt_s)
-                for now, wanted, most in zip(self.value.tolist(), goal, self._most, strict=True)
+                for now, wanted, most in zip(present, goal, self._most, strict=True)
             ]
         )
 
     def wants_walk(self, command: np.ndarray) -> bool:
         """Whether a command (3,) asks to move, or an earlier one still has to be slowed down from."""
-        return self._asks_to_move(command) or bool(self.value.any())
+        return self._asks_to_move(command) or any(self.value.tolist())
 
     def _asks_to_move(self, command: np.ndarray) -> bool:
         forward, leftward, yaw_rate = command.tolist()

@@ -10,6 +10,7 @@ from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 from footfall.robots.kinematics import LegPose, Legs
 from footfall.robots.rigid_body import RigidBody
+from footfall.robots.targets import within
 
 _INERTIA_SHARE = 0.5  # of the peak torque that may be spent on a leg's own inertia
 
@@ -36,9 +37,11 @@ class LegControl:
         self._legs, self._body = legs, body
         self._friction = legs.gather(robot.motor.friction) * config.friction_compensation
         self._friction_speed = legs.gather(robot.motor.friction_speed)
-        self._most_speed = legs.gather(robot.motor.no_load_speed)
-        self._most_inertia_torque = _INERTIA_SHARE * legs.gather(robot.motor.peak_torque)
+        # Lowest and highest, each as wide as what they limit: to negate, and to broadcast, takes longer.
+        self._speeds = _about_zero(legs.gather(robot.motor.no_load_speed))
+        self._inertia_torques = _about_zero(_INERTIA_SHARE * legs.gather(robot.motor.peak_torque))
         self._one = np.ones((legs.count, legs.hinges))
+        self._ones = _about_zero(self._one)
         self._swing, self._stand = config.swing, config.stance
         self._stances: dict[tuple[int, ...], _Stance] = {}
         zero = np.zeros(len(robot.joint_names))
@@ -74,24 +77,17 @@ class LegControl:
         wanted[:, :, 0] = pose.foot.dot(skew(turn)) - velocity
         wanted[stance.swinging] = swing[:, 1:].transpose(0, 2, 1)
         rates = legs.joint_rates(jacobian, wanted)
-        joint_velocity = _within(rates[:, :, 0], self._most_speed)
+        joint_velocity = within(rates[:, :, 0], *self._speeds)
         inertia_torque = (self._body.leg_inertia @ rates[:, :, 1:])[:, :, 0]
 
         position = legs.gather(joint_position)
         if swinging:
             position[stance.swinging] = legs.solve(swing[:, 0], swinging)
-        torque = _within(inertia_torque, self._most_inertia_torque)
+        torque = within(inertia_torque, *self._inertia_torques)
         torque += legs.torque(jacobian, force)
-        torque += self._friction * _within(joint_velocity / self._friction_speed, self._one)
-        values = np.empty((5, *position.shape))
-        values[0], values[1], values[2], values[3], values[4] = (
-            position,
-            joint_velocity,
-            stance.kp,
-            stance.kd,
-            torque,
-        )
-        return JointCommand(*legs.scatter(values, self._outside_legs))
+        torque += self._friction * within(joint_velocity / self._friction_speed, *self._ones)
+        values = np.array((position, joint_velocity, stance.kp, stance.kd, torque))
+        return JointCommand.of(legs.scatter(values, self._outside_legs))
 
     def _stance(self, swinging: list[int]) -> _Stance:
         key = tuple(swinging)
@@ -103,5 +99,5 @@ class LegControl:
         return self._stances[key]
 
 
-def _within(value: np.ndarray, most: np.ndarray) -> np.ndarray:
-    return np.minimum(np.maximum(value, -most), most)
+def _about_zero(most: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return -most, most
