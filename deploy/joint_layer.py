@@ -34,9 +34,10 @@ class JointLayer:
         self._lower, self._upper = robot.soft_limits
         n = len(robot.joint_names)
         self._target = robot.default_pose.copy()
-        self._wanted: JointCommand | np.ndarray | None = None  # the decision that these two were made of
-        self._goal = self._target
-        self._sayable = np.zeros((5, n))
+        self._wanted: JointCommand | np.ndarray | None = None  # the decision that these are of:
+        self._goal = self._target  # where its target leads
+        self._arrived = False  # whether the target is there
+        self._sayable = np.zeros((5, n))  # what frames can say of it, with the target of this tick
         self._joints = np.zeros((3, n))
         self._imu = ImuReader(imu_channel)
         # Arrays of ids that came last from motors alone and from the IMU alone: a simulated bus hands out the
@@ -78,16 +79,19 @@ class JointLayer:
         if wanted is not self._wanted:
             self._wanted, self._sayable = wanted, self._within_frames(np.asarray(wanted, dtype=float))
             self._goal = within(wanted[0], self._lower, self._upper)
-        self._target = approach(self._goal, self._target, self._step)
-        values = self._sayable.copy()
-        values[0] = self._target
-        return self._frames(values)
+            self._arrived = False
+        if not self._arrived:
+            self._target = approach(self._goal, self._target, self._step)
+            self._sayable = self._sayable.copy()
+            self._sayable[0] = self._target
+            self._arrived = not np.count_nonzero(self._target != self._goal)
+        return self._frames(self._sayable)
 
     def damping(self, kd: float) -> Frames:
         """Frames that only damp the joints, kd in N m s/rad, within the motors' limits."""
         values = np.zeros((5, len(self._target)))
         values[3] = kd
-        self._target = self._joints[0].copy()
+        self._target, self._arrived = self._joints[0].copy(), False
         return self._frames(self._within_frames(values))
 
     def _within_frames(self, values: np.ndarray) -> np.ndarray:
@@ -95,12 +99,13 @@ class JointLayer:
         return within(values, self._driver.lowest, self._driver.highest)
 
     def _frames(self, values: np.ndarray) -> Frames:
-        """Frames of a command (5, n) that asks no motor for more than it can do; `values` is written to."""
+        """Frames of a command (5, n) that asks no motor for more than it can do."""
         position, velocity = self._joints[0], self._joints[1]
         asked = pd_torque(JointCommand.of(values), position, velocity)
         possible = limit_torque(asked, velocity, self._robot.motor)
         if np.count_nonzero(asked != possible):
             share = _share(possible, asked)
+            values = values.copy()
             values[2:] *= share
             # A frame must not round up what pushes too far: many radians of error make that much torque.
             pushes = (share < 1.0) & (asked * (values[:2] - self._joints[:2]) > 0.0)

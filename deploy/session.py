@@ -4,13 +4,14 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from footfall.common.collector import collector_paused
 from footfall.common.errors import UserError
 from footfall.deploy.bus import Bus, BusStatistics
 from footfall.deploy.clock import Clock, LockstepClock, WallClock, undisturbed
@@ -149,9 +150,15 @@ def run_session(
         )
 
 
-def _realtime(session: Session) -> AbstractContextManager[list[str]]:
-    """What a run by the wall clock asks of the system."""
-    return undisturbed(session.config.realtime_priority) if session.realtime else nullcontext([])
+@contextmanager
+def _realtime(session: Session) -> Iterator[list[str]]:
+    """What a run by the wall clock asks of the system; in lockstep the garbage collector alone pauses."""
+    if session.realtime:
+        with undisturbed(session.config.realtime_priority) as refused:
+            yield refused
+    else:
+        with collector_paused():
+            yield []
 
 
 def _drive(loop: ControlLoop, duration_s: float, each_tick: Callable[[ControlLoop], None] | None) -> None:

@@ -66,8 +66,10 @@ def _supply_range(velocity: Array, motor: Motor) -> tuple[Array, Array]:
 
 def friction_torque(velocity: Array, motor: Motor) -> Array:
     """Torque lost in the gearbox, N m, opposing motion: Coulomb, ramped through zero, and viscous."""
-    developed = (velocity / motor.friction_speed).clip(-1.0, 1.0)
-    return -motor.friction * developed - motor.damping * velocity
+    xp, most = velocity.__array_namespace__(), motor.friction
+    least = -most
+    coulomb = xp.minimum(xp.maximum(least * (velocity / motor.friction_speed), least), most)
+    return coulomb - motor.damping * velocity
 
 
 def motor_torque(command: JointCommand, position: Array, velocity: Array, motor: Motor) -> Array:

@@ -117,9 +117,24 @@ class TestOut:
     def test_after_damping_targets_go_on_from_where_the_joints_are(
         self, go1: Robot, wiring: Wiring, layer: JointLayer
     ) -> None:
+        wanted = command(go1, go1.default_pose)
+        layer.command(wanted)  # whose target is reached at once
         layer.absorb([replies(wiring, go1.default_pose + 0.3)], 0)
         layer.damping(3.0)
         np.testing.assert_allclose(layer.target, go1.default_pose + 0.3, atol=2e-4)
+        layer.command(wanted)
+        step = go1.description.target_rate_rad_s * TICK_S
+        np.testing.assert_allclose(layer.target, go1.default_pose + 0.3 - step, atol=2e-4)
+
+    def test_what_had_to_be_lowered_is_whole_again_as_soon_as_it_may(
+        self, go1: Robot, wiring: Wiring, layer: JointLayer
+    ) -> None:
+        wanted = command(go1, go1.default_pose, torque=20.0)
+        first = sent(go1, wiring, layer.command(wanted)).torque
+        layer.absorb([replies(wiring, go1.default_pose, velocity=25.0)], 2000)
+        assert np.all(sent(go1, wiring, layer.command(wanted)).torque < 0.8 * first)
+        layer.absorb([replies(wiring, go1.default_pose)], 4000)
+        np.testing.assert_array_equal(sent(go1, wiring, layer.command(wanted)).torque, first)
 
 
 class TestIn:

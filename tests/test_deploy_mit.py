@@ -74,8 +74,18 @@ class TestCommandFrames:
     def test_what_is_not_finite_is_refused(self, bad: float) -> None:
         values = np.zeros((5, N))
         values[3, 2] = bad
-        with pytest.raises(ValueError, match="not finite"):
-            CODEC.encode(values)
+        CODEC.encode(np.zeros((5, N)))
+        for _ in range(2):
+            with pytest.raises(ValueError, match="not finite"):
+                CODEC.encode(values)
+
+    def test_a_command_that_comes_again_is_not_worked_out_again(self) -> None:
+        values = np.zeros((5, N))
+        first = CODEC.encode(values)
+        assert CODEC.encode(values.copy()) is first
+        values[4, 1] = 1.0
+        np.testing.assert_allclose(decoded(CODEC.encode(values))[4, 1], 1.0, atol=CODEC.quantum[4, 1])
+        np.testing.assert_allclose(decoded(first)[4, 1], 0.0, atol=CODEC.quantum[4, 1])
 
 
 class TestSpecialFrames:
@@ -264,6 +274,17 @@ class TestWhoIsMeant:
             expected.insert(5, 2)
         for _ in range(2):
             assert end.requests(sent._replace(**{spoil: array})).motor.tolist() == expected  # type: ignore[union-attr]
+
+    def test_every_batch_is_understood_by_its_bytes(self, ends: tuple[MitDriver, MitMotorEnd]) -> None:
+        driver, end = ends
+        first, second = np.full((5, 12), 0.5), np.full((5, 12), 1.0)
+        for values in (first, first, second, second, first):
+            asked = end.requests(driver.command(values))
+            np.testing.assert_allclose(asked.values, values, atol=driver._codec.quantum.max())
+            assert asked.kind is None
+            switched = end.requests(driver.disable()).kind
+            assert switched is not None
+            assert (switched == Request.DISABLE).all()
 
     def test_what_is_asked_of_each_motor(self, ends: tuple[MitDriver, MitMotorEnd]) -> None:
         driver, end = ends

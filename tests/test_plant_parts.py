@@ -432,6 +432,8 @@ class TestMotors:
         expected[2], expected[3] = VALUES[2] * [1.1, 0.9, 1.3], VALUES[3] * [0.8, 1.2, 0.7]
         expected[:, 0] = 0.0
         np.testing.assert_allclose(stand.torque(0), torque_of(expected))
+        assert stand.end.next is not None
+        np.testing.assert_array_equal(stand.end.next.values, VALUES[:, [2, 1]])  # not written to
 
     def test_they_close_their_loops_on_encoders_that_err(self) -> None:
         bias = np.array([0.01, -0.02, 0.03])
