@@ -55,3 +55,11 @@ def frame_bits(length: int, extended: bool = False, stuffed: bool = True) -> int
     overhead, stuffable = (67, 54) if extended else (47, 34)
     stuff = (stuffable + 8 * length - 1) // 4 if stuffed else 0
     return overhead + 8 * length + stuff
+
+
+_BITS = np.array([[frame_bits(length, extended) for length in range(9)] for extended in (False, True)])
+
+
+def bits_of(frames: Frames) -> np.ndarray:
+    """Bits that each frame occupies, the most stuff bits included, (k,) intp."""
+    return _BITS[(frames.id >= EXTENDED).astype(np.intp), frames.length]

@@ -14,7 +14,7 @@ from footfall.common.errors import UserError
 from footfall.deploy import can_errors
 from footfall.deploy.bus import HOST_QUEUE, MOST_FRAMES_AT_ONCE, BusStatistics
 from footfall.deploy.drivers.driver import CanFilter
-from footfall.deploy.frames import EXTENDED, Frames, frame_bits
+from footfall.deploy.frames import EXTENDED, Frames, bits_of
 from footfall.deploy.interface_time import Arrivals, Pacing
 
 MULTICAST = "udp_multicast"
@@ -85,14 +85,18 @@ class PythonCanBus:
     def send(self, frames: Frames, now_us: int) -> int:
         """Write frames, paced; returns how many the interfaces refused."""
         refused = 0
-        for channel, identifier, data, length in zip(
-            frames.channel.tolist(), frames.id.tolist(), frames.data, frames.length.tolist(), strict=True
+        for channel, identifier, data, length, bits in zip(
+            frames.channel.tolist(),
+            frames.id.tolist(),
+            frames.data,
+            frames.length.tolist(),
+            bits_of(frames).tolist(),
+            strict=True,
         ):
-            extended = bool(identifier & EXTENDED)
-            self._pacing.wait(channel, frame_bits(length, extended))
+            self._pacing.wait(channel, bits)
             message = self._can.Message(
                 arbitration_id=identifier & ~EXTENDED,
-                is_extended_id=extended,
+                is_extended_id=bool(identifier & EXTENDED),
                 data=data[:length].tobytes(),
                 check=False,
             )

@@ -13,7 +13,7 @@ from footfall.common.errors import UserError
 from footfall.deploy import can_errors
 from footfall.deploy.bus import HOST_QUEUE, MOST_FRAMES_AT_ONCE, BusStatistics
 from footfall.deploy.drivers.driver import CanFilter
-from footfall.deploy.frames import EXTENDED, Frames, frame_bits
+from footfall.deploy.frames import EXTENDED, Frames, bits_of
 from footfall.deploy.interface_time import Arrivals, Pacing
 
 SOCKETCAN = "socketcan"
@@ -61,12 +61,11 @@ class SocketCanBus:
         packed = np.zeros(len(frames.id), FRAME)
         packed["id"], packed["length"], packed["data"] = frames.id, frames.length, frames.data
         content, size, refused = packed.tobytes(), FRAME.itemsize, 0
-        for row, (channel, identifier, length) in enumerate(
-            zip(frames.channel.tolist(), frames.id.tolist(), frames.length.tolist(), strict=True)
-        ):
-            self._pacing.wait(channel, frame_bits(length, identifier >= EXTENDED))
+        rows = range(0, len(content), size)
+        for row, channel, bits in zip(rows, frames.channel.tolist(), bits_of(frames).tolist(), strict=True):
+            self._pacing.wait(channel, bits)
             try:
-                self._sockets[channel].send(content[row * size : (row + 1) * size])
+                self._sockets[channel].send(content[row : row + size])
                 self._statistics[channel].frames_sent += 1
             except OSError as error:
                 self._note_failure(channel, error)

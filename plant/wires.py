@@ -9,15 +9,12 @@ from typing import NamedTuple
 import numpy as np
 
 from footfall.deploy.bus import HOST_QUEUE
-from footfall.deploy.frames import EXTENDED, Frames, frame_bits
+from footfall.deploy.frames import EXTENDED, Frames, bits_of
 from footfall.plant.wire_faults import ERROR_BITS, FaultyWires, WireFaults
 
 NODE_BACKLOG_US = 20_000.0  # a motor or an IMU gives up on a frame that would wait longer
 
 _REMEMBERED = 16  # arrays of channels
-
-_BITS = np.array([[frame_bits(length, extended) for length in range(9)] for extended in (False, True)], float)
-
 
 _NOT_KNOWN = np.zeros(0)
 
@@ -182,7 +179,7 @@ class SimulatedWires:
         again = self._faulty.repetitions(frames.channel, side is Side.HOST)
         if not again.any():
             return
-        batch.bits, arrival = _bits_of(frames), batch.arrival.copy()
+        batch.bits, arrival = bits_of(frames), batch.arrival.copy()
         extra = again * (batch.bits + ERROR_BITS)
         batch.bits = batch.bits + extra
         for wire in range(len(self.names)):
@@ -200,7 +197,7 @@ class SimulatedWires:
         for side, waiting in ((Side.HOST, queued), (Side.ROBOT, others)):
             for batch in self._flying[side]:
                 if batch.bits is _NOT_KNOWN:
-                    batch.bits = _bits_of(batch.frames)
+                    batch.bits = bits_of(batch.frames)
                 start = batch.arrival - batch.bits
                 rows = np.flatnonzero((batch.frames.channel == wire) & (start >= now_us - 1e-6))
                 if not len(rows):
@@ -291,10 +288,6 @@ class _Waiting(NamedTuple):
     row: int
 
 
-def _bits_of(frames: Frames) -> np.ndarray:
-    return _BITS[(frames.id >= EXTENDED).astype(np.intp), frames.length]
-
-
 def _precedence(identifier: np.ndarray) -> np.ndarray:
     """Numbers that are lower for a frame that wins arbitration, (k,)."""
     plain = identifier << 19  # 11 bits, then the bit that tells a plain identifier, 0, from a long one
@@ -305,7 +298,7 @@ def _precedence(identifier: np.ndarray) -> np.ndarray:
 
 def _planned(frames: Frames, wires: int) -> _Plan:
     """The plan of a batch that was not sent before."""
-    channel, duration = frames.channel, _bits_of(frames)
+    channel, duration = frames.channel, bits_of(frames)
     order = _precedence(frames.id).astype(float)
     before = np.tril(channel[:, None] == channel[None, :]).astype(float)
     on = np.arange(wires)[:, None] == channel[None, :]
