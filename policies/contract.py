@@ -89,7 +89,10 @@ class Contract:
         return structure(data, Contract, source)
 
     def mismatches(self, robot: Robot) -> list[str]:
-        """Differences between this contract and a robot, one line each; empty if the policy fits."""
+        """Differences between this contract and a robot, one line each; empty if the policy fits.
+
+        What each joint has is compared where the joints are the same ones.
+        """
         found = []
         expected: list[tuple[str, object, object]] = [
             ("robot", self.robot, robot.name),
@@ -105,7 +108,7 @@ class Contract:
             ("kd", self.kd, robot.kd),
             ("action_scale_rad", self.action_scale_rad, robot.action_scale),
         ):
-            if not np.array_equal(np.asarray(mine), theirs):
+            if self.joints == robot.joint_names and not np.array_equal(np.asarray(mine), theirs):
                 found.append(f"{name}: policy has {list(mine)}, robot has {theirs.tolist()}")
         if not found and self.digest != robot.digest:
             found.append(

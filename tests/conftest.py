@@ -15,6 +15,7 @@ os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(Path(__file__).parents[1]
 
 import shutil
 import signal
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -54,6 +55,16 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with the files that take longest."""
     place = {name: index for index, name in enumerate(LONGEST)}
     items.sort(key=lambda item: place.get(item.path.name, len(LONGEST)))
+
+
+@pytest.fixture(scope="session")
+def kept_programs() -> Iterator[None]:
+    """A training's program is kept on a processor too, since tests train for a moment and trace for long."""
+    from footfall.train.brax import parts
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(parts, "worth_keeping", lambda mesh: mesh.size == 1)
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -142,6 +142,12 @@ def test_the_joints_order_is_part_of_it(contract: Contract, go1: Robot) -> None:
     assert line.startswith("joints: policy has ['FR_thigh_joint', 'FR_hip_joint',")
 
 
+def test_what_each_joint_has_says_nothing_new_where_joints_differ(contract: Contract, go1: Robot) -> None:
+    others = tuple(f"leg_{i}" for i in range(12))
+    found = replace(contract, robot="g1", joints=others, kp=(1.0,) * 12, kd=(1.0,) * 12).mismatches(go1)
+    assert [line.split(":")[0] for line in found] == ["robot", "joints"]
+
+
 def test_a_mismatch_says_which_side_has_what(contract: Contract, go1: Robot) -> None:
     assert replace(contract, robot="go2").mismatches(go1) == ["robot: policy has go2, robot has go1"]
     (line,) = replace(contract, kp=(1.5,) * 12).mismatches(go1)

@@ -32,6 +32,8 @@ from footfall.train.sweeps.check import reported_metrics
 from footfall.train.sweeps.results import UNFINISHED, Trial, last_value, points_of
 from footfall.train.sweeps.sweep import SweepConfig, sweep, trial_config
 
+pytestmark = pytest.mark.usefixtures("kept_programs")
+
 ITERATIONS = 6
 METRIC = "tracking/linear_error_m_s"
 GOOD_CLIP, BAD_CLIP = 0.1, 0.2

@@ -14,6 +14,8 @@ from footfall.common.errors import UserError
 from footfall.train import api, cluster
 from footfall.train.runs import checkpoint
 
+pytestmark = pytest.mark.usefixtures("kept_programs")
+
 PATIENCE_S = 420
 
 

@@ -41,6 +41,8 @@ from footfall.train.runs.folder import Run
 from footfall.train.runs.journal import Journal
 from footfall.train.runs.metrics import MetricsLog
 
+pytestmark = pytest.mark.usefixtures("kept_programs")
+
 ITERATIONS = 6
 HEALTHY = {"learning/total_loss": 0.1, "learning/gradient_norm": 0.5, "episode/diverged": 0.0}
 

@@ -30,6 +30,8 @@ from footfall.train.runs import checkpoint
 from footfall.train.runs.failure import FOLDER, REPORT, Failure
 from footfall.train.runs.folder import create_run, locked, trained_robot
 
+pytestmark = pytest.mark.usefixtures("kept_programs")
+
 KILLED = -9
 # Runs a training and kills its own process, as the power would, at the n-th rename of a file.
 KILL_AT_RENAME = """
@@ -37,6 +39,8 @@ import os, signal, sys
 from pathlib import Path
 from footfall.common import files
 from footfall.train import api
+from footfall.train.brax import parts
+parts.worth_keeping = lambda mesh: True  # as the other trainings here
 count, replace = 0, os.replace
 def replace_or_die(*names):
     global count
