@@ -15,7 +15,8 @@ os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(Path(__file__).parents[1]
 
 import shutil
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -59,11 +60,25 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture(scope="session")
 def kept_programs() -> Iterator[None]:
-    """A training's program is kept on a processor too, since tests train for a moment and trace for long."""
+    """Trainings in this process that are made of the same things share a program, which takes long to trace.
+
+    In memory. What XLA has read from its cache it cannot write down again for a processor: the functions of
+    such a program are not found.
+    """
+    from footfall.envs.workarounds.program_cache import fingerprint
     from footfall.train.brax import parts
+
+    kept: dict[str, Any] = {}
+
+    def load_or_compile(compile_program: Callable[[], Any], _: Any, *made_from: Any) -> Any:
+        name = fingerprint(made_from)
+        if name not in kept:
+            kept[name] = compile_program()
+        return kept[name]
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(parts, "worth_keeping", lambda mesh: mesh.size == 1)
+        patch.setattr(parts, "load_or_compile", load_or_compile)
         yield
 
 

@@ -39,8 +39,6 @@ import os, signal, sys
 from pathlib import Path
 from footfall.common import files
 from footfall.train import api
-from footfall.train.brax import parts
-parts.worth_keeping = lambda mesh: True  # as the other trainings here
 count, replace = 0, os.replace
 def replace_or_die(*names):
     global count
