@@ -55,6 +55,7 @@ class SensorMonitor:
         self.temperature, self.voltage = np.full((2, n), np.nan)
         self.drift, self.repeated = np.zeros(n), np.zeros(n)
         self._target_way = np.zeros(n)  # of the targets in the last window
+        self._ended = joints[0]  # rad, where the last window ended
         self._apart, self._ways = np.zeros((2, n))  # rad^2: squares that were added up, and fade
         self.limp_s, self.opposing = np.zeros(n), np.zeros(n)
         self._work, self._asked = np.zeros((2, n))  # (N m)^2: reported by expected, and expected squared
@@ -96,6 +97,7 @@ class SensorMonitor:
             self._gap = True
         self._added_us = now_us
         self._turned += (0.5e-6 * (heard_us - self._heard_us)) * (joints[1] + self._last[1])
+        self._starts += joints[0] - self._turned
         self._heard_us = heard_us.copy()
         self._last = joints
         self._sum += joints
@@ -117,6 +119,8 @@ class SensorMonitor:
         compared = not self._gap
         if compared:
             self._compare((self._added_us - self._looked_us) * 1e-6, stiffness, target)
+        else:
+            self._ended = self._last[0]
         self.temperature, self.voltage = temperature, voltage
         self._target_way = np.abs(target - self._target)
         self.joints, self._target, self._inertial = self._last, target, self._inertials[-1]
@@ -130,6 +134,7 @@ class SensorMonitor:
         self._sum: np.ndarray = np.zeros((3, self._n))  # of readings since the last look
         self._expected: np.ndarray = np.zeros(self._n)  # likewise, of expected torques
         self._turned: np.ndarray = np.zeros(self._n)  # by velocities, rad
+        self._starts: np.ndarray = np.zeros(self._n)  # sum of where the window began, by each reading, rad
         self._inertials: list[Inertial] = []  # since the last look
 
     def _compare(self, elapsed_s: float, stiffness: np.ndarray, target: np.ndarray) -> None:
@@ -143,7 +148,7 @@ class SensorMonitor:
         gyro, acceleration = (
             [sum(values) / count for values in zip(*parts, strict=True)] for parts in (gyros, accelerations)
         )
-        self._compare_ways(joints[0] - self.joints[0], self._turned, elapsed_s)
+        self._compare_ways(self._starts / count, self._turned, elapsed_s)
         same = np.logical_and.reduce(joints == self.joints)
         # A reading is older than the target that went out last, which may leap while a robot stands still.
         self.repeated = same * (self.repeated + self._target_way)
@@ -163,16 +168,20 @@ class SensorMonitor:
             elif fastest > limits.moving_rad_s:
                 self._imu_repeated[part] += elapsed_s
 
-    def _compare_ways(self, moved: np.ndarray, turned: np.ndarray, elapsed_s: float) -> None:
+    def _compare_ways(self, started: np.ndarray, turned: np.ndarray, elapsed_s: float) -> None:
         """How far joints have gone by their positions, (n,), against how far by their velocities, rad.
 
-        Squares are added up, so that what a joint does to and fro does not cancel out. A share of the way
-        is granted: a velocity that a motor filters lags behind its position.
+        Each reading of a window, less the way by velocities until then, says where the window began: their
+        mean has less noise than one of them, and should be where the window before ended. Squares are added
+        up, so that what a joint does to and fro does not cancel out. A share of the way is granted, since a
+        velocity that a motor filters lags behind.
         """
         limits = self._limits
+        apart = started - self._ended
+        self._ended = started + turned
         kept = math.exp(-elapsed_s / limits.drift_memory_s)
-        self._apart = kept * self._apart + (moved - turned) ** 2
-        self._ways = kept * self._ways + np.maximum(moved * moved, turned * turned)
+        self._apart = kept * self._apart + apart * apart
+        self._ways = kept * self._ways + np.maximum(turned * turned, (turned + apart) ** 2)
         self.drift = np.sqrt(self._apart) - limits.drift_share * np.sqrt(self._ways)
 
     def _compare_torques(

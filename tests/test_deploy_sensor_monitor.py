@@ -1,5 +1,6 @@
 """What adds up of readings: ways by positions and by velocities, torques that were asked for and reported."""
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -73,9 +74,22 @@ class TestWays:
         assert told(go1, lambda t: (0.1, swing(t)[1])).drift[0] > LIMITS.drift_rad
 
     def test_by_how_much_is_a_root_of_squares_less_a_share(self, go1: Robot) -> None:
-        """1 rad/s for one look of 40 ms while nothing moves: 0.04 rad, a quarter of which is granted."""
-        monitor = told(go1, lambda _: (0.0, 1.0), samples=10)
-        assert monitor.drift[0] == pytest.approx(0.75 * 0.04)
+        """1 rad/s while nothing moves: on average 22 ms of the first 40. A quarter of 40 mrad is granted.
+
+        The next ten readings are 40 ms later than these.
+        """
+        assert told(go1, lambda _: (0.0, 1.0), samples=10).drift[0] == pytest.approx(0.022 - 0.25 * 0.04)
+        kept = math.exp(-0.04 / LIMITS.drift_memory_s)
+        apart, way = math.sqrt(kept * 0.022**2 + 0.04**2), math.sqrt(kept * 0.04**2 + 0.04**2)
+        assert told(go1, lambda _: (0.0, 1.0), samples=20).drift[0] == pytest.approx(apart - 0.25 * way)
+
+    def test_bear_noise_of_a_hundredth_of_a_radian(self, go1: Robot) -> None:
+        rng = np.random.default_rng(0)
+
+        def noisy(time_s: float) -> tuple[float, float]:
+            return rng.uniform(-0.01, 0.01), rng.uniform(-0.5, 0.5)
+
+        assert told(go1, noisy, samples=500).drift[0] < 0.7 * LIMITS.drift_rad
 
     @pytest.mark.parametrize(("lag_s", "noticed"), [(0.005, False), (0.05, True)])
     def test_a_velocity_may_lag_as_a_filtered_one_does(self, go1: Robot, lag_s: float, noticed: bool) -> None:
