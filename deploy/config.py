@@ -27,6 +27,9 @@ class DeployConfig:
     pose_rate_rad_s: float = 0.8
     stop_rate_rad_s: float = 8.0  # the same out of a walk, until all feet stand
     stop_s: float = 1.0  # that a policy has to come to a stand before the robot lies down
+    scale: float = (
+        1.0  # share of stiffness, damping and torque that reaches the motors; damping a robot is whole
+    )
     realtime_priority: int | None = None  # SCHED_FIFO, 1 to 99, for wall-clock runs
     host_queue: int = HOST_QUEUE  # frames that a simulated CAN interface queues
     motor_timeout_s: float = MOTOR_TIMEOUT_S  # of simulated motors; real ones are set by their own tools
@@ -42,6 +45,7 @@ class DeployConfig:
         require_between(self, 1, 10_000, "host_queue")
         require_between(self, 0.0, 100.0, "stand_kp_scale", "stand_kd_scale")
         require_between(self, 0.01, 100.0, "pose_rate_rad_s", "stop_rate_rad_s")
+        require_between(self, 0.01, 1.0, "scale")
         require_between(self, 1, 99, "realtime_priority")
         silence_s, tick_s = self.safety.silence_timeout_s, self.tick_us * 1e-6
         if silence_s < TICKS_OF_SILENCE * tick_s:

@@ -9,7 +9,7 @@ from footfall.deploy.drivers.driver import Driver
 from footfall.deploy.drivers.imu import ImuReader, Inertial
 from footfall.deploy.frames import Frames
 from footfall.policies.policy import Sensed
-from footfall.robots.actuator import JointCommand, limit_torque, pd_torque
+from footfall.robots.actuator import JointCommand, Motor, limit_torque, pd_torque, weaker
 from footfall.robots.description import Robot
 from footfall.robots.targets import approach, within
 
@@ -27,8 +27,15 @@ class LastHeard(NamedTuple):
 class JointLayer:
     """Soft position limits, target rate limit and torque clamp on the way out; readings on the way in."""
 
-    def __init__(self, robot: Robot, driver: Driver, imu_channel: int, tick_s: float) -> None:
-        """`imu_channel` is the bus that the IMU is on, `tick_s` the time between two commands."""
+    def __init__(
+        self, robot: Robot, driver: Driver, imu_channel: int, tick_s: float, scale: float = 1.0
+    ) -> None:
+        """`imu_channel` is the bus that the IMU is on, `tick_s` the time between two commands.
+
+        `scale` is the share of a command's stiffness, damping and torque, and of each motor's torque, that is
+        let through; damping is always whole.
+        """
+        self._scale, self._weaker = scale, weaker(robot.motor, scale)
         self._robot, self._driver = robot, driver
         self._step = robot.description.target_rate_rad_s * tick_s  # of a target in one tick, rad
         self._lower, self._upper = robot.soft_limits
@@ -78,6 +85,8 @@ class JointLayer:
         """
         if wanted is not self._wanted:
             self._wanted, self._sayable = wanted, self._within_frames(np.asarray(wanted, dtype=float))
+            if self._scale != 1.0:
+                self._sayable[2:] *= self._scale
             self._goal = within(wanted[0], self._lower, self._upper)
             self._arrived = False
         if not self._arrived:
@@ -85,24 +94,24 @@ class JointLayer:
             self._sayable = self._sayable.copy()
             self._sayable[0] = self._target
             self._arrived = not np.count_nonzero(self._target != self._goal)
-        return self._frames(self._sayable)
+        return self._frames(self._sayable, self._weaker)
 
     def damping(self, kd: float) -> Frames:
         """Frames that only damp the joints, kd in N m s/rad, within the motors' limits."""
         values = np.zeros((5, len(self._target)))
         values[3] = kd
         self._target, self._arrived = self._joints[0].copy(), False
-        return self._frames(self._within_frames(values))
+        return self._frames(self._within_frames(values), self._robot.motor)
 
     def _within_frames(self, values: np.ndarray) -> np.ndarray:
         """A command (5, n) without what a frame cannot say, since what a motor is asked for depends on it."""
         return within(values, self._driver.lowest, self._driver.highest)
 
-    def _frames(self, values: np.ndarray) -> Frames:
-        """Frames of a command (5, n) that asks no motor for more than it can do."""
+    def _frames(self, values: np.ndarray, motor: Motor) -> Frames:
+        """Frames of a command (5, n) that asks no motor for more than it may do."""
         position, velocity = self._joints[0], self._joints[1]
         asked = pd_torque(JointCommand.of(values), position, velocity)
-        possible = limit_torque(asked, velocity, self._robot.motor)
+        possible = limit_torque(asked, velocity, motor)
         if np.count_nonzero(asked != possible):
             share = _share(possible, asked)
             values = values.copy()

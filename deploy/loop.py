@@ -81,8 +81,11 @@ class ControlLoop:
         command: Command,
         estimator: Estimator | None = None,
         lie_down: bool = False,
+        stand_up: bool = True,
     ) -> None:
         """`lie_down` before the motors go off, where robot and fault permit it.
+
+        A robot that shall not `stand_up`, since it hangs in a frame, holds the pose in which it is found.
 
         Raises UserError if the policy wants to be called more often than joints are.
         """
@@ -101,9 +104,9 @@ class ControlLoop:
         self.heartbeat_s = math.inf  # when the last tick began, by `time.perf_counter`
         self.taken_over: Callable[[], bool] = lambda: False  # whether somebody else has the robot in hand
         self._robot = robot
-        self._postures = Postures(robot, config, lie_down)
+        self._postures = Postures(robot, config, lie_down, stand_up)
         self._places = [wiring.place(joint) for joint in range(len(robot.joint_names))]
-        self._joints = JointLayer(robot, driver, wiring.imu_channel, config.tick_us * 1e-6)
+        self._joints = JointLayer(robot, driver, wiring.imu_channel, config.tick_us * 1e-6, config.scale)
         safety = config.safety
         self._checks = SensorChecks(robot, wiring, safety.sensors, config.tick_us * 1e-6)
         self._last_resort = self._joints.damping(safety.damping_kd)  # needs no reading to be right
@@ -166,6 +169,11 @@ class ControlLoop:
         if self._sensed is None:
             self._sensed = self._joints.sensed()
         return self._sensed
+
+    @property
+    def temperature_c(self) -> np.ndarray:
+        """Of the motors, degrees Celsius, (n,); NaN where one does not say."""
+        return self._joints.temperature_c
 
     @property
     def target(self) -> np.ndarray:
@@ -452,9 +460,8 @@ class ControlLoop:
         """Readings that contradict each other, if this is a tick at which they are compared."""
         joints, checks, now_us = self._joints, self._checks, self.now_us
         monitor = checks.monitor
-        monitor.on_legs = self.state.mode in DECIDING or self._postures.on_legs(
-            now_us * 1e-6 - self.state.since_s
-        )
+        since_s, deciding = now_us * 1e-6 - self.state.since_s, self.state.mode in DECIDING
+        monitor.on_legs = self._postures.on_legs(since_s, deciding)
         if not monitor.due(now_us):
             return None
         heard_us, expected = joints.last_heard().motor_us, joints.expected_torque()

@@ -13,8 +13,9 @@ MOVING_SHARE = 0.7  # of the time to stand up at least; the rest is for settling
 class Postures:
     """Where the joints shall be while the robot stands up or lies down; times count from its beginning."""
 
-    def __init__(self, robot: Robot, config: DeployConfig, lie_down: bool) -> None:
-        """`lie_down` says whether it may, if the robot can."""
+    def __init__(self, robot: Robot, config: DeployConfig, lie_down: bool, stand_up: bool = True) -> None:
+        """`lie_down`: whether it may, if it can. Without `stand_up` it holds the pose that it is found in."""
+        self._stands = stand_up
         self._standing, self._lying = robot.default_pose, robot.lying_pose
         self.may_lie = lie_down and self._lying is not None
         self._sunk = config.safety.sensors.sunk
@@ -33,6 +34,9 @@ class Postures:
             here: joint positions, rad, (n,).
             sunk: how much of the base's clearance is gone: by that a robot is known to lie.
         """
+        if not self._stands:
+            self._path = PosePath([here, here], [self._rate], self._least_s)
+            return
         lies = self._lying is not None and sunk >= self._sunk
         poses = [here, self._standing]
         if lies and self._lying is not None:
@@ -64,6 +68,6 @@ class Postures:
         """Whether the pose is reached, and the robot has settled in it."""
         return time_s >= self._path.duration_s + self._hold_s - 1e-9
 
-    def on_legs(self, time_s: float) -> bool:
-        """Whether the legs should carry the base."""
-        return time_s >= self._carried_s
+    def on_legs(self, time_s: float, deciding: bool) -> bool:
+        """Whether the legs should carry the base; the policy takes over once they do."""
+        return self._stands and (deciding or time_s >= self._carried_s)

@@ -54,6 +54,7 @@ class Session:
     config: DeployConfig = field(default_factory=DeployConfig)
     display: Display | None = None  # entered with the loop for as long as it runs
     lie_down: bool = True  # before the motors go off, where robot and fault permit it
+    stand_up: bool = True  # else it holds the pose in which it is found, hanging in a frame
 
 
 @dataclass(frozen=True)
@@ -117,8 +118,19 @@ def run_session(
             if (policy.needs_estimate or config.odometry) and base_state is None
             else None
         )
-        command, lie_down = session.command, session.lie_down
-        loop = ControlLoop(robot, policy, wiring, driver, bus, clock, config, command, estimator, lie_down)
+        loop = ControlLoop(
+            robot,
+            policy,
+            wiring,
+            driver,
+            bus,
+            clock,
+            config,
+            session.command,
+            estimator,
+            lie_down=session.lie_down,
+            stand_up=session.stand_up,
+        )
         loop.base_state = base_state
         loop.log = log = _open_log(robot, policy, session, resources)  # last: nothing else can fail
         if session.display is not None:

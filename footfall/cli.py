@@ -12,6 +12,7 @@ from importlib.metadata import version
 from cyclopts import App, CycloptsError, UnusedCliTokensError
 
 from footfall.common.errors import UserError
+from footfall.verbs.bring_up import bring_up
 from footfall.verbs.can import can
 from footfall.verbs.compare import compare
 from footfall.verbs.demo import demo
@@ -51,6 +52,7 @@ for verb in (
     log,
     robot,
     can,
+    bring_up,
     demo,
     diagnose,
     doctor,

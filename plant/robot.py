@@ -21,6 +21,7 @@ from footfall.domain_rand.randomisation import QUANTITIES
 from footfall.domain_rand.sample import Sample
 from footfall.plant.energy import EnergyMeter, Power
 from footfall.plant.ground_truth import GroundTruth, Truth
+from footfall.plant.hanging import Frame
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.plant.motors import MotorFaults, SimulatedMotors
 from footfall.plant.sensors import Layout, SimulatedSensors
@@ -53,6 +54,7 @@ class PlantConfig:
     noise: Noise | None = None
     motor_timeout_s: float = MOTOR_TIMEOUT_S
     lying: bool = False  # at first, in the robot's lying pose
+    hanging: bool = False  # in a frame, its feet in the air
 
 
 class SimulatedRobot:
@@ -105,6 +107,7 @@ class SimulatedRobot:
         )
         self.faults = Faults(self._motors.faults)
         self._put_down(robot, _first_pose(robot, config.lying))
+        self._frame = self._hang_up(robot, plant.base) if config.hanging else None
 
     @property
     def time_us(self) -> int:
@@ -172,6 +175,8 @@ class SimulatedRobot:
         self._torque = torque = motors.torque(self._step, position, velocity)
         joints = self._layout.qvel
         self._applied[joints] = torque + motors.friction(velocity)
+        if self._frame is not None:
+            self._frame.pull()
         mujoco.mj_step(self.model, self.data)
         self._energy.add(torque, velocity, self._qvel[joints])
         self._step += 1
@@ -209,6 +214,13 @@ class SimulatedRobot:
             low, high = (middle, high) if self._touches_ground_at(middle) else (low, middle)
         data.qpos[at + 2] = low
         mujoco.mj_forward(self.model, data)
+
+    def _hang_up(self, robot: Robot, base: int) -> Frame:
+        """As high again as it stands."""
+        data, height_m = self.data, robot.description.standing_height_m
+        data.qpos[self._layout.base_qpos + 2] += height_m
+        mujoco.mj_forward(self.model, data)
+        return Frame(data, self._layout, base, float(self.model.body_subtreemass[base]), height_m)
 
     def _touches_ground_at(self, height_m: float) -> bool:
         self.data.qpos[self._layout.base_qpos + 2] = height_m

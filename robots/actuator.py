@@ -36,6 +36,11 @@ class Motor(NamedTuple):
     strength: Array  # delivered torque over commanded torque; 1 for a nominal motor
 
 
+def weaker(motor: Motor, share: float) -> Motor:
+    """A motor that is used with a share of its torque, 0 to 1, at all speeds."""
+    return motor._replace(peak_torque=share * motor.peak_torque, stall_torque=share * motor.stall_torque)
+
+
 def pd_torque(command: JointCommand, position: Array, velocity: Array) -> Array:
     """Torque that the motor's own PD law asks for, N m, before any limit. Shapes (..., n)."""
     return (

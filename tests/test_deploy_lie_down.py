@@ -102,9 +102,9 @@ class TestPostures:
     def test_a_robot_lies_if_its_clearance_is_gone(self, go1: Robot) -> None:
         postures = Postures(go1, CONFIG, lie_down=True)
         postures.stand_up(go1.lying_pose + 0.05, sunk=0.9)
-        assert not postures.on_legs(0.0)
+        assert not postures.on_legs(0.0, deciding=False)
         postures.stand_up(go1.lying_pose + 0.05, sunk=0.5)  # it hangs, or crouches
-        assert postures.on_legs(0.0)
+        assert postures.on_legs(0.0, deciding=False)
 
     def test_legs_are_folded_before_they_push(self, go1: Robot) -> None:
         """Lying with its legs stretched out forwards and backwards."""

@@ -1,16 +1,16 @@
 """`footfall can`: a robot on a stand, motor by motor."""
 
 import math
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 from cyclopts import App, Parameter
 
 from footfall.common.errors import UserError
+from footfall.confirm import Yes, confirm
 from footfall.options import Names, OptionalSeconds, RobotName, Seconds
 
 if TYPE_CHECKING:
@@ -27,8 +27,6 @@ can = App(name="can", help="A robot on a stand: who is on its buses, switch on, 
 NOT_ALL_WELL = 1
 VIRTUAL = "virtual"  # leads to a simulated robot in this process
 FRAMES_PER_SECOND = 5
-
-Yes = Annotated[bool, Parameter(negative=(), help="Do not ask.")]
 
 
 @Parameter(name="*")
@@ -94,7 +92,7 @@ def enable(*, place: Place = Place(), joint: Names = (), duration: Seconds = 3.0
     duration
         How long they stay on, s.
     """
-    _confirm("switch the motors on, without torque? The robot must hang or lie: its joints are limp", yes)
+    confirm("switch the motors on, without torque? The robot must hang or lie: its joints are limp", yes)
     with _bench(place, joint) as bench:
         problem = bench.ask() or bench.enable()
         if not problem:
@@ -114,7 +112,7 @@ def zero(*, place: Place = Place(), joint: Names = (), yes: Yes = False) -> int:
         These joints alone.
     """
     which = ", ".join(joint) if joint else "every joint"
-    _confirm(f"take the present position of {which} for zero? What was zero before is lost", yes)
+    confirm(f"take the present position of {which} for zero? What was zero before is lost", yes)
     with _bench(place, joint) as bench:
         problem = bench.ask() or bench.settle()
         if not problem:
@@ -169,16 +167,6 @@ def _bench(place: Place, joints: tuple[str, ...]) -> "Iterator[Bench]":
         bench = Bench(some, bus)
         with switched_off_afterwards(bench):
             yield bench
-
-
-def _confirm(question: str, yes: bool) -> None:
-    """Raise UserError unless the user agrees."""
-    if yes:
-        return
-    if not sys.stdin.isatty():
-        raise UserError("nobody is there to confirm: add --yes")
-    if input(f"{question} [y/N] ").strip().lower() not in ("y", "yes"):
-        raise UserError("not confirmed")
 
 
 def _verdict(bench: "Bench", problem: str) -> int:

@@ -1,0 +1,1 @@
+"""A robot's first steps, one after the other, each with a measure of its own."""

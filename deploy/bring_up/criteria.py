@@ -1,0 +1,147 @@
+"""What a step has to show: each criterion is a function of samples and yields a sentence for each failure."""
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from footfall.deploy.bring_up.config import BringUpLimits
+from footfall.deploy.bring_up.recording import Samples
+from footfall.robots.description import Robot
+from footfall.robots.rigid_body import nominal_body
+
+GRAVITY = 9.81
+MOST_POSES = 50  # that a stretch is looked at by
+
+
+class Window(NamedTuple):
+    """A stretch of a step, and the joints that move in it."""
+
+    begin_s: float
+    end_s: float
+    joints: tuple[int, ...] = ()
+    sways: str = ""  # which way the base tilts: roll or pitch
+
+
+class Case(NamedTuple):
+    """What a criterion judges."""
+
+    robot: Robot
+    places: list[str]  # of the joints, for sentences
+    window: Window
+    samples: Samples
+    limits: BringUpLimits
+
+
+Criterion = Callable[[Case], Iterator[str]]
+
+
+def follow(case: Case) -> Iterator[str]:
+    """Joints that shall move go as far as their targets, and the others stay."""
+    position, target = (values - values[0] for values in (case.samples.position, case.samples.target))
+    moving = list(case.window.joints)
+    low, high = case.limits.follows
+    way = np.abs(position).max(axis=0)
+    others = [j for j in range(len(way)) if j not in moving and way[j] > case.limits.still_rad]
+    for joint in moving:
+        place, asked = case.places[joint], target[:, joint]
+        share = float(position[:, joint] @ asked / (asked @ asked))
+        if low <= share <= high:
+            continue
+        if others and abs(share) < low:
+            yield f"{place} shall move, and {case.places[others[0]]} does: their ids or plugs are swapped"
+            return
+        if share < -low:
+            yield f"{place} turns the other way: its sign is wrong"
+        elif share < low:
+            yield f"{place} makes {share:.0%} of its way: it has no power, or something holds it"
+        else:
+            yield f"{place} makes {share:.0%} of its way: its gear ratio is wrong"
+    for joint in others:
+        yield f"{case.places[joint]} moves by {way[joint]:.2f} rad, and shall not"
+
+
+def calm(case: Case) -> Iterator[str]:
+    """No joint shakes."""
+    samples = case.samples
+    step_s = float(np.diff(samples.time_s).mean())
+    count = max(1, round(case.limits.shaking_s / step_s))
+    if len(samples.time_s) <= 2 * count:
+        return
+    mean = np.apply_along_axis(np.convolve, 0, samples.velocity, np.ones(count) / count, "valid")
+    about = samples.velocity[count // 2 : count // 2 + len(mean)] - mean
+    shaking = np.sqrt((about**2).mean(axis=0))
+    joint = int(shaking.argmax())
+    if shaking[joint] > case.limits.shaking_rad_s:
+        yield f"{case.places[joint]} shakes with {shaking[joint]:.1f} rad/s: lower its gains"
+
+
+def modest(case: Case) -> Iterator[str]:
+    """No motor works harder than it should have to."""
+    share = np.percentile(np.abs(case.samples.torque), 99, axis=0) / case.robot.motor.peak_torque
+    joint = int(share.argmax())
+    if share[joint] > case.limits.torque_share:
+        yield f"{case.places[joint]} needs {share[joint]:.0%} of its peak torque"
+
+
+def cool(case: Case) -> Iterator[str]:
+    """No motor is hot; one that does not tell its temperature passes."""
+    hottest = np.nan_to_num(case.samples.temperature_c, nan=-np.inf).max(axis=0)
+    joint = int(hottest.argmax())
+    if hottest[joint] > case.limits.temperature_c:
+        yield f"{case.places[joint]} is at {hottest[joint]:.0f} degrees Celsius"
+
+
+def level(case: Case) -> Iterator[str]:
+    """The base is level, on average."""
+    for name, angle in (("roll", case.samples.roll), ("pitch", case.samples.pitch)):
+        mean = float(angle.mean())
+        if abs(mean) > case.limits.tilt_rad:
+            yield f"the base's {name} is {mean:+.2f} rad: a joint's zero is wrong, or the IMU is askew"
+
+
+def carry(case: Case) -> Iterator[str]:
+    """The torques that the motors report carry the robot's weight, and every leg some of it.
+
+    Force f of the ground on a leg at rest: its joint torques are -J^T f.
+    """
+    robot, limits = case.robot, case.limits
+    legs = robot.legs
+    weight = GRAVITY * nominal_body(robot).mass
+    jacobian = legs.pose(case.samples.position.mean(axis=0)).jacobian
+    torque = legs.gather(case.samples.torque.mean(axis=0))
+    carried = np.array(
+        [-np.linalg.lstsq(j.T, t, rcond=None)[0][2] for j, t in zip(jacobian, torque, strict=True)]
+    )
+    share = float(carried.sum()) / weight
+    low, high = limits.carries
+    if not low <= share <= high:
+        yield f"by their torques the legs carry {share:.0%} of the robot's weight"
+        return
+    for foot, force in zip(robot.description.feet, carried, strict=True):
+        if force < limits.least_leg_share * weight / legs.count:
+            yield f"leg {foot.name} carries {force:.0f} N of {weight:.0f}: a zero, a ratio or a sign is wrong"
+
+
+def sway(case: Case) -> Iterator[str]:
+    """The base tilts by the IMU as far as by the joints' readings, with all feet on the ground."""
+    legs, samples = case.robot.legs, case.samples
+    some = slice(None, None, max(1, len(samples.time_s) // MOST_POSES))
+    feet = np.array([legs.pose(position).foot for position in samples.position[some]])
+    by_joints, by_imu = _planes(feet)[case.window.sways], getattr(samples, case.window.sways)[some]
+    by_joints, by_imu = by_joints - by_joints[0], by_imu - by_imu[0]
+    low, high = case.limits.tilts
+    if not np.any(by_joints):
+        yield "the legs do not tilt the base"
+    elif not low <= (share := float(by_imu @ by_joints / (by_joints @ by_joints))) <= high:
+        yield (
+            f"the base's {case.window.sways} is {share:.0%} of what the joints say:"
+            " a gear ratio, a zero or the IMU's mounting is wrong"
+        )
+
+
+def _planes(feet: np.ndarray) -> dict[str, np.ndarray]:
+    """Roll and pitch, rad, (T,), of a base whose feet (T, legs, 3), base frame, stand on level ground."""
+    centred = feet - feet.mean(axis=1, keepdims=True)
+    slopes = np.array([np.linalg.lstsq(each[:, :2], each[:, 2], rcond=None)[0] for each in centred])
+    return {"roll": -np.arctan(slopes[:, 1]), "pitch": np.arctan(slopes[:, 0])}

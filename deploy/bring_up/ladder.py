@@ -1,0 +1,202 @@
+"""The ladder: steps from holding a pose to walking, each of which has to pass before the next one begins."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from footfall.deploy.bring_up.config import BringUpConfig
+from footfall.deploy.bring_up.criteria import (
+    Case,
+    Criterion,
+    Window,
+    calm,
+    carry,
+    cool,
+    follow,
+    level,
+    modest,
+    sway,
+)
+from footfall.deploy.bring_up.motions import (
+    Excursions,
+    SlewedIn,
+    Standing,
+    one_after_the_other,
+    still,
+    swaying,
+)
+from footfall.deploy.bring_up.recording import Recording
+from footfall.deploy.bus import Bus
+from footfall.deploy.config import DeployConfig
+from footfall.deploy.loop import Command, ControlLoop
+from footfall.deploy.session import Outcome, Session, run_session
+from footfall.deploy.wiring import wire
+from footfall.policies.policy import Policy
+from footfall.robots.description import Robot
+
+LOOK_EVERY = 2  # ticks
+
+
+class Setting(NamedTuple):
+    """What a ladder is climbed with."""
+
+    robot: Robot
+    policy: Policy  # that walks in the last step
+    command: Command  # for it
+    config: BringUpConfig
+    deploy: DeployConfig  # its `scale` counts in every step
+    realtime: bool = True
+
+    @property
+    def gains(self) -> tuple[np.ndarray, np.ndarray]:
+        """Stiffness and damping of standing, (n,) each."""
+        return self.deploy.stand_kp_scale * self.robot.kp, self.deploy.stand_kd_scale * self.robot.kd
+
+
+class Plan(NamedTuple):
+    """What happens in a step: what decides, and the windows in which it is judged, one after the other."""
+
+    policy: Policy
+    windows: list[Window]
+    command: Command = lambda _: np.zeros(3)
+
+
+class Step(NamedTuple):
+    """One step: how the robot has to be, what it does, and what it has to show."""
+
+    name: str
+    hangs: bool  # in a frame, feet in the air; else it lies or stands on the ground
+    about: str
+    plan: Callable[[Setting], Plan]
+    criteria: tuple[Criterion, ...]
+    least_feet: int = 1  # that it takes
+
+
+class Verdict(NamedTuple):
+    """How a step went."""
+
+    step: str
+    findings: tuple[str, ...]  # why it failed; empty if it passed
+    outcome: Outcome
+
+    @property
+    def passed(self) -> bool:
+        return not self.findings
+
+
+def _hold(setting: Setting) -> Plan:
+    policy = Excursions(still(setting.robot), *setting.gains)
+    return Plan(policy, [Window(0.0, setting.config.hold_s)])
+
+
+def _move(setting: Setting, groups: list[np.ndarray]) -> Plan:
+    config, each_s = setting.config, setting.config.move_s
+    way = one_after_the_other(setting.robot, groups, config.move_rad, each_s)
+    windows = [
+        Window(turn * each_s, (turn + 1) * each_s, tuple(group.tolist())) for turn, group in enumerate(groups)
+    ]
+    return Plan(Excursions(way, *setting.gains), windows)
+
+
+def _move_joints(setting: Setting) -> Plan:
+    return _move(setting, [np.array([joint]) for joint in range(len(setting.robot.joint_names))])
+
+
+def _move_legs(setting: Setting) -> Plan:
+    return _move(setting, list(setting.robot.foot_joints))
+
+
+def _stand(setting: Setting) -> Plan:
+    robot = setting.robot
+    return Plan(Standing(robot, still(robot), *setting.gains), [Window(0.0, setting.config.hold_s)])
+
+
+def _sway(setting: Setting) -> Plan:
+    robot, config = setting.robot, setting.config
+    way, each_s = swaying(robot, config.sway_rad, config.move_s), config.move_s
+    windows = [
+        Window(turn * each_s, (turn + 1) * each_s, sways=s) for turn, s in enumerate(("roll", "pitch"))
+    ]
+    return Plan(Standing(robot, way, *setting.gains), windows)
+
+
+def _walk(setting: Setting) -> Plan:
+    config = setting.config
+    policy = SlewedIn(setting.policy, setting.robot, config.slew_s, *setting.gains)
+    return Plan(policy, [Window(0.0, config.slew_s + config.walk_s)], setting.command)
+
+
+ALWAYS = (calm, modest, cool)
+STEPS = (
+    Step("hold", True, "the joints hold the pose in which they are found", _hold, (follow, *ALWAYS)),
+    Step("joints", True, "one joint after the other moves, and no other", _move_joints, (follow, *ALWAYS)),
+    Step("legs", True, "one leg after the other moves", _move_legs, (follow, *ALWAYS)),
+    Step("stand", False, "the robot stands", _stand, (level, carry, *ALWAYS)),
+    Step("shift", False, "it shifts its weight, and the IMU agrees", _sway, (sway, *ALWAYS), least_feet=3),
+    Step("walk", False, "the policy takes over slowly", _walk, (cool,)),
+)  # fmt: skip
+
+
+class _Judge:
+    """Records a run, judges each window as it ends, and ends the run as soon as something is wrong."""
+
+    def __init__(self, setting: Setting, step: Step, plan: Plan) -> None:
+        wiring = wire(setting.robot)
+        self._places = [wiring.place(joint) for joint in range(len(setting.robot.joint_names))]
+        self._setting, self._step, self._waiting = setting, step, list(plan.windows)
+        self._recording, self._ticks = Recording(), 0
+        self.findings: list[str] = []
+
+    def tick(self, loop: ControlLoop) -> None:
+        """To be called after each joint tick."""
+        self._ticks += 1
+        if not loop.walking or self._ticks % LOOK_EVERY:
+            return
+        self._recording.add(loop)
+        error = np.abs(loop.target - loop.sensed.joint_position)
+        joint = int(error.argmax())
+        if self._step.hangs and error[joint] > self._setting.config.limits.lost_rad:
+            self.findings.append(f"{self._places[joint]} is {error[joint]:.2f} rad away from its target")
+        while self._waiting and loop.walking_s >= self._waiting[0].end_s - 1e-9:
+            self._judge(self._waiting.pop(0))
+        if self.findings:
+            loop.finish(at_once=True)
+
+    def _judge(self, window: Window) -> None:
+        setting, samples = self._setting, self._recording.between(window.begin_s, window.end_s)
+        case = Case(setting.robot, self._places, window, samples, setting.config.limits)
+        for criterion in self._step.criteria:
+            self.findings += criterion(case)
+
+    def verdict(self, outcome: Outcome) -> Verdict:
+        """What is to be said of the run as a whole; what the supervisor found comes first."""
+        findings = [*outcome.faults, *self.findings]
+        if not findings and self._waiting:
+            findings = ["it was ended before it was done"]
+        return Verdict(self._step.name, tuple(findings), outcome)
+
+
+def climb(step: Step, setting: Setting, bus: Bus) -> Verdict:
+    """One step of the ladder, from motors off to motors off.
+
+    Args:
+        step: which.
+        setting: what it is climbed with.
+        bus: leads to the robot, which has to hang or be on the ground as the step says.
+
+    Raises:
+        UserError: policy, robot and settings do not fit; nothing has moved then.
+    """
+    plan = step.plan(setting)
+    judge = _Judge(setting, step, plan)
+    session = Session(
+        command=plan.command,
+        duration_s=plan.windows[-1].end_s + 0.05,  # so that the last window is judged
+        realtime=setting.realtime,
+        config=setting.deploy,
+        stand_up=not step.hangs,
+        lie_down=not step.hangs,
+    )
+    outcome = run_session(setting.robot, plan.policy, bus, session, judge.tick)
+    return judge.verdict(outcome)

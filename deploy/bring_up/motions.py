@@ -1,0 +1,123 @@
+"""What the joints do in each step: policies that move a little, and one that slowly gives way to another."""
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from footfall.policies.contract import Contract
+from footfall.policies.controllers.stance import level_feet
+from footfall.policies.policy import Observation, Policy
+from footfall.robots.actuator import JointCommand
+from footfall.robots.description import Robot
+
+Way = Callable[[float], np.ndarray]  # from the time, s, to joint positions less the first ones, rad, (n,)
+RATE_HZ = 100.0
+
+
+def there_and_back(share: float) -> float:
+    """From 0 to 1 and back to 0 while a share goes from 0 to 1, at rest at both ends."""
+    return 0.5 - 0.5 * math.cos(2.0 * math.pi * share)
+
+
+class Excursions:
+    """Leaves the pose found at its reset, and comes back."""
+
+    name = "excursions"
+    rate_hz = RATE_HZ
+    needs_estimate = False
+    contract: Contract | None = None
+    notes: Sequence[str] = ()
+
+    def __init__(self, way: Way, kp: np.ndarray, kd: np.ndarray) -> None:
+        """Gains (n,), N m/rad and N m s/rad."""
+        self._way, self._kp, self._kd = way, kp, kd
+        self._start = np.zeros_like(kp)
+
+    def reset(self, observation: Observation) -> None:
+        self._start = observation.sensed.joint_position.copy()
+
+    def act(self, observation: Observation) -> JointCommand:
+        zero = np.zeros_like(self._kp)
+        return JointCommand(self._start + self._way(observation.time_s), zero, self._kp, self._kd, zero)
+
+    def stance(self) -> np.ndarray | None:
+        return None
+
+
+class Standing(Excursions):
+    """Moves from the default pose, wherever the joints are at first."""
+
+    def __init__(self, robot: Robot, way: Way, kp: np.ndarray, kd: np.ndarray) -> None:
+        super().__init__(way, kp, kd)
+        self._default_pose = robot.default_pose
+
+    def reset(self, observation: Observation) -> None:
+        self._start = self._default_pose
+
+
+def still(robot: Robot) -> Way:
+    """No motion."""
+    zero = np.zeros(len(robot.joint_names))
+    return lambda _: zero
+
+
+def one_after_the_other(robot: Robot, groups: Sequence[np.ndarray], by_rad: float, each_s: float) -> Way:
+    """Groups of joints (indices) move in turn, each joint towards the middle of its range."""
+    lower, upper = robot.soft_limits
+    direction = np.where(robot.default_pose < (lower + upper) / 2, 1.0, -1.0)
+    masks = np.zeros((len(groups), len(lower)))
+    for row, group in enumerate(groups):
+        masks[row, group] = by_rad * direction[group]
+
+    def way(time_s: float) -> np.ndarray:
+        turn = min(int(time_s / each_s), len(groups) - 1)
+        return there_and_back(min(time_s / each_s - turn, 1.0)) * masks[turn]
+
+    return way
+
+
+def swaying(robot: Robot, by_rad: float, each_s: float) -> Way:
+    """The base tilts to its right, then to its front, about where its feet stand in the default pose."""
+    legs, pose = robot.legs, robot.default_pose
+
+    def way(time_s: float) -> np.ndarray:
+        turn = min(int(time_s / each_s), 1)
+        tilt = np.zeros(2)
+        tilt[turn] = by_rad * there_and_back(min(time_s / each_s - turn, 1.0))
+        feet = level_feet(legs.default_foot, -tilt)  # which turns a base that is tilted by `tilt` back
+        return legs.scatter(legs.solve(feet), pose) - pose
+
+    return way
+
+
+class SlewedIn:
+    """Stands at first, and is more and more what another policy decides."""
+
+    def __init__(self, policy: Policy, robot: Robot, slew_s: float, kp: np.ndarray, kd: np.ndarray) -> None:
+        """Gains (n,) of standing; `slew_s` until the other policy decides alone."""
+        self.name, self.rate_hz, self.needs_estimate = policy.name, policy.rate_hz, policy.needs_estimate
+        zero = np.zeros_like(kp)
+        self._policy, self._slew_s = policy, slew_s
+        self._stand = np.array([robot.default_pose, zero, kp, kd, zero])
+
+    @property
+    def contract(self) -> Contract | None:
+        return self._policy.contract
+
+    @property
+    def notes(self) -> Sequence[str]:
+        return self._policy.notes
+
+    def reset(self, observation: Observation) -> None:
+        self._policy.reset(observation)
+
+    def act(self, observation: Observation) -> JointCommand:
+        share = min(observation.time_s / self._slew_s, 1.0) if self._slew_s else 1.0
+        decided = self._policy.act(observation)
+        if share == 1.0:
+            return decided
+        return JointCommand.of(self._stand + share * (np.array(decided, dtype=float) - self._stand))
+
+    def stance(self) -> np.ndarray | None:
+        return self._policy.stance()

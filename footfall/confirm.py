@@ -1,0 +1,20 @@
+"""A question that somebody has to answer before anything moves."""
+
+import sys
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from footfall.common.errors import UserError
+
+Yes = Annotated[bool, Parameter(negative=(), help="Do not ask.")]
+
+
+def confirm(question: str, yes: bool) -> None:
+    """Raise UserError unless the user agrees."""
+    if yes:
+        return
+    if not sys.stdin.isatty():
+        raise UserError("nobody is there to confirm: add --yes")
+    if input(f"{question} [y/N] ").strip().lower() not in ("y", "yes"):
+        raise UserError("not confirmed")

@@ -1,0 +1,161 @@
+"""`footfall bring-up`."""
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+from cyclopts import Parameter
+from cyclopts.validators import Number
+
+from footfall.common.errors import UserError
+from footfall.common.outputs import check_outputs, write_json
+from footfall.confirm import Yes, confirm
+from footfall.options import JsonFile, Names, OptionalPath, PolicyName, RobotName, VelocityCommand
+
+if TYPE_CHECKING:
+    from footfall.deploy.bring_up.ladder import Setting, Step, Verdict
+    from footfall.deploy.bus import Bus
+    from footfall.robots.description import Robot
+
+SIMULATED, VIRTUAL = "sim", "virtual"  # buses that lead to a simulated robot
+FAILED = 1
+HANGS = "The robot hangs in a frame, its feet in the air"
+GROUND = "The robot lies or stands on the ground, nobody within its reach"
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class BringUpOptions:
+    """Which steps, how strongly, and where."""
+
+    robot: RobotName = "go1"
+    bus: str = "sim"
+    """sim for the simulated robot, or socketcan for the CAN interfaces that robot.yaml names."""
+    steps: Names = ()
+    """These steps alone: hold, joints, legs, stand, shift, walk."""
+    scale: Annotated[float, Parameter(validator=Number(gte=0.01, lte=1.0))] = 0.5
+    """Share of stiffness, damping and torque that reaches the motors."""
+    command: VelocityCommand = (0.2, 0.0, 0.0)
+    """For the policy, in the last step."""
+    config: OptionalPath = None
+    """YAML file with settings of the loop and its safety limits (see docs/safety.md)."""
+    limits: OptionalPath = None
+    """YAML file with what the steps do and what is expected of them (see docs/bring_up.md)."""
+    yes: Yes = False
+    json: JsonFile = None
+
+
+def bring_up(policy: PolicyName, /, *, options: BringUpOptions = BringUpOptions()) -> int:
+    """First steps of a robot, each with a measure of its own; exit 1 at the first that fails.
+
+    Its motors are off between two steps.
+    """
+    check_outputs(options.json)
+    setting, steps = _setting(policy, options), _chosen(options.steps)
+    feet = len(setting.robot.description.feet)
+    verdicts: list[Verdict] = []
+    for step in steps:
+        if feet < step.least_feet:
+            print(f"{step.name}: left out, since it takes {step.least_feet} feet", flush=True)
+            continue
+        if options.bus != SIMULATED:
+            confirm(f"{step.name}: {step.about}. {HANGS if step.hangs else GROUND}?", options.yes)
+        verdicts.append(_climbed(step, setting, options.bus))
+        write_json(options.json, _figures(verdicts, options))
+        print(f"{step.name}: {step.about}: {'passed' if verdicts[-1].passed else 'failed'}", flush=True)
+        for finding in verdicts[-1].findings:
+            print(f"  {finding}")
+        if not verdicts[-1].passed:
+            return FAILED
+    return 0
+
+
+def _setting(policy: str, options: BringUpOptions) -> "Setting":
+    from footfall.common.config import load
+    from footfall.deploy.bring_up.config import BringUpConfig
+    from footfall.deploy.bring_up.ladder import Setting
+    from footfall.deploy.config import DeployConfig, load_deploy_config
+    from footfall.policies.registry import load_policy
+    from footfall.robots.description import load_robot
+
+    robot, command = load_robot(options.robot), np.array(options.command)
+    deploy = DeployConfig() if options.config is None else load_deploy_config(options.config)
+    return Setting(
+        robot,
+        load_policy(policy, robot),
+        lambda _: command,
+        BringUpConfig() if options.limits is None else load(options.limits, BringUpConfig),
+        replace(deploy, scale=options.scale),
+        realtime=options.bus != SIMULATED,
+    )
+
+
+def _chosen(names: tuple[str, ...]) -> "list[Step]":
+    """The steps of these names, in the ladder's order; all if none is named."""
+    from footfall.deploy.bring_up.ladder import STEPS
+
+    known = [step.name for step in STEPS]
+    for name in names:
+        if name not in known:
+            raise UserError(f"no step '{name}': there are {', '.join(known)}")
+    return [step for step in STEPS if not names or step.name in names]
+
+
+def _climbed(step: "Step", setting: "Setting", kind: str) -> "Verdict":
+    from footfall.deploy.bring_up.ladder import climb
+
+    with _opened(setting.robot, step, kind) as bus:
+        return climb(step, setting, bus)
+
+
+@contextmanager
+def _opened(robot: "Robot", step: "Step", kind: str) -> "Iterator[Bus]":
+    """The way to the robot; a simulated one is as the step needs it."""
+    from footfall.deploy.drivers import imu
+    from footfall.deploy.drivers.choice import open_driver
+    from footfall.deploy.wiring import wire
+
+    wiring = wire(robot)
+    with ExitStack() as resources:
+        if kind in (SIMULATED, VIRTUAL):
+            from footfall.plant.robot import PlantConfig, SimulatedRobot
+
+            lies = not step.hangs and robot.lying_pose is not None
+            plant = PlantConfig(lying=lies, hanging=step.hangs)
+        if kind == SIMULATED:
+            from footfall.plant.bus import SimulatedBus
+            from footfall.plant.wires import SimulatedWires
+
+            wires = SimulatedWires(wiring.buses)
+            yield SimulatedBus(wires, SimulatedRobot(robot, wiring, wires, plant))
+            return
+        if kind == VIRTUAL:
+            from footfall.plant.serve import serving
+
+            resources.enter_context(serving(robot, VIRTUAL, plant))
+        from footfall.deploy.interfaces import open_interfaces
+
+        bus = open_interfaces(kind, wiring.buses, (*open_driver(wiring).filters, *imu.FILTERS))
+        resources.callback(bus.close)
+        yield bus
+
+
+def _figures(verdicts: "list[Verdict]", options: BringUpOptions) -> dict[str, Any]:
+    return {
+        "robot": options.robot,
+        "bus": options.bus,
+        "scale": options.scale,
+        "steps": [
+            {
+                "step": verdict.step,
+                "passed": verdict.passed,
+                "findings": list(verdict.findings),
+                "final_state": verdict.outcome.final_state,
+                "run_s": verdict.outcome.run_s,
+                "notes": list(verdict.outcome.notes),
+            }
+            for verdict in verdicts
+        ],
+    }

@@ -1,0 +1,260 @@
+"""The ladder from holding a pose to walking: what each step measures, and which step finds which fault."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from deploy_policies import Hold, stand_still
+from shell import Shell
+
+from footfall.common.config import load
+from footfall.deploy.bring_up.config import BringUpConfig, BringUpLimits
+from footfall.deploy.bring_up.criteria import Case, Window, calm, carry, cool, follow, level, modest, sway
+from footfall.deploy.bring_up.ladder import STEPS, Setting, Verdict, climb
+from footfall.deploy.bring_up.motions import SlewedIn, one_after_the_other, swaying
+from footfall.deploy.bring_up.recording import Samples
+from footfall.deploy.config import DeployConfig
+from footfall.deploy.drivers.choice import open_driver
+from footfall.deploy.joint_layer import JointLayer
+from footfall.deploy.wiring import wire
+from footfall.plant.bus import SimulatedBus
+from footfall.plant.fault_kinds import KINDS
+from footfall.plant.injection import Command, InjectingBus, InjectingPolicy, Rig
+from footfall.plant.robot import PlantConfig, SimulatedRobot
+from footfall.plant.wires import SimulatedWires
+from footfall.policies.policy import Observation, Sensed
+from footfall.robots.description import Robot
+
+CONFIG = BringUpConfig(hold_s=0.5, move_s=0.5, slew_s=0.3, walk_s=0.5)
+LOOP = DeployConfig(joint_rate_hz=250.0, stand_s=0.3, pose_rate_rad_s=3.0, scale=0.5)
+FAULTS = {kind.name: kind.inject for kind in KINDS}
+TIME_S = np.linspace(0.0, 1.0, 101)
+WAY = 0.15 * np.sin(np.pi * TIME_S) ** 2
+
+
+def samples(n: int = 12, **changes: np.ndarray) -> Samples:
+    """A robot at rest, but for what changes."""
+    values = {name: np.zeros((101, n)) for name in ("target", "position", "velocity", "torque")}
+    values["temperature_c"] = np.full((101, n), 30.0)
+    up = changes.pop("up", np.tile([0.0, 0.0, 1.0], (101, 1)))
+    return Samples(TIME_S, np.stack(list((values | changes).values()), axis=1), up)
+
+
+def only(joint: int, way: np.ndarray, n: int = 12) -> np.ndarray:
+    """One joint goes a way (101,), the others stay."""
+    return way[:, None] * (np.arange(n) == joint)
+
+
+def case_of(robot: Robot, made: Samples, *joints: int, sways: str = "") -> Case:
+    places = [f"joint {joint}" for joint in range(len(robot.joint_names))]
+    return Case(robot, places, Window(0.0, 1.0, joints, sways), made, BringUpLimits())
+
+
+class TestCriteria:
+    @pytest.mark.parametrize(
+        ("moved", "by", "says"),
+        [
+            (2, 1.0, []),
+            (2, -1.0, ["joint 2 turns the other way: its sign is wrong"]),
+            (2, 0.1, ["joint 2 makes 10% of its way: it has no power, or something holds it"]),
+            (2, 1.5, ["joint 2 makes 150% of its way: its gear ratio is wrong"]),
+            (7, 1.0, ["joint 2 shall move, and joint 7 does: their ids or plugs are swapped"]),
+        ],
+    )
+    def test_a_joint_follows_its_target(self, go1: Robot, moved: int, by: float, says: list[str]) -> None:
+        made = samples(target=only(2, WAY), position=only(moved, by * WAY))
+        assert list(follow(case_of(go1, made, 2))) == says
+
+    def test_the_others_stay(self, go1: Robot) -> None:
+        made = samples(target=only(2, WAY), position=only(2, WAY) + only(5, 0.5 * WAY))
+        assert list(follow(case_of(go1, made, 2))) == ["joint 5 moves by 0.07 rad, and shall not"]
+
+    def test_no_joint_shakes(self, go1: Robot) -> None:
+        """20 Hz of 1 rad/s is 0.71 rad/s, root mean square; a slow swing of 1 rad/s is none."""
+        shaking, swing = np.sin(2 * np.pi * 20 * TIME_S), np.sin(2 * np.pi * 0.5 * TIME_S)
+        says = list(calm(case_of(go1, samples(velocity=only(4, shaking)))))
+        assert says == ["joint 4 shakes with 0.7 rad/s: lower its gains"]
+        assert list(calm(case_of(go1, samples(velocity=only(4, swing))))) == []
+
+    def test_no_motor_works_too_hard_or_is_hot(self, go1: Robot) -> None:
+        torque = only(3, np.full(101, 0.7 * 23.7))
+        assert list(modest(case_of(go1, samples(torque=torque)))) == ["joint 3 needs 70% of its peak torque"]
+        hot = samples(temperature_c=only(3, np.full(101, 71.0)))
+        assert list(cool(case_of(go1, hot))) == ["joint 3 is at 71 degrees Celsius"]
+        unknown = samples(temperature_c=np.full((101, 12), np.nan))
+        assert list(cool(case_of(go1, unknown))) == []
+
+    def test_the_base_is_level(self, go1: Robot) -> None:
+        leaning = np.tile([-np.sin(0.2), 0.0, np.cos(0.2)], (101, 1))
+        says = list(level(case_of(go1, samples(up=leaning))))
+        assert says == ["the base's pitch is +0.20 rad: a joint's zero is wrong, or the IMU is askew"]
+
+    def test_torques_that_hold_the_weight_carry_it(self, go1: Robot) -> None:
+        """An even share of 12.743 kg on each leg, by -J^T f; then of half of it; then on three legs."""
+        legs, pose = go1.legs, np.tile(go1.default_pose, (101, 1))
+        force = np.tile([0.0, 0.0, 12.743 * 9.81 / 4], (4, 1))
+
+        def told(forces: np.ndarray) -> list[str]:
+            torque = legs.scatter(legs.torque(legs.pose(go1.default_pose).jacobian, forces), np.zeros(12))
+            made = samples(position=pose, torque=np.tile(torque, (101, 1)))
+            return list(carry(case_of(go1, made)))
+
+        assert told(force) == []
+        assert told(0.5 * force) == ["by their torques the legs carry 50% of the robot's weight"]
+        assert told(force * [[1.3], [1.3], [1.3], [0.1]]) == [
+            "leg RL carries 3 N of 125: a zero, a ratio or a sign is wrong"
+        ]
+
+    def test_the_base_tilts_as_the_joints_say(self, go1: Robot) -> None:
+        tilt = 0.08 * np.sin(np.pi * TIME_S) ** 2
+        way = swaying(go1, 0.08, 1.0)
+        position = np.array([go1.default_pose + way(min(t, 0.999)) for t in TIME_S])
+        zero = np.zeros(101)
+        rolled = samples(position=position, up=np.stack([zero, np.sin(tilt), np.cos(tilt)], axis=1))
+        assert list(sway(case_of(go1, rolled, sways="roll"))) == []
+        half = samples(position=position, up=np.stack([zero, np.sin(tilt / 2), np.cos(tilt / 2)], axis=1))
+        assert "the base's roll is 50% of what the joints say" in next(sway(case_of(go1, half, sways="roll")))
+
+
+class TestMotions:
+    def test_joints_move_in_turn_and_come_back(self, go1: Robot) -> None:
+        way = one_after_the_other(go1, [np.array([0]), np.array([1, 2])], 0.1, 1.0)
+        assert np.flatnonzero(way(0.5)).tolist() == [0]
+        assert np.flatnonzero(way(1.5)).tolist() == [1, 2]
+        assert np.abs(way(1.5)).max() == pytest.approx(0.1)
+        for time_s in (0.0, 1.0, 2.0, 9.0):
+            np.testing.assert_allclose(way(time_s), 0.0, atol=1e-12)
+
+    def test_a_policy_is_slewed_in_over_standing(self, go1: Robot) -> None:
+        hold, gains = Hold(go1), (np.full(12, 10.0), np.full(12, 1.0))
+        policy = SlewedIn(hold, go1, 2.0, *gains)
+        sensed = Sensed(np.zeros(3), np.zeros(3), np.array([1.0, 0, 0, 0]), *np.zeros((3, 12)))
+        kp = [policy.act(Observation(t, sensed, np.zeros(3), np.zeros(3), 0.3)).kp for t in (0.0, 1.0, 3.0)]
+        np.testing.assert_allclose(kp[0], 10.0)
+        np.testing.assert_allclose(kp[1], (10.0 + 4 * go1.kp) / 2)
+        np.testing.assert_allclose(kp[2], 4 * go1.kp)
+
+
+def test_a_scale_lowers_gains_and_torque_and_leaves_damping_whole(go1: Robot) -> None:
+    """At rest at zero: half the gains, and half the peak torque of 23.7 and 35.55 N m at most."""
+    simulation = Simulated(go1, hangs=True)
+    driver = open_driver(simulation.wiring)
+    full, half = (JointLayer(go1, driver, 0, 1.0, scale) for scale in (1.0, 0.5))
+    wanted = np.zeros((5, 12))
+    wanted[0], wanted[2] = 1.0, 1.0
+    for layer in (full, half):
+        layer.command(wanted)
+    np.testing.assert_allclose(half.sent[2], 0.5 * full.sent[2])
+    wanted = wanted.copy()
+    wanted[0], wanted[2] = go1.soft_limits[1], 400.0
+    half.command(wanted)
+    torque = half.sent[2] * half.sent[0]
+    assert (np.abs(torque) <= 0.5 * go1.motor.peak_torque + 1e-9).all()
+    half.damping(3.0)
+    assert (half.sent[3] == 3.0).all()
+
+
+class Simulated:
+    """A simulated robot in the air or on the ground, with something wrong with it."""
+
+    def __init__(self, robot: Robot, hangs: bool, inject: Callable[[Rig], None] | None = None) -> None:
+        self.wiring = wire(robot)
+        wires = SimulatedWires(self.wiring.buses)
+        plant = PlantConfig(lying=not hangs, hanging=hangs)
+        self.body = SimulatedRobot(robot, self.wiring, wires, plant)
+        self.bus = InjectingBus(SimulatedBus(wires, self.body))
+        policy = InjectingPolicy(Hold(robot))
+        rig = Rig(
+            robot, self.wiring, self.body, self.bus, policy, Command(np.zeros(3)), np.random.default_rng(1)
+        )
+        if inject is not None:
+            inject(rig)
+
+
+def climbed(robot: Robot, name: str, inject: Callable[[Rig], None] | None = None) -> Verdict:
+    """One step, and the motors are off afterwards."""
+    step = next(step for step in STEPS if step.name == name)
+    simulated = Simulated(robot, step.hangs, inject)
+    setting = Setting(robot, Hold(robot), stand_still, CONFIG, LOOP, realtime=False)
+    verdict = climb(step, setting, simulated.bus)
+    assert not simulated.body.motors_on.any()
+    return verdict
+
+
+def no_power(rig: Rig) -> None:
+    rig.body.weaken(np.where(np.arange(len(rig.robot.joint_names)) == rig.joint, 0.0, 1.0))
+
+
+def wrong_ratio(rig: Rig) -> None:
+    """The first joint's readings are half as much again as what they are about the pose at first."""
+    rig.joint, first = 0, rig.robot.default_pose[0]
+
+    def change(values: np.ndarray, _: np.ndarray) -> None:
+        values[0, 0] = first + 1.5 * (values[0, 0] - first)
+        values[1, 0] *= 1.5
+
+    rig.on_values(change)
+
+
+class TestLadder:
+    @pytest.mark.parametrize("step", ["hold", "shift", "walk"])
+    def test_a_sound_robot_passes(self, go1: Robot, step: str) -> None:
+        verdict = climbed(go1, step)
+        assert verdict.findings == ()
+        assert verdict.outcome.final_state == "IDLE"
+
+    @pytest.mark.parametrize(
+        ("step", "inject", "says"),
+        [
+            ("hold", FAULTS["motor pulls the other way"], "pulls the other way"),
+            ("hold", FAULTS["ids of two motors swapped"], "outside its range"),
+            ("hold", no_power, "no torque"),
+            ("hold", FAULTS["motor at 90 degrees Celsius"], "90 degrees Celsius"),
+            ("joints", wrong_ratio, "its gear ratio is wrong"),
+            ("stand", FAULTS["one encoder off by a turn of the rotor"], ""),
+        ],
+        ids=["sign", "swapped", "no power", "hot", "ratio", "zero"],
+    )
+    def test_a_fault_is_found_by_the_first_step_that_can(
+        self, go1: Robot, step: str, inject: Callable[[Rig], None], says: str
+    ) -> None:
+        before = {"joints": ["hold"], "stand": ["hold"]}.get(step, [])
+        for earlier in before:
+            assert climbed(go1, earlier, inject).passed
+        verdict = climbed(go1, step, inject)
+        assert not verdict.passed
+        assert says in " ".join(verdict.findings)
+
+
+@pytest.fixture
+def shell(capsys: pytest.CaptureFixture[str]) -> Shell:
+    return Shell(capsys)
+
+
+def test_the_defaults_and_the_page_agree(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[1] / "docs/bring_up.md").read_text(encoding="utf-8")
+    path = tmp_path / "limits.yaml"
+    path.write_text(page.partition("```yaml")[2].partition("```")[0])
+    assert load(path, BringUpConfig) == BringUpConfig()
+
+
+class TestCommand:
+    def test_steps_are_told_one_by_one(self, shell: Shell, tmp_path: Path) -> None:
+        (tmp_path / "quick.yaml").write_text("hold_s: 0.5")
+        done = shell("bring-up", "stand", "--steps", "hold", "--limits", str(tmp_path / "quick.yaml"))
+        assert done.status == 0
+        assert done.out == "hold: the joints hold the pose in which they are found: passed\n"
+
+    @pytest.mark.parametrize(
+        ("options", "says"),
+        [
+            (["--steps", "jump"], "no step 'jump': there are hold, joints, legs, stand, shift, walk"),
+            (["--scale", "2"], "--scale"),
+            (["--bus", "virtual"], "nobody is there to confirm: add --yes"),
+        ],
+    )
+    def test_what_cannot_be_is_refused_in_one_line(self, shell: Shell, options: list[str], says: str) -> None:
+        refused = shell("bring-up", "stand", *options)
+        assert refused.status == 2
+        assert says in refused.err
