@@ -111,10 +111,18 @@ class TestCriteria:
         way = swaying(go1, 0.08, 1.0)
         position = np.array([go1.default_pose + way(min(t, 0.999)) for t in TIME_S])
         zero = np.zeros(101)
-        rolled = samples(position=position, up=np.stack([zero, np.sin(tilt), np.cos(tilt)], axis=1))
+        rolled = samples(
+            target=position, position=position, up=np.stack([zero, np.sin(tilt), np.cos(tilt)], axis=1)
+        )
         assert list(sway(case_of(go1, rolled, sways="roll"))) == []
-        half = samples(position=position, up=np.stack([zero, np.sin(tilt / 2), np.cos(tilt / 2)], axis=1))
+        half = samples(
+            target=position,
+            position=position,
+            up=np.stack([zero, np.sin(tilt / 2), np.cos(tilt / 2)], axis=1),
+        )
         assert "the base's roll is 50% of what the joints say" in next(sway(case_of(go1, half, sways="roll")))
+        weak = samples(target=position, position=np.tile(go1.default_pose, (101, 1)))
+        assert list(sway(case_of(go1, weak, sways="roll"))) == ["the legs do not tilt the base: too weak?"]
 
 
 class TestMotions:
@@ -225,6 +233,17 @@ class TestLadder:
         verdict = climbed(go1, step, inject)
         assert not verdict.passed
         assert says in " ".join(verdict.findings)
+        if step == "joints":
+            assert verdict.outcome.walked_s < 1.5 * CONFIG.move_s  # no other joint had to move
+
+    def test_a_robot_in_a_frame_holds_the_pose_in_which_it_is_found(self, go1: Robot) -> None:
+        simulated = Simulated(go1, hangs=True)
+        found = simulated.body.data.qpos[7:] = go1.default_pose + np.tile([0.0, 0.3, -0.3], 4)
+        setting = Setting(go1, Hold(go1), stand_still, CONFIG, LOOP, realtime=False)
+        assert climb(STEPS[0], setting, simulated.bus).passed
+        np.testing.assert_allclose(
+            simulated.body.truth().joint_position, found, atol=0.15
+        )  # it sags while it is damped
 
 
 @pytest.fixture

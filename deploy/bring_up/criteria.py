@@ -11,6 +11,7 @@ from footfall.robots.description import Robot
 from footfall.robots.rigid_body import nominal_body
 
 GRAVITY = 9.81
+LEAST_TILT = 0.3  # of what was asked for, by the joints
 MOST_POSES = 50  # that a stretch is looked at by
 
 
@@ -127,12 +128,15 @@ def sway(case: Case) -> Iterator[str]:
     """The base tilts by the IMU as far as by the joints' readings, with all feet on the ground."""
     legs, samples = case.robot.legs, case.samples
     some = slice(None, None, max(1, len(samples.time_s) // MOST_POSES))
-    feet = np.array([legs.pose(position).foot for position in samples.position[some]])
-    by_joints, by_imu = _planes(feet)[case.window.sways], getattr(samples, case.window.sways)[some]
-    by_joints, by_imu = by_joints - by_joints[0], by_imu - by_imu[0]
+    asked, by_joints = (
+        _planes(np.array([legs.pose(row).foot for row in poses[some]]))[case.window.sways]
+        for poses in (samples.target, samples.position)
+    )
+    by_imu = getattr(samples, case.window.sways)[some]
+    asked, by_joints, by_imu = asked - asked[0], by_joints - by_joints[0], by_imu - by_imu[0]
     low, high = case.limits.tilts
-    if not np.any(by_joints):
-        yield "the legs do not tilt the base"
+    if np.abs(by_joints).max() < LEAST_TILT * np.abs(asked).max():
+        yield "the legs do not tilt the base: too weak?"
     elif not low <= (share := float(by_imu @ by_joints / (by_joints @ by_joints))) <= high:
         yield (
             f"the base's {case.window.sways} is {share:.0%} of what the joints say:"
