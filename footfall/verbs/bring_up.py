@@ -76,18 +76,17 @@ def _setting(policy: str, options: BringUpOptions) -> "Setting":
     from footfall.common.config import load
     from footfall.deploy.bring_up.config import BringUpConfig
     from footfall.deploy.bring_up.ladder import Setting
-    from footfall.deploy.config import DeployConfig, load_deploy_config
+    from footfall.deploy.config import deploy_config
     from footfall.policies.registry import load_policy
     from footfall.robots.description import load_robot
 
     robot, command = load_robot(options.robot), np.array(options.command)
-    deploy = DeployConfig() if options.config is None else load_deploy_config(options.config)
     return Setting(
         robot,
         load_policy(policy, robot),
         lambda _: command,
         BringUpConfig() if options.limits is None else load(options.limits, BringUpConfig),
-        replace(deploy, scale=options.scale),
+        replace(deploy_config(robot, options.config), scale=options.scale),
         realtime=options.bus != SIMULATED,
     )
 
