@@ -180,6 +180,8 @@ class JointLayer:
         """
         position, velocity = self._joints[0], self._joints[1]
         last = pd_torque(JointCommand.of(self.sent), position, velocity)
+        if self._sent_before is self.sent:  # the same was sent again
+            return last
         before = pd_torque(JointCommand.of(self._sent_before), position, velocity)
         least, most = np.minimum(last, before), np.maximum(last, before)
         return np.maximum(least, 0.0) + np.minimum(most, 0.0)
