@@ -18,7 +18,7 @@ class SensorLimits:
     memory_s: float = 0.25  # over which contradictions add up; what is older fades
     position_rad: float = 0.2  # beyond a joint's range: stops give way, and calibration is never exact
     drift_rad: float = 0.02  # a joint's ways by its position and by its velocity apart, less a share
-    drift_share: float = 0.25  # that a velocity filtered over 7 ms takes up
+    drift_share: float = 0.2  # that a velocity filtered over 5 ms takes up
     drift_memory_s: float = 0.5  # over which ways apart add up
     speed_share: float = 1.5  # of the no-load speed: a push or a fall drives a motor beyond it
     torque_share: float = 1.2  # of the peak torque: rounding, and a motor's own idea of its constant
