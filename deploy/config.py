@@ -22,9 +22,7 @@ class DeployConfig:
     stand_s: float = 1.0  # from the measured pose to the default pose, and settling
     stand_kp_scale: float = 4.0  # of the robot's gains
     stand_kd_scale: float = 2.0
-    # Fastest that a joint moves while the robot stands up or lies down: slower than what
-    # `safety.sensors.moving_rad_s` takes for a motion that every IMU feels.
-    pose_rate_rad_s: float = 0.8
+    pose_rate_rad_s: float = 0.8  # fastest that a joint moves while the robot stands up or lies down
     stop_rate_rad_s: float = 8.0  # the same out of a walk, until all feet stand
     stop_s: float = 1.0  # that a policy has to come to a stand before the robot lies down
     scale: float = (

@@ -165,7 +165,7 @@ class SensorMonitor:
         for part, (now, before) in enumerate(zip(inertial, self._inertial, strict=True)):
             if now != before:
                 self._imu_repeated[part] = 0.0
-            elif fastest > limits.moving_rad_s:
+            elif fastest > limits.moving_rad_s and self.on_legs:  # one that lies or hangs may keep still
                 self._imu_repeated[part] += elapsed_s
 
     def _compare_ways(self, started: np.ndarray, turned: np.ndarray, elapsed_s: float) -> None:

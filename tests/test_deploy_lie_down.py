@@ -13,10 +13,12 @@ from deploy_policies import Hold, Spoilt, not_a_number, short_episode
 from footfall.common.errors import UserError
 from footfall.common.rotations import tilt
 from footfall.deploy.config import DeployConfig
+from footfall.deploy.drivers.imu import Inertial
 from footfall.deploy.loop import POSED, ControlLoop
 from footfall.deploy.pose_path import PosePath
 from footfall.deploy.postures import Postures
 from footfall.deploy.safety import HELD, Mode
+from footfall.deploy.sensor_monitor import SensorMonitor
 from footfall.deploy.wiring import wire
 from footfall.plant.episode import Episode, run_episode
 from footfall.plant.robot import PlantConfig, SimulatedRobot
@@ -119,6 +121,23 @@ class TestPostures:
         assert Postures(go1, CONFIG, lie_down=True).may_lie
         assert not Postures(go1, CONFIG, lie_down=False).may_lie
         assert not Postures(load_robot("g1"), CONFIG, lie_down=True).may_lie
+
+
+@pytest.mark.parametrize("on_legs", [True, False])
+def test_an_imu_may_repeat_itself_while_a_robot_on_the_ground_moves_its_legs(
+    go1: Robot, on_legs: bool
+) -> None:
+    """For 0.2 s at 2 rad/s; of a robot on its legs that is a stuck IMU."""
+    monitor = SensorMonitor(go1, CONFIG.safety.sensors, 0.002)
+    rest = Inertial((0.0,) * 3, (0.0, 0.0, 9.81), (1.0, 0.0, 0.0, 0.0))
+    joints, none = np.zeros((3, 12)), np.zeros(12)
+    monitor.begin(0, none, rest, joints, none)
+    monitor.on_legs = on_legs
+    for now_us in range(0, 200_000, 2000):
+        joints = np.array([none + 2e-6 * now_us, none + 2.0, none])
+        if monitor.due(now_us) and monitor.add(now_us, 0, none + now_us, rest, joints, none):
+            monitor.look(none, joints[0], none + 30.0, none + 24.0)
+    assert (monitor.imu_repeated("gyro") > 0.1) is on_legs
 
 
 class TestRun:
