@@ -18,6 +18,7 @@ from footfall.robots.kinematics import Legs
 
 GRAVITY = 9.81
 LOOKS_A_HEIGHT = 3  # a body takes its time to fall, and its height takes more to work out than all the rest
+IMPACT_S = 0.01  # that a foot takes to touch down: readings farther apart miss how a velocity changes
 SAMPLE_S = 0.004  # between two readings that are added up: a fraction of what a leg takes to swing
 IMU_PARTS = Inertial._fields
 
@@ -30,6 +31,7 @@ class SensorMonitor:
         self._limits = limits
         sample_s = tick_s * max(1, round(min(SAMPLE_S, limits.period_s) / tick_s))
         self._sample_us = round(1e6 * (sample_s - tick_s / 2))  # half a tick early: rounding costs none
+        self._share = limits.drift_share * max(1.0, sample_s / IMPACT_S)  # of a way, granted
         self._every = max(1, round(limits.period_s / sample_s))
         self._gap_us = round(1e6 * max(limits.period_s / 2, 1.5 * sample_s))
         self.lower, self.upper = robot.lower_rad, robot.upper_rad
@@ -174,15 +176,14 @@ class SensorMonitor:
         Each reading of a window, less the way by velocities until then, says where the window began: their
         mean has less noise than one of them, and should be where the window before ended. Squares are added
         up, so that what a joint does to and fro does not cancel out. A share of the way is granted, since a
-        velocity that a motor filters lags behind.
+        velocity that a motor filters lags behind, the more so where readings are far apart.
         """
-        limits = self._limits
         apart = started - self._ended
         self._ended = started + turned
-        kept = math.exp(-elapsed_s / limits.drift_memory_s)
+        kept = math.exp(-elapsed_s / self._limits.drift_memory_s)
         self._apart = kept * self._apart + apart * apart
         self._ways = kept * self._ways + np.maximum(turned * turned, (turned + apart) ** 2)
-        self.drift = np.sqrt(self._apart) - limits.drift_share * np.sqrt(self._ways)
+        self.drift = np.sqrt(self._apart) - self._share * np.sqrt(self._ways)
 
     def _compare_torques(
         self,
