@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 from footfall.common.config import require_between
+from footfall.common.errors import UserError
 
 
 @dataclass(frozen=True)
@@ -23,10 +24,11 @@ class SensorLimits:
     speed_share: float = 1.5  # of the no-load speed: a push or a fall drives a motor beyond it
     torque_share: float = 1.2  # of the peak torque: rounding, and a motor's own idea of its constant
     voltage_v: float = 0.0  # that a supply may be outside its range
-    limp_s: float = 0.1  # that a motor reports little torque while much is commanded
+    limp_s: float = 0.1  # that a motor reports little torque while much is commanded; longer if it is less
     opposing: float = 0.3  # share of the expected torque that it reports in the other direction, on average
     lag_s: float = 0.03  # of a reading and of a command together: what a torque was predicted from is older
-    torque_much: float = 0.1  # of the peak torque: more than friction and rounding can hide
+    torque_hidden: float = 0.03  # of the peak torque: what friction and rounding can hide
+    torque_much: float = 0.06  # of the peak torque: a motor that does not report this much is limp
     torque_some: float = 0.05  # of the peak torque, on average: less has no direction that counts
     torque_little: float = 0.02  # of the peak torque: what a motor without current may report
     repeated_rad: float = 0.1  # way of a joint's target while its motor repeats one reply
@@ -52,7 +54,11 @@ class SensorLimits:
         require_between(self, 0.01, 2.0, "rest_error", "lean_error", "lift_error")
         require_between(self, 0.01, 10.0, "limp_s")
         require_between(self, 0.0, 0.1, "lag_s")
-        require_between(self, 0.001, 1.0, "torque_much", "torque_some", "torque_little")
+        require_between(self, 0.001, 1.0, "torque_hidden", "torque_much", "torque_some", "torque_little")
+        if self.torque_hidden >= self.torque_much:
+            raise UserError(
+                f"torque_hidden is {self.torque_hidden}: it must be below torque_much, {self.torque_much}"
+            )
         require_between(self, 0.01, 100.0, "moving_rad_s", "resting_rad_s")
         require_between(self, 1.0, 10.0, "speed_share", "torque_share")
         require_between(self, 0.0, 100.0, "voltage_v")

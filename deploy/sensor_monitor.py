@@ -36,7 +36,8 @@ class SensorMonitor:
         self._gap_us = round(1e6 * max(limits.period_s / 2, 1.5 * sample_s))
         self.lower, self.upper = robot.lower_rad, robot.upper_rad
         self._least_voltage, self._most_voltage = robot.voltage_range
-        self._much = limits.torque_much * robot.motor.peak_torque
+        self._hidden = limits.torque_hidden * robot.motor.peak_torque
+        self._much = (limits.torque_much - limits.torque_hidden) * robot.motor.peak_torque  # beyond that
         self._little = limits.torque_little * robot.motor.peak_torque
         self._least = (limits.torque_some * robot.motor.peak_torque) ** 2
         self._legs, self._standing_m = _legs(robot), robot.description.standing_height_m
@@ -207,7 +208,7 @@ class SensorMonitor:
         """
         limits = self._limits
         least = np.maximum(np.abs(expected) - limits.lag_s * slope, 0.0)
-        asked = least > self._much
+        asked = ((least - self._hidden) / self._much).clip(0.0, 1.0)
         silent = np.maximum(np.abs(torque), np.abs(last)) <= self._little
         self.limp_s = silent * (self.limp_s + elapsed_s * asked)
         kept = math.exp(-elapsed_s / limits.memory_s)

@@ -373,7 +373,7 @@ def _late(milliseconds: int) -> Callable[[Rig], None]:
 SLOW_S = 1.5  # of a joint that hardly moves
 WAY = "a joint has to move for a while before its readings contradict each other"
 NEAR_ZERO = "a joint near its zero reads much the same with either sign; noticed once it moves"
-CARRIES_LITTLE = "a motor that is hardly asked for torque has no direction to compare"
+CARRIES_LITTLE = "a motor that is hardly asked for torque gives little to compare"
 ALIKE = "two joints in like poses read alike until they move apart"
 UNUSED = "no controller uses it; noticed where it reads none, or the opposite, while much is commanded"
 CONSTANT_LAG = "late readings agree with each other; a walk bears it"
@@ -397,7 +397,7 @@ REPLIES = (
     FaultKind("velocity's sign turned round", "motors' replies", _negative(1), SOON_S),
     FaultKind("velocity doubled", "motors' replies", _values(_doubled_speed), SLOW_S, WAY),
     FaultKind("position's sign turned round", "motors' replies", _negative(0), SLOW_S, NEAR_ZERO),
-    FaultKind("torque zero", "motors' replies", _zeroed(2), SOON_S),
+    FaultKind("torque zero", "motors' replies", _zeroed(2), SLOW_S, CARRIES_LITTLE),
     FaultKind("torque frozen", "motors' replies", _row_frozen(2), None, UNUSED),
     FaultKind("torque's sign turned round", "motors' replies", _negative(2), SLOW_S, CARRIES_LITTLE),
     FaultKind("encoder jumps by 0.3 rad", "motors' replies", _position_off(lambda _: 0.3), main=True),
@@ -477,7 +477,14 @@ WEAK = (
     "a motor that delivers less than it says is a heavier robot to all sensors; a fall is noticed by its tilt"
 )
 BODY = (
-    FaultKind("one motor rebooted: limp, but replies", "motors and body", _reboot(False), SOON_S, main=True),
+    FaultKind(
+        "one motor rebooted: limp, but replies",
+        "motors and body",
+        _reboot(False),
+        SLOW_S,
+        CARRIES_LITTLE,
+        main=True,
+    ),
     FaultKind("all motors rebooted", "motors and body", _reboot(True), SOON_S, main=True),
     FaultKind("motor pulls the other way", "motors and body", _strength(-1.0), SOON_S, main=True),
     FaultKind("motor has a third of its torque", "motors and body", _strength(0.33), None, WEAK),

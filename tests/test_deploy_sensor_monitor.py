@@ -6,6 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from footfall.common.errors import UserError
 from footfall.deploy.drivers.imu import Inertial
 from footfall.deploy.sensor_limits import SensorLimits
 from footfall.deploy.sensor_monitor import SensorMonitor
@@ -133,8 +134,13 @@ class TestTorques:
         peak = float(go1.motor.peak_torque[0])
         limp = told(go1, torque=lambda _: (0.01 * peak, 0.5 * peak), samples=50)
         assert limp.limp_s[0] == pytest.approx(0.2)
+        half = told(go1, torque=lambda _: (0.01 * peak, 0.045 * peak), samples=50)  # between 3 and 6 %
+        assert half.limp_s[0] == pytest.approx(0.1)
         assert told(go1, torque=lambda _: (0.03 * peak, 0.5 * peak)).limp_s[0] == 0.0
-        assert told(go1, torque=lambda _: (0.0, 0.05 * peak)).limp_s[0] == 0.0
+        hidden = told(go1, torque=lambda _: (0.0, 0.03 * peak), samples=50)
+        assert hidden.limp_s[0] == pytest.approx(0.0, abs=1e-12)
+        with pytest.raises(UserError, match="must be below torque_much"):
+            SensorLimits(torque_hidden=0.1, torque_much=0.1)
 
 
 class TestRepeated:
