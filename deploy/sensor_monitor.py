@@ -260,14 +260,16 @@ class SensorMonitor:
             self.rest_error = math.hypot(ahead, left, up - GRAVITY) / GRAVITY
 
     def sunk_share(self, position: np.ndarray, quaternion: Sequence[float]) -> float:
-        """How much of the base's clearance above its lowest foot is gone, by the legs and the IMU.
+        """How much of the clearance between the base's lowest corner and the lowest foot is gone.
+
+        By the legs and the IMU.
 
         Args:
             position: (n,) of the joints, rad.
             quaternion: of the base, w x y z.
 
         Returns:
-            0 when it stands, 1 when the base is as low as the feet; 0 of a robot without legs.
+            0 when it stands, 1 when a corner of the base is as low as the feet; 0 of a robot without legs.
         """
         if self._legs is None:
             return 0.0
@@ -275,7 +277,8 @@ class SensorMonitor:
         up = (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y))
         below = self._legs.pose(position).foot @ up
         height = float(np.maximum.reduce(self._legs.foot_radius - below))
-        clearance = (height - self._legs.base_below) / (self._standing_m - self._legs.base_below)
+        base_below = -float(np.minimum.reduce(self._legs.base_corners @ up))
+        clearance = (height - base_below) / (self._standing_m - self._legs.base_below)
         return 1.0 - clearance
 
     # -- what the rows measure -----------------------------------------------------------------------

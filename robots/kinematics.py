@@ -20,7 +20,7 @@ from footfall.robots.feet import FootBalls, foot_balls, foot_geoms
 from footfall.robots.least_squares import Chains, LeastSquares
 from footfall.robots.limb import Limb
 from footfall.robots.model import as_slice
-from footfall.robots.stance import base_below, lowest_points
+from footfall.robots.stance import base_corners, lowest_points
 
 _REGULAR = 1e-6 * np.eye(3)  # m^2/rad^2
 _HINGES_FOR_LEVEL_SOLE = 6  # three for its place, three for its orientation
@@ -63,7 +63,8 @@ class Legs:
         self.default_angles = self.gather(robot.default_pose)
         self.default_foot = self.pose(robot.default_pose).foot
         self.foot_radius = self.default_foot[:, 2] - lowest_points(robot.description, self._model)
-        self.base_below = base_below(robot.description, self._model)  # m, of its origin
+        self.base_corners = base_corners(robot.description, self._model)
+        self.base_below = -float(self.base_corners[:, 2].min())  # m, of its origin, when level
         # Each as often as a limb's Jacobian has numbers: to broadcast takes longer.
         self._radii = np.repeat(self.foot_radius, 3 * self.hinges).reshape(self.count, 3, self.hinges)
         forms = [closed_form(limb, tip) for limb, tip in zip(self.limbs, self.default_foot, strict=True)]

@@ -1,5 +1,6 @@
 """How a robot stands in its default pose: how high, and where its feet are."""
 
+from itertools import product
 from typing import TYPE_CHECKING
 
 import mujoco
@@ -60,11 +61,24 @@ def _lowest_of_feet(description: "Description", model: mujoco.MjModel, data: muj
 
 def base_below(description: "Description", model: mujoco.MjModel) -> float:
     """How far the base reaches below its origin when level, m; 0 of a base that can touch nothing."""
+    return -float(base_corners(description, model)[:, 2].min())
+
+
+def base_corners(description: "Description", model: mujoco.MjModel) -> np.ndarray:
+    """Corners of a box around all of the base that can touch something, m, base frame, (8, 3).
+
+    All are the origin for a base that can touch nothing.
+    """
     data = in_default_pose(model, description)
     free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)[0]
     solid = (model.geom_contype | model.geom_conaffinity) > 0
     geoms = np.flatnonzero(solid & (model.geom_bodyid == model.jnt_bodyid[free])).tolist()
-    return max((-_lowest_point(model, data, geom) for geom in geoms), default=0.0)
+    sides = [
+        [sign * max((_farthest(model, data, geom, sign * axis) for geom in geoms), default=0.0)
+         for sign in (-1.0, 1.0)]
+        for axis in np.eye(3)
+    ]  # fmt: skip
+    return np.array(list(product(*sides)))
 
 
 def foot_places(description: "Description", model: mujoco.MjModel) -> np.ndarray:
@@ -76,22 +90,27 @@ def foot_places(description: "Description", model: mujoco.MjModel) -> np.ndarray
 
 def _lowest_point(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> float:
     """Height of a geom's lowest point, m."""
+    return -_farthest(model, data, geom, np.array([0.0, 0.0, -1.0]))
+
+
+def _farthest(model: mujoco.MjModel, data: mujoco.MjData, geom: int, direction: np.ndarray) -> float:
+    """How far a geom reaches along a direction of the world, (3,) of length 1, from the world's origin, m."""
     size = model.geom_size[geom]
-    up = data.geom_xmat[geom].reshape(3, 3)[2]  # the world's z in the geom's axes
+    along = direction @ data.geom_xmat[geom].reshape(3, 3)  # the direction in the geom's axes
     kinds = mujoco.mjtGeom
     match model.geom_type[geom]:
         case kinds.mjGEOM_SPHERE:
-            below = size[0]
+            reach = size[0]
         case kinds.mjGEOM_CAPSULE:
-            below = size[0] + size[1] * abs(up[2])
+            reach = size[0] + size[1] * abs(along[2])
         case kinds.mjGEOM_CYLINDER:
-            below = size[0] * np.hypot(up[0], up[1]) + size[1] * abs(up[2])
+            reach = size[0] * np.hypot(along[0], along[1]) + size[1] * abs(along[2])
         case kinds.mjGEOM_ELLIPSOID:
-            below = np.linalg.norm(size * up)
+            reach = np.linalg.norm(size * along)
         case kinds.mjGEOM_MESH:
             mesh = model.geom_dataid[geom]
             start = model.mesh_vertadr[mesh]
-            below = -(model.mesh_vert[start : start + model.mesh_vertnum[mesh]] @ up).min()
+            reach = (model.mesh_vert[start : start + model.mesh_vertnum[mesh]] @ along).max()
         case _:
-            below = np.abs(size * up).sum()  # a box
-    return float(data.geom_xpos[geom][2] - below)
+            reach = np.abs(size * along).sum()  # a box
+    return float(data.geom_xpos[geom] @ direction + reach)
