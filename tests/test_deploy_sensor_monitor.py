@@ -143,6 +143,24 @@ class TestTorques:
             SensorLimits(torque_hidden=0.1, torque_much=0.1)
 
 
+class TestHeight:
+    """How much of the base's clearance is gone: by the legs, the IMU, and the lowest corner of the base."""
+
+    def test_a_level_robot_that_stands_has_all_of_it(self, go1: Robot) -> None:
+        monitor = SensorMonitor(go1, LIMITS, 0.002)
+        assert monitor.sunk_share(go1.default_pose, (1.0, 0.0, 0.0, 0.0)) == pytest.approx(0.0, abs=1e-3)
+
+    def test_the_corner_that_a_tilt_brings_down_counts(self, go1: Robot) -> None:
+        """Nose down by 0.5 rad: front feet 0.188 m ahead and 0.271 m below, a trunk of half 0.13 by 0.05 m.
+
+        The origin is 0.188 sin 0.5 + 0.271 cos 0.5 + 0.023 = 0.351 m over the lowest foot, and the corner
+        0.13 sin 0.5 + 0.05 cos 0.5 = 0.106 m below it: the clearance is 0.245 m, that of a level robot.
+        """
+        monitor = SensorMonitor(go1, LIMITS, 0.002)
+        nose_down = (math.cos(0.25), 0.0, math.sin(0.25), 0.0)
+        assert monitor.sunk_share(go1.default_pose, nose_down) == pytest.approx(0.0, abs=0.01)
+
+
 class TestRepeated:
     """A reading that stays while its target moves."""
 

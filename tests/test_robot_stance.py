@@ -11,7 +11,7 @@ from footfall.common.errors import UserError
 from footfall.robots.description import Robot, load_robot, load_spec
 from footfall.robots.model import joint_addresses
 from footfall.robots.rigid_body import nominal_body
-from footfall.robots.stance import foot_places, in_default_pose, touching_height
+from footfall.robots.stance import base_corners, foot_places, in_default_pose, touching_height
 
 # Thigh and shank of 0.213 m at 0.9 rad, then the hip's 0.08 m, all turned by 0.1 rad.
 FOOT_BELOW_BASE_M = 2 * 0.213 * np.cos(0.9) * np.cos(0.1) + 0.08 * np.sin(0.1)
@@ -148,3 +148,21 @@ def test_a_foot_of_several_geoms_is_in_their_middle(go1: Robot) -> None:
     places = foot_places(replace(go1.description, feet=tuple(feet)), model)
     np.testing.assert_allclose(places[1], (places[0] + foot_places(go1.description, model)[1]) / 2)
     assert places[1, 1] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_box_around_the_base_holds_all_that_can_touch_and_nothing_else(
+    go1: Robot, own_folder: Path
+) -> None:
+    """Its trunk reaches 0.13, 0.09 and 0.05 m; a ball at its nose and a wedge below go farther."""
+    text = (own_folder / "robot.xml").read_text()
+    box = '<geom class="collision" type="box" size="0.13 0.09 0.05"/>'
+    assert text.count(box) == 1
+    ball = '<geom class="collision" type="sphere" size="0.03" pos="0.2 0 0"/>'
+    wedge = '<geom class="collision" type="mesh" mesh="wedge" pos="0 0 -0.1" quat="0 1 0 0"/>'  # upside down
+    mesh = '<asset><mesh name="wedge" vertex="0 0 0 0.05 0 0 0 0.04 0 0 0 0.03" inertia="shell"/></asset>'
+    text = text.replace(box, box + ball + wedge).replace("<worldbody>", mesh + "<worldbody>", 1)
+    model = mujoco.MjModel.from_xml_string(text)
+    corners = base_corners(go1.description, model)
+    assert corners.min(axis=0).tolist() == pytest.approx([-0.13, -0.09, -0.13])
+    assert corners.max(axis=0).tolist() == pytest.approx([0.23, 0.09, 0.05])
+    assert len({tuple(corner) for corner in corners.tolist()}) == 8
