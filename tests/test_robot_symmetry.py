@@ -99,6 +99,7 @@ def test_an_axis_the_other_way_round_changes_the_sign(own_folder: Path, go1: Rob
     for joint in content["joints"]:
         if joint["name"] in ("FL_thigh_joint", "RL_thigh_joint"):
             joint["default_rad"] *= -1.0
+            joint["lying_rad"] *= -1.0
     declaration.write_text(yaml.safe_dump(content))
     assert find_symmetry(load_robot(own_folder)).joints.sign.tolist() == [-1, -1, 1] * 4
 

@@ -238,7 +238,9 @@ def test_an_interrupted_sweep_says_so_goes_on_and_compares_points_over_seeds(
         sweep(file, out)
 
     (out / "interrupted").touch()
+    before = signal.getsignal(signal.SIGINT)
     resumed = shell("sweep", "--resume", out)
+    assert signal.getsignal(signal.SIGINT) is before  # Ctrl-C is heard again
     assert resumed.status == 1, resumed.err  # one trial failed
     assert "it diverged" in resumed.out
     results = rows(out / "results.csv")

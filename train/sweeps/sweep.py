@@ -3,6 +3,8 @@
 import logging
 import math
 import os
+import signal
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -179,9 +181,12 @@ def _ray(config: SweepConfig) -> Iterator[None]:
         logging_level=logging.ERROR,
         runtime_env={"env_vars": environment},
     )
+    before = signal.getsignal(signal.SIGINT)
     try:
         yield
     finally:
+        if threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGINT, before)  # Tune keeps its own where nothing interrupted it
         ray.shutdown()
 
 
