@@ -1,5 +1,7 @@
 """The table of faults and the audit of commands that go with it."""
 
+from dataclasses import replace
+
 import fault_table
 import numpy as np
 import pytest
@@ -8,7 +10,7 @@ from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.wiring import wire
 from footfall.plant.audit import Audit
 from footfall.plant.fault_kinds import KINDS
-from footfall.robots.description import Robot
+from footfall.robots.description import Robot, available_robots
 
 
 def test_every_kind_has_a_name_of_its_own_and_a_limit_or_a_reason() -> None:
@@ -39,6 +41,38 @@ def test_a_run_tells_what_was_noticed_when_and_what_went_out(
     assert run["torque_over"] < fault_table.ROUNDING
     assert run["outside_rad"] == 0.0
     assert run["rate_share"] < 1.01
+
+
+class TestARun:
+    """What it depends on."""
+
+    def test_draws_by_its_kinds_name_whatever_stands_beside_it(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        """The joint whose encoder is off is drawn: the same of the seed in a table of one row."""
+        task = ("go1", "go1-flat", "one encoder off by a turn (at the start)", 2)
+        run = fault_table.run_fault(task)
+        monkeypatch.setattr(fault_table, "KINDS", (fault_table._kind(task[2]),))
+        assert fault_table.run_fault(task) == run
+        draws = {fault_table._draws(seed, title).random() for seed in (0, 1) for title in ("one", "other")}
+        assert len(draws) == 4
+
+    def test_goes_by_the_robots_own_limits(self, go1: Robot) -> None:
+        safety = {"tilt_limit_rad": 0.7, "sensors": {"drift_rad": 0.01}}
+        own = replace(go1, description=replace(go1.description, safety=safety))
+        config = fault_table._config(own)
+        assert (config.safety.tilt_limit_rad, config.safety.sensors.drift_rad) == (0.7, 0.01)
+        assert (config.stand_s, config.safety.damping_s) == (fault_table.STAND_S, fault_table.DAMPING_S)
+
+
+def test_every_robot_that_ships_is_tried_with_a_learned_policy_and_a_hand_written_one() -> None:
+    of = {
+        robot: [policy for other, policy in fault_table.SUBJECTS if other == robot]
+        for robot in available_robots()
+    }
+    assert all(len(policies) == 2 for policies in of.values()), of
+    assert [pair for pair, whole in fault_table.SUBJECTS.items() if whole] == [
+        ("go1", "go1-flat"),
+        ("go1", "mpc"),
+    ]
 
 
 def test_a_fault_that_nobody_can_notice_ends_in_order() -> None:
