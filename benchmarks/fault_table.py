@@ -29,7 +29,7 @@ from footfall.deploy.safety import DAMPED, MOVING, Mode
 from footfall.deploy.session import Session, run_session
 from footfall.deploy.wiring import wire
 from footfall.domain_rand.noise import Noise
-from footfall.domain_rand.randomisation import load_randomisation
+from footfall.domain_rand.randomisation import randomisation_of
 from footfall.domain_rand.sample import draw
 from footfall.plant.audit import Audit
 from footfall.plant.bus import SimulatedBus
@@ -207,7 +207,7 @@ def run_healthy(task: tuple[str, str, bool, int]) -> dict[str, Any]:
     if randomised:
         bodies = SimulatedRobot(robot, wire(robot), SimulatedWires(wire(robot).buses)).model.nbody - 1
         sample = draw(
-            load_randomisation(), lambda count: rng.uniform(size=count), len(robot.joint_names), bodies
+            randomisation_of(robot), lambda count: rng.uniform(size=count), len(robot.joint_names), bodies
         )
     schedule = [_drawn_command(rng) for _ in range(3)]
     pushes = tuple(_drawn_push(rng, at_s) for at_s in (1.5, 4.0))

@@ -24,7 +24,7 @@ from footfall.deploy.estimation.config import EstimatorConfig, OdometryConfig
 from footfall.deploy.estimation.estimator import BaseEstimator
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.safety import MOVING
-from footfall.domain_rand.randomisation import load_randomisation
+from footfall.domain_rand.randomisation import randomisation_of
 from footfall.domain_rand.sample import draw
 from footfall.evaluate.scenarios import load_scenarios
 from footfall.plant.episode import Episode, run_episode
@@ -141,7 +141,7 @@ def follow(walk: Walk) -> dict[str, Any]:
     if walk.plant == "randomised":
         rng = np.random.default_rng(walk.seed)
         bodies = plant_model(robot).nbody - 1
-        sample = draw(load_randomisation(), rng.random, len(robot.joint_names), bodies)
+        sample = draw(randomisation_of(robot), rng.random, len(robot.joint_names), bodies)
     episode = Episode(
         command=path,
         duration_s=path.duration_s,

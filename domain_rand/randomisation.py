@@ -3,7 +3,7 @@
 from dataclasses import dataclass, fields
 from pathlib import Path
 
-from footfall.common.config import load
+from footfall.common.config import load, merged, read_yaml, structure
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.quantity import (
     OFFSET,
@@ -18,8 +18,10 @@ from footfall.domain_rand.quantity import (
     sets_sliding_friction,
 )
 from footfall.robots import kinds
+from footfall.robots.description import Robot
 
 DEFAULT = Path(__file__).parent / "default.yaml"
+OWN_FILE = "randomisation.yaml"  # in a robot's folder: what fits no robot of another size
 
 
 @dataclass(frozen=True)
@@ -78,3 +80,21 @@ QUANTITIES: dict[str, Quantity] = {each.name: each.metadata["declares"] for each
 def load_randomisation(path: Path = DEFAULT) -> Randomisation:
     """Read a declaration from YAML; raises UserError if it is malformed."""
     return load(path, Randomisation)
+
+
+def randomisation_of(robot: Robot) -> Randomisation:
+    """What may differ between robots of one kind: the default, but for what the robot's folder says itself.
+
+    Raises:
+        UserError: the robot's `randomisation.yaml` is malformed.
+    """
+    own = robot.folder / OWN_FILE
+    if not own.is_file():
+        return load_randomisation()
+    return structure(merged(read_yaml(DEFAULT), read_yaml(own) or {}), Randomisation, f"{own} over {DEFAULT}")
+
+
+def own_ranges(robot: Robot) -> dict[str, Distribution | None]:
+    """Of `randomisation_of`, the quantities that are other than the default, by name."""
+    own, default = randomisation_of(robot), load_randomisation()
+    return {name: getattr(own, name) for name in QUANTITIES if getattr(own, name) != getattr(default, name)}

@@ -9,7 +9,7 @@ import numpy as np
 
 from footfall.domain_rand.bodies import body_map, randomised_fields
 from footfall.domain_rand.noise import Noise
-from footfall.domain_rand.randomisation import load_randomisation
+from footfall.domain_rand.randomisation import randomisation_of
 from footfall.domain_rand.sample import Sample, draw, sample_shapes
 from footfall.evaluate.metrics import EpisodeMetrics, score
 from footfall.evaluate.plan import EpisodePlan, Levels
@@ -65,7 +65,7 @@ def run_with(policy: Policy, task: EpisodeTask) -> EpisodeOutcome:
     robot = _robot(task.robot)
     model = _model(task.robot, task.plant)
     plan = task.plan
-    sample = sample_of(plan, len(robot.joint_names), model.nbody - 1)
+    sample = sample_of(plan, robot, model.nbody - 1)
     episode = Episode(
         command=plan.schedule,
         duration_s=plan.duration_s,
@@ -88,18 +88,19 @@ def run_with(policy: Policy, task: EpisodeTask) -> EpisodeOutcome:
     )
 
 
-def sample_of(plan: EpisodePlan, joints: int, bodies: int) -> Sample | None:
+def sample_of(plan: EpisodePlan, robot: Robot, bodies: int) -> Sample | None:
     """How the robot of an episode differs from the nominal one; None if it does not.
 
     Args:
         plan: the episode; its levels hold for all joints or bodies alike, above what is drawn.
-        joints: of the robot.
+        robot: that acts in it.
         bodies: of the plant, the world left out.
     """
     sample: Sample = {}
+    joints = len(robot.joint_names)
     if plan.randomised:
         rng = np.random.default_rng(plan.seed)
-        sample = draw(load_randomisation(), rng.random, joints, bodies)
+        sample = draw(randomisation_of(robot), rng.random, joints, bodies)
     shapes = sample_shapes(joints, bodies)
     fixed = {name: np.full(shapes[name], value) for name, value in plan.levels.items() if name in shapes}
     return sample | fixed or None

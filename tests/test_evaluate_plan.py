@@ -18,7 +18,8 @@ from footfall.plant.episode import Push
 from footfall.robots.commands import CommandRange
 from footfall.robots.description import load_robot
 
-GO1 = load_robot("go1").description.commands
+ROBOT = load_robot("go1")
+GO1 = ROBOT.description.commands
 FILE = load_scenarios(GO1)
 ALL = sorted(FILE.scenarios)
 
@@ -222,7 +223,7 @@ class TestCommandSchedule:
 
 class TestSamples:
     def test_the_nominal_plant_is_not_sampled(self) -> None:
-        assert sample_of(plan_episodes("nominal", FILE.scenarios["nominal"], 0, 1)[0], 12, 13) is None
+        assert sample_of(plan_episodes("nominal", FILE.scenarios["nominal"], 0, 1)[0], ROBOT, 13) is None
 
     @pytest.mark.parametrize(
         ("name", "field"),
@@ -235,7 +236,7 @@ class TestSamples:
     )
     def test_a_level_changes_its_own_field_and_no_other(self, name: str, field: str) -> None:
         plan = plan_episodes(name, FILE.scenarios[name], 0, 1)[0]
-        sample = sample_of(plan, 12, 13)
+        sample = sample_of(plan, ROBOT, 13)
         assert sample is not None
         changed = sample
         assert set(changed) == {field}
@@ -243,7 +244,11 @@ class TestSamples:
 
     def test_randomised_plants_differ_from_each_other_and_repeat(self) -> None:
         first, second = plan_episodes("randomised", FILE.scenarios["randomised"], 0, 2)
-        one, again, other = sample_of(first, 12, 13), sample_of(first, 12, 13), sample_of(second, 12, 13)
+        one, again, other = (
+            sample_of(first, ROBOT, 13),
+            sample_of(first, ROBOT, 13),
+            sample_of(second, ROBOT, 13),
+        )
         assert one is not None
         assert again is not None
         assert other is not None
@@ -254,6 +259,6 @@ class TestSamples:
 
     def test_a_level_stands_above_what_was_drawn(self) -> None:
         plan = plan_episodes("randomised", FILE.scenarios["randomised"], 0, 1)[0]
-        sample = sample_of(replace(plan, levels={"friction": 0.15}), 12, 13)
+        sample = sample_of(replace(plan, levels={"friction": 0.15}), ROBOT, 13)
         assert sample is not None
         assert sample["friction"] == 0.15

@@ -1,4 +1,4 @@
-"""The training.yaml that `footfall robot new` writes: the presets' figures for a machine of another size."""
+"""What `footfall robot new` makes of what has a size in the presets and in the default randomisation."""
 
 import dataclasses
 from pathlib import Path
@@ -8,11 +8,15 @@ import yaml
 from foreign_robots import BIPED_MJCF, quadruped
 
 from footfall.deploy.drivers.mit import RANGES
+from footfall.domain_rand.distributions import Distribution
+from footfall.domain_rand.randomisation import load_randomisation, randomisation_of
 from footfall.robots.commands import CommandRange
 from footfall.robots.description import load_robot
 from footfall.robots.importer.build import build_machine
 from footfall.robots.importer.create import ImportRequest, import_robot
+from footfall.robots.importer.machine import Machine
 from footfall.robots.importer.pose import Pose
+from footfall.robots.importer.randomisation_yaml import randomisation_yaml
 from footfall.robots.importer.source import read_source
 from footfall.robots.importer.training_yaml import training_yaml
 from footfall.train.config import available_presets, load_preset
@@ -20,14 +24,23 @@ from footfall.train.config import available_presets, load_preset
 COMMANDS = CommandRange((-1.0, 1.5), (-0.5, 0.5), (-0.8, 0.8))
 
 
-def written(tmp_path: Path, reach_m: float, mass: float) -> dict[str, dict]:
-    """What is written for a quadruped of that mass, with legs of that reach."""
+def machine_of(tmp_path: Path, mass: float) -> Machine:
+    """A quadruped of that mass."""
     (tmp_path / "dog.urdf").write_text(quadruped())
     machine, _ = build_machine(read_source(tmp_path / "dog.urdf", ()), "dog", ())
-    heavier = mass / sum(link.mass for link in machine.links)
+    heavier = mass / machine.mass
     links = tuple(dataclasses.replace(link, mass=link.mass * heavier) for link in machine.links)
+    return dataclasses.replace(machine, links=links)
+
+
+def written(tmp_path: Path, reach_m: float, mass: float) -> dict[str, dict]:
+    """What is written for a quadruped of that mass, with legs of that reach."""
     pose = Pose({}, 0.3, 0.0, reach_m)
-    return yaml.safe_load(training_yaml(dataclasses.replace(machine, links=links), pose, COMMANDS))["env"]
+    return yaml.safe_load(training_yaml(machine_of(tmp_path, mass), pose, COMMANDS))["env"]
+
+
+def ranges_of(machine: Machine, reach_m: float) -> dict[str, dict]:
+    return yaml.safe_load(randomisation_yaml(machine, Pose({}, 0.3, 0.0, reach_m)))
 
 
 def test_a_machine_of_the_size_that_the_presets_suit_keeps_their_figures(tmp_path: Path) -> None:
@@ -36,11 +49,6 @@ def test_a_machine_of_the_size_that_the_presets_suit_keeps_their_figures(tmp_pat
     assert env["gait"] == {"name": gpu.gait.name, "frequency_hz": gpu.gait.frequency_hz}
     assert env["rewards"] == {name: pytest.approx(gpu.rewards[name]) for name in ("torque", "power")}
     assert env["reward_scales"]["swing_height_m"] == gpu.reward_scales.swing_height_m
-    payload, offset = gpu.randomisation.payload_kg, gpu.randomisation.com_offset_m
-    assert payload is not None
-    assert offset is not None
-    assert env["randomisation"]["payload_kg"] == {"low": payload.low, "high": payload.high}
-    assert env["randomisation"]["com_offset_m"] == {"low": offset.low, "high": offset.high}
 
 
 def test_four_times_as_long_and_three_times_as_heavy(tmp_path: Path) -> None:
@@ -49,8 +57,24 @@ def test_four_times_as_long_and_three_times_as_heavy(tmp_path: Path) -> None:
     assert env["rewards"]["torque"] == pytest.approx(-7.5e-4 / 144, rel=0.05)  # squared torque: (3 * 4)^2
     assert env["rewards"]["power"] == pytest.approx(-2.0e-3 / 6, rel=0.05)  # torque 12 times, rates a half
     assert env["reward_scales"]["swing_height_m"] == pytest.approx(0.32)
-    assert env["randomisation"]["payload_kg"] == {"low": -3.0, "high": 6.0}
-    assert env["randomisation"]["com_offset_m"] == {"low": -0.12, "high": 0.12}
+
+
+def test_loads_go_with_the_mass_and_offsets_with_the_legs(tmp_path: Path) -> None:
+    default = load_randomisation()
+    alike = ranges_of(machine_of(tmp_path, 13.0), 0.45)
+    for name in ("payload_kg", "com_offset_m"):
+        assert Distribution(**alike[name]) == getattr(default, name)
+    assert ranges_of(machine_of(tmp_path, 39.0), 1.8) == {
+        "payload_kg": {"low": -3.0, "high": 6.0},
+        "com_offset_m": {"low": -0.12, "high": 0.12},
+    }
+
+
+def test_no_load_takes_more_than_half_of_the_base_away(tmp_path: Path) -> None:
+    machine = machine_of(tmp_path, 39.0)
+    light = dataclasses.replace(machine.links[0], mass=1.2)
+    light_based = dataclasses.replace(machine, links=(light, *machine.links[1:]))
+    assert ranges_of(light_based, 0.45)["payload_kg"]["low"] == -0.6
 
 
 def test_training_goes_a_fifth_beyond_the_commands_that_scenarios_ask(tmp_path: Path) -> None:
@@ -74,3 +98,5 @@ def test_every_preset_takes_it(tmp_path: Path, text: str, suffix: str, gait: str
         assert env.commands.ranges.forward_m_s[1] == pytest.approx(1.2 * most, rel=0.05)
         assert 0.0 > env.rewards["torque"] > -1.0
         assert env.rewards["alive"] > 0.0  # the rest is the preset's
+        if env.randomisation.payload_kg is not None:
+            assert env.randomisation.payload_kg == randomisation_of(robot).payload_kg

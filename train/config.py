@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from footfall.common.config import (
     load,
@@ -11,8 +12,10 @@ from footfall.common.config import (
     require_not_negative,
     require_positive,
     structure,
+    unstructure,
 )
 from footfall.common.errors import UserError
+from footfall.domain_rand.randomisation import own_ranges
 from footfall.envs.config import EnvConfig
 from footfall.robots.description import Robot
 
@@ -87,16 +90,17 @@ def load_preset(name_or_file: str, robot: Robot | None = None) -> TrainConfig:
 
     Args:
         name_or_file: a name, or a path.
-        robot: whose `training.yaml`, if it has one, replaces settings of the presets that ship with footfall.
-            A file is taken as it is.
+        robot: whose own ranges of what a preset randomises, and then its `training.yaml`, replace settings
+            of the presets that ship with footfall. A file is taken as it is.
 
     Raises:
         UserError: there is no such preset, or the file is malformed.
     """
     path = PRESETS / f"{name_or_file}.yaml"
-    own = robot.folder / TRAINING_FILE if robot else None
-    if path.is_file() and own is not None and own.is_file():
-        return structure(merged(read_yaml(path), read_yaml(own)), TrainConfig, f"{own} over {path}")
+    if path.is_file() and robot is not None:
+        own = robot.folder / TRAINING_FILE
+        changes, source = (read_yaml(own), f"{own} over {path}") if own.is_file() else ({}, str(path))
+        return structure(merged(_with_own_ranges(read_yaml(path), robot), changes), TrainConfig, source)
     if not path.is_file():
         path = Path(name_or_file)
     if not path.is_file():
@@ -104,3 +108,10 @@ def load_preset(name_or_file: str, robot: Robot | None = None) -> TrainConfig:
             f"no preset '{name_or_file}': give one of {', '.join(available_presets())} or a YAML file"
         )
     return load(path, TrainConfig)
+
+
+def _with_own_ranges(preset: dict[str, Any], robot: Robot) -> dict[str, Any]:
+    """A preset that draws what it randomises from the robot's own ranges."""
+    randomised = preset["env"].get("randomisation", {})
+    own = {name: unstructure(range_) for name, range_ in own_ranges(robot).items() if name in randomised}
+    return merged(preset, {"env": {"randomisation": own}})

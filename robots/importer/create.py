@@ -17,6 +17,7 @@ from footfall.robots.importer.machine import Machine
 from footfall.robots.importer.model_xml import model_xml
 from footfall.robots.importer.motors import ByJoint, choose_drive, peak_torques, value_for, with_armature
 from footfall.robots.importer.pose import Pose, standing_pose
+from footfall.robots.importer.randomisation_yaml import randomisation_yaml
 from footfall.robots.importer.robot_yaml import (
     MODEL_FILE,
     Ranges,
@@ -95,6 +96,7 @@ def import_robot(request: ImportRequest) -> Imported:
         ),
         "robot.yaml": robot_yaml(machine, pose, drive, protocols, [origin, *_as_comment(guesses)]),
         "training.yaml": training_yaml(machine, pose, command_range(machine, pose)),
+        "randomisation.yaml": randomisation_yaml(machine, pose),
     }
     if drive.stands and len(machine.legs) > ON_SOLES:
         texts["controllers.yaml"] = controllers_yaml(machine, drive)

@@ -8,7 +8,6 @@ from footfall.robots.importer.pose import Pose
 MASS_KG, REACH_M = 13.0, 0.45
 FREQUENCY_HZ, SWING_HEIGHT_M = 2.2, 0.08
 TORQUE, POWER = -7.5e-4, -2.0e-3
-PAYLOAD_KG, COM_OFFSET_M = (-1.0, 2.0), (-0.03, 0.03)
 BEYOND = 1.2  # of the commands that scenarios ask: training goes a little further
 GAITS = {2: "walk", 4: "trot", 6: "tripod"}  # by number of feet
 
@@ -20,12 +19,10 @@ def training_yaml(machine: Machine, pose: Pose, commands: CommandRange) -> str:
     Alexander and Jayes 1983, A dynamic similarity hypothesis for the gaits of quadrupedal mammals), and the
     costs of torque and power so that a machine of the same build pays as much.
     """
-    mass = sum(link.mass for link in machine.links) / MASS_KG
+    mass = machine.mass / MASS_KG
     length = pose.reach_m / REACH_M
     time = length**0.5
     torque, power = TORQUE / (mass * length) ** 2, POWER / (mass * length / time)
-    payload = [kg * mass for kg in PAYLOAD_KG]
-    offset = [metres * length for metres in COM_OFFSET_M]
     ranges = {name: [BEYOND * end for end in ends] for name, ends in vars(commands).items()}
     name = GAITS.get(len(machine.legs))
     gait = (
@@ -35,13 +32,10 @@ def training_yaml(machine: Machine, pose: Pose, commands: CommandRange) -> str:
     )
     return f"""\
 # What trainings of this robot change of the presets, which suit a quadruped of {MASS_KG:g} kg on legs of
-# {REACH_M:g} m: lengths, times, loads, and the costs of torque and power, by this one's size. Not tuned.
+# {REACH_M:g} m: lengths, times, and the costs of torque and power, by this one's size. Not tuned.
 env:
 {gait}  commands:
     ranges: {{{", ".join(f"{axis}: [{low:.2g}, {high:.2g}]" for axis, (low, high) in ranges.items())}}}
   rewards: {{torque: {torque:.2g}, power: {power:.2g}}}
   reward_scales: {{swing_height_m: {SWING_HEIGHT_M * length:.2g}}}
-  randomisation:
-    payload_kg: {{low: {payload[0]:.2g}, high: {payload[1]:.2g}}}
-    com_offset_m: {{low: {offset[0]:.2g}, high: {offset[1]:.2g}}}
 """
