@@ -54,6 +54,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True, help="folder of policies and scores")
     parser.add_argument("--only", choices=[PLAYGROUND, FOOTFALL], help="train or score one of them")
     parser.add_argument("--preset", default="gpu", help="footfall's")
+    parser.add_argument("--impl", default="jax", choices=["jax", "warp"], help="Playground's physics")
     parser.add_argument("--seeds", type=int, default=1, help="footfall's trainings")
     parser.add_argument("--every", type=float, default=8.0, help="seconds between footfall's kept policies")
     parser.add_argument("--until", type=float, default=1e9, help="seconds after which footfall's stops early")
@@ -78,13 +79,15 @@ def train(options: argparse.Namespace) -> None:
             command += ["--preset", options.preset, "--seed", str(seed)]
             run_from_empty_cache([*command, "--every", str(options.every), "--until", str(options.until)])
     if options.only != FOOTFALL:
-        run_from_empty_cache(["playground_training.py", "--out", str(options.out / f"{PLAYGROUND}.npz")])
+        command = ["playground_training.py", "--out", str(options.out / f"{PLAYGROUND}.npz")]
+        run_from_empty_cache([*command, "--impl", options.impl])
 
 
 def run_from_empty_cache(command: list[str]) -> None:
     """Run one of our scripts; its clock begins now."""
     with tempfile.TemporaryDirectory() as cache_folder:
         environment = os.environ | {"JAX_COMPILATION_CACHE_DIR": cache_folder, "PYTHONUNBUFFERED": "1"}
+        environment["WARP_CACHE_PATH"] = str(Path(cache_folder) / "warp")
         script, *rest = command
         began = ["--began", repr(time.time())]
         subprocess.run([sys.executable, str(HERE / script), *rest, *began], env=environment, check=True)
