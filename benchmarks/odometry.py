@@ -1,6 +1,7 @@
 """How far the base estimator's odometry drifts, and whether its covariance is honest.
 
     python benchmarks/odometry.py --workers 16 --out odometry.jsonl --plot odometry.png
+    python benchmarks/odometry.py --read odometry.jsonl --plot odometry.png
 
 Each walking controller and learned policy of each robot walks straight ahead, along a curve and round a
 rectangle, on the nominal plant and on randomised ones, with the scenarios' sensor noise. A `BaseEstimator`
@@ -17,7 +18,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from kept_runs import run_kept
+from kept_runs import read_runs, run_kept
 
 from footfall.common.rotations import heading, heading_matrix, wrap_angle
 from footfall.deploy.estimation.config import EstimatorConfig, OdometryConfig
@@ -217,47 +218,6 @@ def write(rows: list[dict[str, Any]]) -> None:
         )
 
 
-def plot(walks: list[dict[str, Any]], path: Path) -> None:
-    """Drift of every walk by policy, and one walk of each robot on the last course."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4.2), constrained_layout=True)
-    policies = sorted({(walk["robot"], walk["policy"]) for walk in walks}, reverse=True)
-    for plant, shift, colour in zip(PLANTS, (0.15, -0.15), ("tab:blue", "tab:orange"), strict=True):
-        whole = [walk for walk in walks if walk["plant"] == plant and walk["drift_percent"] is not None]
-        whole = [walk for walk in whole if not walk["fell"]]
-        at = [policies.index((walk["robot"], walk["policy"])) + shift for walk in whole]
-        drift = [walk["drift_percent"] for walk in whole]
-        left.plot(drift, at, "o", ms=3, alpha=0.6, color=colour, label=f"{plant} plant")
-    left.axvline(GOAL, color="grey", lw=1, ls="--")
-    left.set_yticks(range(len(policies)), [f"{robot} {policy}" for robot, policy in policies], fontsize=8)
-    left.set_xscale("log")
-    left.set_xlabel("error of the final place, % of the way")
-    left.legend(fontsize=8)
-    shown: set[str] = set()
-    for walk in walks:
-        if walk["path"] != walks[-1]["path"] or walk["plant"] != walks[0]["plant"] or walk["fell"]:
-            continue
-        if walk["robot"] in shown:
-            continue
-        shown.add(walk["robot"])
-        true, found = (np.array([row[key] for row in walk["rows"]]) for key in ("true", "estimated"))
-        (line,) = right.plot(
-            true[:, 0], true[:, 1], lw=3, alpha=0.35, label=f"{walk['robot']} {walk['policy']}"
-        )
-        right.plot(found[:, 0], found[:, 1], lw=1, color=line.get_color())
-    right.set_aspect("equal")
-    right.set_xlabel("x, m (broad: true, thin: estimated)")
-    right.set_ylabel("y, m")
-    if shown:
-        right.legend(fontsize=8)
-    figure.savefig(path, dpi=90)
-    plt.close(figure)
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -273,9 +233,27 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--out", type=Path, help="file that keeps every walk; those in it are not run again")
     parser.add_argument("--time-limit", type=float, help="seconds until no walk begins")
+    parser.add_argument("--read", type=Path, help="file that --out kept: nothing is run")
     parser.add_argument("--plot", type=Path, help="image")
     options = parser.parse_args()
 
+    if options.read is not None and not read_runs(options.read):
+        parser.error(f"{options.read} holds no walks")
+    found, errors = (list(read_runs(options.read).values()), []) if options.read else run(options)
+    write(table(found))
+    for error in errors:
+        print(error)
+    if options.plot is not None:
+        from odometry_plot import plot
+
+        try:
+            plot(found, GOAL, options.plot)
+        except ValueError as error:
+            parser.error(str(error))
+
+
+def run(options: argparse.Namespace) -> tuple[list[dict[str, Any]], list[str]]:
+    """All walks that are asked for, and a line for each that failed."""
     wanted = [name for name in options.policies.split(",") if name]
     seeds = range(options.first_seed, options.first_seed + options.seeds)
     walks = [
@@ -287,12 +265,7 @@ def main() -> None:
         for plant in options.plants.split(",")
         for seed in seeds
     ]
-    found, errors = run_kept(follow, walks, options.out, options.workers, options.time_limit)
-    write(table(found))
-    for error in errors:
-        print(error)
-    if options.plot is not None:
-        plot(found, options.plot)
+    return run_kept(follow, walks, options.out, options.workers, options.time_limit)
 
 
 if __name__ == "__main__":

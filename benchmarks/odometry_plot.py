@@ -1,0 +1,101 @@
+"""The picture of `odometry.py`: drift against distance, and of each robot a true and an estimated path."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+
+Walk = dict[str, Any]  # as `odometry.follow` returns it
+
+WIDTH_IN, HEIGHT_IN, DPI = 7.0, 7.4, 200  # 1400 pixels wide; letters can be read at 420
+COLOURS = ("#2380c2", "#e06000", "#009e73", "#cc79a7", "#b8860b")
+PLANT, SHOWN_PATH = "randomised", "rectangle"
+WITHIN = (5.0, 50.0, 95.0)  # percentiles of the walks
+STILL_GOING = 0.5  # share of the walks that must have come so far for their percentiles to be shown
+STEP_M = 0.05
+
+
+def drift_over_distance(walks: Sequence[Walk]) -> tuple[np.ndarray, np.ndarray]:
+    """Distances (k,) m, and the percentiles `WITHIN` of the error of the place after each, (3, k) m.
+
+    A walk counts as far as it went; distances that fewer than `STILL_GOING` of them reached are left out.
+    """
+    courses = []
+    for walk in walks:
+        true, error = (np.array([row[key] for row in walk["rows"]])[:, :2] for key in ("true", "error"))
+        way = np.concatenate([[0.0], np.linalg.norm(np.diff(true, axis=0), axis=1).cumsum()])
+        courses.append((way, np.linalg.norm(error, axis=1)))
+    reached = np.sort([way[-1] for way, _ in courses])[::-1]
+    farthest = reached[max(0, int(np.ceil(STILL_GOING * len(courses))) - 1)]
+    distance = np.arange(0.0, farthest, STEP_M)
+    errors = np.array([np.interp(distance, way, error, right=np.nan) for way, error in courses])
+    return distance, np.nanpercentile(errors, WITHIN, axis=0)
+
+
+def typical(walks: Sequence[Walk]) -> Walk:
+    """The walk whose drift is the median, the lower one of two."""
+    return sorted(walks, key=lambda walk: walk["drift_percent"])[(len(walks) - 1) // 2]
+
+
+def plot(walks: Sequence[Walk], goal_percent: float, path: Path) -> None:
+    """Write the picture of all walks on randomised plants that did not fall and went somewhere.
+
+    Args:
+        walks: of any robots.
+        goal_percent: drift that is drawn as a line, % of the way.
+        path: image to write.
+
+    Raises:
+        ValueError: there is no such walk.
+    """
+    whole = [w for w in walks if w["plant"] == PLANT and not w["fell"] and w["drift_percent"] is not None]
+    robots = sorted({walk["robot"] for walk in whole})
+    if not robots:
+        raise ValueError(f"no walk on {PLANT} plants to draw")
+    with plt.rc_context({"font.size": 12, "axes.spines.top": False, "axes.spines.right": False}):
+        figure = plt.figure(figsize=(WIDTH_IN, HEIGHT_IN), layout="constrained")
+        above, below = figure.subfigures(2, 1, height_ratios=(1.25, 1.0))
+        _draw_drift(above.subplots(), {name: _of(whole, robot=name) for name in robots}, goal_percent)
+        panels = np.atleast_1d(below.subplots(1, len(robots)))
+        for axes, name, colour in zip(panels, robots, COLOURS, strict=False):
+            shown = _of(whole, robot=name, path=SHOWN_PATH) or _of(whole, robot=name)
+            learned = [walk for walk in shown if walk["policy"].startswith(f"{name}-")]
+            _draw_path(axes, typical(learned or shown), colour)
+        figure.savefig(path, dpi=DPI)
+        plt.close(figure)
+
+
+def _of(walks: Sequence[Walk], **wanted: str) -> list[Walk]:
+    return [walk for walk in walks if all(walk[key] == value for key, value in wanted.items())]
+
+
+def _draw_drift(axes: Axes, walks: dict[str, list[Walk]], goal_percent: float) -> None:
+    farthest = highest = 0.0
+    for (name, own), colour in zip(walks.items(), COLOURS, strict=False):
+        distance, (low, middle, high) = drift_over_distance(own)
+        axes.fill_between(distance, 100 * low, 100 * high, color=colour, alpha=0.18, lw=0)
+        axes.plot(distance, 100 * middle, color=colour, lw=2.5, label=f"{name}, {len(own)} walks")
+        farthest, highest = max(farthest, distance[-1]), max(highest, 100 * high.max())
+    axes.plot(
+        [0, farthest], [0, goal_percent * farthest], "k--", lw=1.2, label=f"{goal_percent:g} % of the way"
+    )
+    axes.set(xlim=(0, farthest), ylim=(0, 1.05 * highest), xlabel="distance walked, m")
+    axes.set_ylabel("error of the place, cm")
+    axes.legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
+
+
+def _draw_path(axes: Axes, walk: Walk, colour: str) -> None:
+    true, found = (np.array([row[key] for row in walk["rows"]])[:, :2].T for key in ("true", "estimated"))
+    axes.plot(*true, color=colour, lw=5, alpha=0.35, solid_capstyle="round")
+    axes.plot(*found, color="black", lw=1.2)
+    axes.plot(*true[:, :1], "o", color=colour, ms=8)
+    axes.set_title(f"{walk['policy']}\n{walk['drift_percent']:.1f} % of {walk['way_m']:.1f} m", fontsize=12)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.locator_params(nbins=4)
+    axes.set_xlabel("m")

@@ -1,0 +1,54 @@
+"""The picture of the odometry benchmark: what is drawn, by hand, and that it is drawn."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from odometry_plot import STEP_M, drift_over_distance, plot, typical
+
+
+def walk(way_m: float, error_m: float, **more: Any) -> dict[str, Any]:
+    """Straight ahead, looked at three times, off by a share of the way to the left."""
+    rows = [
+        {"true": [x, 0.0, 0.3], "estimated": [x, y, 0.3], "error": [0.0, y, 0.1, 0.0, 0.0, 0.0]}
+        for x, y in zip(np.linspace(0.0, way_m, 3), np.linspace(0.0, error_m, 3), strict=True)
+    ]
+    named = {"robot": "go1", "policy": "trot", "path": "rectangle", "plant": "randomised", "fell": False}
+    return {**named, "way_m": way_m, "drift_percent": 100.0 * error_m / way_m, "rows": rows, **more}
+
+
+def test_errors_are_compared_after_the_same_distance() -> None:
+    distance, (low, middle, high) = drift_over_distance([walk(2.0, 0.2), walk(1.0, 0.3)])
+    at = round(0.5 / STEP_M)
+    assert distance[at] == pytest.approx(0.5)
+    assert (low[at], middle[at], high[at]) == pytest.approx((0.055, 0.1, 0.145))  # of 0.05 and 0.15 m
+
+
+def test_a_walk_counts_as_far_as_it_went() -> None:
+    distance, (_, middle, _) = drift_over_distance([walk(2.0, 0.2), walk(1.0, 0.3)])
+    assert middle[round(1.5 / STEP_M)] == pytest.approx(0.15)
+    assert distance[-1] == pytest.approx(2.0 - STEP_M)
+
+
+def test_distances_that_most_walks_did_not_reach_are_left_out() -> None:
+    distance, _ = drift_over_distance([walk(9.0, 0.1), walk(2.0, 0.1), walk(1.0, 0.1)])
+    assert 1.9 < distance[-1] < 2.0
+
+
+def test_the_typical_walk_is_that_of_the_median_drift() -> None:
+    assert typical([walk(1.0, error) for error in (0.03, 0.01, 0.02)])["drift_percent"] == pytest.approx(2.0)
+
+
+def test_a_picture_1400_pixels_wide_is_drawn_of_several_robots(tmp_path: Path) -> None:
+    from PIL import Image
+
+    fallen = walk(1.0, 5.0, fell=True, drift_percent=None)
+    plot([walk(1.0, 0.1), walk(2.0, 0.1, robot="g1", policy="g1-flat"), fallen], 2.0, tmp_path / "a.png")
+    with Image.open(tmp_path / "a.png") as image:
+        assert image.width == 1400
+
+
+def test_nothing_to_draw_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="no walk"):
+        plot([walk(1.0, 0.1, plant="nominal")], 2.0, tmp_path / "a.png")
