@@ -65,6 +65,12 @@ JOINT_CHECKS = (
         Limit("drift_rad"),
     ),
     SensorCheck(
+        "the same on the whole: an encoder that drifts",
+        "its position has wandered by {0:.2f} rad other than its velocity says",
+        lambda monitor: monitor.wander,
+        Limit("wander_rad"),
+    ),
+    SensorCheck(
         "how long a motor reports no torque while much is commanded: it has rebooted",
         "the motor has reported no torque for {0:.2f} s while torque was commanded",
         lambda monitor: monitor.limp_s,
@@ -129,6 +135,18 @@ BODY_CHECKS = (
         "the IMU: on average its acceleration is off gravity by {0:.0%}",
         SensorMonitor.lift,
         Limit("lift_error"),
+    ),
+    SensorCheck(
+        "the IMU's level against the plane of the feet that stand: an IMU or a leg's encoders are off",
+        "the IMU: the base is tilted by {0:.2f} rad other than the legs that stand say",
+        SensorMonitor.slope,
+        Limit("slope_rad"),
+    ),
+    SensorCheck(
+        "the base's turn by the IMU against that by the legs that stand, whatever the slope",
+        "the IMU: the base turned by {0:.2f} rad other than the legs that stand say",
+        SensorMonitor.leg_turn,
+        Limit("leg_turn_rad"),
     ),
     SensorCheck(
         "the base's clearance that is gone, by legs and IMU: the robot lies, without having tipped over",

@@ -11,6 +11,7 @@ import numpy as np
 
 from footfall.common.errors import UserError
 from footfall.deploy.drivers.imu import Inertial
+from footfall.deploy.leg_attitude import LegAttitude
 from footfall.deploy.pose import beyond
 from footfall.deploy.sensor_limits import SensorLimits
 from footfall.robots.description import Robot
@@ -41,6 +42,7 @@ class SensorMonitor:
         self._little = limits.torque_little * robot.motor.peak_torque
         self._least = (limits.torque_some * robot.motor.peak_torque) ** 2
         self._legs, self._standing_m = _legs(robot), robot.description.standing_height_m
+        self._attitude = None if self._legs is None else LegAttitude(robot, limits)
         self._n = n
         self._added_us = 0
         inertial = Inertial((0.0,) * 3, (0.0,) * 3, (1.0, 0.0, 0.0, 0.0))
@@ -56,10 +58,13 @@ class SensorMonitor:
         self.joints, self._target, self._inertial = joints, target, inertial
         self._last = joints
         self.temperature, self.voltage = np.full((2, n), np.nan)
-        self.drift, self.repeated = np.zeros(n), np.zeros(n)
+        self.drift, self.wander, self.repeated = np.zeros((3, n))
         self._target_way = np.zeros(n)  # of the targets in the last window
         self._ended = joints[0]  # rad, where the last window ended
         self._apart, self._ways = np.zeros((2, n))  # rad^2: squares that were added up, and fade
+        self._wandered = np.zeros(n)  # rad, the same without squares
+        self._fastest = np.zeros(n)  # rad/s, lately
+        self._uneven_us = np.zeros(n)  # lately, between the intervals of readings and of samples
         self.limp_s, self.opposing = np.zeros(n), np.zeros(n)
         self._work, self._asked = np.zeros((2, n))  # (N m)^2: reported by expected, and expected squared
         self.rotation = [0.0, 0.0, 0.0]
@@ -70,6 +75,8 @@ class SensorMonitor:
         self._mean = [0.0, 0.0, GRAVITY]  # acceleration, world axes
         self._looks = 0
         self.on_legs = True  # whether the legs should carry the base
+        if self._attitude is not None:
+            self._attitude.reset()
         self.sunk = 0.0  # of the base's clearance when standing, how much is gone
 
     def due(self, now_us: int) -> bool:
@@ -98,12 +105,15 @@ class SensorMonitor:
         """
         if silence_us > self._gap_us or now_us - self._added_us > self._gap_us:
             self._gap = True
+        uneven_us = np.abs(heard_us - self._heard_us - (now_us - self._added_us))
+        np.maximum(self._uneven_us, uneven_us, out=self._uneven_us)
         self._added_us = now_us
         self._turned += (0.5e-6 * (heard_us - self._heard_us)) * (joints[1] + self._last[1])
         self._starts += joints[0] - self._turned
         self._heard_us = heard_us.copy()
         self._last = joints
         self._sum += joints
+        np.maximum(self._strongest, np.abs(joints[2]), out=self._strongest)
         self._expected += expected
         self._inertials.append(inertial)
         return len(self._inertials) >= self._every
@@ -135,6 +145,7 @@ class SensorMonitor:
         self._added_us = now_us
         self._gap = False
         self._sum: np.ndarray = np.zeros((3, self._n))  # of readings since the last look
+        self._strongest: np.ndarray = np.zeros(self._n)  # torque that was reported, either way
         self._expected: np.ndarray = np.zeros(self._n)  # likewise, of expected torques
         self._turned: np.ndarray = np.zeros(self._n)  # by velocities, rad
         self._starts: np.ndarray = np.zeros(self._n)  # sum of where the window began, by each reading, rad
@@ -156,7 +167,7 @@ class SensorMonitor:
         # A reading is older than the target that went out last, which may leap while a robot stands still.
         self.repeated = same * (self.repeated + self._target_way)
         speed = np.abs(velocity)
-        self._compare_torques(torque, joints[2], self._expected, stiffness * speed, elapsed_s)
+        self._compare_torques(torque, self._expected, stiffness, speed, elapsed_s)
         fastest = max(speed.tolist())
         self._compare_turns(gyro, inertial.quaternion, elapsed_s, kept)
         self._compare_gravity(acceleration, gyro, inertial, fastest, elapsed_s)
@@ -165,6 +176,7 @@ class SensorMonitor:
             self.sunk = 0.0
         elif self._looks % LOOKS_A_HEIGHT == 0:
             self.sunk = self.sunk_share(joints[0], inertial.quaternion)
+        self._compare_attitude(joints[0], torque, inertial.quaternion, fastest, elapsed_s)
         for part, (now, before) in enumerate(zip(inertial, self._inertial, strict=True)):
             if now != before:
                 self._imu_repeated[part] = 0.0
@@ -179,38 +191,46 @@ class SensorMonitor:
         up, so that what a joint does to and fro does not cancel out. A share of the way is granted, since a
         velocity that a motor filters lags behind, the more so where readings are far apart.
         """
+        limits = self._limits
         apart = started - self._ended
         self._ended = started + turned
-        kept = math.exp(-elapsed_s / self._limits.drift_memory_s)
+        kept = math.exp(-elapsed_s / limits.drift_memory_s)
         self._apart = kept * self._apart + apart * apart
         self._ways = kept * self._ways + np.maximum(turned * turned, (turned + apart) ** 2)
-        self.drift = np.sqrt(self._apart) - self._share * np.sqrt(self._ways)
+        uneven_s = 1e-6 * self._uneven_us
+        share = self._share + uneven_s / elapsed_s
+        self.drift = np.sqrt(self._apart) - share * np.sqrt(self._ways)
+        self._wandered = kept * self._wandered + apart
+        self._fastest = np.maximum(kept * self._fastest, np.abs(self._last[1]))
+        self.wander = np.abs(self._wandered) - (limits.filter_s + 2.0 * uneven_s) * self._fastest
+        self._uneven_us *= kept
 
     def _compare_torques(
         self,
         torque: np.ndarray,
-        last: np.ndarray,
         expected: np.ndarray,
-        slope: np.ndarray,
+        stiffness: np.ndarray,
+        speed: np.ndarray,
         elapsed_s: float,
     ) -> None:
         """How long much was expected and none reported, and how much of it points the other way.
 
-        A motor that follows late does either for moments; a report in between sets the time back.
+        Expected torques are worked out from rounded positions, and from older ones than the motor's own: what
+        stiffness makes of either counts for nothing. A motor that follows late does either for moments; any
+        report in between sets the time back.
 
         Args:
             torque: reported torque, N m, (n,), on average since the last look.
-            last: torque that was reported last.
-            expected: expected torque, on average since the last look.
-            slope: how fast the expected torque may change with a joint's motion, N m/s. It is worked out
-                from older readings than the motor's own, so that some of it counts for nothing.
+            expected: expected torque, likewise.
+            stiffness: of the last command, N m/rad.
+            speed: of the joints, on average, rad/s.
             elapsed_s: time since the last look.
         """
         limits = self._limits
-        least = np.maximum(np.abs(expected) - limits.lag_s * slope, 0.0)
+        doubt = stiffness * (limits.reading_rad + limits.lag_s * speed)
+        least = np.maximum(np.abs(expected) - doubt, 0.0)
         asked = ((least - self._hidden) / self._much).clip(0.0, 1.0)
-        silent = np.maximum(np.abs(torque), np.abs(last)) <= self._little
-        self.limp_s = silent * (self.limp_s + elapsed_s * asked)
+        self.limp_s = (self._strongest <= self._little) * (self.limp_s + elapsed_s * asked)
         kept = math.exp(-elapsed_s / limits.memory_s)
         self._work = kept * self._work + (1.0 - kept) * torque * np.copysign(least, expected)
         self._asked = kept * self._asked + (1.0 - kept) * least * least
@@ -259,6 +279,22 @@ class SensorMonitor:
             ahead, left, up = self._resting
             self.rest_error = math.hypot(ahead, left, up - GRAVITY) / GRAVITY
 
+    def _compare_attitude(
+        self,
+        position: np.ndarray,
+        torque: np.ndarray,
+        quaternion: Sequence[float],
+        fastest: float,
+        elapsed_s: float,
+    ) -> None:
+        """The base's attitude by the IMU against that by the legs, of a robot that stands nearly still."""
+        if self._attitude is None:
+            return
+        if self.on_legs and fastest < self._limits.resting_rad_s:
+            self._attitude.look(position, torque, np.array(_up(quaternion)), elapsed_s)
+        else:
+            self._attitude.reset()
+
     def sunk_share(self, position: np.ndarray, quaternion: Sequence[float]) -> float:
         """How much of the clearance between the base's lowest corner and the lowest foot is gone.
 
@@ -273,8 +309,7 @@ class SensorMonitor:
         """
         if self._legs is None:
             return 0.0
-        w, x, y, z = quaternion
-        up = (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y))
+        up = _up(quaternion)
         below = self._legs.pose(position).foot @ up
         height = float(np.maximum.reduce(self._legs.foot_radius - below))
         base_below = -float(np.minimum.reduce(self._legs.base_corners @ up))
@@ -303,9 +338,23 @@ class SensorMonitor:
         """How far the mean upward acceleration is off gravity's opposite, over gravity."""
         return abs(self._mean[2] / GRAVITY - 1.0)
 
+    def slope(self) -> float:
+        """Angle between the plane of the feet that stand and the IMU's level, rad; 0 if none stand still."""
+        return 0.0 if self._attitude is None else self._attitude.slope
+
+    def leg_turn(self) -> float:
+        """The base's turn by the IMU other than by the legs, since these feet stand, rad; 0 likewise."""
+        return 0.0 if self._attitude is None else self._attitude.turn
+
     def imu_repeated(self, part: str) -> float:
         """How long a part of the IMU has repeated itself while joints moved, s."""
         return self._imu_repeated[IMU_PARTS.index(part)]
+
+
+def _up(quaternion: Sequence[float]) -> tuple[float, float, float]:
+    """The world's up in the body's axes, by the body's quaternion w x y z."""
+    w, x, y, z = quaternion
+    return 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
 
 
 def _legs(robot: Robot) -> Legs | None:

@@ -4,6 +4,7 @@ A row's `inject` is called with the run: in the walk, at a moment that is drawn,
 """
 
 from collections.abc import Callable
+from itertools import count
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,9 +20,11 @@ from footfall.plant.injection import (
     emptied,
     flipped,
     from_imu,
+    mounted,
     nothing,
     turned,
 )
+from footfall.plant.robot import IMU_PERIOD_S
 from footfall.robots.actuator import JointCommand
 
 SILENCE_S = 0.055
@@ -93,6 +96,18 @@ def _leaning(degrees: float) -> Callable[[Rig], None]:
     return inject
 
 
+def _loose(degrees: float = 0.0, rate_rad_s: float = 0.0) -> Callable[[Rig], None]:
+    """An IMU that is not where it was in the body, and turns on: what it reads is true of where it is."""
+
+    def inject(rig: Rig) -> None:
+        axis, sign = int(rig.rng.integers(2)), float(rig.rng.choice([-1.0, 1.0]))
+        angle, rate = sign * np.deg2rad(degrees), sign * rate_rad_s
+        readings = count()
+        rig.on_imu(lambda r: mounted(r, axis, angle + rate * IMU_PERIOD_S * next(readings), rate))
+
+    return inject
+
+
 def _short_quaternion(frames: Frames) -> Frames:
     """Nine tenths of the quaternion: no rotation."""
     words = frames.data.copy().view(">i2")
@@ -116,6 +131,7 @@ def _imu_queues(rig: Rig) -> None:
 
 
 CALM = "a calm walk turns by little more than noise does; noticed once the body turns by more"
+LOOSE = "its parts agree with each other; legs say how the base leans where they stand still"
 MEAN = "steps shake an accelerometer: only its mean over a second is compared"
 IMU = (
     FaultKind("gyro frames lost", "IMU", _imu_frame(GYRO_ID, nothing), SILENCE_S),
@@ -153,6 +169,7 @@ IMU = (
         "acceleration's signs turned round", "IMU", _scaled("acceleration", -1.0, -1.0, -1.0), 0.6, MEAN
     ),
     FaultKind("acceleration in units of g", "IMU", _scaled("acceleration", *(1 / 9.81,) * 3), 1.3, MEAN),
+    FaultKind("IMU comes loose and leans by 0.2 rad/s", "IMU", _loose(0.0, 0.2), None, LOOSE),
     FaultKind("IMU late by 20 ms", "IMU", _imu_late(20), None, "late readings agree with each other"),
     FaultKind("IMU late by 100 ms", "IMU", _imu_late(100), SILENCE_S),
     FaultKind("IMU's readings queue up", "IMU", _imu_queues, QUEUE_S),
@@ -374,6 +391,7 @@ SLOW_S = 1.5  # of a joint that hardly moves
 WAY = "a joint has to move for a while before its readings contradict each other"
 NEAR_ZERO = "a joint near its zero reads much the same with either sign; noticed once it moves"
 CARRIES_LITTLE = "a motor that is hardly asked for torque gives little to compare"
+EXPLAINED = "a motor that is asked for no more than readings 30 ms late explain gives nothing to compare"
 ALIKE = "two joints in like poses read alike until they move apart"
 UNUSED = "no controller uses it; noticed where it reads none, or the opposite, while much is commanded"
 CONSTANT_LAG = "late readings agree with each other; a walk bears it"
@@ -397,7 +415,7 @@ REPLIES = (
     FaultKind("velocity's sign turned round", "motors' replies", _negative(1), SOON_S),
     FaultKind("velocity doubled", "motors' replies", _values(_doubled_speed), SLOW_S, WAY),
     FaultKind("position's sign turned round", "motors' replies", _negative(0), SLOW_S, NEAR_ZERO),
-    FaultKind("torque zero", "motors' replies", _zeroed(2), SLOW_S, CARRIES_LITTLE),
+    FaultKind("torque zero", "motors' replies", _zeroed(2), None, EXPLAINED),
     FaultKind("torque frozen", "motors' replies", _row_frozen(2), None, UNUSED),
     FaultKind("torque's sign turned round", "motors' replies", _negative(2), SLOW_S, CARRIES_LITTLE),
     FaultKind("encoder jumps by 0.3 rad", "motors' replies", _position_off(lambda _: 0.3), main=True),
@@ -634,6 +652,8 @@ START = (
     ),
     _at_start("IMU askew by 30 degrees", _leaning(30.0), START_S, main=True),
     _at_start("IMU askew by 15 degrees", _leaning(15.0), START_S),
+    _at_start("IMU askew by 30 degrees, all its parts alike", _loose(30.0), START_S),
+    _at_start("IMU comes loose and leans by 0.2 rad/s", _loose(0.0, 0.2), START_S),
     _at_start("IMU askew by 5 degrees", _leaning(5.0), None, reason="less than a slope"),
     _at_start("IMU upside down", _imu(lambda r: turned(r, 0, 180.0)), 0.02),
     _at_start("acceleration in units of g", _scaled("acceleration", *(1 / 9.81,) * 3), START_S),

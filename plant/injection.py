@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import mujoco
 import numpy as np
 
+from footfall.common.rotations import rotation_matrix
 from footfall.deploy.bus import Bus, BusStatistics
 from footfall.deploy.drivers import imu, mit
 from footfall.deploy.drivers.mit_driver import motor_lookup
@@ -264,6 +265,15 @@ def flipped(share: float, rng: np.random.Generator) -> Callable[[Frames], Frames
         return frames._replace(data=data)
 
     return flip
+
+
+def mounted(reading: imu.Inertial, axis: int, angle_rad: float, rate_rad_s: float = 0.0) -> imu.Inertial:
+    """What an IMU reads that is turned in the body about an axis, and turns on: all its parts agree."""
+    askew = turned(reading, axis, float(np.rad2deg(angle_rad)))
+    half = angle_rad / 2
+    turn = rotation_matrix(np.array([np.cos(half), *(np.sin(half) * np.eye(3)[axis])]))  # to the body's axes
+    gyro = np.array(reading.gyro) @ turn + rate_rad_s * np.eye(3)[axis]
+    return askew._replace(gyro=gyro.tolist(), acceleration=(np.array(reading.acceleration) @ turn).tolist())
 
 
 def turned(reading: imu.Inertial, axis: int, degrees: float) -> imu.Inertial:

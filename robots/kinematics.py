@@ -56,6 +56,8 @@ class Legs:
         self.joints = np.array([[*own, *[own[0]] * (self.hinges - len(own))] for own in self._joints_of])
         self._places = as_slice(self.joints.ravel())
         self._set_model(robot)
+        base = self._model.body(robot.description.base).id
+        self.mass = float(self._model.body_subtreemass[base])  # kg, of the whole robot
         self.limbs = self._read_limbs(robot)
         self.reach = np.array([limb.reach for limb in self.limbs])  # (legs,) m, from each first hinge
         self._last_rolling = np.empty(0), b"", np.empty(0)

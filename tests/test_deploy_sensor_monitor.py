@@ -31,6 +31,7 @@ def told(
     torque: Callable[[float], tuple[float, float]] = lambda _: (0.0, 0.0),
     lost: Callable[[int], bool] = lambda _: False,
     samples: int = 250,
+    stiffness: float = 0.0,
 ) -> SensorMonitor:
     """A monitor of which one joint moves; `torque` gives what it reports and what is expected, N m.
 
@@ -49,8 +50,28 @@ def told(
             joints[:2, 0] = reading(now_us * 1e-6)
             joints[2, 0], expected[0] = torque(now_us * 1e-6)
         if monitor.add(now_us, 0, heard_us, STILL, joints, expected):
-            monitor.look(zeros, zeros, zeros, zeros)
+            monitor.look(zeros + stiffness, zeros, zeros, zeros)
     return monitor
+
+
+def told_late(robot: Robot, reading: Reading, late_ms: int, seed: int) -> tuple[float, float]:
+    """Most drift and wander of a joint that is read every 2 ms, by frames in bunches, late but in order."""
+    rng = np.random.default_rng(seed)
+    read_us = np.arange(0, 1_000_000, 2000)
+    late_us = np.repeat(rng.integers(0, 1000 * late_ms, len(read_us) // 25), 25)  # alike for 50 ms
+    came_us = np.maximum.accumulate(read_us + late_us)
+    monitor, zeros = SensorMonitor(robot, LIMITS, 0.002), np.zeros(12)
+    most = np.zeros(2)
+    for now_us in range(5 * SAMPLE_US, 1_000_000, SAMPLE_US):
+        last = np.searchsorted(came_us, now_us, side="right") - 1
+        joints, heard_us = np.zeros((3, 12)), np.full(12, came_us[last])
+        joints[:2, 0] = reading(read_us[last] * 1e-6)
+        if now_us == 5 * SAMPLE_US:
+            monitor.begin(now_us, heard_us, STILL, joints, zeros)
+        elif monitor.add(now_us, 0, heard_us, STILL, joints, zeros):
+            monitor.look(zeros, zeros, zeros, zeros)
+            most = np.maximum(most, [monitor.drift[0], monitor.wander[0]])
+    return float(most[0]), float(most[1])
 
 
 class TestWays:
@@ -83,6 +104,44 @@ class TestWays:
         kept = math.exp(-0.04 / LIMITS.drift_memory_s)
         apart, way = math.sqrt(kept * 0.022**2 + 0.04**2), math.sqrt(kept * 0.04**2 + 0.04**2)
         assert told(go1, lambda _: (0.0, 1.0), samples=20).drift[0] == pytest.approx(apart - 0.2 * way)
+
+    def test_wander_apart_with_their_signs_where_an_encoder_drifts(self, go1: Robot) -> None:
+        """1 rad/s beside a swing: 0.04 rad a look, 0.022 the first as above, and all of it fades.
+
+        5 ms of the fastest are the motor's filter's: 1.24 rad/s at the first look, which fade likewise.
+        """
+        kept = math.exp(-0.04 / LIMITS.drift_memory_s)
+        fastest = SWING_RAD * SWING_RAD_S * math.cos(0.04 * SWING_RAD_S) * kept**2
+        drifting = told(go1, lambda t: (swing(t)[0] + t, swing(t)[1]), samples=30)
+        wandered = kept**2 * 0.022 + kept * 0.04 + 0.04
+        assert drifting.wander[0] == pytest.approx(wandered - 0.005 * fastest, abs=0.001)
+        assert drifting.wander[0] > LIMITS.wander_rad
+        assert (drifting.wander[1:] == 0.0).all()
+
+    def test_do_not_wander_where_the_velocity_lags_or_is_noisy(self, go1: Robot) -> None:
+        rng = np.random.default_rng(0)
+
+        def noisy(time_s: float) -> tuple[float, float]:
+            position, velocity = swing(time_s)[0], swing(time_s - LIMITS.filter_s)[1]
+            return position + rng.uniform(-0.002, 0.002), velocity + rng.uniform(-0.1, 0.1)
+
+        assert told(go1, noisy).wander.max() < 0.3 * LIMITS.wander_rad
+
+    @pytest.mark.parametrize("seed", range(4))
+    @pytest.mark.parametrize("late_ms", [5, 10])
+    def test_may_differ_by_what_late_frames_make_of_a_fast_swing(
+        self, go1: Robot, late_ms: int, seed: int
+    ) -> None:
+        """10 ms at 7.5 rad/s are 0.075 rad: frames that come unevenly tell how late they may be."""
+
+        def fast(time_s: float) -> tuple[float, float]:
+            return 0.25 * np.sin(30.0 * time_s), 7.5 * np.cos(30.0 * time_s)
+
+        drift, wander = told_late(go1, fast, late_ms, seed)
+        assert drift < LIMITS.drift_rad
+        assert wander < LIMITS.wander_rad
+        drift, _ = told_late(go1, lambda t: (0.1, fast(t)[1]), late_ms, seed)
+        assert drift > LIMITS.drift_rad
 
     def test_bear_noise_of_a_hundredth_of_a_radian(self, go1: Robot) -> None:
         rng = np.random.default_rng(0)
@@ -141,6 +200,24 @@ class TestTorques:
         assert hidden.limp_s[0] == pytest.approx(0.0, abs=1e-12)
         with pytest.raises(UserError, match="must be below torque_much"):
             SensorLimits(torque_hidden=0.1, torque_much=0.1)
+
+    def test_of_a_stiff_joint_count_beyond_what_a_readings_rounding_makes(self, go1: Robot) -> None:
+        """2 mrad at a stiffness of 1500 N m/rad are 3 N m; a hundredth of the peak torque is 0.24."""
+        peak = float(go1.motor.peak_torque[0])
+        rounding, still = 1500.0 * LIMITS.reading_rad, lambda _: (0.0, 0.0)
+
+        def limp_s(expected: float) -> float:
+            monitor = told(go1, still, lambda _: (0.0, expected), samples=50, stiffness=1500.0)
+            return float(monitor.limp_s[0])
+
+        assert limp_s(rounding + 0.03 * peak) == pytest.approx(0.0, abs=1e-12)
+        assert limp_s(rounding + 0.06 * peak) == pytest.approx(0.2)
+
+    def test_a_report_in_between_sets_a_limp_motors_time_back(self, go1: Robot) -> None:
+        """One of ten samples of each look."""
+        peak = float(go1.motor.peak_torque[0])
+        spikes = told(go1, torque=lambda t: (0.15 * peak * (round(t / 0.004) % 10 == 5), 0.5 * peak))
+        assert spikes.limp_s[0] == 0.0
 
 
 class TestHeight:

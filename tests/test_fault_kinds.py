@@ -75,6 +75,21 @@ def test_every_robot_that_ships_is_tried_with_a_learned_policy_and_a_hand_writte
     ]
 
 
+@pytest.mark.parametrize(
+    ("title", "says"),
+    [
+        ("IMU askew by 30 degrees, all its parts alike (at the start)", "the base is tilted by 0.5"),
+        ("IMU comes loose and leans by 0.2 rad/s (at the start)", "the base turned by 0.05 rad other than"),
+    ],
+)
+def test_an_imu_that_is_true_of_another_place_is_known_by_the_legs_that_stand(title: str, says: str) -> None:
+    """30 degrees are 0.52 rad. Before the robot walks, and nothing else contradicts such an IMU."""
+    run = fault_table.run_fault(("go1", "go1-flat", title, 1))
+    assert says in run["fault"]
+    assert (run["final_state"], run["fell"]) == ("ESTOP", False)
+    assert run["seconds"] < 0.5
+
+
 def test_a_fault_that_nobody_can_notice_ends_in_order() -> None:
     run = fault_table.run_fault(("go1", "go1-flat", "foreign frames on the bus", 5))
     assert not run["detected"]

@@ -14,6 +14,21 @@ GRAVITY_M_S2 = 9.81
 _REGULAR = 1e-5 * np.eye(3)  # m^2/rad^2
 
 
+def ground_force(jacobian: np.ndarray, outside: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """Upward force of the ground on each foot, N, (legs,).
+
+    Least squares, regularised: near a singular pose a force is unknown along one direction only.
+
+    Args:
+        jacobian: (legs, 3, m) of the points of contact, base frame.
+        outside: (legs, m) torque that holds each joint and does not come from its motor, N m.
+        up: (3,) vertical, base frame.
+    """
+    regular = jacobian @ jacobian.transpose(0, 2, 1) + _REGULAR
+    force: np.ndarray = solve(regular, jacobian @ outside[:, :, None])[:, :, 0].dot(up)
+    return force
+
+
 class ContactEstimator:
     """Probability that each foot stands still on the ground.
 
@@ -69,10 +84,7 @@ class ContactEstimator:
         # constant times the rate of change. Exact in steps, too, where the filter is Euler's backward one.
         share = dt_s / (config.force_filter_s + dt_s)
         self._filtered += share * (self._outside(sensed) - momentum - self._filtered)
-        outside = (self._filtered + momentum)[:, :, None]
-        # Least squares, regularised: near a singular pose a force is unknown along one direction only.
-        regular = jacobian @ jacobian.transpose(0, 2, 1) + _REGULAR
-        force = solve(regular, jacobian @ outside)[:, :, 0].dot(up)
+        force = ground_force(jacobian, self._filtered + momentum, up)
         low, span = self._least_force, self._force_span
         share = 1.0 - math.exp(-dt_s / config.rise_s)
         planned = [1.0] * len(force) if plan is None else plan.tolist()

@@ -1,0 +1,131 @@
+"""The attitude of a base by its legs against that by its IMU, while the robot stands nearly still."""
+
+import math
+
+import numpy as np
+import pytest
+
+from footfall.deploy.leg_attitude import LegAttitude
+from footfall.deploy.sensor_limits import SensorLimits
+from footfall.policies.controllers.stance import level_feet
+from footfall.robots.description import Robot, load_robot
+
+LIMITS = SensorLimits()
+LOOK_S = 0.04
+LEVEL = np.array([0.0, 0.0, 1.0])
+ALL = np.ones(4)
+
+
+def nose_up(angle: float) -> np.ndarray:
+    """The way up in the axes of a base that is pitched back: x is up by the sine."""
+    return np.array([math.sin(angle), 0.0, math.cos(angle)])
+
+
+def swayed(robot: Robot, roll: float, pitch: float) -> np.ndarray:
+    """Joint positions (n,) of a robot whose base is turned over feet that stay."""
+    legs = robot.legs
+    feet = level_feet(legs.default_foot, -np.array([roll, pitch]))
+    return legs.scatter(legs.solve(feet), robot.default_pose)
+
+
+class Stander:
+    """A robot at rest, the IMU's way up, and what share of an even weight each foot carries."""
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot, self.attitude = robot, LegAttitude(robot, LIMITS)
+        self.even_n = 9.81 * robot.legs.mass / robot.legs.count
+
+    def look(self, up: np.ndarray, position: np.ndarray | None = None, loads: np.ndarray = ALL) -> None:
+        legs = self.robot.legs
+        position = self.robot.default_pose if position is None else position
+        pressed = loads[:, None] * self.even_n * up
+        torque = legs.holding_torque(position, 9.81 * up) + legs.torque(legs.pose(position).jacobian, pressed)
+        joints = legs.scatter(torque, np.zeros(len(position)))
+        self.attitude.look(position, joints, up, LOOK_S)
+
+    def looks(self, *args: object) -> LegAttitude:
+        """Until it has settled."""
+        for _ in range(2 + round(LIMITS.resting_s / LOOK_S)):
+            self.look(*args)  # type: ignore[arg-type]
+        return self.attitude
+
+
+@pytest.fixture
+def stander(go1: Robot) -> Stander:
+    return Stander(go1)
+
+
+def test_of_a_robot_that_stands_level_they_agree(stander: Stander) -> None:
+    attitude = stander.looks(LEVEL)
+    assert (attitude.slope, attitude.turn) == pytest.approx((0.0, 0.0), abs=1e-3)
+
+
+@pytest.mark.parametrize("angle", [0.2, -0.5])
+def test_on_a_slope_they_are_apart_by_its_angle_and_stay_so(stander: Stander, angle: float) -> None:
+    attitude = stander.looks(nose_up(angle))
+    assert attitude.slope == pytest.approx(abs(angle), abs=1e-3)
+    assert attitude.turn == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_slope_counts_once_the_robot_has_settled(stander: Stander) -> None:
+    for _ in range(1 + int(LIMITS.resting_s / LOOK_S)):
+        stander.look(nose_up(0.5))
+        assert stander.attitude.slope == 0.0
+    stander.look(nose_up(0.5))
+    assert stander.attitude.slope > 0.4
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.3])
+def test_a_base_that_turns_while_its_legs_do_not_is_a_contradiction_on_any_slope(
+    stander: Stander, slope: float
+) -> None:
+    stander.looks(nose_up(slope))
+    stander.look(nose_up(slope + 0.1))
+    assert stander.attitude.turn == pytest.approx(0.1, rel=1e-3)
+
+
+@pytest.mark.parametrize(("roll", "pitch"), [(0.1, 0.0), (0.0, -0.1)])
+def test_legs_that_sway_the_base_have_to_show_in_the_imu(stander: Stander, roll: float, pitch: float) -> None:
+    position = swayed(stander.robot, roll, pitch)
+    stander.looks(LEVEL)
+    stander.look(LEVEL, position)
+    assert stander.attitude.turn == pytest.approx(0.1, abs=0.005)
+    really = np.array([-math.sin(pitch), math.sin(roll) * math.cos(pitch), math.cos(roll) * math.cos(pitch)])
+    stander.look(really, position)
+    assert stander.attitude.turn == pytest.approx(0.0, abs=0.005)
+
+
+@pytest.mark.parametrize(
+    "loads",
+    [np.zeros(4), np.array([1.0, 0.0, 0.0, 1.0]), np.array([2.0, 2.0, 0.1, 0.1])],
+    ids=["it hangs", "a diagonal", "two bear a tenth"],
+)
+def test_fewer_than_three_feet_that_carry_say_nothing(stander: Stander, loads: np.ndarray) -> None:
+    attitude = stander.looks(nose_up(0.5), None, loads)
+    stander.look(nose_up(0.9), None, loads)
+    assert (attitude.slope, attitude.turn) == (0.0, 0.0)
+
+
+def test_three_feet_span_a_plane_and_others_begin_anew(stander: Stander) -> None:
+    three = np.array([1.0, 1.0, 1.0, 0.0])
+    stander.looks(LEVEL)
+    stander.look(nose_up(0.1), None, three)
+    assert stander.attitude.turn == 0.0
+    stander.look(nose_up(0.3), None, three)
+    assert stander.attitude.turn == pytest.approx(0.2, rel=1e-2)
+
+
+def test_three_feet_in_a_row_say_nothing() -> None:
+    """Of six: those of one side."""
+    robot = load_robot("hexapod")
+    left = np.array([foot.name.startswith("L") for foot in robot.description.feet])
+    attitude = Stander(robot).looks(nose_up(0.3), None, 2.0 * left)
+    assert attitude.slope == 0.0
+    assert Stander(robot).looks(nose_up(0.3), None, 1.0 + left).slope == pytest.approx(0.3, abs=1e-3)
+
+
+def test_two_soles_may_tip_over_their_edges() -> None:
+    """Of a biped the legs do not say how the base leans."""
+    stander = Stander(load_robot("g1"))
+    attitude = stander.looks(nose_up(0.5), None, np.ones(2))
+    assert (attitude.slope, attitude.turn) == (0.0, 0.0)
