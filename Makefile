@@ -5,6 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.footfall-installed
 EXTRAS ?= train,dev
+INSTALL ?= $(BIN)/python -m pip install --quiet --disable-pip-version-check
 WORKERS ?= 2
 TESTS ?= tests
 
@@ -24,7 +25,7 @@ $(STAMP): pyproject.toml
 	@test -n "$(PYTHON)" || { echo "footfall needs Python 3.11 or newer: install it, or run make PYTHON=/path/to/python" >&2; exit 2; }
 	@test -d src/footfall/train || { echo "footfall/train is no link to train/: unpack or clone footfall where there are symbolic links" >&2; exit 2; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[$(EXTRAS)]'
+	$(INSTALL) --editable '.[$(EXTRAS)]'
 	@touch $(STAMP)
 
 # Workers of one thread each: MuJoCo, XLA and BLAS would otherwise fight over the cores. A file's tests stay
@@ -44,7 +45,7 @@ format: $(STAMP)
 	$(BIN)/ruff format .
 
 types: $(STAMP)
-	$(BIN)/mypy
+	$(BIN)/mypy --num-workers $(WORKERS)
 
 clean:
 	rm -rf $(VENV) .cache .pytest_cache .mypy_cache .ruff_cache .hypothesis build dist src/*.egg-info
