@@ -25,6 +25,8 @@ class DeployConfig:
     pose_rate_rad_s: float = 0.8  # fastest that a joint moves while the robot stands up or lies down
     stop_rate_rad_s: float = 8.0  # the same out of a walk, until all feet stand
     stop_s: float = 1.0  # that a policy has to come to a stand before the robot lies down
+    sink_rate_rad_s: float = 12.0  # the same of a robot that cannot stop: it sinks at once
+    sink_share: float = 0.7  # by so much of the way from standing to lying
     scale: float = (
         1.0  # share of stiffness, damping and torque that reaches the motors; damping a robot is whole
     )
@@ -42,7 +44,8 @@ class DeployConfig:
         require_between(self, 0.0, 60.0, "stop_s")
         require_between(self, 1, 10_000, "host_queue")
         require_between(self, 0.0, 100.0, "stand_kp_scale", "stand_kd_scale")
-        require_between(self, 0.01, 100.0, "pose_rate_rad_s", "stop_rate_rad_s")
+        require_between(self, 0.01, 100.0, "pose_rate_rad_s", "stop_rate_rad_s", "sink_rate_rad_s")
+        require_between(self, 0.0, 1.0, "sink_share")
         require_between(self, 0.01, 1.0, "scale")
         require_between(self, 1, 99, "realtime_priority")
         silence_s, tick_s = self.safety.silence_timeout_s, self.tick_us * 1e-6

@@ -22,7 +22,7 @@ from footfall.deploy.estimation.odometry import Odometry
 from footfall.deploy.frames import Frames
 from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.pose import impossible_pose
-from footfall.deploy.postures import Postures
+from footfall.deploy.postures import Ending, Postures
 from footfall.deploy.safety import DAMPED, DECIDING, HELD, Implausible, Mode, Signals, State, advance, damped
 from footfall.deploy.sensor_checks import SensorChecks
 from footfall.deploy.timing import Timing
@@ -401,7 +401,7 @@ class ControlLoop:
             if self._estimator is not None:
                 self._estimator.reset(self.sensed)
         elif self.state.mode is Mode.LOWERING:
-            self._postures.lie_down(self._joints.target, on_all_feet=before.mode is Mode.STANDING)
+            self._postures.lie_down(self._joints.target, self._ending(before.mode))
         elif self.state.mode is Mode.WALKING:
             self._begun_us = self.now_us
             self._next_policy_us = self.now_us - 0.5
@@ -409,6 +409,12 @@ class ControlLoop:
                 self._estimator.start()
         if self.log is not None:
             self.log.state(self.now_us, self.state)
+
+    def _ending(self, before: Mode) -> Ending:
+        """How a robot is found that shall lie down; one that stands up has all feet on the ground."""
+        if before is Mode.STANDING:
+            return Ending.STANDING
+        return Ending.WALKING if self.state.faults else Ending.STOPPED
 
     def _signals(self, elapsed_us: int) -> Signals:
         joints, now_us, state = self._joints, self.now_us, self.state

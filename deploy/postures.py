@@ -1,5 +1,7 @@
 """Standing up and lying down: the joint commands on the way from one to the other."""
 
+from enum import Enum, auto
+
 import numpy as np
 
 from footfall.deploy.config import DeployConfig
@@ -8,6 +10,14 @@ from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
 MOVING_SHARE = 0.7  # of the time to stand up at least; the rest is for settling
+
+
+class Ending(Enum):
+    """How a robot is found that shall lie down."""
+
+    STANDING = auto()  # on all feet
+    STOPPED = auto()  # maybe with a foot in the air
+    WALKING = auto()  # at any speed
 
 
 class Postures:
@@ -20,7 +30,13 @@ class Postures:
         self.may_lie = lie_down and self._lying is not None
         self._sunk = config.safety.sensors.sunk
         most = robot.description.target_rate_rad_s
-        self._rate, self._stop_rate = min(config.pose_rate_rad_s, most), min(config.stop_rate_rad_s, most)
+        self._rate = min(config.pose_rate_rad_s, most)
+        # Where on the way from standing (0) to lying (1) all feet go first, and how fast, rad/s: who has
+        # stopped tips over a foot that stays in the air; who walks turns over, unless it sinks at once.
+        self._first = {
+            Ending.STOPPED: (0.0, min(config.stop_rate_rad_s, most)),
+            Ending.WALKING: (config.sink_share, min(config.sink_rate_rad_s, most)),
+        }
         self._least_s, self._hold_s = MOVING_SHARE * config.stand_s, (1.0 - MOVING_SHARE) * config.stand_s
         self._zeros = np.zeros(len(robot.joint_names))
         self._gains = config.stand_kp_scale * robot.kp, config.stand_kd_scale * robot.kd
@@ -44,20 +60,21 @@ class Postures:
         self._path = PosePath(poses, [self._rate] * (len(poses) - 1), self._least_s)
         self._carried_s = self._path.duration_s if lies else 0.0
 
-    def lie_down(self, target: np.ndarray, on_all_feet: bool) -> None:
+    def lie_down(self, target: np.ndarray, ending: Ending) -> None:
         """Begin the way to the lying pose, without which this does nothing.
 
         Args:
             target: position targets that went out last, rad, (n,).
-            on_all_feet: else the default pose comes first, and fast: a robot that walks tips over a foot that
-                stays in the air.
+            ending: how the robot is found.
         """
         if self._lying is None:
             return
-        if on_all_feet:
-            self._path = PosePath([target, self._lying], [self._rate])
-        else:
-            self._path = PosePath([target, self._standing, self._lying], [self._stop_rate, self._rate])
+        poses, rates = [target, self._lying], [self._rate]
+        if ending in self._first:
+            share, rate = self._first[ending]
+            poses.insert(1, self._standing + share * (self._lying - self._standing))
+            rates.insert(0, rate)
+        self._path = PosePath(poses, rates)
         self._carried_s = float("inf")
 
     def command(self, time_s: float) -> JointCommand:

@@ -16,11 +16,12 @@ from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers.imu import Inertial
 from footfall.deploy.loop import POSED, ControlLoop
 from footfall.deploy.pose_path import PosePath
-from footfall.deploy.postures import Postures
+from footfall.deploy.postures import Ending, Postures
 from footfall.deploy.safety import HELD, Mode
 from footfall.deploy.sensor_monitor import SensorMonitor
 from footfall.deploy.wiring import wire
 from footfall.plant.episode import Episode, run_episode
+from footfall.plant.injection import InjectingPolicy
 from footfall.plant.robot import PlantConfig, SimulatedRobot
 from footfall.plant.trace import Trace
 from footfall.plant.wires import SimulatedWires
@@ -30,6 +31,8 @@ from footfall.robots.description import Robot, load_robot
 
 CONFIG = DeployConfig()
 QUICK = DeployConfig(joint_rate_hz=250.0, stand_s=0.2, pose_rate_rad_s=3.0, stop_rate_rad_s=3.0, stop_s=0.1)
+
+TOP_SPEED = np.array([1.8, 0.0, 0.0])
 
 
 class Tick(NamedTuple):
@@ -117,6 +120,29 @@ class TestPostures:
         np.testing.assert_allclose(postures.command(0.0).position, spread)
         np.testing.assert_allclose(postures.command(folded_s).position, go1.lying_pose, atol=1e-9)
 
+    @pytest.mark.parametrize(
+        ("ending", "share", "rate_rad_s"), [(Ending.STOPPED, 0.0, 8.0), (Ending.WALKING, 0.7, 12.0)]
+    )
+    def test_feet_go_to_the_ground_fast_and_the_rest_of_the_way_is_slow(
+        self, go1: Robot, ending: Ending, share: float, rate_rad_s: float
+    ) -> None:
+        """From stretched legs, 0.3 rad beyond the default pose; a calf has 0.9 rad from there to lying."""
+        postures, stretched = Postures(go1, CONFIG, lie_down=True), go1.default_pose + np.tile([0, 0, 0.3], 4)
+        postures.lie_down(stretched, ending)
+        fast_s = 0.5 * np.pi * (0.3 + share * 0.9) / rate_rad_s
+        slow_s = 0.5 * np.pi * (1.0 - share) * 0.9 / CONFIG.pose_rate_rad_s
+        between = (1.0 - share) * go1.default_pose + share * go1.lying_pose
+        np.testing.assert_allclose(postures.command(fast_s).position, between, atol=1e-9)
+        assert not postures.done(fast_s + slow_s + 0.29 * CONFIG.stand_s)
+        assert postures.done(fast_s + slow_s + 0.3 * CONFIG.stand_s)
+
+    def test_whose_feet_all_stand_lies_down_straight_away(self, go1: Robot) -> None:
+        postures = Postures(go1, CONFIG, lie_down=True)
+        postures.lie_down(go1.default_pose, Ending.STANDING)
+        middle_s = 0.25 * np.pi * 0.9 / CONFIG.pose_rate_rad_s
+        between = 0.5 * (go1.default_pose + go1.lying_pose)
+        np.testing.assert_allclose(postures.command(middle_s).position, between, atol=1e-9)
+
     def test_whether_it_may_lie_down_is_up_to_robot_and_user(self, go1: Robot) -> None:
         assert Postures(go1, CONFIG, lie_down=True).may_lie
         assert not Postures(go1, CONFIG, lie_down=False).may_lie
@@ -173,6 +199,21 @@ class TestRun:
         assert note.modes[2:] == ["WALKING", "LOWERING", "ESTOP"]
         assert outcome.faults == ("the policy's command is not finite",)
         assert outcome.final_state == "ESTOP"
+        assert note.ticks[-1].height_m < go1.legs.base_below + 0.01
+
+    def test_a_policy_that_fails_at_top_speed_leaves_it_lying_on_its_belly(self, go1: Robot) -> None:
+        """1.8 m/s are 0.17 m of height: it would turn over on feet that stop under it."""
+        policy = InjectingPolicy(load_policy("go1-flat", go1))
+
+        def fail(loop: ControlLoop, body: SimulatedRobot) -> None:
+            if loop.walking and loop.walking_s > 1.2:
+                policy.spoil = not_a_number
+
+        note, config = Notebook(fail), DeployConfig(stand_s=0.2)
+        run(go1, policy, note, lying=False, config=config, duration_s=3.0, command=lambda _: TOP_SPEED)
+        assert note.modes[2:] == ["WALKING", "LOWERING", "ESTOP"]
+        assert max(tick.tilt_rad for tick in note.of(Mode.LOWERING)) < 0.8
+        assert note.ticks[-1].tilt_rad < 0.1
         assert note.ticks[-1].height_m < go1.legs.base_below + 0.01
 
     def test_a_motor_that_falls_silent_on_the_way_damps_it(self, go1: Robot) -> None:

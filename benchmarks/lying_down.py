@@ -1,0 +1,93 @@
+"""How a robot ends whose policy fails in a walk: lying on its belly, or turned over.
+
+    python benchmarks/lying_down.py --policy go1-flat --speed 1.8 --seeds 20
+    python benchmarks/lying_down.py --speed 1.8 --set sink_share=0.0 sink_rate_rad_s=8.0
+
+Lockstep, with sensor noise; the policy's targets are no numbers from a drawn moment on.
+"""
+
+import argparse
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from footfall.common.rotations import tilt
+from footfall.deploy.config import deploy_config
+from footfall.deploy.loop import ControlLoop
+from footfall.deploy.safety import Mode
+from footfall.domain_rand.noise import Noise
+from footfall.plant.episode import Episode, run_episode
+from footfall.plant.injection import InjectingPolicy
+from footfall.plant.robot import SimulatedRobot
+from footfall.policies.registry import load_policy
+from footfall.robots.actuator import JointCommand
+from footfall.robots.description import load_robot
+
+NOISE = Noise(joint_position=0.002, joint_velocity=0.1, gyro=0.02, gravity=0.005)
+FAILS_S = (1.2, 1.7)  # of walking: it has reached its speed
+LEVEL_RAD = 0.3  # of a base that lies on its belly
+
+
+class Watch:
+    """Lets the policy fail at its time, and looks at the base from then on."""
+
+    def __init__(self, policy: InjectingPolicy, at_s: float) -> None:
+        self._policy, self._at_s = policy, at_s
+        self.most_tilt = self.last_tilt = self.speed = 0.0
+        self.touched_m_s: float | None = None  # downward speed at which the base first touched the ground
+        self._sinking = 0.0
+
+    def __call__(self, loop: ControlLoop, body: SimulatedRobot) -> None:
+        place, motion = body.data.qpos, body.data.qvel
+        if loop.state.mode is Mode.WALKING and loop.walking_s >= self._at_s and self._policy.spoil is None:
+            self._policy.spoil = _no_numbers
+            self.speed = float(np.hypot(*motion[:2]))
+        if loop.state.faults:
+            self.last_tilt = tilt(place[3:7])
+            self.most_tilt = max(self.most_tilt, self.last_tilt)
+            if self.touched_m_s is None and body.fall() == "the base touched the ground":
+                self.touched_m_s = self._sinking
+        self._sinking = -float(motion[2])
+
+
+def _no_numbers(command: JointCommand) -> JointCommand:
+    return command._replace(position=command.position * np.nan)
+
+
+def run(robot_name: str, policy_name: str, speed: float, seed: int, changes: dict[str, float]) -> Watch:
+    """One run: forwards, a little sideways and round a little."""
+    robot, rng = load_robot(robot_name), np.random.default_rng(seed)
+    command = np.array([speed, rng.uniform(-0.1, 0.1), rng.uniform(-0.3, 0.3)])
+    policy = InjectingPolicy(load_policy(policy_name, robot))
+    watch = Watch(policy, rng.uniform(*FAILS_S))
+    config = replace(deploy_config(robot), stand_s=0.6, **changes)  # type: ignore[arg-type]
+    settings: dict[str, Any] = {"seed": seed, "noise": NOISE, "config": config, "lie_down": True}
+    run_episode(robot, policy, Episode(lambda _: command, 5.0, record=False, **settings), watch)
+    return watch
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--robot", default="go1")
+    parser.add_argument("--policy", default="go1-flat")
+    parser.add_argument("--speed", type=float, default=1.8, help="m/s, forwards")
+    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--set", nargs="*", default=[], metavar="NAME=VALUE", help="of the deploy settings")
+    options = parser.parse_args()
+    changes = {name: float(value) for name, value in (each.split("=") for each in options.set)}
+    runs = [run(options.robot, options.policy, options.speed, seed, changes) for seed in range(options.seeds)]
+    level = sum(each.last_tilt < LEVEL_RAD for each in runs)
+    touched = [each.touched_m_s for each in runs if each.touched_m_s is not None]
+    print(f"{options.policy} at {np.mean([each.speed for each in runs]):.2f} m/s, {len(runs)} runs")
+    print(f"  on the belly in the end: {level}")
+    print(f"  most tilt, rad: {_spread([each.most_tilt for each in runs])}")
+    print(f"  touches down at, m/s: {_spread(touched)}")
+
+
+def _spread(values: list[float]) -> str:
+    return f"{np.median(values):.2f} in the median, {max(values):.2f} at most" if values else "none"
+
+
+if __name__ == "__main__":
+    main()
