@@ -24,3 +24,15 @@ def test_it_walks_straight_without_sinking_or_a_joint_beyond_its_limit(gait: str
     assert trace.base_position[:, 2].min() > 0.18
     assert np.abs(trace.joint_velocity).max() < 3.6  # targets move at 3.0 at most; the motors' PD lags behind
     assert [note.split(":")[0] for note in trace.notes] == [gait]
+
+
+def test_the_fast_contender_is_twice_as_fast_as_the_given_steps() -> None:
+    """These walk 0.094 m/s at most, by the generator's own check."""
+    policy = load_policy(f"tripod@{ROBOT.folder / 'fast.yaml'}", ROBOT)
+    trace = run_episode(ROBOT, policy, Episode(lambda _: np.array([0.25, 0.0, 0.0]), 3.0))
+    assert not trace.fell
+    assert trace.faults == ()
+    late = trace.time_s > 2.0
+    assert trace.base_velocity[late, 0].mean() > 0.19
+    assert abs(trace.base_velocity[late, 1].mean()) < 0.02
+    assert trace.base_position[:, 2].min() > 0.18
