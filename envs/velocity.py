@@ -18,7 +18,7 @@ from footfall.envs.actuation import KEPT_GOALS, Actuation
 from footfall.envs.base import Base
 from footfall.envs.commands import COMMAND_NUMBERS, draw_hold_steps
 from footfall.envs.config import EnvConfig
-from footfall.envs.critic import Truth, critic_observation
+from footfall.envs.critic import Truth, actor_kinds, critic_kinds, critic_observation
 from footfall.envs.curriculum import level_after, share
 from footfall.envs.disturb import DISTURBANCE_NUMBERS, command_at_level, disturb, draw_push_steps
 from footfall.envs.feet import Feet
@@ -38,6 +38,7 @@ from footfall.policies.contract import Contract
 from footfall.policies.gaits import find_gait
 from footfall.policies.observation import moving
 from footfall.robots.description import Robot
+from footfall.robots.kinds import Parts
 from footfall.robots.model import ground_friction, joint_addresses, training_model
 
 PHYSICS: dict[str, Callable[[mujoco.MjModel, Robot], Physics]] = {"mjx": mjx_physics, "c": c_physics}
@@ -96,8 +97,10 @@ class VelocityEnv:
     @property
     def observation_sizes(self) -> dict[str, int]:
         """Size of the actor's and the critic's observation."""
-        shapes = jax.eval_shape(lambda key: self.reset(key)[1], jax.random.key(0))
-        return {name: leaf.shape[-1] for name, leaf in shapes.items()}
+        parts = Parts(self.action_size, self._bodies, self.feet.count)
+        critic = critic_kinds(self.contract, self.config.randomisation)
+        kinds = {"state": actor_kinds(self.contract), "privileged_state": critic}
+        return {name: sum(kind.size(parts) for kind in each) for name, each in kinds.items()}
 
     def level(self, steps: jax.Array) -> jax.Array:
         """The curriculum's level after so many environment steps in all, 0 to 1."""

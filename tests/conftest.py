@@ -19,6 +19,7 @@ os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(Path(__file__).parents[1]
 import shutil
 import signal
 from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future
 from typing import Any
 
 import numpy as np
@@ -71,12 +72,12 @@ def kept_programs() -> Iterator[None]:
     from footfall.envs.workarounds.program_cache import fingerprint
     from footfall.train.brax import parts
 
-    kept: dict[str, Any] = {}
+    kept: dict[str, Future[Any]] = {}
 
-    def load_or_compile(compile_program: Callable[[], Any], _: Any, *made_from: Any) -> Any:
+    def load_or_compile(lower: Callable[[], Any], beside: Executor, _: Any, *made_from: Any) -> Future[Any]:
         name = fingerprint(made_from)
         if name not in kept:
-            kept[name] = compile_program()
+            kept[name] = beside.submit(lower().compile)
         return kept[name]
 
     with pytest.MonkeyPatch.context() as patch:

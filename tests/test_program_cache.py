@@ -5,6 +5,7 @@ import pickle
 import re
 import threading
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
@@ -42,19 +43,20 @@ def advance(state: State) -> tuple[State, dict[str, jax.Array]]:
 
 
 class Maker:
-    """Compiles `advance` and counts how often."""
+    """Traces `advance` and counts how often."""
 
     def __init__(self) -> None:
         self.made = 0
 
     def __call__(self) -> Any:
         self.made += 1
-        return jax.jit(advance).lower(STATE).compile()
+        return jax.jit(advance).lower(STATE)
 
 
 def kept(make: Any, *made_from: Any, say: Any = print) -> Any:
     """The program, once whatever is written of it is written."""
-    program = program_cache.load_or_compile(make, say, *made_from)
+    with ThreadPoolExecutor(1) as beside:
+        program = program_cache.load_or_compile(make, beside, say, *made_from).result()
     for thread in threading.enumerate():
         if thread.name == "keep program":
             thread.join()
@@ -122,7 +124,8 @@ def test_nobody_waits_for_a_program_to_be_written(
 
     serialize = program_cache.serialize
     monkeypatch.setattr(program_cache, "serialize", slow)
-    program_cache.load_or_compile(make, print, "settings")
+    with ThreadPoolExecutor(1) as beside:
+        program_cache.load_or_compile(make, beside, print, "settings")
     assert not (cache / "programs").exists()
     asked_for.set()
     kept(make, "settings")
@@ -185,11 +188,11 @@ def test_a_source_that_changed_after_it_was_imported_keeps_nothing(
 def test_a_source_that_changes_while_it_is_traced_keeps_nothing(
     cache: Path, make: Maker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def compile_meanwhile() -> Any:
+    def lower_meanwhile() -> Any:
         monkeypatch.setattr(footfall, "IMPORTED_AT_NS", 0)
         return make()
 
-    kept(compile_meanwhile)
+    kept(lower_meanwhile)
     assert not any(cache.rglob("programs/*"))
 
 
@@ -300,7 +303,7 @@ def test_a_program_that_calls_python_is_not_kept(cache: Path) -> None:
     shape = jax.ShapeDtypeStruct((), jnp.float32)
 
     def calling() -> Any:
-        return jax.jit(lambda x: jax.pure_callback(lambda y: 2 * y, shape, x)).lower(1.0).compile()
+        return jax.jit(lambda x: jax.pure_callback(lambda y: 2 * y, shape, x)).lower(1.0)
 
     assert [float(kept(calling)(3.0)) for _ in range(2)] == [6.0, 6.0]
     assert not any(cache.rglob("programs/*"))

@@ -71,7 +71,7 @@ class TestReset:
     def test_observation_has_the_size_of_the_contract(self, env: VelocityEnv, reset) -> None:
         _, observation = reset(jax.random.PRNGKey(5))
         assert observation["state"].shape == (observation_size(env.contract),)
-        assert env.observation_sizes["state"] == observation_size(env.contract)
+        assert env.observation_sizes == {name: seen.shape[-1] for name, seen in observation.items()}
 
 
 class TestStep:

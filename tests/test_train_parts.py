@@ -225,13 +225,11 @@ class TestPpo:
             assert spec == (PartitionSpec("devices") if name in ("env", "observation") else PartitionSpec())
         mesh = devices.device_mesh(CONFIG, 1)
         assert (mesh.size, mesh.axis_names) == (1, ("devices",))
-        where = devices.shardings(
-            {"a": devices.EACH, "b": devices.DIVIDED}, {"a": [1, 2], "b": {"c": 3}}, mesh
-        )
-        assert [x.spec for x in where["a"]] == [PartitionSpec()] * 2
-        assert where["b"]["c"].spec == PartitionSpec("devices")
-        placed = devices.place({"b": np.arange(6.0)}, {"b": where["b"]["c"]})
-        np.testing.assert_array_equal(placed["b"], np.arange(6.0))
+        where = devices.shardings({"a": devices.EACH, "b": devices.DIVIDED}, mesh)
+        placed = devices.place({"a": [np.arange(2.0), np.ones(3)], "b": {"c": np.arange(6.0)}}, where)
+        assert [x.sharding.spec for x in placed["a"]] == [PartitionSpec()] * 2
+        assert placed["b"]["c"].sharding.spec == PartitionSpec("devices")
+        np.testing.assert_array_equal(placed["b"]["c"], np.arange(6.0))
 
     def test_one_device_draws_other_noise_than_another_from_the_same_key(self, begun: TrainState) -> None:
         (key, steps, learn), (same, other_steps, other_learn) = (

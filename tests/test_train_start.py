@@ -2,6 +2,8 @@
 
 import gc
 import threading
+from collections.abc import Callable
+from concurrent.futures import Future
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,8 +15,10 @@ from footfall.common.collector import collector_paused
 from footfall.envs.workarounds.program_cache import fingerprint
 from footfall.robots.description import load_robot
 from footfall.train import api
-from footfall.train.brax.devices import GPU_OPTIONS, compiler_options, worth_keeping
+from footfall.train.brax import parts
+from footfall.train.brax.devices import GPU_OPTIONS, compiler_options, device_mesh, worth_keeping
 from footfall.train.brax.parts import assemble, made_from
+from footfall.train.brax.ppo import TrainState
 from footfall.train.config import load_preset
 from footfall.train.entry import start_device
 from footfall.train.runs.folder import open_run
@@ -91,6 +95,32 @@ def test_a_run_reads_ahead_what_it_then_asks_for(tmp_path: Path) -> None:
     asked, opened = (made_from(robot, c) for c in (load_preset("gpu-quick"), open_run(folder).config))
     assert fingerprint(asked) == fingerprint(opened)
     assert fingerprint(asked) != fingerprint(made_from(robot, load_preset("gpu")))
+
+
+def test_what_is_kept_is_not_traced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both programs are asked for as they were read ahead; a resumed run has its state."""
+    run = open_run(api.begin(api.TrainRequest(preset="smoke", seed=7, out=tmp_path / "run")))
+    robot, asked, read = load_robot("go1"), [], []
+    programs = {"first state": lambda seed: TrainState(*[int(seed)] * 7), "iteration": "the iteration"}
+
+    def ready(lower: object, beside: object, say: Callable[[str], None], *made: object) -> Future:
+        asked.append(fingerprint(made))
+        say("a warning")
+        there: Future = Future()
+        there.set_result(programs[made[0]])
+        return there
+
+    monkeypatch.setattr(parts, "worth_keeping", lambda _: True)
+    monkeypatch.setattr(parts, "load_or_compile", ready)
+    monkeypatch.setattr(parts, "prefetch", lambda *made: read.append(fingerprint(made)))
+    parts.prefetch_programs(robot, run.config)
+    assembled, mesh, said = assemble(run, robot), device_mesh(run.config.ppo), []
+    assert assembled.prepare(mesh, None, said.append) == (TrainState(*[7] * 7), "the iteration")
+    assert asked == read
+    assert said == ["a warning"]
+    restored = TrainState(*np.arange(7.0)[:, None])
+    state, iteration = assembled.prepare(mesh, restored, print)
+    assert (float(state.iteration[0]), iteration, asked[2:]) == (6.0, "the iteration", read[1:])
 
 
 def test_every_seed_begins_with_the_same_program(tmp_path: Path) -> None:

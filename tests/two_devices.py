@@ -78,7 +78,7 @@ def main() -> None:
     (alone,) = learnt(state, share, 1)
     twice, _ = learnt(state, side_by_side(share, share), 2)
     first, second = learnt(state, side_by_side(share, other), 2)
-    placed = place(jax.device_get(state), shardings(STATE_SPECS, state, MESH))
+    placed = place(jax.device_get(state), shardings(STATE_SPECS, MESH))
     seen = {
         "devices": MESH.size,
         "moved": gap(alone, jax.device_get(state.params.policy)),

@@ -13,7 +13,7 @@ import hashlib
 import os
 import pickle
 from collections.abc import Callable, Iterable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import suppress
 from importlib.metadata import distributions
 from pathlib import Path
@@ -63,8 +63,8 @@ def prefetch(*made_from: Any) -> None:
 
 
 def load_or_compile(
-    compile_program: Callable[[], jax.stages.Compiled], say: Callable[[str], None], *made_from: Any
-) -> jax.stages.Compiled:
+    lower: Callable[[], jax.stages.Lowered], beside: Executor, say: Callable[[str], None], *made_from: Any
+) -> Future[jax.stages.Compiled]:
     """The program that was compiled from the same things before, or else is now.
 
     It is kept in a folder of JAX's compilation cache, if there is one. What is not a whole program there is
@@ -72,7 +72,8 @@ def load_or_compile(
     since this process imported it, since the file no longer says what was traced.
 
     Args:
-        compile_program: compiles it.
+        lower: traces it, here and now: what `fewer_kernels` replaces, it replaces for every thread.
+        beside: compiles it.
         say: told in one line if a file is there that others may have written.
         made_from: all that the program depends on besides source, libraries, device and JAX's settings;
             their `repr` tells them apart, or their bytes.
@@ -81,12 +82,18 @@ def load_or_compile(
     found = fetched.result() if fetched else _look_up(made_from)
     if found.refusal:
         say(f"{found.refusal}: its compiled programs are not used, compiling afresh")
-    if found.program is not None:
-        return found.program
-    program = compile_program()
-    if found.path is not None and _source() is not None:
+    if found.program is None:
+        return beside.submit(_compile, lower(), found.path)
+    there: Future[jax.stages.Compiled] = Future()
+    there.set_result(found.program)
+    return there
+
+
+def _compile(lowered: jax.stages.Lowered, path: Path | None) -> jax.stages.Compiled:
+    program = lowered.compile()
+    if path is not None and _source() is not None:
         # Beside the training, which need not wait for it; the process does, at its end.
-        Thread(target=_write, args=(found.path, program), name="keep program").start()
+        Thread(target=_write, args=(path, program), name="keep program").start()
     return program
 
 

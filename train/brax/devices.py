@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
+from functools import partial
 from typing import Any
 
 import jax
@@ -59,28 +60,25 @@ def _on_gpus(mesh: Mesh) -> bool:
     return mesh.devices.flat[0].platform == "gpu"
 
 
-def shardings(specs: Any, tree: Any, mesh: Mesh) -> Any:
-    """The sharding of each leaf.
+def shardings(specs: Any, mesh: Mesh) -> Any:
+    """The shardings that a tree of `EACH` and `DIVIDED` stands for."""
+    return jax.tree.map(
+        lambda spec: NamedSharding(mesh, spec), specs, is_leaf=lambda node: isinstance(node, PartitionSpec)
+    )
+
+
+def place(tree: Any, where: Any) -> Any:
+    """Put host arrays, the same in every process, where they belong.
 
     Args:
-        specs: a tree prefix of `tree` with `EACH` or `DIVIDED` at its leaves.
-        tree: arrays or their shapes.
-        mesh: the devices.
+        tree: of arrays.
+        where: a tree prefix of it with shardings at its leaves.
     """
 
-    def below(spec: PartitionSpec, subtree: Any) -> Any:
-        return jax.tree.map(lambda _: NamedSharding(mesh, spec), subtree)
+    def put(sharding: NamedSharding, leaf: Any) -> jax.Array:
+        return jax.make_array_from_callback(leaf.shape, sharding, lambda index: leaf[index])
 
-    return jax.tree.map(below, specs, tree, is_leaf=lambda node: isinstance(node, PartitionSpec))
-
-
-def place(tree: Any, sharding: Any) -> Any:
-    """Put host arrays, the same in every process, where they belong."""
-
-    def put(leaf: Any, where: NamedSharding) -> jax.Array:
-        return jax.make_array_from_callback(leaf.shape, where, lambda index: leaf[index])
-
-    return jax.tree.map(put, tree, sharding)
+    return jax.tree.map(lambda sharding, below: jax.tree.map(partial(put, sharding), below), where, tree)
 
 
 def on_the_processor() -> AbstractContextManager[Any]:

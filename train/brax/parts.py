@@ -1,7 +1,7 @@
 """What a run's configuration builds: environment, networks, and the function that trains them."""
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +13,7 @@ from jax.sharding import Mesh
 from footfall.common.collector import collector_paused
 from footfall.envs.symmetry import EnvironmentMirror, environment_mirror
 from footfall.envs.velocity import VelocityEnv
-from footfall.envs.workarounds.program_cache import load_or_compile, model_bytes
+from footfall.envs.workarounds.program_cache import load_or_compile, model_bytes, prefetch
 from footfall.robots.description import Robot
 from footfall.train.brax.devices import compiler_options, place, shardings, worth_keeping
 from footfall.train.brax.networks import make_networks
@@ -21,6 +21,7 @@ from footfall.train.brax.ppo import STATE_SPECS, TrainState, initial_state, make
 from footfall.train.config import TrainConfig
 from footfall.train.runs.folder import Run
 
+PROGRAMS = ("first state", "iteration")  # of a training
 Iteration = Callable[[TrainState], tuple[TrainState, dict[str, jax.Array], jax.Array]]
 
 
@@ -63,39 +64,56 @@ class Parts:
             restored: a checkpoint's state, on the host; None begins from the seed.
             say: told what a user should know.
         """
-        shapes = self.shapes
-        where = shardings(STATE_SPECS, shapes, mesh)
-        if restored is not None:
-            return place(restored, where), self._compiled_iteration(mesh, shapes, where, say)
-        first = jax.jit(self.first_state, out_shardings=where, compiler_options=compiler_options(mesh))
+        where, options = shardings(STATE_SPECS, mesh), compiler_options(mesh)
+        first_state = self.first_state  # held, or JAX would forget what it has traced
         seed = np.uint32(self.run.provenance.seed & 0xFFFFFFFF)  # as much of it as JAX's keys hold
-        # Traced here, not beside: what `fewer_kernels` replaces, it replaces for every thread.
-        traced = first.lower(seed)
+
+        def first() -> jax.stages.Lowered:
+            return jax.jit(first_state, out_shardings=where, compiler_options=options).lower(seed)
+
+        def iteration() -> jax.stages.Lowered:
+            iterate = make_iteration(self.env, self.networks, self.run.config.ppo, mesh, self.mirror)
+            jitted = jax.jit(iterate, donate_argnums=0, in_shardings=(where,), compiler_options=options)
+            return jitted.lower(self.shapes)
+
+        said: list[str] = []
+
+        def say_once(line: str) -> None:
+            if line not in said:
+                said.append(line)
+                say(line)
+
         # Compiled side by side. Nothing may run on the devices meanwhile: XLA times its kernels there.
-        with ThreadPoolExecutor(1) as beside:
-            first_compiled = beside.submit(traced.compile)
-            iteration = self._compiled_iteration(mesh, shapes, where, say)
-        return first_compiled.result()(seed), iteration
+        with ThreadPoolExecutor(len(PROGRAMS)) as beside:
+            begun = None
+            if restored is None:
+                begun = self._program("first state", first, mesh, beside, say_once)
+            compiled = self._program("iteration", iteration, mesh, beside, say_once)
+        state = place(restored, where) if begun is None else begun.result()(seed)
+        return state, compiled.result()
 
-    def _compiled_iteration(
-        self, mesh: Mesh, shapes: TrainState, where: TrainState, say: Callable[[str], None]
-    ) -> Iteration:
-        def compile_it() -> jax.stages.Compiled:
-            iterate = jax.jit(
-                make_iteration(self.env, self.networks, self.run.config.ppo, mesh, self.mirror),
-                donate_argnums=0,
-                in_shardings=(where,),
-                compiler_options=compiler_options(mesh),
-            )
-            return iterate.lower(shapes).compile()
-
+    def _program(
+        self,
+        name: str,
+        lower: Callable[[], jax.stages.Lowered],
+        mesh: Mesh,
+        beside: Executor,
+        say: Callable[[str], None],
+    ) -> Future[jax.stages.Compiled]:
+        """One of `PROGRAMS`, as it was kept, or compiled `beside` once it has been traced."""
         if not worth_keeping(mesh):
-            return compile_it()
-        return load_or_compile(compile_it, say, *made_from(self.env.robot, self.run.config))
+            return beside.submit(lower().compile)
+        return load_or_compile(lower, beside, say, name, *made_from(self.env.robot, self.run.config))
+
+
+def prefetch_programs(robot: Robot, config: TrainConfig) -> None:
+    """Begin to read what an earlier training compiled of the same robot and settings."""
+    for name in PROGRAMS:
+        prefetch(name, *made_from(robot, config))
 
 
 def made_from(robot: Robot, config: TrainConfig) -> tuple[Any, ...]:
-    """All that a compiled iteration depends on, but for source, libraries and devices."""
+    """All that a training's programs depend on, but for source, libraries and devices."""
     return robot.digest, model_bytes(robot, config.env.timestep_s), config.ppo, config.env
 
 

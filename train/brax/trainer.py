@@ -7,12 +7,11 @@ from typing import ClassVar
 import jax
 import numpy as np
 
-from footfall.envs.workarounds.program_cache import prefetch
 from footfall.robots.description import Robot
 from footfall.train import cluster
 from footfall.train.brax.devices import device_mesh
 from footfall.train.brax.networks import trained_actor
-from footfall.train.brax.parts import Iteration, assemble, made_from
+from footfall.train.brax.parts import Iteration, assemble, prefetch_programs
 from footfall.train.brax.ppo import TrainState
 from footfall.train.export import export
 from footfall.train.runs import checkpoint
@@ -36,8 +35,8 @@ class BraxTrainer:
 
     @staticmethod
     def prefetch(run: Run, robot: Robot) -> None:
-        """Begin to read the compiled iteration of an earlier training, beside what comes next."""
-        prefetch(*made_from(robot, run.config))
+        """Begin to read the compiled programs of an earlier training, beside what comes next."""
+        prefetch_programs(robot, run.config)
 
     def restore(self, path: Path) -> None:
         """Take over a checkpoint's state."""
