@@ -14,8 +14,6 @@ from footfall.common.errors import UserError
 from footfall.train import api, cluster
 from footfall.train.runs import checkpoint
 
-pytestmark = pytest.mark.usefixtures("kept_programs")
-
 PATIENCE_S = 420
 
 
@@ -70,11 +68,11 @@ def test_it_goes_on_in_one_process_as_well(
     run: tuple[Path, list[tuple[int, str]]], capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder, _ = run
-    config = folder / "config.yaml"  # of six iterations, whose program other tests have compiled
-    config.write_text(config.read_text().replace("total_steps: 1024", "total_steps: 1536"))
+    config = folder / "config.yaml"  # as long as the preset, whose program XLA's cache may have
+    config.write_text(config.read_text().replace("total_steps: 1024", "total_steps: 4096"))
     api.resume(folder)
     assert "resuming from 00000004.ckpt" in capsys.readouterr().out
-    assert checkpoint.latest(folder / "checkpoints") == folder / "checkpoints" / "00000006.ckpt"
+    assert checkpoint.latest(folder / "checkpoints") == folder / "checkpoints" / "00000016.ckpt"
 
 
 def test_all_end_where_the_first_one_fails(run: tuple[Path, list[tuple[int, str]]]) -> None:

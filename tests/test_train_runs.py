@@ -55,7 +55,12 @@ api.train(api.TrainRequest(preset=sys.argv[2], seed=5, out=Path(sys.argv[3])))
 def preset(tmp_path_factory: pytest.TempPathFactory) -> str:
     """Six iterations, a checkpoint after each."""
     smoke = load_preset("smoke")
-    config = replace(smoke, ppo=replace(smoke.ppo, total_steps=6 * 256), checkpoint_interval_s=0.0)
+    config = replace(
+        smoke,
+        ppo=replace(smoke.ppo, total_steps=6 * 256),
+        env=replace(smoke.env, physics="c"),  # compiled faster
+        checkpoint_interval_s=0.0,
+    )
     path = tmp_path_factory.mktemp("presets") / "six.yaml"
     path.write_text(dump(config))
     return str(path)
@@ -243,9 +248,8 @@ def test_export_agrees_within_the_promise(whole: Path, tmp_path: Path) -> None:
 def test_deployment_computes_what_training_computed(whole: Path) -> None:
     """The learned policy, fed what the environment's robot senses, sees and wants the same."""
     robot = load_robot("go1")
-    config = replace(
-        load_preset("smoke").env, randomisation=Randomisation(), noise=Noise(), pushes=PushConfig()
-    )
+    trained = api.open_run(whole).config.env
+    config = replace(trained, randomisation=Randomisation(), noise=Noise(), pushes=PushConfig())
     env = VelocityEnv(robot, config)
     policy = LearnedPolicy(whole / "policy.onnx", robot)
     state, seen = jax.jit(env.reset)(jax.random.PRNGKey(0))
