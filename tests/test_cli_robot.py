@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from shell import Shell
 
+from footfall.plant.lying import Lying, find_lying_pose
 from footfall.plant.standing import Standing
 from footfall.robots.description import Robot
 from footfall.robots.inspection import Inspection
@@ -150,14 +151,20 @@ class TestCheck:
             return stood()
 
         monkeypatch.setattr("footfall.robots.inspection.inspect_robot", inspect)
+
+        def lie(robot: Robot, seed: int) -> Lying:
+            calls.append(("lie", robot.name, seed))
+            return Lying("", 0.0, 0.1)
+
         monkeypatch.setattr("footfall.plant.standing.standing_test", test)
+        monkeypatch.setattr("footfall.plant.lying.lying_test", lie)
         calls.append(looked)
         return calls
 
-    def test_options_reach_both_tests(self, shell: Shell, asked: list[Any]) -> None:
+    def test_options_reach_the_tests(self, shell: Shell, asked: list[Any]) -> None:
         outcome = shell("robot", "check", "go1", "--duration", "2.5", "--seed", "9")
         assert outcome.status == 0, outcome.err
-        assert asked[1:] == [("inspect", "go1", 9), ("stand", "go1", 2.5, 9)]
+        assert asked[1:] == [("inspect", "go1", 9), ("stand", "go1", 2.5, 9), ("lie", "go1", 9)]
         assert outcome.out.endswith("nothing wrong was found\n")
 
     def test_by_default_it_stands_for_four_seconds(self, shell: Shell, asked: list[Any]) -> None:
@@ -194,6 +201,7 @@ class TestNew:
         assert request.peak_torque_nm == {"": 23.7}
         assert request.speed_rad_s == {"hip": 30.1, "knee": 20.06}
         assert request.armature == {"a=b": 0.01}
+        assert request.find_lying_pose is find_lying_pose
         assert outcome.out.splitlines() == [
             "wrote there: 12 joints, 4 feet. Guessed, to be checked:",
             "- a guess",

@@ -46,6 +46,12 @@ def two(tmp_path_factory: pytest.TempPathFactory) -> tuple[Robot, Imported]:
     return make(tmp_path_factory.mktemp("two"), BIPED_MJCF, "xml")
 
 
+@pytest.fixture
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No lying pose is looked for, which takes seconds (tests/test_lying.py)."""
+    monkeypatch.setattr("footfall.plant.lying.find_lying_pose", lambda _: None)
+
+
 class TestWhatIsKept:
     def test_the_joints_in_the_order_of_the_tree(self, four: tuple[Robot, Imported]) -> None:
         robot, _ = four
@@ -219,12 +225,21 @@ class TestWhatIsMade:
         assert excluded == [("FL_thigh", "FR_thigh")]
 
     def test_everything_that_was_guessed_is_told(
-        self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+        self, tmp_path: Path, capsys: pytest.CaptureFixture[str], quick: None
     ) -> None:
         (tmp_path / "m.urdf").write_text(quadruped())
         assert main(["robot", "new", "--from", str(tmp_path / "m.urdf"), "--out", str(tmp_path / "dog")]) == 0
         told = capsys.readouterr().out
-        for word in ("feet:", "reflected inertia", "rigid", "IMU", "placeholders", "forward", "default pose"):
+        for word in (
+            "feet:",
+            "reflected inertia",
+            "rigid",
+            "IMU",
+            "placeholders",
+            "forward",
+            "default pose",
+            "lying pose",
+        ):
             assert word in told, word
         assert load_robot(tmp_path / "dog").name == "dog"
 
@@ -247,7 +262,7 @@ class TestWishes:
         assert [foot.name for foot in robot.description.feet] == ["FL", "FR", "RL"]
         assert len(robot.joint_names) == 9
 
-    def test_from_the_command_line(self, tmp_path: Path) -> None:
+    def test_from_the_command_line(self, tmp_path: Path, quick: None) -> None:
         (tmp_path / "m.urdf").write_text(quadruped())
         arguments = ["--from", str(tmp_path / "m.urdf"), "--out", str(tmp_path / "dog")]
         assert main(["robot", "new", *arguments, "--peak-torque", "hip=9,knee=10.5"]) == 0

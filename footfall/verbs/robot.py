@@ -11,6 +11,7 @@ from cyclopts import App, Parameter
 from footfall.options import Names, RobotName, Seconds, Seed
 
 if TYPE_CHECKING:
+    from footfall.plant.lying import Lying
     from footfall.plant.standing import Standing
     from footfall.robots.description import Robot
     from footfall.robots.inspection import Inspection
@@ -69,6 +70,7 @@ class NewOptions:
 def new(*, options: NewOptions) -> None:
     """Make a robot folder of a URDF or MJCF, and say what was guessed."""
     from footfall.deploy.drivers.mit import RANGES
+    from footfall.plant.lying import find_lying_pose
     from footfall.robots.description import load_robot
     from footfall.robots.importer.create import ImportRequest, import_robot
 
@@ -82,6 +84,7 @@ def new(*, options: NewOptions) -> None:
             peak_torque_nm=options.peak_torque,
             speed_rad_s=options.speed,
             armature=options.armature,
+            find_lying_pose=find_lying_pose,
         )
     )
     loaded = load_robot(options.out.resolve())
@@ -105,6 +108,7 @@ class CheckOptions:
 @robot.command
 def check(robot: RobotName, /, *, options: CheckOptions = CheckOptions()) -> int:
     """Print a robot's tree, feet and reach, and let it stand in simulation; exit 1 if something is wrong."""
+    from footfall.plant.lying import lying_test
     from footfall.plant.standing import standing_test
     from footfall.robots.description import load_robot
     from footfall.robots.inspection import inspect_robot
@@ -115,10 +119,13 @@ def check(robot: RobotName, /, *, options: CheckOptions = CheckOptions()) -> int
     _show_feet(looked)
     standing = standing_test(loaded, options.duration, options.seed)
     _show_standing(loaded, standing)
+    lying = None if loaded.lying_pose is None else lying_test(loaded, options.seed)
+    _show_lying(lying)
     wrong = [
         *looked.findings(),
         *_beyond_frames(loaded),
         *_wrong_standing(loaded, standing),
+        *_wrong_lying(lying),
     ]
     for finding in wrong:
         print(f"wrong: {finding}")
@@ -190,6 +197,20 @@ def _wrong_standing(robot: "Robot", standing: "Standing") -> Iterator[str]:
     for foot, share in zip(robot.description.feet, standing.feet_down, strict=True):
         if share < 0.5:
             yield f"foot {foot.name} is in the air"
+
+
+def _show_lying(lying: "Lying | None") -> None:
+    if lying is None:
+        print("no lying pose (lying_rad in robot.yaml): it cannot lie down before its motors go off\n")
+        return
+    print("lying test, from the ground to the default pose and back:")
+    print(f"  base {1e3 * max(lying.clearance_m, 0.0):.0f} mm above the ground at the end")
+    print(f"  tilted {np.degrees(lying.tilt_rad):.1f} degrees\n")
+
+
+def _wrong_lying(lying: "Lying | None") -> Iterator[str]:
+    if lying is not None and lying.trouble:
+        yield f"it does not stand up from its lying pose and go back to it: {lying.trouble}"
 
 
 def _beyond_frames(robot: "Robot") -> Iterator[str]:

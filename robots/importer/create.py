@@ -1,7 +1,7 @@
 """Makes a robot folder out of another maker's model."""
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from footfall.common.errors import UserError
-from footfall.robots.description import load_robot
+from footfall.robots.description import Robot, load_robot
 from footfall.robots.importer.build import build_machine, shortened
 from footfall.robots.importer.controllers_yaml import controllers_yaml
 from footfall.robots.importer.machine import Machine
@@ -29,6 +29,8 @@ from footfall.robots.importer.source import read_source
 from footfall.robots.importer.statics import statics
 from footfall.robots.importer.training_yaml import training_yaml
 
+LIES = "lying pose: legs folded until the base is on the ground; it stands up from there in simulation"
+LIES_NOT = "no lying pose: of those tried in simulation, it rests in none and stands up from it"
 ON_SOLES = 2  # legs; a machine on so many is not held by `stand`, which lengthens and shortens legs
 
 
@@ -44,6 +46,7 @@ class ImportRequest:
     peak_torque_nm: ByJoint = field(default_factory=dict)  # instead of the file's, by part of a joint's name
     speed_rad_s: ByJoint = field(default_factory=dict)
     armature: ByJoint = field(default_factory=dict)  # reflected inertia, kg m^2
+    find_lying_pose: Callable[[Robot], np.ndarray | None] | None = None  # (n,) rad, of a robot that can lie
 
 
 class Imported(NamedTuple):
@@ -90,17 +93,27 @@ def import_robot(request: ImportRequest) -> Imported:
     if apart:
         guesses.append(f"{len(apart)} pairs of links that meet in the default pose do not collide")
     origin = f"Made from {request.source.name} by footfall robot new."
+
+    def described(robot: Robot | None = None) -> str:
+        """`robot.yaml`; with a lying pose, where one is wanted and found for what the other files make."""
+        lying = None
+        if robot is not None and request.find_lying_pose is not None:
+            found = request.find_lying_pose(robot)
+            lying = None if found is None else dict(zip(robot.joint_names, found.tolist(), strict=True))
+            guesses.append(LIES if lying else LIES_NOT)
+        return robot_yaml(machine, pose, drive, protocols, [origin, *_as_comment(guesses)], lying)
+
     texts = {
         MODEL_FILE: model_xml(
             machine, pose.height_m, apart, [origin, "What was guessed stands in robot.yaml."]
         ),
-        "robot.yaml": robot_yaml(machine, pose, drive, protocols, [origin, *_as_comment(guesses)]),
+        "robot.yaml": described(),
         "training.yaml": training_yaml(machine, pose, command_range(machine, pose)),
         "randomisation.yaml": randomisation_yaml(machine, pose),
     }
     if drive.stands and len(machine.legs) > ON_SOLES:
         texts["controllers.yaml"] = controllers_yaml(machine, drive)
-    _write(folder, texts)
+    _write(folder, texts, described)
     return Imported(folder, tuple(guesses))
 
 
@@ -144,8 +157,14 @@ def _touching_links(model: mujoco.MjModel, qpos: np.ndarray) -> list[tuple[str, 
     return [(model.body(a).name, model.body(b).name) for a, b in sorted(pairs)]
 
 
-def _write(folder: Path, texts: Mapping[str, str]) -> None:
-    """Write the files into a new folder, once footfall can load what they say."""
+def _write(folder: Path, texts: Mapping[str, str], described: Callable[[Robot], str]) -> None:
+    """Write the files into a new folder, once footfall can load what they say.
+
+    Args:
+        folder: to make.
+        texts: of the files, by name.
+        described: the text of `robot.yaml` when more is known of the robot that the files make.
+    """
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".new-") as scratch:
@@ -153,6 +172,8 @@ def _write(folder: Path, texts: Mapping[str, str]) -> None:
             made.mkdir()
             for name, text in texts.items():
                 (made / name).write_text(text, encoding="utf-8")
+            robot = load_robot(made.resolve())
+            (made / "robot.yaml").write_text(described(robot), encoding="utf-8")
             load_robot(made.resolve())
             made.rename(folder)
     except OSError as error:

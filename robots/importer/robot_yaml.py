@@ -37,7 +37,12 @@ class Ranges(Protocol):
 
 
 def robot_yaml(
-    machine: Machine, pose: Pose, drive: Drive, protocols: Mapping[str, str], notes: Iterable[str]
+    machine: Machine,
+    pose: Pose,
+    drive: Drive,
+    protocols: Mapping[str, str],
+    notes: Iterable[str],
+    lying: Mapping[str, float] | None = None,
 ) -> str:
     """The text of `robot.yaml`.
 
@@ -47,6 +52,7 @@ def robot_yaml(
         drive: motors and gains.
         protocols: motor model of each joint.
         notes: what was guessed, for the comment at the top.
+        lying: joints with the base on the ground, rad, if it can lie.
     """
     types = list(dict.fromkeys((drive.motors[h.name], protocols[h.name]) for h in machine.hinges))
     names = {kind: f"motor_{index + 1}" for index, kind in enumerate(types)}
@@ -80,7 +86,7 @@ def robot_yaml(
         "joints:",
         *(
             f"  - {{name: {_text(name)}, motor: {kinds[name]}, default_rad: {_angle(pose.joints[name])},"
-            f" bus: {bus}, id: {number}}}"
+            f"{f' lying_rad: {_angle(lying[name])},' if lying else ''} bus: {bus}, id: {number}}}"
             for name, (bus, number) in buses.items()
         ),
         "",

@@ -1,0 +1,159 @@
+"""Whether a robot stands up and lies down again in simulation, and a pose to lie in for one that has none.
+
+A pose is looked for by folding the legs: the feet come up to the base's underside, at places around those
+where they stand. Of the poses in which the robot rests on its base under the joint law, those that ask least
+of the motors are tried over the simulated bus: from lying to standing, and back.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import product
+
+import mujoco
+import numpy as np
+
+from footfall.common.rotations import rotation_matrix, tilt
+from footfall.deploy.config import DeployConfig, deploy_config
+from footfall.deploy.loop import ControlLoop
+from footfall.deploy.safety import Mode
+from footfall.deploy.wiring import wire
+from footfall.plant.episode import Episode, run_episode
+from footfall.plant.robot import PlantConfig, SimulatedRobot
+from footfall.plant.standing import HoldDefaultPose
+from footfall.plant.wires import SimulatedWires
+from footfall.robots.actuator import JointCommand, joint_torque
+from footfall.robots.checks import LYING_SHARE
+from footfall.robots.description import Robot
+from footfall.robots.model import joint_addresses
+
+# Where feet go, as shares of the way that the base sinks: outwards; and ahead, whether away from the middle.
+OUTWARD, AHEAD = (0.0, 0.3, 0.6, 0.9), ((0.0, False), *product((-0.4, 0.4), (False, True)))
+TRIED = 3  # poses at most, over the bus
+REST_S = 0.6
+MOST_TILT_RAD = 0.25
+STOOD = 0.85  # of the standing height
+WITHIN_RAD = 1e-4  # of the soft limits, so that rounding does not lead out of them
+STAND_S = 0.5
+LOOK_EVERY_US = 20_000
+
+
+@dataclass(frozen=True)
+class Lying:
+    """How a robot that lay stood up and lay down again."""
+
+    trouble: str  # what kept it from it; empty if nothing did
+    clearance_m: float  # of the base's lowest corner above the ground at the end
+    tilt_rad: float  # most on the way
+
+
+def lying_test(robot: Robot, seed: int = 0, config: DeployConfig | None = None) -> Lying:
+    """Let a robot that lies stand up, hold its default pose, and lie down.
+
+    Args:
+        robot: with a lying pose.
+        seed: of the simulation.
+        config: of the loop, instead of the robot's own.
+
+    Raises:
+        UserError: it has no lying pose, or its motors cannot be driven.
+    """
+    look = _Look(robot)
+    still = Episode(lambda _: np.zeros(3), STAND_S, seed, lying=True, lie_down=True, config=config)
+    trace = run_episode(robot, HoldDefaultPose(robot), still, look)
+    trouble = trace.fall_reason or "; ".join(trace.faults)
+    if not trouble and trace.base_position[-1, 2] < STOOD * robot.description.standing_height_m:
+        trouble = f"it stands {trace.base_position[-1, 2]:.3f} m high only"
+    if not trouble and look.clearance_m > _most_clearance(robot):
+        trouble = f"its base stays {look.clearance_m:.3f} m above the ground"
+    if not trouble and look.tilt_rad > MOST_TILT_RAD:
+        trouble = f"it tilts by {np.degrees(look.tilt_rad):.0f} degrees"
+    return Lying(trouble, look.clearance_m, look.tilt_rad)
+
+
+def find_lying_pose(robot: Robot, config: DeployConfig | None = None) -> np.ndarray | None:
+    """Joint positions to lie in, rad, (n,), from which the robot stands up and to which it goes back.
+
+    Returns:
+        None if none of those that are tried does.
+    """
+    poses = list(_folded(robot))
+    efforts = [_effort(robot, pose) for pose in poses]
+    easiest = [poses[index] for index in np.argsort(efforts)[:TRIED] if efforts[index] < 1.0]
+    return next(
+        (pose for pose in easiest if not lying_test(_lying_in(robot, pose), config=config).trouble), None
+    )
+
+
+class _Look:
+    """Watches the base."""
+
+    def __init__(self, robot: Robot) -> None:
+        self._corners = robot.legs.base_corners
+        self.clearance_m = self.tilt_rad = 0.0
+
+    def __call__(self, loop: ControlLoop, body: SimulatedRobot) -> None:
+        if loop.now_us % LOOK_EVERY_US:
+            return
+        truth = body.truth()
+        self.clearance_m = _clearance(self._corners, truth.base_position, truth.base_quaternion)
+        if loop.state.mode is not Mode.IDLE:
+            self.tilt_rad = max(self.tilt_rad, float(tilt(truth.base_quaternion)))
+
+
+def _most_clearance(robot: Robot) -> float:
+    return LYING_SHARE * robot.description.standing_height_m
+
+
+def _clearance(corners: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> float:
+    """Height of a base's lowest corner, m."""
+    return float((corners @ rotation_matrix(quaternion)[2]).min() + position[2])
+
+
+def _folded(robot: Robot) -> Iterator[np.ndarray]:
+    """Poses (n,) with the feet as low as the base, within the soft limits, rad."""
+    legs = robot.legs
+    sinks_m = robot.description.standing_height_m - legs.base_below
+    lower, upper = robot.soft_limits
+    stand = legs.default_foot
+    aside, along = np.sign(stand[:, 1]), np.sign(stand[:, 0] - stand[:, 0].mean())
+    for outward, (ahead, apart) in product(OUTWARD, AHEAD):
+        foot = stand.copy()
+        foot[:, 0] += ahead * sinks_m * (along if apart else 1.0)
+        foot[:, 1] += outward * sinks_m * aside
+        foot[:, 2] = legs.foot_radius - legs.base_below
+        pose = legs.scatter(legs.solve(foot), robot.default_pose).clip(lower + WITHIN_RAD, upper - WITHIN_RAD)
+        feet_m = (legs.pose(pose).foot[:, 2] - legs.foot_radius).min()
+        if -legs.base_below - feet_m <= _most_clearance(robot):
+            yield pose.round(4)
+
+
+def _effort(robot: Robot, pose: np.ndarray) -> float:
+    """Most of a joint's peak torque that it takes to rest in a pose; infinite if it does not rest there."""
+    body = SimulatedRobot(
+        _lying_in(robot, pose), wire(robot), SimulatedWires(wire(robot).buses), PlantConfig(lying=True)
+    )
+    model, data = body.model, body.data
+    if any((model.geom_bodyid[contact] > 0).all() for contact in data.contact.geom):
+        return np.inf  # links that meet
+    config, (positions, dofs), none = deploy_config(robot), joint_addresses(model, robot), np.zeros(len(pose))
+    command = JointCommand(
+        pose, none, config.stand_kp_scale * robot.kp, config.stand_kd_scale * robot.kd, none
+    )
+    for _ in range(round(REST_S / model.opt.timestep)):
+        torque = joint_torque(command, data.qpos[positions], data.qvel[dofs], robot.motor)
+        data.qfrc_applied[dofs] = torque
+        mujoco.mj_step(model, data)
+    truth = body.truth()
+    clearance_m = _clearance(robot.legs.base_corners, truth.base_position, truth.base_quaternion)
+    if clearance_m > _most_clearance(robot) or tilt(truth.base_quaternion) > MOST_TILT_RAD:
+        return np.inf
+    return float((np.abs(torque) / robot.motor.peak_torque).max())
+
+
+def _lying_in(robot: Robot, pose: np.ndarray) -> Robot:
+    """The robot with another lying pose."""
+    described = robot.description
+    joints = [
+        replace(each, lying_rad=angle) for each, angle in zip(described.joints, pose.tolist(), strict=True)
+    ]
+    return replace(robot, description=replace(described, joints=tuple(joints)))

@@ -1,0 +1,93 @@
+"""A robot lies, stands up and lies down again in simulation; a lying pose is found for one that has none."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from foreign_robots import BIPED_MJCF, quadruped
+
+from footfall.cli import main
+from footfall.deploy.config import DeployConfig
+from footfall.deploy.drivers.mit import RANGES
+from footfall.plant.lying import Lying, find_lying_pose, lying_test
+from footfall.robots.description import Robot, load_robot
+from footfall.robots.importer.create import ImportRequest, import_robot
+
+QUICK = DeployConfig(joint_rate_hz=250.0, stand_s=0.2, pose_rate_rad_s=3.0, stop_rate_rad_s=3.0, stop_s=0.1)
+
+
+FOLDS = '<limit lower="-2.7" upper="-0.4" effort="23" velocity="17"/>'  # of a knee
+
+
+def lying_in(robot: Robot, pose: list[float | None]) -> Robot:
+    joints = tuple(
+        replace(joint, lying_rad=angle) for joint, angle in zip(robot.description.joints, pose, strict=True)
+    )
+    return replace(robot, description=replace(robot.description, joints=joints))
+
+
+def imported(folder: Path, text: str, suffix: str, find: Callable[[Robot], np.ndarray | None]) -> Robot:
+    (folder / f"model.{suffix}").write_text(text)
+    request = ImportRequest(folder / f"model.{suffix}", folder / "made", RANGES, find_lying_pose=find)
+    return load_robot(import_robot(request).folder)
+
+
+def quickly(robot: Robot) -> np.ndarray | None:
+    return find_lying_pose(robot, QUICK)
+
+
+def test_go1_stands_up_and_lies_down_again(go1: Robot) -> None:
+    found = lying_test(go1, config=QUICK)
+    assert found.trouble == ""
+    assert abs(found.clearance_m) < 0.005
+    assert 0.0 < found.tilt_rad < 0.15
+
+
+def test_a_robot_on_its_feet_does_not_lie(go1: Robot) -> None:
+    crouched = lying_in(go1, [0.0, 1.2, -2.2] * 4)
+    assert "above the ground" in lying_test(crouched, config=QUICK).trouble
+
+
+def test_a_pose_is_found_in_which_go1_rests_on_its_trunk(go1: Robot) -> None:
+    pose = quickly(lying_in(go1, [None] * 12))
+    assert pose is not None
+    lower, upper = go1.soft_limits
+    assert ((pose > lower) & (pose < upper)).all()
+    legs = go1.legs
+    assert (legs.pose(pose).foot[:, 2] - legs.foot_radius) == pytest.approx(-legs.base_below, abs=0.002)
+    folded = pose.reshape(4, 3)
+    np.testing.assert_allclose(np.abs(folded), np.abs(folded[[0]]).repeat(4, axis=0), atol=1e-3)
+
+
+def test_another_makers_quadruped_gets_one(tmp_path: Path) -> None:
+    robot = imported(tmp_path, quadruped(knee_limit=FOLDS), "urdf", quickly)
+    assert robot.lying_pose is not None
+    assert "- lying pose: legs folded" in (robot.folder / "robot.yaml").read_text()
+
+
+@pytest.mark.parametrize(("text", "suffix"), [(BIPED_MJCF, "xml"), (quadruped(), "urdf")])
+def test_one_that_tips_over_or_whose_knees_fold_too_little_gets_none(
+    tmp_path: Path, text: str, suffix: str
+) -> None:
+    robot = imported(tmp_path, text, suffix, quickly)
+    assert robot.lying_pose is None
+    assert "- no lying pose: " in (robot.folder / "robot.yaml").read_text()
+
+
+def test_check_tells_how_it_lies(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    tips = Lying("it tilts by 30 degrees", 0.004, 0.5236)
+    monkeypatch.setattr("footfall.plant.lying.lying_test", lambda *_: tips)
+    assert main(["robot", "check", "go1", "--duration", "0.3"]) == 1
+    told = capsys.readouterr().out
+    assert "base 4 mm above the ground at the end\n  tilted 30.0 degrees" in told
+    assert "wrong: it does not stand up from its lying pose and go back to it: it tilts by 30 degrees" in told
+
+
+def test_check_says_of_a_robot_without_a_pose_that_it_cannot_lie(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    robot = imported(tmp_path, quadruped(), "urdf", lambda _: None)
+    main(["robot", "check", str(robot.folder), "--duration", "0.2"])
+    assert "no lying pose (lying_rad in robot.yaml)" in capsys.readouterr().out
