@@ -21,7 +21,7 @@ class SensorLimits:
     drift_rad: float = 0.02  # a joint's ways by its position and by its velocity apart, less a share
     drift_share: float = 0.2  # that a velocity filtered over 5 ms takes up
     drift_memory_s: float = 0.5  # over which ways apart add up
-    wander_rad: float = 0.06  # the same ways apart, with their signs: of an encoder that drifts
+    wander_rad: float = 0.05  # the same ways apart, with their signs: of an encoder that drifts
     filter_s: float = 0.005  # that a motor's velocity is behind its position
     speed_share: float = 1.5  # of the no-load speed: a push or a fall drives a motor beyond it
     torque_share: float = 1.2  # of the peak torque: rounding, and a motor's own idea of its constant

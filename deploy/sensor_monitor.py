@@ -33,6 +33,7 @@ class SensorMonitor:
         sample_s = tick_s * max(1, round(min(SAMPLE_S, limits.period_s) / tick_s))
         self._sample_us = round(1e6 * (sample_s - tick_s / 2))  # half a tick early: rounding costs none
         self._share = limits.drift_share * max(1.0, sample_s / IMPACT_S)  # of a way, granted
+        self._lag_s = limits.filter_s + sample_s / 2  # of a velocity, with a jump between two readings
         self._every = max(1, round(limits.period_s / sample_s))
         self._gap_us = round(1e6 * max(limits.period_s / 2, 1.5 * sample_s))
         self.lower, self.upper = robot.lower_rad, robot.upper_rad
@@ -64,7 +65,8 @@ class SensorMonitor:
         self._apart, self._ways = np.zeros((2, n))  # rad^2: squares that were added up, and fade
         self._wandered = np.zeros(n)  # rad, the same without squares
         self._fastest = np.zeros(n)  # rad/s, lately
-        self._uneven_us = np.zeros(n)  # lately, between the intervals of readings and of samples
+        self._youngest_us = (now_us - heard_us).astype(float)  # age of each motor's reading at its best
+        self._uneven_us = np.zeros(n)  # by how much one was older, lately
         self.limp_s, self.opposing = np.zeros(n), np.zeros(n)
         self._work, self._asked = np.zeros((2, n))  # (N m)^2: reported by expected, and expected squared
         self.rotation = [0.0, 0.0, 0.0]
@@ -105,8 +107,9 @@ class SensorMonitor:
         """
         if silence_us > self._gap_us or now_us - self._added_us > self._gap_us:
             self._gap = True
-        uneven_us = np.abs(heard_us - self._heard_us - (now_us - self._added_us))
-        np.maximum(self._uneven_us, uneven_us, out=self._uneven_us)
+        age_us = now_us - heard_us
+        np.minimum(self._youngest_us, age_us, out=self._youngest_us)
+        np.maximum(self._uneven_us, age_us - self._youngest_us, out=self._uneven_us)
         self._added_us = now_us
         self._turned += (0.5e-6 * (heard_us - self._heard_us)) * (joints[1] + self._last[1])
         self._starts += joints[0] - self._turned
@@ -189,7 +192,8 @@ class SensorMonitor:
         Each reading of a window, less the way by velocities until then, says where the window began: their
         mean has less noise than one of them, and should be where the window before ended. Squares are added
         up, so that what a joint does to and fro does not cancel out. A share of the way is granted, since a
-        velocity that a motor filters lags behind, the more so where readings are far apart.
+        velocity that a motor filters lags behind, the more so where readings are far apart. What comes
+        unevenly may be as late as the oldest reading was older than the youngest.
         """
         limits = self._limits
         apart = started - self._ended
@@ -202,7 +206,7 @@ class SensorMonitor:
         self.drift = np.sqrt(self._apart) - share * np.sqrt(self._ways)
         self._wandered = kept * self._wandered + apart
         self._fastest = np.maximum(kept * self._fastest, np.abs(self._last[1]))
-        self.wander = np.abs(self._wandered) - (limits.filter_s + 2.0 * uneven_s) * self._fastest
+        self.wander = np.abs(self._wandered) - (self._lag_s + 2.0 * uneven_s) * self._fastest
         self._uneven_us *= kept
 
     def _compare_torques(

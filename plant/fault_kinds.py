@@ -390,7 +390,7 @@ def _late(milliseconds: int) -> Callable[[Rig], None]:
 SLOW_S = 1.5  # of a joint that hardly moves
 WAY = "a joint has to move for a while before its readings contradict each other"
 NEAR_ZERO = "a joint near its zero reads much the same with either sign; noticed once it moves"
-CARRIES_LITTLE = "a motor that is hardly asked for torque gives little to compare"
+BARELY = "a joint that swings by a hundredth of a radian reads much the same; noticed where it moves"
 EXPLAINED = "a motor that is asked for no more than readings 30 ms late explain gives nothing to compare"
 ALIKE = "two joints in like poses read alike until they move apart"
 UNUSED = "no controller uses it; noticed where it reads none, or the opposite, while much is commanded"
@@ -409,15 +409,15 @@ REPLIES = (
     FaultKind("motor reports an unknown error", "motors' replies", _error(99), 0.01),
     FaultKind("motor reports an error in one reply", "motors' replies", _error_once, 0.01),
     FaultKind("one reply over and over", "motors' replies", _stuck, SLOW_S, WAY, main=True),
-    FaultKind("position frozen", "motors' replies", _row_frozen(0), SLOW_S, WAY, main=True),
+    FaultKind("position frozen", "motors' replies", _row_frozen(0), None, BARELY, main=True),
     FaultKind("velocity frozen", "motors' replies", _row_frozen(1), SLOW_S, WAY),
     FaultKind("velocity zero", "motors' replies", _zeroed(1), SLOW_S, WAY),
     FaultKind("velocity's sign turned round", "motors' replies", _negative(1), SOON_S),
-    FaultKind("velocity doubled", "motors' replies", _values(_doubled_speed), SLOW_S, WAY),
+    FaultKind("velocity doubled", "motors' replies", _values(_doubled_speed), None, BARELY),
     FaultKind("position's sign turned round", "motors' replies", _negative(0), SLOW_S, NEAR_ZERO),
     FaultKind("torque zero", "motors' replies", _zeroed(2), None, EXPLAINED),
     FaultKind("torque frozen", "motors' replies", _row_frozen(2), None, UNUSED),
-    FaultKind("torque's sign turned round", "motors' replies", _negative(2), SLOW_S, CARRIES_LITTLE),
+    FaultKind("torque's sign turned round", "motors' replies", _negative(2), None, EXPLAINED),
     FaultKind("encoder jumps by 0.3 rad", "motors' replies", _position_off(lambda _: 0.3), main=True),
     FaultKind("encoder jumps by 1 rad", "motors' replies", _position_off(lambda _: 1.0)),
     FaultKind("encoder jumps by a turn", "motors' replies", _position_off(lambda _: 2 * np.pi), main=True),
@@ -499,8 +499,8 @@ BODY = (
         "one motor rebooted: limp, but replies",
         "motors and body",
         _reboot(False),
-        SLOW_S,
-        CARRIES_LITTLE,
+        None,
+        EXPLAINED,
         main=True,
     ),
     FaultKind("all motors rebooted", "motors and body", _reboot(True), SOON_S, main=True),

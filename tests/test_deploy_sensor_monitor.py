@@ -108,13 +108,14 @@ class TestWays:
     def test_wander_apart_with_their_signs_where_an_encoder_drifts(self, go1: Robot) -> None:
         """1 rad/s beside a swing: 0.04 rad a look, 0.022 the first as above, and all of it fades.
 
-        5 ms of the fastest are the motor's filter's: 1.24 rad/s at the first look, which fade likewise.
+        Of the fastest, 1.24 rad/s at the first look, which fade likewise, 5 ms are the motor's filter's, and
+        half of a sample's 4 ms may go unseen.
         """
         kept = math.exp(-0.04 / LIMITS.drift_memory_s)
         fastest = SWING_RAD * SWING_RAD_S * math.cos(0.04 * SWING_RAD_S) * kept**2
         drifting = told(go1, lambda t: (swing(t)[0] + t, swing(t)[1]), samples=30)
         wandered = kept**2 * 0.022 + kept * 0.04 + 0.04
-        assert drifting.wander[0] == pytest.approx(wandered - 0.005 * fastest, abs=0.001)
+        assert drifting.wander[0] == pytest.approx(wandered - 0.007 * fastest, abs=0.0005)
         assert drifting.wander[0] > LIMITS.wander_rad
         assert (drifting.wander[1:] == 0.0).all()
 
