@@ -76,7 +76,9 @@ def main() -> None:
     options = parser.parse_args()
     try:
         config = PlantConfig(options.plant, motor_timeout_s=options.motor_timeout)
-        with serving(load_robot(options.robot), options.bus, config):
+        robot = load_robot(options.robot)
+        with serving(robot, options.bus, config):
+            print(f"{robot.name} is on {options.bus}", flush=True)
             threading.Event().wait(options.duration)
     except UserError as error:
         print(error, file=sys.stderr)

@@ -1,13 +1,11 @@
 """`footfall can` on a simulated robot: what it shows, what it asks, what it refuses."""
 
-import subprocess
-import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 import yaml
+from multicast import robot_on_multicast
 from shell import Shell
 
 from footfall.common import machine
@@ -24,32 +22,32 @@ def joints(out: str) -> list[list[str]]:
     return [line.split() for line in out.splitlines()[1:]]
 
 
+def tried(shell: Shell, *tokens: str | Path) -> list[list[str]]:
+    """The rows of the first try that ends well: a busy machine loses datagrams, or half a second."""
+    outcomes = (shell("can", *tokens) for _ in range(6))
+    return next(joints(outcome.out) for outcome in outcomes if (outcome.status, outcome.err) == (0, ""))
+
+
 class TestVirtual:
     """A bus that reaches no further than this process, with a simulated robot on it."""
 
     def test_a_scan_finds_what_robot_yaml_says(self, shell: Shell) -> None:
-        outcome = shell("can", "scan", "--bus", "virtual")
-        assert (outcome.status, outcome.err) == (0, "")
-        rows = joints(outcome.out)
+        rows = tried(shell, "scan", "--bus", "virtual")
         assert rows[0] == ["can0", "1", "MIT", "mode", "FR_hip_joint", "found"]
         assert len(rows) == 12
 
     def test_motors_are_watched_one_or_all(self, shell: Shell) -> None:
-        outcome = shell("can", "monitor", "--bus", "virtual", "--duration", "0.2")
-        assert (outcome.status, len(joints(outcome.out))) == (0, 12)
-        outcome = shell("can", "monitor", "--bus", "virtual", "--duration", "0.2", "--joint", "RL_calf_joint")
-        (row,) = joints(outcome.out)
+        watched = ("monitor", "--bus", "virtual", "--duration", "0.2")
+        assert len(tried(shell, *watched)) == 12
+        (row,) = tried(shell, *watched, "--joint", "RL_calf_joint")
         assert row[:4] == ["RL_calf_joint", "can3", "3", "AK10-9"]
         assert float(row[4]) < -1.5
 
     def test_motors_are_switched_on_for_a_moment(self, shell: Shell) -> None:
-        outcome = shell("can", "enable", "--bus", "virtual", "--duration", "0.2", "--yes")
-        assert (outcome.status, len(joints(outcome.out))) == (0, 12)
+        assert len(tried(shell, "enable", "--bus", "virtual", "--duration", "0.2", "--yes")) == 12
 
     def test_a_zero_is_set(self, shell: Shell) -> None:
-        outcome = shell("can", "zero", "--bus", "virtual", "--joint", "RL_calf_joint", "--yes")
-        (row,) = joints(outcome.out)
-        assert outcome.status == 0
+        (row,) = tried(shell, "zero", "--bus", "virtual", "--joint", "RL_calf_joint", "--yes")
         assert abs(float(row[4])) < 0.05
 
 
@@ -91,33 +89,17 @@ class TestRefusals:
 
 @pytest.fixture(scope="module")
 def served() -> Iterator[None]:
-    """The simulated robot in a process of its own."""
-    command = [sys.executable, "-m", "footfall.plant.serve", "--bus", "udp_multicast", "--duration", "40"]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as server:
-        try:
-            time.sleep(2.0)
-            if server.poll() is not None:
-                assert server.stderr is not None
-                pytest.skip(f"no multicast here: {server.stderr.read().strip()}")
-            yield
-        finally:
-            server.terminate()
+    with robot_on_multicast("--duration", "60"):
+        yield
 
 
 class TestAnotherProcess:
-    """A busy machine loses datagrams, or a second: what fails there is tried again."""
-
-    def tried(self, shell: Shell, status: int, *tokens: str | Path) -> list[list[str]]:
-        """The rows of the first try that ends in a status."""
-        outcomes = (shell("can", *tokens, "--bus", "udp_multicast") for _ in range(6))
-        return next(joints(outcome.out) for outcome in outcomes if outcome.status == status)
-
     def test_a_robot_behind_a_network_is_scanned(self, shell: Shell, served: None) -> None:
-        assert [row[-1] for row in self.tried(shell, 0, "scan")] == ["found"] * 12
+        assert [row[-1] for row in tried(shell, "scan", "--bus", "udp_multicast")] == ["found"] * 12
 
     def test_it_is_switched_on_and_watched(self, shell: Shell, served: None) -> None:
         for verb in (["enable", "--yes"], ["monitor"]):
-            assert len(self.tried(shell, 0, *verb, "--duration", "2")) == 12
+            assert len(tried(shell, *verb, "--bus", "udp_multicast", "--duration", "2")) == 12
 
 
 def test_what_a_scan_finds_is_held_against_robot_yaml(
