@@ -170,7 +170,8 @@ class SensorMonitor:
         # A reading is older than the target that went out last, which may leap while a robot stands still.
         self.repeated = same * (self.repeated + self._target_way)
         speed = np.abs(velocity)
-        self._compare_torques(torque, self._expected, stiffness, speed, elapsed_s)
+        targets_speed = np.abs(target - self._target) / elapsed_s
+        self._compare_torques(torque, self._expected, stiffness, speed, targets_speed, elapsed_s)
         fastest = max(speed.tolist())
         self._compare_turns(gyro, inertial.quaternion, elapsed_s, kept)
         self._compare_gravity(acceleration, gyro, inertial, fastest, elapsed_s)
@@ -215,6 +216,7 @@ class SensorMonitor:
         expected: np.ndarray,
         stiffness: np.ndarray,
         speed: np.ndarray,
+        targets_speed: np.ndarray,
         elapsed_s: float,
     ) -> None:
         """How long much was expected and none reported, and how much of it points the other way.
@@ -228,6 +230,7 @@ class SensorMonitor:
             expected: expected torque, likewise.
             stiffness: of the last command, N m/rad.
             speed: of the joints, on average, rad/s.
+            targets_speed: of the position targets, likewise: a motor that is late still follows an older one.
             elapsed_s: time since the last look.
         """
         limits = self._limits
@@ -235,6 +238,8 @@ class SensorMonitor:
         least = np.maximum(np.abs(expected) - doubt, 0.0)
         asked = ((least - self._hidden) / self._much).clip(0.0, 1.0)
         self.limp_s = (self._strongest <= self._little) * (self.limp_s + elapsed_s * asked)
+        late = stiffness * limits.lag_s * np.maximum(targets_speed - speed, 0.0)
+        least = np.maximum(least - late, 0.0)
         kept = math.exp(-elapsed_s / limits.memory_s)
         self._work = kept * self._work + (1.0 - kept) * torque * np.copysign(least, expected)
         self._asked = kept * self._asked + (1.0 - kept) * least * least

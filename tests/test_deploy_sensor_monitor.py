@@ -32,6 +32,7 @@ def told(
     lost: Callable[[int], bool] = lambda _: False,
     samples: int = 250,
     stiffness: float = 0.0,
+    target: Callable[[float], float] = lambda _: 0.0,
 ) -> SensorMonitor:
     """A monitor of which one joint moves; `torque` gives what it reports and what is expected, N m.
 
@@ -50,7 +51,7 @@ def told(
             joints[:2, 0] = reading(now_us * 1e-6)
             joints[2, 0], expected[0] = torque(now_us * 1e-6)
         if monitor.add(now_us, 0, heard_us, STILL, joints, expected):
-            monitor.look(zeros + stiffness, zeros, zeros, zeros)
+            monitor.look(zeros + stiffness, zeros + target(now_us * 1e-6), zeros, zeros)
     return monitor
 
 
@@ -184,6 +185,19 @@ class TestTorques:
     def test_may_lag(self, go1: Robot) -> None:
         """A radian is 100 ms here: half of that later it is not yet the other way."""
         assert self.asked(go1, 1.0, lag_s=0.05).opposing[0] < 0.0
+
+    def test_may_lag_behind_a_target_that_runs_away(self, go1: Robot) -> None:
+        """A stiff joint bears a tenth of its peak torque, which rounding hides, on a motor 25 ms late."""
+        stiffness, load = 200.0, 0.1 * float(go1.motor.peak_torque[0])
+
+        def target(time_s: float) -> float:
+            return -max(time_s - 0.4, 0.0)
+
+        def torque(time_s: float) -> tuple[float, float]:
+            return load + stiffness * target(time_s - 0.025), stiffness * target(time_s)
+
+        late = told(go1, lambda _: (0.0, 0.0), torque, samples=112, stiffness=stiffness, target=target)
+        assert late.opposing[0] < 0.5 * LIMITS.opposing
 
     def test_of_a_motor_that_is_asked_for_little_do_not_count(self, go1: Robot) -> None:
         """1 % of the peak torque against the 5 % from which on a direction counts: 0.01^2 / 0.05^2."""
