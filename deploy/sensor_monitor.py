@@ -66,7 +66,7 @@ class SensorMonitor:
         self._wandered = np.zeros(n)  # rad, the same without squares
         self._fastest = np.zeros(n)  # rad/s, lately
         self._youngest_us = (now_us - heard_us).astype(float)  # age of each motor's reading at its best
-        self._uneven_us = np.zeros(n)  # by how much one was older, lately
+        self._uneven_s, self._late_s = np.zeros((2, n))  # by how much one was older: lately, and added up
         self.limp_s, self.opposing = np.zeros(n), np.zeros(n)
         self._work, self._asked = np.zeros((2, n))  # (N m)^2: reported by expected, and expected squared
         self.rotation = [0.0, 0.0, 0.0]
@@ -109,7 +109,7 @@ class SensorMonitor:
             self._gap = True
         age_us = now_us - heard_us
         np.minimum(self._youngest_us, age_us, out=self._youngest_us)
-        np.maximum(self._uneven_us, age_us - self._youngest_us, out=self._uneven_us)
+        np.maximum(self._late_us, age_us - self._youngest_us, out=self._late_us)
         self._added_us = now_us
         self._turned += (0.5e-6 * (heard_us - self._heard_us)) * (joints[1] + self._last[1])
         self._starts += joints[0] - self._turned
@@ -152,6 +152,7 @@ class SensorMonitor:
         self._expected: np.ndarray = np.zeros(self._n)  # likewise, of expected torques
         self._turned: np.ndarray = np.zeros(self._n)  # by velocities, rad
         self._starts: np.ndarray = np.zeros(self._n)  # sum of where the window began, by each reading, rad
+        self._late_us: np.ndarray = np.zeros(self._n)  # by how much a reading was older than the youngest one
         self._inertials: list[Inertial] = []  # since the last look
 
     def _compare(self, elapsed_s: float, stiffness: np.ndarray, target: np.ndarray) -> None:
@@ -194,7 +195,7 @@ class SensorMonitor:
         mean has less noise than one of them, and should be where the window before ended. Squares are added
         up, so that what a joint does to and fro does not cancel out. A share of the way is granted, since a
         velocity that a motor filters lags behind, the more so where readings are far apart. What comes
-        unevenly may be as late as the oldest reading was older than the youngest.
+        unevenly may be as late as the oldest reading was older than the youngest, each time anew.
         """
         limits = self._limits
         apart = started - self._ended
@@ -202,13 +203,14 @@ class SensorMonitor:
         kept = math.exp(-elapsed_s / limits.drift_memory_s)
         self._apart = kept * self._apart + apart * apart
         self._ways = kept * self._ways + np.maximum(turned * turned, (turned + apart) ** 2)
-        uneven_s = 1e-6 * self._uneven_us
-        share = self._share + uneven_s / elapsed_s
+        late_s = 1e-6 * self._late_us
+        self._uneven_s = np.maximum(kept * self._uneven_s, late_s)
+        self._late_s = kept * self._late_s + late_s
+        share = self._share + self._uneven_s / elapsed_s
         self.drift = np.sqrt(self._apart) - share * np.sqrt(self._ways)
         self._wandered = kept * self._wandered + apart
         self._fastest = np.maximum(kept * self._fastest, np.abs(self._last[1]))
-        self.wander = np.abs(self._wandered) - (self._lag_s + 2.0 * uneven_s) * self._fastest
-        self._uneven_us *= kept
+        self.wander = np.abs(self._wandered) - (self._lag_s + self._late_s) * self._fastest
 
     def _compare_torques(
         self,

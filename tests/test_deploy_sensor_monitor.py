@@ -145,6 +145,20 @@ class TestWays:
         drift, _ = told_late(go1, lambda t: (0.1, fast(t)[1]), late_ms, seed)
         assert drift > LIMITS.drift_rad
 
+    def test_may_differ_by_what_a_robot_whose_time_stalls_makes_of_a_steady_motion(self, go1: Robot) -> None:
+        """At 1 rad/s; of each 100 ms it does not live through 20, nor answers, as one in emulation."""
+        monitor, zeros, wander = SensorMonitor(go1, LIMITS, 0.002), np.zeros(12), []
+        joints, heard_us, lived_s = np.zeros((3, 12)), np.zeros(12, np.int64), 0.0
+        monitor.begin(0, heard_us, STILL, joints, zeros)
+        for now_us in range(SAMPLE_US, 1_000_000, SAMPLE_US):
+            if now_us % 100_000 >= 20_000:
+                lived_s += SAMPLE_US * 1e-6
+                joints, heard_us = np.array([zeros + lived_s, zeros + 1.0, zeros]), np.full(12, now_us)
+            if monitor.add(now_us, 0, heard_us, STILL, joints, zeros):
+                monitor.look(zeros, zeros, zeros, zeros)
+                wander.append(monitor.wander[0])
+        assert max(wander) < 0.5 * LIMITS.wander_rad
+
     def test_bear_noise_of_a_hundredth_of_a_radian(self, go1: Robot) -> None:
         rng = np.random.default_rng(0)
 
