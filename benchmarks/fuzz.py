@@ -268,7 +268,8 @@ def fuzz_policies(seeds: range) -> Tally:
 
     tally, robot = Tally(), load_robot(ROBOT)
     whole = (ZOO / POLICY / "policy.onnx").read_bytes()
-    still = Sensed(*np.zeros((2, 3)), np.array([1.0, 0, 0, 0]), *np.zeros((3, len(robot.joint_names))))
+    none, upright, joints = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(len(robot.joint_names))
+    still = Sensed(none, none, upright, joints, joints, joints)
     observation = Observation(0.0, still, np.zeros(3), np.zeros(3), 0.3)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "hurt.onnx"

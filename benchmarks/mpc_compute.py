@@ -5,12 +5,19 @@ Run on one core: OMP_NUM_THREADS=1 taskset -c 0 python benchmarks/mpc_compute.py
 
 import argparse
 import time
+from functools import partial
 
 import numpy as np
 
 from footfall.plant.episode import Episode, run_episode
 from footfall.policies.controllers.mpc import Mpc
 from footfall.robots.description import load_robot
+
+
+def command_at(commands: np.ndarray, time_s: float) -> np.ndarray:
+    """A new command every four seconds."""
+    row: np.ndarray = commands[int(time_s // 4)]
+    return row
 
 
 def main() -> None:
@@ -29,9 +36,8 @@ def main() -> None:
         rng = np.random.default_rng(seed)
         commands = rng.uniform(-1, 1, (100, 3)) * np.array([1.0, 0.5, 1.0])
         policy = Mpc(robot)
-        episode = Episode(
-            command=lambda t, c=commands: c[int(t // 4)], duration_s=arguments.duration, seed=seed
-        )
+        command = partial(command_at, commands)
+        episode = Episode(command=command, duration_s=arguments.duration, seed=seed)
         trace = run_episode(robot, policy, episode)
         solve_ms += list(policy.solve_ms)
         act_ms += list(np.ravel(trace.compute_ms))

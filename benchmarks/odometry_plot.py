@@ -60,7 +60,7 @@ def plot(walks: Sequence[Walk], goal_percent: float, path: Path) -> None:
         raise ValueError(f"no walk on {PLANT} plants to draw")
     with plt.rc_context({"font.size": 12, "axes.spines.top": False, "axes.spines.right": False}):
         figure = plt.figure(figsize=(WIDTH_IN, HEIGHT_IN), layout="constrained")
-        above, below = figure.subfigures(2, 1, height_ratios=(1.25, 1.0))
+        above, below = figure.subfigures(2, 1, height_ratios=(1.25, 1.0), squeeze=False)[:, 0]
         _draw_drift(above.subplots(), {name: _of(whole, robot=name) for name in robots}, goal_percent)
         panels = np.atleast_1d(below.subplots(1, len(robots)))
         for axes, name, colour in zip(panels, robots, COLOURS, strict=False):

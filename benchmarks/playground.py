@@ -11,7 +11,7 @@ import itertools
 import statistics
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -186,8 +186,11 @@ def run_brax(impl: str, settings: dict[str, Any], on_policy: Callable[..., None]
 
     settings = dict(settings)
     factory = settings.pop("network_factory")
+    env = registry.load(TASK, config_overrides={"impl": impl})
+    if impl == "warp":  # which would print a line whenever one iteration did not do: gigabytes in minutes
+        env._mjx_model = env.mjx_model.tree_replace({"opt._impl.warn_overflow": 0})
     brax.train(
-        environment=registry.load(TASK, config_overrides={"impl": impl}),
+        environment=env,
         randomization_fn=registry.get_domain_randomizer(TASK),
         wrap_env_fn=wrapper.wrap_for_brax_training,
         network_factory=functools.partial(networks.make_ppo_networks, **factory),
@@ -201,6 +204,8 @@ def run_brax(impl: str, settings: dict[str, Any], on_policy: Callable[..., None]
 def supply_device_put_replicated() -> None:
     """brax 0.14.2 calls what jax 0.10 dropped; pmap takes a stacked array as well."""
     if not hasattr(jax, "device_put_replicated"):
-        jax.device_put_replicated = lambda tree, devices: jax.tree.map(
-            lambda leaf: jnp.stack([jnp.asarray(leaf)] * len(devices)), tree
-        )
+
+        def replicated(x: Any, devices: Sequence[Any]) -> Any:
+            return jax.tree.map(lambda leaf: jnp.stack([jnp.asarray(leaf)] * len(devices)), x)
+
+        jax.device_put_replicated = replicated

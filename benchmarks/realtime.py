@@ -130,7 +130,8 @@ def empty_loop(period_us: int, priority: int | None, end: Connection) -> None:
 @contextmanager
 def beside_an_empty_loop(period_us: int, priority: int | None) -> Iterator[list[np.ndarray]]:
     """Yields a list that holds the empty loop's lateness once the context has ended."""
-    context, found = get_context("spawn"), []
+    context = get_context("spawn")
+    found: list[np.ndarray] = []
     here, there = context.Pipe()
     process = context.Process(target=empty_loop, args=(period_us, priority, there), daemon=True)
     process.start()

@@ -99,9 +99,9 @@ def initramfs(tree: Path, version: str, init: str, folder: Path) -> Path:
     script.chmod(0o755)
     archive = folder / "initramfs.cpio"
     names = subprocess.run(["find", ".", "-print0"], cwd=base, capture_output=True, check=True).stdout
-    with archive.open("wb") as file:
+    with archive.open("wb") as out:
         subprocess.run(
-            ["cpio", "-0", "-o", "-H", "newc", "--quiet"], cwd=base, input=names, stdout=file, check=True
+            ["cpio", "-0", "-o", "-H", "newc", "--quiet"], cwd=base, input=names, stdout=out, check=True
         )
     return archive
 

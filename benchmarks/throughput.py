@@ -116,7 +116,7 @@ def started(
     robot: str, preset: str, settings: dict[str, Any], seed: int = 0
 ) -> tuple[Parts, TrainConfig, Any, Callable[[Any], Any]]:
     """A training's parts and settings, its first state, and its compiled iteration."""
-    config = trial_config(preset, settings)
+    config = trial_config(preset, settings, load_robot(robot))
     provenance = Provenance(robot, seed, preset, "brax", jax.devices()[0].device_kind, "", "", {})
     parts = assemble(Run(Path(), provenance, config), load_robot(robot))
     state, compiled = parts.prepare(device_mesh(config.ppo), None, print)
@@ -198,8 +198,9 @@ def rates_of(seconds: list[float], steps: int) -> Spread:
 
 def differences(robot: str, preset: str) -> list[tuple[str, str, str]]:
     """What else sets the two apart, read from both: what, footfall's, Playground's."""
-    config = trial_config(preset, {})
-    ppo, model = config.ppo, training_model(load_robot(robot), config.env.timestep_s)
+    described = load_robot(robot)
+    config = trial_config(preset, {}, described)
+    ppo, model = config.ppo, training_model(described, config.env.timestep_s)
     ours = {
         "physics steps": f"{config.env.substeps} x {1e3 * config.env.timestep_s:g} ms",
         "constraint rows": playground.constraint_rows(model),
