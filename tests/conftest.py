@@ -41,18 +41,25 @@ settings.load_profile("footfall")
 # The files that take longest, the longest first: begun last, one of them would keep one worker busy while the
 # others have nothing left to do.
 LONGEST = (
+    "test_train_cluster.py",
     "test_sweep.py",
     "test_watch.py",
     "test_train_runs.py",
     "test_train_rsl_rl.py",
+    "test_train_environment.py",
+    "test_cli_train.py",
     "test_train_failure.py",
     "test_gymnasium.py",
-    "test_train_cluster.py",
     "test_watch_browser.py",
-    "test_cli_train.py",
+    "test_cli_process.py",
     "test_env_physics.py",
+    "test_train_devices.py",
     "test_train_loop.py",
     "test_fewer_kernels.py",
+    "test_install.py",
+    "test_train_ppo.py",
+    "test_robot_physics.py",
+    "test_workarounds.py",
 )
 
 
