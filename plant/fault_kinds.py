@@ -31,7 +31,9 @@ SILENCE_S = 0.055
 IMPLAUSIBLE_S = 0.1
 QUEUE_S = 0.11  # of a queue that grows by half of what arrives: twice the silence
 FROZEN_S = 0.2  # of what repeats itself: it has to while joints move
+SLOWLY_FROZEN_S = 0.3  # the same of a robot whose joints pause between steps
 SOON_S = 0.6  # of contradictions that grow with motion: what they are is stated in the table
+SLOW_S = 1.5  # of a joint that hardly moves, or a body that hardly turns
 
 
 class FaultKind(NamedTuple):
@@ -131,6 +133,8 @@ def _imu_queues(rig: Rig) -> None:
 
 
 CALM = "a calm walk turns by little more than noise does; noticed once the body turns by more"
+LEVEL = "of a level body that has not turned since the start, it is nearly the same"
+PAUSING = "it may repeat itself while joints rest, which they do between slow steps"
 LOOSE = "its parts agree with each other; legs say how the base leans where they stand still"
 MEAN = "steps shake an accelerometer: only its mean over a second is compared"
 IMU = (
@@ -146,7 +150,14 @@ IMU = (
     FaultKind("quaternion of length 0.9", "IMU", _imu_frame(QUATERNION_ID, _short_quaternion), SILENCE_S),
     FaultKind("IMU silent", "IMU", _imu_silent, SILENCE_S, main=True),
     FaultKind("IMU repeats one sample", "IMU", _imu_stuck, SILENCE_S),
-    FaultKind("IMU frozen, its counters go on", "IMU", _frozen(*Inertial._fields), FROZEN_S, main=True),
+    FaultKind(
+        "IMU frozen, its counters go on",
+        "IMU",
+        _frozen(*Inertial._fields),
+        SLOWLY_FROZEN_S,
+        PAUSING,
+        main=True,
+    ),
     FaultKind("gyro frozen", "IMU", _frozen("gyro"), FROZEN_S),
     FaultKind("acceleration frozen", "IMU", _frozen("acceleration"), FROZEN_S),
     FaultKind("quaternion frozen", "IMU", _frozen("quaternion"), FROZEN_S),
@@ -161,7 +172,9 @@ IMU = (
     FaultKind(
         "quaternion's pitch turned round", "IMU", _scaled("quaternion", 1.0, 1.0, -1.0, 1.0), None, CALM
     ),
-    FaultKind("quaternion from world to body", "IMU", _scaled("quaternion", 1.0, -1.0, -1.0, -1.0), SOON_S),
+    FaultKind(
+        "quaternion from world to body", "IMU", _scaled("quaternion", 1.0, -1.0, -1.0, -1.0), SLOW_S, LEVEL
+    ),
     FaultKind("quaternion's w last", "IMU", _permuted("quaternion", 1, 2, 3, 0), main=True),
     FaultKind("quaternion off by 30 degrees", "IMU", _leaning(30.0), main=True),
     FaultKind("quaternion off by 15 degrees", "IMU", _leaning(15.0)),
@@ -387,7 +400,6 @@ def _late(milliseconds: int) -> Callable[[Rig], None]:
     return lambda rig: rig.late(1000 * milliseconds)
 
 
-SLOW_S = 1.5  # of a joint that hardly moves
 WAY = "a joint has to move for a while before its readings contradict each other"
 NEAR_ZERO = "a joint near its zero reads much the same with either sign; noticed once it moves"
 BARELY = "a joint that swings by a hundredth of a radian reads much the same; noticed where it moves"
@@ -410,9 +422,9 @@ REPLIES = (
     FaultKind("motor reports an error in one reply", "motors' replies", _error_once, 0.01),
     FaultKind("one reply over and over", "motors' replies", _stuck, SLOW_S, WAY, main=True),
     FaultKind("position frozen", "motors' replies", _row_frozen(0), None, BARELY, main=True),
-    FaultKind("velocity frozen", "motors' replies", _row_frozen(1), SLOW_S, WAY),
-    FaultKind("velocity zero", "motors' replies", _zeroed(1), SLOW_S, WAY),
-    FaultKind("velocity's sign turned round", "motors' replies", _negative(1), SOON_S),
+    FaultKind("velocity frozen", "motors' replies", _row_frozen(1), None, BARELY),
+    FaultKind("velocity zero", "motors' replies", _zeroed(1), None, BARELY),
+    FaultKind("velocity's sign turned round", "motors' replies", _negative(1), SLOW_S, WAY),
     FaultKind("velocity doubled", "motors' replies", _values(_doubled_speed), None, BARELY),
     FaultKind("position's sign turned round", "motors' replies", _negative(0), SLOW_S, NEAR_ZERO),
     FaultKind("torque zero", "motors' replies", _zeroed(2), None, EXPLAINED),
