@@ -258,12 +258,12 @@ def run(options: argparse.Namespace) -> tuple[list[dict[str, Any]], list[str]]:
     seeds = range(options.first_seed, options.first_seed + options.seeds)
     walks = [
         Walk(name, policy, path, plant, seed, options.duration, options.scale_error)
+        for seed in seeds  # first, so that a run that is stopped has some of each kind
         for name in options.robots.split(",")
         for policy in (*walking_controllers(load_robot(name)), *zoo_names(load_robot(name)))
         if not wanted or policy in wanted
         for path in options.paths.split(",")
         for plant in options.plants.split(",")
-        for seed in seeds
     ]
     return run_kept(follow, walks, options.out, options.workers, options.time_limit)
 
