@@ -85,7 +85,9 @@ def _ranking(rows: Sequence[Headline], by_scenario: Mapping[str, Summaries]) -> 
                 f" but {'falls' if one else 'fall'} more often than others"
             )
         else:
-            unclear.append(_lower(figure.label))
+            # Of falls there are some in every scenario: a reader would take these for all of them.
+            among = figure.key == "falls" and len(by_scenario) > 1
+            unclear.append(_lower(figure.label) + (f" in {scenario}" if among else ""))
     claims = [f"{_listed(group)} {_listed(done)}" for group, done in clear.items()] + marred
     nothing = f"no clear difference in {_listed(unclear, 'or')}" if unclear else ""
     if not claims:

@@ -277,6 +277,11 @@ class TestVerdict:
             " the 95 % intervals overlap."
         )
 
+    def test_falls_are_said_to_be_of_one_scenario_where_there_are_several(self) -> None:
+        walks = {"a": scored(0.1, 0.05), "b": scored(0.12, 0.05, falls=1)}
+        pushes = {"a": pushed(1.0, 0.9, 1.1), "b": pushed(2.0, 1.9, 2.1)}
+        assert "no clear difference in falls in nominal or" in verdict({"nominal": walks, "push": pushes})
+
     def test_a_small_error_of_who_falls_more_is_told_with_the_falls(self) -> None:
         sentence = verdict({"nominal": {"a": scored(0.1, 0.01, falls=3), "b": scored(0.3, 0.01)}})
         assert "a leads in velocity error but falls more often than others" in sentence
