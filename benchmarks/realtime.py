@@ -2,11 +2,12 @@
 
     python benchmarks/realtime.py [--policy go1-flat] [--seconds 60] [--priority 80] [--log FILE]
 
-The loop runs on the simulated robot, whose physics are a stage of the tick of their own. At the same time an
-empty loop runs in another process, at the same rate and priority: what the machine alone does. Prints a JSON
-object, in microseconds: lateness of both, and of the ticks that no work of the tick before held up; ticks
-that took too long or were left out; stages with their budgets. Exit status 1 if p99 of the loop's lateness is
-above 0.3 ms, or a stage above its budget.
+The simulated robot runs in a process of its own, as a real one does. Between the two are SocketCAN's code and
+sockets that cost the same system calls (`socket_pairs`). With --one-thread its physics are a stage of the
+tick of their own instead. At the same time an empty loop runs in another process, at the same rate and
+priority: what the machine alone does. Prints a JSON object, in microseconds: lateness of both, and of the
+ticks that no work of the tick before held up; ticks that took too long or were left out; stages with their
+budgets. Exit status 1 if p99 of the loop's lateness is above 0.3 ms, or a stage above its budget.
 """
 
 import argparse
@@ -15,26 +16,33 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from socket_pairs import Ends, in_place_of_interfaces, socket_pairs
 
 from footfall.deploy.clock import WallClock, undisturbed
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.safety import SafetyConfig
+from footfall.deploy.session import Display, Outcome, Session, run_on_interface
+from footfall.deploy.socketcan_bus import SOCKETCAN
 from footfall.deploy.timing import Durations, Timing
+from footfall.deploy.wiring import wire
 from footfall.plant.episode import Episode, run_episode
-from footfall.plant.robot import SimulatedRobot
+from footfall.plant.robot import PlantConfig, SimulatedRobot
+from footfall.plant.serve import serving
+from footfall.policies.policy import Policy
 from footfall.policies.registry import load_policy
-from footfall.robots.description import load_robot
+from footfall.robots.description import Robot, load_robot
 
 LIMIT_US = 300.0  # p99 of lateness
 BUDGET_US = {  # p99 of each stage; a tick at 500 Hz has 2,000
-    "plant": 800.0,  # not on a robot
+    "plant": 800.0,  # in one thread alone
     "readings": 150.0,
     "signals": 150.0,
     "supervisor": 50.0,
@@ -52,7 +60,6 @@ class Stages:
     def __init__(self) -> None:
         self.durations = {name: Durations() for name in BUDGET_US}
         self.timing = Timing()  # the loop's, once it runs
-        self._watching = False
         self._inside: list[float] = []  # time taken by the stages inside of each that is under way
 
     def wrap(self, name: str, owner: Any, method: str) -> None:
@@ -73,13 +80,12 @@ class Stages:
 
         setattr(owner, method, timed)
 
-    def watch(self, loop: ControlLoop, body: SimulatedRobot) -> None:
-        """To be called after each tick: wraps the loop's parts at the first."""
-        if self._watching:
-            return
-        self._watching, self.timing = True, loop.timing
+    @contextmanager
+    def watch(self, loop: ControlLoop) -> Iterator[None]:
+        """Times the parts of a loop that is about to run."""
+        self.timing = loop.timing
         for name, owner, method in (
-            ("plant", body, "advance"),
+            ("plant", SimulatedRobot, "advance"),
             ("readings", loop._bus, "receive"),
             ("readings", loop._joints, "absorb"),
             ("signals", loop, "_signals"),
@@ -93,6 +99,7 @@ class Stages:
         if loop.log is not None:
             self.wrap("log", loop.log, "tick")
             self.wrap("log", loop.log, "policy_step")
+        yield
 
     def summary(self) -> dict[str, dict[str, float]]:
         return {
@@ -127,19 +134,60 @@ def empty_loop(period_us: int, priority: int | None, end: Connection) -> None:
     end.send(late.values())
 
 
+def simulate(folder: str, config: DeployConfig, ends: Ends, end: Connection) -> None:
+    """Be the robot of this folder at these ends: says that it runs, until it hears something; then says so.
+
+    Where the loop has a real-time priority, so has its robot: the lowest, that it be there as motors are.
+    """
+    priority = None if config.realtime_priority is None else 1
+    plant = PlantConfig(motor_timeout_s=config.motor_timeout_s)
+    with (
+        undisturbed(priority),  # the robot's thread is of this one's kind
+        in_place_of_interfaces(ends),
+        serving(load_robot(folder), SOCKETCAN, plant),
+    ):
+        end.send("running")
+        end.recv()
+    end.send("over")
+
+
 @contextmanager
-def beside_an_empty_loop(period_us: int, priority: int | None) -> Iterator[list[np.ndarray]]:
-    """Yields a list that holds the empty loop's lateness once the context has ended."""
+def elsewhere(work: Callable[..., None], *arguments: Any) -> Iterator[list[Any]]:
+    """One of these in a process of its own; yields a list that holds its last word once the context ends."""
     context = get_context("spawn")
-    found: list[np.ndarray] = []
+    last_word: list[Any] = []
     here, there = context.Pipe()
-    process = context.Process(target=empty_loop, args=(period_us, priority, there), daemon=True)
+    process = context.Process(target=work, args=(*arguments, there), daemon=True)
     process.start()
+    there.close()
     here.recv()
-    yield found
-    here.send("stop")
-    found.append(here.recv())
-    process.join()
+    try:
+        yield last_word
+    finally:
+        here.send("stop")
+        last_word.append(here.recv())
+        process.join()
+
+
+def in_one_thread(robot: Robot, policy: Policy, session: Session, display: Display) -> Outcome:
+    """A session on the simulated bus: physics in the loop's thread."""
+    episode = Episode(
+        session.command,
+        session.duration_s,
+        realtime=True,
+        config=session.config,
+        record=False,
+        log=session.log,
+        display=lambda loop, velocity: display(loop),
+    )
+    return run_episode(robot, policy, episode)
+
+
+def in_two_processes(robot: Robot, policy: Policy, session: Session, display: Display) -> Outcome:
+    """A session on SocketCAN's code, with the simulated robot in a process of its own at the other end."""
+    near, far = socket_pairs(wire(robot).buses)
+    with elsewhere(simulate, str(robot.folder), session.config, far), in_place_of_interfaces(near):
+        return run_on_interface(robot, policy, SOCKETCAN, replace(session, display=display))
 
 
 def rounded(value: Any) -> Any:
@@ -156,6 +204,7 @@ def main() -> int:
     parser.add_argument("--rate", type=float, default=500.0, help="of joint ticks, Hz")
     parser.add_argument("--priority", type=int, default=80, help="of SCHED_FIFO; 0 for none")
     parser.add_argument("--log", type=Path, help="record the run, too")
+    parser.add_argument("--one-thread", action="store_true", help="simulate in the loop's thread")
     options = parser.parse_args()
     priority = options.priority or None
     robot = load_robot(options.robot)
@@ -166,19 +215,18 @@ def main() -> int:
         joint_rate_hz=options.rate, realtime_priority=priority, motor_timeout_s=10.0, safety=patient
     )
     command, stages = np.array([0.5, 0.0, 0.0]), Stages()
-    episode = Episode(
-        lambda _: command, options.seconds, realtime=True, config=config, record=False, log=options.log
-    )
-    with beside_an_empty_loop(config.tick_us, priority) as empty:
-        trace = run_episode(robot, policy, episode, stages.watch)
-    timing, each = trace.timing, stages.summary()
+    session = Session(lambda _: command, options.seconds, log=options.log, config=config)
+    run = in_one_thread if options.one_thread else in_two_processes
+    with elsewhere(empty_loop, config.tick_us, priority) as empty:
+        outcome = run(robot, policy, session, stages.watch)
+    timing, each = outcome.timing, stages.summary()
     over = [name for name, found in each.items() if found["p99"] > found["budget_p99"]]
     over += ["lateness"] if timing["lateness_us_p99"] > LIMIT_US else []
     shown = {
         "policy": policy.name,
-        "final_state": trace.final_state,
-        "faults": list(trace.faults),
-        "notes": list(trace.notes),
+        "final_state": outcome.final_state,
+        "faults": list(outcome.faults),
+        "notes": list(outcome.notes),
         "lateness_us": {name: timing[f"lateness_us_{name}"] for name in ("p50", "p99", "max")},
         "not_held_up_us": with_longest(not_held_up(stages.timing, config.tick_us)),
         "empty_loop_us": with_longest(empty[0]),
