@@ -1,11 +1,13 @@
 """Processor time that the control loop takes for its motors, by the kind of bus.
 
-    python benchmarks/bus_load.py [--robots go1 hexapod] [--buses in-process virtual udp_multicast]
+    python benchmarks/bus_load.py [--robots go1 hexapod]
+        [--buses in-process socket-pairs virtual udp_multicast]
 
 A whole loop (`stand`: joint layer, supervisor, sensor checks, driver, bus) at its joint rate by the wall
 clock, on motors that answer every frame at once and stand still, without physics. They run in the same
-process, but for udp_multicast and socketcan, where they have a process of their own; socketcan needs the
-interfaces that `robot.yaml` names. Prints a JSON object for each case:
+process, but for udp_multicast, socketcan and socket-pairs, where they have a process of their own; socketcan
+needs the interfaces that `robot.yaml` names, socket-pairs is its code without the kernel's CAN stack
+(`socket_pairs`). Prints a JSON object for each case:
 
 `share` of a processor that the loop's thread takes at its joint rate, the motors left out: its processor
 time for one tick times the rate, so that a busy machine, which leaves ticks out, does not flatter it.
@@ -19,10 +21,12 @@ import multiprocessing
 import os
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+from typing import Any, Protocol
 
 import numpy as np
+from socket_pairs import Ends, in_place_of_interfaces, socket_pairs
 
 from footfall.deploy.bus import Bus, BusStatistics
 from footfall.deploy.clock import WallClock
@@ -44,8 +48,11 @@ from footfall.policies.registry import load_policy
 from footfall.robots.description import Robot, load_robot
 
 IN_PROCESS = "in-process"
-FROM_ELSEWHERE = (MULTICAST, SOCKETCAN)  # reach another process
+PAIRS = "socket-pairs"
+FROM_ELSEWHERE = (MULTICAST, SOCKETCAN, PAIRS)  # reach another process
 PERIOD_US = 1000
+START_S = 20.0  # that somebody has to be there
+QUEUE_FRAMES = 64  # no write shall wait
 # A busy machine shall be measured, not stopped, nor motors that stand still while their targets lie down.
 PATIENT = SafetyConfig(
     start_timeout_s=20.0,
@@ -125,6 +132,11 @@ class TimedBus:
         self._bus, self.spent_s = bus, 0.0
         self.statistics, self.fault, self.close = bus.statistics, bus.fault, bus.close
 
+    @property
+    def elsewhere_s(self) -> float:
+        """What of it was the robot's."""
+        return getattr(self._bus, "elsewhere_s", 0.0)
+
     def send(self, frames: Frames, now_us: int) -> int:
         begun = time.thread_time()
         refused = self._bus.send(frames, now_us)
@@ -138,13 +150,23 @@ class TimedBus:
         return arrived
 
 
-def answer(name: str, interface: str, stopped: Callable[[], bool]) -> None:
-    """Be a still robot on an interface."""
+class Event(Protocol):
+    """threading's or multiprocessing's."""
+
+    def set(self) -> None: ...
+
+    def is_set(self) -> bool: ...
+
+
+def answer(name: str, kind: str, ready: Event, stop: Event, ends: Ends) -> None:
+    """Be a still robot on an interface, or at these ends, until told to stop."""
     robot = load_robot(name)
     wiring, still = wire(robot), StillRobot(robot)
-    bus = open_interfaces(interface, wiring.buses, open_motor_end(wiring).filters)
+    with in_place_of_interfaces(ends):
+        bus = open_interfaces(interface_of(kind), wiring.buses, open_motor_end(wiring).filters)
     clock = WallClock(PERIOD_US)
-    while not stopped():
+    ready.set()
+    while not stop.is_set():
         now_us = clock.next_tick()
         for frames in bus.receive(now_us):
             if (answers := still.answers(frames)) is not None:
@@ -154,27 +176,27 @@ def answer(name: str, interface: str, stopped: Callable[[], bool]) -> None:
     bus.close()
 
 
-def answer_until(name: str, interface: str, stop: object) -> None:
-    """`answer` in a process of its own; `stop` is a multiprocessing.Event."""
-    answer(name, interface, stop.is_set)  # type: ignore[attr-defined]
-
-
 @contextmanager
-def answering(name: str, interface: str) -> Iterator[None]:
-    """Somebody who answers, for as long as the context lasts."""
-    if interface in FROM_ELSEWHERE:
-        context = multiprocessing.get_context("spawn")
-        stop = context.Event()
-        somebody = context.Process(target=answer_until, args=(name, interface, stop), daemon=True)
-    else:
-        stop = threading.Event()  # type: ignore[assignment]
-        somebody = threading.Thread(target=answer_until, args=(name, interface, stop), daemon=True)  # type: ignore[assignment]
+def answering(name: str, kind: str) -> Iterator[None]:
+    """Somebody who answers, for as long as the context lasts, and the way there."""
+    near, far = socket_pairs(wire(load_robot(name)).buses) if kind == PAIRS else ({}, {})
+    context = multiprocessing.get_context("spawn")
+    begin: Any = context.Process if kind in FROM_ELSEWHERE else threading.Thread
+    event: Any = context.Event if kind in FROM_ELSEWHERE else threading.Event
+    ready, stop = event(), event()
+    somebody = begin(target=answer, args=(name, kind, ready, stop, far), daemon=True)
     somebody.start()
+    ready.wait(START_S)
     try:
-        yield
+        with in_place_of_interfaces(near):
+            yield
     finally:
         stop.set()
         somebody.join(5.0)
+
+
+def interface_of(kind: str) -> str:
+    return SOCKETCAN if kind == PAIRS else kind
 
 
 def calibration_ms() -> float:
@@ -188,6 +210,16 @@ def calibration_ms() -> float:
     return (time.thread_time() - begun) * 1e3
 
 
+def open_bus(robot: Robot, kind: str) -> Bus:
+    """The controller's end."""
+    if kind == IN_PROCESS:
+        return InProcessBus(robot)
+    wiring = wire(robot)
+    return open_interfaces(
+        interface_of(kind), wiring.buses, (*open_driver(wiring).filters, *imu.FILTERS), QUEUE_FRAMES
+    )
+
+
 def measure(name: str, kind: str, seconds: float, rate_hz: float) -> dict[str, object]:
     """One case."""
     robot = load_robot(name)
@@ -195,28 +227,20 @@ def measure(name: str, kind: str, seconds: float, rate_hz: float) -> dict[str, o
     calibrations = [calibration_ms() for _ in range(3)]
     marks: list[tuple[float, float]] = []  # time of the thread and for the bus, s: at first and now
     ticks = [0]
-    if kind == IN_PROCESS:
-        inner: Bus = InProcessBus(robot)
-    else:
-        inner = open_interfaces(kind, wiring.buses, (*open_driver(wiring).filters, *imu.FILTERS), 64)
-    bus = TimedBus(inner)
 
     def mark(loop: ControlLoop) -> None:
         if loop.walking:
-            elsewhere_s = getattr(inner, "elsewhere_s", 0.0)
-            now = (time.thread_time() - elsewhere_s, bus.spent_s - elsewhere_s)
+            now = (time.thread_time() - bus.elsewhere_s, bus.spent_s - bus.elsewhere_s)
             marks[1:] = [now] if marks else []
             marks[:0] = [] if marks else [now]
             ticks[0] += 1
 
     config = DeployConfig(joint_rate_hz=rate_hz, stand_s=0.3, safety=PATIENT)
     session = Session(lambda _: np.zeros(3), seconds, realtime=True, config=config)
-    if kind == IN_PROCESS:
+    with nullcontext() if kind == IN_PROCESS else answering(name, kind):
+        bus = TimedBus(open_bus(robot, kind))
         outcome = run_session(robot, load_policy("stand", robot), bus, session, mark)
-    else:
-        with answering(name, kind):
-            outcome = run_session(robot, load_policy("stand", robot), bus, session, mark)
-    bus.close()
+        bus.close()
     calibration = float(np.median(calibrations + [calibration_ms() for _ in range(3)]))
     thread_s, bus_s = ((end - begin) / (ticks[0] - 1) for begin, end in zip(*marks, strict=True))
     return {
@@ -239,7 +263,7 @@ def measure(name: str, kind: str, seconds: float, rate_hz: float) -> dict[str, o
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--robots", nargs="+", default=["go1", "hexapod"])
-    parser.add_argument("--buses", nargs="+", default=[IN_PROCESS, "virtual", MULTICAST])
+    parser.add_argument("--buses", nargs="+", default=[IN_PROCESS, PAIRS, "virtual", MULTICAST])
     parser.add_argument("--seconds", type=float, default=4.0)
     parser.add_argument("--rate", type=float, default=500.0)
     options = parser.parse_args()
