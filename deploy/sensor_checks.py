@@ -149,8 +149,8 @@ BODY_CHECKS = (
         Limit("leg_turn_rad"),
     ),
     SensorCheck(
-        "the base's clearance that is gone, by legs and IMU: the robot lies, without having tipped over",
-        "the base has sunk to the ground: {0:.0%} of its clearance is gone",
+        "the base's clearance that is gone, by legs and IMU: it goes down without tipping over",
+        "the base has sunk: {0:.0%} of its clearance is gone",
         lambda monitor: monitor.sunk,
         Limit("sunk"),
         Mode.FALLING,

@@ -43,7 +43,7 @@ class SensorLimits:
     rest_error: float = 0.15  # of gravity: acceleration at rest against the quaternion's idea of up
     lean_error: float = 0.35  # of gravity: the same in motion, on average, sideways
     lift_error: float = 0.6  # of gravity: upwards; a robot that is thrown or falls over feels less of it
-    sunk: float = 0.85  # of the base's clearance when standing: how much may be gone
+    sunk: float = 0.55  # of the base's clearance when standing: how much may be gone
     slope_rad: float = 0.35  # of the ground that a robot may stand on, by its legs and the IMU
     leg_turn_rad: float = 0.05  # of the base that stands, by the IMU other than by the legs
     loaded_share: float = 0.2  # of an even share of the weight: a foot that bears less does not stand

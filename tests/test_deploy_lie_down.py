@@ -261,7 +261,7 @@ class TestRun:
             body.model.body("trunk").mass[:] = 200.0
 
         outcome = run(go1, Hold(go1), Notebook(load), config=replace(QUICK, stand_s=0.6))
-        assert "the base has sunk to the ground" in outcome.faults[0]
+        assert "the base has sunk" in outcome.faults[0]
         assert outcome.walked_s == 0.0
 
     def test_a_robot_without_a_lying_pose_is_damped_where_it_stands(self) -> None:

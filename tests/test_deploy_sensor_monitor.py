@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from footfall.common.errors import UserError
+from footfall.deploy.config import deploy_config
 from footfall.deploy.drivers.imu import Inertial
 from footfall.deploy.sensor_limits import SensorLimits
 from footfall.deploy.sensor_monitor import SensorMonitor
-from footfall.robots.description import Robot
+from footfall.plant.ground_truth import COLLAPSED_SHARE
+from footfall.robots.description import Robot, available_robots, load_robot
 
 LIMITS = SensorLimits()
 STILL = Inertial((0.0, 0.0, 0.0), (0.0, 0.0, 9.81), (1.0, 0.0, 0.0, 0.0))
@@ -23,6 +25,17 @@ Reading = Callable[[float], tuple[float, float]]  # s to rad and rad/s
 def swing(time_s: float) -> tuple[float, float]:
     angle = SWING_RAD_S * time_s
     return SWING_RAD * np.sin(angle), SWING_RAD * SWING_RAD_S * np.cos(angle)
+
+
+def lying(robot: Robot) -> np.ndarray:
+    """Legs folded, joint positions in rad: lying, or of a biped a squat at the end of its knees."""
+    if robot.lying_pose is not None:
+        return robot.lying_pose
+    squat = {"hip_pitch": -1.9, "knee": 2.8, "ankle_pitch": -0.9}
+    folded = robot.default_pose.copy()
+    for joint, name in enumerate(robot.joint_names):
+        folded[joint] = next((rad for part, rad in squat.items() if part in name), folded[joint])
+    return folded
 
 
 def told(
@@ -265,6 +278,25 @@ class TestHeight:
         monitor = SensorMonitor(go1, LIMITS, 0.002)
         nose_down = (math.cos(0.25), 0.0, math.sin(0.25), 0.0)
         assert monitor.sunk_share(go1.default_pose, nose_down) == pytest.approx(0.0, abs=0.01)
+
+    @pytest.mark.parametrize("name", available_robots())
+    def test_a_level_robot_has_sunk_to_its_supervisor_before_a_simulator_calls_it_fallen(
+        self, name: str
+    ) -> None:
+        """Else a run could end in an orderly way after a fall that nobody on the robot noticed."""
+        robot = load_robot(name)
+        folded = lying(robot)
+
+        def above_feet(share: float) -> float:
+            """Height of the base above its lowest foot, as the simulator measures it."""
+            pose = robot.default_pose + share * (folded - robot.default_pose)
+            return -float(robot.legs.pose(pose).foot[:, 2].min())
+
+        least = COLLAPSED_SHARE * robot.description.standing_height_m
+        share = next(s for s in np.linspace(0.0, 1.0, 1001) if above_feet(s) < least)
+        pose = robot.default_pose + share * (folded - robot.default_pose)
+        sunk = SensorMonitor(robot, LIMITS, 0.002).sunk_share(pose, (1.0, 0.0, 0.0, 0.0))
+        assert sunk > deploy_config(robot).safety.sensors.sunk
 
 
 class TestRepeated:
