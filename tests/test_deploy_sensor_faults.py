@@ -320,7 +320,7 @@ def test_a_robot_that_sinks_without_tipping_over_counts_as_fallen(go1: Robot) ->
 
     # Links of 0.213 m, a ball of 0.023 m, a trunk that reaches 0.05 m below its origin, which stands 0.2945 m
     # high. In the air: 0.213 (cos 2.2 + cos 1.2) + 0.023 m = -0.025 m; 1 + (0.025 + 0.05) / 0.2445 = 1.31.
-    # Low on folded legs: 0.213 (cos 1.5 + cos 1.2) + 0.023 m = 0.115 m, of which 27 % of the clearance is left.
+    # On folded legs: 0.213 (cos 1.5 + cos 1.2) + 0.023 m = 0.115 m, of which 27 % of the clearance is left.
     # A crouch: 0.213 * 2 cos 1.2 + 0.023 m = 0.177 m, of which 52 % is left.
     def says(thigh: float, calf: float) -> list[Implausible]:
         return [each for each in looks(thigh, calf) if each is not None]
