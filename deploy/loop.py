@@ -463,18 +463,22 @@ class ControlLoop:
         return impossible_pose(self._robot, self._places, position, limit)
 
     def _contradiction(self, silence_us: int) -> Implausible | None:
-        """Readings that contradict each other, if this is a tick at which they are compared."""
+        """Readings that contradict each other, if this is a tick at which they are compared.
+
+        The joints' are, and in the next tick the body's: one tick would have much more work than the others.
+        """
         joints, checks, now_us = self._joints, self._checks, self.now_us
         monitor = checks.monitor
         since_s, deciding = now_us * 1e-6 - self.state.since_s, self.state.mode in DECIDING
         monitor.on_legs = self._postures.on_legs(since_s, deciding)
-        if not monitor.due(now_us):
-            return None
+        found = checks.of_body() if monitor.look_at_body() else None
+        if found is not None or not monitor.due(now_us):
+            return found
         heard_us, expected = joints.last_heard().motor_us, joints.expected_torque()
         if not monitor.add(now_us, silence_us, heard_us, joints.inertial, joints.joints, expected):
             return None
         compared = monitor.look(joints.stiffness, joints.target, joints.temperature_c, joints.voltage)
-        return checks.find() if compared else None
+        return checks.of_joints() if compared else None
 
     def _skipped(self, elapsed_us: int) -> float:
         """Share of the last second's ticks that were left out, older ones counting less and less."""

@@ -171,8 +171,8 @@ class SensorChecks:
         self._joint_measures = np.zeros((len(JOINT_CHECKS), n))
         self._body_limits = tuple(check.limit.of(robot, limits) for check in BODY_CHECKS)
 
-    def find(self) -> Implausible | None:
-        """The first contradiction that goes too far, if there is one."""
+    def of_joints(self) -> Implausible | None:
+        """The first contradiction in what is said of the joints that goes too far, if there is one."""
         monitor, measures = self.monitor, self._joint_measures
         for row, check in enumerate(JOINT_CHECKS):
             measures[row] = check.measure(monitor)
@@ -182,8 +182,12 @@ class SensorChecks:
             check = JOINT_CHECKS[row]
             says = check.says.format(measures[row, joint], monitor.joints[0, joint])
             return Implausible(f"{self._places[joint]}: {says}", check.leads_to)
+        return None
+
+    def of_body(self) -> Implausible | None:
+        """The same of what is said of the body."""
         for check, limit in zip(BODY_CHECKS, self._body_limits, strict=True):
-            value = check.measure(monitor)
+            value = check.measure(self.monitor)
             if not value <= limit:
                 return Implausible(check.says.format(value), check.leads_to)
         return None

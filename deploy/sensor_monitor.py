@@ -1,11 +1,13 @@
 """Adds up what sensors say, and works out how far they contradict each other.
 
 Readings are added up every `SAMPLE_S` and compared every `period_s`, which keeps the cost of a tick small and
-takes single spikes out.
+takes single spikes out. For the same reason what is said of the body is compared a tick after what is said of
+its joints.
 """
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,12 +18,24 @@ from footfall.deploy.pose import beyond
 from footfall.deploy.sensor_limits import SensorLimits
 from footfall.robots.description import Robot
 from footfall.robots.kinematics import Legs
+from footfall.robots.targets import within
 
 GRAVITY = 9.81
 LOOKS_A_HEIGHT = 3  # a body takes its time to fall, and its height takes more to work out than all the rest
 IMPACT_S = 0.01  # that a foot takes to touch down: readings farther apart miss how a velocity changes
 SAMPLE_S = 0.004  # between two readings that are added up: a fraction of what a leg takes to swing
 IMU_PARTS = Inertial._fields
+
+
+class BodyWindow(NamedTuple):
+    """What was said of the body from one look to the next."""
+
+    elapsed_s: float
+    before: Inertial  # where the window began
+    inertials: list[Inertial]  # in it
+    position: np.ndarray  # of the joints, at its end, rad, (n,)
+    torque: np.ndarray  # mean of what motors reported, N m, (n,)
+    fastest: float  # mean speed of the fastest joint, rad/s
 
 
 class SensorMonitor:
@@ -76,6 +90,7 @@ class SensorMonitor:
         self.rest_error = 0.0
         self._mean = [0.0, 0.0, GRAVITY]  # acceleration, world axes
         self._looks = 0
+        self._body: BodyWindow | None = None  # that has not been looked at
         self.on_legs = True  # whether the legs should carry the base
         if self._attitude is not None:
             self._attitude.reset()
@@ -126,6 +141,8 @@ class SensorMonitor:
     ) -> bool:
         """Compare what was added since the last look; returns False if a gap made that impossible.
 
+        What was added of the body waits for `look_at_body`.
+
         Args:
             stiffness: (n,) of the last command, N m/rad.
             target: (n,) position targets that went out last, rad.
@@ -134,7 +151,7 @@ class SensorMonitor:
         """
         compared = not self._gap
         if compared:
-            self._compare((self._added_us - self._looked_us) * 1e-6, stiffness, target)
+            self._compare_joints((self._added_us - self._looked_us) * 1e-6, stiffness, target)
         else:
             self._ended = self._last[0]
         self.temperature, self.voltage = temperature, voltage
@@ -155,38 +172,46 @@ class SensorMonitor:
         self._late_us: np.ndarray = np.zeros(self._n)  # by how much a reading was older than the youngest one
         self._inertials: list[Inertial] = []  # since the last look
 
-    def _compare(self, elapsed_s: float, stiffness: np.ndarray, target: np.ndarray) -> None:
-        limits, count = self._limits, len(self._inertials)
-        joints, inertial = self._last, self._inertials[-1]
-        kept = math.exp(-elapsed_s / limits.memory_s)
-        self._sum /= count
-        self._expected /= count
-        _, velocity, torque = self._sum
-        gyros, accelerations, _ = zip(*self._inertials, strict=True)
+    def look_at_body(self) -> bool:
+        """Compare what the last look left of the body; returns False if it left nothing."""
+        body, self._body = self._body, None
+        if body is None:
+            return False
+        count, inertial, limits = len(body.inertials), body.inertials[-1], self._limits
+        gyros, accelerations, _ = zip(*body.inertials, strict=True)
         gyro, acceleration = (
             [sum(values) / count for values in zip(*parts, strict=True)] for parts in (gyros, accelerations)
         )
-        self._compare_ways(self._starts / count, self._turned, elapsed_s)
-        same = np.logical_and.reduce(joints == self.joints)
-        # A reading is older than the target that went out last, which may leap while a robot stands still.
-        self.repeated = same * (self.repeated + self._target_way)
-        speed = np.abs(velocity)
-        targets_speed = np.abs(target - self._target) / elapsed_s
-        self._compare_torques(torque, self._expected, stiffness, speed, targets_speed, elapsed_s)
-        fastest = max(speed.tolist())
-        self._compare_turns(gyro, inertial.quaternion, elapsed_s, kept)
-        self._compare_gravity(acceleration, gyro, inertial, fastest, elapsed_s)
+        self._compare_turns(gyro, body)
+        self._compare_gravity(acceleration, gyro, body)
         self._looks += 1
         if not self.on_legs:
             self.sunk = 0.0
         elif self._looks % LOOKS_A_HEIGHT == 0:
-            self.sunk = self.sunk_share(joints[0], inertial.quaternion)
-        self._compare_attitude(joints[0], torque, inertial.quaternion, fastest, elapsed_s)
-        for part, (now, before) in enumerate(zip(inertial, self._inertial, strict=True)):
+            self.sunk = self.sunk_share(body.position, inertial.quaternion)
+        self._compare_attitude(body)
+        for part, (now, before) in enumerate(zip(inertial, body.before, strict=True)):
             if now != before:
                 self._imu_repeated[part] = 0.0
-            elif fastest > limits.moving_rad_s and self.on_legs:  # one that lies or hangs may keep still
-                self._imu_repeated[part] += elapsed_s
+            elif body.fastest > limits.moving_rad_s and self.on_legs:  # one that lies or hangs may keep still
+                self._imu_repeated[part] += body.elapsed_s
+        return True
+
+    def _compare_joints(self, elapsed_s: float, stiffness: np.ndarray, target: np.ndarray) -> None:
+        count, joints = len(self._inertials), self._last
+        self._sum /= count
+        self._expected /= count
+        velocity, torque = self._sum[1], self._sum[2]
+        self._compare_ways(self._starts / count, self._turned, elapsed_s)
+        alike = joints == self.joints
+        # A reading is older than the target that went out last, which may leap while a robot stands still.
+        self.repeated = (alike[0] & alike[1] & alike[2]) * (self.repeated + self._target_way)
+        speed = np.abs(velocity)
+        targets_speed = np.abs(target - self._target) / elapsed_s
+        self._compare_torques(torque, self._expected, stiffness, speed, targets_speed, elapsed_s)
+        self._body = BodyWindow(
+            elapsed_s, self._inertial, self._inertials, joints[0], torque, max(speed.tolist())
+        )
 
     def _compare_ways(self, started: np.ndarray, turned: np.ndarray, elapsed_s: float) -> None:
         """How far joints have gone by their positions, (n,), against how far by their velocities, rad.
@@ -238,7 +263,7 @@ class SensorMonitor:
         limits = self._limits
         doubt = stiffness * (limits.reading_rad + limits.lag_s * speed)
         least = np.maximum(np.abs(expected) - doubt, 0.0)
-        asked = ((least - self._hidden) / self._much).clip(0.0, 1.0)
+        asked = within((least - self._hidden) / self._much, 0.0, 1.0)
         self.limp_s = (self._strongest <= self._little) * (self.limp_s + elapsed_s * asked)
         late = stiffness * limits.lag_s * np.maximum(targets_speed - speed, 0.0)
         least = np.maximum(least - late, 0.0)
@@ -247,10 +272,11 @@ class SensorMonitor:
         self._asked = kept * self._asked + (1.0 - kept) * least * least
         self.opposing = -self._work / np.maximum(self._asked, self._least)
 
-    def _compare_turns(self, gyro: list[float], now: Sequence[float], elapsed_s: float, kept: float) -> None:
-        """The body's turn since the last look: by quaternions twice the vector part of before* now."""
-        w, x, y, z = self._inertial.quaternion
-        a, b, c, d = now
+    def _compare_turns(self, gyro: list[float], body: BodyWindow) -> None:
+        """The body's turn in a window: by quaternions twice the vector part of before* now."""
+        kept = math.exp(-body.elapsed_s / self._limits.memory_s)
+        w, x, y, z = body.before.quaternion
+        a, b, c, d = body.inertials[-1].quaternion
         sign = 2.0 if w * a + x * b + y * c + z * d >= 0.0 else -2.0
         turn = (
             sign * (w * b - x * a - y * d + z * c),
@@ -258,16 +284,14 @@ class SensorMonitor:
             sign * (w * d - x * c + y * b - z * a),
         )
         self.rotation = [
-            kept * error + angle - rate * elapsed_s
+            kept * error + angle - rate * body.elapsed_s
             for error, angle, rate in zip(self.rotation, turn, gyro, strict=True)
         ]
 
-    def _compare_gravity(
-        self, pulled: list[float], gyro: list[float], inertial: Inertial, fastest: float, elapsed_s: float
-    ) -> None:
+    def _compare_gravity(self, pulled: list[float], gyro: list[float], body: BodyWindow) -> None:
         """Mean acceleration in the world's axes: at rest, and on average, it is gravity's opposite."""
-        limits = self._limits
-        w, x, y, z = inertial.quaternion
+        limits, elapsed_s = self._limits, body.elapsed_s
+        w, x, y, z = body.inertials[-1].quaternion
         a, b, c = pulled
         ahead = (1 - 2 * (y * y + z * z)) * a + 2 * (x * y - w * z) * b + 2 * (x * z + w * y) * c
         left = 2 * (x * y + w * z) * a + (1 - 2 * (x * x + z * z)) * b + 2 * (y * z - w * x) * c
@@ -277,7 +301,7 @@ class SensorMonitor:
             kept * mean + (1 - kept) * value
             for mean, value in zip(self._mean, (ahead, left, up), strict=True)
         ]
-        if max(fastest, *map(abs, gyro)) >= limits.resting_rad_s:
+        if max(body.fastest, *map(abs, gyro)) >= limits.resting_rad_s:
             self._resting_s, self.rest_error = 0.0, 0.0
             return
         weight = max(elapsed_s / (self._resting_s + elapsed_s), 1.0 - kept)  # a mean, at first of all of it
@@ -290,19 +314,13 @@ class SensorMonitor:
             ahead, left, up = self._resting
             self.rest_error = math.hypot(ahead, left, up - GRAVITY) / GRAVITY
 
-    def _compare_attitude(
-        self,
-        position: np.ndarray,
-        torque: np.ndarray,
-        quaternion: Sequence[float],
-        fastest: float,
-        elapsed_s: float,
-    ) -> None:
+    def _compare_attitude(self, body: BodyWindow) -> None:
         """The base's attitude by the IMU against that by the legs, of a robot that stands nearly still."""
         if self._attitude is None:
             return
-        if self.on_legs and fastest < self._limits.resting_rad_s:
-            self._attitude.look(position, torque, np.array(_up(quaternion)), elapsed_s)
+        if self.on_legs and body.fastest < self._limits.resting_rad_s:
+            up = np.array(_up(body.inertials[-1].quaternion))
+            self._attitude.look(body.position, body.torque, up, body.elapsed_s)
         else:
             self._attitude.reset()
 
@@ -320,7 +338,7 @@ class SensorMonitor:
         """
         if self._legs is None:
             return 0.0
-        up = _up(quaternion)
+        up = np.array(_up(quaternion))
         below = self._legs.pose(position).foot @ up
         height = float(np.maximum.reduce(self._legs.foot_radius - below))
         base_below = -float(np.minimum.reduce(self._legs.base_corners @ up))
@@ -334,12 +352,12 @@ class SensorMonitor:
         return beyond(self.joints[0], self.lower, self.upper)
 
     def hot(self) -> np.ndarray:
-        """Each motor's temperature, degrees Celsius, (n,); 0 of one that does not say."""
-        return np.nan_to_num(self.temperature)
+        """Each motor's temperature, degrees Celsius, (n,); 0 of one that is colder or does not say."""
+        return np.fmax(self.temperature, 0.0)  # of a number and none the number
 
     def off_voltage(self) -> np.ndarray:
         """How far each motor's supply is outside its range, V, (n,); 0 of one that does not say."""
-        return np.nan_to_num(beyond(self.voltage, self._least_voltage, self._most_voltage))
+        return np.fmax(beyond(self.voltage, self._least_voltage, self._most_voltage), 0.0)
 
     def lean(self) -> float:
         """Mean sideways acceleration over gravity."""

@@ -30,7 +30,7 @@ def found(robot: Robot, row: str = "", value: float = 0.0, limits: SensorLimits 
         looks = checks.monitor.add(now_us, 0, heard_us + now_us, STILL, joints, zeros)
     assert looks
     assert checks.monitor.look(zeros, robot.default_pose, told["temperature"], told["voltage"])
-    implausible = checks.find()
+    implausible = checks.of_joints()
     if implausible is None:
         return ""
     assert implausible.leads_to is Mode.ESTOP

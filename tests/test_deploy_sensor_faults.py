@@ -315,7 +315,9 @@ def test_a_robot_that_sinks_without_tipping_over_counts_as_fallen(go1: Robot) ->
         for now_us in range(4000, 121_000, 4000):
             if checks.monitor.add(now_us, 0, heard_us + now_us, still, joints, np.zeros(12)):
                 assert checks.monitor.look(np.zeros(12), joints[0], *np.zeros((2, 12)))
-                found.append(checks.find())
+                assert checks.of_joints() is None
+                assert checks.monitor.look_at_body()
+                found.append(checks.of_body())
         return found
 
     # Links of 0.213 m, a ball of 0.023 m, a trunk that reaches 0.05 m below its origin, which stands 0.2945 m

@@ -318,3 +318,34 @@ class TestRepeated:
         leapt = np.full(12, 0.12)
         assert self.look(monitor, 0, leapt) == 0.0
         assert self.look(monitor, 1, leapt) == pytest.approx(0.12)
+
+
+class TestBody:
+    """What is said of the body is looked at once, a tick after the joints, whatever has come since."""
+
+    def test_a_look_leaves_it_as_it_was(self, go1: Robot) -> None:
+        """A turn of 0.1 rad about z that no gyro reports, then a window without one."""
+        monitor, zeros = SensorMonitor(go1, LIMITS, 0.002), np.zeros(12)
+        joints = np.array([go1.default_pose, zeros, zeros])
+        turned = STILL._replace(quaternion=(math.cos(0.05), 0.0, 0.0, math.sin(0.05)))
+        monitor.begin(0, np.zeros(12, np.int64), STILL, joints, zeros)
+        for k in range(1, 11):
+            looks = monitor.add(k * SAMPLE_US, 0, np.full(12, k * SAMPLE_US), turned, joints, zeros)
+        assert looks
+        assert not monitor.look_at_body()
+        assert monitor.look(zeros, zeros, zeros, zeros)
+        assert monitor.rotation == [0.0, 0.0, 0.0]
+        monitor.add(11 * SAMPLE_US, 0, np.full(12, 11 * SAMPLE_US), STILL, joints, zeros)
+        assert monitor.look_at_body()
+        assert monitor.rotation == pytest.approx([0.0, 0.0, 0.1], abs=1e-4)
+        assert not monitor.look_at_body()
+
+    def test_nothing_is_left_of_a_window_with_a_gap(self, go1: Robot) -> None:
+        monitor, zeros = SensorMonitor(go1, LIMITS, 0.002), np.zeros(12)
+        joints = np.array([go1.default_pose, zeros, zeros])
+        monitor.begin(0, np.zeros(12, np.int64), STILL, joints, zeros)
+        for k in range(1, 11):
+            silence_us = 50_000 if k == 5 else 0
+            monitor.add(k * SAMPLE_US, silence_us, np.full(12, k * SAMPLE_US), STILL, joints, zeros)
+        assert not monitor.look(zeros, zeros, zeros, zeros)
+        assert not monitor.look_at_body()
