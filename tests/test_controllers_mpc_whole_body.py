@@ -1,5 +1,6 @@
 """The MPC's plan carried out by whole-body control."""
 
+import math
 from functools import partial
 from typing import Any
 
@@ -7,6 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from footfall.domain_rand.randomisation import load_randomisation
+from footfall.domain_rand.sample import Sample
 from footfall.plant.episode import Episode, run_episode
 from footfall.policies.controllers.mpc.whole_body import MpcWholeBody
 from footfall.policies.controllers.solver import BoundedSolver, Programme
@@ -114,6 +117,38 @@ class TestWanted:
         policy.reset(moving())
         policy.act(moving())
         np.testing.assert_array_equal(asked[0][2], policy._config.contact.most_force_n)
+
+
+class TestDelays:
+    """What `randomised` robots may have: commands that take effect late, after readings that are late."""
+
+    @pytest.fixture
+    def late(self) -> Sample:
+        declared = load_randomisation()
+        return {
+            name: np.array(getattr(declared, name).high) for name in ("action_delay_s", "observation_delay_s")
+        }
+
+    def test_a_swing_that_is_brought_back_late_does_not_oscillate(
+        self, policy: MpcWholeBody, late: Sample
+    ) -> None:
+        """Feedback k + d s on a foot that accelerates as asked, T late: L(s) = (k + d s) exp(-s T) / s^2.
+
+        Where |L| is 1, w^4 = k^2 + d^2 w^2, its phase is -pi + atan(d w / k) - w T, and that
+        30 degrees or more above -pi.
+        """
+        k, d = policy._swing_feedback.stiffness, policy._swing_feedback.damping
+        w = math.sqrt((d**2 + math.sqrt(d**4 + 4.0 * k**2)) / 2.0)
+        late_s = sum(float(seconds) for seconds in late.values())
+        assert late_s == pytest.approx(0.025)
+        assert math.atan(d * w / k) - w * late_s > math.radians(30.0)
+
+    def test_it_walks_on_the_latest_robot(self, policy: MpcWholeBody, late: Sample) -> None:
+        """With a stiffness of 1500 and a damping of 60 a hip swung to its stop within a second."""
+        episode = Episode(command=partial(hold, (0.5, 0.0, 0.0)), duration_s=1.3, sample=late)
+        trace = run_episode(ROBOT, policy, episode)
+        assert not trace.fell
+        assert trace.faults == ()
 
 
 class TestWalking:
