@@ -1,5 +1,6 @@
 """The parts of the base estimator, each against figures worked out by hand or by another library."""
 
+import math
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,7 +14,7 @@ from footfall.deploy.estimation.config import ContactConfig, FilterConfig, Odome
 from footfall.deploy.estimation.contact import ContactEstimator
 from footfall.deploy.estimation.feet import ContactPoints
 from footfall.deploy.estimation.filter import MotionFilter
-from footfall.deploy.estimation.odometry import YAW, Drift
+from footfall.deploy.estimation.odometry import YAW, Drift, Lateness
 from footfall.policies.policy import Sensed
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.feet import FootBalls, foot_balls
@@ -386,3 +387,32 @@ class TestDrift:
                 drift.advance([speed, 0.0, 0.0], 0.01)
         found = drift.covariance(np.zeros(3))
         np.testing.assert_allclose(np.diag(found), [0.0012, 0.0012, 0.0012 + 0.09, 0.0])
+
+
+# -- late readings -----------------------------------------------------------------------------------
+
+
+class TestLateness:
+    def swayed(self, late_s: float, frequency_hz: float = 2.0) -> Lateness:
+        """After a second at 0.5 m/s ahead, 0.1 m/s of sway to the left and right."""
+        lateness = Lateness(OdometryConfig(latency_s=late_s, latency_filter_s=0.5))
+        for tick in range(4000):
+            angle = math.tau * frequency_hz * 0.001 * tick
+            lateness.advance([0.5, 0.1 * math.sin(angle), 0.0], 0.001)
+        return lateness
+
+    def test_a_velocity_that_stays_is_as_sure_as_if_it_were_not_late(self) -> None:
+        np.testing.assert_array_equal(self.swayed(0.01).covariance[0], 0.0)
+
+    def test_one_that_sways_is_off_by_its_acceleration_times_the_lateness(self) -> None:
+        """Mean square of 0.01 s times 0.1 w cos w t, w = 4 pi: (0.01 * 1.257)^2 / 2 m^2/s^2."""
+        assert self.swayed(0.01).covariance[1, 1] == pytest.approx((0.01 * 0.4 * math.pi) ** 2 / 2, rel=0.1)
+
+    def test_readings_that_are_not_late_add_nothing(self) -> None:
+        assert not self.swayed(0.0).covariance.any()
+
+    def test_it_begins_anew(self) -> None:
+        lateness = self.swayed(0.01)
+        lateness.reset()
+        lateness.advance([9.0, 9.0, 9.0], 0.001)
+        assert not lateness.covariance.any()

@@ -295,6 +295,14 @@ class TestPose:
         np.testing.assert_allclose(np.diag(found[VELOCITY, VELOCITY]), 0.2 + np.array([25, 25, 900]) * 1e-6)
         np.testing.assert_allclose(found[:2, 4:6], 0.03 * np.eye(2), atol=1e-9)
 
+    def test_the_velocitys_covariance_holds_what_late_readings_miss_in_the_bodys_axes(self) -> None:
+        """Heading along y, a change of 20 mm/s in the world's y is one straight ahead."""
+        estimator, _ = self.moving(np.pi / 2, np.zeros(3))
+        before = estimator.odometry().covariance[VELOCITY, VELOCITY]
+        estimator._lateness.covariance = np.diag([0.0, 4e-4, 0.0])
+        after = estimator.odometry().covariance[VELOCITY, VELOCITY]
+        np.testing.assert_allclose(after - before, np.diag([4e-4, 0.0, 0.0]), atol=1e-12)
+
     def test_its_covariance_is_that_of_where_it_heads(self) -> None:
         """After a way straight ahead, the yaw's drift shows across and the scale along, whatever north is."""
         velocity = np.array([0.5, 0.0, 0.0])

@@ -73,11 +73,13 @@ class OdometryConfig:
     slip: float = 0.01  # m per root of a metre walked
     creep_m_s: float = 0.005  # horizontal velocity of a foot that is thought to stand
     sink_m_s: float = 0.03  # vertical velocity of the same
+    latency_s: float = 0.009  # that readings are late, root mean square: up to 10 ms, and a tick or two
+    latency_filter_s: float = 0.1  # time constant over which changes of the velocity within that are averaged
 
     def __post_init__(self) -> None:
-        require_positive(self, "height_noise", "height_filter_s")
+        require_positive(self, "height_noise", "height_filter_s", "latency_filter_s")
         require_not_negative(self, "orientation_noise", "yaw_drift", "scale_error", "climb_error", "slip")
-        require_not_negative(self, "creep_m_s", "sink_m_s")
+        require_not_negative(self, "creep_m_s", "sink_m_s", "latency_s")
 
 
 @dataclass(frozen=True)

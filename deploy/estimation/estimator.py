@@ -10,7 +10,7 @@ from footfall.deploy.estimation.contact import ContactEstimator
 from footfall.deploy.estimation.feet import ContactPoints
 from footfall.deploy.estimation.filter import MotionFilter
 from footfall.deploy.estimation.gyro import GyroBias
-from footfall.deploy.estimation.odometry import POSITION, VELOCITY, Drift, Odometry
+from footfall.deploy.estimation.odometry import POSITION, VELOCITY, Drift, Lateness, Odometry
 from footfall.policies.policy import Sensed
 from footfall.robots.description import Robot
 from footfall.robots.model import imu_position
@@ -37,12 +37,14 @@ class BaseEstimator:
         self._gyro = GyroBias(self._config.gyro)
         self._filter = MotionFilter(self._config.filter)
         self._drift = Drift(self._config.odometry)
+        self._lateness = Lateness(self._config.odometry)
 
     def reset(self, sensed: Sensed) -> None:
         """Begin at rest, all feet down; the pose is zero here."""
         self._contact.reset(sensed)
         self._gyro.reset()
         self._filter.reset()
+        self._lateness.reset()
         self._velocity, self._turning = np.zeros(3), sensed.gyro
         self._take(sensed)
         self._height = -float((self._place @ self._up + self._radius).mean())
@@ -78,6 +80,7 @@ class BaseEstimator:
         self._filter.correct(passing.dot(-rotation.T).tolist(), contact, rows, dt_s)
         self._follow_height(contact, dt_s)
         self._drift.advance(self._filter.velocity, dt_s)
+        self._lateness.advance(self._filter.velocity, dt_s)
         self._velocity = np.array(self._filter.velocity).dot(rotation) - self._imu.dot(turning)
         return self._velocity, self._base_height()
 
@@ -90,7 +93,7 @@ class BaseEstimator:
         covariance[POSITION, POSITION] += motion.pp * np.eye(3)
         covariance[POSITION, VELOCITY] = covariance[VELOCITY, POSITION] = motion.pv * np.eye(3)
         standing = np.diag([config.creep_m_s, config.creep_m_s, config.sink_m_s]) ** 2
-        covariance[VELOCITY, VELOCITY] = motion.vv * np.eye(3) + standing
+        covariance[VELOCITY, VELOCITY] = motion.vv * np.eye(3) + standing + self._lateness.covariance
         if config.level_ground:
             position[2] = self._base_height() - self._start_height
             covariance[2] = covariance[:, 2] = 0.0

@@ -24,6 +24,34 @@ class Odometry(NamedTuple):
     covariance: np.ndarray  # (7, 7) of position, yaw, velocity
 
 
+class Lateness:
+    """How far a velocity may be from the one that it was worked out for, since readings are late.
+
+    By how much is not known; a body that sways has changed its velocity meanwhile. What a first-order filter
+    whose time constant is the lateness lags behind is such a change: the acceleration times the lateness. Its
+    mean square over about a step is the covariance.
+    """
+
+    def __init__(self, config: OdometryConfig) -> None:
+        self._config = config
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin without a change."""
+        self._before: np.ndarray | None = None  # the velocity, filtered
+        self.covariance = np.zeros((3, 3))  # m^2/s^2, of the velocity
+
+    def advance(self, velocity: Sequence[float], dt_s: float) -> None:
+        """The base moved at a velocity (x, y, z), m/s, for a while."""
+        now = np.array(velocity)
+        if self._before is None:
+            self._before = now
+        self._before = self._before + dt_s / (self._config.latency_s + dt_s) * (now - self._before)
+        change = now - self._before
+        share = dt_s / (self._config.latency_filter_s + dt_s)
+        self.covariance += share * (change[:, None] * change - self.covariance)
+
+
 class Drift:
     """How the pose grows uncertain with the way, in the frame of the IMU's orientation.
 
