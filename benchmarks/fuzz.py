@@ -232,12 +232,11 @@ def fuzz_yaml(seeds: range) -> Tally:
     with tempfile.TemporaryDirectory() as folder:
         copy, file = Path(folder) / ROBOT, Path(folder) / "hurt.yaml"
         shutil.copytree(robot.folder, copy)
-        ranges = robot.description.commands
         readers: list[tuple[str, bytes, Path, Callable[[], object]]] = [
             ("robot", (robot.folder / "robot.yaml").read_bytes(), copy / "robot.yaml", lambda: stand(copy)),
             ("loop", LOOP.encode(), file, lambda: deploy_config(load_robot(ROBOT), file)),
             ("randomisation", RANDOMISATION.read_bytes(), file, lambda: load_randomisation(file)),
-            ("scenarios", SCENARIOS.read_bytes(), file, lambda: load_scenarios(ranges, file)),
+            ("scenarios", SCENARIOS.read_bytes(), file, lambda: load_scenarios(robot, file)),
             ("preset", (PRESETS / "cpu.yaml").read_bytes(), file, lambda: load_preset(str(file))),
             (
                 "controller",

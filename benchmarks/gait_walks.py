@@ -125,11 +125,11 @@ class Steered:
 def walk(trial: Trial) -> dict[str, Any]:
     """One walk and its figures."""
     robot = load_robot(trial.robot)
-    policy, commands = load_policy(trial.gait, robot), robot.description.commands
+    policy = load_policy(trial.gait, robot)
     if not isinstance(policy, Walk):
         raise TypeError(f"{trial.gait} is no gait of the generator")
     course = _straight if trial.course == "straight" else _rectangle
-    return {**trial._asdict(), **course(robot, policy, load_scenarios(commands).noise, trial.seed)}
+    return {**trial._asdict(), **course(robot, policy, load_scenarios(robot).noise, trial.seed)}
 
 
 def _straight(robot: Robot, policy: Walk, noise: Any, seed: int) -> dict[str, Any]:

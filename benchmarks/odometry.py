@@ -148,7 +148,7 @@ def follow(walk: Walk) -> dict[str, Any]:
         duration_s=path.duration_s,
         seed=walk.seed,
         sample=sample,
-        noise=load_scenarios(commands).noise,
+        noise=load_scenarios(robot).noise,
         record=False,
     )
     trace = run_episode(robot, policy, episode, listener)

@@ -126,7 +126,7 @@ def kept_policies(folder: Path) -> dict[str, tuple[str, float, int]]:
 
 def figures_of(policy: str, scenario: str, options: argparse.Namespace) -> dict[str, Any]:
     """What the policy reaches in a scenario."""
-    file = load_scenarios(load_robot(ROBOT).description.commands)
+    file = load_scenarios(load_robot(ROBOT))
     plans = plan_episodes(scenario, file.scenarios[scenario], seed=0, episodes=SCENARIOS[scenario])
     tasks = [
         EpisodeTask(policy, ROBOT, plan, file.noise, options.plant, ground_truth="#" in policy)

@@ -63,7 +63,7 @@ def page(results: dict[str, dict[str, Any]]) -> str:
         first["ground_truth"],
     )
     robot = load_robot(setup.robot)
-    file = load_scenarios(robot.description.commands)
+    file = load_scenarios(robot)
     walks = run_course(list(results), setup, file)
     compared = [
         PolicyResult(

@@ -147,7 +147,7 @@ def _load(setup: Setup, specs: Sequence[str]) -> tuple[Robot, ScenarioFile, dict
     if setup.episodes is not None and setup.episodes < 1:
         raise UserError(f"episodes is {setup.episodes}: it must be 1 or more")
     robot = load_robot(setup.robot)
-    file = load_scenarios(robot.description.commands, setup.scenario_file)
+    file = load_scenarios(robot, setup.scenario_file)
     file.select(setup.scenarios)
     policies = {spec: load_policy(spec, robot) for spec in specs}
     if setup.plant is not None:

@@ -1,6 +1,6 @@
 """Scenarios as data: what policies are put through, read from `scenarios.yaml`."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -8,13 +8,18 @@ from typing import Any
 from footfall.common.config import merged, read_yaml, structure
 from footfall.common.errors import UserError
 from footfall.domain_rand.noise import Noise
-from footfall.domain_rand.randomisation import QUANTITIES
+from footfall.domain_rand.randomisation import QUANTITIES, randomisation_of
 from footfall.plant.episode import Push
-from footfall.robots.commands import CommandRange
+from footfall.robots.description import Robot
 
 DEFAULT = Path(__file__).parent / "scenarios.yaml"
 COMMAND_AXES = ("forward_m_s", "leftward_m_s", "yaw_rad_s")
-SHARES = dict(zip(("forward_share", "leftward_share", "yaw_share"), COMMAND_AXES, strict=True))
+SHARES = {  # of what, in a file
+    "forward_share": "forward_m_s",
+    "leftward_share": "leftward_m_s",
+    "yaw_share": "yaw_rad_s",
+    "payload_share": "payload_kg",
+}
 PUSH_LEVELS = ("push_m_s", "push_direction_deg")
 LEVEL_NAMES = (*COMMAND_AXES, *PUSH_LEVELS, *QUANTITIES)
 
@@ -101,16 +106,16 @@ class ScenarioFile:
 
 
 def described() -> dict[str, Scenario]:
-    """Our scenarios by name, for whoever wants to read of them; commands are as shares of a robot's range."""
-    shares = CommandRange((-1.0, 1.0), (-1.0, 1.0), (-1.0, 1.0))
+    """Our scenarios by name, for whoever wants to read of them; what a robot has ranges of is in shares."""
+    shares = dict.fromkeys(SHARES.values(), (-1.0, 1.0))
     return structure(_in_units(read_yaml(DEFAULT), shares), ScenarioFile, str(DEFAULT)).scenarios
 
 
-def load_scenarios(commands: CommandRange, own: Path | None = None) -> ScenarioFile:
-    """The scenarios for a robot, its commands in m/s and rad/s.
+def load_scenarios(robot: Robot, own: Path | None = None) -> ScenarioFile:
+    """The scenarios for a robot: its commands in m/s and rad/s, its loads in kg.
 
     Args:
-        commands: the robot's range, of which the file's commands are shares.
+        robot: of whose ranges the file's commands and loads are shares.
         own: a file of the user's, whose scenarios come after ours, or replace those of the same name.
 
     Raises:
@@ -119,18 +124,27 @@ def load_scenarios(commands: CommandRange, own: Path | None = None) -> ScenarioF
     data = read_yaml(DEFAULT)
     if own is not None:
         data = merged(data, read_yaml(own))
-    file = structure(_in_units(data, commands), ScenarioFile, str(own or DEFAULT))
+    file = structure(_in_units(data, _ranges(robot)), ScenarioFile, str(own or DEFAULT))
     return replace(file, scenarios={name: _told(scenario) for name, scenario in file.scenarios.items()})
 
 
-def _in_units(data: Any, ranges: CommandRange) -> Any:
-    """Plain data with shares of the robot's commands replaced by commands."""
+def _ranges(robot: Robot) -> dict[str, Range]:
+    """What shares are of: the robot's commands, and its load at random, which may be none."""
+    load = randomisation_of(robot).payload_kg
+    return {
+        **vars(robot.description.commands),
+        "payload_kg": (0.0, 0.0) if load is None else (load.low, load.high),
+    }
+
+
+def _in_units(data: Any, ranges: Mapping[str, Range]) -> Any:
+    """Plain data with shares of the robot's ranges replaced by amounts."""
     if isinstance(data, list):
         return [SHARES.get(item, item) if isinstance(item, str) else _in_units(item, ranges) for item in data]
     if not isinstance(data, dict):
         return data
     return {
-        SHARES.get(key, key): _scaled(value, getattr(ranges, SHARES[key]))
+        SHARES.get(key, key): _scaled(value, ranges[SHARES[key]])
         if key in SHARES
         else _in_units(value, ranges)
         for key, value in data.items()
@@ -138,7 +152,7 @@ def _in_units(data: Any, ranges: CommandRange) -> Any:
 
 
 def _scaled(share: Any, limits: Range) -> Any:
-    """A share of a range, or each of a list, as a command; what is no number stays as it is."""
+    """A share of a range, or each of a list, as an amount; what is no number stays as it is."""
     if isinstance(share, list):
         return [_scaled(item, limits) for item in share]
     if not isinstance(share, int | float):

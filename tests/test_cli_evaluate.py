@@ -17,7 +17,7 @@ from footfall.robots.description import load_robot
 
 WALK = (Waypoint(0.0, forward_m_s=0.5),)
 SHORT = ScenarioFile(
-    noise=load_scenarios(load_robot("go1").description.commands).noise,
+    noise=load_scenarios(load_robot("go1")).noise,
     scenarios={
         "forward": Scenario("Straight ahead", 2, 1.4, script=WALK),
         "push": Scenario(

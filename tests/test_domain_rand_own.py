@@ -25,8 +25,13 @@ def own_robot(folder: Path, text: str) -> Robot:
 
 
 def randomised_plan(robot: Robot) -> EpisodePlan:
-    scenarios = load_scenarios(robot.description.commands).scenarios
+    scenarios = load_scenarios(robot).scenarios
     return plan_episodes("randomised", scenarios["randomised"], 0, 1)[0]
+
+
+def test_a_robot_that_is_given_no_load_is_asked_to_carry_none(own_folder: Path) -> None:
+    robot = own_robot(own_folder, "payload_kg: null\n")
+    assert set(load_scenarios(robot).scenarios["payload"].levels["payload_kg"]) == {0.0}
 
 
 def test_a_robot_without_one_differs_as_the_default_says(go1: Robot) -> None:

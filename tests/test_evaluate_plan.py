@@ -19,8 +19,7 @@ from footfall.robots.commands import CommandRange
 from footfall.robots.description import load_robot
 
 ROBOT = load_robot("go1")
-GO1 = ROBOT.description.commands
-FILE = load_scenarios(GO1)
+FILE = load_scenarios(ROBOT)
 ALL = sorted(FILE.scenarios)
 
 
@@ -65,23 +64,24 @@ class TestScenarioFile:
         path = tmp_path / "own.yaml"
         path.write_text(f"scenarios: {{own: {scenario}}}")
         with pytest.raises(UserError, match=complaint):
-            load_scenarios(GO1, path)
+            load_scenarios(ROBOT, path)
 
 
 class TestCommandsOfARobot:
     """Scenarios give shares of what a robot is meant to be asked."""
 
-    RANGES = CommandRange((-0.2, 0.4), (-0.1, 0.3), (-0.5, 2.0))
+    ASKED = CommandRange((-0.2, 0.4), (-0.1, 0.3), (-0.5, 2.0))
+    OTHER = replace(ROBOT, description=replace(ROBOT.description, commands=ASKED))
 
     def test_one_is_the_highest_command_and_minus_one_the_lowest(self) -> None:
-        drawn = load_scenarios(self.RANGES).scenarios["nominal"].commands
+        drawn = load_scenarios(self.OTHER).scenarios["nominal"].commands
         assert drawn is not None
         assert drawn.forward_m_s == (-0.2, 0.4)
         assert drawn.leftward_m_s == (-0.1, 0.3)
         assert drawn.yaw_rad_s == (-0.5, 2.0)
 
     def test_shares_in_scripts_and_levels_are_scaled_too(self) -> None:
-        scenarios = load_scenarios(self.RANGES).scenarios
+        scenarios = load_scenarios(self.OTHER).scenarios
         assert scenarios["forward"].script[0].forward_m_s == pytest.approx(1.5 * 0.4)
         turn = scenarios["course"].script[2]
         assert (turn.forward_m_s, turn.yaw_rad_s) == pytest.approx((0.6 * 0.4, 0.8 * 2.0))
@@ -91,8 +91,23 @@ class TestCommandsOfARobot:
         assert sweep.levels["yaw_rad_s"] == pytest.approx((-0.5, -0.25, 0.0, 1.0, 2.0))
         assert sweep.rows == ("forward_m_s", "yaw_rad_s")
 
+    @pytest.mark.parametrize(
+        ("name", "loads_kg"),  # go1's are default.yaml's, up to 2 kg; g1's up to 5, hexapod's up to 0.6
+        [
+            ("go1", (0, 1, 2, 3, 4, 6)),
+            ("g1", (0, 2.5, 5, 7.5, 10, 15)),
+            ("hexapod", (0, 0.3, 0.6, 0.9, 1.2, 1.8)),
+        ],
+    )
+    def test_loads_are_shares_of_the_most_that_robots_of_its_kind_carry(
+        self, name: str, loads_kg: tuple[float, ...]
+    ) -> None:
+        payload = load_scenarios(load_robot(name)).scenarios["payload"]
+        assert payload.levels == {"payload_kg": pytest.approx(loads_kg)}
+        assert payload.rows == ("payload_kg",)
+
     def test_the_description_says_what_the_shares_come_to(self) -> None:
-        about = load_scenarios(self.RANGES).scenarios["nominal"].about
+        about = load_scenarios(self.OTHER).scenarios["nominal"].about
         assert about.endswith("(forward -0.2 to 0.4 m/s, leftward -0.1 to 0.3 m/s, yaw -0.5 to 2 rad/s)")
 
     def test_a_file_of_ones_own_adds_and_replaces_and_may_give_units(self, tmp_path: Path) -> None:
@@ -103,7 +118,7 @@ class TestCommandsOfARobot:
             "         script: [{at_s: 0, forward_m_s: 0.07, yaw_share: -1}]}\n"
             "  push: {episodes: 3}\n"
         )
-        ours, file = load_scenarios(self.RANGES), load_scenarios(self.RANGES, path)
+        ours, file = load_scenarios(self.OTHER), load_scenarios(self.OTHER, path)
         (waypoint,) = file.scenarios["slow"].script
         assert (waypoint.forward_m_s, waypoint.yaw_rad_s) == (0.07, -0.5)
         assert file.scenarios["push"] == replace(ours.scenarios["push"], episodes=3)
@@ -117,7 +132,7 @@ class TestCommandsOfARobot:
         path = tmp_path / "own.yaml"
         path.write_text(text)
         with pytest.raises(UserError, match=r"own\.yaml"):
-            load_scenarios(self.RANGES, path)
+            load_scenarios(self.OTHER, path)
 
 
 class TestPlans:

@@ -38,7 +38,7 @@ CHROMIUM_FLAGS = (
     "--window-size=1200,1600",
 )
 SHORT = ScenarioFile(
-    noise=load_scenarios(load_robot("go1").description.commands).noise,
+    noise=load_scenarios(load_robot("go1")).noise,
     scenarios={
         "still": Scenario("Standing still", 2, 1.3),
         "push": Scenario(

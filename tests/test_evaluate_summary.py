@@ -17,7 +17,7 @@ from footfall.evaluate.statistics import bootstrap_mean_interval
 from footfall.evaluate.summary import Summary, compute_figures, summarise
 from footfall.robots.description import load_robot
 
-SCENARIOS = load_scenarios(load_robot("go1").description.commands).scenarios
+SCENARIOS = load_scenarios(load_robot("go1")).scenarios
 GOOD = EpisodeMetrics(
     fell=False,
     emergency_stop=False,

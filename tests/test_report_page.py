@@ -26,7 +26,7 @@ from footfall.plant.episode import Push
 from footfall.plant.trace import Trace
 from footfall.robots.description import Robot, load_robot
 
-FILE = load_scenarios(load_robot("go1").description.commands)
+FILE = load_scenarios(load_robot("go1"))
 (COURSE,) = plan_episodes("course", FILE.scenarios["course"], 0, 1)
 FILM = Film(b"film", b"poster")
 

@@ -41,9 +41,7 @@ def demo(*, options: DemoOptions = DemoOptions()) -> None:
 
     robot = load_robot(options.robot)
     load_preset(options.preset, robot)
-    load_scenarios(robot.description.commands).select(
-        options.scenarios
-    )  # what only the last step needs is known before the first
+    load_scenarios(robot).select(options.scenarios)  # what only the last step needs is known before the first
     check_installed()
     folder = options.out or Path("runs") / f"demo-{datetime.now():%Y%m%d-%H%M%S}"
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
