@@ -87,8 +87,8 @@ class TestStanding:
     def test_weak_knees_give_way(self, changed: Callable[..., Path]) -> None:
         folder = changed("robot.yaml", r"(peak|stall)_torque_nm: 23", r"\1_torque_nm: 1")
         found = standing_test(load_robot(folder), duration_s=1.5)
-        assert found.sank_m > 0.1
-        assert found.torque_share.reshape(4, 3).max(axis=0) == pytest.approx([0.1, 0.2, 1.0], abs=0.15)
+        assert not found.stood
+        assert "the base has sunk" in found.faults[0]
 
 
 class TestInspection:
