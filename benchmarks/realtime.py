@@ -29,6 +29,7 @@ from footfall.deploy.clock import WallClock, undisturbed
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.safety import SafetyConfig
+from footfall.deploy.sensor_limits import SensorLimits
 from footfall.deploy.session import Display, Outcome, Session, run_on_interface
 from footfall.deploy.socketcan_bus import SOCKETCAN
 from footfall.deploy.timing import Durations, Timing
@@ -209,8 +210,14 @@ def main() -> int:
     priority = options.priority or None
     robot = load_robot(options.robot)
     policy = load_policy(options.policy, robot)
-    # what is measured here shall not end the measurement
-    patient = SafetyConfig(pause_limit_s=10.0, silence_timeout_s=10.0, skipped_share=1.0, late_limit_s=10.0)
+    # what is measured here shall not end the measurement, nor a robot whose time stalls
+    patient = SafetyConfig(
+        pause_limit_s=10.0,
+        silence_timeout_s=10.0,
+        skipped_share=1.0,
+        late_limit_s=10.0,
+        sensors=SensorLimits(drift_rad=3.0, wander_rad=3.0, rotation_rad=3.0, repeated_rad=3.0),
+    )
     config = DeployConfig(
         joint_rate_hz=options.rate, realtime_priority=priority, motor_timeout_s=10.0, safety=patient
     )

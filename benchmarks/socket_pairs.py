@@ -12,6 +12,8 @@ from contextlib import contextmanager
 from footfall.deploy import socketcan_bus
 from footfall.deploy.drivers.driver import CanFilter
 
+QUEUE_BYTES = 2**22  # as far as the system lets us: no interface refuses a frame because its reader is slow
+
 Ends = dict[str, socket.socket]  # by the interface's name
 
 
@@ -20,6 +22,7 @@ def socket_pairs(names: tuple[str, ...]) -> tuple[Ends, Ends]:
     pairs = [socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM) for _ in names]
     for end in (end for pair in pairs for end in pair):
         end.setsockopt(socket.SOL_SOCKET, socketcan_bus.SO_TIMESTAMPNS, 1)
+        end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, QUEUE_BYTES)
         end.setblocking(False)
     near, far = zip(*pairs, strict=True)
     return dict(zip(names, near, strict=True)), dict(zip(names, far, strict=True))
