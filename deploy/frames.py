@@ -28,6 +28,11 @@ class Frames(NamedTuple):
         return Frames(self.channel, self.id, self.data, self.length, time_us)
 
 
+def same_layout(frames: Frames, usual: Frames) -> bool:
+    """Whether two batches share the very arrays of ids, channels and lengths: cheap, and sufficient."""
+    return frames.id is usual.id and frames.channel is usual.channel and frames.length is usual.length
+
+
 def joined(batches: Sequence[Frames]) -> Frames:
     """Several batches (one at least) as one."""
     channel, identifier, data, length = zip(*(batch[:4] for batch in batches), strict=True)

@@ -7,7 +7,7 @@ import numpy as np
 from footfall.deploy.drivers import imu
 from footfall.deploy.drivers.driver import Driver
 from footfall.deploy.drivers.imu import ImuReader, Inertial
-from footfall.deploy.frames import Frames
+from footfall.deploy.frames import Frames, same_layout
 from footfall.policies.policy import Sensed
 from footfall.robots.actuator import JointCommand, Motor, limit_torque, pd_torque, weaker
 from footfall.robots.description import Robot
@@ -22,6 +22,30 @@ class LastHeard(NamedTuple):
     motor_us: np.ndarray  # (n,)
     imu_us: int  # the part of the IMU that was renewed longest ago
     motor_error: np.ndarray  # (n,) error codes
+
+
+class Mixed:
+    """How batches of one layout fall into the IMU's frames and the motors', in the same arrays each time."""
+
+    def __init__(self, frames: Frames) -> None:
+        from_imu = (frames.id >= imu.IDS[0]) & (frames.id <= imu.IDS[-1])
+        self._whole = frames
+        self._rows = np.flatnonzero(from_imu), np.flatnonzero(~from_imu)
+        self._parts = tuple(frames.take(rows) for rows in self._rows)
+
+    def is_of(self, frames: Frames) -> bool:
+        """Whether a batch has this very layout."""
+        return same_layout(frames, self._whole)
+
+    def parts(self, frames: Frames) -> list[Frames]:
+        """The IMU's frames and the motors'."""
+        when = frames.time_us
+        return [
+            Frames(
+                part.channel, part.id, frames.data[rows], part.length, None if when is None else when[rows]
+            )
+            for part, rows in zip(self._parts, self._rows, strict=True)
+        ]
 
 
 class JointLayer:
@@ -51,6 +75,7 @@ class JointLayer:
         # same ones again and again, which saves looking into them.
         self._reply_ids: np.ndarray | None = None
         self._imu_ids: np.ndarray | None = None
+        self._mixed: Mixed | None = None  # likewise, of both
         self._motor_us = np.full(n, NEVER)
         self._error = np.zeros(n, dtype=np.uint8)
         self._absorbed_us = NEVER  # when replies were taken in last
@@ -133,6 +158,8 @@ class JointLayer:
                 self._absorb_replies(frames, now_us)
             elif frames.id is self._imu_ids:
                 self._imu.absorb(frames, now_us)
+            elif self._mixed is not None and self._mixed.is_of(frames):
+                self._absorb_mixed(self._mixed, frames, now_us)
             else:
                 self._sort(frames, now_us)
 
@@ -146,8 +173,13 @@ class JointLayer:
             self._imu_ids = frames.id
             self._imu.absorb(frames, now_us)
         else:
-            self._imu.absorb(frames.take(from_imu), now_us)
-            self._absorb_replies(frames.take(~from_imu), now_us)
+            self._mixed = Mixed(frames)
+            self._absorb_mixed(self._mixed, frames, now_us)
+
+    def _absorb_mixed(self, mixed: Mixed, frames: Frames, now_us: int) -> None:
+        from_imu, from_motors = mixed.parts(frames)
+        self._imu.absorb(from_imu, now_us)
+        self._absorb_replies(from_motors, now_us)
 
     def sensed(self) -> Sensed:
         """The latest readings; the arrays are not written to afterwards."""

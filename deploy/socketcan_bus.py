@@ -29,6 +29,33 @@ ANCILLARY = socket.CMSG_SPACE(STAMP.itemsize)
 DOWN = (errno.ENETDOWN, errno.ENODEV, errno.ENXIO)
 
 
+class Layout:
+    """What batches have in common from tick to tick; the same arrays each time save looking into them."""
+
+    def __init__(self, packed: np.ndarray, counts: list[int]) -> None:
+        """`packed` as `FRAME`, (k,); `counts` of frames from each bus in turn."""
+        self._key = self._key_of(packed, counts)
+        self._channel = np.repeat(np.arange(len(counts)), counts)
+        self._id, self._length = packed["id"].astype(np.intp), packed["length"].astype(np.intp)
+        self._meant = np.arange(8) < self._length[:, None]
+        self._whole = bool(self._meant.all())
+        self.errors = self._id & ERROR != 0  # (k,) which are error frames
+
+    @staticmethod
+    def _key_of(packed: np.ndarray, counts: list[int]) -> tuple[bytes, bytes, list[int]]:
+        return packed["id"].tobytes(), packed["length"].tobytes(), counts
+
+    def is_of(self, packed: np.ndarray, counts: list[int]) -> bool:
+        """Whether a batch has the same identifiers and lengths from the same buses."""
+        return self._key_of(packed, counts) == self._key
+
+    def frames(self, data: np.ndarray, time_us: np.ndarray) -> Frames:
+        """A batch of this layout; what lies beyond a frame's length is what happened to be there."""
+        if not self._whole:
+            data = np.where(self._meant, data, 0)
+        return Frames(self._channel, self._id, data, self._length, time_us)
+
+
 class SocketCanBus:
     """All buses of a robot on CAN interfaces of Linux.
 
@@ -46,6 +73,7 @@ class SocketCanBus:
         """
         self._pacing = Pacing(len(names), queue_frames)
         self._arrivals = Arrivals()
+        self._usual = Layout(np.zeros(0, FRAME), [0] * len(names))  # of the last batch
         self._statistics = [BusStatistics(name) for name in names]
         self._faults = [""] * len(names)
         self._sockets: list[socket.socket] = []
@@ -83,19 +111,13 @@ class SocketCanBus:
         time_us = self._arrivals.times_us(stamp["s"] + 1e-9 * stamp["ns"], now_us)
         if not contents:
             return []
-        length = packed["length"].astype(np.intp)
-        data = packed["data"]
-        if length.min() < 8:  # what lies beyond the length is what happened to be there
-            data = np.where(np.arange(8) < length[:, None], data, 0)
-        channel = np.repeat(np.arange(len(counts)), counts)
-        frames = Frames(channel, packed["id"].astype(np.intp), data, length, time_us)
-        errors = frames.id & ERROR != 0
-        if errors.any():
-            self._note_errors(frames.take(errors))
-            frames = frames.take(~errors)
-        for statistics, count in zip(
-            self._statistics, np.bincount(frames.channel, minlength=len(counts)).tolist(), strict=True
-        ):
+        usual = self._usual = self._usual if self._usual.is_of(packed, counts) else Layout(packed, counts)
+        frames = usual.frames(packed["data"], time_us)
+        if usual.errors.any():
+            self._note_errors(frames.take(usual.errors))
+            frames = frames.take(~usual.errors)
+            counts = np.bincount(frames.channel, minlength=len(counts)).tolist()
+        for statistics, count in zip(self._statistics, counts, strict=True):
             statistics.frames_received += count
         return [frames] if len(frames.id) else []
 

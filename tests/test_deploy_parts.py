@@ -615,6 +615,24 @@ class TestJointLayer:
             moved = np.clip(away, -0.12 * tick, 0.12 * tick)
             np.testing.assert_allclose(layer.target - start, moved, atol=1e-12)
 
+    def test_a_mixed_batch_of_the_same_layout_is_read_anew(self, go1: Robot, layer: JointLayer) -> None:
+        """Every motor, and the IMU's frames among them; the second time with other contents and times."""
+        wiring = wire(go1)
+        order = np.array([0, 12, 1, 2, 13, 3, 4, 5, 14, 6, 7, 8, 9, 10, 11])
+
+        def mixed(scale: float, counter: int) -> Frames:
+            reading = imu.Inertial((scale, 0.0, 0.0), (0.0, 0.0, 9.81), (1.0, 0.0, 0.0, 0.0))
+            motors = self.replies(go1, slice(None), np.array([scale * ROWS, 0.0 * ROWS, 0.0 * ROWS]))
+            return joined([motors, imu_frames(wiring, reading, counter)]).take(order)
+
+        first, second = mixed(0.1, 1), mixed(0.05, 2)
+        layer.absorb([first.at(order + 1000)], 2000)
+        layer.absorb([first._replace(data=second.data, time_us=order + 3000)], 4000)
+        np.testing.assert_allclose(layer.sensed().joint_position, 0.05 * ROWS, atol=4e-4)
+        assert layer.sensed().gyro[0] == pytest.approx(0.05, abs=1e-3)
+        assert layer.last_heard().motor_us.tolist() == list(range(3000, 3012))
+        assert layer.last_heard().imu_us == 3012
+
     def test_frames_of_motors_and_imu_come_apart_however_they_are_batched(
         self, go1: Robot, layer: JointLayer
     ) -> None:

@@ -83,6 +83,31 @@ class TestFrames:
         assert [each.frames_received for each in bus.statistics()] == [2, 0, 1]
         assert bus.receive(0) == []
 
+    def test_batches_of_one_layout_share_its_arrays_and_no_other_does(self, kernel: Kernel) -> None:
+        """Who knows the arrays need not look into them."""
+        bus = SocketCanBus(("a", "b"), FILTERS)
+
+        def got(*rows: tuple[str, int, bytes]) -> Frames:
+            for name, identifier, data in rows:
+                kernel.ends[name].send(can_frame(identifier, data))
+            (frames,) = bus.receive(0)
+            return frames
+
+        first = got(("a", 0x101, b"12"), ("b", 0x102, b"34"))
+        again = got(("a", 0x101, b"56"), ("b", 0x102, b"78"))
+        assert again.id is first.id
+        assert again.channel is first.channel
+        assert again.length is first.length
+        assert [row.tobytes()[:2] for row in again.data] == [b"56", b"78"]
+        for other in (
+            got(("a", 0x101, b"12"), ("a", 0x102, b"34")),  # from one bus
+            got(("a", 0x101, b"12"), ("b", 0x103, b"34")),
+            got(("a", 0x101, b"1"), ("b", 0x102, b"34")),
+        ):
+            assert other.id is not first.id
+        assert other.length.tolist() == [1, 2]
+        assert got(("a", 0x101, b"12"), ("a", 0x101, b"34")).channel.tolist() == [0, 0]
+
     def test_a_frame_has_the_time_at_which_the_kernel_got_it(self, kernel: Kernel) -> None:
         bus = SocketCanBus(("a",), FILTERS)
         kernel.ends["a"].send(can_frame(0x101, b""))

@@ -18,8 +18,8 @@ import numpy as np
 from footfall.deploy.drivers import mit
 from footfall.deploy.drivers.driver import CanFilter, Motors, Replies
 from footfall.deploy.drivers.mit import MotorRange
-from footfall.deploy.drivers.mit_driver import MOTOR_IDS, motor_lookup, same_layout
-from footfall.deploy.frames import Frames, frame_bits
+from footfall.deploy.drivers.mit_driver import MOTOR_IDS, motor_lookup
+from footfall.deploy.frames import Frames, frame_bits, same_layout
 from footfall.deploy.wiring import Wiring
 
 REPLY_ID = 0x200

@@ -5,7 +5,7 @@ import numpy as np
 from footfall.common.errors import UserError
 from footfall.deploy.drivers import mit
 from footfall.deploy.drivers.driver import CanFilter, Motors, Replies
-from footfall.deploy.frames import Frames, frame_bits
+from footfall.deploy.frames import Frames, frame_bits, same_layout
 from footfall.deploy.wiring import Wiring
 
 MOTOR_IDS = range(1, 0x80)  # below every reply and IMU identifier
@@ -30,11 +30,6 @@ def motor_lookup(wiring: Wiring) -> np.ndarray:
     lookup = np.full((len(wiring.buses), 256), -1)
     lookup[wiring.channel, wiring.motor_id] = np.arange(len(wiring.motor_id))
     return lookup
-
-
-def same_layout(frames: Frames, usual: Frames) -> bool:
-    """Whether two batches share the very arrays of ids, channels and lengths: cheap, and sufficient."""
-    return frames.id is usual.id and frames.channel is usual.channel and frames.length is usual.length
 
 
 def identifiers(motor: int) -> tuple[int, ...]:

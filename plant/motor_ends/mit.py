@@ -4,8 +4,8 @@ import numpy as np
 
 from footfall.deploy.drivers import mit
 from footfall.deploy.drivers.driver import CanFilter, Motors
-from footfall.deploy.drivers.mit_driver import MOTOR_IDS, REPLY_ID, motor_lookup, same_layout
-from footfall.deploy.frames import Frames
+from footfall.deploy.drivers.mit_driver import MOTOR_IDS, REPLY_ID, motor_lookup
+from footfall.deploy.frames import Frames, same_layout
 from footfall.deploy.wiring import Wiring
 from footfall.plant.motor_ends.motor_end import AnswersOnly, Request, Requests
 
