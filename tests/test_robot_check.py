@@ -33,6 +33,9 @@ def four_standing(four: Robot) -> Standing:
     return standing_test(four, duration_s=1.5)
 
 
+LOW = "\nsafety: {sensors: {sunk: 1.0}}\n"  # a robot that may have its base on the ground
+
+
 @pytest.fixture
 def changed(four: Robot, tmp_path: Path) -> Callable[..., Path]:
     """A copy of the quadruped in which one text of one file is replaced."""
@@ -89,6 +92,10 @@ class TestStanding:
         found = standing_test(load_robot(folder), duration_s=1.5)
         assert not found.stood
         assert "the base has sunk" in found.faults[0]
+        changed("robot.yaml", r"\Z", LOW)
+        found = standing_test(load_robot(folder), duration_s=1.5)
+        assert found.sank_m > 0.1
+        assert found.torque_share.reshape(4, 3).max(axis=0) == pytest.approx([0.1, 0.2, 1.0], abs=0.15)
 
 
 class TestInspection:
@@ -151,6 +158,7 @@ class TestCommand:
         self, changed: Callable[..., Path], capsys: pytest.CaptureFixture[str]
     ) -> None:
         folder = changed("robot.yaml", r"(peak|stall)_torque_nm: 23", r"\1_torque_nm: 1")
+        changed("robot.yaml", r"\Z", LOW)
         assert re.search(r"wrong: it sinks by 1\d\d mm", wrong(folder, capsys))
 
     def test_a_biped_on_points(
