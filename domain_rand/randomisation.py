@@ -94,6 +94,13 @@ def randomisation_of(robot: Robot) -> Randomisation:
     return structure(merged(read_yaml(DEFAULT), read_yaml(own) or {}), Randomisation, f"{own} over {DEFAULT}")
 
 
+def default_ranges() -> dict[str, tuple[float, float]]:
+    """Lowest and highest of each quantity that the default lets differ, by name."""
+    default = load_randomisation()
+    found = {name: getattr(default, name) for name in QUANTITIES}
+    return {name: (each.low, each.high) for name, each in found.items() if each is not None}
+
+
 def own_ranges(robot: Robot) -> dict[str, Distribution | None]:
     """Of `randomisation_of`, the quantities that are other than the default, by name."""
     own, default = randomisation_of(robot), load_randomisation()

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from shell import Shell
 
+from footfall.domain_rand.randomisation import default_ranges
 from footfall.plant.lying import Lying, find_lying_pose
 from footfall.plant.standing import Standing
 from footfall.robots.description import Robot
@@ -202,6 +203,7 @@ class TestNew:
         assert request.speed_rad_s == {"hip": 30.1, "knee": 20.06}
         assert request.armature == {"a=b": 0.01}
         assert request.find_lying_pose is find_lying_pose
+        assert request.usual == default_ranges()
         assert outcome.out.splitlines() == [
             "wrote there: 12 joints, 4 feet. Guessed, to be checked:",
             "- a guess",

@@ -9,7 +9,7 @@ from foreign_robots import BIPED_MJCF, quadruped
 
 from footfall.deploy.drivers.mit import RANGES
 from footfall.domain_rand.distributions import Distribution
-from footfall.domain_rand.randomisation import load_randomisation, randomisation_of
+from footfall.domain_rand.randomisation import default_ranges, load_randomisation, randomisation_of
 from footfall.robots.commands import CommandRange
 from footfall.robots.description import load_robot
 from footfall.robots.importer.build import build_machine
@@ -40,7 +40,7 @@ def written(tmp_path: Path, reach_m: float, mass: float) -> dict[str, dict]:
 
 
 def ranges_of(machine: Machine, reach_m: float) -> dict[str, dict]:
-    return yaml.safe_load(randomisation_yaml(machine, Pose({}, 0.3, 0.0, reach_m)))
+    return yaml.safe_load(randomisation_yaml(machine, Pose({}, 0.3, 0.0, reach_m), default_ranges()))
 
 
 def test_a_machine_of_the_size_that_the_presets_suit_keeps_their_figures(tmp_path: Path) -> None:
@@ -70,6 +70,13 @@ def test_loads_go_with_the_mass_and_offsets_with_the_legs(tmp_path: Path) -> Non
     }
 
 
+def test_what_differs_between_no_robots_is_left_out(tmp_path: Path) -> None:
+    """An offset of the centre of mass of up to 0.02 m, and no load, on legs of twice the reach."""
+    pose = Pose({}, 0.3, 0.0, 0.9)
+    text = randomisation_yaml(machine_of(tmp_path, 13.0), pose, {"com_offset_m": (0.0, 0.02)})
+    assert yaml.safe_load(text) == {"com_offset_m": {"low": 0.0, "high": 0.04}}
+
+
 def test_no_load_takes_more_than_half_of_the_base_away(tmp_path: Path) -> None:
     machine = machine_of(tmp_path, 39.0)
     light = dataclasses.replace(machine.links[0], mass=1.2)
@@ -87,9 +94,8 @@ def test_training_goes_a_fifth_beyond_the_commands_that_scenarios_ask(tmp_path: 
 )
 def test_every_preset_takes_it(tmp_path: Path, text: str, suffix: str, gait: str) -> None:
     (tmp_path / f"model.{suffix}").write_text(text)
-    robot = load_robot(
-        import_robot(ImportRequest(tmp_path / f"model.{suffix}", tmp_path / "made", RANGES)).folder
-    )
+    source, usual = tmp_path / f"model.{suffix}", default_ranges()
+    robot = load_robot(import_robot(ImportRequest(source, tmp_path / "made", RANGES, usual=usual)).folder)
     most = robot.description.commands.forward_m_s[1]
     for preset in available_presets():
         env = load_preset(preset, robot).env

@@ -70,6 +70,7 @@ class NewOptions:
 def new(*, options: NewOptions) -> None:
     """Make a robot folder of a URDF or MJCF, and say what was guessed."""
     from footfall.deploy.drivers.mit import RANGES
+    from footfall.domain_rand.randomisation import default_ranges
     from footfall.plant.lying import find_lying_pose
     from footfall.robots.description import load_robot
     from footfall.robots.importer.create import ImportRequest, import_robot
@@ -84,6 +85,7 @@ def new(*, options: NewOptions) -> None:
             peak_torque_nm=options.peak_torque,
             speed_rad_s=options.speed,
             armature=options.armature,
+            usual=default_ranges(),
             find_lying_pose=find_lying_pose,
         )
     )

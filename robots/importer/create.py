@@ -46,6 +46,8 @@ class ImportRequest:
     peak_torque_nm: ByJoint = field(default_factory=dict)  # instead of the file's, by part of a joint's name
     speed_rad_s: ByJoint = field(default_factory=dict)
     armature: ByJoint = field(default_factory=dict)  # reflected inertia, kg m^2
+    # What differs between quadrupeds of a usual size, lowest and highest by name: see randomisation_yaml.
+    usual: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     find_lying_pose: Callable[[Robot], np.ndarray | None] | None = None  # (n,) rad, of a robot that can lie
 
 
@@ -109,7 +111,7 @@ def import_robot(request: ImportRequest) -> Imported:
         ),
         "robot.yaml": described(),
         "training.yaml": training_yaml(machine, pose, command_range(machine, pose)),
-        "randomisation.yaml": randomisation_yaml(machine, pose),
+        "randomisation.yaml": randomisation_yaml(machine, pose, request.usual),
     }
     if drive.stands and len(machine.legs) > ON_SOLES:
         texts["controllers.yaml"] = controllers_yaml(machine, drive)
