@@ -210,7 +210,7 @@ FAULTS = {
     ),
     "encoder jumps": (position_jumps(10, 0.3), "RL_thigh_joint (can3, id 2): its position changed", 0.05),
     "encoder loses a turn": (position_jumps(7, -6.28), "RR_thigh_joint (can2, id 2): reads", 0.05),
-    "ids swapped": (swapped_ids, "(can0, id 1): its position changed by", 0.05),
+    "ids swapped": (swapped_ids, "FR_hip_joint (can0, id 1): ", 0.05),
     "one reply over and over": (sticks(5), "FL_calf_joint (can1, id 3): it", 0.5),
     "motor rebooted": (reboots(2), "FR_calf_joint (can0, id 3): the motor has reported no torque", 0.4),
     "all motors rebooted": (reboots(*range(12)), ": the motor has reported no torque", 0.4),

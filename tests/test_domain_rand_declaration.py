@@ -1,6 +1,6 @@
 """The declaration: what YAML may say, what a draw is, the same for NumPy and JAX."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import jax.numpy as jnp
@@ -38,8 +38,14 @@ def test_the_default_declaration_randomises_everything_within_its_ranges(uniform
         assert np.all((value >= distribution.low) & (value <= distribution.high)), name
 
 
-def test_the_gpu_preset_trains_on_the_default_declaration() -> None:
-    assert load_preset("gpu").env.randomisation == load_randomisation()
+def test_the_gpu_preset_trains_on_the_default_declaration_but_mostly_on_short_delays() -> None:
+    default, trained = load_randomisation(), load_preset("gpu").env.randomisation
+    delays = {name: getattr(trained, name) for name in ("action_delay_s", "observation_delay_s")}
+    assert trained == replace(default, **delays)
+    for name, delay in delays.items():
+        widest = getattr(default, name)
+        assert 0.0 < delay.low < delay.high == widest.high
+        assert delay.quantile(0.5) < 0.75 * widest.quantile(0.5)
 
 
 def test_numpy_and_jax_draw_the_same_robot(uniforms: np.ndarray) -> None:

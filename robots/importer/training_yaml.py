@@ -7,7 +7,7 @@ from footfall.robots.importer.pose import Pose
 # What the presets (train/presets/) were tuned on, and their figures that have a size.
 MASS_KG, REACH_M = 13.0, 0.45
 FREQUENCY_HZ, SWING_HEIGHT_M = 2.2, 0.08
-TORQUE, POWER = -7.5e-4, -2.0e-3
+TORQUE, POWER = -1.0e-3, -5.0e-3
 BEYOND = 1.2  # of the commands that scenarios ask: training goes a little further
 GAITS = {2: "walk", 4: "trot", 6: "tripod"}  # by number of feet
 
