@@ -14,6 +14,7 @@ from footfall.common.errors import UserError
 from footfall.deploy.bus import Bus
 from footfall.deploy.clock import WallClock
 from footfall.deploy.config import MOTOR_TIMEOUT_S
+from footfall.deploy.frames import Frames
 from footfall.deploy.interfaces import open_interfaces
 from footfall.deploy.python_can_bus import MULTICAST
 from footfall.deploy.wiring import wire
@@ -23,6 +24,7 @@ from footfall.plant.wires import Side, SimulatedWires
 from footfall.robots.description import Robot, load_robot
 
 PERIOD_US = 1000
+LONGEST_STEP_US = 5 * PERIOD_US
 
 
 def serve(body: SimulatedRobot, wires: SimulatedWires, bus: Bus, stop: threading.Event) -> None:
@@ -30,15 +32,29 @@ def serve(body: SimulatedRobot, wires: SimulatedWires, bus: Bus, stop: threading
 
     It is simulated up to now before the wires take what came meanwhile: after a pause, answers of the past
     would otherwise find wires that are busy with frames of the present.
+
+    Where the machine falls behind, the robot's time does, too: what was missed is not made up for, since
+    the robot would go through all of it on the last command, and on a busy machine fall behind for good.
+    What was sent to it meanwhile is lost: its wires, in its own time, could not carry all of that.
     """
     clock = WallClock(PERIOD_US)
+    before_us = now_us = 0
     while not stop.is_set():
-        now_us = clock.next_tick()
+        wall_us = clock.next_tick()
+        now_us += min(wall_us - before_us, LONGEST_STEP_US)
+        before_us = wall_us
         body.advance(now_us)
         for frames in bus.receive(now_us):
-            wires.send(Side.HOST, frames, now_us)
+            wires.send(Side.HOST, not_before(frames, now_us - LONGEST_STEP_US), now_us)
         for frames in wires.receive(Side.HOST, now_us):
             bus.send(frames, now_us)
+
+
+def not_before(frames: Frames, time_us: int) -> Frames:
+    """Those of some frames that did not come before a time; all, where it is not known when they came."""
+    if frames.time_us is None or (frames.time_us >= time_us).all():
+        return frames
+    return frames.take(frames.time_us >= time_us)
 
 
 @contextmanager
