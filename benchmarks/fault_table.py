@@ -374,9 +374,10 @@ def insert(document: str, content: str) -> str:
 def measure(options: argparse.Namespace) -> tuple[list[dict[str, Any]], list[dict[str, Any]], list[str]]:
     """Run everything that was asked for: runs with a fault, runs without, and what went wrong."""
     chosen = [pair for pair in SUBJECTS if options.policy in (None, pair[1])]
+    seeds = range(options.first_seed, options.first_seed + options.seeds)
     faults = [
         (robot, policy, _title(kind), seed)
-        for seed in range(options.seeds)  # first, so that a run that is stopped has some of each kind
+        for seed in seeds  # first, so that a run that is stopped has some of each kind
         for robot, policy in chosen
         for kind in KINDS
         if (SUBJECTS[robot, policy] or kind.main) and (options.only or "") in _title(kind)
@@ -403,6 +404,9 @@ def read(path: Path) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument(
+        "--first-seed", type=int, default=0, help="where several machines share the seeds of faults"
+    )
     parser.add_argument("--workers", type=int)
     parser.add_argument(
         "--nominal", type=int, default=0, help="runs without a fault; a tenth where rows are few"
