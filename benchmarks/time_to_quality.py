@@ -231,28 +231,51 @@ def one_line(entry: dict[str, Any]) -> str:
 
 
 def draw(runs: dict[str, list[dict[str, Any]]], goal: dict[str, Any], path: Path) -> None:
-    """Both qualities against wall-clock."""
+    """Both qualities against wall-clock, with 95 % intervals."""
     import matplotlib.pyplot as plt
 
     figure, axes = plt.subplots(1, 2, figsize=(10, 4), constrained_layout=True)
     colours = dict(zip(runs, plt.rcParams["axes.prop_cycle"].by_key()["color"], strict=False))
     for name, entries in runs.items():
-        seconds = [entry["time_s"] for entry in entries]
-        walks = [(e["time_s"], e["walk"]["lin_vel_rmse"]) for e in entries]
-        walks = [(s, value) for s, value in walks if value is not None]
-        axes[0].plot(*zip(*walks, strict=True), marker="o", markersize=3, color=colours[name], label=name)
-        axes[1].plot(seconds, [push_of(e) for e in entries], marker="o", markersize=3, color=colours[name])
+        walked = [entry for entry in entries if entry["walk"]["lin_vel_rmse"] is not None]
+        panels = (
+            (axes[0], walked, lambda entry: entry["walk"]["lin_vel_rmse"], error_interval),
+            (axes[1], entries, push_of, push_interval),
+        )
+        for axis, shown, value, interval in panels:
+            seconds = [entry["time_s"] for entry in shown]
+            low, high = zip(*map(interval, shown), strict=True)
+            style = {"color": colours[name], "marker": "o", "markersize": 3, "linewidth": 1.2}
+            axis.plot(seconds, [value(entry) for entry in shown], label=name.replace("-", ", seed "), **style)
+            axis.fill_between(seconds, low, high, color=colours[name], alpha=0.15, linewidth=0)
     axes[0].axhline(goal["walk"]["lin_vel_rmse"], color="0.6", linewidth=1, linestyle=":")
-    axes[1].axhline(push_of(goal), color="0.6", linewidth=1, linestyle=":")
+    axes[1].axhline(push_of(goal), color="0.6", linewidth=1, linestyle=":", label="Playground's last")
     axes[0].set(yscale="log", xlabel="wall-clock, s", ylabel="velocity error, m/s", title="Tracking")
     axes[1].set(xlabel="wall-clock, s", ylabel="push that half survive, m/s", title="Pushes")
-    axes[0].legend()
     for axis in axes:
-        axis.axvline(goal["time_s"] / 4, color="0.6", linewidth=1, linestyle="--")
+        quarter = "a quarter of Playground's time"
+        axis.axvline(goal["time_s"] / 4, color="0.6", linewidth=1, linestyle="--", label=quarter)
         axis.set_xlim(left=0)
+    axes[0].yaxis.set_major_formatter("{x:g}")
+    axes[0].yaxis.set_minor_formatter("{x:g}")
+    figure.legend(*axes[1].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     figure.savefig(path)
     figure.savefig(path.with_suffix(".png"), dpi=150)
     plt.close(figure)
+
+
+def error_interval(entry: dict[str, Any]) -> tuple[float, float]:
+    """95 % interval of the velocity error, m/s."""
+    low, high = entry["walk"]["lin_vel_rmse_interval"]
+    return low, high
+
+
+def push_interval(entry: dict[str, Any]) -> tuple[float, float]:
+    """95 % interval of the push that half survive, m/s; an edge beyond what was tried is the strongest."""
+    push = entry["push"]
+    edges = push["dv50_interval"] if push["dv50"] is not None else (push_of(entry),) * 2
+    low, high = (push["strongest_push"] if edge is None else edge for edge in edges)
+    return low, high
 
 
 if __name__ == "__main__":
