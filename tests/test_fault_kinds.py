@@ -1,6 +1,7 @@
 """The table of faults and the audit of commands that go with it."""
 
 from dataclasses import replace
+from typing import Any
 
 import fault_table
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.wiring import wire
 from footfall.plant.audit import Audit
+from footfall.plant.episode import Push
 from footfall.plant.fault_kinds import KINDS
 from footfall.robots.description import Robot, available_robots
 
@@ -95,6 +97,42 @@ def test_a_fault_that_nobody_can_notice_ends_in_order() -> None:
     assert not run["detected"]
     assert run["seconds"] is None
     assert run["final_state"] == "IDLE"
+
+
+class TestAHealthyRun:
+    """A fault in it is a false alarm, unless the robot was falling."""
+
+    TASK = ("go1", "go1-flat", False, 0)
+
+    def run(self, monkeypatch: pytest.MonkeyPatch, go1: Robot, push_m_s: float, **safety: Any) -> Any:
+        """A second of walking; after 0.3 s of it a push."""
+        limited = replace(go1, description=replace(go1.description, safety=safety))
+        monkeypatch.setattr(fault_table, "_robot", lambda _: limited)
+        monkeypatch.setattr(fault_table, "EPISODE_S", 1.0)
+        monkeypatch.setattr(fault_table, "_drawn_push", lambda *_: Push(0.3, (0.0, push_m_s / 2, 0.0)))
+        return fault_table.run_healthy(self.TASK)
+
+    def test_a_robot_that_would_have_walked_on_was_not_falling(
+        self, monkeypatch: pytest.MonkeyPatch, go1: Robot
+    ) -> None:
+        """Every walk tilts by more than 2 degrees."""
+        run = self.run(monkeypatch, go1, 1.0, tilt_limit_rad=0.03)
+        assert "tilt of 0.03 rad" in run["alarm"]
+        assert (run["fell"], run["fell_s"]) == (False, None)
+        assert 0.0 < run["fault_s"] < 1.0
+
+    def test_a_robot_that_is_thrown_over_was(self, monkeypatch: pytest.MonkeyPatch, go1: Robot) -> None:
+        run = self.run(monkeypatch, go1, 8.0)
+        assert "tilt of 1.0" in run["fault"]
+        assert (run["alarm"], run["fell"]) == ("", True)
+        assert 0.3 < run["fault_s"] < run["fell_s"] < run["fault_s"] + 0.5  # 60 degrees, then 70
+
+    def test_one_that_fell_without_a_fault_has_none(
+        self, monkeypatch: pytest.MonkeyPatch, go1: Robot
+    ) -> None:
+        run = self.run(monkeypatch, go1, 8.0, tilt_limit_rad=3.0, sensors={"sunk": 1.0})
+        assert (run["fell"], run["fault"], run["fault_s"], run["alarm"]) == (True, "", None, "")
+        assert 0.3 < run["fell_s"] < 1.0
 
 
 class TestAudit:
