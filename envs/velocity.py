@@ -40,6 +40,7 @@ from footfall.policies.observation import moving
 from footfall.robots.description import Robot
 from footfall.robots.kinds import Parts
 from footfall.robots.model import ground_friction, joint_addresses, training_model
+from footfall.robots.stability import longest_timestep
 
 PHYSICS: dict[str, Callable[[mujoco.MjModel, Robot], Physics]] = {"mjx": mjx_physics, "c": c_physics}
 
@@ -66,7 +67,7 @@ class VelocityEnv:
     """The environment of one robot and one configuration; holds constants only."""
 
     def __init__(self, robot: Robot, config: EnvConfig) -> None:
-        """Raises UserError if the configuration names what there is not, or delays that are too long."""
+        """Raises UserError if the configuration names what there is not, too long delays or steps."""
         unknown = set(config.rewards) - set(REWARD_TERMS)
         if unknown:
             raise UserError(f"no reward '{min(unknown)}': there are {', '.join(REWARD_TERMS)}")
@@ -78,6 +79,7 @@ class VelocityEnv:
         self.action_size = len(robot.joint_names)
         self.episode_steps = round(config.episode_s * config.control_rate_hz)
         model = training_model(robot, self.timestep_s)
+        _check_timestep(robot, model, config)
         self._physics = PHYSICS[config.physics](model, robot)
         gait = find_gait(config.gait.name, robot) if config.gait else None
         self.base, self.feet = Base(model, robot), Feet(model, robot, self.timestep_s, gait)
@@ -246,6 +248,17 @@ class VelocityEnv:
         randomisation = self.config.randomisation
         sample = draw(randomisation, lambda k: jax.random.uniform(key, (k,)), self.action_size, self._bodies)
         return towards_nominal(sample, share(self.config.curriculum.randomisation, level), self._friction)
+
+
+def _check_timestep(robot: Robot, model: mujoco.MjModel, config: EnvConfig) -> None:
+    """Raise UserError if the physics steps are too long for the robot's joints."""
+    longest_s, joint = longest_timestep(robot, model)
+    if config.timestep_s > longest_s:
+        raise UserError(
+            f"control_rate_hz {config.control_rate_hz:g} with {config.substeps} substeps makes steps of"
+            f" {1e3 * config.timestep_s:.3g} ms: joint {joint} of {robot.name} is too stiff for steps beyond"
+            f" {1e3 * longest_s:.3g} ms"
+        )
 
 
 def tracking_metrics(outcome: Outcome) -> dict[str, jax.Array]:

@@ -27,22 +27,36 @@ def instabilities(robot: "Robot", model: mujoco.MjModel) -> Iterator[str]:
         robot: the robot.
         model: its compiled MJCF.
     """
-    mobility = _mobility(robot, model)
-    squared_frequency, joint = _fastest(mobility, robot.kp)
-    if TRAINING_TIMESTEP_S * np.sqrt(squared_frequency) > MOST_TURNED_RAD:
+    longest_s, joint = longest_timestep(robot, model)
+    if longest_s < TRAINING_TIMESTEP_S:
         yield (
             f"gains: natural_frequency_hz of {robot.description.gains.natural_frequency_hz:g} makes joint"
-            f" {robot.joint_names[joint]} too stiff for physics steps of {1e3 * TRAINING_TIMESTEP_S:g} ms"
+            f" {joint} too stiff for physics steps of {1e3 * TRAINING_TIMESTEP_S:g} ms"
         )
     motor = robot.motor
     damping = robot.kd + motor.friction / motor.friction_speed + motor.damping
-    rate, joint = _fastest(mobility, damping)
+    rate, index = _fastest(_mobility(robot, model), damping)
     if PLANT_TIMESTEP_S * rate > MOST_TAKEN:
         yield (
-            f"joint {robot.joint_names[joint]}: kd, friction at low speed and damping come to"
-            f" {damping[joint]:.3g} N m s/rad, too much for its inertia and physics steps of"
+            f"joint {robot.joint_names[index]}: kd, friction at low speed and damping come to"
+            f" {damping[index]:.3g} N m s/rad, too much for its inertia and physics steps of"
             f" {1e3 * PLANT_TIMESTEP_S:g} ms"
         )
+
+
+def longest_timestep(robot: "Robot", model: mujoco.MjModel) -> tuple[float, str]:
+    """Physics steps beyond this, s, make the joints' springs swing up; and the stiffest joint.
+
+    A spring of natural frequency w is stable while w h < 2, and so with the training's damping: of
+    (M + h/2 D) (v' - v) = -h (K q + D v), q' = q + h v' the roots leave the unit circle at -1, where
+    h^2 K = 4 M.
+
+    Args:
+        robot: the robot.
+        model: its compiled MJCF, or a model that it is trained on.
+    """
+    squared_frequency, joint = _fastest(_mobility(robot, model), robot.kp)
+    return float(MOST_TURNED_RAD / np.sqrt(squared_frequency)), robot.joint_names[joint]
 
 
 def _mobility(robot: "Robot", model: mujoco.MjModel) -> np.ndarray:

@@ -9,16 +9,15 @@ import pytest
 from scipy.linalg import eigh
 
 from footfall.domain_rand.bodies import body_map, randomised_fields
-from footfall.domain_rand.randomisation import load_randomisation
+from footfall.domain_rand.randomisation import Randomisation, load_randomisation
 from footfall.domain_rand.sample import draw, randomised_command, randomised_motor
 from footfall.envs.physics import Drive, joint_effort
 from footfall.robots.actuator import JointCommand, joint_torque
-from footfall.robots.description import Robot, load_robot
+from footfall.robots.description import Robot, available_robots, load_robot
 from footfall.robots.model import joint_addresses, read_plant, training_model
 from footfall.robots.stability import TRAINING_TIMESTEP_S
-from footfall.train.config import load_preset
+from footfall.train.config import available_presets, load_preset
 
-DRAWS = 2000
 FAMILIES = {"gpu": load_preset("gpu").env.randomisation, "default": load_randomisation()}
 Goal = Callable[[float], np.ndarray]
 
@@ -45,21 +44,36 @@ def slowest(model: mujoco.MjModel, robot: Robot, drive: Drive) -> float:
     return 1.0 - float(eigh(timestep_s * np.diag(damping), mass, eigvals_only=True).max())
 
 
+def slowest_of_family(family: Randomisation, robot: Robot, timestep_s: float, draws: int) -> float:
+    """The most negative eigenvalue among so many robots of the family."""
+    nominal, model = training_model(robot, timestep_s), training_model(robot, timestep_s)
+    where, numbers = body_map(model, robot), np.random.default_rng(0)
+    nothing, least = np.zeros(len(robot.joint_names)), np.inf
+    for _ in range(draws):
+        sample = draw(family, numbers.random, len(robot.joint_names), model.nbody - 1)
+        for name, value in randomised_fields(nominal, sample, where).items():
+            getattr(model, name)[:] = value
+        command = randomised_command(JointCommand(nothing, nothing, robot.kp, robot.kd, nothing), sample)
+        drive = Drive(nothing, command.kp, command.kd, randomised_motor(robot.motor, sample), nothing)
+        least = min(least, slowest(model, robot, drive))
+    return least
+
+
 @pytest.mark.parametrize("family", FAMILIES)
 def test_no_robot_of_the_family_is_near_the_limit_of_stability(go1: Robot, family: str) -> None:
     """Explicit steps of the law reach -0.78, with 44 % of the robots below -0.5."""
-    nominal, model = training_model(go1), training_model(go1)
-    where, numbers = body_map(model, go1), np.random.default_rng(0)
-    least = np.inf
-    for _ in range(DRAWS):
-        sample = draw(FAMILIES[family], numbers.random, len(go1.joint_names), model.nbody - 1)
-        for name, value in randomised_fields(nominal, sample, where).items():
-            getattr(model, name)[:] = value
-        nothing = np.zeros(len(go1.joint_names))
-        command = randomised_command(JointCommand(nothing, nothing, go1.kp, go1.kd, nothing), sample)
-        drive = Drive(nothing, command.kp, command.kd, randomised_motor(go1.motor, sample), nothing)
-        least = min(least, slowest(model, go1, drive))
-    assert least > 0.0
+    assert slowest_of_family(FAMILIES[family], go1, TRAINING_TIMESTEP_S, 1000) > 0.0
+
+
+@pytest.mark.parametrize(
+    "timestep_s", sorted({load_preset(name).env.timestep_s for name in available_presets()})
+)
+@pytest.mark.parametrize("name", available_robots())
+def test_every_robot_is_stable_at_every_presets_step(name: str, timestep_s: float) -> None:
+    """Beyond -1 speeds grow; -0.5 keeps away from it."""
+    robot = load_robot(name)
+    family = load_preset("gpu", robot).env.randomisation
+    assert slowest_of_family(family, robot, timestep_s, 150) > -0.5
 
 
 def step(t: float) -> np.ndarray:

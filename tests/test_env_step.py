@@ -461,6 +461,24 @@ class TestActuation:
                 VelocityEnv(ROBOT, config)
 
 
+@pytest.mark.parametrize(
+    ("rate_hz", "substeps", "fits"), [(40.0, 2, True), (10.0, 4, True), (10.0, 2, False), (2.0, 4, False)]
+)
+def test_physics_steps_are_no_longer_than_the_joints_are_stable_at(
+    rate_hz: float, substeps: int, fits: bool
+) -> None:
+    """12.5 and 25 ms, 50 and 125 ms; go1's knees swing up beyond 27 ms."""
+    config = replace(CONFIG, control_rate_hz=rate_hz, substeps=substeps)
+    if fits:
+        VelocityEnv(ROBOT, config)
+        return
+    with pytest.raises(
+        UserError, match=r"RL_calf_joint of go1 is too stiff for steps beyond 27\.1 ms"
+    ) as refused:
+        VelocityEnv(ROBOT, config)
+    assert f"control_rate_hz {rate_hz:g} with {substeps} substeps" in str(refused.value)
+
+
 def test_the_joint_law_of_a_physics_step_is_the_motors_on_their_own_encoders() -> None:
     """And the added inertia is half a step of its slope in velocity, here by differences."""
     rng = np.random.default_rng(6)

@@ -8,7 +8,14 @@ import pytest
 
 from footfall.robots.description import Robot, load_spec
 from footfall.robots.model import joint_addresses, training_model
-from footfall.robots.stability import MOST_TURNED_RAD, TRAINING_TIMESTEP_S, _fastest, _mobility, instabilities
+from footfall.robots.stability import (
+    MOST_TURNED_RAD,
+    TRAINING_TIMESTEP_S,
+    _fastest,
+    _mobility,
+    instabilities,
+    longest_timestep,
+)
 from footfall.robots.stance import in_default_pose
 
 
@@ -17,9 +24,9 @@ def swinging(robot: Robot, frequency_hz: float) -> Robot:
     return replace(robot, description=replace(robot.description, gains=gains))
 
 
-def energy_grows(robot: Robot) -> bool:
+def energy_grows(robot: Robot, timestep_s: float = TRAINING_TIMESTEP_S) -> bool:
     """In the air, without gravity: springs of stiffness kp at the joints, a little bent."""
-    model = training_model(robot)
+    model = training_model(robot, timestep_s)
     model.opt.gravity[:] = 0.0
     data, (positions, dofs) = mujoco.MjData(model), joint_addresses(model, robot)
     data.qpos[positions] = robot.default_pose + 1e-6
@@ -39,6 +46,12 @@ def test_stiffness_is_refused_where_steps_begin_to_swing_up(go1: Robot, share: f
     robot = swinging(go1, share * limit_hz)
     assert any("too stiff for physics steps of 5 ms" in line for line in instabilities(robot, model)) is grows
     assert energy_grows(robot) is grows
+
+
+@pytest.mark.parametrize(("share", "grows"), [(0.97, False), (1.03, True)])
+def test_the_longest_step_is_where_steps_begin_to_swing_up(go1: Robot, share: float, grows: bool) -> None:
+    longest_s, _ = longest_timestep(go1, training_model(go1))
+    assert energy_grows(go1, share * longest_s) is grows
 
 
 def test_mobility_is_how_joints_answer_torques_while_the_base_is_free(go1: Robot) -> None:
