@@ -36,6 +36,7 @@ ODOMETRY_EVERY_US = 20_000  # for the log
 ENDING = (Mode.STOPPING, Mode.LOWERING)  # that may be cut short
 POSED = (Mode.STANDING, Mode.LOWERING)  # between two postures
 OFF_US = 250_000  # how long motors are asked to switch off: two heartbeats of those that answer by them
+POLICY_FAILS = (Exception, SystemExit)  # one that quits fails, too; what else ends a program is not its own
 UNKNOWN = (np.full(3, np.nan), math.nan)  # velocity and height that nobody estimates
 
 
@@ -176,6 +177,11 @@ class ControlLoop:
         return self._joints.temperature_c
 
     @property
+    def damping_ticks(self) -> int:
+        """The most ticks that it takes to damp the robot and switch its motors off."""
+        return math.ceil(self._config.safety.damping_s * 1e6 / self._tick_us) + 2
+
+    @property
     def target(self) -> np.ndarray:
         """Position targets that went out last, rad, (n,)."""
         return self._joints.target
@@ -191,7 +197,8 @@ class ControlLoop:
     def tick(self) -> bool:
         """One joint tick. Returns False once the run is over and the motors are off.
 
-        Whatever goes wrong in it, the robot is damped, and only then switched off.
+        Whatever goes wrong in it, the robot is damped, and only then switched off. What is raised to end the
+        whole program (KeyboardInterrupt, SystemExit) is not kept back: hand it to `fail`, and go on.
         """
         before_us, self.now_us = self.now_us, self._clock.next_tick()
         if self.taken_over():
@@ -200,8 +207,8 @@ class ControlLoop:
         started = self.heartbeat_s = time.perf_counter()
         try:
             self._act(self.now_us - before_us)
-        except Exception as error:
-            self._fail(error)
+        except (Exception, OverdueError) as error:
+            self.fail(error)
         if self.state.over:
             return False
         work_us = (time.perf_counter() - started) * 1e6
@@ -228,14 +235,20 @@ class ControlLoop:
                     self._supervise(after)
                     mode = self.state.mode
         frames = self._driver.disable() if self.state.over else self._frames(mode)
+        if self.taken_over():  # while this tick lasted: nothing may go out over a guard's damping
+            self._stand_back()
+            return
         self._refused += self._bus.send(frames, now_us)
         if self.log is not None:
             nothing_commanded = mode is Mode.IDLE or self.state.over
             self.log.tick(now_us, self.sensed, None if nothing_commanded else joints.sent)
             self._log_odometry(now_us)
 
-    def _fail(self, error: Exception) -> None:
-        """What is left after an exception: damping frames that were made beforehand, then motors off."""
+    def fail(self, error: BaseException) -> None:
+        """What is left after an exception: damping frames that were made beforehand, then motors off.
+
+        Nothing is raised here, whatever the bus or the log raise.
+        """
         now_s, config = self.now_us * 1e-6, self._config.safety
         before = state = self.state
         if state.mode in DAMPED:
@@ -247,12 +260,12 @@ class ControlLoop:
                 Mode.ESTOP, now_s, (*state.faults, f"the control loop failed: {_where(error)}")
             )
         frames = self._last_resort  # which brakes nothing where the host closes the joint law
-        with suppress(Exception):
+        with suppress(BaseException):
             frames = self._driver.disable() if self.state.over else self._joints.damping(config.damping_kd)
-        with suppress(Exception):
+        with suppress(BaseException):
             self._bus.send(frames, self.now_us)
         if self.log is not None and self.state is not before:
-            with suppress(Exception):
+            with suppress(BaseException):
                 self.log.state(self.now_us, self.state)
 
     def _stand_back(self) -> None:
@@ -277,14 +290,14 @@ class ControlLoop:
         """
         began_us = now_us = self._clock.next_tick()
         while now_us - began_us <= OFF_US:
-            with suppress(Exception):
+            with suppress(BaseException):
                 self._joints.absorb(self._bus.receive(now_us), now_us)
             unanswered = self._joints.last_heard().motor_us < began_us + 2 * self._tick_us
             waiting = np.flatnonzero(unanswered | self._driver.still_on())
             self.silent_at_the_end = [self._places[joint] for joint in waiting]
             if not self.silent_at_the_end:
                 return
-            with suppress(Exception):
+            with suppress(BaseException):
                 self._bus.send(self._driver.disable(), now_us)
             now_us = self._clock.next_tick()
 
@@ -317,7 +330,7 @@ class ControlLoop:
         except OverdueError:
             self._step_s = math.inf
             return
-        except Exception as error:  # whatever a policy raises, the robot has to be damped
+        except POLICY_FAILS as error:
             self._policy_error = f"the policy failed: {type(error).__name__}: {error}"
             return
         decision = JointCommand.of(wanted)
@@ -366,7 +379,7 @@ class ControlLoop:
             if due or elapsed_us >= self._estimate_every_us:
                 try:
                     stance = self._policy.stance() if deciding else None
-                except Exception as error:
+                except POLICY_FAILS as error:
                     self._policy_error = f"the policy failed: {type(error).__name__}: {error}"
                     return
                 self.estimate = self._estimator.update(self.sensed, stance, elapsed_us * 1e-6)
@@ -504,8 +517,8 @@ class ControlLoop:
         return f"motor {self._places[joint]} reports {self._driver.error_name(code, joint)}"
 
 
-def _where(error: Exception) -> str:
+def _where(error: BaseException) -> str:
     """An exception in one line, with the place that raised it."""
     last = traceback.extract_tb(error.__traceback__)[-1]
-    text = " ".join(str(error).split())
-    return f"{type(error).__name__}: {text} ({Path(last.filename).name}, line {last.lineno})"
+    says = ": ".join(filter(None, [type(error).__name__, " ".join(str(error).split())]))
+    return f"{says} ({Path(last.filename).name}, line {last.lineno})"

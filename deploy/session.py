@@ -104,6 +104,7 @@ def run_session(
 
     Raises:
         UserError: policy, robot or log do not fit; nothing has moved then.
+        BaseException: what `each_tick` raises, or what ends the program; the motors are off by then.
     """
     if not 0.0 < session.duration_s <= LONGEST_S:
         raise UserError(f"duration is {session.duration_s:g} s: it must be above 0, and a day at most")
@@ -174,11 +175,27 @@ def _realtime(session: Session) -> Iterator[list[str]]:
 
 
 def _drive(loop: ControlLoop, duration_s: float, each_tick: Callable[[ControlLoop], None] | None) -> None:
-    while loop.tick():
-        if each_tick is not None:
-            each_tick(loop)
-        if loop.state.mode is Mode.WALKING and loop.walking_s >= duration_s - 1e-9:
-            loop.finish()
+    """Tick until the run is over. Whatever is raised meanwhile is raised again once the robot was damped."""
+    try:
+        while loop.tick():
+            if each_tick is not None:
+                each_tick(loop)
+            if loop.state.mode is Mode.WALKING and loop.walking_s >= duration_s - 1e-9:
+                loop.finish()
+    except BaseException as error:
+        loop.fail(error)
+        _damp(loop)
+        raise
+
+
+def _damp(loop: ControlLoop) -> None:
+    """Tick a loop that has failed until the robot was damped for long enough, whatever else is raised."""
+    for _ in range(loop.damping_ticks):
+        try:
+            if not loop.tick():
+                return
+        except BaseException as error:
+            loop.fail(error)
 
 
 def _check_contract(policy: Policy, robot: Robot) -> None:

@@ -5,6 +5,8 @@ import signal
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
+from itertools import count, groupby
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from deploy_policies import Hold, Spoilt, stand_still
 from footfall.deploy.clock import LockstepClock
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.deadline import OverdueError, deadlines
+from footfall.deploy.drivers import mit
 from footfall.deploy.frames import Frames
 from footfall.deploy.guard import Guard
 from footfall.deploy.safety import SafetyConfig
@@ -21,6 +24,7 @@ from footfall.deploy.session import Session, run_session
 from footfall.deploy.wiring import wire
 from footfall.plant.bus import SimulatedBus
 from footfall.plant.injection import InjectingBus, nothing
+from footfall.plant.motor_ends.mit import MitMotorEnd
 from footfall.plant.robot import PlantConfig, SimulatedRobot
 from footfall.plant.wires import SimulatedWires
 from footfall.robots.actuator import JointCommand
@@ -62,6 +66,20 @@ class Simulation:
         self.bus = InjectingBus(SimulatedBus(wires, self.body))
         self.sent: list[Frames] = []
         self.bus.watch = self.sent.append
+
+
+def asked_of_motors(robot: Robot, sent: list[Frames]) -> list[tuple[str, int]]:
+    """What motors were asked for, tick after tick: what, and how many ticks in a row."""
+    end = MitMotorEnd(wire(robot))
+
+    def asked(frames: Frames) -> str:
+        word = mit.words(frames.data)[0]
+        if word in (mit.ENTER, mit.EXIT):
+            return "on" if word == mit.ENTER else "off"
+        _, _, stiffness, damping, _ = end.requests(frames).values
+        return "stiff" if stiffness.any() else "damped" if damping.all() else "limp"
+
+    return [(what, len(list(ticks))) for what, ticks in groupby(map(asked, sent))]
 
 
 class TestHungPolicy:
@@ -155,6 +173,26 @@ class TestGuard:
         outcome = run_session(go1, Hold(go1), simulation.bus, LONG, block)
         assert outcome.final_state == "ESTOP"
         assert "a guard damped the robot" in outcome.faults[-1]
+
+    def test_a_loop_that_comes_back_in_the_middle_of_a_tick_sends_nothing_over_its_damping(
+        self, go1: Robot
+    ) -> None:
+        """A bus that blocks while it is read: what the tick then decides is out of date."""
+        simulation = Simulation(go1)
+        receive = simulation.bus.receive
+        ticks = count()
+
+        def block(now_us: int) -> list[Frames]:
+            if next(ticks) == 60:
+                time.sleep(0.7)
+            return receive(now_us)
+
+        simulation.bus.receive = block  # type: ignore[method-assign]
+        impatient = replace(PATIENT, pause_limit_s=0.3, damping_s=0.6)
+        session = replace(LONG, config=replace(CONFIG, safety=impatient))
+        outcome = run_session(go1, Hold(go1), simulation.bus, session)
+        assert "a guard damped the robot" in outcome.faults[-1]
+        assert [what for what, _ in asked_of_motors(go1, simulation.sent)] == ["on", "stiff", "damped", "off"]
 
 
 class TestMotorsOff:
