@@ -1,7 +1,8 @@
-"""How long whole-body control takes: python benchmarks/whole_body_compute.py [--robot g1] [--ticks 2000].
+"""How long whole-body control takes: python benchmarks/whole_body_compute.py [--ticks 2000].
 
 One core: keep OMP_NUM_THREADS=1. A tick is dynamics, build and solve, on a robot that sways and is pushed: of
-`balance` on all feet, of `step` walking, which is on one foot most of the time.
+`balance` on all feet, of `step` walking, which is on one foot most of the time, and of `mpc-wbc` trotting,
+which plans its forces anew in one of five ticks.
 """
 
 import argparse
@@ -10,19 +11,23 @@ import time
 import numpy as np
 
 from footfall.policies.controllers.balance import Balance
+from footfall.policies.controllers.mpc.whole_body import MpcWholeBody
 from footfall.policies.controllers.step import Step
 from footfall.policies.policy import Observation, Sensed
 from footfall.robots.description import load_robot
 
+CASES = ((Balance, "g1"), (Step, "g1"), (MpcWholeBody, "go1"))
+UNTIMED = 10  # first ticks
+
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--robot", default="g1")
     parser.add_argument("--ticks", type=int, default=2000)
     given = parser.parse_args()
-    robot = load_robot(given.robot)
-    n = len(robot.joint_names)
-    for policy in (Balance(robot), Step(robot)):
+    for kind, name in CASES:
+        robot = load_robot(name)
+        policy = kind(robot)
+        n, height = len(robot.joint_names), robot.description.standing_height_m
         rng, act_ms = np.random.default_rng(0), []
         for tick in range(given.ticks):
             sensed = Sensed(
@@ -34,16 +39,16 @@ def main() -> None:
                 joint_torque=np.zeros(n),
             )
             time_s, walk = 1.0 + tick / policy.rate_hz, np.array([0.2, 0.0, 0.1])
-            observation = Observation(time_s, sensed, walk, 0.15 * rng.normal(size=3), 0.0)
+            observation = Observation(time_s, sensed, walk, 0.15 * rng.normal(size=3), height)
             if tick == 0:
                 policy.reset(observation)
             began = time.perf_counter()
             policy.act(observation)
             act_ms.append(1e3 * (time.perf_counter() - began))
         control = policy.control
-        p50, p99 = np.percentile(act_ms[10:], [50, 99])
+        p50, p99 = np.percentile(act_ms[UNTIMED:], [50, 99])
         print(
-            f"a tick of {policy.name} on {robot.name}: p50 {p50:.3f} ms, p99 {p99:.3f} ms"
+            f"a tick of {policy.name} on {name}: p50 {p50:.3f} ms, p99 {p99:.3f} ms"
             f" ({control.fallbacks} by the second solver, {control.lapses} without a solution)"
         )
 

@@ -12,7 +12,7 @@ from footfall.policies.controllers.whole_body.problem import Contact, Programmes
 from footfall.robots.actuator import JointCommand, limit_torque
 from footfall.robots.description import Robot
 
-LAPSED = "whole-body control had no solution in time: its last torques faded, the joints were damped"
+LAPSED = "whole-body control had ticks without a solution: its last torques faded, the joints were damped"
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,8 @@ class WholeBodyControl:
 
     A tick has no solution where the programme has none, or where the solvers do not reach it within their
     iterations. `lapses` counts these ticks and `notes` says that there were any, `fallbacks` counts those in
-    which the second solver was needed.
+    which the second solver was needed. How long a tick takes is not looked at here, lest a simulation in
+    lockstep depend on it: the control loop times each policy's steps against their period.
     """
 
     def __init__(self, robot: Robot, config: WholeBodyConfig, dt_s: float) -> None:
