@@ -8,6 +8,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from footfall.options import ControllerSettings, Count, JsonFile, Names, Plant, RobotName, ScenarioFile, Seed
+from footfall.robots.default import DEFAULT_ROBOT
 
 
 @Parameter(name="*")
@@ -15,7 +16,7 @@ from footfall.options import ControllerSettings, Count, JsonFile, Names, Plant, 
 class EvaluationOptions:
     """What to put policies through."""
 
-    robot: RobotName = "go1"
+    robot: RobotName = DEFAULT_ROBOT
     scenarios: Names = ("nominal", "push")
     """Names of scenarios, see evaluate/scenarios.yaml."""
     scenario_file: ScenarioFile = None

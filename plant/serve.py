@@ -1,6 +1,6 @@
 """The simulated robot on CAN interfaces, in wall-clock time: a stand-in for the real one.
 
-In a process of its own, for a controller in another: `python -m footfall.plant.serve --robot go1`.
+In a process of its own, for a controller in another: `python -m footfall.plant.serve --robot NAME`.
 """
 
 import argparse
@@ -21,6 +21,7 @@ from footfall.deploy.wiring import wire
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.plant.robot import PlantConfig, SimulatedRobot
 from footfall.plant.wires import Side, SimulatedWires
+from footfall.robots.default import DEFAULT_ROBOT
 from footfall.robots.description import Robot, load_robot
 
 PERIOD_US = 1000
@@ -84,7 +85,7 @@ def serving(
 def main() -> None:
     """Command line of the stand-in robot."""
     parser = argparse.ArgumentParser(description="A simulated robot on CAN interfaces.")
-    parser.add_argument("--robot", default="go1", help="name or folder of the robot")
+    parser.add_argument("--robot", default=DEFAULT_ROBOT, help="name or folder of the robot")
     parser.add_argument("--bus", default=MULTICAST, help="kind of interface")
     parser.add_argument("--plant", type=Path, help="another MJCF than the robot's own")
     parser.add_argument("--motor-timeout", type=float, default=MOTOR_TIMEOUT_S, help="seconds")

@@ -13,6 +13,7 @@ from rich.console import Console
 from footfall.common.cache import compilation_cache
 from footfall.common.errors import UserError
 from footfall.common.versions import versions
+from footfall.robots.default import DEFAULT_ROBOT
 from footfall.robots.description import Robot, load_robot
 from footfall.train import cluster
 from footfall.train.brax.devices import device_mesh
@@ -40,7 +41,7 @@ from footfall.train.trainer import TRAINERS
 class TrainRequest:
     """What to train."""
 
-    robot: str = "go1"
+    robot: str = DEFAULT_ROBOT
     preset: str = "cpu"
     seed: int = 0
     out: Path | None = None  # default: runs/<robot>-<preset>-<seed>-<time>

@@ -13,6 +13,7 @@ from footfall.common.errors import UserError
 from footfall.common.outputs import check_outputs, write_json
 from footfall.confirm import Yes, confirm
 from footfall.options import JsonFile, Names, OptionalPath, PolicyName, RobotName, VelocityCommand
+from footfall.robots.default import DEFAULT_ROBOT
 
 if TYPE_CHECKING:
     from footfall.deploy.bring_up.ladder import Setting, Step, Verdict
@@ -30,7 +31,7 @@ GROUND = "The robot lies or stands on the ground, nobody within its reach"
 class BringUpOptions:
     """Which steps, how strongly, and where."""
 
-    robot: RobotName = "go1"
+    robot: RobotName = DEFAULT_ROBOT
     bus: str = "sim"
     """sim for the simulated robot, or socketcan for the CAN interfaces that robot.yaml names."""
     steps: Names = ()

@@ -12,6 +12,7 @@ from cyclopts import App, Parameter
 from footfall.common.errors import UserError
 from footfall.confirm import Yes, confirm
 from footfall.options import Names, OptionalSeconds, RobotName, Seconds
+from footfall.robots.default import DEFAULT_ROBOT
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -34,7 +35,7 @@ FRAMES_PER_SECOND = 5
 class Place:
     """Which motors, on which interface."""
 
-    robot: RobotName = "go1"
+    robot: RobotName = DEFAULT_ROBOT
     bus: str = "socketcan"
     """Interface that the robot's buses are on, by python-can's name; virtual for a simulated robot."""
 

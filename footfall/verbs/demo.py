@@ -10,6 +10,7 @@ from cyclopts import Parameter
 
 from footfall.common.errors import UserError
 from footfall.options import Count, Names, OptionalPath, RobotName, Seed
+from footfall.robots.default import DEFAULT_ROBOT
 
 FELL = 1  # deploy's exit status for a run that did not end well; the demo goes on, and says so
 
@@ -19,7 +20,7 @@ FELL = 1  # deploy's exit status for a run that did not end well; the demo goes 
 class DemoOptions:
     """Where and how to run the demo."""
 
-    robot: RobotName = "go1"
+    robot: RobotName = DEFAULT_ROBOT
     preset: str = "cpu"
     """How to train: a preset, or a YAML file of the same form."""
     seed: Seed = 0

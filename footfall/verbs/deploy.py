@@ -22,6 +22,7 @@ from footfall.options import (
     Seed,
     VelocityCommand,
 )
+from footfall.robots.default import DEFAULT_ROBOT
 
 if TYPE_CHECKING:
     from footfall.deploy.config import DeployConfig
@@ -39,7 +40,7 @@ SIMULATED, VIRTUAL = "sim", "virtual"  # buses that lead to a simulated robot
 class DeployOptions:
     """Where and how to run a policy."""
 
-    robot: RobotName = "go1"
+    robot: RobotName = DEFAULT_ROBOT
     bus: str = "sim"
     """sim for the simulated robot, or socketcan for the CAN interfaces that robot.yaml names."""
     command: VelocityCommand = (0.5, 0.0, 0.0)

@@ -11,11 +11,13 @@ from cyclopts import Parameter
 from footfall.common.errors import UserError
 from footfall.evaluation import exit_status
 from footfall.options import AS_TYPED, Count, Index, OptionalPath, RobotName, Seconds, Seed
+from footfall.robots.default import DEFAULT_ROBOT
 from footfall.train.entry import learning_libraries, start_device
 from footfall.verbs.watch import LOCAL_PAGE, PageOptions
 
 EVALUATION = "gentle"  # the scenario that every finished run goes through
 OF_ANY_RUN = {"resume", "evaluate", "watch"}
+ROBOT_HELP = f"Name of a robot, or a folder with its robot.yaml (default: {DEFAULT_ROBOT})."
 COORDINATOR = re.compile(r"(\[[0-9a-fA-F:.]+\]|[^:\[\]\s]+):(?P<port>[0-9]{1,5})")
 
 
@@ -24,8 +26,7 @@ COORDINATOR = re.compile(r"(\[[0-9a-fA-F:.]+\]|[^:\[\]\s]+):(?P<port>[0-9]{1,5})
 class TrainOptions:
     """What to train. None: as `footfall.train.api.TrainRequest` has it, or the resumed run."""
 
-    robot: Annotated[RobotName | None, AS_TYPED, Parameter(show_default=False)] = None
-    """Name of a robot, or a folder with its robot.yaml (default: go1)."""
+    robot: Annotated[RobotName | None, AS_TYPED, Parameter(show_default=False, help=ROBOT_HELP)] = None
     preset: Annotated[str | None, AS_TYPED, Parameter(show_default=False)] = None
     """smoke (seconds), cpu (minutes, the default), gpu-quick (a minute), gpu, or a YAML file of the same
     form."""

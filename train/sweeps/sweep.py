@@ -18,6 +18,7 @@ from footfall.common.config import dump, load, structure, unstructure
 from footfall.common.errors import UserError
 from footfall.common.files import write_atomically
 from footfall.common.installation import needs_extra
+from footfall.robots.default import DEFAULT_ROBOT
 from footfall.robots.description import Robot, load_robot
 from footfall.train.api import TrainRequest, begin, resume
 from footfall.train.config import TrainConfig, load_preset
@@ -54,7 +55,7 @@ class SweepConfig:
     """What to sweep, as it stands in a sweep's YAML file."""
 
     space: dict[str, dict[str, list[Any]]]  # ppo.learning_rate: {loguniform: [1.0e-4, 1.0e-2]}
-    robot: str = "go1"
+    robot: str = DEFAULT_ROBOT
     preset: str = "cpu"
     seeds: tuple[int, ...] = (0,)  # every point of the space is trained with each
     trials: int = 1  # draws from the space; lists under grid_search multiply them

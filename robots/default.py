@@ -1,0 +1,3 @@
+"""Which robot is meant where none is named."""
+
+DEFAULT_ROBOT = "go1"
