@@ -17,6 +17,7 @@ class Wiring:
     imu_channel: int
     models: tuple[str, ...]  # (n,) motor models, which tell the protocol and its ranges
     gear_ratio: np.ndarray  # (n,) turns of the rotor for one of the joint
+    timeout_s: np.ndarray  # (n,) after which a motor that hears nothing shall switch itself off
     joint_names: tuple[str, ...]
 
     def take(self, joints: np.ndarray) -> "Wiring":
@@ -27,6 +28,7 @@ class Wiring:
             motor_id=self.motor_id[joints],
             models=tuple(self.models[joint] for joint in joints),
             gear_ratio=self.gear_ratio[joints],
+            timeout_s=self.timeout_s[joints],
             joint_names=tuple(self.joint_names[joint] for joint in joints),
         )
 
@@ -49,5 +51,6 @@ def wire(robot: Robot) -> Wiring:
         imu_channel=buses.index(robot.description.imu_bus),
         models=tuple(robot.description.motors[joint.motor].protocol for joint in joints),
         gear_ratio=robot.motor_figures("gear_ratio"),
+        timeout_s=robot.motor_figures("timeout_s"),
         joint_names=robot.joint_names,
     )

@@ -168,15 +168,7 @@ class Rig:
 
     def late(self, by_us: int, what: Callable[[Frames], bool] = lambda _: True) -> None:
         """Some batches arrive later than they would."""
-        waiting: list[tuple[int, Frames]] = []
-
-        def hold(batches: Batches, now_us: int) -> Batches:
-            waiting.extend((now_us + by_us, _later(frames, by_us)) for frames in batches if what(frames))
-            due = [frames for at, frames in waiting if at <= now_us]
-            waiting[:] = [(at, frames) for at, frames in waiting if at > now_us]
-            return [*due, *(frames for frames in batches if not what(frames))]
-
-        self.bus.incoming = hold
+        self.bus.incoming = late(by_us, what)
 
     def falls_behind(self, share: float, what: Callable[[Frames], bool]) -> None:
         """Some batches wait to be read, each a share of the time since now: the queue grows and grows.
@@ -210,6 +202,19 @@ class Rig:
         at = int(model.jnt_qposadr[free])
         self.body.data.qpos[at + 2] += height_m
         self.body.data.qpos[at + 3 : at + 7] = quaternion
+
+
+def late(by_us: int, what: Callable[[Frames], bool] = lambda _: True) -> Incoming:
+    """Some batches arrive later than they would."""
+    waiting: list[tuple[int, Frames]] = []
+
+    def hold(batches: Batches, now_us: int) -> Batches:
+        waiting.extend((now_us + by_us, _later(frames, by_us)) for frames in batches if what(frames))
+        due = [frames for at, frames in waiting if at <= now_us]
+        waiting[:] = [(at, frames) for at, frames in waiting if at > now_us]
+        return [*due, *(frames for frames in batches if not what(frames))]
+
+    return hold
 
 
 def _later(frames: Frames, by_us: int) -> Frames:

@@ -46,7 +46,7 @@ class SimulatedMotors:
             joints: how many there are.
             sample: how they differ from nominal ones.
             step_s: the physics step.
-            timeout_s: a motor that hears nothing for so long switches itself off.
+            timeout_s: a motor that hears nothing for so long switches itself off, where no frame sets that.
         """
         n = joints
         self._end = end
@@ -59,7 +59,8 @@ class SimulatedMotors:
         scale = np.stack(randomised_command(JointCommand(*np.ones((5, n))), sample))
         self._gain_scale = None if (scale == 1.0).all() else scale
         self._delay_steps = round(float(sample.get("action_delay_s", 0.0)) / step_s)
-        self._timeout_steps = round(timeout_s / step_s)
+        self._timeout_s, self._step_s = timeout_s, step_s
+        self._read_time_outs()
         self.faults = MotorFaults(np.zeros(n, bool), np.zeros(n, bool), np.zeros(n, np.uint64))
         self.enabled = np.zeros(n, dtype=bool)
         self._any_enabled = self._all_enabled = False
@@ -115,7 +116,9 @@ class SimulatedMotors:
             requests = requests.take(~self.faults.silent[requests.motor], len(self.enabled))
         motor, values, kind = requests
         if not values.shape[1]:
-            return self._end.tell(frames)
+            told = self._end.tell(frames)
+            self._read_time_outs()
+            return told
         if self._gain_scale is not None:
             values = values * self._gain_scale[:, motor]
         if kind is None:
@@ -125,10 +128,15 @@ class SimulatedMotors:
         self._heard_step[motor] = step
         return self._reply(motor, readings)
 
+    def _read_time_outs(self) -> None:
+        own = self._end.timeout_s
+        self._timeout_steps = np.rint(np.where(np.isnan(own), self._timeout_s, own) / self._step_s)
+        self._least_timeout_steps = self._timeout_steps.min()
+
     def _switch_off_unheard(self, step: int) -> None:
         """Switch off the motors that have not been addressed for too long."""
         heard = self._heard_step
-        if step - heard[heard.argmin()] <= self._timeout_steps:
+        if step - heard[heard.argmin()] <= self._least_timeout_steps:
             return
         late = self.enabled & (step - heard > self._timeout_steps)
         if late.any():

@@ -58,7 +58,8 @@ def _counted(description: "Description") -> Any:
     for joint in content["joints"]:
         del joint["bus"], joint["id"], joint["lying_rad"]
     for motor in content["motors"].values():
-        del motor["protocol"], motor["temperature_limit_c"], motor["voltage_v"]
+        for name in ("protocol", "temperature_limit_c", "voltage_v", "timeout_s"):
+            del motor[name]
     for foot in content["feet"]:
         del foot["geoms"]  # `_figures` has it
     return content

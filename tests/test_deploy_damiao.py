@@ -29,6 +29,7 @@ TWO = Wiring(
     imu_channel=0,
     models=("DM4310", "DM8009"),
     gear_ratio=np.array([6.0, 9.0]),
+    timeout_s=np.array([0.1, 0.1]),
     joint_names=("hip", "knee"),
 )
 
@@ -101,6 +102,29 @@ class TestFrames:
     ) -> None:
         assert not driver.replies(frame(identifier, f"{first} 80 00 80 08 00 1e 1e")).values.size
 
+    @pytest.mark.parametrize("content", ["03 00 33 15 00 00 48 41", "03 00 55 09 d0 07 00 00"])
+    def test_an_answer_about_a_register_is_no_reading_however_late(
+        self, driver: DamiaoDriver, content: str
+    ) -> None:
+        """It would mean a motor that is off, at -12.48 rad; here it comes after all has been told."""
+        assert not driver.replies(frame(0x203, content)).values.size
+
+    def test_nor_is_one_from_an_id_beyond_15_whose_first_byte_means_a_motor_that_is_on(self) -> None:
+        wiring = replace(TWO, motor_id=np.array([0x13, 3]))
+        driver = DamiaoDriver(wiring)
+        introduce(driver, DamiaoMotorEnd(wiring))
+        assert not driver.replies(frame(0x213, "13 00 33 15 00 00 48 41")).values.size
+        assert driver.replies(frame(0x213, "13 00 33 14 00 00 48 41")).values.size  # no register of ours
+
+    def test_nor_is_one_among_readings_in_arrays_that_were_seen_before(self, driver: DamiaoDriver) -> None:
+        end = DamiaoMotorEnd(TWO)
+        usual = end.reply(slice(None), np.zeros((3, 2)), 30, np.zeros(2, np.uint64))
+        assert driver.replies(usual).values.shape == (3, 2)
+        data = usual.data.copy()
+        data[1] = np.frombuffer(bytes.fromhex("0300331500004841"), np.uint8)
+        replies = driver.replies(usual._replace(data=data))
+        assert np.arange(2)[replies.motor].tolist() == [0]
+
     def test_the_same_id_on_another_bus_is_another_motor(self, driver: DamiaoDriver) -> None:
         replies = driver.replies(frame(0x203, "13 ff ff ff ff ff 1e 1e", channel=1))
         assert np.arange(2)[replies.motor].tolist() == [1]
@@ -120,9 +144,9 @@ class TestFrames:
 
 class TestRegisters:
     def test_a_question_and_its_answer(self) -> None:
-        driver = DamiaoDriver(TWO)
-        assert driver.ask().id.tolist() == [0x7FF, 0x7FF]
-        assert hexed(driver.ask())[0] == "03 00 33 09 00 00 00 00"
+        asked = DamiaoDriver(TWO).ask()
+        assert asked.id.tolist() == [0x7FF, 0x7FF]
+        assert hexed(asked)[0] == "03 00 33 09 00 00 00 00"
         answer = DamiaoMotorEnd(TWO).tell(frame(0x7FF, "03 00 33 15 00 00 00 00"))
         assert answer is not None
         assert (answer.id.tolist(), hexed(answer)) == ([0x203], ["03 00 33 15 00 00 48 41"])  # 12.5
@@ -141,7 +165,6 @@ class TestRegisters:
         ("register", "value", "says"),
         [
             (damiao.MODE, 2, "is in control mode 2: register 10 must be 1, MIT mode"),
-            (damiao.TIME_OUT, 0, "has no communication time-out: register 9 must be above 0"),
             (damiao.TORQUE_MAX, -1.0, "says that its TMAX is -1 (register 23)"),
             (damiao.VELOCITY_MAX, float("nan"), "says that its VMAX is nan (register 22)"),
         ],
@@ -160,13 +183,46 @@ class TestRegisters:
     def test_a_motor_that_tells_nothing_is_named(self) -> None:
         driver, end = DamiaoDriver(TWO), DamiaoMotorEnd(TWO)
         for _ in range(6):
-            answer = end.tell(driver.ask())
-            assert answer is not None
-            driver.replies(answer.take(answer.channel == 0))
+            if (answer := end.tell(driver.ask())) is not None:
+                driver.replies(answer.take(answer.channel == 0))
         assert (
             driver.unready() == "motor knee (can1, id 3) has not told its communication time-out (register 9)"
         )
-        assert driver.ask().channel.tolist() == [1]
+
+    @pytest.mark.parametrize(("told", "kept"), [(0, 2000), (4_000_000_000, 2000), (2001, 2000), (40, 40)])
+    def test_a_time_out_that_is_off_or_too_long_is_set_and_read_back(self, told: int, kept: int) -> None:
+        """2000 times 50 us are 0.1 s."""
+        driver, end = DamiaoDriver(TWO), DamiaoMotorEnd(TWO)
+        end.registers[1][damiao.TIME_OUT] = told
+        introduce(driver, end)
+        assert end.registers[1][damiao.TIME_OUT] == kept
+
+    def test_a_time_out_lies_where_the_manual_puts_it(self) -> None:
+        driver = DamiaoDriver(replace(TWO, timeout_s=np.array([0.1, 0.05])))
+        for register, value in zip(damiao.REGISTERS, ("00000000", *["01000000"] * 4), strict=True):
+            driver.replies(frame(0x203, f"03 00 33 {register:02x} {value}", channel=1))
+        asked = driver.ask()  # 1000 times 50 us are 0.05 s, and 0x03e8
+        assert hexed(asked)[1:] == ["03 00 55 09 e8 03 00 00", "03 00 33 09 00 00 00 00"]
+        assert asked.channel.tolist() == [0, 1, 1]
+
+    @pytest.mark.parametrize(
+        ("told", "says"),
+        [
+            (0, "has no communication time-out, and does not take one of 0.1 s"),
+            (20_000, "has a communication time-out of 1 s, and does not take one of 0.1 s"),
+        ],
+    )
+    def test_a_motor_that_does_not_take_it_is_not_switched_on(self, told: int, says: str) -> None:
+        """It confirms the write, and tells what it told before."""
+        driver, end = DamiaoDriver(TWO), DamiaoMotorEnd(TWO)
+        for _ in range(8):
+            end.registers[1][damiao.TIME_OUT] = told
+            asked = driver.ask()
+            confirmed = asked.take(asked.data[:, 2] == damiao.WRITE)
+            driver.replies(confirmed._replace(id=np.full(len(confirmed.id), 0x203)))
+            if (answer := end.tell(asked.take(asked.data[:, 2] == damiao.READ))) is not None:
+                driver.replies(answer)
+        assert driver.unready() == f"motor knee (can1, id 3) {says}"
 
 
 def with_motors(robot: Robot, **protocols: str) -> Robot:

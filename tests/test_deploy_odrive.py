@@ -39,6 +39,7 @@ TWO = Wiring(
     imu_channel=0,
     models=("ODrive", "ODrive"),
     gear_ratio=np.array([1.0, 8.0]),
+    timeout_s=np.array([0.1, 0.1]),
     joint_names=("hip", "knee"),
 )
 BOTH = np.ones(2, bool)

@@ -27,6 +27,7 @@ TWO = Wiring(
     imu_channel=0,
     models=("RS00", "RS03"),
     gear_ratio=np.array([6.0, 9.0]),
+    timeout_s=np.array([0.1, 0.1]),
     joint_names=("hip", "knee"),
 )
 TURNS = 12.566370614359172
@@ -142,7 +143,6 @@ class TestParameters:
         ("parameter", "value", "says"),
         [
             (robstride.RUN_MODE, 5, "is in run mode 5: parameter 0x7005 must be 0, operation mode"),
-            (robstride.TIME_OUT, 0, "has no communication time-out: parameter 0x7028 must be above 0"),
         ],
     )
     def test_a_motor_that_is_set_wrongly_is_not_switched_on(
@@ -154,6 +154,36 @@ class TestParameters:
             if (answer := end.tell(driver.ask())) is not None:
                 driver.replies(answer)
         assert driver.unready() == f"motor knee (can1, id 7) {says}"
+
+    @pytest.mark.parametrize(("told", "kept"), [(0, 2000), (4_000_000_000, 2000), (2001, 2000), (40, 40)])
+    def test_a_time_out_that_is_off_or_too_long_is_set_and_read_back(self, told: int, kept: int) -> None:
+        """20000 is a second."""
+        driver, end = RobstrideDriver(TWO), RobstrideMotorEnd(TWO)
+        end.parameters[1][robstride.TIME_OUT] = told
+        for _ in range(3):
+            if (answer := end.tell(driver.ask())) is not None:
+                driver.replies(answer)
+        assert driver.unready() == ""
+        assert end.parameters[1][robstride.TIME_OUT] == kept
+
+    def test_a_time_out_lies_where_the_manual_puts_it(self) -> None:
+        driver = RobstrideDriver(TWO)
+        for told in ("0570 0000 0000 0000", "2870 0000 0000 0000"):
+            driver.replies(frame(0x110007FD, told, channel=1))
+        assert hexed(driver.ask())[1:] == [
+            ("1200fd07", "2870 0000 d007 0000"),  # 2000
+            ("1100fd07", "2870 0000 0000 0000"),
+        ]
+
+    def test_a_motor_that_does_not_take_it_is_not_switched_on(self) -> None:
+        driver, end = RobstrideDriver(TWO), RobstrideMotorEnd(TWO)
+        for _ in range(4):
+            end.parameters[1][robstride.TIME_OUT] = 20_000
+            asked = driver.ask()
+            if (answer := end.tell(asked.take(asked.id >> 24 & 0x1F == robstride.READ))) is not None:
+                driver.replies(answer)
+        problem = "has a communication time-out of 1 s, and does not take one of 0.1 s"
+        assert driver.unready() == f"motor knee (can1, id 7) {problem}"
 
 
 def with_motors(robot: Robot, **protocols: str) -> Robot:

@@ -329,6 +329,7 @@ class End:
 
     filters = ()
     time_out_error = 13
+    timeout_s = np.full(3, np.nan)
     talkative = False
 
     def __init__(self) -> None:

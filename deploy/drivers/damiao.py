@@ -5,9 +5,13 @@ motor's id) and differs: byte 0 is `state << 4 | id`, byte 6 the temperature of 
 rotor's.
 
 What the extreme codes mean are registers of the motor (PMAX, VMAX, TMAX), read before it is switched on. So
-are its control mode, which has to be MIT, and its communication time-out, which has to be on. A register is
-asked for on 0x7FF by `id_low id_high 33 register 00 00 00 00`, and told on the host id with its value,
-little-endian, in the last four bytes.
+are its control mode, which has to be MIT, and its communication time-out, which is set where it is off or
+too long. A register is asked for on 0x7FF by `id_low id_high 33 register 00 00 00 00`, and told on the host
+id with its value, little-endian, in the last four bytes. `id_low id_high 55 register value` writes it until
+the motor's power goes off, and is answered by the same bytes.
+
+Answers about registers come on the identifier of the readings, where their bytes would mean a motor that is
+off at one end of its range. They may be late: bytes 1 to 3 tell them from readings at any time.
 """
 
 import struct
@@ -19,12 +23,14 @@ from footfall.deploy.drivers import mit
 from footfall.deploy.drivers.driver import CanFilter, Motors, Replies
 from footfall.deploy.drivers.mit import MotorRange
 from footfall.deploy.drivers.mit_driver import MOTOR_IDS, motor_lookup
+from footfall.deploy.drivers.settings import Settings
 from footfall.deploy.frames import Frames, frame_bits, same_layout
 from footfall.deploy.wiring import Wiring
 
 REPLY_ID = 0x200
 REGISTER_ID = 0x7FF
-READ = 0x33
+READ, WRITE = 0x33, 0x55
+TIME_OUT_STEP_S = 50e-6  # that the time-out is counted in, by the maker's manuals
 
 # As delivered, by the maker's table. What a motor says of itself counts.
 RANGES = {
@@ -65,6 +71,7 @@ ERRORS = {
 }
 
 _EVERYONE = slice(None)
+_ACCESS, _REGISTER = (np.isin(np.arange(256), codes) for codes in ((READ, WRITE), REGISTERS))  # by a byte
 
 
 def identifiers(motor: int) -> tuple[int, ...]:
@@ -88,7 +95,7 @@ class DamiaoDriver:
         self._unknown = np.full(n, np.nan)  # no reply tells the voltage
         self.exchange_bits = np.full(n, 2 * frame_bits(8, stuffed=False))
         self._ranges = [RANGES[model] for model in wiring.models]
-        self._told: list[dict[int, float]] = [{} for _ in range(n)]
+        self._settings = Settings(REGISTERS, TIME_OUT, wiring.timeout_s, TIME_OUT_STEP_S)
         self._asking = True
         self._was_on = np.zeros(n, dtype=bool)
         self._outgoing = Frames(wiring.channel, wiring.motor_id, np.zeros((n, 8), np.uint8), np.full(n, 8))
@@ -107,22 +114,22 @@ class DamiaoDriver:
     # -- settings ------------------------------------------------------------------------------------
 
     def ask(self) -> Frames:
-        """One question to each motor that has not told all."""
-        missing = [next((r for r in REGISTERS if r not in told), None) for told in self._told]
-        asked = [(row, register) for row, register in enumerate(missing) if register is not None]
-        rows = np.array([row for row, _ in asked], dtype=np.intp)
-        data = np.zeros((len(rows), 8), np.uint8)
-        data[:, 0], data[:, 2] = self._wiring.motor_id[rows], READ
-        data[:, 3] = [register for _, register in asked]
-        return Frames(
-            self._wiring.channel[rows], np.full(len(rows), REGISTER_ID), data, np.full(len(rows), 8)
-        )
+        """Questions to motors that have not told all; a time-out that is wrong is written before."""
+        rows = []
+        for joint, register, value in self._settings.questions():
+            motor = int(self._wiring.motor_id[joint])
+            if value is not None:
+                rows.append((joint, struct.pack("<HBBI", motor, WRITE, register, value)))
+            rows.append((joint, struct.pack("<HBBI", motor, READ, register, 0)))
+        channel = self._wiring.channel[np.array([joint for joint, _ in rows], np.intp)]
+        data = np.frombuffer(b"".join(row for _, row in rows), np.uint8).reshape(-1, 8)
+        return Frames(channel, np.full(len(rows), REGISTER_ID), data, np.full(len(rows), 8))
 
     def unready(self) -> str:
         if not self._asking:
             return ""
-        for joint, told in enumerate(self._told):
-            problem = _problem(told)
+        for joint, told in enumerate(self._settings.told):
+            problem = _problem(told) or self._settings.time_out_problem(joint)
             if problem:
                 return f"motor {self._wiring.place(joint)} {problem}"
         self._use(
@@ -130,21 +137,18 @@ class DamiaoDriver:
                 replace(
                     usual, position=told[POSITION_MAX], velocity=told[VELOCITY_MAX], torque=told[TORQUE_MAX]
                 )
-                for usual, told in zip(self._ranges, self._told, strict=True)
+                for usual, told in zip(self._ranges, self._settings.told, strict=True)
             ]
         )
         self._asking = False
         return ""
 
-    def _listen(self, data: np.ndarray, motor: np.ndarray) -> np.ndarray:
-        """Take in what motors tell; returns which frames (k,) told something."""
-        tells = (data[:, 0] == self._wiring.motor_id[motor]) & (data[:, 1] == 0) & (data[:, 2] == READ)
-        tells &= np.isin(data[:, 3], REGISTERS)
-        for row in np.flatnonzero(tells):
+    def _listen(self, data: np.ndarray, motor: np.ndarray) -> None:
+        """Take in what motors tell of their registers; the echo of a write proves nothing."""
+        for row in np.flatnonzero(data[:, 2] == READ):
             register = int(data[row, 3])
             (value,) = struct.unpack("<I" if register in WHOLE else "<f", data[row, 4:].tobytes())
-            self._told[motor[row]][register] = value
-        return tells
+            self._settings.hear(int(motor[row]), register, value)
 
     # -- every tick ----------------------------------------------------------------------------------
 
@@ -170,17 +174,18 @@ class DamiaoDriver:
         return self._outgoing._replace(data=self._codec.encode(values))
 
     def replies(self, frames: Frames) -> Replies:
-        if same_layout(frames, self._usual) and not self._asking:
+        about_registers = _about_registers(frames.data)
+        if same_layout(frames, self._usual) and not np.count_nonzero(about_registers):
             return self._decoded(frames, _EVERYONE)
         sender = frames.id - REPLY_ID
         usable = (sender > 0) & (sender <= MOTOR_IDS[-1]) & (frames.length == 8)
         motor = self._lookup[frames.channel, np.where(usable, sender, 0)]
         usable &= motor >= 0
         usable[usable] = (frames.data[usable, 0] & 0xF) == (sender[usable] & 0xF)
-        if self._asking:
-            told = self._listen(frames.data[usable], motor[usable])
-            usable[usable] = ~told
-        elif np.array_equal(motor, self._everyone) and usable.all():
+        told = usable & about_registers
+        self._listen(frames.data[told], motor[told])
+        usable &= ~about_registers
+        if np.array_equal(motor, self._everyone) and usable.all():
             self._usual = frames
         return self._decoded(frames.take(usable), motor[usable])
 
@@ -198,6 +203,11 @@ class DamiaoDriver:
         return ERRORS.get(code, f"error {code}")
 
 
+def _about_registers(data: np.ndarray) -> np.ndarray:
+    """Which frames (k, 8) tell or confirm a register: no reading that a joint could have looks like that."""
+    return (data[:, 1] == 0) & _ACCESS[data[:, 2]] & _REGISTER[data[:, 3]]
+
+
 def _problem(told: dict[int, float]) -> str:
     """What is missing, or wrong, of what a motor has told."""
     for register in REGISTERS:
@@ -205,8 +215,6 @@ def _problem(told: dict[int, float]) -> str:
             return f"has not told its {_NAMES[register]} (register {register})"
     if told[MODE] != MIT_MODE:
         return f"is in control mode {told[MODE]:g}: register {MODE} must be {MIT_MODE}, MIT mode"
-    if told[TIME_OUT] == 0:
-        return f"has no communication time-out: register {TIME_OUT} must be above 0"
     for register in (POSITION_MAX, VELOCITY_MAX, TORQUE_MAX):
         if not 0.0 < told[register] < 1e4:
             return f"says that its {_NAMES[register]} is {told[register]:g} (register {register})"

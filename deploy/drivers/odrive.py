@@ -17,7 +17,7 @@ Identifiers have 11 bits, `node << 5 | message`; numbers are little-endian. As o
 
 Nothing here is answered: an axis sends what it measures by itself. `encoder_msg_rate_ms` and
 `torques_msg_rate_ms` have to be set to a joint tick, and its watchdog, which is off by default, has to be
-switched on; no frame tells whether it is. Set it to half a second or less.
+switched on, at `timeout_s` of robot.yaml. Nothing here checks that.
 """
 
 import math

@@ -4,24 +4,28 @@ Identifiers have 29 bits: `type << 24 | data << 8 | addressee`. A command (type 
 identifier's 16 data bits, and position, velocity, stiffness and damping as four big-endian words. A reply
 (type 2) carries position, velocity, torque and temperature * 10; its data bits are the motor's id, six faults
 and two bits of mode. A parameter (type 17) is asked for by its index, little-endian, in the first two bytes,
-and told with its value, little-endian, in the last four.
+and told with its value, little-endian, in the last four; type 18 writes it until the motor's power goes off,
+and is answered by a reply. The communication time-out is set where it is off or too long.
 
 Positions span 4 pi to either side, as the manual says; the maker's sample program has 12.5 rad, half a per
 cent less.
 """
 
 import math
+import struct
 
 import numpy as np
 
 from footfall.deploy.drivers.driver import CanFilter, Motors, Replies
 from footfall.deploy.drivers.mit import MotorRange
 from footfall.deploy.drivers.mit_driver import motor_lookup
+from footfall.deploy.drivers.settings import Settings
 from footfall.deploy.frames import EXTENDED, Frames, frame_bits
 from footfall.deploy.wiring import Wiring
 
 HOST = 0xFD
-CONTROL, FEEDBACK, ENABLE, STOP, ZERO, READ = 1, 2, 3, 4, 6, 17
+CONTROL, FEEDBACK, ENABLE, STOP, ZERO, READ, WRITE = 1, 2, 3, 4, 6, 17, 18
+TIME_OUT_STEP_S = 50e-6  # that the time-out is counted in: by the manual 20000 is a second
 
 _TURNS = 4 * math.pi
 RANGES = {
@@ -56,9 +60,9 @@ REPLIED = [0, 1, 4]
 _EVERYONE = slice(None)
 
 
-def identifier_of(kind: int, data: np.ndarray | int, addressee: np.ndarray | int) -> np.ndarray:
+def identifier_of(kind: np.ndarray | int, data: np.ndarray | int, addressee: np.ndarray | int) -> np.ndarray:
     """Identifiers of frames of a kind, with 16 bits of data, for one or more addressees."""
-    return np.asarray(EXTENDED | kind << 24 | np.asarray(data) << 8 | addressee)
+    return np.asarray(EXTENDED | np.asarray(kind) << 24 | np.asarray(data) << 8 | addressee)
 
 
 class Codec:
@@ -119,7 +123,7 @@ class RobstrideDriver:
         self._speaks = np.zeros(n, bool)  # unasked: none does
         self._unknown = np.full(n, np.nan)  # no reply tells the voltage
         self.exchange_bits = np.full(n, 2 * frame_bits(8, extended=True, stuffed=False))
-        self._told: list[dict[int, int]] = [{} for _ in range(n)]
+        self._settings = Settings(PARAMETERS, TIME_OUT, wiring.timeout_s, TIME_OUT_STEP_S)
         self._asking = True
         self._was_on = np.zeros(n, dtype=bool)
         self._control = identifier_of(CONTROL, 0, wiring.motor_id)
@@ -132,24 +136,23 @@ class RobstrideDriver:
         self._zero = Frames(wiring.channel, identifier_of(ZERO, HOST, wiring.motor_id), one, nothing.length)
 
     def ask(self) -> Frames:
-        """One question to each motor that has not told all."""
-        asked = [
-            (joint, next(p for p in PARAMETERS if p not in told))
-            for joint, told in enumerate(self._told)
-            if len(told) < len(PARAMETERS)
-        ]
-        rows = np.array([joint for joint, _ in asked], dtype=np.intp)
-        data = np.zeros((len(rows), 8), np.uint8)
-        for row, (_, parameter) in enumerate(asked):
-            data[row, 0], data[row, 1] = parameter & 0xFF, parameter >> 8
-        identifier = identifier_of(READ, HOST, self._wiring.motor_id[rows])
-        return Frames(self._wiring.channel[rows], identifier, data, np.full(len(rows), 8))
+        """Questions to motors that have not told all; a time-out that is wrong is written before."""
+        rows = []
+        for joint, parameter, value in self._settings.questions():
+            if value is not None:
+                rows.append((joint, WRITE, struct.pack("<HHI", parameter, 0, value)))
+            rows.append((joint, READ, struct.pack("<HHI", parameter, 0, 0)))
+        joints = np.array([joint for joint, _, _ in rows], np.intp)
+        kinds = np.array([kind for _, kind, _ in rows], np.intp)
+        data = np.frombuffer(b"".join(row for _, _, row in rows), np.uint8).reshape(-1, 8)
+        identifier = identifier_of(kinds, HOST, self._wiring.motor_id[joints])
+        return Frames(self._wiring.channel[joints], identifier, data, np.full(len(rows), 8))
 
     def unready(self) -> str:
         if not self._asking:
             return ""
-        for joint, told in enumerate(self._told):
-            problem = _problem(told)
+        for joint, told in enumerate(self._settings.told):
+            problem = _problem(told) or self._settings.time_out_problem(joint)
             if problem:
                 return f"motor {self._wiring.place(joint)} {problem}"
         self._asking = False
@@ -203,20 +206,18 @@ class RobstrideDriver:
             parameter = row[0] | row[1] << 8
             if parameter in PARAMETERS:
                 whole = row[4:5] if parameter == RUN_MODE else row[4:]  # the mode is a byte
-                self._told[joint][parameter] = int.from_bytes(bytes(whole), "little")
+                self._settings.hear(joint, parameter, int.from_bytes(bytes(whole), "little"))
 
     def error_name(self, code: int, joint: int = 0) -> str:
         names = [name for bit, name in FAULTS.items() if code & bit]
         return " and ".join(names) or f"error {code}"
 
 
-def _problem(told: dict[int, int]) -> str:
+def _problem(told: dict[int, float]) -> str:
     """What is missing, or wrong, of what a motor has told."""
     for parameter in PARAMETERS:
         if parameter not in told:
             return f"has not told its {_NAMES[parameter]} (parameter {parameter:#06x})"
     if told[RUN_MODE] != 0:
-        return f"is in run mode {told[RUN_MODE]}: parameter {RUN_MODE:#06x} must be 0, operation mode"
-    if told[TIME_OUT] == 0:
-        return f"has no communication time-out: parameter {TIME_OUT:#06x} must be above 0"
+        return f"is in run mode {told[RUN_MODE]:g}: parameter {RUN_MODE:#06x} must be 0, operation mode"
     return ""

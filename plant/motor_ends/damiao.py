@@ -15,9 +15,11 @@ from footfall.deploy.drivers.damiao import (
     REGISTER_ID,
     REPLY_ID,
     TIME_OUT,
+    TIME_OUT_STEP_S,
     TORQUE_MAX,
     VELOCITY_MAX,
     WHOLE,
+    WRITE,
 )
 from footfall.deploy.drivers.driver import CanFilter, Motors
 from footfall.deploy.drivers.mit import MotorRange
@@ -25,8 +27,9 @@ from footfall.deploy.drivers.mit_driver import MOTOR_IDS, motor_lookup
 from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import Wiring
 from footfall.plant.motor_ends import mit as mit_end
-from footfall.plant.motor_ends.motor_end import AnswersOnly, Request, Requests
+from footfall.plant.motor_ends.motor_end import AnswersOnly, Request, Requests, time_outs
 
+DELIVERED_TIME_OUT = 2000  # 0.1 s
 KIND = {**mit_end.KIND, mit.CLEAR: Request.CLEAR}
 
 
@@ -46,9 +49,9 @@ class DamiaoMotorEnd(AnswersOnly):
         self._wiring, self._lookup = wiring, motor_lookup(wiring)
         ranges = ranges or [RANGES[model] for model in wiring.models]
         self._codec = mit.Codec.of(ranges)
-        self.registers = [
+        self.registers: list[dict[int, float]] = [
             {
-                TIME_OUT: 2000,
+                TIME_OUT: DELIVERED_TIME_OUT,
                 MODE: MIT_MODE,
                 POSITION_MAX: r.position,
                 VELOCITY_MAX: r.velocity,
@@ -58,6 +61,10 @@ class DamiaoMotorEnd(AnswersOnly):
         ]
         self._reply_id = REPLY_ID + wiring.motor_id
         self._length = np.full(n, 8)
+
+    @property
+    def timeout_s(self) -> np.ndarray:
+        return time_outs([own[TIME_OUT] for own in self.registers], TIME_OUT_STEP_S)
 
     def requests(self, frames: Frames) -> Requests:
         motor = self._lookup[frames.channel, frames.id & 0xFF]
@@ -69,17 +76,20 @@ class DamiaoMotorEnd(AnswersOnly):
         return Requests(motor[usable], self._codec.decode(word, motor[usable]), kind)
 
     def tell(self, frames: Frames) -> Frames | None:
-        asked = (frames.id == REGISTER_ID) & (frames.length == 8) & (frames.data[:, 2] == READ)
+        access = np.isin(frames.data[:, 2], (READ, WRITE))
+        asked = (frames.id == REGISTER_ID) & (frames.length == 8) & access
         motor = self._lookup[frames.channel, frames.data[:, 0]]
         rows = np.flatnonzero(asked & (motor >= 0) & (frames.data[:, 1] == 0))
         if not len(rows):
             return None
-        data = frames.data[rows].copy()
-        for row, (joint, register) in enumerate(zip(motor[rows].tolist(), data[:, 3].tolist(), strict=True)):
-            value = self.registers[joint].get(register, 0)
-            packed = struct.pack("<I", int(value)) if register in WHOLE else struct.pack("<f", value)
-            data[row, 4:] = np.frombuffer(packed, np.uint8)
-        who = motor[rows]
+        data, who = frames.data[rows].copy(), motor[rows]
+        for row, joint in zip(data, who.tolist(), strict=True):
+            register, own = int(row[3]), self.registers[joint]
+            form = "<I" if register in WHOLE else "<f"
+            if row[2] == WRITE and register in own:
+                (own[register],) = struct.unpack(form, row[4:].tobytes())
+            value = own.get(register, 0)
+            row[4:] = np.frombuffer(struct.pack(form, int(value) if register in WHOLE else value), np.uint8)
         return Frames(self._wiring.channel[who], self._reply_id[who], data, self._length[who])
 
     def reply(

@@ -24,6 +24,7 @@ class MitMotorEnd(AnswersOnly):
     def __init__(self, wiring: Wiring) -> None:
         """Raises UserError for a motor, or a motor id, that MIT mode does not know."""
         n = len(wiring.motor_id)
+        self.timeout_s = np.full(n, np.nan)
         self._codec = mit.Codec(wiring.models)
         self._lookup = motor_lookup(wiring)
         self._everyone = np.arange(n)

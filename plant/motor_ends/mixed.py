@@ -28,6 +28,13 @@ class MixedMotorEnd:
         for part, (_, joints) in enumerate(parts):
             self._part_of[joints], self._own[joints] = part, np.arange(len(joints))
 
+    @property
+    def timeout_s(self) -> np.ndarray:
+        own = np.full(len(self._own), np.nan)
+        for end, joints in self._parts:
+            own[joints] = end.timeout_s
+        return own
+
     def requests(self, frames: Frames) -> Requests:
         parts = [(end.requests(frames), joints) for end, joints in self._parts]
         kinds = [

@@ -1,5 +1,6 @@
 """What the simulated motors ask of a motor protocol."""
 
+from collections.abc import Sequence
 from enum import IntEnum
 from typing import NamedTuple, Protocol
 
@@ -45,12 +46,17 @@ class MotorEnd(Protocol):
         """The code of a motor that heard nothing and switched itself off: of all, or (n,)."""
         ...
 
+    @property
+    def timeout_s(self) -> np.ndarray:
+        """(n,) after which a motor that hears nothing switches itself off; NaN where no frame sets that."""
+        ...
+
     def requests(self, frames: Frames) -> Requests:
         """Decode what was sent to motors of this robot; other frames are left out."""
         ...
 
     def tell(self, frames: Frames) -> Frames | None:
-        """What motors answer to questions about their settings; None if nothing was asked."""
+        """What motors answer to questions about their settings, and take in of them; None for no answer."""
         ...
 
     def reply(
@@ -104,3 +110,8 @@ class AnswersOnly:
         on: np.ndarray,
     ) -> Frames | None:
         return None
+
+
+def time_outs(counts: Sequence[float], step_s: float) -> np.ndarray:
+    """Time-outs in s, (n,), that are counted in steps of `step_s`; a count of 0 is none."""
+    return np.where(np.array(counts) == 0, np.inf, np.array(counts) * step_s)

@@ -35,6 +35,7 @@ class OdriveMotorEnd:
     def __init__(self, wiring: Wiring) -> None:
         """Raises UserError for a node id that is none."""
         n = len(wiring.motor_id)
+        self.timeout_s = np.full(n, np.nan)
         self._wiring, self._lookup = wiring, odrive.node_lookup(wiring)
         self._gear = wiring.gear_ratio
         self._per_turn = odrive.TURN / wiring.gear_ratio

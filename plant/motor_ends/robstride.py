@@ -15,6 +15,8 @@ from footfall.deploy.drivers.robstride import (
     RUNNING,
     STOP,
     TIME_OUT,
+    TIME_OUT_STEP_S,
+    WRITE,
     ZERO,
     Codec,
     identifier_of,
@@ -23,8 +25,9 @@ from footfall.deploy.drivers.robstride import (
 )
 from footfall.deploy.frames import EXTENDED, Frames
 from footfall.deploy.wiring import Wiring
-from footfall.plant.motor_ends.motor_end import AnswersOnly, Request, Requests
+from footfall.plant.motor_ends.motor_end import AnswersOnly, Request, Requests, time_outs
 
+DELIVERED_TIME_OUT = 2000  # 0.1 s
 _KIND = {CONTROL: Request.COMMAND, ENABLE: Request.ENABLE, STOP: Request.DISABLE, ZERO: Request.ZERO}
 
 
@@ -38,8 +41,12 @@ class RobstrideMotorEnd(AnswersOnly):
     def __init__(self, wiring: Wiring) -> None:
         self._wiring, self._lookup = wiring, motor_lookup(wiring)
         self._codec = Codec(wiring.models)
-        self.parameters = [{RUN_MODE: 0, TIME_OUT: 2000} for _ in wiring.models]
+        self.parameters = [{RUN_MODE: 0, TIME_OUT: DELIVERED_TIME_OUT} for _ in wiring.models]
         self._length = np.full(len(wiring.models), 8)
+
+    @property
+    def timeout_s(self) -> np.ndarray:
+        return time_outs([own[TIME_OUT] for own in self.parameters], TIME_OUT_STEP_S)
 
     def requests(self, frames: Frames) -> Requests:
         kind, addressee = frames.id >> 24 & 0x1F, frames.id & 0xFF
@@ -55,15 +62,20 @@ class RobstrideMotorEnd(AnswersOnly):
         return Requests(motor, values, kinds)
 
     def tell(self, frames: Frames) -> Frames | None:
-        motor = self._lookup[frames.channel, frames.id & 0xFF]
-        asked = (frames.id >= EXTENDED) & (frames.id >> 24 & 0x1F == READ) & (motor >= 0)
-        rows = np.flatnonzero(asked & (frames.length == 8))
-        if not len(rows):
-            return None
+        """As `MotorEnd.tell`. A write is taken in without the reply that a real motor sends."""
+        motor, kind = self._lookup[frames.channel, frames.id & 0xFF], frames.id >> 24 & 0x1F
+        asked = (frames.id >= EXTENDED) & np.isin(kind, (READ, WRITE)) & (motor >= 0) & (frames.length == 8)
+        rows = np.flatnonzero(asked)
         data, who = frames.data[rows].copy(), motor[rows]
-        for row, joint in enumerate(who.tolist()):
-            value = self.parameters[joint].get(int(data[row, 0]) | int(data[row, 1]) << 8, 0)
-            data[row, 4:] = list(value.to_bytes(4, "little"))
+        for row, joint, write in zip(data, who.tolist(), (kind[rows] == WRITE).tolist(), strict=True):
+            parameter, own = int(row[0]) | int(row[1]) << 8, self.parameters[joint]
+            if write and parameter in own:
+                own[parameter] = int.from_bytes(row[4:].tobytes(), "little")
+            row[4:] = list(own.get(parameter, 0).to_bytes(4, "little"))
+        told = kind[rows] == READ
+        if not told.any():
+            return None
+        data, who = data[told], who[told]
         identifier = identifier_of(READ, self._wiring.motor_id[who], HOST)
         return Frames(self._wiring.channel[who], identifier, data, self._length[who])
 

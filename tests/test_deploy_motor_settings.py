@@ -1,0 +1,133 @@
+"""What each maker's motors are asked before they are switched on: late answers, time-outs to be set."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from deploy_policies import Hold, stand_still
+
+from footfall.deploy.config import DeployConfig
+from footfall.deploy.drivers import damiao, robstride
+from footfall.deploy.drivers.choice import open_driver
+from footfall.deploy.drivers.settings import ASK_AGAIN, Settings
+from footfall.deploy.session import Outcome, Session, run_session
+from footfall.deploy.wiring import wire
+from footfall.plant.bus import SimulatedBus
+from footfall.plant.injection import InjectingBus, late
+from footfall.plant.motor_ends.choice import open_motor_end
+from footfall.plant.motor_ends.damiao import DamiaoMotorEnd
+from footfall.plant.motor_ends.robstride import RobstrideMotorEnd
+from footfall.plant.motors import SimulatedMotors
+from footfall.plant.robot import PlantConfig, SimulatedRobot
+from footfall.plant.wires import SimulatedWires
+from footfall.robots.description import Robot
+
+MAKERS = {
+    "MIT mode": {},
+    "Damiao": {"hip": "DM8006", "knee": "DM8009"},
+    "RobStride": {"hip": "RS06", "knee": "RS03"},
+    "ODrive": {"hip": "ODrive", "knee": "ODrive"},
+    "mixed": {"hip": "RS03", "knee": "DM8009"},
+}
+QUICK = DeployConfig(stand_s=0.1)
+
+
+def with_motors(robot: Robot, protocols: dict[str, str]) -> Robot:
+    motors = {
+        name: replace(motor, protocol=protocols.get(name, motor.protocol))
+        for name, motor in robot.description.motors.items()
+    }
+    return replace(robot, description=replace(robot.description, motors=motors))
+
+
+class OnABus:
+    """A simulated robot that hangs in a frame, seen through a bus to which something may happen."""
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot, wiring = robot, wire(robot)
+        self._wires = SimulatedWires(wiring.buses)
+        self.body = SimulatedRobot(robot, wiring, self._wires, PlantConfig(hanging=True))
+        self.bus = InjectingBus(SimulatedBus(self._wires, self.body))
+
+    def held(self) -> Outcome:
+        """A short run that holds the default pose."""
+        session = Session(stand_still, 0.05, realtime=False, config=QUICK, lie_down=False)
+        return run_session(self.robot, Hold(self.robot), self.bus, session)
+
+
+@pytest.mark.parametrize(
+    ("maker", "late_us"), [*((maker, 5000) for maker in MAKERS), ("Damiao", 1000), ("Damiao", 2500)]
+)
+def test_a_robot_whose_replies_are_late_stands_up(go1: Robot, maker: str, late_us: int) -> None:
+    simulated = OnABus(with_motors(go1, MAKERS[maker]))
+    simulated.bus.incoming = late(late_us)
+    outcome = simulated.held()
+    assert (outcome.faults, outcome.final_state) == ((), "IDLE")
+
+
+@pytest.mark.parametrize("maker", ["Damiao", "RobStride"])
+def test_motors_without_a_time_out_are_off_a_tenth_of_a_second_after_the_last_frame(
+    go1: Robot, maker: str
+) -> None:
+    wiring = wire(with_motors(go1, MAKERS[maker]))
+    driver, end = open_driver(wiring), open_motor_end(wiring)
+    assert isinstance(end, DamiaoMotorEnd | RobstrideMotorEnd)
+    for own in end.registers if isinstance(end, DamiaoMotorEnd) else end.parameters:
+        own[damiao.TIME_OUT if isinstance(end, DamiaoMotorEnd) else robstride.TIME_OUT] = 0
+    motors = SimulatedMotors(end, go1.motor, 12, {}, step_s=0.001, timeout_s=60.0)
+    step, still = 0, np.zeros(12)
+    while driver.unready():
+        step += 1
+        assert step < 20, driver.unready()
+        if (told := motors.answer(step, driver.ask(), np.zeros((3, 12)))) is not None:
+            driver.replies(told)
+    motors.answer(step, driver.enable(), np.zeros((3, 12)))
+    on = []
+    for later in range(1, 121):
+        motors.torque(step + later, still, still)
+        on.append(bool(motors.enabled.all()))
+    assert on[:100] == [True] * 100
+    assert on[105:] == [False] * 15
+
+
+class TestQuestions:
+    """Of two motors with the settings 9, a time-out in steps of 50 us, and 10."""
+
+    @pytest.fixture
+    def settings(self) -> Settings:
+        return Settings((9, 10), 9, np.array([0.1, 0.05]), 50e-6)
+
+    def test_what_is_not_answered_is_asked_again_after_some_ticks(self, settings: Settings) -> None:
+        asked = [len(settings.questions()) for _ in range(2 * ASK_AGAIN + 3)]
+        assert [tick for tick, count in enumerate(asked) if count] == [0, ASK_AGAIN + 1, 2 * ASK_AGAIN + 2]
+
+    def test_an_answer_brings_the_next_question_at_once(self, settings: Settings) -> None:
+        settings.questions()
+        settings.hear(1, 9, 500)
+        assert settings.questions() == [(1, 10, None)]
+
+    def test_an_answer_that_comes_again_brings_none(self, settings: Settings) -> None:
+        settings.hear(0, 9, 2000)
+        settings.questions()
+        settings.hear(0, 9, 2000)
+        assert settings.questions() == []
+
+    @pytest.mark.parametrize("count", [0, 2001, 4_000_000_000])
+    def test_a_time_out_that_is_off_or_too_long_is_written_and_asked_for(
+        self, settings: Settings, count: int
+    ) -> None:
+        """0.1 s is 2000 steps."""
+        settings.hear(0, 9, count)
+        settings.hear(0, 10, 1)
+        assert settings.time_out_problem(0)
+        assert (0, 9, 2000) in settings.questions()
+        settings.hear(0, 9, 2000)
+        assert settings.time_out_problem(0) == ""
+
+    @pytest.mark.parametrize("count", [1, 999, 1000])
+    def test_a_time_out_that_is_short_enough_is_left_as_it_is(self, settings: Settings, count: int) -> None:
+        """0.05 s is 1000 steps."""
+        settings.hear(1, 9, count)
+        settings.hear(1, 10, 1)
+        assert settings.time_out_problem(1) == ""
+        assert settings.questions() == [(0, 9, None)]
