@@ -2,11 +2,13 @@
 
 import os
 import stat
+from contextlib import suppress
 from pathlib import Path
 
 from footfall.common.files import write_atomically
 
 OTHERS_MAY_WRITE = stat.S_IWGRP | stat.S_IWOTH
+OTHERS_MAY_ENTER = stat.S_IXGRP | stat.S_IXOTH
 
 
 class NotPrivateError(Exception):
@@ -36,6 +38,23 @@ def write_private(path: Path, content: bytes) -> None:
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     _check(path.parent, os.stat(path.parent, follow_symlinks=False))
     write_atomically(path, content, mode=0o600)
+
+
+def make_private_folder(folder: Path) -> None:
+    """A folder in which nobody but this user can have written, also to the files that lie in it.
+
+    Raises:
+        NotPrivateError: others can.
+        OSError: it cannot be made, or not be read.
+    """
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    status = os.stat(folder, follow_symlinks=False)
+    _check(folder, status)
+    if status.st_mode & OTHERS_MAY_ENTER:
+        with os.scandir(folder) as entries:
+            for entry in entries:
+                with suppress(FileNotFoundError):  # somebody clears up
+                    _check(Path(entry.path), entry.stat(follow_symlinks=False))
 
 
 def _check(path: Path, status: os.stat_result) -> None:

@@ -1,12 +1,12 @@
 """Types of the options that several verbs share: how they are read, checked and explained."""
 
-import math
 from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter, convert
 from cyclopts.validators import Number
 
+LONGEST_S = 86400.0  # nothing that one waits for takes longer than a day
 FASTEST = 100.0  # m/s or rad/s: no legged robot is commanded faster
 
 
@@ -39,9 +39,9 @@ def _whole(_: type, tokens: Any) -> int:
         raise ValueError(f"expected a whole number, found '{tokens[0].value}'") from None
 
 
-def _positive(_: type, value: float | None) -> None:
-    if value is not None and not (math.isfinite(value) and value > 0):
-        raise ValueError("Must be a number above 0.")
+def _seconds(_: type, value: float | None) -> None:
+    if value is not None and not 0.0 < value <= LONGEST_S:
+        raise ValueError(f"Must be a number above 0, and at most {LONGEST_S:g}, a day.")
 
 
 def _as_typed(kind: Any, tokens: Any) -> Any:
@@ -88,8 +88,8 @@ ScenarioFile = Annotated[
 ]
 JsonFile = Annotated[OptionalPath, Parameter(help="Write the figures to this file.")]
 HtmlFile = Annotated[OptionalPath, Parameter(help="Write a self-contained report to this file.")]
-Seconds = Annotated[float, Parameter(validator=_positive)]
-OptionalSeconds = Annotated[float | None, AS_TYPED, Parameter(validator=_positive)]
+Seconds = Annotated[float, Parameter(validator=_seconds)]
+OptionalSeconds = Annotated[float | None, AS_TYPED, Parameter(validator=_seconds)]
 Count = Annotated[int, Parameter(converter=_whole, validator=Number(gte=1))]
 Index = Annotated[int, Parameter(converter=_whole, validator=Number(gte=0))]
 Port = Annotated[int, Parameter(converter=_whole, validator=Number(gte=1, lt=2**16))]

@@ -43,6 +43,8 @@ def nothing_is_left_behind(shell: Shell, tmp_path: Path):
         (["deploy", "stand", "--duration", "0"], ["--duration", "above 0"]),
         (["deploy", "stand", "--duration", "nan"], ["--duration", "above 0"]),
         (["deploy", "stand", "--duration", "inf"], ["--duration", "above 0"]),
+        (["deploy", "stand", "--duration", "1e12"], ["--duration", "at most 86400, a day"]),
+        (["can", "monitor", "--duration", "86401"], ["--duration", "at most 86400, a day"]),
         (["deploy", "stand", "--command", "0.5,0"], ["--command", "three numbers"]),
         (["deploy", "stand", "--command", "0.5,0,0,0"], ["--command", "three numbers"]),
         (["deploy", "stand", "--command", "fast"], ["--command", "three numbers"]),

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from footfall.common.private_files import NotPrivateError, read_private, write_private
+from footfall.common.private_files import NotPrivateError, make_private_folder, read_private, write_private
 
 
 @pytest.fixture
@@ -46,3 +46,33 @@ def test_a_link_to_a_file_of_ones_own_is_refused(file: Path) -> None:
     link.symlink_to(file)
     with pytest.raises(OSError, match="symbolic links"):
         read_private(link)
+
+
+def test_a_private_folder_is_made_for_its_owner_alone(tmp_path: Path) -> None:
+    folder = tmp_path / "deep" / "cache"
+    make_private_folder(folder)
+    assert folder.stat().st_mode & 0o777 == 0o700
+    (folder / "one").touch(0o664)  # where nobody else gets
+    (folder / "one").chmod(0o664)
+    make_private_folder(folder)
+
+
+@pytest.mark.parametrize("way", ["folder", "file", "owner", "link"])
+def test_a_folder_with_what_others_may_have_written_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, way: str
+) -> None:
+    folder = tmp_path / "cache"
+    folder.mkdir(mode=0o755)
+    (folder / "one").touch(0o644)
+    make_private_folder(folder)
+    if way == "folder":
+        folder.chmod(0o777)
+    elif way == "file":
+        (folder / "one").chmod(0o666)
+    elif way == "owner":
+        monkeypatch.setattr(os, "getuid", lambda: 12345)
+    else:
+        folder.rename(tmp_path / "elsewhere")
+        folder.symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(NotPrivateError, match=r"cache"):
+        make_private_folder(folder)

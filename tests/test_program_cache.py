@@ -162,12 +162,12 @@ def test_changed_source_makes_another_program(
 def test_every_package_of_ours_that_a_program_imports_counts() -> None:
     imported = {
         match
-        for package in program_cache.TRACED
+        for package in program_cache.TRAINING
         for path in (program_cache.SOURCES / package).rglob("*.py")
         for match in re.findall(r"^(?:from|import) footfall\.(\w+)", path.read_text(), re.MULTILINE)
     }
     ours = {path.parent.name for path in program_cache.SOURCES.glob("*/__init__.py")}
-    assert imported & ours == set(program_cache.TRACED)
+    assert imported & ours == set(program_cache.TRAINING)
 
 
 def test_a_source_that_changed_after_it_was_imported_keeps_nothing(

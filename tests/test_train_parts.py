@@ -6,6 +6,7 @@ import io
 import json
 import math
 import signal
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -19,6 +20,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from brax.training.acme import running_statistics
+from jax.experimental.compilation_cache.compilation_cache import reset_cache
 from jax.sharding import PartitionSpec
 from rich.console import Console
 
@@ -291,6 +293,22 @@ def run(tmp_path: Path) -> Run:
     return create_run(tmp_path / "run", provenance(), load_preset("smoke"))
 
 
+@pytest.fixture
+def private_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A cache of its own; afterwards JAX has its settings back."""
+    names = [
+        name for name in jax.config.values if name.startswith(("jax_compilation_cache_dir", "jax_persistent"))
+    ]
+    before = {name: jax.config.values[name] for name in names}
+    monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", str(tmp_path / "jax"))
+    reset_cache()
+    (tmp_path / "jax").mkdir()
+    yield tmp_path / "jax"
+    for name, value in before.items():
+        jax.config.update(name, value)
+    reset_cache()
+
+
 class TestApi:
     @pytest.fixture
     def made(self, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
@@ -308,7 +326,7 @@ class TestApi:
         monkeypatch.setattr(
             api, "device_mesh", lambda config, count: seen.append(("mesh", config.total_steps, count))
         )
-        monkeypatch.setattr(api, "git_revision", lambda: "the revision")
+        monkeypatch.setattr(api, "source_revision", lambda: "the revision")
         return seen
 
     def test_a_request_is_in_the_folder_that_is_made(
@@ -341,7 +359,7 @@ class TestApi:
         assert open_run(folder).config == load_preset("smoke")
 
     def test_what_a_run_began_on_and_what_is_now(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(api, "git_revision", lambda: "def")
+        monkeypatch.setattr(api, "source_revision", lambda: "def")
         assert api._changes(provenance(), "gpu") == ["cpu", "source revision abc, now def"]
         assert api._changes(provenance(revision="def"), "cpu") == []
 
@@ -364,6 +382,28 @@ class TestApi:
         assert api._is_finished(run)
         run.policy.unlink()
         assert not api._is_finished(run)
+
+    def test_a_cache_that_others_may_write_is_not_used(
+        self, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, private_cache: Path
+    ) -> None:
+        run.checkpoints.mkdir()
+        (run.checkpoints / "00000016.ckpt").touch()
+        run.policy.touch()
+        kind = SimpleNamespace(load=lambda: SimpleNamespace(prefetch=lambda *_: None))
+        monkeypatch.setattr(api, "TRAINERS", {"brax": kind})
+        for mode, refused, entries in ((0o755, False, 1), (0o777, True, 0), (0o755, False, 1)):
+            private_cache.chmod(mode)
+            text = io.StringIO()
+            api.resume(run.folder, Display(1, Console(file=text, width=400)))
+            line = f"others may write to {private_cache}: no compiled programs are taken from there"
+            assert (line in text.getvalue()) is refused
+            jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+            jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+            jax.jit(lambda x: x * 12345.0).lower(1.0).compile()
+            found = list(private_cache.glob("*-cache"))
+            assert len(found) == entries
+            for path in found:
+                path.unlink()
 
     @pytest.mark.parametrize(("given", "out"), [(None, None), ("a.ckpt", "b.onnx")])
     def test_an_export_is_of_the_last_checkpoint_or_of_the_given_one(

@@ -10,11 +10,12 @@ from types import SimpleNamespace
 import jax
 import numpy as np
 import pytest
+from jax.experimental.compilation_cache.compilation_cache import reset_cache
 
 from footfall.common.collector import collector_paused
 from footfall.envs.workarounds.program_cache import fingerprint
 from footfall.robots.description import load_robot
-from footfall.train import api
+from footfall.train import api, entry
 from footfall.train.brax import parts
 from footfall.train.brax.devices import GPU_OPTIONS, compiler_options, device_mesh, worth_keeping
 from footfall.train.brax.parts import assemble, made_from
@@ -47,6 +48,33 @@ def test_collector_that_was_off_stays_off() -> None:
         assert not gc.isenabled()
     finally:
         gc.enable()
+
+
+def test_the_device_starts_on_no_program_that_others_may_have_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Even its first operation is a compiled program."""
+    names = ("jax_compilation_cache_dir", "jax_persistent_cache_min_compile_time_secs")
+    before = {name: jax.config.values[name] for name in names}
+    began, found = threading.Event(), []
+
+    def first_operation(_: object) -> None:
+        found.append(jax.config.values["jax_compilation_cache_dir"])
+        began.set()
+
+    monkeypatch.setattr(entry, "_first_operation", first_operation)
+    monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", str(tmp_path))
+    try:
+        for mode in (0o700, 0o777):
+            tmp_path.chmod(mode)
+            began.clear()
+            start_device()
+            assert began.wait(60)
+    finally:
+        for name, value in before.items():
+            jax.config.update(name, value)
+        reset_cache()
+    assert found == [str(tmp_path), None]
 
 
 def test_a_device_that_does_not_start_is_left_to_whoever_asks_for_it(

@@ -7,10 +7,8 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
-import jax
 from rich.console import Console
 
-from footfall.common.cache import compilation_cache
 from footfall.common.errors import UserError
 from footfall.common.versions import versions
 from footfall.robots.default import DEFAULT_ROBOT
@@ -19,6 +17,7 @@ from footfall.train import cluster
 from footfall.train.brax.devices import device_mesh
 from footfall.train.brax.diagnosis import Diagnosis, replay_failure
 from footfall.train.brax.parts import assemble
+from footfall.train.compilation_cache import use_compilation_cache
 from footfall.train.config import load_preset
 from footfall.train.loop import learn
 from footfall.train.runs import checkpoint
@@ -33,7 +32,7 @@ from footfall.train.runs.folder import (
     open_run,
     trained_robot,
 )
-from footfall.train.runs.provenance import PACKAGES, git_revision
+from footfall.train.runs.provenance import PACKAGES, source_revision
 from footfall.train.trainer import TRAINERS
 
 
@@ -101,13 +100,13 @@ def _make_run(request: TrainRequest) -> Path:
         preset=request.preset,
         trainer=request.trainer,
         device=cluster.devices()[0].device_kind,
-        revision=git_revision(),
+        revision=source_revision(),
         created=now.isoformat(timespec="seconds"),
         versions=versions((*PACKAGES, *kind.packages)),
         robot_digest=robot.digest,
     )
     run = Run(request.out or Path("runs") / name, provenance, config)
-    _use_compilation_cache()
+    use_compilation_cache()
     trainer.prefetch(run, robot)
     _ = assemble(run, robot).mirror  # tells whether the settings fit the robot, before there is a folder
     device_mesh(config.ppo, kind.devices)
@@ -126,13 +125,15 @@ def resume(folder: Path, display: Display | None = None) -> Path:
     with cluster.all_or_none():
         run = open_run(folder)
         robot = trained_robot(run.provenance)
-        _use_compilation_cache()
+        refusal = use_compilation_cache()
         TRAINERS[run.provenance.trainer].load().prefetch(run, robot)
         lock = locked(run) if cluster.is_main_process() else nullcontext()
     if display is None:
         console = None if cluster.is_main_process() else Console(quiet=True)
         display = Display(run.config.ppo.total_steps, console)
     with lock, display:
+        if refusal:
+            display.say(refusal)
         if _is_finished(run):
             display.say(f"{folder} is finished: its policy is {run.policy}")
         else:
@@ -150,7 +151,8 @@ def diagnose(folder: Path, say: Callable[[str], None]) -> Diagnosis:
     Raises:
         UserError: there is no failed training in this folder, or it is another trainer's.
     """
-    _use_compilation_cache()
+    if refusal := use_compilation_cache():
+        say(refusal)
     return replay_failure(folder, say)
 
 
@@ -208,7 +210,7 @@ def _train_to_the_end(run: Run, robot: Robot, display: Display) -> None:
 def _changes(began: Provenance, device: str) -> list[str]:
     """What a run began on that is another one now."""
     changes = [began.device] if began.device != device else []
-    revision = git_revision()
+    revision = source_revision()
     if began.revision != revision:
         changes.append(f"source revision {began.revision}, now {revision}")
     return changes
@@ -246,9 +248,3 @@ def _newest_checkpoint(run: Run) -> Path | None:
     if not chosen.is_file():
         raise UserError(f"process 0 resumes from {chosen}, which is not to be seen from here: try again")
     return chosen
-
-
-def _use_compilation_cache() -> None:
-    """Compile once per machine: keep compiled functions where the user's caches are."""
-    jax.config.update("jax_compilation_cache_dir", str(compilation_cache()))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 1.0)

@@ -31,6 +31,9 @@ def start_device() -> None:
     with collector_paused(), suppress(ModuleNotFoundError):  # which `learning_libraries` reports
         import jax.numpy
 
+        from footfall.train.compilation_cache import use_compilation_cache
+
+        use_compilation_cache()
         Thread(target=_first_operation, args=(jax.numpy.zeros,), name="start device").start()
 
 

@@ -27,12 +27,12 @@ from jax.experimental.serialize_executable import deserialize_and_load, serializ
 
 import footfall
 from footfall.common.private_files import NotPrivateError, read_private, write_private
+from footfall.common.sources import TRAINING, read_sources
 from footfall.common.versions import versions
 from footfall.robots.description import Robot
 from footfall.robots.model import training_model
 
 SOURCES = Path(__file__).parents[2]
-TRACED = ("common", "domain_rand", "envs", "policies", "robots", "train")  # that a program may be made from
 LIBRARIES = ("mujoco", "mujoco-mjx", "brax", "flax", "optax", "numpy")
 DEVICE_LIBRARIES = ("jax", "nvidia-")  # beginnings of names: JAX, its plug-ins, CUDA's parts
 ENVIRONMENT = ("JAX_", "XLA_", "CUDA_", "NVIDIA_")  # beginnings of variables that JAX heeds
@@ -116,11 +116,10 @@ def model_bytes(robot: Robot, timestep_s: float) -> bytes:
 
 def _source() -> list[tuple[Path, bytes]] | None:
     """Our source files, as this process imported them; None if one of them has changed since."""
-    paths = sorted(path for package in TRACED for path in (SOURCES / package).rglob("*.py"))
-    source = [(path.relative_to(SOURCES), path.read_bytes()) for path in paths]
+    source = read_sources(SOURCES, TRAINING)
     latest = footfall.IMPORTED_AT_NS - CLOCK_SLACK_NS
     # Asked after they were read. Unlike a file's other time, that of its last change cannot be set.
-    return source if all(path.stat().st_ctime_ns < latest for path in paths) else None
+    return source if all((SOURCES / path).stat().st_ctime_ns < latest for path, _ in source) else None
 
 
 def _surroundings() -> list[Any]:

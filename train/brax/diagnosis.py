@@ -32,7 +32,7 @@ from footfall.train.runs.failure import (
     not_finite,
 )
 from footfall.train.runs.folder import Run, trained_robot
-from footfall.train.runs.provenance import PACKAGES, git_revision
+from footfall.train.runs.provenance import PACKAGES, source_revision
 
 DIVERGED = "the simulation diverged"
 
@@ -99,7 +99,7 @@ def replay_failure(folder: Path, say: Callable[[str], None]) -> Diagnosis:
 def differences(failure: Failure, device: str, devices: int) -> list[str]:
     """What differs between a failed training and its replay: 'NAME then, now' of devices and packages."""
     then = {"device": failure.device, "device count": str(failure.devices or devices)} | failure.versions
-    now = {"device": device, "device count": str(devices), SOURCE: git_revision()} | versions(PACKAGES)
+    now = {"device": device, "device count": str(devices), SOURCE: source_revision()} | versions(PACKAGES)
     return [f"{name} {old}, now {now[name]}" for name, old in then.items() if now.get(name, old) != old]
 
 

@@ -24,7 +24,7 @@ from footfall.train import cluster
 from footfall.train.config import TrainConfig
 from footfall.train.runs import checkpoint
 from footfall.train.runs.folder import Provenance, Run
-from footfall.train.runs.provenance import PACKAGES, git_revision
+from footfall.train.runs.provenance import PACKAGES, source_revision
 from footfall.train.trainer import TRAINERS
 
 FOLDER = "failure"
@@ -98,7 +98,7 @@ def failed(run: Run, iteration: int, reason: str) -> UserError:
         reason=reason,
         device=jax.devices()[0].device_kind,
         devices=len(jax.devices()),
-        versions=versions(PACKAGES) | {SOURCE: git_revision()},
+        versions=versions(PACKAGES) | {SOURCE: source_revision()},
         provenance=run.provenance,
         config=run.config,
     )

@@ -1,23 +1,35 @@
-"""What a run was made with: packages and revision."""
+"""What a run was made with: packages and source."""
 
 import hashlib
 import subprocess
 from pathlib import Path
 
+from footfall.common.sources import TRAINING, read_sources
+
 PACKAGES = ("footfall", "mujoco", "mujoco-mjx", "jax", "jaxlib", "brax", "numpy", "onnx", "onnxruntime")
 
 
-def git_revision() -> str:
-    """Commit of the source tree, and a digest of what differs from it; 'unknown' outside a repository."""
-    here = Path(__file__).parent
+def source_revision() -> str:
+    """What tells our source files from edited ones.
+
+    In a checkout the commit, and a digest of what differs from it; elsewhere a digest of the files that
+    training imports.
+    """
+    here = Path(__file__)
 
     def git(*arguments: str) -> str:
-        result = subprocess.run(["git", *arguments], cwd=here, capture_output=True, check=True, timeout=10)
+        result = subprocess.run(
+            ["git", *arguments], cwd=here.parent, capture_output=True, check=True, timeout=10
+        )
         return result.stdout.decode(errors="replace").strip()
 
     try:
+        git("ls-files", "--error-unmatch", here.name)  # an environment may lie in somebody else's repository
         changes = git("diff", "HEAD", "--no-ext-diff", "--binary")
-        digest = hashlib.sha256(changes.encode()).hexdigest()[:8]
-        return git("rev-parse", "HEAD") + (f" with uncommitted changes {digest}" if changes else "")
+        return git("rev-parse", "HEAD") + (f" with uncommitted changes {_digest(changes)}" if changes else "")
     except (OSError, subprocess.SubprocessError):
-        return "unknown"
+        return f"digest {_digest(repr(read_sources(here.parents[2], TRAINING, ('*.py', '*.yaml'))))}"
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:8]
