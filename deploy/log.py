@@ -42,16 +42,20 @@ def flatten(observation: Observation) -> np.ndarray:
     )
 
 
-def unflatten(values: np.ndarray) -> Observation:
+def _sizes(joints: int) -> list[int]:
+    """How many numbers each part of a flat observation has, of a robot with so many joints."""
+    return [1, 3, 3, 4, joints, joints, joints, 3, 3, 1]
+
+
+def unflatten(values: np.ndarray, joints: int) -> Observation:
     """The observation that `flatten` made a vector of.
 
     Raises:
-        ValueError: no robot has readings of so many numbers.
+        ValueError: a robot with so many joints has another number of readings.
     """
-    joints, rest_of_it = divmod(len(values) - 18, 3)
-    if joints < 0 or rest_of_it:
-        raise ValueError(f"{len(values)} numbers are no observation")
-    sizes = [1, 3, 3, 4, joints, joints, joints, 3, 3, 1]
+    sizes = _sizes(joints)
+    if len(values) != sum(sizes):
+        raise ValueError(f"{len(values)} numbers are no observation of {joints} joints")
     time_s, *rest = np.split(values, np.cumsum(sizes)[:-1])
     *sensed, command, velocity, height = rest
     return Observation(float(time_s[0]), Sensed(*sensed), command, velocity, float(height[0]))

@@ -81,10 +81,10 @@ def _steps(log: LogFile) -> list[tuple[Entry, Entry]]:
 
 
 def _observation(log: LogFile, handed: Entry) -> Observation:
-    values = _numbers(log, handed)
-    if len(values) != 18 + 3 * len(log.joints):
-        raise UserError(f"{log.path}: an observation has {len(values)} numbers for {len(log.joints)} joints")
-    return unflatten(values)
+    try:
+        return unflatten(_numbers(log, handed), len(log.joints))
+    except ValueError as error:
+        raise UserError(f"{log.path}: {error}") from None
 
 
 def _numbers(log: LogFile, entry: Entry) -> np.ndarray:

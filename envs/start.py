@@ -8,6 +8,7 @@ import numpy as np
 from footfall.common.rotations import multiply, normalised
 from footfall.envs.base import Base
 from footfall.envs.config import InitialState
+from footfall.envs.ground import ground_height
 from footfall.robots.description import Robot
 from footfall.robots.model import joint_addresses
 
@@ -22,7 +23,8 @@ class Start:
         self._dof_count, self._joints = model.nv, len(positions)
         qpos = np.array(model.qpos0, dtype=np.float32)
         qpos[positions] = robot.default_pose
-        self._base.position(qpos)[2] = robot.description.standing_height_m
+        place = self._base.position(qpos)
+        place[2] = ground_height(place) + robot.description.standing_height_m
         self._standing = qpos
         self.numbers = 6 + 1 + 2 * self._joints  # that `draw` needs
 

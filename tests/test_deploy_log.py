@@ -345,11 +345,13 @@ class TestReplay:
         n = np.arange(4.0)
         sensed = Sensed(n[:3], n[:3] + 1, n, n + 2, n + 3, n + 4)
         observation = Observation(0.5, sensed, n[:3], np.full(3, np.nan), np.nan)
-        back = unflatten(flatten(observation))
+        back = unflatten(flatten(observation), joints=4)
         assert back.time_s == 0.5
         for one, other in zip(back.sensed, sensed, strict=True):
             assert np.array_equal(one, other)
         assert np.isnan(back.base_velocity).all()
+        with pytest.raises(ValueError, match="30 numbers are no observation of 5 joints"):
+            unflatten(flatten(observation), joints=5)
 
 
 class TestBadInput:

@@ -15,6 +15,7 @@ import pytest
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import Randomisation
+from footfall.envs import start
 from footfall.envs.actuation import Actuation
 from footfall.envs.base import Base
 from footfall.envs.commands import draw_command, draw_hold_steps
@@ -273,6 +274,12 @@ class TestStart:
         expected = [0, 0, ROBOT.description.standing_height_m, 1, 0, 0, 0, *ROBOT.default_pose]
         np.testing.assert_allclose(qpos, expected, atol=1e-6)
         np.testing.assert_array_equal(qvel, np.zeros(18))
+
+    def test_it_stands_on_the_ground_wherever_that_is(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        """Half a metre up where x is 0, and sloping."""
+        monkeypatch.setattr(start, "ground_height", lambda place: 0.5 + 0.1 * place[0])
+        qpos, _ = self.draw(np.full(31, 0.5))
+        assert qpos[2] == pytest.approx(0.5 + ROBOT.description.standing_height_m)
 
     def test_each_number_moves_its_own_part(self) -> None:
         initial = CONFIG.initial

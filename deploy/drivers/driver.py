@@ -1,7 +1,8 @@
 """What the control loop, and the simulated motors, ask of a motor protocol.
 
 A driver speaks for all motors of one robot at once: arrays are in joint order, and a batch of frames is
-built and read in a few array operations. Each protocol has a file of its own that implements both ends.
+built and read in a few array operations. Each protocol has a file of its own here; the motors' ends are
+in `plant/motor_ends/`.
 """
 
 from typing import Any, NamedTuple, Protocol

@@ -42,7 +42,8 @@ class DeployOptions:
 
     robot: RobotName = DEFAULT_ROBOT
     bus: str = "sim"
-    """sim for the simulated robot, or socketcan for the CAN interfaces that robot.yaml names."""
+    """sim for the simulated robot, socketcan for the CAN interfaces that robot.yaml names, or python-can's
+    name of another kind; virtual has a simulated robot at its other end."""
     command: VelocityCommand = (0.5, 0.0, 0.0)
     duration: Seconds = 10.0
     """Walking time, s."""
