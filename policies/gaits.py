@@ -13,7 +13,7 @@ from footfall.common.errors import UserError
 from footfall.robots.description import Robot
 
 GAITS = Path(__file__).parent / "gaits.yaml"
-MIDDLE_M = 1e-6  # feet no farther from the middle plane are in it
+MIDDLE_M = 5e-4  # feet no farther from the middle plane are in it: poses are written to 0.1 mrad
 
 Array = Any
 
@@ -67,6 +67,16 @@ def find_gait(name: str, robot: Robot) -> GaitPattern:
             )
         phase[feet] = phases
     return GaitPattern(entry.duty, phase)
+
+
+def gaits_of(robot: Robot) -> list[str]:
+    """Names of the gaits for as many feet on each side as a robot has, as `gaits.yaml` lists them."""
+    feet = tuple(map(len, _sides(robot)))
+    return [
+        name
+        for name, entry in _gaits_for(sum(feet))
+        if feet == (len(entry.left), len(entry.right), len(entry.middle))
+    ]
 
 
 def planned_lift(clock: Array, phase: Array, duty: float) -> Array:

@@ -11,6 +11,7 @@ from shell import Shell
 from footfall.domain_rand.randomisation import default_ranges
 from footfall.plant.lying import Lying, find_lying_pose
 from footfall.plant.standing import Standing
+from footfall.policies.gaits import gaits_of
 from footfall.robots.description import Robot
 from footfall.robots.inspection import Inspection
 from footfall.verbs import robot as verb
@@ -202,6 +203,7 @@ class TestNew:
         assert request.peak_torque_nm == {"": 23.7}
         assert request.speed_rad_s == {"hip": 30.1, "knee": 20.06}
         assert request.armature == {"a=b": 0.01}
+        assert request.gaits_of is gaits_of
         assert request.find_lying_pose is find_lying_pose
         assert request.usual == default_ranges()
         assert outcome.out.splitlines() == [

@@ -8,7 +8,7 @@ import pytest
 
 from footfall.common.errors import UserError
 from footfall.policies import gaits
-from footfall.policies.gaits import GaitEntry, find_gait, planned_lift, require_duty
+from footfall.policies.gaits import GaitEntry, find_gait, gaits_of, planned_lift, require_duty
 from footfall.robots.description import Robot
 
 FOUR = ("trot", "walk", "pace", "bound", "gallop")
@@ -117,7 +117,7 @@ class TestFeetInTheMiddle:
     """Gaits of a made-up file, for five feet of which two or three stand in the middle plane."""
 
     PLACES: ClassVar = {
-        "b": (-0.3, -1e-7),
+        "b": (-0.3, -4e-4),
         "r": (0.0, -0.001),
         "f": (0.3, 1e-7),
         "l": (0.1, 0.2),
@@ -142,6 +142,15 @@ class TestFeetInTheMiddle:
         beside = self.PLACES | {"m": (0.2, -0.1)}
         with pytest.raises(UserError, match="gait 'hop' has 1 feet on the right, robot 'go1' has 2"):
             find_gait("hop", standing_at(go1, beside))
+
+
+def test_a_robot_has_the_gaits_for_as_many_feet_on_each_side(go1: Robot) -> None:
+    """As they stand in the file: the first is what a new robot begins with."""
+    assert gaits_of(go1) == list(FOUR)
+    assert gaits_of(standing_at(go1, HEXAPOD)) == ["tripod", "ripple", "wave"]
+    tail = {"a": (0.2, 0.1), "b": (0.2, -0.1), "c": (-0.1, 0.1), "d": (-0.1, -0.1), "e": (-0.3, 0.0)}
+    assert gaits_of(standing_at(go1, tail)) == ["wave"]
+    assert gaits_of(standing_at(go1, tail | {"e": (-0.3, 0.1)})) == []  # three on the left
 
 
 @pytest.mark.parametrize("duty", [0.0, 1.0, -0.1, float("nan")])

@@ -1,6 +1,7 @@
 """What `footfall robot new` makes of what has a size in the presets and in the default randomisation."""
 
 import dataclasses
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
@@ -10,8 +11,9 @@ from foreign_robots import BIPED_MJCF, quadruped
 from footfall.deploy.drivers.mit import RANGES
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.randomisation import default_ranges, load_randomisation, randomisation_of
+from footfall.policies.gaits import gaits_of
 from footfall.robots.commands import CommandRange
-from footfall.robots.description import load_robot
+from footfall.robots.description import Robot, load_robot
 from footfall.robots.importer.build import build_machine
 from footfall.robots.importer.create import ImportRequest, import_robot
 from footfall.robots.importer.machine import Machine
@@ -36,7 +38,7 @@ def machine_of(tmp_path: Path, mass: float) -> Machine:
 def written(tmp_path: Path, reach_m: float, mass: float) -> dict[str, dict]:
     """What is written for a quadruped of that mass, with legs of that reach."""
     pose = Pose({}, 0.3, 0.0, reach_m)
-    return yaml.safe_load(training_yaml(machine_of(tmp_path, mass), pose, COMMANDS))["env"]
+    return yaml.safe_load(training_yaml(machine_of(tmp_path, mass), pose, COMMANDS, "trot"))["env"]
 
 
 def ranges_of(machine: Machine, reach_m: float) -> dict[str, dict]:
@@ -95,7 +97,8 @@ def test_training_goes_a_fifth_beyond_the_commands_that_scenarios_ask(tmp_path: 
 def test_every_preset_takes_it(tmp_path: Path, text: str, suffix: str, gait: str) -> None:
     (tmp_path / f"model.{suffix}").write_text(text)
     source, usual = tmp_path / f"model.{suffix}", default_ranges()
-    robot = load_robot(import_robot(ImportRequest(source, tmp_path / "made", RANGES, usual=usual)).folder)
+    request = ImportRequest(source, tmp_path / "made", RANGES, usual=usual, gaits_of=gaits_of)
+    robot = load_robot(import_robot(request).folder)
     most = robot.description.commands.forward_m_s[1]
     for preset in available_presets():
         env = load_preset(preset, robot).env
@@ -106,3 +109,14 @@ def test_every_preset_takes_it(tmp_path: Path, text: str, suffix: str, gait: str
         assert env.rewards["alive"] > 0.0  # the rest is the preset's
         if env.randomisation.payload_kg is not None:
             assert env.randomisation.payload_kg == randomisation_of(robot).payload_kg
+
+
+@pytest.mark.parametrize(("gaits", "name"), [(gaits_of, "wave"), (lambda _: (), None)])
+def test_a_fifth_leg_behind_has_the_gait_of_five_feet_and_none_where_there_is_none(
+    tmp_path: Path, gaits: Callable[[Robot], Sequence[str]], name: str | None
+) -> None:
+    source = tmp_path / "model.urdf"
+    source.write_text(quadruped(tail=True))
+    folder = import_robot(ImportRequest(source, tmp_path / "made", RANGES, gaits_of=gaits)).folder
+    gait = load_preset("gpu", load_robot(folder)).env.gait
+    assert (gait and gait.name) == name

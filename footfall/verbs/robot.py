@@ -72,6 +72,7 @@ def new(*, options: NewOptions) -> None:
     from footfall.deploy.drivers.mit import RANGES
     from footfall.domain_rand.randomisation import default_ranges
     from footfall.plant.lying import find_lying_pose
+    from footfall.policies.gaits import gaits_of
     from footfall.robots.description import load_robot
     from footfall.robots.importer.create import ImportRequest, import_robot
 
@@ -86,6 +87,7 @@ def new(*, options: NewOptions) -> None:
             speed_rad_s=options.speed,
             armature=options.armature,
             usual=default_ranges(),
+            gaits_of=gaits_of,
             find_lying_pose=find_lying_pose,
         )
     )

@@ -1,7 +1,7 @@
 """Makes a robot folder out of another maker's model."""
 
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -48,6 +48,7 @@ class ImportRequest:
     armature: ByJoint = field(default_factory=dict)  # reflected inertia, kg m^2
     # What differs between quadrupeds of a usual size, lowest and highest by name: see randomisation_yaml.
     usual: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    gaits_of: Callable[[Robot], Sequence[str]] = lambda _: ()  # by name; the first is taken
     find_lying_pose: Callable[[Robot], np.ndarray | None] | None = None  # (n,) rad, of a robot that can lie
 
 
@@ -96,26 +97,33 @@ def import_robot(request: ImportRequest) -> Imported:
         guesses.append(f"{len(apart)} pairs of links that meet in the default pose do not collide")
     origin = f"Made from {request.source.name} by footfall robot new."
 
-    def described(robot: Robot | None = None) -> str:
-        """`robot.yaml`; with a lying pose, where one is wanted and found for what the other files make."""
+    def described(lying: Mapping[str, float] | None = None) -> str:
+        """`robot.yaml`, with a lying pose if there is one."""
+        return robot_yaml(machine, pose, drive, protocols, [origin, *_as_comment(guesses)], lying)
+
+    def completed(robot: Robot) -> dict[str, str]:
+        """What depends on the robot that the other files make: on its gaits, and on how it can lie."""
         lying = None
-        if robot is not None and request.find_lying_pose is not None:
+        if request.find_lying_pose is not None:
             found = request.find_lying_pose(robot)
             lying = None if found is None else dict(zip(robot.joint_names, found.tolist(), strict=True))
             guesses.append(LIES if lying else LIES_NOT)
-        return robot_yaml(machine, pose, drive, protocols, [origin, *_as_comment(guesses)], lying)
+        gait = next(iter(request.gaits_of(robot)), None)
+        return {
+            "robot.yaml": described(lying),
+            "training.yaml": training_yaml(machine, pose, command_range(machine, pose), gait),
+        }
 
     texts = {
         MODEL_FILE: model_xml(
             machine, pose.height_m, apart, [origin, "What was guessed stands in robot.yaml."]
         ),
         "robot.yaml": described(),
-        "training.yaml": training_yaml(machine, pose, command_range(machine, pose)),
         "randomisation.yaml": randomisation_yaml(machine, pose, request.usual),
     }
     if drive.stands and len(machine.legs) > ON_SOLES:
         texts["controllers.yaml"] = controllers_yaml(machine, drive)
-    _write(folder, texts, described)
+    _write(folder, texts, completed)
     return Imported(folder, tuple(guesses))
 
 
@@ -159,24 +167,27 @@ def _touching_links(model: mujoco.MjModel, qpos: np.ndarray) -> list[tuple[str, 
     return [(model.body(a).name, model.body(b).name) for a, b in sorted(pairs)]
 
 
-def _write(folder: Path, texts: Mapping[str, str], described: Callable[[Robot], str]) -> None:
+def _write(folder: Path, texts: Mapping[str, str], completed: Callable[[Robot], Mapping[str, str]]) -> None:
     """Write the files into a new folder, once footfall can load what they say.
 
     Args:
         folder: to make.
         texts: of the files, by name.
-        described: the text of `robot.yaml` when more is known of the robot that the files make.
+        completed: further texts, or other ones, when more is known of the robot that the files make.
     """
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".new-") as scratch:
             made = Path(scratch) / folder.name
             made.mkdir()
-            for name, text in texts.items():
-                (made / name).write_text(text, encoding="utf-8")
-            robot = load_robot(made.resolve())
-            (made / "robot.yaml").write_text(described(robot), encoding="utf-8")
+            _write_all(made, texts)
+            _write_all(made, completed(load_robot(made.resolve())))
             load_robot(made.resolve())
             made.rename(folder)
     except OSError as error:
         raise UserError(f"cannot write {folder}: {error.strerror or error}") from None
+
+
+def _write_all(folder: Path, texts: Mapping[str, str]) -> None:
+    for name, text in texts.items():
+        (folder / name).write_text(text, encoding="utf-8")

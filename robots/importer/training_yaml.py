@@ -9,11 +9,10 @@ MASS_KG, REACH_M = 13.0, 0.45
 FREQUENCY_HZ, SWING_HEIGHT_M = 2.2, 0.08
 TORQUE, POWER = -1.0e-3, -5.0e-3
 BEYOND = 1.2  # of the commands that scenarios ask: training goes a little further
-GAITS = {2: "walk", 4: "trot", 6: "tripod"}  # by number of feet
 
 
-def training_yaml(machine: Machine, pose: Pose, commands: CommandRange) -> str:
-    """The text of `training.yaml`.
+def training_yaml(machine: Machine, pose: Pose, commands: CommandRange, gait_name: str | None) -> str:
+    """The text of `training.yaml`, with a gait if there is one for this machine.
 
     Lengths are scaled by the legs' reach, times by its square root, forces by the mass (dynamic similarity:
     Alexander and Jayes 1983, A dynamic similarity hypothesis for the gaits of quadrupedal mammals), and the
@@ -24,11 +23,10 @@ def training_yaml(machine: Machine, pose: Pose, commands: CommandRange) -> str:
     time = length**0.5
     torque, power = TORQUE / (mass * length) ** 2, POWER / (mass * length / time)
     ranges = {name: [BEYOND * end for end in ends] for name, ends in vars(commands).items()}
-    name = GAITS.get(len(machine.legs))
     gait = (
-        f"  gait: {{name: {name}, frequency_hz: {FREQUENCY_HZ / time:.3g}}}\n"
-        if name
-        else "  gait: null # none that is shipped has as many feet: see policies/gaits.yaml\n"
+        f"  gait: {{name: {gait_name}, frequency_hz: {FREQUENCY_HZ / time:.3g}}}\n"
+        if gait_name
+        else "  gait: null # none that is shipped has as many feet on each side: see policies/gaits.yaml\n"
     )
     return f"""\
 # What trainings of this robot change of the presets, which suit a quadruped of {MASS_KG:g} kg on legs of
