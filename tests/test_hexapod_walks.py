@@ -1,20 +1,52 @@
 """The hexapod's gaits over the simulated bus, a few steps each."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from footfall.common.rotations import heading
+from footfall.common.rotations import heading, tilt
+from footfall.deploy.loop import ControlLoop
 from footfall.plant.episode import Episode, run_episode
+from footfall.plant.robot import SimulatedRobot
+from footfall.policies.controllers.walk import Walk
 from footfall.policies.registry import load_policy
 from footfall.robots.description import load_robot
 
 ROBOT = load_robot("hexapod")
 
 
+class Landings:
+    """What a walk takes for standing, beside what the simulator says. To be an episode's watch."""
+
+    def __init__(self, policy: Walk) -> None:
+        self._cycle, self._land = policy._cycle, policy._cycle.touch_down
+        self._cycle.touch_down = self._note  # type: ignore[method-assign]
+        self._met: list[int] = []
+        self.early: list[tuple[float, int, bool]] = []  # time, foot, and whether it truly touched
+        self.planned: list[np.ndarray] = []  # (feet,) of each tick: thought to stand
+        self.touched: list[np.ndarray] = []  # and truly on the ground
+
+    def _note(self, feet: np.ndarray) -> None:
+        self._met = np.flatnonzero(feet).tolist()
+        self._land(feet)
+
+    def __call__(self, loop: ControlLoop, body: SimulatedRobot) -> None:
+        if not self._met and not (loop.walking and loop.now_us % 10_000 == 0):
+            return
+        touches = body.truth().foot_contact
+        self.early += [(loop.walking_s, foot, bool(touches[foot])) for foot in self._met]
+        self._met = []
+        self.planned.append(~self._cycle.swings)
+        self.touched.append(touches)
+
+
 @pytest.mark.parametrize(("gait", "least_m"), [("tripod", 0.14), ("ripple", 0.13), ("wave", 0.05)])
 def test_it_walks_straight_without_sinking_or_a_joint_beyond_its_limit(gait: str, least_m: float) -> None:
     policy = load_policy(gait, ROBOT)
-    trace = run_episode(ROBOT, policy, Episode(lambda _: np.array([0.12, 0.0, 0.0]), 3.0))
+    assert isinstance(policy, Walk)
+    landings = Landings(policy)
+    trace = run_episode(ROBOT, policy, Episode(lambda _: np.array([0.12, 0.0, 0.0]), 3.0), watch=landings)
     walked = trace.base_position[-1] - trace.base_position[0]
     assert not trace.fell
     assert trace.faults == ()
@@ -24,6 +56,32 @@ def test_it_walks_straight_without_sinking_or_a_joint_beyond_its_limit(gait: str
     assert trace.base_position[:, 2].min() > 0.18
     assert np.abs(trace.joint_velocity).max() < 3.6  # targets move at 3.0 at most; the motors' PD lags behind
     assert [note.split(":")[0] for note in trace.notes] == [gait]
+    # None is thought to stand that is in the air, where its own leg's inertia is all it feels.
+    assert all(touched for _, _, touched in landings.early)
+    planned, touched = np.array(landings.planned), np.array(landings.touched)
+    assert touched[planned].mean() > 0.98
+    assert touched.sum(axis=1).min() >= 3
+
+
+def test_a_foot_stops_on_a_block_and_the_body_stays_level(tmp_path: Path) -> None:
+    """2 cm high under the left foreleg's first step; by the clock alone the foot lifts the body by 1 cm."""
+    block = """<worldbody>
+      <geom name="floor" type="plane" size="0 0 1" contype="2147483647" conaffinity="2147483647"/>
+      <geom type="box" pos="0.31 0.25 0.01" size="0.05 0.1 0.01"/>"""
+    plant = tmp_path / "block.xml"
+    plant.write_text(ROBOT.xml_path.read_text().replace("<worldbody>", block))
+    policy = load_policy("tripod", ROBOT)
+    assert isinstance(policy, Walk)
+    landings = Landings(policy)
+    episode = Episode(lambda _: np.array([0.12, 0.0, 0.0]), 1.8, plant=plant)
+    trace = run_episode(ROBOT, policy, episode, watch=landings)
+    time_s, foot, touched = landings.early[0]
+    assert (foot, touched) == (0, True)
+    stands = (trace.time_s > time_s + 0.03) & (trace.time_s < time_s + 0.3)
+    assert trace.foot_contact[stands, 0].all()
+    assert trace.foot_position[stands, 0, 2].min() > 0.02 + 0.015
+    assert max(map(tilt, trace.base_quaternion)) < np.deg2rad(1.0)
+    assert np.ptp(trace.base_position[:, 2]) < 0.005
 
 
 def test_the_fast_contender_is_twice_as_fast_as_the_given_steps() -> None:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from footfall.common.config import require_between, require_not_negative, require_positive
+from footfall.common.config import require_between, require_not_negative, require_ordered, require_positive
 from footfall.policies.controllers.command import CommandShaping
 from footfall.policies.controllers.gait import GaitConfig
 
@@ -58,15 +58,20 @@ class HeadingConfig:
 class TouchDownConfig:
     """When a foot counts as on the ground before or after its time."""
 
-    force_share: float  # of an even share of the weight, by the motors' torques
+    # Of an even share of the weight, by the motors' torques: a foot that should stand and bears less than the
+    # first has found no ground, one in the air that bears more than the second has.
+    force_share: tuple[float, float]
+    filter_s: float  # time constant of that force
+    inertia_doubt: float  # share by which the joints' inertia may be larger than the description says
     from_progress: float  # of the swing, before which no force counts
     probe_m: float  # how far a foot that finds no ground at its time is lowered
     probe_m_s: float  # and how fast
 
     def __post_init__(self) -> None:
-        require_positive(self, "force_share", "probe_m_s")
+        require_ordered(self, "force_share")
+        require_positive(self, "filter_s", "probe_m_s")
         require_between(self, 0.0, 1.0, "from_progress")
-        require_not_negative(self, "probe_m")
+        require_not_negative(self, "inertia_doubt", "probe_m")
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.stance import level_feet, nominal_feet, tilt_correction
 from footfall.policies.controllers.walk.config import StepConfig, WalkConfig
 from footfall.policies.controllers.walk.feet import FootCycle, Footing, rolling_of
-from footfall.policies.controllers.walk.ground import GroundSense
+from footfall.policies.controllers.walk.ground import GroundForce
 from footfall.policies.controllers.walk.limits import Pace, SteadyWalk, WalkLimits
 from footfall.policies.policy import Observation
 from footfall.robots.actuator import JointCommand
@@ -44,8 +44,8 @@ class Walk:
         body = nominal_body(robot)
         centre = (float(body.centre[0]), float(body.centre[1]))
         self._limits = WalkLimits(robot, centre, config.limits.rate_share, config.limits.margin_m)
-        touch_down = config.touch_down
-        self._ground = None if touch_down is None else GroundSense(self._legs, body, touch_down.force_share)
+        down = config.touch_down
+        self._ground = None if down is None else GroundForce(robot, body, down.filter_s, down.inertia_doubt)
         self._footing = self._stand(config)
         self._farthest = float(np.hypot(*self._footing.places[:, :2].T).max())
         clock = config.gait.clock(robot)
@@ -59,6 +59,8 @@ class Walk:
 
     def reset(self, observation: Observation) -> None:
         self._begin(observation.sensed.joint_position.copy())
+        if self._ground is not None:
+            self._ground.reset(observation.sensed)
 
     def _begin(self, joint_position: np.ndarray) -> None:
         clock = self._config.gait.clock(self._robot)
@@ -66,7 +68,6 @@ class Walk:
         self._cycle.reset()
         self._command.reset()
         self._start = self._previous = joint_position
-        self._velocity = self._acceleration = np.zeros_like(joint_position)
         self._tilt = np.zeros(2)
         self._step, self._gait = self._config.step, self._config.gait
         self._wanted_gait = self._gait
@@ -98,11 +99,13 @@ class Walk:
         config, dt_s = self._config, 1.0 / self.rate_hz
         sensed = observation.sensed
         pose = self._legs.pose(sensed.joint_position)
-        if observation.time_s >= config.settle_s:
+        settled = observation.time_s >= config.settle_s
+        if settled:
             self._walk(observation, dt_s)
-            if self._ground is not None:
-                touches = self._ground.touches(pose.jacobian, sensed.joint_torque, self._acceleration)
-                self._meet_ground(touches, dt_s)
+        if self._ground is not None:
+            pushed = self._ground.update(sensed, pose.jacobian, dt_s)
+            if settled:
+                self._meet_ground(pushed, dt_s)
 
         most = config.levelling.body_rate_m_s * dt_s
         self._height_m += min(max(self._step.body_height_m - self._height_m, -most), most)
@@ -113,8 +116,6 @@ class Walk:
         before, most = self._previous, self._most_step_rad
         self._previous = position = np.minimum(np.maximum(wanted, before - most), before + most)
         velocity = (position - before) / dt_s
-        if self._ground is not None:
-            self._acceleration, self._velocity = (velocity - self._velocity) / dt_s, velocity
         torque = self._legs.scatter(self._weight_torque(pose.jacobian), np.zeros_like(position))
         return JointCommand(position, velocity, self._kp, self._kd, torque)
 
@@ -228,12 +229,18 @@ class Walk:
         self._cycle.begin_anew(clock.timing, clock.offsets, self._command.value.tolist())
         self._looked_at = None
 
-    def _meet_ground(self, touches: np.ndarray, dt_s: float) -> None:
-        """Feet that meet the ground early stand; feet that should stand and do not are lowered a little."""
+    def _meet_ground(self, pushed: np.ndarray, dt_s: float) -> None:
+        """Feet that meet the ground early stand; feet that should stand and do not are lowered a little.
+
+        Args:
+            pushed: (feet,) share of an even part of the weight with which the ground pushes each up.
+            dt_s: how long the latter are lowered.
+        """
         config, cycle = self._config.touch_down, self._cycle
         assert config is not None
-        cycle.touch_down(touches & (cycle.progress > config.from_progress))
-        cycle.lower(~touches, config.probe_m_s * dt_s, -config.probe_m)
+        least, enough = config.force_share
+        cycle.touch_down((pushed > enough) & (cycle.progress > config.from_progress))
+        cycle.lower(pushed < least, config.probe_m_s * dt_s, -config.probe_m)
 
     def _weight_torque(self, jacobian: np.ndarray) -> np.ndarray:
         """Joint torques (legs, m) that share the weight among the feet that stand, N m."""

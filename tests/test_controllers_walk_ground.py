@@ -1,0 +1,103 @@
+"""What tells a walk's feet that they stand: the ground's force, out of the motors' torques."""
+
+import numpy as np
+import pytest
+
+from footfall.policies.controllers.walk.ground import GroundForce
+from footfall.robots.actuator import friction_torque
+from footfall.robots.description import load_robot
+from footfall.robots.readings import Sensed
+from footfall.robots.rigid_body import nominal_body
+
+ROBOT = load_robot("hexapod")
+LEGS, BODY, POSE = ROBOT.legs, nominal_body(ROBOT), ROBOT.default_pose
+JACOBIAN = LEGS.pose(POSE).jacobian
+EVEN_N = 9.81 * 3.01 / 6
+UP = np.array([0.0, 0.0, 9.81])
+DT_S, FILTER_S = 0.004, 0.015
+NOTHING = np.zeros(18)
+
+
+def readings(pushed: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, heavier: float) -> Sensed:
+    """Of a robot whose motors move the legs, and push against the ground with forces (6, 3)."""
+    inertial = heavier * BODY.leg_inertia @ LEGS.gather(acceleration)[:, :, None]
+    outside = LEGS.holding_torque(POSE, UP) + LEGS.torque(JACOBIAN, pushed) + inertial[:, :, 0]
+    torque = LEGS.scatter(outside, NOTHING) - friction_torque(velocity, ROBOT.motor)
+    return Sensed(np.zeros(3), UP, np.array([1.0, 0.0, 0.0, 0.0]), POSE, velocity, torque)
+
+
+def felt(
+    pushed: np.ndarray,
+    rate: np.ndarray = NOTHING,
+    acceleration: np.ndarray = NOTHING,
+    heavier: float = 1.0,
+    doubt: float = 0.0,
+) -> np.ndarray:
+    """Shares (6,) after 0.2 s in a force, from rest. The legs' pose is taken to be the same meanwhile."""
+    ground = GroundForce(ROBOT, BODY, FILTER_S, doubt)
+    ground.reset(readings(np.zeros((6, 3)), rate, NOTHING, heavier))
+    for tick in range(1, 51):
+        velocity = rate + tick * DT_S * acceleration
+        shares = ground.update(readings(pushed, velocity, acceleration, heavier), JACOBIAN, DT_S)
+    return shares
+
+
+def feet(**forces: float) -> np.ndarray:
+    """Upward forces (6, 3), N, by the feet's names."""
+    given = np.zeros((6, 3))
+    for foot, force in forces.items():
+        given[[each.name for each in ROBOT.description.feet].index(foot), 2] = force
+    return given
+
+
+FALL = np.tile([[0.0], [0.0], [-5.0]], (6, 1, 1))  # m/s^2, of each foot
+LOWERING = LEGS.scatter(LEGS.joint_rates(JACOBIAN, FALL)[:, :, 0], NOTHING)  # rad/s^2
+
+
+def test_a_foot_feels_its_share_of_the_weight() -> None:
+    shares = felt(feet(LF=EVEN_N, RR=2 * EVEN_N))
+    np.testing.assert_allclose(shares, [1.0, 0.0, 0.0, 0.0, 0.0, 2.0], atol=0.01)
+
+
+def test_gearboxes_that_turn_do_not_feel_like_ground() -> None:
+    """Their friction at 2 rad/s is 0.13 N m: a fifth of a share at the foot and more."""
+    np.testing.assert_allclose(felt(feet(), rate=np.full(18, 2.0)), 0.0, atol=0.01)
+
+
+def test_legs_thrown_down_do_not_feel_like_ground_and_what_they_hit_does() -> None:
+    """Such a throw takes three shares of force at the foot."""
+    np.testing.assert_allclose(felt(feet(), acceleration=LOWERING), 0.0, atol=0.05)
+    shares = felt(feet(LM=1.5 * EVEN_N), acceleration=LOWERING)
+    np.testing.assert_allclose(shares, [0.0, 1.5, 0.0, 0.0, 0.0, 0.0], atol=0.05)
+
+
+def test_legs_heavier_than_described_feel_no_ground_within_the_doubt() -> None:
+    assert felt(feet(), acceleration=LOWERING, heavier=1.2).min() > 0.4
+    assert felt(feet(), acceleration=LOWERING, heavier=1.2, doubt=0.2) == pytest.approx(np.zeros(6), abs=0.05)
+
+
+def test_legs_that_brake_are_not_doubted() -> None:
+    """A foot that is stopped by the ground is to be felt at once."""
+    braked = felt(feet(LM=1.5 * EVEN_N), acceleration=-LOWERING, doubt=0.2)
+    np.testing.assert_allclose(braked, [0.0, 1.5, 0.0, 0.0, 0.0, 0.0], atol=0.05)
+
+
+def test_it_knows_a_landing_within_two_time_constants() -> None:
+    ground = GroundForce(ROBOT, BODY, FILTER_S, 0.0)
+    ground.reset(readings(feet(), NOTHING, NOTHING, 1.0))
+    landed = readings(feet(LF=2 * EVEN_N), NOTHING, NOTHING, 1.0)
+    shares = [ground.update(landed, JACOBIAN, DT_S)[0] for _ in range(round(2 * FILTER_S / DT_S))]
+    assert shares[0] < 0.2
+    assert shares[-1] > 1.0
+
+
+def test_noise_of_the_velocities_stays_below_half_a_share() -> None:
+    """Uniform within 0.1 rad/s, as the scenarios have it; differentiated over a tick it makes ten shares."""
+    ground, rng = GroundForce(ROBOT, BODY, FILTER_S, 0.0), np.random.default_rng(1)
+    still = readings(feet(), NOTHING, NOTHING, 1.0)
+    ground.reset(still)
+    shares = [
+        ground.update(still._replace(joint_velocity=rng.uniform(-0.1, 0.1, 18)), JACOBIAN, DT_S)
+        for _ in range(500)
+    ]
+    assert np.abs(shares).max() < 0.5
