@@ -22,7 +22,8 @@ PATIENCE_S = 2.0  # for motors to tell their settings, and to switch on
 SILENCE_US = 500_000
 SETTLE_S = 1.0  # motors off, before a zero is set
 STILL_RAD_S = 0.2
-OFF_TICKS = 5  # how often motors are told to switch off: a frame may be lost
+TELL_TICKS = 5  # how often motors are told to switch off, or to forget errors: a frame may be lost
+CLEAR_S = 0.5  # until a motor has said that it has no error any more: heartbeats come ten times a second
 ZERO_S = 1.2  # some motors say nothing for a second after their zero was set
 HANGING_UP = (
     signal.SIGHUP,
@@ -93,6 +94,16 @@ class Bench:
         moves = f"{self._wiring.place(int(moving.argmax()))} moves" if moving.any() else ""
         return self.missing() or moves
 
+    def clear(self) -> str:
+        """Let motors forget the errors that they have latched; why that cannot be, or empty."""
+        frames = self._driver.clear()
+        if not len(frames.id):
+            return "no motor here knows a frame that clears errors: switch their power off and on"
+        for _ in range(TELL_TICKS):
+            self._exchange(frames)
+        self._run(CLEAR_S, self._driver.disable)
+        return ""
+
     def zero(self) -> None:
         """Motors take their present position for zero."""
         self._run(0.0, self._driver.zero)
@@ -100,7 +111,7 @@ class Bench:
 
     def off(self) -> None:
         """Switch the motors off."""
-        for _ in range(OFF_TICKS):
+        for _ in range(TELL_TICKS):
             self._exchange(self._driver.disable())
 
     # -- what it knows -------------------------------------------------------------------------------

@@ -24,6 +24,7 @@ class MotorFaults:
     silent: np.ndarray  # bool: cut off from the bus; the motor carries on until its own time-out
     stuck: np.ndarray  # bool: repeats what it reported last
     error: np.ndarray  # uint64: error code that it reports
+    latched: np.ndarray  # uint64: likewise, and it stays off, until its errors are cleared
 
 
 class SimulatedMotors:
@@ -61,7 +62,7 @@ class SimulatedMotors:
         self._delay_steps = round(float(sample.get("action_delay_s", 0.0)) / step_s)
         self._timeout_s, self._step_s = timeout_s, step_s
         self._read_time_outs()
-        self.faults = MotorFaults(np.zeros(n, bool), np.zeros(n, bool), np.zeros(n, np.uint64))
+        self.faults = MotorFaults(*np.zeros((2, n), bool), *np.zeros((2, n), np.uint64))
         self.enabled = np.zeros(n, dtype=bool)
         self._any_enabled = self._all_enabled = False
         self._timed_out = np.zeros(n, dtype=bool)
@@ -150,12 +151,14 @@ class SimulatedMotors:
         motors = np.arange(len(self.enabled))[requests.motor]
         for row, (motor, kind) in enumerate(zip(motors.tolist(), requests.kind.tolist(), strict=True)):
             if kind == Request.ENABLE:
+                if self._locked()[motor]:
+                    continue
                 if not self.enabled[motor]:
                     self._values[:, motor] = 0.0  # a motor wakes up limp
                 self.enabled[motor] = True
                 self._timed_out[motor] = False
             elif kind == Request.CLEAR:
-                self._timed_out[motor] = False
+                self._timed_out[motor], self.faults.latched[motor] = False, 0
             elif kind == Request.DISABLE:
                 self.enabled[motor] = False
             elif kind == Request.ZERO:
@@ -164,6 +167,10 @@ class SimulatedMotors:
                 values = requests.values[:, row : row + 1]
                 self._due.append((step + self._delay_steps, np.array([motor]), values))
         self._note_enabled()
+
+    def _locked(self) -> np.ndarray:
+        """Which motors do not switch on until their errors are cleared."""
+        return (self.faults.latched != 0) | (self._timed_out & self._end.time_out_latches)
 
     def _note_enabled(self) -> None:
         self._any_enabled, self._all_enabled = bool(self.enabled.any()), bool(self.enabled.all())
@@ -180,7 +187,7 @@ class SimulatedMotors:
 
     def _report(self, readings: np.ndarray) -> "_Report":
         """What every motor has to say now; a stuck one repeats itself."""
-        error, on = self.faults.error.copy(), self.enabled.copy()
+        error, on = np.maximum(self.faults.error, self.faults.latched), self.enabled.copy()
         if np.count_nonzero(self._timed_out):
             error = np.maximum(error, self._timed_out * np.asarray(self._end.time_out_error, np.uint64))
         report, stuck = _Report(readings, error, on), self.faults.stuck

@@ -4,7 +4,9 @@ import threading
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 from multicast import robot_on_multicast
@@ -12,7 +14,10 @@ from shell import Shell
 
 from footfall.common import machine
 from footfall.deploy import bench, scan
+from footfall.deploy.drivers import odrive, robstride
 from footfall.plant import serve
+from footfall.plant.motors import MotorFaults
+from footfall.plant.robot import SimulatedRobot
 
 
 @pytest.fixture
@@ -81,6 +86,35 @@ class TurnsClock:
         return 0.0
 
 
+Faulty = Callable[[Callable[[MotorFaults], np.ndarray], int], None]
+VICTIM = 11  # RL_calf_joint
+VIRTUAL = ("--bus", "virtual")
+
+
+def with_knees(folder: Path, protocol: str) -> Path:
+    """A robot whose knees are some other motor."""
+    declaration = folder / "robot.yaml"
+    content = yaml.safe_load(declaration.read_text())
+    content["motors"]["knee"]["protocol"] = protocol
+    declaration.write_text(yaml.safe_dump(content))
+    return folder
+
+
+@pytest.fixture
+def faulty(monkeypatch: pytest.MonkeyPatch) -> Faulty:
+    """Gives a motor of the simulated robot an error from the start."""
+
+    def inject(which: Callable[[MotorFaults], np.ndarray], code: int) -> None:
+        def robot(*arguments: Any) -> SimulatedRobot:
+            body = SimulatedRobot(*arguments)
+            which(body.faults.motors)[VICTIM] = code
+            return body
+
+        monkeypatch.setattr(serve, "SimulatedRobot", robot)
+
+    return inject
+
+
 class TestVirtual:
     """A bus that reaches no further than this process, with a simulated robot on it."""
 
@@ -110,9 +144,48 @@ class TestVirtual:
         (row,) = rows_of(shell, "zero", "--bus", "virtual", "--joint", "RL_calf_joint", "--yes")
         assert abs(float(row[4])) < 0.05
 
+    @pytest.mark.parametrize(
+        ("protocol", "code", "says"),
+        [
+            ("ODrive", odrive.WATCHDOG, "that it heard nothing for too long and switched itself off"),
+            ("DM8009", 8, "over-voltage"),
+            ("RS03", 4, "over-temperature"),
+            ("RS03", robstride.REPORTED + 14, "stall overload"),
+        ],
+    )
+    def test_a_latched_error_is_cleared(
+        self, shell: Shell, own_folder: Path, faulty: Faulty, protocol: str, code: int, says: str
+    ) -> None:
+        faulty(lambda motors: motors.latched, code)
+        knees = with_knees(own_folder, protocol)
+        outcome = shell(
+            "can", "clear", "--bus", "virtual", "--robot", knees, "--joint", "RL_calf_joint", "--yes"
+        )
+        assert (outcome.status, outcome.err) == (0, ""), outcome
+        first, *table = outcome.out.splitlines()
+        assert first == f"RL_calf_joint reported {says}: cleared"
+        assert table[-1].split()[0] == "RL_calf_joint"
+
+    def test_an_error_that_goes_on_is_named(self, shell: Shell, own_folder: Path, faulty: Faulty) -> None:
+        faulty(lambda motors: motors.error, 8)
+        knees = with_knees(own_folder, "DM8009")
+        outcome = shell(
+            "can", "clear", "--bus", "virtual", "--robot", knees, "--joint", "RL_calf_joint", "--yes"
+        )
+        assert outcome.status == 1
+        assert outcome.out.splitlines()[-1] == "RL_calf_joint reports over-voltage"
+        assert "cleared" not in outcome.out
+
+    def test_motors_that_cannot_clear_errors_say_so(self, shell: Shell) -> None:
+        outcome = shell("can", "clear", "--bus", "virtual", "--yes")
+        assert outcome.status == 1
+        assert outcome.out.splitlines()[-1] == (
+            "no motor here knows a frame that clears errors: switch their power off and on"
+        )
+
 
 class TestRefusals:
-    @pytest.mark.parametrize("verb", ["enable", "zero"])
+    @pytest.mark.parametrize("verb", ["enable", "zero", "clear"])
     def test_nothing_is_done_that_nobody_confirms(self, shell: Shell, verb: str) -> None:
         assert shell.refuses("can", verb, "--bus", "virtual") == "nobody is there to confirm: add --yes"
 
@@ -132,7 +205,9 @@ class TestRefusals:
             (["--bus", "virtual", "--robot", "rex"], "no robot 'rex'"),
         ],
     )
-    @pytest.mark.parametrize("verb", [["scan"], ["monitor"], ["enable", "--yes"], ["zero", "--yes"]])
+    @pytest.mark.parametrize(
+        "verb", [["scan"], ["monitor"], ["enable", "--yes"], ["zero", "--yes"], ["clear", "--yes"]]
+    )
     def test_a_wrong_interface_or_robot_is_one_line(
         self, shell: Shell, verb: list[str], options: list[str], says: str
     ) -> None:

@@ -96,6 +96,56 @@ class TestFrames:
         errors = [int(driver.replies(frame(each, "8000 8000 8000 0190")).error[0]) for each in ids]
         assert errors == [0, 0, robstride.WENT_OFF, 0]
 
+    @pytest.mark.parametrize(
+        ("word", "says"),
+        [
+            ("0400 0000", "under-voltage"),
+            ("0040 0000", "stall overload"),  # bit 14
+            ("0000 0100", "over-current of phase A"),  # bit 16
+            ("2800 0000", "over-voltage"),  # bits 3 and 5: the lowest of several
+            ("0000 0080", "fault bit 31"),
+        ],
+    )
+    def test_a_report_of_a_fault_is_told_with_the_next_replies(
+        self, driver: RobstrideDriver, word: str, says: str
+    ) -> None:
+        """Type 21 is 0x15; the motor's id is in bits 8 to 15, as in a reply, and the word begins low."""
+        assert not driver.replies(frame(0x150007FD, f"{word} 0000 0000")).values.size
+        errors = [int(driver.replies(frame(0x028007FD, "8000 8000 8000 0190")).error[0]) for _ in range(2)]
+        assert [driver.error_name(error, 0) for error in errors] == [says, says]
+        other = driver.replies(frame(0x028007FD, "8000 8000 8000 0190", channel=1))
+        assert other.error.tolist() == [0]
+
+    @pytest.mark.parametrize("end", ["report", "clear"])
+    def test_it_is_told_until_the_motor_reports_none_or_is_told_to_forget_it(
+        self, driver: RobstrideDriver, end: str
+    ) -> None:
+        driver.replies(frame(0x150007FD, "0400 0000 0000 0000"))
+        if end == "clear":
+            driver.clear()
+        else:
+            driver.replies(frame(0x150007FD, "0000 0000 0000 0000"))
+        assert driver.replies(frame(0x028007FD, "8000 8000 8000 0190")).error.tolist() == [0]
+
+    def test_a_warning_is_no_fault(self, driver: RobstrideDriver) -> None:
+        driver.replies(frame(0x150007FD, "0000 0000 0100 0000"))
+        assert driver.replies(frame(0x028007FD, "8000 8000 8000 0190")).error.tolist() == [0]
+
+    @pytest.mark.parametrize(
+        ("identifier", "passes"),
+        [
+            (0x028007FD, True),
+            (0x110007FD, True),
+            (0x150007FD, True),
+            (0x150007FE, False),
+            (0x180007FD, False),
+        ],
+    )
+    def test_replies_parameters_and_reports_of_faults_pass_the_filters(
+        self, driver: RobstrideDriver, identifier: int, passes: bool
+    ) -> None:
+        assert any(identifier & each["can_mask"] == each["can_id"] for each in driver.filters) == passes
+
     @pytest.mark.parametrize("identifier", [0x028008FD, 0x02800701, 0x018007FD, 0x110007FD])
     def test_frames_of_others_are_left_aside(self, driver: RobstrideDriver, identifier: int) -> None:
         assert not driver.replies(frame(identifier, "8000 8000 8000 0190")).values.size
@@ -109,6 +159,15 @@ class TestFrames:
         error = np.abs(requests.values - np.clip(share * MOST, lowest, MOST))
         assert requests.kind is None
         assert np.all(error <= 0.5 * quantum * (1 + 1e-9))
+
+    @pytest.mark.parametrize("code", [4, robstride.REPORTED + 2])
+    def test_a_simulated_motor_tells_an_error_in_its_reply_or_in_a_report(
+        self, driver: RobstrideDriver, code: int
+    ) -> None:
+        error = np.array([0, code], np.uint64)
+        replies = driver.replies(RobstrideMotorEnd(TWO).reply(slice(None), np.zeros((3, 2)), 33, error))
+        assert np.arange(2)[replies.motor].tolist() == [0, 1]
+        assert replies.error.tolist() == [0, code]
 
     @given(arrays.arrays(float, (3, 2), elements=st.floats(-2.0, 2.0)))
     def test_so_does_a_reply(self, share: np.ndarray) -> None:

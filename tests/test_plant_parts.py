@@ -329,6 +329,7 @@ class End:
 
     filters = ()
     time_out_error = 13
+    time_out_latches = False
     timeout_s = np.full(3, np.nan)
     talkative = False
 
@@ -404,6 +405,32 @@ class TestMotors:
         expected[:, [2, 0]] = other
         np.testing.assert_allclose(stand.torque(1), torque_of(expected))
         np.testing.assert_allclose(stand.motors.friction(VELOCITY), friction_torque(VELOCITY, MOTOR))
+
+    def test_a_latched_error_keeps_a_motor_off_until_it_is_cleared(self) -> None:
+        stand = Stand()
+        stand.motors.faults.latched[1] = 8
+        stand.on()
+        assert stand.motors.enabled.tolist() == [True, False, True]
+        assert stand.end.replied[-1][2] == [0, 8, 0]
+        stand.ask(1, np.array([1]), [Request.CLEAR], np.zeros((5, 1)))
+        stand.on(2)
+        assert stand.motors.enabled.all()
+        assert stand.end.replied[-1][2] == [0, 0, 0]
+
+    @pytest.mark.parametrize("latches", [False, True])
+    def test_so_does_a_time_out_where_a_maker_latches_it(
+        self, latches: bool, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """All hear nothing for 20 ms and more."""
+        monkeypatch.setattr(End, "time_out_latches", latches)
+        stand = Stand()
+        stand.on()
+        stand.torque(25)
+        stand.on(26)
+        assert stand.motors.enabled.tolist() == [not latches] * 3
+        stand.ask(27, slice(None), [Request.CLEAR] * 3, VALUES)
+        stand.on(28)
+        assert stand.motors.enabled.all()
 
     def test_a_delay_holds_back_commands_but_not_switching(self) -> None:
         """2.6 ms are three steps; two commands are on their way at once."""

@@ -7,6 +7,10 @@ and two bits of mode. A parameter (type 17) is asked for by its index, little-en
 and told with its value, little-endian, in the last four; type 18 writes it until the motor's power goes off,
 and is answered by a reply. The communication time-out is set where it is off or too long.
 
+A motor reports its faults (type 21) with a word of bits, little-endian, in the first four bytes; they are
+told with its next replies until it reports others or is told to forget them. The last four bytes are
+warnings: the supervisor has its own limit of the temperature.
+
 Positions span 4 pi to either side, as the manual says; the maker's sample program has 12.5 rad, half a per
 cent less.
 """
@@ -24,7 +28,7 @@ from footfall.deploy.frames import EXTENDED, Frames, frame_bits
 from footfall.deploy.wiring import Wiring
 
 HOST = 0xFD
-CONTROL, FEEDBACK, ENABLE, STOP, ZERO, READ, WRITE = 1, 2, 3, 4, 6, 17, 18
+CONTROL, FEEDBACK, ENABLE, STOP, ZERO, READ, WRITE, FAULT = 1, 2, 3, 4, 6, 17, 18, 21
 TIME_OUT_STEP_S = 50e-6  # that the time-out is counted in: by the manual 20000 is a second
 
 _TURNS = 4 * math.pi
@@ -53,6 +57,21 @@ FAULTS = {
     16: "stall overload",
     32: "that it is not calibrated",
     WENT_OFF: "that it is switched off",
+}
+
+REPORTED = 128  # codes from here on are the numbers of bits in a report of type 21, its lowest one's
+REPORTED_FAULTS = {
+    0: "over-temperature",
+    1: "a fault of its driver chip",
+    2: "under-voltage",
+    3: "over-voltage",
+    4: "over-current of phase B",
+    5: "over-current of phase C",
+    7: "that its encoder is not calibrated",
+    8: "that it does not know its own hardware",
+    9: "that it cannot find its position",
+    14: "stall overload",
+    16: "over-current of phase A",
 }
 
 _WORDS = np.dtype(">u2")
@@ -110,7 +129,8 @@ class RobstrideDriver:
 
     identifiers = staticmethod(identifiers)
     filters: tuple[CanFilter, ...] = tuple(
-        {"can_id": kind << 24 | HOST, "can_mask": 0x1F00_00FF, "extended": True} for kind in (FEEDBACK, READ)
+        {"can_id": kind << 24 | HOST, "can_mask": 0x1F00_00FF, "extended": True}
+        for kind in (FEEDBACK, READ, FAULT)
     )
 
     def __init__(self, wiring: Wiring) -> None:
@@ -126,6 +146,7 @@ class RobstrideDriver:
         self._settings = Settings(PARAMETERS, TIME_OUT, wiring.timeout_s, TIME_OUT_STEP_S)
         self._asking = True
         self._was_on = np.zeros(n, dtype=bool)
+        self._reported = np.zeros(n, np.uint8)  # codes of reported faults, 0 for none
         self._control = identifier_of(CONTROL, 0, wiring.motor_id)
         nothing = Frames(wiring.channel, wiring.motor_id, np.zeros((n, 8), np.uint8), np.full(n, 8))
         self._outgoing = nothing
@@ -171,6 +192,7 @@ class RobstrideDriver:
         return self._speaks
 
     def clear(self) -> Frames:
+        self._reported[:] = 0
         return self._clear
 
     def zero(self) -> Frames:
@@ -191,6 +213,7 @@ class RobstrideDriver:
             self._listen(frames.take(ours & (kind == READ)), motor[ours & (kind == READ)])
         usable = ours & (kind == FEEDBACK)
         if not usable.all():
+            self._hear_faults(frames.data[ours & (kind == FAULT)], motor[ours & (kind == FAULT)])
             motor, frames = motor[usable], frames.take(usable)
         words = words_of(frames.data)
         values = self._codec.values(words[:3], REPLIED, motor)
@@ -198,6 +221,8 @@ class RobstrideDriver:
         error = (frames.id >> 16 & 0x3F).astype(np.uint8)
         error[~running & self._was_on[motor]] |= WENT_OFF
         self._was_on[motor] |= running
+        reported = self._reported[motor]
+        error = np.where(reported, reported, error)
         return Replies(motor, values, error, words[3] * 0.1, self._unknown[motor], frames.time_us)
 
     def _listen(self, frames: Frames, motor: np.ndarray) -> None:
@@ -208,9 +233,22 @@ class RobstrideDriver:
                 whole = row[4:5] if parameter == RUN_MODE else row[4:]  # the mode is a byte
                 self._settings.hear(joint, parameter, int.from_bytes(bytes(whole), "little"))
 
+    def _hear_faults(self, data: np.ndarray, motor: np.ndarray) -> None:
+        """Take in reports of faults (k, 8)."""
+        for joint, row in zip(motor.tolist(), data, strict=True):
+            word = int.from_bytes(row[:4].tobytes(), "little")
+            self._reported[joint] = REPORTED + lowest_bit(word) if word else 0
+
     def error_name(self, code: int, joint: int = 0) -> str:
+        if code >= REPORTED:
+            return REPORTED_FAULTS.get(code - REPORTED, f"fault bit {code - REPORTED}")
         names = [name for bit, name in FAULTS.items() if code & bit]
         return " and ".join(names) or f"error {code}"
+
+
+def lowest_bit(word: int) -> int:
+    """The number of the lowest bit that is set in a word other than 0."""
+    return (word & -word).bit_length() - 1
 
 
 def _problem(told: dict[int, float]) -> str:

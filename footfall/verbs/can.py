@@ -28,6 +28,7 @@ can = App(name="can", help="A robot on a stand: who is on its buses, switch on, 
 NOT_ALL_WELL = 1
 VIRTUAL = "virtual"  # leads to a simulated robot in this process
 FRAMES_PER_SECOND = 5
+LOOK_S = 0.5  # for every motor to tell its errors: heartbeats come ten times a second
 
 
 @Parameter(name="*")
@@ -119,6 +120,28 @@ def zero(*, place: Place = Place(), joint: Names = (), yes: Yes = False) -> int:
         if not problem:
             bench.zero()
             problem = bench.missing()
+        _print_motors(bench)
+        return _verdict(bench, problem)
+
+
+@can.command
+def clear(*, place: Place = Place(), joint: Names = (), yes: Yes = False) -> int:
+    """Let motors that are off forget the errors that they have latched; exit 1 if one has an error still.
+
+    Parameters
+    ----------
+    joint
+        These joints alone.
+    """
+    which = ", ".join(joint) if joint else "every joint"
+    confirm(f"clear the errors of {which}? A motor that was kept off by them can be switched on then", yes)
+    with _bench(place, joint) as bench:
+        bench.watch(LOOK_S, lambda: None)
+        before = bench.states()
+        problem = bench.clear() or bench.missing()
+        for was, state in zip(before, bench.states(), strict=True):
+            if was.error and not state.error:
+                print(f"{was.joint} reported {was.error}: cleared")
         _print_motors(bench)
         return _verdict(bench, problem)
 

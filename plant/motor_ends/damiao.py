@@ -41,6 +41,7 @@ class DamiaoMotorEnd(AnswersOnly):
         {"can_id": REGISTER_ID, "can_mask": 0x7FF, "extended": False},
     )
     time_out_error = COMMUNICATION_LOST
+    time_out_latches = False
     talkative = False
 
     def __init__(self, wiring: Wiring, ranges: list[MotorRange] | None = None) -> None:

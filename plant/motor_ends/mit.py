@@ -19,6 +19,7 @@ class MitMotorEnd(AnswersOnly):
 
     filters: tuple[CanFilter, ...] = ({"can_id": 0, "can_mask": 0x7FF - MOTOR_IDS[-1], "extended": False},)
     time_out_error = mit.COMMUNICATION_LOST
+    time_out_latches = False
     talkative = False
 
     def __init__(self, wiring: Wiring) -> None:

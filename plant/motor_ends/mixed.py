@@ -21,8 +21,10 @@ class MixedMotorEnd:
         n = sum(len(joints) for _, joints in parts)
         self.talkative = any(end.talkative for end, _ in parts)
         self.time_out_error: np.ndarray = np.zeros(n, np.uint64)
+        self.time_out_latches: np.ndarray = np.zeros(n, bool)
         for end, joints in parts:
             self.time_out_error[joints] = end.time_out_error
+            self.time_out_latches[joints] = end.time_out_latches
         self._everyone = np.arange(n)
         self._part_of, self._own = np.zeros(n, np.intp), np.zeros(n, np.intp)
         for part, (_, joints) in enumerate(parts):

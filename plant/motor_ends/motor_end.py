@@ -47,6 +47,11 @@ class MotorEnd(Protocol):
         ...
 
     @property
+    def time_out_latches(self) -> bool | np.ndarray:
+        """Whether such a motor stays off until its errors are cleared: of all, or (n,)."""
+        ...
+
+    @property
     def timeout_s(self) -> np.ndarray:
         """(n,) after which a motor that hears nothing switches itself off; NaN where no frame sets that."""
         ...

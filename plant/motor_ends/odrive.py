@@ -30,6 +30,7 @@ class OdriveMotorEnd:
         {"can_id": message, "can_mask": 0x1F, "extended": False} for message in _KIND
     )
     time_out_error = odrive.WATCHDOG
+    time_out_latches = True
     talkative = True
 
     def __init__(self, wiring: Wiring) -> None:

@@ -7,10 +7,12 @@ from footfall.deploy.drivers.mit_driver import motor_lookup
 from footfall.deploy.drivers.robstride import (
     CONTROL,
     ENABLE,
+    FAULT,
     FEEDBACK,
     HOST,
     READ,
     REPLIED,
+    REPORTED,
     RUN_MODE,
     RUNNING,
     STOP,
@@ -23,7 +25,7 @@ from footfall.deploy.drivers.robstride import (
     payload,
     words_of,
 )
-from footfall.deploy.frames import EXTENDED, Frames
+from footfall.deploy.frames import EXTENDED, Frames, joined
 from footfall.deploy.wiring import Wiring
 from footfall.plant.motor_ends.motor_end import AnswersOnly, Request, Requests, time_outs
 
@@ -36,6 +38,7 @@ class RobstrideMotorEnd(AnswersOnly):
 
     filters: tuple[CanFilter, ...] = ({"can_id": 0, "can_mask": 0, "extended": True},)
     time_out_error = 0  # it switches itself off, and says no more than that
+    time_out_latches = False
     talkative = False
 
     def __init__(self, wiring: Wiring) -> None:
@@ -87,9 +90,20 @@ class RobstrideMotorEnd(AnswersOnly):
         error: np.ndarray,
         on: np.ndarray | None = None,
     ) -> Frames:
+        """A fault that is reported (type 21) precedes the reply."""
         running = np.ones(len(error), bool) if on is None else on
         codes = self._codec.codes(values, REPLIED, motor)
         words = np.vstack([codes, np.full(len(error), 10 * temperature_c)])
-        about = self._wiring.motor_id[motor] | error.astype(np.intp) << 8 | running * RUNNING << 14
+        code = error.astype(np.intp)
+        reported = code >= REPORTED
+        about = self._wiring.motor_id[motor] | np.where(reported, 0, code) << 8 | running * RUNNING << 14
         identifier = identifier_of(FEEDBACK, about, HOST)
-        return Frames(self._wiring.channel[motor], identifier, payload(words), self._length[motor])
+        frames = Frames(self._wiring.channel[motor], identifier, payload(words), self._length[motor])
+        if not reported.any():
+            return frames
+        report = frames.take(reported)
+        word = (np.uint32(1) << (code[reported] - REPORTED).astype(np.uint32)).astype("<u4")
+        data = np.zeros((len(word), 8), np.uint8)
+        data[:, :4] = word.view(np.uint8).reshape(-1, 4)
+        about = self._wiring.motor_id[motor][reported]
+        return joined([report._replace(id=identifier_of(FAULT, about, HOST), data=data), frames])
