@@ -1,14 +1,11 @@
 """The page, the film and the functions that the command line calls, end to end with short scenarios."""
 
 import json
-import shutil
-import subprocess
 from pathlib import Path
 
 import imageio_ffmpeg
 import numpy as np
 import pytest
-from matplotlib.image import imread
 from rich.console import Console
 
 from footfall.common.errors import UserError
@@ -26,17 +23,6 @@ from footfall.plant.trace import Trace
 from footfall.policies.registry import load_policy
 from footfall.robots.description import Robot, load_robot
 
-CHROMIUM_FLAGS = (
-    "--headless",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-sync",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--window-size=1200,1600",
-)
 SHORT = ScenarioFile(
     noise=load_scenarios(load_robot("go1")).noise,
     scenarios={
@@ -188,15 +174,6 @@ class TestCompare:
     def test_the_page_says_why_there_are_no_films(self, compared: tuple[dict, Path, Path]) -> None:
         text = compared[2].read_text(encoding="utf-8")
         assert text.count("No film of ") == text.count("egl: no display") == 2
-
-    @pytest.mark.skipif(shutil.which("chromium") is None, reason="needs Chromium")
-    def test_chromium_draws_the_page(self, compared: tuple[dict, Path, Path], tmp_path: Path) -> None:
-        picture = tmp_path / "page.png"
-        places = [f"--user-data-dir={tmp_path / 'profile'}", f"--screenshot={picture}", compared[2].as_uri()]
-        subprocess.run(["chromium", *CHROMIUM_FLAGS, *places], check=True, capture_output=True, timeout=60)
-        pixels = imread(picture)[..., :3]
-        assert pixels.shape[:2] == (1600, 1200)
-        assert pixels.std() > 0.05
 
     @pytest.mark.usefixtures("short")
     def test_an_output_that_cannot_be_written_is_told_before_anything_runs(

@@ -39,3 +39,11 @@ document.querySelectorAll("svg[data-readings]").forEach(svg => {
     place(event);
   });
 });
+
+// On paper nothing can be unfolded.
+let unfolded = [];
+addEventListener("beforeprint", () => {
+  unfolded = [...document.querySelectorAll("details:not([open])")];
+  unfolded.forEach(each => { each.open = true; });
+});
+addEventListener("afterprint", () => unfolded.forEach(each => { each.open = false; }));
