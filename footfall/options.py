@@ -55,8 +55,8 @@ OptionalPath = Annotated[Path | None, AS_TYPED]
 PolicyName = Annotated[
     str,
     Parameter(
-        help="A run folder, an .onnx file, a name in the zoo, or a controller of the robot (stand; with other"
-        " settings stand@mine.yaml, stand@kp=50)."
+        help="A run folder, an .onnx file, a name in the zoo, a controller of the robot (stand; with other"
+        " settings stand@mine.yaml, stand@kp=50), or MODULE:CLASS, a controller of your own."
     ),
 ]
 ControllerSettings = Annotated[

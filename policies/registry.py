@@ -1,4 +1,4 @@
-"""From what a user types to a policy: a hand-written controller, a zoo name, a run folder, an ONNX file."""
+"""From what a user types to a policy: a controller, a zoo name, a run folder, an ONNX file, a class."""
 
 from collections.abc import Iterable
 from importlib import import_module
@@ -11,6 +11,7 @@ from footfall.policies.controllers.settings import (
     configured_controllers,
     controller_settings,
 )
+from footfall.policies.own import is_place, load_own
 from footfall.policies.policy import Policy
 from footfall.policies.spec import read_changes, self_contained, short_name, split_spec
 from footfall.robots.description import Robot
@@ -122,13 +123,15 @@ def load_policy(spec: str, robot: Robot) -> Policy:
     if spec in zoo_names():
         return LearnedPolicy(ZOO / spec / "policy.onnx", robot, spec)
     path = Path(spec)
+    if is_place(spec) and not path.exists():
+        return load_own(spec, robot)
     if spec and path.is_dir():
         return LearnedPolicy(_policy_in(path), robot, path.name or path.resolve().name)
     if path.is_file():
         return LearnedPolicy(path, robot)
     known = ", ".join([*controllers_of(robot), *zoo_names(robot)])
     given = f"no policy '{spec}'" if spec else "no policy is named"
-    raise UserError(f"{given}: give one of {known}, a run folder or an .onnx file")
+    raise UserError(f"{given}: give one of {known}, a run folder, an .onnx file or MODULE:CLASS")
 
 
 def load_settings(spec: str, robot: Robot) -> Any:

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -116,6 +117,53 @@ class TestControllers:
         assert (
             refusal("stand", load_robot(own_folder)) == f"{settings}: expected a section for each controller"
         )
+
+
+PAGE = Path(__file__).parents[1] / "docs" / "evaluation.md"
+UNFINISHED = "class Unfinished:\n    name = 'mine'\n    def __init__(self, robot): pass\nclass Odd: pass\n"
+
+
+class TestOwn:
+    """MODULE:CLASS, with the class that the page on evaluation shows."""
+
+    @pytest.fixture(autouse=True)
+    def _folder(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.setattr(sys, "path", list(sys.path))
+        example = PAGE.read_text().partition("```python\n")[2].partition("```")[0]
+        (tmp_path / "mine.py").write_text(example + "\n\n" + UNFINISHED)
+        (tmp_path / "typo.py").write_text("class Sway(:")
+        (tmp_path / "needy.py").write_text("import not_there")
+        yield
+        for name in ("mine", "typo", "needy"):
+            sys.modules.pop(name, None)
+
+    def test_it_walks_where_any_policy_does(self, go1: Robot, capsys: pytest.CaptureFixture[str]) -> None:
+        policy = load_policy("mine:Sway", go1)
+        assert isinstance(policy, Policy)
+        assert policy.name == "sway"
+        ended = Shell(capsys)("deploy", "mine:Sway", "--command", "0,0,0", "--duration", "0.3")
+        assert ended.status == 0, ended.err
+
+    @pytest.mark.parametrize(
+        ("spec", "words"),
+        [
+            ("yours:Sway", "no module 'yours': neither {folder} nor what is installed has it to import"),
+            ("mine.deep:Sway", "no module 'mine.deep': neither"),
+            ("mine:Swing", "no policy 'mine:Swing': {folder}/mine.py has no class 'Swing'"),
+            ("mine:Unfinished", "no rate_hz, needs_estimate, contract, notes, reset, act, stance"),
+            ("mine:Odd", "mine:Odd cannot be built: TypeError: Odd() takes no arguments"),
+            (
+                "needy:Sway",
+                "importing 'needy': ModuleNotFoundError: No module named 'not_there' (needy.py:1)",
+            ),
+            ("typo:Sway", "importing 'typo': SyntaxError: invalid syntax (typo.py, line 1)"),
+        ],
+    )
+    def test_what_is_no_policy_is_refused_in_one_line(
+        self, go1: Robot, tmp_path: Path, spec: str, words: str
+    ) -> None:
+        assert words.format(folder=tmp_path) in refusal(spec, go1)
 
 
 class TestLearned:
