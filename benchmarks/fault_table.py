@@ -228,7 +228,7 @@ def run_healthy(task: tuple[str, str, bool, int]) -> dict[str, Any]:
 def _beyond_falls(config: DeployConfig) -> DeployConfig:
     """The same limits, but for those by which a robot notices that it falls: it lies on the ground then."""
     sensors = replace(config.safety.sensors, sunk=1.0)
-    return replace(config, safety=replace(config.safety, tilt_limit_rad=math.pi, sensors=sensors))
+    return replace(config, safety=replace(config.safety, tilt_limit_rad=math.pi / 2, sensors=sensors))
 
 
 class Walk(NamedTuple):

@@ -10,7 +10,10 @@ from footfall.deploy.safety import SafetyConfig
 from footfall.robots.description import Robot
 
 MOTOR_TIMEOUT_S = 0.1  # a motor that hears nothing for so long switches itself off, and says so from then on
-TICKS_OF_SILENCE = 2  # at least; a reply that comes a tick late is no fault
+LATE_TICKS = 2  # at least, of a limit: what comes a tick late is no fault
+START_TICKS = 10  # likewise, of the time that a start may take: motors are asked, switched on and looked at
+AT_LEAST = {"silence_timeout_s": LATE_TICKS, "pause_limit_s": LATE_TICKS, "start_timeout_s": START_TICKS}
+UNTIL_MOTORS_GIVE_UP = ("pause_limit_s", "late_limit_s")  # in which motors hear nothing
 
 
 @dataclass(frozen=True)
@@ -32,7 +35,7 @@ class DeployConfig:
     )
     realtime_priority: int | None = None  # SCHED_FIFO, 1 to 99, for wall-clock runs
     host_queue: int = HOST_QUEUE  # frames that a simulated CAN interface queues
-    motor_timeout_s: float = MOTOR_TIMEOUT_S  # of simulated motors; real ones are set by their own tools
+    motor_timeout_s: float = MOTOR_TIMEOUT_S  # simulated motors are set to it, real ones by their own tools
     estimator: EstimatorConfig = field(default_factory=EstimatorConfig)
     odometry: bool = False  # estimate the base's motion for the log, also where the policy does not need it
     safety: SafetyConfig = field(default_factory=SafetyConfig)
@@ -43,17 +46,26 @@ class DeployConfig:
         require_between(self, 0.001, 60.0, "stand_s", "motor_timeout_s")
         require_between(self, 0.0, 60.0, "stop_s")
         require_between(self, 1, 10_000, "host_queue")
-        require_between(self, 0.0, 100.0, "stand_kp_scale", "stand_kd_scale")
+        require_between(self, 0.1, 100.0, "stand_kp_scale")  # with less it sinks while it should stand up
+        require_between(self, 0.0, 100.0, "stand_kd_scale")
         require_between(self, 0.01, 100.0, "pose_rate_rad_s", "stop_rate_rad_s", "sink_rate_rad_s")
         require_between(self, 0.0, 1.0, "sink_share")
         require_between(self, 0.01, 1.0, "scale")
         require_between(self, 1, 99, "realtime_priority")
-        silence_s, tick_s = self.safety.silence_timeout_s, self.tick_us * 1e-6
-        if silence_s < TICKS_OF_SILENCE * tick_s:
-            raise ValueError(
-                f"safety.silence_timeout_s is {silence_s:g} s: at {self.joint_rate_hz:g} Hz a reply takes"
-                f" up to {TICKS_OF_SILENCE * tick_s:g} s"
-            )
+        for name, ticks in AT_LEAST.items():
+            limit_s, least_s = getattr(self.safety, name), ticks * self.tick_us * 1e-6
+            if limit_s < least_s:
+                raise ValueError(
+                    f"safety.{name} is {limit_s:g} s: at {self.joint_rate_hz:g} Hz"
+                    f" it has to be {least_s:g} s at least ({ticks} ticks)"
+                )
+        for name in UNTIL_MOTORS_GIVE_UP:
+            limit_s = getattr(self.safety, name)
+            if limit_s > self.motor_timeout_s:
+                raise ValueError(
+                    f"safety.{name} is {limit_s:g} s: motors that hear nothing for {self.motor_timeout_s:g} s"
+                    " (motor_timeout_s) have switched themselves off by then"
+                )
 
     @property
     def tick_us(self) -> int:

@@ -5,6 +5,7 @@ import time
 import traceback
 from collections.abc import Callable
 from contextlib import suppress
+from itertools import cycle
 from pathlib import Path
 from typing import Protocol
 
@@ -110,7 +111,7 @@ class ControlLoop:
         self._joints = JointLayer(robot, driver, wiring.imu_channel, config.tick_us * 1e-6, config.scale)
         safety = config.safety
         self._checks = SensorChecks(robot, wiring, safety.sensors, config.tick_us * 1e-6)
-        self._last_resort = self._joints.damping(safety.damping_kd)  # needs no reading to be right
+        self._last_resort = cycle(driver.damping(safety.damping_kd))  # needs no reading to be right
         self._tick_us = config.tick_us
         self._silence_us = safety.silence_timeout_s * 1e6
         self._period_us = 1e6 / policy.rate_hz
@@ -259,10 +260,8 @@ class ControlLoop:
             self.state = State(
                 Mode.ESTOP, now_s, (*state.faults, f"the control loop failed: {_where(error)}")
             )
-        frames = self._last_resort  # which brakes nothing where the host closes the joint law
         with suppress(BaseException):
-            frames = self._driver.disable() if self.state.over else self._joints.damping(config.damping_kd)
-        with suppress(BaseException):
+            frames = self._driver.disable() if self.state.over else next(self._last_resort)
             self._bus.send(frames, self.now_us)
         if self.log is not None and self.state is not before:
             with suppress(BaseException):
@@ -279,7 +278,7 @@ class ControlLoop:
 
     def damp(self) -> None:
         """Send damping frames, whatever happened before."""
-        self._bus.send(self._last_resort, self.now_us)
+        self._bus.send(next(self._last_resort), self.now_us)
 
     def shut_down(self) -> None:
         """Switch the motors off, whatever happened before: again and again, until each has answered.

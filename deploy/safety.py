@@ -55,8 +55,9 @@ class SafetyConfig:
         require_between(self, 0.001, 60.0, "pause_limit_s")
         require_between(self, 1, 1000, "late_steps")
         require_between(self, 0.01, 100.0, "damping_kd")
-        require_between(self, 1e-9, math.pi, "tilt_limit_rad", "first_pose_rad")
-        require_between(self, 0.0, 60.0, "damping_s")
+        require_between(self, 1e-9, math.pi, "first_pose_rad")
+        require_between(self, 1e-9, math.pi / 2, "tilt_limit_rad")  # what lies on its side has fallen
+        require_between(self, 0.01, 60.0, "damping_s")
         require_between(self, 0.0, 1.0, "skipped_share")
 
 

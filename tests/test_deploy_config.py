@@ -43,7 +43,13 @@ REFUSED = [
     "realtime_priority: 100",
     "motor_timeout_s: 0",
     "safety: {tilt_limit_rad: -1}",
-    "safety: {tilt_limit_rad: 4}",
+    "safety: {tilt_limit_rad: 1.6}",  # on its side it has fallen
+    "safety: {pause_limit_s: 0.003}",  # one tick and a half
+    "safety: {start_timeout_s: 0.019}",  # nine ticks and a half
+    "safety: {pause_limit_s: 0.11}",  # motors have given up after 0.1 s
+    "safety: {late_limit_s: 0.11}",
+    "safety: {damping_s: 0}",
+    "stand_kp_scale: 0",
     "safety: {late_steps: 0}",
     "safety: {late_limit_s: -1}",
     "safety: {damping_kd: .nan}",
@@ -107,10 +113,12 @@ def test_a_duration_that_never_begins_or_never_ends_is_refused(go1: Robot, secon
     "text",
     [
         "safety: {silence_timeout_s: 0.004}",
-        "{stand_kp_scale: 0, stand_kd_scale: 0}",
+        "{stand_kp_scale: 0.1, stand_kd_scale: 0}",
         "realtime_priority: 1",
         "realtime_priority: 99",
-        "safety: {damping_s: 0, tilt_limit_rad: 3.14, late_steps: 1}",
+        "safety: {damping_s: 0.01, tilt_limit_rad: 1.57, late_steps: 1}",
+        "safety: {pause_limit_s: 0.004, start_timeout_s: 0.02}",
+        "{motor_timeout_s: 0.5, safety: {pause_limit_s: 0.5, late_limit_s: 0.5}}",
         "estimator_rate_hz: 1",
     ],
 )

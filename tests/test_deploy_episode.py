@@ -164,7 +164,7 @@ class TestPushesAndFalls:
                 body.data.qpos[2] = 1.0  # in mid-air, so that nothing but the tilt tells
                 body.data.qvel[3] = 8.0
 
-        relaxed = DeployConfig(stand_s=0.4, safety=SafetyConfig(tilt_limit_rad=3.1))
+        relaxed = DeployConfig(stand_s=0.4, safety=SafetyConfig(tilt_limit_rad=1.57))
         trace = run_episode(go1, Hold(go1), short_episode(duration_s=3.0, config=relaxed), topple)
         assert trace.faults == ()
         assert (trace.fell, trace.final_state) == (True, "FALLING")

@@ -115,7 +115,7 @@ def test_only_a_run_by_the_wall_clock_is_left_undisturbed_at_its_priority(
         asked.append("over")
 
     monkeypatch.setattr(session, "undisturbed", undisturbed)
-    config = DeployConfig(stand_s=0.01, realtime_priority=42, safety=SafetyConfig(damping_s=0.0))
+    config = DeployConfig(stand_s=0.01, realtime_priority=42, safety=SafetyConfig(damping_s=0.01))
     run = Session(stand_still, 0.004, realtime, config=config)
     log = Notebook()
     log.close = lambda: ""  # type: ignore[attr-defined]

@@ -130,7 +130,7 @@ class TestAHealthyRun:
     def test_one_that_fell_without_a_fault_has_none(
         self, monkeypatch: pytest.MonkeyPatch, go1: Robot
     ) -> None:
-        run = self.run(monkeypatch, go1, 8.0, tilt_limit_rad=3.0, sensors={"sunk": 1.0})
+        run = self.run(monkeypatch, go1, 8.0, tilt_limit_rad=1.5, sensors={"sunk": 1.0})
         assert (run["fell"], run["fault"], run["fault_s"], run["alarm"]) == (True, "", None, "")
         assert 0.3 < run["fell_s"] < 1.0
 

@@ -20,7 +20,7 @@ from dataclasses import replace
 import numpy as np
 
 from footfall.deploy.drivers import mit
-from footfall.deploy.drivers.driver import CanFilter, Motors, Replies
+from footfall.deploy.drivers.driver import CanFilter, Motors, Replies, damping_alone
 from footfall.deploy.drivers.mit import MotorRange
 from footfall.deploy.drivers.mit_driver import MOTOR_IDS, motor_lookup
 from footfall.deploy.drivers.settings import Settings
@@ -172,6 +172,9 @@ class DamiaoDriver:
 
     def command(self, values: np.ndarray) -> Frames:
         return self._outgoing._replace(data=self._codec.encode(values))
+
+    def damping(self, kd: float) -> tuple[Frames, ...]:
+        return (self.command(damping_alone(kd, len(self._outgoing.id))),)
 
     def replies(self, frames: Frames) -> Replies:
         about_registers = _about_registers(frames.data)

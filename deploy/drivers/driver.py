@@ -26,6 +26,13 @@ class Replies(NamedTuple):
     time_us: np.ndarray | None  # (k,) when each frame arrived; None where nobody knows
 
 
+def damping_alone(kd: float, n: int) -> np.ndarray:
+    """A command (5, n) that damps, kd in N m s/rad, and does nothing else."""
+    values = np.zeros((5, n))
+    values[3] = kd
+    return values
+
+
 class Driver(Protocol):
     """The controller's end of a protocol."""
 
@@ -78,6 +85,14 @@ class Driver(Protocol):
 
         Raises:
             ValueError: a value is not finite.
+        """
+        ...
+
+    def damping(self, kd: float) -> tuple[Frames, ...]:
+        """Frames that have motors damp joints whatever was read: batches to be sent in turn, over and over.
+
+        Args:
+            kd: of all joints, N m s/rad.
         """
         ...
 

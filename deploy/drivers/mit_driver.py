@@ -4,7 +4,7 @@ import numpy as np
 
 from footfall.common.errors import UserError
 from footfall.deploy.drivers import mit
-from footfall.deploy.drivers.driver import CanFilter, Motors, Replies
+from footfall.deploy.drivers.driver import CanFilter, Motors, Replies, damping_alone
 from footfall.deploy.frames import Frames, frame_bits, same_layout
 from footfall.deploy.wiring import Wiring
 
@@ -94,6 +94,9 @@ class MitDriver:
     def command(self, values: np.ndarray) -> Frames:
         channel, identifier, _, length, _ = self._outgoing
         return Frames(channel, identifier, self._codec.encode(values), length)
+
+    def damping(self, kd: float) -> tuple[Frames, ...]:
+        return (self.command(damping_alone(kd, len(self._everyone))),)
 
     def replies(self, frames: Frames) -> Replies:
         if same_layout(frames, self._usual) and frames.data[:, 0].tobytes() == self._ids:

@@ -1,5 +1,6 @@
 """A robot with motors of several protocols: each speaks to its own joints."""
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -71,6 +72,11 @@ class MixedDriver:
         identifier = np.concatenate([frames.id for frames in batches])
         data = np.concatenate([frames.data for frames in batches])
         return self._outgoing._replace(id=identifier, data=data)  # the same channels and lengths each time
+
+    def damping(self, kd: float) -> tuple[Frames, ...]:
+        batches = [driver.damping(kd) for driver, _ in self._parts]
+        turns = math.lcm(*map(len, batches))
+        return tuple(joined([each[turn % len(each)] for each in batches]) for turn in range(turns))
 
     def replies(self, frames: Frames) -> Replies:
         parts = [(driver.replies(frames), joints) for driver, joints in self._parts]

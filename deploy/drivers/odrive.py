@@ -7,12 +7,14 @@ Identifiers have 11 bits, `node << 5 | message`; numbers are little-endian. As o
 | 0x01 heartbeat | axis, every 100 ms | active errors u32, state u8, result u8, trajectory done u8 |
 | 0x07 axis state | host | u32: 1 off, 8 closed loop |
 | 0x09 encoder | axis, as often as it is set to | position f32, velocity f32: turns and turns/s of the rotor |
-| 0x0B controller mode | host | control u32 (1 torque), input u32 (1 passed through) |
+| 0x0B controller mode | host | control u32 (1 torque, 2 velocity), input u32 (1 passed through) |
+| 0x0D input velocity | host | f32, turns/s of the rotor; f32, N m at the rotor on top |
 | 0x0E input torque | host | f32, N m at the rotor |
 | 0x15 temperature | axis | f32 of its power stage, f32 of the motor |
 | 0x17 supply | axis | f32 V, f32 A |
 | 0x18 clear errors | host | |
 | 0x19 absolute position | host | f32, turns |
+| 0x1B velocity gains | host | f32, N m/(turn/s) at the rotor; f32, of the integral |
 | 0x1C torques | axis, as often as it is set to | target f32, estimate f32: N m at the rotor |
 
 Nothing here is answered: an axis sends what it measures by itself. `encoder_msg_rate_ms` and
@@ -33,9 +35,10 @@ MODEL = "ODrive"
 NODES = range(1, 63)  # 63 is everybody
 
 HEARTBEAT, STATE, ENCODER, MODE, TORQUE = 0x01, 0x07, 0x09, 0x0B, 0x0E
+VELOCITY, GAINS = 0x0D, 0x1B
 TEMPERATURE, SUPPLY, CLEAR, POSITION, TORQUES = 0x15, 0x17, 0x18, 0x19, 0x1C
 IDLE, CLOSED_LOOP = 1, 8
-TORQUE_CONTROL = (1, 1)  # control mode and input mode
+TORQUE_CONTROL, VELOCITY_CONTROL = (1, 1), (2, 1)  # control mode and input mode
 
 # Codes: the number of the lowest bit that is set, plus one; these two are found out on the host.
 NOT_ON, NO_TORQUES = 40, 41
@@ -194,6 +197,20 @@ class OdriveDriver:
         data = np.zeros((len(torque), 8), np.uint8)
         data[:, :4] = (torque / self._gear).astype(_FLOATS).view(np.uint8).reshape(-1, 4)
         return self._torque._replace(data=data)
+
+    def damping(self, kd: float) -> tuple[Frames, ...]:
+        """No velocity, in velocity control: an axis closes that law itself, without a reading of the host's.
+
+        The first of them takes away the torque that it was told last. `ask` and `enable` lead back.
+        """
+        n = len(self._node)
+        gain = np.zeros((n, 2), _FLOATS)
+        gain[:, 0] = kd * TURN / self._gear**2
+        return (
+            self._frames(VELOCITY, 8, np.zeros((n, 8), np.uint8)),
+            self._frames(GAINS, 8, gain.view(np.uint8)),
+            self._frames(MODE, 8, _words(n, *VELOCITY_CONTROL)),
+        )
 
     def replies(self, frames: Frames) -> Replies:
         """A reply is an axis' position and velocity, with what it told of the rest before."""

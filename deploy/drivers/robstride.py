@@ -20,7 +20,7 @@ import struct
 
 import numpy as np
 
-from footfall.deploy.drivers.driver import CanFilter, Motors, Replies
+from footfall.deploy.drivers.driver import CanFilter, Motors, Replies, damping_alone
 from footfall.deploy.drivers.mit import MotorRange
 from footfall.deploy.drivers.mit_driver import motor_lookup
 from footfall.deploy.drivers.settings import Settings
@@ -203,6 +203,9 @@ class RobstrideDriver:
             raise ValueError("a command that is not finite cannot be sent")
         codes = self._codec.codes(values, [0, 1, 2, 3, 4])
         return self._outgoing._replace(id=self._control | codes[4] << 8, data=payload(codes[:4]))
+
+    def damping(self, kd: float) -> tuple[Frames, ...]:
+        return (self.command(damping_alone(kd, len(self._control))),)
 
     def replies(self, frames: Frames) -> Replies:
         kind, sender = frames.id >> 24 & 0x1F, frames.id >> 8 & 0xFF

@@ -16,15 +16,21 @@ STAGGER_US = 7000  # axes begin at different times, so that their slow messages 
 _SLOW = (odrive.HEARTBEAT, odrive.TEMPERATURE, odrive.SUPPLY)  # each a third of the time after the one before
 _KIND = {
     odrive.TORQUE: Request.COMMAND,
+    odrive.VELOCITY: Request.COMMAND,
     odrive.CLEAR: Request.CLEAR,
     odrive.POSITION: Request.ZERO,
     odrive.MODE: None,  # taken in at once
+    odrive.GAINS: None,  # likewise
     odrive.STATE: None,  # tells on or off
 }
 
 
 class OdriveMotorEnd:
-    """The axes' end. `mode` (n, 2) are the control and input modes that each was told."""
+    """The axes' end.
+
+    `mode` (n, 2) are the control and input modes that each was told, `damping` (n,) what its velocity gain is
+    at the joint, N m s/rad.
+    """
 
     filters: tuple[CanFilter, ...] = tuple(
         {"can_id": message, "can_mask": 0x1F, "extended": False} for message in _KIND
@@ -41,6 +47,7 @@ class OdriveMotorEnd:
         self._gear = wiring.gear_ratio
         self._per_turn = odrive.TURN / wiring.gear_ratio
         self.mode = np.zeros((n, 2), np.intp)
+        self.damping = np.zeros(n)
         self._stagger_us = STAGGER_US * np.arange(n)
         self._eights = np.full(n, 8)
         self._ids = {
@@ -53,17 +60,22 @@ class OdriveMotorEnd:
         usable = (motor >= 0) & np.isin(message, list(_KIND))
         message, motor, frames = message[usable], motor[usable], frames.take(usable)
         words = np.ascontiguousarray(frames.data).view(np.dtype("<u4")).astype(np.intp)
-        tells_mode = message == odrive.MODE
+        first, second = odrive.floats(frames.data)
+        tells_mode, tells_gain = message == odrive.MODE, message == odrive.GAINS
         self.mode[motor[tells_mode]] = words[tells_mode]
-        torque = odrive.floats(frames.data)[0] * self._gear[motor]
-        obeyed = ~tells_mode & np.isfinite(torque)
+        gained = motor[tells_gain]
+        self.damping[gained] = first[tells_gain] * self._gear[gained] / self._per_turn[gained]
+        obeyed = ~(tells_mode | tells_gain) & np.isfinite(first) & np.isfinite(second)
         obeyed &= (message != odrive.TORQUE) | (self.mode[motor] == odrive.TORQUE_CONTROL).all(axis=1)
-        motor, message = motor[obeyed], message[obeyed]
+        motor, message, first, second = motor[obeyed], message[obeyed], first[obeyed], second[obeyed]
         values = np.zeros((5, len(motor)))
-        values[4] = torque[obeyed]
-        if (message == odrive.TORQUE).all():
+        by_torque, by_velocity = message == odrive.TORQUE, message == odrive.VELOCITY
+        values[4] = np.select([by_torque, by_velocity], [first, second]) * self._gear[motor]
+        if by_torque.all():
             return Requests(motor, values, None)
-        values[4, message != odrive.TORQUE] = 0.0
+        closes = by_velocity & (self.mode[motor] == odrive.VELOCITY_CONTROL).all(axis=1)
+        values[1] = closes * first * self._per_turn[motor]
+        values[3] = closes * self.damping[motor]
         state = np.where(words[obeyed, 0] == odrive.CLOSED_LOOP, Request.ENABLE, Request.DISABLE)
         kinds = [
             int(switched) if (kind := _KIND[each]) is None else int(kind)
