@@ -1,0 +1,193 @@
+"""Malformed CAN frames to both ends of each maker's protocol. No benchmark itself: see fuzz.py.
+
+A batch goes to the joint layer, and what this then sends is decoded as motors do and held against the
+robot's limits, by formulas of its own. Another one goes to the motors.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from fuzz_tally import Tally
+
+from footfall.deploy.drivers import imu
+from footfall.deploy.drivers.choice import open_driver
+from footfall.deploy.drivers.driver import Driver
+from footfall.deploy.frames import EXTENDED, Frames, joined
+from footfall.deploy.joint_layer import JointLayer
+from footfall.deploy.wiring import Wiring, wire
+from footfall.plant.motor_ends.choice import open_motor_end
+from footfall.plant.motor_ends.motor_end import MotorEnd
+from footfall.plant.motors import SimulatedMotors
+from footfall.robots.actuator import JointCommand
+from footfall.robots.description import Robot, load_robot
+
+ROBOT = "go1"
+MODELS = ("", "DM4310", "RS02", "ODrive")  # of motors; the first is what the robot's are
+BATCH = 64  # frames between two commands, at least
+TICK_S, STEP_S = 0.002, 0.001  # of the loop, and of the motors
+STEPS_A_TICK = round(TICK_S / STEP_S)
+INTRODUCED_S = 1.0  # that a driver may take to know its motors: the loop's `start_timeout_s`
+TORQUE_ROUNDING = 0.04  # of a motor's peak torque: what a frame's quanta may add, as in the fault table
+TARGET_ROUNDING_RAD = 0.0004  # of a position in a frame: one quantum of 16 bits over 12.5 rad to either side
+
+
+def fuzz_frames(cases: range) -> Tally:
+    """For the robot's motors and for each other maker's, known to their driver or still to be asked."""
+    tally = Tally()
+    ends = [(model, known) for model in MODELS for known in (False, True)]
+    part = range(cases.start // BATCH // len(ends), -(-cases.stop // BATCH // len(ends)))
+    for model, known in ends:
+        fuzz_motors_of(model, known, part, tally)
+    return tally
+
+
+def fuzz_motors_of(model: str, known: bool, batches: range, tally: Tally) -> None:
+    """Batches of frames for one kind of motor."""
+    robot = load_robot(ROBOT)
+    wiring = wire(robot)
+    wiring = replace(wiring, models=(model,) * len(wiring.models)) if model else wiring
+    driver, end = open_driver(wiring), open_motor_end(wiring)
+    joints = JointLayer(robot, driver, wiring.imu_channel, TICK_S)
+    motors = SimulatedMotors(end, robot.motor, len(wiring.models), {}, STEP_S)
+    if known:
+        introduce(robot, driver, joints, motors)
+    joints.begin_at(robot.default_pose)
+    wires, ears = Wires(wiring, driver, end), open_motor_end(wiring)
+    ears.requests(driver.ask())  # of motors that hear nothing but commands
+    label = f"{model or 'own motors'}, {'known' if known else 'asked'}"
+    for batch in batches:
+        rng = np.random.default_rng(batch)
+        to_host, to_motors = (wires.batches(rng, from_motors) for from_motors in (True, False))
+        work = partial(command_after, to_host, rng, robot, joints, ears)
+        tally.attempt(f"joint layer, {label}", batch, work)
+        tally.attempt(f"motors, {label}", batch, partial(move, motors, batch, to_motors))
+
+
+def introduce(robot: Robot, driver: Driver, joints: JointLayer, motors: SimulatedMotors) -> None:
+    """Ask and switch on until motors have told all and are on, as the loop does before a robot stands up."""
+    readings = np.zeros((3, len(motors.enabled)))
+    readings[0] = robot.default_pose
+    for tick in range(round(INTRODUCED_S / TICK_S)):
+        frames = driver.ask() if driver.unready() else driver.enable()
+        step = STEPS_A_TICK * tick
+        said = [motors.answer(step, frames, readings)]
+        if motors.talkative:
+            said += [motors.broadcast(1000 * (step + k), readings) for k in range(STEPS_A_TICK)]
+        joints.absorb([batch for batch in said if batch is not None], round(1e6 * tick * TICK_S))
+        if not driver.unready() and not driver.off() and motors.enabled.all():
+            return
+    raise AssertionError(f"after {INTRODUCED_S:g} s: {driver.unready() or driver.off() or 'a motor is off'}")
+
+
+class Wires:
+    """Makes frames: any at all, and good ones with bits flipped, in arrays of their own or in usual ones."""
+
+    def __init__(self, wiring: Wiring, driver: Driver, end: MotorEnd) -> None:
+        n = len(wiring.models)
+        commands = [driver.command(np.ones((5, n))), driver.enable(), driver.disable(), driver.ask()]
+        speaking, zeros, on = np.ones(n, bool), np.zeros((3, n)), np.ones(n, bool)
+        error = np.zeros(n, np.uint64)
+        replies = end.reply(slice(None), zeros, 30, error, on)
+        said = [end.broadcast(1000 * k, speaking, zeros, 30, error, on) for k in range(100)]
+        from_motors = [replies, *(frames for frames in said if frames is not None)]
+        told = end.tell(driver.ask())
+        from_motors += [] if told is None else [told]
+        inertial = Frames(
+            np.full(3, wiring.imu_channel), np.array(imu.IDS), np.zeros((3, 8), np.uint8), np.full(3, 8)
+        )
+        self._buses = len(wiring.buses)
+        self._good = {True: joined([*from_motors, inertial]), False: joined(commands)}
+        # A simulated bus, and some real ones, hand out the same arrays of ids again and again.
+        usual = from_motors[:1] if len(replies.id) else from_motors[1:2]
+        self._usual = {True: [*usual, inertial, joined([*usual, inertial])], False: commands[:3]}
+
+    def batches(self, rng: np.random.Generator, from_motors: bool) -> list[Frames]:
+        """What comes to one end: a batch of `BATCH` frames, or usual ones with as many at least."""
+        if rng.random() < 0.5:
+            return [self._frames(rng, from_motors)]
+        found: list[Frames] = []
+        while sum(len(frames.id) for frames in found) < BATCH:
+            found.append(with_other_data(self._usual[from_motors], rng))
+        return found
+
+    def _frames(self, rng: np.random.Generator, from_motors: bool) -> Frames:
+        good = self._good[from_motors]
+        rows = rng.integers(len(good.id), size=BATCH)
+        channel, identifier, data, length = (np.array(part[rows]) for part in good[:4])
+        any_at_all = rng.random(BATCH) < 0.5
+        data[any_at_all] = rng.integers(256, size=(int(any_at_all.sum()), 8), dtype=np.uint8)
+        data[~any_at_all] = flipped(data[~any_at_all], 0.1, rng)
+        foreign = rng.random(BATCH) < 0.1
+        identifier[foreign] = rng.integers(1 << 11, size=int(foreign.sum()))
+        far = rng.random(BATCH) < 0.02
+        identifier[far] = rng.integers(1 << 29, size=int(far.sum())) | EXTENDED
+        short = rng.random(BATCH) < 0.1
+        length[short] = rng.integers(9, size=int(short.sum()))
+        data[np.arange(8) >= length[:, None]] = 0
+        moved = rng.random(BATCH) < 0.05
+        channel[moved] = rng.integers(self._buses, size=int(moved.sum()))
+        return Frames(channel, identifier, data, length)
+
+
+def with_other_data(usual: Sequence[Frames], rng: np.random.Generator) -> Frames:
+    """One of some batches, in the very arrays of its ids, with no bit flipped, few, or many."""
+    frames = usual[rng.integers(len(usual))]
+    return frames._replace(data=flipped(frames.data, rng.choice([0.0, 0.01, 0.5]), rng))
+
+
+def flipped(data: np.ndarray, share: float, rng: np.random.Generator) -> np.ndarray:
+    """Bytes (k, 8), a share of them with one bit flipped."""
+    bit = np.uint8(1) << rng.integers(8, size=data.shape, dtype=np.uint8)
+    return data ^ (bit * (rng.random(data.shape) < share)).astype(np.uint8)
+
+
+def command_after(
+    batches: list[Frames], rng: np.random.Generator, robot: Robot, joints: JointLayer, ears: MotorEnd
+) -> None:
+    """Let the joint layer take frames in, then command something; raise if that is more than it may be."""
+    joints.absorb(batches, int(rng.integers(10**9)))
+    before, (position, velocity, _) = joints.target.copy(), joints.joints.copy()
+    wanted = rng.normal(size=(5, len(before))) * 10.0 ** rng.uniform(-2, 3, size=(5, 1))
+    motor, values, kind = ears.requests(joints.command(JointCommand(*wanted)))
+    sent = np.full((5, len(before)), np.nan)
+    sent[:, motor] = values
+    target = np.where(sent[2] > 0.0, sent[0], joints.target)  # without stiffness a frame has none
+    lower, upper = robot.soft_limits
+    step = robot.description.target_rate_rad_s * TICK_S
+    outside = np.maximum(lower - target, target - upper)
+    problems = {
+        "not a command": kind is not None,
+        "not finite": not np.isfinite(sent).all(),
+        "outside the soft limits": bool((outside > TARGET_ROUNDING_RAD).any()),
+        "a leap": bool((np.abs(target - before) > step + TARGET_ROUNDING_RAD).any()),
+    }
+    if np.isfinite(joints.joints).all():
+        problems["too much torque"] = bool((excess(sent, position, velocity, robot) > TORQUE_ROUNDING).any())
+    if found := [name for name, there in problems.items() if there]:
+        raise AssertionError(f"unsafe command: {', '.join(found)}")
+
+
+def excess(sent: np.ndarray, position: np.ndarray, velocity: np.ndarray, robot: Robot) -> np.ndarray:
+    """Torque that a command (5, n) asks for at a reading beyond what motors can do, of their peak, (n,).
+
+    They push on with what the torque-speed line leaves of the peak, and brake with all of it.
+    """
+    motor = robot.motor
+    target, target_velocity, kp, kd, torque = sent
+    asked = kp * (target - position) + kd * (target_velocity - velocity) + torque
+    left = motor.stall_torque * (1.0 - np.abs(velocity) / motor.no_load_speed)
+    pushes = asked * velocity > 0.0
+    possible = np.where(pushes, np.clip(left, 0.0, motor.peak_torque), motor.peak_torque)
+    return (np.abs(asked) - possible) / motor.peak_torque
+
+
+def move(motors: SimulatedMotors, step: int, batches: list[Frames]) -> None:
+    """Let motors take frames in and move; raise if their torque is none."""
+    n = len(motors.enabled)
+    for frames in batches:
+        motors.answer(step, frames, np.zeros((3, n)))
+    torque = motors.torque(step, np.zeros(n), np.zeros(n))
+    if not np.isfinite(torque).all():
+        raise AssertionError("torque is not finite")

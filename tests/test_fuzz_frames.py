@@ -1,0 +1,83 @@
+"""The fuzzing of frames: what it holds a command against, and which ways through a driver it takes."""
+
+from collections import Counter
+from typing import Any
+
+import fuzz_frames
+import numpy as np
+import pytest
+from fuzz_tally import Tally
+
+from footfall.deploy import joint_layer
+from footfall.deploy.drivers.damiao import DamiaoDriver
+from footfall.deploy.drivers.mit_driver import MitDriver
+from footfall.robots.description import Robot
+
+BATCHES = range(24)
+
+
+def fuzzed(model: str, known: bool = True) -> Tally:
+    tally = Tally()
+    fuzz_frames.fuzz_motors_of(model, known, BATCHES, tally)
+    return tally
+
+
+@pytest.mark.parametrize("model", fuzz_frames.MODELS)
+@pytest.mark.parametrize("known", [False, True])
+def test_nothing_escapes(model: str, known: bool) -> None:
+    tally = fuzzed(model, known)
+    assert tally.escaped == {}
+    assert [ends.total() for ends in tally.ends.values()] == [len(BATCHES)] * 2
+
+
+def test_a_torque_that_the_frames_carry_is_held_against_the_motors(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(joint_layer, "limit_torque", lambda asked, *_: asked)
+    escaped = fuzzed("").escaped
+    assert escaped
+    assert all("too much torque" in trace for trace in escaped.values())
+
+
+@pytest.mark.parametrize(
+    ("velocity", "torque", "excess"),
+    [
+        (0.0, 23.7, 0.0),  # a hip's peak
+        (0.0, 47.4, 1.0),
+        (30.1, 23.7, None),  # faster than it can push
+        (-30.1, 23.7, 0.0),  # and brakes
+    ],
+)
+def test_a_motor_pushes_with_what_its_speed_leaves_and_brakes_with_all(
+    go1: Robot, velocity: float, torque: float, excess: float | None
+) -> None:
+    assert (go1.motor.peak_torque[0], go1.motor.no_load_speed[0]) == (23.7, 30.1)
+    sent, speeds = np.zeros((5, 12)), np.zeros(12)
+    sent[4, 0], speeds[0] = torque, velocity
+    found = fuzz_frames.excess(sent, go1.default_pose, speeds, go1)
+    assert found[0] == pytest.approx(1.0 if excess is None else excess)
+    assert (found[1:] == -1.0).all()
+
+
+@pytest.mark.parametrize(("model", "driver"), [("", MitDriver), ("DM4310", DamiaoDriver)])
+def test_a_driver_that_knows_its_motors_takes_its_short_way(
+    monkeypatch: pytest.MonkeyPatch, model: str, driver: Any
+) -> None:
+    """Replies in the arrays of the batch before are of everybody: no index for each is looked up."""
+    ways, decoded = Counter[bool](), driver._decoded
+
+    def counted(self: Any, frames: Any, motor: Any, *rest: Any) -> Any:
+        ways[isinstance(motor, slice)] += 1
+        return decoded(self, frames, motor, *rest)
+
+    monkeypatch.setattr(driver, "_decoded", counted)
+    assert fuzzed(model).escaped == {}
+    assert ways[True] > 10
+    assert ways[False] > 10
+
+
+def test_motors_that_never_answer_are_told(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fuzz_frames, "INTRODUCED_S", 0.01)
+    monkeypatch.setattr(DamiaoDriver, "_listen", lambda _, data, motor: np.zeros(len(motor), bool))
+    with pytest.raises(
+        AssertionError, match=r"after 0.01 s: motor .* has not told its communication time-out"
+    ):
+        fuzzed("DM4310")
