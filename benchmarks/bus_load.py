@@ -60,7 +60,7 @@ PATIENT = SafetyConfig(
     pause_limit_s=30.0,
     skipped_share=1.0,
     late_limit_s=30.0,
-    sensors=SensorLimits(repeated_rad=3.0),
+    sensors=SensorLimits(repeated_rad=3.0, torque_stuck=2.0),
 )
 
 

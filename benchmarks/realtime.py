@@ -216,7 +216,9 @@ def main() -> int:
         silence_timeout_s=10.0,
         skipped_share=1.0,
         late_limit_s=10.0,
-        sensors=SensorLimits(drift_rad=3.0, wander_rad=3.0, rotation_rad=3.0, repeated_rad=3.0),
+        sensors=SensorLimits(
+            drift_rad=3.0, wander_rad=3.0, stuck_rad=3.0, rotation_rad=3.0, repeated_rad=3.0, torque_stuck=2.0
+        ),
     )
     config = DeployConfig(
         joint_rate_hz=options.rate, realtime_priority=priority, motor_timeout_s=10.0, safety=patient

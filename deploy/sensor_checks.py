@@ -71,6 +71,12 @@ JOINT_CHECKS = (
         Limit("wander_rad"),
     ),
     SensorCheck(
+        "the same of a joint whose position or velocity repeats itself: an encoder that is stuck",
+        "its position or velocity repeats itself, {0:.3f} rad other than the other one says",
+        lambda monitor: monitor.stuck,
+        Limit("stuck_rad"),
+    ),
+    SensorCheck(
         "how long a motor reports no torque while much is commanded: it has rebooted",
         "the motor has reported no torque for {0:.2f} s while torque was commanded",
         lambda monitor: monitor.limp_s,
@@ -81,6 +87,12 @@ JOINT_CHECKS = (
         "the motor pulls the other way by {0:.0%} of the torque that was commanded",
         lambda monitor: monitor.opposing,
         Limit("opposing"),
+    ),
+    SensorCheck(
+        "how far the torque that is asked of a motor moves while it repeats one report: stuck, or rebooted",
+        "the motor repeats one torque, as one that has rebooted, while what is asked of it moved by {0:.0%}",
+        lambda monitor: monitor.torque_stuck,
+        Limit("torque_stuck"),
     ),
     SensorCheck(
         "how far a target moves while its motor repeats one reply",

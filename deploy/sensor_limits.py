@@ -22,6 +22,7 @@ class SensorLimits:
     drift_share: float = 0.2  # that a velocity filtered over 5 ms takes up
     drift_memory_s: float = 0.5  # over which ways apart add up
     wander_rad: float = 0.05  # the same ways apart, with their signs: of an encoder that drifts
+    stuck_rad: float = 0.01  # the same, of a joint whose position or velocity repeats itself
     filter_s: float = 0.005  # that a motor's velocity is behind its position
     speed_share: float = 1.5  # of the no-load speed: a push or a fall drives a motor beyond it
     torque_share: float = 1.2  # of the peak torque: rounding, and a motor's own idea of its constant
@@ -34,9 +35,11 @@ class SensorLimits:
     torque_much: float = 0.06  # of the peak torque: a motor that does not report this much is limp
     torque_some: float = 0.05  # of the peak torque, on average: less has no direction that counts
     torque_little: float = 0.02  # of the peak torque: what a motor without current may report
+    torque_full: float = 0.9  # of the peak torque: a motor that reports more gives all that it can
+    torque_stuck: float = 0.1  # of the peak torque: way of the expected one while a motor repeats its report
     repeated_rad: float = 0.1  # way of a joint's target while its motor repeats one reply
     rotation_rad: float = 0.08  # the base's turn by the quaternion against the one by the gyro
-    imu_repeated_s: float = 0.06  # that a part of the IMU repeats itself while joints move
+    imu_repeated_s: float = 0.03  # that a part of the IMU repeats itself while joints move
     moving_rad_s: float = 0.5  # of the fastest joint: then a body shakes by more than an IMU's last digit
     resting_rad_s: float = 0.3  # of every joint and of the base: slower than that for `resting_s` is rest
     resting_s: float = 0.3
@@ -55,7 +58,15 @@ class SensorLimits:
             self, 0.01, 10.0, "memory_s", "drift_memory_s", "imu_repeated_s", "resting_s", "lean_memory_s"
         )
         require_between(
-            self, 0.001, math.tau, "position_rad", "drift_rad", "wander_rad", "repeated_rad", "rotation_rad"
+            self,
+            0.001,
+            math.tau,
+            "position_rad",
+            "drift_rad",
+            "wander_rad",
+            "stuck_rad",
+            "repeated_rad",
+            "rotation_rad",
         )
         require_between(self, 0.0, 1.0, "drift_share", "opposing")
         require_between(self, 0.1, 1.0, "sunk")
@@ -64,6 +75,8 @@ class SensorLimits:
         require_between(self, 0.01, 2.0, "rest_error", "lean_error", "lift_error")
         require_between(self, 0.01, 10.0, "limp_s")
         require_between(self, 0.0, 0.1, "lag_s", "filter_s", "reading_rad")
+        require_between(self, 0.1, 1.0, "torque_full")
+        require_between(self, 0.001, 2.0, "torque_stuck")
         require_between(self, 0.001, 1.0, "torque_hidden", "torque_much", "torque_some", "torque_little")
         if self.torque_hidden >= self.torque_much:
             raise UserError(

@@ -56,6 +56,7 @@ class SensorMonitor:
         self._much = (limits.torque_much - limits.torque_hidden) * robot.motor.peak_torque  # beyond that
         self._little = limits.torque_little * robot.motor.peak_torque
         self._least = (limits.torque_some * robot.motor.peak_torque) ** 2
+        self._peak, self._full = robot.motor.peak_torque, limits.torque_full * robot.motor.peak_torque
         self._legs, self._standing_m = _legs(robot), robot.description.standing_height_m
         self._attitude = None if self._legs is None else LegAttitude(robot, limits)
         self._n = n
@@ -73,15 +74,19 @@ class SensorMonitor:
         self.joints, self._target, self._inertial = joints, target, inertial
         self._last = joints
         self.temperature, self.voltage = np.full((2, n), np.nan)
-        self.drift, self.wander, self.repeated = np.zeros((3, n))
+        self.drift, self.wander, self.stuck, self.repeated = np.zeros((4, n))
         self._target_way = np.zeros(n)  # of the targets in the last window
         self._ended = joints[0]  # rad, where the last window ended
         self._apart, self._ways = np.zeros((2, n))  # rad^2: squares that were added up, and fade
         self._wandered = np.zeros(n)  # rad, the same without squares
+        self._wandered_stuck = np.zeros(n)  # rad, likewise, since a position or a velocity repeats itself
         self._fastest = np.zeros(n)  # rad/s, lately
         self._youngest_us = (now_us - heard_us).astype(float)  # age of each motor's reading at its best
         self._uneven_s, self._late_s = np.zeros((2, n))  # by how much one was older: lately, and added up
-        self.limp_s, self.opposing = np.zeros(n), np.zeros(n)
+        self.limp_s, self.opposing, self.torque_stuck = np.zeros((3, n))
+        self._expected_before, self._expected_stuck = np.zeros(
+            (2, n)
+        )  # N m, when a torque began to repeat itself
         self._work, self._asked = np.zeros((2, n))  # (N m)^2: reported by expected, and expected squared
         self.rotation = [0.0, 0.0, 0.0]
         self._imu_repeated = [0.0, 0.0, 0.0]
@@ -129,6 +134,7 @@ class SensorMonitor:
         self._turned += (0.5e-6 * (heard_us - self._heard_us)) * (joints[1] + self._last[1])
         self._starts += joints[0] - self._turned
         self._heard_us = heard_us.copy()
+        self._same &= joints == self._last
         self._last = joints
         self._sum += joints
         np.maximum(self._strongest, np.abs(joints[2]), out=self._strongest)
@@ -165,6 +171,7 @@ class SensorMonitor:
         self._added_us = now_us
         self._gap = False
         self._sum: np.ndarray = np.zeros((3, self._n))  # of readings since the last look
+        self._same: np.ndarray = np.ones((3, self._n), bool)  # each of them as the one before
         self._strongest: np.ndarray = np.zeros(self._n)  # torque that was reported, either way
         self._expected: np.ndarray = np.zeros(self._n)  # likewise, of expected torques
         self._turned: np.ndarray = np.zeros(self._n)  # by velocities, rad
@@ -190,22 +197,21 @@ class SensorMonitor:
         elif self._looks % LOOKS_A_HEIGHT == 0:
             self.sunk = self.sunk_share(body.position, inertial.quaternion)
         self._compare_attitude(body)
-        for part, (now, before) in enumerate(zip(inertial, body.before, strict=True)):
-            if now != before:
+        for part, before in enumerate(body.before):
+            if any(inertial[part] != before for inertial in body.inertials):
                 self._imu_repeated[part] = 0.0
             elif body.fastest > limits.moving_rad_s and self.on_legs:  # one that lies or hangs may keep still
                 self._imu_repeated[part] += body.elapsed_s
         return True
 
     def _compare_joints(self, elapsed_s: float, stiffness: np.ndarray, target: np.ndarray) -> None:
-        count, joints = len(self._inertials), self._last
+        count, joints, same = len(self._inertials), self._last, self._same
         self._sum /= count
         self._expected /= count
         velocity, torque = self._sum[1], self._sum[2]
         self._compare_ways(self._starts / count, self._turned, elapsed_s)
-        alike = joints == self.joints
         # A reading is older than the target that went out last, which may leap while a robot stands still.
-        self.repeated = (alike[0] & alike[1] & alike[2]) * (self.repeated + self._target_way)
+        self.repeated = (same[0] & same[1] & same[2]) * (self.repeated + self._target_way)
         speed = np.abs(velocity)
         targets_speed = np.abs(target - self._target) / elapsed_s
         self._compare_torques(torque, self._expected, stiffness, speed, targets_speed, elapsed_s)
@@ -220,7 +226,8 @@ class SensorMonitor:
         mean has less noise than one of them, and should be where the window before ended. Squares are added
         up, so that what a joint does to and fro does not cancel out. A share of the way is granted, since a
         velocity that a motor filters lags behind, the more so where readings are far apart. What comes
-        unevenly may be as late as the oldest reading was older than the youngest, each time anew.
+        unevenly may be as late as the oldest reading was older than the youngest, each time anew. Ways apart
+        are added up anew since each position, or each velocity, is to its last digit the one before.
         """
         limits = self._limits
         apart = started - self._ended
@@ -234,8 +241,11 @@ class SensorMonitor:
         share = self._share + self._uneven_s / elapsed_s
         self.drift = np.sqrt(self._apart) - share * np.sqrt(self._ways)
         self._wandered = kept * self._wandered + apart
+        self._wandered_stuck = (self._same[0] | self._same[1]) * (kept * self._wandered_stuck + apart)
         self._fastest = np.maximum(kept * self._fastest, np.abs(self._last[1]))
-        self.wander = np.abs(self._wandered) - (self._lag_s + self._late_s) * self._fastest
+        granted = (self._lag_s + self._late_s) * self._fastest
+        self.wander = np.abs(self._wandered) - granted
+        self.stuck = np.abs(self._wandered_stuck) - granted
 
     def _compare_torques(
         self,
@@ -271,6 +281,20 @@ class SensorMonitor:
         self._work = kept * self._work + (1.0 - kept) * torque * np.copysign(least, expected)
         self._asked = kept * self._asked + (1.0 - kept) * least * least
         self.opposing = -self._work / np.maximum(self._asked, self._least)
+        self._compare_stuck_torques(expected, stiffness)
+
+    def _compare_stuck_torques(self, expected: np.ndarray, stiffness: np.ndarray) -> None:
+        """How far the expected torque, N m, (n,), has moved since each report is the one before.
+
+        Until the window before: a motor that is late has not answered to the last one yet. What may be hidden
+        does not count, the rest adds up from window to window. One that gives all that it can repeats itself.
+        """
+        same = self._same[2] & (self._strongest < self._full)
+        moved = np.abs(self._expected_before - self._expected_stuck)
+        shown = np.maximum(moved - self._hidden - stiffness * self._limits.reading_rad, 0.0)
+        self.torque_stuck = same * (self.torque_stuck + shown / self._peak)
+        self._expected_stuck = np.where(same, self._expected_stuck, expected)
+        self._expected_before = expected
 
     def _compare_turns(self, gyro: list[float], body: BodyWindow) -> None:
         """The body's turn in a window: by quaternions twice the vector part of before* now."""

@@ -30,9 +30,9 @@ from footfall.robots.actuator import JointCommand
 SILENCE_S = 0.055
 IMPLAUSIBLE_S = 0.1
 QUEUE_S = 0.11  # of a queue that grows by half of what arrives: twice the silence
-FROZEN_S = 0.2  # of what repeats itself: it has to while joints move
-SLOWLY_FROZEN_S = 0.3  # the same of a robot whose joints pause between steps
-SOON_S = 0.6  # of contradictions that grow with motion: what they are is stated in the table
+LATER_S = 0.2  # of what adds up for longer than that, by its reason in the table; likewise:
+PAUSING_S = 0.3
+SOON_S = 0.6
 SLOW_S = 1.5  # of a joint that hardly moves, or a body that hardly turns
 
 
@@ -45,6 +45,7 @@ class FaultKind(NamedTuple):
     within_s: float | None = IMPLAUSIBLE_S  # from the fault to damping; None if it need not be noticed
     reason: str = ""  # why it cannot be noticed, or not sooner
     main: bool = False  # tried on every robot
+    estimating: bool = False  # tried with policies whose base's motion is estimated
     starting: bool = False  # there from the beginning
 
 
@@ -132,6 +133,8 @@ def _imu_queues(rig: Rig) -> None:
     rig.falls_behind(0.5, from_imu)
 
 
+TWICE = "it differs by twice the body's turn, which takes a part of a step to be 0.04 rad"
+GROWS = "what reads a half as fast as it comes is late by `silence_timeout_s` after twice that time"
 CALM = "a calm walk turns by little more than noise does; noticed once the body turns by more"
 LEVEL = "of a level body that has not turned since the start, it is nearly the same"
 PAUSING = "it may repeat itself while joints rest, which they do between slow steps"
@@ -154,18 +157,18 @@ IMU = (
         "IMU frozen, its counters go on",
         "IMU",
         _frozen(*Inertial._fields),
-        SLOWLY_FROZEN_S,
+        PAUSING_S,
         PAUSING,
         main=True,
     ),
-    FaultKind("gyro frozen", "IMU", _frozen("gyro"), FROZEN_S),
-    FaultKind("acceleration frozen", "IMU", _frozen("acceleration"), FROZEN_S),
-    FaultKind("quaternion frozen", "IMU", _frozen("quaternion"), FROZEN_S),
-    FaultKind("gyro reads nothing but zero", "IMU", _scaled("gyro", 0.0, 0.0, 0.0), FROZEN_S),
-    FaultKind("gyro's signs turned round", "IMU", _scaled("gyro", -1.0, -1.0, -1.0), SOON_S),
+    FaultKind("gyro frozen", "IMU", _frozen("gyro")),
+    FaultKind("acceleration frozen", "IMU", _frozen("acceleration")),
+    FaultKind("quaternion frozen", "IMU", _frozen("quaternion")),
+    FaultKind("gyro reads nothing but zero", "IMU", _scaled("gyro", 0.0, 0.0, 0.0)),
+    FaultKind("gyro's signs turned round", "IMU", _scaled("gyro", -1.0, -1.0, -1.0), PAUSING_S, TWICE),
     FaultKind("gyro three times too high", "IMU", _scaled("gyro", 3.0, 3.0, 3.0), None, CALM),
     FaultKind("gyro's x and y exchanged", "IMU", _permuted("gyro", 1, 0, 2), None, CALM),
-    FaultKind("gyro off by 2 rad/s", "IMU", _gyro_bias(2.0), FROZEN_S),
+    FaultKind("gyro off by 2 rad/s", "IMU", _gyro_bias(2.0)),
     FaultKind(
         "quaternion's roll turned round", "IMU", _scaled("quaternion", 1.0, -1.0, 1.0, 1.0), None, CALM
     ),
@@ -185,7 +188,7 @@ IMU = (
     FaultKind("IMU comes loose and leans by 0.2 rad/s", "IMU", _loose(0.0, 0.2), None, LOOSE),
     FaultKind("IMU late by 20 ms", "IMU", _imu_late(20), None, "late readings agree with each other"),
     FaultKind("IMU late by 100 ms", "IMU", _imu_late(100), SILENCE_S),
-    FaultKind("IMU's readings queue up", "IMU", _imu_queues, QUEUE_S),
+    FaultKind("IMU's readings queue up", "IMU", _imu_queues, QUEUE_S, GROWS),
 )
 
 # -- what motors reply -------------------------------------------------------------------------------------
@@ -396,6 +399,14 @@ def _queue(rig: Rig) -> None:
     rig.falls_behind(0.5, lambda frames: not from_imu(frames))
 
 
+def _lost(share: float) -> Callable[[Rig], None]:
+    return lambda rig: rig.on_all(dropped(share, rig.rng))
+
+
+def _flipped(share: float) -> Callable[[Rig], None]:
+    return lambda rig: rig.on_all(flipped(share, rig.rng))
+
+
 def _late(milliseconds: int) -> Callable[[Rig], None]:
     return lambda rig: rig.late(1000 * milliseconds)
 
@@ -405,8 +416,13 @@ NEAR_ZERO = "a joint near its zero reads much the same with either sign; noticed
 BARELY = "a joint that swings by a hundredth of a radian reads much the same; noticed where it moves"
 EXPLAINED = "a motor that is asked for no more than readings 30 ms late explain gives nothing to compare"
 ALIKE = "two joints in like poses read alike until they move apart"
-UNUSED = "no controller uses it; noticed where it reads none, or the opposite, while much is commanded"
-CONSTANT_LAG = "late readings agree with each other; a walk bears it"
+STEADY = "a motor of which the same is asked again and again may report the same; noticed where that moves"
+DRIFTS = "at this rate it is off by `wander_rad` after 50 ms, and a joint that swings fast is granted more"
+HEATS = "it takes 500 ms to get there"
+HARMLESS = "most bits of a reading weigh less than its noise; noticed once one of the others is hit"
+CONSTANT_LAG = (
+    "late readings agree with each other; a walk bears some of it, and a fall is noticed by its tilt"
+)
 REPLIES = (
     FaultKind("one motor silent", "motors' replies", _silent(False), SILENCE_S, main=True),
     FaultKind("all motors silent", "motors' replies", _silent(True), SILENCE_S),
@@ -428,49 +444,55 @@ REPLIES = (
     FaultKind("velocity doubled", "motors' replies", _values(_doubled_speed), None, BARELY),
     FaultKind("position's sign turned round", "motors' replies", _negative(0), SLOW_S, NEAR_ZERO),
     FaultKind("torque zero", "motors' replies", _zeroed(2), None, EXPLAINED),
-    FaultKind("torque frozen", "motors' replies", _row_frozen(2), None, UNUSED),
+    FaultKind("torque frozen", "motors' replies", _row_frozen(2), None, STEADY),
     FaultKind("torque's sign turned round", "motors' replies", _negative(2), None, EXPLAINED),
     FaultKind("encoder jumps by 0.3 rad", "motors' replies", _position_off(lambda _: 0.3), main=True),
     FaultKind("encoder jumps by 1 rad", "motors' replies", _position_off(lambda _: 1.0)),
     FaultKind("encoder jumps by a turn", "motors' replies", _position_off(lambda _: 2 * np.pi), main=True),
     FaultKind("encoder jumps by a turn of the rotor", "motors' replies", _position_off(_sector)),
-    FaultKind("encoder drifts by 1 rad/s", "motors' replies", _drifting(1.0), SOON_S),
+    FaultKind("encoder drifts by 1 rad/s", "motors' replies", _drifting(1.0), LATER_S, DRIFTS),
     FaultKind("ids of two motors swapped", "motors' replies", _ids_swapped, SOON_S, ALIKE, main=True),
     FaultKind("two buses swapped", "motors' replies", _buses_swapped),
     FaultKind("motor at 90 degrees Celsius", "motors' replies", _temperature(90), main=True),
     FaultKind("temperature sensor reads 255", "motors' replies", _temperature(255)),
-    FaultKind("motor heats up past 85 degrees", "motors' replies", _heating, 0.6),
+    FaultKind("motor heats up past 85 degrees", "motors' replies", _heating, SOON_S, HEATS),
     FaultKind("replies under an unknown id", "motors' replies", _wrong_sender, SILENCE_S),
     FaultKind("replies cut to 2 bytes", "motors' replies", _replies(lambda _: cut_short), SILENCE_S),
     FaultKind("replies of zeros", "motors' replies", _replies(lambda _: emptied), SILENCE_S),
     FaultKind("all frames twice", "motors' replies", _twice, None, "it does no harm"),
     FaultKind("foreign frames on the bus", "motors' replies", _foreign, None, "it does no harm"),
-    FaultKind(
-        "a tenth of the frames lost",
-        "motors' replies",
-        lambda rig: rig.on_all(dropped(0.1, rig.rng)),
-        None,
-        "the next reading is 2 ms away",
+    *(
+        FaultKind(
+            f"{share:.0%} of the frames lost",
+            "motors' replies",
+            _lost(share),
+            None,
+            f"the next reading is {away} away",
+        )
+        for share, away in (
+            (0.01, "2 ms"),
+            (0.02, "2 ms"),
+            (0.05, "2 ms"),
+            (0.1, "2 ms"),
+            (0.5, "a few ticks"),
+        )
     ),
-    FaultKind(
-        "half of the frames lost",
-        "motors' replies",
-        lambda rig: rig.on_all(dropped(0.5, rig.rng)),
-        None,
-        "the next reading is a few ticks away",
+    *(
+        FaultKind(
+            f"bits flipped in {share:.0%} of the frames",
+            "motors' replies",
+            _flipped(share),
+            within_s,
+            HARMLESS,
+        )
+        for share, within_s in ((0.01, SOON_S), (0.05, LATER_S), (0.2, IMPLAUSIBLE_S))
     ),
-    FaultKind(
-        "bits flipped in 1 % of the frames",
-        "motors' replies",
-        lambda rig: rig.on_all(flipped(0.01, rig.rng)),
-        SOON_S,
+    *(
+        FaultKind(f"all frames late by {late} ms", "motors' replies", _late(late), None, CONSTANT_LAG)
+        for late in (10, 20, 50)
     ),
-    FaultKind(
-        "bits flipped in 20 % of the frames", "motors' replies", lambda rig: rig.on_all(flipped(0.2, rig.rng))
-    ),
-    FaultKind("all frames late by 10 ms", "motors' replies", _late(10), None, CONSTANT_LAG),
     FaultKind("all frames late by 100 ms", "motors' replies", _late(100), SILENCE_S),
-    FaultKind("replies queue up", "motors' replies", _queue, QUEUE_S),
+    FaultKind("replies queue up", "motors' replies", _queue, QUEUE_S, GROWS),
 )
 
 # -- motors and body ---------------------------------------------------------------------------------------
@@ -494,6 +516,10 @@ def _strength(of_one: float | None = None, of_all: float = 1.0) -> Callable[[Rig
     return inject
 
 
+def _sagging(share: float) -> Callable[[Rig], None]:
+    return lambda rig: rig.body.sag(share)
+
+
 def _pushed(speed_m_s: float) -> Callable[[Rig], None]:
     def inject(rig: Rig) -> None:
         angle = rig.rng.uniform(0.0, 2 * np.pi)
@@ -506,6 +532,9 @@ TILT = "noticed by its tilt"
 WEAK = (
     "a motor that delivers less than it says is a heavier robot to all sensors; a fall is noticed by its tilt"
 )
+SAG = "motors that do not tell their voltage are slower and weaker, as those of a heavier robot"
+LIMP = "a motor may report none for `limp_s`, since it may be late; it counts in windows of 40 ms"
+OTHER_WAY = "of a motor that is late a torque points the other way for moments: it counts on average"
 BODY = (
     FaultKind(
         "one motor rebooted: limp, but replies",
@@ -515,10 +544,16 @@ BODY = (
         EXPLAINED,
         main=True,
     ),
-    FaultKind("all motors rebooted", "motors and body", _reboot(True), SOON_S, main=True),
-    FaultKind("motor pulls the other way", "motors and body", _strength(-1.0), SOON_S, main=True),
+    FaultKind("all motors rebooted", "motors and body", _reboot(True), LATER_S, LIMP, main=True),
+    FaultKind("motor pulls the other way", "motors and body", _strength(-1.0), SOON_S, OTHER_WAY, main=True),
     FaultKind("motor has a third of its torque", "motors and body", _strength(0.33), None, WEAK),
     FaultKind("all motors have half their torque", "motors and body", _strength(of_all=0.5), None, WEAK),
+    *(
+        FaultKind(
+            f"the supply sags to {share:.0%} of its voltage", "motors and body", _sagging(share), None, SAG
+        )
+        for share in (0.7, 0.4)
+    ),
     FaultKind(
         "joint blocked",
         "motors and body",
@@ -628,18 +663,21 @@ POLICY = (
         None,
         "it counts as 0, and a note says so",
     ),
+    FaultKind("the policy's stance raises", "policy and program", _stance_raises, 0.03, estimating=True),
     FaultKind("receiving raises", "policy and program", _receive_raises, 0.01),
+    FaultKind("sending raises", "policy and program", _send_raises, 0.01),
     FaultKind("the interface refuses frames", "policy and program", _refused, 0.01),
 )
 
 # -- from the beginning ------------------------------------------------------------------------------------
 
+UNANSWERED_S = 1.05  # `start_timeout_s`
 START_S = 1.3  # start-up, and a while of standing
 WALKING_S = 2.0  # and the first steps
 
 
 def _at_start(
-    name: str, inject: Callable[[Rig], None], within_s: float | None = 1.05, **rest: Any
+    name: str, inject: Callable[[Rig], None], within_s: float | None = UNANSWERED_S, **rest: Any
 ) -> FaultKind:
     return FaultKind(name, "at the start", inject, within_s, starting=True, **rest)
 
@@ -648,31 +686,36 @@ def _nan_quaternion(reading: Inertial) -> Inertial:
     return reading._replace(quaternion=(0.0, 0.0, 0.0, 1e-3))
 
 
+UNANSWERED = "motors and IMU have `start_timeout_s` to answer"
+AT_REST = "compared once the robot has stood at rest for a while"
+LITTLE = "a robot that stands asks little of some joints: noticed once it asks for more"
 IN_RANGE = "noticed, and named, where it leaves the joint's range; else it reads like any other pose"
 START = (
-    _at_start("a motor is missing", _silent(False), main=True),
-    _at_start("all motors are missing", _silent(True)),
-    _at_start("the IMU is missing", _imu_silent, main=True),
-    _at_start("a bus is missing", _bus_dead),
-    _at_start("no commands arrive", _commands_lost),
+    _at_start("a motor is missing", _silent(False), reason=UNANSWERED, main=True),
+    _at_start("all motors are missing", _silent(True), reason=UNANSWERED),
+    _at_start("the IMU is missing", _imu_silent, reason=UNANSWERED, main=True),
+    _at_start("a bus is missing", _bus_dead, reason=UNANSWERED),
+    _at_start("no commands arrive", _commands_lost, reason=UNANSWERED),
     _at_start("a motor reports an error", _error(3), 0.02),
-    _at_start("a quaternion that is none", _imu(_nan_quaternion)),
+    _at_start("a quaternion that is none", _imu(_nan_quaternion), reason=UNANSWERED),
     _at_start("one encoder off by a turn", _position_off(lambda _: 2 * np.pi), 0.02, main=True),
     _at_start("all encoders off by a turn", _all_off(2 * np.pi), 0.02),
     _at_start(
         "one encoder off by a turn of the rotor", _position_off(_sector), None, reason=IN_RANGE, main=True
     ),
-    _at_start("IMU askew by 30 degrees", _leaning(30.0), START_S, main=True),
-    _at_start("IMU askew by 15 degrees", _leaning(15.0), START_S),
-    _at_start("IMU askew by 30 degrees, all its parts alike", _loose(30.0), START_S),
-    _at_start("IMU comes loose and leans by 0.2 rad/s", _loose(0.0, 0.2), START_S),
+    _at_start("IMU askew by 30 degrees", _leaning(30.0), START_S, reason=AT_REST, main=True),
+    _at_start("IMU askew by 15 degrees", _leaning(15.0), START_S, reason=AT_REST),
+    _at_start("IMU askew by 30 degrees, all its parts alike", _loose(30.0), START_S, reason=AT_REST),
+    _at_start("IMU comes loose and leans by 0.2 rad/s", _loose(0.0, 0.2), START_S, reason=AT_REST),
     _at_start("IMU askew by 5 degrees", _leaning(5.0), None, reason="less than a slope"),
     _at_start("IMU upside down", _imu(lambda r: turned(r, 0, 180.0)), 0.02),
-    _at_start("acceleration in units of g", _scaled("acceleration", *(1 / 9.81,) * 3), START_S),
+    _at_start(
+        "acceleration in units of g", _scaled("acceleration", *(1 / 9.81,) * 3), START_S, reason=AT_REST
+    ),
     _at_start("a motor at 90 degrees Celsius", _temperature(90), 0.1),
     _at_start("ids of two motors swapped", _ids_swapped, WALKING_S, main=True, reason=ALIKE),
-    _at_start("two buses swapped", _buses_swapped, START_S),
-    _at_start("motor pulls the other way", _strength(-1.0), START_S),
+    _at_start("two buses swapped", _buses_swapped, START_S, reason=ALIKE),
+    _at_start("motor pulls the other way", _strength(-1.0), START_S, reason=LITTLE),
     _at_start("the interface refuses frames", _refused, 0.01),
     _at_start("receiving raises", _receive_raises, 0.01),
 )

@@ -100,6 +100,13 @@ class SimulatedMotors:
         """Scale what motors deliver from now on, (n,)."""
         self._motor = self._motor._replace(strength=self._motor.strength * strength)
 
+    def sag(self, share: float) -> None:
+        """Let the supply's voltage be a share of what it was: it limits torque and speed in proportion."""
+        motor = self._motor
+        self._motor = motor._replace(
+            stall_torque=share * motor.stall_torque, no_load_speed=share * motor.no_load_speed
+        )
+
     def friction(self, velocity: np.ndarray) -> np.ndarray:
         """Gearbox friction at the joint, N m, (n,)."""
         return friction_torque(velocity, self._motor)

@@ -158,6 +158,10 @@ class SimulatedRobot:
         """What motors deliver of what they should from now on, (n,): 1 all of it, negative the reverse."""
         self._motors.weaken(strength)
 
+    def sag(self, share: float) -> None:
+        """Let the voltage of the motors' supply be a share of what it was from now on."""
+        self._motors.sag(share)
+
     def _advance_one_step(self) -> None:
         now_us, motors, sensors = self._step * self._step_us, self._motors, self._sensors
         true = sensors.remember(self._torque)

@@ -37,7 +37,9 @@ PATIENT = SafetyConfig(  # with machines that stall
     late_steps=1000,
     late_limit_s=0.3,
     damping_s=0.2,
-    sensors=SensorLimits(drift_rad=3.0, wander_rad=3.0, rotation_rad=3.0, repeated_rad=3.0),
+    sensors=SensorLimits(
+        drift_rad=3.0, wander_rad=3.0, stuck_rad=3.0, rotation_rad=3.0, repeated_rad=3.0, torque_stuck=2.0
+    ),
 )
 CONFIG = DeployConfig(joint_rate_hz=100.0, stand_s=0.3, motor_timeout_s=30.0, safety=PATIENT)
 LONG = Session(stand_still, 9.0, config=CONFIG)

@@ -275,7 +275,7 @@ class TestLoop:
     def test_what_the_policy_sees_is_what_the_frames_said(self, go1: Robot) -> None:
         policy = Hold(go1)
         unmoved = SensorLimits(
-            rotation_rad=3.0, drift_rad=3.0, wander_rad=3.0, lean_error=2.0
+            rotation_rad=3.0, drift_rad=3.0, wander_rad=3.0, stuck_rad=3.0, lean_error=2.0
         )  # jumps are what is tested
         safety = SafetyConfig(sensors=unmoved)
         loop, body = loop_of(go1, policy, command=lambda t: np.array([t, 2 * t, 3 * t]), safety=safety)

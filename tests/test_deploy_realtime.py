@@ -44,7 +44,8 @@ PATIENT = SafetyConfig(
     late_limit_s=20.0,
     late_steps=1000,
     skipped_share=1.0,
-    sensors=SensorLimits(drift_rad=3.0, wander_rad=3.0, rotation_rad=3.0),  # a robot's time stalls as well
+    # A robot's time stalls as well.
+    sensors=SensorLimits(drift_rad=3.0, wander_rad=3.0, stuck_rad=3.0, rotation_rad=3.0),
 )
 MOTOR_TIMEOUT_S = 20.0
 UNHURRIED = DeployConfig(joint_rate_hz=100.0, stand_s=0.4, motor_timeout_s=MOTOR_TIMEOUT_S, safety=PATIENT)

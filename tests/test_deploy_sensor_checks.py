@@ -18,7 +18,9 @@ CALF = 2  # FR_calf_joint (can0, id 3): 35.55 N m, 20.06 rad/s
 
 def found(robot: Robot, row: str = "", value: float = 0.0, limits: SensorLimits | None = None) -> str:
     """What is found of a robot that stands still, but for one figure of one motor."""
-    checks = SensorChecks(robot, wire(robot), limits or SensorLimits(drift_rad=6.0, wander_rad=6.0), 0.002)
+    checks = SensorChecks(
+        robot, wire(robot), limits or SensorLimits(drift_rad=6.0, wander_rad=6.0, stuck_rad=6.0), 0.002
+    )
     told = {name: np.zeros(12) for name in ("velocity", "torque")}
     told |= {name: np.full(12, np.nan) for name in ("temperature", "voltage")}
     if row:
@@ -77,7 +79,7 @@ def test_what_motors_do_not_tell_is_no_fault(go1: Robot) -> None:
 
 
 def test_a_setting_scales_a_motors_figure(go1: Robot) -> None:
-    strict = SensorLimits(drift_rad=6.0, wander_rad=6.0, speed_share=1.0)
+    strict = SensorLimits(drift_rad=6.0, wander_rad=6.0, stuck_rad=6.0, speed_share=1.0)
     assert "turns at" in found(go1, "velocity", 20.07, strict)
     assert found(go1, "velocity", 20.05, strict) == ""
 

@@ -131,6 +131,17 @@ def position_stops(joint: int) -> Inject:
     return on_motors(freeze)
 
 
+def torque_stops(joint: int) -> Inject:
+    kept: list[float] = []
+
+    def freeze(values: np.ndarray, _: np.ndarray) -> None:
+        if values[:, joint].any():
+            kept.append(values[2, joint])
+            values[2, joint] = kept[0]
+
+    return on_motors(freeze)
+
+
 def position_jumps(joint: int, by: float) -> Inject:
     def shift(values: np.ndarray, _: np.ndarray) -> None:
         values[0, joint] += by
@@ -191,9 +202,9 @@ FAULTS = {
     "quaternion of zeros": (on_imu_frame(0x302, zeros), "no new IMU reading (quaternion)", 0.06),
     "quaternion cut": (on_imu_frame(0x302, cut), "no new IMU reading (quaternion)", 0.06),
     "gyro cut": (on_imu_frame(0x300, cut), "no new IMU reading (gyro)", 0.06),
-    "IMU stuck": (frozen(*imu.Inertial._fields), "the IMU: its ", 0.4),
-    "acceleration stuck": (frozen("acceleration"), "the IMU: its acceleration has repeated itself", 0.4),
-    "quaternion stuck": (frozen("quaternion"), "the IMU: its quaternion", 0.5),
+    "IMU stuck": (frozen(*imu.Inertial._fields), "the IMU: its ", 0.1),
+    "acceleration stuck": (frozen("acceleration"), "the IMU: its acceleration has repeated itself", 0.1),
+    "quaternion stuck": (frozen("quaternion"), "the IMU: its quaternion", 0.1),
     "gyro turned round": (
         on_imu(lambda reading: reading._replace(gyro=[-5.0 * rate for rate in reading.gyro])),
         "the IMU: its quaternion turned by",
@@ -203,6 +214,7 @@ FAULTS = {
     "encoder stuck": (position_stops(4), "FL_thigh_joint (can1, id 2): its position ", 0.3),
     "hip's encoder stuck": (position_stops(3), "FL_hip_joint (can1, id 1): its position ", 1.2),
     "velocity stuck": (velocity_stops(4), "FL_thigh_joint (can1, id 2): its ", 0.4),
+    "torque stuck": (torque_stops(5), "FL_calf_joint (can1, id 3): the motor repeats one torque", 0.3),
     "acceleration upside down": (
         on_imu(lambda reading: reading._replace(acceleration=[-a for a in reading.acceleration])),
         "the IMU: on average its acceleration is off gravity by",
@@ -211,9 +223,13 @@ FAULTS = {
     "encoder jumps": (position_jumps(10, 0.3), "RL_thigh_joint (can3, id 2): its position changed", 0.05),
     "encoder loses a turn": (position_jumps(7, -6.28), "RR_thigh_joint (can2, id 2): reads", 0.05),
     "ids swapped": (swapped_ids, "FR_hip_joint (can0, id 1): ", 0.05),
-    "one reply over and over": (sticks(5), "FL_calf_joint (can1, id 3): it", 0.5),
-    "motor rebooted": (reboots(2), "FR_calf_joint (can0, id 3): the motor has reported no torque", 0.4),
-    "all motors rebooted": (reboots(*range(12)), ": the motor has reported no torque", 0.4),
+    "one reply over and over": (sticks(5), "FL_calf_joint (can1, id 3): the motor repeats one torque", 0.2),
+    "motor rebooted": (
+        reboots(2),
+        "FR_calf_joint (can0, id 3): the motor repeats one torque, as one that has rebooted",
+        0.3,
+    ),
+    "all motors rebooted": (reboots(*range(12)), ": the motor re", 0.2),
     "motor pulls the other way": (
         pulls_the_other_way(8),
         "RR_calf_joint (can2, id 3): the motor pulls the other way",

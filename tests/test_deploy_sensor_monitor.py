@@ -191,6 +191,86 @@ class TestWays:
         assert monitor.drift[0] < 0.5 * LIMITS.drift_rad
 
 
+class TestStuckWays:
+    """A position or a velocity that is to the last digit the one before, where the other one moves."""
+
+    @pytest.mark.parametrize("reading", [(0.1, 0.2), (0.0, 0.0)])
+    def test_add_up_from_less_than_others(self, go1: Robot, reading: tuple[float, float]) -> None:
+        """0.2 rad/s: 0.0044 rad in the first window, 0.008 in others, which fade; 7 ms of it are granted."""
+        position, velocity = reading
+        stuck = told(go1, lambda t: (position if velocity else 0.2 * t, velocity), samples=30)
+        kept = math.exp(-0.04 / LIMITS.drift_memory_s)
+        way = 0.0044 * kept**2 + 0.008 * kept + 0.008
+        assert stuck.stuck[0] == pytest.approx(way - 0.007 * velocity, abs=1e-4)
+        assert stuck.stuck[0] > LIMITS.stuck_rad
+        assert stuck.wander[0] < LIMITS.wander_rad
+        assert (stuck.stuck[1:] == 0.0).all()
+
+    def test_begin_anew_where_both_move(self, go1: Robot) -> None:
+        """One of ten readings is another one: a velocity that is 0.2 rad/s too high is no stuck one."""
+
+        def alive(time_s: float) -> tuple[float, float]:
+            other = 1e-4 * (round(time_s / 0.004) % 10 == 5)
+            return 0.1 + other, 0.2 + other
+
+        shaken = told(go1, alive)
+        assert shaken.stuck[0] < 0.0
+        assert shaken.wander[0] > LIMITS.wander_rad
+
+    def test_of_a_joint_that_creeps_are_within_what_a_velocitys_rounding_hides(self, go1: Robot) -> None:
+        """Half of a quantum of 12 bits over 30 rad/s to either side."""
+        assert told(go1, lambda t: (0.007 * t, 0.0), samples=1000).stuck[0] < 0.5 * LIMITS.stuck_rad
+
+
+class TestStuckTorques:
+    """A torque that is to the last digit the one before, while what is asked moves. Of the peak torque."""
+
+    def stuck(self, robot: Robot, reported: float, samples: int, stiffness: float = 0.0) -> float:
+        """What is asked rises by the peak torque a second: 0.04 from each look to the next."""
+        peak = float(robot.motor.peak_torque[0])
+        monitor = told(
+            robot, torque=lambda t: (reported * peak, t * peak), samples=samples, stiffness=stiffness
+        )
+        assert (monitor.torque_stuck[1:] == 0.0).all()
+        return float(monitor.torque_stuck[0])
+
+    def test_counts_from_the_window_in_which_it_began_to_the_one_before_the_last(self, go1: Robot) -> None:
+        """By 0.04, 0.08 and 0.12, of which 0.03 may be hidden each time."""
+        assert [self.stuck(go1, 0.3, samples) for samples in (10, 20)] == [0.0, 0.0]
+        added_up = [0.01, 0.01 + 0.05, 0.01 + 0.05 + 0.09]
+        assert [self.stuck(go1, 0.3, samples) for samples in (30, 40, 50)] == pytest.approx(added_up)
+        assert added_up[1] < LIMITS.torque_stuck < added_up[2]
+
+    def test_is_less_by_what_stiffness_makes_of_a_readings_noise(self, go1: Robot) -> None:
+        """2 mrad at 500 N m/rad are 1 N m, of 23.7."""
+        noise = 1.0 / 23.7
+        expected = (0.08 - 0.03 - noise) + (0.12 - 0.03 - noise)
+        assert self.stuck(go1, 0.3, 50, stiffness=500.0) == pytest.approx(expected, abs=1e-4)
+
+    def test_may_be_all_that_a_motor_can_give(self, go1: Robot) -> None:
+        assert self.stuck(go1, 1.0, 250) == 0.0
+        assert self.stuck(go1, -0.95, 250) == 0.0
+
+    def test_may_be_rounded_to_a_fiftieth_of_the_peak(self, go1: Robot) -> None:
+        """Which is ten times what frames of 12 bits do."""
+        peak = float(go1.motor.peak_torque[0])
+
+        def coarse(time_s: float) -> tuple[float, float]:
+            asked = 0.2 * math.sin(1.0 * time_s)
+            return 0.02 * round(asked / 0.02) * peak, asked * peak
+
+        assert all(told(go1, torque=coarse, samples=n).torque_stuck[0] == 0.0 for n in range(10, 800, 50))
+
+    def test_may_be_late(self, go1: Robot) -> None:
+        """A leap by half the peak torque just before a look, which a motor follows 25 ms later."""
+        peak = float(go1.motor.peak_torque[0])
+
+        def late(time_s: float) -> tuple[float, float]:
+            return 0.5 * peak * (time_s > 0.424), 0.5 * peak * (time_s > 0.399)
+
+        assert told(go1, torque=late, samples=110).torque_stuck[0] == 0.0
+
+
 class TestTorques:
     """What a motor reports against what is asked of it."""
 
@@ -339,6 +419,24 @@ class TestBody:
         assert monitor.look_at_body()
         assert monitor.rotation == pytest.approx([0.0, 0.0, 0.1], abs=1e-4)
         assert not monitor.look_at_body()
+
+    @pytest.mark.parametrize(("changes", "repeated_s"), [(False, [0.04, 0.08]), (True, [0.0, 0.0])])
+    def test_a_part_repeats_itself_where_each_reading_is_the_one_before(
+        self, go1: Robot, changes: bool, repeated_s: list[float]
+    ) -> None:
+        """Joints move at 1 rad/s. One sample of ten that differs is a part that is alive."""
+        monitor, zeros = SensorMonitor(go1, LIMITS, 0.002), np.zeros(12)
+        joints = np.array([go1.default_pose, zeros + 1.0, zeros])
+        monitor.begin(0, np.zeros(12, np.int64), STILL, joints, zeros)
+        found = []
+        for k in range(1, 21):
+            shaken = STILL._replace(gyro=(0.0, 0.001, 0.0)) if changes and k % 10 == 5 else STILL
+            if monitor.add(k * SAMPLE_US, 0, np.full(12, k * SAMPLE_US), shaken, joints, zeros):
+                monitor.look(zeros, zeros, zeros, zeros)
+                monitor.look_at_body()
+                found.append(monitor.imu_repeated("gyro"))
+        assert found == pytest.approx(repeated_s)
+        assert monitor.imu_repeated("acceleration") == pytest.approx(0.08)
 
     def test_nothing_is_left_of_a_window_with_a_gap(self, go1: Robot) -> None:
         monitor, zeros = SensorMonitor(go1, LIMITS, 0.002), np.zeros(12)

@@ -11,7 +11,7 @@ from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.wiring import wire
 from footfall.plant.audit import Audit
 from footfall.plant.episode import Push
-from footfall.plant.fault_kinds import KINDS
+from footfall.plant.fault_kinds import IMPLAUSIBLE_S, KINDS
 from footfall.robots.description import Robot, available_robots
 
 
@@ -19,6 +19,13 @@ def test_every_kind_has_a_name_of_its_own_and_a_limit_or_a_reason() -> None:
     titles = [fault_table._title(kind) for kind in KINDS]
     assert len(set(titles)) == len(titles) >= 60
     assert [kind.name for kind in KINDS if kind.within_s is None and not kind.reason] == []
+
+
+def test_who_may_take_longer_than_100_ms_has_a_reason() -> None:
+    assert IMPLAUSIBLE_S == 0.1
+    slow = [kind for kind in KINDS if kind.within_s is not None and kind.within_s > IMPLAUSIBLE_S]
+    assert len(slow) > 10
+    assert [fault_table._title(kind) for kind in slow if not kind.reason] == []
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,195 @@
+"""Faults that need a wall clock: a policy that is late, a loop that pauses or comes late to every tick.
+
+    python benchmarks/fault_clock.py [--seeds 3] [--rate 500] [--page docs/faults.md]
+
+As fault_table.py does in lockstep, in as much time as it takes: `go1-flat` walks in simulation, after half a
+second something happens, and the run is watched for two more. A row without a fault says whether the machine
+keeps up at this rate at all: nothing else should run on it. Exit status 1 if a row is not as expected.
+"""
+
+import argparse
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from fault_table import NOISE, SAFE, insert
+
+from footfall.deploy.config import deploy_config
+from footfall.deploy.frames import Frames
+from footfall.deploy.loop import ControlLoop
+from footfall.deploy.session import Session, run_session
+from footfall.deploy.wiring import wire
+from footfall.plant.bus import SimulatedBus
+from footfall.plant.injection import InjectingBus, InjectingPolicy
+from footfall.plant.motor_ends.choice import open_motor_end
+from footfall.plant.robot import PlantConfig, SimulatedRobot
+from footfall.plant.wires import SimulatedWires
+from footfall.policies.registry import load_policy
+from footfall.robots.actuator import JointCommand
+from footfall.robots.description import load_robot
+
+ROBOT, POLICY = "go1", "go1-flat"
+COMMAND = np.array([0.4, 0.0, 0.0])
+AT_S, OBSERVED_S = 0.5, 2.0  # of walking when the fault comes, and how long the run is watched after it
+STAND_S = 0.8
+BEGIN, END = "<!-- clock -->", "<!-- /clock -->"
+
+
+class Spoiler:
+    """What goes wrong with time: called in each policy step and after each tick, once the fault is there."""
+
+    def __init__(self, in_step_s: float = 0.0, in_tick_s: float = 0.0, once: bool = False) -> None:
+        self._in_step_s, self._in_tick_s, self._once = in_step_s, in_tick_s, once
+
+    def step(self) -> None:
+        time.sleep(self._in_step_s)
+
+    def tick(self) -> None:
+        seconds, self._in_tick_s = self._in_tick_s, 0.0 if self._once else self._in_tick_s
+        time.sleep(seconds)
+
+
+class ClockKind(NamedTuple):
+    """One row. `within_s` is from the fault to damping or lying down; None if it need not be noticed."""
+
+    name: str
+    spoiler: Callable[[], Spoiler]
+    within_s: float | None
+    reason: str = ""
+
+
+KINDS = (
+    ClockKind("nothing", Spoiler, None, "the machine keeps up"),
+    ClockKind("each policy step takes 30 ms", lambda: Spoiler(in_step_s=0.03), 0.25, "five in a row"),
+    ClockKind(
+        "each policy step takes 150 ms", lambda: Spoiler(in_step_s=0.15), 0.13, "interrupted after 100 ms"
+    ),
+    ClockKind("a pause of 60 ms", lambda: Spoiler(in_tick_s=0.06, once=True), None, "a walk bears it"),
+    ClockKind(
+        "a pause of 200 ms", lambda: Spoiler(in_tick_s=0.2, once=True), 0.15, "a guard damps after 120 ms"
+    ),
+    ClockKind("ticks of 10 ms", lambda: Spoiler(in_tick_s=0.01), 0.6, "a share of the last second's ticks"),
+    ClockKind("ticks of 20 ms", lambda: Spoiler(in_tick_s=0.02), 0.6, "a share of the last second's ticks"),
+)
+
+
+class Watch:
+    """Lets the fault loose, and sees when the first frames go out that damp, or lay the robot down."""
+
+    def __init__(self, kind: ClockKind, body: SimulatedRobot, is_damping: Callable[[Frames], bool]) -> None:
+        self._kind, self._body, self._is_damping = kind, body, is_damping
+        self.spoiler: Spoiler | None = None
+        self.injected_s = self.safe_s = 0.0  # by the process' clock; 0 for not yet
+        self.fell = False
+
+    def sent(self, frames: Frames) -> None:
+        """Whoever sends them: a guard has a thread of its own."""
+        if self.injected_s and not self.safe_s and self._is_damping(frames):
+            self.safe_s = time.perf_counter()
+
+    def tick(self, loop: ControlLoop) -> None:
+        if self.injected_s and not self.safe_s and loop.state.mode in SAFE:
+            self.safe_s = time.perf_counter()
+        if not self.injected_s and loop.walking and loop.walking_s >= AT_S:
+            self.injected_s, self.spoiler = time.perf_counter(), self._kind.spoiler()
+        if self.spoiler is not None and not self.safe_s:
+            self.fell = self.fell or self._body.fall() is not None
+            self.spoiler.tick()
+        if loop.walking and loop.walking_s >= AT_S + OBSERVED_S:
+            self.spoiler = None
+            loop.finish()
+
+
+def run(kind: ClockKind, seed: int, rate_hz: float) -> dict[str, Any]:
+    """One run by the wall clock."""
+    robot = load_robot(ROBOT)
+    config = replace(deploy_config(robot), stand_s=STAND_S, joint_rate_hz=rate_hz)
+    wiring = wire(robot)
+    wires = SimulatedWires(wiring.buses, config.host_queue)
+    plant = PlantConfig(noise=NOISE, motor_timeout_s=config.motor_timeout_s)
+    body = SimulatedRobot(robot, wiring, wires, plant, seed)
+    bus, end = InjectingBus(SimulatedBus(wires, body)), open_motor_end(wiring)
+
+    def is_damping(frames: Frames) -> bool:
+        requests = end.requests(frames)
+        return requests.kind is None and not requests.values[2].any()
+
+    policy, watch = InjectingPolicy(load_policy(POLICY, robot)), Watch(kind, body, is_damping)
+    bus.watch = watch.sent
+
+    def decided(decision: JointCommand) -> JointCommand:
+        if watch.spoiler is not None:
+            watch.spoiler.step()
+        return decision
+
+    policy.spoil = decided
+    session = Session(command=lambda _: COMMAND, duration_s=20.0, realtime=True, config=config)
+    outcome = run_session(robot, policy, bus, session, watch.tick)
+    return {
+        "kind": kind.name,
+        "fault": outcome.faults[0] if outcome.faults else "",
+        "seconds": watch.safe_s - watch.injected_s if outcome.faults and watch.safe_s else None,
+        "final_state": outcome.final_state,
+        "fell": watch.fell,
+        "skipped_share": outcome.timing["ticks_skipped"] * config.tick_us * 1e-6 / outcome.run_s,
+    }
+
+
+def as_expected(kind: ClockKind, runs: list[dict[str, Any]]) -> bool:
+    """Whether every run was noticed in time, or none was that need not be."""
+    if kind.within_s is None:
+        return all(run["seconds"] is None and not run["fell"] for run in runs)
+    return all(run["seconds"] is not None and run["seconds"] <= kind.within_s for run in runs)
+
+
+def row(kind: ClockKind, runs: list[dict[str, Any]]) -> str:
+    """A line of the table."""
+    seconds = [run["seconds"] for run in runs if run["seconds"] is not None]
+    median, longest, limit = (
+        "–" if value is None else f"{1e3 * value:.0f}"
+        for value in (np.median(seconds) if seconds else None, max(seconds, default=None), kind.within_s)
+    )
+    states = Counter(run["final_state"] for run in runs)
+    ends = ", ".join(f"{state} {count}" for state, count in sorted(states.items()))
+    says = "; ".join(dict.fromkeys(run["fault"] for run in runs if run["fault"]))
+    cells = (
+        kind.name,
+        f"{len(seconds)}/{len(runs)}",
+        f"{median}, {longest} ({limit})",
+        ends,
+        str(sum(run["fell"] for run in runs)),
+        says if as_expected(kind, runs) else f"**{says or 'missed'}**",
+        kind.reason,
+    )
+    return "| " + " | ".join(cells) + " |"
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--rate", type=float, default=500.0, help="of the joint loop, Hz")
+    parser.add_argument("--page", type=Path, help="a page with markers to write the table into")
+    options = parser.parse_args()
+    lines = [
+        "| fault | noticed | safe after, ms: p50, longest (limit) | ends | fell first | says | |",
+        "| --- | ---: | ---: | --- | ---: | --- | --- |",
+    ]
+    wrong = 0
+    for kind in KINDS:
+        runs = [run(kind, seed, options.rate) for seed in range(options.seeds)]
+        lines.append(row(kind, runs))
+        wrong += not as_expected(kind, runs)
+        print(f"{lines[-1]} {max(run['skipped_share'] for run in runs):.0%} of ticks left out", flush=True)
+    if options.page:
+        options.page.write_text(insert(options.page.read_text(), "\n".join(lines), BEGIN, END))
+    print(f"{len(KINDS)} rows, {wrong} not as expected")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
