@@ -40,6 +40,7 @@ class SensorLimits:
     repeated_rad: float = 0.1  # way of a joint's target while its motor repeats one reply
     rotation_rad: float = 0.08  # the base's turn by the quaternion against the one by the gyro
     imu_repeated_s: float = 0.03  # that a part of the IMU repeats itself while joints move
+    turned_rad: float = 0.001  # of the base between two looks: less is no turn, and rounding can hide it
     moving_rad_s: float = 0.5  # of the fastest joint: then a body shakes by more than an IMU's last digit
     resting_rad_s: float = 0.3  # of every joint and of the base: slower than that for `resting_s` is rest
     resting_s: float = 0.3
@@ -67,6 +68,7 @@ class SensorLimits:
             "stuck_rad",
             "repeated_rad",
             "rotation_rad",
+            "turned_rad",
         )
         require_between(self, 0.0, 1.0, "drift_share", "opposing")
         require_between(self, 0.1, 1.0, "sunk")

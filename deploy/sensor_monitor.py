@@ -89,6 +89,9 @@ class SensorMonitor:
         )  # N m, when a torque began to repeat itself
         self._work, self._asked = np.zeros((2, n))  # (N m)^2: reported by expected, and expected squared
         self.rotation = [0.0, 0.0, 0.0]
+        self._base_turned = self._base_apart = (
+            0.0  # in a window, by quaternion or gyro, and between them, rad
+        )
         self._imu_repeated = [0.0, 0.0, 0.0]
         self._resting_s = 0.0
         self._resting = [0.0, 0.0, 0.0]  # mean acceleration of the rest, world axes
@@ -184,7 +187,7 @@ class SensorMonitor:
         body, self._body = self._body, None
         if body is None:
             return False
-        count, inertial, limits = len(body.inertials), body.inertials[-1], self._limits
+        count, inertial = len(body.inertials), body.inertials[-1]
         gyros, accelerations, _ = zip(*body.inertials, strict=True)
         gyro, acceleration = (
             [sum(values) / count for values in zip(*parts, strict=True)] for parts in (gyros, accelerations)
@@ -197,11 +200,7 @@ class SensorMonitor:
         elif self._looks % LOOKS_A_HEIGHT == 0:
             self.sunk = self.sunk_share(body.position, inertial.quaternion)
         self._compare_attitude(body)
-        for part, before in enumerate(body.before):
-            if any(inertial[part] != before for inertial in body.inertials):
-                self._imu_repeated[part] = 0.0
-            elif body.fastest > limits.moving_rad_s and self.on_legs:  # one that lies or hangs may keep still
-                self._imu_repeated[part] += body.elapsed_s
+        self._compare_repeated(body)
         return True
 
     def _compare_joints(self, elapsed_s: float, stiffness: np.ndarray, target: np.ndarray) -> None:
@@ -307,10 +306,30 @@ class SensorMonitor:
             sign * (w * c + x * d - y * a - z * b),
             sign * (w * d - x * c + y * b - z * a),
         )
+        turned = [rate * body.elapsed_s for rate in gyro]
         self.rotation = [
-            kept * error + angle - rate * body.elapsed_s
-            for error, angle, rate in zip(self.rotation, turn, gyro, strict=True)
+            kept * error + angle - other
+            for error, angle, other in zip(self.rotation, turn, turned, strict=True)
         ]
+        self._base_apart = max(abs(a - b) for a, b in zip(turn, turned, strict=True))
+        self._base_turned = max(map(abs, (*turn, *turned)))
+
+    def _compare_repeated(self, body: BodyWindow) -> None:
+        """How long each part has been in all readings the one before, while it should not.
+
+        While joints move, of a robot on its legs: one that lies or hangs may keep still. The rate of a smooth
+        motion stays the same for a while: gyro and quaternion count where they turn apart. An acceleration
+        counts half where the body has not turned: gravity's share of it stays the same.
+        """
+        limits = self._limits
+        moves = body.fastest > limits.moving_rad_s and self.on_legs
+        apart = float(self._base_apart > limits.turned_rad)
+        for part, counts in enumerate((apart, 1.0 if self._base_turned > limits.turned_rad else 0.5, apart)):
+            before = body.before[part]
+            if any(inertial[part] != before for inertial in body.inertials):
+                self._imu_repeated[part] = 0.0
+            elif moves:
+                self._imu_repeated[part] += counts * body.elapsed_s
 
     def _compare_gravity(self, pulled: list[float], gyro: list[float], body: BodyWindow) -> None:
         """Mean acceleration in the world's axes: at rest, and on average, it is gravity's opposite."""

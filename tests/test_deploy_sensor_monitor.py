@@ -420,23 +420,38 @@ class TestBody:
         assert monitor.rotation == pytest.approx([0.0, 0.0, 0.1], abs=1e-4)
         assert not monitor.look_at_body()
 
-    @pytest.mark.parametrize(("changes", "repeated_s"), [(False, [0.04, 0.08]), (True, [0.0, 0.0])])
-    def test_a_part_repeats_itself_where_each_reading_is_the_one_before(
-        self, go1: Robot, changes: bool, repeated_s: list[float]
-    ) -> None:
-        """Joints move at 1 rad/s. One sample of ten that differs is a part that is alive."""
-        monitor, zeros = SensorMonitor(go1, LIMITS, 0.002), np.zeros(12)
-        joints = np.array([go1.default_pose, zeros + 1.0, zeros])
-        monitor.begin(0, np.zeros(12, np.int64), STILL, joints, zeros)
-        found = []
+    def repeated(self, robot: Robot, reading: Callable[[int], Inertial]) -> dict[str, float]:
+        """How long each part has repeated itself after two looks at joints that move at 1 rad/s."""
+        monitor, zeros = SensorMonitor(robot, LIMITS, 0.002), np.zeros(12)
+        joints = np.array([robot.default_pose, zeros + 1.0, zeros])
+        monitor.begin(0, np.zeros(12, np.int64), reading(0), joints, zeros)
         for k in range(1, 21):
-            shaken = STILL._replace(gyro=(0.0, 0.001, 0.0)) if changes and k % 10 == 5 else STILL
-            if monitor.add(k * SAMPLE_US, 0, np.full(12, k * SAMPLE_US), shaken, joints, zeros):
+            if monitor.add(k * SAMPLE_US, 0, np.full(12, k * SAMPLE_US), reading(k), joints, zeros):
                 monitor.look(zeros, zeros, zeros, zeros)
                 monitor.look_at_body()
-                found.append(monitor.imu_repeated("gyro"))
-        assert found == pytest.approx(repeated_s)
-        assert monitor.imu_repeated("acceleration") == pytest.approx(0.08)
+        return {part: monitor.imu_repeated(part) for part in Inertial._fields}
+
+    @staticmethod
+    def turning(k: int) -> Inertial:
+        """About z at 0.1 rad/s, 0.004 rad in a window, by the quaternion alone."""
+        half = 0.5 * 0.1 * k * 0.004
+        return STILL._replace(quaternion=(math.cos(half), 0.0, 0.0, math.sin(half)))
+
+    def test_an_acceleration_repeats_itself_half_where_the_body_does_not_turn(self, go1: Robot) -> None:
+        """One of ten readings that differs is of a part that is alive."""
+        assert self.repeated(go1, self.turning)["acceleration"] == pytest.approx(0.08)
+        assert self.repeated(go1, lambda _: STILL)["acceleration"] == pytest.approx(0.04)
+        shaken = STILL._replace(acceleration=(0.0, 0.0, 9.815))
+        assert self.repeated(go1, lambda k: shaken if k % 10 == 5 else STILL)["acceleration"] == 0.0
+
+    def test_gyro_and_quaternion_repeat_themselves_where_they_turn_apart(self, go1: Robot) -> None:
+        still = self.repeated(go1, lambda _: STILL)
+        assert (still["gyro"], still["quaternion"]) == (0.0, 0.0)
+        steady = self.repeated(go1, lambda k: self.turning(k)._replace(gyro=(0.0, 0.0, 0.1)))
+        assert steady["gyro"] == 0.0
+        assert self.repeated(go1, self.turning)["gyro"] == pytest.approx(0.08)
+        stuck = self.repeated(go1, lambda k: STILL._replace(gyro=(0.0, 0.1 + 0.001 * (k % 2), 0.0)))
+        assert stuck["quaternion"] == pytest.approx(0.08)
 
     def test_nothing_is_left_of_a_window_with_a_gap(self, go1: Robot) -> None:
         monitor, zeros = SensorMonitor(go1, LIMITS, 0.002), np.zeros(12)
