@@ -164,7 +164,7 @@ def test_an_imu_may_repeat_itself_while_a_robot_on_the_ground_moves_its_legs(
         if monitor.due(now_us) and monitor.add(now_us, 0, none + now_us, rest, joints, none):
             monitor.look(none, joints[0], none + 30.0, none + 24.0)
             monitor.look_at_body()
-    assert (monitor.imu_repeated("gyro") > 0.1) is on_legs
+    assert (monitor.imu_repeated("acceleration") > CONFIG.safety.sensors.imu_repeated_s) is on_legs
 
 
 class TestRun:
