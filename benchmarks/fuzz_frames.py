@@ -133,7 +133,7 @@ class Wires:
 
 def with_other_data(usual: Sequence[Frames], rng: np.random.Generator) -> Frames:
     """One of some batches, in the very arrays of its ids, with no bit flipped, few, or many."""
-    frames = usual[rng.integers(len(usual))]
+    frames = usual[int(rng.integers(len(usual)))]
     return frames._replace(data=flipped(frames.data, rng.choice([0.0, 0.01, 0.5]), rng))
 
 
