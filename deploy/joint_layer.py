@@ -24,6 +24,15 @@ class LastHeard(NamedTuple):
     motor_error: np.ndarray  # (n,) error codes
 
 
+class Told(NamedTuple):
+    """What came with the readings of n motors."""
+
+    age_s: np.ndarray  # (n + 1,) since each motor's reading arrived, and the oldest part of the IMU's
+    temperature_c: np.ndarray  # (n,) NaN where a motor does not say
+    voltage: np.ndarray  # (n,) likewise
+    error: np.ndarray  # (n,) codes, 0 for none
+
+
 class Mixed:
     """How batches of one layout fall into the IMU's frames and the motors', in the same arrays each time."""
 
@@ -222,6 +231,13 @@ class JointLayer:
         """When each part was last heard."""
         imu_us = self._imu.heard_us
         return LastHeard(self._motor_us, NEVER if imu_us is None else imu_us, self._error)
+
+    def told(self, now_us: int) -> Told:
+        """What came with the latest readings; the arrays are not written to afterwards."""
+        motor_us, imu_us, error = self.last_heard()
+        age_us = np.empty(len(motor_us) + 1)
+        age_us[:-1], age_us[-1] = now_us - motor_us, now_us - imu_us
+        return Told(1e-6 * age_us, self.temperature_c, self.voltage, error)
 
     def _absorb_replies(self, frames: Frames, now_us: int) -> None:
         motor, values, error, temperature, voltage, arrived_us = self._driver.replies(frames)

@@ -17,6 +17,7 @@ import numpy as np
 from footfall.common.config import unstructure
 from footfall.common.errors import UserError
 from footfall.deploy.estimation.odometry import VELOCITY, YAW, Odometry
+from footfall.deploy.joint_layer import Told
 from footfall.deploy.log_records import Kind, record
 from footfall.deploy.log_writer import READY
 from footfall.deploy.safety import State
@@ -107,6 +108,7 @@ class McapLog:
         os.set_blocking(self._pipe, may_wait)
         self._waiting = bytearray()
         self._left_out = 0
+        self._health: tuple[bytes, ...] | None = None  # that was written last
         self._broken = False
         self._lacks: str | None = None
         begin = {
@@ -119,9 +121,17 @@ class McapLog:
 
     # -- called by the loop --------------------------------------------------------------------------
 
-    def tick(self, now_us: int, sensed: Sensed, commanded: np.ndarray | None) -> None:
-        """Readings of a joint tick, and the command (5, n) that went out; None if none did."""
+    def tick(self, now_us: int, sensed: Sensed, told: Told, commanded: np.ndarray | None) -> None:
+        """Readings of a joint tick, and the command (5, n) that went out; None if none did.
+
+        What motors say of their health is written when it has changed.
+        """
         records = record(Kind.READINGS, now_us, np.concatenate(sensed).tobytes())
+        records += record(Kind.AGES, now_us, told.age_s.tobytes())
+        health = told.temperature_c.tobytes(), told.voltage.tobytes(), told.error.tobytes()
+        if health != self._health:
+            self._health = health
+            records += record(Kind.HEALTH, now_us, np.concatenate(told[1:]).tobytes())
         if commanded is not None:
             records += record(Kind.COMMANDED, now_us, commanded.tobytes())
         self._put(records)
@@ -180,6 +190,7 @@ class McapLog:
             return
         if len(self._waiting) > MOST_WAITING_BYTES:
             self._left_out += 1
+            self._health = None  # a change may be among what is left out
         else:
             self._waiting += records
         try:

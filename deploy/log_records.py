@@ -22,6 +22,8 @@ class Kind(IntEnum):
     END = 9  # the run ended in order
     ODOMETRY = 10  # (85,) as a nav_msgs/Odometry has them
     CONTACTS = 11  # (feet,) probability that each stands
+    AGES = 12  # (n + 1,) of each motor's reading and of the IMU's, s
+    HEALTH = 13  # (3n,) temperatures, voltages, error codes
 
 
 def record(kind: Kind, now_us: int, content: bytes = b"") -> bytes:

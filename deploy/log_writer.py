@@ -23,6 +23,15 @@ CHUNK_BYTES = 64 * 1024
 FLUSH_EVERY_S = 0.05
 READ_BYTES = 1 << 20
 READY = "ready"
+ARRAYS = {  # what is written as it comes: the topic, and bytes of a number
+    Kind.DECISION: ("/policy/command", 8),
+    Kind.OBSERVATION: ("/policy/observation", 4),
+    Kind.ACTION: ("/policy/action", 4),
+    Kind.CONTACTS: ("/contacts", 8),
+    Kind.AGES: ("/reading_ages", 8),
+    Kind.HEALTH: ("/motor_health", 8),
+}
+TEXTS = {Kind.STATE: "/state", Kind.NOTE: "/notes"}
 
 
 class LogWriter:
@@ -44,7 +53,12 @@ class LogWriter:
     def write(self, kind: Kind, now_us: int, content: bytes) -> None:
         """Write one record."""
         time_ns = self._start_ns + now_us * 1000
-        if kind is Kind.READINGS:
+        if kind in ARRAYS:
+            topic, size = ARRAYS[kind]
+            self._array(topic, time_ns, content, size)
+        elif kind in TEXTS:
+            self._put(TEXTS[kind], time_ns, messages.text(content.decode()))
+        elif kind is Kind.READINGS:
             self._readings(time_ns, content)
         elif kind is Kind.COMMANDED:
             position, velocity, torque = (self._rows(content, row) for row in (0, 1, 4))
@@ -56,20 +70,8 @@ class LogWriter:
             command = messages.twist().fill(time_ns, content[at : at + 16], content[at + 16 : at + 24])
             self._put("/cmd_vel", time_ns, command)
             self._array("/policy/inputs", time_ns, content)
-        elif kind is Kind.DECISION:
-            self._array("/policy/command", time_ns, content)
-        elif kind is Kind.OBSERVATION:
-            self._array("/policy/observation", time_ns, content, size=4)
-        elif kind is Kind.ACTION:
-            self._array("/policy/action", time_ns, content, size=4)
         elif kind is Kind.ODOMETRY:
             self._put("/odom", time_ns, messages.odometry().fill(time_ns, content))
-        elif kind is Kind.CONTACTS:
-            self._array("/contacts", time_ns, content)
-        elif kind is Kind.STATE:
-            self._put("/state", time_ns, messages.text(content.decode()))
-        elif kind is Kind.NOTE:
-            self._put("/notes", time_ns, messages.text(content.decode()))
         elif kind is Kind.END:
             self._writer.add_metadata(METADATA, {ENDED: "true"})
 

@@ -21,7 +21,7 @@ from footfall.deploy.deadline import Arm, OverdueError, unarmed
 from footfall.deploy.drivers.driver import Driver
 from footfall.deploy.estimation.odometry import Odometry
 from footfall.deploy.frames import Frames
-from footfall.deploy.joint_layer import JointLayer
+from footfall.deploy.joint_layer import JointLayer, Told
 from footfall.deploy.pose import impossible_pose
 from footfall.deploy.postures import Ending, Postures
 from footfall.deploy.safety import DAMPED, DECIDING, HELD, Implausible, Mode, Signals, State, advance, damped
@@ -57,7 +57,7 @@ class Estimator(Protocol):
 class Log(Protocol):
     """What the loop tells a log. Nothing here may block."""
 
-    def tick(self, now_us: int, sensed: Sensed, commanded: np.ndarray | None) -> None: ...
+    def tick(self, now_us: int, sensed: Sensed, told: Told, commanded: np.ndarray | None) -> None: ...
 
     def policy_step(self, now_us: int, observation: Observation, command: JointCommand) -> None: ...
 
@@ -242,7 +242,8 @@ class ControlLoop:
         self._refused += self._bus.send(frames, now_us)
         if self.log is not None:
             nothing_commanded = mode is Mode.IDLE or self.state.over
-            self.log.tick(now_us, self.sensed, None if nothing_commanded else joints.sent)
+            commanded = None if nothing_commanded else joints.sent
+            self.log.tick(now_us, self.sensed, joints.told(now_us), commanded)
             self._log_odometry(now_us)
 
     def fail(self, error: BaseException) -> None:
@@ -406,9 +407,7 @@ class ControlLoop:
             sunk = self._checks.monitor.sunk_share(sensed.joint_position, sensed.quaternion)
             self._postures.stand_up(sensed.joint_position, sunk)
             self._joints.begin_at(sensed.joint_position)
-            joints = self._joints
-            heard_us = joints.last_heard().motor_us
-            self._checks.monitor.begin(self.now_us, heard_us, joints.inertial, joints.joints, joints.target)
+            self._begin_checks()
             self._estimated_us = self.now_us
             if self._estimator is not None:
                 self._estimator.reset(self.sensed)
@@ -467,12 +466,25 @@ class ControlLoop:
         heard = motor_silence_us <= self._silence_us
         return signals._replace(
             first_pose=self._first_pose() if heard else "",
+            implausible=self._first_readings() if heard else None,
             unready=self._driver.unready() or self._driver.off(),
         )
 
     def _first_pose(self) -> str:
         position, limit = self._joints.joints[0], self._config.safety.first_pose_rad
         return impossible_pose(self._robot, self._places, position, limit)
+
+    def _first_readings(self) -> Implausible | None:
+        """What a motor may not say when it is to get stiffness: that it is hot, too fast, without voltage."""
+        joints, monitor = self._joints, self._checks.monitor
+        self._begin_checks()
+        monitor.temperature, monitor.voltage = joints.temperature_c, joints.voltage
+        return self._checks.of_joints()
+
+    def _begin_checks(self) -> None:
+        """Readings are compared from now on."""
+        joints, heard_us = self._joints, self._joints.last_heard().motor_us
+        self._checks.monitor.begin(self.now_us, heard_us, joints.inertial, joints.joints, joints.target)
 
     def _contradiction(self, silence_us: int) -> Implausible | None:
         """Readings that contradict each other, if this is a tick at which they are compared.

@@ -113,6 +113,8 @@ TOPICS = {
     "/joint_commands": "sensor_msgs/msg/JointState",  # targets and feed-forward torque that went out
     "/joint_gains": "std_msgs/msg/Float64MultiArray",  # stiffness and damping that went out
     "/imu": "sensor_msgs/msg/Imu",
+    "/reading_ages": "std_msgs/msg/Float64MultiArray",  # of each motor's reading and of the IMU's, s
+    "/motor_health": "std_msgs/msg/Float64MultiArray",  # temperatures, voltages, error codes
     "/cmd_vel": "geometry_msgs/msg/TwistStamped",
     "/odom": "nav_msgs/msg/Odometry",  # where the base is estimated to be, and how it moves
     "/contacts": "std_msgs/msg/Float64MultiArray",  # probability that each foot stands

@@ -25,6 +25,7 @@ from footfall.deploy import log as log_module
 from footfall.deploy import messages
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.estimation.odometry import Odometry
+from footfall.deploy.joint_layer import Told
 from footfall.deploy.log import McapLog, flatten, unflatten
 from footfall.deploy.log_file import read_log
 from footfall.deploy.loop import ControlLoop
@@ -105,7 +106,7 @@ class TestContent:
         )
         path = tmp_path / "tick.mcap"
         log = McapLog(path, go1, Hold(go1), facts={}, start_ns=0, may_wait=True)
-        log.tick(0, Sensed(gyro, acceleration, quaternion, position, velocity, torque), commanded)
+        log.tick(0, Sensed(gyro, acceleration, quaternion, position, velocity, torque), TOLD, commanded)
         assert log.close() == ""
         written = {each.topic: each.message for each in decoded(path)}
         joints, inertial = written["/joint_states"], written["/imu"]
@@ -121,6 +122,31 @@ class TestContent:
         assert [getattr(inertial.orientation, axis) for axis in "wxyz"] == quaternion.tolist()
         assert [getattr(inertial.angular_velocity, axis) for axis in "xyz"] == gyro.tolist()
         assert [getattr(inertial.linear_acceleration, axis) for axis in "xyz"] == acceleration.tolist()
+
+    def test_ages_come_each_tick_and_what_motors_say_of_their_health_with_each_change(
+        self, go1: Robot, tmp_path: Path
+    ) -> None:
+        path = tmp_path / "health.mcap"
+        log = McapLog(path, go1, Hold(go1), facts={}, start_ns=0, may_wait=True)
+        hot = TOLD._replace(temperature_c=TOLD.temperature_c + np.arange(12.0))
+        faulty = hot._replace(error=np.eye(12, dtype=np.uint8)[3] * 7)
+        for tick, told in enumerate((TOLD, TOLD, hot, faulty, faulty, TOLD)):
+            log.tick(2000 * tick, STILL, told._replace(age_s=told.age_s + tick), None)
+        assert log.close() == ""
+        found = read_log(path).entries
+        ages = [entry.message.data for entry in found if entry.topic == "/reading_ages"]
+        assert [list(each) for each in ages] == [(TOLD.age_s + tick).tolist() for tick in range(6)]
+        health = {e.time_ns: np.reshape(e.message.data, (3, 12)) for e in found if e.topic == "/motor_health"}
+        assert list(health) == [0, 4_000_000, 6_000_000, 10_000_000]
+        np.testing.assert_array_equal(health[0], np.outer([40.0, np.nan, 0.0], np.ones(12)))
+        np.testing.assert_array_equal(health[6_000_000], [hot.temperature_c, hot.voltage, faulty.error])
+
+    def test_a_run_says_when_each_reading_arrived(self, logged: tuple[Path, Trace]) -> None:
+        """Replies come within the next tick of 2 ms, the IMU's readings every 2 ms."""
+        ages = [entry.message.data for entry in read_log(logged[0]).entries if entry.topic == "/reading_ages"]
+        assert np.shape(ages) == (round(500 * logged[1].run_s) + 1, 13)
+        assert (np.array(ages[2:]) >= 0.0).all()
+        assert np.max(ages[2:]) <= 0.004
 
     def test_what_is_estimated_stands_in_its_own_field(self, go1: Robot, tmp_path: Path) -> None:
         """ROS counts x, y, z and the turns about them; yaw is the last, and the velocity is in `base`."""
@@ -375,6 +401,7 @@ class TestBadInput:
             replay(tmp_path / "none.mcap", Hold(go1))
 
 
+TOLD = Told(np.linspace(0.0, 0.0012, 13), np.full(12, 40.0), np.full(12, np.nan), np.zeros(12, np.uint8))
 STILL = Sensed(np.zeros(3), np.zeros(3), np.array([1.0, 0, 0, 0]), *np.zeros((3, 12)))
 
 
@@ -415,7 +442,7 @@ class TestDisk:
         slowest_s = 0.0
         for tick in range(1000):
             started = time.perf_counter()
-            log.tick(2000 * tick, STILL, np.zeros((5, 12)))
+            log.tick(2000 * tick, STILL, TOLD, np.zeros((5, 12)))
             slowest_s = max(slowest_s, time.perf_counter() - started)
         os.kill(log._process.pid, signal.SIGCONT)
         lacks = re.fullmatch(r"the log .*a\.mcap lacks (\d+) ticks or .*: the disk was too slow", log.close())
@@ -431,7 +458,7 @@ class TestDisk:
         monkeypatch.setattr(log_module, "LAST_WAIT_S", 0.3)
         log = McapLog(tmp_path / "a.mcap", go1, Hold(go1), facts={}, start_ns=0, may_wait=False)
         os.kill(log._process.pid, signal.SIGSTOP)
-        log.tick(0, STILL, None)
+        log.tick(0, STILL, TOLD, None)
         assert "a.mcap has no end: the disk does not take it" in log.close()
 
     def test_a_writer_that_dies_is_told(self, go1: Robot, tmp_path: Path) -> None:
@@ -439,7 +466,7 @@ class TestDisk:
         os.kill(log._process.pid, signal.SIGKILL)
         log._process.wait()
         for tick in range(3):
-            log.tick(tick, STILL, None)
+            log.tick(tick, STILL, TOLD, None)
         assert "is cut short: the process that writes it failed" in log.close()
 
 

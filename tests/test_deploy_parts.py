@@ -57,6 +57,7 @@ class FrameRobot:
         self.quaternion = (1.0, 0.0, 0.0, 0.0)
         self.gyro = (0.0, 0.0, 0.0)
         self.error = np.zeros(12, dtype=np.uint64)
+        self.temperature_c = 30
         self.silent: list[int] = []
         self.imu_silent = False
         self.refuses = 0
@@ -70,7 +71,7 @@ class FrameRobot:
 
     def receive(self, now_us: int) -> list[Frames]:
         heard = np.setdiff1d(ROWS, self.silent)
-        batches = [self._end.reply(heard, self.readings[:, heard], 30, self.error[heard])]
+        batches = [self._end.reply(heard, self.readings[:, heard], self.temperature_c, self.error[heard])]
         if not self.imu_silent:
             self._count += 1
             reading = imu.Inertial(self.gyro, (0.0, 0.0, 9.8), self.quaternion)
@@ -118,7 +119,7 @@ class Notebook:
     def __init__(self) -> None:
         self.told: list[tuple] = []
 
-    def tick(self, now_us: int, sensed: Any, commanded: np.ndarray | None) -> None:
+    def tick(self, now_us: int, sensed: Any, told: Any, commanded: np.ndarray | None) -> None:
         self.told.append(("tick", now_us, sensed, commanded))
 
     def policy_step(self, now_us: int, observation: Observation, command: JointCommand) -> None:
@@ -440,6 +441,24 @@ class TestLoop:
         assert loop.state.mode is Mode.ESTOP
         assert loop.state.faults[0].startswith(body.wiring.place(joint))
         assert says in loop.state.faults[0]
+
+    @pytest.mark.parametrize(
+        ("temperature_c", "speed_rad_s", "error", "says"),
+        [
+            (90, 0.0, 0, "FR_hip_joint (can0, id 1): the motor is at 90 degrees Celsius"),
+            (30, 50.0, 0, "FR_hip_joint (can0, id 1): turns at 50.0 rad/s, faster than its motor can"),
+            (30, 0.0, 1, "motor FR_hip_joint (can0, id 1) reports "),
+        ],
+    )
+    def test_a_motor_that_is_not_well_gets_no_stiffness(
+        self, go1: Robot, temperature_c: int, speed_rad_s: float, error: int, says: str
+    ) -> None:
+        loop, body = loop_of(go1, Hold(go1))
+        body.temperature_c, body.readings[1, 0], body.error[0] = temperature_c, speed_rad_s, error
+        while loop.tick():
+            assert body.kinds()[0] != Request.COMMAND or not body.sent[-1][1].values[2].any()
+        assert loop.state.mode is Mode.ESTOP
+        assert loop.state.faults[0].startswith(says)
 
     def test_what_is_refused_is_counted_over_the_run(self, go1: Robot) -> None:
         loop, body = loop_of(go1, Hold(go1))
