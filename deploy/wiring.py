@@ -18,6 +18,7 @@ class Wiring:
     models: tuple[str, ...]  # (n,) motor models, which tell the protocol and its ranges
     gear_ratio: np.ndarray  # (n,) turns of the rotor for one of the joint
     timeout_s: np.ndarray  # (n,) after which a motor that hears nothing shall switch itself off
+    watchdog_endpoints: np.ndarray  # (n, 2) ids of enable_watchdog and watchdog_timeout, 0 for none
     joint_names: tuple[str, ...]
 
     def take(self, joints: np.ndarray) -> "Wiring":
@@ -29,6 +30,7 @@ class Wiring:
             models=tuple(self.models[joint] for joint in joints),
             gear_ratio=self.gear_ratio[joints],
             timeout_s=self.timeout_s[joints],
+            watchdog_endpoints=self.watchdog_endpoints[joints],
             joint_names=tuple(self.joint_names[joint] for joint in joints),
         )
 
@@ -52,5 +54,8 @@ def wire(robot: Robot) -> Wiring:
         models=tuple(robot.description.motors[joint.motor].protocol for joint in joints),
         gear_ratio=robot.motor_figures("gear_ratio"),
         timeout_s=robot.motor_figures("timeout_s"),
+        watchdog_endpoints=np.array(
+            [robot.description.motors[joint.motor].watchdog_endpoints or (0, 0) for joint in joints]
+        ),
         joint_names=robot.joint_names,
     )

@@ -52,12 +52,14 @@ class MotorType:
     protocol: str
     temperature_limit_c: float = 85.0  # windings and magnets suffer from 100 on
     voltage_v: tuple[float, float] | None = None  # least and most at its supply; None if any will do
+    watchdog_endpoints: tuple[int, int] | None = None  # ids of an ODrive's enable_watchdog, watchdog_timeout
     timeout_s: float = 0.1  # after which a motor that hears nothing shall switch itself off, at the latest
 
     def __post_init__(self) -> None:
         require_positive(self, *(name for name in self.__dataclass_fields__ if name != "protocol"))
         require_ordered(self, "voltage_v")
         require_between(self, *MOTOR_TIMEOUT_S, "timeout_s")
+        require_between(self, 1, 0xFFFF, "watchdog_endpoints")
         if self.stall_torque_nm < self.peak_torque_nm:
             raise ValueError(
                 f"stall_torque_nm {self.stall_torque_nm:g} is below peak_torque_nm {self.peak_torque_nm:g}"

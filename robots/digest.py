@@ -58,7 +58,7 @@ def _counted(description: "Description") -> Any:
     for joint in content["joints"]:
         del joint["bus"], joint["id"], joint["lying_rad"]
     for motor in content["motors"].values():
-        for name in ("protocol", "temperature_limit_c", "voltage_v", "timeout_s"):
+        for name in ("protocol", "temperature_limit_c", "voltage_v", "timeout_s", "watchdog_endpoints"):
             del motor[name]
     for foot in content["feet"]:
         del foot["geoms"]  # `_figures` has it

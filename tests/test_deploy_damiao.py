@@ -30,6 +30,7 @@ TWO = Wiring(
     models=("DM4310", "DM8009"),
     gear_ratio=np.array([6.0, 9.0]),
     timeout_s=np.array([0.1, 0.1]),
+    watchdog_endpoints=np.zeros((2, 2), int),
     joint_names=("hip", "knee"),
 )
 

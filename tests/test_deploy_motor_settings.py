@@ -34,7 +34,7 @@ QUICK = DeployConfig(stand_s=0.1)
 
 def with_motors(robot: Robot, protocols: dict[str, str]) -> Robot:
     motors = {
-        name: replace(motor, protocol=protocols.get(name, motor.protocol))
+        name: replace(motor, protocol=protocols.get(name, motor.protocol), watchdog_endpoints=(410, 409))
         for name, motor in robot.description.motors.items()
     }
     return replace(robot, description=replace(robot.description, motors=motors))

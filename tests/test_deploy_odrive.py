@@ -14,6 +14,7 @@ from footfall.common.errors import UserError
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers import odrive
 from footfall.deploy.drivers.choice import open_driver
+from footfall.deploy.drivers.driver import CanFilter
 from footfall.deploy.drivers.odrive import OdriveDriver
 from footfall.deploy.frames import Frames, joined
 from footfall.deploy.joint_layer import JointLayer
@@ -40,6 +41,7 @@ TWO = Wiring(
     models=("ODrive", "ODrive"),
     gear_ratio=np.array([1.0, 8.0]),
     timeout_s=np.array([0.1, 0.1]),
+    watchdog_endpoints=np.zeros((2, 2), int),
     joint_names=("hip", "knee"),
 )
 BOTH = np.ones(2, bool)
@@ -272,6 +274,54 @@ class TestStart:
         driver = OdriveDriver(TWO)
         told = [tick for tick in range(250) if driver.enable().id[0] & 0x1F == odrive.STATE]
         assert told == [0, 100, 200]
+
+    @pytest.mark.parametrize(
+        ("on", "waits_s", "says"),
+        [
+            (1, 0.1, ""),
+            (1, 0.02, ""),
+            (0, 0.1, "has its watchdog off (set enable_watchdog)"),
+            (1, 0.5, "has a watchdog of 0.5 s (set watchdog_timeout to 0.1)"),
+            (1, 0.0, "has a watchdog of 0 s (set watchdog_timeout to 0.1)"),
+        ],
+    )
+    def test_a_watchdog_is_read_where_it_can_be(self, on: int, waits_s: float, says: str) -> None:
+        """Those of the knee, 0x19a and 0x199: little-endian after a 0 to read; a switch is one byte."""
+        driver = OdriveDriver(replace(TWO, watchdog_endpoints=np.array([[0, 0], [0x19A, 0x199]])))
+        for channel in (0, 1):
+            for said in (
+                pair(0x069, 0, 0, channel),
+                pair(0x07C, 0, 0, channel),
+                heartbeat(8, channel=channel),
+            ):
+                driver.replies(said)
+        assert "has not told its watchdog" in driver.unready()
+        assert hexed(driver.ask())[2:] == [(0x064, "00 9a 01 00")]
+        assert not driver.replies(frame(0x065, bytes([0, 0x9A, 1, 0, on]), 1)).values.size
+        assert hexed(driver.ask())[2:] == [(0x064, "00 99 01 00")]
+        driver.replies(frame(0x065, bytes([0, 0x99, 1, 0]) + struct.pack("<f", waits_s), 1))
+        assert driver.unready() == (f"motor knee (can1, id 3) {says}" if says else "")
+        assert len(driver.ask().id) == 2  # nothing is left to be read
+
+    def test_a_simulated_axis_tells_its_watchdog(self) -> None:
+        wiring = replace(TWO, watchdog_endpoints=np.array([[5, 6], [0x19A, 0x199]]))
+        driver, end = OdriveDriver(wiring), OdriveMotorEnd(wiring)
+        end.watchdog[:, 0] = 0.0, 0.05
+        told = [end.tell(driver.ask())]
+        assert told[0] is not None
+        driver.replies(told[0])
+        told.append(end.tell(driver.ask()))
+        assert [hexed(each) for each in told if each is not None] == [
+            [(0x065, "00 05 00 00 00"), (0x065, "00 9a 01 00 01")],
+            [(0x065, "00 06 00 00 cd cc 4c 3d"), (0x065, "00 99 01 00 cd cc cc 3d")],  # 0.05 and 0.1
+        ]
+        assert end.tell(driver.command(np.zeros((5, 2)))) is None
+
+    @pytest.mark.parametrize(("filters", "message"), [(OdriveDriver.filters, 5), (OdriveMotorEnd.filters, 4)])
+    def test_reads_and_what_was_read_pass_the_filters(
+        self, filters: tuple[CanFilter, ...], message: int
+    ) -> None:
+        assert any((0x060 | message) & each["can_mask"] == each["can_id"] for each in filters)
 
     @pytest.mark.parametrize("node", [0, 63])
     def test_a_node_that_is_none_is_refused(self, node: int) -> None:

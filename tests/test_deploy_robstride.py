@@ -28,6 +28,7 @@ TWO = Wiring(
     models=("RS00", "RS03"),
     gear_ratio=np.array([6.0, 9.0]),
     timeout_s=np.array([0.1, 0.1]),
+    watchdog_endpoints=np.zeros((2, 2), int),
     joint_names=("hip", "knee"),
 )
 TURNS = 12.566370614359172

@@ -71,6 +71,8 @@ def test_unknown_robot_lists_the_known_ones() -> None:
         ("bus: can0, id: 1", "bus: can0, id: 128", "joints[0]: id must be from 1 to 127"),
         ("name: go1", "name: ../go1", "letters, digits"),
         ("stall_torque_nm: 23.7", "stall_torque_nm: 20", "stall_torque_nm 20 is below peak_torque_nm 23.7"),
+        ("protocol: AK70-10", "protocol: AK70-10\n    timeout_s: 0.11", "timeout_s must be from 0.01 to 0.1"),
+        ("protocol: AK70-10", "protocol: AK70-10\n    watchdog_endpoints: [0, 5]", "watchdog_endpoints must"),
         ("bus: can0, id: 1", "bus: can0, id: 500", "joints[0]: id must be from 1 to 127"),
         ("geoms: [FL_foot]", "geoms: [FR_foot]", "geom FR_foot is listed twice"),
         ("[FR_hip_joint, FR_thigh_joint,", "[FR_hip_joint, FR_hip_joint,", "FR_hip_joint is listed twice"),

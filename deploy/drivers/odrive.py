@@ -5,6 +5,8 @@ Identifiers have 11 bits, `node << 5 | message`; numbers are little-endian. As o
 | message | who sends it | content |
 | --- | --- | --- |
 | 0x01 heartbeat | axis, every 100 ms | active errors u32, state u8, result u8, trajectory done u8 |
+| 0x04 read or write | host | 0 to read, u8; endpoint u16; 0 u8 |
+| 0x05 was read | axis, when asked | 0 u8; endpoint u16; 0 u8; value |
 | 0x07 axis state | host | u32: 1 off, 8 closed loop |
 | 0x09 encoder | axis, as often as it is set to | position f32, velocity f32: turns and turns/s of the rotor |
 | 0x0B controller mode | host | control u32 (1 torque, 2 velocity), input u32 (1 passed through) |
@@ -17,9 +19,11 @@ Identifiers have 11 bits, `node << 5 | message`; numbers are little-endian. As o
 | 0x1B velocity gains | host | f32, N m/(turn/s) at the rotor; f32, of the integral |
 | 0x1C torques | axis, as often as it is set to | target f32, estimate f32: N m at the rotor |
 
-Nothing here is answered: an axis sends what it measures by itself. `encoder_msg_rate_ms` and
+Nothing but a read is answered: an axis sends what it measures by itself. `encoder_msg_rate_ms` and
 `torques_msg_rate_ms` have to be set to a joint tick, and its watchdog, which is off by default, has to be
-switched on, at `timeout_s` of robot.yaml. Nothing here checks that.
+switched on, at `timeout_s` of robot.yaml or less. That is read before an axis is switched on, where
+robot.yaml has its `watchdog_endpoints`: which endpoint is which differs from firmware to firmware, and is in
+the `flat_endpoints.json` of each.
 """
 
 import math
@@ -28,13 +32,13 @@ import numpy as np
 
 from footfall.common.errors import UserError
 from footfall.deploy.drivers.driver import CanFilter, Replies
-from footfall.deploy.frames import Frames, frame_bits
+from footfall.deploy.frames import Frames, frame_bits, joined
 from footfall.deploy.wiring import Wiring
 
 MODEL = "ODrive"
 NODES = range(1, 63)  # 63 is everybody
 
-HEARTBEAT, STATE, ENCODER, MODE, TORQUE = 0x01, 0x07, 0x09, 0x0B, 0x0E
+HEARTBEAT, READ, WAS_READ, STATE, ENCODER, MODE, TORQUE = 0x01, 0x04, 0x05, 0x07, 0x09, 0x0B, 0x0E
 VELOCITY, GAINS = 0x0D, 0x1B
 TEMPERATURE, SUPPLY, CLEAR, POSITION, TORQUES = 0x15, 0x17, 0x18, 0x19, 0x1C
 IDLE, CLOSED_LOOP = 1, 8
@@ -79,6 +83,7 @@ MOST_WITHOUT_TORQUE = 25
 
 _FLOATS = np.dtype("<f4")
 _WORDS = np.dtype("<u4")
+_SHORTS = np.dtype("<u2")
 
 
 def identifiers(node: int) -> tuple[int, ...]:
@@ -115,7 +120,7 @@ class OdriveDriver:
     identifiers = staticmethod(identifiers)
     filters: tuple[CanFilter, ...] = tuple(
         {"can_id": message, "can_mask": 0x1F, "extended": False}
-        for message in (HEARTBEAT, ENCODER, TEMPERATURE, SUPPLY, TORQUES)
+        for message in (HEARTBEAT, WAS_READ, ENCODER, TEMPERATURE, SUPPLY, TORQUES)
     )
 
     def __init__(self, wiring: Wiring) -> None:
@@ -123,6 +128,8 @@ class OdriveDriver:
         n = len(wiring.motor_id)
         self._wiring, self._lookup = wiring, node_lookup(wiring)
         self._node = wiring.motor_id << 5
+        self._watchdog = np.full((2, n), np.nan)  # whether it is on, and its time, s; NaN until told
+        self._endpoints = wiring.watchdog_endpoints.T  # (2, n), 0 where not given
         self._per_turn = TURN / wiring.gear_ratio  # rad at the joint
         self._gear = wiring.gear_ratio
         self.highest = np.full((5, n), np.inf)  # a float carries whatever the motor can do
@@ -149,8 +156,15 @@ class OdriveDriver:
         return Frames(self._wiring.channel, self._node | message, data, np.full(n, length))
 
     def ask(self) -> Frames:
-        """Torque control; what an axis sends by itself tells whether it is ready."""
-        return self._mode
+        """Torque control, and reading what is not known of the watchdogs, one endpoint at a time."""
+        untold = np.isnan(self._watchdog) & (self._endpoints > 0)
+        axes = np.flatnonzero(untold.any(axis=0))
+        if not axes.size:
+            return self._mode
+        data = np.zeros((len(axes), 8), np.uint8)
+        data[:, 1:3] = _pairs(self._endpoints[untold[:, axes].argmax(axis=0), axes])
+        reads = Frames(self._wiring.channel[axes], self._node[axes] | READ, data, np.full(len(axes), 4))
+        return joined([self._mode, reads])
 
     def unready(self) -> str:
         for missing, what in (
@@ -160,6 +174,23 @@ class OdriveDriver:
         ):
             if missing.any():
                 return f"motor {self._wiring.place(int(missing.argmax()))} {what}"
+        return self._unwatched()
+
+    def _unwatched(self) -> str:
+        """Which axis may not be switched on since its watchdog is not known to be right, and why."""
+        longest_s, given = self._wiring.timeout_s, self._endpoints[0] > 0
+        on, waits_s = self._watchdog
+        for wrong, what in (
+            (np.isnan(on + waits_s), "has not told its watchdog: has its firmware other watchdog_endpoints?"),
+            (on == 0.0, "has its watchdog off (set enable_watchdog)"),
+            (
+                ~_within(waits_s, longest_s),
+                "has a watchdog of {0:g} s (set watchdog_timeout to {1:g})",
+            ),
+        ):
+            if (wrong & given).any():
+                joint = int((wrong & given).argmax())
+                return f"motor {self._wiring.place(joint)} {what.format(waits_s[joint], longest_s[joint])}"
         return ""
 
     def enable(self) -> Frames:
@@ -217,7 +248,7 @@ class OdriveDriver:
         message = frames.id & 0x1F
         node = np.where(frames.id < 0x800, frames.id >> 5, 0)
         motor = self._lookup[frames.channel, node]
-        ours = (motor >= 0) & (frames.length == 8)
+        ours = (motor >= 0) & ((frames.length == 8) | (message == WAS_READ) & (frames.length > 4))
         if not ours.all():
             frames, motor, message = frames.take(ours), motor[ours], message[ours]
         first, second = floats(frames.data)
@@ -261,6 +292,9 @@ class OdriveDriver:
             if kind == HEARTBEAT:
                 self._hear_heartbeats(who, data[rows])
                 continue
+            if kind == WAS_READ:
+                self._hear_reads(who, data[rows], second[rows])
+                continue
             rows &= finite
             who = motor[rows]
             if kind == TORQUES:
@@ -280,8 +314,25 @@ class OdriveDriver:
         self._error[motor] = np.where((error == 0) & ~on & self._was_on[motor], NOT_ON, error)
         self._was_on[motor] |= on & (self._tellings > 0)
 
+    def _hear_reads(self, motor: np.ndarray, data: np.ndarray, number: np.ndarray) -> None:
+        """What k axes were asked for, (k, 8): a switch in byte 4, or a `number` (k,) in bytes 4 to 7."""
+        endpoint = np.ascontiguousarray(data[:, 1:3]).view(_SHORTS)[:, 0]
+        switch, time = ((endpoint > 0) & (endpoint == self._endpoints[which, motor]) for which in (0, 1))
+        self._watchdog[0, motor[switch]] = data[switch, 4] != 0
+        self._watchdog[1, motor[time]] = number[time]
+
     def error_name(self, code: int, joint: int = 0) -> str:
         return ERRORS.get(code, f"error bit {code - 1}")
+
+
+def _pairs(numbers: np.ndarray) -> np.ndarray:
+    """Whole numbers (k,) as two bytes each, (k, 2)."""
+    return numbers.astype(_SHORTS).view(np.uint8).reshape(-1, 2)
+
+
+def _within(time_s: np.ndarray, longest_s: np.ndarray) -> np.ndarray:
+    """Which times (n,), as floats of four bytes carry them, are above 0 and no longer than these."""
+    return (time_s > 0.0) & (time_s <= longest_s * (1.0 + 1e-6))
 
 
 def _words(n: int, first: int, second: int) -> np.ndarray:

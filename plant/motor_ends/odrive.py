@@ -29,11 +29,11 @@ class OdriveMotorEnd:
     """The axes' end.
 
     `mode` (n, 2) are the control and input modes that each was told, `damping` (n,) what its velocity gain is
-    at the joint, N m s/rad.
+    at the joint, N m s/rad, `watchdog` (2, n) what it tells of its own: whether it is on, and its time in s.
     """
 
     filters: tuple[CanFilter, ...] = tuple(
-        {"can_id": message, "can_mask": 0x1F, "extended": False} for message in _KIND
+        {"can_id": message, "can_mask": 0x1F, "extended": False} for message in (*_KIND, odrive.READ)
     )
     time_out_error = odrive.WATCHDOG
     time_out_latches = True
@@ -48,6 +48,7 @@ class OdriveMotorEnd:
         self._per_turn = odrive.TURN / wiring.gear_ratio
         self.mode = np.zeros((n, 2), np.intp)
         self.damping = np.zeros(n)
+        self.watchdog = np.tile([[1.0], [0.1]], n)
         self._stagger_us = STAGGER_US * np.arange(n)
         self._eights = np.full(n, 8)
         self._ids = {
@@ -84,7 +85,19 @@ class OdriveMotorEnd:
         return Requests(motor, values, np.array(kinds))
 
     def tell(self, frames: Frames) -> Frames | None:
-        return None
+        motor = self._lookup[frames.channel, np.where(frames.id < 0x800, frames.id >> 5, 0)]
+        rows = np.flatnonzero((motor >= 0) & (frames.id & 0x1F == odrive.READ) & (frames.length >= 4))
+        endpoint = np.ascontiguousarray(frames.data[rows, 1:3]).view("<u2")[:, 0]
+        asked = endpoint[:, None] == self._wiring.watchdog_endpoints[motor[rows]]
+        rows, which = rows[asked.any(axis=1)], asked.argmax(axis=1)[asked.any(axis=1)]
+        if not rows.size:
+            return None
+        data, who = frames.data[rows].copy(), motor[rows]
+        data[:, 4:] = _floats(self.watchdog[1, who], self.watchdog[1, who])[:, :4]
+        data[which == 0, 4:] = 0
+        data[which == 0, 4] = self.watchdog[0, who[which == 0]]
+        identifier = self._wiring.motor_id[who] << 5 | odrive.WAS_READ
+        return Frames(self._wiring.channel[who], identifier, data, np.where(which == 0, 5, 8))
 
     def reply(
         self,
