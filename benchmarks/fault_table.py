@@ -319,7 +319,7 @@ def _row(robot: str, policy: str, kind: FaultKind, runs: list[dict[str, Any]]) -
 
 
 def _without_figures(fault: str) -> str:
-    return re.sub(r"^.*\(can\d+, id \d+\): ", "", re.sub(r"-?\d+\.\d+", "…", fault))
+    return re.sub(r"^.*\(can\d+, id \d+\): ", "", re.sub(r"-?\d+\.\d+|\d+(?=%)", "…", fault))
 
 
 def page(found: Sequence[dict[str, Any]], healthy: Sequence[dict[str, Any]]) -> str:

@@ -419,6 +419,7 @@ ALIKE = "two joints in like poses read alike until they move apart"
 STEADY = "a motor of which the same is asked again and again may report the same; noticed where that moves"
 DRIFTS = "at this rate it is off by `wander_rad` after 50 ms, and a joint that swings fast is granted more"
 HEATS = "it takes 500 ms to get there"
+NEXT = "the next reading is 2 ms away"
 HARMLESS = "most bits of a reading weigh less than its noise; noticed once one of the others is hit"
 CONSTANT_LAG = (
     "late readings agree with each other; a walk bears some of it, and a fall is noticed by its tilt"
@@ -462,35 +463,30 @@ REPLIES = (
     FaultKind("all frames twice", "motors' replies", _twice, None, "it does no harm"),
     FaultKind("foreign frames on the bus", "motors' replies", _foreign, None, "it does no harm"),
     *(
-        FaultKind(
-            f"{share:.0%} of the frames lost",
-            "motors' replies",
-            _lost(share),
-            None,
-            f"the next reading is {away} away",
-        )
-        for share, away in (
-            (0.01, "2 ms"),
-            (0.02, "2 ms"),
-            (0.05, "2 ms"),
-            (0.1, "2 ms"),
-            (0.5, "a few ticks"),
+        FaultKind(f"{what} of the frames lost", "motors' replies", _lost(share), None, reason)
+        for what, share, reason in (
+            ("1 %", 0.01, NEXT),
+            ("2 %", 0.02, NEXT),
+            ("5 %", 0.05, NEXT),
+            ("a tenth", 0.1, NEXT),
+            ("half", 0.5, "the next reading is a few ticks away"),
         )
     ),
     *(
         FaultKind(
-            f"bits flipped in {share:.0%} of the frames",
+            f"bits flipped in {percent} % of the frames",
             "motors' replies",
-            _flipped(share),
+            _flipped(percent / 100),
             within_s,
             HARMLESS,
         )
-        for share, within_s in ((0.01, SOON_S), (0.05, LATER_S), (0.2, IMPLAUSIBLE_S))
+        for percent, within_s in ((1, SOON_S), (5, LATER_S), (20, IMPLAUSIBLE_S))
     ),
     *(
         FaultKind(f"all frames late by {late} ms", "motors' replies", _late(late), None, CONSTANT_LAG)
-        for late in (10, 20, 50)
+        for late in (10, 20)
     ),
+    FaultKind("all frames late by 50 ms", "motors' replies", _late(50), SILENCE_S),
     FaultKind("all frames late by 100 ms", "motors' replies", _late(100), SILENCE_S),
     FaultKind("replies queue up", "motors' replies", _queue, QUEUE_S, GROWS),
 )
@@ -550,9 +546,13 @@ BODY = (
     FaultKind("all motors have half their torque", "motors and body", _strength(of_all=0.5), None, WEAK),
     *(
         FaultKind(
-            f"the supply sags to {share:.0%} of its voltage", "motors and body", _sagging(share), None, SAG
+            f"supply sags to {percent} % of its voltage",
+            "motors and body",
+            _sagging(percent / 100),
+            None,
+            SAG,
         )
-        for share in (0.7, 0.4)
+        for percent in (70, 40)
     ),
     FaultKind(
         "joint blocked",
@@ -632,6 +632,7 @@ def _refused(rig: Rig) -> None:
 
 
 LIMITED = "what a policy wants within the limits is its own; a fall is noticed by its tilt"
+UNHEARD = "no frame goes out any more: motors stop by their own time-out"
 POLICY = (
     *(
         FaultKind(
@@ -665,8 +666,8 @@ POLICY = (
     ),
     FaultKind("the policy's stance raises", "policy and program", _stance_raises, 0.03, estimating=True),
     FaultKind("receiving raises", "policy and program", _receive_raises, 0.01),
-    FaultKind("sending raises", "policy and program", _send_raises, 0.01),
-    FaultKind("the interface refuses frames", "policy and program", _refused, 0.01),
+    FaultKind("sending raises", "policy and program", _send_raises, 0.01, UNHEARD),
+    FaultKind("the interface refuses frames", "policy and program", _refused, 0.01, UNHEARD),
 )
 
 # -- from the beginning ------------------------------------------------------------------------------------
