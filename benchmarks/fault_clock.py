@@ -1,6 +1,6 @@
 """Faults that need a wall clock: a policy that is late, a loop that pauses or comes late to every tick.
 
-    python benchmarks/fault_clock.py [--seeds 3] [--rate 500] [--page docs/faults.md]
+    python benchmarks/fault_clock.py [--seeds 3] [--rate 500]
 
 As fault_table.py does in lockstep, in as much time as it takes: `go1-flat` walks in simulation, after half a
 second something happens, and the run is watched for two more. A row without a fault says whether the machine
@@ -13,11 +13,10 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from fault_table import NOISE, SAFE, insert
+from fault_table import NOISE, SAFE
 
 from footfall.deploy.config import deploy_config
 from footfall.deploy.frames import Frames
@@ -37,7 +36,6 @@ ROBOT, POLICY = "go1", "go1-flat"
 COMMAND = np.array([0.4, 0.0, 0.0])
 AT_S, OBSERVED_S = 0.5, 2.0  # of walking when the fault comes, and how long the run is watched after it
 STAND_S = 0.8
-BEGIN, END = "<!-- clock -->", "<!-- /clock -->"
 
 
 class Spoiler:
@@ -69,7 +67,10 @@ KINDS = (
     ClockKind(
         "each policy step takes 150 ms", lambda: Spoiler(in_step_s=0.15), 0.13, "interrupted after 100 ms"
     ),
-    ClockKind("a pause of 60 ms", lambda: Spoiler(in_tick_s=0.06, once=True), None, "a walk bears it"),
+    ClockKind("a pause of 30 ms", lambda: Spoiler(in_tick_s=0.03, once=True), None, "a walk bears it"),
+    ClockKind(
+        "a pause of 60 ms", lambda: Spoiler(in_tick_s=0.06, once=True), 0.1, "who is not asked is silent"
+    ),
     ClockKind(
         "a pause of 200 ms", lambda: Spoiler(in_tick_s=0.2, once=True), 0.15, "a guard damps after 120 ms"
     ),
@@ -143,7 +144,7 @@ def run(kind: ClockKind, seed: int, rate_hz: float) -> dict[str, Any]:
 def as_expected(kind: ClockKind, runs: list[dict[str, Any]]) -> bool:
     """Whether every run was noticed in time, or none was that need not be."""
     if kind.within_s is None:
-        return all(run["seconds"] is None and not run["fell"] for run in runs)
+        return not any(run["fault"] or run["fell"] for run in runs)
     return all(run["seconds"] is not None and run["seconds"] <= kind.within_s for run in runs)
 
 
@@ -173,20 +174,17 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--rate", type=float, default=500.0, help="of the joint loop, Hz")
-    parser.add_argument("--page", type=Path, help="a page with markers to write the table into")
     options = parser.parse_args()
-    lines = [
-        "| fault | noticed | safe after, ms: p50, longest (limit) | ends | fell first | says | |",
-        "| --- | ---: | ---: | --- | ---: | --- | --- |",
-    ]
-    wrong = 0
+    print("| fault | noticed | safe after, ms: p50, longest (limit) | ends | fell first | says | |")
+    print("| --- | ---: | ---: | --- | ---: | --- | --- |")
+    wrong, left_out = 0, 0.0
     for kind in KINDS:
         runs = [run(kind, seed, options.rate) for seed in range(options.seeds)]
-        lines.append(row(kind, runs))
+        print(row(kind, runs), flush=True)
         wrong += not as_expected(kind, runs)
-        print(f"{lines[-1]} {max(run['skipped_share'] for run in runs):.0%} of ticks left out", flush=True)
-    if options.page:
-        options.page.write_text(insert(options.page.read_text(), "\n".join(lines), BEGIN, END))
+        if kind is KINDS[0]:
+            left_out = max(run["skipped_share"] for run in runs)
+    print(f"{left_out:.0%} of the ticks left out without a fault")
     print(f"{len(KINDS)} rows, {wrong} not as expected")
     return 1 if wrong else 0
 

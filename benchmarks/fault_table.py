@@ -394,12 +394,12 @@ def _worst(row: dict[str, Any]) -> str:
     return ", ".join(over) or "within"
 
 
-def insert(document: str, content: str, begin: str = BEGIN, end: str = END) -> str:
+def insert(document: str, content: str) -> str:
     """The document with new content between the markers."""
-    pattern = re.compile(f"{re.escape(begin)}.*?{re.escape(end)}", re.DOTALL)
+    pattern = re.compile(f"{re.escape(BEGIN)}.*?{re.escape(END)}", re.DOTALL)
     if not pattern.search(document):
-        raise SystemExit(f"no '{begin}' and '{end}' in the document")
-    return pattern.sub(lambda _: f"{begin}\n{content}\n{end}", document)
+        raise SystemExit(f"no '{BEGIN}' and '{END}' in the document")
+    return pattern.sub(lambda _: f"{BEGIN}\n{content}\n{END}", document)
 
 
 # -- command line --------------------------------------------------------------------------------------

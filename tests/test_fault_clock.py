@@ -1,0 +1,76 @@
+"""The table of faults that need a wall clock."""
+
+from typing import Any
+
+import fault_clock
+import numpy as np
+import pytest
+from fault_clock import ClockKind, Spoiler
+
+from footfall.deploy.config import DeployConfig
+from footfall.deploy.safety import SafetyConfig
+from footfall.deploy.sensor_limits import SensorLimits
+
+RUN = {"fault": "it ran late", "seconds": 0.12, "final_state": "ESTOP", "fell": False}
+
+
+def kind(within_s: float | None) -> ClockKind:
+    return ClockKind("a pause", Spoiler, within_s, "a guard")
+
+
+@pytest.mark.parametrize(
+    ("within_s", "changes", "expected"),
+    [
+        (0.12, {}, True),
+        (0.11, {}, False),
+        (0.12, {"seconds": None}, False),  # a fault before there was one
+        (None, {}, False),
+        (None, {"fault": "", "seconds": None}, True),
+        (None, {"fault": "", "seconds": None, "fell": True}, False),
+    ],
+)
+def test_a_row_is_as_expected_where_all_runs_are(
+    within_s: float | None, changes: dict[str, Any], expected: bool
+) -> None:
+    good = {**RUN} if within_s else {**RUN, "fault": "", "seconds": None}
+    assert fault_clock.as_expected(kind(within_s), [good, {**RUN, **changes}]) is expected
+
+
+def test_a_row_says_how_soon_and_how_it_ended() -> None:
+    slow = {**RUN, "seconds": 0.14}
+    line = "| a pause | 2/2 | 130, 140 (150) | ESTOP 2 | 0 | it ran late | a guard |"
+    assert fault_clock.row(kind(0.15), [RUN, slow]) == line
+    assert "**it ran late**" in fault_clock.row(kind(0.1), [RUN, slow])
+
+
+def test_a_fault_comes_in_each_step_or_tick_or_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    slept: list[float] = []
+    monkeypatch.setattr(fault_clock.time, "sleep", slept.append)
+    once, always = Spoiler(in_tick_s=0.2, once=True), Spoiler(in_step_s=0.03, in_tick_s=0.01)
+    for spoiler in (once, always):
+        spoiler.tick()
+        spoiler.tick()
+        spoiler.step()
+    assert slept == [0.2, 0.0, 0.0, 0.01, 0.01, 0.03]
+
+
+def test_a_pause_is_damped_by_the_guard_before_it_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a machine as busy as may be: 50 ticks a second, and no other limit counts."""
+    patient = SafetyConfig(
+        silence_timeout_s=5.0,
+        late_steps=1000,
+        late_limit_s=0.5,
+        pause_limit_s=0.5,
+        skipped_share=1.0,
+        sensors=SensorLimits(drift_rad=3.0, wander_rad=3.0, stuck_rad=3.0, rotation_rad=3.0),
+    )
+    config = DeployConfig(motor_timeout_s=20.0, safety=patient)
+    monkeypatch.setattr(fault_clock, "deploy_config", lambda _: config)
+    monkeypatch.setattr(fault_clock, "STAND_S", 0.3)
+    monkeypatch.setattr(fault_clock, "AT_S", 0.1)
+    pause = kind(1.0)._replace(spoiler=lambda: Spoiler(in_tick_s=1.2, once=True))
+    run = fault_clock.run(pause, 0, 50.0)
+    assert "a guard damped the robot" in run["fault"]
+    assert 0.6 <= run["seconds"] < 1.2  # 1.2 times the limit
+    assert run["final_state"] == "ESTOP"
+    assert np.isfinite(run["skipped_share"])
