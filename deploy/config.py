@@ -59,6 +59,11 @@ class DeployConfig:
                     f"safety.{name} is {limit_s:g} s: at {self.joint_rate_hz:g} Hz"
                     f" it has to be {least_s:g} s at least ({ticks} ticks)"
                 )
+        if self.safety.start_timeout_s < self.safety.still_s + START_TICKS * self.tick_us * 1e-6:
+            raise ValueError(
+                f"safety.still_s is {self.safety.still_s:g} s:"
+                f" the start takes {self.safety.start_timeout_s:g} s at most (start_timeout_s)"
+            )
         for name in UNTIL_MOTORS_GIVE_UP:
             limit_s = getattr(self.safety, name)
             if limit_s > self.motor_timeout_s:

@@ -20,6 +20,7 @@ from footfall.deploy.config import DeployConfig
 from footfall.deploy.deadline import Arm, OverdueError, unarmed
 from footfall.deploy.drivers.driver import Driver
 from footfall.deploy.estimation.odometry import Odometry
+from footfall.deploy.first_rest import FirstRest
 from footfall.deploy.frames import Frames
 from footfall.deploy.joint_layer import JointLayer, Told
 from footfall.deploy.pose import impossible_pose
@@ -111,6 +112,7 @@ class ControlLoop:
         self._joints = JointLayer(robot, driver, wiring.imu_channel, config.tick_us * 1e-6, config.scale)
         safety = config.safety
         self._checks = SensorChecks(robot, wiring, safety.sensors, config.tick_us * 1e-6)
+        self._first_rest = FirstRest(safety.still_s, safety.sensors)
         self._last_resort = cycle(driver.damping(safety.damping_kd))  # needs no reading to be right
         self._tick_us = config.tick_us
         self._silence_us = safety.silence_timeout_s * 1e6
@@ -463,11 +465,13 @@ class ControlLoop:
         )
         if mode is not Mode.IDLE:
             return signals
-        heard = motor_silence_us <= self._silence_us
+        heard, rest = motor_silence_us <= self._silence_us, self._first_rest
+        if heard and imu_silence_us <= self._silence_us:
+            rest.look(now_us, joints.inertial, joints.joints[1])
         return signals._replace(
             first_pose=self._first_pose() if heard else "",
-            implausible=self._first_readings() if heard else None,
-            unready=self._driver.unready() or self._driver.off(),
+            implausible=(self._first_readings() or rest.contradiction()) if heard else None,
+            unready=self._driver.unready() or self._driver.off() or rest.awaited(now_us),
         )
 
     def _first_pose(self) -> str:

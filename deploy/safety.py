@@ -37,6 +37,7 @@ class SafetyConfig:
     """When to give up, and how."""
 
     start_timeout_s: float = 1.0  # for every motor and the IMU to answer
+    still_s: float = 0.0  # that it has to keep still before it gets stiffness, while its IMU is checked
     silence_timeout_s: float = 0.05  # without a reply of a motor or a new IMU reading
     tilt_limit_rad: float = 1.05
     late_steps: int = 5  # policy steps in a row that took longer than their period
@@ -53,6 +54,7 @@ class SafetyConfig:
     def __post_init__(self) -> None:
         require_between(self, 0.001, 60.0, "start_timeout_s", "silence_timeout_s", "late_limit_s")
         require_between(self, 0.001, 60.0, "pause_limit_s")
+        require_between(self, 0.0, 60.0, "still_s")
         require_between(self, 1, 1000, "late_steps")
         require_between(self, 0.01, 100.0, "damping_kd")
         require_between(self, 1e-9, math.pi, "first_pose_rad")

@@ -50,6 +50,8 @@ REFUSED = [
     "safety: {late_limit_s: 0.11}",
     "safety: {damping_s: 0}",
     "stand_kp_scale: 0",
+    "safety: {still_s: 0.99}",  # of the second in which it has to start
+    "safety: {still_s: -0.1}",
     "safety: {late_steps: 0}",
     "safety: {late_limit_s: -1}",
     "safety: {damping_kd: .nan}",

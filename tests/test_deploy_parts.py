@@ -56,6 +56,7 @@ class FrameRobot:
         self.readings = np.array([robot.default_pose, np.zeros(12), np.zeros(12)])
         self.quaternion = (1.0, 0.0, 0.0, 0.0)
         self.gyro = (0.0, 0.0, 0.0)
+        self.acceleration = (0.0, 0.0, 9.8)
         self.error = np.zeros(12, dtype=np.uint64)
         self.temperature_c = 30
         self.silent: list[int] = []
@@ -74,7 +75,7 @@ class FrameRobot:
         batches = [self._end.reply(heard, self.readings[:, heard], self.temperature_c, self.error[heard])]
         if not self.imu_silent:
             self._count += 1
-            reading = imu.Inertial(self.gyro, (0.0, 0.0, 9.8), self.quaternion)
+            reading = imu.Inertial(self.gyro, self.acceleration, self.quaternion)
             batches.append(imu_frames(self.wiring, reading, self._count))
         return batches
 
@@ -149,6 +150,9 @@ def loop_of(
     wiring = body.wiring
     loop = ControlLoop(robot, policy, wiring, open_driver(wiring), body, clock, config, command)  # type: ignore[arg-type]
     return loop, body
+
+
+STILL_FIRST = SafetyConfig(still_s=0.05)
 
 
 def until(loop: ControlLoop, mode: Mode, most: int = 2000) -> None:
@@ -459,6 +463,46 @@ class TestLoop:
             assert body.kinds()[0] != Request.COMMAND or not body.sent[-1][1].values[2].any()
         assert loop.state.mode is Mode.ESTOP
         assert loop.state.faults[0].startswith(says)
+
+    @pytest.mark.parametrize(
+        ("lean_rad", "acceleration", "off"),
+        [
+            (0.0, (0.0, 0.0, 1.0), "90%"),  # in units of g
+            (0.0, (0.0, 0.0, -9.8), "200%"),
+            (math.radians(15), (0.0, 0.0, 9.8), "26%"),  # askew: 2 sin(7.5 degrees)
+            (math.radians(30), (0.0, 0.0, 9.8), "52%"),  # 2 sin(15 degrees)
+        ],
+    )
+    def test_an_imu_whose_parts_disagree_on_gravity_keeps_a_still_robot_from_getting_stiffness(
+        self, go1: Robot, lean_rad: float, acceleration: tuple[float, float, float], off: str
+    ) -> None:
+        loop, body = loop_of(go1, Hold(go1), safety=STILL_FIRST)
+        body.quaternion = (math.cos(lean_rad / 2), 0.0, math.sin(lean_rad / 2), 0.0)
+        body.acceleration = acceleration
+        while loop.tick():
+            assert body.kinds()[0] != Request.COMMAND or not body.sent[-1][1].values[2].any()
+        assert loop.state.faults == (
+            f"the IMU: before the start its acceleration is off its quaternion's gravity by {off}",
+        )
+
+    def test_a_robot_that_keeps_still_stands_up_after_that_time_level_or_not(self, go1: Robot) -> None:
+        """A robot on a slope of 15 degrees: the accelerometer feels the same lean that the quaternion has."""
+        loop, body = loop_of(go1, Hold(go1), safety=STILL_FIRST)
+        lean = math.radians(15)
+        body.quaternion = (math.cos(lean / 2), 0.0, math.sin(lean / 2), 0.0)
+        body.acceleration = (-9.8 * math.sin(lean), 0.0, 9.8 * math.cos(lean))
+        until(loop, Mode.STANDING)
+        assert loop.now_us == 50_000
+
+    def test_a_robot_that_moves_waits_and_is_refused_in_the_end(self, go1: Robot) -> None:
+        loop, body = loop_of(go1, Hold(go1), safety=STILL_FIRST)
+        body.gyro = (0.0, 0.5, 0.0)
+        until(loop, Mode.ESTOP)
+        assert loop.now_us == 1_000_000
+        assert loop.state.faults == (
+            "the robot does not keep still for 0.05 s before it gets stiffness:"
+            " the base, or a joint, turns at 0.50 rad/s",
+        )
 
     def test_what_is_refused_is_counted_over_the_run(self, go1: Robot) -> None:
         loop, body = loop_of(go1, Hold(go1))

@@ -1,0 +1,48 @@
+"""Whether gravity is where the IMU says, of a robot that keeps still before its motors get stiffness."""
+
+import numpy as np
+
+from footfall.common.rotations import rotation_matrix
+from footfall.deploy.drivers.imu import Inertial
+from footfall.deploy.safety import Implausible, Mode
+from footfall.deploy.sensor_limits import SensorLimits
+
+AT_REST = np.array([0.0, 0.0, 9.81])  # what an accelerometer reads, world axes, m/s^2
+
+
+class FirstRest:
+    """Adds up accelerations for as long as the robot keeps still: motion would hide gravity."""
+
+    def __init__(self, still_s: float, limits: SensorLimits) -> None:
+        """`still_s` is how long the robot has to keep still; 0 for not at all."""
+        self._still_s, self._limits = still_s, limits
+        self._since_us: int | None = None
+        self._sum, self._count = np.zeros(3), 0  # of accelerations since then, world axes
+        self._speed = 0.0
+
+    def look(self, now_us: int, inertial: Inertial, velocity: np.ndarray) -> None:
+        """Take in a tick's readings; `velocity` is that of the joints, rad/s, (n,)."""
+        self._speed = max(float(np.abs(velocity).max()), *map(abs, inertial.gyro))
+        if self._since_us is None or not self._speed < self._limits.resting_rad_s:
+            self._since_us, self._sum, self._count = now_us, np.zeros(3), 0
+        self._sum = self._sum + rotation_matrix(np.array(inertial.quaternion)) @ inertial.acceleration
+        self._count += 1
+
+    def awaited(self, now_us: int) -> str:
+        """What is waited for of a robot that is heard; empty if it has kept still for long enough."""
+        if self._since_us is None or now_us - self._since_us >= 1e6 * self._still_s:
+            return ""
+        return (
+            f"the robot does not keep still for {self._still_s:g} s before it gets stiffness:"
+            f" the base, or a joint, turns at {self._speed:.2f} rad/s"
+        )
+
+    def contradiction(self) -> Implausible | None:
+        """How far the mean acceleration is off gravity's opposite, where that is too far."""
+        if not self._still_s or not self._count:
+            return None
+        error = float(np.linalg.norm(self._sum / self._count - AT_REST) / AT_REST[2])
+        if error <= self._limits.rest_error:
+            return None
+        says = f"the IMU: before the start its acceleration is off its quaternion's gravity by {error:.0%}"
+        return Implausible(says, Mode.ESTOP)
