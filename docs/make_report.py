@@ -16,7 +16,7 @@ from typing import Any
 
 from footfall.common.errors import UserError
 from footfall.evaluate.comparison import Comparison, PolicyResult
-from footfall.evaluate.pool import Outcome
+from footfall.evaluate.pool import TaskResult
 from footfall.evaluate.report.page import render
 from footfall.evaluate.scenarios import load_scenarios
 from footfall.evaluate.suite import Setup, run_course
@@ -76,7 +76,7 @@ def page(results: dict[str, dict[str, Any]]) -> str:
         )
         for name, result in results.items()
     ]
-    not_filmed = {name: Outcome(None, "not filmed") for name in results}
+    not_filmed = {name: TaskResult(None, "not filmed") for name in results}
     return render(Comparison(robot, setup, file, compared, first["versions"]), not_filmed)
 
 

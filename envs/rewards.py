@@ -12,7 +12,7 @@ from footfall.common.errors import UserError
 from footfall.envs.config import RewardScales
 
 
-class Outcome(NamedTuple):
+class RewardInputs(NamedTuple):
     """What one control step led to. Vectors in the body frame unless said otherwise."""
 
     command: jax.Array  # (3,) forward m/s, leftward m/s, yaw rad/s
@@ -38,91 +38,91 @@ class Outcome(NamedTuple):
     fell: jax.Array  # () 1.0 if the episode ended in a fall
 
 
-def track_linear(o: Outcome, s: RewardScales) -> jax.Array:
-    error = jnp.sum((o.command[:2] - o.linear_velocity[:2]) ** 2)
+def track_linear(i: RewardInputs, s: RewardScales) -> jax.Array:
+    error = jnp.sum((i.command[:2] - i.linear_velocity[:2]) ** 2)
     return jnp.exp(-error / s.linear_sigma_m2_s2)
 
 
-def track_yaw(o: Outcome, s: RewardScales) -> jax.Array:
-    return jnp.exp(-((o.command[2] - o.angular_velocity[2]) ** 2) / s.yaw_sigma_rad2_s2)
+def track_yaw(i: RewardInputs, s: RewardScales) -> jax.Array:
+    return jnp.exp(-((i.command[2] - i.angular_velocity[2]) ** 2) / s.yaw_sigma_rad2_s2)
 
 
-def alive(o: Outcome, _: RewardScales) -> jax.Array:
-    return 1.0 - o.fell
+def alive(i: RewardInputs, _: RewardScales) -> jax.Array:
+    return 1.0 - i.fell
 
 
-def fall(o: Outcome, _: RewardScales) -> jax.Array:
-    return o.fell
+def fall(i: RewardInputs, _: RewardScales) -> jax.Array:
+    return i.fell
 
 
-def gait_contact(o: Outcome, _: RewardScales) -> jax.Array:
+def gait_contact(i: RewardInputs, _: RewardScales) -> jax.Array:
     """Share of feet whose contact is as the gait clock plans it."""
-    planned = 1.0 - (o.swing > 0)
-    return jnp.mean(1.0 - jnp.abs(planned - o.contact))
+    planned = 1.0 - (i.swing > 0)
+    return jnp.mean(1.0 - jnp.abs(planned - i.contact))
 
 
-def swing_height(o: Outcome, s: RewardScales) -> jax.Array:
+def swing_height(i: RewardInputs, s: RewardScales) -> jax.Array:
     """Squared error of the swing feet's height against a half sine."""
-    return jnp.sum(jnp.where(o.swing > 0, (o.clearance - s.swing_height_m * o.swing) ** 2, 0.0))
+    return jnp.sum(jnp.where(i.swing > 0, (i.clearance - s.swing_height_m * i.swing) ** 2, 0.0))
 
 
-def vertical_velocity(o: Outcome, _: RewardScales) -> jax.Array:
-    return o.linear_velocity[2] ** 2
+def vertical_velocity(i: RewardInputs, _: RewardScales) -> jax.Array:
+    return i.linear_velocity[2] ** 2
 
 
-def roll_pitch_rate(o: Outcome, _: RewardScales) -> jax.Array:
-    return jnp.sum(o.angular_velocity[:2] ** 2)
+def roll_pitch_rate(i: RewardInputs, _: RewardScales) -> jax.Array:
+    return jnp.sum(i.angular_velocity[:2] ** 2)
 
 
-def orientation(o: Outcome, _: RewardScales) -> jax.Array:
-    return jnp.sum(o.gravity[:2] ** 2)
+def orientation(i: RewardInputs, _: RewardScales) -> jax.Array:
+    return jnp.sum(i.gravity[:2] ** 2)
 
 
-def height(o: Outcome, _: RewardScales) -> jax.Array:
-    return (o.height - o.standing_height) ** 2
+def height(i: RewardInputs, _: RewardScales) -> jax.Array:
+    return (i.height - i.standing_height) ** 2
 
 
-def torque(o: Outcome, _: RewardScales) -> jax.Array:
-    return jnp.sum(o.torque**2)
+def torque(i: RewardInputs, _: RewardScales) -> jax.Array:
+    return jnp.sum(i.torque**2)
 
 
-def power(o: Outcome, _: RewardScales) -> jax.Array:
-    return jnp.sum(jnp.abs(o.torque * o.joint_velocity))
+def power(i: RewardInputs, _: RewardScales) -> jax.Array:
+    return jnp.sum(jnp.abs(i.torque * i.joint_velocity))
 
 
-def action_rate(o: Outcome, _: RewardScales) -> jax.Array:
-    return jnp.sum((o.actions[0] - o.actions[1]) ** 2)
+def action_rate(i: RewardInputs, _: RewardScales) -> jax.Array:
+    return jnp.sum((i.actions[0] - i.actions[1]) ** 2)
 
 
-def action_acceleration(o: Outcome, _: RewardScales) -> jax.Array:
-    return jnp.sum((o.actions[0] - 2 * o.actions[1] + o.actions[2]) ** 2)
+def action_acceleration(i: RewardInputs, _: RewardScales) -> jax.Array:
+    return jnp.sum((i.actions[0] - 2 * i.actions[1] + i.actions[2]) ** 2)
 
 
-def pose(o: Outcome, _: RewardScales) -> jax.Array:
-    return jnp.sum(o.pose_share * (o.joint_position - o.default_pose) ** 2)
+def pose(i: RewardInputs, _: RewardScales) -> jax.Array:
+    return jnp.sum(i.pose_share * (i.joint_position - i.default_pose) ** 2)
 
 
-def stand_still(o: Outcome, _: RewardScales) -> jax.Array:
+def stand_still(i: RewardInputs, _: RewardScales) -> jax.Array:
     """Deviation from the default pose while asked to stand."""
-    return (1.0 - o.moving) * jnp.sum(jnp.abs(o.joint_position - o.default_pose))
+    return (1.0 - i.moving) * jnp.sum(jnp.abs(i.joint_position - i.default_pose))
 
 
-def joint_limits(o: Outcome, _: RewardScales) -> jax.Array:
+def joint_limits(i: RewardInputs, _: RewardScales) -> jax.Array:
     """How far joints are past their soft limits, rad."""
-    below = jnp.maximum(o.soft_lower - o.joint_position, 0.0)
-    above = jnp.maximum(o.joint_position - o.soft_upper, 0.0)
+    below = jnp.maximum(i.soft_lower - i.joint_position, 0.0)
+    above = jnp.maximum(i.joint_position - i.soft_upper, 0.0)
     return jnp.sum(below + above)
 
 
-def slip(o: Outcome, _: RewardScales) -> jax.Array:
-    return jnp.sum(o.contact * o.foot_speed**2)
+def slip(i: RewardInputs, _: RewardScales) -> jax.Array:
+    return jnp.sum(i.contact * i.foot_speed**2)
 
 
-def level_soles(o: Outcome, _: RewardScales) -> jax.Array:
-    return jnp.sum(o.foot_tilt**2)
+def level_soles(i: RewardInputs, _: RewardScales) -> jax.Array:
+    return jnp.sum(i.foot_tilt**2)
 
 
-TERMS: dict[str, Callable[[Outcome, RewardScales], jax.Array]] = {
+TERMS: dict[str, Callable[[RewardInputs, RewardScales], jax.Array]] = {
     function.__name__: function
     for function in (
         track_linear,
@@ -161,9 +161,9 @@ def joint_shares(joint_names: Sequence[str], by_pattern: dict[str, float]) -> np
     return np.array([shares[0] if shares else 1.0 for shares in fitting])
 
 
-def rewards(outcome: Outcome, weights: dict[str, float], scales: RewardScales) -> dict[str, jax.Array]:
+def rewards(inputs: RewardInputs, weights: dict[str, float], scales: RewardScales) -> dict[str, jax.Array]:
     """Each weighted term, by name."""
-    return {name: weight * TERMS[name](outcome, scales) for name, weight in weights.items()}
+    return {name: weight * TERMS[name](inputs, scales) for name, weight in weights.items()}
 
 
 def reward_rate(terms: dict[str, jax.Array], scales: RewardScales) -> jax.Array:

@@ -30,7 +30,7 @@ from footfall.envs.physics_c import c_physics
 from footfall.envs.physics_mjx import mjx_physics
 from footfall.envs.random_numbers import uniform
 from footfall.envs.rewards import TERMS as REWARD_TERMS
-from footfall.envs.rewards import Outcome, joint_shares, reward_rate, rewards
+from footfall.envs.rewards import RewardInputs, joint_shares, reward_rate, rewards
 from footfall.envs.start import Start
 from footfall.envs.state import State, Step
 from footfall.policies.action import joint_target
@@ -162,11 +162,11 @@ class VelocityEnv:
         phase = (state.phase + frequency_hz * self.period_s) % 1.0
         state = state._replace(steps=state.steps + 1, phase=phase)
 
-        outcome = self.outcome(state, trace)
-        terms = rewards(outcome, config.rewards, config.reward_scales)
+        inputs = self.reward_inputs(state, trace)
+        terms = rewards(inputs, config.rewards, config.reward_scales)
         rate = reward_rate(terms, config.reward_scales)
         reward = jnp.where(diverged, config.rewards.get("fall", 0.0), rate) * self.period_s
-        terminated = jnp.maximum(outcome.fell, diverged.astype(jnp.float32))
+        terminated = jnp.maximum(inputs.fell, diverged.astype(jnp.float32))
         truncated = (state.steps >= self.episode_steps).astype(jnp.float32) * (1.0 - terminated)
 
         readings = jax.vmap(self.observer.readings)(trace.qpos, trace.qvel, trace.torque)
@@ -176,9 +176,9 @@ class VelocityEnv:
         state = state._replace(key=key, recent_readings=readings)
         state = disturb(state, disturbance, config, self.base)
         state, observed = self.observer.observe(state, recent, noise)
-        observations = self.observations(state, observed, outcome.contact, outcome.clearance, outcome.torque)
+        observations = self.observations(state, observed, inputs.contact, inputs.clearance, inputs.torque)
 
-        metrics = {f"reward/{name}": value for name, value in terms.items()} | tracking_metrics(outcome)
+        metrics = {f"reward/{name}": value for name, value in terms.items()} | tracking_metrics(inputs)
         observations, metrics = jax.tree.map(lambda x: jnp.where(diverged, 0.0, x), (observations, metrics))
         metrics["episode/diverged"] = diverged.astype(jnp.float32)
         return state, Step(observations, reward, terminated, truncated, metrics)
@@ -190,7 +190,7 @@ class VelocityEnv:
         end, trace = self._physics(start, self.actuation.drive(targets, state.sample), state.fields)
         return state._replace(**end._asdict(), target=targets[-1]), trace
 
-    def outcome(self, state: State, trace: Trace) -> Outcome:
+    def reward_inputs(self, state: State, trace: Trace) -> RewardInputs:
         """What the rewards judge, of a state after the physics and what its physics steps left."""
         config, standing_height = self.config, self.robot.description.standing_height_m
         gravity = self.base.gravity(state.qpos)
@@ -199,7 +199,7 @@ class VelocityEnv:
         sunk = height < config.least_height_share * standing_height
         walk = moving(state.command, self.contract)[0]
         clearance = self.feet.clearance(trace.foot_position[-1])
-        return Outcome(
+        return RewardInputs(
             command=state.command,
             moving=walk,
             linear_velocity=self.base.linear_velocity(state.qpos, state.qvel),
@@ -261,12 +261,12 @@ def _check_timestep(robot: Robot, model: mujoco.MjModel, config: EnvConfig) -> N
         )
 
 
-def tracking_metrics(outcome: Outcome) -> dict[str, jax.Array]:
+def tracking_metrics(inputs: RewardInputs) -> dict[str, jax.Array]:
     """How far the robot is from its command, and whether it fell."""
-    velocity = jnp.concatenate([outcome.linear_velocity[:2], outcome.angular_velocity[2:]])
-    error = outcome.command - velocity
+    velocity = jnp.concatenate([inputs.linear_velocity[:2], inputs.angular_velocity[2:]])
+    error = inputs.command - velocity
     return {
         "tracking/linear_error_m_s": jnp.sqrt(jnp.sum(error[:2] ** 2)),
         "tracking/yaw_error_rad_s": jnp.abs(error[2]),
-        "episode/falls": outcome.fell,
+        "episode/falls": inputs.fell,
     }

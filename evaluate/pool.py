@@ -34,7 +34,7 @@ def usable_cores() -> int:
     return os.cpu_count() or 1
 
 
-class Outcome(NamedTuple, Generic[R]):
+class TaskResult(NamedTuple, Generic[R]):
     """What became of a task: its value, or why there is none."""
 
     value: R | None
@@ -47,7 +47,7 @@ def run_all(
     workers: int | None = None,
     done: Callable[[int], None] | None = None,
     environment: dict[str, str] | None = None,
-) -> list[Outcome[R]]:
+) -> list[TaskResult[R]]:
     """Run a module-level function on every task, in fresh processes; outcomes in the order of the tasks.
 
     A task that raises, or whose process dies, ends in an error of one line; the others carry on. When a
@@ -67,9 +67,9 @@ def run_all(
     if workers is not None and workers < 1:
         raise UserError(f"workers is {workers}: it must be 1 or more")
     count = max(1, min(workers or usable_cores(), len(tasks)))
-    outcomes: dict[int, Outcome[R]] = {}
+    outcomes: dict[int, TaskResult[R]] = {}
 
-    def settle(index: int, outcome: Outcome[R]) -> None:
+    def settle(index: int, outcome: TaskResult[R]) -> None:
         outcomes[index] = outcome
         if done is not None:
             done(len(outcomes))
@@ -80,7 +80,7 @@ def run_all(
             suspects = _run_until_broken(function, tasks, waiting, count, settle)
             for suspect in suspects:
                 if _run_until_broken(function, tasks, [suspect], 1, settle):
-                    settle(suspect, Outcome(None, "its process died"))
+                    settle(suspect, TaskResult(None, "its process died"))
             waiting = [index for index in waiting if index not in outcomes]
     return [outcomes[index] for index in range(len(tasks))]
 
@@ -90,7 +90,7 @@ def _run_until_broken(
     tasks: Sequence[T],
     indices: Sequence[int],
     workers: int,
-    settle: Callable[[int, Outcome[R]], None],
+    settle: Callable[[int, TaskResult[R]], None],
 ) -> list[int]:
     """Run tasks until all are settled or a process dies; returns those that were in flight then."""
     context = multiprocessing.get_context("spawn")
@@ -108,7 +108,7 @@ def _run_until_broken(
                 if isinstance(error, UserError):
                     raise error
                 index = in_flight.pop(future)
-                settle(index, Outcome(None, _one_line(error)) if error else Outcome(future.result()))
+                settle(index, TaskResult(None, _one_line(error)) if error else TaskResult(future.result()))
             _launch(pool, function, tasks, queue, in_flight, workers)
         return []
     except BrokenProcessPool:  # raised by submit

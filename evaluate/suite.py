@@ -8,7 +8,7 @@ import numpy as np
 
 from footfall.evaluate.episodes import EpisodeOutcome, EpisodeTask, run_task
 from footfall.evaluate.plan import EpisodePlan, plan_episodes
-from footfall.evaluate.pool import Outcome, run_all
+from footfall.evaluate.pool import TaskResult, run_all
 from footfall.evaluate.scenarios import ScenarioFile
 from footfall.evaluate.summary import Summary, compute_figures, summarise
 from footfall.plant.trace import Trace
@@ -69,7 +69,7 @@ def run_suite(
     tasks = [_task(policy, plan, setup, file) for policy, _, plan in places]
     report = None if done is None else lambda finished: done(finished, len(tasks))
     outcomes = run_all(run_task, tasks, setup.workers, report)
-    gathered: dict[tuple[str, str], list[Outcome[EpisodeOutcome]]] = {}
+    gathered: dict[tuple[str, str], list[TaskResult[EpisodeOutcome]]] = {}
     for (policy, name, _), outcome in zip(places, outcomes, strict=True):
         gathered.setdefault((policy, name), []).append(outcome)
     return {
@@ -94,7 +94,7 @@ def _task(
     return EpisodeTask(policy, setup.robot, plan, file.noise, setup.plant, setup.ground_truth, keep_trace)
 
 
-def _course_walk(plan: EpisodePlan, outcome: Outcome[EpisodeOutcome]) -> CourseWalk:
+def _course_walk(plan: EpisodePlan, outcome: TaskResult[EpisodeOutcome]) -> CourseWalk:
     value = outcome.value
     if value is None:
         return CourseWalk(plan, None, compute_figures(np.zeros(0), 1.0), outcome.error)

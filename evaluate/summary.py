@@ -8,7 +8,7 @@ import numpy as np
 
 from footfall.evaluate.episodes import EpisodeOutcome
 from footfall.evaluate.metrics import EpisodeMetrics
-from footfall.evaluate.pool import Outcome
+from footfall.evaluate.pool import TaskResult
 from footfall.evaluate.scenarios import Scenario
 from footfall.evaluate.statistics import (
     bootstrap_mean_interval,
@@ -39,7 +39,7 @@ _ENERGY_PER_DISTANCE = {
 _LEAST_DISTANCE_M = 0.1  # a robot that stands still has no cost of transport
 
 
-def summarise(scenario: Scenario, outcomes: Sequence[Outcome[EpisodeOutcome]], seed: int) -> Summary:
+def summarise(scenario: Scenario, outcomes: Sequence[TaskResult[EpisodeOutcome]], seed: int) -> Summary:
     """Figures of one scenario. What could not be measured is None; without an episode there are no figures.
 
     Args:

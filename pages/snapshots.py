@@ -36,7 +36,7 @@ class Exported(NamedTuple):
     problem: str = ""
 
 
-class Dated(NamedTuple):
+class DatedFile(NamedTuple):
     """A file, and when it was written."""
 
     path: Path
@@ -95,7 +95,7 @@ class Snapshots:
         self._run, self._folder = run, folder
         self._exporter = Exporter(run)
         self._export: tuple[Path, str] | None = None  # the checkpoint, and what was chosen then
-        self._done: Dated | None = None  # what was handed out last, or cannot be used
+        self._done: DatedFile | None = None  # what was handed out last, or cannot be used
         self.chosen = NEWEST
         self.problem = ""  # why a checkpoint could not be used, in one line
 
@@ -140,7 +140,7 @@ class Snapshots:
     def close(self) -> None:
         self._exporter.close()
 
-    def _source(self) -> Dated | None:
+    def _source(self) -> DatedFile | None:
         """The file that the chosen policy is in or comes from."""
         if self.chosen == NEWEST:
             return _newest(newest_checkpoint(self._run), self._run / FINISHED)
@@ -155,7 +155,7 @@ class Snapshots:
         files = {int(path.stem): path for path in (*exported, *kept)}
         return {_name(iteration): files[iteration] for iteration in sorted(files, reverse=True)}
 
-    def _policy_of(self, source: Dated) -> Path | None:
+    def _policy_of(self, source: DatedFile) -> Path | None:
         """The ONNX file of a source, if it is there."""
         if source.path.suffix == ".onnx":
             return source.path
@@ -171,13 +171,13 @@ def newest_checkpoint(run: Path) -> Path | None:
     return max((run / "checkpoints").glob("[0-9]*.ckpt"), key=lambda path: int(path.stem), default=None)
 
 
-def _newest(*paths: Path | None) -> Dated | None:
+def _newest(*paths: Path | None) -> DatedFile | None:
     """The file that was written last, of those that are there."""
     dated = []
     for path in paths:
         if path is not None:
             with suppress(FileNotFoundError):  # a checkpoint that was dropped in favour of a newer one
-                dated.append(Dated(path, path.stat().st_mtime_ns))
+                dated.append(DatedFile(path, path.stat().st_mtime_ns))
     return max(dated, key=lambda file: file.time_ns, default=None)
 
 

@@ -8,7 +8,7 @@ import pytest
 from footfall.cli import main
 
 
-class Outcome(NamedTuple):
+class CommandResult(NamedTuple):
     """What a user sees of a command."""
 
     status: int
@@ -22,10 +22,10 @@ class Shell:
     def __init__(self, capsys: pytest.CaptureFixture[str]) -> None:
         self._capsys = capsys
 
-    def __call__(self, *tokens: str | Path) -> Outcome:
+    def __call__(self, *tokens: str | Path) -> CommandResult:
         self._capsys.readouterr()
         status = main([str(token) for token in tokens])
-        return Outcome(status, *self._capsys.readouterr())
+        return CommandResult(status, *self._capsys.readouterr())
 
     def refuses(self, *tokens: str | Path) -> str:
         """The complaint of a command that must be refused: one line, status 2, nothing else."""

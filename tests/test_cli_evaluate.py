@@ -10,7 +10,7 @@ from shell import Shell
 
 from footfall.common.installation import install_extras
 from footfall.evaluate import api, suite
-from footfall.evaluate.pool import Outcome, run_all
+from footfall.evaluate.pool import TaskResult, run_all
 from footfall.evaluate.scenarios import Scenario, ScenarioFile, Waypoint, load_scenarios
 from footfall.plant.episode import Push
 from footfall.robots.description import load_robot
@@ -125,7 +125,7 @@ def test_the_same_seed_gives_the_same_figures(shell: Shell, tmp_path: Path) -> N
 def test_episodes_that_all_fail_end_in_status_1_and_one_line(
     shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    died = Outcome[Any](None, "its process died")
+    died = TaskResult[Any](None, "its process died")
     monkeypatch.setattr(suite, "run_all", lambda _, tasks, *__: [died] * len(tasks))
     outcome = shell("evaluate", "stand", "--json", tmp_path / "a.json", "--scenarios", "forward")
     assert outcome.status == 1
@@ -138,8 +138,8 @@ def test_episodes_that_all_fail_end_in_status_1_and_one_line(
 def test_one_failed_episode_is_told_beside_the_figures_of_the_others(
     shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def second_fails(function: Any, tasks: Any, *rest: Any) -> list[Outcome]:
-        return [*run_all(function, tasks[:1], *rest), Outcome(None, "ValueError: no")]
+    def second_fails(function: Any, tasks: Any, *rest: Any) -> list[TaskResult]:
+        return [*run_all(function, tasks[:1], *rest), TaskResult(None, "ValueError: no")]
 
     monkeypatch.setattr(suite, "run_all", second_fails)
     outcome = shell("evaluate", "stand", "--scenarios", "forward", "--json", tmp_path / "a.json")

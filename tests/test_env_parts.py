@@ -75,7 +75,7 @@ class TestBase:
         self, env: VelocityEnv, begun: State
     ) -> None:
         state = placed(begun, quaternion=YAW_90, velocity=self.FORWARD_AT_90)
-        outcome = env.outcome(state, trace(np.zeros((2, 4, 3))))
+        outcome = env.reward_inputs(state, trace(np.zeros((2, 4, 3))))
         np.testing.assert_allclose(outcome.linear_velocity, [0.7, 0.0, 0.0], atol=1e-6)
         np.testing.assert_allclose(outcome.angular_velocity, [0.1, 0.2, 0.3], atol=1e-6)
 
@@ -101,7 +101,7 @@ class TestBase:
     ) -> None:
         quaternion = (np.cos(tilt_rad / 2), np.sin(tilt_rad / 2), 0.0, 0.0)
         state = placed(begun, place=(0.0, 0.0, height_m), quaternion=quaternion)
-        assert float(env.outcome(state, trace(np.zeros((2, 4, 3)))).fell) == fell
+        assert float(env.reward_inputs(state, trace(np.zeros((2, 4, 3)))).fell) == fell
 
     def test_it_is_found_behind_other_joints(self, tmp_path: Path) -> None:
         """A robot whose free joint is the second: a flag on a hinge stands before it in the file."""
@@ -134,7 +134,7 @@ class TestFeet:
         radius = [MODEL.geom(foot.geoms[0]).size[0] for foot in ROBOT.description.feet]
         on_ground = feet - np.array([0, 0, 1]) * (feet[:, 2] - radius)[:, None]
         lifted = on_ground + np.array([[0, 0, 0.0], [0, 0, 0.001], [0, 0, 0.003], [0, 0, 0.05]])
-        outcome = env.outcome(begun, trace(np.stack([lifted, lifted])))
+        outcome = env.reward_inputs(begun, trace(np.stack([lifted, lifted])))
         np.testing.assert_allclose(outcome.clearance, [0.0, 0.001, 0.003, 0.05], atol=1e-6)
         np.testing.assert_array_equal(outcome.contact, [1.0, 1.0, 0.0, 0.0])
         assert np.abs(feet[:, 2] - radius).max() < 0.005  # the description's height is true
@@ -180,9 +180,9 @@ class TestFeet:
         still = begun._replace(phase=phase, command=jnp.array([0.05, 0.0, 0.0]))
         going = begun._replace(phase=phase, command=jnp.array([0.5, 0.0, 0.0]))
         feet = trace(np.zeros((2, 4, 3)))
-        np.testing.assert_array_equal(env.outcome(still, feet).swing, np.zeros(4))
-        np.testing.assert_allclose(np.sort(env.outcome(going, feet).swing), [0, 0, 1, 1], atol=1e-6)
-        assert [float(env.outcome(each, feet).moving) for each in (still, going)] == [0.0, 1.0]
+        np.testing.assert_array_equal(env.reward_inputs(still, feet).swing, np.zeros(4))
+        np.testing.assert_allclose(np.sort(env.reward_inputs(going, feet).swing), [0, 0, 1, 1], atol=1e-6)
+        assert [float(env.reward_inputs(each, feet).moving) for each in (still, going)] == [0.0, 1.0]
 
 
 class TestCommands:

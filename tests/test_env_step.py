@@ -217,11 +217,11 @@ class TestStep:
 
     def test_a_push_is_felt_after_the_reading_and_seen_by_the_critic(self, step, begun: State) -> None:
         after, _ = step(begun._replace(push_steps=jnp.int32(0)), ACTION)
-        calm, _ = step(begun, ACTION)
-        assert np.abs(np.asarray(after.qvel - calm.qvel)[:2]).max() > 0.01
-        np.testing.assert_array_equal(after.recent_readings, calm.recent_readings)
-        assert (int(after.push_steps), int(calm.push_steps)) == (40, 8)
-        assert int(calm.hold_steps) == 6
+        unpushed, _ = step(begun, ACTION)
+        assert np.abs(np.asarray(after.qvel - unpushed.qvel)[:2]).max() > 0.01
+        np.testing.assert_array_equal(after.recent_readings, unpushed.recent_readings)
+        assert (int(after.push_steps), int(unpushed.push_steps)) == (40, 8)
+        assert int(unpushed.hold_steps) == 6
         assert int(after.steps) == int(begun.steps) + 1
 
     def test_a_divergence_earns_a_fall_and_tells_nothing(self, step, begun: State) -> None:
@@ -269,12 +269,12 @@ def outcome(env: VelocityEnv) -> Callable[[State], Any]:
     def of(state: State) -> Any:
         motion = Motion(state.qpos, state.qvel, state.qacc_warmstart)
         _, trace = told_apart(motion, env.actuation.drive(jnp.zeros((SUBSTEPS, N)), {}), {})
-        return env.outcome(state, trace)
+        return env.reward_inputs(state, trace)
 
     return of
 
 
-class TestOutcome:
+class TestRewardInputs:
     @pytest.mark.parametrize(("share", "fell"), [(0.56, 0.0), (0.54, 1.0)])
     def test_a_base_below_its_share_of_the_standing_height_has_sunk(
         self, outcome: Callable[[State], Any], begun: State, share: float, fell: float

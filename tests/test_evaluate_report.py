@@ -13,7 +13,7 @@ from footfall.evaluate import api, suite
 from footfall.evaluate.api import compare_policies, evaluate_policy
 from footfall.evaluate.episodes import EpisodeTask
 from footfall.evaluate.plan import CommandSchedule
-from footfall.evaluate.pool import Outcome
+from footfall.evaluate.pool import TaskResult
 from footfall.evaluate.report import films
 from footfall.evaluate.report.films import Film, FilmTask, render_films
 from footfall.evaluate.scenarios import Scenario, ScenarioFile, Waypoint, load_scenarios
@@ -76,9 +76,9 @@ class TestSuite:
     ) -> None:
         tasks: list[EpisodeTask] = []
 
-        def note(_: object, given: list[EpisodeTask], *__: object, **___: object) -> list[Outcome]:
+        def note(_: object, given: list[EpisodeTask], *__: object, **___: object) -> list[TaskResult]:
             tasks.extend(given)
-            return [Outcome(None, task.policy) for task in given]
+            return [TaskResult(None, task.policy) for task in given]
 
         monkeypatch.setattr(suite, "run_all", note)
         walks = run_course(["a", "b"], Setup("go1", ("still",)), SHORT)
@@ -94,9 +94,9 @@ class TestSuite:
         """Others beside it would be in its time per step."""
         asked: list[int | None] = []
 
-        def note(_: object, tasks: list[EpisodeTask], workers: int | None = None) -> list[Outcome]:
+        def note(_: object, tasks: list[EpisodeTask], workers: int | None = None) -> list[TaskResult]:
             asked.append(workers)
-            return [Outcome(None, "not run")] * len(tasks)
+            return [TaskResult(None, "not run")] * len(tasks)
 
         monkeypatch.setattr(suite, "run_all", note)
         run_course(["a", "b"], Setup("go1", ("still",), workers=4), SHORT)
@@ -145,7 +145,7 @@ def compared(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict, Path, Path
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(api, "load_scenarios", lambda *_: SHORT)
         patch.setattr(
-            films, "render_films", lambda tasks, *_: [Outcome(None, "egl: no display")] * len(tasks)
+            films, "render_films", lambda tasks, *_: [TaskResult(None, "egl: no display")] * len(tasks)
         )
         returned = compare_policies(
             ["stand", "trot"],

@@ -11,7 +11,7 @@ import pytest
 from footfall.evaluate.episodes import EpisodeOutcome
 from footfall.evaluate.figures import figures, interval_text, measured, text
 from footfall.evaluate.metrics import EpisodeMetrics
-from footfall.evaluate.pool import Outcome
+from footfall.evaluate.pool import TaskResult
 from footfall.evaluate.scenarios import load_scenarios
 from footfall.evaluate.statistics import bootstrap_mean_interval
 from footfall.evaluate.summary import Summary, compute_figures, summarise
@@ -43,10 +43,10 @@ GOOD = EpisodeMetrics(
 
 def outcome(
     metrics: EpisodeMetrics = GOOD, push: float | None = None, trouble: str = "", **changes: Any
-) -> Outcome[EpisodeOutcome]:
+) -> TaskResult[EpisodeOutcome]:
     levels = {} if push is None else {"push_m_s": push, "push_direction_deg": 0.0}
     plain = EpisodeOutcome(metrics, levels, np.array([0.1, 0.2, 30.0]), 20.0, trouble, (), None)
-    return Outcome(replace(plain, **changes))
+    return TaskResult(replace(plain, **changes))
 
 
 FELL = replace(GOOD, fell=True)
@@ -190,12 +190,12 @@ class TestSummary:
         assert nominal(replace(GOOD, distance_m=0.001))["cost_of_transport"] is None
 
     def test_an_episode_that_raised_is_named_and_not_counted(self) -> None:
-        summary = summarise(SCENARIOS["nominal"], [outcome(), Outcome(None, "its process died")], 0)
+        summary = summarise(SCENARIOS["nominal"], [outcome(), TaskResult(None, "its process died")], 0)
         assert summary["episodes"] == 1
         assert summary["failed_episodes"] == ["episode 1: its process died"]
 
     def test_nothing_but_failures_have_no_figures_that_could_be_taken_for_a_result(self) -> None:
-        summary = summarise(SCENARIOS["push"], [Outcome(None, "ValueError: no")], 0)
+        summary = summarise(SCENARIOS["push"], [TaskResult(None, "ValueError: no")], 0)
         assert summary == {"episodes": 0, "failed_episodes": ["episode 0: ValueError: no"]}
 
     def test_is_plain_json_without_nan(self) -> None:

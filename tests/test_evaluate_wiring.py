@@ -25,7 +25,7 @@ from footfall.evaluate.comparison import Comparison, PolicyResult, command_line
 from footfall.evaluate.episodes import EpisodeTask, run_with
 from footfall.evaluate.metrics import score
 from footfall.evaluate.plan import CommandSchedule, EpisodePlan, plan_episodes, spread_levels
-from footfall.evaluate.pool import Outcome
+from footfall.evaluate.pool import TaskResult
 from footfall.evaluate.scenarios import DrawnCommands, Scenario, ScenarioFile, Waypoint
 from footfall.evaluate.suite import CourseWalk, Setup
 from footfall.evaluate.table import print_results, scenario_table, warnings
@@ -55,7 +55,7 @@ class TestSuite:
 
         def run_all(
             function: Any, tasks: Sequence[EpisodeTask], workers: Any, done: Any = None
-        ) -> list[Outcome]:
+        ) -> list[TaskResult]:
             assert function is suite.run_task
             calls.append((list(tasks), workers))
             for finished in range(1, len(tasks) + 1 if done else 0):
@@ -122,7 +122,7 @@ class TestSuite:
         assert walks == {name: CourseWalk(plan, f"trace of {name}", compute, "") for name in ("b", "a")}
 
     def test_a_walk_that_failed_says_why(self) -> None:
-        failed = suite._course_walk("plan", Outcome(None, "its process died"))  # type: ignore[arg-type]
+        failed = suite._course_walk("plan", TaskResult(None, "its process died"))  # type: ignore[arg-type]
         nothing = {"compute_ms": {"p50": None, "p99": None}, "missed_deadlines": None}
         assert failed == CourseWalk("plan", None, nothing, "its process died")  # type: ignore[arg-type]
 

@@ -1,4 +1,4 @@
-"""Who may import whom, and what the acting wing may weigh."""
+"""Who may import whom, and what those that act may weigh."""
 
 import ast
 import json
@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-FRONT_DOOR = "footfall"  # whose folder links to the others
-FRONT = {path.stem for path in (ROOT / FRONT_DOOR).glob("*.py")} - {"__init__"} | {"verbs"}
+COMMAND_LINE = "footfall"  # whose folder links to the others
+COMMAND_LINE_MODULES = {path.stem for path in (ROOT / COMMAND_LINE).glob("*.py")} - {"__init__"} | {"verbs"}
 LEARNING_ONLY = (
     "jax",
     "jaxlib",
@@ -27,7 +27,7 @@ LEARNING_ONLY = (
 )
 DRAWING = ("jinja2", "matplotlib", "imageio_ffmpeg", "PIL", "scipy")  # not on a robot's small computer
 
-# Each room, and the rooms that it may import; itself always. footfall's own files join the wings.
+# Each package, and those that it may import; itself always. footfall's own files may import all.
 ALLOWED = {
     "common": set(),
     "robots": {"common"},
@@ -41,7 +41,7 @@ ALLOWED = {
     "pages": {"common", "robots", "policies", "domain_rand", "deploy", "plant", "train"},
 }
 ACTING = ("common", "robots", "domain_rand", "policies", "deploy", "plant", "evaluate")
-# What of policies the learning wing may know. `learned` runs an exported file to check it.
+# What of policies those that learn may know. `learned` runs an exported file to check it.
 POLICIES_FOR_LEARNING = {
     "footfall.policies.contract",
     "footfall.policies.observation",
@@ -53,12 +53,12 @@ IMPORT_BUDGET_S = 1.0
 CI_SLACK = 3.0  # a busy or cold machine imports slower; the figure itself is printed
 
 
-def modules(room: str) -> Iterator[tuple[str, Path]]:
-    """Dotted name and path of each module of a room."""
-    for path in sorted((ROOT / room).rglob("*.py")):
+def modules(package: str) -> Iterator[tuple[str, Path]]:
+    """Dotted name and path of each module of a package."""
+    for path in sorted((ROOT / package).rglob("*.py")):
         parts = path.relative_to(ROOT).with_suffix("").parts
         name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
-        yield name if room == FRONT_DOOR else f"footfall.{name}", path
+        yield name if package == COMMAND_LINE else f"footfall.{name}", path
 
 
 def imported(path: Path) -> set[str]:
@@ -78,23 +78,25 @@ def belongs_to(name: str, packages: tuple[str, ...] | set[str]) -> bool:
     return any(name == package or name.startswith(f"{package}.") for package in packages)
 
 
-@pytest.mark.parametrize("room", ALLOWED)
-def test_rooms_import_one_way(room: str) -> None:
-    forbidden = {f"footfall.{other}" for other in (set(ALLOWED) | FRONT) - ALLOWED[room] - {room}}
+@pytest.mark.parametrize("package", ALLOWED)
+def test_packages_import_one_way(package: str) -> None:
+    forbidden = {
+        f"footfall.{other}" for other in (set(ALLOWED) | COMMAND_LINE_MODULES) - ALLOWED[package] - {package}
+    }
     wrong = [
         f"{module} imports {name}"
-        for module, path in modules(room)
+        for module, path in modules(package)
         for name in sorted(imported(path))
         if belongs_to(name, forbidden)
     ]
     assert wrong == []
 
 
-@pytest.mark.parametrize("room", ["envs", "train"])
-def test_learning_knows_policies_by_their_contract(room: str) -> None:
+@pytest.mark.parametrize("package", ["envs", "train"])
+def test_learning_knows_policies_by_their_contract(package: str) -> None:
     wrong = [
         f"{module} imports {name}"
-        for module, path in modules(room)
+        for module, path in modules(package)
         for name in sorted(imported(path))
         if belongs_to(name, ("footfall.policies",))
         and name != "footfall.policies"
@@ -103,11 +105,11 @@ def test_learning_knows_policies_by_their_contract(room: str) -> None:
     assert wrong == []
 
 
-@pytest.mark.parametrize("room", ACTING)
-def test_acting_source_names_no_learning_library(room: str) -> None:
+@pytest.mark.parametrize("package", ACTING)
+def test_acting_source_names_no_learning_library(package: str) -> None:
     wrong = [
         f"{module} imports {name}"
-        for module, path in modules(room)
+        for module, path in modules(package)
         for name in sorted(imported(path))
         if belongs_to(name, LEARNING_ONLY)
     ]
@@ -120,7 +122,7 @@ import importlib, json, sys, time
 class Blocker:
     def find_spec(self, name, path=None, target=None):
         if any(name == b or name.startswith(b + ".") for b in {blocked!r}):
-            raise ImportError(f"{{name}} is for the learning wing")
+            raise ImportError(f"{{name}} is for training alone")
 
 sys.meta_path.insert(0, Blocker())
 began = time.process_time()
@@ -143,34 +145,34 @@ def import_apart(names: list[str], blocked: tuple[str, ...] = LEARNING_ONLY) -> 
     return float(json.loads(done.stdout.splitlines()[-1]))
 
 
-@pytest.mark.parametrize("room", [*ACTING, FRONT_DOOR])
-def test_acting_modules_import_without_jax_and_torch(room: str) -> None:
-    import_apart([name for name, _ in modules(room) if not name.endswith("__main__")])
+@pytest.mark.parametrize("package", [*ACTING, COMMAND_LINE])
+def test_acting_modules_import_without_jax_and_torch(package: str) -> None:
+    import_apart([name for name, _ in modules(package) if not name.endswith("__main__")])
 
 
-@pytest.mark.parametrize("room", [*ACTING, FRONT_DOOR])
-def test_only_the_report_needs_what_draws(room: str) -> None:
-    names = [name for name, _ in modules(room) if not belongs_to(name, ("footfall.evaluate.report",))]
+@pytest.mark.parametrize("package", [*ACTING, COMMAND_LINE])
+def test_only_the_report_needs_what_draws(package: str) -> None:
+    names = [name for name, _ in modules(package) if not belongs_to(name, ("footfall.evaluate.report",))]
     outside = [name for name in names if not name.endswith("__main__")]
-    import_apart([*outside, "footfall.evaluate.report.extra"] if room == "evaluate" else outside, DRAWING)
+    import_apart([*outside, "footfall.evaluate.report.extra"] if package == "evaluate" else outside, DRAWING)
 
 
 def test_the_blocker_blocks() -> None:
-    with pytest.raises(AssertionError, match="learning wing"):
+    with pytest.raises(AssertionError, match="for training alone"):
         import_apart(["jax"])
 
 
-def test_acting_wing_imports_in_a_second(capsys: pytest.CaptureFixture[str]) -> None:
+def test_packages_that_act_import_in_a_second(capsys: pytest.CaptureFixture[str]) -> None:
     """CPU time, which a busy machine does not lengthen much; best of three, when its files are in memory."""
-    names = [name for room in ACTING for name, _ in modules(room)]
+    names = [name for package in ACTING for name, _ in modules(package)]
     seconds = min(import_apart(names, blocked=()) for _ in range(3))
     with capsys.disabled():
-        print(f"\nacting wing imports in {seconds:.2f} s of CPU time (budget {IMPORT_BUDGET_S} s)")
+        print(f"\npackages that act import in {seconds:.2f} s of CPU time (budget {IMPORT_BUDGET_S} s)")
     assert seconds < IMPORT_BUDGET_S * CI_SLACK
 
 
-def test_importing_the_acting_wing_loads_no_learning_library() -> None:
-    names = [name for room in ACTING for name, _ in modules(room)]
+def test_importing_packages_that_act_loads_no_learning_library() -> None:
+    names = [name for package in ACTING for name, _ in modules(package)]
     code = (
         f"import importlib, sys\nfor n in {names!r}: importlib.import_module(n)\nprint(sorted(sys.modules))"
     )

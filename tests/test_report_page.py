@@ -14,7 +14,7 @@ from test_evaluate_metrics import walk
 
 from footfall.evaluate.comparison import Comparison, PolicyResult, command_line
 from footfall.evaluate.plan import CommandSchedule, plan_episodes
-from footfall.evaluate.pool import Outcome
+from footfall.evaluate.pool import TaskResult
 from footfall.evaluate.report import course_plots, films, learning_curves, scenario_plots, svg
 from footfall.evaluate.report.caption import in_words, written_on
 from footfall.evaluate.report.films import Film, FilmTask, arrows, frame_indices, frame_times
@@ -78,7 +78,9 @@ def comparison(go1: Robot, *results: PolicyResult) -> Comparison:
 
 
 def page_of(go1: Robot, *results: PolicyResult) -> str:
-    films = {each.name: Outcome(FILM) if each.course.trace else Outcome(None, "no light") for each in results}
+    films = {
+        each.name: TaskResult(FILM) if each.course.trace else TaskResult(None, "no light") for each in results
+    }
     return render(comparison(go1, *results), films)
 
 

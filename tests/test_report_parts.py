@@ -17,7 +17,7 @@ from test_report_page import COURSE, FILE, Page, comparison, result, summary, wa
 
 from footfall.common import colours
 from footfall.evaluate.comparison import Comparison
-from footfall.evaluate.pool import Outcome
+from footfall.evaluate.pool import TaskResult
 from footfall.evaluate.report import course_plots, films, page, scenario_plots, scene, svg, tables
 from footfall.evaluate.report.caption import MARGIN, SHADE, in_words, written_on
 from footfall.evaluate.report.films import Film, FilmTask, arrows
@@ -170,7 +170,7 @@ class TestOrder:
         monkeypatch.setattr(page, "plots", lambda _: plots)
 
         def words(of: Comparison, **seen: Film) -> str:
-            shown = {policy.name: Outcome(seen.get(policy.name), "no light") for policy in of.policies}
+            shown = {policy.name: TaskResult(seen.get(policy.name), "no light") for policy in of.policies}
             return " ".join(Page(page.render(of, shown)).words.split())
 
         return words
@@ -203,7 +203,7 @@ class TestOrder:
         other = result("trot", "trot", 0.3, 9, 1.0, walked())
         words = read(comparison(go1, fell, other), mine=Film(b"f", b"p"), trot=Film(b"f", b"p"))
         assert "mine fell after 5.0 s trot reached the end" in words
-        assert page._shown(fell, Outcome(None, "no light")) == page.ShownFilm("mine", None, "no light")
+        assert page._shown(fell, TaskResult(None, "no light")) == page.ShownFilm("mine", None, "no light")
 
     @pytest.mark.parametrize(
         ("place", "dashes"), [(0, ""), (1, "8 3.2"), (3, "11.2 3.2 3.2 3.2"), (7, "8 3.2")]
@@ -224,9 +224,9 @@ class TestFilms:
     ) -> None:
         asked: list[Any] = []
 
-        def render(tasks: list[FilmTask], workers: int | None) -> list[Outcome]:
+        def render(tasks: list[FilmTask], workers: int | None) -> list[TaskResult]:
             asked.append((tasks, workers))
-            return [Outcome(len(task.trace.time_s)) for task in tasks]
+            return [TaskResult(len(task.trace.time_s)) for task in tasks]
 
         monkeypatch.setattr(films, "render_films", render)
         lengths = {"a": 2.0, "b": None, "c": 1.0, "d": 3.0}
@@ -256,24 +256,24 @@ class TestFilms:
         tried: list[Any] = []
         works = {"osmesa"}
 
-        def run_all(function: Any, tasks: Any, workers: Any, environment: dict[str, str]) -> list[Outcome]:
+        def run_all(function: Any, tasks: Any, workers: Any, environment: dict[str, str]) -> list[TaskResult]:
             assert function is films.film
             tried.append((workers, environment))
             name = environment.get("MUJOCO_GL", "")
-            return [Outcome("film") if name in works else Outcome(None, f"no {name}") for _ in tasks]
+            return [TaskResult("film") if name in works else TaskResult(None, f"no {name}") for _ in tasks]
 
         monkeypatch.setattr(films, "run_all", run_all)
         monkeypatch.setattr(films, "BACK_ENDS", ("egl", "osmesa"))
         monkeypatch.delenv("MUJOCO_GL", raising=False)
         task = self.task(walked(1.0))
-        assert films.render_films([task], 3) == [Outcome("film")]
+        assert films.render_films([task], 3) == [TaskResult("film")]
         assert tried == [(3, {"MUJOCO_GL": name, "PYOPENGL_PLATFORM": name}) for name in ("egl", "osmesa")]
         works.clear()
-        assert films.render_films([task, task]) == [Outcome(None, "egl: no egl; osmesa: no osmesa")] * 2
+        assert films.render_films([task, task]) == [TaskResult(None, "egl: no egl; osmesa: no osmesa")] * 2
         works.add("glfw")
         monkeypatch.setenv("MUJOCO_GL", "glfw")
         tried.clear()
-        assert films.render_films([task]) == [Outcome("film")]
+        assert films.render_films([task]) == [TaskResult("film")]
         assert [environment["MUJOCO_GL"] for _, environment in tried] == ["glfw"]
 
     def test_a_film_has_its_frames_in_order_and_a_poster_of_its_first_third(

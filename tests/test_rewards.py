@@ -6,12 +6,12 @@ import pytest
 
 from footfall.common.errors import UserError
 from footfall.envs.config import RewardScales
-from footfall.envs.rewards import TERMS, Outcome, joint_shares, reward_rate, rewards
+from footfall.envs.rewards import TERMS, RewardInputs, joint_shares, reward_rate, rewards
 
 SCALES = RewardScales(linear_sigma_m2_s2=0.25, yaw_sigma_rad2_s2=0.5, swing_height_m=0.08, least=-0.5)
 
 # Two legs of one joint each: the first stands, the second swings as planned. It walks as it is asked to.
-PERFECT = Outcome(
+PERFECT = RewardInputs(
     command=jnp.array([0.6, -0.2, 0.4]),
     moving=jnp.float32(1.0),
     linear_velocity=jnp.array([0.6, -0.2, 0.0]),

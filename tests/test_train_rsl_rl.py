@@ -331,10 +331,10 @@ def test_a_weight_that_is_not_finite_ends_the_training_and_is_not_kept(
     def breaking() -> dict[str, float]:
         breaks = trainer.iteration == 1
         if breaks and when == "before it learns":
-            spoil(algorithm.actor)
+            corrupt(algorithm.actor)
         losses = update()
         if breaks and when == "after it learned":
-            spoil(algorithm.actor)
+            corrupt(algorithm.actor)
         return losses
 
     monkeypatch.setattr(algorithm, "update", breaking)
@@ -347,7 +347,7 @@ def test_a_weight_that_is_not_finite_ends_the_training_and_is_not_kept(
     assert trainer.broken() == []
 
 
-def spoil(model: torch.nn.Module) -> None:
+def corrupt(model: torch.nn.Module) -> None:
     with torch.no_grad():
         next(model.mlp.parameters())[0, 0] = torch.nan
 
@@ -363,7 +363,7 @@ def test_each_part_of_a_checkpoint_is_checked(trainer: RslRlTrainer, part: str) 
         qpos = episodes.state.qpos.at[3, 2].set(jnp.nan)
         environment.put(episodes._replace(state=episodes.state._replace(qpos=qpos)))
     else:
-        spoil(getattr(algorithm, part))
+        corrupt(getattr(algorithm, part))
     (name,) = trainer.broken()
     assert part in name
 

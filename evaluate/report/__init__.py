@@ -1,1 +1,1 @@
-"""A comparison as one HTML page with films and plots. This room alone needs the extra `report`."""
+"""A comparison as one HTML page with films and plots. This package alone needs the extra `report`."""

@@ -19,7 +19,7 @@ from PIL import Image
 from footfall.common import colours
 from footfall.common.rotations import heading, heading_matrix
 from footfall.evaluate.comparison import Comparison
-from footfall.evaluate.pool import Outcome, run_all
+from footfall.evaluate.pool import TaskResult, run_all
 from footfall.evaluate.report import caption, scene
 from footfall.plant.episode import Push
 from footfall.plant.trace import Trace
@@ -67,7 +67,7 @@ class Arrow(NamedTuple):
     colour: np.ndarray  # red, green, blue, opacity
 
 
-def films_of(comparison: Comparison) -> dict[str, Outcome[Film]]:
+def films_of(comparison: Comparison) -> dict[str, TaskResult[Film]]:
     """A film of each policy's walk over the test course, by name, or why there is none."""
     tasks = {
         policy.name: FilmTask(
@@ -81,17 +81,17 @@ def films_of(comparison: Comparison) -> dict[str, Outcome[Film]]:
         if policy.course.trace is not None and len(policy.course.trace.time_s)
     }
     films = dict(zip(tasks, render_films(list(tasks.values()), comparison.setup.workers), strict=True))
-    nothing: Outcome[Film] = Outcome(None, "it did not walk")
+    nothing: TaskResult[Film] = TaskResult(None, "it did not walk")
     return {policy.name: films.get(policy.name, nothing) for policy in comparison.policies}
 
 
-def render_films(tasks: Sequence[FilmTask], workers: int | None = None) -> list[Outcome[Film]]:
+def render_films(tasks: Sequence[FilmTask], workers: int | None = None) -> list[TaskResult[Film]]:
     """Films of several episodes; where this machine cannot render, the reason instead.
 
     They are rendered in other processes, since MuJoCo settles on a GL back end when it is imported, and
     since a broken driver may take its process with it.
     """
-    outcomes: list[Outcome[Film]] = [Outcome(None, "nothing was tried")] * len(tasks)
+    outcomes: list[TaskResult[Film]] = [TaskResult(None, "nothing was tried")] * len(tasks)
     reasons = []
     own = os.environ.get("MUJOCO_GL")
     for back_end in (own,) if own else BACK_ENDS:
@@ -101,7 +101,7 @@ def render_films(tasks: Sequence[FilmTask], workers: int | None = None) -> list[
         if not failed:
             return outcomes
         reasons.append(f"{back_end or 'default'}: {failed}")
-    return [o if o.value else Outcome(None, "; ".join(reasons)) for o in outcomes]
+    return [o if o.value else TaskResult(None, "; ".join(reasons)) for o in outcomes]
 
 
 def film(task: FilmTask) -> Film:

@@ -10,7 +10,7 @@ from markupsafe import Markup
 from footfall.common.config import dump
 from footfall.evaluate.comparison import Comparison, PolicyResult, command_line
 from footfall.evaluate.figures import LEAST_EPISODES, figures
-from footfall.evaluate.pool import Outcome
+from footfall.evaluate.pool import TaskResult
 from footfall.evaluate.provenance import machine
 from footfall.evaluate.report import course_plots, scenario_plots, svg, tables
 from footfall.evaluate.report.films import Film
@@ -28,7 +28,7 @@ class ShownFilm:
     text: str
 
 
-def render(comparison: Comparison, films: Mapping[str, Outcome[Film]]) -> str:
+def render(comparison: Comparison, films: Mapping[str, TaskResult[Film]]) -> str:
     """The page.
 
     Args:
@@ -116,7 +116,7 @@ def swatch(place: int) -> Markup:
     )
 
 
-def _shown(policy: PolicyResult, film: Outcome[Film]) -> ShownFilm:
+def _shown(policy: PolicyResult, film: TaskResult[Film]) -> ShownFilm:
     trace = policy.course.trace
     if film.value is None or trace is None:
         return ShownFilm(policy.name, None, policy.course.error or film.error)

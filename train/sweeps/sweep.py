@@ -82,7 +82,7 @@ class SweepConfig:
         return math.prod(grids) * len(self.seeds) * self.trials
 
 
-class Outcome(NamedTuple):
+class SweepResults(NamedTuple):
     """What has become of a sweep."""
 
     trials: list[Trial]  # those that began, the best first
@@ -90,7 +90,7 @@ class Outcome(NamedTuple):
     unfinished: int  # trials that an interruption left to do, begun or not
 
 
-def sweep(file: Path, out: Path) -> Outcome:
+def sweep(file: Path, out: Path) -> SweepResults:
     """Run a sweep into a new folder, until it ends or is interrupted.
 
     Raises:
@@ -125,7 +125,7 @@ def sweep(file: Path, out: Path) -> Outcome:
         return _results(tuner.fit(), config, out)
 
 
-def resume_sweep(out: Path) -> Outcome:
+def resume_sweep(out: Path) -> SweepResults:
     """Continue a sweep that was interrupted; its unfinished trials go on from their checkpoints.
 
     Raises:
@@ -287,7 +287,7 @@ class _Reporter(Display):
         self._report({STEPS: steps, SPEED: steps_per_s, **nothing_ended, **metrics})
 
 
-def _results(grid: Any, config: SweepConfig, out: Path) -> Outcome:
+def _results(grid: Any, config: SweepConfig, out: Path) -> SweepResults:
     """The trials and points, best first, which are also written as comma-separated values."""
     trials = []
     for result in grid:
@@ -313,7 +313,7 @@ def _results(grid: Any, config: SweepConfig, out: Path) -> Outcome:
     write_atomically(out / RESULTS, trials_table(trials, names, config.metric).encode())
     write_atomically(out / POINTS, points_table(points, names, config.metric).encode())
     left = config.points - sum(trial.error != UNFINISHED for trial in trials)
-    return Outcome(trials, points, left)
+    return SweepResults(trials, points, left)
 
 
 def _value(last: dict[str, Any], metric: str, logged: Path) -> float:
