@@ -35,7 +35,7 @@ class DeployConfig:
     )
     realtime_priority: int | None = None  # SCHED_FIFO, 1 to 99, for wall-clock runs
     host_queue: int = HOST_QUEUE  # frames that a simulated CAN interface queues
-    motor_timeout_s: float = MOTOR_TIMEOUT_S  # simulated motors are set to it, real ones by their own tools
+    motor_timeout_s: float = MOTOR_TIMEOUT_S  # of simulated motors; by default as robot.yaml has it
     estimator: EstimatorConfig = field(default_factory=EstimatorConfig)
     odometry: bool = False  # estimate the base's motion for the log, also where the policy does not need it
     safety: SafetyConfig = field(default_factory=SafetyConfig)
@@ -78,12 +78,13 @@ class DeployConfig:
 
 
 def deploy_config(robot: Robot, path: Path | None = None) -> DeployConfig:
-    """The defaults with the limits of a robot's description, and with what a YAML file changes of them.
+    """The defaults with a robot's limits and its motors' time-out, and with what a YAML file changes of them.
 
     Raises:
         UserError: either is malformed or cannot work.
     """
-    own = {"safety": robot.description.safety}
+    timeout_s = float(robot.motor_figures("timeout_s").min())
+    own = {"safety": robot.description.safety, "motor_timeout_s": timeout_s}
     config = structure(own, DeployConfig, str(robot.folder / "robot.yaml"))
     changes = None if path is None else read_yaml(path)
     return config if changes is None else structure(merged(own, changes), DeployConfig, str(path))

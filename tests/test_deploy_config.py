@@ -152,6 +152,16 @@ class TestLimitsOfARobot:
         with pytest.raises(UserError, match=r"go1/robot.yaml: safety: no setting tilt \("):
             deploy_config(self.with_limits(go1, tilt=0.7))
 
+    def test_reach_as_far_as_its_motors_wait(self, go1: Robot) -> None:
+        """A policy that is late by 0.1 s, as go1 allows it, would find motors off that wait for 0.06 s."""
+        knee = replace(go1.description.motors["knee"], timeout_s=0.06)
+        motors = {**go1.description.motors, "knee": knee}
+        robot = replace(go1, description=replace(go1.description, motors=motors))
+        with pytest.raises(UserError, match=r"motors that hear nothing for 0\.06 s"):
+            deploy_config(robot)
+        sooner = self.with_limits(robot, pause_limit_s=0.05, late_limit_s=0.05)
+        assert deploy_config(sooner).motor_timeout_s == 0.06
+
     def test_hold_in_the_simulation(self, go1: Robot) -> None:
         """1e-9 rad: less than any robot tilts."""
         trace = run_episode(self.with_limits(go1, tilt_limit_rad=1e-9), Hold(go1), short_episode(config=None))
