@@ -134,6 +134,16 @@ class TestAHealthyRun:
         assert (run["alarm"], run["fell"]) == ("", True)
         assert 0.3 < run["fault_s"] < run["fell_s"] < run["fault_s"] + 0.5  # 60 degrees, then 70
 
+    def test_a_fall_that_comes_later_excuses_nothing(
+        self, monkeypatch: pytest.MonkeyPatch, go1: Robot
+    ) -> None:
+        """The alarm comes in the first steps, the push after 0.3 s."""
+        monkeypatch.setattr(fault_table, "FALL_S", 0.1)
+        run = self.run(monkeypatch, go1, 8.0, tilt_limit_rad=0.02)
+        assert run["fault_s"] + 0.1 < 0.3 < run["fell_s"]
+        assert "tilt of 0.02 rad" in run["alarm"]
+        assert not run["fell"]
+
     def test_one_that_fell_without_a_fault_has_none(
         self, monkeypatch: pytest.MonkeyPatch, go1: Robot
     ) -> None:
