@@ -13,7 +13,7 @@ MOTOR_TIMEOUT_S = 0.1  # a motor that hears nothing for so long switches itself 
 LATE_TICKS = 2  # at least, of a limit: what comes a tick late is no fault
 START_TICKS = 10  # likewise, of the time that a start may take: motors are asked, switched on and looked at
 AT_LEAST = {"silence_timeout_s": LATE_TICKS, "pause_limit_s": LATE_TICKS, "start_timeout_s": START_TICKS}
-UNTIL_MOTORS_GIVE_UP = ("pause_limit_s", "late_limit_s")  # in which motors hear nothing
+UNTIL_MOTORS_GIVE_UP = ("pause_limit_s", "late_limit_s", "silence_timeout_s")  # in which nobody may be heard
 
 
 @dataclass(frozen=True)

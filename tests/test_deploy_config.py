@@ -48,6 +48,7 @@ REFUSED = [
     "safety: {start_timeout_s: 0.019}",  # nine ticks and a half
     "safety: {pause_limit_s: 0.11}",  # motors have given up after 0.1 s
     "safety: {late_limit_s: 0.11}",
+    "safety: {silence_timeout_s: 0.11}",
     "safety: {damping_s: 0}",
     "stand_kp_scale: 0",
     "safety: {still_s: 0.99}",  # of the second in which it has to start
