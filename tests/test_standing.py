@@ -171,7 +171,7 @@ def test_the_plant_is_as_asked_and_ends_with_the_context(go1: Robot, monkeypatch
     with serving(
         go1, "vcan", PlantConfig(sample={"encoder_bias": np.full(12, 0.25)}, motor_timeout_s=0.7)
     ) as body:
-        assert body._motors._timeout_steps == 700
+        np.testing.assert_array_equal(body._motors._timeout_steps, 700)
         np.testing.assert_array_equal(body._motors.encoder_bias, 0.25)
     assert made == [("vcan", wire(go1).buses), 0]  # closed once nobody uses it
 
