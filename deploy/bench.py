@@ -25,6 +25,8 @@ STILL_RAD_S = 0.2
 TELL_TICKS = 5  # how often motors are told to switch off, or to forget errors: a frame may be lost
 CLEAR_S = 0.5  # until a motor has said that it has no error any more: heartbeats come ten times a second
 ZERO_S = 1.2  # some motors say nothing for a second after their zero was set
+ZERO_RAD = 0.1  # from zero, at most, once that was set
+ZERO_TRIES = 3  # a frame may be lost
 HANGING_UP = (
     signal.SIGHUP,
     signal.SIGQUIT,
@@ -104,10 +106,15 @@ class Bench:
         self._run(CLEAR_S, self._driver.disable)
         return ""
 
-    def zero(self) -> None:
-        """Motors take their present position for zero."""
-        self._run(0.0, self._driver.zero)
-        self._run(ZERO_S, self._driver.disable)
+    def zero(self) -> str:
+        """Motors take their present position for zero; which one does not, or empty."""
+        for _ in range(ZERO_TRIES):
+            self._run(0.0, self._driver.zero)
+            self._run(ZERO_S, self._driver.disable)
+            elsewhere = np.abs(self._values[0]) > ZERO_RAD
+            if not elsewhere.any():
+                return ""
+        return f"{self._wiring.place(int(elsewhere.argmax()))} did not take its position for zero"
 
     def off(self) -> None:
         """Switch the motors off."""

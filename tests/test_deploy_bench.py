@@ -16,6 +16,7 @@ from footfall.deploy.frames import EXTENDED, Frames
 from footfall.deploy.scan import DAMIAO, MIT, ODRIVE, ROBSTRIDE, Found, scan
 from footfall.deploy.wiring import Wiring, wire
 from footfall.plant.bus import SimulatedBus
+from footfall.plant.injection import InjectingBus
 from footfall.plant.robot import SimulatedRobot
 from footfall.plant.wires import SimulatedWires
 from footfall.robots.description import Robot
@@ -35,7 +36,7 @@ class OnStand:
         self.wiring = wire(robot)
         wires = SimulatedWires(self.wiring.buses, host_queue=20)
         self.body = SimulatedRobot(robot, self.wiring, wires)
-        self.bus = SimulatedBus(wires, self.body)
+        self.bus: SimulatedBus | InjectingBus = SimulatedBus(wires, self.body)
         self.clock = LockstepClock(PERIOD_US)
 
     def bench(self, wiring: Wiring | None = None) -> Bench:
@@ -89,12 +90,29 @@ class TestBench:
         bench = stand.bench(stand.wiring.take(np.array([2])))
         assert (bench.ask(), bench.settle()) == ("", "")
         assert bench.states()[0].position < -1.5
-        bench.zero()
+        assert bench.zero() == ""
         assert abs(bench.states()[0].position) < 0.05
         everyone = stand.bench()
         everyone.ask()
         everyone.watch(0.1, lambda: None)
         assert everyone.states()[5].position < -1.5
+
+    @pytest.mark.parametrize(
+        ("lost", "says"), [(1, ""), (9, "FR_calf_joint (can0, id 3) did not take its position for zero")]
+    )
+    def test_a_zero_that_gets_lost_is_set_again(self, go1: Robot, lost: int, says: str) -> None:
+        stand = OnStand(go1)
+        bus = stand.bus = InjectingBus(stand.bus)
+        left = [lost]
+
+        def drop(frames: Frames, _: int) -> Frames:
+            asked = (frames.data[:, 7] == 0xFE) & (left[0] > 0)
+            left[0] -= int(asked.sum())
+            return frames.take(~asked)
+
+        bus.outgoing = drop
+        bench = stand.bench(stand.wiring.take(np.array([2])))
+        assert (bench.settle(), bench.zero()) == ("", says)
 
     def test_a_joint_that_keeps_moving_is_named(self, go1: Robot) -> None:
         stand = OnStand(go1)

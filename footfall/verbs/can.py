@@ -118,8 +118,7 @@ def zero(*, place: Place = Place(), joint: Names = (), yes: Yes = False) -> int:
     with _bench(place, joint) as bench:
         problem = bench.ask() or bench.settle()
         if not problem:
-            bench.zero()
-            problem = bench.missing()
+            problem = bench.zero() or bench.missing()
         _print_motors(bench)
         return _verdict(bench, problem)
 
