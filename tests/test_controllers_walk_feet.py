@@ -176,8 +176,27 @@ class TestCycle:
 
     def test_only_feet_that_are_told_touch_down(self, cycle: FootCycle) -> None:
         lift_feet(cycle, 0, 1)
-        cycle.touch_down(np.array([False, True]))
+        cycle.touch_down(np.array([False, True]), np.zeros(2))
         assert cycle.swings.tolist() == [True, False]
+
+    @pytest.mark.parametrize(
+        ("above_m", "stands_m"),
+        [(0.012, 0.012), (0.0, 0.0), (-0.01, 0.0), (0.1, 0.03)],  # a swing of 3 cm meets no ground above it
+    )
+    def test_a_foot_that_touches_down_early_stands_as_high_above_the_others_as_the_ground_is(
+        self, cycle: FootCycle, above_m: float, stands_m: float
+    ) -> None:
+        """Its own height in the plan does not matter: the body may have tipped it down."""
+        lift_feet(cycle, 1)
+        cycle._feet[0].z, cycle._feet[1].z = -0.002, 0.02
+        cycle.touch_down(np.array([False, True]), np.array([-0.3, -0.298 + above_m]))
+        np.testing.assert_allclose(cycle.feet[:, 2], [-0.002, stands_m], atol=1e-12)
+
+    def test_with_no_foot_standing_one_that_touches_down_stays_where_it_is(self, cycle: FootCycle) -> None:
+        lift_feet(cycle, 0, 1)
+        cycle._feet[1].z = 0.02
+        cycle.touch_down(np.array([False, True]), np.array([-0.4, -0.3]))
+        assert cycle.feet[1, 2] == pytest.approx(0.02)
 
 
 class TestWalk:
@@ -272,7 +291,7 @@ class TestWalk:
         for foot, progress in zip(cycle._feet, [0.999, 0.999, config.from_progress / 2], strict=False):
             foot.progress = progress
         pushed = np.array([1.1 * enough, 0.9 * enough, 1.1 * enough, 0.9 * least, 1.1 * least, enough])
-        policy._meet_ground(pushed, 0.01)
+        policy._meet_ground(pushed, cycle.feet[:, 2], 0.01)
         assert cycle.swings.tolist() == [False, True, True, False, False, False]
         lowered = min(config.probe_m_s * 0.01, config.probe_m)
         np.testing.assert_allclose(cycle.feet[3:, 2], [-lowered, 0.0, 0.0])

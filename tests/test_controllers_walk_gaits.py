@@ -100,7 +100,7 @@ def test_a_foot_that_meets_the_ground_early_stands_where_it_is_until_its_next_sw
         feet.advance(MOVING, 0.001, 0.03, ALL)
     height = feet.feet[0, 2]
     assert height > 0.005
-    feet.touch_down(np.array([True, False, False, False, False, False]))
+    feet.touch_down(np.array([True, False, False, False, False, False]), feet.feet[:, 2])
     feet.advance(MOVING, 0.001, 0.03, ALL)
     assert feet.feet[0, 2] == height
     assert feet.swings[2]
@@ -316,7 +316,7 @@ def test_feet_that_should_stand_and_find_no_ground_are_lowered_a_little() -> Non
     trial.walk((0.05, 0.0, 0.0), 1.5)
     pushed = np.array([1.0, 1.0, 1.0, 0.0, 1.0, 1.0])
     before = policy._cycle.feet[:, 2].copy()
-    policy._meet_ground(pushed, 0.1)
+    policy._meet_ground(pushed, before, 0.1)
     lowered = policy._cycle.feet[:, 2] - before
     assert lowered[3] == pytest.approx(-0.002)
     np.testing.assert_array_equal(np.delete(lowered, 3), 0.0)

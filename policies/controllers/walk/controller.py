@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from footfall.common.rotations import wrap_angle, yaw_of
+from footfall.common.rotations import rotation_matrix, wrap_angle, yaw_of
 from footfall.policies.controllers.command import ShapedCommand
 from footfall.policies.controllers.gait import GaitConfig, contact_trust
 from footfall.policies.controllers.settings import controller_settings
@@ -105,7 +105,7 @@ class Walk:
         if self._ground is not None:
             pushed = self._ground.update(sensed, pose.jacobian, dt_s)
             if settled:
-                self._meet_ground(pushed, dt_s)
+                self._meet_ground(pushed, pose.foot @ rotation_matrix(sensed.quaternion)[2], dt_s)
 
         most = config.levelling.body_rate_m_s * dt_s
         self._height_m += min(max(self._step.body_height_m - self._height_m, -most), most)
@@ -229,17 +229,18 @@ class Walk:
         self._cycle.begin_anew(clock.timing, clock.offsets, self._command.value.tolist())
         self._looked_at = None
 
-    def _meet_ground(self, pushed: np.ndarray, dt_s: float) -> None:
+    def _meet_ground(self, pushed: np.ndarray, height: np.ndarray, dt_s: float) -> None:
         """Feet that meet the ground early stand; feet that should stand and do not are lowered a little.
 
         Args:
             pushed: (feet,) share of an even part of the weight with which the ground pushes each up.
+            height: (feet,) m, of the tips along the vertical, from wherever.
             dt_s: how long the latter are lowered.
         """
         config, cycle = self._config.touch_down, self._cycle
         assert config is not None
         least, enough = config.force_share
-        cycle.touch_down((pushed > enough) & (cycle.progress > config.from_progress))
+        cycle.touch_down((pushed > enough) & (cycle.progress > config.from_progress), height)
         cycle.lower(pushed < least, config.probe_m_s * dt_s, -config.probe_m)
 
     def _weight_torque(self, jacobian: np.ndarray) -> np.ndarray:

@@ -93,8 +93,9 @@ class Foot:
         along = (self.place_x - self.x) * over_x + (self.place_y - self.y) * over_y
         return along / max(math.hypot(over_x, over_y), 1e-9)
 
-    def land(self) -> None:
-        """End its swing where it is."""
+    def land(self, ground_m: float) -> None:
+        """End its swing on ground of a height, no lower than planned and no higher than the swing."""
+        self.z = min(max(ground_m, 0.0), max(self._height, self.z))
         self.swings, self.progress = False, 0.0
 
     def stand(self, velocity: list[float], dt_s: float) -> None:
@@ -230,8 +231,7 @@ class FootCycle:
         self.clock = (self.clock + dt_s / timing.period_s) % 1.0
         for foot, before, now, may in zip(self._feet, phases, self._phases(), lift_off, strict=True):
             if foot.swings and now < duty:
-                foot.land()
-                foot.z = 0.0
+                foot.land(0.0)
             elif before < duty <= now and may and not foot.swings:
                 foot.lift_off(step_height_m)
             if foot.swings:
@@ -239,11 +239,24 @@ class FootCycle:
             else:
                 foot.stand(velocity, dt_s)
 
-    def touch_down(self, feet: np.ndarray) -> None:
-        """Feet (feet,) boolean that have met the ground before their time stand where they are."""
-        for foot, down in zip(self._feet, feet.tolist(), strict=True):
+    def touch_down(self, feet: np.ndarray, height: np.ndarray) -> None:
+        """Feet that have met the ground before their time stand on it.
+
+        How high it is there those that stand tell. Where the body tips, a foot in the air meets ground that
+        is no higher: it goes on to the height of the others, and so rights the body.
+
+        Args:
+            feet: (feet,) boolean, those that have.
+            height: (feet,) m, of all tips along the vertical, from wherever.
+        """
+        if not feet.any():
+            return
+        stands = ~self.swings
+        above = height - self.feet[:, 2]
+        ground = height - above[stands if stands.any() else feet].mean()
+        for foot, down, ground_m in zip(self._feet, feet.tolist(), ground.tolist(), strict=True):
             if down:
-                foot.land()
+                foot.land(ground_m)
 
     def lower(self, feet: np.ndarray, by_m: float, least_m: float) -> None:
         """Lower standing feet (feet,) boolean, not below a height."""
