@@ -84,14 +84,10 @@ class SensorMonitor:
         self._youngest_us = (now_us - heard_us).astype(float)  # age of each motor's reading at its best
         self._uneven_s, self._late_s = np.zeros((2, n))  # by how much one was older: lately, and added up
         self.limp_s, self.opposing, self.torque_stuck = np.zeros((3, n))
-        self._expected_before, self._expected_stuck = np.zeros(
-            (2, n)
-        )  # N m, when a torque began to repeat itself
+        self._expected_before, self._expected_stuck = np.zeros((2, n))  # N m: lately; when it began to repeat
         self._work, self._asked = np.zeros((2, n))  # (N m)^2: reported by expected, and expected squared
         self.rotation = [0.0, 0.0, 0.0]
-        self._base_turned = self._base_apart = (
-            0.0  # in a window, by quaternion or gyro, and between them, rad
-        )
+        self._base_turned = self._base_apart = 0.0  # rad, in a window, by quaternion or gyro; between them
         self._imu_repeated = [0.0, 0.0, 0.0]
         self._resting_s = 0.0
         self._resting = [0.0, 0.0, 0.0]  # mean acceleration of the rest, world axes
@@ -280,16 +276,18 @@ class SensorMonitor:
         self._work = kept * self._work + (1.0 - kept) * torque * np.copysign(least, expected)
         self._asked = kept * self._asked + (1.0 - kept) * least * least
         self.opposing = -self._work / np.maximum(self._asked, self._least)
-        self._compare_stuck_torques(expected, stiffness)
+        self._compare_stuck_torques(torque, expected, stiffness)
 
-    def _compare_stuck_torques(self, expected: np.ndarray, stiffness: np.ndarray) -> None:
+    def _compare_stuck_torques(self, torque: np.ndarray, expected: np.ndarray, stiffness: np.ndarray) -> None:
         """How far the expected torque, N m, (n,), has moved since each report is the one before.
 
         Until the window before: a motor that is late has not answered to the last one yet. What may be hidden
-        does not count, the rest adds up from window to window. One that gives all that it can repeats itself.
+        does not count, the rest adds up from window to window. One that gives all that it can repeats itself,
+        and so does one that is asked for the same from now on: no more counts than report and command differ.
         """
         same = self._same[2] & (self._strongest < self._full)
         moved = np.abs(self._expected_before - self._expected_stuck)
+        moved = np.minimum(moved, np.abs(self._expected_before - torque))
         shown = np.maximum(moved - self._hidden - stiffness * self._limits.reading_rad, 0.0)
         self.torque_stuck = same * (self.torque_stuck + shown / self._peak)
         self._expected_stuck = np.where(same, self._expected_stuck, expected)
