@@ -88,8 +88,8 @@ def _robot(name: str) -> Robot:
     return load_robot(name)
 
 
-@lru_cache(maxsize=4)
 def _policy(robot: str, name: str) -> Policy:
+    """Anew for each run: what one has learned of its robot shall not be there in the next."""
     return load_policy(name, _robot(robot))
 
 

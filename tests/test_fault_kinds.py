@@ -64,6 +64,10 @@ class TestARun:
         draws = {fault_table._draws(seed, title).random() for seed in (0, 1) for title in ("one", "other")}
         assert len(draws) == 4
 
+    def test_has_a_policy_of_its_own(self) -> None:
+        """`step` goes on from where it was: the run before would be seen in the next."""
+        assert fault_table._policy("g1", "step") is not fault_table._policy("g1", "step")
+
     def test_goes_by_the_robots_own_limits(self, go1: Robot) -> None:
         safety = {"tilt_limit_rad": 0.7, "sensors": {"drift_rad": 0.01}}
         own = replace(go1, description=replace(go1.description, safety=safety))
