@@ -19,7 +19,7 @@ T = TypeVar("T")
 
 LARGEST_BYTES = 2**20  # of a file with settings
 
-_converter = Converter(forbid_extra_keys=True)
+_converter = Converter(forbid_extra_keys=True, unstruct_collection_overrides={tuple: list})
 
 
 # YAML 1.1, which PyYAML reads, takes a number of this form for text.

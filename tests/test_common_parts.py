@@ -270,7 +270,15 @@ class Defaults:
     count: int = 3
 
 
+@dataclass(frozen=True)
+class Span:
+    ends: tuple[float, float]
+
+
 class TestSettings:
+    def test_are_plain_data_as_json_has_them(self) -> None:
+        assert unstructure(Span((0.2, 0.8))) == {"ends": [0.2, 0.8]}
+
     def test_a_file_reads_as_what_was_dumped(self, tmp_path: Path) -> None:
         settings = Outer(3, Inner(2.5, ("b", "a"), True), "yes")
         path = tmp_path / "a.yaml"
