@@ -30,7 +30,7 @@ from footfall.deploy.wiring import Wiring
 REPLY_ID = 0x200
 REGISTER_ID = 0x7FF
 READ, WRITE = 0x33, 0x55
-TIME_OUT_STEP_S = 50e-6  # that the time-out is counted in, by the maker's manuals
+TIME_OUT_STEP_S = 50e-6  # that the time-out is counted in, by public register tables; no motor was at hand
 
 # As delivered, by the maker's table. What a motor says of itself counts.
 RANGES = {
