@@ -69,11 +69,8 @@ def hexed(frames: Frames) -> list[tuple[int, str]]:
     ]
 
 
-@pytest.fixture
-def driver() -> OdriveDriver:
-    """Both axes have told all, are on, and stand at zero."""
-    driver = OdriveDriver(TWO)
-    driver.enable()
+def tell_all(driver: OdriveDriver) -> None:
+    """Both axes say that they are on, and stand at zero."""
     for channel in (0, 1):
         for said in (
             pair(0x069, 0, 0, channel),
@@ -81,6 +78,14 @@ def driver() -> OdriveDriver:
             heartbeat(8, channel=channel),
         ):
             driver.replies(said)
+
+
+@pytest.fixture
+def driver() -> OdriveDriver:
+    """Both axes have told all, are on, and stand at zero."""
+    driver = OdriveDriver(TWO)
+    driver.enable()
+    tell_all(driver)
     assert (driver.unready(), driver.off()) == ("", "")
     return driver
 
@@ -288,13 +293,7 @@ class TestStart:
     def test_a_watchdog_is_read_where_it_can_be(self, on: int, waits_s: float, says: str) -> None:
         """Those of the knee, 0x19a and 0x199: little-endian after a 0 to read; a switch is one byte."""
         driver = OdriveDriver(replace(TWO, watchdog_endpoints=np.array([[0, 0], [0x19A, 0x199]])))
-        for channel in (0, 1):
-            for said in (
-                pair(0x069, 0, 0, channel),
-                pair(0x07C, 0, 0, channel),
-                heartbeat(8, channel=channel),
-            ):
-                driver.replies(said)
+        tell_all(driver)
         assert "has not told its watchdog" in driver.unready()
         assert hexed(driver.ask())[2:] == [(0x064, "00 9a 01 00")]
         assert not driver.replies(frame(0x065, bytes([0, 0x9A, 1, 0, on]), 1)).values.size

@@ -120,24 +120,17 @@ def on_motors(change: Callable[[np.ndarray, np.ndarray], None]) -> Inject:
     return inject
 
 
-def position_stops(joint: int) -> Inject:
+POSITION, TORQUE = 0, 2  # rows of what motors say
+
+
+def stops(part: int, joint: int) -> Inject:
+    """One of a joint's position, velocity and torque, by its row, stays what it was."""
     kept: list[float] = []
 
     def freeze(values: np.ndarray, _: np.ndarray) -> None:
         if values[:, joint].any():
-            kept.append(values[0, joint])
-            values[0, joint] = kept[0]
-
-    return on_motors(freeze)
-
-
-def torque_stops(joint: int) -> Inject:
-    kept: list[float] = []
-
-    def freeze(values: np.ndarray, _: np.ndarray) -> None:
-        if values[:, joint].any():
-            kept.append(values[2, joint])
-            values[2, joint] = kept[0]
+            kept.append(values[part, joint])
+            values[part, joint] = kept[0]
 
     return on_motors(freeze)
 
@@ -211,10 +204,10 @@ FAULTS = {
         0.6,
     ),
     "IMU came loose": (on_imu(turned(30.0)), "the IMU: its quaternion turned by", 0.05),
-    "encoder stuck": (position_stops(4), "FL_thigh_joint (can1, id 2): its position ", 0.3),
-    "hip's encoder stuck": (position_stops(3), "FL_hip_joint (can1, id 1): its position ", 1.2),
+    "encoder stuck": (stops(POSITION, 4), "FL_thigh_joint (can1, id 2): its position ", 0.3),
+    "hip's encoder stuck": (stops(POSITION, 3), "FL_hip_joint (can1, id 1): its position ", 1.2),
     "velocity stuck": (velocity_stops(4), "FL_thigh_joint (can1, id 2): its ", 0.4),
-    "torque stuck": (torque_stops(5), "FL_calf_joint (can1, id 3): the motor repeats one torque", 0.3),
+    "torque stuck": (stops(TORQUE, 5), "FL_calf_joint (can1, id 3): the motor repeats one torque", 0.3),
     "acceleration upside down": (
         on_imu(lambda reading: reading._replace(acceleration=[-a for a in reading.acceleration])),
         "the IMU: on average its acceleration is off gravity by",
