@@ -7,8 +7,9 @@ faults.json holds one small change each (a sign, an axis, a unit, one step, a mi
 reset), with what goes wrong for whom. They were written at commit 2a70726 by somebody who had not read
 the tests; what the code has changed since does not apply any more and does not count. Each is put,
 alone, into a copy of the repository. The test files that name the changed module run first, then the
-others of its room, until a test fails which passes on an unchanged copy. One JSON object a fault is
-appended to --out as it ends; what stands there already is not run again.
+others of its room, until a test fails which passes on an unchanged copy (those of --failing, one a line,
+are known not to). One JSON object a fault is appended to --out as it ends; what stands there already is not
+run again.
 """
 
 import argparse
@@ -56,7 +57,7 @@ def files_for(fault: dict[str, str], texts: dict[str, str]) -> list[list[str]]:
 class Tests:
     """Runs tests in copies of the repository."""
 
-    def __init__(self, python: str, cache: Path, timeout_s: float) -> None:
+    def __init__(self, python: str, cache: Path, timeout_s: float, failing: list[str]) -> None:
         self._python, self._timeout_s = python, timeout_s
         self._environment = os.environ | {
             "OMP_NUM_THREADS": "1",
@@ -64,15 +65,14 @@ class Tests:
             "JAX_COMPILATION_CACHE_DIR": str(cache),
             "PYTHONDONTWRITEBYTECODE": "1",  # a compiled file could outlive the fault
         }
-        self._clean: dict[str, bool] = {}
-        self._checking = threading.Lock()
+        self._clean = dict.fromkeys(failing, False)
 
     def first_failure(self, copy: Path, targets: list[str]) -> str | None:
         """The first test that fails, or that the time ends in; None if all pass."""
         paths = os.pathsep.join([str(copy), *filter(None, [os.environ.get("PYTHONPATH")])])
         command = [self._python, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist"]
         process = subprocess.Popen(
-            [*command, "-o", "addopts=", f"--basetemp={copy}-tmp", *targets],
+            [*command, "-o", "addopts=", f"--basetemp={copy}-tmp-{threading.get_ident()}", *targets],
             cwd=copy,
             env=self._environment | {"PYTHONPATH": paths},
             stdout=subprocess.PIPE,
@@ -96,15 +96,13 @@ class Tests:
 
     def passes(self, clean: Path, test: str) -> bool:
         """Whether a test passes on an unchanged copy."""
-        with self._checking:
-            if test not in self._clean:
-                self._clean[test] = self.first_failure(clean, [test]) is None
-            return self._clean[test]
+        if test not in self._clean:  # of two workers that ask at once, each may look
+            self._clean[test] = self.first_failure(clean, [test]) is None
+        return self._clean[test]
 
     def known_to_fail(self) -> list[str]:
         """Arguments that leave out the tests which an unchanged copy fails, too."""
-        with self._checking:
-            failing = [test for test, passed in self._clean.items() if not passed]
+        failing = [test for test, passed in list(self._clean.items()) if not passed]
         return [argument for test in failing for argument in ("--deselect", test)]
 
 
@@ -137,6 +135,7 @@ def main() -> None:
     parser.add_argument("--python", default=sys.executable, help="which has pytest and footfall's libraries")
     parser.add_argument("--out", type=Path, default=Path("faults.jsonl"))
     parser.add_argument("--timeout", type=float, default=300.0, help="seconds of one pytest")
+    parser.add_argument("--failing", type=Path, help="file of tests that fail on an unchanged copy, too")
     parser.add_argument(
         "--time-limit", type=float, default=float("inf"), help="seconds until no fault begins"
     )
@@ -153,7 +152,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         scratch = Path(folder)
         (scratch / "jax").mkdir(mode=0o700)
-        tests = Tests(options.python, scratch / "jax", options.timeout)
+        failing = options.failing.read_text().splitlines() if options.failing else []
+        tests = Tests(options.python, scratch / "jax", options.timeout, failing)
         copies = [scratch / f"copy{worker}" for worker in range(options.workers + 1)]
         for copy in copies:
             shutil.copytree(ROOT, copy, symlinks=True, ignore=LEFT_OUT)
