@@ -236,7 +236,7 @@ def measure(name: str, kind: str, seconds: float, rate_hz: float) -> dict[str, o
             ticks[0] += 1
 
     config = DeployConfig(
-        joint_rate_hz=rate_hz, stand_s=0.3, motor_timeout_s=PATIENT.pause_limit_s, safety=PATIENT
+        joint_rate_hz=rate_hz, stand_s=0.3, motor_timeout_s=2 * PATIENT.pause_limit_s, safety=PATIENT
     )
     session = Session(lambda _: np.zeros(3), seconds, realtime=True, config=config)
     with nullcontext() if kind == IN_PROCESS else answering(name, kind):

@@ -65,14 +65,14 @@ KINDS = (
     ClockKind("nothing", Spoiler, None, "the machine keeps up"),
     ClockKind("each policy step takes 30 ms", lambda: Spoiler(in_step_s=0.03), 0.25, "five in a row"),
     ClockKind(
-        "each policy step takes 150 ms", lambda: Spoiler(in_step_s=0.15), 0.13, "interrupted after 100 ms"
+        "each policy step takes 150 ms", lambda: Spoiler(in_step_s=0.15), 0.11, "interrupted after 70 ms"
     ),
     ClockKind("a pause of 30 ms", lambda: Spoiler(in_tick_s=0.03, once=True), None, "a walk bears it"),
     ClockKind(
         "a pause of 60 ms", lambda: Spoiler(in_tick_s=0.06, once=True), 0.1, "who is not asked is silent"
     ),
     ClockKind(
-        "a pause of 200 ms", lambda: Spoiler(in_tick_s=0.2, once=True), 0.15, "a guard damps after 120 ms"
+        "a pause of 200 ms", lambda: Spoiler(in_tick_s=0.2, once=True), 0.1, "a guard damps after 77 ms"
     ),
     ClockKind("ticks of 10 ms", lambda: Spoiler(in_tick_s=0.01), 0.6, "a share of the last second's ticks"),
     ClockKind("ticks of 20 ms", lambda: Spoiler(in_tick_s=0.02), 0.6, "a share of the last second's ticks"),

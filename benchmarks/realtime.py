@@ -221,7 +221,7 @@ def main() -> int:
         ),
     )
     config = DeployConfig(
-        joint_rate_hz=options.rate, realtime_priority=priority, motor_timeout_s=10.0, safety=patient
+        joint_rate_hz=options.rate, realtime_priority=priority, motor_timeout_s=20.0, safety=patient
     )
     command, stages = np.array([0.5, 0.0, 0.0]), Stages()
     session = Session(lambda _: command, options.seconds, log=options.log, config=config)

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from footfall.common.config import merged, read_yaml, require_between, structure
+from footfall.common.errors import UserError
 from footfall.deploy.bus import HOST_QUEUE
 from footfall.deploy.estimation.config import EstimatorConfig
 from footfall.deploy.safety import SafetyConfig
@@ -13,7 +14,6 @@ MOTOR_TIMEOUT_S = 0.1  # a motor that hears nothing for so long switches itself 
 LATE_TICKS = 2  # at least, of a limit: what comes a tick late is no fault
 START_TICKS = 10  # likewise, of the time that a start may take: motors are asked, switched on and looked at
 AT_LEAST = {"silence_timeout_s": LATE_TICKS, "pause_limit_s": LATE_TICKS, "start_timeout_s": START_TICKS}
-UNTIL_MOTORS_GIVE_UP = ("pause_limit_s", "late_limit_s", "silence_timeout_s")  # in which nobody may be heard
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class DeployConfig:
     )
     realtime_priority: int | None = None  # SCHED_FIFO, 1 to 99, for wall-clock runs
     host_queue: int = HOST_QUEUE  # frames that a simulated CAN interface queues
-    motor_timeout_s: float = MOTOR_TIMEOUT_S  # of simulated motors; by default as robot.yaml has it
+    motor_timeout_s: float = MOTOR_TIMEOUT_S  # as robot.yaml has it; simulated ones can wait for longer
     estimator: EstimatorConfig = field(default_factory=EstimatorConfig)
     odometry: bool = False  # estimate the base's motion for the log, also where the policy does not need it
     safety: SafetyConfig = field(default_factory=SafetyConfig)
@@ -64,12 +64,20 @@ class DeployConfig:
                 f"safety.still_s is {self.safety.still_s:g} s:"
                 f" the start takes {self.safety.start_timeout_s:g} s at most (start_timeout_s)"
             )
-        for name in UNTIL_MOTORS_GIVE_UP:
-            limit_s = getattr(self.safety, name)
-            if limit_s > self.motor_timeout_s:
+        self._check_who_is_first()
+
+    def _check_who_is_first(self) -> None:
+        """Whatever hangs, the loop or its guard damps the robot before motors that hear nothing are limp."""
+        safety = self.safety
+        longer = max("pause_limit_s", "late_limit_s", key=lambda name: getattr(safety, name))
+        for limit, silent_s in (
+            ("silence_timeout_s", safety.silence_timeout_s),
+            (f"{longer} × guard_share + a tick", safety.guard_after_s + self.tick_us * 1e-6),
+        ):
+            if silent_s > self.motor_timeout_s:
                 raise ValueError(
-                    f"safety.{name} is {limit_s:g} s: motors that hear nothing for {self.motor_timeout_s:g} s"
-                    " (motor_timeout_s) have switched themselves off by then"
+                    f"safety.{limit} is {silent_s:g} s: motors that hear nothing"
+                    f" for {self.motor_timeout_s:g} s (motor_timeout_s) have switched themselves off by then"
                 )
 
     @property
@@ -77,8 +85,13 @@ class DeployConfig:
         return round(1e6 / self.joint_rate_hz)
 
 
-def deploy_config(robot: Robot, path: Path | None = None) -> DeployConfig:
+def deploy_config(robot: Robot, path: Path | None = None, simulated: bool = False) -> DeployConfig:
     """The defaults with a robot's limits and its motors' time-out, and with what a YAML file changes of them.
+
+    Args:
+        robot: whose limits and motors count.
+        path: the file, if there is one.
+        simulated: whether the motors are; only such can wait for longer than robot.yaml says.
 
     Raises:
         UserError: either is malformed or cannot work.
@@ -86,5 +99,12 @@ def deploy_config(robot: Robot, path: Path | None = None) -> DeployConfig:
     timeout_s = float(robot.motor_figures("timeout_s").min())
     own = {"safety": robot.description.safety, "motor_timeout_s": timeout_s}
     config = structure(own, DeployConfig, str(robot.folder / "robot.yaml"))
-    changes = None if path is None else read_yaml(path)
-    return config if changes is None else structure(merged(own, changes), DeployConfig, str(path))
+    if path is None or (changes := read_yaml(path)) is None:
+        return config
+    changed = structure(merged(own, changes), DeployConfig, str(path))
+    if changed.motor_timeout_s > timeout_s and not simulated:
+        raise UserError(
+            f"{path}: motor_timeout_s is {changed.motor_timeout_s:g} s: {robot.name}'s motors"
+            f" switch themselves off after {timeout_s:g} s, and only simulated ones can wait for longer"
+        )
+    return changed

@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable
 
 PATIENCE_S = 1.0  # for the loop's thread to end the process itself, once the motors are off
-EVERY_S = 0.01  # between two looks, and between two frames
+EVERY_S = 0.01  # between two frames
 
 
 class Guard(threading.Thread):
@@ -50,10 +50,13 @@ class Guard(threading.Thread):
         self.join()
 
     def run(self) -> None:
-        while not self._done.wait(EVERY_S):
-            if time.perf_counter() - self._heartbeat() > self._limit_s:
+        left_s = self._limit_s
+        while not self._done.wait(left_s):
+            left_s = self._heartbeat() + self._limit_s - time.perf_counter()  # infinite before the first beat
+            if left_s < 0.0:
                 self._take_over()
                 return
+            left_s = min(left_s, self._limit_s)
 
     def _take_over(self) -> None:
         self.taken_over.set()

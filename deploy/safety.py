@@ -41,10 +41,11 @@ class SafetyConfig:
     silence_timeout_s: float = 0.05  # without a reply of a motor or a new IMU reading
     tilt_limit_rad: float = 1.05
     late_steps: int = 5  # policy steps in a row that took longer than their period
-    late_limit_s: float = 0.1  # one policy step may not take longer than this
+    late_limit_s: float = 0.07  # one policy step may not take longer than this
     damping_kd: float = 3.0  # N m s/rad
     damping_s: float = 0.5  # how long to damp before the motors are switched off
-    pause_limit_s: float = 0.1  # between two ticks; motors that hear nothing for longer switch themselves off
+    pause_limit_s: float = 0.07  # between two ticks; motors that hear nothing for long switch themselves off
+    guard_share: float = 1.1  # of the longer of both, after which a guard damps the robot in the loop's place
     skipped_share: float = (
         0.25  # of the ticks of the last second that may come so late that they are left out
     )
@@ -54,6 +55,7 @@ class SafetyConfig:
     def __post_init__(self) -> None:
         require_between(self, 0.001, 60.0, "start_timeout_s", "silence_timeout_s", "late_limit_s")
         require_between(self, 0.001, 60.0, "pause_limit_s")
+        require_between(self, 1.0, 10.0, "guard_share")  # below 1 the loop itself could not be in time
         require_between(self, 0.0, 60.0, "still_s")
         require_between(self, 1, 1000, "late_steps")
         require_between(self, 0.01, 100.0, "damping_kd")
@@ -61,6 +63,11 @@ class SafetyConfig:
         require_between(self, 1e-9, math.pi / 2, "tilt_limit_rad")  # what lies on its side has fallen
         require_between(self, 0.01, 60.0, "damping_s")
         require_between(self, 0.0, 1.0, "skipped_share")
+
+    @property
+    def guard_after_s(self) -> float:
+        """How long after the beginning of a tick a guard takes the robot over, s."""
+        return self.guard_share * max(self.late_limit_s, self.pause_limit_s)
 
 
 class Implausible(NamedTuple):

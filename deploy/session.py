@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from footfall.deploy.log import McapLog
 
 LONGEST_S = 86400.0
-GUARD_SHARE = 1.2  # of the time after which the loop itself would call it a fault
 # Ctrl-C, a polite kill, a terminal that goes away (a dropped SSH), Ctrl-\\
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 
@@ -237,10 +236,11 @@ def _watched(loop: ControlLoop, session: Session) -> Iterator[None]:
         yield
         return
     safety = session.config.safety
-    limit_s = GUARD_SHARE * max(safety.late_limit_s, safety.pause_limit_s)
     with deadlines() as arm:
         loop.arm = arm
-        guard = Guard(lambda: loop.heartbeat_s, loop.damp, loop.shut_down, limit_s, safety.damping_s)
+        guard = Guard(
+            lambda: loop.heartbeat_s, loop.damp, loop.shut_down, safety.guard_after_s, safety.damping_s
+        )
         loop.taken_over = guard.taken_over.is_set
         try:
             yield

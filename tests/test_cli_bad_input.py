@@ -184,6 +184,16 @@ def test_presets_that_cannot_be_trained(
         assert words in complaint
 
 
+@pytest.mark.parametrize("verb", ["deploy", "bring-up"])
+def test_motors_that_shall_wait_for_longer_than_those_on_a_bus_do(
+    shell: Shell, tmp_path: Path, verb: str
+) -> None:
+    path = tmp_path / "loop.yaml"
+    path.write_text("motor_timeout_s: 0.5")
+    complaint = shell.refuses(verb, "stand", "--bus", "virtual", "--config", path)
+    assert "motor_timeout_s is 0.5 s: go1's motors switch themselves off after 0.1 s" in complaint
+
+
 @pytest.mark.skipif(not Path("/dev/zero").exists(), reason="no /dev/zero")
 def test_settings_without_an_end(shell: Shell) -> None:
     assert "/dev/zero" in shell.refuses("deploy", "stand", "--config", "/dev/zero")

@@ -46,8 +46,11 @@ REFUSED = [
     "safety: {tilt_limit_rad: 1.6}",  # on its side it has fallen
     "safety: {pause_limit_s: 0.003}",  # one tick and a half
     "safety: {start_timeout_s: 0.019}",  # nine ticks and a half
-    "safety: {pause_limit_s: 0.11}",  # motors have given up after 0.1 s
-    "safety: {late_limit_s: 0.11}",
+    "safety: {pause_limit_s: 0.09}",  # 1.1 times that and a tick: 0.101 s, when motors have given up
+    "safety: {late_limit_s: 0.09}",
+    "safety: {guard_share: 1.5}",  # times 0.07 s and a tick: 0.107 s
+    "safety: {guard_share: 0.9}",
+    "motor_timeout_s: 0.11",  # go1's motors wait for 0.1 s, whatever a file says
     "safety: {silence_timeout_s: 0.11}",
     "safety: {damping_s: 0}",
     "stand_kp_scale: 0",
@@ -121,7 +124,9 @@ def test_a_duration_that_never_begins_or_never_ends_is_refused(go1: Robot, secon
         "realtime_priority: 99",
         "safety: {damping_s: 0.01, tilt_limit_rad: 1.57, late_steps: 1}",
         "safety: {pause_limit_s: 0.004, start_timeout_s: 0.02}",
-        "{motor_timeout_s: 0.5, safety: {pause_limit_s: 0.5, late_limit_s: 0.5}}",
+        "safety: {pause_limit_s: 0.089, late_limit_s: 0.089}",  # 1.1 times that and a tick: 0.0999 s
+        "joint_rate_hz: 50",  # a tick of 20 ms, after 77 ms
+        "motor_timeout_s: 0.08",
         "estimator_rate_hz: 1",
     ],
 )
@@ -129,6 +134,14 @@ def test_what_just_works_is_taken(go1: Robot, text: str, tmp_path: Path) -> None
     path = tmp_path / "loop.yaml"
     path.write_text(text)
     deploy_config(go1, path)
+
+
+def test_simulated_motors_alone_can_be_told_to_wait_for_longer(go1: Robot, tmp_path: Path) -> None:
+    path = tmp_path / "loop.yaml"
+    path.write_text("motor_timeout_s: 0.5")
+    assert deploy_config(go1, path, simulated=True).motor_timeout_s == 0.5
+    with pytest.raises(UserError, match=r"0\.5 s: go1's motors switch themselves off after 0\.1 s"):
+        deploy_config(go1, path)
 
 
 class TestLimitsOfARobot:
@@ -154,13 +167,13 @@ class TestLimitsOfARobot:
             deploy_config(self.with_limits(go1, tilt=0.7))
 
     def test_reach_as_far_as_its_motors_wait(self, go1: Robot) -> None:
-        """A policy that is late by 0.1 s, as go1 allows it, would find motors off that wait for 0.06 s."""
+        """A policy that is late by 0.07 s, as go1 allows it, would find motors off that wait for 0.06 s."""
         knee = replace(go1.description.motors["knee"], timeout_s=0.06)
         motors = {**go1.description.motors, "knee": knee}
         robot = replace(go1, description=replace(go1.description, motors=motors))
         with pytest.raises(UserError, match=r"motors that hear nothing for 0\.06 s"):
             deploy_config(robot)
-        sooner = self.with_limits(robot, pause_limit_s=0.05, late_limit_s=0.05)
+        sooner = self.with_limits(robot, pause_limit_s=0.05, late_limit_s=0.05)  # 57 ms with a tick
         assert deploy_config(sooner).motor_timeout_s == 0.06
 
     def test_hold_in_the_simulation(self, go1: Robot) -> None:

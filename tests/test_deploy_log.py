@@ -241,7 +241,7 @@ from footfall.deploy.config import DeployConfig
 from footfall.deploy.safety import SafetyConfig
 robot = load_robot("go1")
 patient = SafetyConfig(silence_timeout_s=5.0, pause_limit_s=5.0, skipped_share=1.0)
-config = DeployConfig(motor_timeout_s=5.0, safety=patient)
+config = DeployConfig(motor_timeout_s=6.0, safety=patient)
 episode = short_episode(duration_s=60.0, realtime=True, log=Path(sys.argv[1]), config=config)
 run_episode(robot, Hold(robot), episode, lambda loop, _: os.write(1, b"%d\\n" % loop.now_us))
 """

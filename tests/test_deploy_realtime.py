@@ -47,7 +47,7 @@ PATIENT = SafetyConfig(
     # A robot's time stalls as well.
     sensors=SensorLimits(drift_rad=3.0, wander_rad=3.0, stuck_rad=3.0, rotation_rad=3.0),
 )
-MOTOR_TIMEOUT_S = 20.0
+MOTOR_TIMEOUT_S = 30.0
 UNHURRIED = DeployConfig(joint_rate_hz=100.0, stand_s=0.4, motor_timeout_s=MOTOR_TIMEOUT_S, safety=PATIENT)
 SHORT = Session(stand_still, 0.4, config=UNHURRIED)
 

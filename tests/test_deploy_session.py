@@ -156,7 +156,9 @@ def test_limits_that_nobody_sets() -> None:
     """As docs/safety.md has them."""
     plain = SafetyConfig()
     assert (plain.start_timeout_s, plain.silence_timeout_s, plain.tilt_limit_rad) == (1.0, 0.05, 1.05)
-    assert (plain.late_steps, plain.late_limit_s, plain.damping_kd, plain.damping_s) == (5, 0.1, 3.0, 0.5)
+    assert (plain.late_steps, plain.late_limit_s, plain.damping_kd, plain.damping_s) == (5, 0.07, 3.0, 0.5)
+    assert (plain.pause_limit_s, plain.guard_share) == (0.07, 1.1)
+    assert plain.guard_after_s == pytest.approx(0.077)
     assert HOST_QUEUE == 10  # what Linux has
 
 

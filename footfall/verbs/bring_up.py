@@ -87,7 +87,7 @@ def _setting(policy: str, options: BringUpOptions) -> "Setting":
         load_policy(policy, robot),
         lambda _: command,
         BringUpConfig() if options.limits is None else load(options.limits, BringUpConfig),
-        replace(deploy_config(robot, options.config), scale=options.scale),
+        replace(deploy_config(robot, options.config, options.bus == SIMULATED), scale=options.scale),
         realtime=options.bus != SIMULATED,
     )
 

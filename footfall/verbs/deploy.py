@@ -160,7 +160,7 @@ def _for_simulation_alone(options: DeployOptions) -> str:
 def _config(robot: "Robot", options: DeployOptions) -> "DeployConfig":
     from footfall.deploy.config import deploy_config
 
-    return deploy_config(robot, options.config)
+    return deploy_config(robot, options.config, simulated=options.bus == SIMULATED)
 
 
 def _figures(outcome: "Outcome", options: DeployOptions) -> dict[str, Any]:
