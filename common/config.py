@@ -14,10 +14,12 @@ from cattrs.errors import BaseValidationError, ForbiddenExtraKeysError
 from cattrs.v import format_exception
 
 from footfall.common.errors import UserError
+from footfall.common.yaml_text import parse_yaml
 
 T = TypeVar("T")
 
 LARGEST_BYTES = 2**20  # of a file with settings
+LONGEST_VALUE = 80  # characters of a refused value that a message repeats
 
 _converter = Converter(forbid_extra_keys=True, unstruct_collection_overrides={tuple: list})
 
@@ -26,11 +28,17 @@ _converter = Converter(forbid_extra_keys=True, unstruct_collection_overrides={tu
 _EXPONENT_WITHOUT_POINT = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+")
 
 
+def _shown(value: Any) -> str:
+    """A refused value, as far as it fits a line."""
+    text = repr(value)
+    return text if len(text) <= LONGEST_VALUE else f"{text[:LONGEST_VALUE]}..."
+
+
 def _structure_float(value: Any, _: type) -> float:
     if isinstance(value, str) and _EXPONENT_WITHOUT_POINT.fullmatch(value):
         return float(value)
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ValueError(f"{value!r} is not a number")
+        raise ValueError(f"{_shown(value)} is not a number")
     if not abs(value) <= sys.float_info.max:
         raise ValueError("not a finite number")
     return float(value)
@@ -38,19 +46,19 @@ def _structure_float(value: Any, _: type) -> float:
 
 def _structure_int(value: Any, _: type) -> int:
     if isinstance(value, bool) or not isinstance(value, int):
-        raise ValueError(f"{value!r} is not a whole number")
+        raise ValueError(f"{_shown(value)} is not a whole number")
     return value
 
 
 def _structure_str(value: Any, _: type) -> str:
     if not isinstance(value, str):
-        raise ValueError(f"{value!r} is not text")
+        raise ValueError(f"{_shown(value)} is not text")
     return value
 
 
 def _structure_bool(value: Any, _: type) -> bool:
     if not isinstance(value, bool):
-        raise ValueError(f"{value!r} is not true or false")
+        raise ValueError(f"{_shown(value)} is not true or false")
     return value
 
 
@@ -63,7 +71,7 @@ _converter.register_structure_hook(bool, _structure_bool)
 def _reason(error: BaseException, expected: type | None) -> str:
     """Why one value was refused: in the words of whoever refused it, where it found any."""
     if isinstance(error, ForbiddenExtraKeysError):
-        unknown = ", ".join(sorted(error.extra_fields))
+        unknown = ", ".join(sorted(map(str, error.extra_fields)))
         return f"no setting {unknown} (there are {', '.join(f.name for f in fields(error.cl))})"
     if isinstance(error, AttributeError):  # cattrs asked something else for its keys
         return "expected a mapping of settings"
@@ -148,13 +156,11 @@ def read_yaml(path: Path) -> Any:
             content = file.read(LARGEST_BYTES + 1)  # a device may have no end
         if len(content) > LARGEST_BYTES:
             raise UserError(f"{path} holds no settings: it is larger than {LARGEST_BYTES:,} bytes")
-        return yaml.safe_load(content.decode())
+        return parse_yaml(content.decode())
     except OSError as error:
         raise UserError(f"{path}: {error.strerror or error}") from None
-    except RecursionError:
-        raise UserError(f"{path} is not valid YAML: it is nested too deeply") from None
-    except (yaml.YAMLError, ValueError) as error:  # ValueError: no text, or a date that is none
-        raise UserError(f"{path} is not valid YAML: {' '.join(str(error).split())}") from None
+    except ValueError as error:  # no YAML, or no text
+        raise UserError(f"{path} is not valid YAML: {error}") from None
 
 
 def merged(base: Any, changes: Any) -> Any:
@@ -162,6 +168,12 @@ def merged(base: Any, changes: Any) -> Any:
     if not isinstance(base, dict) or not isinstance(changes, dict):
         return changes
     return base | {key: merged(base.get(key), value) for key, value in changes.items()}
+
+
+def with_changes(base: Any, path: Path) -> Any:
+    """Plain data with what a YAML file replaces of it (see `merged`); an empty file replaces nothing."""
+    changes = read_yaml(path)
+    return base if changes is None else merged(base, changes)
 
 
 def load(path: Path, cls: type[T]) -> T:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, fields
 from pathlib import Path
 
-from footfall.common.config import load, merged, read_yaml, structure
+from footfall.common.config import load, read_yaml, structure, with_changes
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.quantity import (
     OFFSET,
@@ -91,7 +91,7 @@ def randomisation_of(robot: Robot) -> Randomisation:
     own = robot.folder / OWN_FILE
     if not own.is_file():
         return load_randomisation()
-    return structure(merged(read_yaml(DEFAULT), read_yaml(own) or {}), Randomisation, f"{own} over {DEFAULT}")
+    return structure(with_changes(read_yaml(DEFAULT), own), Randomisation, f"{own} over {DEFAULT}")
 
 
 def default_ranges() -> dict[str, tuple[float, float]]:

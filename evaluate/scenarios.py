@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from footfall.common.config import merged, read_yaml, structure
+from footfall.common.config import read_yaml, structure, with_changes
 from footfall.common.errors import UserError
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import QUANTITIES, randomisation_of
@@ -121,9 +121,8 @@ def load_scenarios(robot: Robot, own: Path | None = None) -> ScenarioFile:
     Raises:
         UserError: a file is malformed.
     """
-    data = read_yaml(DEFAULT)
-    if own is not None:
-        data = merged(data, read_yaml(own))
+    default = read_yaml(DEFAULT)
+    data = default if own is None else with_changes(default, own)
     file = structure(_in_units(data, _ranges(robot)), ScenarioFile, str(own or DEFAULT))
     return replace(file, scenarios={name: _told(scenario) for name, scenario in file.scenarios.items()})
 

@@ -16,8 +16,9 @@ from typing import Any, NamedTuple
 
 import yaml
 
-from footfall.common.config import read_yaml
+from footfall.common.config import with_changes
 from footfall.common.errors import UserError
+from footfall.common.yaml_text import parse_yaml
 
 _KEY = r"[A-Za-z_][\w.]*"
 _SETTING = re.compile(rf"({_KEY})=(.*)", re.DOTALL)
@@ -90,13 +91,13 @@ def self_contained(name: str, parts: Sequence[str]) -> str:
 def _read(name: str, part: str) -> Change:
     if setting := _SETTING.fullmatch(part):
         try:
-            value = yaml.safe_load(setting[2])
-        except yaml.YAMLError:
+            value = parse_yaml(setting[2])
+        except ValueError:
             raise UserError(f"{name}@{part}: '{setting[2]}' is not valid YAML") from None
         return Change(part, tuple(setting[1].split(".")), value)
     if not part:
         raise UserError(f"{name}@: expected a YAML file or KEY=VALUE after the @")
-    content = read_yaml(Path(part))
+    content = with_changes({}, Path(part))
     return Change(part, (), content[name] if isinstance(content, dict) and name in content else content)
 
 

@@ -89,6 +89,10 @@ class TestWhatIsTyped:
         assert load_policy("stand", go1).name == "stand"
         assert load_policy(f"mpc@{mine}@kp=41", go1).name == "mpc@mine.yaml@kp=41"
 
+    def test_a_file_of_nothing_but_comments_changes_nothing(self, go1: Robot, tmp_path: Path) -> None:
+        (tmp_path / "later.yaml").write_text("# later\n")
+        assert load_settings(f"stand@{tmp_path / 'later.yaml'}", go1) == load_settings("stand", go1)
+
     @pytest.mark.parametrize("name", CONTROLLERS)
     def test_every_controllers_settings_can_be_changed(self, name: str) -> None:
         robot = next(r for r in map(load_robot, available_robots()) if name in controllers_of(r))
@@ -103,6 +107,8 @@ class TestRefusals:
             ("stand@kp.x=1", "stand@kp.x=1: no setting kp.x (there are"),
             ("stand@kp=soft", "stand@kp=soft: kp: 'soft' is not a number"),
             ("stand@kp=", "stand@kp=: kp: None is not a number"),
+            (f"stand@kp={'9' * 5000}", "is not valid YAML"),
+            (f"stand@kp={'[' * 5000}", "is not valid YAML"),
             ("stand@kp=[1", "stand@kp=[1: '[1' is not valid YAML"),
             ("stand@kd=1@kp=-3", "stand@kd=1@kp=-3: kp must be above 0, not -3.0"),
             ("stand@rate_hz=.nan", "rate_hz: not a finite number"),

@@ -1,5 +1,6 @@
 """Settings read from YAML: what is refused is named, with the reason and what would be right."""
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from footfall.common.config import (
     require_ordered,
     require_positive,
     structure,
+    with_changes,
 )
 from footfall.common.errors import UserError
 
@@ -134,6 +136,55 @@ def test_what_is_no_yaml_is_told_in_one_line(tmp_path: Path, content: bytes) -> 
     path.write_bytes(content)
     with pytest.raises(UserError, match=r"cart\.yaml is not valid YAML: [^\n]+$"):
         read_yaml(path)
+
+
+BOMB = "a0: &a0 [x, x, x, x, x, x, x, x]\n" + "".join(
+    f"a{i}: &a{i} [{', '.join(8 * [f'*a{i - 1}'])}]\n" for i in range(1, 9)
+)
+
+
+@pytest.mark.parametrize(
+    ("content", "why"),
+    [
+        ("kp: 1\nkd: 2\nkp: 3\n", "the key kp stands twice"),
+        ("a: {kp: 1, kp: 1}", "the key kp stands twice"),
+        ("on: 2", "the key on is neither text nor a whole number"),
+        ("~: 2", "the key ~ is neither text nor a whole number"),
+        ("a: &a {b: *a}", "an alias stands inside of what it repeats"),
+        ("a: &a [*a]", "an alias stands inside of what it repeats"),
+        (BOMB, "its aliases repeat more than 262,144 values"),
+    ],
+)
+def test_what_would_be_read_otherwise_than_meant_is_refused(tmp_path: Path, content: str, why: str) -> None:
+    (tmp_path / "cart.yaml").write_text(content)
+    with pytest.raises(UserError, match=rf"cart\.yaml is not valid YAML: {re.escape(why)} in [^\n]*line \d+"):
+        read_yaml(tmp_path / "cart.yaml")
+
+
+def test_what_is_merged_in_gives_way_to_a_key_of_its_own(tmp_path: Path) -> None:
+    (tmp_path / "cart.yaml").write_text("a: &a {x: 1, y: 2}\nb: {<<: *a, y: 3}\nc: *a\n")
+    assert read_yaml(tmp_path / "cart.yaml") == {
+        "a": {"x": 1, "y": 2},
+        "b": {"x": 1, "y": 3},
+        "c": {"x": 1, "y": 2},
+    }
+
+
+def test_a_setting_that_there_is_not_may_be_a_number() -> None:
+    with pytest.raises(UserError, match=r"^here: no setting 2 \(there are "):
+        structure({"name": "a", "span": [0.0, 1.0], 2: 3}, Cart, "here")
+
+
+def test_a_message_repeats_no_more_of_a_value_than_fits_a_line() -> None:
+    with pytest.raises(UserError, match=f"^here: name: \\[{'0, ' * 26}0\\.\\.\\. is not text"):
+        structure({"name": [0] * 1000, "span": [0.0, 1.0]}, Cart, "here")
+
+
+def test_an_empty_file_changes_nothing(tmp_path: Path) -> None:
+    (tmp_path / "mine.yaml").write_text("# later\n")
+    assert with_changes({"kp": 1.0}, tmp_path / "mine.yaml") == {"kp": 1.0}
+    (tmp_path / "mine.yaml").write_text("kp: 2.0\n")
+    assert with_changes({"kp": 1.0, "kd": 3.0}, tmp_path / "mine.yaml") == {"kp": 2.0, "kd": 3.0}
 
 
 @pytest.mark.parametrize("data", [[], "text", 3, {"name": "a", "span": [1.0]}, {"name": "a", "wheels": 3}])

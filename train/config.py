@@ -13,6 +13,7 @@ from footfall.common.config import (
     require_positive,
     structure,
     unstructure,
+    with_changes,
 )
 from footfall.common.errors import UserError
 from footfall.domain_rand.randomisation import own_ranges
@@ -99,8 +100,10 @@ def load_preset(name_or_file: str, robot: Robot | None = None) -> TrainConfig:
     path = PRESETS / f"{name_or_file}.yaml"
     if path.is_file() and robot is not None:
         own = robot.folder / TRAINING_FILE
-        changes, source = (read_yaml(own), f"{own} over {path}") if own.is_file() else ({}, str(path))
-        return structure(merged(_with_own_ranges(read_yaml(path), robot), changes), TrainConfig, source)
+        preset = _with_own_ranges(read_yaml(path), robot)
+        if not own.is_file():
+            return structure(preset, TrainConfig, str(path))
+        return structure(with_changes(preset, own), TrainConfig, f"{own} over {path}")
     if not path.is_file():
         path = Path(name_or_file)
     if not path.is_file():

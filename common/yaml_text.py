@@ -1,0 +1,63 @@
+"""YAML as settings need it: what PyYAML's safe loader reads, less what would be read otherwise than meant."""
+
+from typing import Any
+
+import yaml
+
+MOST_NODES = 2**18  # mappings, lists and scalars, counted wherever an alias repeats them
+_KEYS = {f"tag:yaml.org,2002:{kind}" for kind in ("str", "int", "merge")}
+
+
+def parse_yaml(text: str) -> Any:
+    """Plain data of a YAML text, whose mappings have text or whole numbers for keys, each once.
+
+    Raises:
+        ValueError: it is no YAML, a key is neither text nor a whole number, or stands twice, or aliases make
+            more of it than settings are; the message is one line.
+    """
+    try:
+        return yaml.load(text, _Loader)
+    except RecursionError:
+        raise ValueError("it is nested too deeply") from None
+    except (yaml.YAMLError, ValueError) as error:  # ValueError: a date that is none, too many digits
+        raise ValueError(" ".join(str(error).split())) from None
+
+
+class _Loader(yaml.SafeLoader):
+    """The safe loader, with checks of each mapping and list as soon as it is whole."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        self._sizes: dict[int, int] = {}  # by the identity of a node: how many nodes it is, written out
+
+    def compose_mapping_node(self, anchor: str | None) -> yaml.MappingNode:
+        node = super().compose_mapping_node(anchor)
+        seen = set()
+        for key, _ in node.value:  # before what is merged in, which a key of its own may replace
+            if key.tag not in _KEYS:
+                raise _refused(f"the key {key.value} is neither text nor a whole number", key)
+            if key.value in seen:
+                raise _refused(f"the key {key.value} stands twice", key)
+            seen.add(key.value)
+        self._count(node, [part for pair in node.value for part in pair])
+        return node
+
+    def compose_sequence_node(self, anchor: str | None) -> yaml.SequenceNode:
+        node = super().compose_sequence_node(anchor)
+        self._count(node, node.value)
+        return node
+
+    def _count(self, node: yaml.Node, parts: list[yaml.Node]) -> None:
+        """Refuse aliases of what they stand in, and a few lines of aliases that stand for millions."""
+        size = 1
+        for part in parts:
+            if isinstance(part, yaml.CollectionNode) and id(part) not in self._sizes:
+                raise _refused("an alias stands inside of what it repeats", part)
+            size += self._sizes.get(id(part), 1)
+        if size > MOST_NODES:
+            raise _refused(f"its aliases repeat more than {MOST_NODES:,} values", node)
+        self._sizes[id(node)] = size
+
+
+def _refused(why: str, node: yaml.Node) -> yaml.MarkedYAMLError:
+    return yaml.MarkedYAMLError(problem=why, problem_mark=node.start_mark)
