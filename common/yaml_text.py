@@ -30,7 +30,7 @@ class _Loader(yaml.SafeLoader):
         super().__init__(text)
         self._sizes: dict[int, int] = {}  # by the identity of a node: how many nodes it is, written out
 
-    def compose_mapping_node(self, anchor: str | None) -> yaml.MappingNode:
+    def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
         node = super().compose_mapping_node(anchor)
         seen = set()
         for key, _ in node.value:  # before what is merged in, which a key of its own may replace
@@ -42,7 +42,7 @@ class _Loader(yaml.SafeLoader):
         self._count(node, [part for pair in node.value for part in pair])
         return node
 
-    def compose_sequence_node(self, anchor: str | None) -> yaml.SequenceNode:
+    def compose_sequence_node(self, anchor: Any) -> yaml.SequenceNode:
         node = super().compose_sequence_node(anchor)
         self._count(node, node.value)
         return node
