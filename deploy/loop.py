@@ -376,11 +376,11 @@ class ControlLoop:
             self.estimate = self.base_state()
         elif self._estimator is not None:
             elapsed_us = self.now_us - self._estimated_us
-            deciding = self.state.mode in DECIDING
-            due = deciding and self.now_us >= self._next_policy_us
+            due = self.state.mode in DECIDING and self.now_us >= self._next_policy_us
             if due or elapsed_us >= self._estimate_every_us:
+                begun = self._decision is not None  # before its reset a policy's plan is of an episode before
                 try:
-                    stance = self._policy.stance() if deciding else None
+                    stance = self._policy.stance() if begun else None
                 except POLICY_FAILS as error:
                     self._policy_error = f"the policy failed: {type(error).__name__}: {error}"
                     return

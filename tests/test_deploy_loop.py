@@ -128,14 +128,14 @@ def test_durations_are_told_in_their_units(go1: Robot, monkeypatch: pytest.Monke
 
 
 class TestEstimate:
-    def test_the_estimator_gets_the_policys_contact_plan_once_it_walks(self, go1: Robot) -> None:
+    def test_the_estimator_gets_the_policys_contact_plan_once_it_has_begun(self, go1: Robot) -> None:
         plan = np.array([1.0, 0.0, 0.0, 1.0])
 
         class Planned(Hold):
             needs_estimate = True
 
             def stance(self) -> np.ndarray:  # type: ignore[override]
-                return plan
+                return plan if self.resets else 0.0 * plan  # before its reset: of an episode before
 
         class Note:
             """Keeps what it is handed, and estimates the number of its updates."""
@@ -166,8 +166,8 @@ class TestEstimate:
         assert note.resets == 1
         assert note.started == [standing]  # the pose is zero where the policy takes over
         assert standing == 2  # of 0.1 s
-        assert all(stance is None for stance in note.plans[:standing])
-        assert all(stance is plan for stance in note.plans[standing:])
+        assert all(stance is None for stance in note.plans[: standing + 1])
+        assert all(stance is plan for stance in note.plans[standing + 1 :])
         np.testing.assert_allclose(note.steps_s[:2], 0.034, atol=1e-9)  # 1/30 s, at the next tick
         assert [seen.base_velocity[0] for seen in policy.seen] == [
             3,
