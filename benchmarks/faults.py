@@ -91,7 +91,7 @@ class Tests:
             return None
         found = FAILED.search(output)
         if found is None:
-            sys.exit(f"pytest could not run:\n{output[-2000:]}")
+            raise RuntimeError(f"pytest ended with {process.returncode}:\n{output[-2000:]}")
         return found[1].strip()
 
     def passes(self, clean: Path, test: str) -> bool:
@@ -100,10 +100,12 @@ class Tests:
             self._clean[test] = self.first_failure(clean, [test]) is None
         return self._clean[test]
 
-    def known_to_fail(self) -> list[str]:
-        """Arguments that leave out the tests which an unchanged copy fails, too."""
-        failing = [test for test, passed in list(self._clean.items()) if not passed]
-        return [argument for test in failing for argument in ("--deselect", test)]
+    def without_failing(self, files: list[str]) -> list[str]:
+        """Arguments for pytest: the files but for the tests that fail on an unchanged copy, too."""
+        failing = {test for test, passed in list(self._clean.items()) if not passed}
+        importable = [file for file in files if file not in failing]
+        deselected = [argument for test in sorted(failing) for argument in ("--deselect", test)]
+        return importable + deselected if importable else []
 
 
 def notice(fault: dict[str, str], copy: Path, clean: Path, tests: Tests) -> dict[str, object]:
@@ -117,8 +119,11 @@ def notice(fault: dict[str, str], copy: Path, clean: Path, tests: Tests) -> dict
     try:
         file.write_text(right.replace(fault["old"], fault["new"]))
         for batch in files_for(fault, texts):
-            targets = [f"tests/{name}" for name in batch]
-            while (by := tests.first_failure(copy, targets + tests.known_to_fail())) is not None:
+            files = [f"tests/{name}" for name in batch]
+            while targets := tests.without_failing(files):
+                by = tests.first_failure(copy, targets)
+                if by is None:
+                    break
                 if tests.passes(clean, by):
                     return result | {"noticed": True, "by": by, "seconds": round(time.monotonic() - began)}
     finally:
@@ -164,7 +169,11 @@ def main() -> None:
                     fault = waiting.get_nowait()
                 except queue.Empty:
                     return
-                result = notice(fault, copy, copies[0], tests)
+                try:
+                    result = notice(fault, copy, copies[0], tests)
+                except RuntimeError as error:  # not kept: it is tried again next time
+                    print(f"{fault['id']}: {error}", flush=True)
+                    continue
                 with writing, options.out.open("a") as out:
                     out.write(json.dumps(result) + "\n")
                     done.append(result)
