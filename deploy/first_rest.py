@@ -13,17 +13,24 @@ AT_REST = np.array([0.0, 0.0, 9.81])  # what an accelerometer reads, world axes,
 class FirstRest:
     """Adds up accelerations for as long as the robot keeps still: motion would hide gravity."""
 
-    def __init__(self, still_s: float, limits: SensorLimits) -> None:
-        """`still_s` is how long the robot has to keep still; 0 for not at all."""
+    def __init__(self, still_s: float, limits: SensorLimits, places: list[str]) -> None:
+        """Nothing has been heard.
+
+        Args:
+            still_s: how long the robot has to keep still; 0 for not at all.
+            limits: what counts as still, and as gravity.
+            places: of the joints, for sentences.
+        """
         self._still_s, self._limits = still_s, limits
+        self._says = [*("the IMU's gyro",) * 3, *places]  # who reads a speed
         self._since_us: int | None = None
         self._sum, self._count = np.zeros(3), 0  # of accelerations since then, world axes
-        self._speed = 0.0
+        self._speed = np.zeros(len(self._says))  # of the base about its axes and of the joints, rad/s
 
     def look(self, now_us: int, inertial: Inertial, velocity: np.ndarray) -> None:
         """Take in a tick's readings; `velocity` is that of the joints, rad/s, (n,)."""
-        self._speed = max(float(np.abs(velocity).max()), *map(abs, inertial.gyro))
-        if self._since_us is None or not self._speed < self._limits.resting_rad_s:
+        self._speed = np.abs(np.concatenate((inertial.gyro, velocity)))
+        if self._since_us is None or not (self._speed < self._limits.resting_rad_s).all():
             self._since_us, self._sum, self._count = now_us, np.zeros(3), 0
         self._sum = self._sum + rotation_matrix(np.array(inertial.quaternion)) @ inertial.acceleration
         self._count += 1
@@ -32,9 +39,10 @@ class FirstRest:
         """What is waited for of a robot that is heard; empty if it has kept still for long enough."""
         if self._since_us is None or now_us - self._since_us >= 1e6 * self._still_s:
             return ""
+        fastest = int(self._speed.argmax())
         return (
             f"the robot does not keep still for {self._still_s:g} s before it gets stiffness:"
-            f" the base, or a joint, turns at {self._speed:.2f} rad/s"
+            f" {self._says[fastest]} reads {self._speed[fastest]:.2f} rad/s"
         )
 
     def contradiction(self) -> Implausible | None:

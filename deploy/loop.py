@@ -112,7 +112,7 @@ class ControlLoop:
         self._joints = JointLayer(robot, driver, wiring.imu_channel, config.tick_us * 1e-6, config.scale)
         safety = config.safety
         self._checks = SensorChecks(robot, wiring, safety.sensors, config.tick_us * 1e-6)
-        self._first_rest = FirstRest(safety.still_s, safety.sensors)
+        self._first_rest = FirstRest(safety.still_s, safety.sensors, self._places)
         self._last_resort = cycle(driver.damping(safety.damping_kd))  # needs no reading to be right
         self._tick_us = config.tick_us
         self._silence_us = safety.silence_timeout_s * 1e6

@@ -37,7 +37,7 @@ class SafetyConfig:
     """When to give up, and how."""
 
     start_timeout_s: float = 1.0  # for every motor and the IMU to answer
-    still_s: float = 0.0  # that it has to keep still before it gets stiffness, while its IMU is checked
+    still_s: float = 0.05  # that it has to keep still before it gets stiffness, while its IMU is checked
     silence_timeout_s: float = 0.05  # without a reply of a motor or a new IMU reading
     tilt_limit_rad: float = 1.05
     late_steps: int = 5  # policy steps in a row that took longer than their period
@@ -145,14 +145,14 @@ def _never_started(s: Signals, c: SafetyConfig) -> str:
         return ""
     if s.unready:
         return s.unready
-    who = s.silent_motor if s.motor_silence_s > c.silence_timeout_s else "the IMU"
+    who = s.silent_motor if s.motor_silence_s > c.silence_timeout_s else f"the IMU ({s.oldest_of_imu})"
     return f"no answer from {who} within {c.start_timeout_s:g} s of switching on"
 
 
 def _tilted(s: Signals, c: SafetyConfig) -> str:
     if s.tilt_rad <= c.tilt_limit_rad:
         return ""
-    return f"tilt of {s.tilt_rad:.2f} rad is past the limit of {c.tilt_limit_rad:.2f} rad"
+    return f"tilt of {s.tilt_rad:.2f} rad is past the limit of {c.tilt_limit_rad:.2f} rad, by the IMU"
 
 
 def _overdue(s: Signals, c: SafetyConfig) -> str:
@@ -187,11 +187,11 @@ def _overflow(s: Signals, _: SafetyConfig) -> str:
 
 CHECKS = (
     Check(
-        "the time until every motor and the IMU have answered",
+        "the time until every motor and the IMU have answered, and the robot has kept still",
         (Mode.IDLE,),
         _never_started,
         Mode.ESTOP,
-        ("start_timeout_s",),
+        ("start_timeout_s", "still_s"),
     ),
     Check(
         "a joint's first position beyond its range",

@@ -524,6 +524,10 @@ def _pushed(speed_m_s: float) -> Callable[[Rig], None]:
     return inject
 
 
+def _put(quaternion: tuple[float, float, float, float]) -> Callable[[Rig], None]:
+    return lambda rig: rig.turn_over(quaternion, 0.5)
+
+
 TILT = "noticed by its tilt"
 WEAK = (
     "a motor that delivers less than it says is a heavier robot to all sensors; a fall is noticed by its tilt"
@@ -565,7 +569,7 @@ BODY = (
     FaultKind(
         "turned upside down",
         "motors and body",
-        lambda rig: rig.turn_over((0.0, 1.0, 0.0, 0.0), 0.5),
+        _put((0.0, 1.0, 0.0, 0.0)),
         IMPLAUSIBLE_S,
     ),
 )
@@ -697,23 +701,28 @@ START = (
     _at_start("the IMU is missing", _imu_silent, reason=UNANSWERED, main=True),
     _at_start("a bus is missing", _bus_dead, reason=UNANSWERED),
     _at_start("no commands arrive", _commands_lost, reason=UNANSWERED),
-    _at_start("a motor reports an error", _error(3), 0.02),
+    _at_start("a motor reports an error", _error(3), IMPLAUSIBLE_S),
     _at_start("a quaternion that is none", _imu(_nan_quaternion), reason=UNANSWERED),
     _at_start("one encoder off by a turn", _position_off(lambda _: 2 * np.pi), 0.02, main=True),
     _at_start("all encoders off by a turn", _all_off(2 * np.pi), 0.02),
     _at_start(
         "one encoder off by a turn of the rotor", _position_off(_sector), None, reason=IN_RANGE, main=True
     ),
-    _at_start("IMU askew by 30 degrees", _leaning(30.0), START_S, reason=AT_REST, main=True),
-    _at_start("IMU askew by 15 degrees", _leaning(15.0), START_S, reason=AT_REST),
+    _at_start("IMU askew by 30 degrees", _leaning(30.0), IMPLAUSIBLE_S, main=True),
+    _at_start("IMU askew by 15 degrees", _leaning(15.0), IMPLAUSIBLE_S),
     _at_start("IMU askew by 30 degrees, all its parts alike", _loose(30.0), START_S, reason=AT_REST),
     _at_start("IMU comes loose and leans by 0.2 rad/s", _loose(0.0, 0.2), START_S, reason=AT_REST),
     _at_start("IMU askew by 5 degrees", _leaning(5.0), None, reason="less than a slope"),
-    _at_start("IMU upside down", _imu(lambda r: turned(r, 0, 180.0)), 0.02),
-    _at_start(
-        "acceleration in units of g", _scaled("acceleration", *(1 / 9.81,) * 3), START_S, reason=AT_REST
-    ),
-    _at_start("a motor at 90 degrees Celsius", _temperature(90), 0.1),
+    _at_start("IMU upside down", _imu(lambda r: turned(r, 0, 180.0)), IMPLAUSIBLE_S),
+    _at_start("IMU on its side, all its parts alike", _loose(90.0), IMPLAUSIBLE_S, main=True),
+    _at_start("acceleration frames lost", _imu_frame(ACCELERATION_ID, nothing), reason=UNANSWERED),
+    _at_start("acceleration in units of g", _scaled("acceleration", *(1 / 9.81,) * 3), IMPLAUSIBLE_S),
+    _at_start("acceleration a fifth too high", _scaled("acceleration", 1.2, 1.2, 1.2), IMPLAUSIBLE_S),
+    _at_start("acceleration reads nothing but zero", _scaled("acceleration", 0.0, 0.0, 0.0), IMPLAUSIBLE_S),
+    _at_start("gyro off by 2 rad/s", _gyro_bias(2.0), reason=UNANSWERED),
+    _at_start("robot upside down", _put((0.0, 1.0, 0.0, 0.0)), IMPLAUSIBLE_S),
+    _at_start("robot on its side", _put((1.0, 1.0, 0.0, 0.0)), IMPLAUSIBLE_S, main=True),
+    _at_start("a motor at 90 degrees Celsius", _temperature(90), IMPLAUSIBLE_S),
     _at_start("ids of two motors swapped", _ids_swapped, WALKING_S, main=True, reason=ALIKE),
     _at_start("two buses swapped", _buses_swapped, START_S, reason=ALIKE),
     _at_start("motor pulls the other way", _strength(-1.0), START_S, reason=LITTLE),

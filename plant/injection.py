@@ -196,12 +196,12 @@ class Rig:
         self.body.model.dof_damping[qvel[joint]] = damping
 
     def turn_over(self, quaternion: Sequence[float], height_m: float) -> None:
-        """Put the body elsewhere: as a robot that was turned over."""
+        """Put the body elsewhere: as a robot that was turned over. The quaternion may have any length."""
         model = self.body.model
         free = int(np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)[0])
         at = int(model.jnt_qposadr[free])
         self.body.data.qpos[at + 2] += height_m
-        self.body.data.qpos[at + 3 : at + 7] = quaternion
+        self.body.data.qpos[at + 3 : at + 7] = quaternion / np.linalg.norm(quaternion)
 
 
 def late(by_us: int, what: Callable[[Frames], bool] = lambda _: True) -> Incoming:

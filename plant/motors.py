@@ -65,6 +65,7 @@ class SimulatedMotors:
         self.faults = MotorFaults(*np.zeros((2, n), bool), *np.zeros((2, n), np.uint64))
         self.enabled = np.zeros(n, dtype=bool)
         self._any_enabled = self._all_enabled = False
+        self.commanded = False  # whether a command came to motors that were on
         self._timed_out = np.zeros(n, dtype=bool)
         self._values = np.zeros((5, n))  # the command that each motor follows
         self._command = JointCommand(*self._values)  # its rows
@@ -83,6 +84,7 @@ class SimulatedMotors:
         while self._due and self._due[0][0] <= step:
             _, motors, values = self._due.popleft()
             self._values[:, motors] = values
+            self.commanded |= self._any_enabled
         if step % _WATCHDOG_EVERY == 0 and self._any_enabled:
             self._switch_off_unheard(step)
         if not self._any_enabled:

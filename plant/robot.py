@@ -55,12 +55,14 @@ class PlantConfig:
     motor_timeout_s: float = MOTOR_TIMEOUT_S
     lying: bool = False  # at first, in the robot's lying pose
     hanging: bool = False  # in a frame, its feet in the air
+    held: bool = True  # as it is at first, by a stand or by lying there, until its motors are commanded
 
 
 class SimulatedRobot:
     """A robot in simulation, seen through its buses.
 
-    Stands in its default pose on the ground at first, or lies there.
+    Stands in its default pose on the ground at first, or lies there. It keeps still, as a robot does that is
+    switched on, until its motors are commanded.
     """
 
     def __init__(
@@ -108,6 +110,7 @@ class SimulatedRobot:
         self.faults = Faults(self._motors.faults)
         self._put_down(robot, _first_pose(robot, config.lying))
         self._frame = self._hang_up(robot, plant.base) if config.hanging else None
+        self._held = config.held
 
     @property
     def time_us(self) -> int:
@@ -181,9 +184,22 @@ class SimulatedRobot:
         self._applied[joints] = torque + motors.friction(velocity)
         if self._frame is not None:
             self._frame.pull()
-        mujoco.mj_step(self.model, self.data)
+        self._held = self._held and not motors.commanded
+        if self._held:
+            self._keep_still()
+        else:
+            mujoco.mj_step(self.model, self.data)
         self._energy.add(torque, velocity, self._qvel[joints])
         self._step += 1
+
+    def _keep_still(self) -> None:
+        """A step in which nothing moves: the accelerometer feels what holds the robot up."""
+        model, data = self.model, self.data
+        data.qvel[:] = 0.0
+        mujoco.mj_forward(model, data)
+        data.qacc[:] = 0.0
+        mujoco.mj_rnePostConstraint(model, data)
+        mujoco.mj_sensorAcc(model, data)
 
     def _report_imu(self, now_us: float) -> None:
         if not self.faults.imu_stuck:

@@ -45,12 +45,13 @@ REFUSED = [
     "safety: {tilt_limit_rad: -1}",
     "safety: {tilt_limit_rad: 1.6}",  # on its side it has fallen
     "safety: {pause_limit_s: 0.003}",  # one tick and a half
-    "safety: {start_timeout_s: 0.019}",  # nine ticks and a half
     "safety: {pause_limit_s: 0.09}",  # 1.1 times that and a tick: 0.101 s, when motors have given up
     "safety: {late_limit_s: 0.09}",
     "safety: {guard_share: 1.5}",  # times 0.07 s and a tick: 0.107 s
     "safety: {guard_share: 0.9}",
     "motor_timeout_s: 0.11",  # go1's motors wait for 0.1 s, whatever a file says
+    "safety: {start_timeout_s: 0.019, still_s: 0}",  # nine ticks and a half
+    "safety: {start_timeout_s: 0.069}",  # likewise, after keeping still for 0.05 s
     "safety: {silence_timeout_s: 0.11}",
     "safety: {damping_s: 0}",
     "stand_kp_scale: 0",
@@ -123,10 +124,10 @@ def test_a_duration_that_never_begins_or_never_ends_is_refused(go1: Robot, secon
         "realtime_priority: 1",
         "realtime_priority: 99",
         "safety: {damping_s: 0.01, tilt_limit_rad: 1.57, late_steps: 1}",
-        "safety: {pause_limit_s: 0.004, start_timeout_s: 0.02}",
         "safety: {pause_limit_s: 0.089, late_limit_s: 0.089}",  # 1.1 times that and a tick: 0.0999 s
         "joint_rate_hz: 50",  # a tick of 20 ms, after 77 ms
         "motor_timeout_s: 0.08",
+        "safety: {pause_limit_s: 0.004, start_timeout_s: 0.02, still_s: 0}",
         "estimator_rate_hz: 1",
     ],
 )

@@ -142,17 +142,18 @@ def loop_of(
     times_us: Any = None,
     command: Any = stand_still,
     wiring: Wiring | None = None,
+    safety: SafetyConfig | None = None,
+    still_s: float = 0.0,  # it stands up as soon as all are heard
     **settings: Any,
 ) -> tuple[ControlLoop, FrameRobot]:
     body = FrameRobot(robot, wiring)
-    config = DeployConfig(**{"stand_s": 0.099, **settings})
+    config = DeployConfig(
+        **{"stand_s": 0.099, **settings}, safety=replace(safety or SafetyConfig(), still_s=still_s)
+    )
     clock = LockstepClock(TICK_US) if times_us is None else Ticks(times_us)
     wiring = body.wiring
     loop = ControlLoop(robot, policy, wiring, open_driver(wiring), body, clock, config, command)  # type: ignore[arg-type]
     return loop, body
-
-
-STILL_FIRST = SafetyConfig(still_s=0.05)
 
 
 def until(loop: ControlLoop, mode: Mode, most: int = 2000) -> None:
@@ -476,7 +477,7 @@ class TestLoop:
     def test_an_imu_whose_parts_disagree_on_gravity_keeps_a_still_robot_from_getting_stiffness(
         self, go1: Robot, lean_rad: float, acceleration: tuple[float, float, float], off: str
     ) -> None:
-        loop, body = loop_of(go1, Hold(go1), safety=STILL_FIRST)
+        loop, body = loop_of(go1, Hold(go1), still_s=0.05)
         body.quaternion = (math.cos(lean_rad / 2), 0.0, math.sin(lean_rad / 2), 0.0)
         body.acceleration = acceleration
         while loop.tick():
@@ -487,21 +488,24 @@ class TestLoop:
 
     def test_a_robot_that_keeps_still_stands_up_after_that_time_level_or_not(self, go1: Robot) -> None:
         """A robot on a slope of 15 degrees: the accelerometer feels the same lean that the quaternion has."""
-        loop, body = loop_of(go1, Hold(go1), safety=STILL_FIRST)
+        loop, body = loop_of(go1, Hold(go1), still_s=0.05)
         lean = math.radians(15)
         body.quaternion = (math.cos(lean / 2), 0.0, math.sin(lean / 2), 0.0)
         body.acceleration = (-9.8 * math.sin(lean), 0.0, 9.8 * math.cos(lean))
         until(loop, Mode.STANDING)
         assert loop.now_us == 50_000
 
-    def test_a_robot_that_moves_waits_and_is_refused_in_the_end(self, go1: Robot) -> None:
-        loop, body = loop_of(go1, Hold(go1), safety=STILL_FIRST)
-        body.gyro = (0.0, 0.5, 0.0)
+    @pytest.mark.parametrize("who", ["the IMU's gyro", "FL_thigh_joint (can1, id 2)"])
+    def test_a_robot_that_moves_waits_and_is_refused_in_the_end(self, go1: Robot, who: str) -> None:
+        loop, body = loop_of(go1, Hold(go1), still_s=0.05)
+        if who.startswith("FL"):
+            body.readings[1, 4] = -0.5
+        else:
+            body.gyro = (0.0, 0.5, 0.0)
         until(loop, Mode.ESTOP)
         assert loop.now_us == 1_000_000
         assert loop.state.faults == (
-            "the robot does not keep still for 0.05 s before it gets stiffness:"
-            " the base, or a joint, turns at 0.50 rad/s",
+            f"the robot does not keep still for 0.05 s before it gets stiffness: {who} reads 0.50 rad/s",
         )
 
     def test_what_is_refused_is_counted_over_the_run(self, go1: Robot) -> None:
@@ -1191,7 +1195,7 @@ class TestPacing:
 
 
 def session_of(**settings: Any) -> Session:
-    config = DeployConfig(stand_s=0.02, safety=SafetyConfig(damping_s=0.01))
+    config = DeployConfig(stand_s=0.02, safety=SafetyConfig(still_s=0.0, damping_s=0.01))
     plain = {
         "command": stand_still,
         "duration_s": 0.03,

@@ -29,7 +29,9 @@ class Bench:
         self.codec = mit.Codec(self.wiring.models)
         self.driver = open_driver(self.wiring)
         self.wires = SimulatedWires(self.wiring.buses)
-        self.body = SimulatedRobot(robot, self.wiring, self.wires, PlantConfig(**difference), seed)
+        self.body = SimulatedRobot(
+            robot, self.wiring, self.wires, PlantConfig(**{"held": False, **difference}), seed
+        )
         self.now_us = 0
         self.position = np.full(len(robot.joint_names), np.nan)
         self.velocity, self.error = self.position.copy(), np.zeros(len(self.position))
@@ -79,6 +81,26 @@ class TestMotors:
             bench.tick(bench.hold())
         assert not bench.body.motors_on.any()
         assert bench.body.truth().base_position[2] < 0.6 * go1.description.standing_height_m
+
+    @pytest.mark.parametrize("start", [{}, {"lying": True}, {"hanging": True}])
+    def test_it_keeps_still_and_feels_its_weight_until_its_motors_are_commanded(
+        self, go1: Robot, start: dict[str, bool]
+    ) -> None:
+        """Off or on, standing, lying or hanging: somebody or something holds it. Then nobody does."""
+        bench = Bench(go1, held=True, **start)
+        before = bench.body.data.qpos.copy()
+        bench.tick(bench.hold())  # they are off
+        for _ in range(50):
+            bench.enter()
+        np.testing.assert_array_equal(bench.body.data.qpos, before)
+        acceleration = imu.decode_acceleration(bench.imu[imu.ACCELERATION_ID])
+        np.testing.assert_allclose(acceleration, [0.0, 0.0, 9.81], atol=0.01)
+        assert not bench.gyro().any()
+        bench.tick(bench.hold())
+        bench.tick(mit.special(mit.EXIT, len(before) - 7))
+        for _ in range(50):
+            bench.tick(bench.hold())
+        assert np.abs(bench.body.data.qpos - before).max() > 0.05
 
     def test_a_robot_that_is_switched_on_stands(self, go1: Robot) -> None:
         bench = Bench(go1)

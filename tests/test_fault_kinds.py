@@ -52,6 +52,27 @@ def test_a_run_tells_what_was_noticed_when_and_what_went_out(
     assert run["rate_share"] < 1.01
 
 
+@pytest.mark.parametrize(
+    ("kind", "says"),
+    [
+        ("IMU on its side, all its parts alike", "tilt of 1.5"),
+        ("robot on its side", "tilt of 1.57 rad is past the limit of 1.05 rad, by the IMU"),
+        ("robot upside down", "tilt of 3.1"),
+        ("IMU askew by 15 degrees", "the IMU: before the start its acceleration is off its quaternion"),
+        ("acceleration in units of g", "gravity by 90%"),
+        ("acceleration a fifth too high", "gravity by 20%"),
+        ("acceleration reads nothing but zero", "gravity by 100%"),
+        ("acceleration frames lost", "no answer from the IMU (acceleration) within 1 s"),
+        ("gyro off by 2 rad/s", "still for 0.05 s before it gets stiffness: the IMU's gyro reads 2.0"),
+    ],
+)
+def test_an_imu_that_is_no_good_and_a_robot_that_lies_wrong_never_get_stiffness(kind: str, says: str) -> None:
+    """A robot at rest feels 9.81 m/s^2: a fifth more is off by 20 %, 1 instead of 9.81 by 90 %."""
+    run = fault_table.run_fault(("go1", "go1-flat", f"{kind} (at the start)", 0))
+    assert says in run["fault"]
+    assert not run["stiff"]
+
+
 class TestARun:
     """What it depends on."""
 

@@ -63,7 +63,7 @@ def odd(own_folder: Path) -> Robot:
 
 def body_of(robot: Robot, **difference: Any) -> SimulatedRobot:
     wiring = wire(robot)
-    return SimulatedRobot(robot, wiring, SimulatedWires(wiring.buses), PlantConfig(**difference))
+    return SimulatedRobot(robot, wiring, SimulatedWires(wiring.buses), PlantConfig(held=False, **difference))
 
 
 def thrown(body: SimulatedRobot) -> None:

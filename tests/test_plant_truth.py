@@ -18,7 +18,9 @@ from footfall.robots.description import Robot
 
 def new_body(robot: Robot, sample: Sample | None = None) -> SimulatedRobot:
     wiring = wire(robot)
-    return SimulatedRobot(robot, wiring, SimulatedWires(wiring.buses), PlantConfig(sample=sample or {}))
+    return SimulatedRobot(
+        robot, wiring, SimulatedWires(wiring.buses), PlantConfig(sample=sample or {}, held=False)
+    )
 
 
 class TestTruth:
