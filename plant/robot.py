@@ -111,6 +111,8 @@ class SimulatedRobot:
         self._put_down(robot, _first_pose(robot, config.lying))
         self._frame = self._hang_up(robot, plant.base) if config.hanging else None
         self._held = config.held
+        if self._held:
+            self._keep_still()
 
     @property
     def time_us(self) -> int:

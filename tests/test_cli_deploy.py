@@ -52,7 +52,7 @@ def test_a_silent_motor_is_an_emergency_stop_with_status_1(
 ) -> None:
     class WithASilentMotor(SimulatedRobot):
         def advance(self, now_us: int) -> None:
-            self.faults.motors.silent[5] = now_us > 1_500_000  # half a second into the walk
+            self.faults.motors.silent[5] = now_us > 1_550_000  # half a second into the walk
             super().advance(now_us)
 
     monkeypatch.setattr(episode, "SimulatedRobot", WithASilentMotor)
