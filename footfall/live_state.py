@@ -2,7 +2,7 @@
 
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 import numpy as np
 from rich.console import Console
@@ -40,8 +40,9 @@ def live_state(
     ended = threading.Event()
 
     def print_lines() -> None:
-        while not ended.wait(LINE_EVERY_S):
-            console.print(state(), highlight=False)
+        with suppress(OSError):  # of a full disk the command itself tells, in one line
+            while not ended.wait(LINE_EVERY_S):
+                console.print(state(), highlight=False)
 
     thread = threading.Thread(target=print_lines, name="live state", daemon=True)
     thread.start()
