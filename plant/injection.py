@@ -201,7 +201,7 @@ class Rig:
         free = int(np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)[0])
         at = int(model.jnt_qposadr[free])
         self.body.data.qpos[at + 2] += height_m
-        self.body.data.qpos[at + 3 : at + 7] = quaternion / np.linalg.norm(quaternion)
+        self.body.data.qpos[at + 3 : at + 7] = np.array(quaternion) / np.linalg.norm(quaternion)
 
 
 def late(by_us: int, what: Callable[[Frames], bool] = lambda _: True) -> Incoming:
