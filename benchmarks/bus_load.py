@@ -23,22 +23,21 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
+from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
+from patience import PATIENT
 from socket_pairs import Ends, in_place_of_interfaces, socket_pairs
 
 from footfall.deploy.bus import Bus, BusStatistics
 from footfall.deploy.clock import WallClock
-from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers import imu
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.frames import Frames
 from footfall.deploy.interfaces import open_interfaces
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.python_can_bus import MULTICAST
-from footfall.deploy.safety import SafetyConfig
-from footfall.deploy.sensor_limits import SensorLimits
 from footfall.deploy.session import Session, run_session
 from footfall.deploy.socketcan_bus import SOCKETCAN
 from footfall.deploy.wiring import wire
@@ -53,15 +52,6 @@ FROM_ELSEWHERE = (MULTICAST, SOCKETCAN, PAIRS)  # reach another process
 PERIOD_US = 1000
 START_S = 20.0  # that somebody has to be there
 QUEUE_FRAMES = 64  # no write shall wait
-# A busy machine shall be measured, not stopped, nor motors that stand still while their targets lie down.
-PATIENT = SafetyConfig(
-    start_timeout_s=20.0,
-    silence_timeout_s=5.0,
-    pause_limit_s=30.0,
-    skipped_share=1.0,
-    late_limit_s=30.0,
-    sensors=SensorLimits(repeated_rad=3.0, torque_stuck=2.0),
-)
 
 
 class StillRobot:
@@ -235,9 +225,7 @@ def measure(name: str, kind: str, seconds: float, rate_hz: float) -> dict[str, o
             marks[:0] = [] if marks else [now]
             ticks[0] += 1
 
-    config = DeployConfig(
-        joint_rate_hz=rate_hz, stand_s=0.3, motor_timeout_s=2 * PATIENT.pause_limit_s, safety=PATIENT
-    )
+    config = replace(PATIENT, joint_rate_hz=rate_hz, stand_s=0.3)
     session = Session(lambda _: np.zeros(3), seconds, realtime=True, config=config)
     with nullcontext() if kind == IN_PROCESS else answering(name, kind):
         bus = TimedBus(open_bus(robot, kind))

@@ -23,13 +23,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from patience import PATIENT
 from socket_pairs import Ends, in_place_of_interfaces, socket_pairs
 
 from footfall.deploy.clock import WallClock, undisturbed
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.loop import ControlLoop
-from footfall.deploy.safety import SafetyConfig
-from footfall.deploy.sensor_limits import SensorLimits
 from footfall.deploy.session import Display, Outcome, Session, run_on_interface
 from footfall.deploy.socketcan_bus import SOCKETCAN
 from footfall.deploy.timing import Durations, Timing
@@ -210,19 +209,8 @@ def main() -> int:
     priority = options.priority or None
     robot = load_robot(options.robot)
     policy = load_policy(options.policy, robot)
-    # what is measured here shall not end the measurement, nor a robot whose time stalls
-    patient = SafetyConfig(
-        pause_limit_s=10.0,
-        silence_timeout_s=10.0,
-        skipped_share=1.0,
-        late_limit_s=10.0,
-        sensors=SensorLimits(
-            drift_rad=3.0, wander_rad=3.0, stuck_rad=3.0, rotation_rad=3.0, repeated_rad=3.0, torque_stuck=2.0
-        ),
-    )
-    config = DeployConfig(
-        joint_rate_hz=options.rate, realtime_priority=priority, motor_timeout_s=20.0, safety=patient
-    )
+    # what is measured here shall not end the measurement
+    config = replace(PATIENT, joint_rate_hz=options.rate, realtime_priority=priority)
     command, stages = np.array([0.5, 0.0, 0.0]), Stages()
     session = Session(lambda _: command, options.seconds, log=options.log, config=config)
     run = in_one_thread if options.one_thread else in_two_processes

@@ -13,6 +13,7 @@ import numpy as np
 
 from footfall.common.collector import collector_paused
 from footfall.common.errors import UserError
+from footfall.common.limits import LONGEST_S
 from footfall.deploy.bus import Bus, BusStatistics
 from footfall.deploy.clock import Clock, LockstepClock, WallClock, undisturbed
 from footfall.deploy.config import DeployConfig
@@ -32,7 +33,6 @@ from footfall.robots.description import Robot
 if TYPE_CHECKING:
     from footfall.deploy.log import McapLog
 
-LONGEST_S = 86400.0
 # Ctrl-C, a polite kill, a terminal that goes away (a dropped SSH), Ctrl-\\
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 

@@ -6,7 +6,8 @@ from typing import Annotated, Any
 from cyclopts import Parameter, convert
 from cyclopts.validators import Number
 
-LONGEST_S = 86400.0  # nothing that one waits for takes longer than a day
+from footfall.common.limits import LONGEST_S
+
 FASTEST = 100.0  # m/s or rad/s: no legged robot is commanded faster
 
 

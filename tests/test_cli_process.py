@@ -11,7 +11,10 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from patience import PATIENT
 from shell import Shell
+
+from footfall.common.config import unstructure
 
 FOOTFALL = [sys.executable, "-m", "footfall"]
 
@@ -84,8 +87,7 @@ def test_deploy_needs_no_learning_library(tmp_path: Path) -> None:
 def test_ctrl_c_ends_a_run_in_an_orderly_way(tmp_path: Path) -> None:
     """The robot lies down, its motors are switched off, and the figures are written."""
     figures, patient = tmp_path / "a.json", tmp_path / "patient.yaml"
-    safety = "{pause_limit_s: 30, skipped_share: 1, late_limit_s: 30, late_steps: 1000}"
-    patient.write_text(f"motor_timeout_s: 40\nsafety: {safety}")
+    patient.write_text(json.dumps(unstructure(PATIENT)))
     command = [*FOOTFALL, "deploy", "stand", "--realtime", "--duration", "600", "--config", patient]
     process = subprocess.Popen(
         [*command, "--json", figures],

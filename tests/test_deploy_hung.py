@@ -11,6 +11,7 @@ from itertools import count, groupby
 import numpy as np
 import pytest
 from deploy_policies import Hold, Spoilt, stand_still
+from patience import PATIENT
 
 from footfall.deploy.clock import LockstepClock
 from footfall.deploy.config import DeployConfig
@@ -19,7 +20,6 @@ from footfall.deploy.drivers import mit
 from footfall.deploy.frames import Frames
 from footfall.deploy.guard import Guard
 from footfall.deploy.safety import SafetyConfig
-from footfall.deploy.sensor_limits import SensorLimits
 from footfall.deploy.session import Session, run_session
 from footfall.deploy.wiring import wire
 from footfall.plant.bus import SimulatedBus
@@ -30,18 +30,12 @@ from footfall.plant.wires import SimulatedWires
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
-PATIENT = SafetyConfig(  # with machines that stall
-    silence_timeout_s=2.0,
-    pause_limit_s=1.0,
-    skipped_share=1.0,
-    late_steps=1000,
-    late_limit_s=0.3,
-    damping_s=0.2,
-    sensors=SensorLimits(
-        drift_rad=3.0, wander_rad=3.0, stuck_rad=3.0, rotation_rad=3.0, repeated_rad=3.0, torque_stuck=2.0
-    ),
+CONFIG = replace(
+    PATIENT,
+    joint_rate_hz=100.0,
+    stand_s=0.3,
+    safety=replace(PATIENT.safety, silence_timeout_s=2.0, pause_limit_s=1.0, late_limit_s=0.3, damping_s=0.2),
 )
-CONFIG = DeployConfig(joint_rate_hz=100.0, stand_s=0.3, motor_timeout_s=30.0, safety=PATIENT)
 LONG = Session(stand_still, 9.0, config=CONFIG)
 
 
@@ -190,7 +184,7 @@ class TestGuard:
             return receive(now_us)
 
         simulation.bus.receive = block  # type: ignore[method-assign]
-        impatient = replace(PATIENT, pause_limit_s=0.3, damping_s=0.6)
+        impatient = replace(CONFIG.safety, pause_limit_s=0.3, damping_s=0.6)
         session = replace(LONG, config=replace(CONFIG, safety=impatient))
         outcome = run_session(go1, Hold(go1), simulation.bus, session)
         assert "a guard damped the robot" in outcome.faults[-1]

@@ -237,19 +237,17 @@ from pathlib import Path
 from deploy_policies import Hold, short_episode
 from footfall.plant.episode import run_episode
 from footfall.robots.description import load_robot
-from footfall.deploy.config import DeployConfig
-from footfall.deploy.safety import SafetyConfig
+from patience import PATIENT
 robot = load_robot("go1")
-patient = SafetyConfig(silence_timeout_s=5.0, pause_limit_s=5.0, skipped_share=1.0)
-config = DeployConfig(motor_timeout_s=6.0, safety=patient)
-episode = short_episode(duration_s=60.0, realtime=True, log=Path(sys.argv[1]), config=config)
+episode = short_episode(duration_s=60.0, realtime=True, log=Path(sys.argv[1]), config=PATIENT)
 run_episode(robot, Hold(robot), episode, lambda loop, _: os.write(1, b"%d\\n" % loop.now_us))
 """
 
     @pytest.fixture
     def run(self, tmp_path: Path) -> Iterator[subprocess.Popen[bytes]]:
         """A run that has been logging for a second."""
-        environment = os.environ | {"PYTHONPATH": f"{Path(__file__).parent}:{Path(__file__).parents[1]}"}
+        root = Path(__file__).parents[1]
+        environment = os.environ | {"PYTHONPATH": f"{root / 'tests'}:{root / 'benchmarks'}:{root}"}
         command = [sys.executable, "-c", self.SCRIPT, str(tmp_path / "killed.mcap")]
         process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE)
         assert process.stdout is not None

@@ -18,16 +18,14 @@ import numpy as np
 import pytest
 from deploy_policies import Hold, Spoilt, short_episode, slow, stand_still
 from multicast import alone_on_multicast, robot_on_multicast
+from patience import PATIENT
 
 from footfall.common.errors import UserError
 from footfall.deploy.clock import LockstepClock, WallClock, undisturbed
-from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers import imu
 from footfall.deploy.drivers.mit_driver import MitDriver
 from footfall.deploy.frames import Frames
 from footfall.deploy.python_can_bus import MULTICAST_GROUP, MULTICAST_PORT, PythonCanBus
-from footfall.deploy.safety import SafetyConfig
-from footfall.deploy.sensor_limits import SensorLimits
 from footfall.deploy.session import Session, run_on_interface
 from footfall.plant.episode import run_episode
 from footfall.plant.motor_ends.mit import MitMotorEnd
@@ -36,19 +34,7 @@ from footfall.plant.serve import serving
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
-# Busy machines stall for as long as they like: forgive them, but not what is tested here.
-PATIENT = SafetyConfig(
-    start_timeout_s=30.0,
-    silence_timeout_s=20.0,
-    pause_limit_s=20.0,
-    late_limit_s=20.0,
-    late_steps=1000,
-    skipped_share=1.0,
-    # A robot's time stalls as well.
-    sensors=SensorLimits(drift_rad=3.0, wander_rad=3.0, stuck_rad=3.0, rotation_rad=3.0),
-)
-MOTOR_TIMEOUT_S = 30.0
-UNHURRIED = DeployConfig(joint_rate_hz=100.0, stand_s=0.4, motor_timeout_s=MOTOR_TIMEOUT_S, safety=PATIENT)
+UNHURRIED = replace(PATIENT, joint_rate_hz=100.0, stand_s=0.4)
 SHORT = Session(stand_still, 0.4, config=UNHURRIED)
 
 
@@ -149,7 +135,7 @@ class TestSimulatedBus:
     def test_a_policy_that_is_far_too_late_once_or_a_little_again_and_again_is_stopped(
         self, go1: Robot, limit: dict[str, Any], seconds: float, says: str
     ) -> None:
-        config = replace(UNHURRIED, safety=replace(PATIENT, **limit))
+        config = replace(UNHURRIED, safety=replace(PATIENT.safety, **limit))
         policy = Spoilt(go1, 0.1, partial(slow, seconds=seconds))
         trace = run_episode(go1, policy, short_episode(realtime=True, config=config))
         assert trace.final_state == "ESTOP"
@@ -271,7 +257,7 @@ class TestPythonCan:
 
     def test_the_robot_walks_over_a_virtual_bus(self, go1: Robot) -> None:
         policy = Hold(go1)
-        with serving(go1, "virtual", PlantConfig(motor_timeout_s=MOTOR_TIMEOUT_S)):
+        with serving(go1, "virtual", PlantConfig(motor_timeout_s=PATIENT.motor_timeout_s)):
             outcome = run_on_interface(go1, policy, "virtual", SHORT)
         assert outcome.faults == ()
         assert outcome.final_state == "IDLE"
@@ -280,7 +266,7 @@ class TestPythonCan:
         np.testing.assert_allclose(policy.seen[-1].sensed.joint_position, go1.default_pose, atol=0.2)
 
     def test_the_robot_walks_over_multicast_from_another_process(self, go1: Robot) -> None:
-        with robot_on_multicast("--duration", "600", "--motor-timeout", f"{MOTOR_TIMEOUT_S:g}"):
+        with robot_on_multicast("--duration", "600", "--motor-timeout", f"{PATIENT.motor_timeout_s:g}"):
             outcome = run_on_interface(go1, Hold(go1), "udp_multicast", SHORT)
         assert outcome.faults == ()
         assert outcome.final_state == "IDLE"
@@ -288,7 +274,7 @@ class TestPythonCan:
 
     @pytest.mark.usefixtures("alone")
     def test_an_empty_bus_is_an_emergency_stop_that_names_the_first_motor(self, go1: Robot) -> None:
-        config = replace(UNHURRIED, safety=replace(PATIENT, start_timeout_s=0.5))
+        config = replace(UNHURRIED, safety=replace(PATIENT.safety, start_timeout_s=0.5))
         session = Session(stand_still, 1.0, config=config)
         outcome = run_on_interface(go1, Hold(go1), "udp_multicast", session)
         assert outcome.final_state == "ESTOP"

@@ -1,15 +1,13 @@
 """The table of faults that need a wall clock."""
 
+from dataclasses import replace
 from typing import Any
 
 import fault_clock
 import numpy as np
 import pytest
 from fault_clock import ClockKind, Spoiler
-
-from footfall.deploy.config import DeployConfig
-from footfall.deploy.safety import SafetyConfig
-from footfall.deploy.sensor_limits import SensorLimits
+from patience import PATIENT
 
 RUN = {"fault": "it ran late", "seconds": 0.12, "final_state": "ESTOP", "fell": False}
 
@@ -56,21 +54,14 @@ def test_a_fault_comes_in_each_step_or_tick_or_once(monkeypatch: pytest.MonkeyPa
 
 def test_a_pause_is_damped_by_the_guard_before_it_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     """On a machine as busy as may be: 50 ticks a second, and no other limit counts."""
-    patient = SafetyConfig(
-        silence_timeout_s=5.0,
-        late_steps=1000,
-        late_limit_s=0.5,
-        pause_limit_s=0.5,
-        skipped_share=1.0,
-        sensors=SensorLimits(drift_rad=3.0, wander_rad=3.0, stuck_rad=3.0, rotation_rad=3.0),
-    )
-    config = DeployConfig(motor_timeout_s=20.0, safety=patient)
+    patient = replace(PATIENT.safety, silence_timeout_s=5.0, late_limit_s=0.5, pause_limit_s=0.5)
+    config = replace(PATIENT, safety=patient)
     monkeypatch.setattr(fault_clock, "deploy_config", lambda _: config)
     monkeypatch.setattr(fault_clock, "STAND_S", 0.3)
     monkeypatch.setattr(fault_clock, "AT_S", 0.1)
     pause = kind(1.0)._replace(spoiler=lambda: Spoiler(in_tick_s=1.2, once=True))
     run = fault_clock.run(pause, 0, 50.0)
     assert "a guard damped the robot" in run["fault"]
-    assert 0.5 < run["seconds"] < 1.2  # 1.1 times the limit, from the beginning of the tick that pauses
+    assert 0.3 < run["seconds"] < 1.2  # 0.55 s after the beginning of a tick that pauses in its end
     assert run["final_state"] == "ESTOP"
     assert np.isfinite(run["skipped_share"])

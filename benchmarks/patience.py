@@ -1,0 +1,23 @@
+"""Settings of the loop for machines that stall for as long as they like: time that was lost is no fault.
+
+Benchmarks and tests change of them what they are about.
+"""
+
+from footfall.deploy.config import DeployConfig
+from footfall.deploy.safety import SafetyConfig
+from footfall.deploy.sensor_limits import SensorLimits
+
+PATIENT = DeployConfig(
+    motor_timeout_s=30.0,
+    safety=SafetyConfig(
+        start_timeout_s=30.0,
+        silence_timeout_s=20.0,
+        pause_limit_s=20.0,
+        late_limit_s=20.0,
+        late_steps=1000,
+        skipped_share=1.0,
+        sensors=SensorLimits(  # a robot's time stalls as well, and so do targets
+            drift_rad=3.0, wander_rad=3.0, stuck_rad=3.0, rotation_rad=3.0, repeated_rad=3.0, torque_stuck=2.0
+        ),
+    ),
+)
