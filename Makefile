@@ -28,10 +28,10 @@ $(STAMP): pyproject.toml
 	$(INSTALL) --editable '.[$(EXTRAS)]'
 	@touch $(STAMP)
 
-# Workers of one thread each: MuJoCo, XLA and BLAS would otherwise fight over the cores. A file's tests stay
-# together, since they share what is slow to make; which files are begun first is settled in tests/conftest.py.
+# Workers of one thread each: MuJoCo, XLA and BLAS would otherwise fight over the cores. Which files' tests are
+# begun first, and which stay together in a worker, is settled in tests/conftest.py.
 test: $(STAMP)
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder $(TESTS)
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS) --no-loadscope-reorder $(TESTS)
 
 demo: $(STAMP)
 	$(BIN)/footfall demo

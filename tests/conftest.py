@@ -20,12 +20,14 @@ import shutil
 import signal
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import settings
 
+from footfall.common.config import dump
 from footfall.policies.contract import Contract, Gait, Term
 from footfall.policies.gaits import find_gait
 from footfall.robots.commands import CommandRange
@@ -43,12 +45,12 @@ settings.load_profile("footfall")
 LONGEST = (
     "test_train_cluster.py",
     "test_sweep.py",
-    "test_watch.py",
     "test_train_runs.py",
+    "test_train_failure.py",
+    "test_watch.py",
     "test_train_rsl_rl.py",
     "test_train_environment.py",
     "test_cli_train.py",
-    "test_train_failure.py",
     "test_gymnasium.py",
     "test_watch_browser.py",
     "test_cli_process.py",
@@ -61,6 +63,23 @@ LONGEST = (
     "test_robot_physics.py",
     "test_workarounds.py",
 )
+
+
+# Files whose trainings share a program: whoever compiles it first does so for the others.
+TRAININGS = ("test_train_cluster.py", "test_sweep.py", "test_train_runs.py", "test_train_failure.py")
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """A file's tests stay in one worker, since they share what is slow to make; so do those of some files."""
+    from xdist.scheduler import LoadFileScheduling
+
+    class Scheduling(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            file = super()._split_scope(nodeid)
+            return TRAININGS[0] if Path(file).name in TRAININGS else file
+
+    return Scheduling(config, log)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -91,6 +110,33 @@ def kept_programs() -> Iterator[None]:
         patch.setattr(parts, "worth_keeping", lambda mesh: mesh.size == 1)
         patch.setattr(parts, "load_or_compile", load_or_compile)
         yield
+
+
+@pytest.fixture(scope="session")
+def six_iterations(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """A preset's file: a checkpoint after each iteration, and a program that all who use it share."""
+    from footfall.train.config import load_preset
+
+    smoke = load_preset("smoke")
+    config = replace(
+        smoke,
+        ppo=replace(smoke.ppo, total_steps=6 * smoke.ppo.steps_per_iteration),
+        env=replace(smoke.env, physics="c"),  # compiled faster
+        checkpoint_interval_s=0.0,
+    )
+    path = tmp_path_factory.mktemp("presets") / "six.yaml"
+    path.write_text(dump(config))
+    return str(path)
+
+
+@pytest.fixture(scope="session")
+def whole_run(six_iterations: str, kept_programs: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A training that nothing interrupted, of six iterations and seed 5. To be read, not written to."""
+    from footfall.train import api
+
+    return api.train(
+        api.TrainRequest(preset=six_iterations, seed=5, out=tmp_path_factory.mktemp("runs") / "whole")
+    )
 
 
 @pytest.fixture(scope="session")

@@ -22,7 +22,6 @@ pytest.importorskip("ray")
 
 from shell import Shell
 
-from footfall.common.config import dump
 from footfall.common.errors import UserError
 from footfall.robots.description import load_robot
 from footfall.train.config import load_preset
@@ -37,16 +36,6 @@ pytestmark = pytest.mark.usefixtures("kept_programs")
 ITERATIONS = 6
 METRIC = "tracking/linear_error_m_s"
 GOOD_CLIP, BAD_CLIP = 0.1, 0.2
-
-
-@pytest.fixture(scope="module")
-def preset(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """The program of test_train_runs, compiled once: nothing that is swept here is part of it."""
-    smoke = load_preset("smoke")
-    ppo = replace(smoke.ppo, total_steps=ITERATIONS * smoke.ppo.steps_per_iteration)
-    path = tmp_path_factory.mktemp("presets") / "six.yaml"
-    path.write_text(dump(replace(smoke, ppo=ppo, env=replace(smoke.env, physics="c"))))  # compiled faster
-    return str(path)
 
 
 def written(folder: Path, **settings: object) -> Path:
@@ -112,9 +101,9 @@ def test_a_mistake_is_named_before_anything_runs(
     assert not out.exists()
 
 
-def test_a_trials_program_is_built_before_anything_runs(preset: str) -> None:
+def test_a_trials_program_is_built_before_anything_runs(six_iterations: str) -> None:
     """In a process of its own. It says which metrics there will be, and that there is no such reward."""
-    config = load_preset(preset)
+    config = load_preset(six_iterations)
     assert METRIC in reported_metrics("go1", config)
     env = replace(config.env, rewards={"action_rte": 1.0})
     with pytest.raises(UserError, match="no reward 'action_rte'"):
@@ -179,14 +168,15 @@ def test_a_files_draws_are_the_same_each_time_and_the_same_for_each_seed() -> No
     assert len(set(rates[3])) == 5
 
 
-def test_a_trial_is_an_ordinary_run_that_reports_each_iteration(preset: str, tmp_path: Path) -> None:
-    config = SweepConfig({}, preset=preset)
+def test_a_trial_is_an_ordinary_run_that_reports_each_iteration(six_iterations: str, tmp_path: Path) -> None:
+    """Nothing that is swept here is part of its program, which others have compiled."""
+    config = SweepConfig({}, preset=six_iterations)
     reports: list[dict[str, float]] = []
     folder = tmp_path / "trial"
     sweep_module._train(config, folder, {"seed": 5, "diverged_limit": 0.5}, reports.append)
     run = open_run(folder)
     assert run.policy.is_file()
-    assert run.config == trial_config(preset, {"diverged_limit": 0.5}, load_robot("go1"))
+    assert run.config == trial_config(six_iterations, {"diverged_limit": 0.5}, load_robot("go1"))
     assert (run.provenance.seed, run.provenance.trainer) == (5, "brax")
     assert [report["environment_steps"] for report in reports] == [256 * k for k in range(1, ITERATIONS + 1)]
     assert all({METRIC, "episode/length_s", "speed/steps_per_s"} <= set(report) for report in reports)

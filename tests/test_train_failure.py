@@ -26,7 +26,6 @@ from footfall.train import api, cluster
 from footfall.train.brax.diagnosis import Diagnosis, _broken_rows, differences
 from footfall.train.brax.parts import assemble
 from footfall.train.brax.trainer import BraxTrainer
-from footfall.train.config import load_preset
 from footfall.train.runs import checkpoint
 from footfall.train.runs.failure import (
     ENVIRONMENT,
@@ -69,20 +68,9 @@ def disk() -> Iterator[Path]:
 
 
 @pytest.fixture(scope="module")
-def preset(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """Six iterations, a checkpoint after each: the same program as in test_train_runs, compiled once."""
-    smoke = load_preset("smoke")
-    ppo = replace(smoke.ppo, total_steps=ITERATIONS * smoke.ppo.steps_per_iteration)
-    path = tmp_path_factory.mktemp("presets") / "six.yaml"
-    env = replace(smoke.env, physics="c")  # compiled faster
-    path.write_text(dump(replace(smoke, ppo=ppo, env=env, checkpoint_interval_s=0.0)))
-    return str(path)
-
-
-@pytest.fixture(scope="module")
-def sound(preset: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run that nothing has gone wrong in."""
-    return api.train(api.TrainRequest(preset=preset, seed=5, out=tmp_path_factory.mktemp("runs") / "sound"))
+def sound(whole_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run that nothing has gone wrong in, free to be damaged."""
+    return Path(shutil.copytree(whole_run, tmp_path_factory.mktemp("runs") / "sound"))
 
 
 def fill(disk: Path, leaving: int = 0) -> Path:
@@ -322,7 +310,11 @@ class TestFullDisk:
         assert [p.name for p in sorted(disk.iterdir())] == ["00000004.ckpt", "filler"]
 
     def test_training_goes_on_and_keeps_later_what_it_could_not_keep_before(
-        self, disk: Path, preset: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+        self,
+        disk: Path,
+        six_iterations: str,
+        capsys: pytest.CaptureFixture[str],
+        monkeypatch: pytest.MonkeyPatch,
     ) -> None:
         record = Journal._record
 
@@ -334,7 +326,7 @@ class TestFullDisk:
             record(self, iteration, figures)
 
         monkeypatch.setattr(Journal, "_record", filling)
-        run = api.train(api.TrainRequest(preset=preset, seed=5, out=disk / "run"))
+        run = api.train(api.TrainRequest(preset=six_iterations, seed=5, out=disk / "run"))
         said = capsys.readouterr().out
         assert said.count("cannot write checkpoint") == 1
         assert said.count("cannot write") == said.count("training goes on and tries again") == 2
@@ -343,7 +335,9 @@ class TestFullDisk:
         steps = [json.loads(line)["step"] for line in (run / "metrics.jsonl").read_text().splitlines()]
         assert steps[-1] == ITERATIONS * 256
 
-    def test_at_the_end_it_says_so(self, disk: Path, preset: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_at_the_end_it_says_so(
+        self, disk: Path, six_iterations: str, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         record = Journal._record
 
         def filling(self: Any, iteration: int, figures: Any) -> None:
@@ -353,7 +347,7 @@ class TestFullDisk:
 
         monkeypatch.setattr(Journal, "_record", filling)
         with pytest.raises(UserError, match="No space left on device; the last good one is 00000001"):
-            api.train(api.TrainRequest(preset=preset, seed=5, out=disk / "run"))
+            api.train(api.TrainRequest(preset=six_iterations, seed=5, out=disk / "run"))
         monkeypatch.undo()
         (disk / "filler").unlink()
         assert (api.resume(disk / "run") / "policy.onnx").is_file()

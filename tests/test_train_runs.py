@@ -33,43 +33,26 @@ from footfall.train.runs.folder import create_run, locked, trained_robot
 pytestmark = pytest.mark.usefixtures("kept_programs")
 
 KILLED = -9
-# Runs a training and kills its own process, as the power would, at the n-th rename of a file.
+# Runs a training and kills its own process, as the power would, at the last of some renames of a file. At
+# those before it copies the run's folder, which is what would be left if it was killed there.
 KILL_AT_RENAME = """
-import os, signal, sys
+import os, shutil, signal, sys
 from pathlib import Path
 from footfall.common import files
 from footfall.train import api
 count, replace = 0, os.replace
+preset, run, *renames = sys.argv[1:]
 def replace_or_die(*names):
     global count
     count += 1
-    if count == int(sys.argv[1]):
+    if str(count) == renames[-1]:
         os.kill(os.getpid(), signal.SIGKILL)
+    if str(count) in renames:
+        shutil.copytree(run, f"{run}-{count}")
     replace(*names)
 files.os.replace = replace_or_die
-api.train(api.TrainRequest(preset=sys.argv[2], seed=5, out=Path(sys.argv[3])))
+api.train(api.TrainRequest(preset=preset, seed=5, out=Path(run)))
 """
-
-
-@pytest.fixture(scope="module")
-def preset(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """Six iterations, a checkpoint after each."""
-    smoke = load_preset("smoke")
-    config = replace(
-        smoke,
-        ppo=replace(smoke.ppo, total_steps=6 * 256),
-        env=replace(smoke.env, physics="c"),  # compiled faster
-        checkpoint_interval_s=0.0,
-    )
-    path = tmp_path_factory.mktemp("presets") / "six.yaml"
-    path.write_text(dump(config))
-    return str(path)
-
-
-@pytest.fixture(scope="module")
-def whole(preset: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run that nothing interrupted."""
-    return api.train(api.TrainRequest(preset=preset, seed=5, out=tmp_path_factory.mktemp("runs") / "whole"))
 
 
 def last_checkpoint(run: Path) -> bytes:
@@ -82,35 +65,37 @@ def logged_steps(run: Path) -> list[int]:
     return [json.loads(line)["step"] for line in (run / "metrics.jsonl").read_text().splitlines()]
 
 
-def test_the_same_seed_gives_the_same_bits(preset: str, whole: Path, tmp_path: Path) -> None:
-    again = api.train(api.TrainRequest(preset=preset, seed=5, out=tmp_path / "again"))
-    assert last_checkpoint(again) == last_checkpoint(whole)
-    assert (again / "policy.onnx").read_bytes() == (whole / "policy.onnx").read_bytes()
+def test_the_same_seed_gives_the_same_bits(six_iterations: str, whole_run: Path, tmp_path: Path) -> None:
+    again = api.train(api.TrainRequest(preset=six_iterations, seed=5, out=tmp_path / "again"))
+    assert last_checkpoint(again) == last_checkpoint(whole_run)
+    assert (again / "policy.onnx").read_bytes() == (whole_run / "policy.onnx").read_bytes()
 
 
-def test_another_seed_gives_another_policy(preset: str, whole: Path, tmp_path: Path) -> None:
-    other = api.train(api.TrainRequest(preset=preset, seed=6, out=tmp_path / "other"))
-    assert (other / "policy.onnx").read_bytes() != (whole / "policy.onnx").read_bytes()
+def test_another_seed_gives_another_policy(six_iterations: str, whole_run: Path, tmp_path: Path) -> None:
+    other = api.train(api.TrainRequest(preset=six_iterations, seed=6, out=tmp_path / "other"))
+    assert (other / "policy.onnx").read_bytes() != (whole_run / "policy.onnx").read_bytes()
 
 
-# Renames 1 and 2 are config.yaml and run.yaml; 3 is the first checkpoint, 8 the last, 10 the policy.
-@pytest.mark.parametrize("rename", [3, 8])
-def test_a_killed_run_resumes_to_the_same_bits(preset: str, whole: Path, tmp_path: Path, rename: int) -> None:
+def test_a_killed_run_resumes_to_the_same_bits(six_iterations: str, whole_run: Path, tmp_path: Path) -> None:
+    """Killed at its first checkpoint, rename 3 after its settings' two files, and at its last."""
     run = tmp_path / "run"
-    command = [sys.executable, "-c", KILL_AT_RENAME, str(rename), preset, str(run)]
+    command = [sys.executable, "-c", KILL_AT_RENAME, six_iterations, str(run), "3", "8"]
     killed = subprocess.run(command, cwd=Path(__file__).parents[1], capture_output=True, check=False)
     assert killed.returncode == KILLED, killed.stderr.decode()
-    assert not (run / "policy.onnx").exists()
-    api.resume(run)
-    assert last_checkpoint(run) == last_checkpoint(whole)
-    assert (run / "policy.onnx").read_bytes() == (whole / "policy.onnx").read_bytes()
-    assert logged_steps(run) == logged_steps(whole)
+    at_the_first = tmp_path / "run-3"
+    assert checkpoint.latest(at_the_first / "checkpoints") is None
+    for left in (at_the_first, run):
+        assert not (left / "policy.onnx").exists()
+        api.resume(left)
+        assert last_checkpoint(left) == last_checkpoint(whole_run)
+        assert (left / "policy.onnx").read_bytes() == (whole_run / "policy.onnx").read_bytes()
+        assert logged_steps(left) == logged_steps(whole_run)
 
 
 def test_resuming_a_finished_run_changes_nothing_and_says_what_else_it_began_on(
-    whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    whole_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    run = api.open_run(Path(shutil.copytree(whole, tmp_path / "run")))
+    run = api.open_run(Path(shutil.copytree(whole_run, tmp_path / "run")))
     began = replace(run.provenance, device="NVIDIA H100", revision="0f1e2d")
     (run.folder / "run.yaml").write_text(dump(began))
     before = {path: path.stat().st_mtime_ns for path in run.folder.rglob("*")}
@@ -123,8 +108,8 @@ def test_resuming_a_finished_run_changes_nothing_and_says_what_else_it_began_on(
     said = capsys.readouterr().out
     assert "it began on NVIDIA H100: the same statistics, not the same bits" in said
     assert "it began on source revision 0f1e2d, now " in said
-    assert last_checkpoint(run.folder) == last_checkpoint(whole)
-    assert run.policy.read_bytes() == (whole / "policy.onnx").read_bytes()
+    assert last_checkpoint(run.folder) == last_checkpoint(whole_run)
+    assert run.policy.read_bytes() == (whole_run / "policy.onnx").read_bytes()
 
 
 def test_a_robot_that_was_changed_since_is_refused(own_folder: Path, tmp_path: Path) -> None:
@@ -155,12 +140,12 @@ def test_a_run_of_ones_own_robot_can_be_resumed_from_elsewhere(
     assert trained_robot(api.open_run(folder).provenance).folder == own_folder
 
 
-def test_a_run_is_trained_by_one_process_at_a_time(whole: Path) -> None:
+def test_a_run_is_trained_by_one_process_at_a_time(whole_run: Path) -> None:
     with (
-        locked(api.open_run(whole)),
+        locked(api.open_run(whole_run)),
         pytest.raises(UserError, match="is being trained by another process"),
     ):
-        api.resume(whole)
+        api.resume(whole_run)
 
 
 @pytest.mark.parametrize(
@@ -182,8 +167,8 @@ def test_settings_that_do_not_fit_leave_no_folder(
     assert not (tmp_path / "run").exists()
 
 
-def test_a_folder_whose_making_was_interrupted_can_be_used(whole: Path, tmp_path: Path) -> None:
-    run = api.open_run(whole)
+def test_a_folder_whose_making_was_interrupted_can_be_used(whole_run: Path, tmp_path: Path) -> None:
+    run = api.open_run(whole_run)
     for name in ("config.yaml", ".config.yaml.x1", ".run.yaml.x2"):
         (tmp_path / name).touch()
     create_run(tmp_path, run.provenance, run.config)
@@ -194,18 +179,18 @@ def test_a_folder_whose_making_was_interrupted_can_be_used(whole: Path, tmp_path
         create_run(tmp_path, run.provenance, run.config)
 
 
-def test_the_run_folder_says_how_it_was_made(whole: Path) -> None:
-    run = api.open_run(whole)
+def test_the_run_folder_says_how_it_was_made(whole_run: Path) -> None:
+    run = api.open_run(whole_run)
     assert (run.provenance.robot, run.provenance.seed) == ("go1", 5)
     assert run.provenance.versions["mujoco"] == run.provenance.versions["mujoco-mjx"]
     assert len(run.provenance.revision) >= len("unknown")
-    assert list((whole / "events").glob("events.out.tfevents.*"))
-    last = json.loads((whole / "metrics.jsonl").read_text().splitlines()[-1])
+    assert list((whole_run / "events").glob("events.out.tfevents.*"))
+    last = json.loads((whole_run / "metrics.jsonl").read_text().splitlines()[-1])
     assert {f"reward/{name}" for name in run.config.env.rewards} <= set(last)
 
 
 def test_a_full_disk_leaves_the_last_good_checkpoint(
-    whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    whole_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = tmp_path / "checkpoints"
     state, seen = {"weights": np.ones(3)}, np.zeros(2)
@@ -227,7 +212,7 @@ def test_only_the_newest_checkpoints_are_kept(tmp_path: Path) -> None:
 
 
 def test_an_export_that_differs_from_the_network_fails_and_leaves_nothing(
-    whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    whole_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     honest = export.to_onnx
 
@@ -236,22 +221,22 @@ def test_an_export_that_differs_from_the_network_fails_and_leaves_nothing(
 
     monkeypatch.setattr(export, "to_onnx", shifted)
     with pytest.raises(UserError, match="differs from the trained one"):
-        api.export_run(whole, tmp_path / "policy.onnx")
+        api.export_run(whole_run, tmp_path / "policy.onnx")
     assert list(tmp_path.iterdir()) == []
 
 
-def test_export_agrees_within_the_promise(whole: Path, tmp_path: Path) -> None:
-    _, worst = api.export_run(whole, tmp_path / "policy.onnx")
+def test_export_agrees_within_the_promise(whole_run: Path, tmp_path: Path) -> None:
+    _, worst = api.export_run(whole_run, tmp_path / "policy.onnx")
     assert worst <= export.PARITY_LIMIT == 1e-5
 
 
-def test_deployment_computes_what_training_computed(whole: Path) -> None:
+def test_deployment_computes_what_training_computed(whole_run: Path) -> None:
     """The learned policy, fed what the environment's robot senses, sees and wants the same."""
     robot = load_robot("go1")
-    trained = api.open_run(whole).config.env
+    trained = api.open_run(whole_run).config.env
     config = replace(trained, randomisation=Randomisation(), noise=Noise(), pushes=PushConfig())
     env = VelocityEnv(robot, config)
-    policy = LearnedPolicy(whole / "policy.onnx", robot)
+    policy = LearnedPolicy(whole_run / "policy.onnx", robot)
     state, seen = jax.jit(env.reset)(jax.random.PRNGKey(0))
     step = jax.jit(env.step)
     state = state._replace(phase=jnp.zeros(1))  # a deployed policy starts its clock at zero
