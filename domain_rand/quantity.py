@@ -3,6 +3,7 @@
 An effect is the same in training (JAX, MJX models) and on the simulated robot (NumPy, MuJoCo models).
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -39,15 +40,17 @@ class Quantity(NamedTuple):
 
     kind: Kind  # its shape, and its mirror image
     nominal: float | None  # None: the robot's own
+    least: float = -math.inf  # what makes sense for any robot
+    most: float = math.inf
     model: Effect | None = None  # on the fields of a MuJoCo model
     motor: Effect | None = None  # on the fields of robots.actuator.Motor
     command: Effect | None = None  # on a JointCommand, as the motors carry it out
     bias_of: str | None = None  # reading that it is added to
 
 
-def quantity(kind: Kind, nominal: float | None, **effects: Any) -> Any:
-    """A field of `Randomisation`: it declares a quantity, with the effects that `Quantity` names."""
-    return field(default=None, metadata={"declares": Quantity(kind, nominal, **effects)})
+def quantity(kind: Kind, nominal: float | None, **rest: Any) -> Any:
+    """A field of `Randomisation`: it declares a quantity, with limits and effects as `Quantity` has."""
+    return field(default=None, metadata={"declares": Quantity(kind, nominal, **rest)})
 
 
 def scales(*names: str) -> Effect:

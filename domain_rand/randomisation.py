@@ -29,49 +29,63 @@ class Randomisation:
     """What differs from one episode to the next: ranges. A field that is absent keeps its nominal value.
 
     A field is all that a quantity needs: its value is a setting, its default declares the quantity.
+
+    Raises:
+        ValueError: a range leaves what makes sense for any robot.
     """
 
     # body
     friction: Distribution | None = quantity(  # foot on ground, coefficient
-        kinds.SCALAR, nominal=None, model=sets_sliding_friction()
+        kinds.SCALAR, nominal=None, least=0.0, most=10.0, model=sets_sliding_friction()
     )
     link_mass: Distribution | None = quantity(  # of each body, and inertia with it
-        kinds.BODY_AMOUNTS, SCALE, model=scales_bodies("body_mass", "body_inertia")
+        kinds.BODY_AMOUNTS, SCALE, least=0.01, most=100.0, model=scales_bodies("body_mass", "body_inertia")
     )
     payload_kg: Distribution | None = quantity(  # a point mass at the base's centre of mass
-        kinds.SCALAR, OFFSET, model=adds_to_base("body_mass")
+        kinds.SCALAR, OFFSET, least=-1000.0, most=1000.0, model=adds_to_base("body_mass")
     )
     com_offset_m: Distribution | None = quantity(  # of the base, each axis
         kinds.VECTOR, OFFSET, model=adds_to_base("body_ipos")
     )
     inertia: Distribution | None = quantity(  # of each body, beyond its mass
-        kinds.BODY_AMOUNTS, SCALE, model=scales_bodies("body_inertia")
+        kinds.BODY_AMOUNTS, SCALE, least=0.01, most=100.0, model=scales_bodies("body_inertia")
     )
     armature: Distribution | None = quantity(  # reflected inertia, each joint
-        kinds.JOINT_AMOUNTS, SCALE, model=scales_joints("dof_armature")
+        kinds.JOINT_AMOUNTS, SCALE, least=0.0, most=100.0, model=scales_joints("dof_armature")
     )
     # motors, each joint
-    joint_friction: Distribution | None = quantity(kinds.JOINT_AMOUNTS, SCALE, motor=scales("friction"))
+    joint_friction: Distribution | None = quantity(
+        kinds.JOINT_AMOUNTS, SCALE, least=0.0, most=100.0, motor=scales("friction")
+    )
     joint_damping: Distribution | None = quantity(  # viscous, N m s/rad
-        kinds.JOINT_AMOUNTS, OFFSET, motor=adds_to("damping")
+        kinds.JOINT_AMOUNTS, OFFSET, least=0.0, most=100.0, motor=adds_to("damping")
     )
     motor_strength: Distribution | None = quantity(  # delivered over commanded torque
-        kinds.JOINT_AMOUNTS, SCALE, motor=scales("strength")
+        kinds.JOINT_AMOUNTS, SCALE, least=0.0, most=10.0, motor=scales("strength")
     )
-    kp: Distribution | None = quantity(kinds.JOINT_AMOUNTS, SCALE, command=scales("kp"))
-    kd: Distribution | None = quantity(kinds.JOINT_AMOUNTS, SCALE, command=scales("kd"))
+    kp: Distribution | None = quantity(kinds.JOINT_AMOUNTS, SCALE, least=0.0, most=10.0, command=scales("kp"))
+    kd: Distribution | None = quantity(kinds.JOINT_AMOUNTS, SCALE, least=0.0, most=10.0, command=scales("kd"))
     battery: Distribution | None = quantity(  # its voltage, for all joints
-        kinds.SCALAR, SCALE, motor=scales("stall_torque", "no_load_speed")
+        kinds.SCALAR, SCALE, least=0.0, most=10.0, motor=scales("stall_torque", "no_load_speed")
     )
     # timing
-    action_delay_s: Distribution | None = quantity(kinds.SCALAR, OFFSET)
-    observation_delay_s: Distribution | None = quantity(kinds.SCALAR, OFFSET)
+    action_delay_s: Distribution | None = quantity(kinds.SCALAR, OFFSET, least=0.0, most=1.0)
+    observation_delay_s: Distribution | None = quantity(kinds.SCALAR, OFFSET, least=0.0, most=1.0)
     # sensors
     encoder_bias: Distribution | None = quantity(  # rad, each joint
         kinds.JOINTS, OFFSET, bias_of="joint_position"
     )
     gyro_bias: Distribution | None = quantity(kinds.ROTATION, OFFSET, bias_of="gyro")  # rad/s, each axis
     gravity_bias: Distribution | None = quantity(kinds.VECTOR, OFFSET, bias_of="gravity")  # each axis
+
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            drawn, declared = getattr(self, each.name), each.metadata["declares"]
+            if drawn is not None and not declared.least <= drawn.low <= drawn.high <= declared.most:
+                raise ValueError(
+                    f"{each.name} must be from {declared.least:g} to {declared.most:g},"
+                    f" not {drawn.low:g} to {drawn.high:g}"
+                )
 
 
 QUANTITIES: dict[str, Quantity] = {each.name: each.metadata["declares"] for each in fields(Randomisation)}

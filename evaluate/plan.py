@@ -7,7 +7,8 @@ from itertools import product
 
 import numpy as np
 
-from footfall.evaluate.scenarios import COMMAND_AXES, DrawnCommands, Range, Scenario, Waypoint
+from footfall.common.errors import UserError
+from footfall.evaluate.scenarios import COMMAND_AXES, MOST_EPISODES, DrawnCommands, Range, Scenario, Waypoint
 from footfall.plant.episode import Push
 
 Command = tuple[float, float, float]
@@ -49,11 +50,15 @@ def plan_episodes(name: str, scenario: Scenario, seed: int, episodes: int | None
         scenario: its definition.
         seed: of everything drawn.
         episodes: how many; the scenario's own number if None.
+
+    Raises:
+        UserError: there are more than `MOST_EPISODES`.
     """
+    count = episodes or scenario.episodes
+    if count > MOST_EPISODES:
+        raise UserError(f"{count} episodes of {name}: {MOST_EPISODES:,} at most")
     identity = zlib.crc32(name.encode())
-    levels = spread_levels(
-        scenario.levels, episodes or scenario.episodes, np.random.default_rng((seed, identity))
-    )
+    levels = spread_levels(scenario.levels, count, np.random.default_rng((seed, identity)))
     plans = []
     for index, level in enumerate(levels):
         rng = np.random.default_rng((seed, identity, index))

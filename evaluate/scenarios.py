@@ -1,12 +1,21 @@
 """Scenarios as data: what policies are put through, read from `scenarios.yaml`."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from footfall.common.config import read_yaml, structure, with_changes
+from footfall.common.config import (
+    read_yaml,
+    require_between,
+    require_not_negative,
+    require_ordered,
+    structure,
+    with_changes,
+)
 from footfall.common.errors import UserError
+from footfall.common.limits import FASTEST, LONGEST_S
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import QUANTITIES, randomisation_of
 from footfall.plant.episode import Push
@@ -22,6 +31,13 @@ SHARES = {  # of what, in a file
 }
 PUSH_LEVELS = ("push_m_s", "push_direction_deg")
 LEVEL_NAMES = (*COMMAND_AXES, *PUSH_LEVELS, *QUANTITIES)
+LEVEL_LIMITS = {
+    **dict.fromkeys(COMMAND_AXES, (-FASTEST, FASTEST)),
+    "push_m_s": (0.0, FASTEST),
+    **{name: (each.least, each.most) for name, each in QUANTITIES.items()},
+}
+MOST_EPISODES = 100_000  # of one scenario: weeks
+SHORTEST_HOLD_S = 0.01  # no policy decides more often
 
 Range = tuple[float, float]
 
@@ -37,8 +53,10 @@ class DrawnCommands:
     standing_share: float = 0.0  # of commands that ask to stand still
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.hold_s[0] <= self.hold_s[1]:
-            raise ValueError(f"hold_s {list(self.hold_s)} must rise from above 0")
+        require_ordered(self, *COMMAND_AXES, "hold_s")
+        require_between(self, -FASTEST, FASTEST, *COMMAND_AXES)
+        require_between(self, SHORTEST_HOLD_S, LONGEST_S, "hold_s")
+        require_between(self, 0.0, 1.0, "standing_share")
 
 
 @dataclass(frozen=True)
@@ -49,6 +67,9 @@ class Waypoint:
     forward_m_s: float = 0.0
     leftward_m_s: float = 0.0
     yaw_rad_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_between(self, -FASTEST, FASTEST, *COMMAND_AXES)
 
 
 @dataclass(frozen=True)
@@ -75,10 +96,39 @@ class Scenario:
             raise ValueError(f"rows names {absent[0]}, which is none of its levels")
         if self.episodes < 1 or self.duration_s <= 0.0:
             raise ValueError("episodes and duration_s must be above 0")
+        require_between(self, 1, MOST_EPISODES, "episodes")
+        require_between(self, 0.0, LONGEST_S, "duration_s")
+        self._check_commands()
+        self._check_levels()
+        self._check_pushes()
+
+    def _check_commands(self) -> None:
+        axes = [axis for axis in COMMAND_AXES if axis in self.levels]
+        if self.commands is not None and (self.script or axes):
+            raise ValueError(f"give commands or {axes[0] if axes else 'a script'}, not both")
+        times = [waypoint.at_s for waypoint in self.script]
+        if times and (times[0] != 0.0 or sorted(set(times)) != times):
+            raise ValueError(f"script: at_s must rise from 0, not {times}")
+
+    def _check_levels(self) -> None:
         if any(not values for values in self.levels.values()):
             raise ValueError("each level needs at least one value")
+        if math.prod(map(len, self.levels.values())) > MOST_EPISODES:
+            raise ValueError(f"levels have more than {MOST_EPISODES:,} combinations")
+        for name, values in self.levels.items():
+            least, most = LEVEL_LIMITS.get(name, (-math.inf, math.inf))
+            for value in values:
+                if not least <= value <= most:
+                    raise ValueError(f"level {name} must be from {least:g} to {most:g}, not {value:g}")
+
+    def _check_pushes(self) -> None:
         if "push_m_s" in self.levels and self.push_between_s is None:
             raise ValueError("push levels need push_between_s")
+        require_ordered(self, "push_between_s")
+        require_not_negative(self, "push_between_s")
+        for push in self.pushes:
+            require_not_negative(push, "time_s")
+            require_between(push, -FASTEST, FASTEST, "delta_v_m_s")
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """Results as tables on the terminal."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from rich.console import Console
@@ -53,7 +53,7 @@ def scenario_table(scenario: str, names: list[str], summaries: list[Summary]) ->
 
 
 def warnings(results: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """One line for each scenario with episodes that failed and each thing that the plant lacked."""
+    """One line for each scenario with episodes that failed, and for each thing changed or lacking."""
     lines = []
     notes: set[str] = set()
     for policy, result in results.items():
@@ -61,4 +61,12 @@ def warnings(results: Mapping[str, Mapping[str, Any]]) -> list[str]:
             if summary["failed_episodes"]:
                 lines.append(f"{policy}, {scenario}: {failures([summary])}")
             notes |= set(summary.get("notes", ()))
-    return lines + sorted(notes)
+    return lines + _once_each(notes)
+
+
+def _once_each(notes: Iterable[str]) -> list[str]:
+    """Notes that differ in nothing but the figures after their last colon, as one line."""
+    alike: dict[str, list[str]] = {}
+    for note in sorted(notes):
+        alike.setdefault(note.rpartition(": ")[0] or note, []).append(note)
+    return [first + (f", and {len(more)} more" if more else "") for first, *more in alike.values()]

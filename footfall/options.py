@@ -6,9 +6,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter, convert
 from cyclopts.validators import Number
 
-from footfall.common.limits import LONGEST_S
-
-FASTEST = 100.0  # m/s or rad/s: no legged robot is commanded faster
+from footfall.common.limits import FASTEST, LONGEST_S
 
 
 def _vector(_: type, tokens: Any) -> tuple[float, ...]:

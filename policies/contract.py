@@ -1,10 +1,8 @@
 """What a policy is made of. Training writes it, the ONNX file carries it, the deploy loop checks it."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-
-import numpy as np
 
 from footfall.common.config import require_positive, structure, unstructure
 from footfall.common.errors import UserError
@@ -40,6 +38,11 @@ class Gait:
     phase: tuple[float, ...]
     amplitude_rad: tuple[float, ...]
     duty: float = 0.5  # share of the cycle that a foot stands
+
+    def __post_init__(self) -> None:
+        require_positive(self, "frequency_hz")
+        if not 0.0 < self.duty < 1.0:
+            raise ValueError(f"duty must be between 0 and 1, not {self.duty}")
 
 
 @dataclass(frozen=True)
@@ -84,7 +87,7 @@ class Contract:
         """Raises UserError if the text is no contract."""
         try:
             data = json.loads(text)
-        except json.JSONDecodeError as error:
+        except (ValueError, RecursionError) as error:  # also too many digits, or brackets
             raise UserError(f"{source}: its contract is not JSON ({error})") from None
         return structure(data, Contract, source)
 
@@ -94,25 +97,35 @@ class Contract:
         What each joint has is compared where the joints are the same ones.
         """
         found = []
-        expected: list[tuple[str, object, object]] = [
-            ("robot", self.robot, robot.name),
-            ("joints", list(self.joints), list(robot.joint_names)),
-            ("version", self.version, VERSION),
+        expected: list[tuple[str, Sequence[object], Sequence[object]]] = [
+            ("robot", [self.robot], [robot.name]),
+            ("joints", self.joints, robot.joint_names),
+            ("version", [self.version], [VERSION]),
         ]
+        if self.joints == robot.joint_names:
+            expected += [
+                ("default_pose_rad", self.default_pose_rad, robot.default_pose.tolist()),
+                ("kp", self.kp, robot.kp.tolist()),
+                ("kd", self.kd, robot.kd.tolist()),
+                ("action_scale_rad", self.action_scale_rad, robot.action_scale.tolist()),
+            ]
         for name, mine, theirs in expected:
-            if mine != theirs:
-                found.append(f"{name}: policy has {mine}, robot has {theirs}")
-        for name, mine, theirs in (
-            ("default_pose_rad", self.default_pose_rad, robot.default_pose),
-            ("kp", self.kp, robot.kp),
-            ("kd", self.kd, robot.kd),
-            ("action_scale_rad", self.action_scale_rad, robot.action_scale),
-        ):
-            if self.joints == robot.joint_names and not np.array_equal(np.asarray(mine), theirs):
-                found.append(f"{name}: policy has {list(mine)}, robot has {theirs.tolist()}")
+            if difference := _difference(mine, theirs):
+                found.append(f"{name}: policy has {difference}")
         if not found and self.digest != robot.digest:
             found.append(
                 f"digest: policy was trained on description {self.digest}, robot has {robot.digest}"
                 " (its model, motors or feet changed)"
             )
         return found
+
+
+def _difference(mine: Sequence[object], theirs: Sequence[object]) -> str:
+    """The first of what differs, and how many more do; empty if nothing does."""
+    if len(mine) != len(theirs):
+        return f"{len(mine)}, robot has {len(theirs)}"
+    pairs = [(own, other) for own, other in zip(mine, theirs, strict=True) if own != other]
+    if not pairs:
+        return ""
+    (own, other), more = pairs[0], len(pairs) - 1
+    return f"{own}, robot has {other}" + (f", and {more} more differ" if more else "")

@@ -90,6 +90,8 @@ class LearnedPolicy:
                 f"{path}: its network answers {action.dtype} of shape {action.shape},"
                 f" expected float32 of shape {self._zeros.shape}"
             )
+        if not np.isfinite(action).all():
+            raise UserError(f"{path}: its network answers what is not finite, to an observation of zeros")
 
     def network(self, observed: np.ndarray) -> np.ndarray:
         """The action for one observation, float32: (observation_size,) to (n,)."""

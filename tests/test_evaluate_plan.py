@@ -23,6 +23,18 @@ FILE = load_scenarios(ROBOT)
 ALL = sorted(FILE.scenarios)
 
 
+MANY = [0.5] * 250
+
+
+def refusal(folder: Path, text: str) -> str:
+    """What is said of a scenario with this beside what every one has."""
+    (folder / "own.yaml").write_text(f"scenarios: {{own: {{about: x, episodes: 1, duration_s: 5, {text}}}}}")
+    with pytest.raises(UserError) as caught:
+        load_scenarios(ROBOT, folder / "own.yaml")
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
 class TestScenarioFile:
     def test_holds_what_was_promised(self) -> None:
         promised = "nominal forward sweep push friction payload strength latency randomised course"
@@ -54,8 +66,10 @@ class TestScenarioFile:
             (
                 "{about: x, episodes: 1, duration_s: 5, commands: {forward_m_s: [0, 1], leftward_m_s: [0, 0],"
                 " yaw_rad_s: [0, 0], hold_s: [0, 1]}}",
-                "hold_s .* must rise from above 0",  # or drawing them might not end
+                "hold_s must be from 0.01 to 86400, not 0.0",  # or drawing them might not end
             ),
+            ("{about: x, episodes: 100001, duration_s: 5}", "episodes must be from 1 to 100000, not 100001"),
+            ("{about: x, episodes: 1, duration_s: 86401}", "duration_s must be from 0 to 86400, not 86401"),
         ],
     )
     def test_a_malformed_scenario_is_refused_with_the_reason(
@@ -65,6 +79,41 @@ class TestScenarioFile:
         path.write_text(f"scenarios: {{own: {scenario}}}")
         with pytest.raises(UserError, match=complaint):
             load_scenarios(ROBOT, path)
+
+    @pytest.mark.parametrize(
+        ("commands", "complaint"),
+        [
+            ("forward_m_s: [1, -1]", "forward_m_s must be a range from low to high"),
+            ("forward_m_s: [0, 1e3]", "forward_m_s must be from -100 to 100, not 1000"),
+            ("forward_m_s: [0, 1], standing_share: 7", "standing_share must be from 0 to 1, not 7"),
+            ("forward_m_s: [0, 1]}, script: [{at_s: 0}], levels: {", "give commands or a script, not both"),
+            ("forward_m_s: [0, 1]}, levels: {yaw_rad_s: [1]", "give commands or yaw_rad_s, not both"),
+        ],
+    )
+    def test_commands_that_nobody_could_draw_or_that_nobody_would_see_are_refused(
+        self, tmp_path: Path, commands: str, complaint: str
+    ) -> None:
+        others = "leftward_m_s: [0, 0], yaw_rad_s: [0, 0], hold_s: [1, 2]"
+        assert complaint in refusal(tmp_path, f"commands: {{{others}, {commands}}}")
+
+    @pytest.mark.parametrize(
+        ("text", "complaint"),
+        [
+            ("script: [{at_s: 1}]", "script: at_s must rise from 0, not [1.0]"),
+            ("script: [{at_s: 0}, {at_s: 2}, {at_s: 2}]", "at_s must rise from 0"),
+            ("script: [{at_s: 0, yaw_rad_s: -101}]", "yaw_rad_s must be from -100 to 100, not -101"),
+            ("pushes: [{time_s: -1, delta_v_m_s: [1, 0, 0]}]", "time_s must be 0 or above"),
+            ("pushes: [{time_s: 1, delta_v_m_s: [1, 0, 1e9]}]", "delta_v_m_s must be from -100 to 100"),
+            ("levels: {push_m_s: [1]}, push_between_s: [2, 1]", "must be a range from low to high"),
+            ("levels: {push_m_s: [1]}, push_between_s: [-1, 1]", "push_between_s must be 0 or above"),
+            ("levels: {push_m_s: [-1]}, push_between_s: [0, 1]", "level push_m_s must be from 0 to 100"),
+            ("levels: {friction: [0.5, -0.1]}", "level friction must be from 0 to 10, not -0.1"),
+            ("levels: {action_delay_s: [1.5]}", "level action_delay_s must be from 0 to 1"),
+            (f"levels: {{friction: {MANY}, kp: {MANY}, kd: [1, 1.1]}}", "more than 100,000 combinations"),
+        ],
+    )
+    def test_numbers_that_make_no_sense_are_refused(self, tmp_path: Path, text: str, complaint: str) -> None:
+        assert complaint in refusal(tmp_path, text)
 
 
 class TestCommandsOfARobot:
@@ -146,6 +195,11 @@ class TestPlans:
     def test_more_episodes_leave_the_first_ones_as_they_were(self, name: str) -> None:
         few, many = (plan_episodes(name, FILE.scenarios[name], 0, count) for count in (5, 40))
         assert many[:5] == few
+
+    def test_more_than_anybody_waits_for_are_refused(self) -> None:
+        scenario = FILE.scenarios["nominal"]
+        with pytest.raises(UserError, match="1000000000 episodes of nominal: 100,000 at most"):
+            plan_episodes("nominal", scenario, 0, 10**9)
 
     def test_another_name_gives_other_draws_from_the_same_seed(self) -> None:
         one, other = (plan_episodes(name, FILE.scenarios["nominal"], 0, 4) for name in ("nominal", "copy"))

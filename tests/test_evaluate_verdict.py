@@ -317,6 +317,16 @@ class TestWarnings:
         }
         assert warnings(results) == ["no base", "no floor"]
 
+    def test_notes_that_differ_in_their_figures_are_one_line(self) -> None:
+        notes = [
+            "trained on 1 m/s: 3 became 1",
+            "trained on 1 m/s: 2 became 1",
+            "no floor",
+            "trained on 1 m/s: 4 became 1",
+        ]
+        results = {"mine": {"scenarios": {"nominal": {"failed_episodes": [], "notes": notes}}}}
+        assert warnings(results) == ["no floor", "trained on 1 m/s: 2 became 1, and 2 more"]
+
 
 class TestFailures:
     @pytest.mark.parametrize(

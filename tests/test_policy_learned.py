@@ -260,6 +260,14 @@ class TestFile:
             LearnedPolicy(tmp_path / "p.onnx", go1)
         assert "\n" not in str(caught.value)
 
+    def test_a_network_that_has_lost_its_numbers_is_refused(
+        self, tmp_path: Path, contract: Contract, go1: Robot
+    ) -> None:
+        """Zeros times NaN is NaN: seen before a robot stands on it, not at the first step."""
+        weights = np.full((observation_size(contract), 12), np.nan, np.float32)
+        with pytest.raises(UserError, match=r"p.onnx: its network answers what is not finite"):
+            LearnedPolicy(write_network(onnx, tmp_path / "p.onnx", weights, contract), go1)
+
     def test_one_difference_to_the_robot_is_enough_to_refuse_it(
         self, tmp_path: Path, contract: Contract, go1: Robot
     ) -> None:
