@@ -14,8 +14,10 @@ from footfall.common.rotations import tilt
 from footfall.deploy.estimation.estimator import BaseEstimator
 from footfall.policies.controllers.gait import GaitConfig
 from footfall.policies.controllers.mpc import Mpc
+from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.stand import Stand
 from footfall.policies.controllers.walk import Walk as Generator
+from footfall.policies.controllers.walk.config import WalkConfig
 from footfall.policies.policy import Policy
 from footfall.robots.description import load_robot
 
@@ -99,6 +101,33 @@ class TestGaits:
         assert not result.fell
         np.testing.assert_allclose(result.mean_velocity(1.5), (0.4, 0.1, 0.2), atol=0.07)
         assert max(tilts) < 0.12
+
+    def test_a_slow_walk_stays_on_its_feet(self) -> None:
+        """At 2 s a cycle the body would tip onto the foot in the air if it did not sway over the others.
+
+        Backwards, where the others are passed in the worse order.
+        """
+        config = controller_settings(ROBOT, "walk", WalkConfig)
+        policy = Generator(ROBOT, "walk", replace(config, gait=GaitConfig("walk", 2.0)))
+        tilts = []
+
+        def look(time_s: float, plant: DirectPlant) -> None:
+            tilts.append(float(tilt(plant.data.qpos[3:7])))
+
+        result = walk(policy, DirectPlant(ROBOT), lambda _: np.array([-0.15, 0.0, 0.0]), 6.5, frame=look)
+        assert not result.fell
+        assert max(tilts) < 0.15
+        np.testing.assert_allclose(result.mean_velocity(4.5), (-0.15, 0.0, 0.0), atol=0.035)  # over a cycle
+        assert policy.notes == []
+
+    def test_a_slow_trot_is_refused_and_the_robot_stands(self) -> None:
+        config = controller_settings(ROBOT, "trot", WalkConfig)
+        policy = Generator(ROBOT, "trot", replace(config, gait=GaitConfig("trot", 1.0)))
+        result = walk(policy, DirectPlant(ROBOT), lambda _: np.array([0.3, 0.0, 0.0]), 2.0)
+        assert drift(result) < 0.01
+        (note,) = policy.notes
+        assert note.startswith("trot: it does not walk, however short its strides are: the stability margin")
+        assert note.endswith("a shorter gait.period_s, a larger gait.duty or more stance.sway would help")
 
     def test_it_changes_its_gait_and_its_steps_while_it_walks(self) -> None:
         """Every second another gait and other steps, at no particular phase; it neither falls nor stops."""

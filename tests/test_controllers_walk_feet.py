@@ -300,6 +300,7 @@ class TestWalk:
 CONFIG = controller_settings(load_robot("hexapod"), "tripod", WalkConfig)
 PARTS: dict[str, Any] = {
     "step": CONFIG.step,
+    "stance": CONFIG.stance,
     "levelling": CONFIG.levelling,
     "heading": CONFIG.heading,
     "touch_down": CONFIG.touch_down,
@@ -318,7 +319,8 @@ BAD = [
     *(("touch_down", "from_progress", value, "from 0 to 1") for value in (-0.1, 1.1)),
     ("touch_down", "probe_m", -0.1, "0 or above"),
     *(("limits", "rate_share", value, "from 0.05 to 1") for value in (0.0, 1.1)),
-    ("limits", "margin_m", -0.01, "0 or above"),
+    *(("limits", name, -0.01, "0 or above") for name in ("margin_m", "dynamic_swing_s")),
+    ("stance", "sway", -0.1, "0 or above"),
     *(("walk", name, 0.0, "above 0") for name in ("rate_hz", "kp", "settle_s")),
     *(("walk", name, -0.1, "0 or above") for name in ("kd", "weight_n")),
 ]

@@ -26,6 +26,10 @@ class StanceConfig:
 
     outward_m: float = 0.0  # of each foot, from its place in the default pose away from the middle
     shift_m: float = 0.0  # of all feet, forward
+    sway: float = 0.0  # how far the body presses towards the middle of the feet that stand, as a share
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "sway")
 
 
 @dataclass(frozen=True)
@@ -79,11 +83,12 @@ class LimitsConfig:
     """What the walk must keep to; it slows down rather than break it."""
 
     rate_share: float  # of the robot's joint rate limit that the gait may use
-    margin_m: float | None = None  # least static stability margin; none: the gait is a dynamic one
+    margin_m: float | None = None  # least static stability margin; none: all gaits are dynamic ones
+    dynamic_swing_s: float = 0.0  # a gait whose swings are no longer than this is one: it needs no margin
 
     def __post_init__(self) -> None:
         require_between(self, 0.05, 1.0, "rate_share")
-        require_not_negative(self, "margin_m")
+        require_not_negative(self, "margin_m", "dynamic_swing_s")
 
 
 @dataclass(frozen=True)

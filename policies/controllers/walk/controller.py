@@ -13,6 +13,7 @@ from footfall.policies.controllers.walk.config import StepConfig, WalkConfig
 from footfall.policies.controllers.walk.feet import FootCycle, Footing, rolling_of
 from footfall.policies.controllers.walk.ground import GroundForce
 from footfall.policies.controllers.walk.limits import Pace, SteadyWalk, WalkLimits
+from footfall.policies.controllers.walk.sway import Sway, SwayPlan, plan_sway
 from footfall.policies.policy import Observation
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
@@ -22,6 +23,10 @@ _CHANGE = np.array([0.005, 0.005, 0.02])  # of the wanted velocity, after which 
 _TEMPO_RATE = 0.5  # 1/s, how fast the tempo may rise; it falls at once
 _FAR, _TOO_FAR = 0.6, 0.9  # of a step's length, from which on a foot slows the body down, and stops it
 _ROOM_RATE = 5.0  # 1/s, how fast it does
+_NO_SWAY = np.zeros(2, complex)
+_APPROACH = 2.0  # cycles in which a gait with a sway comes to its longest steps at best
+_SHIFTED_M = 0.002  # a body that is as near as this to its sway is ready for the first step
+_STILL_M = 1e-4  # a sway below this is none
 _ASTRAY_M = 0.01  # a robot that has come to rest brings feet farther away than this to their places
 
 
@@ -42,14 +47,15 @@ class Walk:
         self.rate_hz = config.rate_hz
         self._robot, self._legs = robot, robot.legs
         body = nominal_body(robot)
-        centre = (float(body.centre[0]), float(body.centre[1]))
-        self._limits = WalkLimits(robot, centre, config.limits.rate_share, config.limits.margin_m)
+        self._centre = body.centre
+        self._limits = WalkLimits(robot, body.centre[:2], config.limits)
         down = config.touch_down
         self._ground = None if down is None else GroundForce(robot, body, down.filter_s, down.inertia_doubt)
         self._footing = self._stand(config)
         self._farthest = float(np.hypot(*self._footing.places[:, :2].T).max())
         clock = config.gait.clock(robot)
         self._cycle = FootCycle(self._footing, clock.timing, clock.offsets)
+        self._sway = Sway()
         self._command = ShapedCommand(config.command)
         self._kp = np.full(len(robot.joint_names), config.kp)
         self._kd = np.full(len(robot.joint_names), config.kd)
@@ -72,6 +78,8 @@ class Walk:
         self._step, self._gait = self._config.step, self._config.gait
         self._wanted_gait = self._gait
         self._height_m = self._step.body_height_m
+        self._sway.reset()
+        self._sway_plan = self._plan_sway()
         self._steps, self._room = False, 1.0
         self._yaw: float | None = None  # that it keeps to, while it steps
         self._asked = [0.0, 0.0, 0.0]
@@ -134,10 +142,15 @@ class Walk:
         return Footing(places * [1.0, 1.0, 0.0], rolling_of(legs, places, self._robot.default_pose))
 
     def _walk(self, observation: Observation, dt_s: float) -> None:
-        """Let feet stand, swing, lift off and land as the command wants it."""
+        """Let feet stand, swing, lift off and land as the command wants it.
+
+        With a sway the weight is shifted before the first foot lifts off, and back after the last has landed.
+        """
         cycle, command = self._cycle, self._command
         wanted = self._within_limits(observation.command)
-        command.advance(wanted, dt_s)
+        plan = self._sway_plan
+        ready = self._steps or self._sway.misses(plan.body) < _SHIFTED_M
+        command.advance(wanted if ready else np.zeros(3), self._calm(dt_s))
         walk = command.wants_walk(wanted)
         if self._wanted_gait != self._gait and not cycle.flies:
             self._take_up_gait()
@@ -146,7 +159,10 @@ class Walk:
         lift_off = [not changes and (walk or away) for away in astray]
         if walk:
             self._set_tempo(wanted, dt_s)
-        self._steps = walk or cycle.flies or any(lift_off)
+        wants = walk or cycle.flies or any(lift_off)
+        goal = plan.body if wants else _NO_SWAY
+        self._sway.approach(goal, self._tempo * dt_s / cycle.timing.period_s)
+        self._steps = ready and (wants or self._sway.misses(_NO_SWAY) > _STILL_M)
         if self._steps:
             passed_s = self._tempo * dt_s
             forward, leftward, yaw_rate = self._with_room(dt_s)
@@ -154,6 +170,18 @@ class Walk:
             cycle.advance([forward, leftward, yaw_rate], passed_s, self._step.height_m, lift_off)
         else:
             self._yaw = None
+            cycle.clock = plan.start(cycle.clock)
+
+    def _calm(self, dt_s: float) -> float:
+        """How long a command is approached for in a tick: with a sway, no faster than in some cycles.
+
+        Feet whose first swing comes last would be carried so far out meanwhile that the weight left them.
+        """
+        if not self._sway_plan.body.any():
+            return dt_s
+        timing, most = self._cycle.timing, self._config.command.acceleration_m_s2
+        calm = self._step.length_m / (timing.stance_s * _APPROACH * timing.period_s)
+        return dt_s * min(1.0, calm / most)
 
     def _with_room(self, dt_s: float) -> list[float]:
         """The velocity now, less where a foot that waits for its swing is carried too far meanwhile.
@@ -181,6 +209,7 @@ class Walk:
         tilt = tilt_correction(observation, levelling.gain, levelling.rate_gain_s, levelling.most_rad)
         self._tilt += min(1.0, dt_s / levelling.filter_s) * (tilt - self._tilt)
         feet = self._cycle.feet
+        feet[:, :2] -= self._sway.at(self._cycle.clock)
         feet[:, 2] -= self._below()
         return level_feet(feet, self._tilt)
 
@@ -210,7 +239,13 @@ class Walk:
         self._looked_at = velocity.copy()
         cycle = self._cycle
         steady = SteadyWalk(
-            self._footing, cycle.timing, cycle.offsets, velocity, self._step.height_m, self._below()
+            self._footing,
+            cycle.timing,
+            cycle.offsets,
+            velocity,
+            self._step.height_m,
+            self._sway_plan,
+            self._below(),
         )
         self._pace_before, self._pace = self._pace, self._limits.pace(steady)
         if self._pace.reason and not any(note.startswith(f"{self._gait.name}: ") for note in self.notes):
@@ -227,7 +262,14 @@ class Walk:
         self._gait = self._wanted_gait
         clock = self._gait.clock(self._robot)
         self._cycle.begin_anew(clock.timing, clock.offsets, self._command.value.tolist())
+        self._sway_plan = self._plan_sway()
         self._looked_at = None
+
+    def _plan_sway(self) -> SwayPlan:
+        """The sway of the present gait."""
+        cycle, height_m = self._cycle, self._step.body_height_m + float(self._centre[2])
+        places, share = self._footing.places[:, :2], self._config.stance.sway
+        return plan_sway(places, cycle.timing, cycle.offsets, height_m, share)
 
     def _meet_ground(self, pushed: np.ndarray, height: np.ndarray, dt_s: float) -> None:
         """Feet that meet the ground early stand; feet that should stand and do not are lowered a little.

@@ -5,12 +5,14 @@ from typing import NamedTuple
 import numpy as np
 
 from footfall.policies.controllers.gait import GaitTiming
+from footfall.policies.controllers.walk.config import LimitsConfig
 from footfall.policies.controllers.walk.feet import Footing, stances, steady_cycle
+from footfall.policies.controllers.walk.sway import SwayPlan, sine_at
 from footfall.robots.description import Robot
-from footfall.robots.support import Point, support_margin
+from footfall.robots.support import support_margin
 
 _PROGRESS = np.linspace(0.0, 1.0, 13)
-_CLOCKS = np.arange(24) / 24
+_CLOCKS = (np.arange(24) + 0.5) / 24  # between those at which feet of common duties come and go
 _SAMPLED = 1.05  # the peak rate over that of the chords between samples
 _MISSED_M = 0.003  # farthest that a foot may be from where it should be
 _STRIDES = (1.0, 0.8, 0.6, 0.4, 0.2, 0.0)
@@ -24,6 +26,7 @@ class SteadyWalk(NamedTuple):
     offsets: np.ndarray  # (feet,)
     velocity: np.ndarray  # (3,)
     step_height_m: float
+    sway: SwayPlan
     below_m: np.ndarray  # (feet,) m, from the base's origin down to a tip that stands
 
 
@@ -40,14 +43,13 @@ class WalkLimits:
 
     Args:
         robot: whose kinematics and joint rate limit count.
-        centre: m, of mass, from the base's origin.
-        rate_share: of the joint rate limit that may be used.
-        margin_m: least static stability margin, or None.
+        centre: (2,) m, of mass, from the base's origin.
+        limits: what else counts.
     """
 
-    def __init__(self, robot: Robot, centre: Point, rate_share: float, margin_m: float | None) -> None:
-        self._robot, self._legs, self._centre, self._margin_m = robot, robot.legs, centre, margin_m
-        self._most_rate = rate_share * robot.description.target_rate_rad_s
+    def __init__(self, robot: Robot, centre: np.ndarray, limits: LimitsConfig) -> None:
+        self._robot, self._legs, self._centre, self._limits = robot, robot.legs, centre, limits
+        self._most_rate = limits.rate_share * robot.description.target_rate_rad_s
 
     def pace(self, walk: SteadyWalk) -> Pace:
         """The pace of a steady walk: strides as long as reach and margin allow, then as fast as joints can.
@@ -61,6 +63,8 @@ class WalkLimits:
             if not found:
                 break
             why = why or f"strides are shortened: {found}"
+        else:
+            why = f"it does not walk, however short its strides are: {found}"
         tempo = min(1.0, self._most_rate / max(rate, 1e-9))
         if tempo < 1.0:
             period_s = walk.timing.period_s
@@ -75,6 +79,9 @@ class WalkLimits:
         """Why a walk cannot be had at any tempo, if so, and its peak joint rate, rad/s."""
         feet = steady_cycle(walk.footing, walk.timing, walk.velocity, walk.step_height_m, _PROGRESS)
         feet[:, :, 2] -= walk.below_m
+        duty = walk.timing.duty
+        clocks = duty + (1.0 - duty) * _PROGRESS[:, None] - walk.offsets  # at these points of each swing
+        feet[:, :, :2] -= sine_at(walk.sway.body, clocks)
         angles = np.array([self._legs.solve(each) for each in feet])
         step_s = walk.timing.swing_s * (_PROGRESS[1] - _PROGRESS[0])
         rate = _SAMPLED * float(np.abs(np.diff(angles, axis=0)).max()) / step_s
@@ -82,9 +89,15 @@ class WalkLimits:
             reached = self._legs.pose(self._legs.scatter(each, self._robot.default_pose)).foot
             if np.abs(reached - wanted).max() > _MISSED_M:
                 return "feet would be out of the legs' reach", rate
-        if self._margin_m is not None:
+        least = self._limits.margin_m
+        if least is not None and walk.timing.swing_s > self._limits.dynamic_swing_s:
             points = stances(walk.footing, walk.timing, walk.offsets, walk.velocity, _CLOCKS)
-            margin = min(support_margin(stance, self._centre) for stance in points)
-            if margin < self._margin_m:
-                return f"the stability margin would be {margin:.3f} m of {self._margin_m:.3f} m", rate
+            pressure = self._centre + sine_at(walk.sway.pressure, _CLOCKS)
+            margin = min(
+                support_margin(stance, (x, y))
+                for stance, (x, y) in zip(points, pressure.tolist(), strict=True)
+            )
+            if margin < least:
+                helps = "a shorter gait.period_s, a larger gait.duty or more stance.sway would help"
+                return f"the stability margin would be {margin:.3f} m of {least:.3f} m; {helps}", rate
         return "", rate
