@@ -57,9 +57,9 @@ def standing(go1: Robot) -> Trace:
 
 
 class TestSuite:
-    def test_figures_do_not_depend_on_the_number_of_workers(self) -> None:
+    def test_the_same_seed_gives_the_same_figures_with_any_number_of_workers(self) -> None:
         alone, together = (
-            run_suite(["stand"], Setup("go1", ("still", "push"), episodes=2, workers=workers), SHORT)
+            run_suite(["stand"], Setup("go1", ("push",), episodes=2, workers=workers), SHORT)
             for workers in (1, 2)
         )
         for figures in (*alone["stand"].values(), *together["stand"].values()):
@@ -151,11 +151,12 @@ def compared(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict, Path, Path
             ["stand", "trot"],
             "go1",
             ["still", "push"],
-            2,
+            1,
             0,
             None,
             results,
             html,
+            workers=1,
             console=Console(quiet=True),
         )
     return returned, results, html

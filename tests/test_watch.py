@@ -362,6 +362,7 @@ class TestSnapshots:
         folder = begun / "checkpoints"
         folder.mkdir()
         shutil.copy(checkpoint, folder / "00000003.ckpt")
+        before = sorted(begun.rglob("*"))
         assert snapshots.poll() is None
         assert snapshots.exporting == 3
         first = self.wait_for(snapshots)
@@ -369,6 +370,7 @@ class TestSnapshots:
         assert first.iteration == 3
         assert snapshots.exporting is None
         assert first.path.read_bytes() == (trained / "policy.onnx").read_bytes()
+        assert sorted(begun.rglob("*")) == before  # the run folder is left as it was
 
         (folder / "00000004.ckpt").write_bytes(checkpoint.read_bytes()[:1000])
         assert self.wait_for(snapshots) is None
@@ -435,12 +437,6 @@ class TestSnapshots:
         snapshots.chosen = NEWEST
         assert snapshots.poll() is None
         assert snapshots.exporting == 5
-
-    def test_the_run_folder_is_left_as_it_was(self, trained: Path, begun: Path, snapshots: Snapshots) -> None:
-        shutil.copytree(trained / "checkpoints", begun / "checkpoints")
-        before = sorted(begun.rglob("*"))
-        assert self.wait_for(snapshots) is not None
-        assert sorted(begun.rglob("*")) == before
 
 
 class TestPace:
