@@ -22,11 +22,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from footfall.plant.injection import flipped
+
 ORDERLY, ESTOP, KILLED = "IDLE", "ESTOP", ""
 LONGEST_S = 300.0  # a slow machine imports for a long time
 LONGEST_START_S = 30.0  # the robot is started once the controller asks for it
 MOTORS_TIME_OUT_S = 0.5  # is over by then
 SLOW_DRIFT_RAD = 0.2
+FLIPPED_SHARE = 0.2  # of the robot's frames that have a bit turned round, as if no checksum had caught it
 
 
 @dataclass(frozen=True)
@@ -38,17 +43,25 @@ class Row:
     to_robot: str = ""  # a fault of `inject`
     to_controller: int = 0  # a signal
     to_system: tuple[str, ...] = ()  # a command
+    policy: str = ""  # instead of the one of --policy
 
 
 ROWS = {
     "walk": Row(ORDERLY),
     "motor_silent": Row(ESTOP, "no reply from", to_robot="motor_silent"),
+    "bus_silent": Row(ESTOP, "no reply from FL_", to_robot="bus_silent"),
     "motor_error": Row(ESTOP, "reports", to_robot="motor_error"),
     "imu_silent": Row(ESTOP, "no new IMU reading", to_robot="imu_silent"),
+    "encoder_frozen": Row(ESTOP, "FL_thigh_joint", to_robot="encoder_frozen"),
+    "frames_corrupted": Row(ESTOP, to_robot="frames_corrupted"),
     "bus_down": Row(ESTOP, "bus can1 is down", to_system=("ip", "link", "set", "can1", "down")),
     "sigterm": Row(ORDERLY, to_controller=signal.SIGTERM),
     "sighup": Row(ORDERLY, to_controller=signal.SIGHUP),
     "sigkill": Row(KILLED, to_controller=signal.SIGKILL),
+    "policy_nan": Row(
+        ESTOP, "is not finite", to_controller=signal.SIGUSR1, policy="benchmarks.spoilt:NotANumber"
+    ),
+    "policy_hung": Row(ESTOP, "ran late", to_controller=signal.SIGUSR1, policy="benchmarks.spoilt:Hung"),
 }
 
 
@@ -56,6 +69,12 @@ def inject(fault: str, body: Any) -> None:
     """Let something go wrong with the simulated robot."""
     if fault == "motor_silent":
         body.faults.motors.silent[4] = True
+    elif fault == "bus_silent":
+        body.faults.motors.silent[3:6] = True  # go1's front left leg, alone on can1
+    elif fault == "encoder_frozen":
+        body.faults.motors.stuck[4] = True
+    elif fault == "frames_corrupted":
+        body.faults.on_wire = flipped(FLIPPED_SHARE, np.random.default_rng(0))
     elif fault == "motor_error":
         body.faults.motors.error[7] = 1
     elif fault == "imu_silent":
@@ -161,8 +180,9 @@ def run(name: str, body: Robot, options: argparse.Namespace) -> dict[str, Any]:
     result = out / f"{name}.json"
     dump = start_dump(out / f"{name}.candump") if options.bus == "socketcan" else None
     progress(f"{name}: starting the controller")
-    command = [sys.executable, "-m", "footfall", "deploy", options.policy, "--robot", options.robot]
-    command += ["--bus", options.bus, "--duration", str(options.seconds), "--json", str(result)]
+    command = [sys.executable, "-m", "footfall", "deploy", row.policy or options.policy]
+    command += ["--robot", options.robot, "--bus", options.bus]
+    command += ["--duration", str(options.seconds), "--json", str(result)]
     config = out / "loop.yaml"
     # A slow machine's robot answers milliseconds late, which makes readings look apart.
     sensors = f", sensors: {{drift_rad: {SLOW_DRIFT_RAD}}}" if options.slow else ""
