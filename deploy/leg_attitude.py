@@ -10,9 +10,10 @@ import math
 
 import numpy as np
 
-from footfall.deploy.estimation.contact import GRAVITY_M_S2, ground_force
+from footfall.deploy.estimation.contact import GRAVITY_M_S2
 from footfall.deploy.sensor_limits import SensorLimits
 from footfall.robots.description import Robot
+from footfall.robots.momentum import upward_force
 
 SPREAD = 0.25  # of the standing height: what stands on a narrower strip says nothing of the tilt across it
 
@@ -65,7 +66,7 @@ class LegAttitude:
         """Upward force of the ground on each foot of a robot at rest, N, (legs,)."""
         legs = self._legs
         outside = legs.holding_torque(position, GRAVITY_M_S2 * up) - legs.gather(torque)
-        return ground_force(legs.pose(position).jacobian, outside, up)
+        return upward_force(legs.pose(position).jacobian, outside[:, :, None], up)[:, 0]
 
     def _normal(self, position: np.ndarray, standing: np.ndarray, up: np.ndarray) -> np.ndarray | None:
         """Normal of the plane through what stands, base frame, (3,); None if it spans none."""

@@ -1,0 +1,85 @@
+"""What acts on a robot's limbs beside their motors, from joint readings: a momentum observer.
+
+De Luca et al. 2006, "Collision detection and safe reaction with the DLR-III lightweight manipulator arm".
+What changes a limb's momentum beyond its motors' torques, less what holds its weight against the base's
+proper acceleration, comes from the foot,
+
+    J' f = d(M q')/dt + weight - torque.
+
+Without the first term a leg thrown forward in its swing would look like one that stands; without the second a
+heavy leg that stands would look like one in the air, and one that falls the other way round.
+"""
+
+import numpy as np
+
+from footfall.common.linear import solve
+from footfall.robots.kinematics import Legs
+from footfall.robots.readings import Sensed
+
+_REGULAR = 1e-5 * np.eye(3)  # m^2/rad^2
+
+
+def outside_torque(legs: Legs, sensed: Sensed, own: np.ndarray) -> np.ndarray:
+    """Torque that holds each joint and does not come from itself, N m, (legs, m): weight - torque.
+
+    Args:
+        legs: whose weight counts.
+        sensed: the readings.
+        own: (n,) N m, of the motors, and of their gearboxes where these count.
+    """
+    return legs.holding_torque(sensed.joint_position, sensed.acceleration) - legs.gather(own)
+
+
+def upward_force(jacobian: np.ndarray, torque: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """Upward force at each foot, N, (legs, k), that k sets of torques stand for.
+
+    Least squares, regularised: near a singular pose a force is unknown along one direction only.
+
+    Args:
+        jacobian: (legs, 3, m) of the points of contact, base frame.
+        torque: (legs, m, k) at the joints, N m.
+        up: (3,) vertical, base frame.
+    """
+    regular = jacobian @ jacobian.transpose(0, 2, 1) + _REGULAR
+    force: np.ndarray = up @ solve(regular, jacobian @ torque)
+    return force
+
+
+class MomentumObserver:
+    """The two parts of the torque at the limbs' joints, each behind the same first-order filter.
+
+    Filter and derivative of the momentum in one: what the filter lags behind is its time constant times the
+    rate of change. Exact in steps, too, where the filter is Euler's backward one.
+
+    Args:
+        inertia: (legs, m, m) kg m^2, in joint space.
+        filter_s: time constant.
+    """
+
+    def __init__(self, inertia: np.ndarray, filter_s: float) -> None:
+        self._inertia, self._filter_s = inertia, filter_s
+
+    def reset(self, outside: np.ndarray, rates: np.ndarray) -> None:
+        """Begin with joints that nothing accelerates; arguments as of `update`."""
+        self._slow = np.stack([outside, self._momentum(rates)], axis=-1)
+
+    def update(self, outside: np.ndarray, rates: np.ndarray, dt_s: float) -> np.ndarray:
+        """Take in one set of readings, all taken together.
+
+        Args:
+            outside: (legs, m) N m, see `outside_torque`.
+            rates: (legs, m) rad/s, of the joints.
+            dt_s: time since the readings before.
+
+        Returns:
+            (legs, m, 2) N m: of what holds the limbs, and of the rate at which their momentum changes.
+        """
+        momentum = self._momentum(rates)
+        share = dt_s / (self._filter_s + dt_s)
+        self._slow += share * (np.stack([outside, momentum], axis=-1) - self._slow)
+        rate = (momentum - self._slow[:, :, 1]) / self._filter_s
+        return np.stack([self._slow[:, :, 0], rate], axis=-1)
+
+    def _momentum(self, rates: np.ndarray) -> np.ndarray:
+        """Of each limb's joints, N m s, (legs, m)."""
+        return (self._inertia @ rates[:, :, None])[:, :, 0]
