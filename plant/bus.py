@@ -1,5 +1,7 @@
 """The simulated robot as a bus: what the control loop sees in place of CAN interfaces."""
 
+from threading import Lock
+
 from footfall.deploy.bus import BusStatistics
 from footfall.deploy.frames import Frames
 from footfall.plant.robot import SimulatedRobot
@@ -7,17 +9,22 @@ from footfall.plant.wires import Side, SimulatedWires
 
 
 class SimulatedBus:
-    """The controller's end of simulated wires. Receiving simulates the robot up to then."""
+    """The controller's end of simulated wires. Receiving simulates the robot up to then.
+
+    One thread at a time: a guard (`deploy/guard.py`) speaks from its own while the loop's may be in a step.
+    """
 
     def __init__(self, wires: SimulatedWires, robot: SimulatedRobot) -> None:
-        self._wires, self._robot = wires, robot
+        self._wires, self._robot, self._turn = wires, robot, Lock()
 
     def send(self, frames: Frames, now_us: int) -> int:
-        return self._wires.send(Side.HOST, frames, now_us)
+        with self._turn:
+            return self._wires.send(Side.HOST, frames, now_us)
 
     def receive(self, now_us: int) -> list[Frames]:
-        self._robot.advance(now_us)
-        return self._wires.receive(Side.HOST, now_us)
+        with self._turn:
+            self._robot.advance(now_us)
+            return self._wires.receive(Side.HOST, now_us)
 
     def fault(self) -> str:
         return self._wires.fault()

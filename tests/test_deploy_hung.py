@@ -34,9 +34,10 @@ CONFIG = replace(
     PATIENT,
     joint_rate_hz=100.0,
     stand_s=0.3,
-    safety=replace(PATIENT.safety, silence_timeout_s=2.0, pause_limit_s=1.0, late_limit_s=0.3, damping_s=0.2),
+    safety=replace(PATIENT.safety, late_limit_s=0.3, damping_s=0.2),
 )
-LONG = Session(stand_still, 9.0, config=CONFIG)
+GUARDED = replace(CONFIG, safety=replace(CONFIG.safety, pause_limit_s=1.0))  # takes over after 1.1 s
+LONG = Session(stand_still, 9.0, config=GUARDED)
 
 
 def spin(_: JointCommand) -> JointCommand:

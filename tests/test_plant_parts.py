@@ -1,9 +1,12 @@
 """The parts of the simulated machine, each by itself: truth, motors, sensors, wires, what a trial records."""
 
+import time
 from collections import deque
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -929,6 +932,24 @@ def test_what_an_episode_asks_for_reaches_plant_and_session(
     velocity, height = seen["base"]()
     np.testing.assert_array_equal(velocity, [1.0, 2.0, 3.0])
     assert height == pytest.approx(9.0 - 1.0)
+
+
+def test_a_guards_thread_and_the_loops_take_turns() -> None:
+    """Both would step one simulation at once."""
+    inside, at_once = [0], [0]
+
+    def act(*_: object) -> list[Frames]:
+        inside[0] += 1
+        at_once.append(inside[0])
+        time.sleep(0.01)
+        inside[0] -= 1
+        return []
+
+    bus = SimulatedBus(SimpleNamespace(send=act, receive=act), SimpleNamespace(advance=act))  # type: ignore[arg-type]
+    with ThreadPoolExecutor(3) as threads:
+        for each in (bus.receive, bus.receive, partial(bus.send, None)):  # type: ignore[arg-type]
+            threads.submit(each, 0)
+    assert at_once == [0, 1, 1, 1, 1, 1]
 
 
 def test_what_the_host_sent_and_a_full_wire_refused_is_the_hosts(go1: Robot) -> None:
