@@ -116,6 +116,13 @@ def test_an_editable_install_is_one_folder_on_the_search_path(sources: Path, tmp
     assert [path.name for path in (sources / "src").iterdir() if path.suffix != ".egg-info"] == ["footfall"]
 
 
+def brief_scenario(environment: FreshEnvironment) -> tuple[str, ...]:
+    """Options of an evaluation that takes a moment."""
+    file = environment.folder / "brief.yaml"
+    file.write_text("scenarios: {brief: {about: Standing, episodes: 1, duration_s: 0.3}}")
+    return ("--scenario-file", file.name, "--scenarios", "brief", "--json", "figures.json")
+
+
 class TestBesideAUsersOwn:
     def test_the_documented_gymnasium_script(self, user: FreshEnvironment) -> None:
         page = (ROOT / "docs" / "gymnasium.md").read_text()
@@ -132,8 +139,7 @@ class TestBesideAUsersOwn:
         assert json.loads((user.folder / "walk.json").read_text())["final_state"] == "IDLE"
 
     def test_its_processes(self, user: FreshEnvironment) -> None:
-        tokens = ("--scenarios", "gentle", "--episodes", "1", "--workers", "2", "--json", "figures.json")
-        user.run(user.footfall("evaluate", "stand", *tokens))
+        user.run(user.footfall("evaluate", "stand", "--workers", "2", *brief_scenario(user)))
         assert (user.folder / "figures.json").is_file()
 
 
@@ -155,8 +161,7 @@ class TestOnARobotsComputer:
         )
 
     def test_it_evaluates(self, robots_computer: FreshEnvironment) -> None:
-        tokens = ("--scenarios", "gentle", "--episodes", "1", "--json", "figures.json")
-        robots_computer.run(robots_computer.footfall("evaluate", "mpc", *tokens))
+        robots_computer.run(robots_computer.footfall("evaluate", "mpc", *brief_scenario(robots_computer)))
         assert json.loads((robots_computer.folder / "figures.json").read_text())
 
     def test_it_says_what_training_needs(self, robots_computer: FreshEnvironment, wheel: Path) -> None:
