@@ -145,6 +145,22 @@ def test_come_to_rest_it_brings_its_feet_home_and_stays() -> None:
     assert policy.stance().tolist() == [1.0] * 4  # type: ignore[union-attr]
 
 
+def test_with_a_sway_the_weight_is_shifted_first_and_back_last() -> None:
+    """Feet go to one side together before one of them lifts off, and all come home at the end."""
+    policy = Walk(ROBOT, "walk")
+    before = walking(policy, (0.0, 0.0, 0.0), seconds=0.1)[-1]
+    after = walking(policy, (0.3, 0.0, 0.0), seconds=0.1)[-1] - before
+    np.testing.assert_allclose(after, np.tile(after[0], (4, 1)), atol=1e-9)
+    assert np.abs(after[0, 1]) > 0.008
+    np.testing.assert_allclose(after[:, [0, 2]], 0.0, atol=1e-9)
+    start = CONFIG.settle_s + 0.1
+    for k in range(round(3.0 * CONFIG.rate_hz)):
+        command = (0.3, 0.0, 0.0) if k < CONFIG.rate_hz else (0.0, 0.0, 0.0)
+        told = policy.act(seen(start + k / CONFIG.rate_hz, command))
+    np.testing.assert_allclose(feet_of(told.position), before, atol=0.0101)
+    assert not told.velocity.any()
+
+
 class TestHeading:
     """By a gain of 2 and 0.2 rad at most."""
 
@@ -177,8 +193,9 @@ def test_a_new_episode_starts_without_a_jump_in_velocity() -> None:
     assert np.abs(policy.act(seen(0.0)).velocity).max() == pytest.approx(0.0, abs=1e-9)
 
 
-def test_a_second_episode_is_the_first_to_the_bit() -> None:
-    policy = Walk(ROBOT, "trot")
+@pytest.mark.parametrize("gait", ["trot", "walk"])  # the latter sways
+def test_a_second_episode_is_the_first_to_the_bit(gait: str) -> None:
+    policy = Walk(ROBOT, gait)
     np.testing.assert_array_equal(walking(policy), walking(policy))
 
 
