@@ -21,7 +21,7 @@ LUMINANCE = (
 def page(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Tab]:
     """A report of two policies, one of them with a long name."""
     folder = tmp_path_factory.mktemp("report")
-    long = "runs/a_long_name_without_any_space"
+    long = "/home/someone/runs/2026-11-23_go1_no-height-scan_and-more-than-90-letters_seed-7/policy.onnx"
     text = page_of(
         go1,
         result("mine", "runs/mine", 0.1, 0, 2.0, walked()),

@@ -8,6 +8,7 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 
 from footfall.evaluate.plan import EpisodePlan
+from footfall.evaluate.report.short_names import titled
 from footfall.evaluate.report.svg import INK, Panel, Plot, Reading, colour, line
 from footfall.plant.trace import Trace
 from footfall.robots.actuator import limit_torque
@@ -101,10 +102,10 @@ def _gait_panel(walk: Walk, robot: Robot, window_s: tuple[float, float]) -> Mark
         ax.set(xlabel="time, s", xlim=window_s, ylim=(len(feet) - 0.5, -0.5))
         ax.grid(visible=False, axis="y")
         if not len(time_s):
-            ax.set_title(f"{policy}: fallen by then")
+            ax.set_title(titled(policy, "fallen by then"))
             return panel.svg(f"{policy} had fallen by then")
         duty, rate_hz = contact.mean(), _touchdown_rate_hz(contact, trace.record_rate_hz)
-        ax.set_title(f"{policy}: duty {duty:.2f}, {rate_hz:.1f} strides/s")
+        ax.set_title(titled(policy, f"duty {duty:.2f}, {rate_hz:.1f} strides/s"))
         readings = [
             Reading(
                 float(time), None, f"{time:.2f} s: " + (_named(feet, down) or "no foot") + " on the ground"
@@ -162,7 +163,7 @@ def _torque_panel(identity: str, walk: Walk, kind: str, robot: Robot, joints: li
             limits[sign] = limit_torque(np.full_like(grid, sign * np.inf), grid, motor)
             ax.plot(grid, limits[sign], color=INK, lw=1.0)
         edge = 1.08 * float(limits[1].max())
-        ax.set(xlabel="speed, rad/s", ylabel="torque, N m", title=f"{policy}: {kind}", ylim=(-edge, edge))
+        ax.set(xlabel="speed, rad/s", ylabel="torque, N m", title=titled(policy, kind), ylim=(-edge, edge))
         step = grid[1] - grid[0]
         readings = []
         for at, up, down in zip(grid, limits[1], limits[-1], strict=True):
@@ -206,7 +207,7 @@ def _timing_panel(walk: Walk, bins: np.ndarray) -> Markup:
             ax.axvline(time_ms, color=INK, lw=1.0, dashes=dashes)
         _plain_log_ticks(ax)
         ax.set(xlabel="time per step, ms", ylabel="% of steps")
-        ax.set_title(f"{policy}: p50 {p50:.2f}, p99 {p99:.2f} of {period_ms:g} ms")
+        ax.set_title(titled(policy, f"p50 {p50:.2f}, p99 {p99:.2f} of {period_ms:g} ms"))
         middles = np.sqrt(bins[:-1] * bins[1:])
         readings = [
             Reading(float(at), None, f"{low:.3g} to {high:.3g} ms: {share:.1f} % of steps")

@@ -1,7 +1,7 @@
 """One HTML page, complete in itself, that holds a comparison: verdict, tables, films, plots, method."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -15,6 +15,7 @@ from footfall.evaluate.provenance import machine
 from footfall.evaluate.report import course_plots, scenario_plots, svg, tables
 from footfall.evaluate.report.films import Film
 from footfall.evaluate.report.learning_curves import learning_curves
+from footfall.evaluate.report.short_names import short_names
 from footfall.evaluate.suite import COURSE
 from footfall.evaluate.verdict import verdict
 
@@ -35,8 +36,13 @@ def render(comparison: Comparison, films: Mapping[str, TaskResult[Film]]) -> str
         comparison: what was found.
         films: of each policy on the test course, by name.
     """
+    whole_names = [policy.name for policy in comparison.policies]
+    names = short_names(whole_names)
+    comparison = replace(
+        comparison, policies=[replace(policy, name=names[policy.name]) for policy in comparison.policies]
+    )
+    films = {names[name]: film for name, film in films.items()}
     setup, file = comparison.setup, comparison.file
-    names = [policy.name for policy in comparison.policies]
     environment = Environment(
         loader=PackageLoader("footfall.evaluate.report"),
         autoescape=True,
@@ -47,8 +53,9 @@ def render(comparison: Comparison, films: Mapping[str, TaskResult[Film]]) -> str
     environment.globals |= {"columns": columns, "swatch": swatch}
     return environment.get_template("page.html").render(
         comparison=comparison,
+        whole_names=whole_names,
         setup=setup,
-        title=f"{' · '.join(names)} on {comparison.robot.name}",
+        title=f"{' · '.join(names.values())} on {comparison.robot.name}",
         verdict=verdict({name: comparison.summaries(name) for name in setup.scenarios}),
         headlines=tables.headline_table(comparison),
         falls=tables.falls_table(comparison),

@@ -8,6 +8,7 @@ import numpy as np
 from markupsafe import Markup
 
 from footfall.evaluate.figures import Summary, figures, interval_text, text
+from footfall.evaluate.report.short_names import titled
 from footfall.evaluate.report.svg import INK, PAPER, Panel, Plot, Reading, colour, line, marker
 from footfall.evaluate.statistics import Survival
 
@@ -58,7 +59,7 @@ def _survival_panel(place: int, policy: str, summary: Summary, strongest: float)
         ax.set(
             xlabel="push, m/s", ylabel="share that stayed up", xlim=(0, strongest * 1.04), ylim=(-0.04, 1.04)
         )
-        ax.set_title(f"{policy}: {text(half, summary)} m/s")
+        ax.set_title(titled(policy, f"{text(half, summary)} m/s"))
         readings = [
             Reading(
                 at,
