@@ -68,6 +68,7 @@ def main(tokens: Sequence[str] | None = None) -> int:
     and keeps its traceback.
     """
     arguments = list(sys.argv[1:] if tokens is None else tokens)
+    _open_what_is_closed()
     _print_any_name()
     if "" in arguments:
         return _complain(f"an empty argument: give a value, or leave it out {_where_to_look(arguments)}")
@@ -111,6 +112,13 @@ def _interrupted_by_sigterm() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+def _open_what_is_closed() -> None:
+    """Print to nowhere where an output was closed before the start (`>&-`), which Python tells by None."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
 
 
 def _print_any_name() -> None:
