@@ -96,7 +96,7 @@ def test_compare_nests_the_same_under_each_name_and_takes_a_controller_at_severa
         assert set(result["compute_ms"]) == {"p50", "p99"}
     text = page.read_text()
     assert "with kp=45.0, kd=2.5" in text
-    assert "Settings of stand@mine.yaml@kd=2.5" in text
+    assert "Settings of stand@mine.y…kd=2.5@settle_s=0.4" in text  # as short as its column
     assert "https://" not in text.split("</head>")[0]  # self-contained
 
 
