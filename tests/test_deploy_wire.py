@@ -13,7 +13,7 @@ from footfall.deploy.loop import ControlLoop
 from footfall.plant.bus import SimulatedBus
 from footfall.plant.episode import run_episode
 from footfall.plant.robot import SimulatedRobot
-from footfall.plant.wire_faults import WireFaults
+from footfall.plant.wire_faults import FaultyWires, WireFaults
 from footfall.plant.wires import Side, SimulatedWires
 from footfall.robots.description import Robot
 
@@ -309,6 +309,18 @@ class TestFaults:
         assert beyond > 0
         assert beyond % (135 + 23) == pytest.approx(0.0)
         assert wires.fault() == "" or "passive" in wires.fault()
+
+    def test_errors_count_for_eight_and_each_frame_that_gets_through_takes_one_off(self) -> None:
+        """ISO 11898-1; what is destroyed one time in ten never makes a controller passive."""
+        wires = FaultyWires(WireFaults(destroyed=0.1, seed=1), 2)
+        counted = 0
+        for again in wires.repetitions(np.ones(400, np.intp), from_host=True).tolist():
+            counted = max(counted + 8 * again - 1, 0)
+        assert wires.transmit_errors.tolist() == [0, counted]
+        assert counted <= 127
+        assert wires.fault(("a", "b")) == ""
+        wires.repetitions(np.zeros(400, np.intp), from_host=False)  # a motor's errors are its own
+        assert wires.transmit_errors.tolist() == [0, counted]
 
     def test_too_many_errors_end_in_bus_off(self) -> None:
         wires = SimulatedWires(("a", "b"), host_queue=1000, faults=WireFaults(destroyed=0.8))

@@ -414,6 +414,20 @@ def test_every_number_of_a_start_moves_its_own_part() -> None:
 
 
 class TestActuation:
+    @pytest.mark.parametrize(
+        ("steps", "new"), [(0.0, [1, 1, 1, 1]), (1.0, [0, 1, 1, 1]), (2.25, [0, 0, 0.75, 1])]
+    )
+    def test_a_goal_reaches_the_motors_when_its_delay_is_over(self, steps: float, new: list[float]) -> None:
+        """In physics steps; of the step within which it arrives the goal has the rest."""
+        default = jnp.asarray(ROBOT.default_pose, jnp.float32)
+        goals = jnp.stack(
+            [default + 1e-3, default, default]
+        )  # so near that the target's rate does not matter
+        delay_s = jnp.float32(steps * CONFIG.timestep_s)
+        targets = np.asarray(Actuation(ROBOT, CONFIG).targets(goals, default, {"action_delay_s": delay_s}))
+        expected = ROBOT.default_pose + 1e-3 * np.array(new)[:, None]
+        np.testing.assert_allclose(targets, expected, atol=2e-6)
+
     def test_each_joint_has_its_own_limits_rate_and_gains(self) -> None:
         actuation = Actuation(ROBOT, CONFIG)
         lower, upper = ROBOT.soft_limits
