@@ -147,12 +147,13 @@ def test_a_scale_lowers_gains_and_torque_and_leaves_damping_whole(go1: Robot) ->
     driver = open_driver(simulation.wiring)
     full, half = (JointLayer(go1, driver, 0, 1.0, scale) for scale in (1.0, 0.5))
     wanted = np.zeros((5, 12))
-    wanted[0], wanted[2] = 1.0, 1.0
+    wanted[0], wanted[2], wanted[4] = 1.0, 1.0, 2.0
     for layer in (full, half):
         layer.command(wanted)
     np.testing.assert_allclose(half.sent[2], 0.5 * full.sent[2])
+    np.testing.assert_allclose(half.sent[4], 0.5 * full.sent[4])  # what a gait feeds forward, too
     wanted = wanted.copy()
-    wanted[0], wanted[2] = go1.soft_limits[1], 400.0
+    wanted[0], wanted[2], wanted[4] = go1.soft_limits[1], 400.0, 0.0
     half.command(wanted)
     torque = half.sent[2] * half.sent[0]
     assert (np.abs(torque) <= 0.5 * go1.motor.peak_torque + 1e-9).all()

@@ -1,5 +1,6 @@
 """Damiao motors: their frames by the maker's tables, what they are asked at the start, robots that mix."""
 
+import struct
 from dataclasses import replace
 
 import numpy as np
@@ -262,6 +263,22 @@ class TestRobots:
         driver = open_driver(wiring)
         assert driver.error_name(5, 0) == "encoder error"
         assert driver.error_name(5, 2) == "sensor error"
+
+    def test_what_motors_of_a_mixed_robot_say_of_their_ranges_counts(self, go1: Robot) -> None:
+        """The knees say 20 N m of themselves; the table has 54 for a DM8009."""
+        wiring = wire(with_motors(go1, knee="DM8009"))
+        driver, end = open_driver(wiring), open_motor_end(wiring)
+        before = driver.highest.copy()
+        while driver.unready():
+            answer = end.tell(driver.ask())
+            assert answer is not None
+            answer.data[answer.data[:, 3] == damiao.TORQUE_MAX, 4:] = list(struct.pack("<f", 20.0))
+            driver.replies(answer)
+        knees = np.arange(12) % 3 == 2
+        assert (before[4, knees] == 54.0).all()
+        assert (driver.highest[4, knees] == 20.0).all()
+        assert (driver.lowest[4, knees] == -20.0).all()
+        np.testing.assert_array_equal(driver.highest[:, ~knees], before[:, ~knees])
 
     def test_each_motor_of_a_mixed_robot_gets_and_gives_its_own(self, go1: Robot) -> None:
         wiring = wire(with_motors(go1, knee="DM8009"))

@@ -11,7 +11,7 @@ from foreign_robots import BIPED_MJCF, quadruped
 from footfall.cli import main
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers.mit import RANGES
-from footfall.plant.lying import Lying, find_lying_pose, lying_test
+from footfall.plant.lying import Lying, _effort, find_lying_pose, lying_test
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.importer.create import ImportRequest, import_robot
 
@@ -91,3 +91,18 @@ def test_check_says_of_a_robot_without_a_pose_that_it_cannot_lie(
     robot = imported(tmp_path, quadruped(), "urdf", lambda _: None)
     main(["robot", "check", str(robot.folder), "--duration", "0.2"])
     assert "no lying pose (lying_rad in robot.yaml)" in capsys.readouterr().out
+
+
+def test_a_pose_is_as_hard_as_it_is_for_its_weakest_motor(go1: Robot) -> None:
+    """With both front knees a hundredth as strong, it is no harder than with one of them."""
+    pose = go1.lying_pose
+    assert pose is not None
+
+    def weak(*joints: int) -> Robot:
+        strength = np.ones(12)
+        strength[list(joints)] = 0.01
+        return replace(go1, motor=go1.motor._replace(peak_torque=strength * go1.motor.peak_torque))
+
+    one, both = _effort(weak(2), pose), _effort(weak(2, 5), pose)
+    assert one > 5 * _effort(go1, pose)
+    assert both == pytest.approx(one, rel=0.2)
