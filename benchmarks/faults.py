@@ -6,10 +6,12 @@
 faults.json holds one small change each (a sign, an axis, a unit, one step, a missing clip, a forgotten
 reset), with what goes wrong for whom. They were written at commit 2a70726 by somebody who had not read
 the tests; what the code has changed since does not apply any more and does not count. Each is put,
-alone, into a copy of the repository. The test files that name the changed module run first, then the
-others of its room, until a test fails which passes on an unchanged copy (those of --failing, one a line,
-are known not to). One JSON object a fault is appended to --out as it ends; what stands there already is not
-run again.
+alone, into a copy of the repository, and a few test files run on it at a time: of all faults those that
+name the changed module first, then, for faults that nothing has noticed, the others of its room, until a
+test fails which passes on an unchanged copy (those of --failing, one a line, are known not to). One JSON
+object for each such run is appended to --out as it ends; what stands there already is not run again.
+A fault is noticed if a test fails, not noticed if all of its room have passed, open if some were not run
+or ran out of time.
 """
 
 import argparse
@@ -24,18 +26,30 @@ import sys
 import tempfile
 import threading
 import time
-from collections import Counter
+from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).parents[1]
 LEFT_OUT = shutil.ignore_patterns(".*", "__pycache__", "build", "dist", "*.egg-info")
+FILES_AT_ONCE = 6
 SLOW = re.compile(r"jax|subprocess|shell|realtime")  # what takes seconds to start comes last
 FAILED = re.compile(r"^(?:FAILED|ERROR) (tests/.*?)(?: - |$)", re.MULTILINE)
 OF_THE_COMMAND = r"footfall\.(?:verbs|cli|options|evaluation|gym|live_state)\b|from footfall import|\bshell\b"
 
 
-def files_for(fault: dict[str, str], texts: dict[str, str]) -> list[list[str]]:
+@dataclass(frozen=True)
+class Job:
+    """Some test files to run on a copy that has one fault."""
+
+    fault: dict[str, str]
+    files: tuple[str, ...]
+    stage: int  # 0: tests that name the module, quick ones; 1: its slow ones; 2, 3: the room's others
+
+
+def jobs_for(fault: dict[str, str], texts: dict[str, str]) -> list[Job]:
     """Test files that name the fault's module, and the others of its room, the quick ones of each first."""
     path = Path(fault["file"])
     parts = path.with_suffix("").parts
@@ -47,11 +61,16 @@ def files_for(fault: dict[str, str], texts: dict[str, str]) -> list[list[str]]:
     room = OF_THE_COMMAND if fault["room"] == "footfall" else rf"\bfootfall\.{fault['room']}\b"
     direct = [each for each, text in texts.items() if re.search(names, text)]
     others = [each for each, text in texts.items() if re.search(room, text) and each not in direct]
-    batches = []
-    for files in (direct, others):
-        batches.append([each for each in files if not SLOW.search(texts[each])])
-        batches.append([each for each in files if SLOW.search(texts[each])])
-    return [batch for batch in batches if batch]
+    stages = [
+        [f"tests/{each}" for each in files if bool(SLOW.search(texts[each])) == slow]
+        for files in (direct, others)
+        for slow in (False, True)
+    ]
+    return [
+        Job(fault, tuple(files[first : first + FILES_AT_ONCE]), stage)
+        for stage, files in enumerate(stages)
+        for first in range(0, len(files), FILES_AT_ONCE)
+    ]
 
 
 class Tests:
@@ -68,7 +87,10 @@ class Tests:
         self._clean = dict.fromkeys(failing, False)
 
     def first_failure(self, copy: Path, targets: list[str]) -> str | None:
-        """The first test that fails, or that the time ends in; None if all pass."""
+        """The first test that fails; None if all pass.
+
+        Raises subprocess.TimeoutExpired if they take too long, RuntimeError if pytest itself fails.
+        """
         paths = os.pathsep.join([str(copy), *filter(None, [os.environ.get("PYTHONPATH")])])
         command = [self._python, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist"]
         process = subprocess.Popen(
@@ -82,8 +104,6 @@ class Tests:
         )
         try:
             output, _ = process.communicate(timeout=self._timeout_s)
-        except subprocess.TimeoutExpired:
-            return None  # too slow here to tell
         finally:
             with suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)  # and whatever its tests left running
@@ -100,7 +120,7 @@ class Tests:
             self._clean[test] = self.first_failure(clean, [test]) is None
         return self._clean[test]
 
-    def without_failing(self, files: list[str]) -> list[str]:
+    def without_failing(self, files: Sequence[str]) -> list[str]:
         """Arguments for pytest: the files but for the tests that fail on an unchanged copy, too."""
         failing = {test for test, passed in list(self._clean.items()) if not passed}
         importable = [file for file in files if file not in failing]
@@ -108,27 +128,54 @@ class Tests:
         return importable + deselected if importable else []
 
 
-def notice(fault: dict[str, str], copy: Path, clean: Path, tests: Tests) -> dict[str, object]:
-    """Put one fault into a copy, run the tests, take it out again."""
-    began, file = time.monotonic(), copy / fault["file"]
-    right = file.read_text()
-    result: dict[str, object] = {"id": fault["id"], "room": fault["room"], "noticed": None, "by": None}
-    if right.count(fault["old"]) != 1:
-        return result
-    texts = {path.name: path.read_text() for path in sorted((copy / "tests").glob("test_*.py"))}
+def run(job: Job, copy: Path, clean: Path, tests: Tests) -> dict[str, object]:
+    """Put a job's fault into a copy, run the job's tests, take the fault out again."""
+    began, file = time.monotonic(), copy / job.fault["file"]
+    right, by, timed_out = file.read_text(), None, False
     try:
-        file.write_text(right.replace(fault["old"], fault["new"]))
-        for batch in files_for(fault, texts):
-            files = [f"tests/{name}" for name in batch]
-            while targets := tests.without_failing(files):
-                by = tests.first_failure(copy, targets)
-                if by is None:
-                    break
-                if tests.passes(clean, by):
-                    return result | {"noticed": True, "by": by, "seconds": round(time.monotonic() - began)}
+        file.write_text(right.replace(job.fault["old"], job.fault["new"]))
+        while targets := tests.without_failing(job.files):
+            by = tests.first_failure(copy, targets)
+            if by is None or tests.passes(clean, by):
+                break
+            by = None
+    except subprocess.TimeoutExpired:
+        timed_out = True
     finally:
         file.write_text(right)
-    return result | {"noticed": False, "seconds": round(time.monotonic() - began)}
+    seconds = round(time.monotonic() - began)
+    return {
+        "id": job.fault["id"],
+        "files": job.files,
+        "by": by,
+        "timed_out": timed_out,
+        "seconds": seconds,
+    }
+
+
+def print_score(faults: list[dict[str, str]], jobs: list[Job], results: list[dict[str, Any]]) -> None:
+    """For each room how many faults are noticed, not noticed, open; then what the latter two are."""
+    noticed = {result["id"] for result in results if result["by"]}
+    passed = {
+        (result["id"], file)
+        for result in results
+        if not result["by"] and not result["timed_out"]
+        for file in result["files"]
+    }
+    unfinished = {
+        job.fault["id"] for job in jobs if any((job.fault["id"], file) not in passed for file in job.files)
+    }
+    for room in sorted({fault["room"] for fault in faults}):
+        ids = {fault["id"] for fault in faults if fault["room"] == room}
+        missed = ids - noticed - unfinished
+        print(
+            f"{room:12} {len(ids & noticed):3} of {len(ids)} noticed, {len(missed)} not, "
+            f"{len(ids) - len(ids & noticed) - len(missed)} open"
+        )
+    for fault in faults:
+        if fault["id"] not in noticed:
+            word = "open" if fault["id"] in unfinished else "not noticed"
+            print(f"{fault['id']} {word}: {fault['file']}: {fault['why']}")
 
 
 def main() -> None:
@@ -139,7 +186,7 @@ def main() -> None:
     parser.add_argument("--rooms", default="", help="A,B (default: all)")
     parser.add_argument("--python", default=sys.executable, help="which has pytest and footfall's libraries")
     parser.add_argument("--out", type=Path, default=Path("faults.jsonl"))
-    parser.add_argument("--timeout", type=float, default=300.0, help="seconds of one pytest")
+    parser.add_argument("--timeout", type=float, default=600.0, help="seconds of one pytest")
     parser.add_argument("--failing", type=Path, help="file of tests that fail on an unchanged copy, too")
     parser.add_argument(
         "--time-limit", type=float, default=float("inf"), help="seconds until no fault begins"
@@ -147,12 +194,22 @@ def main() -> None:
     options = parser.parse_args()
     faults = json.loads((ROOT / "benchmarks" / "faults.json").read_text())
     rooms = options.rooms.split(",") if options.rooms else sorted({fault["room"] for fault in faults})
-    done = [json.loads(line) for line in options.out.read_text().splitlines()] if options.out.exists() else []
-    known = {result["id"] for result in done}
-    waiting: queue.SimpleQueue[dict[str, str]] = queue.SimpleQueue()
-    for fault in sorted(faults, key=lambda fault: fault["id"].rsplit("-")[-1]):  # in turn over the rooms
-        if fault["room"] in rooms and fault["id"] not in known:
-            waiting.put(fault)
+    faults = [
+        fault
+        for fault in faults
+        if fault["room"] in rooms and (ROOT / fault["file"]).read_text().count(fault["old"]) == 1
+    ]
+    results = (
+        [json.loads(line) for line in options.out.read_text().splitlines()] if options.out.exists() else []
+    )
+    known = {(result["id"], tuple(result["files"])) for result in results if not result["timed_out"]}
+    noticed = {result["id"] for result in results if result["by"]}
+    texts = {path.name: path.read_text() for path in sorted((ROOT / "tests").glob("test_*.py"))}
+    jobs = [job for fault in faults for job in jobs_for(fault, texts)]
+    waiting: queue.SimpleQueue[Job] = queue.SimpleQueue()
+    for job in sorted(jobs, key=lambda job: (job.stage, job.fault["id"].rsplit("-")[-1])):
+        if (job.fault["id"], job.files) not in known:
+            waiting.put(job)
     began, writing = time.monotonic(), threading.Lock()
     with tempfile.TemporaryDirectory() as folder:
         scratch = Path(folder)
@@ -166,17 +223,21 @@ def main() -> None:
         def work(copy: Path) -> None:
             while time.monotonic() - began < options.time_limit:
                 try:
-                    fault = waiting.get_nowait()
+                    job = waiting.get_nowait()
                 except queue.Empty:
                     return
+                if job.fault["id"] in noticed:
+                    continue
                 try:
-                    result = notice(fault, copy, copies[0], tests)
+                    result = run(job, copy, copies[0], tests)
                 except RuntimeError as error:  # not kept: it is tried again next time
-                    print(f"{fault['id']}: {error}", flush=True)
+                    print(f"{job.fault['id']}: {error}", flush=True)
                     continue
                 with writing, options.out.open("a") as out:
                     out.write(json.dumps(result) + "\n")
-                    done.append(result)
+                    results.append(result)
+                    if result["by"]:
+                        noticed.add(job.fault["id"])
                     print(json.dumps(result), flush=True)
 
         threads = [threading.Thread(target=work, args=(copy,)) for copy in copies[1:]]
@@ -184,14 +245,7 @@ def main() -> None:
             thread.start()
         for thread in threads:
             thread.join()
-    applied = [result for result in done if result["noticed"] is not None]
-    noticed = Counter(result["room"] for result in applied if result["noticed"])
-    for room, number in sorted(Counter(result["room"] for result in applied).items()):
-        print(f"{room:12} {noticed[room]:3} of {number}")
-    by_id = {fault["id"]: fault for fault in faults}
-    for result in applied:
-        if not result["noticed"]:
-            print(f"{result['id']} {by_id[result['id']]['file']}: {by_id[result['id']]['why']}")
+    print_score(faults, jobs, results)
 
 
 if __name__ == "__main__":
