@@ -226,8 +226,8 @@ def run_healthy(task: tuple[str, str, bool, int]) -> dict[str, Any]:
 
 
 def _beyond_falls(config: DeployConfig) -> DeployConfig:
-    """The same limits, but for those by which a robot notices that it falls: it lies on the ground then."""
-    sensors = replace(config.safety.sensors, sunk=1.0)
+    """The same limits, but for those that a falling robot goes beyond: it lies on the ground then."""
+    sensors = replace(config.safety.sensors, sunk=1.0, rotation_rad=math.pi, lean_error=2.0, lift_error=2.0)
     return replace(config, safety=replace(config.safety, tilt_limit_rad=math.pi / 2, sensors=sensors))
 
 

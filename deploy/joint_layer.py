@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from footfall.deploy.drivers import imu
-from footfall.deploy.drivers.driver import Driver
+from footfall.deploy.drivers.driver import Driver, damping_alone
 from footfall.deploy.drivers.imu import ImuReader, Inertial
 from footfall.deploy.frames import Frames, same_layout
 from footfall.policies.policy import Sensed
@@ -128,21 +128,27 @@ class JointLayer:
             self._sayable = self._sayable.copy()
             self._sayable[0] = self._target
             self._arrived = not np.count_nonzero(self._target != self._goal)
-        return self._frames(self._sayable, self._weaker)
+        return self._send(self._clamped(self._sayable, self._weaker))
 
     def damping(self, kd: float) -> Frames:
         """Frames that only damp the joints, kd in N m s/rad, within the motors' limits."""
-        values = np.zeros((5, len(self._target)))
-        values[3] = kd
         self._target, self._arrived = self._joints[0].copy(), False
-        return self._frames(self._within_frames(values), self._robot.motor)
+        return self._send(self._damping(kd))
+
+    def possible_damping(self, kd: float) -> np.ndarray:
+        """What of a damping kd, N m s/rad, asks no motor for more than its limit at its speed, (n,)."""
+        return self._damping(kd)[3]
+
+    def _damping(self, kd: float) -> np.ndarray:
+        values = damping_alone(np.full(len(self._target), kd))
+        return self._clamped(self._within_frames(values), self._robot.motor)
 
     def _within_frames(self, values: np.ndarray) -> np.ndarray:
         """A command (5, n) without what a frame cannot say, since what a motor is asked for depends on it."""
         return within(values, self._driver.lowest, self._driver.highest)
 
-    def _frames(self, values: np.ndarray, motor: Motor) -> Frames:
-        """Frames of a command (5, n) that asks no motor for more than it may do."""
+    def _clamped(self, values: np.ndarray, motor: Motor) -> np.ndarray:
+        """A command (5, n) that asks no motor for more than it may do, with all its gains lowered alike."""
         position, velocity = self._joints[0], self._joints[1]
         asked = pd_torque(JointCommand.of(values), position, velocity)
         possible = limit_torque(asked, velocity, motor)
@@ -154,6 +160,10 @@ class JointLayer:
             pushes = (share < 1.0) & (asked * (values[:2] - self._joints[:2]) > 0.0)
             values[2:4] -= pushes * self._driver.gain_rounding
             np.maximum(values[2:4], self._driver.lowest[2:4], out=values[2:4])
+        return values
+
+    def _send(self, values: np.ndarray) -> Frames:
+        """Frames of a command (5, n)."""
         self._sent_before = self.sent
         self.stiffness, self.sent = values[2], values
         return self._driver.command(values)

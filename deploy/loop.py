@@ -113,7 +113,8 @@ class ControlLoop:
         safety = config.safety
         self._checks = SensorChecks(robot, wiring, safety.sensors, config.tick_us * 1e-6)
         self._first_rest = FirstRest(safety.still_s, safety.sensors, self._places)
-        self._last_resort = cycle(driver.damping(safety.damping_kd))  # needs no reading to be right
+        self._last_resort = cycle(driver.damping(np.full(len(self._places), safety.damping_kd)))
+        self._speeds_counted = False  # whether it keeps to what motors can do at their speeds
         self._tick_us = config.tick_us
         self._silence_us = safety.silence_timeout_s * 1e6
         self._period_us = 1e6 / policy.rate_hz
@@ -249,7 +250,7 @@ class ControlLoop:
             self._log_odometry(now_us)
 
     def fail(self, error: BaseException) -> None:
-        """What is left after an exception: damping frames that were made beforehand, then motors off.
+        """What is left after an exception: damping frames that need no reading, then motors off.
 
         Nothing is raised here, whatever the bus or the log raise.
         """
@@ -264,7 +265,7 @@ class ControlLoop:
                 Mode.ESTOP, now_s, (*state.faults, f"the control loop failed: {_where(error)}")
             )
         with suppress(BaseException):
-            frames = self._driver.disable() if self.state.over else next(self._last_resort)
+            frames = self._driver.disable() if self.state.over else self._damping_by_itself()
             self._bus.send(frames, self.now_us)
         if self.log is not None and self.state is not before:
             with suppress(BaseException):
@@ -279,9 +280,21 @@ class ControlLoop:
         if self.log is not None:
             self.log.state(self.now_us, self.state)
 
+    def _damping_by_itself(self) -> Frames:
+        """Frames that damp without a reading, less where motors cannot brake so much at the speeds read last.
+
+        Should those be what fails, the frames are those made beforehand.
+        """
+        if not self._speeds_counted:
+            self._speeds_counted = True
+            with suppress(BaseException):
+                kd = self._joints.possible_damping(self._config.safety.damping_kd)
+                self._last_resort = cycle(self._driver.damping(kd))
+        return next(self._last_resort)
+
     def damp(self) -> None:
         """Send damping frames, whatever happened before."""
-        self._bus.send(next(self._last_resort), self.now_us)
+        self._bus.send(self._damping_by_itself(), self.now_us)
 
     def shut_down(self) -> None:
         """Switch the motors off, whatever happened before: again and again, until each has answered.

@@ -2,6 +2,7 @@
 
 from typing import NoReturn
 
+import numpy as np
 import pytest
 from deploy_policies import Hold, Spoilt, stand_still
 from test_deploy_hung import Simulation, asked_of_motors
@@ -9,6 +10,8 @@ from test_deploy_hung import Simulation, asked_of_motors
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.session import Session, run_session
+from footfall.deploy.wiring import wire
+from footfall.plant.motor_ends.mit import MitMotorEnd
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
@@ -78,3 +81,26 @@ def test_again_and_again_while_it_damps(go1: Robot) -> None:
     assert (damped, off) == ("damped", "off")
     assert DAMPED_TICKS <= ticks <= DAMPED_TICKS + 1
     assert not simulation.body.motors_on.any()
+
+
+def test_joints_that_move_fast_are_damped_no_harder_than_their_motors_can(go1: Robot) -> None:
+    """23.7 N m brake a hip at 12 rad/s with 1.975 N m s/rad at most, where the robot's damping is 3."""
+    simulation, hurried = Simulation(go1), 0
+    speed: list[np.ndarray] = []
+
+    def end(loop: ControlLoop) -> None:
+        nonlocal hurried
+        if loop.walking:
+            simulation.body.data.qvel[6] = 12.0
+            hurried += 1
+        if hurried == 3:
+            speed.append(loop.sensed.joint_velocity)
+            simulation.sent.clear()
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_session(go1, Hold(go1), simulation.bus, SESSION, end)
+    assert speed[0][0] > 9.0
+    kd = MitMotorEnd(wire(go1)).requests(simulation.sent[0]).values[3]
+    assert kd[0] == pytest.approx(23.7 / speed[0][0], abs=0.003)
+    np.testing.assert_allclose(kd[3:], 3.0, atol=0.002)

@@ -116,7 +116,7 @@ class TestFrames:
 
     def test_damping_is_velocity_control_at_rest(self, driver: OdriveDriver) -> None:
         """Behind a gear of 8 3 N m s/rad are 3 * 2 pi / 64 = 0.29452 N m/(turn/s), 0x3e96cbe4."""
-        rest, gain, mode = driver.damping(3.0)
+        rest, gain, mode = driver.damping(np.full(2, 3.0))
         assert hexed(rest)[1] == (0x06D, "00 00 00 00 00 00 00 00")
         assert hexed(gain)[1] == (0x07B, "e4 cb 96 3e 00 00 00 00")
         assert hexed(mode)[1] == (0x06B, "02 00 00 00 01 00 00 00")
@@ -362,7 +362,7 @@ class TestMotorEnd:
     def test_it_damps_by_itself_once_it_was_told_how(self, driver: OdriveDriver) -> None:
         end = OdriveMotorEnd(TWO)
         end.requests(driver.ask())
-        rest, gain, mode = driver.damping(3.0)
+        rest, gain, mode = driver.damping(np.full(2, 3.0))
         np.testing.assert_array_equal(end.requests(rest).values, np.zeros((5, 2)))  # the torque is gone
         assert end.requests(gain).values.shape == end.requests(mode).values.shape == (5, 0)
         np.testing.assert_allclose(end.requests(rest).values, [[0] * 2, [0] * 2, [0] * 2, [3] * 2, [0] * 2])

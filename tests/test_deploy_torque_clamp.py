@@ -117,6 +117,26 @@ def test_nor_does_damping(wiring: Wiring, kd: float, share: np.ndarray) -> None:
 
 
 @settings(max_examples=60, deadline=None)
+@given(wiring=wirings, kd=st.floats(0.0, 1e6), share=readings)
+def test_nor_does_damping_without_readings(wiring: Wiring, kd: float, share: np.ndarray) -> None:
+    """Frames made of the speeds read last, which motors hear over and over."""
+    ends = Ends(wiring, share, ROBOT.default_pose)
+    for frames in 2 * ends.driver.damping(ends.layer.possible_damping(kd)):
+        heard = ends.heard(frames)
+        if np.isfinite(heard.kd).all():
+            assert ends.excess(frames).max() <= 0.0
+
+
+def test_damping_is_lowered_no_more_than_it_has_to_be() -> None:
+    """go1's hips and thighs brake with 23.7 N m, its calves with 35.55: 2.37 and 3.0 at 10 rad/s."""
+    speed = np.zeros((3, N))
+    speed[1] = 10.0 / 50.0  # of what a frame can say
+    np.testing.assert_allclose(
+        Ends(WIRING, speed, ROBOT.default_pose).layer.possible_damping(3.0), 4 * [2.37, 2.37, 3.0], rtol=2e-3
+    )
+
+
+@settings(max_examples=60, deadline=None)
 @given(decision=decisions, share=readings)
 def test_what_every_motor_can_do_is_sent_as_it_was_decided(decision: np.ndarray, share: np.ndarray) -> None:
     """Bit for bit what the driver makes of the decision, at joints that ask for no more than a share."""

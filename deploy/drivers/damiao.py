@@ -173,8 +173,8 @@ class DamiaoDriver:
     def command(self, values: np.ndarray) -> Frames:
         return self._outgoing._replace(data=self._codec.encode(values))
 
-    def damping(self, kd: float) -> tuple[Frames, ...]:
-        return (self.command(damping_alone(kd, len(self._outgoing.id))),)
+    def damping(self, kd: np.ndarray) -> tuple[Frames, ...]:
+        return (self.command(damping_alone(kd)),)
 
     def replies(self, frames: Frames) -> Replies:
         about_registers = _about_registers(frames.data)

@@ -26,9 +26,9 @@ class Replies(NamedTuple):
     time_us: np.ndarray | None  # (k,) when each frame arrived; None where nobody knows
 
 
-def damping_alone(kd: float, n: int) -> np.ndarray:
-    """A command (5, n) that damps, kd in N m s/rad, and does nothing else."""
-    values = np.zeros((5, n))
+def damping_alone(kd: np.ndarray) -> np.ndarray:
+    """A command (5, n) that damps, kd (n,) in N m s/rad, and does nothing else."""
+    values = np.zeros((5, len(kd)))
     values[3] = kd
     return values
 
@@ -88,11 +88,11 @@ class Driver(Protocol):
         """
         ...
 
-    def damping(self, kd: float) -> tuple[Frames, ...]:
+    def damping(self, kd: np.ndarray) -> tuple[Frames, ...]:
         """Frames that have motors damp joints whatever was read: batches to be sent in turn, over and over.
 
         Args:
-            kd: of all joints, N m s/rad.
+            kd: of each joint, N m s/rad, (n,).
         """
         ...
 

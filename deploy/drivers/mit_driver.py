@@ -95,8 +95,8 @@ class MitDriver:
         channel, identifier, _, length, _ = self._outgoing
         return Frames(channel, identifier, self._codec.encode(values), length)
 
-    def damping(self, kd: float) -> tuple[Frames, ...]:
-        return (self.command(damping_alone(kd, len(self._everyone))),)
+    def damping(self, kd: np.ndarray) -> tuple[Frames, ...]:
+        return (self.command(damping_alone(kd)),)
 
     def replies(self, frames: Frames) -> Replies:
         if same_layout(frames, self._usual) and frames.data[:, 0].tobytes() == self._ids:

@@ -73,8 +73,8 @@ class MixedDriver:
         data = np.concatenate([frames.data for frames in batches])
         return self._outgoing._replace(id=identifier, data=data)  # the same channels and lengths each time
 
-    def damping(self, kd: float) -> tuple[Frames, ...]:
-        batches = [driver.damping(kd) for driver, _ in self._parts]
+    def damping(self, kd: np.ndarray) -> tuple[Frames, ...]:
+        batches = [driver.damping(kd[joints]) for driver, joints in self._parts]
         turns = math.lcm(*map(len, batches))
         return tuple(joined([each[turn % len(each)] for each in batches]) for turn in range(turns))
 

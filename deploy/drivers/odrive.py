@@ -229,7 +229,7 @@ class OdriveDriver:
         data[:, :4] = (torque / self._gear).astype(_FLOATS).view(np.uint8).reshape(-1, 4)
         return self._torque._replace(data=data)
 
-    def damping(self, kd: float) -> tuple[Frames, ...]:
+    def damping(self, kd: np.ndarray) -> tuple[Frames, ...]:
         """No velocity, in velocity control: an axis closes that law itself, without a reading of the host's.
 
         The first of them takes away the torque that it was told last. `ask` and `enable` lead back.

@@ -204,8 +204,8 @@ class RobstrideDriver:
         codes = self._codec.codes(values, [0, 1, 2, 3, 4])
         return self._outgoing._replace(id=self._control | codes[4] << 8, data=payload(codes[:4]))
 
-    def damping(self, kd: float) -> tuple[Frames, ...]:
-        return (self.command(damping_alone(kd, len(self._control))),)
+    def damping(self, kd: np.ndarray) -> tuple[Frames, ...]:
+        return (self.command(damping_alone(kd)),)
 
     def replies(self, frames: Frames) -> Replies:
         kind, sender = frames.id >> 24 & 0x1F, frames.id >> 8 & 0xFF
