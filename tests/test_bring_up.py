@@ -1,5 +1,6 @@
 """The ladder from holding a pose to walking: what each step measures, and which step finds which fault."""
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,12 +12,13 @@ from shell import Shell
 from footfall.common.config import load
 from footfall.deploy.bring_up.config import BringUpConfig, BringUpLimits
 from footfall.deploy.bring_up.criteria import Case, Window, calm, carry, cool, follow, level, modest, sway
-from footfall.deploy.bring_up.ladder import STEPS, Setting, Verdict, climb
+from footfall.deploy.bring_up.ladder import STEPS, Setting, Step, Verdict, climb
 from footfall.deploy.bring_up.motions import SlewedIn, one_after_the_other, swaying
 from footfall.deploy.bring_up.recording import Samples
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.joint_layer import JointLayer
+from footfall.deploy.session import Outcome
 from footfall.deploy.wiring import wire
 from footfall.plant.bus import SimulatedBus
 from footfall.plant.fault_kinds import KINDS
@@ -25,6 +27,7 @@ from footfall.plant.robot import PlantConfig, SimulatedRobot
 from footfall.plant.wires import SimulatedWires
 from footfall.policies.policy import Observation, Sensed
 from footfall.robots.description import Robot
+from footfall.verbs import bring_up
 
 CONFIG = BringUpConfig(hold_s=0.5, move_s=0.5, slew_s=0.3, walk_s=0.5)
 LOOP = DeployConfig(joint_rate_hz=250.0, stand_s=0.3, pose_rate_rad_s=3.0, scale=0.5)
@@ -262,6 +265,67 @@ class TestCommand:
         done = shell("bring-up", "stand", "--steps", "hold", "--limits", str(tmp_path / "quick.yaml"))
         assert done.status == 0
         assert done.out == "hold: the joints hold the pose in which they are found: passed\n"
+
+    @pytest.fixture
+    def climbed(self, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+        """Steps that were climbed, of which `stand` alone fails."""
+        climbed: list[str] = []
+
+        def climb(step: Step, setting: Setting, bus: str) -> Verdict:
+            climbed.append(step.name)
+            findings = ("the robot is tilted", "a foot hangs") if step.name == "stand" else ()
+            ended = Outcome("IDLE", (), 1.0, 2.5, 3.0, np.zeros(1), {}, (), (f"a note of {step.name}",))
+            return Verdict(step.name, findings, ended)
+
+        monkeypatch.setattr(bring_up, "_climbed", climb)
+        return climbed
+
+    @pytest.mark.parametrize("typed", ["walk,hold,legs", "legs,hold,walk", "hold,walk,hold,legs"])
+    def test_steps_come_in_the_ladders_order_however_they_are_typed(
+        self, shell: Shell, climbed: list[str], typed: str
+    ) -> None:
+        """Nothing walks before what was asked for besides has passed."""
+        assert shell("bring-up", "stand", "--steps", typed).status == 0
+        assert climbed == ["hold", "legs", "walk"]
+
+    def test_the_first_step_that_fails_is_the_last(
+        self, shell: Shell, climbed: list[str], tmp_path: Path
+    ) -> None:
+        done = shell("bring-up", "stand", "--scale", "0.25", "--json", str(tmp_path / "out.json"))
+        assert (done.status, climbed) == (1, ["hold", "joints", "legs", "stand"])
+        assert done.out.splitlines()[-3:] == [
+            "stand: the robot stands: failed", "  the robot is tilted", "  a foot hangs",
+        ]  # fmt: skip
+        written = json.loads((tmp_path / "out.json").read_text())
+        assert (written["robot"], written["bus"], written["scale"]) == ("go1", "sim", 0.25)
+        assert [(step["step"], step["passed"]) for step in written["steps"]] == [
+            ("hold", True), ("joints", True), ("legs", True), ("stand", False),
+        ]  # fmt: skip
+        assert written["steps"][-1] == {
+            "step": "stand", "passed": False, "findings": ["the robot is tilted", "a foot hangs"],
+            "final_state": "IDLE", "run_s": 2.5, "notes": ["a note of stand"],
+        }  # fmt: skip
+
+    def test_two_feet_leave_out_what_takes_three(self, shell: Shell, climbed: list[str]) -> None:
+        done = shell("bring-up", "stand", "--robot", "g1", "--steps", "shift,walk")
+        assert (done.status, climbed) == (0, ["walk"])
+        assert done.out.splitlines()[0] == "shift: left out, since it takes 3 feet"
+
+    def test_somebody_agrees_to_each_step_before_it_moves(
+        self, shell: Shell, climbed: list[str], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        asked: list[str] = []
+        answers = iter(["y", "Yes", ""])
+        monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+        monkeypatch.setattr("builtins.input", lambda question: asked.append(question) or next(answers))
+        refused = shell("bring-up", "stand", "--bus", "virtual", "--steps", "hold,legs,walk")
+        assert (refused.status, refused.err) == (2, "footfall: not confirmed\n")
+        assert climbed == ["hold", "legs"]
+        assert [question.partition(". ")[2] for question in asked] == [
+            "The robot hangs in a frame, its feet in the air? [y/N] ",
+            "The robot hangs in a frame, its feet in the air? [y/N] ",
+            "The robot lies or stands on the ground, nobody within its reach? [y/N] ",
+        ]
 
     @pytest.mark.parametrize(
         ("options", "says"),
