@@ -15,9 +15,11 @@ from shell import Shell
 from footfall.common import machine
 from footfall.deploy import bench, scan
 from footfall.deploy.drivers import odrive, robstride
+from footfall.deploy.wiring import wire
 from footfall.plant import serve
 from footfall.plant.motors import MotorFaults
 from footfall.plant.robot import SimulatedRobot
+from footfall.robots.description import Robot
 
 
 @pytest.fixture
@@ -257,6 +259,21 @@ def test_what_a_scan_finds_is_held_against_robot_yaml(
         ["3", "not", "in", "robot.yaml", "found"],
         ["9", "FL_calf_joint", "missing"],
     ]
+
+
+@pytest.mark.parametrize(("extra", "status"), [(set(), 0), ({scan.Found(2, 99, scan.MIT)}, 1)])
+def test_a_motor_that_robot_yaml_does_not_know_makes_a_scan_fail(
+    shell: Shell, go1: Robot, monkeypatch: pytest.MonkeyPatch, extra: set[scan.Found], status: int
+) -> None:
+    wiring = wire(go1)
+    known = {
+        scan.Found(int(channel), int(motor), scan.MAKERS[model])
+        for channel, motor, model in zip(wiring.channel, wiring.motor_id, wiring.models, strict=True)
+    }
+    monkeypatch.setattr(scan, "scan", lambda bus, buses: known | extra)
+    outcome = shell("can", "scan", "--bus", "virtual")
+    assert outcome.status == status
+    assert ("not in robot.yaml" in outcome.out) is bool(extra)
 
 
 class TestDoctor:

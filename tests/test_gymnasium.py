@@ -5,6 +5,7 @@ import subprocess
 import sys
 import warnings
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -236,6 +237,15 @@ class TestMany:
     def test_pictures_are_made_if_asked_for(self) -> None:
         env = footfall.gym.make_vector("go1", num_envs=2, preset="smoke", render_mode="rgb_array")
         assert env.render_mode == "rgb_array"
+
+    def test_one_and_many_learn_what_the_robots_own_files_say(self, own_folder: Path) -> None:
+        (own_folder / "training.yaml").write_text("env: {episode_s: 7.0}")
+        for made in (
+            footfall.gym.make_single(own_folder, "smoke"),
+            footfall.gym.make_vector(own_folder, 1, "smoke"),
+        ):
+            assert made.env.config.episode_s == 7.0
+            assert made.env.config.physics == "c"
 
     def test_no_environment_is_refused(self) -> None:
         with pytest.raises(UserError, match="num_envs must be at least 1"):
