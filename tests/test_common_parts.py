@@ -22,6 +22,7 @@ from footfall.common.errors import CannotWriteError, UserError
 from footfall.common.files import write_atomically
 from footfall.common.outputs import check_outputs, is_device, write_json, write_text
 from footfall.common.private_files import NotPrivateError, read_private, write_private
+from footfall.common.sources import read_sources
 
 
 @pytest.fixture
@@ -435,6 +436,21 @@ class TestPrivateFiles:
             read_private(tmp_path / "link" / "file")
         with pytest.raises(NotPrivateError, match="link is a symbolic link"):
             write_private(tmp_path / "link" / "file", b"")
+
+
+def test_sources_are_all_files_of_their_kinds_at_any_depth_of_their_packages(tmp_path: Path) -> None:
+    files = ("b/two.py", "a/one.py", "a/deep/er/three.py", "a/own.yaml", "a/notes.md", "c/four.py", "five.py")
+    for file in files:
+        (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / file).write_text(f"of {file}")
+
+    def read(*kinds: str) -> list[tuple[str, str]]:
+        found = read_sources(tmp_path, ("b", "a"), *((kinds,) if kinds else ()))
+        return [(str(path), content.decode()) for path, content in found]
+
+    python = [(file, f"of {file}") for file in ("a/deep/er/three.py", "a/one.py", "b/two.py")]
+    assert read() == python
+    assert read("*.py", "*.yaml", "*.*ml") == sorted([*python, ("a/own.yaml", "of a/own.yaml")])
 
 
 def test_versions_of_python_and_of_each_package() -> None:

@@ -86,6 +86,7 @@ def test_the_short_name_where_it_is_this_environments_pip(
     for name in ("mine", "other"):
         (tmp_path / name).mkdir()
         (tmp_path / name / "pip").touch(mode=0o755)
+    (tmp_path / "mine" / "python").symlink_to(tmp_path / "other" / "python3")  # as environments have it
     monkeypatch.setattr(sys, "executable", str(tmp_path / "mine" / "python"))
     monkeypatch.setenv("PATH", str(tmp_path / "mine"))
     assert install("jax[cuda12]") == "pip install 'jax[cuda12]'"

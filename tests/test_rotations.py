@@ -124,6 +124,7 @@ def test_tilt_heading_and_their_batches_are_scipys(library) -> None:
     np.testing.assert_allclose(rotations.tilt(batch), expected, atol=atol)
     expected = np.arctan2(forward[:, 1], forward[:, 0]).reshape(2, 3)
     np.testing.assert_allclose(rotations.heading(batch), expected, atol=atol)
+    np.testing.assert_allclose([rotations.yaw_of(q) for q in QUATERNIONS.tolist()], expected.ravel())
     for quaternion, up in zip(QUATERNIONS, upright, strict=True):
         assert float(rotations.tilt(library.asarray(quaternion))) == pytest.approx(np.arccos(up), abs=atol)
 
