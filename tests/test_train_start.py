@@ -4,6 +4,7 @@ import gc
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -122,7 +123,24 @@ def test_a_run_reads_ahead_what_it_then_asks_for(tmp_path: Path) -> None:
     folder = api.begin(api.TrainRequest(preset="gpu-quick", out=tmp_path / "run"))
     asked, opened = (made_from(robot, c) for c in (load_preset("gpu-quick"), open_run(folder).config))
     assert fingerprint(asked) == fingerprint(opened)
-    assert fingerprint(asked) != fingerprint(made_from(robot, load_preset("gpu")))
+
+
+def test_what_a_training_is_told_of_world_and_learning_tells_its_programs_apart() -> None:
+    """And nothing else does: how often a run is saved is no part of what is compiled."""
+    go1, plain = load_robot("go1"), load_preset("smoke")
+    env = plain.env
+    others = {
+        "plain": plain,
+        "rewards": replace(plain, env=replace(env, rewards=env.rewards | {"torque": -1.0})),
+        "commands": replace(plain, env=replace(env, commands=replace(env.commands, standing_command=0.2))),
+        "physics": replace(plain, env=replace(env, substeps=env.substeps + 1)),
+        "learning": replace(plain, ppo=replace(plain.ppo, learning_rate=2 * plain.ppo.learning_rate)),
+    }
+    made = [fingerprint(made_from(go1, config)) for config in others.values()]
+    made.append(fingerprint(made_from(load_robot("hexapod"), plain)))
+    assert len(set(made)) == len(made), dict(zip([*others, "robot"], made, strict=True))
+    saved = replace(plain, checkpoint_interval_s=plain.checkpoint_interval_s + 1.0)
+    assert fingerprint(made_from(go1, saved)) == made[0]
 
 
 def test_what_is_kept_is_not_traced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
