@@ -30,10 +30,12 @@ class FirstRest:
     def look(self, now_us: int, inertial: Inertial, velocity: np.ndarray) -> None:
         """Take in a tick's readings; `velocity` is that of the joints, rad/s, (n,)."""
         self._speed = np.abs(np.concatenate((inertial.gyro, velocity)))
-        if self._since_us is None or not (self._speed < self._limits.resting_rad_s).all():
+        still = bool((self._speed < self._limits.resting_rad_s).all())
+        if self._since_us is None or not still:
             self._since_us, self._sum, self._count = now_us, np.zeros(3), 0
-        self._sum = self._sum + rotation_matrix(np.array(inertial.quaternion)) @ inertial.acceleration
-        self._count += 1
+        if still:  # a jolt, as of being set down, would outweigh many readings at rest
+            self._sum = self._sum + rotation_matrix(np.array(inertial.quaternion)) @ inertial.acceleration
+            self._count += 1
 
     def awaited(self, now_us: int) -> str:
         """What is waited for of a robot that is heard; empty if it has kept still for long enough."""

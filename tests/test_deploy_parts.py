@@ -23,6 +23,7 @@ from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers import imu
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.drivers.mit_driver import MitDriver
+from footfall.deploy.first_rest import FirstRest
 from footfall.deploy.frames import EXTENDED, Frames, frame_bits, joined
 from footfall.deploy.interface_time import Pacing
 from footfall.deploy.joint_layer import JointLayer
@@ -45,6 +46,7 @@ from footfall.robots.description import Robot
 TICK_US = 2000
 RNG = np.random.default_rng(6)
 ROWS = np.arange(12)
+Vector = tuple[float, float, float]
 
 
 class FrameRobot:
@@ -625,6 +627,59 @@ class TestLoop:
         else:
             with pytest.raises(UserError, match="the policy cannot be faster"):
                 loop_of(go1, policy)
+
+
+class TestFirstRest:
+    """A level robot that shall keep still for 0.05 s, by readings at 500 Hz."""
+
+    TURNING = (0.0, 1.0, 0.0)  # rad/s
+    STILL = (0.0, 0.0, 0.0)
+    GRAVITY = (0.0, 0.0, 9.81)
+
+    def looked(self, before: list[tuple[Vector, Vector]], at_rest: Vector) -> tuple[FirstRest, int]:
+        """At the first tick at which nothing is waited for any more, and when that is.
+
+        `before` are gyro and acceleration of ticks up to the last motion; from then on it rests.
+        """
+        rest = FirstRest(0.05, SensorLimits(), ["hip"])
+        for tick, (gyro, acceleration) in enumerate([*before, *[(self.STILL, at_rest)] * 100]):
+            now_us = tick * TICK_US
+            rest.look(now_us, imu.Inertial(gyro, acceleration, (1.0, 0.0, 0.0, 0.0)), np.zeros(1))
+            if not rest.awaited(now_us):
+                return rest, now_us
+        pytest.fail("it waits for ever")
+
+    @pytest.mark.parametrize(
+        "before",
+        [
+            [(TURNING, (0.0, 0.0, 150.0))],
+            [(STILL, (0.0, 0.0, 0.0))] * 20 + [(TURNING, GRAVITY)],
+        ],
+        ids=["it is set down hard", "it was let fall"],
+    )
+    def test_what_was_felt_up_to_the_last_motion_is_not_held_against_it(
+        self, before: list[tuple[Vector, Vector]]
+    ) -> None:
+        rest, ready_us = self.looked(before, self.GRAVITY)
+        assert ready_us == (len(before) - 1) * TICK_US + 50_000
+        assert rest.contradiction() is None
+
+    def test_nor_does_it_hide_what_is_felt_at_rest(self) -> None:
+        """A fifth too much."""
+        before = [(self.STILL, self.GRAVITY)] * 20 + [(self.TURNING, self.GRAVITY)]
+        rest, _ = self.looked(before, (0.0, 0.0, 1.2 * 9.81))
+        found = rest.contradiction()
+        assert found is not None
+        assert found.fault.endswith("gravity by 20%")
+
+    def test_gravity_is_looked_for_where_the_quaternion_has_it(self) -> None:
+        """Rolled by 0.5 rad to its right: gravity's opposite is 9.81 (0, sin 0.5, cos 0.5) in the body."""
+        felt = (0.0, 9.81 * math.sin(0.5), 9.81 * math.cos(0.5))
+        for side in (1.0, -1.0):
+            rest = FirstRest(0.05, SensorLimits(), ["hip"])
+            rolled = (math.cos(0.25), side * math.sin(0.25), 0.0, 0.0)
+            rest.look(0, imu.Inertial(self.STILL, felt, rolled), np.zeros(1))
+            assert (rest.contradiction() is None) == (side > 0)
 
 
 class TestJointLayer:
