@@ -100,6 +100,7 @@ class SimulatedWires:
         self._host_queue = host_queue
         self._free_at = [0.0] * len(names)  # when each wire falls idle
         self._all_free_at = 0.0
+        self._repeated_us = np.zeros(len(names))  # that errors, and what was sent again for them, have taken
         self._last_waiting = [0.0] * len(names)  # the greatest in order of precedence since a wire was idle
         self._flying: tuple[deque[_Batch], ...] = (deque(), deque())
         self._plans: dict[tuple[bytes, ...], _Plan] = {}
@@ -185,7 +186,9 @@ class SimulatedWires:
         for wire in range(len(self.names)):
             on = frames.channel == wire
             arrival[on] += np.cumsum(extra[on])
-            self._free_at[wire] += float(extra[on].sum())
+            repeated_us = float(extra[on].sum())
+            self._free_at[wire] += repeated_us
+            self._repeated_us[wire] += repeated_us
         batch.set_arrival(arrival)
         self._all_free_at = max(self._free_at)
 
@@ -227,8 +230,8 @@ class SimulatedWires:
 
     def busy_us(self) -> np.ndarray:
         """How long each wire has been, or will be, occupied by what was sent, (channels,)."""
-        none = np.zeros(len(self.names))
-        return sum((np.array(plan.occupied) * sum(plan.sent) for plan in self._plans.values()), none)
+        plans = self._plans.values()
+        return sum((np.array(plan.occupied) * sum(plan.sent) for plan in plans), self._repeated_us.copy())
 
     def receive(self, side: Side, now_us: float) -> list[Frames]:
         """Frames for `side`, sent by the other one, that have arrived by now; oldest batch first."""

@@ -310,6 +310,17 @@ class TestFaults:
         assert beyond % (135 + 23) == pytest.approx(0.0)
         assert wires.fault() == "" or "passive" in wires.fault()
 
+    def test_who_is_behind_a_frame_that_is_sent_again_waits_for_it(self) -> None:
+        """Of three frames of 135 bits on a bus the first is destroyed once, the third twice; 23 bits each."""
+        wires = SimulatedWires(("a", "b"), faults=WireFaults(destroyed=0.4))
+        assert wires._faulty is not None
+        tries = SimpleNamespace(geometric=lambda *_: np.array([2, 1, 1, 3]))
+        wires._faulty._random = tries  # type: ignore[assignment]
+        wires.send(Side.ROBOT, frames(0, 0, 1, 0), 0)
+        arrived = [numbers(wires.receive(Side.HOST, now)) for now in (134, 135, 292, 293, 427, 428, 878, 879)]
+        assert arrived == [[], [2], [], [0], [], [1], [], [3]]
+        assert wires.busy_us().tolist() == [879, 135]
+
     def test_errors_count_for_eight_and_each_frame_that_gets_through_takes_one_off(self) -> None:
         """ISO 11898-1; what is destroyed one time in ten never makes a controller passive."""
         wires = FaultyWires(WireFaults(destroyed=0.1, seed=1), 2)
