@@ -88,10 +88,20 @@ class TestCriteria:
         unknown = samples(temperature_c=np.full((101, 12), np.nan))
         assert list(cool(case_of(go1, unknown))) == []
 
-    def test_the_base_is_level(self, go1: Robot) -> None:
-        leaning = np.tile([-np.sin(0.2), 0.0, np.cos(0.2)], (101, 1))
-        says = list(level(case_of(go1, samples(up=leaning))))
-        assert says == ["the base's pitch is +0.20 rad: a joint's zero is wrong, or the IMU is askew"]
+    @pytest.mark.parametrize(
+        ("up", "says"),
+        [
+            ((-np.sin(0.2), 0.0), "pitch is +0.20"),  # front down: what is up points to its back
+            ((np.sin(0.2), 0.0), "pitch is -0.20"),
+            ((0.0, np.sin(0.2)), "roll is +0.20"),  # right side down: to its left
+            ((0.0, -np.sin(0.2)), "roll is -0.20"),
+        ],
+    )
+    def test_the_base_is_level(self, go1: Robot, up: tuple[float, float], says: str) -> None:
+        leaning = np.tile([*up, np.cos(0.2)], (101, 1))
+        found = list(level(case_of(go1, samples(up=leaning))))
+        assert found == [f"the base's {says} rad: a joint's zero is wrong, or the IMU is askew"]
+        assert list(level(case_of(go1, samples()))) == []
 
     def test_torques_that_hold_the_weight_carry_it(self, go1: Robot) -> None:
         """An even share of 12.743 kg on each leg, by -J^T f; then of half of it; then on three legs."""

@@ -8,6 +8,7 @@ import pytest
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.walk import Walk
 from footfall.policies.controllers.walk.config import HeadingConfig, WalkConfig
+from footfall.policies.controllers.walk.limits import Pace
 from footfall.policies.policy import Observation, Sensed
 from footfall.robots.description import load_robot
 
@@ -178,6 +179,20 @@ class TestHeading:
     def test_what_it_is_commanded_to_turn_moves_the_heading(self, policy: Walk) -> None:
         policy._turn_back(seen(yaw=1.0), 0.03)
         assert policy._turn_back(seen(yaw=1.0), 0.0) == pytest.approx(0.06)
+
+    @pytest.mark.parametrize("tempo", [1.0, 0.5])
+    def test_it_turns_at_the_gaits_own_pace(self, monkeypatch: pytest.MonkeyPatch, tempo: float) -> None:
+        """A gait that is slowed to half takes twice as long for its steps, and for what they turn."""
+        policy = Walk(ROBOT, "trot", replace(CONFIG, heading=HeadingConfig(2.0, 0.2)))
+        monkeypatch.setattr(policy._limits, "pace", lambda _: Pace(tempo=tempo))
+        policy.reset(seen())
+        headings = []
+        for k in range(90):
+            policy.act(seen(CONFIG.settle_s + k / CONFIG.rate_hz, (0.0, 0.0, 0.5)))
+            assert policy._yaw is not None
+            headings.append(policy._yaw)
+        assert policy._command.value[2] == 0.5  # it has come up to speed
+        assert headings[-1] - headings[-2] == pytest.approx(tempo * 0.5 / CONFIG.rate_hz)
 
     def test_a_robot_that_stands_keeps_to_none(self, policy: Walk) -> None:
         for k in range(2 * PERIOD):

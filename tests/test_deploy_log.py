@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 from deploy_policies import Hold, Spoilt, Sway, not_a_number, short_episode
 from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
 from mcap_ros2.decoder import DecoderFactory
 from mutate import mutated, mutated_records
 
@@ -487,6 +488,24 @@ class TestDamage:
         assert len(read_log(logged[0]).entries) * 0.5 < len(log.entries) < len(read_log(logged[0]).entries)
         assert recover(hurt, whole) == (len(log.entries), 1)
         assert read_log(whole).damaged == 0
+
+    def test_what_is_left_of_a_log_whose_first_chunk_is_lost_keeps_its_types(self, tmp_path: Path) -> None:
+        """Its second schema and channel are the copy's first ones."""
+        hurt, whole = tmp_path / "hurt.mcap", tmp_path / "whole.mcap"
+        with hurt.open("wb") as file:
+            writer = Writer(file, compression=CompressionType.NONE)
+            writer.start("ros2", "footfall")
+            for topic, kind in (("/a", "std_msgs/msg/Empty"), ("/b", "std_msgs/msg/String")):
+                schema = writer.register_schema(kind, "ros2msg", b"string data" if topic == "/b" else b"")
+                channel = writer.register_channel(topic, "cdr", schema)
+                writer.add_message(channel, 1, messages.text(f"of {topic}"), 1)
+                writer.flush()  # a chunk of its own
+            writer.finish()
+        content = hurt.read_bytes()
+        hurt.write_bytes(content.replace(b"of /a", b"of /c", 1))
+        assert recover(hurt, whole) == (1, 1)
+        (left,) = decoded(whole)
+        assert (left.topic, left.kind, left.message.data) == ("/b", "std_msgs/msg/String", "of /b")
 
     @pytest.mark.parametrize("seed", range(8))
     @pytest.mark.parametrize("mutation", [mutated, mutated_records])

@@ -375,6 +375,26 @@ class TestMotorEnd:
                 count[message] += 1
         assert count == dict(zip(odrive_messages(), [200, 200, 4, 4, 4], strict=True))
 
+    @pytest.mark.parametrize(
+        ("error", "bits"), [(0, 0), (1, 1), (10, 0x200), (odrive.WATCHDOG, 0x01000000), (32, 0x80000000)]
+    )
+    def test_an_error_is_the_bit_that_the_manual_has_for_it(
+        self, driver: OdriveDriver, error: int, bits: int
+    ) -> None:
+        """0x200 is under-voltage, 0x01000000 a watchdog that expired; and it is the hip's alone."""
+        end, errors = OdriveMotorEnd(TWO), np.array([error, 0])
+        said = [
+            end.broadcast(now, BOTH, np.zeros((3, 2)), 41, errors, BOTH) for now in range(0, 100_000, 1000)
+        ]
+        all_of_it = joined([each for each in said if each is not None])
+        beats = all_of_it.take(all_of_it.id & 0x1F == odrive.HEARTBEAT)
+        told = dict(
+            zip(beats.channel.tolist(), beats.data[:, :4].copy().view("<u4")[:, 0].tolist(), strict=True)
+        )
+        assert told == {0: bits, 1: 0}
+        driver.replies(beats)
+        assert driver.replies(pair(0x069, 0.0, 0.0)).error.tolist() == [error]
+
     def test_a_silent_axis_sends_nothing(self) -> None:
         end = OdriveMotorEnd(TWO)
         heard = [

@@ -1,6 +1,7 @@
 """The parts of the base estimator, each against figures worked out by hand or by another library."""
 
 import math
+from itertools import product
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from footfall.deploy.estimation.config import ContactConfig, FilterConfig, OdometryConfig
 from footfall.deploy.estimation.contact import ContactEstimator
@@ -95,14 +97,13 @@ class TestFilter:
         np.testing.assert_allclose(matrix(motion), (np.eye(3) - gain @ measures) @ covariance, rtol=1e-7)
 
     def test_the_bias_is_the_bodys(self) -> None:
-        """Rolled by a quarter turn, an error along the world's z is one along the body's y."""
-        motion = coupled()
-        motion._bias, motion.vb = [0.0, 0.0, 0.0], 1e-4
-        x, y, z = motion.velocity
-        seen = [x, y, z + 0.2]
-        motion.correct([seen], [1.0], about("x", np.pi / 2).tolist(), 0.002)
-        assert abs(motion._bias[1]) > 1e-3
-        np.testing.assert_allclose([motion._bias[0], motion._bias[2]], 0.0, atol=1e-12)
+        """It takes what the legs say in the body's axes, however the robot is turned: R' e, by scipy."""
+        for seed, turn in enumerate(Rotation.random(4, random_state=1)):
+            motion, error = coupled(seed=seed), np.array([0.1, -0.2, 0.3])
+            bias, seen = np.array(motion._bias), np.array(motion.velocity) + error
+            share = motion.vb / (motion.vv + TRUSTING.leg_velocity_noise**2)
+            motion.correct([seen.tolist()], [1.0], turn.as_matrix().tolist(), 0.002)
+            np.testing.assert_allclose(motion._bias, bias + share * turn.inv().apply(error), rtol=1e-9)
 
     @settings(max_examples=100, deadline=None)
     @given(st.integers(0, 10**6))
@@ -320,22 +321,23 @@ class TestContactPoints:
         np.testing.assert_allclose(arms, [[0.1, 0.0, -0.03]], atol=1e-6)
 
     def test_what_a_foot_touches_with(self) -> None:
-        """A ball, both ends of a lying capsule, the corners of a turned box."""
+        """A ball, both ends of a tilted capsule, the corners of a turned box: on its own axes, by scipy."""
         model = mujoco.MjModel.from_xml_string(
             """<mujoco><worldbody><body><freejoint/>
             <geom type="sphere" size="0.02" pos="0.1 0 0" mass="1"/>
-            <geom type="capsule" size="0.01" fromto="0 -0.05 0.2 0 0.05 0.2"/>
-            <geom type="box" size="0.03 0.02 0.01" euler="0 0 90"/>
+            <geom type="capsule" size="0.01" fromto="-0.01 -0.05 0.18 0.03 0.05 0.22"/>
+            <geom type="box" size="0.03 0.02 0.01" euler="20 0 50"/>
             </body></worldbody></mujoco>"""
         )
         tip = np.array([0.1, 0.0, 0.0])
         ball, ends, corners = (foot_balls(model, np.array([geom]), tip) for geom in range(3))
         np.testing.assert_allclose(ball.place, [[0.0, 0.0, 0.0]])
         assert ball.radius.tolist() == [0.02]
-        np.testing.assert_allclose(sorted(ends.place.tolist()), [[-0.1, -0.05, 0.2], [-0.1, 0.05, 0.2]])
+        np.testing.assert_allclose(sorted(ends.place.tolist()), [[-0.11, -0.05, 0.18], [-0.07, 0.05, 0.22]])
         assert ends.radius.tolist() == [0.01, 0.01]
-        assert corners.place.shape == (8, 3)
-        np.testing.assert_allclose(np.abs(corners.place + tip), [[0.02, 0.03, 0.01]] * 8, atol=1e-12)
+        turn = Rotation.from_euler("XYZ", [20, 0, 50], degrees=True)
+        edges = turn.apply(list(product((-0.03, 0.03), (-0.02, 0.02), (-0.01, 0.01)))) - tip
+        np.testing.assert_allclose(sorted(corners.place.tolist()), sorted(edges.tolist()), atol=1e-12)
         assert not corners.radius.any()
         together = foot_balls(model, np.arange(3), tip)
         assert together.radius.tolist() == [0.02, 0.01, 0.01, *[0.0] * 8]

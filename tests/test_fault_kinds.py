@@ -6,12 +6,15 @@ from typing import Any
 import fault_table
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from footfall.deploy.drivers.choice import open_driver
+from footfall.deploy.drivers.imu import Inertial
 from footfall.deploy.wiring import wire
 from footfall.plant.audit import Audit
 from footfall.plant.episode import Push
 from footfall.plant.fault_kinds import IMPLAUSIBLE_S, KINDS
+from footfall.plant.injection import mounted
 from footfall.robots.description import Robot, available_robots
 
 
@@ -203,9 +206,12 @@ class TestAudit:
         self.look(go1, audit, off, 1.0)
         assert audit.outside_rad == pytest.approx(0.25, abs=1e-3)
 
-    def test_a_target_that_jumps_is_told_over_the_robots_rate(self, go1: Robot, audit: Audit) -> None:
+    @pytest.mark.parametrize("jump_rad", [0.06, -0.06])
+    def test_a_target_that_jumps_is_told_over_the_robots_rate(
+        self, go1: Robot, audit: Audit, jump_rad: float
+    ) -> None:
         self.look(go1, audit, go1.default_pose, 1.0)
-        self.look(go1, audit, go1.default_pose + 0.06, 1.0)
+        self.look(go1, audit, go1.default_pose + jump_rad, 1.0)
         rate = go1.description.target_rate_rad_s
         assert audit.rate_share == pytest.approx(0.06 / 0.002 / rate, rel=0.02)
 
@@ -213,6 +219,35 @@ class TestAudit:
         self.look(go1, audit, go1.default_pose + 9.0, 0.0)
         assert not audit.stiff
         assert audit.outside_rad == 0.0
+
+
+class TestLooseImu:
+    """What an IMU reads that turns about an axis of the body's."""
+
+    SPIN, ANGLE, RATE, DT_S = np.array([0.4, -0.3, 0.7]), 0.5, 0.2, 1e-6
+
+    def read(self, time_s: float, axis: int) -> Inertial:
+        """At a time, on a body that spins evenly, where the acceleration is 9.81 m/s^2 up and 2 ahead."""
+        body = Rotation.from_euler("ZYX", [1.0, -0.4, 0.2]) * Rotation.from_rotvec(self.SPIN * time_s)
+        felt = body.inv().apply([2.0, 0.0, 9.81])
+        there = Inertial(self.SPIN.tolist(), felt.tolist(), body.as_quat(scalar_first=True).tolist())
+        return mounted(there, axis, self.ANGLE + self.RATE * time_s, self.RATE)
+
+    def turn(self, reading: Inertial) -> Rotation:
+        return Rotation.from_quat(reading.quaternion, scalar_first=True)
+
+    @pytest.mark.parametrize("axis", [0, 1, 2])
+    def test_all_its_parts_agree(self, axis: int) -> None:
+        """Its gyro says how its orientation changes; gravity by its orientation is where it was."""
+        now, then = (self.read(time_s, axis) for time_s in (0.3, 0.3 + self.DT_S))
+        changed = (self.turn(now).inv() * self.turn(then)).as_rotvec() / self.DT_S
+        np.testing.assert_allclose(now.gyro, changed, atol=1e-6)
+        np.testing.assert_allclose(self.turn(now).apply(now.acceleration), [2.0, 0.0, 9.81], atol=1e-9)
+
+    def test_it_leans_by_its_angle_in_the_body(self) -> None:
+        straight, leaning = (mounted(Inertial([0] * 3, [0] * 3, [1, 0, 0, 0]), 1, a) for a in (0.0, 0.5))
+        np.testing.assert_allclose(self.turn(straight).as_rotvec(), [0.0, 0.0, 0.0], atol=1e-12)
+        np.testing.assert_allclose(self.turn(leaning).as_rotvec(), [0.0, 0.5, 0.0], atol=1e-12)
 
 
 def test_rows_say_which_share_was_in_time_and_what_went_wrong() -> None:

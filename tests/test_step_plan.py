@@ -170,6 +170,15 @@ class TestNextStep:
         assert -0.35 - 1e-9 <= step.place[1] <= -0.14 + 1e-9
         assert 0.2 - 1e-9 <= step.remaining_s <= 0.7 + 1e-9
 
+    @pytest.mark.parametrize(("elapsed_s", "remaining_s"), [(0.5, 0.4), (0.6, 0.3), (0.8, 0.1)])
+    def test_a_step_that_is_shoved_back_is_over_at_its_longest_time(
+        self, elapsed_s: float, remaining_s: float
+    ) -> None:
+        """The capture point, where it should be times a quarter, needs longest to get to the next foot: 0.9 s
+        from the step before, however many of them have passed."""
+        step = self.decide(0.25 * self.steady(elapsed_s), elapsed_s=elapsed_s, pressure=(0.0, 0.0))
+        assert step.remaining_s == pytest.approx(remaining_s)
+
     def test_a_foot_far_from_its_place_takes_the_time_that_its_way_takes(self) -> None:
         hurried = self.steady(0.2) + np.array([0.25, 0.0])
         assert self.decide(hurried).remaining_s == pytest.approx(0.2)

@@ -1,11 +1,13 @@
 """Whole-body control against statics worked out by hand and MuJoCo's own inverse dynamics."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from footfall.common.rotations import normalised
 from footfall.policies.controllers.solver import BoundedSolver
@@ -18,7 +20,7 @@ from footfall.policies.controllers.whole_body.control import (
     WholeBodyControl,
 )
 from footfall.policies.controllers.whole_body.dynamics import Dynamics, Motion, WholeBody
-from footfall.policies.controllers.whole_body.feedback import standing
+from footfall.policies.controllers.whole_body.feedback import base_tilt, standing
 from footfall.policies.controllers.whole_body.problem import Contact, Programmes, Wanted, Weights
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot, load_robot, load_spec
@@ -154,6 +156,31 @@ class TestDynamics:
         np.testing.assert_allclose(dynamics.centre, data.subtree_com[1], atol=1e-12)
         np.testing.assert_allclose(dynamics.centre_velocity, data.subtree_linvel[1], atol=1e-12)
         np.testing.assert_allclose(dynamics.angular_momentum, data.subtree_angmom[1], atol=1e-12)
+
+
+class TestBaseTilt:
+    """How far the base is turned from where it should be."""
+
+    def feet(self, *headings: float) -> Any:
+        """Feet on the ground that point left of the world's x axis by some angles."""
+        return SimpleNamespace(foot_rotation=Rotation.from_rotvec([[0, 0, h] for h in headings]).as_matrix())
+
+    def tilt(self, base: Rotation, *headings: float) -> np.ndarray:
+        return base_tilt(base.as_quat(scalar_first=True), self.feet(*headings))
+
+    def test_is_a_small_rotation_vector_from_above_the_feet(self) -> None:
+        small = np.array([0.01, -0.02, 0.03])
+        np.testing.assert_allclose(self.tilt(Rotation.from_rotvec(small), 0.0, 0.0), small, atol=5e-4)
+
+    def test_its_yaw_is_counted_from_the_feet_wherever_they_head(self) -> None:
+        """A base at 1.3 rad on feet at 1.0 rad, toes out by 0.2 rad, has turned left by 0.3 rad."""
+        base = Rotation.from_rotvec([0.0, 0.0, 1.3])
+        np.testing.assert_allclose(self.tilt(base, 1.2, 0.8), [0.0, 0.0, 0.3], atol=1e-12)
+
+    def test_roll_and_pitch_are_the_bodys_wherever_it_heads(self) -> None:
+        """sin 0.1 of roll, in axes that head to the left of the world's by 2 rad, as the feet do."""
+        base = Rotation.from_euler("ZYX", [2.0, 0.0, 0.1])
+        np.testing.assert_allclose(self.tilt(base, 2.0, 2.0), [np.sin(0.1), 0.0, 0.0], atol=1e-12)
 
 
 class TestStanding:
