@@ -2,12 +2,13 @@
 
 import numpy as np
 
+from footfall.common.constants import GRAVITY_M_S2
 from footfall.common.rotations import rotation_matrix
 from footfall.deploy.drivers.imu import Inertial
 from footfall.deploy.safety import Implausible, Mode
 from footfall.deploy.sensor_limits import SensorLimits
 
-AT_REST = np.array([0.0, 0.0, 9.81])  # what an accelerometer reads, world axes, m/s^2
+AT_REST = np.array([0.0, 0.0, GRAVITY_M_S2])  # what an accelerometer reads, world axes, m/s^2
 
 
 class FirstRest:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from footfall.common.constants import GRAVITY_M_S2
 from footfall.common.errors import UserError
 from footfall.deploy.drivers.imu import Inertial
 from footfall.deploy.leg_attitude import LegAttitude
@@ -20,7 +21,6 @@ from footfall.robots.description import Robot
 from footfall.robots.kinematics import Legs
 from footfall.robots.targets import within
 
-GRAVITY = 9.81
 LOOKS_A_HEIGHT = 3  # a body takes its time to fall, and its height takes more to work out than all the rest
 IMPACT_S = 0.01  # that a foot takes to touch down: readings farther apart miss how a velocity changes
 SAMPLE_S = 0.004  # between two readings that are added up: a fraction of what a leg takes to swing
@@ -92,7 +92,7 @@ class SensorMonitor:
         self._resting_s = 0.0
         self._resting = [0.0, 0.0, 0.0]  # mean acceleration of the rest, world axes
         self.rest_error = 0.0
-        self._mean = [0.0, 0.0, GRAVITY]  # acceleration, world axes
+        self._mean = [0.0, 0.0, GRAVITY_M_S2]  # acceleration, world axes
         self._looks = 0
         self._body: BodyWindow | None = None  # that has not been looked at
         self.on_legs = True  # whether the legs should carry the base
@@ -353,7 +353,7 @@ class SensorMonitor:
         self._resting_s += elapsed_s
         if self._resting_s >= limits.resting_s:
             ahead, left, up = self._resting
-            self.rest_error = math.hypot(ahead, left, up - GRAVITY) / GRAVITY
+            self.rest_error = math.hypot(ahead, left, up - GRAVITY_M_S2) / GRAVITY_M_S2
 
     def _compare_attitude(self, body: BodyWindow) -> None:
         """The base's attitude by the IMU against that by the legs, of a robot that stands nearly still."""
@@ -402,11 +402,11 @@ class SensorMonitor:
 
     def lean(self) -> float:
         """Mean sideways acceleration over gravity."""
-        return math.hypot(*self._mean[:2]) / GRAVITY
+        return math.hypot(*self._mean[:2]) / GRAVITY_M_S2
 
     def lift(self) -> float:
         """How far the mean upward acceleration is off gravity's opposite, over gravity."""
-        return abs(self._mean[2] / GRAVITY - 1.0)
+        return abs(self._mean[2] / GRAVITY_M_S2 - 1.0)
 
     def slope(self) -> float:
         """Angle between the plane of the feet that stand and the IMU's level, rad; 0 if none stand still."""

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from footfall.common.constants import GRAVITY_M_S2
 from footfall.deploy.drivers.imu import ACCELERATION_ID, GYRO_ID, QUATERNION_ID, Inertial
 from footfall.deploy.frames import Frames
 from footfall.plant.injection import (
@@ -184,7 +185,9 @@ IMU = (
     FaultKind(
         "acceleration's signs turned round", "IMU", _scaled("acceleration", -1.0, -1.0, -1.0), 0.6, MEAN
     ),
-    FaultKind("acceleration in units of g", "IMU", _scaled("acceleration", *(1 / 9.81,) * 3), 1.3, MEAN),
+    FaultKind(
+        "acceleration in units of g", "IMU", _scaled("acceleration", *(1 / GRAVITY_M_S2,) * 3), 1.3, MEAN
+    ),
     FaultKind("IMU comes loose and leans by 0.2 rad/s", "IMU", _loose(0.0, 0.2), None, LOOSE),
     FaultKind("IMU late by 20 ms", "IMU", _imu_late(20), None, "late readings agree with each other"),
     FaultKind("IMU late by 100 ms", "IMU", _imu_late(100), SILENCE_S),
@@ -716,7 +719,7 @@ START = (
     _at_start("IMU upside down", _imu(lambda r: turned(r, 0, 180.0)), IMPLAUSIBLE_S),
     _at_start("IMU on its side, all its parts alike", _loose(90.0), IMPLAUSIBLE_S, main=True),
     _at_start("acceleration frames lost", _imu_frame(ACCELERATION_ID, nothing), reason=UNANSWERED),
-    _at_start("acceleration in units of g", _scaled("acceleration", *(1 / 9.81,) * 3), IMPLAUSIBLE_S),
+    _at_start("acceleration in units of g", _scaled("acceleration", *(1 / GRAVITY_M_S2,) * 3), IMPLAUSIBLE_S),
     _at_start("acceleration a fifth too high", _scaled("acceleration", 1.2, 1.2, 1.2), IMPLAUSIBLE_S),
     _at_start("acceleration reads nothing but zero", _scaled("acceleration", 0.0, 0.0, 0.0), IMPLAUSIBLE_S),
     _at_start("gyro off by 2 rad/s", _gyro_bias(2.0), reason=UNANSWERED),

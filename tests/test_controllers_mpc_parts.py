@@ -10,9 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
+from footfall.common.constants import GRAVITY_M_S2
 from footfall.policies.controllers.mpc.config import Contact, FootholdConfig, Horizon, Weights
 from footfall.policies.controllers.mpc.footholds import contact_points, foothold
-from footfall.policies.controllers.mpc.problem import GRAVITY, BodyState, ForceProblems
+from footfall.policies.controllers.mpc.problem import BodyState, ForceProblems
 from footfall.policies.controllers.mpc.swing import swing_motion
 from footfall.policies.controllers.solver import BoundedSolver
 from footfall.robots.description import load_robot
@@ -54,7 +55,7 @@ def system(arms: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The continuous system of a body (12 states and a constant 1) on its feet: x' = A x + B forces (12,)."""
     a, b = np.zeros((13, 13)), np.zeros((13, 12))
     a[0:3, 6:9] = a[3:6, 9:12] = np.eye(3)
-    a[11, 12] = -GRAVITY
+    a[11, 12] = -GRAVITY_M_S2
     for leg, arm in enumerate(arms):
         for axis, force in enumerate(np.eye(3)):
             b[6:9, 3 * leg + axis] = np.linalg.inv(BODY.inertia) @ np.cross(arm, force)
@@ -86,7 +87,7 @@ def kkt_forces(weights: Weights, situation: Situation) -> np.ndarray:
         cost[x, x] = state_weights
         pull[x] = -np.array(state_weights) * np.concatenate([part[k] for part in reference])
         cost[f, f] += weights.force + weights.force_change
-        pull[f[2::3]] -= weights.force * BODY.mass * GRAVITY / contacts[k].sum()
+        pull[f[2::3]] -= weights.force * BODY.mass * GRAVITY_M_S2 / contacts[k].sum()
         if k:
             last = f - size
             cost[last, last] += weights.force_change
@@ -127,7 +128,7 @@ class TestProblem:
         state, reference, contacts, feet, before = situation
         problem = PROBLEMS.build(*situation)
         n = len(problem.step)
-        even = BODY.mass * GRAVITY / contacts.sum(axis=1)
+        even = BODY.mass * GRAVITY_M_S2 / contacts.sum(axis=1)
         weights = np.concatenate([WEIGHTS.attitude, WEIGHTS.position, WEIGHTS.angular_rate, WEIGHTS.velocity])
 
         def cost(solution: np.ndarray) -> float:
@@ -196,12 +197,12 @@ class TestProblem:
         reference = BodyState(*(np.tile(part, (HORIZON.steps, 1)) for part in state))
         contacts = np.ones((HORIZON.steps, 4), dtype=bool)
         feet = np.tile(PLACES, (HORIZON.steps, 1, 1))
-        even = np.tile([0.0, 0.0, BODY.mass * GRAVITY / 4], (4, 1))
+        even = np.tile([0.0, 0.0, BODY.mass * GRAVITY_M_S2 / 4], (4, 1))
         problem = PROBLEMS.build(state, reference, contacts, feet, even)
         solution = BoundedSolver().solve(problem)
         assert solution is not None
         forces = PROBLEMS.forces(solution, problem, 4)
-        np.testing.assert_allclose(forces[:, 2], BODY.mass * GRAVITY / 4, rtol=1e-4)
+        np.testing.assert_allclose(forces[:, 2], BODY.mass * GRAVITY_M_S2 / 4, rtol=1e-4)
         np.testing.assert_allclose(forces[:, :2], 0, atol=1e-3)
 
 

@@ -5,12 +5,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from footfall.common.constants import GRAVITY_M_S2
 from footfall.deploy.bring_up.config import BringUpLimits
 from footfall.deploy.bring_up.recording import Samples
 from footfall.robots.description import Robot
 from footfall.robots.rigid_body import nominal_body
 
-GRAVITY = 9.81
 LEAST_TILT = 0.3  # of what was asked for, by the joints
 MOST_POSES = 50  # that a stretch is looked at by
 
@@ -108,7 +108,7 @@ def carry(case: Case) -> Iterator[str]:
     """
     robot, limits = case.robot, case.limits
     legs = robot.legs
-    weight = GRAVITY * nominal_body(robot).mass
+    weight = GRAVITY_M_S2 * nominal_body(robot).mass
     jacobian = legs.pose(case.samples.position.mean(axis=0)).jacobian
     torque = legs.gather(case.samples.torque.mean(axis=0))
     carried = np.array(

@@ -4,13 +4,12 @@ import math
 
 import numpy as np
 
+from footfall.common.constants import GRAVITY_M_S2
 from footfall.deploy.estimation.config import ContactConfig
 from footfall.policies.policy import Sensed
 from footfall.robots.kinematics import Legs
 from footfall.robots.momentum import MomentumObserver, outside_torque, upward_force
 from footfall.robots.rigid_body import RigidBody
-
-GRAVITY_M_S2 = 9.81
 
 
 class ContactEstimator:

@@ -11,9 +11,9 @@ In Python's own numbers: on so few of them its arithmetic takes a fraction of Nu
 
 from collections.abc import Sequence
 
+from footfall.common.constants import GRAVITY_M_S2
 from footfall.deploy.estimation.config import FilterConfig
 
-GRAVITY_M_S2 = 9.81
 _AT_REST_M_S = 0.1  # how sure a reset is of the robot's rest
 
 Vector = list[float]  # x, y, z

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from footfall.common.constants import GRAVITY_M_S2
 from footfall.common.errors import UserError
 from footfall.robots.importer.build import shortened
 from footfall.robots.importer.machine import Hinge, Machine
@@ -88,7 +89,7 @@ def peak_torques(machine: Machine, source: Source, given: ByJoint, reach_m: floa
         UserError: a joint has none, or the file's is no motor's for a machine of this weight.
     """
     peak = {}
-    most = MOST_LEVERAGE * machine.mass * 9.81 * reach_m
+    most = MOST_LEVERAGE * machine.mass * GRAVITY_M_S2 * reach_m
     for hinge in machine.hinges:
         named, filed = value_for(hinge.name, given), source.peak_torque_nm.get(hinge.name)
         if named is None and filed is None:

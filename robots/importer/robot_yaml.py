@@ -6,6 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
+from footfall.common.constants import GRAVITY_M_S2
 from footfall.robots.commands import CommandRange
 from footfall.robots.importer.machine import Leg, Machine
 from footfall.robots.importer.model_xml import IMU
@@ -170,8 +171,8 @@ def _buses(machine: Machine) -> dict[str, tuple[str, int]]:
 def command_range(machine: Machine, pose: Pose) -> CommandRange:
     """Speeds as shares of sqrt(g L), of which the Froude number is the square, with L the legs' reach."""
     share, yaw = OF_TWO if len(machine.legs) == 2 else OF_MORE
-    forward = round(share * (9.81 * pose.reach_m) ** 0.5, 1)
-    leftward = round(share * (9.81 * pose.reach_m) ** 0.5 / 2, 1)
+    forward = round(share * (GRAVITY_M_S2 * pose.reach_m) ** 0.5, 1)
+    leftward = round(share * (GRAVITY_M_S2 * pose.reach_m) ** 0.5 / 2, 1)
     return CommandRange((-forward, forward), (-leftward, leftward), (-yaw, yaw))
 
 

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
+from footfall.common.constants import GRAVITY_M_S2
 from footfall.robots.importer.machine import Leg
 
 STEP = 1e-5  # rad and m, of the central differences
@@ -46,7 +47,7 @@ def statics(
     mujoco.mj_forward(model, data)
     points = [_lowest(model, data, name) for leg in legs for name in leg.geoms]
     places = np.array([place for _, place in points])
-    force = _ground_forces(places, data.subtree_com[1], float(model.body_mass.sum() * 9.81))
+    force = _ground_forces(places, data.subtree_com[1], float(model.body_mass.sum() * GRAVITY_M_S2))
     local = [(body, data.xmat[body].reshape(3, 3).T @ (place - data.xpos[body])) for body, place in points]
     unbalanced = _unbalanced(model, qpos, local, force)
     jacobian = np.concatenate([_jacobian(model, data, body, at) for body, at in local])

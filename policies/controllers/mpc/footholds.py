@@ -5,9 +5,8 @@ from functools import cache
 
 import numpy as np
 
+from footfall.common.constants import GRAVITY_M_S2
 from footfall.policies.controllers.mpc.config import FootholdConfig
-
-GRAVITY = 9.81
 
 
 def foothold(
@@ -45,7 +44,7 @@ def foothold(
     arm = place * cmath.rect(1.0, yaw + yaw_rate * swing_left_s)
     step = 0.5 * stance_s * (velocity + 1j * yaw_rate * arm)
     step += config.capture_gain_s * (velocity - wanted_velocity)
-    step += 0.5 * (height_m / GRAVITY) * (-1j * yaw_rate * velocity)
+    step += 0.5 * (height_m / GRAVITY_M_S2) * (-1j * yaw_rate * velocity)
     step *= min(1.0, config.most_step_m / max(abs(step), 1e-9))
     return base + velocity * swing_left_s + arm + step
 

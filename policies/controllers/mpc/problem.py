@@ -19,11 +19,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from footfall.common.constants import GRAVITY_M_S2
 from footfall.policies.controllers.mpc.config import Contact, Horizon, Weights
 from footfall.robots.rigid_body import RigidBody
 
-GRAVITY = 9.81
-_FALL = np.array([0.0, 0.0, 0.0, 0.0, 0.0, -GRAVITY])
+_FALL = np.array([0.0, 0.0, 0.0, 0.0, 0.0, -GRAVITY_M_S2])
 _AXES = [2, 0, 1]  # forces are sorted z, x, y: daqp wants variables with plain bounds first
 _FORCE_AXES = [5, 3, 4]  # the same of the last three of six
 
@@ -176,7 +176,7 @@ class ForceProblems:
             np.tile(second, (3, 3)),
             np.tile(first, (3, 3)),
             linear,
-            self._weights.force * self._body.mass * GRAVITY / standing,
+            self._weights.force * self._body.mass * GRAVITY_M_S2 / standing,
             rows,
             np.concatenate([np.full(n, self._contact.most_force_n), np.zeros(4 * n)]),
             np.concatenate([np.zeros(n), np.full(4 * n, -1e30)]),

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from footfall.common.constants import GRAVITY_M_S2
 from footfall.robots.actuator import friction_torque
 from footfall.robots.description import Robot
 from footfall.robots.momentum import MomentumObserver, outside_torque, upward_force
@@ -9,7 +10,6 @@ from footfall.robots.readings import Sensed
 from footfall.robots.rigid_body import RigidBody
 
 _UP = np.array([0.0, 0.0, 1.0])  # of the base, which is nearly level
-_GRAVITY = 9.81
 
 
 class GroundForce:
@@ -33,7 +33,7 @@ class GroundForce:
         self._legs, self._motor = robot.legs, robot.motor
         self._observer = MomentumObserver(body.leg_inertia, filter_s)
         self._filter_s, self._doubt = filter_s, inertia_doubt
-        self._even_force = _GRAVITY * body.mass / robot.legs.count
+        self._even_force = GRAVITY_M_S2 * body.mass / robot.legs.count
 
     def reset(self, sensed: Sensed) -> None:
         """Begin with joints that nothing accelerates."""

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from footfall.common.constants import GRAVITY_M_S2
 from footfall.policies.controllers.gait import GaitTiming, in_stance, leg_phases
 
-_GRAVITY = 9.81
 _CLOCKS = np.arange(240) / 240
 _SETTLES = 16.0  # time constants in a cycle, of each of two filters: a sway is there after a quarter of it
 _BEFORE = 0.02  # of a cycle, ahead of the turn, where a foot lifts off
@@ -56,7 +56,7 @@ def plan_sway(
     middle = stands @ places / np.maximum(stands.sum(axis=1, keepdims=True), 1)
     pressure = 2.0 * share * (np.exp(-2j * math.pi * _CLOCKS) @ middle) / len(_CLOCKS)
     rate = 2.0 * math.pi / timing.period_s
-    return SwayPlan(pressure / (1.0 + rate**2 * height_m / _GRAVITY), pressure)
+    return SwayPlan(pressure / (1.0 + rate**2 * height_m / GRAVITY_M_S2), pressure)
 
 
 class Sway:

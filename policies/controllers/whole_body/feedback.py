@@ -6,12 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from footfall.common.config import require_not_negative
+from footfall.common.constants import GRAVITY_M_S2
 from footfall.common.rotations import rotation_matrix
 from footfall.policies.controllers.whole_body.dynamics import Dynamics, Motion, WholeBody
 from footfall.policies.policy import Observation
 from footfall.robots.description import Robot
-
-GRAVITY_M_S2 = 9.81
 
 
 @dataclass(frozen=True)

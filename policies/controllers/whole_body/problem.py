@@ -18,11 +18,12 @@ from typing import NamedTuple
 import numpy as np
 
 from footfall.common.config import require_not_negative, require_positive
+from footfall.common.constants import GRAVITY_M_S2
 from footfall.common.linear import solve
 from footfall.common.rotations import skews
 from footfall.policies.controllers.whole_body.dynamics import BASE, Dynamics
 
-GRAVITY = np.array([0.0, 0.0, -9.81])
+FREE_FALL = np.array([0.0, 0.0, -GRAVITY_M_S2])
 
 
 @dataclass(frozen=True)
@@ -206,7 +207,7 @@ class Programmes:
         arms = skews(dynamics.point[pattern.standing] - dynamics.centre)
         matrix[-6:] = pattern.by_forces
         matrix[-3:, :forces] = self._momentum_root * arms.transpose(1, 0, 2).reshape(3, forces)
-        aim[-6:-3] = self._centre_root * (wanted.centre - GRAVITY)
+        aim[-6:-3] = self._centre_root * (wanted.centre - FREE_FALL)
         aim[-3:] = self._momentum_root * wanted.momentum_rate
         return matrix, aim
 
@@ -224,7 +225,7 @@ class Programmes:
         unit[BASE:, forces:] = np.eye(n)
         by_forces = np.zeros((6, forces + n))
         by_forces[:3, :forces] = np.tile(self._centre_root / self._mass * np.eye(3), k)
-        force = weights.force / (self._mass * GRAVITY[2]) ** 2
+        force = weights.force / (self._mass * GRAVITY_M_S2) ** 2
         cones = np.zeros((4 * k + n, forces + n))
         cones[: 4 * k, :forces] = _cones(k, friction)
         torques = np.zeros(n)
