@@ -4,7 +4,7 @@ import math
 import re
 import sys
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -73,7 +73,7 @@ def _reason(error: BaseException, expected: type | None) -> str:
     if isinstance(error, ForbiddenExtraKeysError):
         unknown = ", ".join(sorted(map(str, error.extra_fields)))
         return f"no setting {unknown} (there are {', '.join(f.name for f in fields(error.cl))})"
-    if isinstance(error, AttributeError):  # cattrs asked something else for its keys
+    if isinstance(error, AttributeError | TypeError) and is_dataclass(expected):  # no keys could be asked for
         return "expected a mapping of settings"
     if type(error) in (ValueError, Exception) and str(error):
         return " ".join(str(error).split())

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from footfall.common.errors import UserError
+from footfall.common.installation import install
 from footfall.deploy import can_errors
 from footfall.deploy.bus import HOST_QUEUE, MOST_FRAMES_AT_ONCE, BusStatistics
 from footfall.deploy.drivers.driver import CanFilter
@@ -25,6 +26,8 @@ MULTICAST_PORT = (
 MOST_FAILURES_AT_ONCE = (
     16  # of one bus in one tick: a datagram that is no frame, or an interface that is down
 )
+OVER_SERIAL_PORTS = ("robotell", "seeedstudio", "serial", "slcan")
+SERIAL_LIBRARY = "pyserial"  # which python-can needs for these, and does not bring
 STATE_EVERY_S = 0.1  # how often a controller is asked for its state
 
 
@@ -78,9 +81,10 @@ class PythonCanBus:
                 self._buses.append(_open(can, interface, index, name))
             except (OSError, can.CanError, ImportError, ValueError, TypeError) as error:
                 self.close()
-                raise UserError(
-                    f"cannot open bus '{name}' on {interface}: {' '.join(str(error).split())}"
-                ) from None
+                why = " ".join(str(error).split())
+                if interface in OVER_SERIAL_PORTS and isinstance(error, NotImplementedError):
+                    why += f": {install(SERIAL_LIBRARY)}"
+                raise UserError(f"cannot open bus '{name}' on {interface}: {why}") from None
 
     def send(self, frames: Frames, now_us: int) -> int:
         """Write frames, paced; returns how many the interfaces refused."""

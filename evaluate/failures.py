@@ -21,4 +21,4 @@ def failures(summaries: Sequence[Summary]) -> str:
     counted = Counter(failed).most_common()
     named = [f"{reason} ({count})" for reason, count in counted[:REASONS]]
     more = [f"{len(counted) - REASONS} more reasons"] if len(counted) > REASONS else []
-    return f"{len(failed)} of {total} episodes failed: {'; '.join(named + more)}"
+    return f"{len(failed)} of {total} episode{'s' * (total != 1)} failed: {'; '.join(named + more)}"

@@ -19,7 +19,7 @@ from footfall.common.limits import FASTEST, LONGEST_S
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import QUANTITIES, randomisation_of
 from footfall.plant.episode import Push
-from footfall.robots.description import Robot
+from footfall.robots.description import Robot, load_spec
 
 DEFAULT = Path(__file__).parent / "scenarios.yaml"
 COMMAND_AXES = ("forward_m_s", "leftward_m_s", "yaw_rad_s")
@@ -169,11 +169,13 @@ def load_scenarios(robot: Robot, own: Path | None = None) -> ScenarioFile:
         own: a file of the user's, whose scenarios come after ours, or replace those of the same name.
 
     Raises:
-        UserError: a file is malformed.
+        UserError: a file is malformed, or takes more off the robot's base than its mass.
     """
     default = read_yaml(DEFAULT)
     data = default if own is None else with_changes(default, own)
-    file = structure(_in_units(data, _ranges(robot)), ScenarioFile, str(own or DEFAULT))
+    source = str(own or DEFAULT)
+    file = structure(_in_units(data, _ranges(robot)), ScenarioFile, source)
+    _check_loads(file, robot, source)
     return replace(file, scenarios={name: _told(scenario) for name, scenario in file.scenarios.items()})
 
 
@@ -184,6 +186,19 @@ def _ranges(robot: Robot) -> dict[str, Range]:
         **vars(robot.description.commands),
         "payload_kg": (0.0, 0.0) if load is None else (load.low, load.high),
     }
+
+
+def _check_loads(file: ScenarioFile, robot: Robot, source: str) -> None:
+    loads = {name: min(each.levels.get("payload_kg", (0.0,))) for name, each in file.scenarios.items()}
+    if not any(load < 0.0 for load in loads.values()):
+        return
+    mass = load_spec(robot.xml_path).compile().body(robot.description.base).mass.item()
+    for name, load in loads.items():
+        if load <= -mass:
+            raise UserError(
+                f"{source}: scenarios['{name}']: level payload_kg must be above {-mass:.3g}, not {load:g}:"
+                f" the base of {robot.name} weighs {mass:.3g} kg"
+            )
 
 
 def _in_units(data: Any, ranges: Mapping[str, Range]) -> Any:

@@ -115,8 +115,8 @@ def _badness(figure: Figure, summary: Summary) -> float:
 
 
 def _counted(by_scenario: Mapping[str, Summaries]) -> str:
-    counts = [f"{_episodes(each)} episodes of {scenario}" for scenario, each in by_scenario.items()]
-    return _listed(counts)
+    counts = [(_episodes(each), scenario) for scenario, each in by_scenario.items()]
+    return _listed([f"{n} episode{'s' * (n != 1)} of {scenario}" for n, scenario in counts])
 
 
 def _episodes(summaries: Summaries) -> int:

@@ -304,6 +304,8 @@ class TestSettings:
                 {"count": 1, "inner": {"size": 1, "b": 2, "a": 3}},
                 "here: inner: no setting a, b (there are size, names, on)",
             ),
+            ({"count": 1, "inner": None}, "here: inner: expected a mapping of settings"),
+            ({"count": 1, "inner": 3}, "here: inner: expected a mapping of settings"),
             ([1], "here: expected a mapping of settings, found list"),
         ],
     )

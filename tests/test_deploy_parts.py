@@ -3,6 +3,7 @@
 import gc
 import math
 import os
+import re
 import resource
 import sys
 from contextlib import nullcontext
@@ -15,6 +16,7 @@ import pytest
 from deploy_policies import Hold, Spoilt, stand_still
 
 from footfall.common.errors import UserError
+from footfall.common.installation import install
 from footfall.deploy import clock as clock_module
 from footfall.deploy import interface_time, python_can_bus, session
 from footfall.deploy.bus import BusStatistics
@@ -1072,6 +1074,24 @@ class TestPythonCanBus:
         monkeypatch.setattr(can, "Bus", fail)
         with pytest.raises(UserError, match=r"cannot open bus 'can0' on slcan: no way$"):
             PythonCanBus("slcan", ("can0",), ())
+
+    def test_an_adapter_on_a_serial_port_says_which_library_it_lacks(
+        self, can: FakeCan, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        class LacksLibraryError(FakeCan.CanError, NotImplementedError):
+            """As python-can's CanInterfaceNotImplementedError."""
+
+        def fail(**_: Any) -> None:
+            raise LacksLibraryError("The serial module is not installed")
+
+        monkeypatch.setattr(can, "Bus", fail)
+        advice = re.escape(f"is not installed: {install('pyserial')}")
+        with pytest.raises(
+            UserError, match=rf"^cannot open bus 'can0' on slcan: The serial module {advice}$"
+        ):
+            PythonCanBus("slcan", ("can0",), ())
+        with pytest.raises(UserError, match=r"module is not installed$"):
+            PythonCanBus("virtual", ("can0",), ())
 
     @pytest.mark.parametrize("error", [OSError, FakeCan.CanError])
     def test_whatever_a_full_queue_raises_is_counted(self, can: FakeCan, error: type[Exception]) -> None:

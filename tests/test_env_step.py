@@ -457,19 +457,20 @@ class TestActuation:
         )
 
     @pytest.mark.parametrize(
-        ("name", "low", "high", "fits"),
+        ("name", "high", "complaint"),
         [
-            ("action_delay_s", 0.0, 0.05, True), ("action_delay_s", 0.0, 0.051, False),
-            ("observation_delay_s", 0.0, 0.025, True), ("observation_delay_s", 0.0, 0.026, False),
+            ("action_delay_s", 0.05, ""), ("action_delay_s", 0.051, "must be at most 0.05 s, not 0.051"),
+            ("observation_delay_s", 0.025, ""),
+            ("observation_delay_s", 0.026, "must be at most 0.025 s, not 0.026"),
         ],
     )  # fmt: skip
-    def test_delays_fit_the_buffers(self, name: str, low: float, high: float, fits: bool) -> None:
+    def test_delays_fit_the_buffers(self, name: str, high: float, complaint: str) -> None:
         """Three goals are kept and two control steps' readings, of 25 ms each."""
-        config = replace(CONFIG, randomisation=Randomisation(**{name: Distribution(low, high)}))
-        if fits:
+        config = replace(CONFIG, randomisation=Randomisation(**{name: Distribution(0.0, high)}))
+        if not complaint:
             VelocityEnv(ROBOT, config)
         else:
-            with pytest.raises(UserError, match=f"{name}: must lie between 0 and"):
+            with pytest.raises(UserError, match=f"{name}: {complaint}"):
                 VelocityEnv(ROBOT, config)
 
 

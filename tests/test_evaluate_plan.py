@@ -26,11 +26,18 @@ ALL = sorted(FILE.scenarios)
 MANY = [0.5] * 250
 
 
+def written(folder: Path, text: str) -> Path:
+    """A file of a scenario with this beside what every one has."""
+    path = folder / "own.yaml"
+    path.write_text(f"scenarios: {{own: {{about: x, episodes: 1, duration_s: 5, {text}}}}}")
+    return path
+
+
 def refusal(folder: Path, text: str) -> str:
     """What is said of a scenario with this beside what every one has."""
-    (folder / "own.yaml").write_text(f"scenarios: {{own: {{about: x, episodes: 1, duration_s: 5, {text}}}}}")
+    path = written(folder, text)
     with pytest.raises(UserError) as caught:
-        load_scenarios(ROBOT, folder / "own.yaml")
+        load_scenarios(ROBOT, path)
     assert "\n" not in str(caught.value)
     return str(caught.value)
 
@@ -154,6 +161,13 @@ class TestCommandsOfARobot:
         payload = load_scenarios(load_robot(name)).scenarios["payload"]
         assert payload.levels == {"payload_kg": pytest.approx(loads_kg)}
         assert payload.rows == ("payload_kg",)
+
+    def test_no_load_takes_as_much_off_the_base_as_it_weighs(self, tmp_path: Path) -> None:
+        """A Go1's base is 5.204 kg in Unitree's model."""
+        load_scenarios(ROBOT, written(tmp_path, "levels: {payload_kg: [-5.2, 1]}"))
+        complaint = refusal(tmp_path, "levels: {payload_kg: [1, -5.21]}")
+        assert "scenarios['own']: level payload_kg must be above -5.2, not -5.21" in complaint
+        assert complaint.endswith("the base of go1 weighs 5.2 kg")
 
     def test_the_description_says_what_the_shares_come_to(self) -> None:
         about = load_scenarios(self.OTHER).scenarios["nominal"].about

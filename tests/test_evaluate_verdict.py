@@ -302,6 +302,11 @@ class TestVerdict:
             " (0.090 to 0.110) (95 % intervals in brackets)."
         )
 
+    def test_one_episode_is_one(self) -> None:
+        assert verdict({"light": {"mine": scored(0.1, 0.01, episodes=1)}}).startswith(
+            "Over 1 episode of light,"
+        )
+
     def test_nothing_measured_is_said(self) -> None:
         assert "every episode failed" in verdict(
             {"nominal": {"a": {"episodes": 0, "failed_episodes": ["x: y"]}}}
