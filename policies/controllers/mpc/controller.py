@@ -12,13 +12,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from footfall.common.constants import GRAVITY_M_S2
 from footfall.common.rotations import cross, heading_matrix, roll_pitch_yaw, rotation_matrix, wrap_angle
 from footfall.policies.controllers.command import ShapedCommand
 from footfall.policies.controllers.gait import contact_trust
 from footfall.policies.controllers.mpc.config import MpcConfig
 from footfall.policies.controllers.mpc.footholds import contact_points, foothold
 from footfall.policies.controllers.mpc.legs import LegControl
-from footfall.policies.controllers.mpc.problem import GRAVITY, BodyState, ForceProblems
+from footfall.policies.controllers.mpc.problem import BodyState, ForceProblems
 from footfall.policies.controllers.mpc.swing import swing_motion
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.solver import BoundedSolver
@@ -114,7 +115,7 @@ class Mpc:
         self._place = self._wanted_place = self._wanted_velocity = 0j
         self._wanted_yaw = yaw
         self._wanted_height = height
-        self._force = np.tile([0.0, 0.0, GRAVITY * self._body.mass / count], (count, 1))
+        self._force = np.tile([0.0, 0.0, GRAVITY_M_S2 * self._body.mass / count], (count, 1))
         self._stands = np.ones(count, dtype=bool)
         self._swinging: list[int] = []
         self._lift_off = np.zeros((count, 3))

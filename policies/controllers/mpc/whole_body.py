@@ -16,7 +16,7 @@ from footfall.policies.controllers.mpc.controller import Base, Mpc
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.whole_body.control import WholeBodyConfig, WholeBodyControl
 from footfall.policies.controllers.whole_body.feedback import Feedback, observed
-from footfall.policies.controllers.whole_body.problem import GRAVITY, Wanted
+from footfall.policies.controllers.whole_body.problem import FREE_FALL, Wanted
 from footfall.policies.policy import Observation
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
@@ -60,7 +60,7 @@ class MpcWholeBody(Mpc):
         dynamics = observed(body, observation)
         moment = _moment(dynamics.foot - dynamics.centre, self._force)
         wanted = Wanted(
-            centre=self._force.sum(axis=0) / self._body.mass + GRAVITY,
+            centre=self._force.sum(axis=0) / self._body.mass + FREE_FALL,
             momentum_rate=moment,
             attitude=self._from_moment @ (moment @ base.rotation),
             feet=self._feet(sensed.joint_velocity, base, pose, swing),
