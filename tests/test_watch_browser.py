@@ -50,6 +50,19 @@ def page(run: Path, tmp_path: Path) -> Iterator[Tab]:
         process.terminate()
 
 
+VIEW = "document.querySelector('canvas')"
+PANEL = (
+    "[...document.querySelectorAll('.mantine-Paper-root')]"
+    ".find(each => getComputedStyle(each).position == 'fixed')"
+)
+
+
+def place(page: Tab, element: str) -> list[int] | None:
+    """Where an element is, px: left, top, width, height; None if there is none."""
+    sides = "['left', 'top', 'width', 'height'].map(side => Math.round(box[side]))"
+    return page.value(f"(box => box && {sides})({element}?.getBoundingClientRect())")
+
+
 def middle(page: Tab, path: Path) -> np.ndarray:
     """What is seen around the middle of the page, (h, w, 3), 0 to 1."""
     page.picture(path)
@@ -86,6 +99,11 @@ def test_it_waits_and_then_shows_the_policy_walking(page: Tab, run: Path, tmp_pa
 
     page.value("[...document.querySelectorAll('button')].find(b => b.innerText == 'Start again').click()")
     page.wait_for(lambda page: "0 in 2 starts" in page.text)
+
+    # On a telephone the robot is seen above the panel.
+    page.ask("Emulation.setDeviceMetricsOverride", width=420, height=800, deviceScaleFactor=1, mobile=True)
+    page.wait_for(lambda page: place(page, VIEW) == [0, 0, 420, 440], limit_s=30.0)
+    assert place(page, PANEL) == [0, 440, 420, 360]
 
     assert page.complaints == []
     elsewhere = [address for address in page.requested if "//localhost" not in address[:25]]
