@@ -61,13 +61,23 @@ class TestCriteria:
             (2, 1.0, []),
             (2, -1.0, ["joint 2 turns the other way: its sign is wrong"]),
             (2, 0.1, ["joint 2 makes 10% of its way: it has no power, or something holds it"]),
+            (2, -0.1, ["joint 2 makes -10% of its way: it has no power, or something holds it"]),
             (2, 1.5, ["joint 2 makes 150% of its way: its gear ratio is wrong"]),
             (7, 1.0, ["joint 2 shall move, and joint 7 does: their ids or plugs are swapped"]),
         ],
     )
     def test_a_joint_follows_its_target(self, go1: Robot, moved: int, by: float, says: list[str]) -> None:
-        made = samples(target=only(2, WAY), position=only(moved, by * WAY))
+        """Its way is counted from where it begins."""
+        pose = go1.default_pose
+        made = samples(target=pose + only(2, WAY), position=pose + 0.01 + only(moved, by * WAY))
         assert list(follow(case_of(go1, made, 2))) == says
+
+    def test_of_two_joints_that_move_the_one_that_shall_is_not_taken_for_the_other(self, go1: Robot) -> None:
+        made = samples(target=only(2, WAY), position=only(2, 1.5 * WAY) + only(5, 0.5 * WAY))
+        assert list(follow(case_of(go1, made, 2))) == [
+            "joint 2 makes 150% of its way: its gear ratio is wrong",
+            "joint 5 moves by 0.07 rad, and shall not",
+        ]
 
     def test_the_others_stay(self, go1: Robot) -> None:
         made = samples(target=only(2, WAY), position=only(2, WAY) + only(5, 0.5 * WAY))
@@ -81,8 +91,9 @@ class TestCriteria:
         assert list(calm(case_of(go1, samples(velocity=only(4, swing))))) == []
 
     def test_no_motor_works_too_hard_or_is_hot(self, go1: Robot) -> None:
-        torque = only(3, np.full(101, 0.7 * 23.7))
-        assert list(modest(case_of(go1, samples(torque=torque)))) == ["joint 3 needs 70% of its peak torque"]
+        for torque in (only(3, np.full(101, side * 0.7 * 23.7)) for side in (1.0, -1.0)):
+            found = list(modest(case_of(go1, samples(torque=torque))))
+            assert found == ["joint 3 needs 70% of its peak torque"]
         hot = samples(temperature_c=only(3, np.full(101, 71.0)))
         assert list(cool(case_of(go1, hot))) == ["joint 3 is at 71 degrees Celsius"]
         unknown = samples(temperature_c=np.full((101, 12), np.nan))
@@ -115,24 +126,32 @@ class TestCriteria:
 
         assert told(force) == []
         assert told(0.5 * force) == ["by their torques the legs carry 50% of the robot's weight"]
+        assert told(2.0 * force) == ["by their torques the legs carry 200% of the robot's weight"]
         assert told(force * [[1.3], [1.3], [1.3], [0.1]]) == [
             "leg RL carries 3 N of 125: a zero, a ratio or a sign is wrong"
         ]
 
-    def test_the_base_tilts_as_the_joints_say(self, go1: Robot) -> None:
-        tilt = 0.08 * np.sin(np.pi * TIME_S) ** 2
-        way = swaying(go1, 0.08, 1.0)
-        position = np.array([go1.default_pose + way(min(t, 0.999)) for t in TIME_S])
+    @pytest.mark.parametrize("by_rad", [0.08, -0.08])
+    @pytest.mark.parametrize(("sways", "begin_s"), [("roll", 0.0), ("pitch", 1.0)])
+    def test_the_base_tilts_as_the_joints_say(
+        self, go1: Robot, sways: str, begin_s: float, by_rad: float
+    ) -> None:
+        """To its right, then to its front, or the other ways. An IMU that is askew is so before and after."""
+        tilt = by_rad * np.sin(np.pi * TIME_S) ** 2
+        way = swaying(go1, by_rad, 1.0)
+        position = np.array([go1.default_pose + way(begin_s + min(t, 0.999)) for t in TIME_S])
         zero = np.zeros(101)
 
         def told(by_imu: np.ndarray) -> list[str]:
-            up = np.stack([zero, np.sin(by_imu), np.cos(by_imu)], axis=1)
-            return list(sway(case_of(go1, samples(target=position, position=position, up=up), sways="roll")))
+            sine, cosine = np.sin(by_imu), np.cos(by_imu)
+            up = np.stack([zero, sine, cosine] if sways == "roll" else [-sine, zero, cosine], axis=1)
+            return list(sway(case_of(go1, samples(target=position, position=position, up=up), sways=sways)))
 
-        assert told(tilt) == []
-        assert "the base's roll is 50% of what the joints say" in told(tilt / 2)[0]
+        assert told(tilt) == told(tilt + 0.05) == []
+        assert f"the base's {sways} is 50% of what the joints say" in told(tilt / 2)[0]
+        assert f"the base's {sways} is -100% of what the joints say" in told(-tilt)[0]
         weak = samples(target=position, position=np.tile(go1.default_pose, (101, 1)))
-        assert list(sway(case_of(go1, weak, sways="roll"))) == ["the legs do not tilt the base: too weak?"]
+        assert list(sway(case_of(go1, weak, sways=sways))) == ["the legs do not tilt the base: too weak?"]
 
 
 class TestMotions:

@@ -365,7 +365,40 @@ class TestMotorEnd:
         rest, gain, mode = driver.damping(np.full(2, 3.0))
         np.testing.assert_array_equal(end.requests(rest).values, np.zeros((5, 2)))  # the torque is gone
         assert end.requests(gain).values.shape == end.requests(mode).values.shape == (5, 0)
-        np.testing.assert_allclose(end.requests(rest).values, [[0] * 2, [0] * 2, [0] * 2, [3] * 2, [0] * 2])
+        braked = end.requests(rest)
+        np.testing.assert_allclose(braked.values, [[0] * 2, [0] * 2, [0] * 2, [3] * 2, [0] * 2])
+        assert braked.kind is not None
+        assert braked.kind.tolist() == [Request.COMMAND] * 2
+
+    def test_a_velocity_is_in_turns_of_the_rotor(self, driver: OdriveDriver) -> None:
+        """Half a turn a second is 3.1416 rad/s, behind a gear of 8 an eighth of it; 0.25 N m are 2."""
+        end = OdriveMotorEnd(TWO)
+        _, _, mode = driver.damping(np.full(2, 3.0))
+        end.requests(mode)
+        asked = end.requests(joined([pair(0x06D, 0.5, 0.25, channel) for channel in (0, 1)]))
+        np.testing.assert_allclose(asked.values[1], [TURN / 2, TURN / 16])
+        np.testing.assert_allclose(asked.values[4], [0.25, 2.0])
+
+    def test_its_supply_and_its_temperature_are_told_ten_times_a_second(self, driver: OdriveDriver) -> None:
+        """24 V, as the others have."""
+        self.hear(driver, np.zeros(2))
+        for channel in (0, 1):
+            reading = driver.replies(pair(0x069, 0.0, 0.0, channel))
+            assert (reading.voltage.tolist(), reading.temperature_c.tolist()) == ([24.0], [41.0])
+
+    def hear(self, driver: OdriveDriver, error: np.ndarray) -> Frames:
+        """All that two axes at rest, at 41 degrees, say in a tenth of a second."""
+        end, rest = OdriveMotorEnd(TWO), np.zeros((3, 2))
+        said = [end.broadcast(now_us, BOTH, rest, 41, error, BOTH) for now_us in range(0, 100_000, 1000)]
+        frames = joined([each for each in said if each is not None])
+        driver.replies(frames)
+        return frames
+
+    def test_slow_messages_do_not_come_at_once(self) -> None:
+        end, slow = OdriveMotorEnd(TWO), (odrive.HEARTBEAT, odrive.TEMPERATURE, odrive.SUPPLY)
+        for now_us in range(0, 100_000, 1000):
+            said = end.broadcast(now_us, BOTH, np.zeros((3, 2)), 41, np.zeros(2, np.uint64), BOTH)
+            assert said is None or np.isin(said.id & 0x1F, slow).sum() <= 1, now_us
 
     def test_each_message_comes_as_often_as_it_should(self) -> None:
         end, count = OdriveMotorEnd(TWO), dict.fromkeys((*odrive_messages(),), 0)
@@ -382,17 +415,10 @@ class TestMotorEnd:
         self, driver: OdriveDriver, error: int, bits: int
     ) -> None:
         """0x200 is under-voltage, 0x01000000 a watchdog that expired; and it is the hip's alone."""
-        end, errors = OdriveMotorEnd(TWO), np.array([error, 0])
-        said = [
-            end.broadcast(now, BOTH, np.zeros((3, 2)), 41, errors, BOTH) for now in range(0, 100_000, 1000)
-        ]
-        all_of_it = joined([each for each in said if each is not None])
-        beats = all_of_it.take(all_of_it.id & 0x1F == odrive.HEARTBEAT)
-        told = dict(
-            zip(beats.channel.tolist(), beats.data[:, :4].copy().view("<u4")[:, 0].tolist(), strict=True)
-        )
-        assert told == {0: bits, 1: 0}
-        driver.replies(beats)
+        heard = self.hear(driver, np.array([error, 0]))
+        beats = heard.take(heard.id & 0x1F == odrive.HEARTBEAT)
+        words = beats.data[:, :4].copy().view("<u4")[:, 0]
+        assert dict(zip(beats.channel.tolist(), words.tolist(), strict=True)) == {0: bits, 1: 0}
         assert driver.replies(pair(0x069, 0.0, 0.0)).error.tolist() == [error]
 
     def test_a_silent_axis_sends_nothing(self) -> None:

@@ -183,12 +183,20 @@ class TestNextStep:
         hurried = self.steady(0.2) + np.array([0.25, 0.0])
         assert self.decide(hurried).remaining_s == pytest.approx(0.2)
         assert self.decide(hurried, way_m=0.45).remaining_s == pytest.approx(0.3)
+        assert self.decide(hurried, elapsed_s=0.6, way_m=0.0).remaining_s == pytest.approx(0.05)
+
+    def test_a_step_beyond_its_longest_time_ends_as_soon_as_its_way_allows_where_it_is_needed(self) -> None:
+        """0.3 m at 1.5 m/s take 0.2 s, 0.15 s more than there are; a capture point ahead is stepped after."""
+        step = self.decide(self.steady(0.85) + np.array([0.1, 0.0]), elapsed_s=0.85, way_m=0.3)
+        assert step.remaining_s == pytest.approx(0.2)
+        assert step.place[0] > self.nominal.place[0] + 0.05
 
     def test_numbers_that_are_none_leave_the_nominal_step(self) -> None:
         step = self.decide(np.array([np.nan, 0.0]))
         assert isinstance(self.nominal, NominalStep)
         np.testing.assert_array_equal(step.place, self.nominal.place)
         assert step.remaining_s == pytest.approx(STEP_S - 0.2)
+        assert self.decide(np.array([np.nan, 0.0]), elapsed_s=0.8).remaining_s == pytest.approx(0.1 / 1.5)
 
 
 class TestSwing:
