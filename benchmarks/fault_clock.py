@@ -38,8 +38,8 @@ AT_S, OBSERVED_S = 0.5, 2.0  # of walking when the fault comes, and how long the
 STAND_S = 0.8
 
 
-class Spoiler:
-    """What goes wrong with time: called in each policy step and after each tick, once the fault is there."""
+class AddedDelay:
+    """Time that is lost in each policy step and after each tick, or after one tick alone."""
 
     def __init__(self, in_step_s: float = 0.0, in_tick_s: float = 0.0, once: bool = False) -> None:
         self._in_step_s, self._in_tick_s, self._once = in_step_s, in_tick_s, once
@@ -52,39 +52,43 @@ class Spoiler:
         time.sleep(seconds)
 
 
-class ClockKind(NamedTuple):
+class TimingFault(NamedTuple):
     """One row. `within_s` is from the fault to damping or lying down; None if it need not be noticed."""
 
     name: str
-    spoiler: Callable[[], Spoiler]
+    delay: Callable[[], AddedDelay]
     within_s: float | None
     reason: str = ""
 
 
 KINDS = (
-    ClockKind("nothing", Spoiler, None, "the machine keeps up"),
-    ClockKind("each policy step takes 30 ms", lambda: Spoiler(in_step_s=0.03), 0.25, "five in a row"),
-    ClockKind(
-        "each policy step takes 150 ms", lambda: Spoiler(in_step_s=0.15), 0.11, "interrupted after 70 ms"
+    TimingFault("nothing", AddedDelay, None, "the machine keeps up"),
+    TimingFault("each policy step takes 30 ms", lambda: AddedDelay(in_step_s=0.03), 0.25, "five in a row"),
+    TimingFault(
+        "each policy step takes 150 ms", lambda: AddedDelay(in_step_s=0.15), 0.11, "interrupted after 70 ms"
     ),
-    ClockKind("a pause of 30 ms", lambda: Spoiler(in_tick_s=0.03, once=True), None, "a walk bears it"),
-    ClockKind(
-        "a pause of 60 ms", lambda: Spoiler(in_tick_s=0.06, once=True), 0.1, "who is not asked is silent"
+    TimingFault("a pause of 30 ms", lambda: AddedDelay(in_tick_s=0.03, once=True), None, "a walk bears it"),
+    TimingFault(
+        "a pause of 60 ms", lambda: AddedDelay(in_tick_s=0.06, once=True), 0.1, "who is not asked is silent"
     ),
-    ClockKind(
-        "a pause of 200 ms", lambda: Spoiler(in_tick_s=0.2, once=True), 0.1, "a guard damps after 77 ms"
+    TimingFault(
+        "a pause of 200 ms", lambda: AddedDelay(in_tick_s=0.2, once=True), 0.1, "a guard damps after 77 ms"
     ),
-    ClockKind("ticks of 10 ms", lambda: Spoiler(in_tick_s=0.01), 0.6, "a share of the last second's ticks"),
-    ClockKind("ticks of 20 ms", lambda: Spoiler(in_tick_s=0.02), 0.6, "a share of the last second's ticks"),
+    TimingFault(
+        "ticks of 10 ms", lambda: AddedDelay(in_tick_s=0.01), 0.6, "a share of the last second's ticks"
+    ),
+    TimingFault(
+        "ticks of 20 ms", lambda: AddedDelay(in_tick_s=0.02), 0.6, "a share of the last second's ticks"
+    ),
 )
 
 
 class Watch:
     """Lets the fault loose, and sees when the first frames go out that damp, or lay the robot down."""
 
-    def __init__(self, kind: ClockKind, body: SimulatedRobot, is_damping: Callable[[Frames], bool]) -> None:
+    def __init__(self, kind: TimingFault, body: SimulatedRobot, is_damping: Callable[[Frames], bool]) -> None:
         self._kind, self._body, self._is_damping = kind, body, is_damping
-        self.spoiler: Spoiler | None = None
+        self.delay: AddedDelay | None = None
         self.injected_s = self.safe_s = 0.0  # by the process' clock; 0 for not yet
         self.fell = False
 
@@ -97,16 +101,16 @@ class Watch:
         if self.injected_s and not self.safe_s and loop.state.mode in SAFE:
             self.safe_s = time.perf_counter()
         if not self.injected_s and loop.walking and loop.walking_s >= AT_S:
-            self.injected_s, self.spoiler = time.perf_counter(), self._kind.spoiler()
-        if self.spoiler is not None and not self.safe_s:
+            self.injected_s, self.delay = time.perf_counter(), self._kind.delay()
+        if self.delay is not None and not self.safe_s:
             self.fell = self.fell or self._body.fall() is not None
-            self.spoiler.tick()
+            self.delay.tick()
         if loop.walking and loop.walking_s >= AT_S + OBSERVED_S:
-            self.spoiler = None
+            self.delay = None
             loop.finish()
 
 
-def run(kind: ClockKind, seed: int, rate_hz: float) -> dict[str, Any]:
+def run(kind: TimingFault, seed: int, rate_hz: float) -> dict[str, Any]:
     """One run by the wall clock."""
     robot = load_robot(ROBOT)
     config = replace(deploy_config(robot), stand_s=STAND_S, joint_rate_hz=rate_hz)
@@ -124,8 +128,8 @@ def run(kind: ClockKind, seed: int, rate_hz: float) -> dict[str, Any]:
     bus.watch = watch.sent
 
     def decided(decision: JointCommand) -> JointCommand:
-        if watch.spoiler is not None:
-            watch.spoiler.step()
+        if watch.delay is not None:
+            watch.delay.step()
         return decision
 
     policy.spoil = decided
@@ -141,14 +145,14 @@ def run(kind: ClockKind, seed: int, rate_hz: float) -> dict[str, Any]:
     }
 
 
-def as_expected(kind: ClockKind, runs: list[dict[str, Any]]) -> bool:
+def as_expected(kind: TimingFault, runs: list[dict[str, Any]]) -> bool:
     """Whether every run was noticed in time, or none was that need not be."""
     if kind.within_s is None:
         return not any(run["fault"] or run["fell"] for run in runs)
     return all(run["seconds"] is not None and run["seconds"] <= kind.within_s for run in runs)
 
 
-def row(kind: ClockKind, runs: list[dict[str, Any]]) -> str:
+def row(kind: TimingFault, runs: list[dict[str, Any]]) -> str:
     """A line of the table."""
     seconds = [run["seconds"] for run in runs if run["seconds"] is not None]
     median, longest, limit = (

@@ -3,9 +3,9 @@
     python benchmarks/gait_walks.py --workers 16 --out gait_walks.jsonl
 
 Every gait of every robot, over the simulated bus with the scenarios' sensor noise. The straight walk is told
-a velocity and nothing else; what it drifts is the gait's. On the rectangle, 2 by 1 m, a pilot that sees the
-estimator's pose alone walks along each side and turns at each corner; what counts is how far from its start
-the robot really stands at the end. Prints a table.
+a velocity and nothing else; what it drifts is the gait's. On the rectangle, 2 by 1 m, a path follower that
+sees the estimator's pose alone walks along each side and turns at each corner; what counts is how far from
+its start the robot really stands at the end. Prints a table.
 """
 
 import argparse
@@ -48,7 +48,7 @@ class Trial(NamedTuple):
     seed: int
 
 
-class Pilot:
+class PathFollower:
     """Steers along the sides of a polygon that begins at the origin, by an estimated pose."""
 
     def __init__(self, commands: CommandRange) -> None:
@@ -89,15 +89,15 @@ class Pilot:
         return min(most, max(0.4 * most, wanted))
 
 
-class Steered:
-    """A policy that is told by a pilot where to go, who knows what an estimator of its own makes of it."""
+class PathFollowingPolicy:
+    """A policy whose commands come from a path follower, by the pose that its own estimator works out."""
 
     contract = None
     needs_estimate = False
 
-    def __init__(self, inner: Policy, robot: Robot, pilot: Pilot) -> None:
+    def __init__(self, inner: Policy, robot: Robot, follower: PathFollower) -> None:
         self.name, self.rate_hz = inner.name, inner.rate_hz
-        self._inner, self._pilot, self._estimator = inner, pilot, BaseEstimator(robot)
+        self._inner, self._follower, self._estimator = inner, follower, BaseEstimator(robot)
         self._plan: np.ndarray | None = None
 
     @property
@@ -114,7 +114,7 @@ class Steered:
             self._estimator.update(observation.sensed, self._plan, 1.0 / self.rate_hz)
         pose = self._estimator.odometry()
         x, y, _ = pose.position.tolist()
-        told = self._inner.act(observation._replace(command=self._pilot.command(x, y, pose.yaw)))
+        told = self._inner.act(observation._replace(command=self._follower.command(x, y, pose.yaw)))
         self._plan = self._inner.stance()
         return told
 
@@ -163,21 +163,23 @@ def _straight(robot: Robot, policy: Walk, noise: Any, seed: int) -> dict[str, An
 
 
 def _rectangle(robot: Robot, policy: Walk, noise: Any, seed: int) -> dict[str, Any]:
-    pilot = Pilot(robot.description.commands)
+    follower = PathFollower(robot.description.commands)
     done_us: list[int] = []
 
     def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
-        if pilot.done and not done_us:
+        if follower.done and not done_us:
             done_us.append(loop.now_us)
         if done_us and loop.now_us > done_us[0] + 1e6 * STAND_S:
             loop.finish()
 
-    trace = _run(robot, Steered(policy, robot, pilot), noise, seed, lambda _: np.zeros(3), watch)
+    trace = _run(
+        robot, PathFollowingPolicy(policy, robot, follower), noise, seed, lambda _: np.zeros(3), watch
+    )
     went, turned = _moved(trace)
     return {
         "fell": trace.fell,
         "faults": list(trace.faults),
-        "came_round": pilot.done,
+        "came_round": follower.done,
         "lap_s": float(trace.time_s[-1] - STAND_S),
         "closing_m": float(np.hypot(went[0], went[1])),
         "turned_deg": math.degrees(wrap_angle(turned)),

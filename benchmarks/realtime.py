@@ -29,7 +29,7 @@ from socket_pairs import Ends, in_place_of_interfaces, socket_pairs
 from footfall.deploy.clock import WallClock, undisturbed
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.loop import ControlLoop
-from footfall.deploy.session import Display, Outcome, Session, run_on_interface
+from footfall.deploy.session import Display, Session, SessionResult, run_on_interface
 from footfall.deploy.socketcan_bus import SOCKETCAN
 from footfall.deploy.timing import Durations, Timing
 from footfall.deploy.wiring import wire
@@ -169,7 +169,7 @@ def elsewhere(work: Callable[..., None], *arguments: Any) -> Iterator[list[Any]]
         process.join()
 
 
-def in_one_thread(robot: Robot, policy: Policy, session: Session, display: Display) -> Outcome:
+def in_one_thread(robot: Robot, policy: Policy, session: Session, display: Display) -> SessionResult:
     """A session on the simulated bus: physics in the loop's thread."""
     episode = Episode(
         session.command,
@@ -183,7 +183,7 @@ def in_one_thread(robot: Robot, policy: Policy, session: Session, display: Displ
     return run_episode(robot, policy, episode)
 
 
-def in_two_processes(robot: Robot, policy: Policy, session: Session, display: Display) -> Outcome:
+def in_two_processes(robot: Robot, policy: Policy, session: Session, display: Display) -> SessionResult:
     """A session on SocketCAN's code, with the simulated robot in a process of its own at the other end."""
     near, far = socket_pairs(wire(robot).buses)
     with elsewhere(simulate, str(robot.folder), session.config, far), in_place_of_interfaces(near):

@@ -59,9 +59,11 @@ ROWS = {
     "sighup": Row(ORDERLY, to_controller=signal.SIGHUP),
     "sigkill": Row(KILLED, to_controller=signal.SIGKILL),
     "policy_nan": Row(
-        ESTOP, "is not finite", to_controller=signal.SIGUSR1, policy="benchmarks.spoilt:NotANumber"
+        ESTOP, "is not finite", to_controller=signal.SIGUSR1, policy="benchmarks.failing_policies:NotANumber"
     ),
-    "policy_hung": Row(ESTOP, "ran late", to_controller=signal.SIGUSR1, policy="benchmarks.spoilt:Hung"),
+    "policy_hung": Row(
+        ESTOP, "ran late", to_controller=signal.SIGUSR1, policy="benchmarks.failing_policies:Hung"
+    ),
 }
 
 

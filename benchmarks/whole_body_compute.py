@@ -49,7 +49,7 @@ def main() -> None:
         p50, p99 = np.percentile(act_ms[UNTIMED:], [50, 99])
         print(
             f"a tick of {policy.name} on {name}: p50 {p50:.3f} ms, p99 {p99:.3f} ms"
-            f" ({control.fallbacks} by the second solver, {control.lapses} without a solution)"
+            f" ({control.fallbacks} by the second solver, {control.unsolved_ticks} without a solution)"
         )
 
 

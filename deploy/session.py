@@ -57,7 +57,7 @@ class Session:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class SessionResult:
     """How a run went, as far as the robot itself can tell."""
 
     final_state: str  # IDLE after an orderly end, else FALLING or ESTOP
@@ -71,7 +71,7 @@ class Outcome:
     notes: tuple[str, ...]  # what of the request had to be changed, or was missing
 
 
-def run_on_interface(robot: Robot, policy: Policy, interface: str, session: Session) -> Outcome:
+def run_on_interface(robot: Robot, policy: Policy, interface: str, session: Session) -> SessionResult:
     """A session on the CAN interfaces of one kind that `robot.yaml` names (see `run_session`)."""
     from footfall.deploy.interfaces import open_interfaces
 
@@ -90,7 +90,7 @@ def run_session(
     session: Session,
     each_tick: Callable[[ControlLoop], None] | None = None,
     base_state: BaseState | None = None,
-) -> Outcome:
+) -> SessionResult:
     """Stand up, walk for the session's duration, lie down, damp, switch off.
 
     Args:
@@ -149,7 +149,7 @@ def run_session(
                 loop.shut_down()
         wall_s = time.perf_counter() - started
         lacking = "" if log is None else log.close()
-        return Outcome(
+        return SessionResult(
             final_state=loop.state.mode.value,
             faults=loop.state.faults,
             walked_s=loop.walked_s,

@@ -12,7 +12,7 @@ import numpy as np
 from footfall.deploy.config import DeployConfig, deploy_config
 from footfall.deploy.loop import Command, ControlLoop
 from footfall.deploy.safety import Mode
-from footfall.deploy.session import BaseState, Outcome, Session, run_session
+from footfall.deploy.session import BaseState, Session, SessionResult, run_session
 from footfall.deploy.wiring import wire
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.sample import Sample
@@ -167,7 +167,7 @@ class _Trial:
             positive_power=power.positive,
         )
 
-    def trace(self, outcome: Outcome) -> Trace:
+    def trace(self, outcome: SessionResult) -> Trace:
         """The trial's trace; a fall that only the simulation saw counts, too."""
         tipped = outcome.final_state == Mode.FALLING.value
         report: dict[str, Any] = {**vars(outcome), **self._recorder.arrays()}

@@ -4,11 +4,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from footfall.deploy.session import Outcome
+from footfall.deploy.session import SessionResult
 
 
 @dataclass(frozen=True)
-class Trace(Outcome):
+class Trace(SessionResult):
     """T samples of the walking phase. Ground truth, unless a name says otherwise."""
 
     fell: bool

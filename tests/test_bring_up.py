@@ -18,7 +18,7 @@ from footfall.deploy.bring_up.recording import Samples
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.joint_layer import JointLayer
-from footfall.deploy.session import Outcome
+from footfall.deploy.session import SessionResult
 from footfall.deploy.wiring import wire
 from footfall.plant.bus import SimulatedBus
 from footfall.plant.fault_kinds import KINDS
@@ -303,7 +303,7 @@ class TestCommand:
         def climb(step: Step, setting: Setting, bus: str) -> Verdict:
             climbed.append(step.name)
             findings = ("the robot is tilted", "a foot hangs") if step.name == "stand" else ()
-            ended = Outcome("IDLE", (), 1.0, 2.5, 3.0, np.zeros(1), {}, (), (f"a note of {step.name}",))
+            ended = SessionResult("IDLE", (), 1.0, 2.5, 3.0, np.zeros(1), {}, (), (f"a note of {step.name}",))
             return Verdict(step.name, findings, ended)
 
         monkeypatch.setattr(bring_up, "_climbed", climb)

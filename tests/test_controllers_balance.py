@@ -153,9 +153,9 @@ class TestAct:
         assert stance is not None
         assert stance.tolist() == [1.0, 1.0]
         assert (policy.rate_hz, policy.needs_estimate) == (CONFIG.rate_hz, True)
-        policy.control.lapses = 3
+        policy.control.unsolved_ticks = 3
         policy.reset(seen())
-        assert policy.control.lapses == 0
+        assert policy.control.unsolved_ticks == 0
 
     def test_its_height_is_that_of_the_default_pose(self, policy: Balance) -> None:
         rest = standing(policy.control.body, G1)

@@ -12,7 +12,7 @@ from footfall.policies.controllers.balance import Balance
 from footfall.policies.controllers.solver import BoundedSolver, Programme
 from footfall.policies.controllers.step import Step
 from footfall.policies.controllers.step.controller import Phase
-from footfall.policies.controllers.whole_body.control import LAPSED
+from footfall.policies.controllers.whole_body.control import UNSOLVED
 from footfall.policies.policy import Observation
 from footfall.policies.registry import controllers_of, load_policy, walking_controllers
 from footfall.robots.description import load_robot
@@ -48,7 +48,7 @@ class TestBalance:
         policy, plant = Balance(G1), DirectPlant(G1, seed=3)
         result = walk(policy, plant, STANDING, 2.5, push=(0.6, np.array([*push, 0.0])))
         assert not result.fell
-        assert policy.control.lapses == 0
+        assert policy.control.unsolved_ticks == 0
         moved = np.linalg.norm(np.array(result.position) - result.position[0], axis=1)
         assert moved.max() > 0.015
         assert moved[-1] < 0.02
@@ -67,7 +67,7 @@ def test_balance_serves_four_round_feet_as_well() -> None:
     policy, plant = Balance(go1, config), DirectPlant(go1, seed=3)
     result = walk(policy, plant, STANDING, 2.0, push=(0.6, np.array([0.2, -0.2, 0.0])))
     assert not result.fell
-    assert policy.control.lapses == 0
+    assert policy.control.unsolved_ticks == 0
     assert np.linalg.norm(np.array(result.position)[-1] - result.position[0]) < 0.03
 
 
@@ -83,14 +83,14 @@ class Missing(BoundedSolver):
         return None if 100 < self._count <= 100 + self._ticks else super().solve(problem)
 
 
-class TestLapses:
+class TestTicksWithoutSolution:
     def test_a_run_goes_on_over_a_few_and_says_so(self) -> None:
         policy = Balance(G1)
         policy.control.solver = Missing(ticks=10)
         trace = run_episode(G1, policy, Episode(command=STANDING, duration_s=0.6))
         assert not trace.fell
         assert not trace.faults
-        assert trace.notes == (LAPSED,)
+        assert trace.notes == (UNSOLVED,)
 
     def test_a_run_without_a_solution_ends_damped_and_says_why(self) -> None:
         policy = Balance(G1)
@@ -106,7 +106,7 @@ class TestStep:
         result = walk(policy, plant, partial(hold, (0.2, 0.0, 0.3)), 4.5)
         assert not result.fell
         assert policy.steps >= 5
-        assert policy.control.lapses == 0
+        assert policy.control.unsolved_ticks == 0
         forward, _, yaw_rate = result.mean_velocity(after_s=1.5)
         assert forward == pytest.approx(0.2, abs=0.06)
         assert yaw_rate == pytest.approx(0.3, abs=0.08)

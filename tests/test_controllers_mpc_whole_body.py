@@ -13,7 +13,7 @@ from footfall.domain_rand.sample import Sample
 from footfall.plant.episode import Episode, run_episode
 from footfall.policies.controllers.mpc.whole_body import MpcWholeBody
 from footfall.policies.controllers.solver import BoundedSolver, Programme
-from footfall.policies.controllers.whole_body.control import LAPSED
+from footfall.policies.controllers.whole_body.control import UNSOLVED
 from footfall.policies.controllers.whole_body.dynamics import Dynamics
 from footfall.policies.controllers.whole_body.problem import Wanted
 from footfall.policies.policy import Observation, Sensed
@@ -155,7 +155,7 @@ class TestWalking:
     def test_it_walks_as_commanded(self, policy: MpcWholeBody) -> None:
         result = walk(policy, DirectPlant(ROBOT, seed=2), partial(hold, (0.4, -0.1, 0.5)), 3.0)
         assert not result.fell
-        assert policy.control.lapses == 0
+        assert policy.control.unsolved_ticks == 0
         assert policy.notes == ()
         np.testing.assert_allclose(result.mean_velocity(after_s=1.5), [0.4, -0.1, 0.5], atol=0.04)
 
@@ -180,7 +180,7 @@ def test_a_few_ticks_without_a_solution_are_damped_and_the_run_says_so(policy: M
     trace = run_episode(ROBOT, policy, Episode(command=partial(hold, (0.3, 0.0, 0.0)), duration_s=0.5))
     assert not trace.fell
     assert not trace.faults
-    assert trace.notes == (LAPSED,)
+    assert trace.notes == (UNSOLVED,)
 
 
 def test_a_reset_forgets_the_episode_before(policy: MpcWholeBody) -> None:

@@ -10,7 +10,7 @@ from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers import damiao, robstride
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.drivers.settings import ASK_AGAIN, Settings
-from footfall.deploy.session import Outcome, Session, run_session
+from footfall.deploy.session import Session, SessionResult, run_session
 from footfall.deploy.wiring import wire
 from footfall.plant.bus import SimulatedBus
 from footfall.plant.injection import InjectingBus, late
@@ -49,7 +49,7 @@ class OnABus:
         self.body = SimulatedRobot(robot, wiring, self._wires, PlantConfig(hanging=True))
         self.bus = InjectingBus(SimulatedBus(self._wires, self.body))
 
-    def held(self) -> Outcome:
+    def held(self) -> SessionResult:
         """A short run that holds the default pose."""
         session = Session(stand_still, 0.05, realtime=False, config=QUICK, lie_down=False)
         return run_session(self.robot, Hold(self.robot), self.bus, session)

@@ -6,14 +6,14 @@ from typing import Any
 import fault_clock
 import numpy as np
 import pytest
-from fault_clock import ClockKind, Spoiler
+from fault_clock import AddedDelay, TimingFault
 from patience import PATIENT
 
 RUN = {"fault": "it ran late", "seconds": 0.12, "final_state": "ESTOP", "fell": False}
 
 
-def kind(within_s: float | None) -> ClockKind:
-    return ClockKind("a pause", Spoiler, within_s, "a guard")
+def kind(within_s: float | None) -> TimingFault:
+    return TimingFault("a pause", AddedDelay, within_s, "a guard")
 
 
 @pytest.mark.parametrize(
@@ -44,11 +44,11 @@ def test_a_row_says_how_soon_and_how_it_ended() -> None:
 def test_a_fault_comes_in_each_step_or_tick_or_once(monkeypatch: pytest.MonkeyPatch) -> None:
     slept: list[float] = []
     monkeypatch.setattr(fault_clock.time, "sleep", slept.append)
-    once, always = Spoiler(in_tick_s=0.2, once=True), Spoiler(in_step_s=0.03, in_tick_s=0.01)
-    for spoiler in (once, always):
-        spoiler.tick()
-        spoiler.tick()
-        spoiler.step()
+    once, always = AddedDelay(in_tick_s=0.2, once=True), AddedDelay(in_step_s=0.03, in_tick_s=0.01)
+    for delay in (once, always):
+        delay.tick()
+        delay.tick()
+        delay.step()
     assert slept == [0.2, 0.0, 0.0, 0.01, 0.01, 0.03]
 
 
@@ -59,7 +59,7 @@ def test_a_pause_is_damped_by_the_guard_before_it_ends(monkeypatch: pytest.Monke
     monkeypatch.setattr(fault_clock, "deploy_config", lambda _: config)
     monkeypatch.setattr(fault_clock, "STAND_S", 0.3)
     monkeypatch.setattr(fault_clock, "AT_S", 0.1)
-    pause = kind(1.0)._replace(spoiler=lambda: Spoiler(in_tick_s=1.2, once=True))
+    pause = kind(1.0)._replace(delay=lambda: AddedDelay(in_tick_s=1.2, once=True))
     run = fault_clock.run(pause, 0, 50.0)
     assert "a guard damped the robot" in run["fault"]
     assert 0.3 < run["seconds"] < 1.2  # 0.55 s after the beginning of a tick that pauses in its end

@@ -22,7 +22,7 @@ from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers.driver import Motors
 from footfall.deploy.frames import Frames, frame_bits
 from footfall.deploy.safety import Mode
-from footfall.deploy.session import Outcome
+from footfall.deploy.session import SessionResult
 from footfall.deploy.wiring import wire
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.sample import Sample
@@ -759,7 +759,7 @@ class FakeLoop:
         self.finished += 1
 
 
-OUTCOME = Outcome(
+OUTCOME = SessionResult(
     final_state="IDLE",
     faults=(),
     walked_s=1.0,
@@ -881,7 +881,9 @@ def test_what_an_episode_asks_for_reaches_plant_and_session(
             super().__init__()
             seen.update(robot=robot, wires=wires, config=config, seed=seed)
 
-    def run_session(robot: Any, policy: Any, bus: Any, session: Any, each_tick: Any, base: Any) -> Outcome:
+    def run_session(
+        robot: Any, policy: Any, bus: Any, session: Any, each_tick: Any, base: Any
+    ) -> SessionResult:
         seen.update(policy=policy, bus=bus, session=session, each_tick=each_tick, base=base)
         return OUTCOME
 

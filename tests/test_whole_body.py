@@ -14,7 +14,7 @@ from footfall.policies.controllers.solver import BoundedSolver
 from footfall.policies.controllers.whole_body import control as control_module
 from footfall.policies.controllers.whole_body.control import (
     JointFeedback,
-    Lapse,
+    NoSolutionConfig,
     NoSolutionError,
     WholeBodyConfig,
     WholeBodyControl,
@@ -42,7 +42,7 @@ CONFIG = WholeBodyConfig(
     ),
     Contact(friction=0.5, damping_s=5.0),
     JointFeedback(kp=0.0, kd=1.0, memory_s=0.05, friction_compensation=0.0),
-    Lapse(fade_s=0.05, kd=3.0, most_s=0.02),
+    NoSolutionConfig(fade_s=0.05, kd=3.0, most_s=0.02),
 )
 STILL = {
     name: Wanted(
@@ -343,7 +343,7 @@ def hurried(solver: BoundedSolver) -> BoundedSolver:
 SPOILED = {"infeasible": contradicting, "late": hurried, "not a number": blind}
 
 
-class TestLapses:
+class TestTicksWithoutSolution:
     dynamics = standing(BODIES["g1"], G1)
 
     def command(self, control: WholeBodyControl) -> JointCommand:
@@ -364,8 +364,8 @@ class TestLapses:
             assert np.all(command.kd == 3.0)
             assert not command.kp.any()
             assert not command.velocity.any()
-            assert control.notes == (control_module.LAPSED,)
-        assert control.lapses == 5
+            assert control.notes == (control_module.UNSOLVED,)
+        assert control.unsolved_ticks == 5
         with pytest.raises(NoSolutionError, match=r"0\.02 s"):
             self.command(control)
 
@@ -375,7 +375,7 @@ class TestLapses:
         for solver in [spoiled] * 4 + [sound] + [spoiled] * 4:
             control.solver = solver
             command = self.command(control)
-        assert control.lapses == 8
+        assert control.unsolved_ticks == 8
         assert np.all(np.isfinite(command.torque))
 
     def test_a_reset_forgets_them(self) -> None:
@@ -384,6 +384,6 @@ class TestLapses:
         self.command(control)
         control.solver = sound
         control.reset()
-        assert not control.lapses
+        assert not control.unsolved_ticks
         assert not control.notes
         assert np.abs(self.command(control).torque).max() > 3.0

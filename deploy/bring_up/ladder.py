@@ -19,9 +19,9 @@ from footfall.deploy.bring_up.criteria import (
     sway,
 )
 from footfall.deploy.bring_up.motions import (
-    Excursions,
     SlewedIn,
-    Standing,
+    StandingTrajectoryPolicy,
+    TrajectoryPolicy,
     one_after_the_other,
     still,
     swaying,
@@ -30,7 +30,7 @@ from footfall.deploy.bring_up.recording import Recording
 from footfall.deploy.bus import Bus
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.loop import Command, ControlLoop
-from footfall.deploy.session import Outcome, Session, run_session
+from footfall.deploy.session import Session, SessionResult, run_session
 from footfall.deploy.wiring import wire
 from footfall.policies.policy import Policy
 from footfall.robots.description import Robot
@@ -78,7 +78,7 @@ class Verdict(NamedTuple):
 
     step: str
     findings: tuple[str, ...]  # why it failed; empty if it passed
-    outcome: Outcome
+    outcome: SessionResult
 
     @property
     def passed(self) -> bool:
@@ -86,17 +86,17 @@ class Verdict(NamedTuple):
 
 
 def _hold(setting: Setting) -> Plan:
-    policy = Excursions(still(setting.robot), *setting.gains)
+    policy = TrajectoryPolicy(still(setting.robot), *setting.gains)
     return Plan(policy, [Window(0.0, setting.config.hold_s)])
 
 
 def _move(setting: Setting, groups: list[np.ndarray]) -> Plan:
     config, each_s = setting.config, setting.config.move_s
-    way = one_after_the_other(setting.robot, groups, config.move_rad, each_s)
+    trajectory = one_after_the_other(setting.robot, groups, config.move_rad, each_s)
     windows = [
         Window(turn * each_s, (turn + 1) * each_s, tuple(group.tolist())) for turn, group in enumerate(groups)
     ]
-    return Plan(Excursions(way, *setting.gains), windows)
+    return Plan(TrajectoryPolicy(trajectory, *setting.gains), windows)
 
 
 def _move_joints(setting: Setting) -> Plan:
@@ -109,16 +109,18 @@ def _move_legs(setting: Setting) -> Plan:
 
 def _stand(setting: Setting) -> Plan:
     robot = setting.robot
-    return Plan(Standing(robot, still(robot), *setting.gains), [Window(0.0, setting.config.hold_s)])
+    return Plan(
+        StandingTrajectoryPolicy(robot, still(robot), *setting.gains), [Window(0.0, setting.config.hold_s)]
+    )
 
 
 def _sway(setting: Setting) -> Plan:
     robot, config = setting.robot, setting.config
-    way, each_s = swaying(robot, config.sway_rad, config.move_s), config.move_s
+    trajectory, each_s = swaying(robot, config.sway_rad, config.move_s), config.move_s
     windows = [
         Window(turn * each_s, (turn + 1) * each_s, sways=s) for turn, s in enumerate(("roll", "pitch"))
     ]
-    return Plan(Standing(robot, way, *setting.gains), windows)
+    return Plan(StandingTrajectoryPolicy(robot, trajectory, *setting.gains), windows)
 
 
 def _walk(setting: Setting) -> Plan:
@@ -169,7 +171,7 @@ class _Judge:
         for criterion in self._step.criteria:
             self.findings += criterion(case)
 
-    def verdict(self, outcome: Outcome) -> Verdict:
+    def verdict(self, outcome: SessionResult) -> Verdict:
         """What is to be said of the run as a whole; what the supervisor found comes first."""
         findings = [*outcome.faults, *self.findings]
         if not findings and self._waiting:

@@ -1,4 +1,4 @@
-"""What the joints do in each step: policies that move a little, and one that slowly gives way to another."""
+"""What the joints do in each step: policies that follow small trajectories, and one that fades another in."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -11,7 +11,7 @@ from footfall.policies.policy import Observation, Policy
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
-Way = Callable[[float], np.ndarray]  # from the time, s, to joint positions less the first ones, rad, (n,)
+Trajectory = Callable[[float], np.ndarray]  # from the time, s, to offsets from the first pose, rad, (n,)
 RATE_HZ = 100.0
 
 
@@ -20,18 +20,18 @@ def there_and_back(share: float) -> float:
     return 0.5 - 0.5 * math.cos(2.0 * math.pi * share)
 
 
-class Excursions:
-    """Leaves the pose found at its reset, and comes back."""
+class TrajectoryPolicy:
+    """Follows a trajectory of the joints about the pose found at its reset."""
 
-    name = "excursions"
+    name = "trajectory"
     rate_hz = RATE_HZ
     needs_estimate = False
     contract: Contract | None = None
     notes: Sequence[str] = ()
 
-    def __init__(self, way: Way, kp: np.ndarray, kd: np.ndarray) -> None:
+    def __init__(self, trajectory: Trajectory, kp: np.ndarray, kd: np.ndarray) -> None:
         """Gains (n,), N m/rad and N m s/rad."""
-        self._way, self._kp, self._kd = way, kp, kd
+        self._trajectory, self._kp, self._kd = trajectory, kp, kd
         self._start = np.zeros_like(kp)
 
     def reset(self, observation: Observation) -> None:
@@ -39,30 +39,34 @@ class Excursions:
 
     def act(self, observation: Observation) -> JointCommand:
         zero = np.zeros_like(self._kp)
-        return JointCommand(self._start + self._way(observation.time_s), zero, self._kp, self._kd, zero)
+        return JointCommand(
+            self._start + self._trajectory(observation.time_s), zero, self._kp, self._kd, zero
+        )
 
     def stance(self) -> np.ndarray | None:
         return None
 
 
-class Standing(Excursions):
-    """Moves from the default pose, wherever the joints are at first."""
+class StandingTrajectoryPolicy(TrajectoryPolicy):
+    """Follows it about the default pose, wherever the joints are at first."""
 
-    def __init__(self, robot: Robot, way: Way, kp: np.ndarray, kd: np.ndarray) -> None:
-        super().__init__(way, kp, kd)
+    def __init__(self, robot: Robot, trajectory: Trajectory, kp: np.ndarray, kd: np.ndarray) -> None:
+        super().__init__(trajectory, kp, kd)
         self._default_pose = robot.default_pose
 
     def reset(self, observation: Observation) -> None:
         self._start = self._default_pose
 
 
-def still(robot: Robot) -> Way:
+def still(robot: Robot) -> Trajectory:
     """No motion."""
     zero = np.zeros(len(robot.joint_names))
     return lambda _: zero
 
 
-def one_after_the_other(robot: Robot, groups: Sequence[np.ndarray], by_rad: float, each_s: float) -> Way:
+def one_after_the_other(
+    robot: Robot, groups: Sequence[np.ndarray], by_rad: float, each_s: float
+) -> Trajectory:
     """Groups of joints (indices) move in turn, each joint towards the middle of its range."""
     lower, upper = robot.soft_limits
     direction = np.where(robot.default_pose < (lower + upper) / 2, 1.0, -1.0)
@@ -70,25 +74,25 @@ def one_after_the_other(robot: Robot, groups: Sequence[np.ndarray], by_rad: floa
     for row, group in enumerate(groups):
         masks[row, group] = by_rad * direction[group]
 
-    def way(time_s: float) -> np.ndarray:
+    def trajectory(time_s: float) -> np.ndarray:
         turn = min(int(time_s / each_s), len(groups) - 1)
         return there_and_back(min(time_s / each_s - turn, 1.0)) * masks[turn]
 
-    return way
+    return trajectory
 
 
-def swaying(robot: Robot, by_rad: float, each_s: float) -> Way:
+def swaying(robot: Robot, by_rad: float, each_s: float) -> Trajectory:
     """The base tilts to its right, then to its front, about where its feet stand in the default pose."""
     legs, pose = robot.legs, robot.default_pose
 
-    def way(time_s: float) -> np.ndarray:
+    def trajectory(time_s: float) -> np.ndarray:
         turn = min(int(time_s / each_s), 1)
         tilt = np.zeros(2)
         tilt[turn] = by_rad * there_and_back(min(time_s / each_s - turn, 1.0))
         feet = level_feet(legs.default_foot, -tilt)  # which turns a base that is tilted by `tilt` back
         return legs.scatter(legs.solve(feet), pose) - pose
 
-    return way
+    return trajectory
 
 
 class SlewedIn:

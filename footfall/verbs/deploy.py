@@ -26,7 +26,7 @@ from footfall.robots.default import DEFAULT_ROBOT
 
 if TYPE_CHECKING:
     from footfall.deploy.config import DeployConfig
-    from footfall.deploy.session import Outcome
+    from footfall.deploy.session import SessionResult
     from footfall.policies.policy import Policy
     from footfall.robots.description import Robot
 
@@ -163,7 +163,7 @@ def _config(robot: "Robot", options: DeployOptions) -> "DeployConfig":
     return deploy_config(robot, options.config, simulated=options.bus == SIMULATED)
 
 
-def _figures(outcome: "Outcome", options: DeployOptions) -> dict[str, Any]:
+def _figures(outcome: "SessionResult", options: DeployOptions) -> dict[str, Any]:
     """What every run has to tell."""
     return {
         "bus": options.bus,

@@ -27,13 +27,13 @@ from footfall.deploy.drivers.mit_driver import MOTOR_IDS, motor_lookup
 from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import Wiring
 from footfall.plant.motor_ends import mit as mit_end
-from footfall.plant.motor_ends.motor_end import AnswersOnly, Request, Requests, time_outs
+from footfall.plant.motor_ends.motor_end import PolledMotorEnd, Request, Requests, time_outs
 
 DELIVERED_TIME_OUT = 2000  # 0.1 s
 KIND = {**mit_end.KIND, mit.CLEAR: Request.CLEAR}
 
 
-class DamiaoMotorEnd(AnswersOnly):
+class DamiaoMotorEnd(PolledMotorEnd):
     """The motors' end. `registers` (joint, register) are what each tells of itself."""
 
     filters: tuple[CanFilter, ...] = (

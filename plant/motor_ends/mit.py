@@ -7,14 +7,14 @@ from footfall.deploy.drivers.driver import CanFilter, Motors
 from footfall.deploy.drivers.mit_driver import MOTOR_IDS, REPLY_ID, motor_lookup
 from footfall.deploy.frames import Frames, same_layout
 from footfall.deploy.wiring import Wiring
-from footfall.plant.motor_ends.motor_end import AnswersOnly, Request, Requests
+from footfall.plant.motor_ends.motor_end import PolledMotorEnd, Request, Requests
 
 KIND = {mit.ENTER: Request.ENABLE, mit.EXIT: Request.DISABLE, mit.ZERO: Request.ZERO}
 
 _EVERYONE = slice(None)
 
 
-class MitMotorEnd(AnswersOnly):
+class MitMotorEnd(PolledMotorEnd):
     """The motors' end."""
 
     filters: tuple[CanFilter, ...] = ({"can_id": 0, "can_mask": 0x7FF - MOTOR_IDS[-1], "extended": False},)

@@ -102,8 +102,8 @@ class MotorEnd(Protocol):
         ...
 
 
-class AnswersOnly:
-    """Of makers whose motors send nothing by themselves."""
+class PolledMotorEnd:
+    """Of makers whose motors answer when they are polled, and send nothing by themselves."""
 
     def broadcast(
         self,

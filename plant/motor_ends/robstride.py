@@ -27,13 +27,13 @@ from footfall.deploy.drivers.robstride import (
 )
 from footfall.deploy.frames import EXTENDED, Frames, joined
 from footfall.deploy.wiring import Wiring
-from footfall.plant.motor_ends.motor_end import AnswersOnly, Request, Requests, time_outs
+from footfall.plant.motor_ends.motor_end import PolledMotorEnd, Request, Requests, time_outs
 
 DELIVERED_TIME_OUT = 2000  # 0.1 s
 _KIND = {CONTROL: Request.COMMAND, ENABLE: Request.ENABLE, STOP: Request.DISABLE, ZERO: Request.ZERO}
 
 
-class RobstrideMotorEnd(AnswersOnly):
+class RobstrideMotorEnd(PolledMotorEnd):
     """The motors' end. `parameters` are what each tells of itself."""
 
     filters: tuple[CanFilter, ...] = ({"can_id": 0, "can_mask": 0, "extended": True},)

@@ -12,7 +12,7 @@ from footfall.policies.controllers.whole_body.problem import Contact, Programmes
 from footfall.robots.actuator import JointCommand, limit_torque
 from footfall.robots.description import Robot
 
-LAPSED = "whole-body control had ticks without a solution: its last torques faded, the joints were damped"
+UNSOLVED = "whole-body control had ticks without a solution: its last torques faded, the joints were damped"
 
 
 @dataclass(frozen=True)
@@ -31,12 +31,12 @@ class JointFeedback:
 
 
 @dataclass(frozen=True)
-class Lapse:
+class NoSolutionConfig:
     """What is done in ticks without a solution: the last torques fade, the joints are damped."""
 
     fade_s: float  # time constant
     kd: float  # N m s/rad
-    most_s: float  # of lapses in a row, before the controller gives up
+    most_s: float  # without a solution, before the controller gives up
 
     def __post_init__(self) -> None:
         require_positive(self, "fade_s", "kd", "most_s")
@@ -49,7 +49,7 @@ class WholeBodyConfig:
     weights: Weights
     contact: Contact
     joints: JointFeedback
-    lapse: Lapse
+    no_solution: NoSolutionConfig
 
 
 class NoSolutionError(RuntimeError):
@@ -60,8 +60,8 @@ class WholeBodyControl:
     """Turns wanted accelerations into joint commands, one quadratic programme a tick.
 
     A tick has no solution where the programme has none, or where the solvers do not reach it within their
-    iterations. `lapses` counts these ticks and `notes` says that there were any, `fallbacks` counts those in
-    which the second solver was needed. How long a tick takes is not looked at here, lest a simulation in
+    iterations. `unsolved_ticks` counts these and `notes` says that there were any, `fallbacks` counts those
+    in which the second solver was needed. How long a tick takes is not looked at here, lest a simulation in
     lockstep depend on it: the control loop times each policy's steps against their period.
     """
 
@@ -71,7 +71,7 @@ class WholeBodyControl:
         self._motor = robot.motor
         n = len(robot.joint_names)
         self._kp, self._kd = np.full(n, config.joints.kp), np.full(n, config.joints.kd)
-        self._damping, self._zeros = np.full(n, config.lapse.kd), np.zeros(n)
+        self._damping, self._zeros = np.full(n, config.no_solution.kd), np.zeros(n)
         self._anything = np.array([np.full(n, -np.inf), np.full(n, np.inf)])
         self._programmes = Programmes(
             self.body.foot_of_point, n, self.body.total_mass, config.weights, config.contact
@@ -84,8 +84,8 @@ class WholeBodyControl:
         self._position: np.ndarray | None = None
         self._velocity = self._zeros
         self._torque = self._zeros
-        self._lapsed_s = 0.0
-        self.lapses = 0
+        self._unsolved_s = 0.0
+        self.unsolved_ticks = 0
         self.notes: tuple[str, ...] = ()
 
     @property
@@ -118,7 +118,7 @@ class WholeBodyControl:
         solution = self.solver.solve(programme)
         if solution is None:
             return self._without_solution(joint_position)
-        self._lapsed_s = 0.0
+        self._unsolved_s = 0.0
         torque = meaning.torque.dot(solution) + meaning.torque_offset
         acceleration = meaning.acceleration[-len(torque) :].dot(solution)
         self._integrate(acceleration, joint_position, joint_velocity)
@@ -144,12 +144,12 @@ class WholeBodyControl:
         return share * (motor.friction * developed + motor.damping * velocity)
 
     def _without_solution(self, position: np.ndarray) -> JointCommand:
-        lapse = self._config.lapse
-        self.lapses += 1
-        self.notes = (LAPSED,)
-        self._lapsed_s += self._dt_s
-        if self._lapsed_s > lapse.most_s:
-            raise NoSolutionError(f"whole-body control found no solution for {lapse.most_s:g} s")
+        config = self._config.no_solution
+        self.unsolved_ticks += 1
+        self.notes = (UNSOLVED,)
+        self._unsolved_s += self._dt_s
+        if self._unsolved_s > config.most_s:
+            raise NoSolutionError(f"whole-body control found no solution for {config.most_s:g} s")
         self._position = None
-        self._torque = self._torque * math.exp(-self._dt_s / lapse.fade_s)
+        self._torque = self._torque * math.exp(-self._dt_s / config.fade_s)
         return JointCommand(position, self._zeros, self._zeros, self._damping, self._torque)

@@ -11,15 +11,15 @@ from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
 
-class _Spoilt(HoldDefaultPose):
+class _FailsOnSignal(HoldDefaultPose):
     """Holds the default pose until then."""
 
     def __init__(self, robot: Robot) -> None:
         super().__init__(robot)
         self._good = True
-        signal.signal(signal.SIGUSR1, self._spoil)
+        signal.signal(signal.SIGUSR1, self._fail)
 
-    def _spoil(self, *_: object) -> None:
+    def _fail(self, *_: object) -> None:
         self._good = False
 
     def act(self, observation: Observation) -> JointCommand:
@@ -31,14 +31,14 @@ class _Spoilt(HoldDefaultPose):
         raise NotImplementedError
 
 
-class NotANumber(_Spoilt):
+class NotANumber(_FailsOnSignal):
     """Its stiffness is no number."""
 
     def wrong(self, decision: JointCommand) -> JointCommand:
         return decision._replace(kp=np.full_like(decision.kp, np.nan))
 
 
-class Hung(_Spoilt):
+class Hung(_FailsOnSignal):
     """It never comes back."""
 
     def wrong(self, decision: JointCommand) -> JointCommand:
