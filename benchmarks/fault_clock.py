@@ -132,7 +132,7 @@ def run(kind: TimingFault, seed: int, rate_hz: float) -> dict[str, Any]:
             watch.delay.step()
         return decision
 
-    policy.spoil = decided
+    policy.change_decision = decided
     session = Session(command=lambda _: COMMAND, duration_s=20.0, realtime=True, config=config)
     outcome = run_session(robot, policy, bus, session, watch.tick)
     return {

@@ -35,7 +35,7 @@ from footfall.plant.audit import Audit
 from footfall.plant.bus import SimulatedBus
 from footfall.plant.episode import Episode, Push, run_episode
 from footfall.plant.fault_kinds import KINDS, FaultKind
-from footfall.plant.injection import Command, InjectingBus, InjectingPolicy, Rig
+from footfall.plant.injection import Command, FaultInjector, InjectingBus, InjectingPolicy
 from footfall.plant.robot import PlantConfig, SimulatedRobot
 from footfall.plant.wires import SimulatedWires
 from footfall.policies.policy import Policy
@@ -104,15 +104,15 @@ def _title(kind: FaultKind) -> str:
 class _Watch:
     """Injects the fault at its time, and sees what follows."""
 
-    def __init__(self, rig: Rig, kind: FaultKind, audit: Audit) -> None:
-        self._rig, self._kind, self._audit = rig, kind, audit
-        self._at_s = math.inf if kind.starting else float(rig.rng.uniform(*BETWEEN_S))
+    def __init__(self, injector: FaultInjector, kind: FaultKind, audit: Audit) -> None:
+        self._injector, self._kind, self._audit = injector, kind, audit
+        self._at_s = math.inf if kind.starting else float(injector.rng.uniform(*BETWEEN_S))
         self.loop: ControlLoop | None = None
         self.injected_us: int | None = 0 if kind.starting else None
         self.safe_us: int | None = None  # damped, or on its way to lie down
         self.fell = False
         self._look_us, self._down_s = 0, 0.0
-        rig.bus.watch = self._audit_frames
+        injector.bus.watch = self._audit_frames
 
     def _audit_frames(self, frames: Any) -> None:
         if self.loop is not None:
@@ -124,7 +124,7 @@ class _Watch:
         mode, now_us = loop.state.mode, loop.now_us
         if self.injected_us is None:
             if mode is Mode.WALKING and loop.walking_s >= self._at_s:
-                self._kind.inject(self._rig)
+                self._kind.inject(self._injector)
                 self.injected_us = now_us
             return
         if mode in SAFE:
@@ -133,7 +133,7 @@ class _Watch:
             return
         if mode in MOVING and now_us >= self._look_us:
             self._look_us = now_us + round(LOOK_S * 1e6)
-            self._down_s = self._down_s + LOOK_S if self._rig.body.fall() is not None else 0.0
+            self._down_s = self._down_s + LOOK_S if self._injector.body.fall() is not None else 0.0
             self.fell = self.fell or self._down_s >= DOWN_S
         began_us = self.injected_us if not self._kind.starting else round(1.5e6)
         if now_us - began_us >= OBSERVED_S * 1e6:
@@ -153,11 +153,11 @@ def run_fault(task: tuple[str, str, str, int]) -> dict[str, Any]:
     bus = InjectingBus(SimulatedBus(wires, body))
     policy = InjectingPolicy(_policy(robot_name, policy_name))
     command = Command(_drawn_command(rng))
-    rig = Rig(robot, wiring, body, bus, policy, command, rng)
+    injector = FaultInjector(robot, wiring, body, bus, policy, command, rng)
     audit = Audit(robot, wiring, config.tick_us * 1e-6)
-    watch = _Watch(rig, kind, audit)
+    watch = _Watch(injector, kind, audit)
     if kind.starting:
-        kind.inject(rig)
+        kind.inject(injector)
     session = Session(command=command, duration_s=20.0, realtime=False, config=config)
     outcome = run_session(robot, policy, bus, session, watch.tick)
     if watch.safe_us is None and outcome.faults:  # in the very last tick

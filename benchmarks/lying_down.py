@@ -40,8 +40,12 @@ class Watch:
 
     def __call__(self, loop: ControlLoop, body: SimulatedRobot) -> None:
         place, motion = body.data.qpos, body.data.qvel
-        if loop.state.mode is Mode.WALKING and loop.walking_s >= self._at_s and self._policy.spoil is None:
-            self._policy.spoil = _no_numbers
+        if (
+            loop.state.mode is Mode.WALKING
+            and loop.walking_s >= self._at_s
+            and self._policy.change_decision is None
+        ):
+            self._policy.change_decision = _no_numbers
             self.speed = float(np.hypot(*motion[:2]))
         if loop.state.faults:
             self.last_tilt = tilt(place[3:7])

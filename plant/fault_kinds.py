@@ -14,7 +14,8 @@ from footfall.deploy.drivers.imu import ACCELERATION_ID, GYRO_ID, QUATERNION_ID,
 from footfall.deploy.frames import Frames
 from footfall.plant.injection import (
     Batches,
-    Rig,
+    FaultInjector,
+    Injection,
     cut_short,
     dropped,
     each_imu_frame,
@@ -42,7 +43,7 @@ class FaultKind(NamedTuple):
 
     name: str
     group: str
-    inject: Callable[[Rig], None]
+    inject: Injection
     within_s: float | None = IMPLAUSIBLE_S  # from the fault to damping; None if it need not be noticed
     reason: str = ""  # why it cannot be noticed, or not sooner
     main: bool = False  # tried on every robot
@@ -53,28 +54,28 @@ class FaultKind(NamedTuple):
 # -- the IMU -----------------------------------------------------------------------------------------------
 
 
-def _imu_frame(identifier: int, change: Callable[[Frames], Frames]) -> Callable[[Rig], None]:
-    return lambda rig: rig.on_imu_frames(each_imu_frame(identifier, change))
+def _imu_frame(identifier: int, change: Callable[[Frames], Frames]) -> Injection:
+    return lambda injector: injector.on_imu_frames(each_imu_frame(identifier, change))
 
 
-def _imu(change: Callable[[Inertial], Inertial]) -> Callable[[Rig], None]:
-    return lambda rig: rig.on_imu(change)
+def _imu(change: Callable[[Inertial], Inertial]) -> Injection:
+    return lambda injector: injector.on_imu(change)
 
 
-def _frozen(*parts: str) -> Callable[[Rig], None]:
-    def inject(rig: Rig) -> None:
+def _frozen(*parts: str) -> Injection:
+    def inject(injector: FaultInjector) -> None:
         kept: list[Inertial] = []
 
         def freeze(reading: Inertial) -> Inertial:
             kept.append(reading) if not kept else None
             return reading._replace(**{part: getattr(kept[0], part) for part in parts})
 
-        rig.on_imu(freeze)
+        injector.on_imu(freeze)
 
     return inject
 
 
-def _scaled(part: str, *factors: float) -> Callable[[Rig], None]:
+def _scaled(part: str, *factors: float) -> Injection:
     """A part of the reading times factors, one for each axis."""
 
     def change(reading: Inertial) -> Inertial:
@@ -84,30 +85,30 @@ def _scaled(part: str, *factors: float) -> Callable[[Rig], None]:
     return _imu(change)
 
 
-def _permuted(part: str, *order: int) -> Callable[[Rig], None]:
+def _permuted(part: str, *order: int) -> Injection:
     return _imu(lambda r: r._replace(**{part: tuple(getattr(r, part)[k] for k in order)}))
 
 
-def _gyro_bias(size: float) -> Callable[[Rig], None]:
+def _gyro_bias(size: float) -> Injection:
     return _imu(lambda r: r._replace(gyro=tuple(rate + size for rate in r.gyro)))
 
 
-def _leaning(degrees: float) -> Callable[[Rig], None]:
-    def inject(rig: Rig) -> None:
-        axis, sign = int(rig.rng.integers(2)), float(rig.rng.choice([-1.0, 1.0]))
-        rig.on_imu(lambda reading: turned(reading, axis, sign * degrees))
+def _leaning(degrees: float) -> Injection:
+    def inject(injector: FaultInjector) -> None:
+        axis, sign = int(injector.rng.integers(2)), float(injector.rng.choice([-1.0, 1.0]))
+        injector.on_imu(lambda reading: turned(reading, axis, sign * degrees))
 
     return inject
 
 
-def _loose(degrees: float = 0.0, rate_rad_s: float = 0.0) -> Callable[[Rig], None]:
+def _loose(degrees: float = 0.0, rate_rad_s: float = 0.0) -> Injection:
     """An IMU that is not where it was in the body, and turns on: what it reads is true of where it is."""
 
-    def inject(rig: Rig) -> None:
-        axis, sign = int(rig.rng.integers(2)), float(rig.rng.choice([-1.0, 1.0]))
+    def inject(injector: FaultInjector) -> None:
+        axis, sign = int(injector.rng.integers(2)), float(injector.rng.choice([-1.0, 1.0]))
         angle, rate = sign * np.deg2rad(degrees), sign * rate_rad_s
         readings = count()
-        rig.on_imu(lambda r: mounted(r, axis, angle + rate * IMU_PERIOD_S * next(readings), rate))
+        injector.on_imu(lambda r: mounted(r, axis, angle + rate * IMU_PERIOD_S * next(readings), rate))
 
     return inject
 
@@ -118,20 +119,20 @@ def _short_quaternion(frames: Frames) -> Frames:
     return frames._replace(data=(words * 0.9).astype(">i2").view(np.uint8).reshape(frames.data.shape))
 
 
-def _imu_silent(rig: Rig) -> None:
-    rig.body.faults.imu_silent = True
+def _imu_silent(injector: FaultInjector) -> None:
+    injector.body.faults.imu_silent = True
 
 
-def _imu_stuck(rig: Rig) -> None:
-    rig.body.faults.imu_stuck = True
+def _imu_stuck(injector: FaultInjector) -> None:
+    injector.body.faults.imu_stuck = True
 
 
-def _imu_late(milliseconds: int) -> Callable[[Rig], None]:
-    return lambda rig: rig.late(1000 * milliseconds, from_imu)
+def _imu_late(milliseconds: int) -> Injection:
+    return lambda injector: injector.late(1000 * milliseconds, from_imu)
 
 
-def _imu_queues(rig: Rig) -> None:
-    rig.falls_behind(0.5, from_imu)
+def _imu_queues(injector: FaultInjector) -> None:
+    injector.falls_behind(0.5, from_imu)
 
 
 TWICE = "it differs by twice the body's turn, which takes a part of a step to be 0.04 rad"
@@ -197,133 +198,137 @@ IMU = (
 # -- what motors reply -------------------------------------------------------------------------------------
 
 
-def _values(change: Callable[[Rig, np.ndarray, np.ndarray], None]) -> Callable[[Rig], None]:
-    return lambda rig: rig.on_values(lambda values, temperature: change(rig, values, temperature))
+def _values(
+    change: Callable[[FaultInjector, np.ndarray, np.ndarray], None],
+) -> Injection:
+    return lambda injector: injector.on_values(
+        lambda values, temperature: change(injector, values, temperature)
+    )
 
 
-def _row_frozen(row: int) -> Callable[[Rig], None]:
+def _row_frozen(row: int) -> Injection:
     """Position (0), velocity (1) or torque (2) of one motor stays what it is."""
 
-    def inject(rig: Rig) -> None:
+    def inject(injector: FaultInjector) -> None:
         kept: list[float] = []
 
         def freeze(values: np.ndarray, _: np.ndarray) -> None:
-            if not values[:, rig.joint].any():
+            if not values[:, injector.joint].any():
                 return
-            kept.append(float(values[row, rig.joint])) if not kept else None
-            values[row, rig.joint] = kept[0]
+            kept.append(float(values[row, injector.joint])) if not kept else None
+            values[row, injector.joint] = kept[0]
 
-        rig.on_values(freeze)
+        injector.on_values(freeze)
 
     return inject
 
 
-def _position_off(by: Callable[[Rig], float]) -> Callable[[Rig], None]:
+def _position_off(by: Callable[[FaultInjector], float]) -> Injection:
     """A motor's encoder is off from now on: it reports so, and closes its own loop on it."""
 
-    def inject(rig: Rig) -> None:
-        rig.body.encoder_bias[rig.joint] += rig.rng.choice([-1.0, 1.0]) * by(rig)
+    def inject(injector: FaultInjector) -> None:
+        injector.body.encoder_bias[injector.joint] += injector.rng.choice([-1.0, 1.0]) * by(injector)
 
     return inject
 
 
-def _all_off(by: float) -> Callable[[Rig], None]:
-    def inject(rig: Rig) -> None:
-        rig.body.encoder_bias[:] += by
+def _all_off(by: float) -> Injection:
+    def inject(injector: FaultInjector) -> None:
+        injector.body.encoder_bias[:] += by
 
     return inject
 
 
-def _sector(rig: Rig) -> float:
+def _sector(injector: FaultInjector) -> float:
     """One turn of a rotor, at the joint."""
-    return float(2 * np.pi / rig.robot.motor_figures("gear_ratio")[rig.joint])
+    return float(2 * np.pi / injector.robot.motor_figures("gear_ratio")[injector.joint])
 
 
-def _drifting(rate_rad_s: float) -> Callable[[Rig], None]:
-    def inject(rig: Rig) -> None:
+def _drifting(rate_rad_s: float) -> Injection:
+    def inject(injector: FaultInjector) -> None:
         off = [0.0]
 
         def drift(values: np.ndarray, _: np.ndarray) -> None:
             off[0] += rate_rad_s * 0.002
-            values[0, rig.joint] += off[0]
+            values[0, injector.joint] += off[0]
 
-        rig.on_values(drift)
+        injector.on_values(drift)
 
     return inject
 
 
-def _negative(*rows: int) -> Callable[[Rig], None]:
-    def change(rig: Rig, values: np.ndarray, _: np.ndarray) -> None:
-        values[list(rows), rig.joint] *= -1.0
+def _negative(*rows: int) -> Injection:
+    def change(injector: FaultInjector, values: np.ndarray, _: np.ndarray) -> None:
+        values[list(rows), injector.joint] *= -1.0
 
     return _values(change)
 
 
-def _zeroed(row: int) -> Callable[[Rig], None]:
-    def change(rig: Rig, values: np.ndarray, _: np.ndarray) -> None:
-        values[row, rig.joint] = 0.0
+def _zeroed(row: int) -> Injection:
+    def change(injector: FaultInjector, values: np.ndarray, _: np.ndarray) -> None:
+        values[row, injector.joint] = 0.0
 
     return _values(change)
 
 
-def _doubled_speed(rig: Rig, values: np.ndarray, _: np.ndarray) -> None:
-    values[1, rig.joint] *= 2.0
+def _doubled_speed(injector: FaultInjector, values: np.ndarray, _: np.ndarray) -> None:
+    values[1, injector.joint] *= 2.0
 
 
-def _temperature(celsius: int) -> Callable[[Rig], None]:
-    def change(rig: Rig, _: np.ndarray, temperature: np.ndarray) -> None:
-        temperature[rig.joint] = celsius
+def _temperature(celsius: int) -> Injection:
+    def change(injector: FaultInjector, _: np.ndarray, temperature: np.ndarray) -> None:
+        temperature[injector.joint] = celsius
 
     return _values(change)
 
 
-def _heating(rig: Rig) -> None:
+def _heating(injector: FaultInjector) -> None:
     now = [60.0]
 
     def heat(_: np.ndarray, temperature: np.ndarray) -> None:
         now[0] += 0.1  # of 500 ticks a second: 85 degrees after half a second
-        temperature[rig.joint] = min(int(now[0]), 120)
+        temperature[injector.joint] = min(int(now[0]), 120)
 
-    rig.on_values(heat)
+    injector.on_values(heat)
 
 
-def _ids_swapped(rig: Rig) -> None:
+def _ids_swapped(injector: FaultInjector) -> None:
     """Two motors of one bus answer under each other's id."""
-    mates = np.flatnonzero(rig.wiring.channel == rig.channel)
-    one, other = rig.rng.choice(mates, 2, replace=False)
+    mates = np.flatnonzero(injector.wiring.channel == injector.channel)
+    one, other = injector.rng.choice(mates, 2, replace=False)
 
     def swap(values: np.ndarray, _: np.ndarray) -> None:
         values[:, [one, other]] = values[:, [other, one]]
 
-    rig.on_values(swap)
+    injector.on_values(swap)
 
 
-def _buses_swapped(rig: Rig) -> None:
+def _buses_swapped(injector: FaultInjector) -> None:
     """Two plugs exchanged: replies of two like legs come from each other's bus."""
-    channels = np.unique(rig.wiring.channel)
-    counts = np.bincount(rig.wiring.channel)
+    channels = np.unique(injector.wiring.channel)
+    counts = np.bincount(injector.wiring.channel)
     first, second = channels[:2]
     assert counts[first] == counts[second]
-    one, other = (np.flatnonzero(rig.wiring.channel == channel) for channel in (first, second))
+    one, other = (np.flatnonzero(injector.wiring.channel == channel) for channel in (first, second))
 
     def swap(values: np.ndarray, _: np.ndarray) -> None:
         values[:, one], values[:, other] = values[:, other].copy(), values[:, one].copy()
 
-    rig.on_values(swap)
+    injector.on_values(swap)
 
 
-def _error(code: int) -> Callable[[Rig], None]:
-    def inject(rig: Rig) -> None:
-        rig.body.faults.motors.error[rig.joint] = code
+def _error(code: int) -> Injection:
+    def inject(injector: FaultInjector) -> None:
+        injector.body.faults.motors.error[injector.joint] = code
 
     return inject
 
 
-def _error_once(rig: Rig) -> None:
+def _error_once(injector: FaultInjector) -> None:
     left = [1]
 
-    def spoil(frames: Frames, joint: np.ndarray) -> Frames:
-        rows = np.flatnonzero(joint == rig.joint)
+    def corrupt(frames: Frames, joint: np.ndarray) -> Frames:
+        rows = np.flatnonzero(joint == injector.joint)
         if not left[0] or not len(rows):
             return frames
         left[0] = 0
@@ -331,87 +336,89 @@ def _error_once(rig: Rig) -> None:
         data[rows, 7] = 2
         return frames._replace(data=data)
 
-    rig.on_replies(spoil)
+    injector.on_replies(corrupt)
 
 
-def _silent(all_of_them: bool) -> Callable[[Rig], None]:
-    def inject(rig: Rig) -> None:
-        rig.body.faults.motors.silent[slice(None) if all_of_them else rig.joint] = True
+def _silent(all_of_them: bool) -> Injection:
+    def inject(injector: FaultInjector) -> None:
+        injector.body.faults.motors.silent[slice(None) if all_of_them else injector.joint] = True
 
     return inject
 
 
-def _bus_dead(rig: Rig) -> None:
+def _bus_dead(injector: FaultInjector) -> None:
     """Neither end of a bus hears the other."""
-    rig.on_all(lambda frames: frames.take(frames.channel != rig.channel))
-    rig.bus.outgoing = lambda frames, _: frames.take(frames.channel != rig.channel)
+    injector.on_all(lambda frames: frames.take(frames.channel != injector.channel))
+    injector.bus.outgoing = lambda frames, _: frames.take(frames.channel != injector.channel)
 
 
-def _all_dead(rig: Rig) -> None:
-    rig.on_all(nothing)
-    rig.bus.outgoing = lambda frames, _: nothing(frames)
+def _all_dead(injector: FaultInjector) -> None:
+    injector.on_all(nothing)
+    injector.bus.outgoing = lambda frames, _: nothing(frames)
 
 
-def _commands_lost(rig: Rig) -> None:
-    rig.bus.outgoing = lambda frames, _: nothing(frames)
+def _commands_lost(injector: FaultInjector) -> None:
+    injector.bus.outgoing = lambda frames, _: nothing(frames)
 
 
-def _commands_lost_to_one(rig: Rig) -> None:
-    keep = np.arange(len(rig.robot.joint_names)) != rig.joint
-    rig.bus.outgoing = lambda frames, _: frames.take(keep) if len(frames.id) == len(keep) else frames
+def _commands_lost_to_one(injector: FaultInjector) -> None:
+    keep = np.arange(len(injector.robot.joint_names)) != injector.joint
+    injector.bus.outgoing = lambda frames, _: frames.take(keep) if len(frames.id) == len(keep) else frames
 
 
-def _replies(change: Callable[[Rig], Callable[[Frames], Frames]]) -> Callable[[Rig], None]:
-    def inject(rig: Rig) -> None:
-        spoil = change(rig)
-        rig.on_replies(lambda frames, _: spoil(frames))
+def _replies(
+    change: Callable[[FaultInjector], Callable[[Frames], Frames]],
+) -> Injection:
+    def inject(injector: FaultInjector) -> None:
+        corrupt = change(injector)
+        injector.on_replies(lambda frames, _: corrupt(frames))
 
     return inject
 
 
-def _stuck(rig: Rig) -> None:
-    rig.body.faults.motors.stuck[rig.joint] = True
+def _stuck(injector: FaultInjector) -> None:
+    injector.body.faults.motors.stuck[injector.joint] = True
 
 
-def _wrong_sender(rig: Rig) -> None:
-    def spoil(frames: Frames, joint: np.ndarray) -> Frames:
+def _wrong_sender(injector: FaultInjector) -> None:
+    def corrupt(frames: Frames, joint: np.ndarray) -> Frames:
         data = frames.data.copy()
-        data[joint == rig.joint, 0] = 0x7E
+        data[joint == injector.joint, 0] = 0x7E
         return frames._replace(data=data)
 
-    rig.on_replies(spoil)
+    injector.on_replies(corrupt)
 
 
 def _doubled(batches: Batches, _: int) -> Batches:
     return [*batches, *batches]
 
 
-def _twice(rig: Rig) -> None:
-    rig.bus.incoming = _doubled
+def _twice(injector: FaultInjector) -> None:
+    injector.bus.incoming = _doubled
 
 
-def _foreign(rig: Rig) -> None:
+def _foreign(injector: FaultInjector) -> None:
     """A bus on which somebody else talks, too."""
     stranger = Frames(
-        np.full(8, rig.channel), np.arange(0x500, 0x508), np.full((8, 8), 0xA5, np.uint8), np.full(8, 8)
+        np.full(8, injector.channel), np.arange(0x500, 0x508), np.full((8, 8), 0xA5, np.uint8), np.full(8, 8)
     )
-    rig.bus.incoming = lambda batches, _: [stranger, *batches, stranger]
+    injector.bus.incoming = lambda batches, _: [stranger, *batches, stranger]
 
 
-def _queue(rig: Rig) -> None:
-    rig.falls_behind(0.5, lambda frames: not from_imu(frames))
+def _queue(injector: FaultInjector) -> None:
+    injector.falls_behind(0.5, lambda frames: not from_imu(frames))
 
 
-def _lost(share: float) -> Callable[[Rig], None]:
-    return lambda rig: rig.on_all(dropped(share, rig.rng))
+def _lost(share: float) -> Injection:
+    return lambda injector: injector.on_all(dropped(share, injector.rng))
 
 
-def _flipped(share: float) -> Callable[[Rig], None]:
-    return lambda rig: rig.on_all(flipped(share, rig.rng))
+def _flipped(share: float) -> Injection:
+    return lambda injector: injector.on_all(flipped(share, injector.rng))
 
 
-def _late(milliseconds: int) -> Callable[[Rig], None]:
-    return lambda rig: rig.late(1000 * milliseconds)
+def _late(milliseconds: int) -> Injection:
+    return lambda injector: injector.late(1000 * milliseconds)
 
 
 WAY = "a joint has to move for a while before its readings contradict each other"
@@ -497,38 +504,38 @@ REPLIES = (
 # -- motors and body ---------------------------------------------------------------------------------------
 
 
-def _reboot(all_of_them: bool) -> Callable[[Rig], None]:
-    def inject(rig: Rig) -> None:
-        joints = np.arange(len(rig.robot.joint_names)) if all_of_them else np.array([rig.joint])
-        rig.body.reboot(joints)
+def _reboot(all_of_them: bool) -> Injection:
+    def inject(injector: FaultInjector) -> None:
+        joints = np.arange(len(injector.robot.joint_names)) if all_of_them else np.array([injector.joint])
+        injector.body.reboot(joints)
 
     return inject
 
 
-def _strength(of_one: float | None = None, of_all: float = 1.0) -> Callable[[Rig], None]:
-    def inject(rig: Rig) -> None:
-        strength = np.full(len(rig.robot.joint_names), of_all)
+def _strength(of_one: float | None = None, of_all: float = 1.0) -> Injection:
+    def inject(injector: FaultInjector) -> None:
+        strength = np.full(len(injector.robot.joint_names), of_all)
         if of_one is not None:
-            strength[rig.joint] = of_one
-        rig.body.weaken(strength)
+            strength[injector.joint] = of_one
+        injector.body.weaken(strength)
 
     return inject
 
 
-def _sagging(share: float) -> Callable[[Rig], None]:
-    return lambda rig: rig.body.sag(share)
+def _sagging(share: float) -> Injection:
+    return lambda injector: injector.body.sag(share)
 
 
-def _pushed(speed_m_s: float) -> Callable[[Rig], None]:
-    def inject(rig: Rig) -> None:
-        angle = rig.rng.uniform(0.0, 2 * np.pi)
-        rig.body.push((speed_m_s * np.cos(angle), speed_m_s * np.sin(angle), 0.5 * speed_m_s))
+def _pushed(speed_m_s: float) -> Injection:
+    def inject(injector: FaultInjector) -> None:
+        angle = injector.rng.uniform(0.0, 2 * np.pi)
+        injector.body.push((speed_m_s * np.cos(angle), speed_m_s * np.sin(angle), 0.5 * speed_m_s))
 
     return inject
 
 
-def _put(quaternion: tuple[float, float, float, float]) -> Callable[[Rig], None]:
-    return lambda rig: rig.turn_over(quaternion, 0.5)
+def _put(quaternion: tuple[float, float, float, float]) -> Injection:
+    return lambda injector: injector.turn_over(quaternion, 0.5)
 
 
 TILT = "noticed by its tilt"
@@ -564,7 +571,7 @@ BODY = (
     FaultKind(
         "joint blocked",
         "motors and body",
-        lambda rig: rig.brake(rig.joint, 1e3),
+        lambda injector: injector.brake(injector.joint, 1e3),
         None,
         "its readings are true",
     ),
@@ -580,14 +587,14 @@ BODY = (
 # -- policy and program ------------------------------------------------------------------------------------
 
 
-def _decides(change: Callable[[Rig, JointCommand], Any]) -> Callable[[Rig], None]:
-    def inject(rig: Rig) -> None:
-        rig.policy.spoil = lambda decision: change(rig, decision)
+def _decides(change: Callable[[FaultInjector, JointCommand], Any]) -> Injection:
+    def inject(injector: FaultInjector) -> None:
+        injector.policy.change_decision = lambda decision: change(injector, decision)
 
     return inject
 
 
-def _filled(field: str, value: float) -> Callable[[Rig], None]:
+def _filled(field: str, value: float) -> Injection:
     return _decides(lambda _, decision: decision._replace(**{field: np.full_like(decision.position, value)}))
 
 
@@ -595,47 +602,47 @@ def _raise(*_: object) -> Any:
     raise RuntimeError("on purpose")
 
 
-def _stance_raises(rig: Rig) -> None:
-    rig.policy.spoil_stance = _raise
+def _stance_raises(injector: FaultInjector) -> None:
+    injector.policy.replace_stance = _raise
 
 
-def _command_raises(rig: Rig) -> None:
-    rig.command.spoil = _raise
+def _command_raises(injector: FaultInjector) -> None:
+    injector.command.replacement = _raise
 
 
-def _command_nan(rig: Rig) -> None:
-    rig.command.spoil = lambda: np.full(3, np.nan)
+def _command_nan(injector: FaultInjector) -> None:
+    injector.command.replacement = lambda: np.full(3, np.nan)
 
 
-def _bang_bang(rig: Rig, decision: JointCommand) -> JointCommand:
-    lower, upper = rig.robot.soft_limits
-    sign = rig.rng.random() < 0.5
+def _bang_bang(injector: FaultInjector, decision: JointCommand) -> JointCommand:
+    lower, upper = injector.robot.soft_limits
+    sign = injector.rng.random() < 0.5
     return decision._replace(position=upper if sign else lower, kp=np.full_like(lower, 500.0))
 
 
-def _random(rig: Rig, decision: JointCommand) -> JointCommand:
+def _random(injector: FaultInjector, decision: JointCommand) -> JointCommand:
     n = len(decision.position)
     return JointCommand(
-        rig.rng.uniform(-10, 10, n),
-        rig.rng.uniform(-50, 50, n),
-        rig.rng.uniform(0, 500, n),
-        rig.rng.uniform(0, 5, n),
-        rig.rng.uniform(-100, 100, n),
+        injector.rng.uniform(-10, 10, n),
+        injector.rng.uniform(-50, 50, n),
+        injector.rng.uniform(0, 500, n),
+        injector.rng.uniform(0, 5, n),
+        injector.rng.uniform(-100, 100, n),
     )
 
 
-def _receive_raises(rig: Rig) -> None:
-    rig.bus.incoming = _raise
+def _receive_raises(injector: FaultInjector) -> None:
+    injector.bus.incoming = _raise
 
 
-def _send_raises(rig: Rig) -> None:
-    rig.bus.outgoing = _raise
+def _send_raises(injector: FaultInjector) -> None:
+    injector.bus.outgoing = _raise
 
 
-def _refused(rig: Rig) -> None:
+def _refused(injector: FaultInjector) -> None:
     """An interface whose queue is full."""
-    send = rig.bus.send
-    rig.bus.send = lambda frames, now_us: send(frames, now_us) * 0 + 1  # type: ignore[method-assign]
+    send = injector.bus.send
+    injector.bus.send = lambda frames, now_us: send(frames, now_us) * 0 + 1  # type: ignore[method-assign]
 
 
 LIMITED = "what a policy wants within the limits is its own; a fall is noticed by its tilt"
@@ -684,9 +691,7 @@ START_S = 1.3  # start-up, and a while of standing
 WALKING_S = 2.0  # and the first steps
 
 
-def _at_start(
-    name: str, inject: Callable[[Rig], None], within_s: float | None = UNANSWERED_S, **rest: Any
-) -> FaultKind:
+def _at_start(name: str, inject: Injection, within_s: float | None = UNANSWERED_S, **rest: Any) -> FaultKind:
     return FaultKind(name, "at the start", inject, within_s, starting=True, **rest)
 
 

@@ -1,4 +1,4 @@
-"""Faults let loose on a run: what becomes of frames on their way, of decisions, and of the robot's parts."""
+"""Fault injection: changes frames on their way, a policy's decisions, and the robot's parts during a run."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -25,7 +25,7 @@ Outgoing = Callable[[Frames, int], Frames]  # what leaves of what the controller
 
 
 class InjectingBus:
-    """A bus between which and the controller something may happen to frames."""
+    """A bus whose frames may be changed on their way to and from the controller."""
 
     def __init__(self, inner: Bus) -> None:
         self._inner = inner
@@ -60,8 +60,8 @@ class InjectingPolicy:
     def __init__(self, inner: Policy) -> None:
         self._inner = inner
         self.name, self.rate_hz, self.needs_estimate = inner.name, inner.rate_hz, inner.needs_estimate
-        self.spoil: Callable[[JointCommand], JointCommand] | None = None
-        self.spoil_stance: Callable[[], np.ndarray | None] | None = None
+        self.change_decision: Callable[[JointCommand], JointCommand] | None = None
+        self.replace_stance: Callable[[], np.ndarray | None] | None = None
 
     @property
     def contract(self) -> Contract | None:
@@ -76,10 +76,10 @@ class InjectingPolicy:
 
     def act(self, observation: Observation) -> JointCommand:
         decision = self._inner.act(observation)
-        return decision if self.spoil is None else self.spoil(decision)
+        return decision if self.change_decision is None else self.change_decision(decision)
 
     def stance(self) -> np.ndarray | None:
-        return self._inner.stance() if self.spoil_stance is None else self.spoil_stance()
+        return self._inner.stance() if self.replace_stance is None else self.replace_stance()
 
 
 @dataclass
@@ -87,15 +87,15 @@ class Command:
     """The velocity command of a run, which may fail like all else. Called with the time, s."""
 
     value: np.ndarray  # (3,)
-    spoil: Callable[[], np.ndarray] | None = None
+    replacement: Callable[[], np.ndarray] | None = None
 
     def __call__(self, time_s: float) -> np.ndarray:
-        return self.value if self.spoil is None else self.spoil()
+        return self.value if self.replacement is None else self.replacement()
 
 
 @dataclass
-class Rig:
-    """A run with all the places where a fault may sit."""
+class FaultInjector:
+    """Injects faults into a run: holds all the places where one may be."""
 
     robot: Robot
     wiring: Wiring
@@ -104,7 +104,7 @@ class Rig:
     policy: InjectingPolicy
     command: Command
     rng: np.random.Generator
-    joint: int = field(init=False)  # the victim, drawn
+    joint: int = field(init=False)  # whose motor is at fault, drawn
     channel: int = field(init=False)  # its bus
 
     def __post_init__(self) -> None:
@@ -132,7 +132,7 @@ class Rig:
         """
         n = len(self.robot.joint_names)
 
-        def spoil(frames: Frames, joint: np.ndarray) -> Frames:
+        def corrupt(frames: Frames, joint: np.ndarray) -> Frames:
             values, temperature = np.zeros((3, n)), np.zeros(n, np.uint64)
             reply = self._codec.decode_replies(frames.data, joint)
             values[:, joint], temperature[joint] = reply.values, reply.temperature_c
@@ -141,12 +141,12 @@ class Rig:
             tail = temperature[joint] << np.uint64(8) | reply.error.astype(np.uint64)
             return frames._replace(data=self._codec.encode_replies(joint, head, values[:, joint], tail))
 
-        self.on_replies(spoil)
+        self.on_replies(corrupt)
 
     def on_imu(self, change: Callable[[imu.Inertial], imu.Inertial]) -> None:
         """The IMU reads something else; its counters go on."""
 
-        def spoil(frames: Frames) -> Frames:
+        def corrupt(frames: Frames) -> Frames:
             gyro, count = imu.decode_gyro(frames.data[0].tobytes())
             acceleration = imu.decode_acceleration(frames.data[1].tobytes())
             quaternion = imu.decode_quaternion(frames.data[2].tobytes())
@@ -154,7 +154,7 @@ class Rig:
             reading = change(imu.Inertial(gyro, acceleration, quaternion))
             return frames._replace(data=imu.encode(reading, count))
 
-        self.on_imu_frames(spoil)
+        self.on_imu_frames(corrupt)
 
     def on_imu_frames(self, change: Callable[[Frames], Frames]) -> None:
         """The three frames of an IMU's reading become others."""
@@ -204,6 +204,9 @@ class Rig:
         self.body.data.qpos[at + 3 : at + 7] = np.array(quaternion) / np.linalg.norm(quaternion)
 
 
+Injection = Callable[[FaultInjector], None]
+
+
 def late(by_us: int, what: Callable[[Frames], bool] = lambda _: True) -> Incoming:
     """Some batches arrive later than they would."""
     waiting: list[tuple[int, Frames]] = []
@@ -234,11 +237,11 @@ def nothing(frames: Frames) -> Frames:
 def each_imu_frame(identifier: int, change: Callable[[Frames], Frames]) -> Callable[[Frames], Frames]:
     """One of the three frames of a reading becomes another, or none."""
 
-    def spoil(frames: Frames) -> Frames:
+    def corrupt(frames: Frames) -> Frames:
         of_it = frames.id == identifier
         return joined([frames.take(~of_it), change(frames.take(of_it))])
 
-    return spoil
+    return corrupt
 
 
 def cut_short(frames: Frames) -> Frames:

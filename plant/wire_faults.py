@@ -56,7 +56,7 @@ class FaultyWires:
                 self.transmit_errors[wire] = max(self.transmit_errors[wire] + 8 * count - 1, 0)
         return again
 
-    def spoil(self, frames: Frames) -> Frames:
+    def deliver(self, frames: Frames) -> Frames:
         """What arrives of frames that got through."""
         faults, random = self._faults, self._random
         if faults.lost:

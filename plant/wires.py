@@ -251,7 +251,7 @@ class SimulatedWires:
                 arrived.append(batch.take(here))
             rest.append(batch)
         queue.extend(rest)
-        return arrived if self._faulty is None else [self._faulty.spoil(frames) for frames in arrived]
+        return arrived if self._faulty is None else [self._faulty.deliver(frames) for frames in arrived]
 
     def _plan(self, frames: Frames) -> _Plan:
         known = self._plan_of_array.get(id(frames.id))

@@ -50,18 +50,18 @@ class Sway(Hold):
         return hold._replace(position=hold.position + depth)
 
 
-class Spoilt(Hold):
+class FailingPolicy(Hold):
     """Holds the pose until a time, then does something else to its command, or worse."""
 
-    name = "spoilt"
+    name = "failing"
 
-    def __init__(self, robot: Robot, at_s: float, spoil: Callable[[JointCommand], JointCommand]) -> None:
+    def __init__(self, robot: Robot, at_s: float, change: Callable[[JointCommand], JointCommand]) -> None:
         super().__init__(robot)
-        self._at_s, self._spoil = at_s, spoil
+        self._at_s, self._change = at_s, change
 
     def act(self, observation: Observation) -> JointCommand:
         command = super().act(observation)
-        return self._spoil(command) if observation.time_s >= self._at_s else command
+        return self._change(command) if observation.time_s >= self._at_s else command
 
 
 def not_a_number(command: JointCommand) -> JointCommand:

@@ -1,7 +1,6 @@
 """The ladder from holding a pose to walking: what each step measures, and which step finds which fault."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +21,7 @@ from footfall.deploy.session import SessionResult
 from footfall.deploy.wiring import wire
 from footfall.plant.bus import SimulatedBus
 from footfall.plant.fault_kinds import KINDS
-from footfall.plant.injection import Command, InjectingBus, InjectingPolicy, Rig
+from footfall.plant.injection import Command, FaultInjector, InjectingBus, InjectingPolicy, Injection
 from footfall.plant.robot import PlantConfig, SimulatedRobot
 from footfall.plant.wires import SimulatedWires
 from footfall.policies.policy import Observation, Sensed
@@ -196,21 +195,21 @@ def test_a_scale_lowers_gains_and_torque_and_leaves_damping_whole(go1: Robot) ->
 class Simulated:
     """A simulated robot in the air or on the ground, with something wrong with it."""
 
-    def __init__(self, robot: Robot, hangs: bool, inject: Callable[[Rig], None] | None = None) -> None:
+    def __init__(self, robot: Robot, hangs: bool, inject: Injection | None = None) -> None:
         self.wiring = wire(robot)
         wires = SimulatedWires(self.wiring.buses)
         plant = PlantConfig(lying=not hangs, hanging=hangs)
         self.body = SimulatedRobot(robot, self.wiring, wires, plant)
         self.bus = InjectingBus(SimulatedBus(wires, self.body))
         policy = InjectingPolicy(Hold(robot))
-        rig = Rig(
+        injector = FaultInjector(
             robot, self.wiring, self.body, self.bus, policy, Command(np.zeros(3)), np.random.default_rng(1)
         )
         if inject is not None:
-            inject(rig)
+            inject(injector)
 
 
-def climbed(robot: Robot, name: str, inject: Callable[[Rig], None] | None = None) -> Verdict:
+def climbed(robot: Robot, name: str, inject: Injection | None = None) -> Verdict:
     """One step, and the motors are off afterwards."""
     step = next(step for step in STEPS if step.name == name)
     simulated = Simulated(robot, step.hangs, inject)
@@ -220,19 +219,19 @@ def climbed(robot: Robot, name: str, inject: Callable[[Rig], None] | None = None
     return verdict
 
 
-def no_power(rig: Rig) -> None:
-    rig.body.weaken(np.where(np.arange(len(rig.robot.joint_names)) == rig.joint, 0.0, 1.0))
+def no_power(injector: FaultInjector) -> None:
+    injector.body.weaken(np.where(np.arange(len(injector.robot.joint_names)) == injector.joint, 0.0, 1.0))
 
 
-def wrong_ratio(rig: Rig) -> None:
+def wrong_ratio(injector: FaultInjector) -> None:
     """The first joint's readings are half as much again as what they are about the pose at first."""
-    rig.joint, first = 0, rig.robot.default_pose[0]
+    injector.joint, first = 0, injector.robot.default_pose[0]
 
     def change(values: np.ndarray, _: np.ndarray) -> None:
         values[0, 0] = first + 1.5 * (values[0, 0] - first)
         values[1, 0] *= 1.5
 
-    rig.on_values(change)
+    injector.on_values(change)
 
 
 class TestLadder:
@@ -255,7 +254,7 @@ class TestLadder:
         ids=["sign", "swapped", "no power", "hot", "ratio", "zero"],
     )
     def test_a_fault_is_found_by_the_first_step_that_can(
-        self, go1: Robot, step: str, inject: Callable[[Rig], None], says: str
+        self, go1: Robot, step: str, inject: Injection, says: str
     ) -> None:
         before = {"joints": ["hold"], "stand": ["hold"]}.get(step, [])
         for earlier in before:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from deploy_policies import Hold, Spoilt, Sway, not_a_number, short_episode, stand_still
+from deploy_policies import FailingPolicy, Hold, Sway, not_a_number, short_episode, stand_still
 
 from footfall.common.errors import UserError
 from footfall.deploy.config import DeployConfig
@@ -184,7 +184,7 @@ class TestPushesAndFalls:
         def limp(command: JointCommand) -> JointCommand:
             return command._replace(kp=0 * command.kp, kd=0 * command.kd)
 
-        trace = run_episode(go1, Spoilt(go1, 0.2, limp), short_episode(duration_s=3.0))
+        trace = run_episode(go1, FailingPolicy(go1, 0.2, limp), short_episode(duration_s=3.0))
         assert trace.fell
         assert "base" in trace.fall_reason
 
@@ -267,7 +267,7 @@ class TestFaults:
         assert not body.motors_on.any()
 
     def test_a_policy_that_returns_nan_is_never_obeyed(self, go1: Robot) -> None:
-        trace = run_episode(go1, Spoilt(go1, 0.3, not_a_number), short_episode())
+        trace = run_episode(go1, FailingPolicy(go1, 0.3, not_a_number), short_episode())
         assert trace.final_state == "ESTOP"
         assert trace.faults == ("the policy's command is not finite",)
         assert trace.time_s[-1] <= 0.3
@@ -286,7 +286,7 @@ class TestFaults:
         def shorten(command: JointCommand) -> JointCommand:
             return JointCommand(*(part[:-1] for part in command))
 
-        trace = run_episode(go1, Spoilt(go1, 0.1, shorten), short_episode())
+        trace = run_episode(go1, FailingPolicy(go1, 0.1, shorten), short_episode())
         assert trace.final_state == "ESTOP"
         assert "shape (5, 11), expected (5, 12)" in trace.faults[0]
 

@@ -10,7 +10,7 @@ from itertools import count, groupby
 
 import numpy as np
 import pytest
-from deploy_policies import Hold, Spoilt, stand_still
+from deploy_policies import FailingPolicy, Hold, stand_still
 from patience import PATIENT
 
 from footfall.deploy.clock import LockstepClock
@@ -86,7 +86,7 @@ class TestHungPolicy:
     ) -> None:
         simulation, began = Simulation(go1), time.monotonic()
         outcome = run_session(
-            go1, Spoilt(go1, 0.2, hang), simulation.bus, Session(stand_still, 9.0, config=CONFIG)
+            go1, FailingPolicy(go1, 0.2, hang), simulation.bus, Session(stand_still, 9.0, config=CONFIG)
         )
         assert outcome.final_state == "ESTOP"
         assert outcome.faults == ("the policy ran late: no decision within 300 ms",)
@@ -102,7 +102,7 @@ class TestHungPolicy:
 
         simulation = Simulation(go1)
         outcome = run_session(
-            go1, Spoilt(go1, 0.2, terminated), simulation.bus, Session(stand_still, 9.0, config=CONFIG)
+            go1, FailingPolicy(go1, 0.2, terminated), simulation.bus, Session(stand_still, 9.0, config=CONFIG)
         )
         assert outcome.final_state == "ESTOP"
         assert not simulation.body.motors_on.any()
@@ -224,6 +224,6 @@ def test_lockstep_has_neither_deadline_nor_guard(go1: Robot) -> None:
         return command
 
     session = Session(stand_still, 0.1, realtime=False, config=DeployConfig(stand_s=0.2, safety=slow))
-    outcome = run_session(go1, Spoilt(go1, 0.0, dawdle), simulation.bus, session)
+    outcome = run_session(go1, FailingPolicy(go1, 0.0, dawdle), simulation.bus, session)
     assert outcome.faults == ()
     assert LockstepClock.realtime is False

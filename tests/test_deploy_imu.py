@@ -88,7 +88,7 @@ def whole(counter: int, acceleration_counter: int | None = None) -> np.ndarray:
 
 @pytest.mark.parametrize("at_once", [True, False])
 @pytest.mark.parametrize(
-    ("part", "spoil"),
+    ("part", "corrupt"),
     [
         ("gyro", lambda data, length: data.__setitem__((0, slice(6, 8)), [0, 1])),  # counts no further
         ("acceleration", lambda data, length: data.__setitem__((1, slice(6, 8)), [0, 1])),
@@ -100,14 +100,14 @@ def whole(counter: int, acceleration_counter: int | None = None) -> np.ndarray:
         ("quaternion", lambda data, length: length.__setitem__(2, 1)),
     ],
 )
-def test_each_part_has_to_be_renewed_by_frames_that_are_whole(part: str, spoil: Any, at_once: bool) -> None:
+def test_each_part_has_to_be_renewed_by_frames_that_are_whole(part: str, corrupt: Any, at_once: bool) -> None:
     reader = imu.ImuReader(channel=1)
     channel, identifier, length = np.full(3, 1), np.array(imu.IDS), np.full(3, 8)
     reader.absorb(Frames(channel, identifier, whole(1), length), 1000)
     before = reader.reading
     for counter in (2, 3):
         data, lengths = whole(counter), length.copy()
-        spoil(data, lengths)
+        corrupt(data, lengths)
         same = bool((lengths == 8).all())
         batch = Frames(channel, identifier, data, length if same else lengths)
         if at_once:

@@ -4,7 +4,7 @@ from typing import NoReturn
 
 import numpy as np
 import pytest
-from deploy_policies import Hold, Spoilt, stand_still
+from deploy_policies import FailingPolicy, Hold, stand_still
 from test_deploy_hung import Simulation, asked_of_motors
 
 from footfall.deploy.config import DeployConfig
@@ -43,7 +43,7 @@ def test_from_within_a_policy(go1: Robot, ends: type[BaseException]) -> None:
 
     simulation = Simulation(go1)
     with pytest.raises(ends):
-        run_session(go1, Spoilt(go1, 0.05, end), simulation.bus, SESSION)
+        run_session(go1, FailingPolicy(go1, 0.05, end), simulation.bus, SESSION)
     (damped, ticks), (off, _) = asked_of_motors(go1, simulation.sent)[-2:]
     assert (damped, off) == ("damped", "off")
     assert DAMPED_TICKS <= ticks <= DAMPED_TICKS + 1
@@ -57,7 +57,7 @@ def test_a_policy_that_quits_has_failed(go1: Robot) -> None:
         raise SystemExit(3)
 
     simulation = Simulation(go1)
-    outcome = run_session(go1, Spoilt(go1, 0.05, leave), simulation.bus, SESSION)
+    outcome = run_session(go1, FailingPolicy(go1, 0.05, leave), simulation.bus, SESSION)
     assert outcome.faults == ("the policy failed: SystemExit: 3",)
     assert not simulation.body.motors_on.any()
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 import pytest
-from deploy_policies import Hold, Spoilt, not_a_number, short_episode
+from deploy_policies import FailingPolicy, Hold, not_a_number, short_episode
 
 from footfall.common.errors import UserError
 from footfall.common.rotations import tilt
@@ -196,7 +196,7 @@ class TestRun:
 
     def test_a_fault_of_the_policy_lets_it_lie_down(self, go1: Robot) -> None:
         note = Notebook()
-        outcome = run(go1, Spoilt(go1, 0.05, not_a_number), note, lying=False)
+        outcome = run(go1, FailingPolicy(go1, 0.05, not_a_number), note, lying=False)
         assert note.modes[2:] == ["WALKING", "LOWERING", "ESTOP"]
         assert outcome.faults == ("the policy's command is not finite",)
         assert outcome.final_state == "ESTOP"
@@ -208,7 +208,7 @@ class TestRun:
 
         def fail(loop: ControlLoop, body: SimulatedRobot) -> None:
             if loop.walking and loop.walking_s > 1.2:
-                policy.spoil = not_a_number
+                policy.change_decision = not_a_number
 
         note, config = Notebook(fail), DeployConfig(stand_s=0.2)
         run(go1, policy, note, lying=False, config=config, duration_s=3.0, command=lambda _: TOP_SPEED)

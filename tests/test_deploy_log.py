@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from deploy_policies import Hold, Spoilt, Sway, not_a_number, short_episode
+from deploy_policies import FailingPolicy, Hold, Sway, not_a_number, short_episode
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 from mcap_ros2.decoder import DecoderFactory
@@ -199,7 +199,7 @@ class TestContent:
 
     def test_a_fault_is_written_with_its_reason(self, go1: Robot, tmp_path: Path) -> None:
         path = tmp_path / "bad.mcap"
-        run_episode(go1, Spoilt(go1, 0.1, not_a_number), short_episode(log=path))
+        run_episode(go1, FailingPolicy(go1, 0.1, not_a_number), short_episode(log=path))
         states = [m.message.data for m in decoded(path, "/state")]
         assert "ESTOP: the policy's command is not finite" in states
 
@@ -355,8 +355,8 @@ class TestReplay:
 
     def test_a_decision_that_was_none_before_is_none_again(self, go1: Robot, tmp_path: Path) -> None:
         path = tmp_path / "bad.mcap"
-        run_episode(go1, Spoilt(go1, 0.1, not_a_number), short_episode(log=path))
-        assert replay(path, Spoilt(go1, 0.1, not_a_number)).first_difference == ""
+        run_episode(go1, FailingPolicy(go1, 0.1, not_a_number), short_episode(log=path))
+        assert replay(path, FailingPolicy(go1, 0.1, not_a_number)).first_difference == ""
         assert "was nan, is 0" in replay(path, Hold(go1)).first_difference
 
     @pytest.mark.parametrize("tolerance", [np.nan, np.inf, -1.0])

@@ -206,22 +206,22 @@ class TestWhoIsMeant:
         found = driver.replies(sent._replace(id=np.array([0x101, 0x109]), data=data))
         assert found.motor.tolist() == [0]  # type: ignore[union-attr]
 
-    @pytest.mark.parametrize("spoil", ["id", "length", "channel", "data"])
-    def test_after_many_whole_batches_a_spoilt_one_is_still_looked_into(
-        self, ends: tuple[MitDriver, MitMotorEnd], spoil: str
+    @pytest.mark.parametrize("corrupt", ["id", "length", "channel", "data"])
+    def test_after_many_whole_batches_a_corrupt_one_is_still_looked_into(
+        self, ends: tuple[MitDriver, MitMotorEnd], corrupt: str
     ) -> None:
         driver, end = ends
         everyone = self.replies(end, np.arange(12))
         for _ in range(3):
             driver.replies(everyone)
-        array = getattr(everyone, spoil).copy()
-        if spoil == "data":
+        array = getattr(everyone, corrupt).copy()
+        if corrupt == "data":
             array[5, 0] = 77  # another sender in the same arrays
         else:
-            array[5] = {"id": 0x555, "length": 4, "channel": 0}[spoil]
-        found = driver.replies(everyone._replace(**{spoil: array}))
+            array[5] = {"id": 0x555, "length": 4, "channel": 0}[corrupt]
+        found = driver.replies(everyone._replace(**{corrupt: array}))
         others = [joint for joint in range(12) if joint != 5]
-        if spoil == "channel":
+        if corrupt == "channel":
             others.insert(5, 2)  # the third motor of the first bus
         assert found.motor.tolist() == others  # type: ignore[union-attr]
 
@@ -259,21 +259,21 @@ class TestWhoIsMeant:
         asked = end.requests(rows._replace(id=np.array([2, 2, 0x102, 9]), length=np.array([8, 7, 8, 8])))
         assert asked.motor.tolist() == [4]  # type: ignore[union-attr]
 
-    @pytest.mark.parametrize("spoil", ["id", "length", "channel"])
-    def test_after_many_whole_batches_a_spoilt_command_is_still_looked_into(
-        self, ends: tuple[MitDriver, MitMotorEnd], spoil: str
+    @pytest.mark.parametrize("corrupt", ["id", "length", "channel"])
+    def test_after_many_whole_batches_a_corrupt_command_is_still_looked_into(
+        self, ends: tuple[MitDriver, MitMotorEnd], corrupt: str
     ) -> None:
         driver, end = ends
         sent = driver.command(np.zeros((5, 12)))
         for _ in range(3):
             end.requests(sent)
-        array = getattr(sent, spoil).copy()
-        array[5] = {"id": 0x103, "length": 4, "channel": 0}[spoil]
+        array = getattr(sent, corrupt).copy()
+        array[5] = {"id": 0x103, "length": 4, "channel": 0}[corrupt]
         expected = [joint for joint in range(12) if joint != 5]
-        if spoil == "channel":
+        if corrupt == "channel":
             expected.insert(5, 2)
         for _ in range(2):
-            assert end.requests(sent._replace(**{spoil: array})).motor.tolist() == expected  # type: ignore[union-attr]
+            assert end.requests(sent._replace(**{corrupt: array})).motor.tolist() == expected  # type: ignore[union-attr]
 
     def test_every_batch_is_understood_by_its_bytes(self, ends: tuple[MitDriver, MitMotorEnd]) -> None:
         driver, end = ends

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from deploy_policies import Hold, Spoilt, short_episode
+from deploy_policies import FailingPolicy, Hold, short_episode
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
@@ -513,6 +513,6 @@ class TestRobots:
                 truth = body.truth()
                 braked.append(float(np.sum(truth.motor_torque * truth.joint_velocity)))
 
-        (fault,) = self.faults(robot, watch, Spoilt(robot, 10.0, lambda c: c))
+        (fault,) = self.faults(robot, watch, FailingPolicy(robot, 10.0, lambda c: c))
         assert "the control loop failed" in fault
         assert min(braked[20:]) < -1.0  # W

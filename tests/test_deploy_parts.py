@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from deploy_policies import Hold, Spoilt, stand_still
+from deploy_policies import FailingPolicy, Hold, stand_still
 
 from footfall.common.errors import UserError
 from footfall.common.installation import install
@@ -318,7 +318,7 @@ class TestLoop:
         assert policy.seen[-1].base_height == 0.4
 
     @pytest.mark.parametrize(
-        ("spoil", "says", "mode"),
+        ("change", "says", "mode"),
         [
             (lambda body: body.silent.append(7), "no reply from RR_thigh_joint (can2, id 2)", Mode.ESTOP),
             (lambda body: setattr(body, "imu_silent", True), "no new IMU reading", Mode.ESTOP),
@@ -337,12 +337,12 @@ class TestLoop:
     )
     @pytest.mark.parametrize("before", [Mode.STANDING, Mode.WALKING])
     def test_a_fault_is_named_and_damps(
-        self, go1: Robot, spoil: Any, says: str, mode: Mode, before: Mode
+        self, go1: Robot, change: Any, says: str, mode: Mode, before: Mode
     ) -> None:
         loop, body = loop_of(go1, Hold(go1))
         until(loop, before)
         loop.tick()
-        spoil(body)
+        change(body)
         until(loop, mode, most=40)
         assert len(loop.state.faults) == 1
         assert loop.state.faults[0].startswith(says)
@@ -356,7 +356,7 @@ class TestLoop:
         assert loop.state.faults == ("motor FL_thigh_joint (can1, id 2) reports over-temperature",)
 
     @pytest.mark.parametrize(
-        ("spoil", "says"),
+        ("change", "says"),
         [
             (lambda hold: hold._replace(torque=hold.torque + np.inf), "the policy's command is not finite"),
             (lambda hold: hold._replace(kd=-np.inf * hold.kd), "the policy's command is not finite"),
@@ -367,9 +367,9 @@ class TestLoop:
         ],
     )
     def test_what_is_no_command_damps_the_robot_in_the_same_tick(
-        self, go1: Robot, spoil: Any, says: str
+        self, go1: Robot, change: Any, says: str
     ) -> None:
-        loop, body = loop_of(go1, Spoilt(go1, 0.04, spoil))
+        loop, body = loop_of(go1, FailingPolicy(go1, 0.04, change))
         until(loop, Mode.WALKING)
         while loop.now_us < 140_000:
             loop.tick()

@@ -16,7 +16,7 @@ from typing import Any
 import msgpack
 import numpy as np
 import pytest
-from deploy_policies import Hold, Spoilt, short_episode, slow, stand_still
+from deploy_policies import FailingPolicy, Hold, short_episode, slow, stand_still
 from multicast import alone_on_multicast, robot_on_multicast
 from patience import PATIENT
 
@@ -136,13 +136,13 @@ class TestSimulatedBus:
         self, go1: Robot, limit: dict[str, Any], seconds: float, says: str
     ) -> None:
         config = replace(UNHURRIED, safety=replace(PATIENT.safety, **limit))
-        policy = Spoilt(go1, 0.1, partial(slow, seconds=seconds))
+        policy = FailingPolicy(go1, 0.1, partial(slow, seconds=seconds))
         trace = run_episode(go1, policy, short_episode(realtime=True, config=config))
         assert trace.final_state == "ESTOP"
         assert says in trace.faults[0]
 
     def test_lockstep_time_forgives_a_slow_policy(self, go1: Robot) -> None:
-        policy = Spoilt(go1, 0.1, partial(slow, seconds=0.03))
+        policy = FailingPolicy(go1, 0.1, partial(slow, seconds=0.03))
         trace = run_episode(go1, policy, short_episode(duration_s=0.2))
         assert trace.final_state == "IDLE"
 
@@ -154,7 +154,7 @@ class TestSimulatedBus:
             signal.raise_signal(number)
             return command
 
-        policy = Spoilt(go1, 0.1, interrupted)
+        policy = FailingPolicy(go1, 0.1, interrupted)
         trace = run_episode(go1, policy, short_episode(duration_s=20.0, realtime=True, config=UNHURRIED))
         assert trace.final_state == "IDLE"
         assert trace.walked_s < 20.0

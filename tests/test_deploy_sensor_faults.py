@@ -32,7 +32,7 @@ OnFrames = Callable[[Frames], Frames]
 def on_imu(change: Callable[[imu.Inertial], imu.Inertial]) -> Inject:
     """The IMU reads something else; its counters go on."""
 
-    def spoil(frames: Frames) -> Frames:
+    def corrupt(frames: Frames) -> Frames:
         if frames.id[0] != imu.GYRO_ID:
             return frames
         gyro, count = imu.decode_gyro(frames.data[0].tobytes())
@@ -41,7 +41,7 @@ def on_imu(change: Callable[[imu.Inertial], imu.Inertial]) -> Inject:
         assert quaternion is not None
         return frames._replace(data=imu.encode(change(imu.Inertial(gyro, acceleration, quaternion)), count))
 
-    return lambda body, _: setattr(body.faults, "on_wire", spoil)
+    return lambda body, _: setattr(body.faults, "on_wire", corrupt)
 
 
 def frozen(*parts: str) -> Inject:
@@ -67,7 +67,7 @@ def turned(degrees: float) -> Callable[[imu.Inertial], imu.Inertial]:
 
 
 def on_imu_frame(identifier: int, change: OnFrames) -> Inject:
-    def spoil(frames: Frames) -> Frames:
+    def corrupt(frames: Frames) -> Frames:
         if frames.id[0] != imu.GYRO_ID:
             return frames
         row = np.flatnonzero(frames.id == identifier)
@@ -75,7 +75,7 @@ def on_imu_frame(identifier: int, change: OnFrames) -> Inject:
         changed = change(frames.take(row))
         return joined([rest, changed])
 
-    return lambda body, _: setattr(body.faults, "on_wire", spoil)
+    return lambda body, _: setattr(body.faults, "on_wire", corrupt)
 
 
 def lost(frames: Frames) -> Frames:
@@ -99,7 +99,7 @@ def on_motors(change: Callable[[np.ndarray, np.ndarray], None]) -> Inject:
         wiring = wire(robot)
         codec = mit.Codec(wiring.models)
 
-        def spoil(frames: Frames) -> Frames:
+        def corrupt(frames: Frames) -> Frames:
             joint = np.array(
                 [
                     np.flatnonzero((wiring.channel == channel) & (wiring.motor_id == motor))[0]
@@ -115,7 +115,7 @@ def on_motors(change: Callable[[np.ndarray, np.ndarray], None]) -> Inject:
             tail = temperature[joint] << np.uint64(8)
             return frames._replace(data=codec.encode_replies(joint, head, values[:, joint], tail))
 
-        body.faults.on_wire = lambda frames: frames if frames.id[0] >= imu.GYRO_ID else spoil(frames)
+        body.faults.on_wire = lambda frames: frames if frames.id[0] >= imu.GYRO_ID else corrupt(frames)
 
     return inject
 

@@ -371,8 +371,8 @@ class TestTicksWithoutSolution:
 
     def test_one_solution_between_lapses_begins_them_anew(self) -> None:
         control = WholeBodyControl(G1, CONFIG, dt_s=0.004)
-        sound, spoiled = control.solver, contradicting(BoundedSolver())
-        for solver in [spoiled] * 4 + [sound] + [spoiled] * 4:
+        sound, unsolvable = control.solver, contradicting(BoundedSolver())
+        for solver in [unsolvable] * 4 + [sound] + [unsolvable] * 4:
             control.solver = solver
             command = self.command(control)
         assert control.unsolved_ticks == 8
