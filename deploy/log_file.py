@@ -1,7 +1,7 @@
 """Reads a run's log back, complete, cut short or damaged."""
 
 import json
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import redirect_stdout
 from dataclasses import dataclass
 from io import StringIO
@@ -75,7 +75,7 @@ def read_log(path: Path, topics: Collection[str] | None = None) -> LogFile:
     schemas: dict[int, Schema] = {}
     channels: dict[int, Channel] = {}
     damage = Damage()
-    for record in records(path, damage):
+    for record in definitions_first(records(path, damage)):
         try:
             if isinstance(record, Metadata) and record.name == METADATA:
                 metadata.update({key: json.loads(value) for key, value in record.metadata.items()})
@@ -109,6 +109,17 @@ def _decoder(channel: Any, schemas: dict[int, Any]) -> Decoder | None:
             return DecoderFactory().decoder_for(channel.message_encoding, schemas[channel.schema_id])
     except (Exception, RecursionError):
         return None
+
+
+def definitions_first(found: Iterable[Any]) -> list[Any]:
+    """Records with what defines messages before all others, each kind in its order.
+
+    It stands before the first message that needs it, and again at a file's end: a chunk that is lost, as the
+    first with nearly all definitions, costs its own messages alone.
+    """
+    from mcap.records import Channel, Schema
+
+    return sorted(found, key=lambda record: not isinstance(record, (Schema, Channel)))
 
 
 def records(path: Path, damage: Damage) -> Iterator[Any]:

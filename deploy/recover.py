@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from footfall.common.errors import UserError
-from footfall.deploy.log_file import Damage, records
+from footfall.deploy.log_file import Damage, definitions_first, records
 
 
 class Recovered(NamedTuple):
@@ -28,7 +28,7 @@ def recover(torn: Path, whole: Path) -> Recovered:
     count, damage = 0, Damage()
     schemas: dict[int, int] = {}
     channels: dict[int, int] = {}
-    found = list(records(torn, damage))
+    found = definitions_first(records(torn, damage))
     header = next((each for each in found if isinstance(each, Header)), Header("", ""))
     try:
         with whole.open("wb") as file:

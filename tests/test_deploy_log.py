@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 from deploy_policies import FailingPolicy, Hold, Sway, not_a_number, short_episode
 from mcap.reader import make_reader
+from mcap.records import Header
 from mcap.writer import CompressionType, Writer
 from mcap_ros2.decoder import DecoderFactory
 from mutate import mutated, mutated_records
@@ -475,12 +476,14 @@ Mutation = Callable[[bytes, np.random.Generator], bytes]
 class TestDamage:
     """Logs with bytes changed, lost or added give what is left of them, or one line."""
 
+    @pytest.mark.parametrize("share", [0.0, 0.5], ids=["the first, which has all definitions", "another"])
     def test_a_damaged_chunk_is_left_out_and_the_rest_read(
-        self, go1: Robot, logged: tuple[Path, Trace], tmp_path: Path
+        self, logged: tuple[Path, Trace], tmp_path: Path, share: float
     ) -> None:
+        """The file's end repeats the definitions of its messages."""
         content = bytearray(logged[0].read_bytes())
         zstd = b"\x28\xb5\x2f\xfd"  # at the head of each chunk's content
-        content[content.index(zstd, len(content) // 2) + 100] ^= 0xFF
+        content[content.index(zstd, int(share * len(content))) + 100] ^= 0xFF
         hurt, whole = tmp_path / "hurt.mcap", tmp_path / "whole.mcap"
         hurt.write_bytes(content)
         log = read_log(hurt)
@@ -488,24 +491,38 @@ class TestDamage:
         assert len(read_log(logged[0]).entries) * 0.5 < len(log.entries) < len(read_log(logged[0]).entries)
         assert recover(hurt, whole) == (len(log.entries), 1)
         assert read_log(whole).damaged == 0
+        assert [(each.topic, each.time_ns) for each in read_log(whole).entries] == [
+            (each.topic, each.time_ns) for each in log.entries
+        ]
 
-    def test_what_is_left_of_a_log_whose_first_chunk_is_lost_keeps_its_types(self, tmp_path: Path) -> None:
-        """Its second schema and channel are the copy's first ones."""
+    def test_what_is_left_of_a_log_without_its_first_chunk_and_its_end_keeps_its_types(
+        self, tmp_path: Path
+    ) -> None:
+        """Its second schema and channel are the copy's first ones; what the first were of, nobody knows."""
         hurt, whole = tmp_path / "hurt.mcap", tmp_path / "whole.mcap"
         with hurt.open("wb") as file:
             writer = Writer(file, compression=CompressionType.NONE)
             writer.start("ros2", "footfall")
-            for topic, kind in (("/a", "std_msgs/msg/Empty"), ("/b", "std_msgs/msg/String")):
-                schema = writer.register_schema(kind, "ros2msg", b"string data" if topic == "/b" else b"")
-                channel = writer.register_channel(topic, "cdr", schema)
-                writer.add_message(channel, 1, messages.text(f"of {topic}"), 1)
+            channels = {}
+            for topic, kind, text in (
+                ("/a", "std_msgs/msg/Float64", b"float64 data"),
+                ("/b", "std_msgs/msg/String", b"string data"),
+            ):
+                schema = writer.register_schema(kind, "ros2msg", text)
+                channels[topic] = writer.register_channel(topic, "cdr", schema)
+                for each, channel in channels.items():
+                    writer.add_message(channel, 3, messages.text(f"of {each}"), 2, sequence=7)
                 writer.flush()  # a chunk of its own
-            writer.finish()
         content = hurt.read_bytes()
         hurt.write_bytes(content.replace(b"of /a", b"of /c", 1))
-        assert recover(hurt, whole) == (1, 1)
+        assert recover(hurt, whole) == (1, 2)  # the chunk, and a message of a kind that it alone told
         (left,) = decoded(whole)
         assert (left.topic, left.kind, left.message.data) == ("/b", "std_msgs/msg/String", "of /b")
+        with whole.open("rb") as file:
+            reader = make_reader(file)
+            assert reader.get_header() == Header("ros2", "footfall")
+            ((_, _, message),) = reader.iter_messages()
+        assert (message.log_time, message.publish_time, message.sequence) == (3, 2, 7)
 
     @pytest.mark.parametrize("seed", range(8))
     @pytest.mark.parametrize("mutation", [mutated, mutated_records])
