@@ -37,7 +37,7 @@ class SimulatedMotors:
         joints: int,
         sample: Sample,
         step_s: float,
-        timeout_s: float = MOTOR_TIMEOUT_S,
+        timeout_s: float | np.ndarray = MOTOR_TIMEOUT_S,
     ) -> None:
         """Switched off at first.
 
@@ -47,7 +47,8 @@ class SimulatedMotors:
             joints: how many there are.
             sample: how they differ from nominal ones.
             step_s: the physics step.
-            timeout_s: a motor that hears nothing for so long switches itself off, where no frame sets that.
+            timeout_s: a motor that hears nothing for so long switches itself off, where no frame sets that;
+                of all, or of each, (joints,).
         """
         n = joints
         self._end = end

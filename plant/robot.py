@@ -11,7 +11,6 @@ import mujoco
 import numpy as np
 
 from footfall.common.errors import UserError
-from footfall.deploy.config import MOTOR_TIMEOUT_S
 from footfall.deploy.drivers import imu
 from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import Wiring
@@ -52,7 +51,7 @@ class PlantConfig:
     plant: Path | None = None  # another MJCF
     sample: Sample = field(default_factory=dict)
     noise: Noise | None = None
-    motor_timeout_s: float = MOTOR_TIMEOUT_S
+    motor_timeout_s: float | None = None  # of all motors, instead of what robot.yaml has for each
     lying: bool = False  # at first, in the robot's lying pose
     hanging: bool = False  # in a frame, its feet in the air
     held: bool = True  # as it is at first, by a stand or by lying there, until its motors are commanded
@@ -91,10 +90,12 @@ class SimulatedRobot:
             int(self.model.jnt_dofadr[base_joint]),
         )
         step_s = float(self.model.opt.timestep)
+        told_s = config.motor_timeout_s
+        timeout_s = robot.motor_figures("timeout_s") if told_s is None else np.array(told_s)
         self._step, self._step_us = 0, round(step_s * 1e6)
         self._wires = wires
         self._motors = SimulatedMotors(
-            open_motor_end(wiring), plant.motor, len(qpos), sample, step_s, config.motor_timeout_s
+            open_motor_end(wiring), plant.motor, len(qpos), sample, step_s, timeout_s
         )
         self._sensors = SimulatedSensors(
             self.data, self._layout, sample, config.noise, step_s, len(qpos), seed

@@ -13,7 +13,6 @@ from pathlib import Path
 from footfall.common.errors import UserError
 from footfall.deploy.bus import Bus
 from footfall.deploy.clock import WallClock
-from footfall.deploy.config import MOTOR_TIMEOUT_S
 from footfall.deploy.frames import Frames
 from footfall.deploy.interfaces import open_interfaces
 from footfall.deploy.python_can_bus import MULTICAST
@@ -88,7 +87,7 @@ def main() -> None:
     parser.add_argument("--robot", default=DEFAULT_ROBOT, help="name or folder of the robot")
     parser.add_argument("--bus", default=MULTICAST, help="kind of interface")
     parser.add_argument("--plant", type=Path, help="another MJCF than the robot's own")
-    parser.add_argument("--motor-timeout", type=float, default=MOTOR_TIMEOUT_S, help="seconds")
+    parser.add_argument("--motor-timeout", type=float, help="seconds, if not robot.yaml's")
     parser.add_argument("--duration", type=float, help="seconds until it ends by itself")
     options = parser.parse_args()
     try:

@@ -1,7 +1,10 @@
 """The ladder from holding a pose to walking: what each step measures, and which step finds which fault."""
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,11 +17,12 @@ from footfall.deploy.bring_up.criteria import Case, Window, calm, carry, cool, f
 from footfall.deploy.bring_up.ladder import STEPS, Setting, Step, Verdict, climb
 from footfall.deploy.bring_up.motions import SlewedIn, one_after_the_other, swaying
 from footfall.deploy.bring_up.recording import Samples
+from footfall.deploy.bus import Bus
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.session import SessionResult
-from footfall.deploy.wiring import wire
+from footfall.deploy.wiring import Wiring, wire
 from footfall.plant.bus import SimulatedBus
 from footfall.plant.fault_kinds import KINDS
 from footfall.plant.injection import Command, FaultInjector, InjectingBus, InjectingPolicy, Injection
@@ -30,6 +34,7 @@ from footfall.verbs import bring_up
 
 CONFIG = BringUpConfig(hold_s=0.5, move_s=0.5, slew_s=0.3, walk_s=0.5)
 LOOP = DeployConfig(joint_rate_hz=250.0, stand_s=0.3, pose_rate_rad_s=3.0, scale=0.5)
+RESULT = SessionResult("IDLE", (), 1.0, 2.5, 3.0, np.zeros(1), {}, (), ("a note",))
 FAULTS = {kind.name: kind.inject for kind in KINDS}
 TIME_S = np.linspace(0.0, 1.0, 101)
 WAY = 0.15 * np.sin(np.pi * TIME_S) ** 2
@@ -294,16 +299,101 @@ class TestCommand:
         assert done.status == 0
         assert done.out == "hold: the joints hold the pose in which they are found: passed\n"
 
+    def test_what_a_step_is_climbed_with(
+        self, shell: Shell, climbed: list[str], settings: list[Setting], tmp_path: Path
+    ) -> None:
+        """On a bus that leads out of this process the clock is the wall's."""
+        (tmp_path / "limits.yaml").write_text("hold_s: 0.7")
+        options = ("--scale", "0.25", "--command", "0.1,0,0.3", "--limits", str(tmp_path / "limits.yaml"))
+        assert shell("bring-up", "stand", "--steps", "hold", *options).status == 0
+        assert shell("bring-up", "stand", "--steps", "hold", "--bus", "virtual", "--yes").status == 0
+        chosen, plain = settings
+        assert (chosen.realtime, plain.realtime) == (False, True)
+        assert (chosen.deploy.scale, plain.deploy.scale) == (0.25, 0.5)
+        assert (chosen.config.hold_s, plain.config) == (0.7, BringUpConfig())
+        np.testing.assert_array_equal(chosen.command(5.0), [0.1, 0.0, 0.3])
+        np.testing.assert_array_equal(plain.command(5.0), [0.2, 0.0, 0.0])
+
+    @pytest.mark.parametrize(
+        ("bus", "step", "served"),
+        [
+            ("virtual", "hold", PlantConfig(motor_timeout_s=0.08, hanging=True)),
+            ("virtual", "stand", PlantConfig(motor_timeout_s=0.08, lying=True)),
+            ("socketcan", "hold", None),
+        ],
+    )
+    def test_each_step_has_a_bus_of_its_own_with_a_simulated_robot_on_virtual_ones_alone(
+        self,
+        shell: Shell,
+        monkeypatch: pytest.MonkeyPatch,
+        tmp_path: Path,
+        bus: str,
+        step: str,
+        served: PlantConfig | None,
+    ) -> None:
+        """The robot is as the step needs it, and its motors wait for as long as the loop believes."""
+        log: list[tuple] = []
+
+        @contextmanager
+        def serving(robot: Robot, interface: str, config: PlantConfig) -> Iterator[None]:
+            log.append(("served", robot.name, interface, config))
+            yield
+            log.append(("served no more",))
+
+        def opened(kind: str, names: tuple[str, ...], filters: tuple) -> SimpleNamespace:
+            log.append(("opened", kind, names))
+            return SimpleNamespace(close=lambda: log.append(("closed",)))
+
+        def climb(step: Step, setting: Setting, bus: Bus) -> Verdict:
+            log.append(("climbed", step.name))
+            return Verdict(step.name, (), RESULT)
+
+        monkeypatch.setattr("footfall.plant.serve.serving", serving)
+        monkeypatch.setattr("footfall.deploy.interfaces.open_interfaces", opened)
+        monkeypatch.setattr("footfall.deploy.bring_up.ladder.climb", climb)
+        (tmp_path / "loop.yaml").write_text("motor_timeout_s: 0.08")
+        options = ("--bus", bus, "--steps", step, "--yes", "--config", str(tmp_path / "loop.yaml"))
+        assert shell("bring-up", "stand", *options).status == 0
+        held = [("opened", bus, ("can0", "can1", "can2", "can3")), ("climbed", step), ("closed",)]
+        if served is not None:
+            held = [("served", "go1", "virtual", served), *held, ("served no more",)]
+        assert log == held
+
+    def test_a_simulated_robots_motors_wait_for_as_long_as_the_loop_believes(
+        self, shell: Shell, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    ) -> None:
+        made: list[PlantConfig] = []
+
+        def simulated(robot: Robot, wiring: Wiring, wires: SimulatedWires, config: PlantConfig) -> None:
+            made.append(config)
+
+        monkeypatch.setattr("footfall.plant.robot.SimulatedRobot", simulated)
+        monkeypatch.setattr("footfall.plant.bus.SimulatedBus", lambda wires, robot: None)
+        monkeypatch.setattr(
+            "footfall.deploy.bring_up.ladder.climb", lambda step, *_: Verdict(step.name, (), RESULT)
+        )
+        (tmp_path / "loop.yaml").write_text("motor_timeout_s: 0.5")
+        options = ("--steps", "hold,stand", "--config", str(tmp_path / "loop.yaml"))
+        assert shell("bring-up", "stand", *options).status == 0
+        assert made == [
+            PlantConfig(motor_timeout_s=0.5, hanging=True), PlantConfig(motor_timeout_s=0.5, lying=True),
+        ]  # fmt: skip
+
     @pytest.fixture
-    def climbed(self, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    def settings(self) -> list[Setting]:
+        """What each step was climbed with."""
+        return []
+
+    @pytest.fixture
+    def climbed(self, settings: list[Setting], monkeypatch: pytest.MonkeyPatch) -> list[str]:
         """Steps that were climbed, of which `stand` alone fails."""
         climbed: list[str] = []
 
         def climb(step: Step, setting: Setting, bus: str) -> Verdict:
             climbed.append(step.name)
+            settings.append(setting)
             findings = ("the robot is tilted", "a foot hangs") if step.name == "stand" else ()
-            ended = SessionResult("IDLE", (), 1.0, 2.5, 3.0, np.zeros(1), {}, (), (f"a note of {step.name}",))
-            return Verdict(step.name, findings, ended)
+            return Verdict(step.name, findings, RESULT)
 
         monkeypatch.setattr(bring_up, "_climbed", climb)
         return climbed
@@ -331,7 +421,7 @@ class TestCommand:
         ]  # fmt: skip
         assert written["steps"][-1] == {
             "step": "stand", "passed": False, "findings": ["the robot is tilted", "a foot hangs"],
-            "final_state": "IDLE", "run_s": 2.5, "notes": ["a note of stand"],
+            "final_state": "IDLE", "run_s": 2.5, "notes": ["a note"],
         }  # fmt: skip
 
     def test_two_feet_leave_out_what_takes_three(self, shell: Shell, climbed: list[str]) -> None:

@@ -1,5 +1,6 @@
 """The simulated robot: motors with a will of their own, sensors that err as declared, any plant."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -161,6 +162,22 @@ class TestMotors:
         assert (bench.error == mit.COMMUNICATION_LOST).all()
         bench.enter()
         assert not bench.error.any()
+
+    @pytest.mark.parametrize(("told", "knees", "others"), [(None, 0.02, 0.1), (0.05, 0.05, 0.05)])
+    def test_motors_wait_for_as_long_as_robot_yaml_says_of_each_unless_all_are_told_otherwise(
+        self, go1: Robot, told: float | None, knees: float, others: float
+    ) -> None:
+        motors = go1.description.motors
+        sooner = {**motors, "knee": replace(motors["knee"], timeout_s=0.02)}
+        robot = replace(go1, description=replace(go1.description, motors=sooner))
+        bench = Bench(robot, motor_timeout_s=told)
+        bench.enter()
+        on_us = np.zeros(12)
+        for _ in range(100):
+            bench.tick()
+            on_us += TICK_US * bench.body.motors_on
+        expected_s = [knees if joint.motor == "knee" else others for joint in robot.description.joints]
+        np.testing.assert_allclose(1e-6 * on_us, expected_s, atol=0.0021)  # by a tick
 
     def test_a_zero_frame_makes_the_present_position_zero(self, go1: Robot) -> None:
         bench = Bench(go1)

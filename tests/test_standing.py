@@ -176,7 +176,7 @@ def test_the_plant_is_as_asked_and_ends_with_the_context(go1: Robot, monkeypatch
     assert made == [("vcan", wire(go1).buses), 0]  # closed once nobody uses it
 
 
-def test_by_default_it_is_go1_with_the_motors_time_out(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_by_default_it_is_go1_with_its_own_motors(monkeypatch: pytest.MonkeyPatch) -> None:
     taken = []
 
     def refuse(robot: Robot, interface: str, config: PlantConfig) -> None:
@@ -188,4 +188,4 @@ def test_by_default_it_is_go1_with_the_motors_time_out(monkeypatch: pytest.Monke
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == 2
-    assert taken == [("go1", "udp_multicast", PlantConfig(motor_timeout_s=0.1))]
+    assert taken == [("go1", "udp_multicast", PlantConfig())]

@@ -18,7 +18,6 @@ from footfall.robots.default import DEFAULT_ROBOT
 if TYPE_CHECKING:
     from footfall.deploy.bring_up.ladder import Setting, Step, Verdict
     from footfall.deploy.bus import Bus
-    from footfall.robots.description import Robot
 
 SIMULATED, VIRTUAL = "sim", "virtual"  # buses that lead to a simulated robot
 FAILED = 1
@@ -106,24 +105,25 @@ def _chosen(names: tuple[str, ...]) -> "list[Step]":
 def _climbed(step: "Step", setting: "Setting", kind: str) -> "Verdict":
     from footfall.deploy.bring_up.ladder import climb
 
-    with _opened(setting.robot, step, kind) as bus:
+    with _opened(setting, step, kind) as bus:
         return climb(step, setting, bus)
 
 
 @contextmanager
-def _opened(robot: "Robot", step: "Step", kind: str) -> "Iterator[Bus]":
+def _opened(setting: "Setting", step: "Step", kind: str) -> "Iterator[Bus]":
     """The way to the robot; a simulated one is as the step needs it."""
     from footfall.deploy.drivers import imu
     from footfall.deploy.drivers.choice import open_driver
     from footfall.deploy.wiring import wire
 
-    wiring = wire(robot)
+    robot, wiring = setting.robot, wire(setting.robot)
     with ExitStack() as resources:
         if kind in (SIMULATED, VIRTUAL):
             from footfall.plant.robot import PlantConfig, SimulatedRobot
 
             lies = not step.hangs and robot.lying_pose is not None
-            plant = PlantConfig(lying=lies, hanging=step.hangs)
+            timeout_s = setting.deploy.motor_timeout_s
+            plant = PlantConfig(motor_timeout_s=timeout_s, lying=lies, hanging=step.hangs)
         if kind == SIMULATED:
             from footfall.plant.bus import SimulatedBus
             from footfall.plant.wires import SimulatedWires
