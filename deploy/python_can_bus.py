@@ -60,7 +60,9 @@ class PythonCanBus:
         import can
 
         if interface not in can.VALID_INTERFACES:
-            raise UserError(f"no bus '{interface}': give one of sim, {', '.join(interfaces())}")
+            raise UserError(
+                f"no bus '{interface}': give one of {', '.join(interfaces())}; deploy also has sim"
+            )
         self._can = can
         self._pacing = Pacing(len(names), queue_frames)
         self._arrivals = Arrivals()

@@ -130,15 +130,31 @@ def _launch(
         index = next(queue, None)
         if index is None:
             return
-        in_flight[pool.submit(function, tasks[index])] = index
+        with _ctrl_c_waits():  # it may start a process
+            future = pool.submit(function, tasks[index])
+        in_flight[future] = index
+
+
+@contextmanager
+def _ctrl_c_waits() -> Iterator[None]:
+    """Ctrl-C takes effect after the block, and in processes that it starts once they say so.
+
+    Until then they load modules, which a KeyboardInterrupt would end with a traceback.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _exit_with_parent() -> None:
     """In a worker: end when the parent is gone, however it went; its queue alone would wait forever.
 
-    Ctrl-C ends a worker without a traceback of its own.
+    Ctrl-C ends a worker without a traceback of its own, whenever it came.
     """
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     parent = multiprocessing.parent_process()
     assert parent is not None
 

@@ -12,6 +12,7 @@ from importlib.metadata import version
 from cyclopts import App, CycloptsError, UnusedCliTokensError
 
 from footfall.common.errors import UserError
+from footfall.exit_status import BAD_INPUT, BROKEN_PIPE, INTERRUPTED, TERMINATED
 from footfall.verbs.bring_up import bring_up
 from footfall.verbs.can import can
 from footfall.verbs.compare import compare
@@ -28,11 +29,6 @@ from footfall.verbs.robot import robot
 from footfall.verbs.sweep import sweep
 from footfall.verbs.train import train
 from footfall.verbs.watch import watch
-
-BAD_INPUT = 2
-INTERRUPTED = 130  # 128 + SIGINT
-TERMINATED = 143  # 128 + SIGTERM
-BROKEN_PIPE = 141  # 128 + SIGPIPE
 
 app = App(
     name="footfall",

@@ -17,6 +17,7 @@ from shell import Shell
 
 from footfall.common.config import unstructure
 
+ROOT = Path(__file__).parents[1]
 FOOTFALL = [sys.executable, "-m", "footfall"]
 
 VERBS = (
@@ -38,6 +39,12 @@ def test_help_names_every_verb_and_loads_no_room() -> None:
     for verb in VERBS:
         assert f" {verb} " in done.stdout
     assert done.stdout.rstrip().endswith("[]")
+
+
+def test_ctrl_c_while_modules_are_loaded_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "cyclopts.py").write_text("raise KeyboardInterrupt")
+    done = run("list", env=os.environ | {"PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"})
+    assert (done.returncode, done.stderr) == (130, "footfall: interrupted\n")
 
 
 @pytest.mark.parametrize("verb", VERBS)

@@ -313,7 +313,9 @@ class TestBadInput:
     def test_is_refused_in_one_line(self, go1: Robot) -> None:
         with pytest.raises(UserError, match="duration"):
             run_episode(go1, Hold(go1), short_episode(duration_s=0.0))
-        with pytest.raises(UserError, match=r"no bus 'canopen': give one of sim,.*socketcan"):
+        with pytest.raises(
+            UserError, match=r"no bus 'canopen': give one of .*socketcan.*; deploy also has sim"
+        ):
             run_on_interface(go1, Hold(go1), "canopen", Session(stand_still, 1.0))
 
 

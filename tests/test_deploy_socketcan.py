@@ -235,7 +235,7 @@ class TestOpening:
 
     def test_the_name_of_a_kind_says_who_opens_it(self, sockets: list[FakeSocket]) -> None:
         assert isinstance(open_interfaces("socketcan", ("can0",), FILTERS), SocketCanBus)
-        with pytest.raises(UserError, match="no bus 'morse': give one of sim, "):
+        with pytest.raises(UserError, match="no bus 'morse': give one of canalystii, "):
             open_interfaces("morse", ("can0",), FILTERS)
 
 

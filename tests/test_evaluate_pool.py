@@ -1,8 +1,11 @@
 """Tasks in parallel processes: none is lost, whatever becomes of it."""
 
 import os
+import subprocess
+import sys
 import time
 from concurrent.futures import Future
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -118,3 +121,37 @@ def test_no_more_tasks_are_in_flight_than_there_are_workers() -> None:
     _launch(pool, square, "abcde", queue, in_flight, 2)  # type: ignore[arg-type, type-var]
     assert submitted == ["a", "b", "c"]
     assert list(in_flight.values()) == [1, 2]
+
+
+INTERRUPTED = """
+import os, signal, sys, threading, time
+from pathlib import Path
+from footfall.evaluate.pool import run_all
+
+def task(number):
+    return number
+
+if __name__ == "__main__":
+    def interrupt():
+        while not Path("loading").exists():
+            time.sleep(0.01)
+        os.killpg(0, signal.SIGINT)
+    threading.Thread(target=interrupt).start()
+    try:
+        run_all(task, [1, 2], 2)
+    except KeyboardInterrupt:
+        sys.exit(130)
+else:
+    Path("loading").touch()
+    time.sleep(0.5)
+"""
+
+
+def test_ctrl_c_while_processes_load_their_modules_says_nothing(tmp_path: Path) -> None:
+    """In a process group of its own, as from a terminal, whose Ctrl-C goes to all processes."""
+    (tmp_path / "script.py").write_text(INTERRUPTED)
+    command = [sys.executable, "script.py"]
+    done = subprocess.run(
+        command, cwd=tmp_path, capture_output=True, text=True, check=False, start_new_session=True
+    )
+    assert (done.returncode, done.stderr) == (130, "")

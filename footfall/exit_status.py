@@ -1,0 +1,6 @@
+"""What the command ends with, other than 0 and what a verb returns."""
+
+BAD_INPUT = 2
+INTERRUPTED = 130  # 128 + SIGINT
+BROKEN_PIPE = 141  # 128 + SIGPIPE
+TERMINATED = 143  # 128 + SIGTERM
