@@ -27,7 +27,7 @@ from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
-from patience import PATIENT
+from relaxed_limits import RELAXED
 from socket_pairs import Ends, in_place_of_interfaces, socket_pairs
 
 from footfall.deploy.bus import Bus, BusStatistics
@@ -225,7 +225,7 @@ def measure(name: str, kind: str, seconds: float, rate_hz: float) -> dict[str, o
             marks[:0] = [] if marks else [now]
             ticks[0] += 1
 
-    config = replace(PATIENT, joint_rate_hz=rate_hz, stand_s=0.3)
+    config = replace(RELAXED, joint_rate_hz=rate_hz, stand_s=0.3)
     session = Session(lambda _: np.zeros(3), seconds, realtime=True, config=config)
     with nullcontext() if kind == IN_PROCESS else answering(name, kind):
         bus = TimedBus(open_bus(robot, kind))

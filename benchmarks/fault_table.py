@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from kept_runs import read_runs, run_kept
+from resumable_runs import read_runs, run_resumable
 
 from footfall.deploy.config import DeployConfig, deploy_config
 from footfall.deploy.loop import ControlLoop
@@ -425,8 +425,8 @@ def measure(options: argparse.Namespace) -> tuple[list[dict[str, Any]], list[dic
         if seed < (count if SUBJECTS[robot, policy] else count // 10)
     ]
     kept = (options.out, options.workers, options.time_limit)
-    runs, errors = run_kept(run_fault, faults, *kept)
-    walks, more = run_kept(run_healthy, healthy, *kept)
+    runs, errors = run_resumable(run_fault, faults, *kept)
+    walks, more = run_resumable(run_healthy, healthy, *kept)
     return runs, walks, [*errors, *more]
 
 

@@ -30,7 +30,7 @@ import numpy as np
 import yaml
 from fuzz_frames import ROBOT, fuzz_frames
 from fuzz_tally import Tally
-from kept_runs import run_kept
+from resumable_runs import run_resumable
 
 import footfall.policies
 from footfall.deploy.config import deploy_config
@@ -216,7 +216,7 @@ def main() -> int:
     for what in options.what:
         end, size = options.seed + (options.count or COUNTS[what]), PIECES[what]
         tasks += [(what, first, min(first + size, end)) for first in range(options.seed, end, size)]
-    pieces, errors = run_kept(run_piece, tasks, options.out, options.workers, options.time_limit)
+    pieces, errors = run_resumable(run_piece, tasks, options.out, options.workers, options.time_limit)
     for what in options.what:
         print(json.dumps(summary(what, pieces)), flush=True)
     escaped = {label: trace for each in pieces for label, trace in each["escaped"].items()}

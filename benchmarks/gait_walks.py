@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from kept_runs import run_kept
+from resumable_runs import run_resumable
 
 from footfall.common.rotations import heading, heading_matrix, wrap_angle
 from footfall.deploy.estimation.estimator import BaseEstimator
@@ -255,7 +255,7 @@ def main() -> None:
         for course in options.courses.split(",")
         for seed in range(options.seeds)
     ]
-    walks, errors = run_kept(walk, trials, options.out, options.workers, options.time_limit)
+    walks, errors = run_resumable(walk, trials, options.out, options.workers, options.time_limit)
     for line in [*table(walks), *errors]:
         print(line)
 

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from kept_runs import read_runs, run_kept
+from resumable_runs import read_runs, run_resumable
 
 from footfall.common.rotations import heading, heading_matrix, wrap_angle
 from footfall.deploy.estimation.config import EstimatorConfig, OdometryConfig
@@ -265,7 +265,7 @@ def run(options: argparse.Namespace) -> tuple[list[dict[str, Any]], list[str]]:
         for path in options.paths.split(",")
         for plant in options.plants.split(",")
     ]
-    return run_kept(follow, walks, options.out, options.workers, options.time_limit)
+    return run_resumable(follow, walks, options.out, options.workers, options.time_limit)
 
 
 if __name__ == "__main__":

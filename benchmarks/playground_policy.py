@@ -17,7 +17,7 @@ RATE_HZ = 50.0
 
 
 @dataclass(frozen=True)
-class KeptActors:
+class SavedActors:
     """The policies that `playground_training.py` kept along the way, and what they take for granted."""
 
     time_s: np.ndarray  # (k,) since the training's command began
@@ -30,13 +30,13 @@ class KeptActors:
     action_scale: float  # rad
 
 
-def load_actors(path: Path) -> KeptActors:
+def load_actors(path: Path) -> SavedActors:
     """Read what `playground_training.py` wrote."""
     with np.load(path) as file:
         count = len(file["time_s"])
         parts = 1 + max(int(name.split("/")[1]) for name in file.files if name.startswith("0/"))
         actors = tuple(tuple(file[f"{k}/{part}"] for part in range(parts)) for k in range(count))
-        return KeptActors(
+        return SavedActors(
             file["time_s"],
             file["steps"],
             actors,
@@ -54,7 +54,7 @@ class PlaygroundPolicy:
     rate_hz = RATE_HZ
     needs_estimate = True
 
-    def __init__(self, kept: KeptActors, index: int, robot: Robot) -> None:
+    def __init__(self, kept: SavedActors, index: int, robot: Robot) -> None:
         self.name = f"playground after {kept.time_s[index]:.0f} s"
         mean, deviation, *layers = kept.actors[index]
         self._mean, self._deviation = mean, deviation

@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from patience import PATIENT
+from relaxed_limits import RELAXED
 from socket_pairs import Ends, in_place_of_interfaces, socket_pairs
 
 from footfall.deploy.clock import WallClock, undisturbed
@@ -210,7 +210,7 @@ def main() -> int:
     robot = load_robot(options.robot)
     policy = load_policy(options.policy, robot)
     # what is measured here shall not end the measurement
-    config = replace(PATIENT, joint_rate_hz=options.rate, realtime_priority=priority)
+    config = replace(RELAXED, joint_rate_hz=options.rate, realtime_priority=priority)
     command, stages = np.array([0.5, 0.0, 0.0]), Stages()
     session = Session(lambda _: command, options.seconds, log=options.log, config=config)
     run = in_one_thread if options.one_thread else in_two_processes

@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from kept_runs import run_kept
+from resumable_runs import run_resumable
 
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.loop import ControlLoop
@@ -224,13 +224,13 @@ def main() -> int:
     shown: list[dict[str, Any]] = []
     seeds = range(options.seed, options.seed + options.faults)
     short = [("fault", seed, *subject) for seed in seeds]
-    found, errors = run_kept(with_fault, short, options.out, options.workers, options.time_limit)
+    found, errors = run_resumable(with_fault, short, options.out, options.workers, options.time_limit)
     shown += [faults_summary(found)] if found else []
     for kind, minutes in ((WALL_CLOCK, options.wall_minutes), (LOCKSTEP, options.lockstep_minutes)):
         if minutes:  # in a process of its own, whose memory is looked at
             task = (kind, minutes, options.seed, *subject)
             left_s = max(end_s - time.monotonic(), 0.0)
-            ran, more = run_kept(partial(long_run, end_s=end_s), [task], options.out, 1, left_s)
+            ran, more = run_resumable(partial(long_run, end_s=end_s), [task], options.out, 1, left_s)
             shown, errors = shown + ran, errors + more
     for each in shown:
         print(json.dumps(each), flush=True)

@@ -41,7 +41,7 @@ GROUPS = {
 }
 
 
-class Walked(NamedTuple):
+class SpeedResult(NamedTuple):
     """Mean speeds of the robots that stayed up, m/s, and how many fell."""
 
     speeds: np.ndarray
@@ -97,7 +97,7 @@ def straight_ahead(config: EnvConfig, forward_m_s: float) -> EnvConfig:
     return replace(config, physics="c", commands=commands, pushes=PushConfig(for_ever), episode_s=1e6)
 
 
-def walk(config: EnvConfig, options: argparse.Namespace) -> Walked:
+def walk(config: EnvConfig, options: argparse.Namespace) -> SpeedResult:
     """Let as many robots walk as asked for."""
     env = VelocityEnv(load_robot(options.robot), config)
     session, _ = open_network(options.policy)
@@ -112,7 +112,7 @@ def walk(config: EnvConfig, options: argparse.Namespace) -> Walked:
         up &= np.asarray(result.terminated) == 0.0
         if index * env.period_s >= SETTLE_S:
             speeds.append(np.asarray(speed(state.qpos, state.qvel))[:, 0])
-    return Walked(np.mean(speeds, axis=0)[up], int((~up).sum()))
+    return SpeedResult(np.mean(speeds, axis=0)[up], int((~up).sum()))
 
 
 if __name__ == "__main__":

@@ -27,7 +27,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from playground_policy import KeptActors, PlaygroundPolicy, load_actors
+from playground_policy import PlaygroundPolicy, SavedActors, load_actors
 from rich.console import Console
 from rich.table import Table
 
@@ -147,7 +147,7 @@ def _playground(file: str, place: int) -> PlaygroundPolicy:
 
 
 @cache
-def _actors(file: str) -> KeptActors:
+def _actors(file: str) -> SavedActors:
     return load_actors(Path(file))
 
 

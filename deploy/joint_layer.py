@@ -24,8 +24,8 @@ class LastHeard(NamedTuple):
     motor_error: np.ndarray  # (n,) error codes
 
 
-class Told(NamedTuple):
-    """What came with the readings of n motors."""
+class MotorHealth(NamedTuple):
+    """How old the latest readings are, and what n motors say of their own state."""
 
     age_s: np.ndarray  # (n + 1,) since each motor's reading arrived, and the oldest part of the IMU's
     temperature_c: np.ndarray  # (n,) NaN where a motor does not say
@@ -33,8 +33,8 @@ class Told(NamedTuple):
     error: np.ndarray  # (n,) codes, 0 for none
 
 
-class Mixed:
-    """How batches of one layout fall into the IMU's frames and the motors', in the same arrays each time."""
+class BatchSplit:
+    """Splits batches of one layout into the IMU's frames and the motors', in the same arrays each time."""
 
     def __init__(self, frames: Frames) -> None:
         from_imu = (frames.id >= imu.IDS[0]) & (frames.id <= imu.IDS[-1])
@@ -84,7 +84,7 @@ class JointLayer:
         # same ones again and again, which saves looking into them.
         self._reply_ids: np.ndarray | None = None
         self._imu_ids: np.ndarray | None = None
-        self._mixed: Mixed | None = None  # likewise, of both
+        self._split: BatchSplit | None = None  # likewise, of both
         self._motor_us = np.full(n, NEVER)
         self._error = np.zeros(n, dtype=np.uint8)
         self._absorbed_us = NEVER  # when replies were taken in last
@@ -177,8 +177,8 @@ class JointLayer:
                 self._absorb_replies(frames, now_us)
             elif frames.id is self._imu_ids:
                 self._imu.absorb(frames, now_us)
-            elif self._mixed is not None and self._mixed.is_of(frames):
-                self._absorb_mixed(self._mixed, frames, now_us)
+            elif self._split is not None and self._split.is_of(frames):
+                self._absorb_split(self._split, frames, now_us)
             else:
                 self._sort(frames, now_us)
 
@@ -192,11 +192,11 @@ class JointLayer:
             self._imu_ids = frames.id
             self._imu.absorb(frames, now_us)
         else:
-            self._mixed = Mixed(frames)
-            self._absorb_mixed(self._mixed, frames, now_us)
+            self._split = BatchSplit(frames)
+            self._absorb_split(self._split, frames, now_us)
 
-    def _absorb_mixed(self, mixed: Mixed, frames: Frames, now_us: int) -> None:
-        from_imu, from_motors = mixed.parts(frames)
+    def _absorb_split(self, split: BatchSplit, frames: Frames, now_us: int) -> None:
+        from_imu, from_motors = split.parts(frames)
         self._imu.absorb(from_imu, now_us)
         self._absorb_replies(from_motors, now_us)
 
@@ -242,12 +242,12 @@ class JointLayer:
         imu_us = self._imu.heard_us
         return LastHeard(self._motor_us, NEVER if imu_us is None else imu_us, self._error)
 
-    def told(self, now_us: int) -> Told:
-        """What came with the latest readings; the arrays are not written to afterwards."""
+    def health(self, now_us: int) -> MotorHealth:
+        """Age of the latest readings and state of the motors; the arrays are not written to afterwards."""
         motor_us, imu_us, error = self.last_heard()
         age_us = np.empty(len(motor_us) + 1)
         age_us[:-1], age_us[-1] = now_us - motor_us, now_us - imu_us
-        return Told(1e-6 * age_us, self.temperature_c, self.voltage, error)
+        return MotorHealth(1e-6 * age_us, self.temperature_c, self.voltage, error)
 
     def _absorb_replies(self, frames: Frames, now_us: int) -> None:
         motor, values, error, temperature, voltage, arrived_us = self._driver.replies(frames)

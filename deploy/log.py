@@ -17,7 +17,7 @@ import numpy as np
 from footfall.common.config import unstructure
 from footfall.common.errors import UserError
 from footfall.deploy.estimation.odometry import VELOCITY, YAW, Odometry
-from footfall.deploy.joint_layer import Told
+from footfall.deploy.joint_layer import MotorHealth
 from footfall.deploy.log_records import Kind, record
 from footfall.deploy.log_writer import READY
 from footfall.deploy.safety import State
@@ -121,17 +121,17 @@ class McapLog:
 
     # -- called by the loop --------------------------------------------------------------------------
 
-    def tick(self, now_us: int, sensed: Sensed, told: Told, commanded: np.ndarray | None) -> None:
+    def tick(self, now_us: int, sensed: Sensed, motors: MotorHealth, commanded: np.ndarray | None) -> None:
         """Readings of a joint tick, and the command (5, n) that went out; None if none did.
 
         What motors say of their health is written when it has changed.
         """
         records = record(Kind.READINGS, now_us, np.concatenate(sensed).tobytes())
-        records += record(Kind.AGES, now_us, told.age_s.tobytes())
-        health = told.temperature_c.tobytes(), told.voltage.tobytes(), told.error.tobytes()
+        records += record(Kind.AGES, now_us, motors.age_s.tobytes())
+        health = motors.temperature_c.tobytes(), motors.voltage.tobytes(), motors.error.tobytes()
         if health != self._health:
             self._health = health
-            records += record(Kind.HEALTH, now_us, np.concatenate(told[1:]).tobytes())
+            records += record(Kind.HEALTH, now_us, np.concatenate(motors[1:]).tobytes())
         if commanded is not None:
             records += record(Kind.COMMANDED, now_us, commanded.tobytes())
         self._put(records)

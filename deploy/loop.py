@@ -22,7 +22,7 @@ from footfall.deploy.drivers.driver import Driver
 from footfall.deploy.estimation.odometry import Odometry
 from footfall.deploy.first_rest import FirstRest
 from footfall.deploy.frames import Frames
-from footfall.deploy.joint_layer import JointLayer, Told
+from footfall.deploy.joint_layer import JointLayer, MotorHealth
 from footfall.deploy.pose import impossible_pose
 from footfall.deploy.postures import Ending, Postures
 from footfall.deploy.safety import DAMPED, DECIDING, HELD, Implausible, Mode, Signals, State, advance, damped
@@ -58,7 +58,9 @@ class Estimator(Protocol):
 class Log(Protocol):
     """What the loop tells a log. Nothing here may block."""
 
-    def tick(self, now_us: int, sensed: Sensed, told: Told, commanded: np.ndarray | None) -> None: ...
+    def tick(
+        self, now_us: int, sensed: Sensed, motors: MotorHealth, commanded: np.ndarray | None
+    ) -> None: ...
 
     def policy_step(self, now_us: int, observation: Observation, command: JointCommand) -> None: ...
 
@@ -246,7 +248,7 @@ class ControlLoop:
         if self.log is not None:
             nothing_commanded = mode is Mode.IDLE or self.state.over
             commanded = None if nothing_commanded else joints.sent
-            self.log.tick(now_us, self.sensed, joints.told(now_us), commanded)
+            self.log.tick(now_us, self.sensed, joints.health(now_us), commanded)
             self._log_odometry(now_us)
 
     def fail(self, error: BaseException) -> None:

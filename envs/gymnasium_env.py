@@ -27,7 +27,7 @@ from footfall.robots.model import plant_model
 WIDTH, HEIGHT = 480, 320
 
 
-class InformedEnv(VelocityEnv):
+class EnvWithInfo(VelocityEnv):
     """The same environment, but a step's metrics are what gymnasium's information holds."""
 
     def step(self, state: State, action: jax.Array) -> tuple[State, Step]:
@@ -37,7 +37,7 @@ class InformedEnv(VelocityEnv):
         return state, step._replace(metrics={"command": state.command} | errors)
 
 
-class Seen(NamedTuple):
+class StepResult(NamedTuple):
     """What Python reads of a step, of one robot or with a leading axis (environments,)."""
 
     observation: Any  # the actor's
@@ -58,7 +58,7 @@ class GymnasiumEnv(gymnasium.Env):
         Raises:
             UserError: the configuration or the render mode does not fit.
         """
-        self.env = env = InformedEnv(robot, config)
+        self.env = env = EnvWithInfo(robot, config)
         self.observation_space, self.action_space = spaces(env)
         self.render_mode = checked(render_mode)
         self.metadata = self.metadata | {"render_fps": round(config.control_rate_hz)}
@@ -120,7 +120,7 @@ class GymnasiumVectorEnv(VectorEnv):
         """
         if num_envs < 1:
             raise UserError(f"num_envs must be at least 1, not {num_envs}")
-        self.env = env = InformedEnv(robot, config)
+        self.env = env = EnvWithInfo(robot, config)
         self.num_envs = num_envs
         self._generators = [seeding.np_random() for _ in range(num_envs)]
         self.single_observation_space, self.single_action_space = spaces(env)
@@ -263,25 +263,27 @@ def reset_one(env: VelocityEnv, key: jax.Array) -> tuple[State, jax.Array, jax.A
     return state, observation["state"], state.command
 
 
-def step_one(env: InformedEnv, state: State, action: jax.Array) -> tuple[State, Seen]:
+def step_one(env: EnvWithInfo, state: State, action: jax.Array) -> tuple[State, StepResult]:
     """A control step of one robot."""
     state, step = env.step(state, action)
-    return state, seen_of(step)
+    return state, step_result(step)
 
 
-def step_many(env: InformedEnv, state: State, actions: jax.Array) -> tuple[State, jax.Array, jax.Array, Seen]:
+def step_many(
+    env: EnvWithInfo, state: State, actions: jax.Array
+) -> tuple[State, jax.Array, jax.Array, StepResult]:
     """A control step of all robots: state, observations and commands to go on with, and the step itself."""
     state, observation, step = step_batch(env, state, actions)
-    return state, observation["state"], state.command, seen_of(step)
+    return state, observation["state"], state.command, step_result(step)
 
 
-def seen_of(step: Step) -> Seen:
+def step_result(step: Step) -> StepResult:
     """No more of a step than Python reads: the compiler leaves out what only the rest would need."""
     info = {name: value for name, value in step.metrics.items() if name not in ("done", "length")}
-    return Seen(step.observation["state"], step.reward, step.terminated > 0, step.truncated > 0, info)
+    return StepResult(step.observation["state"], step.reward, step.terminated > 0, step.truncated > 0, info)
 
 
-def gathered(last: Seen, commands: np.ndarray) -> dict[str, Any]:
+def gathered(last: StepResult, commands: np.ndarray) -> dict[str, Any]:
     """The information of a step, in the form in which gymnasium's own vector environments give it.
 
     Args:

@@ -38,7 +38,7 @@ LOOK_EVERY_US = 20_000
 
 
 @dataclass(frozen=True)
-class Lying:
+class LyingResult:
     """How a robot that lay stood up and lay down again."""
 
     trouble: str  # what kept it from it; empty if nothing did
@@ -46,7 +46,7 @@ class Lying:
     tilt_rad: float  # most on the way
 
 
-def lying_test(robot: Robot, seed: int = 0, config: DeployConfig | None = None) -> Lying:
+def lying_test(robot: Robot, seed: int = 0, config: DeployConfig | None = None) -> LyingResult:
     """Let a robot that lies stand up, hold its default pose, and lie down.
 
     Args:
@@ -67,7 +67,7 @@ def lying_test(robot: Robot, seed: int = 0, config: DeployConfig | None = None) 
         trouble = f"its base stays {look.clearance_m:.3f} m above the ground"
     if not trouble and look.tilt_rad > MOST_TILT_RAD:
         trouble = f"it tilts by {np.degrees(look.tilt_rad):.0f} degrees"
-    return Lying(trouble, look.clearance_m, look.tilt_rad)
+    return LyingResult(trouble, look.clearance_m, look.tilt_rad)
 
 
 def find_lying_pose(robot: Robot, config: DeployConfig | None = None) -> np.ndarray | None:

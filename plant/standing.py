@@ -37,7 +37,7 @@ class HoldDefaultPose:
 
 
 @dataclass(frozen=True)
-class Standing:
+class StandingResult:
     """How a robot stood."""
 
     fall_reason: str  # empty if it did not fall
@@ -55,7 +55,7 @@ class Standing:
         return not self.fall_reason and not self.faults
 
 
-def standing_test(robot: Robot, duration_s: float = 4.0, seed: int = 0) -> Standing:
+def standing_test(robot: Robot, duration_s: float = 4.0, seed: int = 0) -> StandingResult:
     """Let a robot hold its default pose in simulation.
 
     Raises:
@@ -67,7 +67,7 @@ def standing_test(robot: Robot, duration_s: float = 4.0, seed: int = 0) -> Stand
     place, contact = trace.base_position, trace.foot_contact[late]
     torque = np.abs(trace.motor_torque[late]) / robot.motor.peak_torque
     height = robot.description.standing_height_m
-    return Standing(
+    return StandingResult(
         fall_reason=trace.fall_reason or ("the simulation diverged" if trace.fell else ""),
         faults=trace.faults,
         stood_s=trace.walked_s,

@@ -12,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from patience import PATIENT
+from relaxed_limits import RELAXED
 from shell import Shell
 
 from footfall.common.config import unstructure
@@ -90,9 +90,9 @@ def test_deploy_needs_no_learning_library(tmp_path: Path) -> None:
 
 def test_ctrl_c_ends_a_run_in_an_orderly_way(tmp_path: Path) -> None:
     """The robot lies down, its motors are switched off, and the figures are written."""
-    figures, patient = tmp_path / "a.json", tmp_path / "patient.yaml"
-    patient.write_text(json.dumps(unstructure(PATIENT)))
-    command = [*FOOTFALL, "deploy", "stand", "--realtime", "--duration", "600", "--config", patient]
+    figures, relaxed = tmp_path / "a.json", tmp_path / "relaxed.yaml"
+    relaxed.write_text(json.dumps(unstructure(RELAXED)))
+    command = [*FOOTFALL, "deploy", "stand", "--realtime", "--duration", "600", "--config", relaxed]
     process = subprocess.Popen(
         [*command, "--json", figures],
         stdout=subprocess.PIPE,

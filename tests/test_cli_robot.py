@@ -9,8 +9,8 @@ import pytest
 from shell import Shell
 
 from footfall.domain_rand.randomisation import default_ranges
-from footfall.plant.lying import Lying, find_lying_pose
-from footfall.plant.standing import Standing
+from footfall.plant.lying import LyingResult, find_lying_pose
+from footfall.plant.standing import StandingResult
 from footfall.policies.gaits import gaits_of
 from footfall.robots.description import Robot
 from footfall.robots.inspection import Inspection
@@ -25,13 +25,13 @@ def shell(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytes
     return Shell(capsys)
 
 
-def stood(**changes: Any) -> Standing:
+def stood(**changes: Any) -> StandingResult:
     """A standing test with nothing to complain of."""
     facts: dict[str, Any] = {
         "fall_reason": "", "faults": (), "stood_s": 4.0, "sank_m": 0.01, "tilt_rad": 0.05,
         "moved_m": 0.02, "torque_share": np.linspace(0.1, 0.5, 12), "feet_down": np.ones(4),
     }  # fmt: skip
-    return Standing(**(facts | changes))
+    return StandingResult(**(facts | changes))
 
 
 class TestVerdict:
@@ -148,15 +148,15 @@ class TestCheck:
             calls.append(("inspect", robot.name, seed))
             return looked  # type: ignore[return-value]
 
-        def test(robot: Robot, duration_s: float, seed: int) -> Standing:
+        def test(robot: Robot, duration_s: float, seed: int) -> StandingResult:
             calls.append(("stand", robot.name, duration_s, seed))
             return stood()
 
         monkeypatch.setattr("footfall.robots.inspection.inspect_robot", inspect)
 
-        def lie(robot: Robot, seed: int) -> Lying:
+        def lie(robot: Robot, seed: int) -> LyingResult:
             calls.append(("lie", robot.name, seed))
-            return Lying("", 0.0, 0.1)
+            return LyingResult("", 0.0, 0.1)
 
         monkeypatch.setattr("footfall.plant.standing.standing_test", test)
         monkeypatch.setattr("footfall.plant.lying.lying_test", lie)

@@ -11,7 +11,7 @@ from itertools import count, groupby
 import numpy as np
 import pytest
 from deploy_policies import FailingPolicy, Hold, stand_still
-from patience import PATIENT
+from relaxed_limits import RELAXED
 
 from footfall.deploy.clock import LockstepClock
 from footfall.deploy.config import DeployConfig
@@ -31,10 +31,10 @@ from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
 CONFIG = replace(
-    PATIENT,
+    RELAXED,
     joint_rate_hz=100.0,
     stand_s=0.3,
-    safety=replace(PATIENT.safety, late_limit_s=0.3, damping_s=0.2),
+    safety=replace(RELAXED.safety, late_limit_s=0.3, damping_s=0.2),
 )
 GUARDED = replace(CONFIG, safety=replace(CONFIG.safety, pause_limit_s=1.0))  # takes over after 1.1 s
 LONG = Session(stand_still, 9.0, config=GUARDED)
@@ -185,8 +185,8 @@ class TestGuard:
             return receive(now_us)
 
         simulation.bus.receive = block  # type: ignore[method-assign]
-        impatient = replace(CONFIG.safety, pause_limit_s=0.3, damping_s=0.6)
-        session = replace(LONG, config=replace(CONFIG, safety=impatient))
+        strict = replace(CONFIG.safety, pause_limit_s=0.3, damping_s=0.6)
+        session = replace(LONG, config=replace(CONFIG, safety=strict))
         outcome = run_session(go1, Hold(go1), simulation.bus, session)
         assert "a guard damped the robot" in outcome.faults[-1]
         assert [what for what, _ in asked_of_motors(go1, simulation.sent)] == ["on", "stiff", "damped", "off"]

@@ -27,7 +27,7 @@ from footfall.deploy import log as log_module
 from footfall.deploy import messages
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.estimation.odometry import Odometry
-from footfall.deploy.joint_layer import Told
+from footfall.deploy.joint_layer import MotorHealth
 from footfall.deploy.log import McapLog, flatten, unflatten
 from footfall.deploy.log_file import read_log
 from footfall.deploy.loop import ControlLoop
@@ -108,7 +108,7 @@ class TestContent:
         )
         path = tmp_path / "tick.mcap"
         log = McapLog(path, go1, Hold(go1), facts={}, start_ns=0, may_wait=True)
-        log.tick(0, Sensed(gyro, acceleration, quaternion, position, velocity, torque), TOLD, commanded)
+        log.tick(0, Sensed(gyro, acceleration, quaternion, position, velocity, torque), HEALTH, commanded)
         assert log.close() == ""
         written = {each.topic: each.message for each in decoded(path)}
         joints, inertial = written["/joint_states"], written["/imu"]
@@ -130,14 +130,14 @@ class TestContent:
     ) -> None:
         path = tmp_path / "health.mcap"
         log = McapLog(path, go1, Hold(go1), facts={}, start_ns=0, may_wait=True)
-        hot = TOLD._replace(temperature_c=TOLD.temperature_c + np.arange(12.0))
+        hot = HEALTH._replace(temperature_c=HEALTH.temperature_c + np.arange(12.0))
         faulty = hot._replace(error=np.eye(12, dtype=np.uint8)[3] * 7)
-        for tick, told in enumerate((TOLD, TOLD, hot, faulty, faulty, TOLD)):
-            log.tick(2000 * tick, STILL, told._replace(age_s=told.age_s + tick), None)
+        for tick, health in enumerate((HEALTH, HEALTH, hot, faulty, faulty, HEALTH)):
+            log.tick(2000 * tick, STILL, health._replace(age_s=health.age_s + tick), None)
         assert log.close() == ""
         found = read_log(path).entries
         ages = [entry.message.data for entry in found if entry.topic == "/reading_ages"]
-        assert [list(each) for each in ages] == [(TOLD.age_s + tick).tolist() for tick in range(6)]
+        assert [list(each) for each in ages] == [(HEALTH.age_s + tick).tolist() for tick in range(6)]
         health = {e.time_ns: np.reshape(e.message.data, (3, 12)) for e in found if e.topic == "/motor_health"}
         assert list(health) == [0, 4_000_000, 6_000_000, 10_000_000]
         np.testing.assert_array_equal(health[0], np.outer([40.0, np.nan, 0.0], np.ones(12)))
@@ -239,9 +239,9 @@ from pathlib import Path
 from deploy_policies import Hold, short_episode
 from footfall.plant.episode import run_episode
 from footfall.robots.description import load_robot
-from patience import PATIENT
+from relaxed_limits import RELAXED
 robot = load_robot("go1")
-episode = short_episode(duration_s=60.0, realtime=True, log=Path(sys.argv[1]), config=PATIENT)
+episode = short_episode(duration_s=60.0, realtime=True, log=Path(sys.argv[1]), config=RELAXED)
 run_episode(robot, Hold(robot), episode, lambda loop, _: os.write(1, b"%d\\n" % loop.now_us))
 """
 
@@ -401,7 +401,9 @@ class TestBadInput:
             replay(tmp_path / "none.mcap", Hold(go1))
 
 
-TOLD = Told(np.linspace(0.0, 0.0012, 13), np.full(12, 40.0), np.full(12, np.nan), np.zeros(12, np.uint8))
+HEALTH = MotorHealth(
+    np.linspace(0.0, 0.0012, 13), np.full(12, 40.0), np.full(12, np.nan), np.zeros(12, np.uint8)
+)
 STILL = Sensed(np.zeros(3), np.zeros(3), np.array([1.0, 0, 0, 0]), *np.zeros((3, 12)))
 
 
@@ -442,7 +444,7 @@ class TestDisk:
         slowest_s = 0.0
         for tick in range(1000):
             started = time.perf_counter()
-            log.tick(2000 * tick, STILL, TOLD, np.zeros((5, 12)))
+            log.tick(2000 * tick, STILL, HEALTH, np.zeros((5, 12)))
             slowest_s = max(slowest_s, time.perf_counter() - started)
         os.kill(log._process.pid, signal.SIGCONT)
         lacks = re.fullmatch(r"the log .*a\.mcap lacks (\d+) ticks or .*: the disk was too slow", log.close())
@@ -458,7 +460,7 @@ class TestDisk:
         monkeypatch.setattr(log_module, "LAST_WAIT_S", 0.3)
         log = McapLog(tmp_path / "a.mcap", go1, Hold(go1), facts={}, start_ns=0, may_wait=False)
         os.kill(log._process.pid, signal.SIGSTOP)
-        log.tick(0, STILL, TOLD, None)
+        log.tick(0, STILL, HEALTH, None)
         assert "a.mcap has no end: the disk does not take it" in log.close()
 
     def test_a_writer_that_dies_is_told(self, go1: Robot, tmp_path: Path) -> None:
@@ -466,7 +468,7 @@ class TestDisk:
         os.kill(log._process.pid, signal.SIGKILL)
         log._process.wait()
         for tick in range(3):
-            log.tick(tick, STILL, TOLD, None)
+            log.tick(tick, STILL, HEALTH, None)
         assert "is cut short: the process that writes it failed" in log.close()
 
 

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from deploy_policies import FailingPolicy, Hold, short_episode, slow, stand_still
 from multicast import alone_on_multicast, robot_on_multicast
-from patience import PATIENT
+from relaxed_limits import RELAXED
 
 from footfall.common.errors import UserError
 from footfall.deploy.clock import LockstepClock, WallClock, undisturbed
@@ -34,7 +34,7 @@ from footfall.plant.serve import serving
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
-UNHURRIED = replace(PATIENT, joint_rate_hz=100.0, stand_s=0.4)
+UNHURRIED = replace(RELAXED, joint_rate_hz=100.0, stand_s=0.4)
 SHORT = Session(stand_still, 0.4, config=UNHURRIED)
 
 
@@ -135,7 +135,7 @@ class TestSimulatedBus:
     def test_a_policy_that_is_far_too_late_once_or_a_little_again_and_again_is_stopped(
         self, go1: Robot, limit: dict[str, Any], seconds: float, says: str
     ) -> None:
-        config = replace(UNHURRIED, safety=replace(PATIENT.safety, **limit))
+        config = replace(UNHURRIED, safety=replace(RELAXED.safety, **limit))
         policy = FailingPolicy(go1, 0.1, partial(slow, seconds=seconds))
         trace = run_episode(go1, policy, short_episode(realtime=True, config=config))
         assert trace.final_state == "ESTOP"
@@ -257,7 +257,7 @@ class TestPythonCan:
 
     def test_the_robot_walks_over_a_virtual_bus(self, go1: Robot) -> None:
         policy = Hold(go1)
-        with serving(go1, "virtual", PlantConfig(motor_timeout_s=PATIENT.motor_timeout_s)):
+        with serving(go1, "virtual", PlantConfig(motor_timeout_s=RELAXED.motor_timeout_s)):
             outcome = run_on_interface(go1, policy, "virtual", SHORT)
         assert outcome.faults == ()
         assert outcome.final_state == "IDLE"
@@ -266,7 +266,7 @@ class TestPythonCan:
         np.testing.assert_allclose(policy.seen[-1].sensed.joint_position, go1.default_pose, atol=0.2)
 
     def test_the_robot_walks_over_multicast_from_another_process(self, go1: Robot) -> None:
-        with robot_on_multicast("--duration", "600", "--motor-timeout", f"{PATIENT.motor_timeout_s:g}"):
+        with robot_on_multicast("--duration", "600", "--motor-timeout", f"{RELAXED.motor_timeout_s:g}"):
             outcome = run_on_interface(go1, Hold(go1), "udp_multicast", SHORT)
         assert outcome.faults == ()
         assert outcome.final_state == "IDLE"
@@ -274,7 +274,7 @@ class TestPythonCan:
 
     @pytest.mark.usefixtures("alone")
     def test_an_empty_bus_is_an_emergency_stop_that_names_the_first_motor(self, go1: Robot) -> None:
-        config = replace(UNHURRIED, safety=replace(PATIENT.safety, start_timeout_s=0.5))
+        config = replace(UNHURRIED, safety=replace(RELAXED.safety, start_timeout_s=0.5))
         session = Session(stand_still, 1.0, config=config)
         outcome = run_on_interface(go1, Hold(go1), "udp_multicast", session)
         assert outcome.final_state == "ESTOP"

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from deploy_policies import Hold, stand_still
-from patience import PATIENT
+from relaxed_limits import RELAXED
 from test_deploy_parts import FrameRobot, Notebook
 
 from footfall.common.errors import UserError
@@ -116,8 +116,8 @@ def test_only_a_run_by_the_wall_clock_is_left_undisturbed_at_its_priority(
         asked.append("over")
 
     monkeypatch.setattr(session, "undisturbed", undisturbed)
-    safety = replace(PATIENT.safety, damping_s=0.01)
-    config = replace(PATIENT, stand_s=0.01, realtime_priority=42, safety=safety)
+    safety = replace(RELAXED.safety, damping_s=0.01)
+    config = replace(RELAXED, stand_s=0.01, realtime_priority=42, safety=safety)
     run = Session(stand_still, 0.004, realtime, config=config)
     log = Notebook()
     log.close = lambda: ""  # type: ignore[attr-defined]

@@ -649,7 +649,7 @@ class TestGymnasium:
         assert gymnasium.Env.metadata.get("render_fps") is None
 
     def test_information_is_of_the_episodes_that_go_on_and_of_those_that_ended(self) -> None:
-        last = gymnasium_env.Seen(
+        last = gymnasium_env.StepResult(
             np.arange(6.0).reshape(3, 2), np.zeros(3), np.array([False, True, False]), np.array([False,
             False, True]),
             {"command": np.arange(9.0).reshape(3, 3), "error": np.array([0.1, 0.2, 0.3])},

@@ -7,7 +7,7 @@ import fault_clock
 import numpy as np
 import pytest
 from fault_clock import AddedDelay, TimingFault
-from patience import PATIENT
+from relaxed_limits import RELAXED
 
 RUN = {"fault": "it ran late", "seconds": 0.12, "final_state": "ESTOP", "fell": False}
 
@@ -54,8 +54,8 @@ def test_a_fault_comes_in_each_step_or_tick_or_once(monkeypatch: pytest.MonkeyPa
 
 def test_a_pause_is_damped_by_the_guard_before_it_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     """On a machine as busy as may be: 50 ticks a second, and no other limit counts."""
-    patient = replace(PATIENT.safety, silence_timeout_s=5.0, late_limit_s=0.5, pause_limit_s=0.5)
-    config = replace(PATIENT, safety=patient)
+    relaxed = replace(RELAXED.safety, silence_timeout_s=5.0, late_limit_s=0.5, pause_limit_s=0.5)
+    config = replace(RELAXED, safety=relaxed)
     monkeypatch.setattr(fault_clock, "deploy_config", lambda _: config)
     monkeypatch.setattr(fault_clock, "STAND_S", 0.3)
     monkeypatch.setattr(fault_clock, "AT_S", 0.1)

@@ -11,7 +11,7 @@ from foreign_robots import BIPED_MJCF, quadruped
 from footfall.cli import main
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers.mit import RANGES
-from footfall.plant.lying import Lying, _effort, find_lying_pose, lying_test
+from footfall.plant.lying import LyingResult, _effort, find_lying_pose, lying_test
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.importer.create import ImportRequest, import_robot
 
@@ -77,7 +77,7 @@ def test_one_that_tips_over_or_whose_knees_fold_too_little_gets_none(
 
 
 def test_check_tells_how_it_lies(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    tips = Lying("it tilts by 30 degrees", 0.004, 0.5236)
+    tips = LyingResult("it tilts by 30 degrees", 0.004, 0.5236)
     monkeypatch.setattr("footfall.plant.lying.lying_test", lambda *_: tips)
     assert main(["robot", "check", "go1", "--duration", "0.3"]) == 1
     told = capsys.readouterr().out

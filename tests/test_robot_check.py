@@ -10,7 +10,7 @@ from foreign_robots import BALL, BIPED_MJCF, quadruped
 
 from footfall.cli import main
 from footfall.deploy.drivers.mit import RANGES
-from footfall.plant.standing import Standing, standing_test
+from footfall.plant.standing import StandingResult, standing_test
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.importer.create import ImportRequest, import_robot
 from footfall.robots.inspection import inspect_robot
@@ -29,7 +29,7 @@ def four(tmp_path_factory: pytest.TempPathFactory) -> Robot:
 
 
 @pytest.fixture(scope="module")
-def four_standing(four: Robot) -> Standing:
+def four_standing(four: Robot) -> StandingResult:
     return standing_test(four, duration_s=1.5)
 
 
@@ -62,18 +62,18 @@ def wrong(folder: Path, capsys: pytest.CaptureFixture[str], seconds: str = "1") 
 
 
 class TestStanding:
-    def test_an_imported_quadruped_stands_on_all_feet(self, four_standing: Standing) -> None:
+    def test_an_imported_quadruped_stands_on_all_feet(self, four_standing: StandingResult) -> None:
         assert four_standing.stood
         assert four_standing.stood_s == pytest.approx(1.5, abs=0.01)
         assert (four_standing.feet_down == 1.0).all()
 
-    def test_it_sinks_and_tilts_little_and_is_seen_to(self, four_standing: Standing) -> None:
+    def test_it_sinks_and_tilts_little_and_is_seen_to(self, four_standing: StandingResult) -> None:
         """Joints without friction give way under the weight."""
         assert 0.001 < four_standing.sank_m < 0.04
         assert 0.0 < four_standing.tilt_rad < 0.1
         assert four_standing.moved_m < 0.1
 
-    def test_torques_are_those_of_the_weight(self, four: Robot, four_standing: Standing) -> None:
+    def test_torques_are_those_of_the_weight(self, four: Robot, four_standing: StandingResult) -> None:
         """The knees' torques: a quarter of the weight each, on the foot's distance from the knee's axis."""
         knees = [four.joint_index(f"{leg}_knee") for leg in ("FL", "FR", "RL", "RR")]
         angle = four.default_pose[knees] + four.default_pose[[k - 1 for k in knees]]

@@ -11,8 +11,8 @@ from cyclopts import App, Parameter
 from footfall.options import Names, RobotName, Seconds, Seed
 
 if TYPE_CHECKING:
-    from footfall.plant.lying import Lying
-    from footfall.plant.standing import Standing
+    from footfall.plant.lying import LyingResult
+    from footfall.plant.standing import StandingResult
     from footfall.robots.description import Robot
     from footfall.robots.inspection import Inspection
 
@@ -177,7 +177,7 @@ def _show_feet(looked: "Inspection") -> None:
     print(f"the centre of mass is {1e3 * abs(looked.margin_m):.0f} mm {side} the feet\n")
 
 
-def _show_standing(robot: "Robot", standing: "Standing") -> None:
+def _show_standing(robot: "Robot", standing: "StandingResult") -> None:
     hardest = int(standing.torque_share.argmax())
     share = f"{100 * standing.torque_share[hardest]:.0f} % of its peak torque"
     print(f"standing test, {standing.stood_s:.1f} s on the joint law over the simulated bus:")
@@ -186,7 +186,7 @@ def _show_standing(robot: "Robot", standing: "Standing") -> None:
     print(f"  hardest at work: {robot.joint_names[hardest]}, {share}\n")
 
 
-def _wrong_standing(robot: "Robot", standing: "Standing") -> Iterator[str]:
+def _wrong_standing(robot: "Robot", standing: "StandingResult") -> Iterator[str]:
     if not standing.stood:
         why = standing.fall_reason or "; ".join(standing.faults)
         yield f"it does not stand by itself: {why} after {standing.stood_s:.1f} s"
@@ -203,7 +203,7 @@ def _wrong_standing(robot: "Robot", standing: "Standing") -> Iterator[str]:
             yield f"foot {foot.name} is in the air"
 
 
-def _show_lying(lying: "Lying | None") -> None:
+def _show_lying(lying: "LyingResult | None") -> None:
     if lying is None:
         print("no lying pose (lying_rad in robot.yaml): it cannot lie down before its motors go off\n")
         return
@@ -212,7 +212,7 @@ def _show_lying(lying: "Lying | None") -> None:
     print(f"  tilted {np.degrees(lying.tilt_rad):.1f} degrees\n")
 
 
-def _wrong_lying(lying: "Lying | None") -> Iterator[str]:
+def _wrong_lying(lying: "LyingResult | None") -> Iterator[str]:
     if lying is not None and lying.trouble:
         yield f"it does not stand up from its lying pose and go back to it: {lying.trouble}"
 

@@ -1,13 +1,13 @@
-"""Settings of the loop for machines that stall for as long as they like: time that was lost is no fault.
+"""Settings of the loop with relaxed time limits, for machines that stall: time that was lost is no fault.
 
-Benchmarks and tests change of them what they are about.
+Benchmarks and tests tighten those that they are about.
 """
 
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.safety import SafetyConfig
 from footfall.deploy.sensor_limits import SensorLimits
 
-PATIENT = DeployConfig(
+RELAXED = DeployConfig(
     motor_timeout_s=30.0,
     safety=SafetyConfig(
         start_timeout_s=30.0,

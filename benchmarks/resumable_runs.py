@@ -1,4 +1,4 @@
-"""Keeps each of a benchmark's many runs in a file as it ends, so that one that is stopped loses nothing.
+"""Runs of a benchmark, each written to a file as it ends: one that is stopped goes on where it was.
 
 No benchmark itself. A run is a line of JSON, `{"task": …, "result": …}`; what stands in the file is not run
 again by a second call.
@@ -17,7 +17,7 @@ from footfall.evaluate.pool import run_all
 T = TypeVar("T", bound=tuple[Any, ...])
 
 
-def run_kept(
+def run_resumable(
     function: Callable[[T], dict[str, Any]],
     tasks: Sequence[T],
     out: Path | None,

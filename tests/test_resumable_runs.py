@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from kept_runs import read_runs, run_kept
+from resumable_runs import read_runs, run_resumable
 
 TASKS = [("a", 1), ("b", 2), ("c", 3)]
 
@@ -19,7 +19,7 @@ def _never(task: tuple[str, int]) -> dict[str, Any]:
 
 
 def test_results_come_in_the_tasks_order_and_a_failure_is_named(tmp_path: Path) -> None:
-    results, errors = run_kept(_double, TASKS, tmp_path / "runs.jsonl", workers=1)
+    results, errors = run_resumable(_double, TASKS, tmp_path / "runs.jsonl", workers=1)
     assert results == [{"name": "a", "doubled": 2}, {"name": "c", "doubled": 6}]
     assert errors == ["('b', 2): ValueError: no b today"]
 
@@ -28,14 +28,14 @@ def test_what_stands_in_the_file_is_not_run_again_but_a_line_cut_off_is(tmp_path
     out = tmp_path / "runs.jsonl"
     out.write_text('{"task": ["a", 1], "result": {"kept": true}}\n{"task": ["c", 3], "resu')
     assert list(read_runs(out)) == ['["a", 1]']
-    results, _ = run_kept(_never, TASKS[:1], out, workers=1)
+    results, _ = run_resumable(_never, TASKS[:1], out, workers=1)
     assert results == [{"kept": True}]
-    results, _ = run_kept(_double, TASKS, out, workers=1)
+    results, _ = run_resumable(_double, TASKS, out, workers=1)
     assert results == [{"kept": True}, {"name": "c", "doubled": 6}]
     assert list(read_runs(out)) == ['["a", 1]', '["c", 3]']
 
 
 def test_after_the_time_limit_nothing_begins_and_what_is_left_is_said(tmp_path: Path) -> None:
-    results, errors = run_kept(_never, TASKS, tmp_path / "runs.jsonl", workers=1, time_limit_s=0.0)
+    results, errors = run_resumable(_never, TASKS, tmp_path / "runs.jsonl", workers=1, time_limit_s=0.0)
     assert results == []
     assert errors == ["3 of 3 runs are left for another call"]
