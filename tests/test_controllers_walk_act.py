@@ -201,6 +201,40 @@ class TestHeading:
         assert policy._turn_back(seen(yaw=-2.0), 0.0) == 0.0
 
 
+class TestTempo:
+    """How much of a period, over its share of a tick, the gait's clock goes on by in each tick."""
+
+    def tempos(self, monkeypatch: pytest.MonkeyPatch, *phases: tuple[float, float]) -> np.ndarray:
+        """Of walks ahead, 0.6 s each, at commanded speeds that allow certain tempos: (phases, ticks)."""
+        policy, allowed = make(), {round(speed, 6): tempo for speed, tempo in phases}
+        monkeypatch.setattr(
+            policy._limits, "pace", lambda walk: Pace(tempo=allowed[round(walk.velocity[0], 6)])
+        )
+        policy.reset(seen())
+        clocks, ticks = [0.0], round(0.6 * CONFIG.rate_hz)
+        for k, speed in enumerate(np.repeat([speed for speed, _ in phases], ticks).tolist()):
+            policy.act(seen(CONFIG.settle_s + k / CONFIG.rate_hz, (speed, 0.0, 0.0)))
+            clocks.append(policy._cycle.clock)
+        passed = np.diff(clocks) % 1.0 * CONFIG.gait.period_s
+        return (passed * CONFIG.rate_hz).reshape(len(phases), ticks)
+
+    def test_it_falls_at_once_and_rises_by_half_in_a_second(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        first, slow, faster = self.tempos(monkeypatch, (0.30, 1.0), (0.31, 0.6), (0.32, 0.8))
+        assert first[-1] == pytest.approx(1.0)
+        np.testing.assert_allclose(slow, 0.6)
+        np.testing.assert_allclose(np.diff(faster[100:150]), 0.5 / CONFIG.rate_hz, rtol=1e-6)
+        assert faster[-1] == pytest.approx(0.8)
+
+    def test_on_the_way_from_one_speed_to_another_it_suits_both(
+        self, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        before, after = self.tempos(monkeypatch, (0.35, 0.7), (0.25, 1.0))
+        ticks = int((0.35 - 0.25) / CONFIG.command.acceleration_m_s2 * CONFIG.rate_hz) - 1
+        assert ticks > 10
+        np.testing.assert_allclose([*before[-10:], *after[:ticks]], 0.7)
+        assert after[-1] > 0.8
+
+
 def test_a_new_episode_starts_without_a_jump_in_velocity() -> None:
     policy = make()
     walking(policy)

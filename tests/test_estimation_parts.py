@@ -342,6 +342,19 @@ class TestContactPoints:
         together = foot_balls(model, np.arange(3), tip)
         assert together.radius.tolist() == [0.02, 0.01, 0.01, *[0.0] * 8]
 
+    def test_a_mesh_touches_with_the_corners_of_its_box(self) -> None:
+        """Which is about the mesh, not about its centre of mass: it holds all vertices, and no less would."""
+        model = mujoco.MjModel.from_xml_string(
+            """<mujoco><asset><mesh name="wedge" vertex="0.1 0 0  0.4 0 0  0.1 0.2 0  0.1 0 0.3"/></asset>
+            <worldbody><body><freejoint/><geom type="mesh" mesh="wedge" pos="1 2 3" euler="20 0 50"/>
+            </body></worldbody></mujoco>"""
+        )
+        turn = Rotation.from_quat(model.geom_quat[0], scalar_first=True)
+        corners = foot_balls(model, np.array([0]), np.zeros(3)).place - model.geom_pos[0]
+        across = turn.inv().apply(corners)
+        np.testing.assert_allclose(across.min(axis=0), model.mesh_vert.min(axis=0), atol=1e-7)
+        np.testing.assert_allclose(across.max(axis=0), model.mesh_vert.max(axis=0), atol=1e-7)
+
 
 # -- drift -------------------------------------------------------------------------------------------
 

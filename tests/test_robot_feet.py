@@ -1,9 +1,27 @@
 """Which geoms of another maker's model are the feet."""
 
+from collections.abc import Callable
+
 import mujoco
+import numpy as np
 
 from footfall.robots.description import Robot, load_spec
 from footfall.robots.feet import find_feet
+
+SPHERE = mujoco.mjtGeom.mjGEOM_SPHERE
+REAR_RIGHT = 2  # among go1's feet
+
+
+def without_a_name(
+    robot: Robot, change: Callable[[mujoco.MjsGeom], None]
+) -> tuple[mujoco.MjModel, tuple[np.ndarray, ...]]:
+    """The robot's model as others may have it, whose rear right foot has no name; and what its feet are."""
+    spec = load_spec(robot.xml_path)
+    foot = spec.geom(robot.description.feet[REAR_RIGHT].geoms[0])
+    foot.name = ""
+    change(foot)
+    model = spec.compile()
+    return model, find_feet(model, robot)
 
 
 def test_a_foot_on_a_link_that_is_fixed_to_the_shin_is_found_by_its_place(go1: Robot) -> None:
@@ -18,3 +36,36 @@ def test_a_foot_on_a_link_that_is_fixed_to_the_shin_is_found_by_its_place(go1: R
     model = spec.compile()
     feet = find_feet(model, go1)
     assert [model.body(model.geom_bodyid[geom]).name for geom in feet[2]] == ["toe"]
+
+
+def test_a_foot_without_a_name_is_found_among_the_others(go1: Robot) -> None:
+    model, feet = without_a_name(go1, lambda foot: None)
+    names = [model.geom(int(geoms[0])).name for geoms in feet]
+    assert [bool(name) for name in names] == [True, True, False, True]
+    assert model.geom_type[feet[REAR_RIGHT]] == SPHERE
+
+
+def test_what_cannot_touch_anything_is_no_foot_however_near(go1: Robot) -> None:
+    """A drawn cap at the very place where the foot should be; the foot itself is 1 cm off."""
+
+    def cap(foot: mujoco.MjsGeom) -> None:
+        foot.parent.add_geom(type=SPHERE, size=[0.03, 0, 0], pos=foot.pos, contype=0, conaffinity=0)
+        foot.pos[0] += 0.01
+
+    model, feet = without_a_name(go1, cap)
+    (found,) = feet[REAR_RIGHT].tolist()
+    assert model.geom_contype[found] or model.geom_conaffinity[found]
+
+
+def test_what_is_a_quarter_of_the_shank_away_is_no_foot(go1: Robot) -> None:
+    """It is 0.213 m long: 0.05 m are near enough, 0.06 m are not."""
+    for away_m, found in ((0.05, 1), (0.06, 0)):
+
+        def move(foot: mujoco.MjsGeom, away_m: float = away_m) -> None:
+            for other in list(foot.parent.geoms):
+                if other != foot:
+                    other.contype = other.conaffinity = 0
+            foot.pos[1] += away_m
+
+        _, feet = without_a_name(go1, move)
+        assert len(feet[REAR_RIGHT]) == found

@@ -1,0 +1,174 @@
+"""Faults that are put into a run: what becomes of frames and readings, and of nothing else."""
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from footfall.deploy.drivers import imu
+from footfall.deploy.frames import Frames
+from footfall.deploy.wiring import wire
+from footfall.plant.injection import (
+    Command,
+    FaultInjector,
+    InjectingBus,
+    cut_short,
+    dropped,
+    each_imu_frame,
+    emptied,
+    flipped,
+    from_imu,
+    late,
+    nothing,
+    turned,
+)
+from footfall.plant.motor_ends.choice import open_motor_end
+from footfall.robots.description import Robot
+
+READING = imu.Inertial((0.1, -0.2, 0.3), (1.0, 2.0, 9.0), (1.0, 0.0, 0.0, 0.0))
+
+
+def batch(number: int, time_us: int | None = None, k: int = 1) -> Frames:
+    """Frames of motors with a number in all their bytes."""
+    data = np.full((k, 8), number, np.uint8)
+    times = None if time_us is None else np.full(k, float(time_us))
+    return Frames(np.zeros(k, int), np.full(k, 0x100), data, np.full(k, 8), times)
+
+
+def of_imu(reading: imu.Inertial = READING, counter: int = 7) -> Frames:
+    return Frames(np.zeros(3, int), np.array(imu.IDS), imu.encode(reading, counter), np.full(3, 8))
+
+
+def numbers(batches: list[Frames]) -> list[int]:
+    return [int(frames.data[0, 0]) for frames in batches]
+
+
+class TestFrames:
+    def test_late_ones_come_once_later_by_their_own_time_too(self) -> None:
+        hold = late(3000)
+        came = [hold([batch(n, 1000 * n)] if n < 3 else [], 1000 * n) for n in range(7)]
+        assert [numbers(each) for each in came] == [[], [], [], [0], [1], [2], []]
+        assert [float(each[0].time_us[0]) for each in came[3:6]] == [3000.0, 4000.0, 5000.0]  # type: ignore[index]
+
+    def test_only_those_that_are_meant_are_late(self) -> None:
+        hold = late(3000, from_imu)
+        assert numbers(hold([of_imu(), batch(9)], 0)) == [9]
+        assert [int(frames.id[0]) for frames in hold([batch(8)], 3000)] == [imu.GYRO_ID, 0x100]
+
+    def test_two_bytes_are_left_of_a_frame_that_is_cut_short(self) -> None:
+        whole = batch(7, k=2)
+        cut = cut_short(whole)
+        assert cut.data.tolist() == [[7, 7, 0, 0, 0, 0, 0, 0]] * 2
+        assert cut.length.tolist() == [2, 2]
+        assert (whole.data == 7).all()
+
+    def test_one_frame_of_a_reading_changes_and_the_others_do_not(self) -> None:
+        heard, changed = of_imu(), each_imu_frame(imu.ACCELERATION_ID, emptied)(of_imu())
+        told = dict(zip(changed.id.tolist(), changed.data.tolist(), strict=True))
+        was = dict(zip(heard.id.tolist(), heard.data.tolist(), strict=True))
+        assert told == {**was, imu.ACCELERATION_ID: [0] * 8}
+        left = each_imu_frame(imu.QUATERNION_ID, nothing)(heard)
+        assert sorted(left.id.tolist()) == [imu.GYRO_ID, imu.ACCELERATION_ID]
+
+    def test_a_share_of_frames_gets_lost(self) -> None:
+        """A quarter of 4000 is 1000, with a standard deviation of 27."""
+        left = dropped(0.25, np.random.default_rng(0))(batch(7, k=4000))
+        assert 4000 - len(left.id) == pytest.approx(1000, abs=110)
+        assert len(dropped(0.0, np.random.default_rng(0))(batch(7, k=100)).id) == 100
+
+    def test_one_bit_anywhere_of_a_share_of_frames_is_the_other_one(self) -> None:
+        whole = batch(0x55, k=4000)
+        hurt = flipped(0.25, np.random.default_rng(0))(whole)
+        bits = np.unpackbits(hurt.data ^ whole.data, axis=1).astype(int)
+        assert set(bits.sum(axis=1).tolist()) == {0, 1}
+        assert bits.sum() == pytest.approx(1000, abs=110)
+        assert bits.sum(axis=0).min() > 0  # none of the 64 is safe
+        assert (whole.data == 0x55).all()
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_quaternion_is_turned_about_the_bodys_own_axis(axis: int) -> None:
+    """And nothing else of a reading is."""
+    body = Rotation.from_euler("ZYX", [1.0, -0.4, 0.2])
+    reading = READING._replace(quaternion=body.as_quat(scalar_first=True).tolist())
+    askew = turned(reading, axis, 30.0)
+    expected = body * Rotation.from_rotvec(np.deg2rad(30.0) * np.eye(3)[axis])
+    found = Rotation.from_quat(askew.quaternion, scalar_first=True)
+    assert (expected.inv() * found).magnitude() == pytest.approx(0.0, abs=1e-9)
+    assert (askew.gyro, askew.acceleration) == (reading.gyro, reading.acceleration)
+
+
+class TestReadings:
+    """What arrives of a go1, as its motors and its IMU sent it."""
+
+    VALUES = np.array([0.05, 0.4, 0.9])[:, None] * np.linspace(-1.0, 1.0, 12)
+
+    @pytest.fixture
+    def arriving(self, go1: Robot) -> list[Frames]:
+        end, n = open_motor_end(wire(go1)), len(go1.joint_names)
+        return [end.reply(slice(None), self.VALUES, 31, np.zeros(n, np.uint64)), of_imu()]
+
+    @pytest.fixture
+    def injector(self, go1: Robot, arriving: list[Frames]) -> FaultInjector:
+        bus: Any = SimpleNamespace(receive=lambda _: arriving)
+        anything: Any = None
+        command, rng = Command(np.zeros(3)), np.random.default_rng(1)
+        return FaultInjector(go1, wire(go1), anything, InjectingBus(bus), anything, command, rng)
+
+    def heard(self, injector: FaultInjector) -> list[list[list[int]]]:
+        return [frames.data.tolist() for frames in injector.bus.receive(0)]
+
+    @pytest.mark.parametrize(
+        "inject",
+        [
+            lambda injector: injector.on_values(lambda values, temperature: None),
+            lambda injector: injector.on_imu(lambda reading: reading),
+            lambda injector: injector.on_all(lambda frames: frames),
+        ],
+        ids=["motors", "IMU", "all"],
+    )
+    def test_what_does_not_change_arrives_to_the_bit_as_it_was(
+        self, injector: FaultInjector, arriving: list[Frames], inject: Callable[[FaultInjector], None]
+    ) -> None:
+        inject(injector)
+        assert self.heard(injector) == [frames.data.tolist() for frames in arriving]
+
+    def test_one_motors_reading_changes_and_its_neighbours_do_not(
+        self, injector: FaultInjector, arriving: list[Frames]
+    ) -> None:
+        def change(values: np.ndarray, temperature: np.ndarray) -> None:
+            np.testing.assert_allclose(values, self.VALUES, atol=0.02)
+            assert temperature.tolist() == [31] * 12
+            values[:, injector.joint] = 0.0
+            temperature[injector.joint] = 90
+
+        injector.on_values(change)
+        motors, of_the_imu = self.heard(injector)
+        differ = [one != other for one, other in zip(motors, arriving[0].data.tolist(), strict=True)]
+        assert np.flatnonzero(differ).tolist() == [injector.joint]
+        assert of_the_imu == arriving[1].data.tolist()
+
+    def test_an_imu_that_reads_something_else_counts_on(
+        self, injector: FaultInjector, arriving: list[Frames]
+    ) -> None:
+        injector.on_imu(lambda reading: reading._replace(gyro=(0.5, 0.5, 0.5)))
+        motors, of_the_imu = self.heard(injector)
+        assert motors == arriving[0].data.tolist()
+        assert of_the_imu == imu.encode(READING._replace(gyro=(0.5, 0.5, 0.5)), 7).tolist()
+
+    def test_what_is_read_half_as_fast_as_it_comes_is_late_by_as_long_as_it_has_come(
+        self, injector: FaultInjector, arriving: list[Frames]
+    ) -> None:
+        """What comes 10 ms after the first is read 20 ms after it."""
+        injector.falls_behind(0.5, from_imu)
+        read: list[list[int]] = []
+        for now_ms in range(21):
+            arriving[:] = [of_imu(counter=now_ms)]
+            counters = [imu.decode_gyro(f.data[0].tobytes())[1] for f in injector.bus.receive(1000 * now_ms)]
+            read.append(counters)
+        assert read[0] == [0]
+        assert read[20] == [10]
+        assert [counter for counters in read for counter in counters] == list(range(11))
