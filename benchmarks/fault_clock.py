@@ -84,7 +84,7 @@ KINDS = (
 
 
 class Watch:
-    """Lets the fault loose, and sees when the first frames go out that damp, or lay the robot down."""
+    """Injects the fault, and notes when the first frames go out that damp, or lay the robot down."""
 
     def __init__(self, kind: TimingFault, body: SimulatedRobot, is_damping: Callable[[Frames], bool]) -> None:
         self._kind, self._body, self._is_damping = kind, body, is_damping
@@ -93,7 +93,7 @@ class Watch:
         self.fell = False
 
     def sent(self, frames: Frames) -> None:
-        """Whoever sends them: a guard has a thread of its own."""
+        """Frames of the loop or of the guard, which has a thread of its own."""
         if self.injected_s and not self.safe_s and self._is_damping(frames):
             self.safe_s = time.perf_counter()
 

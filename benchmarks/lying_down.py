@@ -30,7 +30,7 @@ LEVEL_RAD = 0.3  # of a base that lies on its belly
 
 
 class Watch:
-    """Lets the policy fail at its time, and looks at the base from then on."""
+    """Makes the policy fail at its time, and measures how the base moves from then on."""
 
     def __init__(self, policy: InjectingPolicy, at_s: float) -> None:
         self._policy, self._at_s = policy, at_s

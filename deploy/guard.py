@@ -16,7 +16,7 @@ EVERY_S = 0.01  # between two frames
 
 
 class Guard(threading.Thread):
-    """Watches a heart that beats once a tick."""
+    """A watchdog of the loop, whose heartbeat is the beginning of each tick."""
 
     def __init__(
         self,

@@ -33,7 +33,7 @@ from footfall.robots.description import Robot
 if TYPE_CHECKING:
     from footfall.deploy.log import McapLog
 
-# Ctrl-C, a polite kill, a terminal that goes away (a dropped SSH), Ctrl-\\
+# Ctrl-C, `kill`, a terminal that goes away (a dropped SSH), Ctrl-\\
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 
 BaseState = Callable[[], tuple[np.ndarray, float]]  # the base's velocity (3,) m/s, body frame, and height m

@@ -156,7 +156,7 @@ class ScenarioFile:
 
 
 def described() -> dict[str, Scenario]:
-    """Our scenarios by name, for whoever wants to read of them; what a robot has ranges of is in shares."""
+    """Our scenarios by name, as they are listed: commands and loads are shares of a robot's ranges."""
     shares = dict.fromkeys(SHARES.values(), (-1.0, 1.0))
     return structure(_in_units(read_yaml(DEFAULT), shares), ScenarioFile, str(DEFAULT)).scenarios
 

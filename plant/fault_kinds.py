@@ -399,10 +399,10 @@ def _twice(injector: FaultInjector) -> None:
 
 def _foreign(injector: FaultInjector) -> None:
     """A bus on which somebody else talks, too."""
-    stranger = Frames(
+    foreign = Frames(
         np.full(8, injector.channel), np.arange(0x500, 0x508), np.full((8, 8), 0xA5, np.uint8), np.full(8, 8)
     )
-    injector.bus.incoming = lambda batches, _: [stranger, *batches, stranger]
+    injector.bus.incoming = lambda batches, _: [foreign, *batches, foreign]
 
 
 def _queue(injector: FaultInjector) -> None:

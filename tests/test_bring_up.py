@@ -1,4 +1,4 @@
-"""The ladder from holding a pose to walking: what each step measures, and which step finds which fault."""
+"""Bring-up, from holding a pose to walking: what each step measures, and which step finds which fault."""
 
 import json
 from collections.abc import Iterator
@@ -14,9 +14,9 @@ from shell import Shell
 from footfall.common.config import load
 from footfall.deploy.bring_up.config import BringUpConfig, BringUpLimits
 from footfall.deploy.bring_up.criteria import Case, Window, calm, carry, cool, follow, level, modest, sway
-from footfall.deploy.bring_up.ladder import STEPS, Setting, Step, Verdict, climb
 from footfall.deploy.bring_up.motions import SlewedIn, one_after_the_other, swaying
 from footfall.deploy.bring_up.recording import Samples
+from footfall.deploy.bring_up.steps import STEPS, Setting, Step, Verdict, run_step
 from footfall.deploy.bus import Bus
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers.choice import open_driver
@@ -214,12 +214,12 @@ class Simulated:
             inject(injector)
 
 
-def climbed(robot: Robot, name: str, inject: Injection | None = None) -> Verdict:
+def verdict_of(robot: Robot, name: str, inject: Injection | None = None) -> Verdict:
     """One step, and the motors are off afterwards."""
     step = next(step for step in STEPS if step.name == name)
     simulated = Simulated(robot, step.hangs, inject)
     setting = Setting(robot, Hold(robot), stand_still, CONFIG, LOOP, realtime=False)
-    verdict = climb(step, setting, simulated.bus)
+    verdict = run_step(step, setting, simulated.bus)
     assert not simulated.body.motors_on.any()
     return verdict
 
@@ -242,7 +242,7 @@ def wrong_ratio(injector: FaultInjector) -> None:
 class TestLadder:
     @pytest.mark.parametrize("step", ["hold", "shift", "walk"])
     def test_a_sound_robot_passes(self, go1: Robot, step: str) -> None:
-        verdict = climbed(go1, step)
+        verdict = verdict_of(go1, step)
         assert verdict.findings == ()
         assert verdict.outcome.final_state == "IDLE"
 
@@ -263,8 +263,8 @@ class TestLadder:
     ) -> None:
         before = {"joints": ["hold"], "stand": ["hold"]}.get(step, [])
         for earlier in before:
-            assert climbed(go1, earlier, inject).passed
-        verdict = climbed(go1, step, inject)
+            assert verdict_of(go1, earlier, inject).passed
+        verdict = verdict_of(go1, step, inject)
         assert not verdict.passed
         assert says in " ".join(verdict.findings)
         if step == "joints":
@@ -274,7 +274,7 @@ class TestLadder:
         simulated = Simulated(go1, hangs=True)
         found = simulated.body.data.qpos[7:] = go1.default_pose + np.tile([0.0, 0.3, -0.3], 4)
         setting = Setting(go1, Hold(go1), stand_still, CONFIG, LOOP, realtime=False)
-        assert climb(STEPS[0], setting, simulated.bus).passed
+        assert run_step(STEPS[0], setting, simulated.bus).passed
         np.testing.assert_allclose(
             simulated.body.truth().joint_position, found, atol=0.15
         )  # it sags while it is damped
@@ -299,8 +299,8 @@ class TestCommand:
         assert done.status == 0
         assert done.out == "hold: the joints hold the pose in which they are found: passed\n"
 
-    def test_what_a_step_is_climbed_with(
-        self, shell: Shell, climbed: list[str], settings: list[Setting], tmp_path: Path
+    def test_what_a_step_is_run_with(
+        self, shell: Shell, steps_run: list[str], settings: list[Setting], tmp_path: Path
     ) -> None:
         """On a bus that leads out of this process the clock is the wall's."""
         (tmp_path / "limits.yaml").write_text("hold_s: 0.7")
@@ -344,17 +344,17 @@ class TestCommand:
             log.append(("opened", kind, names))
             return SimpleNamespace(close=lambda: log.append(("closed",)))
 
-        def climb(step: Step, setting: Setting, bus: Bus) -> Verdict:
-            log.append(("climbed", step.name))
+        def run_step(step: Step, setting: Setting, bus: Bus) -> Verdict:
+            log.append(("run", step.name))
             return Verdict(step.name, (), RESULT)
 
         monkeypatch.setattr("footfall.plant.serve.serving", serving)
         monkeypatch.setattr("footfall.deploy.interfaces.open_interfaces", opened)
-        monkeypatch.setattr("footfall.deploy.bring_up.ladder.climb", climb)
+        monkeypatch.setattr("footfall.deploy.bring_up.steps.run_step", run_step)
         (tmp_path / "loop.yaml").write_text("motor_timeout_s: 0.08")
         options = ("--bus", bus, "--steps", step, "--yes", "--config", str(tmp_path / "loop.yaml"))
         assert shell("bring-up", "stand", *options).status == 0
-        held = [("opened", bus, ("can0", "can1", "can2", "can3")), ("climbed", step), ("closed",)]
+        held = [("opened", bus, ("can0", "can1", "can2", "can3")), ("run", step), ("closed",)]
         if served is not None:
             held = [("served", "go1", "virtual", served), *held, ("served no more",)]
         assert log == held
@@ -370,7 +370,7 @@ class TestCommand:
         monkeypatch.setattr("footfall.plant.robot.SimulatedRobot", simulated)
         monkeypatch.setattr("footfall.plant.bus.SimulatedBus", lambda wires, robot: None)
         monkeypatch.setattr(
-            "footfall.deploy.bring_up.ladder.climb", lambda step, *_: Verdict(step.name, (), RESULT)
+            "footfall.deploy.bring_up.steps.run_step", lambda step, *_: Verdict(step.name, (), RESULT)
         )
         (tmp_path / "loop.yaml").write_text("motor_timeout_s: 0.5")
         options = ("--steps", "hold,stand", "--config", str(tmp_path / "loop.yaml"))
@@ -381,36 +381,36 @@ class TestCommand:
 
     @pytest.fixture
     def settings(self) -> list[Setting]:
-        """What each step was climbed with."""
+        """What each step was run with."""
         return []
 
     @pytest.fixture
-    def climbed(self, settings: list[Setting], monkeypatch: pytest.MonkeyPatch) -> list[str]:
-        """Steps that were climbed, of which `stand` alone fails."""
-        climbed: list[str] = []
+    def steps_run(self, settings: list[Setting], monkeypatch: pytest.MonkeyPatch) -> list[str]:
+        """Steps that were run, of which `stand` alone fails."""
+        steps_run: list[str] = []
 
-        def climb(step: Step, setting: Setting, bus: str) -> Verdict:
-            climbed.append(step.name)
+        def run_step(step: Step, setting: Setting, bus: str) -> Verdict:
+            steps_run.append(step.name)
             settings.append(setting)
             findings = ("the robot is tilted", "a foot hangs") if step.name == "stand" else ()
             return Verdict(step.name, findings, RESULT)
 
-        monkeypatch.setattr(bring_up, "_climbed", climb)
-        return climbed
+        monkeypatch.setattr(bring_up, "_run_step", run_step)
+        return steps_run
 
     @pytest.mark.parametrize("typed", ["walk,hold,legs", "legs,hold,walk", "hold,walk,hold,legs"])
-    def test_steps_come_in_the_ladders_order_however_they_are_typed(
-        self, shell: Shell, climbed: list[str], typed: str
+    def test_steps_come_in_their_own_order_however_they_are_typed(
+        self, shell: Shell, steps_run: list[str], typed: str
     ) -> None:
         """Nothing walks before what was asked for besides has passed."""
         assert shell("bring-up", "stand", "--steps", typed).status == 0
-        assert climbed == ["hold", "legs", "walk"]
+        assert steps_run == ["hold", "legs", "walk"]
 
     def test_the_first_step_that_fails_is_the_last(
-        self, shell: Shell, climbed: list[str], tmp_path: Path
+        self, shell: Shell, steps_run: list[str], tmp_path: Path
     ) -> None:
         done = shell("bring-up", "stand", "--scale", "0.25", "--json", str(tmp_path / "out.json"))
-        assert (done.status, climbed) == (1, ["hold", "joints", "legs", "stand"])
+        assert (done.status, steps_run) == (1, ["hold", "joints", "legs", "stand"])
         assert done.out.splitlines()[-3:] == [
             "stand: the robot stands: failed", "  the robot is tilted", "  a foot hangs",
         ]  # fmt: skip
@@ -424,13 +424,13 @@ class TestCommand:
             "final_state": "IDLE", "run_s": 2.5, "notes": ["a note"],
         }  # fmt: skip
 
-    def test_two_feet_leave_out_what_takes_three(self, shell: Shell, climbed: list[str]) -> None:
+    def test_two_feet_leave_out_what_takes_three(self, shell: Shell, steps_run: list[str]) -> None:
         done = shell("bring-up", "stand", "--robot", "g1", "--steps", "shift,walk")
-        assert (done.status, climbed) == (0, ["walk"])
+        assert (done.status, steps_run) == (0, ["walk"])
         assert done.out.splitlines()[0] == "shift: left out, since it takes 3 feet"
 
     def test_somebody_agrees_to_each_step_before_it_moves(
-        self, shell: Shell, climbed: list[str], monkeypatch: pytest.MonkeyPatch
+        self, shell: Shell, steps_run: list[str], monkeypatch: pytest.MonkeyPatch
     ) -> None:
         asked: list[str] = []
         answers = iter(["y", "Yes", ""])
@@ -438,7 +438,7 @@ class TestCommand:
         monkeypatch.setattr("builtins.input", lambda question: asked.append(question) or next(answers))
         refused = shell("bring-up", "stand", "--bus", "virtual", "--steps", "hold,legs,walk")
         assert (refused.status, refused.err) == (2, "footfall: not confirmed\n")
-        assert climbed == ["hold", "legs"]
+        assert steps_run == ["hold", "legs"]
         assert [question.partition(". ")[2] for question in asked] == [
             "The robot hangs in a frame, its feet in the air? [y/N] ",
             "The robot hangs in a frame, its feet in the air? [y/N] ",

@@ -16,7 +16,7 @@ from footfall.options import JsonFile, Names, OptionalPath, PolicyName, RobotNam
 from footfall.robots.default import DEFAULT_ROBOT
 
 if TYPE_CHECKING:
-    from footfall.deploy.bring_up.ladder import Setting, Step, Verdict
+    from footfall.deploy.bring_up.steps import Setting, Step, Verdict
     from footfall.deploy.bus import Bus
 
 SIMULATED, VIRTUAL = "sim", "virtual"  # buses that lead to a simulated robot
@@ -62,7 +62,7 @@ def bring_up(policy: PolicyName, /, *, options: BringUpOptions = BringUpOptions(
             continue
         if options.bus != SIMULATED:
             confirm(f"{step.name}: {step.about}. {HANGS if step.hangs else GROUND}?", options.yes)
-        verdicts.append(_climbed(step, setting, options.bus))
+        verdicts.append(_run_step(step, setting, options.bus))
         write_json(options.json, _figures(verdicts, options))
         print(f"{step.name}: {step.about}: {'passed' if verdicts[-1].passed else 'failed'}", flush=True)
         for finding in verdicts[-1].findings:
@@ -75,7 +75,7 @@ def bring_up(policy: PolicyName, /, *, options: BringUpOptions = BringUpOptions(
 def _setting(policy: str, options: BringUpOptions) -> "Setting":
     from footfall.common.config import load
     from footfall.deploy.bring_up.config import BringUpConfig
-    from footfall.deploy.bring_up.ladder import Setting
+    from footfall.deploy.bring_up.steps import Setting
     from footfall.deploy.config import deploy_config
     from footfall.policies.registry import load_policy
     from footfall.robots.description import load_robot
@@ -92,8 +92,8 @@ def _setting(policy: str, options: BringUpOptions) -> "Setting":
 
 
 def _chosen(names: tuple[str, ...]) -> "list[Step]":
-    """The steps of these names, in the ladder's order; all if none is named."""
-    from footfall.deploy.bring_up.ladder import STEPS
+    """The steps of these names, in their order; all if none is named."""
+    from footfall.deploy.bring_up.steps import STEPS
 
     known = [step.name for step in STEPS]
     for name in names:
@@ -102,11 +102,11 @@ def _chosen(names: tuple[str, ...]) -> "list[Step]":
     return [step for step in STEPS if not names or step.name in names]
 
 
-def _climbed(step: "Step", setting: "Setting", kind: str) -> "Verdict":
-    from footfall.deploy.bring_up.ladder import climb
+def _run_step(step: "Step", setting: "Setting", kind: str) -> "Verdict":
+    from footfall.deploy.bring_up.steps import run_step
 
     with _opened(setting, step, kind) as bus:
-        return climb(step, setting, bus)
+        return run_step(step, setting, bus)
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""The ladder: steps from holding a pose to walking, each of which has to pass before the next one begins."""
+"""The steps of bring-up, from holding a pose to walking: each has to pass before the next one begins."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -39,7 +39,7 @@ LOOK_EVERY = 2  # ticks
 
 
 class Setting(NamedTuple):
-    """What a ladder is climbed with."""
+    """What the steps are run with."""
 
     robot: Robot
     policy: Policy  # that walks in the last step
@@ -179,12 +179,12 @@ class _Judge:
         return Verdict(self._step.name, tuple(findings), outcome)
 
 
-def climb(step: Step, setting: Setting, bus: Bus) -> Verdict:
-    """One step of the ladder, from motors off to motors off.
+def run_step(step: Step, setting: Setting, bus: Bus) -> Verdict:
+    """One step of bring-up, from motors off to motors off.
 
     Args:
         step: which.
-        setting: what it is climbed with.
+        setting: what it is run with.
         bus: leads to the robot, which has to hang or be on the ground as the step says.
 
     Raises:
