@@ -4,12 +4,14 @@ import threading
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 import yaml
 from multicast import robot_on_multicast
+from rich.table import Table
 from shell import Shell
 
 from footfall.common import machine
@@ -20,6 +22,7 @@ from footfall.plant import serve
 from footfall.plant.motors import MotorFaults
 from footfall.plant.robot import SimulatedRobot
 from footfall.robots.description import Robot
+from footfall.verbs import can
 
 
 @pytest.fixture
@@ -142,6 +145,28 @@ class TestVirtual:
     def test_motors_are_switched_on_for_a_moment(self, shell: Shell) -> None:
         assert len(rows_of(shell, "enable", "--bus", "virtual", "--duration", "0.2", "--yes")) == 12
 
+    @pytest.mark.parametrize(
+        ("verb", "fault", "code", "says"),
+        [
+            (["monitor"], lambda motors: motors.silent, 1, "no answer from RL_calf_joint (can3, id 3)"),
+            (["monitor"], lambda motors: motors.error, 2, "RL_calf_joint reports over-current"),
+            (["enable", "--yes"], lambda motors: motors.error, 2, "RL_calf_joint reports over-current"),
+        ],
+    )
+    def test_a_silent_motor_or_one_with_an_error_is_named_with_status_1(
+        self,
+        shell: Shell,
+        faulty: Faulty,
+        verb: list[str],
+        fault: Callable[[MotorFaults], np.ndarray],
+        code: int,
+        says: str,
+    ) -> None:
+        faulty(fault, code)
+        outcome = shell("can", *verb, "--bus", "virtual", "--duration", "0.2")
+        assert outcome.status == 1
+        assert outcome.out.splitlines()[-1] == says
+
     def test_a_zero_is_set(self, shell: Shell) -> None:
         (row,) = rows_of(shell, "zero", "--bus", "virtual", "--joint", "RL_calf_joint", "--yes")
         assert abs(float(row[4])) < 0.05
@@ -184,6 +209,43 @@ class TestVirtual:
         assert outcome.out.splitlines()[-1] == (
             "no motor here knows a frame that clears errors: switch their power off and on"
         )
+
+
+def test_on_a_terminal_a_table_is_kept_up_to_date_five_times_a_second(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A hip that turns by 1 rad/s; its place is its time. The last state stays on the screen."""
+    now = SimpleNamespace(s=0.0)
+    shown: list[list[str]] = []
+
+    class Screen:
+        def __init__(self, table: Table, **_: Any) -> None:
+            self.update(table)
+
+        def update(self, table: Table, **_: Any) -> None:
+            shown.append([next(iter(column.cells)) for column in table.columns])
+
+        def __enter__(self) -> "Screen":
+            return self
+
+        def __exit__(self, *_: object) -> None:
+            pass
+
+    def states() -> list[bench.MotorState]:
+        return [
+            bench.MotorState("hip", "can0", 1, "AK10", 0.004, now.s, 1.0, -0.5, 41.0, np.nan, "over-current")
+        ]
+
+    monkeypatch.setattr("rich.console.Console", lambda: SimpleNamespace(is_terminal=True))
+    monkeypatch.setattr("rich.live.Live", Screen)
+    monkeypatch.setattr(can.time, "monotonic", lambda: now.s)
+    with can._live(SimpleNamespace(states=states)) as show:  # type: ignore[arg-type]
+        for now.s in (0.125, 0.25, 0.375, 0.5, 0.625):
+            show()
+    assert [row[4] for row in shown] == ["+0.000", "+0.250", "+0.500", "+0.625"]
+    assert shown[0] == [
+        "hip", "can0", "1", "AK10", "+0.000", "+1.00", "-0.50", "41", "-", "4", "over-current",
+    ]  # fmt: skip
 
 
 class TestRefusals:
