@@ -102,6 +102,9 @@ def test_cross_products_are_numpys() -> None:
         rotations.cross(VECTORS[0], VECTORS), np.cross(VECTORS[0], VECTORS), atol=1e-12
     )
     np.testing.assert_allclose(rotations.skew(VECTORS[0]) @ VECTORS[1], np.cross(VECTORS[0], VECTORS[1]))
+    np.testing.assert_allclose(
+        rotations.skews(VECTORS) @ VECTORS[1], np.cross(VECTORS, VECTORS[1]), atol=1e-12
+    )
 
 
 def test_normalised_vectors_keep_their_direction() -> None:
