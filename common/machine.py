@@ -85,7 +85,9 @@ def _simulators() -> Finding:
         try:
             versions[name] = version(name)
         except PackageNotFoundError:
-            return Finding("simulators", name == "mujoco-mjx", f"{name} is not installed", "needed to train")
+            for_training = name == "mujoco-mjx"  # the other one is among the packages
+            advice = f"to train: {install_extras('train')}" if for_training else ""
+            return Finding("simulators", for_training, f"{name} is not installed", advice)
     found = ", ".join(f"{name} {number}" for name, number in versions.items())
     same = len(set(versions.values())) == 1
     return Finding("simulators", same, found, "" if same else "both must be the same release")

@@ -175,7 +175,7 @@ class TestDoctor:
         monkeypatch.setattr(machine, "version", find)
         assert machine._simulators()[1:3] == (True, "mujoco-mjx is not installed")
         there.clear()
-        assert machine._simulators()[1:3] == (False, "mujoco is not installed")
+        assert machine._simulators()[1:] == (False, "mujoco is not installed", "")
 
     def test_packages_and_extras_that_lack_are_named(self, monkeypatch: pytest.MonkeyPatch) -> None:
         lacking: dict[str, list] = {"": [], "train": [], "pages": [], "dev": ["x"]}

@@ -123,6 +123,21 @@ def test_doctor_says_what_each_extra_lacks(installed, tmp_path: Path) -> None:
     assert extras.advice == f"where wanted: {PIP} '{tmp_path}[train,sweep]'"
 
 
+def test_doctor_names_one_command_to_train_whatever_lacks(
+    installed, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def version(name: str) -> str:
+        if name == "mujoco":
+            return "3.3.0"
+        raise machine.PackageNotFoundError(name)
+
+    installed(tmp_path.as_uri(), '"dir_info": {}')
+    monkeypatch.setattr(machine, "version", version)
+    monkeypatch.setattr(machine.importlib.util, "find_spec", lambda name: None)
+    advice = {machine._simulators().advice, machine._accelerator().advice}
+    assert advice == {f"to train: {PIP} '{tmp_path}[train]'"}
+
+
 @pytest.mark.parametrize(("mjx", "good"), [("3.3.0", True), ("3.2.9", False)])
 def test_doctor_wants_both_simulators_of_one_release(
     monkeypatch: pytest.MonkeyPatch, mjx: str, good: bool
