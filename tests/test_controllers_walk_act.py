@@ -11,6 +11,7 @@ from footfall.policies.controllers.walk.config import HeadingConfig, WalkConfig
 from footfall.policies.controllers.walk.limits import Pace
 from footfall.policies.policy import Observation, Sensed
 from footfall.robots.description import load_robot
+from footfall.robots.rigid_body import nominal_body
 
 ROBOT = load_robot("go1")
 LEGS = ROBOT.legs
@@ -18,6 +19,7 @@ CONFIG = replace(controller_settings(ROBOT, "trot", WalkConfig), heading=Heading
 FORWARD = (0.4, 0.0, 0.0)
 PLACES = LEGS.default_foot + [[0, side * CONFIG.stance.outward_m, 0] for side in (-1, 1, -1, 1)]
 PLACES[:, 2] = LEGS.foot_radius - CONFIG.step.body_height_m
+NOTHING = np.zeros(12)
 PERIOD = round(CONFIG.gait.period_s * CONFIG.rate_hz)  # ticks
 
 
@@ -31,11 +33,12 @@ def seen(
     roll: float = 0.0,
     yaw: float = 0.0,
     joint: np.ndarray = ROBOT.default_pose,
+    torque: np.ndarray = NOTHING,
 ) -> Observation:
-    """A small tilt or turn, legs in the default pose unless said otherwise."""
+    """A small tilt or turn, legs in the default pose and motors without torque unless said otherwise."""
     quaternion = np.array([np.cos((roll + yaw) / 2), np.sin(roll / 2), 0.0, np.sin(yaw / 2)])
     zero = np.zeros(12)
-    sensed = Sensed(np.zeros(3), np.array([0.0, 0.0, 9.81]), quaternion, joint, zero, zero)
+    sensed = Sensed(np.zeros(3), np.array([0.0, 0.0, 9.81]), quaternion, joint, zero, torque)
     return Observation(time_s, sensed, np.array(command), np.zeros(3), 0.28)
 
 
@@ -135,6 +138,18 @@ def test_feet_are_lifted_to_the_steps_height() -> None:
     np.testing.assert_allclose(np.ptp(feet[-PERIOD:, :, 2], axis=0), CONFIG.step.height_m, rtol=0.01)
 
 
+def test_the_body_comes_to_another_height_at_its_own_rate() -> None:
+    """2 cm at 0.1 m/s."""
+    policy = make()
+    before = walking(policy, (0.0, 0.0, 0.0), seconds=0.1)[-1]
+    policy.change(step=replace(CONFIG.step, body_height_m=CONFIG.step.body_height_m + 0.02))
+    start, ticks = CONFIG.settle_s + 0.1, round(0.3 * CONFIG.rate_hz)
+    risen = [before - feet_of(policy.act(seen(start + k / CONFIG.rate_hz)).position) for k in range(ticks)]
+    assert CONFIG.levelling.body_rate_m_s == 0.1
+    expected = np.minimum(0.1 * (np.arange(ticks) + 1) / CONFIG.rate_hz, 0.02)
+    np.testing.assert_allclose(np.array(risen)[:, :, 2], np.tile(expected, (4, 1)).T, atol=1e-6)
+
+
 def test_come_to_rest_it_brings_its_feet_home_and_stays() -> None:
     policy = make()
     walking(policy, (0.8, 0.2, -0.5), seconds=1.37)
@@ -199,6 +214,42 @@ class TestHeading:
             policy.act(seen(CONFIG.settle_s + k / CONFIG.rate_hz, yaw=1.0))
         assert policy._yaw is None
         assert policy._turn_back(seen(yaw=-2.0), 0.0) == 0.0
+
+
+class TestGround:
+    """Feet that stand by the clock and bear nothing, and feet that fly by it and bear something."""
+
+    assert CONFIG.touch_down is not None
+    TOUCH_DOWN = replace(CONFIG.touch_down, from_progress=0.5, probe_m=0.01, probe_m_s=0.03)
+
+    def bearing(self) -> np.ndarray:
+        """Torques (12,), N m, of legs that hold themselves and each half as much again as its even share."""
+        pose, up = ROBOT.default_pose, np.array([0.0, 0.0, 9.81])
+        push = np.tile(1.5 * up * nominal_body(ROBOT).mass / 4, (4, 1))
+        holding = LEGS.holding_torque(pose, up) + LEGS.torque(LEGS.pose(pose).jacobian, push)
+        return LEGS.scatter(holding, NOTHING)
+
+    def heights(self, torque: np.ndarray, command: tuple[float, float, float], seconds: float) -> np.ndarray:
+        """Commanded feet above their places on the ground, (ticks, legs) m, once it has settled."""
+        policy = Walk(ROBOT, "trot", replace(CONFIG, touch_down=self.TOUCH_DOWN))
+        policy.reset(seen(joint=LEGS.scatter(LEGS.solve(PLACES), ROBOT.default_pose), torque=torque))
+        times_s = CONFIG.settle_s + np.arange(round(seconds * CONFIG.rate_hz)) / CONFIG.rate_hz
+        told = [policy.act(seen(time_s, command, torque=torque)).position for time_s in times_s.tolist()]
+        return np.array([feet_of(each)[:, 2] for each in told]) - PLACES[:, 2]
+
+    def test_a_robot_whose_feet_bear_nothing_looks_for_the_ground_below_them(self) -> None:
+        down = self.heights(NOTHING, (0.0, 0.0, 0.0), 0.5)
+        time_s = (np.arange(len(down)) + 1) / CONFIG.rate_hz
+        expected = -np.minimum(0.03 * time_s, 0.01)
+        np.testing.assert_allclose(down, np.tile(expected, (4, 1)).T, atol=1e-6)
+
+    def test_one_that_stands_on_them_stays_as_high_as_it_is(self) -> None:
+        np.testing.assert_allclose(self.heights(self.bearing(), (0.0, 0.0, 0.0), 0.5), 0.0, atol=1e-6)
+
+    def test_a_foot_has_not_landed_as_long_as_it_may_still_drag_behind(self) -> None:
+        """It bears a share all the time, and counts as landed in the second half of its swing."""
+        up = self.heights(self.bearing(), FORWARD, 1.0)
+        np.testing.assert_allclose(up.max(axis=0), CONFIG.step.height_m, rtol=0.02)
 
 
 class TestTempo:
