@@ -19,8 +19,12 @@ def parse_yaml(text: str) -> Any:
         return yaml.load(text, _Loader)
     except RecursionError:
         raise ValueError("it is nested too deeply") from None
+    except yaml.MarkedYAMLError as error:
+        parts = (_at(error.context, error.context_mark), _at(error.problem, error.problem_mark))
+        raise ValueError(", ".join(filter(None, parts))) from None
     except (yaml.YAMLError, ValueError) as error:  # ValueError: a date that is none, too many digits
-        raise ValueError(" ".join(str(error).split())) from None
+        said = str(error).replace(' in "<unicode string>"', "")  # PyYAML's name for a text
+        raise ValueError(" ".join(said.split())) from None
 
 
 class _Loader(yaml.SafeLoader):
@@ -61,3 +65,10 @@ class _Loader(yaml.SafeLoader):
 
 def _refused(why: str, node: yaml.Node) -> yaml.MarkedYAMLError:
     return yaml.MarkedYAMLError(problem=why, problem_mark=node.start_mark)
+
+
+def _at(what: str | None, mark: yaml.Mark | None) -> str:
+    """What the reader says, and where; empty if it says nothing."""
+    if what is None:
+        return ""
+    return what if mark is None else f"{what} (line {mark.line + 1}, column {mark.column + 1})"

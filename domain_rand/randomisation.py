@@ -45,7 +45,7 @@ class Randomisation:
         kinds.SCALAR, OFFSET, least=-1000.0, most=1000.0, model=adds_to_base("body_mass")
     )
     com_offset_m: Distribution | None = quantity(  # of the base, each axis
-        kinds.VECTOR, OFFSET, model=adds_to_base("body_ipos")
+        kinds.VECTOR, OFFSET, least=-1.0, most=1.0, model=adds_to_base("body_ipos")
     )
     inertia: Distribution | None = quantity(  # of each body, beyond its mass
         kinds.BODY_AMOUNTS, SCALE, least=0.01, most=100.0, model=scales_bodies("body_inertia")
@@ -73,10 +73,14 @@ class Randomisation:
     observation_delay_s: Distribution | None = quantity(kinds.SCALAR, OFFSET, least=0.0, most=1.0)
     # sensors
     encoder_bias: Distribution | None = quantity(  # rad, each joint
-        kinds.JOINTS, OFFSET, bias_of="joint_position"
+        kinds.JOINTS, OFFSET, least=-1.0, most=1.0, bias_of="joint_position"
     )
-    gyro_bias: Distribution | None = quantity(kinds.ROTATION, OFFSET, bias_of="gyro")  # rad/s, each axis
-    gravity_bias: Distribution | None = quantity(kinds.VECTOR, OFFSET, bias_of="gravity")  # each axis
+    gyro_bias: Distribution | None = quantity(  # rad/s, each axis
+        kinds.ROTATION, OFFSET, least=-10.0, most=10.0, bias_of="gyro"
+    )
+    gravity_bias: Distribution | None = quantity(  # of a direction of length 1, each axis
+        kinds.VECTOR, OFFSET, least=-1.0, most=1.0, bias_of="gravity"
+    )
 
     def __post_init__(self) -> None:
         for each in fields(self):

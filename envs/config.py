@@ -16,6 +16,7 @@ from footfall.policies.contract import Term
 from footfall.robots.commands import CommandRange
 
 FASTEST_CONTROL_HZ = 1000.0  # no learned policy is run faster
+FASTEST = 100.0  # m/s or rad/s: no legged robot is; more is a unit mistaken
 LEAST_SUBSTEPS = 2  # a foot's velocity is the difference of its last two positions in a control step
 
 
@@ -28,8 +29,8 @@ class GaitConfig:
     reference_lift_m: float = 0.0
 
     def __post_init__(self) -> None:
-        require_positive(self, "frequency_hz")
-        require_not_negative(self, "reference_lift_m")
+        require_between(self, 0.05, 50.0, "frequency_hz")
+        require_between(self, 0.0, 1.0, "reference_lift_m")
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,7 @@ class CommandConfig:
         require_not_negative(self, "standing_command")
         require_between(self, 0.0, 1.0, "standing_probability", "single_axis_probability")
         require_ordered(self.ranges, "forward_m_s", "leftward_m_s", "yaw_rad_s")
+        require_between(self.ranges, -FASTEST, FASTEST, "forward_m_s", "leftward_m_s", "yaw_rad_s")
         require_positive(self.hold_s, "low")
 
 
@@ -60,7 +62,7 @@ class InitialState:
     joint_velocity_rad_s: float = 0.5
 
     def __post_init__(self) -> None:
-        require_not_negative(self, *(field.name for field in fields(self)))
+        require_between(self, 0.0, FASTEST, *(field.name for field in fields(self)))
 
 
 @dataclass(frozen=True)
@@ -74,7 +76,7 @@ class PushConfig:
 
     def __post_init__(self) -> None:
         require_positive(self.interval_s, "low")
-        require_not_negative(self, "horizontal_m_s", "vertical_m_s", "angular_rad_s")
+        require_between(self, 0.0, FASTEST, "horizontal_m_s", "vertical_m_s", "angular_rad_s")
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,8 @@ class RewardScales:
     pose_shares: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        require_positive(self, "linear_sigma_m2_s2", "yaw_sigma_rad2_s2", "swing_height_m")
+        require_between(self, 1e-6, 1e6, "linear_sigma_m2_s2", "yaw_sigma_rad2_s2")
+        require_between(self, 0.001, 1.0, "swing_height_m")
 
 
 @dataclass(frozen=True)

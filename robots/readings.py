@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 from typing import Any, NamedTuple
 
-from footfall.common.config import require_not_negative
+from footfall.common.config import require_between
 from footfall.common.rotations import projected_gravity
 from footfall.robots import kinds
 from footfall.robots.kinds import Kind, Parts
@@ -53,7 +53,7 @@ class Noise:
     joint_velocity: float = reading(kinds.JOINTS, lambda sensed: sensed.joint_velocity)  # rad/s
 
     def __post_init__(self) -> None:
-        require_not_negative(self, *(each.name for each in fields(self)))
+        require_between(self, 0.0, 100.0, *(each.name for each in fields(self)))
 
 
 READINGS: dict[str, Reading] = {each.name: each.metadata["declares"] for each in fields(Noise)}

@@ -163,13 +163,30 @@ def test_garbage_yaml(shell: Shell, tmp_path: Path, file: str, tokens: list[str]
         ("  substeps: 4", "  substeps: 1", ["substeps", "at least 2"]),
         ("  substeps: 4", "  control_rate_hz: 0", ["control_rate_hz", "from 1 to 1000"]),
         ("  substeps: 4", "  control_rate_hz: 1.0e+9", ["control_rate_hz", "from 1 to 1000"]),
-        ("gyro: 0.1", "gyro: -1", ["gyro", "0 or above"]),
+        ("gyro: 0.1", "gyro: -1", ["gyro", "from 0 to 100"]),
         ("  episode_s: 2.0", "  episode_s: -1.0", ["episode_s", "above 0"]),
         ("  total_steps: 4096", "  total_steps: 0", ["total_steps", "above 0"]),
         ("  environments: 32", "  environments: 0", ["environments", "above 0"]),
         ("  unroll: 8", "  unroll: 0", ["unroll", "above 0"]),
         ("  minibatches: 2", "  minibatches: 0", ["minibatches", "above 0"]),
         ("  passes: 2", "  passes: -2", ["passes", "above 0"]),
+        # what a mistaken unit makes: degrees, millimetres, percents
+        ("horizontal_m_s: 0.4", "horizontal_m_s: 500", ["horizontal_m_s", "from 0 to 100"]),
+        ("frequency_hz: 2.5", "frequency_hz: 1000", ["frequency_hz", "from 0.05 to 50"]),
+        ("  substeps: 4", "  reward_scales: {swing_height_m: 80}", ["swing_height_m", "from 0.001 to 1"]),
+        ("  substeps: 4", "  initial: {tilt_rad: 180}", ["tilt_rad", "from 0 to 100"]),
+        ("friction: {low: 0.6, high: 1.1}", "encoder_bias: {low: -2, high: 2}", ["encoder_bias", "-1 to 1"]),
+        (
+            "friction: {low: 0.6, high: 1.1}",
+            "com_offset_m: {low: -30, high: 30}",
+            ["com_offset_m", "-1 to 1"],
+        ),
+        ("friction: {low: 0.6, high: 1.1}", "gyro_bias: {low: 0, high: 57}", ["gyro_bias", "-10 to 10"]),
+        (
+            "friction: {low: 0.6, high: 1.1}",
+            "gravity_bias: {low: 0, high: 9.81}",
+            ["gravity_bias", "-1 to 1"],
+        ),
     ],
 )
 def test_presets_that_cannot_be_trained(

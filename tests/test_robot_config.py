@@ -157,7 +157,8 @@ BOMB = "a0: &a0 [x, x, x, x, x, x, x, x]\n" + "".join(
 )
 def test_what_would_be_read_otherwise_than_meant_is_refused(tmp_path: Path, content: str, why: str) -> None:
     (tmp_path / "cart.yaml").write_text(content)
-    with pytest.raises(UserError, match=rf"cart\.yaml is not valid YAML: {re.escape(why)} in [^\n]*line \d+"):
+    refused = rf"cart\.yaml is not valid YAML: {re.escape(why)} \(line \d+, column \d+\)$"
+    with pytest.raises(UserError, match=refused):
         read_yaml(tmp_path / "cart.yaml")
 
 

@@ -49,8 +49,9 @@ class PpoConfig:
     def __post_init__(self) -> None:
         require_positive(self, "total_steps", "environments", "unroll", "minibatches", "passes")
         require_positive(self, "learning_rate", "desired_kl", "clip", "gradient_norm", "initial_std")
+        require_between(self, 0.0, 1.0, "learning_rate", "final_learning_rate")
+        require_between(self, 0.0, 100.0, "desired_kl", "clip", "entropy", "initial_std")
         require_positive(self, "actor_layers", "critic_layers")
-        require_not_negative(self, "final_learning_rate", "entropy")
         require_between(self, 0.0, 1.0, "discount", "gae_lambda")
         if not self.actor_layers or not self.critic_layers:
             raise ValueError("actor_layers and critic_layers need a hidden layer at least")
