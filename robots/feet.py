@@ -88,15 +88,28 @@ def _from_last_joint(model: mujoco.MjModel, data: mujoco.MjData, foot: Foot, geo
 
 
 def _nearest(model: mujoco.MjModel, data: mujoco.MjData, foot: Foot, place: np.ndarray) -> int:
-    """The geom of the leg's last link nearest to a place, -1 if none is near."""
+    """The geom of the leg's last link nearest to a place, -1 if none is near.
+
+    What counts is its centre or what it touches with, whichever is nearer: a box may serve for a corner. Of
+    two that are as near, it is the one whose centre is nearer.
+    """
     link = model.body_weldid[model.joint(foot.joints[-1]).bodyid[0]]
     collides = (model.geom_contype | model.geom_conaffinity) != 0
-    candidates = np.flatnonzero(collides & (model.body_weldid[model.geom_bodyid] == link))
-    if not len(candidates):
+    candidates = np.flatnonzero(collides & (model.body_weldid[model.geom_bodyid] == link)).tolist()
+    if not candidates:
         return -1
-    away = [
-        float(np.linalg.norm(_from_last_joint(model, data, foot, geom) - place))
-        for geom in candidates.tolist()
-    ]
-    nearest = int(np.argmin(away))
-    return int(candidates[nearest]) if away[nearest] <= NEAR * np.linalg.norm(place) else -1
+    joint = data.xanchor[model.joint(foot.joints[-1]).id]
+    centre = np.array([np.linalg.norm(data.geom_xpos[geom] - joint - place) for geom in candidates])
+    touching = np.array(
+        [np.linalg.norm(_world_balls(model, data, geom) - joint - place, axis=1).min() for geom in candidates]
+    )
+    away = np.minimum(centre, touching)
+    nearest = int(np.lexsort((centre, away.round(6)))[0])
+    return candidates[nearest] if away[nearest] <= NEAR * np.linalg.norm(place) else -1
+
+
+def _world_balls(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> np.ndarray:
+    """Centres of what a geom touches with, m, (k, 3), world frame."""
+    body = model.geom_bodyid[geom]
+    balls = foot_balls(model, np.array([geom]), np.zeros(3))
+    return data.xpos[body] + balls.place @ data.xmat[body].reshape(3, 3).T

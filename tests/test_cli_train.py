@@ -117,7 +117,7 @@ def test_a_resumed_run_has_its_own_settings_even_where_they_are_the_default(
         ("learning_rate: 1.0e-3", "learning_rate: -1.0", "learning_rate must be above 0"),
         ("episode_s: 2.0", "episode_s: 1.0e-4", "shorter than a control step, 0.02 s"),
         ("forward_m_s: [-0.5, 0.5]", "forward_m_s: [0.5, -0.5]", "forward_m_s must be a range from low"),
-        ("frequency_hz: 2.5", "frequency_hz: 0.0", "frequency_hz must be above 0"),
+        ("frequency_hz: 2.5", "frequency_hz: 0.0", "frequency_hz must be from 0.05 to 50"),
         ("interval_s: {low: 0.5", "interval_s: {low: -0.5", "low must be above 0"),
         ("checkpoint_interval_s: 2.0", "checkpoint_interval_s: -2.0", "must be 0 or above"),
     ],

@@ -1,9 +1,11 @@
 """Which geoms of another maker's model are the feet."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 import mujoco
 import numpy as np
+from made_up import bodies
 
 from footfall.robots.description import Robot, load_spec
 from footfall.robots.feet import find_feet
@@ -69,3 +71,21 @@ def test_what_is_a_quarter_of_the_shank_away_is_no_foot(go1: Robot) -> None:
 
         _, feet = without_a_name(go1, move)
         assert len(feet[REAR_RIGHT]) == found
+
+
+def test_one_box_may_serve_for_four_corners_and_counts_once(tmp_path: Path) -> None:
+    robot = bodies(tmp_path)["six hinges and soles"]
+    corners = robot.description.feet[0].geoms
+    assert len(corners) == 4
+    spec = load_spec(robot.xml_path)
+    balls = [spec.geom(name) for name in corners]
+    places = np.array([ball.pos for ball in balls])
+    middle, half = places.mean(axis=0), np.ptp(places, axis=0) / 2 + balls[0].size[0]
+    link = balls[0].parent
+    for ball in balls:
+        spec.delete(ball)
+    link.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=half, pos=middle)
+    link.add_geom(type=SPHERE, size=[0.03, 0, 0])  # the ankle's housing, nearer to no corner than the box is
+    model = spec.compile()
+    (sole,) = find_feet(model, robot)[0].tolist()
+    assert model.geom_type[sole] == mujoco.mjtGeom.mjGEOM_BOX
