@@ -90,8 +90,8 @@ def _from_last_joint(model: mujoco.MjModel, data: mujoco.MjData, foot: Foot, geo
 def _nearest(model: mujoco.MjModel, data: mujoco.MjData, foot: Foot, place: np.ndarray) -> int:
     """The geom of the leg's last link nearest to a place, -1 if none is near.
 
-    What counts is its centre or what it touches with, whichever is nearer: a box may serve for a corner. Of
-    two that are as near, it is the one whose centre is nearer.
+    What counts is its centre; for a corner also what it touches with, since a box may serve for all four.
+    Of two that are as near, it is the one whose centre is nearer.
     """
     link = model.body_weldid[model.joint(foot.joints[-1]).bodyid[0]]
     collides = (model.geom_contype | model.geom_conaffinity) != 0
@@ -100,10 +100,10 @@ def _nearest(model: mujoco.MjModel, data: mujoco.MjData, foot: Foot, place: np.n
         return -1
     joint = data.xanchor[model.joint(foot.joints[-1]).id]
     centre = np.array([np.linalg.norm(data.geom_xpos[geom] - joint - place) for geom in candidates])
-    touching = np.array(
-        [np.linalg.norm(_world_balls(model, data, geom) - joint - place, axis=1).min() for geom in candidates]
-    )
-    away = np.minimum(centre, touching)
+    away = centre
+    if len(foot.geoms) > 1:
+        touching = (_world_balls(model, data, geom) - joint - place for geom in candidates)
+        away = np.minimum(centre, [np.linalg.norm(each, axis=1).min() for each in touching])
     nearest = int(np.lexsort((centre, away.round(6)))[0])
     return candidates[nearest] if away[nearest] <= NEAR * np.linalg.norm(place) else -1
 
