@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Collection, Iterable, Iterator
-from contextlib import redirect_stdout
+from contextlib import redirect_stderr
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
@@ -105,7 +105,7 @@ def _decoder(channel: Any, schemas: dict[int, Any]) -> Decoder | None:
     from mcap_ros2.decoder import DecoderFactory
 
     try:
-        with redirect_stdout(StringIO()):  # where it tells of definitions that it does not understand
+        with redirect_stderr(StringIO()):  # where it tells of definitions that it does not understand
             return DecoderFactory().decoder_for(channel.message_encoding, schemas[channel.schema_id])
     except (Exception, RecursionError):
         return None

@@ -526,6 +526,25 @@ class TestDamage:
             ((_, _, message),) = reader.iter_messages()
         assert (message.log_time, message.publish_time, message.sequence) == (3, 2, 7)
 
+    def test_definitions_that_are_none_are_counted_and_nothing_is_printed(
+        self, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    ) -> None:
+        """mcap_ros2 prints on stderr what it does not understand."""
+        path = tmp_path / "hurt.mcap"
+        with path.open("wb") as file:
+            writer = Writer(file)
+            writer.start("ros2", "footfall")
+            writer.add_metadata("footfall", {"run": "{}"})
+            for number, text in enumerate((b"string", b"flo at64 data", b"string[x data", b"string data")):
+                schema = writer.register_schema("std_msgs/msg/String", "ros2msg", text)
+                channel = writer.register_channel(f"/{number}", "cdr", schema)
+                writer.add_message(channel, 1, messages.text("heard"), 1)
+            writer.finish()
+        log = read_log(path)
+        assert [(entry.topic, entry.message.data) for entry in log.entries] == [("/3", "heard")]
+        assert log.damaged == 3
+        assert capfd.readouterr() == ("", "")
+
     @pytest.mark.parametrize("seed", range(8))
     @pytest.mark.parametrize("mutation", [mutated, mutated_records])
     def test_no_mutation_gives_a_traceback(
