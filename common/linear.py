@@ -15,10 +15,10 @@ except (ImportError, AttributeError):  # a NumPy that has it elsewhere
     _solve = np.linalg.solve
 
 
+@np.errstate(invalid="ignore")
 def solve(matrices: np.ndarray, right: np.ndarray) -> np.ndarray:
     """The x (..., m, k) of matrices (..., m, m) x = right (..., m, k), all of them floats.
 
     Where a matrix is singular, x is not a number.
     """
-    with np.errstate(invalid="ignore"):
-        return _solve(matrices, right)
+    return _solve(matrices, right)

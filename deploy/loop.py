@@ -237,7 +237,7 @@ class ControlLoop:
             if now_us >= self._next_policy_us:
                 self._policy_step()
                 after = self._after_policy(signals)
-                if after != signals:
+                if after is not signals:
                     self._supervise(after)
                     mode = self.state.mode
         frames = self._driver.disable() if self.state.over else self._frames(mode)
@@ -533,7 +533,10 @@ class ControlLoop:
         return self._skipped_share
 
     def _after_policy(self, signals: Signals) -> Signals:
-        """Signals with those renewed that a policy step may change."""
+        """Signals with those renewed that a policy step may change: the same where it has changed none."""
+        before = signals.command_finite, signals.late_steps, signals.step_s, signals.policy_error
+        if before == (self._decision_finite, self._late_steps, self._step_s, self._policy_error):
+            return signals
         return signals._replace(
             command_finite=self._decision_finite,
             late_steps=self._late_steps,

@@ -6,6 +6,8 @@ simulated motor applies it behind the bus, and the joint layer predicts torque w
 
 from typing import Any, NamedTuple
 
+from footfall.common.arrays import library
+
 Array = Any  # a NumPy or a JAX array
 
 
@@ -58,7 +60,7 @@ def limit_torque(torque: Array, velocity: Array, motor: Motor) -> Array:
     can only brake, still within the current limit, which therefore comes last.
     """
     least, most = _supply_range(velocity, motor)
-    xp, peak = torque.__array_namespace__(), motor.peak_torque
+    xp, peak = library(torque), motor.peak_torque
     within_supply = xp.minimum(xp.maximum(torque, least), most)
     return xp.minimum(xp.maximum(within_supply, -peak), peak)  # what `clip` does, in half the time
 
@@ -71,7 +73,7 @@ def _supply_range(velocity: Array, motor: Motor) -> tuple[Array, Array]:
 
 def friction_torque(velocity: Array, motor: Motor) -> Array:
     """Torque lost in the gearbox, N m, opposing motion: Coulomb, ramped through zero, and viscous."""
-    xp, most = velocity.__array_namespace__(), motor.friction
+    xp, most = library(velocity), motor.friction
     least = -most
     coulomb = xp.minimum(xp.maximum(least * (velocity / motor.friction_speed), least), most)
     return coulomb - motor.damping * velocity
@@ -102,7 +104,7 @@ def joint_damping(command: JointCommand, position: Array, velocity: Array, motor
     that limits it, none at the current limit; the ramp of Coulomb friction at low speed; viscous friction.
     Whoever integrates the law in steps that are long for a joint's inertia needs it (envs/physics.py).
     """
-    xp = velocity.__array_namespace__()
+    xp = library(velocity)
     asked = pd_torque(command, position, velocity) * motor.strength
     peak = motor.peak_torque
     least, most = (end.clip(-peak, peak) for end in _supply_range(velocity, motor))

@@ -100,7 +100,7 @@ class Legs:
             acceleration: (3,) m/s^2, the base's proper acceleration, base frame: 9.81 upwards at rest.
         """
         self.pose(joint_position)
-        np.negative(acceleration, out=self._model.opt.gravity)
+        np.negative(acceleration, out=self._gravity)
         mujoco.mj_rne(self._model, self._data, 0, self._bias)
         torque = self._bias.take(self._dofs)
         return torque if self._alike else torque * self.present
@@ -111,7 +111,7 @@ class Legs:
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         foot = data.site_xpos.take(self._tips, axis=0)
-        for full, tip in zip(self._full_jacobian, self._tips_one_by_one, strict=True):
+        for full, tip in self._jacobian_of_tip:
             mujoco.mj_jacSite(model, data, full, None, tip)
         jacobian, axes = self._full_jacobian.take(self._jacobian_places), data.xaxis.take(self._axis_places)
         if self._alike:
@@ -224,14 +224,15 @@ class Legs:
         if np.any(model.jnt_type[self._hinges_at] != mujoco.mjtJoint.mjJNT_HINGE):
             raise UserError(f"{robot.xml_path}: the joints of a leg must be hinges")
         self._tips = np.array([model.site(_tip_name(foot.name)).id for foot in robot.description.feet])
-        self._tips_one_by_one = self._tips.tolist()
         self.balls: list[FootBalls] = [  # that each foot touches the ground with
             foot_balls(model, geoms, model.site_pos[tip])
             for geoms, tip in zip(foot_geoms(model, robot.description), self._tips, strict=True)
         ]
         self._dofs = model.jnt_dofadr[self._hinges_at]
         self._bias = np.zeros(model.nv)
+        self._gravity = model.opt.gravity
         self._full_jacobian = np.zeros((self.count, 3, model.nv))
+        self._jacobian_of_tip = list(zip(self._full_jacobian, self._tips.tolist(), strict=True))
         # Where each limb's (3, m) stands in the flat arrays of all degrees of freedom, of all axes.
         rows = np.arange(3 * self.count).reshape(self.count, 3, 1)
         self._jacobian_places = rows * model.nv + self._dofs[:, None, :]

@@ -30,6 +30,8 @@ class Lateness:
     By how much is not known; a body that sways has changed its velocity meanwhile. What a first-order filter
     whose time constant is the lateness lags behind is such a change: the acceleration times the lateness. Its
     mean square over about a step is the covariance.
+
+    In Python's own numbers, as the filter is.
     """
 
     def __init__(self, config: OdometryConfig) -> None:
@@ -38,18 +40,29 @@ class Lateness:
 
     def reset(self) -> None:
         """Begin without a change."""
-        self._before: np.ndarray | None = None  # the velocity, filtered
-        self.covariance = np.zeros((3, 3))  # m^2/s^2, of the velocity
+        self._before: Sequence[float] | None = None  # the velocity, filtered
+        self._xx = self._xy = self._xz = self._yy = self._yz = self._zz = 0.0
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Of the velocity, (3, 3), m^2/s^2."""
+        xy, xz, yz = self._xy, self._xz, self._yz
+        return np.array([[self._xx, xy, xz], [xy, self._yy, yz], [xz, yz, self._zz]])
 
     def advance(self, velocity: Sequence[float], dt_s: float) -> None:
         """The base moved at a velocity (x, y, z), m/s, for a while."""
-        now = np.array(velocity)
-        if self._before is None:
-            self._before = now
-        self._before = self._before + dt_s / (self._config.latency_s + dt_s) * (now - self._before)
-        change = now - self._before
+        (vx, vy, vz), (bx, by, bz) = velocity, self._before or velocity
+        share = dt_s / (self._config.latency_s + dt_s)
+        bx, by, bz = bx + share * (vx - bx), by + share * (vy - by), bz + share * (vz - bz)
+        self._before = bx, by, bz
+        x, y, z = vx - bx, vy - by, vz - bz
         share = dt_s / (self._config.latency_filter_s + dt_s)
-        self.covariance += share * (change[:, None] * change - self.covariance)
+        self._xx += share * (x * x - self._xx)
+        self._xy += share * (x * y - self._xy)
+        self._xz += share * (x * z - self._xz)
+        self._yy += share * (y * y - self._yy)
+        self._yz += share * (y * z - self._yz)
+        self._zz += share * (z * z - self._zz)
 
 
 class Drift:

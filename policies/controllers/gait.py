@@ -77,12 +77,12 @@ def contact_trust(phases: np.ndarray, duty: float, edge: float) -> np.ndarray:
     """Planned contact in [0, 1]: 1 in mid-stance, falling to 0 at the edges, where the plan may be wrong.
 
     Args:
-        phases: leg phases.
+        phases: (legs,).
         duty: share of the cycle spent in stance.
         edge: share of the stance over which trust rises and falls (Bledt et al. 2018 do likewise).
     """
-    through = phases / duty
-    return np.minimum(np.maximum(np.minimum(through, 1.0 - through) / edge, 0.0), 1.0)
+    through = [phase / duty for phase in phases.tolist()]  # of so few legs quicker than arrays
+    return np.array([min(max(min(share, 1.0 - share) / edge, 0.0), 1.0) for share in through])
 
 
 class Curve(NamedTuple):
