@@ -55,6 +55,8 @@ class Legs:
         # Where a limb has no hinge, its first one stands in, and `present` says so.
         self.joints = np.array([[*own, *[own[0]] * (self.hinges - len(own))] for own in self._joints_of])
         self._places = as_slice(self.joints.ravel())
+        # Whether the limbs' joints are all that the robot has, one limb after another.
+        self._in_order = self._alike and self._places == slice(0, len(robot.joint_names), 1)
         self._set_model(robot)
         base = self._model.body(robot.description.base).id
         self.mass = float(self._model.body_subtreemass[base])  # kg, of the whole robot
@@ -197,6 +199,8 @@ class Legs:
 
     def scatter(self, leg_values: np.ndarray, others: np.ndarray) -> np.ndarray:
         """Limbs (..., legs, m) to joint order (..., n); joints outside them keep their value in `others`."""
+        if self._in_order:
+            return leg_values.reshape(others.shape)
         result = others.copy()
         if self._alike:
             result[..., self._places] = leg_values.reshape(*leg_values.shape[:-2], -1)

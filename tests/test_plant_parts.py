@@ -264,9 +264,16 @@ class TestStart:
 
     @pytest.mark.parametrize(
         ("indices", "expected"),
-        [([3, 4, 5], slice(3, 6)), ([7], slice(7, 8)), ([3, 4, 6], None), ([5, 4, 3], None)],
+        [
+            ([3, 4, 5], slice(3, 6, 1)),
+            ([7], slice(7, 8, 1)),
+            ([0, 3, 6], slice(0, 7, 3)),
+            ([3, 4, 6], None),
+            ([5, 4, 3], None),
+            ([2, 2], None),
+        ],
     )
-    def test_consecutive_places_are_read_without_a_copy(
+    def test_places_evenly_apart_are_read_without_a_copy(
         self, indices: list[int], expected: slice | None
     ) -> None:
         found = as_slice(np.array(indices))

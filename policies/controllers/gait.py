@@ -69,8 +69,8 @@ def in_stance(phases: np.ndarray, duty: float) -> np.ndarray:
 
 
 def swing_progress(phases: np.ndarray, duty: float) -> np.ndarray:
-    """How far each swing has come, 0 at lift-off to 1 at touch-down; 0 in stance."""
-    return np.maximum(phases - duty, 0.0) / (1.0 - duty)
+    """How far each swing has come, (legs,), 0 at lift-off to 1 at touch-down; 0 in stance."""
+    return np.array([max(phase - duty, 0.0) / (1.0 - duty) for phase in phases.tolist()])
 
 
 def contact_trust(phases: np.ndarray, duty: float, edge: float) -> np.ndarray:
@@ -81,7 +81,7 @@ def contact_trust(phases: np.ndarray, duty: float, edge: float) -> np.ndarray:
         duty: share of the cycle spent in stance.
         edge: share of the stance over which trust rises and falls (Bledt et al. 2018 do likewise).
     """
-    through = [phase / duty for phase in phases.tolist()]  # of so few legs quicker than arrays
+    through = [phase / duty for phase in phases.tolist()]  # quicker than arrays of so few
     return np.array([min(max(min(share, 1.0 - share) / edge, 0.0), 1.0) for share in through])
 
 

@@ -9,6 +9,7 @@ from footfall.policies.controllers.mpc.config import MpcConfig
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 from footfall.robots.kinematics import LegPose, Legs
+from footfall.robots.model import as_slice
 from footfall.robots.rigid_body import RigidBody
 from footfall.robots.targets import within
 
@@ -18,7 +19,7 @@ _INERTIA_SHARE = 0.5  # of the peak torque that may be spent on a leg's own iner
 class _Stance(NamedTuple):
     """What depends on which legs stand, and on nothing else. Whole arrays: to broadcast takes longer."""
 
-    swinging: np.ndarray  # (k,) the others
+    swinging: np.ndarray | slice  # (k,) the others
     contact: np.ndarray  # (legs, 3, m) 1 of those that stand, else 0
     kp: np.ndarray  # (legs, m) N m/rad
     kd: np.ndarray  # (legs, m) N m s/rad
@@ -95,7 +96,8 @@ class LegControl:
             contact = np.ones((self._legs.count, 3, self._legs.hinges))
             kp, kd = 0.0 * self._one, self._stand.kd * self._one
             contact[swinging], kp[swinging], kd[swinging] = 0.0, self._swing.kp, self._swing.kd
-            self._stances[key] = _Stance(np.array(swinging, dtype=np.intp), contact, kp, kd)
+            rows = as_slice(np.array(swinging)) if swinging else slice(0)
+            self._stances[key] = _Stance(rows, contact, kp, kd)
         return self._stances[key]
 
 
