@@ -142,7 +142,7 @@ def joint_addresses(model: mujoco.MjModel, robot: Robot) -> tuple[np.ndarray, np
 
 
 def as_slice(indices: np.ndarray) -> slice | np.ndarray:
-    """Rising indices (k,), evenly apart, as a slice, which NumPy reads and writes faster; others as they are."""
+    """Rising indices evenly apart as a slice, which NumPy reads and writes faster; others as they are."""
     apart = np.diff(indices)
     step = int(apart[0]) if len(apart) else 1
     even = step > 0 and bool((apart == step).all())
