@@ -69,6 +69,10 @@ class TestBootstrap:
             (theirs.low, theirs.high), abs=0.1 * (theirs.high - theirs.low)
         )
 
+    def test_of_one_value_throughout_is_that_value_however_long_each_episode_was(self) -> None:
+        weights = np.random.default_rng(8).uniform(1.0, 20.0, 12)
+        assert bootstrap_mean_interval(np.full(12, 0.3), weights) == pytest.approx((0.3, 0.3), abs=1e-12)
+
     def test_shrinks_as_episodes_are_added(self) -> None:
         values = np.random.default_rng(0).normal(size=400)
         few = np.subtract(*bootstrap_mean_interval(values[:20], np.ones(20)))

@@ -332,6 +332,18 @@ class TestWarnings:
         results = {"mine": {"scenarios": {"nominal": {"failed_episodes": [], "notes": notes}}}}
         assert warnings(results) == ["no floor", "trained on 1 m/s: 2 became 1, and 2 more"]
 
+    def test_notes_on_two_things_of_one_controller_are_two_lines(self) -> None:
+        notes = [
+            "wave: at 1.00 s: 8.2 rad/s",
+            "wave: steps of 0.1 m: shortened",
+            "wave: at 1.00 s: 6.8 rad/s",
+        ]
+        results = {"wave": {"scenarios": {"nominal": {"failed_episodes": [], "notes": notes}}}}
+        assert warnings(results) == [
+            "wave: at 1.00 s: 6.8 rad/s, and 1 more",
+            "wave: steps of 0.1 m: shortened",
+        ]
+
 
 class TestFailures:
     @pytest.mark.parametrize(

@@ -31,16 +31,17 @@ def test_the_content_is_on_the_disk_before_the_name_and_the_name_before_it_retur
     assert happened == [("synced", b"new"), ("named", b"new"), ("synced", b"")]
 
 
-def test_a_write_that_fails_leaves_the_old_content_and_nothing_else(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("error", [OSError("no space left"), KeyboardInterrupt()])
+def test_a_write_that_fails_or_is_interrupted_leaves_the_old_content_and_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: BaseException
 ) -> None:
     def full(_: int) -> None:
-        raise OSError("no space left")
+        raise error
 
     path = tmp_path / "kept"
     path.write_bytes(b"old")
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(OSError, match="no space"):
+    with pytest.raises(type(error)):
         write_atomically(path, b"new")
     assert path.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [path]

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from collections.abc import Iterator
+from importlib.machinery import PathFinder
 from pathlib import Path
 
 import pytest
@@ -144,6 +145,13 @@ class TestOwn:
         assert policy.name == "sway"
         ended = Shell(capsys)("deploy", "mine:Sway", "--command", "0,0,0", "--duration", "0.3")
         assert ended.status == 0, ended.err
+
+    def test_no_file_beside_it_takes_a_librarys_place(self, go1: Robot, tmp_path: Path) -> None:
+        (tmp_path / "this.py").write_text("")  # as one that nothing has imported yet
+        load_policy("mine:Sway", go1)
+        found = PathFinder.find_spec("this")
+        assert found is not None
+        assert found.origin != str(tmp_path / "this.py")
 
     @pytest.mark.parametrize(
         ("spec", "words"),

@@ -44,6 +44,20 @@ def test_feet_are_seen_from_the_base_and_the_shorter_one_is_in_the_air(looked: I
     assert list(looked.findings()) == ["foot r is 8 mm above the ground in the default pose"]
 
 
+@pytest.mark.parametrize("off_m", [-0.004, 0.004])
+def test_a_foot_in_the_air_is_found_whatever_standing_height_is_written(
+    robot: Robot, tmp_path: Path, off_m: float
+) -> None:
+    (tmp_path / "robot.xml").write_text((robot.folder / "robot.xml").read_text())
+    height = robot.description.standing_height_m
+    declaration = (robot.folder / "robot.yaml").read_text()
+    assert f"standing_height_m: {height}\n" in declaration
+    changed = declaration.replace(f"standing_height_m: {height}\n", f"standing_height_m: {height + off_m}\n")
+    (tmp_path / "robot.yaml").write_text(changed)
+    gaps = [foot.gap_m for foot in inspect_robot(load_robot(tmp_path)).feet]
+    assert gaps == pytest.approx([0.0, 0.008], abs=1e-9)
+
+
 def test_a_tilted_sole_is_as_high_as_its_lowest_ball(robot: Robot, tmp_path: Path) -> None:
     """The right knee bent by 0.1 rad: its toes come up, its heel stays 0.04 sin(0.1) m below the middle."""
     for name in ("robot.yaml", "robot.xml"):

@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -306,6 +307,17 @@ class TestNewestPolicy:
         from tiny_policy import write_policy
 
         other = write_policy(onnx, tmp_path / "other.onnx", own_folder)
+        with pytest.raises(UserError, match="another contract"):
+            NewestPolicy(POLICY, go1).replace_network(other)
+
+    def test_one_whose_actions_start_from_another_pose_is_refused(self, go1: Robot, tmp_path: Path) -> None:
+        onnx = pytest.importorskip("onnx")
+        from tiny_policy import write_network
+
+        contract = open_network(POLICY)[1]
+        shape = observation_size(contract), len(contract.joints)
+        lower = replace(contract, default_pose_rad=tuple(0.9 * np.array(contract.default_pose_rad)))
+        other = write_network(onnx, tmp_path / "other.onnx", np.zeros(shape, np.float32), lower)
         with pytest.raises(UserError, match="another contract"):
             NewestPolicy(POLICY, go1).replace_network(other)
 
