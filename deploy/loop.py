@@ -136,8 +136,7 @@ class ControlLoop:
         self._estimated_us = -1
         self._next_odometry_us = 0
         self._next_policy_us = 0.0  # half a microsecond early, so that rounding cannot cost a tick
-        self._decision: JointCommand | None = None
-        self._wanted = np.zeros((5, len(robot.joint_names)))  # the same, as one array
+        self._decision: np.ndarray | None = None  # rows as of `JointCommand`
         self._decision_finite = True
         self._late_steps = 0
         self._step_s = 0.0
@@ -322,7 +321,7 @@ class ControlLoop:
 
     def _frames(self, mode: Mode) -> Frames:
         if mode in DECIDING and self._decision is not None:
-            return self._joints.command(self._wanted)
+            return self._joints.command(self._decision)
         if mode is Mode.STANDING:
             self._estimate_base()
         if mode in HELD:
@@ -341,7 +340,7 @@ class ControlLoop:
         try:
             try:
                 self.arm(limit_s)
-                observation, wanted = self._decided(now_us)
+                observation, decision = self._decided(now_us)
             finally:
                 self.arm(0.0)
         except OverdueError:
@@ -350,10 +349,9 @@ class ControlLoop:
         except POLICY_FAILS as error:
             self._policy_error = f"the policy failed: {type(error).__name__}: {error}"
             return
-        decision = JointCommand.of(wanted)
-        self._decision_finite = math.isfinite(np.add.reduce(wanted, axis=None))
+        self._decision_finite = math.isfinite(np.add.reduce(decision, axis=None))
         took_s = time.perf_counter() - started
-        self.observation, self._decision, self._wanted = observation, decision, wanted
+        self.observation, self._decision = observation, decision
         self.timing.policy_ms.add(took_s * 1e3)
         if self._clock.realtime:  # simulated time waits
             self._step_s = took_s
@@ -361,7 +359,7 @@ class ControlLoop:
         periods = math.ceil((now_us - self._next_policy_us) / self._period_us)
         self._next_policy_us += self._period_us * max(1, periods)
         if self.log is not None:
-            self.log.policy_step(now_us, observation, decision)
+            self.log.policy_step(now_us, observation, JointCommand.of(decision))
             for note in self.notes:
                 if note not in self._logged_notes:
                     self.log.note(now_us, note)

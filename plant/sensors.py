@@ -69,7 +69,8 @@ class SimulatedSensors:
             True joint positions rad, velocities rad/s and motor torques N m, (3, n), not to be written to.
         """
         layout = self._layout
-        joints = np.array((self._qpos[layout.qpos], self._qvel[layout.qvel], torque))
+        joints = np.empty((3, self._n))
+        joints[0], joints[1], joints[2] = self._qpos[layout.qpos], self._qvel[layout.qvel], torque
         inertial = self._gyro.tolist(), self._acceleration.tolist(), self._quaternion.tolist()
         self._past.append(_Moment(joints, inertial))
         return joints

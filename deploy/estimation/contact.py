@@ -55,7 +55,7 @@ class ContactEstimator:
         config = self._config
         outside = outside_torque(self._legs, sensed, sensed.joint_torque)
         torque = self._observer.update(outside, rates, dt_s)
-        force = upward_force(jacobian, torque.sum(axis=2, keepdims=True), up)[:, 0]
+        force = upward_force(jacobian, np.add.reduce(torque, axis=2, keepdims=True), up)[:, 0]
         low, span = self._least_force, self._force_span
         share = 1.0 - math.exp(-dt_s / config.rise_s)
         planned = [1.0] * len(force) if plan is None else plan.tolist()

@@ -28,10 +28,10 @@ def tilt_correction(observation: Observation, gain: float, rate_gain_s: float, m
 
     The measured tilt is the deviation of gravity from straight down in the body frame, its rate the gyro's.
     """
-    up = rotation_matrix(observation.sensed.quaternion)[2]
-    tilt = np.array([up[1], -up[0]])
-    correction = gain * tilt + rate_gain_s * observation.sensed.gyro[:2]
-    return np.minimum(np.maximum(correction, -most_rad), most_rad)
+    up_x, up_y, _ = rotation_matrix(observation.sensed.quaternion)[2].tolist()
+    rates = observation.sensed.gyro[:2].tolist()
+    wanted = [gain * tilt + rate_gain_s * rate for tilt, rate in zip((up_y, -up_x), rates, strict=True)]
+    return np.array([min(max(correction, -most_rad), most_rad) for correction in wanted])
 
 
 def level_feet(feet: np.ndarray, tilt: np.ndarray) -> np.ndarray:

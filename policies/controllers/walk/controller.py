@@ -59,6 +59,7 @@ class Walk:
         self._command = ShapedCommand(config.command)
         self._kp = np.full(len(robot.joint_names), config.kp)
         self._kd = np.full(len(robot.joint_names), config.kd)
+        self._no_torque = np.zeros(len(robot.joint_names))
         self._most_step_rad = robot.description.target_rate_rad_s / config.rate_hz
         self.notes: list[str] = []
         self._begin(robot.default_pose)
@@ -124,7 +125,7 @@ class Walk:
         before, most = self._previous, self._most_step_rad
         self._previous = position = np.minimum(np.maximum(wanted, before - most), before + most)
         velocity = (position - before) / dt_s
-        torque = self._legs.scatter(self._weight_torque(pose.jacobian), np.zeros_like(position))
+        torque = self._legs.scatter(self._weight_torque(pose.jacobian), self._no_torque)
         return JointCommand(position, velocity, self._kp, self._kd, torque)
 
     def stance(self) -> np.ndarray | None:
@@ -177,7 +178,7 @@ class Walk:
 
         Feet whose first swing comes last would be carried so far out meanwhile that the weight left them.
         """
-        if not self._sway_plan.body.any():
+        if not any(self._sway_plan.body.tolist()):
             return dt_s
         timing, most = self._cycle.timing, self._config.command.acceleration_m_s2
         calm = self._step.length_m / (timing.stance_s * _APPROACH * timing.period_s)
@@ -289,5 +290,5 @@ class Walk:
         """Joint torques (legs, m) that share the weight among the feet that stand, N m."""
         stands = ~self._cycle.swings
         force = np.zeros((self._legs.count, 3))
-        force[:, 2] = stands * (self._config.weight_n / max(1, int(stands.sum())))
+        force[:, 2] = stands * (self._config.weight_n / max(1, int(np.count_nonzero(stands))))
         return self._legs.torque(jacobian, force)

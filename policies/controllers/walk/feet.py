@@ -249,7 +249,7 @@ class FootCycle:
             feet: (feet,) boolean, those that have.
             height: (feet,) m, of all tips along the vertical, from wherever.
         """
-        if not feet.any():
+        if not np.count_nonzero(feet):
             return
         stands = ~self.swings
         above = height - self.feet[:, 2]

@@ -60,25 +60,30 @@ def plan_sway(
 
 
 class Sway:
-    """A sway that begins, changes and ends without a jump."""
+    """A sway that begins, changes and ends without a jump. In Python's own numbers, as feet are."""
 
     def __init__(self) -> None:
         self.reset()
 
     def reset(self) -> None:
         """No sway."""
-        self._first = self._now = np.zeros(2, complex)
+        self._first = self._now = [0j, 0j]
 
     def approach(self, goal: np.ndarray, cycles: float) -> None:
         """Towards the sine (2,) of a body over a part of a gait's cycle."""
         share = min(1.0, _SETTLES * cycles)
-        self._first = self._first + share * (goal - self._first)
-        self._now = self._now + share * (self._first - self._now)
+        self._first = _nearer(self._first, goal.tolist(), share)
+        self._now = _nearer(self._now, self._first, share)
 
     def misses(self, goal: np.ndarray) -> float:
         """How far it is at most from a body's sine, m."""
-        return float(np.abs(self._now - goal).max())
+        return max(abs(now - wanted) for now, wanted in zip(self._now, goal.tolist(), strict=True))
 
     def at(self, clock: float) -> np.ndarray:
         """Of the body, (2,) m."""
-        return sine_at(self._now, clock)
+        turn = cmath.exp(2j * math.pi * clock)  # as in `sine_at`
+        return np.array([(turn * part).real for part in self._now])
+
+
+def _nearer(now: list[complex], goal: list[complex], share: float) -> list[complex]:
+    return [part + share * (wanted - part) for part, wanted in zip(now, goal, strict=True)]
