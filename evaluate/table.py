@@ -1,5 +1,6 @@
 """Results as tables on the terminal."""
 
+import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -10,6 +11,8 @@ from rich.text import Text
 from footfall.evaluate.failures import failures
 from footfall.evaluate.figures import Summary, best, figures, interval_text, measured, text
 from footfall.evaluate.verdict import verdict
+
+_FIGURE = re.compile(r"\d+(\.\d+)?")
 
 
 def print_results(results: Mapping[str, Mapping[str, Any]], console: Console) -> None:
@@ -65,8 +68,8 @@ def warnings(results: Mapping[str, Mapping[str, Any]]) -> list[str]:
 
 
 def _once_each(notes: Iterable[str]) -> list[str]:
-    """Notes that differ in nothing but the figures after their last colon, as one line."""
+    """Notes that differ in nothing but their figures, as one line."""
     alike: dict[str, list[str]] = {}
     for note in sorted(notes):
-        alike.setdefault(note.rpartition(": ")[0] or note, []).append(note)
+        alike.setdefault(_FIGURE.sub("", note), []).append(note)
     return [first + (f", and {len(more)} more" if more else "") for first, *more in alike.values()]

@@ -334,13 +334,13 @@ class TestWarnings:
 
     def test_notes_on_two_things_of_one_controller_are_two_lines(self) -> None:
         notes = [
-            "wave: at 1.00 s: 8.2 rad/s",
+            "wave: slowed to 2.7 s: at 1.0 s 8.2 rad/s",
             "wave: steps of 0.1 m: shortened",
-            "wave: at 1.00 s: 6.8 rad/s",
+            "wave: slowed to 2.2 s: at 1.0 s 6.8 rad/s",
         ]
         results = {"wave": {"scenarios": {"nominal": {"failed_episodes": [], "notes": notes}}}}
         assert warnings(results) == [
-            "wave: at 1.00 s: 6.8 rad/s, and 1 more",
+            "wave: slowed to 2.2 s: at 1.0 s 6.8 rad/s, and 1 more",
             "wave: steps of 0.1 m: shortened",
         ]
 
