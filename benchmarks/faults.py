@@ -4,7 +4,7 @@
     python benchmarks/faults.py --rooms robots,plant --python .venv/bin/python
 
 faults.json holds one small change each (a sign, an axis, a unit, one step, a missing clip, a forgotten
-reset), with what goes wrong for whom. They were written at commit 2a70726 by somebody who had not read
+reset), with what goes wrong for whom. They were written at commit 0e3b032 by somebody who had not read
 the tests; what the code has changed since does not apply any more and does not count. Each is put,
 alone, into a copy of the repository, and a few test files run on it at a time: of all faults those that
 name the changed module first, then, for faults that nothing has noticed, the others of its room, until a
