@@ -1,6 +1,7 @@
 """`footfall deploy` and `footfall replay`: exit status, figures and files."""
 
 import json
+import re
 import shutil
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -10,10 +11,13 @@ from shell import Shell
 from tiny_policy import write_policy
 
 from footfall.cli import main
+from footfall.common.errors import UserError
+from footfall.deploy.session import Session
 from footfall.plant import episode
 from footfall.plant.robot import SimulatedRobot
+from footfall.policies.policy import Policy
 from footfall.policies.registry import ZOO
-from footfall.robots.description import ROBOTS
+from footfall.robots.description import ROBOTS, Robot
 
 SHORT = ("--duration", "0.6")
 
@@ -133,6 +137,21 @@ def test_the_same_seed_gives_the_same_run(trotted: Made, tmp_path: Path) -> None
         assert again[name] == trotted.figures[name]
 
 
+@pytest.mark.parametrize(("told", "lies_down"), [((), True), (("--no-lie-down",), False)])
+def test_a_robot_on_a_real_bus_lies_down_unless_told_not_to(
+    shell: Shell, monkeypatch: pytest.MonkeyPatch, told: tuple[str, ...], lies_down: bool
+) -> None:
+    sessions: list[Session] = []
+
+    def refused(_: Robot, __: Policy, bus: str, session: Session) -> None:
+        sessions.append(session)
+        raise UserError(f"no bus {bus} here")
+
+    monkeypatch.setattr("footfall.deploy.session.run_on_interface", refused)
+    assert shell.refuses("deploy", "stand", "--bus", "socketcan", *told) == "no bus socketcan here"
+    assert sessions[0].lie_down is lies_down
+
+
 def test_json_to_standard_output(shell: Shell) -> None:
     """A device is written to, not replaced by a file of its name."""
     outcome = shell("deploy", "stand", "--duration", "0.1", "--json", "/dev/null")
@@ -181,7 +200,8 @@ def test_a_log_finds_a_users_own_robot_unless_that_has_changed(
         declaration.write_text(declaration.read_text().replace("name: go1", f"name: {name}"))
         assert shell("deploy", "stand", "--robot", own_folder, *SHORT, "--log", log).status == 0
         assert shell("replay", log).status == 0
-    declaration.write_text(declaration.read_text().replace("name: mine", "name: other"))
+    height = re.compile("^standing_height_m: .*", re.MULTILINE)
+    declaration.write_text(height.sub("standing_height_m: 0.29", declaration.read_text()))
     assert "give --robot" in shell.refuses("replay", log)
     assert shell("replay", log, "--robot", own_folder).status == 0
 

@@ -180,6 +180,17 @@ class TestCheck:
         assert outcome.out.endswith("wrong: a foot is missing\n")
         assert "nothing wrong" not in outcome.out
 
+    def test_who_cannot_lie_down_and_stand_up_again_is_wrong(
+        self, shell: Shell, asked: list[Any], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(
+            "footfall.plant.lying.lying_test", lambda *_: LyingResult("it fell over", 0.0, 1.5)
+        )
+        outcome = shell("robot", "check", "go1")
+        assert outcome.status == 1
+        wrong = "wrong: it does not stand up from its lying pose and go back to it: it fell over\n"
+        assert outcome.out.endswith(wrong)
+
 
 class TestNew:
     def test_options_reach_the_import(

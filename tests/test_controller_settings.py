@@ -167,7 +167,9 @@ class TestWhatIsKept:
     ) -> None:
         monkeypatch.chdir(tmp_path)
         (tmp_path / "mine.onnx").touch()
+        (tmp_path / "run").mkdir()
         assert lasting_spec("mine.onnx") == str(tmp_path / "mine.onnx")
+        assert lasting_spec("run") == str(tmp_path / "run")
         assert (lasting_spec("trot"), lasting_spec("go1-flat")) == ("trot", "go1-flat")
 
     def test_changes_are_told_one_by_one(self, mine: Path) -> None:

@@ -191,6 +191,18 @@ def test_strides_are_shortened_where_the_stability_margin_would_be_too_small() -
     assert np.all(careful_coxae < 0.9 * usual_coxae)
 
 
+@pytest.mark.parametrize("period_s", [1.3, 2.0])
+def test_a_swaying_walk_has_the_margin_of_where_it_presses_whatever_its_period(
+    go1: Robot, period_s: float
+) -> None:
+    """The body has to move less the faster a gait is; the weight goes as far to the side in each."""
+    config = controller_settings(go1, "walk", WalkConfig)
+    gait, limits = replace(config.gait, period_s=period_s), replace(config.limits, margin_m=0.02)
+    walk = Walk(go1, "walk", replace(config, gait=gait, limits=limits))
+    Trial(walk, go1).walk((0.15, 0.0, 0.0), 1.0)
+    assert "the stability margin would be 0.006 m of 0.020 m" in walk.notes[0]
+
+
 def test_no_stride_is_longer_than_a_step() -> None:
     policy = Walk(ROBOT, "tripod")
     targets = Trial(policy).walk((0.5, 0.0, 0.0), 5.0)

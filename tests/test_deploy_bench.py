@@ -114,6 +114,14 @@ class TestBench:
         bench = stand.bench(stand.wiring.take(np.array([2])))
         assert (bench.settle(), bench.zero()) == ("", says)
 
+    def test_one_of_two_motors_that_does_not_take_its_zero_is_named(self, go1: Robot) -> None:
+        stand = OnStand(go1)
+        bus = stand.bus = InjectingBus(stand.bus)
+        bus.outgoing = lambda frames, _: frames.take((frames.data[:, 7] != 0xFE) | (frames.channel == 0))
+        bench = stand.bench(stand.wiring.take(np.array([2, 5])))
+        said = (bench.settle(), bench.zero())
+        assert said == ("", "FL_calf_joint (can1, id 3) did not take its position for zero")
+
     def test_a_joint_that_keeps_moving_is_named(self, go1: Robot) -> None:
         stand = OnStand(go1)
         bench = stand.bench(stand.wiring.take(np.array([2])))

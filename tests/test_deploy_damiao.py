@@ -77,6 +77,7 @@ class TestFrames:
         assert np.arange(2)[replies.motor].tolist() == [0]
         np.testing.assert_allclose(replies.values[:, 0], [12.5, -30.0, 10.0])
         assert (replies.temperature_c.tolist(), replies.error.tolist()) == ([45], [0])
+        assert driver.replies(frame(0x203, "13 ff ff 00 0f ff 2e 2d")).temperature_c.tolist() == [46]
 
     @pytest.mark.parametrize(
         ("first", "says"),

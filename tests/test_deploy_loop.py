@@ -116,6 +116,19 @@ class TestLateness:
         assert loop.state.faults == ()
 
 
+def test_a_policy_does_not_make_up_for_ticks_that_were_left_out(go1: Robot) -> None:
+    """44 ms are missing: what was due in them is decided once, after them, and the next step is in its time."""
+    policy = Hold(go1)
+    loop = new_loop(go1, policy)
+    run_for(loop, 0.1)
+    loop._clock._tick += 22  # type: ignore[attr-defined]
+    run_for(loop, 0.22)
+    assert loop.state.faults == ()
+    steps_ms = np.array([round(1e3 * seen.time_s) for seen in policy.seen])
+    late = int(np.argmax(np.diff(steps_ms))) + 1
+    assert steps_ms[late - 1 : late + 3].tolist() == [100, 146, 160, 180]
+
+
 def test_durations_are_told_in_their_units(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     """Steps of 19 ms and, every third, 21 ms; they are nearly all of their ticks."""
     watch = Stopwatch()

@@ -161,6 +161,8 @@ def test_limits_that_nobody_sets() -> None:
     assert (plain.late_steps, plain.late_limit_s, plain.damping_kd, plain.damping_s) == (5, 0.07, 3.0, 0.5)
     assert (plain.pause_limit_s, plain.guard_share) == (0.07, 1.1)
     assert plain.guard_after_s == pytest.approx(0.077)
+    assert replace(plain, late_limit_s=0.03).guard_after_s == pytest.approx(0.077)  # the longer one counts
+    assert replace(plain, pause_limit_s=0.03).guard_after_s == pytest.approx(0.077)
     assert HOST_QUEUE == 10  # what Linux has
 
 

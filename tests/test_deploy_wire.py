@@ -325,6 +325,10 @@ class TestFaults:
         """ISO 11898-1; what is destroyed one time in ten never makes a controller passive."""
         wires = FaultyWires(WireFaults(destroyed=0.1, seed=1), 2)
         sent = np.ones(4, np.intp)
+        first_time = SimpleNamespace(geometric=lambda *_: np.ones(4, np.intp))
+        wires._random = first_time  # type: ignore[assignment]
+        wires.repetitions(sent, from_host=True)
+        assert wires.transmit_errors.tolist() == [0, 0]  # there is nothing to take off
         tries = SimpleNamespace(geometric=lambda *_: np.array([3, 1, 2, 1]))
         wires._random = tries  # type: ignore[assignment]
         assert wires.repetitions(sent, from_host=True).tolist() == [2, 0, 1, 0]

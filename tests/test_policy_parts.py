@@ -95,6 +95,8 @@ class TestShapedCommand:
         shaped.advance(np.array([0.05, 0.0, 0.0]), 0.1)
         assert not shaped.value.any()
         assert not shaped.wants_walk(still)
+        shaped.advance(np.array([0.0, 0.0, -2.0]), 0.1)  # turning on the spot is walking, too
+        assert shaped.wants_walk(still)
         shaped.advance(np.array([1.0, 1.0, 1.0]), 0.1)
         shaped.reset()
         assert not shaped.wants_walk(still)

@@ -36,3 +36,4 @@ def test_feet_that_span_no_area_support_nothing() -> None:
     assert support_margin([(-1.0, 2.0), (3.0, 2.0)], (0.5, 0.0)) == -2.0
     assert support_margin([(0.0, 0.0), (1.0, 1.0), (3.0, 3.0)], (1.0, 0.0)) == pytest.approx(-math.sqrt(0.5))
     assert support_margin([(0.0, 0.0), (1.0, 1.0), (3.0, 3.0)], (2.0, 2.0)) == pytest.approx(0.0)
+    assert support_margin([(0.0, 0.0), (1.0, 1.0), (3.0, 3.0)], (5.0, 5.0)) == pytest.approx(-math.sqrt(8.0))

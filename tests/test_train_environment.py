@@ -118,6 +118,14 @@ class TestStep:
         assert float(full.sample["payload_kg"]) != 0.0
         assert np.isclose(half.sample["payload_kg"], full.sample["payload_kg"] / 2)
 
+    def test_the_curriculum_slows_the_first_command_down_too(self) -> None:
+        env = make(curriculum=Curriculum(100, commands=0.2))
+        key = jax.random.PRNGKey(12)
+        first, half, full = (env.reset(key, level)[0].command for level in (0.0, 0.5, 1.0))
+        assert np.abs(full).max() > 0.1
+        np.testing.assert_allclose(first, 0.2 * full, rtol=1e-6)
+        np.testing.assert_allclose(half, 0.6 * full, rtol=1e-6)
+
 
 def test_one_step_agrees_with_mujoco_c_under_the_same_joint_law() -> None:
     """The lean carry (positions, velocities, warm start) loses nothing that the physics needs."""

@@ -133,6 +133,19 @@ def test_a_first_signal_ends_it_after_the_iteration_with_a_checkpoint(run: Run) 
     assert [line["step"] for line in logged(run)] == [STEPS, 2 * STEPS]
 
 
+def test_a_signal_in_the_last_iteration_interrupts_nothing(run: Run) -> None:
+    def stop(iteration: int) -> None:
+        if iteration == ITERATIONS:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    trainer = FakeTrainer(run, stop)
+    try:
+        learn(run, trainer, quiet())  # and what follows exports its policy
+    except KeyboardInterrupt:
+        pytest.fail("a training that is complete counts as interrupted")
+    assert trainer.asked[-2:] == ["iterate 4", "save 4"]
+
+
 def test_what_is_saved_already_is_not_saved_again(run: Run) -> None:
     trainer = FakeTrainer(run)
     learn(run, trainer, quiet())
@@ -294,6 +307,9 @@ def test_a_revision_tells_one_change_of_the_source_from_another(
     assert two.startswith(f"{clean} with uncommitted changes ")
     assert len({clean, two, three}) == 3
     assert again == clean
+    source.write_text("two")
+    git("add", "-A")  # staged is not committed
+    assert provenance.source_revision() == two
 
 
 @pytest.mark.parametrize("in_a_repository", [False, True])

@@ -65,6 +65,7 @@ def fetched(port: int, host: str, path: str = "/") -> tuple[int, str]:
         (None, 101),  # no browser: whoever can run programs here needs no page
         (FOREIGN, 403),
         ("http://localhost:{port}.evil.example", 403),
+        ("http://evil-localhost:{port}", 403),
         ("http://localhost:1", 403),
         ("null", 403),  # a sandboxed frame, or a file
     ],
