@@ -117,7 +117,7 @@ class TestLateness:
 
 
 def test_a_policy_does_not_make_up_for_ticks_that_were_left_out(go1: Robot) -> None:
-    """44 ms are missing: what was due in them is decided once, after them, and the next step is in its time."""
+    """44 ms are missing: what was due in them is decided once, and the next step is in its time."""
     policy = Hold(go1)
     loop = new_loop(go1, policy)
     run_for(loop, 0.1)
