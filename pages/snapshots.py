@@ -229,7 +229,5 @@ def _take(file: Path, copy: Path) -> None:
     copy.unlink(missing_ok=True)
     try:
         copy.hardlink_to(file)
-    except FileNotFoundError:
-        raise
     except OSError:
         shutil.copyfile(file, copy)

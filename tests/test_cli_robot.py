@@ -96,7 +96,9 @@ class TestShown:
             "",
         ]
 
-    @pytest.mark.parametrize(("margin_m", "told"), [(0.0312, "31 mm inside"), (-0.0312, "31 mm outside")])
+    @pytest.mark.parametrize(
+        ("margin_m", "told"), [(0.0312, "31 mm inside"), (0.0, "0 mm inside"), (-0.0312, "31 mm outside")]
+    )
     def test_where_the_centre_of_mass_is(
         self, capsys: pytest.CaptureFixture[str], margin_m: float, told: str
     ) -> None:
@@ -133,6 +135,28 @@ class TestShown:
         assert lines[2].split() == ["leg", "0.680", "FL_thigh_joint", *figures(4)]
         assert lines[3].split() == ["FL_calf_joint", *figures(5)]
         assert lines[4] == "total 5.88 kg, centre of mass 0.010 -0.020 0.030 m from the base's origin"
+
+    def test_how_it_lay(self, capsys: pytest.CaptureFixture[str]) -> None:
+        """A base that sinks into the ground is not below it."""
+        for clearance_m, told in ((0.0042, 4), (-0.003, 0)):
+            verb._show_lying(LyingResult("", clearance_m, 0.1))
+            assert capsys.readouterr().out.splitlines() == [
+                "lying test, from the ground to the default pose and back:",
+                f"  base {told} mm above the ground at the end",
+                "  tilted 5.7 degrees",
+                "",
+            ]
+
+
+def test_of_motors_that_no_frames_are_known_of_nothing_is_said_and_the_others_are_looked_at(
+    go1: Robot,
+) -> None:
+    motors = {"hip": SimpleNamespace(protocol="unheard-of"), "knee": SimpleNamespace(protocol="AK10-9")}
+    joints = [SimpleNamespace(name=name, motor=name) for name in ("hip", "knee")]
+    robot: Any = SimpleNamespace(
+        description=SimpleNamespace(joints=joints, motors=motors), kp=np.full(2, 501.0), kd=np.zeros(2)
+    )
+    assert list(verb._beyond_frames(robot)) == ["joint knee: kp is 501, frames of AK10-9 carry 500"]
 
 
 class TestCheck:
@@ -179,6 +203,38 @@ class TestCheck:
         assert outcome.status == 1
         assert outcome.out.endswith("wrong: a foot is missing\n")
         assert "nothing wrong" not in outcome.out
+
+    def test_all_that_was_looked_at_is_shown_and_all_that_is_wrong_told_in_order(
+        self, shell: Shell, asked: list[Any], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        asked[0].findings = lambda: iter(["a foot is missing"])
+        monkeypatch.setattr(verb, "_beyond_frames", lambda _: ["a gain is cut"])
+        monkeypatch.setattr(verb, "_wrong_standing", lambda *_: ["it sinks"])
+        monkeypatch.setattr(verb, "_wrong_lying", lambda _: ["it tips over"])
+        paragraphs = shell("robot", "check", "go1").out.split("\n\n")
+        tree, feet, standing, lying, wrong = paragraphs
+        assert tree.split("  ")[0] == "link"
+        assert [part.strip() for part in tree.splitlines()[0].split("  ") if part] == [
+            "link", "kg", "joint", "range, rad", "default", "peak, N m", "kp, N m/rad",
+        ]  # fmt: skip
+        assert feet.startswith("foot  place in the default pose, m")
+        assert standing.startswith("standing test, 4.0 s")
+        assert lying.startswith("lying test, ")
+        assert wrong.splitlines() == [
+            "wrong: a foot is missing", "wrong: a gain is cut", "wrong: it sinks", "wrong: it tips over",
+        ]  # fmt: skip
+
+    def test_a_robot_without_a_lying_pose_is_not_laid_down(
+        self, shell: Shell, asked: list[Any], go1: Robot, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        robot = SimpleNamespace(
+            name="mine", lying_pose=None, description=go1.description, joint_names=go1.joint_names,
+            kp=go1.kp, kd=go1.kd,
+        )  # fmt: skip
+        monkeypatch.setattr("footfall.robots.description.load_robot", lambda _: robot)
+        outcome = shell("robot", "check", "mine")
+        assert [each[0] for each in asked[1:]] == ["inspect", "stand"]
+        assert (outcome.status, "no lying pose (lying_rad in robot.yaml)" in outcome.out) == (0, True)
 
     def test_who_cannot_lie_down_and_stand_up_again_is_wrong(
         self, shell: Shell, asked: list[Any], monkeypatch: pytest.MonkeyPatch

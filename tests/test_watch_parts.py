@@ -596,6 +596,15 @@ class TestSnapshots:
         exporter.answer = Exported(None)
         assert snapshots.poll() is None
 
+    def test_what_was_asked_for_before_another_choice_is_not_handed_out(self, run: Path) -> None:
+        snapshots, exporter = self.found(run)
+        self.write(run / "checkpoints" / "00000090.ckpt", 100)
+        done = self.write(run / FINISHED, 50)
+        assert snapshots.poll() is None
+        snapshots.chosen = FINISHED
+        exporter.answer = Exported(run.parent / "out" / "00000090.onnx")
+        assert snapshots.poll() == Snapshot(done, 90)
+
     def test_a_checkpoint_that_was_written_again_is_exported_again(self, run: Path) -> None:
         """A resumed run computes iterations anew."""
         snapshots, exporter = self.found(run)
@@ -783,14 +792,16 @@ class TestWalk:
         assert (status.folder, status.total_steps, status.steps_per_iteration) == (str(tmp_path), 160, 16)
 
     def test_it_looks_at_most_once_a_second_and_tells_what_it_saw(
-        self, made: SimpleNamespace, tmp_path: Path
+        self, made: SimpleNamespace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         (tmp_path / "metrics.jsonl").write_text('{"step": 160}\n')
+        monkeypatch.setattr(made.walk._metrics, "age_s", lambda: 42.0)
         made.walk._look()
         assert ("policies", ["a name"]) in made.log
         assert made.snapshots.chosen == "chosen"
         assert [each[0] for each in made.log if each[0] == "draw"] == ["draw"]
         assert (made.status.trained_steps, made.status.finished) == (160, False)
+        assert made.status.metrics_age_s == 42.0
         assert (made.status.problem, made.status.exporting) == ("a problem", 8)
         assert made.log[-1] == ("say", as_markdown(made.status))
         made.log.clear()
@@ -995,7 +1006,10 @@ def test_a_page_is_made_of_the_runs_own_robot_and_ends_with_its_exporter(
         yield "server"
         log.append(("served",))
 
-    scene = SimpleNamespace(show=lambda *given, follow: log.append(("show", given[1].tolist(), follow)))
+    def show(data: Any, command: np.ndarray, velocity: np.ndarray, follow: bool) -> None:
+        log.append(("show", data, command.tolist(), velocity.tolist(), follow))
+
+    scene = SimpleNamespace(show=show)
     snapshots = SimpleNamespace(close=lambda: log.append(("closed",)))
     monkeypatch.setattr(walk, "open_run", lambda _: run)
     monkeypatch.setattr(walk, "serving", serving)
@@ -1006,16 +1020,21 @@ def test_a_page_is_made_of_the_runs_own_robot_and_ends_with_its_exporter(
         walk, "Scene", lambda server, robot, _: log.append(("scene", server, robot.name)) or scene
     )
     monkeypatch.setattr(walk, "Panel", lambda server: f"panel of {server}")
+    monkeypatch.setattr(walk, "standing", lambda robot: SimpleNamespace(data=f"{robot.name} standing"))
     monkeypatch.setattr(
         walk,
         "Walk",
-        lambda *given: log.append(("walk", given[3:])) or SimpleNamespace(go_on=lambda: log.append(("on",))),
+        lambda *given: (
+            log.append(("walk", given[0], given[1].name, *given[2:]))
+            or SimpleNamespace(go_on=lambda: log.append(("on",)))
+        ),
     )
     walk.watch(tmp_path, "there", 123, "stop")  # type: ignore[arg-type]
     assert log == [
         ("serving", "there", 123, "footfall: mine"), ("snapshots", tmp_path / "mine", True), ("scene",
         "server", "go1"),
-        ("show", [0.0, 0.0, 0.0], False), ("walk", ("panel of server", snapshots, "stop")), ("on",),
+        ("show", "go1 standing", [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], False),
+        ("walk", run, "go1", scene, "panel of server", snapshots, "stop"), ("on",),
         ("closed",), ("served",),
     ]  # fmt: skip
     assert capsys.readouterr().out == f"showing {tmp_path / 'mine'} at http://there:123 until Ctrl-C\n"

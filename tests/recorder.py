@@ -1,0 +1,31 @@
+"""Stands in for the functions that a verb calls, and keeps what they were handed."""
+
+from typing import Any
+
+import pytest
+
+
+class Recorder:
+    """Stands in for functions; each call and its arguments are kept in order."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self._patch = monkeypatch
+        self.calls: list[tuple[str, tuple, dict]] = []
+
+    def replace(self, place: str, answer: Any = None) -> None:
+        name = place.rpartition(".")[2]
+
+        def call(*arguments: Any, **named: Any) -> Any:
+            self.calls.append((name, arguments, named))
+            return answer(*arguments, **named) if callable(answer) else answer
+
+        self._patch.setattr(place, call)
+
+    @property
+    def names(self) -> list[str]:
+        return [name for name, _, _ in self.calls]
+
+    def of(self, name: str) -> tuple[tuple, dict]:
+        """Arguments of the one call of this name."""
+        ((arguments, named),) = [(a, k) for called, a, k in self.calls if called == name]
+        return arguments, named

@@ -1,0 +1,252 @@
+"""What each verb of `footfall can` does with the motors, in which order, and what it tells of it.
+
+The motors and their buses are stood in for; nothing moves and no time passes.
+"""
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from shell import Shell
+
+from footfall.deploy import scan
+from footfall.deploy.bench import MotorState
+from footfall.deploy.drivers.choice import open_driver
+from footfall.deploy.wiring import Wiring, wire
+from footfall.robots.description import Robot, load_robot
+
+HIP = MotorState("hip", "can0", 1, "AK10-9", 0.004, 0.5, 1.0, -0.25, 41.0, 48.04, "")
+TABLE = (
+    "joint  bus   id  motor   rad     rad/s  N m    deg C  V     age, ms",
+    "hip    can0  1   AK10-9  +0.500  +1.00  -0.25  41     48.0  4",
+)
+
+
+class Motors:
+    """Does nothing, notes what it shall do, and answers as it is told to."""
+
+    def __init__(self) -> None:
+        self.log: list[Any] = []
+        self.answers: dict[str, str] = {}
+        self.states_in_turn = [[HIP]]
+        self.interrupts = False
+
+    def __getattr__(self, name: str) -> Any:
+        return lambda: self.log.append(name) or self.answers.get(name, "")
+
+    def watch(self, seconds: float, show: Any) -> None:
+        self.log.append(("watch", seconds))
+        show()
+        if self.interrupts:
+            raise KeyboardInterrupt
+
+    def idle(self, seconds: float, show: Any) -> None:
+        self.log.append(("idle", seconds))
+        show()
+
+    def states(self) -> list[MotorState]:
+        return self.states_in_turn.pop(0) if len(self.states_in_turn) > 1 else self.states_in_turn[0]
+
+
+@pytest.fixture
+def shell(capsys: pytest.CaptureFixture[str]) -> Shell:
+    return Shell(capsys)
+
+
+@pytest.fixture
+def motors() -> Motors:
+    return Motors()
+
+
+@pytest.fixture
+def place(motors: Motors, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """Where the motors were looked for: what was opened, served and closed, in order."""
+    log: list[Any] = []
+
+    @contextmanager
+    def serving(robot: Robot, interface: str) -> Iterator[None]:
+        log.append(("served", robot.name, interface))
+        yield
+        log.append("served no more")
+
+    def opened(kind: str, names: tuple[str, ...], filters: tuple) -> Any:
+        log.append(("opened", kind, names, filters))
+        return SimpleNamespace(close=lambda: log.append("closed"))
+
+    @contextmanager
+    def switched_off_afterwards(bench: Motors) -> Iterator[None]:
+        assert bench is motors
+        try:
+            yield
+        finally:
+            log.append("off")
+
+    def bench(wiring: Wiring, _: Any) -> Motors:
+        log.append(("bench", wiring.joint_names))
+        return motors
+
+    monkeypatch.setattr("footfall.plant.serve.serving", serving)
+    monkeypatch.setattr("footfall.deploy.interfaces.open_interfaces", opened)
+    monkeypatch.setattr("footfall.deploy.bench.switched_off_afterwards", switched_off_afterwards)
+    monkeypatch.setattr("footfall.deploy.bench.Bench", bench)
+    return log
+
+
+class TestPlace:
+    BUSES = ("can0", "can1", "can2", "can3")
+
+    @pytest.mark.parametrize(
+        "verb", [["monitor"], ["enable", "--yes"], ["zero", "--yes"], ["clear", "--yes"]]
+    )
+    def test_by_default_all_motors_of_go1_on_socketcan(
+        self, shell: Shell, place: list[Any], go1: Robot, verb: list[str]
+    ) -> None:
+        assert shell("can", *verb).status == 0
+        filters = open_driver(wire(go1)).filters
+        assert place == [
+            ("opened", "socketcan", self.BUSES, filters), ("bench", go1.joint_names), "off", "closed",
+        ]  # fmt: skip
+
+    @pytest.mark.parametrize(
+        "verb", [["monitor"], ["enable", "--yes"], ["zero", "--yes"], ["clear", "--yes"]]
+    )
+    def test_or_some_of_another_robot_in_the_order_of_their_names(
+        self, shell: Shell, place: list[Any], monkeypatch: pytest.MonkeyPatch, verb: list[str]
+    ) -> None:
+        monkeypatch.setattr(
+            "footfall.deploy.drivers.choice.open_driver",
+            lambda wiring: SimpleNamespace(filters=f"of {wiring.joint_names}"),
+        )
+        robot = load_robot("hexapod")
+        joints = (robot.joint_names[7], robot.joint_names[2])
+        options = ("--robot", "hexapod", "--bus", "virtual", "--joint", ",".join(joints))
+        assert shell("can", *verb, *options).status == 0
+        wiring = wire(robot)
+        assert place == [
+            ("served", "hexapod", "virtual"), ("opened", "virtual", wiring.buses, f"of {joints}"),
+            ("bench", joints), "off", "closed", "served no more",
+        ]  # fmt: skip
+
+    def test_motors_are_off_and_buses_closed_whatever_ends_it(
+        self, shell: Shell, motors: Motors, place: list[Any]
+    ) -> None:
+        motors.interrupts = True
+        assert shell("can", "clear", "--yes").status == 130
+        assert place[-2:] == ["off", "closed"]
+
+    def test_a_scan_listens_to_everything_on_all_buses(
+        self, shell: Shell, place: list[Any], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        scanned: list[int] = []
+        monkeypatch.setattr(scan, "scan", lambda _, buses: scanned.append(buses) or set())
+        outcome = shell("can", "scan")
+        assert (outcome.status, scanned) == (1, [4])
+        assert place == [("opened", "socketcan", self.BUSES, scan.EVERYTHING), "closed"]
+        header, first, *_, last = outcome.out.splitlines()
+        assert header.split() == ["bus", "id", "maker", "joint"]
+        assert first.split() == ["can0", "1", "MIT", "mode", "FR_hip_joint", "missing"]
+        assert last.split() == ["can3", "3", "MIT", "mode", "RL_calf_joint", "missing"]
+
+
+@pytest.mark.usefixtures("place")
+class TestActs:
+    """Acts in order; where one reports a problem, what is not done any more, and what is told."""
+
+    @pytest.mark.parametrize(
+        ("verb", "problem", "acts", "table"),
+        [
+            ("monitor", "", ["ask", ("watch", math.inf), "missing"], True),
+            ("monitor --duration 1.5", "", ["ask", ("watch", 1.5), "missing"], True),
+            ("monitor", "ask", ["ask", ("watch", math.inf)], True),
+            ("monitor", "missing", ["ask", ("watch", math.inf), "missing"], True),
+            ("enable --yes", "", ["ask", "enable", ("idle", 3.0), "missing"], True),
+            ("enable --yes --duration 1.5", "", ["ask", "enable", ("idle", 1.5), "missing"], True),
+            ("enable --yes", "ask", ["ask"], False),
+            ("enable --yes", "enable", ["ask", "enable"], False),
+            ("enable --yes", "missing", ["ask", "enable", ("idle", 3.0), "missing"], True),
+            ("zero --yes", "", ["ask", "settle", "zero", "missing"], True),
+            ("zero --yes", "ask", ["ask"], True),
+            ("zero --yes", "settle", ["ask", "settle"], True),
+            ("zero --yes", "zero", ["ask", "settle", "zero"], True),
+            ("zero --yes", "missing", ["ask", "settle", "zero", "missing"], True),
+            ("clear --yes", "", [("watch", 0.5), "clear", "missing"], True),
+            ("clear --yes", "clear", [("watch", 0.5), "clear"], True),
+            ("clear --yes", "missing", [("watch", 0.5), "clear", "missing"], True),
+        ],
+    )
+    def test_in_order_until_a_problem(
+        self, shell: Shell, motors: Motors, verb: str, problem: str, acts: list[Any], table: bool
+    ) -> None:
+        motors.answers = {problem: f"{problem} failed"} if problem else {}
+        outcome = shell("can", *verb.split())
+        assert motors.log == acts
+        told = [f"{problem} failed"] if problem else []
+        assert outcome.out.splitlines() == [*(TABLE if table else ()), *told]
+        assert (outcome.status, outcome.err) == (1 if problem else 0, "")
+
+    def test_ctrl_c_ends_a_look_as_its_duration_does(self, shell: Shell, motors: Motors) -> None:
+        motors.interrupts = True
+        outcome = shell("can", "monitor")
+        assert (outcome.status, outcome.out.splitlines()) == (0, list(TABLE))
+        assert motors.log[-1] == "missing"
+
+    @pytest.mark.parametrize("verb", ["monitor", "enable --yes", "zero --yes", "clear --yes"])
+    def test_errors_of_motors_come_after_the_problem_and_are_status_1(
+        self, shell: Shell, motors: Motors, verb: str
+    ) -> None:
+        motors.states_in_turn = [
+            [HIP._replace(error="over-current"), HIP, HIP._replace(joint="knee", error="heat")]
+        ]
+        for problem in ([], ["nobody answers"]):
+            motors.answers["missing"] = "".join(problem)
+            outcome = shell("can", *verb.split())
+            lines = outcome.out.splitlines()[4:]
+            assert (outcome.status, lines) == (
+                1, [*problem, "hip reports over-current", "knee reports heat"],
+            )  # fmt: skip
+
+    def test_of_errors_those_that_are_gone_are_told(self, shell: Shell, motors: Motors) -> None:
+        knee, ankle = HIP._replace(joint="knee"), HIP._replace(joint="ankle")
+        stuck = ankle._replace(error="heat")
+        motors.states_in_turn = [[HIP._replace(error="over-current"), knee, stuck], [HIP, knee, stuck]]
+        outcome = shell("can", "clear", "--yes")
+        lines = outcome.out.splitlines()
+        assert lines[0] == "hip reported over-current: cleared"
+        assert lines[1].split()[0] == "joint"
+        assert (outcome.status, lines[5:]) == (1, ["ankle reports heat"])
+
+    def test_what_is_not_known_of_a_motor_is_a_dash(self, shell: Shell, motors: Motors) -> None:
+        nan = math.nan
+        motors.states_in_turn = [
+            [MotorState("hip", "can0", 1, "AK10-9", math.inf, nan, nan, nan, nan, nan, "")]
+        ]
+        assert shell("can", "monitor").out.splitlines()[1].split()[4:] == ["-"] * 6
+
+
+@pytest.mark.parametrize(
+    ("verb", "question"),
+    [
+        ("enable", "switch the motors on, without torque? The robot must hang or lie: its joints are limp"),
+        ("zero", "take the present position of every joint for zero? What was zero before is lost"),
+        ("zero --joint FR_hip_joint,FL_hip_joint",
+         "take the present position of FR_hip_joint, FL_hip_joint for zero? What was zero before is lost"),
+        ("clear",
+         "clear the errors of every joint? A motor that was kept off by them can be switched on then"),
+        ("clear --joint FR_hip_joint",
+         "clear the errors of FR_hip_joint? A motor that was kept off by them can be switched on then"),
+    ],
+)  # fmt: skip
+def test_what_is_asked_before_anything_is_opened(
+    shell: Shell, place: list[Any], monkeypatch: pytest.MonkeyPatch, verb: str, question: str
+) -> None:
+    asked: list[str] = []
+    answers = iter(["n", "y"])
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+    monkeypatch.setattr("builtins.input", lambda text: asked.append(text) or next(answers))
+    assert shell.refuses("can", *verb.split()) == "not confirmed"
+    assert place == []
+    assert shell("can", *verb.split()).status == 0
+    assert asked == [f"{question} [y/N] "] * 2

@@ -1,0 +1,127 @@
+"""What `footfall bring-up` hands to its steps and opens for them; no step is run."""
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from shell import Shell
+
+from footfall.deploy.bring_up.steps import STEPS, Setting, Step, Verdict
+from footfall.deploy.drivers import imu
+from footfall.deploy.drivers.choice import open_driver
+from footfall.deploy.wiring import wire
+from footfall.plant.robot import PlantConfig
+from footfall.robots.description import load_robot
+from footfall.verbs import bring_up
+
+OUTCOME: Any = SimpleNamespace(final_state="IDLE", run_s=2.5, notes=("a note",))
+
+
+@pytest.fixture
+def shell(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Shell:
+    monkeypatch.chdir(tmp_path)
+    return Shell(capsys)
+
+
+@pytest.fixture
+def runs(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Step, Setting, str]]:
+    """Each step that was run, its setting and its bus; all pass."""
+    given: list[tuple[Step, Setting, str]] = []
+
+    def run_step(step: Step, setting: Setting, bus: str) -> Verdict:
+        given.append((step, setting, bus))
+        return Verdict(step.name, (), OUTCOME)
+
+    monkeypatch.setattr(bring_up, "_run_step", run_step)
+    return given
+
+
+def test_by_default_all_steps_of_go1_in_simulation(shell: Shell, runs: list[Any], tmp_path: Path) -> None:
+    done = shell("bring-up", "stand", "--json", "a.json")
+    assert (done.status, done.err) == (0, "")
+    assert done.out.splitlines() == [f"{step.name}: {step.about}: passed" for step in STEPS]
+    assert [(step, bus) for step, _, bus in runs] == [(step, "sim") for step in STEPS]
+    setting = runs[0][1]
+    assert (setting.robot.name, setting.policy.name, setting.realtime) == ("go1", "stand", False)
+    written = json.loads((tmp_path / "a.json").read_text())
+    assert (written["robot"], written["bus"], written["scale"]) == ("go1", "sim", 0.5)
+    assert [step["step"] for step in written["steps"]] == [step.name for step in STEPS]
+
+
+def test_another_robot_policy_bus_and_loop(shell: Shell, runs: list[Any], tmp_path: Path) -> None:
+    (tmp_path / "loop.yaml").write_text("stand_s: 2.5")
+    options = ("--robot", "hexapod", "--bus", "slcan", "--yes", "--config", "loop.yaml", "--json", "a.json")
+    assert shell("bring-up", "tripod", "--steps", "walk", "--scale", "1", *options).status == 0
+    ((step, setting, bus),) = runs
+    assert (step.name, bus, setting.realtime) == ("walk", "slcan", True)
+    assert (setting.robot.name, setting.policy.name) == ("hexapod", "tripod")
+    assert (setting.deploy.stand_s, setting.deploy.scale) == (2.5, 1.0)
+    written = json.loads((tmp_path / "a.json").read_text())
+    assert (written["robot"], written["bus"], written["scale"]) == ("hexapod", "slcan", 1.0)
+
+
+def test_each_step_is_asked_for_by_what_it_is_about(
+    shell: Shell, runs: list[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[str] = []
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+    monkeypatch.setattr("builtins.input", lambda question: asked.append(question) or "y")
+    assert shell("bring-up", "stand", "--bus", "slcan").status == 0
+    assert [question.partition(". ")[0] for question in asked] == [
+        f"{step.name}: {step.about}" for step in STEPS
+    ]
+    assert len(runs) == len(STEPS)
+
+
+@pytest.mark.parametrize(
+    ("scale", "refused"), [("0.01", False), ("1", False), ("0.009", True), ("1.01", True)]
+)
+def test_the_share_that_reaches_the_motors(shell: Shell, runs: list[Any], scale: str, refused: bool) -> None:
+    outcome = shell("bring-up", "stand", "--steps", "hold", "--scale", scale)
+    assert outcome.status == (2 if refused else 0)
+    assert ("--scale" in outcome.err) is refused
+
+
+def test_figures_that_cannot_be_written_are_known_before_the_first_step(
+    shell: Shell, runs: list[Any]
+) -> None:
+    assert "there is no folder" in shell.refuses("bring-up", "stand", "--json", "absent/a.json")
+    assert runs == []
+
+
+def test_an_interface_lets_through_what_motors_and_imu_say(
+    shell: Shell, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[Any] = []
+    bus = SimpleNamespace(close=lambda: opened.append("closed"))
+    monkeypatch.setattr(
+        "footfall.deploy.interfaces.open_interfaces", lambda *given: opened.append(given) or bus
+    )
+    steps: list[Any] = []
+    monkeypatch.setattr(
+        "footfall.deploy.bring_up.steps.run_step",
+        lambda step, setting, on: steps.append((step.name, on)) or Verdict(step.name, (), OUTCOME),
+    )
+    assert shell("bring-up", "stand", "--bus", "slcan", "--steps", "hold", "--yes").status == 0
+    wiring = wire(load_robot("go1"))
+    filters = (*open_driver(wiring).filters, *imu.FILTERS)
+    assert opened == [("slcan", wiring.buses, filters), "closed"]
+    assert steps == [("hold", bus)]
+
+
+def test_a_robot_that_cannot_lie_begins_on_its_feet(
+    shell: Shell, monkeypatch: pytest.MonkeyPatch, go1: Any
+) -> None:
+    made: list[PlantConfig] = []
+    monkeypatch.setattr("footfall.plant.robot.SimulatedRobot", lambda *given: made.append(given[3]))
+    monkeypatch.setattr("footfall.plant.bus.SimulatedBus", lambda wires, robot: None)
+    setting: Any = SimpleNamespace(
+        robot=SimpleNamespace(lying_pose=None), deploy=SimpleNamespace(motor_timeout_s=0.2)
+    )
+    monkeypatch.setattr("footfall.deploy.wiring.wire", lambda _: wire(go1))
+    for step in STEPS:
+        with bring_up._opened(setting, step, "sim"):
+            pass
+    assert [(config.lying, config.hanging) for config in made] == [(False, step.hangs) for step in STEPS]

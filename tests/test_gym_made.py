@@ -1,0 +1,68 @@
+"""Which environments gymnasium is told of, and what each is made of; none is made here."""
+
+from typing import Any
+
+import gymnasium
+import pytest
+
+import footfall.gym
+from footfall.robots.description import Robot, available_robots
+from footfall.train.config import load_preset
+
+
+@pytest.fixture
+def made(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """What environments were asked for: kind, robot, settings and the rest."""
+    asked: list[Any] = []
+    for kind in ("GymnasiumEnv", "GymnasiumVectorEnv"):
+        monkeypatch.setattr(
+            f"footfall.envs.gymnasium_env.{kind}", lambda *given, kind=kind: asked.append((kind, *given))
+        )
+    return asked
+
+
+def test_there_is_one_for_each_robot_that_ships() -> None:
+    ids = {"g1": "G1", "go1": "Go1", "hexapod": "Hexapod"}
+    assert set(ids) == set(available_robots())
+    ours = {name: spec for name, spec in gymnasium.registry.items() if name.startswith("footfall/")}
+    assert {name: spec.kwargs for name, spec in ours.items()} == {
+        f"footfall/{title}Velocity-v0": {"robot": robot} for robot, title in ids.items()
+    }
+    for spec in ours.values():
+        assert spec.entry_point == "footfall.gym:make_single"
+        assert spec.vector_entry_point == "footfall.gym:make_vector"
+
+
+def test_by_default_it_is_the_cpu_presets_on_the_c_simulator(made: list[Any], go1: Robot) -> None:
+    footfall.gym.make_single("go1")
+    footfall.gym.make_vector("go1")
+    (_, robot, config, mode), (_, many_robot, many_config, count, many_mode) = made
+    assert (robot.name, many_robot.name) == ("go1", "go1")
+    assert config == many_config
+    assert (config.physics, config.episode_s) == ("c", load_preset("cpu", go1).env.episode_s)
+    assert config.rewards == load_preset("cpu", go1).env.rewards
+    assert (mode, count, many_mode) == (None, 1, None)
+    assert [kind for kind, *_ in made] == ["GymnasiumEnv", "GymnasiumVectorEnv"]
+
+
+def test_what_is_asked_for_reaches_it(made: list[Any]) -> None:
+    footfall.gym.make_single("hexapod", "smoke", "mjx", "rgb_array")
+    footfall.gym.make_vector("hexapod", 7, "smoke", "mjx", "rgb_array")
+    (_, robot, config, mode), (_, many_robot, many_config, count, many_mode) = made
+    assert (robot.name, many_robot.name) == ("hexapod", "hexapod")
+    assert config == many_config
+    assert (config.physics, config.episode_s) == ("mjx", load_preset("smoke").env.episode_s)
+    assert (mode, count, many_mode) == ("rgb_array", 7, "rgb_array")
+
+
+@pytest.mark.parametrize("make", [footfall.gym.make_single, footfall.gym.make_vector])
+def test_its_settings_are_read_for_its_robot(
+    made: list[Any], monkeypatch: pytest.MonkeyPatch, make: Any, go1: Robot
+) -> None:
+    asked: list[Any] = []
+    monkeypatch.setattr(
+        footfall.gym, "load_preset", lambda *given: asked.append(given) or load_preset("smoke", go1)
+    )
+    make("hexapod", preset="mine.yaml")
+    ((preset, robot),) = asked
+    assert (preset, robot.name) == ("mine.yaml", "hexapod")
