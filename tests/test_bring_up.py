@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -14,9 +15,15 @@ from shell import Shell
 from footfall.common.config import load
 from footfall.deploy.bring_up.config import BringUpConfig, BringUpLimits
 from footfall.deploy.bring_up.criteria import Case, Window, calm, carry, cool, follow, level, modest, sway
-from footfall.deploy.bring_up.motions import SlewedIn, one_after_the_other, swaying
-from footfall.deploy.bring_up.recording import Samples
-from footfall.deploy.bring_up.steps import STEPS, Setting, Step, Verdict, run_step
+from footfall.deploy.bring_up.motions import (
+    SlewedIn,
+    StandingTrajectoryPolicy,
+    TrajectoryPolicy,
+    one_after_the_other,
+    swaying,
+)
+from footfall.deploy.bring_up.recording import Recording, Samples
+from footfall.deploy.bring_up.steps import STEPS, Plan, Setting, Step, Verdict, _Judge, run_step
 from footfall.deploy.bus import Bus
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers.choice import open_driver
@@ -103,6 +110,52 @@ class TestCriteria:
         unknown = samples(temperature_c=np.full((101, 12), np.nan))
         assert list(cool(case_of(go1, unknown))) == []
 
+    def test_speeding_up_is_no_shaking_and_a_short_stretch_tells_nothing(self, go1: Robot) -> None:
+        """20 rad/s^2 are within 0.1 rad/s of their mean over 0.1 s, in its middle."""
+        assert list(calm(case_of(go1, samples(velocity=only(4, 20.0 * TIME_S))))) == []
+        made = samples(velocity=only(4, 9.0 * (-1.0) ** np.arange(101)))
+        made.time_s, made.velocity = made.time_s[:20], made.velocity[:20]
+        assert list(calm(case_of(go1, made))) == []
+        made.time_s, made.velocity = TIME_S[:21], np.tile(made.velocity[:7], (3, 1))
+        assert list(calm(case_of(go1, made))) != []
+
+    def test_a_spike_of_torque_is_forgiven_and_each_motor_has_its_own_peak(self, go1: Robot) -> None:
+        """One sample of a hundred; 15 N m are 63 % of a hip's 23.7 and 42 % of a calf's 35.55."""
+        spike = np.where(np.arange(101) == 50, 20.0, 0.0)
+        assert list(modest(case_of(go1, samples(torque=only(3, spike))))) == []
+        steady = np.full(101, 15.0)
+        assert list(modest(case_of(go1, samples(torque=only(5, steady))))) == []
+        found = list(modest(case_of(go1, samples(torque=only(5, steady) + only(3, steady)))))
+        assert found == ["joint 3 needs 63% of its peak torque"]
+
+    def test_a_motor_that_was_hot_for_a_moment_is_found_among_those_that_do_not_tell(
+        self, go1: Robot
+    ) -> None:
+        told = np.full((101, 12), np.nan)
+        told[:, 8] = 59.0
+        assert list(cool(case_of(go1, samples(temperature_c=told)))) == []
+        told[30, 8] = 61.0
+        assert list(cool(case_of(go1, samples(temperature_c=told)))) == ["joint 8 is at 61 degrees Celsius"]
+
+    def test_feet_that_push_each_other_carry_no_more(self, go1: Robot) -> None:
+        legs, pose = go1.legs, go1.default_pose
+        force = np.array([[60.0, 0.0, 0.0], [-60.0, 0.0, 0.0], [0.0, 60.0, 0.0], [0.0, -60.0, 0.0]])
+        force[:, 2] = 12.743 * 9.81 / 4
+        torque = legs.scatter(legs.torque(legs.pose(pose).jacobian, force), np.zeros(12))
+        made = samples(position=np.tile(pose, (101, 1)), torque=np.tile(torque, (101, 1)))
+        assert list(carry(case_of(go1, made))) == []
+
+    @pytest.mark.parametrize(("share", "passes"), [(0.28, False), (0.32, True)])
+    def test_legs_have_to_tilt_the_base_by_three_tenths_of_what_is_asked(
+        self, go1: Robot, share: float, passes: bool
+    ) -> None:
+        way = np.array([swaying(go1, 0.08, 1.0)(min(t, 0.999)) for t in TIME_S])
+        tilt, zero = share * 0.08 * np.sin(np.pi * TIME_S) ** 2, np.zeros(101)
+        up = np.stack([zero, np.sin(tilt), np.cos(tilt)], axis=1)
+        pose = go1.default_pose
+        made = samples(target=pose + way, position=pose + share * way, up=up)
+        assert (list(sway(case_of(go1, made, sways="roll"))) == []) is passes
+
     @pytest.mark.parametrize(
         ("up", "says"),
         [
@@ -167,6 +220,51 @@ class TestMotions:
         for time_s in (0.0, 1.0, 2.0, 9.0):
             np.testing.assert_allclose(way(time_s), 0.0, atol=1e-12)
 
+    def test_each_joint_moves_towards_the_middle_of_its_range(self, go1: Robot) -> None:
+        """Half of the way after a quarter of the time, all of it after half."""
+        lower, upper = go1.soft_limits
+        way = one_after_the_other(go1, [np.arange(12)], 0.1, 2.0)
+        middle = np.where(go1.default_pose < 0.5 * (lower + upper), 1.0, -1.0)
+        assert {-1.0, 1.0} == set(middle)
+        np.testing.assert_allclose(way(0.5), 0.05 * middle)
+        np.testing.assert_allclose(way(1.0), 0.1 * middle)
+        np.testing.assert_allclose(way(1.5), 0.05 * middle)
+
+    @pytest.mark.parametrize("stands", [False, True])
+    def test_a_trajectory_is_followed_about_the_pose_found_or_the_default_one(
+        self, go1: Robot, stands: bool
+    ) -> None:
+        kp, kd, found = np.full(12, 10.0), np.full(12, 1.0), go1.default_pose + 0.2
+        way = lambda time_s: np.full(12, 3.0 * time_s)  # noqa: E731
+        policy = StandingTrajectoryPolicy(go1, way, kp, kd) if stands else TrajectoryPolicy(way, kp, kd)
+        for pose in (found, found + 0.5):  # the first one is kept
+            sensed = Sensed(np.zeros(3), np.zeros(3), np.array([1.0, 0, 0, 0]), pose, *np.zeros((2, 12)))
+            observation = Observation(0.1, sensed, np.zeros(3), np.zeros(3), 0.3)
+            if pose is found:
+                policy.reset(observation)
+            decided = policy.act(observation)
+            np.testing.assert_allclose(decided.position, (go1.default_pose if stands else found) + 0.3)
+        assert not np.any([decided.velocity, decided.torque])
+        assert (decided.kp is kp, decided.kd is kd) == (True, True)
+        assert policy.stance() is None
+
+    def test_a_policy_that_is_slewed_in_is_asked_for_all_that_it_is(self, go1: Robot) -> None:
+        """In no time it decides alone."""
+        hold = Hold(go1)
+        hold.rate_hz, hold.needs_estimate, hold.notes = 31.0, True, ["slow"]
+        hold.stance = lambda: np.ones(4)  # type: ignore[assignment, method-assign]
+        policy = SlewedIn(hold, go1, 0.0, np.full(12, 10.0), np.full(12, 1.0))
+        assert (policy.name, policy.rate_hz, policy.needs_estimate) == ("hold", 31.0, True)
+        assert (policy.notes, policy.contract) == (["slow"], None)
+        stance = policy.stance()
+        assert stance is not None
+        assert stance.all()
+        sensed = Sensed(np.zeros(3), np.zeros(3), np.array([1.0, 0, 0, 0]), *np.zeros((3, 12)))
+        observation = Observation(0.0, sensed, np.zeros(3), np.zeros(3), 0.3)
+        policy.reset(observation)
+        assert hold.resets == 1
+        np.testing.assert_allclose(policy.act(observation).kp, 4 * go1.kp)
+
     def test_a_policy_is_slewed_in_over_standing(self, go1: Robot) -> None:
         hold, gains = Hold(go1), (np.full(12, 10.0), np.full(12, 1.0))
         policy = SlewedIn(hold, go1, 2.0, *gains)
@@ -175,6 +273,101 @@ class TestMotions:
         np.testing.assert_allclose(kp[0], 10.0)
         np.testing.assert_allclose(kp[1], (10.0 + 4 * go1.kp) / 2)
         np.testing.assert_allclose(kp[2], 4 * go1.kp)
+
+
+class Heard:
+    """As much of a loop as is recorded and judged."""
+
+    def __init__(self) -> None:
+        self.walking, self.walking_s, self.ended = True, 0.0, []  # type: ignore[var-annotated]
+        self.target, self.temperature_c = np.zeros(12), np.full(12, 30.0)
+        self.sensed = Sensed(np.zeros(3), np.zeros(3), np.array([1.0, 0, 0, 0]), *np.zeros((3, 12)))
+
+    def finish(self, at_once: bool = False) -> None:
+        self.ended.append(at_once)
+
+
+class TestRecording:
+    def test_each_sample_is_what_the_loop_said_then(self) -> None:
+        """Turned by 0.2 rad to its right; 0 to 0.3 s, of which 0.1 and 0.2 are looked at."""
+        loop, recording = Heard(), Recording()
+        for tick in range(4):
+            loop.walking_s, loop.target, loop.temperature_c = 0.1 * tick, np.full(12, 1.0), np.full(12, 5.0)
+            loop.sensed = loop.sensed._replace(
+                joint_position=np.full(12, 2.0 + tick),
+                joint_velocity=np.full(12, 3.0),
+                joint_torque=np.full(12, 4.0),
+                quaternion=np.array([np.cos(0.1), np.sin(0.1), 0.0, 0.0]),
+            )
+            recording.add(loop)  # type: ignore[arg-type]
+        found = recording.between(0.05, 0.25)
+        np.testing.assert_allclose(found.time_s, [0.1, 0.2])
+        np.testing.assert_allclose(found.position[:, 7], [3.0, 4.0])
+        rest = [found.target, found.velocity, found.torque, found.temperature_c]
+        assert [float(values[0, 7]) for values in rest] == [1.0, 3.0, 4.0, 5.0]
+        np.testing.assert_allclose([found.roll, found.pitch], [[0.2, 0.2], [0.0, 0.0]], atol=1e-12)
+
+
+def no_plan(_: Setting) -> Plan:
+    raise AssertionError("a step that is only judged needs no plan")
+
+
+class TestJudge:
+    def judged(self, go1: Robot, step: Step, *windows: Window) -> _Judge:
+        setting = Setting(go1, Hold(go1), stand_still, CONFIG, LOOP)
+        return _Judge(setting, step, Plan(Hold(go1), list(windows)))
+
+    def test_each_window_is_judged_once_as_it_ends_by_its_own_samples(self, go1: Robot) -> None:
+        """Every other tick of 10 ms is looked at, from 10 ms on; nothing before the robot walks."""
+        seen: list[tuple[float, list[float]]] = []
+
+        def note(case: Case) -> Iterator[str]:
+            seen.append((case.window.end_s, case.samples.time_s.tolist()))
+            yield from ()
+
+        step = Step("x", False, "", no_plan, (note,))
+        judge, loop = self.judged(go1, step, Window(0.0, 0.1), Window(0.1, 0.2)), Heard()
+        loop.walking = False
+        for _ in range(10):
+            judge.tick(loop)  # type: ignore[arg-type]
+        loop.walking = True
+        for tick in range(21):
+            loop.walking_s = 0.01 * tick
+            judge.tick(loop)  # type: ignore[arg-type]
+        assert not judge.verdict(RESULT).passed
+        loop.walking_s = 0.21
+        judge.tick(loop)  # type: ignore[arg-type]
+        assert judge.verdict(RESULT).passed
+        assert [end_s for end_s, _ in seen] == [0.1, 0.2]
+        np.testing.assert_allclose([times for _, times in seen], 0.01 * np.arange(1, 21, 2).reshape(2, 5))
+        assert loop.ended == []
+
+    @pytest.mark.parametrize(
+        ("hangs", "off_rad", "lost"), [(True, 0.51, 1), (True, 0.49, 0), (False, 0.51, 0)]
+    )
+    def test_a_joint_that_is_lost_ends_a_step_in_the_frame_at_once(
+        self, go1: Robot, hangs: bool, off_rad: float, lost: int
+    ) -> None:
+        step = Step("x", hangs, "", no_plan, ())
+        for side in (-1.0, 1.0):
+            judge, loop = self.judged(go1, step, Window(0.0, 9.0)), Heard()
+            loop.target[4] = side * off_rad
+            judge.tick(loop)  # type: ignore[arg-type]
+            judge.tick(loop)  # type: ignore[arg-type]
+            assert loop.ended == [True] * lost
+            assert len(judge.findings) == lost
+            assert all(
+                each.startswith("FL_thigh_joint (can1, id 2) is 0.51 rad away") for each in judge.findings
+            )
+
+    def test_what_the_supervisor_found_comes_first_and_an_early_end_is_no_pass(self, go1: Robot) -> None:
+        step = Step("x", False, "", no_plan, ())
+        judge = self.judged(go1, step, Window(0.0, 9.0))
+        assert judge.verdict(RESULT).findings == ("it was ended before it was done",)
+        judge.findings.append("it leans")
+        fallen = replace(RESULT, faults=("it fell",))
+        verdict = judge.verdict(fallen)
+        assert (verdict.step, verdict.findings, verdict.passed) == ("x", ("it fell", "it leans"), False)
 
 
 def test_a_scale_lowers_gains_and_torque_and_leaves_damping_whole(go1: Robot) -> None:

@@ -5,8 +5,10 @@ from pathlib import Path
 import pytest
 
 from footfall.common.errors import UserError
-from footfall.policies.controllers.mpc.config import MpcConfig
+from footfall.policies.controllers.gait import GaitConfig
+from footfall.policies.controllers.mpc.config import MpcConfig, Weights
 from footfall.policies.controllers.stand import StandConfig
+from footfall.policies.controllers.walk.config import LimitsConfig, StanceConfig
 from footfall.policies.registry import (
     CONTROLLERS,
     changed_settings,
@@ -15,7 +17,7 @@ from footfall.policies.registry import (
     load_policy,
     load_settings,
 )
-from footfall.policies.spec import add_settings
+from footfall.policies.spec import add_settings, short_name
 from footfall.robots.description import Robot, available_robots, load_robot
 
 
@@ -88,6 +90,9 @@ class TestWhatIsTyped:
         assert load_policy("stand@rate_hz=250", go1).rate_hz == 250.0
         assert load_policy("stand", go1).name == "stand"
         assert load_policy(f"mpc@{mine}@kp=41", go1).name == "mpc@mine.yaml@kp=41"
+
+    def test_its_name_leaves_out_the_folders_of_files_alone(self) -> None:
+        assert short_name("mpc", ["some/folder/mine.yaml", "gait.name=a/b"]) == "mpc@mine.yaml@gait.name=a/b"
 
     def test_a_file_of_nothing_but_comments_changes_nothing(self, go1: Robot, tmp_path: Path) -> None:
         (tmp_path / "later.yaml").write_text("# later\n")
@@ -178,3 +183,97 @@ class TestWhatIsKept:
 
     def test_a_policy_that_is_no_controller_has_none(self, go1: Robot) -> None:
         assert load_settings("go1-flat", go1) is None
+
+
+def test_what_a_section_may_leave_out() -> None:
+    """No foot out of its place, no sway, all gaits dynamic, the gait's own duty, no cost of changes."""
+    assert StanceConfig() == StanceConfig(outward_m=0.0, shift_m=0.0, sway=0.0)
+    assert LimitsConfig(0.9) == LimitsConfig(0.9, margin_m=None, dynamic_swing_s=0.0)
+    assert GaitConfig("trot", 0.4).duty is None
+    assert Weights((1, 1, 1), (1, 1, 1), (1, 1, 1), (1, 1, 1), 1.0).force_change == 0.0
+
+
+COMMAND = ("command.acceleration_m_s2", "command.yaw_acceleration_rad_s2")
+WHOLE_BODY = tuple(
+    f"whole_body.{name}"
+    for name in (
+        *("weights.posture", "weights.force", "contact.friction", "joints.memory_s"),
+        *("no_solution.fade_s", "no_solution.kd", "no_solution.most_s"),
+    )
+)
+WHOLE_BODY_NOT_BELOW = tuple(
+    f"whole_body.{name}"
+    for name in (
+        *(f"weights.{task}" for task in ("contact", "centre", "momentum", "attitude", "swing")),
+        *("weights.swing_attitude", "contact.damping_s", "joints.kp", "joints.kd"),
+    )
+)
+ABOVE_ZERO = {
+    "mpc": (
+        *("rate_hz", "settle_s", "gait.period_s", *COMMAND, "contact.friction", "contact.most_force_n"),
+        *("horizon.steps", "horizon.step_s", "horizon.solve_hz", "weights.force", "stance.height_m"),
+    ),
+    "mpc-wbc": WHOLE_BODY,
+    "balance": ("rate_hz", "most_lead_m", "most_force", "settle_s", *WHOLE_BODY),
+    "step": (
+        *("rate_hz", "most_force", "settle_s", *COMMAND),
+        *("gait.step_s", "gait.double_support_s", "gait.apart_m"),
+        *("gait.limits.least_swing_s", "gait.limits.speed_m_s"),
+        *("gait.weights.place", "gait.weights.time", "gait.weights.offset", "swing.lift_m"),
+        *("pressure.half_length_m", "pressure.half_width_m", "pressure.most_lead_m"),
+        *("start.capture_m", "start.near_m", "start.most_s", "start.urgent_m"),
+    ),
+}
+NOT_BELOW_ZERO = {
+    "mpc": (
+        *("command.standing_command", "weights.force_change", "stance.kd", "stance.most_position_lead_m"),
+        *("stance.most_yaw_lead_rad", "swing.height_m", "swing.depth_m", "swing.kp", "swing.kd"),
+        *("foothold.capture_gain_s", "foothold.most_step_m", "restart.start_speed_m_s", "restart.calm_s"),
+        *("restart.stop_speed_m_s", "restart.start_tilt_rad", "friction_compensation"),
+    ),
+    "mpc-wbc": ("posture.stiffness", "posture.damping", *WHOLE_BODY_NOT_BELOW),
+    "step": ("lower_m", "momentum_damping", "pressure.gain", "swing.depth_m"),
+}
+OWNERS = {"mpc": "go1", "mpc-wbc": "go1", "balance": "g1", "step": "g1"}
+
+
+class TestNumbersThatCannotWork:
+    @pytest.mark.parametrize(
+        ("controller", "key"), [(name, key) for name, keys in ABOVE_ZERO.items() for key in keys]
+    )
+    def test_what_must_be_above_zero(self, controller: str, key: str) -> None:
+        with pytest.raises(UserError, match=f"{key.rpartition('.')[2]} must be above 0"):
+            load_settings(f"{controller}@{key}=0", load_robot(OWNERS[controller]))
+
+    @pytest.mark.parametrize(
+        ("controller", "key"), [(name, key) for name, keys in NOT_BELOW_ZERO.items() for key in keys]
+    )
+    def test_what_must_not_be_below_it(self, controller: str, key: str) -> None:
+        robot = load_robot(OWNERS[controller])
+        load_settings(f"{controller}@{key}=0", robot)
+        with pytest.raises(UserError, match=f"{key.rpartition('.')[2]} must be 0 or above"):
+            load_settings(f"{controller}@{key}=-0.1", robot)
+
+    @pytest.mark.parametrize("task", ["attitude", "position", "angular_rate", "velocity"])
+    def test_no_weight_of_three_is_below_zero(self, go1: Robot, task: str) -> None:
+        with pytest.raises(UserError, match=f"{task} must be 0 or above"):
+            load_settings(f"mpc@weights.{task}=[1, 0, -1]", go1)
+
+    @pytest.mark.parametrize("key", ["ahead_m", "gait.limits.apart_m", "time_s"])
+    def test_limits_of_a_step_go_from_low_to_high(self, key: str) -> None:
+        with pytest.raises(UserError, match="must be a range from low to high"):
+            load_settings(f"step@{key}=[0.5, 0.4]", load_robot("g1"))
+
+    @pytest.mark.parametrize("share", [-0.1, 1.1])
+    def test_a_share_of_the_gearboxes_friction(self, share: float) -> None:
+        with pytest.raises(UserError, match="friction_compensation must be from 0 to 1"):
+            load_settings(f"step@friction_compensation={share}", load_robot("g1"))
+
+    @pytest.mark.parametrize(("double_s", "fits"), [(0.59, True), (0.6, False), (0.7, False)])
+    def test_both_feet_bear_for_less_than_a_step(self, double_s: float, fits: bool) -> None:
+        spec = f"step@step_s=0.6@double_support_s={double_s}"
+        if fits:
+            assert load_settings(spec, load_robot("g1")).gait.double_support_s == double_s
+            return
+        with pytest.raises(UserError, match="double_support_s must be below step_s"):
+            load_settings(spec, load_robot("g1"))

@@ -139,6 +139,13 @@ class TestAct:
             assert asked.centre[2] == pytest.approx(-60.0 * share * low)
             assert abs(low) > 1e-3
 
+    def test_before_any_reset_it_begins_in_its_pose(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        policy = Balance(G1, CONFIG)
+        *_, asked, _ = wanted(policy, monkeypatch, seen(0.0))
+        np.testing.assert_allclose(asked.joints, 0.0, atol=1e-9)
+        assert asked.centre[2] == pytest.approx(0.0, abs=1e-9)
+        assert policy.control._dt_s == pytest.approx(1.0 / CONFIG.rate_hz)
+
     def test_each_foot_may_press_with_its_share_of_the_weight_spread_over_its_points(
         self, policy: Balance, monkeypatch: pytest.MonkeyPatch
     ) -> None:

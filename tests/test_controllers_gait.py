@@ -141,6 +141,11 @@ class TestClock:
         assert clock.planned_stance(np.linspace(0, 1, 5)).tolist() == [[True] * 4] * 5
         assert not clock.swing().any()
 
+    def test_a_resting_clock_does_not_run(self) -> None:
+        clock = StepClock(GaitTiming(0.4, 0.6), TROT)
+        clock.advance(0.13, walk=False)
+        assert (clock.phase, clock.walking) == (0.0, False)
+
     def test_its_phase_runs_a_cycle_in_a_period_and_starts_again(self) -> None:
         clock = StepClock(GaitTiming(0.4, 0.6), TROT)
         for _ in range(7):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from footfall.policies.controllers.mpc import Mpc
+from footfall.policies.controllers.mpc import Mpc, controller
 from footfall.policies.controllers.mpc.config import MpcConfig
 from footfall.policies.controllers.mpc.controller import Base
 from footfall.policies.controllers.mpc.legs import LegControl
@@ -222,6 +222,18 @@ class TestTicks:
             np.testing.assert_array_equal(policy.stance(), 1.0)
         command = policy.act(standing(time_s=CONFIG.settle_s, command=(0.5, 0.0, 0.3)))
         assert command.kp.any()
+
+    def test_the_base_has_moved_on_by_its_velocity_for_a_tick(self) -> None:
+        policy = Mpc(ROBOT)
+        policy.reset(standing())
+        policy.act(standing(velocity=(0.5, -0.2, 0.1)))
+        assert policy._place == pytest.approx((0.5 - 0.2j) / CONFIG.rate_hz)
+
+    def test_the_time_of_a_plan_is_told_in_milliseconds(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        policy, clock = Mpc(ROBOT), iter([7.0, 7.0025])
+        monkeypatch.setattr(controller.time, "perf_counter", lambda: next(clock))
+        policy.act(standing())
+        assert list(policy.solve_ms) == pytest.approx([2.5])
 
     def test_a_new_episode_begins_with_a_new_plan(self) -> None:
         policy = Mpc(ROBOT)

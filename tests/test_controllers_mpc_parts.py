@@ -1,6 +1,7 @@
 """The parts of the MPC, against brute force."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import daqp
@@ -248,6 +249,25 @@ class TestSolver:
         problem = PROBLEMS.build(*random_situation(0))
         broken = problem._replace(gradient=np.full_like(problem.gradient, np.nan))
         assert BoundedSolver().solve(broken) is None
+
+    @pytest.mark.parametrize("daqp_iterations", [0, 100], ids=["fallback", "daqp"])
+    def test_bounds_hold_on_both_sides(self, daqp_iterations: int) -> None:
+        """x near (-1, -2, 9) and x0 from 1, x1 up to 5, x2 up to 4, x0 + x1 from 1.5, x2 - x1 up to 3."""
+        near = np.array([-1.0, -2.0, 9.0])
+        problem = SimpleNamespace(
+            hessian=np.eye(3),
+            gradient=-near,
+            rows=np.array([[1.0, 1.0, 0.0], [0.0, -1.0, 1.0]]),
+            lower=np.array([1.0, -5.0, -4.0, 1.5, -1e30]),
+            upper=np.array([1e30, 5.0, 4.0, 1e30, 3.0]),
+        )
+        found = BoundedSolver(daqp_iterations).solve(problem)  # type: ignore[arg-type]
+        np.testing.assert_allclose(found, [1.0, 1.0, 4.0], atol=1e-3)
+
+    def test_where_it_is_stopped_its_last_numbers_serve_only_if_they_may(self) -> None:
+        problem = PROBLEMS.build(*random_situation(1))
+        assert BoundedSolver(0, 1).solve(problem) is not None
+        assert BoundedSolver(0, 1, unfinished=False).solve(problem) is None
 
     def test_no_foot_on_the_ground_leaves_nothing_to_solve(self) -> None:
         state, reference, contacts, feet, before = random_situation(0)

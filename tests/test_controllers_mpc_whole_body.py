@@ -183,6 +183,11 @@ def test_a_few_ticks_without_a_solution_are_damped_and_the_run_says_so(policy: M
     assert trace.notes == (UNSOLVED,)
 
 
+def test_its_references_go_on_by_a_tick_of_the_plans_rate(policy: MpcWholeBody) -> None:
+    assert policy.rate_hz == 500.0
+    assert policy.control._dt_s == pytest.approx(0.002)
+
+
 def test_a_reset_forgets_the_episode_before(policy: MpcWholeBody) -> None:
     policy.reset(moving())
     first = [policy.act(moving()).position.tolist() for _ in range(3)]

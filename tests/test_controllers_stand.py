@@ -58,6 +58,9 @@ class TestStand:
         np.testing.assert_allclose(policy.act(seen(0.0, joint=bent)).position, bent)
         np.testing.assert_allclose(policy.act(seen(9.0, joint=bent)).position, ROBOT.default_pose, atol=1e-9)
 
+    def test_before_any_reset_it_holds_the_default_pose(self) -> None:
+        np.testing.assert_allclose(Stand(ROBOT).act(seen(0.0)).position, ROBOT.default_pose, atol=1e-9)
+
     def test_tilted_to_the_right_it_pushes_down_on_the_right(self) -> None:
         policy = Stand(ROBOT)
         policy.reset(seen())

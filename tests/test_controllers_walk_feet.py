@@ -2,15 +2,16 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 
 from footfall.policies.controllers.gait import GaitTiming
 from footfall.policies.controllers.settings import controller_settings
-from footfall.policies.controllers.walk.config import WalkConfig
+from footfall.policies.controllers.walk.config import LimitsConfig, WalkConfig
 from footfall.policies.controllers.walk.feet import (
+    Foot,
     FootCycle,
     Footing,
     blend,
@@ -19,7 +20,8 @@ from footfall.policies.controllers.walk.feet import (
     stances,
     steady_cycle,
 )
-from footfall.policies.controllers.walk.limits import Pace, SteadyWalk
+from footfall.policies.controllers.walk.limits import Pace, SteadyWalk, WalkLimits
+from footfall.policies.controllers.walk.sway import SwayPlan
 from footfall.robots.description import load_robot
 
 TIMING = GaitTiming(period_s=2.0, duty=0.6)  # stands for 1.2 s, swings for 0.8 s
@@ -100,6 +102,46 @@ class TestRolling:
         np.testing.assert_allclose((ends[1] - ends[0])[:, :2], np.tile([0.9 * 0.12, 0.2 * 0.12], (2, 1)))
 
 
+class TestFoot:
+    """One foot that rolls, under a body that goes ahead, to the right and turns left."""
+
+    ROLLING: ClassVar = [[0.9, 0.05], [-0.02, 0.8]]
+    HERE = np.array([0.25, 0.23])
+
+    @pytest.fixture
+    def foot(self) -> Foot:
+        foot = Foot([0.3, 0.2], self.ROLLING)
+        foot.x, foot.y, foot.z = *self.HERE.tolist(), 0.01
+        return foot
+
+    def passing(self, point: np.ndarray) -> np.ndarray:
+        return np.array(self.ROLLING) @ (VELOCITY[:2] + np.cross([0.0, 0.0, 0.2], [*point, 0.0])[:2])
+
+    def test_in_the_air_it_is_between_two_points_that_go_with_the_ground(self, foot: Foot) -> None:
+        """Three quarters of its way: a blend of 459 / 512, half of the lift, 0.2 s of the swing are left."""
+        foot.lift_off(0.04)
+        foot.fly(VELOCITY.tolist(), 0.5, 0.75, TIMING)
+        left = self.HERE - 0.5 * self.passing(self.HERE)
+        place = np.array([0.3, 0.2])
+        stance = place + 0.6 * self.passing(place)
+        share = 459 / 512
+        way = stance + 0.2 * self.passing(stance) - left
+        assert (foot.x, foot.y) == pytest.approx(tuple(left + share * way))
+        assert foot.z == pytest.approx((1 - share) * 0.01 + 0.5 * 0.04)
+        assert foot.progress == 0.75
+        foot.fly(VELOCITY.tolist(), 0.1, 1.0, TIMING)
+        assert (foot.x, foot.y, foot.z) == pytest.approx((*stance, 0.0))
+
+    def test_on_the_ground_it_goes_with_it(self, foot: Foot) -> None:
+        foot.stand(VELOCITY.tolist(), 0.1)
+        assert (foot.x, foot.y, foot.z) == pytest.approx((*(self.HERE - 0.1 * self.passing(self.HERE)), 0.01))
+
+    def test_it_is_carried_out_of_its_place_as_far_as_along_the_bodys_way(self, foot: Foot) -> None:
+        over = self.passing(self.HERE)
+        expected = np.array([0.05, -0.03]) @ over / np.linalg.norm(over)
+        assert foot.carried(VELOCITY.tolist()) == pytest.approx(expected)
+
+
 class TestCycle:
     @pytest.fixture
     def cycle(self) -> FootCycle:
@@ -122,6 +164,7 @@ class TestCycle:
         np.testing.assert_allclose(cycle.feet, PLACES + np.outer([1.0, 0.0], [0.0, 0.0, 0.04]), atol=1e-9)
         cycle.advance(REST, 0.41, 0.04, BOTH)
         assert cycle.swings.tolist() == [False, False]
+        assert cycle.progress.tolist() == [0.0, 0.0]
         np.testing.assert_allclose(cycle.feet, PLACES, atol=1e-12)
 
     def test_a_swing_keeps_the_height_that_it_began_with(self, cycle: FootCycle) -> None:
@@ -161,6 +204,34 @@ class TestCycle:
         first.x, second.x = first.place_x - 0.1, second.place_x + 0.1
         cycle.begin_anew(TIMING, OFFSETS, [0.2, 0.0, 0.0])
         assert ((0.6 - cycle.phases()) % 1.0)[0] < 0.05
+
+    @pytest.mark.parametrize("seed", range(20))
+    def test_how_soon_a_foot_has_to_lift_off_is_told_by_the_bodys_speed_and_the_period(
+        self, cycle: FootCycle, seed: int
+    ) -> None:
+        """By trying all 24 clocks. A turn of the body counts in what has been, not in what is to come."""
+        rng = np.random.default_rng(seed)
+        timing, offsets = GaitTiming(float(rng.uniform(0.3, 3.0)), 0.6), rng.uniform(size=2)
+        velocity = [*rng.uniform(-0.2, 0.2, 2).tolist(), float(rng.uniform(-2.0, 2.0))]
+        for foot in cycle._feet:
+            foot.x += float(rng.uniform(-0.1, 0.1))
+        worst = []
+        for clock in np.arange(24) / 24:
+            waits_s = (0.6 - clock - offsets) % 1.0 * timing.period_s
+            carried = [foot.carried(velocity) for foot in cycle._feet]
+            worst.append(max(np.array(carried) + np.hypot(*velocity[:2]) * waits_s))
+        cycle.begin_anew(timing, offsets, velocity)
+        assert cycle.clock == np.argmin(worst) / 24
+
+    def test_it_flies_while_any_foot_does(self, cycle: FootCycle) -> None:
+        assert not cycle.flies
+        lift_feet(cycle, 1)
+        assert cycle.flies
+
+    def test_a_foot_that_stands_low_goes_on_to(self, cycle: FootCycle) -> None:
+        cycle.lower(np.array([True, False]), 0.01, -0.02)
+        cycle.advance(REST, 0.1, 0.04, BOTH)
+        np.testing.assert_allclose(cycle.feet[:, 2], [-0.01, 0.0])
 
     def test_only_standing_feet_are_lowered_and_no_deeper_than_told(self, cycle: FootCycle) -> None:
         cycle.lower(np.array([True, False]), 0.004, -0.01)
@@ -220,6 +291,35 @@ class TestWalk:
         np.testing.assert_allclose(policy._within_limits(asked), asked * config.step.length_m / carried)
         slow = np.array([0.01, 0.0, -0.01])
         np.testing.assert_array_equal(policy._within_limits(slow), slow)
+
+    def test_a_turn_to_the_right_carries_feet_as_far_as_one_to_the_left(self, walk: SimpleNamespace) -> None:
+        left = walk.policy._within_limits(np.array([0.0, 0.1, 0.5])).copy()
+        right = walk.policy._within_limits(np.array([0.0, 0.1, -0.5]))
+        np.testing.assert_allclose(right, left * [1.0, 1.0, -1.0])
+
+    @pytest.mark.parametrize(("period_s", "share"), [(1.0, 0.4 / 1.3), (0.5, 1.0)])
+    def test_with_a_sway_a_command_is_approached_within_two_cycles(
+        self, walk: SimpleNamespace, period_s: float, share: float
+    ) -> None:
+        """Steps of 0.04 m in stances of 0.65 periods: 0.04 / 0.65 m/s in 2 s; at 0.1 m/s^2 that is 0.31."""
+        policy, config = walk.policy, walk.config
+        assert policy._calm(0.01) == 0.01
+        policy._config = replace(config, command=replace(config.command, acceleration_m_s2=0.1))
+        policy._step = replace(config.step, length_m=0.04)
+        policy._cycle.begin(GaitTiming(period_s, 0.65), policy._cycle.offsets)
+        policy._sway_plan = SwayPlan(np.array([0.0, 0.01j]), np.array([0.0, 0.02j]))
+        assert policy._calm(0.01) == pytest.approx(0.01 * share)
+
+    def test_while_the_body_sways_its_feet_are_on_the_other_side(self, walk: SimpleNamespace) -> None:
+        policy = walk.policy
+        policy._sway = SimpleNamespace(at=lambda clock: np.array([0.01, -0.02 + clock]))
+        policy._cycle.clock = 0.05
+        upright = np.array([1.0, 0.0, 0.0, 0.0])
+        level = SimpleNamespace(sensed=SimpleNamespace(quaternion=upright, gyro=np.zeros(3)))
+        tips = policy._tips(level, 0.004)
+        off = tips - policy._footing.places
+        np.testing.assert_allclose(off[:, :2], np.tile([-0.01, -0.03], (6, 1)), atol=1e-12)
+        np.testing.assert_allclose(off[:, 2], walk.robot.legs.foot_radius - walk.config.step.body_height_m)
 
     def test_it_goes_by_the_share_that_limits_leave_and_asks_them_again_for_other_steps(
         self, walk: SimpleNamespace
@@ -295,6 +395,60 @@ class TestWalk:
         assert cycle.swings.tolist() == [False, True, True, False, False, False]
         lowered = min(config.probe_m_s * 0.01, config.probe_m)
         np.testing.assert_allclose(cycle.feet[3:, 2], [-lowered, 0.0, 0.0])
+
+
+class TestLimits:
+    """What a steady walk of the hexapod asks of its joints, against one that is sampled finely."""
+
+    ROBOT = load_robot("hexapod")
+    TIMING = GaitTiming(1.0, 0.65)
+    SWAY = SwayPlan(np.array([0.01 + 0.02j, 0.03j]), np.zeros(2, complex))
+
+    def steady(self, velocity: tuple[float, float, float], height_m: float = 0.2) -> SteadyWalk:
+        legs = self.ROBOT.legs
+        places = legs.default_foot * [1.0, 1.0, 0.0]
+        footing = Footing(places, np.tile(np.diag([0.9, 0.8]), (6, 1, 1)))
+        offsets, below = np.arange(6) / 6, height_m - legs.foot_radius
+        return SteadyWalk(footing, self.TIMING, offsets, np.array(velocity), 0.03, self.SWAY, below)
+
+    def angles(self, walk: SteadyWalk, samples: int) -> tuple[np.ndarray, float]:
+        """Of all joints in the course of each foot's swing, and how far a tip is from its place at most."""
+        legs, progress = self.ROBOT.legs, np.linspace(0.0, 1.0, samples)
+        feet = steady_cycle(walk.footing, walk.timing, walk.velocity, walk.step_height_m, progress)
+        for k, s in enumerate(progress):
+            turn = np.exp(2j * np.pi * (0.65 + 0.35 * s - walk.offsets))[:, None]
+            feet[k, :, :2] -= (turn * walk.sway.body).real
+            feet[k, :, 2] -= walk.below_m
+        found = np.array([legs.solve(each) for each in feet])
+        tips = [legs.pose(legs.scatter(each, self.ROBOT.default_pose)).foot for each in found]
+        return found, float(np.abs(np.array(tips) - feet).max())
+
+    def limits(self, share: float) -> WalkLimits:
+        return WalkLimits(self.ROBOT, np.zeros(2), LimitsConfig(rate_share=share))
+
+    def test_it_runs_as_fast_as_the_fastest_joint_may(self) -> None:
+        walk = self.steady((0.03, -0.04, 0.1))
+        angles, _ = self.angles(walk, 301)
+        fastest = np.abs(np.diff(angles, axis=0)).max() / (0.35 / 300)
+        pace = self.limits(0.2).pace(walk)
+        assert pace.stride == 1.0
+        assert pace.tempo == pytest.approx(0.2 * 3.0 / fastest, rel=0.06)
+        assert pace.reason.startswith("the gait is slowed to a period of ")
+
+    def test_strides_beyond_the_legs_reach_are_shortened_until_they_are_not(self) -> None:
+        walk = self.steady((0.6, 0.0, 0.0))
+        pace = self.limits(1.0).pace(walk)
+        assert pace.reason.startswith("strides are shortened: feet would be out of the legs' reach")
+        assert pace.stride == 0.6
+        for share, reached in ((pace.stride, True), (pace.stride + 0.2, False)):
+            _, missed = self.angles(walk._replace(velocity=share * walk.velocity), 13)
+            assert (missed < 0.003) == reached
+
+    def test_a_body_too_high_for_its_legs_does_not_walk(self) -> None:
+        pace = self.limits(1.0).pace(self.steady((0.01, 0.0, 0.0), height_m=1.0))
+        assert pace.stride == 0.0
+        reason = "it does not walk, however short its strides are: feet would be out of the legs' reach"
+        assert pace.reason.startswith(reason)
 
 
 CONFIG = controller_settings(load_robot("hexapod"), "tripod", WalkConfig)

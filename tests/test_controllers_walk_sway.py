@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from footfall.policies.controllers.gait import GaitTiming
-from footfall.policies.controllers.walk.sway import Sway, plan_sway, sine_at
+from footfall.policies.controllers.walk.sway import Sway, SwayPlan, plan_sway, sine_at
 from footfall.robots.support import support_margin
 
 AHEAD, ASIDE = 0.2, 0.15
@@ -69,6 +69,25 @@ def test_a_walk_begins_where_the_body_turns_back() -> None:
     assert none.start(0.4) == 0.4
 
 
+@pytest.mark.parametrize("phase", [0.8, -2.0])
+def test_a_walk_begins_a_little_before_the_body_is_farthest_out(phase: float) -> None:
+    """The larger sway, cos(2 pi t + phase) at clock t, is farthest out at t = -phase / (2 pi)."""
+    body = np.array([0.01j, 0.05 * np.exp(1j * phase)])
+    start = SwayPlan(body, body).start(0.4)
+    assert start == pytest.approx((-phase / (2 * math.pi) - 0.02) % 1.0)
+    before, at, after = (float(sine_at(body, start + 0.02 + d)[1]) for d in (-0.01, 0.0, 0.01))
+    assert at == pytest.approx(0.05)
+    assert max(before, after) < at
+
+
+def test_while_no_foot_stands_the_pressure_is_wanted_in_the_middle() -> None:
+    """One foot at 0.1 m for a quarter of the cycle: its first sine is 2 * 0.1 sin(pi / 4) / pi, at 1/8."""
+    plan = plan_sway(np.array([[0.1, 0.0]]), timing(1.0, 0.25), np.zeros(1), HEIGHT_M, 1.0)
+    most = 0.2 * math.sin(math.pi / 4) / math.pi
+    np.testing.assert_allclose(sine_at(plan.pressure, 0.125), [most, 0.0], atol=1e-3)
+    np.testing.assert_allclose(sine_at(plan.pressure, 0.375), 0.0, atol=1e-3)
+
+
 class TestSway:
     GOAL = np.array([0.0, 0.05 + 0.0j])
 
@@ -80,6 +99,17 @@ class TestSway:
         assert 0.045 < way[-1] < 0.05
         assert np.abs(np.diff(way, 2)).max() < 2e-5
         assert sway.misses(self.GOAL) == pytest.approx(0.05 - way[-1])
+
+    @pytest.mark.parametrize("cycles", [1 / 16, 1.0])
+    def test_however_long_a_tick_it_goes_no_farther_than_its_goal(self, cycles: float) -> None:
+        """And is then where the plan's sine is at any time of the clock."""
+        sway, goal = Sway(), np.array([0.03 + 0.02j, -0.01 + 0.04j])
+        sway.approach(goal, cycles)
+        assert sway.misses(goal) == pytest.approx(0.0, abs=1e-12)
+        for clock in (0.0, 0.2, 0.7):
+            np.testing.assert_allclose(sway.at(clock), sine_at(goal, clock), atol=1e-12)
+        angle = 2 * math.pi * 0.2
+        assert sway.at(0.2)[1] == pytest.approx(-0.01 * math.cos(angle) - 0.04 * math.sin(angle))
 
     def test_a_new_episode_has_none(self) -> None:
         sway = Sway()

@@ -142,6 +142,23 @@ class TestBench:
         bench.watch(0.1, lambda: None)
         assert [math.isinf(state.age_s) for state in bench.states()] == [joint == 7 for joint in range(12)]
 
+    def test_each_reading_is_its_own_motors_with_its_age(self, go1: Robot) -> None:
+        """A motor falls silent for the last 0.4 s of 0.6 s; it is missing once that is more than 0.5 s."""
+        stand = OnStand(go1)
+        bench = stand.bench(stand.wiring.take(np.array([5, 7])))
+        bench.watch(0.2, lambda: None)
+        stand.body.faults.motors.silent[7] = True
+        bench.watch(0.4, lambda: None)
+        ages = [state.age_s for state in bench.states()]
+        assert ages == pytest.approx([0.0, 0.4], abs=0.025)
+        assert bench.missing() == ""
+        assert [state[:4] for state in bench.states()] == [
+            ("FL_calf_joint", "can1", 3, stand.wiring.models[5]),
+            ("RR_thigh_joint", "can2", 2, stand.wiring.models[7]),
+        ]
+        bench.watch(0.16, lambda: None)
+        assert bench.missing() == "no answer from RR_thigh_joint (can2, id 2)"
+
     def test_an_error_is_told_in_words(self, go1: Robot) -> None:
         stand = OnStand(go1)
         stand.body.faults.motors.error[3] = 4

@@ -1,5 +1,6 @@
 """Settings that cannot work are refused in one line, before anything moves."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,7 +8,11 @@ import pytest
 from deploy_policies import Hold, short_episode
 
 from footfall.common.errors import UserError
+from footfall.deploy.bring_up.config import BringUpConfig, BringUpLimits
 from footfall.deploy.config import DeployConfig, deploy_config
+from footfall.deploy.estimation.config import ContactConfig, FilterConfig, GyroConfig, OdometryConfig
+from footfall.deploy.safety import SafetyConfig
+from footfall.deploy.sensor_limits import SensorLimits
 from footfall.plant.episode import run_episode
 from footfall.robots.description import Robot
 
@@ -90,6 +95,102 @@ def test_what_cannot_work_is_refused_with_its_name(go1: Robot, text: str, tmp_pa
     assert name in str(caught.value)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+RANGES: list[tuple[type, float, float, str]] = [
+    (DeployConfig, 1.0, 10_000.0, "joint_rate_hz estimator_rate_hz"),
+    (DeployConfig, 0.001, 60.0, "stand_s motor_timeout_s"),
+    (DeployConfig, 0.0, 60.0, "stop_s"),
+    (DeployConfig, 1, 10_000, "host_queue"),
+    (DeployConfig, 0.1, 100.0, "stand_kp_scale"),
+    (DeployConfig, 0.0, 100.0, "stand_kd_scale"),
+    (DeployConfig, 0.01, 100.0, "pose_rate_rad_s stop_rate_rad_s sink_rate_rad_s"),
+    (DeployConfig, 0.0, 1.0, "sink_share"),
+    (DeployConfig, 0.01, 1.0, "scale"),
+    (DeployConfig, 1, 99, "realtime_priority"),
+    (SafetyConfig, 0.001, 60.0, "start_timeout_s silence_timeout_s late_limit_s pause_limit_s"),
+    (SafetyConfig, 1.0, 10.0, "guard_share"),
+    (SafetyConfig, 0.0, 60.0, "still_s"),
+    (SafetyConfig, 1, 1000, "late_steps"),
+    (SafetyConfig, 0.01, 100.0, "damping_kd"),
+    (SafetyConfig, 1e-9, math.pi, "first_pose_rad"),
+    (SafetyConfig, 1e-9, math.pi / 2, "tilt_limit_rad"),
+    (SafetyConfig, 0.01, 60.0, "damping_s"),
+    (SafetyConfig, 0.0, 1.0, "skipped_share"),
+    (SensorLimits, 0.001, 0.2, "period_s"),
+    (SensorLimits, 0.01, 10.0, "memory_s drift_memory_s imu_repeated_s resting_s lean_memory_s limp_s"),
+    (SensorLimits, 0.001, math.tau, "position_rad drift_rad wander_rad stuck_rad repeated_rad"),
+    (SensorLimits, 0.001, math.tau, "rotation_rad turned_rad"),
+    (SensorLimits, 0.0, 1.0, "drift_share opposing"),
+    (SensorLimits, 0.1, 1.0, "sunk torque_full"),
+    (SensorLimits, 0.01, 1.5, "slope_rad leg_turn_rad"),
+    (SensorLimits, 0.01, 1.0, "loaded_share"),
+    (SensorLimits, 0.01, 2.0, "rest_error lean_error lift_error"),
+    (SensorLimits, 0.0, 0.1, "lag_s filter_s reading_rad"),
+    (SensorLimits, 0.001, 2.0, "torque_stuck"),
+    (SensorLimits, 0.001, 1.0, "torque_hidden torque_much torque_some torque_little"),
+    (SensorLimits, 0.01, 100.0, "moving_rad_s resting_rad_s"),
+    (SensorLimits, 1.0, 10.0, "speed_share torque_share"),
+    (SensorLimits, 0.0, 100.0, "voltage_v"),
+    (BringUpConfig, 0.5, 60.0, "hold_s move_s walk_s"),
+    (BringUpConfig, 0.0, 60.0, "slew_s"),
+    (BringUpConfig, 0.01, 1.0, "move_rad sway_rad"),
+    (BringUpLimits, 0.001, 3.2, "lost_rad still_rad tilt_rad"),
+    (BringUpLimits, 0.01, 10.0, "shaking_rad_s shaking_s"),
+    (BringUpLimits, 0.001, 1.0, "torque_share least_leg_share"),
+    (BringUpLimits, 30.0, 150.0, "temperature_c"),
+]
+
+
+def refused(settings: type, name: str, value: float) -> bool:
+    """Whether a setting is refused for its own sake, whatever the others are."""
+    try:
+        settings(**{name: value})
+    except (ValueError, UserError) as error:
+        return str(error).startswith(f"{name} must be")
+    return False
+
+
+@pytest.mark.parametrize(("settings", "low", "high", "names"), RANGES)
+def test_a_setting_has_a_lowest_and_a_highest_value(
+    settings: type, low: float, high: float, names: str
+) -> None:
+    step = 1 if isinstance(low, int) else 1e-6
+    for name in names.split():
+        assert [refused(settings, name, value) for value in (low, high)] == [False, False], name
+        beyond = low - step if isinstance(low, int) else low * (1 - step) - 1e-12
+        assert refused(settings, name, beyond), name
+        assert refused(settings, name, high + step), name
+        assert refused(settings, name, math.nan), name
+
+
+@pytest.mark.parametrize(
+    ("settings", "names", "zero"),
+    [
+        (ContactConfig, "force_filter_s rise_s level_m", False),
+        (GyroConfig, "bias_filter_s bias_half_s", False),
+        (FilterConfig, "acceleration_noise leg_velocity_noise swing_noise", False),
+        (FilterConfig, "outlier_freedom push_m_s push_filter_s", False),
+        (FilterConfig, "acceleration_change acceleration_bias acceleration_bias_drift", True),
+        (OdometryConfig, "height_noise height_filter_s latency_filter_s", False),
+        (OdometryConfig, "orientation_noise yaw_drift scale_error climb_error slip", True),
+        (OdometryConfig, "creep_m_s sink_m_s latency_s", True),
+    ],
+)
+def test_no_figure_of_the_estimator_is_below_none_and_what_it_divides_by_is_above(
+    settings: type, names: str, zero: bool
+) -> None:
+    for name in names.split():
+        assert refused(settings, name, 0.0) is not zero, name
+        assert refused(settings, name, -1e-9), name
+        assert refused(settings, name, math.inf), name
+        assert not refused(settings, name, 1e-9), name
+
+
+def test_what_hides_a_torque_is_less_than_what_counts_as_much() -> None:
+    with pytest.raises(UserError, match="torque_hidden"):
+        SensorLimits(torque_hidden=0.06, torque_much=0.06)
+    SensorLimits(torque_hidden=0.059, torque_much=0.06)
 
 
 @pytest.mark.parametrize(("rate_hz", "tick_us"), [(500.0, 2000), (300.0, 3333), (600.0, 1667)])

@@ -128,6 +128,20 @@ class TestFrames:
         replies = driver.replies(usual._replace(data=data))
         assert np.arange(2)[replies.motor].tolist() == [0]
 
+    @pytest.mark.parametrize(("length", "first"), [(7, 0x13), (8, 0x14)])
+    def test_a_batch_with_a_frame_that_does_not_count_is_looked_into_each_time(
+        self, driver: DamiaoDriver, length: int, first: int
+    ) -> None:
+        """The knee's reply is too short, or says another id: also where the very arrays come again."""
+        usual = DamiaoMotorEnd(TWO).reply(slice(None), np.zeros((3, 2)), 30, np.zeros(2, np.uint64))
+        usual.data[1, 0] = first
+        frames = usual._replace(length=np.array([8, length]))
+        for _ in range(2):
+            assert np.arange(2)[driver.replies(frames).motor].tolist() == [0]
+
+    def test_the_rounding_of_gains_is_half_a_code_of_twelve_bits(self, driver: DamiaoDriver) -> None:
+        np.testing.assert_allclose(driver.gain_rounding, np.full((2, 2), [[250 / 4095], [2.5 / 4095]]))
+
     def test_the_same_id_on_another_bus_is_another_motor(self, driver: DamiaoDriver) -> None:
         replies = driver.replies(frame(0x203, "13 ff ff ff ff ff 1e 1e", channel=1))
         assert np.arange(2)[replies.motor].tolist() == [1]

@@ -138,15 +138,21 @@ class TestDeadline:
 class TestGuard:
     def test_damps_then_switches_off_then_ends_a_process_that_stays_away(self, capsys) -> None:  # type: ignore[no-untyped-def]
         acts: list[str] = []
+        codes: list[int] = []
         ended = threading.Event()
+
+        def end(status: int) -> None:
+            codes.append(status)
+            ended.set()
 
         def damp() -> None:
             acts.append("damp")
             raise OSError("a bus that fails keeps it from nothing")
 
         began = time.perf_counter()
-        guard = Guard(lambda: began, damp, lambda: acts.append("off"), 0.05, 0.06, lambda _: ended.set())
+        guard = Guard(lambda: began, damp, lambda: acts.append("off"), 0.05, 0.06, end)
         assert ended.wait(5.0)
+        assert codes == [1]
         assert set(acts[:-1]) == {"damp"}
         assert acts[-1] == "off"
         assert guard.taken_over.is_set()

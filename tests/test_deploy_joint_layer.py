@@ -77,6 +77,16 @@ class TestOut:
         layer.command(command(go1, pose, torque=-2.0))  # asks for -1.2 N m here, the one before for 2
         np.testing.assert_array_equal(layer.expected_torque(), 0.0)
 
+    @pytest.mark.parametrize("side", [-1.0, 1.0])
+    def test_what_is_asked_for_twice_alike_in_direction_is_expected_by_the_smaller(
+        self, go1: Robot, wiring: Wiring, layer: JointLayer, side: float
+    ) -> None:
+        """2.0 and 1.2 N m, beside 0.8 N m of a joint that is 0.04 rad behind: 2.0 N m either way."""
+        for torque in (2.0 * side, 1.2 * side):
+            layer.command(command(go1, go1.default_pose, torque=torque))
+        layer.absorb([replies(wiring, go1.default_pose - 0.04 * side)], 2000)
+        np.testing.assert_allclose(layer.expected_torque(), 2.0 * side, atol=0.02)
+
     def test_targets_stay_inside_the_soft_limits(self, go1: Robot, layer: JointLayer) -> None:
         _, upper = go1.soft_limits
         for _ in range(200):

@@ -143,6 +143,26 @@ class TestPostures:
         between = 0.5 * (go1.default_pose + go1.lying_pose)
         np.testing.assert_allclose(postures.command(middle_s).position, between, atol=1e-9)
 
+    def test_a_robot_that_cannot_lie_stands_on_its_legs_however_low_its_base_is(self) -> None:
+        postures = Postures(load_robot("g1"), CONFIG, lie_down=True)
+        postures.stand_up(load_robot("g1").default_pose, sunk=1.0)
+        assert postures.on_legs(0.0, deciding=False)
+
+    @pytest.mark.parametrize("ending", [Ending.STANDING, Ending.STOPPED, Ending.WALKING])
+    def test_no_posture_asks_for_more_than_the_robots_target_rate(self, go1: Robot, ending: Ending) -> None:
+        """At 0.1 rad/s on average pi / 2 times as long: a calf has 0.3 rad to standing and 0.9 to lying."""
+        slow = replace(go1, description=replace(go1.description, target_rate_rad_s=0.1))
+        postures = Postures(slow, CONFIG, lie_down=True)
+        stretched = go1.default_pose + np.tile([0.0, 0.0, 0.3], 4)
+        way_s = 0.5 * np.pi * 1.2 / 0.1
+        postures.lie_down(stretched, ending)
+        assert not postures.done(way_s + 0.29 * CONFIG.stand_s)
+        assert postures.done(way_s + 0.3 * CONFIG.stand_s)
+        postures.stand_up(go1.lying_pose, sunk=0.0)
+        way_s = 0.5 * np.pi * 0.9 / 0.1
+        assert not postures.done(way_s + 0.29 * CONFIG.stand_s)
+        assert postures.done(way_s + 0.3 * CONFIG.stand_s)
+
     def test_whether_it_may_lie_down_is_up_to_robot_and_user(self, go1: Robot) -> None:
         assert Postures(go1, CONFIG, lie_down=True).may_lie
         assert not Postures(go1, CONFIG, lie_down=False).may_lie

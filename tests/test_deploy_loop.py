@@ -1,5 +1,7 @@
 """The control loop tick by tick: who is handed what, and what counts as late."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from deploy_policies import Hold, stand_still
@@ -9,7 +11,8 @@ from footfall.deploy.clock import LockstepClock
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.loop import Command, ControlLoop
-from footfall.deploy.safety import Mode
+from footfall.deploy.postures import Ending
+from footfall.deploy.safety import Implausible, Mode, State
 from footfall.deploy.wiring import wire
 from footfall.plant.bus import SimulatedBus
 from footfall.plant.robot import SimulatedRobot
@@ -192,6 +195,63 @@ class TestEstimate:
         ]  # one at each policy step
         np.testing.assert_allclose(note.steps_s[3:], 0.02, atol=1e-9)
         assert policy.seen[-1].base_height == 0.25
+
+    def test_it_is_updated_at_its_rate_whatever_the_policys(self, go1: Robot) -> None:
+        """Every 4 ms of ticks of 2 ms; each 20 ms is a policy step, too."""
+
+        class Note:
+            def __init__(self) -> None:
+                self.steps_s: list[float] = []
+
+            def reset(self, sensed: Sensed) -> None: ...
+
+            def start(self) -> None: ...
+
+            def update(self, sensed: Sensed, stance: np.ndarray | None, dt_s: float) -> tuple:
+                self.steps_s.append(dt_s)
+                return np.zeros(3), 0.25
+
+        note = Note()
+        run_for(new_loop(go1, Hold(go1), estimator=note), 0.1)
+        assert len(note.steps_s) > 45
+        np.testing.assert_allclose(note.steps_s, 0.004, atol=1e-9)
+
+
+def test_what_is_found_of_the_body_counts_also_where_readings_are_due_to_be_added(
+    go1: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    loop, found = new_loop(go1, Hold(go1)), Implausible("the IMU is askew", Mode.ESTOP)
+    for due in (False, True):
+        monkeypatch.setattr(loop._checks.monitor, "look_at_body", lambda: True)
+        monkeypatch.setattr(loop._checks.monitor, "due", lambda _, due=due: due)
+        monkeypatch.setattr(loop._checks, "of_body", lambda: found)
+        assert loop._contradiction(0) is found
+
+
+def test_ticks_that_are_left_out_count_less_and_less(go1: Robot) -> None:
+    """Of a pause of 60 ms 58 ms, of the last second; of 2 ms none; of two seconds one counts."""
+    loop = new_loop(go1, Hold(go1))
+    assert loop._skipped(TICK_US) == 0.0
+    assert loop._skipped(60_000) == pytest.approx(0.058)
+    assert loop._skipped(TICK_US) == pytest.approx(0.058 * 0.998)
+    assert loop._skipped(0) == pytest.approx(0.058 * 0.998)
+    assert loop._skipped(2_000_000) == pytest.approx(0.999)
+
+
+def test_how_a_robot_is_found_that_shall_lie_down(go1: Robot) -> None:
+    """One that stands up has all feet on the ground, whatever is wrong."""
+    loop = new_loop(go1, Hold(go1))
+    for faults, stopped in ((), Ending.STOPPED), (("the policy failed",), Ending.WALKING):
+        loop.state = State(Mode.LOWERING, 1.0, faults)
+        assert loop._ending(Mode.STANDING) is Ending.STANDING
+        assert (loop._ending(Mode.WALKING), loop._ending(Mode.STOPPING)) == (stopped, stopped)
+
+
+@pytest.mark.parametrize(("damping_s", "ticks"), [(0.5, 252), (0.501, 253), (0.019, 12)])
+def test_damping_takes_its_time_and_two_ticks(go1: Robot, damping_s: float, ticks: int) -> None:
+    loop = new_loop(go1, Hold(go1))
+    loop._config = replace(loop._config, safety=replace(loop._config.safety, damping_s=damping_s))
+    assert loop.damping_ticks == ticks
 
 
 class TestStanding:

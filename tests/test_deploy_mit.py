@@ -244,6 +244,14 @@ class TestWhoIsMeant:
                 found.values[0], 0.1 * np.arange(12)[found.motor], atol=2e-4
             )  # whichever way it is told
 
+    def test_a_motor_is_switched_on_and_off_and_zeroed_by_frames_of_its_own(
+        self, ends: tuple[MitDriver, MitMotorEnd]
+    ) -> None:
+        driver, ids = ends[0], ends[0].command(np.zeros((5, 12))).id.tolist()
+        for frames, last in ((driver.enable(), 0xFC), (driver.disable(), 0xFD), (driver.zero(), 0xFE)):
+            assert (frames.id.tolist(), frames.length.tolist()) == (ids, [8] * 12)
+            assert frames.data.tolist() == [[0xFF] * 7 + [last]] * 12
+
     def test_motors_hear_commands_on_their_bus_alone_and_whole_ones(
         self, ends: tuple[MitDriver, MitMotorEnd]
     ) -> None:

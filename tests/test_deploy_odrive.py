@@ -274,6 +274,11 @@ class TestStart:
         driver.replies(joined([heartbeat(8), heartbeat(8, channel=1)]))
         assert driver.off() == ""
 
+    def test_one_axis_of_several_that_does_not_switch_on_is_named(self, driver: OdriveDriver) -> None:
+        driver.replies(heartbeat(1, channel=1))
+        assert driver.off() == "motor knee (can1, id 3) does not switch on"
+        assert driver.still_on().tolist() == [True, False]
+
     def test_an_axis_is_told_to_switch_on_now_and_then(self) -> None:
         """While it is on, being told so again would start it anew."""
         driver = OdriveDriver(TWO)
@@ -301,6 +306,26 @@ class TestStart:
         driver.replies(frame(0x065, bytes([0, 0x99, 1, 0]) + struct.pack("<f", waits_s), 1))
         assert driver.unready() == (f"motor knee (can1, id 3) {says}" if says else "")
         assert len(driver.ask().id) == 2  # nothing is left to be read
+
+    @pytest.mark.parametrize(("waits_s", "fits"), [(0.1 * (1 + 1e-7), True), (0.11, False), (0.19, False)])
+    def test_a_watchdog_may_be_longer_by_a_floats_rounding_alone(self, waits_s: float, fits: bool) -> None:
+        driver = OdriveDriver(replace(TWO, watchdog_endpoints=np.array([[0, 0], [0x19A, 0x199]])))
+        tell_all(driver)
+        driver.replies(frame(0x065, bytes([0, 0x9A, 1, 0, 1]), 1))
+        driver.replies(frame(0x065, bytes([0, 0x99, 1, 0]) + struct.pack("<f", waits_s), 1))
+        assert (driver.unready() == "") is fits
+
+    def test_what_was_not_asked_for_is_not_taken_for_a_watchdog(self) -> None:
+        """Endpoint 0, of an axis whose watchdog has none in robot.yaml."""
+        driver = OdriveDriver(TWO)
+        driver.replies(frame(0x065, bytes([0, 0, 0, 0, 1, 0, 0, 0])))
+        assert np.isnan(driver._watchdog).all()
+
+    def test_a_float_says_any_command_but_a_gain_below_none(self, driver: OdriveDriver) -> None:
+        low, high = np.array([-np.inf, -np.inf, 0.0, 0.0, -np.inf]), np.full(5, np.inf)
+        np.testing.assert_array_equal(driver.lowest, np.transpose([low, low]))
+        np.testing.assert_array_equal(driver.highest, np.transpose([high, high]))
+        assert not driver.gain_rounding.any()
 
     def test_a_simulated_axis_tells_its_watchdog(self) -> None:
         wiring = replace(TWO, watchdog_endpoints=np.array([[5, 6], [0x19A, 0x199]]))

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from deploy_policies import FailingPolicy, Hold, stand_still
+from scipy.spatial.transform import Rotation
 
 from footfall.common.errors import UserError
 from footfall.common.installation import install
@@ -30,6 +31,7 @@ from footfall.deploy.frames import EXTENDED, Frames, frame_bits, joined
 from footfall.deploy.interface_time import Pacing
 from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.loop import ControlLoop
+from footfall.deploy.pose import _turns, impossible_pose
 from footfall.deploy.python_can_bus import PythonCanBus
 from footfall.deploy.replay import _difference
 from footfall.deploy.safety import Mode, SafetyConfig
@@ -169,6 +171,26 @@ def until(loop: ControlLoop, mode: Mode, most: int = 2000) -> None:
 
 
 class TestLoop:
+    def test_what_motors_say_from_the_second_tick_on_answers_being_switched_off(self, go1: Robot) -> None:
+        """All answer at once: what they said before and a tick later may answer what was sent before."""
+        loop, body = loop_of(go1, Hold(go1))
+        until(loop, Mode.WALKING)
+        sent = len(body.sent)
+        loop.shut_down()
+        assert [at_us - loop.now_us for at_us, _ in body.sent[sent:]] == [2000, 4000]
+        assert body.kinds() == [Request.DISABLE] * 12
+        assert loop.silent_at_the_end == []
+
+    def test_a_motor_that_never_says_that_it_is_off_is_asked_for_a_quarter_of_a_second(
+        self, go1: Robot
+    ) -> None:
+        loop, body = loop_of(go1, Hold(go1))
+        until(loop, Mode.WALKING)
+        sent, body.silent = len(body.sent), [7]
+        loop.shut_down()
+        assert [at_us - loop.now_us for at_us, _ in body.sent[sent:]] == list(range(2000, 254_000, 2000))
+        assert loop.silent_at_the_end == ["RR_thigh_joint (can2, id 2)"]
+
     def test_a_run_from_switching_on_to_switching_off(self, go1: Robot) -> None:
         loop, body = loop_of(go1, Hold(go1), safety=SafetyConfig(damping_kd=2.5, damping_s=0.019))
         assert loop.tick()
@@ -490,6 +512,16 @@ class TestLoop:
             f"the IMU: before the start its acceleration is off its quaternion's gravity by {off}",
         )
 
+    @pytest.mark.parametrize("what", ["unready", "off"])
+    def test_no_joint_gets_stiffness_before_each_motor_is_ready_and_on(self, go1: Robot, what: str) -> None:
+        """All are heard meanwhile; in the end it is told who was not."""
+        loop, body = loop_of(go1, Hold(go1))
+        setattr(loop._driver, what, lambda: "motor knee is not there yet")
+        while loop.tick():
+            assert loop.state.mode in (Mode.IDLE, Mode.ESTOP)
+            assert Request.COMMAND not in body.kinds() or not body.sent[-1][1].values[2].any()
+        assert loop.state.faults == ("motor knee is not there yet",)
+
     def test_a_robot_that_keeps_still_stands_up_after_that_time_level_or_not(self, go1: Robot) -> None:
         """A robot on a slope of 15 degrees: the accelerometer feels the same lean that the quaternion has."""
         loop, body = loop_of(go1, Hold(go1), still_s=0.05)
@@ -666,6 +698,46 @@ class TestFirstRest:
         assert ready_us == (len(before) - 1) * TICK_US + 50_000
         assert rest.contradiction() is None
 
+    @pytest.mark.parametrize("seed", range(3))
+    def test_accelerations_are_turned_into_the_worlds_axes_and_their_mean_counts(self, seed: int) -> None:
+        """By scipy: 0.8 and 1.4 of gravity upwards, and to and fro sideways, are 10 % too much."""
+        rng = np.random.default_rng(seed)
+        rest = FirstRest(0.05, replace(SensorLimits(), rest_error=0.05), ["hip"])
+        for sideways, upwards in ((7.0, 0.8), (-7.0, 1.4)):
+            turn = Rotation.random(random_state=rng)
+            felt = turn.inv().apply([sideways, 2 * sideways, upwards * 9.81])
+            inertial = imu.Inertial(self.STILL, tuple(felt), tuple(turn.as_quat(scalar_first=True)))
+            rest.look(0, inertial, np.zeros(1))
+        found = rest.contradiction()
+        assert found is not None
+        assert (found.fault[-14:], found.leads_to) == ("gravity by 10%", Mode.ESTOP)
+
+    @pytest.mark.parametrize(
+        ("gyro", "velocity", "who"),
+        [
+            ((0.0, 0.0, -0.31), (0.0, 0.2), "the IMU's gyro reads 0.31 rad/s"),
+            ((0.31, 0.0, 0.0), (0.0, 0.0), "the IMU's gyro reads 0.31 rad/s"),
+            ((0.2, 0.0, 0.0), (0.0, -0.31), "knee reads 0.31 rad/s"),
+            ((0.0, 0.0, 0.0), (0.31, 0.0), "hip reads 0.31 rad/s"),
+            ((0.29, -0.29, 0.29), (-0.29, 0.29), ""),
+        ],
+    )
+    def test_who_is_fastest_is_named_of_base_and_joints(
+        self, gyro: Vector, velocity: tuple[float, float], who: str
+    ) -> None:
+        """0.3 rad/s is no rest: a robot that moves like this at each tick never begins."""
+        rest = FirstRest(0.05, SensorLimits(), ["hip", "knee"])
+        assert rest.awaited(0) == ""  # nothing was heard yet
+        for now_us in range(0, 200_000, TICK_US):
+            rest.look(now_us, imu.Inertial(gyro, self.GRAVITY, (1.0, 0.0, 0.0, 0.0)), np.array(velocity))
+        says = "the robot does not keep still for 0.05 s before it gets stiffness: "
+        assert rest.awaited(200_000) == (says + who if who else "")
+
+    def test_who_need_not_keep_still_is_not_looked_at(self) -> None:
+        rest = FirstRest(0.0, SensorLimits(), ["hip"])
+        rest.look(0, imu.Inertial(self.STILL, (0.0, 0.0, -9.81), (1.0, 0.0, 0.0, 0.0)), np.zeros(1))
+        assert (rest.awaited(0), rest.contradiction()) == ("", None)
+
     def test_nor_does_it_hide_what_is_felt_at_rest(self) -> None:
         """A fifth too much."""
         before = [(self.STILL, self.GRAVITY)] * 20 + [(self.TURNING, self.GRAVITY)]
@@ -811,6 +883,15 @@ class TestJointLayer:
         layer.absorb([frames], 2000)
         assert layer.last_heard().motor_us.tolist() == [2000] * 12
 
+    def test_what_was_handed_out_of_temperature_and_voltage_does_not_change_later(
+        self, go1: Robot, layer: JointLayer
+    ) -> None:
+        layer.temperature_c, layer.voltage = before = np.full(12, 50.0), np.full(12, 24.0)
+        layer.absorb([self.replies(go1, np.array([4]), np.zeros((3, 1)))], 1)
+        assert ((before[0] == 50.0).all(), (before[1] == 24.0).all()) == (True, True)
+        assert layer.temperature_c.tolist() == [50.0] * 4 + [30.0] + [50.0] * 7
+        assert np.flatnonzero(np.isnan(layer.voltage)).tolist() == [4]
+
     def test_what_a_motor_does_not_tell_is_no_number(self, go1: Robot, layer: JointLayer) -> None:
         """A reply of six bytes has no temperature; no motor in MIT mode tells its voltage."""
         frames = self.replies(go1, slice(None), np.zeros((3, 12)))
@@ -837,10 +918,68 @@ class TestJointLayer:
             layer.absorb([self.replies(go1, slice(None), values)], 2)
             assert not layer.last_heard().motor_error.any()
 
+    def test_errors_of_two_replies_of_the_same_tick_both_stay(self, go1: Robot, layer: JointLayer) -> None:
+        codes = [np.where(joint == ROWS, code, 0).astype(np.uint64) for joint, code in ((4, 2), (7, 3))]
+        end, values = open_motor_end(wire(go1)), np.zeros((3, 12))
+        layer.absorb([end.reply(slice(None), values, 30, code) for code in codes], 1)
+        assert layer.last_heard().motor_error.tolist() == [0, 0, 0, 0, 2, 0, 0, 3, 0, 0, 0, 0]
+
     def both(self, robot: Robot, error: int) -> Frames:
         """A reply with an error and one without, of the same motor in one batch."""
         one = [self.replies(robot, np.array([4]), np.zeros((3, 1)), code) for code in (error, 0)]
         return joined(one)
+
+    def test_health_is_each_motors_own_and_the_imus_age_comes_last(
+        self, go1: Robot, layer: JointLayer
+    ) -> None:
+        """Motors heard at 1, 2, ... 12 ms, the IMU at 5 ms; now it is 20 ms. No MIT motor tells its 24 V."""
+        frames = self.replies(go1, slice(None), np.zeros((3, 12)), error=3)
+        reading = imu.Inertial((0.0,) * 3, (0.0, 0.0, 9.81), (1.0, 0.0, 0.0, 0.0))
+        layer.absorb(
+            [frames.at(1000 * (ROWS + 1)), imu_frames(wire(go1), reading, 1).at(np.full(3, 5000))], 0
+        )
+        layer.voltage = np.full(12, 24.0)
+        health = layer.health(20_000)
+        np.testing.assert_allclose(health.age_s, [*(0.019 - 0.001 * ROWS), 0.015])
+        assert (health.temperature_c == 30.0).all()
+        assert (health.voltage == 24.0).all()
+        assert (health.error == 3).all()
+
+    @pytest.mark.parametrize("side", [-1.0, 1.0])
+    @pytest.mark.parametrize("velocity", [-2.0, 2.0])
+    def test_of_gains_that_are_lowered_those_that_push_are_rounded_down(
+        self, go1: Robot, layer: JointLayer, side: float, velocity: float
+    ) -> None:
+        """Steps of a frame are 500 / 4095 N m/rad and 5 / 4095 N m s/rad; the target is 0.8 rad to a side.
+
+        A wanted velocity away from the target brakes.
+        """
+        target = go1.default_pose.copy()
+        hips = np.arange(0, 12, 3)
+        target[hips] = 0.4 * side
+        here = np.where(np.isin(ROWS, hips), -target, target)
+        layer.absorb([self.replies(go1, slice(None), np.array([here, 0.0 * ROWS, 0.0 * ROWS]))], 0)
+        layer.begin_at(target)
+        one = np.ones(12)
+        layer.command(JointCommand(target, side * velocity * one, 400.0 * one, one, 0.0 * one))
+        position, speed, _ = layer.joints[:, hips]
+        asked = 400.0 * (0.4 * side - position) + side * velocity - speed
+        share = (limit_torque(np.tile(asked, 3), np.tile(speed, 3), go1.motor)[hips]) / asked
+        assert (share < 0.1).all()
+        np.testing.assert_allclose(layer.sent[2, hips], 400.0 * share - 250.0 / 4095, rtol=1e-9)
+        braked = 0.0 if velocity < 0.0 else 2.5 / 4095
+        np.testing.assert_allclose(layer.sent[3, hips], share - braked, rtol=1e-9)
+
+    def test_gains_that_are_lowered_by_a_frames_rounding_do_not_fall_below_none(
+        self, go1: Robot, layer: JointLayer
+    ) -> None:
+        """A thousandth of a frame's step of stiffness and damping, beside a torque that has to be lowered."""
+        layer.absorb([self.replies(go1, slice(None), np.zeros((3, 12)))], 0)
+        layer.begin_at(go1.default_pose)
+        little = np.full(12, 1e-6)
+        layer.command(JointCommand(go1.default_pose, 1.0 + 0 * little, little, little, 1e6 * little * 60))
+        assert (layer.sent[2:4] >= 0.0).all()
+        assert (layer.sent[4] < 60.0).all()
 
     def test_damping_starts_targets_where_the_joints_are_and_leaves_nothing_of_a_command(
         self, go1: Robot, layer: JointLayer
@@ -851,6 +990,53 @@ class TestJointLayer:
         sent = JointCommand(*open_motor_end(wire(go1)).requests(layer.damping(1.7)).values)
         np.testing.assert_allclose([*sent], np.outer([0, 0, 0, 1.7, 0], np.ones(12)), atol=0.05)
         np.testing.assert_allclose(layer.target, values[0], atol=4e-4)
+
+
+@pytest.mark.parametrize(
+    ("position", "says"),
+    [
+        (7.5, ": off by +1 turn of the joint (+6.00 rad)?"),  # at 1.5
+        (7.95, ": off by +1 turn of the joint (+6.00 rad)?"),
+        (8.05, ""),  # 2.05 is above the range, and a turn less below it
+        (13.5, ": off by +2 turns of the joint (+12.00 rad)?"),
+        (-4.5, ": off by -1 turn of the joint (-6.00 rad)?"),
+        (-5.05, ""),  # 0.95
+        (math.nan, ""),
+        (math.inf, ""),
+    ],
+)
+def test_a_position_may_be_off_by_whole_turns_alone(position: float, says: str) -> None:
+    """A range from 1 to 2 rad, in turns of 6 rad."""
+    assert _turns(position, 1.0, 2.0, 6.0, "of the joint") == says
+
+
+@pytest.mark.parametrize(("position", "says"), [(15.0, "+1 turn "), (-1.0, "-1 turn ")])
+def test_of_several_numbers_of_turns_the_least_is_told(position: float, says: str) -> None:
+    """A range from 0 to 14 rad has two turns of 6 rad in it."""
+    assert f": off by {says}" in _turns(position, 0.0, 14.0, 6.0, "of the joint")
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_joint_may_begin_beyond_its_range_by_a_margin_also_after_a_turn(go1: Robot, side: float) -> None:
+    """0.1 rad: 0.09 rad beyond it is where it says, and a turn away it is one turn off."""
+    places = [f"joint {joint}" for joint in ROWS]
+    position = go1.default_pose.copy()
+    position[4] = (go1.upper_rad if side > 0 else go1.lower_rad)[4] + 0.09 * side
+    assert impossible_pose(go1, places, position, 0.1) == ""
+    assert impossible_pose(go1, places, position, 0.08).startswith("joint 4 reads")
+    position[4] += side * math.tau
+    assert f"off by {'+' if side > 0 else '-'}1 turn of the joint" in impossible_pose(
+        go1, places, position, 0.1
+    )
+
+
+def test_a_joint_off_by_a_turn_of_its_rotor_is_told_so(go1: Robot) -> None:
+    """A hip's gear has 6.33 turns for one: 0.99 rad, beyond which its range of 1.7 rad says nothing else."""
+    gear = go1.motor_figures("gear_ratio")[0]
+    position = go1.default_pose.copy()
+    position[0] = go1.upper_rad[0] + 0.5
+    says = impossible_pose(go1, [""] * 12, position, 0.1)
+    assert says.endswith(f"off by +1 turn of its rotor (+{math.tau / gear:.2f} rad)?")
 
 
 def test_a_robot_whose_imu_has_a_bus_of_its_own_is_wired_by_name(go1: Robot) -> None:
@@ -1217,6 +1403,7 @@ class TestPythonCanBus:
             (0x004, b"\0\x08", ""),  # a warning
             (0x004, b"", ""),
             (0x088, b"\0\0\x04", ""),  # one frame was garbled, and was sent again
+            (0x020, b"\0\x30", ""),  # byte 1 is the controller's alone
         ],
     )
     def test_error_frames_tell_of_the_bus(
@@ -1228,6 +1415,43 @@ class TestPythonCanBus:
         assert bus.fault().startswith(says)
         assert (bus.fault() == "") == (says == "")
         assert [each.errors for each in bus.statistics()] == [0, 1]
+
+    def test_an_error_frame_that_says_nothing_does_not_take_back_what_one_before_said(
+        self, can: FakeCan
+    ) -> None:
+        bus = PythonCanBus("slcan", ("can0",), ())
+        for identifier in (0x040, 0x088, 0x088):
+            can.waiting = {0: [received(identifier, bytes(8), is_error_frame=True)]}
+            bus.receive(0)
+        assert bus.fault().startswith("bus can0 is bus-off")
+        assert [each.errors for each in bus.statistics()] == [3]
+
+    def test_writes_are_paced_by_the_queue_of_each_interface(
+        self, can: FakeCan, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """Two interfaces that queue three frames: of four on each, the last waits."""
+        fake = FakeTime()
+        monkeypatch.setattr(interface_time, "time", fake)
+        bus = PythonCanBus("virtual", ("can0", "can1"), (), queue_frames=3)
+        frames = Frames(np.repeat([0, 1], 4), np.ones(8, int), np.zeros((8, 8), np.uint8), np.full(8, 8))
+        bus.send(frames.take(np.array([0, 1, 2, 4, 5, 6])), 0)
+        assert fake.slept == []
+        bus.send(frames.take(np.array([3])), 0)
+        assert fake.slept == pytest.approx([frame_bits(8) * 1e-6])
+
+    def test_a_state_is_asked_for_ten_times_a_second_at_most(
+        self, can: FakeCan, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        fake = FakeTime()
+        monkeypatch.setattr(python_can_bus, "time", fake)
+        bus = PythonCanBus("virtual", ("can0",), ())
+        asked = []
+        bus._buses[0] = type("Bus", (), {"state": property(lambda _: asked.append(fake.ns))})()
+        begun_ns = fake.ns
+        for _ in range(36):
+            fake.ns += 10_000_000
+            bus.fault()
+        assert [round((ns - begun_ns) / 1e8) for ns in asked] == [1, 2, 3]
 
     @pytest.mark.parametrize(
         ("state", "says"), [("ACTIVE", ""), ("PASSIVE", "passive"), ("ERROR", "bus-off")]

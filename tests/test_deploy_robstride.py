@@ -92,6 +92,21 @@ class TestFrames:
         (error,) = driver.replies(frame(identifier, "8000 8000 8000 0190")).error
         assert driver.error_name(int(error)) == says
 
+    def test_a_fault_of_a_motor_that_went_off_is_told_beside_that(self, driver: RobstrideDriver) -> None:
+        driver.replies(frame(0x028007FD, "8000 8000 8000 0190"))
+        (error,) = driver.replies(frame(0x020107FD, "8000 8000 8000 0190")).error
+        assert driver.error_name(int(error)) == "under-voltage and that it is switched off"
+
+    def test_forgetting_faults_and_setting_a_zero_lie_where_the_manual_puts_them(
+        self, driver: RobstrideDriver
+    ) -> None:
+        """Byte 0 is 1 in both: of a stop (4), which then clears faults, and of type 6."""
+        assert hexed(driver.clear())[0] == ("0400fd07", "0100 0000 0000 0000")
+        assert hexed(driver.zero())[0] == ("0600fd07", "0100 0000 0000 0000")
+
+    def test_the_rounding_of_gains_is_half_a_code_of_sixteen_bits(self, driver: RobstrideDriver) -> None:
+        np.testing.assert_allclose(driver.gain_rounding, np.array([[250.0, 2500.0], [2.5, 50.0]]) / 65535)
+
     def test_a_motor_that_was_on_and_is_off_has_rebooted(self, driver: RobstrideDriver) -> None:
         ids = [0x020007FD, 0x028007FD, 0x020007FD, 0x028007FD]
         errors = [int(driver.replies(frame(each, "8000 8000 8000 0190")).error[0]) for each in ids]

@@ -71,6 +71,7 @@ FAULTS = [
     ({"policy_error": "the policy failed: ValueError: x"}, Mode.ESTOP, "ValueError"),
     ({"late_steps": 5}, Mode.ESTOP, "5 steps in a row"),
     ({"step_s": 0.11}, Mode.ESTOP, "one step took 110 ms"),
+    ({"step_s": float("inf")}, Mode.ESTOP, "the policy ran late: no decision within 70 ms"),
     ({"pause_s": 0.13}, Mode.ESTOP, "the loop paused for 130 ms"),
     (
         {"skipped_share": 0.3},

@@ -1,16 +1,19 @@
 """What adds up of readings: ways by positions and by velocities, torques that were asked for and reported."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from footfall.common.errors import UserError
 from footfall.deploy.config import deploy_config
 from footfall.deploy.drivers.imu import Inertial
 from footfall.deploy.sensor_limits import SensorLimits
-from footfall.deploy.sensor_monitor import SensorMonitor
+from footfall.deploy.sensor_monitor import SensorMonitor, _up
 from footfall.plant.ground_truth import COLLAPSED_SHARE
 from footfall.robots.description import Robot, available_robots, load_robot
 
@@ -306,6 +309,14 @@ class TestTorques:
         late = told(go1, lambda _: (0.0, 0.0), torque, samples=112, stiffness=stiffness, target=target)
         assert late.opposing[0] < 0.5 * LIMITS.opposing
 
+    def test_of_a_joint_that_keeps_still_count_but_for_what_a_readings_rounding_makes(
+        self, go1: Robot
+    ) -> None:
+        """A fifth of the peak the other way; 100 N m/rad make 0.2 N m of 0.002 rad, which nobody expects."""
+        fifth = 0.2 * float(go1.motor.peak_torque[0])
+        found = told(go1, lambda _: (0.0, 0.0), lambda _: (-fifth, fifth), stiffness=100.0)
+        assert found.opposing[0] == pytest.approx(fifth / (fifth - 0.2))
+
     def test_of_a_motor_that_is_asked_for_little_do_not_count(self, go1: Robot) -> None:
         """1 % of the peak torque against the 5 % from which on a direction counts: 0.01^2 / 0.05^2."""
         little = 0.01 * float(go1.motor.peak_torque[0])
@@ -399,6 +410,18 @@ class TestRepeated:
         assert self.look(monitor, 0, leapt) == 0.0
         assert self.look(monitor, 1, leapt) == pytest.approx(0.12)
 
+    @pytest.mark.parametrize("part", [0, 1, 2])
+    def test_a_reading_of_which_one_part_changes_is_not_repeated(self, go1: Robot, part: int) -> None:
+        """Position, velocity or torque, once in a window."""
+        monitor, zeros = SensorMonitor(go1, LIMITS, 0.002), np.zeros(12)
+        monitor.begin(0, np.zeros(12, np.int64), STILL, np.zeros((3, 12)), zeros)
+        for k in range(1, 21):
+            joints = np.zeros((3, 12))
+            joints[part, 0] = 0.01 * (k >= 15)
+            if monitor.add(k * SAMPLE_US, 0, np.full(12, k * SAMPLE_US), STILL, joints, zeros):
+                monitor.look(zeros, zeros + 0.12, zeros, zeros)
+        np.testing.assert_allclose(monitor.repeated, np.where(np.arange(12) == 0, 0.0, 0.12))
+
 
 class TestBody:
     """What is said of the body is looked at once, a tick after the joints, whatever has come since."""
@@ -462,3 +485,185 @@ class TestBody:
             monitor.add(k * SAMPLE_US, silence_us, np.full(12, k * SAMPLE_US), STILL, joints, zeros)
         assert not monitor.look(zeros, zeros, zeros, zeros)
         assert not monitor.look_at_body()
+
+
+ATTITUDES = Rotation.random(3, random_state=2).as_quat(scalar_first=True).tolist()
+BY_EACH_NUMBER = [[0.96 if number == most else 0.16 for number in range(4)] for most in range(4)]
+HALF_A_TURN = [0.0, 0.6, 0.8, 0.0]
+
+
+class TestInertial:
+    """What is said of the body's turn and of gravity, against scipy's rotations."""
+
+    def begun(self, robot: Robot, quaternion: Sequence[float]) -> SensorMonitor:
+        monitor, zeros = SensorMonitor(robot, LIMITS, 0.002), np.zeros(12)
+        first = STILL._replace(quaternion=tuple(quaternion))
+        monitor.begin(0, np.zeros(12, np.int64), first, np.array([robot.default_pose, zeros, zeros]), zeros)
+        return monitor
+
+    def look(self, monitor: SensorMonitor, look: int, reading: Inertial, speed_rad_s: float = 0.0) -> None:
+        """One window of ten readings that are all the same, of joints at a speed."""
+        zeros = np.zeros(12)
+        joints = np.array([zeros, zeros + speed_rad_s, zeros])
+        for k in range(10 * look + 1, 10 * look + 11):
+            monitor.add(k * SAMPLE_US, 0, np.full(12, k * SAMPLE_US), reading, joints, zeros)
+        assert monitor.look(zeros, zeros, zeros, zeros)
+        assert monitor.look_at_body()
+
+    @pytest.mark.parametrize("quaternion", [*ATTITUDES, *BY_EACH_NUMBER, HALF_A_TURN])
+    @pytest.mark.parametrize("sign", [-1.0, 1.0])
+    def test_a_turn_is_that_of_the_quaternion_in_the_bodys_axes_less_the_gyros(
+        self, go1: Robot, quaternion: list[float], sign: float
+    ) -> None:
+        """In 40 ms; the difference adds up and fades over 0.25 s. A quaternion's negative is the same."""
+        before, turn = Rotation.from_quat(quaternion, scalar_first=True), np.array([0.02, -0.05, 0.03])
+        gyro = np.array([0.4, 0.2, -0.3])
+        after = sign * (before * Rotation.from_rotvec(turn)).as_quat(scalar_first=True)
+        monitor = self.begun(go1, before.as_quat(scalar_first=True))
+        reading = Inertial(tuple(gyro), (0.0, 0.0, 9.81), tuple(after))
+        self.look(monitor, 0, reading)
+        np.testing.assert_allclose(monitor.rotation, turn - 0.04 * gyro, atol=3e-5)
+        self.look(monitor, 1, reading)
+        kept = math.exp(-0.04 / 0.25)
+        np.testing.assert_allclose(monitor.rotation, kept * turn - (1 + kept) * 0.04 * gyro, atol=5e-5)
+
+    @pytest.mark.parametrize("quaternion", ATTITUDES)
+    def test_what_is_up_is_turned_into_the_bodys_axes(self, quaternion: list[float]) -> None:
+        turn = Rotation.from_quat(quaternion, scalar_first=True)
+        np.testing.assert_allclose(_up(quaternion), turn.inv().apply([0.0, 0.0, 1.0]))
+
+    @pytest.mark.parametrize("quaternion", ATTITUDES)
+    def test_gravity_is_looked_for_in_the_worlds_axes(self, go1: Robot, quaternion: list[float]) -> None:
+        """On average over 1 s, of which a window is 40 ms; before, it was gravity's opposite."""
+        felt = np.array([3.0, -5.0, 7.0])
+        monitor = self.begun(go1, quaternion)
+        self.look(monitor, 0, Inertial((0.0,) * 3, tuple(felt), tuple(quaternion)))
+        world = Rotation.from_quat(quaternion, scalar_first=True).apply(felt)
+        kept = math.exp(-0.04)
+        np.testing.assert_allclose(monitor._mean, kept * np.array([0, 0, 9.81]) + (1 - kept) * world)
+        assert monitor.lean() == pytest.approx((1 - kept) * math.hypot(world[0], world[1]) / 9.81)
+        assert monitor.lift() == pytest.approx((1 - kept) * abs(world[2] / 9.81 - 1.0))
+
+    @pytest.mark.parametrize("quaternion", ATTITUDES)
+    def test_at_rest_gravity_is_the_mean_of_all_of_it(self, go1: Robot, quaternion: list[float]) -> None:
+        """Four windows of one reading and four of another are 0.32 s, and 0.3 s are asked for."""
+        monitor, world = self.begun(go1, quaternion), np.array([[1.0, 2.0, 9.0], [3.0, -1.0, 12.0]])
+        felt = Rotation.from_quat(quaternion, scalar_first=True).inv().apply(world)
+        for look in range(8):
+            assert monitor.rest_error == 0.0
+            self.look(monitor, look, Inertial((0.0,) * 3, tuple(felt[look // 4]), tuple(quaternion)))
+        expected = np.linalg.norm([2.0, 0.5, 10.5 - 9.81]) / 9.81
+        assert monitor.rest_error == pytest.approx(expected)
+
+    @pytest.mark.parametrize(
+        ("gyro", "speed_rad_s", "rests"),
+        [
+            ((0.29, -0.29, 0.29), 0.29, True),
+            ((0.31, 0.0, 0.0), 0.0, False),
+            ((0.0, -0.31, 0.0), 0.0, False),
+            ((0.0, 0.0, 0.31), 0.0, False),
+            ((0.0, 0.0, 0.0), 0.31, False),
+            ((0.0, 0.0, 0.0), -0.31, False),
+        ],
+    )
+    def test_rest_is_over_as_soon_as_base_or_a_joint_moves(
+        self, go1: Robot, gyro: tuple[float, float, float], speed_rad_s: float, rests: bool
+    ) -> None:
+        monitor, askew = self.begun(go1, STILL.quaternion), STILL._replace(acceleration=(9.81, 0.0, 9.81))
+        for look in range(8):
+            self.look(monitor, look, askew)
+        assert monitor.rest_error == pytest.approx(1.0)
+        self.look(monitor, 8, askew._replace(gyro=gyro), speed_rad_s)
+        assert monitor.rest_error == (pytest.approx(1.0) if rests else 0.0)
+        self.look(monitor, 9, STILL)
+        assert (monitor.rest_error > 0.0) is rests
+
+    def test_of_a_window_the_last_attitude_and_the_mean_rates_count(self, go1: Robot) -> None:
+        """Ten gyro readings of 0.1 to 1 rad/s: 0.55 rad/s, 0.022 rad; a turn of 0.05 rad with the last."""
+        monitor, zeros = self.begun(go1, STILL.quaternion), np.zeros(12)
+        turned = (math.cos(0.025), math.sin(0.025), 0.0, 0.0)
+        for k in range(1, 11):
+            quaternion = turned if k == 10 else STILL.quaternion
+            reading = Inertial((0.0, 0.1 * k, 0.0), (0.0, 2.0 * k, 9.81), quaternion)
+            monitor.add(k * SAMPLE_US, 0, np.full(12, k * SAMPLE_US), reading, np.zeros((3, 12)), zeros)
+        monitor.look(zeros, zeros, zeros, zeros)
+        monitor._looks = 2  # the third is due, at which the height is looked at
+        monitor.look_at_body()
+        assert (
+            monitor.sunk == monitor.sunk_share(zeros, turned) != monitor.sunk_share(zeros, STILL.quaternion)
+        )
+        np.testing.assert_allclose(monitor.rotation, [0.05, -0.022, 0.0], atol=1e-5)
+        sideways = 11.0 * math.cos(0.05) - 9.81 * math.sin(0.05)
+        assert monitor._mean[1] == pytest.approx((1 - math.exp(-0.04)) * sideways)
+
+    @pytest.mark.parametrize(
+        ("on_legs", "speed_rad_s", "looks"), [(True, 0.29, True), (True, 0.31, False), (False, 0.0, False)]
+    )
+    def test_the_legs_attitude_is_looked_at_while_the_robot_stands_nearly_still(
+        self, go1: Robot, on_legs: bool, speed_rad_s: float, looks: bool
+    ) -> None:
+        """Its nose up by 0.2 rad: the way up is ahead by the sine."""
+        asked: list[tuple] = []
+        legs = SimpleNamespace(slope=0.1, turn=0.2, look=lambda *told: asked.append(told), resets=0)
+        legs.reset = lambda: setattr(legs, "resets", legs.resets + 1)
+        nose_up = (math.cos(0.1), 0.0, -math.sin(0.1), 0.0)
+        monitor = self.begun(go1, nose_up)
+        monitor._attitude, monitor.on_legs = legs, on_legs  # type: ignore[assignment]
+        joints = np.array([go1.default_pose, np.full(12, speed_rad_s), np.zeros(12)])
+        for k in range(1, 11):
+            joints = joints.copy()
+            joints[2] = 1.0 * k
+            reading = STILL._replace(quaternion=nose_up)
+            monitor.add(k * SAMPLE_US, 0, np.full(12, k * SAMPLE_US), reading, joints, np.zeros(12))
+        monitor.look(*np.zeros((4, 12)))
+        monitor.look_at_body()
+        assert (len(asked), legs.resets) == ((1, 0) if looks else (0, 1))
+        assert (monitor.slope(), monitor.leg_turn()) == (0.1, 0.2)
+        for position, torque, up, elapsed_s in asked:
+            np.testing.assert_array_equal(position, go1.default_pose)
+            np.testing.assert_allclose(torque, 5.5)
+            np.testing.assert_allclose(up, [math.sin(0.2), 0.0, math.cos(0.2)], atol=1e-12)
+            assert elapsed_s == pytest.approx(0.04)
+
+    @pytest.mark.parametrize(("tick_s", "share", "lag_s"), [(0.002, 0.2, 0.007), (0.02, 0.4, 0.015)])
+    def test_readings_farther_apart_than_an_impact_are_granted_more(
+        self, go1: Robot, tick_s: float, share: float, lag_s: float
+    ) -> None:
+        """Samples of 4 and 20 ms, an impact of 10 ms: a fifth, or twice that; half a sample beside 5 ms."""
+        monitor = SensorMonitor(go1, LIMITS, tick_s)
+        assert (monitor._share, monitor._lag_s) == pytest.approx((share, lag_s))
+
+    @pytest.mark.parametrize(
+        ("period_s", "silence_us", "compared"),
+        [(0.04, 20_000, True), (0.04, 20_001, False), (0.004, 6000, True), (0.004, 6001, False)],
+    )
+    def test_a_gap_is_half_a_period_or_one_and_a_half_samples(
+        self, go1: Robot, period_s: float, silence_us: int, compared: bool
+    ) -> None:
+        monitor, zeros = SensorMonitor(go1, replace(LIMITS, period_s=period_s), 0.002), np.zeros(12)
+        monitor.begin(0, np.zeros(12, np.int64), STILL, np.zeros((3, 12)), zeros)
+        monitor.add(SAMPLE_US, silence_us, np.full(12, SAMPLE_US), STILL, np.zeros((3, 12)), zeros)
+        assert monitor.look(zeros, zeros, zeros, zeros) is compared
+
+    def test_the_height_is_looked_at_every_third_time_of_a_robot_on_its_legs(self, go1: Robot) -> None:
+        """Its joints read zero: legs straight down, longer than they stand, which is less than none."""
+        monitor, sunk = self.begun(go1, STILL.quaternion), []
+        for look in range(6):
+            monitor.on_legs = look != 3
+            self.look(monitor, look, STILL)
+            sunk.append(monitor.sunk)
+        assert sunk == [0.0, 0.0, sunk[2], 0.0, 0.0, sunk[2]]
+        assert sunk[2] == pytest.approx(monitor.sunk_share(np.zeros(12), STILL.quaternion))
+        assert sunk[2] < -0.1
+
+    def test_readings_are_added_every_four_milliseconds_of_ticks_of_two(self, go1: Robot) -> None:
+        monitor, zeros = SensorMonitor(go1, LIMITS, 0.002), np.zeros(12)
+        monitor.begin(10_000, np.zeros(12, np.int64), STILL, np.zeros((3, 12)), zeros)
+        assert [monitor.due(now_us) for now_us in (10_000, 12_000, 14_000, 16_000)] == [
+            False,
+            False,
+            True,
+            True,
+        ]
+        monitor.add(14_000, 0, np.zeros(12), STILL, np.zeros((3, 12)), zeros)
+        assert [monitor.due(now_us) for now_us in (16_000, 18_000)] == [False, True]

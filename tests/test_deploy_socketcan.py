@@ -144,6 +144,15 @@ class TestFaults:
         assert bus.fault().startswith("bus b is bus-off")
         assert [(each.errors, each.frames_received) for each in bus.statistics()] == [(0, 0), (2, 1)]
 
+    def test_an_error_frame_that_says_nothing_does_not_take_back_what_one_before_said(
+        self, kernel: Kernel
+    ) -> None:
+        bus = SocketCanBus(("a",), FILTERS)
+        for identifier in (0x040, 0x088):
+            kernel.ends["a"].send(can_frame(0x2000_0000 | identifier, bytes(8)))
+            bus.receive(0)
+        assert bus.fault().startswith("bus a is bus-off")
+
     @pytest.mark.parametrize(
         ("number", "says"),
         [(errno.ENETDOWN, "bus b is down: "), (errno.ENODEV, "bus b is down: "), (errno.ENOBUFS, "")],

@@ -152,6 +152,20 @@ class TestFilter:
         assert (motion.velocity[0] > 0.35) == follows
         assert (motion.velocity[0] < 0.02) != follows
 
+    @pytest.mark.parametrize("axis", [0, 1, 2])
+    def test_how_far_a_push_makes_the_velocity_uncertain(self, axis: int) -> None:
+        """In 2 ms of 10: a fifth of what the legs say, then a fifth of the rest; a third of squares."""
+        motion, seen = MotionFilter(FilterConfig(push_m_s=0.3, push_filter_s=0.01)), np.zeros(3)
+        seen[axis], motion.vv = -2.0, 0.0
+        motion._look_for_push(seen.tolist(), 0.9, 0.002)
+        first = 0.2 * 0.9 * 2.0
+        assert motion.vv == pytest.approx((first**2 - 0.09) / 3)
+        motion._look_for_push(seen.tolist(), 0.9, 0.002)
+        second = first + 0.2 * (0.9 * 2.0 - first)
+        assert motion.vv == pytest.approx((first**2 + second**2 - 2 * 0.09) / 3)
+        motion._look_for_push((-seen).tolist(), 1.0, 0.02)  # longer than it is filtered: at once
+        assert motion._surprise[axis] == pytest.approx(2.0)
+
     def test_legs_in_the_air_do_not_look_like_a_push(self) -> None:
         motion = MotionFilter(FilterConfig())
         motion.vv = 1e-4
@@ -422,6 +436,24 @@ class TestLateness:
     def test_one_that_sways_is_off_by_its_acceleration_times_the_lateness(self) -> None:
         """Mean square of 0.01 s times 0.1 w cos w t, w = 4 pi: (0.01 * 1.257)^2 / 2 m^2/s^2."""
         assert self.swayed(0.01).covariance[1, 1] == pytest.approx((0.01 * 0.4 * math.pi) ** 2 / 2, rel=0.1)
+
+    def test_changes_along_several_axes_go_together(self) -> None:
+        """One that changes by 1, -2 and 3 along x, y and z has their products for covariances."""
+        ways, lateness = np.array([1.0, -2.0, 3.0]), Lateness(OdometryConfig())
+        for tick in range(100):
+            lateness.advance((math.sin(0.1 * tick) * ways).tolist(), 0.002)
+        found = lateness.covariance
+        assert found[0, 0] > 0.0
+        np.testing.assert_allclose(found, found[0, 0] * np.outer(ways, ways))
+
+    def test_it_is_the_mean_square_of_what_a_filter_lags_behind(self) -> None:
+        """A leap of 1 m/s, late by 3 ms: in ticks of 1 ms it lags by 3/4 at first; a tenth of that counts."""
+        lateness = Lateness(OdometryConfig(latency_s=0.003, latency_filter_s=0.009))
+        lateness.advance([0.0, 0.0, 0.0], 0.001)
+        lateness.advance([0.0, 0.0, 1.0], 0.001)
+        assert lateness.covariance[2, 2] == pytest.approx(0.1 * 0.75**2)
+        lateness.advance([0.0, 0.0, 1.0], 0.001)
+        assert lateness.covariance[2, 2] == pytest.approx(0.9 * 0.1 * 0.75**2 + 0.1 * 0.75**4)
 
     def test_readings_that_are_not_late_add_nothing(self) -> None:
         np.testing.assert_allclose(self.swayed(0.0).covariance, 0.0, atol=1e-30)

@@ -295,6 +295,15 @@ class TestPose:
         np.testing.assert_allclose(np.diag(found[VELOCITY, VELOCITY]), 0.2 + np.array([25, 25, 900]) * 1e-6)
         np.testing.assert_allclose(found[:2, 4:6], 0.03 * np.eye(2), atol=1e-9)
 
+    def test_on_level_ground_its_height_is_as_sure_as_standing_feet_make_it(self) -> None:
+        """4 mm, whatever the filter thinks of the way up, with which nothing else goes together."""
+        estimator, sensed = self.moving(1.2, np.array([0.5, 0.2, 0.0]))
+        glide(estimator, sensed, np.array([0.5, 0.2, 0.0]), np.full(200, 1.2))
+        estimator._filter.pp, estimator._filter.pv = 0.5, 0.03
+        found = estimator.odometry().covariance
+        np.testing.assert_allclose(found[2], [0.0, 0.0, 0.004**2, 0.0, 0.0, 0.0, 0.0], atol=1e-15)
+        np.testing.assert_array_equal(found[:, 2], found[2])
+
     def test_the_velocitys_covariance_holds_what_late_readings_miss_in_the_bodys_axes(self) -> None:
         """Heading along y, a change of 20 mm/s in the world's y is one straight ahead."""
         estimator, _ = self.moving(np.pi / 2, np.zeros(3))

@@ -117,11 +117,11 @@ class TestFeetInTheMiddle:
     """Gaits of a made-up file, for five feet of which two or three stand in the middle plane."""
 
     PLACES: ClassVar = {
-        "b": (-0.3, -4e-4),
+        "b": (-0.3, -5e-4),
         "r": (0.0, -0.001),
         "f": (0.3, 1e-7),
         "l": (0.1, 0.2),
-        "m": (0.2, 0.0),
+        "m": (0.2, 5e-4),
     }
 
     @pytest.fixture(autouse=True)

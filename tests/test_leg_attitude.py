@@ -129,3 +129,14 @@ def test_two_soles_may_tip_over_their_edges() -> None:
     stander = Stander(load_robot("g1"))
     attitude = stander.looks(nose_up(0.5), None, np.ones(2))
     assert (attitude.slope, attitude.turn) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("up", [LEVEL, nose_up(0.3), np.array([0.0, 0.6, 0.8])])
+def test_the_force_on_a_foot_is_what_its_torques_hold_beside_the_leg(up: np.ndarray) -> None:
+    """A hexapod's legs weigh as much as its body; each foot is pressed by another force, along what is up."""
+    stander, forces = Stander(load_robot("hexapod")), np.array([0.0, 5.0, 10.0, 15.0, 20.0, 25.0])
+    legs, pose = stander.robot.legs, stander.robot.default_pose
+    torque = legs.torque(legs.pose(pose).jacobian, forces[:, None] * up)
+    torque += legs.holding_torque(pose, 9.81 * up)
+    joints = legs.scatter(torque, np.zeros(18))
+    np.testing.assert_allclose(stander.attitude._force(pose, joints, up), forces, rtol=3e-3, atol=1e-6)

@@ -268,6 +268,15 @@ class TestFile:
         with pytest.raises(UserError, match=r"p.onnx: its network answers what is not finite"):
             LearnedPolicy(write_network(onnx, tmp_path / "p.onnx", weights, contract), go1)
 
+    @pytest.mark.parametrize("number", [np.nan, np.inf])
+    def test_one_lost_number_is_enough(
+        self, tmp_path: Path, contract: Contract, go1: Robot, number: float
+    ) -> None:
+        weights = np.zeros((observation_size(contract), 12), np.float32)
+        weights[5, 7] = number
+        with pytest.raises(UserError, match=r"p.onnx: its network answers what is not finite"):
+            LearnedPolicy(write_network(onnx, tmp_path / "p.onnx", weights, contract), go1)
+
     def test_one_difference_to_the_robot_is_enough_to_refuse_it(
         self, tmp_path: Path, contract: Contract, go1: Robot
     ) -> None:

@@ -207,6 +207,20 @@ class TestObservation:
         )
         np.testing.assert_allclose(observation(frames, contract), expected, atol=1e-12)
 
+    def test_a_clock_shows_nothing_while_the_command_is_to_stand(self, contract: Contract) -> None:
+        contract = replace(contract, observation=(Term("clock"),))
+        moment = self.inputs(contract, 2.0)
+        angle = 2 * np.pi * 0.3
+        np.testing.assert_allclose(frame(moment, contract), [np.sin(angle), np.cos(angle)])
+        still = moment._replace(command=np.array([0.0, 0.05, 0.0]))
+        np.testing.assert_array_equal(frame(still, contract), [0.0, 0.0])
+
+    def test_readings_of_single_precision_stay_so(self, contract: Contract) -> None:
+        moment = self.inputs(contract, 1.0)
+        single = {name: value.astype(np.float32) for name, value in moment.readings.items()}
+        others = (part.astype(np.float32) for part in moment[1:])
+        assert frame(Inputs(single, *others), contract).dtype == np.float32
+
     @pytest.mark.parametrize(
         ("command", "expected"),
         [((0.06, 0.0, 0.08), 1.0), ((0.0, -0.0999, 0.0), 0.0), ((-0.07, 0.06, -0.05), 1.0), ((0, 0, 0), 0.0)],
@@ -374,6 +388,7 @@ class TestMpc:
         state = BodyState(np.array([0, 0, 0, 0.1, -0.2, 0.25]), np.array([0, 0, 0, 0.9, -0.5, 0.4]))
         wanted = np.array([0.3, 0.2, 0.0])
         reference = BodyState(np.zeros((steps, 6)), np.tile([9.0, 9.0, 9.0, *wanted], (steps, 1)))
+        reference.rate[1:] += 1.0  # what is wanted now counts
         path = mpc._path(state, reference)
         fine = np.linspace(0.0, 1.0, 200_001)
         speed = wanted + (state.rate[3:] - wanted) * np.exp(-fine / 0.2)[:, None]

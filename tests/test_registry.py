@@ -43,6 +43,20 @@ class TestControllers:
         assert policy.name == name
         assert policy.contract is None
 
+    @pytest.mark.parametrize(
+        ("robot", "name", "needs"),
+        [
+            *(("go1", "stand", False), ("go1", "trot", False), ("hexapod", "wave", False)),
+            *(("go1", "mpc", True), ("go1", "mpc-wbc", True), ("g1", "balance", True), ("g1", "step", True)),
+        ],
+    )
+    def test_those_that_read_the_bases_velocity_need_an_estimate(
+        self, robot: str, name: str, needs: bool
+    ) -> None:
+        policy = load_policy(name, load_robot(robot))
+        assert policy.needs_estimate is needs
+        assert not policy.notes
+
     def test_knowing_their_names_imports_none_of_them(self) -> None:
         code = (
             "import sys, footfall.policies.registry; print([m for m in sys.modules if m.startswith"

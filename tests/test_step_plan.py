@@ -170,6 +170,10 @@ class TestNextStep:
         assert -0.35 - 1e-9 <= step.place[1] <= -0.14 + 1e-9
         assert 0.2 - 1e-9 <= step.remaining_s <= 0.7 + 1e-9
 
+    @pytest.mark.parametrize(("push", "left"), [(-0.3, -0.35), (0.3, -0.14)])
+    def test_the_right_foot_lands_as_far_out_or_in_as_it_can(self, push: float, left: float) -> None:
+        assert self.decide(self.steady(0.2) + np.array([0.0, push])).place[1] == pytest.approx(left)
+
     @pytest.mark.parametrize(("elapsed_s", "remaining_s"), [(0.5, 0.4), (0.6, 0.3), (0.8, 0.1)])
     def test_a_step_that_is_shoved_back_is_over_at_its_longest_time(
         self, elapsed_s: float, remaining_s: float
@@ -226,3 +230,18 @@ class TestSwing:
         np.testing.assert_allclose(slope, flight[1:-1, 1], atol=0.02)
         bend = (flight[2:, 1] - flight[:-2, 1]) / 0.004
         np.testing.assert_allclose(bend, flight[1:-1, 2], atol=0.35)
+
+    def test_the_heights_rates_are_its_derivatives(self) -> None:
+        """By the share of the way done, of which a second does 2."""
+        swing, d = Swing(np.zeros(2), 0.02, 0.0, lift_m=0.06, depth_m=0.005), 1e-4
+        for s in (0.1, 0.4, 0.5, 0.85):
+            before, now, after = (swing._vertical(at, 2.0) for at in (s - d, s, s + d))
+            assert now[1] == pytest.approx(2.0 * (after[0] - before[0]) / (2 * d), abs=1e-5)
+            assert now[2] == pytest.approx(2.0 * (after[1] - before[1]) / (2 * d), abs=1e-4)
+        assert swing._vertical(0.5, 2.0)[0] == pytest.approx(0.02 - 0.025 / 2 + 0.06)
+
+    def test_with_no_time_left_it_goes_on_as_with_four_ticks(self) -> None:
+        late, goal = Swing(np.zeros(2), 0.0, 0.0, 0.06, 0.005), np.array([0.01, 0.0, 0.0])
+        early = Swing(np.zeros(2), 0.0, 0.0, 0.06, 0.005)
+        np.testing.assert_array_equal(late.advance(goal, 0.0, 0.002), early.advance(goal, 0.008, 0.002))
+        assert late.progress == pytest.approx(0.25)

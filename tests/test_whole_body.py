@@ -158,6 +158,30 @@ class TestDynamics:
         np.testing.assert_allclose(dynamics.centre_velocity, data.subtree_linvel[1], atol=1e-12)
         np.testing.assert_allclose(dynamics.angular_momentum, data.subtree_angmom[1], atol=1e-12)
 
+    @pytest.mark.parametrize("name", ROBOTS)
+    def test_a_level_robot_touches_the_ground_below_its_feet(self, name: str) -> None:
+        """Spheres by a radius, the soles as they stand; feet are the middles of their points."""
+        robot, body = ROBOTS[name], WholeBody(ROBOTS[name])
+        still = np.zeros(len(robot.joint_names))
+        level = Motion(np.array([1.0, 0, 0, 0]), np.zeros(3), np.zeros(3), robot.default_pose, still)
+        model, data = moved(robot, level)
+        mujoco.mj_forward(model, data)
+        dynamics = body.update(level)
+        for foot, geoms in enumerate(foot_geoms(model, robot.description)):
+            points = data.geom_xpos[geoms] - model.geom_size[geoms, :1] * [0.0, 0.0, 1.0]
+            np.testing.assert_allclose(dynamics.point[body.foot_of_point == foot], points, atol=1e-12)
+            np.testing.assert_allclose(dynamics.foot[foot], points.mean(axis=0), atol=1e-12)
+            np.testing.assert_allclose(dynamics.foot_rotation[foot], np.eye(3), atol=1e-12)
+        np.testing.assert_allclose(dynamics.middle, dynamics.foot.mean(axis=0), atol=1e-12)
+        assert body.weight_n == pytest.approx(9.81 * model.body_mass.sum())
+
+    def test_a_later_moment_leaves_an_earlier_one_as_it_was(self) -> None:
+        before = BODIES["g1"].update(some_motion(G1, 1))
+        kept = [part.copy() for part in before]
+        BODIES["g1"].update(some_motion(G1, 2))
+        for part, copy in zip(before, kept, strict=True):
+            np.testing.assert_array_equal(part, copy)
+
 
 class TestBaseTilt:
     """How far the base is turned from where it should be."""
@@ -295,6 +319,16 @@ class TestMoving:
         assert np.abs(dynamics.foot_drift[1]).max() > 0.3
         assert np.abs(dynamics.point_drift[left]).max() > 0.3
 
+    def test_the_base_of_a_robot_in_motion_turns_as_wanted(self) -> None:
+        """Where it would turn otherwise without any force, by what its moving limbs do to it."""
+        dynamics, rate = BODIES["g1"].update(some_motion(G1, 9)), np.array([3.0, -4.0, 2.0])
+        weights = replace(CONFIG.weights, contact=0.0, centre=0.0, momentum=0.0, attitude=1e4)
+        wanted = STILL["g1"]._replace(attitude=rate)
+        _, acceleration, _ = solved(G1, dynamics, wanted, weights=weights, most_torque=np.full(12, 1e4))
+        np.testing.assert_allclose(acceleration[3:6], rate, atol=0.01)
+        unforced = np.linalg.solve(dynamics.mass[:6, :6], -dynamics.bias[:6])
+        assert np.abs(unforced[3:]).max() > 0.5
+
     def test_angular_momentum_and_attitude_follow_what_is_wanted(self) -> None:
         dynamics = standing(BODIES["g1"], G1)
         rate = np.array([3.0, -4.0, 1.5])
@@ -351,6 +385,55 @@ def hurried(solver: BoundedSolver) -> BoundedSolver:
 
 
 SPOILED = {"infeasible": contradicting, "late": hurried, "not a number": blind}
+
+
+def test_a_programme_is_the_same_whatever_was_built_before() -> None:
+    dynamics, body, torque = standing(BODIES["g1"], G1), BODIES["g1"], G1.motor.peak_torque
+    programmes = Programmes(body.foot_of_point, 12, body.total_mass, CONFIG.weights, CONFIG.contact)
+    first, _ = programmes.build(dynamics, STILL["g1"], np.full(8, 100.0), -torque, torque)
+    kept = [part.copy() for part in first]
+    programmes.build(dynamics, STILL["g1"], np.full(8, 30.0), -0.5 * torque, 0.5 * torque)
+    again, _ = programmes.build(dynamics, STILL["g1"], np.full(8, 100.0), -torque, torque)
+    for copy, before, after in zip(kept, first, again, strict=True):
+        np.testing.assert_array_equal(before, copy)
+        np.testing.assert_array_equal(after, copy)
+
+
+class TestJoints:
+    """What the motors are told beside the torques: gains, references, friction."""
+
+    def control(self, **joints: float) -> WholeBodyControl:
+        return WholeBodyControl(G1, replace(CONFIG, joints=replace(CONFIG.joints, **joints)), dt_s=0.004)
+
+    def test_a_command_is_one_of_its_own_gains_and_references(self) -> None:
+        control = self.control(kp=7.0, kd=2.0)
+        told = control.command(
+            standing(BODIES["g1"], G1), G1.default_pose, np.zeros(12), STILL["g1"], np.full(8, 300.0)
+        )
+        assert (told.kp.tolist(), told.kd.tolist()) == ([7.0] * 12, [2.0] * 12)
+        np.testing.assert_allclose(told.position, G1.default_pose, atol=1e-3)
+        np.testing.assert_allclose(told.velocity, 0.0, atol=0.02)
+
+    def test_references_follow_the_acceleration_and_fade_into_the_measurements(self) -> None:
+        """With a memory of 0.05 s a tick of 0.004 s leaves exp(-0.08) of their lead."""
+        control, one = self.control(), np.ones(12)
+        control._integrate(10.0 * one, 0.3 * one, 0.2 * one)
+        np.testing.assert_allclose(control._velocity, 0.2 + 10.0 * 0.004)
+        np.testing.assert_allclose(control._position, 0.3 + 0.24 * 0.004)
+        control._integrate(-5.0 * one, 0.25 * one, 0.1 * one)
+        keep = np.exp(-0.08)
+        velocity = 0.1 + keep * 0.14 - 5.0 * 0.004
+        np.testing.assert_allclose(control._velocity, velocity)
+        np.testing.assert_allclose(control._position, 0.25 + keep * (0.05 + 0.24 * 0.004) + 0.004 * velocity)
+
+    def test_a_share_of_the_friction_at_the_wanted_speed_is_made_up_for(self) -> None:
+        """Dry friction is developed in proportion below its speed and whole above; damping is viscous."""
+        motor, control = G1.motor, self.control(friction_compensation=0.6)
+        for times, developed in ((0.5, 0.5), (-0.5, -0.5), (4.0, 1.0), (-4.0, -1.0)):
+            speed = times * motor.friction_speed
+            expected = 0.6 * (developed * motor.friction + motor.damping * speed)
+            np.testing.assert_allclose(control._friction(speed), expected)
+        assert motor.friction.min() > 0.0
 
 
 class TestTicksWithoutSolution:

@@ -1,0 +1,558 @@
+"""What stepping wants in single moments, worked out by hand, of feet turned against the world's axes."""
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from footfall.common.rotations import wrap_angle
+from footfall.policies.controllers.settings import controller_settings
+from footfall.policies.controllers.step import Step
+from footfall.policies.controllers.step import controller as controller_module
+from footfall.policies.controllers.step.config import Pressure, Start, StepConfig
+from footfall.policies.controllers.step.controller import Phase
+from footfall.policies.controllers.step.footsteps import NextStep, NominalStep, capture_after, nominal_step
+from footfall.policies.controllers.whole_body.feedback import Feedback, standing
+from footfall.policies.policy import Observation, Sensed
+from footfall.robots.description import load_robot
+
+G1 = load_robot("g1")
+N = len(G1.joint_names)
+LEFT, RIGHT = 0, 1
+OWN = controller_settings(G1, "step", StepConfig)
+CONFIG = replace(
+    OWN,
+    gait=replace(OWN.gait, step_s=0.6, double_support_s=0.1, apart_m=0.2),
+    swing=replace(OWN.swing, place=Feedback(400.0, 30.0), attitude=Feedback(300.0, 20.0)),
+    pressure=Pressure(gain=2.0, half_length_m=0.075, half_width_m=0.025, most_lead_m=0.2),
+    start=Start(capture_m=0.07, near_m=0.02, most_s=1.0, urgent_m=0.12),
+    lower_m=0.06,
+    height=Feedback(60.0, 15.0),
+    attitude=Feedback(100.0, 20.0),
+    posture=Feedback(40.0, 12.0),
+    momentum_damping=2.0,
+    most_force=1.2,
+    settle_s=0.5,
+)
+HEADING = 0.7  # of the feet, in the world
+TURN = Rotation.from_euler("z", HEADING)
+MIDDLE = np.array([1.0, -2.0, 0.3])
+STILL = np.zeros(3)
+VELOCITY = np.array([0.3, 0.1, 0.4])
+
+
+@pytest.fixture
+def policy() -> Step:
+    return Step(G1, CONFIG)
+
+
+def world(ahead: float, left: float, heading: float = HEADING) -> np.ndarray:
+    """A horizontal vector (2,) from the axes of feet that head so to the world's."""
+    return Rotation.from_euler("z", heading).apply([ahead, left, 0.0])[:2]
+
+
+def moment(
+    centre: Any = (0.0, 0.0, 0.6),
+    moving: Any = STILL,
+    feet: Any = ((0.0, 0.1), (0.0, -0.1)),
+    headings: tuple[float, float] = (HEADING, HEADING),
+    **more: Any,
+) -> Any:
+    """Dynamics by hand: centre and feet from the middle along the feet's axes, the velocity in the world."""
+    foot = np.array([[*world(*each), 0.0] for each in feet]) + MIDDLE
+    return SimpleNamespace(
+        centre=TURN.apply(centre) + MIDDLE,
+        centre_velocity=np.array(moving, dtype=float),
+        middle=foot.mean(axis=0),
+        foot=foot,
+        foot_rotation=Rotation.from_rotvec([[0.0, 0.0, each] for each in headings]).as_matrix(),
+        angular_momentum=np.array([1.0, -2.0, 3.0]),
+        **more,
+    )
+
+
+def capture_at(ahead: float, left: float) -> np.ndarray:
+    """A capture point (3,) in the world that is so far from the middle, along the feet's axes."""
+    return np.array([*world(ahead, left), 0.0]) + MIDDLE
+
+
+def seen(time_s: float = 9.0, command: Any = STILL, **more: Any) -> Observation:
+    joint = more.pop("joint", G1.default_pose)
+    values = {
+        "gyro": STILL,
+        "quaternion": np.array([1.0, 0.0, 0.0, 0.0]),
+        "velocity": np.zeros(N),
+        "base_velocity": STILL,
+        **more,
+    }
+    up = np.array([0.0, 0.0, 9.81])
+    sensed = Sensed(values["gyro"], up, values["quaternion"], joint, values["velocity"], np.zeros(N))
+    return Observation(time_s, sensed, np.array(command, dtype=float), values["base_velocity"], 0.7)
+
+
+def asked(policy: Step, monkeypatch: pytest.MonkeyPatch, observation: Observation, dynamics: Any) -> tuple:
+    """What is asked of the whole body: dynamics, position, velocity, wanted, most force."""
+    told: list[tuple] = []
+    monkeypatch.setattr(policy.control, "command", lambda *arguments: told.append(arguments))
+    monkeypatch.setattr(controller_module, "observed", lambda body, given: dynamics)
+    policy.act(observation)
+    return told[0]
+
+
+def nominal(swings: int, velocity: Any = (0.0, 0.0)) -> NominalStep:
+    rate = Step(G1, CONFIG)._fall_rate
+    return nominal_step(np.array(velocity), 1.0 if swings == LEFT else -1.0, 0.2, 0.6, 0.1, rate)
+
+
+class TestWanted:
+    """Of a robot that stands on both feet."""
+
+    def test_it_falls_as_a_pendulum_as_high_as_it_will_stand(self, policy: Step) -> None:
+        rest = standing(policy.control.body, G1)
+        height = rest.centre[2] - rest.foot[:, 2].mean() - 0.06
+        assert policy._height == pytest.approx(height)
+        assert policy._fall_rate == pytest.approx(math.sqrt(9.81 / height))
+        assert policy._side.tolist() == [1.0, -1.0]
+        assert (policy.rate_hz, policy._dt_s) == (CONFIG.rate_hz, pytest.approx(1.0 / CONFIG.rate_hz))
+
+    def test_the_pressure_lies_beyond_the_capture_point_by_the_gain(
+        self, policy: Step, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """x = c + v / w off the middle, p = x + 2 x, and the acceleration is w^2 (c - p)."""
+        w = policy._fall_rate
+        velocity = np.array([0.05, -0.02, 0.0])
+        dynamics = moment((0.01, -0.02, policy._height), velocity)
+        place = dynamics.centre[:2] - MIDDLE[:2]
+        *_, wanted, _ = asked(policy, monkeypatch, seen(), dynamics)
+        assert policy.phase is Phase.STAND
+        np.testing.assert_allclose(wanted.centre[:2], w**2 * (place - 3.0 * (place + velocity[:2] / w)))
+        assert wanted.centre[2] == pytest.approx(0.0, abs=1e-9)
+        np.testing.assert_allclose(wanted.momentum_rate, [-2.0, 4.0, -6.0])
+        assert wanted.feet.shape == (2, 6)
+        assert not wanted.feet.any()
+
+    def test_the_pressure_is_no_farther_from_the_middle_than_allowed(self, policy: Step) -> None:
+        """Three times (0.09, 0.12) m would be 0.45 m: 0.2 m in that direction."""
+        found = policy._both_press(moment(), capture_at(0.09, 0.12), MIDDLE[:2])
+        np.testing.assert_allclose(found, MIDDLE[:2] + world(0.12, 0.16))
+
+    def test_it_brings_tilt_and_joints_back(self, policy: Step, monkeypatch: pytest.MonkeyPatch) -> None:
+        off, velocity = np.linspace(0.01, 0.2, N), np.linspace(-0.1, 0.3, N)
+        tilted = seen(
+            joint=G1.default_pose + off,
+            velocity=velocity,
+            gyro=np.array([0.1, 0.2, -0.3]),
+            quaternion=Rotation.from_euler("ZYX", [HEADING, -0.03, 0.02]).as_quat(scalar_first=True),
+        )
+        _, position, moved, wanted, _ = asked(policy, monkeypatch, tilted, moment())
+        np.testing.assert_allclose(wanted.joints, -40.0 * off - 12.0 * velocity)
+        np.testing.assert_allclose(wanted.attitude, [-2.0 - 2.0, 3.0 - 4.0, 6.0], atol=0.1)
+        np.testing.assert_array_equal(position, G1.default_pose + off)
+        np.testing.assert_array_equal(moved, velocity)
+
+    def test_its_height_goes_from_where_it_was_reset_to_the_low_one_above_the_feet(
+        self, policy: Step, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """Reset at 0.5 m; after a fifth of the time a fifth of the way. Spring 60, damper 15 at 0.1 m/s."""
+        start = moment((0.0, 0.0, 0.5))
+        monkeypatch.setattr(controller_module, "observed", lambda body, given: start)
+        policy.reset(seen(0.0))
+        for time_s, share in ((0.0, 0.0), (0.1, 0.2), (0.5, 1.0), (3.0, 1.0)):
+            rising = moment((0.0, 0.0, 0.55), (0.0, 0.0, 0.1))
+            *_, wanted, _ = asked(policy, monkeypatch, seen(time_s), rising)
+            height = 0.5 + share * (policy._height - 0.5)
+            assert wanted.centre[2] == pytest.approx(-60.0 * (0.55 - height) - 1.5)
+
+    def test_ground_is_where_the_feet_are_that_bear(
+        self, policy: Step, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """A foot that bears a quarter of what the other one does counts a fifth."""
+        dynamics = moment((0.0, 0.0, policy._height))
+        dynamics.foot[RIGHT, 2] += 0.1
+        policy._load = np.array([1.0, 0.25])
+        *_, wanted, _ = asked(policy, monkeypatch, seen(), dynamics)
+        assert wanted.centre[2] == pytest.approx(60.0 * 0.02)
+
+    def test_each_foot_may_press_by_its_load_and_an_unloaded_one_not_at_all(
+        self, policy: Step, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        body = policy.control.body
+        whole = 1.2 * 9.81 * body.total_mass
+        for loads, shares in (((1.0, 1.0), (1.0, 1.0)), ((0.4, 1.0), (0.4, 1.0)), ((1.0, 0.02), (1.0, 0.0))):
+            policy._load = np.array(loads)
+            *_, most = asked(policy, monkeypatch, seen(), moment())
+            for foot, share in enumerate(shares):
+                np.testing.assert_allclose(most[body.foot_of_point == foot], share * whole / 4)
+
+    def test_no_command_is_followed_before_it_has_settled(
+        self, policy: Step, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        asked(policy, monkeypatch, seen(0.49, (0.3, 0.0, 0.0)), moment())
+        assert not policy._command.value.any()
+        assert policy.phase is Phase.STAND
+        asked(policy, monkeypatch, seen(0.5, (0.3, 0.0, 0.0)), moment())
+        assert policy._command.value[0] == pytest.approx(0.3 / 500)
+        assert policy.phase is Phase.SHIFT
+
+    def test_a_reset_forgets_the_run_before(self, policy: Step, monkeypatch: pytest.MonkeyPatch) -> None:
+        policy._command.value = VELOCITY.copy()
+        policy._lift(moment(), shifted=True)
+        policy._load = np.array([1.0, 0.0])
+        policy._swing = SimpleNamespace()  # type: ignore[assignment]
+        policy.control.unsolved_ticks = 3
+        policy.reset(seen())
+        assert not policy._command.value.any()
+        assert (policy.phase, policy.steps, policy._swing) == (Phase.STAND, 0, None)
+        assert (policy._elapsed_s, policy._lands_after_s, policy.control.unsolved_ticks) == (0.0, 0.0, 0)
+        stance = policy.stance()
+        assert stance is not None
+        assert stance.tolist() == [1.0, 1.0]
+        stance[:] = 5.0
+        assert policy._load.tolist() == [1.0, 1.0]
+
+    def test_before_any_reset_it_begins_in_its_pose(
+        self, policy: Step, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        rest = standing(policy.control.body, G1)
+        height = rest.centre[2] - rest.foot[:, 2].mean()
+        *_, wanted, _ = asked(policy, monkeypatch, seen(0.0), moment((0.0, 0.0, height)))
+        assert wanted.centre[2] == pytest.approx(0.0, abs=1e-9)
+
+    def test_however_long_it_has_stood_it_does_not_lift_a_foot(
+        self, policy: Step, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        policy._elapsed_s = 5.0
+        asked(policy, monkeypatch, seen(), moment())
+        assert (policy.phase, policy.steps) == (Phase.STAND, 0)
+        assert policy._elapsed_s == pytest.approx(5.0 + 1.0 / CONFIG.rate_hz)
+
+
+class TestShift:
+    """The weight moves onto the foot that the body leans on."""
+
+    @pytest.mark.parametrize(
+        ("capture", "walk", "bears"),
+        [
+            ((0.055, 0.04), False, None),  # 6.8 cm
+            ((0.06, 0.04), False, LEFT),  # 7.2 cm
+            ((-0.06, -0.04), False, RIGHT),
+            ((0.0, 0.001), True, LEFT),
+            ((0.0, -0.001), True, RIGHT),
+        ],
+    )
+    def test_a_command_or_a_capture_point_far_from_the_middle_calls_for_a_step(
+        self, policy: Step, capture: tuple[float, float], walk: bool, bears: int | None
+    ) -> None:
+        policy._elapsed_s = 0.3
+        policy._consider_a_step(moment(), capture_at(*capture), walk)
+        if bears is None:
+            assert policy.phase is Phase.STAND
+            return
+        assert (policy.phase, policy._bears, policy._swings) == (Phase.SHIFT, bears, 1 - bears)
+        assert policy._elapsed_s == 0.0
+
+    @pytest.mark.parametrize("bears", [LEFT, RIGHT])
+    def test_it_ends_where_a_steady_step_would_begin_in_the_air(self, policy: Step, bears: int) -> None:
+        """Sideways as far from the bearing foot as grows to the landing's in 0.5 s; ahead not at all."""
+        policy._bears, policy._swings = bears, 1 - bears
+        policy._command.value = VELOCITY
+        dynamics = moment(feet=((0.03, 0.12), (-0.03, -0.12)))
+        step = nominal(1 - bears, VELOCITY[:2])
+        left = (step.place + step.offset)[1] * math.exp(-0.5 * policy._fall_rate)
+        left += 0.12 if bears == LEFT else -0.12
+        np.testing.assert_allclose(policy._shifted(dynamics), MIDDLE[:2] + world(0.0, left), atol=1e-12)
+
+    @pytest.mark.parametrize("bears", [LEFT, RIGHT])
+    @pytest.mark.parametrize(
+        ("short", "ahead", "elapsed_s", "lifts"),
+        [
+            (0.019, 0.0, 0.5, True),
+            (0.021, 0.0, 0.5, False),
+            (-0.2, 0.0, 0.5, True),  # beyond
+            (0.1, 0.0, 1.01, True),  # it has waited long enough
+            (0.1, 0.0, 0.99, False),
+            (0.1, 0.13, 0.5, True),
+            (0.1, -0.13, 0.5, True),
+            (0.1, 0.11, 0.5, False),
+        ],
+    )
+    def test_a_foot_is_lifted_once_the_weight_is_near_the_other_or_it_is_urgent(
+        self, policy: Step, bears: int, short: float, ahead: float, elapsed_s: float, lifts: bool
+    ) -> None:
+        """How much the capture point is short of the bearing foot's side, and how far it is ahead."""
+        policy.phase, policy._bears, policy._swings, policy._elapsed_s = (
+            Phase.SHIFT, bears, 1 - bears, elapsed_s,
+        )  # fmt: skip
+        capture = np.zeros(3)
+        inwards = -short if bears == LEFT else short
+        capture[:2] = policy._shifted(moment()) + world(ahead, inwards)
+        policy._consider_lifting(moment(), capture)
+        assert policy.phase is (Phase.STEP if lifts else Phase.SHIFT)
+
+    def test_the_pressure_drives_the_weight_there(
+        self, policy: Step, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """A centre in the middle, at rest: p = x + 2 (x - goal)."""
+        policy.phase, policy._bears, policy._swings = Phase.SHIFT, LEFT, RIGHT
+        *_, wanted, _ = asked(policy, monkeypatch, seen(command=(0.0, 0.0, 0.0)), moment())
+        goal = policy._shifted(moment()) - MIDDLE[:2]
+        assert 0.03 < np.linalg.norm(goal) < 0.1
+        np.testing.assert_allclose(wanted.centre[:2], policy._fall_rate**2 * 2.0 * goal)
+
+
+class TestLift:
+    @pytest.mark.parametrize(("shifted", "elapsed_s"), [(True, 0.1), (False, 0.0)])
+    def test_a_step_begins_with_the_nominal_one_halfway_through_its_turn(
+        self, policy: Step, shifted: bool, elapsed_s: float
+    ) -> None:
+        """After a shift the time in which both feet bear is over. 0.4 rad/s turn by 0.24 rad in a step."""
+        policy._bears, policy._swings = RIGHT, LEFT
+        policy._command.value = VELOCITY
+        policy._swing = SimpleNamespace()  # type: ignore[assignment]
+        policy._lift(moment(headings=(9.0, HEADING)), shifted)
+        assert (policy.phase, policy.steps, policy._swing) == (Phase.STEP, 1, None)
+        assert (policy._elapsed_s, policy._lands_after_s) == (elapsed_s, 0.6)
+        assert policy._yaw == pytest.approx(HEADING)
+        place = nominal(LEFT, VELOCITY[:2]).place
+        np.testing.assert_allclose(place, [0.18, 0.06 + 0.2])
+        np.testing.assert_allclose(policy._place, world(*place, heading=HEADING + 0.12))
+
+
+class TestLand:
+    @pytest.mark.parametrize(
+        ("centre", "feet", "walk", "stands"),
+        [
+            ((0.0, 0.0), ((0.0, 0.1), (0.0, -0.1)), False, True),
+            ((0.0, 0.0), ((0.0, 0.1), (0.0, -0.1)), True, False),
+            ((0.069, 0.0), ((0.0, 0.1), (0.0, -0.1)), False, True),
+            ((0.071, 0.0), ((0.0, 0.1), (0.0, -0.1)), False, False),
+            ((-0.071, 0.0), ((0.0, 0.1), (0.0, -0.1)), False, False),
+            ((0.0, 0.2), ((0.0, 0.1), (0.0, -0.1)), False, True),  # sideways it does not count
+            ((0.0, 0.0), ((0.009, 0.1), (-0.01, -0.1)), False, True),
+            ((0.0, 0.0), ((0.011, 0.1), (-0.01, -0.1)), False, False),
+            ((0.0, 0.0), ((-0.011, 0.1), (0.01, -0.1)), False, False),
+        ],
+    )
+    def test_it_stands_again_when_told_to_and_calm_beside_the_other_foot(
+        self, policy: Step, centre: Any, feet: Any, walk: bool, stands: bool
+    ) -> None:
+        """Capture point and feet along the axes of the foot that has landed."""
+        policy._bears, policy._swings, policy._elapsed_s = LEFT, RIGHT, 0.6
+        policy._load = np.array([1.0, 0.0])
+        # Half of it from the velocity.
+        velocity = 0.5 * policy._fall_rate * np.array([*world(*centre), 0.0])
+        dynamics = moment((0.5 * centre[0], 0.5 * centre[1], 0.6), velocity, feet, (2.5, HEADING))
+        policy._land(dynamics, walk)
+        assert (policy._bears, policy._swings) == (RIGHT, LEFT)
+        assert policy._elapsed_s == 0.0
+        assert policy.phase is (Phase.STAND if stands else Phase.STEP)
+        assert policy.steps == (0 if stands else 1)
+        assert policy._load.tolist() == ([1.0, 1.0] if stands else [1.0, 0.0])
+
+    @pytest.mark.parametrize("walk", [False, True])
+    def test_it_lands_when_its_time_is_over(
+        self, policy: Step, monkeypatch: pytest.MonkeyPatch, walk: bool
+    ) -> None:
+        """Asked to walk on it begins the next step, otherwise it stands."""
+        dynamics = moment(foot_jacobian=np.zeros((2, 6, 6 + N)), velocity=np.zeros(6 + N))
+        policy._lift(dynamics, shifted=True)
+        policy._elapsed_s = 0.6 - 1.5 / CONFIG.rate_hz
+        for landed in (False, True):
+            policy._lands_after_s = 0.6
+            asked(policy, monkeypatch, seen(command=(0.3 if walk else 0.0, 0.0, 0.0)), dynamics)
+            assert (policy._bears == RIGHT) == landed
+        assert policy.phase is (Phase.STEP if walk else Phase.STAND)
+
+
+class TestStep:
+    """One foot bears, or both do for the first tenth of a second."""
+
+    @pytest.fixture
+    def decided(self, monkeypatch: pytest.MonkeyPatch) -> list[tuple]:
+        """What `next_step` was asked; it answers (0.1, -0.3) m in 0.25 s."""
+        calls: list[tuple] = []
+
+        def decide(*arguments: Any) -> NextStep:
+            calls.append(arguments)
+            return NextStep(np.array([0.1, -0.3]), 0.25)
+
+        monkeypatch.setattr(controller_module, "next_step", decide)
+        return calls
+
+    @pytest.fixture
+    def stepping(self, policy: Step, monkeypatch: pytest.MonkeyPatch) -> Step:
+        """The left foot bears, no steering; the step's frame is turned by half of 0.24 rad."""
+        policy._command.value = VELOCITY
+        policy._bears, policy._swings = LEFT, RIGHT
+        policy._lift(moment(), shifted=False)
+        monkeypatch.setattr(policy, "_steer", lambda *_: (np.zeros(2), np.array([0.01, 0.02])))
+        monkeypatch.setattr(policy, "_fly", lambda dynamics, stand, remaining_s: np.full(6, remaining_s))
+        return policy
+
+    def test_while_both_bear_the_pressure_goes_evenly_from_the_one_foot_to_the_other(
+        self, stepping: Step, decided: list[tuple]
+    ) -> None:
+        """After 0.03 s of 0.1 s: 0.7 of the way back to the old foot, 0.3 of the load on the new one."""
+        stepping._elapsed_s = 0.03
+        dynamics = moment()
+        capture = dynamics.foot[LEFT] + np.array([*world(0.02, -0.05, HEADING + 0.12), 0.0])
+        pressure, foot = stepping._step(dynamics, capture)
+        leaving = dynamics.foot[RIGHT, :2] - dynamics.foot[LEFT, :2]
+        np.testing.assert_allclose(pressure, dynamics.foot[LEFT, :2] + 0.7 * leaving)
+        np.testing.assert_allclose(stepping._load, [0.3, 0.7])
+        assert not foot.any()
+        ahead, until_landing, after_s, way_m, side, rate, wanted, limits, weights = decided[0]
+        back = Rotation.from_euler("z", -HEADING - 0.12).apply([*leaving, 0.0])[:2]
+        there = capture_after(np.array([0.02, -0.05]), 0.7 * back, -back / 0.1, 0.07, rate)
+        np.testing.assert_allclose(ahead, there)
+        np.testing.assert_allclose(until_landing, [0.01, 0.02])
+        assert (after_s, side, rate) == (0.1, -1.0, stepping._fall_rate)
+        np.testing.assert_allclose(wanted.place, nominal(RIGHT, VELOCITY[:2]).place)
+        assert way_m == pytest.approx(np.linalg.norm(wanted.place - back))
+        assert (limits, weights) == (CONFIG.gait.limits, CONFIG.gait.weights)
+        np.testing.assert_allclose(stepping._place, world(0.1, -0.3, HEADING + 0.12))
+        assert stepping._lands_after_s == pytest.approx(0.1 + 0.25)
+
+    def test_the_new_foot_bears_a_little_from_the_beginning(
+        self, stepping: Step, decided: list[tuple]
+    ) -> None:
+        stepping._step(moment(), MIDDLE)
+        np.testing.assert_allclose(stepping._load, [0.02, 1.0])
+
+    def test_then_it_presses_under_the_foot_that_bears_and_the_other_one_flies(
+        self, stepping: Step, decided: list[tuple]
+    ) -> None:
+        stepping._elapsed_s = 0.3
+        dynamics = moment()
+        capture = dynamics.foot[LEFT] + np.array([*world(0.02, -0.05, HEADING + 0.12), 0.0])
+        pressure, foot = stepping._step(dynamics, capture)
+        np.testing.assert_allclose(pressure, dynamics.foot[LEFT, :2])
+        np.testing.assert_allclose(stepping._load, [1.0, 0.0])
+        np.testing.assert_allclose(decided[0][0], [0.02, -0.05])
+        assert decided[0][2] == 0.3
+        assert stepping._lands_after_s == pytest.approx(0.3 + 0.25)
+        np.testing.assert_allclose(foot, 0.25)
+
+    def test_a_foot_about_to_land_keeps_to_its_place(self, stepping: Step, decided: list[tuple]) -> None:
+        """The least swing is 0.05 s: with 0.04 s to go nothing is decided anew, with 0.06 s it is."""
+        assert CONFIG.gait.limits.least_swing_s == 0.05
+        before = stepping._place
+        stepping._elapsed_s = 0.56
+        _, foot = stepping._step(moment(), MIDDLE)
+        assert not decided
+        np.testing.assert_array_equal(stepping._place, before)
+        np.testing.assert_allclose(foot, 0.04)
+        stepping._elapsed_s = 0.54
+        stepping._step(moment(), MIDDLE)
+        assert len(decided) == 1
+
+    def test_what_steers_is_added_to_the_pressure_in_the_axes_of_the_step(
+        self, stepping: Step, decided: list[tuple], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        given: list[tuple] = []
+
+        def steer(*arguments: Any) -> tuple[np.ndarray, np.ndarray]:
+            given.append(arguments)
+            return np.array([0.03, -0.02]), np.zeros(2)
+
+        monkeypatch.setattr(stepping, "_steer", steer)
+        stepping._elapsed_s = 0.3
+        dynamics = moment()
+        pressure, _ = stepping._step(dynamics, dynamics.foot[LEFT])
+        expected = dynamics.foot[LEFT, :2] + world(0.03, -0.02, HEADING + 0.12)
+        np.testing.assert_allclose(pressure, expected)
+        np.testing.assert_allclose(given[0][0], 0.0, atol=1e-12)
+        assert given[0][2] == pytest.approx(0.6 - 0.3)
+
+
+class TestSteer:
+    def test_a_pressure_held_until_the_landing_makes_the_difference_good(self, policy: Step) -> None:
+        """Within the sole; now it is (1 + 2) times what the capture point misses."""
+        step, rate = nominal(RIGHT), policy._fall_rate
+        end = step.place + step.offset
+        capture = end * math.exp(-0.3 * rate) + np.array([0.004, -0.003])
+        now, held = policy._steer(capture, step, 0.3)
+        np.testing.assert_allclose(now, [0.012, -0.009])
+        np.testing.assert_allclose(capture_after(capture, held, np.zeros(2), 0.3, rate), end, atol=1e-12)
+
+    @pytest.mark.parametrize("sign", [1.0, -1.0])
+    def test_it_stays_under_the_sole(self, policy: Step, sign: float) -> None:
+        step = nominal(RIGHT)
+        capture = (step.place + step.offset) * math.exp(-0.3 * policy._fall_rate) + sign * np.array(
+            [0.3, 0.2]
+        )
+        for found in policy._steer(capture, step, 0.3):
+            np.testing.assert_allclose(found, sign * np.array([0.075, 0.025]))
+
+    def test_with_no_time_left_it_stays_finite(self, policy: Step) -> None:
+        assert np.all(np.isfinite(policy._steer(np.zeros(2), nominal(RIGHT), 0.0)))
+
+
+class TestFly:
+    """The right foot swings at 0.05 m ahead of and 0.2 m beside the left one, along the world's axes."""
+
+    HERE = np.array([0.05, -0.2, 0.04])
+
+    def dynamics(self, turn: Rotation) -> Any:
+        """Its velocity is (1, ..., 6) / 10."""
+        foot = np.array([MIDDLE, MIDDLE + self.HERE])
+        jacobian = np.zeros((2, 6, 6))
+        jacobian[RIGHT] = np.eye(6)
+        rotation = np.array([np.eye(3), turn.as_matrix()])
+        moving = np.arange(1.0, 7.0) / 10
+        return SimpleNamespace(foot=foot, foot_rotation=rotation, foot_jacobian=jacobian, velocity=moving)
+
+    def flying(self, policy: Step, turn: float = 0.24) -> Step:
+        policy._bears, policy._swings, policy._yaw = LEFT, RIGHT, HEADING
+        policy._command.value = np.array([0.0, 0.0, turn / 0.6])
+        policy._place = np.array([0.2, -0.25])
+        return policy
+
+    def test_it_begins_where_the_foot_is_and_lands_turned_as_the_robot_shall_be(self, policy: Step) -> None:
+        self.flying(policy)._fly(self.dynamics(Rotation.from_euler("z", 0.6)), MIDDLE, 0.3)
+        swing = policy._swing
+        assert swing is not None
+        np.testing.assert_allclose(swing._motion[0], [*self.HERE[:2], 0.6], atol=1e-4)
+        assert (swing._height, swing._lift_m, swing._depth_m) == (
+            pytest.approx(0.04), CONFIG.swing.lift_m, CONFIG.swing.depth_m,
+        )  # fmt: skip
+        # From rest a motion of least jerk begins with 60 d / s^3; one tick of 2 ms makes it an acceleration.
+        left = np.array([0.15, -0.05, HEADING + 0.24 - 0.6])
+        np.testing.assert_allclose(swing._motion[2], 60 * left / 0.3**3 * 0.002)
+
+    def test_its_turn_is_the_short_way_round(self, policy: Step) -> None:
+        """A foot at -3.1 rad lands at 3.1 rad by turning right by 0.083 rad."""
+        self.flying(policy, turn=0.0)._yaw = 3.1
+        policy._fly(self.dynamics(Rotation.from_euler("z", -3.1)), MIDDLE, 0.3)
+        assert policy._swing is not None
+        turned = 60 * wrap_angle(6.2) / 0.3**3 * 0.002
+        assert turned < 0.0
+        assert policy._swing._motion[2, 2] == pytest.approx(turned)
+
+    def test_it_follows_its_reference_by_springs_and_dampers_and_keeps_the_sole_level(
+        self, policy: Step
+    ) -> None:
+        """Off by (1, 2, 3) cm, a roll of 0.02 rad, a pitch of -0.03 rad and a yaw of 0.05 rad."""
+        off, rate = np.array([0.01, 0.02, 0.03]), np.array([0.5, -0.4, 0.3, 0.2])
+        feed = np.array([1.0, -2.0, 3.0, -4.0])
+        given: list[tuple] = []
+
+        def advance(*arguments: Any) -> np.ndarray:
+            given.append(arguments)
+            return np.array([[*(self.HERE - off), 0.6], rate, feed])
+
+        policy._swing = SimpleNamespace(yaw=0.6, advance=advance)  # type: ignore[assignment]
+        turn = Rotation.from_rotvec([0.02, -0.03, 0.0]) * Rotation.from_euler("z", 0.65)
+        found = self.flying(policy)._fly(self.dynamics(turn), MIDDLE, 0.3)
+        moving = np.arange(1.0, 7.0) / 10
+        np.testing.assert_allclose(found[:3], feed[:3] - 400.0 * off - 30.0 * (moving[:3] - rate[:3]))
+        spin = moving[3:] - [0.0, 0.0, 0.2]
+        expected = -300.0 * np.array([0.02, -0.03, 0.05]) - 20.0 * spin + [0.0, 0.0, -4.0]
+        np.testing.assert_allclose(found[3:], expected, atol=0.2)
+        goal, remaining_s, dt_s = given[0]
+        np.testing.assert_allclose(goal, [0.2, -0.25, HEADING + 0.24])
+        assert (remaining_s, dt_s) == (0.3, 1.0 / CONFIG.rate_hz)
