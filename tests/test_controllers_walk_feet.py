@@ -435,11 +435,15 @@ class TestLimits:
         assert pace.tempo == pytest.approx(0.2 * 3.0 / fastest, rel=0.06)
         assert pace.reason.startswith("the gait is slowed to a period of ")
 
-    def test_strides_beyond_the_legs_reach_are_shortened_until_they_are_not(self) -> None:
-        walk = self.steady((0.6, 0.0, 0.0))
+    @pytest.mark.parametrize(("speed", "stride"), [(0.4, 0.8), (0.5, 0.6), (0.6, 0.6)])
+    def test_strides_beyond_the_legs_reach_are_shortened_until_they_are_not(
+        self, speed: float, stride: float
+    ) -> None:
+        """Also where feet are out of reach for a moment at the beginning or the end of a swing alone."""
+        walk = self.steady((speed, 0.0, 0.0))
         pace = self.limits(1.0).pace(walk)
         assert pace.reason.startswith("strides are shortened: feet would be out of the legs' reach")
-        assert pace.stride == 0.6
+        assert pace.stride == stride
         for share, reached in ((pace.stride, True), (pace.stride + 0.2, False)):
             _, missed = self.angles(walk._replace(velocity=share * walk.velocity), 13)
             assert (missed < 0.003) == reached

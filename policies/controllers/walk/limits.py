@@ -85,7 +85,7 @@ class WalkLimits:
         angles = np.array([self._legs.solve(each) for each in feet])
         step_s = walk.timing.swing_s * (_PROGRESS[1] - _PROGRESS[0])
         rate = _SAMPLED * float(np.abs(np.diff(angles, axis=0)).max()) / step_s
-        for each, wanted in zip(angles[::3], feet[::3], strict=True):
+        for each, wanted in zip(angles, feet, strict=True):
             reached = self._legs.pose(self._legs.scatter(each, self._robot.default_pose)).foot
             if np.abs(reached - wanted).max() > _MISSED_M:
                 return "feet would be out of the legs' reach", rate
