@@ -4,12 +4,13 @@
     python benchmarks/faults.py --rooms robots,plant --python .venv/bin/python
 
 faults.json holds one small change each (a sign, an axis, a unit, one step, a missing clip, a forgotten
-reset), with what goes wrong for whom. They were written at commit 0e3b032 by somebody who had not read
-the tests; what the code has changed since does not apply any more and does not count. Each is put,
-alone, into a copy of the repository, and a few test files run on it at a time: of all faults those that
-name the changed module first, then, for faults that nothing has noticed, the others of its room, until a
-test fails which passes on an unchanged copy (those of --failing, one a line, are known not to). One JSON
-object for each such run is appended to --out as it ends; what stands there already is not run again.
+reset), with what goes wrong for whom. They were written at commit 0e3b032, those from number 21 on at
+b2090f6, by people who had not read the tests; what the code has changed since does not apply any more and
+does not count. Each is put, alone, into a copy of the repository, and a few test files run on it at a time:
+of all faults those that name the changed module first, then, for faults that nothing has noticed, the
+others of its room, until a test fails which passes on an unchanged copy (those of --failing, one a line,
+are known not to). One JSON object for each such run is appended to --out as it ends; what stands there
+already is not run again.
 A fault is noticed if a test fails, not noticed if all of its room have passed, open if some were not run
 or ran out of time.
 """
