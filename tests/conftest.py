@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 import pytest
 from hypothesis import settings
+from recorder import Recorder
 
 from footfall.common.config import dump
 from footfall.policies.contract import Contract, Gait, Term
@@ -150,6 +151,12 @@ def own_folder(tmp_path: Path) -> Path:
     folder = tmp_path / "mine"
     shutil.copytree(ROBOTS / "go1", folder)
     return folder
+
+
+@pytest.fixture
+def called(monkeypatch: pytest.MonkeyPatch) -> Recorder:
+    """Stands in for the functions that a verb calls."""
+    return Recorder(monkeypatch)
 
 
 @pytest.fixture(scope="session")

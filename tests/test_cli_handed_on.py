@@ -38,11 +38,6 @@ def shell(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytes
     return Shell(capsys)
 
 
-@pytest.fixture
-def called(monkeypatch: pytest.MonkeyPatch) -> Recorder:
-    return Recorder(monkeypatch)
-
-
 def words(text: str) -> str:
     return " ".join(text.split())
 

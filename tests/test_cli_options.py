@@ -37,11 +37,6 @@ def shell(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytes
     return Shell(capsys)
 
 
-@pytest.fixture
-def called(monkeypatch: pytest.MonkeyPatch) -> Recorder:
-    return Recorder(monkeypatch)
-
-
 def scored(*errors: str) -> dict[str, Any]:
     return {"scenarios": {"nominal": {"episodes": 4, "failed_episodes": list(errors)}}}
 
