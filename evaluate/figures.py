@@ -12,6 +12,7 @@ from footfall.common.config import load
 
 Summary = Mapping[str, Any]
 NOTHING = "–"
+COUNTS = ("falls", "legs_touch_episodes")  # of episodes
 # A bootstrap over fewer episodes gives an interval that is too narrow to rank anybody by.
 LEAST_EPISODES = 8
 
@@ -74,7 +75,7 @@ def interval(figure: Figure, summary: Summary) -> tuple[float, float] | None:
 def text(figure: Figure, summary: Summary) -> str:
     """The number as it is shown."""
     number = value(figure, summary)
-    if figure.key == "falls" and number is not None:
+    if figure.key in COUNTS and number is not None:
         return f"{number:.0f} of {summary['episodes']}"
     if number == math.inf:
         return f"above {summary['strongest_push']:g}"

@@ -37,6 +37,7 @@ class EpisodeMetrics:
     peak_torque_share: float  # of the motor's own limit, worst joint
     foot_slip_m_s: float  # mean horizontal speed of feet that bear load
     stance_s: float  # time that feet bore load, summed over feet
+    legs_touch_share: float  # of the time, in which two different legs press on each other
     target_rate_rad_s: float  # root mean square over joints and time
     torque_rate_nm_s: float  # the same of the motors' torque
     estimate_mse: float  # of the estimated horizontal velocity, m^2/s^2; NaN where nobody estimates
@@ -69,6 +70,7 @@ def score(trace: Trace, robot: Robot, weight_n: float) -> EpisodeMetrics:
         peak_torque_share=float((torque / robot.motor.peak_torque).max()) if torque.size else np.nan,
         foot_slip_m_s=slip_m_s,
         stance_s=stance_s,
+        legs_touch_share=_mean(trace.legs_touch),
         target_rate_rad_s=_rate(trace.joint_target, dt_s),
         torque_rate_nm_s=_rate(trace.motor_torque, dt_s),
         estimate_mse=_mean((estimated[settled] ** 2).sum(axis=1)),

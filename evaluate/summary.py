@@ -29,7 +29,10 @@ _ROOT_MEANS = {
 }
 # These two are root mean squares of an episode already: squared again before the mean.
 _ALREADY_ROOTS = frozenset({"target_rate_rad_s", "torque_rate_nm_s"})
-_MEANS = {"foot_slip_m_s": ("foot_slip_m_s", "stance_s")}
+_MEANS = {
+    "legs_touch_share": ("legs_touch_share", "walked_s"),
+    "foot_slip_m_s": ("foot_slip_m_s", "stance_s"),
+}
 # Ratios of totals: energy over weight times distance, or over distance.
 _ENERGY_PER_DISTANCE = {
     "cost_of_transport": ("electrical_j", True),
@@ -73,6 +76,7 @@ def _figures(finished: Sequence[EpisodeOutcome], seed: int) -> Summary:
         "fall_rate": falls / len(metrics),
         "fall_rate_interval": wilson_interval(falls, len(metrics)),
         "emergency_stops": sum(m.emergency_stop for m in metrics),
+        "legs_touch_episodes": sum(m.legs_touch_share > 0.0 for m in metrics),
     }
     for name, (quantity, weight) in _ROOT_MEANS.items():
         values, weights = _column(metrics, quantity), _column(metrics, weight)

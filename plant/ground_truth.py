@@ -7,6 +7,7 @@ import numpy as np
 
 from footfall.common.rotations import rotate_to_body, tilt
 from footfall.plant.sensors import Layout
+from footfall.robots.leg_bodies import NO_LEG
 from footfall.robots.model import Plant
 
 WORLD = 0  # body id
@@ -37,6 +38,7 @@ class Truth(NamedTuple):
     foot_velocity: np.ndarray  # (feet, 3) m/s, world
     foot_contact: np.ndarray  # (feet,) bool
     foot_force: np.ndarray  # (feet,) N, normal
+    legs_touch: bool  # two different legs press on each other
     qpos: np.ndarray  # (nq,)
 
 
@@ -54,6 +56,7 @@ class GroundTruth:
         self._foot_of_geom = {geom: foot for foot, geoms in enumerate(plant.feet) for geom in geoms.tolist()}
         self._feet = list(self._foot_of_geom)
         self._body_of_geom = plant.model.geom_bodyid.tolist()
+        self._leg_of_geom = plant.leg_of_body[plant.model.geom_bodyid].tolist()
         self._base_and_world = {plant.base, WORLD}
         self._nowhere = np.full((len(plant.feet), 3), np.nan)  # of feet that are not there
         self._twist, self._wrench = np.zeros(6), np.zeros(6)
@@ -70,7 +73,7 @@ class GroundTruth:
             elif geoms:
                 position[foot] = self._geom_position[geoms].mean(axis=0)
                 velocity[foot] = np.mean([self._velocity_of(geom).copy() for geom in geoms], axis=0)
-        contact, force = self._contacts()
+        contact, force, legs_touch = self._contacts()
         return Truth(
             base_position=qpos[pos : pos + 3].copy(),
             base_quaternion=quaternion,
@@ -83,6 +86,7 @@ class GroundTruth:
             foot_velocity=velocity,
             foot_contact=contact,
             foot_force=force,
+            legs_touch=legs_touch,
             qpos=qpos.copy(),
         )
 
@@ -108,15 +112,21 @@ class GroundTruth:
         mujoco.mj_objectVelocity(self._model, self._data, GEOM, geom, self._twist, 0)
         return self._twist[3:]
 
-    def _contacts(self) -> tuple[np.ndarray, np.ndarray]:
-        """Whether each foot bears a force, and which, N: (feet,) each."""
-        force = np.zeros(len(self._nowhere))
+    def _contacts(self) -> tuple[np.ndarray, np.ndarray, bool]:
+        """Whether each foot bears a force, and which, N: (feet,) each; and `Truth.legs_touch`."""
+        force, legs_touch = np.zeros(len(self._nowhere)), False
         for index, geoms in enumerate(self._touching()):
-            for geom in geoms:
-                if geom in self._foot_of_geom:
-                    mujoco.mj_contactForce(self._model, self._data, index, self._wrench)
-                    force[self._foot_of_geom[geom]] += self._wrench[0]
-        return force > 0.0, force
+            one, other = (self._leg_of_geom[geom] for geom in geoms)
+            between_legs = one != other and NO_LEG not in (one, other)
+            feet = [self._foot_of_geom[geom] for geom in geoms if geom in self._foot_of_geom]
+            if not (feet or between_legs):
+                continue
+            mujoco.mj_contactForce(self._model, self._data, index, self._wrench)
+            normal = self._wrench[0]
+            legs_touch = legs_touch or (between_legs and bool(normal > 0.0))
+            for foot in feet:
+                force[foot] += normal
+        return force > 0.0, force, legs_touch
 
     def _touching(self) -> list[list[int]]:
         """The two geoms of each contact."""

@@ -30,6 +30,7 @@ class Trace(SessionResult):
     foot_contact: np.ndarray  # (T, feet) bool
     foot_velocity: np.ndarray  # (T, feet, 3) m/s, world
     foot_force: np.ndarray  # (T, feet) N, normal
+    legs_touch: np.ndarray  # (T,) bool, two different legs press on each other
     qpos: np.ndarray  # (T, nq) of the plant's model, for rendering
     estimated_velocity: np.ndarray  # (T, 3) m/s, body frame; NaN where nobody estimates
     estimated_height: np.ndarray  # (T,) m
@@ -68,7 +69,7 @@ class Recorder:
             "qpos": (self.nq,),
         }
         return {
-            name: np.zeros((0, *width), dtype=bool if name == "foot_contact" else float)
+            name: np.zeros((0, *width), dtype=bool if name in _FLAGS else float)
             for name, width in widths.items()
         }
 
@@ -79,7 +80,9 @@ _SCALARS = (
     "electrical_power",
     "mechanical_power",
     "positive_power",
+    "legs_touch",
 )
+_FLAGS = frozenset({"foot_contact", "legs_touch"})
 _VECTORS = (
     "command",
     "base_position",

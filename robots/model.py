@@ -10,6 +10,7 @@ from footfall.common.errors import UserError
 from footfall.robots.actuator import Motor
 from footfall.robots.description import Robot, load_spec
 from footfall.robots.feet import find_feet, foot_geoms
+from footfall.robots.leg_bodies import leg_of_bodies
 from footfall.robots.stability import PLANT_TIMESTEP_S, TRAINING_TIMESTEP_S
 
 FLOOR = "floor"
@@ -62,6 +63,7 @@ class Plant(NamedTuple):
     motor: Motor  # the robot's motors, with the plant's joint friction and damping where its file gives any
     base: int  # body that carries the free joint
     feet: tuple[np.ndarray, ...]  # geoms of each foot, none where the plant has no such foot (`find_feet`)
+    leg_of_body: np.ndarray  # (nbody,) foot of the leg that each body belongs to, or NO_LEG (`leg_of_bodies`)
     notes: tuple[str, ...]  # what was missing and what was done about it, one line each
 
 
@@ -113,7 +115,8 @@ def read_plant(robot: Robot, path: Path | None = None) -> Plant:
     notes += _notes_on_feet(model, feet, robot, source.name)
     free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)[0]
     motor = robot.motor._replace(**{name: loss for name, loss in losses.items() if loss.any()})
-    return Plant(model, motor, int(model.jnt_bodyid[free]), feet, tuple(notes))
+    leg_of_body = leg_of_bodies(model, [foot.joints for foot in robot.description.feet])
+    return Plant(model, motor, int(model.jnt_bodyid[free]), feet, leg_of_body, tuple(notes))
 
 
 def _notes_on_feet(

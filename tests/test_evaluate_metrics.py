@@ -36,6 +36,7 @@ def walk(seconds: float = 5.0, command: tuple[float, float, float] = (1.0, 0.0, 
         foot_contact=np.ones((count, 4), dtype=bool),
         foot_velocity=np.zeros((count, 4, 3)),
         foot_force=np.full((count, 4), 30.0),
+        legs_touch=np.zeros(count, dtype=bool),
         qpos=np.zeros((count, 19)),
         estimated_velocity=np.full((count, 3), np.nan),
         estimated_height=np.full(count, np.nan),
@@ -168,6 +169,11 @@ class TestEffort:
         metrics = score(replace(trace, foot_velocity=velocity, foot_contact=contact), go1, 125.0)
         assert metrics.foot_slip_m_s == pytest.approx(0.2 / 3)
         assert metrics.stance_s == pytest.approx(15.0)
+
+    def test_legs_touch_for_a_share_of_all_samples(self, go1: Robot) -> None:
+        assert score(walk(), go1, 125.0).legs_touch_share == 0.0
+        touching = np.arange(500) < 5  # within the first second, which counts here
+        assert score(replace(walk(), legs_touch=touching), go1, 125.0).legs_touch_share == pytest.approx(0.01)
 
     def test_rates_are_root_mean_squares_per_second(self, go1: Robot) -> None:
         ramp = np.outer(np.arange(500) / RATE_HZ, np.full(12, 2.0))

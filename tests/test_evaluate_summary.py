@@ -35,6 +35,7 @@ GOOD = EpisodeMetrics(
     peak_torque_share=0.8,
     foot_slip_m_s=0.05,
     stance_s=20.0,
+    legs_touch_share=0.0,
     target_rate_rad_s=2.0,
     torque_rate_nm_s=100.0,
     estimate_mse=np.nan,
@@ -101,6 +102,7 @@ class TestSummary:
             ("target_rate_rad_s", lambda m: m.target_rate_rad_s**2, lambda m: m.walked_s, True),
             ("torque_rate_nm_s", lambda m: m.torque_rate_nm_s**2, lambda m: m.walked_s, True),
             ("foot_slip_m_s", "foot_slip_m_s", lambda m: m.stance_s, False),
+            ("legs_touch_share", "legs_touch_share", lambda m: m.walked_s, False),
             (
                 "cost_of_transport",
                 lambda m: m.electrical_j / (m.weight_n * m.distance_m),
@@ -179,6 +181,13 @@ class TestSummary:
     def test_emergency_stops_are_counted_among_the_falls(self) -> None:
         summary = nominal(GOOD, FELL, replace(FELL, emergency_stop=True))
         assert (summary["falls"], summary["emergency_stops"]) == (2, 1)
+
+    def test_episodes_in_which_legs_touch_are_counted(self) -> None:
+        summary = nominal(
+            GOOD, replace(GOOD, legs_touch_share=0.001), GOOD, replace(GOOD, legs_touch_share=0.5)
+        )
+        assert summary["legs_touch_episodes"] == 2
+        assert text(figures()["legs_touch_episodes"], summary) == "2 of 4"
 
     def test_a_command_that_holds_throughout_gives_a_mean_speed(self) -> None:
         assert summarise(SCENARIOS["forward"], [outcome()], 0)["mean_forward_m_s"] == 0.5

@@ -57,12 +57,14 @@ class TestDirections:
             *("falls", "lin_vel_rmse", "yaw_rate_rmse", "dv50", "cost_of_transport"),
             *("cost_of_transport_mechanical", "positive_work_j_m", "peak_torque_share", "foot_slip_m_s"),
             *("torque_rate_nm_s", "compute_ms.p50", "compute_ms.p99", "missed_deadlines"),
+            "legs_touch_share",
         }
 
     def test_what_a_robot_that_lies_down_would_be_best_at_counts_for_the_upright(self) -> None:
         assert {key for key, figure in figures().items() if figure.upright} == {
             *("lin_vel_rmse", "yaw_rate_rmse", "cost_of_transport", "cost_of_transport_mechanical"),
             *("positive_work_j_m", "peak_torque_share", "foot_slip_m_s", "torque_rate_nm_s"),
+            "legs_touch_share",
         }
 
     def test_a_report_opens_with_these(self) -> None:
@@ -81,6 +83,7 @@ class TestDirections:
     def test_units(self) -> None:
         units = {key: figure.unit for key, figure in figures().items() if figure.unit}
         assert units == {
+            "legs_touch_share": "share of time",
             "lin_vel_rmse": "m/s",
             "yaw_rate_rmse": "rad/s",
             "mean_forward_m_s": "m/s",

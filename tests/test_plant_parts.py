@@ -80,6 +80,12 @@ def thrown(body: SimulatedRobot) -> None:
     mujoco.mj_forward(model, data)
 
 
+def thrown_up(body: SimulatedRobot, pose: np.ndarray) -> None:
+    """A metre above the ground, in a pose (n,) of go1's joints."""
+    body.data.qpos[2], body.data.qpos[7:] = 1.0, pose
+    mujoco.mj_forward(body.model, body.data)
+
+
 class TestTruth:
     def test_every_part_of_the_state_is_found_in_a_plant_of_more_than_the_robot(self, odd: Robot) -> None:
         body = body_of(odd)
@@ -156,6 +162,58 @@ class TestTruth:
                 break
         else:
             pytest.fail("no foot touched lightly")
+
+    def test_legs_touch_where_two_of_them_press_on_each_other(self, go1: Robot) -> None:
+        """Standing they do not; in the air, the feet of the front or of the rear are led together."""
+        body = body_of(go1)
+        data, model = body.data, body.model
+        mujoco.mj_forward(model, data)
+        assert body.truth().foot_contact.all()
+        assert not body.truth().legs_touch
+        for leg in (0, 2):
+            thrown_up(body, go1.default_pose * np.tile((-1.0, 1.0, 1.0), 4))
+            assert not body.truth().legs_touch
+            inwards = go1.default_pose.copy()
+            inwards[[3 * leg, 3 * leg + 3]] = 0.45, -0.45
+            thrown_up(body, inwards)
+            assert body.truth().legs_touch
+            assert len({model.geom_bodyid[geom] for geom in data.contact.geom.ravel()}) == 2
+
+    def test_shanks_that_press_on_each_other_touch_too(self, go1: Robot) -> None:
+        body = body_of(go1)
+        pose = go1.default_pose.copy()
+        pose[:6] = 0.8, 0.9, -1.8, -0.8, 0.75, -1.8
+        thrown_up(body, pose)
+        feet = {body.model.geom(name).id for foot in go1.description.feet for name in foot.geoms}
+        assert body.data.ncon
+        assert not feet & set(body.data.contact.geom.ravel().tolist())
+        assert body.truth().legs_touch
+
+    def test_parts_of_one_leg_that_press_on_each_other_do_not_count(self, own_folder: Path) -> None:
+        xml = own_folder / "robot.xml"
+        hip = '<joint name="FR_hip_joint" class="abduction"/>'
+        xml.write_text(
+            xml.read_text().replace(
+                hip, f'{hip}<geom class="collision" size="0.08" pos="0 -0.08 0" density="0"/>'
+            )
+        )
+        robot = load_robot(own_folder)
+        body = body_of(robot)
+        pose = robot.default_pose.copy()
+        pose[2] = -2.7
+        thrown_up(body, pose)
+        bodies = {body.model.body(body.model.geom_bodyid[g]).name for g in body.data.contact.geom.ravel()}
+        assert bodies == {"FR_hip", "FR_calf"}
+        assert not body.truth().legs_touch
+
+    def test_a_leg_that_presses_on_the_base_touches_no_leg(self, go1: Robot) -> None:
+        body = body_of(go1)
+        pose = go1.default_pose.copy()
+        pose[:2] = 0.7, 1.5
+        thrown_up(body, pose)
+        bodies = {body.model.body(body.model.geom_bodyid[g]).name for g in body.data.contact.geom.ravel()}
+        assert bodies == {"trunk", "FR_thigh"}
+        assert not body.truth().legs_touch
 
     @pytest.mark.parametrize(("share", "sunk"), [(0.39, True), (0.41, False)])
     def test_a_base_less_than_two_fifths_of_its_height_above_its_lowest_foot_has_sunk(
@@ -733,6 +791,7 @@ class FakeBody:
             "base_position": np.array([0.25 * k, 0.0, 9.0]),
             "base_velocity": np.array([k, 2 * k, 3 * k]),
             "foot_contact": np.array([True]),
+            "legs_touch": k > 1,
             **rest,
         }
         return SimpleNamespace(**values, _asdict=lambda: values)
@@ -844,11 +903,11 @@ class TestTrial:
             "joint_velocity": (12,), "motor_torque": (12,), "joint_target": (12,), "foot_position": (4, 3),
             "foot_velocity": (4, 3), "foot_contact": (4,), "foot_force": (4,), "qpos": (19,),
             "estimated_velocity": (3,), "estimated_height": (), "electrical_power": (),
-            "mechanical_power": (), "positive_power": (),
+            "mechanical_power": (), "positive_power": (), "legs_touch": (),
         }  # fmt: skip
         for name, width in widths.items():
             assert getattr(trace, name).shape == (0, *width), name
-            assert getattr(trace, name).dtype == (bool if name == "foot_contact" else float)
+            assert getattr(trace, name).dtype == (bool if name in ("foot_contact", "legs_touch") else float)
 
     def test_lost_numbers_end_it_as_a_fault(self, go1: Robot) -> None:
         trial, body, loop = trial_of(go1)
