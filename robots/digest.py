@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from footfall.robots.description import Description
 
 # Fields of the model that decide how the robot moves. Rotations and inertias are added as matrices, and of
-# geoms only those count that are feet or can touch something.
+# geoms only those count that are feet or can touch something, by themselves or through a pair.
 BODIES = ("body_parentid", "body_mass", "body_pos", "body_ipos", "body_gravcomp")
 JOINTS = (
     "jnt_type", "jnt_bodyid", "jnt_pos", "jnt_axis", "jnt_limited", "jnt_range", "jnt_stiffness",
@@ -84,7 +84,7 @@ def _figures(description: "Description", model: mujoco.MjModel) -> Iterator[tupl
         ],
     )
     touches = (model.geom_contype | model.geom_conaffinity) != 0
-    touches[np.concatenate(feet)] = True
+    touches[np.concatenate([*feet, model.pair_geom1, model.pair_geom2])] = True
     geoms = np.flatnonzero(touches)
     for foot, ids in zip(description.feet, feet, strict=True):
         yield f"foot {foot.name}", np.searchsorted(geoms, ids)

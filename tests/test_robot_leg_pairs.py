@@ -1,0 +1,128 @@
+"""Legs that meet in training: which pairs the shipped robots declare, and when they touch."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from footfall.envs.config import InitialState
+from footfall.robots.description import Robot, load_robot
+from footfall.robots.leg_bodies import NO_LEG, leg_of_bodies
+from footfall.robots.model import joint_addresses, plant_model, training_model
+
+ROUND = (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_CAPSULE)
+DECLARED = {
+    "go1": {("FR", "FL"), ("RR", "RL")},
+    "hexapod": {("LF", "LM"), ("LM", "LR"), ("RF", "RM"), ("RM", "RR")},
+    "g1": {("left", "right")},
+}
+
+
+@pytest.fixture(params=DECLARED, scope="module")
+def robot(request: pytest.FixtureRequest) -> Robot:
+    return load_robot(request.param)
+
+
+@pytest.fixture(scope="module")
+def lean(robot: Robot) -> mujoco.MjModel:
+    return training_model(robot)
+
+
+def in_pose(model: mujoco.MjModel, robot: Robot, pose: np.ndarray) -> mujoco.MjData:
+    """In the air, the joints at a pose (n,)."""
+    data = mujoco.MjData(model)
+    data.qpos[2] = 5.0
+    data.qpos[joint_addresses(model, robot)[0]] = pose
+    mujoco.mj_forward(model, data)
+    return data
+
+
+def meeting(model: mujoco.MjModel, robot: Robot, pose: np.ndarray) -> list[tuple[str, str]]:
+    """The geoms that touch in the air."""
+    contacts = in_pose(model, robot, pose).contact
+    touching = contacts.geom[contacts.dist <= 0.0].tolist()
+    return [(model.geom(one).name, model.geom(other).name) for one, other in touching]
+
+
+def test_training_keeps_the_declared_pairs(robot: Robot, lean: mujoco.MjModel) -> None:
+    legs = leg_of_bodies(lean, [foot.joints for foot in robot.description.feet])
+    names = [foot.name for foot in robot.description.feet]
+    paired = legs[lean.geom_bodyid[np.array([lean.pair_geom1, lean.pair_geom2])]].T
+    assert NO_LEG not in paired
+    assert {(names[one], names[other]) for one, other in paired} == DECLARED[robot.name]
+
+
+def test_pairs_are_frictionless_and_of_round_geoms(lean: mujoco.MjModel) -> None:
+    """Training collides spheres and capsules only; each contact of dimension 1 is one constraint row."""
+    assert lean.npair
+    assert set(lean.pair_dim.tolist()) == {1}
+    assert set(lean.geom_type[[*lean.pair_geom1, *lean.pair_geom2]].tolist()) <= set(map(int, ROUND))
+
+
+def test_no_legs_touch_where_training_starts(robot: Robot, lean: mujoco.MjModel) -> None:
+    assert not meeting(lean, robot, robot.default_pose)
+    spread = InitialState().joint_rad * np.random.default_rng(0).uniform(-1, 1, (300, len(robot.joint_names)))
+    for offset in spread:
+        assert not meeting(lean, robot, robot.default_pose + offset)
+
+
+def crossed(go1: Robot, hip_rad: float, legs: tuple[int, int]) -> np.ndarray:
+    """go1's default pose with two legs led inwards; joints are listed leg by leg, right before left."""
+    pose = go1.default_pose.copy()
+    pose[[3 * leg for leg in legs]] = hip_rad, -hip_rad
+    return pose
+
+
+@pytest.mark.parametrize(("legs", "names"), [((0, 1), ("FR", "FL")), ((2, 3), ("RR", "RL"))])
+def test_legs_meet_once_in_training_where_a_shank_meets_a_foot(
+    go1: Robot, legs: tuple[int, int], names: tuple[str, str]
+) -> None:
+    """Both start to touch at the distance of a shank's and a foot's radius, 12 mm and 23 mm."""
+    model = training_model(go1)
+    wanted = {f"{name}_shank" for name in names}
+    met = []
+    for hip_rad in np.arange(0.3, 0.6, 0.002):
+        pose = crossed(go1, hip_rad, legs)
+        apart_m = mujoco.mj_geomDistance(
+            model,
+            in_pose(model, go1, pose),
+            *(model.geom(f"{name}_foot").id for name in names),
+            1.0,
+            None,
+        )
+        found = meeting(model, go1, pose)
+        assert [set(pair) for pair in found] in ([], [wanted])
+        met.append((apart_m + 2 * 0.023, bool(found)))
+    first = next(distance for distance, touch in met if touch)
+    assert first == pytest.approx(0.012 + 0.023, abs=1e-3)
+
+
+@pytest.mark.parametrize("name", ["go1", "hexapod"])
+def test_capsules_of_legs_touch_nothing_but_each_other_on_the_plant(name: str) -> None:
+    """The robot lies on its side or its back, its legs folded: the feet and links that were there touch."""
+    robot = load_robot(name)
+    model = plant_model(robot)
+    capsules = {int(geom) for pair in (model.pair_geom1, model.pair_geom2) for geom in pair}
+    assert len(capsules) == len(robot.description.feet)
+    rng = np.random.default_rng(2)
+    data = mujoco.MjData(model)
+    for _ in range(300):
+        data.qpos[2] = 0.1
+        data.qpos[3:7] = rng.normal(size=4)
+        data.qpos[joint_addresses(model, robot)[0]] = rng.uniform(robot.lower_rad, robot.upper_rad)
+        mujoco.mj_forward(model, data)
+        touching = [set(pair) & capsules for pair in data.contact.geom.tolist()]
+        assert {len(each) for each in touching} <= {0, 2}
+
+
+@pytest.mark.parametrize("name", ["go1", "hexapod"])
+def test_a_capsule_ends_within_its_foot(name: str) -> None:
+    """So the ground is met by the foot first, at any angle of the leg."""
+    model = plant_model(load_robot(name))
+    for geom in {int(g) for pair in (model.pair_geom1, model.pair_geom2) for g in pair}:
+        foot = model.geom(model.geom(geom).name.replace("shank", "foot"))
+        axis = np.zeros(9)
+        mujoco.mju_quat2Mat(axis, model.geom_quat[geom])
+        half = model.geom_size[geom, 1] * axis.reshape(3, 3)[:, 2]
+        ends = [model.geom_pos[geom] + sign * half for sign in (1, -1)]
+        assert min(np.linalg.norm(end - foot.pos) for end in ends) < 1e-9
+        assert model.geom_size[geom, 0] < foot.size[0]
