@@ -13,6 +13,7 @@ from footfall.common.errors import UserError
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.importer.build import build_machine, shortened
 from footfall.robots.importer.controllers_yaml import controllers_yaml
+from footfall.robots.importer.leg_pairs import with_leg_pairs
 from footfall.robots.importer.machine import Machine
 from footfall.robots.importer.model_xml import model_xml
 from footfall.robots.importer.motors import ByJoint, choose_drive, peak_torques, value_for, with_armature
@@ -82,6 +83,7 @@ def import_robot(request: ImportRequest) -> Imported:
     drive = choose_drive(machine, source, peak, request.speed_rad_s, standing)
     protocols, beyond = choose_protocols(machine, drive, request.protocols)
     apart = _touching_links(model, qpos)
+    paired, leg_pairs = with_leg_pairs(machine, pose)
     if len(machine.legs) == ON_SOLES and pose.knees_forward_m < 0.0:
         guesses.append(f"the knees bend backward: does x of '{machine.links[0].name}' point forward?")
     guesses.insert(0, f"base: '{machine.links[0].name}', its x axis pointing forward, z up")
@@ -95,6 +97,7 @@ def import_robot(request: ImportRequest) -> Imported:
         guesses.append(f"no protocol here carries what {shortened(beyond)} can do: the widest was taken")
     if apart:
         guesses.append(f"{len(apart)} pairs of links that meet in the default pose do not collide")
+    guesses.append(_about_leg_pairs(leg_pairs))
     origin = f"Made from {request.source.name} by footfall robot new."
 
     def described(lying: Mapping[str, float] | None = None) -> str:
@@ -116,7 +119,7 @@ def import_robot(request: ImportRequest) -> Imported:
 
     texts = {
         MODEL_FILE: model_xml(
-            machine, pose.height_m, apart, [origin, "What was guessed stands in robot.yaml."]
+            paired, pose.height_m, apart, leg_pairs, [origin, "What was guessed stands in robot.yaml."]
         ),
         "robot.yaml": described(),
         "randomisation.yaml": randomisation_yaml(machine, pose, request.usual),
@@ -125,6 +128,13 @@ def import_robot(request: ImportRequest) -> Imported:
         texts["controllers.yaml"] = controllers_yaml(machine, drive)
     _write(folder, texts, completed)
     return Imported(folder, tuple(guesses))
+
+
+def _about_leg_pairs(pairs: Sequence[tuple[str, str]]) -> str:
+    if not pairs:
+        return "legs do not meet in training: their capsules met in no random pose, or seldom"
+    listed = shortened([f"{one} with {other}" for one, other in pairs])
+    return f"legs meet in training through {len(pairs)} pairs of capsules, each costs training time: {listed}"
 
 
 def _name(folder: Path) -> str:

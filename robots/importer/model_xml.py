@@ -19,10 +19,19 @@ COLOURS = {"base": "0.78 0.80 0.83 1", "link": "0.45 0.48 0.53 1", "foot": "0.10
 FOOT_FRICTION = 0.8
 
 
+LEG_CLASS = [
+    '    <default class="leg">',
+    "      <!-- Legs meet each other through the pairs below, and nothing else. -->",
+    '      <geom group="3" contype="0" conaffinity="0"/>',
+    "    </default>",
+]
+
+
 def model_xml(
     machine: Machine,
     height_m: float = 0.0,
     apart: Iterable[tuple[str, str]] = (),
+    pairs: Iterable[tuple[str, str]] = (),
     notes: Iterable[str] = (),
 ) -> str:
     """The text of an MJCF.
@@ -31,11 +40,13 @@ def model_xml(
         machine: what to write.
         height_m: of the base above the ground.
         apart: pairs of links that do not collide.
+        pairs: of geoms that collide whatever links they belong to, by name.
         notes: lines of the comment at the top.
     """
     comment = "\n     ".join(note.replace("--", "- -") for note in notes)
     feet = {geom for leg in machine.legs for geom in leg.geoms}
-    pairs = [f"    <exclude body1={quoteattr(a)} body2={quoteattr(b)}/>" for a, b in apart]
+    contact = [f"    <exclude body1={quoteattr(a)} body2={quoteattr(b)}/>" for a, b in apart]
+    contact += [f'    <pair geom1={quoteattr(a)} geom2={quoteattr(b)} condim="1"/>' for a, b in pairs]
     lines = [
         *([f"<!-- {comment} -->"] if comment else []),
         f"<mujoco model={quoteattr(machine.name)}>",
@@ -47,11 +58,12 @@ def model_xml(
         "      <!-- A foot's friction takes priority over the ground's. -->",
         f'      <geom priority="1" rgba="{COLOURS["foot"]}"/>',
         "    </default>",
+        *(LEG_CLASS if any(_touches_by_pair(geom) for link in machine.links for geom in link.geoms) else []),
         "  </default>",
         "  <worldbody>",
         *(f"    {line}" for line in _link(machine, 0, height_m, feet)),
         "  </worldbody>",
-        *(["  <contact>", *pairs, "  </contact>"] if pairs else []),
+        *(["  <contact>", *contact, "  </contact>"] if contact else []),
         "</mujoco>",
     ]
     return "\n".join(lines) + "\n"
@@ -104,10 +116,17 @@ def _geom(geom: Geom, is_foot: bool, of_base: bool) -> str:
     look = f'rgba="{COLOURS["base" if of_base else "link"]}"'
     who = f'name={quoteattr(geom.name)} class="foot" friction="{geom.friction:.4g}"' if is_foot else look
     touch = ""
-    if (geom.contype, geom.conaffinity) != (1, 1):
+    if _touches_by_pair(geom):
+        who = f'name={quoteattr(geom.name)} class="leg"'
+    elif (geom.contype, geom.conaffinity) != (1, 1):
         touch = f' contype="{geom.contype}" conaffinity="{geom.conaffinity}"'
     place = f'pos="{_numbers(geom.shape.position)}"{_turn(geom.shape.quaternion)}'
     return f'<geom {who} type="{kind}" size="{size}" {place}{touch}/>'
+
+
+def _touches_by_pair(geom: Geom) -> bool:
+    """Whether a geom touches nothing but those that it is paired with."""
+    return not (geom.contype or geom.conaffinity)
 
 
 def _turn(quaternion: np.ndarray) -> str:

@@ -11,6 +11,7 @@ so each fit is one linear least-squares problem over a fixed set of directions, 
 shapes compare.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import mujoco
@@ -54,6 +55,21 @@ def fit_shape(points: np.ndarray) -> tuple[Shape, float]:
         if this < WORTH_ANOTHER * error:
             best, error = shape, this
     return best, error
+
+
+def fit_along(shapes: Sequence[Shape], direction: np.ndarray) -> Shape:
+    """The capsule along `direction` (3,) nearest to the hull of a link's shapes; a sphere for direction 0."""
+    directions = _directions()
+    reach = np.max([directions @ s.position + [support(s, u) for u in directions] for s in shapes], axis=0)
+    norm = float(np.linalg.norm(direction))
+    if norm > THINNEST_M:
+        _, _, rows = np.linalg.svd(direction[None] / norm)
+        turned = rows[[1, 2, 0]].T
+        frame = turned * np.sign(np.linalg.det(turned))
+        capsule, error = _fit_capsule(directions, reach, frame, axis=2)
+        if np.isfinite(error):
+            return capsule
+    return _fit_sphere(directions, reach)[0]
 
 
 def fit_sole(points: np.ndarray, up: np.ndarray) -> Shape:

@@ -1,0 +1,154 @@
+"""Pairs of capsules through which the legs of a machine meet in training: few, since each costs time.
+
+A leg's shank gets a capsule that reaches over its foot, or to its ankle where the foot is a link of its own.
+Such a foot gets a second one. Random poses tell which capsules of two legs meet.
+"""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import combinations
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from footfall.robots.importer.machine import Geom, Leg, Machine, pose_of
+from footfall.robots.importer.model_xml import model_xml
+from footfall.robots.importer.pose import Pose
+from footfall.robots.importer.shapes import fit_along
+
+POSES = 4000
+LOW_SHARE = 0.5  # of the standing height: how far below the base the feet of both legs are at least
+LEAST_SHARE = 0.01  # of the poses with both feet that low: how often two capsules meet at least
+STARTS = 400
+START_RAD = 0.1  # how far joints are from the default pose where training begins
+SHANK_SHARE = 0.25  # of a leg's length: how far the shank's joint is from the foot at least
+
+GeomPair = tuple[str, str]
+
+
+class LegPairs(NamedTuple):
+    """A machine with capsules that touch nothing but each other."""
+
+    machine: Machine
+    pairs: tuple[GeomPair, ...]  # names of the capsules; the pair that meets most often is first
+
+
+class _Capsule(NamedTuple):
+    leg: int
+    link: int
+    geom: Geom
+
+
+def with_leg_pairs(machine: Machine, pose: Pose, seed: int = 0) -> LegPairs:
+    """The machine with the capsules through which its legs meet; none where no legs can meet.
+
+    Of the pairs that meet in `LEAST_SHARE` of the poses, and never where training begins, those that meet
+    most often are taken: at most as many as there are capsules. A pair counts as often as its mirror image.
+
+    Args:
+        machine: whose legs may meet.
+        pose: the default pose.
+        seed: of the random poses.
+    """
+    model = mujoco.MjModel.from_xml_string(model_xml(machine))
+    data = pose_of(model, model.qpos0)
+    capsules = [
+        _Capsule(number, link, geom)
+        for number, leg in enumerate(machine.legs)
+        for link, geom in _capsules_of(leg, machine, model, data)
+    ]
+    candidates = [(a, b) for a, b in combinations(capsules, 2) if a.leg != b.leg]
+    share = _share_meeting(_with_capsules(machine, capsules), pose, candidates, np.random.default_rng(seed))
+    names = [(a.geom.name, b.geom.name) for a, b in candidates]
+    mirrored = _mirror_images(machine, capsules, data)
+    images = {frozenset(mirrored[name] for name in pair): share[pair] for pair in names}
+    share |= {pair: max(share[pair], images.get(frozenset(pair), 0.0)) for pair in names if share[pair]}
+    often = [pair for pair in sorted(names, key=lambda pair: -share[pair]) if share[pair] >= LEAST_SHARE]
+    pairs = tuple(often[: len(capsules)])
+    used = {name for pair in pairs for name in pair}
+    return LegPairs(_with_capsules(machine, [c for c in capsules if c.geom.name in used]), pairs)
+
+
+def _capsules_of(
+    leg: Leg, machine: Machine, model: mujoco.MjModel, data: mujoco.MjData
+) -> Iterator[tuple[int, Geom]]:
+    """The capsules of a leg, each with its link's index: of the shank, and of a foot behind an ankle."""
+    balls = data.geom_xpos[[model.geom(name).id for name in leg.geoms]]
+    places = np.array([*data.xanchor[[model.joint(name).id for name in leg.joints]], balls.mean(axis=0)])
+    length = np.linalg.norm(np.diff(places, axis=0), axis=1).sum()
+    away = np.linalg.norm(places[:-1] - places[-1], axis=1)
+    last = int(np.flatnonzero(away >= min(SHANK_SHARE * length, away.max()))[-1])
+    shank = next(
+        index
+        for index, link in enumerate(machine.links)
+        if leg.joints[last] in [hinge.name for hinge in link.hinges]
+    )
+    parts = {shank: ("shank", places[last + 1] - places[last])}
+    if shank != leg.link:
+        _, extent, axes = np.linalg.svd(balls - balls.mean(axis=0))
+        parts[leg.link] = ("sole", extent[0] * axes[0])
+    for index, (part, along) in parts.items():
+        link = machine.links[index]
+        if link.geoms:
+            axes = data.xmat[model.body(link.name).id].reshape(3, 3)
+            shape = fit_along([geom.shape for geom in link.geoms], axes.T @ along)
+            yield index, Geom(f"{leg.name}_{part}", shape, 0.0, contype=0, conaffinity=0, of_body=link.name)
+
+
+def _mirror_images(machine: Machine, capsules: list[_Capsule], data: mujoco.MjData) -> dict[str, str]:
+    """Of each capsule the same part of the leg nearest to its mirror image, by name."""
+    hips = np.array([data.joint(leg.joints[0]).xanchor for leg in machine.legs])
+    base = data.body(machine.links[0].name)
+    hips = (hips - base.xpos) @ base.xmat.reshape(3, 3)
+    away = np.linalg.norm(hips[:, None] * (1.0, -1.0, 1.0) - hips, axis=2)
+    nearest = away.argmin(axis=1)
+    part = {(c.leg, c.geom.name.rpartition("_")[2]): c.geom.name for c in capsules}
+    return {name: part.get((int(nearest[leg]), kind), name) for (leg, kind), name in part.items()}
+
+
+def _with_capsules(machine: Machine, capsules: list[_Capsule]) -> Machine:
+    links = list(machine.links)
+    for _, index, geom in capsules:
+        links[index] = replace(links[index], geoms=(*links[index].geoms, geom))
+    return replace(machine, links=tuple(links))
+
+
+def _share_meeting(
+    machine: Machine, pose: Pose, candidates: list[tuple[_Capsule, _Capsule]], random: np.random.Generator
+) -> dict[GeomPair, float]:
+    """Share of the poses with both feet low in which each pair meets; 0 if it meets where training begins."""
+    names = {(a.geom.name, b.geom.name): (a.leg, b.leg) for a, b in candidates}
+    model = mujoco.MjModel.from_xml_string(model_xml(machine, pairs=names))
+    data = mujoco.MjData(model)
+    pair_of = {frozenset(model.geom(name).id for name in pair): pair for pair in names}
+    for joint, angle in pose.joints.items():
+        data.joint(joint).qpos[0] = angle
+    of_legs = {name for leg in machine.legs for name in leg.joints}
+    hinges = [hinge for hinge in machine.hinges if hinge.name in of_legs]
+    at = np.array([int(model.joint(hinge.name).qposadr[0]) for hinge in hinges])
+    default, low, high = data.qpos[at].copy(), [h.low for h in hinges], [h.high for h in hinges]
+    feet = [[model.geom(name).id for name in leg.geoms] for leg in machine.legs]
+    base = model.body(machine.links[0].name).id
+
+    def meeting(joints: np.ndarray) -> set[GeomPair]:
+        data.qpos[at] = joints
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_collision(model, data)
+        met = (frozenset(geoms) for geoms in data.contact.geom.tolist())
+        return {pair_of[geoms] for geoms in met if geoms in pair_of}
+
+    poses: Counter[GeomPair] = Counter()
+    met: Counter[GeomPair] = Counter()
+    for joints in random.uniform(low, high, (POSES, len(at))):
+        found = meeting(joints)
+        depth = [data.xpos[base][2] - data.geom_xpos[geoms, 2].mean() for geoms in feet]
+        are_low = [each >= LOW_SHARE * pose.height_m for each in depth]
+        both_low = [pair for pair, (one, other) in names.items() if are_low[one] and are_low[other]]
+        poses.update(both_low)
+        met.update(found.intersection(both_low))
+    offsets = START_RAD * random.uniform(-1.0, 1.0, (STARTS, len(at)))
+    at_start = set().union(*(meeting(default + offset) for offset in offsets))
+    return {pair: 0.0 if pair in at_start else met[pair] / max(poses[pair], 1) for pair in names}

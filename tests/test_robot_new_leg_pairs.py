@@ -1,0 +1,191 @@
+"""`footfall robot new`: the pairs of capsules through which an imported robot's legs meet in training."""
+
+import re
+from pathlib import Path
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+import pytest
+from foreign_robots import BIPED_MJCF, on_base, read
+
+from footfall.deploy.drivers.mit import RANGES
+from footfall.envs.config import InitialState
+from footfall.robots.description import Robot, load_robot
+from footfall.robots.importer.build import build_machine
+from footfall.robots.importer.create import ImportRequest, import_robot
+from footfall.robots.importer.leg_pairs import LegPairs, with_leg_pairs
+from footfall.robots.importer.pose import standing_pose
+from footfall.robots.importer.shapes import Kind, Shape, fit_along, rotation_of
+from footfall.robots.model import joint_addresses, training_model
+
+UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
+
+
+class Hip(NamedTuple):
+    name: str
+    x: float
+    y: float
+
+
+def walker(*hips: Hip, roll: str = "-0.8 0.8") -> str:
+    """Legs of two links of 0.2 m: a shank of 1 cm in radius ends in a ball of 2 cm."""
+    return on_base(
+        *(
+            f"""<body name="{hip.name}_thigh" pos="{hip.x} {hip.y} 0">
+              <joint name="{hip.name}_roll" axis="1 0 0" range="{roll}"/>
+              <joint name="{hip.name}_hip" axis="0 1 0" range="-0.5 2"/>
+              <geom type="capsule" fromto="0 0 -.03 0 0 -.15" size="0.01" mass="0.2"/>
+              <body name="{hip.name}_shank" pos="0 0 -0.2">
+                <joint name="{hip.name}_knee" axis="0 1 0" range="-2 -0.4"/>
+                <geom type="capsule" fromto="0 0 -.02 0 0 -.17" size="0.01" mass="0.05"/>
+                <geom name="{hip.name}_foot" size="0.02" pos="0 0 -0.2" mass="0.05"/></body></body>"""
+            for hip in hips
+        )
+    )
+
+
+def square(length: float, width: float) -> str:
+    places = (("fl", 1, 1), ("fr", 1, -1), ("rl", -1, 1), ("rr", -1, -1))
+    return walker(*(Hip(name, x * length / 2, y * width / 2) for name, x, y in places))
+
+
+def paired(tmp_path: Path, text: str, seed: int = 0) -> LegPairs:
+    source = read(tmp_path, text)
+    machine, _ = build_machine(source, "m")
+    return with_leg_pairs(machine, standing_pose(machine, source.pose_rad), seed)
+
+
+def made(tmp_path: Path, text: str) -> tuple[Robot, list[str]]:
+    """The imported robot, and what was told of its legs."""
+    (tmp_path / "m.xml").write_text(text)
+    imported = import_robot(
+        ImportRequest(tmp_path / "m.xml", tmp_path / "made", RANGES, peak_torque_nm={"": 20.0})
+    )
+    told = [guess for guess in imported.guesses if "meet in training" in guess]
+    return load_robot(tmp_path / "made"), told
+
+
+def names(pairs: LegPairs) -> set[frozenset[str]]:
+    return {frozenset(pair) for pair in pairs.pairs}
+
+
+def test_only_legs_that_reach_each_other_are_paired(tmp_path: Path) -> None:
+    """Hips 0.15 m apart across and 0.9 m along the robot; legs are 0.4 m long."""
+    found = paired(tmp_path, square(0.9, 0.15))
+    assert names(found) == {frozenset({"fl_shank", "fr_shank"}), frozenset({"rl_shank", "rr_shank"})}
+
+
+def test_a_robot_whose_legs_cannot_meet_declares_none(tmp_path: Path) -> None:
+    robot, told = made(tmp_path, square(0.9, 0.9))
+    assert training_model(robot).npair == 0
+    assert "leg" not in re.findall(r'class="(\w+)"', robot.xml_path.read_text())
+    assert told == ["legs do not meet in training: their capsules met in no random pose, or seldom"]
+
+
+def test_an_imported_robot_trains_with_its_pairs_and_they_touch_nothing_else(tmp_path: Path) -> None:
+    robot, told = made(tmp_path, square(0.9, 0.15))
+    model = training_model(robot)
+    assert model.npair == 2
+    assert set(model.pair_dim.tolist()) == {1}
+    capsules = [*model.pair_geom1, *model.pair_geom2]
+    assert set(model.geom_type[capsules].tolist()) == {int(Kind.mjGEOM_CAPSULE)}
+    text = robot.xml_path.read_text()
+    assert 'class="leg"' in text
+    assert '<geom group="3" contype="0" conaffinity="0"/>' in text
+    assert told == [
+        "legs meet in training through 2 pairs of capsules, each costs training time:"
+        " rl_shank with rr_shank, fl_shank with fr_shank"
+    ]
+    assert told[0] in robot.xml_path.with_name("robot.yaml").read_text().replace("\n# ", " ")
+
+
+def test_no_pair_touches_where_training_starts(tmp_path: Path) -> None:
+    """Hips 70 mm apart: legs 0.35 m long that roll by 0.1 rad meet."""
+    close = square(0.9, 0.07)
+    assert not paired(tmp_path, close).pairs
+    robot, _ = made(tmp_path, square(0.9, 0.15))
+    model = training_model(robot)
+    data = mujoco.MjData(model)
+    rng = np.random.default_rng(1)
+    for _ in range(300):
+        offset = InitialState().joint_rad * rng.uniform(-1, 1, len(robot.joint_names))
+        data.qpos[2] = 5.0
+        data.qpos[joint_addresses(model, robot)[0]] = robot.default_pose + offset
+        mujoco.mj_forward(model, data)
+        assert data.ncon == 0
+
+
+def test_pairs_are_no_more_than_capsules(tmp_path: Path) -> None:
+    """Eight legs close to each other on a small base: 28 pairs of legs."""
+    hips = [
+        Hip(f"{side}{k}", 0.14 * (k - 1.5), y) for side, y in (("l", 0.06), ("r", -0.06)) for k in range(4)
+    ]
+    found = paired(tmp_path, walker(*hips))
+    assert len(found.pairs) == 8
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_both_sides_have_the_same_pairs(tmp_path: Path, seed: int) -> None:
+    """With these seeds the left legs meet in less than 1 % of the poses, the right legs in more."""
+    sides = {frozenset({f"f{side}_shank", f"r{side}_shank"}) for side in "lr"}
+    assert names(paired(tmp_path, square(0.37, 0.5), seed)) == sides
+
+
+def test_a_foot_behind_an_ankle_has_a_capsule_of_its_own(tmp_path: Path) -> None:
+    found = paired(tmp_path, BIPED_MJCF)
+    assert frozenset({"left_shin", "right_shin"}) not in names(found)
+    assert frozenset({"left_shank", "right_shank"}) in names(found)
+    assert any("sole" in name for pair in found.pairs for name in pair)
+    by_name = {geom.name: (link.name, geom) for link in found.machine.links for geom in link.geoms}
+    link, shank = by_name["left_shank"]
+    assert link == "left_shin"
+    assert shank.shape.size[0] == pytest.approx(0.04, abs=1e-3)
+    link, sole = by_name["left_sole"]
+    assert link == "left_foot"
+    assert np.abs(rotation_of(sole.shape.quaternion)[:, 2]) == pytest.approx([1.0, 0.0, 0.0], abs=1e-6)
+
+
+def test_parts_of_one_leg_are_no_pair(tmp_path: Path) -> None:
+    """Narrow feet on ankles that turn them up against their shanks, and hips far apart."""
+    text = BIPED_MJCF.replace("0.12 0.05 0.015", "0.12 0.01 0.008").replace("-0.9 0.8", "-1.6 1.6")
+    wide = text.replace('pos="0 0.1 -0.05"', 'pos="0 0.6 -0.05"').replace(
+        'pos="0 -0.1 -0.05"', 'pos="0 -0.6 -0.05"'
+    )
+    assert wide != text
+    assert not paired(tmp_path, wide).pairs
+
+
+def test_a_shank_without_a_geom_has_no_capsule(tmp_path: Path) -> None:
+    shin = '<geom type="capsule" fromto="0 0 -0.05 0 0 -0.27" size="0.04" mass="1.3"/>'
+    bare = BIPED_MJCF.replace(shin, '<inertial pos="0 0 -0.1" mass="1.3" diaginertia="0.01 0.01 0.01"/>')
+    assert bare != BIPED_MJCF
+    assert not any("shank" in name for pair in paired(tmp_path, bare).pairs for name in pair)
+
+
+class TestFitAlong:
+    def ball(self, radius: float, z: float) -> Shape:
+        return Shape(Kind.mjGEOM_SPHERE, np.array([radius, 0.0, 0.0]), np.array([0.0, 0.0, z]), UPRIGHT)
+
+    def test_a_rod_is_itself_in_any_direction(self) -> None:
+        turn = np.array([0.8, 0.1, -0.5, 0.3]) / np.linalg.norm([0.8, 0.1, -0.5, 0.3])
+        rod = Shape(Kind.mjGEOM_CAPSULE, np.array([0.01, 0.1, 0.0]), np.array([0.02, 0.03, 0.04]), turn)
+        axis = rotation_of(turn)[:, 2]
+        for direction in (axis, -3.0 * axis):
+            found = fit_along([rod], direction)
+            assert found.kind == Kind.mjGEOM_CAPSULE
+            assert found.size == pytest.approx([0.01, 0.1, 0.0], abs=1e-6)
+            assert found.position == pytest.approx(rod.position, abs=1e-6)
+            assert abs(rotation_of(found.quaternion)[:, 2] @ axis) == pytest.approx(1.0)
+
+    def test_a_rod_with_a_ball_at_its_end_is_as_thick_as_their_mean(self) -> None:
+        rod = Shape(Kind.mjGEOM_CAPSULE, np.array([0.01, 0.1, 0.0]), np.zeros(3), UPRIGHT)
+        found = fit_along([rod, self.ball(0.02, -0.1)], np.array([0.0, 0.0, 1.0]))
+        assert found.size[0] == pytest.approx(0.015, abs=1e-3)
+        assert found.size[1] == pytest.approx(0.1, abs=2e-3)
+
+    def test_a_ball_or_no_direction_gives_a_sphere(self) -> None:
+        for direction in (np.array([1.0, 0.0, 0.0]), np.zeros(3)):
+            found = fit_along([self.ball(0.03, 0.2)], direction)
+            assert found.kind == Kind.mjGEOM_SPHERE
+            assert found.size[0] == pytest.approx(0.03)
