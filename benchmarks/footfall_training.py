@@ -56,7 +56,7 @@ def main() -> None:
     index = []
     for time_s, steps, (normalizer, policy) in kept:
         path = options.out / f"{time_s:06.1f}.onnx"
-        export(trained_actor(parts.networks, normalizer, policy), parts.env.contract, logged, path)
+        export(trained_actor(parts.exact_networks, normalizer, policy), parts.env.contract, logged, path)
         index.append({"time_s": time_s, "steps": steps, "file": path.name})
     (options.out / "kept.json").write_text(json.dumps(index, indent=1) + "\n")
     print(f"{kept[-1][0]:.1f} s: {kept[-1][1]} steps, {len(kept)} policies kept", flush=True)

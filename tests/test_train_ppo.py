@@ -1,6 +1,7 @@
 """What PPO's iteration makes of a rollout, on an environment of a few numbers instead of a robot."""
 
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,14 +12,16 @@ pytest.importorskip("jax")
 import jax
 import jax.numpy as jnp
 import numpy as np
+from brax.training.agents.ppo.networks import PPONetworks
 from brax.training.types import Transition
+from flax import linen
 
 from footfall.envs.symmetry import EnvironmentMirror
 from footfall.robots.symmetry import Mirror
 from footfall.train.brax import ppo
-from footfall.train.brax.networks import make_networks
+from footfall.train.brax.networks import elu, make_networks, normalised
 from footfall.train.brax.ppo import LEAST_LEARNING_RATE, TrainState, learning_rate_limit
-from footfall.train.brax.symmetry import mirrored
+from footfall.train.brax.symmetry import mirror_half, mirrored, with_mirror_images
 from footfall.train.config import PpoConfig, load_preset
 
 ENVIRONMENTS, UNROLL, ACTIONS = 8, 4, 2
@@ -330,21 +333,113 @@ class TestMirror:
         np.testing.assert_allclose(extras["distribution_params"][0], loc, atol=1e-6)
         np.testing.assert_allclose(extras["distribution_params"][1], scale, atol=1e-6)
 
-    def test_images_are_of_observation_and_action_and_of_half_of_the_environments(self) -> None:
+    def test_images_stand_after_the_environments_in_each_step(self) -> None:
         state, rollout = self.begun()
-        data = jax.tree.map(lambda x: jnp.swapaxes(x, 0, 1), rollout)
-        data = data._replace(next_observation=jax.tree.map(lambda x: x[:, -1:], data.observation))
+        data = rollout._replace(next_observation={n: x[-1:] for n, x in rollout.observation.items()})
         behaviour = (state.normalizer, state.params.policy)
-        flipped = 0
-        for seed in range(8):
-            half = ppo.mirror_half(data, self.SWAP, NETWORKS, behaviour, jax.random.PRNGKey(seed))
-            image = np.asarray(half.observation["state"][:, 0, 0] == 2.0)
-            np.testing.assert_array_equal(
-                half.observation["state"][image][..., :2], [[[2, 1]] * UNROLL] * image.sum()
-            )
-            assert (half.next_observation["state"][image][..., :2] == jnp.array([2, 1])).all()
-            action = np.asarray(data.action)[image][..., ::-1]
-            np.testing.assert_allclose(np.asarray(half.action)[image], -action)
-            np.testing.assert_allclose(np.asarray(half.action)[~image], np.asarray(data.action)[~image])
-            flipped += image.sum()
-        assert 16 < flipped < 48  # of 64
+        both = with_mirror_images(data, self.SWAP, NETWORKS, behaviour)
+        images = mirrored(data, self.SWAP, NETWORKS, behaviour)
+        for part, expected in ((slice(None, ENVIRONMENTS), data), (slice(ENVIRONMENTS, None), images)):
+            found = jax.tree.map(lambda x, part=part: x[:, part], both)
+            jax.tree.map(np.testing.assert_array_equal, found, expected)
+
+    def test_half_of_the_environments_are_replaced_by_their_images(self) -> None:
+        columns = jnp.array([3, 1, 0, 2])
+        drawn = np.stack([mirror_half(columns, jax.random.PRNGKey(seed)) for seed in range(64)])
+        np.testing.assert_array_equal(drawn % 4, np.tile(columns, (64, 1)))
+        assert set((drawn // 4).ravel()) == {0, 1}
+        assert ((drawn // 4).mean(axis=0) > 0.3).all()
+        assert ((drawn // 4).mean(axis=0) < 0.7).all()
+
+    def test_each_pass_learns_from_other_images(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        def loss(params: Any, _: Any, data: Transition, key: jax.Array, **__: Any) -> tuple[Any, dict]:
+            seen = {"seen": data.observation["state"][:, 0, 0], "kl_mean": jnp.float32(0.0)}
+            return sum(jnp.sum(leaf) for leaf in jax.tree.leaves(params)), seen
+
+        state, rollout = self.begun()
+        monkeypatch.setattr(ppo, "compute_ppo_loss", loss)
+        _, losses = learnt(state, rollout, replace(CONFIG, passes=8), self.SWAP)
+        image = losses["seen"][:, 0] == 2.0  # (pass, environment); 1 in what was rolled out
+        assert len(np.unique(image, axis=0)) > 4
+        assert 16 < image.sum() < 48  # of 64
+
+
+def test_learning_reads_columns_of_the_rollout() -> None:
+    """Vectors and numbers, of one step and of several."""
+    columns = jnp.array([5, 0, 3])
+    for shape in ((4, 6, 3), (4, 6), (1, 6, 2)):
+        x = jnp.arange(np.prod(shape)).reshape(shape)
+        np.testing.assert_array_equal(ppo._columns(x, columns), x[:, columns])
+
+
+def test_learning_normalises_as_the_behaviour_did() -> None:
+    """Or an actor that has not changed would look far from its own behaviour."""
+    env = FakeEnvironment(shown=5.0)
+    state = decided(begun(env))
+    shift = state.normalizer.replace(
+        mean=jax.tree.map(lambda x: x + 3.0, state.normalizer.mean),
+        std=jax.tree.map(lambda x: 0.5 * x, state.normalizer.std),
+    )
+    state = state._replace(normalizer=shift)
+    _, losses = learnt(state, rolled_out(env, state), replace(CONFIG, learning_rate=1e-12))
+    assert losses["kl_mean"][0, 0] == pytest.approx(0.0, abs=NOT_MOVED)
+
+
+def test_elu_and_its_gradient_are_flax_own() -> None:
+    x = jnp.array([-30.0, -2.0, -1e-3, -0.0, 0.0, 1e-3, 2.0, 30.0])
+    np.testing.assert_allclose(elu(x), linen.elu(x), atol=1e-6)
+    slope, expected = (jax.vmap(jax.grad(function))(x) for function in (elu, linen.elu))
+    np.testing.assert_allclose(slope, expected, atol=1e-6)
+    assert np.isnan(elu(jnp.nan))
+
+
+class TestBfloat16:
+    """Networks whose inputs are no multiple of the alignment; all else is as in float32."""
+
+    CONFIG = replace(CONFIG, bfloat16=True)
+    NETWORKS = make_networks(SIZES, ACTIONS, CONFIG)
+
+    def outputs(self, networks: PPONetworks, state: TrainState, seen: Any) -> tuple[Any, Any]:
+        value = networks.value_network.apply(state.normalizer, state.params.value, seen)
+        return networks.policy_network.apply(state.normalizer, state.params.policy, seen)[0], value
+
+    def shown(self) -> dict[str, jax.Array]:
+        return {n: jax.random.normal(jax.random.key(size), (50, size)) for n, size in SIZES.items()}
+
+    def test_outputs_are_those_of_float32_but_for_16_bits_rounding(self) -> None:
+        state = decided(begun(FakeEnvironment()))
+        for rounded, exact in zip(
+            *(self.outputs(networks, state, self.shown()) for networks in (self.NETWORKS, NETWORKS)),
+            strict=True,
+        ):
+            assert rounded.dtype == jnp.float32
+            assert not np.array_equal(rounded, exact)
+            assert jnp.linalg.norm(rounded - exact) < 0.02 * jnp.linalg.norm(exact)
+
+    def test_inputs_are_of_16_bits_in_whole_blocks(self) -> None:
+        state = begun(FakeEnvironment())
+        inputs = normalised(self.shown(), state.normalizer, self.CONFIG)
+        assert {n: (x.shape, x.dtype) for n, x in inputs.items()} == {
+            n: ((50, 8), jnp.bfloat16) for n in SIZES
+        }
+        assert normalised(self.shown(), state.normalizer, CONFIG)["state"].shape == (50, 3)
+
+    def test_hidden_layers_multiply_in_16_bits(self) -> None:
+        state, hidden = begun(FakeEnvironment()), len(self.CONFIG.actor_layers)
+        for seen in (self.shown(), normalised(self.shown(), state.normalizer, self.CONFIG)):
+            normalizer = state.normalizer if seen["state"].dtype == jnp.float32 else None
+            act = partial(self.NETWORKS.policy_network.apply, normalizer)
+            program = jax.make_jaxpr(act)(state.params.policy, seen)
+            products = [e.outvars[0].aval for e in program.eqns if e.primitive.name == "dot_general"]
+            assert [x.dtype for x in products] == [jnp.bfloat16] * hidden + [jnp.float32]
+
+    def test_parameters_stay_in_float32(self) -> None:
+        env = FakeEnvironment(fallen=2)
+        state = begun(env)
+        learn = ppo.make_learning(self.NETWORKS, self.CONFIG)
+        params, _, losses = learn(state, rolled_out(env, state), observation(), jax.random.PRNGKey(2))
+        shapes = [jax.tree.map(lambda x: (x.shape, x.dtype), tree) for tree in (params, state.params)]
+        assert shapes[0] == shapes[1]
+        assert all(np.isfinite(value).all() for value in losses.values())
+        for before, after in zip(*map(jax.tree.leaves, (state.params.policy, params.policy)), strict=True):
+            assert not np.array_equal(before, after)

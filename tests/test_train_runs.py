@@ -230,6 +230,17 @@ def test_export_agrees_within_the_promise(whole_run: Path, tmp_path: Path) -> No
     assert worst <= export.PARITY_LIMIT == 1e-5
 
 
+def test_networks_that_learn_in_16_bits_are_exported_in_32(whole_run: Path, tmp_path: Path) -> None:
+    rounded = tmp_path / "rounded"
+    shutil.copytree(whole_run, rounded)
+    config = rounded / "config.yaml"
+    text = config.read_text()
+    config.write_text(text.replace("bfloat16: false", "bfloat16: true"))
+    assert config.read_text() != text
+    _, worst = api.export_run(rounded, tmp_path / "policy.onnx")
+    assert worst <= export.PARITY_LIMIT
+
+
 def test_deployment_computes_what_training_computed(whole_run: Path) -> None:
     """The learned policy, fed what the environment's robot senses, sees and wants the same."""
     robot = load_robot("go1")

@@ -44,6 +44,7 @@ class PpoConfig:
     actor_layers: tuple[int, ...]
     critic_layers: tuple[int, ...]
     desired_kl: float | None = None  # adapts the learning rate below its falling limit
+    bfloat16: bool = False  # hidden layers compute in 16 bits; parameters, losses and exports stay float32
     symmetry: bool = False  # learn from mirror images too; the robot must be the same left and right
 
     def __post_init__(self) -> None:

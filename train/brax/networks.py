@@ -1,5 +1,6 @@
 """The actor and the critic: brax's PPO networks."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import jax
@@ -7,24 +8,30 @@ import jax.numpy as jnp
 import numpy as np
 from brax.training.acme import running_statistics
 from brax.training.agents.ppo.networks import PPONetworks, make_ppo_networks
-from flax import linen
+from brax.training.networks import FeedForwardNetwork, normalizer_select
 
 from footfall.train.actor import Actor
 from footfall.train.brax.devices import on_the_processor
 from footfall.train.config import PpoConfig
 
+ACTOR, CRITIC = "state", "privileged_state"  # the observation that each one reads
+ALIGNMENT = 8  # a GPU's 16-bit matrix products need rows of whole 16-byte blocks
+
 
 def make_networks(observation_sizes: dict[str, int], action_size: int, config: PpoConfig) -> PPONetworks:
-    """A Gaussian actor on "state" and a critic on "privileged_state", both normalised, with ELU."""
-    return make_ppo_networks(
+    """A Gaussian actor on "state" and a critic on "privileged_state", both normalised, with ELU.
+
+    With `config.bfloat16` the hidden layers compute in 16 bits; parameters and outputs are float32 all the
+    same. Where `normalizer` is None, the networks take observations that are `normalised` already.
+    """
+    networks = make_ppo_networks(
         observation_size={name: (size,) for name, size in observation_sizes.items()},
         action_size=action_size,
-        preprocess_observations_fn=running_statistics.normalize,
         policy_hidden_layer_sizes=config.actor_layers,
         value_hidden_layer_sizes=config.critic_layers,
-        activation=linen.elu,
-        policy_obs_key="state",
-        value_obs_key="privileged_state",
+        activation=elu,
+        policy_obs_key=ACTOR,
+        value_obs_key=CRITIC,
         distribution_type="normal",
         noise_std_type="log",
         init_noise_std=config.initial_std,
@@ -32,6 +39,77 @@ def make_networks(observation_sizes: dict[str, int], action_size: int, config: P
         mean_kernel_init_fn=jax.nn.initializers.orthogonal,
         mean_kernel_init_kwargs={"scale": 0.01},
     )
+    return networks.replace(
+        policy_network=_of_observations(networks.policy_network, ACTOR, len(config.actor_layers), config),
+        value_network=_of_observations(networks.value_network, CRITIC, len(config.critic_layers), config),
+    )
+
+
+def normalised(
+    observation: Mapping[str, jax.Array], normalizer: Any, config: PpoConfig
+) -> dict[str, jax.Array]:
+    """Observations as the networks' first layers read them."""
+    return {
+        name: _first_input(x, normalizer_select(normalizer, name), config) for name, x in observation.items()
+    }
+
+
+def _first_input(observation: jax.Array, normalizer: Any, config: PpoConfig) -> jax.Array:
+    normal = running_statistics.normalize(observation, normalizer)
+    if not config.bfloat16:
+        return normal
+    padding = [(0, 0)] * (normal.ndim - 1) + [(0, -normal.shape[-1] % ALIGNMENT)]
+    return jnp.pad(normal.astype(jnp.bfloat16), padding)
+
+
+@jax.custom_jvp
+def elu(x: jax.Array) -> jax.Array:
+    """ELU, whose derivative is computed from its output.
+
+    The next layer's gradient keeps the output anyway; neither input nor exponential is needed again.
+    """
+    return jnp.where(x > 0, x, jnp.exp(jnp.minimum(x, 0)) - 1)
+
+
+@elu.defjvp
+def _elu_jvp(primals: tuple[jax.Array], tangents: tuple[jax.Array]) -> tuple[jax.Array, jax.Array]:
+    y = elu(*primals)
+    return y, jnp.where(y > 0, 1, y + 1) * tangents[0]
+
+
+def _of_observations(
+    network: FeedForwardNetwork, name: str, hidden_layers: int, config: PpoConfig
+) -> FeedForwardNetwork:
+    """brax's network of normalised observations as one of observations."""
+
+    def apply(normalizer: Any, params: Any, observation: Mapping[str, jax.Array]) -> Any:
+        x = observation[name]
+        if normalizer is not None:
+            x = _first_input(x, normalizer_select(normalizer, name), config)
+        if config.bfloat16:
+            params = _hidden_in_bfloat16(params, hidden_layers)
+        return network.apply(None, params, x)
+
+    return FeedForwardNetwork(network.init, apply)
+
+
+def _hidden_in_bfloat16(params: Any, hidden_layers: int) -> Any:
+    """Parameters with those of the hidden layers rounded, and the first kernel padded as its input is.
+
+    flax computes a layer in its operands' type. The last layer's parameters are not rounded, so that outputs
+    have the resolution of float32.
+    """
+
+    def rounded(path: Any, leaf: jax.Array) -> jax.Array:
+        names = [getattr(part, "key", None) for part in path]
+        if not any(f"hidden_{index}" in names for index in range(hidden_layers)):
+            return leaf
+        leaf = leaf.astype(jnp.bfloat16)
+        if "hidden_0" in names and names[-1] == "kernel":
+            leaf = jnp.pad(leaf, ((0, -leaf.shape[0] % ALIGNMENT), (0, 0)))
+        return leaf
+
+    return jax.tree_util.tree_map_with_path(rounded, params)
 
 
 def trained_actor(networks: PPONetworks, normalizer: Any, policy: Any) -> Actor:

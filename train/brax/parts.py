@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import jax
@@ -32,6 +32,12 @@ class Parts:
     env: VelocityEnv
     networks: PPONetworks
     run: Run
+
+    @property
+    def exact_networks(self) -> PPONetworks:
+        """The networks in float32 throughout, as they are exported."""
+        exact = replace(self.run.config.ppo, bfloat16=False)
+        return make_networks(self.env.observation_sizes, self.env.action_size, exact)
 
     @property
     def mirror(self) -> EnvironmentMirror | None:

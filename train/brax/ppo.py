@@ -25,7 +25,8 @@ from footfall.envs.symmetry import EnvironmentMirror
 from footfall.envs.velocity import VelocityEnv
 from footfall.envs.workarounds.fewer_kernels import fewer_kernels
 from footfall.train.brax.devices import AXIS, DIVIDED, EACH, mean_over_devices
-from footfall.train.brax.symmetry import mirror_half
+from footfall.train.brax.networks import normalised
+from footfall.train.brax.symmetry import mirror_half, with_mirror_images
 from footfall.train.config import PpoConfig
 
 LEAST_LEARNING_RATE = 1e-5
@@ -198,11 +199,13 @@ def make_learning(
         clipping_epsilon=config.clip,
     )
 
-    def minibatch(carry: tuple, data: Transition, normalizer: Any, limit: jax.Array) -> tuple[tuple, dict]:
+    def minibatch(carry: tuple, columns: jax.Array, data: Transition, limit: jax.Array) -> tuple[tuple, dict]:
         params, optimizer_state, key = carry
         key, loss_key = jax.random.split(key)
+        # brax's loss wants (environment, time) and swaps them again: nothing is moved.
+        batch = jax.tree.map(lambda x: jnp.swapaxes(_columns(x, columns), 0, 1), data)
         with fewer_kernels():
-            gradient, metrics = jax.grad(loss, has_aux=True)(params, normalizer, data, loss_key)
+            gradient, metrics = jax.grad(loss, has_aux=True)(params, None, batch, loss_key)
         gradient, metrics["kl_mean"] = mean((gradient, metrics["kl_mean"]))
         updates, optimizer_state = optimizer.update(gradient, optimizer_state, params)
         metrics["gradient_norm"] = optax.global_norm(gradient)
@@ -214,28 +217,39 @@ def make_learning(
         return (optax.apply_updates(params, updates), optimizer_state, key), metrics
 
     def one_pass(
-        carry: tuple, _: None, data: Transition, behaviour: tuple, limit: jax.Array
+        carry: tuple, _: None, environments: int, data: Transition, limit: jax.Array
     ) -> tuple[tuple, dict]:
         params, optimizer_state, key = carry
         key, shuffle_key, mirror_key = jax.random.split(key, 3)
+        columns = jax.random.permutation(shuffle_key, environments)
         if mirror is not None:
-            data = mirror_half(data, mirror, networks, behaviour, mirror_key)
-        order = jax.random.permutation(shuffle_key, data.reward.shape[0])
-        batches = jax.tree.map(lambda x: x[order].reshape((config.minibatches, -1, *x.shape[1:])), data)
+            columns = mirror_half(columns, mirror_key)
         return jax.lax.scan(
-            partial(minibatch, normalizer=behaviour[0], limit=limit), (params, optimizer_state, key), batches
+            partial(minibatch, data=data, limit=limit),
+            (params, optimizer_state, key),
+            columns.reshape((config.minibatches, -1)),
         )
 
     def learn(
         state: TrainState, rollout: Transition, observation: dict[str, jax.Array], key: jax.Array
     ) -> tuple[Any, Any, dict]:
-        # brax's loss wants (environment, time); of the next observations it reads the last one only.
-        data = jax.tree.map(lambda x: jnp.swapaxes(x, 0, 1), rollout)
-        data = data._replace(next_observation=jax.tree.map(lambda x: x[:, None], observation))
+        # Of the next observations the loss reads the last one only.
+        data = rollout._replace(next_observation=jax.tree.map(lambda x: x[None], observation))
+        if mirror is not None:
+            data = with_mirror_images(data, mirror, networks, (state.normalizer, state.params.policy))
+        data = data._replace(
+            observation=normalised(data.observation, state.normalizer, config),
+            next_observation=normalised(data.next_observation, state.normalizer, config),
+        )
         limit = learning_rate_limit(state.iteration, config)
         rate = limit if config.desired_kl is None else jnp.minimum(_learning_rate(state.optimizer), limit)
         (params, optimizer_state, _), losses = jax.lax.scan(
-            partial(one_pass, data=data, behaviour=(state.normalizer, state.params.policy), limit=limit),
+            partial(
+                one_pass,
+                environments=rollout.reward.shape[1],
+                data=data,
+                limit=limit,
+            ),
             (state.params, _with_learning_rate(state.optimizer, rate), key),
             None,
             length=config.passes,
@@ -243,6 +257,12 @@ def make_learning(
         return params, optimizer_state, losses
 
     return learn
+
+
+def _columns(x: jax.Array, columns: jax.Array) -> jax.Array:
+    """`x[:, columns]` as a gather of rows: XLA gathers columns into another order, and transposes them."""
+    rows = jnp.arange(x.shape[0])[:, None] * x.shape[1] + columns
+    return x.reshape((-1, *x.shape[2:]))[rows]
 
 
 def _learning_rate(optimizer_state: Any) -> jax.Array:

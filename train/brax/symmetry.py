@@ -1,5 +1,7 @@
 """Mirror augmentation: half of what is learned from, seen in a mirror."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 from brax.training.agents.ppo.networks import PPONetworks
@@ -8,24 +10,17 @@ from brax.training.types import Transition
 from footfall.envs.symmetry import EnvironmentMirror
 
 
-def mirror_half(
-    data: Transition, mirror: EnvironmentMirror, networks: PPONetworks, behaviour: tuple, key: jax.Array
+def with_mirror_images(
+    data: Transition, mirror: EnvironmentMirror, networks: PPONetworks, behaviour: tuple[Any, Any]
 ) -> Transition:
-    """Each environment's transitions with probability 1/2 replaced by their mirror image.
+    """Transitions of shape (time, environment, ...) and, after the last environment, all of their images."""
+    images = mirrored(data, mirror, networks, behaviour)
+    return jax.tree.map(lambda original, image: jnp.concatenate([original, image], axis=1), data, images)
 
-    Args:
-        data: transitions of shape (environment, time, ...).
-        mirror: of observations and actions.
-        networks: the actor's and the critic's.
-        behaviour: normaliser and actor parameters that acted.
-        key: decides which.
-    """
-    flip = jax.random.bernoulli(key, 0.5, data.reward.shape[:1])
 
-    def choose(image: jax.Array, original: jax.Array) -> jax.Array:
-        return jnp.where(flip.reshape((-1,) + (1,) * (original.ndim - 1)), image, original)
-
-    return jax.tree.map(choose, mirrored(data, mirror, networks, behaviour), data)
+def mirror_half(columns: jax.Array, key: jax.Array) -> jax.Array:
+    """Each environment's column with probability 1/2 replaced by that of its mirror image."""
+    return columns + len(columns) * jax.random.bernoulli(key, 0.5, columns.shape)
 
 
 def mirrored(

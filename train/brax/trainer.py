@@ -75,5 +75,5 @@ class BraxTrainer:
         )
         if not cluster.is_main_process():
             return 0.0
-        actor = trained_actor(self._parts.networks, normalizer, policy)
+        actor = trained_actor(self._parts.exact_networks, normalizer, policy)
         return export(actor, self._parts.env.contract, np.asarray(observations), path)
