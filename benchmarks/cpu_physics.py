@@ -23,8 +23,9 @@ import numpy as np
 
 import footfall.gym
 from footfall.envs.batch import step_batch
-from footfall.envs.physics import Drive, Motion
-from footfall.envs.velocity import PHYSICS, VelocityEnv
+from footfall.envs.physics.engines import ENGINES
+from footfall.envs.physics.interface import Drive, Motion
+from footfall.envs.velocity import VelocityEnv
 from footfall.robots.actuator import Motor
 from footfall.robots.description import load_robot
 from footfall.robots.model import training_model
@@ -52,11 +53,11 @@ def main() -> None:
     for name in options.levels:
         rounds = {
             (physics, batch): LEVELS[name](with_physics(preset, physics), batch)
-            for physics in PHYSICS
+            for physics in ENGINES
             for batch in options.batches
         }
         rates, ended = measure(rounds, options.rounds)
-        best = {physics: max((r, b) for (p, b), r in rates.items() if p == physics) for physics in PHYSICS}
+        best = {physics: max((r, b) for (p, b), r in rates.items() if p == physics) for physics in ENGINES}
         (c, c_batch), (mjx, mjx_batch) = best["c"], best["mjx"]
         print(
             f"{name:12s} C {c:7.0f} /s ({c_batch} robots), MJX {mjx:7.0f} /s ({mjx_batch} robots):"
@@ -108,7 +109,7 @@ def physics_alone(config: TrainConfig, batch: int, calls: int = 20) -> Round:
     """Robots that hold poses near the default one."""
     substeps = config.env.substeps
     model = training_model(ROBOT, config.env.timestep_s)
-    simulate = jax.vmap(PHYSICS[config.env.physics](model, ROBOT))
+    simulate = jax.vmap(ENGINES[config.env.physics](model, ROBOT))
     state, _ = begin(VelocityEnv(ROBOT, config.env), batch)
 
     def each(values: np.ndarray) -> jax.Array:

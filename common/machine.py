@@ -18,6 +18,7 @@ from packaging.requirements import Requirement
 
 from footfall.common.cache import compilation_cache
 from footfall.common.installation import extras, install, install_extras, missing
+from footfall.common.processors import usable_cores
 
 PROCESSORS = Path("/sys/devices/system/cpu")
 PROBE_LIMIT_S = 60
@@ -49,7 +50,7 @@ def _python() -> Finding:
 
 
 def _processors() -> Finding:
-    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    usable = usable_cores()
     governors = {file.read_text().strip() for file in PROCESSORS.glob("cpu[0-9]*/cpufreq/scaling_governor")}
     found = f"{usable} usable" + (f", governor {', '.join(sorted(governors))}" if governors else "")
     slow = bool(governors - {"performance"})

@@ -8,7 +8,7 @@ from footfall.common.errors import UserError
 from footfall.domain_rand.sample import Sample, randomised_command, randomised_motor, sensor_bias
 from footfall.envs.config import EnvConfig
 from footfall.envs.delays import delayed_goals
-from footfall.envs.physics import Drive
+from footfall.envs.physics.interface import Drive
 from footfall.robots.actuator import JointCommand, Motor
 from footfall.robots.description import Robot
 from footfall.robots.targets import limit_target

@@ -29,7 +29,7 @@ def step_batch(env: VelocityEnv, state: State, action: jax.Array) -> tuple[State
     done = jnp.maximum(step.terminated, step.truncated)
     ended = {"done": done, "length": done * stepped.steps}
     going_on = stepped, step.observation
-    if env.config.physics == "c":  # the host is at hand to ask how many have ended; most often few have
+    if env.engine.on_host:  # it is at hand to ask how many have ended; most often few have
         state, observation = _restart_few(env, done > 0, going_on)
     else:
         state, observation = _select(done, jax.vmap(env.reset)(stepped.key, stepped.level), going_on)

@@ -119,7 +119,8 @@ class EnvConfig:
     observation: tuple[Term, ...]
     commands: CommandConfig
     rewards: dict[str, float]  # weight of each term of envs/rewards.py
-    physics: Literal["mjx", "c"] = "mjx"  # MJX on the accelerator, or MuJoCo C on all CPU cores
+    # Generated for the robot, for GPUs and processors; MJX, for all that JAX runs on; MuJoCo C, on all cores.
+    physics: Literal["generated", "mjx", "c"] = "generated"
     control_rate_hz: float = 50.0
     substeps: int = 4  # physics steps per control step
     episode_s: float = 20.0

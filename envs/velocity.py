@@ -3,7 +3,6 @@
 `reset(key)` and `step(state, action)` are pure and concern one robot; `jax.vmap` makes them many.
 """
 
-from collections.abc import Callable
 from types import SimpleNamespace
 
 import jax
@@ -25,9 +24,8 @@ from footfall.envs.feet import Feet
 from footfall.envs.gait import make_gait
 from footfall.envs.ground import height_above_ground, in_contact
 from footfall.envs.observe import Observer
-from footfall.envs.physics import Motion, Physics, Trace
-from footfall.envs.physics_c import c_physics
-from footfall.envs.physics_mjx import mjx_physics
+from footfall.envs.physics.engines import ENGINES, make_engine
+from footfall.envs.physics.interface import Motion, Trace
 from footfall.envs.random_numbers import uniform
 from footfall.envs.rewards import TERMS as REWARD_TERMS
 from footfall.envs.rewards import RewardInputs, joint_shares, reward_rate, rewards
@@ -41,8 +39,6 @@ from footfall.robots.description import Robot
 from footfall.robots.kinds import Parts
 from footfall.robots.model import ground_friction, joint_addresses, training_model
 from footfall.robots.stability import longest_timestep
-
-PHYSICS: dict[str, Callable[[mujoco.MjModel, Robot], Physics]] = {"mjx": mjx_physics, "c": c_physics}
 
 
 def make_contract(robot: Robot, config: EnvConfig) -> Contract:
@@ -71,8 +67,8 @@ class VelocityEnv:
         unknown = set(config.rewards) - set(REWARD_TERMS)
         if unknown:
             raise UserError(f"no reward '{min(unknown)}': there are {', '.join(REWARD_TERMS)}")
-        if config.physics not in PHYSICS:
-            raise UserError(f"no physics '{config.physics}': there are {', '.join(PHYSICS)}")
+        if config.physics not in ENGINES:
+            raise UserError(f"no physics '{config.physics}': there are {', '.join(ENGINES)}")
         self.robot, self.config = robot, config
         self.contract = make_contract(robot, config)
         self.period_s, self.timestep_s = 1.0 / config.control_rate_hz, config.timestep_s
@@ -80,7 +76,7 @@ class VelocityEnv:
         self.episode_steps = round(config.episode_s * config.control_rate_hz)
         model = training_model(robot, self.timestep_s)
         _check_timestep(robot, model, config)
-        self._physics = PHYSICS[config.physics](model, robot)
+        self.engine = make_engine(config.physics, model, robot)
         gait = find_gait(config.gait.name, robot) if config.gait else None
         self.base, self.feet = Base(model, robot), Feet(model, robot, self.timestep_s, gait)
         self.start, self.actuation = Start(model, robot, config.initial), Actuation(robot, config)
@@ -187,7 +183,7 @@ class VelocityEnv:
         """Physics of one control step; returns what each physics step left, stacked."""
         targets = self.actuation.targets(state.goals, state.target, state.sample)
         start = Motion(state.qpos, state.qvel, state.qacc_warmstart)
-        end, trace = self._physics(start, self.actuation.drive(targets, state.sample), state.fields)
+        end, trace = self.engine.simulate(start, self.actuation.drive(targets, state.sample), state.fields)
         return state._replace(**end._asdict(), target=targets[-1]), trace
 
     def reward_inputs(self, state: State, trace: Trace) -> RewardInputs:

@@ -15,6 +15,7 @@ from contextlib import contextmanager
 from typing import Generic, NamedTuple, TypeVar
 
 from footfall.common.errors import UserError
+from footfall.common.processors import usable_cores
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -25,13 +26,6 @@ ONE_THREAD = {
     "OPENBLAS_NUM_THREADS": "1",
     "MKL_NUM_THREADS": "1",
 }
-
-
-def usable_cores() -> int:
-    """Cores that this process may run on."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 class TaskResult(NamedTuple, Generic[R]):

@@ -3,7 +3,7 @@
 import platform
 from collections.abc import Sequence
 
-from footfall.evaluate.pool import usable_cores
+from footfall.common.processors import usable_cores
 from footfall.policies.policy import Policy
 
 PACKAGES = ("footfall", "mujoco", "numpy", "onnxruntime", "daqp")

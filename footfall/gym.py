@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 def make_single(
     robot: str | Path,
     preset: str = "cpu",
-    physics: Literal["mjx", "c"] = "c",
+    physics: Literal["generated", "mjx", "c"] = "generated",
     render_mode: str | None = None,
 ) -> "GymnasiumEnv":
     """One environment.
@@ -46,7 +46,7 @@ def make_vector(
     robot: str | Path,
     num_envs: int = 1,
     preset: str = "cpu",
-    physics: Literal["mjx", "c"] = "c",
+    physics: Literal["generated", "mjx", "c"] = "generated",
     render_mode: str | None = None,
 ) -> "GymnasiumVectorEnv":
     """Many environments that step as one; otherwise as `make_single`."""

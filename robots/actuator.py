@@ -102,7 +102,7 @@ def joint_damping(command: JointCommand, position: Array, velocity: Array, motor
 
     The motor's own damping where its PD law is within the limits, the slope of the torque-speed line where
     that limits it, none at the current limit; the ramp of Coulomb friction at low speed; viscous friction.
-    Whoever integrates the law in steps that are long for a joint's inertia needs it (envs/physics.py).
+    Whoever integrates the law in long steps for a joint's inertia needs it (envs/physics/interface.py).
     """
     xp = library(velocity)
     asked = pd_torque(command, position, velocity) * motor.strength

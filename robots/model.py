@@ -19,7 +19,12 @@ ALL_CONTACTS = 0x7FFFFFFF  # contact bits that meet any geom that can touch at a
 
 
 def training_model(robot: Robot, timestep_s: float = TRAINING_TIMESTEP_S) -> mujoco.MjModel:
-    """The model that policies are trained on: the robot's bodies, its feet and a floor, nothing else.
+    """The model that policies are trained on; see `training_spec`."""
+    return training_spec(robot, timestep_s).compile()
+
+
+def training_spec(robot: Robot, timestep_s: float = TRAINING_TIMESTEP_S) -> mujoco.MjSpec:
+    """The robot's bodies, its feet and a floor, nothing else.
 
     No sensors, actuators or visual geometry; contact between feet and floor, and between the pairs of geoms
     that the MJCF lists, only; no joint-limit and no friction constraint rows, since the joint law carries
@@ -53,7 +58,7 @@ def training_model(robot: Robot, timestep_s: float = TRAINING_TIMESTEP_S) -> muj
     spec.option.ls_iterations = 5
     # The joint law carries damping; for MuJoCo's to be implicit it would factorise the mass matrix twice.
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_EULERDAMP
-    return spec.compile()
+    return spec
 
 
 class Plant(NamedTuple):

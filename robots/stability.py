@@ -21,7 +21,7 @@ def instabilities(robot: "Robot", model: mujoco.MjModel) -> Iterator[str]:
     """What is too damped or too stiff for the inertia that it moves: in the default pose, the base free.
 
     The plant's steps are explicit in the damping: one of length h takes h D / M of a velocity away. Those of
-    training are not (envs/physics.py), but they are longer, and the stiffness is explicit in both.
+    training are not (envs/physics/interface.py), but they are longer, and the stiffness is explicit in both.
 
     Args:
         robot: the robot.

@@ -25,7 +25,7 @@ from footfall.envs.disturb import DISTURBANCE_NUMBERS, disturb, draw_push
 from footfall.envs.feet import Feet
 from footfall.envs.gait import make_gait
 from footfall.envs.observe import Observer
-from footfall.envs.physics import Drive, Fields, Motion, Trace
+from footfall.envs.physics.interface import Drive, Fields, Motion, Trace
 from footfall.envs.start import Start
 from footfall.envs.state import State, Step
 from footfall.envs.velocity import VelocityEnv, make_contract
@@ -411,7 +411,7 @@ class TestStep:
             torque = jnp.zeros((count, N))
             return motion, Trace(*(jnp.tile(x, (count, 1)) for x in motion[:2]), feet, torque)
 
-        env._physics = nothing_moves
+        env.engine = env.engine._replace(simulate=nothing_moves)
         return env
 
     @pytest.fixture(scope="class")

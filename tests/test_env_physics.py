@@ -1,4 +1,4 @@
-"""The physics of MuJoCo C is that of MJX and of plain MuJoCo, for robots side by side as for one alone."""
+"""All engines move robots alike, side by side as alone; MuJoCo C as plain MuJoCo does."""
 
 import threading
 from collections.abc import Callable
@@ -17,9 +17,10 @@ from footfall.common.errors import UserError
 from footfall.domain_rand.randomisation import load_randomisation
 from footfall.envs import batch
 from footfall.envs.batch import step_batch
-from footfall.envs.physics import Drive, Motion
-from footfall.envs.physics_c import _Simulations, c_physics
-from footfall.envs.physics_mjx import mjx_physics
+from footfall.envs.physics.c import LINE_SEARCH_EVALUATIONS, _Simulations, c_physics
+from footfall.envs.physics.engines import ENGINES
+from footfall.envs.physics.interface import Drive, Motion
+from footfall.envs.physics.mjx import mjx_physics
 from footfall.envs.state import State
 from footfall.envs.velocity import VelocityEnv
 from footfall.robots.actuator import JointCommand, Motor, joint_damping, joint_torque
@@ -32,13 +33,17 @@ SMOKE = replace(load_preset("smoke").env, randomisation=load_randomisation())
 ROBOTS, STEPS, COMPARED_EVERY = 32, 24, 4
 
 
-def make(physics: str) -> VelocityEnv:
-    return VelocityEnv(ROBOT, replace(SMOKE, physics=physics))
+@pytest.fixture(scope="module", params=["c", "generated"])
+def engine(request: pytest.FixtureRequest) -> str:
+    return request.param
+
+
+IN_C = pytest.mark.parametrize("engine", ["c"], indirect=True)
 
 
 @pytest.fixture(scope="module")
-def env() -> VelocityEnv:
-    return make("c")
+def env(engine: str) -> VelocityEnv:
+    return VelocityEnv(ROBOT, replace(SMOKE, physics=engine))
 
 
 @pytest.fixture(scope="module")
@@ -63,12 +68,9 @@ def worst(one: jax.Array, two: jax.Array) -> float:
     return float(np.abs(np.asarray(one) - np.asarray(two)).max())
 
 
+@IN_C
 def test_a_control_step_is_the_same_in_c_and_in_mjx(begun: State, step) -> None:
-    """To rounding, from many states of a walk: MJX calculates in single precision, C in double.
-
-    The solver converges here; the one Newton iteration of a training ends where its line search takes it,
-    which in about one step of a hundred is not the same in the two.
-    """
+    """To rounding, from many states of a walk: MJX calculates in single precision, C in double."""
     model = training_model(ROBOT, SMOKE.timestep_s)
     model.opt.iterations, model.opt.ls_iterations = 20, 50
     mjx, c = (jax.jit(jax.vmap(physics(model, ROBOT))) for physics in (mjx_physics, c_physics))
@@ -86,6 +88,25 @@ def test_a_control_step_is_the_same_in_c_and_in_mjx(begun: State, step) -> None:
     assert len(contacts) > 3  # feet in the air, on the ground and landing
 
 
+@IN_C
+def test_a_control_step_is_the_same_generated_and_in_c(begun: State, step) -> None:
+    """From many states of a walk, with the one Newton iteration of a training."""
+    model = training_model(ROBOT, SMOKE.timestep_s)
+    one, other = (jax.jit(jax.vmap(ENGINES[name](model, ROBOT))) for name in ("generated", "c"))
+    state = begun
+    for k, action in enumerate(actions(STEPS)):
+        if k % COMPARED_EVERY == 0:
+            given = arguments(state)
+            (end, trace), (c_end, c_trace) = one(*given), other(*given)
+            assert worst(end.qpos, c_end.qpos) < 1e-5
+            assert worst(end.qvel, c_end.qvel) < 1e-3
+            assert worst(trace.foot_position, c_trace.foot_position) < 1e-5
+            assert worst(trace.torque, c_trace.torque) < 1e-3
+            assert trace.qpos.shape == c_trace.qpos.shape
+        state, *_ = step(state, action)
+
+
+@IN_C
 def test_a_control_step_in_c_is_plain_mujocos(begun: State) -> None:
     """Each robot in a model and data of its own, with the motors' law at each physics step."""
     motion, drive, fields = arguments(begun)
@@ -93,7 +114,7 @@ def test_a_control_step_in_c_is_plain_mujocos(begun: State) -> None:
     positions, dofs = joint_addresses(training_model(ROBOT), ROBOT)
     for k in range(0, ROBOTS, 8):
         model = training_model(ROBOT, SMOKE.timestep_s)
-        model.body_sameframe[:] = 0
+        model.body_sameframe[:], model.opt.ls_iterations = 0, LINE_SEARCH_EVALUATIONS
         for name, value in fields.items():
             getattr(model, name)[:] = value[k]
         data, armature = mujoco.MjData(model), model.dof_armature[dofs].copy()
@@ -120,10 +141,12 @@ class TestPurity:
 
     @pytest.mark.parametrize("cores", [1, 3])
     def test_neither_company_nor_threads_change_a_bit(
-        self, monkeypatch: pytest.MonkeyPatch, begun: State, cores: int
+        self, monkeypatch: pytest.MonkeyPatch, begun: State, engine: str, cores: int
     ) -> None:
-        monkeypatch.setattr("footfall.envs.physics_c._usable_cores", lambda: cores)
-        physics, given = c_physics(training_model(ROBOT), ROBOT), arguments(begun)
+        for module in ("c", "generated.on_processor"):
+            monkeypatch.setattr(f"footfall.envs.physics.{module}.usable_cores", lambda: cores)
+        monkeypatch.setattr("footfall.envs.physics.generated.on_processor.LEAST_SHARE", 5)
+        physics, given = ENGINES[engine](training_model(ROBOT), ROBOT), arguments(begun)
         many = jax.vmap(physics)(*given)
         few = jax.vmap(physics)(*jax.tree.map(lambda x: x[5:8], given))
         one = physics(*jax.tree.map(lambda x: x[5], given))
@@ -132,10 +155,12 @@ class TestPurity:
         assert equal(jax.tree.map(lambda x: x[5], many), one)
         assert equal(many, jax.tree.map(lambda x: x.reshape(ROBOTS, *x.shape[2:]), nested))
 
+    @IN_C
     def test_an_accelerators_arrays_are_copied_to_the_same_end(self, begun: State) -> None:
         model, given = training_model(ROBOT), arguments(begun)
         assert equal(_Simulations(model, ROBOT)(*given), jax.vmap(c_physics(model, ROBOT))(*given))
 
+    @IN_C
     def test_mujocos_settings_are_as_they_were(self, begun: State) -> None:
         def heard(_: str) -> None: ...
 
@@ -150,6 +175,7 @@ class TestPurity:
         mujoco.mj_step(model, data)
         assert data.timer[mujoco.mjtTimer.mjTIMER_STEP].duration > 0  # its clock runs again
 
+    @IN_C
     def test_nor_are_they_lost_between_two_threads(
         self, monkeypatch: pytest.MonkeyPatch, begun: State
     ) -> None:
@@ -203,6 +229,7 @@ class TestDivergence:
         assert list(tmp_path.iterdir()) == []
         assert "WARNING" not in capfd.readouterr().err
 
+    @IN_C
     def test_an_error_in_mujoco_ends_one_robot(
         self, monkeypatch: pytest.MonkeyPatch, step, begun: State
     ) -> None:
@@ -218,6 +245,7 @@ class TestDivergence:
         assert equal(result.reward[2:], well[2].reward[2:])
 
 
+@IN_C
 def test_a_centre_of_mass_moves_that_was_the_bodys_origin(begun: State) -> None:
     """MuJoCo compiles such a body so that it would overlook the offset."""
     plain, moved = training_model(ROBOT), training_model(ROBOT)

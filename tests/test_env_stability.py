@@ -11,7 +11,7 @@ from scipy.linalg import eigh
 from footfall.domain_rand.bodies import body_map, randomised_fields
 from footfall.domain_rand.randomisation import Randomisation, load_randomisation
 from footfall.domain_rand.sample import draw, randomised_command, randomised_motor
-from footfall.envs.physics import Drive, joint_effort
+from footfall.envs.physics.interface import Drive, joint_effort
 from footfall.robots.actuator import JointCommand, joint_torque
 from footfall.robots.description import Robot, available_robots, load_robot
 from footfall.robots.model import joint_addresses, read_plant, training_model

@@ -38,7 +38,7 @@ from footfall.envs.disturb import DISTURBANCE_NUMBERS, disturb
 from footfall.envs.feet import Feet
 from footfall.envs.gait import make_gait
 from footfall.envs.gymnasium_env import Camera, GymnasiumEnv, GymnasiumVectorEnv
-from footfall.envs.physics import Drive, Fields, Motion, Trace, joint_effort
+from footfall.envs.physics.interface import Drive, Fields, Motion, Trace, joint_effort
 from footfall.envs.start import Start
 from footfall.envs.state import State, Step
 from footfall.envs.velocity import VelocityEnv, make_contract
@@ -93,7 +93,7 @@ def told_apart(motion: Motion, drive: Drive, _: Fields) -> tuple[Motion, Trace]:
 @pytest.fixture(scope="module")
 def env() -> VelocityEnv:
     env = VelocityEnv(ROBOT, CONFIG)
-    env._physics = told_apart
+    env.engine = env.engine._replace(simulate=told_apart)
     return env
 
 
@@ -232,8 +232,8 @@ class TestStep:
         assert {name for name, value in result.metrics.items() if float(value) != 0.0} == {"episode/diverged"}
 
 
-@pytest.mark.parametrize("physics", ["mjx", "c"])
-def test_episodes_side_by_side_are_each_their_own(physics: str) -> None:
+@pytest.mark.parametrize("on_host", [False, True])
+def test_episodes_side_by_side_are_each_their_own(on_host: bool) -> None:
     """Three that all differ; the second and the third end, one by a fall and one by the time."""
 
     def step(state: Any, action: jax.Array) -> tuple[Any, Step]:
@@ -246,7 +246,7 @@ def test_episodes_side_by_side_are_each_their_own(physics: str) -> None:
         return NewState(key + 1000, level, jnp.int32(0)), {"state": key * jnp.array([-1.0, -2.0])}
 
     NewState = NamedTuple("NewState", [("key", Any), ("level", Any), ("steps", Any)])  # noqa: UP014
-    env: Any = SimpleNamespace(config=SimpleNamespace(physics=physics), step=step, reset=reset)
+    env: Any = SimpleNamespace(engine=SimpleNamespace(on_host=on_host), step=step, reset=reset)
     begun = NewState(jnp.array([1.0, 2.0, 3.0]), jnp.array([0.1, 0.2, 0.3]), jnp.array([3, 4, 8]))
     state, observation, last = step_batch(env, begun, jnp.array([0.5, 0.6, 0.7]))
     np.testing.assert_allclose(state.key, [101, 1102, 1103])

@@ -245,7 +245,7 @@ class TestMany:
             footfall.gym.make_vector(own_folder, 1, "smoke"),
         ):
             assert made.env.config.episode_s == 7.0
-            assert made.env.config.physics == "c"
+            assert made.env.config.physics == "generated"
 
     def test_no_environment_is_refused(self) -> None:
         with pytest.raises(UserError, match="num_envs must be at least 1"):

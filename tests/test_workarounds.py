@@ -17,7 +17,7 @@ pytest.importorskip("jax")
 
 import jax
 
-from footfall.envs.physics_c import _Simulations
+from footfall.envs.physics.c import _Simulations
 from footfall.envs.workarounds import fewer_kernels, partitioner, undisturbed
 from footfall.envs.workarounds.undisturbed import UNDISTURBED
 from footfall.robots.description import Robot

@@ -70,6 +70,8 @@ class Parts:
             restored: a checkpoint's state, on the host; None begins from the seed.
             say: told what a user should know.
         """
+        if self.env.engine.note:
+            say(self.env.engine.note)
         where, options = shardings(STATE_SPECS, mesh), compiler_options(mesh)
         first_state = self.first_state  # held, or JAX would forget what it has traced
         seed = np.uint32(self.run.provenance.seed & 0xFFFFFFFF)  # as much of it as JAX's keys hold

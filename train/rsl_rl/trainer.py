@@ -48,7 +48,7 @@ class RslRlTrainer:
         self._ppo = run.config.ppo
         self.iteration = 0  # done
         env = VelocityEnv(robot, run.config.env)
-        self._contract = env.contract
+        self._contract, self._note = env.contract, env.engine.note
         self._environment = TorchEnvironment(env, self._ppo.environments, run.provenance.seed)
         device = self._environment.device
         torch.manual_seed(run.provenance.seed)
@@ -68,6 +68,8 @@ class RslRlTrainer:
 
     def prepare(self, say: Callable[[str], None]) -> None:
         """Ready as made: its environment is compiled, its networks are drawn from the seed."""
+        if self._note:
+            say(self._note)
 
     def iterate(self) -> dict[str, float]:
         """Roll out and learn once; returns metrics under the names that the JAX trainer gives them.

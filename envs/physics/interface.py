@@ -1,6 +1,6 @@
 """What a physics engine is to the environment: the robot's motion through one control step.
 
-Engines differ in who integrates the bodies (`envs/physics_mjx.py`, `envs/physics_c.py`), in nothing else.
+Engines differ in who integrates the bodies (`mjx.py`, `c.py`), in nothing else.
 """
 
 from collections.abc import Callable
@@ -39,6 +39,9 @@ class Trace(NamedTuple):
 
 
 Fields = dict[str, Array]  # model fields in which this robot differs from the nominal one
+# Beside them, for the generated physics alone: (points, 4) the plane below each of the feet's points, its
+# unit normal in the world and its distance from the world's origin, m.
+GROUND = "ground"
 Physics = Callable[[Motion, Drive, Fields], tuple[Motion, Trace]]
 
 

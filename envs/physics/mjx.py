@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 
-from footfall.envs.physics import Drive, Fields, Motion, Physics, Trace, joint_effort
+from footfall.envs.physics.interface import Drive, Fields, Motion, Physics, Trace, joint_effort
 from footfall.envs.workarounds.fewer_kernels import fewer_kernels
 from footfall.envs.workarounds.quiet_mjx import mjx
 from footfall.robots.description import Robot

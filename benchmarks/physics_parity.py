@@ -1,0 +1,194 @@
+"""How far the generated physics is from MuJoCo C, over random states of any robots.
+
+    python benchmarks/physics_parity.py go1 hexapod g1 [FOLDER ...]
+
+For each robot: random poses at the ground, velocities, targets, motors and bodies as the preset `gpu` draws
+them. Printed is the relative error of the velocities after one physics step and after four, in double
+precision (greatest) and in single precision (median, 99th percentile, greatest), how many contacts there
+were, how long the program took to compile, and physics steps per second of one core.
+"""
+
+import argparse
+import copy
+import time
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+
+from footfall.domain_rand.bodies import body_map, randomised_fields
+from footfall.domain_rand.randomisation import Randomisation
+from footfall.domain_rand.sample import draw, randomised_command, randomised_motor, sensor_bias
+from footfall.envs.physics.generated.arguments import arguments
+from footfall.envs.physics.generated.contacts import contact_refusals
+from footfall.envs.physics.generated.llvm import Program
+from footfall.envs.physics.generated.substep import DOUBLE, SINGLE, substep
+from footfall.envs.physics.generated.tree import refusals
+from footfall.envs.physics.interface import GROUND, Drive, joint_effort
+from footfall.robots.actuator import JointCommand, Motor
+from footfall.robots.description import Robot, load_robot
+from footfall.robots.feet import foot_geoms
+from footfall.robots.model import joint_addresses, training_model
+from footfall.train.config import load_preset
+
+STEPS = 4
+Arrays = dict[str, np.ndarray]  # by the name of the program's argument, robots along the first axis
+
+
+class Errors(NamedTuple):
+    """Relative errors of the velocities, (robots, steps), and what the robots touched."""
+
+    errors: np.ndarray
+    contacts: np.ndarray  # (robots * steps,)
+    compile_s: float
+    steps_per_s: float
+
+
+def random_arguments(
+    robot: Robot, model: mujoco.MjModel, count: int, randomisation: Randomisation, seed: int = 0
+) -> Arrays:
+    """Robots of a family, near the ground, moving, each with targets of its own."""
+    rng, n = np.random.default_rng(seed), len(robot.joint_names)
+    positions, _ = joint_addresses(model, robot)
+    points = np.concatenate(foot_geoms(model, robot.description))
+    data = mujoco.MjData(model)
+    rows: list[Arrays] = []
+    for _ in range(count):
+        sample = draw(randomisation, rng.random, n, model.nbody - 1)
+        qpos = model.qpos0.copy()
+        qpos[:3] = *rng.normal(size=2), 0.0
+        attitude = np.r_[1.0, 0.0, 0.0, 0.0] + rng.normal(size=4) * 0.08
+        qpos[3:7] = attitude / np.linalg.norm(attitude)
+        qpos[positions] = robot.default_pose + rng.normal(size=n) * 0.2
+        data.qpos[:] = qpos
+        mujoco.mj_kinematics(model, data)
+        lowest = (data.geom_xpos[points, 2] - model.geom_size[points, 0]).min()
+        qpos[2] = rng.uniform(-0.01, 0.003) - lowest
+        speed = np.r_[np.full(3, 0.4), np.full(3, 1.0), np.full(model.nv - 6, 2.0)]
+        command = JointCommand(robot.default_pose, np.zeros(n), robot.kp, robot.kd, np.zeros(n))
+        command = randomised_command(command, sample)
+        motor = randomised_motor(robot.motor, sample)
+        bias = sensor_bias(sample, "joint_position")
+        rows.append(
+            {
+                "qpos": qpos,
+                "qvel": rng.normal(size=model.nv) * speed,
+                "qacc_warmstart": rng.normal(size=model.nv) * 10 * speed,
+                "target": np.tile(robot.default_pose + rng.normal(size=n) * 0.3, (STEPS, 1)),
+                "kp": command.kp,
+                "kd": command.kd,
+                "encoder_bias": np.zeros(n) if bias is None else bias,
+                **{f"motor.{k}": np.broadcast_to(v, n) for k, v in motor._asdict().items()},
+                **(randomised_fields(model, sample, body_map(model, robot)) if sample else {}),
+            }
+        )
+    return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+
+
+def reference(
+    robot: Robot, model: mujoco.MjModel, given: Arrays, fields: list[str]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Velocities after each physics step of plain MuJoCo, (robots, steps, nv), and how many contacts."""
+    positions, dofs = joint_addresses(model, robot)
+    model = copy.copy(model)
+    model.body_sameframe[:] = 0  # centres of mass may be moved
+    model.opt.ls_iterations = 50  # C counts evaluations; its line search shall end where the cost is least
+    data, velocities, contacts = mujoco.MjData(model), [], []
+    nominal = model.dof_armature.copy()
+    for k in range(len(given["qpos"])):
+        mujoco.mj_resetData(model, data)
+        model.dof_armature[:] = nominal
+        for name in fields:
+            getattr(model, name)[:] = given[name][k]
+        for name in ("qpos", "qvel", "qacc_warmstart"):
+            getattr(data, name)[:] = given[name][k]
+        motor = Motor(*(given[f"motor.{name}"][k] for name in Motor._fields))
+        drive = Drive(given["target"][k], given["kp"][k], given["kd"][k], motor, given["encoder_bias"][k])
+        own = model.dof_armature[dofs].copy()
+        for target in drive.target:
+            now = data.qpos[positions].copy(), data.qvel[dofs].copy()
+            effort = joint_effort(drive, target, *now, model.opt.timestep)
+            model.dof_armature[dofs] = own + effort.inertia
+            data.qfrc_applied[dofs] = effort.torque
+            mujoco.mj_step(model, data)
+            velocities.append(data.qvel.copy())
+            contacts.append(data.ncon)
+    return np.array(velocities).reshape(len(given["qpos"]), -1, model.nv), np.array(contacts)
+
+
+def compare(
+    robot: Robot,
+    model: mujoco.MjModel,
+    given: Arrays,
+    dtype: Any = np.float64,
+    other: mujoco.MjModel | None = None,
+) -> Errors:
+    """The generated program in this precision beside MuJoCo C, given the same numbers.
+
+    Args:
+        robot: the robot.
+        model: the program's.
+        given: to both.
+        dtype: of the program.
+        other: MuJoCo's model, where it is another one.
+    """
+    given = {name: values.astype(dtype).astype(float) for name, values in given.items()}
+    own = {"qpos", "qvel", "qacc_warmstart", "target", "kp", "kd", "encoder_bias"}
+    fields = [name for name in given if name not in own and not name.startswith("motor.")]
+    shapes = {name: given[name].shape[1:] for name in fields}
+    began = time.perf_counter()
+    step = substep(model, robot, shapes, DOUBLE if dtype is np.float64 else SINGLE)
+    program = Program(step, STEPS, dtype)
+    compile_s = time.perf_counter() - began
+    count, (inputs, outputs) = len(given["qpos"]), arguments(step)
+    arrays = [
+        np.ascontiguousarray(given[each.name].reshape(each.shape(count, STEPS)), dtype) for each in inputs
+    ]
+    arrays += [np.empty(each.shape(count, STEPS), dtype) for each in outputs]
+    program(arrays, 0, count)
+    found = dict(zip((each.name for each in (*inputs, *outputs)), arrays, strict=True))["trace.qvel"]
+    changed = [name for name in fields if name != GROUND]
+    expected, contacts = reference(robot, other or model, given, changed)
+    difference = np.linalg.norm(found.astype(float) - expected, axis=2)
+    seconds = min(_seconds(program, arrays, count) for _ in range(5))
+    return Errors(difference / np.linalg.norm(expected, axis=2), contacts, compile_s, count * STEPS / seconds)
+
+
+def _seconds(program: Program, arrays: list[np.ndarray], count: int) -> float:
+    began = time.process_time()
+    program(arrays, 0, count)
+    return time.process_time() - began
+
+
+def main() -> None:
+    """Compare and print one line per robot."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("robots", nargs="+", metavar="ROBOT")
+    parser.add_argument("--count", type=int, default=400)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    for name in options.robots:
+        robot = load_robot(name)
+        model = training_model(robot, 0.005)
+        refused = [*refusals(model), *contact_refusals(model)]
+        if refused:
+            print(f"{name}: not generated: {'; '.join(refused)}")
+            continue
+        randomisation = load_preset("gpu", robot).env.randomisation
+        given = random_arguments(robot, model, options.count, randomisation, options.seed)
+        double, single = (compare(robot, model, given, dtype) for dtype in (np.float64, np.float32))
+        one, four = (np.quantile(single.errors[:, k], (0.5, 0.99, 1.0)) for k in (0, STEPS - 1))
+        print(
+            f"{name}: {model.nv} degrees of freedom, {double.contacts.mean():.1f} contacts on average;"
+            f" double, greatest: {double.errors[:, 0].max():.1e}, {double.errors[:, -1].max():.1e};"
+            f" single: {one[0]:.1e}, {one[1]:.1e}, {one[2]:.1e}"
+            f" and {four[0]:.1e}, {four[1]:.1e}, {four[2]:.1e};"
+            f" compiled in {single.compile_s:.1f} s; {single.steps_per_s / 1e6:.2f} M steps/s",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,48 @@
+"""The engines by name, and which one serves where the one that was asked for does not."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import mujoco
+
+from footfall.envs.physics.c import c_physics
+from footfall.envs.physics.generated.physics import generated_physics, not_generated
+from footfall.envs.physics.interface import Physics
+from footfall.envs.physics.mjx import mjx_physics
+from footfall.robots.description import Robot
+
+ENGINES: dict[str, Callable[[mujoco.MjModel, Robot], Physics]] = {
+    "generated": generated_physics,
+    "mjx": mjx_physics,
+    "c": c_physics,
+}
+
+
+class Engine(NamedTuple):
+    """An engine made for one robot."""
+
+    name: str  # in `ENGINES`
+    simulate: Physics
+    note: str = ""  # why it is another one than was asked for
+
+    @property
+    def on_host(self) -> bool:
+        """Whether it runs on the host's processor, where a program's branches cost little."""
+        return self.name == "c" or (self.name == "generated" and jax.default_backend() == "cpu")
+
+
+def make_engine(name: str, model: mujoco.MjModel, robot: Robot) -> Engine:
+    """The engine of this name, or the next best one for what cannot be generated.
+
+    Args:
+        name: one of `ENGINES`.
+        model: the robot's training model, nominal.
+        robot: the robot.
+    """
+    reason = not_generated(model) if name == "generated" else ""
+    if not reason:
+        return Engine(name, ENGINES[name](model, robot))
+    instead = "c" if jax.default_backend() == "cpu" else "mjx"
+    note = f"{robot.name} is trained with physics '{instead}' instead: {reason}"
+    return Engine(instead, ENGINES[instead](model, robot), note)

@@ -1,0 +1,103 @@
+"""Vectors of three, rotations and sparse symmetric matrices of expressions."""
+
+import numpy as np
+
+from footfall.envs.physics.generated.expression import Scalar
+
+Vector = np.ndarray  # (3,) of expressions or numbers
+Matrix = np.ndarray  # (3, 3)
+Symmetric = dict[tuple[int, int], Scalar]  # entries of the lower triangle, row >= column; absent: 0
+
+
+def vector(*elements: Scalar) -> np.ndarray:
+    """An array of these expressions and numbers."""
+    made = np.empty(len(elements), object)
+    made[:] = elements
+    return made
+
+
+def cross(a: Vector, b: Vector) -> Vector:
+    """The vector product."""
+    return vector(a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+def mirrored(matrix: Matrix) -> Matrix:
+    """A symmetric matrix computed twice: with the entries below its diagonal above it, too."""
+    lower = np.tril(np.ones((3, 3), dtype=bool))
+    return np.where(lower, matrix, matrix.T)
+
+
+def rotation_matrix(quaternion: np.ndarray) -> Matrix:
+    """From the body to the world, of a unit quaternion w x y z (RBDA, equation 4.12, transposed)."""
+    w, x, y, z = quaternion
+    return np.array(
+        [
+            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+        ],
+        dtype=object,
+    )
+
+
+def turned_about(axis: np.ndarray, sine: Scalar, cosine: Scalar) -> Matrix:
+    """The rotation about a constant unit axis (Rodrigues): 1 in the axis, cosine and sine across it."""
+    along = np.outer(axis, axis)
+    x, y, z = axis
+    across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return along + (np.eye(3) - along) * cosine + across * sine
+
+
+class Factor:
+    """The factors of a symmetric positive matrix, H = L^T D L (RBDA, section 6.5 and table 6.3).
+
+    Rows are eliminated from the last one on, leaves of the tree before their parents: so the mass matrix
+    stays as sparse as it is, and a contact between two limbs fills in only what both of them reach.
+    """
+
+    def __init__(self, matrix: Symmetric, size: int) -> None:
+        left = dict(matrix)
+        self._rows: list[list[tuple[int, Scalar]]] = []  # of L, below each diagonal, from the last row on
+        self._inverse: list[Scalar] = []  # of D
+        for k in reversed(range(size)):
+            inverse = 1.0 / left[k, k]
+            columns = [j for j in reversed(range(k)) if _is_there(left, k, j)]
+            scaled = [(i, left[k, i] * inverse) for i in columns]
+            for i, factor in scaled:
+                for j in columns:
+                    if j <= i:
+                        left[i, j] = left.get((i, j), 0.0) - factor * left[k, j]
+            self._rows.append(scaled)
+            self._inverse.append(inverse)
+
+    def solve(self, right: list[Scalar]) -> list[Scalar]:
+        """The x of H x = right (RBDA, table 6.4 and section 6.5)."""
+        x, last = list(right), len(right) - 1
+        for n, row in enumerate(self._rows):
+            for i, factor in row:
+                x[i] = x[i] - factor * x[last - n]
+        x = [value * inverse for value, inverse in zip(x, reversed(self._inverse), strict=True)]
+        for n, row in reversed(list(enumerate(self._rows))):
+            for i, factor in row:
+                x[last - n] = x[last - n] - factor * x[i]
+        return x
+
+
+def _is_there(matrix: Symmetric, row: int, column: int) -> bool:
+    value = matrix.get((row, column), 0.0)
+    return not (isinstance(value, float) and value == 0.0)
+
+
+def product(matrix: Symmetric, x: list[Scalar]) -> list[Scalar]:
+    """The matrix times a vector."""
+    result: list[Scalar] = [0.0] * len(x)
+    for (i, j), value in matrix.items():
+        result[i] = result[i] + value * x[j]
+        if i != j:
+            result[j] = result[j] + value * x[i]
+    return result
+
+
+def dot(a: list[Scalar], b: list[Scalar]) -> Scalar:
+    """The scalar product of two lists."""
+    return sum((x * y for x, y in zip(a, b, strict=True)), start=0.0)

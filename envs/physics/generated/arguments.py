@@ -1,0 +1,26 @@
+"""What a compiled control step takes and gives, in the order of its arguments."""
+
+from typing import NamedTuple
+
+from footfall.envs.physics.generated.substep import Substep
+
+
+class Array(NamedTuple):
+    """An argument: a row of numbers for each robot, or for each physics step of each robot."""
+
+    name: str
+    width: int
+    stepwise: bool
+
+    def shape(self, robots: int, steps: int) -> tuple[int, ...]:
+        """Shape of the array of all robots."""
+        return (robots, steps, self.width) if self.stepwise else (robots, self.width)
+
+
+def arguments(substep: Substep) -> tuple[list[Array], list[Array]]:
+    """Inputs, and outputs: the state at the end, and what each physics step left."""
+    inputs = [Array(name, width, False) for name, width in (substep.state | substep.held).items()]
+    inputs += [Array(name, width, True) for name, width in substep.stepwise.items()]
+    outputs = [Array(f"end.{name}", width, False) for name, width in substep.state.items()]
+    outputs += [Array(f"trace.{name}", len(values), True) for name, values in substep.trace.items()]
+    return inputs, outputs

@@ -1,0 +1,148 @@
+"""Mass matrix and bias forces of a tree of hinges on a free base, in the links' own frames.
+
+The base's six coordinates are the acceleration of its origin along its own axes, and its angular acceleration
+along the same: MuJoCo's, turned from the world into the base. RBDA: Featherstone, Rigid Body Dynamics
+Algorithms (2008). Craig: Introduction to Robotics (2005), chapter 6.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from footfall.envs.physics.generated.algebra import Matrix, Symmetric, Vector, cross, mirrored
+from footfall.envs.physics.generated.expression import Scalar
+from footfall.envs.physics.generated.tree import BASE, Tree
+
+BASE_DOFS = 6
+
+
+class Inertia(NamedTuple):
+    """The inertia of a rigid body in some frame (RBDA, equation 2.63)."""
+
+    mass: Scalar  # kg
+    moment: Vector  # (3,) kg m, mass times the centre of mass
+    matrix: Matrix  # (3, 3) kg m^2, about the frame's origin
+
+    def __add__(self, other: "Inertia") -> "Inertia":  # type: ignore[override]
+        return Inertia(self.mass + other.mass, self.moment + other.moment, self.matrix + other.matrix)
+
+    def seen_from(self, rotation: Matrix, place: Vector) -> "Inertia":
+        """In the frame in which this one has these axes and this origin (RBDA, equation 2.66)."""
+        moment = rotation @ self.moment
+        shift = 2.0 * (place @ moment) + self.mass * (place @ place)
+        outer = np.outer(place, moment)
+        outer = outer + outer.T + self.mass * np.outer(place, place)
+        turned = rotation @ self.matrix @ rotation.T
+        matrix = mirrored(turned + np.eye(3) * shift - outer)
+        return Inertia(self.mass, moment + self.mass * place, matrix)
+
+
+NOTHING = Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
+
+
+def body_inertia(mass: Scalar, centre: Vector, axes: np.ndarray, principal: Vector) -> Inertia:
+    """Of a body in its own frame.
+
+    Args:
+        mass: kg.
+        centre: (3,) m, of mass.
+        axes: (3, 3) from the principal axes to the body's frame.
+        principal: (3,) kg m^2, about the centre of mass.
+    """
+    about_centre = Inertia(mass, np.zeros(3), mirrored(axes * principal @ axes.T))
+    return about_centre.seen_from(np.eye(3), centre)
+
+
+class Dynamics(NamedTuple):
+    """What `dynamics` finds. Forces are in the coordinates of the module's first lines."""
+
+    mass: Symmetric  # without the hinges' armature
+    bias: list[Scalar]  # force that keeps the coordinates' accelerations at 0
+
+
+class _Wrench(NamedTuple):
+    force: Vector
+    torque: Vector  # about the frame's origin
+
+    def seen_from(self, rotation: Matrix, place: Vector) -> "_Wrench":
+        force = rotation @ self.force
+        return _Wrench(force, rotation @ self.torque + cross(place, force))
+
+
+def dynamics(
+    tree: Tree,
+    turns: list[Matrix],
+    inertias: dict[int, Inertia],
+    angular_velocity: Vector,
+    speeds: list[Scalar],
+    gravity: Vector,
+) -> Dynamics:
+    """The mass matrix by composite inertias and the bias forces by the recursive Newton-Euler algorithm.
+
+    Both pass through the tree limb by limb (RBDA, tables 6.2 and 5.1; Craig, 6.45 to 6.53), so that few
+    numbers wait for their use.
+
+    Args:
+        tree: the robot.
+        turns: (3, 3) each, from a link's frame to its parent's.
+        inertias: of each link that carries mass, and of the base, in the link's frame.
+        angular_velocity: (3,) rad/s, of the base in its own frame.
+        speeds: rad/s, of the hinges.
+        gravity: (3,) m/s^2, in the base's frame.
+    """
+    children: dict[int, list[int]] = {}
+    for link, hinge in enumerate(tree.hinges):
+        children.setdefault(hinge.parent, []).append(link)
+    mass: Symmetric = {}
+    bias: list[Scalar] = [0.0] * (BASE_DOFS + len(tree.hinges))
+
+    def visit(link: int, spin: Vector, turning: Vector, acceleration: Vector) -> tuple[Inertia, _Wrench]:
+        """What a link and all beyond it weigh, and the wrench that moves them.
+
+        Given are angular velocity, angular acceleration and acceleration of the link's origin, in its frame,
+        of a motion in which no coordinate accelerates.
+        """
+        whole = inertias.get(link, NOTHING)
+        m, h, inertia = whole
+        force = m * acceleration + cross(turning, h) + cross(spin, cross(spin, h))
+        torque = inertia @ turning + cross(spin, inertia @ spin) + cross(h, acceleration)
+        for child in children.get(link, []):
+            hinge, turn = tree.hinges[child], turns[child]
+            along = hinge.axis * speeds[child]
+            carried = turn.T @ spin
+            moved = acceleration + cross(turning, hinge.place) + cross(spin, cross(spin, hinge.place))
+            part, wrench = visit(
+                child, carried + along, turn.T @ turning + cross(carried, along), turn.T @ moved
+            )
+            bias[BASE_DOFS + child] = hinge.axis @ wrench.torque
+            wrench = wrench.seen_from(turn, hinge.place)
+            force, torque = force + wrench.force, torque + wrench.torque
+            _mass_of_hinge(child, part)
+            whole = whole + part.seen_from(turn, hinge.place)
+        return whole, _Wrench(force, torque)
+
+    def _mass_of_hinge(link: int, beyond: Inertia) -> None:
+        """What accelerating a hinge alone asks of it, of those between it and the base, and of the base."""
+        row, axis = BASE_DOFS + link, tree.hinges[link].axis
+        wrench = _Wrench(cross(axis, beyond.moment), beyond.matrix @ axis)
+        mass[row, row] = axis @ wrench.torque
+        while True:
+            wrench = wrench.seen_from(turns[link], tree.hinges[link].place)
+            link = tree.hinges[link].parent
+            if link == BASE:
+                break
+            mass[row, BASE_DOFS + link] = tree.hinges[link].axis @ wrench.torque
+        for k in range(3):
+            mass[row, k], mass[row, 3 + k] = wrench.force[k], wrench.torque[k]
+
+    whole, wrench = visit(BASE, angular_velocity, np.zeros(3), -gravity)
+    bias[:3], bias[3:BASE_DOFS] = wrench.force, wrench.torque
+    x, y, z = whole.moment
+    moment = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]  # torque of an acceleration (RBDA, equation 2.63)
+    for i in range(3):
+        mass[i, i] = whole.mass
+        for j in range(3):
+            mass[3 + i, j] = moment[i][j]
+        for j in range(i + 1):
+            mass[3 + i, 3 + j] = whole.matrix[i, j]
+    return Dynamics(mass, bias)

@@ -1,0 +1,283 @@
+"""A physics step as machine code for a processor: vectors of robots, compiled by LLVM within the process.
+
+Each lane of a vector register holds one robot; the program has no branches but its two loops, over groups of
+robots and over physics steps. A robot's numbers depend on nothing but its own.
+"""
+
+import ctypes
+import struct
+from collections.abc import Sequence
+from typing import Any
+
+import llvmlite.binding as llvm
+import numpy as np
+
+from footfall.envs.physics.generated.arguments import arguments
+from footfall.envs.physics.generated.expression import Expression, Loop, Scalar, schedule
+from footfall.envs.physics.generated.substep import Substep
+
+SINGLE_LANES = (("avx512f", 16), ("avx", 8))  # by what the processor has; else
+LEAST_LANES = 4  # SSE's and Neon's
+OPTIMISATION = 1  # LLVM's level: 2 compiles six times as long, for code that is no faster
+BINARY = {"add": "fadd", "subtract": "fsub", "multiply": "fmul", "divide": "fdiv"}
+UNARY = {"sqrt": "sqrt", "abs": "fabs", "round": "rint", "sin": "sin", "cos": "cos"}
+COMPARED = {"minimum": "olt", "maximum": "ogt"}
+
+
+class Program:
+    """A compiled control step. It may run in several threads at once, on other robots in each."""
+
+    def __init__(
+        self, substep: Substep, steps: int, dtype: Any = np.float32, lanes: int | None = None
+    ) -> None:
+        """Compile it for this processor.
+
+        Args:
+            substep: one physics step.
+            steps: physics steps in a control step.
+            dtype: of all arrays.
+            lanes: robots in a vector register; None: as many as the processor has room for.
+        """
+        llvm.initialize_native_target()
+        llvm.initialize_native_asmprinter()
+        features = llvm.get_host_cpu_features()
+        widest = next((n for name, n in SINGLE_LANES if features.get(name)), LEAST_LANES)
+        lanes = lanes or widest * 4 // np.dtype(dtype).itemsize
+        if lanes * np.dtype(dtype).itemsize == 64:
+            features["prefer-256-bit"] = False
+        self.inputs, self.outputs = arguments(substep)
+        machine = llvm.Target.from_default_triple().create_target_machine(
+            cpu=llvm.get_host_cpu_name(), features=features.flatten(), opt=OPTIMISATION, jit=True
+        )
+        module = llvm.parse_assembly(_Writer(substep, steps, np.dtype(dtype), lanes).text())
+        self._engine = llvm.create_mcjit_compiler(module, machine)
+        self._engine.finalize_object()
+        pointers = [ctypes.c_void_p] * (len(self.inputs) + len(self.outputs))
+        prototype = ctypes.CFUNCTYPE(None, *pointers, ctypes.c_int64, ctypes.c_int64)
+        self._function = prototype(self._engine.get_function_address("control_step"))
+
+    def __call__(self, arrays: Sequence[np.ndarray], first: int, last: int) -> None:
+        """Move the robots from number `first` up to `last`, not included.
+
+        Args:
+            arrays: inputs, then outputs, as `inputs` and `outputs` list them: contiguous, (robots, width) or
+                (robots, steps, width).
+            first: of the robots.
+            last: of the robots.
+        """
+        if last > first:
+            self._function(*(array.ctypes.data for array in arrays), first, last)
+
+
+class _Writer:
+    """Writes LLVM's intermediate representation, line by line."""
+
+    def __init__(self, substep: Substep, steps: int, dtype: np.dtype, lanes: int) -> None:
+        self._substep, self._steps, self._lanes = substep, steps, lanes
+        self._inputs, outputs = arguments(substep)
+        self._arrays = [*self._inputs, *outputs]
+        results = (substep.following | {f"trace.{name}": v for name, v in substep.trace.items()}).values()
+        self._plan = schedule((value for values in results for value in values), substep.held)
+        self._block = "step"  # in which the next line lies
+        self._item = {4: "float", 8: "double"}[dtype.itemsize]
+        self._bytes = dtype.itemsize
+        self._vector, self._flags = f"<{lanes} x {self._item}>", f"<{lanes} x i1>"
+        self._short = f"v{lanes}f{8 * dtype.itemsize}"
+        self._dtype = dtype
+        self._lines: list[str] = []
+        self._declared: set[str] = set()
+        self._results: dict[tuple[str, int], str] = {}  # of loops
+        self._temporary = 0
+
+    def text(self) -> str:
+        """The whole module."""
+        self._begin()
+        self._physics_step()
+        self._leave()
+        return "\n".join([*sorted(self._declared), *self._lines])
+
+    def _begin(self) -> None:
+        """Up to the loop over physics steps: what is computed once for all of them."""
+        pointers = ", ".join(f'ptr noalias %"{array.name}"' for array in self._arrays)
+        self._emit(f"define void @control_step({pointers}, i64 %first, i64 %last) {{\nentry:")
+        self._emit("  %final = sub i64 %last, 1")
+        for name, width in self._substep.state.items():
+            self._emit(f'  %"room.{name}" = alloca [{width} x {self._vector}], align 64')
+        self._emit("  br label %group\ngroup:\n  %robot = phi i64 [%first, %entry], [%next, %leave]")
+        self._robots()
+        for array in self._arrays:
+            self._rows(array.name, array.width * (self._steps if array.stepwise else 1))
+        for name, width in self._substep.state.items():
+            for index in range(width):
+                self._keep(name, index, self._gather(f'%"rows.{name}"', index))
+        for node in self._plan.before:
+            self._node(node)
+
+    def _physics_step(self) -> None:
+        """The loop over physics steps."""
+        self._emit("  br label %step\nstep:\n  %k = phi i64 [0, %group], [%following, %after]")
+        for name, width in ((array.name, array.width) for array in self._arrays if array.stepwise):
+            self._emit(f'  %"shift.{name}" = mul i64 %k, {width}')
+            rows = f'<{self._lanes} x ptr> %"rows.{name}"'
+            self._emit(f'  %"now.{name}" = getelementptr {self._item}, {rows}, i64 %"shift.{name}"')
+        for node in self._plan.step:
+            self._node(node)
+        for name, written in self._substep.trace.items():
+            for index, value in enumerate(written):
+                self._scatter(f'%"now.trace.{name}"', index, self._value(value))
+        for name, written in self._substep.following.items():
+            for index, value in enumerate(written):
+                self._keep(name, index, self._value(value))
+        self._emit("  br label %after\nafter:")
+        self._emit(f"  %following = add i64 %k, 1\n  %more = icmp ult i64 %following, {self._steps}")
+        self._emit("  br i1 %more, label %step, label %leave")
+
+    def _leave(self) -> None:
+        """After it: the state goes back to the robots' rows, and on to the next group."""
+        self._emit("leave:")
+        for name, width in self._substep.state.items():
+            for index in range(width):
+                self._scatter(f'%"rows.end.{name}"', index, self._kept(name, index))
+        self._emit(f"  %next = add i64 %robot, {self._lanes}\n  %others = icmp slt i64 %next, %last")
+        self._emit("  br i1 %others, label %group, label %done\ndone:\n  ret void\n}")
+
+    def _emit(self, line: str) -> None:
+        self._lines.append(line)
+
+    def _robots(self) -> None:
+        """The numbers of the robots in the lanes; lanes too many repeat the last robot, to the same end."""
+        whole = f"<{self._lanes} x i64>"
+        lanes = ", ".join(f"i64 {lane}" for lane in range(self._lanes))
+        for name, value in (("robot", "%robot"), ("final", "%final")):
+            self._emit(f"  %one.{name} = insertelement {whole} poison, i64 {value}, i32 0")
+            self._emit(
+                f"  %all.{name} = shufflevector {whole} %one.{name}, {whole} poison, <{self._lanes} x i32>"
+                " zeroinitializer"
+            )
+        self._emit(f"  %wanted = add {whole} %all.robot, <{lanes}>")
+        self._emit(f"  %beyond = icmp sgt {whole} %wanted, %all.final")
+        self._emit(f"  %robots = select {self._flags} %beyond, {whole} %all.final, {whole} %wanted")
+
+    def _rows(self, name: str, stride: int) -> None:
+        """Where the rows of the robots in the lanes begin."""
+        whole = f"<{self._lanes} x i64>"
+        strides = ", ".join([f"i64 {stride}"] * self._lanes)
+        self._emit(f'  %"start.{name}" = mul {whole} %robots, <{strides}>')
+        self._emit(f'  %"rows.{name}" = getelementptr {self._item}, ptr %"{name}", {whole} %"start.{name}"')
+
+    def _new(self) -> str:
+        self._temporary += 1
+        return f"%u{self._temporary}"
+
+    def _place(self, rows: str, index: int) -> str:
+        place = self._new()
+        self._emit(f"  {place} = getelementptr {self._item}, <{self._lanes} x ptr> {rows}, i64 {index}")
+        return place
+
+    def _gather(self, rows: str, index: int) -> str:
+        pointers, every = f"<{self._lanes} x ptr>", f"<{', '.join(['i1 true'] * self._lanes)}>"
+        name = f"@llvm.masked.gather.{self._short}.v{self._lanes}p0"
+        self._declared.add(f"declare {self._vector} {name}({pointers}, i32, {self._flags}, {self._vector})")
+        place, value = self._place(rows, index), self._new()
+        self._emit(
+            f"  {value} = call {self._vector} {name}({pointers} {place}, i32 {self._bytes},"
+            f" {self._flags} {every}, {self._vector} poison)"
+        )
+        return value
+
+    def _scatter(self, rows: str, index: int, value: str) -> None:
+        pointers, every = f"<{self._lanes} x ptr>", f"<{', '.join(['i1 true'] * self._lanes)}>"
+        name = f"@llvm.masked.scatter.{self._short}.v{self._lanes}p0"
+        self._declared.add(f"declare void {name}({self._vector}, {pointers}, i32, {self._flags})")
+        place = self._place(rows, index)
+        self._emit(
+            f"  call void {name}({self._vector} {value}, {pointers} {place}, i32 {self._bytes},"
+            f" {self._flags} {every})"
+        )
+
+    def _room(self, name: str, index: int) -> str:
+        place = self._new()
+        self._emit(f'  {place} = getelementptr {self._vector}, ptr %"room.{name}", i64 {index}')
+        return place
+
+    def _keep(self, name: str, index: int, value: str) -> None:
+        self._emit(f"  store {self._vector} {value}, ptr {self._room(name, index)}, align 64")
+
+    def _kept(self, name: str, index: int) -> str:
+        place, value = self._room(name, index), self._new()
+        self._emit(f"  {value} = load {self._vector}, ptr {place}, align 64")
+        return value
+
+    def _input(self, name: str, array: str, index: int) -> None:
+        if array in self._substep.state:
+            value = self._kept(array, index)
+        else:
+            rows = "now" if array in self._substep.stepwise else "rows"
+            value = self._gather(f'%"{rows}.{array}"', index)
+        self._lines[-1] = self._lines[-1].replace(f"{value} =", f"{name} =")
+
+    def _loop(self, name: str, loop: Loop) -> None:
+        """A block that repeats itself while any robot of the group has to go on."""
+        numbers = range(len(loop.start))
+        self._emit(f"  br label %{name}.turn\n{name}.turn:")
+        self._emit(f"  %{name}.turns = phi i64 [1, %{self._block}], [%{name}.more, %{name}.turn]")
+        variables = [
+            f"%n{v.number}" if v is not None else f"%{name}.unread{k}" for k, v in enumerate(loop.variables)
+        ]
+        for k, variable in enumerate(variables):
+            start, following = self._value(loop.start[k]), self._value(loop.following[k])
+            self._emit(
+                f"  {variable} = phi {self._vector} [{start}, %{self._block}], [{following}, %{name}.turn]"
+            )
+        for node in loop.body:
+            self._node(node)
+        any_lane = f"@llvm.vector.reduce.or.v{self._lanes}i1"
+        self._declared.add(f"declare i1 {any_lane}({self._flags})")
+        self._emit(f"  %{name}.any = call i1 {any_lane}({self._flags} {self._value(loop.more)})")
+        self._emit(f"  %{name}.more = add i64 %{name}.turns, 1")
+        self._emit(f"  %{name}.left = icmp ule i64 %{name}.more, {loop.most}")
+        self._emit(f"  %{name}.again = and i1 %{name}.any, %{name}.left")
+        self._emit(f"  br i1 %{name}.again, label %{name}.turn, label %{name}.end\n{name}.end:")
+        self._block = f"{name}.end"
+        for k in numbers:
+            self._results[name, k] = self._value(loop.following[k])
+
+    def _value(self, value: Scalar) -> str:
+        if isinstance(value, Expression) and value.operation == "result":
+            loop, index = value.operands
+            return self._results[f"n{loop.number}", index]
+        if isinstance(value, Expression):
+            return f"%n{value.number}"
+        exact = struct.unpack("<Q", struct.pack("<d", float(self._dtype.type(value))))[0]
+        return f"<{', '.join([f'{self._item} 0x{exact:016X}'] * self._lanes)}>"
+
+    def _node(self, node: Expression) -> None:
+        """The lines of one operation."""
+        name, whole = f"%n{node.number}", self._vector
+        if node.operation == "input":
+            self._input(name, *node.operands)
+            return
+        if node.operation == "loop":
+            self._loop(f"n{node.number}", self._plan.loops[node])
+            return
+        if node.operation == "result":
+            return
+        a, *rest = (self._value(operand) for operand in node.operands)
+        if node.operation in BINARY:
+            self._emit(f"  {name} = {BINARY[node.operation]} contract {whole} {a}, {rest[0]}")
+        elif node.operation in COMPARED:
+            test = self._new()
+            self._emit(f"  {test} = fcmp {COMPARED[node.operation]} {whole} {a}, {rest[0]}")
+            self._emit(f"  {name} = select {self._flags} {test}, {whole} {a}, {whole} {rest[0]}")
+        elif node.operation == "less":
+            self._emit(f"  {name} = fcmp olt {whole} {a}, {rest[0]}")
+        elif node.operation == "either":
+            self._emit(f"  {name} = or {self._flags} {a}, {rest[0]}")
+        elif node.operation == "where":
+            self._emit(f"  {name} = select {self._flags} {a}, {whole} {rest[0]}, {whole} {rest[1]}")
+        elif node.operation == "negative":
+            self._emit(f"  {name} = fneg {whole} {a}")
+        else:
+            function = f"@llvm.{UNARY[node.operation]}.{self._short}"
+            self._declared.add(f"declare {whole} {function}({whole})")
+            self._emit(f"  {name} = call {whole} {function}({whole} {a})")

@@ -1,0 +1,62 @@
+"""NVIDIA's run-time compiler, from CUDA C to PTX, by ctypes: it comes with JAX's CUDA extra."""
+
+import ctypes
+import ctypes.util
+import sys
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+
+class NvrtcError(Exception):
+    """The compiler is not there, or does not take the program; the message is its own."""
+
+
+@cache
+def library() -> ctypes.CDLL:
+    """The shared library; raises NvrtcError if there is none."""
+    folders = [Path(entry) / "nvidia" for entry in sys.path if entry]
+    found = [path for folder in folders for path in sorted(folder.glob("*/lib/libnvrtc.so.*"))]
+    names = [str(path) for path in found if "alt" not in path.name]
+    of_the_system = ctypes.util.find_library("nvrtc")
+    for name in [*names, *([of_the_system] if of_the_system else [])]:
+        try:
+            return ctypes.CDLL(name)
+        except OSError:
+            continue
+    raise NvrtcError("NVIDIA's run-time compiler, libnvrtc, is not installed")
+
+
+def compile_to_ptx(source: str, capability: int) -> str:
+    """PTX of CUDA C.
+
+    Args:
+        source: one translation unit.
+        capability: of the GPU, ten times the major version and the minor one.
+
+    Raises:
+        NvrtcError: there is no compiler, or the source is faulty.
+    """
+    nvrtc, program = library(), ctypes.c_void_p()
+    options = [f"--gpu-architecture=compute_{capability}", "--std=c++17", "--use_fast_math"]
+    encoded = (ctypes.c_char_p * len(options))(*(option.encode() for option in options))
+    _check(nvrtc.nvrtcCreateProgram(ctypes.byref(program), source.encode(), b"physics.cu", 0, None, None))
+    try:
+        if nvrtc.nvrtcCompileProgram(program, len(options), encoded):
+            raise NvrtcError(_text(nvrtc.nvrtcGetProgramLogSize, nvrtc.nvrtcGetProgramLog, program))
+        return _text(nvrtc.nvrtcGetPTXSize, nvrtc.nvrtcGetPTX, program)
+    finally:
+        nvrtc.nvrtcDestroyProgram(ctypes.byref(program))
+
+
+def _check(status: int) -> None:
+    if status:
+        raise NvrtcError(f"NVIDIA's run-time compiler failed with status {status}")
+
+
+def _text(size_of: Any, read: Any, program: ctypes.c_void_p) -> str:
+    size = ctypes.c_size_t()
+    _check(size_of(program, ctypes.byref(size)))
+    text = ctypes.create_string_buffer(size.value)
+    _check(read(program, text))
+    return text.value.decode()

@@ -1,0 +1,94 @@
+"""The generated physics behind the interface of all physics."""
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+
+from footfall.envs.physics.generated import on_gpu, on_processor
+from footfall.envs.physics.generated.arguments import arguments
+from footfall.envs.physics.generated.contacts import contact_refusals
+from footfall.envs.physics.generated.substep import SINGLE, Substep, substep
+from footfall.envs.physics.generated.tree import refusals
+from footfall.envs.physics.interface import Drive, Fields, Motion, Physics, Trace
+from footfall.robots.description import Robot
+
+
+def not_generated(model: mujoco.MjModel) -> str:
+    """Why there is no generated physics of this model here, or on this device; empty if there is."""
+    reasons = [*refusals(model), *contact_refusals(model)]
+    if reasons:
+        return f"the generated physics does not know {reasons[0]}"
+    match jax.default_backend():
+        case "cpu":
+            return on_processor.unavailable()
+        case "gpu":
+            return on_gpu.unavailable()
+        case other:
+            return f"the generated physics does not run on {other}"
+
+
+def generated_physics(model: mujoco.MjModel, robot: Robot) -> Physics:
+    """The motion of a robot whose nominal model this is; `jax.vmap` hands over all robots at once."""
+
+    @cache
+    def step_of(shapes: tuple[tuple[str, tuple[int, ...]], ...]) -> Callable[[], Substep]:
+        made = substep(model, robot, dict(shapes), SINGLE)
+        return lambda: made
+
+    def simulate(motion: Motion, drive: Drive, fields: Fields) -> tuple[Motion, Trace]:
+        return _batched(step_of, ())(motion, drive, fields)
+
+    return simulate
+
+
+def _batched(step_of: Callable[[Any], Callable[[], Substep]], lead: tuple[int, ...]) -> Physics:
+    """The physics of robots with these leading axes; each `jax.vmap` adds one."""
+
+    @jax.custom_batching.custom_vmap
+    def simulate(motion: Motion, drive: Drive, fields: Fields) -> tuple[Motion, Trace]:
+        return _control_step(step_of, lead, motion, drive, fields)
+
+    @simulate.def_vmap
+    def _all(size: int, batched: Any, *given: Any) -> tuple[Any, Any]:
+        def everybodys(x: jax.Array, is_batched: bool) -> jax.Array:
+            return x if is_batched else jnp.broadcast_to(jnp.asarray(x)[None], (size, *jnp.shape(x)))
+
+        results = _batched(step_of, (size, *lead))(*jax.tree.map(everybodys, given, tuple(batched)))
+        return results, jax.tree.map(lambda _: True, results)
+
+    return simulate
+
+
+def _control_step(
+    step_of: Callable[[Any], Callable[[], Substep]],
+    lead: tuple[int, ...],
+    motion: Motion,
+    drive: Drive,
+    fields: Fields,
+) -> tuple[Motion, Trace]:
+    axes, robots = len(lead), int(np.prod(lead, dtype=int))
+    substep_of = step_of(tuple((name, jnp.shape(value)[axes:]) for name, value in sorted(fields.items())))
+    joints, steps = drive.target.shape[-1], drive.target.shape[-2]
+    motor = {f"motor.{name}": value for name, value in drive.motor._asdict().items()}
+    held = {"kp": drive.kp, "kd": drive.kd, "encoder_bias": drive.encoder_bias} | motor
+    named = motion._asdict() | fields | {"target": drive.target}
+    named |= {name: jnp.broadcast_to(value, (*lead, joints)) for name, value in held.items()}
+    inputs, outputs = arguments(substep_of())
+    arrays = [
+        jnp.asarray(named[array.name], jnp.float32).reshape(array.shape(robots, steps)) for array in inputs
+    ]
+    where = on_gpu if jax.default_backend() == "gpu" else on_processor
+    results = where.run(substep_of, steps, robots, arrays)
+    found = {
+        array.name: result.reshape((*lead, *array.shape(1, steps)[1:]))
+        for array, result in zip(outputs, results, strict=True)
+    }
+    points = found["trace.foot_position"]
+    found["trace.foot_position"] = points.reshape((*points.shape[:-1], -1, 3))
+    end = Motion(*(found[f"end.{name}"] for name in Motion._fields))
+    return end, Trace(*(found[f"trace.{name}"] for name in Trace._fields))

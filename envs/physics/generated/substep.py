@@ -1,0 +1,232 @@
+"""One physics step of one robot, written down: joint law, dynamics, contacts, solver, integration."""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from footfall.envs.physics.generated.algebra import rotation_matrix, turned_about, vector
+from footfall.envs.physics.generated.contacts import (
+    PLANE,
+    Geometry,
+    LinkPose,
+    contact_rows,
+    geom_friction,
+    meetings,
+)
+from footfall.envs.physics.generated.dynamics import Inertia, body_inertia, dynamics
+from footfall.envs.physics.generated.expression import Graph, Scalar, cos, nearest, sin, sqrt
+from footfall.envs.physics.generated.solver import newton_step
+from footfall.envs.physics.generated.tree import BASE, Tree, read_tree, rotation
+from footfall.envs.physics.interface import GROUND, Drive, Motion, joint_effort
+from footfall.robots.actuator import Motor
+from footfall.robots.description import Robot
+from footfall.robots.feet import foot_geoms
+from footfall.robots.model import joint_addresses
+
+
+class Precision(NamedTuple):
+    """What depends on the numbers' precision."""
+
+    sin_cos: Callable[[Scalar], tuple[Scalar, Scalar]]
+    rounding: float  # relative
+
+
+class Substep(NamedTuple):
+    """A physics step as expressions of named arrays."""
+
+    state: dict[
+        str, int
+    ]  # width of each array that a step carries to the next, by the field's name in Motion
+    held: dict[str, int]  # of those that one control step holds
+    stepwise: dict[str, int]  # of those that have a row for each physics step
+    following: dict[str, list[Scalar]]  # the state after the step
+    trace: dict[str, list[Scalar]]  # what the step leaves, by the field's name in Trace
+
+
+def substep(
+    model: mujoco.MjModel, robot: Robot, fields: dict[str, tuple[int, ...]], precision: Precision
+) -> Substep:
+    """The physics step of a model that `refusals` and `contact_refusals` have nothing against.
+
+    Args:
+        model: nominal.
+        robot: whose joints and feet it has.
+        fields: shapes of the model's fields that are arrays of their own for each robot, and of `GROUND`
+            where each of the feet's points has a plane of its own; the rest is the model's.
+        precision: of the program's numbers.
+    """
+    graph, tree = Graph(), read_tree(model)
+    count = len(robot.joint_names)
+    state = {"qpos": model.nq, "qvel": model.nv, "qacc_warmstart": model.nv}
+    motion = Motion(*(graph.inputs(name, width) for name, width in state.items()))
+    held = dict.fromkeys(("kp", "kd", "encoder_bias", *(f"motor.{name}" for name in Motor._fields)), count)
+    held |= {name: math.prod(shape) for name, shape in fields.items()}
+    values = {name: graph.inputs(name, *shape) for name, shape in fields.items()}
+
+    def field(name: str) -> np.ndarray:
+        return values[name] if name in values else getattr(model, name)
+
+    positions, dofs = joint_addresses(model, robot)
+    drives = [_drive(graph, joint) for joint in range(count)]
+    efforts = [
+        joint_effort(drive, drive.target, motion.qpos[position], motion.qvel[dof], float(model.opt.timestep))
+        for drive, position, dof in zip(drives, positions, dofs, strict=True)
+    ]
+    torque: list[Scalar] = [0.0] * model.nv
+    inertia = list(field("dof_armature"))
+    for dof, effort in zip(dofs.tolist(), efforts, strict=True):
+        torque[dof] = effort.torque
+        inertia[dof] = inertia[dof] + effort.inertia
+
+    following, feet = _step(model, robot, tree, motion, torque, inertia, field, values.get(GROUND), precision)
+    return Substep(
+        state=state,
+        held=held,
+        stepwise={"target": count},
+        following=dict(zip(Motion._fields, following, strict=True)),
+        trace={
+            "qpos": following.qpos,
+            "qvel": following.qvel,
+            "foot_position": feet,
+            "torque": [effort.motor_torque for effort in efforts],
+        },
+    )
+
+
+def _drive(graph: Graph, joint: int) -> Drive:
+    """What one joint's motor holds on to, and its target."""
+    motor = Motor(*(graph.input(f"motor.{name}", joint) for name in Motor._fields))
+    kp, kd, bias = (graph.input(name, joint) for name in ("kp", "kd", "encoder_bias"))
+    return Drive(graph.input("target", joint), kp, kd, motor, bias)
+
+
+def _step(
+    model: mujoco.MjModel,
+    robot: Robot,
+    tree: Tree,
+    motion: Motion,
+    torque: list[Scalar],
+    armature: list[Scalar],
+    field: Callable[[str], np.ndarray],
+    ground: np.ndarray | None,
+    precision: Precision,
+) -> tuple[Motion, list[Scalar]]:
+    """The motion after a step, and where the step's forces saw the feet's points."""
+    timestep_s = float(model.opt.timestep)
+    qpos, qvel = motion.qpos, motion.qvel
+    base_turn, angles = rotation_matrix(qpos[3:7]), qpos[7:]
+    to_base = base_turn.T
+    turns = []
+    for hinge, angle in zip(tree.hinges, angles, strict=True):
+        sine, cosine = precision.sin_cos(angle - hinge.zero_rad)
+        turns.append(hinge.rotation @ turned_about(hinge.axis, sine, cosine))
+
+    found = dynamics(
+        tree, turns, _inertias(model, tree, field), qvel[3:6], list(qvel[6:]), to_base @ model.opt.gravity
+    )
+    mass = dict(found.mass)
+    for dof in range(model.nv):
+        mass[dof, dof] = mass[dof, dof] + armature[dof]
+    force = [t - b for t, b in zip(torque, found.bias, strict=True)]
+    for link, hinge in enumerate(tree.hinges):
+        passive = hinge.stiffness * (hinge.relaxed_rad - angles[link]) - hinge.damping * qvel[6 + link]
+        force[6 + link] = force[6 + link] + passive
+
+    geometry = Geometry(model, tree, _poses(tree, turns), base_turn, qpos[:3])
+    speed, warm = _in_base(to_base, qvel), _in_base(to_base, motion.qacc_warmstart)
+    points = np.concatenate(foot_geoms(model, robot.description)).tolist()
+    rows = []
+    for meeting in meetings(model):
+        one, two = meeting.geoms
+        on_ground = model.geom_type[one] == PLANE and two in points and ground is not None
+        plane = ground[points.index(two)] if on_ground and ground is not None else None
+        friction = geom_friction(model, meeting.geoms, field("geom_friction"))
+        for contact in geometry.contacts(meeting, plane):
+            rows.append(contact_rows(contact, model, tree, geometry.poses, speed, friction))
+
+    acceleration = newton_step(mass, force, warm, rows, precision.rounding)
+    linear = base_turn @ vector(*acceleration[:3])
+    acceleration = [*linear, *acceleration[3:]]
+    velocity = [v + timestep_s * a for v, a in zip(qvel, acceleration, strict=True)]
+    place = [x + timestep_s * v for x, v in zip(qpos[:3], velocity[:3], strict=True)]
+    quaternion = _turned(qpos[3:7], vector(*velocity[3:6]) * timestep_s)
+    moved = [q + timestep_s * v for q, v in zip(angles, velocity[6:], strict=True)]
+    feet = [x for point in points for x in geometry.in_world(geometry.centre(point))]
+    return Motion([*place, *quaternion, *moved], velocity, acceleration), feet
+
+
+def _inertias(model: mujoco.MjModel, tree: Tree, field: Callable[[str], np.ndarray]) -> dict[int, Inertia]:
+    """What lies on each link and on the base, in the link's frame."""
+    masses, centres, principal = field("body_mass"), field("body_ipos"), field("body_inertia")
+    found: dict[int, Inertia] = {}
+    for body, (link, turn, place) in tree.bodies.items():
+        own = body_inertia(masses[body], centres[body], rotation(model.body_iquat[body]), principal[body])
+        own = own.seen_from(turn, place)
+        found[link] = found[link] + own if link in found else own
+    return found
+
+
+def _poses(tree: Tree, turns: list[np.ndarray]) -> dict[int, LinkPose]:
+    poses = {BASE: LinkPose(np.eye(3), np.zeros(3))}
+    for link, (hinge, turn) in enumerate(zip(tree.hinges, turns, strict=True)):
+        parent = poses[hinge.parent]
+        poses[link] = LinkPose(parent.turn @ turn, parent.place + parent.turn @ hinge.place)
+    return poses
+
+
+def _in_base(to_base: np.ndarray, values: np.ndarray) -> list[Scalar]:
+    """MuJoCo's velocities or accelerations with the base's linear part along the base's axes."""
+    return [*(to_base @ values[:3]), *values[3:]]
+
+
+def _turned(quaternion: np.ndarray, angle: np.ndarray) -> np.ndarray:
+    """A quaternion after a turn by this vector in the body's frame, rad; of unit length.
+
+    The half angle's sine over the angle and its cosine are power series: 1e-9 at 1 rad.
+    """
+    half = angle * 0.5
+    square = half @ half
+    sine = _series(square, (1.0, -1 / 6, 1 / 120, -1 / 5040, 1 / 362880))
+    cosine = _series(square, (1.0, -1 / 2, 1 / 24, -1 / 720, 1 / 40320, -1 / 3628800))
+    w, x, y, z = quaternion
+    a, b, c = half * sine
+    turned = vector(
+        w * cosine - x * a - y * b - z * c,
+        w * a + x * cosine + y * c - z * b,
+        w * b - x * c + y * cosine + z * a,
+        w * c + x * b - y * a + z * cosine,
+    )
+    return turned / sqrt(turned @ turned)
+
+
+def _series(x: Scalar, coefficients: tuple[float, ...]) -> Scalar:
+    """A polynomial by Horner's rule, the constant term first."""
+    total: Scalar = 0.0
+    for coefficient in reversed(coefficients):
+        total = coefficient + x * total
+    return total
+
+
+def library_sin_cos(angle: Scalar) -> tuple[Scalar, Scalar]:
+    """The back end's own functions."""
+    return sin(angle), cos(angle)
+
+
+def single_sin_cos(angle: Scalar) -> tuple[Scalar, Scalar]:
+    """Within 2e-7 for angles of a few turns: power series of a quarter of the angle, doubled twice."""
+    turns = nearest(angle * (0.5 / math.pi))
+    x = (angle - 2.0 * math.pi * turns) * 0.25
+    square = x * x
+    sine = x * _series(square, (1.0, -1 / 6, 1 / 120, -1 / 5040, 1 / 362880))
+    versine = square * _series(
+        square, (1 / 2, -1 / 24, 1 / 720, -1 / 40320)
+    )  # 1 - cosine, to keep its digits
+    for _ in range(2):
+        sine, versine = 2.0 * sine * (1.0 - versine), 2.0 * sine * sine
+    return sine, 1.0 - versine
+
+
+SINGLE, DOUBLE = Precision(single_sin_cos, 4e-7), Precision(library_sin_cos, 1e-15)

@@ -1,0 +1,127 @@
+"""A robot's model as a tree of hinges under a free base, and what of a model cannot be generated.
+
+Each hinge carries a link. A link's frame has its origin at the hinge's anchor and the axes of the hinge's
+body; the base's frame is its body's. Bodies without a joint lie on the link of their parent. Several hinges
+of one body are links one after the other, the last of which carries the body.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+HINGE = mujoco.mjtJoint.mjJNT_HINGE
+BASE = -1  # the base's number among the links
+ROUNDING = 1e-14  # what turning by right angles leaves of a zero
+
+
+class Hinge(NamedTuple):
+    """A hinge and the place of its link on the parent link, at angle 0."""
+
+    parent: int  # link, or BASE
+    rotation: np.ndarray  # (3, 3) from the link's frame to the parent's
+    place: np.ndarray  # (3,) m, of the anchor, in the parent's frame
+    axis: np.ndarray  # (3,) unit vector
+    zero_rad: float  # qpos at angle 0
+    stiffness: float  # N m/rad
+    relaxed_rad: float  # qpos at which its spring is relaxed
+    damping: float  # N m s/rad, beyond the joint law's
+
+
+class Attachment(NamedTuple):
+    """Where a frame lies that is fixed to a link."""
+
+    link: int  # or BASE
+    rotation: np.ndarray  # (3, 3) to the link's frame
+    place: np.ndarray  # (3,) m
+
+
+class Tree(NamedTuple):
+    """The robot as the generator reads it."""
+
+    hinges: tuple[Hinge, ...]  # parents first; number i has qpos 7 + i and dof 6 + i, after the base's
+    bodies: dict[int, Attachment]  # by the body's id, the world's and what is fixed to it not among them
+
+    def chain(self, link: int) -> list[int]:
+        """The links from the base to this one, the base left out."""
+        found = []
+        while link != BASE:
+            found.append(link)
+            link = self.hinges[link].parent
+        return found[::-1]
+
+
+def rotation(quaternion: np.ndarray) -> np.ndarray:
+    """The rotation matrix of a unit quaternion, (3, 3)."""
+    matrix = np.zeros(9)
+    mujoco.mju_quat2Mat(matrix, quaternion)
+    matrix[np.abs(matrix) < ROUNDING] = 0.0
+    return matrix.reshape(3, 3)
+
+
+def read_tree(model: mujoco.MjModel) -> Tree:
+    """The tree of a model that `refusals` has nothing against."""
+    base = int(model.jnt_bodyid[model.jnt_type == mujoco.mjtJoint.mjJNT_FREE][0])
+    bodies = {base: Attachment(BASE, np.eye(3), np.zeros(3))}
+    hinges: list[Hinge] = []
+    for body in range(1, model.nbody):
+        if body == base or model.body_rootid[body] != base:
+            continue
+        parent = bodies[int(model.body_parentid[body])]
+        link = parent.link
+        turn = parent.rotation @ rotation(model.body_quat[body])
+        place = parent.place + parent.rotation @ model.body_pos[body]  # of the body's origin
+        for k in range(model.body_jntadr[body], model.body_jntadr[body] + model.body_jntnum[body]):
+            anchor, dof, position = model.jnt_pos[k], model.jnt_dofadr[k], model.jnt_qposadr[k]
+            hinges.append(
+                Hinge(
+                    parent=link,
+                    rotation=turn,
+                    place=place + turn @ anchor,
+                    axis=np.where(np.abs(model.jnt_axis[k]) < ROUNDING, 0.0, model.jnt_axis[k]),
+                    zero_rad=float(model.qpos0[position]),
+                    stiffness=float(model.jnt_stiffness[k]),
+                    relaxed_rad=float(model.qpos_spring[position]),
+                    damping=float(model.dof_damping[dof]),
+                )
+            )
+            link, turn, place = len(hinges) - 1, np.eye(3), -anchor
+        bodies[body] = Attachment(link, turn, place)
+    return Tree(tuple(hinges), bodies)
+
+
+def refusals(model: mujoco.MjModel) -> Iterator[str]:
+    """What of a model is not generated, apart from contacts (`contacts.py`): one line each."""
+    option = model.opt
+    is_free, is_hinge = (model.jnt_type == kind for kind in (mujoco.mjtJoint.mjJNT_FREE, HINGE))
+    free = np.flatnonzero(is_free)
+    if len(free) != 1:
+        yield f"{len(free)} free joints"
+    else:
+        elsewhere = model.body_rootid[model.jnt_bodyid] != model.jnt_bodyid[free[0]]
+        for joint in np.flatnonzero(is_hinge & elsewhere):
+            yield f"joint '{model.joint(joint).name}', which is not on the robot"
+    for joint in np.flatnonzero(~is_free & ~is_hinge):
+        yield f"joint '{model.joint(joint).name}', which is no hinge"
+    for said, holds in (
+        ("joint limits", model.jnt_limited.any()),
+        ("joint friction as a constraint", model.dof_frictionloss.any()),
+        ("damping that is not linear", model.dof_dampingpoly.any()),
+        ("springs that are not linear", model.jnt_stiffnesspoly.any()),
+        ("gravity compensation", model.body_gravcomp.any()),
+        ("equality constraints", model.neq),
+        ("tendons", model.ntendon),
+        ("actuators", model.nu),
+        ("flexible bodies", model.nflex),
+        ("a surrounding fluid", option.density or option.viscosity or option.wind.any()),
+        ("an elliptic friction cone", option.cone != mujoco.mjtCone.mjCONE_PYRAMIDAL),
+        ("an impratio other than 1", option.impratio != 1.0),
+        ("an integrator other than Euler", option.integrator != mujoco.mjtIntegrator.mjINT_EULER),
+        ("a solver other than Newton's", option.solver != mujoco.mjtSolver.mjSOL_NEWTON),
+        ("iterations of the solver other than one", option.iterations != 1 or option.noslip_iterations),
+        ("an option that is switched on", option.enableflags),
+        ("an option that is switched off", option.disableflags != mujoco.mjtDisableBit.mjDSBL_EULERDAMP),
+    ):
+        if holds:
+            yield said

@@ -1,0 +1,189 @@
+"""The generated physics moves any robot as MuJoCo C does, and says what it cannot generate."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import made_up
+import mujoco
+import numpy as np
+import pytest
+from physics_parity import compare, random_arguments
+
+from footfall.domain_rand.randomisation import Randomisation
+from footfall.envs.physics.engines import make_engine
+from footfall.envs.physics.generated import on_processor
+from footfall.envs.physics.generated.contacts import contact_refusals
+from footfall.envs.physics.generated.physics import not_generated
+from footfall.envs.physics.generated.tree import refusals
+from footfall.envs.physics.interface import GROUND
+from footfall.robots.description import Robot, load_robot
+from footfall.robots.model import training_model, training_spec
+from footfall.train.config import load_preset
+
+DOUBLE, SINGLE = 1e-12, 1e-5  # relative errors of the velocities
+COUNT = 60
+ROBOTS = ("go1", "hexapod", "g1")
+
+
+def errors(robot: Any, model: mujoco.MjModel, dtype: Any = np.float64, count: int = COUNT) -> np.ndarray:
+    """Relative errors of robots of the preset `gpu`, who meet the ground in some of the steps."""
+    randomisation = load_preset("gpu", robot).env.randomisation
+    found = compare(robot, model, random_arguments(robot, model, count, randomisation), dtype)
+    assert 0.05 < (found.contacts > 0).mean() < 0.95
+    return found.errors
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_four_steps_are_mujocos_in_double_precision(name: str) -> None:
+    robot = load_robot(name)
+    assert errors(robot, training_model(robot)).max() < DOUBLE
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_a_step_is_mujocos_to_rounding_in_single_precision(name: str) -> None:
+    robot = load_robot(name)
+    found = errors(robot, training_model(robot), np.float32, 300)
+    assert np.quantile(found[:, 0], 0.99) < SINGLE
+
+
+@pytest.fixture(scope="module")
+def bodies(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Robot]:
+    return made_up.bodies(tmp_path_factory.mktemp("bodies"))
+
+
+def test_bodies_of_any_limbs_move_as_mujocos(bodies: dict[str, Robot]) -> None:
+    for robot in bodies.values():
+        model = training_model(robot)
+        assert not_generated(model) == ""
+        assert errors(robot, model, count=20).max() < DOUBLE
+
+
+OPTIONS = """<option timestep="0.005" integrator="Euler" cone="pyramidal" impratio="1" solver="Newton"
+  iterations="1"><flag eulerdamp="disable"/></option>"""
+CHIMERA = f"""<mujoco>{OPTIONS}<compiler angle="radian"/>
+<worldbody>
+  <body pos="0.1 -0.2 0.01" euler="0.05 0 0.3"><geom name="slope" type="plane" size="1 1 1" pos="0 0 0.01"
+    euler="0.1 -0.15 0" contype="1" conaffinity="1" friction="0.3 0 0" margin="0.003" gap="0.002"/></body>
+  <body name="trunk" pos="0 0 0.5"><freejoint/>
+    <geom name="belly" type="sphere" size="0.06" pos="0.05 0.02 -0.1" mass="3" contype="0" conaffinity="1"
+      friction="0.7 0 0" solref="-900 -20"/>
+    <geom name="keel" type="capsule" size="0.03 0.1" pos="0 0 -0.1" euler="0 1.3 0.2" mass="0.5" contype="0"
+      conaffinity="1"
+      condim="1" priority="1" solimp="0.8 0.9 0.01 0.5 1"/>
+    <body name="rigid" pos="0.2 0 0" euler="0.2 0.3 0.1"><geom type="box" size="0.02 0.03 0.04" mass="0.4"
+      contype="0" conaffinity="0"/>
+      <body name="two" pos="0.02 0.1 0" euler="0 0.1 0">
+        <joint name="a" axis="1 0.2 0" pos="0.01 0.02 -0.03" ref="0.2" armature="0.01"/>
+        <joint name="b" axis="0 1 0" pos="0 0 0.02" armature="0.01"/>
+        <geom name="left" type="capsule" size="0.02" fromto="0 0 0 0 0.02 -0.25" mass="0.5" contype="0"
+          conaffinity="1" priority="2" friction="0.9 0 0" margin="0.004" gap="0.001"/>
+        <body pos="0 0.02 -0.25"><joint name="spring" axis="0.3 1 0" stiffness="20" springref="0.3"
+          damping="0.2" armature="0.005"/>
+          <geom name="ball" type="sphere" size="0.03" pos="0 0 -0.1" mass="0.2" contype="0" conaffinity="1" solmix="3" solref="0.03 0.8"/></body></body></body>
+    <body pos="0.2 -0.06 0"><joint name="c" axis="1 0 0" armature="0.01"/>
+      <geom name="right" type="capsule" size="0.02" fromto="0 0.02 0 0.03 0.1 -0.25" mass="0.5" contype="0"
+        conaffinity="0"/>
+      <geom name="knob" type="sphere" size="0.04" pos="0 0.05 -0.25" mass="0.1" contype="0" conaffinity="0"/>
+    </body></body>
+</worldbody>
+<contact><pair geom1="left" geom2="right" condim="3" friction="0.5 0.4 0 0 0"/>
+  <pair geom1="knob" geom2="ball" condim="1" margin="0.01" gap="0.003"/>
+  <pair geom1="knob" geom2="left" condim="3"/></contact></mujoco>"""
+
+
+def stand_in(joints: tuple[str, ...], *feet: str) -> Any:
+    """As much of a robot as its motion asks for."""
+    n, go1 = len(joints), load_robot("go1")
+    return SimpleNamespace(
+        joint_names=joints,
+        description=SimpleNamespace(feet=[SimpleNamespace(geoms=(foot,)) for foot in feet]),
+        default_pose=np.full(n, 0.1),
+        kp=np.full(n, 8.0),
+        kd=np.full(n, 0.3),
+        motor=type(go1.motor)(*(np.broadcast_to(value, 12)[:n] for value in go1.motor)),
+    )
+
+
+def test_every_kind_of_joint_and_contact_is_mujocos() -> None:
+    """Several hinges of a body off its origin, a body without any, a spring, a slope, balls and capsules."""
+    model, robot = mujoco.MjModel.from_xml_string(CHIMERA), stand_in(("a", "b", "c"), "ball")
+    assert not [*refusals(model), *contact_refusals(model)]
+    given = random_arguments(robot, model, 300, Randomisation())
+    given["qpos"][:, 2] -= np.linspace(-0.05, 0.1, 300)
+    found = compare(robot, model, given)
+    assert set(found.contacts) >= {0, 1, 2, 3, 4}
+    assert found.errors.max() < DOUBLE
+
+
+def test_each_foot_may_have_a_plane_of_its_own() -> None:
+    robot = load_robot("go1")
+    flat = training_model(robot)
+    rng = np.random.default_rng(1)
+    normals = np.array([0.0, 0.0, 1.0]) + 0.3 * rng.normal(size=(4, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    heights = rng.uniform(-0.02, 0.02, 4)
+    given = random_arguments(robot, flat, COUNT, Randomisation())
+    given[GROUND] = np.tile(np.column_stack([normals, heights]), (COUNT, 1, 1))
+    assert compare(robot, flat, given, other=on_planes(robot, normals, heights)).errors.max() < DOUBLE
+
+
+def on_planes(robot: Robot, normals: np.ndarray, heights: np.ndarray) -> mujoco.MjModel:
+    """The training model with a plane for each foot in place of the floor."""
+    spec = training_spec(robot)
+    floor = spec.geom("floor")
+    for k, (foot, normal, height) in enumerate(zip(robot.description.feet, normals, heights, strict=True)):
+        quaternion = np.zeros(4)
+        mujoco.mju_quatZ2Vec(quaternion, normal)
+        spec.worldbody.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_PLANE,
+            size=[0, 0, 1],
+            pos=normal * height,
+            quat=quaternion,
+            contype=2 << k,
+            conaffinity=2 << k,
+            condim=floor.condim,
+            friction=floor.friction,
+            solmix=floor.solmix,
+        )
+        spec.geom(foot.geoms[0]).conaffinity = 2 << k
+    spec.delete(floor)
+    return spec.compile()
+
+
+class TestRefusals:
+    @pytest.mark.parametrize(
+        ("old", "new", "said"),
+        [
+            ('<joint name="c" axis="1 0 0" armature="0.01"/>', '<joint name="c" type="ball"/>', "joint 'c'"),
+            ('name="c" axis="1 0 0"', 'name="c" type="slide" axis="1 0 0"', "joint 'c'"),
+            ('name="c" axis="1 0 0"', 'name="c" axis="1 0 0" frictionloss="1"', "joint friction"),
+            ('name="c" axis="1 0 0"', 'name="c" axis="1 0 0" range="-1 1" limited="true"', "joint limits"),
+            ('type="sphere" size="0.06"', 'type="ellipsoid" size="0.06 0.05 0.04"', "plane and ellipsoid"),
+            ('size="0.06" pos', 'size="0.06" condim="6" pos', "condim 6"),
+            ("0.01 0.5 1", "0.01 0.5 3", "power 3"),
+            ('cone="pyramidal"', 'cone="elliptic"', "elliptic"),
+            ('iterations="1"', 'iterations="2"', "iterations"),
+            ('eulerdamp="disable"', 'eulerdamp="enable"', "switched off"),
+            ('impratio="1"', 'impratio="2"', "impratio"),
+            ('timestep="0.005"', 'timestep="0.005" density="1.2"', "fluid"),
+            ('<body name="two"', '<body name="two" gravcomp="1"', "gravity compensation"),
+        ],
+    )
+    def test_what_is_not_generated_is_named(self, old: str, new: str, said: str) -> None:
+        assert old in CHIMERA
+        model = mujoco.MjModel.from_xml_string(CHIMERA.replace(old, new))
+        assert said in "; ".join([*refusals(model), *contact_refusals(model)])
+
+    def test_another_engine_takes_over_with_a_note(self, bodies: dict[str, Robot]) -> None:
+        robot = load_robot("go1")
+        model = training_model(robot)
+        model.opt.impratio = 2.0
+        engine = make_engine("generated", model, robot)
+        assert engine.name == "c"
+        assert "impratio" in engine.note
+        assert "go1" in engine.note
+
+    def test_so_where_the_compiler_is_missing(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
+        assert "llvmlite" in on_processor.unavailable()
+        assert "llvmlite" in not_generated(training_model(load_robot("go1")))
