@@ -1,12 +1,14 @@
 """Environment steps per second of a training, beside MuJoCo Playground's in the same process, like for like.
 
     python benchmarks/throughput.py --preset gpu --playground --json throughput.json
+    python benchmarks/throughput.py --preset gpu --physics generated mjx   # engines side by side
     python benchmarks/throughput.py --preset gpu --shares          # where the time of an iteration goes
     python benchmarks/throughput.py --preset cpu --set ppo.environments=128 --cases ships
 
 PPO is measured end to end: whole iterations after compilation, each waited for; printed are the median and,
 in brackets, the fastest and the slowest. "Physics alone" is the joint law and MJX (Playground: its
-actuators and MJX), or MuJoCo in C, without rewards, observations and resets.
+actuators and MJX), or another engine, without rewards, observations and resets. Of the generated physics the
+share of the GPU's peak is printed: its operations, of which MuJoCo would do several times as many, over time.
 
 Playground is measured by `playground.py` beside this file. An environment step is a control step of 20 ms
 in both.
@@ -31,6 +33,10 @@ from rich.table import Table
 
 from footfall.common.errors import UserError
 from footfall.envs.batch import step_batch
+from footfall.envs.physics.engines import ENGINES
+from footfall.envs.physics.generated.expression import schedule
+from footfall.envs.physics.generated.substep import SINGLE, substep
+from footfall.envs.velocity import VelocityEnv
 from footfall.robots.description import load_robot
 from footfall.robots.model import training_model
 from footfall.train.brax.devices import device_mesh
@@ -48,6 +54,8 @@ CASES: dict[str, dict[str, Any]] = {
     "5x4ms": {"env.substeps": 5},
     "8192-5x4ms": {"ppo.environments": 8192, "env.substeps": 5},
 }
+# Single precision without tensor cores, of NVIDIA's data sheets.
+PEAK_FLOP_S = {"NVIDIA H200": 67e12, "NVIDIA H100 80GB HBM3": 67e12}
 PLAYGROUND_ENVIRONMENTS = (8192, 32768)
 
 Spread = tuple[float, float, float]  # least, median, most
@@ -63,6 +71,7 @@ def main() -> None:
     parser.add_argument("--cases", help=f"of {', '.join(CASES)}, joined by +; all with --playground")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="in every case")
     parser.add_argument("--iterations", type=int, default=20)
+    parser.add_argument("--physics", nargs="+", default=["generated"], choices=sorted(ENGINES))
     parser.add_argument("--shares", action="store_true", help="measure the parts of an iteration too")
     parser.add_argument("--playground", action="store_true", help="measure Playground too")
     parser.add_argument("--warp", action="store_true", help="and Playground's physics in Warp")
@@ -84,7 +93,11 @@ def main() -> None:
     }
     try:
         common = {key: yaml.safe_load(value) for key, value in (s.split("=", 1) for s in options.set)}
-        changes = {case: common | CASES[case] for case in chosen}
+        changes = {
+            f"{case}, {engine}": common | CASES[case] | {"env.physics": engine}
+            for engine in options.physics
+            for case in chosen
+        }
     except KeyError as error:
         parser.error(f"no case {error}: there are {', '.join(CASES)}, joined by +")
 
@@ -161,11 +174,23 @@ def measure_footfall(
     }
     rates[PPO] = rates_of(iterate(compiled, first, iterations), ppo.steps_per_iteration)
     return {
+        "share_of_peak": share_of_peak(env, rates[PHYSICS][1]),
         "environments": ppo.environments,
         "physics_steps": f"{config.env.substeps} x {1e3 * config.env.timestep_s:g} ms",
         "ready_s": ready_s,
         "steps_per_s": rates,
     }
+
+
+def share_of_peak(env: VelocityEnv, steps_per_s: float) -> float | None:
+    """What the generated physics' operations are of the device's single-precision peak; None if not known."""
+    peak = PEAK_FLOP_S.get(jax.devices()[0].device_kind)
+    if env.engine.name != "generated" or peak is None:
+        return None
+    model = training_model(env.robot, env.config.timestep_s)
+    step = substep(model, env.robot, {}, SINGLE)
+    results = [v for part in (step.following, step.trace) for array in part.values() for v in array]
+    return len(schedule(results, step.held).step) * env.config.substeps * steps_per_s / peak
 
 
 def repeat(function: Callable[[Any], Any], state: Any, count: int) -> list[float]:
@@ -244,6 +269,9 @@ def show(results: dict[str, Any]) -> None:
             if "failed" not in theirs and what in theirs["steps_per_s"]:
                 ratio = found["steps_per_s"][what][1] / theirs["steps_per_s"][what][1]
                 print(f"footfall ({case}) over Playground ({name}), {what}: {ratio:.2f}")
+    for case, found in results["footfall"].items():
+        if found["share_of_peak"] is not None:
+            print(f"footfall ({case}), {PHYSICS}: {found['share_of_peak']:.1%} of the device's peak")
     if "differences" in results:
         table = Table("what differs", "footfall", "Playground", box=None)
         for row in results["differences"]:

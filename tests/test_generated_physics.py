@@ -79,7 +79,8 @@ CHIMERA = f"""<mujoco>{OPTIONS}<compiler angle="radian"/>
           conaffinity="1" priority="2" friction="0.9 0 0" margin="0.004" gap="0.001"/>
         <body pos="0 0.02 -0.25"><joint name="spring" axis="0.3 1 0" stiffness="20" springref="0.3"
           damping="0.2" armature="0.005"/>
-          <geom name="ball" type="sphere" size="0.03" pos="0 0 -0.1" mass="0.2" contype="0" conaffinity="1" solmix="3" solref="0.03 0.8"/></body></body></body>
+          <geom name="ball" type="sphere" size="0.03" pos="0 0 -0.1" mass="0.2" contype="0" conaffinity="1"
+            solmix="3" solref="0.03 0.8"/></body></body></body>
     <body pos="0.2 -0.06 0"><joint name="c" axis="1 0 0" armature="0.01"/>
       <geom name="right" type="capsule" size="0.02" fromto="0 0.02 0 0.03 0.1 -0.25" mass="0.5" contype="0"
         conaffinity="0"/>
