@@ -80,6 +80,8 @@ def plant_model(robot: Robot, path: Path | None = None) -> mujoco.MjModel:
 def read_plant(robot: Robot, path: Path | None = None) -> Plant:
     """The body of the simulated robot: full collision geometry, joint limits, an IMU, a floor.
 
+    Pairs of geoms that stand in for others in training are left out.
+
     Args:
         robot: whose joint names the plant must carry.
         path: another MJCF than the robot's own. Its actuators, sensors and keyframes are dropped (the
@@ -101,6 +103,7 @@ def read_plant(robot: Robot, path: Path | None = None) -> Plant:
         "friction": np.array([_first(joint.frictionloss) for joint in joints]),
         "damping": np.array([_first(joint.damping) for joint in joints]),
     }
+    _drop_pairs_of_stand_ins(spec)
     _leave_losses_to_the_joint_law(spec, robot)
     if not any(_first(joint.armature) for joint in joints):
         notes.append(f"{source.name} gives no reflected inertia: the robot's is used")
@@ -188,10 +191,24 @@ def _first(value: Any) -> float:
     return float(np.ravel(value)[0])
 
 
+def _drop_pairs_of_stand_ins(spec: mujoco.MjSpec) -> None:
+    """Delete pairs of geoms that stand in for others in training, so that the plant keeps its true shapes.
+
+    A stand-in touches nothing by itself, and other geoms of its body do.
+    """
+    for pair in list(spec.pairs):
+        geoms = [spec.geom(name) for name in (pair.geomname1, pair.geomname2)]
+        if all(not _collides(geom) and any(map(_collides, geom.parent.geoms)) for geom in geoms):
+            spec.delete(pair)
+
+
+def _collides(geom: mujoco.MjsGeom) -> bool:
+    """Whether a geom touches others by itself, not only through a pair."""
+    return bool(geom.contype or geom.conaffinity)
+
+
 def _is_ground(geom: mujoco.MjsGeom) -> bool:
-    return geom.type in (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD) and bool(
-        geom.contype or geom.conaffinity
-    )
+    return geom.type in (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD) and _collides(geom)
 
 
 def _add_imu(spec: mujoco.MjSpec, robot: Robot) -> None:

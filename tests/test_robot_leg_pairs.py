@@ -1,11 +1,13 @@
 """Legs that meet in training: which pairs the shipped robots declare, and when they touch."""
 
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pytest
 
 from footfall.envs.config import InitialState
-from footfall.robots.description import Robot, load_robot
+from footfall.robots.description import Robot, load_robot, load_spec
 from footfall.robots.leg_bodies import NO_LEG, leg_of_bodies
 from footfall.robots.model import joint_addresses, plant_model, training_model
 
@@ -96,28 +98,33 @@ def test_legs_meet_once_in_training_where_a_shank_meets_a_foot(
     assert first == pytest.approx(0.012 + 0.023, abs=1e-3)
 
 
-@pytest.mark.parametrize("name", ["go1", "hexapod"])
-def test_capsules_of_legs_touch_nothing_but_each_other_on_the_plant(name: str) -> None:
-    """The robot lies on its side or its back, its legs folded: the feet and links that were there touch."""
-    robot = load_robot(name)
-    model = plant_model(robot)
-    capsules = {int(geom) for pair in (model.pair_geom1, model.pair_geom2) for geom in pair}
-    assert len(capsules) == len(robot.description.feet)
-    rng = np.random.default_rng(2)
-    data = mujoco.MjData(model)
-    for _ in range(300):
-        data.qpos[2] = 0.1
-        data.qpos[3:7] = rng.normal(size=4)
-        data.qpos[joint_addresses(model, robot)[0]] = rng.uniform(robot.lower_rad, robot.upper_rad)
-        mujoco.mj_forward(model, data)
-        touching = [set(pair) & capsules for pair in data.contact.geom.tolist()]
-        assert {len(each) for each in touching} <= {0, 2}
+def test_the_plant_keeps_its_true_shapes(go1: Robot) -> None:
+    """Its legs meet without a pair, as balls of 23 mm at the feet."""
+    plant = plant_model(go1)
+    assert plant.npair == 0
+    met = {frozenset(pair) for pair in meeting(plant, go1, crossed(go1, 0.45, (0, 1)))}
+    assert frozenset({"FR_foot", "FL_foot"}) in met
+
+
+def test_pairs_of_geoms_that_collide_by_themselves_stay_on_the_plant() -> None:
+    robot = load_robot("g1")
+    assert plant_model(robot).npair == training_model(robot).npair > 0
+
+
+def test_pairs_that_are_all_by_which_legs_collide_stay_on_the_plant(own_folder: Path) -> None:
+    """A robot whose shanks and feet touch through pairs alone."""
+    xml = own_folder / "robot.xml"
+    text = xml.read_text().replace('size="0.012"', 'size="0.012" contype="0" conaffinity="0"')
+    xml.write_text(
+        text.replace('friction="0.8" density', 'friction="0.8" contype="0" conaffinity="0" density')
+    )
+    assert plant_model(load_robot(own_folder)).npair == 2
 
 
 @pytest.mark.parametrize("name", ["go1", "hexapod"])
 def test_a_capsule_ends_within_its_foot(name: str) -> None:
     """So the ground is met by the foot first, at any angle of the leg."""
-    model = plant_model(load_robot(name))
+    model = load_spec(load_robot(name).xml_path).compile()
     for geom in {int(g) for pair in (model.pair_geom1, model.pair_geom2) for g in pair}:
         foot = model.geom(model.geom(geom).name.replace("shank", "foot"))
         axis = np.zeros(9)
