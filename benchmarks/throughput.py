@@ -269,16 +269,15 @@ def show(results: dict[str, Any]) -> None:
             if "failed" not in theirs and what in theirs["steps_per_s"]:
                 ratio = found["steps_per_s"][what][1] / theirs["steps_per_s"][what][1]
                 print(f"footfall ({case}) over Playground ({name}), {what}: {ratio:.2f}")
-    for case, found in results["footfall"].items():
-        if found["share_of_peak"] is not None:
-            print(f"footfall ({case}), {PHYSICS}: {found['share_of_peak']:.1%} of the device's peak")
     if "differences" in results:
         table = Table("what differs", "footfall", "Playground", box=None)
         for row in results["differences"]:
             table.add_row(*row)
         console.print(table)
     for case, found in results["footfall"].items():
-        print(f"footfall ({case}) was ready to iterate after {found['ready_s']:.1f} s")
+        share = found["share_of_peak"]
+        of_peak = f"; its physics alone is at {share:.1%} of the device's peak" if share else ""
+        print(f"footfall ({case}) was ready to iterate after {found['ready_s']:.1f} s{of_peak}")
 
 
 def in_thousands(rate: Spread) -> str:

@@ -1,4 +1,4 @@
-"""The CUDA kernel computes what the processor's program does; where it cannot be called, the reason is named."""
+"""The CUDA kernel computes what the processor's program does; where it cannot be called, this is explained."""
 
 import ctypes
 import shutil
