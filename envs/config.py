@@ -103,13 +103,14 @@ class RewardScales:
     linear_sigma_m2_s2: float = 0.25
     yaw_sigma_rad2_s2: float = 0.25
     swing_height_m: float = 0.08
+    foot_distance_m: float = 0.12  # between two feet, from which on `crowded_feet` is 0
     least: float = -0.2  # the weighted sum of all but `fall` is clipped below here
     # How much joints count in `pose`, by pattern of their names (*, ?, [...]): the first that fits, else 1.
     pose_shares: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         require_between(self, 1e-6, 1e6, "linear_sigma_m2_s2", "yaw_sigma_rad2_s2")
-        require_between(self, 0.001, 1.0, "swing_height_m")
+        require_between(self, 0.001, 1.0, "swing_height_m", "foot_distance_m")
 
 
 @dataclass(frozen=True)

@@ -48,6 +48,18 @@ class Feet:
         square = jnp.sum(velocity[:, :2] ** 2, axis=-1)
         return jnp.sqrt(jnp.max(square[self._points], axis=1))
 
+    def crowding(self, position: jax.Array, least_m: float) -> jax.Array:
+        """How much nearer than this feet are to each other, squared and summed over pairs, m^2.
+
+        Args:
+            position: of the points (points, 3), m. A foot is at the mean of its own.
+            least_m: horizontal distance from which on a pair counts nothing.
+        """
+        centre = jnp.mean(position[self._points, :2], axis=1)
+        one, other = np.triu_indices(self.count, k=1)
+        square = jnp.sum((centre[one] - centre[other]) ** 2, axis=-1)
+        return jnp.sum(jnp.maximum(least_m - jnp.sqrt(square), 0.0) ** 2)
+
     def planned_swing(self, phase: jax.Array, moving: jax.Array) -> jax.Array:
         """What the gait plans: 0 in stance, rising to 1 at mid-swing; 0 where there is no gait.
 

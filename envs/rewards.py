@@ -34,6 +34,7 @@ class RewardInputs(NamedTuple):
     clearance: jax.Array  # (feet,) m above ground
     foot_speed: jax.Array  # (feet,) m/s, horizontal
     foot_tilt: jax.Array  # (feet,) m, from a sole's lowest point up to its highest; 0 of a ball
+    crowding: jax.Array  # () m^2, how much nearer than `foot_distance_m` feet are to each other
     swing: jax.Array  # (feet,) planned swing, 0 in stance, rising to 1 at mid-swing
     fell: jax.Array  # () 1.0 if the episode ended in a fall
 
@@ -122,6 +123,11 @@ def level_soles(i: RewardInputs, _: RewardScales) -> jax.Array:
     return jnp.sum(i.foot_tilt**2)
 
 
+def crowded_feet(i: RewardInputs, _: RewardScales) -> jax.Array:
+    """Feet so near to each other that legs may meet."""
+    return i.crowding
+
+
 TERMS: dict[str, Callable[[RewardInputs, RewardScales], jax.Array]] = {
     function.__name__: function
     for function in (
@@ -144,6 +150,7 @@ TERMS: dict[str, Callable[[RewardInputs, RewardScales], jax.Array]] = {
         joint_limits,
         slip,
         level_soles,
+        crowded_feet,
     )
 }
 

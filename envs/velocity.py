@@ -214,6 +214,7 @@ class VelocityEnv:
             contact=in_contact(clearance),
             clearance=clearance,
             foot_speed=self.feet.speed(trace.foot_position),
+            crowding=self.feet.crowding(trace.foot_position[-1], config.reward_scales.foot_distance_m),
             foot_tilt=self.feet.tilt(trace.foot_position[-1]),
             swing=self.feet.planned_swing(state.phase, walk),
             fell=(tilted | sunk).astype(jnp.float32),

@@ -1,4 +1,4 @@
-"""The CUDA kernel computes what the processor's program does; where it cannot be called, this is explained."""
+"""The kernel for GPUs computes what the program for processors does; a missing way to call it is named."""
 
 import ctypes
 import shutil

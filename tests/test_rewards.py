@@ -31,6 +31,7 @@ PERFECT = RewardInputs(
     clearance=jnp.array([0.0, 0.08]),
     foot_speed=jnp.array([0.0, 1.5]),
     foot_tilt=jnp.zeros(2),
+    crowding=jnp.float32(0.0),
     swing=jnp.array([0.0, 1.0]),
     fell=jnp.float32(0.0),
 )
@@ -63,6 +64,7 @@ def test_what_is_wanted_costs_nothing_and_earns_all(name: str) -> None:
         ("gait_contact", {"contact": [0.0, 1.0]}, 0.0),
         ("swing_height", {"clearance": [0.05, 0.05]}, 0.03**2),  # of the swinging foot alone
         ("swing_height", {"clearance": [0.0, 0.08], "swing": [0.0, 0.5]}, 0.04**2),
+        ("crowded_feet", {"crowding": 0.02}, 0.02),
         ("vertical_velocity", {"linear_velocity": [1.0, 1.0, -0.3]}, 0.09),
         ("roll_pitch_rate", {"angular_velocity": [0.3, -0.4, 5.0]}, 0.25),
         ("orientation", {"gravity": [0.6, 0.0, -0.8]}, 0.36),
