@@ -216,12 +216,9 @@ def make_learning(
         metrics["learning_rate"] = _learning_rate(optimizer_state)
         return (optax.apply_updates(params, updates), optimizer_state, key), metrics
 
-    def one_pass(
-        carry: tuple, _: None, environments: int, data: Transition, limit: jax.Array
-    ) -> tuple[tuple, dict]:
+    def one_pass(carry: tuple, columns: jax.Array, data: Transition, limit: jax.Array) -> tuple[tuple, dict]:
         params, optimizer_state, key = carry
-        key, shuffle_key, mirror_key = jax.random.split(key, 3)
-        columns = jax.random.permutation(shuffle_key, environments)
+        key, mirror_key = jax.random.split(key)
         if mirror is not None:
             columns = mirror_half(columns, mirror_key)
         return jax.lax.scan(
@@ -243,16 +240,14 @@ def make_learning(
         )
         limit = learning_rate_limit(state.iteration, config)
         rate = limit if config.desired_kl is None else jnp.minimum(_learning_rate(state.optimizer), limit)
+        # Drawn before the passes: inside them XLA's older partitioner, which jax 0.11 needs for several
+        # devices, cannot divide the sort (envs/workarounds/partitioner.py).
+        key, *shuffle_keys = jax.random.split(key, config.passes + 1)
+        orders = jnp.stack([jax.random.permutation(k, rollout.reward.shape[1]) for k in shuffle_keys])
         (params, optimizer_state, _), losses = jax.lax.scan(
-            partial(
-                one_pass,
-                environments=rollout.reward.shape[1],
-                data=data,
-                limit=limit,
-            ),
+            partial(one_pass, data=data, limit=limit),
             (state.params, _with_learning_rate(state.optimizer, rate), key),
-            None,
-            length=config.passes,
+            orders,
         )
         return params, optimizer_state, losses
 
