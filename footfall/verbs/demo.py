@@ -28,7 +28,7 @@ class DemoOptions:
     """Folder for everything that the demo makes (default: runs/demo-TIME)."""
     scenarios: Names = ("gentle", "push")
     """What to compare on."""
-    episodes: Count = 24
+    episodes: Count = 12
     """Episodes of each scenario."""
 
 
