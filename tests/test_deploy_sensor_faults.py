@@ -216,8 +216,7 @@ FAULTS = {
     "encoder jumps": (position_jumps(10, 0.3), "RL_thigh_joint (can3, id 2): its position changed", 0.05),
     "encoder loses a turn": (position_jumps(7, -6.28), "RR_thigh_joint (can2, id 2): reads", 0.05),
     "ids swapped": (swapped_ids, "FR_hip_joint (can0, id 1): ", 0.05),
-    # All that it says repeats itself, or its torque is none and repeats itself: which is noticed first depends on
-    # the step that the leg is in.
+    # Position, velocity and torque repeat themselves: which is noticed first depends on the leg's step.
     "one reply over and over": (sticks(5), "FL_calf_joint (can1, id 3): ", 0.2),
     "motor rebooted": (reboots(2), "FR_calf_joint (can0, id 3): the motor re", 0.3),
     "all motors rebooted": (reboots(*range(12)), ": the motor re", 0.2),
