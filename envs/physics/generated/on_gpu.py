@@ -20,7 +20,7 @@ from footfall.envs.physics.generated.substep import Substep
 
 TARGET = "triton_kernel_call_ffi"
 LEAST_CAPABILITY = 80  # Ampere
-THREADS, BLOCKS = 64, 4  # in a block; of them on a multiprocessor: measured on an H200, docs/physics.md
+THREADS, BLOCKS = 64, 4  # in a block; of them on a multiprocessor: docs/results.md#physics compares others
 ALIGNMENT = 16  # bytes, of XLA's arrays
 
 
