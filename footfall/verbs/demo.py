@@ -28,7 +28,7 @@ class DemoOptions:
     """Folder for everything that the demo makes (default: runs/demo-TIME)."""
     scenarios: Names = ("gentle", "push")
     """What to compare on."""
-    episodes: Count = 12
+    episodes: Count = 8
     """Episodes of each scenario."""
 
 
