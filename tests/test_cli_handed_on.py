@@ -473,7 +473,7 @@ class TestDemo:
         assert shell("demo", "--out", "d").status == 0
         shared = "--robot go1 --seed 0"
         assert steps[0] == f"train {shared} --no-evaluate --preset cpu --out d/trained"
-        assert f"{shared} --scenarios gentle,push --episodes 24" in steps[3]
+        assert f"{shared} --scenarios gentle,push --episodes 8" in steps[3]
 
     def test_presets_and_scenarios_are_read_for_its_robot(self, shell: Shell, called: Recorder) -> None:
         called.replace("footfall.train.config.load_preset", refused)

@@ -707,7 +707,7 @@ class TestDemo:
         assert steps[1][0][1] == "runs/demo-20260304-050607/trained"
         compared = steps[3][0]
         assert compared[compared.index("--scenarios") + 1] == "gentle,push"
-        assert compared[compared.index("--episodes") + 1] == "24"
+        assert compared[compared.index("--episodes") + 1] == "8"
 
     @pytest.mark.parametrize(
         ("option", "complaint"),
