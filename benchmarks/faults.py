@@ -179,6 +179,12 @@ def print_score(faults: list[dict[str, str]], jobs: list[Job], results: list[dic
             print(f"{fault['id']} {word}: {fault['file']}: {fault['why']}")
 
 
+def test_texts() -> dict[str, str]:
+    """Each test file's text by its path below tests/."""
+    paths = sorted((ROOT / "tests").rglob("test_*.py"))
+    return {str(path.relative_to(ROOT / "tests")): path.read_text() for path in paths}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -205,7 +211,7 @@ def main() -> None:
     )
     known = {(result["id"], tuple(result["files"])) for result in results if not result["timed_out"]}
     noticed = {result["id"] for result in results if result["by"]}
-    texts = {path.name: path.read_text() for path in sorted((ROOT / "tests").glob("test_*.py"))}
+    texts = test_texts()
     jobs = [job for fault in faults for job in jobs_for(fault, texts)]
     waiting: queue.SimpleQueue[Job] = queue.SimpleQueue()
     for job in sorted(jobs, key=lambda job: (job.stage, job.fault["id"].rsplit("-")[-1])):

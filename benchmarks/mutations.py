@@ -23,19 +23,19 @@ from rich.table import Table
 
 ROOT = Path(__file__).parents[1]
 MODULES: dict[str, tuple[str, ...]] = {
-    "common/rotations.py": ("test_rotations.py",),
-    "robots/actuator.py": ("test_actuator.py",),
-    "robots/targets.py": ("test_deploy_joint_layer.py", "test_robot_description.py"),
-    "domain_rand/distributions.py": ("test_domain_rand_declaration.py",),
-    "policies/action.py": ("test_observation.py", "test_contract.py"),
-    "policies/observation.py": ("test_observation.py",),
-    "envs/rewards.py": ("test_rewards.py",),
-    "envs/delays.py": ("test_env_parts.py",),
-    "deploy/drivers/mit.py": ("test_deploy_mit.py",),
-    "deploy/drivers/imu.py": ("test_deploy_imu.py",),
-    "deploy/safety.py": ("test_deploy_safety.py",),
-    "evaluate/statistics.py": ("test_evaluate_statistics.py",),
-    "evaluate/metrics.py": ("test_evaluate_metrics.py",),
+    "common/rotations.py": ("common/test_rotations.py",),
+    "robots/actuator.py": ("robots/test_actuator.py",),
+    "robots/targets.py": ("deploy/test_joint_layer.py", "robots/test_description.py"),
+    "domain_rand/distributions.py": ("domain_rand/test_declaration.py",),
+    "policies/action.py": ("policies/test_observation.py", "policies/test_contract.py"),
+    "policies/observation.py": ("policies/test_observation.py",),
+    "envs/rewards.py": ("envs/test_rewards.py",),
+    "envs/delays.py": ("envs/test_env_parts.py",),
+    "deploy/drivers/mit.py": ("deploy/test_mit.py",),
+    "deploy/drivers/imu.py": ("deploy/test_imu.py",),
+    "deploy/safety.py": ("deploy/test_safety.py",),
+    "evaluate/statistics.py": ("evaluate/test_statistics.py",),
+    "evaluate/metrics.py": ("evaluate/test_metrics.py",),
 }
 SETTINGS = """
 [tool.mutmut]

@@ -3,7 +3,7 @@
     apt-get install qemu-system-x86 busybox-static can-utils kmod cpio   # as root
     python benchmarks/socketcan_qemu.py [--kernel linux-image-….deb] [--rows walk motor_silent ...]
     python benchmarks/socketcan_qemu.py --run "benchmarks/bus_load.py --robots go1 --buses socketcan"
-    python benchmarks/socketcan_qemu.py --run "-m pytest -p no:cacheprovider tests/test_deploy_socketcan.py"
+    python benchmarks/socketcan_qemu.py --run "-m pytest -p no:cacheprovider tests/deploy/test_socketcan.py"
 
 For machines whose own kernel has no CAN. The kernel is a Debian package (without --kernel the present one is
 downloaded by apt-get); the guest's files are this machine's, read-only over 9p, so that the same Python and

@@ -44,30 +44,30 @@ settings.load_profile("footfall")
 # The files that take longest, the longest first: begun last, one of them would keep one worker busy while the
 # others have nothing left to do.
 LONGEST = (
-    "test_train_cluster.py",
-    "test_sweep.py",
-    "test_train_runs.py",
-    "test_train_failure.py",
-    "test_watch.py",
-    "test_train_rsl_rl.py",
-    "test_train_environment.py",
-    "test_cli_train.py",
-    "test_gymnasium.py",
-    "test_watch_browser.py",
-    "test_cli_process.py",
-    "test_env_physics.py",
-    "test_train_devices.py",
-    "test_train_loop.py",
-    "test_fewer_kernels.py",
-    "test_install.py",
-    "test_train_ppo.py",
-    "test_robot_physics.py",
-    "test_workarounds.py",
+    "train/test_cluster.py",
+    "train/test_sweep.py",
+    "train/test_runs.py",
+    "train/test_failure.py",
+    "pages/test_watch.py",
+    "train/test_rsl_rl.py",
+    "train/test_environment.py",
+    "footfall/test_cli_train.py",
+    "envs/test_gymnasium.py",
+    "pages/test_watch_browser.py",
+    "footfall/test_cli_process.py",
+    "envs/test_physics.py",
+    "train/test_devices.py",
+    "train/test_loop.py",
+    "envs/test_fewer_kernels.py",
+    "repository/test_install.py",
+    "train/test_ppo.py",
+    "robots/test_physics.py",
+    "envs/test_workarounds.py",
 )
 
 
 # Files whose trainings share a program: whoever compiles it first does so for the others.
-TRAININGS = ("test_train_cluster.py", "test_sweep.py", "test_train_runs.py", "test_train_failure.py")
+TRAININGS = ("train/test_cluster.py", "train/test_sweep.py", "train/test_runs.py", "train/test_failure.py")
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -78,7 +78,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     class Scheduling(LoadFileScheduling):
         def _split_scope(self, nodeid: str) -> str:
             file = super()._split_scope(nodeid)
-            return TRAININGS[0] if Path(file).name in TRAININGS else file
+            return TRAININGS[0] if file.removeprefix("tests/") in TRAININGS else file
 
     return Scheduling(config, log)
 
@@ -86,7 +86,9 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with the files that take longest."""
     place = {name: index for index, name in enumerate(LONGEST)}
-    items.sort(key=lambda item: place.get(item.path.name, len(LONGEST)))
+    items.sort(
+        key=lambda item: place.get(item.path.relative_to(Path(__file__).parent).as_posix(), len(LONGEST))
+    )
 
 
 @pytest.fixture(scope="session")

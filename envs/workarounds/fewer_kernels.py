@@ -5,7 +5,7 @@ step two fifths are short loops, and sums and insertions written as scatters; of
 Here they are traced as plain operations, which XLA fuses with their neighbours. What is computed stays the
 same, and its sums have one order, which those of scatters do not.
 Upstream: on a GPU each turn of a scan is begun by the host, https://github.com/jax-ml/jax/issues/2491.
-It can go when MJX and brax trace fewer loops by themselves: tests/test_workarounds.py counts them.
+It can go when MJX and brax trace fewer loops by themselves: tests/envs/test_workarounds.py counts them.
 """
 
 import threading

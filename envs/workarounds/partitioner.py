@@ -4,7 +4,8 @@ Reason: compiling a `shard_map` over MJX's accelerations for two devices ends in
 Shardy's pass over unused inputs (ManualComputationUnusedInputsPattern), seen with jax 0.11.2 on GPUs and on
 virtual processors. jax 0.10.2 compiles the same program with Shardy, which is then used.
 Upstream: no report of it was found; JAX is about to drop the older partitioner.
-It can go when a jax release no longer crashes: tests/test_workarounds.py says so where jax 0.11 is installed.
+It can go when a jax release no longer crashes: tests/envs/test_workarounds.py says so where jax 0.11 is
+installed.
 """
 
 import jax

@@ -6,7 +6,7 @@ takes longer than all the rest of a start. Here a program is found by what it is
 Reason: tracing takes most of a warm start. What is written is JAX's own `serialize_executable`, a pickle
 around machine code: a file here is code, and only read if nobody but this user can have written it.
 Upstream: https://github.com/jax-ml/jax/issues/476 brought the serialisation, not a cache that skips tracing.
-It can go when JAX has one: tests/test_workarounds.py says so.
+It can go when JAX has one: tests/envs/test_workarounds.py says so.
 """
 
 import hashlib

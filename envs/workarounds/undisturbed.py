@@ -4,7 +4,7 @@ Reason: MuJoCo's Python package has each stage of each step timed (`MjData.timer
 step, and offers no way to do without: `mujoco.set_mjcb_time(None)` puts its clock back. Only C can take it
 away.
 Upstream: the timers were asked for in https://github.com/google-deepmind/mujoco/issues/2354.
-It can go when `mujoco.set_mjcb_time(None)` leaves no clock: tests/test_workarounds.py says so.
+It can go when `mujoco.set_mjcb_time(None)` leaves no clock: tests/envs/test_workarounds.py says so.
 """
 
 import ctypes

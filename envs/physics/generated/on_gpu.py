@@ -3,7 +3,7 @@
 Reason: JAX has no public way to call a kernel that is given as PTX. jaxlib's own call of Triton's kernels
 takes any PTX; it is internal, and `unavailable` says when a release lacks it.
 Upstream: the public way, https://docs.jax.dev/en/latest/ffi.html, needs a compiler on the user's machine.
-It can go when JAX calls a kernel from PTX: tests/test_generated_gpu.py says what is used of it.
+It can go when JAX calls a kernel from PTX: tests/envs/test_generated_gpu.py says what is used of it.
 """
 
 import zlib

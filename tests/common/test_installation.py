@@ -1,0 +1,172 @@
+"""Every `pip install` line that an error, doctor or a page prints works where it is read."""
+
+import re
+import shlex
+import sys
+import tomllib
+from importlib.metadata import PathDistribution
+from pathlib import Path
+
+import pytest
+
+from footfall.common import installation, machine
+from footfall.common.errors import UserError
+from footfall.common.installation import install, install_extras, missing, needs_extra, requirements
+
+ROOT = Path(__file__).parents[2]
+EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+METADATA = """\
+Metadata-Version: 2.4
+Name: footfall
+Version: 0.1.0
+Requires-Dist: numpy>=2.0
+Requires-Dist: nosuchpackage>=1; sys_platform == "nosuchsystem"
+Requires-Dist: pytest>=999
+Provides-Extra: train
+Requires-Dist: nosuchpackage[cpu]>=1,<2; extra == "train"
+Provides-Extra: sweep
+Requires-Dist: footfall[train]; extra == "sweep"
+Requires-Dist: numpy>=1; extra == "sweep"
+"""
+
+
+@pytest.fixture
+def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Has footfall installed from a URL, or from an index without one; the environment is not active."""
+
+    def install_from(url: str | None, about: str = "") -> None:
+        folder = tmp_path / "footfall-0.1.0.dist-info"
+        folder.mkdir()
+        (folder / "METADATA").write_text(METADATA)
+        if url is not None:
+            (folder / "direct_url.json").write_text(f'{{"url": "{url}", {about}}}')
+        monkeypatch.setattr(installation, "distribution", lambda _: PathDistribution(folder))
+        monkeypatch.setenv("PATH", "/nowhere")
+
+    return install_from
+
+
+PIP = f"{shlex.quote(sys.executable)} -m pip install"
+
+
+def test_from_a_clone_elsewhere(installed, tmp_path: Path) -> None:
+    installed(tmp_path.as_uri(), '"dir_info": {"editable": true}')
+    assert install_extras("gym", "watch") == f"{PIP} --editable '{tmp_path}[gym,watch]'"
+
+
+def test_inside_the_clone(installed, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    installed(tmp_path.as_uri(), '"dir_info": {"editable": true}')
+    monkeypatch.chdir(tmp_path)
+    assert install_extras("gym") == f"{PIP} --editable '.[gym]'"
+
+
+def test_from_a_folder_whose_name_has_a_space(installed, tmp_path: Path) -> None:
+    folder = tmp_path / "my robots"
+    folder.mkdir()
+    installed(folder.as_uri(), '"dir_info": {}')
+    assert install_extras("gym") == f"{PIP} '{folder}[gym]'"
+
+
+def test_from_a_wheel(installed, tmp_path: Path) -> None:
+    wheel = tmp_path / "footfall-0.1.0-py3-none-any.whl"
+    wheel.touch()
+    installed(wheel.as_uri(), '"archive_info": {}')
+    assert install_extras("gym") == f"{PIP} '{wheel}[gym]'"
+
+
+@pytest.mark.parametrize("url", [None, "file:///nowhere/footfall-0.1.0-py3-none-any.whl", "https://x/y.whl"])
+def test_from_what_is_not_here_any_more(installed, url: str | None) -> None:
+    installed(url, '"archive_info": {}')
+    assert install_extras("sweep") == f"{PIP} 'nosuchpackage[cpu]<2,>=1' 'numpy>=1'"
+
+
+def test_the_short_name_where_it_is_this_environments_pip(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("mine", "other"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "pip").touch(mode=0o755)
+    (tmp_path / "mine" / "python").symlink_to(tmp_path / "other" / "python3")  # as environments have it
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "mine" / "python"))
+    monkeypatch.setenv("PATH", str(tmp_path / "mine"))
+    assert install("jax[cuda12]") == "pip install 'jax[cuda12]'"
+    monkeypatch.setenv("PATH", str(tmp_path / "other"))
+    assert install("jax[cuda12]") == f"{tmp_path}/mine/python -m pip install 'jax[cuda12]'"
+
+
+def test_what_is_needed_and_what_is_missing(installed) -> None:
+    installed(None)
+    assert [package.name for package in requirements()] == ["numpy", "pytest"]
+    assert [package.name for package in missing()] == ["pytest"]  # not in that version
+    assert [package.name for package in missing("sweep")] == ["nosuchpackage"]
+
+
+def test_a_package_of_an_extra_that_is_missing_is_one_line(installed, tmp_path: Path) -> None:
+    installed(tmp_path.as_uri(), '"dir_info": {}')
+    with pytest.raises(UserError) as caught, needs_extra("sweep", "sweeps need"):
+        import nosuchpackage.part  # noqa: F401
+    assert str(caught.value) == (
+        f"sweeps need nosuchpackage, which is not installed: {PIP} '{tmp_path}[sweep]'"
+    )
+
+
+def test_a_defect_of_footfall_is_no_missing_package() -> None:
+    with pytest.raises(ModuleNotFoundError), needs_extra("sweep", "sweeps need"):
+        import footfall.nosuchroom  # noqa: F401
+
+
+def test_doctor_says_what_each_extra_lacks(installed, tmp_path: Path) -> None:
+    installed(tmp_path.as_uri(), '"dir_info": {}')
+    packages, extras = machine._packages(), machine._extras()
+    assert (packages.good, packages.advice) == (False, f"{PIP} 'pytest>=999'")
+    assert extras.found == "train lacks nosuchpackage; sweep lacks nosuchpackage"
+    assert extras.advice == f"where wanted: {PIP} '{tmp_path}[train,sweep]'"
+
+
+def test_doctor_names_one_command_to_train_whatever_lacks(
+    installed, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def version(name: str) -> str:
+        if name == "mujoco":
+            return "3.3.0"
+        raise machine.PackageNotFoundError(name)
+
+    installed(tmp_path.as_uri(), '"dir_info": {}')
+    monkeypatch.setattr(machine, "version", version)
+    monkeypatch.setattr(machine.importlib.util, "find_spec", lambda name: None)
+    advice = {machine._simulators().advice, machine._accelerator().advice}
+    assert advice == {f"to train: {PIP} '{tmp_path}[train]'"}
+
+
+@pytest.mark.parametrize(("mjx", "good"), [("3.3.0", True), ("3.2.9", False)])
+def test_doctor_wants_both_simulators_of_one_release(
+    monkeypatch: pytest.MonkeyPatch, mjx: str, good: bool
+) -> None:
+    monkeypatch.setattr(machine, "version", {"mujoco": "3.3.0", "mujoco-mjx": mjx}.__getitem__)
+    finding = machine._simulators()
+    assert finding.good is good
+    assert finding.found == f"mujoco 3.3.0, mujoco-mjx {mjx}"
+    assert bool(finding.advice) is not good
+
+
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_pages_install_from_the_clone_that_they_lie_in(page: Path) -> None:
+    for line in re.findall(r"pip install (?:-q )?([^`\n]+)", page.read_text()):
+        for wanted in shlex.split(line, comments=True):
+            if wanted.startswith("-"):
+                continue
+            found = re.fullmatch(r"\.\[([a-z,-]+)\]", wanted)
+            assert "footfall" not in wanted, line
+            assert found is None or set(found[1].split(",")) <= set(EXTRAS), line
+
+
+def test_no_source_has_an_install_line_of_its_own() -> None:
+    rooms = [
+        path.parent for path in ROOT.glob("*/__init__.py") if not path.parent.is_relative_to(ROOT / "tests")
+    ]
+    assert len(rooms) > 8
+    sources = {path: path.read_text() for room in rooms for path in room.rglob("*.py")}
+    assert [path for path, text in sources.items() if re.search(r"pip install|\[[a-z-]+\]'\"", text)] == []

@@ -1,0 +1,441 @@
+"""The base estimator, against the true motion of a simulated robot, and on readings made by hand."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from direct_plant import DirectPlant, walk
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from made_up import bodies
+
+from footfall.common.rotations import multiply
+from footfall.deploy.estimation.config import EstimatorConfig, GyroConfig
+from footfall.deploy.estimation.estimator import BaseEstimator
+from footfall.deploy.estimation.odometry import POSITION, VELOCITY, YAW, Odometry
+from footfall.policies.controllers.walk import Walk as Generator
+from footfall.policies.policy import Sensed
+from footfall.robots.description import Robot, load_robot
+from footfall.robots.rigid_body import nominal_body
+
+ROBOT = load_robot("go1")
+UP = np.array([0.0, 0.0, 1.0])
+NO_YAW = np.array([1.0, 0.0, 0.0, 0.0])
+SURE_OF_THE_GYRO = GyroConfig(bias_half_s=1e6)  # where readings say that it turns, and never how far
+
+
+def yawed(angle: float) -> np.ndarray:
+    return np.array([np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)])
+
+
+class Unplanned(Generator):
+    """A trot that keeps to itself when which foot stands, as learned policies do."""
+
+    def stance(self) -> None:  # type: ignore[override]
+        return None
+
+
+class Follower:
+    """An estimator that notes its odometry at each update, beside the truth."""
+
+    def __init__(self, plant: DirectPlant, config: EstimatorConfig | None = None) -> None:
+        self._plant, self._estimator = plant, BaseEstimator(plant.robot, config)
+        self.poses: list[Odometry] = []
+        self.truth: list[np.ndarray] = []  # position and velocity
+
+    def reset(self, sensed: Sensed) -> None:
+        self._estimator.reset(sensed)
+
+    def update(self, sensed: Sensed, stance: np.ndarray | None, dt_s: float) -> tuple[np.ndarray, float]:
+        result = self._estimator.update(sensed, stance, dt_s)
+        self.poses.append(self._estimator.odometry())
+        self.truth.append(np.concatenate([self._plant.data.qpos[:3], self._plant.velocity()]))
+        return result
+
+    def errors(self) -> np.ndarray:
+        """Of position and velocity, (ticks, 6), the robot having started at heading zero."""
+        truth = np.array(self.truth)
+        truth[:, :3] -= truth[0, :3]
+        return np.array([np.concatenate([o.position, o.velocity]) for o in self.poses]) - truth
+
+
+@pytest.fixture(scope="module")
+def walks() -> dict[str, Follower]:
+    """Four seconds of a curve, with and without the controller's contact plan."""
+
+    def follow(make: Callable[..., Generator]) -> Follower:
+        plant = DirectPlant(ROBOT, seed=1)
+        follower = Follower(plant)
+        walk(make(ROBOT, "trot"), plant, lambda _: np.array([0.4, 0.1, 0.4]), 4.0, follower)
+        return follower
+
+    return {"planned": follow(Generator), "unplanned": follow(Unplanned)}
+
+
+class TestAgainstTheTruth:
+    """On a simulated robot with noisy readings."""
+
+    @pytest.mark.parametrize("kind", ["planned", "unplanned"])
+    def test_odometry_drifts_by_less_than_a_fiftieth_of_the_way(
+        self, walks: dict[str, Follower], kind: str
+    ) -> None:
+        follower = walks[kind]
+        steps = np.diff(np.array(follower.truth)[:, :2], axis=0)
+        way = np.linalg.norm(steps, axis=1).sum()
+        assert way > 1.2
+        assert np.linalg.norm(follower.errors()[-1, :2]) < 0.02 * way
+        assert np.abs(follower.errors()[:, 2]).max() < 0.01
+
+    @pytest.mark.parametrize("kind", ["planned", "unplanned"])
+    def test_velocity_follows(self, walks: dict[str, Follower], kind: str) -> None:
+        error = walks[kind].errors()[500:, 3:]
+        assert np.sqrt((error[:, :2] ** 2).mean(axis=0)).max() < 0.015
+        assert np.abs(error.mean(axis=0))[:2].max() < 0.005
+        assert np.sqrt((error[:, 2] ** 2).mean()) < 0.03
+
+    @pytest.mark.parametrize("kind", ["planned", "unplanned"])
+    def test_yaw_follows_the_imus(self, walks: dict[str, Follower], kind: str) -> None:
+        quaternion = walks[kind]._plant.data.qpos[3:7]
+        truth = 2 * np.arctan2(quaternion[3], quaternion[0])
+        assert truth > 1.0
+        assert walks[kind].poses[-1].yaw == pytest.approx(truth, abs=0.03)
+
+    @pytest.mark.parametrize("kind", ["planned", "unplanned"])
+    @pytest.mark.parametrize("rows", [POSITION, VELOCITY])
+    def test_errors_are_as_large_as_the_covariance_says(
+        self, walks: dict[str, Follower], kind: str, rows: slice
+    ) -> None:
+        """Nearly all within three standard deviations; their normalised squares neither large nor tiny."""
+        follower = walks[kind]
+        error = follower.errors()[500:, :3] if rows is POSITION else follower.errors()[500:, 3:]
+        covariance = np.array([o.covariance[rows, rows] for o in follower.poses[500:]])
+        deviation = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+        assert (np.abs(error) < 3 * deviation).mean() > 0.98
+        square = np.einsum("ti,tij,tj->t", error, np.linalg.inv(covariance), error).mean() / 3
+        assert 0.03 < square < 2.0
+
+    def test_it_knows_which_feet_stand(self, walks: dict[str, Follower]) -> None:
+        """A trot's diagonals take turns: about half of the feet at a time, hardly ever one that swings."""
+        contact = np.array([o.contact for o in walks["unplanned"].poses[500:]])
+        assert 0.35 < contact.mean() < 0.65
+        assert (np.minimum(contact[:, 0], contact[:, 1]) > 0.5).mean() < 0.1  # FR and FL
+        assert (np.minimum(contact[:, 0], contact[:, 3]) > 0.5).mean() > 0.3  # FR and RL
+
+    def test_a_robot_at_rest_stays_where_it_is(self) -> None:
+        plant = DirectPlant(ROBOT)
+        follower = Follower(plant)
+        walk(Generator(ROBOT, "trot"), plant, lambda _: np.zeros(3), 2.0, follower)
+        error = follower.errors()[500:]
+        assert np.abs(error[:, :2]).max() < 0.006  # most of it before the gyro's bias is known to be none
+        assert np.abs(error[:, 3:]).max() < 0.03
+        assert follower.poses[-1].height == pytest.approx(plant.height(), abs=0.003)
+
+    def test_a_gyro_that_reads_too_much_makes_no_drift(self) -> None:
+        """0.03 rad/s would be 9 mm/s at the height of the hips."""
+        plant = DirectPlant(ROBOT)
+
+        class Biased(Follower):
+            def update(
+                self, sensed: Sensed, stance: np.ndarray | None, dt_s: float
+            ) -> tuple[np.ndarray, float]:
+                return super().update(
+                    sensed._replace(gyro=np.add(sensed.gyro, [0.03, -0.03, 0.0])), stance, dt_s
+                )
+
+        follower = Biased(plant)
+        walk(Generator(ROBOT, "trot"), plant, lambda _: np.zeros(3), 3.0, follower)
+        velocity = follower.errors()[-500:, 3:5].mean(axis=0)
+        assert np.abs(velocity).max() < 0.001
+
+    def test_a_push_shows_at_once(self) -> None:
+        """So short that the accelerometer misses it: 30 ms later the legs have told."""
+        plant, estimator = DirectPlant(ROBOT), BaseEstimator(ROBOT)
+        push = (1.0, np.array([0.0, 0.4, 0.0]))
+        result = walk(Generator(ROBOT, "trot"), plant, lambda _: np.zeros(3), 1.05, estimator, push)
+        assert result.velocity[513][1] > 0.25
+        assert result.estimate[514][1] == pytest.approx(result.velocity[513][1], abs=0.06)
+
+
+# -- readings made by hand ---------------------------------------------------------------------------
+
+
+def held(robot: Robot = ROBOT, share: float = 1.0) -> Sensed:
+    """Level and at rest, with this share of an even load on each foot."""
+    legs, zero = robot.legs, np.zeros(len(robot.joint_names))
+    body = nominal_body(robot)
+    force = np.tile(share * 9.81 * body.mass / legs.count * UP, (legs.count, 1))
+    torque = legs.torque(legs.pose(robot.default_pose).jacobian, force)
+    torque += legs.holding_torque(robot.default_pose, 9.81 * UP)
+    return Sensed(np.zeros(3), 9.81 * UP, NO_YAW, robot.default_pose, zero, legs.scatter(torque, zero))
+
+
+def carried_by_its_legs(robot: Robot, sensed: Sensed, velocity: np.ndarray) -> Sensed:
+    """The same, with joint velocities at which feet that stand carry the base at a velocity (3,), m/s."""
+    legs, pose = robot.legs, robot.legs.pose(sensed.joint_position)
+    contact = pose.jacobian + legs.rolling_offset(pose.axes, UP)
+    rates = legs.joint_rates(contact, np.tile(-velocity[:, None], (legs.count, 1, 1)))[:, :, 0]
+    return sensed._replace(joint_velocity=legs.scatter(rates, sensed.joint_velocity))
+
+
+def glide(
+    estimator: BaseEstimator, sensed: Sensed, velocity: np.ndarray, yaws: np.ndarray, dt_s: float = 0.002
+) -> None:
+    """Walk at a body velocity (3,), m/s, through these headings, on feet that are carried forward unseen."""
+    for before, yaw in pairwise(yaws):
+        rate = (yaw - before) / dt_s
+        legs, pose = ROBOT.legs, ROBOT.legs.pose(sensed.joint_position)
+        contact = pose.jacobian + legs.rolling_offset(pose.axes, UP)
+        passing = velocity + rate * np.cross(UP, pose.foot)
+        rates = legs.joint_rates(contact, -passing[:, :, None])[:, :, 0]
+        arm = estimator._imu
+        centripetal = rate * np.cross(UP, velocity + rate * np.cross(UP, arm))
+        estimator.update(
+            sensed._replace(
+                gyro=rate * UP,
+                acceleration=9.81 * UP + centripetal,
+                quaternion=yawed(yaw),
+                joint_velocity=legs.scatter(rates, np.zeros(12)),
+            ),
+            np.ones(4),
+            dt_s,
+        )
+
+
+class TestPose:
+    def moving(self, yaw: float, velocity: np.ndarray) -> tuple[BaseEstimator, Sensed]:
+        """An estimator that is sure of a motion, at the start."""
+        sensed = held()
+        estimator = BaseEstimator(ROBOT)
+        estimator.reset(sensed._replace(quaternion=yawed(yaw)))
+        glide(estimator, sensed, velocity, np.full(500, yaw))
+        estimator.start()
+        return estimator, sensed
+
+    def test_straight_ahead_is_along_the_heading_at_the_start(self) -> None:
+        """0.5 m/s ahead and 0.2 m/s left for two seconds, whatever the IMU calls north."""
+        velocity = np.array([0.5, 0.2, 0.0])
+        estimator, sensed = self.moving(2.5, velocity)
+        glide(estimator, sensed, velocity, np.full(1001, 2.5))
+        found = estimator.odometry()
+        np.testing.assert_allclose(found.position, [1.0, 0.4, 0.0], atol=2e-3)
+        np.testing.assert_allclose(found.velocity, velocity, atol=1e-3)
+        np.testing.assert_allclose(found.orientation, NO_YAW, atol=1e-9)
+        assert found.yaw == pytest.approx(0.0, abs=1e-9)
+
+    def test_a_circle_comes_round(self) -> None:
+        """At 0.5 m/s and 0.8 rad/s a circle of 0.625 m; after 250 degrees it is where trigonometry says."""
+        velocity, turned = np.array([0.5, 0.0, 0.0]), np.radians(250.0)
+        yaws = 2.5 + np.linspace(0.0, turned, round(turned / 0.8 / 0.002) + 1)
+        estimator, sensed = self.moving(2.5, velocity)
+        glide(estimator, sensed, velocity, yaws)
+        found = estimator.odometry()
+        radius = 0.5 / 0.8
+        expected = [radius * np.sin(turned), radius * (1 - np.cos(turned)), 0.0]
+        np.testing.assert_allclose(found.position, expected, atol=5e-3)
+        assert found.yaw == pytest.approx(np.radians(-110.0))
+        np.testing.assert_allclose(np.abs(found.orientation @ yawed(turned)), 1.0)
+        assert found.angular_velocity[2] == pytest.approx(0.8, rel=1e-3)
+
+    def test_turning_on_the_spot_the_base_stays_though_the_imu_goes_round(self) -> None:
+        assert np.linalg.norm(BaseEstimator(ROBOT)._imu[:2]) > 0.05
+        estimator, sensed = self.moving(0.0, np.zeros(3))
+        glide(estimator, sensed, np.zeros(3), np.linspace(0.0, np.pi, 1001))
+        np.testing.assert_allclose(estimator.odometry().position, 0.0, atol=5e-3)
+
+    def test_the_start_is_certain_and_keeps_the_motion(self) -> None:
+        estimator, _ = self.moving(0.7, np.array([0.5, 0.0, 0.0]))
+        found = estimator.odometry()
+        np.testing.assert_allclose(found.position, 0.0, atol=1e-12)
+        assert found.yaw == 0.0
+        np.testing.assert_allclose(found.covariance[:2, :2], 0.0, atol=1e-12)
+        np.testing.assert_allclose(found.velocity, [0.5, 0.0, 0.0], atol=2e-3)
+
+    def test_a_reset_forgets(self) -> None:
+        velocity = np.array([0.5, 0.2, 0.0])
+        used, sensed = self.moving(0.7, velocity)
+        fresh = BaseEstimator(ROBOT)
+        shoved = carried_by_its_legs(ROBOT, sensed, np.array([-1.0, 0.5, 0.0]))
+        used.update(shoved._replace(acceleration=np.array([3.0, 2.0, 15.0])), None, 0.002)
+        assert used._filter._surprise != [0.0, 0.0, 0.0]
+        for estimator in (used, fresh):
+            estimator.reset(sensed)
+            glide(estimator, sensed, velocity, np.full(50, 0.0))
+        for one, other in zip(used.odometry(), fresh.odometry(), strict=True):
+            np.testing.assert_array_equal(one, other)
+
+    @settings(max_examples=10, deadline=None)
+    @given(st.floats(-3.1, 3.1), st.integers(0, 1000))
+    def test_north_means_nothing(self, north: float, seed: int) -> None:
+        """The same readings with another yaw throughout: the same motion, the same odometry."""
+        rng = np.random.default_rng(seed)
+        ours, turned = BaseEstimator(ROBOT), BaseEstimator(ROBOT)
+        rest = DirectPlant(ROBOT).sensed()
+        for tick in range(25):
+            sensed = Sensed(*(part + 0.05 * rng.standard_normal(part.shape) for part in rest))
+            sensed = sensed._replace(quaternion=sensed.quaternion / np.linalg.norm(sensed.quaternion))
+            other = sensed._replace(quaternion=multiply(yawed(north), sensed.quaternion))
+            if tick == 0:
+                ours.reset(sensed)
+                turned.reset(other)
+            ours.update(sensed, None, 0.004)
+            turned.update(other, None, 0.004)
+        for one, same in zip(ours.odometry(), turned.odometry(), strict=True):
+            np.testing.assert_allclose(one, same, atol=1e-9)
+
+    def test_its_covariance_holds_the_filters(self) -> None:
+        """Beside creeping feet, 5 mm/s, and sinking ones, 30 mm/s."""
+        estimator, _ = self.moving(1.2, np.zeros(3))
+        motion = estimator._filter
+        motion.pp, motion.pv, motion.vv = 0.5, 0.03, 0.2
+        found = estimator.odometry().covariance
+        np.testing.assert_allclose(np.diag(found[:2, :2]), 0.5, rtol=1e-4)
+        np.testing.assert_allclose(np.diag(found[VELOCITY, VELOCITY]), 0.2 + np.array([25, 25, 900]) * 1e-6)
+        np.testing.assert_allclose(found[:2, 4:6], 0.03 * np.eye(2), atol=1e-9)
+
+    def test_on_level_ground_its_height_is_as_sure_as_standing_feet_make_it(self) -> None:
+        """4 mm, whatever the filter thinks of the way up, with which nothing else goes together."""
+        estimator, sensed = self.moving(1.2, np.array([0.5, 0.2, 0.0]))
+        glide(estimator, sensed, np.array([0.5, 0.2, 0.0]), np.full(200, 1.2))
+        estimator._filter.pp, estimator._filter.pv = 0.5, 0.03
+        found = estimator.odometry().covariance
+        np.testing.assert_allclose(found[2], [0.0, 0.0, 0.004**2, 0.0, 0.0, 0.0, 0.0], atol=1e-15)
+        np.testing.assert_array_equal(found[:, 2], found[2])
+
+    def test_the_velocitys_covariance_holds_what_late_readings_miss_in_the_bodys_axes(self) -> None:
+        """Heading along y, a change of 20 mm/s in the world's y is one straight ahead."""
+        estimator, _ = self.moving(np.pi / 2, np.zeros(3))
+        before = estimator.odometry().covariance[VELOCITY, VELOCITY]
+        estimator._lateness._yy = 4e-4
+        after = estimator.odometry().covariance[VELOCITY, VELOCITY]
+        np.testing.assert_allclose(after - before, np.diag([4e-4, 0.0, 0.0]), atol=1e-12)
+
+    def test_its_covariance_is_that_of_where_it_heads(self) -> None:
+        """After a way straight ahead, the yaw's drift shows across and the scale along, whatever north is."""
+        velocity = np.array([0.5, 0.0, 0.0])
+        config = EstimatorConfig()
+        config = replace(config, odometry=replace(config.odometry, yaw_drift=0.05, scale_error=0.1, slip=0.0))
+        estimator, sensed = BaseEstimator(ROBOT, config), held()
+        estimator.reset(sensed._replace(quaternion=yawed(1.2)))
+        glide(estimator, sensed, velocity, np.full(500, 1.2))
+        estimator.start()
+        glide(estimator, sensed, velocity, np.full(2001, 1.2))
+        found = estimator.odometry().covariance
+        assert found[0, 0] == pytest.approx((0.1 * 2.0) ** 2, rel=0.02)
+        assert found[1, 1] == pytest.approx(0.25 * 0.0025 * 4**3 / 3, rel=0.02)
+        assert found[1, YAW] == pytest.approx(0.5 * 0.0025 * 4**2 / 2, rel=0.02)
+        assert found[YAW, YAW] == pytest.approx(0.0025 * 4 + config.odometry.orientation_noise**2)
+        assert abs(found[0, 1]) < 1e-3
+        np.testing.assert_allclose(found, found.T, atol=1e-12)
+
+
+class TestHeight:
+    def test_it_is_the_bases_above_the_centre_of_standing_feet(self) -> None:
+        estimator = BaseEstimator(ROBOT)
+        estimator.reset(held())
+        _, height = estimator.update(held(), None, 0.002)
+        assert height == pytest.approx(-ROBOT.legs.default_foot[:, 2].mean(), abs=1e-6)
+
+    def test_feet_that_do_not_stand_do_not_count(self) -> None:
+        """The two on the left are drawn up by bent knees and bear nothing."""
+        robot, standing = ROBOT, held()
+        pose = standing.joint_position.copy()
+        drawn = [robot.joint_index(f"{leg}_calf_joint") for leg in ("FL", "RL")]
+        pose[drawn] -= 0.5
+        torque = standing.joint_torque.copy()
+        air = held(share=0.0).joint_torque
+        left = robot.legs.joints[[1, 3]].ravel()
+        torque[left] = air[left]
+        sensed = standing._replace(joint_position=pose, joint_torque=torque)
+        estimator = BaseEstimator(robot)
+        estimator.reset(sensed)
+        for _ in range(200):
+            _, height = estimator.update(sensed, None, 0.002)
+        feet = robot.legs.pose(pose).foot[:, 2]
+        assert feet[1] - feet[0] > 0.03
+        assert height == pytest.approx(-feet[[0, 2]].mean(), abs=1e-3)
+
+    @pytest.mark.parametrize("level", [True, False])
+    def test_up_is_the_height_on_level_ground_and_the_way_up_elsewhere(self, level: bool) -> None:
+        """Feet that stand one above the other, as on stairs: climbed at 0.2 m/s, seen only where asked."""
+        config = EstimatorConfig()
+        config = replace(config, odometry=replace(config.odometry, level_ground=level))
+        climbing = np.array([0.3, 0.0, 0.2])
+        estimator, sensed = BaseEstimator(ROBOT, config), held()
+        estimator.reset(sensed)
+        glide(estimator, sensed, climbing, np.zeros(500))
+        estimator.start()
+        glide(estimator, sensed, climbing, np.zeros(1001))
+        assert estimator.odometry().position[2] == pytest.approx(0.0 if level else 0.4, abs=5e-3)
+        assert (estimator.odometry().covariance[2, 2] < 1e-4) == level
+
+    def test_in_a_fall_the_height_goes_down_with_the_velocity(self) -> None:
+        """A fortieth of a second: g t^2 / 2 is 3 mm."""
+        estimator, hanging = BaseEstimator(ROBOT), held(share=0.0)
+        estimator.reset(hanging)
+        estimator._contact.probability = [0.0] * 4
+        falling = hanging._replace(acceleration=np.zeros(3), joint_torque=np.zeros(12))
+        heights = [estimator.update(falling, np.zeros(4), 0.001)[1] for _ in range(25)]
+        assert heights[0] - heights[-1] == pytest.approx(9.81 * 0.025**2 / 2, rel=0.15)
+
+
+class TestReadings:
+    def test_feet_that_stand_under_moving_legs_say_that_the_base_moves(self) -> None:
+        velocity = np.array([0.3, -0.1, 0.05])
+        estimator, sensed = BaseEstimator(ROBOT), held()
+        estimator.reset(sensed)
+        moving = carried_by_its_legs(ROBOT, sensed, velocity)
+        for _ in range(300):
+            found, _ = estimator.update(moving, np.ones(4), 0.002)
+        np.testing.assert_allclose(found, velocity, atol=0.003)
+
+    def test_a_sole_that_tips_over_its_toes_carries_the_base_forward(self, tmp_path: Path) -> None:
+        """Base and foot turn as one about the toes: joints at rest, and yet the base moves, at w x r."""
+        robot = bodies(tmp_path)["six hinges and soles"]
+        pitch, rate = 0.15, 0.6
+        turn = np.array([np.cos(pitch / 2), 0.0, np.sin(pitch / 2), 0.0])
+        up = np.array([-np.sin(pitch), 0.0, np.cos(pitch)])
+        sensed = held(robot)._replace(gyro=np.array([0.0, rate, 0.0]), quaternion=turn)
+        sensed = sensed._replace(acceleration=9.81 * up)
+        estimator = BaseEstimator(robot, EstimatorConfig(gyro=SURE_OF_THE_GYRO))
+        estimator.reset(sensed)
+        for _ in range(500):
+            found, _ = estimator.update(sensed, None, 0.002)
+        feet = robot.legs.default_foot
+        toes = np.array([feet[0] + [0.07, 0.0, 0.0] - 0.012 * up, feet[1] + [0.09, 0.0, -0.01]])
+        expected = np.cross([0.0, rate, 0.0], -toes.mean(axis=0))
+        np.testing.assert_allclose(found, expected, atol=0.01)
+
+    def test_a_foot_is_trusted_only_where_the_plan_lets_it_stand(self) -> None:
+        """Feet that press and slide: with a plan to swing, they say nothing about the base."""
+        sliding = held()._replace(joint_velocity=np.full(12, 0.5))
+        moved = {}
+        for planned in (0.0, 1.0):
+            estimator = BaseEstimator(ROBOT)
+            estimator.reset(sliding)
+            for _ in range(5):
+                velocity, _ = estimator.update(sliding, np.full(4, planned), 0.002)
+            moved[planned] = np.linalg.norm(velocity)
+        assert moved[0.0] < 1e-3
+        assert moved[1.0] > 0.01
+
+    def test_in_free_fall_the_accelerometer_alone_carries_the_velocity(self) -> None:
+        estimator, falling = BaseEstimator(ROBOT), held(share=0.0)
+        estimator.reset(falling)
+        falling = falling._replace(acceleration=np.zeros(3), joint_torque=np.zeros(12))
+        for _ in range(100):
+            velocity, _ = estimator.update(falling, np.zeros(4), 0.002)
+        assert velocity[2] == pytest.approx(-9.81 * 0.2, rel=0.1)
+
+    def test_stays_finite_whatever_comes(self) -> None:
+        estimator, rest = BaseEstimator(ROBOT), held()
+        estimator.reset(rest)
+        rng = np.random.default_rng(0)
+        for _ in range(500):
+            wild = Sensed(*(part + 10 * rng.standard_normal(part.shape) for part in rest))
+            velocity, height = estimator.update(wild, rng.uniform(size=4), 0.002)
+            assert np.all(np.isfinite(velocity))
+            assert np.isfinite(height)
+        assert all(np.all(np.isfinite(part)) for part in estimator.odometry())

@@ -1,0 +1,204 @@
+"""What never comes back: a policy that sleeps or spins, code outside Python, and motors that do not hear."""
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import count
+
+import numpy as np
+import pytest
+from deploy_policies import FailingPolicy, Hold, stand_still
+from relaxed_limits import RELAXED
+from watched_simulation import Simulation, asked_of_motors
+
+from footfall.deploy.clock import LockstepClock
+from footfall.deploy.config import DeployConfig
+from footfall.deploy.deadline import OverdueError, deadlines
+from footfall.deploy.frames import Frames
+from footfall.deploy.guard import Guard
+from footfall.deploy.safety import SafetyConfig
+from footfall.deploy.session import Session, run_session
+from footfall.plant.injection import nothing
+from footfall.robots.actuator import JointCommand
+from footfall.robots.description import Robot
+
+CONFIG = replace(
+    RELAXED,
+    joint_rate_hz=100.0,
+    stand_s=0.3,
+    safety=replace(RELAXED.safety, late_limit_s=0.3, damping_s=0.2),
+)
+GUARDED = replace(CONFIG, safety=replace(CONFIG.safety, pause_limit_s=1.0))  # takes over after 1.1 s
+LONG = Session(stand_still, 9.0, config=GUARDED)
+
+
+def spin(_: JointCommand) -> JointCommand:
+    while True:
+        try:
+            sum(range(1000))
+        except Exception:  # such a policy swallows whatever it can
+            continue
+
+
+def sleep(_: JointCommand) -> JointCommand:
+    time.sleep(60.0)
+    raise AssertionError
+
+
+class TestHungPolicy:
+    @pytest.mark.parametrize("hang", [spin, sleep])
+    def test_is_interrupted_at_its_deadline_and_the_robot_damped(
+        self, go1: Robot, hang: Callable[[JointCommand], JointCommand]
+    ) -> None:
+        simulation, began = Simulation(go1), time.monotonic()
+        outcome = run_session(
+            go1, FailingPolicy(go1, 0.2, hang), simulation.bus, Session(stand_still, 9.0, config=CONFIG)
+        )
+        assert outcome.final_state == "ESTOP"
+        assert outcome.faults == ("the policy ran late: no decision within 300 ms",)
+        assert time.monotonic() - began < 6.0
+        assert not simulation.body.motors_on.any()
+
+    def test_a_signal_finds_nobody_stuck(self, go1: Robot) -> None:
+        """SIGTERM while the policy spins: the deadline frees the loop, which ends."""
+
+        def terminated(command: JointCommand) -> JointCommand:
+            threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGTERM)).start()
+            return spin(command)
+
+        simulation = Simulation(go1)
+        outcome = run_session(
+            go1, FailingPolicy(go1, 0.2, terminated), simulation.bus, Session(stand_still, 9.0, config=CONFIG)
+        )
+        assert outcome.final_state == "ESTOP"
+        assert not simulation.body.motors_on.any()
+
+
+class TestDeadline:
+    def test_interrupts_what_takes_longer_and_nothing_else(self) -> None:
+        before = signal.getsignal(signal.SIGALRM)
+        with deadlines() as arm:
+            arm(0.02)
+            with pytest.raises(OverdueError):
+                time.sleep(30.0)
+            arm(0.02)
+            arm(0.0)
+            time.sleep(0.05)
+        assert signal.getsignal(signal.SIGALRM) is before
+
+    def test_is_none_outside_the_main_thread(self) -> None:
+        found: list[bool] = []
+
+        def elsewhere() -> None:
+            with deadlines() as arm:
+                arm(0.01)
+                time.sleep(0.03)
+                found.append(True)
+
+        thread = threading.Thread(target=elsewhere)
+        thread.start()
+        thread.join()
+        assert found == [True]
+
+
+class TestGuard:
+    def test_damps_then_switches_off_then_ends_a_process_that_stays_away(self, capsys) -> None:  # type: ignore[no-untyped-def]
+        acts: list[str] = []
+        codes: list[int] = []
+        ended = threading.Event()
+
+        def end(status: int) -> None:
+            codes.append(status)
+            ended.set()
+
+        def damp() -> None:
+            acts.append("damp")
+            raise OSError("a bus that fails keeps it from nothing")
+
+        began = time.perf_counter()
+        guard = Guard(lambda: began, damp, lambda: acts.append("off"), 0.05, 0.06, end)
+        assert ended.wait(5.0)
+        assert codes == [1]
+        assert set(acts[:-1]) == {"damp"}
+        assert acts[-1] == "off"
+        assert guard.taken_over.is_set()
+        assert "did not come back" in capsys.readouterr().err
+
+    def test_leaves_alone_a_loop_that_beats(self) -> None:
+        guard = Guard(time.perf_counter, pytest.fail, pytest.fail, 0.05, 0.05, pytest.fail)
+        time.sleep(0.15)
+        guard.close()
+        assert not guard.taken_over.is_set()
+
+    def test_a_loop_that_comes_back_finds_its_robot_at_rest(self, go1: Robot) -> None:
+        """Something between two ticks blocks the thread for longer than the guard waits."""
+        simulation, blocked = Simulation(go1), []
+
+        def block(loop: object) -> None:
+            if not blocked and loop.walking:  # type: ignore[attr-defined]
+                blocked.append(True)
+                time.sleep(2.2)
+
+        outcome = run_session(go1, Hold(go1), simulation.bus, LONG, block)
+        assert outcome.final_state == "ESTOP"
+        assert "a guard damped the robot" in outcome.faults[-1]
+
+    def test_a_loop_that_comes_back_in_the_middle_of_a_tick_sends_nothing_over_its_damping(
+        self, go1: Robot
+    ) -> None:
+        """A bus that blocks while it is read: what the tick then decides is out of date."""
+        simulation = Simulation(go1)
+        receive = simulation.bus.receive
+        ticks = count()
+
+        def block(now_us: int) -> list[Frames]:
+            if next(ticks) == 60:
+                time.sleep(0.7)
+            return receive(now_us)
+
+        simulation.bus.receive = block  # type: ignore[method-assign]
+        strict = replace(CONFIG.safety, pause_limit_s=0.3, damping_s=0.6)
+        session = replace(LONG, config=replace(CONFIG, safety=strict))
+        outcome = run_session(go1, Hold(go1), simulation.bus, session)
+        assert "a guard damped the robot" in outcome.faults[-1]
+        assert [what for what, _ in asked_of_motors(go1, simulation.sent)] == ["on", "stiff", "damped", "off"]
+
+
+class TestMotorsOff:
+    """EXIT is asked for until every motor has answered it."""
+
+    def run(self, go1: Robot, simulation: Simulation) -> list[str]:
+        session = Session(stand_still, 0.1, realtime=False, config=DeployConfig(stand_s=0.2))
+        return list(run_session(go1, Hold(go1), simulation.bus, session).notes)
+
+    def test_is_repeated_while_frames_get_lost(self, go1: Robot) -> None:
+        simulation, rng = Simulation(go1), np.random.default_rng(1)
+        simulation.bus.outgoing = lambda frames, _: frames.take(rng.random(len(frames.id)) >= 0.2)
+        assert self.run(go1, simulation) == []
+        assert not simulation.body.motors_on.any()
+
+    def test_who_does_not_answer_is_named_and_holds_nobody_up(self, go1: Robot) -> None:
+        simulation = Simulation(go1)
+        simulation.bus.outgoing = lambda frames, now_us: (
+            nothing(frames) if now_us > 700_000 else frames  # while it damps
+        )
+        (note,) = self.run(go1, simulation)
+        assert note.startswith("no answer to being switched off from FR_hip_joint (can0, id 1), ")
+
+
+def test_lockstep_has_neither_deadline_nor_guard(go1: Robot) -> None:
+    """Simulated time waits for as long as a step takes."""
+    simulation = Simulation(go1)
+    slow = SafetyConfig(late_limit_s=0.001)
+
+    def dawdle(command: JointCommand) -> JointCommand:
+        time.sleep(0.005)
+        return command
+
+    session = Session(stand_still, 0.1, realtime=False, config=DeployConfig(stand_s=0.2, safety=slow))
+    outcome = run_session(go1, FailingPolicy(go1, 0.0, dawdle), simulation.bus, session)
+    assert outcome.faults == ()
+    assert LockstepClock.realtime is False

@@ -1,0 +1,106 @@
+"""What ends a whole program, in the middle of a walk: the robot is damped and switched off before it does."""
+
+from typing import NoReturn
+
+import numpy as np
+import pytest
+from deploy_policies import FailingPolicy, Hold, stand_still
+from watched_simulation import Simulation, asked_of_motors
+
+from footfall.deploy.config import DeployConfig
+from footfall.deploy.loop import ControlLoop
+from footfall.deploy.session import Session, run_session
+from footfall.deploy.wiring import wire
+from footfall.plant.motor_ends.mit import MitMotorEnd
+from footfall.robots.actuator import JointCommand
+from footfall.robots.description import Robot
+
+SESSION = Session(stand_still, 9.0, realtime=False, config=DeployConfig(stand_s=0.2))
+DAMPED_TICKS = 250  # damping_s, 0.5 s at 500 Hz
+ENDING = [KeyboardInterrupt, SystemExit, GeneratorExit]
+
+
+@pytest.mark.parametrize("ends", ENDING)
+def test_from_what_is_called_each_tick(go1: Robot, ends: type[BaseException]) -> None:
+    simulation = Simulation(go1)
+
+    def end(loop: ControlLoop) -> None:
+        if loop.walking:
+            raise ends
+
+    with pytest.raises(ends):
+        run_session(go1, Hold(go1), simulation.bus, SESSION, end)
+    (stiff, _), (damped, ticks), (off, _) = asked_of_motors(go1, simulation.sent)[-3:]
+    assert (stiff, damped, off) == ("stiff", "damped", "off")
+    assert DAMPED_TICKS <= ticks <= DAMPED_TICKS + 1
+    assert not simulation.body.motors_on.any()
+
+
+@pytest.mark.parametrize("ends", [KeyboardInterrupt, GeneratorExit])
+def test_from_within_a_policy(go1: Robot, ends: type[BaseException]) -> None:
+    def end(_: JointCommand) -> NoReturn:
+        raise ends
+
+    simulation = Simulation(go1)
+    with pytest.raises(ends):
+        run_session(go1, FailingPolicy(go1, 0.05, end), simulation.bus, SESSION)
+    (damped, ticks), (off, _) = asked_of_motors(go1, simulation.sent)[-2:]
+    assert (damped, off) == ("damped", "off")
+    assert DAMPED_TICKS <= ticks <= DAMPED_TICKS + 1
+    assert not simulation.body.motors_on.any()
+
+
+def test_a_policy_that_quits_has_failed(go1: Robot) -> None:
+    """It is no more than a policy: the run ends as after any other exception in one."""
+
+    def leave(_: JointCommand) -> NoReturn:
+        raise SystemExit(3)
+
+    simulation = Simulation(go1)
+    outcome = run_session(go1, FailingPolicy(go1, 0.05, leave), simulation.bus, SESSION)
+    assert outcome.faults == ("the policy failed: SystemExit: 3",)
+    assert not simulation.body.motors_on.any()
+
+
+def test_again_and_again_while_it_damps(go1: Robot) -> None:
+    simulation = Simulation(go1)
+    receive = simulation.bus.receive
+
+    def end(loop: ControlLoop) -> None:
+        if loop.walking:
+            simulation.bus.receive = refuse  # type: ignore[method-assign]
+            raise KeyboardInterrupt
+
+    def refuse(now_us: int) -> NoReturn:
+        receive(now_us)
+        raise SystemExit
+
+    with pytest.raises(KeyboardInterrupt):
+        run_session(go1, Hold(go1), simulation.bus, SESSION, end)
+    (damped, ticks), (off, _) = asked_of_motors(go1, simulation.sent)[-2:]
+    assert (damped, off) == ("damped", "off")
+    assert DAMPED_TICKS <= ticks <= DAMPED_TICKS + 1
+    assert not simulation.body.motors_on.any()
+
+
+def test_joints_that_move_fast_are_damped_no_harder_than_their_motors_can(go1: Robot) -> None:
+    """23.7 N m brake a hip at 12 rad/s with 1.975 N m s/rad at most, where the robot's damping is 3."""
+    simulation, hurried = Simulation(go1), 0
+    speed: list[np.ndarray] = []
+
+    def end(loop: ControlLoop) -> None:
+        nonlocal hurried
+        if loop.walking:
+            simulation.body.data.qvel[6] = 12.0
+            hurried += 1
+        if hurried == 3:
+            speed.append(loop.sensed.joint_velocity)
+            simulation.sent.clear()
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_session(go1, Hold(go1), simulation.bus, SESSION, end)
+    assert speed[0][0] > 9.0
+    kd = MitMotorEnd(wire(go1)).requests(simulation.sent[0]).values[3]
+    assert kd[0] == pytest.approx(23.7 / speed[0][0], abs=0.003)
+    np.testing.assert_allclose(kd[3:], 3.0, atol=0.002)

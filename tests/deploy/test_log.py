@@ -1,0 +1,561 @@
+"""Logs: what they hold, that a killed run keeps them, and that a replay finds the first difference."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from deploy_policies import FailingPolicy, Hold, Sway, not_a_number, short_episode
+from mcap.reader import make_reader
+from mcap.records import Header
+from mcap.writer import CompressionType, Writer
+from mcap_ros2.decoder import DecoderFactory
+from mutate import mutated, mutated_records
+
+from footfall.common.errors import UserError
+from footfall.deploy import log as log_module
+from footfall.deploy import messages
+from footfall.deploy.config import DeployConfig
+from footfall.deploy.estimation.odometry import Odometry
+from footfall.deploy.joint_layer import MotorHealth
+from footfall.deploy.log import McapLog, flatten, unflatten
+from footfall.deploy.log_file import read_log
+from footfall.deploy.loop import ControlLoop
+from footfall.deploy.recover import recover
+from footfall.deploy.replay import replay
+from footfall.deploy.safety import Mode, State
+from footfall.plant.episode import run_episode
+from footfall.plant.trace import Trace
+from footfall.policies.policy import Observation, Sensed
+from footfall.robots.actuator import JointCommand
+from footfall.robots.description import Robot
+
+UNHURRIED = DeployConfig(stand_s=0.4, joint_rate_hz=250.0)
+
+
+@pytest.fixture(scope="module")
+def logged(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Trace]:
+    """The log of an orderly run of Sway, and its trace."""
+    path = tmp_path_factory.mktemp("log") / "run.mcap"
+    policy = Sway(go1)
+    return path, run_episode(go1, policy, short_episode(duration_s=0.5, seed=7, log=path))
+
+
+class Decoded(NamedTuple):
+    """One message as the indexed reader of MCAP's own library finds it."""
+
+    topic: str
+    kind: str
+    message: Any
+
+
+def decoded(path: Path, topic: str | None = None) -> list[Decoded]:
+    with path.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        topics = None if topic is None else [topic]
+        return [
+            Decoded(channel.topic, schema.name, message)
+            for schema, channel, _, message in reader.iter_decoded_messages(topics=topics)
+        ]
+
+
+class TestContent:
+    def test_ros_tools_find_every_topic_with_its_type(self, logged: tuple[Path, Trace]) -> None:
+        found = {m.topic: m.kind for m in decoded(logged[0])}
+        absent = {"/policy/observation", "/policy/action", "/notes"}  # Sway has no network, nothing to note
+        absent |= {"/odom", "/contacts"}  # nor does it ask for an estimate
+        assert found == {topic: kind for topic, kind in messages.TOPICS.items() if topic not in absent}
+
+    def test_every_tick_and_every_policy_step_is_there(self, logged: tuple[Path, Trace]) -> None:
+        path, trace = logged
+        counts = Counter(m.topic for m in decoded(path))
+        assert counts["/policy/inputs"] == counts["/policy/command"] == len(trace.compute_ms) == 26
+        ticks = int(trace.timing["ticks"]) + 1  # the last one switches the motors off, and is not timed
+        assert counts["/joint_states"] == counts["/imu"] == ticks == round(500 * trace.run_s) + 1
+
+    def test_commands_are_logged_while_there_are_any(self, logged: tuple[Path, Trace]) -> None:
+        """From the first tick of STANDING to the one before motors are switched off."""
+        found = read_log(logged[0]).entries
+        state = {entry.message.data: entry.time_ns for entry in found if entry.topic == "/state"}
+        for topic in ("/joint_commands", "/joint_gains"):
+            times = [entry.time_ns for entry in found if entry.topic == topic]
+            assert times == list(range(state["STANDING"], state["IDLE"], 2_000_000))
+
+    def test_joint_states_carry_names_and_readings(self, go1: Robot, logged: tuple[Path, Trace]) -> None:
+        last = decoded(logged[0], "/joint_states")[60].message
+        assert last.name == list(go1.joint_names)
+        np.testing.assert_allclose(last.position, go1.default_pose, atol=0.3)
+        assert len(last.velocity) == len(last.effort) == 12
+
+    def test_each_reading_stands_in_its_own_field(self, go1: Robot, tmp_path: Path) -> None:
+        """Orientation comes as w x y z and is written by name."""
+        position, velocity, torque = (100.0 * k + np.arange(12.0) for k in range(3))
+        commanded = 1000.0 * np.arange(1, 6)[:, None] + np.arange(12.0)
+        gyro, acceleration, quaternion = (
+            np.array([1.0, 2, 3]),
+            np.array([4.0, 5, 6]),
+            np.array([0.1, 0.2, 0.3, 0.4]),
+        )
+        path = tmp_path / "tick.mcap"
+        log = McapLog(path, go1, Hold(go1), facts={}, start_ns=0, may_wait=True)
+        log.tick(0, Sensed(gyro, acceleration, quaternion, position, velocity, torque), HEALTH, commanded)
+        assert log.close() == ""
+        written = {each.topic: each.message for each in decoded(path)}
+        joints, inertial = written["/joint_states"], written["/imu"]
+        assert list(joints.position) == position.tolist()
+        assert list(joints.velocity) == velocity.tolist()
+        assert list(joints.effort) == torque.tolist()
+        command = written["/joint_commands"]
+        assert list(command.name) == list(go1.joint_names)
+        assert list(command.position) == commanded[0].tolist()
+        assert list(command.velocity) == commanded[1].tolist()
+        assert list(command.effort) == commanded[4].tolist()
+        assert list(written["/joint_gains"].data) == [*commanded[2], *commanded[3]]
+        assert [getattr(inertial.orientation, axis) for axis in "wxyz"] == quaternion.tolist()
+        assert [getattr(inertial.angular_velocity, axis) for axis in "xyz"] == gyro.tolist()
+        assert [getattr(inertial.linear_acceleration, axis) for axis in "xyz"] == acceleration.tolist()
+
+    def test_ages_come_each_tick_and_what_motors_say_of_their_health_with_each_change(
+        self, go1: Robot, tmp_path: Path
+    ) -> None:
+        path = tmp_path / "health.mcap"
+        log = McapLog(path, go1, Hold(go1), facts={}, start_ns=0, may_wait=True)
+        hot = HEALTH._replace(temperature_c=HEALTH.temperature_c + np.arange(12.0))
+        faulty = hot._replace(error=np.eye(12, dtype=np.uint8)[3] * 7)
+        for tick, health in enumerate((HEALTH, HEALTH, hot, faulty, faulty, HEALTH)):
+            log.tick(2000 * tick, STILL, health._replace(age_s=health.age_s + tick), None)
+        assert log.close() == ""
+        found = read_log(path).entries
+        ages = [entry.message.data for entry in found if entry.topic == "/reading_ages"]
+        assert [list(each) for each in ages] == [(HEALTH.age_s + tick).tolist() for tick in range(6)]
+        health = {e.time_ns: np.reshape(e.message.data, (3, 12)) for e in found if e.topic == "/motor_health"}
+        assert list(health) == [0, 4_000_000, 6_000_000, 10_000_000]
+        np.testing.assert_array_equal(health[0], np.outer([40.0, np.nan, 0.0], np.ones(12)))
+        np.testing.assert_array_equal(health[6_000_000], [hot.temperature_c, hot.voltage, faulty.error])
+
+    def test_a_run_says_when_each_reading_arrived(self, logged: tuple[Path, Trace]) -> None:
+        """Replies come within the next tick of 2 ms, the IMU's readings every 2 ms."""
+        ages = [entry.message.data for entry in read_log(logged[0]).entries if entry.topic == "/reading_ages"]
+        assert np.shape(ages) == (round(500 * logged[1].run_s) + 1, 13)
+        assert (np.array(ages[2:]) >= 0.0).all()
+        assert np.max(ages[2:]) <= 0.004
+
+    def test_what_is_estimated_stands_in_its_own_field(self, go1: Robot, tmp_path: Path) -> None:
+        """ROS counts x, y, z and the turns about them; yaw is the last, and the velocity is in `base`."""
+        found = Odometry(
+            position=np.array([1.0, 2, 3]),
+            orientation=np.array([0.1, 0.2, 0.3, 0.4]),
+            yaw=0.0,
+            velocity=np.array([4.0, 5, 6]),
+            angular_velocity=np.array([7.0, 8, 9]),
+            height=0.3,
+            contact=np.array([0.0, 0.5, 1.0, 0.25]),
+            covariance=np.arange(49.0).reshape(7, 7),
+        )
+        path = tmp_path / "odometry.mcap"
+        log = McapLog(path, go1, Hold(go1), facts={}, start_ns=0, may_wait=True)
+        log.odometry(20_000, found)
+        assert log.close() == ""
+        written = {each.topic: each.message for each in decoded(path)}
+        odometry = written["/odom"]
+        assert (odometry.header.stamp.nanosec, odometry.header.frame_id) == (20_000_000, "odom")
+        assert odometry.child_frame_id == "base"
+        pose, twist = odometry.pose.pose, odometry.twist.twist
+        assert [getattr(pose.position, axis) for axis in "xyz"] == [1, 2, 3]
+        assert [getattr(pose.orientation, axis) for axis in "wxyz"] == [0.1, 0.2, 0.3, 0.4]
+        assert [getattr(twist.linear, axis) for axis in "xyz"] == [4, 5, 6]
+        assert [getattr(twist.angular, axis) for axis in "xyz"] == [7, 8, 9]
+        spread = np.reshape(odometry.pose.covariance, (6, 6))
+        assert spread[1].tolist() == [7, 8, 9, 0, 0, 10]
+        assert spread[5].tolist() == [21, 22, 23, 0, 0, 24]
+        scatter = np.reshape(odometry.twist.covariance, (6, 6))
+        assert scatter[1].tolist() == [39, 40, 41, 0, 0, 0]
+        assert not scatter[3:].any()
+        assert list(written["/contacts"].data) == found.contact.tolist()
+
+    def test_who_asks_for_odometry_gets_it_fifty_times_a_second(self, go1: Robot, tmp_path: Path) -> None:
+        path = tmp_path / "asked.mcap"
+        config = replace(UNHURRIED, odometry=True)
+        run_episode(go1, Sway(go1), short_episode(duration_s=0.5, log=path, config=config))
+        found = decoded(path)
+        counts = Counter(m.topic for m in found)
+        assert counts["/odom"] == counts["/contacts"] == 26
+        first = {m.topic: m.message for m in reversed(found)}
+        assert list(first["/contacts"].data) == pytest.approx([1.0] * 4, abs=0.01)
+        assert first["/odom"].pose.pose.position.x == pytest.approx(0.0, abs=1e-3)
+
+    def test_states_come_in_order(self, logged: tuple[Path, Trace]) -> None:
+        states = [m.message.data for m in decoded(logged[0], "/state")]
+        assert states == ["STANDING", "WALKING", "RELEASING", "IDLE"]
+
+    def test_a_fault_is_written_with_its_reason(self, go1: Robot, tmp_path: Path) -> None:
+        path = tmp_path / "bad.mcap"
+        run_episode(go1, FailingPolicy(go1, 0.1, not_a_number), short_episode(log=path))
+        states = [m.message.data for m in decoded(path, "/state")]
+        assert "ESTOP: the policy's command is not finite" in states
+
+    def test_metadata_says_who_and_how(self, go1: Robot, logged: tuple[Path, Trace]) -> None:
+        log = read_log(logged[0])
+        assert log.complete
+        assert log.metadata["policy"] == log.metadata["policy_spec"] == "sway"
+        assert log.metadata["robot_digest"] == go1.digest
+        assert log.metadata["seed"] == 7
+        assert log.metadata["joints"] == list(go1.joint_names)
+
+    def test_logging_does_not_change_the_run(self, go1: Robot, logged: tuple[Path, Trace]) -> None:
+        again = run_episode(go1, Sway(go1), short_episode(duration_s=0.5, seed=7))
+        assert np.array_equal(again.qpos, logged[1].qpos)
+
+
+def children(pid: int) -> list[int]:
+    return [int(each) for each in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def wait_for_end(pid: int) -> None:
+    """Of somebody else's child."""
+    deadline = time.monotonic() + 10.0
+    while Path(f"/proc/{pid}").exists() and time.monotonic() < deadline:
+        if "(zombie)" in Path(f"/proc/{pid}/status").read_text():
+            return
+        time.sleep(0.02)
+
+
+class TestKilledRun:
+    """A loop that keeps to the wall clock, and a reader who sees each tick as it happens."""
+
+    SCRIPT = """
+import os, sys
+from pathlib import Path
+from deploy_policies import Hold, short_episode
+from footfall.plant.episode import run_episode
+from footfall.robots.description import load_robot
+from relaxed_limits import RELAXED
+robot = load_robot("go1")
+episode = short_episode(duration_s=60.0, realtime=True, log=Path(sys.argv[1]), config=RELAXED)
+run_episode(robot, Hold(robot), episode, lambda loop, _: os.write(1, b"%d\\n" % loop.now_us))
+"""
+
+    @pytest.fixture
+    def run(self, tmp_path: Path) -> Iterator[subprocess.Popen[bytes]]:
+        """A run that has been logging for a second."""
+        root = Path(__file__).parents[2]
+        environment = os.environ | {"PYTHONPATH": f"{root / 'tests'}:{root / 'benchmarks'}:{root}"}
+        command = [sys.executable, "-c", self.SCRIPT, str(tmp_path / "killed.mcap")]
+        process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE)
+        assert process.stdout is not None
+        try:
+            while int(process.stdout.readline()) < 1_000_000:
+                pass
+            yield process
+        finally:
+            process.kill()
+            process.wait()
+            process.stdout.close()
+
+    @pytest.mark.parametrize("with_its_writer", [False, True])
+    def test_lacks_a_fifth_of_a_second_at_most(
+        self, run: subprocess.Popen[bytes], tmp_path: Path, with_its_writer: bool
+    ) -> None:
+        (writer,) = children(run.pid)
+        if with_its_writer:
+            os.kill(writer, signal.SIGKILL)
+        run.kill()
+        assert run.stdout is not None
+        seen_us = int((b"1000000 " + run.stdout.read()).split()[-1])
+        wait_for_end(writer)
+        path = tmp_path / "killed.mcap"
+        recover(path, tmp_path / "whole.mcap")
+        for each in (path, tmp_path / "whole.mcap"):
+            log = read_log(each)
+            assert not log.complete
+            assert log.metadata["policy"] == "hold"
+            readings = [entry.time_ns for entry in log.entries if entry.topic == "/joint_states"]
+            assert readings[-1] - readings[0] >= (seen_us - (200_000 if with_its_writer else 4_000)) * 1000
+        assert decoded(tmp_path / "whole.mcap")
+
+    def test_has_its_index_where_the_writer_could_go_on(
+        self, run: subprocess.Popen[bytes], tmp_path: Path
+    ) -> None:
+        (writer,) = children(run.pid)
+        run.kill()
+        run.wait()
+        wait_for_end(writer)
+        assert decoded(tmp_path / "killed.mcap", "/imu")
+
+    def test_a_torn_file_can_be_replayed(
+        self, go1: Robot, logged: tuple[Path, Trace], tmp_path: Path
+    ) -> None:
+        torn = tmp_path / "torn.mcap"
+        whole = logged[0].read_bytes()
+        torn.write_bytes(whole[: len(whole) * 9 // 10])
+        assert not read_log(torn).complete
+        assert not replay(torn, Sway(go1)).complete
+
+    def test_a_torn_file_can_be_recovered_for_tools_that_need_an_index(
+        self, logged: tuple[Path, Trace], tmp_path: Path
+    ) -> None:
+        torn, whole = tmp_path / "torn.mcap", tmp_path / "whole.mcap"
+        content = logged[0].read_bytes()
+        torn.write_bytes(content[: len(content) * 9 // 10])
+        left = read_log(torn)
+        assert recover(torn, whole).messages == len(left.entries) > 0
+        assert len(decoded(whole)) == len(left.entries)
+        again = read_log(whole)
+        assert again.metadata == left.metadata
+        assert not again.complete  # the run was cut short all the same
+
+
+class TestReplay:
+    def test_the_same_policy_decides_the_same_to_the_last_bit(
+        self, go1: Robot, logged: tuple[Path, Trace]
+    ) -> None:
+        result = replay(logged[0], Sway(go1))
+        assert result.steps == 26
+        assert result.complete
+        assert result.worst_difference == 0.0
+        assert result.first_difference == ""
+
+    def test_another_policy_is_told_apart_at_its_first_difference(
+        self, go1: Robot, logged: tuple[Path, Trace]
+    ) -> None:
+        def lift(command: JointCommand) -> JointCommand:
+            position = command.position.copy()
+            position[4] += 0.5
+            return command._replace(position=position)
+
+        class Other(Sway):
+            def act(self, observation: Observation) -> JointCommand:
+                command = super().act(observation)
+                return lift(command) if 0.19 < observation.time_s < 0.29 else command
+
+        result = replay(logged[0], Other(go1))
+        assert result.worst_difference == pytest.approx(0.5)
+        assert result.first_difference.startswith("step 10 (0.200 s): position of FL_thigh_joint was ")
+
+    def test_a_decision_that_is_no_number_any_more_is_a_difference(
+        self, go1: Robot, logged: tuple[Path, Trace]
+    ) -> None:
+        class Undecided(Sway):
+            def act(self, observation: Observation) -> JointCommand:
+                command = super().act(observation)
+                return not_a_number(command) if observation.time_s > 0.19 else command
+
+        result = replay(logged[0], Undecided(go1), tolerance=1.0)
+        assert result.first_difference.startswith("step 10 (0.200 s): torque of FR_hip_joint was 0, is nan")
+        assert result.worst_difference == np.inf
+
+    def test_a_decision_that_was_none_before_is_none_again(self, go1: Robot, tmp_path: Path) -> None:
+        path = tmp_path / "bad.mcap"
+        run_episode(go1, FailingPolicy(go1, 0.1, not_a_number), short_episode(log=path))
+        assert replay(path, FailingPolicy(go1, 0.1, not_a_number)).first_difference == ""
+        assert "was nan, is 0" in replay(path, Hold(go1)).first_difference
+
+    @pytest.mark.parametrize("tolerance", [np.nan, np.inf, -1.0])
+    def test_a_tolerance_that_tolerates_everything_or_nothing_is_refused(
+        self, go1: Robot, logged: tuple[Path, Trace], tolerance: float
+    ) -> None:
+        with pytest.raises(UserError, match="tolerance"):
+            replay(logged[0], Sway(go1), tolerance)
+
+    def test_a_hand_written_observation_survives_the_log(self) -> None:
+        n = np.arange(4.0)
+        sensed = Sensed(n[:3], n[:3] + 1, n, n + 2, n + 3, n + 4)
+        observation = Observation(0.5, sensed, n[:3], np.full(3, np.nan), np.nan)
+        back = unflatten(flatten(observation), joints=4)
+        assert back.time_s == 0.5
+        for one, other in zip(back.sensed, sensed, strict=True):
+            assert np.array_equal(one, other)
+        assert np.isnan(back.base_velocity).all()
+        with pytest.raises(ValueError, match="30 numbers are no observation of 5 joints"):
+            unflatten(flatten(observation), joints=5)
+
+
+class TestBadInput:
+    def test_a_log_that_cannot_be_written_stops_the_run_before_it_starts(
+        self, go1: Robot, tmp_path: Path
+    ) -> None:
+        policy = Hold(go1)
+        with pytest.raises(UserError, match=r"cannot write the log .*folder\.mcap: No such file"):
+            run_episode(go1, policy, short_episode(log=tmp_path / "no" / "such" / "folder.mcap"))
+        assert not policy.seen
+
+    @pytest.mark.parametrize("content", [b"", b"not an mcap at all", b"\x89MCAP0\r\n"])
+    def test_what_is_no_log_is_refused(self, go1: Robot, tmp_path: Path, content: bytes) -> None:
+        path = tmp_path / "bad.mcap"
+        path.write_bytes(content)
+        with pytest.raises(UserError, match=r"bad\.mcap is no"):
+            replay(path, Hold(go1))
+
+    def test_a_missing_log_is_named(self, go1: Robot, tmp_path: Path) -> None:
+        with pytest.raises(UserError, match="cannot read the log"):
+            replay(tmp_path / "none.mcap", Hold(go1))
+
+
+HEALTH = MotorHealth(
+    np.linspace(0.0, 0.0012, 13), np.full(12, 40.0), np.full(12, np.nan), np.zeros(12, np.uint8)
+)
+STILL = Sensed(np.zeros(3), np.zeros(3), np.array([1.0, 0, 0, 0]), *np.zeros((3, 12)))
+
+
+def test_a_state_is_logged_with_its_last_fault(go1: Robot, tmp_path: Path) -> None:
+    log = McapLog(tmp_path / "a.mcap", go1, Hold(go1), facts={}, start_ns=0, may_wait=True)
+    log.state(60_000, State(Mode.ESTOP, 0.06, ("first", "second")))
+    log.close()
+    assert [entry.message.data for entry in read_log(tmp_path / "a.mcap").entries] == ["ESTOP: second"]
+
+
+class TestDisk:
+    """A log may cost itself, and nothing else."""
+
+    def test_a_full_one_is_told_at_once_and_the_run_goes_on(
+        self, go1: Robot, capfd: pytest.CaptureFixture[str]
+    ) -> None:
+        told_after: list[int] = []
+
+        def listen(loop: ControlLoop, _: object) -> None:
+            if not told_after and "No space left" in capfd.readouterr().err:
+                told_after.append(loop.now_us)
+
+        trace = run_episode(go1, Hold(go1), short_episode(log=Path("/dev/full"), config=UNHURRIED), listen)
+        assert trace.final_state == "IDLE"
+        assert trace.walked_s == pytest.approx(1.0, abs=0.01)
+        assert trace.notes == ("the log /dev/full is cut short: No space left on device",)
+        assert told_after
+        assert told_after[0] < 1_000_000
+
+    def test_one_that_hangs_for_a_while_makes_a_log_lack_ticks_but_not_the_loop_wait(
+        self, go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """A process that is stopped is like one whose disk hangs."""
+        monkeypatch.setattr(log_module, "MOST_WAITING_BYTES", 20_000)
+        path = tmp_path / "a.mcap"
+        log = McapLog(path, go1, Hold(go1), facts={}, start_ns=0, may_wait=False)
+        os.kill(log._process.pid, signal.SIGSTOP)
+        slowest_s = 0.0
+        for tick in range(1000):
+            started = time.perf_counter()
+            log.tick(2000 * tick, STILL, HEALTH, np.zeros((5, 12)))
+            slowest_s = max(slowest_s, time.perf_counter() - started)
+        os.kill(log._process.pid, signal.SIGCONT)
+        lacks = re.fullmatch(r"the log .*a\.mcap lacks (\d+) ticks or .*: the disk was too slow", log.close())
+        assert lacks is not None
+        assert slowest_s < 0.2
+        readings = [entry for entry in read_log(path).entries if entry.topic == "/imu"]
+        assert 0 < len(readings) == 1000 - int(lacks[1])
+        assert read_log(path).complete
+
+    def test_one_that_hangs_for_ever_is_given_up(
+        self, go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(log_module, "LAST_WAIT_S", 0.3)
+        log = McapLog(tmp_path / "a.mcap", go1, Hold(go1), facts={}, start_ns=0, may_wait=False)
+        os.kill(log._process.pid, signal.SIGSTOP)
+        log.tick(0, STILL, HEALTH, None)
+        assert "a.mcap has no end: the disk does not take it" in log.close()
+
+    def test_a_writer_that_dies_is_told(self, go1: Robot, tmp_path: Path) -> None:
+        log = McapLog(tmp_path / "a.mcap", go1, Hold(go1), facts={}, start_ns=0, may_wait=True)
+        os.kill(log._process.pid, signal.SIGKILL)
+        log._process.wait()
+        for tick in range(3):
+            log.tick(tick, STILL, HEALTH, None)
+        assert "is cut short: the process that writes it failed" in log.close()
+
+
+Mutation = Callable[[bytes, np.random.Generator], bytes]
+
+
+class TestDamage:
+    """Logs with bytes changed, lost or added give what is left of them, or one line."""
+
+    @pytest.mark.parametrize("share", [0.0, 0.5], ids=["the first, which has all definitions", "another"])
+    def test_a_damaged_chunk_is_left_out_and_the_rest_read(
+        self, logged: tuple[Path, Trace], tmp_path: Path, share: float
+    ) -> None:
+        """The file's end repeats the definitions of its messages."""
+        content = bytearray(logged[0].read_bytes())
+        zstd = b"\x28\xb5\x2f\xfd"  # at the head of each chunk's content
+        content[content.index(zstd, int(share * len(content))) + 100] ^= 0xFF
+        hurt, whole = tmp_path / "hurt.mcap", tmp_path / "whole.mcap"
+        hurt.write_bytes(content)
+        log = read_log(hurt)
+        assert log.damaged == 1
+        assert len(read_log(logged[0]).entries) * 0.5 < len(log.entries) < len(read_log(logged[0]).entries)
+        assert recover(hurt, whole) == (len(log.entries), 1)
+        assert read_log(whole).damaged == 0
+        assert [(each.topic, each.time_ns) for each in read_log(whole).entries] == [
+            (each.topic, each.time_ns) for each in log.entries
+        ]
+
+    def test_what_is_left_of_a_log_without_its_first_chunk_and_its_end_keeps_its_types(
+        self, tmp_path: Path
+    ) -> None:
+        """Its second schema and channel are the copy's first ones; what the first were of, nobody knows."""
+        hurt, whole = tmp_path / "hurt.mcap", tmp_path / "whole.mcap"
+        with hurt.open("wb") as file:
+            writer = Writer(file, compression=CompressionType.NONE)
+            writer.start("ros2", "footfall")
+            channels = {}
+            for topic, kind, text in (
+                ("/a", "std_msgs/msg/Float64", b"float64 data"),
+                ("/b", "std_msgs/msg/String", b"string data"),
+            ):
+                schema = writer.register_schema(kind, "ros2msg", text)
+                channels[topic] = writer.register_channel(topic, "cdr", schema)
+                for each, channel in channels.items():
+                    writer.add_message(channel, 3, messages.text(f"of {each}"), 2, sequence=7)
+                writer.flush()  # a chunk of its own
+        content = hurt.read_bytes()
+        hurt.write_bytes(content.replace(b"of /a", b"of /c", 1))
+        assert recover(hurt, whole) == (1, 2)  # the chunk, and a message of a kind that it alone told
+        (left,) = decoded(whole)
+        assert (left.topic, left.kind, left.message.data) == ("/b", "std_msgs/msg/String", "of /b")
+        with whole.open("rb") as file:
+            reader = make_reader(file)
+            assert reader.get_header() == Header("ros2", "footfall")
+            ((_, _, message),) = reader.iter_messages()
+        assert (message.log_time, message.publish_time, message.sequence) == (3, 2, 7)
+
+    def test_definitions_that_are_none_are_counted_and_nothing_is_printed(
+        self, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    ) -> None:
+        """mcap_ros2 prints on stderr what it does not understand."""
+        path = tmp_path / "hurt.mcap"
+        with path.open("wb") as file:
+            writer = Writer(file)
+            writer.start("ros2", "footfall")
+            writer.add_metadata("footfall", {"run": "{}"})
+            for number, text in enumerate((b"string", b"flo at64 data", b"string[x data", b"string data")):
+                schema = writer.register_schema("std_msgs/msg/String", "ros2msg", text)
+                channel = writer.register_channel(f"/{number}", "cdr", schema)
+                writer.add_message(channel, 1, messages.text("heard"), 1)
+            writer.finish()
+        log = read_log(path)
+        assert [(entry.topic, entry.message.data) for entry in log.entries] == [("/3", "heard")]
+        assert log.damaged == 3
+        assert capfd.readouterr() == ("", "")
+
+    @pytest.mark.parametrize("seed", range(8))
+    @pytest.mark.parametrize("mutation", [mutated, mutated_records])
+    def test_no_mutation_gives_a_traceback(
+        self, go1: Robot, logged: tuple[Path, Trace], tmp_path: Path, mutation: Mutation, seed: int
+    ) -> None:
+        hurt = tmp_path / "hurt.mcap"
+        hurt.write_bytes(mutation(logged[0].read_bytes(), np.random.default_rng(seed)))
+        for work in (
+            lambda: read_log(hurt),
+            lambda: replay(hurt, Sway(go1)),
+            lambda: recover(hurt, tmp_path / "whole.mcap"),
+        ):
+            with suppress(UserError):
+                work()

@@ -1,0 +1,43 @@
+"""The supervisor's rules as one table, in code and in the documentation."""
+
+from dataclasses import fields
+from pathlib import Path
+
+from footfall.deploy.rules import RULES, table
+from footfall.deploy.safety import CHECKS, Mode, SafetyConfig
+from footfall.deploy.sensor_checks import BODY_CHECKS, JOINT_CHECKS
+from footfall.deploy.sensor_limits import SensorLimits
+from footfall.robots.description import MotorType
+
+PAGE = (Path(__file__).parents[2] / "docs/safety.md").read_text(encoding="utf-8")
+
+
+def test_the_table_in_the_documentation_is_the_one_in_code() -> None:
+    shown = PAGE.partition("<!-- rules -->\n")[2].partition("<!-- /rules -->")[0].strip()
+    assert shown == table(), "python -m footfall.deploy.rules prints it anew"
+
+
+def test_every_rule_says_something_of_its_own_and_what_follows() -> None:
+    assert len({rule.looks_at for rule in RULES}) == len(RULES)
+    assert len(RULES) > len(CHECKS) + len(JOINT_CHECKS) + len(BODY_CHECKS)
+    stops = {Mode.ESTOP, Mode.FALLING, Mode.LOWERING}
+    assert {check.leads_to for check in (*CHECKS, *JOINT_CHECKS, *BODY_CHECKS)} == stops
+    assert all(rule.limit and rule.follows for rule in RULES)
+
+
+def test_every_limit_is_a_field_of_the_settings_or_of_a_motor_and_is_used() -> None:
+    settings = {name for check in CHECKS for name in check.limits}
+    assert settings <= {field.name for field in fields(SafetyConfig)}
+    limits = [check.limit for check in (*JOINT_CHECKS, *BODY_CHECKS)]
+    assert {limit.setting for limit in limits} - {""} <= {field.name for field in fields(SensorLimits)}
+    assert {limit.motor for limit in limits} - {""} <= {field.name for field in fields(MotorType)}
+
+
+def test_a_rule_shows_its_limit_with_the_default_and_whose_it_is() -> None:
+    shown = {rule.looks_at: rule for rule in RULES}
+    assert shown["the base's tilt"][1:] == ("`tilt_limit_rad` 1.05", "`safety`", "FALLING")
+    assert shown["a joint's velocity"][1:] == (
+        "`speed_share` 1.5 × `no_load_speed_rad_s`",
+        "`safety.sensors`, `motors` in robot.yaml",
+        "ESTOP",
+    )

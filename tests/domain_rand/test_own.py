@@ -1,0 +1,116 @@
+"""What a robot's own randomisation.yaml says otherwise than domain_rand/default.yaml, and who takes it."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from footfall.common.errors import UserError
+from footfall.domain_rand.distributions import Distribution
+from footfall.domain_rand.randomisation import load_randomisation, own_ranges, randomisation_of
+from footfall.evaluate.episodes import sample_of
+from footfall.evaluate.plan import EpisodePlan, plan_episodes
+from footfall.evaluate.scenarios import load_scenarios
+from footfall.robots.description import Robot, available_robots, load_robot
+from footfall.robots.model import plant_model
+from footfall.train.config import load_preset
+
+OWN = "payload_kg: {low: -0.1, high: 0.3}\ncom_offset_m: {high: 0.01}\n"
+
+
+def own_robot(folder: Path, text: str) -> Robot:
+    (folder / "randomisation.yaml").write_text(text)
+    return load_robot(folder)
+
+
+def randomised_plan(robot: Robot) -> EpisodePlan:
+    scenarios = load_scenarios(robot).scenarios
+    return plan_episodes("randomised", scenarios["randomised"], 0, 1)[0]
+
+
+def test_a_robot_that_is_given_no_load_is_asked_to_carry_none(own_folder: Path) -> None:
+    robot = own_robot(own_folder, "payload_kg: null\n")
+    assert set(load_scenarios(robot).scenarios["payload"].levels["payload_kg"]) == {0.0}
+
+
+def test_a_robot_without_one_differs_as_the_default_says(go1: Robot) -> None:
+    assert randomisation_of(go1) == load_randomisation()
+    assert own_ranges(go1) == {}
+
+
+def test_it_replaces_what_it_names_and_leaves_the_rest(own_folder: Path) -> None:
+    robot = own_robot(own_folder, OWN)
+    payload, offset = Distribution(-0.1, 0.3), Distribution(-0.03, 0.01)
+    assert randomisation_of(robot) == replace(load_randomisation(), payload_kg=payload, com_offset_m=offset)
+    assert own_ranges(robot) == {"payload_kg": payload, "com_offset_m": offset}
+
+
+def test_a_quantity_may_be_left_nominal(own_folder: Path) -> None:
+    assert own_ranges(own_robot(own_folder, "payload_kg: null\n")) == {"payload_kg": None}
+
+
+@pytest.mark.parametrize("text", ["", "# nothing yet\n"])
+def test_an_empty_one_changes_nothing(own_folder: Path, text: str) -> None:
+    assert own_ranges(own_robot(own_folder, text)) == {}
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        ("load_kg: {low: 0, high: 1}", "no setting load_kg"),
+        ("payload_kg: {low: 3.0}", "above high"),
+        ("- 1", "mapping"),
+    ],
+)
+def test_a_malformed_one_is_refused_in_one_line(own_folder: Path, text: str, wanted: str) -> None:
+    robot = own_robot(own_folder, text)
+    for read in (randomisation_of, lambda robot: load_preset("cpu", robot)):
+        with pytest.raises(UserError, match=rf"randomisation\.yaml over .*{wanted}") as caught:
+            read(robot)
+        assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("text", [None, OWN])
+def test_the_scenario_draws_from_it_with_the_same_numbers(own_folder: Path, text: str | None) -> None:
+    """Numbers 0 to 14 are of the friction, 13 bodies' masses and the payload."""
+    robot = load_robot(own_folder) if text is None else own_robot(own_folder, text)
+    plan = randomised_plan(robot)
+    numbers = np.random.default_rng(plan.seed).random(1000)
+    sample = sample_of(plan, robot, 13)
+    assert sample is not None
+    low, high = (-1.0, 2.0) if text is None else (-0.1, 0.3)
+    assert sample["friction"] == pytest.approx(0.4 + 0.85 * numbers[0])
+    assert sample["payload_kg"] == pytest.approx(low + (high - low) * numbers[14])
+
+
+def test_presets_take_it_for_what_they_randomise(own_folder: Path) -> None:
+    robot = own_robot(own_folder, OWN)
+    trained, shipped = load_preset("cpu", robot).env.randomisation, load_preset("cpu").env.randomisation
+    assert trained == replace(shipped, payload_kg=Distribution(-0.1, 0.3))
+    assert shipped.com_offset_m is None
+    assert load_preset("smoke", robot) == load_preset("smoke")
+
+
+def test_a_robots_training_yaml_has_the_last_word(own_folder: Path) -> None:
+    (own_folder / "training.yaml").write_text("env: {randomisation: {payload_kg: {low: 0.0, high: 0.1}}}")
+    assert load_preset("cpu", own_robot(own_folder, OWN)).env.randomisation.payload_kg == Distribution(
+        0.0, 0.1
+    )
+
+
+@pytest.mark.parametrize("name", available_robots())
+def test_robots_carry_a_seventh_to_a_fifth_of_their_weight(name: str) -> None:
+    robot = load_robot(name)
+    payload, mass = randomisation_of(robot).payload_kg, plant_model(robot).body_mass.sum()
+    assert payload is not None
+    assert 1 / 7 < payload.high / mass < 1 / 5 + 1e-3
+    assert -1 / 12 < payload.low / mass < -1 / 16
+
+
+@pytest.mark.parametrize(
+    ("name", "zoo"), [("go1", "go1-flat"), ("hexapod", "hexapod-flat"), ("g1", "g1-flat")]
+)
+def test_the_gpu_preset_trains_on_what_the_zoos_policy_was_trained_on(name: str, zoo: str) -> None:
+    kept = load_preset(str(Path(__file__).parents[2] / "policies" / "zoo" / zoo / "config.yaml"))
+    assert load_preset("gpu", load_robot(name)).env.randomisation == kept.env.randomisation

@@ -1,0 +1,134 @@
+"""Scores of an episode, from traces made by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from traces import RATE_HZ, walk
+
+from footfall.evaluate.metrics import score, settled_samples
+from footfall.robots.description import Robot
+
+
+class TestTracking:
+    def test_a_robot_that_does_as_told_has_no_error(self, go1: Robot) -> None:
+        metrics = score(walk(), go1, 125.0)
+        assert metrics.lin_vel_mse == metrics.yaw_rate_mse == 0.0
+        assert metrics.mean_velocity == pytest.approx((1.0, 0.0, 0.0))
+        assert not metrics.fell
+
+    @given(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1))
+    def test_velocity_error_is_the_length_of_both_axes_together(
+        self, go1: Robot, forward: float, left: float, yaw: float
+    ) -> None:
+        trace = walk()
+        wrong = replace(
+            trace,
+            base_velocity=trace.base_velocity + np.array([forward, left, 0.7]),
+            base_angular_velocity=trace.base_angular_velocity + np.array([0.7, 0.7, yaw]),
+        )
+        metrics = score(wrong, go1, 125.0)
+        assert np.sqrt(metrics.lin_vel_mse) == pytest.approx(np.hypot(forward, left))
+        assert np.sqrt(metrics.yaw_rate_mse) == pytest.approx(abs(yaw))
+
+    def test_the_first_second_after_each_change_does_not_count(self, go1: Robot) -> None:
+        trace = walk(6.0)
+        command = trace.command.copy()
+        command[300:] = [0.0, 0.5, 0.0]
+        velocity = command * [1.0, 1.0, 0.0]
+        velocity[:100] += 1.0
+        velocity[300:400] += 1.0
+        late_to_follow = replace(trace, command=command, base_velocity=velocity)
+        assert score(late_to_follow, go1, 125.0).lin_vel_mse == 0.0
+        velocity[400] += 1.0
+        assert score(replace(late_to_follow, base_velocity=velocity), go1, 125.0).lin_vel_mse > 0.0
+
+    def test_settled_time_is_what_remains_after_each_second(self) -> None:
+        trace = walk(6.0)
+        command = trace.command.copy()
+        command[300:] = 0.0
+        settled = settled_samples(replace(trace, command=command))
+        assert settled.sum() == 200 + 200
+        assert not settled[:100].any()
+        assert not settled[300:400].any()
+
+    def test_estimates_are_scored_where_somebody_estimates(self, go1: Robot) -> None:
+        trace = walk()
+        assert np.isnan(score(trace, go1, 125.0).estimate_mse)
+        estimating = replace(trace, estimated_velocity=trace.base_velocity + np.array([0.03, 0.04, 9.0]))
+        assert np.sqrt(score(estimating, go1, 125.0).estimate_mse) == pytest.approx(0.05)
+
+
+class TestEndings:
+    def test_an_emergency_stop_counts_as_a_fall(self, go1: Robot) -> None:
+        metrics = score(replace(walk(), final_state="ESTOP"), go1, 125.0)
+        assert metrics.fell
+        assert metrics.emergency_stop
+
+    def test_a_fall_is_no_emergency_stop(self, go1: Robot) -> None:
+        metrics = score(replace(walk(), final_state="FALLING", fell=True), go1, 125.0)
+        assert metrics.fell
+        assert not metrics.emergency_stop
+
+    @pytest.mark.filterwarnings("error")
+    @pytest.mark.parametrize("seconds", [0.0, 0.01, 0.5])
+    def test_who_falls_at_once_scores_nothing_but_the_fall(self, go1: Robot, seconds: float) -> None:
+        metrics = score(replace(walk(seconds), fell=True), go1, 125.0)
+        assert metrics.fell
+        assert metrics.scored_s == 0.0
+        assert np.isnan(metrics.lin_vel_mse)
+
+
+class TestEffort:
+    def test_energy_is_power_over_time(self, go1: Robot) -> None:
+        trace = walk(4.0)
+        working = replace(
+            trace,
+            electrical_power=np.full(400, 50.0),
+            mechanical_power=np.full(400, 20.0),
+            positive_power=np.full(400, 30.0),
+        )
+        metrics = score(working, go1, 125.0)
+        assert metrics.electrical_j == pytest.approx(200.0)
+        assert metrics.mechanical_j == pytest.approx(80.0)
+        assert metrics.positive_j == pytest.approx(120.0)
+
+    def test_sway_within_a_stride_is_no_distance(self, go1: Robot) -> None:
+        straight = walk(5.0)
+        swaying = straight.base_position.copy()
+        swaying[:, 1] += 0.02 * np.sin(2 * np.pi * 4.0 * straight.time_s)
+        distance = score(replace(straight, base_position=swaying), go1, 125.0).distance_m
+        assert distance == pytest.approx(score(straight, go1, 125.0).distance_m, rel=1e-2)
+        assert distance == pytest.approx(5.0, rel=1e-2)
+
+    def test_peak_torque_is_held_against_each_motors_own_limit(self, go1: Robot) -> None:
+        torque = np.zeros((500, 12))
+        torque[10, 0] = -0.9 * go1.motor.peak_torque[0]
+        torque[20, 2] = 0.7 * go1.motor.peak_torque[2]
+        metrics = score(replace(walk(), motor_torque=torque), go1, 125.0)
+        assert metrics.peak_torque_share == pytest.approx(0.9)
+        assert metrics.peak_torque_nm == pytest.approx(0.7 * go1.motor.peak_torque[2])
+
+    def test_only_feet_on_the_ground_slip_and_only_sideways(self, go1: Robot) -> None:
+        trace = walk()
+        velocity, contact = trace.foot_velocity.copy(), trace.foot_contact.copy()
+        velocity[..., 2] = 5.0
+        velocity[:, 0, 0] = 0.2
+        velocity[:, 1, 0] = 3.0
+        contact[:, 1] = False
+        metrics = score(replace(trace, foot_velocity=velocity, foot_contact=contact), go1, 125.0)
+        assert metrics.foot_slip_m_s == pytest.approx(0.2 / 3)
+        assert metrics.stance_s == pytest.approx(15.0)
+
+    def test_legs_touch_for_a_share_of_all_samples(self, go1: Robot) -> None:
+        assert score(walk(), go1, 125.0).legs_touch_share == 0.0
+        touching = np.arange(500) < 5  # within the first second, which counts here
+        assert score(replace(walk(), legs_touch=touching), go1, 125.0).legs_touch_share == pytest.approx(0.01)
+
+    def test_rates_are_root_mean_squares_per_second(self, go1: Robot) -> None:
+        ramp = np.outer(np.arange(500) / RATE_HZ, np.full(12, 2.0))
+        metrics = score(replace(walk(), joint_target=ramp, motor_torque=3 * ramp), go1, 125.0)
+        assert metrics.target_rate_rad_s == pytest.approx(2.0)
+        assert metrics.torque_rate_nm_s == pytest.approx(6.0)

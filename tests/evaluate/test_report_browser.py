@@ -1,0 +1,84 @@
+"""The report's page as browsers show it: on a telephone and a wide screen, in the dark, and on paper."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from browser import Tab, chromium, tab
+from matplotlib.image import imread
+from report_pages import page_of, result, walked
+
+from footfall.robots.description import Robot
+
+pytestmark = pytest.mark.skipif(chromium() is None, reason="needs Chromium")
+
+LUMINANCE = (
+    "getComputedStyle({}).backgroundColor.match(/\\d+/g).slice(0, 3).reduce((a, b) => a + +b, 0) / 765"
+)
+
+
+@pytest.fixture(scope="module")
+def page(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Tab]:
+    """A report of two policies, one of them with a long name."""
+    folder = tmp_path_factory.mktemp("report")
+    long = "/home/someone/runs/2026-11-23_go1_no-height-scan_and-more-than-90-letters_seed-7/policy.onnx"
+    text = page_of(
+        go1,
+        result("mine", "runs/mine", 0.1, 0, 2.0, walked()),
+        result(long, long, 0.3, 9, 1.0, walked(5.0, fell=True)),
+    )
+    (folder / "report.html").write_text(text, encoding="utf-8")
+    with tab(folder / "profile") as opened:
+        opened.go((folder / "report.html").as_uri())
+        opened.wait_for(lambda page: page.value("document.readyState") == "complete")
+        yield opened
+
+
+def shown(page: Tab, width: int, media: str = "screen", colours: str = "light") -> None:
+    """As on a screen, or paper, so many pixels wide."""
+    page.ask("Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=False)
+    scheme = {"name": "prefers-color-scheme", "value": colours}
+    page.ask("Emulation.setEmulatedMedia", media=media, features=[scheme])
+
+
+@pytest.mark.parametrize(
+    ("width", "media", "colours"),
+    [
+        (420, "screen", "light"),
+        (420, "screen", "dark"),
+        (1400, "screen", "light"),
+        (1400, "screen", "dark"),
+        (760, "print", "dark"),
+    ],
+)
+def test_nothing_reaches_beyond_the_page_and_it_is_dark_where_that_is_wished_for(
+    page: Tab, width: int, media: str, colours: str
+) -> None:
+    """Paper is never dark."""
+    shown(page, width, media, colours)
+    assert page.value("innerWidth") == width
+    assert page.value("document.documentElement.scrollWidth") == width
+    dark = media == "screen" and colours == "dark"
+    for element in ("document.body", "document.querySelector('header')"):
+        luminance = page.value(LUMINANCE.format(element))
+        assert luminance < 0.2 if dark else luminance > 0.9
+
+
+def test_the_page_is_drawn(page: Tab, tmp_path: Path) -> None:
+    shown(page, 1400)
+    page.picture(tmp_path / "page.png")
+    pixels = imread(tmp_path / "page.png")[..., :3]
+    assert pixels.shape[:2] == (900, 1400)
+    assert pixels.std() > 0.05
+
+
+def test_all_that_can_be_unfolded_is_open_on_paper_and_closed_again_after_it(page: Tab) -> None:
+    shown(page, 1400)
+    folded = "[...document.querySelectorAll('details')].filter(each => !each.open).length"
+    before = page.value(folded)
+    assert before > 0
+    page.value(f"addEventListener('beforeprint', () => {{ window.foldedInPrint = {folded} }})")
+    page.ask("Page.printToPDF")
+    assert page.value("window.foldedInPrint") == 0
+    assert page.value(folded) == before
+    assert page.complaints == []

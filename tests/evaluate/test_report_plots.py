@@ -1,0 +1,565 @@
+"""What the report's plots draw: the data of their lines, bars and marks, before any page is made of them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pytest
+from markupsafe import Markup
+from matplotlib.axes import Axes
+from matplotlib.colors import to_hex
+from matplotlib.lines import Line2D
+from matplotlib.patches import Rectangle
+from traces import walk
+
+from footfall.evaluate.plan import CommandSchedule, EpisodePlan
+from footfall.evaluate.report import course_plots, learning_curves, scenario_plots, svg
+from footfall.evaluate.report.course_plots import Walk
+from footfall.evaluate.report.svg import Panel, Reading
+from footfall.plant.episode import Push
+from footfall.plant.trace import Trace
+from footfall.robots.actuator import limit_torque
+from footfall.robots.description import Robot
+
+PLAN = EpisodePlan(
+    scenario="course",
+    index=0,
+    seed=0,
+    duration_s=6.0,
+    schedule=CommandSchedule((0.0, 2.0, 5.0), ((0.0, 0.0, 0.0), (0.6, -0.2, 0.3), (1.0, 0.1, -0.4))),
+    pushes=(Push(1.5, (0.0, 0.4, 0.0)), Push(4.25, (0.5, 0.0, 0.0))),
+    levels={},
+    randomised=False,
+)
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A panel as it was when its drawing ended."""
+
+    identity: str
+    axes: Axes
+    label: str
+    readings: list[Reading]
+
+    def lines(self, colour: str | None = None) -> list[Line2D]:
+        return [each for each in self.axes.lines if colour in (None, each.get_color())]
+
+    @property
+    def bars(self) -> list[Rectangle]:
+        """Of a histogram."""
+        return [bar for bar in self.axes.patches if isinstance(bar, Rectangle)]
+
+    def places(self, colour: str) -> list[float]:
+        """Where lines of this colour begin, along x."""
+        return [float(np.asarray(each.get_xdata())[0]) for each in self.lines(colour)]
+
+    def points(self, colour: str, number: int = 0) -> list[list[float]]:
+        """x and y of a line of this colour."""
+        return np.asarray(self.lines(colour)[number].get_xydata()).T.tolist()
+
+
+@pytest.fixture
+def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Drawn]:
+    """The panels of a plot, in the order in which they were drawn; none is made an SVG of."""
+    panels: list[Drawn] = []
+
+    def keep(panel: Panel, label: str, readings: Any = ()) -> Markup:
+        panels.append(Drawn(panel._identity, panel.axes, label, list(readings)))
+        return Markup(f"<panel {len(panels)}>")
+
+    monkeypatch.setattr(Panel, "svg", keep)
+    return panels
+
+
+def row(falls: int, episodes: int, interval: tuple[float, float], **more: float | None) -> dict[str, Any]:
+    return {"falls": falls, "episodes": episodes, "fall_rate_interval": list(interval), **more}
+
+
+class TestSurvival:
+    ROWS = (row(1, 8, (0.05, 0.4), push_m_s=1.0), row(6, 8, (0.5, 0.9), push_m_s=2.5))
+
+    def summary(self, dv50: float | None, edges: list[float | None], strongest: float = 3.0) -> dict:
+        half = {"dv50": dv50, "dv50_interval": edges, "dv50_width": 0.25, "strongest_push": strongest}
+        return {"rows": list(self.ROWS), "falls": 7, "episodes": 16, **half}
+
+    def test_the_share_that_stood_is_drawn_between_its_edges(self, drawn: list[Drawn]) -> None:
+        scenario_plots.survival({"none": {"episodes": 0}, "a": self.summary(1.8, [1.5, None])})
+        (panel,) = drawn  # of the second policy, in its own colour and with its own mark
+        own = svg.colour(1)
+        (bar,) = panel.axes.containers
+        measured, _, (edges,) = bar
+        assert measured.get_xydata().tolist() == [[1.0, 0.875], [2.5, 0.25]]
+        assert (measured.get_color(), measured.get_marker()) == (own, svg.marker(1))
+        np.testing.assert_allclose(
+            [segment[:, 1] for segment in edges.get_segments()], [[0.6, 0.95], [0.1, 0.5]]
+        )
+        assert panel.identity == "survival-1"
+        assert (panel.axes.get_xlim(), panel.axes.get_ylim()) == ((0.0, 3.12), (-0.04, 1.04))
+        assert panel.axes.get_title(loc="left") == "a: 1.80 m/s"
+        assert panel.axes.get_xlabel() == "push, m/s"
+        assert panel.axes.get_ylabel() == "share that stayed up"
+
+    def test_the_fit_goes_down_through_one_half_at_its_median(self, drawn: list[Drawn]) -> None:
+        scenario_plots.survival(
+            {"a": self.summary(1.8, [1.5, None]), "b": self.summary(1.0, [0.5, 1.5], 9.0)}
+        )
+        strongest = 9.0  # of all policies: the panels have one scale
+        assert drawn[0].axes.get_xlim()[1] == drawn[1].axes.get_xlim()[1] == pytest.approx(1.04 * strongest)
+        fit, bar, median = drawn[0].lines()[-3:]
+        x, y = np.asarray(fit.get_xydata()).T
+        assert (x[0], x[-1]) == (0.0, strongest)
+        np.testing.assert_allclose(y, 1.0 / (1.0 + np.exp((x - 1.8) / 0.25)), atol=1e-9)
+        assert np.asarray(bar.get_xydata()).tolist() == [[1.5, 0.5], [1.05 * strongest, 0.5]]
+        assert np.asarray(median.get_xydata()).tolist() == [[1.8, 0.5]]
+        assert fit.get_color() == bar.get_color() == median.get_markeredgecolor() == svg.colour(0)
+        half = drawn[0].lines(svg.INK)[0]
+        assert np.asarray(half.get_ydata()).tolist() == [0.5, 0.5]
+
+    def test_who_stood_or_fell_at_every_push_has_no_fit(self, drawn: list[Drawn]) -> None:
+        scenario_plots.survival({"a": self.summary(None, [None, None])})
+        assert len(drawn[0].lines(svg.colour(0))) == 1  # what was measured
+
+    def test_the_pointer_reads_the_counts_and_the_interval_that_is_drawn(self, drawn: list[Drawn]) -> None:
+        scenario_plots.survival({"a": self.summary(1.8, [1.5, 2.0])})
+        first, second = drawn[0].readings
+        assert (first.x, first.y, second.x) == (1.0, None, 2.5)
+        assert first.text == (
+            "push of 1 m/s: 7 of 8 stayed up\n95 % interval 60 to 95 %"
+            "\nmedian survivable push 1.80 m/s (1.50 to 2.00)"
+        )
+        assert second.text.startswith("push of 2.5 m/s: 2 of 8 stayed up\n95 % interval 10 to 50 %")
+        assert drawn[0].label == "Share of episodes that a survived against the size of a push"
+
+    def test_the_panels_come_in_the_order_of_the_policies(self, drawn: list[Drawn]) -> None:
+        plot = scenario_plots.survival({name: self.summary(1.8, [1.5, 2.0]) for name in "ab"})
+        assert list(plot.panels) == ["<panel 1>", "<panel 2>"]
+        assert [panel.axes.get_title(loc="left")[0] for panel in drawn] == ["a", "b"]
+
+
+class TestConditions:
+    def test_each_condition_has_its_error_and_its_falls(self, drawn: list[Drawn]) -> None:
+        def rows(level: str, *errors: float | None) -> dict[str, Any]:
+            each = [
+                row(k, 8, (0, 1), lin_vel_rmse=error, **{level: 0.2 * (k + 1)})
+                for k, error in enumerate(errors)
+            ]
+            return {"rows": each}
+
+        plot = scenario_plots.conditions(
+            [
+                ("friction", {"none": {"episodes": 0}, "a": rows("friction", 0.3, 0.1, None)}),
+                ("payload_kg", {"none": {"episodes": 0}, "a": {"rows": []}}),
+                ("kp", {"none": rows("kp", 0.5), "a": rows("kp", 0.25, 0.75)}),
+            ]
+        )
+        assert [panel.identity for panel in drawn] == [
+            "condition-0-0", "condition-0-1", "condition-2-0", "condition-2-1",
+        ]  # fmt: skip
+        assert list(plot.legend) == [0, 1]
+        error, falls, _, other_falls = drawn
+        x, y = error.points(svg.colour(1))
+        np.testing.assert_allclose(x, [0.2, 0.4, 0.6])
+        np.testing.assert_array_equal(y, [0.3, 0.1, np.nan])
+        assert error.lines(svg.colour(1))[0].get_marker() == svg.marker(1)
+        assert falls.points(svg.colour(1))[1] == [0.0, 12.5, 25.0]
+        assert other_falls.points(svg.colour(1))[1] == [0.0, 12.5]
+        assert error.axes.get_ylim()[0] == 0.0
+        assert falls.axes.get_ylim() == (-5.0, 105.0)
+        titles = [
+            (p.axes.get_title(loc="left"), p.axes.get_xlabel(), p.axes.get_ylabel(), p.label) for p in drawn
+        ]
+        assert titles[0] == (
+            "velocity error",
+            "friction coefficient",
+            "m/s",
+            "velocity error against friction coefficient",
+        )
+        assert titles[3] == ("falls", "kp", "%", "falls against kp")
+
+    def test_the_pointer_reads_all_policies_of_one_level(self, drawn: list[Drawn]) -> None:
+        one, two = ([row(0, 4, (0, 1), lin_vel_rmse=error, payload_kg=2.0)] for error in (0.1234, 0.5))
+        two.append(row(3, 4, (0, 1), lin_vel_rmse=0.6, payload_kg=4.0))
+        scenario_plots.conditions([("payload_kg", {"a": {"rows": one}, "b": {"rows": two}})])
+        first, second = drawn[0].readings
+        assert (first.x, first.y, second.x) == (2.0, None, 4.0)
+        assert first.text == "load, kg 2: velocity error, m/s\na 0.123\nb 0.5"
+        assert second.text == "load, kg 4: velocity error, m/s\nb 0.6"
+        assert drawn[1].readings[1].text == "load, kg 4: falls, %\nb 75"
+
+    def test_where_nobody_has_rows_there_is_no_plot(self, drawn: list[Drawn]) -> None:
+        plot = scenario_plots.conditions([("friction", {"a": {"episodes": 0}})])
+        assert (list(plot.panels), list(plot.legend), drawn) == ([], [], [])
+
+
+class TestSweep:
+    ROWS = (
+        row(0, 4, (0, 1), forward_m_s=1.0, yaw_rad_s=-0.5, lin_vel_rmse=0.1),
+        row(2, 4, (0, 1), forward_m_s=0.25, yaw_rad_s=0.8, lin_vel_rmse=0.3),
+        row(0, 4, (0, 1), forward_m_s=0.25, yaw_rad_s=-0.5, lin_vel_rmse=0.9),
+        row(0, 4, (0, 1), forward_m_s=-1.0, yaw_rad_s=0.8, lin_vel_rmse=None),
+        row(0, 4, (0, 1), forward_m_s=-1.0, yaw_rad_s=-0.5, lin_vel_rmse=0.6),
+    )
+
+    def test_a_cell_has_the_error_of_its_command(self, drawn: list[Drawn]) -> None:
+        scenario_plots.sweep({"none": {"episodes": 0}, "a": {"rows": list(self.ROWS)}})
+        (panel,) = drawn
+        (picture,) = panel.axes.images
+        cells: Any = np.ma.filled(np.ma.asarray(picture.get_array()), np.nan)
+        np.testing.assert_array_equal(cells, [[0.6, 0.9, 0.1], [np.nan, 0.3, np.nan]])
+        assert picture.origin == "lower"
+        most = np.percentile([0.1, 0.3, 0.6, 0.9], 95)
+        assert (picture.norm.vmin, picture.norm.vmax) == (0.0, pytest.approx(most))
+        assert [label.get_text() for label in panel.axes.get_xticklabels()] == ["-1", "0.25", "1"]
+        assert [label.get_text() for label in panel.axes.get_yticklabels()] == ["-0.5", "0.8"]
+        assert (panel.axes.get_xlabel(), panel.axes.get_ylabel()) == ("forward, m/s", "yaw rate, rad/s")
+        assert panel.axes.get_title(loc="left") == "a"
+
+    def test_its_number_stands_on_it_unless_it_fell(self, drawn: list[Drawn]) -> None:
+        scenario_plots.sweep({"a": {"rows": list(self.ROWS)}})
+        marks = {tuple(map(int, text.get_position())): text for text in drawn[0].axes.texts}
+        assert {place: text.get_text() for place, text in marks.items()} == {
+            (2, 0): "0.10", (1, 1): "✕", (1, 0): "0.90", (0, 1): "", (0, 0): "0.60",
+        }  # fmt: skip
+        # White on the dark cells of small errors, black on bright ones, the page's ink on an empty one.
+        assert [marks[place].get_color() for place in ((2, 0), (1, 1), (1, 0), (0, 1), (0, 0))] == [
+            "white", "white", "black", svg.INK, "black",
+        ]  # fmt: skip
+
+    def test_the_pointer_reads_a_cell(self, drawn: list[Drawn]) -> None:
+        scenario_plots.sweep({"a": {"rows": list(self.ROWS)}})
+        places = {(each.x, each.y): each.text for each in drawn[0].readings}
+        assert places[1.0, 1.0] == "0.25 m/s forward, 0.8 rad/s\nvelocity error 0.300 m/s\nfell in 2 of 4"
+        assert places[0.0, 1.0] == "-1 m/s forward, 0.8 rad/s\nvelocity error –\nfell in 0 of 4"
+
+    def test_policies_share_one_scale(self, drawn: list[Drawn]) -> None:
+        worse = [{**each, "lin_vel_rmse": 2.0} for each in self.ROWS]
+        scenario_plots.sweep({"a": {"rows": list(self.ROWS)}, "b": {"rows": worse}})
+        one, other = (panel.axes.images[0].norm.vmax for panel in drawn)
+        assert one == other == pytest.approx(2.0)
+        assert [panel.identity for panel in drawn] == ["sweep-0", "sweep-1"]
+
+
+def wandering(seconds: float = 6.0, fell: bool = False) -> Trace:
+    """A trace with a velocity of its own on each axis, feet that differ, and motors that work."""
+    trace = walk(seconds)
+    time_s, joint = trace.time_s[:, None], np.arange(12)
+    velocity = np.column_stack(
+        [0.5 + 0.0 * trace.time_s, -0.2 + 0.0 * trace.time_s, 9.0 + 0.0 * trace.time_s]
+    )
+    contact = (time_s * 2.0 + np.array([0.0, 0.25, 0.5, 0.75])) % 1.0 < [0.5, 0.5, 0.5, 0.9]
+    return replace(
+        trace,
+        base_velocity=velocity,
+        base_angular_velocity=np.column_stack(
+            [trace.time_s * 0.0 + 7.0, trace.time_s * 0.0 + 8.0, 0.1 * trace.time_s]
+        ),
+        joint_velocity=np.sin(time_s + joint) * (5.0 + joint),
+        motor_torque=np.cos(1.3 * time_s + joint) * (2.0 + joint),
+        foot_contact=contact,
+        fell=fell,
+    )
+
+
+class TestTracking:
+    def test_the_command_is_a_staircase_and_each_policy_a_line(self, drawn: list[Drawn]) -> None:
+        walks = [Walk(1, "b", wandering(), 20.0), Walk(2, "c", wandering(3.0, fell=True), 20.0)]
+        plot = course_plots.tracking(walks, PLAN)
+        assert list(plot.legend) == [1, 2]
+        for axis, panel in enumerate(drawn):
+            command = panel.lines(svg.INK)[0]
+            assert command.get_drawstyle() == "steps-post"
+            x, y = np.asarray(command.get_xydata()).T
+            np.testing.assert_allclose(x, np.arange(60) / 10)
+            assert [y[k] for k in (0, 19, 20, 49, 50)] == [
+                PLAN.schedule(k / 10)[axis] for k in (0, 19, 20, 49, 50)
+            ]
+            for colour, seconds in ((svg.colour(1), 6.0), (svg.colour(2), 3.0)):
+                x, y = panel.points(colour)
+                assert (x[0], x[-1]) == (0.0, pytest.approx(seconds - 0.01))
+                assert y[150] == pytest.approx((0.5, -0.2, 0.15)[axis], abs=2e-3)
+            assert panel.places(svg.INK)[1:] == [1.5, 4.25]  # pushes
+            assert panel.axes.get_xlim() == (0.0, 6.0)
+        assert [panel.axes.get_ylabel() for panel in drawn] == ["m/s", "m/s", "rad/s"]
+        assert [panel.axes.get_title(loc="left") for panel in drawn] == [
+            "forward velocity", "leftward velocity", "yaw rate",
+        ]  # fmt: skip
+
+    def test_the_pointer_reads_the_sample_of_its_time(self, drawn: list[Drawn]) -> None:
+        ended = wandering(2.0)  # without a fall
+        course_plots.tracking([Walk(0, "a", wandering(), 20.0), Walk(1, "b", ended, 20.0)], PLAN)
+        yaw = drawn[2].readings
+        assert (yaw[15].x, yaw[15].y, yaw[15].text) == (
+            1.5,
+            None,
+            "1.5 s: command 0.00 rad/s\na 0.15\nb 0.15",
+        )
+        assert yaw[40].text == "4.0 s: command 0.30 rad/s\na 0.40\nb –"
+
+    def test_lines_are_averaged_over_a_fifth_of_a_second_about_each_sample(self) -> None:
+        trace = walk(2.0)
+        ramp = course_plots._smooth(3.0 * trace.time_s, trace)
+        assert len(ramp) == 200
+        np.testing.assert_allclose(ramp[20:-20], 3.0 * trace.time_s[20:-20], atol=0.02)  # no lag
+        spike = course_plots._smooth(np.eye(200)[100], trace)
+        assert np.flatnonzero(spike > 1e-12).tolist() == list(range(91, 111))
+        assert spike.max() == pytest.approx(1.0 / 20)
+        np.testing.assert_allclose(course_plots._smooth(np.full(200, 2.0), trace), 2.0)  # at the ends too
+        assert len(course_plots._smooth(np.ones(3), trace)) == 3
+
+
+class TestGait:
+    def test_bars_are_the_feets_in_the_steady_window(self, go1: Robot, drawn: list[Drawn]) -> None:
+        plot = course_plots.gait([Walk(2, "c", wandering(), 20.0)], PLAN, go1)
+        assert course_plots.steady_window(PLAN) == (3.0, 5.0)
+        assert "0.6 m/s forward, -0.2 m/s leftward and 0.3 rad/s" in plot.caption
+        (panel,) = drawn
+        assert panel.axes.get_xlim() == (3.0, 5.0)
+        assert panel.axes.get_ylim() == (3.5, -0.5)  # the first foot is the uppermost
+        assert [label.get_text() for label in panel.axes.get_yticklabels()] == [
+            f.name for f in go1.description.feet
+        ]
+        assert len(panel.axes.collections) == 4
+        for foot, bars in enumerate(panel.axes.collections):
+            assert to_hex(np.asarray(bars.get_facecolor())[0]) == svg.colour(2)
+            boxes = [path.get_extents() for path in bars.get_paths()]
+            assert all((box.y0, box.y1) == pytest.approx((foot - 0.36, foot + 0.36)) for box in boxes)
+            begin = (3.5, 3.375, 3.25, 3.125)[foot]  # of the stance that lies wholly within the window
+            (inner,) = [box for box in boxes if box.x0 == pytest.approx(begin, abs=0.011)]
+            assert inner.width == pytest.approx((0.25, 0.25, 0.25, 0.45)[foot], abs=0.011)
+
+    def test_duty_and_stride_rate_are_of_the_window(self, go1: Robot, drawn: list[Drawn]) -> None:
+        course_plots.gait([Walk(0, "a", wandering(), 20.0)], PLAN, go1)
+        seen = wandering().foot_contact[300:501]
+        strides = (~seen[:-1] & seen[1:]).sum() / 4 / 2.01
+        assert drawn[0].axes.get_title(loc="left") == f"a: duty {seen.mean():.2f}, {strides:.1f} strides/s"
+        assert drawn[0].label.endswith(f"duty factor {seen.mean():.2f}")
+        names = [foot.name for foot in go1.description.feet]
+        for reading in drawn[0].readings:
+            index = round(reading.x * 100)
+            down = [name for name, there in zip(names, wandering().foot_contact[index], strict=True) if there]
+            assert reading.text == f"{reading.x:.2f} s: {', '.join(down) or 'no foot'} on the ground"
+        assert [round(each.x, 2) for each in drawn[0].readings[:3]] == [3.0, 3.02, 3.04]
+
+    def test_the_steady_window_is_of_the_longest_motion_though_a_stand_be_longer(self) -> None:
+        def window(from_s: tuple[float, ...], *forward: float) -> tuple[float, float]:
+            schedule = CommandSchedule(from_s, tuple((each, 0.0, 0.0) for each in forward))
+            return course_plots.steady_window(replace(PLAN, schedule=schedule))
+
+        assert window((0.0, 4.5), 0.0, 0.5) == (4.5, 6.0)
+        assert window((0.0, 3.5, 4.0), 0.5, 0.0, 0.7) == (1.5, 3.5)
+        assert window((0.0, 1.0, 2.0), 0.0, 0.5, 0.0) == (1.0, 2.0)
+
+    @pytest.mark.parametrize(
+        ("contact", "bars"),
+        [
+            ([1, 1, 1, 1], [(0.0, 0.4)]),
+            ([0, 0, 1, 1], [(0.2, 0.2)]),
+            ([1, 0, 1, 0], [(0.0, 0.1), (0.2, 0.1)]),
+            ([0, 0, 0, 0], []),
+            ([1], [(0.0, 0.0)]),  # one sample is no stretch of time
+        ],
+    )
+    def test_bars_begin_and_end_with_contact(
+        self, contact: list[int], bars: list[tuple[float, float]]
+    ) -> None:
+        found = course_plots._bars(np.arange(len(contact)) / 10.0, np.array(contact, dtype=bool))
+        np.testing.assert_allclose(np.reshape(found, (-1, 2)), np.reshape(bars, (-1, 2)), atol=1e-12)
+
+    def test_touchdowns_are_counted_per_foot_and_second(self) -> None:
+        contact = np.array([[1, 0], [0, 0], [1, 1], [1, 0], [0, 1]], dtype=bool)
+        assert course_plots._touchdown_rate_hz(contact, 10.0) == pytest.approx(3 / 2 / 0.5)
+
+
+class TestMotors:
+    def test_marks_are_the_joints_of_a_kind_within_what_its_motor_delivers(
+        self, go1: Robot, drawn: list[Drawn]
+    ) -> None:
+        traces = [wandering(), replace(wandering(), motor_torque=2.0 * wandering().motor_torque)]
+        course_plots.torque_speed(
+            [Walk(k + 1, "abc"[k + 1], each, 20.0) for k, each in enumerate(traces)], go1
+        )
+        kinds = list(dict.fromkeys(joint.motor for joint in go1.description.joints))
+        assert len(kinds) > 1
+        expected = [
+            (f"torque-{r}-{k + 1}", f"{'bc'[k]}: {kind}") for r, kind in enumerate(kinds) for k in range(2)
+        ]
+        assert [(panel.identity, panel.axes.get_title(loc="left")) for panel in drawn] == expected
+        for number, panel in enumerate(drawn):
+            kind, trace = kinds[number // 2], traces[number % 2]
+            joints = [k for k, joint in enumerate(go1.description.joints) if joint.motor == kind]
+            x, y = panel.points(svg.colour(number % 2 + 1))
+            np.testing.assert_array_equal(x, trace.joint_velocity[:, joints].ravel())
+            np.testing.assert_array_equal(y, trace.motor_torque[:, joints].ravel())
+            motor = type(go1.motor)(*(np.broadcast_to(part, (12,))[joints[0]] for part in go1.motor))
+            for sign, drawn_limit in zip((1, -1), panel.lines(svg.INK), strict=True):
+                speed, limit = np.asarray(drawn_limit.get_xydata()).T
+                assert (speed[0], speed[-1]) == pytest.approx(
+                    (-1.05 * motor.no_load_speed, 1.05 * motor.no_load_speed)
+                )
+                np.testing.assert_allclose(limit, limit_torque(np.full(43, sign * 1e9), speed, motor))
+            low, high = panel.axes.get_ylim()
+            assert high == -low == pytest.approx(1.08 * motor.peak_torque)
+            assert panel.axes.get_xlabel() == "speed, rad/s"
+            assert panel.axes.get_ylabel() == "torque, N m"
+
+    def test_the_pointer_reads_what_was_used_near_a_speed(self, go1: Robot, drawn: list[Drawn]) -> None:
+        trace = wandering()
+        course_plots.torque_speed([Walk(0, "a", trace, 20.0)], go1)
+        joints = [
+            k for k, j in enumerate(go1.description.joints) if j.motor == go1.description.joints[0].motor
+        ]
+        speed, torque = trace.joint_velocity[:, joints].ravel(), trace.motor_torque[:, joints].ravel()
+        (middle,) = [each for each in drawn[0].readings if abs(each.x) < 1e-9]
+        half = 1.05 * go1.motor.no_load_speed[joints[0]] / 42
+        near = torque[np.abs(speed) <= half]
+        peak = go1.motor.peak_torque[joints[0]]
+        assert middle.text == (
+            f"at {middle.x:.1f} rad/s: {near.min():.1f} to {near.max():.1f} N m"
+            f"\nlimits {-peak:.1f} and {peak:.1f} N m"
+        )
+        assert ": never\n" in drawn[0].readings[-1].text
+
+
+class TestTiming:
+    def timed(self, *compute_ms: float) -> Trace:
+        return replace(walk(1.0), compute_ms=np.array(compute_ms))
+
+    def test_bars_are_shares_of_steps_on_one_scale(self, drawn: list[Drawn]) -> None:
+        walks = [
+            Walk(1, "b", self.timed(0.1, 0.1, 0.4, 2.0), 5.0),
+            Walk(2, "c", self.timed(), 20.0),
+            Walk(3, "d", self.timed(50.0, 60.0), 20.0),
+        ]
+        course_plots.timing(walks)
+        one, other = drawn  # who took no step has no panel
+        assert [panel.identity for panel in drawn] == ["timing-1", "timing-3"]
+        bars = [(bar.get_x(), bar.get_x() + bar.get_width(), bar.get_height()) for bar in one.bars]
+        heights = {ms: [h for low, high, h in bars if low <= ms < high] for ms in (0.1, 0.4, 2.0)}
+        assert heights == {0.1: [50.0], 0.4: [25.0], 2.0: [25.0]}
+        assert sum(height for _, _, height in bars) == pytest.approx(100.0)
+        assert (bars[0][0], bars[-1][1]) == pytest.approx((0.09, 78.0))
+        assert (other.bars[0].get_x(), len(bars)) == (pytest.approx(0.09), 59)
+        assert to_hex(one.bars[0].get_facecolor()) == svg.colour(1)
+        p50, p99 = np.percentile([0.1, 0.1, 0.4, 2.0], [50, 99])
+        assert one.places(svg.INK) == pytest.approx([p50, p99, 5.0])
+        assert one.axes.get_title(loc="left") == f"b: p50 {p50:.2f}, p99 {p99:.2f} of 5 ms"
+        assert one.axes.get_xscale() == "log"
+        assert one.axes.xaxis.get_major_formatter()(0.1, 0) == "0.1"
+        assert one.axes.xaxis.get_minor_formatter()(0.2, 0) == ""
+        assert (one.axes.get_xlabel(), one.axes.get_ylabel()) == ("time per step, ms", "% of steps")
+
+    def test_the_pointer_reads_a_bar(self, drawn: list[Drawn]) -> None:
+        course_plots.timing([Walk(0, "a", self.timed(0.1, 0.1, 0.4, 2.0), 5.0)])
+        for bar, reading in zip(drawn[0].bars, drawn[0].readings, strict=True):
+            low, high = bar.get_x(), bar.get_x() + bar.get_width()
+            assert low < reading.x < high
+            assert reading.x == pytest.approx(np.sqrt(low * high))
+            assert reading.text == f"{low:.3g} to {high:.3g} ms: {bar.get_height():.1f} % of steps"
+
+    def test_a_period_longer_than_any_step_is_within_the_axis(self, drawn: list[Drawn]) -> None:
+        course_plots.timing([Walk(0, "a", self.timed(0.5, 1.0), 20.0)])
+        bars = drawn[0].bars
+        assert bars[0].get_x() == pytest.approx(0.45)
+        assert bars[-1].get_x() + bars[-1].get_width() == pytest.approx(26.0)
+
+
+class TestLearning:
+    def test_a_curve_is_in_millions_of_steps_and_in_its_policys_colour(
+        self, drawn: list[Drawn], tmp_path: Any
+    ) -> None:
+        keys = list(learning_curves.CURVES)
+        lines = [
+            f'{{"step": {1_500_000 * k}, "{keys[0]}": {0.5 * k}, "{keys[2]}": {-3.0 * k}}}'
+            for k in range(1, 4)
+        ]
+        (tmp_path / "metrics.jsonl").write_text("\n".join(lines))
+        plot = learning_curves.learning_curves({"stand": "stand", "mine": str(tmp_path)})
+        reward, length = drawn  # of the error there is nothing to show
+        assert [panel.identity for panel in drawn] == ["learning-0", "learning-2"]
+        assert reward.points(svg.colour(1)) == [[1.5, 3.0, 4.5], [0.5, 1.0, 1.5]]
+        assert length.points(svg.colour(1))[1] == [-3.0, -6.0, -9.0]
+        assert list(plot.legend) == [1]
+        assert reward.axes.get_title(loc="left") == "reward, per second"
+        assert length.axes.get_title(loc="left") == "length of an episode, s"
+        assert reward.axes.get_xlabel() == "environment steps, millions"
+        assert reward.readings[1] == Reading(3.0, 1.0, "mine: 1\nafter 3 million steps")
+        assert length.label == "length of an episode, s over environment steps"
+
+    def test_one_point_is_no_curve(self, drawn: list[Drawn], tmp_path: Any) -> None:
+        (tmp_path / "metrics.jsonl").write_text('{"step": 5, "reward/total": 1.0}')
+        assert not learning_curves.learning_curves({"mine": str(tmp_path)}).panels
+
+    def test_long_curves_have_few_points_for_the_pointer_but_the_first(
+        self, drawn: list[Drawn], tmp_path: Any
+    ) -> None:
+        rows = "\n".join(f'{{"step": {k}, "reward/total": {k}}}' for k in range(200))
+        (tmp_path / "metrics.jsonl").write_text(rows)
+        learning_curves.learning_curves({"mine": str(tmp_path)})
+        assert [each.y for each in drawn[0].readings] == list(range(0, 200, 2))
+        assert len(drawn[0].points(svg.colour(0))[0]) == 200
+
+    def test_what_is_no_row_of_numbers_is_passed_over(self, tmp_path: Any) -> None:
+        path = tmp_path / "metrics.jsonl"
+        path.write_bytes(
+            b'[1]\n{"a": 1}\n{"step": 2, "a": "x"}\nnot json\n{"step": 3, "b": \xff}\n{"step": 4, "a": 9}'
+        )
+        rows = learning_curves.read_metrics(path)
+        assert [each["step"] for each in rows] == [2, 4]
+        assert learning_curves.curve(rows, "a").tolist() == [[4.0, 9.0]]
+        assert learning_curves.read_metrics(tmp_path / "none.jsonl") == []
+
+
+def test_plots_say_what_they_are_though_there_be_nothing_to_draw(go1: Robot) -> None:
+    plots = [
+        scenario_plots.survival({}), course_plots.tracking([], PLAN), course_plots.gait([], PLAN, go1),
+        scenario_plots.conditions([]), scenario_plots.sweep({}), course_plots.torque_speed([], go1),
+        course_plots.timing([]), learning_curves.learning_curves({}),
+    ]  # fmt: skip
+    assert [plot.title for plot in plots] == [
+        "Pushes", "Tracking",
+        "Gait", "Harder conditions", "Commands", "Torque and speed", "Timing", "Learning",
+    ]  # fmt: skip
+    assert not any(plot.panels for plot in plots)
+
+
+class TestPanel:
+    def test_policies_differ_in_more_than_colour_and_begin_again_after_the_last(self) -> None:
+        count = len(svg.COLOURS)
+        styles: list[Callable[[int], Any]] = [svg.colour, svg.marker, lambda k: str(svg.line(k))]
+        for style in styles:
+            assert len({style(k) for k in range(count)}) == count
+            assert style(count + 1) == style(1)
+        assert svg.line(0) == {"color": svg.COLOURS[0]}
+        assert svg.line(3) == {"color": svg.COLOURS[3], "dashes": (7, 2, 2, 2)}
+        assert set(svg.MARKERS) == set(svg.MARKER_PATHS)
+
+    def test_the_drawing_has_a_label_ids_of_its_own_and_the_pages_colours(self) -> None:
+        with Panel("mine-7", height=100.0) as panel:
+            panel.axes.plot([0, 1], [0, 1], color=svg.INK)
+            text = panel.svg('a "line" & more', [Reading(0.25, None, "a < b")])
+        assert text.startswith('<svg role="img" aria-label="a &#34;line&#34; &amp; more" data-readings="')
+        assert 'viewBox="0 0 340 100"' in text
+        assert "currentColor" in text
+        assert not any(stand_in in text for stand_in in (svg.INK, svg.LINE, svg.PAPER))
+        assert 'id="mine-7-' in text
+        assert "<metadata>" not in text
+        assert 'width="340pt"' not in text
+
+    def test_without_readings_there_is_nothing_for_the_pointer(self) -> None:
+        with Panel("p") as panel:
+            assert "data-readings" not in panel.svg("x")
+
+    def test_readings_lie_in_the_box_of_the_axes(self) -> None:
+        with Panel("p", height=120.0) as panel:
+            panel.axes.set(xlim=(0.0, 4.0), ylim=(-1.0, 1.0))
+            panel.svg("x")
+            placed = panel._placed([Reading(0.0, -1.0, "a"), Reading(4.0, 1.0, "b"), Reading(2.0, None, "c")])
+        left, top, right, bottom = placed["box"]
+        assert 0 < left < right < 340
+        assert 0 < top < bottom < 120
+        low, high, anywhere = placed["points"]
+        assert low == [left, bottom, "a"]
+        assert high == [right, top, "b"]
+        assert anywhere == [pytest.approx((left + right) / 2, abs=0.1), None, "c"]

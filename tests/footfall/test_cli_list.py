@@ -1,0 +1,63 @@
+"""`footfall list`: what there is to name, for people and for programs."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+from shell import Shell
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def listed(capsys: pytest.CaptureFixture[str]) -> dict[str, dict[str, dict]]:
+    """Each kind's rows by name."""
+    outcome = Shell(capsys)("list", "--json")
+    assert outcome.status == 0
+    return {kind: {row.pop("name"): row for row in rows} for kind, rows in json.loads(outcome.out).items()}
+
+
+def test_everything_that_ships_is_there(listed: dict[str, dict[str, dict]]) -> None:
+    assert list(listed) == ["robots", "controllers", "policies", "scenarios", "presets"]
+    assert set(listed["robots"]) == {path.parent.name for path in ROOT.glob("robots/*/robot.yaml")}
+    assert set(listed["policies"]) == {path.parent.name for path in ROOT.glob("policies/zoo/*/policy.onnx")}
+    assert set(listed["presets"]) == {path.stem for path in ROOT.glob("train/presets/*.yaml")}
+    scenarios = yaml.safe_load((ROOT / "evaluate/scenarios.yaml").read_text())["scenarios"]
+    assert set(listed["scenarios"]) == set(scenarios)
+
+
+def test_each_row_tells_what_it_is(listed: dict[str, dict[str, dict]]) -> None:
+    hexapod = listed["robots"]["hexapod"]
+    assert (hexapod["feet"], hexapod["joints"]) == (6, 18)
+    assert hexapod["controllers"] == ["stand", "tripod", "ripple", "wave"]
+    assert hexapod["policies"] == ["hexapod-flat"]
+    assert listed["controllers"]["step"]["robots"] == ["g1"]
+    assert [listed["controllers"][name]["walks"] for name in ("stand", "mpc")] == [False, True]
+    assert listed["policies"]["g1-flat"]["robot"] == "g1"
+    gentle = listed["scenarios"]["gentle"]
+    assert (gentle["episodes"], gentle["duration_s"]) == (24, 10.0)
+    assert gentle["about"] == "Commands over a good half of the robot's range, drawn anew every 3 to 6 s"
+    assert listed["presets"]["smoke"]["total_steps"] == 4096
+    assert listed["presets"]["smoke"]["about"].startswith("Seconds on any machine")
+
+
+def test_people_get_a_table_of_each_kind(
+    capsys: pytest.CaptureFixture[str], listed: dict[str, dict[str, dict]]
+) -> None:
+    lines = [line.split() for line in Shell(capsys)("list").out.splitlines()]
+    for kind, rows in listed.items():
+        under = lines[lines.index([kind]) :]
+        assert set(rows) <= {words[0] for words in under if words}
+    assert ["smoke", "Seconds", "on"] in [words[:3] for words in lines]
+
+
+def test_a_robots_computer_can_list_too() -> None:
+    code = (
+        "import sys; from footfall.verbs.list import list_names; list_names(json=True);"
+        "print([m for m in ('jax', 'torch', 'matplotlib', 'brax') if m in sys.modules], file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stderr.strip() == "[]"

@@ -1,0 +1,227 @@
+"""The installed command, where it matters in a process of its own: what only a real process shows."""
+
+import json
+import os
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+from relaxed_limits import RELAXED
+from shell import Shell
+
+from footfall.common.config import unstructure
+
+ROOT = Path(__file__).parents[2]
+FOOTFALL = [sys.executable, "-m", "footfall"]
+
+VERBS = (
+    "train", "sweep", "watch", "evaluate", "export", "deploy", "compare", "replay", "log", "demo", "diagnose",
+    "doctor",
+)  # fmt: skip
+
+
+def run(*tokens: str, **options) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*FOOTFALL, *tokens], capture_output=True, text=True, check=False, **options)
+
+
+def test_help_names_every_verb_and_loads_no_room() -> None:
+    code = (
+        "import sys; from footfall.cli import main; main(['--help']);"
+        "print([m for m in ('jax', 'mujoco', 'onnxruntime', 'can', 'matplotlib') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    for verb in VERBS:
+        assert f" {verb} " in done.stdout
+    assert done.stdout.rstrip().endswith("[]")
+
+
+def test_ctrl_c_while_modules_are_loaded_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "cyclopts.py").write_text("raise KeyboardInterrupt")
+    done = run("list", env=os.environ | {"PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"})
+    assert (done.returncode, done.stderr) == (130, "footfall: interrupted\n")
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_verb_explains_itself(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    explained = Shell(capsys)(verb, "--help")
+    assert explained.status == 0
+    assert f"footfall {verb}" in explained.out
+
+
+def test_version() -> None:
+    done = run("--version")
+    assert done.returncode == 0
+    assert done.stdout.strip().count(".") == 2
+
+
+@pytest.mark.parametrize("tokens", [["walk"], ["train", "--preset", "huge"]], ids=" ".join)
+def test_bad_input_is_one_line_and_status_2(tokens: list[str], tmp_path: Path) -> None:
+    done = run(*tokens, cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.startswith("footfall: ")
+    assert done.stderr.count("\n") == 1
+    assert done.stdout == ""
+
+
+def test_deploy_needs_no_learning_library(tmp_path: Path) -> None:
+    blocker = tmp_path / "sitecustomize.py"
+    blocker.write_text(
+        "import sys\n"
+        "class Blocker:\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        "        if name.split('.')[0] in {'jax', 'jaxlib', 'torch', 'brax', 'flax', 'onnx'}:\n"
+        "            raise ModuleNotFoundError(f'No module named {name!r}', name=name)\n"
+        "sys.meta_path.insert(0, Blocker())\n"
+    )
+    environment = os.environ | {"PYTHONPATH": str(tmp_path)}
+    done = run("deploy", "stand", "--duration", "0.2", env=environment, cwd=Path(__file__).parents[2])
+    assert done.returncode == 0, done.stderr
+    refused = run("train", "--preset", "smoke", env=environment, cwd=Path(__file__).parents[2])
+    assert refused.returncode == 2
+    assert refused.stderr.count("\n") == 1
+    assert "[train]'" in refused.stderr
+
+
+def test_ctrl_c_ends_a_run_in_an_orderly_way(tmp_path: Path) -> None:
+    """The robot lies down, its motors are switched off, and the figures are written."""
+    figures, relaxed = tmp_path / "a.json", tmp_path / "relaxed.yaml"
+    relaxed.write_text(json.dumps(unstructure(RELAXED)))
+    command = [*FOOTFALL, "deploy", "stand", "--realtime", "--duration", "600", "--config", relaxed]
+    process = subprocess.Popen(
+        [*command, "--json", figures],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    assert "WALKING" in process.stdout.readline()  # the first of the lines that it prints as it goes
+    process.send_signal(signal.SIGINT)
+    _, complaint = process.communicate(timeout=60)
+    assert (process.returncode, complaint) == (0, "")
+    ended = json.loads(figures.read_text())
+    assert ended["final_state"] == "IDLE"
+    assert 0.0 < ended["walked_s"] < 60.0
+
+
+@pytest.mark.parametrize(
+    ("number", "status", "complaint"),
+    [(signal.SIGINT, 130, "footfall: interrupted\n"), (signal.SIGTERM, 143, "footfall: terminated\n")],
+)
+def test_a_signal_ends_an_evaluation_and_its_processes(
+    tmp_path: Path, number: signal.Signals, status: int, complaint: str
+) -> None:
+    brief, folder = tmp_path / "brief.yaml", tmp_path / "folder"  # an episode that began is run to its end
+    brief.write_text("scenarios: {brief: {about: Standing, episodes: 5000, duration_s: 0.5}}")
+    folder.mkdir()
+    scenario = ["--scenario-file", brief, "--scenarios", "brief"]
+    process = subprocess.Popen(
+        [*FOOTFALL, "evaluate", "stand", *scenario, "--workers", "2"],
+        cwd=folder, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True, start_new_session=True,
+        env=os.environ | {"TMPDIR": str(folder)},
+    )  # fmt: skip
+    try:
+        deadline = time.monotonic() + 60
+        while len(processes_of(process.pid)) < 3 and time.monotonic() < deadline:
+            time.sleep(0.1)
+        time.sleep(1.0)
+        process.send_signal(number)
+        _, told = process.communicate(timeout=60)
+        deadline = time.monotonic() + 5
+        while (left := processes_of(process.pid)) and time.monotonic() < deadline:
+            time.sleep(0.05)  # a process that ends is there for a moment yet
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+    assert (process.returncode, told) == (status, complaint)
+    assert left == []
+    assert list(folder.iterdir()) == []
+
+
+def processes_of(session: int) -> list[int]:
+    """The processes of a session, those that are only waiting to be collected left out."""
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            state, _, _, of = stat.read_text().rpartition(")")[2].split()[:4]
+            found += [int(stat.parent.name)] if int(of) == session and state != "Z" else []
+    return found
+
+
+def without_roots_privilege() -> list[str]:
+    """What to put before a command so that permissions hold for it even if root runs it."""
+    if os.geteuid() != 0:
+        return []
+    lacking = "-dac_override,-dac_read_search"
+    dropped = ["setpriv", f"--bounding-set={lacking}", f"--inh-caps={lacking}"]
+    if shutil.which("setpriv") is None or subprocess.run([*dropped, "true"], check=False).returncode:
+        pytest.skip("root may read and write everything, and setpriv cannot change that here")
+    return dropped
+
+
+@pytest.mark.parametrize("tokens", [["deploy", "stand", "--json"], ["train", "--preset", "smoke", "--out"]])
+def test_a_folder_without_permission(tmp_path: Path, tokens: list[str]) -> None:
+    folder = tmp_path / "locked"
+    folder.mkdir(mode=0o500)
+    done = subprocess.run(
+        [*without_roots_privilege(), *FOOTFALL, *tokens, folder / "out"],
+        cwd=tmp_path, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.startswith("footfall: ")
+    assert "Permission denied" in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert list(tmp_path.iterdir()) == [folder]
+
+
+def test_a_file_that_may_not_be_read(tmp_path: Path) -> None:
+    settings = tmp_path / "loop.yaml"
+    settings.touch(mode=0o200)
+    command = [*without_roots_privilege(), *FOOTFALL, "deploy", "stand", "--config", settings]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (2, f"footfall: {settings}: Permission denied\n")
+
+
+def test_a_reader_that_leaves_is_no_error() -> None:
+    process = subprocess.Popen(
+        [*FOOTFALL, "deploy", "--help"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    process.stdout.close()
+    assert process.stderr is not None
+    assert process.stderr.read() == ""
+    assert process.wait(timeout=20) == 141  # as of a command that SIGPIPE ended
+
+
+def test_outputs_that_are_closed_are_no_error() -> None:
+    command = shlex.join([*map(str, FOOTFALL), "--version"])
+    done = subprocess.run(["sh", "-c", f"{command} >&-"], stderr=subprocess.PIPE, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert subprocess.run(["sh", "-c", f"{command} >&- 2>&-"], check=False).returncode == 0
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
+def test_a_full_disk_is_one_line() -> None:
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [*FOOTFALL, "deploy", "stand", "--duration", "0.1"],
+            stdout=full, stderr=subprocess.PIPE, text=True, check=False,
+        )  # fmt: skip
+    assert done.returncode == 2
+    assert done.stderr.startswith("footfall: ")
+    assert done.stderr.count("\n") == 1
+
+
+def test_doctor_looks_at_everything_and_never_fails() -> None:
+    done = run("doctor")
+    assert done.returncode == 0, done.stderr
+    for what in (
+        "processors", "packages", "simulators", "accelerator", "offscreen rendering",
+        "compilation cache", "CAN interfaces", "real-time", "memory locking",
+    ):  # fmt: skip
+        assert what in done.stdout

@@ -1,0 +1,136 @@
+"""Controllers and estimator on robots that nobody built: other numbers of legs, hinges and soles."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_up import bodies
+
+from footfall.deploy.estimation.estimator import BaseEstimator
+from footfall.policies.controllers.gait import GaitConfig
+from footfall.policies.controllers.mpc import Mpc
+from footfall.policies.controllers.mpc.config import MpcConfig
+from footfall.policies.controllers.settings import controller_settings
+from footfall.policies.controllers.stand import Stand, StandConfig
+from footfall.policies.controllers.walk import Walk
+from footfall.policies.controllers.walk.config import StanceConfig, WalkConfig
+from footfall.policies.policy import Observation, Policy, Sensed
+from footfall.robots.description import Robot, load_robot
+
+GO1 = load_robot("go1")
+FIVE, BIPED, SOLES = ("five legs, one of four hinges", "biped without ankles", "six hinges and soles")
+
+
+@pytest.fixture(scope="module")
+def robots(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Robot]:
+    return bodies(tmp_path_factory.mktemp("bodies"))
+
+
+def at_rest(robot: Robot, roll: float = 0.0) -> Sensed:
+    """Standing in the default pose, its legs carrying an even share of 40 N each."""
+    legs = robot.legs
+    force = np.tile([0.0, 0.0, 40.0], (legs.count, 1))
+    load = legs.scatter(legs.torque(legs.pose(robot.default_pose).jacobian, force), np.zeros_like(robot.kp))
+    quaternion = np.array([np.cos(roll / 2), np.sin(roll / 2), 0.0, 0.0])
+    still = np.zeros(3), np.array([0.0, 0.0, 9.81]), quaternion
+    return Sensed(*still, robot.default_pose, np.zeros_like(load), load)
+
+
+def seen(robot: Robot, time_s: float, command: float = 0.0, roll: float = 0.0) -> Observation:
+    height = float(-robot.legs.default_foot[:, 2].mean())
+    return Observation(time_s, at_rest(robot, roll), np.array([command, 0.0, 0.0]), np.zeros(3), height)
+
+
+def tips(robot: Robot, policy: Policy, observation: Observation) -> np.ndarray:
+    """Where a policy wants the feet; everything that it commands is a number."""
+    command = policy.act(observation)
+    assert all(values.shape == robot.default_pose.shape for values in command)
+    assert np.all(np.isfinite(np.array(command)))
+    return robot.legs.pose(command.position).foot
+
+
+@pytest.mark.parametrize("kind", [FIVE, BIPED, SOLES])
+class TestAnyRobot:
+    def test_stand_holds_the_default_pose_and_pushes_down_where_it_has_sunk(
+        self, robots: dict[str, Robot], kind: str
+    ) -> None:
+        robot = robots[kind]
+        policy = Stand(robot, controller_settings(GO1, "stand", StandConfig))
+        policy.reset(seen(robot, 0.0))
+        level = tips(robot, policy, seen(robot, 9.0))
+        np.testing.assert_allclose(level, robot.legs.default_foot, atol=1e-6)
+        moved = tips(robot, policy, seen(robot, 9.0, roll=0.05))[:, 2] - level[:, 2]
+        left = robot.legs.default_foot[:, 1] > 0
+        assert np.all(moved[left] > 1e-4)  # rolled to the right, its left feet come up
+        assert np.all(moved[~left] < -1e-4)
+
+    def test_the_estimator_sees_a_robot_that_stands_stand(self, robots: dict[str, Robot], kind: str) -> None:
+        robot = robots[kind]
+        estimator = BaseEstimator(robot)
+        estimator.reset(at_rest(robot))
+        for _ in range(50):
+            velocity, height = estimator.update(at_rest(robot), None, 0.002)
+        np.testing.assert_allclose(velocity, 0.0, atol=1e-6)
+        assert height == pytest.approx(-robot.legs.default_foot[:, 2].mean(), abs=1e-3)
+
+    def test_the_estimator_feels_how_fast_the_legs_carry_the_base(
+        self, robots: dict[str, Robot], kind: str
+    ) -> None:
+        """All feet go back under it at the same speed: it goes forward, sideways and up at that speed."""
+        robot = robots[kind]
+        legs, wanted, dt_s = robot.legs, np.array([0.11, -0.04, 0.02]), 0.002
+        moving, estimator = at_rest(robot), BaseEstimator(robot)
+        estimator.reset(moving)
+        for _ in range(100):
+            pose = legs.pose(moving.joint_position)
+            contact = pose.jacobian + legs.rolling_offset(pose.axes, np.array([0.0, 0.0, 1.0]))
+            if kind == SOLES:  # which do not turn
+                contact = np.concatenate([pose.jacobian, pose.axes], axis=1)
+            back = np.zeros(contact.shape[1])
+            back[:3] = -wanted
+            rates = legs.scatter(np.linalg.pinv(contact) @ back, np.zeros_like(robot.kp))
+            joint = moving.joint_position + dt_s * rates
+            moving = moving._replace(joint_position=joint, joint_velocity=rates)
+            velocity, _ = estimator.update(moving, None, dt_s)
+        np.testing.assert_allclose(velocity, wanted, atol=5e-3)
+
+
+@pytest.mark.parametrize("kind", [BIPED, SOLES])
+class TestTwoLegs:
+    def test_the_generator_carries_standing_feet_back_and_lifts_the_others(
+        self, robots: dict[str, Robot], kind: str
+    ) -> None:
+        """The lowest point of a ball goes as fast as the ground, its centre as much slower as it rolls."""
+        robot = robots[kind]
+        config = controller_settings(GO1, "trot", WalkConfig)
+        height = -float(robot.legs.default_foot[:, 2].mean()) + 0.01
+        config = replace(
+            config,
+            rate_hz=100.0,
+            gait=GaitConfig("walk", 0.6, 0.6),
+            step=replace(config.step, body_height_m=height),
+            stance=StanceConfig(),
+        )
+        policy = Walk(robot, "walk", config)
+        policy.reset(seen(robot, 0.0))
+        feet = np.array([tips(robot, policy, seen(robot, 1.0 + k / 100, 0.2)) for k in range(180)])
+        ground = feet[:, :, 2].min() + 1e-6
+        down = (feet[1:, :, 2] < ground) & (feet[:-1, :, 2] < ground)
+        speed = 100.0 * np.diff(feet[:, :, 0], axis=0)[100:][down[100:]]
+        low, high = (-0.205, -0.195) if kind == SOLES else (-0.2, -0.17)
+        assert low < speed.min() < speed.max() < high
+        np.testing.assert_allclose(np.ptp(feet[100:, :, 2], axis=0), config.step.height_m, rtol=0.1)
+
+    def test_mpc_plans_forces_that_carry_the_weight(self, robots: dict[str, Robot], kind: str) -> None:
+        robot = robots[kind]
+        config = controller_settings(GO1, "mpc", MpcConfig)
+        height = -float(robot.legs.default_foot[:, 2].mean()) + float(robot.legs.foot_radius.mean())
+        stance = replace(config.stance, height_m=height, outward_m=0.0)
+        policy = Mpc(robot, replace(config, gait=GaitConfig("walk", 0.5, 0.6), stance=stance))
+        policy.reset(seen(robot, 0.0))
+        tips(robot, policy, seen(robot, 1.0))
+        weight = 9.81 * policy._body.mass
+        assert policy._force[:, 2].sum() == pytest.approx(weight, rel=0.2)
+        for k in range(200):
+            tips(robot, policy, seen(robot, 1.0 + k / 500, 0.2))
+        assert policy.late == 0

@@ -1,0 +1,172 @@
+"""Balancing and stepping on soles: the joint law, noisy readings, MuJoCo, no bus."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+from direct_plant import DirectPlant, walk
+
+from footfall.common.errors import UserError
+from footfall.deploy.estimation.estimator import BaseEstimator
+from footfall.plant.episode import Episode, run_episode
+from footfall.policies.controllers.balance import Balance
+from footfall.policies.controllers.solver import BoundedSolver, Programme
+from footfall.policies.controllers.step import Step
+from footfall.policies.controllers.step.controller import Phase
+from footfall.policies.controllers.whole_body.control import UNSOLVED
+from footfall.policies.policy import Observation
+from footfall.policies.registry import controllers_of, load_policy, walking_controllers
+from footfall.robots.description import load_robot
+from footfall.robots.readings import Sensed
+
+G1 = load_robot("g1")
+
+
+def hold(command: tuple[float, float, float], _: float) -> np.ndarray:
+    return np.array(command)
+
+
+STANDING = partial(hold, (0.0, 0.0, 0.0))
+
+
+def test_the_biped_has_its_controllers_by_name() -> None:
+    assert {"balance", "step"} <= set(controllers_of(G1))
+    assert "step" in walking_controllers(G1)
+    assert "balance" not in walking_controllers(G1)
+    assert isinstance(load_policy("balance", G1), Balance)
+
+
+def test_step_refuses_a_robot_of_four_feet() -> None:
+    settings = load_policy("step", G1)._config  # type: ignore[attr-defined]
+    with pytest.raises(UserError, match="a left and a right foot"):
+        Step(load_robot("go1"), settings)
+
+
+class TestBalance:
+    @pytest.mark.parametrize("push", [(0.2, 0.0), (-0.2, 0.0), (0.0, 0.2), (0.0, -0.2)])
+    def test_a_nudge_is_caught_on_the_spot(self, push: tuple[float, float]) -> None:
+        policy, plant = Balance(G1), DirectPlant(G1, seed=3)
+        result = walk(policy, plant, STANDING, 2.5, push=(0.6, np.array([*push, 0.0])))
+        assert not result.fell
+        assert policy.control.unsolved_ticks == 0
+        moved = np.linalg.norm(np.array(result.position) - result.position[0], axis=1)
+        assert moved.max() > 0.015
+        assert moved[-1] < 0.02
+        assert np.linalg.norm(result.velocity[-1]) < 0.05
+
+    def test_the_base_begins_where_it_is_and_rises_to_the_default_pose(self) -> None:
+        policy, plant = Balance(G1), DirectPlant(G1, seed=1)
+        result = walk(policy, plant, STANDING, 1.0)
+        assert np.abs(np.diff(result.height)).max() < 5e-4
+        assert result.height[-1] == pytest.approx(G1.description.standing_height_m, abs=0.01)
+
+
+def test_balance_serves_four_round_feet_as_well() -> None:
+    go1 = load_robot("go1")
+    config = load_policy("balance", G1)._config  # type: ignore[attr-defined]
+    policy, plant = Balance(go1, config), DirectPlant(go1, seed=3)
+    result = walk(policy, plant, STANDING, 2.0, push=(0.6, np.array([0.2, -0.2, 0.0])))
+    assert not result.fell
+    assert policy.control.unsolved_ticks == 0
+    assert np.linalg.norm(np.array(result.position)[-1] - result.position[0]) < 0.03
+
+
+class Missing(BoundedSolver):
+    """Has no solution for a number of ticks, after the first hundred."""
+
+    def __init__(self, ticks: int) -> None:
+        super().__init__()
+        self._ticks, self._count = ticks, 0
+
+    def solve(self, problem: Programme) -> np.ndarray | None:
+        self._count += 1
+        return None if 100 < self._count <= 100 + self._ticks else super().solve(problem)
+
+
+class TestTicksWithoutSolution:
+    def test_a_run_goes_on_over_a_few_and_says_so(self) -> None:
+        policy = Balance(G1)
+        policy.control.solver = Missing(ticks=10)
+        trace = run_episode(G1, policy, Episode(command=STANDING, duration_s=0.6))
+        assert not trace.fell
+        assert not trace.faults
+        assert trace.notes == (UNSOLVED,)
+
+    def test_a_run_without_a_solution_ends_damped_and_says_why(self) -> None:
+        policy = Balance(G1)
+        policy.control.solver = Missing(ticks=1000)
+        trace = run_episode(G1, policy, Episode(command=STANDING, duration_s=0.6))
+        assert trace.final_state == "ESTOP"
+        assert "no solution for 0.1 s" in trace.faults[0]
+
+
+class TestStep:
+    def test_it_walks_as_commanded(self) -> None:
+        policy, plant = Step(G1), DirectPlant(G1, seed=2)
+        result = walk(policy, plant, partial(hold, (0.2, 0.0, 0.3)), 4.5)
+        assert not result.fell
+        assert policy.steps >= 5
+        assert policy.control.unsolved_ticks == 0
+        forward, _, yaw_rate = result.mean_velocity(after_s=1.5)
+        assert forward == pytest.approx(0.2, abs=0.06)
+        assert yaw_rate == pytest.approx(0.3, abs=0.08)
+
+    @pytest.mark.parametrize("push", [(0.4, 0.0), (-0.37, 0.15)])
+    def test_a_shove_is_stepped_after_and_then_it_stands(self, push: tuple[float, float]) -> None:
+        policy, plant = Step(G1), DirectPlant(G1, seed=4)
+        shove = (0.8, np.array([*push, 0.0]))
+        result = walk(policy, plant, STANDING, 3.0, BaseEstimator(G1), shove)
+        assert not result.fell
+        assert 1 <= policy.steps <= 4
+        assert policy.phase is Phase.STAND
+        assert np.linalg.norm(result.velocity[-1][:2]) < 0.1
+
+    def test_a_harder_shove_is_stepped_after_before_the_weight_has_shifted(self) -> None:
+        policy, plant = Step(G1), DirectPlant(G1, seed=4)
+        lifted: list[float] = []
+
+        def look(time_s: float, _: DirectPlant) -> None:
+            if policy.steps and not lifted:
+                lifted.append(time_s)
+
+        shove = (0.8, np.array([0.5, 0.0, 0.0]))
+        assert not walk(policy, plant, STANDING, 3.0, push=shove, frame=look).fell
+        assert lifted[0] < 0.8 + 0.1
+
+    def test_undisturbed_it_does_not_step(self) -> None:
+        policy, plant = Step(G1), DirectPlant(G1, seed=5)
+        assert not walk(policy, plant, STANDING, 1.5).fell
+        assert policy.steps == 0
+        stance = policy.stance()
+        assert stance is not None
+        assert stance.tolist() == [1.0, 1.0]
+
+    @pytest.mark.parametrize("ahead", [1.5, 1.7, 2.0])  # at 1.5 the feet are on both sides of it as one lifts
+    def test_a_foot_in_the_air_does_not_care_where_headings_begin_anew(self, ahead: float) -> None:
+        """A turn over half a circle is the same turn a quarter of a circle earlier.
+
+        A quarter, since the friction pyramids are square. The joints stand still, toes outwards, the body is
+        turned by hand.
+        """
+        over_half_a_circle, earlier = self.turned(np.pi - ahead), self.turned(np.pi / 2 - ahead)
+        np.testing.assert_allclose(over_half_a_circle, earlier, atol=1e-4)
+
+    @staticmethod
+    def turned(heading: float, rate: float = 1.0, seconds: float = 2.1) -> np.ndarray:
+        """The commands (ticks, 5, n) while the body turns from a heading at a rate, rad/s."""
+        policy, still, commands = Step(G1), np.zeros_like(G1.default_pose), []
+        toes_out = G1.default_pose.copy()
+        for side, angle in (("left", 0.15), ("right", -0.15)):
+            toes_out[G1.joint_names.index(f"{side}_hip_yaw_joint")] = angle
+        for time_s in np.arange(0.0, seconds, 1.0 / policy.rate_hz):
+            half = 0.5 * (heading + rate * time_s)
+            level = np.array([np.cos(half), 0.0, 0.0, np.sin(half)])
+            gyro, up = np.array([0.0, 0.0, rate]), np.array([0.0, 0.0, 9.81])
+            sensed = Sensed(gyro, up, level, toes_out, still, still)
+            height = G1.description.standing_height_m
+            seen = Observation(float(time_s), sensed, np.array([0.0, 0.0, rate]), np.zeros(3), height)
+            if time_s == 0.0:
+                policy.reset(seen)
+            commands.append(np.array(policy.act(seen)))
+        assert policy.phase is Phase.STEP
+        return np.array(commands)

@@ -1,0 +1,195 @@
+"""The MPC's plan carried out by whole-body control."""
+
+import math
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pytest
+from direct_plant import DirectPlant, walk
+from scipy.spatial.transform import Rotation
+
+from footfall.domain_rand.randomisation import load_randomisation
+from footfall.domain_rand.sample import Sample
+from footfall.plant.episode import Episode, run_episode
+from footfall.policies.controllers.mpc.whole_body import MpcWholeBody
+from footfall.policies.controllers.solver import BoundedSolver, Programme
+from footfall.policies.controllers.whole_body.control import UNSOLVED
+from footfall.policies.controllers.whole_body.dynamics import Dynamics
+from footfall.policies.controllers.whole_body.problem import Wanted
+from footfall.policies.policy import Observation, Sensed
+from footfall.policies.registry import load_policy, walking_controllers
+from footfall.robots.actuator import JointCommand
+from footfall.robots.description import load_robot
+from footfall.robots.rigid_body import nominal_body
+
+ROBOT = load_robot("go1")
+LEGS, BODY = ROBOT.legs, nominal_body(ROBOT)
+TILTED = Rotation.from_euler("ZYX", [0.9, -0.2, 0.15])
+GYRO, VELOCITY = np.array([0.3, -0.5, 0.8]), np.array([0.3, -0.2, 0.1])
+RATES = 0.3 * np.random.default_rng(1).standard_normal(len(ROBOT.joint_names))
+
+
+def hold(command: tuple[float, float, float], _: float) -> np.ndarray:
+    return np.array(command)
+
+
+def moving(time_s: float = 0.0, command: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Observation:
+    """Tilted, in the default pose, base and joints in motion."""
+    x, y, z, w = TILTED.as_quat()
+    still = np.zeros(len(ROBOT.joint_names))
+    up = np.array([0.0, 0.0, 9.81])
+    sensed = Sensed(GYRO, up, np.array([w, x, y, z]), ROBOT.default_pose, RATES, still)
+    return Observation(time_s, sensed, np.array(command), VELOCITY, 0.26)
+
+
+@pytest.fixture
+def policy() -> MpcWholeBody:
+    policy = load_policy("mpc-wbc", ROBOT)
+    assert isinstance(policy, MpcWholeBody)
+    return policy
+
+
+Asked = tuple[Dynamics, Wanted, np.ndarray]
+
+
+@pytest.fixture
+def asked(policy: MpcWholeBody, monkeypatch: pytest.MonkeyPatch) -> list[Asked]:
+    """What whole-body control was asked for: dynamics, accelerations, and most that points may press with."""
+    calls: list[Asked] = []
+    command = policy.control.command
+
+    def seen(*arguments: Any) -> JointCommand:
+        dynamics, _, _, wanted, most = arguments
+        calls.append((dynamics, wanted, most))
+        return command(*arguments)
+
+    monkeypatch.setattr(policy.control, "command", seen)
+    return calls
+
+
+def test_it_is_one_of_the_robots_walking_controllers() -> None:
+    assert "mpc-wbc" in walking_controllers(ROBOT)
+
+
+class TestWanted:
+    def test_the_body_shall_move_as_the_planned_forces_move_it(
+        self, policy: MpcWholeBody, asked: list[Asked]
+    ) -> None:
+        """Newton's and Euler's equations of the rigid body that the plan is made for."""
+        policy.reset(moving())
+        policy.act(moving())
+        dynamics, wanted, _ = asked[0]
+        force = policy._force
+        np.testing.assert_allclose(wanted.centre, force.sum(axis=0) / BODY.mass - [0, 0, 9.81])
+        moment = np.cross(dynamics.foot - dynamics.centre, force).sum(axis=0)
+        assert np.abs(moment).min() > 0.1
+        np.testing.assert_allclose(wanted.momentum_rate, moment)
+        turned = TILTED.as_matrix() @ BODY.inertia @ TILTED.as_matrix().T
+        np.testing.assert_allclose(TILTED.apply(wanted.attitude), np.linalg.solve(turned, moment))
+
+    def test_feet_that_swing_are_brought_back_to_their_trajectories(
+        self, policy: MpcWholeBody, asked: list[Asked]
+    ) -> None:
+        """Acceleration in the world: that of the trajectory, and a spring and damper about it."""
+        policy.reset(moving())
+        for tick in range(9):
+            policy.act(moving(1.0 + tick / policy.rate_hz, (0.5, 0.0, 0.0)))
+        _, wanted, most = asked[-1]
+        swinging = most == 0.0
+        assert swinging.sum() == 2
+        np.testing.assert_array_equal(policy._stands, ~swinging)
+        assert not wanted.feet[~swinging].any()
+        assert not wanted.feet[:, 3:].any()
+        pose = LEGS.pose(ROBOT.default_pose)
+        base = policy._follow(moving(), 0.0)
+        legs = np.flatnonzero(swinging).tolist()
+        motion = policy._swing(legs, policy._clock.swing().tolist(), base)
+        config = policy._swing_feedback
+        for leg, (place, velocity, acceleration) in zip(legs, motion, strict=True):
+            moves = pose.jacobian[leg] @ LEGS.gather(RATES)[leg]
+            back = config.stiffness * (place - pose.foot[leg]) + config.damping * (velocity - moves)
+            np.testing.assert_allclose(wanted.feet[leg, :3], TILTED.apply(acceleration + back), atol=1e-9)
+
+    def test_a_foot_that_stands_presses_with_no_more_than_it_may(
+        self, policy: MpcWholeBody, asked: list[Asked]
+    ) -> None:
+        policy.reset(moving())
+        policy.act(moving())
+        np.testing.assert_array_equal(asked[0][2], policy._config.contact.most_force_n)
+
+
+class TestDelays:
+    """What `randomised` robots may have: commands that take effect late, after readings that are late."""
+
+    @pytest.fixture
+    def late(self) -> Sample:
+        declared = load_randomisation()
+        return {
+            name: np.array(getattr(declared, name).high) for name in ("action_delay_s", "observation_delay_s")
+        }
+
+    def test_a_swing_that_is_brought_back_late_does_not_oscillate(
+        self, policy: MpcWholeBody, late: Sample
+    ) -> None:
+        """Feedback k + d s on a foot that accelerates as asked, T late: L(s) = (k + d s) exp(-s T) / s^2.
+
+        Where |L| is 1, w^4 = k^2 + d^2 w^2, its phase is -pi + atan(d w / k) - w T, and that
+        30 degrees or more above -pi.
+        """
+        k, d = policy._swing_feedback.stiffness, policy._swing_feedback.damping
+        w = math.sqrt((d**2 + math.sqrt(d**4 + 4.0 * k**2)) / 2.0)
+        late_s = sum(float(seconds) for seconds in late.values())
+        assert late_s == pytest.approx(0.025)
+        assert math.atan(d * w / k) - w * late_s > math.radians(30.0)
+
+    def test_it_walks_on_the_latest_robot(self, policy: MpcWholeBody, late: Sample) -> None:
+        """With a stiffness of 1500 and a damping of 60 a hip swung to its stop within a second."""
+        episode = Episode(command=partial(hold, (0.5, 0.0, 0.0)), duration_s=1.3, sample=late)
+        trace = run_episode(ROBOT, policy, episode)
+        assert not trace.fell
+        assert trace.faults == ()
+
+
+class TestWalking:
+    def test_it_walks_as_commanded(self, policy: MpcWholeBody) -> None:
+        result = walk(policy, DirectPlant(ROBOT, seed=2), partial(hold, (0.4, -0.1, 0.5)), 3.0)
+        assert not result.fell
+        assert policy.control.unsolved_ticks == 0
+        assert policy.notes == ()
+        np.testing.assert_allclose(result.mean_velocity(after_s=1.5), [0.4, -0.1, 0.5], atol=0.04)
+
+    def test_it_stands_where_it_is_told_to(self, policy: MpcWholeBody) -> None:
+        result = walk(policy, DirectPlant(ROBOT, seed=3), partial(hold, (0.0, 0.0, 0.0)), 1.0)
+        assert not result.fell
+        assert np.abs(np.array(result.velocity)[-100:]).max() < 0.05
+
+
+class Missing(BoundedSolver):
+    """Has no solution for ten ticks, after the first hundred."""
+
+    count = 0
+
+    def solve(self, problem: Programme) -> np.ndarray | None:
+        self.count += 1
+        return None if 100 < self.count <= 110 else super().solve(problem)
+
+
+def test_a_few_ticks_without_a_solution_are_damped_and_the_run_says_so(policy: MpcWholeBody) -> None:
+    policy.control.solver = Missing()
+    trace = run_episode(ROBOT, policy, Episode(command=partial(hold, (0.3, 0.0, 0.0)), duration_s=0.5))
+    assert not trace.fell
+    assert not trace.faults
+    assert trace.notes == (UNSOLVED,)
+
+
+def test_its_references_go_on_by_a_tick_of_the_plans_rate(policy: MpcWholeBody) -> None:
+    assert policy.rate_hz == 500.0
+    assert policy.control._dt_s == pytest.approx(0.002)
+
+
+def test_a_reset_forgets_the_episode_before(policy: MpcWholeBody) -> None:
+    policy.reset(moving())
+    first = [policy.act(moving()).position.tolist() for _ in range(3)]
+    policy.reset(moving())
+    assert [policy.act(moving()).position.tolist() for _ in range(3)] == first

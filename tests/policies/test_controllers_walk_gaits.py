@@ -1,0 +1,334 @@
+"""The gait generator: feet in the course of a gait, limits that it keeps to, changes while it walks."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from deploy_policies import Hold
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from footfall.common.errors import UserError
+from footfall.policies.controllers.gait import GaitConfig, GaitTiming
+from footfall.policies.controllers.settings import controller_settings
+from footfall.policies.controllers.walk import Walk
+from footfall.policies.controllers.walk.config import StepConfig, WalkConfig
+from footfall.policies.controllers.walk.feet import FootCycle, Footing
+from footfall.policies.gaits import find_gait
+from footfall.policies.policy import Observation, Sensed
+from footfall.policies.registry import load_policy
+from footfall.robots.actuator import friction_torque
+from footfall.robots.description import Robot, load_robot
+from footfall.robots.rigid_body import nominal_body
+
+ROBOT = load_robot("hexapod")
+LEGS = ROBOT.legs
+GAITS = ("tripod", "ripple", "wave")
+FASTEST = 3.0  # rad/s, the robot's limit
+PLACES = LEGS.default_foot * np.array([1.0, 1.0, 0.0])
+STILL = Footing(PLACES, np.tile(np.eye(2), (6, 1, 1)))  # points, which do not roll
+MOVING = [0.08, -0.05, 0.2]
+ALL = [True] * 6
+
+
+def cycle(gait: str, period_s: float = 1.3) -> FootCycle:
+    duty, phase = find_gait(gait, ROBOT)
+    return FootCycle(STILL, GaitTiming(period_s, duty), phase)
+
+
+def course(feet: FootCycle, seconds: float, dt_s: float = 0.001) -> tuple[np.ndarray, np.ndarray]:
+    """Feet (ticks, feet, 3) and whether they swing (ticks, feet)."""
+    places, swings = [], []
+    for _ in range(round(seconds / dt_s)):
+        feet.advance(MOVING, dt_s, 0.03, ALL)
+        places.append(feet.feet.copy())
+        swings.append(feet.swings.copy())
+    return np.array(places), np.array(swings)
+
+
+@pytest.mark.parametrize("gait", GAITS)
+class TestFeet:
+    def test_place_and_velocity_are_continuous(self, gait: str) -> None:
+        """A swing of this length and height has 5 m/s^2 at most: 0.005 m/s in a millisecond."""
+        feet = cycle(gait)
+        places, _ = course(feet, 4.0)
+        velocity = np.diff(places, axis=0) / 0.001
+        swing_s = feet.timing.swing_s
+        most = 0.03 * 2 * np.pi**2 / swing_s**2 + 5.8 * 0.12 / swing_s**2
+        assert np.abs(np.diff(velocity, axis=0)).max() / 0.001 < 1.5 * most
+        assert np.abs(np.diff(places, axis=0)).max() < 0.002
+
+    def test_standing_feet_go_with_the_ground(self, gait: str) -> None:
+        places, swings = course(cycle(gait), 3.0)
+        stays = ~(swings[1:] | swings[:-1])
+        velocity = (np.diff(places, axis=0) / 0.001)[stays]
+        x, y, _ = places[:-1][stays].T
+        expected = np.stack([-(0.08 - 0.2 * y), -(-0.05 + 0.2 * x), 0.0 * x], axis=1)
+        np.testing.assert_allclose(velocity, expected, atol=1e-9)
+        assert not places[:-1][stays][:, 2].any()
+
+    def test_feet_step_about_their_places_and_as_high_as_asked(self, gait: str) -> None:
+        places, swings = course(cycle(gait), 2 * 1.3)
+        last = places[1300:]
+        for foot in range(6):
+            stood = last[~swings[1300:, foot], foot]
+            middle = (stood.max(axis=0) + stood.min(axis=0)) / 2
+            np.testing.assert_allclose(middle[:2], PLACES[foot, :2], atol=0.01)
+        np.testing.assert_allclose(last[:, :, 2].max(axis=0), 0.03, rtol=1e-3)
+
+    def test_who_would_be_in_the_air_at_the_start_waits(self, gait: str) -> None:
+        feet = cycle(gait)
+        feet.advance(MOVING, 0.001, 0.03, ALL)
+        assert not feet.swings[feet.phases() > feet.timing.duty + 0.01].any()
+        assert np.abs(feet.feet - PLACES).max() < 1e-3
+
+    def test_told_to_stop_feet_in_the_air_land_and_none_lifts_off(self, gait: str) -> None:
+        feet = cycle(gait)
+        course(feet, 1.9)
+        flew = feet.swings.copy()
+        assert flew.any()
+        for _ in range(1300):
+            feet.advance(MOVING, 0.001, 0.03, [False] * 6)
+            assert not (feet.swings & ~flew).any()
+        assert not feet.swings.any()
+        assert not feet.feet[:, 2].any()
+
+
+def test_a_foot_that_meets_the_ground_early_stands_where_it_is_until_its_next_swing() -> None:
+    feet = cycle("tripod")
+    while feet.progress[0] < 0.8:
+        feet.advance(MOVING, 0.001, 0.03, ALL)
+    height = feet.feet[0, 2]
+    assert height > 0.005
+    feet.touch_down(np.array([True, False, False, False, False, False]), feet.feet[:, 2])
+    feet.advance(MOVING, 0.001, 0.03, ALL)
+    assert feet.feet[0, 2] == height
+    assert feet.swings[2]
+    course(feet, 1.3)  # its next swing ends on the ground again
+    feet.advance(MOVING, 0.3, 0.03, [False] * 6)
+    assert feet.feet[0, 2] < 1e-3
+
+
+UP = np.array([0.0, 0.0, 9.81])
+
+
+def seen(
+    time_s: float, command: np.ndarray, joint: np.ndarray, velocity: np.ndarray, torque: np.ndarray
+) -> Observation:
+    sensed = Sensed(np.zeros(3), UP, np.array([1.0, 0.0, 0.0, 0.0]), joint, velocity, torque)
+    return Observation(time_s, sensed, command, np.zeros(3), 0.18)
+
+
+class Trial:
+    """Lets a policy act on a robot that is always where it was told to be.
+
+    Its motors give the torque that the legs and their gearboxes take, and carry the weight as they are told.
+    """
+
+    def __init__(self, policy: Walk, robot: Robot = ROBOT) -> None:
+        self.policy, self.ticks, self.legs, self.motor = policy, 0, robot.legs, robot.motor
+        self.inertia, self.still = nominal_body(robot).leg_inertia, np.zeros(len(robot.joint_names))
+        self.joint, self.velocity, self.torque = robot.default_pose, self.still, self.still
+        policy.reset(seen(0.0, np.zeros(3), self.joint, self.velocity, self.torque))
+
+    def walk(self, command: tuple[float, float, float], seconds: float) -> np.ndarray:
+        """Joint targets, (ticks, n)."""
+        targets = []
+        for _ in range(round(seconds * self.policy.rate_hz)):
+            time_s = self.ticks / self.policy.rate_hz
+            told = self.policy.act(seen(time_s, np.array(command), self.joint, self.velocity, self.torque))
+            acceleration = self.legs.gather(told.velocity - self.velocity) * self.policy.rate_hz
+            inertial = (self.inertia @ acceleration[:, :, None])[:, :, 0]
+            own = inertial + self.legs.holding_torque(told.position, UP)
+            lost = friction_torque(told.velocity, self.motor)
+            self.torque = self.legs.scatter(own, self.still) - lost + told.torque
+            self.joint, self.velocity = told.position, told.velocity
+            targets.append(told.position)
+            self.ticks += 1
+        return np.array(targets)
+
+
+def rates(targets: np.ndarray, policy: Walk) -> np.ndarray:
+    return np.abs(np.diff(targets, axis=0)).max(axis=1) * policy.rate_hz
+
+
+@pytest.mark.parametrize("gait", GAITS)
+class TestLimits:
+    @pytest.mark.parametrize("command", [(0.2, 0.0, 0.0), (-0.1, 0.15, 0.0), (0.05, 0.02, 0.6)])
+    def test_no_target_moves_faster_than_the_joints_may(
+        self, gait: str, command: tuple[float, float, float]
+    ) -> None:
+        policy = Walk(ROBOT, gait)
+        targets = Trial(policy).walk(command, 6.0)
+        assert rates(targets, policy).max() < FASTEST + 1e-9
+        assert rates(targets, policy).max() > 0.75 * FASTEST  # and no slower than need be
+
+    def test_it_says_once_what_it_slowed_down(self, gait: str) -> None:
+        trial = Trial(Walk(ROBOT, gait))
+        trial.walk((0.2, 0.0, 0.0), 3.0)
+        assert len(trial.policy.notes) == 1
+        (note,) = trial.policy.notes
+        assert note.startswith(f"{gait}: the gait is slowed to a period of ")
+        assert "2.9 are allowed" in note or "2.8 are allowed" in note
+        trial.walk((-0.1, 0.0, 0.3), 3.0)
+        assert trial.policy.notes == [note]
+
+
+def test_the_wave_with_its_given_figures_needs_a_period_of_over_two_seconds() -> None:
+    trial = Trial(Walk(ROBOT, "wave"))
+    trial.walk((0.2, 0.0, 0.0), 1.0)
+    period_s = float(trial.policy.notes[0].split("a period of ")[1].split()[0])
+    assert 2.2 < period_s < 3.0
+
+
+def test_strides_are_shortened_where_the_stability_margin_would_be_too_small() -> None:
+    config = controller_settings(ROBOT, "tripod", WalkConfig)
+    careful = Walk(ROBOT, "tripod", replace(config, limits=replace(config.limits, margin_m=0.115)))
+    targets = Trial(careful).walk((0.2, 0.0, 0.0), 5.0)
+    assert "strides are shortened: the stability margin would be 0.1" in careful.notes[0]
+    usual = Trial(Walk(ROBOT, "tripod")).walk((0.2, 0.0, 0.0), 5.0)
+    careful_coxae, usual_coxae = (np.ptp(each[-500:, 0::3], axis=0) for each in (targets, usual))
+    assert np.all(careful_coxae < 0.9 * usual_coxae)
+
+
+@pytest.mark.parametrize("period_s", [1.3, 2.0])
+def test_a_swaying_walk_has_the_margin_of_where_it_presses_whatever_its_period(
+    go1: Robot, period_s: float
+) -> None:
+    """The body has to move less the faster a gait is; the weight goes as far to the side in each."""
+    config = controller_settings(go1, "walk", WalkConfig)
+    gait, limits = replace(config.gait, period_s=period_s), replace(config.limits, margin_m=0.02)
+    walk = Walk(go1, "walk", replace(config, gait=gait, limits=limits))
+    Trial(walk, go1).walk((0.15, 0.0, 0.0), 1.0)
+    assert "the stability margin would be 0.006 m of 0.020 m" in walk.notes[0]
+
+
+def test_no_stride_is_longer_than_a_step() -> None:
+    policy = Walk(ROBOT, "tripod")
+    targets = Trial(policy).walk((0.5, 0.0, 0.0), 5.0)
+    feet = np.array([LEGS.pose(each).foot for each in targets[-400:]])
+    assert np.ptp(feet[:, 1, 0]) == pytest.approx(0.085, abs=0.005)  # it swings out at both ends
+
+
+ANY_GAIT = {"go1": ("trot", "walk", "pace", "bound", "gallop"), "hexapod": GAITS}
+SHARE = st.floats(0.0, 1.0)
+CHANGES = st.lists(
+    st.tuples(st.integers(0, 4), *[SHARE] * 5, st.tuples(*[st.floats(-1.0, 1.0)] * 3), st.floats(0.2, 1.2)),
+    min_size=3,
+    max_size=5,
+)
+
+SUDDENLY = (1, 1.0, 1.0, 0.5, 0.0, 0.8, (1.0, 0.0, 0.0), 1.1)  # slow, short steps at full speed
+
+
+@pytest.mark.parametrize("name", ["go1", "hexapod"])
+@settings(max_examples=5, deadline=None, derandomize=True)
+@given(changes=CHANGES)
+@example(changes=[(0, 0.0, 0.5, 0.5, 1.0, 0.8, (1.0, 0.0, 0.0), 1.2), SUDDENLY, SUDDENLY])
+def test_whatever_is_changed_while_it_walks_no_target_jumps_and_no_foot_is_left_behind(
+    name: str, changes: list[tuple]
+) -> None:
+    """Gait, period, duty, step's height and length, body's height and command, at any moment.
+
+    A target may wait for a joint whose rate is at its limit, but not for long. Feet stay within a step's
+    length of their places: the longest step that there was.
+    """
+    robot = load_robot(name)
+    policy = Walk(robot, ANY_GAIT[name][0])
+    trial, config, ranges = Trial(policy, robot), policy._config, robot.description.commands
+    most = np.array([ranges.forward_m_s[1], ranges.leftward_m_s[1], ranges.yaw_rad_s[1]])
+    start = round(config.settle_s * policy.rate_hz) + 1
+    trial.walk((0.0, 0.0, 0.0), start / policy.rate_hz)
+    longest = config.step.length_m
+    for gait, period, duty, height, length, body, command, seconds in changes:
+        step = StepConfig(
+            height_m=(0.3 + 1.2 * height) * config.step.height_m,
+            length_m=(0.4 + 0.8 * length) * config.step.length_m,
+            body_height_m=(0.85 + 0.2 * body) * config.step.body_height_m,
+        )
+        longest = max(longest, step.length_m)
+        names = ANY_GAIT[name]
+        chosen = GaitConfig(
+            names[gait % len(names)], (0.8 + period) * config.gait.period_s, 0.5 + 0.35 * duty
+        )
+        policy.change(chosen, step)
+        for _ in range(round(seconds * policy.rate_hz / 10)):
+            before = trial.joint
+            targets = trial.walk(tuple((most * command).tolist()), 10 / policy.rate_hz)
+            rate = np.abs(np.diff(np.vstack([before, targets]), axis=0)).max() * policy.rate_hz
+            assert rate < robot.description.target_rate_rad_s + 1e-9
+            tips = policy._cycle.feet - np.outer(policy._below(), [0.0, 0.0, 1.0])
+            lag = robot.legs.scatter(robot.legs.solve(tips), robot.default_pose) - targets[-1]
+            assert np.abs(lag).max() < 0.15
+            away = (policy._cycle.feet - policy._footing.places)[:, :2]
+            assert np.hypot(*away.T).max() < longest + 0.02
+
+
+class TestChanges:
+    def test_gait_and_steps_change_while_it_walks_without_a_jump(self) -> None:
+        policy = Walk(ROBOT, "tripod")
+        trial, command = Trial(policy), (0.06, 0.02, 0.1)
+        targets = [trial.walk(command, 2.3)]
+        step = policy._config.step
+        for gait, changed in (
+            (GaitConfig("wave", 1.5), replace(step, body_height_m=0.17)),
+            (GaitConfig("ripple", 2.0), replace(step, height_m=0.05, length_m=0.05)),
+            (GaitConfig("tripod", 1.1, 0.6), replace(step, body_height_m=0.21)),
+        ):
+            policy.change(gait, changed)
+            targets.append(trial.walk(command, 3.1))
+            assert policy._gait == gait
+        assert rates(np.concatenate(targets), policy).max() < FASTEST + 1e-9
+
+    def test_another_gait_begins_when_all_feet_stand(self) -> None:
+        policy = Walk(ROBOT, "ripple")
+        trial = Trial(policy)
+        trial.walk((0.06, 0.0, 0.0), 2.0)
+        policy.change(GaitConfig("tripod", 1.0))
+        while policy._gait.name == "ripple":
+            flew = policy._cycle.swings.copy()
+            trial.walk((0.06, 0.0, 0.0), 1 / policy.rate_hz)
+        assert not flew.any()
+
+    def test_the_body_changes_its_height_slowly(self) -> None:
+        policy = Walk(ROBOT, "tripod")
+        trial = Trial(policy)
+        trial.walk((0.0, 0.0, 0.0), 1.0)
+        policy.change(step=replace(policy._config.step, body_height_m=0.16))
+        after = trial.walk((0.0, 0.0, 0.0), 0.5)[-1]
+        feet = LEGS.pose(after).foot
+        np.testing.assert_allclose(feet[:, 2], 0.02 - (0.20 - 0.5 * 0.04), atol=6e-3)
+
+    def test_a_gait_for_other_feet_is_refused_and_the_walk_goes_on(self) -> None:
+        policy = Walk(ROBOT, "tripod")
+        with pytest.raises(UserError, match="no gait 'trot'"):
+            policy.change(GaitConfig("trot", 1.0))
+        assert policy._wanted_gait.name == "tripod"
+
+    def test_a_new_episode_begins_with_the_settings(self) -> None:
+        policy = Walk(ROBOT, "tripod")
+        first = Trial(policy).walk((0.1, 0.0, 0.0), 2.0)
+        policy.change(GaitConfig("wave", 2.0))
+        Trial(policy).walk((0.1, 0.0, 0.0), 0.1)
+        np.testing.assert_array_equal(Trial(policy).walk((0.1, 0.0, 0.0), 2.0), first)
+
+
+@pytest.mark.parametrize("gait", GAITS)
+def test_they_are_controllers_by_name(gait: str) -> None:
+    policy = load_policy(gait, ROBOT)
+    assert isinstance(policy, Walk)
+    assert policy.name == gait
+    assert list(Hold(ROBOT).notes) == []
+
+
+def test_feet_that_should_stand_and_find_no_ground_are_lowered_a_little() -> None:
+    """Nothing but the foot's own torque says that it stands."""
+    policy = Walk(ROBOT, "wave")
+    trial = Trial(policy)
+    trial.walk((0.05, 0.0, 0.0), 1.5)
+    pushed = np.array([1.0, 1.0, 1.0, 0.0, 1.0, 1.0])
+    before = policy._cycle.feet[:, 2].copy()
+    policy._meet_ground(pushed, before, 0.1)
+    lowered = policy._cycle.feet[:, 2] - before
+    assert lowered[3] == pytest.approx(-0.002)
+    np.testing.assert_array_equal(np.delete(lowered, 3), 0.0)

@@ -1,0 +1,304 @@
+"""From a name to a policy, and what a robot has."""
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from importlib.machinery import PathFinder
+from pathlib import Path
+
+import pytest
+import yaml
+from shell import Shell
+from tiny_policy import write_policy
+
+from footfall.common.errors import UserError
+from footfall.policies import registry
+from footfall.policies.policy import Policy
+from footfall.policies.registry import (
+    CONTROLLERS,
+    controllers_of,
+    first_of_each_kind,
+    load_policy,
+    walking_controllers,
+    zoo_names,
+)
+from footfall.robots.description import Robot, available_robots, load_robot
+from footfall.verbs import demo as demo_module
+
+
+def refusal(spec: str, robot: Robot) -> str:
+    with pytest.raises(UserError) as caught:
+        load_policy(spec, robot)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+class TestControllers:
+    @pytest.mark.parametrize("name", CONTROLLERS)
+    def test_each_name_leads_to_its_controller(self, name: str) -> None:
+        robots = [load_robot(robot) for robot in available_robots()]
+        robot = next(robot for robot in robots if name in controllers_of(robot))
+        policy = load_policy(name, robot)
+        assert isinstance(policy, Policy)
+        assert policy.name == name
+        assert policy.contract is None
+
+    @pytest.mark.parametrize(
+        ("robot", "name", "needs"),
+        [
+            *(("go1", "stand", False), ("go1", "trot", False), ("hexapod", "wave", False)),
+            *(("go1", "mpc", True), ("go1", "mpc-wbc", True), ("g1", "balance", True), ("g1", "step", True)),
+        ],
+    )
+    def test_those_that_read_the_bases_velocity_need_an_estimate(
+        self, robot: str, name: str, needs: bool
+    ) -> None:
+        policy = load_policy(name, load_robot(robot))
+        assert policy.needs_estimate is needs
+        assert not policy.notes
+
+    def test_knowing_their_names_imports_none_of_them(self) -> None:
+        code = (
+            "import sys, footfall.policies.registry; print([m for m in sys.modules if m.startswith"
+            "(('daqp', 'piqp', 'onnxruntime', 'footfall.policies.controllers.mpc'))])"
+        )
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+        assert done.stdout.strip() == "[]"
+
+    def test_a_robot_has_those_that_it_has_settings_for(self, own_folder: Path) -> None:
+        settings = own_folder / "controllers.yaml"
+        sections = yaml.safe_load(settings.read_text())
+        sections = {name: sections[name] for name in ("stand", "trot")}
+        settings.write_text(yaml.safe_dump(sections))
+        robot = load_robot(own_folder)
+        assert controllers_of(robot) == ["stand", "trot"]
+        assert walking_controllers(robot) == ["trot"]
+        assert "'go1' has no settings for 'mpc': it has stand, trot (a section 'mpc' in" in refusal(
+            "mpc", robot
+        )
+        assert "give one of stand, trot, go1-flat," in refusal("dance", robot)
+
+    @pytest.mark.parametrize(
+        ("robot", "foreign", "has"),
+        [("hexapod", "trot", "stand, tripod, ripple, wave"), ("g1", "tripod", "stand, balance, step")],
+    )
+    def test_another_robots_controller_is_answered_with_its_own(
+        self, robot: str, foreign: str, has: str
+    ) -> None:
+        assert f"'{robot}' has no settings for '{foreign}': it has {has} (" in refusal(
+            foreign, load_robot(robot)
+        )
+
+    def test_a_robot_without_settings_has_none(self, own_folder: Path) -> None:
+        (own_folder / "controllers.yaml").unlink()
+        assert controllers_of(load_robot(own_folder)) == []
+
+    def test_settings_of_no_controller_are_refused_by_name(self, own_folder: Path) -> None:
+        (own_folder / "controllers.yaml").write_text("tort: {kp: 1.0}")
+        with pytest.raises(UserError, match=r"no controller 'tort': there are stand, trot, mpc"):
+            controllers_of(load_robot(own_folder))
+
+    def test_the_demo_compares_with_what_the_robot_has(
+        self, own_folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        (own_folder / "controllers.yaml").unlink()
+        steps: list[tuple[str, ...]] = []
+        monkeypatch.setattr(demo_module, "_step", lambda *tokens, **_: steps.append(tokens))
+        Shell(capsys)("demo", "--robot", own_folder, "--out", own_folder / "demo")
+        assert steps[-1][:4] == ("compare", str(own_folder / "demo" / "trained"), "go1-flat", "--robot")
+
+    def test_those_that_walk_are_told_from_those_that_stand(self) -> None:
+        standing = {name for name, controller in CONTROLLERS.items() if not controller.walks}
+        assert standing == {"stand", "balance"}
+        gaits = {"trot", "walk", "pace", "bound", "gallop", "tripod", "ripple", "wave"}
+        assert set(CONTROLLERS) - standing == {"mpc", "mpc-wbc", "step"} | gaits
+
+    def test_of_the_gaits_one_is_compared_with(self, go1: Robot) -> None:
+        assert first_of_each_kind(walking_controllers(go1)) == ["trot", "mpc", "mpc-wbc"]
+        assert first_of_each_kind(walking_controllers(load_robot("hexapod"))) == ["tripod"]
+
+    def test_they_come_in_one_order_whatever_that_of_the_settings(self, own_folder: Path) -> None:
+        settings = own_folder / "controllers.yaml"
+        sections = yaml.safe_load(settings.read_text())
+        backwards = {name: sections[name] for name in reversed(sections)}
+        settings.write_text(yaml.safe_dump(backwards, sort_keys=False))
+        assert controllers_of(load_robot(own_folder)) == [
+            *("stand", "trot", "mpc", "mpc-wbc", "walk", "pace", "bound", "gallop")
+        ]
+
+    def test_settings_that_are_no_sections_are_refused(self, own_folder: Path) -> None:
+        settings = own_folder / "controllers.yaml"
+        settings.write_text("[stand, trot]")
+        assert (
+            refusal("stand", load_robot(own_folder)) == f"{settings}: expected a section for each controller"
+        )
+
+
+PAGE = Path(__file__).parents[2] / "docs" / "evaluation.md"
+UNFINISHED = "class Unfinished:\n    name = 'mine'\n    def __init__(self, robot): pass\nclass Odd: pass\n"
+
+
+class TestOwn:
+    """MODULE:CLASS, with the class that the page on evaluation shows."""
+
+    @pytest.fixture(autouse=True)
+    def _folder(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.setattr(sys, "path", list(sys.path))
+        example = PAGE.read_text().partition("```python\n")[2].partition("```")[0]
+        (tmp_path / "mine.py").write_text(example + "\n\n" + UNFINISHED)
+        (tmp_path / "typo.py").write_text("class Sway(:")
+        (tmp_path / "needy.py").write_text("import not_there")
+        yield
+        for name in ("mine", "typo", "needy"):
+            sys.modules.pop(name, None)
+
+    def test_it_walks_where_any_policy_does(self, go1: Robot, capsys: pytest.CaptureFixture[str]) -> None:
+        policy = load_policy("mine:Sway", go1)
+        assert isinstance(policy, Policy)
+        assert policy.name == "sway"
+        ended = Shell(capsys)("deploy", "mine:Sway", "--command", "0,0,0", "--duration", "0.3")
+        assert ended.status == 0, ended.err
+
+    def test_no_file_beside_it_takes_a_librarys_place(self, go1: Robot, tmp_path: Path) -> None:
+        (tmp_path / "this.py").write_text("")  # as one that nothing has imported yet
+        load_policy("mine:Sway", go1)
+        found = PathFinder.find_spec("this")
+        assert found is not None
+        assert found.origin != str(tmp_path / "this.py")
+
+    @pytest.mark.parametrize(
+        ("spec", "words"),
+        [
+            ("yours:Sway", "no module 'yours': neither {folder} nor what is installed has it to import"),
+            ("mine.deep:Sway", "no module 'mine.deep': neither"),
+            ("mine:Swing", "no policy 'mine:Swing': {folder}/mine.py has no class 'Swing'"),
+            ("mine:Unfinished", "no rate_hz, needs_estimate, contract, notes, reset, act, stance"),
+            ("mine:Odd", "mine:Odd cannot be built: TypeError: Odd() takes no arguments"),
+            (
+                "needy:Sway",
+                "importing 'needy': ModuleNotFoundError: No module named 'not_there' (needy.py:1)",
+            ),
+            ("typo:Sway", "importing 'typo': SyntaxError: invalid syntax (typo.py, line 1)"),
+        ],
+    )
+    def test_what_is_no_policy_is_refused_in_one_line(
+        self, go1: Robot, tmp_path: Path, spec: str, words: str
+    ) -> None:
+        assert words.format(folder=tmp_path) in refusal(spec, go1)
+
+
+class TestLearned:
+    """Run folders, files and the zoo, and the name that a policy goes by."""
+
+    @pytest.fixture
+    def run(self, tmp_path: Path, go1: Robot) -> Path:
+        onnx = pytest.importorskip("onnx")
+        folder = tmp_path / "tuesday"
+        folder.mkdir()
+        write_policy(onnx, folder / "policy.onnx", go1.folder)
+        return folder
+
+    def test_a_run_folder_goes_by_its_name(
+        self, run: Path, go1: Robot, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        assert load_policy(str(run), go1).name == "tuesday"
+        assert load_policy(f"{run}/", go1).name == "tuesday"
+        monkeypatch.chdir(run)
+        assert load_policy(".", go1).name == "tuesday"
+
+    def test_a_link_to_a_run_goes_by_the_links_name(self, run: Path, go1: Robot) -> None:
+        (run.parent / "best").symlink_to(run)
+        assert load_policy(str(run.parent / "best"), go1).name == "best"
+
+    def test_a_file_is_a_policy_whatever_it_is_called(self, run: Path, go1: Robot) -> None:
+        renamed = (run / "policy.onnx").rename(run / "gentle.bin")
+        assert load_policy(str(renamed), go1).name == "gentle"
+
+    def test_one_of_the_zoo_goes_by_its_name_there(self, go1: Robot) -> None:
+        policy = load_policy("go1-flat", go1)
+        assert policy.name == "go1-flat"
+        assert policy.contract is not None
+
+    def test_one_of_another_robots_zoo_does_not_fit(self, go1: Robot) -> None:
+        assert "does not fit robot 'go1': robot: policy has hexapod" in refusal("hexapod-flat", go1)
+
+
+class TestWhatIsNoPolicy:
+    def test_nothing_named(self, go1: Robot) -> None:
+        assert refusal("", go1).startswith("no policy is named: give one of stand, trot, mpc, mpc-wbc, ")
+
+    def test_a_plain_folder_cannot_be_exported(self, go1: Robot, tmp_path: Path) -> None:
+        assert refusal(str(tmp_path), go1) == (
+            f"no policy in {tmp_path}: it is not a run folder, which 'footfall train' makes"
+        )
+
+    def test_a_run_without_a_checkpoint_goes_on(self, go1: Robot, tmp_path: Path) -> None:
+        (tmp_path / "run.yaml").touch()
+        (tmp_path / "checkpoints").mkdir()
+        assert f"go on with 'footfall train --resume {tmp_path}'" in refusal(str(tmp_path), go1)
+
+    def test_a_run_with_a_checkpoint_can_be_exported(self, go1: Robot, tmp_path: Path) -> None:
+        (tmp_path / "run.yaml").touch()
+        (tmp_path / "checkpoints").mkdir()
+        (tmp_path / "checkpoints" / "00000010.ckpt").touch()
+        assert f"make it with 'footfall export {tmp_path}'" in refusal(str(tmp_path), go1)
+
+    def test_the_zoo_offers_a_robot_its_own(self, go1: Robot) -> None:
+        assert zoo_names(go1) == [name for name in zoo_names() if name.startswith("go1-")] != []
+
+
+BAD_SETTINGS = [
+    ("stand", "kp", -60.0, "kp must be above 0"),
+    ("stand", "kd", -2.0, "kd must be 0 or above"),
+    ("stand", "settle_s", 0.0, "settle_s must be above 0"),
+    ("stand", "rate_hz", float("nan"), "rate_hz"),
+    ("trot", "gait.period_s", 0.0, "period_s must be above 0"),
+    ("trot", "gait.duty", 1.0, "duty must be above 0 and below 1"),
+    ("trot", "gait.duty", 0.0, "duty must be above 0 and below 1"),
+    ("trot", "command.acceleration_m_s2", 0.0, "acceleration_m_s2 must be above 0"),
+    ("trot", "step.body_height_m", -0.28, "body_height_m must be above 0"),
+    ("trot", "levelling.filter_s", 0.0, "filter_s must be above 0"),
+    ("trot", "step.height_m", -0.1, "height_m must be 0 or above"),
+    ("mpc", "horizon.steps", 0, "steps must be above 0"),
+    ("mpc", "horizon.solve_hz", 0.0, "solve_hz must be above 0"),
+    ("mpc", "weights.force", 0.0, "force must be above 0"),
+    ("mpc", "weights.attitude", [1.0, -1.0, 1.0], "attitude must be 0 or above"),
+    ("mpc", "contact.friction", 0.0, "friction must be above 0"),
+    ("mpc", "stance.kd", -0.3, "kd must be 0 or above"),
+    ("mpc", "swing.kp", -40.0, "kp must be 0 or above"),
+    ("mpc", "foothold.most_step_m", -0.25, "most_step_m must be 0 or above"),
+    ("mpc", "restart.calm_s", -0.4, "calm_s must be 0 or above"),
+    ("mpc", "friction_compensation", -0.8, "friction_compensation must be 0 or above"),
+]
+
+
+@pytest.mark.parametrize(("controller", "setting", "value", "complaint"), BAD_SETTINGS)
+def test_settings_that_cannot_work_are_refused_before_anything_moves(
+    own_folder: Path, controller: str, setting: str, value: object, complaint: str
+) -> None:
+    settings = own_folder / "controllers.yaml"
+    sections = yaml.safe_load(settings.read_text())
+    *groups, field = setting.split(".")
+    target = sections[controller]
+    for group in groups:
+        target = target[group]
+    assert field in target
+    target[field] = value
+    settings.write_text(yaml.safe_dump(sections))
+    message = refusal(controller, load_robot(own_folder))
+    assert message.startswith(f"{settings}: {controller}: ")
+    assert complaint in message
+
+
+def test_a_robots_policies_are_those_of_its_whole_name(
+    go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("go1-rough", "go1-flat", "go10-flat", "go1x", "go1-stairs", "go1-b", "go1-a", "go1-z"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "policy.onnx").write_text("")
+    (tmp_path / "go1-unfinished").mkdir()
+    monkeypatch.setattr(registry, "ZOO", tmp_path)
+    own = ["go1-a", "go1-b", "go1-flat", "go1-rough", "go1-stairs", "go1-z"]
+    assert registry.zoo_names(go1) == own
+    assert registry.zoo_names() == sorted([*own, "go10-flat", "go1x"])

@@ -1,0 +1,151 @@
+"""What the pages say can be followed: links and paths exist, command lines parse."""
+
+import json
+import re
+import runpy
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+import yaml
+
+from footfall.cli import app
+from footfall.common.errors import UserError
+
+ROOT = Path(__file__).parents[2]
+make_table = SimpleNamespace(**runpy.run_path(str(ROOT / "docs/make_table.py")))
+make_report = SimpleNamespace(**runpy.run_path(str(ROOT / "docs/make_report.py")))
+PAGES = [ROOT / "README.md", *sorted(ROOT.glob("docs/**/*.md")), *sorted(ROOT.glob("policies/zoo/*/*.md"))]
+OF_TODAY = [page for page in PAGES if page.parent.name != "journal"]  # a journal's commands were of their day
+LINK = re.compile(r"\]\(([^)\s]+)\)")
+FILE = re.compile(r"(?<![\w./-])((?:[\w-]+/)+[\w-]+\.(?:py|yaml|md|xml|json|html|png|webp))(?![\w/])")
+OF_THE_READER = ("runs/", "path/to/", "my_robot/")  # what a reader makes
+CODE = re.compile(r"```\w*\n(.*?)```|`([^`\n]+)`", re.DOTALL)
+SCRIPT = re.compile(r"python ((?:benchmarks|docs|tests)/\w+\.py)((?: [^\n#;]*)?)")
+
+
+def name_of(page: Path) -> str:
+    return str(page.relative_to(ROOT))
+
+
+def codes(page: Path) -> Iterator[str]:
+    """Each line of code on a page, in blocks and within sentences, without its comment and prompt."""
+    for block, inline in CODE.findall(page.read_text(encoding="utf-8")):
+        for line in (block or inline).splitlines():
+            yield re.sub(r"\s+#.*", "", line).removeprefix("$ ").removesuffix(" &").strip()
+
+
+def commands(page: Path) -> list[list[str]]:
+    """The command lines of footfall on a page, as words."""
+    found = [shlex.split(code) for code in codes(page) if re.match(r"footfall [a-z]", code)]
+    return [words[1:] for words in found]
+
+
+def anchors(page: Path) -> set[str]:
+    """What a link may point to on a page: its headings, as GitHub writes them in addresses."""
+    headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_links_lead_somewhere(page: Path) -> None:
+    broken = []
+    for link in LINK.findall(page.read_text(encoding="utf-8")):
+        if link.startswith(("http://", "https://")):
+            continue
+        path, _, anchor = link.partition("#")
+        target = page.parent / path if path else page
+        if not target.exists() or (anchor and anchor not in anchors(target)):
+            broken.append(link)
+    assert broken == []
+
+
+@pytest.mark.parametrize("page", OF_TODAY, ids=name_of)
+def test_files_that_are_named_exist(page: Path) -> None:
+    text = LINK.sub("]", page.read_text(encoding="utf-8"))
+    named = [path for path in FILE.findall(text) if not path.startswith(OF_THE_READER)]
+    assert [path for path in named if not (ROOT / path).exists() and not (page.parent / path).exists()] == []
+
+
+@pytest.mark.parametrize("page", OF_TODAY, ids=name_of)
+def test_command_lines_are_understood(page: Path) -> None:
+    wrong = []
+    for words in commands(page):
+        verb, *rest = words
+        try:
+            if rest and "…" not in words:
+                app.parse_args(words, exit_on_error=False, print_error=False)
+            else:  # a command that is only named
+                app.parse_commands([verb])
+                assert verb in set(app)
+        except Exception as error:
+            wrong.append(f"{' '.join(words)}: {error}")
+    assert wrong == []
+
+
+@pytest.mark.parametrize("page", OF_TODAY, ids=name_of)
+def test_options_of_scripts_are_theirs(page: Path) -> None:
+    for code in codes(page):
+        for script, arguments in SCRIPT.findall(code):
+            source = (ROOT / script).read_text(encoding="utf-8")
+            assert [o for o in re.findall(r"--[a-z-]+", arguments) if f'"{o}"' not in source] == [], code
+
+
+def test_the_index_names_every_page() -> None:
+    pages = {page.name for page in ROOT.glob("docs/*.md")} - {"README.md"}
+    named = set(LINK.findall((ROOT / "docs/README.md").read_text(encoding="utf-8")))
+    assert pages - named == set()
+
+
+@pytest.mark.parametrize("file", ["robot.yaml", "controllers.yaml"])
+def test_every_field_of_a_robot_is_explained(file: str) -> None:
+    def fields(content: Any) -> Iterator[str]:
+        for part in content if isinstance(content, list) else [content]:
+            if isinstance(part, dict):
+                for name, inner in part.items():
+                    yield from [name] if not isinstance(inner, dict) else fields(inner)
+                    yield from fields(inner) if isinstance(inner, list) else []
+
+    content = yaml.safe_load((ROOT / "robots/go1" / file).read_text(encoding="utf-8"))
+    explained = set(re.findall(r"\w+", " ".join(codes(ROOT / "docs/robots.md"))))
+    assert set(fields(content)) - explained == set()
+
+
+def test_the_readmes_table_is_of_the_comparison_beside_it() -> None:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    results = json.loads((ROOT / "docs/comparison.json").read_text(encoding="utf-8"))
+    assert make_table.insert(readme, make_table.table(results)) == readme
+
+
+def test_errors_of_those_who_fell_are_in_no_table() -> None:
+    """A robot that lies on the ground errs little: the trot's velocity error when pushed is the smallest."""
+    results = json.loads((ROOT / "docs/comparison.json").read_text(encoding="utf-8"))
+    rows = make_table.table(results).splitlines()
+    assert any(row.startswith("| Nominal: velocity error") for row in rows)
+    assert not any(row.startswith("| Push: velocity error") for row in rows)
+
+
+def test_results_from_several_files_make_one_comparison(tmp_path: Path) -> None:
+    def written(policy: str, scenario: str, **other: Any) -> Path:
+        shared = {"robot": "go1", "seed": 0, "ground_truth": False, "plant": None, **other}
+        path = tmp_path / f"{policy}-{scenario}.json"
+        path.write_text(json.dumps({"policy": policy, **shared, "scenarios": {scenario: {"episodes": 3}}}))
+        return path
+
+    both = [written(policy, scenario) for policy in ("b", "a") for scenario in ("push", "walk")]
+    results = make_report.together([*both, written("a", "sweep")])
+    assert {name: list(result["scenarios"]) for name, result in results.items()} == {
+        "b": ["push", "walk"],
+        "a": ["push", "walk"],
+    }
+    with pytest.raises(UserError, match="differ in 'seed'"):
+        make_report.together([written("c", "push", seed=1), written("d", "push")])
+
+
+def test_command_lines_are_found() -> None:
+    """On the README: the three that it begins with, and others."""
+    verbs = [words[0] for words in commands(ROOT / "README.md")]
+    assert {"train", "deploy", "compare", "doctor", "watch"} <= set(verbs)

@@ -1,0 +1,166 @@
+"""Who may import whom, and what those that act may weigh."""
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import pytest
+from import_apart import ROOT, import_apart
+
+COMMAND_LINE = "footfall"  # whose folder links to the others
+COMMAND_LINE_MODULES = {path.stem for path in (ROOT / COMMAND_LINE).glob("*.py")} - {"__init__"} | {"verbs"}
+LEARNING_ONLY = (
+    "jax",
+    "jaxlib",
+    "brax",
+    "torch",
+    "rsl_rl",
+    "tensordict",
+    "flax",
+    "optax",
+    "mujoco.mjx",
+    "onnx",
+    "tensorboard",
+)
+DRAWING = ("jinja2", "matplotlib", "imageio_ffmpeg", "PIL", "scipy")  # not on a robot's small computer
+
+# Each package, and those that it may import; itself always. footfall's own files may import all.
+ALLOWED = {
+    "common": set(),
+    "robots": {"common"},
+    "domain_rand": {"common", "robots"},
+    "policies": {"common", "robots"},
+    "deploy": {"common", "robots", "policies"},
+    "plant": {"common", "robots", "policies", "domain_rand", "deploy"},
+    "evaluate": {"common", "robots", "policies", "domain_rand", "deploy", "plant"},
+    "envs": {"common", "robots", "policies", "domain_rand"},
+    "train": {"common", "robots", "policies", "domain_rand", "envs"},
+    "pages": {"common", "robots", "policies", "domain_rand", "deploy", "plant", "train"},
+}
+ACTING = ("common", "robots", "domain_rand", "policies", "deploy", "plant", "evaluate")
+# What of policies those that learn may know. `learned` runs an exported file to check it.
+POLICIES_FOR_LEARNING = {
+    "footfall.policies.contract",
+    "footfall.policies.observation",
+    "footfall.policies.action",
+    "footfall.policies.gaits",
+    "footfall.policies.learned",
+}
+IMPORT_BUDGET_S = 1.0
+CI_SLACK = 3.0  # a busy or cold machine imports slower; the figure itself is printed
+
+
+def modules(package: str) -> Iterator[tuple[str, Path]]:
+    """Dotted name and path of each module of a package."""
+    for path in sorted((ROOT / package).rglob("*.py")):
+        parts = path.relative_to(ROOT).with_suffix("").parts
+        name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+        yield name if package == COMMAND_LINE else f"footfall.{name}", path
+
+
+@cache
+def imported(path: Path) -> frozenset[str]:
+    """Dotted names that a file imports, wherever in it the import stands."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            assert node.module is not None
+            found |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+    return frozenset(found)
+
+
+def belongs_to(name: str, packages: tuple[str, ...] | set[str]) -> bool:
+    return any(name == package or name.startswith(f"{package}.") for package in packages)
+
+
+@pytest.mark.parametrize("package", ALLOWED)
+def test_packages_import_one_way(package: str) -> None:
+    forbidden = {
+        f"footfall.{other}" for other in (set(ALLOWED) | COMMAND_LINE_MODULES) - ALLOWED[package] - {package}
+    }
+    wrong = [
+        f"{module} imports {name}"
+        for module, path in modules(package)
+        for name in sorted(imported(path))
+        if belongs_to(name, forbidden)
+    ]
+    assert wrong == []
+
+
+@pytest.mark.parametrize("package", ["envs", "train"])
+def test_learning_knows_policies_by_their_contract(package: str) -> None:
+    wrong = [
+        f"{module} imports {name}"
+        for module, path in modules(package)
+        for name in sorted(imported(path))
+        if belongs_to(name, ("footfall.policies",))
+        and name != "footfall.policies"
+        and not belongs_to(name, POLICIES_FOR_LEARNING)
+    ]
+    assert wrong == []
+
+
+@pytest.mark.parametrize("package", ACTING)
+def test_acting_source_names_no_learning_library(package: str) -> None:
+    wrong = [
+        f"{module} imports {name}"
+        for module, path in modules(package)
+        for name in sorted(imported(path))
+        if belongs_to(name, LEARNING_ONLY)
+    ]
+    assert wrong == []
+
+
+def importable(*packages: str) -> list[str]:
+    """Names of the modules of packages, but for those that run when they are imported."""
+    return [name for package in packages for name, _ in modules(package) if not name.endswith("__main__")]
+
+
+def test_modules_that_act_and_the_command_line_import_without_jax_and_torch() -> None:
+    import_apart(importable(*ACTING, COMMAND_LINE), LEARNING_ONLY)
+
+
+def test_only_the_report_needs_what_draws() -> None:
+    names = [n for n in importable(*ACTING, COMMAND_LINE) if not belongs_to(n, ("footfall.evaluate.report",))]
+    import_apart([*names, "footfall.evaluate.report.extra"], DRAWING)
+
+
+def test_what_is_blocked_is_out_of_reach() -> None:
+    with pytest.raises(AssertionError, match="jax is out of reach"):
+        import_apart(["jax"], LEARNING_ONLY)
+
+
+def test_packages_that_act_import_in_a_second_and_load_no_learning_library(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """CPU time, which a busy machine does not lengthen much; tried again, when its files are in memory."""
+    for _ in range(3):
+        seconds, loaded = import_apart(importable(*ACTING))
+        if seconds < IMPORT_BUDGET_S:
+            break
+    with capsys.disabled():
+        print(f"\npackages that act import in {seconds:.2f} s of CPU time (budget {IMPORT_BUDGET_S} s)")
+    assert seconds < IMPORT_BUDGET_S * CI_SLACK
+    assert [name for name in loaded if belongs_to(name, LEARNING_ONLY)] == []
+
+
+DEPLOY_ON_SOCKETCAN = """
+import sys
+from footfall.cli import main
+status = main(["deploy", "stand", "--bus", "socketcan"])
+print(status, sorted(name for name in sys.modules if name.startswith("footfall.plant")))
+"""
+
+
+def test_deploying_on_a_robot_imports_no_simulated_one() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", DEPLOY_ON_SOCKETCAN], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert "cannot open bus 'can0' on socketcan" in done.stderr
+    assert done.stdout.strip() == "2 []"

@@ -1,0 +1,128 @@
+"""What a robot amounts to, of one whose figures can be worked out by hand."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from made_up import PITCH, SOLE, Hinge, Leg, write_robot
+
+from footfall.robots.description import Robot, load_robot
+from footfall.robots.inspection import FootRow, Inspection, inspect_robot
+
+
+def straight(name: str, y: float, length: float) -> Leg:
+    """Two links that hang down, ending in a sole of four balls: 0.1 m ahead, 0.04 m behind, 0.03 m aside."""
+    hinges = Hinge(PITCH, (0.0, 0.0, -length), 0.0), Hinge(PITCH, (0.0, 0.0, -0.2), 0.0)
+    return Leg(name, (0.03, y, 0.0), hinges, SOLE)
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory: pytest.TempPathFactory) -> Robot:
+    """On a base of 4 kg; one leg is 8 mm shorter than the other."""
+    return write_robot(tmp_path_factory.mktemp("two"), [straight("l", 0.1, 0.2), straight("r", -0.12, 0.192)])
+
+
+@pytest.fixture(scope="module")
+def looked(robot: Robot) -> Inspection:
+    return inspect_robot(robot)
+
+
+def test_masses_are_those_of_all_links(looked: Inspection) -> None:
+    """A leg is of two rods of 0.15 kg and four balls of 0.02 kg, these 0.03 m ahead of the ankle."""
+    assert looked.mass_kg == pytest.approx(4.0 + 2 * (0.3 + 0.08))
+    ahead = 2 * (0.3 * 0.03 + 0.08 * 0.06) / 4.76
+    aside = 0.38 * (0.1 - 0.12) / 4.76
+    left = 0.15 * 0.1 + 0.15 * 0.3 + 0.08 * 0.415
+    right = 0.15 * 0.096 + 0.15 * 0.292 + 0.08 * 0.407
+    np.testing.assert_allclose(looked.centre_m, [ahead, aside, -(left + right) / 4.76], atol=1e-9)
+
+
+def test_feet_are_seen_from_the_base_and_the_shorter_one_is_in_the_air(looked: Inspection) -> None:
+    np.testing.assert_allclose(looked.feet[0].place, [0.06, 0.1, -0.415], atol=1e-9)
+    np.testing.assert_allclose(looked.feet[1].place, [0.06, -0.12, -0.407], atol=1e-9)
+    assert [foot.gap_m for foot in looked.feet] == pytest.approx([0.0, 0.008], abs=1e-9)
+    assert list(looked.findings()) == ["foot r is 8 mm above the ground in the default pose"]
+
+
+@pytest.mark.parametrize("off_m", [-0.004, 0.004])
+def test_a_foot_in_the_air_is_found_whatever_standing_height_is_written(
+    robot: Robot, tmp_path: Path, off_m: float
+) -> None:
+    (tmp_path / "robot.xml").write_text((robot.folder / "robot.xml").read_text())
+    height = robot.description.standing_height_m
+    declaration = (robot.folder / "robot.yaml").read_text()
+    assert f"standing_height_m: {height}\n" in declaration
+    changed = declaration.replace(f"standing_height_m: {height}\n", f"standing_height_m: {height + off_m}\n")
+    (tmp_path / "robot.yaml").write_text(changed)
+    gaps = [foot.gap_m for foot in inspect_robot(load_robot(tmp_path)).feet]
+    assert gaps == pytest.approx([0.0, 0.008], abs=1e-9)
+
+
+def test_a_tilted_sole_is_as_high_as_its_lowest_ball(robot: Robot, tmp_path: Path) -> None:
+    """The right knee bent by 0.1 rad: its toes come up, its heel stays 0.04 sin(0.1) m below the middle."""
+    for name in ("robot.yaml", "robot.xml"):
+        (tmp_path / name).write_text((robot.folder / name).read_text())
+    declaration = tmp_path / "robot.yaml"
+    before, found, after = declaration.read_text().partition("name: r1")
+    assert found
+    line = before.rindex("default_rad: 0.0")
+    declaration.write_text(f"{before[:line]}default_rad: -0.1{before[line + 16 :]}{found}{after}")
+    heel = -0.192 - 0.215 * np.cos(0.1) - 0.04 * np.sin(0.1) - 0.012
+    assert inspect_robot(load_robot(tmp_path)).feet[1].gap_m == pytest.approx(heel + 0.427, abs=1e-9)
+
+
+def test_the_margin_is_to_the_edge_of_all_corners(looked: Inspection) -> None:
+    """The heels are 0.01 m behind the base's origin, the centre of mass 5.8 mm before it."""
+    assert looked.margin_m == pytest.approx(0.01 + 2 * (0.3 * 0.03 + 0.08 * 0.06) / 4.76)
+
+
+def test_the_reach_is_of_the_soles_middle_over_the_joints_whole_range(looked: Inspection) -> None:
+    """A thigh of 0.2 m, then 0.215 m down and 0.03 m ahead; knees bend by 1.6 rad either way."""
+    shank, slant = np.hypot(0.03, 0.215), np.arctan2(0.03, 0.215)
+    near, far = looked.feet[0].reach_m
+    assert far == pytest.approx(0.2 + shank, abs=1e-3)
+    law_of_cosines = 0.04 + shank**2 + 2 * 0.2 * shank * np.cos(1.6 + slant)
+    assert near == pytest.approx(np.sqrt(law_of_cosines), abs=1.5e-3)
+
+
+def test_the_tree_is_the_robots_alone(robot: Robot, tmp_path: Path) -> None:
+    for name in ("robot.yaml", "robot.xml"):
+        (tmp_path / name).write_text((robot.folder / name).read_text())
+    crate = '<body name="crate" pos="3 0 1"><freejoint/><geom size="0.1"/></body></worldbody>'
+    xml = tmp_path / "robot.xml"
+    xml.write_text(xml.read_text().replace("</worldbody>", crate))
+    rows = inspect_robot(load_robot(tmp_path)).links
+    assert [row.depth for row in rows] == [0, 1, 2, 3, 1, 2, 3]
+    assert [row.joints for row in rows] == [(), ("l0",), ("l1",), (), ("r0",), ("r1",), ()]
+    assert rows[0].mass_kg == pytest.approx(4.0)
+
+
+@pytest.mark.parametrize(("apart_m", "meet"), [(0.004, False), (-0.004, True)])
+def test_links_meet_if_they_touch_not_if_they_are_near(
+    robot: Robot, tmp_path: Path, apart_m: float, meet: bool
+) -> None:
+    """A file may have contacts noted before they touch, by a margin."""
+    for name in ("robot.yaml", "robot.xml"):
+        (tmp_path / name).write_text((robot.folder / name).read_text())
+    xml = tmp_path / "robot.xml"
+    text = xml.read_text()
+    for leg, wide in (("l", 0.11), ("r", 0.11 - apart_m)):
+        joint = text.index(f'<joint name="{leg}0"')
+        ball = f'<geom type="sphere" size="{wide}" margin="0.02" gap="0.02"/>'
+        text = text[:joint] + ball + text[joint:]
+    xml.write_text(text)
+    looked = inspect_robot(load_robot(tmp_path))
+    assert bool(looked.meeting) is meet
+
+
+def test_findings_are_told_in_words() -> None:
+    foot = FootRow("paw", np.zeros(3), 0.0049, (0.1, 0.2))
+    looked = Inspection(
+        (), 1.0, np.zeros(3), (foot, foot._replace(gap_m=0.0123)), 0.0, ("hip",), (("a", "b"),)
+    )
+    assert list(looked.findings()) == [
+        "foot paw is 12 mm above the ground in the default pose",
+        "link hip touches the ground in the default pose, and is no foot",
+        "links a and b collide in the default pose",
+        "the centre of mass is not above the area between the feet in the default pose",
+    ]

@@ -1,0 +1,265 @@
+"""Limbs of any kind: both forms agree, there and back, within limits, finite out of reach."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from made_up import (
+    PITCH,
+    PLATE,
+    Hinge,
+    Leg,
+    bodies,
+    four_hinge_leg,
+    quadruped_leg,
+    six_hinge_leg,
+    write_robot,
+)
+from scipy.optimize import least_squares
+
+from footfall.common.errors import UserError
+from footfall.robots.description import Robot, load_robot
+from footfall.robots.kinematics import Legs
+from footfall.robots.rigid_body import nominal_body
+
+KINDS = ("five legs, one of four hinges", "biped without ankles", "six hinges and soles")
+
+
+@pytest.fixture(scope="module")
+def robots(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Robot]:
+    return bodies(tmp_path_factory.mktemp("bodies"))
+
+
+def near_default(robot: Robot, fraction: np.ndarray, share: float = 0.5) -> np.ndarray:
+    """Poses about the default one, in a share of the way to the joint limits."""
+    down, up = robot.default_pose - robot.lower_rad, robot.upper_rad - robot.default_pose
+    return robot.default_pose + share * np.where(fraction < 0, fraction * down, fraction * up)
+
+
+def fractions(robot: Robot) -> st.SearchStrategy[np.ndarray]:
+    return arrays(float, len(robot.joint_names), elements=st.floats(-1.0, 1.0))
+
+
+def without_closed_form(legs: Legs, robot: Robot) -> SimpleNamespace:
+    """The same limbs, solved by least squares."""
+    return SimpleNamespace(solve=lambda tips: legs._least_squares(robot).solve(tips, list(range(legs.count))))
+
+
+class TestBothForms:
+    @pytest.mark.parametrize("name", ["go1", "hexapod"])
+    @settings(max_examples=25)
+    @given(data=st.data())
+    def test_the_same_leg_is_solved_alike(self, name: str, data: st.DataObject) -> None:
+        robot = load_robot(name)
+        joint = near_default(robot, data.draw(fractions(robot)), share=0.25)
+        tips = robot.legs.pose(joint).foot
+        by_hand, by_squares = robot.legs.solve(tips), without_closed_form(robot.legs, robot).solve(tips)
+        np.testing.assert_allclose(by_hand, robot.legs.gather(joint), atol=1e-6)
+        np.testing.assert_allclose(by_squares, by_hand, atol=1e-5)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+class TestAnyLimb:
+    @settings(max_examples=25)
+    @given(data=st.data())
+    def test_there_and_back(self, robots: dict[str, Robot], kind: str, data: st.DataObject) -> None:
+        """Another pose may come back where hinges are more than needed; the place is the same."""
+        robot = robots[kind]
+        legs = robot.legs
+        joint = near_default(robot, data.draw(fractions(robot)))
+        wanted = legs.pose(joint).foot
+        angles = legs.scatter(legs.solve(wanted), robot.default_pose)
+        np.testing.assert_allclose(legs.pose(angles).foot, wanted, atol=1e-6)
+        assert np.all((angles >= robot.lower_rad - 1e-9) & (angles <= robot.upper_rad + 1e-9))
+
+    @settings(max_examples=25)
+    @given(data=st.data())
+    def test_any_place_gives_a_finite_pose_within_the_limits(
+        self, robots: dict[str, Robot], kind: str, data: st.DataObject
+    ) -> None:
+        robot = robots[kind]
+        places = data.draw(arrays(float, (robot.legs.count, 3), elements=st.floats(-2.0, 2.0)))
+        angles = robot.legs.scatter(robot.legs.solve(places), robot.default_pose)
+        assert np.all(np.isfinite(angles))
+        assert np.all((angles >= robot.lower_rad - 1e-9) & (angles <= robot.upper_rad + 1e-9))
+
+    def test_a_place_far_below_stretches_the_limb_towards_it(
+        self, robots: dict[str, Robot], kind: str
+    ) -> None:
+        legs, default = robots[kind].legs, robots[kind].default_pose
+        far = legs.default_foot * np.array([1.0, 1.0, 4.0])
+        reached = legs.pose(legs.scatter(legs.solve(far), default)).foot
+        assert np.all(reached[:, 2] < legs.default_foot[:, 2] - 0.02)
+        first = np.array([limb.anchor[0] for limb in legs.limbs])
+        assert np.all(np.linalg.norm(reached - first, axis=1) <= legs.reach + 1e-9)
+
+    def test_a_place_that_is_not_a_number_spoils_its_own_limb_only(
+        self, robots: dict[str, Robot], kind: str
+    ) -> None:
+        legs = robots[kind].legs
+        foot = legs.default_foot.copy()
+        foot[-1, 1] = np.nan
+        angles = legs.solve(foot)
+        own = legs.present[-1]
+        assert np.all(np.isnan(angles[-1][own]))
+        np.testing.assert_allclose(angles[:-1], legs.default_angles[:-1], atol=1e-6)
+
+    def test_some_limbs_alone_are_solved_as_among_all(self, robots: dict[str, Robot], kind: str) -> None:
+        legs = robots[kind].legs
+        rng = np.random.default_rng(1)
+        foot = legs.default_foot + rng.uniform(-0.03, 0.03, (legs.count, 3))
+        chosen = [legs.count - 1, 0]
+        np.testing.assert_allclose(legs.solve(foot[chosen], chosen), legs.solve(foot)[chosen], atol=1e-9)
+
+    def test_jacobians_are_derivatives_and_zero_where_a_limb_has_no_hinge(
+        self, robots: dict[str, Robot], kind: str
+    ) -> None:
+        robot, step = robots[kind], 1e-6
+        legs = robot.legs
+        rng = np.random.default_rng(2)
+        joint = near_default(robot, rng.uniform(-1, 1, len(robot.joint_names)))
+        _, jacobian, axes = legs.pose(joint)
+        assert not jacobian.transpose(0, 2, 1)[~legs.present].any()
+        assert not axes.transpose(0, 2, 1)[~legs.present].any()
+        for leg, own in enumerate(robot.foot_joints):
+            for column, index in enumerate(own.tolist()):
+                nudge = np.zeros_like(joint)
+                nudge[index] = step
+                slope = (legs.pose(joint + nudge).foot - legs.pose(joint - nudge).foot) / (2 * step)
+                np.testing.assert_allclose(jacobian[leg, :, column], slope[leg], atol=1e-7)
+
+    def test_torques_hold_the_forces_at_the_tips(self, robots: dict[str, Robot], kind: str) -> None:
+        """By virtual work: a small motion takes from the joints what it gives to the ground."""
+        robot = robots[kind]
+        legs, rng = robot.legs, np.random.default_rng(3)
+        joint = near_default(robot, rng.uniform(-1, 1, len(robot.joint_names)))
+        force = rng.normal(size=(legs.count, 3))
+        torque = legs.scatter(legs.torque(legs.pose(joint).jacobian, force), np.zeros_like(joint))
+        rates = rng.normal(size=len(joint))
+        moved = (legs.pose(joint + 1e-6 * rates).foot - legs.pose(joint - 1e-6 * rates).foot) / 2e-6
+        assert torque @ rates == pytest.approx(-np.sum(force * moved), rel=1e-6)
+
+    def test_joint_rates_move_the_tips_as_asked(self, robots: dict[str, Robot], kind: str) -> None:
+        robot = robots[kind]
+        legs, rng = robot.legs, np.random.default_rng(4)
+        jacobian = legs.pose(robot.default_pose).jacobian
+        motion = rng.normal(size=(legs.count, 3, 2))
+        np.testing.assert_allclose(jacobian @ legs.joint_rates(jacobian, motion), motion, atol=1e-3)
+
+    def test_the_inertia_of_each_limb_is_mujocos(self, robots: dict[str, Robot], kind: str) -> None:
+        robot = robots[kind]
+        inertia = nominal_body(robot).leg_inertia
+        for leg, own in enumerate(robot.legs.present):
+            block = inertia[leg][np.ix_(own, own)]
+            assert np.all(np.linalg.eigvalsh(block) > 0.009)  # the armature at least
+            assert not inertia[leg][~own].any()
+
+
+class TestDifferentLimbs:
+    def test_values_are_gathered_by_limb_and_scattered_back(self, robots: dict[str, Robot]) -> None:
+        legs = robots[KINDS[0]].legs
+        joint = np.arange(1.0, 17.0)
+        by_limb = legs.gather(joint)
+        np.testing.assert_array_equal(by_limb[:, :3], np.arange(1.0, 16.0).reshape(5, 3))
+        np.testing.assert_array_equal(by_limb[:, 3], [0, 0, 0, 0, 16])
+        np.testing.assert_array_equal(legs.scatter(by_limb, np.zeros(16)), joint)
+        stacked = np.stack([joint, -joint])
+        np.testing.assert_array_equal(legs.scatter(legs.gather(stacked), np.zeros((2, 16))), stacked)
+
+    def test_only_the_limb_without_a_closed_form_is_solved_by_least_squares(
+        self, robots: dict[str, Robot]
+    ) -> None:
+        legs = robots[KINDS[0]].legs
+        assert [form is None for form in legs._form_of] == [False, False, False, False, True]
+        assert robots["biped without ankles"].legs._chains is None
+
+
+class TestSoles:
+    def test_the_tip_is_the_middle_of_the_soles_geoms_and_the_ground_under_them(
+        self, robots: dict[str, Robot]
+    ) -> None:
+        robot = robots["six hinges and soles"]
+        model = mujoco.MjModel.from_xml_path(str(robot.xml_path))
+        data = mujoco.MjData(model)
+        data.qpos[3] = 1.0
+        data.qpos[:3] = 0.0
+        data.qpos[7:] = robot.default_pose
+        mujoco.mj_kinematics(model, data)
+        corners = np.array([data.geom(name).xpos for name in robot.description.feet[0].geoms])
+        np.testing.assert_allclose(robot.legs.default_foot[0], corners.mean(axis=0), atol=1e-12)
+        np.testing.assert_allclose(robot.legs.default_foot[1], data.geom("r_foot0").xpos, atol=1e-12)
+        np.testing.assert_allclose(robot.legs.foot_radius, [0.012, 0.010], atol=1e-9)
+
+    def test_a_sole_on_six_hinges_stays_level_wherever_it_is_put(self, tmp_path: Path) -> None:
+        robot = write_robot(tmp_path, [six_hinge_leg("l", 0.09), six_hinge_leg("r", -0.09, PLATE)])
+        legs = robot.legs
+        places = legs.default_foot + np.array([[0.08, 0.02, 0.05], [-0.06, -0.03, 0.02]])
+        legs.pose(legs.scatter(legs.solve(places), robot.default_pose))
+        turn = legs._data.site_xmat[legs._tips].reshape(2, 3, 3)
+        np.testing.assert_allclose(turn, np.tile(np.eye(3), (2, 1, 1)), atol=1e-6)
+
+    def test_a_sole_out_of_reach_gives_up_its_own_level_only(self, robots: dict[str, Robot]) -> None:
+        legs, default = robots["six hinges and soles"].legs, robots["six hinges and soles"].default_pose
+        places = legs.default_foot + np.array([[0.05, 0.02, 0.04], [0.6, -0.3, 0.0]])
+        legs.pose(legs.scatter(legs.solve(places), default))
+        turn = legs._data.site_xmat[legs._tips].reshape(2, 3, 3)
+        np.testing.assert_allclose(turn[0], np.eye(3), atol=1e-6)
+        assert np.abs(turn[1] - np.eye(3)).max() > 0.1
+
+    def test_the_geoms_of_a_foot_belong_to_one_body(self, tmp_path: Path) -> None:
+        write_robot(tmp_path, [quadruped_leg("a", 0.2, 0.1), quadruped_leg("b", -0.2, -0.1)])
+        declaration, xml = tmp_path / "robot.yaml", tmp_path / "robot.xml"
+        declaration.write_text(declaration.read_text().replace("- a_foot0", "- a_foot0\n  - shin", 1))
+        xml.write_text(xml.read_text().replace('<geom type="capsule"', '<geom name="shin" type="capsule"', 1))
+        with pytest.raises(UserError, match="foot a: its geoms are on different bodies"):
+            load_robot(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "away", [(0.25, -0.1, -0.15), (-0.3, 0.2, -0.1), (-0.2, -0.35, 0.2), (0.1, 0.3, -0.3)]
+)
+def test_out_of_reach_it_comes_as_near_as_a_bounded_optimiser(
+    robots: dict[str, Robot], away: tuple[float, float, float]
+) -> None:
+    """scipy's, from the same start."""
+    robot = robots["five legs, one of four hinges"]
+    legs, own = robot.legs, robot.foot_joints[4]
+    far = legs.default_foot[4] + np.array(away)
+
+    def missing(angles: np.ndarray) -> np.ndarray:
+        joint = robot.default_pose.copy()
+        joint[own] = angles
+        return legs.pose(joint).foot[4] - far
+
+    bounds = (robot.lower_rad[own], robot.upper_rad[own])
+    best = least_squares(missing, robot.default_pose[own], bounds=bounds)
+    left = np.linalg.norm(missing(legs.solve(far[None], [4])[0]))
+    assert np.linalg.norm(best.fun) > 0.05  # it is out of reach
+    assert left == pytest.approx(np.linalg.norm(best.fun), abs=1e-3)
+
+
+def test_a_leg_of_two_hinges_beside_one_of_three_moves_as_far_as_it_can(tmp_path: Path) -> None:
+    """In its own plane, across which it cannot move."""
+    hip, knee = (Hinge(PITCH, (0.0, 0.0, -0.2), angle) for angle in (0.5, -0.9))
+    legs = write_robot(
+        tmp_path, [quadruped_leg("a", 0.2, 0.1), Leg("b", (-0.2, -0.1, 0.0), (hip, knee))]
+    ).legs
+    jacobian = legs.pose(legs.scatter(legs.default_angles, np.zeros(5))).jacobian
+    motion = np.array([[[0.1], [0.2], [0.3]], [[0.1], [0.2], [0.3]]])
+    moved = jacobian @ legs.joint_rates(jacobian, motion)
+    np.testing.assert_allclose(moved[0], motion[0], atol=1e-3)
+    np.testing.assert_allclose(moved[1, :, 0], [0.1, 0.0, 0.3], atol=1e-3)
+
+
+def test_one_limb_of_a_kind_beside_another_leaves_both_as_they_are(tmp_path: Path) -> None:
+    """A limb's solution does not depend on which others the robot has."""
+    alone: list[Leg] = [four_hinge_leg("e", -0.02, 0.14)]
+    one = write_robot(tmp_path / "one", alone).legs
+    two = write_robot(tmp_path / "two", [quadruped_leg("a", 0.2, 0.1), *alone]).legs
+    place = one.default_foot + np.array([0.02, -0.01, 0.03])
+    np.testing.assert_allclose(two.solve(place, [1]), one.solve(place), atol=1e-9)

@@ -1,0 +1,112 @@
+"""A robot made of frames alone, a clock of given times and a log in memory."""
+
+from typing import Any
+
+import numpy as np
+
+from footfall.deploy.bus import BusStatistics
+from footfall.deploy.drivers import imu
+from footfall.deploy.frames import Frames
+from footfall.deploy.wiring import Wiring, wire
+from footfall.plant.motor_ends.choice import open_motor_end
+from footfall.plant.motor_ends.motor_end import Request, Requests
+from footfall.policies.policy import Observation
+from footfall.robots.actuator import JointCommand
+from footfall.robots.description import Robot
+
+TICK_US = 2000
+
+
+ROWS = np.arange(12)
+
+
+Vector = tuple[float, float, float]
+
+
+class FrameRobot:
+    """A robot on a bus that is what its attributes say: it answers every tick and keeps what it was sent."""
+
+    def __init__(self, robot: Robot, wiring: Wiring | None = None) -> None:
+        self.wiring = wiring or wire(robot)
+        self._end = open_motor_end(self.wiring)
+        self.readings = np.array([robot.default_pose, np.zeros(12), np.zeros(12)])
+        self.quaternion = (1.0, 0.0, 0.0, 0.0)
+        self.gyro = (0.0, 0.0, 0.0)
+        self.acceleration = (0.0, 0.0, 9.8)
+        self.error = np.zeros(12, dtype=np.uint64)
+        self.temperature_c = 30
+        self.silent: list[int] = []
+        self.imu_silent = False
+        self.refuses = 0
+        self.bus_fault = ""
+        self.sent: list[tuple[int, Requests]] = []
+        self._count = 0
+
+    def send(self, frames: Frames, now_us: int) -> int:
+        self.sent.append((now_us, self._end.requests(frames)))
+        return self.refuses
+
+    def receive(self, now_us: int) -> list[Frames]:
+        heard = np.setdiff1d(ROWS, self.silent)
+        batches = [self._end.reply(heard, self.readings[:, heard], self.temperature_c, self.error[heard])]
+        if not self.imu_silent:
+            self._count += 1
+            reading = imu.Inertial(self.gyro, self.acceleration, self.quaternion)
+            batches.append(imu_frames(self.wiring, reading, self._count))
+        return batches
+
+    def fault(self) -> str:
+        return self.bus_fault
+
+    def statistics(self) -> list[BusStatistics]:
+        return [BusStatistics("can0", 7)]
+
+    def kinds(self) -> list[int]:
+        """What the last batch asked of each motor."""
+        kind = self.sent[-1][1].kind
+        return [Request.COMMAND] * 12 if kind is None else kind.tolist()
+
+    def command(self) -> JointCommand:
+        return JointCommand(*self.sent[-1][1].values)
+
+
+def imu_frames(wiring: Wiring, reading: imu.Inertial, counter: int) -> Frames:
+    channel = np.full(3, wiring.imu_channel)
+    return Frames(channel, np.array(imu.IDS), imu.encode(reading, counter), np.full(3, 8))
+
+
+class Ticks:
+    """A clock that hands out given times."""
+
+    realtime = False
+
+    def __init__(self, times_us: Any) -> None:
+        self._times = iter(times_us)
+
+    def next_tick(self) -> int:
+        return int(next(self._times))
+
+    def lateness_us(self) -> float:
+        return 17.0
+
+
+class Notebook:
+    """A log that keeps what it is told."""
+
+    def __init__(self) -> None:
+        self.told: list[tuple] = []
+
+    def tick(self, now_us: int, sensed: Any, told: Any, commanded: np.ndarray | None) -> None:
+        self.told.append(("tick", now_us, sensed, commanded))
+
+    def policy_step(self, now_us: int, observation: Observation, command: JointCommand) -> None:
+        self.told.append(("policy_step", now_us, observation, command))
+
+    def state(self, now_us: int, state: Any) -> None:
+        self.told.append(("state", now_us, state))
+
+    def note(self, now_us: int, note: str) -> None:
+        self.told.append(("note", now_us, note))
+
+    def of(self, kind: str) -> list[tuple]:
+        return [each[1:] for each in self.told if each[0] == kind]

@@ -1,0 +1,42 @@
+"""Import modules in a fresh interpreter."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+
+
+IMPORT_APART = """
+import importlib, json, sys, time
+
+class Blocker:
+    def find_spec(self, name, path=None, target=None):
+        if any(name == b or name.startswith(b + ".") for b in {blocked!r}):
+            raise ImportError(f"{{name}} is out of reach")
+
+sys.meta_path.insert(0, Blocker())
+began = time.process_time()
+for name in {names!r}:
+    importlib.import_module(name)
+print(json.dumps([time.process_time() - began, sorted(sys.modules)]))
+"""
+
+
+def import_apart(names: list[str], blocked: tuple[str, ...] = ()) -> tuple[float, list[str]]:
+    """Import modules in a fresh interpreter, some packages out of reach.
+
+    Returns:
+        CPU seconds that it took, and the names of all modules that are loaded then.
+    """
+    done = subprocess.run(
+        [sys.executable, "-c", IMPORT_APART.format(blocked=blocked, names=names)],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    seconds, loaded = json.loads(done.stdout.splitlines()[-1])
+    return seconds, loaded

@@ -1,0 +1,95 @@
+"""What `train/test_devices.py` runs in a process of its own, on a machine of two (host) devices."""
+
+import json
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from brax.training.types import Transition
+from jax.sharding import PartitionSpec
+
+from footfall.envs.velocity import VelocityEnv
+from footfall.robots.description import load_robot
+from footfall.train.brax.devices import DIVIDED, device_mesh, place, shardings
+from footfall.train.brax.networks import make_networks
+from footfall.train.brax.ppo import STATE_SPECS, initial_state, make_learning
+from footfall.train.config import load_preset
+
+CONFIG = load_preset("smoke")
+ENV = VelocityEnv(load_robot("go1"), CONFIG.env)
+NETWORKS = make_networks(ENV.observation_sizes, ENV.action_size, CONFIG.ppo)
+MESH = device_mesh(CONFIG.ppo)
+UNROLL, ENVIRONMENTS = 4, 16  # of one device
+Data = tuple[Transition, dict[str, jax.Array]]
+
+
+def rollout(seed: int) -> Data:
+    """Random transitions (time, environment) of one device, and the observation after them."""
+    rng = np.random.default_rng(seed)
+
+    def normal(*shape: int) -> jax.Array:
+        return jnp.asarray(rng.normal(size=(UNROLL, ENVIRONMENTS, *shape)), dtype=jnp.float32)
+
+    n, sizes = ENV.action_size, ENV.observation_sizes
+    unit = jnp.ones((UNROLL, ENVIRONMENTS, n))
+    policy = {"raw_action": normal(n), "log_prob": normal(), "distribution_params": (normal(n), unit)}
+    transitions = Transition(
+        observation={name: normal(size) for name, size in sizes.items()},
+        action=normal(n),
+        reward=normal(),
+        discount=unit[..., 0],
+        next_observation=None,
+        extras={"policy_extras": policy, "state_extras": {"truncation": 0 * unit[..., 0]}},
+    )
+    return transitions, {name: normal(size)[0] for name, size in sizes.items()}
+
+
+def side_by_side(one: Data, other: Data) -> Data:
+    """The data of two devices, along the environments."""
+    transitions = jax.tree.map(lambda a, b: jnp.concatenate([a, b], 1), one[0], other[0])
+    return transitions, jax.tree.map(lambda a, b: jnp.concatenate([a, b], 0), one[1], other[1])
+
+
+def learnt(state: Any, data: Data, devices: int) -> list[Any]:
+    """The actor that each device ends up with."""
+    learn = make_learning(NETWORKS, CONFIG.ppo, devices)
+
+    def actor(*arguments: Any) -> Any:
+        return jax.tree.map(lambda x: x[None], learn(*arguments, jax.random.key(1))[0].policy)
+
+    if devices > 1:
+        specs = (STATE_SPECS, PartitionSpec(None, *DIVIDED), DIVIDED)
+        actor = jax.shard_map(actor, mesh=MESH, in_specs=specs, out_specs=DIVIDED, check_vma=False)
+    actors = jax.device_get(jax.jit(actor)(state, *data))
+    return [jax.tree.map(lambda x, i=i: x[i], actors) for i in range(devices)]
+
+
+def gap(a: Any, b: Any) -> float:
+    """The largest difference between two trees."""
+    leaves = zip(jax.tree.leaves(a), jax.tree.leaves(b), strict=True)
+    return max(float(np.max(np.abs(x - y))) for x, y in leaves)
+
+
+def main() -> None:
+    """Print what was seen, as JSON."""
+    state = jax.jit(lambda: initial_state(ENV, NETWORKS, CONFIG.ppo, 0))()
+    share, other = rollout(0), rollout(1)
+    (alone,) = learnt(state, share, 1)
+    twice, _ = learnt(state, side_by_side(share, share), 2)
+    first, second = learnt(state, side_by_side(share, other), 2)
+    placed = place(jax.device_get(state), shardings(STATE_SPECS, MESH))
+    seen = {
+        "devices": MESH.size,
+        "moved": gap(alone, jax.device_get(state.params.policy)),
+        "same_share_on_both": gap(alone, twice),
+        "other_share_on_the_second": gap(alone, first),
+        "between_devices": gap(first, second),
+        "environments_of_each": placed.observation["state"].addressable_shards[0].data.shape[0],
+        "copies_of_parameters": len(jax.tree.leaves(placed.params)[0].addressable_shards),
+    }
+    print(json.dumps(seen))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,39 @@
+"""A simulated robot whose frames are kept."""
+
+from itertools import groupby
+
+from footfall.deploy.drivers import mit
+from footfall.deploy.frames import Frames
+from footfall.deploy.wiring import wire
+from footfall.plant.bus import SimulatedBus
+from footfall.plant.injection import InjectingBus
+from footfall.plant.motor_ends.mit import MitMotorEnd
+from footfall.plant.robot import PlantConfig, SimulatedRobot
+from footfall.plant.wires import SimulatedWires
+from footfall.robots.description import Robot
+
+
+class Simulation:
+    """A robot whose motors have no time-out to speak of, and what was sent to it."""
+
+    def __init__(self, robot: Robot) -> None:
+        wiring = wire(robot)
+        wires = SimulatedWires(wiring.buses)
+        self.body = SimulatedRobot(robot, wiring, wires, PlantConfig(motor_timeout_s=30.0))
+        self.bus = InjectingBus(SimulatedBus(wires, self.body))
+        self.sent: list[Frames] = []
+        self.bus.watch = self.sent.append
+
+
+def asked_of_motors(robot: Robot, sent: list[Frames]) -> list[tuple[str, int]]:
+    """What motors were asked for, tick after tick: what, and how many ticks in a row."""
+    end = MitMotorEnd(wire(robot))
+
+    def asked(frames: Frames) -> str:
+        word = mit.words(frames.data)[0]
+        if word in (mit.ENTER, mit.EXIT):
+            return "on" if word == mit.ENTER else "off"
+        _, _, stiffness, damping, _ = end.requests(frames).values
+        return "stiff" if stiffness.any() else "damped" if damping.all() else "limp"
+
+    return [(what, len(list(ticks))) for what, ticks in groupby(map(asked, sent))]

@@ -1,0 +1,73 @@
+"""Training on several devices: each learns from its share, all end with the same parameters."""
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("jax")
+
+SCRIPT = Path(__file__).parents[1] / "support" / "two_devices.py"
+TWO = {"JAX_NUM_CPU_DEVICES": "2", "JAX_PLATFORMS": "cpu"}
+
+
+@pytest.fixture(scope="module", params=["newer partitioner", "older partitioner"])
+def seen(request: pytest.FixtureRequest) -> dict[str, float]:
+    """With both of XLA's partitioners: which one serves depends on the release of JAX."""
+    newer = {"JAX_USE_SHARDY_PARTITIONER": str(request.param == "newer partitioner")}
+    command = [sys.executable, str(SCRIPT)]
+    done = subprocess.run(
+        command, env=os.environ | TWO | newer, capture_output=True, text=True, timeout=300, check=False
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def test_the_same_share_on_each_device_teaches_what_it_teaches_one(seen: dict[str, float]) -> None:
+    assert seen["moved"] > 1e-3
+    assert seen["same_share_on_both"] < 1e-6
+
+
+def test_what_any_device_sees_reaches_all_of_them(seen: dict[str, float]) -> None:
+    assert seen["other_share_on_the_second"] > 1e-4
+    assert seen["between_devices"] == 0.0
+
+
+def test_environments_are_divided_and_parameters_are_everywhere(seen: dict[str, float]) -> None:
+    assert seen["devices"] == 2
+    assert seen["environments_of_each"] == 16
+    assert seen["copies_of_parameters"] == 2
+
+
+def test_where_jax_has_accelerators_alone_the_default_device_computes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    import jax
+
+    from footfall.train.brax.devices import on_the_processor
+
+    def none_such(*_: object, **__: object) -> None:
+        raise RuntimeError("Unknown backend cpu")
+
+    monkeypatch.setattr(jax, "local_devices", none_such)
+    with on_the_processor():
+        assert float(jax.numpy.ones(2).sum()) == 2.0
+
+
+def test_environments_that_cannot_be_divided_among_devices_and_minibatches_are_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    import jax
+
+    from footfall.common.errors import UserError
+    from footfall.train.brax.devices import device_mesh
+    from footfall.train.config import load_preset
+
+    monkeypatch.setattr(jax, "devices", lambda: ["one", "two"])
+    config = replace(load_preset("smoke").ppo, environments=12, minibatches=4)
+    with pytest.raises(UserError, match="among 2 devices and 4 minibatches: give a multiple of 8"):
+        device_mesh(config)

@@ -1,0 +1,418 @@
+"""Failing trainings: one clear line, the last good checkpoint intact, and a replay that names the culprit."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("jax")
+
+import jax
+from shell import Shell
+
+from footfall.common.config import dump, load
+from footfall.common.errors import CannotWriteError, UserError
+from footfall.common.files import write_atomically
+from footfall.robots.description import load_robot
+from footfall.train import api, cluster
+from footfall.train.brax.diagnosis import Diagnosis, _broken_rows, differences
+from footfall.train.brax.parts import assemble
+from footfall.train.brax.trainer import BraxTrainer
+from footfall.train.runs import checkpoint
+from footfall.train.runs.failure import (
+    ENVIRONMENT,
+    FOLDER,
+    REPORT,
+    SOURCE,
+    Failure,
+    failure_of,
+    non_finite_leaves,
+)
+from footfall.train.runs.folder import Run
+from footfall.train.runs.journal import Journal
+from footfall.train.runs.metrics import MetricsLog
+
+pytestmark = pytest.mark.usefixtures("kept_programs")
+
+ITERATIONS = 6
+HEALTHY = {"learning/total_loss": 0.1, "learning/gradient_norm": 0.5, "episode/diverged": 0.0}
+
+
+@pytest.fixture
+def shell(capsys: pytest.CaptureFixture[str]) -> Shell:
+    return Shell(capsys)
+
+
+@pytest.fixture
+def disk() -> Iterator[Path]:
+    """A folder on a disk of one megabyte."""
+    folder = Path("/tmp") / f"footfall-small-disk-{os.getpid()}"
+    folder.mkdir()
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", folder], capture_output=True, check=False
+    )
+    if mounted.returncode:
+        folder.rmdir()
+        pytest.skip("a small disk can be mounted by root only")
+    yield folder
+    subprocess.run(["umount", "--lazy", folder], check=True)
+    folder.rmdir()
+
+
+@pytest.fixture(scope="module")
+def sound(whole_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run that nothing has gone wrong in, free to be damaged."""
+    return Path(shutil.copytree(whole_run, tmp_path_factory.mktemp("runs") / "sound"))
+
+
+def fill(disk: Path, leaving: int = 0) -> Path:
+    """Fill a disk, but for so many bytes."""
+    filler = disk / "filler"
+    free = os.statvfs(disk).f_bavail * os.statvfs(disk).f_frsize
+    filler.write_bytes(b"x" * (free - leaving))
+    return filler
+
+
+class TestNoticing:
+    def test_a_healthy_iteration_is_no_failure(self) -> None:
+        assert failure_of(HEALTHY, diverged_limit=0.01) is None
+
+    @pytest.mark.parametrize("name", HEALTHY)
+    @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+    def test_any_metric_that_is_not_finite_is_named(self, name: str, value: float) -> None:
+        assert failure_of(HEALTHY | {name: value}, diverged_limit=0.01) == f"{name} is not finite"
+
+    def test_simulations_may_diverge_up_to_the_limit(self) -> None:
+        assert failure_of(HEALTHY | {"episode/diverged": 0.01}, diverged_limit=0.01) is None
+        reason = failure_of(HEALTHY | {"episode/diverged": 0.02}, diverged_limit=0.01)
+        assert reason is not None
+        assert reason.startswith("2.00% of the control steps ended in a diverged simulation")
+
+    def test_many_names_stay_one_line(self) -> None:
+        reason = failure_of({f"m{k}": np.nan for k in range(9)}, diverged_limit=0.01)
+        assert reason == "m0, m1, m2, m3 and 5 more are not finite"
+
+    def test_the_culprit_in_a_state_is_named(self) -> None:
+        tree = {"good": np.ones(2), "count": np.int32(3), "bad": {"deep": np.array([0.0, np.nan])}}
+        assert non_finite_leaves(tree) == ["['bad']['deep']"]
+
+
+def test_one_number_that_is_not_finite_breaks_an_environment() -> None:
+    values = np.array([[1.0, 2.0], [np.nan, 2.0], [1.0, np.inf]])
+    np.testing.assert_array_equal(_broken_rows(values), [False, True, True])
+
+
+class TestReplay:
+    """A sound run whose state is damaged between two iterations, which then fails."""
+
+    def fail(self, sound: Path, folder: Path, damage: Callable[[Any], Any], limit: float = 0.01) -> str:
+        """Damage the checkpoint after the second iteration and resume; returns the message."""
+        run_folder = Path(shutil.copytree(sound, folder / "run"))
+        shutil.rmtree(run_folder / FOLDER, ignore_errors=True)
+        run = api.open_run(run_folder)
+        write_atomically(run_folder / "config.yaml", dump(replace(run.config, diverged_limit=limit)).encode())
+        shapes = assemble(run, load_robot("go1")).shapes
+        kept = sorted(run.checkpoints.iterdir())[0]
+        state, seen = checkpoint.restore(kept, shapes)
+        for path in run.checkpoints.iterdir():
+            path.unlink()
+        checkpoint.save(run.checkpoints, int(state.iteration), damage(state), seen)
+        with pytest.raises(UserError) as error:
+            api.resume(run_folder)
+        return str(error.value)
+
+    def replay(self, folder: Path) -> Diagnosis:
+        found = api.diagnose(folder / "run", say=lambda _: None)
+        assert found.reason == found.failure.reason
+        return found
+
+    def test_a_gradient_that_overflows(self, sound: Path, tmp_path: Path, shell: Shell) -> None:
+        def damage(state: Any) -> Any:
+            value = jax.tree.map(lambda x: x * np.float32(1e12), state.params.value)
+            return state._replace(params=state.params.replace(value=value))
+
+        message = self.fail(sound, tmp_path, damage)
+        run = tmp_path / "run"
+        assert "\n" not in message
+        assert message.startswith("training failed in iteration 5: ")
+        assert "the last good checkpoint is 00000004.ckpt" in message
+        assert message.endswith(f"footfall diagnose {run}")
+        newest = checkpoint.latest(run / "checkpoints")
+        assert newest is not None
+        assert newest.name == "00000004.ckpt"
+        assert not any((run / "checkpoints").glob("0000000[56]*"))
+
+        shutil.rmtree(run / "checkpoints")  # the dump needs nothing else
+        outcome = shell("diagnose", run)
+        assert outcome.status == 0, outcome.err
+        assert "replaying iteration 5 from 00000004.ckpt" in outcome.out
+        assert "first: the rollout is sound; learning, pass 1, minibatch 1: " in outcome.out
+
+    def test_a_simulation_that_diverges(self, sound: Path, tmp_path: Path) -> None:
+        def damage(state: Any) -> Any:
+            qvel = np.array(state.env.qvel)
+            qvel[17, 6] = np.nan
+            return state._replace(env=state.env._replace(qvel=qvel))
+
+        # Kept out of the checkpoint by its own check in training; here it is put there by hand.
+        message = self.fail(sound, tmp_path, damage, limit=0.001)
+        assert "0.39% of the control steps ended in a diverged simulation" in message
+        found = self.replay(tmp_path)
+        assert found.finding.startswith(
+            "environment 17, control step 1 of 8: the simulation diverged; after it qpos, qvel"
+        )
+        assert found.finding.endswith("(1 of 32 environments in this step)")
+
+    def test_a_figure_that_overflows(self, sound: Path, tmp_path: Path) -> None:
+        def damage(state: Any) -> Any:
+            command = np.array(state.env.command)
+            command[9] = 1e30
+            return state._replace(env=state.env._replace(command=command))
+
+        self.fail(sound, tmp_path, damage)
+        found = self.replay(tmp_path)
+        assert "environment 9, control step 1 of 8: tracking/linear_error_m_s is not finite" in found.finding
+        assert found.saved is not None
+        with np.load(found.saved) as saved:
+            assert saved["state.command"][0] == np.float32(1e30)
+            assert saved["state.qpos"].shape == (19,)
+            assert saved["action"].shape == (12,)
+            assert saved["environment"] == 9
+            assert "state.sample.friction" in saved
+
+    def test_a_run_that_is_sound_has_nothing_to_replay(self, sound: Path, shell: Shell) -> None:
+        assert "holds no failed training" in shell.refuses("diagnose", sound)
+
+
+def broken_trainer(run: Run) -> BraxTrainer:
+    """After its seventh iteration, which left something that is not finite."""
+    trainer = BraxTrainer(run, load_robot("go1"))
+    trainer.iteration, trainer._state = 7, {"mean": np.array([0.0, np.nan])}  # type: ignore[assignment]
+    return trainer
+
+
+def test_a_state_that_is_not_finite_is_never_kept(sound: Path, tmp_path: Path) -> None:
+    """Even if no metric shows it."""
+    run = api.open_run(Path(shutil.copytree(sound, tmp_path / "run")))
+    before = checkpoint.latest(run.checkpoints)
+    shutil.rmtree(run.folder / FOLDER, ignore_errors=True)
+    (run.folder / FOLDER).mkdir()
+    (run.folder / FOLDER / ENVIRONMENT).touch()  # of a failure before
+    with pytest.raises(UserError, match=r"in iteration 7: \['mean'\] is not finite"):
+        broken_trainer(run).save()
+    assert checkpoint.latest(run.checkpoints) == before
+    assert {path.name for path in (run.folder / FOLDER).iterdir()} == {REPORT, "00000006.ckpt"}
+
+    failure = load(run.folder / FOLDER / REPORT, Failure)
+    assert differences(failure, failure.device, 1) == []
+    older = replace(failure, devices=2, versions=failure.versions | {"jax": "0.1", SOURCE: "0f1e2d"})
+    assert differences(older, "another", 1) == [
+        f"device {failure.device}, now another",
+        "device count 2, now 1",
+        f"jax 0.1, now {failure.versions['jax']}",
+        f"source revision 0f1e2d, now {failure.versions[SOURCE]}",
+    ]
+
+
+def test_a_process_that_does_not_lead_notices_such_a_state_too_but_writes_nothing(
+    sound: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = replace(api.open_run(sound), folder=tmp_path)
+    monkeypatch.setattr(cluster, "is_main_process", lambda: False)
+    with pytest.raises(UserError, match=r"\['mean'\] is not finite; see process 0"):
+        broken_trainer(run).save()
+    assert list(tmp_path.iterdir()) == []
+
+
+class TestDevice:
+    def fail(self, sound: Path, monkeypatch: pytest.MonkeyPatch, text: str) -> str:
+        """The message of a training whose device fails with this text."""
+
+        def failing(*_: Any) -> None:
+            raise jax.errors.JaxRuntimeError(text)
+
+        monkeypatch.setattr(BraxTrainer, "prepare", failing)
+        (sound / "policy.onnx").unlink(missing_ok=True)  # or there would be nothing left to do
+        with pytest.raises(UserError) as error:
+            api.resume(sound)
+        assert "\n" not in str(error.value)
+        return str(error.value)
+
+    def test_its_loss_ends_in_one_line(self, sound: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        text = "INTERNAL: CUDA_ERROR_ECC_UNCORRECTABLE\nstack\nstack"
+        assert self.fail(sound, monkeypatch, text) == (
+            "the device failed: INTERNAL: CUDA_ERROR_ECC_UNCORRECTABLE;"
+            " the last good checkpoint is 00000006.ckpt;"
+            f" continue with: footfall train --resume {sound}"
+        )
+        assert (sound / FOLDER / "device_error.txt").read_text() == text
+
+    def test_no_memory_left_says_how_to_need_less(self, sound: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        text = "RESOURCE_EXHAUSTED: Out of memory while trying to allocate 9 bytes."
+        message = self.fail(sound, monkeypatch, text)
+        assert "start a new run with a smaller ppo.environments (it is 32), or go on with" in message
+
+    def test_a_back_end_that_cannot_start_is_one_line(
+        self, sound: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        def failing() -> None:
+            raise RuntimeError("Unable to initialize backend 'cuda': no device\nmore")
+
+        monkeypatch.setattr(jax, "devices", failing)
+        for use in (api.resume, api.export_run):
+            with pytest.raises(UserError) as error:
+                use(sound)
+            assert (
+                str(error.value) == "no device to compute on: Unable to initialize backend 'cuda': no device"
+            )
+
+    def test_a_defect_of_our_own_keeps_its_traceback(
+        self, sound: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        text = "INTERNAL: CpuCallback error: Traceback (most recent call last): ..."
+        with pytest.raises(jax.errors.JaxRuntimeError):
+            self.fail(sound, monkeypatch, text)
+
+
+class TestFullDisk:
+    def test_a_record_that_does_not_fit_leaves_no_part(self, disk: Path) -> None:
+        log = MetricsLog(disk, 0)
+        log.write(1, {"reward/total": 1.0})
+        filler = fill(disk)
+        long = {f"reward/{k}": 1.0 for k in range(2000)}  # more than what is left of the last page
+        with pytest.raises(CannotWriteError, match="No space left on device"):
+            log.write(2, long)
+        filler.unlink()
+        log.write(1000, {"reward/total": 2.0})
+        log.close()
+        lines = [json.loads(line) for line in (disk / "metrics.jsonl").read_text().splitlines()]
+        assert lines == [{"step": 1, "reward/total": 1.0}, {"step": 1000, "reward/total": 2.0}]
+
+    def test_a_checkpoint_makes_room_for_itself_but_keeps_one(self, disk: Path) -> None:
+        state = {"weights": np.zeros(2**16, np.float32)}  # a quarter of the disk
+        for iteration in range(1, 4):
+            checkpoint.save(disk, iteration, state, np.zeros(1))
+        fill(disk)
+        checkpoint.save(disk, 4, state, np.zeros(1))
+        assert [p.name for p in sorted(disk.glob("*.ckpt"))] == ["00000003.ckpt", "00000004.ckpt"]
+        (disk / "filler").unlink()
+        fill(disk)
+        with pytest.raises(CannotWriteError, match="the last good one is 00000004"):
+            checkpoint.save(disk, 5, {"weights": np.zeros(2**17, np.float32)}, np.zeros(1))
+        assert [p.name for p in sorted(disk.iterdir())] == ["00000004.ckpt", "filler"]
+
+    def test_training_goes_on_and_keeps_later_what_it_could_not_keep_before(
+        self,
+        disk: Path,
+        six_iterations: str,
+        capsys: pytest.CaptureFixture[str],
+        monkeypatch: pytest.MonkeyPatch,
+    ) -> None:
+        record = Journal._record
+
+        def filling(self: Any, iteration: int, figures: Any) -> None:
+            if iteration == 2:
+                fill(disk)
+            if iteration == 5:
+                (disk / "filler").unlink()
+            record(self, iteration, figures)
+
+        monkeypatch.setattr(Journal, "_record", filling)
+        run = api.train(api.TrainRequest(preset=six_iterations, seed=5, out=disk / "run"))
+        said = capsys.readouterr().out
+        assert said.count("cannot write checkpoint") == 1
+        assert said.count("cannot write") == said.count("training goes on and tries again") == 2
+        assert checkpoint.latest(run / "checkpoints") == run / "checkpoints" / "00000006.ckpt"
+        assert (run / "policy.onnx").is_file()
+        steps = [json.loads(line)["step"] for line in (run / "metrics.jsonl").read_text().splitlines()]
+        assert steps[-1] == ITERATIONS * 256
+
+    def test_at_the_end_it_says_so(
+        self, disk: Path, six_iterations: str, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        record = Journal._record
+
+        def filling(self: Any, iteration: int, figures: Any) -> None:
+            if iteration == 2:
+                fill(disk)
+            record(self, iteration, figures)
+
+        monkeypatch.setattr(Journal, "_record", filling)
+        with pytest.raises(UserError, match="No space left on device; the last good one is 00000001"):
+            api.train(api.TrainRequest(preset=six_iterations, seed=5, out=disk / "run"))
+        monkeypatch.undo()
+        (disk / "filler").unlink()
+        assert (api.resume(disk / "run") / "policy.onnx").is_file()
+
+
+# Kills its own process at each line of a checkpoint's saving in turn, and amid the file's content.
+KILL_ANYWHERE = """
+import os, resource, shutil, signal, sys
+from itertools import count
+from pathlib import Path
+import numpy as np
+from footfall.common import files
+from footfall.train.runs import checkpoint
+
+folder = Path(sys.argv[1])
+OURS = {checkpoint.__file__, files.__file__}
+state = {"weights": np.zeros(4)}
+
+def content(iteration):
+    return {"weights": np.full(10_000, float(iteration))}
+
+def killed_at(line):
+    def trace(frame, event, _):
+        nonlocal line
+        if frame.f_code.co_filename not in OURS:
+            return None
+        if event == "line":
+            line -= 1
+            if line == 0:
+                os.kill(os.getpid(), signal.SIGKILL)
+        return trace
+    sys.settrace(trace)
+
+def killed_in_the_content(_):
+    signal.signal(signal.SIGXFSZ, signal.SIG_DFL)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+
+def survives(arm, line):
+    shutil.rmtree(folder, ignore_errors=True)
+    for iteration in range(1, 4):
+        checkpoint.save(folder, iteration, content(iteration), np.zeros(1))
+    child = os.fork()
+    if child == 0:
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        arm(line)
+        checkpoint.save(folder, 4, content(4), np.zeros(1))
+        os._exit(0)
+    _, status = os.waitpid(child, 0)
+    newest = checkpoint.latest(folder)
+    assert newest.stem in {"00000003", "00000004"}, newest
+    for path in folder.glob("*.ckpt"):
+        restored, _ = checkpoint.restore(path, content(0))
+        assert (restored["weights"] == int(path.stem)).all(), path
+    checkpoint.save(folder, 5, content(5), np.zeros(1))
+    assert len(list(folder.iterdir())) == 3, list(folder.iterdir())
+    return os.WIFEXITED(status)
+
+assert not survives(killed_in_the_content, 0)
+lines = next(line for line in count(1) if survives(killed_at, line))
+print(lines - 1)
+"""
+
+
+def test_a_checkpoint_is_whole_wherever_its_writer_is_killed(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", KILL_ANYWHERE, str(tmp_path / "checkpoints")]
+    done = subprocess.run(command, cwd=Path(__file__).parents[2], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) > 30, "lines at which it was killed"

@@ -1,0 +1,269 @@
+"""Runs: the same seed gives the same result, a killed run resumes exactly, a failed export leaves nothing."""
+
+import json
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("jax")
+
+import jax
+import jax.numpy as jnp
+
+from footfall.common.config import dump
+from footfall.common.errors import UserError
+from footfall.domain_rand.noise import Noise
+from footfall.domain_rand.randomisation import Randomisation
+from footfall.envs.config import PushConfig
+from footfall.envs.velocity import VelocityEnv
+from footfall.policies.learned import LearnedPolicy
+from footfall.policies.policy import Observation, Sensed
+from footfall.robots.description import load_robot
+from footfall.train import api, export
+from footfall.train.config import PRESETS, TrainConfig, load_preset
+from footfall.train.runs import checkpoint
+from footfall.train.runs.failure import FOLDER, REPORT, Failure
+from footfall.train.runs.folder import create_run, locked, trained_robot
+
+pytestmark = pytest.mark.usefixtures("kept_programs")
+
+KILLED = -9
+# Runs a training and kills its own process, as the power would, at the last of some renames of a file. At
+# those before it copies the run's folder, which is what would be left if it was killed there.
+KILL_AT_RENAME = """
+import os, shutil, signal, sys
+from pathlib import Path
+from footfall.common import files
+from footfall.train import api
+count, replace = 0, os.replace
+preset, run, *renames = sys.argv[1:]
+def replace_or_die(*names):
+    global count
+    count += 1
+    if str(count) == renames[-1]:
+        os.kill(os.getpid(), signal.SIGKILL)
+    if str(count) in renames:
+        shutil.copytree(run, f"{run}-{count}")
+    replace(*names)
+files.os.replace = replace_or_die
+api.train(api.TrainRequest(preset=preset, seed=5, out=Path(run)))
+"""
+
+
+def last_checkpoint(run: Path) -> bytes:
+    newest = checkpoint.latest(run / "checkpoints")
+    assert newest is not None
+    return newest.read_bytes()
+
+
+def logged_steps(run: Path) -> list[int]:
+    return [json.loads(line)["step"] for line in (run / "metrics.jsonl").read_text().splitlines()]
+
+
+def test_the_same_seed_gives_the_same_bits(six_iterations: str, whole_run: Path, tmp_path: Path) -> None:
+    again = api.train(api.TrainRequest(preset=six_iterations, seed=5, out=tmp_path / "again"))
+    assert last_checkpoint(again) == last_checkpoint(whole_run)
+    assert (again / "policy.onnx").read_bytes() == (whole_run / "policy.onnx").read_bytes()
+
+
+def test_another_seed_gives_another_policy(six_iterations: str, whole_run: Path, tmp_path: Path) -> None:
+    other = api.train(api.TrainRequest(preset=six_iterations, seed=6, out=tmp_path / "other"))
+    assert (other / "policy.onnx").read_bytes() != (whole_run / "policy.onnx").read_bytes()
+
+
+def test_a_killed_run_resumes_to_the_same_bits(six_iterations: str, whole_run: Path, tmp_path: Path) -> None:
+    """Killed at its first checkpoint, rename 3 after its settings' two files, and at its last."""
+    run = tmp_path / "run"
+    command = [sys.executable, "-c", KILL_AT_RENAME, six_iterations, str(run), "3", "8"]
+    killed = subprocess.run(command, cwd=Path(__file__).parents[2], capture_output=True, check=False)
+    assert killed.returncode == KILLED, killed.stderr.decode()
+    at_the_first = tmp_path / "run-3"
+    assert checkpoint.latest(at_the_first / "checkpoints") is None
+    for left in (at_the_first, run):
+        assert not (left / "policy.onnx").exists()
+        api.resume(left)
+        assert last_checkpoint(left) == last_checkpoint(whole_run)
+        assert (left / "policy.onnx").read_bytes() == (whole_run / "policy.onnx").read_bytes()
+        assert logged_steps(left) == logged_steps(whole_run)
+
+
+def test_resuming_a_finished_run_changes_nothing_and_says_what_else_it_began_on(
+    whole_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = api.open_run(Path(shutil.copytree(whole_run, tmp_path / "run")))
+    began = replace(run.provenance, device="NVIDIA H100", revision="0f1e2d")
+    (run.folder / "run.yaml").write_text(dump(began))
+    before = {path: path.stat().st_mtime_ns for path in run.folder.rglob("*")}
+    api.resume(run.folder)
+    assert "is finished" in capsys.readouterr().out
+    assert {path: path.stat().st_mtime_ns for path in run.folder.rglob("*")} == before
+
+    run.policy.unlink()
+    api.resume(run.folder)
+    said = capsys.readouterr().out
+    assert "it began on NVIDIA H100: the same statistics, not the same bits" in said
+    assert "it began on source revision 0f1e2d, now " in said
+    assert last_checkpoint(run.folder) == last_checkpoint(whole_run)
+    assert run.policy.read_bytes() == (whole_run / "policy.onnx").read_bytes()
+
+
+def test_a_robot_that_was_changed_since_is_refused(own_folder: Path, tmp_path: Path) -> None:
+    request = api.TrainRequest(robot=str(own_folder), preset="smoke", out=tmp_path / "run")
+    run = api.open_run(api.begin(request))
+    failure = Failure(1, "a reason", "cpu", {}, run.provenance, run.config)
+    (run.folder / FOLDER).mkdir()
+    (run.folder / FOLDER / REPORT).write_text(dump(failure))
+    declaration = own_folder / "robot.yaml"
+    text = declaration.read_text()
+    assert "natural_frequency_hz: 14" in text
+    declaration.write_text(text.replace("natural_frequency_hz: 14", "natural_frequency_hz: 13"))
+    for use in (api.resume, api.export_run, lambda folder: api.diagnose(folder, say=print)):
+        with pytest.raises(UserError, match=r"mine' has changed since this training began \(") as refusal:
+            use(run.folder)
+        assert "\n" not in str(refusal.value)
+    before_digests_were_kept = replace(run.provenance, robot_digest="")
+    assert trained_robot(before_digests_were_kept).digest != run.provenance.robot_digest
+
+
+def test_a_run_of_ones_own_robot_can_be_resumed_from_elsewhere(
+    own_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(own_folder.parent)
+    request = api.TrainRequest(robot=own_folder.name, preset="smoke", out=tmp_path / "run")
+    folder = api.begin(request)
+    monkeypatch.chdir("/")
+    assert trained_robot(api.open_run(folder).provenance).folder == own_folder
+
+
+def test_a_run_is_trained_by_one_process_at_a_time(whole_run: Path) -> None:
+    with (
+        locked(api.open_run(whole_run)),
+        pytest.raises(UserError, match="is being trained by another process"),
+    ):
+        api.resume(whole_run)
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "reason"),
+    [
+        ("track_linear: ", "track_lunar: ", "no reward 'track_lunar'"),
+        ("  environments: 32", "  environments: 33", "environments 33"),
+    ],
+)
+def test_settings_that_do_not_fit_leave_no_folder(
+    right: str, wrong: str, reason: str, tmp_path: Path
+) -> None:
+    smoke = (PRESETS / "smoke.yaml").read_text()
+    preset = tmp_path / "preset.yaml"
+    preset.write_text(smoke.replace(right, wrong))
+    assert preset.read_text() != smoke
+    with pytest.raises(UserError, match=reason):
+        api.begin(api.TrainRequest(preset=str(preset), out=tmp_path / "run"))
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_folder_whose_making_was_interrupted_can_be_used(whole_run: Path, tmp_path: Path) -> None:
+    run = api.open_run(whole_run)
+    for name in ("config.yaml", ".config.yaml.x1", ".run.yaml.x2"):
+        (tmp_path / name).touch()
+    create_run(tmp_path, run.provenance, run.config)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["config.yaml", "run.yaml"]
+    (tmp_path / "run.yaml").unlink()
+    (tmp_path / "notes.txt").touch()
+    with pytest.raises(UserError, match="not empty"):
+        create_run(tmp_path, run.provenance, run.config)
+
+
+def test_the_run_folder_says_how_it_was_made(whole_run: Path) -> None:
+    run = api.open_run(whole_run)
+    assert (run.provenance.robot, run.provenance.seed) == ("go1", 5)
+    assert run.provenance.versions["mujoco"] == run.provenance.versions["mujoco-mjx"]
+    assert len(run.provenance.revision) >= len("unknown")
+    assert list((whole_run / "events").glob("events.out.tfevents.*"))
+    last = json.loads((whole_run / "metrics.jsonl").read_text().splitlines()[-1])
+    assert {f"reward/{name}" for name in run.config.env.rewards} <= set(last)
+
+
+def test_a_full_disk_leaves_the_last_good_checkpoint(
+    whole_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "checkpoints"
+    state, seen = {"weights": np.ones(3)}, np.zeros(2)
+    good = checkpoint.save(folder, 1, state, seen)
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(checkpoint, "write_atomically", full)
+    with pytest.raises(UserError, match="No space left on device; the last good one is 00000001"):
+        checkpoint.save(folder, 2, state, seen)
+    assert checkpoint.latest(folder) == good
+
+
+def test_only_the_newest_checkpoints_are_kept(tmp_path: Path) -> None:
+    for iteration in range(1, 6):
+        checkpoint.save(tmp_path, iteration, {"weights": np.ones(1)}, np.zeros(1))
+    assert [p.name for p in sorted(tmp_path.iterdir())] == [f"0000000{i}.ckpt" for i in (3, 4, 5)]
+
+
+def test_an_export_that_differs_from_the_network_fails_and_leaves_nothing(
+    whole_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    honest = export.to_onnx
+
+    def shifted(actor, contract):
+        return honest(actor._replace(mean=actor.mean + np.float32(1e-3)), contract)
+
+    monkeypatch.setattr(export, "to_onnx", shifted)
+    with pytest.raises(UserError, match="differs from the trained one"):
+        api.export_run(whole_run, tmp_path / "policy.onnx")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_export_agrees_within_the_promise(whole_run: Path, tmp_path: Path) -> None:
+    _, worst = api.export_run(whole_run, tmp_path / "policy.onnx")
+    assert worst <= export.PARITY_LIMIT == 1e-5
+
+
+def test_networks_that_learn_in_16_bits_are_exported_in_32(whole_run: Path, tmp_path: Path) -> None:
+    rounded = tmp_path / "rounded"
+    shutil.copytree(whole_run, rounded)
+    config = rounded / "config.yaml"
+    text = config.read_text()
+    config.write_text(text.replace("bfloat16: false", "bfloat16: true"))
+    assert config.read_text() != text
+    _, worst = api.export_run(rounded, tmp_path / "policy.onnx")
+    assert worst <= export.PARITY_LIMIT
+
+
+def test_deployment_computes_what_training_computed(whole_run: Path) -> None:
+    """The learned policy, fed what the environment's robot senses, sees and wants the same."""
+    robot = load_robot("go1")
+    trained = api.open_run(whole_run).config.env
+    config = replace(trained, randomisation=Randomisation(), noise=Noise(), pushes=PushConfig())
+    env = VelocityEnv(robot, config)
+    policy = LearnedPolicy(whole_run / "policy.onnx", robot)
+    state, seen = jax.jit(env.reset)(jax.random.PRNGKey(0))
+    step = jax.jit(env.step)
+    state = state._replace(phase=jnp.zeros(1))  # a deployed policy starts its clock at zero
+    for k in range(20):
+        q, qd, w = (np.asarray(x, np.float64) for x in (state.qpos, state.qvel, state.qvel[3:6]))
+        sensed = Sensed(w, np.zeros(3), q[3:7], q[7:], qd[6:], np.zeros(12))
+        command = policy.act(Observation(k * 0.02, sensed, np.asarray(state.command), np.zeros(3), 0.3))
+        if k > 0:  # the reset's own frame was made at another clock
+            assert np.allclose(policy.observed, seen["state"], atol=1e-5)
+        state, result = step(state, jnp.asarray(policy.action))
+        seen = result.observation
+        assert np.allclose(command.position, state.goals[0], atol=1e-5)
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in PRESETS.glob("*.yaml")))
+def test_every_preset_loads_and_builds(name: str) -> None:
+    config = load_preset(name)
+    assert isinstance(config, TrainConfig)
+    assert VelocityEnv(load_robot("go1"), config.env).observation_sizes["state"] > 0
