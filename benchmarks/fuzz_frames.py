@@ -55,7 +55,7 @@ def fuzz_motors_of(model: str, known: bool, batches: range, tally: Tally) -> Non
         introduce(robot, driver, joints, motors)
     joints.begin_at(robot.default_pose)
     wires, ears = Wires(wiring, driver, end), open_motor_end(wiring)
-    ears.requests(driver.ask())  # of motors that hear nothing but commands
+    ears.requests(driver.query_settings())  # of motors that hear nothing but commands
     label = f"{model or 'own motors'}, {'known' if known else 'asked'}"
     for batch in batches:
         rng = np.random.default_rng(batch)
@@ -70,15 +70,17 @@ def introduce(robot: Robot, driver: Driver, joints: JointLayer, motors: Simulate
     readings = np.zeros((3, len(motors.enabled)))
     readings[0] = robot.default_pose
     for tick in range(round(INTRODUCED_S / TICK_S)):
-        frames = driver.ask() if driver.unready() else driver.enable()
+        frames = driver.query_settings() if driver.not_ready() else driver.enable()
         step = STEPS_A_TICK * tick
         said = [motors.answer(step, frames, readings)]
         if motors.talkative:
             said += [motors.broadcast(1000 * (step + k), readings) for k in range(STEPS_A_TICK)]
         joints.absorb([batch for batch in said if batch is not None], round(1e6 * tick * TICK_S))
-        if not driver.unready() and not driver.off() and motors.enabled.all():
+        if not driver.not_ready() and not driver.not_enabled() and motors.enabled.all():
             return
-    raise AssertionError(f"after {INTRODUCED_S:g} s: {driver.unready() or driver.off() or 'a motor is off'}")
+    raise AssertionError(
+        f"after {INTRODUCED_S:g} s: {driver.not_ready() or driver.not_enabled() or 'a motor is off'}"
+    )
 
 
 class Wires:
@@ -86,13 +88,18 @@ class Wires:
 
     def __init__(self, wiring: Wiring, driver: Driver, end: MotorEnd) -> None:
         n = len(wiring.models)
-        commands = [driver.command(np.ones((5, n))), driver.enable(), driver.disable(), driver.ask()]
+        commands = [
+            driver.command(np.ones((5, n))),
+            driver.enable(),
+            driver.disable(),
+            driver.query_settings(),
+        ]
         speaking, zeros, on = np.ones(n, bool), np.zeros((3, n)), np.ones(n, bool)
         error = np.zeros(n, np.uint64)
         replies = end.reply(slice(None), zeros, 30, error, on)
         said = [end.broadcast(1000 * k, speaking, zeros, 30, error, on) for k in range(100)]
         from_motors = [replies, *(frames for frames in said if frames is not None)]
-        told = end.tell(driver.ask())
+        told = end.tell(driver.query_settings())
         from_motors += [] if told is None else [told]
         inertial = Frames(
             np.full(3, wiring.imu_channel), np.array(imu.IDS), np.zeros((3, 8), np.uint8), np.full(3, 8)

@@ -70,15 +70,17 @@ class Bench:
         """Let the motors report while they are off: the frame that switches them off is answered by most."""
         self._run(seconds, self._driver.disable, each_tick)
 
-    def ask(self) -> str:
+    def query_settings(self) -> str:
         """Ask the motors for their settings; what is wrong with them, or missing, empty if nothing."""
-        self._run(PATIENCE_S, self._driver.ask, until=lambda: not self._driver.unready())
-        return self._driver.unready()
+        self._run(PATIENCE_S, self._driver.query_settings, until=lambda: not self._driver.not_ready())
+        return self._driver.not_ready()
 
     def enable(self) -> str:
         """Switch the motors on, without torque; who did not, or empty."""
-        self._run(PATIENCE_S, self._driver.enable, until=lambda: not (self.missing() or self._driver.off()))
-        return self.missing() or self._driver.off()
+        self._run(
+            PATIENCE_S, self._driver.enable, until=lambda: not (self.missing() or self._driver.not_enabled())
+        )
+        return self.missing() or self._driver.not_enabled()
 
     def idle(self, seconds: float, each_tick: Callable[[], None]) -> None:
         """Motors that are on stay on for a time: no stiffness, no damping, no torque."""
@@ -116,7 +118,7 @@ class Bench:
                 return ""
         return f"{self._wiring.place(int(elsewhere.argmax()))} did not take its position for zero"
 
-    def off(self) -> None:
+    def disable(self) -> None:
         """Switch the motors off."""
         for _ in range(TELL_TICKS):
             self._exchange(self._driver.disable())
@@ -198,7 +200,7 @@ def switched_off_afterwards(bench: Bench) -> Iterator[None]:
         endings = (signal.SIGINT, signal.SIGTERM, *HANGING_UP)
         held = {number: signal.signal(number, signal.SIG_IGN) for number in endings}
         try:
-            bench.off()
+            bench.disable()
         finally:
             for number, handler in (held | before).items():
                 signal.signal(number, handler)

@@ -22,7 +22,7 @@ class Guard(threading.Thread):
         self,
         heartbeat: Callable[[], float],
         damp: Callable[[], None],
-        off: Callable[[], None],
+        disable: Callable[[], None],
         limit_s: float,
         damping_s: float,
         end: Callable[[int], None] = os._exit,
@@ -32,13 +32,13 @@ class Guard(threading.Thread):
         Args:
             heartbeat: when the loop last began a tick, by `time.perf_counter`, s.
             damp: sends one damping command.
-            off: switches the motors off.
+            disable: switches the motors off.
             limit_s: how long the loop may stay away.
             damping_s: how long to damp before the motors are switched off.
             end: ends a process whose loop never came back.
         """
         super().__init__(name="guard", daemon=True)
-        self._heartbeat, self._damp, self._off, self._end = heartbeat, damp, off, end
+        self._heartbeat, self._damp, self._disable, self._end = heartbeat, damp, disable, end
         self._limit_s, self._damping_s = limit_s, damping_s
         self._done = threading.Event()
         self.taken_over = threading.Event()
@@ -64,7 +64,7 @@ class Guard(threading.Thread):
         while time.perf_counter() < until:
             _try(self._damp)
             time.sleep(EVERY_S)
-        _try(self._off)
+        _try(self._disable)
         if self._done.wait(PATIENCE_S):
             return
         print("the control loop did not come back: robot damped, motors off", file=sys.stderr, flush=True)

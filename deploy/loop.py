@@ -309,7 +309,7 @@ class ControlLoop:
             with suppress(BaseException):
                 self._joints.absorb(self._bus.receive(now_us), now_us)
             unanswered = self._joints.last_heard().motor_us < began_us + 2 * self._tick_us
-            waiting = np.flatnonzero(unanswered | self._driver.still_on())
+            waiting = np.flatnonzero(unanswered | self._driver.not_confirmed_off())
             self.silent_at_the_end = [self._places[joint] for joint in waiting]
             if not self.silent_at_the_end:
                 return
@@ -328,7 +328,7 @@ class ControlLoop:
             return self._joints.command(self._postures.command(self.now_us * 1e-6 - self.state.since_s))
         if mode in DAMPED:
             return self._joints.damping(self._config.safety.damping_kd)
-        return self._driver.ask() if self._driver.unready() else self._driver.enable()
+        return self._driver.query_settings() if self._driver.not_ready() else self._driver.enable()
 
     # -- what the policy decides ---------------------------------------------------------------------
 
@@ -484,7 +484,7 @@ class ControlLoop:
         return signals._replace(
             first_pose=self._first_pose() if heard else "",
             implausible=(self._first_readings() or rest.contradiction()) if heard else None,
-            unready=self._driver.unready() or self._driver.off() or rest.awaited(now_us),
+            unready=self._driver.not_ready() or self._driver.not_enabled() or rest.awaited(now_us),
         )
 
     def _first_pose(self) -> str:

@@ -113,7 +113,7 @@ class DamiaoDriver:
 
     # -- settings ------------------------------------------------------------------------------------
 
-    def ask(self) -> Frames:
+    def query_settings(self) -> Frames:
         """Questions to motors that have not told all; a time-out that is wrong is written before."""
         rows = []
         for joint, register, value in self._settings.questions():
@@ -125,7 +125,7 @@ class DamiaoDriver:
         data = np.frombuffer(b"".join(row for _, row in rows), np.uint8).reshape(-1, 8)
         return Frames(channel, np.full(len(rows), REGISTER_ID), data, np.full(len(rows), 8))
 
-    def unready(self) -> str:
+    def not_ready(self) -> str:
         if not self._asking:
             return ""
         for joint, told in enumerate(self._settings.told):
@@ -155,13 +155,13 @@ class DamiaoDriver:
     def enable(self) -> Frames:
         return self._enable
 
-    def off(self) -> str:
+    def not_enabled(self) -> str:
         return ""  # an answer is all that counts
 
     def disable(self) -> Frames:
         return self._disable
 
-    def still_on(self) -> np.ndarray:
+    def not_confirmed_off(self) -> np.ndarray:
         return self._speaks
 
     def clear(self) -> Frames:

@@ -42,30 +42,33 @@ class Driver(Protocol):
     gain_rounding: np.ndarray  # (2, n) most that a frame's rounding adds to stiffness and to damping
     exchange_bits: np.ndarray  # (n,) least that a command and its answer take on the wire, without stuff bits
 
-    def ask(self) -> Frames:
-        """Frames that ask for settings that have to be known, or right, before motors are switched on."""
+    def query_settings(self) -> Frames:
+        """Frames that read, or write, the settings that must be right before motors are enabled."""
         ...
 
-    def unready(self) -> str:
-        """Which motor may not be switched on yet, and why; empty if all may."""
+    def not_ready(self) -> str:
+        """First motor whose settings do not permit enabling it, and why; empty if all permit it."""
         ...
 
     def enable(self) -> Frames:
-        """Frames that switch every motor on, to be sent at each tick until all answer and none is `off`."""
+        """Frames that enable every motor: sent at each tick until all answer and `not_enabled` is empty."""
         ...
 
-    def off(self) -> str:
-        """Which motor has not said that it is on, where its maker's do; empty if there is none."""
+    def not_enabled(self) -> str:
+        """First motor that has not confirmed enable; empty if all have.
+
+        Always empty for protocols whose motors confirm nothing but answer every frame.
+        """
         ...
 
     def disable(self) -> Frames:
-        """Frames that switch every motor off."""
+        """Frames that disable every motor."""
         ...
 
-    def still_on(self) -> np.ndarray:
-        """Which motors (n,) have not said by themselves that they are off.
+    def not_confirmed_off(self) -> np.ndarray:
+        """Mask (n,) of the motors that broadcast their state and have not confirmed disable.
 
-        None of those whose makers have them answer: their answer to being switched off says it.
+        False for motors that answer every frame: their answer to `disable` is the confirmation.
         """
         ...
 

@@ -67,22 +67,22 @@ class MitDriver:
         self._usual = self._outgoing  # the last batch of replies from every motor in joint order
         self._all_whole = True  # whether all of these had eight bytes
 
-    def ask(self) -> Frames:
+    def query_settings(self) -> Frames:
         return self._outgoing.take(_NOBODY)
 
-    def unready(self) -> str:
+    def not_ready(self) -> str:
         return ""  # there is nothing to ask for
 
     def enable(self) -> Frames:
         return self._enable
 
-    def off(self) -> str:
+    def not_enabled(self) -> str:
         return ""  # an answer is all that counts
 
     def disable(self) -> Frames:
         return self._disable
 
-    def still_on(self) -> np.ndarray:
+    def not_confirmed_off(self) -> np.ndarray:
         return self._speaks
 
     def clear(self) -> Frames:

@@ -37,11 +37,11 @@ class MixedDriver:
     def _from_all(self, frames: Callable[[Driver], Frames]) -> Frames:
         return joined([frames(driver) for driver, _ in self._parts])
 
-    def ask(self) -> Frames:
-        return joined([driver.ask() for driver, _ in self._parts if driver.unready()])
+    def query_settings(self) -> Frames:
+        return joined([driver.query_settings() for driver, _ in self._parts if driver.not_ready()])
 
-    def unready(self) -> str:
-        reason = next(filter(None, (driver.unready() for driver, _ in self._parts)), "")
+    def not_ready(self) -> str:
+        reason = next(filter(None, (driver.not_ready() for driver, _ in self._parts)), "")
         if not reason:
             self._read_ranges()  # which motors may have told
         return reason
@@ -49,16 +49,16 @@ class MixedDriver:
     def enable(self) -> Frames:
         return self._from_all(lambda driver: driver.enable())
 
-    def off(self) -> str:
-        return next(filter(None, (driver.off() for driver, _ in self._parts)), "")
+    def not_enabled(self) -> str:
+        return next(filter(None, (driver.not_enabled() for driver, _ in self._parts)), "")
 
     def disable(self) -> Frames:
         return self._from_all(lambda driver: driver.disable())
 
-    def still_on(self) -> np.ndarray:
+    def not_confirmed_off(self) -> np.ndarray:
         on = np.zeros(self._n, bool)
         for driver, joints in self._parts:
-            on[joints] = driver.still_on()
+            on[joints] = driver.not_confirmed_off()
         return on
 
     def clear(self) -> Frames:

@@ -155,7 +155,7 @@ class OdriveDriver:
         n = len(self._node)
         return Frames(self._wiring.channel, self._node | message, data, np.full(n, length))
 
-    def ask(self) -> Frames:
+    def query_settings(self) -> Frames:
         """Torque control, and reading what is not known of the watchdogs, one endpoint at a time."""
         untold = np.isnan(self._watchdog) & (self._endpoints > 0)
         axes = np.flatnonzero(untold.any(axis=0))
@@ -166,7 +166,7 @@ class OdriveDriver:
         reads = Frames(self._wiring.channel[axes], self._node[axes] | READ, data, np.full(len(axes), 4))
         return joined([self._mode, reads])
 
-    def unready(self) -> str:
+    def not_ready(self) -> str:
         for missing, what in (
             (self._age >= OLDEST_READING, "sends no position (set encoder_msg_rate_ms to a joint tick)"),
             (self._without_torque >= MOST_WITHOUT_TORQUE, "sends no torque (set torques_msg_rate_ms)"),
@@ -199,7 +199,7 @@ class OdriveDriver:
         self._tellings += 1
         return self._enable if tell else self._mode
 
-    def off(self) -> str:
+    def not_enabled(self) -> str:
         off = self._state != CLOSED_LOOP
         return f"motor {self._wiring.place(int(off.argmax()))} does not switch on" if off.any() else ""
 
@@ -207,7 +207,7 @@ class OdriveDriver:
         self._was_on[:], self._tellings = False, 0
         return self._disable
 
-    def still_on(self) -> np.ndarray:
+    def not_confirmed_off(self) -> np.ndarray:
         """An axis sends its readings whether it is on or off: its heartbeat tells."""
         return (self._state == 0) | (self._state == CLOSED_LOOP)
 
@@ -232,7 +232,7 @@ class OdriveDriver:
     def damping(self, kd: np.ndarray) -> tuple[Frames, ...]:
         """No velocity, in velocity control: an axis closes that law itself, without a reading of the host's.
 
-        The first of them takes away the torque that it was told last. `ask` and `enable` lead back.
+        The first of them removes the last torque. `query_settings` and `enable` return to torque control.
         """
         n = len(self._node)
         gain = np.zeros((n, 2), _FLOATS)

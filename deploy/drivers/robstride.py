@@ -156,7 +156,7 @@ class RobstrideDriver:
         self._clear = self._disable._replace(data=one)
         self._zero = Frames(wiring.channel, identifier_of(ZERO, HOST, wiring.motor_id), one, nothing.length)
 
-    def ask(self) -> Frames:
+    def query_settings(self) -> Frames:
         """Questions to motors that have not told all; a time-out that is wrong is written before."""
         rows = []
         for joint, parameter, value in self._settings.questions():
@@ -169,7 +169,7 @@ class RobstrideDriver:
         identifier = identifier_of(kinds, HOST, self._wiring.motor_id[joints])
         return Frames(self._wiring.channel[joints], identifier, data, np.full(len(rows), 8))
 
-    def unready(self) -> str:
+    def not_ready(self) -> str:
         if not self._asking:
             return ""
         for joint, told in enumerate(self._settings.told):
@@ -182,13 +182,13 @@ class RobstrideDriver:
     def enable(self) -> Frames:
         return self._enable
 
-    def off(self) -> str:
+    def not_enabled(self) -> str:
         return ""  # an answer is all that counts
 
     def disable(self) -> Frames:
         return self._disable
 
-    def still_on(self) -> np.ndarray:
+    def not_confirmed_off(self) -> np.ndarray:
         return self._speaks
 
     def clear(self) -> Frames:

@@ -77,7 +77,7 @@ def monitor(*, place: Place = Place(), joint: Names = (), duration: OptionalSeco
         End after so many seconds.
     """
     with _bench(place, joint) as bench:
-        problem = bench.ask()
+        problem = bench.query_settings()
         with _live(bench) as show, suppress(KeyboardInterrupt):
             bench.watch(math.inf if duration is None else duration, show)
         return _verdict(bench, problem or bench.missing())
@@ -96,7 +96,7 @@ def enable(*, place: Place = Place(), joint: Names = (), duration: Seconds = 3.0
     """
     confirm("switch the motors on, without torque? The robot must hang or lie: its joints are limp", yes)
     with _bench(place, joint) as bench:
-        problem = bench.ask() or bench.enable()
+        problem = bench.query_settings() or bench.enable()
         if not problem:
             with _live(bench) as show:
                 bench.idle(duration, show)
@@ -116,7 +116,7 @@ def zero(*, place: Place = Place(), joint: Names = (), yes: Yes = False) -> int:
     which = ", ".join(joint) if joint else "every joint"
     confirm(f"take the present position of {which} for zero? What was zero before is lost", yes)
     with _bench(place, joint) as bench:
-        problem = bench.ask() or bench.settle()
+        problem = bench.query_settings() or bench.settle()
         if not problem:
             problem = bench.zero() or bench.missing()
         _print_motors(bench)

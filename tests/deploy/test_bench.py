@@ -63,7 +63,7 @@ class TestBench:
     def test_motors_go_on_without_torque_and_off_whatever_happens(self, stand: OnStand) -> None:
         bench, torques = stand.bench(), []
         with suppress(RuntimeError), switched_off_afterwards(bench):
-            assert (bench.ask(), bench.enable()) == ("", "")
+            assert (bench.query_settings(), bench.enable()) == ("", "")
             assert stand.body.motors_on.all()
             bench.idle(0.2, lambda: torques.append(np.abs(stand.body.truth().motor_torque).max()))
             assert stand.body.motors_on.all()
@@ -73,7 +73,7 @@ class TestBench:
 
     def test_watching_shows_readings_and_switches_nothing_on(self, stand: OnStand) -> None:
         bench, seen = stand.bench(), []
-        assert (bench.ask(), bench.settle()) == ("", "")
+        assert (bench.query_settings(), bench.settle()) == ("", "")
         bench.watch(0.3, lambda: seen.append(stand.body.motors_on.any()))
         assert not any(seen)
         assert bench.missing() == ""
@@ -88,12 +88,12 @@ class TestBench:
     def test_a_zero_is_where_the_joint_is(self, stand: OnStand) -> None:
         """The robot lies down with bent knees; the knee of one leg alone is zeroed."""
         bench = stand.bench(stand.wiring.take(np.array([2])))
-        assert (bench.ask(), bench.settle()) == ("", "")
+        assert (bench.query_settings(), bench.settle()) == ("", "")
         assert bench.states()[0].position < -1.5
         assert bench.zero() == ""
         assert abs(bench.states()[0].position) < 0.05
         everyone = stand.bench()
-        everyone.ask()
+        everyone.query_settings()
         everyone.watch(0.1, lambda: None)
         assert everyone.states()[5].position < -1.5
 

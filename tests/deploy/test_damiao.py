@@ -48,12 +48,12 @@ def hexed(frames: Frames) -> list[str]:
 def introduce(driver: DamiaoDriver, end: DamiaoMotorEnd) -> int:
     """Ask until all is told; how often that took."""
     for count in range(10):
-        if not driver.unready():
+        if not driver.not_ready():
             return count
-        answer = end.tell(driver.ask())
+        answer = end.tell(driver.query_settings())
         assert answer is not None
         assert not driver.replies(answer).values.size  # what a motor tells is no reading
-    raise AssertionError(driver.unready())
+    raise AssertionError(driver.not_ready())
 
 
 @pytest.fixture
@@ -161,7 +161,7 @@ class TestFrames:
 
 class TestRegisters:
     def test_a_question_and_its_answer(self) -> None:
-        asked = DamiaoDriver(TWO).ask()
+        asked = DamiaoDriver(TWO).query_settings()
         assert asked.id.tolist() == [0x7FF, 0x7FF]
         assert hexed(asked)[0] == "03 00 33 09 00 00 00 00"
         answer = DamiaoMotorEnd(TWO).tell(frame(0x7FF, "03 00 33 15 00 00 00 00"))
@@ -192,18 +192,19 @@ class TestRegisters:
         driver, end = DamiaoDriver(TWO), DamiaoMotorEnd(TWO)
         end.registers[1][register] = value
         for _ in range(6):
-            answer = end.tell(driver.ask())
+            answer = end.tell(driver.query_settings())
             if answer is not None:
                 driver.replies(answer)
-        assert driver.unready() == f"motor knee (can1, id 3) {says}"
+        assert driver.not_ready() == f"motor knee (can1, id 3) {says}"
 
     def test_a_motor_that_tells_nothing_is_named(self) -> None:
         driver, end = DamiaoDriver(TWO), DamiaoMotorEnd(TWO)
         for _ in range(6):
-            if (answer := end.tell(driver.ask())) is not None:
+            if (answer := end.tell(driver.query_settings())) is not None:
                 driver.replies(answer.take(answer.channel == 0))
         assert (
-            driver.unready() == "motor knee (can1, id 3) has not told its communication time-out (register 9)"
+            driver.not_ready()
+            == "motor knee (can1, id 3) has not told its communication time-out (register 9)"
         )
 
     @pytest.mark.parametrize(("told", "kept"), [(0, 2000), (4_000_000_000, 2000), (2001, 2000), (40, 40)])
@@ -218,7 +219,7 @@ class TestRegisters:
         driver = DamiaoDriver(replace(TWO, timeout_s=np.array([0.1, 0.05])))
         for register, value in zip(damiao.REGISTERS, ("00000000", *["01000000"] * 4), strict=True):
             driver.replies(frame(0x203, f"03 00 33 {register:02x} {value}", channel=1))
-        asked = driver.ask()  # 1000 times 50 us are 0.05 s, and 0x03e8
+        asked = driver.query_settings()  # 1000 times 50 us are 0.05 s, and 0x03e8
         assert hexed(asked)[1:] == ["03 00 55 09 e8 03 00 00", "03 00 33 09 00 00 00 00"]
         assert asked.channel.tolist() == [0, 1, 1]
 
@@ -234,12 +235,12 @@ class TestRegisters:
         driver, end = DamiaoDriver(TWO), DamiaoMotorEnd(TWO)
         for _ in range(8):
             end.registers[1][damiao.TIME_OUT] = told
-            asked = driver.ask()
+            asked = driver.query_settings()
             confirmed = asked.take(asked.data[:, 2] == damiao.WRITE)
             driver.replies(confirmed._replace(id=np.full(len(confirmed.id), 0x203)))
             if (answer := end.tell(asked.take(asked.data[:, 2] == damiao.READ))) is not None:
                 driver.replies(answer)
-        assert driver.unready() == f"motor knee (can1, id 3) {says}"
+        assert driver.not_ready() == f"motor knee (can1, id 3) {says}"
 
 
 def with_motors(robot: Robot, **protocols: str) -> Robot:
@@ -284,8 +285,8 @@ class TestRobots:
         wiring = wire(with_motors(go1, knee="DM8009"))
         driver, end = open_driver(wiring), open_motor_end(wiring)
         before = driver.highest.copy()
-        while driver.unready():
-            answer = end.tell(driver.ask())
+        while driver.not_ready():
+            answer = end.tell(driver.query_settings())
             assert answer is not None
             answer.data[answer.data[:, 3] == damiao.TORQUE_MAX, 4:] = list(struct.pack("<f", 20.0))
             driver.replies(answer)
@@ -298,8 +299,8 @@ class TestRobots:
     def test_each_motor_of_a_mixed_robot_gets_and_gives_its_own(self, go1: Robot) -> None:
         wiring = wire(with_motors(go1, knee="DM8009"))
         driver, end = open_driver(wiring), open_motor_end(wiring)
-        while driver.unready():
-            answer = end.tell(driver.ask())
+        while driver.not_ready():
+            answer = end.tell(driver.query_settings())
             assert answer is not None
             driver.replies(answer)
         rng = np.random.default_rng(2)
@@ -365,4 +366,4 @@ def test_whatever_comes_nothing_raises_and_readings_stay_in_range(models: tuple[
         assert np.all(np.abs(values) <= most[:, motor] * (1 + 1e-9))
         end.requests(frames)
         end.tell(frames)
-        driver.unready()
+        driver.not_ready()

@@ -36,13 +36,13 @@ class Maker:
         self.lowest, self.highest = -1.0 * np.tile(numbers, (5, 1)), 1.0 * np.tile(numbers, (5, 1))
         self.gain_rounding, self.exchange_bits = 0.1 * np.tile(numbers, (2, 1)), 10 * numbers
 
-    def ask(self) -> Frames:
+    def query_settings(self) -> Frames:
         return frames(self.first_id)
 
-    def unready(self) -> str:
+    def not_ready(self) -> str:
         return self.why
 
-    def still_on(self) -> np.ndarray:
+    def not_confirmed_off(self) -> np.ndarray:
         return np.array(self.on)
 
     def command(self, values: np.ndarray) -> Frames:
@@ -109,13 +109,13 @@ def test_where_one_driver_knows_no_times_nobody_does() -> None:
 
 def test_who_is_still_on_is_told_by_joint() -> None:
     driver = mixed(Maker(0x10, 2, on=(True, False)), Maker(0x20, 3, on=(False, False, True)))
-    assert driver.still_on().tolist() == [False, False, True, False, True]
+    assert driver.not_confirmed_off().tolist() == [False, False, True, False, True]
 
 
 def test_only_those_are_asked_that_are_not_ready() -> None:
     driver = mixed(Maker(0x10, 2), Maker(0x20, 3, why="the hip has not told its range"))
-    assert driver.ask().id.tolist() == [0x20]
-    assert driver.unready() == "the hip has not told its range"
+    assert driver.query_settings().id.tolist() == [0x20]
+    assert driver.not_ready() == "the hip has not told its range"
 
 
 def test_batches_of_damping_go_out_in_each_makers_own_turn() -> None:

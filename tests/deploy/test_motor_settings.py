@@ -76,10 +76,10 @@ def test_motors_without_a_time_out_are_off_a_tenth_of_a_second_after_the_last_fr
         own[damiao.TIME_OUT if isinstance(end, DamiaoMotorEnd) else robstride.TIME_OUT] = 0
     motors = SimulatedMotors(end, go1.motor, 12, {}, step_s=0.001, timeout_s=60.0)
     step, still = 0, np.zeros(12)
-    while driver.unready():
+    while driver.not_ready():
         step += 1
-        assert step < 20, driver.unready()
-        if (told := motors.answer(step, driver.ask(), np.zeros((3, 12)))) is not None:
+        assert step < 20, driver.not_ready()
+        if (told := motors.answer(step, driver.query_settings(), np.zeros((3, 12)))) is not None:
             driver.replies(told)
     motors.answer(step, driver.enable(), np.zeros((3, 12)))
     on = []

@@ -86,7 +86,7 @@ def driver() -> OdriveDriver:
     driver = OdriveDriver(TWO)
     driver.enable()
     tell_all(driver)
-    assert (driver.unready(), driver.off()) == ("", "")
+    assert (driver.not_ready(), driver.not_enabled()) == ("", "")
     return driver
 
 
@@ -102,7 +102,7 @@ class TestFrames:
     def test_switching_and_the_mode_lie_where_the_manual_puts_them(self) -> None:
         """Node 3 is 0x060; state 8 is the closed loop, 1 off; mode 1 is torque, 1 passes it through."""
         driver = OdriveDriver(TWO)
-        assert hexed(driver.ask())[0] == (0x06B, "01 00 00 00 01 00 00 00")
+        assert hexed(driver.query_settings())[0] == (0x06B, "01 00 00 00 01 00 00 00")
         assert hexed(driver.enable())[0] == (0x067, "08 00 00 00")
         assert hexed(driver.disable())[0] == (0x067, "01 00 00 00")
         assert hexed(driver.clear())[0] == (0x078, "")
@@ -196,7 +196,7 @@ class TestFrames:
         driver, end = OdriveDriver(TWO), OdriveMotorEnd(TWO)
         for channel in (0, 1):
             driver.replies(pair(0x069, 0.0, 0.0, channel))
-        end.requests(driver.ask())
+        end.requests(driver.query_settings())
         values = np.zeros((5, 2))
         values[4] = torque
         requests = end.requests(driver.command(values))
@@ -249,12 +249,12 @@ class TestEnd:
     def test_a_heartbeat_tells_that_an_axis_is_off_and_readings_do_not(self, driver: OdriveDriver) -> None:
         driver.disable()
         driver.replies(joined([pair(0x069, 0, 0), pair(0x07C, 0, 0), heartbeat(1, channel=1)]))
-        assert driver.still_on().tolist() == [True, False]
+        assert driver.not_confirmed_off().tolist() == [True, False]
         driver.replies(heartbeat(1))
-        assert driver.still_on().tolist() == [False, False]
+        assert driver.not_confirmed_off().tolist() == [False, False]
 
     def test_an_axis_that_was_never_heard_may_be_on(self) -> None:
-        assert OdriveDriver(TWO).still_on().all()
+        assert OdriveDriver(TWO).not_confirmed_off().all()
 
 
 class TestStart:
@@ -267,17 +267,17 @@ class TestStart:
             (heartbeat(1), "motor knee (can1, id 3) sends no heartbeat"),
         ):
             driver.replies(said)
-            assert driver.unready().startswith(missing)
+            assert driver.not_ready().startswith(missing)
         driver.replies(heartbeat(1, channel=1))
-        assert driver.unready() == ""
-        assert driver.off() == "motor hip (can0, id 3) does not switch on"
+        assert driver.not_ready() == ""
+        assert driver.not_enabled() == "motor hip (can0, id 3) does not switch on"
         driver.replies(joined([heartbeat(8), heartbeat(8, channel=1)]))
-        assert driver.off() == ""
+        assert driver.not_enabled() == ""
 
     def test_one_axis_of_several_that_does_not_switch_on_is_named(self, driver: OdriveDriver) -> None:
         driver.replies(heartbeat(1, channel=1))
-        assert driver.off() == "motor knee (can1, id 3) does not switch on"
-        assert driver.still_on().tolist() == [True, False]
+        assert driver.not_enabled() == "motor knee (can1, id 3) does not switch on"
+        assert driver.not_confirmed_off().tolist() == [True, False]
 
     def test_an_axis_is_told_to_switch_on_now_and_then(self) -> None:
         """While it is on, being told so again would start it anew."""
@@ -299,13 +299,13 @@ class TestStart:
         """Those of the knee, 0x19a and 0x199: little-endian after a 0 to read; a switch is one byte."""
         driver = OdriveDriver(replace(TWO, watchdog_endpoints=np.array([[0, 0], [0x19A, 0x199]])))
         tell_all(driver)
-        assert "has not told its watchdog" in driver.unready()
-        assert hexed(driver.ask())[2:] == [(0x064, "00 9a 01 00")]
+        assert "has not told its watchdog" in driver.not_ready()
+        assert hexed(driver.query_settings())[2:] == [(0x064, "00 9a 01 00")]
         assert not driver.replies(frame(0x065, bytes([0, 0x9A, 1, 0, on]), 1)).values.size
-        assert hexed(driver.ask())[2:] == [(0x064, "00 99 01 00")]
+        assert hexed(driver.query_settings())[2:] == [(0x064, "00 99 01 00")]
         driver.replies(frame(0x065, bytes([0, 0x99, 1, 0]) + struct.pack("<f", waits_s), 1))
-        assert driver.unready() == (f"motor knee (can1, id 3) {says}" if says else "")
-        assert len(driver.ask().id) == 2  # nothing is left to be read
+        assert driver.not_ready() == (f"motor knee (can1, id 3) {says}" if says else "")
+        assert len(driver.query_settings().id) == 2  # nothing is left to be read
 
     @pytest.mark.parametrize(("waits_s", "fits"), [(0.1 * (1 + 1e-7), True), (0.11, False), (0.19, False)])
     def test_a_watchdog_may_be_longer_by_a_floats_rounding_alone(self, waits_s: float, fits: bool) -> None:
@@ -313,7 +313,7 @@ class TestStart:
         tell_all(driver)
         driver.replies(frame(0x065, bytes([0, 0x9A, 1, 0, 1]), 1))
         driver.replies(frame(0x065, bytes([0, 0x99, 1, 0]) + struct.pack("<f", waits_s), 1))
-        assert (driver.unready() == "") is fits
+        assert (driver.not_ready() == "") is fits
 
     def test_what_was_not_asked_for_is_not_taken_for_a_watchdog(self) -> None:
         """Endpoint 0, of an axis whose watchdog has none in robot.yaml."""
@@ -331,10 +331,10 @@ class TestStart:
         wiring = replace(TWO, watchdog_endpoints=np.array([[5, 6], [0x19A, 0x199]]))
         driver, end = OdriveDriver(wiring), OdriveMotorEnd(wiring)
         end.watchdog[:, 0] = 0.0, 0.05
-        told = [end.tell(driver.ask())]
+        told = [end.tell(driver.query_settings())]
         assert told[0] is not None
         driver.replies(told[0])
-        told.append(end.tell(driver.ask()))
+        told.append(end.tell(driver.query_settings()))
         assert [hexed(each) for each in told if each is not None] == [
             [(0x065, "00 05 00 00 00"), (0x065, "00 9a 01 00 01")],
             [(0x065, "00 06 00 00 cd cc 4c 3d"), (0x065, "00 99 01 00 cd cc cc 3d")],  # 0.05 and 0.1
@@ -381,12 +381,12 @@ class TestMotorEnd:
     def test_a_torque_is_not_obeyed_in_another_mode(self) -> None:
         driver, end = OdriveDriver(TWO), OdriveMotorEnd(TWO)
         assert not end.requests(driver.command(np.ones((5, 2)))).values.size
-        end.requests(driver.ask())
+        end.requests(driver.query_settings())
         assert end.requests(driver.command(np.ones((5, 2)))).values.shape == (5, 2)
 
     def test_it_damps_by_itself_once_it_was_told_how(self, driver: OdriveDriver) -> None:
         end = OdriveMotorEnd(TWO)
-        end.requests(driver.ask())
+        end.requests(driver.query_settings())
         rest, gain, mode = driver.damping(np.full(2, 3.0))
         np.testing.assert_array_equal(end.requests(rest).values, np.zeros((5, 2)))  # the torque is gone
         assert end.requests(gain).values.shape == end.requests(mode).values.shape == (5, 0)

@@ -421,7 +421,7 @@ class TestLoop:
             f"the IMU: before the start its acceleration is off its quaternion's gravity by {off}",
         )
 
-    @pytest.mark.parametrize("what", ["unready", "off"])
+    @pytest.mark.parametrize("what", ["not_ready", "not_enabled"])
     def test_no_joint_gets_stiffness_before_each_motor_is_ready_and_on(self, go1: Robot, what: str) -> None:
         """All are heard meanwhile; in the end it is told who was not."""
         loop, body = loop_of(go1, Hold(go1))

@@ -51,10 +51,10 @@ def hexed(frames: Frames) -> list[tuple[str, str]]:
 def driver() -> RobstrideDriver:
     driver, end = RobstrideDriver(TWO), RobstrideMotorEnd(TWO)
     for _ in robstride.PARAMETERS:
-        answer = end.tell(driver.ask())
+        answer = end.tell(driver.query_settings())
         assert answer is not None
         assert not driver.replies(answer).values.size
-    assert driver.unready() == ""
+    assert driver.not_ready() == ""
     return driver
 
 
@@ -209,7 +209,7 @@ class TestFrames:
 
 class TestParameters:
     def test_a_question_and_its_answer(self) -> None:
-        assert hexed(RobstrideDriver(TWO).ask())[0] == ("1100fd07", "0570 0000 0000 0000")
+        assert hexed(RobstrideDriver(TWO).query_settings())[0] == ("1100fd07", "0570 0000 0000 0000")
         answer = RobstrideMotorEnd(TWO).tell(frame(0x1100FD07, "2870 0000 0000 0000"))
         assert answer is not None
         assert hexed(answer) == [("110007fd", "2870 0000 d007 0000")]  # 2000
@@ -226,9 +226,9 @@ class TestParameters:
         driver, end = RobstrideDriver(TWO), RobstrideMotorEnd(TWO)
         end.parameters[1][parameter] = value
         for _ in range(3):
-            if (answer := end.tell(driver.ask())) is not None:
+            if (answer := end.tell(driver.query_settings())) is not None:
                 driver.replies(answer)
-        assert driver.unready() == f"motor knee (can1, id 7) {says}"
+        assert driver.not_ready() == f"motor knee (can1, id 7) {says}"
 
     @pytest.mark.parametrize(("told", "kept"), [(0, 2000), (4_000_000_000, 2000), (2001, 2000), (40, 40)])
     def test_a_time_out_that_is_off_or_too_long_is_set_and_read_back(self, told: int, kept: int) -> None:
@@ -236,16 +236,16 @@ class TestParameters:
         driver, end = RobstrideDriver(TWO), RobstrideMotorEnd(TWO)
         end.parameters[1][robstride.TIME_OUT] = told
         for _ in range(3):
-            if (answer := end.tell(driver.ask())) is not None:
+            if (answer := end.tell(driver.query_settings())) is not None:
                 driver.replies(answer)
-        assert driver.unready() == ""
+        assert driver.not_ready() == ""
         assert end.parameters[1][robstride.TIME_OUT] == kept
 
     def test_a_time_out_lies_where_the_manual_puts_it(self) -> None:
         driver = RobstrideDriver(TWO)
         for told in ("0570 0000 0000 0000", "2870 0000 0000 0000"):
             driver.replies(frame(0x110007FD, told, channel=1))
-        assert hexed(driver.ask())[1:] == [
+        assert hexed(driver.query_settings())[1:] == [
             ("1200fd07", "2870 0000 d007 0000"),  # 2000
             ("1100fd07", "2870 0000 0000 0000"),
         ]
@@ -254,11 +254,11 @@ class TestParameters:
         driver, end = RobstrideDriver(TWO), RobstrideMotorEnd(TWO)
         for _ in range(4):
             end.parameters[1][robstride.TIME_OUT] = 20_000
-            asked = driver.ask()
+            asked = driver.query_settings()
             if (answer := end.tell(asked.take(asked.id >> 24 & 0x1F == robstride.READ))) is not None:
                 driver.replies(answer)
         problem = "has a communication time-out of 1 s, and does not take one of 0.1 s"
-        assert driver.unready() == f"motor knee (can1, id 7) {problem}"
+        assert driver.not_ready() == f"motor knee (can1, id 7) {problem}"
 
 
 def with_motors(robot: Robot, **protocols: str) -> Robot:

@@ -46,7 +46,7 @@ class Ends:
         self.driver: Driver = open_driver(wiring)
         self.motors: MotorEnd = open_motor_end(wiring)
         self.layer = JointLayer(ROBOT, self.driver, WIRING.imu_channel, 0.002)
-        self.motors.requests(self.driver.ask())  # which tells ODrives to take torques
+        self.motors.requests(self.driver.query_settings())  # which tells ODrives to take torques
         most = self.driver.highest[[0, 1, 4]]
         reading = share * np.where(np.isfinite(most), most, USUAL_READING)
         errors = np.zeros(N, np.uint64)
