@@ -5,15 +5,15 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from footfall.envs.environment import Episodes
 from footfall.envs.state import State, Step
-from footfall.envs.velocity import VelocityEnv
 
 RESTARTED_AT_ONCE = 16  # more would be computed in vain where few end, fewer take turns where many do
 
 Restarted = tuple[State, dict[str, jax.Array]]  # and the observations to go on with
 
 
-def step_batch(env: VelocityEnv, state: State, action: jax.Array) -> tuple[State, dict[str, jax.Array], Step]:
+def step_batch(env: Episodes, state: State, action: jax.Array) -> tuple[State, dict[str, jax.Array], Step]:
     """One control step of every episode.
 
     Args:
@@ -29,14 +29,14 @@ def step_batch(env: VelocityEnv, state: State, action: jax.Array) -> tuple[State
     done = jnp.maximum(step.terminated, step.truncated)
     ended = {"done": done, "length": done * stepped.steps}
     going_on = stepped, step.observation
-    if env.engine.on_host:  # it is at hand to ask how many have ended; most often few have
+    if env.on_host:  # it is at hand to ask how many have ended; most often few have
         state, observation = _restart_few(env, done > 0, going_on)
     else:
         state, observation = _select(done, jax.vmap(env.reset)(stepped.key, stepped.level), going_on)
     return state, observation, step._replace(metrics=step.metrics | ended)
 
 
-def _restart_few(env: VelocityEnv, done: jax.Array, going_on: Restarted) -> Restarted:
+def _restart_few(env: Episodes, done: jax.Array, going_on: Restarted) -> Restarted:
     """New episodes where `done` (environments,) holds, a few at a time until there are no more."""
     count, (stepped, _) = len(done), going_on
     at_once = min(count, RESTARTED_AT_ONCE)

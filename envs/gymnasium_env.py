@@ -19,21 +19,36 @@ from gymnasium.vector.utils import batch_space
 from footfall.common.errors import UserError
 from footfall.envs.batch import step_batch
 from footfall.envs.config import EnvConfig
+from footfall.envs.environment import Environment
+from footfall.envs.make import make_environment
 from footfall.envs.state import State, Step
-from footfall.envs.velocity import VelocityEnv
 from footfall.robots.description import Robot
 from footfall.robots.model import plant_model
 
 WIDTH, HEIGHT = 480, 320
 
 
-class EnvWithInfo(VelocityEnv):
-    """The same environment, but a step's metrics are what gymnasium's information holds."""
+TRACKING = "tracking/"  # metrics of this group are part of gymnasium's information
+
+
+class EpisodesWithInfo(NamedTuple):
+    """The same episodes, but a step's metrics are the content of gymnasium's information."""
+
+    env: Environment
+
+    @property
+    def on_host(self) -> bool:
+        """As the environment's."""
+        return self.env.on_host
+
+    def reset(self, key: jax.Array, level: jax.Array | float = 1.0) -> tuple[State, dict[str, jax.Array]]:
+        """As the environment's."""
+        return self.env.reset(key, level)
 
     def step(self, state: State, action: jax.Array) -> tuple[State, Step]:
-        """As ever. The "command" (3,) is as it stands after the step."""
-        state, step = super().step(state, action)
-        errors = {name: step.metrics[f"tracking/{name}"] for name in ("linear_error_m_s", "yaw_error_rad_s")}
+        """As the environment's, with the "command" (3,) after the step and the tracking errors as metrics."""
+        state, step = self.env.step(state, action)
+        errors = {k.removeprefix(TRACKING): v for k, v in step.metrics.items() if k.startswith(TRACKING)}
         return state, step._replace(metrics={"command": state.command} | errors)
 
 
@@ -58,12 +73,12 @@ class GymnasiumEnv(gymnasium.Env):
         Raises:
             UserError: the configuration or the render mode does not fit.
         """
-        self.env = env = EnvWithInfo(robot, config)
+        self.env = env = make_environment(robot, config)
         self.observation_space, self.action_space = spaces(env)
         self.render_mode = checked(render_mode)
         self.metadata = self.metadata | {"render_fps": round(config.control_rate_hz)}
         self._reset = jax.jit(partial(reset_one, env))
-        self._step = jax.jit(partial(step_one, env), donate_argnums=0)
+        self._step = jax.jit(partial(step_one, EpisodesWithInfo(env)), donate_argnums=0)
         self._camera = Camera(robot)
         self._state: State | None = None
 
@@ -120,7 +135,7 @@ class GymnasiumVectorEnv(VectorEnv):
         """
         if num_envs < 1:
             raise UserError(f"num_envs must be at least 1, not {num_envs}")
-        self.env = env = EnvWithInfo(robot, config)
+        self.env = env = make_environment(robot, config)
         self.num_envs = num_envs
         self._generators = [seeding.np_random() for _ in range(num_envs)]
         self.single_observation_space, self.single_action_space = spaces(env)
@@ -129,7 +144,7 @@ class GymnasiumVectorEnv(VectorEnv):
         self.render_mode = checked(render_mode)
         self.metadata = self.metadata | {"render_fps": round(config.control_rate_hz)}
         self._reset = jax.jit(jax.vmap(partial(reset_one, env)))
-        self._step = jax.jit(partial(step_many, env), donate_argnums=0)
+        self._step = jax.jit(partial(step_many, EpisodesWithInfo(env)), donate_argnums=0)
         self._camera = Camera(robot)
         self._state: State | None = None
 
@@ -244,7 +259,7 @@ def offscreen_renderer(model: mujoco.MjModel) -> mujoco.Renderer:
         ) from None
 
 
-def spaces(env: VelocityEnv) -> tuple[Box, Box]:
+def spaces(env: Environment) -> tuple[Box, Box]:
     """Observation and action space. Beyond the actions' bounds, targets end at the soft limits anyway."""
     robot = env.robot
     reach = np.maximum(*(np.abs(limit - robot.default_pose) for limit in robot.soft_limits))
@@ -257,20 +272,20 @@ def draw_key(generator: np.random.Generator) -> np.ndarray:
     return generator.integers(2**32, size=2, dtype=np.uint32)
 
 
-def reset_one(env: VelocityEnv, key: jax.Array) -> tuple[State, jax.Array, jax.Array]:
+def reset_one(env: Environment, key: jax.Array) -> tuple[State, jax.Array, jax.Array]:
     """A new episode: state, observation, and the command (3,) that is given."""
     state, observation = env.reset(key)
     return state, observation["state"], state.command
 
 
-def step_one(env: EnvWithInfo, state: State, action: jax.Array) -> tuple[State, StepResult]:
+def step_one(env: EpisodesWithInfo, state: State, action: jax.Array) -> tuple[State, StepResult]:
     """A control step of one robot."""
     state, step = env.step(state, action)
     return state, step_result(step)
 
 
 def step_many(
-    env: EnvWithInfo, state: State, actions: jax.Array
+    env: EpisodesWithInfo, state: State, actions: jax.Array
 ) -> tuple[State, jax.Array, jax.Array, StepResult]:
     """A control step of all robots: state, observations and commands to go on with, and the step itself."""
     state, observation, step = step_batch(env, state, actions)

@@ -31,6 +31,7 @@ from footfall.envs.rewards import TERMS as REWARD_TERMS
 from footfall.envs.rewards import RewardInputs, joint_shares, reward_rate, rewards
 from footfall.envs.start import Start
 from footfall.envs.state import State, Step
+from footfall.envs.symmetry import EnvironmentMirror, environment_mirror
 from footfall.policies.action import joint_target
 from footfall.policies.contract import Contract
 from footfall.policies.gaits import find_gait
@@ -91,6 +92,20 @@ class VelocityEnv:
         self._nominal = SimpleNamespace(
             **{name: jnp.asarray(value, dtype=jnp.float32) for name, value in fields.items()}
         )
+
+    @property
+    def on_host(self) -> bool:
+        """Whether physics runs on the host's processor."""
+        return self.engine.on_host
+
+    @property
+    def note(self) -> str:
+        """Why another physics engine runs than the configuration asks for; empty if it does not."""
+        return self.engine.note
+
+    def mirror(self) -> EnvironmentMirror:
+        """Mirror images of observations and actions; raises UserError if there are none."""
+        return environment_mirror(self.robot, self.config, self.contract)
 
     @property
     def observation_sizes(self) -> dict[str, int]:

@@ -1,0 +1,69 @@
+"""The protocol of an environment: what trainers, the gymnasium face and benchmarks may ask of one.
+
+A batch of episodes is a `jax.vmap` of `reset` and `step` (envs/batch.py). `envs/make.py` makes an environment
+from a robot and a configuration; nobody else names a class that implements this protocol.
+"""
+
+from typing import Protocol
+
+import jax
+
+from footfall.envs.config import EnvConfig
+from footfall.envs.state import State, Step
+from footfall.envs.symmetry import EnvironmentMirror
+from footfall.policies.contract import Contract
+from footfall.robots.description import Robot
+
+
+class Episodes(Protocol):
+    """What a batch needs of an environment to step episodes and to restart those that ended."""
+
+    @property
+    def on_host(self) -> bool:
+        """Whether physics runs on the host's processor, where a program's branches cost little."""
+
+    def reset(self, key: jax.Array, level: jax.Array | float = 1.0) -> tuple[State, dict[str, jax.Array]]:
+        """One new episode.
+
+        Args:
+            key: of JAX's random numbers, shape (2,).
+            level: of the curriculum, 0 to 1.
+
+        Returns:
+            The state, and the observations: "state" of the actor, "privileged_state" of the critic.
+        """
+
+    def step(self, state: State, action: jax.Array) -> tuple[State, Step]:
+        """One control step of one episode; action of shape (action_size,)."""
+
+
+class Environment(Episodes, Protocol):
+    """One robot, one task. Holds constants only: `reset` and `step` are pure functions."""
+
+    robot: Robot
+    config: EnvConfig
+    contract: Contract  # of the policies that are trained in it
+    action_size: int
+    period_s: float  # a control step
+    episode_steps: int  # control steps until an episode is truncated
+
+    @property
+    def note(self) -> str:
+        """What a user should know before training, one line; empty if nothing."""
+
+    @property
+    def observation_sizes(self) -> dict[str, int]:
+        """Size of each observation that `reset` and `step` return."""
+
+    def level(self, steps: jax.Array) -> jax.Array:
+        """The curriculum's level after so many environment steps in all, 0 to 1."""
+
+    def at_level(self, state: State, level: jax.Array) -> State:
+        """The same batch of episodes at another level of the curriculum."""
+
+    def mirror(self) -> EnvironmentMirror:
+        """Mirror images of observations and actions.
+
+        Raises:
+            UserError: the robot or its task has no mirror image.
+        """
