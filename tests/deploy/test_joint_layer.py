@@ -1,17 +1,22 @@
 """The joint layer limits what goes out and reads what comes in."""
 
+from typing import Any
+
 import numpy as np
 import pytest
+from frame_robot import ROWS, imu_frames
 
 from footfall.deploy.drivers import imu, mit, mit_driver
 from footfall.deploy.drivers.choice import open_driver
-from footfall.deploy.frames import Frames
+from footfall.deploy.frames import Frames, joined
 from footfall.deploy.joint_layer import NEVER, JointLayer
 from footfall.deploy.wiring import Wiring, wire
-from footfall.robots.actuator import JointCommand, pd_torque
+from footfall.plant.motor_ends.choice import open_motor_end
+from footfall.robots.actuator import JointCommand, limit_torque, pd_torque
 from footfall.robots.description import Robot
 
 TICK_S = 0.002
+RNG = np.random.default_rng(6)
 
 
 @pytest.fixture
@@ -201,8 +206,7 @@ class TestIn:
     def test_only_a_new_imu_reading_counts_as_heard(self, wiring: Wiring, layer: JointLayer) -> None:
         def frames(counter: int) -> Frames:
             reading = imu.Inertial([0.1, 0.2, 0.3], [0.0, 0.0, 9.81], [1.0, 0.0, 0.0, 0.0])
-            data = imu.encode(reading, counter)
-            return Frames(np.full(3, wiring.imu_channel), np.array(imu.IDS), data, np.full(3, 8))
+            return imu_frames(wiring, reading, counter)
 
         assert layer.last_heard().imu_us == NEVER
         layer.absorb([frames(1)], 1000)
@@ -211,3 +215,239 @@ class TestIn:
         layer.absorb([frames(2)], 3000)
         assert layer.last_heard().imu_us == 3000
         np.testing.assert_allclose(layer.sensed().gyro, [0.1, 0.2, 0.3])
+
+
+class TestReadingsOfEveryKind:
+    @pytest.fixture
+    def layer(self, go1: Robot) -> JointLayer:
+        wiring = wire(go1)
+        return JointLayer(go1, open_driver(wiring), wiring.imu_channel, 0.002)
+
+    def replies(self, robot: Robot, motors: Any, values: np.ndarray, error: int = 0) -> Frames:
+        end = open_motor_end(wire(robot))
+        return end.reply(motors, values, 30, np.full(12, error, np.uint64)[motors])
+
+    def test_each_joint_gets_its_own_command_less_what_its_motor_cannot_do(
+        self, go1: Robot, layer: JointLayer
+    ) -> None:
+        """Unlike readings and commands; half of the joints are asked for more than they can give."""
+        position = go1.default_pose + RNG.uniform(-0.02, 0.02, 12)
+        velocity = RNG.uniform(-8.0, 8.0, 12)
+        layer.absorb([self.replies(go1, slice(None), np.array([position, velocity, 0 * ROWS]))], 0)
+        sensed = layer.sensed()
+        layer.begin_at(go1.default_pose)
+        wanted = JointCommand(
+            go1.default_pose + RNG.uniform(-0.05, 0.05, 12),
+            RNG.uniform(-2.0, 2.0, 12),
+            RNG.uniform(20.0, 60.0, 12),
+            RNG.uniform(0.5, 2.0, 12),
+            np.where(ROWS % 2, 24.0, -1.0) * RNG.uniform(0.9, 1.04, 12),
+        )
+        frames = layer.command(wanted)
+        sent = JointCommand(*open_motor_end(wire(go1)).requests(frames).values)
+        pd = wanted.kp * (wanted.position - sensed.joint_position)
+        pd += wanted.kd * (wanted.velocity - sensed.joint_velocity)
+        asked = pd + wanted.torque
+        share = limit_torque(asked, sensed.joint_velocity, go1.motor) / asked
+        assert 2 <= (share < 1.0).sum() < 12
+        lowered = JointCommand(*wanted[:2], *(share * np.array(wanted[2:])))
+        for ours, theirs, atol in zip(sent, lowered, (4e-4, 0.02, 0.13, 2e-3, 0.02), strict=True):
+            np.testing.assert_allclose(ours, theirs, atol=atol)
+        cut = share < 1.0  # a lowered gain is rounded down, any other to the nearest
+        assert np.all(sent.kp[cut] <= lowered.kp[cut])
+        np.testing.assert_allclose(sent.kp[~cut], wanted.kp[~cut], atol=0.07)
+        np.testing.assert_array_equal(layer.target, wanted.position)
+
+    def test_each_target_moves_at_most_its_rate_at_each_tick(self, go1: Robot, layer: JointLayer) -> None:
+        """60 rad/s over 2 ms are 0.12 rad; a second tick goes on from the first."""
+        start = go1.default_pose + 0.01 * ROWS
+        layer.begin_at(start)
+        start += 5.0  # the layer has a copy
+        start -= 5.0
+        zero = np.zeros(12)
+        away = np.where(ROWS % 3, 0.2, -0.3)
+        away[5] = 0.05
+        for tick in (1, 2):
+            layer.command(JointCommand(start + away, zero, zero, zero, zero))
+            moved = np.clip(away, -0.12 * tick, 0.12 * tick)
+            np.testing.assert_allclose(layer.target - start, moved, atol=1e-12)
+
+    def test_a_mixed_batch_of_the_same_layout_is_read_anew(self, go1: Robot, layer: JointLayer) -> None:
+        """Every motor, and the IMU's frames among them; the second time with other contents and times."""
+        wiring = wire(go1)
+        order = np.array([0, 12, 1, 2, 13, 3, 4, 5, 14, 6, 7, 8, 9, 10, 11])
+
+        def mixed(scale: float, counter: int) -> Frames:
+            reading = imu.Inertial((scale, 0.0, 0.0), (0.0, 0.0, 9.81), (1.0, 0.0, 0.0, 0.0))
+            motors = self.replies(go1, slice(None), np.array([scale * ROWS, 0.0 * ROWS, 0.0 * ROWS]))
+            return joined([motors, imu_frames(wiring, reading, counter)]).take(order)
+
+        first, second = mixed(0.1, 1), mixed(0.05, 2)
+        layer.absorb([first.at(order + 1000)], 2000)
+        layer.absorb([first._replace(data=second.data, time_us=order + 3000)], 4000)
+        np.testing.assert_allclose(layer.sensed().joint_position, 0.05 * ROWS, atol=4e-4)
+        assert layer.sensed().gyro[0] == pytest.approx(0.05, abs=1e-3)
+        assert layer.last_heard().motor_us.tolist() == list(range(3000, 3012))
+        assert layer.last_heard().imu_us == 3012
+
+    def test_frames_of_motors_and_imu_come_apart_however_they_are_batched(
+        self, go1: Robot, layer: JointLayer
+    ) -> None:
+        wiring = wire(go1)
+        values = np.array([0.1 * ROWS, 0.2 * ROWS, 0.3 * ROWS])
+        motors = self.replies(go1, np.array([9, 2, 5]), values[:, [9, 2, 5]])
+        turned = imu.Inertial((0.1, 0.2, 0.3), (1.0, 2.0, 3.0), (0.6, 0.8, 0.0, 0.0))
+        mixed = joined([motors, imu_frames(wiring, turned, 1)]).take(np.array([3, 0, 4, 1, 2, 5]))
+        layer.absorb([mixed], 30)
+        sensed = layer.sensed()
+        heard = np.isin(ROWS, [9, 2, 5])
+        np.testing.assert_allclose(sensed.joint_position[heard], values[0, heard], atol=4e-4)
+        np.testing.assert_allclose(sensed.joint_torque[heard], values[2, heard], atol=0.02)
+        assert not sensed.joint_position[~heard].any()
+        np.testing.assert_allclose(sensed.gyro, turned.gyro)
+        np.testing.assert_allclose(sensed.acceleration, turned.acceleration)
+        np.testing.assert_allclose(sensed.quaternion, turned.quaternion, atol=1e-4)
+        last = layer.last_heard()
+        assert (last.motor_us == 30).tolist() == heard.tolist()
+        assert (last.motor_us[~heard] < -(10**12)).all()
+        assert last.imu_us == 30
+        # the same arrays of ids, with other contents
+        everyone = self.replies(go1, slice(None), values)
+        inertial = imu_frames(wiring, turned, 2)
+        layer.absorb([everyone, inertial], 40)
+        again = everyone._replace(data=self.replies(go1, slice(None), -values, error=5).data)
+        other = imu.Inertial((0.4, 0.5, 0.6), (4.0, 5.0, 6.0), (0.0, 0.0, 0.6, 0.8))
+        layer.absorb([again, inertial._replace(data=imu.encode(other, 3))], 50)
+        np.testing.assert_allclose(layer.sensed().joint_velocity, -values[1], atol=0.02)
+        np.testing.assert_allclose(layer.sensed().gyro, other.gyro)
+        assert layer.last_heard().motor_error.tolist() == [5] * 12
+        assert (layer.last_heard().motor_us == 50).all()
+        assert layer.last_heard().imu_us == 50
+        np.testing.assert_allclose(sensed.joint_position[heard], values[0, heard], atol=4e-4)
+
+    def test_an_error_stays_with_its_motor_until_that_one_answers_again(
+        self, go1: Robot, layer: JointLayer
+    ) -> None:
+        values = np.zeros((3, 12))
+        layer.absorb([self.replies(go1, slice(None), values)], 0)
+        layer.absorb([self.replies(go1, np.array([4, 7]), values[:, :2], error=2)], 1)
+        layer.absorb([self.replies(go1, np.array([4]), values[:, :1])], 2)
+        assert np.flatnonzero(layer.last_heard().motor_error).tolist() == [7]
+
+    def test_a_motor_was_heard_when_its_frame_arrived(self, go1: Robot, layer: JointLayer) -> None:
+        """Not when the loop got round to it; where nobody knows, then."""
+        values, times = np.zeros((3, 12)), 1000.0 + ROWS
+        frames = self.replies(go1, slice(None), values)
+        for _ in range(2):  # the second time from arrays that were seen before
+            layer.absorb([frames._replace(time_us=times)], 2000)
+            assert layer.last_heard().motor_us.tolist() == times.tolist()
+        layer.absorb([frames], 2000)
+        assert layer.last_heard().motor_us.tolist() == [2000] * 12
+
+    def test_what_was_handed_out_of_temperature_and_voltage_does_not_change_later(
+        self, go1: Robot, layer: JointLayer
+    ) -> None:
+        layer.temperature_c, layer.voltage = before = np.full(12, 50.0), np.full(12, 24.0)
+        layer.absorb([self.replies(go1, np.array([4]), np.zeros((3, 1)))], 1)
+        assert ((before[0] == 50.0).all(), (before[1] == 24.0).all()) == (True, True)
+        assert layer.temperature_c.tolist() == [50.0] * 4 + [30.0] + [50.0] * 7
+        assert np.flatnonzero(np.isnan(layer.voltage)).tolist() == [4]
+
+    def test_what_a_motor_does_not_tell_is_no_number(self, go1: Robot, layer: JointLayer) -> None:
+        """A reply of six bytes has no temperature; no motor in MIT mode tells its voltage."""
+        frames = self.replies(go1, slice(None), np.zeros((3, 12)))
+        short = np.where(ROWS == 4, 6, 8)
+        layer.absorb([frames._replace(length=short)], 1)
+        assert np.flatnonzero(np.isnan(layer.temperature_c)).tolist() == [4]
+        assert layer.temperature_c[5] == 30.0
+        assert np.isnan(layer.voltage).all()
+
+    def test_an_error_outlives_a_reply_of_the_same_tick_that_has_none(
+        self, go1: Robot, layer: JointLayer
+    ) -> None:
+        values = np.zeros((3, 12))
+        for batches in (
+            [self.replies(go1, slice(None), values, error=2), self.replies(go1, slice(None), values)],
+            [self.both(go1, error=2)],
+            [
+                self.replies(go1, np.array([4]), values[:, :1], error=2),
+                self.replies(go1, slice(None), values),
+            ],
+        ):
+            layer.absorb(batches, 1)
+            assert layer.last_heard().motor_error[4] == 2
+            layer.absorb([self.replies(go1, slice(None), values)], 2)
+            assert not layer.last_heard().motor_error.any()
+
+    def test_errors_of_two_replies_of_the_same_tick_both_stay(self, go1: Robot, layer: JointLayer) -> None:
+        codes = [np.where(joint == ROWS, code, 0).astype(np.uint64) for joint, code in ((4, 2), (7, 3))]
+        end, values = open_motor_end(wire(go1)), np.zeros((3, 12))
+        layer.absorb([end.reply(slice(None), values, 30, code) for code in codes], 1)
+        assert layer.last_heard().motor_error.tolist() == [0, 0, 0, 0, 2, 0, 0, 3, 0, 0, 0, 0]
+
+    def both(self, robot: Robot, error: int) -> Frames:
+        """A reply with an error and one without, of the same motor in one batch."""
+        one = [self.replies(robot, np.array([4]), np.zeros((3, 1)), code) for code in (error, 0)]
+        return joined(one)
+
+    def test_health_is_each_motors_own_and_the_imus_age_comes_last(
+        self, go1: Robot, layer: JointLayer
+    ) -> None:
+        """Motors heard at 1, 2, ... 12 ms, the IMU at 5 ms; now it is 20 ms. No MIT motor tells its 24 V."""
+        frames = self.replies(go1, slice(None), np.zeros((3, 12)), error=3)
+        reading = imu.Inertial((0.0,) * 3, (0.0, 0.0, 9.81), (1.0, 0.0, 0.0, 0.0))
+        layer.absorb(
+            [frames.at(1000 * (ROWS + 1)), imu_frames(wire(go1), reading, 1).at(np.full(3, 5000))], 0
+        )
+        layer.voltage = np.full(12, 24.0)
+        health = layer.health(20_000)
+        np.testing.assert_allclose(health.age_s, [*(0.019 - 0.001 * ROWS), 0.015])
+        assert (health.temperature_c == 30.0).all()
+        assert (health.voltage == 24.0).all()
+        assert (health.error == 3).all()
+
+    @pytest.mark.parametrize("side", [-1.0, 1.0])
+    @pytest.mark.parametrize("velocity", [-2.0, 2.0])
+    def test_of_gains_that_are_lowered_those_that_push_are_rounded_down(
+        self, go1: Robot, layer: JointLayer, side: float, velocity: float
+    ) -> None:
+        """Steps of a frame are 500 / 4095 N m/rad and 5 / 4095 N m s/rad; the target is 0.8 rad to a side.
+
+        A wanted velocity away from the target brakes.
+        """
+        target = go1.default_pose.copy()
+        hips = np.arange(0, 12, 3)
+        target[hips] = 0.4 * side
+        here = np.where(np.isin(ROWS, hips), -target, target)
+        layer.absorb([self.replies(go1, slice(None), np.array([here, 0.0 * ROWS, 0.0 * ROWS]))], 0)
+        layer.begin_at(target)
+        one = np.ones(12)
+        layer.command(JointCommand(target, side * velocity * one, 400.0 * one, one, 0.0 * one))
+        position, speed, _ = layer.joints[:, hips]
+        asked = 400.0 * (0.4 * side - position) + side * velocity - speed
+        share = (limit_torque(np.tile(asked, 3), np.tile(speed, 3), go1.motor)[hips]) / asked
+        assert (share < 0.1).all()
+        np.testing.assert_allclose(layer.sent[2, hips], 400.0 * share - 250.0 / 4095, rtol=1e-9)
+        braked = 0.0 if velocity < 0.0 else 2.5 / 4095
+        np.testing.assert_allclose(layer.sent[3, hips], share - braked, rtol=1e-9)
+
+    def test_gains_that_are_lowered_by_a_frames_rounding_do_not_fall_below_none(
+        self, go1: Robot, layer: JointLayer
+    ) -> None:
+        """A thousandth of a frame's step of stiffness and damping, beside a torque that has to be lowered."""
+        layer.absorb([self.replies(go1, slice(None), np.zeros((3, 12)))], 0)
+        layer.begin_at(go1.default_pose)
+        little = np.full(12, 1e-6)
+        layer.command(JointCommand(go1.default_pose, 1.0 + 0 * little, little, little, 1e6 * little * 60))
+        assert (layer.sent[2:4] >= 0.0).all()
+        assert (layer.sent[4] < 60.0).all()
+
+    def test_damping_starts_targets_where_the_joints_are_and_leaves_nothing_of_a_command(
+        self, go1: Robot, layer: JointLayer
+    ) -> None:
+        values = np.array([0.1 * ROWS - 0.5, ROWS / 10, 0 * ROWS])
+        layer.absorb([self.replies(go1, slice(None), values)], 0)
+        layer.command(JointCommand(*RNG.uniform(1.0, 2.0, (5, 12))))
+        sent = JointCommand(*open_motor_end(wire(go1)).requests(layer.damping(1.7)).values)
+        np.testing.assert_allclose([*sent], np.outer([0, 0, 0, 1.7, 0], np.ones(12)), atol=0.05)
+        np.testing.assert_allclose(layer.target, values[0], atol=4e-4)

@@ -1,6 +1,7 @@
 """MIT-mode frames: which bits mean what, and what happens at the edges."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from footfall.common.errors import UserError
-from footfall.deploy.drivers import mit
+from footfall.deploy.drivers import imu, mit
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.drivers.mit_driver import MitDriver
 from footfall.deploy.frames import Frames
@@ -346,3 +347,22 @@ def test_a_motor_id_that_a_frame_cannot_carry_is_refused_with_its_joint(go1: Rob
     wiring = wire(go1)
     with pytest.raises(UserError, match=r"joint FR_hip_joint has motor id 128: MIT mode takes 1 to 127"):
         open_driver(replace(wiring, motor_id=np.array([128, *wiring.motor_id[1:]])))
+
+
+@pytest.mark.parametrize(
+    ("end", "heard", "unheard"),
+    [
+        (MitDriver, [0x000, 0x101, 0x17F], [0x001, 0x07F, 0x0FF, 0x180, 0x300]),
+        (MitMotorEnd, [0x001, 0x07F], [0x080, 0x101, 0x300, 0x17F]),
+        (imu, [0x300, 0x301, 0x302], [0x2FF, 0x304, 0x100, 0x001]),
+    ],
+)
+def test_filters_let_through_what_is_meant_for_an_end(end: Any, heard: list[int], unheard: list[int]) -> None:
+    filters = end.FILTERS if end is imu else end.filters
+
+    def passes(identifier: int) -> bool:
+        return any((identifier & f["can_mask"]) == (f["can_id"] & f["can_mask"]) for f in filters)
+
+    assert [passes(identifier) for identifier in heard] == [True] * len(heard)
+    assert [passes(identifier) for identifier in unheard] == [False] * len(unheard)
+    assert not any(f["extended"] for f in filters)

@@ -1,0 +1,309 @@
+"""Buses through python-can, with as much of python-can as they use made up here."""
+
+import re
+import sys
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from fake_time import FakeTime
+
+from footfall.common.errors import UserError
+from footfall.common.installation import install
+from footfall.deploy import interface_time, python_can_bus
+from footfall.deploy.frames import EXTENDED, Frames, frame_bits
+from footfall.deploy.python_can_bus import PythonCanBus
+
+
+class FakeCan:
+    """As much of python-can as the bus uses."""
+
+    VALID_INTERFACES = frozenset({"slcan", "virtual", "udp_multicast"})
+
+    class CanError(Exception):
+        """As python-can's."""
+
+    def __init__(self) -> None:
+        self.opened: list[dict] = []
+        self.buses: list[Any] = []
+        self.refuse: set[int] = set()
+        self.waiting: dict[int, list] = {}
+
+    def Message(self, **fields: Any) -> Any:  # noqa: N802
+        return SimpleNamespace(**fields)
+
+    def Bus(self, **options: Any) -> Any:  # noqa: N802
+        index = len(self.buses)
+        if options["channel"] == "broken":
+            raise OSError("no such\n device")
+        self.opened.append(options)
+        bus = SimpleNamespace(sent=[], closed=0, index=index)
+
+        def send(message: Any) -> None:
+            if message.arbitration_id in self.refuse:
+                raise self.CanError
+            bus.sent.append(message)
+
+        def recv(timeout: float) -> Any:
+            assert timeout == 0
+            queue = self.waiting.get(index, [])
+            found = queue.pop(0) if queue else None
+            if found == "failure":
+                raise OSError
+            return found
+
+        bus.send, bus.recv = send, recv
+        bus.shutdown = lambda: setattr(bus, "closed", bus.closed + 1)
+        self.buses.append(bus)
+        return bus
+
+
+def received(identifier: int, data: bytes | None, timestamp: float = 0.0, **special: bool) -> Any:
+    flags = dict.fromkeys(("is_error_frame", "is_remote_frame", "is_extended_id"), False) | {"is_rx": True}
+    return SimpleNamespace(arbitration_id=identifier, data=data, timestamp=timestamp, **(flags | special))
+
+
+class TestPythonCanBus:
+    @pytest.fixture
+    def can(self, monkeypatch: pytest.MonkeyPatch) -> FakeCan:
+        can = FakeCan()
+        monkeypatch.setitem(sys.modules, "can", can)  # type: ignore[arg-type]
+        return can
+
+    def test_buses_are_opened_by_name_or_by_port(self, can: FakeCan) -> None:
+        filters = ({"can_id": 1, "can_mask": 2, "extended": False},)
+        PythonCanBus("slcan", ("can0", "can7"), filters)
+        PythonCanBus("udp_multicast", ("can0", "can7"), filters)
+        assert can.opened[1] == {"interface": "slcan", "channel": "can7"}
+        assert [each.get("port") for each in can.opened] == [None, None, 43113, 43114]
+        assert can.opened[3]["channel"] == "239.74.163.2"
+        assert can.opened[3]["fd"] is False
+
+    def test_what_cannot_be_opened_closes_the_others(self, can: FakeCan) -> None:
+        with pytest.raises(UserError, match="cannot open bus 'broken' on slcan: no such device"):
+            PythonCanBus("slcan", ("can0", "broken"), ())
+        assert [bus.closed for bus in can.buses] == [1]
+        with pytest.raises(UserError, match="no bus 'serial': give one of slcan, udp_m"):
+            PythonCanBus("serial", ("can0",), ())
+
+    @pytest.mark.parametrize(
+        "error", [OSError("no\nway"), FakeCan.CanError("no way"), ImportError("no way"), ValueError("no way"),
+                  TypeError("no way")],
+    )  # fmt: skip
+    def test_however_an_interface_refuses_it_is_told_in_one_line(
+        self, can: FakeCan, monkeypatch: pytest.MonkeyPatch, error: Exception
+    ) -> None:
+        def fail(**_: Any) -> None:
+            raise error
+
+        monkeypatch.setattr(can, "Bus", fail)
+        with pytest.raises(UserError, match=r"cannot open bus 'can0' on slcan: no way$"):
+            PythonCanBus("slcan", ("can0",), ())
+
+    def test_an_adapter_on_a_serial_port_says_which_library_it_lacks(
+        self, can: FakeCan, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        class LacksLibraryError(FakeCan.CanError, NotImplementedError):
+            """As python-can's CanInterfaceNotImplementedError."""
+
+        def fail(**_: Any) -> None:
+            raise LacksLibraryError("The serial module is not installed")
+
+        monkeypatch.setattr(can, "Bus", fail)
+        advice = re.escape(f"is not installed: {install('pyserial')}")
+        with pytest.raises(
+            UserError, match=rf"^cannot open bus 'can0' on slcan: The serial module {advice}$"
+        ):
+            PythonCanBus("slcan", ("can0",), ())
+        with pytest.raises(UserError, match=r"module is not installed$"):
+            PythonCanBus("virtual", ("can0",), ())
+
+    @pytest.mark.parametrize("error", [OSError, FakeCan.CanError])
+    def test_whatever_a_full_queue_raises_is_counted(self, can: FakeCan, error: type[Exception]) -> None:
+        bus = PythonCanBus("slcan", ("can0",), ())
+
+        def full(_: Any) -> None:
+            raise error
+
+        can.buses[0].send = full
+        one = Frames(np.array([0]), np.array([1]), np.zeros((1, 8), np.uint8), np.array([8]))
+        assert [bus.send(one, 0), bus.send(one, 0)] == [1, 1]
+        assert bus.statistics()[0].frames_refused == 2
+
+    def test_each_frame_goes_to_its_bus_with_its_bytes(self, can: FakeCan) -> None:
+        bus = PythonCanBus("slcan", ("can0", "can1"), ())
+        can.refuse = {3}
+        data = np.arange(32, dtype=np.uint8).reshape(4, 8)
+        frames = Frames(np.array([1, 0, 1, 1]), np.array([4, 3, 2, 3]), data, np.array([8, 8, 3, 8]))
+        assert bus.send(frames, 0) == 2
+        assert can.buses[0].sent == []
+        assert [(m.arbitration_id, m.data) for m in can.buses[1].sent] == [
+            (4, bytes(range(8))),
+            (2, bytes([16, 17, 18])),
+        ]
+        assert not any(m.is_extended_id for m in can.buses[1].sent)
+        assert [(s.name, s.frames_sent, s.frames_refused) for s in bus.statistics()] == [
+            ("can0", 0, 1),
+            ("can1", 2, 1),
+        ]
+        bus.close()
+        bus.close()
+        assert [each.closed for each in can.buses] == [1, 1]
+
+    def test_plain_frames_of_all_buses_come_in_one_batch(self, can: FakeCan) -> None:
+        everything = ({"can_id": 0, "can_mask": 0, "extended": False},)
+        bus = PythonCanBus("udp_multicast", ("can0", "can1"), everything)
+        can.waiting = {
+            0: [
+                received(5, b"\x01\x02"),
+                received(6, b"", is_error_frame=True),
+                received(6, b"", is_remote_frame=True),
+                received(6, b"", is_extended_id=True),
+                received(6, b"123456789"),
+                received(6, b"echo", is_rx=False),
+                received(7, b"abcdefgh"),
+                "failure",
+                received(6.5, b""),  # type: ignore[arg-type]
+                received(6, None),
+                received(8, b"late"),
+            ],
+            1: [received(9, b"\xff")],
+        }
+        (batch,) = bus.receive(0)
+        assert batch.channel.tolist() == [0, 0, 0, 1]
+        assert batch.id.tolist() == [5, 7, 8, 9]
+        assert batch.length.tolist() == [2, 8, 4, 1]
+        assert batch.data.tolist() == [
+            [1, 2, *[0] * 6],
+            list(b"abcdefgh"),
+            [*b"late", *[0] * 4],
+            [255, *[0] * 7],
+        ]
+        assert [s.frames_received for s in bus.statistics()] == [3, 1]
+        assert bus.receive(0) == []
+
+    def test_identifiers_of_29_bits_go_out_and_come_in_as_such(self, can: FakeCan) -> None:
+        wanted = ({"can_id": 0x0200_0000, "can_mask": 0x1F00_0000, "extended": True},)
+        bus = PythonCanBus("slcan", ("can0",), wanted)
+        ids = np.array([EXTENDED | 0x0112_3401, 0x101])
+        bus.send(Frames(np.zeros(2, int), ids, np.zeros((2, 8), np.uint8), np.full(2, 8)), 0)
+        sent = can.buses[0].sent
+        assert [(m.arbitration_id, m.is_extended_id) for m in sent] == [(0x0112_3401, True), (0x101, False)]
+        can.waiting = {
+            0: [
+                received(0x0200_01FD, b"x", is_extended_id=True),
+                received(0x0300_01FD, b"x", is_extended_id=True),  # of another kind
+                received(0x200, b"x"),
+            ]
+        }
+        assert bus.receive(0)[0].id.tolist() == [EXTENDED | 0x0200_01FD]
+
+    def test_foreign_frames_are_taken_and_left_out(self, can: FakeCan) -> None:
+        wanted = (
+            {"can_id": 0x100, "can_mask": 0x780, "extended": False},
+            {"can_id": 0x305, "can_mask": 0x7FF, "extended": False},
+        )
+        bus = PythonCanBus("virtual", ("can0",), wanted)
+        can.waiting = {0: [received(i, b"") for i in (0x017, 0x17F, 0x180, 0x304, 0x305, 0x101)]}
+        assert bus.receive(0)[0].id.tolist() == [0x17F, 0x305, 0x101]
+        assert bus.statistics()[0].frames_received == 3
+
+    def test_a_bus_that_never_falls_silent_or_never_works_does_not_hold_up_the_loop(
+        self, can: FakeCan
+    ) -> None:
+        bus = PythonCanBus("virtual", ("can0",), ({"can_id": 0, "can_mask": 0, "extended": False},))
+        can.waiting = {0: [received(1, b"x") for _ in range(1100)]}
+        assert [len(bus.receive(0)[0].id) for _ in range(2)] == [1024, 76]
+        can.waiting = {0: ["failure"] * 40}
+        assert bus.receive(0) == []
+        assert len(can.waiting[0]) == 24
+
+    def test_a_frame_has_the_time_at_which_the_interface_got_it(
+        self, can: FakeCan, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """Read 2 ms after the last time: 1.5 ms and 0.5 ms old, one from before, one from the future."""
+        fake = FakeTime()
+        monkeypatch.setattr(interface_time, "time", fake)
+        bus = PythonCanBus("slcan", ("can0",), ({"can_id": 0, "can_mask": 0, "extended": False},))
+        fake.ns += 2_000_000
+        now = fake.time()
+        can.waiting = {0: [received(1, b"", now + late) for late in (-0.0015, -0.0005, -3600.0, 3600.0)]}
+        (batch,) = bus.receive(10_000)
+        assert batch.time_us is not None
+        np.testing.assert_allclose(batch.time_us, [8500, 9500, 8000, 10_000], atol=1.0)
+
+    @pytest.mark.parametrize(
+        ("identifier", "data", "says"),
+        [
+            (0x040, b"", "bus can1 is bus-off"),
+            (0x004, b"\0\x20", "bus can1 is error-passive"),
+            (0x024, b"\0\x10", "bus can1 is error-passive"),
+            (0x004, b"\0\x01", "bus can1 lost frames"),
+            (0x004, b"\0\x08", ""),  # a warning
+            (0x004, b"", ""),
+            (0x088, b"\0\0\x04", ""),  # one frame was garbled, and was sent again
+            (0x020, b"\0\x30", ""),  # byte 1 is the controller's alone
+        ],
+    )
+    def test_error_frames_tell_of_the_bus(
+        self, can: FakeCan, identifier: int, data: bytes, says: str
+    ) -> None:
+        bus = PythonCanBus("slcan", ("can0", "can1"), ())
+        can.waiting = {1: [received(identifier, data, is_error_frame=True)]}
+        assert bus.receive(0) == []
+        assert bus.fault().startswith(says)
+        assert (bus.fault() == "") == (says == "")
+        assert [each.errors for each in bus.statistics()] == [0, 1]
+
+    def test_an_error_frame_that_says_nothing_does_not_take_back_what_one_before_said(
+        self, can: FakeCan
+    ) -> None:
+        bus = PythonCanBus("slcan", ("can0",), ())
+        for identifier in (0x040, 0x088, 0x088):
+            can.waiting = {0: [received(identifier, bytes(8), is_error_frame=True)]}
+            bus.receive(0)
+        assert bus.fault().startswith("bus can0 is bus-off")
+        assert [each.errors for each in bus.statistics()] == [3]
+
+    def test_writes_are_paced_by_the_queue_of_each_interface(
+        self, can: FakeCan, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """Two interfaces that queue three frames: of four on each, the last waits."""
+        fake = FakeTime()
+        monkeypatch.setattr(interface_time, "time", fake)
+        bus = PythonCanBus("virtual", ("can0", "can1"), (), queue_frames=3)
+        frames = Frames(np.repeat([0, 1], 4), np.ones(8, int), np.zeros((8, 8), np.uint8), np.full(8, 8))
+        bus.send(frames.take(np.array([0, 1, 2, 4, 5, 6])), 0)
+        assert fake.slept == []
+        bus.send(frames.take(np.array([3])), 0)
+        assert fake.slept == pytest.approx([frame_bits(8) * 1e-6])
+
+    def test_a_state_is_asked_for_ten_times_a_second_at_most(
+        self, can: FakeCan, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        fake = FakeTime()
+        monkeypatch.setattr(python_can_bus, "time", fake)
+        bus = PythonCanBus("virtual", ("can0",), ())
+        asked = []
+        bus._buses[0] = type("Bus", (), {"state": property(lambda _: asked.append(fake.ns))})()
+        begun_ns = fake.ns
+        for _ in range(36):
+            fake.ns += 10_000_000
+            bus.fault()
+        assert [round((ns - begun_ns) / 1e8) for ns in asked] == [1, 2, 3]
+
+    @pytest.mark.parametrize(
+        ("state", "says"), [("ACTIVE", ""), ("PASSIVE", "passive"), ("ERROR", "bus-off")]
+    )
+    def test_interfaces_without_error_frames_are_asked_for_their_state_now_and_then(
+        self, can: FakeCan, monkeypatch: pytest.MonkeyPatch, state: str, says: str
+    ) -> None:
+        fake = FakeTime()
+        monkeypatch.setattr(python_can_bus, "time", fake)
+        bus = PythonCanBus("virtual", ("can0",), ())
+        can.buses[0].state = SimpleNamespace(name=state)
+        assert bus.fault() == ""
+        fake.ns += 100_000_000
+        assert says in bus.fault()
+        assert (bus.fault() == "") == (says == "")

@@ -1,0 +1,24 @@
+"""A clock whose time passes in sleep, and by hand."""
+
+
+class FakeTime:
+    """Nanoseconds that pass in sleep, and by hand."""
+
+    def __init__(self) -> None:
+        self.ns = 5_000_000_000
+        self.slept: list[float] = []
+
+    def monotonic_ns(self) -> int:
+        return self.ns
+
+    def monotonic(self) -> float:
+        return self.ns * 1e-9
+
+    def time(self) -> float:
+        return 1.7e9 + self.ns * 1e-9
+
+    def sleep(self, seconds: float) -> None:
+        if seconds < 1e-9:
+            return
+        self.slept.append(seconds)
+        self.ns += round(seconds * 1e9) + 7000  # and wakes up 7 us late
