@@ -177,14 +177,16 @@ def gymnasium_vector(config: TrainConfig, batch: int, calls: int = 20) -> Round:
 
 def ppo(config: TrainConfig, batch: int) -> Round:
     """Whole iterations: acting and learning."""
-    config = replace(config, ppo=replace(config.ppo, environments=batch))
+    config = replace(config, ppo=replace(config.ppo, num_envs=batch))
     env = VelocityEnv(ROBOT, config.env)
     networks = make_networks(env.observation_sizes, env.action_size, config.ppo)
     iterate = jax.jit(make_iteration(env, networks, config.ppo))
 
     def advance(state: Any) -> Any:
         state, *_ = iterate(state)
-        return state, jnp.sum(state.env.steps < config.ppo.unroll)  # one that ended twice counts once
+        return state, jnp.sum(
+            state.env.steps < config.ppo.num_steps_per_env
+        )  # one that ended twice counts once
 
     state = jax.jit(lambda: initial_state(env, networks, config.ppo, 0))()
     return going_on(advance, state, config.ppo.steps_per_iteration, batch)

@@ -105,7 +105,7 @@ def facts() -> dict[str, Any]:
         "constraint rows": constraint_rows(env.mj_model),
         "sensors in the model": env.mj_model.nsensor,
         "environments": ppo["num_envs"],
-        "updates of the networks": f"{updates} each {batch:,} steps, {ppo['num_updates_per_batch']} passes",
+        "updates of the networks": f"{updates} each {batch:,} steps, {ppo['num_updates_per_batch']} epochs",
         "steps of the recipe": f"{ppo['num_timesteps']:,}",
         "history in the observation": f"{config.history_len} frame",
         "delays of actions and readings": "no",

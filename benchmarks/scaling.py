@@ -58,7 +58,7 @@ def steps_per_s(robot: str, preset: str, devices: int, iterations: int) -> Sprea
     """Speed of whole iterations on the first few devices: least, median, most."""
     description = load_robot(robot)
     config = load_preset(preset, description)
-    ppo = replace(config.ppo, environments=config.ppo.environments * devices)
+    ppo = replace(config.ppo, num_envs=config.ppo.num_envs * devices)
     provenance = Provenance(robot, 0, preset, "brax", jax.devices()[0].device_kind, "", "", {})
     run = Run(Path(), provenance, replace(config, ppo=ppo))
     state, compiled = assemble(run, description).prepare(device_mesh(ppo, devices), None, print)

@@ -3,7 +3,7 @@
     python benchmarks/throughput.py --preset gpu --playground --json throughput.json
     python benchmarks/throughput.py --preset gpu --physics generated mjx   # engines side by side
     python benchmarks/throughput.py --preset gpu --shares          # where the time of an iteration goes
-    python benchmarks/throughput.py --preset cpu --set ppo.environments=128 --cases ships
+    python benchmarks/throughput.py --preset cpu --set ppo.num_envs=128 --cases ships
 
 PPO is measured end to end: whole iterations after compilation, each waited for; printed are the median and,
 in brackets, the fastest and the slowest. "Physics alone" is the joint law and MJX (Playground: its
@@ -50,9 +50,9 @@ PHYSICS, PPO = "physics alone", "PPO, end to end"
 # What each case changes of the preset. Playground's task has 8,192 environments and 5 steps of 4 ms.
 CASES: dict[str, dict[str, Any]] = {
     "ships": {},
-    "8192": {"ppo.environments": 8192},
+    "8192": {"ppo.num_envs": 8192},
     "5x4ms": {"env.substeps": 5},
-    "8192-5x4ms": {"ppo.environments": 8192, "env.substeps": 5},
+    "8192-5x4ms": {"ppo.num_envs": 8192, "env.substeps": 5},
 }
 # Single precision without tensor cores, of NVIDIA's data sheets.
 PEAK_FLOP_S = {"NVIDIA H200": 67e12, "NVIDIA H100 80GB HBM3": 67e12}
@@ -145,7 +145,7 @@ def measure_footfall(
     ready_s = time.perf_counter() - began
     env, ppo = parts.env, config.ppo
     _, keys, _ = iteration_keys(first, ppo)
-    actions = jax.random.normal(jax.random.key(0), (ppo.unroll, ppo.environments, env.action_size))
+    actions = jax.random.normal(jax.random.key(0), (ppo.num_steps_per_env, ppo.num_envs, env.action_size))
 
     def environment(state: Any) -> Any:
         def step(episodes: Any, action: jax.Array) -> tuple[Any, jax.Array]:
@@ -159,7 +159,7 @@ def measure_footfall(
             with jax.default_matmul_precision("highest"):
                 return jax.vmap(env.simulate)(episodes)[0], None
 
-        return jax.lax.scan(step, state.env, None, length=ppo.unroll)
+        return jax.lax.scan(step, state.env, None, length=ppo.num_steps_per_env)
 
     parts_of_it: dict[str, Callable[[Any], Any]] = {PHYSICS: physics}
     if shares:
@@ -175,7 +175,7 @@ def measure_footfall(
     rates[PPO] = rates_of(iterate(compiled, first, iterations), ppo.steps_per_iteration)
     return {
         "share_of_peak": share_of_peak(env, rates[PHYSICS][1]),
-        "environments": ppo.environments,
+        "environments": ppo.num_envs,
         "physics_steps": f"{config.env.substeps} x {1e3 * config.env.timestep_s:g} ms",
         "ready_s": ready_s,
         "steps_per_s": rates,
@@ -230,9 +230,10 @@ def differences(robot: str, preset: str) -> list[tuple[str, str, str]]:
         "physics steps": f"{config.env.substeps} x {1e3 * config.env.timestep_s:g} ms",
         "constraint rows": playground.constraint_rows(model),
         "sensors in the model": model.nsensor,
-        "environments": ppo.environments,
-        "updates of the networks": f"{ppo.minibatches * ppo.passes} each {ppo.steps_per_iteration:,} steps,"
-        f" {ppo.passes} passes",
+        "environments": ppo.num_envs,
+        "updates of the networks": f"{ppo.num_mini_batches * ppo.num_learning_epochs} each"
+        f" {ppo.steps_per_iteration:,} steps,"
+        f" {ppo.num_learning_epochs} epochs",
         "steps of the recipe": f"{ppo.total_steps:,}",
         "history in the observation": f"up to {max(term.history for term in config.env.observation)} frames",
         "delays of actions and readings": "yes" if config.env.randomisation.action_delay_s else "no",

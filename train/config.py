@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 from footfall.common.config import (
-    load,
     merged,
     read_yaml,
     require_between,
@@ -13,12 +12,12 @@ from footfall.common.config import (
     require_positive,
     structure,
     unstructure,
-    with_changes,
 )
 from footfall.common.errors import UserError
 from footfall.domain_rand.randomisation import own_ranges
 from footfall.envs.config import EnvConfig
 from footfall.robots.description import Robot
+from footfall.train.old_names import with_current_names
 
 PRESETS = Path(__file__).parent / "presets"
 TRAINING_FILE = "training.yaml"  # in a robot's folder
@@ -26,44 +25,46 @@ TRAINING_FILE = "training.yaml"  # in a robot's folder
 
 @dataclass(frozen=True)
 class PpoConfig:
-    """PPO's settings. One iteration is environments * unroll environment steps."""
+    """PPO's settings. One iteration is num_envs * num_steps_per_env environment steps."""
 
     total_steps: int
-    environments: int
-    unroll: int
-    minibatches: int
-    passes: int
+    num_envs: int
+    num_steps_per_env: int
+    num_mini_batches: int
+    num_learning_epochs: int
     learning_rate: float
     final_learning_rate: float
-    discount: float
-    gae_lambda: float
-    clip: float
-    entropy: float
-    gradient_norm: float
-    initial_std: float
-    actor_layers: tuple[int, ...]
-    critic_layers: tuple[int, ...]
+    gamma: float
+    lam: float
+    clip_param: float
+    entropy_coef: float
+    max_grad_norm: float
+    init_noise_std: float
+    actor_hidden_dims: tuple[int, ...]
+    critic_hidden_dims: tuple[int, ...]
     desired_kl: float | None = None  # adapts the learning rate below its falling limit
     bfloat16: bool = False  # hidden layers compute in 16 bits; parameters, losses and exports stay float32
     symmetry: bool = False  # learn from mirror images too; the robot must be the same left and right
 
     def __post_init__(self) -> None:
-        require_positive(self, "total_steps", "environments", "unroll", "minibatches", "passes")
-        require_positive(self, "learning_rate", "desired_kl", "clip", "gradient_norm", "initial_std")
+        require_positive(
+            self, "total_steps", "num_envs", "num_steps_per_env", "num_mini_batches", "num_learning_epochs"
+        )
+        require_positive(self, "learning_rate", "desired_kl", "clip_param", "max_grad_norm", "init_noise_std")
         require_between(self, 0.0, 1.0, "learning_rate", "final_learning_rate")
-        require_between(self, 0.0, 100.0, "desired_kl", "clip", "entropy", "initial_std")
-        require_positive(self, "actor_layers", "critic_layers")
-        require_between(self, 0.0, 1.0, "discount", "gae_lambda")
-        if not self.actor_layers or not self.critic_layers:
-            raise ValueError("actor_layers and critic_layers need a hidden layer at least")
-        if self.environments % self.minibatches:
+        require_between(self, 0.0, 100.0, "desired_kl", "clip_param", "entropy_coef", "init_noise_std")
+        require_positive(self, "actor_hidden_dims", "critic_hidden_dims")
+        require_between(self, 0.0, 1.0, "gamma", "lam")
+        if not self.actor_hidden_dims or not self.critic_hidden_dims:
+            raise ValueError("actor_hidden_dims and critic_hidden_dims need a hidden layer at least")
+        if self.num_envs % self.num_mini_batches:
             raise ValueError(
-                f"environments {self.environments} is not a multiple of minibatches {self.minibatches}"
+                f"num_envs {self.num_envs} is not a multiple of num_mini_batches {self.num_mini_batches}"
             )
 
     @property
     def steps_per_iteration(self) -> int:
-        return self.environments * self.unroll
+        return self.num_envs * self.num_steps_per_env
 
     @property
     def iterations(self) -> int:
@@ -104,15 +105,35 @@ def load_preset(name_or_file: str, robot: Robot | None = None) -> TrainConfig:
         own = robot.folder / TRAINING_FILE
         preset = _with_own_ranges(read_yaml(path), robot)
         if not own.is_file():
-            return structure(preset, TrainConfig, str(path))
-        return structure(with_changes(preset, own), TrainConfig, f"{own} over {path}")
+            return train_config(preset, str(path))
+        changes = read_yaml(own)
+        whole = preset if changes is None else merged(preset, with_current_names(changes))
+        return train_config(whole, f"{own} over {path}")
     if not path.is_file():
         path = Path(name_or_file)
     if not path.is_file():
         raise UserError(
             f"no preset '{name_or_file}': give one of {', '.join(available_presets())} or a YAML file"
         )
-    return load(path, TrainConfig)
+    return read_config(path)
+
+
+def read_config(path: Path) -> TrainConfig:
+    """The settings in a preset's file or a run's config.yaml.
+
+    Raises:
+        UserError: the file cannot be read, or a setting is wrong.
+    """
+    return train_config(read_yaml(path), str(path))
+
+
+def train_config(settings: Any, source: str) -> TrainConfig:
+    """Settings of a training from plain data, which may use older names.
+
+    Raises:
+        UserError: a setting is wrong; the message names `source` and the setting.
+    """
+    return structure(with_current_names(settings), TrainConfig, source)
 
 
 def _with_own_ranges(preset: dict[str, Any], robot: Robot) -> dict[str, Any]:

@@ -409,7 +409,7 @@ class TestTrain:
 
 class TestSweep:
     def point(self, **changes: Any) -> Any:
-        facts = {"settings": {"ppo.clip": 0.2}, "mean": 2.5, "spread": 0.5, "seeds": 3, "failed": 0}
+        facts = {"settings": {"ppo.clip_param": 0.2}, "mean": 2.5, "spread": 0.5, "seeds": 3, "failed": 0}
         return SimpleNamespace(**(facts | changes))
 
     def table(self, capsys: pytest.CaptureFixture[str], *points: Any) -> list[list[str]]:
@@ -422,7 +422,7 @@ class TestSweep:
         header, sound, single = self.table(
             capsys, self.point(), self.point(spread=math.nan, seeds=1, failed=2)
         )
-        assert " ".join(header) == "ppo.clip mean result deviation between seeds seeds failed"
+        assert " ".join(header) == "ppo.clip_param mean result deviation between seeds seeds failed"
         assert sound == ["0.2", "2.5", "±", "0.5", "3"]
         assert single == ["0.2", "2.5", "unknown", "1", "2"]
 

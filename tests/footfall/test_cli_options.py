@@ -614,7 +614,7 @@ class TestSweep:
         pytest.importorskip("ray")
         from footfall.train.sweeps.results import Point, Trial
 
-        settings = {"ppo.clip": 0.2, "ppo.passes": 3}
+        settings = {"ppo.clip_param": 0.2, "ppo.num_learning_epochs": 3}
         trial = Trial(folder="trial-0", settings=settings, seed=4, value=1.23456, steps=12345, error="")
         point = Point(settings=settings, mean=2.34567, spread=0.5, seeds=3, failed=0)
         state = SimpleNamespace(trials=[trial], points=[point], unfinished=0)
@@ -630,7 +630,7 @@ class TestSweep:
         words = [line.split() for line in outcome.out.splitlines()]
         assert words[1] == ["trial-0", "4", "0.2", "3", "1.235", "12,345"]
         assert words[3] == ["0.2", "3", "2.346", "±", "0.5", "3"]
-        assert words[0] == ["run", "seed", "ppo.clip", "ppo.passes", "result", "steps"]
+        assert words[0] == ["run", "seed", "ppo.clip_param", "ppo.num_learning_epochs", "result", "steps"]
         assert "wrote mine/" in outcome.out
 
     def test_a_sweep_is_resumed_in_its_folder(

@@ -40,6 +40,8 @@ ALLOWED = {
     "train": {"common", "robots", "policies", "domain_rand", "envs"},
     "pages": {"common", "robots", "policies", "domain_rand", "deploy", "plant", "train"},
 }
+ROOMS = (*ALLOWED, COMMAND_LINE)
+STILL_WITH_CIRCLES = ("robots", "train")
 ACTING = ("common", "robots", "domain_rand", "policies", "deploy", "plant", "evaluate")
 # What of policies those that learn may know. `learned` runs an exported file to check it.
 POLICIES_FOR_LEARNING = {
@@ -91,6 +93,32 @@ def test_packages_import_one_way(package: str) -> None:
         if belongs_to(name, forbidden)
     ]
     assert wrong == []
+
+
+def circles(room: str) -> list[str]:
+    """Modules of a room that import each other in a circle, by themselves or by way of others."""
+    paths = dict(modules(room))
+    within = {
+        name: {other for other in imported(path) if other in paths} - {name} for name, path in paths.items()
+    }
+    reached: dict[str, set[str]] = {}
+    for name in within:
+        found, ahead = set(), [name]
+        while ahead:
+            new = within[ahead.pop()] - found
+            found |= new
+            ahead += new
+        reached[name] = found
+    return sorted(name for name in within if name in reached[name])
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_no_circles_inside_a_room(room: str) -> None:
+    """Also where an import stands inside a function: such a circle is one all the same."""
+    if room in STILL_WITH_CIRCLES:
+        assert circles(room), f"{room} has no circles any more: take it off the list"
+        pytest.skip("still to be mended")
+    assert circles(room) == []
 
 
 @pytest.mark.parametrize("package", ["envs", "train"])

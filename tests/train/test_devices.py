@@ -68,6 +68,6 @@ def test_environments_that_cannot_be_divided_among_devices_and_minibatches_are_r
     from footfall.train.config import load_preset
 
     monkeypatch.setattr(jax, "devices", lambda: ["one", "two"])
-    config = replace(load_preset("smoke").ppo, environments=12, minibatches=4)
-    with pytest.raises(UserError, match="among 2 devices and 4 minibatches: give a multiple of 8"):
+    config = replace(load_preset("smoke").ppo, num_envs=12, num_mini_batches=4)
+    with pytest.raises(UserError, match="among 2 devices and 4 mini-batches: give a multiple of 8"):
         device_mesh(config)

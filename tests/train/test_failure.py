@@ -258,7 +258,7 @@ class TestDevice:
     def test_no_memory_left_says_how_to_need_less(self, sound: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         text = "RESOURCE_EXHAUSTED: Out of memory while trying to allocate 9 bytes."
         message = self.fail(sound, monkeypatch, text)
-        assert "start a new run with a smaller ppo.environments (it is 32), or go on with" in message
+        assert "start a new run with a smaller ppo.num_envs (it is 32), or go on with" in message
 
     def test_a_back_end_that_cannot_start_is_one_line(
         self, sound: Path, monkeypatch: pytest.MonkeyPatch

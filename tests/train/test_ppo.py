@@ -29,10 +29,10 @@ SIZES = {"state": 3, "privileged_state": 2}
 RATE = 1e-3
 CONFIG: PpoConfig = replace(
     load_preset("smoke").ppo,
-    environments=ENVIRONMENTS,
-    unroll=UNROLL,
-    minibatches=1,
-    passes=1,
+    num_envs=ENVIRONMENTS,
+    num_steps_per_env=UNROLL,
+    num_mini_batches=1,
+    num_learning_epochs=1,
     learning_rate=RATE,
     final_learning_rate=RATE,
 )
@@ -134,16 +134,18 @@ class TestEndsOfEpisodes:
 
     def test_an_episode_that_goes_on_counts_on_what_follows(self) -> None:
         """With lambda 0 the target is the reward and the discounted value of the next observation."""
-        env, config = FakeEnvironment(), replace(CONFIG, gae_lambda=0.0)
+        env, config = FakeEnvironment(), replace(CONFIG, lam=0.0)
         state = begun(env)
         value = self.value(state)
         _, losses = learnt(state, rolled_out(env, state), config)
-        error = REWARD + CONFIG.discount * value - value
+        error = REWARD + CONFIG.gamma * value - value
         assert losses["v_loss"][0, 0] == pytest.approx(0.25 * error**2, rel=1e-4)
 
 
 class TestLearningRate:
-    CONFIG = replace(CONFIG, desired_kl=0.01, passes=3, learning_rate=1.0, final_learning_rate=1.0)
+    CONFIG = replace(
+        CONFIG, desired_kl=0.01, num_learning_epochs=3, learning_rate=1.0, final_learning_rate=1.0
+    )
 
     def rates(self, moved: float, limit: float, start: float = RATE) -> np.ndarray:
         """Rates after each of three minibatches, of an actor that has moved so far from its behaviour."""
@@ -241,10 +243,10 @@ def test_it_learns_to_do_what_is_rewarded() -> None:
     iterations, environments = 20, 64
     config = replace(
         CONFIG,
-        environments=environments,
+        num_envs=environments,
         total_steps=iterations * environments * UNROLL,
-        minibatches=2,
-        passes=2,
+        num_mini_batches=2,
+        num_learning_epochs=2,
         learning_rate=3e-3,
         desired_kl=0.01,
     )
@@ -257,7 +259,7 @@ def test_it_learns_to_do_what_is_rewarded() -> None:
         state, _, _ = iterate(state)
     mean, std = NETWORKS.policy_network.apply(state.normalizer, state.params.policy, env.shown)
     np.testing.assert_allclose(mean[0], Reaching.TARGET, atol=0.1)
-    assert float(jnp.max(std)) < CONFIG.initial_std
+    assert float(jnp.max(std)) < CONFIG.init_noise_std
 
 
 def test_every_control_step_acts_with_noise_of_its_own() -> None:
@@ -272,7 +274,7 @@ def test_a_gradient_is_shortened_to_its_limit() -> None:
     """Adam's first step would hide it: it is the same for any length. Its moments do not."""
     env = FakeEnvironment(fallen=ENVIRONMENTS)
     state = begun(env)
-    optimizer, losses = learnt(state, rolled_out(env, state), replace(CONFIG, gradient_norm=0.01))
+    optimizer, losses = learnt(state, rolled_out(env, state), replace(CONFIG, max_grad_norm=0.01))
     first_moment = jnp.sqrt(sum(jnp.sum(x**2) for x in jax.tree.leaves(optimizer[-1].inner_state[0].mu)))
     assert losses["gradient_norm"][0, 0] > 0.01  # as it was
     assert float(first_moment) == pytest.approx(0.1 * 0.01, rel=1e-3)  # Adam keeps a tenth of each gradient
@@ -313,7 +315,7 @@ class TestMirror:
 
     def test_a_mirrored_policy_that_has_not_changed_has_not_moved(self) -> None:
         state, rollout = self.begun()
-        still = replace(CONFIG, learning_rate=1e-12, final_learning_rate=0.0, passes=3)
+        still = replace(CONFIG, learning_rate=1e-12, final_learning_rate=0.0, num_learning_epochs=3)
         _, losses = learnt(state, rollout, still, self.SWAP)
         assert losses["kl_mean"] == pytest.approx(0.0, abs=NOT_MOVED)
 
@@ -358,7 +360,7 @@ class TestMirror:
 
         state, rollout = self.begun()
         monkeypatch.setattr(ppo, "compute_ppo_loss", loss)
-        _, losses = learnt(state, rollout, replace(CONFIG, passes=8), self.SWAP)
+        _, losses = learnt(state, rollout, replace(CONFIG, num_learning_epochs=8), self.SWAP)
         image = losses["seen"][:, 0] == 2.0  # (pass, environment); 1 in what was rolled out
         assert len(np.unique(image, axis=0)) > 4
         assert 16 < image.sum() < 48  # of 64
@@ -425,7 +427,7 @@ class TestBfloat16:
         assert normalised(self.shown(), state.normalizer, CONFIG)["state"].shape == (50, 3)
 
     def test_hidden_layers_multiply_in_16_bits(self) -> None:
-        state, hidden = begun(FakeEnvironment()), len(self.CONFIG.actor_layers)
+        state, hidden = begun(FakeEnvironment()), len(self.CONFIG.actor_hidden_dims)
         for seen in (self.shown(), normalised(self.shown(), state.normalizer, self.CONFIG)):
             normalizer = state.normalizer if seen["state"].dtype == jnp.float32 else None
             act = partial(self.NETWORKS.policy_network.apply, normalizer)

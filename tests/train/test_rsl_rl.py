@@ -98,7 +98,7 @@ def newest(folder: Path) -> Path:
 
 
 def some_actions() -> torch.Tensor:
-    return 0.3 * torch.randn((PPO.environments, 12), generator=torch.Generator().manual_seed(1))
+    return 0.3 * torch.randn((PPO.num_envs, 12), generator=torch.Generator().manual_seed(1))
 
 
 # The environment
@@ -169,10 +169,13 @@ def test_metrics_are_means_since_they_were_last_taken(environment: TorchEnvironm
 
 def test_the_preset_reaches_upstream(trainer: RslRlTrainer) -> None:
     algorithm = trainer._runner.alg
-    assert (algorithm.gamma, algorithm.lam, algorithm.clip_param) == (PPO.discount, PPO.gae_lambda, PPO.clip)
-    assert (algorithm.num_learning_epochs, algorithm.num_mini_batches) == (PPO.passes, PPO.minibatches)
-    assert (algorithm.entropy_coef, algorithm.max_grad_norm) == (PPO.entropy, PPO.gradient_norm)
-    assert algorithm.storage.num_transitions_per_env == PPO.unroll
+    assert (algorithm.gamma, algorithm.lam, algorithm.clip_param) == (PPO.gamma, PPO.lam, PPO.clip_param)
+    assert (algorithm.num_learning_epochs, algorithm.num_mini_batches) == (
+        PPO.num_learning_epochs,
+        PPO.num_mini_batches,
+    )
+    assert (algorithm.entropy_coef, algorithm.max_grad_norm) == (PPO.entropy_coef, PPO.max_grad_norm)
+    assert algorithm.storage.num_transitions_per_env == PPO.num_steps_per_env
     assert algorithm.symmetry.use_data_augmentation
     actor, critic = algorithm.actor, algorithm.critic
     assert (actor.obs_groups, critic.obs_groups) == (["state"], ["privileged_state"])

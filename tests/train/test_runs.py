@@ -152,7 +152,7 @@ def test_a_run_is_trained_by_one_process_at_a_time(whole_run: Path) -> None:
     ("right", "wrong", "reason"),
     [
         ("track_linear: ", "track_lunar: ", "no reward 'track_lunar'"),
-        ("  environments: 32", "  environments: 33", "environments 33"),
+        ("  num_envs: 32", "  num_envs: 33", "num_envs 33"),
     ],
 )
 def test_settings_that_do_not_fit_leave_no_folder(

@@ -63,23 +63,29 @@ def test_dotted_keys_replace_settings_and_nothing_else() -> None:
         ({"space": {"ppo.learning_speed": {"uniform": [0, 1]}}}, "no setting learning_speed"),
         ({"space": {"ppo.layers.first": {"uniform": [0, 1]}}}, "no setting ppo.layers.first"),
         (
-            {"space": {"ppo.clip": {"gaussian": [0, 1]}}},
-            "space.ppo.clip: expected one of choice, grid_search",
+            {"space": {"ppo.clip_param": {"gaussian": [0, 1]}}},
+            "space.ppo.clip_param: expected one of choice, grid_search",
         ),
-        ({"space": {"ppo.clip": {"uniform": [0, 1, 2, 3]}}}, "space.ppo.clip: uniform: "),
-        ({"space": {"ppo.unroll": {"uniform": [1, 9]}}}, "unroll: "),
+        ({"space": {"ppo.clip_param": {"uniform": [0, 1, 2, 3]}}}, "space.ppo.clip_param: uniform: "),
+        ({"space": {"ppo.num_steps_per_env": {"uniform": [1, 9]}}}, "num_steps_per_env: "),
         ({"scheduler": {"name": "lottery"}}, "scheduler: "),
         ({"preset": "unheard-of"}, "no preset 'unheard-of'"),
         ({"mode": "best"}, "mode"),
         ({"seeds": []}, "seeds: the list is empty"),
         ({"trials": 0}, "trials must be at least 1"),
-        ({"space": {"ppo.clip": {"grid_search": []}}}, "space.ppo.clip: grid_search: the list is empty"),
-        ({"space": {"ppo.clip": {"choice": []}}}, "space.ppo.clip: choice: the list is empty"),
-        ({"space": {"ppo.unroll": {"randint": [5, 5]}}}, "space.ppo.unroll: randint: "),
-        ({"space": {"ppo.clip": {"uniform": ["a", "b"]}}}, "space.ppo.clip: uniform: "),
-        ({"space": {"ppo.unroll": {"grid_search": [8, 0.5]}}}, "unroll: 0.5 is not a whole number"),
+        (
+            {"space": {"ppo.clip_param": {"grid_search": []}}},
+            "space.ppo.clip_param: grid_search: the list is empty",
+        ),
+        ({"space": {"ppo.clip_param": {"choice": []}}}, "space.ppo.clip_param: choice: the list is empty"),
+        ({"space": {"ppo.num_steps_per_env": {"randint": [5, 5]}}}, "space.ppo.num_steps_per_env: randint: "),
+        ({"space": {"ppo.clip_param": {"uniform": ["a", "b"]}}}, "space.ppo.clip_param: uniform: "),
+        (
+            {"space": {"ppo.num_steps_per_env": {"grid_search": [8, 0.5]}}},
+            "num_steps_per_env: 0.5 is not a whole number",
+        ),
         ({"robot": "gp1"}, "gp1"),
-        ({"space": {"ppo.discount": {"uniform": [1.5, 1.7]}}}, "discount must be from 0 to 1"),
+        ({"space": {"ppo.gamma": {"uniform": [1.5, 1.7]}}}, "gamma must be from 0 to 1"),
         ({"metric": "tracking/linear_eror_m_s"}, "metric: a trial reports no 'tracking/linear_eror_m_s'"),
         (
             {"scheduler": {"name": "async_hyperband", "time_attr": "environment_step"}},
@@ -159,7 +165,7 @@ def drawn(config: SweepConfig) -> list[dict[str, object]]:
 
 
 def test_a_files_draws_are_the_same_each_time_and_the_same_for_each_seed() -> None:
-    space = {"ppo.learning_rate": {"loguniform": [1e-4, 1e-2]}, "ppo.entropy": {"uniform": [0.0, 0.01]}}
+    space = {"ppo.learning_rate": {"loguniform": [1e-4, 1e-2]}, "ppo.entropy_coef": {"uniform": [0.0, 0.01]}}
     config = SweepConfig(space, seeds=(3, 4), trials=5)
     settings = drawn(config)
     assert settings == drawn(config)
@@ -198,7 +204,7 @@ def quick_trials(tune: Any, config: SweepConfig, out: Path) -> Any:
         if not (out / "interrupted").exists():
             begun.touch()
             time.sleep(60)
-        if settings["ppo.clip"] == BAD_CLIP and settings["seed"] == 1:
+        if settings["ppo.clip_param"] == BAD_CLIP and settings["seed"] == 1:
             raise RuntimeError("it diverged")
         run.touch()
         # Its last iteration is a lucky one; the mean of the last ten is the seed and a tenth.
@@ -217,7 +223,7 @@ def test_an_interrupted_sweep_says_so_goes_on_and_compares_points_over_seeds(
     monkeypatch.setattr(sweep_module, "reported_metrics", lambda *_: [METRIC])
     # Ray saves between a trial's last report and its end, as it may whenever the end takes a while.
     monkeypatch.setenv("TUNE_GLOBAL_CHECKPOINT_S", "0")
-    file = written(tmp_path, seeds=[1, 2], space={"ppo.clip": {"grid_search": [GOOD_CLIP, BAD_CLIP]}})
+    file = written(tmp_path, seeds=[1, 2], space={"ppo.clip_param": {"grid_search": [GOOD_CLIP, BAD_CLIP]}})
     out = tmp_path / "out"
     with interrupted_once(lambda: any(out.glob("*/begun"))):
         stopped = shell("sweep", file, "--out", out)
@@ -234,36 +240,36 @@ def test_an_interrupted_sweep_says_so_goes_on_and_compares_points_over_seeds(
     assert resumed.status == 1, resumed.err  # one trial failed
     assert "it diverged" in resumed.out
     results = rows(out / "results.csv")
-    first, *equal = [(row["seed"], row["ppo.clip"]) for row in results[:3]]
+    first, *equal = [(row["seed"], row["ppo.clip_param"]) for row in results[:3]]
     assert first == ("1", str(GOOD_CLIP))
     assert set(equal) == {("2", str(GOOD_CLIP)), ("2", str(BAD_CLIP))}
     assert float(results[0][METRIC]) == pytest.approx(1.1)
     good, bad = rows(out / "points.csv")
-    assert (good["ppo.clip"], good["seeds"], good["failed"]) == (str(GOOD_CLIP), "2", "0")
+    assert (good["ppo.clip_param"], good["seeds"], good["failed"]) == (str(GOOD_CLIP), "2", "0")
     assert float(good[f"mean {METRIC}"]) == pytest.approx(1.6)
     assert float(good["standard deviation"]) == pytest.approx(0.5**0.5)
-    assert (bad["ppo.clip"], bad["seeds"], bad["failed"], bad["standard deviation"]) == (
+    assert (bad["ppo.clip_param"], bad["seeds"], bad["failed"], bad["standard deviation"]) == (
         str(BAD_CLIP), "1", "1", "nan",
     )  # fmt: skip
 
 
 def trial(point: int, value: float, error: str = "") -> Trial:
-    return Trial("folder", 0, {"ppo.clip": point}, value, 1, error)
+    return Trial("folder", 0, {"ppo.clip_param": point}, value, 1, error)
 
 
 def test_points_are_ranked_by_their_mean_not_by_their_luckiest_seed() -> None:
     lucky, steady = [trial(1, 0.0), trial(1, 1.0)], [trial(2, 0.3), trial(2, 0.4)]
     first, second = points_of(lucky + steady, "min")
-    assert (first.settings, first.mean) == ({"ppo.clip": 2}, pytest.approx(0.35))
+    assert (first.settings, first.mean) == ({"ppo.clip_param": 2}, pytest.approx(0.35))
     assert second.spread == pytest.approx(0.5**0.5)
-    assert [point.settings["ppo.clip"] for point in points_of(lucky + steady, "max")] == [1, 2]
+    assert [point.settings["ppo.clip_param"] for point in points_of(lucky + steady, "max")] == [1, 2]
 
 
 def test_a_point_with_failures_comes_after_those_without() -> None:
     points = points_of(
         [trial(1, 0.1), trial(1, math.nan, "failed"), trial(2, 0.9), trial(3, 0.0, "failed")], "min"
     )
-    assert [point.settings["ppo.clip"] for point in points] == [2, 1, 3]
+    assert [point.settings["ppo.clip_param"] for point in points] == [2, 1, 3]
     assert [(point.seeds, point.failed) for point in points] == [(1, 0), (1, 1), (0, 1)]
 
 

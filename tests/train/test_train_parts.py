@@ -49,9 +49,10 @@ from footfall.train.runs.stop import StopRequest
 ENVIRONMENTS, UNROLL, ACTIONS = 6, 3, 2
 SIZES = {"state": 3, "privileged_state": 2}
 CONFIG: PpoConfig = replace(
-    load_preset("smoke").ppo, environments=ENVIRONMENTS, unroll=UNROLL, minibatches=3, passes=4,
-    actor_layers=(6, 5), critic_layers=(7, 4), initial_std=0.37,
-    discount=0.91, gae_lambda=0.82, clip=0.13, entropy=0.017, learning_rate=2e-3, final_learning_rate=2e-3,
+    load_preset("smoke").ppo, num_envs=ENVIRONMENTS, num_steps_per_env=UNROLL, num_mini_batches=3,
+    num_learning_epochs=4,
+    actor_hidden_dims=(6, 5), critic_hidden_dims=(7, 4), init_noise_std=0.37,
+    gamma=0.91, lam=0.82, clip_param=0.13, entropy_coef=0.017, learning_rate=2e-3, final_learning_rate=2e-3,
 )  # fmt: skip
 NETWORKS = make_networks(SIZES, ACTIONS, CONFIG)
 
@@ -693,14 +694,15 @@ class TestSettings:
     @pytest.mark.parametrize(
         "change",
         [
-            {"total_steps": 0}, {"environments": 0}, {"unroll": 0}, {"minibatches": 0}, {"passes": 0},
+            {"total_steps": 0}, {"num_envs": 0}, {"num_steps_per_env": 0},
+            {"num_mini_batches": 0}, {"num_learning_epochs": 0},
             {"learning_rate": 0.0},
-            {"desired_kl": 0.0}, {"clip": 0.0}, {"gradient_norm": 0.0}, {"initial_std": 0.0},
-            {"actor_layers": (3, 0)},
-            {"critic_layers": (0,)}, {"actor_layers": ()}, {"critic_layers": ()},
+            {"desired_kl": 0.0}, {"clip_param": 0.0}, {"max_grad_norm": 0.0}, {"init_noise_std": 0.0},
+            {"actor_hidden_dims": (3, 0)},
+            {"critic_hidden_dims": (0,)}, {"actor_hidden_dims": ()}, {"critic_hidden_dims": ()},
             {"final_learning_rate": -1e-9},
-            {"entropy": -1e-9}, {"discount": 1.01}, {"discount": -0.01}, {"gae_lambda": 1.01},
-            {"environments": 7},
+            {"entropy_coef": -1e-9}, {"gamma": 1.01}, {"gamma": -0.01}, {"lam": 1.01},
+            {"num_envs": 7},
         ],
     )  # fmt: skip
     def test_what_cannot_be_is_refused(self, change: dict[str, Any]) -> None:
@@ -710,9 +712,9 @@ class TestSettings:
     def test_what_just_can_be_is_taken(self) -> None:
         just = {
             "final_learning_rate": 0.0,
-            "entropy": 0.0,
-            "discount": 1.0,
-            "gae_lambda": 0.0,
+            "entropy_coef": 0.0,
+            "gamma": 1.0,
+            "lam": 0.0,
             "desired_kl": None,
         }
         assert isinstance(replace(CONFIG, **just), PpoConfig)
@@ -728,10 +730,10 @@ class TestRslRl:
 
         config = replace(
             CONFIG,
-            gradient_norm=0.7,
-            initial_std=0.37,
-            actor_layers=(9, 8),
-            critic_layers=(7,),
+            max_grad_norm=0.7,
+            init_noise_std=0.37,
+            actor_hidden_dims=(9, 8),
+            critic_hidden_dims=(7,),
             desired_kl=0.02,
         )
         network = {"class_name": "MLPModel", "activation": "elu", "obs_normalization": True}
@@ -786,7 +788,7 @@ class TestSweep:
         self, sweep: Any, tmp_path: Path, mode: str
     ) -> None:
         config = sweep.SweepConfig(
-            {"ppo.clip": {"grid_search": [0.1, 0.2]}}, seeds=(0, 1), trials=2, metric="m", mode=mode
+            {"ppo.clip_param": {"grid_search": [0.1, 0.2]}}, seeds=(0, 1), trials=2, metric="m", mode=mode
         )
         grid = []
         for name, clip, seed, values, done, error in (
@@ -798,7 +800,7 @@ class TestSweep:
             (tmp_path / name).mkdir()
             lines = "".join(json.dumps({"step": k, "m": value}) + "\n" for k, value in enumerate(values))
             (tmp_path / name / "metrics.jsonl").write_text(lines)
-            settings = {"ppo.clip": clip, "seed": seed}
+            settings = {"ppo.clip_param": clip, "seed": seed}
             metrics = {"done": done, "environment_steps": 10 * seed + 5}
             grid.append(
                 SimpleNamespace(metrics=metrics, config=settings, path=f"/elsewhere/{name}", error=error)
@@ -812,13 +814,13 @@ class TestSweep:
         assert {name: trial.error for name, trial in by_name.items()} == {
             "t0": "", "t1": "", "t2": "b", "t3": "unfinished", "t4": "", "t5": "",
         }  # fmt: skip
-        assert by_name["t3"].settings == {"ppo.clip": 0.2}
+        assert by_name["t3"].settings == {"ppo.clip_param": 0.2}
         assert found.unfinished == 8 - 5
         rows = list(csv.reader((tmp_path / "results.csv").open()))
-        assert rows[0] == ["folder", "seed", "ppo.clip", "m", "environment_steps", "error"]
+        assert rows[0] == ["folder", "seed", "ppo.clip_param", "m", "environment_steps", "error"]
         assert rows[1 + good.index("t0")] == ["t0", "0", "0.1", "4.5", "5", ""]
         points = list(csv.reader((tmp_path / "points.csv").open()))
-        assert points[0] == ["ppo.clip", "mean m", "standard deviation", "seeds", "failed"]
+        assert points[0] == ["ppo.clip_param", "mean m", "standard deviation", "seeds", "failed"]
         assert points[1][0] == "0.1"
         assert [float(x) for x in points[1][1:]] == pytest.approx([3.25, np.std([4.5, 2.0], ddof=1), 2, 0])
         assert points[2][0] == "0.2"
@@ -851,13 +853,13 @@ class TestSweep:
         monkeypatch.setattr(sweep, "begin", done.append)
         monkeypatch.setattr(sweep, "resume", lambda folder, display: done.append((folder, display._report)))
         config, folder = sweep.SweepConfig({}, preset="smoke"), tmp_path / "t0"
-        sweep._train(config, folder, {"ppo.clip": 0.33, "seed": 6}, "report")
+        sweep._train(config, folder, {"ppo.clip_param": 0.33, "seed": 6}, "report")
         request, resumed = done
         assert (request.robot, request.seed, request.out) == ("go1", 6, folder)
         assert resumed == (folder, "report")
-        assert load_preset(request.preset).ppo.clip == 0.33
+        assert load_preset(request.preset).ppo.clip_param == 0.33
         done.clear()
         folder.mkdir()
         (folder / "run.yaml").touch()
-        sweep._train(config, folder, {"ppo.clip": 0.33, "seed": 6}, "report")
+        sweep._train(config, folder, {"ppo.clip_param": 0.33, "seed": 6}, "report")
         assert done == [(folder, "report")]

@@ -33,10 +33,11 @@ def device_mesh(config: PpoConfig, count: int | None = None) -> Mesh:
         UserError: the environments cannot be divided among so many.
     """
     devices = jax.devices()[:count]
-    if config.environments % (config.minibatches * len(devices)):
+    parts = config.num_mini_batches * len(devices)
+    if config.num_envs % parts:
         raise UserError(
-            f"ppo.environments {config.environments} cannot be divided among {len(devices)} devices"
-            f" and {config.minibatches} minibatches: give a multiple of {config.minibatches * len(devices)}"
+            f"ppo.num_envs {config.num_envs} cannot be divided among {len(devices)} devices"
+            f" and {config.num_mini_batches} mini-batches: give a multiple of {parts}"
         )
     if len(devices) > 1:
         avoid_crashing_partitioner()

@@ -11,7 +11,6 @@ import jax.numpy as jnp
 import numpy as np
 from jax.sharding import Mesh
 
-from footfall.common.config import load
 from footfall.common.errors import UserError
 from footfall.common.files import write_atomically
 from footfall.common.versions import versions
@@ -30,6 +29,7 @@ from footfall.train.runs.failure import (
     failure_of,
     non_finite_leaves,
     not_finite,
+    read_failure,
 )
 from footfall.train.runs.folder import Run, trained_robot
 from footfall.train.runs.provenance import PACKAGES, source_revision
@@ -74,7 +74,7 @@ def replay_failure(folder: Path, say: Callable[[str], None]) -> Diagnosis:
     dump = folder / FOLDER
     if not (dump / REPORT).is_file():
         raise UserError(f"{folder} holds no failed training: there is no {FOLDER}/{REPORT}")
-    failure = load(dump / REPORT, Failure)
+    failure = read_failure(dump / REPORT)
     if failure.provenance.trainer != "brax":
         raise UserError(
             f"{folder} was trained by {failure.provenance.trainer}: only brax runs can be replayed"
@@ -159,12 +159,12 @@ class _Replay:
         self, roll_out: Callable, state: TrainState, device: int, devices: int
     ) -> tuple[_Fault | None, Any]:
         """One device's share of the rollout, step by step to its first fault; else its transitions."""
-        count = self._ppo.environments // devices
+        count = self._ppo.num_envs // devices
         first = device * count
         env, observation = jax.tree.map(lambda x: x[first : first + count], (state.env, state.observation))
         now, steps = state._replace(env=env, observation=observation), []
         _, keys, _ = iteration_keys(state, self._ppo, device)
-        for index in range(self._ppo.unroll):
+        for index in range(self._ppo.num_steps_per_env):
             (env, observation), (transition, metrics) = roll_out(now, keys[index : index + 1])
             fault = self._fault_of_step(index, first, now, observation, transition, metrics)
             if fault is not None:
@@ -213,7 +213,7 @@ class _Replay:
         one = jax.tree.map(lambda x: x[row], (now.env, now.observation, transition.action[0]))
         found = f"{first} is not finite" if first != DIVERGED else f"{first}; {self._after_step(*one)}"
         return _Fault(
-            f"environment {environment}, control step {index + 1} of {self._ppo.unroll}: {found}"
+            f"environment {environment}, control step {index + 1} of {self._ppo.num_steps_per_env}: {found}"
             f" ({rows.sum()} of {rows.size} environments in this step)",
             index,
             environment,

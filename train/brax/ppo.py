@@ -53,7 +53,7 @@ STATE_SPECS = TrainState(**_WHERE)  # how each part of a state lies on several d
 def make_optimizer(config: PpoConfig) -> optax.GradientTransformation:
     """Adam under a gradient-norm limit; its learning rate is set from outside."""
     adam = optax.inject_hyperparams(optax.adam)(learning_rate=config.learning_rate)
-    return optax.chain(optax.clip_by_global_norm(config.gradient_norm), adam)
+    return optax.chain(optax.clip_by_global_norm(config.max_grad_norm), adam)
 
 
 def learning_rate_limit(iteration: jax.Array, config: PpoConfig) -> jax.Array:
@@ -67,7 +67,7 @@ def initial_state(
 ) -> TrainState:
     """The state before the first iteration."""
     key, env_key, actor_key, critic_key = jax.random.split(jax.random.PRNGKey(seed), 4)
-    keys = jax.random.split(env_key, config.environments)
+    keys = jax.random.split(env_key, config.num_envs)
     env_state, observation = jax.vmap(env.reset, (0, None))(keys, env.level(jnp.float32(0.0)))
     params = PPONetworkParams(
         policy=networks.policy_network.init(actor_key), value=networks.value_network.init(critic_key)
@@ -146,7 +146,7 @@ def iteration_keys(
     """
     key, rollout_key, learn_key = jax.random.split(state.key, 3)
     rollout_key, learn_key = jax.random.fold_in(rollout_key, device), jax.random.fold_in(learn_key, device)
-    return key, jax.random.split(rollout_key, config.unroll), learn_key
+    return key, jax.random.split(rollout_key, config.num_steps_per_env), learn_key
 
 
 def make_rollout(
@@ -193,10 +193,10 @@ def make_learning(
     loss = partial(
         compute_ppo_loss,
         ppo_network=networks,
-        entropy_cost=config.entropy,
-        discounting=config.discount,
-        gae_lambda=config.gae_lambda,
-        clipping_epsilon=config.clip,
+        entropy_cost=config.entropy_coef,
+        discounting=config.gamma,
+        gae_lambda=config.lam,
+        clipping_epsilon=config.clip_param,
     )
 
     def minibatch(carry: tuple, columns: jax.Array, data: Transition, limit: jax.Array) -> tuple[tuple, dict]:
@@ -224,7 +224,7 @@ def make_learning(
         return jax.lax.scan(
             partial(minibatch, data=data, limit=limit),
             (params, optimizer_state, key),
-            columns.reshape((config.minibatches, -1)),
+            columns.reshape((config.num_mini_batches, -1)),
         )
 
     def learn(
@@ -242,7 +242,7 @@ def make_learning(
         rate = limit if config.desired_kl is None else jnp.minimum(_learning_rate(state.optimizer), limit)
         # Drawn before the passes: inside them XLA's older partitioner, which jax 0.11 needs for several
         # devices, cannot divide the sort (envs/workarounds/partitioner.py).
-        key, *shuffle_keys = jax.random.split(key, config.passes + 1)
+        key, *shuffle_keys = jax.random.split(key, config.num_learning_epochs + 1)
         orders = jnp.stack([jax.random.permutation(k, rollout.reward.shape[1]) for k in shuffle_keys])
         (params, optimizer_state, _), losses = jax.lax.scan(
             partial(one_pass, data=data, limit=limit),

@@ -24,23 +24,23 @@ def runner_settings(config: PpoConfig, augment: Callable | None) -> dict[str, An
         }
 
     # In log space, or the standard deviation could be driven below zero.
-    noise = {"class_name": "GaussianDistribution", "init_std": config.initial_std, "std_type": "log"}
+    noise = {"class_name": "GaussianDistribution", "init_std": config.init_noise_std, "std_type": "log"}
     return {
-        "num_steps_per_env": config.unroll,
+        "num_steps_per_env": config.num_steps_per_env,
         "check_for_nan": False,  # the environment ends a diverged episode itself; a wrong loss is seen later
         "obs_groups": {"actor": ["state"], "critic": ["privileged_state"]},
-        "actor": network(config.actor_layers) | {"distribution_cfg": noise},
-        "critic": network(config.critic_layers),
+        "actor": network(config.actor_hidden_dims) | {"distribution_cfg": noise},
+        "critic": network(config.critic_hidden_dims),
         "algorithm": {
             "class_name": LimitedPpo,
-            "num_learning_epochs": config.passes,
-            "num_mini_batches": config.minibatches,
-            "clip_param": config.clip,
-            "gamma": config.discount,
-            "lam": config.gae_lambda,
-            "entropy_coef": config.entropy,
+            "num_learning_epochs": config.num_learning_epochs,
+            "num_mini_batches": config.num_mini_batches,
+            "clip_param": config.clip_param,
+            "gamma": config.gamma,
+            "lam": config.lam,
+            "entropy_coef": config.entropy_coef,
             "learning_rate": config.learning_rate,
-            "max_grad_norm": config.gradient_norm,
+            "max_grad_norm": config.max_grad_norm,
             "schedule": "fixed" if config.desired_kl is None else "adaptive",
             "desired_kl": config.desired_kl,
             "symmetry_cfg": augment and {"data_augmentation_func": augment, "use_data_augmentation": True},

@@ -49,7 +49,7 @@ class RslRlTrainer:
         self.iteration = 0  # done
         env = VelocityEnv(robot, run.config.env)
         self._contract, self._note = env.contract, env.engine.note
-        self._environment = TorchEnvironment(env, self._ppo.environments, run.provenance.seed)
+        self._environment = TorchEnvironment(env, self._ppo.num_envs, run.provenance.seed)
         device = self._environment.device
         torch.manual_seed(run.provenance.seed)
         augment = None
@@ -95,7 +95,7 @@ class RslRlTrainer:
         seen = algorithm.storage.observations["state"].flatten(0, 1)
         self._seen = seen[-LOGGED_OBSERVATIONS:].cpu().numpy()
         losses = algorithm.losses
-        total = losses["surrogate"] + losses["value"] - self._ppo.entropy * losses["entropy"]
+        total = losses["surrogate"] + losses["value"] - self._ppo.entropy_coef * losses["entropy"]
         return self._environment.take_metrics() | {
             "learning/total_loss": total,
             "learning/policy_loss": losses["surrogate"],

@@ -16,12 +16,13 @@ from typing import Any
 import jax
 import numpy as np
 
-from footfall.common.config import dump
+from footfall.common.config import dump, read_yaml, structure
 from footfall.common.errors import UserError
 from footfall.common.files import write_atomically
 from footfall.common.versions import versions
 from footfall.train import cluster
 from footfall.train.config import TrainConfig
+from footfall.train.old_names import with_current_names
 from footfall.train.runs import checkpoint
 from footfall.train.runs.folder import Provenance, Run
 from footfall.train.runs.provenance import PACKAGES, source_revision
@@ -50,6 +51,18 @@ class Failure:
     provenance: Provenance
     config: TrainConfig
     devices: int = 0  # of all processes; 0: a report of before, which does not say
+
+
+def read_failure(path: Path) -> Failure:
+    """The report of a failed training.
+
+    Raises:
+        UserError: the file cannot be read, or something in it is wrong.
+    """
+    report = read_yaml(path)
+    if isinstance(report, dict):
+        report = report | {"config": with_current_names(report.get("config"))}
+    return structure(report, Failure, str(path))
 
 
 def failure_of(metrics: Mapping[str, float], diverged_limit: float) -> str | None:
@@ -145,7 +158,7 @@ def _device_failure(run: Run, text: str, verb: str) -> str:
     if "RESOURCE_EXHAUSTED" in text or "out of memory" in text.lower():
         return (
             f"the device is out of memory; {_last_good(newest)}; start a new run with a smaller"
-            f" ppo.environments (it is {run.config.ppo.environments}), or go on with a device that has more:"
+            f" ppo.num_envs (it is {run.config.ppo.num_envs}), or go on with a device that has more:"
             f" footfall {verb} {run.folder}"
         )
     what = f"the device failed: {(text.splitlines() or [''])[0][:LONGEST_REASON]}"

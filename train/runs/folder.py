@@ -10,7 +10,7 @@ from footfall.common.config import dump, load
 from footfall.common.errors import UserError
 from footfall.common.files import write_atomically
 from footfall.robots.description import Robot, load_robot
-from footfall.train.config import TrainConfig
+from footfall.train.config import TrainConfig, read_config
 
 TrainerName = Literal["brax", "rsl_rl"]
 LOCK = ".lock"
@@ -88,7 +88,7 @@ def open_run(folder: Path) -> Run:
     if not (folder / "run.yaml").is_file():
         raise UserError(f"no run at {folder}: expected a folder that 'footfall train' made")
     provenance = load(folder / "run.yaml", Provenance)
-    return Run(folder, provenance, load(folder / "config.yaml", TrainConfig))
+    return Run(folder, provenance, read_config(folder / "config.yaml"))
 
 
 def trained_robot(provenance: Provenance) -> Robot:

@@ -14,14 +14,15 @@ from typing import Any, Literal, NamedTuple
 
 from rich.console import Console
 
-from footfall.common.config import dump, load, structure, unstructure
+from footfall.common.config import dump, load, merged, unstructure
 from footfall.common.errors import UserError
 from footfall.common.files import write_atomically
 from footfall.common.installation import needs_extra
 from footfall.robots.default import DEFAULT_ROBOT
 from footfall.robots.description import Robot, load_robot
 from footfall.train.api import TrainRequest, begin, resume
-from footfall.train.config import TrainConfig, load_preset
+from footfall.train.config import TrainConfig, load_preset, train_config
+from footfall.train.old_names import with_current_names
 from footfall.train.runs.display import Display
 from footfall.train.runs.journal import EPISODE_LENGTH
 from footfall.train.sweeps.check import reported_metrics
@@ -150,15 +151,17 @@ def trial_config(preset: str, settings: dict[str, Any], robot: Robot) -> TrainCo
         UserError: there is no such setting, or a value does not fit it.
     """
     data = unstructure(load_preset(preset, robot))
+    changes: dict[str, Any] = {}
     for key, value in settings.items():
         *parents, name = key.split(".")
-        node = data
+        there, changed = data, changes
         for parent in parents:
-            node = node.get(parent) if isinstance(node, dict) else None
-        if not isinstance(node, dict):
+            there = there.get(parent) if isinstance(there, dict) else None
+            changed = changed.setdefault(parent, {})
+        if not isinstance(there, dict):
             raise UserError(f"no setting {key} in preset {preset}")
-        node[name] = value
-    return structure(data, TrainConfig, "sweep")
+        changed[name] = value
+    return train_config(merged(data, with_current_names(changes)), "sweep")
 
 
 def _tune() -> ModuleType:

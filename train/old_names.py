@@ -1,0 +1,35 @@
+"""Names that settings had in older presets and run folders, which still load."""
+
+from typing import Any
+
+# Section ppo. Today's names are those of rsl_rl.
+PPO = {
+    "environments": "num_envs",
+    "unroll": "num_steps_per_env",
+    "minibatches": "num_mini_batches",
+    "passes": "num_learning_epochs",
+    "discount": "gamma",
+    "gae_lambda": "lam",
+    "clip": "clip_param",
+    "entropy": "entropy_coef",
+    "gradient_norm": "max_grad_norm",
+    "initial_std": "init_noise_std",
+    "actor_layers": "actor_hidden_dims",
+    "critic_layers": "critic_hidden_dims",
+}
+
+
+def with_current_names(settings: Any) -> Any:
+    """A training's settings, as read from YAML, under today's names.
+
+    A name that is neither old nor known stays and is refused later, as is an old name beside its new one.
+    """
+    if not isinstance(settings, dict) or not isinstance(settings.get("ppo"), dict):
+        return settings
+    ppo = settings["ppo"]
+    return settings | {"ppo": {_current(name, ppo): value for name, value in ppo.items()}}
+
+
+def _current(name: Any, given: dict[Any, Any]) -> Any:
+    current = PPO.get(name, name)
+    return name if current in given else current
