@@ -6,7 +6,7 @@ import time
 import numpy as np
 
 from footfall.plant.standing import HoldDefaultPose
-from footfall.policies.policy import Observation
+from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
@@ -22,8 +22,8 @@ class _FailsOnSignal(HoldDefaultPose):
     def _fail(self, *_: object) -> None:
         self._good = False
 
-    def act(self, observation: Observation) -> JointCommand:
-        decision = super().act(observation)
+    def act(self, inputs: PolicyInput) -> JointCommand:
+        decision = super().act(inputs)
         return decision if self._good else self.wrong(decision)
 
     def wrong(self, decision: JointCommand) -> JointCommand:

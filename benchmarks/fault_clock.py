@@ -133,7 +133,7 @@ def run(kind: TimingFault, seed: int, rate_hz: float) -> dict[str, Any]:
         return decision
 
     policy.change_decision = decided
-    session = Session(command=lambda _: COMMAND, duration_s=20.0, realtime=True, config=config)
+    session = Session(command_source=lambda _: COMMAND, duration_s=20.0, realtime=True, config=config)
     outcome = run_session(robot, policy, bus, session, watch.tick)
     return {
         "kind": kind.name,

@@ -35,7 +35,7 @@ from footfall.plant.audit import Audit
 from footfall.plant.bus import SimulatedBus
 from footfall.plant.episode import Episode, Push, run_episode
 from footfall.plant.fault_kinds import KINDS, FaultKind
-from footfall.plant.injection import Command, FaultInjector, InjectingBus, InjectingPolicy
+from footfall.plant.injection import FaultInjector, InjectingBus, InjectingCommandSource, InjectingPolicy
 from footfall.plant.robot import PlantConfig, SimulatedRobot
 from footfall.plant.wires import SimulatedWires
 from footfall.policies.policy import Policy
@@ -152,13 +152,13 @@ def run_fault(task: tuple[str, str, str, int]) -> dict[str, Any]:
     body = SimulatedRobot(robot, wiring, wires, plant, seed)
     bus = InjectingBus(SimulatedBus(wires, body))
     policy = InjectingPolicy(_policy(robot_name, policy_name))
-    command = Command(_drawn_command(rng))
+    command = InjectingCommandSource(_drawn_command(rng))
     injector = FaultInjector(robot, wiring, body, bus, policy, command, rng)
     audit = Audit(robot, wiring, config.tick_us * 1e-6)
     watch = _Watch(injector, kind, audit)
     if kind.starting:
         kind.inject(injector)
-    session = Session(command=command, duration_s=20.0, realtime=False, config=config)
+    session = Session(command_source=command, duration_s=20.0, realtime=False, config=config)
     outcome = run_session(robot, policy, bus, session, watch.tick)
     if watch.safe_us is None and outcome.faults:  # in the very last tick
         watch.safe_us = round(outcome.run_s * 1e6)
@@ -252,7 +252,7 @@ def _walk(task: tuple[str, str, bool, int], config: DeployConfig) -> Walk:
     schedule = [_drawn_command(rng) for _ in range(3)]
     pushes = tuple(_drawn_push(rng, at_s) for at_s in (1.5, 4.0))
     episode = Episode(
-        command=lambda t: schedule[min(int(t / 2.0), 2)],
+        command_source=lambda t: schedule[min(int(t / 2.0), 2)],
         duration_s=EPISODE_S,
         seed=seed,
         sample=sample,

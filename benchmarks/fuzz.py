@@ -48,7 +48,7 @@ from footfall.plant.robot import SimulatedRobot
 from footfall.plant.wires import SimulatedWires
 from footfall.policies.contract import CONTRACT_KEY
 from footfall.policies.learned import LearnedPolicy
-from footfall.policies.policy import Observation, Sensed
+from footfall.policies.policy import PolicyInput, Sensed
 from footfall.policies.registry import load_policy
 from footfall.robots.description import load_robot
 from footfall.train.config import PRESETS, load_preset
@@ -140,14 +140,14 @@ def fuzz_policies(seeds: range) -> Tally:
     whole = (ZOO / POLICY / "policy.onnx").read_bytes()
     none, upright, joints = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(len(robot.joint_names))
     still = Sensed(none, none, upright, joints, joints, joints)
-    observation = Observation(0.0, still, np.zeros(3), np.zeros(3), 0.3)
+    inputs = PolicyInput(0.0, still, np.zeros(3), np.zeros(3), 0.3)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "hurt.onnx"
 
         def read() -> None:
             policy = LearnedPolicy(path, robot)
             with suppress(Exception):  # the loop takes whatever a policy raises for a fault, and damps
-                policy.act(observation)
+                policy.act(inputs)
 
         for seed in seeds:
             rng = np.random.default_rng(seed)

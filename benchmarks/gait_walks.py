@@ -25,7 +25,7 @@ from footfall.plant.episode import Episode, Watch, run_episode
 from footfall.plant.robot import SimulatedRobot
 from footfall.plant.trace import Trace
 from footfall.policies.controllers.walk import Walk
-from footfall.policies.policy import Observation, Policy
+from footfall.policies.policy import Policy, PolicyInput
 from footfall.policies.registry import load_policy, walking_controllers
 from footfall.robots.actuator import JointCommand
 from footfall.robots.commands import CommandRange
@@ -104,17 +104,17 @@ class PathFollowingPolicy:
     def notes(self) -> list[str]:
         return list(self._inner.notes)
 
-    def reset(self, observation: Observation) -> None:
-        self._inner.reset(observation)
-        self._estimator.reset(observation.sensed)
+    def reset(self, inputs: PolicyInput) -> None:
+        self._inner.reset(inputs)
+        self._estimator.reset(inputs.sensed)
         self._plan = None
 
-    def act(self, observation: Observation) -> JointCommand:
-        if observation.time_s > 0.0:
-            self._estimator.update(observation.sensed, self._plan, 1.0 / self.rate_hz)
+    def act(self, inputs: PolicyInput) -> JointCommand:
+        if inputs.time_s > 0.0:
+            self._estimator.update(inputs.sensed, self._plan, 1.0 / self.rate_hz)
         pose = self._estimator.odometry()
         x, y, _ = pose.position.tolist()
-        told = self._inner.act(observation._replace(command=self._follower.command(x, y, pose.yaw)))
+        told = self._inner.act(inputs._replace(command=self._follower.command(x, y, pose.yaw)))
         self._plan = self._inner.stance()
         return told
 
@@ -187,7 +187,9 @@ def _rectangle(robot: Robot, policy: Walk, noise: Any, seed: int) -> dict[str, A
 
 
 def _run(robot: Robot, policy: Policy, noise: Any, seed: int, command: Any, watch: Watch) -> Trace:
-    episode = Episode(command=command, duration_s=LONGEST_S, seed=seed, noise=noise, record_rate_hz=20.0)
+    episode = Episode(
+        command_source=command, duration_s=LONGEST_S, seed=seed, noise=noise, record_rate_hz=20.0
+    )
     return run_episode(robot, policy, episode, watch)
 
 

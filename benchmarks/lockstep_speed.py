@@ -23,7 +23,7 @@ def measure(robot_name: str, policy_name: str, seconds: float) -> dict[str, floa
     policy = load_policy(policy_name, robot)
     command = np.array([0.5, 0.0, 0.0])
     began = time.process_time()
-    trace = run_episode(robot, policy, Episode(command=lambda _: command, duration_s=seconds))
+    trace = run_episode(robot, policy, Episode(command_source=lambda _: command, duration_s=seconds))
     cpu_s = time.process_time() - began
     return {
         "simulated_s": trace.run_s,

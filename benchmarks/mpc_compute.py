@@ -37,7 +37,7 @@ def main() -> None:
         commands = rng.uniform(-1, 1, (100, 3)) * np.array([1.0, 0.5, 1.0])
         policy = Mpc(robot)
         command = partial(command_at, commands)
-        episode = Episode(command=command, duration_s=arguments.duration, seed=seed)
+        episode = Episode(command_source=command, duration_s=arguments.duration, seed=seed)
         trace = run_episode(robot, policy, episode)
         solve_ms += list(policy.solve_ms)
         act_ms += list(np.ravel(trace.compute_ms))

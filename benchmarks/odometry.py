@@ -144,7 +144,7 @@ def follow(walk: Walk) -> dict[str, Any]:
         bodies = plant_model(robot).nbody - 1
         sample = draw(randomisation_of(robot), rng.random, len(robot.joint_names), bodies)
     episode = Episode(
-        command=path,
+        command_source=path,
         duration_s=path.duration_s,
         seed=walk.seed,
         sample=sample,

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from footfall.policies.policy import Observation
+from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
@@ -64,22 +64,22 @@ class PlaygroundPolicy:
         self._kept, self._count = kept, len(kept.joints)
         self._last_action = np.zeros(self._count)
 
-    def reset(self, observation: Observation) -> None:
+    def reset(self, inputs: PolicyInput) -> None:
         self._last_action = np.zeros(self._count)
 
-    def act(self, observation: Observation) -> JointCommand:
-        kept, sensed = self._kept, observation.sensed
+    def act(self, inputs: PolicyInput) -> JointCommand:
+        kept, sensed = self._kept, inputs.sensed
         w, x, y, z = sensed.quaternion
         gravity = [2 * (w * y - x * z), -2 * (w * x + y * z), 2 * (x * x + y * y) - 1]
         state = np.concatenate(
             [
-                observation.base_velocity,
+                inputs.base_velocity,
                 sensed.gyro,
                 gravity,
                 sensed.joint_position[self._order] - kept.default_pose,
                 sensed.joint_velocity[self._order],
                 self._last_action,
-                observation.command,
+                inputs.command,
             ]
         )
         self._last_action = action = self._actor(state)

@@ -172,7 +172,7 @@ def elsewhere(work: Callable[..., None], *arguments: Any) -> Iterator[list[Any]]
 def in_one_thread(robot: Robot, policy: Policy, session: Session, display: Display) -> SessionResult:
     """A session on the simulated bus: physics in the loop's thread."""
     episode = Episode(
-        session.command,
+        session.command_source,
         session.duration_s,
         realtime=True,
         config=session.config,

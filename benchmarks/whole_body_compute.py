@@ -13,7 +13,7 @@ import numpy as np
 from footfall.policies.controllers.balance import Balance
 from footfall.policies.controllers.mpc.whole_body import MpcWholeBody
 from footfall.policies.controllers.step import Step
-from footfall.policies.policy import Observation, Sensed
+from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.description import load_robot
 
 CASES = ((Balance, "g1"), (Step, "g1"), (MpcWholeBody, "go1"))
@@ -39,11 +39,11 @@ def main() -> None:
                 joint_torque=np.zeros(n),
             )
             time_s, walk = 1.0 + tick / policy.rate_hz, np.array([0.2, 0.0, 0.1])
-            observation = Observation(time_s, sensed, walk, 0.15 * rng.normal(size=3), height)
+            inputs = PolicyInput(time_s, sensed, walk, 0.15 * rng.normal(size=3), height)
             if tick == 0:
-                policy.reset(observation)
+                policy.reset(inputs)
             began = time.perf_counter()
-            policy.act(observation)
+            policy.act(inputs)
             act_ms.append(1e3 * (time.perf_counter() - began))
         control = policy.control
         p50, p99 = np.percentile(act_ms[UNTIMED:], [50, 99])

@@ -21,7 +21,7 @@ from footfall.deploy.joint_layer import MotorHealth
 from footfall.deploy.log_records import Kind, record
 from footfall.deploy.log_writer import READY
 from footfall.deploy.safety import State
-from footfall.policies.policy import Observation, Policy, Sensed
+from footfall.policies.policy import Policy, PolicyInput, Sensed
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
@@ -30,15 +30,15 @@ LAST_WAIT_S = 10.0  # for the writing process, once the run has ended
 _PLACE_AND_YAW = [0, 1, 2, 5]  # of x, y, z and the turns about them
 
 
-def flatten(observation: Observation) -> np.ndarray:
+def flatten(inputs: PolicyInput) -> np.ndarray:
     """An observation as one float64 vector: time, the readings in field order, command, velocity, height."""
     return np.concatenate(
         [
-            [observation.time_s],
-            *observation.sensed,
-            observation.command,
-            observation.base_velocity,
-            [observation.base_height],
+            [inputs.time_s],
+            *inputs.sensed,
+            inputs.command,
+            inputs.base_velocity,
+            [inputs.base_height],
         ]
     )
 
@@ -48,7 +48,7 @@ def _sizes(joints: int) -> list[int]:
     return [1, 3, 3, 4, joints, joints, joints, 3, 3, 1]
 
 
-def unflatten(values: np.ndarray, joints: int) -> Observation:
+def unflatten(values: np.ndarray, joints: int) -> PolicyInput:
     """The observation that `flatten` made a vector of.
 
     Raises:
@@ -59,7 +59,7 @@ def unflatten(values: np.ndarray, joints: int) -> Observation:
         raise ValueError(f"{len(values)} numbers are no observation of {joints} joints")
     time_s, *rest = np.split(values, np.cumsum(sizes)[:-1])
     *sensed, command, velocity, height = rest
-    return Observation(float(time_s[0]), Sensed(*sensed), command, velocity, float(height[0]))
+    return PolicyInput(float(time_s[0]), Sensed(*sensed), command, velocity, float(height[0]))
 
 
 def odometry_numbers(found: Odometry) -> np.ndarray:
@@ -136,9 +136,9 @@ class McapLog:
             records += record(Kind.COMMANDED, now_us, commanded.tobytes())
         self._put(records)
 
-    def policy_step(self, now_us: int, observation: Observation, command: JointCommand) -> None:
+    def policy_step(self, now_us: int, inputs: PolicyInput, command: JointCommand) -> None:
         """What the policy was handed and what it decided."""
-        records = record(Kind.INPUTS, now_us, flatten(observation).tobytes())
+        records = record(Kind.INPUTS, now_us, flatten(inputs).tobytes())
         records += record(Kind.DECISION, now_us, np.concatenate(command).tobytes())
         for kind, name in ((Kind.OBSERVATION, "observed"), (Kind.ACTION, "action")):
             values = getattr(self._policy, name, None)

@@ -29,11 +29,11 @@ from footfall.deploy.safety import DAMPED, DECIDING, HELD, Implausible, Mode, Si
 from footfall.deploy.sensor_checks import SensorChecks
 from footfall.deploy.timing import Timing
 from footfall.deploy.wiring import Wiring
-from footfall.policies.policy import Observation, Policy, Sensed
+from footfall.policies.policy import Policy, PolicyInput, Sensed
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
-Command = Callable[[float], np.ndarray]  # time since walking began, s, to (3,)
+CommandSource = Callable[[float], np.ndarray]  # time since walking began, s, to (3,)
 ODOMETRY_EVERY_US = 20_000  # for the log
 ENDING = (Mode.STOPPING, Mode.LOWERING)  # that may be cut short
 POSED = (Mode.STANDING, Mode.LOWERING)  # between two postures
@@ -62,7 +62,7 @@ class Log(Protocol):
         self, now_us: int, sensed: Sensed, motors: MotorHealth, commanded: np.ndarray | None
     ) -> None: ...
 
-    def policy_step(self, now_us: int, observation: Observation, command: JointCommand) -> None: ...
+    def policy_step(self, now_us: int, inputs: PolicyInput, command: JointCommand) -> None: ...
 
     def odometry(self, now_us: int, found: Odometry) -> None: ...
 
@@ -83,7 +83,7 @@ class ControlLoop:
         bus: Bus,
         clock: Clock,
         config: DeployConfig,
-        command: Command,
+        command_source: CommandSource,
         estimator: Estimator | None = None,
         lie_down: bool = False,
         stand_up: bool = True,
@@ -101,7 +101,7 @@ class ControlLoop:
             )
         self._policy, self._bus, self._clock, self._config = policy, bus, clock, config
         self._driver = driver
-        self._command, self._estimator = command, estimator
+        self._command_source, self._estimator = command_source, estimator
         contract = policy.contract
         self._command_limits = CommandLimits(None if contract is None else contract.commands)
         self.log: Log | None = None
@@ -125,7 +125,7 @@ class ControlLoop:
         self.timing = Timing()
         self.now_us = 0
         self._sensed: Sensed | None = None  # of this tick
-        self.observation: Observation | None = None
+        self.policy_input: PolicyInput | None = None
         self.estimate = UNKNOWN
         self.base_state: Callable[[], tuple[np.ndarray, float]] | None = None  # instead of an estimate
         self.asked_command = np.zeros(3)  # of the last policy step
@@ -340,7 +340,7 @@ class ControlLoop:
         try:
             try:
                 self.arm(limit_s)
-                observation, decision = self._decided(now_us)
+                inputs, decision = self._decided(now_us)
             finally:
                 self.arm(0.0)
         except OverdueError:
@@ -351,7 +351,7 @@ class ControlLoop:
             return
         self._decision_finite = math.isfinite(np.add.reduce(decision, axis=None))
         took_s = time.perf_counter() - started
-        self.observation, self._decision = observation, decision
+        self.policy_input, self._decision = inputs, decision
         self.timing.policy_ms.add(took_s * 1e3)
         if self._clock.realtime:  # simulated time waits
             self._step_s = took_s
@@ -359,23 +359,23 @@ class ControlLoop:
         periods = math.ceil((now_us - self._next_policy_us) / self._period_us)
         self._next_policy_us += self._period_us * max(1, periods)
         if self.log is not None:
-            self.log.policy_step(now_us, observation, JointCommand.of(decision))
+            self.log.policy_step(now_us, inputs, JointCommand.of(decision))
             for note in self.notes:
                 if note not in self._logged_notes:
                     self.log.note(now_us, note)
                     self._logged_notes.add(note)
 
-    def _decided(self, now_us: int) -> tuple[Observation, np.ndarray]:
+    def _decided(self, now_us: int) -> tuple[PolicyInput, np.ndarray]:
         """What the policy is shown, and what it makes of that (5, n)."""
         time_s = (now_us - self._begun_us) * 1e-6
-        asked = self._command(time_s) if self.walking else np.zeros(3)
+        asked = self._command_source(time_s) if self.walking else np.zeros(3)
         self.asked_command = np.asarray(asked, dtype=float)
         command = self._command_limits.apply(self.asked_command)
         velocity, height = self.estimate
-        observation = Observation(time_s, self.sensed, command, velocity, height)
+        inputs = PolicyInput(time_s, self.sensed, command, velocity, height)
         if self._decision is None:
-            self._policy.reset(observation)
-        return observation, self._checked(self._policy.act(observation))
+            self._policy.reset(inputs)
+        return inputs, self._checked(self._policy.act(inputs))
 
     def _checked(self, decision: JointCommand) -> np.ndarray:
         """A copy of a decision, (5, n). Raises ValueError for one of a wrong shape."""

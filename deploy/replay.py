@@ -9,7 +9,7 @@ import numpy as np
 from footfall.common.errors import UserError
 from footfall.deploy.log import unflatten
 from footfall.deploy.log_file import Entry, LogFile, read_log
-from footfall.policies.policy import Observation, Policy
+from footfall.policies.policy import Policy, PolicyInput
 from footfall.robots.actuator import JointCommand
 
 HANDED, DECIDED = "/policy/inputs", "/policy/command"
@@ -44,14 +44,14 @@ def replay(path: Path, policy: Policy, tolerance: float = 0.0) -> Replay:
     joints = log.joints
     worst, first, steps = 0.0, "", 0
     for index, (handed, answer) in enumerate(_steps(log)):
-        observation = _observation(log, handed)
+        inputs = _inputs(log, handed)
         before = _numbers(log, answer)
         if len(before) != 5 * len(joints):
             raise UserError(f"{path}: step {index} has {len(before)} numbers for {len(joints)} joints")
         try:
             if index == 0:
-                policy.reset(observation)
-            again = np.concatenate(policy.act(observation))
+                policy.reset(inputs)
+            again = np.concatenate(policy.act(inputs))
         except Exception as error:  # whatever a policy raises on a damaged log, or one that is not its own
             raise UserError(
                 f"{path}: the policy fails at step {index}: {type(error).__name__}: {error}"
@@ -64,7 +64,7 @@ def replay(path: Path, policy: Policy, tolerance: float = 0.0) -> Replay:
         if not first and difference.max() > tolerance:
             field, joint = divmod(int(difference.argmax()), len(joints))
             first = (
-                f"step {index} ({observation.time_s:.3f} s): {JointCommand._fields[field]} of"
+                f"step {index} ({inputs.time_s:.3f} s): {JointCommand._fields[field]} of"
                 f" {joints[joint]} was {before[difference.argmax()]:.9g},"
                 f" is {again[difference.argmax()]:.9g}"
             )
@@ -80,7 +80,7 @@ def _steps(log: LogFile) -> list[tuple[Entry, Entry]]:
     return [(entry, decided[entry.time_ns]) for entry in handed if entry.time_ns in decided]
 
 
-def _observation(log: LogFile, handed: Entry) -> Observation:
+def _inputs(log: LogFile, handed: Entry) -> PolicyInput:
     try:
         return unflatten(_numbers(log, handed), len(log.joints))
     except ValueError as error:

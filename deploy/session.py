@@ -24,7 +24,7 @@ from footfall.deploy.drivers.driver import Driver
 from footfall.deploy.estimation.config import EstimatorConfig
 from footfall.deploy.frames import BITRATE
 from footfall.deploy.guard import Guard
-from footfall.deploy.loop import Command, ControlLoop, Estimator
+from footfall.deploy.loop import CommandSource, ControlLoop, Estimator
 from footfall.deploy.safety import Mode
 from footfall.deploy.wiring import Wiring, wire
 from footfall.policies.policy import Policy
@@ -45,7 +45,7 @@ Display = Callable[[ControlLoop], AbstractContextManager[None]]
 class Session:
     """What shall happen in a run."""
 
-    command: Command  # time since walking began, s, to (3,)
+    command_source: CommandSource  # time since walking began, s, to (3,)
     duration_s: float  # of walking
     realtime: bool = True
     log: Path | None = None
@@ -126,7 +126,7 @@ def run_session(
             bus,
             clock,
             config,
-            session.command,
+            session.command_source,
             estimator,
             lie_down=session.lie_down,
             stand_up=session.stand_up,

@@ -67,7 +67,7 @@ def run_with(policy: Policy, task: EpisodeTask) -> EpisodeOutcome:
     plan = task.plan
     sample = sample_of(plan, robot, model.nbody - 1)
     episode = Episode(
-        command=plan.schedule,
+        command_source=plan.schedule,
         duration_s=plan.duration_s,
         seed=plan.seed,
         plant=task.plant,

@@ -122,7 +122,7 @@ class Walk:
         self._status.episodes += 1
         self._pace, self._next_frame_us = Pace(), 0
         self._scene.begin()
-        episode = Episode(command=lambda _: self._panel.command, duration_s=EPISODE_S)
+        episode = Episode(command_source=lambda _: self._panel.command, duration_s=EPISODE_S)
         trace = run_episode(self._robot, policy, episode, self._tick)
         if trace.fell or trace.faults:
             self._status.falls += trace.fell

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from footfall.deploy.config import DeployConfig, deploy_config
-from footfall.deploy.loop import Command, ControlLoop
+from footfall.deploy.loop import CommandSource, ControlLoop
 from footfall.deploy.safety import Mode
 from footfall.deploy.session import BaseState, Session, SessionResult, run_session
 from footfall.deploy.wiring import wire
@@ -48,7 +48,7 @@ class Push:
 class Episode:
     """What shall happen in a trial. The same episode gives the same trace in lockstep."""
 
-    command: Command  # time since walking began, s, to (3,)
+    command_source: CommandSource  # time since walking began, s, to (3,)
     duration_s: float  # of walking
     seed: int = 0
     plant: Path | None = None  # another MJCF than the robot's own
@@ -94,7 +94,7 @@ def run_episode(robot: Robot, policy: Policy, episode: Episode, watch: Watch | N
     }
     trial = _Trial(robot, body, episode, watch)
     session = Session(
-        command=episode.command,
+        command_source=episode.command_source,
         duration_s=episode.duration_s,
         realtime=episode.realtime,
         log=episode.log,

@@ -607,11 +607,11 @@ def _stance_raises(injector: FaultInjector) -> None:
 
 
 def _command_raises(injector: FaultInjector) -> None:
-    injector.command.replacement = _raise
+    injector.command_source.replacement = _raise
 
 
 def _command_nan(injector: FaultInjector) -> None:
-    injector.command.replacement = lambda: np.full(3, np.nan)
+    injector.command_source.replacement = lambda: np.full(3, np.nan)
 
 
 def _bang_bang(injector: FaultInjector, decision: JointCommand) -> JointCommand:

@@ -14,7 +14,7 @@ from footfall.deploy.frames import Frames, joined
 from footfall.deploy.wiring import Wiring
 from footfall.plant.robot import SimulatedRobot
 from footfall.policies.contract import Contract
-from footfall.policies.policy import Observation, Policy
+from footfall.policies.policy import Policy, PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 from footfall.robots.model import joint_addresses
@@ -71,11 +71,11 @@ class InjectingPolicy:
     def notes(self) -> Sequence[str]:
         return self._inner.notes
 
-    def reset(self, observation: Observation) -> None:
-        self._inner.reset(observation)
+    def reset(self, inputs: PolicyInput) -> None:
+        self._inner.reset(inputs)
 
-    def act(self, observation: Observation) -> JointCommand:
-        decision = self._inner.act(observation)
+    def act(self, inputs: PolicyInput) -> JointCommand:
+        decision = self._inner.act(inputs)
         return decision if self.change_decision is None else self.change_decision(decision)
 
     def stance(self) -> np.ndarray | None:
@@ -83,7 +83,7 @@ class InjectingPolicy:
 
 
 @dataclass
-class Command:
+class InjectingCommandSource:
     """The velocity command of a run, which may fail like all else. Called with the time, s."""
 
     value: np.ndarray  # (3,)
@@ -102,7 +102,7 @@ class FaultInjector:
     body: SimulatedRobot
     bus: InjectingBus
     policy: InjectingPolicy
-    command: Command
+    command_source: InjectingCommandSource
     rng: np.random.Generator
     joint: int = field(init=False)  # whose motor is at fault, drawn
     channel: int = field(init=False)  # its bus

@@ -6,7 +6,7 @@ import numpy as np
 
 from footfall.common.rotations import tilt
 from footfall.plant.episode import Episode, run_episode
-from footfall.policies.policy import Observation
+from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
@@ -26,10 +26,10 @@ class HoldDefaultPose:
         zero = np.zeros(len(robot.joint_names))
         self._command = JointCommand(robot.default_pose, zero, robot.kp, robot.kd, zero)
 
-    def reset(self, observation: Observation) -> None:
+    def reset(self, inputs: PolicyInput) -> None:
         """There is nothing to begin."""
 
-    def act(self, observation: Observation) -> JointCommand:
+    def act(self, inputs: PolicyInput) -> JointCommand:
         return self._command
 
     def stance(self) -> np.ndarray | None:
@@ -61,7 +61,7 @@ def standing_test(robot: Robot, duration_s: float = 4.0, seed: int = 0) -> Stand
     Raises:
         UserError: its motors cannot be driven.
     """
-    episode = Episode(command=lambda _: np.zeros(3), duration_s=duration_s, seed=seed)
+    episode = Episode(command_source=lambda _: np.zeros(3), duration_s=duration_s, seed=seed)
     trace = run_episode(robot, HoldDefaultPose(robot), episode)
     late = slice(int(len(trace.time_s) * (1 - SETTLED)), None)
     place, contact = trace.base_position, trace.foot_contact[late]

@@ -17,7 +17,7 @@ from footfall.policies.observation import (
     observation_size,
     push_frame,
 )
-from footfall.policies.policy import Observation
+from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 from footfall.robots.readings import read
@@ -97,7 +97,7 @@ class LearnedPolicy:
         """The action for one observation, float32: (observation_size,) to (n,)."""
         return self._session.run(None, {self._input: observed[None]})[0][0]
 
-    def reset(self, observation: Observation) -> None:
+    def reset(self, inputs: PolicyInput) -> None:
         """Begin an episode: no last action, clock at zero, no history."""
         self._begin()
 
@@ -107,12 +107,12 @@ class LearnedPolicy:
         self._steps = 0
         self.observed = np.zeros(observation_size(self.contract), dtype=np.float32)
 
-    def act(self, observation_: Observation) -> JointCommand:
+    def act(self, inputs: PolicyInput) -> JointCommand:
         """Position targets under the contract's gains, arrays of shape (n,)."""
         contract = self.contract
         phase = np.array([self._phase()])
-        readings = read(observation_.sensed)
-        newest = frame(Inputs(readings, self._action, observation_.command, phase), contract)
+        readings = read(inputs.sensed)
+        newest = frame(Inputs(readings, self._action, inputs.command, phase), contract)
         if self._frames is None:
             self._frames = np.tile(newest, (history_length(contract), 1))
         else:
@@ -120,7 +120,7 @@ class LearnedPolicy:
         self.observed = self._frames.ravel()[self._places].astype(np.float32)
         self._action = self.network(self.observed)
         self._steps += 1
-        target = joint_target(self._action.astype(np.float64), phase, observation_.command, contract)
+        target = joint_target(self._action.astype(np.float64), phase, inputs.command, contract)
         return JointCommand(target, self._zeros, self._kp, self._kd, self._zeros)
 
     @property

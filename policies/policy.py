@@ -10,7 +10,7 @@ from footfall.robots.actuator import JointCommand
 from footfall.robots.readings import Sensed
 
 
-class Observation(NamedTuple):
+class PolicyInput(NamedTuple):
     """What a policy is handed at each of its steps."""
 
     time_s: float  # since the policy's reset
@@ -36,10 +36,10 @@ class Policy(Protocol):
     def notes(self) -> Sequence[str]:
         """What it did otherwise than asked, and why: one line each, said once. They only ever grow."""
 
-    def reset(self, observation: Observation) -> None:
+    def reset(self, inputs: PolicyInput) -> None:
         """Begin an episode from standing."""
 
-    def act(self, observation: Observation) -> JointCommand:
+    def act(self, inputs: PolicyInput) -> JointCommand:
         """Joint commands until the next call, arrays of shape (n,)."""
         ...
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from footfall.policies.contract import Contract
 from footfall.policies.controllers.stance import level_feet
-from footfall.policies.policy import Observation, Policy
+from footfall.policies.policy import Policy, PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
@@ -34,14 +34,12 @@ class TrajectoryPolicy:
         self._trajectory, self._kp, self._kd = trajectory, kp, kd
         self._start = np.zeros_like(kp)
 
-    def reset(self, observation: Observation) -> None:
-        self._start = observation.sensed.joint_position.copy()
+    def reset(self, inputs: PolicyInput) -> None:
+        self._start = inputs.sensed.joint_position.copy()
 
-    def act(self, observation: Observation) -> JointCommand:
+    def act(self, inputs: PolicyInput) -> JointCommand:
         zero = np.zeros_like(self._kp)
-        return JointCommand(
-            self._start + self._trajectory(observation.time_s), zero, self._kp, self._kd, zero
-        )
+        return JointCommand(self._start + self._trajectory(inputs.time_s), zero, self._kp, self._kd, zero)
 
     def stance(self) -> np.ndarray | None:
         return None
@@ -54,7 +52,7 @@ class StandingTrajectoryPolicy(TrajectoryPolicy):
         super().__init__(trajectory, kp, kd)
         self._default_pose = robot.default_pose
 
-    def reset(self, observation: Observation) -> None:
+    def reset(self, inputs: PolicyInput) -> None:
         self._start = self._default_pose
 
 
@@ -113,12 +111,12 @@ class SlewedIn:
     def notes(self) -> Sequence[str]:
         return self._policy.notes
 
-    def reset(self, observation: Observation) -> None:
-        self._policy.reset(observation)
+    def reset(self, inputs: PolicyInput) -> None:
+        self._policy.reset(inputs)
 
-    def act(self, observation: Observation) -> JointCommand:
-        share = min(observation.time_s / self._slew_s, 1.0) if self._slew_s else 1.0
-        decided = self._policy.act(observation)
+    def act(self, inputs: PolicyInput) -> JointCommand:
+        share = min(inputs.time_s / self._slew_s, 1.0) if self._slew_s else 1.0
+        decided = self._policy.act(inputs)
         if share == 1.0:
             return decided
         return JointCommand.of(self._stand + share * (np.array(decided, dtype=float) - self._stand))

@@ -29,7 +29,7 @@ from footfall.deploy.bring_up.motions import (
 from footfall.deploy.bring_up.recording import Recording
 from footfall.deploy.bus import Bus
 from footfall.deploy.config import DeployConfig
-from footfall.deploy.loop import Command, ControlLoop
+from footfall.deploy.loop import CommandSource, ControlLoop
 from footfall.deploy.session import Session, SessionResult, run_session
 from footfall.deploy.wiring import wire
 from footfall.policies.policy import Policy
@@ -43,7 +43,7 @@ class Setting(NamedTuple):
 
     robot: Robot
     policy: Policy  # that walks in the last step
-    command: Command  # for it
+    command_source: CommandSource  # for it
     config: BringUpConfig
     deploy: DeployConfig  # its `scale` counts in every step
     realtime: bool = True
@@ -59,7 +59,7 @@ class Plan(NamedTuple):
 
     policy: Policy
     windows: list[Window]
-    command: Command = lambda _: np.zeros(3)
+    command_source: CommandSource = lambda _: np.zeros(3)
 
 
 class Step(NamedTuple):
@@ -126,7 +126,7 @@ def _sway(setting: Setting) -> Plan:
 def _walk(setting: Setting) -> Plan:
     config = setting.config
     policy = SlewedIn(setting.policy, setting.robot, config.slew_s, *setting.gains)
-    return Plan(policy, [Window(0.0, config.slew_s + config.walk_s)], setting.command)
+    return Plan(policy, [Window(0.0, config.slew_s + config.walk_s)], setting.command_source)
 
 
 ALWAYS = (calm, modest, cool)
@@ -193,7 +193,7 @@ def run_step(step: Step, setting: Setting, bus: Bus) -> Verdict:
     plan = step.plan(setting)
     judge = _Judge(setting, step, plan)
     session = Session(
-        command=plan.command,
+        command_source=plan.command_source,
         duration_s=plan.windows[-1].end_s + 0.05,  # so that the last window is judged
         realtime=setting.realtime,
         config=setting.deploy,

@@ -91,7 +91,7 @@ def _simulated(robot: "Robot", policy: "Policy", spec: str, options: DeployOptio
 
     command = np.array(options.command)
     episode = Episode(
-        command=lambda _: command,
+        command_source=lambda _: command,
         duration_s=options.duration,
         seed=options.seed,
         plant=options.plant,
@@ -124,7 +124,7 @@ def _on_interface(robot: "Robot", policy: "Policy", spec: str, options: DeployOp
     command = np.array(options.command)
     facts = {"seed": options.seed, "policy_spec": spec, "bus": options.bus, "plant": None}
     session = Session(
-        command=lambda _: command,
+        command_source=lambda _: command,
         duration_s=options.duration,
         log=options.log,
         facts=facts,

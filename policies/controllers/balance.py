@@ -27,7 +27,7 @@ from footfall.policies.controllers.whole_body.feedback import (
     standing,
 )
 from footfall.policies.controllers.whole_body.problem import Wanted
-from footfall.policies.policy import Observation
+from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
@@ -72,16 +72,16 @@ class Balance:
         self._start_height, self._start_pose = self._height, self._default
         self._stance = np.ones(body.feet)
 
-    def reset(self, observation: Observation) -> None:
+    def reset(self, inputs: PolicyInput) -> None:
         self.control.reset()
-        dynamics = observed(self.control.body, observation)
+        dynamics = observed(self.control.body, inputs)
         self._start_height = float((dynamics.centre - dynamics.middle)[2])
-        self._start_pose = observation.sensed.joint_position.copy()
+        self._start_pose = inputs.sensed.joint_position.copy()
 
-    def act(self, observation: Observation) -> JointCommand:
-        config, sensed = self._config, observation.sensed
-        dynamics = observed(self.control.body, observation)
-        share = min(1.0, observation.time_s / config.settle_s)
+    def act(self, inputs: PolicyInput) -> JointCommand:
+        config, sensed = self._config, inputs.sensed
+        dynamics = observed(self.control.body, inputs)
+        share = min(1.0, inputs.time_s / config.settle_s)
         height = self._start_height + share * (self._height - self._start_height)
         pose = self._start_pose + share * (self._default - self._start_pose)
         wanted = Wanted(

@@ -3,7 +3,7 @@
 import numpy as np
 
 from footfall.common.rotations import rotation_matrix
-from footfall.policies.policy import Observation
+from footfall.policies.policy import PolicyInput
 from footfall.robots.kinematics import Legs
 
 
@@ -23,13 +23,13 @@ def nominal_feet(legs: Legs, height_m: float, outward_m: float, shift_m: float) 
     return feet
 
 
-def tilt_correction(observation: Observation, gain: float, rate_gain_s: float, most_rad: float) -> np.ndarray:
+def tilt_correction(inputs: PolicyInput, gain: float, rate_gain_s: float, most_rad: float) -> np.ndarray:
     """Roll and pitch (2,) in rad by which the feet should turn with the base, so that it turns back.
 
     The measured tilt is the deviation of gravity from straight down in the body frame, its rate the gyro's.
     """
-    up_x, up_y, _ = rotation_matrix(observation.sensed.quaternion)[2].tolist()
-    rates = observation.sensed.gyro[:2].tolist()
+    up_x, up_y, _ = rotation_matrix(inputs.sensed.quaternion)[2].tolist()
+    rates = inputs.sensed.gyro[:2].tolist()
     wanted = [gain * tilt + rate_gain_s * rate for tilt, rate in zip((up_y, -up_x), rates, strict=True)]
     return np.array([min(max(correction, -most_rad), most_rad) for correction in wanted])
 

@@ -7,7 +7,7 @@ import numpy as np
 from footfall.common.config import require_not_negative, require_positive
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.stance import level_feet, tilt_correction
-from footfall.policies.policy import Observation
+from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
@@ -46,15 +46,15 @@ class Stand:
         self._kp = np.full(len(robot.joint_names), self._config.kp)
         self._kd = np.full(len(robot.joint_names), self._config.kd)
 
-    def reset(self, observation: Observation) -> None:
-        self._start = observation.sensed.joint_position.copy()
+    def reset(self, inputs: PolicyInput) -> None:
+        self._start = inputs.sensed.joint_position.copy()
 
-    def act(self, observation: Observation) -> JointCommand:
+    def act(self, inputs: PolicyInput) -> JointCommand:
         config = self._config
-        tilt = tilt_correction(observation, config.tilt_gain, config.tilt_rate_gain_s, config.most_tilt_rad)
+        tilt = tilt_correction(inputs, config.tilt_gain, config.tilt_rate_gain_s, config.most_tilt_rad)
         feet = level_feet(self._legs.default_foot, tilt)
         goal = self._legs.scatter(self._legs.solve(feet), self._robot.default_pose)
-        share = min(1.0, observation.time_s / config.settle_s)
+        share = min(1.0, inputs.time_s / config.settle_s)
         position = self._start + share * (goal - self._start)
         zero = np.zeros_like(position)
         return JointCommand(position, zero, self._kp, self._kd, zero)

@@ -32,10 +32,16 @@ from footfall.deploy.session import SessionResult
 from footfall.deploy.wiring import Wiring, wire
 from footfall.plant.bus import SimulatedBus
 from footfall.plant.fault_kinds import KINDS
-from footfall.plant.injection import Command, FaultInjector, InjectingBus, InjectingPolicy, Injection
+from footfall.plant.injection import (
+    FaultInjector,
+    InjectingBus,
+    InjectingCommandSource,
+    InjectingPolicy,
+    Injection,
+)
 from footfall.plant.robot import PlantConfig, SimulatedRobot
 from footfall.plant.wires import SimulatedWires
-from footfall.policies.policy import Observation, Sensed
+from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.description import Robot
 from footfall.verbs import bring_up
 
@@ -239,10 +245,10 @@ class TestMotions:
         policy = StandingTrajectoryPolicy(go1, way, kp, kd) if stands else TrajectoryPolicy(way, kp, kd)
         for pose in (found, found + 0.5):  # the first one is kept
             sensed = Sensed(np.zeros(3), np.zeros(3), np.array([1.0, 0, 0, 0]), pose, *np.zeros((2, 12)))
-            observation = Observation(0.1, sensed, np.zeros(3), np.zeros(3), 0.3)
+            inputs = PolicyInput(0.1, sensed, np.zeros(3), np.zeros(3), 0.3)
             if pose is found:
-                policy.reset(observation)
-            decided = policy.act(observation)
+                policy.reset(inputs)
+            decided = policy.act(inputs)
             np.testing.assert_allclose(decided.position, (go1.default_pose if stands else found) + 0.3)
         assert not np.any([decided.velocity, decided.torque])
         assert (decided.kp is kp, decided.kd is kd) == (True, True)
@@ -260,16 +266,16 @@ class TestMotions:
         assert stance is not None
         assert stance.all()
         sensed = Sensed(np.zeros(3), np.zeros(3), np.array([1.0, 0, 0, 0]), *np.zeros((3, 12)))
-        observation = Observation(0.0, sensed, np.zeros(3), np.zeros(3), 0.3)
-        policy.reset(observation)
+        inputs = PolicyInput(0.0, sensed, np.zeros(3), np.zeros(3), 0.3)
+        policy.reset(inputs)
         assert hold.resets == 1
-        np.testing.assert_allclose(policy.act(observation).kp, 4 * go1.kp)
+        np.testing.assert_allclose(policy.act(inputs).kp, 4 * go1.kp)
 
     def test_a_policy_is_slewed_in_over_standing(self, go1: Robot) -> None:
         hold, gains = Hold(go1), (np.full(12, 10.0), np.full(12, 1.0))
         policy = SlewedIn(hold, go1, 2.0, *gains)
         sensed = Sensed(np.zeros(3), np.zeros(3), np.array([1.0, 0, 0, 0]), *np.zeros((3, 12)))
-        kp = [policy.act(Observation(t, sensed, np.zeros(3), np.zeros(3), 0.3)).kp for t in (0.0, 1.0, 3.0)]
+        kp = [policy.act(PolicyInput(t, sensed, np.zeros(3), np.zeros(3), 0.3)).kp for t in (0.0, 1.0, 3.0)]
         np.testing.assert_allclose(kp[0], 10.0)
         np.testing.assert_allclose(kp[1], (10.0 + 4 * go1.kp) / 2)
         np.testing.assert_allclose(kp[2], 4 * go1.kp)
@@ -401,7 +407,13 @@ class Simulated:
         self.bus = InjectingBus(SimulatedBus(wires, self.body))
         policy = InjectingPolicy(Hold(robot))
         injector = FaultInjector(
-            robot, self.wiring, self.body, self.bus, policy, Command(np.zeros(3)), np.random.default_rng(1)
+            robot,
+            self.wiring,
+            self.body,
+            self.bus,
+            policy,
+            InjectingCommandSource(np.zeros(3)),
+            np.random.default_rng(1),
         )
         if inject is not None:
             inject(injector)
@@ -504,8 +516,8 @@ class TestCommand:
         assert (chosen.realtime, plain.realtime) == (False, True)
         assert (chosen.deploy.scale, plain.deploy.scale) == (0.25, 0.5)
         assert (chosen.config.hold_s, plain.config) == (0.7, BringUpConfig())
-        np.testing.assert_array_equal(chosen.command(5.0), [0.1, 0.0, 0.3])
-        np.testing.assert_array_equal(plain.command(5.0), [0.2, 0.0, 0.0])
+        np.testing.assert_array_equal(chosen.command_source(5.0), [0.1, 0.0, 0.3])
+        np.testing.assert_array_equal(plain.command_source(5.0), [0.2, 0.0, 0.0])
 
     @pytest.mark.parametrize(
         ("bus", "step", "served"),

@@ -65,7 +65,7 @@ def test_a_run_hands_the_policy_what_it_was_trained_for_and_says_so(
     policy = Hold(go1)
     policy.contract = contract
     log = tmp_path / "run.mcap"
-    episode = short_episode(duration_s=0.1, command=lambda _: np.array([5.0, 0.0, 0.0]), log=log)
+    episode = short_episode(duration_s=0.1, command_source=lambda _: np.array([5.0, 0.0, 0.0]), log=log)
     trace = run_episode(go1, policy, episode)
     assert {tuple(observation.command) for observation in policy.seen} == {(1.5, 0.0, 0.0)}
     assert np.unique(trace.command[:, 0]).tolist() == [5.0]

@@ -18,7 +18,7 @@ from footfall.plant.episode import Push, run_episode
 from footfall.plant.robot import SimulatedRobot
 from footfall.plant.trace import Trace
 from footfall.policies.contract import Contract
-from footfall.policies.policy import Observation
+from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
@@ -86,9 +86,9 @@ class TestOrderlyRun:
 class TestPolicyCalls:
     def test_are_at_the_policys_rate_with_time_since_reset(self, go1: Robot) -> None:
         policy = Hold(go1)
-        run_episode(go1, policy, short_episode(duration_s=0.2, command=lambda t: np.array([t, 0, 0])))
+        run_episode(go1, policy, short_episode(duration_s=0.2, command_source=lambda t: np.array([t, 0, 0])))
         assert policy.resets == 1
-        times = [observation.time_s for observation in policy.seen]
+        times = [inputs.time_s for inputs in policy.seen]
         np.testing.assert_allclose(times, np.arange(11) * 0.02, atol=1e-9)
         np.testing.assert_allclose([o.command[0] for o in policy.seen], times)
 
@@ -275,7 +275,7 @@ class TestFaults:
 
     def test_a_policy_that_raises_is_named_and_the_robot_damped(self, go1: Robot) -> None:
         class Broken(Hold):
-            def act(self, observation: Observation) -> JointCommand:
+            def act(self, inputs: PolicyInput) -> JointCommand:
                 raise RuntimeError("out of ideas")
 
         trace = run_episode(go1, Broken(go1), short_episode())

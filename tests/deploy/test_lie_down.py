@@ -231,7 +231,7 @@ class TestRun:
                 policy.change_decision = not_a_number
 
         note, config = Notebook(fail), DeployConfig(stand_s=0.2)
-        run(go1, policy, note, lying=False, config=config, duration_s=3.0, command=lambda _: TOP_SPEED)
+        run(go1, policy, note, lying=False, config=config, duration_s=3.0, command_source=lambda _: TOP_SPEED)
         assert note.modes[2:] == ["WALKING", "LOWERING", "ESTOP"]
         assert max(tick.tilt_rad for tick in note.of(Mode.LOWERING)) < 0.8
         assert note.ticks[-1].tilt_rad < 0.1
@@ -260,7 +260,7 @@ class TestRun:
 
     def test_it_comes_to_a_stand_before_it_lies_down(self, go1: Robot) -> None:
         policy = Hold(go1)
-        run(go1, policy, lying=False, command=lambda _: np.array([0.5, 0.0, 0.1]))
+        run(go1, policy, lying=False, command_source=lambda _: np.array([0.5, 0.0, 0.1]))
         commands = [seen.command.tolist() for seen in policy.seen]
         assert commands == [[0.5, 0.0, 0.1]] * 6 + [[0.0] * 3] * 5  # 0.1 s each, and both ends
 

@@ -36,7 +36,7 @@ from footfall.deploy.replay import replay
 from footfall.deploy.safety import Mode, State
 from footfall.plant.episode import run_episode
 from footfall.plant.trace import Trace
-from footfall.policies.policy import Observation, Sensed
+from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
@@ -249,7 +249,7 @@ run_episode(robot, Hold(robot), episode, lambda loop, _: os.write(1, b"%d\\n" % 
     def run(self, tmp_path: Path) -> Iterator[subprocess.Popen[bytes]]:
         """A run that has been logging for a second."""
         root = Path(__file__).parents[2]
-        environment = os.environ | {"PYTHONPATH": f"{root / 'tests'}:{root / 'benchmarks'}:{root}"}
+        environment = os.environ | {"PYTHONPATH": f"{root / 'tests/support'}:{root / 'benchmarks'}:{root}"}
         command = [sys.executable, "-c", self.SCRIPT, str(tmp_path / "killed.mcap")]
         process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE)
         assert process.stdout is not None
@@ -334,9 +334,9 @@ class TestReplay:
             return command._replace(position=position)
 
         class Other(Sway):
-            def act(self, observation: Observation) -> JointCommand:
-                command = super().act(observation)
-                return lift(command) if 0.19 < observation.time_s < 0.29 else command
+            def act(self, inputs: PolicyInput) -> JointCommand:
+                command = super().act(inputs)
+                return lift(command) if 0.19 < inputs.time_s < 0.29 else command
 
         result = replay(logged[0], Other(go1))
         assert result.worst_difference == pytest.approx(0.5)
@@ -346,9 +346,9 @@ class TestReplay:
         self, go1: Robot, logged: tuple[Path, Trace]
     ) -> None:
         class Undecided(Sway):
-            def act(self, observation: Observation) -> JointCommand:
-                command = super().act(observation)
-                return not_a_number(command) if observation.time_s > 0.19 else command
+            def act(self, inputs: PolicyInput) -> JointCommand:
+                command = super().act(inputs)
+                return not_a_number(command) if inputs.time_s > 0.19 else command
 
         result = replay(logged[0], Undecided(go1), tolerance=1.0)
         assert result.first_difference.startswith("step 10 (0.200 s): torque of FR_hip_joint was 0, is nan")
@@ -370,14 +370,14 @@ class TestReplay:
     def test_a_hand_written_observation_survives_the_log(self) -> None:
         n = np.arange(4.0)
         sensed = Sensed(n[:3], n[:3] + 1, n, n + 2, n + 3, n + 4)
-        observation = Observation(0.5, sensed, n[:3], np.full(3, np.nan), np.nan)
-        back = unflatten(flatten(observation), joints=4)
+        inputs = PolicyInput(0.5, sensed, n[:3], np.full(3, np.nan), np.nan)
+        back = unflatten(flatten(inputs), joints=4)
         assert back.time_s == 0.5
         for one, other in zip(back.sensed, sensed, strict=True):
             assert np.array_equal(one, other)
         assert np.isnan(back.base_velocity).all()
         with pytest.raises(ValueError, match="30 numbers are no observation of 5 joints"):
-            unflatten(flatten(observation), joints=5)
+            unflatten(flatten(inputs), joints=5)
 
 
 class TestBadInput:

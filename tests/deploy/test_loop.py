@@ -10,14 +10,14 @@ from footfall.deploy import loop as loop_module
 from footfall.deploy.clock import LockstepClock
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers.choice import open_driver
-from footfall.deploy.loop import Command, ControlLoop
+from footfall.deploy.loop import CommandSource, ControlLoop
 from footfall.deploy.postures import Ending
 from footfall.deploy.safety import Implausible, Mode, State
 from footfall.deploy.wiring import wire
 from footfall.plant.bus import SimulatedBus
 from footfall.plant.robot import SimulatedRobot
 from footfall.plant.wires import SimulatedWires
-from footfall.policies.policy import Observation, Policy, Sensed
+from footfall.policies.policy import Policy, PolicyInput, Sensed
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
@@ -35,7 +35,7 @@ def new_loop(
     policy: Policy,
     realtime: bool = False,
     estimator: object = None,
-    command: Command = stand_still,
+    command_source: CommandSource = stand_still,
     pose: np.ndarray | None = None,
     estimator_rate_hz: float = 250.0,
 ) -> ControlLoop:
@@ -48,7 +48,9 @@ def new_loop(
     bus = SimulatedBus(wires, body)
     clock = (Pretence if realtime else LockstepClock)(TICK_US)
     config = DeployConfig(stand_s=0.1, pose_rate_rad_s=100.0, estimator_rate_hz=estimator_rate_hz)
-    return ControlLoop(robot, policy, wiring, open_driver(wiring), bus, clock, config, command, estimator)  # type: ignore[arg-type]
+    return ControlLoop(
+        robot, policy, wiring, open_driver(wiring), bus, clock, config, command_source, estimator
+    )  # type: ignore[arg-type]
 
 
 def run_for(loop: ControlLoop, walking_s: float) -> None:
@@ -74,10 +76,10 @@ class Dawdle(Hold):
         super().__init__(robot)
         self._watch, self._pattern = watch, pattern
 
-    def act(self, observation: Observation) -> JointCommand:
+    def act(self, inputs: PolicyInput) -> JointCommand:
         late = self._pattern[len(self.seen) % len(self._pattern)] == "L"
         self._watch.now_s += 0.021 if late else 0.019
-        return super().act(observation)
+        return super().act(inputs)
 
 
 class TestLateness:
@@ -100,9 +102,9 @@ class TestLateness:
         self, go1: Robot, monkeypatch: pytest.MonkeyPatch, realtime: bool, faults: int
     ) -> None:
         class Stuck(Hold):
-            def act(self, observation: Observation) -> JointCommand:
+            def act(self, inputs: PolicyInput) -> JointCommand:
                 watch.now_s += 0.101 if len(self.seen) == 3 else 0.001
-                return super().act(observation)
+                return super().act(inputs)
 
         watch = Stopwatch()
         monkeypatch.setattr(loop_module, "time", watch)
@@ -284,9 +286,9 @@ class TestStanding:
 
 def test_the_command_is_a_function_of_the_time_since_walking_began(go1: Robot) -> None:
     policy = Hold(go1)
-    loop = new_loop(go1, policy, command=lambda time_s: np.array([time_s, 0.0, 0.0]))
+    loop = new_loop(go1, policy, command_source=lambda time_s: np.array([time_s, 0.0, 0.0]))
     run_for(loop, 0.1)
-    asked = [observation.command[0] for observation in policy.seen]
+    asked = [inputs.command[0] for inputs in policy.seen]
     np.testing.assert_allclose(asked, 0.02 * np.arange(len(asked)), atol=1e-9)
     assert loop.walking_s == pytest.approx(0.1)
     loop.finish()

@@ -35,7 +35,7 @@ from footfall.deploy.timing import Durations
 from footfall.deploy.wiring import Wiring, wire
 from footfall.plant.motor_ends.motor_end import Request
 from footfall.policies.contract import CommandRange
-from footfall.policies.policy import Observation
+from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
@@ -46,7 +46,7 @@ def loop_of(
     robot: Robot,
     policy: Any,
     times_us: Any = None,
-    command: Any = stand_still,
+    command_source: Any = stand_still,
     wiring: Wiring | None = None,
     safety: SafetyConfig | None = None,
     still_s: float = 0.0,  # it stands up as soon as all are heard
@@ -58,7 +58,7 @@ def loop_of(
     )
     clock = LockstepClock(TICK_US) if times_us is None else Ticks(times_us)
     wiring = body.wiring
-    loop = ControlLoop(robot, policy, wiring, open_driver(wiring), body, clock, config, command)  # type: ignore[arg-type]
+    loop = ControlLoop(robot, policy, wiring, open_driver(wiring), body, clock, config, command_source)  # type: ignore[arg-type]
     return loop, body
 
 
@@ -136,7 +136,7 @@ class TestLoop:
     def test_what_a_policy_notes_is_told_beside_what_became_of_commands(self, go1: Robot) -> None:
         policy = Hold(go1)
         policy.notes = notes = ["slower"]  # type: ignore[assignment]
-        loop, _ = loop_of(go1, policy, command=lambda _: np.array([math.nan, 0.0, 0.0]))
+        loop, _ = loop_of(go1, policy, command_source=lambda _: np.array([math.nan, 0.0, 0.0]))
         loop.log = notebook = Notebook()
         until(loop, Mode.WALKING)
         for _ in range(15):
@@ -191,8 +191,8 @@ class TestLoop:
 
     def test_commands_go_out_at_every_tick_decisions_at_every_step(self, go1: Robot) -> None:
         class Creep(Hold):
-            def act(self, observation: Observation) -> JointCommand:
-                hold = super().act(observation)
+            def act(self, inputs: PolicyInput) -> JointCommand:
+                hold = super().act(inputs)
                 return hold._replace(position=hold.position + 0.01 * len(self.seen))
 
         loop, body = loop_of(go1, Creep(go1))
@@ -210,7 +210,7 @@ class TestLoop:
             rotation_rad=3.0, drift_rad=3.0, wander_rad=3.0, stuck_rad=3.0, lean_error=2.0
         )  # jumps are what is tested
         safety = SafetyConfig(sensors=unmoved)
-        loop, body = loop_of(go1, policy, command=lambda t: np.array([t, 2 * t, 3 * t]), safety=safety)
+        loop, body = loop_of(go1, policy, command_source=lambda t: np.array([t, 2 * t, 3 * t]), safety=safety)
         until(loop, Mode.WALKING)
         body.readings = np.array([go1.default_pose + 0.01 * ROWS, 0.1 * ROWS, -0.2 * ROWS])
         body.gyro, body.quaternion = (0.1, 0.2, -0.3), (0.96, 0.0, 0.28, 0.0)
@@ -312,8 +312,8 @@ class TestLoop:
         """60 rad/s in ticks of 2 ms."""
 
         class Leap(Hold):
-            def act(self, observation: Observation) -> JointCommand:
-                hold = super().act(observation)
+            def act(self, inputs: PolicyInput) -> JointCommand:
+                hold = super().act(inputs)
                 return hold._replace(position=hold.position + 0.5)
 
         loop, _ = loop_of(go1, Leap(go1))
@@ -462,7 +462,9 @@ class TestLoop:
 
     def test_the_log_is_told_of_each_tick_step_change_and_note_once(self, go1: Robot) -> None:
         policy = Hold(go1)
-        loop, body = loop_of(go1, policy, command=lambda t: np.array([9.0, 0.0, 9.0 if t > 0.03 else 0.0]))
+        loop, body = loop_of(
+            go1, policy, command_source=lambda t: np.array([9.0, 0.0, 9.0 if t > 0.03 else 0.0])
+        )
         loop.log = notebook = Notebook()
         loop._command_limits._ranges = ((-1.0, 1.0), (-1.0, 1.0), (-2.0, 2.0))
         until(loop, Mode.WALKING)
@@ -517,7 +519,7 @@ class TestLoop:
         elif part == "stance":
             loop._policy.stance = fails  # type: ignore[assignment, method-assign]
         elif part == "command":
-            loop._command = fails  # type: ignore[assignment]
+            loop._command_source = fails  # type: ignore[assignment]
         elif part == "log":
             loop.log = SimpleNamespace(tick=fails, state=fails, policy_step=fails, note=fails)
         elif part == "frames":
@@ -779,7 +781,7 @@ def test_durations_are_the_last_ones_in_order_however_often_they_go_round() -> N
 def session_of(**settings: Any) -> Session:
     config = DeployConfig(stand_s=0.02, safety=SafetyConfig(still_s=0.0, damping_s=0.01))
     plain = {
-        "command": stand_still,
+        "command_source": stand_still,
         "duration_s": 0.03,
         "realtime": False,
         "config": config,
@@ -797,7 +799,7 @@ class TestSession:
             shown.append(loop)
             return nullcontext()
 
-        run = session_of(display=display, command=lambda t: np.array([math.nan, 0.0, 0.0]))
+        run = session_of(display=display, command_source=lambda t: np.array([math.nan, 0.0, 0.0]))
         outcome = run_session(go1, Hold(go1), body, run, lambda loop: ticks.append(loop.now_us))  # type: ignore[arg-type]
         assert (outcome.final_state, outcome.faults) == ("IDLE", ())
         assert outcome.walked_s == pytest.approx(0.032)

@@ -24,7 +24,7 @@ from footfall.deploy.log_writer import FLUSH_EVERY_S
 from footfall.deploy.recover import recover
 from footfall.deploy.replay import replay
 from footfall.policies.contract import Contract
-from footfall.policies.policy import Observation, Sensed
+from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
@@ -32,20 +32,20 @@ ARRAY = "std_msgs/msg/Float64MultiArray"
 ZEROS = np.zeros(12)
 
 
-def observation(time_s: float, joints: int = 12) -> Observation:
+def inputs(time_s: float, joints: int = 12) -> PolicyInput:
     upright = np.array([1.0, 0.0, 0.0, 0.0])
     sensed = Sensed(np.zeros(3), np.zeros(3), upright, *np.zeros((3, joints)))
-    return Observation(time_s, sensed, np.zeros(3), np.zeros(3), 0.3)
+    return PolicyInput(time_s, sensed, np.zeros(3), np.zeros(3), 0.3)
 
 
 class Counts(Hold):
     """Its first target is 0.1 rad at each reset, and 0.1 more at each step: all that is in a state."""
 
-    def reset(self, observation: Observation) -> None:
-        super().reset(observation)
+    def reset(self, inputs: PolicyInput) -> None:
+        super().reset(inputs)
         self.steps = 0
 
-    def act(self, observation: Observation) -> JointCommand:
+    def act(self, inputs: PolicyInput) -> JointCommand:
         self.steps += 1
         return JointCommand(ZEROS + 0.1 * self.steps, ZEROS, ZEROS, ZEROS, ZEROS)
 
@@ -58,7 +58,7 @@ def write_steps(path: Path, decisions: list[np.ndarray], steps: int, joints: lis
         writer.add_metadata("somebody else's", {"robot": "not JSON"})
         writer.add_metadata("footfall", {"joints": json.dumps(joints), "ended": "true"})
         for step in range(steps):
-            values = [("/policy/inputs", flatten(observation(0.02 * step, len(joints))))]
+            values = [("/policy/inputs", flatten(inputs(0.02 * step, len(joints))))]
             values += [("/policy/command", decisions[step])] if step < len(decisions) else []
             for topic, numbers in values:
                 message = {"layout": {"dim": [], "data_offset": 0}, "data": numbers.tolist()}
@@ -143,7 +143,7 @@ class TestReplay:
         self, go1: Robot, joints: list[str], tmp_path: Path
     ) -> None:
         class Fails(Counts):
-            def act(self, observation: Observation) -> JointCommand:
+            def act(self, inputs: PolicyInput) -> JointCommand:
                 raise ZeroDivisionError("by\nnought")
 
         path = write_steps(tmp_path / "a.mcap", decided(1), 1, joints)
@@ -157,9 +157,9 @@ class TestReplay:
         path = tmp_path / "gap.mcap"
         log = McapLog(path, go1, Hold(go1), {}, 0, may_wait=True)
         decisions = [JointCommand(*numbers.reshape(5, 12)) for numbers in decided(3)]
-        log.policy_step(0, observation(0.0), decisions[0])
-        log._put(record(Kind.INPUTS, 20_000, flatten(observation(0.02)).tobytes()))
-        log.policy_step(40_000, observation(0.04), decisions[1])
+        log.policy_step(0, inputs(0.0), decisions[0])
+        log._put(record(Kind.INPUTS, 20_000, flatten(inputs(0.02)).tobytes()))
+        log.policy_step(40_000, inputs(0.04), decisions[1])
         log.close()
         assert replay(path, Counts(go1)).first_difference == ""
 
@@ -299,7 +299,7 @@ class TestWritten:
         command = JointCommand(n, n + 100, n + 200, n + 300, n + 400)
         upright = np.array([1.0, 0.1, 0.2, 0.3])
         sensed = Sensed(np.array([1.0, 2, 3]), np.array([4.0, 5, 6]), upright, n + 1, n + 2, n + 3)
-        seen = Observation(0.75, sensed, np.array([0.1, 0.2, 0.3]), np.array([7.0, 8, 9]), 0.31)
+        seen = PolicyInput(0.75, sensed, np.array([0.1, 0.2, 0.3]), np.array([7.0, 8, 9]), 0.31)
         log.policy_step(1_500_000, seen, command)
         log.note(1_600_000, "a note")
         log.close()

@@ -256,7 +256,7 @@ def test_a_fault_in_a_walk_is_named_in_time_and_damps(go1: Robot, name: str) -> 
 
 def walk(**changes: object) -> Episode:
     settings = {
-        "command": lambda _: np.array([0.6, 0.2, -0.5]),
+        "command_source": lambda _: np.array([0.6, 0.2, -0.5]),
         "duration_s": 2.0,
         "config": DeployConfig(stand_s=0.6),
         "record": False,
@@ -302,7 +302,9 @@ def test_a_joint_rate_as_low_as_the_policys_raises_no_alarm(go1: Robot) -> None:
 
 def test_a_robot_that_stands_still_raises_no_alarm(go1: Robot) -> None:
     """Its readings repeat themselves for as long as it stands."""
-    trace = run_episode(go1, load_policy("stand", go1), walk(command=lambda _: np.zeros(3), duration_s=2.0))
+    trace = run_episode(
+        go1, load_policy("stand", go1), walk(command_source=lambda _: np.zeros(3), duration_s=2.0)
+    )
     assert trace.faults == ()
 
 

@@ -153,7 +153,7 @@ class TestEpisode:
         found = run_with(policy, self.task(plant=go1.xml_path, ground_truth=True, keep_trace=True))
         robot, acting, episode = ran.given
         assert (robot.name, acting) == ("go1", policy)
-        assert (episode.command, episode.duration_s, episode.seed) == (self.PLAN.schedule, 2.5, 11)
+        assert (episode.command_source, episode.duration_s, episode.seed) == (self.PLAN.schedule, 2.5, 11)
         assert (episode.plant, episode.noise, episode.pushes) == (go1.xml_path, OWN_NOISE, self.PLAN.pushes)
         assert episode.ground_truth
         assert {name: float(value) for name, value in episode.sample.items()} == self.PLAN.levels

@@ -196,7 +196,7 @@ class TestDeploy:
         assert figures["faults"] == ["motor 3"]
         (_, _, _, session), _ = called.of("run_on_interface")
         assert session.log is None
-        assert session.command(1.0).tolist() == [0.5, 0.0, 0.0]
+        assert session.command_source(1.0).tolist() == [0.5, 0.0, 0.0]
         assert (session.duration_s, session.facts["seed"]) == (10.0, 0)
 
     def test_what_is_shown_on_an_interface_is_the_estimate_of_now(

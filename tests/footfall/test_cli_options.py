@@ -149,7 +149,7 @@ class TestLimits:
         )
         assert shell.refuses("deploy", "stand", "--command", "-100,99.5,100") == "enough"
         (_, _, episode), _ = called.of("run_episode")
-        assert episode.command(3.0).tolist() == [-100.0, 99.5, 100.0]
+        assert episode.command_source(3.0).tolist() == [-100.0, 99.5, 100.0]
         assert "none beyond 100" in shell.refuses("deploy", "stand", "--command", "0,-100.1,0")
 
 
@@ -183,7 +183,7 @@ class TestDeploy:
         (robot, policy, episode), _ = called.of("run_episode")
         assert (robot.name, policy.name) == ("go1", "trot")
         assert isinstance(episode, Episode)
-        assert episode.command(0.0).tolist() == [0.1, -0.2, 0.3]
+        assert episode.command_source(0.0).tolist() == [0.1, -0.2, 0.3]
         assert (episode.duration_s, episode.seed, episode.plant) == (1.25, 9, go1.xml_path)
         assert (episode.ground_truth, episode.realtime, episode.record) == (True, True, False)
         assert (episode.log, episode.policy_spec) == (Path("run.mcap"), "trot")
@@ -211,7 +211,7 @@ class TestDeploy:
         called.replace("footfall.plant.episode.run_episode", ran())
         shell("deploy", "stand")
         (_, _, episode), _ = called.of("run_episode")
-        assert episode.command(1.0).tolist() == [0.5, 0.0, 0.0]
+        assert episode.command_source(1.0).tolist() == [0.5, 0.0, 0.0]
         assert (episode.duration_s, episode.seed, episode.realtime, episode.log) == (10.0, 0, False, None)
         assert episode.config == DeployConfig()
 
@@ -250,7 +250,7 @@ class TestDeploy:
         assert outcome.status == 1
         (robot, policy, where, session), _ = called.of("run_on_interface")
         assert (robot.name, policy.name, where) == ("go1", "stand", bus)
-        assert session.command(0.0).tolist() == [0.1, -0.2, 0.3]
+        assert session.command_source(0.0).tolist() == [0.1, -0.2, 0.3]
         assert (session.duration_s, session.log) == (1.25, Path("run.mcap"))
         assert session.facts == {"seed": 9, "policy_spec": "stand", "bus": bus, "plant": None}
         assert session.config == DeployConfig(stand_s=2.5)

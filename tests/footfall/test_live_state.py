@@ -32,7 +32,10 @@ def walk(robot: Robot, console: Console, slow_s: float = 0.0) -> list[str]:
 
     command = np.array([0.3, 0.0, -0.1])
     run_episode(
-        robot, Hold(robot), short_episode(duration_s=0.5, command=lambda _: command, display=display), watch
+        robot,
+        Hold(robot),
+        short_episode(duration_s=0.5, command_source=lambda _: command, display=display),
+        watch,
     )
     return states
 

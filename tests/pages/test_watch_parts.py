@@ -887,9 +887,9 @@ class TestWalk:
         assert ends == [(1, 1, "it tilted"), (2, 1, "motor 3"), (3, 1, "motor 3")]
         robot, policy, episode, tick = given[0]
         assert (robot.name, policy, episode.duration_s) == ("go1", "policy", 60.0)
-        assert episode.command(0.0) is made.panel.command
+        assert episode.command_source(0.0) is made.panel.command
         made.panel.command = np.array([0.7, 0.1, -0.2])  # moved meanwhile
-        assert episode.command(5.0) is made.panel.command
+        assert episode.command_source(5.0) is made.panel.command
         assert tick == made.walk._tick
         assert self.done(made) == ["begin"] * 3
 

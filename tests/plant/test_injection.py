@@ -12,9 +12,9 @@ from footfall.deploy.drivers import imu
 from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import wire
 from footfall.plant.injection import (
-    Command,
     FaultInjector,
     InjectingBus,
+    InjectingCommandSource,
     cut_short,
     dropped,
     each_imu_frame,
@@ -115,7 +115,7 @@ class TestReadings:
     def injector(self, go1: Robot, arriving: list[Frames]) -> FaultInjector:
         bus: Any = SimpleNamespace(receive=lambda _: arriving)
         anything: Any = None
-        command, rng = Command(np.zeros(3)), np.random.default_rng(1)
+        command, rng = InjectingCommandSource(np.zeros(3)), np.random.default_rng(1)
         return FaultInjector(go1, wire(go1), anything, InjectingBus(bus), anything, command, rng)
 
     def heard(self, injector: FaultInjector) -> list[list[list[int]]]:

@@ -840,7 +840,7 @@ OUTCOME = SessionResult(
 
 def trial_of(go1: Robot, watch: Any = None, **episode: Any) -> tuple[_Trial, FakeBody, FakeLoop]:
     body = FakeBody()
-    settings = Episode(command=lambda _: np.zeros(3), duration_s=1.0, **episode)
+    settings = Episode(command_source=lambda _: np.zeros(3), duration_s=1.0, **episode)
     return _Trial(go1, body, settings, watch), body, FakeLoop()  # type: ignore[arg-type]
 
 
@@ -977,7 +977,7 @@ def test_what_an_episode_asks_for_reaches_plant_and_session(
     session, plant = seen["session"], seen["config"]
     assert seen["robot"] is go1
     assert seen["policy"] is policy
-    assert (session.command, session.duration_s) == (command, 2.5)
+    assert (session.command_source, session.duration_s) == (command, 2.5)
     assert session.realtime is asked
     if not asked:
         assert (plant.plant, plant.sample, plant.noise, plant.motor_timeout_s) == (None, {}, None, 0.1)

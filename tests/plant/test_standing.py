@@ -64,7 +64,7 @@ def test_sinking_tilt_and_way_are_the_most_of_all_samples(
     assert (found.sank_m, found.tilt_rad, found.moved_m) == pytest.approx((0.05, 0.3, 0.5))
     assert found.stood_s == 0.04
     assert (episode.duration_s, episode.seed) == (2.5, 9)
-    assert not np.any(episode.command(1.0))
+    assert not np.any(episode.command_source(1.0))
 
 
 def test_torques_and_contacts_are_those_once_settled(monkeypatch: pytest.MonkeyPatch, strong: Robot) -> None:

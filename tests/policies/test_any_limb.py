@@ -14,7 +14,7 @@ from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.stand import Stand, StandConfig
 from footfall.policies.controllers.walk import Walk
 from footfall.policies.controllers.walk.config import StanceConfig, WalkConfig
-from footfall.policies.policy import Observation, Policy, Sensed
+from footfall.policies.policy import Policy, PolicyInput, Sensed
 from footfall.robots.description import Robot, load_robot
 
 GO1 = load_robot("go1")
@@ -36,14 +36,14 @@ def at_rest(robot: Robot, roll: float = 0.0) -> Sensed:
     return Sensed(*still, robot.default_pose, np.zeros_like(load), load)
 
 
-def seen(robot: Robot, time_s: float, command: float = 0.0, roll: float = 0.0) -> Observation:
+def seen(robot: Robot, time_s: float, command: float = 0.0, roll: float = 0.0) -> PolicyInput:
     height = float(-robot.legs.default_foot[:, 2].mean())
-    return Observation(time_s, at_rest(robot, roll), np.array([command, 0.0, 0.0]), np.zeros(3), height)
+    return PolicyInput(time_s, at_rest(robot, roll), np.array([command, 0.0, 0.0]), np.zeros(3), height)
 
 
-def tips(robot: Robot, policy: Policy, observation: Observation) -> np.ndarray:
+def tips(robot: Robot, policy: Policy, inputs: PolicyInput) -> np.ndarray:
     """Where a policy wants the feet; everything that it commands is a number."""
-    command = policy.act(observation)
+    command = policy.act(inputs)
     assert all(values.shape == robot.default_pose.shape for values in command)
     assert np.all(np.isfinite(np.array(command)))
     return robot.legs.pose(command.position).foot

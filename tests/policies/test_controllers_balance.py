@@ -12,7 +12,7 @@ from footfall.policies.controllers.balance import Balance, BalanceConfig
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.whole_body.feedback import Feedback, standing
 from footfall.policies.controllers.whole_body.problem import Wanted
-from footfall.policies.policy import Observation, Sensed
+from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.description import load_robot
 
 G1 = load_robot("g1")
@@ -35,7 +35,7 @@ def policy() -> Balance:
     return Balance(G1, CONFIG)
 
 
-def seen(time_s: float = 9.0, crouch: float = 0.0, **more: Any) -> Observation:
+def seen(time_s: float = 9.0, crouch: float = 0.0, **more: Any) -> PolicyInput:
     """A level robot whose joints are off their default pose by unlike angles."""
     joint = G1.default_pose + crouch * np.linspace(0.01, 0.2, N)
     values = {
@@ -47,14 +47,14 @@ def seen(time_s: float = 9.0, crouch: float = 0.0, **more: Any) -> Observation:
     }
     up = np.array([0.0, 0.0, 9.81])
     sensed = Sensed(values["gyro"], up, values["quaternion"], joint, values["velocity"], np.zeros(N))
-    return Observation(time_s, sensed, np.zeros(3), values["base_velocity"], 0.7)
+    return PolicyInput(time_s, sensed, np.zeros(3), values["base_velocity"], 0.7)
 
 
-def wanted(policy: Balance, monkeypatch: pytest.MonkeyPatch, observation: Observation) -> tuple:
+def wanted(policy: Balance, monkeypatch: pytest.MonkeyPatch, inputs: PolicyInput) -> tuple:
     """What is asked of the whole body: dynamics, position, velocity, wanted, most force."""
     told: list[tuple] = []
     monkeypatch.setattr(policy.control, "command", lambda *arguments: told.append(arguments))
-    policy.act(observation)
+    policy.act(inputs)
     return told[0]
 
 

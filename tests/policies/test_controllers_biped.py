@@ -14,7 +14,7 @@ from footfall.policies.controllers.solver import BoundedSolver, Programme
 from footfall.policies.controllers.step import Step
 from footfall.policies.controllers.step.controller import Phase
 from footfall.policies.controllers.whole_body.control import UNSOLVED
-from footfall.policies.policy import Observation
+from footfall.policies.policy import PolicyInput
 from footfall.policies.registry import controllers_of, load_policy, walking_controllers
 from footfall.robots.description import load_robot
 from footfall.robots.readings import Sensed
@@ -87,7 +87,7 @@ class TestTicksWithoutSolution:
     def test_a_run_goes_on_over_a_few_and_says_so(self) -> None:
         policy = Balance(G1)
         policy.control.solver = Missing(ticks=10)
-        trace = run_episode(G1, policy, Episode(command=STANDING, duration_s=0.6))
+        trace = run_episode(G1, policy, Episode(command_source=STANDING, duration_s=0.6))
         assert not trace.fell
         assert not trace.faults
         assert trace.notes == (UNSOLVED,)
@@ -95,7 +95,7 @@ class TestTicksWithoutSolution:
     def test_a_run_without_a_solution_ends_damped_and_says_why(self) -> None:
         policy = Balance(G1)
         policy.control.solver = Missing(ticks=1000)
-        trace = run_episode(G1, policy, Episode(command=STANDING, duration_s=0.6))
+        trace = run_episode(G1, policy, Episode(command_source=STANDING, duration_s=0.6))
         assert trace.final_state == "ESTOP"
         assert "no solution for 0.1 s" in trace.faults[0]
 
@@ -164,7 +164,7 @@ class TestStep:
             gyro, up = np.array([0.0, 0.0, rate]), np.array([0.0, 0.0, 9.81])
             sensed = Sensed(gyro, up, level, toes_out, still, still)
             height = G1.description.standing_height_m
-            seen = Observation(float(time_s), sensed, np.array([0.0, 0.0, rate]), np.zeros(3), height)
+            seen = PolicyInput(float(time_s), sensed, np.array([0.0, 0.0, rate]), np.zeros(3), height)
             if time_s == 0.0:
                 policy.reset(seen)
             commands.append(np.array(policy.act(seen)))

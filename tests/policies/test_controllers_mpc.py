@@ -16,7 +16,7 @@ from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.solver import BoundedSolver
 from footfall.policies.controllers.stance import nominal_feet
 from footfall.policies.gaits import find_gait
-from footfall.policies.policy import Observation, Sensed
+from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import load_robot, load_spec
 from footfall.robots.rigid_body import nominal_body
@@ -34,12 +34,12 @@ def standing(
     time_s: float = 0.0,
     command: tuple[float, float, float] = (0.0, 0.0, 0.0),
     velocity: tuple[float, float, float] = (0.0, 0.0, 0.0),
-) -> Observation:
+) -> PolicyInput:
     """In the default pose, level, base velocity in the body frame."""
     still = np.zeros(len(ROBOT.joint_names))
     quaternion = np.array([np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)])
     sensed = Sensed(np.zeros(3), 9.81 * UP, quaternion, ROBOT.default_pose, still, still)
-    return Observation(time_s, sensed, np.array(command), np.array(velocity), HEIGHT - LEGS.foot_radius[0])
+    return PolicyInput(time_s, sensed, np.array(command), np.array(velocity), HEIGHT - LEGS.foot_radius[0])
 
 
 def forces(command: JointCommand) -> np.ndarray:

@@ -17,7 +17,7 @@ from footfall.policies.controllers.solver import BoundedSolver, Programme
 from footfall.policies.controllers.whole_body.control import UNSOLVED
 from footfall.policies.controllers.whole_body.dynamics import Dynamics
 from footfall.policies.controllers.whole_body.problem import Wanted
-from footfall.policies.policy import Observation, Sensed
+from footfall.policies.policy import PolicyInput, Sensed
 from footfall.policies.registry import load_policy, walking_controllers
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import load_robot
@@ -34,13 +34,13 @@ def hold(command: tuple[float, float, float], _: float) -> np.ndarray:
     return np.array(command)
 
 
-def moving(time_s: float = 0.0, command: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Observation:
+def moving(time_s: float = 0.0, command: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> PolicyInput:
     """Tilted, in the default pose, base and joints in motion."""
     x, y, z, w = TILTED.as_quat()
     still = np.zeros(len(ROBOT.joint_names))
     up = np.array([0.0, 0.0, 9.81])
     sensed = Sensed(GYRO, up, np.array([w, x, y, z]), ROBOT.default_pose, RATES, still)
-    return Observation(time_s, sensed, np.array(command), VELOCITY, 0.26)
+    return PolicyInput(time_s, sensed, np.array(command), VELOCITY, 0.26)
 
 
 @pytest.fixture
@@ -145,7 +145,7 @@ class TestDelays:
 
     def test_it_walks_on_the_latest_robot(self, policy: MpcWholeBody, late: Sample) -> None:
         """With a stiffness of 1500 and a damping of 60 a hip swung to its stop within a second."""
-        episode = Episode(command=partial(hold, (0.5, 0.0, 0.0)), duration_s=1.3, sample=late)
+        episode = Episode(command_source=partial(hold, (0.5, 0.0, 0.0)), duration_s=1.3, sample=late)
         trace = run_episode(ROBOT, policy, episode)
         assert not trace.fell
         assert trace.faults == ()
@@ -177,7 +177,7 @@ class Missing(BoundedSolver):
 
 def test_a_few_ticks_without_a_solution_are_damped_and_the_run_says_so(policy: MpcWholeBody) -> None:
     policy.control.solver = Missing()
-    trace = run_episode(ROBOT, policy, Episode(command=partial(hold, (0.3, 0.0, 0.0)), duration_s=0.5))
+    trace = run_episode(ROBOT, policy, Episode(command_source=partial(hold, (0.3, 0.0, 0.0)), duration_s=0.5))
     assert not trace.fell
     assert not trace.faults
     assert trace.notes == (UNSOLVED,)

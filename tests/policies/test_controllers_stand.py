@@ -8,7 +8,7 @@ import pytest
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.stance import tilt_correction
 from footfall.policies.controllers.stand import Stand, StandConfig
-from footfall.policies.policy import Observation, Sensed
+from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.description import load_robot
 
 ROBOT = load_robot("go1")
@@ -22,12 +22,12 @@ def seen(
     pitch: float = 0.0,
     gyro: tuple[float, float, float] = (0.0, 0.0, 0.0),
     joint: np.ndarray = ROBOT.default_pose,
-) -> Observation:
+) -> PolicyInput:
     """A small tilt about one axis, legs in the default pose unless said otherwise."""
     quaternion = np.array([np.cos((roll + pitch) / 2), np.sin(roll / 2), np.sin(pitch / 2), 0.0])
     zero = np.zeros(12)
     sensed = Sensed(np.array(gyro), np.array([0.0, 0.0, 9.81]), quaternion, joint, zero, zero)
-    return Observation(time_s, sensed, np.array(command), np.zeros(3), 0.28)
+    return PolicyInput(time_s, sensed, np.array(command), np.zeros(3), 0.28)
 
 
 class TestTilt:

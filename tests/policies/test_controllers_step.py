@@ -17,7 +17,7 @@ from footfall.policies.controllers.step.config import Pressure, Start, StepConfi
 from footfall.policies.controllers.step.controller import Phase
 from footfall.policies.controllers.step.footsteps import NextStep, NominalStep, capture_after, nominal_step
 from footfall.policies.controllers.whole_body.feedback import Feedback, standing
-from footfall.policies.policy import Observation, Sensed
+from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.description import load_robot
 
 G1 = load_robot("g1")
@@ -80,7 +80,7 @@ def capture_at(ahead: float, left: float) -> np.ndarray:
     return np.array([*world(ahead, left), 0.0]) + MIDDLE
 
 
-def seen(time_s: float = 9.0, command: Any = STILL, **more: Any) -> Observation:
+def seen(time_s: float = 9.0, command: Any = STILL, **more: Any) -> PolicyInput:
     joint = more.pop("joint", G1.default_pose)
     values = {
         "gyro": STILL,
@@ -91,15 +91,15 @@ def seen(time_s: float = 9.0, command: Any = STILL, **more: Any) -> Observation:
     }
     up = np.array([0.0, 0.0, 9.81])
     sensed = Sensed(values["gyro"], up, values["quaternion"], joint, values["velocity"], np.zeros(N))
-    return Observation(time_s, sensed, np.array(command, dtype=float), values["base_velocity"], 0.7)
+    return PolicyInput(time_s, sensed, np.array(command, dtype=float), values["base_velocity"], 0.7)
 
 
-def asked(policy: Step, monkeypatch: pytest.MonkeyPatch, observation: Observation, dynamics: Any) -> tuple:
+def asked(policy: Step, monkeypatch: pytest.MonkeyPatch, inputs: PolicyInput, dynamics: Any) -> tuple:
     """What is asked of the whole body: dynamics, position, velocity, wanted, most force."""
     told: list[tuple] = []
     monkeypatch.setattr(policy.control, "command", lambda *arguments: told.append(arguments))
     monkeypatch.setattr(controller_module, "observed", lambda body, given: dynamics)
-    policy.act(observation)
+    policy.act(inputs)
     return told[0]
 
 

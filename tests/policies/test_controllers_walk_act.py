@@ -9,7 +9,7 @@ from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.walk import Walk
 from footfall.policies.controllers.walk.config import HeadingConfig, WalkConfig
 from footfall.policies.controllers.walk.limits import Pace
-from footfall.policies.policy import Observation, Sensed
+from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.description import load_robot
 from footfall.robots.rigid_body import nominal_body
 
@@ -34,12 +34,12 @@ def seen(
     yaw: float = 0.0,
     joint: np.ndarray = ROBOT.default_pose,
     torque: np.ndarray = NOTHING,
-) -> Observation:
+) -> PolicyInput:
     """A small tilt or turn, legs in the default pose and motors without torque unless said otherwise."""
     quaternion = np.array([np.cos((roll + yaw) / 2), np.sin(roll / 2), 0.0, np.sin(yaw / 2)])
     zero = np.zeros(12)
     sensed = Sensed(np.zeros(3), np.array([0.0, 0.0, 9.81]), quaternion, joint, zero, torque)
-    return Observation(time_s, sensed, np.array(command), np.zeros(3), 0.28)
+    return PolicyInput(time_s, sensed, np.array(command), np.zeros(3), 0.28)
 
 
 def feet_of(command_position: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ from footfall.policies.controllers.walk import Walk
 from footfall.policies.controllers.walk.config import StepConfig, WalkConfig
 from footfall.policies.controllers.walk.feet import FootCycle, Footing
 from footfall.policies.gaits import find_gait
-from footfall.policies.policy import Observation, Sensed
+from footfall.policies.policy import PolicyInput, Sensed
 from footfall.policies.registry import load_policy
 from footfall.robots.actuator import friction_torque
 from footfall.robots.description import Robot, load_robot
@@ -114,9 +114,9 @@ UP = np.array([0.0, 0.0, 9.81])
 
 def seen(
     time_s: float, command: np.ndarray, joint: np.ndarray, velocity: np.ndarray, torque: np.ndarray
-) -> Observation:
+) -> PolicyInput:
     sensed = Sensed(np.zeros(3), UP, np.array([1.0, 0.0, 0.0, 0.0]), joint, velocity, torque)
-    return Observation(time_s, sensed, command, np.zeros(3), 0.18)
+    return PolicyInput(time_s, sensed, command, np.zeros(3), 0.18)
 
 
 class Trial:

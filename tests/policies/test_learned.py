@@ -12,7 +12,7 @@ from footfall.common.errors import UserError
 from footfall.policies.contract import CONTRACT_KEY, TRAINER_KEY, Contract, Term
 from footfall.policies.learned import LearnedPolicy
 from footfall.policies.observation import frame_size, observation_size
-from footfall.policies.policy import Observation, Sensed
+from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.description import Robot
 
 onnx = pytest.importorskip("onnx")
@@ -26,11 +26,11 @@ def policy(tmp_path: Path, contract: Contract, go1: Robot) -> LearnedPolicy:
     return LearnedPolicy(write_network(onnx, tmp_path / "p.onnx", weights.astype(np.float32), contract), go1)
 
 
-def observations(seed: int) -> list[Observation]:
+def observations(seed: int) -> list[PolicyInput]:
     rng = np.random.default_rng(seed)
     quaternion = np.array([1.0, 0.0, 0.0, 0.0])
     return [
-        Observation(
+        PolicyInput(
             step / 50,
             Sensed(rng.normal(size=3), rng.normal(size=3), quaternion, *rng.normal(size=(3, 12))),
             np.array([0.5, 0.1, -0.2]),

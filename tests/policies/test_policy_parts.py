@@ -29,7 +29,7 @@ from footfall.policies.observation import (
     observation,
     push_frame,
 )
-from footfall.policies.policy import Observation, Sensed
+from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.description import load_robot
 
 ROBOT = load_robot("go1")
@@ -43,7 +43,7 @@ def in_plane(vector: np.ndarray) -> complex:
     return complex(vector[0], vector[1])
 
 
-def observed(turn: Rotation, gyro: Any = (0, 0, 0), time_s: float = 9.0, **more: Any) -> Observation:
+def observed(turn: Rotation, gyro: Any = (0, 0, 0), time_s: float = 9.0, **more: Any) -> PolicyInput:
     """A robot turned so, with joints that all differ from the default pose and from one another."""
     position = ROBOT.default_pose + 0.01 * np.arange(12)
     sensed = Sensed(
@@ -55,7 +55,7 @@ def observed(turn: Rotation, gyro: Any = (0, 0, 0), time_s: float = 9.0, **more:
         np.zeros(12),
     )
     values = {"command": np.zeros(3), "base_velocity": np.zeros(3), "base_height": 0.26, **more}
-    return Observation(time_s, sensed, **values)
+    return PolicyInput(time_s, sensed, **values)
 
 
 # -- commands, stances, standing ---------------------------------------------------------------------

@@ -22,7 +22,7 @@ from footfall.policies.controllers.whole_body.control import (
 from footfall.policies.controllers.whole_body.dynamics import Dynamics, Motion, WholeBody
 from footfall.policies.controllers.whole_body.feedback import base_tilt, observed, standing
 from footfall.policies.controllers.whole_body.problem import Contact, Programmes, Wanted, Weights
-from footfall.policies.policy import Observation, Sensed
+from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot, load_robot, load_spec
 from footfall.robots.feet import foot_geoms
@@ -213,7 +213,7 @@ def test_a_robot_that_walks_ahead_moves_where_it_heads() -> None:
     quarter, still = np.array([np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)]), np.zeros(3)
     n = len(G1.joint_names)
     sensed = Sensed(still, np.array([0.0, 0.0, 9.81]), quarter, G1.default_pose, np.zeros(n), np.zeros(n))
-    walking = Observation(0.0, sensed, still, np.array([0.5, -0.1, 0.2]), 0.7)
+    walking = PolicyInput(0.0, sensed, still, np.array([0.5, -0.1, 0.2]), 0.7)
     np.testing.assert_allclose(observed(BODIES["g1"], walking).centre_velocity, [0.1, 0.5, 0.2], atol=1e-9)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from footfall.deploy.config import DeployConfig
 from footfall.plant.episode import Episode
 from footfall.policies.contract import Contract
-from footfall.policies.policy import Observation
+from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
@@ -26,13 +26,13 @@ class Hold:
         self._pose, self._gains = robot.default_pose, (4 * robot.kp, 2 * robot.kd)
         self._zeros = np.zeros_like(robot.default_pose)
         self.resets = 0
-        self.seen: list[Observation] = []
+        self.seen: list[PolicyInput] = []
 
-    def reset(self, observation: Observation) -> None:
+    def reset(self, inputs: PolicyInput) -> None:
         self.resets += 1
 
-    def act(self, observation: Observation) -> JointCommand:
-        self.seen.append(observation)
+    def act(self, inputs: PolicyInput) -> JointCommand:
+        self.seen.append(inputs)
         return JointCommand(self._pose, self._zeros, *self._gains, self._zeros)
 
     def stance(self) -> None:
@@ -44,9 +44,9 @@ class Sway(Hold):
 
     name = "sway"
 
-    def act(self, observation: Observation) -> JointCommand:
-        hold = super().act(observation)
-        depth = 0.1 * np.sin(6.0 * observation.time_s) + 0.01 * observation.sensed.gyro[1]
+    def act(self, inputs: PolicyInput) -> JointCommand:
+        hold = super().act(inputs)
+        depth = 0.1 * np.sin(6.0 * inputs.time_s) + 0.01 * inputs.sensed.gyro[1]
         return hold._replace(position=hold.position + depth)
 
 
@@ -59,9 +59,9 @@ class FailingPolicy(Hold):
         super().__init__(robot)
         self._at_s, self._change = at_s, change
 
-    def act(self, observation: Observation) -> JointCommand:
-        command = super().act(observation)
-        return self._change(command) if observation.time_s >= self._at_s else command
+    def act(self, inputs: PolicyInput) -> JointCommand:
+        command = super().act(inputs)
+        return self._change(command) if inputs.time_s >= self._at_s else command
 
 
 def not_a_number(command: JointCommand) -> JointCommand:
@@ -79,5 +79,10 @@ def stand_still(time_s: float) -> np.ndarray:
 
 def short_episode(**changes: object) -> Episode:
     """One second of standing still after a quick rise."""
-    settings = {"command": stand_still, "duration_s": 1.0, "config": DeployConfig(stand_s=0.4), **changes}
+    settings = {
+        "command_source": stand_still,
+        "duration_s": 1.0,
+        "config": DeployConfig(stand_s=0.4),
+        **changes,
+    }
     return Episode(**settings)

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from footfall.common.rotations import normalised, rotation_matrix
-from footfall.policies.policy import Observation, Policy, Sensed
+from footfall.policies.policy import Policy, PolicyInput, Sensed
 from footfall.robots.actuator import JointCommand, joint_torque
 from footfall.robots.description import Robot
 from footfall.robots.model import IMU, joint_addresses, plant_model
@@ -128,10 +128,10 @@ def walk(
             velocity, height = estimator.update(sensed, planned, 1 / JOINT_RATE_HZ)  # type: ignore[attr-defined]
         wanted = command(time_s)
         if tick % every == 0:
-            observation = Observation(time_s, sensed, wanted, velocity, height)
+            inputs = PolicyInput(time_s, sensed, wanted, velocity, height)
             if tick == 0:
-                policy.reset(observation)
-            joint_command = policy.act(observation)
+                policy.reset(inputs)
+            joint_command = policy.act(inputs)
         assert joint_command is not None
         if push is not None and tick == round(push[0] * JOINT_RATE_HZ):
             plant.data.qvel[:3] += push[1]

@@ -10,7 +10,7 @@ from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import Wiring, wire
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.plant.motor_ends.motor_end import Request, Requests
-from footfall.policies.policy import Observation
+from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
@@ -99,8 +99,8 @@ class Notebook:
     def tick(self, now_us: int, sensed: Any, told: Any, commanded: np.ndarray | None) -> None:
         self.told.append(("tick", now_us, sensed, commanded))
 
-    def policy_step(self, now_us: int, observation: Observation, command: JointCommand) -> None:
-        self.told.append(("policy_step", now_us, observation, command))
+    def policy_step(self, now_us: int, inputs: PolicyInput, command: JointCommand) -> None:
+        self.told.append(("policy_step", now_us, inputs, command))
 
     def state(self, now_us: int, state: Any) -> None:
         self.told.append(("state", now_us, state))

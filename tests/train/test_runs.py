@@ -22,7 +22,7 @@ from footfall.domain_rand.randomisation import Randomisation
 from footfall.envs.config import PushConfig
 from footfall.envs.velocity import VelocityEnv
 from footfall.policies.learned import LearnedPolicy
-from footfall.policies.policy import Observation, Sensed
+from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.description import load_robot
 from footfall.train import api, export
 from footfall.train.config import PRESETS, TrainConfig, load_preset
@@ -254,7 +254,7 @@ def test_deployment_computes_what_training_computed(whole_run: Path) -> None:
     for k in range(20):
         q, qd, w = (np.asarray(x, np.float64) for x in (state.qpos, state.qvel, state.qvel[3:6]))
         sensed = Sensed(w, np.zeros(3), q[3:7], q[7:], qd[6:], np.zeros(12))
-        command = policy.act(Observation(k * 0.02, sensed, np.asarray(state.command), np.zeros(3), 0.3))
+        command = policy.act(PolicyInput(k * 0.02, sensed, np.asarray(state.command), np.zeros(3), 0.3))
         if k > 0:  # the reset's own frame was made at another clock
             assert np.allclose(policy.observed, seen["state"], atol=1e-5)
         state, result = step(state, jnp.asarray(policy.action))

@@ -24,7 +24,7 @@ from footfall.policies.controllers.mpc.swing import swing_motion
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.solver import BoundedSolver
 from footfall.policies.controllers.stance import nominal_feet
-from footfall.policies.policy import Observation
+from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 from footfall.robots.kinematics import LegPose
@@ -104,9 +104,9 @@ class Mpc:
         """Solves that daqp did not finish within its iterations."""
         return self._solver.fallbacks
 
-    def reset(self, observation: Observation) -> None:
-        yaw = roll_pitch_yaw(rotation_matrix(observation.sensed.quaternion))[2]
-        self._begin(yaw, self._above_ground(observation))
+    def reset(self, inputs: PolicyInput) -> None:
+        yaw = roll_pitch_yaw(rotation_matrix(inputs.sensed.quaternion))[2]
+        self._begin(yaw, self._above_ground(inputs))
 
     def _begin(self, yaw: float, height: float) -> None:
         count = self._legs.count
@@ -123,11 +123,11 @@ class Mpc:
         self._ticks_to_solve = 0
         self._unsettled_s = 0.0
 
-    def act(self, observation: Observation) -> JointCommand:
+    def act(self, inputs: PolicyInput) -> JointCommand:
         dt_s = 1.0 / self.rate_hz
-        base = self._follow(observation, dt_s)
-        pose = self._legs.pose(observation.sensed.joint_position)
-        self._step_clock(observation, base, dt_s)
+        base = self._follow(inputs, dt_s)
+        pose = self._legs.pose(inputs.sensed.joint_position)
+        self._step_clock(inputs, base, dt_s)
         self._lead(base, dt_s)
 
         stands, progress = self._clock.stance(), self._clock.swing().tolist()
@@ -144,14 +144,14 @@ class Mpc:
             self._plan(base, feet)
             self._ticks_to_solve = self._solve_every
 
-        return self._joints(observation, base, pose, self._swing(swinging, progress, base))
+        return self._joints(inputs, base, pose, self._swing(swinging, progress, base))
 
-    def _joints(self, observation: Observation, base: Base, pose: LegPose, swing: np.ndarray) -> JointCommand:
+    def _joints(self, inputs: PolicyInput, base: Base, pose: LegPose, swing: np.ndarray) -> JointCommand:
         """Joint commands that press with the planned forces and swing feet as planned (see `_swing`)."""
         up = base.rotation[2]
         velocity = np.array([self._wanted_velocity.real, self._wanted_velocity.imag, 0.0])
         return self._leg_control.command(
-            observation.sensed.joint_position,
+            inputs.sensed.joint_position,
             pose,
             self._force.dot(base.rotation),
             velocity.dot(base.rotation),
@@ -166,24 +166,24 @@ class Mpc:
             return np.ones(self._legs.count)
         return contact_trust(self._clock.phases(), self._clock.timing.duty, edge=0.1)
 
-    def _follow(self, observation: Observation, dt_s: float) -> Base:
+    def _follow(self, inputs: PolicyInput, dt_s: float) -> Base:
         """The base's state; its place is dead reckoning, good for the length of a step."""
-        rotation = rotation_matrix(observation.sensed.quaternion)
-        velocity = rotation.dot(observation.base_velocity)
+        rotation = rotation_matrix(inputs.sensed.quaternion)
+        velocity = rotation.dot(inputs.base_velocity)
         x, y, _ = velocity.tolist()
         self._place += complex(x, y) * dt_s
         roll, pitch, yaw = roll_pitch_yaw(rotation)
-        height = self._above_ground(observation)
-        return Base(self._place, height, velocity, rotation, observation.sensed.gyro, roll, pitch, yaw)
+        height = self._above_ground(inputs)
+        return Base(self._place, height, velocity, rotation, inputs.sensed.gyro, roll, pitch, yaw)
 
-    def _above_ground(self, observation: Observation) -> float:
-        return observation.base_height + self._radius
+    def _above_ground(self, inputs: PolicyInput) -> float:
+        return inputs.base_height + self._radius
 
-    def _step_clock(self, observation: Observation, base: Base, dt_s: float) -> None:
-        settled = observation.time_s >= self._config.settle_s
+    def _step_clock(self, inputs: PolicyInput, base: Base, dt_s: float) -> None:
+        settled = inputs.time_s >= self._config.settle_s
         if settled:
-            self._command.advance(observation.command, dt_s)
-        walk = self._command.wants_walk(observation.command) or self._unsettled(base, dt_s)
+            self._command.advance(inputs.command, dt_s)
+        walk = self._command.wants_walk(inputs.command) or self._unsettled(base, dt_s)
         self._clock.advance(dt_s, settled and walk)
 
     def _unsettled(self, base: Base, dt_s: float) -> bool:

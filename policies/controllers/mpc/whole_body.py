@@ -17,7 +17,7 @@ from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.whole_body.control import WholeBodyConfig, WholeBodyControl
 from footfall.policies.controllers.whole_body.feedback import Feedback, observed
 from footfall.policies.controllers.whole_body.problem import FREE_FALL, Wanted
-from footfall.policies.policy import Observation
+from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 from footfall.robots.kinematics import LegPose
@@ -51,13 +51,13 @@ class MpcWholeBody(Mpc):
     def notes(self) -> Sequence[str]:
         return self.control.notes
 
-    def reset(self, observation: Observation) -> None:
-        super().reset(observation)
+    def reset(self, inputs: PolicyInput) -> None:
+        super().reset(inputs)
         self.control.reset()
 
-    def _joints(self, observation: Observation, base: Base, pose: LegPose, swing: np.ndarray) -> JointCommand:
-        body, sensed = self.control.body, observation.sensed
-        dynamics = observed(body, observation)
+    def _joints(self, inputs: PolicyInput, base: Base, pose: LegPose, swing: np.ndarray) -> JointCommand:
+        body, sensed = self.control.body, inputs.sensed
+        dynamics = observed(body, inputs)
         moment = _moment(dynamics.foot - dynamics.centre, self._force)
         wanted = Wanted(
             centre=self._force.sum(axis=0) / self._body.mass + FREE_FALL,

@@ -16,7 +16,7 @@ from footfall.policies.controllers.whole_body.control import WholeBodyControl
 from footfall.policies.controllers.whole_body.dynamics import Dynamics
 from footfall.policies.controllers.whole_body.feedback import base_tilt, observed, pendulum_rate, standing
 from footfall.policies.controllers.whole_body.problem import Wanted
-from footfall.policies.policy import Observation
+from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
@@ -58,8 +58,8 @@ class Step:
         self._command = ShapedCommand(config.command)
         self._begin(self._height + config.lower_m)
 
-    def reset(self, observation: Observation) -> None:
-        dynamics = observed(self.control.body, observation)
+    def reset(self, inputs: PolicyInput) -> None:
+        dynamics = observed(self.control.body, inputs)
         self._begin(float((dynamics.centre - dynamics.middle)[2]))
 
     def _begin(self, height: float) -> None:
@@ -80,21 +80,21 @@ class Step:
     def stance(self) -> np.ndarray | None:
         return self._load.copy()
 
-    def act(self, observation: Observation) -> JointCommand:
-        config, sensed = self._config, observation.sensed
-        dynamics = observed(self.control.body, observation)
-        settled = min(1.0, observation.time_s / config.settle_s)
+    def act(self, inputs: PolicyInput) -> JointCommand:
+        config, sensed = self._config, inputs.sensed
+        dynamics = observed(self.control.body, inputs)
+        settled = min(1.0, inputs.time_s / config.settle_s)
         if settled == 1.0:
-            self._command.advance(observation.command, self._dt_s)
+            self._command.advance(inputs.command, self._dt_s)
         self._elapsed_s += self._dt_s
         feet = np.zeros((2, 6))
         capture = dynamics.centre + dynamics.centre_velocity / self._fall_rate  # its height means nothing
         if self.phase is Phase.STAND and settled == 1.0:
-            self._consider_a_step(dynamics, capture, self._command.wants_walk(observation.command))
+            self._consider_a_step(dynamics, capture, self._command.wants_walk(inputs.command))
         if self.phase is Phase.SHIFT:
             self._consider_lifting(dynamics, capture)
         if self.phase is Phase.STEP and self._elapsed_s >= self._lands_after_s:
-            self._land(dynamics, self._command.wants_walk(observation.command))
+            self._land(dynamics, self._command.wants_walk(inputs.command))
         match self.phase:
             case Phase.STAND:
                 pressure = self._both_press(dynamics, capture, dynamics.middle[:2])

@@ -14,7 +14,7 @@ from footfall.policies.controllers.walk.feet import FootCycle, Footing, rolling_
 from footfall.policies.controllers.walk.ground import GroundForce
 from footfall.policies.controllers.walk.limits import Pace, SteadyWalk, WalkLimits
 from footfall.policies.controllers.walk.sway import Sway, SwayPlan, plan_sway
-from footfall.policies.policy import Observation
+from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 from footfall.robots.rigid_body import nominal_body
@@ -64,10 +64,10 @@ class Walk:
         self.notes: list[str] = []
         self._begin(robot.default_pose)
 
-    def reset(self, observation: Observation) -> None:
-        self._begin(observation.sensed.joint_position.copy())
+    def reset(self, inputs: PolicyInput) -> None:
+        self._begin(inputs.sensed.joint_position.copy())
         if self._ground is not None:
-            self._ground.reset(observation.sensed)
+            self._ground.reset(inputs.sensed)
 
     def _begin(self, joint_position: np.ndarray) -> None:
         clock = self._config.gait.clock(self._robot)
@@ -104,13 +104,13 @@ class Walk:
         if step is not None:
             self._step, self._looked_at = step, None
 
-    def act(self, observation: Observation) -> JointCommand:
+    def act(self, inputs: PolicyInput) -> JointCommand:
         config, dt_s = self._config, 1.0 / self.rate_hz
-        sensed = observation.sensed
+        sensed = inputs.sensed
         pose = self._legs.pose(sensed.joint_position)
-        settled = observation.time_s >= config.settle_s
+        settled = inputs.time_s >= config.settle_s
         if settled:
-            self._walk(observation, dt_s)
+            self._walk(inputs, dt_s)
         if self._ground is not None:
             pushed = self._ground.update(sensed, pose.jacobian, dt_s)
             if settled:
@@ -118,8 +118,8 @@ class Walk:
 
         most = config.levelling.body_rate_m_s * dt_s
         self._height_m += min(max(self._step.body_height_m - self._height_m, -most), most)
-        goal = self._legs.scatter(self._legs.solve(self._tips(observation, dt_s)), self._robot.default_pose)
-        share = min(1.0, observation.time_s / config.settle_s)
+        goal = self._legs.scatter(self._legs.solve(self._tips(inputs, dt_s)), self._robot.default_pose)
+        share = min(1.0, inputs.time_s / config.settle_s)
         wanted = self._start + share * (goal - self._start)
         # Steps of a steady walk keep to the limit by their tempo; those from one gait to another may not.
         before, most = self._previous, self._most_step_rad
@@ -142,13 +142,13 @@ class Walk:
         places = nominal_feet(legs, config.step.body_height_m, stance.outward_m, stance.shift_m)
         return Footing(places * [1.0, 1.0, 0.0], rolling_of(legs, places, self._robot.default_pose))
 
-    def _walk(self, observation: Observation, dt_s: float) -> None:
+    def _walk(self, inputs: PolicyInput, dt_s: float) -> None:
         """Let feet stand, swing, lift off and land as the command wants it.
 
         With a sway the weight is shifted before the first foot lifts off, and back after the last has landed.
         """
         cycle, command = self._cycle, self._command
-        wanted = self._within_limits(observation.command)
+        wanted = self._within_limits(inputs.command)
         plan = self._sway_plan
         ready = self._steps or self._sway.misses(plan.body) < _SHIFTED_M
         command.advance(wanted if ready else np.zeros(3), self._calm(dt_s))
@@ -167,7 +167,7 @@ class Walk:
         if self._steps:
             passed_s = self._tempo * dt_s
             forward, leftward, yaw_rate = self._with_room(dt_s)
-            yaw_rate += self._turn_back(observation, yaw_rate * passed_s)
+            yaw_rate += self._turn_back(inputs, yaw_rate * passed_s)
             cycle.advance([forward, leftward, yaw_rate], passed_s, self._step.height_m, lift_off)
         else:
             self._yaw = None
@@ -196,18 +196,18 @@ class Walk:
         self._room += min(max(min(max(room, 0.0), 1.0) - self._room, -most), most)
         return [self._room * part for part in velocity]
 
-    def _turn_back(self, observation: Observation, turned: float) -> float:
+    def _turn_back(self, inputs: PolicyInput, turned: float) -> float:
         """Yaw rate, rad/s, towards the heading that commands led to, which have turned it a bit further."""
-        config, yaw = self._config.heading, yaw_of(observation.sensed.quaternion.tolist())
+        config, yaw = self._config.heading, yaw_of(inputs.sensed.quaternion.tolist())
         ahead = 0.0 if self._yaw is None else wrap_angle(self._yaw - yaw)
         ahead = min(max(ahead, -config.most_rad), config.most_rad)
         self._yaw = yaw + ahead + turned
         return config.gain * ahead
 
-    def _tips(self, observation: Observation, dt_s: float) -> np.ndarray:
+    def _tips(self, inputs: PolicyInput, dt_s: float) -> np.ndarray:
         """Where the tips should be, (legs, 3) m, base frame."""
         levelling = self._config.levelling
-        tilt = tilt_correction(observation, levelling.gain, levelling.rate_gain_s, levelling.most_rad)
+        tilt = tilt_correction(inputs, levelling.gain, levelling.rate_gain_s, levelling.most_rad)
         self._tilt += min(1.0, dt_s / levelling.filter_s) * (tilt - self._tilt)
         feet = self._cycle.feet
         feet[:, :2] -= self._sway.at(self._cycle.clock)

@@ -9,7 +9,7 @@ from footfall.common.config import require_not_negative
 from footfall.common.constants import GRAVITY_M_S2
 from footfall.common.rotations import rotation_matrix
 from footfall.policies.controllers.whole_body.dynamics import Dynamics, Motion, WholeBody
-from footfall.policies.policy import Observation
+from footfall.policies.policy import PolicyInput
 from footfall.robots.description import Robot
 
 
@@ -28,10 +28,10 @@ class Feedback:
         return -self.stiffness * deviation - self.damping * rate
 
 
-def observed(body: WholeBody, observation: Observation) -> Dynamics:
+def observed(body: WholeBody, inputs: PolicyInput) -> Dynamics:
     """The dynamics of a robot that moves as observed."""
-    sensed = observation.sensed
-    velocity = rotation_matrix(sensed.quaternion).dot(observation.base_velocity)
+    sensed = inputs.sensed
+    velocity = rotation_matrix(sensed.quaternion).dot(inputs.base_velocity)
     return body.update(
         Motion(sensed.quaternion, velocity, sensed.gyro, sensed.joint_position, sensed.joint_velocity)
     )
