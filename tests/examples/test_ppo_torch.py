@@ -1,0 +1,16 @@
+"""The example of a training loop in plain torch."""
+
+import re
+
+import pytest
+from user_folder import UserFolder
+
+pytest.importorskip("torch")
+
+
+def test_the_return_rises(user_folder: UserFolder) -> None:
+    user_folder.copy("ppo_torch.py")
+    output = user_folder.python("ppo_torch.py", "12")
+    returns = [float(number) for number in re.findall(r"mean return (\S+)", output)]
+    assert len(returns) == 12
+    assert returns[-1] > returns[0] + 0.5

@@ -1,0 +1,33 @@
+"""The example of a controller of the user's own."""
+
+import json
+
+import numpy as np
+import pytest
+from user_folder import UserFolder
+
+from footfall.plant.episode import Episode, run_episode
+from footfall.policies.registry import load_policy
+from footfall.robots.description import load_robot
+
+
+@pytest.mark.parametrize("name", ["go1", "hexapod"])
+def test_the_base_sinks_and_rises_while_all_feet_stand(user_folder: UserFolder, name: str) -> None:
+    user_folder.copy("push_ups.py")
+    robot = load_robot(name)
+    policy = load_policy("push_ups:PushUps", robot)
+    trace = run_episode(robot, policy, Episode(command_source=lambda _: np.zeros(3), duration_s=4.0))
+    assert not trace.fell
+    height = trace.base_position[:, 2]
+    lowest, highest = height[200:300].min(), height[200:400].max()  # of the second cycle
+    depth = 0.15 * robot.description.standing_height_m
+    assert 0.7 * depth < highest - lowest < 1.3 * depth
+    assert trace.foot_contact.mean() > 0.95
+
+
+def test_it_is_deployed_by_its_name(user_folder: UserFolder) -> None:
+    user_folder.copy("push_ups.py")
+    user_folder.footfall(
+        "deploy", "push_ups:PushUps", "--command", "0,0,0", "--duration", "1", "--json", "out.json"
+    )
+    assert json.loads((user_folder.path / "out.json").read_text())["final_state"] == "IDLE"

@@ -1,0 +1,49 @@
+"""A user's folder outside the repository: examples copied into it beside the user's own modules."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+# Names of footfall's own rooms. Importing one of them instead of footfall's would end the command.
+OWN_MODULES = ("train.py", "envs/__init__.py", "deploy/__init__.py", "policies/__init__.py", "common.py")
+
+
+class UserFolder:
+    """Runs what a user types there, in processes of their own."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        for name in OWN_MODULES:
+            file = path / name
+            file.parent.mkdir(exist_ok=True)
+            file.write_text(f'raise SystemExit("the user\'s own {name} was imported")\n')
+
+    def copy(self, *names: str) -> None:
+        """Copy files or folders of `examples/` here."""
+        for name in names:
+            source = EXAMPLES / name
+            if source.is_dir():
+                shutil.copytree(source, self.path / name)
+            else:
+                shutil.copy(source, self.path)
+
+    def python(self, *arguments: str | Path) -> str:
+        """The output of `python ARGUMENTS`, which must succeed."""
+        done = subprocess.run(
+            [sys.executable, *map(str, arguments)],
+            cwd=self.path,
+            env=os.environ | {"OMP_NUM_THREADS": "1"},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stdout + done.stderr
+        return done.stdout
+
+    def footfall(self, *arguments: str | Path) -> str:
+        """The output of `footfall ARGUMENTS`, which must succeed."""
+        return self.python("-P", "-m", "footfall", *arguments)
