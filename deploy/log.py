@@ -24,6 +24,7 @@ from footfall.deploy.safety import State
 from footfall.policies.policy import Policy, PolicyInput, Sensed
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
+from footfall.robots.readings import sensed_sizes
 
 MOST_WAITING_BYTES = 4 * 2**20  # for a slow disk: some seconds of a run
 LAST_WAIT_S = 10.0  # for the writing process, once the run has ended
@@ -43,9 +44,9 @@ def flatten(inputs: PolicyInput) -> np.ndarray:
     )
 
 
-def _sizes(joints: int) -> list[int]:
-    """How many numbers each part of a flat observation has, of a robot with so many joints."""
-    return [1, 3, 3, 4, joints, joints, joints, 3, 3, 1]
+def input_sizes(joints: int) -> dict[str, int]:
+    """Number of components of each part of a flat observation, in its order."""
+    return {"time_s": 1, **sensed_sizes(joints), "command": 3, "base_velocity": 3, "base_height": 1}
 
 
 def unflatten(values: np.ndarray, joints: int) -> PolicyInput:
@@ -54,7 +55,7 @@ def unflatten(values: np.ndarray, joints: int) -> PolicyInput:
     Raises:
         ValueError: a robot with so many joints has another number of readings.
     """
-    sizes = _sizes(joints)
+    sizes = list(input_sizes(joints).values())
     if len(values) != sum(sizes):
         raise ValueError(f"{len(values)} numbers are no observation of {joints} joints")
     time_s, *rest = np.split(values, np.cumsum(sizes)[:-1])
@@ -113,6 +114,8 @@ class McapLog:
         self._lacks: str | None = None
         begin = {
             "joints": list(robot.joint_names),
+            "readings": sensed_sizes(len(robot.joint_names)),
+            "inputs": input_sizes(len(robot.joint_names)),
             "metadata": _metadata(robot, policy, facts),
             "start_ns": start_ns,
             "path": str(path),

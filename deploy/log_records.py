@@ -10,10 +10,10 @@ HEAD = struct.Struct("<BIq")  # kind, bytes that follow, time in microseconds of
 class Kind(IntEnum):
     """What a record holds. Numbers are float64, of the network float32; n is the number of joints."""
 
-    BEGIN = 0  # JSON: joints' names, metadata, time zero, the file's name
-    READINGS = 1  # (10 + 3n,) gyro, acceleration, quaternion, positions, velocities, torques
+    BEGIN = 0  # JSON: joints' names, sizes of readings and inputs, metadata, time zero, the file's name
+    READINGS = 1  # the fields of `Sensed` in their order
     COMMANDED = 2  # (5n,) what went out: position, velocity, stiffness, damping, torque
-    INPUTS = 3  # (18 + 3n,) what the policy was handed: see `flatten`
+    INPUTS = 3  # what the policy was handed: see `flatten`
     DECISION = 4  # (5n,) what it decided
     OBSERVATION = 5  # what its network saw
     ACTION = 6  # what that answered

@@ -42,6 +42,7 @@ class LogWriter:
         self._file = file
         self._names = tuple(begin["joints"])
         self._start_ns = begin["start_ns"]
+        self._readings, self._inputs = begin["readings"], begin["inputs"]  # sizes of their parts
         self._size = 8 * len(self._names)  # bytes of a number for each joint
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
@@ -59,16 +60,15 @@ class LogWriter:
         elif kind in TEXTS:
             self._put(TEXTS[kind], time_ns, messages.text(content.decode()))
         elif kind is Kind.READINGS:
-            self._readings(time_ns, content)
+            self._sensed(time_ns, _parts(content, self._readings))
         elif kind is Kind.COMMANDED:
             position, velocity, torque = (self._rows(content, row) for row in (0, 1, 4))
             joints = messages.joint_state(self._names)
             self._put("/joint_commands", time_ns, joints.fill(time_ns, position, velocity, torque))
             self._array("/joint_gains", time_ns, content[2 * self._size : 4 * self._size])
         elif kind is Kind.INPUTS:
-            at = 11 * 8 + 3 * self._size  # behind time, gyro, acceleration, quaternion and joints
-            command = messages.twist().fill(time_ns, content[at : at + 16], content[at + 16 : at + 24])
-            self._put("/cmd_vel", time_ns, command)
+            command = _parts(content, self._inputs)["command"]
+            self._put("/cmd_vel", time_ns, messages.twist().fill(time_ns, command[:16], command[16:]))
             self._array("/policy/inputs", time_ns, content)
         elif kind is Kind.ODOMETRY:
             self._put("/odom", time_ns, messages.odometry().fill(time_ns, content))
@@ -84,12 +84,12 @@ class LogWriter:
         self._writer.finish()
         self._file.flush()
 
-    def _readings(self, time_ns: int, content: bytes) -> None:
-        position, velocity, torque = (self._rows(content[80:], row) for row in range(3))
+    def _sensed(self, time_ns: int, part: dict[str, bytes]) -> None:
         joints = messages.joint_state(self._names)
-        self._put("/joint_states", time_ns, joints.fill(time_ns, position, velocity, torque))
-        gyro, acceleration, w, xyz = content[:24], content[24:48], content[48:56], content[56:80]
-        self._put("/imu", time_ns, messages.imu().fill(time_ns, xyz, w, gyro, acceleration))
+        state = joints.fill(time_ns, part["joint_position"], part["joint_velocity"], part["joint_torque"])
+        self._put("/joint_states", time_ns, state)
+        w, xyz = part["quaternion"][:8], part["quaternion"][8:]
+        self._put("/imu", time_ns, messages.imu().fill(time_ns, xyz, w, part["gyro"], part["acceleration"]))
 
     def _rows(self, content: bytes, row: int) -> bytes:
         return content[row * self._size : (row + 1) * self._size]
@@ -106,6 +106,15 @@ class LogWriter:
                 self._schemas[kind] = self._writer.register_schema(kind, "ros2msg", text)
             self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind])
         self._writer.add_message(self._channels[topic], time_ns, message, time_ns)
+
+
+def _parts(content: bytes, sizes: dict[str, int]) -> dict[str, bytes]:
+    """The parts of a record of float64 by name, given the number of components of each in order."""
+    parts, start = {}, 0
+    for name, size in sizes.items():
+        parts[name] = content[start : start + 8 * size]
+        start += 8 * size
+    return parts
 
 
 def write_all(source: int, file: IO[bytes], begin: dict[str, Any], arrived: bytearray) -> None:

@@ -6,11 +6,12 @@ An effect is the same in training (JAX, MJX models) and on the simulated robot (
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from footfall.robots.kinds import Kind
+from footfall.robots.readings import READINGS
 
 Array = Any
 SCALE, OFFSET = 1.0, 0.0  # nominal values of what multiplies and of what is added
@@ -33,10 +34,7 @@ class Effect(NamedTuple):
 
 
 class Quantity(NamedTuple):
-    """The declaration of a quantity that differs from robot to robot.
-
-    A delay has no effect here: who carries it out asks the sample by name.
-    """
+    """The declaration of a quantity that differs from robot to robot, with at least one effect."""
 
     kind: Kind  # its shape, and its mirror image
     nominal: float | None  # None: the robot's own
@@ -46,11 +44,25 @@ class Quantity(NamedTuple):
     motor: Effect | None = None  # on the fields of robots.actuator.Motor
     command: Effect | None = None  # on a JointCommand, as the motors carry it out
     bias_of: str | None = None  # reading that it is added to
+    delay_of: Literal["actions", "readings"] | None = None  # s by which these arrive later
 
 
 def quantity(kind: Kind, nominal: float | None, **rest: Any) -> Any:
     """A field of `Randomisation`: it declares a quantity, with limits and effects as `Quantity` has."""
     return field(default=None, metadata={"declares": Quantity(kind, nominal, **rest)})
+
+
+def check_quantity(name: str, declared: Quantity) -> None:
+    """Raises ValueError for a declaration that would act on nothing."""
+    effects = (declared.model, declared.motor, declared.command, declared.bias_of, declared.delay_of)
+    if not any(effects):
+        raise ValueError(f"quantity '{name}' has no effect: give model, motor, command, bias_of or delay_of")
+    if declared.bias_of is not None and declared.bias_of not in READINGS:
+        raise ValueError(f"quantity '{name}': no reading '{declared.bias_of}', only {', '.join(READINGS)}")
+    if declared.bias_of is not None and declared.kind is not READINGS[declared.bias_of].kind:
+        raise ValueError(f"quantity '{name}' and reading '{declared.bias_of}' differ in kind")
+    if declared.delay_of not in (None, "actions", "readings"):
+        raise ValueError(f"quantity '{name}': delay_of is actions or readings, not '{declared.delay_of}'")
 
 
 def scales(*names: str) -> Effect:

@@ -2,8 +2,10 @@
 
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Literal
 
 from footfall.common.config import load, read_yaml, structure, with_changes
+from footfall.common.errors import UserError
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.quantity import (
     OFFSET,
@@ -11,6 +13,7 @@ from footfall.domain_rand.quantity import (
     Quantity,
     adds_to,
     adds_to_base,
+    check_quantity,
     quantity,
     scales,
     scales_bodies,
@@ -69,8 +72,12 @@ class Randomisation:
         kinds.SCALAR, SCALE, least=0.0, most=10.0, motor=scales("stall_torque", "no_load_speed")
     )
     # timing
-    action_delay_s: Distribution | None = quantity(kinds.SCALAR, OFFSET, least=0.0, most=1.0)
-    observation_delay_s: Distribution | None = quantity(kinds.SCALAR, OFFSET, least=0.0, most=1.0)
+    action_delay_s: Distribution | None = quantity(
+        kinds.SCALAR, OFFSET, least=0.0, most=1.0, delay_of="actions"
+    )
+    observation_delay_s: Distribution | None = quantity(
+        kinds.SCALAR, OFFSET, least=0.0, most=1.0, delay_of="readings"
+    )
     # sensors
     encoder_bias: Distribution | None = quantity(  # rad, each joint
         kinds.JOINTS, OFFSET, least=-1.0, most=1.0, bias_of="joint_position"
@@ -92,7 +99,33 @@ class Randomisation:
                 )
 
 
-QUANTITIES: dict[str, Quantity] = {each.name: each.metadata["declares"] for each in fields(Randomisation)}
+def declared_quantities(cls: type[Randomisation]) -> dict[str, Quantity]:
+    """The quantities that a class declares, by name.
+
+    Raises:
+        ValueError: a quantity would act on nothing; names it.
+    """
+    declared = {each.name: each.metadata["declares"] for each in fields(cls)}
+    for name, each in declared.items():
+        check_quantity(name, each)
+    return declared
+
+
+QUANTITIES: dict[str, Quantity] = declared_quantities(Randomisation)
+
+
+def delays(of: Literal["actions", "readings"]) -> list[str]:
+    """Names of the quantities that delay actions or readings."""
+    return [name for name, quantity in QUANTITIES.items() if quantity.delay_of == of]
+
+
+def require_delays(randomisation: Randomisation, of: Literal["actions", "readings"], most_s: float) -> None:
+    """Raises UserError naming a quantity if actions or readings may be delayed by more than `most_s`."""
+    drawn = {name: getattr(randomisation, name) for name in delays(of)}
+    longest_s = sum(each.high for each in drawn.values() if each is not None)
+    if longest_s > most_s:
+        names = " + ".join(name for name, each in drawn.items() if each is not None)
+        raise UserError(f"randomisation.{names}: must be at most {most_s:g} s, not {longest_s:g}")
 
 
 def load_randomisation(path: Path = DEFAULT) -> Randomisation:

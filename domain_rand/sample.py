@@ -1,10 +1,10 @@
 """One draw: how a particular robot differs from the nominal one."""
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 from footfall.domain_rand.distributions import Distribution
-from footfall.domain_rand.randomisation import QUANTITIES, Randomisation
+from footfall.domain_rand.randomisation import QUANTITIES, Randomisation, delays
 from footfall.robots.actuator import JointCommand, Motor
 from footfall.robots.kinds import Parts
 
@@ -71,11 +71,17 @@ def randomised_command(command: JointCommand, sample: Sample) -> JointCommand:
 
 def sensor_bias(sample: Sample, reading: str) -> Array | None:
     """What the sampled robot's sensor adds to a reading, shape of the reading; None where nothing."""
-    drawn = [
-        sample[name]
-        for name, quantity in QUANTITIES.items()
-        if quantity.bias_of == reading and name in sample
-    ]
+    return _sum(sample, [name for name, quantity in QUANTITIES.items() if quantity.bias_of == reading])
+
+
+def delay_s(sample: Sample, of: Literal["actions", "readings"]) -> Array | None:
+    """By how much the sampled robot's actions or readings arrive later, s; None where none is drawn."""
+    return _sum(sample, delays(of))
+
+
+def _sum(sample: Sample, names: list[str]) -> Array | None:
+    """The sum of the drawn ones of some quantities; None if there is none."""
+    drawn = [sample[name] for name in names if name in sample]
     return sum(drawn[1:], start=drawn[0]) if drawn else None
 
 

@@ -4,8 +4,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from footfall.common.errors import UserError
-from footfall.domain_rand.sample import Sample, randomised_command, randomised_motor, sensor_bias
+from footfall.domain_rand.randomisation import require_delays
+from footfall.domain_rand.sample import Sample, delay_s, randomised_command, randomised_motor, sensor_bias
 from footfall.envs.config import EnvConfig
 from footfall.envs.delays import delayed_goals
 from footfall.envs.physics.interface import Drive
@@ -23,9 +23,7 @@ class Actuation:
         """Raises UserError if goals may be delayed for longer than they are kept."""
         self._period_s, self._timestep_s = 1.0 / config.control_rate_hz, config.timestep_s
         self._starts_s = np.arange(config.substeps) * config.timestep_s
-        delay, limit = config.randomisation.action_delay_s, (KEPT_GOALS - 1) * self._period_s
-        if delay is not None and delay.high > limit:
-            raise UserError(f"randomisation.action_delay_s: must be at most {limit:g} s, not {delay.high:g}")
+        require_delays(config.randomisation, "actions", (KEPT_GOALS - 1) * self._period_s)
         self._motor = Motor(*(jnp.asarray(a, dtype=jnp.float32) for a in robot.motor))
         self._kp = jnp.asarray(robot.kp, dtype=jnp.float32)
         self._kd = jnp.asarray(robot.kd, dtype=jnp.float32)
@@ -45,7 +43,7 @@ class Actuation:
         Args:
             goals: of the last control steps, newest first, rad, shape (KEPT_GOALS, n).
             target: at the last physics step before, rad, shape (n,).
-            sample: of the robot; its "action_delay_s" counts.
+            sample: of the robot; its delays of actions count.
         """
 
         def tick(target: jax.Array, goal: jax.Array) -> tuple[jax.Array, jax.Array]:
@@ -53,8 +51,8 @@ class Actuation:
             target = limit_target(goal, target, self.soft_lower, self.soft_upper, rate, timestep_s)
             return target, target
 
-        delay_s = sample.get("action_delay_s")
-        arrived = delayed_goals(goals, delay_s, self._starts_s, self._timestep_s, self._period_s)
+        late_s = delay_s(sample, "actions")
+        arrived = delayed_goals(goals, late_s, self._starts_s, self._timestep_s, self._period_s)
         return jax.lax.scan(tick, target, arrived, unroll=True)[1]
 
     def drive(self, targets: jax.Array, sample: Sample) -> Drive:

@@ -4,8 +4,9 @@ import jax
 import jax.numpy as jnp
 import mujoco
 
-from footfall.common.errors import UserError
 from footfall.domain_rand.noise import biased, noisy
+from footfall.domain_rand.randomisation import require_delays
+from footfall.domain_rand.sample import delay_s
 from footfall.envs.base import Base
 from footfall.envs.config import EnvConfig
 from footfall.envs.delays import delayed_readings
@@ -29,11 +30,7 @@ class Observer:
 
     def __init__(self, model: mujoco.MjModel, robot: Robot, config: EnvConfig, contract: Contract) -> None:
         """Raises UserError if readings may be delayed for longer than they are kept."""
-        delay, limit = config.randomisation.observation_delay_s, 1.0 / config.control_rate_hz
-        if delay is not None and delay.high > limit:
-            raise UserError(
-                f"randomisation.observation_delay_s: must be at most {limit:g} s, not {delay.high:g}"
-            )
+        require_delays(config.randomisation, "readings", 1.0 / config.control_rate_hz)
         self._positions, self._dofs = map(jnp.asarray, joint_addresses(model, robot))
         self._base, self._contract = Base(model, robot), contract
         self._noise, self._timestep_s = config.noise, config.timestep_s
@@ -72,7 +69,7 @@ class Observer:
             u: uniform numbers for the noise, shape (numbers,).
             first: whether an episode begins; the frame then fills the whole history.
         """
-        delayed = delayed_readings(recent, state.sample.get("observation_delay_s"), self._timestep_s)
+        delayed = delayed_readings(recent, delay_s(state.sample, "readings"), self._timestep_s)
         readings = noisy(biased(from_vector(delayed, self._joints), state.sample), self._noise, u)
         newest = frame(Inputs(readings, state.actions[0], state.command, state.phase), self._contract)
         frames = jnp.broadcast_to(newest, state.frames.shape) if first else push_frame(state.frames, newest)

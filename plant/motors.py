@@ -9,7 +9,7 @@ import numpy as np
 from footfall.deploy.config import MOTOR_TIMEOUT_S
 from footfall.deploy.drivers.driver import Motors
 from footfall.deploy.frames import Frames
-from footfall.domain_rand.sample import Sample, randomised_command, randomised_motor, sensor_bias
+from footfall.domain_rand.sample import Sample, delay_s, randomised_command, randomised_motor, sensor_bias
 from footfall.plant.motor_ends.motor_end import MotorEnd, Request, Requests
 from footfall.robots.actuator import JointCommand, Motor, friction_torque, motor_torque
 
@@ -60,7 +60,8 @@ class SimulatedMotors:
             self.encoder_bias += bias
         scale = np.stack(randomised_command(JointCommand(*np.ones((5, n))), sample))
         self._gain_scale = None if (scale == 1.0).all() else scale
-        self._delay_steps = round(float(sample.get("action_delay_s", 0.0)) / step_s)
+        late_s = delay_s(sample, "actions")
+        self._delay_steps = 0 if late_s is None else round(float(late_s) / step_s)
         self._timeout_s, self._step_s = timeout_s, step_s
         self._read_time_outs()
         self.faults = MotorFaults(*np.zeros((2, n), bool), *np.zeros((2, n), np.uint64))

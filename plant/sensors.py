@@ -1,16 +1,23 @@
-"""What the simulated robot's encoders and IMU would say: the true state with delay, bias and noise."""
+"""Encoders and IMU of the simulated robot: the true state with delay, bias and noise."""
 
+import operator
 from collections import deque
-from typing import NamedTuple
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
 
-from footfall.common.rotations import shift_gravity
+from footfall.common.errors import UserError
 from footfall.deploy.drivers import imu
 from footfall.domain_rand.noise import Noise
-from footfall.domain_rand.sample import Sample, sensor_bias
+from footfall.domain_rand.sample import Sample, delay_s, sensor_bias
+from footfall.robots.kinds import Parts
+from footfall.robots.readings import READINGS
 
+MOTORS = ("joint_position", "joint_velocity", "joint_torque")  # fields of `Sensed` that motors report
+IMU = imu.Inertial._fields  # fields of `Sensed` that the IMU reports
+OF_MOTOR = "joint_position"  # a motor adds this bias itself, since it controls its own encoder's position
 _NOISE_BLOCK = 256  # readings whose noise is drawn at once
 
 Indices = np.ndarray | slice
@@ -28,12 +35,28 @@ class Layout(NamedTuple):
 class _Moment(NamedTuple):
     """The true state at a physics step."""
 
-    joints: np.ndarray  # (3, n) position rad, velocity rad/s, motor torque N m
+    joints: np.ndarray  # (3, n) as in `MOTORS`
     inertial: tuple[list[float], list[float], list[float]]  # as in `imu.Inertial`
 
 
+class _Error(NamedTuple):
+    """Bias and noise of one reading."""
+
+    row: int  # of the device's sensed values
+    shift: Callable[[Any, Any], Any]  # adds an offset of the reading to the sensed value
+    bias: np.ndarray | None  # constant offset of the reading
+    noise: slice  # its place in a row of `_Noise`
+
+    def on_lists(self) -> "_Error":
+        """The same for sensed values that are lists of floats: a few of them add faster than an array."""
+        return self._replace(shift=lambda value, offset: self.shift(value, offset.tolist()))
+
+
 class SimulatedSensors:
-    """Remembers the recent past of a plant and reads it as the robot's sensors would."""
+    """Remembers the recent past of a plant and reads it with the declared delay, bias and noise.
+
+    Readings are declared in `robots/readings.py`, delays and biases in `domain_rand/randomisation.py`.
+    """
 
     def __init__(
         self,
@@ -45,22 +68,19 @@ class SimulatedSensors:
         joints: int,
         seed: int,
     ) -> None:
+        """Raises UserError if a reading with bias or noise has no `shift`."""
         self._qpos, self._qvel, self._acceleration = data.qpos, data.qvel, data.sensordata[:3]
         at = layout.base_qpos + 3
         self._quaternion = data.qpos[at : at + 4]
         at = layout.base_qvel + 3
         self._gyro = data.qvel[at : at + 3]
         self._layout, self._n = layout, joints
-        gyro_bias, gravity_bias = (sensor_bias(sample, name) for name in ("gyro", "gravity"))
-        self._gyro_bias = (np.zeros(3) if gyro_bias is None else np.asarray(gyro_bias)).tolist()
-        self._gravity_bias = None if gravity_bias is None else np.asarray(gravity_bias).tolist()
-        delay_s = float(sample.get("observation_delay_s", 0.0))
-        self._past: deque[_Moment] = deque(maxlen=round(delay_s / step_s) + 1)
-        self._noisy = noise is not None
-        self._half_widths = _half_widths(noise or Noise(), joints)
-        self._random = np.random.default_rng(seed)
-        self._rows = np.zeros((0, 2 * joints + 6))
-        self._row = 0
+        late_s = delay_s(sample, "readings")
+        steps = 0 if late_s is None else round(float(late_s) / step_s)
+        self._past: deque[_Moment] = deque(maxlen=steps + 1)
+        self._noise = None if noise is None else _Noise(noise, joints, seed)
+        self._of_motors = list(_errors(MOTORS, sample, noise, joints, operator.add))
+        self._of_imu = [each.on_lists() for each in _errors(IMU, sample, noise, joints, _add_lists)]
 
     def remember(self, torque: np.ndarray) -> np.ndarray:
         """Keep this moment, to be read after the observation delay. To be called at each physics step.
@@ -76,34 +96,82 @@ class SimulatedSensors:
         return joints
 
     def joints(self, encoder_bias: np.ndarray) -> np.ndarray:
-        """Joint positions rad, velocities rad/s and motor torques N m, (3, n)."""
+        """Joint positions rad, velocities rad/s and motor torques N m, (3, n), as motors report them.
+
+        `encoder_bias` (n,) rad is the motors' own.
+        """
         readings = self._past[0].joints.copy()
         readings[0] += encoder_bias
-        if self._noisy:
-            readings[:2] += self._noise()[: 2 * self._n].reshape(2, self._n)
+        self._add_errors(readings, self._of_motors)
         return readings
 
     def inertial(self) -> imu.Inertial:
         """The IMU's reading."""
-        gyro, acceleration, quaternion = self._past[0].inertial
-        if self._gravity_bias is not None:
-            quaternion = shift_gravity(quaternion, self._gravity_bias)
-        gyro = [rate + bias for rate, bias in zip(gyro, self._gyro_bias, strict=True)]
-        if self._noisy:
-            noise = self._noise()[2 * self._n :].tolist()
-            gyro = [rate + error for rate, error in zip(gyro, noise[:3], strict=True)]
-            quaternion = shift_gravity(quaternion, noise[3:])
-        return imu.Inertial(gyro, acceleration, quaternion)
+        readings = list(self._past[0].inertial)
+        self._add_errors(readings, self._of_imu)
+        return imu.Inertial(*readings)
 
-    def _noise(self) -> np.ndarray:
-        """Noise of one reading: joint positions, joint velocities, gyro, gravity; (2 n + 6,)."""
+    def _add_errors(self, values: Any, errors: list[_Error]) -> None:
+        for error in errors:
+            if error.bias is not None:
+                values[error.row] = error.shift(values[error.row], error.bias)
+        if self._noise is not None:
+            noise = self._noise.draw()
+            for error in errors:
+                values[error.row] = error.shift(values[error.row], noise[error.noise])
+
+
+class _Noise:
+    """Uniform noise of all readings, drawn in blocks."""
+
+    def __init__(self, noise: Noise, joints: int, seed: int) -> None:
+        places = _places(joints)
+        self._half_widths = np.concatenate(
+            [np.full(place.stop - place.start, getattr(noise, name)) for name, place in places.items()]
+        )
+        self._random = np.random.default_rng(seed)
+        self._rows = np.zeros((0, len(self._half_widths)))
+        self._row = 0
+
+    def draw(self) -> np.ndarray:
+        """Noise of each reading once, laid out as `_places` says."""
         if self._row >= len(self._rows):
-            u = self._random.uniform(-1.0, 1.0, (_NOISE_BLOCK, 2 * self._n + 6))
+            u = self._random.uniform(-1.0, 1.0, (_NOISE_BLOCK, len(self._half_widths)))
             self._rows, self._row = u * self._half_widths, 0
         self._row += 1
         return self._rows[self._row - 1]
 
 
-def _half_widths(noise: Noise, n: int) -> np.ndarray:
-    widths = (noise.joint_position, noise.joint_velocity, noise.gyro, noise.gravity)
-    return np.repeat(widths, (n, n, 3, 3))
+def _places(joints: int) -> dict[str, slice]:
+    """Where each reading lies in a row of noise: those of the motors first."""
+    places, start = {}, 0
+    for name in sorted(READINGS, key=lambda name: READINGS[name].sensed not in MOTORS):
+        stop = start + READINGS[name].kind.size(Parts(joints))
+        places[name] = slice(start, stop)
+        start = stop
+    return places
+
+
+def _errors(
+    fields: Sequence[str], sample: Sample, noise: Noise | None, joints: int, add: Callable[[Any, Any], Any]
+) -> Iterator[_Error]:
+    """Bias and noise of the readings of one device's fields; `add` adds an offset to a field's values."""
+    for name, place in _places(joints).items():
+        declared = READINGS[name]
+        if declared.sensed not in fields:
+            continue
+        drawn = None if name == OF_MOTOR else sensor_bias(sample, name)
+        bias = None if drawn is None else np.asarray(drawn, dtype=float)
+        width = 0.0 if noise is None else getattr(noise, name)
+        if bias is None and not width:
+            continue
+        if not declared.can_shift:
+            raise UserError(
+                f"reading '{name}': the simulated robot cannot add bias or noise to it, its declaration has"
+                " no shift"
+            )
+        yield _Error(fields.index(declared.sensed), declared.shift or add, bias, place)
+
+
+def _add_lists(value: list[float], offset: list[float]) -> list[float]:
+    return [a + b for a, b in zip(value, offset, strict=True)]

@@ -44,6 +44,7 @@ def _swapped(partners: np.ndarray) -> Mirror:
 SCALAR = Kind(lambda _: (), lambda _: _swapped(np.arange(1)))
 VECTOR = _fixed(symmetry.VECTOR)  # positions, velocities, forces, directions
 ROTATION = _fixed(symmetry.ROTATION)  # angular velocities, torques, small rotations
+QUATERNION = _fixed(np.array([1.0, -1.0, 1.0, -1.0]))  # w, x, y, z
 COMMAND = _fixed(np.array([1.0, -1.0, -1.0]))  # forward, leftward, yaw
 CLOCK = Kind(lambda _: (2,), lambda s: Mirror(np.arange(2), np.full(2, s.clock)))  # sine and cosine
 JOINTS = Kind(lambda parts: (parts.joints,), lambda s: s.joints)  # angles, speeds, torques

@@ -1,11 +1,12 @@
-"""What a robot senses of itself, and what of it a learned policy may know."""
+"""What a robot senses, and which readings of it a learned policy may use: the one table of readings."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, get_type_hints
 
 from footfall.common.config import require_between
-from footfall.common.rotations import projected_gravity
+from footfall.common.errors import UserError
+from footfall.common.rotations import projected_gravity, shift_gravity
 from footfall.robots import kinds
 from footfall.robots.kinds import Kind, Parts
 
@@ -14,43 +15,67 @@ Readings = dict[str, Array]  # each reading of READINGS by name, shapes (..., si
 
 
 class Sensed(NamedTuple):
-    """One decoded set of readings, as they came over the bus; in training, the simulation's true ones."""
+    """One decoded set of sensor values as it arrived over the bus. In training: the simulation's true values.
 
-    gyro: Array  # (3,) rad/s, body frame
-    acceleration: Array  # (3,) m/s^2, proper acceleration at the IMU, body frame; not simulated in training
-    quaternion: Array  # (4,) unit, body to world, w x y z; its yaw drifts on a real robot
-    joint_position: Array  # (n,) rad
-    joint_velocity: Array  # (n,) rad/s
-    joint_torque: Array  # (n,) N m, as the motors report it
+    The annotation of a field gives its number of components. Observations, logs and the simulated sensors
+    take field order and sizes from here.
+    """
+
+    gyro: Annotated[Array, kinds.ROTATION]  # rad/s, body frame
+    acceleration: Annotated[Array, kinds.VECTOR]  # m/s^2, proper, at the IMU, body frame; None in training
+    quaternion: Annotated[Array, kinds.QUATERNION]  # body to world, w x y z; its yaw drifts on a real robot
+    joint_position: Annotated[Array, kinds.JOINTS]  # rad
+    joint_velocity: Annotated[Array, kinds.JOINTS]  # rad/s
+    joint_torque: Annotated[Array, kinds.JOINTS]  # N m, as reported by the motors
+
+
+SENSED: dict[str, Kind] = {
+    name: hint.__metadata__[0] for name, hint in get_type_hints(Sensed, include_extras=True).items()
+}
+
+
+def sensed_sizes(joints: int) -> dict[str, int]:
+    """Number of components of each field of `Sensed`, in field order."""
+    return {name: kind.size(Parts(joints)) for name, kind in SENSED.items()}
 
 
 class Reading(NamedTuple):
-    """The declaration of a reading."""
+    """The declaration of a reading: a function of one field of `Sensed`."""
 
-    kind: Kind  # how many numbers, and their mirror image
-    source: Callable[[Sensed], Array]  # the same on the robot and in training
-    unit_length: bool = False  # a direction: normalised again whenever bias or noise was added
+    kind: Kind  # number of components, and their mirror image
+    sensed: str  # field of `Sensed`
+    source: Callable[[Array], Array] | None = None  # reading from the field's value; None: the value itself
+    # The field's value after an offset of the reading, both as plain numbers. A simulated sensor needs it to
+    # add bias and noise to a reading that has a source; without a source, the offset is added.
+    shift: Callable[[Sequence[float], Sequence[float]], Sequence[float]] | None = None
+    unit_length: bool = False  # a direction: normalised after bias or noise was added
+
+    @property
+    def can_shift(self) -> bool:
+        """Whether a simulated sensor can add bias and noise to it."""
+        return self.source is None or self.shift is not None
 
 
-def reading(kind: Kind, source: Callable[[Sensed], Array], unit_length: bool = False) -> Any:
-    """A field of `Noise`: it declares a reading."""
-    return field(default=0.0, metadata={"declares": Reading(kind, source, unit_length)})
+def reading(kind: Kind, sensed: str, **rest: Any) -> Any:
+    """A field of `Noise`: it declares a reading of a field of `Sensed`; `rest` as `Reading` has it."""
+    return field(default=0.0, metadata={"declares": Reading(kind, sensed, **rest)})
 
 
 @dataclass(frozen=True)
 class Noise:
-    """The readings that a policy may know, and the half-width of the uniform noise on each.
+    """Half-width of the uniform noise on each reading that a policy may use.
 
-    A field is all that a reading needs: its value is a setting, its default declares the reading. There is
-    an observation term of the same name (policies/observation.py).
+    Each field declares a reading: its name, its source, and how bias and noise act on it. Training, the
+    simulated robot and the log follow the declaration. An observation term has the same name
+    (policies/observation.py).
     """
 
-    gyro: float = reading(kinds.ROTATION, lambda sensed: sensed.gyro)  # rad/s, body frame
+    gyro: float = reading(kinds.ROTATION, "gyro")  # rad/s, body frame
     gravity: float = reading(  # direction in the body frame, (0, 0, -1) when upright; noise on each component
-        kinds.VECTOR, lambda sensed: projected_gravity(sensed.quaternion), unit_length=True
+        kinds.VECTOR, "quaternion", source=projected_gravity, shift=shift_gravity, unit_length=True
     )
-    joint_position: float = reading(kinds.JOINTS, lambda sensed: sensed.joint_position)  # rad
-    joint_velocity: float = reading(kinds.JOINTS, lambda sensed: sensed.joint_velocity)  # rad/s
+    joint_position: float = reading(kinds.JOINTS, "joint_position")  # rad
+    joint_velocity: float = reading(kinds.JOINTS, "joint_velocity")  # rad/s
 
     def __post_init__(self) -> None:
         require_between(self, 0.0, 100.0, *(each.name for each in fields(self)))
@@ -60,23 +85,34 @@ READINGS: dict[str, Reading] = {each.name: each.metadata["declares"] for each in
 
 
 def read(sensed: Sensed) -> Readings:
-    """Every reading of what was sensed."""
-    return {name: declared.source(sensed) for name, declared in READINGS.items()}
+    """All readings of sensed values.
+
+    Raises:
+        UserError: a reading needs a field that training does not simulate.
+    """
+    return {name: _read(name, declared, sensed) for name, declared in READINGS.items()}
+
+
+def _read(name: str, declared: Reading, sensed: Sensed) -> Array:
+    value = getattr(sensed, declared.sensed)
+    if value is None:
+        raise UserError(f"reading '{name}' needs {declared.sensed}, which training does not simulate")
+    return value if declared.source is None else declared.source(value)
 
 
 def readings_size(joints: int) -> int:
-    """Numbers in a robot's readings."""
+    """Number of components of all readings."""
     return sum(declared.kind.size(Parts(joints)) for declared in READINGS.values())
 
 
 def as_vector(readings: Readings) -> Array:
-    """Readings laid end to end, shape (..., readings_size)."""
+    """Concatenated readings, shape (..., readings_size)."""
     xp = readings["gyro"].__array_namespace__()
     return xp.concat([readings[name] for name in READINGS], axis=-1)
 
 
 def from_vector(vector: Array, joints: int) -> Readings:
-    """The readings (or as many numbers that belong to them) that lie end to end in a vector (..., size)."""
+    """The inverse of `as_vector`: splits a vector (..., readings_size), for instance of noise."""
     parts, start = {}, 0
     for name, declared in READINGS.items():
         stop = start + declared.kind.size(Parts(joints))

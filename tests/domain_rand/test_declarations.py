@@ -33,7 +33,7 @@ NAMES = tuple(each.name for each in fields(Randomisation))
 class WithTorque(Noise):
     """The readings, and the motors' torques."""
 
-    joint_torque: float = reading(kinds.JOINTS, lambda sensed: sensed.joint_torque)
+    joint_torque: float = reading(kinds.JOINTS, "joint_torque")
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,251 @@
+"""Readings, biases and delays are declared once and act in training, on the plant and in the log."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, make_dataclass, replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from deploy_policies import Hold, short_episode
+
+from footfall.common.errors import UserError
+from footfall.deploy.config import DeployConfig
+from footfall.deploy.log_file import read_log
+from footfall.domain_rand.distributions import Distribution
+from footfall.domain_rand.noise import Noise
+from footfall.domain_rand.quantity import OFFSET, quantity
+from footfall.domain_rand.randomisation import QUANTITIES, Randomisation, declared_quantities
+from footfall.domain_rand.sample import Sample
+from footfall.envs.actuation import Actuation
+from footfall.envs.observe import Observer
+from footfall.envs.velocity import make_contract
+from footfall.plant.episode import run_episode
+from footfall.plant.sensors import IMU, MOTORS
+from footfall.policies.contract import Term
+from footfall.policies.observation import TERMS, reading_term
+from footfall.robots import kinds
+from footfall.robots.description import Robot
+from footfall.robots.kinds import Parts
+from footfall.robots.model import training_model
+from footfall.robots.readings import (
+    READINGS,
+    SENSED,
+    Reading,
+    Readings,
+    Sensed,
+    as_vector,
+    from_vector,
+    read,
+    reading,
+)
+from footfall.train.config import load_preset
+
+N = 12
+UNIT = 0.3  # noise and bias of a reading
+LARGEST = 1.3 * UNIT  # of a direction, which is normalised
+ROUNDING = 0.03  # of a frame
+TICK_S = 0.002
+STILL_TICKS = 20  # that the robot is held before its motors are commanded
+
+
+@dataclass(frozen=True)
+class MoreNoise(Noise):
+    """A reading of one's own."""
+
+    joint_torque: float = reading(kinds.JOINTS, "joint_torque")
+
+
+@dataclass(frozen=True)
+class More(Randomisation):
+    """Biases and delays of one's own."""
+
+    velocity_bias: Distribution | None = quantity(kinds.JOINTS, OFFSET, bias_of="joint_velocity")
+    second_gyro_bias: Distribution | None = quantity(kinds.ROTATION, OFFSET, bias_of="gyro")
+    bus_delay_s: Distribution | None = quantity(kinds.SCALAR, OFFSET, delay_of="readings")
+    motor_delay_s: Distribution | None = quantity(kinds.SCALAR, OFFSET, delay_of="actions")
+
+
+MORE_READINGS = {
+    **READINGS,
+    "joint_torque": MoreNoise.__dataclass_fields__["joint_torque"].metadata["declares"],
+}
+CONFIG = replace(load_preset("smoke").env, noise=MoreNoise(), randomisation=More())
+MORE_QUANTITIES = declared_quantities(More)
+BIASES = [name for name, each in MORE_QUANTITIES.items() if each.bias_of is not None]
+DELAYS = {
+    of: [name for name, each in MORE_QUANTITIES.items() if each.delay_of == of]
+    for of in ("actions", "readings")
+}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def declared() -> Iterator[None]:
+    """Declares them, as a field of `Noise` and of `Randomisation` does."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(READINGS, "joint_torque", MORE_READINGS["joint_torque"])
+        patch.setitem(TERMS, "joint_torque", reading_term("joint_torque"))
+        for name, each in MORE_QUANTITIES.items():
+            patch.setitem(QUANTITIES, name, each)
+        yield
+
+
+def rows_in_log(
+    robot: Robot, path: Path, noise: Noise | None = None, sample: Sample | None = None
+) -> Readings:
+    """Readings in the log of a robot that stands up, shape (ticks, size) each, the first tick left out."""
+    still = short_episode(
+        duration_s=0.03, config=DeployConfig(stand_s=0.05), log=path, noise=noise, sample=sample or {}, seed=3
+    )
+    run_episode(robot, Hold(robot), still)
+    entries = [each.message for each in read_log(path, ("/joint_states", "/imu")).entries]
+    rows = [
+        read(
+            Sensed(
+                *(
+                    components(part, "xyz")
+                    for part in (inertial.angular_velocity, inertial.linear_acceleration)
+                ),
+                components(inertial.orientation, "wxyz"),
+                *(np.array(part) for part in (joints.position, joints.velocity, joints.effort)),
+            )
+        )
+        for joints, inertial in zip(entries[::2], entries[1::2], strict=True)
+    ]
+    return {name: np.array([row[name] for row in rows[1:]]) for name in READINGS}
+
+
+def components(message: object, names: str) -> np.ndarray:
+    return np.array([getattr(message, name) for name in names])
+
+
+@pytest.fixture(scope="module")
+def nominal(declared: None, go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> Readings:
+    return rows_in_log(go1, tmp_path_factory.mktemp("logs") / "nominal.mcap")
+
+
+def observer_of(robot: Robot, noise: Noise) -> Observer:
+    """What training observes a robot with: the observation is all readings."""
+    config = replace(CONFIG, noise=noise, observation=tuple(Term(name) for name in READINGS if name in TERMS))
+    return Observer(training_model(robot), robot, config, make_contract(robot, config))
+
+
+def in_training(robot: Robot, noise: Noise, sample: Sample, true: np.ndarray, u: float) -> np.ndarray:
+    """The readings, end to end, that the actor sees of true ones, (physics steps, size)."""
+    observer = observer_of(robot, noise)
+    state = SimpleNamespace(
+        sample=sample, actions=jnp.zeros((3, N)), command=jnp.zeros(3), phase=jnp.zeros(1)
+    )
+    state._replace = lambda frames: state
+    state.frames = observer.no_frames()
+    _, seen = observer.observe(state, jnp.asarray(true), jnp.full(observer.numbers, u))
+    shown = from_vector(np.asarray(seen), N)
+    return as_vector({**shown, "joint_position": shown["joint_position"] + np.float32(robot.default_pose)})
+
+
+def true_readings(robot: Robot) -> np.ndarray:
+    """Those of a robot that stands still, end to end."""
+    still = {name: np.zeros(declared.kind.size(Parts(N))) for name, declared in READINGS.items()}
+    upright = {"gravity": np.array([0.0, 0.0, -1.0]), "joint_position": robot.default_pose}
+    return as_vector({**still, **upright})
+
+
+class TestEveryReading:
+    def test_motors_and_imu_report_all_that_is_sensed(self) -> None:
+        assert sorted((*MOTORS, *IMU)) == sorted(SENSED)
+
+    @pytest.mark.parametrize("name", MORE_READINGS)
+    def test_its_noise_acts_in_training_on_the_plant_and_in_the_log(
+        self, go1: Robot, nominal: Readings, tmp_path: Path, name: str
+    ) -> None:
+        noise = MoreNoise(**{name: UNIT})
+        seen = rows_in_log(go1, tmp_path / "noisy.mcap", noise)
+        error = np.abs(seen[name][:STILL_TICKS] - nominal[name][:STILL_TICKS])
+        true = true_readings(go1)
+        trained = np.abs(in_training(go1, noise, {}, true[None], 1.0) - true)
+        most = from_vector(trained, N)[name].max()
+        assert 0.5 * UNIT < most <= LARGEST
+        assert 0.6 * most < error.max() < LARGEST + ROUNDING
+        assert (error.max(axis=0) > 0.3 * most)[: 2 if name == "gravity" else None].all()
+        for other in set(READINGS) - {name}:
+            np.testing.assert_array_equal(seen[other][:STILL_TICKS], nominal[other][:STILL_TICKS])
+
+    @pytest.mark.parametrize("name", BIASES)
+    def test_its_bias_acts_in_training_on_the_plant_and_in_the_log(
+        self, go1: Robot, nominal: Readings, tmp_path: Path, name: str
+    ) -> None:
+        kind, of = MORE_QUANTITIES[name].kind, MORE_QUANTITIES[name].bias_of
+        sample = {name: UNIT * np.linspace(-1.0, 1.0, kind.size(Parts(N)))}
+        true = true_readings(go1)
+        trained = from_vector(in_training(go1, MoreNoise(), sample, true[None], 0.5) - true, N)
+        seen = rows_in_log(go1, tmp_path / "biased.mcap", sample=sample)
+        for each, difference in trained.items():
+            assert (
+                (np.abs(difference).max() > 0.5 * UNIT) if each == of else (np.abs(difference) < 1e-6).all()
+            )
+            found = seen[each][:STILL_TICKS] - nominal[each][:STILL_TICKS]
+            np.testing.assert_allclose(found, np.tile(difference, (STILL_TICKS, 1)), atol=ROUNDING)
+
+    @pytest.mark.parametrize("name", DELAYS["readings"])
+    def test_its_delay_acts_in_training_on_the_plant_and_in_the_log(
+        self, go1: Robot, nominal: Readings, tmp_path: Path, name: str
+    ) -> None:
+        recent = np.arange(8.0)[:, None] * np.ones(6 + 3 * N)
+        trained = in_training(go1, MoreNoise(), {name: 1.5 * CONFIG.timestep_s}, recent, 0.5)
+        np.testing.assert_allclose(trained[:3], np.full(3, 5.5), rtol=1e-6)
+        seen = rows_in_log(go1, tmp_path / "late.mcap", sample={name: np.array(2 * TICK_S)})
+        for each, values in nominal.items():
+            if each not in ("gyro", "gravity"):  # whose latest frames come at other ticks of the loop
+                np.testing.assert_array_equal(seen[each][2:], values[:-2])
+                assert np.ptp(values, axis=0).any()
+
+
+@pytest.mark.parametrize("name", DELAYS["actions"])
+def test_a_delay_of_actions_acts_in_training_and_on_the_plant(
+    go1: Robot, nominal: Readings, tmp_path: Path, name: str
+) -> None:
+    goals = jnp.asarray(go1.default_pose) + jnp.array([[0.01], [0.0], [0.0]])
+    actuation = Actuation(go1, CONFIG)
+    late = actuation.targets(goals, goals[1], {name: 2 * CONFIG.timestep_s})
+    np.testing.assert_array_equal(np.ptp(late[:2], axis=0), np.zeros(N))
+    assert (late[2] > late[1]).all()
+    seen = rows_in_log(go1, tmp_path / "late.mcap", sample={name: np.array(2 * TICK_S)})
+    for each, values in nominal.items():
+        moved = [int(np.argmax((rows != rows[0]).any(axis=1))) for rows in (values, seen[each])]
+        assert moved[1] - moved[0] == 2
+
+
+class TestRefusals:
+    @pytest.mark.parametrize(
+        ("declaration", "word"),
+        [
+            (quantity(kinds.JOINTS, OFFSET), "no effect"),
+            (quantity(kinds.JOINTS, OFFSET, bias_of="joint_current"), "joint_current"),
+            (quantity(kinds.VECTOR, OFFSET, bias_of="joint_velocity"), "joint_velocity"),
+            (quantity(kinds.SCALAR, OFFSET, delay_of="sensors"), "sensors"),
+        ],
+    )
+    def test_a_quantity_that_would_act_nowhere_is_refused_by_name(self, declaration: Any, word: str) -> None:
+        cls = make_dataclass(
+            "Own", [("mine", Distribution | None, declaration)], bases=(Randomisation,), frozen=True
+        )
+        with pytest.raises(ValueError, match=f"'mine'.*{word}"):
+            declared_quantities(cls)
+
+    def test_a_reading_that_training_does_not_simulate_is_refused_by_name(
+        self, go1: Robot, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setitem(READINGS, "weight", Reading(kinds.VECTOR, "acceleration"))
+        with pytest.raises(UserError, match=r"'weight'.*acceleration"):
+            observer_of(go1, MoreNoise()).readings(jnp.zeros(7 + N), jnp.zeros(6 + N), jnp.zeros(N))
+
+    def test_noise_that_sensors_cannot_have_is_refused_by_name(
+        self, go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        squared = MORE_READINGS["joint_torque"]._replace(source=lambda torque: torque**2)
+        monkeypatch.setitem(READINGS, "joint_torque", squared)
+        assert rows_in_log(go1, tmp_path / "quiet.mcap", MoreNoise())["joint_torque"].any()
+        with pytest.raises(UserError, match="'joint_torque'"):
+            rows_in_log(go1, tmp_path / "noisy.mcap", MoreNoise(joint_torque=0.1))
