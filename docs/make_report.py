@@ -16,10 +16,11 @@ from typing import Any
 
 from footfall.common.errors import UserError
 from footfall.evaluate.comparison import Comparison, PolicyResult
+from footfall.evaluate.config import EvaluationConfig
 from footfall.evaluate.pool import TaskResult
 from footfall.evaluate.report.page import render
 from footfall.evaluate.scenarios import load_scenarios
-from footfall.evaluate.suite import Setup, run_course
+from footfall.evaluate.suite import run_course
 from footfall.policies.registry import load_policy
 from footfall.robots.description import load_robot
 
@@ -54,7 +55,7 @@ def together(files: Sequence[Path]) -> dict[str, dict[str, Any]]:
 def page(results: dict[str, dict[str, Any]]) -> str:
     """The report of results that `together` put together; the policies' courses are run for it."""
     first = next(iter(results.values()))
-    setup = Setup(
+    config = EvaluationConfig(
         first["robot"],
         tuple(first["scenarios"]),
         first["seed"],
@@ -62,9 +63,9 @@ def page(results: dict[str, dict[str, Any]]) -> str:
         Path(first["plant"]) if first["plant"] else None,
         first["ground_truth"],
     )
-    robot = load_robot(setup.robot)
+    robot = load_robot(config.robot)
     file = load_scenarios(robot)
-    walks = run_course(list(results), setup, file)
+    walks = run_course(list(results), config, file)
     compared = [
         PolicyResult(
             name,
@@ -77,7 +78,7 @@ def page(results: dict[str, dict[str, Any]]) -> str:
         for name, result in results.items()
     ]
     not_filmed = {name: TaskResult(None, "not filmed") for name in results}
-    return render(Comparison(robot, setup, file, compared, first["versions"]), not_filmed)
+    return render(Comparison(robot, config, file, compared, first["versions"]), not_filmed)
 
 
 def main() -> None:

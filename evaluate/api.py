@@ -13,45 +13,31 @@ from footfall.common.errors import UserError
 from footfall.common.outputs import check_outputs, is_device, write_json, write_text
 from footfall.common.versions import versions
 from footfall.evaluate.comparison import Comparison, PolicyResult
+from footfall.evaluate.config import DEFAULT_EVALUATION, EvaluationConfig
 from footfall.evaluate.provenance import PACKAGES, machine, origin
 from footfall.evaluate.scenarios import ScenarioFile, load_scenarios
-from footfall.evaluate.suite import Setup, run_course, run_suite
+from footfall.evaluate.suite import run_course, run_suite
 from footfall.evaluate.table import print_results
 from footfall.policies.policy import Policy
 from footfall.policies.registry import changed_settings, load_policy, load_settings
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.model import read_plant
 
-DEFAULT_SCENARIOS = ("nominal", "push")
-
 
 def evaluate_policy(
     policy_spec: str,
-    robot_spec: str,
-    scenarios: Sequence[str] = DEFAULT_SCENARIOS,
-    episodes: int | None = None,
-    seed: int = 0,
-    plant: Path | None = None,
+    config: EvaluationConfig = DEFAULT_EVALUATION,
+    *,
     json_path: Path | None = None,
-    workers: int | None = None,
-    ground_truth: bool = False,
-    scenario_file: Path | None = None,
     console: Console | None = None,
 ) -> dict[str, Any]:
     """Run a policy through scenarios, print the table, write the JSON.
 
     Args:
         policy_spec: as `footfall.policies.registry.load_policy` takes it.
-        robot_spec: a robot's name or folder.
-        scenarios: names in `scenarios.yaml`.
-        episodes: of each scenario; its own number if None.
-        seed: of everything drawn.
-        plant: another MJCF than the robot's own.
-        json_path: where results go as well.
-        workers: processes; one for each core if None.
-        ground_truth: hand the policy the true base velocity.
-        scenario_file: scenarios of the user's, beside ours.
-        console: where to print.
+        config: robot, scenarios, seed and what else an evaluation runs.
+        json_path: file for the results.
+        console: where the table and the progress bar go; the terminal if None.
 
     Returns:
         {"policy", "robot", "seed", ..., "scenarios": {name: figures}}; episodes that raised are counted in a
@@ -61,10 +47,9 @@ def evaluate_policy(
         UserError: something named does not exist or does not fit, or the output cannot be written.
     """
     console = console or Console()
-    setup = Setup(robot_spec, tuple(scenarios), seed, episodes, plant, ground_truth, workers, scenario_file)
-    robot, file, policies = _load(setup, [policy_spec])
+    robot, file, policies = _load(config, [policy_spec])
     check_outputs(json_path)
-    (result,) = _score(robot, file, policies, setup, console).values()
+    (result,) = _score(robot, file, policies, config, console).values()
     print_results({result["policy"]: result}, console)
     write_json(json_path, result)
     return result
@@ -72,21 +57,15 @@ def evaluate_policy(
 
 def compare_policies(
     policy_specs: Sequence[str],
-    robot_spec: str,
-    scenarios: Sequence[str] = DEFAULT_SCENARIOS,
-    episodes: int | None = None,
-    seed: int = 0,
-    plant: Path | None = None,
+    config: EvaluationConfig = DEFAULT_EVALUATION,
+    *,
     json_path: Path | None = None,
     html_path: Path | None = None,
-    workers: int | None = None,
-    ground_truth: bool = False,
-    scenario_file: Path | None = None,
     console: Console | None = None,
 ) -> dict[str, Any]:
     """Run several policies through the same scenarios and the test course; table, JSON, HTML report.
 
-    Args as for `evaluate_policy`; `html_path` is where the report goes, which needs the extra `report`.
+    Args as for `evaluate_policy`; `html_path` is the file for the report, which needs the extra `report`.
 
     Returns:
         {policy: as `evaluate_policy` returns it, with "compute_ms": {"p50", "p99"} on the course, alone}
@@ -96,8 +75,7 @@ def compare_policies(
             output cannot be written.
     """
     console = console or Console()
-    setup = Setup(robot_spec, tuple(scenarios), seed, episodes, plant, ground_truth, workers, scenario_file)
-    robot, file, policies = _load(setup, policy_specs)
+    robot, file, policies = _load(config, policy_specs)
     if html_path is not None:
         from footfall.evaluate.report.extra import check_installed
 
@@ -106,9 +84,9 @@ def compare_policies(
             raise UserError(f"cannot write the report to {html_path}: give a file name")
     check_outputs(json_path, html_path)
 
-    results = _score(robot, file, policies, setup, console)
+    results = _score(robot, file, policies, config, console)
     with console.status("timing each policy alone"):
-        walks = run_course(list(policies), setup, file)
+        walks = run_course(list(policies), config, file)
     for spec, walk in walks.items():
         results[spec] |= walk.compute
     compared = [
@@ -122,7 +100,7 @@ def compare_policies(
         )
         for spec, policy in policies.items()
     ]
-    comparison = Comparison(robot, setup, file, compared, versions(PACKAGES))
+    comparison = Comparison(robot, config, file, compared, versions(PACKAGES))
     by_name = {policy.name: policy.result for policy in compared}
     print_results(by_name, console)
     write_json(json_path, by_name)
@@ -137,37 +115,41 @@ def compare_policies(
     return by_name
 
 
-def _load(setup: Setup, specs: Sequence[str]) -> tuple[Robot, ScenarioFile, dict[str, Policy]]:
+def _load(config: EvaluationConfig, specs: Sequence[str]) -> tuple[Robot, ScenarioFile, dict[str, Policy]]:
     """Everything that is named, so that what does not exist or fit is known before the long run."""
     if not specs:
         raise UserError("nothing to compare: name at least one policy")
     twice = next((spec for spec in specs if specs.count(spec) > 1), None)
     if twice is not None:
         raise UserError(f"policy '{twice}' is named twice: name each policy once")
-    if setup.episodes is not None and setup.episodes < 1:
-        raise UserError(f"episodes is {setup.episodes}: it must be 1 or more")
-    robot = load_robot(setup.robot)
-    file = load_scenarios(robot, setup.scenario_file)
-    file.select(setup.scenarios)
+    if config.episodes is not None and config.episodes < 1:
+        raise UserError(f"episodes is {config.episodes}: it must be 1 or more")
+    robot = load_robot(config.robot)
+    file = load_scenarios(robot, config.scenario_file)
+    file.select(config.scenarios)
     policies = {spec: load_policy(spec, robot) for spec in specs}
-    if setup.plant is not None:
-        read_plant(robot, setup.plant)
+    if config.plant is not None:
+        read_plant(robot, config.plant)
     return robot, file, policies
 
 
 def _score(
-    robot: Robot, file: ScenarioFile, policies: Mapping[str, Policy], setup: Setup, console: Console
+    robot: Robot,
+    file: ScenarioFile,
+    policies: Mapping[str, Policy],
+    config: EvaluationConfig,
+    console: Console,
 ) -> dict[str, dict[str, Any]]:
     """Run all episodes; the JSON of each policy by spec."""
     with _progress(console) as done:
-        figures = run_suite(list(policies), setup, file, done)
+        figures = run_suite(list(policies), config, file, done)
     names = policy_names(policies)
     settings = {spec: unstructure(load_settings(spec, robot)) for spec in policies}
     shared = {
         "robot": robot.name,
-        "seed": setup.seed,
-        "ground_truth": setup.ground_truth,
-        "plant": str(setup.plant) if setup.plant else None,
+        "seed": config.seed,
+        "ground_truth": config.ground_truth,
+        "plant": str(config.plant) if config.plant else None,
         "versions": versions(PACKAGES),
         "machine": machine(),
     }

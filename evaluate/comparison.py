@@ -5,9 +5,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from footfall.evaluate.config import EvaluationConfig
 from footfall.evaluate.figures import Summary
 from footfall.evaluate.scenarios import ScenarioFile
-from footfall.evaluate.suite import CourseWalk, Setup
+from footfall.evaluate.suite import CourseWalk
 from footfall.robots.description import Robot
 
 
@@ -28,7 +29,7 @@ class Comparison:
     """All that a report tells, films apart."""
 
     robot: Robot
-    setup: Setup
+    config: EvaluationConfig
     file: ScenarioFile
     policies: Sequence[PolicyResult]
     versions: Mapping[str, str]
@@ -40,21 +41,21 @@ class Comparison:
     @property
     def push_scenario(self) -> str | None:
         """The first scenario that looks for the push that half survive."""
-        chosen = self.setup.scenarios
+        chosen = self.config.scenarios
         return next((name for name in chosen if "push_m_s" in self.file.scenarios[name].levels), None)
 
 
 def command_line(comparison: Comparison) -> str:
     """What to type for the same figures."""
-    setup = comparison.setup
-    options = ["--robot", setup.robot, "--scenarios", ",".join(setup.scenarios), "--seed", str(setup.seed)]
-    if setup.episodes is not None:
-        options += ["--episodes", str(setup.episodes)]
-    if setup.scenario_file is not None:
-        options += ["--scenario-file", str(setup.scenario_file)]
-    if setup.plant is not None:
-        options += ["--plant", str(setup.plant)]
-    if setup.ground_truth:
+    config = comparison.config
+    options = ["--robot", config.robot, "--scenarios", ",".join(config.scenarios), "--seed", str(config.seed)]
+    if config.episodes is not None:
+        options += ["--episodes", str(config.episodes)]
+    if config.scenario_file is not None:
+        options += ["--scenario-file", str(config.scenario_file)]
+    if config.plant is not None:
+        options += ["--plant", str(config.plant)]
+    if config.ground_truth:
         options.append("--ground-truth")
     specs = [policy.spec for policy in comparison.policies]
     return shlex.join(["footfall", "compare", *specs, *options, "--html", "report.html"])

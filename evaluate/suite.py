@@ -2,10 +2,10 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
+from footfall.evaluate.config import EvaluationConfig
 from footfall.evaluate.episodes import EpisodeOutcome, EpisodeTask, run_task
 from footfall.evaluate.plan import EpisodePlan, plan_episodes
 from footfall.evaluate.pool import TaskResult, run_all
@@ -14,20 +14,6 @@ from footfall.evaluate.summary import Summary, compute_figures, summarise
 from footfall.plant.trace import Trace
 
 COURSE = "course"  # the scenario that is filmed, and on which time per step is taken
-
-
-@dataclass(frozen=True)
-class Setup:
-    """What all policies share."""
-
-    robot: str
-    scenarios: tuple[str, ...]
-    seed: int = 0
-    episodes: int | None = None  # of each scenario; its own number if None
-    plant: Path | None = None
-    ground_truth: bool = False
-    workers: int | None = None
-    scenario_file: Path | None = None  # of the user's
 
 
 @dataclass(frozen=True)
@@ -42,7 +28,7 @@ class CourseWalk:
 
 def run_suite(
     policies: Sequence[str],
-    setup: Setup,
+    config: EvaluationConfig,
     file: ScenarioFile,
     done: Callable[[int, int], None] | None = None,
 ) -> dict[str, dict[str, Summary]]:
@@ -52,46 +38,49 @@ def run_suite(
 
     Args:
         policies: as `load_policy` takes them, each once.
-        setup: what they share.
+        config: what they share.
         file: the scenarios' definitions.
         done: called with the number of finished episodes and of all.
 
     Raises:
         UserError: a scenario, policy, robot or plant does not exist or does not fit.
     """
-    chosen = file.select(setup.scenarios)
+    chosen = file.select(config.scenarios)
     plans = {
-        name: plan_episodes(name, scenario, setup.seed, setup.episodes) for name, scenario in chosen.items()
+        name: plan_episodes(name, scenario, config.seed, config.episodes) for name, scenario in chosen.items()
     }
     places = [
         (policy, name, plan) for name, episodes in plans.items() for plan in episodes for policy in policies
     ]
-    tasks = [_task(policy, plan, setup, file) for policy, _, plan in places]
+    tasks = [_task(policy, plan, config, file) for policy, _, plan in places]
     report = None if done is None else lambda finished: done(finished, len(tasks))
-    outcomes = run_all(run_task, tasks, setup.workers, report)
+    outcomes = run_all(run_task, tasks, config.workers, report)
     gathered: dict[tuple[str, str], list[TaskResult[EpisodeOutcome]]] = {}
     for (policy, name, _), outcome in zip(places, outcomes, strict=True):
         gathered.setdefault((policy, name), []).append(outcome)
     return {
         policy: {
-            name: summarise(scenario, gathered[policy, name], setup.seed) for name, scenario in chosen.items()
+            name: summarise(scenario, gathered[policy, name], config.seed)
+            for name, scenario in chosen.items()
         }
         for policy in policies
     }
 
 
-def run_course(policies: Sequence[str], setup: Setup, file: ScenarioFile) -> dict[str, CourseWalk]:
+def run_course(
+    policies: Sequence[str], config: EvaluationConfig, file: ScenarioFile
+) -> dict[str, CourseWalk]:
     """Each policy once over the course, one after the other, so that nothing of ours disturbs its timing."""
-    (plan,) = plan_episodes(COURSE, file.scenarios[COURSE], setup.seed, 1)
-    tasks = [_task(policy, plan, setup, file, keep_trace=True) for policy in policies]
+    (plan,) = plan_episodes(COURSE, file.scenarios[COURSE], config.seed, 1)
+    tasks = [_task(policy, plan, config, file, keep_trace=True) for policy in policies]
     outcomes = run_all(run_task, tasks, workers=1)
     return {policy: _course_walk(plan, outcome) for policy, outcome in zip(policies, outcomes, strict=True)}
 
 
 def _task(
-    policy: str, plan: EpisodePlan, setup: Setup, file: ScenarioFile, keep_trace: bool = False
+    policy: str, plan: EpisodePlan, config: EvaluationConfig, file: ScenarioFile, keep_trace: bool = False
 ) -> EpisodeTask:
-    return EpisodeTask(policy, setup.robot, plan, file.noise, setup.plant, setup.ground_truth, keep_trace)
+    return EpisodeTask(policy, config.robot, plan, file.noise, config.plant, config.ground_truth, keep_trace)
 
 
 def _course_walk(plan: EpisodePlan, outcome: TaskResult[EpisodeOutcome]) -> CourseWalk:

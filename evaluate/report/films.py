@@ -71,8 +71,8 @@ def films_of(comparison: Comparison) -> dict[str, TaskResult[Film]]:
     """A film of each policy's walk over the test course, by name, or why there is none."""
     tasks = {
         policy.name: FilmTask(
-            comparison.setup.robot,
-            comparison.setup.plant,
+            comparison.config.robot,
+            comparison.config.plant,
             policy.course.trace,
             policy.course.plan.pushes,
             policy.course.plan.duration_s,
@@ -80,7 +80,7 @@ def films_of(comparison: Comparison) -> dict[str, TaskResult[Film]]:
         for policy in comparison.policies
         if policy.course.trace is not None and len(policy.course.trace.time_s)
     }
-    films = dict(zip(tasks, render_films(list(tasks.values()), comparison.setup.workers), strict=True))
+    films = dict(zip(tasks, render_films(list(tasks.values()), comparison.config.workers), strict=True))
     nothing: TaskResult[Film] = TaskResult(None, "it did not walk")
     return {policy.name: films.get(policy.name, nothing) for policy in comparison.policies}
 

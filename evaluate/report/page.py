@@ -42,7 +42,7 @@ def render(comparison: Comparison, films: Mapping[str, TaskResult[Film]]) -> str
         comparison, policies=[replace(policy, name=names[policy.name]) for policy in comparison.policies]
     )
     films = {names[name]: film for name, film in films.items()}
-    setup, file = comparison.setup, comparison.file
+    config, file = comparison.config, comparison.file
     environment = Environment(
         loader=PackageLoader("footfall.evaluate.report"),
         autoescape=True,
@@ -54,9 +54,9 @@ def render(comparison: Comparison, films: Mapping[str, TaskResult[Film]]) -> str
     return environment.get_template("page.html").render(
         comparison=comparison,
         whole_names=whole_names,
-        setup=setup,
+        config=config,
         title=f"{' · '.join(names.values())} on {comparison.robot.name}",
-        verdict=verdict({name: comparison.summaries(name) for name in setup.scenarios}),
+        verdict=verdict({name: comparison.summaries(name) for name in config.scenarios}),
         headlines=tables.headline_table(comparison),
         falls=tables.falls_table(comparison),
         warnings=tables.all_warnings(comparison),
@@ -64,7 +64,7 @@ def render(comparison: Comparison, films: Mapping[str, TaskResult[Film]]) -> str
         plots=[plot for plot in plots(comparison) if plot.panels],
         parts=tables.scenario_parts(comparison),
         definitions=figures().values(),
-        scenarios={name: dump(file.scenarios[name]) for name in dict.fromkeys([*setup.scenarios, COURSE])},
+        scenarios={name: dump(file.scenarios[name]) for name in dict.fromkeys([*config.scenarios, COURSE])},
         settings={
             policy.name: dump(policy.result["settings"])
             for policy in comparison.policies
@@ -80,7 +80,7 @@ def render(comparison: Comparison, films: Mapping[str, TaskResult[Film]]) -> str
 
 def plots(comparison: Comparison) -> list[svg.Plot]:
     """All plots in the order of the page; those without panels have nothing to show."""
-    file, chosen, policies = comparison.file, comparison.setup.scenarios, comparison.policies
+    file, chosen, policies = comparison.file, comparison.config.scenarios, comparison.policies
     walks = [
         course_plots.Walk(place, policy.name, policy.course.trace, policy.period_ms)
         for place, policy in enumerate(policies)

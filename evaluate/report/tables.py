@@ -48,7 +48,7 @@ class ScenarioPart:
 
 def headline_table(comparison: Comparison) -> Table:
     """Policies in rows; the headline figures, and the time per step."""
-    by_scenario = {name: comparison.summaries(name) for name in comparison.setup.scenarios}
+    by_scenario = {name: comparison.summaries(name) for name in comparison.config.scenarios}
     chosen = headlines(by_scenario)
     columns = [_of_policies(figure, list(by_scenario[scenario].values())) for figure, scenario in chosen]
     columns.append([_time_per_step(policy) for policy in comparison.policies])
@@ -66,7 +66,7 @@ def headline_table(comparison: Comparison) -> Table:
 def falls_table(comparison: Comparison) -> Table:
     """Policies in rows, scenarios in columns: how often each fell."""
     falls = figures()["falls"]
-    scenarios = comparison.setup.scenarios
+    scenarios = comparison.config.scenarios
     columns = [_of_policies(falls, list(comparison.summaries(name).values())) for name in scenarios]
     rows = [
         (Heading(policy.name, place=place), [column[place] for column in columns])
@@ -79,7 +79,7 @@ def scenario_parts(comparison: Comparison) -> list[ScenarioPart]:
     """A table for each scenario: figures in rows, policies in columns."""
     columns = [Heading(policy.name, place=place) for place, policy in enumerate(comparison.policies)]
     parts = []
-    for scenario in comparison.setup.scenarios:
+    for scenario in comparison.config.scenarios:
         by_name = comparison.summaries(scenario)
         summaries = list(by_name.values())
         rows = [

@@ -1,6 +1,6 @@
 """`footfall compare`."""
 
-from footfall.evaluation import NOMINAL, EvaluationOptions, arguments, exit_status
+from footfall.evaluation_options import NOMINAL, EvaluationOptions, evaluation_config, exit_status
 from footfall.options import HtmlFile, PolicyName
 
 
@@ -10,4 +10,5 @@ def compare(*policies: PolicyName, options: EvaluationOptions = NOMINAL, html: H
     from footfall.policies.spec import add_settings
 
     specs = add_settings(policies, options.settings)
-    return exit_status(compare_policies(specs, **arguments(options), html_path=html).values())
+    config = evaluation_config(options)
+    return exit_status(compare_policies(specs, config, json_path=options.json, html_path=html).values())

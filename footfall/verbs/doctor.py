@@ -7,7 +7,7 @@ def doctor() -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from footfall.common.machine import findings
+    from footfall.machine import findings
 
     console = Console()
     table = Table(box=None, show_header=False)

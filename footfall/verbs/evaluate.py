@@ -1,6 +1,6 @@
 """`footfall evaluate`."""
 
-from footfall.evaluation import NOMINAL, EvaluationOptions, arguments, exit_status
+from footfall.evaluation_options import NOMINAL, EvaluationOptions, evaluation_config, exit_status
 from footfall.options import PolicyName
 
 
@@ -10,4 +10,4 @@ def evaluate(policy: PolicyName, /, *, options: EvaluationOptions = NOMINAL) -> 
     from footfall.policies.spec import add_settings
 
     (spec,) = add_settings([policy], options.settings)
-    return exit_status([evaluate_policy(spec, **arguments(options))])
+    return exit_status([evaluate_policy(spec, evaluation_config(options), json_path=options.json)])

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 
 from footfall.common.errors import UserError
-from footfall.evaluation import exit_status
+from footfall.evaluation_options import exit_status
 from footfall.options import AS_TYPED, Count, Index, OptionalPath, RobotName, Seconds, Seed
 from footfall.robots.default import DEFAULT_ROBOT
 from footfall.train.entry import learning_libraries, start_device
@@ -101,14 +101,15 @@ def train(
 def _evaluate(folder: Path) -> int:
     """Walk a run's policy, unless it has been walked; returns the exit status."""
     from footfall.evaluate.api import evaluate_policy
+    from footfall.evaluate.config import EvaluationConfig
     from footfall.train.runs.folder import open_run
 
     run = open_run(folder)
     result = folder / "evaluation.json"
     if result.is_file() and result.stat().st_mtime_ns >= run.policy.stat().st_mtime_ns:
         return 0
-    seed = run.provenance.seed
-    walked = evaluate_policy(str(folder), run.provenance.robot, (EVALUATION,), seed=seed, json_path=result)
+    config = EvaluationConfig(run.provenance.robot, (EVALUATION,), run.provenance.seed)
+    walked = evaluate_policy(str(folder), config, json_path=result)
     return exit_status([walked])
 
 

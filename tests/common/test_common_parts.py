@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from footfall.common import cache, colours, config, installation, machine, versions
+from footfall import machine
+from footfall.common import cache, colours, config, installation, versions
 from footfall.common.collector import collector_paused
 from footfall.common.config import dump, load, merged, read_yaml, structure, unstructure
 from footfall.common.errors import CannotWriteError, UserError

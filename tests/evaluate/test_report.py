@@ -11,13 +11,13 @@ from rich.console import Console
 from footfall.common.errors import UserError
 from footfall.evaluate import api, suite
 from footfall.evaluate.api import compare_policies, evaluate_policy
+from footfall.evaluate.config import EvaluationConfig, run_course, run_suite
 from footfall.evaluate.episodes import EpisodeTask
 from footfall.evaluate.plan import CommandSchedule
 from footfall.evaluate.pool import TaskResult
 from footfall.evaluate.report import films
 from footfall.evaluate.report.films import Film, FilmTask, render_films
 from footfall.evaluate.scenarios import Scenario, ScenarioFile, Waypoint, load_scenarios
-from footfall.evaluate.suite import Setup, run_course, run_suite
 from footfall.plant.episode import Episode, Push, run_episode
 from footfall.plant.trace import Trace
 from footfall.policies.registry import load_policy
@@ -59,7 +59,7 @@ def standing(go1: Robot) -> Trace:
 class TestSuite:
     def test_the_same_seed_gives_the_same_figures_with_any_number_of_workers(self) -> None:
         alone, together = (
-            run_suite(["stand"], Setup("go1", ("push",), episodes=2, workers=workers), SHORT)
+            run_suite(["stand"], EvaluationConfig("go1", ("push",), episodes=2, workers=workers), SHORT)
             for workers in (1, 2)
         )
         for figures in (*alone["stand"].values(), *together["stand"].values()):
@@ -67,7 +67,7 @@ class TestSuite:
         assert alone == together
 
     def test_a_robot_that_stands_survives_a_touch_and_not_a_truck(self) -> None:
-        figures = run_suite(["stand"], Setup("go1", ("push",)), SHORT)["stand"]["push"]
+        figures = run_suite(["stand"], EvaluationConfig("go1", ("push",)), SHORT)["stand"]["push"]
         assert [(row["push_m_s"], row["falls"]) for row in figures["rows"]] == [(0.1, 0), (6.0, 2)]
         assert 0.1 < figures["dv50"] < 6.0
 
@@ -81,11 +81,11 @@ class TestSuite:
             return [TaskResult(None, task.policy) for task in given]
 
         monkeypatch.setattr(suite, "run_all", note)
-        walks = run_course(["a", "b"], Setup("go1", ("still",)), SHORT)
+        walks = run_course(["a", "b"], EvaluationConfig("go1", ("still",)), SHORT)
         assert {policy: walk.error for policy, walk in walks.items()} == {"a": "a", "b": "b"}
         tasks.clear()
         for seed in (1, 2):
-            run_suite(["a"], Setup("go1", ("still",), seed=seed), SHORT)
+            run_suite(["a"], EvaluationConfig("go1", ("still",), seed=seed), SHORT)
         assert len({task.plan.seed for task in tasks}) == 4
 
     def test_on_the_course_one_policy_walks_at_a_time_however_many_workers_there_are(
@@ -99,7 +99,7 @@ class TestSuite:
             return [TaskResult(None, "not run")] * len(tasks)
 
         monkeypatch.setattr(suite, "run_all", note)
-        run_course(["a", "b"], Setup("go1", ("still",), workers=4), SHORT)
+        run_course(["a", "b"], EvaluationConfig("go1", ("still",), workers=4), SHORT)
         assert asked == [1]
 
 

@@ -61,7 +61,7 @@ class TestPage:
         )
         assert command in page
         odd = comparison(go1, result("x", "my runs/x; rm", 0.1, 0, 1.0, None))
-        bare = replace(odd, setup=replace(odd.setup, episodes=None, plant=Path("b.xml"), ground_truth=True))
+        bare = replace(odd, config=replace(odd.config, episodes=None, plant=Path("b.xml"), ground_truth=True))
         assert command_line(bare) == (
             "footfall compare 'my runs/x; rm' --robot go1 --scenarios nominal,push --seed 3"
             " --plant b.xml --ground-truth --html report.html"

@@ -17,12 +17,12 @@ from report_pages import COURSE, FILE, Page, comparison, result, summary, walked
 
 from footfall.common import colours
 from footfall.evaluate.comparison import Comparison
+from footfall.evaluate.config import EvaluationConfig
 from footfall.evaluate.pool import TaskResult
 from footfall.evaluate.report import course_plots, films, page, scenario_plots, scene, svg, tables
 from footfall.evaluate.report.caption import MARGIN, SHADE, in_words, written_on
 from footfall.evaluate.report.films import Film, FilmTask, arrows
 from footfall.evaluate.report.tables import Cell, Heading
-from footfall.evaluate.suite import Setup
 from footfall.plant.episode import Push
 from footfall.plant.trace import Trace
 from footfall.robots.description import Robot
@@ -127,7 +127,7 @@ class TestOrder:
             plain = result(name, f"runs/{name}", 0.1, 0, 2.0, trace)
             scenarios = {each: summary(0.1, number, about=each) for each in names}
             policies.append(replace(plain, period_ms=5.0 + number, result={"scenarios": scenarios}))
-        of = replace(comparison(go1, *policies), setup=Setup("go1", names))
+        of = replace(comparison(go1, *policies), config=EvaluationConfig("go1", names))
         assert [plot.title for plot in page.plots(of)] == [
             "survival", "tracking", "gait", "conditions", "sweep", "torque_speed", "timing",
             "learning_curves",
@@ -157,7 +157,9 @@ class TestOrder:
                 name,
                 lambda each, name=name: given.setdefault(name, each) or svg.Plot(name, "", []),
             )
-        only = replace(comparison(go1, result("a", "a", 0.1, 0, 2.0, None)), setup=Setup("go1", ("nominal",)))
+        only = replace(
+            comparison(go1, result("a", "a", 0.1, 0, 2.0, None)), config=EvaluationConfig("go1", ("nominal",))
+        )
         page.plots(only)
         assert given == {"survival": {}, "sweep": {}}
         assert only.push_scenario is None
@@ -194,7 +196,7 @@ class TestOrder:
     def test_what_was_unusual_is_said(self, two: Comparison, read: Callable[..., str]) -> None:
         usual = read(two)
         assert "plant" not in usual[: usual.index("Headline figures")]
-        words = read(replace(two, setup=replace(two.setup, ground_truth=True, plant=Path("a/heavy.xml"))))
+        words = read(replace(two, config=replace(two.config, ground_truth=True, plant=Path("a/heavy.xml"))))
         assert "were handed the true one (--ground-truth)" in words
         assert "plant heavy.xml" in words
 
@@ -236,8 +238,8 @@ class TestFilms:
         ]
         nothing = replace(walked(1.0), time_s=np.zeros(0))
         policies[2] = replace(policies[2], course=replace(policies[2].course, trace=nothing))
-        setup = Setup("go1", ("nominal",), plant=Path("other.xml"), workers=3)
-        found = films.films_of(replace(comparison(go1, *policies), setup=setup))
+        config = EvaluationConfig("go1", ("nominal",), plant=Path("other.xml"), workers=3)
+        found = films.films_of(replace(comparison(go1, *policies), config=config))
         assert list(found) == ["a", "b", "c", "d"]
         assert {name: outcome.value for name, outcome in found.items()} == {
             "a": 200,

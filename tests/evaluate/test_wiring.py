@@ -22,12 +22,13 @@ from footfall.common.errors import UserError
 from footfall.domain_rand.noise import Noise
 from footfall.evaluate import api, episodes, suite
 from footfall.evaluate.comparison import Comparison, PolicyResult, command_line
+from footfall.evaluate.config import EvaluationConfig
 from footfall.evaluate.episodes import EpisodeTask, run_with
 from footfall.evaluate.metrics import score
 from footfall.evaluate.plan import CommandSchedule, EpisodePlan, plan_episodes, spread_levels
 from footfall.evaluate.pool import TaskResult
 from footfall.evaluate.scenarios import DrawnCommands, Scenario, ScenarioFile, Waypoint
-from footfall.evaluate.suite import CourseWalk, Setup
+from footfall.evaluate.suite import CourseWalk
 from footfall.evaluate.table import print_results, scenario_table, warnings
 from footfall.plant.episode import Push
 from footfall.policies.registry import load_policy
@@ -44,7 +45,8 @@ FILE = ScenarioFile(
 )
 PLANT = Path("other.xml")
 OWN = Path("own.yaml")
-SETUP = Setup("go1", ("two", "one"), seed=7, plant=PLANT, ground_truth=True, workers=3)
+TWO = EvaluationConfig("go1", ("two",))
+CONFIG = EvaluationConfig("go1", ("two", "one"), seed=7, plant=PLANT, ground_truth=True, workers=3)
 
 
 class TestSuite:
@@ -80,7 +82,7 @@ class TestSuite:
 
     def test_each_policy_meets_every_episode_and_its_figures_are_its_own(self, asked: list[Any]) -> None:
         progress: list[tuple[int, int]] = []
-        figures = suite.run_suite(["b", "a"], SETUP, FILE, lambda *each: progress.append(each))
+        figures = suite.run_suite(["b", "a"], CONFIG, FILE, lambda *each: progress.append(each))
         ((tasks, workers),) = asked
         assert (workers, progress) == (3, [(k, 10) for k in range(1, 11)])
         plans = {name: plan_episodes(name, FILE.scenarios[name], 7) for name in ("one", "two")}
@@ -97,7 +99,7 @@ class TestSuite:
             assert not task.keep_trace
 
     def test_fewer_episodes_are_run_where_fewer_are_asked_for(self, asked: list[Any]) -> None:
-        suite.run_suite(["a"], replace(SETUP, episodes=1), FILE)
+        suite.run_suite(["a"], replace(CONFIG, episodes=1), FILE)
         assert [task.plan.scenario for task in asked[0][0]] == ["two", "one"]
 
     def test_the_bootstrap_has_the_suites_seed(
@@ -105,11 +107,11 @@ class TestSuite:
     ) -> None:
         seeds: list[int] = []
         monkeypatch.setattr(suite, "summarise", lambda _, __, seed: seeds.append(seed))
-        suite.run_suite(["a"], SETUP, FILE)
+        suite.run_suite(["a"], CONFIG, FILE)
         assert seeds == [7, 7]
 
     def test_the_course_is_walked_once_by_each_and_recorded(self, asked: list[Any]) -> None:
-        walks = suite.run_course(["b", "a"], SETUP, FILE)
+        walks = suite.run_course(["b", "a"], CONFIG, FILE)
         ((tasks, workers),) = asked
         (plan,) = plan_episodes("course", FILE.scenarios["course"], 7, 1)
         assert workers == 1
@@ -223,13 +225,15 @@ class TestApi:
         """What the suite and the course were called with."""
         seen = SimpleNamespace(order=[])
 
-        def run_suite(policies: Any, setup: Setup, file: ScenarioFile, done: Any) -> dict[str, Any]:
-            seen.suite, seen.done = (policies, setup, file), done
+        def run_suite(
+            policies: Any, config: EvaluationConfig, file: ScenarioFile, done: Any
+        ) -> dict[str, Any]:
+            seen.suite, seen.done = (policies, config, file), done
             seen.order.append("suite")
-            return {spec: {name: bare(f"{spec} {name}") for name in setup.scenarios} for spec in policies}
+            return {spec: {name: bare(f"{spec} {name}") for name in config.scenarios} for spec in policies}
 
-        def run_course(policies: Any, setup: Setup, file: ScenarioFile) -> dict[str, Any]:
-            seen.course = (policies, setup, file)
+        def run_course(policies: Any, config: EvaluationConfig, file: ScenarioFile) -> dict[str, Any]:
+            seen.course = (policies, config, file)
             seen.order.append("course")
             times = {spec: {"p50": 1.0 + number, "p99": 3.0} for number, spec in enumerate(policies)}
             return {
@@ -257,21 +261,9 @@ class TestApi:
         self, ran: SimpleNamespace, go1: Robot, tmp_path: Path, console: Console
     ) -> None:
         path = tmp_path / "out.json"
-        result = api.evaluate_policy(
-            "trot",
-            "go1",
-            ["two", "one"],
-            5,
-            7,
-            go1.xml_path,
-            path,
-            workers=3,
-            ground_truth=True,
-            scenario_file=OWN,
-            console=console,
-        )
-        setup = Setup("go1", ("two", "one"), 7, 5, go1.xml_path, True, 3, OWN)
-        assert ran.suite == (["trot"], setup, FILE)
+        config = EvaluationConfig("go1", ("two", "one"), 7, 5, go1.xml_path, True, 3, OWN)
+        result = api.evaluate_policy("trot", config, json_path=path, console=console)
+        assert ran.suite == (["trot"], config, FILE)
         assert ran.order == ["suite"]
         assert ran.own == OWN
         assert json.loads(path.read_text()) == result
@@ -303,11 +295,11 @@ class TestApi:
             "footfall.evaluate.report.page.render", lambda of, films: f"{films} of {seen[0] is of}"
         )
         json_path, html_path = tmp_path / "out.json", tmp_path / "out.html"
+        config = EvaluationConfig("go1", ("two",), 7, 5, go1.xml_path, True, 3, OWN)
         results = api.compare_policies(
-            ["trot", "stand"], "go1", ["two"], 5, 7, go1.xml_path, json_path, html_path, 3, True, OWN, console
+            ["trot", "stand"], config, json_path=json_path, html_path=html_path, console=console
         )
-        setup = Setup("go1", ("two",), 7, 5, go1.xml_path, True, 3, OWN)
-        assert ran.suite == ran.course == (["trot", "stand"], setup, FILE)
+        assert ran.suite == ran.course == (["trot", "stand"], config, FILE)
         assert ran.order == ["suite", "course"]
         assert html_path.read_text() == "films of True"
         assert json.loads(json_path.read_text()) == results
@@ -316,7 +308,7 @@ class TestApi:
         ]  # fmt: skip
         assert list(results) == ["trot", "stand"]
         (of,) = seen
-        assert (of.robot.name, of.setup, of.file) == ("go1", setup, FILE)
+        assert (of.robot.name, of.config, of.file) == ("go1", config, FILE)
         assert [(each.name, each.spec, each.course.trace) for each in of.policies] == [
             ("trot", "trot", "trace of trot"), ("stand", "stand", "trace of stand"),
         ]  # fmt: skip
@@ -331,23 +323,23 @@ class TestApi:
         self, ran: SimpleNamespace, console: Console, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         monkeypatch.setattr("footfall.evaluate.report.films.films_of", lambda _: pytest.fail("it filmed"))
-        assert list(api.compare_policies(["stand"], "go1", ["two"], console=console)) == ["stand"]
+        assert list(api.compare_policies(["stand"], TWO, console=console)) == ["stand"]
 
     def test_a_report_is_a_file(self, ran: SimpleNamespace, console: Console) -> None:
         with pytest.raises(UserError, match="cannot write the report to /dev/null: give a file name"):
-            api.compare_policies(["stand"], "go1", ["two"], html_path=Path("/dev/null"), console=console)
+            api.compare_policies(["stand"], TWO, html_path=Path("/dev/null"), console=console)
         assert ran.order == []
 
     def test_a_policy_named_twice_is_refused(self, ran: SimpleNamespace, console: Console) -> None:
         with pytest.raises(UserError, match="'stand' is named twice"):
-            api.compare_policies(["stand", "trot", "stand"], "go1", ["two"], console=console)
+            api.compare_policies(["stand", "trot", "stand"], TWO, console=console)
 
     @pytest.mark.parametrize(
         ("changes", "complaint"),
         [
             ({"specs": []}, "name at least one policy"),
             ({"episodes": 0}, "episodes is 0: it must be 1 or more"),
-            ({"scenarios": ["two", "ballet"]}, "no scenario 'ballet'"),
+            ({"scenarios": ("two", "ballet")}, "no scenario 'ballet'"),
             ({"specs": ["stand", "dance"]}, "no policy 'dance'"),
             ({"plant": Path("absent.xml")}, "no MJCF file at absent.xml"),
             ({"json_path": Path("absent/out.json")}, "there is no folder .*absent"),
@@ -365,13 +357,15 @@ class TestApi:
         complaint: str,
     ) -> None:
         monkeypatch.chdir(tmp_path)
-        asked = {"scenarios": ["two"], "console": console, **changes}
-        specs = asked.pop("specs", ["stand"])
+        outputs = {"json_path", "html_path"}
+        specs = changes.pop("specs", ["stand"])
+        config = replace(TWO, **{key: value for key, value in changes.items() if key not in outputs})
+        asked: Any = {key: value for key, value in changes.items() if key in outputs} | {"console": console}
         with pytest.raises(UserError, match=complaint):
-            api.compare_policies(specs, "go1", **asked)
+            api.compare_policies(specs, config, **asked)
         if len(specs) == 1 and "html_path" not in changes:
             with pytest.raises(UserError, match=complaint):
-                api.evaluate_policy(*specs, "go1", **asked)
+                api.evaluate_policy(*specs, config, **asked)
         assert ran.order == []
 
     def test_without_the_extra_no_report_is_begun(
@@ -379,11 +373,8 @@ class TestApi:
     ) -> None:
         monkeypatch.setattr("footfall.evaluate.report.extra.find_spec", lambda _: None)
         with pytest.raises(UserError, match="an HTML report needs jinja2, matplotlib"):
-            api.compare_policies(["stand"], "go1", ["two"], html_path=tmp_path / "x.html", console=console)
+            api.compare_policies(["stand"], TWO, html_path=tmp_path / "x.html", console=console)
         assert ran.order == []
-
-    def test_what_is_run_unless_asked_otherwise(self) -> None:
-        assert api.DEFAULT_SCENARIOS == ("nominal", "push")
 
     def test_names_are_the_policies_own_where_they_differ(self) -> None:
         policies: Any = {
@@ -467,18 +458,20 @@ class TestPlans:
 class TestComparison:
     """What a report says of how it came about."""
 
-    def compared(self, setup: Setup, file: ScenarioFile = FILE, specs: Sequence[str] = ("b", "a")) -> Any:
+    def compared(
+        self, config: EvaluationConfig, file: ScenarioFile = FILE, specs: Sequence[str] = ("b", "a")
+    ) -> Any:
         policies = [
             PolicyResult(f"{spec}'s name", spec, "", 2.0, {"scenarios": {"one": spec}}, None)  # type: ignore[arg-type]
             for spec in specs
         ]
-        return Comparison(None, setup, file, policies, {})  # type: ignore[arg-type]
+        return Comparison(None, config, file, policies, {})  # type: ignore[arg-type]
 
     def test_what_to_type_for_the_same_figures(self) -> None:
         plain = "footfall compare b a --robot go1 --scenarios one --seed 0 --html report.html"
-        assert command_line(self.compared(Setup("go1", ("one",)))) == plain
-        setup = Setup("my robot", ("two", "one"), 7, 5, Path("a b.xml"), True, 3, OWN)
-        assert command_line(self.compared(setup, specs=["runs/it's mine"])) == (
+        assert command_line(self.compared(EvaluationConfig("go1", ("one",)))) == plain
+        config = EvaluationConfig("my robot", ("two", "one"), 7, 5, Path("a b.xml"), True, 3, OWN)
+        assert command_line(self.compared(config, specs=["runs/it's mine"])) == (
             "footfall compare 'runs/it'\"'\"'s mine' --robot 'my robot' --scenarios two,one --seed 7"
             " --episodes 5 --scenario-file own.yaml --plant 'a b.xml' --ground-truth --html report.html"
         )
@@ -491,12 +484,12 @@ class TestComparison:
             "where": pushing("push_direction_deg"), "late": pushing("push_m_s"), "later": pushing("push_m_s"),
         }  # fmt: skip
         file = ScenarioFile(OWN_NOISE, scenarios)
-        chosen = Setup("go1", ("one", "where", "late", "later"))
+        chosen = EvaluationConfig("go1", ("one", "where", "late", "later"))
         assert self.compared(chosen, file).push_scenario == "late"
-        assert self.compared(Setup("go1", ("one", "where")), file).push_scenario is None
+        assert self.compared(EvaluationConfig("go1", ("one", "where")), file).push_scenario is None
 
     def test_summaries_are_by_name_in_the_order_of_the_policies(self) -> None:
-        found = self.compared(Setup("go1", ("one",))).summaries("one")
+        found = self.compared(EvaluationConfig("go1", ("one",))).summaries("one")
         assert list(found.items()) == [("b's name", "b"), ("a's name", "a")]
 
 

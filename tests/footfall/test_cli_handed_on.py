@@ -19,6 +19,7 @@ from shell import Shell
 
 from footfall import cli
 from footfall.common.errors import UserError
+from footfall.evaluate.config import EvaluationConfig
 from footfall.robots.description import Robot
 from footfall.verbs import demo
 from footfall.verbs import list as list_verb
@@ -104,7 +105,7 @@ class TestEvaluate:
         called.replace("footfall.evaluate.api.evaluate_policy", {"scenarios": {}})
         changes = ("--set", "stand.kd=2.5", "--set", "stand.kp=50")
         assert shell("evaluate", "stand", *changes).status == 0
-        assert called.of("evaluate_policy")[0] == ("stand@kd=2.5@kp=50",)
+        assert called.of("evaluate_policy")[0][0] == "stand@kd=2.5@kp=50"
 
 
 def ran(**changes: Any) -> Any:
@@ -354,7 +355,7 @@ class TestTrain:
         assert shell("train", "--resume", "mine").status == 0
         assert [given for name, given, _ in called.calls if name == "open_run"] == [(Path("mine"),)] * 2
         assert called.of("evaluate_policy") == (
-            ("mine", "rex", ("gentle",)), {"seed": 5, "json_path": Path("mine/evaluation.json")},
+            ("mine", EvaluationConfig("rex", ("gentle",), 5)), {"json_path": Path("mine/evaluation.json")},
         )  # fmt: skip
 
     @pytest.mark.parametrize(

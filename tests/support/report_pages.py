@@ -8,13 +8,14 @@ import numpy as np
 from traces import walk
 
 from footfall.evaluate.comparison import Comparison, PolicyResult
+from footfall.evaluate.config import EvaluationConfig
 from footfall.evaluate.plan import plan_episodes
 from footfall.evaluate.pool import TaskResult
 from footfall.evaluate.report.films import Film
 from footfall.evaluate.report.page import render
 from footfall.evaluate.scenarios import load_scenarios
 from footfall.evaluate.statistics import wilson_interval
-from footfall.evaluate.suite import CourseWalk, Setup
+from footfall.evaluate.suite import CourseWalk
 from footfall.plant.trace import Trace
 from footfall.robots.description import Robot, load_robot
 
@@ -69,8 +70,8 @@ def result(name: str, spec: str, error: float, falls: int, dv50: float, trace: T
 
 
 def comparison(go1: Robot, *results: PolicyResult) -> Comparison:
-    setup = Setup("go1", ("nominal", "push"), seed=3, episodes=24)
-    return Comparison(go1, setup, FILE, results, {"footfall": "1.2.3", "mujoco": "3.1"})
+    config = EvaluationConfig("go1", ("nominal", "push"), seed=3, episodes=24)
+    return Comparison(go1, config, FILE, results, {"footfall": "1.2.3", "mujoco": "3.1"})
 
 
 def page_of(go1: Robot, *results: PolicyResult) -> str:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from footfall.common import machine
+from footfall import machine
 
 
 @pytest.mark.parametrize(

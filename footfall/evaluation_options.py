@@ -1,12 +1,13 @@
-"""What evaluate and compare share: their options, and how episodes that failed end a command."""
+"""What evaluate and compare share: their options, and the exit status after failed episodes."""
 
 import sys
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Annotated, Any
 
 from cyclopts import Parameter
 
+from footfall.evaluate.config import EvaluationConfig
 from footfall.options import ControllerSettings, Count, JsonFile, Names, Plant, RobotName, ScenarioFile, Seed
 from footfall.robots.default import DEFAULT_ROBOT
 
@@ -14,10 +15,10 @@ from footfall.robots.default import DEFAULT_ROBOT
 @Parameter(name="*")
 @dataclass(frozen=True)
 class EvaluationOptions:
-    """What to put policies through."""
+    """Options of `footfall evaluate` and `footfall compare`."""
 
     robot: RobotName = DEFAULT_ROBOT
-    scenarios: Names = ("nominal", "push")
+    scenarios: Names = EvaluationConfig.scenarios
     """Names of scenarios, see evaluate/scenarios.yaml."""
     scenario_file: ScenarioFile = None
     episodes: Annotated[Count | None, Parameter(show_default=False)] = None
@@ -32,23 +33,13 @@ class EvaluationOptions:
     json: JsonFile = None
 
 
-NOMINAL = EvaluationOptions()
+NOMINAL = EvaluationOptions()  # every option left out
 EPISODES_FAILED = 1
 
 
-def arguments(options: EvaluationOptions) -> dict[str, Any]:
+def evaluation_config(options: EvaluationOptions) -> EvaluationConfig:
     """The options as `footfall.evaluate.api` takes them."""
-    return {
-        "robot_spec": options.robot,
-        "scenarios": options.scenarios,
-        "scenario_file": options.scenario_file,
-        "episodes": options.episodes,
-        "seed": options.seed,
-        "plant": options.plant,
-        "ground_truth": options.ground_truth,
-        "workers": options.workers,
-        "json_path": options.json,
-    }
+    return EvaluationConfig(**{each.name: getattr(options, each.name) for each in fields(EvaluationConfig)})
 
 
 def exit_status(results: Iterable[Mapping[str, Any]]) -> int:

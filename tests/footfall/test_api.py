@@ -1,0 +1,30 @@
+"""The Python API: names of `import footfall`."""
+
+import subprocess
+import sys
+
+import footfall
+
+
+def test_every_name_is_there_and_nothing_else() -> None:
+    assert all(getattr(footfall, name) is not None for name in footfall.__all__)
+    assert set(footfall.__all__) <= set(dir(footfall))
+    assert not hasattr(footfall, "load_robots")
+
+
+def test_an_episode_in_seven_lines() -> None:
+    from footfall import Episode, load_policy, load_robot, run_episode
+
+    robot = load_robot("go1")
+    policy = load_policy("stand", robot)
+    trace = run_episode(robot, policy, Episode(lambda time_s: [0.0, 0.0, 0.0], duration_s=0.2))
+    assert not trace.fell
+    assert trace.motor_torque.shape[1] == 12
+
+
+def test_importing_it_imports_nothing_heavy() -> None:
+    code = (
+        "import sys, footfall; print([n for n in ('numpy', 'mujoco', 'jax', 'cyclopts') if n in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
