@@ -8,6 +8,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
+from itertools import takewhile
 
 from cyclopts import App, CycloptsError, UnusedCliTokensError
 
@@ -73,7 +74,7 @@ def main(tokens: Sequence[str] | None = None) -> int:
             status = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
             sys.stdout.flush()
     except CycloptsError as error:
-        return _complain(f"{_parse_error(error)} {_where_to_look(arguments)}")
+        return _complain(f"{_parse_error(error, arguments)} {_where_to_look(arguments)}")
     except UserError as error:
         return _complain(_one_line(error))
     except (BrokenPipeError, SystemExit):  # the reader of our output has left; rich says so by SystemExit
@@ -134,10 +135,17 @@ def _complain(reason: str, status: int = BAD_INPUT) -> int:
     return status
 
 
-def _parse_error(error: CycloptsError) -> str:
+def _parse_error(error: CycloptsError, arguments: list[str]) -> str:
     if isinstance(error, UnusedCliTokensError) and error.unused_tokens:
-        return f"unexpected argument '{error.unused_tokens[0]}'"
+        return _unexpected(error.unused_tokens[0], arguments)
     return _one_line(error).removesuffix(".")
+
+
+def _unexpected(argument: str, arguments: list[str]) -> str:
+    """The complaint about an argument too many. After an option's value it may be meant as a second value."""
+    *_, option, _ = ["", "", *takewhile(lambda earlier: earlier != argument, arguments)]
+    hint = f"; to give {option} several values, join them with commas" if option.startswith("--") else ""
+    return f"unexpected argument '{argument}'{hint}"
 
 
 def _one_line(error: Exception) -> str:

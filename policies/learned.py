@@ -65,7 +65,9 @@ class LearnedPolicy:
         self._session, self.contract = open_network(path)
         differences = self.contract.mismatches(robot)
         if differences:
-            raise UserError(f"{path} does not fit robot '{robot.name}': {'; '.join(differences)}")
+            own = self.contract.robot
+            hint = "" if own == robot.name else f" (add --robot {own}: the policy is trained for it)"
+            raise UserError(f"{path} does not fit robot '{robot.name}': {'; '.join(differences)}{hint}")
         self.name = name or path.stem
         self.trainer = self._session.get_modelmeta().custom_metadata_map.get(TRAINER_KEY)
         self.rate_hz = self.contract.control_rate_hz

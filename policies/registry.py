@@ -1,6 +1,7 @@
 """From what a user types to a policy: a controller, a zoo name, a run folder, an ONNX file, a class."""
 
 from collections.abc import Iterable
+from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -129,9 +130,12 @@ def load_policy(spec: str, robot: Robot) -> Policy:
         return LearnedPolicy(_policy_in(path), robot, path.name or path.resolve().name)
     if path.is_file():
         return LearnedPolicy(path, robot)
-    known = ", ".join([*controllers_of(robot), *zoo_names(robot)])
+    known = [*controllers_of(robot), *zoo_names(robot)]
     given = f"no policy '{spec}'" if spec else "no policy is named"
-    raise UserError(f"{given}: give one of {known}, a run folder, an .onnx file or MODULE:CLASS")
+    close = "".join(f". Did you mean {name}?" for name in get_close_matches(spec, known, n=1))
+    raise UserError(
+        f"{given}: give one of {', '.join(known)}, a run folder, an .onnx file or MODULE:CLASS{close}"
+    )
 
 
 def load_settings(spec: str, robot: Robot) -> Any:
