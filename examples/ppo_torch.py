@@ -10,6 +10,7 @@ import sys
 import gymnasium
 import numpy as np
 import torch
+from gymnasium.spaces import flatdim
 from torch import nn
 
 DISCOUNT, GAE_LAMBDA, CLIP, ENTROPY, EPOCHS, MINIBATCHES = 0.97, 0.95, 0.2, 1e-3, 3, 4
@@ -45,10 +46,9 @@ def update(model: ActorCritic, optimizer: torch.optim.Optimizer, batch: list[tor
 
 
 def train(iterations: int, num_envs: int = 256, num_steps: int = 24) -> None:
-    """Train go1 with the task of the preset `cpu`."""
     env = gymnasium.make_vec("footfall.gym:footfall/Go1Velocity-v0", num_envs=num_envs, preset="cpu")
     env = gymnasium.wrappers.vector.RecordEpisodeStatistics(env)
-    model = ActorCritic(env.single_observation_space.shape[0], env.single_action_space.shape[0])
+    model = ActorCritic(flatdim(env.single_observation_space), flatdim(env.single_action_space))
     optimizer = torch.optim.Adam(model.parameters(), lr=1e-3)
     observation = torch.from_numpy(env.reset(seed=0)[0])
     for iteration in range(iterations):
@@ -62,8 +62,8 @@ def train(iterations: int, num_envs: int = 256, num_steps: int = 24) -> None:
                     last = torch.from_numpy(np.stack(info["final_obs"][truncated]))
                     reward[truncated] += DISCOUNT * model.critic(last).numpy()
                 outcome = map(torch.from_numpy, (reward, ~(terminated | truncated)))
-                log_prob, value = distribution.log_prob(action), model.critic(observation)
-                steps.append((observation, action, log_prob, value, *outcome))
+                estimates = distribution.log_prob(action), model.critic(observation)
+                steps.append((observation, action, *estimates, *outcome))
                 observation = torch.from_numpy(following)
             seen, actions, log_probs, values, rewards, alive = map(torch.stack, zip(*steps, strict=True))
             advantages, gae, next_value = torch.zeros_like(rewards), 0.0, model.critic(observation)

@@ -1,0 +1,34 @@
+"""The example notebook runs from its first cell to its last one in a Jupyter kernel."""
+
+import pytest
+from user_folder import UserFolder
+
+nbformat = pytest.importorskip("nbformat")
+nbclient = pytest.importorskip("nbclient")
+pytest.importorskip("ipykernel")
+pytest.importorskip("matplotlib")
+
+
+def test_it_trains_evaluates_deploys_and_plots(
+    user_folder: UserFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    user_folder.copy("train_evaluate_deploy.ipynb")
+    notebook = nbformat.read(user_folder.path / "train_evaluate_deploy.ipynb", as_version=4)
+    nbformat.validate(notebook)
+    (parameters,) = [cell for cell in notebook.cells if "parameters" in cell.metadata.get("tags", ())]
+    parameters.source += '\npreset, episodes = "smoke", 1'  # the figures do not matter here
+    folder = str(user_folder.path)
+    nbclient.NotebookClient(notebook, resources={"metadata": {"path": folder}}, timeout=600).execute()
+    made = {"runs/notebook/policy.onnx", "walk.mcap", "walk.png"}
+    assert all((user_folder.path / name).stat().st_size > 0 for name in made)
+    training, evaluation, deployment = (cell for cell in notebook.cells[4:9] if cell.cell_type == "code")
+    assert "policy.onnx" in text_of(training)
+    assert "nominal" in text_of(evaluation)
+    assert " m" in text_of(deployment)
+
+
+def text_of(cell: "nbformat.NotebookNode") -> str:
+    """All that a cell printed and its value."""
+    texts = [output.get("text") or output.get("data", {}).get("text/plain", "") for output in cell.outputs]
+    return "\n".join(texts)
