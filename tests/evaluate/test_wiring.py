@@ -341,6 +341,8 @@ class TestApi:
             ({"episodes": 0}, "episodes is 0: it must be 1 or more"),
             ({"scenarios": ("two", "ballet")}, "no scenario 'ballet'"),
             ({"specs": ["stand", "dance"]}, "no policy 'dance'"),
+            ({"specs": ["dance"]}, "no policy 'dance'"),
+            ({"robot": "r2d2"}, "no robot 'r2d2'"),
             ({"plant": Path("absent.xml")}, "no MJCF file at absent.xml"),
             ({"json_path": Path("absent/out.json")}, "there is no folder .*absent"),
             ({"html_path": Path("absent/out.html")}, "there is no folder .*absent"),

@@ -116,7 +116,7 @@ def test_a_resumed_run_has_its_own_settings_even_where_they_are_the_default(
             "actor_hidden_dims must be above 0, not -3",
         ),
         ("critic_hidden_dims: [32, 32]", "critic_hidden_dims: []", "need a hidden layer"),
-        ("discount: 0.97", "discount: 1.7", "discount must be from 0 to 1"),
+        ("gamma: 0.97", "gamma: 1.7", "gamma must be from 0 to 1"),
         ("learning_rate: 1.0e-3", "learning_rate: .nan", "learning_rate"),
         ("learning_rate: 1.0e-3", "learning_rate: -1.0", "learning_rate must be above 0"),
         ("episode_s: 2.0", "episode_s: 1.0e-4", "shorter than a control step, 0.02 s"),
