@@ -18,7 +18,7 @@ Array = Any
 def body_map(model: mujoco.MjModel, robot: Robot) -> BodyMap:
     """Find a robot's parts in a model (its own, or another plant with the same joint names)."""
     free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)[0]
-    feet = np.concatenate(find_feet(model, robot))
+    feet = np.concatenate(find_feet(model, robot.description, robot.xml_path))
     planes = np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE)
     geoms = np.union1d(feet, planes)
     if not len(feet):  # a plant whose feet nobody found: whatever can touch the ground

@@ -6,8 +6,9 @@ import numpy as np
 from footfall.envs.config import GaitConfig
 from footfall.policies.contract import Gait
 from footfall.policies.gaits import find_gait
-from footfall.robots.description import Foot, Robot
+from footfall.robots.description import Robot
 from footfall.robots.model import joint_addresses, training_model
+from footfall.robots.robot_yaml import Foot
 from footfall.robots.stance import in_default_pose
 
 

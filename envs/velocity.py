@@ -264,7 +264,7 @@ class VelocityEnv:
 
 def _check_timestep(robot: Robot, model: mujoco.MjModel, config: EnvConfig) -> None:
     """Raise UserError if the physics steps are too long for the robot's joints."""
-    longest_s, joint = longest_timestep(robot, model)
+    longest_s, joint = longest_timestep(robot.description, model, robot.kp)
     if config.timestep_s > longest_s:
         raise UserError(
             f"control_rate_hz {config.control_rate_hz:g} with {config.substeps} substeps makes steps of"

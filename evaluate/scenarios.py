@@ -19,7 +19,8 @@ from footfall.common.limits import FASTEST, LONGEST_S
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import QUANTITIES, randomisation_of
 from footfall.plant.episode import Push
-from footfall.robots.description import Robot, load_spec
+from footfall.robots.description import Robot
+from footfall.robots.mjcf import load_spec
 
 DEFAULT = Path(__file__).parent / "scenarios.yaml"
 COMMAND_AXES = ("forward_m_s", "leftward_m_s", "yaw_rad_s")

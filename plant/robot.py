@@ -10,6 +10,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from footfall.common.arrays import as_slice
 from footfall.common.errors import UserError
 from footfall.deploy.drivers import imu
 from footfall.deploy.frames import Frames
@@ -27,7 +28,7 @@ from footfall.plant.sensors import Layout, SimulatedSensors
 from footfall.plant.wires import Side, SimulatedWires
 from footfall.robots import kinds
 from footfall.robots.description import Robot
-from footfall.robots.model import Plant, as_slice, joint_addresses, read_plant
+from footfall.robots.model import Plant, joint_addresses, read_plant
 
 IMU_PERIOD_S = 0.002
 TALK_EVERY_US = 1000  # how often motors may send by themselves

@@ -1,21 +1,19 @@
 """Whether a robot's two files make sense together: each finding is one line."""
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
 
 import mujoco
+import numpy as np
 
+from footfall.robots.robot_yaml import Description, Foot
 from footfall.robots.stance import lying_clearance, touching_height
 from footfall.robots.targets import soft_limits
-
-if TYPE_CHECKING:
-    from footfall.robots.description import Description, Foot, Robot
 
 STANDING_TOLERANCE_M = 0.005
 LYING_SHARE = 0.1  # of the standing height: how high the base may be above the ground when it lies
 
 
-def inconsistencies(description: "Description") -> Iterator[str]:
+def inconsistencies(description: Description) -> Iterator[str]:
     """What is wrong within `robot.yaml`."""
     names = [joint.name for joint in description.joints]
     if not names or not description.feet:
@@ -34,7 +32,7 @@ def inconsistencies(description: "Description") -> Iterator[str]:
     yield from _wrong_feet(description.feet, names)
 
 
-def _wrong_feet(feet: Sequence["Foot"], joints: list[str]) -> Iterator[str]:
+def _wrong_feet(feet: Sequence[Foot], joints: list[str]) -> Iterator[str]:
     if _repeated([foot.name for foot in feet]):
         yield f"feet: {_repeated([foot.name for foot in feet])} is listed twice"
     geoms = [name for foot in feet for name in foot.geoms]
@@ -50,7 +48,7 @@ def _wrong_feet(feet: Sequence["Foot"], joints: list[str]) -> Iterator[str]:
             yield f"foot {foot.name}: its leg needs a joint at least"
 
 
-def contradictions(description: "Description", model: mujoco.MjModel) -> Iterator[str]:
+def contradictions(description: Description, model: mujoco.MjModel) -> Iterator[str]:
     """What `robot.yaml` says that the compiled MJCF does not bear out."""
     for kind, name in (
         (mujoco.mjtObj.mjOBJ_BODY, description.base),
@@ -83,7 +81,7 @@ def contradictions(description: "Description", model: mujoco.MjModel) -> Iterato
             yield f"lying_rad: '{description.base}' is {clearance_m:.3f} m above the feet, not on the ground"
 
 
-def _wrong_joints(description: "Description", model: mujoco.MjModel) -> Iterator[str]:
+def _wrong_joints(description: Description, model: mujoco.MjModel) -> Iterator[str]:
     for joint in description.joints:
         found = model.joint(joint.name)
         dof, (low, high) = found.dofadr[0], found.range
@@ -112,10 +110,15 @@ def _wrong_joints(description: "Description", model: mujoco.MjModel) -> Iterator
             yield f"joint {joint.name}: damping in {description.model} must be one number, N m s/rad"
 
 
-def overreach(robot: "Robot") -> Iterator[str]:
-    """Joints that an action of 1 would move further than they can go."""
-    span = robot.upper_rad - robot.lower_rad
-    for name, scale, most in zip(robot.joint_names, robot.action_scale, span, strict=True):
+def overreach(description: Description, action_scale: np.ndarray, span: np.ndarray) -> Iterator[str]:
+    """Joints that an action of 1 would move further than they can go.
+
+    Args:
+        description: of the robot.
+        action_scale: position target per unit of action, rad, (n,).
+        span: each joint's range, rad, (n,).
+    """
+    for name, scale, most in zip(description.joint_names, action_scale, span, strict=True):
         if scale > most:
             yield (
                 f"gains: torque_share times the peak torque over kp lets an action of 1 move joint {name} by"

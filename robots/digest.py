@@ -3,15 +3,13 @@
 import hashlib
 import json
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import mujoco
 import numpy as np
 
 from footfall.common.config import unstructure
-
-if TYPE_CHECKING:
-    from footfall.robots.description import Description
+from footfall.robots.robot_yaml import Description
 
 # Fields of the model that decide how the robot moves. Rotations and inertias are added as matrices, and of
 # geoms only those count that are feet or can touch something, by themselves or through a pair.
@@ -37,7 +35,7 @@ CONSTRAINTS = (
 OPTIONS = ("gravity", "cone", "impratio")
 
 
-def digest(description: "Description", model: mujoco.MjModel) -> str:
+def digest(description: Description, model: mujoco.MjModel) -> str:
     """The fingerprint of a robot, 16 hexadecimal digits.
 
     Args:
@@ -52,7 +50,7 @@ def digest(description: "Description", model: mujoco.MjModel) -> str:
     return sha.hexdigest()[:16]
 
 
-def _counted(description: "Description") -> Any:
+def _counted(description: Description) -> Any:
     content = unstructure(description)
     del content["imu_bus"], content["model"], content["commands"], content["safety"]
     for joint in content["joints"]:
@@ -65,7 +63,7 @@ def _counted(description: "Description") -> Any:
     return content
 
 
-def _figures(description: "Description", model: mujoco.MjModel) -> Iterator[tuple[str, Any]]:
+def _figures(description: Description, model: mujoco.MjModel) -> Iterator[tuple[str, Any]]:
     """What counts of the model, in a fixed order, each with a name."""
     feet = [[model.geom(name).id for name in foot.geoms] for foot in description.feet]
     imu = model.site(description.imu).id

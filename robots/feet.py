@@ -1,12 +1,14 @@
 """Which geoms of a model are the robot's feet, also in a model that calls them otherwise."""
 
 from itertools import product
+from pathlib import Path
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
-from footfall.robots.description import Description, Foot, Robot, load_spec
+from footfall.robots.mjcf import load_spec
+from footfall.robots.robot_yaml import Description, Foot
 from footfall.robots.stance import in_default_pose
 
 NEAR = 0.25  # of the last link's length: how far from its expected place a foot may be
@@ -50,7 +52,7 @@ def foot_balls(model: mujoco.MjModel, geoms: np.ndarray, tip: np.ndarray) -> Foo
     return FootBalls(np.concatenate(place), np.concatenate(radius))
 
 
-def find_feet(model: mujoco.MjModel, robot: Robot) -> tuple[np.ndarray, ...]:
+def find_feet(model: mujoco.MjModel, description: Description, own_path: Path) -> tuple[np.ndarray, ...]:
     """Geoms that each foot stands on, (k,) ids each, none where there is no such foot.
 
     They are known by name. In a model without a name a geom is found by body and place: among those that can
@@ -60,16 +62,17 @@ def find_feet(model: mujoco.MjModel, robot: Robot) -> tuple[np.ndarray, ...]:
 
     Args:
         model: compiled, with the robot's joint names.
-        robot: whose feet to look for.
+        description: of the robot whose feet to look for.
+        own_path: the robot's own MJCF.
     """
-    feet = robot.description.feet
+    feet = description.feet
     found = [
         np.array([mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name) for name in foot.geoms])
         for foot in feet
     ]
     if any((geoms < 0).any() for geoms in found):
-        own = load_spec(robot.xml_path).compile()
-        expected, actual = (in_default_pose(each, robot.description) for each in (own, model))
+        own = load_spec(own_path).compile()
+        expected, actual = (in_default_pose(each, description) for each in (own, model))
         for foot, geoms in zip(feet, found, strict=True):
             for index in np.flatnonzero(geoms < 0):
                 place = _from_last_joint(own, expected, foot, own.geom(foot.geoms[index]).id)

@@ -6,20 +6,22 @@ different numbers of hinges: arrays are as wide as the longest limb, m, and zero
 """
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
+from footfall.common.arrays import as_slice
 from footfall.common.errors import UserError
 from footfall.common.linear import solve
 from footfall.common.rotations import skew
 from footfall.robots.closed_form import closed_form
-from footfall.robots.description import Robot, load_spec
 from footfall.robots.feet import FootBalls, foot_balls, foot_geoms
 from footfall.robots.least_squares import Chains, LeastSquares
 from footfall.robots.limb import Limb
-from footfall.robots.model import as_slice
+from footfall.robots.mjcf import load_spec
+from footfall.robots.robot_yaml import Description
 from footfall.robots.stance import base_corners, lowest_points
 
 _REGULAR = 1e-6 * np.eye(3)  # m^2/rad^2
@@ -40,14 +42,15 @@ class Legs:
     The arrays that a pose is worked out in belong to this object: it is for one thread at a time.
 
     Args:
-        robot: whose MJCF is read. Only the nominal geometry is used, never a plant's.
+        description: of the robot.
+        xml_path: the robot's own MJCF: only the nominal geometry is used, never a plant's.
 
     Raises:
         UserError: a limb has another joint than hinges.
     """
 
-    def __init__(self, robot: Robot) -> None:
-        self._joints_of = robot.foot_joints
+    def __init__(self, description: Description, xml_path: Path) -> None:
+        self._joints_of = description.foot_joints
         self.count = len(self._joints_of)
         self.hinges = max(map(len, self._joints_of))
         self.present = np.array([[k < len(own) for k in range(self.hinges)] for own in self._joints_of])
@@ -56,24 +59,25 @@ class Legs:
         self.joints = np.array([[*own, *[own[0]] * (self.hinges - len(own))] for own in self._joints_of])
         self._places = as_slice(self.joints.ravel())
         # Whether the limbs' joints are all that the robot has, one limb after another.
-        self._in_order = self._alike and self._places == slice(0, len(robot.joint_names), 1)
-        self._set_model(robot)
-        base = self._model.body(robot.description.base).id
+        self._in_order = self._alike and self._places == slice(0, len(description.joints), 1)
+        self._set_model(description, xml_path)
+        base = self._model.body(description.base).id
         self.mass = float(self._model.body_subtreemass[base])  # kg, of the whole robot
-        self.limbs = self._read_limbs(robot)
+        self.limbs = self._read_limbs(description)
         self.reach = np.array([limb.reach for limb in self.limbs])  # (legs,) m, from each first hinge
         self._last_rolling = np.empty(0), b"", np.empty(0)
-        self._last = robot.default_pose.tobytes(), self._pose(robot.default_pose, self._data)
-        self.default_angles = self.gather(robot.default_pose)
-        self.default_foot = self.pose(robot.default_pose).foot
-        self.foot_radius = self.default_foot[:, 2] - lowest_points(robot.description, self._model)
-        self.base_corners = base_corners(robot.description, self._model)
+        default = description.default_pose
+        self._last = default.tobytes(), self._pose(default, self._data)
+        self.default_angles = self.gather(default)
+        self.default_foot = self.pose(default).foot
+        self.foot_radius = self.default_foot[:, 2] - lowest_points(description, self._model)
+        self.base_corners = base_corners(description, self._model)
         self.base_below = -float(self.base_corners[:, 2].min())  # m, of its origin, when level
         # Each as often as a limb's Jacobian has numbers: to broadcast takes longer.
         self._radii = np.repeat(self.foot_radius, 3 * self.hinges).reshape(self.count, 3, self.hinges)
         forms = [closed_form(limb, tip) for limb, tip in zip(self.limbs, self.default_foot, strict=True)]
         self._forms = [form for form in forms if form is not None]
-        self._chains = None if len(self._forms) == self.count else self._least_squares(robot)
+        self._chains = None if len(self._forms) == self.count else self._least_squares(description)
         self._form_of = forms
 
     def pose(self, joint_position: np.ndarray) -> LegPose:
@@ -208,11 +212,11 @@ class Legs:
             result[..., self.joints[self.present]] = leg_values[..., self.present]
         return result
 
-    def _set_model(self, robot: Robot) -> None:
+    def _set_model(self, description: Description, xml_path: Path) -> None:
         """The robot's own model with its base at the origin, and where in it the limbs are."""
-        spec = load_spec(robot.xml_path)
+        spec = load_spec(xml_path)
         own = spec.compile()
-        for foot in robot.description.feet:
+        for foot in description.feet:
             geoms = [own.geom(name) for name in foot.geoms]
             tip = np.mean([geom.pos for geom in geoms], axis=0)
             spec.geom(foot.geoms[0]).parent.add_site(name=_tip_name(foot.name), pos=tip)
@@ -222,15 +226,15 @@ class Legs:
         for joint in range(model.njnt):
             if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE:
                 self._data.qpos[model.jnt_qposadr[joint] + 3] = 1.0
-        joints = np.array([model.joint(name).id for name in robot.joint_names])
+        joints = np.array([model.joint(name).id for name in description.joint_names])
         self._addresses = as_slice(model.jnt_qposadr[joints])
         self._hinges_at = joints[self.joints]
         if np.any(model.jnt_type[self._hinges_at] != mujoco.mjtJoint.mjJNT_HINGE):
-            raise UserError(f"{robot.xml_path}: the joints of a leg must be hinges")
-        self._tips = np.array([model.site(_tip_name(foot.name)).id for foot in robot.description.feet])
+            raise UserError(f"{xml_path}: the joints of a leg must be hinges")
+        self._tips = np.array([model.site(_tip_name(foot.name)).id for foot in description.feet])
         self.balls: list[FootBalls] = [  # that each foot touches the ground with
             foot_balls(model, geoms, model.site_pos[tip])
-            for geoms, tip in zip(foot_geoms(model, robot.description), self._tips, strict=True)
+            for geoms, tip in zip(foot_geoms(model, description), self._tips, strict=True)
         ]
         self._dofs = model.jnt_dofadr[self._hinges_at]
         self._bias = np.zeros(model.nv)
@@ -242,7 +246,7 @@ class Legs:
         self._jacobian_places = rows * model.nv + self._dofs[:, None, :]
         self._axis_places = 3 * self._hinges_at[:, None, :] + np.arange(3)[:, None]
 
-    def _read_limbs(self, robot: Robot) -> list[Limb]:
+    def _read_limbs(self, description: Description) -> list[Limb]:
         data = self._data
         data.qpos[self._addresses] = 0.0
         mujoco.mj_kinematics(self._model, data)
@@ -254,18 +258,18 @@ class Legs:
                     anchor=data.xanchor[at],
                     axis=data.xaxis[at],
                     tip=data.site_xpos[tip].copy(),
-                    lower=robot.lower_rad[own],
-                    upper=robot.upper_rad[own],
-                    default=robot.default_pose[own],
+                    lower=self._model.jnt_range[at, 0],
+                    upper=self._model.jnt_range[at, 1],
+                    default=description.default_pose[own],
                 )
             )
         return limbs
 
-    def _least_squares(self, robot: Robot) -> LeastSquares:
-        soles = np.array([_is_sole(self._model, foot.geoms) for foot in robot.description.feet])
+    def _least_squares(self, description: Description) -> LeastSquares:
+        soles = np.array([_is_sole(self._model, foot.geoms) for foot in description.feet])
         enough = self.present.sum(axis=1) >= _HINGES_FOR_LEVEL_SOLE
-        lower, upper = self.gather(robot.lower_rad), self.gather(robot.upper_rad)
-        others = robot.default_pose
+        lower, upper = (self._model.jnt_range[self._hinges_at, side] * self.present for side in (0, 1))
+        others = description.default_pose
         data = mujoco.MjData(self._model)  # its own: what is kept of the last pose stays
         data.qpos[:] = self._data.qpos
 

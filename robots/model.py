@@ -8,9 +8,10 @@ import numpy as np
 
 from footfall.common.errors import UserError
 from footfall.robots.actuator import Motor
-from footfall.robots.description import Robot, load_spec
+from footfall.robots.description import Robot
 from footfall.robots.feet import find_feet, foot_geoms
 from footfall.robots.leg_bodies import leg_of_bodies
+from footfall.robots.mjcf import load_spec
 from footfall.robots.stability import PLANT_TIMESTEP_S, TRAINING_TIMESTEP_S
 
 FLOOR = "floor"
@@ -119,7 +120,7 @@ def read_plant(robot: Robot, path: Path | None = None) -> Plant:
         model = spec.compile()
     except ValueError as error:
         raise UserError(f"{source} does not compile: {' '.join(str(error).split())}") from None
-    feet = find_feet(model, robot)
+    feet = find_feet(model, robot.description, robot.xml_path)
     notes += _notes_on_feet(model, feet, robot, source.name)
     free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)[0]
     motor = robot.motor._replace(**{name: loss for name, loss in losses.items() if loss.any()})
@@ -150,14 +151,6 @@ def joint_addresses(model: mujoco.MjModel, robot: Robot) -> tuple[np.ndarray, np
     """Where the robot's joints lie in `qpos` and `qvel`, each of shape (n,), in joint order."""
     ids = [model.joint(name).id for name in robot.joint_names]
     return model.jnt_qposadr[ids], model.jnt_dofadr[ids]
-
-
-def as_slice(indices: np.ndarray) -> slice | np.ndarray:
-    """Rising indices evenly apart as a slice, which NumPy reads and writes faster; others as they are."""
-    apart = np.diff(indices)
-    step = int(apart[0]) if len(apart) else 1
-    even = step > 0 and bool((apart == step).all())
-    return slice(int(indices[0]), int(indices[-1]) + 1, step) if even else indices
 
 
 def ground_friction(model: mujoco.MjModel, robot: Robot) -> np.ndarray:

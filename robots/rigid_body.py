@@ -6,7 +6,8 @@ import mujoco
 import numpy as np
 
 from footfall.common.rotations import skew
-from footfall.robots.description import Robot, load_spec
+from footfall.robots.description import Robot
+from footfall.robots.mjcf import load_spec
 from footfall.robots.stance import in_default_pose
 
 

@@ -1,15 +1,13 @@
 """Whether physics steps can follow a robot's joint law."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
 
+from footfall.robots.actuator import Motor
+from footfall.robots.robot_yaml import Description
 from footfall.robots.stance import in_default_pose
-
-if TYPE_CHECKING:
-    from footfall.robots.description import Robot
 
 TRAINING_TIMESTEP_S = 0.005
 PLANT_TIMESTEP_S = 0.001
@@ -17,34 +15,38 @@ MOST_TAKEN = 1.5  # share of a velocity that an explicit step may take away; fro
 MOST_TURNED_RAD = 2.0  # natural frequency times step; beyond, oscillations grow (symplectic Euler)
 
 
-def instabilities(robot: "Robot", model: mujoco.MjModel) -> Iterator[str]:
+def instabilities(
+    description: Description, model: mujoco.MjModel, kp: np.ndarray, kd: np.ndarray, motor: Motor
+) -> Iterator[str]:
     """What is too damped or too stiff for the inertia that it moves: in the default pose, the base free.
 
     The plant's steps are explicit in the damping: one of length h takes h D / M of a velocity away. Those of
     training are not (envs/physics/interface.py), but they are longer, and the stiffness is explicit in both.
 
     Args:
-        robot: the robot.
+        description: of the robot.
         model: its compiled MJCF.
+        kp: stiffness, N m/rad, (n,).
+        kd: damping, N m s/rad, (n,).
+        motor: the joints' friction and damping.
     """
-    longest_s, joint = longest_timestep(robot, model)
+    longest_s, joint = longest_timestep(description, model, kp)
     if longest_s < TRAINING_TIMESTEP_S:
         yield (
-            f"gains: natural_frequency_hz of {robot.description.gains.natural_frequency_hz:g} makes joint"
+            f"gains: natural_frequency_hz of {description.gains.natural_frequency_hz:g} makes joint"
             f" {joint} too stiff for physics steps of {1e3 * TRAINING_TIMESTEP_S:g} ms"
         )
-    motor = robot.motor
-    damping = robot.kd + motor.friction / motor.friction_speed + motor.damping
-    rate, index = _fastest(_mobility(robot, model), damping)
+    damping = kd + motor.friction / motor.friction_speed + motor.damping
+    rate, index = _fastest(_mobility(description, model), damping)
     if PLANT_TIMESTEP_S * rate > MOST_TAKEN:
         yield (
-            f"joint {robot.joint_names[index]}: kd, friction at low speed and damping come to"
+            f"joint {description.joint_names[index]}: kd, friction at low speed and damping come to"
             f" {damping[index]:.3g} N m s/rad, too much for its inertia and physics steps of"
             f" {1e3 * PLANT_TIMESTEP_S:g} ms"
         )
 
 
-def longest_timestep(robot: "Robot", model: mujoco.MjModel) -> tuple[float, str]:
+def longest_timestep(description: Description, model: mujoco.MjModel, kp: np.ndarray) -> tuple[float, str]:
     """Physics steps beyond this, s, make the joints' springs swing up; and the stiffest joint.
 
     A spring of natural frequency w is stable while w h < 2, and so with the training's damping: of
@@ -52,19 +54,20 @@ def longest_timestep(robot: "Robot", model: mujoco.MjModel) -> tuple[float, str]
     h^2 K = 4 M.
 
     Args:
-        robot: the robot.
+        description: of the robot.
         model: its compiled MJCF, or a model that it is trained on.
+        kp: stiffness, N m/rad, (n,).
     """
-    squared_frequency, joint = _fastest(_mobility(robot, model), robot.kp)
-    return float(MOST_TURNED_RAD / np.sqrt(squared_frequency)), robot.joint_names[joint]
+    squared_frequency, joint = _fastest(_mobility(description, model), kp)
+    return float(MOST_TURNED_RAD / np.sqrt(squared_frequency)), description.joint_names[joint]
 
 
-def _mobility(robot: "Robot", model: mujoco.MjModel) -> np.ndarray:
+def _mobility(description: Description, model: mujoco.MjModel) -> np.ndarray:
     """The joints' accelerations per torque on each of them, (n, n)."""
-    data, mass = in_default_pose(model, robot.description), np.zeros((model.nv, model.nv))
+    data, mass = in_default_pose(model, description), np.zeros((model.nv, model.nv))
     mujoco.mj_fwdPosition(model, data)
     mujoco.mj_fullM(model, data, mass)
-    dofs = [model.joint(name).dofadr[0] for name in robot.joint_names]
+    dofs = [model.joint(name).dofadr[0] for name in description.joint_names]
     return np.linalg.inv(mass)[np.ix_(dofs, dofs)]
 
 

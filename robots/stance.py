@@ -1,16 +1,14 @@
 """How a robot stands in its default pose: how high, and where its feet are."""
 
 from itertools import product
-from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
 
-if TYPE_CHECKING:
-    from footfall.robots.description import Description
+from footfall.robots.robot_yaml import Description
 
 
-def in_default_pose(model: mujoco.MjModel, description: "Description") -> mujoco.MjData:
+def in_default_pose(model: mujoco.MjModel, description: Description) -> mujoco.MjData:
     """A model in the robot's default pose, its base level and at the origin, with `mj_kinematics` done.
 
     Joints that `robot.yaml` does not list are where the MJCF starts them.
@@ -22,17 +20,17 @@ def in_default_pose(model: mujoco.MjModel, description: "Description") -> mujoco
     return _in_pose(model, {joint.name: joint.default_rad for joint in description.joints})
 
 
-def touching_height(description: "Description", model: mujoco.MjModel) -> float:
+def touching_height(description: Description, model: mujoco.MjModel) -> float:
     """Height of the base's origin, m, at which the lowest foot touches the ground in the default pose."""
     return -float(lowest_points(description, model).min())
 
 
-def lowest_points(description: "Description", model: mujoco.MjModel) -> np.ndarray:
+def lowest_points(description: Description, model: mujoco.MjModel) -> np.ndarray:
     """Height of each foot's lowest point over the base's origin in the default pose, m, (feet,)."""
     return _lowest_of_feet(description, model, in_default_pose(model, description))
 
 
-def lying_clearance(description: "Description", model: mujoco.MjModel) -> float:
+def lying_clearance(description: Description, model: mujoco.MjModel) -> float:
     """How high the base is above its lowest foot in the lying pose, level, m; below 0 if the feet hang free.
 
     Every joint must have a `lying_rad`.
@@ -54,17 +52,17 @@ def _in_pose(model: mujoco.MjModel, pose: dict[str, float]) -> mujoco.MjData:
     return data
 
 
-def _lowest_of_feet(description: "Description", model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
+def _lowest_of_feet(description: Description, model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
     lowest = [[_lowest_point(model, data, model.geom(n).id) for n in foot.geoms] for foot in description.feet]
     return np.array([min(each) for each in lowest])
 
 
-def base_below(description: "Description", model: mujoco.MjModel) -> float:
+def base_below(description: Description, model: mujoco.MjModel) -> float:
     """How far the base reaches below its origin when level, m; 0 of a base that can touch nothing."""
     return -float(base_corners(description, model)[:, 2].min())
 
 
-def base_corners(description: "Description", model: mujoco.MjModel) -> np.ndarray:
+def base_corners(description: Description, model: mujoco.MjModel) -> np.ndarray:
     """Corners of a box around all of the base that can touch something, m, base frame, (8, 3).
 
     All are the origin for a base that can touch nothing.
@@ -81,7 +79,7 @@ def base_corners(description: "Description", model: mujoco.MjModel) -> np.ndarra
     return np.array(list(product(*sides)))
 
 
-def foot_places(description: "Description", model: mujoco.MjModel) -> np.ndarray:
+def foot_places(description: Description, model: mujoco.MjModel) -> np.ndarray:
     """Middle of each foot's geoms in the default pose, m, base frame, (feet, 3)."""
     data = in_default_pose(model, description)
     places = [[data.geom(name).xpos for name in foot.geoms] for foot in description.feet]

@@ -11,12 +11,13 @@ import numpy as np
 from jax.experimental.buffer_callback import buffer_callback
 from mujoco.batch import Batch, SimulationError
 
+from footfall.common.arrays import as_slice
 from footfall.common.processors import usable_cores
 from footfall.envs.physics.interface import Drive, Fields, Motion, Physics, Trace, joint_effort
 from footfall.envs.workarounds.undisturbed import UNDISTURBED
 from footfall.robots.description import Robot
 from footfall.robots.feet import foot_geoms
-from footfall.robots.model import as_slice, joint_addresses
+from footfall.robots.model import joint_addresses
 
 LINE_SEARCH_EVALUATIONS = 20
 

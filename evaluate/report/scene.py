@@ -5,7 +5,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from footfall.robots.description import Robot, load_spec
+from footfall.robots.description import Robot
+from footfall.robots.mjcf import load_spec
 from footfall.robots.model import FLOOR
 
 FLOOR_MATERIAL = "footfall_floor"

@@ -19,6 +19,7 @@ from footfall.robots.importer.model_xml import model_xml
 from footfall.robots.importer.motors import ByJoint, choose_drive, peak_torques, value_for, with_armature
 from footfall.robots.importer.pose import Pose, standing_pose
 from footfall.robots.importer.randomisation_yaml import randomisation_yaml
+from footfall.robots.importer.read import read_source
 from footfall.robots.importer.robot_yaml import (
     MODEL_FILE,
     Ranges,
@@ -26,7 +27,6 @@ from footfall.robots.importer.robot_yaml import (
     command_range,
     robot_yaml,
 )
-from footfall.robots.importer.source import read_source
 from footfall.robots.importer.statics import statics
 from footfall.robots.importer.training_yaml import training_yaml
 

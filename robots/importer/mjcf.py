@@ -7,9 +7,9 @@ import mujoco
 import numpy as np
 
 from footfall.common.errors import UserError
-from footfall.robots.description import load_spec
 from footfall.robots.importer.shapes import hull_points, rotation_of
 from footfall.robots.importer.source import Source, compiled, free_the_base, name_everything
+from footfall.robots.mjcf import load_spec
 
 STANDING = re.compile("stand|home|default", re.IGNORECASE)
 LOOPS = (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)

@@ -1,6 +1,5 @@
 """Another maker's model, read: the compiled model and what its file says about the motors."""
 
-import xml.etree.ElementTree as ET
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -23,34 +22,6 @@ class Source:
     pose_rad: dict[str, float] = field(default_factory=dict)  # a pose of the file's, if it has one
     coupled: frozenset[str] = frozenset()  # joints that follow another one
     guesses: tuple[str, ...] = ()  # what was assumed while reading, one line each
-
-
-def read_source(path: Path, packages: tuple[Path, ...] = ()) -> Source:
-    """Read a URDF or an MJCF.
-
-    Args:
-        path: the file.
-        packages: folders in which to look for the packages that a URDF's meshes lie in, beside the folders
-            above the URDF and ROS_PACKAGE_PATH.
-
-    Raises:
-        UserError: the file is neither, or cannot be used; the message says why.
-    """
-    from footfall.robots.importer.mjcf import read_mjcf
-    from footfall.robots.importer.urdf import read_urdf
-
-    if not path.is_file():
-        raise UserError(f"no file at {path}: give a URDF or an MJCF")
-    try:
-        root = ET.parse(path).getroot()
-    except (ET.ParseError, ValueError, LookupError) as error:
-        raise UserError(f"{path} is neither URDF nor MJCF: {error}") from None
-    match root.tag:
-        case "robot":
-            return read_urdf(path, root, packages)
-        case "mujoco":
-            return read_mjcf(path)
-    raise UserError(f"{path} is neither URDF nor MJCF: its root is <{root.tag}>, not <robot> or <mujoco>")
 
 
 def name_everything(spec: mujoco.MjSpec) -> None:

@@ -7,7 +7,7 @@ from footfall.deploy.rules import RULES, table
 from footfall.deploy.safety import CHECKS, Mode, SafetyConfig
 from footfall.deploy.sensor_checks import BODY_CHECKS, JOINT_CHECKS
 from footfall.deploy.sensor_limits import SensorLimits
-from footfall.robots.description import MotorType
+from footfall.robots.robot_yaml import MotorType
 
 PAGE = (Path(__file__).parents[2] / "docs/safety.md").read_text(encoding="utf-8")
 

@@ -17,6 +17,7 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
+from footfall.common.arrays import as_slice
 from footfall.deploy.bus import BusStatistics
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers.driver import Motors
@@ -41,7 +42,7 @@ from footfall.plant.trace import Recorder
 from footfall.plant.wires import Side, SimulatedWires
 from footfall.robots.actuator import JointCommand, Motor, friction_torque, motor_torque
 from footfall.robots.description import Robot, load_robot
-from footfall.robots.model import as_slice, joint_addresses, read_plant
+from footfall.robots.model import joint_addresses, read_plant
 
 ORDER = [7, 2, 11, 0, 5, 9, 4, 1, 10, 3, 8, 6]  # of the joints, none where it was nor beside its neighbour
 

@@ -18,7 +18,8 @@ from footfall.policies.controllers.stance import nominal_feet
 from footfall.policies.gaits import find_gait
 from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.actuator import JointCommand
-from footfall.robots.description import load_robot, load_spec
+from footfall.robots.description import load_robot
+from footfall.robots.mjcf import load_spec
 from footfall.robots.rigid_body import nominal_body
 
 ROBOT = load_robot("go1")

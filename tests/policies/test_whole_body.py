@@ -24,8 +24,9 @@ from footfall.policies.controllers.whole_body.feedback import base_tilt, observe
 from footfall.policies.controllers.whole_body.problem import Contact, Programmes, Wanted, Weights
 from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.actuator import JointCommand
-from footfall.robots.description import Robot, load_robot, load_spec
+from footfall.robots.description import Robot, load_robot
 from footfall.robots.feet import foot_geoms
+from footfall.robots.mjcf import load_spec
 
 G1, GO1 = load_robot("g1"), load_robot("go1")
 BODIES = {"g1": WholeBody(G1), "go1": WholeBody(GO1)}

@@ -41,7 +41,7 @@ ALLOWED = {
     "pages": {"common", "robots", "policies", "domain_rand", "deploy", "plant", "train"},
 }
 ROOMS = (*ALLOWED, COMMAND_LINE)
-STILL_WITH_CIRCLES = ("robots", "train")
+STILL_WITH_CIRCLES = ("train",)
 ACTING = ("common", "robots", "domain_rand", "policies", "deploy", "plant", "evaluate")
 # What of policies those that learn may know. `learned` runs an exported file to check it.
 POLICIES_FOR_LEARNING = {

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from footfall.robots.description import Robot, load_robot, load_spec
+from footfall.robots.description import Robot, load_robot
 from footfall.robots.digest import digest
+from footfall.robots.mjcf import load_spec
 
 
 def edit(folder: Path, file: str, old: str, new: str) -> None:

@@ -7,8 +7,9 @@ import mujoco
 import numpy as np
 from made_up import bodies
 
-from footfall.robots.description import Robot, load_spec
+from footfall.robots.description import Robot
 from footfall.robots.feet import find_feet
+from footfall.robots.mjcf import load_spec
 
 SPHERE = mujoco.mjtGeom.mjGEOM_SPHERE
 REAR_RIGHT = 2  # among go1's feet
@@ -23,7 +24,7 @@ def without_a_name(
     foot.name = ""
     change(foot)
     model = spec.compile()
-    return model, find_feet(model, robot)
+    return model, find_feet(model, robot.description, robot.xml_path)
 
 
 def test_a_foot_on_a_link_that_is_fixed_to_the_shin_is_found_by_its_place(go1: Robot) -> None:
@@ -36,7 +37,7 @@ def test_a_foot_on_a_link_that_is_fixed_to_the_shin_is_found_by_its_place(go1: R
     toe.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=size, contype=1)
     shin.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=size, contype=1)  # at its upper end: no foot
     model = spec.compile()
-    feet = find_feet(model, go1)
+    feet = find_feet(model, go1.description, go1.xml_path)
     assert [model.body(model.geom_bodyid[geom]).name for geom in feet[2]] == ["toe"]
 
 
@@ -87,5 +88,5 @@ def test_one_box_may_serve_for_four_corners_and_counts_once(tmp_path: Path) -> N
     link.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=half, pos=middle)
     link.add_geom(type=SPHERE, size=[0.03, 0, 0])  # the ankle's housing, nearer to no corner than the box is
     model = spec.compile()
-    (sole,) = find_feet(model, robot)[0].tolist()
+    (sole,) = find_feet(model, robot.description, robot.xml_path)[0].tolist()
     assert model.geom_type[sole] == mujoco.mjtGeom.mjGEOM_BOX

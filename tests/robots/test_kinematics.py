@@ -10,12 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from footfall.robots.description import available_robots, load_robot, load_spec
+from footfall.robots.description import available_robots, load_robot
 from footfall.robots.kinematics import Legs
+from footfall.robots.mjcf import load_spec
 from footfall.robots.model import joint_addresses, plant_model
 
 ROBOT = load_robot("go1")
-LEGS = Legs(ROBOT)
+LEGS = Legs(ROBOT.description, ROBOT.xml_path)
 
 fractions = arrays(float, len(ROBOT.joint_names), elements=st.floats(0.0, 1.0))
 places = arrays(float, (LEGS.count, 3), elements=st.floats(-2.0, 2.0))
@@ -189,7 +190,7 @@ class TestOtherRobots:
         robot = load_robot(name)
         if any(len(foot.joints) != 3 for foot in robot.description.feet):
             pytest.skip("legs of another kind")
-        legs = Legs(robot)
+        legs = Legs(robot.description, robot.xml_path)
         np.testing.assert_allclose(legs.solve(legs.default_foot), legs.default_angles, atol=1e-6)
 
     def test_a_leg_with_skew_axes_is_solved_too(self, tmp_path: Path) -> None:

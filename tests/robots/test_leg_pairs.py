@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from footfall.envs.config import InitialState
-from footfall.robots.description import Robot, load_robot, load_spec
+from footfall.robots.description import Robot, load_robot
 from footfall.robots.leg_bodies import NO_LEG, leg_of_bodies
+from footfall.robots.mjcf import load_spec
 from footfall.robots.model import joint_addresses, plant_model, training_model
 
 ROUND = (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_CAPSULE)

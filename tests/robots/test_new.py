@@ -21,8 +21,8 @@ from footfall.robots.importer.feet import leg_names
 from footfall.robots.importer.machine import Leg
 from footfall.robots.importer.meshes import read_points
 from footfall.robots.importer.motors import choose_drive, with_armature
+from footfall.robots.importer.read import read_source
 from footfall.robots.importer.shapes import Kind, fit_shape, fit_sole, rotation_of
-from footfall.robots.importer.source import read_source
 from footfall.robots.importer.statics import Statics, statics
 
 PELVIS = 1

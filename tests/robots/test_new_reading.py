@@ -17,11 +17,12 @@ from footfall.robots.importer.limbs import FOOT_NAME, find_limbs
 from footfall.robots.importer.machine import Machine
 from footfall.robots.importer.meshes import read_points
 from footfall.robots.importer.model_xml import model_xml
+from footfall.robots.importer.read import read_source
 from footfall.robots.importer.shapes import (
     Kind,
     rotation_of,
 )
-from footfall.robots.importer.source import Source, read_source
+from footfall.robots.importer.source import Source
 
 
 def feet_of(source: Source, *named: str) -> list[str]:

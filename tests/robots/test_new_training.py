@@ -19,7 +19,7 @@ from footfall.robots.importer.create import ImportRequest, import_robot
 from footfall.robots.importer.machine import Machine
 from footfall.robots.importer.pose import Pose
 from footfall.robots.importer.randomisation_yaml import randomisation_yaml
-from footfall.robots.importer.source import read_source
+from footfall.robots.importer.read import read_source
 from footfall.robots.importer.training_yaml import training_yaml
 from footfall.train.config import available_presets, load_preset
 

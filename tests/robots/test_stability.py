@@ -6,7 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from footfall.robots.description import Robot, load_spec
+from footfall.robots.description import Robot
+from footfall.robots.mjcf import load_spec
 from footfall.robots.model import joint_addresses, training_model
 from footfall.robots.stability import (
     MOST_TURNED_RAD,
@@ -41,23 +42,24 @@ def energy_grows(robot: Robot, timestep_s: float = TRAINING_TIMESTEP_S) -> bool:
 @pytest.mark.parametrize(("share", "grows"), [(0.97, False), (1.03, True)])
 def test_stiffness_is_refused_where_steps_begin_to_swing_up(go1: Robot, share: float, grows: bool) -> None:
     model = load_spec(go1.xml_path).compile()
-    turned_rad = TRAINING_TIMESTEP_S * np.sqrt(_fastest(_mobility(go1, model), go1.kp)[0])
+    turned_rad = TRAINING_TIMESTEP_S * np.sqrt(_fastest(_mobility(go1.description, model), go1.kp)[0])
     limit_hz = go1.description.gains.natural_frequency_hz * MOST_TURNED_RAD / turned_rad
     robot = swinging(go1, share * limit_hz)
-    assert any("too stiff for physics steps of 5 ms" in line for line in instabilities(robot, model)) is grows
+    found = list(instabilities(robot.description, model, robot.kp, robot.kd, robot.motor))
+    assert any("too stiff for physics steps of 5 ms" in line for line in found) is grows
     assert energy_grows(robot) is grows
 
 
 @pytest.mark.parametrize(("share", "grows"), [(0.97, False), (1.03, True)])
 def test_the_longest_step_is_where_steps_begin_to_swing_up(go1: Robot, share: float, grows: bool) -> None:
-    longest_s, _ = longest_timestep(go1, training_model(go1))
+    longest_s, _ = longest_timestep(go1.description, training_model(go1), go1.kp)
     assert energy_grows(go1, share * longest_s) is grows
 
 
 def test_mobility_is_how_joints_answer_torques_while_the_base_is_free(go1: Robot) -> None:
     model = load_spec(go1.xml_path).compile()
     model.opt.gravity[:], model.dof_frictionloss[:], model.dof_damping[:] = 0.0, 0.0, 0.0
-    dofs, mobility = joint_addresses(model, go1)[1], _mobility(go1, model)
+    dofs, mobility = joint_addresses(model, go1)[1], _mobility(go1.description, model)
     for joint in (1, 6, 11):
         data = in_default_pose(model, go1.description)
         data.qfrc_applied[dofs[joint]] = 1.0
@@ -85,7 +87,7 @@ def test_damping_is_refused_where_a_plants_step_would_take_one_and_a_half_times_
 ) -> None:
     """kd, the ramp of friction and viscous damping together; the joint that is damped most is named."""
     model = load_spec(go1.xml_path).compile()
-    mobility = _mobility(go1, model)
+    mobility = _mobility(go1.description, model)
     motor = go1.motor._replace(damping=np.linspace(0.1, 0.4, 12))
     damping = go1.kd + motor.friction / motor.friction_speed + motor.damping
     rates, modes = np.linalg.eig(mobility * damping)
@@ -94,6 +96,6 @@ def test_damping_is_refused_where_a_plants_step_would_take_one_and_a_half_times_
     scaled = motor._replace(
         damping=wanted * motor.damping + (wanted - 1) * go1.kd, friction=wanted * motor.friction
     )
-    lines = list(instabilities(replace(go1, motor=scaled), model))
+    lines = list(instabilities(go1.description, model, go1.kp, go1.kd, scaled))
     assert any(f"joint {go1.joint_names[worst]}: kd, friction" in line for line in lines) is refused
     assert any(line.endswith("physics steps of 1 ms") for line in lines) is refused

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from footfall.common.errors import UserError
-from footfall.robots.description import Robot, load_robot, load_spec
+from footfall.robots.description import Robot, load_robot
+from footfall.robots.mjcf import load_spec
 from footfall.robots.model import joint_addresses
 from footfall.robots.rigid_body import nominal_body
 from footfall.robots.stance import base_corners, foot_places, in_default_pose, touching_height

@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from footfall.robots.importer.source import Source, read_source
+from footfall.robots.importer.read import read_source
+from footfall.robots.importer.source import Source
 
 HIPS = {"FL": (0.21, 0.11), "FR": (0.21, -0.11), "RL": (-0.24, 0.13), "RR": (-0.24, -0.13)}
 TAIL = {"TL": (-0.3, -0.01)}  # a fifth leg, whose foot is in the middle plane

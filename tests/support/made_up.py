@@ -7,7 +7,9 @@ from typing import NamedTuple
 import yaml
 
 from footfall.common.config import structure
-from footfall.robots.description import Description, Robot, load_robot, load_spec
+from footfall.robots.description import Robot, load_robot
+from footfall.robots.mjcf import load_spec
+from footfall.robots.robot_yaml import Description
 from footfall.robots.stance import touching_height
 
 Vector = tuple[float, float, float]

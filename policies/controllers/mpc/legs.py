@@ -4,12 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from footfall.common.arrays import as_slice
 from footfall.common.rotations import skew
 from footfall.policies.controllers.mpc.config import MpcConfig
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 from footfall.robots.kinematics import LegPose, Legs
-from footfall.robots.model import as_slice
 from footfall.robots.rigid_body import RigidBody
 from footfall.robots.targets import within
 

@@ -9,11 +9,12 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
+from footfall.common.arrays import as_slice
 from footfall.common.errors import UserError
 from footfall.common.rotations import skews
-from footfall.robots.description import Robot, load_spec
+from footfall.robots.description import Robot
 from footfall.robots.feet import foot_geoms
-from footfall.robots.model import as_slice
+from footfall.robots.mjcf import load_spec
 
 BASE = 6  # degrees of freedom of the base
 DOWN = np.array([0.0, 0.0, -1.0])
