@@ -47,7 +47,9 @@ def fractions(robot: Robot) -> st.SearchStrategy[np.ndarray]:
 
 def without_closed_form(legs: Legs, robot: Robot) -> SimpleNamespace:
     """The same limbs, solved by least squares."""
-    return SimpleNamespace(solve=lambda tips: legs._least_squares(robot.description).solve(tips, list(range(legs.count))))
+    return SimpleNamespace(
+        solve=lambda tips: legs._least_squares(robot.description).solve(tips, list(range(legs.count)))
+    )
 
 
 class TestBothForms:
