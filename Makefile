@@ -4,17 +4,18 @@ PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11 python; do \
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.footfall-installed
-EXTRAS ?= train,dev
+EXTRAS ?= train,dev,docs
 INSTALL ?= $(BIN)/python -m pip install --quiet --disable-pip-version-check
 WORKERS ?= 2
 TESTS ?= tests
 
-.PHONY: help setup test demo lint format types clean
+.PHONY: help setup test demo docs lint format types clean
 
 help:
 	@echo "make setup   prepare .venv with the footfall command in it"
 	@echo "make demo    train, export, deploy, compare: ends with an HTML report"
-	@echo "make test    run the tests (TESTS=tests/test_x.py for some of them)"
+	@echo "make docs    build the documentation site in build/site"
+	@echo "make test    run the tests (TESTS=tests/robots for some of them)"
 	@echo "make lint    check style; make format applies it"
 	@echo "make types   check types"
 	@echo "make clean   remove .venv, caches and build leftovers; runs and reports stay"
@@ -35,6 +36,9 @@ test: $(STAMP)
 
 demo: $(STAMP)
 	$(BIN)/footfall demo
+
+docs: $(STAMP)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

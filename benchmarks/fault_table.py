@@ -1,7 +1,7 @@
 """Puts robots through every kind of fault in `plant/fault_kinds.py`, and counts false alarms without any.
 
     python benchmarks/fault_table.py --seeds 100 --nominal 1000 --randomised 1000 --out faults.jsonl
-    python benchmarks/fault_table.py --read faults.jsonl --page docs/faults.md
+    python benchmarks/fault_table.py --read faults.jsonl --json docs/faults.json
 
 Runs are kept in the file as they end, and not run again by a second call.
 
@@ -10,6 +10,7 @@ robot has one: a run ends when the robot damps itself, or `OBSERVED_S` after the
 """
 
 import argparse
+import json
 import math
 import re
 import zlib
@@ -61,7 +62,6 @@ ROUNDING = 0.04  # of a motor's peak torque: what a frame's quanta may add to a 
 EPISODE_S = 6.0  # of each run without a fault
 FALL_S = 1.0  # that a robot takes at most to lie on the ground once it cannot be held any more
 PUSH_M_S = 0.6
-BEGIN, END = "<!-- faults -->", "<!-- /faults -->"
 
 
 @dataclass(frozen=True)
@@ -322,62 +322,58 @@ def _without_figures(fault: str) -> str:
     return re.sub(r"^.*\(can\d+, id \d+\): ", "", re.sub(r"-?\d+\.\d+|\d+(?=%)", "…", fault))
 
 
-def page(found: Sequence[dict[str, Any]], healthy: Sequence[dict[str, Any]]) -> str:
-    """Everything as Markdown: rows of faults, and runs without one."""
-    lines = [_healthy_table(healthy), ""] if healthy else []
-    for robot, policy in SUBJECTS:
-        of = [row for row in found if (row["robot"], row["policy"]) == (robot, policy)]
-        if of:
-            lines += [f"### `{policy}` on {robot}", "", _table(of), ""]
-    return "\n".join(lines).strip()
+def table(found: Sequence[dict[str, Any]], healthy: Sequence[dict[str, Any]]) -> str:
+    """Content of docs/faults.json: rows of faults, and counts of runs without one; a row a line."""
+    parts = {"healthy": _healthy_rows(healthy), "rows": [_published(row) for row in found]}
+    blocks = [
+        f'"{name}": [\n' + ",\n".join(json.dumps(row, ensure_ascii=False) for row in of) + "\n]"
+        for name, of in parts.items()
+    ]
+    return "{\n" + ",\n".join(blocks) + "\n}\n"
 
 
-def _healthy_table(runs: Sequence[dict[str, Any]]) -> str:
-    lines = ["| without a fault | runs | false alarms | fell |", "| --- | ---: | ---: | ---: |"]
+def _healthy_rows(runs: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    rows = []
     for robot, policy in SUBJECTS:
         for randomised in (False, True):
             of = [
                 r for r in runs if (r["robot"], r["policy"], r["randomised"]) == (robot, policy, randomised)
             ]
             if of:
-                name = f"`{policy}` on {robot}, {'randomised' if randomised else 'nominal'}"
-                alarms = sum(bool(run["alarm"]) for run in of)
-                lines.append(f"| {name} | {len(of)} | {alarms} | {sum(run['fell'] for run in of)} |")
-    return "\n".join(lines)
+                rows.append(
+                    {
+                        "policy": policy,
+                        "robot": robot,
+                        "plant": "randomised" if randomised else "nominal",
+                        "runs": len(of),
+                        "false_alarms": sum(bool(run["alarm"]) for run in of),
+                        "fell": sum(run["fell"] for run in of),
+                    }
+                )
+    return rows
 
 
-def _table(of: Sequence[dict[str, Any]]) -> str:
-    lines = [
-        "| fault | noticed | safe after, ms: p50, longest (limit) | worst command | ends | fell first | |",
-        "| --- | ---: | ---: | --- | --- | ---: | --- |",
-    ]
-    group = ""
-    for row in of:
-        if row["group"] != group:
-            group = row["group"]
-            lines.append(f"| **{group}** | | | | | | |")
-        lines.append("| " + " | ".join(_cells(row)) + " |")
-    return "\n".join(lines)
+def _published(row: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "policy": row["policy"],
+        "robot": row["robot"],
+        "group": row["group"],
+        "fault": row["kind"].removesuffix(f" ({row['group']})"),
+        "noticed": row["detected"],
+        "runs": row["runs"],
+        "median_ms": _ms(row["median_s"]),
+        "longest_ms": _ms(row["longest_s"]),
+        "limit_ms": _ms(row["limit_s"]),
+        "commands": _worst(row),
+        "ends": dict(sorted(row["final_states"].items())),
+        "fell_first": row["fell"],
+        "as_expected": row["as_expected"],
+        "reason": row["reason"] if row["as_expected"] else row["reason"] or "missed",
+    }
 
 
-def _cells(row: dict[str, Any]) -> list[str]:
-    name = row["kind"].removesuffix(f" ({row['group']})")
-    median, longest = (_ms(row[name]) for name in ("median_s", "longest_s"))
-    limit = _ms(row["limit_s"])
-    ends = ", ".join(f"{state} {count}" for state, count in sorted(row["final_states"].items()))
-    return [
-        name,
-        f"{row['detected']}/{row['runs']}",
-        f"{median}, {longest} ({limit})",
-        _worst(row),
-        ends,
-        str(row["fell"]) if row["fell"] else "0",
-        row["reason"] if row["as_expected"] else "**" + (row["reason"] or "missed") + "**",
-    ]
-
-
-def _ms(seconds: float | None) -> str:
-    return "–" if seconds is None else f"{1e3 * seconds:.0f}"
+def _ms(seconds: float | None) -> int | None:
+    return None if seconds is None else round(1e3 * seconds)
 
 
 def _worst(row: dict[str, Any]) -> str:
@@ -392,14 +388,6 @@ def _worst(row: dict[str, Any]) -> str:
     if row["rate_share"] > 1.01:
         over.append(f"target at {row['rate_share']:.1f} times its rate")
     return ", ".join(over) or "within"
-
-
-def insert(document: str, content: str) -> str:
-    """The document with new content between the markers."""
-    pattern = re.compile(f"{re.escape(BEGIN)}.*?{re.escape(END)}", re.DOTALL)
-    if not pattern.search(document):
-        raise SystemExit(f"no '{BEGIN}' and '{END}' in the document")
-    return pattern.sub(lambda _: f"{BEGIN}\n{content}\n{END}", document)
 
 
 # -- command line --------------------------------------------------------------------------------------
@@ -453,16 +441,14 @@ def main() -> None:
     parser.add_argument(
         "--time-limit", type=float, help="seconds until no run begins, for each of both parts"
     )
-    parser.add_argument("--read", type=Path, help="runs to make a page of, instead of running")
-    parser.add_argument("--page", type=Path, help="a page with markers to write the tables into")
+    parser.add_argument("--read", type=Path, help="runs to make the table of, instead of running")
+    parser.add_argument("--json", type=Path, help="write the table's rows to this file")
     options = parser.parse_args()
 
     runs, healthy, errors = (*read(options.read), []) if options.read else measure(options)
     found = rows(runs)
-    if options.page:
-        options.page.write_text(insert(options.page.read_text(), page(found, healthy)))
-    else:
-        print(page(found, healthy))
+    if options.json:
+        options.json.write_text(table(found, healthy), encoding="utf-8")
     wrong = [row for row in found if not row["as_expected"]]
     alarms = [run for run in healthy if run["alarm"]]
     print(f"{len(found)} rows, {len(wrong)} not as expected; {len(alarms)} false alarms")

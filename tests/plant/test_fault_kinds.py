@@ -1,11 +1,12 @@
 """The table of faults and the audit of commands that go with it."""
 
-from dataclasses import replace
+from dataclasses import json
 from typing import Any
 
 import fault_table
 import numpy as np
 import pytest
+import replace
 from scipy.spatial.transform import Rotation
 
 from footfall.deploy.drivers.choice import open_driver
@@ -299,4 +300,5 @@ def test_rows_say_which_share_was_in_time_and_what_went_wrong() -> None:
     assert not row["as_expected"]
     (row,) = fault_table.rows([{**run, "fell": True, "final_state": "IDLE"}])
     assert (row["idle_after_a_fall"], row["as_expected"]) == (1, False)
-    assert "**missed**" in fault_table.page([row], [])
+    [published] = json.loads(fault_table.table([row], []))["rows"]
+    assert (published["as_expected"], published["reason"]) == (False, "missed")

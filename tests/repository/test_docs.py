@@ -1,30 +1,42 @@
-"""What the pages say can be followed: links and paths exist, command lines parse."""
+"""What the pages say can be followed: links and paths exist, command lines parse, snippets run."""
 
+import importlib
 import json
 import re
-import runpy
 import shlex
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
+import make_report
+import make_table
 import pytest
+import reference
 import yaml
 
 from footfall.cli import app
+from footfall.common.config import load, with_changes
 from footfall.common.errors import UserError
+from footfall.deploy.bring_up.config import BringUpConfig
+from footfall.deploy.config import deploy_config
+from footfall.domain_rand.randomisation import Randomisation
+from footfall.robots.description import load_robot
+from footfall.train.config import PRESETS, TrainConfig
+from footfall.train.sweeps.sweep import SweepConfig
 
 ROOT = Path(__file__).parents[2]
-make_table = SimpleNamespace(**runpy.run_path(str(ROOT / "docs/make_table.py")))
-make_report = SimpleNamespace(**runpy.run_path(str(ROOT / "docs/make_report.py")))
-PAGES = [ROOT / "README.md", *sorted(ROOT.glob("docs/**/*.md")), *sorted(ROOT.glob("policies/zoo/*/*.md"))]
-OF_TODAY = [page for page in PAGES if page.parent.name != "journal"]  # a journal's commands were of their day
+PAGES = [
+    *sorted(ROOT.glob("*.md")),
+    *sorted(ROOT.glob("docs/**/*.md")),
+    *sorted(ROOT.glob("policies/zoo/*/*.md")),
+]
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 FILE = re.compile(r"(?<![\w./-])((?:[\w-]+/)+[\w-]+\.(?:py|yaml|md|xml|json|html|png|webp))(?![\w/])")
 OF_THE_READER = ("runs/", "path/to/", "my_robot/")  # what a reader makes
 CODE = re.compile(r"```\w*\n(.*?)```|`([^`\n]+)`", re.DOTALL)
-SCRIPT = re.compile(r"python ((?:benchmarks|docs|tests)/\w+\.py)((?: [^\n#;]*)?)")
+PYTHON = re.compile(r"(<!-- not run: [^\n]*-->\n)?```python\n(.*?)```", re.DOTALL)
+YAML = re.compile(r"(?:<!-- read as: ([\w-]+) -->\n)?```yaml\n(.*?)```", re.DOTALL)
+SCRIPT = re.compile(r"python ((?:benchmarks|tools|tests/support)/\w+\.py)((?: [^\n#;]*)?)")
 
 
 def name_of(page: Path) -> str:
@@ -63,14 +75,14 @@ def test_links_lead_somewhere(page: Path) -> None:
     assert broken == []
 
 
-@pytest.mark.parametrize("page", OF_TODAY, ids=name_of)
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
 def test_files_that_are_named_exist(page: Path) -> None:
     text = LINK.sub("]", page.read_text(encoding="utf-8"))
     named = [path for path in FILE.findall(text) if not path.startswith(OF_THE_READER)]
     assert [path for path in named if not (ROOT / path).exists() and not (page.parent / path).exists()] == []
 
 
-@pytest.mark.parametrize("page", OF_TODAY, ids=name_of)
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
 def test_command_lines_are_understood(page: Path) -> None:
     wrong = []
     for words in commands(page):
@@ -86,7 +98,7 @@ def test_command_lines_are_understood(page: Path) -> None:
     assert wrong == []
 
 
-@pytest.mark.parametrize("page", OF_TODAY, ids=name_of)
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
 def test_options_of_scripts_are_theirs(page: Path) -> None:
     for code in codes(page):
         for script, arguments in SCRIPT.findall(code):
@@ -94,10 +106,58 @@ def test_options_of_scripts_are_theirs(page: Path) -> None:
             assert [o for o in re.findall(r"--[a-z-]+", arguments) if f'"{o}"' not in source] == [], code
 
 
-def test_the_index_names_every_page() -> None:
-    pages = {page.name for page in ROOT.glob("docs/*.md")} - {"README.md"}
-    named = set(LINK.findall((ROOT / "docs/README.md").read_text(encoding="utf-8")))
-    assert pages - named == set()
+def with_python(page: Path) -> bool:
+    return any(not left_out for left_out, _ in PYTHON.findall(page.read_text(encoding="utf-8")))
+
+
+@pytest.mark.parametrize("page", [*filter(with_python, PAGES)], ids=name_of)
+def test_python_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The blocks of a page in one go, as a reader would, in a folder of their own."""
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {"__name__": page.stem}
+    for left_out, block in PYTHON.findall(page.read_text(encoding="utf-8")):
+        if not left_out:
+            exec(compile(block, name_of(page), "exec"), names)
+
+
+READERS: dict[str, Callable[[Path], object]] = {
+    "bring-up": lambda path: load(path, BringUpConfig),
+    "loop": lambda path: deploy_config(load_robot("go1"), path),
+    "preset": lambda path: load(path, TrainConfig),
+    "randomisation": lambda path: load(path, Randomisation),
+    "sweep": lambda path: load(path, SweepConfig),
+    "training": lambda path: with_changes(yaml.safe_load((PRESETS / "gpu.yaml").read_text()), path),
+}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_settings_are_read(page: Path, tmp_path: Path) -> None:
+    for reader, block in YAML.findall(page.read_text(encoding="utf-8")):
+        (tmp_path / "settings.yaml").write_text(block, encoding="utf-8")
+        READERS[reader](tmp_path / "settings.yaml")
+
+
+def test_the_reference_of_python_names_what_there_is() -> None:
+    for name in re.findall(r"^::: ([\w.]+)$", (ROOT / "docs/reference/api.md").read_text(), re.MULTILINE):
+        module, _, member = name.rpartition(".")
+        assert hasattr(importlib.import_module(module), member), name
+
+
+@pytest.mark.parametrize("section", reference.SECTIONS)
+def test_generated_sections_are_on_a_page_and_say_something(section: str) -> None:
+    assert any(f"<!-- generated: {section} -->" in page.read_text(encoding="utf-8") for page in PAGES)
+    assert len(reference.SECTIONS[section]().split()) > 50
+
+
+def test_settings_are_explained_by_the_comments_beside_them() -> None:
+    """A comment at the end of a field's line, and one on a line of its own above a field."""
+    rows = reference.settings(TrainConfig).splitlines()
+    assert any(
+        row.startswith("| `diverged_limit` | number | `0.01` | share of control steps") for row in rows
+    )
+    assert any(
+        row.startswith("| `physics` | `generated`, `mjx`, `c` |") and "MuJoCo C" in row for row in rows
+    )
 
 
 @pytest.mark.parametrize("file", ["robot.yaml", "controllers.yaml"])
@@ -110,7 +170,7 @@ def test_every_field_of_a_robot_is_explained(file: str) -> None:
                     yield from fields(inner) if isinstance(inner, list) else []
 
     content = yaml.safe_load((ROOT / "robots/go1" / file).read_text(encoding="utf-8"))
-    explained = set(re.findall(r"\w+", " ".join(codes(ROOT / "docs/robots.md"))))
+    explained = set(re.findall(r"\w+", " ".join(codes(ROOT / f"docs/reference/{file.replace('.', '_')}.md"))))
     assert set(fields(content)) - explained == set()
 
 

@@ -1,6 +1,6 @@
 """A headless Chromium that draws WebGL in software, driven through its DevTools protocol.
 
-By itself it takes a picture of a page: python tests/browser.py URL FILE.png [SECONDS]
+By itself it takes a picture of a page: python tests/support/browser.py URL FILE.png [SECONDS]
 """
 
 import base64

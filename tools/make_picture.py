@@ -1,8 +1,8 @@
 """Renders the README's moving pictures: a policy walks, turns and is pushed on the simulated robot.
 
-python docs/make_picture.py go1-flat
-python docs/make_picture.py g1-flat --robot g1 --push 0.8 --width 400 --out g1.webp
-python docs/make_picture.py hexapod-flat --robot hexapod --push 1 --width 400 --out docs/images/hexapod.webp
+python tools/make_picture.py go1-flat
+python tools/make_picture.py g1-flat --robot g1 --push 0.8 --width 400 --out g1.webp
+python tools/make_picture.py hexapod-flat --robot hexapod --push 1 --width 400 --out docs/images/hexapod.webp
 """
 
 import argparse
@@ -43,7 +43,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("policy", nargs="?", default="go1-flat")
     parser.add_argument("--robot", default="go1")
-    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "images" / "walking.webp")
+    parser.add_argument("--out", type=Path, default=Path(__file__).parents[1] / "docs/images/walking.webp")
     parser.add_argument("--push", type=float, default=2.0, help="m/s to the left")
     parser.add_argument("--width", type=int, default=films.WIDTH, help="of the picture, pixels")
     options = parser.parse_args()

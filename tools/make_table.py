@@ -3,7 +3,7 @@
 Errors and effort are left out of scenarios in which a policy fell often: a robot that lies down early neither
 errs nor works for long.
 
-Usage: footfall compare ... --json compare.json && python docs/make_table.py compare.json README.md
+Usage: footfall compare ... --json compare.json && python tools/make_table.py compare.json README.md
 """
 
 import argparse

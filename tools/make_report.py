@@ -1,7 +1,7 @@
 """Puts results of `footfall evaluate --json` together: one JSON, and the page that `compare` writes.
 
-python docs/make_report.py a.json b.json --json docs/comparison.json --html report.html
-python docs/make_report.py docs/comparison.json --html report.html
+python tools/make_report.py a.json b.json --json docs/comparison.json --html report.html
+python tools/make_report.py docs/comparison.json --html report.html
 
 Policies are named as their results name them; each walks over the test course here, once, for the page's
 plots of velocities, gait and time per step. Films are left out.

@@ -1,0 +1,226 @@
+"""Generated sections of the reference pages: each is a function that returns Markdown.
+
+What a section says stands in the code: fields of dataclasses and the comments beside them, the parser, the
+docstrings of terms.
+"""
+
+import ast
+import html
+import inspect
+import io
+import json
+import textwrap
+import tokenize
+from collections.abc import Callable, Iterator
+from dataclasses import MISSING, Field, fields, is_dataclass
+from functools import cache
+from pathlib import Path
+from types import UnionType
+from typing import Any, Union, get_args, get_origin, get_type_hints
+
+import yaml
+
+from footfall.cli import app
+from footfall.deploy.config import DeployConfig
+from footfall.evaluate.scenarios import Scenario
+from footfall.policies.contract import Contract
+from footfall.robots.description import Description
+from footfall.train.config import TrainConfig
+
+ROOT = Path(__file__).parents[1]
+MEASUREMENTS = ROOT / "docs" / "measurements.yaml"
+FAULTS = ROOT / "docs" / "faults.json"
+FAULT_COLUMNS = {
+    "policy": "policy",
+    "group": "part",
+    "fault": "fault",
+    "noticed": "noticed",
+    "runs": "of runs",
+    "median_ms": "median, ms",
+    "longest_ms": "longest, ms",
+    "limit_ms": "limit, ms",
+    "ends": "final state",
+    "as_expected": "as expected",
+    "reason": "reason",
+}
+
+
+def command_line() -> str:
+    """Every verb with its options, from the parser's own help."""
+    return (
+        app.generate_docs(recursive=True, heading_level=2)
+        .partition("## footfall train")[2]
+        .join(("## footfall train", ""))
+    )
+
+
+def settings(cls: type, path: str = "") -> str:
+    """A table of a dataclass's fields, and one for each dataclass among them.
+
+    Args:
+        cls: the dataclass that a YAML file is read into.
+        path: dotted key of the section; empty for the whole file.
+    """
+    parts = [f"## `{path}`\n" if path else "## Top level\n", _first_paragraph(cls), ""]
+    parts += ["| key | type | default | meaning |", "| --- | --- | --- | --- |"]
+    hints, comments = get_type_hints(cls), _comments(cls)
+    inner: list[str] = []
+    for each in fields(cls):
+        key = f"{path}.{each.name}" if path else each.name
+        nested, suffix = _nested(hints[each.name])
+        meaning = comments.get(each.name, "")
+        if nested is not None:
+            meaning = meaning or f"see [`{key}{suffix}`](#{_anchor(key + suffix)})"
+            inner.append(settings(nested, key + suffix))
+        parts.append(f"| `{each.name}` | {_type(hints[each.name])} | {_default(each)} | {_cell(meaning)} |")
+    return "\n".join([*parts, "", *inner])
+
+
+def _nested(hint: Any) -> tuple[type | None, str]:
+    """The dataclass that a field holds, alone or several times, and the suffix of its key."""
+    if isinstance(hint, type) and is_dataclass(hint):
+        return hint, ""
+    suffix = {tuple: "[]", list: "[]", dict: ".NAME"}.get(get_origin(hint), "")
+    for argument in get_args(hint):
+        found, below = _nested(argument)
+        if found is not None:
+            return found, suffix + below
+    return None, ""
+
+
+def _type(hint: Any) -> str:
+    names = {int: "whole number", float: "number", str: "text", bool: "true or false", type(None): "nothing"}
+    if hint in names:
+        return names[hint]
+    origin, arguments = get_origin(hint), get_args(hint)
+    if origin in (Union, UnionType):
+        return " or ".join(_type(argument) for argument in arguments if argument is not type(None))
+    if origin is tuple and Ellipsis in arguments:
+        return f"list of {_type(arguments[0])}"
+    if origin is tuple:
+        return f"{len(arguments)} × {_type(arguments[0])}"
+    if origin is dict:
+        return f"mapping to {_type(arguments[1])}"
+    if arguments:  # Literal
+        return ", ".join(f"`{argument}`" for argument in arguments)
+    return "section" if is_dataclass(hint) else "any"
+
+
+def _default(each: "Field[Any]") -> str:
+    if each.default is not MISSING:
+        value = each.default
+    elif each.default_factory is not MISSING:
+        value = each.default_factory()
+    else:
+        return "required"
+    if is_dataclass(value) or value in ({}, ()):
+        return ""
+    return "none" if value is None else f"`{json.dumps(value, default=str)}`"
+
+
+@cache
+def _comments(cls: type) -> dict[str, str]:
+    """What the comments beside and above each field of a dataclass say, by field; base classes included."""
+    found: dict[str, str] = {}
+    for base in reversed(cls.__mro__[:-1]):
+        source = textwrap.dedent(inspect.getsource(base))
+        [tree] = ast.parse(source).body
+        assert isinstance(tree, ast.ClassDef)
+        by_line = {
+            token.start[0]: (token.string.lstrip("# "), token.line.lstrip().startswith("#"))
+            for token in tokenize.generate_tokens(io.StringIO(source).readline)
+            if token.type == tokenize.COMMENT
+        }
+        for node in tree.body:
+            if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+                lines = list(_lines_of(node, by_line))
+                found[node.target.id] = " ".join(by_line[line][0] for line in lines if line in by_line)
+    return found
+
+
+def _lines_of(node: ast.AnnAssign, by_line: dict[int, tuple[str, bool]]) -> Iterator[int]:
+    """Lines of a field, and of the whole comment lines above it."""
+    first = node.lineno
+    while by_line.get(first - 1, ("", False))[1]:
+        first -= 1
+    return iter(range(first, (node.end_lineno or node.lineno) + 1))
+
+
+def _first_paragraph(thing: Any) -> str:
+    return (inspect.getdoc(thing) or "").partition("\n\n")[0].replace("\n", " ")
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|")
+
+
+def _anchor(key: str) -> str:
+    """As the site writes the heading `key` in addresses."""
+    return "".join(c for c in key.lower() if c.isalnum() or c in "_-")
+
+
+def terms() -> str:
+    """Reward, observation and critic terms with what each computes."""
+    from footfall.envs import critic, rewards
+    from footfall.policies import observation
+
+    parts = ["## Rewards\n", "| term | computes |", "| --- | --- |"]
+    parts += [f"| `{name}` | {_cell(_first_paragraph(term))} |" for name, term in rewards.TERMS.items()]
+    for title, names in (("Observation", observation.TERMS), ("Critic", critic.TERMS)):
+        parts += [f"\n## {title}\n", ", ".join(f"`{name}`" for name in names)]
+    return "\n".join(parts)
+
+
+def measurements() -> str:
+    """Every table of `docs/measurements.yaml` with its condition, command and machine."""
+    tables = yaml.safe_load(MEASUREMENTS.read_text(encoding="utf-8"))
+    return "\n\n".join(_measurement(table) for table in tables)
+
+
+def _measurement(table: dict[str, Any]) -> str:
+    facts = [
+        *([f"**Command** `{table['command']}`"] if "command" in table else []),
+        *([f"**Machine** {table['machine']}"] if "machine" in table else []),
+        *([f"**Source** `{table['recorded']}`"] if "recorded" in table else []),
+    ]
+    rows = [table["columns"], ["---"] * len(table["columns"]), *table["rows"]]
+    lines = ["| " + " | ".join(str(cell) or " " for cell in row) + " |" for row in rows]
+    return "\n".join(
+        [f"## {table['title']}", "", table.get("condition", ""), "", *lines, "", ". ".join(facts)]
+    )
+
+
+def faults() -> str:
+    """The fault table: all rows as HTML, which a script sorts and filters where there is one."""
+    rows = json.loads(FAULTS.read_text(encoding="utf-8"))["rows"]
+    head = "".join(f"<th>{html.escape(title)}</th>" for title in FAULT_COLUMNS.values())
+    body = "\n".join(
+        "<tr>" + "".join(f"<td>{html.escape(_shown(row[key]))}</td>" for key in FAULT_COLUMNS) + "</tr>"
+        for row in rows
+    )
+    table = f"<table><thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody></table>"
+    return f'<div id="faults" markdown="0">\n{table}\n</div>'
+
+
+def _shown(value: Any) -> str:
+    match value:
+        case None:
+            return "–"
+        case bool():
+            return "yes" if value else "no"
+        case dict():
+            return ", ".join(f"{state} {count}" for state, count in value.items())
+    return str(value)
+
+
+SECTIONS: dict[str, Callable[[], str]] = {
+    "command-line": command_line,
+    "presets": lambda: settings(TrainConfig),
+    "robot-yaml": lambda: settings(Description),
+    "deploy-yaml": lambda: settings(DeployConfig),
+    "scenarios-yaml": lambda: settings(Scenario),
+    "contract": lambda: settings(Contract),
+    "terms": terms,
+    "measurements": measurements,
+    "faults": faults,
+}
