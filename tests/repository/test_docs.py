@@ -32,7 +32,7 @@ PAGES = [
 ]
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 FILE = re.compile(r"(?<![\w./-])((?:[\w-]+/)+[\w-]+\.(?:py|yaml|md|xml|json|html|png|webp))(?![\w/])")
-OF_THE_READER = ("runs/", "path/to/", "my_robot/")  # what a reader makes
+OF_THE_READER = ("runs/", "path/to/", "my_robot/", "robots/NAME/")  # what a reader makes
 CODE = re.compile(r"```\w*\n(.*?)```|`([^`\n]+)`", re.DOTALL)
 PYTHON = re.compile(r"(<!-- not run: [^\n]*-->\n)?```python\n(.*?)```", re.DOTALL)
 YAML = re.compile(r"(?:<!-- read as: ([\w-]+) -->\n)?```yaml\n(.*?)```", re.DOTALL)
@@ -56,10 +56,12 @@ def commands(page: Path) -> list[list[str]]:
     return [words[1:] for words in found]
 
 
-def anchors(page: Path) -> set[str]:
-    """What a link may point to on a page: its headings, as GitHub writes them in addresses."""
-    headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
-    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+def has_anchor(page: Path, anchor: str) -> bool:
+    """Whether a link may point there: a heading, as GitHub writes it in addresses, or what the site generates."""
+    text = page.read_text(encoding="utf-8")
+    headings = re.findall(r"^#+ (.*)$", text, re.MULTILINE)
+    written = {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+    return anchor in written or "<!-- generated: " in text  # the strict build of the site looks at those
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
@@ -70,7 +72,7 @@ def test_links_lead_somewhere(page: Path) -> None:
             continue
         path, _, anchor = link.partition("#")
         target = page.parent / path if path else page
-        if not target.exists() or (anchor and anchor not in anchors(target)):
+        if not target.exists() or (anchor and not has_anchor(target, anchor)):
             broken.append(link)
     assert broken == []
 
@@ -86,13 +88,11 @@ def test_files_that_are_named_exist(page: Path) -> None:
 def test_command_lines_are_understood(page: Path) -> None:
     wrong = []
     for words in commands(page):
-        verb, *rest = words
+        named, _, rest = app.parse_commands(words)
         try:
-            if rest and "…" not in words:
+            assert named, "no such command"
+            if rest and "…" not in words:  # else it is only named
                 app.parse_args(words, exit_on_error=False, print_error=False)
-            else:  # a command that is only named
-                app.parse_commands([verb])
-                assert verb in set(app)
         except Exception as error:
             wrong.append(f"{' '.join(words)}: {error}")
     assert wrong == []
