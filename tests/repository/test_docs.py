@@ -57,7 +57,7 @@ def commands(page: Path) -> list[list[str]]:
 
 
 def has_anchor(page: Path, anchor: str) -> bool:
-    """Whether a link may point there: a heading, as GitHub writes it in addresses, or what the site generates."""
+    """Whether a link may point there: to a heading, as GitHub writes it, or to what the site generates."""
     text = page.read_text(encoding="utf-8")
     headings = re.findall(r"^#+ (.*)$", text, re.MULTILINE)
     written = {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
