@@ -1,4 +1,4 @@
-"""Puts robots through every kind of fault in `plant/fault_kinds.py`, and counts false alarms without any.
+"""Puts robots through every kind of fault in `benchmarks/fault_kinds`, and counts false alarms without any.
 
     python benchmarks/fault_table.py --seeds 100 --nominal 1000 --randomised 1000 --out faults.jsonl
     python benchmarks/fault_table.py --read faults.jsonl --json docs/faults.json
@@ -22,6 +22,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from fault_kinds import KINDS
+from fault_kinds.kind import FaultKind
 from resumable_runs import read_runs, run_resumable
 
 from footfall.deploy.config import DeployConfig, deploy_config
@@ -35,7 +37,6 @@ from footfall.domain_rand.sample import draw
 from footfall.plant.audit import Audit
 from footfall.plant.bus import SimulatedBus
 from footfall.plant.episode import Episode, Push, run_episode
-from footfall.plant.fault_kinds import KINDS, FaultKind
 from footfall.plant.injection import FaultInjector, InjectingBus, InjectingCommandSource, InjectingPolicy
 from footfall.plant.robot import PlantConfig, SimulatedRobot
 from footfall.plant.wires import SimulatedWires

@@ -24,7 +24,7 @@ from footfall.cli import app
 from footfall.deploy.config import DeployConfig
 from footfall.evaluate.scenarios import Scenario
 from footfall.policies.contract import Contract
-from footfall.robots.description import Description
+from footfall.robots.robot_yaml import Description
 from footfall.train.config import TrainConfig
 
 ROOT = Path(__file__).parents[1]

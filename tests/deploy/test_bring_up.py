@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from deploy_policies import Hold, stand_still
+from fault_kinds import KINDS
 from shell import Shell
 
 from footfall.common.config import load
@@ -31,7 +32,6 @@ from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.session import SessionResult
 from footfall.deploy.wiring import Wiring, wire
 from footfall.plant.bus import SimulatedBus
-from footfall.plant.fault_kinds import KINDS
 from footfall.plant.injection import (
     FaultInjector,
     InjectingBus,

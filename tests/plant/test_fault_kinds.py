@@ -1,12 +1,14 @@
 """The table of faults and the audit of commands that go with it."""
 
-from dataclasses import json
+import json
+from dataclasses import replace
 from typing import Any
 
 import fault_table
 import numpy as np
 import pytest
-import replace
+from fault_kinds import KINDS
+from fault_kinds.kind import IMPLAUSIBLE_S
 from scipy.spatial.transform import Rotation
 
 from footfall.deploy.drivers.choice import open_driver
@@ -14,7 +16,6 @@ from footfall.deploy.drivers.imu import Inertial
 from footfall.deploy.wiring import wire
 from footfall.plant.audit import Audit
 from footfall.plant.episode import Push
-from footfall.plant.fault_kinds import IMPLAUSIBLE_S, KINDS
 from footfall.plant.injection import mounted
 from footfall.robots.description import Robot, available_robots
 

@@ -1,0 +1,16 @@
+"""The kinds of faults that a robot is put through: one row each, with what is expected of it."""
+
+from fault_kinds.body import BODY
+from fault_kinds.imu import IMU
+from fault_kinds.policy import POLICY
+from fault_kinds.replies import REPLIES
+from fault_kinds.start import START
+
+GROUPS = {
+    "IMU": IMU,
+    "motors' replies": REPLIES,
+    "motors and body": BODY,
+    "policy and program": POLICY,
+    "at the start": START,
+}
+KINDS = tuple(kind._replace(group=group) for group, kinds in GROUPS.items() for kind in kinds)

@@ -1,0 +1,84 @@
+"""Faults of motors and body."""
+
+import numpy as np
+
+from fault_kinds.kind import IMPLAUSIBLE_S, LATER_S, SOON_S, FaultKind
+from fault_kinds.replies import EXPLAINED
+from footfall.plant.injection import FaultInjector, Injection
+
+
+def _reboot(all_of_them: bool) -> Injection:
+    def inject(injector: FaultInjector) -> None:
+        joints = np.arange(len(injector.robot.joint_names)) if all_of_them else np.array([injector.joint])
+        injector.body.reboot(joints)
+
+    return inject
+
+
+def strength(of_one: float | None = None, of_all: float = 1.0) -> Injection:
+    def inject(injector: FaultInjector) -> None:
+        strength = np.full(len(injector.robot.joint_names), of_all)
+        if of_one is not None:
+            strength[injector.joint] = of_one
+        injector.body.weaken(strength)
+
+    return inject
+
+
+def _sagging(share: float) -> Injection:
+    return lambda injector: injector.body.sag(share)
+
+
+def _pushed(speed_m_s: float) -> Injection:
+    def inject(injector: FaultInjector) -> None:
+        angle = injector.rng.uniform(0.0, 2 * np.pi)
+        injector.body.push((speed_m_s * np.cos(angle), speed_m_s * np.sin(angle), 0.5 * speed_m_s))
+
+    return inject
+
+
+def put(quaternion: tuple[float, float, float, float]) -> Injection:
+    return lambda injector: injector.turn_over(quaternion, 0.5)
+
+
+TILT = "noticed by its tilt"
+WEAK = (
+    "a motor that delivers less than it says is a heavier robot to all sensors; a fall is noticed by its tilt"
+)
+SAG = "motors that do not tell their voltage are slower and weaker, as those of a heavier robot"
+LIMP = "a motor may report none for `limp_s`, since it may be late; it counts in windows of 40 ms"
+OTHER_WAY = "of a motor that is late a torque points the other way for moments: it counts on average"
+BODY = (
+    FaultKind(
+        "one motor rebooted: limp, but replies",
+        _reboot(False),
+        None,
+        EXPLAINED,
+        main=True,
+    ),
+    FaultKind("all motors rebooted", _reboot(True), LATER_S, LIMP, main=True),
+    FaultKind("motor pulls the other way", strength(-1.0), SOON_S, OTHER_WAY, main=True),
+    FaultKind("motor has a third of its torque", strength(0.33), None, WEAK),
+    FaultKind("all motors have half their torque", strength(of_all=0.5), None, WEAK),
+    *(
+        FaultKind(
+            f"supply sags to {percent} % of its voltage",
+            _sagging(percent / 100),
+            None,
+            SAG,
+        )
+        for percent in (70, 40)
+    ),
+    FaultKind(
+        "joint blocked",
+        lambda injector: injector.brake(injector.joint, 1e3),
+        None,
+        "its readings are true",
+    ),
+    FaultKind("pushed over", _pushed(5.0), None, TILT),
+    FaultKind(
+        "turned upside down",
+        put((0.0, 1.0, 0.0, 0.0)),
+        IMPLAUSIBLE_S,
+    ),
+)
