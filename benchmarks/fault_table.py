@@ -28,7 +28,7 @@ from resumable_runs import read_runs, run_resumable
 
 from footfall.deploy.config import DeployConfig, deploy_config
 from footfall.deploy.loop import ControlLoop
-from footfall.deploy.safety import DAMPED, MOVING, Mode
+from footfall.deploy.modes import DAMPED, MOVING, Mode
 from footfall.deploy.session import Session, run_session
 from footfall.deploy.wiring import wire
 from footfall.domain_rand.noise import Noise

@@ -15,7 +15,7 @@ import numpy as np
 from footfall.common.rotations import tilt
 from footfall.deploy.config import deploy_config
 from footfall.deploy.loop import ControlLoop
-from footfall.deploy.safety import Mode
+from footfall.deploy.modes import Mode
 from footfall.domain_rand.noise import Noise
 from footfall.plant.episode import Episode, run_episode
 from footfall.plant.injection import InjectingPolicy

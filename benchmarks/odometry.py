@@ -24,7 +24,7 @@ from footfall.common.rotations import heading, heading_matrix, wrap_angle
 from footfall.deploy.estimation.config import EstimatorConfig, OdometryConfig
 from footfall.deploy.estimation.estimator import BaseEstimator
 from footfall.deploy.loop import ControlLoop
-from footfall.deploy.safety import MOVING
+from footfall.deploy.modes import MOVING
 from footfall.domain_rand.randomisation import randomisation_of
 from footfall.domain_rand.sample import draw
 from footfall.evaluate.scenarios import load_scenarios

@@ -88,17 +88,17 @@ class Stages:
             ("plant", SimulatedRobot, "advance"),
             ("readings", loop._bus, "receive"),
             ("readings", loop._joints, "absorb"),
-            ("signals", loop, "_signals"),
+            ("signals", loop._signals, "look"),
             ("supervisor", loop, "_supervise"),
-            ("estimator", loop, "_estimate_base"),
-            ("policy", loop, "_policy_step"),
+            ("estimator", loop._estimate, "update"),
+            ("policy", loop._runner, "step"),
             ("command", loop, "_frames"),
             ("command", loop._bus, "send"),
         ):
             self.wrap(name, owner, method)
-        if loop.log is not None:
-            self.wrap("log", loop.log, "tick")
-            self.wrap("log", loop.log, "policy_step")
+        if loop._log is not None:
+            self.wrap("log", loop._log, "tick")
+            self.wrap("log", loop._log, "policy_step")
         yield
 
     def summary(self) -> dict[str, dict[str, float]]:

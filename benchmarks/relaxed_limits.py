@@ -5,7 +5,7 @@ Benchmarks and tests tighten those that they are about.
 
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.safety import SafetyConfig
-from footfall.deploy.sensor_limits import SensorLimits
+from footfall.deploy.sensor_checks.table import SensorLimits
 
 RELAXED = DeployConfig(
     motor_timeout_s=30.0,

@@ -5,8 +5,9 @@ import numpy as np
 from footfall.common.constants import GRAVITY_M_S2
 from footfall.common.rotations import rotation_matrix
 from footfall.deploy.drivers.imu import Inertial
-from footfall.deploy.safety import Implausible, Mode
-from footfall.deploy.sensor_limits import SensorLimits
+from footfall.deploy.modes import Mode
+from footfall.deploy.sensor_checks.imu import ImuLimits
+from footfall.deploy.signals import Implausible
 
 AT_REST = np.array([0.0, 0.0, GRAVITY_M_S2])  # what an accelerometer reads, world axes, m/s^2
 
@@ -14,7 +15,7 @@ AT_REST = np.array([0.0, 0.0, GRAVITY_M_S2])  # what an accelerometer reads, wor
 class FirstRest:
     """Adds up accelerations for as long as the robot keeps still: motion would hide gravity."""
 
-    def __init__(self, still_s: float, limits: SensorLimits, places: list[str]) -> None:
+    def __init__(self, still_s: float, limits: ImuLimits, places: list[str]) -> None:
         """Nothing has been heard.
 
         Args:

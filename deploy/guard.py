@@ -25,6 +25,7 @@ class Guard(threading.Thread):
         disable: Callable[[], None],
         limit_s: float,
         damping_s: float,
+        taken_over: threading.Event,
         end: Callable[[int], None] = os._exit,
     ) -> None:
         """Start watching.
@@ -35,13 +36,14 @@ class Guard(threading.Thread):
             disable: switches the motors off.
             limit_s: how long the loop may stay away.
             damping_s: how long to damp before the motors are switched off.
+            taken_over: set once the guard acts in the place of the loop.
             end: ends a process whose loop never came back.
         """
         super().__init__(name="guard", daemon=True)
         self._heartbeat, self._damp, self._disable, self._end = heartbeat, damp, disable, end
         self._limit_s, self._damping_s = limit_s, damping_s
         self._done = threading.Event()
-        self.taken_over = threading.Event()
+        self._taken_over = taken_over
         self.start()
 
     def close(self) -> None:
@@ -59,7 +61,7 @@ class Guard(threading.Thread):
             left_s = min(left_s, self._limit_s)
 
     def _take_over(self) -> None:
-        self.taken_over.set()
+        self._taken_over.set()
         until = time.perf_counter() + self._damping_s
         while time.perf_counter() < until:
             _try(self._damp)

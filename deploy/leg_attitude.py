@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from footfall.deploy.estimation.contact import GRAVITY_M_S2
-from footfall.deploy.sensor_limits import SensorLimits
+from footfall.deploy.sensor_checks.table import SensorLimits
 from footfall.robots.description import Robot
 from footfall.robots.momentum import upward_force
 

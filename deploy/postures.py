@@ -4,6 +4,7 @@ from enum import Enum, auto
 
 import numpy as np
 
+from footfall.deploy.clearance import Clearance
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.pose_path import PosePath
 from footfall.robots.actuator import JointCommand
@@ -28,7 +29,7 @@ class Postures:
         self._stands = stand_up
         self._standing, self._lying = robot.default_pose, robot.lying_pose
         self.may_lie = lie_down and self._lying is not None
-        self._sunk = config.safety.sensors.sunk
+        self._clearance, self._sunk = Clearance(robot), config.safety.sensors.sunk
         most = robot.description.target_rate_rad_s
         self._rate = min(config.pose_rate_rad_s, most)
         # Where on the way from standing (0) to lying (1) all feet go first, and how fast, rad/s: who has
@@ -43,17 +44,17 @@ class Postures:
         self._path = PosePath([self._standing], [])
         self._carried_s = 0.0
 
-    def stand_up(self, here: np.ndarray, sunk: float) -> None:
-        """Begin the way to the default pose; of a robot that lies, with its legs folded first.
+    def stand_up(self, here: np.ndarray, quaternion: np.ndarray) -> None:
+        """Begin the path to the default pose; a robot that lies folds its legs first.
 
         Args:
             here: joint positions, rad, (n,).
-            sunk: how much of the base's clearance is gone: by that a robot is known to lie.
+            quaternion: of the base, w x y z.
         """
         if not self._stands:
             self._path = PosePath([here, here], [self._rate], self._least_s)
             return
-        lies = self._lying is not None and sunk >= self._sunk
+        lies = self._lying is not None and self._clearance.sunk_share(here, quaternion) >= self._sunk
         poses = [here, self._standing]
         if lies and self._lying is not None:
             poses.insert(1, self._lying)

@@ -1,14 +1,16 @@
 """Everything that limits what a robot does, as one table: what is looked at, its limit, and what follows.
 
-The rows are the supervisor's (`safety.CHECKS`), the sensors' (`sensor_checks`) and those that the joint layer
-keeps to in every command. `docs/safety.md` shows the table; `python -m footfall.deploy.rules` prints it.
+The rows are those of the supervisor (`safety.SIGNAL_CHECKS`), of the sensors (`sensor_checks/table.py`), and
+the limits that the joint layer keeps in every command. `docs/safety.md` shows the table, which
+`python -m footfall.deploy.rules` prints.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
-from footfall.deploy.safety import CHECKS, Check, SafetyConfig
-from footfall.deploy.sensor_checks import BODY_CHECKS, JOINT_CHECKS, SensorCheck
-from footfall.deploy.sensor_limits import SensorLimits
+from footfall.deploy.safety import SIGNAL_CHECKS, Check, SafetyConfig
+from footfall.deploy.sensor_checks.check import SensorCheck
+from footfall.deploy.sensor_checks.table import BODY_CHECKS, JOINT_CHECKS, SensorLimits
 
 SETTING = "`safety`"  # in robot.yaml, changed by a file for --config
 SENSOR_SETTING = "`safety.sensors`"  # likewise
@@ -43,7 +45,7 @@ def _of_signals(check: Check) -> Rule:
     return Rule(check.looks_at, limit or "none at all", SETTING if limit else "", check.leads_to)
 
 
-def _of_sensors(check: SensorCheck) -> Rule:
+def _of_sensors(check: type[SensorCheck]) -> Rule:
     setting, motor = check.limit
     share = f"`{setting}` {getattr(SensorLimits(), setting):g}" if setting else ""
     figure = f"`{motor}`" if motor else ""
@@ -51,13 +53,18 @@ def _of_sensors(check: SensorCheck) -> Rule:
     return Rule(check.looks_at, " × ".join(filter(None, (share, figure))), ", ".join(sources), check.leads_to)
 
 
-RULES = (*map(_of_signals, CHECKS), *map(_of_sensors, (*JOINT_CHECKS, *BODY_CHECKS)), *COMMANDS)
+SENSOR_CHECKS: tuple[type[SensorCheck], ...] = (*JOINT_CHECKS, *BODY_CHECKS)
 
 
-def table() -> str:
+def rules(sensor_checks: Sequence[type[SensorCheck]] = SENSOR_CHECKS) -> tuple[Rule, ...]:
+    """All rules."""
+    return (*map(_of_signals, SIGNAL_CHECKS), *map(_of_sensors, sensor_checks), *COMMANDS)
+
+
+def table(sensor_checks: Sequence[type[SensorCheck]] = SENSOR_CHECKS) -> str:
     """All rules as Markdown."""
     lines = ["| looked at | limit | from | what follows |", "| --- | --- | --- | --- |"]
-    return "\n".join([*lines, *(f"| {' | '.join(rule)} |" for rule in RULES)])
+    return "\n".join([*lines, *(f"| {' | '.join(rule)} |" for rule in rules(sensor_checks))])
 
 
 if __name__ == "__main__":

@@ -6,30 +6,12 @@ Rules are rows of tables. A fault is latched: FALLING and ESTOP end a run, and o
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from enum import StrEnum
 from typing import NamedTuple
 
 from footfall.common.config import require_between
-from footfall.deploy.sensor_limits import SensorLimits
-
-
-class Mode(StrEnum):
-    """What the loop does. IDLE motors are off, or being switched on."""
-
-    IDLE = "IDLE"
-    STANDING = "STANDING"
-    WALKING = "WALKING"
-    STOPPING = "STOPPING"  # the policy walks on until it stands still
-    LOWERING = "LOWERING"  # lying down, before the motors go off
-    RELEASING = "RELEASING"  # damping at the end of a run
-    FALLING = "FALLING"  # damping, latched
-    ESTOP = "ESTOP"  # damping, latched
-
-
-DAMPED = (Mode.RELEASING, Mode.FALLING, Mode.ESTOP)
-DECIDING = (Mode.WALKING, Mode.STOPPING)  # the policy is asked
-MOVING = (Mode.STANDING, *DECIDING)
-HELD = (*MOVING, Mode.LOWERING)  # joints have stiffness
+from footfall.deploy.modes import DAMPED, HELD, MOVING, Mode
+from footfall.deploy.sensor_checks.table import SensorLimits
+from footfall.deploy.signals import Signals
 
 
 @dataclass(frozen=True)
@@ -70,42 +52,6 @@ class SafetyConfig:
         return self.guard_share * max(self.late_limit_s, self.pause_limit_s)
 
 
-class Implausible(NamedTuple):
-    """Readings that contradict each other."""
-
-    fault: str  # in one line
-    leads_to: Mode
-
-
-class Signals(NamedTuple):
-    """What the supervisor looks at on each tick. Names are empty where there is nothing to report."""
-
-    now_s: float
-    motor_silence_s: float  # of the motor that has been silent longest
-    silent_motor: str
-    imu_silence_s: float
-    motor_error: str
-    tilt_rad: float
-    command_finite: bool
-    late_steps: int  # policy steps in a row that were late
-    step_s: float  # duration of the last policy step; infinite of one that was interrupted
-    frames_refused: int  # so far
-    bus_fault: str = ""  # which bus does not work, and why
-    policy_error: str = ""
-    oldest_of_imu: str = ""  # the part of its reading that has been silent longest
-    unready: str = ""  # which motor may not be switched on yet, and why
-    first_pose: str = ""  # why the joints cannot be where they say that they begin
-    implausible: Implausible | None = None
-    pause_s: float = 0.0  # between this tick and the one before
-    skipped_share: float = 0.0  # of the ticks of the last second
-    stand_done: bool = False
-    finish: bool = False  # the run shall end
-    may_lie: bool = False  # the robot can lie down, and may
-    stopped: bool = False  # the policy was given the time to stand still
-    lain_down: bool = False  # it has
-    at_once: bool = False  # the run shall end without lying down
-
-
 class State(NamedTuple):
     """Where the supervisor is."""
 
@@ -129,63 +75,63 @@ class Check(NamedTuple):
 
 
 def _silent_motor(s: Signals, c: SafetyConfig) -> str:
-    if s.motor_silence_s <= c.silence_timeout_s:
+    if s.motors.silence_s <= c.silence_timeout_s:
         return ""
-    return f"no reply from {s.silent_motor} for {c.silence_timeout_s * 1e3:.0f} ms"
+    return f"no reply from {s.motors.silent} for {c.silence_timeout_s * 1e3:.0f} ms"
 
 
 def _silent_imu(s: Signals, c: SafetyConfig) -> str:
-    if s.imu_silence_s <= c.silence_timeout_s:
+    if s.imu.silence_s <= c.silence_timeout_s:
         return ""
-    return f"no new IMU reading ({s.oldest_of_imu}) for {c.silence_timeout_s * 1e3:.0f} ms"
+    return f"no new IMU reading ({s.imu.oldest_part}) for {c.silence_timeout_s * 1e3:.0f} ms"
 
 
 def _never_started(s: Signals, c: SafetyConfig) -> str:
     if s.now_s < c.start_timeout_s:
         return ""
-    if s.unready:
-        return s.unready
-    who = s.silent_motor if s.motor_silence_s > c.silence_timeout_s else f"the IMU ({s.oldest_of_imu})"
+    if s.start.not_ready:
+        return s.start.not_ready
+    who = s.motors.silent if s.motors.silence_s > c.silence_timeout_s else f"the IMU ({s.imu.oldest_part})"
     return f"no answer from {who} within {c.start_timeout_s:g} s of switching on"
 
 
 def _tilted(s: Signals, c: SafetyConfig) -> str:
-    if s.tilt_rad <= c.tilt_limit_rad:
+    if s.imu.tilt_rad <= c.tilt_limit_rad:
         return ""
-    return f"tilt of {s.tilt_rad:.2f} rad is past the limit of {c.tilt_limit_rad:.2f} rad, by the IMU"
+    return f"tilt of {s.imu.tilt_rad:.2f} rad is past the limit of {c.tilt_limit_rad:.2f} rad, by the IMU"
 
 
 def _overdue(s: Signals, c: SafetyConfig) -> str:
     """Motors hear nothing while a step lasts, and switch themselves off in the end."""
-    if s.step_s <= c.late_limit_s:
+    if s.policy.step_s <= c.late_limit_s:
         return ""
-    if s.step_s == math.inf:
+    if s.policy.step_s == math.inf:
         return f"the policy ran late: no decision within {c.late_limit_s * 1e3:.0f} ms"
-    return f"the policy ran late: one step took {s.step_s * 1e3:.0f} ms"
+    return f"the policy ran late: one step took {s.policy.step_s * 1e3:.0f} ms"
 
 
 def _late(s: Signals, c: SafetyConfig) -> str:
-    if s.late_steps >= c.late_steps:
-        return f"the policy ran late: {s.late_steps} steps in a row took longer than their period"
+    if s.policy.late_steps >= c.late_steps:
+        return f"the policy ran late: {s.policy.late_steps} steps in a row took longer than their period"
     return ""
 
 
 def _paused(s: Signals, c: SafetyConfig) -> str:
-    if s.pause_s > c.pause_limit_s:
-        return f"the loop paused for {s.pause_s * 1e3:.0f} ms"
-    if s.skipped_share > c.skipped_share:
+    if s.time.pause_s > c.pause_limit_s:
+        return f"the loop paused for {s.time.pause_s * 1e3:.0f} ms"
+    if s.time.skipped_share > c.skipped_share:
         return (
-            f"the loop ran late: {s.skipped_share:.0%} of the last second's ticks were left out"
+            f"the loop ran late: {s.time.skipped_share:.0%} of the last second's ticks were left out"
             f" (skipped_share allows {c.skipped_share:.0%})"
         )
     return ""
 
 
 def _overflow(s: Signals, _: SafetyConfig) -> str:
-    return f"bus overflow: {s.frames_refused} frames refused" if s.frames_refused else ""
+    return f"bus overflow: {s.bus.frames_refused} frames refused" if s.bus.frames_refused else ""
 
 
-CHECKS = (
+SIGNAL_CHECKS = (
     Check(
         "the time until every motor and the IMU have answered, and the robot has kept still",
         (Mode.IDLE,),
@@ -196,7 +142,7 @@ CHECKS = (
     Check(
         "a joint's first position beyond its range",
         (Mode.IDLE,),
-        lambda s, _: s.first_pose,
+        lambda s, _: s.start.first_pose,
         Mode.ESTOP,
         ("first_pose_rad",),
     ),
@@ -214,33 +160,47 @@ CHECKS = (
         Mode.ESTOP,
         ("silence_timeout_s",),
     ),
-    Check("an error that a motor reports", HELD, lambda s, _: s.motor_error, Mode.ESTOP),
+    Check("an error that a motor reports", HELD, lambda s, _: s.motors.error, Mode.ESTOP),
     Check("a tick's lateness", HELD, _paused, Mode.ESTOP, ("pause_limit_s", "skipped_share")),
     Check("the age of the policy's command", MOVING, _overdue, Mode.ESTOP, ("late_limit_s",)),
-    Check("a bus that does not work", (Mode.IDLE, *HELD), lambda s, _: s.bus_fault, Mode.ESTOP),
+    Check("a bus that does not work", (Mode.IDLE, *HELD), lambda s, _: s.bus.fault, Mode.ESTOP),
     Check("frames that a bus refuses", (Mode.IDLE, *HELD), _overflow, Mode.ESTOP),
     Check("the base's tilt", HELD, _tilted, Mode.FALLING, ("tilt_limit_rad",)),
-    Check("an exception in the policy", MOVING, lambda s, _: s.policy_error, Mode.LOWERING),
+    Check("an exception in the policy", MOVING, lambda s, _: s.policy.error, Mode.LOWERING),
     Check(
         "a command that is not finite",
         MOVING,
-        lambda s, _: "" if s.command_finite else "the policy's command is not finite",
+        lambda s, _: "" if s.policy.command_finite else "the policy's command is not finite",
         Mode.LOWERING,
     ),
     Check("policy steps in a row that outlast their period", MOVING, _late, Mode.LOWERING, ("late_steps",)),
 )
 
+
+def _implausible(leads_to: Mode) -> Callable[[Signals, SafetyConfig], str]:
+    def find(s: Signals, _: SafetyConfig) -> str:
+        return s.implausible.fault if s.implausible is not None and s.implausible.leads_to is leads_to else ""
+
+    return find
+
+
+# The result of the sensor checks, whose own rows are in `sensor_checks/table.py`.
+READING_CHECKS = tuple(
+    Check("readings that contradict each other", HELD, _implausible(mode), mode)
+    for mode in (Mode.ESTOP, Mode.FALLING)
+)
+CHECKS = (*SIGNAL_CHECKS, *READING_CHECKS)
 CHECKS_IN = {mode: tuple(check for check in CHECKS if mode in check.modes) for mode in Mode}
 
 
-def _heard_everyone(s: Signals, c: SafetyConfig) -> bool:
-    return not s.unready and max(s.motor_silence_s, s.imu_silence_s) <= c.silence_timeout_s
+def _ready_to_stand(s: Signals, c: SafetyConfig) -> bool:
+    return not s.start.not_ready and max(s.motors.silence_s, s.imu.silence_s) <= c.silence_timeout_s
 
 
 PROGRESS: dict[Mode, tuple[Callable[[Signals, SafetyConfig], bool], Mode]] = {
-    Mode.IDLE: (_heard_everyone, Mode.STANDING),
-    Mode.STANDING: (lambda s, _: s.stand_done, Mode.WALKING),
-    Mode.STOPPING: (lambda s, _: s.stopped, Mode.LOWERING),
+    Mode.IDLE: (_ready_to_stand, Mode.STANDING),
+    Mode.STANDING: (lambda s, _: s.posture_done, Mode.WALKING),
+    Mode.STOPPING: (lambda s, _: s.end.stopped, Mode.LOWERING),
 }
 
 
@@ -254,9 +214,9 @@ def advance(state: State, signals: Signals, config: SafetyConfig) -> State:
     if state.mode in DAMPED:
         return damped(state, now, config)
     if state.mode is Mode.LOWERING:
-        done = signals.lain_down or signals.at_once
+        done = signals.posture_done or signals.end.skip_lie_down
         return State(Mode.ESTOP if state.faults else Mode.RELEASING, now, state.faults) if done else state
-    if signals.finish and (state.mode is not Mode.STOPPING or signals.at_once):
+    if signals.end.finish and (state.mode is not Mode.STOPPING or signals.end.skip_lie_down):
         ending = _lowered_or(Mode.RELEASING, state.mode, signals)
         stops = ending is Mode.LOWERING and state.mode is Mode.WALKING
         return State(Mode.STOPPING if stops else ending, now, state.faults)
@@ -283,11 +243,10 @@ def _failure(state: State, mode: Mode, signals: Signals, config: SafetyConfig) -
             if leads_to is Mode.LOWERING:
                 leads_to = _lowered_or(Mode.ESTOP, state.mode, signals)
             return State(leads_to, signals.now_s, (*state.faults, fault))
-    if signals.implausible is not None and mode in HELD:
-        return State(signals.implausible.leads_to, signals.now_s, (*state.faults, signals.implausible.fault))
     return None
 
 
 def _lowered_or(otherwise: Mode, mode: Mode, signals: Signals) -> Mode:
     """Lying down, of a robot that can and whose joints have stiffness; else another mode."""
-    return Mode.LOWERING if signals.may_lie and not signals.at_once and mode in MOVING else otherwise
+    can_lie = signals.end.may_lie and not signals.end.skip_lie_down and mode in MOVING
+    return Mode.LOWERING if can_lie else otherwise

@@ -14,18 +14,20 @@ import numpy as np
 from footfall.common.collector import collector_paused
 from footfall.common.errors import UserError
 from footfall.common.limits import LONGEST_S
+from footfall.deploy.base_estimate import BaseEstimate, BaseState
 from footfall.deploy.bus import Bus, BusStatistics
 from footfall.deploy.clock import Clock, LockstepClock, WallClock, undisturbed
+from footfall.deploy.command_source import CommandSource
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.deadline import deadlines, unarmed
 from footfall.deploy.drivers import imu
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.drivers.driver import Driver
-from footfall.deploy.estimation.config import EstimatorConfig
 from footfall.deploy.frames import BITRATE
 from footfall.deploy.guard import Guard
-from footfall.deploy.loop import CommandSource, ControlLoop, Estimator
-from footfall.deploy.safety import Mode
+from footfall.deploy.loop import ControlLoop
+from footfall.deploy.modes import Mode
+from footfall.deploy.policy_runner import PolicyRunner
 from footfall.deploy.wiring import Wiring, wire
 from footfall.policies.policy import Policy
 from footfall.robots.description import Robot
@@ -35,8 +37,6 @@ if TYPE_CHECKING:
 
 # Ctrl-C, `kill`, a terminal that goes away (a dropped SSH), Ctrl-\\
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
-
-BaseState = Callable[[], tuple[np.ndarray, float]]  # the base's velocity (3,) m/s, body frame, and height m
 
 Display = Callable[[ControlLoop], AbstractContextManager[None]]
 
@@ -110,40 +110,46 @@ def run_session(
     _check_contract(policy, robot)
     wiring, config = wire(robot), session.config
     driver = open_driver(wiring)
-    _check_joint_rate(wiring, driver, config.joint_rate_hz)
+    check_joint_rate(wiring, driver, config.joint_rate_hz)
     with ExitStack() as resources:
-        clock: Clock = (WallClock if session.realtime else LockstepClock)(config.tick_us)
-        estimator = (
-            _estimator(robot, config.estimator)
-            if (policy.needs_estimate or config.odometry) and base_state is None
-            else None
+        arm = resources.enter_context(deadlines()) if session.realtime else unarmed
+        runner = PolicyRunner(
+            policy,
+            session.command_source,
+            config.joint_rate_hz,
+            config.safety.late_limit_s,
+            session.realtime,
+            arm,
         )
+        estimate = _estimate(robot, policy, config, base_state)
+        log = _open_log(robot, policy, session, resources)
+        clock: Clock = (WallClock if session.realtime else LockstepClock)(config.tick_us)
+        taken_over = threading.Event()
         loop = ControlLoop(
             robot,
-            policy,
             wiring,
             driver,
             bus,
             clock,
             config,
-            session.command_source,
-            estimator,
+            runner,
+            estimate,
+            log,
             lie_down=session.lie_down,
             stand_up=session.stand_up,
+            taken_over=taken_over.is_set,
         )
-        loop.base_state = base_state
-        loop.log = log = _open_log(robot, policy, session, resources)  # last: nothing else can fail
         if session.display is not None:
             resources.enter_context(session.display(loop))
         if session.realtime:
-            resources.enter_context(_ending_on_signals(loop))
+            resources.enter_context(ending_on_signals(loop))
         started = time.perf_counter()
         with _realtime(session) as refused:
             if log is not None:
                 for note in refused:
                     log.note(0, note)
             try:
-                with _watched(loop, session):
+                with _guarded(loop, taken_over, session):
                     _drive(loop, session.duration_s, each_tick)
             finally:
                 loop.shut_down()
@@ -203,7 +209,7 @@ def _check_contract(policy: Policy, robot: Robot) -> None:
         raise UserError(f"policy '{policy.name}' does not fit robot '{robot.name}': {'; '.join(differences)}")
 
 
-def _check_joint_rate(wiring: Wiring, driver: Driver, rate_hz: float) -> None:
+def check_joint_rate(wiring: Wiring, driver: Driver, rate_hz: float) -> None:
     """Raise UserError for a rate at which a command and a reply of each motor cannot fit on its bus."""
     bits = np.bincount(wiring.channel, weights=driver.exchange_bits)
     fullest = int(bits.argmax())
@@ -230,23 +236,24 @@ def _open_log(robot: Robot, policy: Policy, session: Session, resources: ExitSta
 
 
 @contextmanager
-def _watched(loop: ControlLoop, session: Session) -> Iterator[None]:
-    """By the wall clock, a policy has a deadline, and the loop a guard."""
+def _guarded(loop: ControlLoop, taken_over: threading.Event, session: Session) -> Iterator[None]:
+    """By the wall clock, the loop has a guard, which sets `taken_over`."""
     if not session.realtime:
         yield
         return
     safety = session.config.safety
-    with deadlines() as arm:
-        loop.arm = arm
-        guard = Guard(
-            lambda: loop.heartbeat_s, loop.damp, loop.shut_down, safety.guard_after_s, safety.damping_s
-        )
-        loop.taken_over = guard.taken_over.is_set
-        try:
-            yield
-        finally:
-            guard.close()
-            loop.arm = unarmed
+    guard = Guard(
+        lambda: loop.heartbeat_s,
+        loop.damp,
+        loop.shut_down,
+        safety.guard_after_s,
+        safety.damping_s,
+        taken_over,
+    )
+    try:
+        yield
+    finally:
+        guard.close()
 
 
 def _unheard(loop: ControlLoop) -> list[str]:
@@ -255,7 +262,7 @@ def _unheard(loop: ControlLoop) -> list[str]:
 
 
 @contextmanager
-def _ending_on_signals(loop: ControlLoop) -> Iterator[None]:
+def ending_on_signals(loop: ControlLoop) -> Iterator[None]:
     """Signals that would end the process end the run in an orderly way: lying down, damping, motors off.
 
     One that comes while the robot lies down damps it at once.
@@ -271,7 +278,12 @@ def _ending_on_signals(loop: ControlLoop) -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def _estimator(robot: Robot, config: EstimatorConfig) -> Estimator:
+def _estimate(
+    robot: Robot, policy: Policy, config: DeployConfig, base_state: BaseState | None
+) -> BaseEstimate:
+    """What the policy or the log needs to know of the base."""
+    if base_state is not None or not (policy.needs_estimate or config.odometry):
+        return BaseEstimate(config.estimator_rate_hz, base_state=base_state)
     from footfall.deploy.estimation.estimator import BaseEstimator
 
-    return BaseEstimator(robot, config)
+    return BaseEstimate(config.estimator_rate_hz, BaseEstimator(robot, config.estimator))

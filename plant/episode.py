@@ -9,9 +9,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from footfall.deploy.command_source import CommandSource
 from footfall.deploy.config import DeployConfig, deploy_config
-from footfall.deploy.loop import CommandSource, ControlLoop
-from footfall.deploy.safety import Mode
+from footfall.deploy.loop import ControlLoop
+from footfall.deploy.modes import Mode
 from footfall.deploy.session import BaseState, Session, SessionResult, run_session
 from footfall.deploy.wiring import wire
 from footfall.domain_rand.noise import Noise
@@ -143,10 +144,10 @@ class _Trial:
         self._look(loop, now_s)
         if (reason := body.fall()) is not None:
             self._fall_reason = reason
-            loop.finish(at_once=True)
+            loop.finish(skip_lie_down=True)
         if body.diverged():
             self._diverged = True
-            loop.finish(at_once=True)
+            loop.finish(skip_lie_down=True)
 
     def _look(self, loop: ControlLoop, now_s: float) -> None:
         truth, power = self._body.truth(), self._body.take_power()

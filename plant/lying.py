@@ -15,7 +15,7 @@ import numpy as np
 from footfall.common.rotations import rotation_matrix, tilt
 from footfall.deploy.config import DeployConfig, deploy_config
 from footfall.deploy.loop import ControlLoop
-from footfall.deploy.safety import Mode
+from footfall.deploy.modes import Mode
 from footfall.deploy.wiring import wire
 from footfall.plant.episode import Episode, run_episode
 from footfall.plant.robot import PlantConfig, SimulatedRobot

@@ -28,8 +28,9 @@ from footfall.deploy.bring_up.motions import (
 )
 from footfall.deploy.bring_up.recording import Recording
 from footfall.deploy.bus import Bus
+from footfall.deploy.command_source import CommandSource
 from footfall.deploy.config import DeployConfig
-from footfall.deploy.loop import CommandSource, ControlLoop
+from footfall.deploy.loop import ControlLoop
 from footfall.deploy.session import Session, SessionResult, run_session
 from footfall.deploy.wiring import wire
 from footfall.policies.policy import Policy
@@ -163,7 +164,7 @@ class _Judge:
         while self._waiting and loop.walking_s >= self._waiting[0].end_s - 1e-9:
             self._judge(self._waiting.pop(0))
         if self.findings:
-            loop.finish(at_once=True)
+            loop.finish(skip_lie_down=True)
 
     def _judge(self, window: Window) -> None:
         setting, samples = self._setting, self._recording.between(window.begin_s, window.end_s)

@@ -12,7 +12,7 @@ from footfall.deploy.bring_up.config import BringUpConfig, BringUpLimits
 from footfall.deploy.config import DeployConfig, deploy_config
 from footfall.deploy.estimation.config import ContactConfig, FilterConfig, GyroConfig, OdometryConfig
 from footfall.deploy.safety import SafetyConfig
-from footfall.deploy.sensor_limits import SensorLimits
+from footfall.deploy.sensor_checks.table import SensorLimits
 from footfall.plant.episode import run_episode
 from footfall.robots.description import Robot
 

@@ -10,7 +10,8 @@ from deploy_policies import FailingPolicy, Hold, Sway, not_a_number, short_episo
 from footfall.common.errors import UserError
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.loop import ControlLoop
-from footfall.deploy.safety import Mode, SafetyConfig
+from footfall.deploy.modes import Mode
+from footfall.deploy.safety import SafetyConfig
 from footfall.deploy.session import Session, run_on_interface
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.sample import Sample

@@ -119,19 +119,21 @@ class TestGuard:
             raise OSError("a bus that fails keeps it from nothing")
 
         began = time.perf_counter()
-        guard = Guard(lambda: began, damp, lambda: acts.append("off"), 0.05, 0.06, end)
+        taken_over = threading.Event()
+        Guard(lambda: began, damp, lambda: acts.append("off"), 0.05, 0.06, taken_over, end)
         assert ended.wait(5.0)
         assert codes == [1]
         assert set(acts[:-1]) == {"damp"}
         assert acts[-1] == "off"
-        assert guard.taken_over.is_set()
+        assert taken_over.is_set()
         assert "did not come back" in capsys.readouterr().err
 
     def test_leaves_alone_a_loop_that_beats(self) -> None:
-        guard = Guard(time.perf_counter, pytest.fail, pytest.fail, 0.05, 0.05, pytest.fail)
+        taken_over = threading.Event()
+        guard = Guard(time.perf_counter, pytest.fail, pytest.fail, 0.05, 0.05, taken_over, pytest.fail)
         time.sleep(0.15)
         guard.close()
-        assert not guard.taken_over.is_set()
+        assert not taken_over.is_set()
 
     def test_a_loop_that_comes_back_finds_its_robot_at_rest(self, go1: Robot) -> None:
         """Something between two ticks blocks the thread for longer than the guard waits."""

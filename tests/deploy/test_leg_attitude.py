@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from footfall.deploy.leg_attitude import LegAttitude
-from footfall.deploy.sensor_limits import SensorLimits
+from footfall.deploy.sensor_checks.table import SensorLimits
 from footfall.policies.controllers.stance import level_feet
 from footfall.robots.description import Robot, load_robot
 

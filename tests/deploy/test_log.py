@@ -31,9 +31,10 @@ from footfall.deploy.joint_layer import MotorHealth
 from footfall.deploy.log import McapLog, flatten, unflatten
 from footfall.deploy.log_file import read_log
 from footfall.deploy.loop import ControlLoop
+from footfall.deploy.modes import Mode
 from footfall.deploy.recover import recover
 from footfall.deploy.replay import replay
-from footfall.deploy.safety import Mode, State
+from footfall.deploy.safety import State
 from footfall.plant.episode import run_episode
 from footfall.plant.trace import Trace
 from footfall.policies.policy import PolicyInput, Sensed

@@ -1,265 +1,87 @@
-"""The control loop tick by tick: who is handed what, and what counts as late."""
+"""The control loop tick by tick: what goes out, what comes in, when, and what is logged."""
 
-from dataclasses import replace
+import math
+from typing import Any
 
 import numpy as np
 import pytest
-from deploy_policies import Hold, stand_still
+from deploy_policies import FailingPolicy, Hold
+from frame_robot import ROWS, TICK_US, Notebook
+from loops import loop_of, simulated_loop, until, walk_for
 
-from footfall.deploy import loop as loop_module
-from footfall.deploy.clock import LockstepClock
-from footfall.deploy.config import DeployConfig
-from footfall.deploy.drivers.choice import open_driver
-from footfall.deploy.loop import CommandSource, ControlLoop
-from footfall.deploy.postures import Ending
-from footfall.deploy.safety import Implausible, Mode, State
-from footfall.deploy.wiring import wire
-from footfall.plant.bus import SimulatedBus
-from footfall.plant.robot import SimulatedRobot
-from footfall.plant.wires import SimulatedWires
-from footfall.policies.policy import Policy, PolicyInput, Sensed
+from footfall.deploy.drivers.mit import Codec
+from footfall.deploy.joint_layer import JointLayer
+from footfall.deploy.modes import Mode
+from footfall.deploy.postures import Ending, Postures
+from footfall.deploy.safety import SafetyConfig
+from footfall.deploy.sensor_checks.table import SensorLimits
+from footfall.plant.motor_ends.motor_end import Request
+from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
-TICK_US = 2000
 
+class Adding(Hold):
+    """Holds the default pose plus an offset for each step that it was asked for, rad."""
 
-class Pretence(LockstepClock):
-    """Ticks that follow at once, and count as wall-clock time."""
-
-    realtime = True  # type: ignore[assignment]
-
-
-def new_loop(
-    robot: Robot,
-    policy: Policy,
-    realtime: bool = False,
-    estimator: object = None,
-    command_source: CommandSource = stand_still,
-    pose: np.ndarray | None = None,
-    estimator_rate_hz: float = 250.0,
-) -> ControlLoop:
-    """A loop on a simulated robot that stands in a pose, the default one if none is given."""
-    wiring = wire(robot)
-    wires = SimulatedWires(wiring.buses)
-    body = SimulatedRobot(robot, wiring, wires)
-    if pose is not None:
-        body.data.qpos[7:] = pose
-    bus = SimulatedBus(wires, body)
-    clock = (Pretence if realtime else LockstepClock)(TICK_US)
-    config = DeployConfig(stand_s=0.1, pose_rate_rad_s=100.0, estimator_rate_hz=estimator_rate_hz)
-    return ControlLoop(
-        robot, policy, wiring, open_driver(wiring), bus, clock, config, command_source, estimator
-    )  # type: ignore[arg-type]
-
-
-def run_for(loop: ControlLoop, walking_s: float) -> None:
-    """Tick until the robot has walked for so long, or walks no more."""
-    while loop.tick() and not (loop.walking and loop.walking_s >= walking_s - 1e-9):
-        if loop.state.faults:
-            return
-
-
-class Stopwatch:
-    """Stands in for the loop's `time`: it moves on only when it is told to."""
-
-    now_s = 0.0
-
-    def perf_counter(self) -> float:
-        return self.now_s
-
-
-class Dawdle(Hold):
-    """Every so many steps it takes longer than its period of 20 ms."""
-
-    def __init__(self, robot: Robot, watch: Stopwatch, pattern: str) -> None:
+    def __init__(self, robot: Robot, *offsets_rad: float) -> None:
         super().__init__(robot)
-        self._watch, self._pattern = watch, pattern
+        self._offsets_rad = offsets_rad
 
     def act(self, inputs: PolicyInput) -> JointCommand:
-        late = self._pattern[len(self.seen) % len(self._pattern)] == "L"
-        self._watch.now_s += 0.021 if late else 0.019
-        return super().act(inputs)
+        hold = super().act(inputs)
+        step = min(len(self.seen), len(self._offsets_rad)) - 1
+        return hold._replace(position=hold.position + self._offsets_rad[step])
 
 
-class TestLateness:
-    @pytest.mark.parametrize(
-        ("pattern", "faults"),
-        [("L.", 0), ("LLLL.", 0), ("LLLLL", 1)],
-        ids=["late, on time, late", "four late, one on time", "five late"],
-    )
-    def test_only_late_steps_in_a_row_count(
-        self, go1: Robot, monkeypatch: pytest.MonkeyPatch, pattern: str, faults: int
-    ) -> None:
-        watch = Stopwatch()
-        monkeypatch.setattr(loop_module, "time", watch)
-        loop = new_loop(go1, Dawdle(go1, watch, pattern), realtime=True)
-        run_for(loop, 0.3)
-        assert len(loop.state.faults) == faults
+class TestOut:
+    def test_a_run_from_enabling_to_disabling(self, go1: Robot) -> None:
+        loop, body = loop_of(go1, Hold(go1), safety=SafetyConfig(damping_kd=2.5, damping_s=0.019))
+        assert loop.ticks_skipped == 0
+        assert loop.tick()
+        assert loop.ticks_skipped == 0
+        assert loop.state.mode is Mode.STANDING  # all motors had answered
+        until(loop, Mode.WALKING)
+        assert loop.now_us == 100_000
+        quantum = Codec(body.wiring.models).quantum
+        gains = body.command()
+        np.testing.assert_array_less(np.abs(gains.kp - 4 * go1.kp), quantum[2])
+        np.testing.assert_array_less(np.abs(gains.kd - np.minimum(2 * go1.kd, 5.0)), quantum[3])
+        for _ in range(25):
+            assert loop.tick()
+        assert loop.walking
+        assert loop.walking_s == pytest.approx(0.05)
+        loop.finish()
+        loop.tick()
+        assert loop.state.mode is Mode.RELEASING
+        assert loop.walked_s == pytest.approx(0.052)
+        damped = body.command()
+        assert not damped.kp.any()
+        np.testing.assert_allclose(damped.kd, 2.5, atol=0.01)
+        np.testing.assert_allclose([damped.velocity, damped.torque], 0.0, atol=0.05)
+        ticks = 1
+        while loop.tick():
+            ticks += 1
+        assert ticks == 10  # of damping
+        assert loop.state.mode is Mode.IDLE
+        assert loop.state.over
+        assert body.kinds() == [Request.DISABLE] * 12
+        assert loop.walked_s == pytest.approx(0.052)
 
-    @pytest.mark.parametrize(("realtime", "faults"), [(True, 1), (False, 0)])
-    def test_one_step_that_takes_far_too_long_is_enough_on_the_wall_clock(
-        self, go1: Robot, monkeypatch: pytest.MonkeyPatch, realtime: bool, faults: int
-    ) -> None:
-        class Stuck(Hold):
-            def act(self, inputs: PolicyInput) -> JointCommand:
-                watch.now_s += 0.101 if len(self.seen) == 3 else 0.001
-                return super().act(inputs)
-
-        watch = Stopwatch()
-        monkeypatch.setattr(loop_module, "time", watch)
-        loop = new_loop(go1, Stuck(go1), realtime)
-        run_for(loop, 0.3)
-        assert len(loop.state.faults) == faults
-        assert not faults or loop.state.faults[0].endswith("one step took 101 ms")
-
-    def test_nothing_is_late_in_lockstep(self, go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-        watch = Stopwatch()
-        monkeypatch.setattr(loop_module, "time", watch)
-        loop = new_loop(go1, Dawdle(go1, watch, "L"))
-        run_for(loop, 0.3)
-        assert loop.state.faults == ()
-
-
-def test_a_policy_does_not_make_up_for_ticks_that_were_left_out(go1: Robot) -> None:
-    """44 ms are missing: what was due in them is decided once, and the next step is in its time."""
-    policy = Hold(go1)
-    loop = new_loop(go1, policy)
-    run_for(loop, 0.1)
-    loop._clock._tick += 22  # type: ignore[attr-defined]
-    run_for(loop, 0.22)
-    assert loop.state.faults == ()
-    steps_ms = np.array([round(1e3 * seen.time_s) for seen in policy.seen])
-    late = int(np.argmax(np.diff(steps_ms))) + 1
-    assert steps_ms[late - 1 : late + 3].tolist() == [100, 146, 160, 180]
-
-
-def test_durations_are_told_in_their_units(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Steps of 19 ms and, every third, 21 ms; they are nearly all of their ticks."""
-    watch = Stopwatch()
-    monkeypatch.setattr(loop_module, "time", watch)
-    loop = new_loop(go1, Dawdle(go1, watch, "..L"))
-    run_for(loop, 0.1)
-    np.testing.assert_allclose(loop.timing.policy_ms.values(), [19.0, 19.0, 21.0, 19.0, 19.0, 21.0])
-    ticks_us = loop.timing.tick_us.values()
-    np.testing.assert_allclose(ticks_us[ticks_us > 0.0], [19e3, 19e3, 21e3, 19e3, 19e3, 21e3])
-
-
-class TestEstimate:
-    def test_the_estimator_gets_the_policys_contact_plan_once_it_has_begun(self, go1: Robot) -> None:
-        plan = np.array([1.0, 0.0, 0.0, 1.0])
-
-        class Planned(Hold):
-            needs_estimate = True
-
-            def stance(self) -> np.ndarray:  # type: ignore[override]
-                return plan if self.resets else 0.0 * plan  # before its reset: of an episode before
-
-        class Note:
-            """Keeps what it is handed, and estimates the number of its updates."""
-
-            def __init__(self) -> None:
-                self.plans: list[object] = []
-                self.resets = 0
-                self.started: list[int] = []
-                self.steps_s: list[float] = []
-
-            def reset(self, sensed: Sensed) -> None:
-                self.resets += 1
-
-            def start(self) -> None:
-                self.started.append(len(self.plans))
-
-            def update(self, sensed: Sensed, stance: np.ndarray | None, dt_s: float) -> tuple:
-                self.plans.append(stance)
-                self.steps_s.append(dt_s)
-                return np.array([len(self.plans), 0.0, 0.0]), 0.25
-
-        policy, note = Planned(go1), Note()
-        loop = new_loop(go1, policy, estimator=note, estimator_rate_hz=30.0)
-        while loop.state.mode is not Mode.WALKING:
-            standing = len(note.plans)
+    def test_it_stands_up_under_gains_of_its_own(self, go1: Robot) -> None:
+        loop, body = loop_of(go1, Hold(go1), stand_kp_scale=2.0, stand_kd_scale=1.25)
+        until(loop, Mode.STANDING)
+        for _ in range(5):
             loop.tick()
-        run_for(loop, 0.1)
-        assert note.resets == 1
-        assert note.started == [standing]  # the pose is zero where the policy takes over
-        assert standing == 2  # of 0.1 s
-        assert all(stance is None for stance in note.plans[: standing + 1])
-        assert all(stance is plan for stance in note.plans[standing + 1 :])
-        np.testing.assert_allclose(note.steps_s[:2], 0.034, atol=1e-9)  # 1/30 s, at the next tick
-        assert [seen.base_velocity[0] for seen in policy.seen] == [
-            3,
-            4,
-            5,
-            6,
-            7,
-            8,
-        ]  # one at each policy step
-        np.testing.assert_allclose(note.steps_s[3:], 0.02, atol=1e-9)
-        assert policy.seen[-1].base_height == 0.25
+        assert loop.state.mode is Mode.STANDING
+        standing = body.command()
+        np.testing.assert_allclose(standing.kp, 2.0 * go1.kp, atol=0.13)
+        np.testing.assert_allclose(standing.kd, 1.25 * go1.kd, atol=2e-3)
+        np.testing.assert_allclose([standing.velocity, standing.torque], 0.0, atol=0.05)
 
-    def test_it_is_updated_at_its_rate_whatever_the_policys(self, go1: Robot) -> None:
-        """Every 4 ms of ticks of 2 ms; each 20 ms is a policy step, too."""
-
-        class Note:
-            def __init__(self) -> None:
-                self.steps_s: list[float] = []
-
-            def reset(self, sensed: Sensed) -> None: ...
-
-            def start(self) -> None: ...
-
-            def update(self, sensed: Sensed, stance: np.ndarray | None, dt_s: float) -> tuple:
-                self.steps_s.append(dt_s)
-                return np.zeros(3), 0.25
-
-        note = Note()
-        run_for(new_loop(go1, Hold(go1), estimator=note), 0.1)
-        assert len(note.steps_s) > 45
-        np.testing.assert_allclose(note.steps_s, 0.004, atol=1e-9)
-
-
-def test_what_is_found_of_the_body_counts_also_where_readings_are_due_to_be_added(
-    go1: Robot, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    loop, found = new_loop(go1, Hold(go1)), Implausible("the IMU is askew", Mode.ESTOP)
-    for due in (False, True):
-        monkeypatch.setattr(loop._checks.monitor, "look_at_body", lambda: True)
-        monkeypatch.setattr(loop._checks.monitor, "due", lambda _, due=due: due)
-        monkeypatch.setattr(loop._checks, "of_body", lambda: found)
-        assert loop._contradiction(0) is found
-
-
-def test_ticks_that_are_left_out_count_less_and_less(go1: Robot) -> None:
-    """Of a pause of 60 ms 58 ms, of the last second; of 2 ms none; of two seconds one counts."""
-    loop = new_loop(go1, Hold(go1))
-    assert loop._skipped(TICK_US) == 0.0
-    assert loop._skipped(60_000) == pytest.approx(0.058)
-    assert loop._skipped(TICK_US) == pytest.approx(0.058 * 0.998)
-    assert loop._skipped(0) == pytest.approx(0.058 * 0.998)
-    assert loop._skipped(2_000_000) == pytest.approx(0.999)
-
-
-def test_how_a_robot_is_found_that_shall_lie_down(go1: Robot) -> None:
-    """One that stands up has all feet on the ground, whatever is wrong."""
-    loop = new_loop(go1, Hold(go1))
-    for faults, stopped in ((), Ending.STOPPED), (("the policy failed",), Ending.WALKING):
-        loop.state = State(Mode.LOWERING, 1.0, faults)
-        assert loop._ending(Mode.STANDING) is Ending.STANDING
-        assert (loop._ending(Mode.WALKING), loop._ending(Mode.STOPPING)) == (stopped, stopped)
-
-
-@pytest.mark.parametrize(("damping_s", "ticks"), [(0.5, 252), (0.501, 253), (0.019, 12)])
-def test_damping_takes_its_time_and_two_ticks(go1: Robot, damping_s: float, ticks: int) -> None:
-    loop = new_loop(go1, Hold(go1))
-    loop._config = replace(loop._config, safety=replace(loop._config.safety, damping_s=damping_s))
-    assert loop.damping_ticks == ticks
-
-
-class TestStanding:
     def test_targets_lead_smoothly_from_where_the_robot_is_to_the_default_pose(self, go1: Robot) -> None:
         crouched = go1.default_pose + np.tile([0.0, 0.3, -0.5], 4)
-        loop = new_loop(go1, Hold(go1), pose=crouched)
+        loop = simulated_loop(go1, Hold(go1), pose=crouched)
         targets = []
         while loop.state.mode is not Mode.WALKING:
             loop.tick()
@@ -273,25 +95,255 @@ class TestStanding:
         begun = (thighs[9] - thighs[0]) / (thighs[-1] - thighs[0])  # a quarter of the time, 0.7 * 0.1 s
         np.testing.assert_allclose(begun, 0.5 - 0.5 * np.cos(np.pi * 0.018 / 0.07), atol=0.01)
 
-    def test_a_wish_to_end_before_it_walks_is_granted(self, go1: Robot) -> None:
-        loop = new_loop(go1, Hold(go1))
-        for _ in range(10):
+    def test_commands_go_out_at_every_tick_decisions_at_every_step(self, go1: Robot) -> None:
+        loop, body = loop_of(go1, Adding(go1, 0.01, 0.02, 0.03))
+        until(loop, Mode.WALKING)
+        sent = []
+        for _ in range(25):
             loop.tick()
+            sent.append(body.command().position[0] - go1.default_pose[0])
+        np.testing.assert_allclose(sent, [0.01] * 9 + [0.02] * 10 + [0.03] * 6, atol=3e-4)
+        assert [time_us for time_us, _ in body.sent[-25:]] == list(range(102_000, 152_000, TICK_US))
+
+    def test_targets_of_a_leaping_policy_move_at_the_robots_rate(self, go1: Robot) -> None:
+        """60 rad/s in ticks of 2 ms."""
+        loop, _ = loop_of(go1, Adding(go1, 0.5))
+        until(loop, Mode.WALKING)
+        assert go1.description.target_rate_rad_s == 60.0
+        for tick in (1, 2, 3):
+            np.testing.assert_allclose(loop.target - go1.default_pose, 0.12 * tick, atol=1e-9)
+            loop.tick()
+
+
+def test_what_the_policy_sees_is_what_the_frames_said(go1: Robot) -> None:
+    policy = Hold(go1)
+    unmoved = SensorLimits(
+        rotation_rad=3.0, drift_rad=3.0, wander_rad=3.0, stuck_rad=3.0, lean_error=2.0
+    )  # jumps are what is tested
+    source = lambda t: np.array([t, 2 * t, 3 * t])  # noqa: E731
+    loop, body = loop_of(go1, policy, command_source=source, safety=SafetyConfig(sensors=unmoved))
+    until(loop, Mode.WALKING)
+    body.readings = np.array([go1.default_pose + 0.01 * ROWS, 0.1 * ROWS, -0.2 * ROWS])
+    body.gyro, body.quaternion = (0.1, 0.2, -0.3), (0.96, 0.0, 0.28, 0.0)
+    for _ in range(10):
+        loop.tick()
+    seen = policy.seen[-1]
+    assert loop.state.faults == ()
+    np.testing.assert_allclose(seen.sensed.joint_position, body.readings[0], atol=3e-4)
+    np.testing.assert_allclose(seen.sensed.joint_velocity, body.readings[1], atol=0.02)
+    np.testing.assert_allclose(seen.sensed.joint_torque, body.readings[2], atol=0.02)
+    np.testing.assert_allclose(seen.sensed.gyro, body.gyro, atol=1e-3)
+    np.testing.assert_allclose(seen.sensed.quaternion, body.quaternion, atol=1e-4)
+    np.testing.assert_allclose(seen.sensed.acceleration, [0.0, 0.0, 9.8], atol=0.005)
+    np.testing.assert_allclose(seen.command, [0.02, 0.04, 0.06])
+    np.testing.assert_allclose(loop.asked_command, [0.02, 0.04, 0.06])
+
+
+class TestFaults:
+    @pytest.mark.parametrize(
+        ("change", "fault", "mode"),
+        [
+            ({"silent": [7]}, "no reply from RR_thigh_joint (can2, id 2)", Mode.ESTOP),
+            ({"imu_silent": True}, "no new IMU reading", Mode.ESTOP),
+            (
+                {"error": 3 * (ROWS == 4).astype(np.uint64)},
+                "motor FL_thigh_joint (can1, id 2) reports over-voltage",
+                Mode.ESTOP,
+            ),
+            ({"refuses": 2}, "bus overflow: 2 frames refused", Mode.ESTOP),
+            ({"bus_fault": "bus can2 is bus-off"}, "bus can2 is bus-off", Mode.ESTOP),
+            ({"quaternion": (0.8, 0.0, 0.6, 0.0)}, "tilt of 1.29 rad", Mode.FALLING),
+        ],
+    )
+    @pytest.mark.parametrize("before", [Mode.STANDING, Mode.WALKING])
+    def test_of_the_robot_are_named_and_damp_it(
+        self, go1: Robot, change: dict[str, Any], fault: str, mode: Mode, before: Mode
+    ) -> None:
+        loop, body = loop_of(go1, Hold(go1))
+        until(loop, before)
+        loop.tick()
+        for name, value in change.items():
+            setattr(body, name, value)
+        until(loop, mode, most=40)
+        assert len(loop.state.faults) == 1
+        assert loop.state.faults[0].startswith(fault)
+        assert not body.command().kp.any()
+
+    @pytest.mark.parametrize(
+        ("change", "fault"),
+        [
+            (lambda hold: hold._replace(torque=hold.torque + np.inf), "the policy's command is not finite"),
+            (lambda hold: {}["legs"], "the policy failed: KeyError: 'legs'"),
+        ],
+    )
+    def test_of_the_policy_damp_the_robot_in_the_same_tick(self, go1: Robot, change: Any, fault: str) -> None:
+        loop, body = loop_of(go1, FailingPolicy(go1, 0.04, change))
+        until(loop, Mode.WALKING)
+        while loop.now_us < 140_000:
+            loop.tick()
+        assert loop.state.mode is Mode.ESTOP
+        assert loop.state.faults == (fault,)
+        assert not body.command().kp.any()
+        assert loop.walked_s == pytest.approx(0.04)
+
+    @pytest.mark.parametrize("part", ["receive", "stance", "command", "log", "frames", "send"])
+    def test_whatever_raises_the_robot_is_damped_and_then_its_motors_are_disabled(
+        self, go1: Robot, monkeypatch: pytest.MonkeyPatch, part: str
+    ) -> None:
+        """Of readings, a policy, what steers it, a log, the joint layer, the bus."""
+        broken: list[str] = []
+
+        def failing(name: str, works: Any) -> Any:
+            def act(*arguments: Any) -> Any:
+                if name in broken:
+                    raise KeyError("no such\n thing")
+                return works(*arguments)
+
+            return act
+
+        class Estimator:
+            reset = start = lambda *_: None
+
+            def update(self, *_: Any) -> tuple[np.ndarray, float]:
+                return np.zeros(3), 0.3
+
+            def odometry(self) -> Any:
+                return None
+
+        policy, log = Hold(go1), Notebook()
+        policy.stance = failing("stance", policy.stance)  # type: ignore[method-assign]
+        for name in ("tick", "state", "policy_step", "note"):
+            setattr(log, name, failing("log", getattr(log, name)))
+        log.odometry = lambda *_: None  # type: ignore[attr-defined]
+        for name in ("command", "damping"):
+            monkeypatch.setattr(JointLayer, name, failing("frames", getattr(JointLayer, name)))
+        source = failing("command", lambda _: np.zeros(3))
+        loop, body = loop_of(go1, policy, command_source=source, log=log, estimator=Estimator())
+        body.receive = failing("receive", body.receive)  # type: ignore[method-assign]
+        body.send = failing("send", body.send)  # type: ignore[method-assign]
+        until(loop, Mode.WALKING)
+        for _ in range(5):
+            loop.tick()
+        broken.append(part)
+        if part == "send":
+            loop.tick()
+            broken.clear()
+        begun_us, ticks = loop.now_us, 0
+        while loop.tick():
+            ticks += 1
+            assert loop.state.mode is Mode.ESTOP or ticks <= 10
+            if loop.state.mode is Mode.ESTOP:
+                damped = body.command()
+                assert not damped.kp.any()
+                np.testing.assert_allclose(damped.kd, 3.0, atol=0.01)
+        assert len(loop.state.faults) == 1
+        assert "KeyError: 'no such" in loop.state.faults[0]
+        assert "\n" not in loop.state.faults[0]
+        assert body.kinds() == [Request.DISABLE] * 12
+        assert 0.49 < (loop.now_us - begun_us) * 1e-6 < 0.53
+        assert loop.walked_s > 0.0
+        if part != "log":
+            assert log.of("state")[-1][1].faults == loop.state.faults
+
+    def test_a_run_that_a_guard_ended_tells_so_and_how_long_the_robot_walked(self, go1: Robot) -> None:
+        taken: list[bool] = []
+        log = Notebook()
+        loop, body = loop_of(go1, Hold(go1), log=log, taken_over=lambda: bool(taken))
+        until(loop, Mode.WALKING)
+        walk_for(loop, 0.05)
+        sent = len(body.sent)
+        taken.append(True)
+        assert not loop.tick()
+        assert len(body.sent) == sent  # nothing over the guard's damping
+        assert loop.walked_s == pytest.approx(0.052)
+        assert (loop.state.mode, loop.state.over) == (Mode.ESTOP, True)
+        assert "a guard damped the robot" in loop.state.faults[-1]
+        assert log.of("state")[-1] == (loop.now_us, loop.state)
+
+    def test_a_guard_that_ended_a_failed_run_is_logged_as_well(self, go1: Robot) -> None:
+        taken: list[bool] = []
+        log = Notebook()
+        loop, body = loop_of(go1, Hold(go1), log=log, taken_over=lambda: bool(taken))
+        until(loop, Mode.WALKING)
+        body.bus_fault = "bus can2 is bus-off"
+        until(loop, Mode.ESTOP)
+        taken.append(True)
+        loop.tick()
+        assert len(loop.state.faults) == 2
+        assert log.of("state")[-1][1].faults == loop.state.faults
+
+
+class TestEnd:
+    @pytest.mark.parametrize(("damping_s", "ticks"), [(0.5, 252), (0.501, 253), (0.019, 12)])
+    def test_damping_takes_its_time_and_two_ticks(self, go1: Robot, damping_s: float, ticks: int) -> None:
+        loop, _ = loop_of(go1, Hold(go1), safety=SafetyConfig(damping_s=damping_s))
+        assert loop.damping_ticks == ticks
+
+    def test_a_wish_to_end_before_the_robot_walks_is_granted(self, go1: Robot) -> None:
+        loop, _ = loop_of(go1, Hold(go1))
+        until(loop, Mode.STANDING)
         loop.finish()
         while loop.tick():
             assert loop.state.mode is not Mode.WALKING
         assert loop.state.mode is Mode.IDLE
         assert loop.walked_s == 0.0
 
+    @pytest.mark.parametrize(
+        ("at", "fails", "ending"),
+        [
+            (Mode.STANDING, False, Ending.STANDING),
+            (Mode.WALKING, False, Ending.STOPPED),
+            (Mode.WALKING, True, Ending.WALKING),
+        ],
+    )
+    def test_how_the_robot_is_found_that_shall_lie_down(
+        self, go1: Robot, monkeypatch: pytest.MonkeyPatch, at: Mode, fails: bool, ending: Ending
+    ) -> None:
+        """A robot that stands up has all feet on the ground."""
+        found: list[Ending] = []
+        monkeypatch.setattr(Postures, "lie_down", lambda _, target, ending: found.append(ending))
+        policy = FailingPolicy(go1, 0.0 if fails else math.inf, lambda hold: {}["legs"])
+        loop, _ = loop_of(go1, policy, lie_down=True, stop_s=0.01)
+        until(loop, at if not fails else Mode.LOWERING)
+        loop.finish()
+        until(loop, Mode.LOWERING)
+        assert found == [ending]
 
-def test_the_command_is_a_function_of_the_time_since_walking_began(go1: Robot) -> None:
-    policy = Hold(go1)
-    loop = new_loop(go1, policy, command_source=lambda time_s: np.array([time_s, 0.0, 0.0]))
-    run_for(loop, 0.1)
-    asked = [inputs.command[0] for inputs in policy.seen]
-    np.testing.assert_allclose(asked, 0.02 * np.arange(len(asked)), atol=1e-9)
-    assert loop.walking_s == pytest.approx(0.1)
-    loop.finish()
-    while loop.tick():
-        pass
-    assert loop.walked_s == pytest.approx(0.102)  # until the tick after
+
+class TestLog:
+    def test_each_tick_step_and_change_is_logged(self, go1: Robot) -> None:
+        policy, log = Hold(go1), Notebook()
+        source = lambda t: np.array([math.nan if t > 0.03 else 0.5, 0.0, 0.0])  # noqa: E731
+        loop, body = loop_of(go1, policy, command_source=source, log=log)
+        until(loop, Mode.WALKING)
+        for _ in range(30):
+            loop.tick()
+        assert [time_us for time_us, *_ in log.of("tick")] == list(range(0, 162_000, TICK_US))
+        assert log.of("tick")[-1][1] is loop.sensed
+        assert log.of("tick")[0][2] is not None
+        sent = log.of("tick")[-1][2]
+        np.testing.assert_array_equal(sent[0], loop.target)
+        np.testing.assert_allclose(body.command().kp, sent[2], atol=0.2)  # a frame's rounding
+        np.testing.assert_allclose(body.command().kd, sent[3], atol=0.01)
+        states = [(time_us, state.mode) for time_us, state in log.of("state")]
+        assert states == [(0, Mode.STANDING), (100_000, Mode.WALKING)]
+        steps = log.of("policy_step")
+        assert [time_us for time_us, *_ in steps] == [100_000, 120_000, 140_000, 160_000]
+        assert [each[1] for each in steps] == policy.seen
+        np.testing.assert_array_equal(steps[0][2].position, go1.default_pose)
+        assert log.of("note") == [(140_000, "a forward command of nan m/s counted as 0")]
+
+    def test_nothing_is_logged_as_commanded_before_motors_are_enabled(self, go1: Robot) -> None:
+        log = Notebook()
+        loop, body = loop_of(go1, Hold(go1), log=log)
+        body.silent = [3]
+        loop.tick()
+        assert log.of("tick")[0][2] is None
+
+    @pytest.mark.parametrize("realtime", [False, True])
+    def test_lateness_counts_on_the_wall_clock_alone(self, go1: Robot, realtime: bool) -> None:
+        loop, _ = loop_of(go1, Hold(go1), realtime=realtime)
+        for _ in range(4):
+            loop.tick()
+        assert loop.timing.tick_us.count == 4
+        assert loop.timing.lateness_us.values().tolist() == [17.0] * 4 * realtime

@@ -1,242 +1,221 @@
 """The supervisor as a state machine: which signal leads from which mode to which."""
 
+import math
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from footfall.deploy.safety import (
-    CHECKS,
-    DAMPED,
-    MOVING,
-    PROGRESS,
-    Implausible,
-    Mode,
-    SafetyConfig,
-    Signals,
-    State,
-    advance,
-)
+from footfall.deploy.modes import DAMPED, MOVING, Mode
+from footfall.deploy.safety import CHECKS, PROGRESS, SafetyConfig, State, advance
+from footfall.deploy.signals import Implausible, ImuSignals, MotorSignals, Signals
 
 CONFIG = SafetyConfig()
-QUIET = Signals(
-    now_s=5.0,
-    motor_silence_s=0.002,
-    silent_motor="FR_hip_joint (can0, id 1)",
-    imu_silence_s=0.002,
-    motor_error="",
-    tilt_rad=0.1,
-    command_finite=True,
-    late_steps=0,
-    step_s=0.0,
-    frames_refused=0,
-)
+QUIET = Signals(5.0, MotorSignals(0.002, "FR_hip_joint (can0, id 1)"), ImuSignals(0.002, 0.1, "gyro"))
+N, S, W = Mode.IDLE, Mode.STANDING, Mode.WALKING
+P, L, R = Mode.STOPPING, Mode.LOWERING, Mode.RELEASING
+E, F = Mode.ESTOP, Mode.FALLING
 
 
-def after(mode: Mode, since_s: float = 4.0, **changes: object) -> State:
-    return advance(State(mode, since_s), QUIET._replace(**changes), CONFIG)
+def with_changes(signals: Signals, changes: dict[str, Any]) -> Signals:
+    """Signals with some replaced, by 'field' or 'group.field'."""
+    for path, value in changes.items():
+        group, _, name = path.rpartition(".")
+        change = {group: getattr(signals, group)._replace(**{name: value})} if group else {name: value}
+        signals = signals._replace(**change)
+    return signals
 
 
-class TestOrdinaryRun:
-    def test_idle_waits_until_everyone_has_answered(self) -> None:
-        assert after(Mode.IDLE, now_s=0.5, motor_silence_s=9e9).mode is Mode.IDLE
-        assert after(Mode.IDLE, now_s=0.5, imu_silence_s=9e9).mode is Mode.IDLE
-        assert after(Mode.IDLE, now_s=0.5).mode is Mode.STANDING
-
-    def test_standing_leads_to_walking_when_done(self) -> None:
-        assert after(Mode.STANDING).mode is Mode.STANDING
-        assert after(Mode.STANDING, stand_done=True).mode is Mode.WALKING
-
-    @pytest.mark.parametrize("mode", [Mode.IDLE, Mode.STANDING, Mode.WALKING])
-    def test_the_wish_to_end_releases_the_robot(self, mode: Mode) -> None:
-        assert after(mode, now_s=0.5, finish=True).mode is Mode.RELEASING
-
-    def test_release_ends_idle_after_damping(self) -> None:
-        assert not after(Mode.RELEASING, since_s=5.0 - 0.5 * CONFIG.damping_s).over
-        final = after(Mode.RELEASING, since_s=5.0 - CONFIG.damping_s)
-        assert final.over
-        assert final.mode is Mode.IDLE
-        assert not final.faults
+def after(mode: Mode, changes: dict[str, Any] | None = None, since_s: float = 4.0, **more: Any) -> State:
+    """The state a tick after a mode with quiet signals but for these."""
+    return advance(State(mode, since_s), with_changes(QUIET, (changes or {}) | more), CONFIG)
 
 
-FAULTS = [
-    ({"motor_silence_s": 0.06}, Mode.ESTOP, "no reply from FR_hip_joint (can0, id 1) for 50 ms"),
-    (
-        {"imu_silence_s": 0.06, "oldest_of_imu": "quaternion"},
-        Mode.ESTOP,
-        "no new IMU reading (quaternion) for 50 ms",
-    ),
-    ({"motor_error": "motor x reports over-current"}, Mode.ESTOP, "over-current"),
-    ({"command_finite": False}, Mode.ESTOP, "not finite"),
-    ({"policy_error": "the policy failed: ValueError: x"}, Mode.ESTOP, "ValueError"),
-    ({"late_steps": 5}, Mode.ESTOP, "5 steps in a row"),
-    ({"step_s": 0.11}, Mode.ESTOP, "one step took 110 ms"),
-    ({"step_s": float("inf")}, Mode.ESTOP, "the policy ran late: no decision within 70 ms"),
-    ({"pause_s": 0.13}, Mode.ESTOP, "the loop paused for 130 ms"),
-    (
-        {"skipped_share": 0.3},
-        Mode.ESTOP,
-        "30% of the last second's ticks were left out (skipped_share allows 25%)",
-    ),
-    ({"implausible": Implausible("x leans", Mode.FALLING)}, Mode.FALLING, "x leans"),
-    ({"frames_refused": 3}, Mode.ESTOP, "bus overflow: 3 frames refused"),
-    ({"tilt_rad": 1.1}, Mode.FALLING, "tilt of 1.10 rad is past the limit"),
+# What each signal makes of a robot that can lie down, in IDLE, STANDING, WALKING, STOPPING and LOWERING: it
+# stays (-), or goes to ESTOP, FALLING or LOWERING, by their initials. A robot in IDLE is ready: what would be a
+# fault in STANDING keeps it from getting there.
+TABLE: list[tuple[dict[str, Any], str, str]] = [
+    ({"motors.silence_s": 0.06}, "no reply from FR_hip_joint (can0, id 1) for 50 ms", "-EEEE"),
+    ({"imu.silence_s": 0.06}, "no new IMU reading (gyro) for 50 ms", "-EEEE"),
+    ({"motors.error": "motor x reports y"}, "motor x reports y", "EEEEE"),
+    ({"imu.tilt_rad": 1.06}, "tilt of 1.06 rad is past", "FFFFF"),
+    ({"time.pause_s": 0.13}, "the loop paused for 130 ms", "EEEEE"),
+    ({"time.skipped_share": 0.26}, "26% of the last second's ticks", "EEEEE"),
+    ({"bus.fault": "bus can2 is bus-off"}, "bus can2 is bus-off", "EEEEE"),
+    ({"bus.frames_refused": 3}, "bus overflow: 3 frames refused", "EEEEE"),
+    ({"start.first_pose": "x reads 4.48 rad"}, "x reads 4.48 rad", "E----"),
+    ({"start.not_ready": "motor x is off"}, "", "-----"),
+    ({"implausible": Implausible("x is hot", E)}, "x is hot", "EEEEE"),
+    ({"implausible": Implausible("x has sunk", F)}, "x has sunk", "FFFFF"),
+    ({"policy.step_s": 0.11}, "one step took 110 ms", "EEEE-"),
+    ({"policy.step_s": math.inf}, "no decision within 70 ms", "EEEE-"),
+    ({"policy.late_steps": 5}, "5 steps in a row", "ELLL-"),
+    ({"policy.error": "the policy failed: x"}, "the policy failed: x", "ELLL-"),
+    ({"policy.command_finite": False}, "is not finite", "ELLL-"),
 ]
+COLUMNS = (N, S, W, P, L)
+ENDS = {"E": E, "F": F, "L": L}
+ROWS_AND_MODES = [
+    (changes, fault, mode, ENDS.get(initial, mode))
+    for changes, fault, row in TABLE
+    for mode, initial in zip(COLUMNS, row, strict=True)
+]
+STARTED = {"now_s": 0.5}  # before `start_timeout_s`
 
 
-class TestFaults:
-    @pytest.mark.parametrize("mode", [Mode.STANDING, Mode.WALKING])
-    @pytest.mark.parametrize(("signal", "leads_to", "says"), FAULTS)
-    def test_leads_to_damping_and_says_why(
-        self, mode: Mode, signal: dict[str, object], leads_to: Mode, says: str
+class TestTable:
+    @pytest.mark.parametrize(("changes", "fault", "mode", "leads_to"), ROWS_AND_MODES)
+    def test_a_signal_leads_where_the_table_says(
+        self, changes: dict[str, Any], fault: str, mode: Mode, leads_to: Mode
     ) -> None:
-        state = after(mode, **signal)
+        """A robot that can lie down does so after a fault of its policy, and is damped after all others."""
+        state = after(mode, changes | (STARTED if mode is N else {}), **{"end.may_lie": True})
         assert state.mode is leads_to
-        assert len(state.faults) == 1
-        assert says in state.faults[0]
-        assert "\n" not in state.faults[0]
+        if leads_to is mode:
+            assert state.faults == ()
+        else:
+            assert fault in state.faults[0]
+            assert "\n" not in state.faults[0]
+            assert len(state.faults) == 1
 
-    @pytest.mark.parametrize("mode", [Mode.FALLING, Mode.ESTOP])
-    def test_is_latched(self, mode: Mode) -> None:
+    @pytest.mark.parametrize(("changes", "fault", "mode", "leads_to"), ROWS_AND_MODES)
+    def test_a_robot_that_cannot_lie_down_is_damped(
+        self, changes: dict[str, Any], fault: str, mode: Mode, leads_to: Mode
+    ) -> None:
+        state = after(mode, changes | (STARTED if mode is N else {}))
+        assert state.mode is (E if leads_to is L and mode is not L else leads_to)
+
+    def test_it_has_a_row_for_every_rule_but_the_time_to_start(self) -> None:
+        """And in every mode in which a rule counts, the row leads to a fault."""
+        for check in CHECKS[1:]:
+            rows = [row for row in TABLE if check.find(with_changes(QUIET, row[0]), CONFIG)]
+            assert rows, check.looks_at
+            for _, _, row in rows:
+                faulty = {mode for mode, initial in zip(COLUMNS, row, strict=True) if initial != "-"}
+                assert faulty >= set(check.modes), check.looks_at
+
+    @pytest.mark.parametrize("mode", DAMPED)
+    @pytest.mark.parametrize("row", TABLE)
+    def test_a_damped_robot_is_damped_to_the_end(self, mode: Mode, row: Any) -> None:
+        assert after(mode, row[0], since_s=4.9) == State(mode, 4.9)
+
+    def test_a_fault_of_the_policy_is_no_news_to_a_robot_that_lies_down(self) -> None:
+        changes = {"policy.error": "x", "end.may_lie": True}
+        state = after(W, changes)
+        assert advance(state, with_changes(QUIET, changes | {"now_s": 6.0}), CONFIG) == state
+        lies = with_changes(QUIET, changes | {"now_s": 7.0, "posture_done": True})
+        assert advance(state, lies, CONFIG) == State(E, 7.0, state.faults)
+
+    @pytest.mark.parametrize("mode", [F, E])
+    def test_a_fault_is_latched(self, mode: Mode) -> None:
         state = advance(State(mode, 4.9, ("why",)), QUIET, CONFIG)
         assert state == State(mode, 4.9, ("why",))
         final = advance(state, QUIET._replace(now_s=6.0), CONFIG)
-        assert final.mode is mode
-        assert final.over
-        assert final.faults == ("why",)
+        assert final == State(mode, 6.0, ("why",), over=True)
         assert advance(final, QUIET._replace(now_s=99.0), CONFIG) == final
 
-    def test_a_fault_counts_more_than_the_wish_to_end(self) -> None:
-        assert after(Mode.WALKING, tilt_rad=2.0, finish=True).mode is Mode.FALLING
+    def test_a_fault_counts_more_than_the_wish_to_end_and_follows_older_ones(self) -> None:
+        fallen = with_changes(QUIET, {"imu.tilt_rad": 2.0, "end.finish": True})
+        state = advance(State(W, 4.0, ("earlier",)), fallen, CONFIG)
+        assert (state.mode, state.since_s, state.faults[0], len(state.faults)) == (F, 5.0, "earlier", 2)
 
-    def test_a_motor_that_never_answers_is_named(self) -> None:
-        state = after(Mode.IDLE, now_s=1.0, motor_silence_s=1e9)
-        assert state.mode is Mode.ESTOP
-        assert "no answer from FR_hip_joint (can0, id 1) within 1 s" in state.faults[0]
 
-    def test_an_imu_that_never_answers_is_named(self) -> None:
-        assert "the IMU" in after(Mode.IDLE, now_s=1.0, imu_silence_s=1e9).faults[0]
-
+class TestStart:
     @pytest.mark.parametrize(
-        "why", [{"first_pose": "x reads 4.48 rad"}, {"motor_error": "x"}, {"tilt_rad": 2.0}]
-    )
-    def test_no_motor_gets_stiffness_where_standing_would_be_a_fault_at_once(self, why: dict) -> None:
-        state = after(Mode.IDLE, now_s=0.5, **why)
-        assert state.mode is (Mode.FALLING if "tilt_rad" in why else Mode.ESTOP)
-
-    def test_few_late_steps_are_forgiven(self) -> None:
-        assert after(Mode.WALKING, late_steps=CONFIG.late_steps - 1).mode is Mode.WALKING
-
-    def test_faults_of_before_are_kept(self) -> None:
-        state = advance(State(Mode.WALKING, 4.0, ("earlier",)), QUIET._replace(tilt_rad=2.0), CONFIG)
-        assert state.faults[0] == "earlier"
-        assert len(state.faults) == 2
-        assert state.since_s == QUIET.now_s
-
-    def test_a_full_queue_stops_a_robot_that_has_not_even_stood_up(self) -> None:
-        assert after(Mode.IDLE, now_s=0.5, frames_refused=1).mode is Mode.ESTOP
-
-    def test_of_motors_and_imu_that_never_answer_the_motor_is_named(self) -> None:
-        fault = after(Mode.IDLE, now_s=1.0, motor_silence_s=1e8, imu_silence_s=1e9).faults[0]
-        assert "no answer from FR_hip_joint" in fault
-
-    @pytest.mark.parametrize("mode", [Mode.RELEASING, Mode.FALLING, Mode.ESTOP])
-    @pytest.mark.parametrize("signal", [signal for signal, _, _ in FAULTS])
-    def test_a_damped_robot_is_damped_to_the_end(self, mode: Mode, signal: dict[str, object]) -> None:
-        assert after(mode, since_s=4.9, **signal) == State(mode, 4.9)
-
-
-OF_THE_POLICY = ({"command_finite": False}, {"policy_error": "x"}, {"late_steps": 5})
-OF_THE_ROBOT = [signal for signal, _, _ in FAULTS if signal not in OF_THE_POLICY[::2]]
-OF_THE_ROBOT = [signal for signal in OF_THE_ROBOT if "policy_error" not in signal]
-
-
-class TestLyingDown:
-    def test_a_robot_that_can_lies_down_before_a_run_ends(self) -> None:
-        assert after(Mode.STANDING, finish=True, may_lie=True) == State(Mode.LOWERING, QUIET.now_s)
-
-    def test_out_of_a_walk_it_comes_to_a_stand_first(self) -> None:
-        ends = {"finish": True, "may_lie": True}
-        assert after(Mode.WALKING, **ends) == State(Mode.STOPPING, QUIET.now_s)
-        assert after(Mode.STOPPING, **ends) == State(Mode.STOPPING, 4.0)
-        assert after(Mode.STOPPING, **ends, stopped=True) == State(Mode.LOWERING, QUIET.now_s)
-        assert after(Mode.STOPPING, **ends, at_once=True) == State(Mode.RELEASING, QUIET.now_s)
-
-    def test_not_one_whose_joints_have_no_stiffness_yet(self) -> None:
-        assert after(Mode.IDLE, now_s=0.5, finish=True, may_lie=True).mode is Mode.RELEASING
-        soft = after(Mode.IDLE, now_s=0.5, policy_error="x", may_lie=True)
-        assert soft.mode is Mode.ESTOP
-
-    @pytest.mark.parametrize("mode", MOVING)
-    @pytest.mark.parametrize("signal", OF_THE_POLICY)
-    def test_it_does_so_after_a_fault_of_the_policy(self, mode: Mode, signal: dict[str, object]) -> None:
-        state = after(mode, **signal, may_lie=True)
-        assert state.mode is Mode.LOWERING
-        assert len(state.faults) == 1
-        on_its_way = advance(state, QUIET._replace(now_s=6.0, **signal, may_lie=True), CONFIG)
-        assert on_its_way == state  # which is no news, and no reason to stop
-        lies = advance(state, QUIET._replace(now_s=7.0, **signal, may_lie=True, lain_down=True), CONFIG)
-        assert lies == State(Mode.ESTOP, 7.0, state.faults)
-
-    @pytest.mark.parametrize("mode", [*MOVING, Mode.LOWERING])
-    @pytest.mark.parametrize("signal", OF_THE_ROBOT)
-    def test_a_fault_of_the_robot_damps_at_once(self, mode: Mode, signal: dict[str, object]) -> None:
-        if mode is Mode.LOWERING and "step_s" in signal:
-            return  # the policy is not asked any more
-        assert after(mode, **signal, may_lie=True).mode in (Mode.ESTOP, Mode.FALLING)
-
-    def test_once_it_lies_the_robot_is_released(self) -> None:
-        assert after(Mode.LOWERING, may_lie=True) == State(Mode.LOWERING, 4.0)
-        assert after(Mode.LOWERING, may_lie=True, finish=True) == State(Mode.LOWERING, 4.0)
-        assert after(Mode.LOWERING, may_lie=True, lain_down=True) == State(Mode.RELEASING, QUIET.now_s)
-
-    def test_who_cannot_wait_ends_it_at_once(self) -> None:
-        assert after(Mode.LOWERING, may_lie=True, at_once=True).mode is Mode.RELEASING
-        assert after(Mode.WALKING, may_lie=True, finish=True, at_once=True).mode is Mode.RELEASING
-        faulty = advance(State(Mode.LOWERING, 4.0, ("why",)), QUIET._replace(at_once=True), CONFIG)
-        assert faulty == State(Mode.ESTOP, QUIET.now_s, ("why",))
-
-
-class TestLimits:
-    """A limit itself is still kept to; past it is a fault."""
-
-    @pytest.mark.parametrize(
-        ("name", "limit"),
+        ("changes", "fault"),
         [
-            ("motor_silence_s", CONFIG.silence_timeout_s),
-            ("imu_silence_s", CONFIG.silence_timeout_s),
-            ("tilt_rad", CONFIG.tilt_limit_rad),
-            ("step_s", CONFIG.late_limit_s),
+            ({"motors.silence_s": 1e9}, "no answer from FR_hip_joint (can0, id 1) within 1 s"),
+            ({"imu.silence_s": 1e9}, "no answer from the IMU (gyro) within 1 s"),
+            ({"motors.silence_s": 1e8, "imu.silence_s": 1e9}, "no answer from FR_hip_joint"),
+            ({"start.not_ready": "motor x is off"}, "motor x is off"),
         ],
     )
-    def test_of_what_is_measured(self, name: str, limit: float) -> None:
-        assert after(Mode.WALKING, **{name: limit}).mode is Mode.WALKING
-        assert after(Mode.WALKING, **{name: 1.001 * limit}).mode is not Mode.WALKING
-
-    @pytest.mark.parametrize("name", ["motor_silence_s", "imu_silence_s"])
-    def test_of_who_has_answered(self, name: str) -> None:
-        silence_s = CONFIG.silence_timeout_s
-        assert after(Mode.IDLE, now_s=0.5, **{name: silence_s}).mode is Mode.STANDING
-        assert after(Mode.IDLE, now_s=0.5, **{name: 1.001 * silence_s}).mode is Mode.IDLE
-
-    def test_of_the_time_to_start(self) -> None:
-        silent = {"motor_silence_s": 1e9}
-        assert after(Mode.IDLE, now_s=0.999 * CONFIG.start_timeout_s, **silent).mode is Mode.IDLE
-        assert after(Mode.IDLE, now_s=CONFIG.start_timeout_s, **silent).mode is Mode.ESTOP
-
-    @pytest.mark.parametrize(
-        ("mode", "following", "changes"),
-        [
-            (Mode.IDLE, Mode.STANDING, {"now_s": 0.5}),
-            (Mode.STANDING, Mode.WALKING, {"stand_done": True}),
-            (Mode.WALKING, Mode.RELEASING, {"finish": True}),
-        ],
-    )
-    def test_each_mode_counts_its_time_from_its_beginning(
-        self, mode: Mode, following: Mode, changes: dict[str, object]
+    def test_what_never_answers_is_named_once_the_time_is_up(
+        self, changes: dict[str, Any], fault: str
     ) -> None:
-        state = after(mode, **changes)
-        assert state == State(following, float(changes.get("now_s", QUIET.now_s)))  # type: ignore[arg-type]
+        early = 0.999 * CONFIG.start_timeout_s
+        assert after(N, changes, now_s=early).mode is N
+        state = after(N, changes, now_s=CONFIG.start_timeout_s)
+        assert state.mode is E
+        assert fault in state.faults[0]
+
+    def test_a_robot_that_is_ready_stands_up(self) -> None:
+        assert after(N, STARTED) == State(S, 0.5)
+
+    def test_a_dead_bus_counts_also_while_motors_are_silent(self) -> None:
+        """Nothing else would tell why they are."""
+        silent = STARTED | {"motors.silence_s": 9e9}
+        assert after(N, silent, **{"bus.fault": "bus can2 is bus-off"}).mode is E
+        assert after(N, silent, **{"bus.frames_refused": 3}).mode is E
+
+
+# Who asks for what, in which mode, and where that leads a robot that can lie down.
+WISHES: list[tuple[Mode, dict[str, Any], Mode]] = [
+    (S, {}, S),
+    (S, {"posture_done": True}, W),
+    (P, {}, P),
+    (P, {"end.stopped": True}, L),
+    (L, {}, L),
+    (L, {"posture_done": True}, R),
+    (L, {"end.skip_lie_down": True}, R),
+    (N, {"end.finish": True} | STARTED, R),
+    (S, {"end.finish": True}, L),
+    (W, {"end.finish": True}, P),
+    (P, {"end.finish": True}, P),
+    (L, {"end.finish": True}, L),
+    (W, {"end.finish": True, "end.skip_lie_down": True}, R),
+    (P, {"end.finish": True, "end.skip_lie_down": True}, R),
+    (N, {"end.finish": True, "end.may_lie": False} | STARTED, R),
+    (S, {"end.finish": True, "end.may_lie": False}, R),
+    (W, {"end.finish": True, "end.may_lie": False}, R),
+]
+
+
+class TestProgress:
+    @pytest.mark.parametrize(("mode", "changes", "following"), WISHES)
+    def test_each_mode_leads_to_the_next_and_counts_its_time_from_its_beginning(
+        self, mode: Mode, changes: dict[str, Any], following: Mode
+    ) -> None:
+        state = after(mode, {"end.may_lie": True} | changes)
+        since_s = 4.0 if following is mode else changes.get("now_s", 5.0)
+        assert state == State(following, since_s)
+
+    def test_a_robot_that_lies_down_after_a_fault_keeps_it(self) -> None:
+        at_once = with_changes(QUIET, {"end.skip_lie_down": True})
+        assert advance(State(L, 4.0, ("why",)), at_once, CONFIG) == State(E, 5.0, ("why",))
+
+    def test_release_ends_idle_after_damping(self) -> None:
+        assert not after(R, since_s=5.0 - 0.5 * CONFIG.damping_s).over
+        assert after(R, since_s=5.0 - CONFIG.damping_s) == State(N, 5.0, over=True)
+
+
+@pytest.mark.parametrize(
+    ("name", "limit"),
+    [
+        ("motors.silence_s", CONFIG.silence_timeout_s),
+        ("imu.silence_s", CONFIG.silence_timeout_s),
+        ("imu.tilt_rad", CONFIG.tilt_limit_rad),
+        ("policy.step_s", CONFIG.late_limit_s),
+        ("time.pause_s", CONFIG.pause_limit_s),
+        ("time.skipped_share", CONFIG.skipped_share),
+    ],
+)
+def test_a_limit_itself_passes(name: str, limit: float) -> None:
+    assert after(W, {name: limit}).mode is W
+    assert after(W, {name: 1.001 * limit}).mode is not W
+    if "silence" in name:
+        assert after(N, STARTED | {name: limit}).mode is S
+        assert after(N, STARTED | {name: 1.001 * limit}).mode is N
+
+
+def test_few_late_steps_are_forgiven() -> None:
+    assert after(W, {"policy.late_steps": CONFIG.late_steps - 1}).mode is W
+
+
+def test_the_guard_waits_for_the_longer_limit() -> None:
+    assert SafetyConfig(late_limit_s=0.03, pause_limit_s=0.05, guard_share=1.2).guard_after_s == 0.06
+    assert SafetyConfig(late_limit_s=0.05, pause_limit_s=0.03, guard_share=1.2).guard_after_s == 0.06
 
 
 def test_the_picture_in_the_documents_shows_the_ways_that_the_tables_have() -> None:
@@ -251,7 +230,7 @@ def test_the_picture_in_the_documents_shows_the_ways_that_the_tables_have() -> N
         if following in check.modes
     }
     progress = {(mode, following) for mode, (_, following) in PROGRESS.items()}
-    faults -= {(Mode.IDLE, Mode.LOWERING)}  # without stiffness nobody lies down
-    end = {(mode, Mode.RELEASING) for mode in Mode if mode not in DAMPED}
-    end |= {(Mode.WALKING, Mode.STOPPING), (Mode.STANDING, Mode.LOWERING)}
-    assert drawn == faults | progress | end | {(Mode.RELEASING, Mode.IDLE)}
+    faults -= {(N, L)}  # without stiffness no robot lies down
+    end = {(mode, R) for mode in Mode if mode not in DAMPED} | {(W, P), (S, L)}
+    assert drawn == faults | progress | end | {(R, N)}
+    assert set(MOVING) == {S, W, P}

@@ -9,9 +9,7 @@ from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers import imu, mit, mit_driver
 from footfall.deploy.frames import Frames, joined
 from footfall.deploy.loop import ControlLoop
-from footfall.deploy.safety import DAMPED, Implausible, Mode
-from footfall.deploy.sensor_checks import SensorChecks
-from footfall.deploy.sensor_limits import SensorLimits
+from footfall.deploy.modes import DAMPED, Mode
 from footfall.deploy.wiring import wire
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import load_randomisation
@@ -217,9 +215,25 @@ FAULTS = {
     "encoder loses a turn": (position_jumps(7, -6.28), "RR_thigh_joint (can2, id 2): reads", 0.05),
     "ids swapped": (swapped_ids, "FR_hip_joint (can0, id 1): ", 0.05),
     # Position, velocity and torque repeat themselves: which is noticed first depends on the leg's step.
-    "one reply over and over": (sticks(5), "FL_calf_joint (can1, id 3): ", 0.2),
-    "motor rebooted": (reboots(2), "FR_calf_joint (can0, id 3): the motor re", 0.3),
-    "all motors rebooted": (reboots(*range(12)), ": the motor re", 0.2),
+    "one reply over and over": (
+        sticks(5),
+        "FL_calf_joint (can1, id 3): the motor repeats one torque"
+        " | FL_calf_joint (can1, id 3): its position or velocity repeats itself"
+        " | FL_calf_joint (can1, id 3): it repeats one reading",
+        0.2,
+    ),
+    # A rebooted motor reports no torque, which is one torque over and over.
+    "motor rebooted": (
+        reboots(2),
+        "FR_calf_joint (can0, id 3): the motor repeats one torque"
+        " | FR_calf_joint (can0, id 3): the motor has reported no torque",
+        0.3,
+    ),
+    "all motors rebooted": (
+        reboots(*range(12)),
+        ": the motor repeats one torque | : the motor has reported no torque",
+        0.2,
+    ),
     "motor pulls the other way": (
         pulls_the_other_way(8),
         "RR_calf_joint (can2, id 3): the motor pulls the other way",
@@ -240,18 +254,15 @@ def test_a_fault_in_a_walk_is_named_in_time_and_damps(go1: Robot, name: str) -> 
                 inject(body, go1)
             walked.append(loop.walking_s) if loop.walking_s >= AT_S else None
         elif loop.state.mode in DAMPED:
-            sent.append(
-                loop._joints.damping(3.0).data.tobytes() == loop._frames(loop.state.mode).data.tobytes()
-            )
+            damped.append(loop.now_us)
 
-    sent: list[bool] = []
+    damped: list[int] = []
     trace = run_episode(go1, load_policy("go1-flat", go1), walk(), watch)
     assert trace.final_state == "ESTOP", trace.faults
     assert len(trace.faults) == 1
-    assert says in trace.faults[0]
+    assert any(message in trace.faults[0] for message in says.split(" | "))
     assert walked[-1] - AT_S <= within_s
-    assert len(sent) > 200
-    assert all(sent)
+    assert len(damped) > 200
 
 
 def walk(**changes: object) -> Episode:
@@ -306,38 +317,3 @@ def test_a_robot_that_stands_still_raises_no_alarm(go1: Robot) -> None:
         go1, load_policy("stand", go1), walk(command_source=lambda _: np.zeros(3), duration_s=2.0)
     )
     assert trace.faults == ()
-
-
-def test_a_robot_that_sinks_without_tipping_over_counts_as_fallen(go1: Robot) -> None:
-    """Its legs fold while it stays level: nothing contradicts anything."""
-    checks = SensorChecks(go1, wire(go1), SensorLimits(), 0.002)
-    still = imu.Inertial((0.0, 0.0, 0.0), (0.0, 0.0, 9.81), (1.0, 0.0, 0.0, 0.0))
-
-    def looks(thigh: float, calf: float) -> list[Implausible | None]:
-        """What three looks find of a robot at rest."""
-        joints = np.zeros((3, 12))
-        joints[0] = np.tile([0.0, thigh, calf], 4)
-        heard_us = np.zeros(12, np.int64)
-        checks.monitor.begin(0, heard_us, still, joints, joints[0])
-        found = []
-        for now_us in range(4000, 121_000, 4000):
-            if checks.monitor.add(now_us, 0, heard_us + now_us, still, joints, np.zeros(12)):
-                assert checks.monitor.look(np.zeros(12), joints[0], *np.zeros((2, 12)))
-                assert checks.of_joints() is None
-                assert checks.monitor.look_at_body()
-                found.append(checks.of_body())
-        return found
-
-    # Links of 0.213 m, a ball of 0.023 m, a trunk that reaches 0.05 m below its origin, which stands 0.2945 m
-    # high. In the air: 0.213 (cos 2.2 + cos 1.2) + 0.023 m = -0.025 m; 1 + (0.025 + 0.05) / 0.2445 = 1.31.
-    # On folded legs: 0.213 (cos 1.5 + cos 1.2) + 0.023 m = 0.115 m, of which 27 % of the clearance is left.
-    # A crouch: 0.213 * 2 cos 1.2 + 0.023 m = 0.177 m, of which 52 % is left.
-    def says(thigh: float, calf: float) -> list[Implausible]:
-        return [each for each in looks(thigh, calf) if each is not None]
-
-    def sunk(percent: int) -> list[Implausible]:
-        return [Implausible(f"the base has sunk: {percent}% of its clearance is gone", Mode.FALLING)]
-
-    assert says(2.2, -1.0) == sunk(131)
-    assert says(1.5, -2.7) == sunk(73)
-    assert says(1.2, -2.4) == []

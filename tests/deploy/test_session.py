@@ -1,9 +1,10 @@
 """A session about its loop: signals, interfaces that are let go of, and what it is told by default."""
 
+import math
 import signal
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -11,18 +12,21 @@ from typing import Any
 import numpy as np
 import pytest
 from deploy_policies import Hold, stand_still
-from frame_robot import FrameRobot, Notebook
+from frame_robot import TICK_US, FrameRobot, Notebook
 from relaxed_limits import RELAXED
 
 from footfall.common.errors import UserError
 from footfall.deploy import session
-from footfall.deploy.bus import HOST_QUEUE
+from footfall.deploy.bus import BusStatistics
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers import imu
+from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.drivers.mit_driver import MitDriver
+from footfall.deploy.loop import ControlLoop
 from footfall.deploy.safety import SafetyConfig
-from footfall.deploy.session import Session, run_on_interface
-from footfall.deploy.timing import KEPT, Durations, Timing
+from footfall.deploy.session import Session, check_joint_rate, run_on_interface, run_session
+from footfall.deploy.wiring import wire
+from footfall.plant.motor_ends.motor_end import Request
 from footfall.policies.contract import Contract
 from footfall.robots.description import Robot
 
@@ -37,7 +41,7 @@ class TestSignals:
     @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
     def test_ctrl_c_and_a_polite_kill_ask_for_an_orderly_end(self, loop: Any, number: int) -> None:
         before = signal.getsignal(number)
-        with session._ending_on_signals(loop):
+        with session.ending_on_signals(loop):
             signal.raise_signal(number)
             assert loop.asked == 1
             signal.raise_signal(number)  # an impatient one
@@ -46,7 +50,7 @@ class TestSignals:
 
     def test_signals_are_given_back_whatever_happens(self, loop: Any) -> None:
         before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
-        with pytest.raises(RuntimeError), session._ending_on_signals(loop):
+        with pytest.raises(RuntimeError), session.ending_on_signals(loop):
             raise RuntimeError
         assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == before
 
@@ -54,7 +58,7 @@ class TestSignals:
         ran: list[bool] = []
 
         def run() -> None:
-            with session._ending_on_signals(loop):
+            with session.ending_on_signals(loop):
                 ran.append(True)
 
         thread = threading.Thread(target=run)
@@ -146,44 +150,148 @@ def test_a_policy_of_another_contract_is_refused_before_anything_is_sent(
     assert body.sent == []
 
 
-def test_what_nobody_says_is_wall_clock_time_without_a_log() -> None:
-    plain = Session(stand_still, 1.0)
-    assert plain.realtime
-    assert plain.log is None
-    assert plain.facts == {}
-    assert plain.config == DeployConfig()
+def session_of(**settings: Any) -> Session:
+    config = DeployConfig(stand_s=0.02, safety=SafetyConfig(still_s=0.0, damping_s=0.01))
+    plain = {
+        "command_source": stand_still,
+        "duration_s": 0.03,
+        "realtime": False,
+        "config": config,
+        "lie_down": False,
+    }
+    return Session(**{**plain, **settings})
 
 
-def test_limits_that_nobody_sets() -> None:
-    """As docs/safety.md has them."""
-    plain = SafetyConfig()
-    assert (plain.start_timeout_s, plain.silence_timeout_s, plain.tilt_limit_rad) == (1.0, 0.05, 1.05)
-    assert (plain.late_steps, plain.late_limit_s, plain.damping_kd, plain.damping_s) == (5, 0.07, 3.0, 0.5)
-    assert (plain.pause_limit_s, plain.guard_share) == (0.07, 1.1)
-    assert plain.guard_after_s == pytest.approx(0.077)
-    assert replace(plain, late_limit_s=0.03).guard_after_s == pytest.approx(0.077)  # the longer one counts
-    assert replace(plain, pause_limit_s=0.03).guard_after_s == pytest.approx(0.077)
-    assert HOST_QUEUE == 10  # what Linux has
+class TestSession:
+    def test_its_outcome_says_how_it_went(self, go1: Robot) -> None:
+        body, ticks = FrameRobot(go1), []
+        shown: list[ControlLoop] = []
 
+        def display(loop: ControlLoop) -> Any:
+            shown.append(loop)
+            return nullcontext()
 
-class TestTiming:
-    def test_two_minutes_of_ticks_at_500_hz_are_kept(self) -> None:
-        assert KEPT >= 120 * 500
-        kept = Durations()
-        for value in (3.0, 1.0, 2.0):
-            kept.add(value)
-        assert kept.values().tolist() == [3.0, 1.0, 2.0]
+        run = session_of(display=display, command_source=lambda t: np.array([math.nan, 0.0, 0.0]))
+        outcome = run_session(go1, Hold(go1), body, run, lambda loop: ticks.append(loop.now_us))  # type: ignore[arg-type]
+        assert (outcome.final_state, outcome.faults) == ("IDLE", ())
+        assert outcome.walked_s == pytest.approx(0.032)
+        assert outcome.run_s == pytest.approx(0.062)
+        assert len(outcome.compute_ms) == 2
+        assert outcome.timing["ticks_skipped"] == 0.0
+        assert outcome.timing["ticks"] == 31.0
+        assert outcome.buses == (BusStatistics("can0", 7),)
+        assert outcome.notes == ("a forward command of nan m/s counted as 0",)
+        assert ticks == list(range(0, 62_000, TICK_US))
+        assert len(shown) == 1
+        assert body.kinds() == [Request.DISABLE] * 12
 
-    def test_the_longest_is_of_all_and_the_rest_of_the_last(self) -> None:
-        timing = Timing(Durations(4), Durations(4), Durations(4))
-        for value in (90.0, 1.0, 2.0, 3.0, 4.0):
-            timing.lateness_us.add(10 * value)
-            timing.tick_us.add(value)
-        for value in (0.5, 0.25):
-            timing.policy_ms.add(value)
-        figures = timing.summary()
-        assert figures["ticks"] == 5.0
-        assert (figures["tick_us_p50"], figures["tick_us_max"]) == (2.5, 90.0)
-        assert (figures["lateness_us_p50"], figures["lateness_us_max"]) == (25.0, 900.0)
-        assert figures["tick_us_p99"] == pytest.approx(np.percentile([1.0, 2.0, 3.0, 4.0], 99))
-        assert (figures["policy_ms_p50"], figures["policy_ms_max"]) == (0.375, 0.5)
+    def test_whatever_happens_the_motors_are_switched_off(self, go1: Robot) -> None:
+        body = FrameRobot(go1)
+
+        def trip(loop: ControlLoop) -> None:
+            if loop.walking:
+                raise RuntimeError("over the cable")
+
+        with pytest.raises(RuntimeError, match="cable"):
+            run_session(go1, Hold(go1), body, session_of(), trip)  # type: ignore[arg-type]
+        assert body.kinds() == [Request.DISABLE] * 12
+
+    @pytest.mark.parametrize(
+        ("needs", "knows", "estimates"), [(True, False, True), (False, False, False), (True, True, False)]
+    )
+    def test_the_base_is_estimated_where_a_policy_needs_it_and_nobody_knows_better(
+        self, go1: Robot, monkeypatch: pytest.MonkeyPatch, needs: bool, knows: bool, estimates: bool
+    ) -> None:
+        estimated = []
+
+        class Estimator:
+            def __init__(self, robot: Robot, config: Any) -> None:
+                estimated.append(config)
+
+            def reset(self, sensed: Any) -> None: ...
+
+            def start(self) -> None: ...
+
+            def update(self, *_: Any) -> tuple:
+                return np.array([7.0, 0.0, 0.0]), 0.7
+
+        monkeypatch.setattr("footfall.deploy.estimation.estimator.BaseEstimator", Estimator)
+        policy = Hold(go1)
+        policy.needs_estimate = needs
+        base = (lambda: (np.array([5.0, 0.0, 0.0]), 0.5)) if knows else None
+        run_session(go1, policy, FrameRobot(go1), session_of(), None, base)  # type: ignore[arg-type]
+        assert estimated == [DeployConfig().estimator] * estimates
+        seen = policy.seen[-1].base_velocity[0]
+        assert seen == (7.0 if estimates else 5.0) or (np.isnan(seen) and not needs)
+
+    @pytest.mark.parametrize("duration_s", [0.0, -1.0, math.nan, math.inf, 86_401.0])
+    def test_a_duration_without_sense_is_refused(self, go1: Robot, duration_s: float) -> None:
+        with pytest.raises(UserError, match="above 0, and a day at most"):
+            run_session(go1, Hold(go1), FrameRobot(go1), session_of(duration_s=duration_s))  # type: ignore[arg-type]
+
+    def test_joints_are_asked_no_faster_than_their_fullest_bus_allows(self, go1: Robot) -> None:
+        """Three motors on a bus, 111 bits there and as many back without stuffing: 1501.5 times a second."""
+        wiring = wire(go1)
+        driver = open_driver(wiring)
+        check_joint_rate(wiring, driver, 1501.0)
+        crowded = wiring.__class__(
+            **{**vars(wiring), "channel": np.array([0, 0, 1, 2, 2, 2, 2, 3, 3, 3, 1, 1])}
+        )
+        check_joint_rate(crowded, driver, 1126.0)
+        with pytest.raises(UserError, match=r"is 1127: 4 motors on can2 .* 1126 times"):
+            check_joint_rate(crowded, driver, 1127.0)
+
+    @pytest.mark.parametrize(
+        ("model", "fastest_hz"),
+        [("RS03", 1272), ("ODrive", 1107)],
+    )
+    def test_what_motors_of_a_maker_send_counts(self, go1: Robot, model: str, fastest_hz: int) -> None:
+        """Three motors: 131 bits there and back; an ODrive has 79 there (4 bytes) and twice 111 back."""
+        wiring = replace(wire(go1), models=(model,) * 12)
+        driver = open_driver(wiring)
+        check_joint_rate(wiring, driver, fastest_hz)
+        with pytest.raises(UserError, match=f"3 motors on can0 can be asked {fastest_hz} times"):
+            check_joint_rate(wiring, driver, fastest_hz + 1)
+
+    def test_how_a_run_ended_is_told_as_it_was(self, go1: Robot) -> None:
+        body = FrameRobot(go1)
+
+        def mute(loop: ControlLoop) -> None:
+            if loop.walking:
+                body.silent = [4]
+
+        outcome = run_session(go1, Hold(go1), body, session_of(duration_s=1.0), mute)  # type: ignore[arg-type]
+        assert outcome.final_state == "ESTOP"
+        assert outcome.faults == ("no reply from FL_thigh_joint (can1, id 2) for 50 ms",)
+        assert outcome.walked_s == pytest.approx(0.052)  # the first tick past 50 ms
+        assert outcome.wall_s > 0.0
+        assert body.kinds() == [Request.DISABLE] * 12
+
+    @pytest.mark.parametrize(("realtime", "spec"), [(False, "hold"), (True, "runs/mine")])
+    def test_a_log_is_opened_with_what_is_known_of_the_run(
+        self, go1: Robot, monkeypatch: pytest.MonkeyPatch, tmp_path: Any, realtime: bool, spec: str
+    ) -> None:
+        opened: list[tuple] = []
+        closed: list[int] = []
+
+        class Log(Notebook):
+            def __init__(self, *arguments: Any, may_wait: bool) -> None:
+                super().__init__()
+                opened.append((*arguments, may_wait))
+
+            def close(self) -> str:
+                closed.append(len(self.told))
+                return "the log is short"
+
+        monkeypatch.setattr("footfall.deploy.log.McapLog", Log)
+        monkeypatch.setattr(session.time, "time_ns", lambda: 123)
+        config = DeployConfig(stand_s=0.01, joint_rate_hz=250.0)
+        told = {"seed": 3} | ({"policy_spec": spec} if realtime else {})
+        run = session_of(log=tmp_path / "a", facts=told, config=config, realtime=realtime)
+        policy = Hold(go1)
+        outcome = run_session(go1, policy, FrameRobot(go1), run)  # type: ignore[arg-type]
+        facts = {"policy_spec": spec, "seed": 3, "joint_rate_hz": 250.0}
+        assert opened == [(tmp_path / "a", go1, policy, facts, 123 if realtime else 0, not realtime)]
+        assert outcome.notes == ("the log is short",)
+        assert closed
+        assert closed[0] > 5

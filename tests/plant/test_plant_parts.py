@@ -22,7 +22,7 @@ from footfall.deploy.bus import BusStatistics
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers.driver import Motors
 from footfall.deploy.frames import Frames, frame_bits
-from footfall.deploy.safety import Mode
+from footfall.deploy.modes import Mode
 from footfall.deploy.session import SessionResult
 from footfall.deploy.wiring import wire
 from footfall.domain_rand.noise import Noise
@@ -821,8 +821,8 @@ class FakeLoop:
         self.target = np.array([5.0])
         self.finished = 0
 
-    def finish(self, at_once: bool) -> None:
-        assert at_once  # a robot that fell neither stops nor lies down first
+    def finish(self, skip_lie_down: bool) -> None:
+        assert skip_lie_down  # a robot that fell neither stops nor lies down first
         self.finished += 1
 
 

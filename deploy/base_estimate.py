@@ -1,0 +1,77 @@
+"""The base's velocity and height: estimated at a rate of its own, or given by a simulation."""
+
+import math
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+
+from footfall.deploy.estimation.odometry import Odometry
+from footfall.deploy.policy_runner import PolicyRunner
+from footfall.policies.policy import Sensed
+
+BaseState = Callable[[], tuple[np.ndarray, float]]  # the base's velocity (3,) m/s, body frame, and height m
+UNKNOWN = (np.full(3, np.nan), math.nan)
+ODOMETRY_EVERY_US = 20_000  # for the log
+
+
+class Estimator(Protocol):
+    """Estimates the base's velocity (3,) m/s, body frame, and height m from readings."""
+
+    def reset(self, sensed: Sensed) -> None: ...
+
+    def start(self) -> None:
+        """The pose is zero here and now: the policy takes over."""
+
+    def update(self, sensed: Sensed, stance: np.ndarray | None, dt_s: float) -> tuple[np.ndarray, float]: ...
+
+    def odometry(self) -> Odometry: ...
+
+
+class BaseEstimate:
+    """The latest estimate: by an estimator, by `base_state`, or unknown without either."""
+
+    def __init__(
+        self, rate_hz: float, estimator: Estimator | None = None, base_state: BaseState | None = None
+    ) -> None:
+        """`rate_hz`: how often to estimate at least; `base_state` takes the place of an estimator."""
+        self._every_us = round(1e6 / rate_hz)
+        self._estimator, self._base_state = estimator, base_state
+        self._updated_us = -1
+        self._next_odometry_us = 0
+        self.value = UNKNOWN
+
+    def reset(self, now_us: int, sensed: Sensed) -> None:
+        """The robot begins to stand up with these readings."""
+        self._updated_us = now_us
+        if self._estimator is not None:
+            self._estimator.reset(sensed)
+
+    def start(self) -> None:
+        """The policy takes over."""
+        if self._estimator is not None:
+            self._estimator.start()
+
+    def due(self, now_us: int, step_due: bool) -> bool:
+        """Whether to estimate anew: at the estimator's rate, and where the policy takes its step."""
+        if self._base_state is not None:
+            return True
+        return self._estimator is not None and (step_due or now_us - self._updated_us >= self._every_us)
+
+    def update(self, now_us: int, sensed: Sensed, runner: PolicyRunner) -> None:
+        """Estimate anew from these readings, unless the policy fails to give its contact plan."""
+        if self._base_state is not None:
+            self.value = self._base_state()
+        elif self._estimator is not None:
+            stance = runner.stance()
+            if runner.signals.error:
+                return
+            self.value = self._estimator.update(sensed, stance, (now_us - self._updated_us) * 1e-6)
+            self._updated_us = now_us
+
+    def odometry(self, now_us: int) -> Odometry | None:
+        """The base's motion for the log; None if it is not time, or nothing estimates it."""
+        if self._estimator is None or now_us < self._next_odometry_us:
+            return None
+        self._next_odometry_us = now_us + ODOMETRY_EVERY_US
+        return self._estimator.odometry()

@@ -1,0 +1,44 @@
+"""How much of the base's clearance over the ground is gone, by the legs and the IMU."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from footfall.common.errors import UserError
+from footfall.common.rotations import projected_gravity
+from footfall.robots.description import Robot
+from footfall.robots.kinematics import Legs
+
+
+def legs_of(robot: Robot) -> Legs | None:
+    """The robot's legs; None of a robot that stands on something else."""
+    try:
+        return robot.legs if robot.description.feet else None
+    except UserError:
+        return None
+
+
+class Clearance:
+    """The clearance between the base's lowest corner and the lowest foot."""
+
+    def __init__(self, robot: Robot) -> None:
+        self._legs, self._standing_m = legs_of(robot), robot.description.standing_height_m
+
+    def sunk_share(self, position: np.ndarray, quaternion: Sequence[float] | np.ndarray) -> float:
+        """Share of the clearance that is gone.
+
+        Args:
+            position: of the joints, rad, (n,).
+            quaternion: of the base, w x y z.
+
+        Returns:
+            0 when the robot stands, 1 when a corner of the base is as low as the feet; 0 of a robot without
+            legs.
+        """
+        if self._legs is None:
+            return 0.0
+        up = -projected_gravity(np.array(quaternion))
+        below = self._legs.pose(position).foot @ up
+        height = float(np.maximum.reduce(self._legs.foot_radius - below))
+        base_below = -float(np.minimum.reduce(self._legs.base_corners @ up))
+        return 1.0 - (height - base_below) / (self._standing_m - self._legs.base_below)

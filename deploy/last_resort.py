@@ -1,0 +1,80 @@
+"""What is left when a tick has failed: damping frames that need no reading, and motors off."""
+
+import traceback
+from contextlib import suppress
+from itertools import cycle
+from pathlib import Path
+
+import numpy as np
+
+from footfall.deploy.bus import Bus
+from footfall.deploy.clock import Clock
+from footfall.deploy.drivers.driver import Driver
+from footfall.deploy.frames import Frames
+from footfall.deploy.joint_layer import JointLayer
+
+OFF_US = 250_000  # how long motors are asked to disable: two heartbeats of those that answer by them
+
+
+class LastResort:
+    """Damps a robot and disables its motors, whatever happened before."""
+
+    def __init__(
+        self,
+        driver: Driver,
+        bus: Bus,
+        clock: Clock,
+        joints: JointLayer,
+        places: list[str],
+        damping_kd: float,
+        tick_us: int,
+    ) -> None:
+        """Frames for `damping_kd`, N m s/rad, are made now; `places` name the joints."""
+        self._driver, self._bus, self._clock, self._joints = driver, bus, clock, joints
+        self._places, self._kd, self._tick_us = places, damping_kd, tick_us
+        self._frames = cycle(driver.damping(np.full(len(places), damping_kd)))
+        self._speeds_counted = False  # whether the frames keep to what motors can do at their speeds
+        self.silent_at_the_end: list[str] = []  # motors that did not answer when they were disabled
+
+    def damping(self) -> Frames:
+        """Frames that damp without a reading, less where motors cannot brake so much at their last speeds.
+
+        If that cannot be worked out, the frames are those made at the beginning.
+        """
+        if not self._speeds_counted:
+            self._speeds_counted = True
+            with suppress(BaseException):
+                self._frames = cycle(self._driver.damping(self._joints.possible_damping(self._kd)))
+        return next(self._frames)
+
+    def send(self, over: bool, now_us: int) -> None:
+        """Send damping, or once the run is `over` frames that disable the motors. Raises nothing."""
+        with suppress(BaseException):
+            self._bus.send(self._driver.disable() if over else self.damping(), now_us)
+
+    def disable(self) -> None:
+        """Disable the motors: again and again, until each has answered.
+
+        What a motor says two ticks after the first request is an answer to it, since nothing else is asked. A
+        motor that speaks by itself has to say that it is disabled. Ends after `OFF_US`; a motor that has not
+        answered by then is in `silent_at_the_end`.
+        """
+        began_us = now_us = self._clock.next_tick()
+        while now_us - began_us <= OFF_US:
+            with suppress(BaseException):
+                self._joints.absorb(self._bus.receive(now_us), now_us)
+            unanswered = self._joints.last_heard().motor_us < began_us + 2 * self._tick_us
+            waiting = np.flatnonzero(unanswered | self._driver.not_confirmed_off())
+            self.silent_at_the_end = [self._places[joint] for joint in waiting]
+            if not self.silent_at_the_end:
+                return
+            with suppress(BaseException):
+                self._bus.send(self._driver.disable(), now_us)
+            now_us = self._clock.next_tick()
+
+
+def in_one_line(error: BaseException) -> str:
+    """An exception in one line, with the place that raised it."""
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    says = ": ".join(filter(None, [type(error).__name__, " ".join(str(error).split())]))
+    return f"{says} ({Path(last.filename).name}, line {last.lineno})"

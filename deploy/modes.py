@@ -1,0 +1,22 @@
+"""The modes of the control loop."""
+
+from enum import StrEnum
+
+
+class Mode(StrEnum):
+    """What the loop does. In IDLE the motors are off, or being enabled."""
+
+    IDLE = "IDLE"
+    STANDING = "STANDING"
+    WALKING = "WALKING"
+    STOPPING = "STOPPING"  # the policy walks on until the robot stands still
+    LOWERING = "LOWERING"  # the robot lies down before its motors are disabled
+    RELEASING = "RELEASING"  # damping at the end of a run
+    FALLING = "FALLING"  # damping, latched
+    ESTOP = "ESTOP"  # damping, latched
+
+
+DAMPED = (Mode.RELEASING, Mode.FALLING, Mode.ESTOP)
+DECIDING = (Mode.WALKING, Mode.STOPPING)  # the policy decides
+MOVING = (Mode.STANDING, *DECIDING)
+HELD = (*MOVING, Mode.LOWERING)  # joints have stiffness

@@ -1,0 +1,30 @@
+"""How a run ends when somebody asks for it: stop, lie down, damping, motors off."""
+
+from footfall.deploy.modes import DAMPED, Mode
+from footfall.deploy.signals import EndSignals
+
+CUT_SHORT = (Mode.STOPPING, Mode.LOWERING)  # modes in which asking again ends the run at once
+
+
+class RunEnd:
+    """Whether the end was asked for, and how much of it is left out."""
+
+    def __init__(self, may_lie: bool, stop_s: float) -> None:
+        """`may_lie`: whether the robot can lie down, and may; `stop_s`: time that a policy has to stop."""
+        self._may_lie, self._stop_s = may_lie, stop_s
+        self._finish = False
+        self._skip_lie_down = False
+
+    def finish(self, mode: Mode, skip_lie_down: bool) -> None:
+        """Ask for the end in this mode of the loop."""
+        self._skip_lie_down |= skip_lie_down or mode in CUT_SHORT
+        self._finish = True
+
+    def signals(self, mode: Mode, since_s: float) -> EndSignals:
+        """The supervisor's part of it; `since_s` is the time since the mode began."""
+        return EndSignals(
+            self._finish and mode not in DAMPED,
+            self._may_lie,
+            mode is Mode.STOPPING and since_s >= self._stop_s,
+            self._skip_lie_down,
+        )

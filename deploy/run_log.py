@@ -1,0 +1,30 @@
+"""What the control loop writes to a log."""
+
+from typing import Protocol
+
+import numpy as np
+
+from footfall.deploy.estimation.odometry import Odometry
+from footfall.deploy.joint_layer import MotorHealth
+from footfall.deploy.safety import State
+from footfall.policies.policy import PolicyInput, Sensed
+from footfall.robots.actuator import JointCommand
+
+
+class RunLog(Protocol):
+    """Takes what happens in a run. Nothing here may block."""
+
+    def tick(self, now_us: int, sensed: Sensed, motors: MotorHealth, commanded: np.ndarray | None) -> None:
+        """Readings of a joint tick, and the command (5, n) that went out; None if none did."""
+
+    def policy_step(self, now_us: int, inputs: PolicyInput, command: JointCommand) -> None:
+        """What the policy was given and what it decided."""
+
+    def odometry(self, now_us: int, found: Odometry) -> None:
+        """The estimated motion of the base."""
+
+    def state(self, now_us: int, state: State) -> None:
+        """A change of the supervisor's state."""
+
+    def note(self, now_us: int, note: str) -> None:
+        """What was changed of what was asked for."""

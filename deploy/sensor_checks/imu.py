@@ -1,0 +1,196 @@
+"""Checks of the IMU's parts against each other: gyro, acceleration and quaternion."""
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from footfall.common.config import require_between
+from footfall.common.constants import GRAVITY_M_S2
+from footfall.deploy.drivers.imu import Inertial
+from footfall.deploy.sensor_checks.body_window import BodyWindow
+from footfall.deploy.sensor_checks.check import BodyCheck, Limit
+from footfall.deploy.sensor_checks.memory import Memory
+from footfall.robots.description import Robot
+
+
+@dataclass(frozen=True)
+class ImuLimits(Memory):
+    """How far the parts of the IMU may disagree."""
+
+    rotation_rad: float = 0.08  # turn by the quaternion against the turn by the gyro
+    imu_repeated_s: float = 0.03  # that a part of the IMU repeats itself while joints move
+    turned_rad: float = 0.001  # of the base in a window: less is no turn, and rounding can hide it
+    moving_rad_s: float = 0.5  # of the fastest joint: then a base shakes by more than an IMU's last digit
+    resting_rad_s: float = 0.3  # of every joint and of the base: slower than that for `resting_s` is rest
+    resting_s: float = 0.3
+    rest_error: float = 0.15  # of gravity: acceleration at rest against the quaternion's gravity
+    lean_error: float = 0.35  # of gravity: the same in motion, on average, sideways
+    lift_error: float = 0.6  # of gravity: upwards; a robot that is thrown or falls over feels less of it
+    lean_memory_s: float = 1.0  # over which a walk's accelerations cancel out
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_between(self, 0.001, 2 * np.pi, "rotation_rad", "turned_rad")
+        require_between(self, 0.01, 10.0, "imu_repeated_s", "resting_s", "lean_memory_s")
+        require_between(self, 0.01, 100.0, "moving_rad_s", "resting_rad_s")
+        require_between(self, 0.01, 2.0, "rest_error", "lean_error", "lift_error")
+
+
+class Rotation(BodyCheck):
+    """The base's turn by the quaternion less its turn by the gyro, rad."""
+
+    looks_at = "the quaternion's turn against the gyro's"
+    message = "the IMU: its quaternion turned by {0:.2f} rad other than its gyro says"
+    limit = Limit("rotation_rad")
+
+    def __init__(self, robot: Robot, limits: ImuLimits, sample_s: float) -> None:
+        self._limits = limits
+        self.reset()
+
+    def reset(self) -> None:
+        self._error = [0.0, 0.0, 0.0]
+
+    def measure(self, window: BodyWindow) -> float:
+        kept = self._limits.kept(window.elapsed_s)
+        self._error = [
+            kept * error + turn - by_gyro
+            for error, turn, by_gyro in zip(self._error, window.turn, window.gyro_turn, strict=True)
+        ]
+        return math.hypot(*self._error)
+
+
+class _PartRepeated(BodyCheck):
+    """How long a part of the IMU has repeated itself to the last digit while joints move, s.
+
+    Only of a robot on its legs: a robot that lies or hangs may keep still.
+    """
+
+    limit = Limit("imu_repeated_s")
+    part: ClassVar[str]  # field of `Inertial`
+
+    def __init__(self, robot: Robot, limits: ImuLimits, sample_s: float) -> None:
+        self._limits, self._index = limits, Inertial._fields.index(self.part)
+        self.reset()
+
+    def reset(self) -> None:
+        self._repeated_s = 0.0
+
+    def measure(self, window: BodyWindow) -> float:
+        readings = window.readings
+        before = readings.before[self._index]
+        if any(inertial[self._index] != before for inertial in readings.inertials):
+            self._repeated_s = 0.0
+        elif readings.fastest > self._limits.moving_rad_s and window.on_legs:
+            self._repeated_s += self._weight(window) * readings.elapsed_s
+        return self._repeated_s
+
+    def _weight(self, window: BodyWindow) -> float:
+        """Gyro and quaternion count only where they disagree: a smooth motion keeps its rate for a while."""
+        error = max(abs(a - b) for a, b in zip(window.turn, window.gyro_turn, strict=True))
+        return float(error > self._limits.turned_rad)
+
+
+class GyroRepeated(_PartRepeated):
+    """The gyro repeats itself."""
+
+    part = "gyro"
+    looks_at = "how long the gyro repeats itself while joints move"
+    message = "the IMU: its gyro has repeated itself for {0:.2f} s while joints moved"
+
+
+class AccelerationRepeated(_PartRepeated):
+    """The acceleration repeats itself."""
+
+    part = "acceleration"
+    looks_at = "how long the acceleration repeats itself while joints move"
+    message = "the IMU: its acceleration has repeated itself for {0:.2f} s while joints moved"
+
+    def _weight(self, window: BodyWindow) -> float:
+        """Half where the base has not turned, since gravity's share of the acceleration stays the same."""
+        turned = max(map(abs, (*window.turn, *window.gyro_turn)))
+        return 1.0 if turned > self._limits.turned_rad else 0.5
+
+
+class QuaternionRepeated(_PartRepeated):
+    """The quaternion repeats itself."""
+
+    part = "quaternion"
+    looks_at = "how long the quaternion repeats itself while joints move"
+    message = "the IMU: its quaternion has repeated itself for {0:.2f} s while joints moved"
+
+
+class RestError(BodyCheck):
+    """How far the mean acceleration of a robot at rest is off gravity's opposite, over gravity."""
+
+    looks_at = "acceleration at rest against the quaternion's gravity: an IMU askew by 9 degrees"
+    message = "the IMU: at rest its acceleration is off its quaternion's gravity by {0:.0%}"
+    limit = Limit("rest_error")
+
+    def __init__(self, robot: Robot, limits: ImuLimits, sample_s: float) -> None:
+        self._limits = limits
+        self.reset()
+
+    def reset(self) -> None:
+        self._rest_s = 0.0
+        self._mean = [0.0, 0.0, 0.0]  # world axes, m/s^2
+
+    def measure(self, window: BodyWindow) -> float:
+        limits, elapsed_s = self._limits, window.elapsed_s
+        if max(window.readings.fastest, *map(abs, window.gyro)) >= limits.resting_rad_s:
+            self._rest_s = 0.0
+            return 0.0
+        least = 1.0 - math.exp(-elapsed_s / limits.lean_memory_s)
+        weight = max(elapsed_s / (self._rest_s + elapsed_s), least)  # a plain mean at first
+        self._mean = [
+            mean + weight * (value - mean)
+            for mean, value in zip(self._mean, window.acceleration, strict=True)
+        ]
+        self._rest_s += elapsed_s
+        if self._rest_s < limits.resting_s:
+            return 0.0
+        ahead, left, up = self._mean
+        return math.hypot(ahead, left, up - GRAVITY_M_S2) / GRAVITY_M_S2
+
+
+class _MeanAcceleration(BodyCheck):
+    """A check of the mean acceleration in motion, world axes, over gravity."""
+
+    def __init__(self, robot: Robot, limits: ImuLimits, sample_s: float) -> None:
+        self._memory_s = limits.lean_memory_s
+        self.reset()
+
+    def reset(self) -> None:
+        self._mean = [0.0, 0.0, GRAVITY_M_S2]
+
+    def _updated(self, window: BodyWindow) -> list[float]:
+        kept = math.exp(-window.elapsed_s / self._memory_s)
+        self._mean = [
+            kept * mean + (1 - kept) * value
+            for mean, value in zip(self._mean, window.acceleration, strict=True)
+        ]
+        return self._mean
+
+
+class Lean(_MeanAcceleration):
+    """Mean sideways acceleration."""
+
+    looks_at = "acceleration in motion against it, on average, sideways"
+    message = "the IMU: its acceleration leans away from its quaternion's gravity by {0:.0%}"
+    limit = Limit("lean_error")
+
+    def measure(self, window: BodyWindow) -> float:
+        ahead, left, _ = self._updated(window)
+        return math.hypot(ahead, left) / GRAVITY_M_S2
+
+
+class Lift(_MeanAcceleration):
+    """How far the mean upward acceleration is off gravity's opposite."""
+
+    looks_at = "the same upwards: an accelerometer with another unit or sign"
+    message = "the IMU: on average its acceleration is off gravity by {0:.0%}"
+    limit = Limit("lift_error")
+
+    def measure(self, window: BodyWindow) -> float:
+        return abs(self._updated(window)[2] / GRAVITY_M_S2 - 1.0)

@@ -1,0 +1,174 @@
+"""Joint readings added up over a window.
+
+Readings are added every `SAMPLE_S` and compared every `period_s`: that keeps a tick cheap and removes single
+spikes.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from footfall.deploy.drivers.imu import Inertial
+
+SAMPLE_S = 0.004  # between two readings that are added: a fraction of the swing of a leg
+
+
+class JointWindow(NamedTuple):
+    """Readings of n joints and commands to them, from one comparison to the next. All arrays are (n,)."""
+
+    elapsed_s: float
+    joints: np.ndarray  # (3, n) last reading: position rad, velocity rad/s, torque N m
+    repeated: np.ndarray  # (3, n) whether each reading of the window equals the one before
+    travel: np.ndarray  # rad, by integrating the velocities
+    position_error: np.ndarray  # rad, by which the positions moved other than the velocities say
+    late_s: np.ndarray  # by how much the oldest reading was older than the youngest
+    speed: np.ndarray  # mean, rad/s
+    torque: np.ndarray  # mean of the reported torque, N m
+    strongest: np.ndarray  # largest reported torque in either direction, N m
+    expected: np.ndarray  # mean of the torque that the last commands ask for, N m
+    stiffness: np.ndarray  # of the last command, N m/rad
+    target_speed: np.ndarray  # of the position target, rad/s
+    target_travel: np.ndarray  # of the position target in the window before, rad
+    temperature_c: np.ndarray  # NaN where a motor does not report it
+    voltage: np.ndarray  # of the motors' supply, V; NaN likewise
+
+
+def single_reading(joints: np.ndarray, temperature_c: np.ndarray, voltage: np.ndarray) -> JointWindow:
+    """A window of one reading, for the checks that need no more."""
+    none = np.zeros(joints.shape[1])
+    return JointWindow(0.0, joints, np.zeros(joints.shape, bool), *(none,) * 10, temperature_c, voltage)
+
+
+class _Sums:
+    """What is added up since a window began."""
+
+    def __init__(self, n: int, now_us: int) -> None:
+        self.began_us = now_us
+        self.gap = False
+        self.readings = np.zeros((3, n))
+        self.repeated = np.ones((3, n), bool)
+        self.strongest = np.zeros(n)
+        self.expected = np.zeros(n)
+        self.travel = np.zeros(n)
+        self.starts = np.zeros(n)  # where the window began, by each reading, rad
+        self.late_us = np.zeros(n)
+        self.inertials: list[Inertial] = []
+
+
+class JointWindows:
+    """Adds readings until a window is full."""
+
+    def __init__(self, joints: int, period_s: float, tick_s: float) -> None:
+        """Windows of `joints` joints that last `period_s` at ticks of `tick_s`."""
+        self._n = joints
+        self.sample_s = tick_s * max(1, round(min(SAMPLE_S, period_s) / tick_s))
+        self._sample_us = round(1e6 * (self.sample_s - tick_s / 2))  # half a tick early, against rounding
+        self._readings = max(1, round(period_s / self.sample_s))  # of a window
+        self._gap_us = round(1e6 * max(period_s / 2, 1.5 * self.sample_s))
+        self.begin(0, np.zeros(joints, np.int64), np.zeros((3, joints)), np.zeros(joints))
+
+    def begin(self, now_us: int, heard_us: np.ndarray, joints: np.ndarray, target: np.ndarray) -> None:
+        """Forget all readings, and start from these (see `add`) and these position targets, rad, (n,)."""
+        self._sums = _Sums(self._n, now_us)
+        self._added_us = now_us
+        self._heard_us = heard_us.copy()
+        self._last, self._target = joints, target
+        self._target_travel = np.zeros(self._n)
+        self._ended = joints[0]  # where the last window ended, rad
+        self._youngest_us = (now_us - heard_us).astype(float)  # age of each motor's reading at its best
+
+    def due(self, now_us: int) -> bool:
+        """Whether it is time to add readings."""
+        return now_us - self._added_us >= self._sample_us
+
+    def add(
+        self,
+        now_us: int,
+        silence_us: int,
+        heard_us: np.ndarray,
+        inertial: Inertial,
+        joints: np.ndarray,
+        expected: np.ndarray,
+    ) -> bool:
+        """Add one tick's readings; returns whether the window is full.
+
+        Args:
+            now_us: the loop's time.
+            silence_us: age of the oldest reading. A window with a gap is not compared, since nothing is known
+                of the motion in the gap.
+            heard_us: (n,) when each motor's reading arrived.
+            inertial: the IMU's reading.
+            joints: (3, n) position rad, velocity rad/s, torque N m that the motors report.
+            expected: (n,) torque that the last commands ask for at these readings, N m.
+        """
+        sums, last = self._sums, self._last
+        if silence_us > self._gap_us or now_us - self._added_us > self._gap_us:
+            sums.gap = True
+        age_us = now_us - heard_us
+        np.minimum(self._youngest_us, age_us, out=self._youngest_us)
+        np.maximum(sums.late_us, age_us - self._youngest_us, out=sums.late_us)
+        self._added_us = now_us
+        sums.travel += (0.5e-6 * (heard_us - self._heard_us)) * (joints[1] + last[1])
+        sums.starts += joints[0] - sums.travel
+        self._heard_us = heard_us.copy()
+        sums.repeated &= joints == last
+        self._last = joints
+        sums.readings += joints
+        np.maximum(sums.strongest, np.abs(joints[2]), out=sums.strongest)
+        sums.expected += expected
+        sums.inertials.append(inertial)
+        return len(sums.inertials) >= self._readings
+
+    @property
+    def inertials(self) -> list[Inertial]:
+        """The IMU's readings of the present window."""
+        return self._sums.inertials
+
+    def close(
+        self, stiffness: np.ndarray, target: np.ndarray, temperature_c: np.ndarray, voltage: np.ndarray
+    ) -> JointWindow | None:
+        """End the window and begin the next one; returns None if a gap makes the window worthless.
+
+        Args:
+            stiffness: (n,) of the last command, N m/rad.
+            target: (n,) position targets that went out last, rad.
+            temperature_c: (n,) degrees Celsius; NaN where a motor does not report it.
+            voltage: (n,) at the motors' supply, V; NaN likewise.
+        """
+        window = None
+        if self._sums.gap:
+            self._ended = self._last[0]
+        else:
+            window = self._window(stiffness, target, temperature_c, voltage)
+        self._target_travel = np.abs(target - self._target)
+        self._target = target
+        self._sums = _Sums(self._n, self._added_us)
+        return window
+
+    def _window(
+        self, stiffness: np.ndarray, target: np.ndarray, temperature_c: np.ndarray, voltage: np.ndarray
+    ) -> JointWindow:
+        sums, count = self._sums, len(self._sums.inertials)
+        elapsed_s = (self._added_us - sums.began_us) * 1e-6
+        _, velocity, torque = sums.readings / count
+        # Each position, less the travel until then, tells where the window began. The mean has less noise.
+        started = sums.starts / count
+        position_error = started - self._ended
+        self._ended = started + sums.travel
+        return JointWindow(
+            elapsed_s=elapsed_s,
+            joints=self._last,
+            repeated=sums.repeated,
+            travel=sums.travel,
+            position_error=position_error,
+            late_s=1e-6 * sums.late_us,
+            speed=np.abs(velocity),
+            torque=torque,
+            strongest=sums.strongest,
+            expected=sums.expected / count,
+            stiffness=stiffness,
+            target_speed=np.abs(target - self._target) / elapsed_s,
+            target_travel=self._target_travel,
+            temperature_c=temperature_c,
+            voltage=voltage,
+        )

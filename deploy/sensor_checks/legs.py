@@ -1,0 +1,74 @@
+"""Checks of the base against the legs: the IMU's attitude, and the base's height."""
+
+from dataclasses import dataclass
+
+from footfall.common.config import require_between
+from footfall.deploy.clearance import Clearance
+from footfall.deploy.modes import Mode
+from footfall.deploy.sensor_checks.body_window import BodyWindow
+from footfall.deploy.sensor_checks.check import BodyCheck, Limit
+from footfall.robots.description import Robot
+
+WINDOWS_PER_HEIGHT = 3  # a body takes its time to fall, and its height costs more than all other checks
+
+
+@dataclass(frozen=True)
+class LegLimits:
+    """How far the base's attitude and height may be off what the legs say."""
+
+    sunk: float = 0.55  # of the base's clearance when standing: how much may be gone
+    slope_rad: float = 0.35  # of the ground that a robot may stand on, by its legs and the IMU
+    leg_turn_rad: float = 0.05  # of the base that stands, by the IMU other than by the legs
+    loaded_share: float = 0.2  # of an even share of the weight: a foot that bears less does not stand
+
+    def __post_init__(self) -> None:
+        require_between(self, 0.1, 1.0, "sunk")
+        require_between(self, 0.01, 1.5, "slope_rad", "leg_turn_rad")
+        require_between(self, 0.01, 1.0, "loaded_share")
+
+
+class Slope(BodyCheck):
+    """Angle between the plane of the standing feet and the IMU's level, rad; 0 if none stand still."""
+
+    looks_at = "the IMU's level against the plane of the feet that stand: an IMU or a leg's encoders are off"
+    message = "the IMU: the base is tilted by {0:.2f} rad other than the legs that stand say"
+    limit = Limit("slope_rad")
+
+    def measure(self, window: BodyWindow) -> float:
+        return window.slope_rad
+
+
+class LegTurn(BodyCheck):
+    """Turn of the base since these feet stand, by the IMU other than by the legs, rad; 0 likewise."""
+
+    looks_at = "the base's turn by the IMU against that by the legs that stand, whatever the slope"
+    message = "the IMU: the base turned by {0:.2f} rad other than the legs that stand say"
+    limit = Limit("leg_turn_rad")
+
+    def measure(self, window: BodyWindow) -> float:
+        return window.leg_turn_rad
+
+
+class Sunk(BodyCheck):
+    """Share of the base's clearance that is gone."""
+
+    looks_at = "the base's clearance that is gone, by legs and IMU: it goes down without tipping over"
+    message = "the base has sunk: {0:.0%} of its clearance is gone"
+    limit = Limit("sunk")
+    leads_to = Mode.FALLING
+
+    def __init__(self, robot: Robot, limits: LegLimits, sample_s: float) -> None:
+        self._clearance = Clearance(robot)
+        self.reset()
+
+    def reset(self) -> None:
+        self._windows, self._share = 0, 0.0
+
+    def measure(self, window: BodyWindow) -> float:
+        self._windows += 1
+        if not window.on_legs:
+            self._share = 0.0
+        elif self._windows % WINDOWS_PER_HEIGHT == 0:
+            readings = window.readings
+            self._share = self._clearance.sunk_share(readings.position, readings.inertials[-1].quaternion)
+        return self._share

@@ -1,0 +1,150 @@
+"""Runs all sensor checks on a robot's readings.
+
+The base is compared in the tick after the joints, so that no tick has much more work than the others.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from footfall.deploy.clearance import legs_of
+from footfall.deploy.drivers.imu import Inertial
+from footfall.deploy.joint_layer import JointLayer
+from footfall.deploy.leg_attitude import LegAttitude
+from footfall.deploy.sensor_checks.body_window import BodyReadings, BodyWindow, body_window
+from footfall.deploy.sensor_checks.check import BodyCheck, JointCheck
+from footfall.deploy.sensor_checks.joint_window import JointWindow, JointWindows, single_reading
+from footfall.deploy.sensor_checks.table import BODY_CHECKS, JOINT_CHECKS, SensorLimits
+from footfall.deploy.signals import Implausible
+from footfall.deploy.wiring import Wiring
+from footfall.robots.description import Robot
+
+
+class SensorMonitor:
+    """The sensor checks of one robot."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        wiring: Wiring,
+        limits: SensorLimits,
+        tick_s: float,
+        joint_checks: Sequence[type[JointCheck]] = JOINT_CHECKS,
+        body_checks: Sequence[type[BodyCheck]] = BODY_CHECKS,
+    ) -> None:
+        """Checks of this robot, whose readings come every `tick_s`."""
+        n = len(robot.joint_names)
+        self._places = [wiring.place(joint) for joint in range(n)]
+        self._windows = JointWindows(n, limits.period_s, tick_s)
+        sample_s = self._windows.sample_s
+        self._joint_checks = [check(robot, limits, sample_s) for check in joint_checks]
+        self._joint_limits = _rows([check.limit.of(robot, limits) for check in joint_checks], n)
+        self._body_checks = [
+            (check(robot, limits, sample_s), check.limit.of(robot, limits)) for check in body_checks
+        ]
+        self._resting_rad_s = limits.resting_rad_s
+        self._attitude = None if legs_of(robot) is None else LegAttitude(robot, limits)
+        self._inertial = Inertial((0.0,) * 3, (0.0,) * 3, (1.0, 0.0, 0.0, 0.0))  # of the last window
+        self._body: BodyReadings | None = None  # readings that wait for `body_contradiction`
+
+    def begin(
+        self, now_us: int, heard_us: np.ndarray, inertial: Inertial, joints: np.ndarray, target: np.ndarray
+    ) -> None:
+        """Forget all, and start from these readings (see `add`) and position targets, rad, (n,)."""
+        self._windows.begin(now_us, heard_us, joints, target)
+        self._inertial, self._body = inertial, None
+        for check in (*self._joint_checks, *(check for check, _ in self._body_checks)):
+            check.reset()
+        if self._attitude is not None:
+            self._attitude.reset()
+
+    def look(self, now_us: int, silence_us: int, joints: JointLayer, on_legs: bool) -> Implausible | None:
+        """Take in a tick; returns the first contradiction if this is a tick at which readings are compared.
+
+        Args:
+            now_us: the loop's time.
+            silence_us: age of the oldest reading.
+            joints: which has the latest readings and commands.
+            on_legs: whether the legs should carry the base.
+        """
+        found = self.body_contradiction(on_legs)
+        if found is not None or not self._windows.due(now_us):
+            return found
+        heard_us, expected = joints.last_heard().motor_us, joints.expected_torque()
+        if not self.add(now_us, silence_us, heard_us, joints.inertial, joints.joints, expected):
+            return None
+        return self.joint_contradiction(joints.stiffness, joints.target, joints.temperature_c, joints.voltage)
+
+    def add(
+        self,
+        now_us: int,
+        silence_us: int,
+        heard_us: np.ndarray,
+        inertial: Inertial,
+        joints: np.ndarray,
+        expected: np.ndarray,
+    ) -> bool:
+        """Add readings to the window; returns whether it is full (see `JointWindows.add`)."""
+        return self._windows.add(now_us, silence_us, heard_us, inertial, joints, expected)
+
+    def joint_contradiction(
+        self, stiffness: np.ndarray, target: np.ndarray, temperature_c: np.ndarray, voltage: np.ndarray
+    ) -> Implausible | None:
+        """End the window (see `JointWindows.close`); the first contradiction in readings of the joints."""
+        inertials = self._windows.inertials
+        window = self._windows.close(stiffness, target, temperature_c, voltage)
+        before, self._inertial = self._inertial, inertials[-1]
+        if window is None:
+            return None
+        fastest = max(window.speed.tolist())
+        self._body = BodyReadings(
+            window.elapsed_s, before, inertials, window.joints[0], window.torque, fastest
+        )
+        return self._judged(window, self._joint_checks, self._joint_limits)
+
+    def first_contradiction(self, joints: JointLayer) -> Implausible | None:
+        """The first contradiction that one reading of the joints shows, before motors get stiffness."""
+        window = single_reading(joints.joints, joints.temperature_c, joints.voltage)
+        rows = [row for row, check in enumerate(self._joint_checks) if check.single_reading]
+        checks = [self._joint_checks[row] for row in rows]
+        return self._judged(window, checks, self._joint_limits[rows])
+
+    def body_contradiction(self, on_legs: bool) -> Implausible | None:
+        """The first contradiction in what the last window left of the base; None if it left nothing."""
+        readings, self._body = self._body, None
+        if readings is None:
+            return None
+        window = self._with_attitude(body_window(readings, on_legs))
+        found = None
+        for check, limit in self._body_checks:
+            value = check.measure(window)
+            if found is None and not value <= limit:
+                found = Implausible(check.message.format(value), check.leads_to)
+        return found
+
+    def _judged(
+        self, window: JointWindow, checks: Sequence[JointCheck], limits: np.ndarray
+    ) -> Implausible | None:
+        values = np.array([check.measure(window) for check in checks])
+        passed = values <= limits  # NaN fails
+        if np.count_nonzero(passed) == passed.size:
+            return None
+        row, joint = np.argwhere(~passed)[0].tolist()
+        message = checks[row].message.format(values[row, joint], window.joints[0, joint])
+        return Implausible(f"{self._places[joint]}: {message}", checks[row].leads_to)
+
+    def _with_attitude(self, window: BodyWindow) -> BodyWindow:
+        """The window with the base's attitude by the legs, of a robot that stands nearly still."""
+        attitude, readings = self._attitude, window.readings
+        if attitude is None:
+            return window
+        if window.on_legs and readings.fastest < self._resting_rad_s:
+            attitude.look(readings.position, readings.torque, window.up, readings.elapsed_s)
+        else:
+            attitude.reset()
+        return window._replace(slope_rad=attitude.slope, leg_turn_rad=attitude.turn)
+
+
+def _rows(limits: Sequence[np.ndarray | float], n: int) -> np.ndarray:
+    """Limits of checks of n joints, (checks, n)."""
+    return np.array([np.broadcast_to(limit, n) for limit in limits]).reshape(len(limits), n)

@@ -1,0 +1,59 @@
+"""The list of sensor checks, and their settings together."""
+
+from dataclasses import dataclass
+
+from footfall.common.config import require_between
+from footfall.deploy.sensor_checks import imu, legs, single_reading, torque, travel
+from footfall.deploy.sensor_checks.check import BodyCheck, JointCheck
+
+JOINT_CHECKS: tuple[type[JointCheck], ...] = (
+    single_reading.PositionRange,
+    single_reading.Speed,
+    single_reading.Torque,
+    travel.Drift,
+    travel.Wander,
+    travel.Stuck,
+    torque.Limp,
+    torque.Opposing,
+    torque.TorqueStuck,
+    torque.ReplyRepeated,
+    single_reading.Temperature,
+    single_reading.Voltage,
+)
+BODY_CHECKS: tuple[type[BodyCheck], ...] = (
+    imu.Rotation,
+    imu.GyroRepeated,
+    imu.AccelerationRepeated,
+    imu.QuaternionRepeated,
+    imu.RestError,
+    imu.Lean,
+    imu.Lift,
+    legs.Slope,
+    legs.LegTurn,
+    legs.Sunk,
+)
+
+
+@dataclass(frozen=True)
+class SensorLimits(
+    single_reading.SingleReadingLimits,
+    travel.TravelLimits,
+    torque.TorqueLimits,
+    imu.ImuLimits,
+    legs.LegLimits,
+):
+    """How far readings may contradict each other: `safety.sensors` in robot.yaml and in a file for --config.
+
+    The defaults are at least 1.6 times the most that simulated robots gave while they walked, randomised,
+    pushed and with noisy sensors (docs/safety.md).
+    """
+
+    period_s: float = 0.04  # of a window; a fault is seen within a few of them
+
+    def __post_init__(self) -> None:
+        require_between(self, 0.001, 0.2, "period_s")
+        single_reading.SingleReadingLimits.__post_init__(self)
+        travel.TravelLimits.__post_init__(self)
+        torque.TorqueLimits.__post_init__(self)
+        imu.ImuLimits.__post_init__(self)
+        legs.LegLimits.__post_init__(self)

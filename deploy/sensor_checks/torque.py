@@ -1,0 +1,167 @@
+"""Checks of the torque that a motor reports against the torque that is commanded.
+
+Expected torques follow from rounded positions that are older than the motor's own. What stiffness makes of
+either does not count.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from footfall.common.config import require_between
+from footfall.common.errors import UserError
+from footfall.deploy.sensor_checks.check import JointCheck, Limit
+from footfall.deploy.sensor_checks.joint_window import JointWindow
+from footfall.deploy.sensor_checks.memory import Memory
+from footfall.robots.description import Robot
+from footfall.robots.targets import within
+
+
+@dataclass(frozen=True)
+class TorqueLimits(Memory):
+    """How far reported and commanded torques may disagree."""
+
+    limp_s: float = 0.1  # that a motor reports little torque while much is commanded; longer if it is less
+    opposing: float = 0.3  # share of the expected torque that it reports in the other direction, on average
+    lag_s: float = 0.03  # of a reading and of a command together: what a torque was predicted from is older
+    reading_rad: float = 0.002  # that a position is known to: noise, and rounding in frames
+    torque_hidden: float = 0.03  # of the peak torque: what friction and rounding can hide
+    torque_much: float = 0.06  # of the peak torque: a motor that does not report this much is limp
+    torque_some: float = 0.05  # of the peak torque, on average: less has no direction that counts
+    torque_little: float = 0.02  # of the peak torque: what a motor without current may report
+    torque_full: float = 0.9  # of the peak torque: above it a motor gives all that it can
+    torque_stuck: float = 0.1  # of the peak torque: change of the expected torque while the report repeats
+    repeated_rad: float = 0.1  # travel of a joint's target while its motor repeats one reply
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_between(self, 0.01, 10.0, "limp_s")
+        require_between(self, 0.0, 1.0, "opposing")
+        require_between(self, 0.0, 0.1, "lag_s", "reading_rad")
+        require_between(self, 0.1, 1.0, "torque_full")
+        require_between(self, 0.001, 2.0, "torque_stuck")
+        require_between(self, 0.001, 1.0, "torque_hidden", "torque_much", "torque_some", "torque_little")
+        require_between(self, 0.001, 2 * np.pi, "repeated_rad")
+        if self.torque_hidden >= self.torque_much:
+            raise UserError(
+                f"torque_hidden is {self.torque_hidden}: it must be below torque_much, {self.torque_much}"
+            )
+
+
+def _certain(window: JointWindow, limits: TorqueLimits) -> np.ndarray:
+    """Size of the expected torque that the error of a reading cannot explain, N m, (n,)."""
+    doubt = window.stiffness * (limits.reading_rad + limits.lag_s * window.speed)
+    return np.maximum(np.abs(window.expected) - doubt, 0.0)
+
+
+class Limp(JointCheck):
+    """How long a motor has reported no torque while much was expected, s. Any report resets the time."""
+
+    looks_at = "how long a motor reports no torque while much is commanded: it has rebooted"
+    message = "the motor has reported no torque for {0:.2f} s while torque was commanded"
+    limit = Limit("limp_s")
+
+    def __init__(self, robot: Robot, limits: TorqueLimits, sample_s: float) -> None:
+        peak = robot.motor.peak_torque
+        self._n, self._limits = len(peak), limits
+        self._hidden, self._little = limits.torque_hidden * peak, limits.torque_little * peak
+        self._span = (limits.torque_much - limits.torque_hidden) * peak
+        self.reset()
+
+    def reset(self) -> None:
+        self._limp_s = np.zeros(self._n)
+
+    def measure(self, window: JointWindow) -> np.ndarray:
+        expected = within((_certain(window, self._limits) - self._hidden) / self._span, 0.0, 1.0)
+        self._limp_s = (window.strongest <= self._little) * (self._limp_s + window.elapsed_s * expected)
+        return self._limp_s
+
+
+class Opposing(JointCheck):
+    """Share of the expected torque that a motor reports in the other direction, on average.
+
+    A motor that is late still follows an older target: what the target's lead makes of stiffness is left out.
+    """
+
+    looks_at = "how much of its torque a motor pulls the other way"
+    message = "the motor pulls the other way by {0:.0%} of the torque that was commanded"
+    limit = Limit("opposing")
+
+    def __init__(self, robot: Robot, limits: TorqueLimits, sample_s: float) -> None:
+        peak = robot.motor.peak_torque
+        self._n, self._limits = len(peak), limits
+        self._least_sq = (limits.torque_some * peak) ** 2
+        self.reset()
+
+    def reset(self) -> None:
+        self._product, self._expected_sq = np.zeros((2, self._n))  # (N m)^2, means that fade
+
+    def measure(self, window: JointWindow) -> np.ndarray:
+        lead = np.maximum(window.target_speed - window.speed, 0.0)
+        late = window.stiffness * self._limits.lag_s * lead
+        certain = np.maximum(_certain(window, self._limits) - late, 0.0)
+        kept = self._limits.kept(window.elapsed_s)
+        signed = np.copysign(certain, window.expected)
+        self._product = kept * self._product + (1.0 - kept) * window.torque * signed
+        self._expected_sq = kept * self._expected_sq + (1.0 - kept) * certain * certain
+        return -self._product / np.maximum(self._expected_sq, self._least_sq)
+
+
+class TorqueStuck(JointCheck):
+    """Change of the expected torque while a motor repeats one report, as a share of its peak torque.
+
+    The last window does not count, since a late motor has not answered to it. What may be hidden does not
+    count either; the rest adds up. A motor that gives all that it can repeats itself, and so does a motor
+    whose command stays: no more counts than report and command differ.
+    """
+
+    looks_at = (
+        "how far the torque that is asked of a motor moves while it repeats one report: stuck, or rebooted"
+    )
+    message = (
+        "the motor repeats one torque, as one that has rebooted, while what is asked of it moved by {0:.0%}"
+    )
+    limit = Limit("torque_stuck")
+
+    def __init__(self, robot: Robot, limits: TorqueLimits, sample_s: float) -> None:
+        self._peak, self._reading_rad = robot.motor.peak_torque, limits.reading_rad
+        self._n = len(self._peak)
+        self._hidden, self._full = limits.torque_hidden * self._peak, limits.torque_full * self._peak
+        self.reset()
+
+    def reset(self) -> None:
+        self._share, self._before, self._at_first = np.zeros((3, self._n))  # expected torques in N m
+
+    def measure(self, window: JointWindow) -> np.ndarray:
+        repeats = window.repeated[2] & (window.strongest < self._full)
+        change = np.abs(self._before - self._at_first)
+        change = np.minimum(change, np.abs(self._before - window.torque))
+        shown = np.maximum(change - self._hidden - window.stiffness * self._reading_rad, 0.0)
+        self._share = repeats * (self._share + shown / self._peak)
+        self._at_first = np.where(repeats, self._at_first, window.expected)
+        self._before = window.expected
+        return self._share
+
+
+class ReplyRepeated(JointCheck):
+    """Travel of a joint's target while its motor repeats one reply, rad.
+
+    A reading is older than the last target, which may leap while a robot stands still: targets count from
+    the window before.
+    """
+
+    looks_at = "how far a target moves while its motor repeats one reply"
+    message = "it repeats one reading while its target moved by {0:.2f} rad"
+    limit = Limit("repeated_rad")
+
+    def __init__(self, robot: Robot, limits: TorqueLimits, sample_s: float) -> None:
+        self._n = len(robot.joint_names)
+        self.reset()
+
+    def reset(self) -> None:
+        self._travel = np.zeros(self._n)
+
+    def measure(self, window: JointWindow) -> np.ndarray:
+        position, velocity, torque = window.repeated
+        self._travel = (position & velocity & torque) * (self._travel + window.target_travel)
+        return self._travel

@@ -1,0 +1,104 @@
+"""Checks of a joint's travel by its position against its travel by its velocity."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from footfall.common.config import require_between
+from footfall.deploy.sensor_checks.check import JointCheck, Limit
+from footfall.deploy.sensor_checks.joint_window import JointWindow
+from footfall.robots.description import Robot
+
+IMPACT_S = 0.01  # duration of a foot's touchdown: readings farther apart miss how a velocity changes
+
+
+@dataclass(frozen=True)
+class TravelLimits:
+    """How far positions and velocities may disagree."""
+
+    drift_rad: float = 0.02  # root of the summed squared errors, less a share of the travel
+    drift_share: float = 0.2  # of the travel, for a velocity that is filtered over 5 ms
+    drift_memory_s: float = 0.5  # time constant with which errors fade
+    wander_rad: float = 0.05  # sum of the errors with their signs: an encoder that drifts
+    stuck_rad: float = 0.01  # the same, of a joint whose position or velocity repeats itself
+    filter_s: float = 0.005  # by which a motor's velocity lags its position
+
+    def __post_init__(self) -> None:
+        require_between(self, 0.001, 2 * np.pi, "drift_rad", "wander_rad", "stuck_rad")
+        require_between(self, 0.0, 1.0, "drift_share")
+        require_between(self, 0.01, 10.0, "drift_memory_s")
+        require_between(self, 0.0, 0.1, "filter_s")
+
+
+class Drift(JointCheck):
+    """Root of the summed squared errors between position and velocity, less a share of the travel, rad.
+
+    Squares do not cancel out when a joint moves to and fro. A share of the travel passes because a motor that
+    filters its velocity lags, more so where readings are far apart. Readings that come unevenly may each be
+    as late as the oldest was older than the youngest.
+    """
+
+    looks_at = "a joint's way by its position against that by its velocity: stuck, jumping, swapped encoders"
+    message = "its position changed by {0:.2f} rad other than its velocity says"
+    limit = Limit("drift_rad")
+
+    def __init__(self, robot: Robot, limits: TravelLimits, sample_s: float) -> None:
+        self._n, self._memory_s = len(robot.joint_names), limits.drift_memory_s
+        self._share = limits.drift_share * max(1.0, sample_s / IMPACT_S)
+        self.reset()
+
+    def reset(self) -> None:
+        self._error_sq, self._travel_sq, self._uneven_s = np.zeros((3, self._n))
+
+    def measure(self, window: JointWindow) -> np.ndarray:
+        error, travel = window.position_error, window.travel
+        kept = math.exp(-window.elapsed_s / self._memory_s)
+        self._error_sq = kept * self._error_sq + error * error
+        self._travel_sq = kept * self._travel_sq + np.maximum(travel * travel, (travel + error) ** 2)
+        self._uneven_s = np.maximum(kept * self._uneven_s, window.late_s)
+        share = self._share + self._uneven_s / window.elapsed_s
+        return np.sqrt(self._error_sq) - share * np.sqrt(self._travel_sq)
+
+
+class _SignedTravel(JointCheck):
+    """Sum of the errors with their signs, less what a late velocity explains, rad."""
+
+    def __init__(self, robot: Robot, limits: TravelLimits, sample_s: float) -> None:
+        self._n, self._memory_s = len(robot.joint_names), limits.drift_memory_s
+        self._lag_s = limits.filter_s + sample_s / 2  # of a velocity with a jump between two readings
+        self.reset()
+
+    def reset(self) -> None:
+        self._error, self._late_s, self._fastest = np.zeros((3, self._n))  # rad, s, rad/s; all fade
+
+    def _updated(self, window: JointWindow, counts: np.ndarray | float) -> np.ndarray:
+        kept = math.exp(-window.elapsed_s / self._memory_s)
+        self._error = counts * (kept * self._error + window.position_error)
+        self._late_s = kept * self._late_s + window.late_s
+        self._fastest = np.maximum(kept * self._fastest, np.abs(window.joints[1]))
+        allowed: np.ndarray = (self._lag_s + self._late_s) * self._fastest
+        return np.abs(self._error) - allowed
+
+
+class Wander(_SignedTravel):
+    """The signed error of an encoder that drifts."""
+
+    looks_at = "the same on the whole: an encoder that drifts"
+    message = "its position has wandered by {0:.2f} rad other than its velocity says"
+    limit = Limit("wander_rad")
+
+    def measure(self, window: JointWindow) -> np.ndarray:
+        return self._updated(window, 1.0)
+
+
+class Stuck(_SignedTravel):
+    """The signed error since position or velocity repeats itself to the last digit."""
+
+    looks_at = "the same of a joint whose position or velocity repeats itself: an encoder that is stuck"
+    message = "its position or velocity repeats itself, {0:.3f} rad other than the other one says"
+    limit = Limit("stuck_rad")
+
+    def measure(self, window: JointWindow) -> np.ndarray:
+        position, velocity, _ = window.repeated
+        return self._updated(window, position | velocity)

@@ -1,0 +1,126 @@
+"""Gathers what the supervisor looks at in each tick."""
+
+import numpy as np
+
+from footfall.common.rotations import tilt
+from footfall.deploy.bus import Bus
+from footfall.deploy.config import DeployConfig
+from footfall.deploy.drivers.driver import Driver
+from footfall.deploy.first_rest import FirstRest
+from footfall.deploy.joint_layer import JointLayer
+from footfall.deploy.modes import DECIDING, HELD, Mode
+from footfall.deploy.pose import impossible_pose
+from footfall.deploy.postures import Postures
+from footfall.deploy.run_end import RunEnd
+from footfall.deploy.safety import State
+from footfall.deploy.sensor_checks.monitor import SensorMonitor
+from footfall.deploy.signals import (
+    BusSignals,
+    Implausible,
+    ImuSignals,
+    MotorSignals,
+    PolicySignals,
+    Signals,
+    StartSignals,
+    TimeSignals,
+)
+from footfall.deploy.skipped_ticks import SkippedTicks
+from footfall.deploy.wiring import Wiring
+from footfall.robots.description import Robot
+
+POSED = (Mode.STANDING, Mode.LOWERING)  # on the way from one posture to another
+NOTHING_AT_START = StartSignals()
+
+
+class SignalSource:
+    """Readings, buses and time, as the supervisor needs them."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        wiring: Wiring,
+        driver: Driver,
+        bus: Bus,
+        joints: JointLayer,
+        postures: Postures,
+        end: RunEnd,
+        config: DeployConfig,
+    ) -> None:
+        safety, tick_s = config.safety, config.tick_us * 1e-6
+        self._robot, self._driver, self._bus = robot, driver, bus
+        self._joints, self._postures, self._end = joints, postures, end
+        self._places = [wiring.place(joint) for joint in range(len(robot.joint_names))]
+        self._monitor = SensorMonitor(robot, wiring, safety.sensors, tick_s)
+        self._first_rest = FirstRest(safety.still_s, safety.sensors, self._places)
+        self._first_pose_rad = safety.first_pose_rad
+        self._silence_us = safety.silence_timeout_s * 1e6
+        self._skipped = SkippedTicks(config.tick_us)
+        self.frames_refused = 0  # so far
+
+    def begin_checks(self, now_us: int) -> None:
+        """Compare readings from now on, with what went before forgotten."""
+        joints = self._joints
+        self._monitor.begin(
+            now_us, joints.last_heard().motor_us, joints.inertial, joints.joints, joints.target
+        )
+
+    def look(self, now_us: int, elapsed_us: int, state: State, policy: PolicySignals) -> Signals:
+        """The signals of a tick.
+
+        Args:
+            now_us: the loop's time.
+            elapsed_us: since the tick before.
+            state: the supervisor's.
+            policy: the policy's part of the signals.
+        """
+        joints, mode = self._joints, state.mode
+        motor_us, imu_us, motor_error = joints.last_heard()
+        oldest = int(motor_us.argmin())
+        motor_silence_us, imu_silence_us = now_us - int(motor_us[oldest]), now_us - imu_us
+        now_s = now_us * 1e-6
+        since_s = now_s - state.since_s
+        implausible, start = None, NOTHING_AT_START
+        if mode in HELD:
+            on_legs = self._postures.on_legs(since_s, mode in DECIDING)
+            implausible = self._monitor.look(now_us, max(motor_silence_us, imu_silence_us), joints, on_legs)
+        elif mode is Mode.IDLE:
+            start, implausible = self._at_start(now_us, motor_silence_us, imu_silence_us)
+        return Signals(
+            now_s,
+            MotorSignals(
+                motor_silence_us * 1e-6,
+                self._places[oldest],
+                self._error_of(motor_error) if np.count_nonzero(motor_error) else "",
+            ),
+            ImuSignals(
+                imu_silence_us * 1e-6,
+                tilt(joints.inertial.quaternion),
+                "" if imu_silence_us <= self._silence_us else joints.oldest_of_imu,
+            ),
+            policy,
+            BusSignals(self.frames_refused, self._bus.fault()),
+            TimeSignals(elapsed_us * 1e-6, self._skipped.share(elapsed_us)),
+            start,
+            self._end.signals(mode, since_s),
+            implausible,
+            mode in POSED and self._postures.done(since_s),
+        )
+
+    def _at_start(
+        self, now_us: int, motor_silence_us: int, imu_silence_us: int
+    ) -> tuple[StartSignals, Implausible | None]:
+        """What keeps the motors from being given stiffness, once all have been heard."""
+        heard, rest, joints = motor_silence_us <= self._silence_us, self._first_rest, self._joints
+        if heard and imu_silence_us <= self._silence_us:
+            rest.look(now_us, joints.inertial, joints.joints[1])
+        not_ready = self._driver.not_ready() or self._driver.not_enabled() or rest.awaited(now_us)
+        if not heard:
+            return StartSignals(not_ready), None
+        pose = impossible_pose(self._robot, self._places, joints.joints[0], self._first_pose_rad)
+        implausible = self._monitor.first_contradiction(joints) or rest.contradiction()
+        return StartSignals(not_ready, pose), implausible
+
+    def _error_of(self, errors: np.ndarray) -> str:
+        joint = int(np.flatnonzero(errors)[0])
+        code = int(errors[joint])
+        return f"motor {self._places[joint]} reports {self._driver.error_name(code, joint)}"

@@ -1,0 +1,77 @@
+"""When the base's velocity and height are estimated, and with what."""
+
+import numpy as np
+import pytest
+from deploy_policies import Hold
+from loops import loop_of, simulated_loop, until, walk_for
+
+from footfall.deploy.base_estimate import BaseEstimate
+from footfall.deploy.modes import Mode
+from footfall.policies.policy import Sensed
+from footfall.robots.description import Robot
+
+
+class Note:
+    """Keeps what it is given, and estimates the number of its updates."""
+
+    def __init__(self) -> None:
+        self.plans: list[object] = []
+        self.resets = 0
+        self.started: list[int] = []
+        self.steps_s: list[float] = []
+
+    def reset(self, sensed: Sensed) -> None:
+        self.resets += 1
+
+    def start(self) -> None:
+        self.started.append(len(self.plans))
+
+    def update(self, sensed: Sensed, stance: np.ndarray | None, dt_s: float) -> tuple[np.ndarray, float]:
+        self.plans.append(stance)
+        self.steps_s.append(dt_s)
+        return np.array([len(self.plans), 0.0, 0.0]), 0.25
+
+
+def test_the_estimator_gets_the_policys_contact_plan_once_it_has_begun(go1: Robot) -> None:
+    plan = np.array([1.0, 0.0, 0.0, 1.0])
+
+    class Planned(Hold):
+        def stance(self) -> np.ndarray:  # type: ignore[override]
+            return plan if self.resets else 0.0 * plan  # before its reset: of another episode
+
+    policy, note = Planned(go1), Note()
+    loop = simulated_loop(go1, policy, estimator=note, estimator_rate_hz=30.0)
+    while loop.state.mode is not Mode.WALKING:
+        standing = len(note.plans)
+        loop.tick()
+    walk_for(loop, 0.1)
+    assert note.resets == 1
+    assert note.started == [standing]  # the pose is zero where the policy takes over
+    assert standing == 2  # of 0.1 s
+    assert all(stance is None for stance in note.plans[: standing + 1])
+    assert all(stance is plan for stance in note.plans[standing + 1 :])
+    np.testing.assert_allclose(note.steps_s[:2], 0.034, atol=1e-9)  # 1/30 s, at the next tick
+    assert [seen.base_velocity[0] for seen in policy.seen] == [3, 4, 5, 6, 7, 8]  # one at each policy step
+    np.testing.assert_allclose(note.steps_s[3:], 0.02, atol=1e-9)
+    assert policy.seen[-1].base_height == 0.25
+
+
+def test_it_is_updated_at_its_rate_whatever_the_policys(go1: Robot) -> None:
+    """Every 4 ms of ticks of 2 ms; each 20 ms is a policy step, too."""
+    note = Note()
+    walk_for(simulated_loop(go1, Hold(go1), estimator=note), 0.1)
+    assert len(note.steps_s) > 45
+    np.testing.assert_allclose(note.steps_s, 0.004, atol=1e-9)
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_known_state_takes_the_place_of_an_estimate_and_else_it_is_unknown(go1: Robot, known: bool) -> None:
+    policy, velocity = Hold(go1), np.array([1.0, 2.0, 3.0])
+    loop, _ = loop_of(go1, policy, base_state=(lambda: (velocity, 0.4)) if known else None)
+    until(loop, Mode.WALKING)
+    loop.tick()
+    seen = policy.seen[-1]
+    np.testing.assert_array_equal(
+        [*seen.base_velocity, seen.base_height], [1, 2, 3, 0.4] if known else [np.nan] * 4
+    )
+    assert BaseEstimate(250.0).odometry(0) is None

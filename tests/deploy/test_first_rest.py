@@ -1,0 +1,106 @@
+"""Whether gravity is where the IMU says, of a robot that keeps still before its motors get stiffness."""
+
+import math
+
+import numpy as np
+import pytest
+from frame_robot import TICK_US, Vector
+from scipy.spatial.transform import Rotation
+
+from footfall.deploy.drivers import imu
+from footfall.deploy.first_rest import FirstRest
+from footfall.deploy.modes import Mode
+from footfall.deploy.sensor_checks.imu import ImuLimits
+
+
+class TestFirstRest:
+    """A level robot that shall keep still for 0.05 s, by readings at 500 Hz."""
+
+    TURNING = (0.0, 1.0, 0.0)  # rad/s
+    STILL = (0.0, 0.0, 0.0)
+    GRAVITY = (0.0, 0.0, 9.81)
+
+    def looked(self, before: list[tuple[Vector, Vector]], at_rest: Vector) -> tuple[FirstRest, int]:
+        """At the first tick at which nothing is waited for any more, and when that is.
+
+        `before` are gyro and acceleration of ticks up to the last motion; from then on it rests.
+        """
+        rest = FirstRest(0.05, ImuLimits(), ["hip"])
+        for tick, (gyro, acceleration) in enumerate([*before, *[(self.STILL, at_rest)] * 100]):
+            now_us = tick * TICK_US
+            rest.look(now_us, imu.Inertial(gyro, acceleration, (1.0, 0.0, 0.0, 0.0)), np.zeros(1))
+            if not rest.awaited(now_us):
+                return rest, now_us
+        pytest.fail("it waits for ever")
+
+    @pytest.mark.parametrize(
+        "before",
+        [
+            [(TURNING, (0.0, 0.0, 150.0))],
+            [(STILL, (0.0, 0.0, 0.0))] * 20 + [(TURNING, GRAVITY)],
+        ],
+        ids=["it is set down hard", "it was let fall"],
+    )
+    def test_what_was_felt_up_to_the_last_motion_is_not_held_against_it(
+        self, before: list[tuple[Vector, Vector]]
+    ) -> None:
+        rest, ready_us = self.looked(before, self.GRAVITY)
+        assert ready_us == (len(before) - 1) * TICK_US + 50_000
+        assert rest.contradiction() is None
+
+    @pytest.mark.parametrize("seed", range(3))
+    def test_accelerations_are_turned_into_the_worlds_axes_and_their_mean_counts(self, seed: int) -> None:
+        """By scipy: 0.8 and 1.4 of gravity upwards, and to and fro sideways, are 10 % too much."""
+        rng = np.random.default_rng(seed)
+        rest = FirstRest(0.05, ImuLimits(rest_error=0.05), ["hip"])
+        for sideways, upwards in ((7.0, 0.8), (-7.0, 1.4)):
+            turn = Rotation.random(random_state=rng)
+            felt = turn.inv().apply([sideways, 2 * sideways, upwards * 9.81])
+            inertial = imu.Inertial(self.STILL, tuple(felt), tuple(turn.as_quat(scalar_first=True)))
+            rest.look(0, inertial, np.zeros(1))
+        found = rest.contradiction()
+        assert found is not None
+        assert (found.fault[-14:], found.leads_to) == ("gravity by 10%", Mode.ESTOP)
+
+    @pytest.mark.parametrize(
+        ("gyro", "velocity", "who"),
+        [
+            ((0.0, 0.0, -0.31), (0.0, 0.2), "the IMU's gyro reads 0.31 rad/s"),
+            ((0.31, 0.0, 0.0), (0.0, 0.0), "the IMU's gyro reads 0.31 rad/s"),
+            ((0.2, 0.0, 0.0), (0.0, -0.31), "knee reads 0.31 rad/s"),
+            ((0.0, 0.0, 0.0), (0.31, 0.0), "hip reads 0.31 rad/s"),
+            ((0.29, -0.29, 0.29), (-0.29, 0.29), ""),
+        ],
+    )
+    def test_who_is_fastest_is_named_of_base_and_joints(
+        self, gyro: Vector, velocity: tuple[float, float], who: str
+    ) -> None:
+        """0.3 rad/s is no rest: a robot that moves like this at each tick never begins."""
+        rest = FirstRest(0.05, ImuLimits(), ["hip", "knee"])
+        assert rest.awaited(0) == ""  # nothing was heard yet
+        for now_us in range(0, 200_000, TICK_US):
+            rest.look(now_us, imu.Inertial(gyro, self.GRAVITY, (1.0, 0.0, 0.0, 0.0)), np.array(velocity))
+        says = "the robot does not keep still for 0.05 s before it gets stiffness: "
+        assert rest.awaited(200_000) == (says + who if who else "")
+
+    def test_who_need_not_keep_still_is_not_looked_at(self) -> None:
+        rest = FirstRest(0.0, ImuLimits(), ["hip"])
+        rest.look(0, imu.Inertial(self.STILL, (0.0, 0.0, -9.81), (1.0, 0.0, 0.0, 0.0)), np.zeros(1))
+        assert (rest.awaited(0), rest.contradiction()) == ("", None)
+
+    def test_nor_does_it_hide_what_is_felt_at_rest(self) -> None:
+        """A fifth too much."""
+        before = [(self.STILL, self.GRAVITY)] * 20 + [(self.TURNING, self.GRAVITY)]
+        rest, _ = self.looked(before, (0.0, 0.0, 1.2 * 9.81))
+        found = rest.contradiction()
+        assert found is not None
+        assert found.fault.endswith("gravity by 20%")
+
+    def test_gravity_is_looked_for_where_the_quaternion_has_it(self) -> None:
+        """Rolled by 0.5 rad to its right: gravity's opposite is 9.81 (0, sin 0.5, cos 0.5) in the body."""
+        felt = (0.0, 9.81 * math.sin(0.5), 9.81 * math.cos(0.5))
+        for side in (1.0, -1.0):
+            rest = FirstRest(0.05, ImuLimits(), ["hip"])
+            rolled = (math.cos(0.25), side * math.sin(0.25), 0.0, 0.0)
+            rest.look(0, imu.Inertial(self.STILL, felt, rolled), np.zeros(1))
+            assert (rest.contradiction() is None) == (side > 0)

@@ -1,0 +1,34 @@
+"""Motors are disabled until each has answered, whatever happened before."""
+
+import numpy as np
+from deploy_policies import Hold
+from frame_robot import FrameRobot
+from loops import loop_of, until
+
+from footfall.deploy.last_resort import OFF_US
+from footfall.deploy.loop import ControlLoop
+from footfall.deploy.modes import Mode
+from footfall.plant.motor_ends.motor_end import Request
+from footfall.robots.description import Robot
+
+
+def shut_down(loop: ControlLoop, body: FrameRobot, silent: list[int]) -> list[int]:
+    """When a walking robot was sent something while it was shut down, us from then on."""
+    until(loop, Mode.WALKING)
+    sent, body.silent = len(body.sent), silent
+    loop.shut_down()
+    assert body.kinds() == [Request.DISABLE] * 12
+    return [at_us - loop.now_us for at_us, _ in body.sent[sent:]]
+
+
+def test_what_motors_say_from_the_second_tick_on_answers_being_disabled(go1: Robot) -> None:
+    """All answer at once: what they said before and a tick later may answer what was sent before."""
+    loop, body = loop_of(go1, Hold(go1))
+    assert shut_down(loop, body, silent=[]) == [2000, 4000]
+    assert loop.silent_at_the_end == []
+
+
+def test_a_motor_that_never_answers_is_asked_for_a_quarter_of_a_second_and_named(go1: Robot) -> None:
+    loop, body = loop_of(go1, Hold(go1))
+    assert shut_down(loop, body, silent=[7]) == np.arange(2000, OFF_US + 4000, 2000).tolist()
+    assert loop.silent_at_the_end == ["RR_thigh_joint (can2, id 2)"]

@@ -1,0 +1,241 @@
+"""A policy at its own rate: what it is given and when, and what counts as late or failed."""
+
+import math
+import sys
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from deploy_policies import Hold, stand_still
+
+from footfall.common.errors import UserError
+from footfall.deploy import policy_runner
+from footfall.deploy.command_source import CommandSource
+from footfall.deploy.deadline import OverdueError
+from footfall.deploy.policy_runner import PolicyRunner
+from footfall.policies.policy import PolicyInput, Sensed
+from footfall.robots.actuator import JointCommand
+from footfall.robots.commands import CommandRange
+from footfall.robots.description import Robot
+
+READINGS = Sensed(np.zeros(3), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), *np.zeros((3, 12)))
+ESTIMATE = (np.array([0.1, 0.2, 0.3]), 0.3)
+TICK_US = 2000
+
+
+def runner_of(
+    policy: Any, source: CommandSource = stand_still, realtime: bool = False, arm: Any = lambda _: None
+) -> PolicyRunner:
+    """A runner at 500 Hz that may take 0.1 s for a step."""
+    return PolicyRunner(policy, source, 500.0, 0.1, realtime, arm)
+
+
+def walk(runner: PolicyRunner, times_us: Any, walking: bool = True) -> list[float]:
+    """The times since it took over at which a policy took its steps, s."""
+    times = list(times_us)
+    runner.start(times[0])
+    taken = []
+    for now_us in times:
+        if runner.due(now_us) and runner.step(now_us, READINGS, ESTIMATE, walking) is not None:
+            taken.append(runner.time_s(now_us))
+    return taken
+
+
+class Stopwatch:
+    """Stands in for `time`: it moves on only when it is told to."""
+
+    now_s = 0.0
+
+    def perf_counter(self) -> float:
+        return self.now_s
+
+
+@pytest.fixture
+def watch(monkeypatch: pytest.MonkeyPatch) -> Stopwatch:
+    watch = Stopwatch()
+    monkeypatch.setattr(policy_runner, "time", watch)
+    return watch
+
+
+class Dawdle(Hold):
+    """Takes so long for each step, over and over, s."""
+
+    def __init__(self, robot: Robot, watch: Stopwatch, *durations_s: float) -> None:
+        super().__init__(robot)
+        self._watch, self._durations_s = watch, durations_s
+
+    def act(self, inputs: PolicyInput) -> JointCommand:
+        self._watch.now_s += self._durations_s[len(self.seen) % len(self._durations_s)]
+        return super().act(inputs)
+
+
+class TestTimes:
+    @pytest.mark.parametrize("rate_hz", [30.0, 50.0, 77.0, 500.0])
+    def test_steps_come_at_the_first_tick_of_their_time(self, go1: Robot, rate_hz: float) -> None:
+        policy = Hold(go1)
+        policy.rate_hz = rate_hz
+        times = walk(runner_of(policy), range(100_000, 702_000, TICK_US))
+        due = np.arange(len(times)) / rate_hz
+        np.testing.assert_allclose(times, np.ceil(np.round(due / 0.002, 6)) * 0.002, atol=1e-9)
+        assert len(times) == math.floor(0.6 * rate_hz + 1e-6) + 1
+        assert policy.resets == 1
+
+    def test_steps_that_were_missed_are_not_caught_up_on(self, go1: Robot) -> None:
+        """A pause of 76 ms: one step at its end, and the next where the rhythm of 20 ms has it."""
+        times = walk(runner_of(Hold(go1)), [*range(0, 52_000, TICK_US), *range(126_000, 186_000, TICK_US)])
+        assert times == pytest.approx([0, 0.02, 0.04, 0.126, 0.14, 0.16, 0.18])
+
+    @pytest.mark.parametrize(
+        ("rate_hz", "fits"), [(500.0, True), (500.1, False), (0.0, False), (-1.0, False), (math.nan, False)]
+    )
+    def test_a_policys_rate_is_above_zero_and_at_most_that_of_the_joints(
+        self, go1: Robot, rate_hz: float, fits: bool
+    ) -> None:
+        policy = Hold(go1)
+        policy.rate_hz = rate_hz
+        if fits:
+            runner_of(policy)
+        else:
+            with pytest.raises(UserError, match="the policy cannot be faster"):
+                runner_of(policy)
+
+
+class TestLateness:
+    @pytest.mark.parametrize(
+        ("pattern", "most"), [("L.", 1), ("LLLL.", 4), ("LLLLL", 15)], ids=["one", "four", "all"]
+    )
+    def test_only_late_steps_in_a_row_count(
+        self, go1: Robot, watch: Stopwatch, pattern: str, most: int
+    ) -> None:
+        """At 50 Hz a step of 21 ms is late."""
+        runner = runner_of(
+            Dawdle(go1, watch, *(0.021 if c == "L" else 0.019 for c in pattern)), realtime=True
+        )
+        counts = []
+        runner.start(0)
+        for now_us in range(0, 300_000, 20_000):
+            runner.step(now_us, READINGS, ESTIMATE, True)
+            counts.append(runner.signals.late_steps)
+        assert max(counts) == most
+
+    @pytest.mark.parametrize(("realtime", "seconds"), [(True, 0.101), (False, 0.0)])
+    def test_a_steps_duration_counts_on_the_wall_clock_alone(
+        self, go1: Robot, watch: Stopwatch, realtime: bool, seconds: float
+    ) -> None:
+        runner = runner_of(Dawdle(go1, watch, 0.101), realtime=realtime)
+        walk(runner, [0])
+        assert runner.signals.step_s == pytest.approx(seconds)
+        assert runner.signals.late_steps == realtime
+        assert runner.durations_ms.values() == pytest.approx([101.0])
+
+    def test_an_interrupted_step_took_for_ever_and_disarms(self, go1: Robot) -> None:
+        class Hung(Hold):
+            def act(self, inputs: PolicyInput) -> JointCommand:
+                raise OverdueError
+
+        armed: list[float] = []
+        runner = runner_of(Hung(go1), realtime=True, arm=armed.append)
+        assert walk(runner, [0]) == []
+        assert armed == [0.1, 0.0]
+        assert runner.signals.step_s == math.inf
+
+
+class TestInputs:
+    def test_the_command_is_a_function_of_the_time_since_the_policy_took_over(self, go1: Robot) -> None:
+        policy = Hold(go1)
+        walk(runner_of(policy, lambda t: np.array([t, 2 * t, 0.0])), range(50_000, 120_000, TICK_US))
+        commands = np.array([seen.command for seen in policy.seen])
+        np.testing.assert_allclose(commands[:, 0], [0.0, 0.02, 0.04, 0.06], atol=1e-9)
+        np.testing.assert_allclose(commands[:, 1], 2 * commands[:, 0])
+        assert (policy.seen[0].base_velocity, policy.seen[0].base_height) == ESTIMATE
+
+    def test_a_robot_that_stops_is_commanded_to_stand_still(self, go1: Robot) -> None:
+        policy = Hold(go1)
+        walk(runner_of(policy, lambda _: np.ones(3)), [0], walking=False)
+        assert policy.seen[0].command.tolist() == [0.0, 0.0, 0.0]
+
+    def test_commands_are_clipped_to_what_the_policy_was_trained_for_and_noted_once(self, go1: Robot) -> None:
+        policy = Hold(go1)
+        policy.contract = SimpleNamespace(commands=CommandRange((-1.0, 1.0), (-1.0, 1.0), (-2.0, 2.0)))  # type: ignore[assignment]
+        policy.notes = notes = ["slower"]  # type: ignore[assignment]
+        runner = runner_of(policy, lambda t: np.array([9.0, 0.0, 9.0 if t > 0.03 else 0.0]))
+        walk(runner, [0])
+        assert runner.asked_command.tolist() == [9.0, 0.0, 0.0]
+        assert policy.seen[-1].command.tolist() == [1.0, 0.0, 0.0]
+        (forward, slower) = runner.new_notes()
+        assert ("forward" in forward, slower) == (True, "slower")
+        runner.step(40_000, READINGS, ESTIMATE, True)
+        notes.append("lower")
+        yaw, lower = runner.new_notes()
+        assert ("yaw" in yaw, lower) == (True, "lower")
+        assert runner.new_notes() == []
+        assert len(runner.notes) == 4
+
+
+class TestFailure:
+    @pytest.mark.parametrize(
+        ("change", "error"),
+        [
+            (lambda hold: [part[:11] for part in hold], "ValueError: it decides on shape (5, 11)"),
+            (lambda hold: hold[:4], "ValueError: it decides on shape (4, 12)"),
+            (lambda hold: {}["legs"], "KeyError: 'legs'"),
+            (lambda hold: sys.exit(3), "SystemExit: 3"),
+        ],
+    )
+    def test_what_is_no_command_is_the_policys_failure(self, go1: Robot, change: Any, error: str) -> None:
+        class Failing(Hold):
+            def act(self, inputs: PolicyInput) -> JointCommand:
+                return change(super().act(inputs))  # type: ignore[no-any-return]
+
+        runner = runner_of(Failing(go1))
+        assert walk(runner, [0]) == []
+        assert runner.signals.error.startswith(f"the policy failed: {error}")
+        assert runner.decision is None
+
+    @pytest.mark.parametrize("part", JointCommand._fields)
+    def test_a_command_that_is_not_finite_is_told_and_so_is_a_later_one_that_is(
+        self, go1: Robot, part: str
+    ) -> None:
+        class Odd(Hold):
+            def act(self, inputs: PolicyInput) -> JointCommand:
+                hold = super().act(inputs)
+                odd = getattr(hold, part) + (math.nan if len(self.seen) == 1 else 0.0)
+                return hold._replace(**{part: odd})
+
+        runner, finite = runner_of(Odd(go1)), []
+        runner.start(0)
+        for now_us in (0, 20_000):
+            runner.step(now_us, READINGS, ESTIMATE, True)
+            finite.append(runner.signals.command_finite)
+        assert finite == [False, True]
+
+    def test_a_plan_is_asked_for_once_the_policy_has_begun_and_may_fail(self, go1: Robot) -> None:
+        class Planned(Hold):
+            def stance(self) -> np.ndarray:  # type: ignore[override]
+                if len(self.seen) > 1:
+                    raise KeyError("feet")
+                return np.ones(4)
+
+        runner = runner_of(Planned(go1))
+        assert runner.stance() is None
+        walk(runner, [0])
+        assert runner.stance() is not None
+        runner.step(20_000, READINGS, ESTIMATE, True)
+        assert runner.stance() is None
+        assert runner.signals.error == "the policy failed: KeyError: 'feet'"
+
+    def test_a_decision_is_the_runners_own(self, go1: Robot) -> None:
+        """A policy may write to the arrays that it handed out."""
+        kept: list[JointCommand] = []
+
+        class Reusing(Hold):
+            def act(self, inputs: PolicyInput) -> JointCommand:
+                kept.append(JointCommand(*(part.copy() for part in super().act(inputs))))
+                return kept[-1]
+
+        runner = runner_of(Reusing(go1))
+        walk(runner, [0])
+        kept[0].position[:] = 9.0
+        assert runner.decision is not None
+        np.testing.assert_array_equal(runner.decision[0], go1.default_pose)

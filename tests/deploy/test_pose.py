@@ -1,0 +1,70 @@
+"""Whether joints can be where their encoders say when a run begins."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from footfall.deploy.pose import impossible_pose
+from footfall.robots.description import Robot
+
+PLACES = [f"joint {joint}" for joint in range(12)]
+TURN = math.tau
+
+
+def found(robot: Robot, position: float, lower: float, upper: float, margin_rad: float = 0.0) -> str:
+    """What is found of joint 4 at a position, if this were its range; the others are at home."""
+    joint = np.arange(12) == 4
+    ranged = replace(
+        robot,
+        lower_rad=np.where(joint, lower, robot.lower_rad),
+        upper_rad=np.where(joint, upper, robot.upper_rad),
+    )
+    return impossible_pose(ranged, PLACES, np.where(joint, position, robot.default_pose), margin_rad)
+
+
+@pytest.mark.parametrize(
+    ("position", "turns"),
+    [
+        (1.5 + TURN, "+1 turn of the joint (+6.28 rad)"),
+        (1.95 + TURN, "+1 turn of the joint (+6.28 rad)"),
+        (1.5 + 2 * TURN, "+2 turns of the joint (+12.57 rad)"),
+        (1.5 - TURN, "-1 turn of the joint (-6.28 rad)"),
+        (2.05 + TURN, ""),  # above the range, and a turn less below it
+        (0.95 - TURN, ""),
+        (math.nan, ""),
+        (math.inf, ""),
+    ],
+)
+def test_a_position_may_be_off_by_whole_turns_alone(go1: Robot, position: float, turns: str) -> None:
+    """A range from 1 to 2 rad."""
+    fault = found(go1, position, 1.0, 2.0)
+    assert fault.startswith("joint 4 reads")
+    assert turns in fault
+    assert ("of the joint" in fault) is bool(turns)
+
+
+@pytest.mark.parametrize(("position", "turns"), [(15.0, "+1 turn "), (-1.0, "-1 turn ")])
+def test_the_smallest_number_of_turns_is_named(go1: Robot, position: float, turns: str) -> None:
+    """A range from 0 to 14 rad spans two turns."""
+    assert f"off by {turns}" in found(go1, position, 0.0, 14.0)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_joint_may_begin_beyond_its_range_by_a_margin_also_after_a_turn(go1: Robot, side: float) -> None:
+    """0.09 rad beyond a range."""
+    position = 1.5 + 0.59 * side
+    assert found(go1, position, 1.0, 2.0, 0.1) == ""
+    assert found(go1, position, 1.0, 2.0, 0.08).startswith("joint 4 reads")
+    turned = found(go1, position + side * TURN, 1.0, 2.0, 0.1)
+    assert f"{'+' if side > 0 else '-'}1 turn of the joint" in turned
+
+
+def test_a_joint_off_by_a_turn_of_its_rotor_is_named_so(go1: Robot) -> None:
+    """A hip's gear has 6.33 turns for one: 0.99 rad, less than its range of 1.7 rad."""
+    gear = go1.motor_figures("gear_ratio")[0]
+    position = go1.default_pose.copy()
+    position[0] = go1.upper_rad[0] + 0.5
+    fault = impossible_pose(go1, PLACES, position, 0.1)
+    assert fault.endswith(f"off by +1 turn of its rotor (+{TURN / gear:.2f} rad)?")

@@ -1,0 +1,231 @@
+"""Checks of the base: the IMU's parts against each other, and the base's height and attitude by the legs."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation as ScipyRotation
+from sensor_readings import LIMITS, PER_WINDOW, STILL, BodyWindows
+
+from footfall.deploy.clearance import Clearance
+from footfall.deploy.config import deploy_config
+from footfall.deploy.drivers.imu import Inertial
+from footfall.deploy.sensor_checks.body_window import BodyReadings, body_window
+from footfall.deploy.sensor_checks.imu import (
+    AccelerationRepeated,
+    GyroRepeated,
+    Lean,
+    Lift,
+    QuaternionRepeated,
+    RestError,
+    Rotation,
+)
+from footfall.deploy.sensor_checks.legs import Sunk
+from footfall.plant.ground_truth import COLLAPSED_SHARE
+from footfall.robots.description import Robot, available_robots, load_robot
+
+ATTITUDES = ScipyRotation.random(3, random_state=2).as_quat(scalar_first=True).tolist()
+BY_EACH_NUMBER = [[0.96 if number == most else 0.16 for number in range(4)] for most in range(4)]
+HALF_A_TURN = [0.0, 0.6, 0.8, 0.0]
+LEVEL = (1.0, 0.0, 0.0, 0.0)
+
+
+def about(axis: str, angle_rad: float) -> tuple[float, float, float, float]:
+    """The quaternion of a turn."""
+    return tuple(ScipyRotation.from_euler(axis, angle_rad).as_quat(scalar_first=True).tolist())
+
+
+class TestWindow:
+    """What follows from the readings of a window, against scipy's rotations."""
+
+    @pytest.mark.parametrize("quaternion", [*ATTITUDES, *BY_EACH_NUMBER, HALF_A_TURN])
+    @pytest.mark.parametrize("sign", [-1.0, 1.0])
+    def test_turn_and_up_are_in_the_bodys_axes_and_acceleration_in_the_worlds(
+        self, quaternion: list[float], sign: float
+    ) -> None:
+        """A quaternion's negative is the same."""
+        before, turn = ScipyRotation.from_quat(quaternion, scalar_first=True), np.array([0.02, -0.05, 0.03])
+        after = before * ScipyRotation.from_rotvec(turn)
+        last = tuple(sign * after.as_quat(scalar_first=True))
+        inertials = [Inertial((0.1 * k, 0.0, -0.2), (1.0 * k, 2.0, 9.81), last) for k in range(1, 11)]
+        first = STILL._replace(quaternion=tuple(before.as_quat(scalar_first=True)))
+        window = body_window(BodyReadings(0.04, first, inertials, np.zeros(12), np.zeros(12), 0.0), True)
+        np.testing.assert_allclose(window.turn, turn, atol=3e-5)
+        np.testing.assert_allclose(window.gyro, [0.55, 0.0, -0.2])
+        np.testing.assert_allclose(window.gyro_turn, [0.022, 0.0, -0.008])
+        np.testing.assert_allclose(window.up, after.inv().apply([0.0, 0.0, 1.0]))
+        np.testing.assert_allclose(window.acceleration, after.apply([5.5, 2.0, 9.81]))
+
+
+class TestRotation:
+    def test_the_difference_to_the_gyro_adds_up_and_fades(self, go1: Robot) -> None:
+        """A turn of 0.05 rad at once, and a gyro that reports 0.5 rad/s about another axis ever since."""
+        windows, reading = (
+            BodyWindows(go1, Rotation),
+            Inertial((0.0, 0.5, 0.0), (0.0, 0.0, 9.81), about("x", 0.05)),
+        )
+        assert windows.look(reading) == pytest.approx(math.hypot(0.05, 0.02), abs=1e-4)
+        kept = math.exp(-0.04 / 0.25)
+        expected = math.hypot(kept * 0.05, (1 + kept) * 0.02)
+        assert windows.look(reading) == pytest.approx(expected, abs=1e-4)
+
+
+class TestRepeated:
+    """How long a part has repeated itself after two windows of joints that move at 1 rad/s."""
+
+    def repeated(self, robot: Robot, check: Any, reading: Callable[[int], Inertial], **more: Any) -> float:
+        windows = BodyWindows(robot, check, reading(0))
+        for window in range(2):
+            samples = range(PER_WINDOW * window + 1, PER_WINDOW * (window + 1) + 1)
+            value = windows.look(*map(reading, samples), **{"speed_rad_s": 1.0, **more})
+        return value
+
+    @staticmethod
+    def turning(k: int) -> Inertial:
+        """About z at 0.1 rad/s, 0.004 rad in a window, by the quaternion alone."""
+        return STILL._replace(quaternion=about("z", 0.1 * k * 0.004))
+
+    def test_an_acceleration_counts_half_where_the_body_does_not_turn(self, go1: Robot) -> None:
+        assert self.repeated(go1, AccelerationRepeated, self.turning) == pytest.approx(0.08)
+        assert self.repeated(go1, AccelerationRepeated, lambda _: STILL) == pytest.approx(0.04)
+
+    def test_one_reading_of_ten_that_differs_is_of_a_part_that_is_alive(self, go1: Robot) -> None:
+        shaken = STILL._replace(acceleration=(0.0, 0.0, 9.815))
+        assert self.repeated(go1, AccelerationRepeated, lambda k: shaken if k % 10 == 5 else STILL) == 0.0
+
+    def test_gyro_and_quaternion_count_where_they_turn_apart(self, go1: Robot) -> None:
+        for check in (GyroRepeated, QuaternionRepeated):
+            assert self.repeated(go1, check, lambda _: STILL) == 0.0
+        steady = lambda k: self.turning(k)._replace(gyro=(0.0, 0.0, 0.1))  # noqa: E731
+        assert self.repeated(go1, GyroRepeated, steady) == 0.0
+        assert self.repeated(go1, GyroRepeated, self.turning) == pytest.approx(0.08)
+        stuck = lambda k: STILL._replace(gyro=(0.0, 0.1 + 0.001 * (k % 2), 0.0))  # noqa: E731
+        assert self.repeated(go1, QuaternionRepeated, stuck) == pytest.approx(0.08)
+
+    @pytest.mark.parametrize("more", [{"on_legs": False}, {"speed_rad_s": 0.49}])
+    def test_a_robot_that_lies_or_keeps_still_may_repeat_itself(self, go1: Robot, more: dict) -> None:
+        assert self.repeated(go1, AccelerationRepeated, self.turning, **more) == 0.0
+
+
+class TestGravity:
+    @pytest.mark.parametrize("quaternion", ATTITUDES)
+    def test_in_motion_it_is_looked_for_on_average_in_the_worlds_axes(
+        self, go1: Robot, quaternion: list[float]
+    ) -> None:
+        """Over 1 s, of which a window is 40 ms; before, it was gravity's opposite."""
+        felt = np.array([3.0, -5.0, 7.0])
+        reading = Inertial((0.0,) * 3, tuple(felt), tuple(quaternion))
+        world = ScipyRotation.from_quat(quaternion, scalar_first=True).apply(felt)
+        kept = math.exp(-0.04)
+        lean, lift = (BodyWindows(go1, check).look(reading) for check in (Lean, Lift))
+        assert lean == pytest.approx((1 - kept) * math.hypot(world[0], world[1]) / 9.81)
+        assert lift == pytest.approx((1 - kept) * abs(world[2] / 9.81 - 1.0))
+
+    @pytest.mark.parametrize("quaternion", ATTITUDES)
+    def test_at_rest_it_is_the_mean_of_all_of_it(self, go1: Robot, quaternion: list[float]) -> None:
+        """Four windows of one reading and four of another are 0.32 s, and 0.3 s are asked for."""
+        windows, world = BodyWindows(go1, RestError), np.array([[1.0, 2.0, 9.0], [3.0, -1.0, 12.0]])
+        felt = ScipyRotation.from_quat(quaternion, scalar_first=True).inv().apply(world)
+        errors = [
+            windows.look(Inertial((0.0,) * 3, tuple(felt[look // 4]), tuple(quaternion))) for look in range(8)
+        ]
+        expected = np.linalg.norm([2.0, 0.5, 10.5 - 9.81]) / 9.81
+        assert errors == pytest.approx([0.0] * 7 + [expected])
+
+    @pytest.mark.parametrize(
+        ("gyro", "speed_rad_s", "rests"),
+        [
+            ((0.29, -0.29, 0.29), 0.29, True),
+            ((0.31, 0.0, 0.0), 0.0, False),
+            ((0.0, -0.31, 0.0), 0.0, False),
+            ((0.0, 0.0, 0.31), 0.0, False),
+            ((0.0, 0.0, 0.0), 0.31, False),
+        ],
+    )
+    def test_rest_is_over_as_soon_as_base_or_a_joint_moves(
+        self, go1: Robot, gyro: tuple[float, float, float], speed_rad_s: float, rests: bool
+    ) -> None:
+        windows, askew = BodyWindows(go1, RestError), STILL._replace(acceleration=(9.81, 0.0, 9.81))
+        for _ in range(8):
+            error = windows.look(askew)
+        assert error == pytest.approx(1.0)
+        assert windows.look(askew._replace(gyro=gyro), speed_rad_s=speed_rad_s) == (
+            pytest.approx(1.0) if rests else 0.0
+        )
+        assert (windows.look(STILL) > 0.0) is rests
+
+
+class TestSunk:
+    """How much of the base's clearance is gone: by the legs, the IMU, and the lowest corner of the base."""
+
+    def test_it_is_looked_at_every_third_window_of_a_robot_on_its_legs(self, go1: Robot) -> None:
+        """Its joints read zero: legs straight down, longer than they stand, which is less than none."""
+        windows, straight = BodyWindows(go1, Sunk), np.zeros(12)
+        sunk = [windows.look(STILL, on_legs=look != 3, position=straight) for look in range(6)]
+        gone = Clearance(go1).sunk_share(straight, LEVEL)
+        assert gone < -0.1
+        assert sunk == pytest.approx([0.0, 0.0, gone, 0.0, 0.0, gone])
+
+    def test_of_a_window_the_last_attitude_counts(self, go1: Robot) -> None:
+        windows, nose_down = BodyWindows(go1, Sunk), STILL._replace(quaternion=about("y", 0.5))
+        for _ in range(3):
+            sunk = windows.look(STILL, nose_down)
+        assert sunk == Clearance(go1).sunk_share(go1.default_pose, nose_down.quaternion)
+        assert sunk != Clearance(go1).sunk_share(go1.default_pose, LEVEL)
+
+    def test_a_level_robot_that_stands_has_all_of_it(self, go1: Robot) -> None:
+        assert Clearance(go1).sunk_share(go1.default_pose, LEVEL) == pytest.approx(0.0, abs=1e-3)
+
+    def test_the_corner_that_a_tilt_brings_down_counts(self, go1: Robot) -> None:
+        """Nose down by 0.5 rad: front feet 0.188 m ahead and 0.271 m below, a trunk of half 0.13 by 0.05 m.
+
+        The origin is 0.188 sin 0.5 + 0.271 cos 0.5 + 0.023 = 0.351 m over the lowest foot, and the corner
+        0.13 sin 0.5 + 0.05 cos 0.5 = 0.106 m below it: the clearance is 0.245 m, that of a level robot.
+        """
+        share = Clearance(go1).sunk_share(go1.default_pose, about("y", 0.5))
+        assert share == pytest.approx(0.0, abs=0.01)
+
+    @pytest.mark.parametrize(
+        ("thigh", "calf", "share"),
+        [(2.2, -1.0, 1.31), (1.5, -2.7, 0.73), (1.2, -2.4, 0.48)],
+        ids=["in the air", "on folded legs", "a crouch"],
+    )
+    def test_folded_legs_leave_less_of_it(self, go1: Robot, thigh: float, calf: float, share: float) -> None:
+        """Links of 0.213 m, a ball of 0.023 m, a trunk that reaches 0.05 m below its origin at 0.2945 m.
+
+        0.213 (cos thigh + cos (thigh + calf)) + 0.023 m is the origin's height over the feet.
+        """
+        height = 0.213 * (math.cos(thigh) + math.cos(thigh + calf)) + 0.023
+        assert 1 - (height - 0.05) / 0.2445 == pytest.approx(share, abs=0.01)
+        sunk = Clearance(go1).sunk_share(np.tile([0.0, thigh, calf], 4), LEVEL)
+        assert sunk == pytest.approx(share, abs=0.01)
+        assert (sunk > LIMITS.sunk) is (share > 0.5)
+
+    @pytest.mark.parametrize("name", available_robots())
+    def test_a_level_robot_has_sunk_to_its_supervisor_before_a_simulator_calls_it_fallen(
+        self, name: str
+    ) -> None:
+        """Else a run could end in an orderly way after a fall that nothing on the robot noticed."""
+        robot = load_robot(name)
+        squat = {"hip_pitch": -1.9, "knee": 2.8, "ankle_pitch": -0.9}  # of a biped, at the end of its knees
+        folded = robot.lying_pose
+        if folded is None:
+            folded = np.array(
+                [
+                    next((rad for part, rad in squat.items() if part in joint), default)
+                    for joint, default in zip(robot.joint_names, robot.default_pose, strict=True)
+                ]
+            )
+
+        def pose(share: float) -> np.ndarray:
+            return robot.default_pose + share * (folded - robot.default_pose)
+
+        least = COLLAPSED_SHARE * robot.description.standing_height_m
+        share = next(
+            share
+            for share in np.linspace(0.0, 1.0, 1001)
+            if -robot.legs.pose(pose(share)).foot[:, 2].min() < least  # as the simulator measures it
+        )
+        assert Clearance(robot).sunk_share(pose(share), LEVEL) > deploy_config(robot).safety.sensors.sunk

@@ -1,0 +1,350 @@
+"""Checks of joint readings: travel by positions and by velocities, torques asked for and reported."""
+
+import math
+
+import numpy as np
+import pytest
+from sensor_readings import LIMITS, SAMPLE_US, JointReadings, Reading, measured, swing
+
+from footfall.common.errors import UserError
+from footfall.deploy.sensor_checks.table import SensorLimits
+from footfall.deploy.sensor_checks.torque import Limp, Opposing, ReplyRepeated, TorqueStuck
+from footfall.deploy.sensor_checks.travel import Drift, Stuck, Wander
+from footfall.robots.description import Robot
+
+
+def measured_late(robot: Robot, reading: Reading, late_ms: int, seed: int) -> tuple[float, float]:
+    """Most drift and wander of a joint that is read every 2 ms, by frames in bunches, late but in order."""
+    rng = np.random.default_rng(seed)
+    read_us = np.arange(0, 1_000_000, 2000)
+    late_us = np.repeat(rng.integers(0, 1000 * late_ms, len(read_us) // 25), 25)  # alike for 50 ms
+    came_us = np.maximum.accumulate(read_us + late_us)
+    told, most = JointReadings(robot, Drift, Wander), np.zeros(2)
+    for now_us in range(5 * SAMPLE_US, 1_000_000, SAMPLE_US):
+        last = np.searchsorted(came_us, now_us, side="right") - 1
+        joints, heard_us = np.zeros((3, 12)), np.full(12, came_us[last])
+        joints[:2, 0] = reading(read_us[last] * 1e-6)
+        if now_us == 5 * SAMPLE_US:
+            told.begin(now_us, heard_us, joints)
+        elif told.add(now_us, joints, heard_us):
+            most = np.maximum(most, told.values[:, 0])
+    return float(most[0]), float(most[1])
+
+
+class TestDrift:
+    """A position against a velocity."""
+
+    def test_of_a_joint_that_swings_there_is_none(self, go1: Robot) -> None:
+        assert measured(go1, Drift).max() <= 0.0
+
+    def test_nor_of_one_that_speeds_up(self, go1: Robot) -> None:
+        """25 rad/s^2 for 40 ms make 0.02 rad, and an even change is added up without error."""
+        drift = measured(go1, Drift, lambda t: (12.5 * t * t, 25.0 * t), samples=10)
+        assert drift[0] == pytest.approx(-0.2 * 0.02, abs=1e-6)
+
+    @pytest.mark.parametrize("factor", [-1.0, 0.0, 0.5, 2.0])
+    def test_a_velocity_of_another_sign_or_unit_is_noticed(self, go1: Robot, factor: float) -> None:
+        """To and fro does not cancel out: within half a second, and of this joint alone."""
+        drift = measured(go1, Drift, lambda t: (swing(t)[0], factor * swing(t)[1]), samples=125)
+        assert drift[0] > LIMITS.drift_rad
+        assert (drift[1:] == 0.0).all()
+
+    def test_a_position_that_stays_is_noticed(self, go1: Robot) -> None:
+        assert measured(go1, Drift, lambda t: (0.1, swing(t)[1]))[0] > LIMITS.drift_rad
+
+    def test_it_is_a_root_of_squares_less_a_share(self, go1: Robot) -> None:
+        """1 rad/s while nothing moves: on average 22 ms of the first 40. A fifth of 40 mrad passes.
+
+        The next ten readings are 40 ms later than these.
+        """
+        first = measured(go1, Drift, lambda _: (0.0, 1.0), samples=10)
+        assert first[0] == pytest.approx(0.022 - 0.2 * 0.04)
+        kept = math.exp(-0.04 / LIMITS.drift_memory_s)
+        error, travel = math.sqrt(kept * 0.022**2 + 0.04**2), math.sqrt(kept * 0.04**2 + 0.04**2)
+        second = measured(go1, Drift, lambda _: (0.0, 1.0), samples=20)
+        assert second[0] == pytest.approx(error - 0.2 * travel)
+
+    def test_noise_of_a_hundredth_of_a_radian_passes(self, go1: Robot) -> None:
+        rng = np.random.default_rng(0)
+        noisy = measured(
+            go1, Drift, lambda _: (rng.uniform(-0.01, 0.01), rng.uniform(-0.5, 0.5)), samples=500
+        )
+        assert noisy[0] < 0.7 * LIMITS.drift_rad
+
+    @pytest.mark.parametrize(("lag_s", "noticed"), [(0.005, False), (0.05, True)])
+    def test_a_velocity_may_lag_as_a_filtered_one_does(self, go1: Robot, lag_s: float, noticed: bool) -> None:
+        drift = measured(go1, Drift, lambda t: (swing(t)[0], swing(t - lag_s)[1]))
+        assert (drift[0] > LIMITS.drift_rad) == noticed
+
+    def test_travel_is_that_between_the_readings_that_came(self, go1: Robot) -> None:
+        """Every second reply is lost, two more in a row now and then."""
+        assert measured(go1, Drift, lost=lambda k: k % 2 == 1 or k % 14 < 4)[0] < 0.5 * LIMITS.drift_rad
+
+    def test_readings_farther_apart_than_a_touchdown_pass_more(self, go1: Robot) -> None:
+        """At 50 Hz a sample takes 20 ms, a touchdown 10: two fifths of the travel instead of one."""
+        told, values = JointReadings(go1, Drift, Wander, tick_s=0.02), np.zeros((3, 12))
+        values[1] = 1.0
+        told.begin(0, np.zeros(12, np.int64), values)
+        for now_us in (20_000, 40_000):
+            told.add(now_us, values)
+        travel = 0.04
+        assert told.values[0, 0] == pytest.approx((0.02 + 0.04) / 2 - 0.4 * travel)
+        assert told.values[1, 0] == pytest.approx((0.02 + 0.04) / 2 - (0.005 + 0.01) * 1.0)
+
+
+class TestWander:
+    """The same with its sign."""
+
+    def test_an_encoder_that_drifts_beside_its_velocity_is_noticed(self, go1: Robot) -> None:
+        """1 rad/s beside a swing: 0.04 rad a window, 0.022 the first as above, and all of it fades.
+
+        The fastest, 1.24 rad/s at the first window, fades likewise: 5 ms of it are the motor's filter's, and
+        half of a sample's 4 ms may go unseen.
+        """
+        kept = math.exp(-0.04 / LIMITS.drift_memory_s)
+        fastest = 1.5 * math.cos(0.04 * 15.0) * kept**2
+        wander = measured(go1, Wander, lambda t: (swing(t)[0] + t, swing(t)[1]), samples=30)
+        wandered = kept**2 * 0.022 + kept * 0.04 + 0.04
+        assert wander[0] == pytest.approx(wandered - 0.007 * fastest, abs=0.0005)
+        assert wander[0] > LIMITS.wander_rad
+        assert (wander[1:] == 0.0).all()
+
+    def test_a_velocity_may_lag_and_be_noisy(self, go1: Robot) -> None:
+        rng = np.random.default_rng(0)
+
+        def noisy(time_s: float) -> tuple[float, float]:
+            position, velocity = swing(time_s)[0], swing(time_s - LIMITS.filter_s)[1]
+            return position + rng.uniform(-0.002, 0.002), velocity + rng.uniform(-0.1, 0.1)
+
+        assert measured(go1, Wander, noisy).max() < 0.3 * LIMITS.wander_rad
+
+    @pytest.mark.parametrize("seed", range(4))
+    @pytest.mark.parametrize("late_ms", [5, 10])
+    def test_late_frames_of_a_fast_swing_pass(self, go1: Robot, late_ms: int, seed: int) -> None:
+        """10 ms at 7.5 rad/s are 0.075 rad: frames that come unevenly tell how late they may be."""
+
+        def fast(time_s: float) -> tuple[float, float]:
+            return 0.25 * np.sin(30.0 * time_s), 7.5 * np.cos(30.0 * time_s)
+
+        drift, wander = measured_late(go1, fast, late_ms, seed)
+        assert drift < LIMITS.drift_rad
+        assert wander < LIMITS.wander_rad
+        drift, _ = measured_late(go1, lambda t: (0.1, fast(t)[1]), late_ms, seed)
+        assert drift > LIMITS.drift_rad
+
+    def test_a_robot_whose_time_stalls_passes_in_a_steady_motion(self, go1: Robot) -> None:
+        """At 1 rad/s; of each 100 ms it does not live through 20, nor answers, as one in emulation."""
+        told, zeros, wander = JointReadings(go1, Wander), np.zeros(12), []
+        joints, heard_us, lived_s = np.zeros((3, 12)), np.zeros(12, np.int64), 0.0
+        told.begin(0, heard_us, joints)
+        for now_us in range(SAMPLE_US, 1_000_000, SAMPLE_US):
+            if now_us % 100_000 >= 20_000:
+                lived_s += SAMPLE_US * 1e-6
+                joints, heard_us = np.array([zeros + lived_s, zeros + 1.0, zeros]), np.full(12, now_us)
+            if told.add(now_us, joints, heard_us):
+                wander.append(told.values[0, 0])
+        assert max(wander) < 0.5 * LIMITS.wander_rad
+
+
+class TestStuck:
+    """A position or a velocity that is to the last digit the one before, where the other one moves."""
+
+    @pytest.mark.parametrize("reading", [(0.1, 0.2), (0.0, 0.0)])
+    def test_less_is_noticed_than_of_others(self, go1: Robot, reading: tuple[float, float]) -> None:
+        """0.2 rad/s: 0.0044 rad in the first window, 0.008 in others, which fade; 7 ms of it pass."""
+        position, velocity = reading
+
+        def read(time_s: float) -> tuple[float, float]:
+            return (position if velocity else 0.2 * time_s), velocity
+
+        stuck, wander = (measured(go1, check, read, samples=30) for check in (Stuck, Wander))
+        kept = math.exp(-0.04 / LIMITS.drift_memory_s)
+        error = 0.0044 * kept**2 + 0.008 * kept + 0.008
+        assert stuck[0] == pytest.approx(error - 0.007 * velocity, abs=1e-4)
+        assert stuck[0] > LIMITS.stuck_rad
+        assert wander[0] < LIMITS.wander_rad
+        assert (stuck[1:] == 0.0).all()
+
+    def test_it_begins_anew_where_both_move(self, go1: Robot) -> None:
+        """One of ten readings is another one: a velocity that is 0.2 rad/s too high is no stuck one."""
+
+        def alive(time_s: float) -> tuple[float, float]:
+            other = 1e-4 * (round(time_s / 0.004) % 10 == 5)
+            return 0.1 + other, 0.2 + other
+
+        assert measured(go1, Stuck, alive)[0] < 0.0
+        assert measured(go1, Wander, alive)[0] > LIMITS.wander_rad
+
+    def test_a_joint_that_creeps_passes_within_what_a_velocitys_rounding_hides(self, go1: Robot) -> None:
+        """Half of a quantum of 12 bits over 30 rad/s to either side."""
+        creeping = measured(go1, Stuck, lambda t: (0.007 * t, 0.0), samples=1000)
+        assert creeping[0] < 0.5 * LIMITS.stuck_rad
+
+
+class TestTorqueStuck:
+    """A torque that is to the last digit the one before, while what is asked moves. Of the peak torque."""
+
+    def stuck(self, robot: Robot, reported: float, samples: int, stiffness: float = 0.0) -> float:
+        """What is asked rises by the peak torque a second: 0.04 from each window to the next."""
+        peak = float(robot.motor.peak_torque[0])
+        share = measured(
+            robot,
+            TorqueStuck,
+            torque=lambda t: (reported * peak, t * peak),
+            samples=samples,
+            stiffness=stiffness,
+        )
+        assert (share[1:] == 0.0).all()
+        return float(share[0])
+
+    def test_counts_from_the_window_in_which_it_began_to_the_one_before_the_last(self, go1: Robot) -> None:
+        """By 0.04, 0.08 and 0.12, of which 0.03 may be hidden each time."""
+        assert [self.stuck(go1, 0.3, samples) for samples in (10, 20)] == [0.0, 0.0]
+        added_up = [0.01, 0.01 + 0.05, 0.01 + 0.05 + 0.09]
+        assert [self.stuck(go1, 0.3, samples) for samples in (30, 40, 50)] == pytest.approx(added_up)
+        assert added_up[1] < LIMITS.torque_stuck < added_up[2]
+
+    def test_is_less_by_what_stiffness_makes_of_a_readings_noise(self, go1: Robot) -> None:
+        """2 mrad at 500 N m/rad are 1 N m, of 23.7."""
+        noise = 1.0 / 23.7
+        expected = (0.08 - 0.03 - noise) + (0.12 - 0.03 - noise)
+        assert self.stuck(go1, 0.3, 50, stiffness=500.0) == pytest.approx(expected, abs=1e-4)
+
+    @pytest.mark.parametrize("reported", [1.0, -0.95])
+    def test_may_be_all_that_a_motor_can_give(self, go1: Robot, reported: float) -> None:
+        assert self.stuck(go1, reported, 250) == 0.0
+
+    def test_may_be_rounded_to_a_fiftieth_of_the_peak(self, go1: Robot) -> None:
+        """Which is ten times what frames of 12 bits do."""
+        peak = float(go1.motor.peak_torque[0])
+
+        def coarse(time_s: float) -> tuple[float, float]:
+            asked = 0.2 * math.sin(1.0 * time_s)
+            return 0.02 * round(asked / 0.02) * peak, asked * peak
+
+        assert all(measured(go1, TorqueStuck, torque=coarse, samples=n)[0] == 0.0 for n in range(10, 800, 50))
+
+    def test_may_be_late(self, go1: Robot) -> None:
+        """A leap by half the peak torque just before a window ends, which a motor follows 25 ms later."""
+        peak = float(go1.motor.peak_torque[0])
+
+        def late(time_s: float) -> tuple[float, float]:
+            return 0.5 * peak * (time_s > 0.424), 0.5 * peak * (time_s > 0.399)
+
+        assert measured(go1, TorqueStuck, torque=late, samples=110)[0] == 0.0
+
+
+class TestOpposing:
+    """What a motor reports against what is asked of it."""
+
+    def asked(self, robot: Robot, reported: float, lag_s: float = 0.0) -> float:
+        """A tenth of the peak torque and a half, to and fro, of which a share is reported, later."""
+        peak = float(robot.motor.peak_torque[0])
+
+        def wave(time_s: float) -> float:
+            return peak * (0.1 + 0.5 * np.sin(10.0 * time_s))
+
+        return float(measured(robot, Opposing, torque=lambda t: (reported * wave(t - lag_s), wave(t)))[0])
+
+    @pytest.mark.parametrize(("reported", "opposing"), [(1.0, -1.0), (0.5, -0.5), (-1.0, 1.0), (-0.5, 0.5)])
+    def test_is_compared_over_time_in_size_and_sign(
+        self, go1: Robot, reported: float, opposing: float
+    ) -> None:
+        assert self.asked(go1, reported) == pytest.approx(opposing, abs=0.01)
+
+    def test_may_lag(self, go1: Robot) -> None:
+        """A radian is 100 ms here: half of that later it is not yet the other way."""
+        assert self.asked(go1, 1.0, lag_s=0.05) < 0.0
+
+    def test_may_lag_behind_a_target_that_runs_away(self, go1: Robot) -> None:
+        """A stiff joint bears a tenth of its peak torque, which rounding hides, on a motor 25 ms late."""
+        stiffness, load = 200.0, 0.1 * float(go1.motor.peak_torque[0])
+
+        def target(time_s: float) -> float:
+            return -max(time_s - 0.4, 0.0)
+
+        def torque(time_s: float) -> tuple[float, float]:
+            return load + stiffness * target(time_s - 0.025), stiffness * target(time_s)
+
+        late = measured(
+            go1, Opposing, lambda _: (0.0, 0.0), torque, samples=112, stiffness=stiffness, target=target
+        )
+        assert late[0] < 0.5 * LIMITS.opposing
+
+    def test_of_a_joint_that_keeps_still_all_counts_but_what_a_readings_rounding_makes(
+        self, go1: Robot
+    ) -> None:
+        """A fifth of the peak the other way; 100 N m/rad make 0.2 N m of 0.002 rad, which nothing expects."""
+        fifth = 0.2 * float(go1.motor.peak_torque[0])
+        found = measured(go1, Opposing, lambda _: (0.0, 0.0), lambda _: (-fifth, fifth), stiffness=100.0)
+        assert found[0] == pytest.approx(fifth / (fifth - 0.2))
+
+    def test_of_a_motor_that_is_asked_for_little_it_does_not_count(self, go1: Robot) -> None:
+        """1 % of the peak torque against the 5 % from which on a direction counts: 0.01^2 / 0.05^2."""
+        little = 0.01 * float(go1.motor.peak_torque[0])
+        found = measured(go1, Opposing, torque=lambda _: (-little, little))
+        assert found[0] == pytest.approx(0.04, rel=0.05)
+
+
+class TestLimp:
+    @pytest.mark.parametrize(
+        ("reported", "expected", "limp_s"),
+        [(0.01, 0.5, 0.2), (0.01, 0.045, 0.1), (0.03, 0.5, 0.0), (0.0, 0.03, 0.0)],
+    )
+    def test_a_motor_without_torque_is_limp_as_long_as_much_is_asked(
+        self, go1: Robot, reported: float, expected: float, limp_s: float
+    ) -> None:
+        """Shares of the peak torque, for 0.2 s. Between 3 % and 6 % time counts in part."""
+        peak = float(go1.motor.peak_torque[0])
+        found = measured(go1, Limp, torque=lambda _: (reported * peak, expected * peak), samples=50)
+        assert found[0] == pytest.approx(limp_s, abs=1e-12)
+
+    def test_of_a_stiff_joint_what_a_readings_rounding_makes_does_not_count(self, go1: Robot) -> None:
+        """2 mrad at a stiffness of 1500 N m/rad are 3 N m; a hundredth of the peak torque is 0.24."""
+        peak = float(go1.motor.peak_torque[0])
+        rounding = 1500.0 * LIMITS.reading_rad
+        for expected, limp_s in ((rounding + 0.03 * peak, 0.0), (rounding + 0.06 * peak, 0.2)):
+            found = measured(
+                go1,
+                Limp,
+                lambda _: (0.0, 0.0),
+                lambda _, expected=expected: (0.0, expected),
+                samples=50,
+                stiffness=1500.0,
+            )
+            assert found[0] == pytest.approx(limp_s, abs=1e-12)
+
+    def test_a_report_in_between_sets_a_limp_motors_time_back(self, go1: Robot) -> None:
+        """One of ten samples of each window."""
+        peak = float(go1.motor.peak_torque[0])
+        spikes = measured(
+            go1, Limp, torque=lambda t: (0.15 * peak * (round(t / 0.004) % 10 == 5), 0.5 * peak)
+        )
+        assert spikes[0] == 0.0
+
+    def test_what_is_hidden_is_less_than_what_is_much(self) -> None:
+        with pytest.raises(UserError, match="must be below torque_much"):
+            SensorLimits(torque_hidden=0.1, torque_much=0.1)
+
+
+class TestReplyRepeated:
+    """A reading that stays while its target moves."""
+
+    def test_counts_from_the_window_after_the_one_in_which_the_target_moved(self, go1: Robot) -> None:
+        """A leap may go out with the last tick of a window: its answer cannot be there yet."""
+        values = [
+            measured(go1, ReplyRepeated, lambda _: (0.0, 0.0), samples=samples, target=lambda _: 0.12)[0]
+            for samples in (10, 20)
+        ]
+        assert values == pytest.approx([0.0, 0.12])
+
+    @pytest.mark.parametrize("part", [0, 1, 2])
+    def test_a_reply_of_which_one_part_changes_is_not_repeated(self, go1: Robot, part: int) -> None:
+        """Position, velocity or torque, once in a window."""
+        told = JointReadings(go1, ReplyRepeated)
+        told.begin(0, np.zeros(12, np.int64), np.zeros((3, 12)))
+        for k in range(1, 21):
+            joints = np.zeros((3, 12))
+            joints[part, 0] = 0.01 * (k >= 15)
+            told.add(k * SAMPLE_US, joints, target=0.12)
+        np.testing.assert_allclose(told.values[0], np.where(np.arange(12) == 0, 0.0, 0.12))

@@ -1,0 +1,186 @@
+"""What keeps a robot from being given stiffness, and how late ticks are counted: see `signal_source`."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from deploy_policies import Hold
+from frame_robot import TICK_US, FrameRobot
+from loops import loop_of, until
+
+from footfall.deploy.drivers.choice import open_driver
+from footfall.deploy.loop import ControlLoop
+from footfall.deploy.modes import Mode
+from footfall.deploy.skipped_ticks import SkippedTicks
+from footfall.deploy.wiring import wire
+from footfall.plant.motor_ends.motor_end import Request
+from footfall.robots.description import Robot
+
+
+def refused(loop: ControlLoop, body: FrameRobot) -> tuple[str, ...]:
+    """The faults of a run in which no joint ever gets stiffness."""
+    while loop.tick():
+        assert loop.state.mode in (Mode.IDLE, Mode.ESTOP)
+        assert Request.COMMAND not in body.kinds() or not body.sent[-1][1].values[2].any()
+    assert loop.state.mode is Mode.ESTOP
+    return loop.state.faults
+
+
+@pytest.mark.parametrize("joint", [3, 10])
+@pytest.mark.parametrize("turns", ["+1 turn ", "-1 turn "])
+def test_a_joint_that_cannot_be_where_it_says_gets_no_stiffness(go1: Robot, joint: int, turns: str) -> None:
+    loop, body = loop_of(go1, Hold(go1))
+    body.readings[0, joint] += math.copysign(math.tau, float(turns.split(maxsplit=1)[0]))
+    (fault,) = refused(loop, body)
+    assert fault.startswith(body.wiring.place(joint))
+    assert turns in fault
+
+
+@pytest.mark.parametrize(
+    ("temperature_c", "speed_rad_s", "error", "fault"),
+    [
+        (90, 0.0, 0, "FR_hip_joint (can0, id 1): the motor is at 90 degrees Celsius"),
+        (30, 50.0, 0, "FR_hip_joint (can0, id 1): turns at 50.0 rad/s, faster than its motor can"),
+        (30, 0.0, 1, "motor FR_hip_joint (can0, id 1) reports over-temperature"),
+    ],
+)
+def test_a_motor_that_is_not_well_gets_no_stiffness(
+    go1: Robot, temperature_c: int, speed_rad_s: float, error: int, fault: str
+) -> None:
+    loop, body = loop_of(go1, Hold(go1))
+    body.temperature_c, body.readings[1, 0], body.error[0] = temperature_c, speed_rad_s, error
+    assert refused(loop, body) == (fault,)
+
+
+@pytest.mark.parametrize(
+    ("lean_rad", "acceleration", "off"),
+    [
+        (0.0, (0.0, 0.0, 1.0), "90%"),  # in units of g
+        (0.0, (0.0, 0.0, -9.8), "200%"),
+        (math.radians(15), (0.0, 0.0, 9.8), "26%"),  # askew: 2 sin(7.5 degrees)
+    ],
+)
+def test_an_imu_whose_parts_disagree_on_gravity_keeps_a_still_robot_from_getting_stiffness(
+    go1: Robot, lean_rad: float, acceleration: tuple[float, float, float], off: str
+) -> None:
+    loop, body = loop_of(go1, Hold(go1), still_s=0.05)
+    body.quaternion = (math.cos(lean_rad / 2), 0.0, math.sin(lean_rad / 2), 0.0)
+    body.acceleration = acceleration
+    (fault,) = refused(loop, body)
+    assert fault.startswith("the IMU: before the start")
+    assert fault.endswith(off)
+
+
+@pytest.mark.parametrize("query", ["not_ready", "not_enabled"])
+def test_no_joint_gets_stiffness_before_each_motor_is_ready_and_enabled(go1: Robot, query: str) -> None:
+    """All answer meanwhile; in the end the fault is that of the driver."""
+    driver = open_driver(wire(go1))
+    setattr(driver, query, lambda: "motor knee is not there yet")
+    assert refused(*loop_of(go1, Hold(go1), driver=driver)) == ("motor knee is not there yet",)
+
+
+def test_a_robot_that_keeps_still_stands_up_after_that_time_level_or_not(go1: Robot) -> None:
+    """On a slope of 15 degrees the accelerometer leans as the quaternion does."""
+    loop, body = loop_of(go1, Hold(go1), still_s=0.05)
+    lean = math.radians(15)
+    body.quaternion = (math.cos(lean / 2), 0.0, math.sin(lean / 2), 0.0)
+    body.acceleration = (-9.8 * math.sin(lean), 0.0, 9.8 * math.cos(lean))
+    until(loop, Mode.STANDING)
+    assert loop.now_us == 50_000
+
+
+@pytest.mark.parametrize("place", ["the IMU's gyro", "FL_thigh_joint (can1, id 2)"])
+def test_a_robot_that_moves_waits_and_is_refused_in_the_end(go1: Robot, place: str) -> None:
+    loop, body = loop_of(go1, Hold(go1), still_s=0.05)
+    if place.startswith("FL"):
+        body.readings[1, 4] = -0.5
+    else:
+        body.gyro = (0.0, 0.5, 0.0)
+    until(loop, Mode.ESTOP)
+    assert loop.now_us == 1_000_000
+    assert f"{place} reads 0.50 rad/s" in loop.state.faults[0]
+
+
+def test_motors_are_enabled_until_all_have_answered(go1: Robot) -> None:
+    loop, body = loop_of(go1, Hold(go1))
+    body.silent = [3]
+    for _ in range(5):
+        loop.tick()
+        assert body.kinds() == [Request.ENABLE] * 12
+    assert loop.state.mode is Mode.IDLE
+    body.silent = []
+    loop.tick()
+    assert loop.state.mode is Mode.STANDING
+
+
+@pytest.mark.parametrize("channel", [0, 3])
+def test_an_imu_on_a_bus_of_its_own_is_heard_there(go1: Robot, channel: int) -> None:
+    loop, _ = loop_of(go1, Hold(go1), wiring=replace(wire(go1), imu_channel=channel))
+    loop.tick()
+    assert loop.state.mode is Mode.STANDING
+
+
+def test_refused_frames_are_counted_over_the_run(go1: Robot) -> None:
+    loop, body = loop_of(go1, Hold(go1))
+    until(loop, Mode.WALKING)
+    for body.refuses in (3, 0):
+        loop.tick()
+    assert loop.state.faults == ("bus overflow: 3 frames refused",)
+
+
+def test_of_two_motors_that_report_errors_the_first_is_named(go1: Robot) -> None:
+    loop, body = loop_of(go1, Hold(go1))
+    until(loop, Mode.WALKING)
+    body.error[[4, 9]] = 1, 2
+    loop.tick()
+    assert loop.state.faults == ("motor FL_thigh_joint (can1, id 2) reports over-temperature",)
+
+
+@pytest.mark.parametrize(
+    ("times", "fault"),
+    [
+        ([*range(0, 150_000, TICK_US), *range(360_000, 380_000, TICK_US)], "the loop paused for 212 ms"),
+        (
+            [*range(0, 150_000, TICK_US), *range(150_000, 900_000, 2 * TICK_US)],
+            "of the last second's ticks were left out",
+        ),
+    ],
+)
+def test_ticks_that_are_left_out_are_a_fault(go1: Robot, times: list[int], fault: str) -> None:
+    loop, body = loop_of(go1, Hold(go1), times)
+    for _ in times[:76]:
+        loop.tick()
+    for _ in times[76:]:
+        if loop.state.mode is Mode.WALKING:
+            loop.tick()
+    assert loop.state.mode is Mode.ESTOP
+    assert fault in loop.state.faults[0]
+    assert not body.command().kp.any()
+
+
+def test_a_few_ticks_that_are_left_out_are_forgiven(go1: Robot) -> None:
+    """One of six, and a pause of 60 ms."""
+    times = [at for at in range(0, 1_500_000, TICK_US) if at % (6 * TICK_US)]
+    times = [at for at in times if not 700_000 < at < 760_000]
+    loop, _ = loop_of(go1, Hold(go1), times)
+    for _ in times:
+        loop.tick()
+    assert loop.state.faults == ()
+
+
+def test_ticks_that_are_left_out_count_less_and_less() -> None:
+    """Of a pause of 60 ms 58 ms, of the last second; of 2 ms none; of two seconds one counts."""
+    skipped = SkippedTicks(TICK_US)
+    shares = [skipped.share(elapsed_us) for elapsed_us in (TICK_US, 60_000, TICK_US, 0, 2_000_000)]
+    assert shares == pytest.approx([0.0, 0.058, 0.058 * 0.998, 0.058 * 0.998, 0.999])
+
+
+def test_a_bodys_contradiction_counts_also_at_a_tick_at_which_readings_are_added(go1: Robot) -> None:
+    """Ticks of 4 ms add readings each time, and windows of 40 ms compare them."""
+    loop, body = loop_of(go1, Hold(go1), joint_rate_hz=250.0, times_us=range(0, 2_000_000, 4000))
+    until(loop, Mode.STANDING)
+    body.quaternion = (math.cos(0.3), 0.0, 0.0, math.sin(0.3))  # a turn of 0.6 rad that no gyro reports
+    until(loop, Mode.ESTOP, most=30)
+    assert "its quaternion turned by 0.59 rad" in loop.state.faults[0]
+    assert np.all(body.readings[0] == go1.default_pose)

@@ -1,0 +1,111 @@
+"""Control loops for tests, put together as a session does it."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from deploy_policies import stand_still
+from frame_robot import TICK_US, FrameRobot, Ticks
+
+from footfall.deploy.base_estimate import BaseEstimate, BaseState
+from footfall.deploy.bus import Bus
+from footfall.deploy.clock import LockstepClock
+from footfall.deploy.command_source import CommandSource
+from footfall.deploy.config import DeployConfig
+from footfall.deploy.drivers.choice import open_driver
+from footfall.deploy.drivers.driver import Driver
+from footfall.deploy.loop import ControlLoop
+from footfall.deploy.modes import Mode
+from footfall.deploy.policy_runner import PolicyRunner
+from footfall.deploy.safety import SafetyConfig
+from footfall.deploy.wiring import Wiring, wire
+from footfall.plant.bus import SimulatedBus
+from footfall.plant.robot import SimulatedRobot
+from footfall.plant.wires import SimulatedWires
+from footfall.policies.policy import Policy
+from footfall.robots.description import Robot
+
+
+class Pretence(LockstepClock):
+    """Ticks that follow at once, and count as wall-clock time."""
+
+    realtime = True  # type: ignore[assignment]
+
+    def lateness_us(self) -> float:
+        return 17.0
+
+
+def loop_on(
+    robot: Robot,
+    policy: Any,
+    bus: Bus,
+    times_us: Iterable[int] | None = None,
+    realtime: bool = False,
+    command_source: CommandSource = stand_still,
+    wiring: Wiring | None = None,
+    driver: Driver | None = None,
+    estimator: Any = None,
+    base_state: BaseState | None = None,
+    log: Any = None,
+    lie_down: bool = False,
+    taken_over: Callable[[], bool] = lambda: False,
+    safety: SafetyConfig | None = None,
+    still_s: float = 0.0,  # it stands up as soon as all are heard
+    **settings: Any,
+) -> ControlLoop:
+    """A loop on a bus, by default in lockstep at 500 Hz."""
+    wiring = wiring or wire(robot)
+    safety = replace(safety or SafetyConfig(), still_s=still_s)
+    config = DeployConfig(**{"stand_s": 0.099, **settings}, safety=safety)
+    clock: Any = (Pretence if realtime else LockstepClock)(TICK_US) if times_us is None else Ticks(times_us)
+    runner = PolicyRunner(policy, command_source, config.joint_rate_hz, safety.late_limit_s, realtime)
+    return ControlLoop(
+        robot,
+        wiring,
+        driver or open_driver(wiring),
+        bus,
+        clock,
+        config,
+        runner,
+        BaseEstimate(config.estimator_rate_hz, estimator, base_state),
+        log,
+        lie_down=lie_down,
+        taken_over=taken_over,
+    )
+
+
+def loop_of(robot: Robot, policy: Any, *args: Any, **settings: Any) -> tuple[ControlLoop, FrameRobot]:
+    """A loop on a robot made of frames alone (see `loop_on`)."""
+    body = FrameRobot(robot, settings.get("wiring"))
+    return loop_on(robot, policy, body, *args, **settings), body
+
+
+def simulated_loop(
+    robot: Robot, policy: Policy, pose: np.ndarray | None = None, **settings: Any
+) -> ControlLoop:
+    """A loop on a simulated robot that stands in a pose, the default one if none is given."""
+    wiring = wire(robot)
+    wires = SimulatedWires(wiring.buses)
+    body = SimulatedRobot(robot, wiring, wires)
+    if pose is not None:
+        body.data.qpos[7:] = pose
+    settings = {"stand_s": 0.1, "pose_rate_rad_s": 100.0, **settings}
+    return loop_on(robot, policy, SimulatedBus(wires, body), **settings)
+
+
+def until(loop: ControlLoop, mode: Mode, most: int = 2000) -> None:
+    """Tick until the loop is in a mode."""
+    for _ in range(most):
+        if loop.state.mode is mode:
+            return
+        loop.tick()
+    pytest.fail(f"{loop.state} never became {mode}")
+
+
+def walk_for(loop: ControlLoop, walking_s: float) -> None:
+    """Tick until the robot has walked for so long, or walks no more."""
+    while loop.tick() and not (loop.walking and loop.walking_s >= walking_s - 1e-9):
+        if loop.state.faults:
+            return

@@ -1,0 +1,112 @@
+"""Readings made up for the sensor checks, and what each check measures of them."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from footfall.deploy.drivers.imu import Inertial
+from footfall.deploy.sensor_checks.body_window import BodyReadings, body_window
+from footfall.deploy.sensor_checks.check import BodyCheck, JointCheck
+from footfall.deploy.sensor_checks.joint_window import JointWindows
+from footfall.deploy.sensor_checks.table import SensorLimits
+from footfall.robots.description import Robot
+
+LIMITS = SensorLimits()
+STILL = Inertial((0.0, 0.0, 0.0), (0.0, 0.0, 9.81), (1.0, 0.0, 0.0, 0.0))
+SAMPLE_US = 4000
+PER_WINDOW = 10
+SWING_RAD, SWING_RAD_S = 0.1, 15.0  # of a leg: 2.4 swings a second
+
+Reading = Callable[[float], tuple[float, float]]  # s to rad and rad/s
+
+
+def swing(time_s: float) -> tuple[float, float]:
+    """A joint that swings to and fro."""
+    angle = SWING_RAD_S * time_s
+    return SWING_RAD * np.sin(angle), SWING_RAD * SWING_RAD_S * np.cos(angle)
+
+
+class JointReadings:
+    """Feeds a robot's joint readings to some checks, window by window."""
+
+    def __init__(self, robot: Robot, *checks: type[JointCheck], tick_s: float = 0.002) -> None:
+        self.n = len(robot.joint_names)
+        self.windows = JointWindows(self.n, LIMITS.period_s, tick_s)
+        self.checks = [check(robot, LIMITS, self.windows.sample_s) for check in checks]
+        self.values = np.zeros((len(checks), self.n))  # of the last window
+        self.zeros = np.zeros(self.n)
+
+    def begin(self, now_us: int, heard_us: np.ndarray, joints: np.ndarray) -> None:
+        self.windows.begin(now_us, heard_us, joints, self.zeros)
+
+    def add(
+        self,
+        now_us: int,
+        joints: np.ndarray,
+        heard_us: Any = None,
+        expected: Any = 0.0,
+        stiffness: float = 0.0,
+        target: float = 0.0,
+    ) -> bool:
+        """Add one reading; returns whether a window is over, which the checks have seen then."""
+        heard = np.full(self.n, now_us) if heard_us is None else heard_us
+        if not self.windows.add(now_us, 0, heard, STILL, joints, self.zeros + expected):
+            return False
+        zeros = self.zeros
+        window = self.windows.close(zeros + stiffness, zeros + target, zeros, zeros)
+        assert window is not None
+        self.values = np.array([check.measure(window) for check in self.checks])
+        return True
+
+
+def measured(
+    robot: Robot,
+    check: type[JointCheck],
+    reading: Reading = swing,
+    torque: Callable[[float], tuple[float, float]] = lambda _: (0.0, 0.0),
+    lost: Callable[[int], bool] = lambda _: False,
+    samples: int = 250,
+    stiffness: float = 0.0,
+    target: Callable[[float], float] = lambda _: 0.0,
+) -> np.ndarray:
+    """What a check measures in the end of a robot of which joint 0 moves, (n,).
+
+    `torque` gives what that joint reports and what is expected, N m. A sample whose number is `lost` leaves
+    the reading, and the time at which it arrived, as they were.
+    """
+    told, heard_us = JointReadings(robot, check), np.zeros(len(robot.joint_names), np.int64)
+    joints = np.zeros((3, told.n))
+    joints[:2, 0] = reading(0.0)
+    told.begin(0, heard_us, joints)
+    for k in range(1, samples + 1):
+        time_s = k * SAMPLE_US * 1e-6
+        expected = told.zeros.copy()
+        if not lost(k):
+            joints, heard_us = joints.copy(), np.full(told.n, k * SAMPLE_US)
+            joints[:2, 0] = reading(time_s)
+            joints[2, 0], expected[0] = torque(time_s)
+        told.add(k * SAMPLE_US, joints, heard_us, expected, stiffness, target(time_s))
+    return told.values[0]
+
+
+class BodyWindows:
+    """Feeds windows of IMU readings to one check of the base."""
+
+    def __init__(self, robot: Robot, check: type[BodyCheck], before: Inertial = STILL) -> None:
+        self.check = check(robot, LIMITS, SAMPLE_US * 1e-6)
+        self.before = before
+        self._position = robot.default_pose
+
+    def look(
+        self,
+        *inertials: Inertial,
+        speed_rad_s: float = 0.0,
+        on_legs: bool = True,
+        position: np.ndarray | None = None,
+    ) -> float:
+        """What the check measures after one more window of 40 ms."""
+        place = self._position if position is None else position
+        readings = BodyReadings(0.04, self.before, list(inertials), place, np.zeros(12), speed_rad_s)
+        self.before = inertials[-1]
+        return self.check.measure(body_window(readings, on_legs))
