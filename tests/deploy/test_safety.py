@@ -33,8 +33,8 @@ def after(mode: Mode, changes: dict[str, Any] | None = None, since_s: float = 4.
 
 
 # What each signal makes of a robot that can lie down, in IDLE, STANDING, WALKING, STOPPING and LOWERING: it
-# stays (-), or goes to ESTOP, FALLING or LOWERING, by their initials. A robot in IDLE is ready: what would be a
-# fault in STANDING keeps it from getting there.
+# stays (-), or goes to ESTOP, FALLING or LOWERING, by their initials. A robot in IDLE is ready: what would be
+# a fault in STANDING keeps it from getting there.
 TABLE: list[tuple[dict[str, Any], str, str]] = [
     ({"motors.silence_s": 0.06}, "no reply from FR_hip_joint (can0, id 1) for 50 ms", "-EEEE"),
     ({"imu.silence_s": 0.06}, "no new IMU reading (gyro) for 50 ms", "-EEEE"),

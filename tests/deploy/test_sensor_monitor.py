@@ -17,7 +17,8 @@ from footfall.deploy.sensor_checks.monitor import SensorMonitor
 from footfall.deploy.sensor_checks.table import BODY_CHECKS, JOINT_CHECKS, SensorLimits
 from footfall.deploy.signals import Implausible
 from footfall.deploy.wiring import wire
-from footfall.robots.description import MotorType, Robot, load_robot
+from footfall.robots.description import Robot, load_robot
+from footfall.robots.robot_yaml import MotorType
 
 CALF = 2  # FR_calf_joint (can0, id 3): 35.55 N m, 20.06 rad/s
 LOOSE = SensorLimits(drift_rad=6.0, wander_rad=6.0, stuck_rad=6.0)
