@@ -11,7 +11,7 @@ import io
 import json
 import textwrap
 import tokenize
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import MISSING, Field, fields, is_dataclass
 from functools import cache
 from pathlib import Path
@@ -23,7 +23,11 @@ import yaml
 from footfall.cli import app
 from footfall.deploy.config import DeployConfig
 from footfall.evaluate.scenarios import Scenario
+from footfall.plant.episode import Episode
+from footfall.plant.trace import Trace
 from footfall.policies.contract import Contract
+from footfall.policies.policy import PolicyInput
+from footfall.robots.description import Robot
 from footfall.robots.robot_yaml import Description
 from footfall.train.config import TrainConfig
 
@@ -47,20 +51,19 @@ FAULT_COLUMNS = {
 
 def command_line() -> str:
     """Every verb with its options, from the parser's own help."""
-    return (
-        app.generate_docs(recursive=True, heading_level=2)
-        .partition("## footfall train")[2]
-        .join(("## footfall train", ""))
-    )
+    text = app.generate_docs(recursive=True, heading_level=1)
+    return text[text.index("## footfall train") :]
 
 
-def settings(cls: type, path: str = "") -> str:
-    """A table of a dataclass's fields, and one for each dataclass among them.
+def settings(cls: type, path: str = "", seen: dict[type, str] | None = None) -> str:
+    """A table of a dataclass's fields, and one for each kind of dataclass among them.
 
     Args:
         cls: the dataclass that a YAML file is read into.
         path: dotted key of the section; empty for the whole file.
+        seen: dataclasses that have a table already, and its key.
     """
+    seen = {} if seen is None else seen
     parts = [f"## `{path}`\n" if path else "## Top level\n", _first_paragraph(cls), ""]
     parts += ["| key | type | default | meaning |", "| --- | --- | --- | --- |"]
     hints, comments = get_type_hints(cls), _comments(cls)
@@ -68,12 +71,21 @@ def settings(cls: type, path: str = "") -> str:
     for each in fields(cls):
         key = f"{path}.{each.name}" if path else each.name
         nested, suffix = _nested(hints[each.name])
-        meaning = comments.get(each.name, "")
+        kind = _type(hints[each.name])
         if nested is not None:
-            meaning = meaning or f"see [`{key}{suffix}`](#{_anchor(key + suffix)})"
-            inner.append(settings(nested, key + suffix))
-        parts.append(f"| `{each.name}` | {_type(hints[each.name])} | {_default(each)} | {_cell(meaning)} |")
+            if nested not in seen:
+                seen[nested] = key + suffix
+                inner.append(settings(nested, key + suffix, seen))
+            kind = f"[{kind}](#{_anchor(seen[nested])})"
+        meaning = _cell(comments.get(each.name, ""))
+        parts.append(f"| `{each.name}` | {kind} | {_default(each)} | {meaning} |")
     return "\n".join([*parts, "", *inner])
+
+
+def attributes(cls: type) -> str:
+    """A table of the attributes of a class, with the comments beside them."""
+    rows = [f"| `{name}` | {_cell(meaning)} |" for name, meaning in _comments(cls).items()]
+    return "\n".join(["| attribute | meaning |", "| --- | --- |", *rows])
 
 
 def _nested(hint: Any) -> tuple[type | None, str]:
@@ -122,7 +134,7 @@ def _default(each: "Field[Any]") -> str:
 def _comments(cls: type) -> dict[str, str]:
     """What the comments beside and above each field of a dataclass say, by field; base classes included."""
     found: dict[str, str] = {}
-    for base in reversed(cls.__mro__[:-1]):
+    for base in reversed([base for base in cls.__mro__ if base.__module__.startswith("footfall.")]):
         source = textwrap.dedent(inspect.getsource(base))
         [tree] = ast.parse(source).body
         assert isinstance(tree, ast.ClassDef)
@@ -133,17 +145,18 @@ def _comments(cls: type) -> dict[str, str]:
         }
         for node in tree.body:
             if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
-                lines = list(_lines_of(node, by_line))
-                found[node.target.id] = " ".join(by_line[line][0] for line in lines if line in by_line)
+                beside = [line for line in range(node.lineno, (node.end_lineno or 0) + 1) if line in by_line]
+                lines = beside or [*_lines_above(node.lineno, by_line)]
+                found[node.target.id] = " ".join(by_line[line][0] for line in lines)
     return found
 
 
-def _lines_of(node: ast.AnnAssign, by_line: dict[int, tuple[str, bool]]) -> Iterator[int]:
-    """Lines of a field, and of the whole comment lines above it."""
-    first = node.lineno
+def _lines_above(lineno: int, by_line: dict[int, tuple[str, bool]]) -> range:
+    """The whole comment lines above a field."""
+    first = lineno
     while by_line.get(first - 1, ("", False))[1]:
         first -= 1
-    return iter(range(first, (node.end_lineno or node.lineno) + 1))
+    return range(first, lineno)
 
 
 def _first_paragraph(thing: Any) -> str:
@@ -220,6 +233,10 @@ SECTIONS: dict[str, Callable[[], str]] = {
     "deploy-yaml": lambda: settings(DeployConfig),
     "scenarios-yaml": lambda: settings(Scenario),
     "contract": lambda: settings(Contract),
+    "episode": lambda: attributes(Episode),
+    "trace": lambda: attributes(Trace),
+    "policy-input": lambda: attributes(PolicyInput),
+    "robot": lambda: attributes(Robot),
     "terms": terms,
     "measurements": measurements,
     "faults": faults,
