@@ -1,7 +1,6 @@
 """Limbs of any kind: both forms agree, there and back, within limits, finite out of reach."""
 
 from pathlib import Path
-from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -20,11 +19,14 @@ from made_up import (
     six_hinge_leg,
     write_robot,
 )
-from scipy.optimize import least_squares
+from scipy import optimize
 
 from footfall.common.errors import UserError
 from footfall.robots.description import Robot, load_robot
-from footfall.robots.kinematics import Legs
+from footfall.robots.forward import ForwardKinematics
+from footfall.robots.inverse import least_squares
+from footfall.robots.least_squares import LeastSquares
+from footfall.robots.limb_order import LimbOrder
 from footfall.robots.rigid_body import nominal_body
 
 KINDS = ("five legs, one of four hinges", "biped without ankles", "six hinges and soles")
@@ -45,10 +47,11 @@ def fractions(robot: Robot) -> st.SearchStrategy[np.ndarray]:
     return arrays(float, len(robot.joint_names), elements=st.floats(-1.0, 1.0))
 
 
-def without_closed_form(legs: Legs, robot: Robot) -> SimpleNamespace:
+def without_closed_form(robot: Robot) -> LeastSquares:
     """The same limbs, solved by least squares."""
-    return SimpleNamespace(
-        solve=lambda tips: legs._least_squares(robot.description).solve(tips, list(range(legs.count)))
+    order = LimbOrder(robot.description)
+    return least_squares(
+        robot.description, order, ForwardKinematics(robot.description, robot.xml_path, order)
     )
 
 
@@ -60,7 +63,10 @@ class TestBothForms:
         robot = load_robot(name)
         joint = near_default(robot, data.draw(fractions(robot)), share=0.25)
         tips = robot.legs.pose(joint).foot
-        by_hand, by_squares = robot.legs.solve(tips), without_closed_form(robot.legs, robot).solve(tips)
+        by_hand, by_squares = (
+            robot.legs.solve(tips),
+            without_closed_form(robot).solve(tips, list(range(robot.legs.count))),
+        )
         np.testing.assert_allclose(by_hand, robot.legs.gather(joint), atol=1e-6)
         np.testing.assert_allclose(by_squares, by_hand, atol=1e-5)
 
@@ -177,8 +183,8 @@ class TestDifferentLimbs:
         self, robots: dict[str, Robot]
     ) -> None:
         legs = robots[KINDS[0]].legs
-        assert [form is None for form in legs._form_of] == [False, False, False, False, True]
-        assert robots["biped without ankles"].legs._chains is None
+        assert legs.inverse.closed == [True, True, True, True, False]
+        assert all(robots["biped without ankles"].legs.inverse.closed)
 
 
 class TestSoles:
@@ -201,15 +207,13 @@ class TestSoles:
         robot = write_robot(tmp_path, [six_hinge_leg("l", 0.09), six_hinge_leg("r", -0.09, PLATE)])
         legs = robot.legs
         places = legs.default_foot + np.array([[0.08, 0.02, 0.05], [-0.06, -0.03, 0.02]])
-        legs.pose(legs.scatter(legs.solve(places), robot.default_pose))
-        turn = legs._data.site_xmat[legs._tips].reshape(2, 3, 3)
+        turn = legs.turn(legs.scatter(legs.solve(places), robot.default_pose))
         np.testing.assert_allclose(turn, np.tile(np.eye(3), (2, 1, 1)), atol=1e-6)
 
     def test_a_sole_out_of_reach_gives_up_its_own_level_only(self, robots: dict[str, Robot]) -> None:
         legs, default = robots["six hinges and soles"].legs, robots["six hinges and soles"].default_pose
         places = legs.default_foot + np.array([[0.05, 0.02, 0.04], [0.6, -0.3, 0.0]])
-        legs.pose(legs.scatter(legs.solve(places), default))
-        turn = legs._data.site_xmat[legs._tips].reshape(2, 3, 3)
+        turn = legs.turn(legs.scatter(legs.solve(places), default))
         np.testing.assert_allclose(turn[0], np.eye(3), atol=1e-6)
         assert np.abs(turn[1] - np.eye(3)).max() > 0.1
 
@@ -239,7 +243,7 @@ def test_out_of_reach_it_comes_as_near_as_a_bounded_optimiser(
         return legs.pose(joint).foot[4] - far
 
     bounds = (robot.lower_rad[own], robot.upper_rad[own])
-    best = least_squares(missing, robot.default_pose[own], bounds=bounds)
+    best = optimize.least_squares(missing, robot.default_pose[own], bounds=bounds)
     left = np.linalg.norm(missing(legs.solve(far[None], [4])[0]))
     assert np.linalg.norm(best.fun) > 0.05  # it is out of reach
     assert left == pytest.approx(np.linalg.norm(best.fun), abs=1e-3)

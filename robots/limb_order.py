@@ -1,0 +1,38 @@
+"""Which joints belong to which limb: from joint order to limbs and back."""
+
+import numpy as np
+
+from footfall.common.arrays import as_slice
+from footfall.robots.robot_yaml import Description
+
+
+class LimbOrder:
+    """The limbs' joints, limb after limb. Arrays are as wide as the longest limb, m hinges."""
+
+    def __init__(self, description: Description) -> None:
+        self.joints_of = description.foot_joints  # of each limb, from the base outwards
+        self.count = len(self.joints_of)
+        self.hinges = max(map(len, self.joints_of))
+        self.present = np.array([[k < len(own) for k in range(self.hinges)] for own in self.joints_of])
+        self.alike = bool(self.present.all())  # all limbs have as many hinges
+        # Where a limb has no hinge, its first one stands in, and `present` is False.
+        self.joints = np.array([[*own, *[own[0]] * (self.hinges - len(own))] for own in self.joints_of])
+        self._places = as_slice(self.joints.ravel())
+        # Whether the limbs' joints are all that the robot has, one limb after another.
+        self._in_order = self.alike and self._places == slice(0, len(description.joints), 1)
+
+    def gather(self, joint_values: np.ndarray) -> np.ndarray:
+        """Joint order (..., n) to limbs (..., legs, m); zero where a limb has no hinge."""
+        values = joint_values.take(self.joints, axis=-1)
+        return values if self.alike else values * self.present
+
+    def scatter(self, leg_values: np.ndarray, others: np.ndarray) -> np.ndarray:
+        """Limbs (..., legs, m) to joint order (..., n); joints outside them keep their value in `others`."""
+        if self._in_order:
+            return leg_values.reshape(others.shape)
+        result = others.copy()
+        if self.alike:
+            result[..., self._places] = leg_values.reshape(*leg_values.shape[:-2], -1)
+        else:
+            result[..., self.joints[self.present]] = leg_values[..., self.present]
+        return result
