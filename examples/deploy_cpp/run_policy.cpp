@@ -4,9 +4,9 @@
 //   g++ -std=c++17 -O2 run_policy.cpp -I/usr/include/onnxruntime -lonnxruntime -o run_policy
 //   ./run_policy policy.onnx < readings.txt
 //
-// An input line is one control step: quaternion (w x y z, body to world), gyro (rad/s, body frame), joint
-// positions (rad), joint velocities (rad/s), command (m/s forward, m/s leftward, rad/s yaw). An output line:
-// the action, then the joint position targets (rad). Joints are in the contract's order.
+// Input, a line for each control step: quaternion (w x y z, body to world), gyro (rad/s, body frame), joint positions
+// (rad), joint velocities (rad/s), command (m/s, m/s, rad/s). Output: action, joint position targets (rad).
+#include <algorithm>
 #include <cmath>
 #include <deque>
 #include <iostream>
@@ -15,7 +15,6 @@
 #include <onnxruntime_cxx_api.h>
 
 using Vector = std::vector<double>;
-
 void run(const char* path) {
     Ort::Env env(ORT_LOGGING_LEVEL_ERROR);
     Ort::SessionOptions options;
@@ -30,8 +29,9 @@ void run(const char* path) {
     const size_t n = pose.size();
     const auto gait = contract["gait"].is_null() ? nlohmann::json::object() : contract["gait"];
     const double steps_per_cycle = contract["control_rate_hz"].get<double>() / gait.value("frequency_hz", 1.0);
+    const auto commands = contract["commands"];
+    const Vector range[] = {commands["forward_m_s"], commands["leftward_m_s"], commands["yaw_rad_s"]};
     const Vector offset = gait.value("phase", Vector(n)), amplitude = gait.value("amplitude_rad", Vector(n));
-
     std::map<std::string, std::deque<Vector>> history;  // the last values of each term, the oldest first
     Vector action(n), line(4 + 3 + 2 * n + 3);
     for (long step = 0;; ++step) {
@@ -39,6 +39,7 @@ void run(const char* path) {
         const double w = line[0], x = line[1], y = line[2], z = line[3];
         const auto position = line.begin() + 7, velocity = position + n, command = velocity + n;
         for (size_t j = 0; j < n; ++j) position[j] -= pose[j];
+        for (int k = 0; k < 3; ++k) command[k] = std::clamp(command[k], range[k][0], range[k][1]);
         const bool moving = std::hypot(command[0], command[1], command[2]) >= contract["standing_command"];
         const double phase = gait.empty() ? 0.0 : std::fmod(step / steps_per_cycle, 1.0);
         std::map<std::string, Vector> terms{
@@ -49,7 +50,6 @@ void run(const char* path) {
             {"command", Vector(command, line.end())},
             {"last_action", action},
             {"clock", {moving * std::sin(2 * M_PI * phase), moving * std::cos(2 * M_PI * phase)}}};
-
         std::vector<float> input;  // term by term; within a term the oldest step comes first
         for (const auto& term : contract["observation"]) {
             const auto found = terms.find(term["name"]);

@@ -28,6 +28,7 @@ ROOT = Path(__file__).parents[2]
 PAGES = [
     *sorted(ROOT.glob("*.md")),
     *sorted(ROOT.glob("docs/**/*.md")),
+    *sorted(ROOT.glob("examples/*.md")),
     *sorted(ROOT.glob("policies/zoo/*/*.md")),
 ]
 LINK = re.compile(r"\]\(([^)\s]+)\)")
