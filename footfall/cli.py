@@ -6,7 +6,7 @@ import signal
 import sys
 import threading
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib.metadata import version
 from itertools import takewhile
 
@@ -126,8 +126,10 @@ def _print_any_name() -> None:
 
 
 def _stop_writing() -> None:
-    """Let nothing that is still buffered try to reach an output that cannot take it."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    """Discard what is still buffered for an output that cannot take it."""
+    with suppress(io.UnsupportedOperation):  # an output in memory has no descriptor
+        descriptor = sys.stdout.fileno()
+        os.dup2(os.open(os.devnull, os.O_WRONLY), descriptor)
 
 
 def _complain(reason: str, status: int = BAD_INPUT) -> int:

@@ -27,6 +27,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 from recorder import Recorder
+from shell import Shell
 
 from footfall.common.config import dump
 from footfall.policies.contract import Contract, Gait, Term
@@ -153,6 +154,13 @@ def own_folder(tmp_path: Path) -> Path:
     folder = tmp_path / "mine"
     shutil.copytree(ROBOTS / "go1", folder)
     return folder
+
+
+@pytest.fixture
+def shell(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Shell:
+    """The command line, in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+    return Shell(capsys)
 
 
 @pytest.fixture

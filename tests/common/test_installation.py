@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from footfall.common import installation, machine
+from footfall import machine
+from footfall.common import installation
 from footfall.common.errors import UserError
 from footfall.common.installation import install, install_extras, missing, needs_extra, requirements
 

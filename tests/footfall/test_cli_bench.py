@@ -52,11 +52,6 @@ class Motors:
 
 
 @pytest.fixture
-def shell(capsys: pytest.CaptureFixture[str]) -> Shell:
-    return Shell(capsys)
-
-
-@pytest.fixture
 def motors() -> Motors:
     return Motors()
 

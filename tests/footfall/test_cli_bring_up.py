@@ -20,12 +20,6 @@ OUTCOME: Any = SimpleNamespace(final_state="IDLE", run_s=2.5, notes=("a note",))
 
 
 @pytest.fixture
-def shell(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Shell:
-    monkeypatch.chdir(tmp_path)
-    return Shell(capsys)
-
-
-@pytest.fixture
 def runs(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Step, Setting, str]]:
     """Each step that was run, its setting and its bus; all pass."""
     given: list[tuple[Step, Setting, str]] = []

@@ -14,7 +14,7 @@ from multicast import robot_on_multicast
 from rich.table import Table
 from shell import Shell
 
-from footfall.common import machine
+from footfall import machine
 from footfall.deploy import bench, scan
 from footfall.deploy.drivers import odrive, robstride
 from footfall.deploy.wiring import wire
@@ -23,11 +23,6 @@ from footfall.plant.motors import MotorFaults
 from footfall.plant.robot import SimulatedRobot
 from footfall.robots.description import Robot
 from footfall.verbs import can
-
-
-@pytest.fixture
-def shell(capsys: pytest.CaptureFixture[str]) -> Shell:
-    return Shell(capsys)
 
 
 def joints(out: str) -> list[list[str]]:

@@ -1,8 +1,10 @@
 """`footfall demo`: which commands it runs, without running them."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+from recorder import Recorder
 from shell import Shell
 
 from footfall.cli import app
@@ -19,20 +21,29 @@ def steps(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, ...]]:
 
 
 def test_it_goes_from_training_to_a_report(
-    steps: list[tuple[str, ...]], capsys: pytest.CaptureFixture[str], tmp_path: Path
+    steps: list[tuple[str, ...]], shell: Shell, called: Recorder
 ) -> None:
-    outcome = Shell(capsys)("demo", "--out", tmp_path / "demo", "--seed", "7", "--episodes", "3")
-    assert outcome.status == 0
-    assert [step[0] for step in steps] == ["train", "export", "deploy", "compare"]
+    called.replace("footfall.policies.registry.zoo_names", ["go1-flat"])
+    called.replace("footfall.policies.registry.walking_controllers", ["trot", "mpc"])
+    options = "--out d --seed 7 --episodes 3 --preset smoke --scenarios push,gentle"
+    outcome = shell("demo", *options.split())
+    assert outcome.status == 0, outcome.err
+    shared = "--robot go1 --seed 7"
+    assert [" ".join(tokens) for tokens in steps] == [
+        f"train {shared} --no-evaluate --preset smoke --out d/trained",
+        "export d/trained --out d/policy.onnx",
+        f"deploy d/trained {shared} --command 0.5,0,0 --duration 10 --log d/walk.mcap --json d/walk.json",
+        f"compare d/trained go1-flat trot mpc {shared} --scenarios push,gentle --episodes 3"
+        " --json d/compare.json --html d/report.html",
+    ]
     for step in steps:
         app.parse_args(list(step), exit_on_error=False, print_error=False)
-    train, _, deploy, compare = steps
-    run = str(tmp_path / "demo" / "trained")
-    assert train[-1] == run
-    assert deploy[1] == compare[1] == run
-    assert {"trot", "mpc"} <= set(compare)
-    assert all("7" in step for step in (train, deploy, compare))
-    assert str((tmp_path / "demo" / "report.html").resolve()) in outcome.out
+    assert str(Path("d/report.html").resolve()) in outcome.out
+
+
+def test_without_options_it_makes_a_folder_of_its_own(steps: list[tuple[str, ...]], shell: Shell) -> None:
+    assert shell("demo").status == 0
+    assert Path(steps[1][1]).match("runs/demo-*/trained")
 
 
 @pytest.mark.parametrize(
@@ -41,34 +52,33 @@ def test_it_goes_from_training_to_a_report(
 )
 def test_another_robot_is_asked_for_its_own_controllers_of_each_kind_and_speed(
     steps: list[tuple[str, ...]],
-    capsys: pytest.CaptureFixture[str],
+    shell: Shell,
     tmp_path: Path,
     robot: str,
     walkers: list[str],
     half_speed: str,
 ) -> None:
-    Shell(capsys)("demo", "--robot", robot, "--out", tmp_path / "demo")
+    shell("demo", "--robot", robot, "--out", tmp_path / "demo")
     _, _, deploy, compare = steps
     assert list(compare[2 : compare.index("--robot")]) == walkers
     assert deploy[deploy.index("--command") + 1] == f"{half_speed},0,0"
 
 
-def test_what_the_last_step_needs_is_known_before_the_first(
-    steps: list[tuple[str, ...]], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+def test_what_any_step_needs_is_known_before_the_first(
+    steps: list[tuple[str, ...]], shell: Shell, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    shell = Shell(capsys)
-    assert "no scenario 'ballet'" in shell.refuses("demo", "--scenarios", "ballet")
+    for option, complaint in (
+        (("--scenarios", "gentle,ballet"), "no scenario 'ballet'"),
+        (("--preset", "huge"), "no preset 'huge'"),
+        (("--robot", "rex"), "no robot 'rex'"),
+    ):
+        assert complaint in shell.refuses("demo", "--out", "d", *option)
+    (tmp_path / "file").touch()
+    assert "not empty" in shell.refuses("demo", "--out", "file")
     monkeypatch.setattr("footfall.evaluate.report.extra.find_spec", lambda _: None)
-    assert "an HTML report needs" in shell.refuses("demo")
+    assert "an HTML report needs" in shell.refuses("demo", "--out", "d")
     assert steps == []
-
-
-def test_a_preset_that_does_not_exist_is_refused_before_anything_is_made(
-    steps: list[tuple[str, ...]], capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    assert "no preset 'huge'" in Shell(capsys).refuses("demo", "--preset", "huge", "--out", tmp_path / "demo")
-    assert not (tmp_path / "demo").exists()
-    assert steps == []
+    assert not (tmp_path / "d").exists()
 
 
 def test_a_failed_step_ends_it() -> None:
@@ -77,7 +87,7 @@ def test_a_failed_step_ends_it() -> None:
 
 
 def test_a_policy_that_falls_over_the_bus_is_still_compared(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    monkeypatch: pytest.MonkeyPatch, shell: Shell, tmp_path: Path
 ) -> None:
     """deploy ends with status 1 after a fall; of every other step that status ends the demo."""
     statuses = {"train": 0, "export": 0, "deploy": 1, "compare": 0}
@@ -92,8 +102,22 @@ def test_a_policy_that_falls_over_the_bus_is_still_compared(
             return statuses[self.verb]
 
     monkeypatch.setattr(demo_module.subprocess, "Popen", Step)
-    assert Shell(capsys)("demo", "--out", tmp_path / "demo").status == 0
+    assert shell("demo", "--out", tmp_path / "demo").status == 0
     assert ran == ["train", "export", "deploy", "compare"]
     statuses["export"] = 1
-    assert Shell(capsys)("demo", "--out", tmp_path / "demo").status == 2
+    assert shell("demo", "--out", tmp_path / "demo").status == 2
     assert ran[4:] == ["train", "export"]
+
+
+def test_ctrl_c_ends_it_after_the_step_has_ended(monkeypatch: pytest.MonkeyPatch, shell: Shell) -> None:
+    waits: list[str] = []
+
+    def wait() -> int:
+        waits.append("wait")
+        if len(waits) == 1:
+            raise KeyboardInterrupt
+        return 0
+
+    monkeypatch.setattr(demo_module.subprocess, "Popen", lambda _: SimpleNamespace(wait=wait))
+    assert shell("demo", "--out", "d").status == 130
+    assert waits == ["wait", "wait"]

@@ -1,30 +1,26 @@
-"""`footfall deploy` and `footfall replay`: exit status, figures and files."""
+"""`footfall deploy`: options, exit status, figures and files."""
 
 import json
-import re
-import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
+import numpy as np
 import pytest
+from recorder import Recorder
 from shell import Shell
 from tiny_policy import write_policy
 
 from footfall.cli import main
-from footfall.common.errors import UserError
-from footfall.deploy.session import Session
+from footfall.deploy.config import DeployConfig
 from footfall.plant import episode
 from footfall.plant.robot import SimulatedRobot
-from footfall.policies.policy import Policy
-from footfall.policies.registry import ZOO
 from footfall.robots.description import ROBOTS, Robot
 
 SHORT = ("--duration", "0.6")
-
-
-@pytest.fixture
-def shell(capsys: pytest.CaptureFixture[str]) -> Shell:
-    return Shell(capsys)
 
 
 class Made(NamedTuple):
@@ -137,21 +133,6 @@ def test_the_same_seed_gives_the_same_run(trotted: Made, tmp_path: Path) -> None
         assert again[name] == trotted.figures[name]
 
 
-@pytest.mark.parametrize(("told", "lies_down"), [((), True), (("--no-lie-down",), False)])
-def test_a_robot_on_a_real_bus_lies_down_unless_told_not_to(
-    shell: Shell, monkeypatch: pytest.MonkeyPatch, told: tuple[str, ...], lies_down: bool
-) -> None:
-    sessions: list[Session] = []
-
-    def refused(_: Robot, __: Policy, bus: str, session: Session) -> None:
-        sessions.append(session)
-        raise UserError(f"no bus {bus} here")
-
-    monkeypatch.setattr("footfall.deploy.session.run_on_interface", refused)
-    assert shell.refuses("deploy", "stand", "--bus", "socketcan", *told) == "no bus socketcan here"
-    assert sessions[0].lie_down is lies_down
-
-
 def test_json_to_standard_output(shell: Shell) -> None:
     """A device is written to, not replaced by a file of its name."""
     outcome = shell("deploy", "stand", "--duration", "0.1", "--json", "/dev/null")
@@ -170,68 +151,192 @@ def test_a_users_own_robot_and_policy(shell: Shell, own_folder: Path, tmp_path: 
     assert own_folder != ROBOTS / "go1"
 
 
-def test_a_log_replays_to_the_same_decisions(shell: Shell, trotted: Made) -> None:
-    outcome = shell("replay", trotted.log)
-    assert outcome.status == 0, outcome.out
-    assert "the same decisions" in outcome.out
+def ran(**changes: Any) -> Any:
+    """What a run has to tell: it ended safely, after ticks that came late."""
+    timing = {
+        "tick_us_p50": 1.0, "tick_us_p99": 2.0, "policy_ms_p50": 0.25, "policy_ms_p99": 4.0,
+        "lateness_us_max": 9.0, "lateness_us_p50": 5.0, "lateness_us_p99": 6.0, "overruns": 7.0,
+        "ticks": 800.0, "ticks_skipped": 11.0,
+    }  # fmt: skip
+    facts = {
+        "walked_s": 1.5, "final_state": "IDLE", "faults": (), "notes": ("a note",), "buses": (),
+        "wall_s": 2.0, "run_s": 3.0, "fell": False, "fall_reason": "", "distance_m": 0.7,
+        "mean_velocity": np.array([0.4, -0.1, 0.2]), "timing": timing,
+    }  # fmt: skip
+    return SimpleNamespace(**(facts | changes))
 
 
-def test_a_log_replays_with_the_settings_that_made_it(shell: Shell, tmp_path: Path) -> None:
-    """Also when the file that they came from has changed."""
-    log, figures, mine = tmp_path / "run.mcap", tmp_path / "run.json", tmp_path / "mine.yaml"
-    mine.write_text("kp: 45.0")
-    spec = f"stand@{mine}"
-    assert shell("deploy", spec, "--set", "stand.kd=2.5", *SHORT, "--log", log, "--json", figures).status == 0
-    told = json.loads(figures.read_text())
-    assert told["policy"] == f"{spec}@kd=2.5"
-    assert (told["settings"]["kp"], told["settings"]["kd"], told["settings"]["tilt_gain"]) == (45.0, 2.5, 0.3)
-    mine.write_text("kp: 300.0")
-    assert shell("replay", log).status == 0
-    assert shell("replay", log, "--policy", spec).status == 1
-    assert shell("replay", log, "--policy", "stand@kp=45@kd=2.5").status == 0
+def words(text: str) -> str:
+    return " ".join(text.split())
 
 
-def test_a_log_finds_a_users_own_robot_unless_that_has_changed(
-    shell: Shell, own_folder: Path, tmp_path: Path
-) -> None:
-    log = tmp_path / "run.mcap"
-    declaration = own_folder / "robot.yaml"
-    for name in ("go1", "mine"):  # the first is also a robot of ours
-        declaration.write_text(declaration.read_text().replace("name: go1", f"name: {name}"))
-        assert shell("deploy", "stand", "--robot", own_folder, *SHORT, "--log", log).status == 0
-        assert shell("replay", log).status == 0
-    height = re.compile("^standing_height_m: .*", re.MULTILINE)
-    declaration.write_text(height.sub("standing_height_m: 0.29", declaration.read_text()))
-    assert "give --robot" in shell.refuses("replay", log)
-    assert shell("replay", log, "--robot", own_folder).status == 0
+class TestOptions:
+    OPTIONS = (
+        "--command", "0.1,-0.2,0.3", "--duration", "1.25", "--seed", "9", "--log", "run.mcap",
+        "--json", "run.json", "--config", "loop.yaml",
+    )  # fmt: skip
+
+    def test_reach_the_simulated_robot(
+        self, shell: Shell, called: Recorder, go1: Robot, tmp_path: Path
+    ) -> None:
+        (tmp_path / "loop.yaml").write_text("joint_rate_hz: 1000.0")
+        called.replace("footfall.plant.episode.run_episode", ran())
+        called.replace("footfall.live_state.live_state", "display")
+        more = ("--plant", str(go1.xml_path), "--ground-truth", "--realtime")
+        outcome = shell("deploy", "trot", *self.OPTIONS, *more)
+        assert outcome.status == 0, outcome.err
+        (robot, policy, episode), _ = called.of("run_episode")
+        assert (robot.name, policy.name) == ("go1", "trot")
+        assert episode.command_source(0.0).tolist() == [0.1, -0.2, 0.3]
+        assert (episode.duration_s, episode.seed, episode.plant) == (1.25, 9, go1.xml_path)
+        assert (episode.ground_truth, episode.realtime, episode.record) == (True, True, False)
+        assert (episode.log, episode.policy_spec) == (Path("run.mcap"), "trot")
+        assert episode.config == DeployConfig(joint_rate_hz=1000.0)
+        assert (episode.noise, episode.pushes, episode.sample) == (None, (), None)
+        assert episode.display("loop", "velocity") == "display"
+        told = json.loads((tmp_path / "run.json").read_text())
+        assert told.pop("settings")["gait"]["name"] == "trot"
+        assert told == {
+            "policy": "trot", "robot": "go1", "bus": "sim", "seed": 9, "command": [0.1, -0.2, 0.3],
+            "duration_s": 1.25, "walked_s": 1.5, "final_state": "IDLE", "faults": [], "notes": ["a note"],
+            "timing": ran().timing, "buses": [], "wall_s": 2.0, "run_s": 3.0, "fell": False,
+            "fall_reason": "", "distance_m": 0.7, "mean_velocity_m_s": [0.4, -0.1, 0.2],
+        }  # fmt: skip
+        for fact in ("trot on go1", "IDLE", "0.70 m in 1.5 s", "0.40 m/s", "-0.10 m/s", "a note"):
+            assert fact in words(outcome.out)
+
+    @pytest.mark.parametrize(
+        ("options", "lying", "lie_down"),
+        [((), False, True), (("--start", "lying"), True, True), (("--no-lie-down",), False, False)],
+    )
+    def test_how_a_simulated_robot_begins_and_ends(
+        self, shell: Shell, called: Recorder, options: tuple[str, ...], lying: bool, lie_down: bool
+    ) -> None:
+        called.replace("footfall.plant.episode.run_episode", ran())
+        assert shell("deploy", "tripod", "--robot", "hexapod", *options, "--json", "a.json").status == 0
+        (robot, policy, episode), _ = called.of("run_episode")
+        assert (robot.name, policy.name) == ("hexapod", "tripod")
+        assert (episode.lying, episode.lie_down) == (lying, lie_down)
+        assert (episode.plant, episode.ground_truth, episode.realtime) == (None, False, False)
+        assert (episode.command_source(1.0).tolist(), episode.duration_s) == ([0.5, 0.0, 0.0], 10.0)
+        figures = json.loads(Path("a.json").read_text())
+        assert (figures["policy"], figures["robot"]) == ("tripod", "hexapod")
+
+    @pytest.mark.parametrize(
+        ("outcome", "status"),
+        [({}, 0), ({"final_state": "ESTOP"}, 1), ({"fell": True, "fall_reason": "it tilted"}, 1)],
+    )
+    def test_only_a_safe_end_is_status_0(
+        self, shell: Shell, called: Recorder, outcome: dict[str, Any], status: int
+    ) -> None:
+        called.replace("footfall.plant.episode.run_episode", ran(faults=("motor 3",), **outcome))
+        shown = shell("deploy", "stand")
+        assert shown.status == status
+        assert "fault motor 3" in words(shown.out)
+        assert ("it tilted" in shown.out) == ("fell" in outcome)
+
+    @pytest.mark.parametrize("bus", ["socketcan", "virtual"])
+    def test_reach_an_interface(
+        self, shell: Shell, called: Recorder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bus: str
+    ) -> None:
+        @contextmanager
+        def serving(*given: Any, **named: Any) -> Iterator[None]:
+            called.calls.append(("serving", given, named))
+            yield
+            called.calls.append(("served", (), {}))
+
+        monkeypatch.setattr("footfall.plant.serve.serving", serving)
+        called.replace(
+            "footfall.deploy.session.run_on_interface", ran(final_state="FALLING", faults=("tilt", "x"))
+        )
+        called.replace("footfall.live_state.live_state", lambda _, velocity, __: velocity)
+        (tmp_path / "loop.yaml").write_text("stand_s: 2.5")
+        outcome = shell("deploy", "stand", "--bus", bus, *self.OPTIONS)
+        assert outcome.status == 1
+        (robot, policy, where, session), _ = called.of("run_on_interface")
+        assert (robot.name, policy.name, where) == ("go1", "stand", bus)
+        assert session.command_source(0.0).tolist() == [0.1, -0.2, 0.3]
+        assert (session.duration_s, session.log, session.lie_down) == (1.25, Path("run.mcap"), True)
+        assert session.facts == {"seed": 9, "policy_spec": "stand", "bus": bus, "plant": None}
+        assert session.config == DeployConfig(stand_s=2.5)
+        loop = SimpleNamespace(estimate=("then", "height"))
+        shown = session.display(loop)
+        loop.estimate = ("now", "height")
+        assert shown() == "now"
+        order = [name for name in called.names if name != "live_state"]
+        served = ["serving", "run_on_interface", "served"]
+        assert order == (served if bus == "virtual" else ["run_on_interface"])
+        figures = json.loads((tmp_path / "run.json").read_text())
+        assert (figures["bus"], figures["fell"], figures["fall_reason"]) == (bus, True, "tilt")
+        assert (figures["distance_m"], figures["mean_velocity_m_s"]) == (None, [None] * 3)
+        called.calls.clear()
+        shell("deploy", "stand", "--bus", bus, "--no-lie-down")
+        assert called.of("run_on_interface")[0][3].lie_down is False
+
+    @pytest.mark.parametrize(("state", "status"), [("IDLE", 0), ("ESTOP", 1)])
+    def test_a_robot_that_does_not_tip_over_on_an_interface_has_not_fallen(
+        self, shell: Shell, called: Recorder, tmp_path: Path, state: str, status: int
+    ) -> None:
+        called.replace(
+            "footfall.deploy.session.run_on_interface", ran(final_state=state, faults=("motor 3",))
+        )
+        outcome = shell("deploy", "stand", "--bus", "slcan", "--json", "a.json")
+        figures = json.loads((tmp_path / "a.json").read_text())
+        assert (outcome.status, figures["fell"], figures["fall_reason"]) == (status, False, "")
+        assert figures["faults"] == ["motor 3"]
+
+    def test_that_need_a_simulated_robot_are_refused_on_an_interface(self, shell: Shell) -> None:
+        for options in (
+            ("--start", "lying"),
+            ("--ground-truth", "--start", "lying"),
+            ("--plant", "x.xml", "--ground-truth"),
+        ):
+            complaint = shell.refuses("deploy", "stand", "--bus", "virtual", *options)
+            assert complaint.startswith(f"{options[0]} needs the simulated robot")
+
+    def test_a_log_names_a_file_by_where_it_lies_and_the_figures_as_it_was_typed(
+        self, shell: Shell, called: Recorder, tmp_path: Path
+    ) -> None:
+        (tmp_path / "mine.yaml").write_text("kp: 45.0")
+        called.replace("footfall.policies.registry.lasting_spec", lambda spec: f"lasting {spec}")
+        called.replace("footfall.policies.registry.load_policy", lambda spec, robot: (spec, robot.name))
+        for bus, place in (
+            ("sim", "plant.episode.run_episode"),
+            ("slcan", "deploy.session.run_on_interface"),
+        ):
+            called.calls.clear()
+            called.replace(f"footfall.{place}", ran())
+            options = ("--set", "stand.kd=2.5", "--bus", bus, "--json", "a.json")
+            assert shell("deploy", "stand@mine.yaml", *options).status == 0
+            _, policy, *_, given = called.of(place.rpartition(".")[2])[0]
+            assert policy == ("stand@mine.yaml@kd=2.5", "go1")
+            logged = given.policy_spec if bus == "sim" else given.facts["policy_spec"]
+            assert logged == "lasting stand@mine.yaml@kd=2.5"
+            figures = json.loads((tmp_path / "a.json").read_text())
+            assert figures["policy"] == "stand@mine.yaml@kd=2.5"
+            assert (figures["settings"]["kp"], figures["settings"]["kd"]) == (45.0, 2.5)
+
+    def test_bus_loads_and_late_ticks_are_told_where_there_are_any(
+        self, shell: Shell, called: Recorder
+    ) -> None:
+        buses = (BusLoad("can0", 0.42), BusLoad("can1", None), BusLoad("can2", 0.0))
+        called.replace("footfall.plant.episode.run_episode", ran(buses=buses))
+        told = words(shell("deploy", "stand").out)
+        assert "can0 42%, can2 0%" in told
+        assert "can1" not in told
+        assert "5 us p50, 6 us p99" in told
+        assert "7 of 800 ticks, 11" in told
+        in_time = ran().timing | {"lateness_us_max": 0.0}
+        called.replace("footfall.plant.episode.run_episode", ran(timing=in_time, wall_s=0.0))
+        told = words(shell("deploy", "stand").out)
+        assert "lateness" not in told
+        assert "of 800 ticks" not in told
+        assert "can0" not in told
 
 
-def test_another_policy_differs_and_says_where(shell: Shell, trotted: Made) -> None:
-    outcome = shell("replay", trotted.log, "--policy", "stand")
-    assert outcome.status == 1
-    assert "first difference: step " in outcome.out
-    assert "_joint" in outcome.out
-    assert shell("replay", trotted.log, "--policy", "stand", "--tolerance", "100").status == 0
+@dataclass
+class BusLoad:
+    """A bus's statistics, as far as a verb shows them."""
 
-
-def test_a_log_whose_policy_is_gone_asks_for_one(shell: Shell, tmp_path: Path) -> None:
-    onnx = pytest.importorskip("onnx")
-    walk = write_policy(onnx, tmp_path / "walk.onnx", ROBOTS / "go1")
-    log = tmp_path / "run.mcap"
-    assert shell("deploy", walk, *SHORT, "--log", log).status == 0
-    walk.rename(tmp_path / "moved.onnx")
-    assert "--policy" in shell.refuses("replay", log)
-    assert shell("replay", log, "--policy", tmp_path / "moved.onnx").status == 0
-
-
-def test_a_log_replays_with_the_policy_file_that_made_it(
-    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    shutil.copy(ZOO / "go1-flat" / "policy.onnx", tmp_path / "mine.onnx")
-    monkeypatch.chdir(tmp_path)
-    assert shell("deploy", "mine.onnx", "--duration", "0.5", "--log", "walk.mcap").status == 0
-    (tmp_path / "elsewhere").mkdir()
-    monkeypatch.chdir(tmp_path / "elsewhere")
-    outcome = shell("replay", tmp_path / "walk.mcap")
-    assert outcome.status == 0, outcome.err
-    assert "the same decisions" in outcome.out
+    name: str
+    load: float | None

@@ -1,15 +1,15 @@
 """`footfall evaluate` and `footfall compare`: what the files hold, and the exit status."""
 
-import importlib.util
 import json
 from pathlib import Path
 from typing import Any
 
 import pytest
+from recorder import Recorder
 from shell import Shell
 
-from footfall.common.installation import install_extras
 from footfall.evaluate import api, suite
+from footfall.evaluate.config import EvaluationConfig
 from footfall.evaluate.pool import TaskResult, run_all
 from footfall.evaluate.scenarios import Scenario, ScenarioFile, Waypoint, load_scenarios
 from footfall.plant.episode import Push
@@ -36,8 +36,9 @@ BRIEF = ("--scenarios", "forward", "--episodes", "1", "--workers", "1")
 
 
 @pytest.fixture
-def shell(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Shell:
+def shell(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Shell:
     """A command line whose scenarios take a second."""
+    monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(api, "load_scenarios", lambda *_: SHORT)
     return Shell(capsys)
 
@@ -133,15 +134,34 @@ def test_one_failed_episode_is_told_beside_the_figures_of_the_others(
     assert (forward["episodes"], forward["falls"]) == (1, 0)
 
 
-def test_a_report_without_its_libraries_is_refused_before_anything_runs(
-    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    find_spec = importlib.util.find_spec
-    missing = {"jinja2", "matplotlib"}
-    monkeypatch.setattr(
-        "footfall.evaluate.report.extra.find_spec", lambda name: None if name in missing else find_spec(name)
-    )
-    monkeypatch.setattr(api, "run_suite", lambda *_: pytest.fail("it ran"))
-    complaint = shell.refuses("compare", "stand", "--html", tmp_path / "a.html", "--scenarios", "forward")
-    assert "jinja2, matplotlib" in complaint
-    assert install_extras("report") in complaint
+def scored(*errors: str) -> dict[str, Any]:
+    return {"scenarios": {"nominal": {"episodes": 4, "failed_episodes": list(errors)}}}
+
+
+def test_options_reach_the_evaluation_and_the_comparison(shell: Shell, called: Recorder) -> None:
+    called.replace("footfall.evaluate.api.evaluate_policy", scored())
+    called.replace("footfall.evaluate.api.compare_policies", {"a": scored(), "b": scored()})
+    asked = (
+        "--robot", "rex", "--scenarios", "push, nominal", "--episodes", "3", "--seed", "5", "--plant", "null",
+        "--ground-truth", "--workers", "2", "--scenario-file", "own.yaml",
+    )  # fmt: skip
+    config = EvaluationConfig("rex", ("push", "nominal"), 5, 3, Path("null"), True, 2, Path("own.yaml"))
+    for options, expected in (((), EvaluationConfig()), (asked, config)):
+        called.calls.clear()
+        assert shell("evaluate", "mine.onnx", *options).status == 0
+        assert called.of("evaluate_policy") == (("mine.onnx", expected), {"json_path": None})
+        assert shell("compare", "b", "a", *options, "--json", "none", "--html", "None").status == 0
+        outputs = {"json_path": Path("none"), "html_path": Path("None")}
+        assert called.of("compare_policies") == ((("b", "a"), expected), outputs)
+
+
+def test_a_controllers_other_settings_are_what_is_evaluated(shell: Shell, called: Recorder) -> None:
+    called.replace("footfall.evaluate.api.evaluate_policy", scored())
+    assert shell("evaluate", "stand", "--set", "stand.kd=2.5", "--set", "stand.kp=50").status == 0
+    assert called.of("evaluate_policy")[0][0] == "stand@kd=2.5@kp=50"
+
+
+def test_a_failed_episode_of_any_policy_is_status_1(shell: Shell, called: Recorder) -> None:
+    called.replace("footfall.evaluate.api.compare_policies", {"a": scored(), "b": scored("episode 1: no")})
+    outcome = shell("compare", "a", "b")
+    assert (outcome.status, outcome.err) == (1, "footfall: 1 of 9 episodes failed: no (1)\n")

@@ -9,6 +9,8 @@ import pytest
 import yaml
 from shell import Shell
 
+from footfall.verbs import list as list_verb
+
 ROOT = Path(__file__).parents[2]
 
 
@@ -61,3 +63,17 @@ def test_a_robots_computer_can_list_too() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stderr.strip() == "[]"
+
+
+def test_a_cell_reads_well() -> None:
+    for value, cell in (
+        (True, "yes"), (False, "no"), (4096, "4,096"), (10.0, "10"), (2.5, "2.5"), ("a name", "a name"),
+        (["a", "b"], "a, b"), ([], ""), (None, "None"),
+    ):  # fmt: skip
+        assert list_verb._cell(value) == cell
+
+
+def test_a_policy_tells_how_it_was_made(listed: dict[str, dict[str, dict]]) -> None:
+    for name, row in listed["policies"].items():
+        made = yaml.safe_load((ROOT / "policies/zoo" / name / "run.yaml").read_text())
+        assert {key: str(value) for key, value in row.items()} == {key: str(made[key]) for key in row}

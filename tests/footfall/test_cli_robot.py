@@ -6,8 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from recorder import Recorder
 from shell import Shell
 
+from footfall.common.errors import UserError
 from footfall.domain_rand.randomisation import default_ranges
 from footfall.plant.lying import LyingResult, find_lying_pose
 from footfall.plant.standing import StandingResult
@@ -17,12 +19,6 @@ from footfall.robots.inspection import Inspection
 from footfall.verbs import robot as verb
 
 GO1_HEIGHT_M = 0.2945
-
-
-@pytest.fixture
-def shell(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Shell:
-    monkeypatch.chdir(tmp_path)
-    return Shell(capsys)
 
 
 def stood(**changes: Any) -> StandingResult:
@@ -284,3 +280,34 @@ class TestNew:
     def test_a_figure_is_a_number_above_zero(self, shell: Shell, value: str) -> None:
         told = shell.refuses("robot", "new", "--from", "a.urdf", "--out", "b", f"--speed={value}")
         assert "expected a number above 0, or such as hip=23.7,knee=35.5" in told
+
+
+def refuse(*_: Any, **__: Any) -> None:
+    raise UserError("enough")
+
+
+class TestRequest:
+    def test_what_a_new_robot_is_made_of_by_default(
+        self, shell: Shell, called: Recorder, go1: Robot, tmp_path: Path
+    ) -> None:
+        from footfall.deploy.drivers.mit import RANGES
+
+        made = SimpleNamespace(folder="there", guesses=[])
+        called.replace("footfall.robots.importer.create.import_robot", made)
+        called.replace("footfall.robots.description.load_robot", lambda _: go1)
+        assert shell("robot", "new", "--from", "a.urdf", "--out", "mine").status == 0
+        ((request,), _) = called.of("import_robot")
+        assert (request.feet, request.packages) == ((), ())
+        assert (request.peak_torque_nm, request.speed_rad_s, request.armature) == ({}, {}, {})
+        assert request.protocols is RANGES
+        assert called.of("load_robot") == ((tmp_path / "mine",), {})
+
+    def test_figures_by_joint_may_have_spaces_between_them(self, shell: Shell, called: Recorder) -> None:
+        called.replace("footfall.robots.importer.create.import_robot", refuse)
+        shell.refuses("robot", "new", "--from", "a.urdf", "--out", "mine", "--speed", "hip=1, knee=2")
+        assert called.of("import_robot")[0][0].speed_rad_s == {"hip": 1.0, "knee": 2.0}
+
+    def test_packages_may_follow_one_another(self, shell: Shell, called: Recorder) -> None:
+        called.replace("footfall.robots.importer.create.import_robot", refuse)
+        shell.refuses("robot", "new", "--from", "a.urdf", "--out", "mine", "--packages", "p", "q")
+        assert called.of("import_robot")[0][0].packages == (Path("p"), Path("q"))

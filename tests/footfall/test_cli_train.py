@@ -3,21 +3,21 @@
 import json
 import os
 import shutil
-import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
+from recorder import Recorder
 from shell import Shell
 
 from footfall.cli import main
+from footfall.evaluate.config import EvaluationConfig
 from footfall.train.config import PRESETS
 
 pytest.importorskip("jax")
-
-
-@pytest.fixture
-def shell(capsys: pytest.CaptureFixture[str]) -> Shell:
-    return Shell(capsys)
 
 
 @pytest.fixture(scope="module")
@@ -83,108 +83,184 @@ def test_a_finished_run_is_neither_exported_nor_evaluated_again(shell: Shell, ru
     assert {path: path.stat().st_mtime_ns for path in run_folder.rglob("*")} == files
 
 
-def test_a_policy_that_was_written_since_it_walked_walks_again(
-    shell: Shell, copied_run: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def walk(spec: str, *_: object, **__: object) -> dict[str, dict]:
-        walked.append(spec)
-        return {"scenarios": {}}
-
-    walked: list[str] = []
-    monkeypatch.setattr("footfall.evaluate.api.evaluate_policy", walk)
-    os.utime(copied_run / "policy.onnx")
-    assert shell("train", "--resume", copied_run).status == 0
-    assert walked == [str(copied_run)]
-
-
-@pytest.mark.parametrize(
-    "option",
-    [("--preset", "cpu"), ("--robot", "go1"), ("--seed", "0"), ("--trainer", "brax"), ("--steps", "9")],
-)
-def test_a_resumed_run_has_its_own_settings_even_where_they_are_the_default(
-    shell: Shell, run_folder: Path, option: tuple[str, str]
-) -> None:
-    assert f"leave {option[0]} out" in shell.refuses("train", "--resume", run_folder, *option)
-
-
-@pytest.mark.parametrize(
-    ("line", "change", "complaint"),
-    [
-        (
-            "actor_hidden_dims: [32, 32]",
-            "actor_hidden_dims: [32, -3]",
-            "actor_hidden_dims must be above 0, not -3",
-        ),
-        ("critic_hidden_dims: [32, 32]", "critic_hidden_dims: []", "need a hidden layer"),
-        ("gamma: 0.97", "gamma: 1.7", "gamma must be from 0 to 1"),
-        ("learning_rate: 1.0e-3", "learning_rate: .nan", "learning_rate"),
-        ("learning_rate: 1.0e-3", "learning_rate: -1.0", "learning_rate must be above 0"),
-        ("episode_s: 2.0", "episode_s: 1.0e-4", "shorter than a control step, 0.02 s"),
-        ("forward_m_s: [-0.5, 0.5]", "forward_m_s: [0.5, -0.5]", "forward_m_s must be a range from low"),
-        ("frequency_hz: 2.5", "frequency_hz: 0.0", "frequency_hz must be from 0.05 to 50"),
-        ("interval_s: {low: 0.5", "interval_s: {low: -0.5", "low must be above 0"),
-        ("checkpoint_interval_s: 2.0", "checkpoint_interval_s: -2.0", "must be 0 or above"),
-    ],
-)
-def test_settings_that_cannot_work_are_refused_and_leave_no_folder(
-    shell: Shell, tmp_path: Path, line: str, change: str, complaint: str
-) -> None:
+def test_settings_that_cannot_work_are_refused_and_leave_no_folder(shell: Shell, tmp_path: Path) -> None:
     smoke = (PRESETS / "smoke.yaml").read_text()
-    assert line in smoke
-    (tmp_path / "mine.yaml").write_text(smoke.replace(line, change, 1))
-    out = tmp_path / "run"
-    assert complaint in shell.refuses("train", "--preset", tmp_path / "mine.yaml", "--out", out)
-    assert not out.exists()
-
-
-@pytest.mark.parametrize(
-    ("options", "complaint"),
-    [
-        (("--coordinator", "junk", "--processes", "2", "--process", "0"), "expected HOST:PORT or auto"),
-        (("--coordinator", "host:", "--processes", "2", "--process", "0"), "expected HOST:PORT or auto"),
-        (
-            ("--coordinator", "host:65536", "--processes", "2", "--process", "0"),
-            "expected HOST:PORT or auto",
-        ),
-        (("--coordinator", "[::1]:12", "--processes", "2", "--process", "2"), "of 2 the last is 1"),
-        (("--processes", "2"), "--coordinator HOST:PORT, --processes and --process"),
-        (("--coordinator", "host:1", "--processes", "2"), "--coordinator HOST:PORT, --processes and"),
-        (("--coordinator", "auto", "--process", "0", "--processes", "2"), "--coordinator HOST:PORT"),
-    ],
-)
-def test_what_is_no_cluster_is_refused_before_anything_waits(
-    shell: Shell, tmp_path: Path, options: tuple[str, ...], complaint: str
-) -> None:
-    assert complaint in shell.refuses("train", "--out", tmp_path / "run", *options)
-
-
-def test_a_mistyped_folder_does_not_wait_for_the_device(
-    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    started: list[str] = []
-    monkeypatch.setattr("footfall.verbs.train.start_device", lambda: started.append("device"))
-    assert "no run at" in shell.refuses("train", "--resume", tmp_path / "runn")
-    assert not started
-
-
-def test_sigterm_lets_a_verb_close_what_is_open(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
-    closed: list[str] = []
-
-    def verb(*_: object, **__: object) -> None:
-        try:
-            os.kill(os.getpid(), signal.SIGTERM)
-        finally:
-            closed.append("pool")
-
-    before = signal.getsignal(signal.SIGTERM)
-    monkeypatch.setattr("footfall.cli.app", verb)
-    outcome = shell("train")
-    assert (outcome.status, outcome.err) == (143, "footfall: terminated\n")
-    assert closed == ["pool"]
-    assert signal.getsignal(signal.SIGTERM) is before
+    assert "gamma: 0.97" in smoke
+    (tmp_path / "mine.yaml").write_text(smoke.replace("gamma: 0.97", "gamma: 1.7"))
+    complaint = shell.refuses("train", "--preset", tmp_path / "mine.yaml", "--out", tmp_path / "run")
+    assert "gamma must be from 0 to 1" in complaint
+    assert not (tmp_path / "run").exists()
 
 
 @pytest.mark.parametrize("file", ["run.yaml", "config.yaml"])
 def test_a_damaged_run_folder_is_named(shell: Shell, copied_run: Path, file: str) -> None:
     (copied_run / file).write_text("garbage")
     assert file in shell.refuses("export", copied_run)
+
+
+class TestOptions:
+    """What they lead to, with a training that only notes what it is asked for."""
+
+    @pytest.fixture
+    def trained(self, called: Recorder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
+        """All that a training calls; its run folder is `made`."""
+        run = SimpleNamespace(
+            policy=tmp_path / "policy.onnx", provenance=SimpleNamespace(robot="rex", seed=5)
+        )
+        run.policy.touch()
+        state = SimpleNamespace(run=run, main=True)
+
+        @contextmanager
+        def watched(*given: Any) -> Iterator[None]:
+            called.calls.append(("watched", given, {}))
+            yield
+            called.calls.append(("unwatched", (), {}))
+
+        for place, answer in (
+            ("footfall.train.api.begin", Path("made")), ("footfall.train.api.resume", None),
+            ("footfall.train.api.cluster.join", None),
+            ("footfall.train.api.cluster.is_main_process", lambda: state.main),
+            ("footfall.train.runs.folder.open_run", lambda _: run),
+            ("footfall.verbs.train.start_device", None), ("footfall.pages.page.check_page", None),
+            ("footfall.evaluate.api.evaluate_policy", {"scenarios": {}}),
+        ):  # fmt: skip
+            called.replace(place, answer)
+        monkeypatch.setattr("footfall.pages.beside.watched", watched)
+        return state
+
+    def test_reach_the_request(self, shell: Shell, called: Recorder, trained: SimpleNamespace) -> None:
+        from footfall.train.api import TrainRequest
+
+        options = (
+            "--robot", "rex", "--preset", "gpu", "--seed", "4", "--out", "there", "--steps", "1000",
+            "--checkpoint-interval", "2.5", "--trainer", "rsl_rl",
+        )  # fmt: skip
+        request = TrainRequest("rex", "gpu", 4, Path("there"), 1000, 2.5, "rsl_rl")
+        for given, expected in (((), TrainRequest()), (options, request)):
+            called.calls.clear()
+            assert shell("train", *given).status == 0
+            assert called.of("begin") == ((expected,), {})
+
+    @pytest.mark.parametrize(("tokens", "folder"), [((), "made"), (("--resume", "mine"), "mine")])
+    def test_the_finished_policy_is_evaluated_with_the_runs_robot_and_seed(
+        self,
+        shell: Shell,
+        called: Recorder,
+        trained: SimpleNamespace,
+        tokens: tuple[str, ...],
+        folder: str,
+    ) -> None:
+        assert shell("train", *tokens).status == 0
+        assert called.of("resume") == ((Path(folder),), {})
+        assert ("begin" in called.names) == (not tokens)
+        config = EvaluationConfig("rex", ("gentle",), 5)
+        assert called.of("evaluate_policy") == (
+            (folder, config), {"json_path": Path(folder) / "evaluation.json"},
+        )  # fmt: skip
+        called.replace(
+            "footfall.evaluate.api.evaluate_policy",
+            {"scenarios": {"gentle": {"episodes": 1, "failed_episodes": ["episode 0: no"]}}},
+        )
+        assert shell("train", *tokens).status == 1
+
+    def test_a_policy_walks_again_if_it_is_newer_than_its_evaluation(
+        self, shell: Shell, called: Recorder, trained: SimpleNamespace, tmp_path: Path
+    ) -> None:
+        evaluation = tmp_path / "made" / "evaluation.json"
+        evaluation.parent.mkdir()
+        evaluation.touch()
+        os.utime(trained.run.policy, (1000, 1000))
+        for older_s, walks in ((5, True), (0, False), (-5, False)):
+            called.calls.clear()
+            os.utime(evaluation, (1000 - older_s, 1000 - older_s))
+            assert shell("train").status == 0
+            assert ("evaluate_policy" in called.names) == walks
+        assert shell("train", "--no-evaluate").status == 0
+        trained.main = False
+        assert shell("train").status == 0
+        assert "evaluate_policy" not in called.names
+
+    def test_that_a_resumed_run_has_itself_are_refused(
+        self, shell: Shell, called: Recorder, trained: SimpleNamespace
+    ) -> None:
+        """Also where they are the default."""
+        for option in (
+            ("--out", "x"), ("--steps", "9"), ("--checkpoint-interval", "3"), ("--trainer", "brax"),
+            ("--seed", "0"), ("--preset", "cpu"), ("--robot", "go1"),
+        ):  # fmt: skip
+            assert f"leave {option[0]} out" in shell.refuses("train", "--resume", "run", *option)
+        assert called.names == []
+
+    def test_the_page_is_served_where_it_was_asked_for_while_it_trains(
+        self, shell: Shell, called: Recorder, trained: SimpleNamespace
+    ) -> None:
+        outcome = shell("train", "--watch", "--host", "0.0.0.0", "--port", "9000", "--no-evaluate")
+        assert outcome.status == 0
+        assert called.of("check_page") == (("0.0.0.0", 9000), {})
+        assert called.of("watched") == ((Path("made"), "0.0.0.0", 9000), {})
+        order = [name for name in called.names if name in ("begin", "watched", "resume", "unwatched")]
+        assert order == ["begin", "watched", "resume", "unwatched"]
+        assert "http://0.0.0.0:9000" in outcome.out
+        called.calls.clear()
+        for option in (("--host", "there"), ("--port", "9000")):
+            assert "add --watch, or leave them out" in shell.refuses("train", *option)
+        assert called.names == []
+
+    @pytest.mark.parametrize(
+        ("cluster", "joined", "main", "pages"),
+        [
+            (("h:1", "--processes", "2", "--process", "0"), ("h:1", 2, 0), True, ["check_page", "watched"]),
+            (("h:1", "--processes", "2", "--process", "1"), ("h:1", 2, 1), False, []),
+            (("[fe80::1]:65535", "--processes", "1", "--process", "0"), ("[fe80::1]:65535", 1, 0), False,
+             ["check_page"]),
+            (("auto",), ("auto", None, None), True, ["watched"]),
+            (("auto",), ("auto", None, None), False, []),
+        ],
+    )  # fmt: skip
+    def test_of_several_processes_the_first_serves_the_page_and_evaluates(
+        self,
+        shell: Shell,
+        called: Recorder,
+        trained: SimpleNamespace,
+        cluster: tuple[str, ...],
+        joined: tuple,
+        main: bool,
+        pages: list[str],
+    ) -> None:
+        trained.main = main
+        outcome = shell("train", "--watch", "--coordinator", *cluster)
+        assert outcome.status == 0, outcome.err
+        assert called.of("join") == (joined, {})
+        assert called.names.index("join") < called.names.index("begin")
+        assert "start_device" not in called.names  # before joining, this process must not hold a device
+        assert [name for name in called.names if name in ("check_page", "watched")] == pages
+        assert ("evaluate_policy" in called.names) is main
+        called.calls.clear()
+        assert shell("train", "--resume", "mine", "--coordinator", *cluster, "--no-evaluate").status == 0
+        assert "join" in called.names
+
+    def test_that_name_no_cluster_are_refused_before_anything_waits(
+        self, shell: Shell, called: Recorder, trained: SimpleNamespace
+    ) -> None:
+        for options, complaint in (
+            ("--coordinator junk --processes 2 --process 0", "expected HOST:PORT or auto"),
+            ("--coordinator host: --processes 2 --process 0", "expected HOST:PORT or auto"),
+            ("--coordinator h:0 --processes 2 --process 1", "expected HOST:PORT or auto"),
+            ("--coordinator host:65536 --processes 2 --process 0", "expected HOST:PORT or auto"),
+            ("--coordinator [::1]:12 --processes 2 --process 2", "of 2 the last is 1"),
+            ("--processes 2 --process 1", "several processes need --coordinator"),
+            ("--resume mine --process 0", "several processes need --coordinator"),
+            ("--coordinator host:1 --processes 2", "several processes need --coordinator"),
+            ("--coordinator h:1 --process 0", "several processes need --coordinator"),
+            ("--coordinator auto --process 0 --processes 2", "several processes need --coordinator"),
+        ):
+            assert complaint in shell.refuses("train", *options.split())
+        assert called.names == []
+
+
+def test_a_mistyped_folder_does_not_wait_for_the_device(
+    shell: Shell, tmp_path: Path, called: Recorder
+) -> None:
+    called.replace("footfall.verbs.train.start_device")
+    assert "no run at" in shell.refuses("train", "--resume", tmp_path / "runn")
+    assert called.names == []

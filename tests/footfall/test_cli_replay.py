@@ -1,0 +1,163 @@
+"""`footfall replay`: which policy of which robot, exit status, and what is told."""
+
+import json
+import re
+import shutil
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from recorder import Recorder
+from shell import Shell
+from tiny_policy import write_policy
+
+from footfall.cli import main
+from footfall.common.errors import UserError
+from footfall.policies.registry import ZOO
+from footfall.robots.description import ROBOTS, Robot
+
+SHORT = ("--duration", "0.6")
+
+
+@pytest.fixture(scope="module")
+def trotted(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The log of a robot that trotted for a moment."""
+    log = tmp_path_factory.mktemp("trotted") / "run.mcap"
+    assert main(["deploy", "trot", "--seed", "5", *SHORT, "--log", str(log)]) == 0
+    return log
+
+
+def test_a_log_replays_to_the_same_decisions(shell: Shell, trotted: Path) -> None:
+    outcome = shell("replay", trotted)
+    assert outcome.status == 0, outcome.out
+    assert "the same decisions" in outcome.out
+
+
+def test_a_log_replays_with_the_settings_that_made_it(shell: Shell, tmp_path: Path) -> None:
+    """Also when the file that they came from has changed."""
+    log, figures, mine = tmp_path / "run.mcap", tmp_path / "run.json", tmp_path / "mine.yaml"
+    mine.write_text("kp: 45.0")
+    spec = f"stand@{mine}"
+    assert shell("deploy", spec, "--set", "stand.kd=2.5", *SHORT, "--log", log, "--json", figures).status == 0
+    told = json.loads(figures.read_text())
+    assert told["policy"] == f"{spec}@kd=2.5"
+    assert (told["settings"]["kp"], told["settings"]["kd"], told["settings"]["tilt_gain"]) == (45.0, 2.5, 0.3)
+    mine.write_text("kp: 300.0")
+    assert shell("replay", log).status == 0
+    assert shell("replay", log, "--policy", spec).status == 1
+    assert shell("replay", log, "--policy", "stand@kp=45@kd=2.5").status == 0
+
+
+def test_a_log_finds_a_users_own_robot_unless_that_has_changed(
+    shell: Shell, own_folder: Path, tmp_path: Path
+) -> None:
+    log = tmp_path / "run.mcap"
+    declaration = own_folder / "robot.yaml"
+    for name in ("go1", "mine"):  # the first is also a robot of ours
+        declaration.write_text(declaration.read_text().replace("name: go1", f"name: {name}"))
+        assert shell("deploy", "stand", "--robot", own_folder, *SHORT, "--log", log).status == 0
+        assert shell("replay", log).status == 0
+    height = re.compile("^standing_height_m: .*", re.MULTILINE)
+    declaration.write_text(height.sub("standing_height_m: 0.29", declaration.read_text()))
+    assert "give --robot" in shell.refuses("replay", log)
+    assert shell("replay", log, "--robot", own_folder).status == 0
+
+
+def test_another_policy_differs_and_says_where(shell: Shell, trotted: Path) -> None:
+    outcome = shell("replay", trotted, "--policy", "stand")
+    assert outcome.status == 1
+    assert "first difference: step " in outcome.out
+    assert "_joint" in outcome.out
+    assert shell("replay", trotted, "--policy", "stand", "--tolerance", "100").status == 0
+
+
+def test_a_log_whose_policy_is_gone_asks_for_one(shell: Shell, tmp_path: Path) -> None:
+    onnx = pytest.importorskip("onnx")
+    walk = write_policy(onnx, tmp_path / "walk.onnx", ROBOTS / "go1")
+    log = tmp_path / "run.mcap"
+    assert shell("deploy", walk, *SHORT, "--log", log).status == 0
+    walk.rename(tmp_path / "moved.onnx")
+    assert "--policy" in shell.refuses("replay", log)
+    assert shell("replay", log, "--policy", tmp_path / "moved.onnx").status == 0
+
+
+def test_a_log_replays_with_the_policy_file_that_made_it(
+    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copy(ZOO / "go1-flat" / "policy.onnx", tmp_path / "mine.onnx")
+    monkeypatch.chdir(tmp_path)
+    assert shell("deploy", "mine.onnx", "--duration", "0.5", "--log", "walk.mcap").status == 0
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    outcome = shell("replay", tmp_path / "walk.mcap")
+    assert outcome.status == 0, outcome.err
+    assert "the same decisions" in outcome.out
+
+
+def refuse(*_: Any) -> None:
+    raise UserError("enough")
+
+
+class TestWhatTheLogNames:
+    @pytest.fixture
+    def log(self, called: Recorder, go1: Robot) -> dict[str, Any]:
+        """Policy and robot of the log; `result` is what came of its replay."""
+        named: dict[str, Any] = {
+            "policy_spec": "its policy", "robot": "its name", "robot_folder": "/its/folder",
+            "robot_digest": go1.digest,
+        }  # fmt: skip
+        named["result"] = SimpleNamespace(
+            steps=7, complete=True, damaged=0, first_difference="", worst_difference=0.00123
+        )
+        called.replace("footfall.deploy.log_file.read_log", SimpleNamespace(text=named.__getitem__))
+        called.replace("footfall.deploy.replay.replay", lambda *_: named["result"])
+        called.replace("footfall.policies.registry.load_policy", "the policy")
+        called.replace("footfall.robots.description.load_robot", lambda _: go1)
+        return named
+
+    @pytest.mark.parametrize(
+        ("options", "robot", "policy"),
+        [
+            ((), "its name", "its policy"),
+            (("--policy", "mine"), "its name", "mine"),
+            (("--robot", "rex"), "rex", "its policy"),
+            (("--policy", "mine", "--robot", "rex", "--tolerance", "0.25"), "rex", "mine"),
+        ],
+    )
+    def test_is_taken_where_no_option_says_otherwise(
+        self, shell: Shell, called: Recorder, log: dict, go1: Robot, options: tuple, robot: str, policy: str
+    ) -> None:
+        outcome = shell("replay", "a.mcap", *options)
+        assert outcome.status == 0
+        for fact in ("7 policy steps", "the same decisions", "0.00123"):
+            assert fact in outcome.out
+        assert called.of("load_robot") == ((robot,), {})
+        assert called.of("load_policy") == ((policy, go1), {})
+        tolerance = 0.25 if "--tolerance" in options else 0.0
+        assert called.of("replay") == ((Path("a.mcap"), "the policy", tolerance), {})
+
+    def test_a_difference_is_status_1(self, shell: Shell, log: dict) -> None:
+        log["result"].first_difference, log["result"].complete, log["result"].damaged = "step 3", False, 3
+        outcome = shell("replay", "a.mcap")
+        assert outcome.status == 1
+        for fact in ("cut short", "3 damaged parts", "first difference: step 3", "0.00123"):
+            assert fact in outcome.out
+
+    def test_the_folder_is_looked_into_where_the_name_leads_nowhere(
+        self, shell: Shell, called: Recorder, log: dict, go1: Robot
+    ) -> None:
+        called.replace("footfall.robots.description.load_robot", lambda at: go1 if at[0] == "/" else refuse())
+        assert shell("replay", "a.mcap").status == 0
+        log["robot_digest"] = "of another"
+        complaint = shell.refuses("replay", "a.mcap")
+        assert "its name of /its/folder" in complaint
+        assert "give --robot" in complaint
+
+    def test_a_policy_that_is_gone_is_told_with_the_reason(
+        self, shell: Shell, called: Recorder, log: dict
+    ) -> None:
+        called.replace("footfall.policies.registry.load_policy", refuse)
+        complaint = shell.refuses("replay", "a.mcap")
+        assert "(enough): give --policy" in complaint
+        assert shell.refuses("replay", "a.mcap", "--policy", "mine") == "enough"

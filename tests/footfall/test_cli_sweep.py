@@ -1,0 +1,69 @@
+"""`footfall sweep`: what it is asked for, its tables and its exit status."""
+
+import math
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from recorder import Recorder
+from shell import Shell
+
+pytest.importorskip("ray")
+
+from footfall.train.sweeps.results import Point, Trial
+from footfall.train.sweeps.sweep import POINTS, RESULTS
+
+
+@pytest.fixture
+def swept(called: Recorder) -> SimpleNamespace:
+    """What came of a sweep."""
+    settings = {"ppo.clip_param": 0.2, "ppo.epochs": 3}
+    trial = Trial(folder="trial-0", settings=settings, seed=4, value=1.23456, steps=12345, error="")
+    point = Point(settings=settings, mean=2.34567, spread=0.5, seeds=3, failed=0)
+    state = SimpleNamespace(trials=[trial], points=[point], unfinished=0)
+    answer = lambda *_: (state.trials, state.points, state.unfinished)  # noqa: E731
+    called.replace("footfall.train.sweeps.sweep.sweep", answer)
+    called.replace("footfall.train.sweeps.sweep.resume_sweep", answer)
+    return state
+
+
+def test_options_and_tables(shell: Shell, called: Recorder, swept: SimpleNamespace) -> None:
+    swept.points.append(swept.points[0]._replace(mean=2.5, spread=math.nan, seeds=1, failed=2))
+    outcome = shell("sweep", "space.yaml", "--out", "mine")
+    assert outcome.status == 0
+    assert called.of("sweep") == ((Path("space.yaml"), Path("mine")), {})
+    rows = [line.split() for line in outcome.out.splitlines()]
+    assert ["trial-0", "4", "0.2", "3", "1.235", "12,345"] in rows
+    assert ["0.2", "3", "2.346", "±", "0.5", "3"] in rows
+    assert ["0.2", "3", "2.5", "unknown", "1", "2"] in rows
+
+
+def test_without_a_trial_tables_are_empty_and_files_are_named_all_the_same(
+    shell: Shell, called: Recorder, swept: SimpleNamespace
+) -> None:
+    swept.trials, swept.points = [], []
+    for tokens in (("space.yaml",), ("--resume", "mine")):
+        outcome = shell("sweep", *tokens)
+        assert outcome.status == 0
+        folder = called.of("sweep")[0][1] if tokens[0] == "space.yaml" else Path("mine")
+        assert outcome.out.endswith(f"wrote {folder / RESULTS} and {folder / POINTS}\n")
+    assert called.of("sweep")[0][1].match("runs/sweep-*")
+
+
+def test_a_sweep_is_resumed_in_its_folder(shell: Shell, called: Recorder, swept: SimpleNamespace) -> None:
+    assert shell("sweep", "--resume", "mine").status == 0
+    assert called.of("resume_sweep") == ((Path("mine"),), {})
+    assert "leave --out out" in shell.refuses("sweep", "--resume", "mine", "--out", "x")
+    assert "give either" in shell.refuses("sweep")
+    assert "give either" in shell.refuses("sweep", "a.yaml", "--resume", "mine")
+
+
+def test_what_failed_or_is_left_ends_in_its_status(shell: Shell, swept: SimpleNamespace) -> None:
+    swept.trials = [swept.trials[0], swept.trials[0]._replace(error="it broke")]
+    outcome = shell("sweep", "space.yaml", "--out", "mine")
+    assert outcome.status == 1
+    assert "it broke" in outcome.out
+    swept.unfinished = 2
+    outcome = shell("sweep", "space.yaml", "--out", "mine")
+    assert outcome.status == 130
+    assert "footfall sweep --resume mine" in outcome.out
