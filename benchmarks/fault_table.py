@@ -89,16 +89,16 @@ def _robot(name: str) -> Robot:
     return load_robot(name)
 
 
-def _policy(robot: str, name: str) -> Policy:
+def policy_of(robot: str, name: str) -> Policy:
     """Anew for each run: what one has learned of its robot shall not be there in the next."""
     return load_policy(name, _robot(robot))
 
 
-def _kind(name: str) -> FaultKind:
-    return next(kind for kind in KINDS if _title(kind) == name)
+def kind_of(name: str) -> FaultKind:
+    return next(kind for kind in KINDS if title_of(kind) == name)
 
 
-def _title(kind: FaultKind) -> str:
+def title_of(kind: FaultKind) -> str:
     return f"{kind.name} ({kind.group})" if kind.starting else kind.name
 
 
@@ -144,15 +144,15 @@ class _Watch:
 def run_fault(task: tuple[str, str, str, int]) -> dict[str, Any]:
     """One run with a fault."""
     robot_name, policy_name, title, seed = task
-    robot, kind = _robot(robot_name), _kind(title)
-    rng = _draws(seed, title)
-    config = _config(robot)
+    robot, kind = _robot(robot_name), kind_of(title)
+    rng = draws_of(seed, title)
+    config = config_of(robot)
     wiring = wire(robot)
     wires = SimulatedWires(wiring.buses, config.host_queue)
     plant = PlantConfig(noise=NOISE, motor_timeout_s=config.motor_timeout_s)
     body = SimulatedRobot(robot, wiring, wires, plant, seed)
     bus = InjectingBus(SimulatedBus(wires, body))
-    policy = InjectingPolicy(_policy(robot_name, policy_name))
+    policy = InjectingPolicy(policy_of(robot_name, policy_name))
     command = InjectingCommandSource(_drawn_command(rng))
     injector = FaultInjector(robot, wiring, body, bus, policy, command, rng)
     audit = Audit(robot, wiring, config.tick_us * 1e-6)
@@ -182,12 +182,12 @@ def run_fault(task: tuple[str, str, str, int]) -> dict[str, Any]:
     return asdict(run)
 
 
-def _draws(seed: int, title: str) -> np.random.Generator:
+def draws_of(seed: int, title: str) -> np.random.Generator:
     """Random numbers of a run: those of its kind, whatever other kinds there are."""
     return np.random.default_rng([seed, zlib.crc32(title.encode())])
 
 
-def _config(robot: Robot) -> DeployConfig:
+def config_of(robot: Robot) -> DeployConfig:
     """The robot's own limits; it stands up and is damped quickly, since many runs wait."""
     own = deploy_config(robot)
     return replace(own, stand_s=STAND_S, safety=replace(own.safety, damping_s=DAMPING_S))
@@ -262,7 +262,7 @@ def _walk(task: tuple[str, str, bool, int], config: DeployConfig) -> Walk:
         record=False,
         config=config,
     )
-    trace = run_episode(robot, _policy(robot_name, policy_name), episode)
+    trace = run_episode(robot, policy_of(robot_name, policy_name), episode)
     fault = trace.faults[0] if trace.faults else ""
     seen = trace.fell and trace.fall_reason != fault  # by the simulator, not by the supervisor
     return Walk(fault, trace.walked_s if fault else None, trace.walked_s if seen else None)
@@ -281,7 +281,7 @@ def rows(runs: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     found = []
     for (robot, policy), _ in SUBJECTS.items():
         for kind in KINDS:
-            of = [r for r in runs if (r["robot"], r["policy"], r["kind"]) == (robot, policy, _title(kind))]
+            of = [r for r in runs if (r["robot"], r["policy"], r["kind"]) == (robot, policy, title_of(kind))]
             if of:
                 found.append(_row(robot, policy, kind, of))
     return found
@@ -300,7 +300,7 @@ def _row(robot: str, policy: str, kind: FaultKind, runs: list[dict[str, Any]]) -
     return {
         "robot": robot,
         "policy": policy,
-        "kind": _title(kind),
+        "kind": title_of(kind),
         "group": kind.group,
         "runs": len(runs),
         "detected": detected,
@@ -399,12 +399,12 @@ def measure(options: argparse.Namespace) -> tuple[list[dict[str, Any]], list[dic
     chosen = [pair for pair in SUBJECTS if options.policy in (None, pair[1])]
     seeds = range(options.first_seed, options.first_seed + options.seeds)
     faults = [
-        (robot, policy, _title(kind), seed)
+        (robot, policy, title_of(kind), seed)
         for seed in seeds  # first, so that a run that is stopped has some of each kind
         for robot, policy in chosen
         for kind in KINDS
-        if (SUBJECTS[robot, policy] or kind.main) and (options.only or "") in _title(kind)
-        if not kind.estimating or _policy(robot, policy).needs_estimate
+        if (SUBJECTS[robot, policy] or kind.main) and (options.only or "") in title_of(kind)
+        if not kind.estimating or policy_of(robot, policy).needs_estimate
     ]
     healthy = [
         (robot, policy, randomised, seed)

@@ -93,7 +93,7 @@ def run_episode(robot: Robot, policy: Policy, episode: Episode, watch: Watch | N
         "bus": BUS,
         "plant": None if episode.plant is None else str(episode.plant),
     }
-    trial = _Trial(robot, body, episode, watch)
+    trial = Trial(robot, body, episode, watch)
     session = Session(
         command_source=episode.command_source,
         duration_s=episode.duration_s,
@@ -109,7 +109,7 @@ def run_episode(robot: Robot, policy: Policy, episode: Episode, watch: Watch | N
     return trial.trace(outcome)
 
 
-class _Trial:
+class Trial:
     """What happens to the simulated robot beside its control loop: pushes, samples, falls."""
 
     def __init__(self, robot: Robot, body: SimulatedRobot, episode: Episode, watch: Watch | None) -> None:

@@ -77,7 +77,7 @@ def find_lying_pose(robot: Robot, config: DeployConfig | None = None) -> np.ndar
         None if none of those that are tried does.
     """
     poses = list(_folded(robot))
-    efforts = [_effort(robot, pose) for pose in poses]
+    efforts = [resting_effort(robot, pose) for pose in poses]
     easiest = [poses[index] for index in np.argsort(efforts)[:TRIED] if efforts[index] < 1.0]
     return next(
         (pose for pose in easiest if not lying_test(_lying_in(robot, pose), config=config).trouble), None
@@ -127,7 +127,7 @@ def _folded(robot: Robot) -> Iterator[np.ndarray]:
             yield pose.round(4)
 
 
-def _effort(robot: Robot, pose: np.ndarray) -> float:
+def resting_effort(robot: Robot, pose: np.ndarray) -> float:
     """Most of a joint's peak torque that it takes to rest in a pose; infinite if it does not rest there."""
     body = SimulatedRobot(
         _lying_in(robot, pose), wire(robot), SimulatedWires(wire(robot).buses), PlantConfig(lying=True)

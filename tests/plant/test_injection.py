@@ -22,6 +22,7 @@ from footfall.plant.injection import (
     flipped,
     from_imu,
     late,
+    mounted,
     nothing,
     turned,
 )
@@ -172,3 +173,32 @@ class TestReadings:
         assert read[0] == [0]
         assert read[20] == [10]
         assert [counter for counters in read for counter in counters] == list(range(11))
+
+
+class TestLooseImu:
+    """What an IMU reads that turns about an axis of the body's."""
+
+    SPIN, ANGLE, RATE, DT_S = np.array([0.4, -0.3, 0.7]), 0.5, 0.2, 1e-6
+
+    def read(self, time_s: float, axis: int) -> imu.Inertial:
+        """At a time, on a body that spins evenly, where the acceleration is 9.81 m/s^2 up and 2 ahead."""
+        body = Rotation.from_euler("ZYX", [1.0, -0.4, 0.2]) * Rotation.from_rotvec(self.SPIN * time_s)
+        felt = body.inv().apply([2.0, 0.0, 9.81])
+        there = imu.Inertial(self.SPIN.tolist(), felt.tolist(), body.as_quat(scalar_first=True).tolist())
+        return mounted(there, axis, self.ANGLE + self.RATE * time_s, self.RATE)
+
+    def turn(self, reading: imu.Inertial) -> Rotation:
+        return Rotation.from_quat(reading.quaternion, scalar_first=True)
+
+    @pytest.mark.parametrize("axis", [0, 1, 2])
+    def test_all_its_parts_agree(self, axis: int) -> None:
+        """Its gyro says how its orientation changes; gravity by its orientation is where it was."""
+        now, then = (self.read(time_s, axis) for time_s in (0.3, 0.3 + self.DT_S))
+        changed = (self.turn(now).inv() * self.turn(then)).as_rotvec() / self.DT_S
+        np.testing.assert_allclose(now.gyro, changed, atol=1e-6)
+        np.testing.assert_allclose(self.turn(now).apply(now.acceleration), [2.0, 0.0, 9.81], atol=1e-9)
+
+    def test_it_leans_by_its_angle_in_the_body(self) -> None:
+        straight, leaning = (mounted(imu.Inertial([0] * 3, [0] * 3, [1, 0, 0, 0]), 1, a) for a in (0.0, 0.5))
+        np.testing.assert_allclose(self.turn(straight).as_rotvec(), [0.0, 0.0, 0.0], atol=1e-12)
+        np.testing.assert_allclose(self.turn(leaning).as_rotvec(), [0.0, 0.5, 0.0], atol=1e-12)

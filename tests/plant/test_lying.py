@@ -11,7 +11,7 @@ from foreign_robots import BIPED_MJCF, quadruped
 from footfall.cli import main
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers.mit import RANGES
-from footfall.plant.lying import LyingResult, _effort, find_lying_pose, lying_test
+from footfall.plant.lying import LyingResult, find_lying_pose, lying_test, resting_effort
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.importer.create import ImportRequest, import_robot
 
@@ -103,6 +103,6 @@ def test_a_pose_is_as_hard_as_it_is_for_its_weakest_motor(go1: Robot) -> None:
         strength[list(joints)] = 0.01
         return replace(go1, motor=go1.motor._replace(peak_torque=strength * go1.motor.peak_torque))
 
-    one, both = _effort(weak(2), pose), _effort(weak(2, 5), pose)
-    assert one > 5 * _effort(go1, pose)
+    one, both = resting_effort(weak(2), pose), resting_effort(weak(2, 5), pose)
+    assert one > 5 * resting_effort(go1, pose)
     assert both == pytest.approx(one, rel=0.2)

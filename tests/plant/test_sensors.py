@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from deploy_policies import Hold, short_episode
+from scipy.spatial.transform import Rotation
 
 from footfall.common.errors import UserError
 from footfall.deploy.config import DeployConfig
@@ -23,7 +24,7 @@ from footfall.envs.actuation import Actuation
 from footfall.envs.observe import Observer
 from footfall.envs.velocity import make_contract
 from footfall.plant.episode import run_episode
-from footfall.plant.sensors import IMU, MOTORS
+from footfall.plant.sensors import IMU, MOTORS, Layout, SimulatedSensors
 from footfall.policies.contract import Term
 from footfall.policies.observation import TERMS, reading_term
 from footfall.robots import kinds
@@ -249,3 +250,75 @@ class TestRefusals:
         assert rows_in_log(go1, tmp_path / "quiet.mcap", MoreNoise())["joint_torque"].any()
         with pytest.raises(UserError, match="'joint_torque'"):
             rows_in_log(go1, tmp_path / "noisy.mcap", MoreNoise(joint_torque=0.1))
+
+
+class Past:
+    """Sensors of two joints, listed in reverse, over a state that is another one at each step."""
+
+    def __init__(self, noise: Noise | None = None, seed: int = 3, **sample: Any) -> None:
+        self.data = SimpleNamespace(qpos=np.zeros(10), qvel=np.zeros(9), sensordata=np.zeros(4))
+        layout = Layout(np.array([9, 8]), np.array([8, 7]), 1, 1)
+        self.sensors = SimulatedSensors(self.data, layout, Sample(**sample), noise, 0.001, 2, seed)  # type: ignore[arg-type]
+
+    def step(self, k: int) -> None:
+        data = self.data
+        data.qpos[8:10], data.qvel[7:9] = (1 + k, 2 + k), (10 + k, 20 + k)
+        turn = Rotation.from_euler("xyz", [0.1 * k, 0.2, -0.3])
+        data.qpos[4:8], data.qvel[4:7] = turn.as_quat(scalar_first=True), (k, 2 * k, 3 * k)
+        data.sensordata[:] = k, 5 * k, 7 * k, -1
+        self.sensors.remember(np.array([100.0 + k, 200.0 + k]))
+
+
+class TestSensors:
+    @pytest.mark.parametrize(("delay_s", "steps"), [(0.0, 0), (0.002, 2), (0.0026, 3)])
+    def test_they_show_the_moment_that_the_delay_has_passed_since(self, delay_s: float, steps: int) -> None:
+        past = Past(observation_delay_s=delay_s)
+        for now in range(12):
+            past.step(now)
+            k = max(0, now - steps)
+            joints, inertial = past.sensors.joints(np.zeros(2)), past.sensors.inertial()
+            np.testing.assert_allclose(
+                joints, [[2 + k, 1 + k], [20 + k, 10 + k], [100 + k, 200 + k]], atol=1e-12
+            )
+            np.testing.assert_allclose(inertial.gyro, [k, 2 * k, 3 * k])
+            np.testing.assert_allclose(inertial.acceleration, [k, 5 * k, 7 * k])
+            turn = Rotation.from_euler("xyz", [0.1 * k, 0.2, -0.3])
+            np.testing.assert_allclose(inertial.quaternion, turn.as_quat(scalar_first=True), atol=1e-12)
+
+    def test_biases_are_the_same_at_every_reading(self) -> None:
+        gyro, gravity = np.array([0.1, -0.2, 0.3]), np.array([0.03, -0.05, 0.02])
+        past = Past(gyro_bias=gyro, gravity_bias=gravity, encoder_bias=np.array([9.0, 9.0]))
+        past.step(1)
+        turn = Rotation.from_euler("xyz", [0.1, 0.2, -0.3])
+        down = turn.inv().apply([0.0, 0.0, -1.0]) + gravity
+        for _ in range(3):
+            joints, inertial = past.sensors.joints(np.array([0.5, -0.25])), past.sensors.inertial()
+            np.testing.assert_allclose(joints, [[3.5, 1.75], [21, 11], [101, 201]])
+            np.testing.assert_allclose(inertial.gyro, [1.1, 1.8, 3.3])
+            biased = Rotation.from_quat(inertial.quaternion, scalar_first=True)
+            felt = biased.inv().apply([0.0, 0.0, -1.0])
+            np.testing.assert_allclose(felt, down / np.linalg.norm(down), atol=1e-12)
+            assert (biased * turn.inv()).magnitude() < 0.1  # the heading stays
+
+    def test_noise_has_its_half_width_on_each_reading_and_is_another_each_time(self) -> None:
+        widths = MoreNoise(gyro=0.4, gravity=0.01, joint_position=0.02, joint_velocity=3.0)
+        past, again, other = Past(widths), Past(widths), Past(widths, seed=4)
+        for each in (past, again, other):
+            each.step(0)
+        joints = np.array([past.sensors.joints(np.zeros(2)) for _ in range(600)])
+        np.testing.assert_array_equal(joints[0], again.sensors.joints(np.zeros(2)))
+        assert (joints[0] != other.sensors.joints(np.zeros(2)))[:2].all()
+        error = joints - [[2, 1], [20, 10], [100, 200]]
+        assert not error[:, 2].any()
+        for row, width in ((0, 0.02), (1, 3.0)):
+            np.testing.assert_allclose(np.abs(error[:, row]).max(axis=0), width, rtol=0.02)
+            np.testing.assert_allclose(error[:, row].mean(axis=0), 0.0, atol=0.1 * width)
+        assert len(np.unique(error[:, 0])) == 1200
+        inertial = [past.sensors.inertial() for _ in range(600)]
+        gyro = np.array([each.gyro for each in inertial])
+        np.testing.assert_allclose(np.abs(gyro).max(axis=0), 0.4, rtol=0.02)
+        turns = Rotation.from_quat([each.quaternion for each in inertial], scalar_first=True)
+        down = turns.inv().apply([0.0, 0.0, -1.0])
+        level = Rotation.from_euler("xyz", [0.0, 0.2, -0.3]).inv().apply([0.0, 0.0, -1.0])
+        across = (down - level)[:, 1]
+        assert np.abs(across).max() == pytest.approx(0.01, rel=0.03)

@@ -2,12 +2,22 @@
 
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from itertools import pairwise
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pytest
 
 from footfall.deploy.frames import Frames
+from footfall.deploy.wiring import wire
+from footfall.plant import serve as module
+from footfall.plant.robot import PlantConfig
 from footfall.plant.serve import LONGEST_STEP_US, not_before, serve
+from footfall.plant.wires import Side, SimulatedWires
+from footfall.robots.description import Robot
 
 
 class Stub:
@@ -68,3 +78,98 @@ def test_what_came_during_a_stall_is_lost() -> None:
 def test_what_came_in_time_or_no_one_knows_when_is_passed_on_as_it_is() -> None:
     for frames in (arrived([5000.0, 6000.0, 9000.0]), arrived(None)):
         assert not_before(frames, 5000) is frames
+
+
+def test_the_stand_in_robot_takes_its_options(monkeypatch: pytest.MonkeyPatch) -> None:
+    taken = []
+
+    @contextmanager
+    def serving(robot: Robot, interface: str, config: PlantConfig) -> Iterator[None]:
+        taken.append((robot.name, interface, config))
+        yield
+
+    monkeypatch.setattr(module, "serving", serving)
+    options = "--robot hexapod --bus virtual --plant other.xml --motor-timeout 0.7 --duration 0.0"
+    monkeypatch.setattr("sys.argv", ["serve", *options.split()])
+    module.main()
+    assert taken == [("hexapod", "virtual", PlantConfig(Path("other.xml"), motor_timeout_s=0.7))]
+
+
+class FakeBus:
+    """Gives one batch at the second tick; keeps what is sent."""
+
+    def __init__(self, frames: Frames) -> None:
+        self.frames, self.sent, self.asked = frames, [], []
+
+    def receive(self, now_us: int) -> list[Frames]:
+        self.asked.append(now_us)
+        return [self.frames] if len(self.asked) == 2 else []
+
+    def send(self, frames: Frames, now_us: int) -> None:
+        self.sent.append((now_us, frames.id.tolist()))
+
+
+def test_serving_carries_frames_both_ways_every_millisecond(monkeypatch: pytest.MonkeyPatch) -> None:
+    stop, periods, heard = threading.Event(), [], []
+
+    class Clock:
+        def __init__(self, period_us: int) -> None:
+            periods.append(period_us)
+            self.now_us = 0
+
+        def next_tick(self) -> int:
+            self.now_us += 1000
+            if self.now_us == 4000:
+                stop.set()
+            return self.now_us
+
+    wires = SimulatedWires(("a",))
+    answer = Frames(np.zeros(1, int), np.array([77]), np.zeros((1, 8), np.uint8), np.array([8]))
+
+    class Body:
+        def advance(self, now_us: int) -> None:
+            for frames in wires.receive(Side.ROBOT, now_us):
+                heard.append((now_us, frames.id.tolist()))
+                wires.send(Side.ROBOT, answer, now_us)
+
+    bus = FakeBus(answer._replace(id=np.array([5])))
+    monkeypatch.setattr(module, "WallClock", Clock)
+    serve(Body(), wires, bus, stop)  # type: ignore[arg-type]
+    assert periods == [1000]
+    assert bus.asked == [1000, 2000, 3000, 4000]
+    assert heard == [(3000, [5])]  # a frame takes 0.135 ms
+    assert bus.sent == [(4000, [77])]
+
+
+def test_the_plant_is_as_asked_and_ends_with_the_context(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = []
+
+    class Bus(FakeBus):
+        def __init__(self, interface: str, names: tuple[str, ...], filters: Any) -> None:
+            super().__init__(Frames(*np.zeros((4, 0), dtype=int)))
+            made.append((interface, names))
+            self.closed_with = -1
+
+        def close(self) -> None:
+            self.closed_with = sum(thread.name == "robot" for thread in threading.enumerate())
+            made.append(self.closed_with)
+
+    monkeypatch.setattr(module, "open_interfaces", Bus)
+    with module.serving(go1, "vcan", PlantConfig(sample={"encoder_bias": np.full(12, 0.25)})) as body:
+        np.testing.assert_array_equal(body.encoder_bias, 0.25)
+    assert made == [("vcan", wire(go1).buses), 0]  # closed once nobody uses it
+
+
+def test_by_default_it_is_go1_with_its_own_motors(monkeypatch: pytest.MonkeyPatch) -> None:
+    taken = []
+
+    def refuse(robot: Robot, interface: str, config: PlantConfig) -> None:
+        taken.append((robot.name, interface, config))
+        raise module.UserError("no such bus")
+
+    monkeypatch.setattr(module, "serving", refuse)
+    monkeypatch.setattr("sys.argv", ["serve"])
+    with pytest.raises(SystemExit) as ended:
+        module.main()
+    assert ended.value.code == 2
+    assert taken == [("go1", "udp_multicast", PlantConfig())]

@@ -1,6 +1,5 @@
-"""How a robot stood, from a trace that is made up, and the stand-in robot on a bus."""
+"""How a robot stood, from a trace that is made up."""
 
-import threading
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -9,14 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from footfall.deploy.frames import Frames
-from footfall.deploy.wiring import wire
-from footfall.plant import serve as serve_module
 from footfall.plant import standing
-from footfall.plant.robot import PlantConfig
-from footfall.plant.serve import main, serve, serving
 from footfall.plant.standing import HoldDefaultPose, standing_test
-from footfall.plant.wires import Side, SimulatedWires
 from footfall.robots.description import Robot
 
 
@@ -105,89 +98,3 @@ def test_it_is_held_by_the_robots_own_gains(go1: Robot) -> None:
     for part, expected in zip(command, (go1.default_pose, 0.0, go1.kp, go1.kd, 0.0), strict=True):
         np.testing.assert_array_equal(part, np.broadcast_to(expected, 12))
     assert policy.stance() is None
-
-
-# -- the stand-in robot ------------------------------------------------------------------------------
-
-
-class FakeBus:
-    """Gives one batch at the second tick; keeps what is sent."""
-
-    def __init__(self, frames: Frames) -> None:
-        self.frames, self.sent, self.asked = frames, [], []
-
-    def receive(self, now_us: int) -> list[Frames]:
-        self.asked.append(now_us)
-        return [self.frames] if len(self.asked) == 2 else []
-
-    def send(self, frames: Frames, now_us: int) -> None:
-        self.sent.append((now_us, frames.id.tolist()))
-
-
-def test_serving_carries_frames_both_ways_every_millisecond(monkeypatch: pytest.MonkeyPatch) -> None:
-    stop, periods, heard = threading.Event(), [], []
-
-    class Clock:
-        def __init__(self, period_us: int) -> None:
-            periods.append(period_us)
-            self.now_us = 0
-
-        def next_tick(self) -> int:
-            self.now_us += 1000
-            if self.now_us == 4000:
-                stop.set()
-            return self.now_us
-
-    wires = SimulatedWires(("a",))
-    answer = Frames(np.zeros(1, int), np.array([77]), np.zeros((1, 8), np.uint8), np.array([8]))
-
-    class Body:
-        def advance(self, now_us: int) -> None:
-            for frames in wires.receive(Side.ROBOT, now_us):
-                heard.append((now_us, frames.id.tolist()))
-                wires.send(Side.ROBOT, answer, now_us)
-
-    bus = FakeBus(answer._replace(id=np.array([5])))
-    monkeypatch.setattr(serve_module, "WallClock", Clock)
-    serve(Body(), wires, bus, stop)  # type: ignore[arg-type]
-    assert periods == [1000]
-    assert bus.asked == [1000, 2000, 3000, 4000]
-    assert heard == [(3000, [5])]  # a frame takes 0.135 ms
-    assert bus.sent == [(4000, [77])]
-
-
-def test_the_plant_is_as_asked_and_ends_with_the_context(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    made = []
-
-    class Bus(FakeBus):
-        def __init__(self, interface: str, names: tuple[str, ...], filters: Any) -> None:
-            super().__init__(Frames(*np.zeros((4, 0), dtype=int)))
-            made.append((interface, names))
-            self.closed_with = -1
-
-        def close(self) -> None:
-            self.closed_with = sum(thread.name == "robot" for thread in threading.enumerate())
-            made.append(self.closed_with)
-
-    monkeypatch.setattr(serve_module, "open_interfaces", Bus)
-    with serving(
-        go1, "vcan", PlantConfig(sample={"encoder_bias": np.full(12, 0.25)}, motor_timeout_s=0.7)
-    ) as body:
-        np.testing.assert_array_equal(body._motors._timeout_steps, 700)
-        np.testing.assert_array_equal(body._motors.encoder_bias, 0.25)
-    assert made == [("vcan", wire(go1).buses), 0]  # closed once nobody uses it
-
-
-def test_by_default_it_is_go1_with_its_own_motors(monkeypatch: pytest.MonkeyPatch) -> None:
-    taken = []
-
-    def refuse(robot: Robot, interface: str, config: PlantConfig) -> None:
-        taken.append((robot.name, interface, config))
-        raise serve_module.UserError("no such bus")
-
-    monkeypatch.setattr(serve_module, "serving", refuse)
-    monkeypatch.setattr("sys.argv", ["serve"])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == 2
-    assert taken == [("go1", "udp_multicast", PlantConfig())]

@@ -1,27 +1,20 @@
-"""The table of faults and the audit of commands that go with it."""
+"""The table of faults."""
 
 import json
 from dataclasses import replace
 from typing import Any
 
 import fault_table
-import numpy as np
 import pytest
 from fault_kinds import KINDS
 from fault_kinds.kind import IMPLAUSIBLE_S
-from scipy.spatial.transform import Rotation
 
-from footfall.deploy.drivers.choice import open_driver
-from footfall.deploy.drivers.imu import Inertial
-from footfall.deploy.wiring import wire
-from footfall.plant.audit import Audit
 from footfall.plant.episode import Push
-from footfall.plant.injection import mounted
 from footfall.robots.description import Robot, available_robots
 
 
 def test_every_kind_has_a_name_of_its_own_and_a_limit_or_a_reason() -> None:
-    titles = [fault_table._title(kind) for kind in KINDS]
+    titles = [fault_table.title_of(kind) for kind in KINDS]
     assert len(set(titles)) == len(titles) >= 60
     assert [kind.name for kind in KINDS if kind.within_s is None and not kind.reason] == []
 
@@ -30,7 +23,7 @@ def test_who_may_take_longer_than_100_ms_has_a_reason() -> None:
     assert IMPLAUSIBLE_S == 0.1
     slow = [kind for kind in KINDS if kind.within_s is not None and kind.within_s > IMPLAUSIBLE_S]
     assert len(slow) > 10
-    assert [fault_table._title(kind) for kind in slow if not kind.reason] == []
+    assert [fault_table.title_of(kind) for kind in slow if not kind.reason] == []
 
 
 @pytest.mark.parametrize(
@@ -85,19 +78,19 @@ class TestARun:
         """The joint whose encoder is off is drawn: the same of the seed in a table of one row."""
         task = ("go1", "go1-flat", "one encoder off by a turn (at the start)", 2)
         run = fault_table.run_fault(task)
-        monkeypatch.setattr(fault_table, "KINDS", (fault_table._kind(task[2]),))
+        monkeypatch.setattr(fault_table, "KINDS", (fault_table.kind_of(task[2]),))
         assert fault_table.run_fault(task) == run
-        draws = {fault_table._draws(seed, title).random() for seed in (0, 1) for title in ("one", "other")}
+        draws = {fault_table.draws_of(seed, title).random() for seed in (0, 1) for title in ("one", "other")}
         assert len(draws) == 4
 
     def test_has_a_policy_of_its_own(self) -> None:
         """`step` goes on from where it was: the run before would be seen in the next."""
-        assert fault_table._policy("g1", "step") is not fault_table._policy("g1", "step")
+        assert fault_table.policy_of("g1", "step") is not fault_table.policy_of("g1", "step")
 
     def test_goes_by_the_robots_own_limits(self, go1: Robot) -> None:
         safety = {"tilt_limit_rad": 0.7, "sensors": {"drift_rad": 0.01}}
         own = replace(go1, description=replace(go1.description, safety=safety))
-        config = fault_table._config(own)
+        config = fault_table.config_of(own)
         assert (config.safety.tilt_limit_rad, config.safety.sensors.drift_rad) == (0.7, 0.01)
         assert (config.stand_s, config.safety.damping_s) == (fault_table.STAND_S, fault_table.DAMPING_S)
 
@@ -180,111 +173,6 @@ class TestAHealthyRun:
         run = self.run(monkeypatch, go1, 8.0, tilt_limit_rad=1.5, sensors={"sunk": 1.0})
         assert (run["fell"], run["fault"], run["fault_s"], run["alarm"]) == (True, "", None, "")
         assert 0.3 < run["fell_s"] < 1.0
-
-
-class TestAudit:
-    """A controller that sends what it should not is caught."""
-
-    @pytest.fixture
-    def audit(self, go1: Robot) -> Audit:
-        return Audit(go1, wire(go1), 0.002)
-
-    def look(
-        self, go1: Robot, audit: Audit, position: np.ndarray, kp: Any, velocity: np.ndarray | None = None
-    ) -> None:
-        """The robot is in its default pose, at rest unless said otherwise."""
-        values = np.zeros((5, 12))
-        values[0], values[2] = position, kp
-        moves = np.zeros(12) if velocity is None else velocity
-        audit.look(open_driver(wire(go1)).command(values), go1.default_pose, moves)
-
-    def test_torque_beyond_a_motor_is_told_as_a_share_of_its_peak(self, go1: Robot, audit: Audit) -> None:
-        off = go1.default_pose.copy()
-        off[0] += 0.5
-        kp = 2.5 * go1.motor.peak_torque[0] / 0.5
-        self.look(go1, audit, off, kp)  # asks for 2.5 times the peak
-        assert audit.torque_over == pytest.approx(1.5, abs=0.02)
-        assert audit.stiff
-        self.look(go1, audit, go1.default_pose, kp)
-        assert audit.torque_over == pytest.approx(1.5, abs=0.02)  # the worst of all
-
-    def test_a_motor_at_its_no_load_speed_can_only_brake(self, go1: Robot, audit: Audit) -> None:
-        """A tenth of its peak is all too much there, in the direction of its motion."""
-        spinning, off = np.zeros(12), go1.default_pose.copy()
-        spinning[4] = -(go1.motor.no_load_speed * np.ones(12))[4]
-        kp = 0.1 * go1.motor.peak_torque[4] / 0.5
-        off[4] += 0.5
-        self.look(go1, audit, off, kp, spinning)
-        assert audit.torque_over == pytest.approx(0.0, abs=1e-9)
-        off[4] -= 1.0
-        self.look(go1, audit, off, kp, spinning)
-        assert audit.torque_over == pytest.approx(0.1, abs=0.005)
-
-    @pytest.mark.parametrize(("end", "by"), [(1, 0.25), (0, -0.25)])
-    def test_a_target_outside_the_soft_limits_is_told_in_radians(
-        self, go1: Robot, audit: Audit, end: int, by: float
-    ) -> None:
-        off = go1.default_pose.copy()
-        off[2] = go1.soft_limits[end][2] + by
-        self.look(go1, audit, off, 1.0)
-        assert audit.outside_rad == pytest.approx(0.25, abs=1e-3)
-
-    def test_a_target_of_a_joint_without_stiffness_is_none(self, go1: Robot, audit: Audit) -> None:
-        """All but the first are limp, and told to be far away."""
-        far, kp = go1.default_pose + 3.0 * (np.arange(12) > 0), 1.0 * (np.arange(12) == 0)
-        self.look(go1, audit, go1.default_pose, kp)
-        self.look(go1, audit, far, kp)
-        assert audit.stiff
-        assert (audit.outside_rad, audit.rate_share) == (0.0, 0.0)
-
-    @pytest.mark.parametrize("jump_rad", [0.06, -0.06])
-    def test_a_target_that_jumps_is_told_over_the_robots_rate(
-        self, go1: Robot, audit: Audit, jump_rad: float
-    ) -> None:
-        self.look(go1, audit, go1.default_pose, 1.0)
-        self.look(go1, audit, go1.default_pose + jump_rad, 1.0)
-        self.look(go1, audit, go1.default_pose + jump_rad, 1.0)
-        rate = go1.description.target_rate_rad_s
-        assert audit.rate_share == pytest.approx(0.06 / 0.002 / rate, rel=0.02)
-
-    def test_a_target_after_damping_is_the_first(self, go1: Robot, audit: Audit) -> None:
-        for position, kp in ((0.0, 1.0), (0.0, 0.0), (0.3, 1.0)):
-            self.look(go1, audit, go1.default_pose + position, kp)
-        assert audit.rate_share == 0.0
-
-    def test_damping_has_no_target(self, go1: Robot, audit: Audit) -> None:
-        self.look(go1, audit, go1.default_pose + 9.0, 0.0)
-        assert not audit.stiff
-        assert audit.outside_rad == 0.0
-
-
-class TestLooseImu:
-    """What an IMU reads that turns about an axis of the body's."""
-
-    SPIN, ANGLE, RATE, DT_S = np.array([0.4, -0.3, 0.7]), 0.5, 0.2, 1e-6
-
-    def read(self, time_s: float, axis: int) -> Inertial:
-        """At a time, on a body that spins evenly, where the acceleration is 9.81 m/s^2 up and 2 ahead."""
-        body = Rotation.from_euler("ZYX", [1.0, -0.4, 0.2]) * Rotation.from_rotvec(self.SPIN * time_s)
-        felt = body.inv().apply([2.0, 0.0, 9.81])
-        there = Inertial(self.SPIN.tolist(), felt.tolist(), body.as_quat(scalar_first=True).tolist())
-        return mounted(there, axis, self.ANGLE + self.RATE * time_s, self.RATE)
-
-    def turn(self, reading: Inertial) -> Rotation:
-        return Rotation.from_quat(reading.quaternion, scalar_first=True)
-
-    @pytest.mark.parametrize("axis", [0, 1, 2])
-    def test_all_its_parts_agree(self, axis: int) -> None:
-        """Its gyro says how its orientation changes; gravity by its orientation is where it was."""
-        now, then = (self.read(time_s, axis) for time_s in (0.3, 0.3 + self.DT_S))
-        changed = (self.turn(now).inv() * self.turn(then)).as_rotvec() / self.DT_S
-        np.testing.assert_allclose(now.gyro, changed, atol=1e-6)
-        np.testing.assert_allclose(self.turn(now).apply(now.acceleration), [2.0, 0.0, 9.81], atol=1e-9)
-
-    def test_it_leans_by_its_angle_in_the_body(self) -> None:
-        straight, leaning = (mounted(Inertial([0] * 3, [0] * 3, [1, 0, 0, 0]), 1, a) for a in (0.0, 0.5))
-        np.testing.assert_allclose(self.turn(straight).as_rotvec(), [0.0, 0.0, 0.0], atol=1e-12)
-        np.testing.assert_allclose(self.turn(leaning).as_rotvec(), [0.0, 0.5, 0.0], atol=1e-12)
 
 
 def test_rows_say_which_share_was_in_time_and_what_went_wrong() -> None:

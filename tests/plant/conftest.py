@@ -1,0 +1,28 @@
+"""A robot whose parts lie elsewhere than go1's."""
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from footfall.robots.description import Robot, load_robot
+
+ORDER = [7, 2, 11, 0, 5, 9, 4, 1, 10, 3, 8, 6]  # of the joints, none where it was nor beside its neighbour
+
+
+@pytest.fixture
+def odd(own_folder: Path) -> Robot:
+    """go1 with its joints in another order, a foot of two balls, behind a gate that swings in its world."""
+    xml = own_folder / "robot.xml"
+    text = xml.read_text()
+    gate = '<body pos="3 0 1"><joint name="gate" axis="0 0 1" ref="0.7"/><geom size="0.2"/></body>'
+    # three centimetres behind it in the default pose
+    heel = '<geom name="FR_foot" class="foot"/><geom name="FR_heel" class="foot" pos="-0.01865 0 -0.1895"/>'
+    text = text.replace("<worldbody>", f"<worldbody>{gate}")
+    xml.write_text(text.replace('<geom name="FR_foot" class="foot"/>', heel))
+    declaration = own_folder / "robot.yaml"
+    content = yaml.safe_load(declaration.read_text())
+    content["joints"] = [content["joints"][k] for k in ORDER]
+    content["feet"][0]["geoms"] = ["FR_foot", "FR_heel"]
+    declaration.write_text(yaml.safe_dump(content))
+    return load_robot(own_folder)

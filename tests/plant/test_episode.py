@@ -1,0 +1,274 @@
+"""A simulated trial: pushes, looks, falls, and what an episode asks for."""
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from footfall.deploy.bus import BusStatistics
+from footfall.deploy.config import DeployConfig
+from footfall.deploy.frames import Frames
+from footfall.deploy.modes import Mode
+from footfall.deploy.session import SessionResult
+from footfall.domain_rand.noise import Noise
+from footfall.plant import episode as episode_module
+from footfall.plant.episode import Episode, Push, Trial, run_episode, true_base_state
+from footfall.plant.trace import Recorder
+from footfall.plant.wires import Side
+from footfall.robots.description import Robot
+
+
+class FakeBody:
+    """Counts what it is asked for; each truth is another one."""
+
+    def __init__(self) -> None:
+        self.model = SimpleNamespace(nq=19)
+        self.notes = ("a plant's note",)
+        self.pushes: list[tuple[float, ...]] = []
+        self.looks = 0
+        self.reason: str | None = None
+        self.lost = False
+
+    def truth(self) -> Any:
+        self.looks += 1
+        k = float(self.looks)
+        names = (
+            "base_quaternion",
+            "base_angular_velocity",
+            "joint_position",
+            "joint_velocity",
+            "motor_torque",
+        )
+        rest = dict.fromkeys((*names, "foot_position", "foot_velocity", "foot_force", "qpos"), np.full(3, k))
+        rest["foot_position"] = np.full((1, 3), k)
+        values = {
+            "base_position": np.array([0.25 * k, 0.0, 9.0]),
+            "base_velocity": np.array([k, 2 * k, 3 * k]),
+            "foot_contact": np.array([True]),
+            "legs_touch": k > 1,
+            **rest,
+        }
+        return SimpleNamespace(**values, _asdict=lambda: values)
+
+    def take_power(self) -> Any:
+        return SimpleNamespace(electrical=3.0, mechanical=2.0, positive=2.5)
+
+    def push(self, delta: tuple[float, float, float]) -> None:
+        self.pushes.append(delta)
+
+    def fall(self) -> str | None:
+        return self.reason
+
+    def diverged(self) -> bool:
+        return self.lost
+
+
+class FakeLoop:
+    """As much of a control loop as a trial looks at."""
+
+    def __init__(self) -> None:
+        self.state = SimpleNamespace(mode=Mode.WALKING)
+        self.walking_s = 0.0
+        self.estimate = np.array([7.0, 8.0, 9.0]), 0.31
+        self.asked_command = np.array([0.1, 0.2, 0.3])
+        self.target = np.array([5.0])
+        self.finished = 0
+
+    def finish(self, skip_lie_down: bool) -> None:
+        assert skip_lie_down  # a robot that fell neither stops nor lies down first
+        self.finished += 1
+
+
+OUTCOME = SessionResult(
+    final_state="IDLE",
+    faults=(),
+    walked_s=1.0,
+    run_s=2.0,
+    wall_s=3.0,
+    compute_ms=np.zeros(1),
+    timing={},
+    buses=(BusStatistics("can0"),),
+    notes=("a loop's note",),
+)
+
+
+def trial_of(go1: Robot, watch: Any = None, **episode: Any) -> tuple[Trial, FakeBody, FakeLoop]:
+    body = FakeBody()
+    settings = Episode(command_source=lambda _: np.zeros(3), duration_s=1.0, **episode)
+    return Trial(go1, body, settings, watch), body, FakeLoop()  # type: ignore[arg-type]
+
+
+class TestTrial:
+    def test_it_looks_at_the_record_rate_while_the_robot_walks(self, go1: Robot) -> None:
+        watched = []
+        trial, body, loop = trial_of(
+            go1, lambda loop, body: watched.append((loop, body)), record_rate_hz=40.0
+        )
+        assert np.isnan(trial.velocity()).all()
+        loop.state.mode = Mode.STANDING
+        trial.tick(loop)  # type: ignore[arg-type]
+        assert body.looks == 0
+        loop.state.mode = Mode.WALKING
+        for tick in range(51):
+            loop.walking_s = tick * 0.002
+            trial.tick(loop)  # type: ignore[arg-type]
+        assert watched == [(loop, body)] * 52
+        trace = trial.trace(OUTCOME)
+        np.testing.assert_allclose(trace.time_s, [0.0, 0.026, 0.05, 0.076, 0.1])
+        assert trial.velocity().tolist() == [5.0, 10.0, 15.0]
+        np.testing.assert_array_equal(trace.base_velocity[:, 0], [1, 2, 3, 4, 5])
+        np.testing.assert_array_equal(trace.command, np.tile([0.1, 0.2, 0.3], (5, 1)))
+        np.testing.assert_array_equal(trace.joint_target, np.full((5, 1), 5.0))
+        np.testing.assert_array_equal(trace.estimated_velocity[-1], [7, 8, 9])
+        assert trace.estimated_height.tolist() == [0.31] * 5
+        assert (trace.electrical_power[0], trace.mechanical_power[0], trace.positive_power[0]) == (3, 2, 2.5)
+        assert trace.record_rate_hz == 40.0
+        np.testing.assert_allclose(trace.mean_velocity, [3.0, 6.0, 9.0])
+        assert trace.distance_m == pytest.approx(1.0)
+        assert trace.notes == ("a loop's note", "a plant's note")
+        assert (trace.fell, trace.fall_reason, trace.final_state, trace.faults) == (False, "", "IDLE", ())
+        assert loop.finished == 0
+
+    def test_pushes_come_once_each_at_the_first_tick_of_their_time(self, go1: Robot) -> None:
+        pushes = (Push(0.03, (3.0, 0.0, 0.0)), Push(0.01, (1.0, 0.0, 0.0)), Push(0.01, (2.0, 0.0, 0.0)))
+        trial, body, loop = trial_of(go1, pushes=pushes)
+        seen = []
+        for now_s in (0.0, 0.008, 0.01, 0.012, 0.028, 0.031, 0.04):
+            loop.walking_s = now_s
+            trial.tick(loop)  # type: ignore[arg-type]
+            seen.append([delta[0] for delta in body.pushes])
+        assert seen == [[], [], [1, 2], [1, 2], [1, 2], [1, 2, 3], [1, 2, 3]]
+
+    def test_without_a_record_it_still_measures_and_sees_falls(self, go1: Robot) -> None:
+        trial, body, loop = trial_of(go1, record=False)
+        for tick in range(3):
+            loop.walking_s = 0.01 * tick
+            trial.tick(loop)  # type: ignore[arg-type]
+        body.reason = "it lies down"
+        loop.walking_s = 0.03
+        trial.tick(loop)  # type: ignore[arg-type]
+        assert loop.finished == 1
+        trace = trial.trace(OUTCOME)
+        assert trace.distance_m == pytest.approx(0.75)
+        assert (trace.fell, trace.fall_reason, trace.final_state) == (True, "it lies down", "FALLING")
+        widths = {
+            "time_s": (), "command": (3,), "base_position": (3,), "base_quaternion": (4,),
+            "base_velocity": (3,), "base_angular_velocity": (3,), "joint_position": (12,),
+            "joint_velocity": (12,), "motor_torque": (12,), "joint_target": (12,), "foot_position": (4, 3),
+            "foot_velocity": (4, 3), "foot_contact": (4,), "foot_force": (4,), "qpos": (19,),
+            "estimated_velocity": (3,), "estimated_height": (), "electrical_power": (),
+            "mechanical_power": (), "positive_power": (), "legs_touch": (),
+        }  # fmt: skip
+        for name, width in widths.items():
+            assert getattr(trace, name).shape == (0, *width), name
+            assert getattr(trace, name).dtype == (bool if name in ("foot_contact", "legs_touch") else float)
+
+    def test_lost_numbers_end_it_as_a_fault(self, go1: Robot) -> None:
+        trial, body, loop = trial_of(go1)
+        body.lost = True
+        trial.tick(loop)  # type: ignore[arg-type]
+        assert loop.finished == 1
+        trace = trial.trace(replace(OUTCOME, faults=("first",)))
+        assert trace.faults == ("first", "the simulation diverged")
+        assert (trace.fell, trace.fall_reason, trace.final_state) == (True, "", "IDLE")
+
+    def test_a_fall_that_the_supervisor_saw_has_its_reason(self, go1: Robot) -> None:
+        trial, *_ = trial_of(go1)
+        trace = trial.trace(replace(OUTCOME, final_state="FALLING", faults=("tilt of 1.2 rad", "later")))
+        assert (trace.fell, trace.fall_reason) == (True, "tilt of 1.2 rad")
+        stopped = trial.trace(replace(OUTCOME, final_state="ESTOP", faults=("no reply",)))
+        assert (stopped.fell, stopped.fall_reason) == (False, "")
+
+
+def test_a_recorder_stacks_rows_in_their_order() -> None:
+    recorder = Recorder(2, 1, 9)
+    recorder.add(a=1.0, b=np.array([1, 2]))
+    recorder.add(a=2.0, b=np.array([3, 4]))
+    arrays = recorder.arrays()
+    assert arrays["a"].tolist() == [1.0, 2.0]
+    assert arrays["b"].tolist() == [[1, 2], [3, 4]]
+    assert Recorder(2, 1, 9).rows == {}
+
+
+@pytest.mark.parametrize("asked", [True, False])
+def test_what_an_episode_asks_for_reaches_plant_and_session(
+    go1: Robot, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, asked: bool
+) -> None:
+    seen: dict[str, Any] = {}
+
+    class Body(FakeBody):
+        def __init__(self, robot: Robot, wiring: Any, wires: Any, config: Any, seed: int) -> None:
+            super().__init__()
+            seen.update(robot=robot, wires=wires, config=config, seed=seed)
+
+    def run_session(
+        robot: Any, policy: Any, bus: Any, session: Any, each_tick: Any, base: Any
+    ) -> SessionResult:
+        seen.update(policy=policy, bus=bus, session=session, each_tick=each_tick, base=base)
+        return OUTCOME
+
+    monkeypatch.setattr(episode_module, "SimulatedRobot", Body)
+    monkeypatch.setattr(episode_module, "run_session", run_session)
+
+    def command(_: float) -> np.ndarray:
+        return np.zeros(3)
+
+    shown = []
+    further: dict[str, Any] = {
+        "seed": 5,
+        "plant": tmp_path / "other.xml",
+        "sample": {"friction": 0.4},
+        "noise": Noise(gyro=0.1),
+        "ground_truth": True,
+        "realtime": True,
+        "log": tmp_path / "log.mcap",
+        "policy_spec": "mine.onnx",
+        "config": DeployConfig(host_queue=3, motor_timeout_s=0.3),
+        "display": lambda loop, velocity: shown.append((loop, velocity())),
+    }
+    policy = SimpleNamespace(name="hold")
+    run_episode(go1, policy, Episode(command, 2.5, **(further if asked else {})))  # type: ignore[arg-type]
+    session, plant = seen["session"], seen["config"]
+    assert seen["robot"] is go1
+    assert seen["policy"] is policy
+    assert (session.command_source, session.duration_s) == (command, 2.5)
+    assert session.realtime is asked
+    if not asked:
+        assert (plant.plant, plant.sample, plant.noise, plant.motor_timeout_s) == (None, {}, None, 0.1)
+        assert (seen["seed"], session.log, seen["base"], session.display) == (0, None, None, None)
+        assert session.facts == {"seed": 0, "policy_spec": "hold", "bus": "sim", "plant": None}
+        return
+    assert (plant.plant, plant.sample) == (further["plant"], further["sample"])
+    assert (plant.noise, plant.motor_timeout_s) == (further["noise"], 0.3)
+    assert (seen["seed"], session.log, session.config) == (5, further["log"], further["config"])
+    four = Frames(*np.ones((2, 4), int), np.zeros((4, 8), np.uint8), np.full(4, 8))
+    assert seen["wires"].send(Side.HOST, four, now_us=0) == 1
+    assert session.facts == {
+        "seed": 5,
+        "policy_spec": "mine.onnx",
+        "bus": "sim",
+        "plant": str(further["plant"]),
+    }
+    session.display("a loop")
+    assert shown[0][0] == "a loop"
+    assert np.isnan(shown[0][1]).all()
+    velocity, height = seen["base"]()
+    np.testing.assert_array_equal(velocity, [1.0, 2.0, 3.0])
+    assert height == pytest.approx(9.0 - 1.0)
+
+
+def test_a_policys_true_height_is_above_the_feet_that_stand() -> None:
+    """Feet at 2 and 4 cm stand, one at 20 cm swings, and one is not known."""
+    foot_position = np.array([[0.0, 0.0, 0.02], [0.0, 0.0, 0.2], [0.0, 0.0, 0.04], [np.nan] * 3])
+    truth = SimpleNamespace(
+        base_velocity=np.array([0.5, 0.0, 0.0]),
+        base_position=np.array([9.0, 9.0, 0.33]),
+        foot_position=foot_position,
+        foot_contact=np.array([True, False, True, False]),
+    )
+    velocity, height = true_base_state(SimpleNamespace(truth=lambda: truth))()  # type: ignore[arg-type]
+    np.testing.assert_array_equal(velocity, truth.base_velocity)
+    assert height == pytest.approx(0.30)

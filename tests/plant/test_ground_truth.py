@@ -1,0 +1,211 @@
+"""The true state of the simulated robot: places, velocities, contacts, falls."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from plant_bodies import body_of, thrown, thrown_up
+from scipy.spatial.transform import Rotation
+
+from footfall.plant.ground_truth import GroundTruth
+from footfall.plant.sensors import Layout
+from footfall.robots.description import Robot, load_robot
+from footfall.robots.model import joint_addresses, read_plant
+
+
+class TestTruth:
+    def test_every_part_of_the_state_is_found_in_a_plant_of_more_than_the_robot(self, odd: Robot) -> None:
+        body = body_of(odd)
+        thrown(body)
+        data, model = body.data, body.model
+        truth = body.truth()
+        turn = Rotation.from_quat(data.qpos[4:8], scalar_first=True)
+        np.testing.assert_array_equal(truth.base_position, [1.0, -2.0, 6.0])
+        np.testing.assert_array_equal(truth.base_quaternion, data.qpos[4:8])
+        np.testing.assert_allclose(truth.base_velocity, turn.inv().apply(data.qvel[1:4]), atol=1e-12)
+        np.testing.assert_array_equal(truth.base_angular_velocity, data.qvel[4:7])
+        for k, name in enumerate(odd.joint_names):
+            assert truth.joint_position[k] == data.joint(name).qpos[0]
+            assert truth.joint_velocity[k] == data.joint(name).qvel[0]
+        np.testing.assert_array_equal(truth.qpos, data.qpos)
+        places = []
+        for dt in (-1e-6, 0.0, 1e-6):
+            moved = mujoco.MjData(model)
+            moved.qpos[:] = data.qpos
+            mujoco.mj_integratePos(model, moved.qpos, data.qvel, dt)
+            mujoco.mj_kinematics(model, moved)
+            places.append(
+                [np.mean([moved.geom(g).xpos for g in foot.geoms], axis=0) for foot in odd.description.feet]
+            )
+        np.testing.assert_allclose(truth.foot_position, places[1], atol=1e-12)
+        velocity = np.subtract(places[2], places[0]) / 2e-6
+        np.testing.assert_allclose(truth.foot_velocity, velocity, atol=1e-6)
+        assert np.abs(truth.foot_velocity).min() > 0.01
+
+    def test_what_was_read_does_not_move_on(self, odd: Robot) -> None:
+        body = body_of(odd)
+        thrown(body)
+        truth = body.truth()
+        kept = [np.array(part) for part in truth]
+        body.advance(20_000)
+        body.truth()
+        for part, before in zip(truth, kept, strict=True):
+            np.testing.assert_array_equal(part, before)
+
+    @pytest.mark.parametrize("foot", range(4))
+    def test_a_foot_that_alone_touches_the_ground_bears_all_of_what_it_pushes_back_with(
+        self, odd: Robot, foot: int
+    ) -> None:
+        """The other legs are drawn up; the feet are listed FR, FL, RR, RL, and FR has two balls."""
+        body = body_of(odd)
+        data, model = body.data, body.model
+        drawn = [joint for k in range(4) if k != foot for joint in odd.foot_joints[k]]
+        qpos = joint_addresses(model, odd)[0]
+        for joint in drawn:
+            if "calf" in odd.joint_names[joint]:
+                data.qpos[qpos[joint]] = -2.4
+        for _ in range(3):
+            mujoco.mj_step(model, data)
+        truth = body.truth()
+        assert truth.foot_contact.tolist() == [k == foot for k in range(4)]
+        upward = data.qfrc_constraint[3]
+        assert upward > 5.0
+        assert truth.foot_force[foot] == pytest.approx(upward)
+        assert data.ncon == (2 if foot == 0 else 1)
+
+    def test_a_foot_that_bears_a_newton_touches(self, go1: Robot) -> None:
+        """go1 of 12 kg where weight is a thirtieth of the earth's."""
+        body = body_of(go1)
+        body.model.opt.gravity[2] = -0.3
+        body.data.qvel[2] = -0.02
+        for _ in range(5):
+            mujoco.mj_step(body.model, body.data)
+            truth = body.truth()
+            np.testing.assert_array_equal(truth.foot_contact, truth.foot_force > 0.0)
+            if truth.foot_force.min() > 0.0 and truth.foot_force.max() < 5.0:
+                break
+        else:
+            pytest.fail("no foot touched lightly")
+
+    def test_legs_touch_where_two_of_them_press_on_each_other(self, go1: Robot) -> None:
+        """Standing they do not; in the air, the feet of the front or of the rear are led together."""
+        body = body_of(go1)
+        data, model = body.data, body.model
+        mujoco.mj_forward(model, data)
+        assert body.truth().foot_contact.all()
+        assert not body.truth().legs_touch
+        for leg in (0, 2):
+            thrown_up(body, go1.default_pose * np.tile((-1.0, 1.0, 1.0), 4))
+            assert not body.truth().legs_touch
+            inwards = go1.default_pose.copy()
+            inwards[[3 * leg, 3 * leg + 3]] = 0.45, -0.45
+            thrown_up(body, inwards)
+            assert body.truth().legs_touch
+            assert len({model.geom_bodyid[geom] for geom in data.contact.geom.ravel()}) == 2
+
+    def test_shanks_that_press_on_each_other_touch_too(self, go1: Robot) -> None:
+        body = body_of(go1)
+        pose = go1.default_pose.copy()
+        pose[:6] = 0.8, 0.9, -1.8, -0.8, 0.75, -1.8
+        thrown_up(body, pose)
+        feet = {body.model.geom(name).id for foot in go1.description.feet for name in foot.geoms}
+        assert body.data.ncon
+        assert not feet & set(body.data.contact.geom.ravel().tolist())
+        assert body.truth().legs_touch
+
+    def test_parts_of_one_leg_that_press_on_each_other_do_not_count(self, own_folder: Path) -> None:
+        xml = own_folder / "robot.xml"
+        hip = '<joint name="FR_hip_joint" class="abduction"/>'
+        xml.write_text(
+            xml.read_text().replace(
+                hip, f'{hip}<geom class="collision" size="0.08" pos="0 -0.08 0" density="0"/>'
+            )
+        )
+        robot = load_robot(own_folder)
+        body = body_of(robot)
+        pose = robot.default_pose.copy()
+        pose[2] = -2.7
+        thrown_up(body, pose)
+        bodies = {body.model.body(body.model.geom_bodyid[g]).name for g in body.data.contact.geom.ravel()}
+        assert bodies == {"FR_hip", "FR_calf"}
+        assert not body.truth().legs_touch
+
+    def test_a_leg_that_presses_on_the_base_touches_no_leg(self, go1: Robot) -> None:
+        body = body_of(go1)
+        pose = go1.default_pose.copy()
+        pose[:2] = 0.7, 1.5
+        thrown_up(body, pose)
+        bodies = {body.model.body(body.model.geom_bodyid[g]).name for g in body.data.contact.geom.ravel()}
+        assert bodies == {"trunk", "FR_thigh"}
+        assert not body.truth().legs_touch
+
+    @pytest.mark.parametrize(("share", "sunk"), [(0.39, True), (0.41, False)])
+    def test_a_base_less_than_two_fifths_of_its_height_above_its_lowest_foot_has_sunk(
+        self, go1: Robot, share: float, sunk: bool
+    ) -> None:
+        body = body_of(go1)
+        body.data.qpos[2] = 7.0
+        body.data.qpos[9] += 0.2  # one foot is higher than the others
+        mujoco.mj_forward(body.model, body.data)
+        above = 7.0 - body.truth().foot_position[:, 2].min()
+        layout = Layout(slice(7, 19), slice(6, 18), 0, 0)
+        truth = GroundTruth(read_plant(go1, None), body.data, layout, above / share)
+        assert truth.fall() == ("the base sank to the height of the feet" if sunk else None)
+
+    def test_only_the_base_may_not_touch_the_ground(self, go1: Robot) -> None:
+        """Thighs on the ground are no fall, nor is what the base touches of the robot itself."""
+        body = body_of(go1)
+        data, model = body.data, body.model
+        data.qpos[7:] = np.tile([0.0, 1.57, -0.9], 4)
+        heights = np.arange(0.4, 0.0, -0.001)
+        thigh, trunk = model.body("FR_thigh").id, model.body("trunk").id
+        for height in heights:
+            data.qpos[2] = height
+            mujoco.mj_forward(model, data)
+            touching = {frozenset(model.geom_bodyid[pair].tolist()) for pair in data.contact.geom}
+            reason = body.fall()
+            if frozenset({0, trunk}) in touching:
+                assert reason == "the base touched the ground"
+                break
+            assert reason != "the base touched the ground"
+            assert reason is None or frozenset({0, thigh}) in touching
+        else:
+            pytest.fail("the trunk never touched")
+
+    @pytest.mark.parametrize("kind", ["BADQPOS", "BADQVEL", "BADQACC", "CONTACTFULL"])
+    def test_lost_numbers_are_told_from_other_warnings(self, go1: Robot, kind: str) -> None:
+        body = body_of(go1)
+        assert not body.diverged()
+        body.data.warning[getattr(mujoco.mjtWarning, f"mjWARN_{kind}")].number = 1
+        assert body.diverged() is (kind != "CONTACTFULL")
+
+    def test_velocities_are_in_the_body_frame(self, go1: Robot) -> None:
+        """Turned to the left by 90 degrees, the world's y is forward. Angular velocity is MuJoCo's own."""
+        body = body_of(go1)
+        body.data.qpos[3:7] = np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)
+        body.data.qvel[:6] = 0.0, 1.0, 0.5, 0.1, 0.2, 0.3
+        mujoco.mj_forward(body.model, body.data)
+        truth = body.truth()
+        np.testing.assert_allclose(truth.base_velocity, [1.0, 0.0, 0.5], atol=1e-12)
+        np.testing.assert_allclose(truth.base_angular_velocity, [0.1, 0.2, 0.3], atol=1e-12)
+
+    def test_a_foot_moves_as_its_leg_turns(self, go1: Robot) -> None:
+        """A thigh that turns at w moves a foot that hangs straight below it at w times its distance."""
+        body = body_of(go1)
+        body.data.qpos[2] = 1.0
+        body.data.qvel[7] = 2.0  # the first leg's thigh, about y
+        mujoco.mj_forward(body.model, body.data)
+        truth = body.truth()
+        thigh = body.data.xanchor[body.model.joint("FR_thigh_joint").id]
+        arm = truth.foot_position[0] - thigh
+        np.testing.assert_allclose(truth.foot_velocity[0], [2.0 * arm[2], 0.0, -2.0 * arm[0]], atol=0.15)
+        np.testing.assert_allclose(truth.foot_velocity[1:], 0.0, atol=1e-12)
+
+    def test_feet_in_the_air_bear_nothing(self, go1: Robot) -> None:
+        body = body_of(go1)
+        body.data.qpos[2] = 1.0
+        mujoco.mj_forward(body.model, body.data)
+        truth = body.truth()
+        assert not truth.foot_contact.any()
+        assert truth.foot_force.tolist() == [0.0] * 4

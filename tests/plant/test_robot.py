@@ -1,0 +1,97 @@
+"""The simulated robot: how it is put down, its time, its pushes and its IMU."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from plant_bodies import body_of, thrown
+
+from footfall.deploy.wiring import wire
+from footfall.plant.robot import SimulatedRobot
+from footfall.plant.wires import Side, SimulatedWires
+from footfall.robots.description import Robot
+from footfall.robots.model import joint_addresses
+
+
+class TestStart:
+    def test_it_stands_in_its_default_pose_just_on_the_highest_ground_below(
+        self, odd: Robot, own_folder: Path
+    ) -> None:
+        """A step under one foot lifts the robot by its height; the gate is where its file has it."""
+        text = odd.xml_path.read_text()
+        step = '<geom type="plane" size="0 0 1" pos="0 0 -1"/>'
+        step += '<geom type="box" size="0.1 0.1 0.2" pos="0.19 0.13 -0.9"/>'
+        (own_folder / "step.xml").write_text(text.replace("<worldbody>", f"<worldbody>{step}"))
+        body = body_of(odd, plant=own_folder / "step.xml")
+        data = body.data
+        np.testing.assert_array_equal(data.qpos[joint_addresses(body.model, odd)[0]], odd.default_pose)
+        assert data.qpos[:3].tolist() == [0.7, 0.0, 0.0]
+        assert data.qpos[4:8].tolist() == [1.0, 0.0, 0.0, 0.0]
+        assert data.qpos[3] == pytest.approx(odd.description.standing_height_m - 0.7, abs=1e-4)
+        lowest = data.geom("FL_foot").xpos[2] - 0.023
+        assert -1e-6 < -0.7 - lowest < 1e-6
+
+    def test_a_plant_over_an_abyss_is_refused(self, go1: Robot, tmp_path: Path) -> None:
+        text = go1.xml_path.read_text()
+        deep = '<worldbody><geom type="plane" size="0 0 1" pos="0 0 -6"/>'
+        (tmp_path / "deep.xml").write_text(text.replace("<worldbody>", deep))
+        with pytest.raises(Exception, match="no ground within 4 m of its origin"):
+            body_of(go1, plant=tmp_path / "deep.xml")
+
+    def test_a_push_is_in_the_worlds_axes_and_of_the_base_alone(self, odd: Robot) -> None:
+        body = body_of(odd)
+        thrown(body)
+        before = body.data.qvel.copy()
+        body.push((0.1, -0.2, 0.3))
+        np.testing.assert_allclose((body.data.qvel - before)[:5], [0.0, 0.1, -0.2, 0.3, 0.0], atol=1e-12)
+        assert not (body.data.qvel - before)[5:].any()
+
+    def test_time_passes_in_whole_steps_that_fit(self, go1: Robot) -> None:
+        body = body_of(go1)
+        times = []
+        for now_us in (0, 999, 1000, 3999, 3999, 4000):
+            body.advance(now_us)
+            times.append(body.time_us)
+        assert times == [0, 0, 1000, 3000, 3000, 4000]
+        assert body.data.time == pytest.approx(0.004)
+
+    def test_the_imu_reports_every_two_milliseconds_one_count_on(self, go1: Robot) -> None:
+        wiring = wire(go1)
+        wires = SimulatedWires(wiring.buses)
+        body = SimulatedRobot(go1, wiring, wires)
+
+        def heard(until_us: int) -> list[int]:
+            """Counters of the gyro frames that arrived; they are on the IMU's bus alone."""
+            body.advance(until_us)
+            frames = wires.receive(Side.HOST, until_us)
+            assert all((batch.channel == wiring.imu_channel).all() for batch in frames)
+            assert all(batch.id.tolist() == [0x300, 0x301, 0x302] for batch in frames)
+            return [int.from_bytes(batch.data[0, 6:].tobytes(), "big") for batch in frames]
+
+        assert heard(1000) == [1]
+        assert heard(2500) == []
+        assert heard(7000) == [2, 3, 4]
+        body.faults.imu_stuck = True
+        assert heard(9000) == [4]
+        body.faults.imu_silent = True
+        assert heard(13_000) == []
+        body.faults.imu_silent = body.faults.imu_stuck = False
+        assert heard(15_000) == [5]
+
+    def test_switched_on_motors_are_told_in_a_copy(self, go1: Robot) -> None:
+        body = body_of(go1)
+        on = body.motors_on
+        on[:] = True
+        assert not body.motors_on.any()
+
+
+def test_a_robot_whose_wires_carry_nothing_lies_still_in_the_end(go1: Robot) -> None:
+    """No frame, no torque: it sinks, and its joints come to rest by friction alone."""
+    wiring = wire(go1)
+    wires = SimulatedWires(wiring.buses)
+    body = SimulatedRobot(go1, wiring, wires)
+    body.advance(1_500_000)
+    truth = body.truth()
+    assert not truth.motor_torque.any()
+    assert np.abs(truth.joint_velocity).max() < 0.3
+    assert wires.receive(Side.HOST, 1_500_000)  # the IMU reports all the same
