@@ -224,6 +224,15 @@ class TestTorqueStuck:
 
         assert all(measured(go1, TorqueStuck, torque=coarse, samples=n)[0] == 0.0 for n in range(10, 800, 50))
 
+    def test_may_be_what_the_command_has_come_to(self, go1: Robot) -> None:
+        """A torque of 0.3 of the peak is asked for after the first window, and has been reported all along."""
+        peak = float(go1.motor.peak_torque[0])
+
+        def come(time_s: float) -> tuple[float, float]:
+            return 0.3 * peak, 0.3 * peak * (time_s > 0.041)
+
+        assert measured(go1, TorqueStuck, torque=come, samples=60)[0] == 0.0
+
     def test_may_be_late(self, go1: Robot) -> None:
         """A leap by half the peak torque just before a window ends, which a motor follows 25 ms later."""
         peak = float(go1.motor.peak_torque[0])
