@@ -225,7 +225,7 @@ class TestTorqueStuck:
         assert all(measured(go1, TorqueStuck, torque=coarse, samples=n)[0] == 0.0 for n in range(10, 800, 50))
 
     def test_may_be_what_the_command_has_come_to(self, go1: Robot) -> None:
-        """A torque of 0.3 of the peak is asked for after the first window, and has been reported all along."""
+        """0.3 of the peak torque is asked for after the first window, and has been reported all along."""
         peak = float(go1.motor.peak_torque[0])
 
         def come(time_s: float) -> tuple[float, float]:

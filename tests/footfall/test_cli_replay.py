@@ -110,8 +110,9 @@ class TestWhatTheLogNames:
         named["result"] = SimpleNamespace(
             steps=7, complete=True, damaged=0, first_difference="", worst_difference=0.00123
         )
-        called.replace("footfall.deploy.log_file.read_log", SimpleNamespace(text=named.__getitem__))
         called.replace("footfall.deploy.replay.replay", lambda *_: named["result"])
+        # Once the replay has been imported, which would keep the stand-in for ever.
+        called.replace("footfall.deploy.log_file.read_log", SimpleNamespace(text=named.__getitem__))
         called.replace("footfall.policies.registry.load_policy", "the policy")
         called.replace("footfall.robots.description.load_robot", lambda _: go1)
         return named
