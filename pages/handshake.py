@@ -3,7 +3,7 @@
 viser 1.1 accepts a WebSocket from any page that the visitor has open, so that any web site could move the
 robot shown. It offers no hook for its handshake and none for its page, hence this replacement of the
 function that it starts its server with. It can go when viser compares Origin with Host (then
-`tests/pages/test_watch_handshake.py` passes without it) and lets title and colour scheme be set.
+`tests/pages/test_handshake.py` passes without it) and lets title and colour scheme be set.
 """
 
 import socket

@@ -1,0 +1,89 @@
+"""The page beside a training, in the process that serves it."""
+
+import multiprocessing
+import os
+import signal
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from footfall.common.errors import UserError
+from footfall.pages import beside
+
+pytest.importorskip("viser")
+
+
+def test_why_it_ended_is_told_where_its_own_output_goes_nowhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def watch(*_: object) -> None:
+        print("a library's greeting")
+        raise UserError("port 8080 is taken")
+
+    monkeypatch.setattr("footfall.pages.walk.watch", watch)
+    monkeypatch.setattr(beside, "_end_with_parent", lambda: None)
+    monkeypatch.setattr(os, "nice", lambda _: 0)
+    beside._serve(tmp_path, "localhost", 8080)
+    assert capsys.readouterr() == ("", "footfall: the page ended: port 8080 is taken\n")
+
+
+class Notes:
+    """Takes note of each call; what a call returns takes notes too, under the call's name and first word."""
+
+    def __init__(self, log: list[Any], name: str = "") -> None:
+        self.__dict__ |= {"_log": log, "_name": name}
+
+    def __getattr__(self, name: str) -> Any:
+        def call(*given: Any, **named: Any) -> "Notes":
+            self._log.append((self._name, name, given, named))
+            return Notes(self._log, str(given[0]) if given else name)
+
+        return call
+
+    def __enter__(self) -> "Notes":
+        self._log.append((self._name, "within", (), {}))
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._log.append((self._name, "without", (), {}))
+
+
+class TestBeside:
+    @pytest.fixture
+    def log(self, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+        """What became of the process that serves the page."""
+        log: list[Any] = []
+
+        def context(kind: str) -> Any:
+            log.append(kind)
+            return SimpleNamespace(Process=lambda **how: log.append(how) or Notes(log, "process"))
+
+        monkeypatch.setattr(beside.multiprocessing, "get_context", context)
+        return log
+
+    def test_it_ends_with_a_training_that_fails(self, log: list[Any]) -> None:
+        with pytest.raises(ZeroDivisionError), beside.watched(Path("run"), "there", 123):
+            raise ZeroDivisionError
+        assert [each[1] for each in log[-2:]] == ["terminate", "join"]
+
+    def test_in_it_the_page_is_served_at_low_priority_until_told_to_stop(
+        self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    ) -> None:
+        log: list[Any] = []
+        monkeypatch.setattr("footfall.pages.walk.watch", lambda *given: log.append(given))
+        monkeypatch.setattr(beside, "_end_with_parent", lambda: None)
+        monkeypatch.setattr(os, "nice", log.append)
+        beside._serve(tmp_path, "there", 123)
+        nice, (*given, stop) = log
+        assert (nice, given) == (10, [tmp_path, "there", 123])
+        assert stop.requested is False
+
+    def test_when_the_training_is_gone_it_tells_itself_to_end(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        log: list[Any] = []
+        parent = SimpleNamespace(join=lambda: log.append("gone"))
+        monkeypatch.setattr(multiprocessing, "parent_process", lambda: parent)
+        monkeypatch.setattr(os, "kill", lambda *given: log.append(given))
+        beside._end_with_parent()
+        assert log == ["gone", (os.getpid(), signal.SIGTERM)]

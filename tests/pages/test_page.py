@@ -1,0 +1,364 @@
+"""The server of the page: address, ends, and the command that starts it."""
+
+import errno
+import logging
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from shell import Shell
+
+from footfall.common.errors import UserError
+from footfall.pages import page
+from footfall.pages.page import check_page
+from footfall.policies.registry import ZOO
+from footfall.train.config import load_preset
+from footfall.train.runs.folder import Provenance, create_run
+from footfall.verbs.train import ClusterOptions, TrainOptions, train
+
+pytest.importorskip("viser")
+
+
+class Notes:
+    """Takes note of each call; what a call returns takes notes too, under the call's name and first word."""
+
+    def __init__(self, log: list[Any], name: str = "") -> None:
+        self.__dict__ |= {"_log": log, "_name": name}
+
+    def __getattr__(self, name: str) -> Any:
+        def call(*given: Any, **named: Any) -> "Notes":
+            self._log.append((self._name, name, given, named))
+            return Notes(self._log, str(given[0]) if given else name)
+
+        return call
+
+    def __enter__(self) -> "Notes":
+        self._log.append((self._name, "within", (), {}))
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._log.append((self._name, "without", (), {}))
+
+
+class TestServing:
+    @pytest.fixture
+    def log(self, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+        log: list[Any] = []
+        logging.getLogger("websockets").setLevel(logging.NOTSET)
+
+        class Server(SimpleNamespace):
+            def __init__(self, *given: Any, **named: Any) -> None:
+                print("a library's greeting")
+                log.append(("made", given, named))
+                super().__init__(gui=SimpleNamespace(main_panel=Notes(log, "panel")))
+                self.gui.configure_theme = lambda **how: log.append(("theme", how))
+
+            def stop(self) -> None:
+                print("a library's farewell")
+                log.append("stopped")
+
+        @contextmanager
+        def own_handshake(host: str) -> Iterator[None]:
+            log.append(("ours", host))
+            yield
+            log.append("ours no more")
+
+        monkeypatch.setattr("viser.ViserServer", Server)
+        monkeypatch.setattr(page, "own_handshake", own_handshake)
+        monkeypatch.setattr(page, "check_page", lambda *given: log.append(("checked", *given)))
+        return log
+
+    def test_a_page_is_checked_made_ours_and_stopped_without_a_word_of_the_library(
+        self, log: list[Any], capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        with page.serving("there", 123, "a label"):
+            print("it is served")
+            log.append("served")
+        assert log == [
+            ("checked", "there", 123), ("ours", "there"),
+            ("made", ("there", 123), {"label": "a label", "verbose": False}), "ours no more",
+            ("panel", "dock_right", (), {}),
+            ("theme", {"show_logo": False, "show_share_button": False, "brand_color": (224, 112, 26)}),
+            "served", "stopped",
+        ]  # fmt: skip
+        assert capsys.readouterr().out == "it is served\n"
+        assert logging.getLogger("websockets").level == logging.CRITICAL
+
+    def test_it_is_stopped_whatever_ends_it(self, log: list[Any]) -> None:
+        with pytest.raises(KeyboardInterrupt), page.serving("there", 123, "x"):
+            raise KeyboardInterrupt
+        assert log[-1] == "stopped"
+
+    def test_a_name_that_nobody_knows_is_told_with_the_reason(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        asked: list[Any] = []
+
+        def unknown(*given: Any, **named: Any) -> None:
+            asked.append((given, named))
+            raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
+
+        monkeypatch.setattr(socket, "getaddrinfo", unknown)
+        with pytest.raises(UserError) as caught:
+            page._check_address("there", 123)
+        assert str(caught.value) == (
+            "cannot serve a page at there:123: Name or service not known; give another --host or --port"
+        )
+        assert asked == [(("there", 123), {"type": socket.SOCK_STREAM})]
+
+
+HERE = ("::1", "127.0.0.1")
+
+
+FREE, TAKEN, NOT_OURS, NO_IPV6 = 0, errno.EADDRINUSE, errno.EADDRNOTAVAIL, errno.EAFNOSUPPORT
+
+
+def checked(monkeypatch: pytest.MonkeyPatch, *found: int) -> None:
+    """Check a name that stands for two addresses, of which each is as it is said here."""
+    answers = iter(found)
+    addresses = [
+        (socket.AF_INET6, socket.SOCK_STREAM, 6, "", (HERE[0], 80, 0, 0)),
+        (socket.AF_INET, socket.SOCK_STREAM, 6, "", (HERE[1], 80)),
+    ]
+    monkeypatch.setattr(socket, "getaddrinfo", lambda *_, **__: addresses[: len(found)])
+
+    def refusal(*_: object) -> OSError | None:
+        code = next(answers)
+        return OSError(code, os.strerror(code)) if code else None
+
+    monkeypatch.setattr(page, "_refusal", refusal)
+    page._check_address("lab", 80)
+
+
+@pytest.mark.parametrize("found", [(FREE,), (FREE, FREE), (NOT_OURS, FREE), (FREE, NO_IPV6), (NO_IPV6, FREE)])
+def test_one_address_that_is_ours_and_free_is_enough(
+    monkeypatch: pytest.MonkeyPatch, found: tuple[int, ...]
+) -> None:
+    checked(monkeypatch, *found)
+
+
+@pytest.mark.parametrize(
+    ("found", "reason"),
+    [
+        ((TAKEN,), TAKEN),
+        ((FREE, TAKEN), TAKEN),  # viser would quietly take another port for one of them
+        ((TAKEN, FREE), TAKEN),
+        ((NOT_OURS, TAKEN), TAKEN),
+        ((NOT_OURS, NOT_OURS), NOT_OURS),
+        ((NO_IPV6, NOT_OURS), NO_IPV6),
+    ],
+)
+def test_an_address_that_is_taken_or_none_that_is_ours_is_told(
+    monkeypatch: pytest.MonkeyPatch, found: tuple[int, ...], reason: int
+) -> None:
+    with pytest.raises(UserError) as caught:
+        checked(monkeypatch, *found)
+    assert str(caught.value) == (
+        f"cannot serve a page at lab:80: {os.strerror(reason)}; give another --host or --port"
+    )
+
+
+def test_a_name_that_is_none_is_told() -> None:
+    with pytest.raises(UserError, match=r"at \.\.:80: no host can have this name; give another"):
+        page._check_address("..", 80)
+
+
+def test_a_port_that_somebody_listens_at_is_taken_and_free_when_he_has_gone() -> None:
+    """A connection that was just closed lingers, and does not count."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        address = server.getsockname()
+        arguments = (socket.AF_INET, socket.SOCK_STREAM, 0, address)
+        error = page._refusal(*arguments)
+        assert error is not None
+        assert error.errno == TAKEN
+        with socket.create_connection(address):
+            server.accept()[0].close()  # who closes first has the lingering end
+    assert page._refusal(*arguments) is None
+
+
+def test_a_taken_port_is_told_before_viser_looks_for_another() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+        with (
+            pytest.raises(UserError, match=f"cannot serve a page at 127.0.0.1:{port}"),
+            page.serving("127.0.0.1", port, "x"),
+        ):
+            pytest.fail("it is served")
+
+
+POLICY = ZOO / "go1-flat" / "policy.onnx"
+
+
+FOOTFALL = [sys.executable, "-m", "footfall"]
+
+
+@pytest.fixture
+def shell(capsys: pytest.CaptureFixture[str]) -> Shell:
+    return Shell(capsys)
+
+
+@pytest.fixture
+def begun(tmp_path: Path) -> Path:
+    """A run that was begun and has nothing to show yet."""
+    made = Provenance("go1", 0, "smoke", "brax", "cpu", "unknown", "2026-01-01", {})
+    return create_run(tmp_path / "run", made, load_preset("smoke")).folder
+
+
+@pytest.fixture
+def finished(begun: Path) -> Path:
+    """A run with a policy."""
+    shutil.copy(POLICY, begun)
+    return begun
+
+
+@pytest.fixture
+def port() -> int:
+    """One that nobody listens at."""
+    with socket.socket() as probe:
+        probe.bind(("localhost", 0))
+        return int(probe.getsockname()[1])
+
+
+def listens(port: int) -> bool:
+    with socket.socket() as probe:
+        return probe.connect_ex(("localhost", port)) == 0
+
+
+def wait_until(condition, limit_s: float = 120.0) -> None:
+    end = time.monotonic() + limit_s
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+
+@pytest.mark.parametrize(("process", "done"), [(0, ["check", "join", "serve"]), (1, ["join"])])
+def test_of_several_processes_the_first_serves_the_page(
+    monkeypatch: pytest.MonkeyPatch, process: int, done: list[str]
+) -> None:
+    def serve(*_: object) -> AbstractContextManager[None]:
+        did.append("serve")
+        return nullcontext()
+
+    did: list[str] = []
+    api = "footfall.train.api"
+    monkeypatch.setattr(f"{api}.cluster.join", lambda *_: did.append("join"))
+    monkeypatch.setattr(f"{api}.cluster.is_main_process", lambda: process == 0)
+    monkeypatch.setattr(f"{api}.begin", lambda _: Path("run"))
+    monkeypatch.setattr(f"{api}.resume", lambda _: Path("run"))
+    monkeypatch.setattr("footfall.verbs.train._watched", serve)
+    monkeypatch.setattr("footfall.pages.page.check_page", lambda *_: did.append("check"))
+    options = TrainOptions(watch=True, evaluate=False)
+    train(options=options, cluster=ClusterOptions("host:1", 2, process))
+    assert did == done
+
+
+class TestCommand:
+    @pytest.fixture(autouse=True)
+    def _needs_viser(self) -> None:
+        pytest.importorskip("viser")
+
+    def test_a_folder_that_is_no_run_is_told(self, shell: Shell, tmp_path: Path) -> None:
+        assert "no run at" in shell.refuses("watch", tmp_path)
+
+    def test_a_port_that_is_taken_is_told(self, shell: Shell, finished: Path, tmp_path: Path) -> None:
+        with socket.create_server(("localhost", 0)) as taken:
+            port = taken.getsockname()[1]
+            for command in (["watch", finished], ["train", "--watch", "--out", tmp_path / "new"]):
+                complaint = shell.refuses(*command, "--port", str(port))
+                assert f"localhost:{port}" in complaint
+                assert "--port" in complaint
+        assert not (tmp_path / "new").exists()
+
+    def test_every_address_of_a_name_is_tried(self, monkeypatch: pytest.MonkeyPatch, port: int) -> None:
+        """But for those that this machine does not have, such as IPv6's where it is off."""
+
+        def resolves_to(*addresses: tuple[str, int]) -> None:
+            found = [(socket.AF_INET, socket.SOCK_STREAM, 0, "", address) for address in addresses]
+            monkeypatch.setattr(socket, "getaddrinfo", lambda *_, **__: found)
+
+        with socket.create_server(("127.0.0.1", 0)) as taken:
+            resolves_to(("127.0.0.1", port), ("203.0.113.1", port))
+            check_page("name", port)
+            resolves_to(("127.0.0.1", port), taken.getsockname())
+            with pytest.raises(UserError, match=f"name:{port}: .*in use"):
+                check_page("name", port)
+
+    def test_a_port_that_was_just_let_go_is_free(self) -> None:
+        """The system holds it for a while after a connection that the server ended."""
+        with socket.create_server(("127.0.0.1", 0)) as server:
+            port = server.getsockname()[1]
+            with socket.create_connection(("127.0.0.1", port)) as visitor:
+                server.accept()[0].close()
+                assert visitor.recv(1) == b""
+        check_page("127.0.0.1", port)
+
+    @pytest.mark.parametrize("host", ["no.such.host.invalid", "203.0.113.1", "a..b"])
+    def test_a_host_that_is_not_ours_is_told(self, shell: Shell, finished: Path, host: str) -> None:
+        assert host in shell.refuses("watch", finished, "--host", host)
+
+    def test_without_viser_the_extra_is_named(
+        self, shell: Shell, finished: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setitem(sys.modules, "viser", None)
+        assert "[watch]'" in shell.refuses("watch", finished)
+        assert "[watch]'" in shell.refuses("train", "--watch")
+
+    def test_a_policy_of_another_robot_is_told(self, shell: Shell, begun: Path, port: int) -> None:
+        onnx = pytest.importorskip("onnx")
+        model = onnx.load(POLICY)
+        (entry,) = (entry for entry in model.metadata_props if entry.key == "footfall.contract")
+        entry.value = entry.value.replace('"robot": "go1"', '"robot": "other"')
+        onnx.save(model, begun / "policy.onnx")
+        outcome = shell("watch", begun, "--port", str(port))
+        assert outcome.status == 2
+        assert outcome.err.count("\n") == 1
+        assert "does not fit" in outcome.err
+
+    # Early on, packages are imported that swallow a KeyboardInterrupt; later on, a robot walks.
+    @pytest.mark.parametrize(
+        ("number", "delay_s"), [(signal.SIGINT, 0.1), (signal.SIGINT, 2.0), (signal.SIGTERM, 0.3)]
+    )
+    def test_it_ends_quietly(self, finished: Path, port: int, number: signal.Signals, delay_s: float) -> None:
+        process = subprocess.Popen(
+            [*FOOTFALL, "watch", finished, "--port", str(port)],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        try:
+            wait_until(lambda: listens(port))
+            time.sleep(delay_s)
+            process.send_signal(number)
+            out, err = process.communicate(timeout=60)
+        finally:
+            process.kill()
+        assert (process.returncode, err) == (0, "")
+        assert out.count("\n") == 1
+        assert f"http://localhost:{port}" in out
+
+    def test_beside_a_training_it_lasts_as_long_as_the_training(self, begun: Path, port: int) -> None:
+        from footfall.pages.beside import watched
+
+        with watched(begun, "localhost", port):
+            wait_until(lambda: listens(port))
+        assert not listens(port)
+
+    def test_it_does_not_outlive_a_training_that_is_killed(self, begun: Path, port: int) -> None:
+        code = (
+            "import sys, time; from pathlib import Path; from footfall.pages.beside import watched\n"
+            "if __name__ == '__main__':\n"
+            "    with watched(Path(sys.argv[1]), 'localhost', int(sys.argv[2])): time.sleep(60)\n"
+        )
+        script = begun.parent / "training.py"
+        script.write_text(code)
+        process = subprocess.Popen([sys.executable, script, begun, str(port)])
+        wait_until(lambda: listens(port))
+        process.kill()
+        process.wait()
+        wait_until(lambda: not listens(port))

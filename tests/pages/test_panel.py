@@ -1,0 +1,131 @@
+"""Controls and curves beside the 3-D view."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from page_controls import PageControls
+
+pytest.importorskip("viser")
+
+from footfall.pages.metrics_file import MetricsFile
+from footfall.pages.panel import Panel
+from footfall.pages.snapshots import FINISHED, NEWEST
+from footfall.robots.commands import CommandRange
+
+WIDE = CommandRange((-1.0, 1.5), (-0.5, 0.5), (-1.0, 1.0))
+AXES = ("Forward, m/s", "Left, m/s", "Yaw, rad/s")
+
+
+@pytest.fixture
+def page() -> PageControls:
+    return PageControls()
+
+
+@pytest.fixture
+def panel(page: PageControls) -> Panel:
+    return Panel(page)  # type: ignore[arg-type]
+
+
+class TestCommands:
+    @pytest.mark.parametrize(
+        ("ranges", "first"),
+        [
+            (WIDE, [0.5, 0.0, 0.0]),
+            (CommandRange((-1.0, 0.3), (0.1, 0.7), (-1.4, -0.2)), [0.3, 0.1, -0.2]),
+        ],
+    )
+    def test_sliders_span_the_ranges_and_begin_ahead_or_as_near_as_they_may(
+        self, panel: Panel, page: PageControls, ranges: CommandRange, first: list[float]
+    ) -> None:
+        assert not page["Command"].visible
+        panel.offer_commands(ranges)
+        assert page["Command"].visible
+        assert [(page[axis].min, page[axis].max) for axis in AXES] == list(vars(ranges).values())
+        np.testing.assert_allclose(panel.command, first)
+
+    def test_a_number_beyond_a_range_is_clipped_to_it_and_shown_so(
+        self, panel: Panel, page: PageControls
+    ) -> None:
+        panel.offer_commands(WIDE)
+        for axis, value in zip(AXES, (9.0, -9.0, 0.25), strict=True):
+            page[axis].value = value  # before anything has answered to it
+        np.testing.assert_allclose(panel.command, [1.5, -0.5, 0.25])
+        page[AXES[0]].type(9.0)
+        page["Push, m/s"].type(9.0)
+        assert (page[AXES[0]].value, page["Push, m/s"].value) == (1.5, page["Push, m/s"].max)
+
+    def test_pushes_and_restarts_are_taken_once(self, panel: Panel, page: PageControls) -> None:
+        assert (panel.take_push(), panel.take_restart()) == (0.0, False)
+        page["Push, m/s"].value = 1.7
+        page["Push it"].click()
+        assert (panel.take_push(), panel.take_restart()) == (1.7, False)
+        page["Start again"].click()
+        assert (panel.take_push(), panel.take_restart()) == (0.0, True)
+        assert not panel.take_restart()
+        for typed in (0.05, 50.0):
+            page["Push, m/s"].value = typed
+            page["Push it"].click()
+            assert panel.take_push() == np.clip(typed, page["Push, m/s"].min, page["Push, m/s"].max)
+
+    def test_policies_are_offered_and_one_is_chosen(self, panel: Panel, page: PageControls) -> None:
+        assert panel.policy == NEWEST
+        panel.offer_policies([NEWEST, FINISHED, "iteration 7"])
+        assert page["Policy"].options == (NEWEST, FINISHED, "iteration 7")
+        page["Policy"].value = "iteration 7"
+        assert panel.policy == "iteration 7"
+
+    def test_the_robot_is_paused_on_request_and_without_a_visitor(
+        self, panel: Panel, page: PageControls
+    ) -> None:
+        assert (panel.seen, panel.paused) == (False, True)
+        page.visitors[1] = "a visitor"
+        assert (panel.seen, panel.paused) == (True, False)
+        page["Pause"].value = True
+        assert panel.paused
+        assert panel.follow
+        page["Follow"].value = False
+        assert not panel.follow
+
+    def test_the_status_is_shown(self, panel: Panel, page: PageControls) -> None:
+        for text in ("one", "one", "two"):
+            panel.say(text)
+            assert text in [getattr(each, "content", None) for each in page.by_label.values()]
+
+
+class TestCurves:
+    def drawn(self, panel: Panel, path: Path, rows: list[dict[str, Any]]) -> None:
+        path.write_text("".join(json.dumps(row) + "\n" for row in rows))
+        metrics = MetricsFile(path)
+        metrics.refresh()
+        panel.draw(metrics)
+
+    def test_each_chart_is_of_its_own_metric_and_follows_the_run(
+        self, panel: Panel, page: PageControls, tmp_path: Path
+    ) -> None:
+        """The names are those that a training writes."""
+        names = (
+            "reward/total", "tracking/linear_error_m_s", "tracking/yaw_error_rad_s", "episode/length_s",
+            "learning/learning_rate", "speed/steps_per_s",
+        )  # fmt: skip
+        scale = np.array([1.0, 1.0, 1.0, 1.0, 1e3, 1e-3])
+        rows = [{"step": 1_000_000 * k} | {name: k + n for n, name in enumerate(names)} for k in (1, 2, 4)]
+        self.drawn(panel, tmp_path / "metrics.jsonl", rows[:1])
+        assert page.charts == {}  # one point is no curve
+        for count in (2, 3):
+            self.drawn(panel, tmp_path / "metrics.jsonl", rows[:count])
+            assert len(page.charts) == len(names)
+            for n, chart in enumerate(page.charts.values()):
+                steps = np.array([1, 2, 4][:count])
+                np.testing.assert_allclose(chart.data, [steps, scale[n] * (steps + n)])
+
+    def test_a_long_curve_is_thinned_along_both_axes(
+        self, panel: Panel, page: PageControls, tmp_path: Path
+    ) -> None:
+        rows = [{"step": 1_000_000 * k, "reward/total": 3.0 * k} for k in range(1001)]
+        self.drawn(panel, tmp_path / "metrics.jsonl", rows)
+        ((steps, values),) = (chart.data for chart in page.charts.values())
+        assert len(steps) == len(values) == 400
+        np.testing.assert_allclose(values, 3.0 * steps)

@@ -1,0 +1,175 @@
+"""What the 3-D view shows: bodies, arrows, camera."""
+
+import socket
+from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from footfall.common import colours
+from footfall.pages.geometry import visible_shapes
+from footfall.pages.page import serving
+from footfall.pages.scene import Scene, _level
+from footfall.pages.walk import standing
+from footfall.robots.description import Robot
+from footfall.robots.model import plant_model
+
+pytest.importorskip("viser")
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[Any]:
+    with socket.socket() as probe:
+        probe.bind(("localhost", 0))
+        port = int(probe.getsockname()[1])
+    with serving("localhost", port, "test") as server:
+        yield server
+
+
+TILTED = Rotation.from_euler("ZYX", [2.0, -0.4, 0.3])  # a heading of 2 rad, then pitch and roll
+
+
+class TestScene:
+    @pytest.fixture(scope="class")
+    @classmethod
+    def scene(cls, server: Any, go1: Robot) -> Scene:
+        return Scene(server, go1, plant_model(go1))
+
+    @pytest.fixture
+    def data(self, go1: Robot) -> mujoco.MjData:
+        """The robot somewhere, tilted about all axes."""
+        model = plant_model(go1)
+        data = mujoco.MjData(model)
+        data.qpos[:7] = [3.0, -2.0, 0.5, *TILTED.as_quat()[[3, 0, 1, 2]]]
+        mujoco.mj_kinematics(model, data)
+        return data
+
+    def test_arrows_are_level_in_the_robots_heading_and_above_it(
+        self, scene: Scene, data: mujoco.MjData, go1: Robot
+    ) -> None:
+        scene.show(data, np.array([0.5, -0.25, 0.9]), np.array([-0.1, 0.3, 0.8]), follow=False)
+        height = go1.description.standing_height_m
+        turned = Rotation.from_euler("Z", 2.0)
+        for name, vector, above in (("command", [0.5, -0.25, 0], 0.75), ("velocity", [-0.1, 0.3, 0], 0.95)):
+            arrow = scene._arrows[name]
+            assert arrow.visible
+            np.testing.assert_allclose(arrow.points, [[np.zeros(3), 0.4 * turned.apply(vector)]], atol=1e-6)
+            np.testing.assert_allclose(arrow.position, [3.0, -2.0, 0.5 + above * height], atol=1e-6)
+
+    def test_bodies_are_drawn_by_their_frames_and_not_by_their_centres_of_mass(
+        self, scene: Scene, data: mujoco.MjData
+    ) -> None:
+        scene.show(data, np.zeros(3), np.zeros(3), follow=False)
+        for body, frame in scene.bodies.items():
+            np.testing.assert_allclose(frame.position, data.xpos[body], atol=1e-6)
+            np.testing.assert_allclose(frame.wxyz, data.xquat[body], atol=1e-6)
+        bodies = list(scene.bodies)
+        assert np.abs(data.xpos[bodies] - data.xipos[bodies]).max() > 0.01
+
+    def test_an_arrow_of_nothing_is_not_there(self, scene: Scene, data: mujoco.MjData) -> None:
+        scene.show(data, np.array([0.04, 0.0, 0.9]), np.array([0.0, 0.06, 0.0]), follow=False)
+        assert [scene._arrows[name].visible for name in ("command", "velocity")] == [False, True]
+
+    def test_the_view_catches_up_with_the_robot_by_tenths_where_it_follows(
+        self, scene: Scene, data: mujoco.MjData
+    ) -> None:
+        scene.begin()
+        for follow, way in ((False, 0.0), (True, 0.1), (True, 0.19)):
+            scene.show(data, np.zeros(3), np.zeros(3), follow)
+            if follow:
+                np.testing.assert_allclose(scene._world.position, [-3.0 * way, 2.0 * way, 0.0], atol=1e-6)
+        scene.begin()
+        scene.show(data, np.zeros(3), np.zeros(3), follow=True)
+        np.testing.assert_allclose(scene._world.position, [-0.3, 0.2, 0.0], atol=1e-6)
+
+    def test_shapes_hang_on_their_bodies_in_their_colours(self, go1: Robot) -> None:
+        """With a server that only notes what it is given."""
+        given: dict[str, Any] = {}
+
+        def note(name: str, *args: Any, **named: Any) -> Any:
+            given[name] = (args, named)
+            return SimpleNamespace(name=name)
+
+        drawing = SimpleNamespace(
+            add_frame=note, add_grid=note, add_arrows=note, add_mesh_simple=note,
+            configure_default_lights=lambda **_: None,
+        )  # fmt: skip
+        camera, connected = SimpleNamespace(), []
+        model = plant_model(go1)
+        shapes = visible_shapes(model)
+        model_rgba = model.geom_rgba
+        model_rgba[shapes[1].geom] = [0.2, 0.4, 0.6, 0.25]
+        server: Any = SimpleNamespace(
+            scene=drawing, initial_camera=camera, on_client_connect=connected.append
+        )
+        scene = Scene(server, go1, model)
+        assert connected == [scene._step_back]
+        for shape in visible_shapes(model):
+            (vertices, faces), named = given[f"/world/body_{shape.body}/geom_{shape.geom}"]
+            np.testing.assert_array_equal(vertices, shape.vertices)
+            np.testing.assert_array_equal(faces, shape.faces)
+            np.testing.assert_array_equal(named["position"], shape.position)
+            np.testing.assert_array_equal(named["wxyz"], shape.quaternion)
+            assert named["color"] == tuple(round(255 * part) for part in shape.rgba[:3])
+            edged = model.geom_type[shape.geom] in (mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CYLINDER)
+            assert named["flat_shading"] == edged
+        assert given[f"/world/body_{shapes[1].body}/geom_{shapes[1].geom}"][1]["opacity"] == 0.25
+        assert given[f"/world/body_{shapes[0].body}/geom_{shapes[0].geom}"][1]["opacity"] is None
+        for name, colour in (("command", colours.COMMAND), ("velocity", colours.VELOCITY)):
+            (_, drawn), _ = given[f"/world/{name}"]
+            assert drawn == tuple(round(255 * part) for part in colour[:3])
+
+    def test_a_heading_is_what_is_left_of_a_rotation_without_its_tilt(self) -> None:
+        np.testing.assert_allclose(
+            _level(TILTED.as_matrix()), Rotation.from_euler("Z", 2.0).as_matrix(), atol=1e-12
+        )
+
+    def test_what_is_drawn_stands_where_mujoco_says(self, go1: Robot, port: int) -> None:
+        pytest.importorskip("viser")
+        from footfall.pages.page import serving
+        from footfall.pages.scene import Scene
+
+        model = plant_model(go1)
+        data = mujoco.MjData(model)
+        data.qpos[:] = np.random.default_rng(0).normal(size=model.nq)
+        mujoco.mj_normalizeQuat(model, data.qpos)
+        mujoco.mj_kinematics(model, data)
+        with serving("localhost", port, "test") as server:
+            scene = Scene(server, go1, model)
+            scene.show(data, np.zeros(3), np.zeros(3), follow=False)
+            frames = {handle.name: handle for handle in scene.bodies.values()}
+            shapes = visible_shapes(model)
+            assert {shape.body for shape in shapes} == set(scene.bodies)
+            for shape in shapes:
+                frame = frames[scene.bodies[shape.body].name]
+                place, turned = np.empty(3), np.empty(4)
+                mujoco.mju_rotVecQuat(place, shape.position, np.asarray(frame.wxyz, dtype=float))
+                mujoco.mju_mulQuat(turned, np.asarray(frame.wxyz, dtype=float), shape.quaternion)
+                rotation = np.empty(9)
+                mujoco.mju_quat2Mat(rotation, turned)
+                assert frame.position + place == pytest.approx(data.geom_xpos[shape.geom], abs=1e-6)
+                assert rotation == pytest.approx(data.geom_xmat[shape.geom], abs=1e-6)
+
+    def test_before_anything_walks_the_robot_stands(self, go1: Robot) -> None:
+        """In its default pose, its lowest foot on the ground, not its bodies heaped at the origin."""
+        data = standing(go1).data
+        model = plant_model(go1)
+        mujoco.mj_kinematics(model, data)
+        feet = [model.geom(foot.geoms[0]).id for foot in go1.description.feet]
+        soles = data.geom_xpos[feet, 2] - model.geom_size[feet, 0]
+        assert np.abs(soles).max() < 0.01
+        assert data.body(go1.description.base).xpos[2] == pytest.approx(
+            go1.description.standing_height_m, abs=0.02
+        )
+
+
+@pytest.fixture
+def port() -> int:
+    """One that nobody listens at."""
+    with socket.socket() as probe:
+        probe.bind(("localhost", 0))
+        return int(probe.getsockname()[1])

@@ -1,0 +1,436 @@
+"""Policies of a run, exported one at a time in a process beside the page."""
+
+import errno
+import multiprocessing
+import os
+import shutil
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import nullcontext
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from footfall.common.errors import UserError
+from footfall.pages import snapshots
+from footfall.pages.snapshots import (
+    FINISHED,
+    NEWEST,
+    Exported,
+    Exporter,
+    Snapshot,
+    Snapshots,
+    _export,
+    newest_checkpoint,
+)
+from footfall.policies.registry import ZOO
+from footfall.robots.description import load_robot
+from footfall.train.config import load_preset
+from footfall.train.runs.folder import Provenance, create_run, open_run
+
+pytest.importorskip("viser")
+
+
+class TestSnapshots:
+    @pytest.fixture
+    def run(self, tmp_path: Path) -> Path:
+        (tmp_path / "run" / "checkpoints").mkdir(parents=True)
+        (tmp_path / "out").mkdir()
+        return tmp_path / "run"
+
+    def write(self, path: Path, at_s: int) -> Path:
+        path.write_text("x")
+        os.utime(path, (at_s, at_s))
+        return path
+
+    def found(self, run: Path) -> tuple[Snapshots, SimpleNamespace]:
+        """With an exporter that is asked and answers when told to."""
+        exporter = SimpleNamespace(asked=[], woken=0, answer=None)
+        exporter.start = lambda *given: exporter.asked.append(given)
+        exporter.poll = lambda: exporter.answer
+        exporter.wake = lambda: setattr(exporter, "woken", exporter.woken + 1)
+        snapshots = Snapshots(run, run.parent / "out")
+        snapshots._exporter = exporter  # type: ignore[assignment]
+        return snapshots, exporter
+
+    def test_the_exporter_is_made_ready_while_there_is_nothing(self, run: Path) -> None:
+        snapshots, exporter = self.found(run)
+        assert snapshots.poll() is None
+        assert (exporter.woken, exporter.asked) == (1, [])
+
+    def test_a_checkpoint_is_exported_once_and_handed_out_when_it_is_ready(self, run: Path) -> None:
+        snapshots, exporter = self.found(run)
+        checkpoint = self.write(run / "checkpoints" / "00000012.ckpt", 100)
+        out = run.parent / "out" / "00000012.onnx"
+        assert snapshots.poll() is None
+        assert exporter.asked == [(checkpoint, out)]
+        assert snapshots.exporting == 12
+        assert snapshots.poll() is None  # not yet
+        exporter.answer = Exported(out)
+        assert snapshots.poll() == Snapshot(out, 12)
+        assert snapshots.exporting is None
+        assert snapshots.poll() is None
+        assert len(exporter.asked) == 1
+
+    def test_a_problem_is_told_and_its_checkpoint_is_not_tried_again(self, run: Path) -> None:
+        snapshots, exporter = self.found(run)
+        self.write(run / "checkpoints" / "00000012.ckpt", 100)
+        snapshots.poll()
+        exporter.answer = Exported(None, "it is damaged")
+        assert snapshots.poll() is None
+        assert snapshots.problem == "it is damaged"
+        assert snapshots.poll() is None
+        assert len(exporter.asked) == 1
+        done = self.write(run / FINISHED, 200)
+        assert snapshots.poll() == Snapshot(done, 12)
+        assert snapshots.problem == ""
+
+    def test_the_newest_is_what_was_written_last(self, run: Path) -> None:
+        snapshots, _ = self.found(run)
+        self.write(run / "checkpoints" / "00000012.ckpt", 100)
+        done = self.write(run / FINISHED, 200)
+        assert snapshots.poll() == Snapshot(done, 12)
+        later = self.write(run / "checkpoints" / "00000013.ckpt", 300)
+        assert snapshots.poll() is None
+        assert snapshots.exporting == 13
+        assert newest_checkpoint(run) == later
+        self.write(run / "checkpoints" / "00000009.ckpt", 400)  # the number counts, not the time
+        self.write(run / "checkpoints" / "99999999.ckpt", 500)
+        self.write(run / "checkpoints" / "100000000.ckpt", 50)
+        assert newest_checkpoint(run) == run / "checkpoints" / "100000000.ckpt"
+        assert newest_checkpoint(run.parent) is None
+
+    def test_what_was_exported_of_an_older_file_is_exported_anew(self, run: Path) -> None:
+        snapshots, exporter = self.found(run)
+        self.write(run / "checkpoints" / "00000012.ckpt", 100)
+        exported = self.write(run.parent / "out" / "00000012.onnx", 99)
+        assert snapshots.poll() is None
+        assert len(exporter.asked) == 1
+        other, exporter = self.found(run)
+        self.write(exported, 100)
+        assert other.poll() == Snapshot(exported, 12)
+        assert exporter.asked == []
+
+    def test_names_are_from_the_newest_on_and_a_choice_is_found_by_its_own(self, run: Path) -> None:
+        snapshots, exporter = self.found(run)
+        assert snapshots.names() == [NEWEST]
+        kept = self.write(run / "checkpoints" / "00001200.ckpt", 100)
+        self.write(run / "checkpoints" / "00000090.ckpt", 100)
+        self.write(run.parent / "out" / "00000090.onnx", 100)
+        dropped = self.write(run.parent / "out" / "00000007.onnx", 100)
+        done = self.write(run / FINISHED, 200)
+        names = [NEWEST, FINISHED, "iteration 1,200", "iteration 90", "iteration 7"]
+        assert snapshots.names() == names
+        snapshots.chosen = "iteration 7"
+        assert snapshots.poll() == Snapshot(dropped, 7)
+        snapshots.chosen = FINISHED
+        assert snapshots.poll() == Snapshot(done, 1200)
+        snapshots.chosen = "iteration 1,200"
+        assert snapshots.poll() is None
+        assert exporter.asked == [(kept, run.parent / "out" / "00001200.onnx")]
+        snapshots.chosen = "iteration 5"
+        exporter.answer = Exported(None)
+        assert snapshots.poll() is None
+
+    def test_what_was_asked_for_before_another_choice_is_not_handed_out(self, run: Path) -> None:
+        snapshots, exporter = self.found(run)
+        self.write(run / "checkpoints" / "00000090.ckpt", 100)
+        done = self.write(run / FINISHED, 50)
+        assert snapshots.poll() is None
+        snapshots.chosen = FINISHED
+        exporter.answer = Exported(run.parent / "out" / "00000090.onnx")
+        assert snapshots.poll() == Snapshot(done, 90)
+
+    def test_a_checkpoint_that_was_written_again_is_exported_again(self, run: Path) -> None:
+        """A resumed run computes iterations anew."""
+        snapshots, exporter = self.found(run)
+        kept = self.write(run / "checkpoints" / "00000090.ckpt", 200)
+        out = self.write(run.parent / "out" / "00000090.onnx", 100)
+        snapshots.chosen = "iteration 90"
+        assert snapshots.poll() is None
+        assert exporter.asked == [(kept, out)]
+
+    def test_an_exporter_that_dies_is_a_problem_and_another_is_started(self, run: Path) -> None:
+        exporter, ended = Exporter(run), []
+        ours, theirs = multiprocessing.Pipe()
+        process = SimpleNamespace(
+            terminate=lambda: ended.append("terminate"), join=lambda: ended.append("join")
+        )
+        exporter._connection, exporter._process = ours, process  # type: ignore[assignment]
+        exporter.start(Path("a.ckpt"), Path("a.onnx"))
+        assert theirs.recv() == (run, Path("a.ckpt"), Path("a.onnx"))
+        assert exporter.poll() is None
+        theirs.send(Exported(Path("a.onnx")))
+        assert exporter.poll() == Exported(Path("a.onnx"))
+        theirs.close()
+        exporter.start(Path("b.ckpt"), Path("b.onnx"))  # nobody is there to be told
+        assert exporter.poll() == Exported(None, "the process that exports it died")
+        assert ended == ["terminate", "join"]
+        assert ours.closed
+        assert exporter._process is None
+
+    def test_an_export_tells_what_went_wrong_of_the_file_that_it_was_asked_for(
+        self, run: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr("footfall.train.entry.learning_libraries", nullcontext)
+        checkpoint = self.write(run / "checkpoints" / "00000003.ckpt", 100)
+        out = run.parent / "out" / "00000003.onnx"
+
+        def fail(_: Path, __: Path, copy: Path) -> None:
+            raise UserError(f"{copy} is\n damaged")
+
+        monkeypatch.setattr("footfall.train.api.export_run", fail)
+        assert _export(run, checkpoint, out) == Exported(None, f"{checkpoint} is damaged")
+        assert list(out.parent.iterdir()) == []
+        assert _export(run, run / "checkpoints" / "gone.ckpt", out) == Exported(None)
+        given: list[Any] = []
+        monkeypatch.setattr(
+            "footfall.train.api.export_run", lambda *each: given.append(each) or ("made", 0.0)
+        )
+        assert _export(run, checkpoint, out) == Exported("made")  # type: ignore[arg-type]
+        assert given == [(run, out, out.with_name(checkpoint.name))]
+
+    def test_a_finished_policy_without_checkpoints_has_no_iteration(self, tmp_path: Path) -> None:
+        (tmp_path / FINISHED).touch()
+        found = Snapshots(tmp_path, tmp_path / "out")
+        assert found.poll() == Snapshot(tmp_path / FINISHED, None)
+        assert found.exporting is None
+
+    @pytest.fixture
+    def snapshots(self, begun: Path, tmp_path: Path) -> Iterator[Snapshots]:
+        found = Snapshots(begun, tmp_path)
+        yield found
+        found.close()
+
+    def wait_for(self, snapshots: Snapshots) -> Snapshot | None:
+        """The next snapshot, or None if the newest checkpoint turns out to be of no use."""
+        end = time.monotonic() + 240.0
+        while time.monotonic() < end:
+            if (snapshot := snapshots.poll()) is not None:
+                return snapshot
+            if snapshots.problem:
+                return None
+            time.sleep(0.05)
+        pytest.fail("neither a snapshot nor a problem")
+
+    def test_there_is_none_before_the_first_checkpoint(self, snapshots: Snapshots) -> None:
+        assert snapshots.poll() is None
+        assert snapshots.problem == ""
+
+    def test_a_finished_policy_is_taken_as_it_is_and_once(self, finished: Path, tmp_path: Path) -> None:
+        snapshots = Snapshots(finished, tmp_path)
+        assert snapshots.poll() == Snapshot(finished / "policy.onnx", None)
+        assert snapshots.poll() is None
+
+    def test_checkpoints_are_exported_one_after_another_and_damaged_ones_skipped(
+        self, trained: Path, begun: Path, snapshots: Snapshots
+    ) -> None:
+        (checkpoint,) = (trained / "checkpoints").iterdir()
+        folder = begun / "checkpoints"
+        folder.mkdir()
+        shutil.copy(checkpoint, folder / "00000003.ckpt")
+        before = sorted(begun.rglob("*"))
+        assert snapshots.poll() is None
+        assert snapshots.exporting == 3
+        first = self.wait_for(snapshots)
+        assert first is not None
+        assert first.iteration == 3
+        assert snapshots.exporting is None
+        assert first.path.read_bytes() == (trained / "policy.onnx").read_bytes()
+        assert sorted(begun.rglob("*")) == before  # the run folder is left as it was
+
+        (folder / "00000004.ckpt").write_bytes(checkpoint.read_bytes()[:1000])
+        assert self.wait_for(snapshots) is None
+        assert "00000004.ckpt" in snapshots.problem
+        assert snapshots.poll() is None
+
+        shutil.copy(checkpoint, folder / "00000005.ckpt")
+        snapshots.problem = ""
+        after = self.wait_for(snapshots)
+        assert after is not None
+        assert after.iteration == 5
+
+        (folder / "00000003.ckpt").unlink()
+        shutil.copy(trained / "policy.onnx", begun)
+        assert snapshots.names() == [NEWEST, FINISHED, "iteration 5", "iteration 4", "iteration 3"]
+        for chosen, iteration in (("iteration 3", 3), (FINISHED, 5), ("iteration 5", 5)):
+            snapshots.chosen = chosen
+            shown = snapshots.poll()  # at once: each was exported before
+            assert shown is not None
+            assert shown.iteration == iteration
+
+    def test_a_checkpoint_that_the_training_dropped_is_passed_over(
+        self, trained: Path, begun: Path, snapshots: Snapshots
+    ) -> None:
+        (checkpoint,) = (trained / "checkpoints").iterdir()
+        folder = begun / "checkpoints"
+        folder.mkdir()
+        dropped = Path(shutil.copy(checkpoint, folder / "00000003.ckpt"))
+        assert snapshots.poll() is None  # its export begins, in a process that takes seconds to start
+        dropped.unlink()
+        shutil.copy(checkpoint, folder / "00000005.ckpt")
+        after = self.wait_for(snapshots)
+        assert snapshots.problem == ""
+        assert after is not None
+        assert after.iteration == 5
+
+    def test_a_checkpoint_may_be_dropped_while_it_is_exported(
+        self, begun: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        def export_run(run: Path, out: Path, chosen: Path) -> tuple[Path, float]:
+            checkpoint.unlink()
+            out.write_bytes(chosen.read_bytes())
+            return out, 0.0
+
+        monkeypatch.setattr("footfall.train.api.export_run", export_run)
+        checkpoint, out = begun / "00000003.ckpt", tmp_path / "00000003.onnx"
+        checkpoint.write_bytes(b"weights")
+        assert _export(begun, checkpoint, out) == Exported(out)
+        assert out.read_bytes() == b"weights"
+        assert list(tmp_path.glob("*.ckpt")) == []
+
+    def test_what_was_exported_before_another_choice_is_not_shown(
+        self, begun: Path, snapshots: Snapshots
+    ) -> None:
+        (begun / "checkpoints").mkdir()
+        for iteration in (3, 5):
+            (begun / "checkpoints" / f"{iteration:08d}.ckpt").touch()
+        snapshots._exporter = SimpleNamespace(  # type: ignore[assignment]
+            start=lambda *_: None, poll=lambda: Exported(Path("00000003.onnx")), close=lambda: None
+        )
+        snapshots.chosen = "iteration 3"
+        assert snapshots.poll() is None
+        assert snapshots.exporting == 3
+        snapshots.chosen = NEWEST
+        assert snapshots.poll() is None
+        assert snapshots.exporting == 5
+
+
+def test_the_exporting_process_leaves_the_accelerator_the_cores_and_ctrl_c_to_others(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("JAX_PLATFORMS", "cuda")
+    monkeypatch.setattr("footfall.train.entry.learning_libraries", nullcontext)
+    done: list[Any] = []
+    monkeypatch.setattr(snapshots.signal, "signal", lambda *given: done.append(given))
+    monkeypatch.setattr(snapshots.os, "nice", lambda by: done.append(by) or 3)
+
+    def recv() -> Any:
+        done.append(os.environ["JAX_PLATFORMS"])
+        raise EOFError
+
+    snapshots._export_on_demand(SimpleNamespace(recv=recv, send=done.append))  # type: ignore[arg-type]
+    assert done == [(signal.SIGINT, signal.SIG_IGN), 0, 7, "cpu"]  # from a niceness of 3 to 10
+
+
+class Notes:
+    """Takes note of each call; what a call returns takes notes too, under the call's name and first word."""
+
+    def __init__(self, log: list[Any], name: str = "") -> None:
+        self.__dict__ |= {"_log": log, "_name": name}
+
+    def __getattr__(self, name: str) -> Any:
+        def call(*given: Any, **named: Any) -> "Notes":
+            self._log.append((self._name, name, given, named))
+            return Notes(self._log, str(given[0]) if given else name)
+
+        return call
+
+    def __enter__(self) -> "Notes":
+        self._log.append((self._name, "within", (), {}))
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._log.append((self._name, "without", (), {}))
+
+
+class TestExporter:
+    def test_who_asks_is_answered_until_he_is_gone(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setenv("JAX_PLATFORMS", "cpu")
+        monkeypatch.setattr("footfall.train.entry.learning_libraries", nullcontext)
+        monkeypatch.setattr(snapshots.signal, "signal", lambda *_: None)
+        monkeypatch.setattr(snapshots.os, "nice", lambda by: 12 if by == 0 else pytest.fail("nicer yet"))
+        monkeypatch.setattr(snapshots, "_export", lambda *given: ("exported", *given))
+        sent: list[Any] = []
+        for end in (EOFError(), KeyboardInterrupt()):
+            requests = iter([("run", "a", "b"), ("run", "c", "d"), end])
+
+            def recv(requests: Iterator[Any] = requests) -> Any:
+                request = next(requests)
+                if isinstance(request, BaseException):
+                    raise request
+                return request
+
+            ends: Any = SimpleNamespace(recv=recv, send=sent.append)
+            snapshots._export_on_demand(ends)
+        assert sent == [("exported", "run", "a", "b"), ("exported", "run", "c", "d")] * 2
+
+    def test_a_full_disk_is_told_and_leaves_no_copy(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        def full(*_: Any) -> None:
+            raise OSError(errno.ENOSPC, "No space\n left")
+
+        monkeypatch.setattr(snapshots, "_take", full)
+        told = snapshots._export(tmp_path, tmp_path / "1.ckpt", tmp_path / "out" / "1.onnx")
+        assert told == Exported(None, "[Errno 28] No space left")
+
+    def test_a_checkpoint_is_taken_by_another_name_or_copied(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        file, copy = tmp_path / "1.ckpt", tmp_path / "copy"
+        file.write_text("new")
+        copy.write_text("old")
+        snapshots._take(file, copy)
+        assert copy.samefile(file)
+
+        def elsewhere(*_: Any) -> None:
+            raise OSError(errno.EXDEV, "another file system")
+
+        monkeypatch.setattr(Path, "hardlink_to", elsewhere)
+        snapshots._take(file, copy)
+        assert (copy.read_text(), copy.samefile(file)) == ("new", False)
+        monkeypatch.undo()
+        file.unlink()
+        with pytest.raises(FileNotFoundError):
+            snapshots._take(file, copy)
+        assert not copy.exists()
+
+
+POLICY = ZOO / "go1-flat" / "policy.onnx"
+
+
+@pytest.fixture
+def begun(tmp_path: Path) -> Path:
+    """A run that was begun and has nothing to show yet."""
+    made = Provenance("go1", 0, "smoke", "brax", "cpu", "unknown", "2026-01-01", {})
+    return create_run(tmp_path / "run", made, load_preset("smoke")).folder
+
+
+@pytest.fixture
+def finished(begun: Path) -> Path:
+    """A run with a policy."""
+    shutil.copy(POLICY, begun)
+    return begun
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run with a checkpoint and the policy made of it. Its weights are all alike: no training needed."""
+    jax = pytest.importorskip("jax")
+    from footfall.train import api
+    from footfall.train.brax.parts import assemble
+    from footfall.train.runs import checkpoint
+
+    folder = api.begin(api.TrainRequest(preset="smoke", out=tmp_path_factory.mktemp("runs") / "alike"))
+    run = open_run(folder)
+    shapes = assemble(run, load_robot("go1")).shapes
+    state = jax.tree.map(lambda leaf: np.full(leaf.shape, 0.01).astype(leaf.dtype), shapes)
+    seen = np.zeros((4, *shapes.observation["state"].shape[1:]), np.float32)
+    checkpoint.save(run.checkpoints, 3, state, seen)
+    api.export_run(folder)
+    return folder
