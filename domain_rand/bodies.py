@@ -58,8 +58,9 @@ def randomised_fields(model: Any, sample: Sample, where: BodyMap) -> dict[str, A
 def apply_to_model(model: mujoco.MjModel, sample: Sample, where: BodyMap) -> None:
     """Turn a compiled MuJoCo model into the sampled robot.
 
-    Derived constants follow, and with them the notes of which frames coincide (`body_sameframe`): a base
-    whose centre of mass was at its origin would else keep it there.
+    `mj_setConst` updates what depends on the fields: derived constants, which frames coincide
+    (`body_sameframe`), and the bounding volumes of bodies, without which contacts of a base with a moved
+    centre of mass would be missed.
     """
     for name, value in randomised_fields(model, sample, where).items():
         getattr(model, name)[:] = value

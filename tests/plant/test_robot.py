@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 from plant_bodies import body_of, thrown
@@ -95,3 +96,29 @@ def test_a_robot_whose_wires_carry_nothing_lies_still_in_the_end(go1: Robot) -> 
     assert not truth.motor_torque.any()
     assert np.abs(truth.joint_velocity).max() < 0.3
     assert wires.receive(Side.HOST, 1_500_000)  # the IMU reports all the same
+
+
+def test_a_shifted_centre_of_mass_takes_no_contact_away(go1: Robot, tmp_path: Path) -> None:
+    """The bounding volumes of a body lie in its inertial frame, which moves. A block makes MuJoCo use them."""
+    shapes = '<geom type="box" size=".2 .2 .05" pos="0 0 .1"/><geom type="box" size=".1 .1 .1" pos="9 0 0"/>'
+    hull = '<geom size=".01" pos=".2 0 .1" mass="0"/>'
+    text = go1.xml_path.read_text().replace("<worldbody>", f"<worldbody><body>{shapes}</body>")
+    text = text.replace('<freejoint name="base"/>', f'<freejoint name="base"/>{hull}')
+    (tmp_path / "block.xml").write_text(text)
+    rng, found = np.random.default_rng(0), 0
+    nominal, shifted = (
+        body_of(go1, plant=tmp_path / "block.xml", sample={"com_offset_m": np.array(offset)})
+        for offset in ([0.0, 0.0, 0.0], [0.3, -0.2, 0.4])
+    )
+    for _ in range(50):
+        place = [*rng.uniform(-0.2, 0.2, 2), rng.uniform(0.1, 0.3)]
+        turn = rng.normal(size=4)
+        pairs = []
+        for body in (nominal, shifted):
+            body.data.qpos[:7] = *place, *(turn / np.linalg.norm(turn))
+            mujoco.mj_forward(body.model, body.data)
+            pairs.append(sorted(map(tuple, body.data.contact.geom.tolist())))
+        assert pairs[0] == pairs[1]
+        trunk = body.model.body("trunk").id
+        found += sum(trunk in body.model.geom_bodyid[list(pair)] for pair in pairs[0])
+    assert found > 50
