@@ -99,7 +99,7 @@ def test_a_robot_whose_wires_carry_nothing_lies_still_in_the_end(go1: Robot) -> 
 
 
 def test_a_shifted_centre_of_mass_takes_no_contact_away(go1: Robot, tmp_path: Path) -> None:
-    """The bounding volumes of a body lie in its inertial frame, which moves. A block makes MuJoCo use them."""
+    """Bounding volumes lie in a body's inertial frame, which moves. A block makes MuJoCo use them."""
     shapes = '<geom type="box" size=".2 .2 .05" pos="0 0 .1"/><geom type="box" size=".1 .1 .1" pos="9 0 0"/>'
     hull = '<geom size=".01" pos=".2 0 .1" mass="0"/>'
     text = go1.xml_path.read_text().replace("<worldbody>", f"<worldbody><body>{shapes}</body>")
