@@ -29,8 +29,9 @@ from footfall.envs.velocity import VelocityEnv
 from footfall.robots.actuator import Motor
 from footfall.robots.description import load_robot
 from footfall.robots.model import training_model
+from footfall.train.brax.iteration import make_iteration
 from footfall.train.brax.networks import make_networks
-from footfall.train.brax.ppo import initial_state, make_iteration
+from footfall.train.brax.state import initial_state
 from footfall.train.config import TrainConfig, load_preset
 
 ROBOT = load_robot("go1")
@@ -184,9 +185,8 @@ def ppo(config: TrainConfig, batch: int) -> Round:
 
     def advance(state: Any) -> Any:
         state, *_ = iterate(state)
-        return state, jnp.sum(
-            state.env.steps < config.ppo.num_steps_per_env
-        )  # one that ended twice counts once
+        ended = state.env.steps < config.ppo.num_steps_per_env  # an episode that ended twice counts once
+        return state, jnp.sum(ended)
 
     state = jax.jit(lambda: initial_state(env, networks, config.ppo, 0))()
     return going_on(advance, state, config.ppo.steps_per_iteration, batch)

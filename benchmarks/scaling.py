@@ -18,7 +18,6 @@ from footfall.robots.description import load_robot
 from footfall.train.brax.devices import device_mesh
 from footfall.train.brax.parts import assemble
 from footfall.train.config import load_preset
-from footfall.train.runs.folder import Provenance, Run
 
 
 def main() -> None:
@@ -59,9 +58,8 @@ def steps_per_s(robot: str, preset: str, devices: int, iterations: int) -> Sprea
     description = load_robot(robot)
     config = load_preset(preset, description)
     ppo = replace(config.ppo, num_envs=config.ppo.num_envs * devices)
-    provenance = Provenance(robot, 0, preset, "brax", jax.devices()[0].device_kind, "", "", {})
-    run = Run(Path(), provenance, replace(config, ppo=ppo))
-    state, compiled = assemble(run, description).prepare(device_mesh(ppo, devices), None, print)
+    parts = assemble(replace(config, ppo=ppo), description)
+    state, compiled = parts.prepare(device_mesh(ppo, devices), 0, print)
     return rates_of(iterate(compiled, state, iterations), ppo.steps_per_iteration)
 
 

@@ -40,11 +40,11 @@ from footfall.envs.velocity import VelocityEnv
 from footfall.robots.description import load_robot
 from footfall.robots.model import training_model
 from footfall.train.brax.devices import device_mesh
+from footfall.train.brax.iteration import iteration_keys
 from footfall.train.brax.parts import Parts, assemble
-from footfall.train.brax.ppo import iteration_keys, make_rollout
+from footfall.train.brax.rollout import roll_out
 from footfall.train.config import TrainConfig
-from footfall.train.runs.folder import Provenance, Run
-from footfall.train.sweeps.sweep import trial_config
+from footfall.train.sweeps.config import trial_config
 
 PHYSICS, PPO = "physics alone", "PPO, end to end"
 # What each case changes of the preset. Playground's task has 8,192 environments and 5 steps of 4 ms.
@@ -130,9 +130,8 @@ def started(
 ) -> tuple[Parts, TrainConfig, Any, Callable[[Any], Any]]:
     """A training's parts and settings, its first state, and its compiled iteration."""
     config = trial_config(preset, settings, load_robot(robot))
-    provenance = Provenance(robot, seed, preset, "brax", jax.devices()[0].device_kind, "", "", {})
-    parts = assemble(Run(Path(), provenance, config), load_robot(robot))
-    state, compiled = parts.prepare(device_mesh(config.ppo), None, print)
+    parts = assemble(config, load_robot(robot))
+    state, compiled = parts.prepare(device_mesh(config.ppo), seed, print)
     return parts, config, state, compiled
 
 
@@ -144,6 +143,7 @@ def measure_footfall(
     parts, config, first, compiled = started(robot, preset, settings)
     ready_s = time.perf_counter() - began
     env, ppo = parts.env, config.ppo
+    assert isinstance(env, VelocityEnv)  # whose physics is measured by itself
     _, keys, _ = iteration_keys(first, ppo)
     actions = jax.random.normal(jax.random.key(0), (ppo.num_steps_per_env, ppo.num_envs, env.action_size))
 
@@ -163,10 +163,9 @@ def measure_footfall(
 
     parts_of_it: dict[str, Callable[[Any], Any]] = {PHYSICS: physics}
     if shares:
-        roll_out = make_rollout(env, parts.networks, ppo)
         parts_of_it |= {
             "environment, fixed actions": environment,
-            "rollout": lambda state: roll_out(state, keys),
+            "rollout": lambda state: roll_out(env, parts.networks, ppo, state, keys),
         }
     rates = {
         name: rates_of(repeat(jax.jit(function), first, iterations), ppo.steps_per_iteration)

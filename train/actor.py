@@ -5,6 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+LOGGED_OBSERVATIONS = 1000  # that a trainer keeps of an iteration, for the export's parity check
+
 
 class Actor(NamedTuple):
     """A normaliser and an ELU network. Arrays are float32."""

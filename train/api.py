@@ -14,26 +14,24 @@ from footfall.common.versions import versions
 from footfall.robots.default import DEFAULT_ROBOT
 from footfall.robots.description import Robot, load_robot
 from footfall.train import cluster
-from footfall.train.brax.devices import device_mesh
-from footfall.train.brax.diagnosis import Diagnosis, replay_failure
-from footfall.train.brax.parts import assemble
+from footfall.train.checks import check_devices, check_robot
 from footfall.train.compilation_cache import use_compilation_cache
 from footfall.train.config import load_preset
 from footfall.train.loop import learn
 from footfall.train.runs import checkpoint
+from footfall.train.runs.diagnosis import Diagnosis
 from footfall.train.runs.display import Display
-from footfall.train.runs.failure import device_failures
+from footfall.train.runs.failure import FOLDER, REPORT, device_failures, read_failure
 from footfall.train.runs.folder import (
     Provenance,
     Run,
-    TrainerName,
     create_run,
     locked,
     open_run,
     trained_robot,
 )
 from footfall.train.runs.provenance import PACKAGES, source_revision
-from footfall.train.trainer import TRAINERS
+from footfall.train.trainers import DEFAULT_TRAINER, find_trainer
 
 
 @dataclass(frozen=True)
@@ -46,7 +44,7 @@ class TrainRequest:
     out: Path | None = None  # default: runs/<robot>-<preset>-<seed>-<time>
     total_steps: int | None = None  # instead of the preset's
     checkpoint_interval_s: float | None = None  # instead of the preset's
-    trainer: TrainerName = "brax"
+    trainer: str = DEFAULT_TRAINER  # or "rsl_rl", or MODULE:NAME of your own
 
 
 def train(request: TrainRequest) -> Path:
@@ -79,7 +77,7 @@ def begin(request: TrainRequest) -> Path:
 def _check_cluster(request: TrainRequest) -> None:
     if request.out is None:
         raise UserError("several processes must know their run folder: give each the same --out")
-    if TRAINERS[request.trainer].devices is not None:
+    if find_trainer(request.trainer).max_devices is not None:
         raise UserError(f"--trainer {request.trainer} trains in one process: leave --coordinator out")
 
 
@@ -90,8 +88,7 @@ def _make_run(request: TrainRequest) -> Path:
         config = replace(config, ppo=replace(config.ppo, total_steps=request.total_steps))
     if request.checkpoint_interval_s is not None:
         config = replace(config, checkpoint_interval_s=request.checkpoint_interval_s)
-    kind = TRAINERS[request.trainer]
-    trainer = kind.load()  # libraries that are missing are to be known before there is a folder
+    trainer = find_trainer(request.trainer)
     now = datetime.now(UTC)
     name = f"{robot.name}-{Path(request.preset).stem}-{request.seed}-{now:%Y%m%d-%H%M%S}"
     provenance = Provenance(
@@ -102,14 +99,14 @@ def _make_run(request: TrainRequest) -> Path:
         device=cluster.devices()[0].device_kind,
         revision=source_revision(),
         created=now.isoformat(timespec="seconds"),
-        versions=versions((*PACKAGES, *kind.packages)),
+        versions=versions((*PACKAGES, *trainer.packages)),
         robot_digest=robot.digest,
     )
     run = Run(request.out or Path("runs") / name, provenance, config)
     use_compilation_cache()
     trainer.prefetch(run, robot)
-    _ = assemble(run, robot).mirror  # tells whether the settings fit the robot, before there is a folder
-    device_mesh(config.ppo, kind.devices)
+    check_robot(config, robot)
+    check_devices(config.ppo, len(cluster.devices()[: trainer.max_devices]))
     return create_run(run.folder, provenance, config).folder
 
 
@@ -126,7 +123,7 @@ def resume(folder: Path, display: Display | None = None) -> Path:
         run = open_run(folder)
         robot = trained_robot(run.provenance)
         refusal = use_compilation_cache()
-        TRAINERS[run.provenance.trainer].load().prefetch(run, robot)
+        find_trainer(run.provenance.trainer).prefetch(run, robot)
         lock = locked(run) if cluster.is_main_process() else nullcontext()
     if display is None:
         console = None if cluster.is_main_process() else Console(quiet=True)
@@ -146,14 +143,35 @@ def resume(folder: Path, display: Display | None = None) -> Path:
 
 
 def diagnose(folder: Path, say: Callable[[str], None]) -> Diagnosis:
-    """Replay a failed training to the first thing that broke; `say` is told what is being done.
+    """Replay a failed training from its last good checkpoint to the first value that is not finite.
+
+    On the machine and with the versions that failed, the replay computes the same bits. Elsewhere it is
+    approximate, and the failure may not show.
+
+    Args:
+        folder: the run folder.
+        say: shows one line to the user.
 
     Raises:
-        UserError: there is no failed training in this folder, or it is another trainer's.
+        UserError: the run has not failed, its trainer cannot replay it, its robot has changed, or the device
+            fails.
     """
+    report = folder / FOLDER / REPORT
+    if not report.is_file():
+        raise UserError(f"{folder} holds no failed training: there is no {FOLDER}/{REPORT}")
+    failure = read_failure(report)
+    trainer = find_trainer(failure.provenance.trainer)
+    if not trainer.can_diagnose:
+        raise UserError(
+            f"{folder} was trained by {failure.provenance.trainer}, whose runs cannot be replayed"
+        )
     if refusal := use_compilation_cache():
         say(refusal)
-    return replay_failure(folder, say)
+    run = Run(folder, failure.provenance, failure.config)
+    robot = trained_robot(failure.provenance)
+    cluster.devices()  # reports in one line that there is no device
+    with device_failures(run, trainer.device_errors, verb="diagnose"):
+        return trainer.diagnose(failure, run, robot, say)
 
 
 def export_run(
@@ -170,8 +188,8 @@ def export_run(
     chosen = checkpoint_path or checkpoint.latest(run.checkpoints)
     if chosen is None:
         raise UserError(f"{folder} has no checkpoint yet")
-    cluster.devices()  # that they cannot be had is one line
-    kind = TRAINERS[run.provenance.trainer].load()
+    cluster.devices()  # reports in one line that there is no device
+    kind = find_trainer(run.provenance.trainer)
     with device_failures(run, kind.device_errors, verb="export"):
         trainer = kind(run, robot)
         trainer.restore(chosen)
@@ -182,12 +200,12 @@ def _train_to_the_end(run: Run, robot: Robot, display: Display) -> None:
     """Train from the last checkpoint, if there is one, and export."""
     began = time.monotonic()
     name, devices = run.provenance.trainer, cluster.devices()
-    kind, where = TRAINERS[name].load(), devices[0].device_kind
+    kind, where = find_trainer(name), devices[0].device_kind
     display.say(f"training {robot.name} with {name} on {where}, into {run.folder}")
     for change in _changes(run.provenance, where):
-        display.say(f"it began on {change}: the same statistics, not the same bits")
-    if TRAINERS[name].devices == 1 and len(devices) > 1:
-        display.say(f"{name} trains on the first of {len(devices)} devices: the others are idle")
+        display.say(f"the run began on {change}: the statistics stay the same, the bits do not")
+    if len(devices[: kind.max_devices]) < len(devices):
+        display.say(f"{name} trains on {kind.max_devices} of {len(devices)} devices: the others are idle")
     with device_failures(run, kind.device_errors):
         trainer = kind(run, robot)
         with cluster.all_or_none():
@@ -208,7 +226,7 @@ def _train_to_the_end(run: Run, robot: Robot, display: Display) -> None:
 
 
 def _changes(began: Provenance, device: str) -> list[str]:
-    """What a run began on that is another one now."""
+    """Device and source revision that a run began with, where they differ now."""
     changes = [began.device] if began.device != device else []
     revision = source_revision()
     if began.revision != revision:
@@ -217,7 +235,7 @@ def _changes(began: Provenance, device: str) -> list[str]:
 
 
 def _how_far(run: Run) -> str:
-    """What a stopped run has kept, and how to go on with it."""
+    """How far a stopped run came, and the command to continue it."""
     newest, ppo = checkpoint.latest(run.checkpoints), run.config.ppo
     steps = int(newest.stem) * ppo.steps_per_iteration if newest else 0
     return (
@@ -227,7 +245,7 @@ def _how_far(run: Run) -> str:
 
 
 def _is_finished(run: Run) -> bool:
-    """Whether there is nothing left to train and to export, as process 0 sees it."""
+    """Whether process 0 finds the last checkpoint and the exported policy."""
     newest = checkpoint.latest(run.checkpoints)
     done = newest is not None and int(newest.stem) >= run.config.ppo.iterations
     (finished,) = cluster.broadcast(done and run.policy.is_file())
@@ -235,7 +253,7 @@ def _is_finished(run: Run) -> bool:
 
 
 def _newest_checkpoint(run: Run) -> Path | None:
-    """The newest checkpoint of process 0, or None: others may see another one, as shared disks lag.
+    """The newest checkpoint of process 0, or None; a shared disk may show an older one to other processes.
 
     Raises:
         UserError: this process does not see it.
@@ -246,5 +264,5 @@ def _newest_checkpoint(run: Run) -> Path | None:
         return None
     chosen = checkpoint.path_of(run.checkpoints, iteration)
     if not chosen.is_file():
-        raise UserError(f"process 0 resumes from {chosen}, which is not to be seen from here: try again")
+        raise UserError(f"process 0 resumes from {chosen}, which this process cannot see yet: try again")
     return chosen

@@ -70,6 +70,15 @@ class PpoConfig:
     def iterations(self) -> int:
         return max(1, -(-self.total_steps // self.steps_per_iteration))
 
+    def learning_rate_limit(self, iteration: Any) -> Any:
+        """The learning rate, or its upper limit where it adapts: falls linearly over the training.
+
+        Args:
+            iteration: iterations done, a float32 scalar.
+        """
+        share = iteration / self.iterations
+        return self.learning_rate + share * (self.final_learning_rate - self.learning_rate)
+
 
 @dataclass(frozen=True)
 class TrainConfig:

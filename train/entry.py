@@ -17,8 +17,6 @@ def learning_libraries() -> Iterator[None]:
         UserError: JAX or another library of the `train` extra is missing.
     """
     with needs_extra("train", "training and export need"), collector_paused():
-        import footfall.envs.workarounds.quiet_mjx  # noqa: F401, before brax imports MJX
-
         yield
 
 

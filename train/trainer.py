@@ -1,93 +1,93 @@
-"""What a trainer is to the rest, and which there are."""
+"""The protocol of a trainer: what the rest of `train` asks of one."""
 
-import os
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Protocol
 
-from footfall.common.installation import needs_extra
 from footfall.robots.description import Robot
-from footfall.train.runs.folder import Run, TrainerName
+from footfall.train.config import TrainConfig
+from footfall.train.runs.diagnosis import Diagnosis
+from footfall.train.runs.failure import Failure
+from footfall.train.runs.folder import Run
 
-Metrics = Mapping[str, Any]  # scalars by name; where they are arrays, a device may still compute them
+Metrics = Mapping[str, Any]  # scalars by name; where they are JAX arrays, a device may still compute them
 
 
 class Trainer(Protocol):
-    """One training, which advances by whole iterations; all that they depend on goes into a checkpoint.
+    """One training, which advances by whole iterations; its checkpoint holds everything the rest depends on.
 
-    Of several processes that train together each one calls the same methods in the same order.
+    A class of your own (`--trainer MODULE:NAME`) derives from this one, which gives it the defaults below. It
+    implements `__init__`, `restore`, `prepare`, `iterate`, `save` and `export`.
+
+    Of several processes that train together, each one calls the same methods in the same order.
     """
 
-    iteration: int  # iterations done; the device may still be at work on the last one
-    device_errors: ClassVar[tuple[type[Exception], ...]]  # what a lost or exhausted device raises
+    device_errors: ClassVar[tuple[type[Exception], ...]] = ()  # what a lost or exhausted device raises
+    max_devices: ClassVar[int | None] = 1  # devices it can use; None: all devices of all processes
+    packages: ClassVar[tuple[str, ...]] = ()  # whose versions run.yaml records besides those of every run
+    can_diagnose: ClassVar[bool] = False  # whether `diagnose` is implemented
 
-    def __init__(self, run: Run, robot: Robot) -> None: ...
+    iteration: int = 0  # iterations done; the device may still compute the last one
 
-    @staticmethod
-    def prefetch(run: Run, robot: Robot) -> None:
-        """Begin to read what an earlier process compiled, beside what comes before `prepare`."""
+    def __init__(self, run: Run, robot: Robot) -> None:
+        """Build environment and networks.
+
+        Raises:
+            UserError: the settings do not fit the robot.
+        """
+
+    @classmethod
+    def prefetch(cls, run: Run, robot: Robot) -> None:
+        """Start reading compiled programs of an earlier run in the background; optional."""
 
     def restore(self, path: Path) -> None:
-        """Take over a checkpoint's state; enough for an export.
+        """Load a checkpoint; `export` works afterwards, without `prepare`.
 
         Raises:
             UserError: the file is damaged or belongs to another configuration.
         """
 
     def prepare(self, say: Callable[[str], None]) -> None:
-        """Make ready to iterate from the restored state, or else from the run's seed.
+        """Compile, and start from the restored state, or from the run's seed if there is none.
 
         Args:
-            say: told what a user should know.
+            say: shows one line to the user.
 
         Raises:
-            UserError: the configuration does not fit the devices.
+            UserError: the settings do not fit the devices.
         """
 
     def iterate(self) -> Metrics:
-        """Roll out and learn once; may return before it is computed.
+        """Roll out and learn once; may return before the device has finished.
 
         Raises:
-            UserError: the training has failed.
+            TrainingFailedError: a value is not finite.
         """
 
     def save(self) -> None:
-        """Write a checkpoint.
+        """Write a checkpoint (`runs/checkpoint.py`).
 
         Raises:
             CannotWriteError: the disk is full or the folder cannot be written; older checkpoints stay.
-            UserError: the state is not finite.
+            TrainingFailedError: the state is not finite.
         """
 
     def export(self, path: Path) -> float:
         """Write the policy; returns and raises as `footfall.train.export.export`."""
 
+    @classmethod
+    def metric_names(cls, config: TrainConfig, robot: Robot) -> list[str] | None:
+        """Names of the metrics that `iterate` returns; None: unknown before a training runs."""
+        return None
 
-@dataclass(frozen=True)
-class TrainerKind:
-    """What is known of a trainer without importing it."""
+    @classmethod
+    def diagnose(cls, failure: Failure, run: Run, robot: Robot, say: Callable[[str], None]) -> Diagnosis:
+        """Compute a failed iteration again, step by step, to the first value that is not finite.
 
-    load: Callable[[], type[Trainer]]  # raises UserError if its libraries are missing
-    devices: int | None = None  # that it trains on; None: all that there are, of any number of processes
-    packages: tuple[str, ...] = ()  # whose versions a run keeps besides those of every run
-    replayable: bool = False  # whether a failed iteration can be computed again step by step
-
-
-def _brax() -> type[Trainer]:
-    from footfall.train.brax.trainer import BraxTrainer
-
-    return BraxTrainer
-
-
-def _rsl_rl() -> type[Trainer]:
-    os.environ.setdefault("GIT_PYTHON_REFRESH", "quiet")  # upstream imports GitPython: git may be missing
-    with needs_extra("rsl-rl", "the trainer rsl_rl needs"):
-        from footfall.train.rsl_rl.trainer import RslRlTrainer
-    return RslRlTrainer
-
-
-TRAINERS: dict[TrainerName, TrainerKind] = {
-    "brax": TrainerKind(_brax, replayable=True),
-    "rsl_rl": TrainerKind(_rsl_rl, devices=1, packages=("torch", "rsl-rl-lib", "tensordict")),
-}
+        Args:
+            failure: the report of the failed run.
+            run: its folder and settings.
+            robot: its robot.
+            say: shows one line to the user.
+        """
+        raise NotImplementedError

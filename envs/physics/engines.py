@@ -9,12 +9,18 @@ import mujoco
 from footfall.envs.physics.c import c_physics
 from footfall.envs.physics.generated.physics import generated_physics, not_generated
 from footfall.envs.physics.interface import Physics
-from footfall.envs.physics.mjx import mjx_physics
 from footfall.robots.description import Robot
+
+
+def _mjx_physics(model: mujoco.MjModel, robot: Robot) -> Physics:
+    from footfall.envs.physics.mjx import mjx_physics  # imports MJX, which takes a second and few need
+
+    return mjx_physics(model, robot)
+
 
 ENGINES: dict[str, Callable[[mujoco.MjModel, Robot], Physics]] = {
     "generated": generated_physics,
-    "mjx": mjx_physics,
+    "mjx": _mjx_physics,
     "c": c_physics,
 }
 

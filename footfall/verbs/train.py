@@ -4,7 +4,7 @@ import re
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
@@ -15,7 +15,7 @@ from footfall.robots.default import DEFAULT_ROBOT
 from footfall.train.entry import learning_libraries, start_device
 from footfall.verbs.watch import LOCAL_PAGE, PageOptions
 
-EVALUATION = "gentle"  # the scenario that every finished run goes through
+EVALUATION = "gentle"  # the scenario that evaluates every finished run
 OF_ANY_RUN = {"resume", "evaluate", "watch"}
 ROBOT_HELP = f"Name of a robot, or a folder with its robot.yaml (default: {DEFAULT_ROBOT})."
 COORDINATOR = re.compile(r"(\[[0-9a-fA-F:.]+\]|[^:\[\]\s]+):(?P<port>[0-9]{1,5})")
@@ -24,7 +24,7 @@ COORDINATOR = re.compile(r"(\[[0-9a-fA-F:.]+\]|[^:\[\]\s]+):(?P<port>[0-9]{1,5})
 @Parameter(name="*")
 @dataclass(frozen=True)
 class TrainOptions:
-    """What to train. None: as `footfall.train.api.TrainRequest` has it, or the resumed run."""
+    """What to train. None: the default of `footfall.train.api.TrainRequest`, or the resumed run's."""
 
     robot: Annotated[RobotName | None, AS_TYPED, Parameter(show_default=False, help=ROBOT_HELP)] = None
     preset: Annotated[str | None, AS_TYPED, Parameter(show_default=False)] = None
@@ -38,15 +38,14 @@ class TrainOptions:
     """Environment steps, instead of the preset's."""
     checkpoint_interval: Annotated[Seconds | None, AS_TYPED, Parameter(show_default=False)] = None
     """Seconds between checkpoints, instead of the preset's."""
-    trainer: Annotated[Literal["brax", "rsl_rl"] | None, AS_TYPED, Parameter(show_default=False)] = None
-    """Who learns: our JAX loop of brax's parts (the default), or rsl_rl's runner (an extra)."""
+    trainer: Annotated[str | None, AS_TYPED, Parameter(show_default=False)] = None
+    """brax (the default), rsl_rl (an extra), or MODULE:NAME of your own trainer."""
     resume: OptionalPath = None
     """Run folder to continue from its last checkpoint; it brings its own settings."""
     evaluate: bool = True
-    """Walk the finished policy over the simulated bus, into RUN/evaluation.json."""
+    """Evaluate the finished policy over the simulated bus, into RUN/evaluation.json."""
     watch: bool = False
-    """Show the newest checkpoint walking beside the curves, on a web page (of the first process, where there
-    are several), until the training ends."""
+    """Show the newest checkpoint walking beside the curves on a web page, until the training ends."""
 
 
 @Parameter(name="*")
@@ -57,9 +56,9 @@ class ClusterOptions:
     coordinator: Annotated[str | None, AS_TYPED, Parameter(show_default=False)] = None
     """HOST:PORT of process 0, or auto under Slurm, MPI or Kubernetes."""
     processes: Annotated[Count | None, Parameter(show_default=False)] = None
-    """How many processes there are."""
+    """Number of processes."""
     process: Annotated[Index | None, Parameter(show_default=False)] = None
-    """Which of them this is, from 0."""
+    """Index of this process, from 0."""
 
 
 ALONE = ClusterOptions()

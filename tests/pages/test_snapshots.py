@@ -428,7 +428,7 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
     folder = api.begin(api.TrainRequest(preset="smoke", out=tmp_path_factory.mktemp("runs") / "alike"))
     run = open_run(folder)
-    shapes = assemble(run, load_robot("go1")).shapes
+    shapes = assemble(run.config, load_robot("go1")).shapes
     state = jax.tree.map(lambda leaf: np.full(leaf.shape, 0.01).astype(leaf.dtype), shapes)
     seen = np.zeros((4, *shapes.observation["state"].shape[1:]), np.float32)
     checkpoint.save(run.checkpoints, 3, state, seen)

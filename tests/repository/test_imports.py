@@ -41,7 +41,6 @@ ALLOWED = {
     "pages": {"common", "robots", "policies", "domain_rand", "deploy", "plant", "train"},
 }
 ROOMS = (*ALLOWED, COMMAND_LINE)
-STILL_WITH_CIRCLES = ("train",)
 ACTING = ("common", "robots", "domain_rand", "policies", "deploy", "plant", "evaluate")
 # What of policies those that learn may know. `learned` runs an exported file to check it.
 POLICIES_FOR_LEARNING = {
@@ -115,9 +114,6 @@ def circles(room: str) -> list[str]:
 @pytest.mark.parametrize("room", ROOMS)
 def test_no_circles_inside_a_room(room: str) -> None:
     """Also where an import stands inside a function: such a circle is one all the same."""
-    if room in STILL_WITH_CIRCLES:
-        assert circles(room), f"{room} has no circles any more: take it off the list"
-        pytest.skip("still to be mended")
     assert circles(room) == []
 
 

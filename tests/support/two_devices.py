@@ -13,7 +13,8 @@ from footfall.envs.velocity import VelocityEnv
 from footfall.robots.description import load_robot
 from footfall.train.brax.devices import DIVIDED, device_mesh, place, shardings
 from footfall.train.brax.networks import make_networks
-from footfall.train.brax.ppo import STATE_SPECS, initial_state, make_learning
+from footfall.train.brax.ppo import Ppo
+from footfall.train.brax.state import STATE_SPECS, initial_state
 from footfall.train.config import load_preset
 
 CONFIG = load_preset("smoke")
@@ -53,10 +54,10 @@ def side_by_side(one: Data, other: Data) -> Data:
 
 def learnt(state: Any, data: Data, devices: int) -> list[Any]:
     """The actor that each device ends up with."""
-    learn = make_learning(NETWORKS, CONFIG.ppo, devices)
+    ppo = Ppo(NETWORKS, CONFIG.ppo, devices)
 
     def actor(*arguments: Any) -> Any:
-        return jax.tree.map(lambda x: x[None], learn(*arguments, jax.random.key(1))[0].policy)
+        return jax.tree.map(lambda x: x[None], ppo.update(*arguments, jax.random.key(1))[0].policy)
 
     if devices > 1:
         specs = (STATE_SPECS, PartitionSpec(None, *DIVIDED), DIVIDED)

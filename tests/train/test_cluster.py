@@ -5,10 +5,14 @@ import socket
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 pytest.importorskip("jax")
+
+import jax
+import numpy as np
 
 from footfall.common.errors import UserError
 from footfall.train import api, cluster
@@ -93,3 +97,36 @@ def test_each_resumes_from_the_checkpoint_of_the_first_one_or_not_at_all(
     monkeypatch.setattr(cluster, "broadcast", lambda _: (9,))
     with pytest.raises(UserError, match=r"process 0 resumes from .*00000009\.ckpt"):
         api._newest_checkpoint(opened)
+
+
+def test_joining_hands_on_who_this_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    given: list[Any] = []
+    monkeypatch.setattr(jax.distributed, "initialize", lambda *each: given.append(each))
+    cluster.join("host:1", 4, 2)
+    cluster.join("auto")
+    assert given == [("host:1", 4, 2), ()]
+
+    def fail(*_: Any) -> None:
+        raise RuntimeError("no such host\nand more")
+
+    monkeypatch.setattr(jax.distributed, "initialize", fail)
+    with pytest.raises(UserError, match=r"at host:1: no such host$"):
+        cluster.join("host:1", 4, 2)
+
+
+def test_what_another_process_fails_at_is_told_in_each(monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[bool] = []
+
+    def gathered(this: np.ndarray) -> np.ndarray:
+        told.append(bool(this))
+        return np.array([False, False, True])
+
+    monkeypatch.setattr(cluster, "processes", lambda: 3)
+    monkeypatch.setattr(cluster.multihost_utils, "process_allgather", gathered)
+    with pytest.raises(UserError, match="process 2 failed"), cluster.all_or_none():
+        pass
+    with pytest.raises(ValueError, match="mine"), cluster.all_or_none():
+        raise ValueError("mine")
+    assert told == [False, True]
+    monkeypatch.setattr(cluster.multihost_utils, "broadcast_one_to_all", lambda values: values + 1)
+    assert cluster.broadcast(3, 0) == (4, 1)

@@ -1,11 +1,8 @@
 """Failing trainings: one clear line, the last good checkpoint intact, and a replay that names the culprit."""
 
 import json
-import os
 import shutil
-import subprocess
-import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,28 +14,31 @@ pytest.importorskip("jax")
 
 import jax
 from shell import Shell
+from small_disk import fill
 
-from footfall.common.config import dump, load
-from footfall.common.errors import CannotWriteError, UserError
+from footfall.common.config import dump
+from footfall.common.errors import UserError
 from footfall.common.files import write_atomically
 from footfall.robots.description import load_robot
 from footfall.train import api, cluster
-from footfall.train.brax.diagnosis import Diagnosis, _broken_rows, differences
+from footfall.train.brax.diagnosis import broken_rows
 from footfall.train.brax.parts import assemble
 from footfall.train.brax.trainer import BraxTrainer
 from footfall.train.runs import checkpoint
+from footfall.train.runs.diagnosis import Diagnosis, differences
 from footfall.train.runs.failure import (
-    ENVIRONMENT,
     FOLDER,
     REPORT,
     SOURCE,
-    Failure,
+    TrainingFailedError,
+    device_failures,
     failure_of,
     non_finite_leaves,
+    read_failure,
+    record_failure,
 )
 from footfall.train.runs.folder import Run
 from footfall.train.runs.journal import Journal
-from footfall.train.runs.metrics import MetricsLog
 
 pytestmark = pytest.mark.usefixtures("kept_programs")
 
@@ -51,34 +51,10 @@ def shell(capsys: pytest.CaptureFixture[str]) -> Shell:
     return Shell(capsys)
 
 
-@pytest.fixture
-def disk() -> Iterator[Path]:
-    """A folder on a disk of one megabyte."""
-    folder = Path("/tmp") / f"footfall-small-disk-{os.getpid()}"
-    folder.mkdir()
-    mounted = subprocess.run(
-        ["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", folder], capture_output=True, check=False
-    )
-    if mounted.returncode:
-        folder.rmdir()
-        pytest.skip("a small disk can be mounted by root only")
-    yield folder
-    subprocess.run(["umount", "--lazy", folder], check=True)
-    folder.rmdir()
-
-
 @pytest.fixture(scope="module")
 def sound(whole_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run that nothing has gone wrong in, free to be damaged."""
     return Path(shutil.copytree(whole_run, tmp_path_factory.mktemp("runs") / "sound"))
-
-
-def fill(disk: Path, leaving: int = 0) -> Path:
-    """Fill a disk, but for so many bytes."""
-    filler = disk / "filler"
-    free = os.statvfs(disk).f_bavail * os.statvfs(disk).f_frsize
-    filler.write_bytes(b"x" * (free - leaving))
-    return filler
 
 
 class TestNoticing:
@@ -107,7 +83,47 @@ class TestNoticing:
 
 def test_one_number_that_is_not_finite_breaks_an_environment() -> None:
     values = np.array([[1.0, 2.0], [np.nan, 2.0], [1.0, np.inf]])
-    np.testing.assert_array_equal(_broken_rows(values), [False, True, True])
+    np.testing.assert_array_equal(broken_rows(values), [False, True, True])
+
+
+class TestReports:
+    def test_what_a_replay_needs_is_left(self, run: Run) -> None:
+        run.checkpoints.mkdir()
+        (run.checkpoints / "00000006.ckpt").write_bytes(b"good")
+        folder = run.folder / "failure"
+        folder.mkdir()
+        for old in ("00000002.ckpt", "environment.npz"):
+            (folder / old).touch()
+        error = record_failure(run, TrainingFailedError(7, "a is not finite"), can_diagnose=True)
+        assert str(error) == (
+            "training failed in iteration 7: a is not finite; the last good checkpoint is 00000006.ckpt;"
+            f" find the cause with: footfall diagnose {run.folder}"
+        )
+        assert sorted(path.name for path in folder.iterdir()) == ["00000006.ckpt", "failure.yaml"]
+        assert (folder / "00000006.ckpt").read_bytes() == b"good"
+        left = read_failure(folder / "failure.yaml")
+        assert (left.iteration, left.reason, left.devices) == (7, "a is not finite", len(jax.devices()))
+        assert (left.provenance, left.config) == (run.provenance, run.config)
+        assert {"source revision", "jax"} <= set(left.versions)
+
+    @pytest.mark.parametrize(
+        ("text", "said"),
+        [
+            ("RESOURCE_EXHAUSTED: no",
+            "out of memory; the last good checkpoint is none; start a new run with a smaller"),
+            ("CUDA Out of Memory", "out of memory"),
+            ("lost it\nmore",
+            "the device failed: lost it; the last good checkpoint is none; continue with: footfall go "),
+        ],
+    )  # fmt: skip
+    def test_a_device_that_fails_is_one_line_and_its_text_is_kept(
+        self, run: Run, text: str, said: str
+    ) -> None:
+        with pytest.raises(UserError) as caught, device_failures(run, (ValueError,), verb="go"):
+            raise ValueError(text)
+        assert said in str(caught.value)
+        assert str(run.folder) in str(caught.value)
+        assert (run.folder / "failure" / "device_error.txt").read_text() == text
 
 
 class TestReplay:
@@ -119,7 +135,7 @@ class TestReplay:
         shutil.rmtree(run_folder / FOLDER, ignore_errors=True)
         run = api.open_run(run_folder)
         write_atomically(run_folder / "config.yaml", dump(replace(run.config, diverged_limit=limit)).encode())
-        shapes = assemble(run, load_robot("go1")).shapes
+        shapes = assemble(run.config, load_robot("go1")).shapes
         kept = sorted(run.checkpoints.iterdir())[0]
         state, seen = checkpoint.restore(kept, shapes)
         for path in run.checkpoints.iterdir():
@@ -154,7 +170,7 @@ class TestReplay:
         outcome = shell("diagnose", run)
         assert outcome.status == 0, outcome.err
         assert "replaying iteration 5 from 00000004.ckpt" in outcome.out
-        assert "first: the rollout is sound; learning, pass 1, minibatch 1: " in outcome.out
+        assert "first: the rollout is finite; update, epoch 1, mini-batch 1: " in outcome.out
 
     def test_a_simulation_that_diverges(self, sound: Path, tmp_path: Path) -> None:
         def damage(state: Any) -> Any:
@@ -193,25 +209,34 @@ class TestReplay:
 
 
 def broken_trainer(run: Run) -> BraxTrainer:
-    """After its seventh iteration, which left something that is not finite."""
+    """After its seventh iteration, which left a value that is not finite."""
     trainer = BraxTrainer(run, load_robot("go1"))
     trainer.iteration, trainer._state = 7, {"mean": np.array([0.0, np.nan])}  # type: ignore[assignment]
     return trainer
 
 
-def test_a_state_that_is_not_finite_is_never_kept(sound: Path, tmp_path: Path) -> None:
+def test_a_state_that_is_not_finite_is_never_saved(sound: Path, tmp_path: Path) -> None:
     """Even if no metric shows it."""
     run = api.open_run(Path(shutil.copytree(sound, tmp_path / "run")))
     before = checkpoint.latest(run.checkpoints)
-    shutil.rmtree(run.folder / FOLDER, ignore_errors=True)
-    (run.folder / FOLDER).mkdir()
-    (run.folder / FOLDER / ENVIRONMENT).touch()  # of a failure before
-    with pytest.raises(UserError, match=r"in iteration 7: \['mean'\] is not finite"):
+    with pytest.raises(TrainingFailedError, match=r"in iteration 7: \['mean'\] is not finite"):
         broken_trainer(run).save()
     assert checkpoint.latest(run.checkpoints) == before
-    assert {path.name for path in (run.folder / FOLDER).iterdir()} == {REPORT, "00000006.ckpt"}
 
-    failure = load(run.folder / FOLDER / REPORT, Failure)
+
+def test_another_process_than_the_main_one_writes_no_report(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cluster, "is_main_process", lambda: False)
+    before = sorted(run.folder.iterdir())
+    error = record_failure(run, TrainingFailedError(7, "a is not finite"), can_diagnose=True)
+    assert str(error).endswith("a is not finite; see process 0")
+    assert sorted(run.folder.iterdir()) == before
+
+
+def test_differences_since_a_failure_are_listed(run: Run) -> None:
+    record_failure(run, TrainingFailedError(7, "a is not finite"), can_diagnose=True)
+    failure = read_failure(run.folder / FOLDER / REPORT)
     assert differences(failure, failure.device, 1) == []
     older = replace(failure, devices=2, versions=failure.versions | {"jax": "0.1", SOURCE: "0f1e2d"})
     assert differences(older, "another", 1) == [
@@ -220,16 +245,6 @@ def test_a_state_that_is_not_finite_is_never_kept(sound: Path, tmp_path: Path) -
         f"jax 0.1, now {failure.versions['jax']}",
         f"source revision 0f1e2d, now {failure.versions[SOURCE]}",
     ]
-
-
-def test_a_process_that_does_not_lead_notices_such_a_state_too_but_writes_nothing(
-    sound: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    run = replace(api.open_run(sound), folder=tmp_path)
-    monkeypatch.setattr(cluster, "is_main_process", lambda: False)
-    with pytest.raises(UserError, match=r"\['mean'\] is not finite; see process 0"):
-        broken_trainer(run).save()
-    assert list(tmp_path.iterdir()) == []
 
 
 class TestDevice:
@@ -258,7 +273,7 @@ class TestDevice:
     def test_no_memory_left_says_how_to_need_less(self, sound: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         text = "RESOURCE_EXHAUSTED: Out of memory while trying to allocate 9 bytes."
         message = self.fail(sound, monkeypatch, text)
-        assert "start a new run with a smaller ppo.num_envs (it is 32), or go on with" in message
+        assert "start a new run with a smaller ppo.num_envs (it is 32), or continue on" in message
 
     def test_a_back_end_that_cannot_start_is_one_line(
         self, sound: Path, monkeypatch: pytest.MonkeyPatch
@@ -283,32 +298,6 @@ class TestDevice:
 
 
 class TestFullDisk:
-    def test_a_record_that_does_not_fit_leaves_no_part(self, disk: Path) -> None:
-        log = MetricsLog(disk, 0)
-        log.write(1, {"reward/total": 1.0})
-        filler = fill(disk)
-        long = {f"reward/{k}": 1.0 for k in range(2000)}  # more than what is left of the last page
-        with pytest.raises(CannotWriteError, match="No space left on device"):
-            log.write(2, long)
-        filler.unlink()
-        log.write(1000, {"reward/total": 2.0})
-        log.close()
-        lines = [json.loads(line) for line in (disk / "metrics.jsonl").read_text().splitlines()]
-        assert lines == [{"step": 1, "reward/total": 1.0}, {"step": 1000, "reward/total": 2.0}]
-
-    def test_a_checkpoint_makes_room_for_itself_but_keeps_one(self, disk: Path) -> None:
-        state = {"weights": np.zeros(2**16, np.float32)}  # a quarter of the disk
-        for iteration in range(1, 4):
-            checkpoint.save(disk, iteration, state, np.zeros(1))
-        fill(disk)
-        checkpoint.save(disk, 4, state, np.zeros(1))
-        assert [p.name for p in sorted(disk.glob("*.ckpt"))] == ["00000003.ckpt", "00000004.ckpt"]
-        (disk / "filler").unlink()
-        fill(disk)
-        with pytest.raises(CannotWriteError, match="the last good one is 00000004"):
-            checkpoint.save(disk, 5, {"weights": np.zeros(2**17, np.float32)}, np.zeros(1))
-        assert [p.name for p in sorted(disk.iterdir())] == ["00000004.ckpt", "filler"]
-
     def test_training_goes_on_and_keeps_later_what_it_could_not_keep_before(
         self,
         disk: Path,
@@ -316,7 +305,7 @@ class TestFullDisk:
         capsys: pytest.CaptureFixture[str],
         monkeypatch: pytest.MonkeyPatch,
     ) -> None:
-        record = Journal._record
+        record = Journal.log
 
         def filling(self: Any, iteration: int, figures: Any) -> None:
             if iteration == 2:
@@ -325,11 +314,11 @@ class TestFullDisk:
                 (disk / "filler").unlink()
             record(self, iteration, figures)
 
-        monkeypatch.setattr(Journal, "_record", filling)
+        monkeypatch.setattr(Journal, "log", filling)
         run = api.train(api.TrainRequest(preset=six_iterations, seed=5, out=disk / "run"))
         said = capsys.readouterr().out
         assert said.count("cannot write checkpoint") == 1
-        assert said.count("cannot write") == said.count("training goes on and tries again") == 2
+        assert said.count("cannot write") == said.count("training continues and tries again") == 2
         assert checkpoint.latest(run / "checkpoints") == run / "checkpoints" / "00000006.ckpt"
         assert (run / "policy.onnx").is_file()
         steps = [json.loads(line)["step"] for line in (run / "metrics.jsonl").read_text().splitlines()]
@@ -338,81 +327,16 @@ class TestFullDisk:
     def test_at_the_end_it_says_so(
         self, disk: Path, six_iterations: str, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        record = Journal._record
+        record = Journal.log
 
         def filling(self: Any, iteration: int, figures: Any) -> None:
             if iteration == 2:
                 fill(disk)
             record(self, iteration, figures)
 
-        monkeypatch.setattr(Journal, "_record", filling)
+        monkeypatch.setattr(Journal, "log", filling)
         with pytest.raises(UserError, match="No space left on device; the last good one is 00000001"):
             api.train(api.TrainRequest(preset=six_iterations, seed=5, out=disk / "run"))
         monkeypatch.undo()
         (disk / "filler").unlink()
         assert (api.resume(disk / "run") / "policy.onnx").is_file()
-
-
-# Kills its own process at each line of a checkpoint's saving in turn, and amid the file's content.
-KILL_ANYWHERE = """
-import os, resource, shutil, signal, sys
-from itertools import count
-from pathlib import Path
-import numpy as np
-from footfall.common import files
-from footfall.train.runs import checkpoint
-
-folder = Path(sys.argv[1])
-OURS = {checkpoint.__file__, files.__file__}
-state = {"weights": np.zeros(4)}
-
-def content(iteration):
-    return {"weights": np.full(10_000, float(iteration))}
-
-def killed_at(line):
-    def trace(frame, event, _):
-        nonlocal line
-        if frame.f_code.co_filename not in OURS:
-            return None
-        if event == "line":
-            line -= 1
-            if line == 0:
-                os.kill(os.getpid(), signal.SIGKILL)
-        return trace
-    sys.settrace(trace)
-
-def killed_in_the_content(_):
-    signal.signal(signal.SIGXFSZ, signal.SIG_DFL)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
-
-def survives(arm, line):
-    shutil.rmtree(folder, ignore_errors=True)
-    for iteration in range(1, 4):
-        checkpoint.save(folder, iteration, content(iteration), np.zeros(1))
-    child = os.fork()
-    if child == 0:
-        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-        arm(line)
-        checkpoint.save(folder, 4, content(4), np.zeros(1))
-        os._exit(0)
-    _, status = os.waitpid(child, 0)
-    newest = checkpoint.latest(folder)
-    assert newest.stem in {"00000003", "00000004"}, newest
-    for path in folder.glob("*.ckpt"):
-        restored, _ = checkpoint.restore(path, content(0))
-        assert (restored["weights"] == int(path.stem)).all(), path
-    checkpoint.save(folder, 5, content(5), np.zeros(1))
-    assert len(list(folder.iterdir())) == 3, list(folder.iterdir())
-    return os.WIFEXITED(status)
-
-assert not survives(killed_in_the_content, 0)
-lines = next(line for line in count(1) if survives(killed_at, line))
-print(lines - 1)
-"""
-
-
-def test_a_checkpoint_is_whole_wherever_its_writer_is_killed(tmp_path: Path) -> None:
-    command = [sys.executable, "-c", KILL_ANYWHERE, str(tmp_path / "checkpoints")]
-    done = subprocess.run(command, cwd=Path(__file__).parents[2], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert int(done.stdout) > 30, "lines at which it was killed"

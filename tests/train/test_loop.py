@@ -3,14 +3,11 @@
 import io
 import json
 import os
-import re
 import signal
-import subprocess
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, ClassVar
+from typing import Any
 
 import pytest
 
@@ -18,17 +15,15 @@ pytest.importorskip("jax")
 
 import jax.numpy as jnp
 from rich.console import Console
-from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
+from footfall.common.config import dump
 from footfall.common.errors import UserError
 from footfall.train import api, cluster
-from footfall.train.config import load_preset
 from footfall.train.loop import learn
-from footfall.train.runs import checkpoint, provenance
+from footfall.train.runs import checkpoint
 from footfall.train.runs.display import Display
-from footfall.train.runs.folder import Provenance, Run, create_run
-from footfall.train.runs.journal import FailureCheck, Journal
-from footfall.train.runs.metrics import MetricsLog
+from footfall.train.runs.folder import Run
+from footfall.train.trainer import Trainer
 
 ITERATIONS = 4
 STEPS = 256  # of an iteration
@@ -43,18 +38,13 @@ METRICS = {
 }
 
 
-class FakeTrainer:
-    """Counts its iterations; metrics are a device's, computed when asked for."""
-
-    device_errors: ClassVar[tuple[type[Exception], ...]] = ()
+class FakeTrainer(Trainer):
+    """Counts its iterations; a device computes the metrics when they are read."""
 
     def __init__(self, run: Run, before_iteration: Callable[[int], None] = lambda _: None) -> None:
         self.run, self.before_iteration = run, before_iteration
         self.iteration = 0
         self.asked: list[str] = []
-
-    @staticmethod
-    def prefetch(run: Any, robot: Any) -> None: ...
 
     def prepare(self, say: Any) -> None: ...
 
@@ -76,11 +66,12 @@ class FakeTrainer:
 
 
 @pytest.fixture
-def run(tmp_path: Path) -> Run:
-    smoke = load_preset("smoke")
-    config = replace(smoke, ppo=replace(smoke.ppo, total_steps=ITERATIONS * STEPS), checkpoint_interval_s=1e6)
-    made = Provenance("go1", 0, "smoke", "brax", "cpu", "unknown", "now", {})
-    return create_run(tmp_path / "run", made, config)
+def run(run: Run) -> Run:
+    """Of four iterations, with a checkpoint at the end only."""
+    config = replace(run.config, ppo=replace(run.config.ppo, total_steps=ITERATIONS * STEPS))
+    config = replace(config, checkpoint_interval_s=1e6)
+    (run.folder / "config.yaml").write_text(dump(config))
+    return replace(run, config=config)
 
 
 def quiet() -> Display:
@@ -108,10 +99,16 @@ def test_an_iteration_is_logged_while_the_next_one_is_computed(run: Run) -> None
     assert seen == [(1, 0), (2, 0), (3, 1), (4, 2)]
 
 
-def test_metrics_that_are_there_already_are_logged_at_once(run: Run) -> None:
-    journal = Journal(run, 0, quiet())
-    journal.report(1, METRICS)
-    assert len(logged(run)) == 1
+def test_metrics_that_are_computed_already_are_logged_at_once(run: Run) -> None:
+    seen: list[int] = []
+
+    class Immediate(FakeTrainer):
+        def iterate(self) -> dict[str, Any]:
+            seen.append(len(logged(run)))
+            return {name: float(value) for name, value in super().iterate().items()}
+
+    learn(run, Immediate(run), quiet())
+    assert seen == [0, 1, 2, 3]
 
 
 def test_a_checkpoint_is_saved_when_it_is_due_and_after_its_metrics(run: Run) -> None:
@@ -179,12 +176,23 @@ def test_other_processes_stop_and_save_when_the_main_one_says(
     assert not (run.folder / "metrics.jsonl").exists()
 
 
-def test_a_failure_is_noticed_by_every_process(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cluster, "is_main_process", lambda: False)
-    journal = FailureCheck(run)
-    journal.report(1, {"learning/total_loss": jnp.float32("nan")})
-    with pytest.raises(UserError, match="iteration 1: learning/total_loss is not finite; see process 0"):
-        journal.report(2, METRICS)
+@pytest.mark.parametrize("main", [True, False])
+def test_a_failure_ends_the_training_after_it_was_logged(
+    run: Run, main: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Failing(FakeTrainer):
+        def iterate(self) -> dict[str, Any]:
+            metrics = super().iterate()
+            return metrics | {"reward/alive": jnp.float32("nan")} if self.iteration == 2 else metrics
+
+    monkeypatch.setattr(cluster, "is_main_process", lambda: main)
+    trainer = Failing(run)
+    with pytest.raises(UserError, match="iteration 2: reward/alive is not finite"):
+        learn(run, trainer, quiet())
+    assert trainer.asked == ["iterate 1", "iterate 2", "iterate 3"]
+    if main:
+        assert [line["step"] for line in logged(run)] == [STEPS, 2 * STEPS]
+    assert (run.folder / "failure").exists() == main
 
 
 def test_a_stopped_run_says_how_far_it_came_and_how_to_go_on(
@@ -203,135 +211,10 @@ def test_a_stopped_run_says_how_far_it_came_and_how_to_go_on(
         assert said in capsys.readouterr().out
 
 
-def test_a_checkpoint_is_due_an_interval_after_the_last_one(
-    run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    now_s = [100.0]
-    monkeypatch.setattr("footfall.train.runs.journal.time", SimpleNamespace(monotonic=lambda: now_s[0]))
-    run = replace(run, config=replace(run.config, checkpoint_interval_s=30.0))
-    journal = Journal(run, 0, quiet())
-    due = []
-    for at_s in (129.0, 131.0, 132.0, 160.0, 162.0):
-        now_s[0] = at_s
-        due.append(journal.checkpoint_due)
-        if at_s == 131.0:
-            journal.save(lambda: None)
-    journal.close()
-    assert due == [False, True, False, False, True]
-
-
 def test_where_no_episode_ended_no_length_is_logged(run: Run) -> None:
-    journal = Journal(run, 0, quiet())
-    for iteration, length in ((1, 0.0), (2, 1.5)):
-        journal.report(iteration, METRICS | {"episode/length_s": length})
-    journal.close()
-    assert [line.get("episode/length_s") for line in logged(run)] == [None, 1.5]
+    class Lasting(FakeTrainer):
+        def iterate(self) -> dict[str, Any]:
+            return super().iterate() | {"episode/length_s": jnp.float32(self.iteration - 1)}
 
-
-def test_tensorboard_reads_what_is_logged_and_forgets_what_is_computed_again(tmp_path: Path) -> None:
-    for first, steps in ((0, (10, 20, 30)), (20, (30, 40))):  # killed after 30, resumed from 20
-        log = MetricsLog(tmp_path, first)
-        for step in steps:
-            log.write(step, {"reward/total": step + first / 100})
-        log.close()
-    events = EventAccumulator(str(tmp_path / "events"))
-    events.Reload()
-    read = {event.step: event.value for event in events.Scalars("reward/total")}
-    assert read == pytest.approx({10: 10.0, 20: 20.0, 30: 30.2, 40: 40.2})
-    lines = [json.loads(line) for line in (tmp_path / "metrics.jsonl").read_text().splitlines()]
-    assert [line["step"] for line in lines] == [10, 20, 30, 40]
-
-
-class TestDisplay:
-    def shown(self, metrics: dict[str, float]) -> list[str]:
-        """What a terminal of 80 × 24 shows last."""
-        terminal = Console(width=80, height=24, force_terminal=True, color_system=None, file=io.StringIO())
-        display = Display(ITERATIONS * STEPS, terminal)
-        with display:
-            display.doing("compiling")
-            display._screen.refresh()
-            display.update(2 * STEPS, 1000.0, metrics)
-            display._screen.refresh()
-        text = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "\n", terminal.file.getvalue())  # type: ignore[attr-defined]
-        return text.splitlines()
-
-    def test_it_says_that_it_compiles_and_for_how_long(self) -> None:
-        (compiling, *_) = [line for line in self.shown(METRICS) if "compiling" in line]
-        assert "0:00:00 elapsed" in compiling
-
-    def test_the_reward_is_first_names_stand_beside_values_and_details_are_left_to_the_log(self) -> None:
-        lines = self.shown(METRICS)
-        last = lines[len(lines) - 1 - lines[::-1].index("512 of 1,024 steps, 1,000 per s") :]
-        assert last[1].split() == ["reward/total", "1.500", "tracking/linear_error_m_s", "0.250"]
-        assert "learning/kl_mean 4.0e-04" in " ".join(" ".join(last).split())
-        assert not any("policy_dist" in line for line in lines)
-
-    def test_it_fits_a_small_terminal(self) -> None:
-        lines = self.shown(METRICS | {f"reward/term_{k}": 0.0 for k in range(40)})
-        last = lines[len(lines) - 1 - lines[::-1].index("512 of 1,024 steps, 1,000 per s") :]
-        assert len(last) < 24
-        assert max(map(len, last)) <= 80
-
-    def test_without_a_terminal_it_says_lines(self, capsys: pytest.CaptureFixture[str]) -> None:
-        display = Display(ITERATIONS * STEPS, Console(width=200))
-        display.doing("compiling")
-        display.update(2 * STEPS, 256.0, {n: v for n, v in METRICS.items() if n != "episode/length_s"})
-        first, second = capsys.readouterr().out.splitlines()
-        assert first == "compiling"
-        assert second == (
-            "512 of 1,024 steps, 256 per s, 2 s left, reward 1.50, episode - s, error 0.250 m/s 0.500 rad/s"
-        )
-
-
-def test_a_revision_tells_one_change_of_the_source_from_another(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def git(*arguments: str) -> None:
-        subprocess.run(
-            ["git", "-c", "user.name=a", "-c", "user.email=b", *arguments], cwd=tmp_path, check=True
-        )
-
-    monkeypatch.setattr(provenance, "__file__", str(tmp_path / "provenance.py"))
-    git("init", "-q")
-    source = tmp_path / "source.py"
-    (tmp_path / "provenance.py").touch()
-    seen = []
-    for text in ("one", "two", "three", "one"):
-        source.write_text(text)
-        if not seen:
-            git("add", "-A")
-            git("commit", "-q", "-m", "source")
-        seen.append(provenance.source_revision())
-    clean, two, three, again = seen
-    assert re.fullmatch("[0-9a-f]{40}", clean)
-    assert two.startswith(f"{clean} with uncommitted changes ")
-    assert len({clean, two, three}) == 3
-    assert again == clean
-    source.write_text("two")
-    git("add", "-A")  # staged is not committed
-    assert provenance.source_revision() == two
-
-
-@pytest.mark.parametrize("in_a_repository", [False, True])
-def test_without_a_checkout_the_files_themselves_tell(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_a_repository: bool
-) -> None:
-    """As in an installed wheel, whose environment may lie in somebody else's repository."""
-    installed = tmp_path / ".venv" / "footfall"
-    (installed / "train" / "runs").mkdir(parents=True)
-    (installed / "policies").mkdir()
-    source, data = installed / "train" / "api.py", installed / "policies" / "gaits.yaml"
-    monkeypatch.setattr(provenance, "__file__", str(installed / "train" / "runs" / "provenance.py"))
-    monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(tmp_path.parent))
-    if in_a_repository:
-        (tmp_path / ".gitignore").write_text(".venv")
-        for arguments in ("init -q", "add -A", "-c user.name=a -c user.email=b commit -q -m theirs"):
-            subprocess.run(["git", *arguments.split()], cwd=tmp_path, check=True)
-    seen = []
-    for code, gaits in (("one", "trot"), ("two", "trot"), ("one", "pace"), ("one", "trot")):
-        source.write_text(code)
-        data.write_text(gaits)
-        seen.append(provenance.source_revision())
-    assert all(re.fullmatch("digest [0-9a-f]{8}", revision) for revision in seen)
-    assert len(set(seen)) == 3
-    assert seen[3] == seen[0]
+    learn(run, Lasting(run), quiet())
+    assert [line.get("episode/length_s") for line in logged(run)] == [None, 1.0, 2.0, 3.0]

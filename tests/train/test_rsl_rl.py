@@ -7,6 +7,8 @@ import signal
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,6 +23,7 @@ import jax.numpy as jnp
 import onnxruntime
 import torch
 from brax.training.acme import running_statistics
+from number_environment import counting_config
 
 from footfall.cli import main
 from footfall.common.config import dump
@@ -35,6 +38,8 @@ from footfall.train.brax import networks
 from footfall.train.config import load_preset
 from footfall.train.loop import learn
 from footfall.train.rsl_rl.environment import TorchEnvironment
+from footfall.train.rsl_rl.ppo import LimitedPpo
+from footfall.train.rsl_rl.settings import runner_settings
 from footfall.train.rsl_rl.symmetry import make_augmentation
 from footfall.train.rsl_rl.trainer import RslRlTrainer
 from footfall.train.runs import checkpoint
@@ -382,7 +387,7 @@ def test_running_out_of_memory_in_the_export_is_one_line(
     monkeypatch.setattr(RslRlTrainer, "__init__", lambda *_: None)
     monkeypatch.setattr(RslRlTrainer, "restore", lambda *_: None)
     monkeypatch.setattr(RslRlTrainer, "export", exhausted)
-    with pytest.raises(UserError, match=r"out of memory; .* a smaller ppo\.environments"):
+    with pytest.raises(UserError, match=r"out of memory; .* a smaller ppo\.num_envs"):
         api.export_run(run, tmp_path / "policy.onnx")
 
 
@@ -398,7 +403,7 @@ def test_devices_that_stay_idle_are_named(
     monkeypatch.setattr(RslRlTrainer, "__init__", made)
     with pytest.raises(UserError, match="far enough"):
         api.resume(folder)
-    assert "rsl_rl trains on the first of 4 devices: the others are idle" in capsys.readouterr().out
+    assert "rsl_rl trains on 1 of 4 devices: the others are idle" in capsys.readouterr().out
 
 
 def test_a_checkpoint_of_another_kind_of_device_can_be_exported(
@@ -441,3 +446,42 @@ def test_a_damaged_or_foreign_checkpoint_is_named(
         trainer.restore(path)
     assert "\n" not in str(refusal.value)
     assert not (tmp_path / "made").exists()
+
+
+def test_every_setting_reaches_upstream() -> None:
+    config = replace(
+        counting_config(),
+        max_grad_norm=0.7,
+        init_noise_std=0.37,
+        actor_hidden_dims=(9, 8),
+        critic_hidden_dims=(7,),
+        desired_kl=0.02,
+    )
+    network = {"class_name": "MLPModel", "activation": "elu", "obs_normalization": True}
+    noise = {"class_name": "GaussianDistribution", "init_std": 0.37, "std_type": "log"}
+    assert runner_settings(config, None) == {
+        "num_steps_per_env": 3, "check_for_nan": False,
+        "obs_groups": {"actor": ["state"], "critic": ["privileged_state"]},
+        "actor": network | {"hidden_dims": [9, 8], "distribution_cfg": noise},
+        "critic": network | {"hidden_dims": [7]},
+        "algorithm": {
+            "class_name": LimitedPpo, "num_learning_epochs": 4, "num_mini_batches": 3, "clip_param": 0.13,
+            "gamma": 0.91, "lam": 0.82, "entropy_coef": 0.017, "learning_rate": 2e-3,
+            "max_grad_norm": 0.7,
+            "schedule": "adaptive", "desired_kl": 0.02, "symmetry_cfg": None,
+        },
+    }  # fmt: skip
+    algorithm = runner_settings(replace(config, desired_kl=None), max)["algorithm"]
+    assert algorithm["schedule"] == "fixed"
+    assert algorithm["symmetry_cfg"] == {"data_augmentation_func": max, "use_data_augmentation": True}
+
+
+def test_metrics_are_means_over_steps_and_environments_and_lengths_of_episodes_that_ended() -> None:
+    steps = [{"done": 0.25, "length": 2.0, "a": 1.0}, {"done": 0.5, "length": 5.0, "a": 2.0}]
+    seen: Any = SimpleNamespace(_metrics=list(steps), num_envs=4, _period_s=0.05)
+    metrics = TorchEnvironment.take_metrics(seen)
+    # Three episodes ended, after 28 control steps in all.
+    assert metrics == pytest.approx({"a": 1.5, "episode/length_s": 28 / 3 * 0.05})
+    assert seen._metrics == []
+    seen._metrics.append({"done": 0.0, "length": 0.0, "a": 3.0})
+    assert TorchEnvironment.take_metrics(seen) == {"a": 3.0, "episode/length_s": 0.0}

@@ -25,7 +25,7 @@ from footfall.policies.learned import LearnedPolicy
 from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.description import load_robot
 from footfall.train import api, export
-from footfall.train.config import PRESETS, TrainConfig, load_preset
+from footfall.train.config import PRESETS
 from footfall.train.runs import checkpoint
 from footfall.train.runs.failure import FOLDER, REPORT, Failure
 from footfall.train.runs.folder import create_run, locked, trained_robot
@@ -106,8 +106,8 @@ def test_resuming_a_finished_run_changes_nothing_and_says_what_else_it_began_on(
     run.policy.unlink()
     api.resume(run.folder)
     said = capsys.readouterr().out
-    assert "it began on NVIDIA H100: the same statistics, not the same bits" in said
-    assert "it began on source revision 0f1e2d, now " in said
+    assert "the run began on NVIDIA H100" in said
+    assert "the run began on source revision 0f1e2d, now " in said
     assert last_checkpoint(run.folder) == last_checkpoint(whole_run)
     assert run.policy.read_bytes() == (whole_run / "policy.onnx").read_bytes()
 
@@ -189,28 +189,6 @@ def test_the_run_folder_says_how_it_was_made(whole_run: Path) -> None:
     assert {f"reward/{name}" for name in run.config.env.rewards} <= set(last)
 
 
-def test_a_full_disk_leaves_the_last_good_checkpoint(
-    whole_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    folder = tmp_path / "checkpoints"
-    state, seen = {"weights": np.ones(3)}, np.zeros(2)
-    good = checkpoint.save(folder, 1, state, seen)
-
-    def full(*_: object) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(checkpoint, "write_atomically", full)
-    with pytest.raises(UserError, match="No space left on device; the last good one is 00000001"):
-        checkpoint.save(folder, 2, state, seen)
-    assert checkpoint.latest(folder) == good
-
-
-def test_only_the_newest_checkpoints_are_kept(tmp_path: Path) -> None:
-    for iteration in range(1, 6):
-        checkpoint.save(tmp_path, iteration, {"weights": np.ones(1)}, np.zeros(1))
-    assert [p.name for p in sorted(tmp_path.iterdir())] == [f"0000000{i}.ckpt" for i in (3, 4, 5)]
-
-
 def test_an_export_that_differs_from_the_network_fails_and_leaves_nothing(
     whole_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -260,10 +238,3 @@ def test_deployment_computes_what_training_computed(whole_run: Path) -> None:
         state, result = step(state, jnp.asarray(policy.action))
         seen = result.observation
         assert np.allclose(command.position, state.goals[0], atol=1e-5)
-
-
-@pytest.mark.parametrize("name", sorted(path.stem for path in PRESETS.glob("*.yaml")))
-def test_every_preset_loads_and_builds(name: str) -> None:
-    config = load_preset(name)
-    assert isinstance(config, TrainConfig)
-    assert VelocityEnv(load_robot("go1"), config.env).observation_sizes["state"] > 0

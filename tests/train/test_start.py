@@ -20,7 +20,7 @@ from footfall.train import api, entry
 from footfall.train.brax import parts
 from footfall.train.brax.devices import GPU_OPTIONS, compiler_options, device_mesh, worth_keeping
 from footfall.train.brax.parts import assemble, made_from
-from footfall.train.brax.ppo import TrainState
+from footfall.train.brax.state import TrainState
 from footfall.train.config import load_preset
 from footfall.train.entry import start_device
 from footfall.train.runs.folder import open_run
@@ -160,8 +160,8 @@ def test_what_is_kept_is_not_traced(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(parts, "load_or_compile", ready)
     monkeypatch.setattr(parts, "prefetch", lambda *made: read.append(fingerprint(made)))
     parts.prefetch_programs(robot, run.config)
-    assembled, mesh, said = assemble(run, robot), device_mesh(run.config.ppo), []
-    assert assembled.prepare(mesh, None, said.append) == (TrainState(*[7] * 7), "the iteration")
+    assembled, mesh, said = assemble(run.config, robot), device_mesh(run.config.ppo), []
+    assert assembled.prepare(mesh, 7, said.append) == (TrainState(*[7] * 7), "the iteration")
     assert asked == read
     assert said == ["a warning"]
     restored = TrainState(*np.arange(7.0)[:, None])
@@ -173,6 +173,6 @@ def test_every_seed_begins_with_the_same_program(tmp_path: Path) -> None:
     programs = set()
     for seed in (0, 7):
         run = open_run(api.begin(api.TrainRequest(preset="smoke", seed=seed, out=tmp_path / str(seed))))
-        first_state = assemble(run, load_robot("go1")).first_state
+        first_state = assemble(run.config, load_robot("go1")).first_state
         programs.add(jax.jit(first_state).lower(np.uint32(seed)).as_text())
     assert len(programs) == 1

@@ -12,8 +12,10 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 
@@ -27,9 +29,13 @@ from footfall.robots.description import load_robot
 from footfall.train.config import load_preset
 from footfall.train.runs.folder import open_run
 from footfall.train.sweeps import sweep as sweep_module
+from footfall.train.sweeps import trial as trials
 from footfall.train.sweeps.check import reported_metrics
+from footfall.train.sweeps.config import SweepConfig, trial_config
 from footfall.train.sweeps.results import UNFINISHED, Trial, last_value, points_of
-from footfall.train.sweeps.sweep import SweepConfig, sweep, trial_config
+from footfall.train.sweeps.space import search_algorithm, search_space
+from footfall.train.sweeps.sweep import collect_results, import_tune, sweep
+from footfall.train.sweeps.trial import Reporter, train_trial
 
 pytestmark = pytest.mark.usefixtures("kept_programs")
 
@@ -110,10 +116,10 @@ def test_a_mistake_is_named_before_anything_runs(
 def test_a_trials_program_is_built_before_anything_runs(six_iterations: str) -> None:
     """In a process of its own. It says which metrics there will be, and that there is no such reward."""
     config = load_preset(six_iterations)
-    assert METRIC in reported_metrics("go1", config)
+    assert METRIC in (reported_metrics("go1", config, "brax") or [])
     env = replace(config.env, rewards={"action_rte": 1.0})
     with pytest.raises(UserError, match="no reward 'action_rte'"):
-        reported_metrics("go1", replace(config, env=env))
+        reported_metrics("go1", replace(config, env=env), "brax")
 
 
 def test_a_missing_file_is_noticed_before_a_missing_library(
@@ -156,10 +162,10 @@ def interrupted_once(begun: Callable[[], bool]) -> Iterator[None]:
 
 def drawn(config: SweepConfig) -> list[dict[str, object]]:
     """Settings of a sweep's trials, in the order in which Ray is given them."""
-    tune = sweep_module._tune()
+    tune = import_tune()
     tune.register_trainable("nothing", lambda settings: None)
-    space = sweep_module._space(tune, config) | {"seed": tune.grid_search(list(config.seeds))}
-    search = sweep_module._search(config)
+    space = search_space(tune, config) | {"seed": tune.grid_search(list(config.seeds))}
+    search = search_algorithm(config)
     search.add_configurations({"x": {"run": "nothing", "config": space, "num_samples": config.trials}})
     return [dict(search.next_trial().config) for _ in range(config.points)]
 
@@ -179,7 +185,7 @@ def test_a_trial_is_an_ordinary_run_that_reports_each_iteration(six_iterations: 
     config = SweepConfig({}, preset=six_iterations)
     reports: list[dict[str, float]] = []
     folder = tmp_path / "trial"
-    sweep_module._train(config, folder, {"seed": 5, "diverged_limit": 0.5}, reports.append)
+    train_trial(config, folder, {"seed": 5, "diverged_limit": 0.5}, reports.append)
     run = open_run(folder)
     assert run.policy.is_file()
     assert run.config == trial_config(six_iterations, {"diverged_limit": 0.5}, load_robot("go1"))
@@ -187,10 +193,10 @@ def test_a_trial_is_an_ordinary_run_that_reports_each_iteration(six_iterations: 
     assert [report["environment_steps"] for report in reports] == [256 * k for k in range(1, ITERATIONS + 1)]
     assert all({METRIC, "episode/length_s", "speed/steps_per_s"} <= set(report) for report in reports)
     # Told to go on, it finds its run, and nothing left to do.
-    sweep_module._train(config, folder, {"seed": 5, "diverged_limit": 0.5}, reports.append)
+    train_trial(config, folder, {"seed": 5, "diverged_limit": 0.5}, reports.append)
     assert len(reports) == ITERATIONS
     with pytest.raises(UserError, match=r"diverged_limit -100\.00%"):
-        sweep_module._train(config, tmp_path / "bad", {"seed": 5, "diverged_limit": -1.0}, reports.append)
+        train_trial(config, tmp_path / "bad", {"seed": 5, "diverged_limit": -1.0}, reports.append)
 
 
 def quick_trials(tune: Any, config: SweepConfig, out: Path) -> Any:
@@ -284,3 +290,91 @@ def test_a_runs_result_is_the_mean_of_its_last_iterations_that_have_one(tmp_path
 def rows(path: Path) -> list[dict[str, str]]:
     with path.open(newline="") as file:
         return list(csv.DictReader(file))
+
+
+def test_a_sweep_counts_its_trainings() -> None:
+    space = {"a": {"grid_search": [1, 2, 3]}, "b": {"uniform": [0, 1]}, "c": {"grid_search": [1, 2]}}
+    assert SweepConfig(space, seeds=(1, 2), trials=5).points == 60
+    assert SweepConfig({}).points == 1
+    for wrong in ({"seeds": ()}, {"trials": 0}):
+        with pytest.raises(ValueError, match=r"empty|at least 1"):
+            SweepConfig({}, **wrong)
+
+
+@pytest.mark.parametrize("mode", ["min", "max"])
+def test_results_are_ranked_written_and_what_is_left_is_counted(tmp_path: Path, mode: str) -> None:
+    config = SweepConfig(
+        {"ppo.clip_param": {"grid_search": [0.1, 0.2]}}, seeds=(0, 1), trials=2, metric="m", mode=mode
+    )
+    grid = []
+    for name, clip, seed, values, done, error in (
+        ("t0", 0.1, 0, [5.0, 4.0], True, None), ("t1", 0.1, 1, [2.0], True, None), ("t2", 0.2, 0,
+        [1.0], True, "a\nb"),
+        ("t3", 0.2, 1, [3.5], False, None), ("t4", 0.2, 1, [], True, None), ("t5", 0.2, 0, [3.6],
+        False, None),
+    ):  # fmt: skip
+        (tmp_path / name).mkdir()
+        lines = "".join(json.dumps({"step": k, "m": value}) + "\n" for k, value in enumerate(values))
+        (tmp_path / name / "metrics.jsonl").write_text(lines)
+        settings = {"ppo.clip_param": clip, "seed": seed}
+        metrics = {"done": done, "environment_steps": 10 * seed + 5}
+        grid.append(SimpleNamespace(metrics=metrics, config=settings, path=f"/elsewhere/{name}", error=error))
+    (tmp_path / "t5" / "policy.onnx").touch()
+    found = collect_results(grid, config, tmp_path)
+    good = ["t1", "t5", "t0"] if mode == "min" else ["t0", "t5", "t1"]
+    assert [trial.folder for trial in found.trials[:4]] == [*good, "t4"]
+    by_name = {trial.folder: trial for trial in found.trials}
+    assert (by_name["t0"].value, by_name["t0"].steps, by_name["t1"].steps) == (4.5, 5, 15)
+    assert {name: trial.error for name, trial in by_name.items()} == {
+        "t0": "", "t1": "", "t2": "b", "t3": "unfinished", "t4": "", "t5": "",
+    }  # fmt: skip
+    assert by_name["t3"].settings == {"ppo.clip_param": 0.2}
+    assert found.unfinished == 8 - 5
+    rows = list(csv.reader((tmp_path / "results.csv").open()))
+    assert rows[0] == ["folder", "seed", "ppo.clip_param", "m", "environment_steps", "error"]
+    assert rows[1 + good.index("t0")] == ["t0", "0", "0.1", "4.5", "5", ""]
+    points = list(csv.reader((tmp_path / "points.csv").open()))
+    assert points[0] == ["ppo.clip_param", "mean m", "standard deviation", "seeds", "failed"]
+    assert points[1][0] == "0.1"
+    assert [float(x) for x in points[1][1:]] == pytest.approx([3.25, np.std([4.5, 2.0], ddof=1), 2, 0])
+    assert points[2][0] == "0.2"
+    assert [points[2][k] for k in (1, 3, 4)] == ["3.6", "1", "3"]
+
+
+def test_points_are_ranked_by_their_mean_in_the_direction_asked_for() -> None:
+    trials = [Trial("f", seed, {"a": a}, 1.0 * a + seed, 1, "") for a in (3, 1, 2) for seed in (0, 1)]
+    assert [(p.settings["a"], p.mean, p.seeds) for p in points_of(trials, "min")] == [
+        (1, 1.5, 2), (2, 2.5, 2), (3, 3.5, 2),
+    ]  # fmt: skip
+    assert [p.settings["a"] for p in points_of(trials, "max")] == [3, 2, 1]
+
+
+def test_a_trial_reports_what_a_display_would_show() -> None:
+    told: list[Any] = []
+    reporter = Reporter(told.append)
+    reporter.update(256, 12.5, {"a": 1.0})
+    reporter.update(512, 13.5, {"a": 2.0, "episode/length_s": 4.0})
+    assert math.isnan(told[0].pop("episode/length_s"))
+    assert told == [
+        {"environment_steps": 256, "speed/steps_per_s": 12.5, "a": 1.0},
+        {"environment_steps": 512, "speed/steps_per_s": 13.5, "a": 2.0, "episode/length_s": 4.0},
+    ]
+
+
+def test_a_trial_is_begun_once_with_its_own_settings_and_then_resumed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    done: list[Any] = []
+    monkeypatch.setattr(trials, "begin", done.append)
+    monkeypatch.setattr(trials, "resume", lambda folder, display: done.append((folder, display)))
+    config, folder = SweepConfig({}, preset="smoke"), tmp_path / "t0"
+    train_trial(config, folder, {"ppo.clip_param": 0.33, "seed": 6}, print)
+    request, resumed = done
+    assert (request.robot, request.seed, request.out) == ("go1", 6, folder)
+    assert resumed[0] == folder
+    assert load_preset(request.preset).ppo.clip_param == 0.33
+    done.clear()
+    folder.mkdir()
+    (folder / "run.yaml").touch()
+    train_trial(config, folder, {"ppo.clip_param": 0.33, "seed": 6}, print)
+    assert [folder for folder, _ in done] == [tmp_path / "t0"]

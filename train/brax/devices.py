@@ -9,8 +9,8 @@ import jax
 from jax.flatten_util import ravel_pytree
 from jax.sharding import AxisType, Mesh, NamedSharding, PartitionSpec
 
-from footfall.common.errors import UserError
 from footfall.envs.workarounds.partitioner import avoid_crashing_partitioner
+from footfall.train.checks import check_devices
 from footfall.train.config import PpoConfig
 
 AXIS = "devices"
@@ -33,12 +33,7 @@ def device_mesh(config: PpoConfig, count: int | None = None) -> Mesh:
         UserError: the environments cannot be divided among so many.
     """
     devices = jax.devices()[:count]
-    parts = config.num_mini_batches * len(devices)
-    if config.num_envs % parts:
-        raise UserError(
-            f"ppo.num_envs {config.num_envs} cannot be divided among {len(devices)} devices"
-            f" and {config.num_mini_batches} mini-batches: give a multiple of {parts}"
-        )
+    check_devices(config, len(devices))
     if len(devices) > 1:
         avoid_crashing_partitioner()
     return jax.make_mesh((len(devices),), (AXIS,), (AxisType.Auto,), devices=devices)

@@ -125,10 +125,10 @@ def trained_actor(networks: PPONetworks, normalizer: Any, policy: Any) -> Actor:
         return np.asarray(mean)
 
     mean, std = (np.asarray(x["state"], np.float32) for x in (normalizer.mean, normalizer.std))
-    return Actor("brax", mean, std, _dense_layers(policy), act)
+    return Actor("brax", mean, std, dense_layers(policy), act)
 
 
-def _dense_layers(policy: Any) -> tuple[tuple[np.ndarray, np.ndarray], ...]:
+def dense_layers(policy: Any) -> tuple[tuple[np.ndarray, np.ndarray], ...]:
     """Kernels and biases of the actor's hidden and mean layers, in order."""
     tree = policy["params"]
     dense: dict[str, dict[str, np.ndarray]] = {}

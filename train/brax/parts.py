@@ -1,4 +1,4 @@
-"""What a run's configuration builds: environment, networks, and the function that trains them."""
+"""A training's environment, networks and compiled programs, from its settings."""
 
 from collections.abc import Callable
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
@@ -11,44 +11,43 @@ from brax.training.agents.ppo.networks import PPONetworks
 from jax.sharding import Mesh
 
 from footfall.common.collector import collector_paused
-from footfall.envs.symmetry import EnvironmentMirror, environment_mirror
-from footfall.envs.velocity import VelocityEnv
-from footfall.envs.workarounds.program_cache import load_or_compile, model_bytes, prefetch
+from footfall.envs.environment import Environment
+from footfall.envs.make import made_from as environment_made_from
+from footfall.envs.make import make_environment
+from footfall.envs.symmetry import EnvironmentMirror
+from footfall.envs.workarounds.program_cache import load_or_compile, prefetch
 from footfall.robots.description import Robot
 from footfall.train.brax.devices import compiler_options, place, shardings, worth_keeping
+from footfall.train.brax.iteration import Iteration, make_iteration
 from footfall.train.brax.networks import make_networks
-from footfall.train.brax.ppo import STATE_SPECS, TrainState, initial_state, make_iteration
+from footfall.train.brax.state import STATE_SPECS, TrainState, initial_state
 from footfall.train.config import TrainConfig
-from footfall.train.runs.folder import Run
 
 PROGRAMS = ("first state", "iteration")  # of a training
-Iteration = Callable[[TrainState], tuple[TrainState, dict[str, jax.Array], jax.Array]]
 
 
 @dataclass(frozen=True)
 class Parts:
-    """The parts of one run."""
+    """The parts of one training."""
 
-    env: VelocityEnv
+    config: TrainConfig
+    env: Environment
     networks: PPONetworks
-    run: Run
 
     @property
     def exact_networks(self) -> PPONetworks:
         """The networks in float32 throughout, as they are exported."""
-        exact = replace(self.run.config.ppo, bfloat16=False)
+        exact = replace(self.config.ppo, bfloat16=False)
         return make_networks(self.env.observation_sizes, self.env.action_size, exact)
 
     @property
     def mirror(self) -> EnvironmentMirror | None:
-        """Of observations and actions, where the run learns from mirror images.
+        """Of observations and actions, where the training learns from mirror images.
 
         Raises:
             UserError: it does, and its robot is not symmetric.
         """
-        if not self.run.config.ppo.symmetry:
-            return None
-        return environment_mirror(self.env.robot, self.env.config, self.env.contract)
+        return self.env.mirror() if self.config.ppo.symmetry else None
 
     @property
     def shapes(self) -> TrainState:
@@ -56,31 +55,37 @@ class Parts:
         return jax.eval_shape(self.first_state, np.uint32(0))
 
     def first_state(self, seed: jax.Array | np.uint32) -> TrainState:
-        """The state before the first iteration; the seed is an argument, so that all have one program."""
-        return initial_state(self.env, self.networks, self.run.config.ppo, seed)
+        """The state before the first iteration. All seeds share its program: the seed is an argument."""
+        return initial_state(self.env, self.networks, self.config.ppo, seed)
+
+    def iteration(self, mesh: Mesh | None = None) -> Iteration:
+        """The function that trains, not compiled yet."""
+        return make_iteration(self.env, self.networks, self.config.ppo, mesh, self.mirror)
 
     @collector_paused()
     def prepare(
-        self, mesh: Mesh, restored: TrainState | None, say: Callable[[str], None]
+        self, mesh: Mesh, start: TrainState | int, say: Callable[[str], None]
     ) -> tuple[TrainState, Iteration]:
-        """The state to begin with and the compiled iteration, which takes the state's memory for its own.
+        """The state to begin with, and the compiled iteration, which reuses the memory of its argument.
 
         Args:
             mesh: the devices to train on.
-            restored: a checkpoint's state, on the host; None begins from the seed.
-            say: told what a user should know.
+            start: a checkpoint's state, on the host, or the seed of a new training.
+            say: shows one line to the user.
         """
-        if self.env.engine.note:
-            say(self.env.engine.note)
+        if self.env.note:
+            say(self.env.note)
         where, options = shardings(STATE_SPECS, mesh), compiler_options(mesh)
-        first_state = self.first_state  # held, or JAX would forget what it has traced
-        seed = np.uint32(self.run.provenance.seed & 0xFFFFFFFF)  # as much of it as JAX's keys hold
+        first_state = self.first_state  # kept, or JAX would forget its trace
+        seed = (
+            None if isinstance(start, TrainState) else np.uint32(start & 0xFFFFFFFF)
+        )  # the bits of JAX's keys
 
         def first() -> jax.stages.Lowered:
             return jax.jit(first_state, out_shardings=where, compiler_options=options).lower(seed)
 
         def iteration() -> jax.stages.Lowered:
-            iterate = make_iteration(self.env, self.networks, self.run.config.ppo, mesh, self.mirror)
+            iterate = self.iteration(mesh)
             jitted = jax.jit(iterate, donate_argnums=0, in_shardings=(where,), compiler_options=options)
             return jitted.lower(self.shapes)
 
@@ -94,10 +99,10 @@ class Parts:
         # Compiled side by side. Nothing may run on the devices meanwhile: XLA times its kernels there.
         with ThreadPoolExecutor(len(PROGRAMS)) as beside:
             begun = None
-            if restored is None:
+            if seed is not None:
                 begun = self._program("first state", first, mesh, beside, say_once)
             compiled = self._program("iteration", iteration, mesh, beside, say_once)
-        state = place(restored, where) if begun is None else begun.result()(seed)
+        state = place(start, where) if begun is None else begun.result()(seed)
         return state, compiled.result()
 
     def _program(
@@ -108,29 +113,29 @@ class Parts:
         beside: Executor,
         say: Callable[[str], None],
     ) -> Future[jax.stages.Compiled]:
-        """One of `PROGRAMS`, as it was kept, or compiled `beside` once it has been traced."""
+        """One of `PROGRAMS`: read from the disk, or traced and then compiled in another thread."""
         if not worth_keeping(mesh):
             return beside.submit(lower().compile)
-        return load_or_compile(lower, beside, say, name, *made_from(self.env.robot, self.run.config))
+        return load_or_compile(lower, beside, say, name, *made_from(self.env.robot, self.config))
 
 
 def prefetch_programs(robot: Robot, config: TrainConfig) -> None:
-    """Begin to read what an earlier training compiled of the same robot and settings."""
+    """Start reading what an earlier training of the same robot and settings compiled, in the background."""
     for name in PROGRAMS:
         prefetch(name, *made_from(robot, config))
 
 
 def made_from(robot: Robot, config: TrainConfig) -> tuple[Any, ...]:
-    """All that a training's programs depend on, but for source, libraries and devices."""
-    return robot.digest, model_bytes(robot, config.env.timestep_s), config.ppo, config.env
+    """Everything that a training's programs depend on, but source, libraries and devices."""
+    return config.ppo, *environment_made_from(robot, config.env)
 
 
 @collector_paused()
-def assemble(run: Run, robot: Robot) -> Parts:
-    """Build the parts of a run.
+def assemble(config: TrainConfig, robot: Robot) -> Parts:
+    """Build the parts of a training.
 
     Raises:
-        UserError: the configuration does not fit the robot.
+        UserError: the settings do not fit the robot.
     """
-    env = VelocityEnv(robot, run.config.env)
-    return Parts(env, make_networks(env.observation_sizes, env.action_size, run.config.ppo), run)
+    env = make_environment(robot, config.env)
+    return Parts(config, env, make_networks(env.observation_sizes, env.action_size, config.ppo))

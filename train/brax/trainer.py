@@ -10,32 +10,37 @@ import numpy as np
 from footfall.robots.description import Robot
 from footfall.train import cluster
 from footfall.train.brax.devices import device_mesh
+from footfall.train.brax.iteration import Iteration
 from footfall.train.brax.networks import trained_actor
-from footfall.train.brax.parts import Iteration, assemble, prefetch_programs
-from footfall.train.brax.ppo import TrainState
+from footfall.train.brax.parts import assemble, prefetch_programs
+from footfall.train.brax.state import TrainState
+from footfall.train.config import TrainConfig
 from footfall.train.export import export
 from footfall.train.runs import checkpoint
-from footfall.train.runs.failure import failed, non_finite_leaves, not_finite
+from footfall.train.runs.diagnosis import Diagnosis
+from footfall.train.runs.failure import Failure, TrainingFailedError, non_finite_leaves, not_finite
 from footfall.train.runs.folder import Run
-from footfall.train.trainer import Metrics
+from footfall.train.trainer import Metrics, Trainer
 
 
-class BraxTrainer:
+class BraxTrainer(Trainer):
     """See `footfall.train.trainer.Trainer`."""
 
     device_errors: ClassVar[tuple[type[Exception], ...]] = (jax.errors.JaxRuntimeError,)
+    max_devices: ClassVar[int | None] = None
+    can_diagnose: ClassVar[bool] = True
 
     def __init__(self, run: Run, robot: Robot) -> None:
         self.iteration = 0
         self._run = run
-        self._parts = assemble(run, robot)
+        self._parts = assemble(run.config, robot)
         self._state: TrainState | None = None
         self._observations: jax.Array | np.ndarray = np.zeros(0)  # some that the actor saw
         self._compiled: Iteration | None = None
 
-    @staticmethod
-    def prefetch(run: Run, robot: Robot) -> None:
-        """Begin to read the compiled programs of an earlier training, beside what comes next."""
+    @classmethod
+    def prefetch(cls, run: Run, robot: Robot) -> None:
+        """Start reading the compiled programs of an earlier run in the background."""
         prefetch_programs(robot, run.config)
 
     def restore(self, path: Path) -> None:
@@ -46,7 +51,8 @@ class BraxTrainer:
     def prepare(self, say: Callable[[str], None]) -> None:
         """Compile, and begin from the seed unless a state was restored."""
         mesh = device_mesh(self._run.config.ppo)
-        self._state, self._compiled = self._parts.prepare(mesh, self._state, say)
+        start = self._run.provenance.seed if self._state is None else self._state
+        self._state, self._compiled = self._parts.prepare(mesh, start, say)
 
     def iterate(self) -> Metrics:
         """Begin the next iteration, which the devices compute meanwhile."""
@@ -59,11 +65,11 @@ class BraxTrainer:
         return metrics
 
     def save(self) -> None:
-        """Write a checkpoint, if the state is worth it."""
+        """Write a checkpoint of a finite state, in the main process."""
         state, observations = cluster.gather((self._state, self._observations))
         broken = non_finite_leaves(state)
         if broken:
-            raise failed(self._run, self.iteration, not_finite(broken))
+            raise TrainingFailedError(self.iteration, not_finite(broken))
         if cluster.is_main_process():
             checkpoint.save(self._run.checkpoints, self.iteration, state, observations)
 
@@ -77,3 +83,17 @@ class BraxTrainer:
             return 0.0
         actor = trained_actor(self._parts.exact_networks, normalizer, policy)
         return export(actor, self._parts.env.contract, np.asarray(observations), path)
+
+    @classmethod
+    def metric_names(cls, config: TrainConfig, robot: Robot) -> list[str]:
+        """Traces one iteration, without compiling it."""
+        parts = assemble(config, robot)
+        _, metrics, _ = jax.eval_shape(parts.iteration(), parts.shapes)
+        return sorted(metrics)
+
+    @classmethod
+    def diagnose(cls, failure: Failure, run: Run, robot: Robot, say: Callable[[str], None]) -> Diagnosis:
+        """Replay a failed iteration."""
+        from footfall.train.brax.diagnosis import diagnose  # needed after a failure only
+
+        return diagnose(failure, run, robot, say)

@@ -10,8 +10,8 @@ from rsl_rl.env import VecEnv
 from tensordict import TensorDict
 
 from footfall.envs.batch import step_batch
+from footfall.envs.environment import Environment
 from footfall.envs.state import State, Step
-from footfall.envs.velocity import VelocityEnv
 
 
 class Episodes(NamedTuple):
@@ -31,7 +31,7 @@ class TorchEnvironment(VecEnv):
     would break this, so nothing is donated.
     """
 
-    def __init__(self, env: VelocityEnv, environments: int, seed: int) -> None:
+    def __init__(self, env: Environment, environments: int, seed: int) -> None:
         """Begin an episode in each environment. JAX's default device becomes torch's."""
         self.cfg = env.config
         self.num_envs = environments
@@ -83,7 +83,7 @@ class TorchEnvironment(VecEnv):
         return means | {"episode/length_s": length * self._period_s}
 
 
-def _make_step(env: VelocityEnv) -> Callable:
+def _make_step(env: Environment) -> Callable:
     """The function that is compiled: one control step of all episodes, and its metrics' means."""
 
     def step(

@@ -8,7 +8,6 @@ from pickle import PickleError
 from typing import ClassVar
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import torch
 from flax import serialization
@@ -17,24 +16,23 @@ from rsl_rl.runners import OnPolicyRunner
 from tensordict import TensorDict
 
 from footfall.common.errors import UserError
-from footfall.envs.symmetry import environment_mirror
-from footfall.envs.velocity import VelocityEnv
+from footfall.envs.make import make_environment
 from footfall.robots.description import Robot
-from footfall.train.actor import Actor
-from footfall.train.brax.ppo import LOGGED_OBSERVATIONS, learning_rate_limit
+from footfall.train.actor import LOGGED_OBSERVATIONS, Actor
 from footfall.train.export import export
 from footfall.train.rsl_rl.environment import TorchEnvironment
 from footfall.train.rsl_rl.settings import runner_settings
 from footfall.train.rsl_rl.symmetry import make_augmentation
 from footfall.train.runs import checkpoint
-from footfall.train.runs.failure import failed, non_finite_leaves, not_finite
+from footfall.train.runs.failure import TrainingFailedError, non_finite_leaves, not_finite
 from footfall.train.runs.folder import Run
+from footfall.train.trainer import Trainer
 
 # What reading a damaged or foreign checkpoint may raise.
 DAMAGES = (OSError, EOFError, RuntimeError, LookupError, ValueError, TypeError, AttributeError, PickleError)
 
 
-class RslRlTrainer:
+class RslRlTrainer(Trainer):
     """See `footfall.train.trainer.Trainer`. It trains on JAX's first device."""
 
     device_errors: ClassVar[tuple[type[Exception], ...]] = (
@@ -42,19 +40,18 @@ class RslRlTrainer:
         torch.OutOfMemoryError,
         torch.AcceleratorError,
     )
+    packages: ClassVar[tuple[str, ...]] = ("torch", "rsl-rl-lib", "tensordict")
 
     def __init__(self, run: Run, robot: Robot) -> None:
         self._run = run
         self._ppo = run.config.ppo
-        self.iteration = 0  # done
-        env = VelocityEnv(robot, run.config.env)
-        self._contract, self._note = env.contract, env.engine.note
+        self.iteration = 0
+        env = make_environment(robot, run.config.env)
+        self._contract, self._note = env.contract, env.note
         self._environment = TorchEnvironment(env, self._ppo.num_envs, run.provenance.seed)
         device = self._environment.device
         torch.manual_seed(run.provenance.seed)
-        augment = None
-        if self._ppo.symmetry:
-            augment = make_augmentation(environment_mirror(robot, env.config, env.contract), device)
+        augment = make_augmentation(env.mirror(), device) if self._ppo.symmetry else None
         settings = runner_settings(self._ppo, augment)
         with redirect_stdout(io.StringIO()):  # it prints its networks
             self._runner = OnPolicyRunner(self._environment, settings, device=str(device))
@@ -62,12 +59,8 @@ class RslRlTrainer:
         self._random = torch.cuda.default_generators[device.index] if cuda else torch.default_generator
         self._seen = np.zeros((0, self._environment.get_observations()["state"].shape[1]), np.float32)
 
-    @staticmethod
-    def prefetch(run: Run, robot: Robot) -> None:
-        """Nothing is kept from one training to the next but what JAX keeps."""
-
     def prepare(self, say: Callable[[str], None]) -> None:
-        """Ready as made: its environment is compiled, its networks are drawn from the seed."""
+        """Show the environment's note: `__init__` has compiled, and drawn the networks from the seed."""
         if self._note:
             say(self._note)
 
@@ -75,7 +68,7 @@ class RslRlTrainer:
         """Roll out and learn once; returns metrics under the names that the JAX trainer gives them.
 
         Raises:
-            UserError: the networks are not finite.
+            TrainingFailedError: the networks are not finite.
         """
         try:
             return self._iterate()
@@ -83,11 +76,11 @@ class RslRlTrainer:
             broken = self.broken()  # torch does not draw from a distribution that is not finite
             if not broken:
                 raise
-            raise failed(self._run, self.iteration + 1, not_finite(broken)) from None
+            raise TrainingFailedError(self.iteration + 1, not_finite(broken)) from None
 
     def _iterate(self) -> dict[str, float]:
         algorithm = self._runner.alg
-        algorithm.limit = float(learning_rate_limit(jnp.float32(self.iteration), self._ppo))
+        algorithm.limit = float(self._ppo.learning_rate_limit(np.float32(self.iteration)))
         self._environment.steps_done = self.iteration * self._ppo.steps_per_iteration
         self._runner.current_learning_iteration = self.iteration
         self._runner.learn(1)
@@ -110,11 +103,11 @@ class RslRlTrainer:
 
         Raises:
             CannotWriteError: the disk is full or the folder cannot be written; older checkpoints stay.
-            UserError: the state is not finite, which the metrics need not show.
+            TrainingFailedError: the state is not finite, which the metrics need not show.
         """
         broken = self.broken()
         if broken:
-            raise failed(self._run, self.iteration, not_finite(broken))
+            raise TrainingFailedError(self.iteration, not_finite(broken))
         episodes = serialization.to_bytes(jax.device_get(self._environment.episodes))
         infos = {
             "episodes": torch.frombuffer(bytearray(episodes), dtype=torch.uint8),

@@ -1,4 +1,4 @@
-"""What a user sees of a training: a live table on a terminal, plain lines elsewhere."""
+"""The display of a training: a live table on a terminal, plain lines elsewhere."""
 
 import time
 from types import TracebackType
@@ -11,8 +11,14 @@ from rich.text import Text
 
 PLAIN_INTERVAL_S = 5.0
 TABLE_WIDTH = 80
-LINES_BESIDE = 5  # of a terminal, for the progress, the headings and what was said last
-DETAILS = ("learning/policy_dist_",)  # beginnings of names that are for the log, not for the terminal
+LINES_BESIDE = 5  # of a terminal, for the progress, the headings and the last messages
+DETAILS = ("learning/policy_dist_",)  # prefixes of names that are for the log, not for the terminal
+SUMMARY = {
+    "reward/total": "reward {:.2f}",
+    "episode/length_s": "episode {:.1f} s",
+    "tracking/linear_error_m_s": "error {:.3f} m/s",
+    "tracking/yaw_error_rad_s": "{:.3f} rad/s",
+}
 
 
 class Display:
@@ -46,17 +52,17 @@ class Display:
             self._screen.__exit__(kind, error, trace)
 
     def say(self, text: str) -> None:
-        """One line above the live table."""
+        """Show one line above the live table."""
         self._console.print(text, highlight=False, soft_wrap=True)
 
     def doing(self, what: str) -> None:
-        """Say what takes a while before there is progress to show, such as "compiling"."""
+        """Show a step before the first iteration, such as "compiling"."""
         self._progress.update(self._task, description=what)
         if not self._live:
             self.say(what)
 
     def update(self, steps: int, steps_per_s: float, metrics: dict[str, float]) -> None:
-        """Show the state after an iteration."""
+        """Show the metrics of an iteration, and the progress after it."""
         done = f"{min(steps, self._total):,} of {self._total:,} steps, {steps_per_s:,.0f} per s"
         self._progress.update(self._task, completed=min(steps, self._total), description="training")
         now = time.monotonic()
@@ -71,12 +77,8 @@ class Display:
 
 
 def _summary(metrics: dict[str, float]) -> str:
-    length = metrics.get("episode/length_s")
-    return (
-        f"reward {metrics['reward/total']:.2f}, episode {'-' if length is None else f'{length:.1f}'} s,"
-        f" error {metrics['tracking/linear_error_m_s']:.3f} m/s"
-        f" {metrics['tracking/yaw_error_rad_s']:.3f} rad/s"
-    )
+    """The metrics of `SUMMARY` that there are, in one line."""
+    return ", ".join(text.format(metrics[name]) for name, text in SUMMARY.items() if name in metrics)
 
 
 def _short(value: float) -> str:
@@ -84,11 +86,11 @@ def _short(value: float) -> str:
 
 
 def metrics_table(metrics: dict[str, float], rows: int) -> Table:
-    """Rewards on the left, their total first; on the right how well it tracks, episodes and learning.
+    """Rewards on the left, their total first; on the right tracking, episodes and learning.
 
     Args:
         metrics: by name, GROUP/NAME.
-        rows: the most there is room for; what does not fit is left out, as it is in the log.
+        rows: most rows to show; the log has the others.
     """
     shown = {name: value for name, value in metrics.items() if not name.startswith(DETAILS)}
     rewards = sorted((n for n in shown if n.startswith("reward/")), key=lambda n: (n != "reward/total", n))

@@ -1,6 +1,6 @@
-"""Failures of a training: noticed, said in one line, and left so that the failing step can be replayed.
+"""Failures of a training: detected, reported in one line, and kept so that the iteration can be replayed.
 
-Iterations are deterministic, so a checkpoint and a count are enough to compute the failing iteration again
+Iterations are deterministic: a checkpoint and the iteration's number are enough to compute it again
 (`footfall.train.brax.diagnosis`). Nothing is recorded while a training goes well.
 """
 
@@ -26,22 +26,30 @@ from footfall.train.old_names import with_current_names
 from footfall.train.runs import checkpoint
 from footfall.train.runs.folder import Provenance, Run
 from footfall.train.runs.provenance import PACKAGES, source_revision
-from footfall.train.trainer import TRAINERS
 
 FOLDER = "failure"
 REPORT = "failure.yaml"
 SOURCE = "source revision"  # beside the packages' versions
 ENVIRONMENT = "environment.npz"  # left by a replay
 DEVICE_ERROR = "device_error.txt"
-NAMED = 4  # names in a message, before "and so many more"
-LONGEST_REASON = 200  # characters of a device's error that fit a line
+NAMED = 4  # names in a message; the others are counted
+LONGEST_REASON = 200  # characters of a device's error in a message
+
+
+class TrainingFailedError(UserError):
+    """An iteration's result is not finite, or too many simulations diverged."""
+
+    def __init__(self, iteration: int, reason: str) -> None:
+        super().__init__(f"training failed in iteration {iteration}: {reason}")
+        self.iteration = iteration  # the first one is 1
+        self.reason = reason
 
 
 @dataclass(frozen=True)
 class Failure:
-    """Which iteration failed, and what made it: the content of RUN/failure/failure.yaml.
+    """The content of RUN/failure/failure.yaml: which iteration failed, and all that it depends on.
 
-    Beside it lies the checkpoint from which the iteration is computed again; none means from the seed.
+    The checkpoint from which the iteration is computed again lies beside it; without one, it is the seed.
     """
 
     iteration: int  # the first one is 1
@@ -50,7 +58,7 @@ class Failure:
     versions: dict[str, str]
     provenance: Provenance
     config: TrainConfig
-    devices: int = 0  # of all processes; 0: a report of before, which does not say
+    devices: int = 0  # of all processes; 0: unknown, in an older report
 
 
 def read_failure(path: Path) -> Failure:
@@ -66,7 +74,7 @@ def read_failure(path: Path) -> Failure:
 
 
 def failure_of(metrics: Mapping[str, float], diverged_limit: float) -> str | None:
-    """Why an iteration with these metrics is a failure, or None.
+    """Why an iteration with these metrics failed, or None if it did not.
 
     Args:
         diverged_limit: largest share of control steps whose simulation may diverge.
@@ -98,51 +106,57 @@ def non_finite_leaves(tree: Any) -> list[str]:
     ]
 
 
-def failed(run: Run, iteration: int, reason: str) -> UserError:
-    """Leave what a replay of the failing iteration needs; returns the error to raise.
+def record_failure(run: Run, failed: TrainingFailedError, can_diagnose: bool) -> UserError:
+    """Keep what a replay of the failed iteration needs; returns the error to raise.
 
-    Of several processes only the first leaves something.
+    Only the main process writes.
+
+    Args:
+        run: the failed run.
+        failed: its failure.
+        can_diagnose: whether `footfall diagnose` can replay an iteration of the run's trainer.
     """
     if not cluster.is_main_process():
-        return UserError(f"training failed in iteration {iteration}: {reason}; see process 0")
+        return UserError(f"{failed}; see process 0")
     newest = checkpoint.latest(run.checkpoints)
     failure = Failure(
-        iteration=iteration,
-        reason=reason,
+        iteration=failed.iteration,
+        reason=failed.reason,
         device=jax.devices()[0].device_kind,
         devices=len(jax.devices()),
         versions=versions(PACKAGES) | {SOURCE: source_revision()},
         provenance=run.provenance,
         config=run.config,
     )
-    message = f"training failed in iteration {iteration}: {reason}; {_last_good(newest)}"
+    message = f"{failed}; {_last_good(newest)}"
     try:
-        _leave(run.folder / FOLDER, failure, newest)
+        _write_report(run.folder / FOLDER, failure, newest)
     except OSError as error:
-        return UserError(f"{message}; nothing to replay was left: {error.strerror}")
-    if not TRAINERS[run.provenance.trainer].replayable:
+        return UserError(f"{message}; the failure could not be recorded: {error.strerror}")
+    if not can_diagnose:
         return UserError(f"{message}; all settings are in {run.folder / FOLDER / REPORT}")
     return UserError(f"{message}; find the cause with: footfall diagnose {run.folder}")
 
 
 @contextmanager
 def device_failures(
-    run: Run, kinds: tuple[type[Exception], ...] = (jax.errors.JaxRuntimeError,), verb: str = "train --resume"
+    run: Run, errors: tuple[type[Exception], ...], verb: str = "train --resume"
 ) -> Iterator[None]:
-    """Turn a lost or exhausted accelerator into one line that says how to go on; the whole text is kept.
+    """Report a lost or exhausted accelerator in one line with the command to continue; keep the whole text.
 
     Args:
-        kinds: what its loss raises.
-        verb: the command that goes on with the run.
+        run: the run that uses it.
+        errors: exceptions that it raises (`Trainer.device_errors`).
+        verb: the command that continues the run.
 
     Raises:
         UserError: the device failed.
     """
     try:
         yield
-    except kinds as error:
+    except errors as error:
         text = str(error)
-        if "Traceback (most recent call last)" in text:  # our own code, called from the device: a defect
+        if "Traceback (most recent call last)" in text:  # an error of our own code, called from the device
             raise
         raise UserError(_device_failure(run, text, verb)) from None
 
@@ -153,12 +167,12 @@ def _device_failure(run: Run, text: str, verb: str) -> str:
             (run.folder / FOLDER).mkdir(exist_ok=True)
             write_atomically(run.folder / FOLDER / DEVICE_ERROR, text.encode())
         except OSError:
-            pass  # the line below says what matters
+            pass  # the message below is enough
     newest = checkpoint.latest(run.checkpoints)
     if "RESOURCE_EXHAUSTED" in text or "out of memory" in text.lower():
         return (
             f"the device is out of memory; {_last_good(newest)}; start a new run with a smaller"
-            f" ppo.num_envs (it is {run.config.ppo.num_envs}), or go on with a device that has more:"
+            f" ppo.num_envs (it is {run.config.ppo.num_envs}), or continue on a device that has more:"
             f" footfall {verb} {run.folder}"
         )
     what = f"the device failed: {(text.splitlines() or [''])[0][:LONGEST_REASON]}"
@@ -169,8 +183,8 @@ def _last_good(newest: Path | None) -> str:
     return f"the last good checkpoint is {newest.name if newest else 'none'}"
 
 
-def _leave(folder: Path, failure: Failure, newest: Path | None) -> None:
-    """Make the failure's folder. The old report goes first, the new one comes last: it fits the rest."""
+def _write_report(folder: Path, failure: Failure, newest: Path | None) -> None:
+    """Write the failure's folder: an old report is deleted first, the new one is written last."""
     folder.mkdir(exist_ok=True)
     (folder / REPORT).unlink(missing_ok=True)
     (folder / ENVIRONMENT).unlink(missing_ok=True)
@@ -182,7 +196,7 @@ def _leave(folder: Path, failure: Failure, newest: Path | None) -> None:
 
 
 def _link(source: Path, target: Path) -> None:
-    """A second name for a file, which costs no room; a copy where there are no links."""
+    """A hard link, which needs no room on the disk; a copy where the file system has none."""
     try:
         os.link(source, target)
     except OSError:

@@ -4,7 +4,6 @@ import fcntl
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 from footfall.common.config import dump, load
 from footfall.common.errors import UserError
@@ -12,24 +11,23 @@ from footfall.common.files import write_atomically
 from footfall.robots.description import Robot, load_robot
 from footfall.train.config import TrainConfig, read_config
 
-TrainerName = Literal["brax", "rsl_rl"]
 LOCK = ".lock"
-TEMPORARY = (".config.yaml.", ".run.yaml.")  # beginnings of names that atomic writing gives
+TEMPORARY = (".config.yaml.", ".run.yaml.")  # prefixes of files that are being written
 
 
 @dataclass(frozen=True)
 class Provenance:
-    """How a run came about: the content of run.yaml."""
+    """The content of run.yaml: what a run was made from."""
 
     robot: str
     seed: int
     preset: str
-    trainer: TrainerName
+    trainer: str  # its name, or MODULE:NAME
     device: str
     revision: str
     created: str
     versions: dict[str, str]
-    robot_digest: str = ""  # of the description that is trained on; runs of before have none
+    robot_digest: str = ""  # of the description that is trained on; older runs have none
 
 
 @dataclass(frozen=True)
@@ -67,7 +65,7 @@ def create_run(folder: Path, provenance: Provenance, config: TrainConfig) -> Run
         for leftover in folder.iterdir():
             leftover.unlink()
         write_atomically(folder / "config.yaml", dump(config).encode())
-        # Last, so that a folder with run.yaml is a whole one.
+        # Last: a folder with run.yaml is complete.
         write_atomically(folder / "run.yaml", dump(provenance).encode())
     except OSError as error:
         raise UserError(f"cannot write to {folder}: {error.strerror}") from None
@@ -75,7 +73,7 @@ def create_run(folder: Path, provenance: Provenance, config: TrainConfig) -> Run
 
 
 def _is_leftover(path: Path) -> bool:
-    """Whether this is of a run that was killed before it was whole."""
+    """Whether this file is of a run that was killed before its folder was complete."""
     return path.name == "config.yaml" or path.name.startswith(TEMPORARY)
 
 
@@ -92,10 +90,10 @@ def open_run(folder: Path) -> Run:
 
 
 def trained_robot(provenance: Provenance) -> Robot:
-    """The robot of a run, whose description must still be the one that it was trained on.
+    """The robot of a run; its description must not have changed since the training began.
 
     Raises:
-        UserError: there is no such robot any more, or its description has changed.
+        UserError: there is no such robot, or its description has changed.
     """
     robot = load_robot(provenance.robot)
     if provenance.robot_digest not in ("", robot.digest):
@@ -107,7 +105,7 @@ def trained_robot(provenance: Provenance) -> Robot:
 
 
 def locked(run: Run) -> AbstractContextManager:
-    """Keep a run for this process; let go with `with`, or by ending in any way: the kernel sees to it.
+    """Lock a run for this process, until the `with` block or the process ends.
 
     Raises:
         UserError: another process trains it.
@@ -115,7 +113,7 @@ def locked(run: Run) -> AbstractContextManager:
     try:
         file = (run.folder / LOCK).open("ab")
     except OSError:
-        return nullcontext()  # a folder that cannot be written: what has to be written will say so
+        return nullcontext()  # the folder cannot be written, which the first file to write will report
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

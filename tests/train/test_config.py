@@ -1,14 +1,19 @@
-"""What a robot's own training.yaml changes of the presets."""
+"""Settings of a training: presets, a robot's own training.yaml, older names, limits."""
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from footfall.common.errors import UserError
 from footfall.robots.description import load_robot
-from footfall.train.config import PRESETS, load_preset
+from footfall.train.config import PRESETS, PpoConfig, TrainConfig, load_preset
 from footfall.train.runs.folder import open_run
 
+PPO: PpoConfig = replace(
+    load_preset("smoke").ppo, num_envs=6, num_steps_per_env=3, num_mini_batches=3, num_learning_epochs=4
+)
 ZOO = PRESETS.parents[1] / "policies" / "zoo"
 
 
@@ -65,3 +70,45 @@ def test_an_unknown_setting_is_refused_with_both_files(own_folder: Path) -> None
     robot = load_robot(own_training(own_folder, "env:\n  gate: {}\n"))
     with pytest.raises(UserError, match=r"training\.yaml over .*smoke\.yaml: env: no setting gate"):
         load_preset("smoke", robot)
+
+
+def test_iterations_cover_all_steps() -> None:
+    for steps, iterations in ((1, 1), (18, 1), (19, 2), (36, 2), (37, 3)):
+        assert replace(PPO, total_steps=steps).iterations == iterations
+    assert PPO.steps_per_iteration == 18
+
+    falling = replace(PPO, learning_rate=3e-3, final_learning_rate=1e-3, total_steps=10 * 18)
+    limits = [falling.learning_rate_limit(done) for done in (0, 5, 10)]
+    assert limits == pytest.approx([3e-3, 2e-3, 1e-3])
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"total_steps": 0}, {"num_envs": 0}, {"num_steps_per_env": 0},
+        {"num_mini_batches": 0}, {"num_learning_epochs": 0},
+        {"learning_rate": 0.0},
+        {"desired_kl": 0.0}, {"clip_param": 0.0}, {"max_grad_norm": 0.0}, {"init_noise_std": 0.0},
+        {"actor_hidden_dims": (3, 0)},
+        {"critic_hidden_dims": (0,)}, {"actor_hidden_dims": ()}, {"critic_hidden_dims": ()},
+        {"final_learning_rate": -1e-9},
+        {"entropy_coef": -1e-9}, {"gamma": 1.01}, {"gamma": -0.01}, {"lam": 1.01},
+        {"num_envs": 7},
+    ],
+)  # fmt: skip
+def test_what_cannot_be_is_refused(change: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=r"must be|need a hidden|not a multiple"):
+        replace(PPO, **change)
+
+
+def test_what_just_can_be_is_taken() -> None:
+    just = {
+        "final_learning_rate": 0.0,
+        "entropy_coef": 0.0,
+        "gamma": 1.0,
+        "lam": 0.0,
+        "desired_kl": None,
+    }
+    assert isinstance(replace(PPO, **just), PpoConfig)
+    with pytest.raises(ValueError, match="checkpoint_interval_s"):
+        TrainConfig(PPO, load_preset("smoke").env, checkpoint_interval_s=-0.1)

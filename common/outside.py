@@ -1,0 +1,91 @@
+"""Objects of the user's own, named by where Python finds them: MODULE:NAME.
+
+Modules of the working folder can be imported.
+"""
+
+import re
+import sys
+import traceback
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from footfall.common.errors import UserError
+
+_PLACE = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
+_OTHERS = {"site-packages", "dist-packages"}  # folders of modules that are not the user's own
+
+
+def is_place(spec: str) -> bool:
+    """Whether this reads MODULE:NAME."""
+    return _PLACE.fullmatch(spec) is not None
+
+
+def find(place: str, what: str) -> Any:
+    """The object at MODULE:NAME.
+
+    Args:
+        place: MODULE:NAME.
+        what: the kind of object, for the message: "policy", "reward".
+
+    Raises:
+        UserError: there is no such module or no such name in it.
+    """
+    module_name, _, name = place.partition(":")
+    module = _imported(module_name)
+    try:
+        return getattr(module, name)
+    except AttributeError:
+        raise UserError(f"no {what} '{place}': {module.__file__} has no '{name}'") from None
+
+
+def in_a_line(error: Exception) -> str:
+    """The error of a user's own code in one line, with the line of the code that raised it."""
+    text, *_ = str(error).splitlines() or [""]
+    place = traceback.extract_tb(error.__traceback__)[-1]
+    return f"{type(error).__name__}: {text} ({Path(place.filename).name}:{place.lineno})"
+
+
+def sources(places: list[str]) -> list[tuple[str, bytes]]:
+    """The source of the modules of these places, and of every imported module that lies beside one of them.
+
+    A program that was compiled from the code of these places depends on nothing else of the user's.
+
+    Returns:
+        Names of modules and the content of their files, sorted.
+
+    Raises:
+        UserError: a module cannot be imported.
+    """
+    modules = [_imported(place.partition(":")[0]) for place in places]
+    roots = {_root(module) for module in modules}
+    found = {}
+    for name, module in list(sys.modules.items()):
+        file = getattr(module, "__file__", None)
+        path = Path(file) if file and file.endswith(".py") else None
+        if path is None or name.partition(".")[0] == "footfall":
+            continue
+        beside = not _OTHERS.intersection(path.parts) and any(root in path.parents for root in roots)
+        if beside or module in modules:
+            found[name] = path.read_bytes()
+    return sorted(found.items())
+
+
+def _root(module: ModuleType) -> Path:
+    """The folder of a module, or of the package that it belongs to."""
+    package = sys.modules[module.__name__.partition(".")[0]]
+    return Path(package.__file__ or module.__file__ or "").parent
+
+
+def _imported(name: str) -> ModuleType:
+    folder = str(Path.cwd())
+    if folder not in sys.path:
+        sys.path.append(folder)  # last: no file of the user's replaces a library
+    try:
+        return import_module(name)
+    except Exception as error:  # whatever it is, it is the module's
+        lacking = error.name if isinstance(error, ModuleNotFoundError) else None
+        if lacking is None or not f"{name}.".startswith(f"{lacking}."):
+            raise UserError(f"importing '{name}': {in_a_line(error)}") from error
+    raise UserError(f"no module '{lacking}': neither {folder} nor what is installed has it to import")

@@ -1,0 +1,114 @@
+"""An environment of a few numbers instead of a robot, for the tests of PPO."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from brax.training.types import Transition
+
+from footfall.train.brax.rollout import roll_out
+from footfall.train.brax.state import TrainState, initial_state
+from footfall.train.config import PpoConfig, load_preset
+
+SIZES = {"state": 3, "privileged_state": 2}
+ACTIONS = 2
+REWARD = 3.0
+PERIOD_S = 0.02
+
+
+class NumberEnvironment:
+    """Shows the same in each step. The first few episodes fall in each step, the next few time out."""
+
+    period_s = PERIOD_S
+    observation_sizes, action_size = SIZES, ACTIONS
+
+    def __init__(self, count: int, fallen: int = 0, out_of_time: int = 0, shown: float = 1.0) -> None:
+        rows = np.arange(count)
+        self.count = count
+        self.fallen = jnp.float32(rows < fallen)
+        self.truncated = jnp.float32((rows >= fallen) & (rows < fallen + out_of_time))
+        self.shown = {name: jnp.full((count, size), shown) for name, size in SIZES.items()}
+
+    def reward(self, action: jax.Array) -> jax.Array:
+        return jnp.full((self.count,), REWARD)
+
+    def reset(self, key: jax.Array, level: jax.Array) -> tuple[jax.Array, dict[str, jax.Array]]:
+        return jnp.float32(0.0), {name: value[0] for name, value in self.shown.items()}
+
+    def level(self, steps: jax.Array) -> jax.Array:
+        return jnp.float32(steps)
+
+    def at_level(self, state: jax.Array, level: jax.Array) -> jax.Array:
+        return jnp.full_like(state, level)
+
+    def step_batch(self, state: jax.Array, action: jax.Array) -> tuple[Any, dict[str, jax.Array], Any]:
+        """One control step of all episodes."""
+        done = jnp.maximum(self.fallen, self.truncated)
+        metrics = {"done": done, "length": 10.0 * done, "level": state}
+        reward = self.reward(action)
+        return state, self.shown, SimpleNamespace(reward=reward, truncated=self.truncated, metrics=metrics)
+
+
+class CountingEnvironment:
+    """Six episodes that show how many steps they have done, from a random number on.
+
+    The first falls in its second step, the second times out in its third.
+    """
+
+    period_s = 0.05
+    count = 6
+
+    def reset(self, key: jax.Array, level: jax.Array) -> tuple[Any, dict[str, jax.Array]]:
+        number = jax.random.uniform(key)
+        return number, {name: number * jnp.ones(size) for name, size in SIZES.items()}
+
+    def level(self, steps: jax.Array) -> jax.Array:
+        return jnp.float32(steps)
+
+    def at_level(self, state: jax.Array, level: jax.Array) -> jax.Array:
+        return state
+
+    def step_batch(self, state: jax.Array, action: jax.Array) -> tuple[Any, dict[str, jax.Array], Any]:
+        state = state + 1.0
+        rows, done_steps = jnp.arange(self.count), jnp.floor(state)
+        fell = ((rows == 0) & (done_steps == 2)) * 1.0
+        late = ((rows == 1) & (done_steps == 3)) * 1.0
+        shown = {name: state[:, None] * jnp.ones(size) for name, size in SIZES.items()}
+        ended = jnp.maximum(fell, late)
+        metrics = {"done": ended, "length": ended * done_steps, "steps": done_steps}
+        return state, shown, SimpleNamespace(reward=10.0 * rows + done_steps, truncated=late, metrics=metrics)
+
+
+def step_batch(env: Any, state: Any, action: jax.Array) -> Any:
+    """In place of `footfall.envs.batch.step_batch`, which steps one episode at a time."""
+    return env.step_batch(state, action)
+
+
+def begun(env: Any, networks: Any, config: PpoConfig, seed: int = 0) -> TrainState:
+    """The first state."""
+    return initial_state(env, networks, config, seed)
+
+
+def decided(state: TrainState) -> TrainState:
+    """With an actor whose actions depend on the observation, and hardly vary."""
+    policy = jax.tree.map(lambda x: 5.0 * x, state.params.policy)
+    return state._replace(params=state.params.replace(policy=policy))
+
+
+def rolled_out(env: Any, networks: Any, config: PpoConfig, state: TrainState) -> Transition:
+    """The transitions of one rollout."""
+    keys = jax.random.split(jax.random.PRNGKey(1), config.num_steps_per_env)
+    return roll_out(env, networks, config, state, keys)[1][0]
+
+
+def counting_config() -> PpoConfig:
+    """PPO's settings for a `CountingEnvironment`, with a number of its own for each setting."""
+    return replace(
+        load_preset("smoke").ppo, num_envs=CountingEnvironment.count, num_steps_per_env=3, num_mini_batches=3,
+        num_learning_epochs=4, actor_hidden_dims=(6, 5), critic_hidden_dims=(7, 4), init_noise_std=0.37,
+        gamma=0.91, lam=0.82, clip_param=0.13, entropy_coef=0.017,
+        learning_rate=2e-3, final_learning_rate=2e-3,
+    )  # fmt: skip

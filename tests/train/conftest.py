@@ -1,0 +1,55 @@
+"""What the tests of `train` share."""
+
+import os
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("jax")
+
+import jax
+from jax.experimental.compilation_cache.compilation_cache import reset_cache
+
+from footfall.train.config import load_preset
+from footfall.train.runs.folder import Provenance, Run, create_run
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Run:
+    """A run of the preset smoke that has not begun: 16 iterations of 256 steps."""
+    made = Provenance("go1", 5, "smoke", "brax", "cpu", "abc", "2026-01-01", {"jax": "1"})
+    return create_run(tmp_path / "run", made, load_preset("smoke"))
+
+
+@pytest.fixture
+def disk() -> Iterator[Path]:
+    """A folder on a disk of one megabyte."""
+    folder = Path("/tmp") / f"footfall-small-disk-{os.getpid()}"
+    folder.mkdir()
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", folder], capture_output=True, check=False
+    )
+    if mounted.returncode:
+        folder.rmdir()
+        pytest.skip("a small disk can be mounted by root only")
+    yield folder
+    subprocess.run(["umount", "--lazy", folder], check=True)
+    folder.rmdir()
+
+
+@pytest.fixture
+def private_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A cache of its own; afterwards JAX has its settings back."""
+    names = [
+        name for name in jax.config.values if name.startswith(("jax_compilation_cache_dir", "jax_persistent"))
+    ]
+    before = {name: jax.config.values[name] for name in names}
+    monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", str(tmp_path / "jax"))
+    reset_cache()
+    (tmp_path / "jax").mkdir()
+    yield tmp_path / "jax"
+    for name, value in before.items():
+        jax.config.update(name, value)
+    reset_cache()

@@ -1,0 +1,127 @@
+"""Train, resume and export: what the command line calls."""
+
+import io
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("jax")
+
+import jax
+from rich.console import Console
+
+from footfall.common.config import dump
+from footfall.common.errors import UserError
+from footfall.robots.description import Robot
+from footfall.train import api, cluster
+from footfall.train.api import TrainRequest
+from footfall.train.config import load_preset
+from footfall.train.runs.display import Display
+from footfall.train.runs.folder import Run, open_run
+
+OWN = "own_trainer:StandingTrainer"
+
+
+def own(run: Run) -> Run:
+    """The run as one of a trainer that computes nothing."""
+    provenance = replace(run.provenance, trainer=OWN)
+    (run.folder / "run.yaml").write_text(dump(provenance))
+    return replace(run, provenance=provenance)
+
+
+def test_a_request_is_in_the_folder_that_is_made(tmp_path: Path, go1: Robot) -> None:
+    out = tmp_path / "mine"
+    request = TrainRequest("go1", "smoke", 9, out, 12345, 7.5, OWN)
+    assert api.begin(request) == out
+    opened = open_run(out)
+    assert (opened.config.ppo.total_steps, opened.config.checkpoint_interval_s) == (12345, 7.5)
+    expected = load_preset("smoke")
+    assert opened.config == replace(
+        expected, ppo=replace(expected.ppo, total_steps=12345), checkpoint_interval_s=7.5
+    )
+    found = opened.provenance
+    assert (found.robot, found.seed, found.preset, found.trainer) == ("go1", 9, "smoke", OWN)
+    assert found.robot_digest == go1.digest
+    assert {"jax", "tensordict", "mujoco"} <= set(found.versions)
+    assert found.device == jax.devices()[0].device_kind
+
+
+def test_without_a_name_it_lies_in_runs_by_what_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, own_folder: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    folder = api.begin(TrainRequest(robot=str(own_folder), preset="smoke", seed=3, trainer=OWN))
+    assert folder.parent == Path("runs")
+    assert folder.name.startswith("go1-smoke-3-20")
+    assert open_run(folder).provenance.robot == str(own_folder)
+    assert open_run(folder).config == load_preset("smoke")
+
+
+def finished(run: Run) -> bool:
+    """Whether resuming a run says that nothing is left to do."""
+    text = io.StringIO()
+    run = own(run)
+    api.resume(run.folder, Display(1, Console(file=text, width=400)))
+    return "is finished" in text.getvalue()
+
+
+def test_a_run_is_finished_with_its_last_checkpoint_and_its_policy(run: Run) -> None:
+    assert not finished(run)  # it trained
+    assert finished(run)
+    last = run.checkpoints / "00000016.ckpt"
+    last.rename(last.with_name("00000015.ckpt")).write_text("15")
+    assert not finished(run)
+    assert finished(run)
+    run.policy.unlink()
+    assert not finished(run)
+    assert run.policy.is_file()
+
+
+def test_a_cache_that_others_may_write_is_not_used(run: Run, private_cache: Path) -> None:
+    run = own(run)
+    run.checkpoints.mkdir()
+    (run.checkpoints / "00000016.ckpt").touch()
+    run.policy.touch()
+    for mode, refused, entries in ((0o755, False, 1), (0o777, True, 0), (0o755, False, 1)):
+        private_cache.chmod(mode)
+        text = io.StringIO()
+        api.resume(run.folder, Display(1, Console(file=text, width=400)))
+        line = f"others may write to {private_cache}: no compiled programs are taken from there"
+        assert (line in text.getvalue()) is refused
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+        jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+        jax.jit(lambda x: x * 12345.0).lower(1.0).compile()
+        found = list(private_cache.glob("*-cache"))
+        assert len(found) == entries
+        for path in found:
+            path.unlink()
+
+
+def test_an_export_is_of_the_last_checkpoint_or_of_the_given_one(run: Run, tmp_path: Path) -> None:
+    run = own(run)
+    with pytest.raises(UserError, match="no checkpoint yet"):
+        api.export_run(run.folder)
+    run.checkpoints.mkdir()
+    for iteration in (2, 11):
+        (run.checkpoints / f"{iteration:08d}.ckpt").write_text(str(iteration))
+    assert api.export_run(run.folder) == (run.policy, 0.0)
+    assert run.policy.is_file()
+    out, damaged = tmp_path / "other.onnx", tmp_path / "a.ckpt"
+    damaged.write_text("no number")
+    with pytest.raises(ValueError, match="no number"):
+        api.export_run(run.folder, out, damaged)
+    assert not out.exists()
+    damaged.write_text("5")
+    assert api.export_run(run.folder, out, damaged) == (out, 0.0)
+    assert out.is_file()
+
+
+def test_several_processes_need_a_folder_and_a_trainer_for_several(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cluster, "processes", lambda: 2)
+    with pytest.raises(UserError, match="same --out"):
+        api.begin(TrainRequest())
+    with pytest.raises(UserError, match="StandingTrainer trains in one process"):
+        api.begin(TrainRequest(out=tmp_path / "x", trainer=OWN))

@@ -1,0 +1,96 @@
+"""The display of a training: a live table on a terminal, plain lines elsewhere."""
+
+import io
+import re
+from types import SimpleNamespace
+from typing import ClassVar
+
+import pytest
+
+pytest.importorskip("jax")
+
+from rich.console import Console
+
+from footfall.train.runs import display
+from footfall.train.runs.display import Display, metrics_table
+
+METRICS = {
+    "reward/total": 1.5,
+    "reward/alive": 0.5,
+    "episode/length_s": 2.0,
+    "tracking/linear_error_m_s": 0.25,
+    "tracking/yaw_error_rad_s": 0.5,
+    "learning/policy_dist_mean_std": 0.6,
+    "learning/kl_mean": 0.0004,
+}
+
+
+class TestTerminal:
+    def shown(self, metrics: dict[str, float]) -> list[str]:
+        """The lines of a terminal of 80 × 24 when the display closes."""
+        file = io.StringIO()
+        display = Display(
+            1024, Console(width=80, height=24, force_terminal=True, color_system=None, file=file)
+        )
+        with display:
+            display.doing("compiling")
+            display.update(512, 1000.0, metrics)
+        text = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "\n", file.getvalue())
+        lines = text.splitlines()
+        return lines[len(lines) - 1 - lines[::-1].index("512 of 1,024 steps, 1,000 per s") :]
+
+    def test_the_reward_is_first_and_details_are_left_to_the_log(self) -> None:
+        last = self.shown(METRICS)
+        assert last[1].split() == ["reward/total", "1.500", "tracking/linear_error_m_s", "0.250"]
+        assert "learning/kl_mean 4.0e-04" in " ".join(" ".join(last).split())
+        assert not any("policy_dist" in line for line in last)
+
+    def test_it_fits_a_small_terminal(self) -> None:
+        last = self.shown(METRICS | {f"reward/term_{k}": 0.0 for k in range(40)})
+        assert len(last) < 24
+        assert max(map(len, last)) <= 80
+
+
+class TestLines:
+    METRICS: ClassVar = {
+        "reward/total": 1.5, "reward/b": 0.25, "reward/a": -0.002, "tracking/linear_error_m_s": 0.1234,
+        "tracking/yaw_error_rad_s": 0.5678, "episode/length_s": 12.34, "learning/kl": 0.0, "other/x": 9.0,
+        "learning/policy_dist_mean": 7.0,
+    }  # fmt: skip
+
+    def plain(self, total: int = 1000) -> tuple[Display, io.StringIO]:
+        out = io.StringIO()
+        return Display(total, Console(file=out, width=300)), out
+
+    def test_a_line_has_progress_speed_and_quality(self) -> None:
+        shown, out = self.plain(2000)
+        shown.update(500, 250.0, self.METRICS)
+        assert out.getvalue() == (
+            "500 of 2,000 steps, 250 per s, 6 s left, reward 1.50, episode 12.3 s,"
+            " error 0.123 m/s, 0.568 rad/s\n"
+        )
+        without = {name: value for name, value in self.METRICS.items() if name != "episode/length_s"}
+        shown.update(2048, 0.5, without)  # the last is always said, though the one before was just now
+        last = out.getvalue().splitlines()[1]
+        assert last.startswith("2,000 of 2,000 steps, 0 per s, 0 s left, reward 1.50, error 0.123 m/s")
+
+    def test_lines_come_every_few_seconds(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        now = [100.0]
+        monkeypatch.setattr(display, "time", SimpleNamespace(monotonic=lambda: now[0]))
+        shown, out = self.plain()
+        counts = []
+        for now[0] in (100.0, 104.9, 105.1, 110.0, 110.2):
+            shown.update(10, 1.0, self.METRICS)
+            counts.append(out.getvalue().count("\n"))
+        assert counts == [1, 1, 2, 2, 3]
+
+    def test_the_table_has_rewards_at_the_left_and_the_rest_by_group(self) -> None:
+        table = metrics_table(self.METRICS, 10)
+        cells = [list(column.cells) for column in table.columns]
+        assert cells == [
+            ["reward/total", "reward/a", "reward/b", ""], ["1.500", "-2.0e-03", "0.250", ""],
+            ["tracking/linear_error_m_s", "tracking/yaw_error_rad_s", "episode/length_s", "learning/kl"],
+            ["0.123", "0.568", "12.340", "0.000"],
+        ]  # fmt: skip
+        assert metrics_table(self.METRICS, 2).row_count == 2
+        assert metrics_table(self.METRICS, 0).row_count == 1

@@ -1,0 +1,209 @@
+"""One iteration: rollout, update, normaliser and metrics, on an environment of a few numbers."""
+
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import pytest
+
+pytest.importorskip("jax")
+
+import jax
+import jax.numpy as jnp
+import number_environment
+import numpy as np
+from brax.training.types import Transition
+from number_environment import (
+    ACTIONS,
+    REWARD,
+    SIZES,
+    CountingEnvironment,
+    NumberEnvironment,
+    counting_config,
+    decided,
+)
+
+from footfall.train.brax import iteration, ppo, rollout
+from footfall.train.brax.iteration import iteration_keys, make_iteration
+from footfall.train.brax.networks import make_networks
+from footfall.train.brax.state import TrainState
+from footfall.train.config import PpoConfig, load_preset
+
+NOT_MOVED = 1e-4  # nats: brax's divergence of a distribution from itself is 1e-5 for each action
+ENVIRONMENTS, UNROLL = 8, 4
+RATE = 1e-3
+CONFIG: PpoConfig = replace(
+    load_preset("smoke").ppo,
+    num_envs=ENVIRONMENTS,
+    num_steps_per_env=UNROLL,
+    num_mini_batches=1,
+    num_learning_epochs=1,
+    learning_rate=RATE,
+    final_learning_rate=RATE,
+)
+NETWORKS = make_networks(SIZES, ACTIONS, CONFIG)
+environment = partial(NumberEnvironment, ENVIRONMENTS)
+begun = partial(number_environment.begun, networks=NETWORKS, config=CONFIG)
+
+
+def rolled_out(env: NumberEnvironment, state: TrainState) -> Transition:
+    return number_environment.rolled_out(env, NETWORKS, CONFIG, state)
+
+
+@pytest.fixture(autouse=True)
+def _number_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rollout, "step_batch", number_environment.step_batch)
+
+
+class TestIteration:
+    def after(self, env: NumberEnvironment) -> tuple[TrainState, dict[str, Any], Any]:
+        return make_iteration(env, NETWORKS, CONFIG)(begun(env))
+
+    def test_the_normaliser_moves_to_what_was_observed(self) -> None:
+        state, _, _ = self.after(environment(shown=5.0))
+        np.testing.assert_allclose(state.normalizer.mean["state"], 5.0)
+        assert int(np.asarray(state.normalizer.count)) == ENVIRONMENTS * UNROLL
+
+    def test_a_reading_that_hardly_varies_is_not_blown_up(self) -> None:
+        state, _, _ = self.after(environment(shown=0.0))  # what it starts from: nothing deviates
+        np.testing.assert_allclose(state.normalizer.std["state"], np.full(SIZES["state"], 0.02))
+
+    def test_learning_still_sees_what_the_behaviour_saw(self) -> None:
+        """The normaliser moves after learning, or the actor would look far from its own behaviour."""
+        env = environment(shown=5.0)
+        iterate = make_iteration(env, NETWORKS, CONFIG)
+        _, metrics, _ = iterate(decided(begun(env)))
+        assert float(metrics["learning/kl_mean"]) == pytest.approx(0.0, abs=NOT_MOVED)
+
+    def test_metrics_are_of_episodes_that_ended_and_rewards_of_a_second(self) -> None:
+        _, metrics, _ = self.after(environment(fallen=2, out_of_time=1))
+        assert float(metrics["episode/length_s"]) == pytest.approx(10 * 0.02)
+        assert float(metrics["reward/total"]) == pytest.approx(REWARD / 0.02)
+
+    def test_environments_are_at_the_level_of_the_steps_done(self) -> None:
+        env = environment()
+        state = begun(env)._replace(iteration=jnp.int32(3))
+        _, metrics, _ = make_iteration(env, NETWORKS, CONFIG)(state)
+        assert float(metrics["level"]) == 3 * ENVIRONMENTS * UNROLL
+
+    def test_each_iteration_draws_anew(self) -> None:
+        env = environment()
+        iterate = make_iteration(env, NETWORKS, CONFIG)
+        first, _, _ = iterate(begun(env))
+        assert int(first.iteration) == 1
+        keys = [iteration_keys(state, CONFIG) for state in (begun(env), first)]
+        assert not np.array_equal(keys[0][1], keys[1][1])
+        assert not np.array_equal(keys[0][2], keys[1][2])
+
+
+class Reaching(NumberEnvironment):
+    """Rewards actions by how near they are to one."""
+
+    TARGET = jnp.array([0.5, -0.3])
+
+    def reward(self, action: jax.Array) -> jax.Array:
+        return -jnp.sum((action - self.TARGET) ** 2, axis=-1)
+
+
+def test_it_learns_to_do_what_is_rewarded() -> None:
+    """An actor that begins at zero ends where the reward is largest, and becomes surer of it."""
+    iterations, environments = 20, 64
+    config = replace(
+        CONFIG,
+        num_envs=environments,
+        total_steps=iterations * environments * UNROLL,
+        num_mini_batches=2,
+        num_learning_epochs=2,
+        learning_rate=3e-3,
+        desired_kl=0.01,
+    )
+    env = Reaching(environments)
+    iterate = jax.jit(make_iteration(env, NETWORKS, config))
+    state = begun(env, config=config)
+    for _ in range(iterations):
+        state, _, _ = iterate(state)
+    mean, std = NETWORKS.policy_network.apply(state.normalizer, state.params.policy, env.shown)
+    np.testing.assert_allclose(mean[0], Reaching.TARGET, atol=0.1)
+    assert float(jnp.max(std)) < CONFIG.init_noise_std
+
+
+def test_every_control_step_acts_with_noise_of_its_own() -> None:
+    env = environment()
+    _, keys, _ = iteration_keys(begun(env), CONFIG)
+    actions = np.asarray(rolled_out(env, begun(env)).action)
+    assert len(np.unique(keys, axis=0)) == UNROLL
+    assert len(np.unique(actions.reshape(-1, ACTIONS), axis=0)) == UNROLL * ENVIRONMENTS
+
+
+def plain_loss(params: Any, *_: Any, **__: Any) -> tuple[Any, dict]:
+    """Quick to trace."""
+    return sum(jnp.sum(leaf) for leaf in jax.tree.leaves(params)), {"kl_mean": jnp.float32(0.0)}
+
+
+class TestCounting:
+    """With episodes that count their steps."""
+
+    CONFIG = counting_config()
+    NETWORKS = make_networks(SIZES, ACTIONS, CONFIG)
+
+    @pytest.fixture(scope="class")
+    @classmethod
+    def begun(cls) -> TrainState:
+        return number_environment.begun(CountingEnvironment(), cls.NETWORKS, cls.CONFIG, 3)
+
+    def test_environments_begin_apart_and_networks_are_drawn_apart(self, begun: TrainState) -> None:
+        assert len(np.unique(begun.env)) == 6
+        other = number_environment.begun(CountingEnvironment(), self.NETWORKS, self.CONFIG, 4)
+        assert not np.array_equal(begun.env, other.env)
+        leaves = zip(*(jax.tree.leaves(state.params.policy) for state in (begun, other)), strict=True)
+        assert any(not np.array_equal(*pair) for pair in leaves)
+        assert int(begun.iteration) == 0
+        assert not any(leaf.weak_type for leaf in jax.tree.leaves(begun))
+
+    def test_a_transition_is_what_was_seen_done_and_earned_in_one_step(self, begun: TrainState) -> None:
+        keys, env = jax.random.split(jax.random.PRNGKey(1), 3), CountingEnvironment()
+        rolled = rollout.roll_out(env, self.NETWORKS, self.CONFIG, begun, keys)
+        (state, observation), (transitions, metrics) = rolled
+        start = np.asarray(begun.env)
+        np.testing.assert_allclose(
+            transitions.observation["state"][..., 0], start + np.arange(3)[:, None], rtol=1e-6
+        )
+        np.testing.assert_allclose(observation["state"][:, 0], start + 3, rtol=1e-6)
+        np.testing.assert_allclose(state, start + 3, rtol=1e-6)
+        steps = np.arange(1, 3 + 1)[:, None]
+        np.testing.assert_allclose(transitions.reward, 10.0 * np.arange(6) + steps)
+        ended, late = np.zeros((3, 6)), np.zeros((3, 6))
+        ended[1, 0] = ended[2, 1] = late[2, 1] = 1.0
+        np.testing.assert_array_equal(transitions.discount, 1.0 - ended)
+        np.testing.assert_array_equal(transitions.extras["state_extras"]["truncation"], late)
+        np.testing.assert_array_equal(metrics["steps"], np.tile(steps, 6))
+
+    def test_metrics_are_means_and_some_observations_are_kept(
+        self, begun: TrainState, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(ppo, "compute_ppo_loss", plain_loss)
+        monkeypatch.setattr(iteration, "LOGGED_OBSERVATIONS", 1000)
+        all_of_them = jax.eval_shape(
+            make_iteration(CountingEnvironment(), self.NETWORKS, self.CONFIG), begun
+        )[2]
+        assert all_of_them.shape == (18, 3)
+        for most in (4, 8):
+            monkeypatch.setattr(iteration, "LOGGED_OBSERVATIONS", most)
+            _, metrics, seen = make_iteration(CountingEnvironment(), self.NETWORKS, self.CONFIG)(begun)
+            assert seen.shape == (most, 3)
+            newest = np.asarray(begun.env) + 2.0
+            np.testing.assert_allclose(seen[-6:, 0], newest[:most], rtol=1e-6)
+        assert float(metrics["episode/length_s"]) == pytest.approx(2.5 * 0.05)  # of two steps and of three
+        assert float(metrics["reward/total"]) == pytest.approx((25.0 + 2.0) / 0.05)
+        assert float(metrics["steps"]) == pytest.approx(2.0)
+        assert not {"done", "length"} & set(metrics)
+
+    def test_one_device_draws_other_noise_than_another_from_the_same_key(self, begun: TrainState) -> None:
+        (key, steps, learn), (same, other_steps, other_learn) = (
+            iteration_keys(begun, self.CONFIG, k) for k in (0, 1)
+        )
+        np.testing.assert_array_equal(key, same)
+        assert not np.array_equal(key, begun.key)
+        assert not np.array_equal(steps, other_steps)
+        assert not np.array_equal(learn, other_learn)
+        assert len(steps) == 3

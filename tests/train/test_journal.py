@@ -1,0 +1,65 @@
+"""A run's journal: the log, the display, and checkpoints that are due."""
+
+import json
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+pytest.importorskip("jax")
+
+from footfall.common.errors import CannotWriteError
+from footfall.train.runs import journal
+from footfall.train.runs.folder import Run
+
+
+@pytest.fixture
+def told(run: Run, monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
+    """A journal from the third iteration on, its clock and what it showed."""
+    now = SimpleNamespace(s=50.0)
+    monkeypatch.setattr(journal, "time", SimpleNamespace(monotonic=lambda: now.s))
+    shown: list[Any] = []
+    screen = SimpleNamespace(update=lambda *each: shown.append(each), say=shown.append)
+    return SimpleNamespace(journal=journal.Journal(run, 2, screen), now=now, shown=shown, run=run)  # type: ignore[arg-type]
+
+
+def test_an_iteration_is_logged_and_shown_by_its_steps_and_speed(told: SimpleNamespace) -> None:
+    told.now.s += 2.0
+    told.journal.log(3, {"reward/total": 1.0})
+    told.now.s += 2.0
+    told.journal.log(4, {"reward/total": 2.0, "episode/length_s": 3.0})
+    assert told.shown == [
+        (768, 128.0, {"reward/total": 1.0}), (1024, 128.0, {"reward/total": 2.0,
+        "episode/length_s": 3.0}),
+    ]  # fmt: skip
+    lines = [json.loads(line) for line in (told.run.folder / "metrics.jsonl").read_text().splitlines()]
+    assert lines == [
+        {"step": 768, "reward/total": 1.0, "speed/steps_per_s": 128.0},
+        {"step": 1024, "reward/total": 2.0, "episode/length_s": 3.0, "speed/steps_per_s": 128.0},
+    ]
+
+
+def test_a_checkpoint_that_does_not_fit_is_said_once_and_tried_again(told: SimpleNamespace) -> None:
+    def refuse() -> None:
+        raise CannotWriteError("the disk is full")
+
+    told.now.s += 2.1  # the preset's interval is 2 s
+    assert told.journal.checkpoint_due
+    told.journal.save(refuse)
+    assert not told.journal.checkpoint_due
+    told.journal.save(refuse)
+    told.journal.save(lambda: None)
+    told.journal.save(lambda: None)
+    assert told.shown == [
+        "the disk is full; training continues and tries again",
+        "checkpoint can be written again",
+    ]
+
+
+def test_a_checkpoint_is_due_an_interval_after_the_last_one(told: SimpleNamespace) -> None:
+    due = []
+    for told.now.s in (51.9, 52.1, 53.0, 54.0, 54.2):  # the preset's interval is 2 s
+        due.append(told.journal.checkpoint_due)
+        if told.now.s == 52.1:
+            told.journal.save(lambda: None)
+    assert due == [False, True, False, False, True]

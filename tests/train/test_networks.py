@@ -1,0 +1,165 @@
+"""The actor's and the critic's networks."""
+
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import pytest
+
+pytest.importorskip("jax")
+
+import jax
+import jax.numpy as jnp
+import number_environment
+import numpy as np
+from brax.training.acme import running_statistics
+from brax.training.agents.ppo.networks import PPONetworks
+from flax import linen
+from number_environment import (
+    ACTIONS,
+    SIZES,
+    CountingEnvironment,
+    NumberEnvironment,
+    counting_config,
+    decided,
+)
+
+from footfall.train.brax import rollout
+from footfall.train.brax.networks import dense_layers, elu, make_networks, normalised, trained_actor
+from footfall.train.brax.ppo import Ppo
+from footfall.train.brax.state import TrainState
+
+CONFIG = counting_config()
+NETWORKS = make_networks(SIZES, ACTIONS, CONFIG)
+environment = partial(NumberEnvironment, CONFIG.num_envs)
+begun = partial(number_environment.begun, networks=NETWORKS, config=CONFIG)
+
+
+def observation() -> dict[str, jax.Array]:
+    return {name: jnp.ones((CONFIG.num_envs, size)) for name, size in SIZES.items()}
+
+
+@pytest.fixture(autouse=True)
+def _number_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rollout, "step_batch", number_environment.step_batch)
+
+
+def test_the_critic_sees_what_the_actor_does_not() -> None:
+    env = environment()
+    state = begun(env)
+    seen = observation() | {"privileged_state": 3.0 * observation()["privileged_state"]}
+    value, other = (
+        NETWORKS.value_network.apply(state.normalizer, state.params.value, x) for x in (observation(), seen)
+    )
+    action, same = (
+        NETWORKS.policy_network.apply(state.normalizer, state.params.policy, x)[0]
+        for x in (observation(), seen)
+    )
+    assert not np.allclose(value, other)
+    np.testing.assert_array_equal(action, same)
+
+
+def test_elu_and_its_gradient_are_flax_own() -> None:
+    x = jnp.array([-30.0, -2.0, -1e-3, -0.0, 0.0, 1e-3, 2.0, 30.0])
+    np.testing.assert_allclose(elu(x), linen.elu(x), atol=1e-6)
+    slope, expected = (jax.vmap(jax.grad(function))(x) for function in (elu, linen.elu))
+    np.testing.assert_allclose(slope, expected, atol=1e-6)
+    assert np.isnan(elu(jnp.nan))
+
+
+class TestBfloat16:
+    """Networks whose inputs are no multiple of the alignment; all else is as in float32."""
+
+    CONFIG = replace(CONFIG, bfloat16=True)
+    NETWORKS = make_networks(SIZES, ACTIONS, CONFIG)
+
+    def outputs(self, networks: PPONetworks, state: TrainState, seen: Any) -> tuple[Any, Any]:
+        value = networks.value_network.apply(state.normalizer, state.params.value, seen)
+        return networks.policy_network.apply(state.normalizer, state.params.policy, seen)[0], value
+
+    def shown(self) -> dict[str, jax.Array]:
+        return {n: jax.random.normal(jax.random.key(size), (50, size)) for n, size in SIZES.items()}
+
+    def test_outputs_are_those_of_float32_but_for_16_bits_rounding(self) -> None:
+        state = decided(begun(environment()))
+        for rounded, exact in zip(
+            *(self.outputs(networks, state, self.shown()) for networks in (self.NETWORKS, NETWORKS)),
+            strict=True,
+        ):
+            assert rounded.dtype == jnp.float32
+            assert not np.array_equal(rounded, exact)
+            assert jnp.linalg.norm(rounded - exact) < 0.02 * jnp.linalg.norm(exact)
+
+    def test_inputs_are_of_16_bits_in_whole_blocks(self) -> None:
+        state = begun(environment())
+        inputs = normalised(self.shown(), state.normalizer, self.CONFIG)
+        assert {n: (x.shape, x.dtype) for n, x in inputs.items()} == {
+            n: ((50, 8), jnp.bfloat16) for n in SIZES
+        }
+        assert normalised(self.shown(), state.normalizer, CONFIG)["state"].shape == (50, 3)
+
+    def test_hidden_layers_multiply_in_16_bits(self) -> None:
+        state, hidden = begun(environment()), len(self.CONFIG.actor_hidden_dims)
+        for seen in (self.shown(), normalised(self.shown(), state.normalizer, self.CONFIG)):
+            normalizer = state.normalizer if seen["state"].dtype == jnp.float32 else None
+            act = partial(self.NETWORKS.policy_network.apply, normalizer)
+            program = jax.make_jaxpr(act)(state.params.policy, seen)
+            products = [e.outvars[0].aval for e in program.eqns if e.primitive.name == "dot_general"]
+            assert [x.dtype for x in products] == [jnp.bfloat16] * hidden + [jnp.float32]
+
+    def test_parameters_stay_in_float32(self) -> None:
+        env = environment(fallen=2)
+        state = begun(env)
+        learner = Ppo(self.NETWORKS, self.CONFIG)
+        transitions = number_environment.rolled_out(env, NETWORKS, CONFIG, state)
+        params, _, losses = learner.update(state, transitions, observation(), jax.random.PRNGKey(2))
+        shapes = [jax.tree.map(lambda x: (x.shape, x.dtype), tree) for tree in (params, state.params)]
+        assert shapes[0] == shapes[1]
+        assert all(np.isfinite(value).all() for value in losses.values())
+        for before, after in zip(*map(jax.tree.leaves, (state.params.policy, params.policy)), strict=True):
+            assert not np.array_equal(before, after)
+
+
+class TestActor:
+    @pytest.fixture(scope="class")
+    @classmethod
+    def begun(cls) -> TrainState:
+        return begun(CountingEnvironment(), seed=3)
+
+    def test_an_exported_actor_is_the_network_that_was_trained(self, begun: TrainState) -> None:
+        """With a normaliser that does something."""
+        policy = jax.tree.map(lambda x: 1.5 * x, begun.params.policy)
+        rng = np.random.default_rng(1)
+        shown = {name: jnp.asarray(rng.normal(2.0, 3.0, (50, size))) for name, size in SIZES.items()}
+        normalizer = running_statistics.update(begun.normalizer, shown)
+        actor = trained_actor(NETWORKS, normalizer, policy)
+        assert [kernel.shape for kernel, _ in actor.layers] == [(3, 6), (6, 5), (5, 2)]
+        observed = rng.normal(size=(5, 3)).astype(np.float32)
+        x = (observed - actor.mean) / actor.scale
+        for kernel, bias in actor.layers[:-1]:
+            x = x @ kernel + bias
+            x = np.where(x > 0, x, np.expm1(np.minimum(x, 0)))
+        kernel, bias = actor.layers[-1]
+        np.testing.assert_allclose(actor.act(observed), x @ kernel + bias, atol=1e-5)
+        np.testing.assert_allclose(actor.mean, np.asarray(shown["state"]).mean(axis=0), rtol=1e-4)
+        assert actor.trainer == "brax"
+
+    def test_layers_are_in_order_though_their_names_are_not(self) -> None:
+        numbers = [10, 2, 0, 11, 1]
+        layers = {f"hidden_{k}": {"kernel": np.full((1, 1), k), "bias": np.full(1, -k)} for k in numbers}
+        tree = {
+            "params": {"mean": {"kernel": np.full((1, 1), 99), "bias": np.zeros(1)}, "log_std": np.ones(1)}
+            | layers
+        }
+        found = dense_layers(tree)
+        assert [int(kernel[0, 0]) for kernel, _ in found] == [0, 1, 2, 10, 11, 99]
+        assert [int(bias[0]) for _, bias in found] == [0, -1, -2, -10, -11, 0]
+        assert all(part.dtype == np.float32 for layer in found for part in layer)
+
+    def test_a_beginner_hardly_moves_and_tries_as_widely_as_it_was_told(self, begun: TrainState) -> None:
+        shown = {"state": jnp.ones((1, 3))}
+        mean, std = NETWORKS.policy_network.apply(begun.normalizer, begun.params.policy, shown)
+        assert 0.0 < float(jnp.abs(mean).max()) < 0.02
+        np.testing.assert_allclose(std, np.full((1, 2), 0.37), rtol=1e-3)
+        shapes = [leaf.shape for leaf in jax.tree.leaves(begun.params.value)]
+        assert {(2, 7), (7, 4), (4, 1)} <= set(shapes)

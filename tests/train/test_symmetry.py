@@ -1,0 +1,137 @@
+"""Learning from mirror images."""
+
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import pytest
+
+pytest.importorskip("jax")
+
+import jax
+import jax.numpy as jnp
+import number_environment
+import numpy as np
+from brax.training.types import Transition
+from number_environment import ACTIONS, SIZES, NumberEnvironment, decided
+
+from footfall.envs.symmetry import EnvironmentMirror
+from footfall.robots.symmetry import Mirror
+from footfall.train.brax import ppo, rollout
+from footfall.train.brax.networks import make_networks
+from footfall.train.brax.state import TrainState
+from footfall.train.brax.symmetry import mirror_half, mirrored, with_mirror_images
+from footfall.train.config import PpoConfig, load_preset
+
+NOT_MOVED = 1e-4  # nats: brax's divergence of a distribution from itself is 1e-5 for each action
+ENVIRONMENTS, UNROLL = 8, 4
+RATE = 1e-3
+CONFIG: PpoConfig = replace(
+    load_preset("smoke").ppo,
+    num_envs=ENVIRONMENTS,
+    num_steps_per_env=UNROLL,
+    num_mini_batches=1,
+    num_learning_epochs=1,
+    learning_rate=RATE,
+    final_learning_rate=RATE,
+)
+NETWORKS = make_networks(SIZES, ACTIONS, CONFIG)
+environment = partial(NumberEnvironment, ENVIRONMENTS)
+begun = partial(number_environment.begun, networks=NETWORKS, config=CONFIG)
+
+
+def rolled_out(env: NumberEnvironment, state: TrainState) -> Transition:
+    return number_environment.rolled_out(env, NETWORKS, CONFIG, state)
+
+
+def observation(value: float = 1.0) -> dict[str, jax.Array]:
+    """What every environment shows, throughout."""
+    return {name: jnp.full((ENVIRONMENTS, size), value) for name, size in SIZES.items()}
+
+
+@pytest.fixture(autouse=True)
+def _number_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rollout, "step_batch", number_environment.step_batch)
+
+
+def learnt(
+    state: TrainState,
+    rollout: Transition,
+    config: PpoConfig = CONFIG,
+    mirror: EnvironmentMirror | None = None,
+) -> tuple[Any, dict[str, np.ndarray]]:
+    """The optimiser's state and the losses (epoch, mini-batch)."""
+    learner = ppo.Ppo(NETWORKS, config, mirror=mirror)
+    _, optimizer, losses = learner.update(state, rollout, observation(), jax.random.PRNGKey(2))
+    return optimizer, {name: np.asarray(value) for name, value in losses.items()}
+
+
+class TestMirror:
+    """Of each vector the first two components change places; the action changes its sign besides."""
+
+    SWAP = EnvironmentMirror(
+        {
+            "state": Mirror(np.array([1, 0, 2]), np.ones(3)),
+            "privileged_state": Mirror(np.array([1, 0]), np.ones(2)),
+        },
+        Mirror(np.array([1, 0]), -np.ones(2)),
+    )
+
+    def begun(self) -> tuple[TrainState, Transition]:
+        """An actor that answers a mirrored observation with anything but the mirror image."""
+        env = environment()
+        env.shown = {name: jnp.arange(1.0, size + 1) + 0 * env.shown[name] for name, size in SIZES.items()}
+        state = decided(begun(env))
+        return state, rolled_out(env, state)
+
+    def test_a_mirrored_policy_that_has_not_changed_has_not_moved(self) -> None:
+        state, rollout = self.begun()
+        still = replace(CONFIG, learning_rate=1e-12, final_learning_rate=0.0, num_learning_epochs=3)
+        _, losses = learnt(state, rollout, still, self.SWAP)
+        assert losses["kl_mean"] == pytest.approx(0.0, abs=NOT_MOVED)
+
+    def test_what_follows_is_mirrored_as_what_was_seen_is(self) -> None:
+        state, rollout = self.begun()
+        data = jax.tree.map(lambda x: jnp.swapaxes(x, 0, 1), rollout)
+        following = {name: 10.0 + value[:, -1:] for name, value in data.observation.items()}
+        behaviour = (state.normalizer, state.params.policy)
+        image = mirrored(data._replace(next_observation=following), self.SWAP, NETWORKS, behaviour)
+        for name, source in (("state", [1, 0, 2]), ("privileged_state", [1, 0])):
+            np.testing.assert_allclose(image.observation[name], data.observation[name][..., source])
+            np.testing.assert_allclose(image.next_observation[name], following[name][..., source])
+        extras, original = (each.extras["policy_extras"] for each in (image, data))
+        np.testing.assert_allclose(extras["raw_action"], -original["raw_action"][..., ::-1])
+        np.testing.assert_array_equal(extras["log_prob"], original["log_prob"])
+        loc, scale = NETWORKS.policy_network.apply(*behaviour, image.observation)
+        np.testing.assert_allclose(extras["distribution_params"][0], loc, atol=1e-6)
+        np.testing.assert_allclose(extras["distribution_params"][1], scale, atol=1e-6)
+
+    def test_images_stand_after_the_environments_in_each_step(self) -> None:
+        state, rollout = self.begun()
+        data = rollout._replace(next_observation={n: x[-1:] for n, x in rollout.observation.items()})
+        behaviour = (state.normalizer, state.params.policy)
+        both = with_mirror_images(data, self.SWAP, NETWORKS, behaviour)
+        images = mirrored(data, self.SWAP, NETWORKS, behaviour)
+        for part, expected in ((slice(None, ENVIRONMENTS), data), (slice(ENVIRONMENTS, None), images)):
+            found = jax.tree.map(lambda x, part=part: x[:, part], both)
+            jax.tree.map(np.testing.assert_array_equal, found, expected)
+
+    def test_half_of_the_environments_are_replaced_by_their_images(self) -> None:
+        columns = jnp.array([3, 1, 0, 2])
+        drawn = np.stack([mirror_half(columns, jax.random.PRNGKey(seed)) for seed in range(64)])
+        np.testing.assert_array_equal(drawn % 4, np.tile(columns, (64, 1)))
+        assert set((drawn // 4).ravel()) == {0, 1}
+        assert ((drawn // 4).mean(axis=0) > 0.3).all()
+        assert ((drawn // 4).mean(axis=0) < 0.7).all()
+
+    def test_each_epoch_learns_from_other_images(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        def loss(params: Any, _: Any, data: Transition, key: jax.Array, **__: Any) -> tuple[Any, dict]:
+            seen = {"seen": data.observation["state"][:, 0, 0], "kl_mean": jnp.float32(0.0)}
+            return sum(jnp.sum(leaf) for leaf in jax.tree.leaves(params)), seen
+
+        state, rollout = self.begun()
+        monkeypatch.setattr(ppo, "compute_ppo_loss", loss)
+        _, losses = learnt(state, rollout, replace(CONFIG, num_learning_epochs=8), self.SWAP)
+        image = losses["seen"][:, 0] == 2.0  # (epoch, environment); 1 in what was rolled out
+        assert len(np.unique(image, axis=0)) > 4
+        assert 16 < image.sum() < 48  # of 64

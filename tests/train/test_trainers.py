@@ -1,0 +1,82 @@
+"""Trainers by name: those of footfall, and a user's own by MODULE:NAME."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("jax")
+
+import footfall.train
+from footfall.common.config import dump
+from footfall.common.errors import UserError
+from footfall.policies.learned import LearnedPolicy
+from footfall.robots.description import Robot
+from footfall.train import api
+from footfall.train.runs import checkpoint
+from footfall.train.runs.failure import FOLDER, REPORT, Failure
+from footfall.train.trainers import TRAINERS, find_trainer
+
+OWN = "own_trainer:StandingTrainer"
+LIBRARIES = ("brax", "rsl_rl", "torch", "footfall.train.brax", "footfall.train.rsl_rl")
+
+
+def test_a_trainer_of_ones_own_trains_resumes_and_exports(
+    tmp_path: Path, go1: Robot, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = api.train(api.TrainRequest(preset="smoke", trainer=OWN, out=tmp_path / "run"))
+    assert api.open_run(run).provenance.trainer == OWN
+    assert LearnedPolicy(run / "policy.onnx", go1).contract.robot == "go1"
+    kept = checkpoint.latest(run / "checkpoints")
+    assert kept == run / "checkpoints" / "00000016.ckpt"
+    assert "reward 16.00" in capsys.readouterr().out
+    kept.rename(kept.with_name("00000009.ckpt")).write_text("9")
+    api.resume(run)
+    assert "resuming from 00000009.ckpt" in capsys.readouterr().out
+    assert kept.read_text() == "16"
+    opened = api.open_run(run)
+    failure = Failure(1, "a reason", "cpu", {}, opened.provenance, opened.config)
+    (run / FOLDER).mkdir()
+    (run / FOLDER / REPORT).write_text(dump(failure))
+    with pytest.raises(UserError, match="StandingTrainer, whose runs cannot be replayed"):
+        api.diagnose(run, say=print)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("none", "no trainer 'none': give one of brax, rsl_rl, or MODULE:NAME of your own"),
+        ("no_such_module:Trainer", "no module 'no_such_module'"),
+        ("own_trainer:Missing", "no trainer 'own_trainer:Missing'"),
+        ("own_trainer:NUMBER", "not a class"),
+        ("own_trainer:Unrelated", "must derive from footfall.train.trainer.Trainer"),
+        ("own_trainer:Incomplete", "implement restore, prepare, iterate, save, export"),
+    ],
+)
+def test_what_is_no_trainer_is_refused(name: str, message: str, tmp_path: Path) -> None:
+    with pytest.raises(UserError) as error:
+        api.begin(api.TrainRequest(preset="smoke", trainer=name, out=tmp_path / "run"))
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)
+    assert not (tmp_path / "run").exists()
+
+
+def test_what_serves_every_trainer_imports_none() -> None:
+    folder = Path(footfall.train.__file__).parent
+    for path in folder.rglob("*.py"):
+        if path.relative_to(folder).parts[0] in TRAINERS:
+            continue
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            names = []
+            if isinstance(node, ast.Import):
+                names = [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom):
+                names = [f"{node.module}.{alias.name}" for alias in node.names]
+            for name in names:
+                assert not any(name == lib or name.startswith(f"{lib}.") for lib in LIBRARIES), (path, name)
+
+
+def test_the_default_trainer_uses_every_device_and_can_replay_a_failure() -> None:
+    brax = find_trainer("brax")
+    assert brax.max_devices is None
+    assert brax.can_diagnose

@@ -1,0 +1,43 @@
+"""brax, imported without its simulator.
+
+Reason: `brax/__init__.py` imports brax's own physics, and with it MJX, trimesh and SciPy: a third of the time
+that all imports take. Only `brax.training` is used here. The package's `__init__` runs when a name is asked
+for that it defines. This module can go when brax imports its simulator only where it needs it:
+tests/train/test_lean_brax.py says so.
+"""
+
+import sys
+from importlib.machinery import ModuleSpec
+from importlib.util import find_spec, module_from_spec
+from types import ModuleType
+from typing import Any
+
+
+class _LazyInit(ModuleType):
+    """A package whose submodules can be imported before its `__init__` runs."""
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__") or self.__spec__ is None or self.__spec__.loader is None:
+            raise AttributeError(name)
+        self.__class__ = ModuleType  # from here on it is the package itself
+        self.__spec__.loader.exec_module(self)
+        return getattr(self, name)
+
+
+def import_lean(name: str) -> None:
+    """Put a package into `sys.modules` without running its `__init__`; does nothing if it is there.
+
+    Raises:
+        ModuleNotFoundError: it is not installed.
+    """
+    if name in sys.modules:
+        return
+    spec: ModuleSpec | None = find_spec(name)
+    if spec is None:
+        raise ModuleNotFoundError(f"No module named '{name}'", name=name)
+    module = module_from_spec(spec)
+    module.__class__ = _LazyInit
+    sys.modules[name] = module
+
+
+import_lean("brax")

@@ -1,0 +1,47 @@
+"""Rollouts: the actor in a batch of environments."""
+
+from collections.abc import Callable
+from functools import partial
+
+import jax
+from brax.training.agents.ppo.networks import PPONetworks, make_inference_fn
+from brax.training.types import Transition
+
+from footfall.envs.batch import step_batch
+from footfall.envs.environment import Environment
+from footfall.envs.state import State
+from footfall.train.brax.state import TrainState
+from footfall.train.config import PpoConfig
+
+Episodes = tuple[State, dict[str, jax.Array]]  # and the observations that the next actions answer
+
+
+def roll_out(
+    env: Environment, networks: PPONetworks, config: PpoConfig, state: TrainState, keys: jax.Array
+) -> tuple[Episodes, tuple[Transition, dict[str, jax.Array]]]:
+    """Act for one control step per key.
+
+    Returns:
+        The episodes to continue with; transitions and the environment's metrics, (time, environment, ...).
+    """
+    policy = make_inference_fn(networks)((state.normalizer, state.params.policy))
+    level = env.level(state.iteration * float(config.steps_per_iteration))
+    episodes = (env.at_level(state.env, level), state.observation)
+    return jax.lax.scan(partial(_control_step, env, policy), episodes, keys)
+
+
+def _control_step(
+    env: Environment, policy: Callable, episodes: Episodes, key: jax.Array
+) -> tuple[Episodes, tuple[Transition, dict[str, jax.Array]]]:
+    env_state, observation = episodes
+    action, policy_extras = policy(observation, key)
+    env_state, next_observation, step = step_batch(env, env_state, action)
+    transition = Transition(
+        observation=observation,
+        action=action,
+        reward=step.reward,
+        discount=1.0 - step.metrics["done"],
+        next_observation=None,  # the loss reads the last one only, which `Ppo.update` is given
+        extras={"policy_extras": policy_extras, "state_extras": {"truncation": step.truncated}},
+    )
+    return (env_state, next_observation), (transition, step.metrics)

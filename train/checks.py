@@ -1,0 +1,31 @@
+"""Whether settings fit the robot and the devices: checked before there is a run folder."""
+
+from footfall.common.collector import collector_paused
+from footfall.common.errors import UserError
+from footfall.envs.make import make_environment
+from footfall.robots.description import Robot
+from footfall.train.config import PpoConfig, TrainConfig
+
+
+@collector_paused()
+def check_robot(config: TrainConfig, robot: Robot) -> None:
+    """
+    Raises:
+        UserError: the environment's settings do not fit the robot, or it must be symmetric and is not.
+    """
+    environment = make_environment(robot, config.env)
+    if config.ppo.symmetry:
+        environment.mirror()
+
+
+def check_devices(config: PpoConfig, count: int) -> None:
+    """
+    Raises:
+        UserError: the environments cannot be divided among so many devices.
+    """
+    parts = config.num_mini_batches * count
+    if config.num_envs % parts:
+        raise UserError(
+            f"ppo.num_envs {config.num_envs} cannot be divided among {count} devices"
+            f" and {config.num_mini_batches} mini-batches: give a multiple of {parts}"
+        )

@@ -1,0 +1,28 @@
+"""The result of a diagnosis: what a replay of a failed training found."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from footfall.common.versions import versions
+from footfall.train.runs.failure import SOURCE, Failure
+from footfall.train.runs.provenance import PACKAGES, source_revision
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What the replay of a failed training found."""
+
+    failure: Failure
+    differences: list[
+        str
+    ]  # in device and versions, since the failure; where there are any, it is approximate
+    reason: str | None  # why the iteration failed in the replay; None: it did not
+    finding: str  # the first value that was not finite, and where
+    saved: Path | None  # the environment before the step in which it failed, if one failed
+
+
+def differences(failure: Failure, device: str, devices: int) -> list[str]:
+    """Differences between a failed training and its replay: 'NAME then, now' of devices and packages."""
+    then = {"device": failure.device, "device count": str(failure.devices or devices)} | failure.versions
+    now = {"device": device, "device count": str(devices), SOURCE: source_revision()} | versions(PACKAGES)
+    return [f"{name} {old}, now {now[name]}" for name, old in then.items() if now.get(name, old) != old]

@@ -1,0 +1,57 @@
+"""The trainers by name; one of your own is named MODULE:NAME."""
+
+import os
+from importlib import import_module
+from typing import NamedTuple
+
+from footfall.common.outside import find, is_place
+
+from footfall.common.errors import UserError
+from footfall.common.installation import needs_extra
+from footfall.train.trainer import Trainer
+
+DEFAULT_TRAINER = "brax"
+
+
+class _Shipped(NamedTuple):
+    """Where a trainer of footfall is; it is imported when it is needed."""
+
+    module: str
+    name: str
+    extra: str  # of the package, with the trainer's libraries
+
+
+TRAINERS = {
+    "brax": _Shipped("footfall.train.brax.trainer", "BraxTrainer", "train"),
+    "rsl_rl": _Shipped("footfall.train.rsl_rl.trainer", "RslRlTrainer", "rsl-rl"),
+}
+_REQUIRED = ("restore", "prepare", "iterate", "save", "export")
+
+
+def find_trainer(name: str) -> type[Trainer]:
+    """The class of a trainer.
+
+    Args:
+        name: one of `TRAINERS`, or MODULE:NAME of a class that derives from `Trainer`.
+
+    Raises:
+        UserError: there is no such trainer, or its libraries are not installed.
+    """
+    if name in TRAINERS:
+        module, attribute, extra = TRAINERS[name]
+        os.environ.setdefault("GIT_PYTHON_REFRESH", "quiet")  # rsl_rl imports GitPython: git may be missing
+        with needs_extra(extra, f"the trainer {name} needs"):
+            return getattr(import_module(module), attribute)
+    if not is_place(name):
+        raise UserError(f"no trainer '{name}': give one of {', '.join(TRAINERS)}, or MODULE:NAME of your own")
+    found = find(name, "trainer")
+    if not isinstance(found, type):
+        raise UserError(f"no trainer '{name}': it is not a class")
+    bases = [base for base in found.__mro__ if base is not Trainer]
+    lacking = [method for method in _REQUIRED if not any(method in vars(base) for base in bases)]
+    if lacking or Trainer not in found.__mro__:
+        raise UserError(
+            f"'{name}' is no trainer: it must derive from footfall.train.trainer.Trainer and implement"
+            f" {', '.join(_REQUIRED)}"
+        )
+    return found
