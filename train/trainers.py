@@ -4,10 +4,9 @@ import os
 from importlib import import_module
 from typing import NamedTuple
 
-from footfall.common.outside import find, is_place
-
 from footfall.common.errors import UserError
 from footfall.common.installation import needs_extra
+from footfall.common.outside import find, is_place
 from footfall.train.trainer import Trainer
 
 DEFAULT_TRAINER = "brax"

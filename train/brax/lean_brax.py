@@ -19,7 +19,7 @@ class _LazyInit(ModuleType):
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__") or self.__spec__ is None or self.__spec__.loader is None:
             raise AttributeError(name)
-        self.__class__ = ModuleType  # from here on it is the package itself
+        self.__class__ = ModuleType  # type: ignore[assignment]  # from here on, an ordinary package
         self.__spec__.loader.exec_module(self)
         return getattr(self, name)
 
