@@ -1,20 +1,25 @@
-"""Settings read from YAML: what is refused is named, with the reason and what would be right."""
+"""Dataclasses from YAML and back."""
 
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
 
+from footfall.common import config
 from footfall.common.config import (
     dump,
+    load,
+    merged,
     read_yaml,
     require_between,
     require_not_negative,
     require_ordered,
     require_positive,
     structure,
+    unstructure,
     with_changes,
 )
 from footfall.common.errors import UserError
@@ -23,6 +28,7 @@ from footfall.common.errors import UserError
 @dataclass(frozen=True)
 class Wheel:
     radius_m: float
+
     spokes: int = 8
 
     def __post_init__(self) -> None:
@@ -33,8 +39,11 @@ class Wheel:
 @dataclass(frozen=True)
 class Cart:
     name: str
+
     wheels: tuple[Wheel, ...] = ()
+
     covered: bool = False
+
     span: tuple[float, float] = (0.0, 1.0)
 
 
@@ -77,8 +86,11 @@ def test_numbers_are_finite(text: str) -> None:
 @dataclass(frozen=True)
 class Spring:
     stiffness: tuple[float, ...] = (1.0,)
+
     rest_m: float = 0.0
+
     share: float | None = 0.5
+
     travel_m: tuple[float, float] | None = (-1.0, 1.0)
 
     def __post_init__(self) -> None:
@@ -209,3 +221,101 @@ def test_numbers_with_an_exponent_need_no_point(text: str) -> None:
 def test_dump_reads_back() -> None:
     cart = Cart("a", (Wheel(0.3), Wheel(0.4, 12)), True)
     assert structure(yaml.safe_load(dump(cart)), Cart, "cart.yaml") == cart
+
+
+@dataclass(frozen=True)
+class Inner:
+    size: float
+
+    names: tuple[str, ...] = ()
+
+    on: bool = False
+
+
+@dataclass(frozen=True)
+class Outer:
+    count: int
+
+    inner: Inner
+
+    label: str = "none"
+
+
+@dataclass(frozen=True)
+class Defaults:
+    count: int = 3
+
+
+@dataclass(frozen=True)
+class Span:
+    ends: tuple[float, float]
+
+
+class TestSettings:
+    def test_are_plain_data_as_json_has_them(self) -> None:
+        assert unstructure(Span((0.2, 0.8))) == {"ends": [0.2, 0.8]}
+
+    def test_a_file_reads_as_what_was_dumped(self, tmp_path: Path) -> None:
+        settings = Outer(3, Inner(2.5, ("b", "a"), True), "yes")
+        path = tmp_path / "a.yaml"
+        path.write_text(dump(settings))
+        assert load(path, Outer) == settings
+        assert dump(settings).splitlines()[0] == "count: 3"  # in the order of the fields
+        inner = unstructure(settings)["inner"]
+        assert (inner["size"], list(inner["names"]), inner["on"]) == (2.5, ["b", "a"], True)
+
+    @pytest.mark.parametrize(
+        ("data", "says"),
+        [
+            ({"count": 1.0, "inner": {"size": 1}}, "here: count: 1.0 is not a whole number"),
+            ({"count": True, "inner": {"size": 1}}, "here: count: True is not a whole number"),
+            ({"count": 1, "inner": {"size": True}}, "here: inner.size: True is not a number"),
+            ({"count": 1, "inner": {"size": "1"}}, "here: inner.size: '1' is not a number"),
+            ({"count": 1, "inner": {"size": 10**400}}, "here: inner.size: not a finite number"),
+            ({"count": 1, "inner": {"size": -float("inf")}}, "here: inner.size: not a finite number"),
+            ({"count": 1, "inner": {"size": 1, "on": 1}}, "here: inner.on: 1 is not true or false"),
+            ({"count": 1, "inner": {"size": 1, "names": [7]}}, "here: inner.names[0]: 7 is not text"),
+            (
+                {"count": 1, "inner": {"size": 1, "b": 2, "a": 3}},
+                "here: inner: no setting a, b (there are size, names, on)",
+            ),
+            ({"count": 1, "inner": None}, "here: inner: expected a mapping of settings"),
+            ({"count": 1, "inner": 3}, "here: inner: expected a mapping of settings"),
+            ([1], "here: expected a mapping of settings, found list"),
+        ],
+    )
+    def test_what_is_wrong_is_named_with_its_place(self, data: Any, says: str) -> None:
+        with pytest.raises(UserError) as caught:
+            structure(data, Outer, "here")
+        assert str(caught.value) == says
+
+    def test_an_empty_file_leaves_every_setting_at_its_default(self, tmp_path: Path) -> None:
+        (tmp_path / "empty.yaml").write_text("# nothing\n")
+        assert load(tmp_path / "empty.yaml", Defaults) == Defaults()
+        with pytest.raises(UserError, match=r"empty\.yaml: count: required"):
+            load(tmp_path / "empty.yaml", Outer)
+
+    @pytest.mark.parametrize("text", ["1e-3", "-2E5", "+3.e4", "1e3"])
+    def test_exponents_make_numbers(self, text: str) -> None:
+        assert structure({"size": text}, Inner, "").size == float(text)
+
+    def test_a_merge_replaces_leaf_by_leaf_and_leaves_both_as_they_were(self) -> None:
+        base = {"a": {"b": 1, "c": {"d": 2}}, "e": [1, 2], "f": {"g": 1}}
+        changes = {"a": {"c": {"d": 3, "new": 4}}, "e": [9], "f": 5, "h": {"i": 6}}
+        expected = {"a": {"b": 1, "c": {"d": 3, "new": 4}}, "e": [9], "f": 5, "h": {"i": 6}}
+        assert merged(base, changes) == expected
+        assert base == {"a": {"b": 1, "c": {"d": 2}}, "e": [1, 2], "f": {"g": 1}}
+        assert merged({"a": 1}, {"a": {"b": 2}}) == {"a": {"b": 2}}
+
+    def test_a_file_of_the_largest_size_is_read_and_one_byte_more_refused(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(config, "LARGEST_BYTES", 2000)
+        path = tmp_path / "a.yaml"
+        path.write_text("a: 1 #" + "x" * 1994)
+        assert read_yaml(path) == {"a": 1}
+        path.write_text("a: 1 #" + "x" * 1995)
+        with pytest.raises(UserError, match="larger than 2,000 bytes"):
+            read_yaml(path)
+        with pytest.raises(UserError, match=r"no\.yaml: No such file"):
+            read_yaml(tmp_path / "no.yaml")

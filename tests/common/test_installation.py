@@ -1,4 +1,4 @@
-"""Every `pip install` line that an error, doctor or a page prints works where it is read."""
+"""What is installed and what is lacking."""
 
 import re
 import shlex
@@ -6,16 +6,23 @@ import sys
 import tomllib
 from importlib.metadata import PathDistribution
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from footfall import machine
-from footfall.common import installation
+from footfall.common import installation, versions
 from footfall.common.errors import UserError
 from footfall.common.installation import install, install_extras, missing, needs_extra, requirements
+from footfall.common.sources import read_sources
 
 ROOT = Path(__file__).parents[2]
+
+
 EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+
+
 METADATA = """\
 Metadata-Version: 2.4
 Name: footfall
@@ -171,3 +178,72 @@ def test_no_source_has_an_install_line_of_its_own() -> None:
     assert len(rooms) > 8
     sources = {path: path.read_text() for room in rooms for path in room.rglob("*.py")}
     assert [path for path, text in sources.items() if re.search(r"pip install|\[[a-z-]+\]'\"", text)] == []
+
+
+def test_sources_are_all_files_of_their_kinds_at_any_depth_of_their_packages(tmp_path: Path) -> None:
+    files = ("b/two.py", "a/one.py", "a/deep/er/three.py", "a/own.yaml", "a/notes.md", "c/four.py", "five.py")
+    for file in files:
+        (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / file).write_text(f"of {file}")
+
+    def read(*kinds: str) -> list[tuple[str, str]]:
+        found = read_sources(tmp_path, ("b", "a"), *((kinds,) if kinds else ()))
+        return [(str(path), content.decode()) for path, content in found]
+
+    python = [(file, f"of {file}") for file in ("a/deep/er/three.py", "a/one.py", "b/two.py")]
+    assert read() == python
+    assert read("*.py", "*.yaml", "*.*ml") == sorted([*python, ("a/own.yaml", "of a/own.yaml")])
+
+
+def test_versions_of_python_and_of_each_package() -> None:
+    found = versions.versions(["numpy", "no-such-package"])
+    assert found == {
+        "python": ".".join(map(str, sys.version_info[:3])),
+        "numpy": np.__version__,
+        "no-such-package": "not installed as a package",
+    }
+
+
+class TestRequirements:
+    """Of a package with nested extras, as a distribution's metadata tells of them."""
+
+    LINES = (
+        "numpy>=1.26",
+        "mujoco; python_version >= '3'",
+        "winonly; sys_platform == 'nowhere'",
+        "jax; extra == 'train'",
+        "footfall[train,video]; extra == 'all'",
+        "av>=10; extra == 'video'",
+        "pytest; extra == 'dev'",
+    )
+
+    @pytest.fixture(autouse=True)
+    def told(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        metadata = SimpleNamespace(
+            get_all=lambda name: ["all", "train"] if name == "Provides-Extra" else None
+        )
+        known = SimpleNamespace(requires=list(self.LINES), metadata=metadata)
+        monkeypatch.setattr(installation, "distribution", lambda name: known)
+
+    def test_an_extra_is_made_of_what_it_adds_and_includes(self) -> None:
+        def names(*extra: str) -> list[str]:
+            return [str(package) for package in installation.requirements(*extra)]
+
+        assert names() == ["numpy>=1.26", "mujoco"]
+        assert names("train") == ["jax"]
+        assert names("all") == ["jax", "av>=10"]
+        assert installation.extras() == ["all", "train"]
+
+    def test_what_is_missing_is_absent_or_of_another_version(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        there = {"numpy": "1.25", "jax": "0.4", "av": "11.0rc1"}
+
+        def find(name: str) -> str:
+            if name not in there:
+                raise installation.PackageNotFoundError(name)
+            return there[name]
+
+        monkeypatch.setattr(installation, "version", find)
+        assert [package.name for package in installation.missing()] == ["numpy", "mujoco"]
+        assert [package.name for package in installation.missing("all")] == []
+        there["av"] = "9.9"
+        assert [package.name for package in installation.missing("all")] == ["av"]

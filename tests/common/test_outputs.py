@@ -1,14 +1,16 @@
-"""Output files: refused before a long run, or whole."""
+"""Files that a command writes."""
 
 import json
 import os
+import stat
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from footfall.common.errors import UserError
-from footfall.common.outputs import check_outputs, write_json, write_text
+from footfall.common.errors import CannotWriteError, UserError
+from footfall.common.files import write_atomically
+from footfall.common.outputs import check_outputs, is_device, write_json, write_text
 
 
 def test_checking_leaves_nothing_behind(tmp_path: Path) -> None:
@@ -66,3 +68,70 @@ def test_who_reads_while_it_is_written_sees_the_old_content(
 def test_numbers_that_json_does_not_know_become_null(tmp_path: Path) -> None:
     write_json(tmp_path / "a.json", {"a": [float("nan"), np.inf, -np.inf, 1.5], "b": np.array([np.nan, 2.0])})
     assert json.loads((tmp_path / "a.json").read_text()) == {"a": [None, None, None, 1.5], "b": [None, 2.0]}
+
+
+class TestOutputs:
+    def test_content_is_plain_whatever_it_was(self, tmp_path: Path) -> None:
+        content = {
+            1: (1, 2.5),
+            "array": np.array([[1.5, np.nan]]),
+            "number": np.float32(0.5),
+            "flag": np.bool_(True),
+            "path": Path("a/b"),
+            "nested": [{"x": float("-inf")}],
+            "none": None,
+        }
+        write_json(tmp_path / "a.json", content)
+        text = (tmp_path / "a.json").read_text()
+        assert json.loads(text) == {
+            "1": [1, 2.5],
+            "array": [[1.5, None]],
+            "number": 0.5,
+            "flag": True,
+            "path": "a/b",
+            "nested": [{"x": None}],
+            "none": None,
+        }
+        assert text.endswith("}\n")
+        write_json(None, content)
+
+    def test_a_device_is_written_to_and_not_replaced(self, tmp_path: Path) -> None:
+        pipe = tmp_path / "pipe"
+        os.mkfifo(pipe)
+        assert is_device(pipe)
+        assert is_device(Path("/dev/null"))
+        assert not is_device(tmp_path)
+        assert not is_device(tmp_path / "none")
+        check_outputs(pipe, Path("/dev/null"))
+        reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+        try:
+            write_text(pipe, "through ✓")
+            assert os.read(reader, 100).decode() == "through ✓"
+        finally:
+            os.close(reader)
+        assert stat.S_ISFIFO(pipe.stat().st_mode)
+
+    def test_a_link_leads_to_its_file_which_is_replaced(self, tmp_path: Path) -> None:
+        (tmp_path / "there").mkdir()
+        real, link = tmp_path / "there" / "real", tmp_path / "link"
+        real.write_text("old")
+        link.symlink_to(real)
+        check_outputs(link)
+        write_text(link, "new")
+        assert real.read_text() == "new"
+        assert link.is_symlink()
+        with pytest.raises(UserError, match="cannot write two outputs"):
+            check_outputs(link, tmp_path / "other", real)
+        check_outputs(link, tmp_path / "other", None, None)
+
+    def test_a_file_has_the_mode_that_it_is_given(self, tmp_path: Path) -> None:
+        write_atomically(tmp_path / "a", b"x", mode=0o604)
+        assert stat.S_IMODE((tmp_path / "a").stat().st_mode) == 0o604
+        mask = os.umask(0o077)
+        try:
+            write_atomically(tmp_path / "b", b"y")
+            assert os.umask(0o077) == 0o077  # it is left as it was
+        finally:
+            os.umask(mask)
+        assert stat.S_IMODE((tmp_path / "b").stat().st_mode) == 0o600
+        assert issubclass(CannotWriteError, UserError)

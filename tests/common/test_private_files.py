@@ -1,6 +1,7 @@
-"""Files that are code: written for their owner alone, read only if nobody else can have written them."""
+"""Files that no other user may have written."""
 
 import os
+import stat
 from pathlib import Path
 
 import pytest
@@ -76,3 +77,30 @@ def test_a_folder_with_what_others_may_have_written_is_refused(
         folder.symlink_to(tmp_path / "elsewhere")
     with pytest.raises(NotPrivateError, match=r"cache"):
         make_private_folder(folder)
+
+
+class TestPrivateFiles:
+    def test_folder_and_file_are_for_their_owner_alone(self, tmp_path: Path) -> None:
+        path = tmp_path / "deep" / "folder" / "file"
+        write_private(path, b"mine")
+        write_private(path, b"mine again")
+        assert read_private(path) == b"mine again"
+        assert stat.S_IMODE(path.stat().st_mode) == 0o600
+        assert stat.S_IMODE(path.parent.stat().st_mode) == 0o700
+
+    @pytest.mark.parametrize("mode", [0o720, 0o702])
+    def test_neither_group_nor_others_may_write_to_its_folder(self, tmp_path: Path, mode: int) -> None:
+        path = tmp_path / "folder" / "file"
+        write_private(path, b"")
+        path.parent.chmod(mode)
+        for act in (lambda: read_private(path), lambda: write_private(path, b"")):
+            with pytest.raises(NotPrivateError, match=f"others may write to {path.parent}"):
+                act()
+
+    def test_a_folder_that_is_a_link_is_refused(self, tmp_path: Path) -> None:
+        write_private(tmp_path / "real" / "file", b"")
+        (tmp_path / "link").symlink_to(tmp_path / "real")
+        with pytest.raises(NotPrivateError, match="link is a symbolic link"):
+            read_private(tmp_path / "link" / "file")
+        with pytest.raises(NotPrivateError, match="link is a symbolic link"):
+            write_private(tmp_path / "link" / "file", b"")

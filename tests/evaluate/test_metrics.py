@@ -1,6 +1,7 @@
-"""Scores of an episode, from traces made by hand."""
+"""Scores of one episode."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -132,3 +133,51 @@ class TestEffort:
         metrics = score(replace(walk(), joint_target=ramp, motor_torque=3 * ramp), go1, 125.0)
         assert metrics.target_rate_rad_s == pytest.approx(2.0)
         assert metrics.torque_rate_nm_s == pytest.approx(6.0)
+
+
+class TestScore:
+    """A trace whose numbers all differ, against plain sums."""
+
+    def test_every_score_is_of_its_own_signal(self, go1: Robot) -> None:
+        rng = np.random.default_rng(3)
+        count, rate_hz = 700, 50.0
+        draws: dict[str, Any] = {
+            "command": np.repeat(rng.normal(size=(2, 3)), [300, 400], axis=0),
+            "base_velocity": rng.normal(size=(count, 3)),
+            "base_angular_velocity": rng.normal(size=(count, 3)),
+            "motor_torque": rng.normal(size=(count, 12)) * np.arange(1, 13),
+            "joint_target": rng.normal(size=(count, 12)), "foot_velocity": rng.normal(size=(count, 4, 3)),
+            "foot_contact": rng.random((count, 4)) < [0.2, 0.4, 0.6, 0.8],
+            "estimated_velocity": rng.normal(size=(count, 3)), "electrical_power": rng.random(count),
+            "mechanical_power": rng.random(count), "positive_power": rng.random(count),
+            "base_position": np.outer(np.arange(count), [0.02, -0.015, 0.3]),
+        }  # fmt: skip
+        trace = replace(walk(7.0), time_s=np.arange(count) / rate_hz, record_rate_hz=rate_hz, **draws)
+        found = score(trace, go1, 77.0)
+        settled = np.r_[50:300, 350:700]
+        assert found.scored_s == pytest.approx(600 / rate_hz)
+        assert found.walked_s == pytest.approx(14.0)
+        command, linear, angular = (
+            draws[n][settled] for n in ("command", "base_velocity", "base_angular_velocity")
+        )
+        assert found.lin_vel_mse == pytest.approx(np.mean(np.sum((command - linear)[:, :2] ** 2, axis=1)))
+        assert found.yaw_rate_mse == pytest.approx(np.mean((command[:, 2] - angular[:, 2]) ** 2))
+        assert found.mean_velocity == pytest.approx([*linear[:, :2].mean(axis=0), angular[:, 2].mean()])
+        off = draws["estimated_velocity"][settled, :2] - linear[:, :2]
+        assert found.estimate_mse == pytest.approx(np.mean(np.sum(off**2, axis=1)))
+        energies = (found.electrical_j, found.mechanical_j, found.positive_j)
+        powers = ("electrical_power", "mechanical_power", "positive_power")
+        assert energies == pytest.approx([draws[name].sum() / rate_hz for name in powers])
+        assert found.weight_n == 77.0
+        torque = np.abs(draws["motor_torque"])
+        assert found.peak_torque_nm == pytest.approx(torque.max())
+        assert found.peak_torque_share == pytest.approx((torque.max(axis=0) / go1.motor.peak_torque).max())
+        assert found.stance_s == pytest.approx(draws["foot_contact"].sum() / rate_hz)
+        speeds = np.hypot(draws["foot_velocity"][..., 0], draws["foot_velocity"][..., 1])
+        assert found.foot_slip_m_s == pytest.approx(speeds[draws["foot_contact"]].mean())
+        for name, rate in (
+            ("joint_target", found.target_rate_rad_s),
+            ("motor_torque", found.torque_rate_nm_s),
+        ):
+            assert rate == pytest.approx(np.sqrt(np.mean((np.diff(draws[name], axis=0) * rate_hz) ** 2)))
+        assert found.distance_m == pytest.approx(699 * 0.025, rel=0.05)

@@ -1,4 +1,4 @@
-"""Scenarios and the episodes that follow from them."""
+"""Episodes of a scenario: commands, levels, pushes."""
 
 from collections import Counter
 from dataclasses import replace
@@ -13,13 +13,17 @@ from footfall.common.errors import UserError
 from footfall.domain_rand.randomisation import QUANTITIES
 from footfall.evaluate.episodes import sample_of
 from footfall.evaluate.plan import CommandSchedule, plan_episodes, spread_levels
-from footfall.evaluate.scenarios import load_scenarios
+from footfall.evaluate.scenarios import DrawnCommands, Scenario, Waypoint, load_scenarios
 from footfall.plant.episode import Push
 from footfall.robots.commands import CommandRange
 from footfall.robots.description import load_robot
 
 ROBOT = load_robot("go1")
+
+
 FILE = load_scenarios(ROBOT)
+
+
 ALL = sorted(FILE.scenarios)
 
 
@@ -127,6 +131,7 @@ class TestCommandsOfARobot:
     """Scenarios give shares of what a robot is meant to be asked."""
 
     ASKED = CommandRange((-0.2, 0.4), (-0.1, 0.3), (-0.5, 2.0))
+
     OTHER = replace(ROBOT, description=replace(ROBOT.description, commands=ASKED))
 
     def test_one_is_the_highest_command_and_minus_one_the_lowest(self) -> None:
@@ -292,6 +297,62 @@ class TestPlans:
         counts = Counter(level["friction"] for level in chosen)
         assert len(chosen) == episodes
         assert max(counts.values()) - min([*counts.values(), *([0] if len(counts) < 3 else [])]) <= 1
+
+    def test_a_script_is_followed_and_levels_stand_in_for_its_axes(self) -> None:
+        script = (Waypoint(0.0, 0.1, 0.2, 0.3), Waypoint(1.5, -0.4, -0.5, -0.6))
+        scenario = Scenario("x", 2, 4.0, script=script, levels={"leftward_m_s": (0.9,)})
+        (plan, _) = plan_episodes("x", scenario, 0)
+        assert plan.schedule == CommandSchedule((0.0, 1.5), ((0.1, 0.9, 0.3), (-0.4, 0.9, -0.6)))
+        assert (plan.scenario, plan.index, plan.duration_s, plan.randomised) == ("x", 0, 4.0, False)
+        assert plan.pushes == ()
+
+    def test_drawn_commands_are_each_in_its_own_range_for_a_time_in_its_own(self) -> None:
+        drawn = DrawnCommands((0.1, 0.2), (0.3, 0.4), (0.5, 0.6), (0.7, 0.9), standing_share=0.25)
+        plans = plan_episodes("x", Scenario("x", 40, 10.0, commands=drawn, randomised=True), 0)
+        commands = np.array([command for plan in plans for command in plan.schedule.commands])
+        stands = ~commands.any(axis=1)
+        assert stands.mean() == pytest.approx(0.25, abs=0.07)
+        low, high = commands[~stands].min(axis=0), commands[~stands].max(axis=0)
+        assert low == pytest.approx([0.1, 0.3, 0.5], abs=0.01)
+        assert high == pytest.approx([0.2, 0.4, 0.6], abs=0.01)
+        held = np.concatenate([np.diff(plan.schedule.from_s) for plan in plans])
+        assert (held.min(), held.max()) == pytest.approx((0.7, 0.9), abs=0.01)
+        assert all(9.1 <= plan.schedule.from_s[-1] < 10.0 for plan in plans)
+        assert all(plan.randomised for plan in plans)
+        assert [plan.index for plan in plans] == list(range(40))
+
+    def test_nobody_is_asked_to_stand_unless_that_is_said(self) -> None:
+        drawn = DrawnCommands((0.1, 0.2), (0.3, 0.4), (0.5, 0.6), (0.1, 0.2))
+        for plan in plan_episodes("x", Scenario("x", 5, 10.0, commands=drawn), 0):
+            assert all(all(command) for command in plan.schedule.commands)
+
+    def test_pushes_come_within_their_time_and_straight_ahead_unless_a_direction_is_given(self) -> None:
+        scenario = Scenario("x", 50, 5.0, levels={"push_m_s": (0.5, 2.0)}, push_between_s=(1.25, 1.75))
+        plans = plan_episodes("x", scenario, 0)
+        times = [plan.pushes[0].time_s for plan in plans]
+        assert (min(times), max(times)) == pytest.approx((1.25, 1.75), abs=0.05)
+        for plan in plans:
+            assert plan.pushes[0].delta_v_m_s == pytest.approx((plan.levels["push_m_s"], 0.0, 0.0))
+        assert plan_episodes("x", replace(scenario, levels={"friction": (0.5,)}), 0)[0].pushes == ()
+
+    def test_levels_meet_every_combination_before_one_comes_twice(self) -> None:
+        levels = {"friction": (0.2, 0.4, 0.6), "payload_kg": (0.0, 1.0), "forward_m_s": (0.3, 0.5)}
+        chosen = spread_levels(levels, 24, np.random.default_rng(1))
+        assert [list(each) for each in chosen] == [list(levels)] * 24
+        met = [tuple(each.values()) for each in chosen]
+        assert len(set(met[:12])) == 12
+        assert met[12:] == met[:12]
+        orders = [[each[1:] for each in met[:12] if each[0] == friction] for friction in levels["friction"]]
+        assert not orders[0] == orders[1] == orders[2]  # each has an order of its own
+        assert spread_levels({}, 3, np.random.default_rng(0)) == [{}, {}, {}]
+
+    def test_which_level_comes_first_is_drawn(self) -> None:
+        """Or the first few episodes would always meet the mildest ones."""
+        firsts = [
+            spread_levels({"friction": (0.2, 0.4, 0.6)}, 1, np.random.default_rng(seed))[0]["friction"]
+            for seed in range(20)
+        ]
+        assert set(firsts) == {0.2, 0.4, 0.6}
 
 
 class TestCommandSchedule:

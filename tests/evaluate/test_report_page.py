@@ -1,7 +1,8 @@
-"""The report's page, from a comparison made by hand: what it says and what it withstands."""
+"""The page of the report."""
 
 import json
 import re
+from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -9,13 +10,23 @@ from typing import Any
 
 import numpy as np
 import pytest
+from markupsafe import Markup
 from report_pages import COURSE, Page, comparison, page_of, pushed, result, summary, walked
 
-from footfall.evaluate.comparison import command_line
+from footfall.evaluate.comparison import Comparison, command_line
+from footfall.evaluate.config import EvaluationConfig
 from footfall.evaluate.plan import CommandSchedule
-from footfall.evaluate.report import course_plots, films, learning_curves, scenario_plots, svg
+from footfall.evaluate.pool import TaskResult
+from footfall.evaluate.report import (
+    course_plots,
+    films,
+    learning_curves,
+    scenario_plots,
+    svg,
+)
+from footfall.evaluate.report import page as page_module
 from footfall.evaluate.report.caption import in_words, written_on
-from footfall.evaluate.report.films import FilmTask, arrows, frame_indices, frame_times
+from footfall.evaluate.report.films import Film, FilmTask, arrows, frame_indices, frame_times
 from footfall.evaluate.report.page import columns
 from footfall.plant.episode import Push
 from footfall.plant.trace import Trace
@@ -261,3 +272,116 @@ class TestFilm:
         assert np.array_equal(walking[60:], picture[60:])
         assert walking[:40].max() == 255
         assert not np.array_equal(walking, fallen)
+
+
+@pytest.fixture
+def two(go1: Robot) -> Comparison:
+    """The second is worse at all but pushes, and did not walk the course."""
+    return comparison(
+        go1, result("mine", "runs/mine", 0.1, 0, 1.0, walked()), result("trot", "trot", 0.3, 12, 2.0, None)
+    )
+
+
+class TestOrder:
+    def test_each_plot_gets_the_scenarios_that_it_is_about(
+        self, go1: Robot, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        given: dict[str, Any] = {}
+
+        def note(module: Any, name: str) -> None:
+            monkeypatch.setattr(
+                module, name, lambda *arguments: given.setdefault(name, arguments) and svg.Plot(name, "", [])
+            )
+
+        for name in ("survival", "conditions", "sweep"):
+            note(scenario_plots, name)
+        for name in ("tracking", "gait", "torque_speed", "timing"):
+            note(course_plots, name)
+        note(page_module, "learning_curves")
+        names = ("friction", "sweep", "push", "nominal", "payload")
+        policies = []
+        for number, (name, trace) in enumerate((("a", None), ("b", walked(2.0)), ("c", walked(1.0)))):
+            plain = result(name, f"runs/{name}", 0.1, 0, 2.0, trace)
+            scenarios = {each: summary(0.1, number, about=each) for each in names}
+            policies.append(replace(plain, period_ms=5.0 + number, result={"scenarios": scenarios}))
+        of = replace(comparison(go1, *policies), config=EvaluationConfig("go1", names))
+        assert [plot.title for plot in page_module.plots(of)] == [
+            "survival", "tracking", "gait", "conditions", "sweep", "torque_speed", "timing",
+            "learning_curves",
+        ]  # fmt: skip
+        (pushes,), (levels,), (commands,) = (given[name] for name in ("survival", "conditions", "sweep"))
+        assert [(each["about"], each["falls"]) for each in pushes.values()] == [("push", k) for k in range(3)]
+        assert [each["about"] for each in commands.values()] == ["sweep"] * 3
+        assert [(level, summaries["b"]["about"]) for level, summaries in levels] == [
+            ("friction", "friction"), ("payload_kg", "payload"),
+        ]  # fmt: skip
+        walks, plan = given["tracking"]
+        assert [(walk.place, walk.policy, walk.period_ms) for walk in walks] == [(1, "b", 6.0), (2, "c", 7.0)]
+        assert [walk.trace for walk in walks] == [policy.course.trace for policy in policies[1:]]
+        assert plan == COURSE
+        assert given["gait"] == (walks, plan, go1)
+        assert given["torque_speed"] == (walks, go1)
+        assert given["timing"] == (walks,)
+        assert given["learning_curves"] == ({"a": "runs/a", "b": "runs/b", "c": "runs/c"},)
+
+    def test_without_pushes_and_a_sweep_there_is_nothing_of_them(
+        self, go1: Robot, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        given = {}
+        for name in ("survival", "sweep"):
+            monkeypatch.setattr(
+                scenario_plots,
+                name,
+                lambda each, name=name: given.setdefault(name, each) or svg.Plot(name, "", []),
+            )
+        only = replace(
+            comparison(go1, result("a", "a", 0.1, 0, 2.0, None)), config=EvaluationConfig("go1", ("nominal",))
+        )
+        page_module.plots(only)
+        assert given == {"survival": {}, "sweep": {}}
+        assert only.push_scenario is None
+
+    @pytest.fixture
+    def read(self, monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
+        """The words of a page with plots that are quick to make."""
+        panel = Markup("<b>panel</b>")
+        plots = [svg.Plot(f"Plot {k}", f"caption {k}", [panel] * (2 - k), [1]) for k in (0, 1, 2)]
+        monkeypatch.setattr(page_module, "plots", lambda _: plots)
+
+        def words(of: Comparison, **seen: Film) -> str:
+            shown = {policy.name: TaskResult(seen.get(policy.name), "no light") for policy in of.policies}
+            return " ".join(Page(page_module.render(of, shown)).words.split())
+
+        return words
+
+    def test_the_page_tells_all_in_order(self, two: Comparison, read: Callable[..., str]) -> None:
+        words, place = read(two, mine=Film(b"f", b"p")), 0
+        for part in (
+            "mine · trot on go1", "mine falls least often", "seed 3, scenarios nominal, push",
+            "Figures Films",
+            "Plot 0 Plot 1 All figures", "trot did not walk the course", "Headline figures",
+            "Falls in each scenario", "Films", "mine reached the end", "No film of trot: its process died.",
+            "Plot 0 trot panel panel caption 0", "Plot 1 trot panel caption 1", "All figures by scenario",
+            "nominal", "Figures of nominal", "Figures of push", "What ended episodes early",
+            "How it was measured", "estimate it from the same readings", "mine : made by hand",
+            "--seed 3 --episodes 24 --html report.html", "footfall 1.2.3, mujoco 3.1", "Definitions",
+            "Episodes that ended in a fall", "Scenarios", "nominal about:", "push about:", "course about:",
+        ):  # fmt: skip
+            place = words.index(part, place) + len(part)
+        assert "Plot 2" not in words  # it has no panels
+
+    def test_what_was_unusual_is_said(self, two: Comparison, read: Callable[..., str]) -> None:
+        usual = read(two)
+        assert "plant" not in usual[: usual.index("Headline figures")]
+        words = read(replace(two, config=replace(two.config, ground_truth=True, plant=Path("a/heavy.xml"))))
+        assert "were handed the true one (--ground-truth)" in words
+        assert "plant heavy.xml" in words
+
+    def test_a_films_caption_says_how_the_walk_ended(self, go1: Robot, read: Callable[..., str]) -> None:
+        fell = result("mine", "mine", 0.1, 0, 2.0, walked(5.0, fell=True))
+        other = result("trot", "trot", 0.3, 9, 1.0, walked())
+        words = read(comparison(go1, fell, other), mine=Film(b"f", b"p"), trot=Film(b"f", b"p"))
+        assert "mine fell after 5.0 s trot reached the end" in words
+        assert page_module._shown(fell, TaskResult(None, "no light")) == page_module.ShownFilm(
+            "mine", None, "no light"
+        )

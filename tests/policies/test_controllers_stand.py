@@ -1,17 +1,23 @@
-"""What the stand commands in single moments."""
+"""Standing, levelled by the IMU."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from footfall.policies.controllers.mpc.config import MpcConfig
 from footfall.policies.controllers.settings import controller_settings
-from footfall.policies.controllers.stance import tilt_correction
+from footfall.policies.controllers.stance import level_feet, nominal_feet, tilt_correction
 from footfall.policies.controllers.stand import Stand, StandConfig
 from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.description import load_robot
 
 ROBOT = load_robot("go1")
+
+
 LEGS = ROBOT.legs
 
 
@@ -68,9 +74,53 @@ class TestStand:
         right, left = feet[[0, 2], 2], feet[[1, 3], 2]
         assert np.all(right < left)
 
+    CONFIG = StandConfig(
+        rate_hz=100.0, kp=33.0, kd=1.5, tilt_gain=0.8, tilt_rate_gain_s=0.05, most_tilt_rad=0.3, settle_s=2.0
+    )
+
+    def test_it_goes_from_where_it_was_reset_to_a_level_default_pose(self) -> None:
+        policy = Stand(ROBOT, self.CONFIG)
+        begun = observed(Rotation.identity(), time_s=0.0)
+        policy.reset(begun)
+        start = begun.sensed.joint_position.copy()
+        begun.sensed.joint_position[:] = 99.0
+        np.testing.assert_allclose(
+            policy.act(begun._replace(time_s=0.5)).position,
+            0.75 * start + 0.25 * ROBOT.default_pose,
+            atol=1e-9,
+        )
+        for time_s in (2.0, 7.0):
+            settled = policy.act(observed(Rotation.identity(), time_s=time_s))
+            np.testing.assert_allclose(settled.position, ROBOT.default_pose, atol=1e-9)
+        assert settled.kp.tolist() == [33.0] * 12
+        assert settled.kd.tolist() == [1.5] * 12
+        assert not np.any([settled.velocity, settled.torque])
+        assert policy.rate_hz == 100.0
+        again = observed(Rotation.identity(), time_s=0.0)
+        policy.reset(again)
+        np.testing.assert_allclose(policy.act(again).position, again.sensed.joint_position)
+        stance = policy.stance()
+        assert stance is not None
+        assert stance.tolist() == [1.0] * 4
+
+    def test_tilted_its_feet_are_where_a_plane_turned_by_its_share_has_them(self) -> None:
+        policy = Stand(ROBOT, self.CONFIG)
+        seen = observed(Rotation.from_euler("ZYX", [0.7, -0.06, 0.09]), gyro=(0.2, 0.3, 5.0))
+        policy.reset(seen)
+        feet = LEGS.pose(policy.act(seen).position).foot
+        roll, pitch = 0.8 * 0.09 + 0.05 * 0.2, 0.8 * -0.06 + 0.05 * 0.3
+        default = LEGS.default_foot
+        rise = roll * default[:, 1] - pitch * default[:, 0]
+        np.testing.assert_allclose(feet - default, np.outer(rise, UP), atol=1.5e-3)
+        assert np.abs(rise).max() > 0.012
+
 
 ABOVE_ZERO = ("rate_hz", "kp", "settle_s")
+
+
 NOT_BELOW = ("kd", "tilt_gain", "tilt_rate_gain_s", "most_tilt_rad")
+
+
 BAD = [(name, 0.0, "above 0") for name in ABOVE_ZERO] + [(name, -0.1, "0 or above") for name in NOT_BELOW]
 
 
@@ -81,3 +131,57 @@ def test_settings_that_cannot_work_are_refused(name: str, value: float, rule: st
         replace(fine, **{name: value})
     if rule == "0 or above":
         replace(fine, **{name: 0.0})
+
+
+RNG = np.random.default_rng(12)
+
+
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def observed(turn: Rotation, gyro: Any = (0, 0, 0), time_s: float = 9.0, **more: Any) -> PolicyInput:
+    """A robot turned so, with joints that all differ from the default pose and from one another."""
+    position = ROBOT.default_pose + 0.01 * np.arange(12)
+    sensed = Sensed(
+        np.array(gyro, dtype=float),
+        9.81 * turn.inv().apply(UP),
+        turn.as_quat(scalar_first=True),
+        position,
+        0.1 * np.arange(12),
+        np.zeros(12),
+    )
+    values = {"command": np.zeros(3), "base_velocity": np.zeros(3), "base_height": 0.26, **more}
+    return PolicyInput(time_s, sensed, **values)
+
+
+def test_feet_stand_out_forward_and_below_as_asked() -> None:
+    """A leg in the middle plane does not stand out; the feet's own places are left as they are."""
+    places = np.array([[0.2, -0.1, -0.3], [-0.2, 0.15, -0.25], [0.0, 1e-9, -0.2]])
+    legs = SimpleNamespace(default_foot=places.copy(), foot_radius=np.array([0.02, 0.03, 0.01]))
+    feet = nominal_feet(legs, height_m=0.3, outward_m=0.04, shift_m=0.05)  # type: ignore[arg-type]
+    expected = [[0.25, -0.14, -0.28], [-0.15, 0.19, -0.27], [0.05, 0.0, -0.29]]
+    np.testing.assert_allclose(feet, expected, atol=1e-8)
+    np.testing.assert_array_equal(legs.default_foot, places)
+
+
+@pytest.mark.parametrize(("roll", "pitch"), [(0.05, 0.0), (0.0, 0.08), (-0.04, 0.06)])
+@pytest.mark.parametrize("yaw", [0.0, 2.5])
+def test_the_measured_tilt_is_roll_and_pitch_at_any_heading(roll: float, pitch: float, yaw: float) -> None:
+    seen = observed(Rotation.from_euler("ZYX", [yaw, pitch, roll]), gyro=(0.3, -0.5, 9.0))
+    np.testing.assert_allclose(tilt_correction(seen, 2.0, 0.0, 9.0), [2 * roll, 2 * pitch], atol=3e-3)
+    both = tilt_correction(seen, 2.0, 0.1, 9.0) - tilt_correction(seen, 2.0, 0.0, 9.0)
+    np.testing.assert_allclose(both, [0.03, -0.05])
+    np.testing.assert_allclose(tilt_correction(seen, 0.0, 1.0, 0.2), [0.2, -0.2])
+
+
+def test_feet_of_a_turned_plane_move_along_z_as_its_points_do() -> None:
+    roll, pitch = 2e-4, -3e-4
+    feet = RNG.uniform(-0.3, 0.3, (4, 3))
+    flat = feet * [1.0, 1.0, 0.0]
+    turned = Rotation.from_euler("xyz", [roll, pitch, 0.0]).apply(flat)
+    moved = level_feet(feet, np.array([roll, pitch]))
+    np.testing.assert_allclose(moved - feet, turned * [0.0, 0.0, 1.0], atol=1e-6)
+    assert np.abs(moved - feet).max() > 1e-5
+
+
+CONFIG = controller_settings(ROBOT, "mpc", MpcConfig)

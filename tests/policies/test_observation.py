@@ -1,6 +1,7 @@
-"""The observation and the action: the same for NumPy and JAX, and laid out as the contract says."""
+"""The observation and the action: the same for NumPy and JAX, laid out as the contract says."""
 
 from dataclasses import replace
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -186,3 +187,89 @@ def test_the_clock_is_sine_then_cosine(contract: Contract) -> None:
 def test_no_gait_means_no_reference(contract: Contract) -> None:
     bare = replace(contract, gait=None)
     np.testing.assert_array_equal(gait_reference(np.array([0.25]), np.ones(3), bare), np.zeros(12))
+
+
+RNG = np.random.default_rng(12)
+
+
+class TestObservation:
+    def inputs(self, contract: Contract, scale: float) -> Inputs:
+        rng = np.random.default_rng(int(scale * 10))
+        names = {"gyro": 3, "gravity": 3, "joint_position": 12, "joint_velocity": 12}
+        return Inputs(
+            {name: rng.normal(size=size) for name, size in names.items()},
+            rng.normal(size=12),
+            np.array([0.3, -0.2, 0.1]) * scale,
+            np.array([0.15 * scale]),
+        )
+
+    def test_three_frames_by_hand(self, contract: Contract) -> None:
+        """Unequal scales and histories; the clock where sine and cosine differ."""
+        terms = (Term("joint_velocity", 0.05, 2), Term("clock", 3.0, 1), Term("command", -2.0, 3))
+        contract = replace(contract, observation=terms)
+        moments = [self.inputs(contract, scale) for scale in (1.0, 2.0, 3.0)]
+        frames = np.zeros((history_length(contract), 12 + 2 + 3))
+        for moment in moments:
+            frames = push_frame(frames, frame(moment, contract))
+        angle = 2 * np.pi * 0.45
+        expected = np.concatenate(
+            [
+                0.05 * moments[1].readings["joint_velocity"],
+                0.05 * moments[2].readings["joint_velocity"],
+                [3.0 * np.sin(angle), 3.0 * np.cos(angle)],
+                *(-2.0 * moment.command for moment in moments),
+            ]
+        )
+        np.testing.assert_allclose(observation(frames, contract), expected, atol=1e-12)
+
+    def test_a_clock_shows_nothing_while_the_command_is_to_stand(self, contract: Contract) -> None:
+        contract = replace(contract, observation=(Term("clock"),))
+        moment = self.inputs(contract, 2.0)
+        angle = 2 * np.pi * 0.3
+        np.testing.assert_allclose(frame(moment, contract), [np.sin(angle), np.cos(angle)])
+        still = moment._replace(command=np.array([0.0, 0.05, 0.0]))
+        np.testing.assert_array_equal(frame(still, contract), [0.0, 0.0])
+
+    def test_readings_of_single_precision_stay_so(self, contract: Contract) -> None:
+        moment = self.inputs(contract, 1.0)
+        single = {name: value.astype(np.float32) for name, value in moment.readings.items()}
+        others = (part.astype(np.float32) for part in moment[1:])
+        assert frame(Inputs(single, *others), contract).dtype == np.float32
+
+    @pytest.mark.parametrize(
+        ("command", "expected"),
+        [((0.06, 0.0, 0.08), 1.0), ((0.0, -0.0999, 0.0), 0.0), ((-0.07, 0.06, -0.05), 1.0), ((0, 0, 0), 0.0)],
+    )
+    def test_moving_is_a_norm_over_all_axes_from_the_threshold_on(
+        self, contract: Contract, command: Any, expected: float
+    ) -> None:
+        assert contract.standing_command == 0.1
+        assert moving(np.array(command, dtype=float), contract).tolist() == [expected]
+        assert moving(np.zeros(3), replace(contract, standing_command=0.0)).tolist() == [1.0]
+
+    def test_targets_by_hand(self, contract: Contract) -> None:
+        action, command = RNG.normal(size=12), np.array([0.5, 0.0, 0.0])
+        phase = RNG.uniform(size=12)
+        amplitude = RNG.normal(size=12)
+        assert contract.gait is not None
+        gait = replace(contract.gait, phase=tuple(phase), amplitude_rad=tuple(amplitude))
+        contract = replace(contract, gait=gait, action_scale_rad=tuple(RNG.uniform(0.1, 1.0, 12)))
+        clock = np.array([0.37])
+        wave = np.sin(2 * np.pi * (0.37 + phase))
+        reference = np.where(wave > 0, amplitude * wave, 0.0)
+        np.testing.assert_allclose(gait_reference(clock, command, contract), reference, atol=1e-12)
+        expected = np.array(contract.default_pose_rad) + reference
+        expected += np.array(contract.action_scale_rad) * action
+        np.testing.assert_allclose(joint_target(action, clock, command, contract), expected, atol=1e-12)
+        assert not gait_reference(clock, np.zeros(3), contract).any()
+        shorter = replace(contract, gait=replace(gait, duty=0.8))
+        swing = (0.37 + phase) % 1.0 / 0.2
+        reference = np.where(swing < 1.0, amplitude * np.sin(np.pi * swing), 0.0)
+        np.testing.assert_allclose(gait_reference(clock, command, shorter), reference, atol=1e-12)
+        single = gait_reference(clock.astype(np.float32), command.astype(np.float32), contract)
+        assert single.dtype == np.float32
+        none = gait_reference(clock.astype(np.float32), command, replace(contract, gait=None))
+        assert none.dtype == np.float32
+        still = gait_reference(np.zeros((5, 1)), np.ones((5, 3)), replace(contract, gait=None))
+        assert still.shape == (5, 12)
+        assert not still.any()

@@ -1,7 +1,5 @@
-"""The parts of policies on bodies that are tilted, turned and in motion, against sums written out in 3D."""
+"""State, reference and steps of model-predictive control."""
 
-from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -9,9 +7,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from footfall.common.rotations import heading_matrix, wrap_angle
-from footfall.policies.action import gait_reference, joint_target
-from footfall.policies.contract import Contract, Term
-from footfall.policies.controllers.command import CommandShaping, ShapedCommand
 from footfall.policies.controllers.mpc import Mpc
 from footfall.policies.controllers.mpc.config import FootholdConfig, MpcConfig
 from footfall.policies.controllers.mpc.controller import Base
@@ -19,23 +14,21 @@ from footfall.policies.controllers.mpc.footholds import contact_points, foothold
 from footfall.policies.controllers.mpc.problem import BodyState
 from footfall.policies.controllers.mpc.swing import swing_motion
 from footfall.policies.controllers.settings import controller_settings
-from footfall.policies.controllers.stance import level_feet, nominal_feet, tilt_correction
-from footfall.policies.controllers.stand import Stand, StandConfig
-from footfall.policies.observation import (
-    Inputs,
-    frame,
-    history_length,
-    moving,
-    observation,
-    push_frame,
-)
 from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.description import load_robot
 
 ROBOT = load_robot("go1")
+
+
 LEGS = ROBOT.legs
+
+
 RNG = np.random.default_rng(12)
+
+
 TILTED = Rotation.from_euler("ZYX", [1.1, -0.15, 0.1])
+
+
 UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -56,211 +49,6 @@ def observed(turn: Rotation, gyro: Any = (0, 0, 0), time_s: float = 9.0, **more:
     )
     values = {"command": np.zeros(3), "base_velocity": np.zeros(3), "base_height": 0.26, **more}
     return PolicyInput(time_s, sensed, **values)
-
-
-# -- commands, stances, standing ---------------------------------------------------------------------
-
-
-class TestShapedCommand:
-    SHAPING = CommandShaping(acceleration_m_s2=2.0, yaw_acceleration_rad_s2=5.0, standing_command=0.1)
-
-    def test_each_axis_has_its_own_acceleration_in_both_directions(self) -> None:
-        shaped = ShapedCommand(self.SHAPING)
-        goal = np.array([0.5, -0.9, 0.03])
-        found = []
-        for _ in range(3):
-            shaped.advance(goal, 0.1)
-            found.append(shaped.value.tolist())
-        np.testing.assert_allclose(found, [[0.2, -0.2, 0.03], [0.4, -0.4, 0.03], [0.5, -0.6, 0.03]])
-        kept = shaped.value
-        shaped.advance(np.array([0.0, 0.0, -2.0]), 0.1)
-        np.testing.assert_allclose(shaped.value, [0.3, -0.4, -0.47])
-        np.testing.assert_allclose(kept, found[-1])
-
-    @pytest.mark.parametrize(
-        ("command", "walks"),
-        [((0.06, 0.06, 0.06), True), ((0.05, 0.05, 0.05), False), ((0, 0, -0.2), True), ((0, 0, 0), False)],
-    )
-    def test_small_commands_of_all_axes_together_mean_stand(self, command: Any, walks: bool) -> None:
-        shaped = ShapedCommand(self.SHAPING)
-        assert shaped.wants_walk(np.array(command)) is walks
-        shaped.advance(np.array(command), 0.5)
-        assert shaped.value.any() == walks
-
-    def test_it_walks_until_it_has_slowed_down_and_a_reset_stands(self) -> None:
-        shaped = ShapedCommand(self.SHAPING)
-        shaped.advance(np.array([0.0, 0.5, 0.0]), 0.1)
-        still = np.zeros(3)
-        assert shaped.wants_walk(still)
-        shaped.advance(np.array([0.05, 0.0, 0.0]), 0.1)
-        assert not shaped.value.any()
-        assert not shaped.wants_walk(still)
-        shaped.advance(np.array([0.0, 0.0, -2.0]), 0.1)  # turning on the spot is walking, too
-        assert shaped.wants_walk(still)
-        shaped.advance(np.array([1.0, 1.0, 1.0]), 0.1)
-        shaped.reset()
-        assert not shaped.wants_walk(still)
-
-
-def test_feet_stand_out_forward_and_below_as_asked() -> None:
-    """A leg in the middle plane does not stand out; the feet's own places are left as they are."""
-    places = np.array([[0.2, -0.1, -0.3], [-0.2, 0.15, -0.25], [0.0, 1e-9, -0.2]])
-    legs = SimpleNamespace(default_foot=places.copy(), foot_radius=np.array([0.02, 0.03, 0.01]))
-    feet = nominal_feet(legs, height_m=0.3, outward_m=0.04, shift_m=0.05)  # type: ignore[arg-type]
-    expected = [[0.25, -0.14, -0.28], [-0.15, 0.19, -0.27], [0.05, 0.0, -0.29]]
-    np.testing.assert_allclose(feet, expected, atol=1e-8)
-    np.testing.assert_array_equal(legs.default_foot, places)
-
-
-@pytest.mark.parametrize(("roll", "pitch"), [(0.05, 0.0), (0.0, 0.08), (-0.04, 0.06)])
-@pytest.mark.parametrize("yaw", [0.0, 2.5])
-def test_the_measured_tilt_is_roll_and_pitch_at_any_heading(roll: float, pitch: float, yaw: float) -> None:
-    seen = observed(Rotation.from_euler("ZYX", [yaw, pitch, roll]), gyro=(0.3, -0.5, 9.0))
-    np.testing.assert_allclose(tilt_correction(seen, 2.0, 0.0, 9.0), [2 * roll, 2 * pitch], atol=3e-3)
-    both = tilt_correction(seen, 2.0, 0.1, 9.0) - tilt_correction(seen, 2.0, 0.0, 9.0)
-    np.testing.assert_allclose(both, [0.03, -0.05])
-    np.testing.assert_allclose(tilt_correction(seen, 0.0, 1.0, 0.2), [0.2, -0.2])
-
-
-def test_feet_of_a_turned_plane_move_along_z_as_its_points_do() -> None:
-    roll, pitch = 2e-4, -3e-4
-    feet = RNG.uniform(-0.3, 0.3, (4, 3))
-    flat = feet * [1.0, 1.0, 0.0]
-    turned = Rotation.from_euler("xyz", [roll, pitch, 0.0]).apply(flat)
-    moved = level_feet(feet, np.array([roll, pitch]))
-    np.testing.assert_allclose(moved - feet, turned * [0.0, 0.0, 1.0], atol=1e-6)
-    assert np.abs(moved - feet).max() > 1e-5
-
-
-class TestStand:
-    CONFIG = StandConfig(
-        rate_hz=100.0, kp=33.0, kd=1.5, tilt_gain=0.8, tilt_rate_gain_s=0.05, most_tilt_rad=0.3, settle_s=2.0
-    )
-
-    def test_it_goes_from_where_it_was_reset_to_a_level_default_pose(self) -> None:
-        policy = Stand(ROBOT, self.CONFIG)
-        begun = observed(Rotation.identity(), time_s=0.0)
-        policy.reset(begun)
-        start = begun.sensed.joint_position.copy()
-        begun.sensed.joint_position[:] = 99.0
-        np.testing.assert_allclose(
-            policy.act(begun._replace(time_s=0.5)).position,
-            0.75 * start + 0.25 * ROBOT.default_pose,
-            atol=1e-9,
-        )
-        for time_s in (2.0, 7.0):
-            settled = policy.act(observed(Rotation.identity(), time_s=time_s))
-            np.testing.assert_allclose(settled.position, ROBOT.default_pose, atol=1e-9)
-        assert settled.kp.tolist() == [33.0] * 12
-        assert settled.kd.tolist() == [1.5] * 12
-        assert not np.any([settled.velocity, settled.torque])
-        assert policy.rate_hz == 100.0
-        again = observed(Rotation.identity(), time_s=0.0)
-        policy.reset(again)
-        np.testing.assert_allclose(policy.act(again).position, again.sensed.joint_position)
-        stance = policy.stance()
-        assert stance is not None
-        assert stance.tolist() == [1.0] * 4
-
-    def test_tilted_its_feet_are_where_a_plane_turned_by_its_share_has_them(self) -> None:
-        policy = Stand(ROBOT, self.CONFIG)
-        seen = observed(Rotation.from_euler("ZYX", [0.7, -0.06, 0.09]), gyro=(0.2, 0.3, 5.0))
-        policy.reset(seen)
-        feet = LEGS.pose(policy.act(seen).position).foot
-        roll, pitch = 0.8 * 0.09 + 0.05 * 0.2, 0.8 * -0.06 + 0.05 * 0.3
-        default = LEGS.default_foot
-        rise = roll * default[:, 1] - pitch * default[:, 0]
-        np.testing.assert_allclose(feet - default, np.outer(rise, UP), atol=1.5e-3)
-        assert np.abs(rise).max() > 0.012
-
-
-# -- learned policies --------------------------------------------------------------------------------
-
-
-class TestObservation:
-    def inputs(self, contract: Contract, scale: float) -> Inputs:
-        rng = np.random.default_rng(int(scale * 10))
-        names = {"gyro": 3, "gravity": 3, "joint_position": 12, "joint_velocity": 12}
-        return Inputs(
-            {name: rng.normal(size=size) for name, size in names.items()},
-            rng.normal(size=12),
-            np.array([0.3, -0.2, 0.1]) * scale,
-            np.array([0.15 * scale]),
-        )
-
-    def test_three_frames_by_hand(self, contract: Contract) -> None:
-        """Unequal scales and histories; the clock where sine and cosine differ."""
-        terms = (Term("joint_velocity", 0.05, 2), Term("clock", 3.0, 1), Term("command", -2.0, 3))
-        contract = replace(contract, observation=terms)
-        moments = [self.inputs(contract, scale) for scale in (1.0, 2.0, 3.0)]
-        frames = np.zeros((history_length(contract), 12 + 2 + 3))
-        for moment in moments:
-            frames = push_frame(frames, frame(moment, contract))
-        angle = 2 * np.pi * 0.45
-        expected = np.concatenate(
-            [
-                0.05 * moments[1].readings["joint_velocity"],
-                0.05 * moments[2].readings["joint_velocity"],
-                [3.0 * np.sin(angle), 3.0 * np.cos(angle)],
-                *(-2.0 * moment.command for moment in moments),
-            ]
-        )
-        np.testing.assert_allclose(observation(frames, contract), expected, atol=1e-12)
-
-    def test_a_clock_shows_nothing_while_the_command_is_to_stand(self, contract: Contract) -> None:
-        contract = replace(contract, observation=(Term("clock"),))
-        moment = self.inputs(contract, 2.0)
-        angle = 2 * np.pi * 0.3
-        np.testing.assert_allclose(frame(moment, contract), [np.sin(angle), np.cos(angle)])
-        still = moment._replace(command=np.array([0.0, 0.05, 0.0]))
-        np.testing.assert_array_equal(frame(still, contract), [0.0, 0.0])
-
-    def test_readings_of_single_precision_stay_so(self, contract: Contract) -> None:
-        moment = self.inputs(contract, 1.0)
-        single = {name: value.astype(np.float32) for name, value in moment.readings.items()}
-        others = (part.astype(np.float32) for part in moment[1:])
-        assert frame(Inputs(single, *others), contract).dtype == np.float32
-
-    @pytest.mark.parametrize(
-        ("command", "expected"),
-        [((0.06, 0.0, 0.08), 1.0), ((0.0, -0.0999, 0.0), 0.0), ((-0.07, 0.06, -0.05), 1.0), ((0, 0, 0), 0.0)],
-    )
-    def test_moving_is_a_norm_over_all_axes_from_the_threshold_on(
-        self, contract: Contract, command: Any, expected: float
-    ) -> None:
-        assert contract.standing_command == 0.1
-        assert moving(np.array(command, dtype=float), contract).tolist() == [expected]
-        assert moving(np.zeros(3), replace(contract, standing_command=0.0)).tolist() == [1.0]
-
-    def test_targets_by_hand(self, contract: Contract) -> None:
-        action, command = RNG.normal(size=12), np.array([0.5, 0.0, 0.0])
-        phase = RNG.uniform(size=12)
-        amplitude = RNG.normal(size=12)
-        assert contract.gait is not None
-        gait = replace(contract.gait, phase=tuple(phase), amplitude_rad=tuple(amplitude))
-        contract = replace(contract, gait=gait, action_scale_rad=tuple(RNG.uniform(0.1, 1.0, 12)))
-        clock = np.array([0.37])
-        wave = np.sin(2 * np.pi * (0.37 + phase))
-        reference = np.where(wave > 0, amplitude * wave, 0.0)
-        np.testing.assert_allclose(gait_reference(clock, command, contract), reference, atol=1e-12)
-        expected = np.array(contract.default_pose_rad) + reference
-        expected += np.array(contract.action_scale_rad) * action
-        np.testing.assert_allclose(joint_target(action, clock, command, contract), expected, atol=1e-12)
-        assert not gait_reference(clock, np.zeros(3), contract).any()
-        shorter = replace(contract, gait=replace(gait, duty=0.8))
-        swing = (0.37 + phase) % 1.0 / 0.2
-        reference = np.where(swing < 1.0, amplitude * np.sin(np.pi * swing), 0.0)
-        np.testing.assert_allclose(gait_reference(clock, command, shorter), reference, atol=1e-12)
-        single = gait_reference(clock.astype(np.float32), command.astype(np.float32), contract)
-        assert single.dtype == np.float32
-        none = gait_reference(clock.astype(np.float32), command, replace(contract, gait=None))
-        assert none.dtype == np.float32
-        still = gait_reference(np.zeros((5, 1)), np.ones((5, 3)), replace(contract, gait=None))
-        assert still.shape == (5, 12)
-        assert not still.any()
-
-
-# -- model-predictive control ------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -1,0 +1,212 @@
+"""What the API hands to the suite, prints and writes. No episode is run here."""
+
+import io
+import json
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from footfall.common.errors import UserError
+from footfall.domain_rand.noise import Noise
+from footfall.evaluate import api
+from footfall.evaluate.config import EvaluationConfig
+from footfall.evaluate.scenarios import Scenario, ScenarioFile, Waypoint
+from footfall.evaluate.suite import CourseWalk
+from footfall.policies.registry import load_policy
+from footfall.robots.description import Robot
+
+OWN_NOISE = Noise(gyro=0.123)
+
+
+FILE = ScenarioFile(
+    OWN_NOISE,
+    {
+        "one": Scenario("One", 3, 2.0, script=(Waypoint(0.0),), levels={"friction": (0.3, 0.9)}),
+        "two": Scenario("Two", 2, 3.0, script=(Waypoint(0.0),)),
+        "course": Scenario("A walk", 5, 4.0, script=(Waypoint(0.0),)),
+    },
+)
+
+
+OWN = Path("own.yaml")
+
+
+TWO = EvaluationConfig("go1", ("two",))
+
+
+def bare(name: str, episodes: int = 4) -> dict[str, Any]:
+    """A scenario's summary of `episodes` falls out of 24."""
+    return {"episodes": 24, "failed_episodes": [], "falls": episodes, "fall_rate": episodes / 24,
+            "fall_rate_interval": [0.1, 0.2], "notes": [], "about": name}  # fmt: skip
+
+
+class TestApi:
+    @pytest.fixture
+    def ran(self, monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
+        """What the suite and the course were called with."""
+        seen = SimpleNamespace(order=[])
+
+        def run_suite(
+            policies: Any, config: EvaluationConfig, file: ScenarioFile, done: Any
+        ) -> dict[str, Any]:
+            seen.suite, seen.done = (policies, config, file), done
+            seen.order.append("suite")
+            return {spec: {name: bare(f"{spec} {name}") for name in config.scenarios} for spec in policies}
+
+        def run_course(policies: Any, config: EvaluationConfig, file: ScenarioFile) -> dict[str, Any]:
+            seen.course = (policies, config, file)
+            seen.order.append("course")
+            times = {spec: {"p50": 1.0 + number, "p99": 3.0} for number, spec in enumerate(policies)}
+            return {
+                spec: CourseWalk(
+                    "plan", f"trace of {spec}", {"compute_ms": times[spec], "missed_deadlines": 0.5}, ""
+                )  # type: ignore[arg-type]
+                for spec in policies
+            }
+
+        def load_scenarios(robot: Robot, own: Path | None) -> ScenarioFile:
+            assert robot.description.name == "go1"
+            seen.own = own
+            return FILE
+
+        monkeypatch.setattr(api, "load_scenarios", load_scenarios)
+        monkeypatch.setattr(api, "run_suite", run_suite)
+        monkeypatch.setattr(api, "run_course", run_course)
+        return seen
+
+    @pytest.fixture
+    def console(self) -> Console:
+        return Console(file=io.StringIO(), width=200)
+
+    def test_every_argument_of_evaluate_reaches_the_suite_and_the_json(
+        self, ran: SimpleNamespace, go1: Robot, tmp_path: Path, console: Console
+    ) -> None:
+        path = tmp_path / "out.json"
+        config = EvaluationConfig("go1", ("two", "one"), 7, 5, go1.xml_path, True, 3, OWN)
+        result = api.evaluate_policy("trot", config, json_path=path, console=console)
+        assert ran.suite == (["trot"], config, FILE)
+        assert ran.order == ["suite"]
+        assert ran.own == OWN
+        assert json.loads(path.read_text()) == result
+        assert list(result["scenarios"]) == ["two", "one"]
+        assert result["scenarios"]["one"] == bare("trot one")
+        shared = {key: result[key] for key in ("policy", "robot", "seed", "ground_truth", "plant", "about")}
+        about = "hand-written controller, 500 Hz, on estimated velocity"
+        assert shared == {
+            "policy": "trot", "robot": "go1", "seed": 7, "ground_truth": True, "plant": str(go1.xml_path),
+            "about": shared["about"],
+        }  # fmt: skip
+        assert shared["about"].startswith(about.split(",", maxsplit=1)[0])
+        assert set(result["versions"]) >= {"footfall", "mujoco"}
+        assert "cores" in result["machine"]
+        printed = console.file.getvalue()  # type: ignore[attr-defined]
+        assert printed.index("two") < printed.index("one") < printed.index("Over 24 episodes")
+
+    def test_compare_hands_the_same_setup_to_both_and_joins_what_they_found(
+        self,
+        ran: SimpleNamespace,
+        go1: Robot,
+        tmp_path: Path,
+        console: Console,
+        monkeypatch: pytest.MonkeyPatch,
+    ) -> None:
+        seen: list[Any] = []
+        monkeypatch.setattr("footfall.evaluate.report.films.films_of", lambda of: seen.append(of) or "films")
+        monkeypatch.setattr(
+            "footfall.evaluate.report.page.render", lambda of, films: f"{films} of {seen[0] is of}"
+        )
+        json_path, html_path = tmp_path / "out.json", tmp_path / "out.html"
+        config = EvaluationConfig("go1", ("two",), 7, 5, go1.xml_path, True, 3, OWN)
+        results = api.compare_policies(
+            ["trot", "stand"], config, json_path=json_path, html_path=html_path, console=console
+        )
+        assert ran.suite == ran.course == (["trot", "stand"], config, FILE)
+        assert ran.order == ["suite", "course"]
+        assert html_path.read_text() == "films of True"
+        assert json.loads(json_path.read_text()) == results
+        assert [(each["policy"], each["compute_ms"]["p50"]) for each in results.values()] == [
+            ("trot", 1.0), ("stand", 2.0),
+        ]  # fmt: skip
+        assert list(results) == ["trot", "stand"]
+        (of,) = seen
+        assert (of.robot.name, of.config, of.file) == ("go1", config, FILE)
+        assert [(each.name, each.spec, each.course.trace) for each in of.policies] == [
+            ("trot", "trot", "trace of trot"), ("stand", "stand", "trace of stand"),
+        ]  # fmt: skip
+        rates = [load_policy(name, go1).rate_hz for name in ("trot", "stand")]
+        assert [each.period_ms for each in of.policies] == [1e3 / rate for rate in rates]
+        assert of.policies[1].origin == "hand-written controller, 500 Hz"
+        assert of.policies[1].result == results["stand"]
+        assert set(of.versions) >= {"footfall", "mujoco"}
+        assert f"report: {html_path}" in console.file.getvalue()  # type: ignore[attr-defined]
+
+    def test_without_a_report_nothing_is_filmed(
+        self, ran: SimpleNamespace, console: Console, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr("footfall.evaluate.report.films.films_of", lambda _: pytest.fail("it filmed"))
+        assert list(api.compare_policies(["stand"], TWO, console=console)) == ["stand"]
+
+    def test_a_report_is_a_file(self, ran: SimpleNamespace, console: Console) -> None:
+        with pytest.raises(UserError, match="cannot write the report to /dev/null: give a file name"):
+            api.compare_policies(["stand"], TWO, html_path=Path("/dev/null"), console=console)
+        assert ran.order == []
+
+    def test_a_policy_named_twice_is_refused(self, ran: SimpleNamespace, console: Console) -> None:
+        with pytest.raises(UserError, match="'stand' is named twice"):
+            api.compare_policies(["stand", "trot", "stand"], TWO, console=console)
+
+    @pytest.mark.parametrize(
+        ("changes", "complaint"),
+        [
+            ({"specs": []}, "name at least one policy"),
+            ({"episodes": 0}, "episodes is 0: it must be 1 or more"),
+            ({"scenarios": ("two", "ballet")}, "no scenario 'ballet'"),
+            ({"specs": ["stand", "dance"]}, "no policy 'dance'"),
+            ({"specs": ["dance"]}, "no policy 'dance'"),
+            ({"robot": "r2d2"}, "no robot 'r2d2'"),
+            ({"plant": Path("absent.xml")}, "no MJCF file at absent.xml"),
+            ({"json_path": Path("absent/out.json")}, "there is no folder .*absent"),
+            ({"html_path": Path("absent/out.html")}, "there is no folder .*absent"),
+            ({"json_path": Path("out"), "html_path": Path("out")}, "a name of its own"),
+        ],
+    )
+    def test_what_cannot_be_is_known_before_the_first_episode(
+        self,
+        ran: SimpleNamespace,
+        console: Console,
+        tmp_path: Path,
+        monkeypatch: pytest.MonkeyPatch,
+        changes: dict[str, Any],
+        complaint: str,
+    ) -> None:
+        monkeypatch.chdir(tmp_path)
+        outputs = {"json_path", "html_path"}
+        specs = changes.pop("specs", ["stand"])
+        config = replace(TWO, **{key: value for key, value in changes.items() if key not in outputs})
+        asked: Any = {key: value for key, value in changes.items() if key in outputs} | {"console": console}
+        with pytest.raises(UserError, match=complaint):
+            api.compare_policies(specs, config, **asked)
+        if len(specs) == 1 and "html_path" not in changes:
+            with pytest.raises(UserError, match=complaint):
+                api.evaluate_policy(*specs, config, **asked)
+        assert ran.order == []
+
+    def test_without_the_extra_no_report_is_begun(
+        self, ran: SimpleNamespace, console: Console, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr("footfall.evaluate.report.extra.find_spec", lambda _: None)
+        with pytest.raises(UserError, match="an HTML report needs jinja2, matplotlib"):
+            api.compare_policies(["stand"], TWO, html_path=tmp_path / "x.html", console=console)
+        assert ran.order == []
+
+    def test_names_are_the_policies_own_where_they_differ(self) -> None:
+        policies: Any = {
+            spec: SimpleNamespace(name=name) for spec, name in zip("abc", ("x", "y", "x"), strict=True)
+        }
+        assert api.policy_names(policies) == {"a": "a", "b": "y", "c": "c"}
+        odd: Any = {"spec": SimpleNamespace(name="caf\udce9")}
+        assert api.policy_names(odd) == {"spec": "caf?"}

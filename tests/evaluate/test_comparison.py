@@ -1,0 +1,121 @@
+"""A comparison, and its tables on the terminal."""
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from footfall.domain_rand.noise import Noise
+from footfall.evaluate.comparison import Comparison, PolicyResult, command_line
+from footfall.evaluate.config import EvaluationConfig
+from footfall.evaluate.scenarios import Scenario, ScenarioFile, Waypoint
+from footfall.evaluate.table import print_results, scenario_table, warnings
+
+OWN_NOISE = Noise(gyro=0.123)
+
+
+FILE = ScenarioFile(
+    OWN_NOISE,
+    {
+        "one": Scenario("One", 3, 2.0, script=(Waypoint(0.0),), levels={"friction": (0.3, 0.9)}),
+        "two": Scenario("Two", 2, 3.0, script=(Waypoint(0.0),)),
+        "course": Scenario("A walk", 5, 4.0, script=(Waypoint(0.0),)),
+    },
+)
+
+
+OWN = Path("own.yaml")
+
+
+def bare(name: str, episodes: int = 4) -> dict[str, Any]:
+    """A scenario's summary of `episodes` falls out of 24."""
+    return {"episodes": 24, "failed_episodes": [], "falls": episodes, "fall_rate": episodes / 24,
+            "fall_rate_interval": [0.1, 0.2], "notes": [], "about": name}  # fmt: skip
+
+
+class TestComparison:
+    """What a report says of how it came about."""
+
+    def compared(
+        self, config: EvaluationConfig, file: ScenarioFile = FILE, specs: Sequence[str] = ("b", "a")
+    ) -> Any:
+        policies = [
+            PolicyResult(f"{spec}'s name", spec, "", 2.0, {"scenarios": {"one": spec}}, None)  # type: ignore[arg-type]
+            for spec in specs
+        ]
+        return Comparison(None, config, file, policies, {})  # type: ignore[arg-type]
+
+    def test_what_to_type_for_the_same_figures(self) -> None:
+        plain = "footfall compare b a --robot go1 --scenarios one --seed 0 --html report.html"
+        assert command_line(self.compared(EvaluationConfig("go1", ("one",)))) == plain
+        config = EvaluationConfig("my robot", ("two", "one"), 7, 5, Path("a b.xml"), True, 3, OWN)
+        assert command_line(self.compared(config, specs=["runs/it's mine"])) == (
+            "footfall compare 'runs/it'\"'\"'s mine' --robot 'my robot' --scenarios two,one --seed 7"
+            " --episodes 5 --scenario-file own.yaml --plant 'a b.xml' --ground-truth --html report.html"
+        )
+
+    def test_pushes_are_those_of_the_first_scenario_that_varies_their_size(self) -> None:
+        def pushing(*levels: str) -> Scenario:
+            return Scenario("x", 1, 2.0, levels=dict.fromkeys(levels, (1.0,)), push_between_s=(0.0, 1.0))
+
+        scenarios = FILE.scenarios | {
+            "where": pushing("push_direction_deg"), "late": pushing("push_m_s"), "later": pushing("push_m_s"),
+        }  # fmt: skip
+        file = ScenarioFile(OWN_NOISE, scenarios)
+        chosen = EvaluationConfig("go1", ("one", "where", "late", "later"))
+        assert self.compared(chosen, file).push_scenario == "late"
+        assert self.compared(EvaluationConfig("go1", ("one", "where")), file).push_scenario is None
+
+    def test_summaries_are_by_name_in_the_order_of_the_policies(self) -> None:
+        found = self.compared(EvaluationConfig("go1", ("one",))).summaries("one")
+        assert list(found.items()) == [("b's name", "b"), ("a's name", "a")]
+
+
+def test_brackets_in_a_name_are_no_markup() -> None:
+    console = Console(file=io.StringIO(), width=200)
+    print_results({"[bold]mine": {"scenarios": {"one": bare("x")}}}, console)
+    printed = console.file.getvalue()  # type: ignore[attr-defined]
+    assert printed.count("[bold]mine") == 2  # over its column and in the verdict
+
+
+class TestTable:
+    def cells(self, *summaries: dict[str, Any]) -> dict[str, list[Any]]:
+        names = [f"p{k}" for k in range(len(summaries))]
+        table = scenario_table("nominal", names, list(summaries))
+        assert table.title == "nominal"
+        assert [str(column.header) for column in table.columns] == ["", *names]
+        rows = zip(*(column.cells for column in table.columns), strict=True)
+        return {str(label): list(cells) for label, *cells in rows}
+
+    def test_each_policy_has_its_number_interval_and_the_best_is_green(self) -> None:
+        good = bare("a", 0) | {
+            "fall_rate_interval": [0.0, 0.05], "lin_vel_rmse": 0.2, "lin_vel_rmse_interval": [0.1, 0.3],
+            "peak_torque_nm": 12.34,
+        }  # fmt: skip
+        bad = bare("b", 12) | {
+            "fall_rate_interval": [0.3, 0.7],
+            "lin_vel_rmse": 0.25,
+            "lin_vel_rmse_interval": [0.2, 0.4],
+        }
+        cells = self.cells(bad, good)
+        assert [cell.plain for cell in cells["Falls"]] == ["12 of 24\n30 to 70 %", "0 of 24\n0 to 5 %"]
+        assert [str(cell.style) for cell in cells["Falls"]] == ["", "bold green"]
+        assert [cell.plain for cell in cells["Velocity error (m/s)"]] == [
+            "0.250\n0.200 to 0.400", "0.200\n0.100 to 0.300",
+        ]  # fmt: skip
+        assert [str(cell.style) for cell in cells["Velocity error (m/s)"]] == ["", ""]
+        assert [cell.plain for cell in cells["Peak torque (N m)"]] == ["–", "12.3"]
+        assert list(cells) == ["Falls", "Velocity error (m/s)", "Peak torque (N m)"]
+
+    def test_failed_episodes_are_told_by_policy_and_scenario_before_the_notes(self) -> None:
+        failed = bare("a") | {"failed_episodes": ["episode 3: no"], "notes": ["no floor"]}
+        results = {
+            "mine": {"scenarios": {"one": bare("x"), "two": failed}},
+            "trot": {"scenarios": {"one": failed}},
+        }
+        assert warnings(results) == [
+            "mine, two: 1 of 25 episodes failed: no (1)", "trot, one: 1 of 25 episodes failed: no (1)",
+            "no floor",
+        ]  # fmt: skip

@@ -1,0 +1,259 @@
+"""Films of the test course, their scene and their captions."""
+
+import io
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import imageio_ffmpeg
+import mujoco
+import numpy as np
+import pytest
+from PIL import Image
+from report_pages import COURSE, comparison, result, walked
+
+from footfall.common import colours
+from footfall.evaluate.config import EvaluationConfig
+from footfall.evaluate.pool import TaskResult
+from footfall.evaluate.report import films, scene
+from footfall.evaluate.report.caption import in_words, written_on
+from footfall.evaluate.report.films import FilmTask, arrows
+from footfall.plant.episode import Push
+from footfall.plant.trace import Trace
+from footfall.robots.description import Robot
+
+TILTED = (0.9, 0.1, -0.2, 0.35)  # about all axes
+
+
+class TestFilms:
+    def task(self, trace: Trace, pushes: tuple[Push, ...] = (), duration_s: float = 1.0) -> FilmTask:
+        return FilmTask("go1", None, trace, pushes, duration_s)
+
+    def test_each_policy_that_walked_is_filmed_with_the_courses_pushes(
+        self, go1: Robot, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        asked: list[Any] = []
+
+        def render(tasks: list[FilmTask], workers: int | None) -> list[TaskResult]:
+            asked.append((tasks, workers))
+            return [TaskResult(len(task.trace.time_s)) for task in tasks]
+
+        monkeypatch.setattr(films, "render_films", render)
+        lengths = {"a": 2.0, "b": None, "c": 1.0, "d": 3.0}
+        policies = [
+            result(name, name, 0.1, 0, 1.0, None if length is None else walked(length))
+            for name, length in lengths.items()
+        ]
+        nothing = replace(walked(1.0), time_s=np.zeros(0))
+        policies[2] = replace(policies[2], course=replace(policies[2].course, trace=nothing))
+        config = EvaluationConfig("go1", ("nominal",), plant=Path("other.xml"), workers=3)
+        found = films.films_of(replace(comparison(go1, *policies), config=config))
+        assert list(found) == ["a", "b", "c", "d"]
+        assert {name: outcome.value for name, outcome in found.items()} == {
+            "a": 200,
+            "b": None,
+            "c": None,
+            "d": 300,
+        }
+        assert found["b"].error == found["c"].error == "it did not walk"
+        ((tasks, workers),) = asked
+        assert workers == 3
+        for task in tasks:
+            assert (task.robot, task.plant, task.pushes) == ("go1", Path("other.xml"), COURSE.pushes)
+            assert task.duration_s == COURSE.duration_s
+
+    def test_the_next_way_to_render_is_tried_where_one_fails(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        tried: list[Any] = []
+        works = {"osmesa"}
+
+        def run_all(function: Any, tasks: Any, workers: Any, environment: dict[str, str]) -> list[TaskResult]:
+            assert function is films.film
+            tried.append((workers, environment))
+            name = environment.get("MUJOCO_GL", "")
+            return [TaskResult("film") if name in works else TaskResult(None, f"no {name}") for _ in tasks]
+
+        monkeypatch.setattr(films, "run_all", run_all)
+        monkeypatch.setattr(films, "BACK_ENDS", ("egl", "osmesa"))
+        monkeypatch.delenv("MUJOCO_GL", raising=False)
+        task = self.task(walked(1.0))
+        assert films.render_films([task], 3) == [TaskResult("film")]
+        assert tried == [(3, {"MUJOCO_GL": name, "PYOPENGL_PLATFORM": name}) for name in ("egl", "osmesa")]
+        works.clear()
+        assert films.render_films([task, task]) == [TaskResult(None, "egl: no egl; osmesa: no osmesa")] * 2
+        works.add("glfw")
+        monkeypatch.setenv("MUJOCO_GL", "glfw")
+        tried.clear()
+        assert films.render_films([task]) == [TaskResult("film")]
+        assert [environment["MUJOCO_GL"] for _, environment in tried] == ["glfw"]
+
+    def test_a_film_has_its_frames_in_order_and_a_poster_of_its_first_third(
+        self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    ) -> None:
+        def frames(task: FilmTask) -> Iterator[np.ndarray]:
+            for number in range(len(films.frame_times(task))):
+                yield np.full((films.HEIGHT, films.WIDTH, 3), 10 + 10 * number, np.uint8)
+
+        monkeypatch.setattr(films, "frames", frames)
+        film = films.film(self.task(walked(1.0), duration_s=0.48))
+        assert np.asarray(Image.open(io.BytesIO(film.poster_jpeg))).mean() == pytest.approx(50.0, abs=2.0)
+        path = tmp_path / "film.mp4"
+        path.write_bytes(film.mp4)
+        reader = imageio_ffmpeg.read_frames(str(path))
+        assert next(reader)["fps"] == films.FRAME_RATE_HZ == 25
+        shown = [np.frombuffer(frame, np.uint8).mean() for frame in reader]
+        assert shown == pytest.approx([10.0 + 10.0 * k for k in range(12)], abs=3.0)
+
+    def test_a_frame_is_the_sample_of_its_time_with_its_command(
+        self, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        written: list[Any] = []
+        shots: list[int] = []
+
+        @contextmanager
+        def camera(_: FilmTask) -> Iterator[Any]:
+            yield lambda index: shots.append(index) or np.full((2, 2, 3), index % 251, np.uint8)
+
+        monkeypatch.setattr(films, "_camera_shots", camera)
+        monkeypatch.setattr(films.caption, "written_on", lambda *line: written.append(line))
+        trace = walked(5.0, fell=True)
+        list(films.frames(self.task(trace, duration_s=6.0)))
+        for number in (0, 60, 124):
+            picture, time_s, command, fell_at_s = written[number]
+            assert (picture[0, 0, 0], time_s, fell_at_s) == (
+                4 * number % 251,
+                pytest.approx(0.04 * number),
+                None,
+            )
+            np.testing.assert_array_equal(command, trace.command[4 * number])
+        assert written[140][3] == pytest.approx(4.99)  # the fall
+        np.testing.assert_array_equal(written[140][2], trace.command[-1])
+        assert len(shots) == len(set(shots)) == 126  # the last picture is rendered once
+
+    def test_arrows_differ_for_what_is_asked_and_done_and_are_level(self) -> None:
+        trace = walked(5.0)
+        attitude = np.array(TILTED) / np.linalg.norm(TILTED)
+        rotation = np.empty(9)
+        mujoco.mju_quat2Mat(rotation, attitude)
+        yaw = np.arctan2(rotation[3], rotation[0])
+        count = len(trace.time_s)
+        trace = replace(
+            trace,
+            base_quaternion=np.tile(attitude, (count, 1)),
+            base_position=np.array([0.0, 0.0, 0.3]) + np.outer(np.arange(count), [0.01, 0.02, 0.0]),
+            command=np.tile([0.6, -0.3, 0.9], (count, 1)),
+            base_velocity=np.tile([0.2, 0.5, 0.7], (count, 1)),
+        )
+        task = self.task(trace, (Push(1.0, (0.5, -1.0, 0.2)), Push(9.0, (1.0, 0.0, 0.0))))
+        level = np.array([[np.cos(yaw), -np.sin(yaw), 0.0], [np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
+        commanded, true, push = arrows(task, 120, 0.4)
+        np.testing.assert_allclose(commanded.vector, level @ [0.24, -0.12, 0.0], atol=1e-9)
+        np.testing.assert_allclose(true.vector, level @ [0.08, 0.2, 0.0], atol=1e-9)
+        np.testing.assert_allclose(commanded.start, [1.2, 2.4, 0.58])
+        np.testing.assert_allclose(true.start, [1.2, 2.4, 0.63])
+        np.testing.assert_allclose(push.vector, [0.2, -0.4, 0.08])
+        np.testing.assert_allclose(push.start + push.vector, [1.2, 2.4, 0.3])
+        assert [each.colour is colour for each, colour in zip(
+            (commanded, true, push), (colours.COMMAND, colours.VELOCITY, colours.PUSH), strict=True
+        )] == [True] * 3  # fmt: skip
+        assert [len(arrows(task, index, 0.4)) for index in (99, 100, 140, 141)] == [2, 3, 3, 2]
+
+
+class TestScene:
+    def test_the_scene_holds_the_plants_body_and_nothing_that_acts(self, go1: Robot) -> None:
+        model = scene.scene_model(go1, None, 320, 200)
+        assert (model.nq, model.nu, model.nsensor, model.nkey) == (19, 0, 0, 0)
+        assert (model.vis.global_.offwidth, model.vis.global_.offheight) == (320, 200)
+        (ground,) = np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE)
+        assert model.geom_size[ground].tolist() == [0.0, 0.0, 0.05]
+        assert model.geom_matid[ground] == model.material(scene.FLOOR_MATERIAL).id
+        sun, lamp = range(model.nlight)[-2:]
+        assert model.light_castshadow[[sun, lamp]].tolist() == [0, 1]
+        assert model.light_bodyid[lamp] == model.body(go1.description.base).id
+        assert model.light_mode[lamp] == mujoco.mjtCamLight.mjCAMLIGHT_TRACK
+        direction = np.array([-0.25, 0.3, -1.0])
+        unit = direction / np.linalg.norm(direction)
+        np.testing.assert_allclose(model.light_dir[[sun, lamp]], [unit, unit], atol=1e-6)
+        height = 2.0 * go1.description.standing_height_m
+        np.testing.assert_allclose(model.light_pos[lamp], -6.0 * height * direction, rtol=1e-6)
+
+    def test_a_plant_without_a_floor_is_given_one(self, go1: Robot, tmp_path: Path) -> None:
+        plant = tmp_path / "bare.xml"
+        plant.write_text(
+            '<mujoco><worldbody><body name="trunk" pos="0 0 1"><freejoint/><geom size=".1"/></body>'
+            "</worldbody></mujoco>"
+        )
+        model = scene.scene_model(go1, plant, 64, 64)
+        assert model.geom_type[model.geom(scene.FLOOR).id] == mujoco.mjtGeom.mjGEOM_PLANE
+        assert model.nq == 7
+
+    @pytest.mark.parametrize(("turned", "size_m"), [([1.0, 0, 0, 0], 0.8), ([0.5**0.5, 0, 0.5**0.5, 0], 0.7)])
+    def test_a_robot_is_as_large_as_the_longest_side_of_its_box(
+        self, turned: list[float], size_m: float
+    ) -> None:
+        """A box 0.6 m long and 0.2 m high, with a foot reaching 0.2 m beyond its end, or hanging below."""
+        model = mujoco.MjModel.from_xml_string(
+            '<mujoco><worldbody><geom type="plane" size="9 9 .1"/><body><freejoint/>'
+            '<geom type="box" size=".3 .1 .1"/><geom type="sphere" size="5" group="3"/>'
+            '<body pos=".3 0 0"><joint axis="0 1 0"/><geom type="sphere" size=".1" pos=".1 0 0"/></body>'
+            "</body></worldbody></mujoco>"
+        )
+        knee = 0.0 if turned[0] == 1.0 else np.pi / 2
+        assert scene.size_of(model, np.array([5.0, 5.0, 1.0, *turned, knee])) == pytest.approx(size_m)
+
+    def test_an_arrow_begins_at_its_start_and_points_along_its_vector(self, go1: Robot) -> None:
+        model = scene.scene_model(go1, None, 64, 64)
+        drawing = mujoco.MjvScene(model, maxgeom=3)
+        start, vector = np.array([1.0, 2.0, 0.5]), np.array([0.0, 0.3, -0.4])
+        scene.add_arrow(drawing, start, vector, colours.PUSH)
+        assert drawing.ngeom == 1
+        geom = drawing.geoms[0]
+        np.testing.assert_allclose(geom.pos, start)
+        np.testing.assert_allclose(geom.mat[:, 2], vector / 0.5, atol=1e-6)
+        np.testing.assert_allclose(geom.rgba, colours.PUSH, atol=1e-6)
+        assert geom.type == mujoco.mjtGeom.mjGEOM_ARROW
+        assert geom.size[2] == pytest.approx(0.5)
+        scene.add_arrow(drawing, start, 0.05 * vector, colours.PUSH)  # 2.5 cm
+        assert drawing.ngeom == 1
+        for _ in range(3):
+            scene.add_arrow(drawing, start, 0.07 * vector, colours.COMMAND)
+        assert drawing.ngeom == 3  # as many as there is room for
+        np.testing.assert_allclose(drawing.geoms[1].rgba, colours.COMMAND, atol=1e-6)
+
+
+class TestCaption:
+    def bright(self, picture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Columns with writing, and the colour of the brightest point at the right."""
+        band = picture[:40].astype(int)
+        columns = np.flatnonzero((band.max(axis=2) > 200).any(axis=0))
+        right = band[:, 320:]
+        return columns, right.reshape(-1, 3)[right.sum(axis=2).argmax()]
+
+    @pytest.mark.parametrize(
+        ("command", "words"),
+        [
+            ((0.6, 0.0, 0.8), "forward 0.6 m/s, turn left 0.8 rad/s"),
+            ((-0.31, 0.5, 0.0), "backward 0.3 m/s, left 0.5 m/s"),
+            ((0.0, -0.5, -0.06), "right 0.5 m/s, turn right 0.1 rad/s"),
+            ((0.04, -0.04, 0.049), "stand"),
+        ],
+    )
+    def test_a_command_in_words(self, command: tuple[float, float, float], words: str) -> None:
+        assert in_words(np.array(command)) == words
+
+    def test_the_picture_itself_is_left_as_it_was(self) -> None:
+        picture = np.full((60, 640, 3), 100, np.uint8)
+        written_on(picture, 0.0, np.zeros(3), None)
+        assert (picture == 100).all()
+
+    def test_what_differs_is_written_differently(self) -> None:
+        picture = np.zeros((60, 640, 3), np.uint8)
+        lines = [
+            written_on(picture, time_s, np.array(command), fell)
+            for time_s, command, fell in (
+                (1.0, (0.5, 0.0, 0.0), None), (2.0, (0.5, 0.0, 0.0), None), (1.0, (0.0, 0.5, 0.0), None),
+                (1.0, (0.5, 0.0, 0.0), 0.5), (1.0, (0.5, 0.0, 0.0), 0.9),
+            )
+        ]  # fmt: skip
+        assert len({line.tobytes() for line in lines}) == 5

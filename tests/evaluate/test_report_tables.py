@@ -1,0 +1,86 @@
+"""Tables of the report."""
+
+from dataclasses import replace
+
+import pytest
+from report_pages import FILE, comparison, result, walked
+
+from footfall.evaluate.comparison import Comparison
+from footfall.evaluate.report import tables
+from footfall.evaluate.report.tables import Cell, Heading
+from footfall.robots.description import Robot
+
+
+@pytest.fixture
+def two(go1: Robot) -> Comparison:
+    """The second is worse at all but pushes, and did not walk the course."""
+    return comparison(
+        go1, result("mine", "runs/mine", 0.1, 0, 1.0, walked()), result("trot", "trot", 0.3, 12, 2.0, None)
+    )
+
+
+class TestTables:
+    def test_the_headline_has_a_figure_of_each_policy_in_its_row(self, two: Comparison) -> None:
+        table = tables.headline_table(two)
+        assert table.corner == "Policy"
+        assert table.columns == [
+            Heading("Falls", "nominal"),
+            Heading("Velocity error", "m/s, nominal"),
+            Heading("Median survivable push", "m/s, push"),
+            Heading("Time per step", "ms p50 / p99, alone"),
+        ]
+        (mine, cells), (trot, others) = table.rows
+        assert (mine, trot) == (Heading("mine", "made by hand", 0), Heading("trot", "made by hand", 1))
+        assert cells == [
+            Cell("0 of 24", "0 to 14 %", best=True),
+            Cell("0.100", "0.090 to 0.110", best=True),
+            Cell("1.00", "0.90 to 1.10"),
+            Cell("0.21 / 0.40", "of 20 ms"),
+        ]
+        assert others == [
+            Cell("12 of 24", "31 to 69 %"),
+            Cell("0.300", "0.270 to 0.330"),
+            Cell("2.00", "1.90 to 2.10", best=True),
+            Cell("0.21 / 0.40", "of 20 ms"),
+        ]
+
+    def test_who_took_no_step_has_no_time_per_step(self, go1: Robot) -> None:
+        none = result("a", "a", 0.1, 0, 1.0, None)
+        none.course.compute["compute_ms"] = {"p50": None, "p99": None}
+        (_, cells), *_ = tables.headline_table(comparison(go1, none)).rows
+        assert cells[-1] == Cell("–")
+
+    def test_falls_stand_by_scenario(self, two: Comparison) -> None:
+        table = tables.falls_table(two)
+        assert table.columns == [Heading("nominal"), Heading("push")]
+        shown = [(row.label, row.place, [cell.text for cell in cells]) for row, cells in table.rows]
+        assert shown == [
+            ("mine", 0, ["0 of 24", "11 of 24"]), ("trot", 1, ["12 of 24", "11 of 24"]),
+        ]  # fmt: skip
+
+    def test_each_scenario_has_its_own_figures_and_endings(self, two: Comparison) -> None:
+        nominal, push = tables.scenario_parts(two)
+        assert (nominal.name, push.name) == ("nominal", "push")
+        assert (nominal.about, push.about) == (FILE.scenarios["nominal"].about, FILE.scenarios["push"].about)
+        assert nominal.table.columns == [Heading("mine", place=0), Heading("trot", place=1)]
+        assert [heading for heading, _ in nominal.table.rows] == [
+            Heading("Falls"),
+            Heading("Velocity error", "m/s"),
+        ]
+        assert Heading("Median survivable push", "m/s") in [heading for heading, _ in push.table.rows]
+        assert [cell.text for cell in nominal.table.rows[1][1]] == ["0.100", "0.300"]
+        assert nominal.endings == ["trot: the base touched the ground (12)"]
+        assert push.endings == [f"{name}: the base touched the ground (11)" for name in ("mine", "trot")]
+
+    def test_warnings_are_of_episodes_and_of_the_course(self, two: Comparison) -> None:
+        mine, trot = two.policies
+        nominal = trot.result["scenarios"]["nominal"] | {
+            "failed_episodes": ["episode 4: no"],
+            "notes": ["no floor"],
+        }
+        trot = replace(trot, result={"scenarios": trot.result["scenarios"] | {"nominal": nominal}})
+        assert tables.all_warnings(replace(two, policies=[mine, trot])) == [
+            "trot, nominal: 1 of 25 episodes failed: no (1)",
+            "no floor",
+            "trot did not walk the course: its process died",
+        ]
