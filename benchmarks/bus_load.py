@@ -33,7 +33,7 @@ from socket_pairs import Ends, in_place_of_interfaces, socket_pairs
 from footfall.deploy.bus import Bus, BusStatistics
 from footfall.deploy.clock import WallClock
 from footfall.deploy.drivers import imu
-from footfall.deploy.drivers.choice import open_driver
+from footfall.deploy.drivers.choice import filters_of
 from footfall.deploy.frames import Frames
 from footfall.deploy.interfaces import open_interfaces
 from footfall.deploy.loop import ControlLoop
@@ -42,6 +42,7 @@ from footfall.deploy.session import Session, run_session
 from footfall.deploy.socketcan_bus import SOCKETCAN
 from footfall.deploy.wiring import wire
 from footfall.plant.motor_ends.choice import open_motor_end
+from footfall.plant.motor_ends.motor_end import Report
 from footfall.plant.wires import Side, SimulatedWires
 from footfall.policies.registry import load_policy
 from footfall.robots.description import Robot, load_robot
@@ -72,12 +73,12 @@ class StillRobot:
         requests = self._end.requests(frames)
         motor, readings = self._everyone[requests.motor], self._readings[:, requests.motor].copy()
         if not len(motor):
-            return self._end.tell(frames)
+            return self._end.settings_replies(frames)
         if requests.kind is None:
             position, velocity, kp, kd, torque = requests.values
             readings[2] = kp * (position - readings[0]) + kd * velocity + torque
         on = np.ones(len(motor), bool)
-        return self._end.reply(motor, readings, 30, self._no_error[motor], on)
+        return self._end.reply(motor, Report(readings, self._no_error[motor], on))
 
     def inertial(self) -> Frames:
         self._counter += 1
@@ -205,9 +206,7 @@ def open_bus(robot: Robot, kind: str) -> Bus:
     if kind == IN_PROCESS:
         return InProcessBus(robot)
     wiring = wire(robot)
-    return open_interfaces(
-        interface_of(kind), wiring.buses, (*open_driver(wiring).filters, *imu.FILTERS), QUEUE_FRAMES
-    )
+    return open_interfaces(interface_of(kind), wiring.buses, filters_of(wiring), QUEUE_FRAMES)
 
 
 def measure(name: str, kind: str, seconds: float, rate_hz: float) -> dict[str, object]:

@@ -12,13 +12,13 @@ import numpy as np
 from fuzz_tally import Tally
 
 from footfall.deploy.drivers import imu
-from footfall.deploy.drivers.choice import open_driver
+from footfall.deploy.drivers.choice import open_driver, open_imu
 from footfall.deploy.drivers.driver import Driver
 from footfall.deploy.frames import EXTENDED, Frames, joined
 from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.wiring import Wiring, wire
 from footfall.plant.motor_ends.choice import open_motor_end
-from footfall.plant.motor_ends.motor_end import MotorEnd
+from footfall.plant.motor_ends.motor_end import MotorEnd, Report
 from footfall.plant.motors import SimulatedMotors
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot, load_robot
@@ -49,7 +49,7 @@ def fuzz_motors_of(model: str, known: bool, batches: range, tally: Tally) -> Non
     wiring = wire(robot)
     wiring = replace(wiring, models=(model,) * len(wiring.models)) if model else wiring
     driver, end = open_driver(wiring), open_motor_end(wiring)
-    joints = JointLayer(robot, driver, wiring.imu_channel, TICK_S)
+    joints = JointLayer(robot, driver, open_imu(wiring), TICK_S)
     motors = SimulatedMotors(end, robot.motor, len(wiring.models), {}, STEP_S)
     if known:
         introduce(robot, driver, joints, motors)
@@ -73,7 +73,7 @@ def introduce(robot: Robot, driver: Driver, joints: JointLayer, motors: Simulate
         frames = driver.query_settings() if driver.not_ready() else driver.enable()
         step = STEPS_A_TICK * tick
         said = [motors.answer(step, frames, readings)]
-        if motors.talkative:
+        if motors.broadcasts:
             said += [motors.broadcast(1000 * (step + k), readings) for k in range(STEPS_A_TICK)]
         joints.absorb([batch for batch in said if batch is not None], round(1e6 * tick * TICK_S))
         if not driver.not_ready() and not driver.not_enabled() and motors.enabled.all():
@@ -96,10 +96,10 @@ class Wires:
         ]
         speaking, zeros, on = np.ones(n, bool), np.zeros((3, n)), np.ones(n, bool)
         error = np.zeros(n, np.uint64)
-        replies = end.reply(slice(None), zeros, 30, error, on)
-        said = [end.broadcast(1000 * k, speaking, zeros, 30, error, on) for k in range(100)]
+        replies = end.reply(slice(None), Report(zeros, error, on))
+        said = [end.broadcast(1000 * k, speaking, Report(zeros, error, on)) for k in range(100)]
         from_motors = [replies, *(frames for frames in said if frames is not None)]
-        told = end.tell(driver.query_settings())
+        told = end.settings_replies(driver.query_settings())
         from_motors += [] if told is None else [told]
         inertial = Frames(
             np.full(3, wiring.imu_channel), np.array(imu.IDS), np.zeros((3, 8), np.uint8), np.full(3, 8)

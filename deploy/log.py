@@ -17,9 +17,9 @@ import numpy as np
 from footfall.common.config import unstructure
 from footfall.common.errors import UserError
 from footfall.deploy.estimation.odometry import VELOCITY, YAW, Odometry
-from footfall.deploy.joint_layer import MotorHealth
 from footfall.deploy.log_records import Kind, record
 from footfall.deploy.log_writer import READY
+from footfall.deploy.receiver import MotorHealth
 from footfall.deploy.safety import State
 from footfall.policies.policy import Policy, PolicyInput, Sensed
 from footfall.robots.actuator import JointCommand

@@ -12,6 +12,7 @@ from footfall.deploy.bus import Bus
 from footfall.deploy.clock import Clock
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.deadline import OverdueError
+from footfall.deploy.drivers.choice import open_imu
 from footfall.deploy.drivers.driver import Driver
 from footfall.deploy.frames import Frames
 from footfall.deploy.joint_layer import JointLayer
@@ -72,7 +73,7 @@ class ControlLoop:
         self._runner, self._estimate, self._log, self._taken_over = runner, estimate, log, taken_over
         safety = config.safety
         places = [wiring.place(joint) for joint in range(len(robot.joint_names))]
-        self._joints = JointLayer(robot, driver, wiring.imu_channel, config.tick_us * 1e-6, config.scale)
+        self._joints = JointLayer(robot, driver, open_imu(wiring), config.tick_us * 1e-6, config.scale)
         self._postures = Postures(robot, config, lie_down, stand_up)
         self._end = RunEnd(self._postures.may_lie, config.stop_s)
         self._signals = SignalSource(

@@ -5,7 +5,7 @@ from typing import Protocol
 import numpy as np
 
 from footfall.deploy.estimation.odometry import Odometry
-from footfall.deploy.joint_layer import MotorHealth
+from footfall.deploy.receiver import MotorHealth
 from footfall.deploy.safety import State
 from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.actuator import JointCommand

@@ -20,8 +20,7 @@ from footfall.deploy.clock import Clock, LockstepClock, WallClock, undisturbed
 from footfall.deploy.command_source import CommandSource
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.deadline import deadlines, unarmed
-from footfall.deploy.drivers import imu
-from footfall.deploy.drivers.choice import open_driver
+from footfall.deploy.drivers.choice import filters_of, open_driver
 from footfall.deploy.drivers.driver import Driver
 from footfall.deploy.frames import BITRATE
 from footfall.deploy.guard import Guard
@@ -76,7 +75,7 @@ def run_on_interface(robot: Robot, policy: Policy, interface: str, session: Sess
     from footfall.deploy.interfaces import open_interfaces
 
     wiring = wire(robot)
-    bus = open_interfaces(interface, wiring.buses, (*open_driver(wiring).filters, *imu.FILTERS))
+    bus = open_interfaces(interface, wiring.buses, filters_of(wiring))
     try:
         return run_session(robot, policy, bus, session)
     finally:

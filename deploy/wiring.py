@@ -1,4 +1,4 @@
-"""Which motor sits where on the buses, from `robot.yaml`."""
+"""Places of motors and IMU on the buses, from `robot.yaml`."""
 
 from dataclasses import dataclass, replace
 
@@ -15,14 +15,15 @@ class Wiring:
     channel: np.ndarray  # (n,) intp, index into `buses`
     motor_id: np.ndarray  # (n,) intp
     imu_channel: int
-    models: tuple[str, ...]  # (n,) motor models, which tell the protocol and its ranges
+    imu_protocol: str  # name or MODULE:NAME of the IMU's driver
+    models: tuple[str, ...]  # (n,) motor models, or MODULE:NAME of a driver of one's own
     gear_ratio: np.ndarray  # (n,) turns of the rotor for one of the joint
-    timeout_s: np.ndarray  # (n,) after which a motor that hears nothing shall switch itself off
+    timeout_s: np.ndarray  # (n,) longest time without a command after which a motor must disable itself
     watchdog_endpoints: np.ndarray  # (n, 2) ids of enable_watchdog and watchdog_timeout, 0 for none
     joint_names: tuple[str, ...]
 
     def take(self, joints: np.ndarray) -> "Wiring":
-        """The same buses with some joints (indices) alone."""
+        """The same buses with only some joints (indices)."""
         return replace(
             self,
             channel=self.channel[joints],
@@ -35,7 +36,7 @@ class Wiring:
         )
 
     def place(self, joint: int) -> str:
-        """Where to look for a joint's motor, for messages."""
+        """Name, bus and id of a joint's motor, for messages."""
         bus, motor = self.buses[self.channel[joint]], self.motor_id[joint]
         return f"{self.joint_names[joint]} ({bus}, id {motor})"
 
@@ -51,6 +52,7 @@ def wire(robot: Robot) -> Wiring:
         channel=channel,
         motor_id=motor_id,
         imu_channel=buses.index(robot.description.imu_bus),
+        imu_protocol=robot.description.imu_protocol,
         models=tuple(robot.description.motors[joint.motor].protocol for joint in joints),
         gear_ratio=robot.motor_figures("gear_ratio"),
         timeout_s=robot.motor_figures("timeout_s"),

@@ -9,7 +9,7 @@ import numpy as np
 from footfall.common.rotations import rotation_matrix
 from footfall.deploy.bus import Bus, BusStatistics
 from footfall.deploy.drivers import imu, mit
-from footfall.deploy.drivers.mit_driver import motor_lookup
+from footfall.deploy.drivers.polled import motor_lookup
 from footfall.deploy.frames import Frames, joined
 from footfall.deploy.wiring import Wiring
 from footfall.plant.robot import SimulatedRobot

@@ -2,7 +2,6 @@
 
 from collections import deque
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -10,7 +9,7 @@ from footfall.deploy.config import MOTOR_TIMEOUT_S
 from footfall.deploy.drivers.driver import Motors
 from footfall.deploy.frames import Frames
 from footfall.domain_rand.sample import Sample, delay_s, randomised_command, randomised_motor, sensor_bias
-from footfall.plant.motor_ends.motor_end import MotorEnd, Request, Requests
+from footfall.plant.motor_ends.motor_end import MotorEnd, Report, Request, Requests
 from footfall.robots.actuator import JointCommand, Motor, friction_torque, motor_torque
 
 TEMPERATURE_C = 30
@@ -52,7 +51,7 @@ class SimulatedMotors:
         """
         n = joints
         self._end = end
-        self.talkative = end.talkative
+        self.broadcasts = end.broadcasts
         self._motor = randomised_motor(motor, sample)
         self.encoder_bias = np.zeros(n)
         bias = sensor_bias(sample, "joint_position")
@@ -73,7 +72,7 @@ class SimulatedMotors:
         self._command = JointCommand(*self._values)  # its rows
         self._due: deque[tuple[int, Motors, np.ndarray]] = deque()
         self._heard_step = np.zeros(n, dtype=np.int64)
-        self._said = _Report(np.zeros((3, n)), np.zeros(n, np.uint64), np.zeros(n, bool))
+        self._said = Report(np.zeros((3, n)), np.zeros(n, np.uint64), np.zeros(n, bool))
 
     def torque(self, step: int, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
         """Motor torque at the joint in this physics step, N m, (n,), before gearbox friction.
@@ -128,9 +127,9 @@ class SimulatedMotors:
             requests = requests.take(~self.faults.silent[requests.motor], len(self.enabled))
         motor, values, kind = requests
         if not values.shape[1]:
-            told = self._end.tell(frames)
+            answers = self._end.settings_replies(frames)
             self._read_time_outs()
-            return told
+            return answers
         if self._gain_scale is not None:
             values = values * self._gain_scale[:, motor]
         if kind is None:
@@ -187,32 +186,25 @@ class SimulatedMotors:
         self._any_enabled, self._all_enabled = bool(self.enabled.any()), bool(self.enabled.all())
 
     def _reply(self, motor: Motors, readings: np.ndarray) -> Frames | None:
-        values, error, on = self._report(readings)
-        frames = self._end.reply(motor, values[:, motor], TEMPERATURE_C, error[motor], on[motor])
+        frames = self._end.reply(motor, self._report(readings).take(motor))
         return frames if len(frames.id) else None
 
     def broadcast(self, now_us: int, readings: np.ndarray) -> Frames | None:
         """What motors send by themselves now; `readings` as for `answer`."""
-        values, error, on = self._report(readings)
-        return self._end.broadcast(now_us, ~self.faults.silent, values, TEMPERATURE_C, error, on)
+        return self._end.broadcast(now_us, ~self.faults.silent, self._report(readings))
 
-    def _report(self, readings: np.ndarray) -> "_Report":
+    def _report(self, readings: np.ndarray) -> Report:
         """What every motor has to say now; a stuck one repeats itself."""
         error, on = np.maximum(self.faults.error, self.faults.latched), self.enabled.copy()
         if np.count_nonzero(self._timed_out):
             error = np.maximum(error, self._timed_out * np.asarray(self._end.time_out_error, np.uint64))
-        report, stuck = _Report(readings, error, on), self.faults.stuck
+        report, stuck = Report(readings, error, on, TEMPERATURE_C), self.faults.stuck
         if np.count_nonzero(stuck):
-            report = _Report(
-                *(np.where(stuck, old, new) for old, new in zip(self._said, report, strict=True))
+            before = self._said
+            report = report._replace(
+                values=np.where(stuck, before.values, report.values),
+                error=np.where(stuck, before.error, report.error),
+                on=np.where(stuck, before.on, report.on),
             )
         self._said = report
         return report
-
-
-class _Report(NamedTuple):
-    """What n motors have to say."""
-
-    values: np.ndarray  # (3, n) position rad, velocity rad/s, torque N m
-    error: np.ndarray  # (n,)
-    on: np.ndarray  # (n,) bool

@@ -12,8 +12,7 @@ import numpy as np
 
 from footfall.common.arrays import as_slice
 from footfall.common.errors import UserError
-from footfall.deploy.drivers import imu
-from footfall.deploy.frames import Frames
+from footfall.deploy.frames import Frames, no_frames
 from footfall.deploy.wiring import Wiring
 from footfall.domain_rand.bodies import apply_to_model, body_map
 from footfall.domain_rand.noise import Noise
@@ -22,6 +21,7 @@ from footfall.domain_rand.sample import Sample
 from footfall.plant.energy import EnergyMeter, Power
 from footfall.plant.ground_truth import GroundTruth, Truth
 from footfall.plant.hanging import Frame
+from footfall.plant.imu_ends import open_imu_end
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.plant.motors import MotorFaults, SimulatedMotors
 from footfall.plant.sensors import Layout, SimulatedSensors
@@ -105,10 +105,7 @@ class SimulatedRobot:
         self._ground_truth = GroundTruth(plant, self.data, self._layout, robot.description.standing_height_m)
         self._torque = np.zeros(len(qpos))
         self._imu_every = round(IMU_PERIOD_S / step_s)
-        self._imu_counter = 0
-        self._imu_frames = Frames(
-            np.full(3, wiring.imu_channel), np.array(imu.IDS), np.zeros((3, 8), np.uint8), np.full(3, 8)
-        )
+        self._imu, self._imu_frames = open_imu_end(wiring), no_frames()
         self.faults = Faults(self._motors.faults)
         self._put_down(robot, _first_pose(robot, config.lying))
         self._frame = self._hang_up(robot, plant.base) if config.hanging else None
@@ -177,7 +174,7 @@ class SimulatedRobot:
             replies = motors.answer(self._step, frames, sensors.joints(motors.encoder_bias))
             if replies is not None:
                 self._send(replies, now_us)
-        if motors.talkative and now_us % TALK_EVERY_US == 0:
+        if motors.broadcasts and now_us % TALK_EVERY_US == 0:
             said = motors.broadcast(now_us, sensors.joints(motors.encoder_bias))
             if said is not None:
                 self._send(said, now_us)
@@ -207,10 +204,7 @@ class SimulatedRobot:
 
     def _report_imu(self, now_us: float) -> None:
         if not self.faults.imu_stuck:
-            self._imu_counter += 1
-            data = imu.encode(self._sensors.inertial(), self._imu_counter)
-            channel, identifier, _, length, _ = self._imu_frames
-            self._imu_frames = Frames(channel, identifier, data, length)
+            self._imu_frames = self._imu.encode(self._sensors.inertial())
         self._send(self._imu_frames, now_us)
 
     def _send(self, frames: Frames, now_us: float) -> None:

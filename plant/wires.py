@@ -9,12 +9,12 @@ from typing import NamedTuple
 import numpy as np
 
 from footfall.deploy.bus import HOST_QUEUE
-from footfall.deploy.frames import EXTENDED, Frames, bits_of
+from footfall.deploy.frames import EXTENDED, Frames, Layout, bits_of, layout_of
 from footfall.plant.wire_faults import ERROR_BITS, FaultyWires, WireFaults
 
 NODE_BACKLOG_US = 20_000.0  # a motor or an IMU gives up on a frame that would wait longer
 
-_REMEMBERED = 16  # arrays of channels
+MAX_PLANS = 64
 
 _NOT_KNOWN = np.zeros(0)
 
@@ -28,11 +28,8 @@ class Side(IntEnum):
 
 @dataclass
 class _Plan:
-    """How a batch of given channels, identifiers and lengths takes its turns on the wires."""
+    """How a batch of one layout (channels, identifiers, lengths) takes its turns on the wires."""
 
-    channel: np.ndarray  # (k,), and
-    id: np.ndarray  # (k,), and
-    length: np.ndarray  # (k,): of the batch that last had this plan
     place: np.ndarray  # (k,) how many frames of the batch are on the same wire up to this one
     offset: np.ndarray  # (k,) microseconds from the start of the batch on its wire to the frame's end
     occupied: list[float]  # microseconds that the batch takes on each wire
@@ -44,10 +41,6 @@ class _Plan:
     last: list[float]  # and the greatest
     orderly: bool  # whether the frames on each wire stand in that order
     sent: list[int] = field(default_factory=lambda: [0, 0])  # times that each side sent such a batch
-
-    def is_of(self, frames: Frames) -> bool:
-        """Whether these are the very arrays that it was made of: cheap, and sufficient."""
-        return frames.id is self.id and frames.channel is self.channel and frames.length is self.length
 
 
 class _Batch:
@@ -103,8 +96,9 @@ class SimulatedWires:
         self._repeated_us = np.zeros(len(names))  # that errors, and what was sent again for them, have taken
         self._last_waiting = [0.0] * len(names)  # the greatest in order of precedence since a wire was idle
         self._flying: tuple[deque[_Batch], ...] = (deque(), deque())
-        self._plans: dict[tuple[bytes, ...], _Plan] = {}
-        self._plan_of_array: dict[int, _Plan] = {}  # by the identity of an array of identifiers
+        self._plans: dict[Layout, _Plan] = {}  # working out a plan takes 80 us
+        self._sent = np.zeros((2, len(names)), dtype=np.int64)  # frames by dropped plans, for each side
+        self._busy_us = np.zeros(len(names))  # time that these took
         self.refused = np.zeros((2, len(names)), dtype=np.int64)
 
     def send(self, side: Side, frames: Frames, now_us: float) -> int:
@@ -212,26 +206,25 @@ class SimulatedWires:
                 ]
         others.sort(key=lambda each: each.order)
         at_us, queue, rest = begin_us, deque(queued), deque(others)
-        arrivals: dict[int, tuple[_Batch, np.ndarray]] = {}
+        arrivals: dict[_Batch, np.ndarray] = {}
         while queue or rest:
             host_wins = bool(queue) and (not rest or queue[0].order <= rest[0].order)
             _, batch, row = (queue if host_wins else rest).popleft()
             at_us += float(batch.bits[row])
-            if id(batch) not in arrivals:
-                arrivals[id(batch)] = batch, batch.arrival.copy()
-            arrivals[id(batch)][1][row] = at_us
-        for batch, arrival in arrivals.values():
+            if batch not in arrivals:
+                arrivals[batch] = batch.arrival.copy()
+            arrivals[batch][row] = at_us
+        for batch, arrival in arrivals.items():
             batch.set_arrival(arrival)
 
     def sent(self, side: Side) -> np.ndarray:
         """Frames that a side has sent on each wire, (channels,)."""
-        none = np.zeros(len(self.names), dtype=np.int64)
-        return sum((plan.frames * plan.sent[side] for plan in self._plans.values()), none)
+        return sum((plan.frames * plan.sent[side] for plan in self._plans.values()), self._sent[side].copy())
 
     def busy_us(self) -> np.ndarray:
         """How long each wire has been, or will be, occupied by what was sent, (channels,)."""
-        plans = self._plans.values()
-        return sum((np.array(plan.occupied) * sum(plan.sent) for plan in plans), self._repeated_us.copy())
+        earlier = self._busy_us + self._repeated_us
+        return sum((np.array(plan.occupied) * sum(plan.sent) for plan in self._plans.values()), earlier)
 
     def receive(self, side: Side, now_us: float) -> list[Frames]:
         """Frames for `side`, sent by the other one, that have arrived by now; oldest batch first."""
@@ -254,18 +247,20 @@ class SimulatedWires:
         return arrived if self._faulty is None else [self._faulty.deliver(frames) for frames in arrived]
 
     def _plan(self, frames: Frames) -> _Plan:
-        known = self._plan_of_array.get(id(frames.id))
-        if known is not None and known.is_of(frames):
-            return known
-        key = frames.channel.tobytes(), frames.id.tobytes(), frames.length.tobytes()
+        key = layout_of(frames)
         plan = self._plans.get(key)
         if plan is None:
+            if len(self._plans) >= MAX_PLANS:
+                self._drop_plans()
             plan = self._plans[key] = _planned(frames, len(self.names))
-        plan.channel, plan.id, plan.length = frames.channel, frames.id, frames.length
-        if len(self._plan_of_array) >= _REMEMBERED:
-            self._plan_of_array.clear()
-        self._plan_of_array[id(frames.id)] = plan
         return plan
+
+    def _drop_plans(self) -> None:
+        """Keep the figures of all plans alone: some protocols carry values in identifiers."""
+        for side in Side:
+            self._sent[side] = self.sent(side)
+        self._busy_us = self.busy_us() - self._repeated_us
+        self._plans.clear()
 
     def _crowded(self, side: Side, plan: _Plan, now_us: float) -> bool:
         """Whether any frame might be refused: a cheap test that is false in ordinary traffic."""
@@ -308,9 +303,6 @@ def _planned(frames: Frames, wires: int) -> _Plan:
     occupied, count = (on @ duration).tolist(), on.sum(axis=1)
     each = [order[row] for row in on]
     return _Plan(
-        channel,
-        frames.id,
-        frames.length,
         place=before.sum(axis=1),
         offset=before @ duration,
         occupied=occupied,

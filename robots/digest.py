@@ -52,7 +52,7 @@ def digest(description: Description, model: mujoco.MjModel) -> str:
 
 def _counted(description: Description) -> Any:
     content = unstructure(description)
-    del content["imu_bus"], content["model"], content["commands"], content["safety"]
+    del content["imu_bus"], content["imu_protocol"], content["model"], content["commands"], content["safety"]
     for joint in content["joints"]:
         del joint["bus"], joint["id"], joint["lying_rad"]
     for motor in content["motors"].values():

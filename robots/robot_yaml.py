@@ -97,6 +97,7 @@ class Description:
     feet: tuple[Foot, ...]
     imu_bus: str
     commands: CommandRange  # that scenarios ask of it
+    imu_protocol: str = "footfall"  # or MODULE:NAME of a driver of one's own (deploy/drivers/imu_driver.py)
     safety: dict[str, Any] = field(default_factory=dict)  # supervisor's limits (deploy/config.py)
 
     def __post_init__(self) -> None:

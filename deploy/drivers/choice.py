@@ -1,44 +1,94 @@
-"""Which driver speaks to a robot's motors."""
+"""Which drivers decode a robot's motors and its IMU.
+
+A motor protocol is one class in `DRIVERS`, or a class of one's own that robot.yaml names as MODULE:NAME.
+"""
 
 import numpy as np
 
 from footfall.common.errors import UserError
-from footfall.deploy.drivers import damiao, mit, odrive, robstride
+from footfall.common.outside import is_place
+from footfall.deploy.drivers.checks import imu_driver_at, motor_driver_at, open_outside
 from footfall.deploy.drivers.damiao import DamiaoDriver
-from footfall.deploy.drivers.driver import Driver
+from footfall.deploy.drivers.driver import CanFilter, Driver, MotorDriver
 from footfall.deploy.drivers.identifiers import check_identifiers
+from footfall.deploy.drivers.imu import ImuReader
+from footfall.deploy.drivers.imu_driver import ImuDriver
 from footfall.deploy.drivers.mit_driver import MitDriver
 from footfall.deploy.drivers.mixed import MixedDriver
-from footfall.deploy.drivers.odrive import OdriveDriver
+from footfall.deploy.drivers.odrive_driver import OdriveDriver
 from footfall.deploy.drivers.robstride import RobstrideDriver
 from footfall.deploy.wiring import Wiring
 
-Maker = type[MitDriver] | type[DamiaoDriver] | type[RobstrideDriver] | type[OdriveDriver]
+DRIVERS: tuple[type[MotorDriver], ...] = (MitDriver, DamiaoDriver, RobstrideDriver, OdriveDriver)
+IMU_DRIVERS: dict[str, type[ImuDriver]] = {"footfall": ImuReader}  # by imu_protocol of robot.yaml
 
-DRIVERS: dict[str, Maker] = {  # by motor model
-    **dict.fromkeys(mit.RANGES, MitDriver),
-    **dict.fromkeys(damiao.RANGES, DamiaoDriver),
-    **dict.fromkeys(robstride.RANGES, RobstrideDriver),
-    odrive.MODEL: OdriveDriver,
-}
+_BY_MODEL = {model: driver for driver in DRIVERS for model in driver.models}
+
+
+def driver_class(protocol: str) -> type[MotorDriver]:
+    """The driver class of a motor model or of MODULE:NAME.
+
+    Raises:
+        UserError: there is none, or it is no motor driver.
+    """
+    if protocol in _BY_MODEL:
+        return _BY_MODEL[protocol]
+    if is_place(protocol):
+        return motor_driver_at(protocol)
+    known = ", ".join(_BY_MODEL)
+    raise UserError(f"no driver for motor '{protocol}': there are {known}, or MODULE:NAME of one's own")
+
+
+def imu_driver_class(protocol: str) -> type[ImuDriver]:
+    """The driver class of an `imu_protocol`.
+
+    Raises:
+        UserError: there is none, or it is no IMU driver.
+    """
+    if protocol in IMU_DRIVERS:
+        return IMU_DRIVERS[protocol]
+    if is_place(protocol):
+        return imu_driver_at(protocol)
+    known = ", ".join(IMU_DRIVERS)
+    raise UserError(f"no imu_protocol '{protocol}': there is {known}, or MODULE:NAME of one's own")
 
 
 def open_driver(wiring: Wiring) -> Driver:
-    """Raises UserError for a motor or a motor id that no driver here knows, or ids that collide on a bus."""
-    parts = by_maker(wiring)
-    if len(parts) == 1:
-        return parts[0][0](wiring)
-    return MixedDriver([(maker(wiring.take(joints)), joints) for maker, joints in parts])
+    """The driver of all motors of a robot.
+
+    Raises:
+        UserError: a motor or a motor id without a driver, identifiers that collide on a bus, or a driver of
+            one's own that does not fit.
+    """
+    parts = [(_opened(driver, wiring.take(joints)), joints) for driver, joints in by_driver(wiring)]
+    return parts[0][0] if len(parts) == 1 else MixedDriver(parts)
 
 
-def by_maker(wiring: Wiring) -> list[tuple[Maker, np.ndarray]]:
-    """The drivers of a robot's motors, each with its joints (indices); errors as for `open_driver`."""
-    for joint, model in zip(wiring.joint_names, wiring.models, strict=True):
-        if model not in DRIVERS:
-            raise UserError(f"joint {joint}: no driver for motor '{model}': there are {', '.join(DRIVERS)}")
-    makers = [DRIVERS[model] for model in wiring.models]
-    check_identifiers(wiring, [maker.identifiers for maker in makers])
+def _opened(driver: type[MotorDriver], wiring: Wiring) -> Driver:
+    return driver(wiring) if driver in DRIVERS else open_outside(driver, wiring)
+
+
+def by_driver(wiring: Wiring) -> list[tuple[type[MotorDriver], np.ndarray]]:
+    """The driver classes of a robot's motors, each with its joints (indices); errors as for `open_driver`."""
+    drivers = []
+    for joint, protocol in zip(wiring.joint_names, wiring.models, strict=True):
+        try:
+            drivers.append(driver_class(protocol))
+        except UserError as error:
+            raise UserError(f"joint {joint}: {error}") from None
+    of_imu = imu_driver_class(wiring.imu_protocol).identifiers
+    check_identifiers(wiring, [driver.identifiers for driver in drivers], of_imu)
     return [
-        (each, np.array([joint for joint, theirs in enumerate(makers) if theirs is each]))
-        for each in dict.fromkeys(makers)
+        (each, np.array([joint for joint, driver in enumerate(drivers) if driver is each]))
+        for each in dict.fromkeys(drivers)
     ]
+
+
+def open_imu(wiring: Wiring) -> ImuDriver:
+    """The driver of a robot's IMU; errors as for `imu_driver_class`."""
+    return imu_driver_class(wiring.imu_protocol)(wiring.imu_channel)
+
+
+def filters_of(wiring: Wiring) -> tuple[CanFilter, ...]:
+    """Which frames a robot's motors and its IMU send; errors as for `open_driver`."""
+    return (*open_driver(wiring).filters, *imu_driver_class(wiring.imu_protocol).filters)

@@ -4,14 +4,14 @@ Commands are those of `mit.py`. A reply comes on the motor's host id (MST_ID, to
 motor's id) and differs: byte 0 is `state << 4 | id`, byte 6 the temperature of the MOSFETs, byte 7 the
 rotor's.
 
-What the extreme codes mean are registers of the motor (PMAX, VMAX, TMAX), read before it is switched on. So
-are its control mode, which has to be MIT, and its communication time-out, which is set where it is off or
-too long. A register is asked for on 0x7FF by `id_low id_high 33 register 00 00 00 00`, and told on the host
-id with its value, little-endian, in the last four bytes. `id_low id_high 55 register value` writes it until
-the motor's power goes off, and is answered by the same bytes.
+The ranges of the codes are registers of the motor (PMAX, VMAX, TMAX), read before it is enabled. So are its
+control mode, which must be MIT, and its communication time-out, which is written where it is off or too long.
+`id_low id_high 33 register 00 00 00 00` on 0x7FF reads a register. The answer comes on the host id with the
+value, little-endian, in the last four bytes. `id_low id_high 55 register value` writes it until the motor
+loses power, and is answered by the same bytes.
 
-Answers about registers come on the identifier of the readings, where their bytes would mean a motor that is
-off at one end of its range. They may be late: bytes 1 to 3 tell them from readings at any time.
+Answers about registers share the identifier of the readings, where their bytes would mean a disabled motor at
+one end of its range. They may be late: bytes 1 to 3 distinguish them from readings at any time.
 """
 
 import struct
@@ -20,19 +20,19 @@ from dataclasses import replace
 import numpy as np
 
 from footfall.deploy.drivers import mit
-from footfall.deploy.drivers.driver import CanFilter, Motors, Replies, damping_alone
+from footfall.deploy.drivers.driver import CanFilter, Motors, Replies
 from footfall.deploy.drivers.mit import MotorRange
-from footfall.deploy.drivers.mit_driver import MOTOR_IDS, motor_lookup
-from footfall.deploy.drivers.settings import Settings
-from footfall.deploy.frames import Frames, frame_bits, same_layout
+from footfall.deploy.drivers.polled import MOTOR_IDS, Orders, PolledDriver, to_every_motor
+from footfall.deploy.drivers.settings import Known, Settings, TimeOut
+from footfall.deploy.frames import Frames, Layout, layout_of
 from footfall.deploy.wiring import Wiring
 
 REPLY_ID = 0x200
 REGISTER_ID = 0x7FF
 READ, WRITE = 0x33, 0x55
-TIME_OUT_STEP_S = 50e-6  # that the time-out is counted in, by public register tables; no motor was at hand
+TIME_OUT_STEP_S = 50e-6  # unit of the time-out by public register tables; not measured on a motor
 
-# As delivered, by the maker's table. What a motor says of itself counts.
+# As delivered, by the maker's table. A motor's own registers take precedence.
 RANGES = {
     "DM4310": MotorRange(30.0, 10.0),
     "DM4340": MotorRange(8.0, 28.0),
@@ -45,17 +45,17 @@ RANGES = {
 
 TIME_OUT, MODE, POSITION_MAX, VELOCITY_MAX, TORQUE_MAX = REGISTERS = (9, 10, 21, 22, 23)
 _NAMES = {
-    TIME_OUT: "communication time-out",
-    MODE: "control mode",
-    POSITION_MAX: "PMAX",
-    VELOCITY_MAX: "VMAX",
-    TORQUE_MAX: "TMAX",
+    TIME_OUT: "communication time-out (register 9)",
+    MODE: "control mode (register 10)",
+    POSITION_MAX: "PMAX (register 21)",
+    VELOCITY_MAX: "VMAX (register 22)",
+    TORQUE_MAX: "TMAX (register 23)",
 }
 WHOLE = (TIME_OUT, MODE)  # registers that are whole numbers; the others are floats
 MIT_MODE = 1
 
-OFF, ON = 0, 1  # states that are no faults
-WENT_OFF = 16  # of a motor that was on, and says that it is off: it has rebooted
+OFF, ON = 0, 1  # the states that are not faults
+WENT_OFF = 16  # code for a motor that was on and reports off: it has rebooted
 COMMUNICATION_LOST = 13
 ERRORS = {
     5: "sensor error",
@@ -70,51 +70,52 @@ ERRORS = {
     WENT_OFF: "that it is switched off",
 }
 
-_EVERYONE = slice(None)
+_ALL = slice(None)
 _ACCESS, _REGISTER = (np.isin(np.arange(256), codes) for codes in ((READ, WRITE), REGISTERS))  # by a byte
 
 
-def identifiers(motor: int) -> tuple[int, ...]:
-    """All that a motor alone sends or hears."""
-    return motor, REPLY_ID + motor
-
-
-class DamiaoDriver:
+class DamiaoDriver(PolledDriver):
     """The controller's end."""
 
-    identifiers = staticmethod(identifiers)
+    maker = "Damiao"
+    models = tuple(RANGES)
+    motor_end = "footfall.plant.motor_ends.damiao:DamiaoMotorEnd"
     filters: tuple[CanFilter, ...] = ({"can_id": REPLY_ID, "can_mask": 0x780, "extended": False},)
 
     def __init__(self, wiring: Wiring) -> None:
         """Raises UserError for a motor id that a frame cannot carry."""
         n = len(wiring.motor_id)
-        self._wiring = wiring
-        self._lookup = motor_lookup(wiring)
-        self._everyone = np.arange(n)
-        self._speaks = np.zeros(n, bool)  # unasked: none does
-        self._unknown = np.full(n, np.nan)  # no reply tells the voltage
-        self.exchange_bits = np.full(n, 2 * frame_bits(8, stuffed=False))
+        orders = (mit.special(word, n) for word in (mit.ENTER, mit.EXIT, mit.ZERO, mit.CLEAR))
+        super().__init__(wiring, Orders(*(to_every_motor(wiring, data) for data in orders)))
+        self._settings = Settings(wiring, _NAMES, TimeOut(TIME_OUT, TIME_OUT_STEP_S), _problem)
         self._ranges = [RANGES[model] for model in wiring.models]
-        self._settings = Settings(REGISTERS, TIME_OUT, wiring.timeout_s, TIME_OUT_STEP_S)
-        self._asking = True
         self._was_on = np.zeros(n, dtype=bool)
-        self._outgoing = Frames(wiring.channel, wiring.motor_id, np.zeros((n, 8), np.uint8), np.full(n, 8))
-        self._enable = self._outgoing._replace(data=mit.special(mit.ENTER, n))
-        self._disable = self._outgoing._replace(data=mit.special(mit.EXIT, n))
-        self._clear = self._outgoing._replace(data=mit.special(mit.CLEAR, n))
-        self._zero = self._outgoing._replace(data=mit.special(mit.ZERO, n))
-        self._usual = self._outgoing
+        self._outgoing = to_every_motor(wiring)
+        self._usual: Layout | None = None  # layout of the last batch of all motors in joint order
         self._use(self._ranges)
+
+    @staticmethod
+    def identifiers(motor_id: int) -> tuple[int, ...]:
+        return motor_id, REPLY_ID + motor_id
+
+    @staticmethod
+    def probes(motor_id: int) -> tuple[tuple[int, bytes], ...]:
+        return ((motor_id, mit.special(mit.EXIT, 1).tobytes()),)
+
+    @staticmethod
+    def senders(frames: Frames) -> np.ndarray:
+        sender = frames.id - REPLY_ID
+        usable = (sender > 0) & (sender <= MOTOR_IDS[-1]) & (frames.length == 8)
+        usable &= (frames.data[:, 0] & 0xF) == (sender & 0xF)
+        return np.where(usable, sender, -1)
 
     def _use(self, ranges: list[MotorRange]) -> None:
         self._codec = mit.Codec.of(ranges)
         self.lowest, self.highest = self._codec.lowest, self._codec.highest
         self.gain_rounding = 0.5 * self._codec.quantum[2:4]
 
-    # -- settings ------------------------------------------------------------------------------------
-
     def query_settings(self) -> Frames:
-        """Questions to motors that have not told all; a time-out that is wrong is written before."""
+        """Reads of unknown registers; a wrong time-out is written before."""
         rows = []
         for joint, register, value in self._settings.questions():
             motor = int(self._wiring.motor_id[joint])
@@ -126,70 +127,46 @@ class DamiaoDriver:
         return Frames(channel, np.full(len(rows), REGISTER_ID), data, np.full(len(rows), 8))
 
     def not_ready(self) -> str:
-        if not self._asking:
-            return ""
-        for joint, told in enumerate(self._settings.told):
-            problem = _problem(told) or self._settings.time_out_problem(joint)
-            if problem:
-                return f"motor {self._wiring.place(joint)} {problem}"
-        self._use(
-            [
-                replace(
-                    usual, position=told[POSITION_MAX], velocity=told[VELOCITY_MAX], torque=told[TORQUE_MAX]
-                )
-                for usual, told in zip(self._ranges, self._settings.told, strict=True)
-            ]
-        )
-        self._asking = False
-        return ""
+        return self._settings.problem()
 
-    def _listen(self, data: np.ndarray, motor: np.ndarray) -> None:
-        """Take in what motors tell of their registers; the echo of a write proves nothing."""
-        for row in np.flatnonzero(data[:, 2] == READ):
-            register = int(data[row, 3])
-            (value,) = struct.unpack("<I" if register in WHOLE else "<f", data[row, 4:].tobytes())
-            self._settings.hear(int(motor[row]), register, value)
-
-    # -- every tick ----------------------------------------------------------------------------------
-
-    def enable(self) -> Frames:
-        return self._enable
-
-    def not_enabled(self) -> str:
-        return ""  # an answer is all that counts
-
-    def disable(self) -> Frames:
-        return self._disable
-
-    def not_confirmed_off(self) -> np.ndarray:
-        return self._speaks
-
-    def clear(self) -> Frames:
-        return self._clear
-
-    def zero(self) -> Frames:
-        return self._zero
+    def _note_registers(self, data: np.ndarray, motor: np.ndarray) -> None:
+        """Note reported registers until all are right; the echo of a write proves nothing."""
+        if not self._settings.problem():
+            return
+        for joint, row in zip(motor.tolist(), data, strict=True):
+            if row[2] == READ:
+                register = int(row[3])
+                (value,) = struct.unpack("<I" if register in WHOLE else "<f", row[4:].tobytes())
+                self._settings.note(joint, register, value)
+        if not self._settings.problem():
+            self._use(
+                [
+                    replace(
+                        delivered,
+                        position=known[POSITION_MAX],
+                        velocity=known[VELOCITY_MAX],
+                        torque=known[TORQUE_MAX],
+                    )
+                    for delivered, known in zip(self._ranges, self._settings.known, strict=True)
+                ]
+            )
 
     def command(self, values: np.ndarray) -> Frames:
         return self._outgoing._replace(data=self._codec.encode(values))
 
-    def damping(self, kd: np.ndarray) -> tuple[Frames, ...]:
-        return (self.command(damping_alone(kd)),)
-
     def replies(self, frames: Frames) -> Replies:
         about_registers = _about_registers(frames.data)
-        if same_layout(frames, self._usual) and not np.count_nonzero(about_registers):
-            return self._decoded(frames, _EVERYONE)
-        sender = frames.id - REPLY_ID
-        usable = (sender > 0) & (sender <= MOTOR_IDS[-1]) & (frames.length == 8)
-        motor = self._lookup[frames.channel, np.where(usable, sender, 0)]
-        usable &= motor >= 0
-        usable[usable] = (frames.data[usable, 0] & 0xF) == (sender[usable] & 0xF)
-        told = usable & about_registers
-        self._listen(frames.data[told], motor[told])
+        if layout_of(frames) == self._usual and not np.count_nonzero(about_registers):
+            return self._decoded(frames, _ALL)
+        sender = self.senders(frames)
+        motor = self._lookup[frames.channel, sender]
+        usable = (motor >= 0) & (sender >= 0)
+        of_register = usable & about_registers
+        if np.count_nonzero(of_register):
+            self._note_registers(frames.data[of_register], motor[of_register])
         usable &= ~about_registers
-        if np.array_equal(motor, self._everyone) and usable.all():
-            self._usual = frames
+        if usable.all() and np.array_equal(motor, np.arange(len(self._was_on))):
+            self._usual = layout_of(frames)
         return self._decoded(frames.take(usable), motor[usable])
 
     def _decoded(self, frames: Frames, motor: Motors) -> Replies:
@@ -200,25 +177,22 @@ class DamiaoDriver:
         error[(state == OFF) & self._was_on[motor]] = WENT_OFF
         self._was_on[motor] |= state == ON
         temperature = np.maximum(data[:, 6], data[:, 7]).astype(float)
-        return Replies(motor, values, error, temperature, self._unknown[motor], frames.time_us)
+        return Replies(motor, values, error, temperature, self._no_voltage[motor], frames.time_us)
 
     def error_name(self, code: int, joint: int = 0) -> str:
         return ERRORS.get(code, f"error {code}")
 
 
 def _about_registers(data: np.ndarray) -> np.ndarray:
-    """Which frames (k, 8) tell or confirm a register: no reading that a joint could have looks like that."""
+    """Which frames (k, 8) report or confirm a register: no possible reading has these bytes."""
     return (data[:, 1] == 0) & _ACCESS[data[:, 2]] & _REGISTER[data[:, 3]]
 
 
-def _problem(told: dict[int, float]) -> str:
-    """What is missing, or wrong, of what a motor has told."""
-    for register in REGISTERS:
-        if register not in told:
-            return f"has not told its {_NAMES[register]} (register {register})"
-    if told[MODE] != MIT_MODE:
-        return f"is in control mode {told[MODE]:g}: register {MODE} must be {MIT_MODE}, MIT mode"
+def _problem(known: Known) -> str:
+    """A wrong setting of a motor; empty for none."""
+    if known[MODE] != MIT_MODE:
+        return f"is in control mode {known[MODE]:g}: register {MODE} must be {MIT_MODE}, MIT mode"
     for register in (POSITION_MAX, VELOCITY_MAX, TORQUE_MAX):
-        if not 0.0 < told[register] < 1e4:
-            return f"says that its {_NAMES[register]} is {told[register]:g} (register {register})"
+        if not 0.0 < known[register] < 1e4:
+            return f"has {known[register]:g} for its {_NAMES[register]}"
     return ""

@@ -1,23 +1,23 @@
-"""Which identifiers of a bus belong to whom: two that share one would be taken for one another."""
+"""Refuses two senders on one bus that share an identifier."""
 
 from collections.abc import Callable, Sequence
 
 from footfall.common.errors import UserError
-from footfall.deploy.drivers import imu
 from footfall.deploy.wiring import Wiring
 
-Identifiers = Callable[[int], tuple[int, ...]]  # of a motor id: all 11-bit identifiers that it sends or hears
+Identifiers = Callable[[int], tuple[int, ...]]  # from a motor id to all 11-bit identifiers of that motor
 
 
-def check_identifiers(wiring: Wiring, identifiers: Sequence[Identifiers]) -> None:
-    """Raise UserError for a motor whose frames would be taken for those of another or of the IMU.
+def check_identifiers(wiring: Wiring, identifiers: Sequence[Identifiers], of_imu: tuple[int, ...]) -> None:
+    """Raise UserError for a motor that shares an identifier with another motor or with the IMU.
 
     Args:
-        wiring: which motor sits where.
-        identifiers: (n,) what the motors of each joint's maker send and hear.
+        wiring: places of the motors.
+        identifiers: (n,) identifiers that the motors of each joint's protocol send and receive.
+        of_imu: identifiers that the IMU sends.
     """
     taken: dict[tuple[int, int], str] = {
-        (channel, identifier): "the IMU" for channel in range(len(wiring.buses)) for identifier in imu.IDS
+        (channel, identifier): "the IMU" for channel in range(len(wiring.buses)) for identifier in of_imu
     }
     for joint, of_motor in enumerate(identifiers):
         channel, place = int(wiring.channel[joint]), wiring.place(joint)

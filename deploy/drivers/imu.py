@@ -1,4 +1,4 @@
-"""IMU readings as CAN frames.
+"""footfall's own format of IMU readings on CAN.
 
 | id | content | one unit |
 | --- | --- | --- |
@@ -6,8 +6,8 @@
 | 0x301 | proper acceleration x y z (int16), sample counter (uint16) | 0.005 m/s^2 |
 | 0x302 | quaternion w x y z (int16), body to world | 1/32767 |
 
-Big-endian, body axes. Readings past the range are clamped. The sample counter tells a reading that is new
-from one that is repeated. A frame that is shorter and a quaternion that is no rotation count as not received.
+Big-endian, body axes. Readings past the range are clamped. The sample counter distinguishes a new reading
+from a repeated one. A shorter frame, and a quaternion whose length is not 1, count as not received.
 """
 
 import math
@@ -18,10 +18,9 @@ from typing import NamedTuple
 import numpy as np
 
 from footfall.deploy.drivers.driver import CanFilter
-from footfall.deploy.frames import Frames
+from footfall.deploy.frames import Frames, layout_of
 
 GYRO_ID, ACCELERATION_ID, QUATERNION_ID = IDS = (0x300, 0x301, 0x302)
-FILTERS: tuple[CanFilter, ...] = ({"can_id": GYRO_ID, "can_mask": 0x7FC, "extended": False},)
 GYRO_UNIT = 0.001
 ACCELERATION_UNIT = 0.005
 QUATERNION_UNIT = 1.0 / 32767.0
@@ -47,13 +46,13 @@ def encode(reading: Inertial, counter: int) -> np.ndarray:
     codes, count = [value / unit for value, unit in zip(values, _UNITS, strict=True)], counter % 0x10000
     try:
         data = _packed(codes, count)
-    except (struct.error, OverflowError, ValueError):  # past the range, infinite, or no number
+    except (struct.error, OverflowError, ValueError):  # past the range, infinite, or NaN
         data = _packed([max(-32768.0, min(32767.0, code)) for code in codes], count)
     return np.frombuffer(data, dtype=np.uint8).reshape(3, 8)
 
 
 def _packed(codes: list[float], count: int) -> bytes:
-    """The three frames, one after another. What is no number becomes the highest once it is clamped."""
+    """The three frames, one after another. NaN becomes the highest value once it is clamped."""
     gx, gy, gz, ax, ay, az, *quaternion = map(round, codes)
     return _ALL.pack(gx, gy, gz, count, ax, ay, az, count, *quaternion)
 
@@ -71,7 +70,7 @@ def decode_acceleration(data: bytes) -> tuple[float, float, float]:
 
 
 def decode_quaternion(data: bytes) -> tuple[float, float, float, float] | None:
-    """Unit quaternion w x y z, or None for a frame that carries no rotation: its length is not 1."""
+    """Unit quaternion w x y z, or None for a frame whose quaternion has another length than 1."""
     return _unit_quaternion(*_QUATERNION.unpack(data))
 
 
@@ -83,19 +82,24 @@ def _unit_quaternion(w: int, x: int, y: int, z: int) -> tuple[float, float, floa
 
 
 class ImuReader:
-    """The latest reading of an IMU, from frames as they arrive."""
+    """The latest reading of an IMU, from frames as they arrive: an `ImuDriver`."""
+
+    filters: tuple[CanFilter, ...] = ({"can_id": GYRO_ID, "can_mask": 0x7FC, "extended": False},)
+    identifiers: tuple[int, ...] = IDS
+    imu_end = "footfall.plant.imu_ends:FootfallImuEnd"
 
     def __init__(self, channel: int) -> None:
-        """`channel` is the bus that the IMU is on."""
+        """`channel` is the index of the IMU's bus."""
         self._channel = channel
-        self._usual: Frames | None = None  # the last batch that was one whole reading in the order of `IDS`
+        three = np.ones(len(IDS), np.intp)
+        self._whole = layout_of(Frames(channel * three, np.array(IDS), np.zeros((3, 8), np.uint8), 8 * three))
         self._gyro_counter = self._acceleration_counter = -1
         self._heard_us: list[int | None] = [None, None, None]  # each part, as in `IDS`
         self.reading = Inertial((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
 
     @property
     def heard_us(self) -> int | None:
-        """When the part that was last renewed longest ago was renewed; None until each part has come once."""
+        """Arrival time of the oldest of the three latest parts, us; None until each has arrived once."""
         gyro, acceleration, quaternion = self._heard_us
         if gyro is None or acceleration is None or quaternion is None:
             return None
@@ -103,30 +107,21 @@ class ImuReader:
 
     @property
     def oldest(self) -> str:
-        """The part that has not been renewed for longest."""
+        """Name of the oldest part."""
         ages = [-math.inf if heard is None else heard for heard in self._heard_us]
         return Inertial._fields[ages.index(min(ages))]
 
     def absorb(self, frames: Frames, now_us: int) -> None:
-        """Take in frames; those that are not the IMU's, or not whole, are left aside.
+        """Decode frames; those of other senders, and shorter ones, are left out.
 
-        A part was heard when its frame arrived, where the bus knows that, and else now: what has waited in
-        a queue is as old as it is.
+        A part's time is that of its frame where the bus knows it: a frame that waited in a queue is old.
         """
         arrived = [now_us] * len(frames.id) if frames.time_us is None else frames.time_us.tolist()
-        usual = self._usual
-        if (
-            usual is not None
-            and frames.id is usual.id
-            and frames.channel is usual.channel
-            and frames.length is usual.length
-        ):
+        if layout_of(frames) == self._whole:
             self._absorb_reading(frames.data.tobytes(), arrived)
             return
-        identifiers, channels, lengths = frames.id.tolist(), frames.channel.tolist(), frames.length.tolist()
-        if tuple(identifiers) == IDS and channels == [self._channel] * len(IDS) and lengths == [8] * len(IDS):
-            self._usual = frames
-        rows = zip(identifiers, channels, lengths, frames.data, arrived, strict=True)
+        columns = frames.id.tolist(), frames.channel.tolist(), frames.length.tolist()
+        rows = zip(*columns, frames.data, arrived, strict=True)
         for identifier, channel, length, row, arrived_us in rows:
             if channel == self._channel and identifier in IDS and length == 8:
                 self._absorb_frame(identifier, row.tobytes(), arrived_us)
@@ -160,7 +155,7 @@ class ImuReader:
         self.reading = Inertial(gyro, acceleration, quaternion)
 
     def _heard_counts(self, gyro: int, gyro_us: int, acceleration: int, acceleration_us: int) -> None:
-        """Only a counter that moves tells of a new reading."""
+        """Only a changed counter means a new reading."""
         if gyro != self._gyro_counter:
             self._gyro_counter, self._heard_us[0] = gyro, gyro_us
         if acceleration != self._acceleration_counter:

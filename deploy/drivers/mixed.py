@@ -1,4 +1,4 @@
-"""A robot with motors of several protocols: each speaks to its own joints."""
+"""A robot with motors of several protocols: each driver has its own joints."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -15,63 +15,61 @@ class MixedDriver:
     """The controller's end."""
 
     def __init__(self, parts: Sequence[tuple[Driver, Joints]]) -> None:
-        """`parts` are drivers, each with the joints that it speaks to: every joint once."""
+        """`parts` are drivers, each with its joints: every joint once."""
         self._parts = parts
         self._n = sum(len(joints) for _, joints in parts)
-        self._part_of = {int(j): (driver, i) for driver, joints in parts for i, j in enumerate(joints)}
         self.filters: tuple[CanFilter, ...] = tuple(each for driver, _ in parts for each in driver.filters)
-        self._read_ranges()
-        self.exchange_bits = np.zeros(self._n, np.intp)
-        for driver, joints in parts:
-            self.exchange_bits[joints] = driver.exchange_bits
-        batches = [driver.command(np.zeros((5, len(joints)))) for driver, joints in parts]
-        self._outgoing = joined(batches)
+        self.exchange_bits = self._by_joint((), lambda driver: driver.exchange_bits)
 
-    def _read_ranges(self) -> None:
-        self.lowest, self.highest = np.zeros((5, self._n)), np.zeros((5, self._n))
-        self.gain_rounding = np.zeros((2, self._n))
-        for driver, joints in self._parts:
-            self.lowest[:, joints], self.highest[:, joints] = driver.lowest, driver.highest
-            self.gain_rounding[:, joints] = driver.gain_rounding
+    def _by_joint(self, rows: tuple[int, ...], of: Callable[[Driver], np.ndarray]) -> np.ndarray:
+        """What drivers have for each joint, (*rows, n)."""
+        values = [of(driver) for driver, _ in self._parts]
+        whole = np.zeros((*rows, self._n), values[0].dtype)
+        for part, (_, joints) in zip(values, self._parts, strict=True):
+            whole[..., joints] = part
+        return whole
 
-    def _from_all(self, frames: Callable[[Driver], Frames]) -> Frames:
+    def _joined(self, frames: Callable[[Driver], Frames]) -> Frames:
         return joined([frames(driver) for driver, _ in self._parts])
+
+    @property
+    def lowest(self) -> np.ndarray:
+        return self._by_joint((5,), lambda driver: driver.lowest)
+
+    @property
+    def highest(self) -> np.ndarray:
+        return self._by_joint((5,), lambda driver: driver.highest)
+
+    @property
+    def gain_rounding(self) -> np.ndarray:
+        return self._by_joint((2,), lambda driver: driver.gain_rounding)
 
     def query_settings(self) -> Frames:
         return joined([driver.query_settings() for driver, _ in self._parts if driver.not_ready()])
 
     def not_ready(self) -> str:
-        reason = next(filter(None, (driver.not_ready() for driver, _ in self._parts)), "")
-        if not reason:
-            self._read_ranges()  # which motors may have told
-        return reason
+        return next(filter(None, (driver.not_ready() for driver, _ in self._parts)), "")
 
     def enable(self) -> Frames:
-        return self._from_all(lambda driver: driver.enable())
+        return self._joined(lambda driver: driver.enable())
 
     def not_enabled(self) -> str:
         return next(filter(None, (driver.not_enabled() for driver, _ in self._parts)), "")
 
     def disable(self) -> Frames:
-        return self._from_all(lambda driver: driver.disable())
+        return self._joined(lambda driver: driver.disable())
 
     def not_confirmed_off(self) -> np.ndarray:
-        on = np.zeros(self._n, bool)
-        for driver, joints in self._parts:
-            on[joints] = driver.not_confirmed_off()
-        return on
+        return self._by_joint((), lambda driver: driver.not_confirmed_off())
 
     def clear(self) -> Frames:
-        return self._from_all(lambda driver: driver.clear())
+        return self._joined(lambda driver: driver.clear())
 
     def zero(self) -> Frames:
-        return self._from_all(lambda driver: driver.zero())
+        return self._joined(lambda driver: driver.zero())
 
     def command(self, values: np.ndarray) -> Frames:
-        batches = [driver.command(values[:, joints]) for driver, joints in self._parts]
-        identifier = np.concatenate([frames.id for frames in batches])
-        data = np.concatenate([frames.data for frames in batches])
-        return self._outgoing._replace(id=identifier, data=data)  # the same channels and lengths each time
+        return joined([driver.command(values[:, joints]) for driver, joints in self._parts])
 
     def damping(self, kd: np.ndarray) -> tuple[Frames, ...]:
         batches = [driver.damping(kd[joints]) for driver, joints in self._parts]
@@ -91,5 +89,7 @@ class MixedDriver:
         )
 
     def error_name(self, code: int, joint: int = 0) -> str:
-        driver, own = self._part_of[joint]
-        return driver.error_name(code, own)
+        for driver, joints in self._parts:
+            if joint in joints:
+                return driver.error_name(code, int(np.flatnonzero(joints == joint)[0]))
+        raise ValueError(f"no joint {joint}")

@@ -1,51 +1,68 @@
-"""What motors tell of their settings: what is known, whom to ask for what next, and a time-out to be set."""
+"""Settings that motors report: which are known, which to read next, and a communication time-out to write."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
 
-ASK_AGAIN = 10  # ticks without an answer: a late one is not lost, and what is asked twice is told twice
+from footfall.deploy.wiring import Wiring
+
+ASK_AGAIN = 10  # ticks until an unanswered question is repeated
 NONE = "no communication time-out"
+
+Known = Mapping[int, float]  # settings of one motor by the maker's numbers
 
 
 class Question(NamedTuple):
-    """What to ask of a motor, and what to write before that."""
+    """A setting to read, and a value to write before."""
 
     motor: int  # joint index
     setting: int
     write: int | None  # None to leave the setting as it is
 
 
-class Settings:
-    """The settings of n motors, by the maker's numbers.
+class TimeOut(NamedTuple):
+    """The setting after whose time a motor without commands disables itself."""
 
-    A motor's own time-out is set where it is off or too long, and asked for again: what a motor tells counts.
+    setting: int  # its number; a value of 0 is never
+    step_s: float  # its unit
+
+
+class Settings:
+    """The settings of n motors.
+
+    A motor's time-out is written where it is off or too long, and read back: only the reply counts.
     """
 
-    def __init__(self, settings: Sequence[int], time_out: int, longest_s: np.ndarray, step_s: float) -> None:
-        """Nothing is known yet.
+    def __init__(
+        self,
+        wiring: Wiring,
+        names: Mapping[int, str],
+        time_out: TimeOut,
+        check: Callable[[Known], str] = lambda _: "",
+    ) -> None:
+        """Nothing is known at first.
 
         Args:
-            settings: which to ask for, in this order.
-            time_out: which of them is the time after which a motor that hears nothing switches itself off;
-                0 is never.
-            longest_s: (n,) what that may be at most.
-            step_s: what the time-out is counted in.
+            wiring: names of the motors and their longest time-outs.
+            names: settings to read, in this order, with their names for messages.
+            time_out: which of them is the time-out.
+            check: a problem with the settings of a motor that are all known; empty for none.
         """
-        self.told: list[dict[int, float]] = [{} for _ in longest_s]
-        self._settings, self._time_out, self._step_s = settings, time_out, step_s
-        self._longest = np.rint(longest_s / step_s).astype(int).tolist()
-        self._waits = [0] * len(longest_s)  # ticks until a motor is asked again
+        self.known: list[dict[int, float]] = [{} for _ in wiring.joint_names]
+        self._wiring, self._names, self._time_out, self._check = wiring, names, time_out, check
+        self._longest = np.rint(wiring.timeout_s / time_out.step_s).astype(int).tolist()
+        self._waits = [0] * len(self.known)  # ticks until a question is repeated
+        self._good = False
 
     def questions(self) -> list[Question]:
-        """What to ask in this tick; of each motor one question at most, and none before it is due."""
+        """Questions of this tick: one for each motor at most, and none before it is due."""
         due = []
-        for motor in range(len(self.told)):
-            setting = self._missing(motor)
+        for motor, known in enumerate(self.known):
+            setting = next((number for number in self._names if number not in known), None)
             write = None
-            if setting is None and self.time_out_problem(motor):
-                setting, write = self._time_out, self._longest[motor]
+            if setting is None and self._time_out_problem(motor):
+                setting, write = self._time_out.setting, self._longest[motor]
             if setting is None:
                 continue
             if self._waits[motor]:
@@ -55,20 +72,29 @@ class Settings:
             due.append(Question(motor, setting, write))
         return due
 
-    def hear(self, motor: int, setting: int, value: float) -> None:
-        """A motor tells a setting. The next question need not wait if that was not known."""
-        if setting not in self.told[motor]:
+    def note(self, motor: int, setting: int, value: float) -> None:
+        """Note a reported setting. The next question is due at once if it was unknown."""
+        if setting not in self.known[motor]:
             self._waits[motor] = 0
-        self.told[motor][setting] = value
+        self.known[motor][setting] = value
 
-    def _missing(self, motor: int) -> int | None:
-        """The first setting that a motor has not told, None if it has told all."""
-        return next((setting for setting in self._settings if setting not in self.told[motor]), None)
+    def problem(self) -> str:
+        """First motor with a missing or wrong setting, and which; empty if all settings were right once."""
+        if self._good:
+            return ""
+        for motor, known in enumerate(self.known):
+            missing = next((name for number, name in self._names.items() if number not in known), "")
+            problem = f"has not told its {missing}" if missing else self._check(known)
+            if problem := problem or self._time_out_problem(motor):
+                return f"motor {self._wiring.place(motor)} {problem}"
+        self._good = True
+        return ""
 
-    def time_out_problem(self, motor: int) -> str:
-        """What is wrong with the time-out that a motor has told; empty if nothing."""
-        count, longest = self.told[motor][self._time_out], self._longest[motor]
+    def _time_out_problem(self, motor: int) -> str:
+        """Problem with a motor's reported time-out; empty for none."""
+        step_s = self._time_out.step_s
+        count, longest = self.known[motor][self._time_out.setting], self._longest[motor]
         if 0 < count <= longest:
             return ""
-        found = f"a communication time-out of {count * self._step_s:g} s" if count else NONE
-        return f"has {found}, and does not take one of {longest * self._step_s:g} s"
+        found = f"a communication time-out of {count * step_s:g} s" if count else NONE
+        return f"has {found}, and does not take one of {longest * step_s:g} s"

@@ -112,8 +112,7 @@ def _run_step(step: "Step", setting: "Setting", kind: str) -> "Verdict":
 @contextmanager
 def _opened(setting: "Setting", step: "Step", kind: str) -> "Iterator[Bus]":
     """The way to the robot; a simulated one is as the step needs it."""
-    from footfall.deploy.drivers import imu
-    from footfall.deploy.drivers.choice import open_driver
+    from footfall.deploy.drivers.choice import filters_of
     from footfall.deploy.wiring import wire
 
     robot, wiring = setting.robot, wire(setting.robot)
@@ -137,7 +136,7 @@ def _opened(setting: "Setting", step: "Step", kind: str) -> "Iterator[Bus]":
             resources.enter_context(serving(robot, VIRTUAL, plant))
         from footfall.deploy.interfaces import open_interfaces
 
-        bus = open_interfaces(kind, wiring.buses, (*open_driver(wiring).filters, *imu.FILTERS))
+        bus = open_interfaces(kind, wiring.buses, filters_of(wiring))
         resources.callback(bus.close)
         yield bus
 

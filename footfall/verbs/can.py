@@ -23,12 +23,12 @@ if TYPE_CHECKING:
     from footfall.deploy.wiring import Wiring
     from footfall.robots.description import Robot
 
-can = App(name="can", help="A robot on a stand: who is on its buses, switch on, set zeros, watch.")
+can = App(name="can", help="A robot on a stand: find motors on its buses, enable them, set zeros, watch.")
 
 NOT_ALL_WELL = 1
 VIRTUAL = "virtual"  # leads to a simulated robot in this process
 FRAMES_PER_SECOND = 5
-LOOK_S = 0.5  # for every motor to tell its errors: heartbeats come ten times a second
+LOOK_S = 0.5  # for every motor to report its errors: heartbeats come ten times a second
 
 
 @Parameter(name="*")
@@ -43,19 +43,15 @@ class Place:
 
 @can.command
 def scan(*, place: Place = Place()) -> int:
-    """Find motors by id and maker, and hold them against robot.yaml; exit 1 if they differ."""
-    from footfall.deploy.scan import EVERYTHING, MAKERS, Found
+    """Find motors by id and maker, and compare them with robot.yaml; exit 1 if they differ."""
+    from footfall.deploy.scan import EVERYTHING
+    from footfall.deploy.scan import expected as expected_motors
     from footfall.deploy.scan import scan as scan_buses
 
     robot, wiring = _wired(place)
     with _opened(robot, wiring, place.bus, EVERYTHING) as bus:
-        found = scan_buses(bus, len(wiring.buses))
-    expected = {
-        Found(int(channel), int(motor), MAKERS[model]): joint
-        for channel, motor, model, joint in zip(
-            wiring.channel, wiring.motor_id, wiring.models, wiring.joint_names, strict=True
-        )
-    }
+        found = scan_buses(bus, wiring)
+    expected = expected_motors(wiring)
     rows: list[tuple[str, ...]] = []
     for each in sorted(found | set(expected)):
         verdict = "found" if each in found else "missing"
@@ -106,7 +102,7 @@ def enable(*, place: Place = Place(), joint: Names = (), duration: Seconds = 3.0
 
 @can.command
 def zero(*, place: Place = Place(), joint: Names = (), yes: Yes = False) -> int:
-    """Let motors that are off, and do not move, take their present position for zero.
+    """Make motors that are off and do not move take their present position for zero.
 
     Parameters
     ----------
@@ -125,7 +121,7 @@ def zero(*, place: Place = Place(), joint: Names = (), yes: Yes = False) -> int:
 
 @can.command
 def clear(*, place: Place = Place(), joint: Names = (), yes: Yes = False) -> int:
-    """Let motors that are off forget the errors that they have latched; exit 1 if one has an error still.
+    """Clear latched errors of motors that are off; exit 1 if a motor still reports one.
 
     Parameters
     ----------
@@ -138,21 +134,21 @@ def clear(*, place: Place = Place(), joint: Names = (), yes: Yes = False) -> int
         bench.watch(LOOK_S, lambda: None)
         before = bench.states()
         problem = bench.clear() or bench.missing()
-        for was, state in zip(before, bench.states(), strict=True):
-            if was.error and not state.error:
-                print(f"{was.joint} reported {was.error}: cleared")
+        for earlier, state in zip(before, bench.states(), strict=True):
+            if earlier.error and not state.error:
+                print(f"{earlier.joint} reported {earlier.error}: cleared")
         _print_motors(bench)
         return _verdict(bench, problem)
 
 
 def _wired(place: Place) -> "tuple[Robot, Wiring]":
-    from footfall.deploy.drivers.choice import by_maker
+    from footfall.deploy.drivers.choice import by_driver
     from footfall.deploy.wiring import wire
     from footfall.robots.description import load_robot
 
     robot = load_robot(place.robot)
     wiring = wire(robot)
-    by_maker(wiring)  # refuses what no driver knows
+    by_driver(wiring)  # refuses motors without a driver
     return robot, wiring
 
 
@@ -160,7 +156,7 @@ def _wired(place: Place) -> "tuple[Robot, Wiring]":
 def _opened(
     robot: "Robot", wiring: "Wiring", interface: str, filters: "tuple[CanFilter, ...]"
 ) -> "Iterator[Bus]":
-    """The robot's buses; with a simulated robot on them where they reach no further than this process."""
+    """The robot's buses; a virtual interface has a simulated robot on them."""
     from footfall.deploy.interfaces import open_interfaces
 
     with ExitStack() as resources:
@@ -175,7 +171,7 @@ def _opened(
 
 @contextmanager
 def _bench(place: Place, joints: tuple[str, ...]) -> "Iterator[Bench]":
-    """The motors of a robot, or of some of its joints; off when the context ends."""
+    """The motors of a robot, or of some of its joints, which are off when the context ends."""
     import numpy as np
 
     from footfall.deploy.bench import Bench, switched_off_afterwards
@@ -201,7 +197,7 @@ def _verdict(bench: "Bench", problem: str) -> int:
 
 @contextmanager
 def _live(bench: "Bench") -> Iterator[Callable[[], None]]:
-    """A table that is kept up to date on a terminal, and printed once at the end elsewhere."""
+    """A table that is updated on a terminal, and printed once at the end elsewhere."""
     from rich.console import Console
     from rich.live import Live
 
@@ -253,7 +249,7 @@ def _print_motors(bench: "Bench") -> None:
 
 
 def _print_table(header: tuple[str, ...], rows: list[tuple[str, ...]]) -> None:
-    """Columns as wide as they need to be, also where the output is no terminal."""
+    """Columns as wide as their widest cell, also where the output is no terminal."""
     widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
     for row in (header, *rows):
         print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())

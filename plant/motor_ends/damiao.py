@@ -23,31 +23,29 @@ from footfall.deploy.drivers.damiao import (
 )
 from footfall.deploy.drivers.driver import CanFilter, Motors
 from footfall.deploy.drivers.mit import MotorRange
-from footfall.deploy.drivers.mit_driver import MOTOR_IDS, motor_lookup
+from footfall.deploy.drivers.polled import MOTOR_IDS, motor_lookup
 from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import Wiring
 from footfall.plant.motor_ends import mit as mit_end
-from footfall.plant.motor_ends.motor_end import PolledMotorEnd, Request, Requests, time_outs
+from footfall.plant.motor_ends.motor_end import PolledMotorEnd, Report, Request, Requests, time_outs
 
 DELIVERED_TIME_OUT = 2000  # 0.1 s
 KIND = {**mit_end.KIND, mit.CLEAR: Request.CLEAR}
 
 
 class DamiaoMotorEnd(PolledMotorEnd):
-    """The motors' end. `registers` (joint, register) are what each tells of itself."""
+    """The motors' end. `registers` are those of each motor, by number."""
 
     filters: tuple[CanFilter, ...] = (
         {"can_id": 0, "can_mask": 0x7FF - MOTOR_IDS[-1], "extended": False},
         {"can_id": REGISTER_ID, "can_mask": 0x7FF, "extended": False},
     )
     time_out_error = COMMUNICATION_LOST
-    time_out_latches = False
-    talkative = False
 
     def __init__(self, wiring: Wiring, ranges: list[MotorRange] | None = None) -> None:
         """`ranges` are the motors' own; those of the maker's table by default."""
-        n = len(wiring.motor_id)
-        self._wiring, self._lookup = wiring, motor_lookup(wiring)
+        super().__init__(wiring)
+        self._lookup = motor_lookup(wiring)
         ranges = ranges or [RANGES[model] for model in wiring.models]
         self._codec = mit.Codec.of(ranges)
         self.registers: list[dict[int, float]] = [
@@ -61,7 +59,7 @@ class DamiaoMotorEnd(PolledMotorEnd):
             for r in ranges
         ]
         self._reply_id = REPLY_ID + wiring.motor_id
-        self._length = np.full(n, 8)
+        self._length = np.full(len(wiring.motor_id), 8)
 
     @property
     def timeout_s(self) -> np.ndarray:
@@ -76,34 +74,27 @@ class DamiaoMotorEnd(PolledMotorEnd):
             kind = np.array([KIND.get(w, Request.COMMAND) for w in word.tolist()])
         return Requests(motor[usable], self._codec.decode(word, motor[usable]), kind)
 
-    def tell(self, frames: Frames) -> Frames | None:
+    def settings_replies(self, frames: Frames) -> Frames | None:
         access = np.isin(frames.data[:, 2], (READ, WRITE))
         asked = (frames.id == REGISTER_ID) & (frames.length == 8) & access
         motor = self._lookup[frames.channel, frames.data[:, 0]]
         rows = np.flatnonzero(asked & (motor >= 0) & (frames.data[:, 1] == 0))
         if not len(rows):
             return None
-        data, who = frames.data[rows].copy(), motor[rows]
-        for row, joint in zip(data, who.tolist(), strict=True):
+        data, joints = frames.data[rows].copy(), motor[rows]
+        for row, joint in zip(data, joints.tolist(), strict=True):
             register, own = int(row[3]), self.registers[joint]
             form = "<I" if register in WHOLE else "<f"
             if row[2] == WRITE and register in own:
                 (own[register],) = struct.unpack(form, row[4:].tobytes())
             value = own.get(register, 0)
             row[4:] = np.frombuffer(struct.pack(form, int(value) if register in WHOLE else value), np.uint8)
-        return Frames(self._wiring.channel[who], self._reply_id[who], data, self._length[who])
+        return Frames(self._wiring.channel[joints], self._reply_id[joints], data, self._length[joints])
 
-    def reply(
-        self,
-        motor: Motors,
-        values: np.ndarray,
-        temperature_c: int,
-        error: np.ndarray,
-        on: np.ndarray | None = None,
-    ) -> Frames:
-        state = np.ones(len(error), np.uint64) if on is None else on.astype(np.uint64)
-        state = np.where(error != 0, error, state)
+    def reply(self, motor: Motors, report: Report) -> Frames:
+        error, temperature_c = report.error, report.temperature_c
+        state = np.where(error != 0, error, report.on.astype(np.uint64))
         first = (state << np.uint64(4)) | (self._wiring.motor_id[motor] & 0xF).astype(np.uint64)
         tail = np.full(len(error), temperature_c << 8 | temperature_c, np.uint64)
-        data = self._codec.encode_replies(motor, first << np.uint64(56), values, tail)
+        data = self._codec.encode_replies(motor, first << np.uint64(56), report.values, tail)
         return Frames(self._wiring.channel[motor], self._reply_id[motor], data, self._length[motor])

@@ -6,7 +6,7 @@ import numpy as np
 
 from footfall.deploy.drivers.driver import CanFilter, Motors
 from footfall.deploy.frames import Frames, joined
-from footfall.plant.motor_ends.motor_end import MotorEnd, Request, Requests
+from footfall.plant.motor_ends.motor_end import MotorEnd, Report, Request, Requests
 
 Joints = np.ndarray  # indices
 
@@ -19,7 +19,7 @@ class MixedMotorEnd:
         self._parts = parts
         self.filters: tuple[CanFilter, ...] = tuple(each for end, _ in parts for each in end.filters)
         n = sum(len(joints) for _, joints in parts)
-        self.talkative = any(end.talkative for end, _ in parts)
+        self.broadcasts = any(end.broadcasts for end, _ in parts)
         self.time_out_error: np.ndarray = np.zeros(n, np.uint64)
         self.time_out_latches: np.ndarray = np.zeros(n, bool)
         for end, joints in parts:
@@ -49,42 +49,29 @@ class MixedMotorEnd:
             None if all(requests.kind is None for requests, _ in parts) else np.concatenate(kinds),
         )
 
-    def tell(self, frames: Frames) -> Frames | None:
-        told = [answer for end, _ in self._parts if (answer := end.tell(frames)) is not None]
-        return joined(told) if told else None
+    def settings_replies(self, frames: Frames) -> Frames | None:
+        return _joined([end.settings_replies(frames) for end, _ in self._parts])
 
-    def reply(
-        self,
-        motor: Motors,
-        values: np.ndarray,
-        temperature_c: int,
-        error: np.ndarray,
-        on: np.ndarray | None = None,
-    ) -> Frames:
-        """As `MotorEnd.reply`; frames come in the order of the motors if these are grouped by protocol."""
+    def reply(self, motor: Motors, report: Report) -> Frames:
+        """See `MotorEnd.reply`. Frames are grouped by protocol."""
         motor = self._everyone[motor]
         batches = []
         for part, (end, _) in enumerate(self._parts):
             rows = np.flatnonzero(self._part_of[motor] == part)
-            those = None if on is None else on[rows]
-            batches.append(
-                end.reply(self._own[motor[rows]], values[:, rows], temperature_c, error[rows], those)
-            )
+            batches.append(end.reply(self._own[motor[rows]], report.take(rows)))
         return joined(batches)
 
-    def broadcast(
-        self,
-        now_us: int,
-        speaking: np.ndarray,
-        values: np.ndarray,
-        temperature_c: int,
-        error: np.ndarray,
-        on: np.ndarray,
-    ) -> Frames | None:
-        said = []
-        for end, joints in self._parts:
-            if end.talkative:
-                theirs = values[:, joints], temperature_c, error[joints], on[joints]
-                said.append(end.broadcast(now_us, speaking[joints], *theirs))
-        heard = [frames for frames in said if frames is not None]
-        return joined(heard) if heard else None
+    def broadcast(self, now_us: int, speaking: np.ndarray, report: Report) -> Frames | None:
+        return _joined(
+            [
+                end.broadcast(now_us, speaking[joints], report.take(joints))
+                for end, joints in self._parts
+                if end.broadcasts
+            ]
+        )
+
+
+def _joined(batches: Sequence[Frames | None]) -> Frames | None:
+    """Those batches that exist as one; None if there is none."""
+    existing = [frames for frames in batches if frames is not None]
+    return joined(existing) if existing else None

@@ -1,4 +1,8 @@
-"""What the simulated motors ask of a motor protocol."""
+"""What the simulated motors require of a motor protocol.
+
+A driver of one's own (`deploy/drivers/driver.py`) names the class of its simulated motors as `motor_end`.
+It implements `MotorEnd`; `PolledMotorEnd` has most of that for motors that only answer.
+"""
 
 from collections.abc import Sequence
 from enum import IntEnum
@@ -8,115 +12,117 @@ import numpy as np
 
 from footfall.deploy.drivers.driver import CanFilter, Motors
 from footfall.deploy.frames import Frames
+from footfall.deploy.wiring import Wiring
 
 
 class Request(IntEnum):
-    """What a frame asks of a motor."""
+    """What a frame requests of a motor."""
 
     COMMAND = 0
     ENABLE = 1
     DISABLE = 2
     ZERO = 3  # take the present position for zero
-    CLEAR = 4  # forget errors
+    CLEAR = 4  # clear latched errors
 
 
 class Requests(NamedTuple):
-    """What was asked of k motors, in the order of the frames."""
+    """Requests to k motors, in the order of the frames."""
 
     motor: Motors
-    values: (
-        np.ndarray
-    )  # (5, k) commands, not to be written to; without meaning where something else was asked
+    values: np.ndarray  # (5, k) commands, read only; without meaning for other kinds of request
     kind: np.ndarray | None  # (k,) of `Request`; None if all are commands
 
     def take(self, rows: np.ndarray, joints: int) -> "Requests":
-        """Those at some rows (a mask); `joints` is how many the robot has."""
+        """Those at some rows (a mask) of a robot with this number of joints."""
         motor = np.arange(joints)[self.motor]
         return Requests(motor[rows], self.values[:, rows], None if self.kind is None else self.kind[rows])
 
 
-class MotorEnd(Protocol):
-    """The motors' end of a protocol, for simulated ones."""
+class Report(NamedTuple):
+    """The state of k motors."""
 
-    filters: tuple[CanFilter, ...]  # of the frames that a controller sends
-    talkative: bool  # whether motors send by themselves, unasked
+    values: np.ndarray  # (3, k) position rad, velocity rad/s, torque N m, at the joint
+    error: np.ndarray  # (k,) uint64 error codes, 0 for none
+    on: np.ndarray  # (k,) bool, which are enabled
+    temperature_c: int = 30
+
+    def take(self, motor: Motors) -> "Report":
+        """The state of some of these motors."""
+        return Report(self.values[:, motor], self.error[motor], self.on[motor], self.temperature_c)
+
+
+class MotorEnd(Protocol):
+    """The motors' end of a protocol, for n simulated motors."""
+
+    filters: tuple[CanFilter, ...]  # which frames a controller sends
+    broadcasts: bool  # whether motors send frames that nothing requested
 
     @property
     def time_out_error(self) -> int | np.ndarray:
-        """The code of a motor that heard nothing and switched itself off: of all, or (n,)."""
+        """Error code of a motor that timed out: of all, or (n,)."""
         ...
 
     @property
     def time_out_latches(self) -> bool | np.ndarray:
-        """Whether such a motor stays off until its errors are cleared: of all, or (n,)."""
+        """Whether a motor that timed out stays off until its errors are cleared: of all, or (n,)."""
         ...
 
     @property
     def timeout_s(self) -> np.ndarray:
-        """(n,) after which a motor that hears nothing switches itself off; NaN where no frame sets that."""
+        """Time without a request after which a motor disables itself, (n,); NaN where no frame sets it."""
         ...
 
     def requests(self, frames: Frames) -> Requests:
-        """Decode what was sent to motors of this robot; other frames are left out."""
+        """Decode frames to motors of this robot; other frames are left out."""
         ...
 
-    def tell(self, frames: Frames) -> Frames | None:
-        """What motors answer to questions about their settings, and take in of them; None for no answer."""
+    def settings_replies(self, frames: Frames) -> Frames | None:
+        """Read and write settings as frames request; returns the answers, None for no answer."""
         ...
 
-    def reply(
-        self,
-        motor: Motors,
-        values: np.ndarray,
-        temperature_c: int,
-        error: np.ndarray,
-        on: np.ndarray | None = None,
-    ) -> Frames:
-        """What k motors answer.
+    def reply(self, motor: Motors, report: Report) -> Frames:
+        """The answers of k motors (indices, or a slice of all), whose state `report` has.
 
-        Args:
-            motor: which ones.
-            values: (3, k) position rad, velocity rad/s, torque N m; clamped to the motors' ranges.
-            temperature_c: of all of them.
-            error: (k,) uint64 error codes.
-            on: (k,) bool, which are switched on; None for all.
+        Values are clamped to the motors' ranges.
         """
         ...
 
-    def broadcast(
-        self,
-        now_us: int,
-        speaking: np.ndarray,
-        values: np.ndarray,
-        temperature_c: int,
-        error: np.ndarray,
-        on: np.ndarray,
-    ) -> Frames | None:
-        """What motors send by themselves in the millisecond that begins now; None for nothing.
+    def broadcast(self, now_us: int, speaking: np.ndarray, report: Report) -> Frames | None:
+        """Frames that motors send by themselves in the millisecond that begins now; None for none.
 
         Args:
             now_us: simulated time.
-            speaking: (n,) bool, which are heard.
-            values, temperature_c, error, on: as for `reply`, of all motors.
+            speaking: (n,) bool, which motors are connected.
+            report: the state of all motors.
         """
         ...
 
 
 class PolledMotorEnd:
-    """Of makers whose motors answer when they are polled, and send nothing by themselves."""
+    """Base of motors' ends that answer requests and broadcast nothing.
 
-    def broadcast(
-        self,
-        now_us: int,
-        speaking: np.ndarray,
-        values: np.ndarray,
-        temperature_c: int,
-        error: np.ndarray,
-        on: np.ndarray,
-    ) -> Frames | None:
+    A subclass adds `filters`, `requests` and `reply`, and `settings_replies` for motors with settings.
+    """
+
+    broadcasts = False
+    time_out_error: int = 0
+    time_out_latches = False
+
+    def __init__(self, wiring: Wiring) -> None:
+        """`wiring` has the motors of this protocol alone."""
+        self._wiring = wiring
+
+    @property
+    def timeout_s(self) -> np.ndarray:
+        return np.full(len(self._wiring.motor_id), np.nan)
+
+    def settings_replies(self, frames: Frames) -> Frames | None:
+        return None
+
+    def broadcast(self, now_us: int, speaking: np.ndarray, report: Report) -> Frames | None:
         return None
 
 
 def time_outs(counts: Sequence[float], step_s: float) -> np.ndarray:
-    """Time-outs in s, (n,), that are counted in steps of `step_s`; a count of 0 is none."""
+    """Time-outs in s, (n,), from counts of `step_s`; a count of 0 is none."""
     return np.where(np.array(counts) == 0, np.inf, np.array(counts) * step_s)

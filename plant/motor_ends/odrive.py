@@ -1,12 +1,12 @@
-"""ODrive axes: they take torques, and send what they measure by themselves."""
+"""ODrive axes: they follow torques and broadcast their measurements."""
 
 import numpy as np
 
 from footfall.deploy.drivers import odrive
 from footfall.deploy.drivers.driver import CanFilter, Motors
-from footfall.deploy.frames import Frames, joined
+from footfall.deploy.frames import Frames, joined, no_frames
 from footfall.deploy.wiring import Wiring
-from footfall.plant.motor_ends.motor_end import Request, Requests
+from footfall.plant.motor_ends.motor_end import Report, Request, Requests
 
 READING_US = 2000  # encoder_msg_rate_ms and torques_msg_rate_ms
 SLOW_US = 100_000  # heartbeat, temperature and supply
@@ -19,17 +19,17 @@ _KIND = {
     odrive.VELOCITY: Request.COMMAND,
     odrive.CLEAR: Request.CLEAR,
     odrive.POSITION: Request.ZERO,
-    odrive.MODE: None,  # taken in at once
+    odrive.MODE: None,  # takes effect at once
     odrive.GAINS: None,  # likewise
-    odrive.STATE: None,  # tells on or off
+    odrive.STATE: None,  # enables or disables
 }
 
 
 class OdriveMotorEnd:
     """The axes' end.
 
-    `mode` (n, 2) are the control and input modes that each was told, `damping` (n,) what its velocity gain is
-    at the joint, N m s/rad, `watchdog` (2, n) what it tells of its own: whether it is on, and its time in s.
+    `mode` (n, 2) are the control and input modes of each axis, `damping` (n,) its velocity gain at the joint,
+    N m s/rad, `watchdog` (2, n) whether its watchdog is on, and its time in s.
     """
 
     filters: tuple[CanFilter, ...] = tuple(
@@ -37,10 +37,10 @@ class OdriveMotorEnd:
     )
     time_out_error = odrive.WATCHDOG
     time_out_latches = True
-    talkative = True
+    broadcasts = True
 
     def __init__(self, wiring: Wiring) -> None:
-        """Raises UserError for a node id that is none."""
+        """Raises UserError for a motor id that is no node id."""
         n = len(wiring.motor_id)
         self.timeout_s = np.full(n, np.nan)
         self._wiring, self._lookup = wiring, odrive.node_lookup(wiring)
@@ -60,13 +60,15 @@ class OdriveMotorEnd:
         motor = self._lookup[frames.channel, np.where(frames.id < 0x800, frames.id >> 5, 0)]
         usable = (motor >= 0) & np.isin(message, list(_KIND))
         message, motor, frames = message[usable], motor[usable], frames.take(usable)
-        words = np.ascontiguousarray(frames.data).view(np.dtype("<u4")).astype(np.intp)
+        words = np.stack([odrive.word_of(frames.data), odrive.word_of(frames.data[:, 4:])], axis=1).astype(
+            np.intp
+        )
         first, second = odrive.floats(frames.data)
-        tells_mode, tells_gain = message == odrive.MODE, message == odrive.GAINS
-        self.mode[motor[tells_mode]] = words[tells_mode]
-        gained = motor[tells_gain]
-        self.damping[gained] = first[tells_gain] * self._gear[gained] / self._per_turn[gained]
-        obeyed = ~(tells_mode | tells_gain) & np.isfinite(first) & np.isfinite(second)
+        sets_mode, sets_gain = message == odrive.MODE, message == odrive.GAINS
+        self.mode[motor[sets_mode]] = words[sets_mode]
+        axes = motor[sets_gain]
+        self.damping[axes] = first[sets_gain] * self._gear[axes] / self._per_turn[axes]
+        obeyed = ~(sets_mode | sets_gain) & np.isfinite(first) & np.isfinite(second)
         obeyed &= (message != odrive.TORQUE) | (self.mode[motor] == odrive.TORQUE_CONTROL).all(axis=1)
         motor, message, first, second = motor[obeyed], message[obeyed], first[obeyed], second[obeyed]
         values = np.zeros((5, len(motor)))
@@ -84,77 +86,57 @@ class OdriveMotorEnd:
         ]
         return Requests(motor, values, np.array(kinds))
 
-    def tell(self, frames: Frames) -> Frames | None:
+    def settings_replies(self, frames: Frames) -> Frames | None:
         motor = self._lookup[frames.channel, np.where(frames.id < 0x800, frames.id >> 5, 0)]
         rows = np.flatnonzero((motor >= 0) & (frames.id & 0x1F == odrive.READ) & (frames.length >= 4))
-        endpoint = np.ascontiguousarray(frames.data[rows, 1:3]).view("<u2")[:, 0]
+        endpoint = odrive.endpoint_of(frames.data[rows])
         asked = endpoint[:, None] == self._wiring.watchdog_endpoints[motor[rows]]
         rows, which = rows[asked.any(axis=1)], asked.argmax(axis=1)[asked.any(axis=1)]
         if not rows.size:
             return None
-        data, who = frames.data[rows].copy(), motor[rows]
-        data[:, 4:] = _floats(self.watchdog[1, who], self.watchdog[1, who])[:, :4]
+        data, axes = frames.data[rows].copy(), motor[rows]
+        data[:, 4:] = odrive.float_bytes(self.watchdog[1, axes])[:, :4]
         data[which == 0, 4:] = 0
-        data[which == 0, 4] = self.watchdog[0, who[which == 0]]
-        identifier = self._wiring.motor_id[who] << 5 | odrive.WAS_READ
-        return Frames(self._wiring.channel[who], identifier, data, np.where(which == 0, 5, 8))
+        data[which == 0, 4] = self.watchdog[0, axes[which == 0]]
+        identifier = self._wiring.motor_id[axes] << 5 | odrive.WAS_READ
+        return Frames(self._wiring.channel[axes], identifier, data, np.where(which == 0, 5, 8))
 
-    def reply(
-        self,
-        motor: Motors,
-        values: np.ndarray,
-        temperature_c: int,
-        error: np.ndarray,
-        on: np.ndarray | None = None,
-    ) -> Frames:
-        """Nothing: no message is answered."""
-        nobody = np.zeros(0, np.intp)
-        return Frames(nobody, nobody, np.zeros((0, 8), np.uint8), nobody)
+    def reply(self, motor: Motors, report: Report) -> Frames:
+        """No frames: only reads are answered."""
+        return no_frames()
 
-    def broadcast(
-        self,
-        now_us: int,
-        speaking: np.ndarray,
-        values: np.ndarray,
-        temperature_c: int,
-        error: np.ndarray,
-        on: np.ndarray,
-    ) -> Frames | None:
+    def broadcast(self, now_us: int, speaking: np.ndarray, report: Report) -> Frames | None:
         """Readings of one half of the axes in each millisecond, of the other half in the next."""
-        n = values.shape[1]
-        position, velocity, torque = values
+        n = len(speaking)
+        position, velocity, torque = report.values
         estimates = position / self._per_turn, velocity / self._per_turn
         at_rotor = torque / self._gear
         half = np.flatnonzero(speaking & ((now_us + 1000 * np.arange(n)) % READING_US == 0))
-        said = [
-            self._frames(odrive.ENCODER, half, _floats(*estimates)),
-            self._frames(odrive.TORQUES, half, _floats(at_rotor, at_rotor)),
+        batches = [
+            self._frames(odrive.ENCODER, half, odrive.float_bytes(*estimates)),
+            self._frames(odrive.TORQUES, half, odrive.float_bytes(at_rotor, at_rotor)),
         ]
         for place, message in enumerate(_SLOW):
             phase_us = (now_us - self._stagger_us - place * 33_000) % SLOW_US
             if (due := np.flatnonzero(speaking & (phase_us < 1000))).size:
-                said.append(self._frames(message, due, self._slow(message, temperature_c, error, on)))
-        return joined(said)
+                batches.append(self._frames(message, due, self._slow(message, report)))
+        return joined(batches)
 
     def _frames(self, message: int, motor: np.ndarray, data: np.ndarray) -> Frames:
         return Frames(
             self._wiring.channel[motor], self._ids[message][motor], data[motor], self._eights[motor]
         )
 
-    def _slow(self, message: int, temperature_c: int, error: np.ndarray, on: np.ndarray) -> np.ndarray:
-        n = len(error)
+    def _slow(self, message: int, report: Report) -> np.ndarray:
+        n, error = len(report.error), report.error
         if message == odrive.TEMPERATURE:
-            return _floats(np.full(n, temperature_c), np.full(n, temperature_c))
+            temperature = np.full(n, report.temperature_c)
+            return odrive.float_bytes(temperature, temperature)
         if message == odrive.SUPPLY:
-            return _floats(np.full(n, SUPPLY_V), np.full(n, SUPPLY_A))
+            return odrive.float_bytes(np.full(n, SUPPLY_V), SUPPLY_A)
         bits = np.where(error > 0, 1 << (np.maximum(error, 1).astype(np.int64) - 1), 0)
         data = np.zeros((n, 8), np.uint8)
         data[:, :4] = bits.astype("<u4").view(np.uint8).reshape(n, 4)
-        data[:, 4] = np.where(on, odrive.CLOSED_LOOP, odrive.IDLE)
+        data[:, 4] = np.where(report.on, odrive.CLOSED_LOOP, odrive.IDLE)
         data[:, 6] = 1
         return data
-
-
-def _floats(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Two numbers for each of n frames as bytes, (n, 8)."""
-    return np.ascontiguousarray(np.stack([first, second], axis=1).astype("<f4")).view(np.uint8)

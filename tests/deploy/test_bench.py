@@ -13,7 +13,7 @@ from footfall.common.errors import UserError
 from footfall.deploy.bench import PERIOD_US, Bench, switched_off_afterwards
 from footfall.deploy.clock import LockstepClock
 from footfall.deploy.frames import EXTENDED, Frames
-from footfall.deploy.scan import DAMIAO, MIT, ODRIVE, ROBSTRIDE, Found, scan
+from footfall.deploy.scan import Found, expected, scan
 from footfall.deploy.wiring import Wiring, wire
 from footfall.plant.bus import SimulatedBus
 from footfall.plant.injection import InjectingBus
@@ -43,7 +43,7 @@ class OnStand:
         return Bench(wiring or self.wiring, self.bus, self.clock)
 
     def scan(self) -> set[Found]:
-        return scan(self.bus, len(self.wiring.buses), self.clock)
+        return scan(self.bus, self.wiring, self.clock)
 
 
 EVERY_MAKER = [
@@ -187,33 +187,27 @@ class TestBench:
 
 
 class TestScan:
-    @pytest.mark.parametrize(
-        ("motors", "makers"),
-        [
-            (EVERY_MAKER[0], (MIT, MIT)),
-            (EVERY_MAKER[1], (DAMIAO, ROBSTRIDE)),
-            (EVERY_MAKER[2], (ODRIVE, MIT)),
-            (EVERY_MAKER[3], (ODRIVE, ODRIVE)),
-        ],
-    )
+    MAKERS = (("MIT mode", "MIT mode"), ("Damiao", "RobStride"), ("ODrive", "MIT mode"), ("ODrive", "ODrive"))
+
+    @pytest.mark.parametrize(("motors", "makers"), list(zip(EVERY_MAKER, MAKERS, strict=True)))
     def test_ids_and_makers_are_found_and_nothing_is_switched_on(
         self, go1: Robot, motors: dict, makers: tuple[str, str]
     ) -> None:
         stand = OnStand(with_motors(go1, **motors))
         hip, knee = makers
         first = motors.get("first_id", 1)
-        places = [
-            (channel, first + joint, knee if joint == 2 else hip)
+        places = {
+            Found(channel, first + joint, knee if joint == 2 else hip)
             for channel in range(4)
             for joint in range(3)
-        ]
-        assert stand.scan() == {Found(*place) for place in places}
+        }
+        assert stand.scan() == places == set(expected(stand.wiring))
         assert not stand.body.motors_on.any()
 
     def test_a_motor_that_is_not_there_is_not_found(self, go1: Robot) -> None:
         stand = OnStand(go1)
         stand.body.faults.motors.silent[4] = True
-        assert Found(1, 2, MIT) not in stand.scan()
+        assert Found(1, 2, "MIT mode") not in stand.scan()
 
     def test_no_frame_goes_where_an_odrive_would_take_it_for_another(self, go1: Robot) -> None:
         """With id 1 it has 0x020 to 0x03f: what switches off motor 0x36 in MIT mode would start it anew."""

@@ -28,6 +28,7 @@ from footfall.deploy.bring_up.steps import STEPS, Plan, Setting, Step, Verdict, 
 from footfall.deploy.bus import Bus
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers.choice import open_driver
+from footfall.deploy.drivers.imu import ImuReader
 from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.session import SessionResult
 from footfall.deploy.wiring import Wiring, wire
@@ -380,7 +381,7 @@ def test_a_scale_lowers_gains_and_torque_and_leaves_damping_whole(go1: Robot) ->
     """At rest at zero: half the gains, and half the peak torque of 23.7 and 35.55 N m at most."""
     simulation = Simulated(go1, hangs=True)
     driver = open_driver(simulation.wiring)
-    full, half = (JointLayer(go1, driver, 0, 1.0, scale) for scale in (1.0, 0.5))
+    full, half = (JointLayer(go1, driver, ImuReader(0), 1.0, scale) for scale in (1.0, 0.5))
     wanted = np.zeros((5, 12))
     wanted[0], wanted[2], wanted[4] = 1.0, 1.0, 2.0
     for layer in (full, half):

@@ -9,6 +9,8 @@ from deploy_policies import Hold, short_episode
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
+from reports import report
+from two_motors import two_motors
 
 from footfall.deploy.drivers import damiao
 from footfall.deploy.drivers.choice import open_driver
@@ -16,24 +18,14 @@ from footfall.deploy.drivers.damiao import DamiaoDriver
 from footfall.deploy.drivers.mit import MotorRange
 from footfall.deploy.frames import Frames
 from footfall.deploy.loop import ControlLoop
-from footfall.deploy.wiring import Wiring, wire
+from footfall.deploy.wiring import wire
 from footfall.plant.episode import run_episode
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.plant.motor_ends.damiao import DamiaoMotorEnd
 from footfall.plant.robot import SimulatedRobot
 from footfall.robots.description import Robot
 
-TWO = Wiring(
-    buses=("can0", "can1"),
-    channel=np.array([0, 1]),
-    motor_id=np.array([3, 3]),
-    imu_channel=0,
-    models=("DM4310", "DM8009"),
-    gear_ratio=np.array([6.0, 9.0]),
-    timeout_s=np.array([0.1, 0.1]),
-    watchdog_endpoints=np.zeros((2, 2), int),
-    joint_names=("hip", "knee"),
-)
+TWO = two_motors("DM4310", "DM8009")
 
 
 def frame(identifier: int, content: str, channel: int = 0) -> Frames:
@@ -50,7 +42,7 @@ def introduce(driver: DamiaoDriver, end: DamiaoMotorEnd) -> int:
     for count in range(10):
         if not driver.not_ready():
             return count
-        answer = end.tell(driver.query_settings())
+        answer = end.settings_replies(driver.query_settings())
         assert answer is not None
         assert not driver.replies(answer).values.size  # what a motor tells is no reading
     raise AssertionError(driver.not_ready())
@@ -121,7 +113,7 @@ class TestFrames:
 
     def test_nor_is_one_among_readings_in_arrays_that_were_seen_before(self, driver: DamiaoDriver) -> None:
         end = DamiaoMotorEnd(TWO)
-        usual = end.reply(slice(None), np.zeros((3, 2)), 30, np.zeros(2, np.uint64))
+        usual = end.reply(slice(None), report(np.zeros((3, 2))))
         assert driver.replies(usual).values.shape == (3, 2)
         data = usual.data.copy()
         data[1] = np.frombuffer(bytes.fromhex("0300331500004841"), np.uint8)
@@ -133,7 +125,7 @@ class TestFrames:
         self, driver: DamiaoDriver, length: int, first: int
     ) -> None:
         """The knee's reply is too short, or says another id: also where the very arrays come again."""
-        usual = DamiaoMotorEnd(TWO).reply(slice(None), np.zeros((3, 2)), 30, np.zeros(2, np.uint64))
+        usual = DamiaoMotorEnd(TWO).reply(slice(None), report(np.zeros((3, 2))))
         usual.data[1, 0] = first
         frames = usual._replace(length=np.array([8, length]))
         for _ in range(2):
@@ -153,7 +145,7 @@ class TestFrames:
         introduce(driver, end)
         most = np.array([[12.5, 12.5], [30.0, 45.0], [10.0, 54.0]])
         for _ in range(2):  # the second time from arrays that were seen before
-            frames = end.reply(slice(None), share * most, 30, np.zeros(2, np.uint64))
+            frames = end.reply(slice(None), report(share * most))
             back = driver.replies(frames)
         quantum = 2 * most / np.array([[65535], [4095], [4095]])
         assert np.all(np.abs(back.values - share * most) <= 0.5 * quantum * (1 + 1e-9))
@@ -164,7 +156,7 @@ class TestRegisters:
         asked = DamiaoDriver(TWO).query_settings()
         assert asked.id.tolist() == [0x7FF, 0x7FF]
         assert hexed(asked)[0] == "03 00 33 09 00 00 00 00"
-        answer = DamiaoMotorEnd(TWO).tell(frame(0x7FF, "03 00 33 15 00 00 00 00"))
+        answer = DamiaoMotorEnd(TWO).settings_replies(frame(0x7FF, "03 00 33 15 00 00 00 00"))
         assert answer is not None
         assert (answer.id.tolist(), hexed(answer)) == ([0x203], ["03 00 33 15 00 00 48 41"])  # 12.5
 
@@ -182,8 +174,8 @@ class TestRegisters:
         ("register", "value", "says"),
         [
             (damiao.MODE, 2, "is in control mode 2: register 10 must be 1, MIT mode"),
-            (damiao.TORQUE_MAX, -1.0, "says that its TMAX is -1 (register 23)"),
-            (damiao.VELOCITY_MAX, float("nan"), "says that its VMAX is nan (register 22)"),
+            (damiao.TORQUE_MAX, -1.0, "has -1 for its TMAX (register 23)"),
+            (damiao.VELOCITY_MAX, float("nan"), "has nan for its VMAX (register 22)"),
         ],
     )
     def test_a_motor_that_is_set_wrongly_is_not_switched_on(
@@ -192,7 +184,7 @@ class TestRegisters:
         driver, end = DamiaoDriver(TWO), DamiaoMotorEnd(TWO)
         end.registers[1][register] = value
         for _ in range(6):
-            answer = end.tell(driver.query_settings())
+            answer = end.settings_replies(driver.query_settings())
             if answer is not None:
                 driver.replies(answer)
         assert driver.not_ready() == f"motor knee (can1, id 3) {says}"
@@ -200,7 +192,7 @@ class TestRegisters:
     def test_a_motor_that_tells_nothing_is_named(self) -> None:
         driver, end = DamiaoDriver(TWO), DamiaoMotorEnd(TWO)
         for _ in range(6):
-            if (answer := end.tell(driver.query_settings())) is not None:
+            if (answer := end.settings_replies(driver.query_settings())) is not None:
                 driver.replies(answer.take(answer.channel == 0))
         assert (
             driver.not_ready()
@@ -238,7 +230,7 @@ class TestRegisters:
             asked = driver.query_settings()
             confirmed = asked.take(asked.data[:, 2] == damiao.WRITE)
             driver.replies(confirmed._replace(id=np.full(len(confirmed.id), 0x203)))
-            if (answer := end.tell(asked.take(asked.data[:, 2] == damiao.READ))) is not None:
+            if (answer := end.settings_replies(asked.take(asked.data[:, 2] == damiao.READ))) is not None:
                 driver.replies(answer)
         assert driver.not_ready() == f"motor knee (can1, id 3) {says}"
 
@@ -286,7 +278,7 @@ class TestRobots:
         driver, end = open_driver(wiring), open_motor_end(wiring)
         before = driver.highest.copy()
         while driver.not_ready():
-            answer = end.tell(driver.query_settings())
+            answer = end.settings_replies(driver.query_settings())
             assert answer is not None
             answer.data[answer.data[:, 3] == damiao.TORQUE_MAX, 4:] = list(struct.pack("<f", 20.0))
             driver.replies(answer)
@@ -300,7 +292,7 @@ class TestRobots:
         wiring = wire(with_motors(go1, knee="DM8009"))
         driver, end = open_driver(wiring), open_motor_end(wiring)
         while driver.not_ready():
-            answer = end.tell(driver.query_settings())
+            answer = end.settings_replies(driver.query_settings())
             assert answer is not None
             driver.replies(answer)
         rng = np.random.default_rng(2)
@@ -313,7 +305,7 @@ class TestRobots:
         error = np.zeros(12, np.uint64)
         error[[1, 5]] = 2, 8
         motor = requests.motor
-        replies = driver.replies(end.reply(motor, readings[:, motor], 33, error[motor]))
+        replies = driver.replies(end.reply(motor, report(readings[:, motor], error[motor], 33)))
         back, codes = np.zeros((3, 12)), np.zeros(12)
         back[:, replies.motor], codes[replies.motor] = replies.values, replies.error
         np.testing.assert_allclose(back, readings, atol=0.02)
@@ -365,5 +357,5 @@ def test_whatever_comes_nothing_raises_and_readings_stay_in_range(models: tuple[
         assert values.shape == (3, len(temperature)) == (3, len(error))
         assert np.all(np.abs(values) <= most[:, motor] * (1 + 1e-9))
         end.requests(frames)
-        end.tell(frames)
+        end.settings_replies(frames)
         driver.not_ready()

@@ -5,11 +5,13 @@ from typing import Any
 import numpy as np
 import pytest
 from frame_robot import ROWS, imu_frames
+from reports import report
 
 from footfall.deploy.drivers import imu, mit, mit_driver
-from footfall.deploy.drivers.choice import open_driver
+from footfall.deploy.drivers.choice import open_driver, open_imu
 from footfall.deploy.frames import Frames, joined
-from footfall.deploy.joint_layer import NEVER, JointLayer
+from footfall.deploy.joint_layer import JointLayer
+from footfall.deploy.receiver import NEVER
 from footfall.deploy.wiring import Wiring, wire
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.robots.actuator import JointCommand, limit_torque, pd_torque
@@ -26,7 +28,7 @@ def wiring(go1: Robot) -> Wiring:
 
 @pytest.fixture
 def layer(go1: Robot, wiring: Wiring) -> JointLayer:
-    layer = JointLayer(go1, open_driver(wiring), wiring.imu_channel, TICK_S)
+    layer = JointLayer(go1, open_driver(wiring), open_imu(wiring), TICK_S)
     layer.absorb([replies(wiring, go1.default_pose)], 0)
     layer.begin_at(go1.default_pose)
     return layer
@@ -221,11 +223,11 @@ class TestReadingsOfEveryKind:
     @pytest.fixture
     def layer(self, go1: Robot) -> JointLayer:
         wiring = wire(go1)
-        return JointLayer(go1, open_driver(wiring), wiring.imu_channel, 0.002)
+        return JointLayer(go1, open_driver(wiring), open_imu(wiring), 0.002)
 
     def replies(self, robot: Robot, motors: Any, values: np.ndarray, error: int = 0) -> Frames:
         end = open_motor_end(wire(robot))
-        return end.reply(motors, values, 30, np.full(12, error, np.uint64)[motors])
+        return end.reply(motors, report(values, error))
 
     def test_each_joint_gets_its_own_command_less_what_its_motor_cannot_do(
         self, go1: Robot, layer: JointLayer
@@ -344,15 +346,6 @@ class TestReadingsOfEveryKind:
         layer.absorb([frames], 2000)
         assert layer.last_heard().motor_us.tolist() == [2000] * 12
 
-    def test_what_was_handed_out_of_temperature_and_voltage_does_not_change_later(
-        self, go1: Robot, layer: JointLayer
-    ) -> None:
-        layer.temperature_c, layer.voltage = before = np.full(12, 50.0), np.full(12, 24.0)
-        layer.absorb([self.replies(go1, np.array([4]), np.zeros((3, 1)))], 1)
-        assert ((before[0] == 50.0).all(), (before[1] == 24.0).all()) == (True, True)
-        assert layer.temperature_c.tolist() == [50.0] * 4 + [30.0] + [50.0] * 7
-        assert np.flatnonzero(np.isnan(layer.voltage)).tolist() == [4]
-
     def test_what_a_motor_does_not_tell_is_no_number(self, go1: Robot, layer: JointLayer) -> None:
         """A reply of six bytes has no temperature; no motor in MIT mode tells its voltage."""
         frames = self.replies(go1, slice(None), np.zeros((3, 12)))
@@ -382,29 +375,13 @@ class TestReadingsOfEveryKind:
     def test_errors_of_two_replies_of_the_same_tick_both_stay(self, go1: Robot, layer: JointLayer) -> None:
         codes = [np.where(joint == ROWS, code, 0).astype(np.uint64) for joint, code in ((4, 2), (7, 3))]
         end, values = open_motor_end(wire(go1)), np.zeros((3, 12))
-        layer.absorb([end.reply(slice(None), values, 30, code) for code in codes], 1)
+        layer.absorb([end.reply(slice(None), report(values, code)) for code in codes], 1)
         assert layer.last_heard().motor_error.tolist() == [0, 0, 0, 0, 2, 0, 0, 3, 0, 0, 0, 0]
 
     def both(self, robot: Robot, error: int) -> Frames:
         """A reply with an error and one without, of the same motor in one batch."""
         one = [self.replies(robot, np.array([4]), np.zeros((3, 1)), code) for code in (error, 0)]
         return joined(one)
-
-    def test_health_is_each_motors_own_and_the_imus_age_comes_last(
-        self, go1: Robot, layer: JointLayer
-    ) -> None:
-        """Motors heard at 1, 2, ... 12 ms, the IMU at 5 ms; now it is 20 ms. No MIT motor tells its 24 V."""
-        frames = self.replies(go1, slice(None), np.zeros((3, 12)), error=3)
-        reading = imu.Inertial((0.0,) * 3, (0.0, 0.0, 9.81), (1.0, 0.0, 0.0, 0.0))
-        layer.absorb(
-            [frames.at(1000 * (ROWS + 1)), imu_frames(wire(go1), reading, 1).at(np.full(3, 5000))], 0
-        )
-        layer.voltage = np.full(12, 24.0)
-        health = layer.health(20_000)
-        np.testing.assert_allclose(health.age_s, [*(0.019 - 0.001 * ROWS), 0.015])
-        assert (health.temperature_c == 30.0).all()
-        assert (health.voltage == 24.0).all()
-        assert (health.error == 3).all()
 
     @pytest.mark.parametrize("side", [-1.0, 1.0])
     @pytest.mark.parametrize("velocity", [-2.0, 2.0])

@@ -27,11 +27,11 @@ from footfall.deploy import log as log_module
 from footfall.deploy import messages
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.estimation.odometry import Odometry
-from footfall.deploy.joint_layer import MotorHealth
 from footfall.deploy.log import McapLog, flatten, unflatten
 from footfall.deploy.log_file import read_log
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.modes import Mode
+from footfall.deploy.receiver import MotorHealth
 from footfall.deploy.recover import recover
 from footfall.deploy.replay import replay
 from footfall.deploy.safety import State

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
+from reports import report
 
 from footfall.common.errors import UserError
 from footfall.deploy.drivers import imu, mit
@@ -171,7 +172,7 @@ class TestWhoIsMeant:
 
     def replies(self, end: MitMotorEnd, motors: np.ndarray) -> Frames:
         values = np.array([0.1, 0.2, 0.3])[:, None] * motors
-        return end.reply(motors, values, 35, np.zeros(len(motors), np.uint64))
+        return end.reply(motors, report(values, temperature_c=35))
 
     def test_a_reply_is_told_by_its_bus_and_its_id(self, ends: tuple[MitDriver, MitMotorEnd]) -> None:
         driver, end = ends
@@ -345,7 +346,7 @@ def test_a_motor_of_another_protocol_is_refused_with_its_joint(go1: Robot) -> No
 
 def test_a_motor_id_that_a_frame_cannot_carry_is_refused_with_its_joint(go1: Robot) -> None:
     wiring = wire(go1)
-    with pytest.raises(UserError, match=r"joint FR_hip_joint has motor id 128: MIT mode takes 1 to 127"):
+    with pytest.raises(UserError, match=r"joint FR_hip_joint has motor id 128: its protocol takes 1 to 127"):
         open_driver(replace(wiring, motor_id=np.array([128, *wiring.motor_id[1:]])))
 
 
@@ -354,15 +355,14 @@ def test_a_motor_id_that_a_frame_cannot_carry_is_refused_with_its_joint(go1: Rob
     [
         (MitDriver, [0x000, 0x101, 0x17F], [0x001, 0x07F, 0x0FF, 0x180, 0x300]),
         (MitMotorEnd, [0x001, 0x07F], [0x080, 0x101, 0x300, 0x17F]),
-        (imu, [0x300, 0x301, 0x302], [0x2FF, 0x304, 0x100, 0x001]),
+        (imu.ImuReader, [0x300, 0x301, 0x302], [0x2FF, 0x304, 0x100, 0x001]),
     ],
 )
 def test_filters_let_through_what_is_meant_for_an_end(end: Any, heard: list[int], unheard: list[int]) -> None:
-    filters = end.FILTERS if end is imu else end.filters
 
     def passes(identifier: int) -> bool:
-        return any((identifier & f["can_mask"]) == (f["can_id"] & f["can_mask"]) for f in filters)
+        return any((identifier & f["can_mask"]) == (f["can_id"] & f["can_mask"]) for f in end.filters)
 
     assert [passes(identifier) for identifier in heard] == [True] * len(heard)
     assert [passes(identifier) for identifier in unheard] == [False] * len(unheard)
-    assert not any(f["extended"] for f in filters)
+    assert not any(f["extended"] for f in end.filters)

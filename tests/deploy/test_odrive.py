@@ -9,18 +9,20 @@ from deploy_policies import FailingPolicy, Hold, short_episode
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
+from reports import report
+from two_motors import two_motors
 
 from footfall.common.errors import UserError
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers import odrive
-from footfall.deploy.drivers.choice import open_driver
+from footfall.deploy.drivers.choice import open_driver, open_imu
 from footfall.deploy.drivers.driver import CanFilter
-from footfall.deploy.drivers.odrive import OdriveDriver
+from footfall.deploy.drivers.odrive_driver import OdriveDriver
 from footfall.deploy.frames import Frames, joined
 from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.session import Session, run_session
-from footfall.deploy.wiring import Wiring, wire
+from footfall.deploy.wiring import wire
 from footfall.plant.bus import SimulatedBus
 from footfall.plant.episode import run_episode
 from footfall.plant.injection import InjectingBus
@@ -33,17 +35,7 @@ from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
 TURN = 6.283185307179586
-TWO = Wiring(
-    buses=("can0", "can1"),
-    channel=np.array([0, 1]),
-    motor_id=np.array([3, 3]),
-    imu_channel=0,
-    models=("ODrive", "ODrive"),
-    gear_ratio=np.array([1.0, 8.0]),
-    timeout_s=np.array([0.1, 0.1]),
-    watchdog_endpoints=np.zeros((2, 2), int),
-    joint_names=("hip", "knee"),
-)
+TWO = two_motors("ODrive", "ODrive", gear_ratio=(1.0, 8.0))
 BOTH = np.ones(2, bool)
 
 
@@ -183,7 +175,7 @@ class TestFrames:
     def test_readings_come_back_as_floats_carry_them(self, values: np.ndarray) -> None:
         driver, end = OdriveDriver(TWO), OdriveMotorEnd(TWO)
         for now_us in (0, 1000):  # half of the axes at a time
-            said = end.broadcast(now_us, BOTH, values, 41, np.zeros(2, np.uint64), BOTH)
+            said = end.broadcast(now_us, BOTH, report(values, temperature_c=41))
             assert said is not None
             driver.replies(said.take(said.id & 0x1F == odrive.TORQUES))
             for row in np.flatnonzero(said.id & 0x1F == odrive.ENCODER):
@@ -228,7 +220,7 @@ class TestJointLaw:
         for channel in range(4):
             for node in (1, 2, 3):
                 driver.replies(pair(node << 5 | 9, 0.0, 0.0, channel))
-        layer = JointLayer(robot, driver, wiring.imu_channel, 0.002)
+        layer = JointLayer(robot, driver, open_imu(wiring), 0.002)
         one = np.ones(12)
         frames = layer.command(JointCommand(0 * one, 0 * one, 5 * one, one, 500 * one))
         torque = frames.data[:, :4].copy().view("<f4")[:, 0] * wiring.gear_ratio
@@ -315,12 +307,6 @@ class TestStart:
         driver.replies(frame(0x065, bytes([0, 0x99, 1, 0]) + struct.pack("<f", waits_s), 1))
         assert (driver.not_ready() == "") is fits
 
-    def test_what_was_not_asked_for_is_not_taken_for_a_watchdog(self) -> None:
-        """Endpoint 0, of an axis whose watchdog has none in robot.yaml."""
-        driver = OdriveDriver(TWO)
-        driver.replies(frame(0x065, bytes([0, 0, 0, 0, 1, 0, 0, 0])))
-        assert np.isnan(driver._watchdog).all()
-
     def test_a_float_says_any_command_but_a_gain_below_none(self, driver: OdriveDriver) -> None:
         low, high = np.array([-np.inf, -np.inf, 0.0, 0.0, -np.inf]), np.full(5, np.inf)
         np.testing.assert_array_equal(driver.lowest, np.transpose([low, low]))
@@ -331,15 +317,15 @@ class TestStart:
         wiring = replace(TWO, watchdog_endpoints=np.array([[5, 6], [0x19A, 0x199]]))
         driver, end = OdriveDriver(wiring), OdriveMotorEnd(wiring)
         end.watchdog[:, 0] = 0.0, 0.05
-        told = [end.tell(driver.query_settings())]
+        told = [end.settings_replies(driver.query_settings())]
         assert told[0] is not None
         driver.replies(told[0])
-        told.append(end.tell(driver.query_settings()))
+        told.append(end.settings_replies(driver.query_settings()))
         assert [hexed(each) for each in told if each is not None] == [
             [(0x065, "00 05 00 00 00"), (0x065, "00 9a 01 00 01")],
             [(0x065, "00 06 00 00 cd cc 4c 3d"), (0x065, "00 99 01 00 cd cc cc 3d")],  # 0.05 and 0.1
         ]
-        assert end.tell(driver.command(np.zeros((5, 2)))) is None
+        assert end.settings_replies(driver.command(np.zeros((5, 2)))) is None
 
     @pytest.mark.parametrize(("filters", "message"), [(OdriveDriver.filters, 5), (OdriveMotorEnd.filters, 4)])
     def test_reads_and_what_was_read_pass_the_filters(
@@ -414,7 +400,7 @@ class TestMotorEnd:
     def hear(self, driver: OdriveDriver, error: np.ndarray) -> Frames:
         """All that two axes at rest, at 41 degrees, say in a tenth of a second."""
         end, rest = OdriveMotorEnd(TWO), np.zeros((3, 2))
-        said = [end.broadcast(now_us, BOTH, rest, 41, error, BOTH) for now_us in range(0, 100_000, 1000)]
+        said = [end.broadcast(now_us, BOTH, report(rest, error, 41)) for now_us in range(0, 100_000, 1000)]
         frames = joined([each for each in said if each is not None])
         driver.replies(frames)
         return frames
@@ -422,13 +408,13 @@ class TestMotorEnd:
     def test_slow_messages_do_not_come_at_once(self) -> None:
         end, slow = OdriveMotorEnd(TWO), (odrive.HEARTBEAT, odrive.TEMPERATURE, odrive.SUPPLY)
         for now_us in range(0, 100_000, 1000):
-            said = end.broadcast(now_us, BOTH, np.zeros((3, 2)), 41, np.zeros(2, np.uint64), BOTH)
+            said = end.broadcast(now_us, BOTH, report(np.zeros((3, 2)), temperature_c=41))
             assert said is None or np.isin(said.id & 0x1F, slow).sum() <= 1, now_us
 
     def test_each_message_comes_as_often_as_it_should(self) -> None:
         end, count = OdriveMotorEnd(TWO), dict.fromkeys((*odrive_messages(),), 0)
         for now_us in range(0, 200_000, 1000):
-            said = end.broadcast(now_us, BOTH, np.zeros((3, 2)), 41, np.zeros(2, np.uint64), BOTH)
+            said = end.broadcast(now_us, BOTH, report(np.zeros((3, 2)), temperature_c=41))
             for message in [] if said is None else (said.id & 0x1F).tolist():
                 count[message] += 1
         assert count == dict(zip(odrive_messages(), [200, 200, 4, 4, 4], strict=True))
@@ -451,7 +437,7 @@ class TestMotorEnd:
         heard = [
             said.channel
             for now_us in range(0, 200_000, 1000)
-            if (said := end.broadcast(now_us, ~BOTH, np.zeros((3, 2)), 41, np.zeros(2, np.uint64), BOTH))
+            if (said := end.broadcast(now_us, ~BOTH, report(np.zeros((3, 2)), temperature_c=41)))
         ]
         assert not np.concatenate(heard).size
 

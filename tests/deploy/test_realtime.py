@@ -22,7 +22,7 @@ from relaxed_limits import RELAXED
 
 from footfall.common.errors import UserError
 from footfall.deploy.clock import LockstepClock, WallClock, undisturbed
-from footfall.deploy.drivers import imu
+from footfall.deploy.drivers.imu import ImuReader
 from footfall.deploy.drivers.mit_driver import MitDriver
 from footfall.deploy.frames import Frames
 from footfall.deploy.python_can_bus import MULTICAST_GROUP, MULTICAST_PORT, PythonCanBus
@@ -204,7 +204,7 @@ def alone() -> Iterator[None]:
 
 class TestPythonCan:
     def test_frames_cross_and_each_end_hears_only_what_is_meant_for_it(self) -> None:
-        controller = PythonCanBus("virtual", ("cross0", "cross1"), (*MitDriver.filters, *imu.FILTERS))
+        controller = PythonCanBus("virtual", ("cross0", "cross1"), (*MitDriver.filters, *ImuReader.filters))
         robot = PythonCanBus("virtual", ("cross0", "cross1"), MitMotorEnd.filters)
         try:
             sent = frames((0, 1, b"12345678"), (1, 2, b"123456"), (1, 0x555, b"noise"))
@@ -230,7 +230,7 @@ class TestPythonCan:
         names = ("fresh0",)
         controller, robot = (
             PythonCanBus(interface, names, filters)
-            for filters in ((*MitDriver.filters, *imu.FILTERS), MitMotorEnd.filters)
+            for filters in ((*MitDriver.filters, *ImuReader.filters), MitMotorEnd.filters)
         )
         try:
             for tick in range(60):

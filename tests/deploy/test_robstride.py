@@ -8,29 +8,21 @@ from deploy_policies import Hold, short_episode
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
+from reports import report
+from two_motors import two_motors
 
 from footfall.deploy.drivers import robstride
 from footfall.deploy.drivers.robstride import RobstrideDriver
 from footfall.deploy.frames import EXTENDED, Frames
 from footfall.deploy.loop import ControlLoop
-from footfall.deploy.wiring import Wiring, wire
+from footfall.deploy.wiring import wire
 from footfall.plant.episode import run_episode
 from footfall.plant.motor_ends.motor_end import Request
 from footfall.plant.motor_ends.robstride import RobstrideMotorEnd
 from footfall.plant.robot import SimulatedRobot
 from footfall.robots.description import Robot
 
-TWO = Wiring(
-    buses=("can0", "can1"),
-    channel=np.array([0, 1]),
-    motor_id=np.array([7, 7]),
-    imu_channel=0,
-    models=("RS00", "RS03"),
-    gear_ratio=np.array([6.0, 9.0]),
-    timeout_s=np.array([0.1, 0.1]),
-    watchdog_endpoints=np.zeros((2, 2), int),
-    joint_names=("hip", "knee"),
-)
+TWO = two_motors("RS00", "RS03", motor_id=7)
 TURNS = 12.566370614359172
 MOST = np.array([[TURNS, TURNS], [33.0, 20.0], [500.0, 5000.0], [5.0, 100.0], [14.0, 60.0]])
 
@@ -51,7 +43,7 @@ def hexed(frames: Frames) -> list[tuple[str, str]]:
 def driver() -> RobstrideDriver:
     driver, end = RobstrideDriver(TWO), RobstrideMotorEnd(TWO)
     for _ in robstride.PARAMETERS:
-        answer = end.tell(driver.query_settings())
+        answer = end.settings_replies(driver.query_settings())
         assert answer is not None
         assert not driver.replies(answer).values.size
     assert driver.not_ready() == ""
@@ -181,7 +173,9 @@ class TestFrames:
         self, driver: RobstrideDriver, code: int
     ) -> None:
         error = np.array([0, code], np.uint64)
-        replies = driver.replies(RobstrideMotorEnd(TWO).reply(slice(None), np.zeros((3, 2)), 33, error))
+        replies = driver.replies(
+            RobstrideMotorEnd(TWO).reply(slice(None), report(np.zeros((3, 2)), error, 33))
+        )
         assert np.arange(2)[replies.motor].tolist() == [0, 1]
         assert replies.error.tolist() == [0, code]
 
@@ -189,7 +183,7 @@ class TestFrames:
     def test_so_does_a_reply(self, share: np.ndarray) -> None:
         driver, end = RobstrideDriver(TWO), RobstrideMotorEnd(TWO)
         most = MOST[[0, 1, 4]]
-        replies = driver.replies(end.reply(slice(None), share * most, 33, np.zeros(2, np.uint64)))
+        replies = driver.replies(end.reply(slice(None), report(share * most, 0, 33)))
         error = np.abs(replies.values - np.clip(share, -1.0, 1.0) * most)
         assert np.all(error <= most / 65535 * (1 + 1e-9))
         assert replies.temperature_c.tolist() == [33, 33]
@@ -210,7 +204,7 @@ class TestFrames:
 class TestParameters:
     def test_a_question_and_its_answer(self) -> None:
         assert hexed(RobstrideDriver(TWO).query_settings())[0] == ("1100fd07", "0570 0000 0000 0000")
-        answer = RobstrideMotorEnd(TWO).tell(frame(0x1100FD07, "2870 0000 0000 0000"))
+        answer = RobstrideMotorEnd(TWO).settings_replies(frame(0x1100FD07, "2870 0000 0000 0000"))
         assert answer is not None
         assert hexed(answer) == [("110007fd", "2870 0000 d007 0000")]  # 2000
 
@@ -226,7 +220,7 @@ class TestParameters:
         driver, end = RobstrideDriver(TWO), RobstrideMotorEnd(TWO)
         end.parameters[1][parameter] = value
         for _ in range(3):
-            if (answer := end.tell(driver.query_settings())) is not None:
+            if (answer := end.settings_replies(driver.query_settings())) is not None:
                 driver.replies(answer)
         assert driver.not_ready() == f"motor knee (can1, id 7) {says}"
 
@@ -236,7 +230,7 @@ class TestParameters:
         driver, end = RobstrideDriver(TWO), RobstrideMotorEnd(TWO)
         end.parameters[1][robstride.TIME_OUT] = told
         for _ in range(3):
-            if (answer := end.tell(driver.query_settings())) is not None:
+            if (answer := end.settings_replies(driver.query_settings())) is not None:
                 driver.replies(answer)
         assert driver.not_ready() == ""
         assert end.parameters[1][robstride.TIME_OUT] == kept
@@ -255,7 +249,9 @@ class TestParameters:
         for _ in range(4):
             end.parameters[1][robstride.TIME_OUT] = 20_000
             asked = driver.query_settings()
-            if (answer := end.tell(asked.take(asked.id >> 24 & 0x1F == robstride.READ))) is not None:
+            if (
+                answer := end.settings_replies(asked.take(asked.id >> 24 & 0x1F == robstride.READ))
+            ) is not None:
                 driver.replies(answer)
         problem = "has a communication time-out of 1 s, and does not take one of 0.1 s"
         assert driver.not_ready() == f"motor knee (can1, id 7) {problem}"

@@ -93,7 +93,7 @@ class TestInterface:
         (interface, names, filters), closed = opened
         assert (interface, closed) == ("socketcan", "closed")
         assert names == ("can0", "can1", "can2", "can3")
-        assert filters == (*MitDriver.filters, *imu.FILTERS)
+        assert filters == (*MitDriver.filters, *imu.ImuReader.filters)
 
     def test_also_where_a_run_fails(
         self, go1: Robot, opened: list[Any], monkeypatch: pytest.MonkeyPatch

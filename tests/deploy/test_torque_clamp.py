@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
+from reports import report
 
-from footfall.deploy.drivers.choice import open_driver
+from footfall.deploy.drivers.choice import open_driver, open_imu
 from footfall.deploy.drivers.driver import Driver
 from footfall.deploy.frames import Frames
 from footfall.deploy.joint_layer import JointLayer
@@ -45,14 +46,14 @@ class Ends:
     def __init__(self, wiring: Wiring, share: np.ndarray, target: np.ndarray) -> None:
         self.driver: Driver = open_driver(wiring)
         self.motors: MotorEnd = open_motor_end(wiring)
-        self.layer = JointLayer(ROBOT, self.driver, WIRING.imu_channel, 0.002)
+        self.layer = JointLayer(ROBOT, self.driver, open_imu(WIRING), 0.002)
         self.motors.requests(self.driver.query_settings())  # which tells ODrives to take torques
         most = self.driver.highest[[0, 1, 4]]
         reading = share * np.where(np.isfinite(most), most, USUAL_READING)
         errors = np.zeros(N, np.uint64)
-        answers = [self.motors.reply(slice(None), reading, 30, errors)]
-        for now_us in (0, 1000) if self.motors.talkative else ():  # half of the motors at a time
-            said = self.motors.broadcast(now_us, errors == 0, reading, 30, errors, errors == 0)
+        answers = [self.motors.reply(slice(None), report(reading, errors))]
+        for now_us in (0, 1000) if self.motors.broadcasts else ():  # half of the motors at a time
+            said = self.motors.broadcast(now_us, errors == 0, report(reading, errors))
             assert said is not None
             answers.append(said)
         self.layer.absorb(answers, 0)

@@ -135,10 +135,9 @@ class TestPlace:
     def test_a_scan_listens_to_everything_on_all_buses(
         self, shell: Shell, place: list[Any], monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        scanned: list[int] = []
-        monkeypatch.setattr(scan, "scan", lambda _, buses: scanned.append(buses) or set())
+        monkeypatch.setattr(scan, "scan", lambda *_: set())
         outcome = shell("can", "scan")
-        assert (outcome.status, scanned) == (1, [4])
+        assert outcome.status == 1
         assert place == [("opened", "socketcan", self.BUSES, scan.EVERYTHING), "closed"]
         header, first, *_, last = outcome.out.splitlines()
         assert header.split() == ["bus", "id", "maker", "joint"]

@@ -100,7 +100,7 @@ def test_an_interface_lets_through_what_motors_and_imu_say(
     )
     assert shell("bring-up", "stand", "--bus", "slcan", "--steps", "hold", "--yes").status == 0
     wiring = wire(load_robot("go1"))
-    filters = (*open_driver(wiring).filters, *imu.FILTERS)
+    filters = (*open_driver(wiring).filters, *imu.ImuReader.filters)
     assert opened == [("slcan", wiring.buses, filters), "closed"]
     assert steps == [("hold", bus)]
 

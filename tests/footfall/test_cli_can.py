@@ -304,7 +304,7 @@ def test_what_a_scan_finds_is_held_against_robot_yaml(
     shell: Shell, own_folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The motor with id 3 on can1 has id 9 there: one is missing, one is too many."""
-    monkeypatch.setattr(scan, "scan", lambda bus, buses: {scan.Found(1, 3, scan.MIT)})
+    monkeypatch.setattr(scan, "scan", lambda *_: {scan.Found(1, 3, "MIT mode")})
     declaration = own_folder / "robot.yaml"
     content = yaml.safe_load(declaration.read_text())
     content["joints"][5]["id"] = 9
@@ -318,16 +318,12 @@ def test_what_a_scan_finds_is_held_against_robot_yaml(
     ]
 
 
-@pytest.mark.parametrize(("extra", "status"), [(set(), 0), ({scan.Found(2, 99, scan.MIT)}, 1)])
+@pytest.mark.parametrize(("extra", "status"), [(set(), 0), ({scan.Found(2, 99, "MIT mode")}, 1)])
 def test_a_motor_that_robot_yaml_does_not_know_makes_a_scan_fail(
     shell: Shell, go1: Robot, monkeypatch: pytest.MonkeyPatch, extra: set[scan.Found], status: int
 ) -> None:
-    wiring = wire(go1)
-    known = {
-        scan.Found(int(channel), int(motor), scan.MAKERS[model])
-        for channel, motor, model in zip(wiring.channel, wiring.motor_id, wiring.models, strict=True)
-    }
-    monkeypatch.setattr(scan, "scan", lambda bus, buses: known | extra)
+    known = set(scan.expected(wire(go1)))
+    monkeypatch.setattr(scan, "scan", lambda *_: known | extra)
     outcome = shell("can", "scan", "--bus", "virtual")
     assert outcome.status == status
     assert ("not in robot.yaml" in outcome.out) is bool(extra)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from reports import report
 from scipy.spatial.transform import Rotation
 
 from footfall.deploy.drivers import imu
@@ -109,8 +110,8 @@ class TestReadings:
 
     @pytest.fixture
     def arriving(self, go1: Robot) -> list[Frames]:
-        end, n = open_motor_end(wire(go1)), len(go1.joint_names)
-        return [end.reply(slice(None), self.VALUES, 31, np.zeros(n, np.uint64)), of_imu()]
+        end = open_motor_end(wire(go1))
+        return [end.reply(slice(None), report(self.VALUES, temperature_c=31)), of_imu()]
 
     @pytest.fixture
     def injector(self, go1: Robot, arriving: list[Frames]) -> FaultInjector:

@@ -8,7 +8,7 @@ import pytest
 from footfall.deploy.drivers.driver import Motors
 from footfall.deploy.frames import Frames
 from footfall.domain_rand.sample import Sample
-from footfall.plant.motor_ends.motor_end import Request, Requests
+from footfall.plant.motor_ends.motor_end import Report, Request, Requests
 from footfall.plant.motors import SimulatedMotors
 from footfall.robots.actuator import JointCommand, Motor, friction_torque, motor_torque
 
@@ -34,7 +34,7 @@ class End:
     time_out_error = 13
     time_out_latches = False
     timeout_s = np.full(3, np.nan)
-    talkative = False
+    broadcasts = False
 
     def __init__(self) -> None:
         self.next: Requests | None = None
@@ -44,22 +44,15 @@ class End:
         assert self.next is not None
         return self.next
 
-    def tell(self, frames: Frames) -> None:
+    def settings_replies(self, frames: Frames) -> None:
         return None
 
     def broadcast(self, *_: Any) -> None:
         return None
 
-    def reply(
-        self,
-        motor: Motors,
-        values: np.ndarray,
-        temperature_c: int,
-        error: np.ndarray,
-        on: np.ndarray | None = None,
-    ) -> Frames:
+    def reply(self, motor: Motors, report: Report) -> Frames:
         index = np.arange(3)[motor]
-        self.replied.append((index.tolist(), values.copy(), error.tolist()))
+        self.replied.append((index.tolist(), report.values.copy(), report.error.tolist()))
         data = np.zeros((len(index), 8), np.uint8)
         data[:, 0] = index + 1
         return Frames(np.zeros_like(index), index, data, np.full(len(index), 8))

@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+from reports import report
 
 from footfall.deploy.bus import BusStatistics
 from footfall.deploy.drivers import imu
@@ -48,7 +49,9 @@ class FrameRobot:
 
     def receive(self, now_us: int) -> list[Frames]:
         heard = np.setdiff1d(ROWS, self.silent)
-        batches = [self._end.reply(heard, self.readings[:, heard], self.temperature_c, self.error[heard])]
+        batches = [
+            self._end.reply(heard, report(self.readings[:, heard], self.error[heard], self.temperature_c))
+        ]
         if not self.imu_silent:
             self._count += 1
             reading = imu.Inertial(self.gyro, self.acceleration, self.quaternion)

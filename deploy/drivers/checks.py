@@ -1,0 +1,125 @@
+"""Whether a driver class of one's own fits its protocol: each misfit is one line."""
+
+from collections.abc import Callable
+from typing import Any, NoReturn
+
+import numpy as np
+
+from footfall.common.errors import UserError
+from footfall.common.outside import find, in_a_line
+from footfall.deploy.drivers.driver import Driver, MotorDriver, Replies
+from footfall.deploy.drivers.imu import Inertial
+from footfall.deploy.drivers.imu_driver import ImuDriver
+from footfall.deploy.frames import Frames, no_frames
+from footfall.deploy.wiring import Wiring
+
+MOTOR_PAGE, IMU_PAGE = "deploy/drivers/driver.py", "deploy/drivers/imu_driver.py"
+OF_CLASS = ("maker", "models", "motor_end", "identifiers", "probes", "senders", "filters")
+OF_IMU_CLASS = ("filters", "identifiers", "imu_end")
+
+
+def motor_driver_at(place: str) -> type[MotorDriver]:
+    """The motor driver class at MODULE:NAME.
+
+    Raises:
+        UserError: there is no such class, or it lacks a part of `MotorDriver`.
+    """
+    found: type[MotorDriver] = _class_at(place, "motor driver", OF_CLASS, MOTOR_PAGE)
+    return found
+
+
+def imu_driver_at(place: str) -> type[ImuDriver]:
+    """The IMU driver class at MODULE:NAME.
+
+    Raises:
+        UserError: there is no such class, it cannot be built, or it lacks a part of `ImuDriver`.
+    """
+    found: type[ImuDriver] = _class_at(place, "IMU driver", OF_IMU_CLASS, IMU_PAGE)
+    driver = _tried(place, "__init__", lambda: found(0))
+    _require(driver, place, "IMU driver", _members(ImuDriver), IMU_PAGE)
+    _tried(place, "absorb", lambda: driver.absorb(no_frames(), 0))
+    lengths = [len(part) for part in _tried(place, "reading", lambda: Inertial(*driver.reading))]
+    if lengths != [3, 3, 4]:
+        _refuse(place, "reading", f"parts of lengths {lengths}, not [3, 3, 4]")
+    return found
+
+
+def open_outside(driver: type[MotorDriver], wiring: Wiring) -> Driver:
+    """A driver of one's own for its motors.
+
+    Raises:
+        UserError: it cannot be built, lacks a part of `MotorDriver`, or returns wrong types or shapes.
+    """
+    place, n = wiring.models[0], len(wiring.motor_id)
+    tried = _tried(place, "__init__", lambda: driver(wiring))
+    _require(tried, place, "motor driver", _members(MotorDriver), MOTOR_PAGE)
+    for name, shape in (("lowest", (5, n)), ("highest", (5, n)), ("gain_rounding", (2, n))):
+        _check_shape(place, name, getattr(tried, name), shape)
+    _check_shape(place, "exchange_bits", tried.exchange_bits, (n,))
+    for name in ("query_settings", "enable", "disable", "clear", "zero"):
+        _check_frames(place, name, _tried(place, name, getattr(tried, name)))
+    _check_frames(place, "command", _tried(place, "command", lambda: tried.command(np.zeros((5, n)))))
+    damping = _tried(place, "damping", lambda: tried.damping(np.zeros(n)))
+    if not isinstance(damping, tuple) or not damping:
+        _refuse(place, "damping", "no tuple of batches")
+    for frames in damping:
+        _check_frames(place, "damping", frames)
+    for name in ("not_ready", "not_enabled"):
+        if not isinstance(_tried(place, name, getattr(tried, name)), str):
+            _refuse(place, name, "no text")
+    _check_shape(
+        place, "not_confirmed_off", _tried(place, "not_confirmed_off", tried.not_confirmed_off), (n,)
+    )
+    replies = _tried(place, "replies", lambda: tried.replies(no_frames()))
+    if not isinstance(replies, Replies):
+        _refuse(place, "replies", "no Replies")
+    _check_shape(place, "replies", replies.values, (3, 0))
+    return driver(wiring)  # whose state no trial has changed
+
+
+def _class_at(place: str, what: str, names: tuple[str, ...], page: str) -> Any:
+    found = find(place, what)
+    if not isinstance(found, type):
+        raise UserError(f"no {what} '{place}': it is no class")
+    _require(found, place, what, names, page)
+    return found
+
+
+def _require(found: Any, place: str, what: str, names: tuple[str, ...], page: str) -> None:
+    if lacking := [name for name in names if not hasattr(found, name)]:
+        raise UserError(f"{place} is no {what}: it has no {', '.join(lacking)} (see {page})")
+
+
+def _members(protocol: type) -> tuple[str, ...]:
+    """Public names that a protocol declares."""
+    names = [
+        name for base in protocol.__mro__ for name in (*vars(base), *getattr(base, "__annotations__", ()))
+    ]
+    return tuple(dict.fromkeys(name for name in names if not name.startswith("_")))
+
+
+def _tried(place: str, name: str, act: Callable[[], Any]) -> Any:
+    try:
+        return act()
+    except UserError:
+        raise
+    except Exception as error:  # whatever it is, it is the class's
+        raise UserError(f"{place} fails at {name}: {in_a_line(error)}") from error
+
+
+def _check_frames(place: str, name: str, frames: Any) -> None:
+    if not isinstance(frames, Frames):
+        _refuse(place, name, f"{type(frames).__name__}, not Frames")
+    k = len(frames.id)
+    for part, shape in (("channel", (k,)), ("id", (k,)), ("length", (k,)), ("data", (k, 8))):
+        _check_shape(place, f"{name} ({part})", getattr(frames, part), shape)
+
+
+def _check_shape(place: str, name: str, values: Any, shape: tuple[int, ...]) -> None:
+    if not isinstance(values, np.ndarray) or values.shape != shape:
+        found = f"shape {values.shape}" if isinstance(values, np.ndarray) else type(values).__name__
+        _refuse(place, name, f"{found}, not an array of shape {shape}")
+
+
+def _refuse(place: str, name: str, found: str) -> NoReturn:
+    raise UserError(f"{place} does not fit: {name} gives {found} (see deploy/drivers)")

@@ -1,0 +1,19 @@
+"""How much memory Python's objects take more than before."""
+
+import tracemalloc
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+
+@contextmanager
+def grown() -> Iterator[Callable[[], float]]:
+    """A function that returns the growth within the context in kilobytes, once that has ended."""
+    growth_kb: list[float] = []
+    tracemalloc.start()
+    before, _ = tracemalloc.get_traced_memory()
+    try:
+        yield lambda: growth_kb[0]
+    finally:
+        after, _ = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        growth_kb.append((after - before) / 1024)
