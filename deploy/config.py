@@ -20,11 +20,11 @@ AT_LEAST = {"silence_timeout_s": LATE_TICKS, "pause_limit_s": LATE_TICKS, "start
 class DeployConfig:
     """How the control loop runs; the defaults suit a robot of a few ten kilograms."""
 
-    joint_rate_hz: float = 500.0
+    joint_rate_hz: float = 500.0  # of ticks: readings, supervisor, commands
     estimator_rate_hz: float = 250.0  # at least; also once before each policy step
     stand_s: float = 1.0  # from the measured pose to the default pose, and settling
     stand_kp_scale: float = 4.0  # of the robot's gains
-    stand_kd_scale: float = 2.0
+    stand_kd_scale: float = 2.0  # likewise
     pose_rate_rad_s: float = 0.8  # fastest that a joint moves while the robot stands up or lies down
     stop_rate_rad_s: float = 8.0  # the same out of a walk, until all feet stand
     stop_s: float = 1.0  # that a policy has to come to a stand before the robot lies down

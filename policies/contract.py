@@ -18,9 +18,9 @@ VERSION = 1
 class Term:
     """One observation term: its name in `policies/observation.py`, a scale, and how many past frames."""
 
-    name: str
-    scale: float = 1.0
-    history: int = 1
+    name: str  # in policies/observation.py
+    scale: float = 1.0  # that its numbers are multiplied by
+    history: int = 1  # frames, the newest among them
 
     def __post_init__(self) -> None:
         require_positive(self, "history")
@@ -34,9 +34,9 @@ class Gait:
     sine over the foot's swing (policies/gaits.py).
     """
 
-    frequency_hz: float
-    phase: tuple[float, ...]
-    amplitude_rad: tuple[float, ...]
+    frequency_hz: float  # cycles a second
+    phase: tuple[float, ...]  # of each joint's foot, cycles
+    amplitude_rad: tuple[float, ...]  # of each joint's reference motion; 0 for none
     duty: float = 0.5  # share of the cycle that a foot stands
 
     def __post_init__(self) -> None:
@@ -49,19 +49,19 @@ class Gait:
 class Contract:
     """All that training and deployment must agree on. Per-joint tuples are in joint order."""
 
-    robot: str
-    digest: str
-    joints: tuple[str, ...]
-    control_rate_hz: float
-    observation: tuple[Term, ...]
-    default_pose_rad: tuple[float, ...]
-    action_scale_rad: tuple[float, ...]
-    kp: tuple[float, ...]
-    kd: tuple[float, ...]
+    robot: str  # its name
+    digest: str  # of the description that it was trained on
+    joints: tuple[str, ...]  # names, in joint order
+    control_rate_hz: float  # of the policy's steps
+    observation: tuple[Term, ...]  # in this order, each with its history
+    default_pose_rad: tuple[float, ...]  # position targets of a zero action
+    action_scale_rad: tuple[float, ...]  # position target per unit of action
+    kp: tuple[float, ...]  # stiffness, N m/rad
+    kd: tuple[float, ...]  # damping, N m s/rad
     commands: CommandRange  # that it was trained on
-    gait: Gait | None = None
+    gait: Gait | None = None  # none if the policy has no clock
     standing_command: float = 0.1  # commands of a smaller norm mean: stand still; 0: step in place
-    version: int = field(default=VERSION)
+    version: int = field(default=VERSION)  # of this form
 
     def __post_init__(self) -> None:
         require_positive(self, "control_rate_hz")

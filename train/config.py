@@ -27,21 +27,21 @@ TRAINING_FILE = "training.yaml"  # in a robot's folder
 class PpoConfig:
     """PPO's settings. One iteration is num_envs * num_steps_per_env environment steps."""
 
-    total_steps: int
-    num_envs: int
-    num_steps_per_env: int
-    num_mini_batches: int
-    num_learning_epochs: int
-    learning_rate: float
-    final_learning_rate: float
-    gamma: float
-    lam: float
-    clip_param: float
-    entropy_coef: float
-    max_grad_norm: float
-    init_noise_std: float
-    actor_hidden_dims: tuple[int, ...]
-    critic_hidden_dims: tuple[int, ...]
+    total_steps: int  # environment steps of the whole training
+    num_envs: int  # on all devices together; a multiple of num_mini_batches times the devices
+    num_steps_per_env: int  # length of a rollout, control steps
+    num_mini_batches: int  # in which an epoch visits the rollout
+    num_learning_epochs: int  # how often each rollout is learned from
+    learning_rate: float  # at the start; Adam's
+    final_learning_rate: float  # at the end; it falls linearly
+    gamma: float  # discount of a control step
+    lam: float  # of generalised advantage estimation
+    clip_param: float  # largest change of the action probability ratio that counts
+    entropy_coef: float  # weight of the entropy, which keeps the policy exploring
+    max_grad_norm: float  # longer gradients are scaled down to this
+    init_noise_std: float  # standard deviation of the actions at the start
+    actor_hidden_dims: tuple[int, ...]  # units of each hidden layer
+    critic_hidden_dims: tuple[int, ...]  # the same for the critic
     desired_kl: float | None = None  # adapts the learning rate below its falling limit
     bfloat16: bool = False  # hidden layers compute in 16 bits; parameters, losses and exports stay float32
     symmetry: bool = False  # learn from mirror images too; the robot must be the same left and right
@@ -86,7 +86,7 @@ class TrainConfig:
 
     ppo: PpoConfig
     env: EnvConfig
-    checkpoint_interval_s: float = 30.0
+    checkpoint_interval_s: float = 30.0  # of the wall clock; 0 for every iteration
     diverged_limit: float = 0.01  # share of control steps whose simulation may diverge, before training stops
 
     def __post_init__(self) -> None:
