@@ -1,6 +1,7 @@
 """Whether a driver class of one's own fits its protocol: each misfit is one line."""
 
 from collections.abc import Callable
+from types import FunctionType
 from typing import Any, NoReturn
 
 import numpy as np
@@ -14,8 +15,8 @@ from footfall.deploy.frames import Frames, no_frames
 from footfall.deploy.wiring import Wiring
 
 MOTOR_PAGE, IMU_PAGE = "deploy/drivers/driver.py", "deploy/drivers/imu_driver.py"
-OF_CLASS = ("maker", "models", "motor_end", "identifiers", "probes", "senders", "filters")
-OF_IMU_CLASS = ("filters", "identifiers", "imu_end")
+DATA = ("maker", "models", "motor_end", "filters")  # of a motor driver's class
+IMU_DATA = ("filters", "identifiers", "imu_end")  # of an IMU driver's
 
 
 def motor_driver_at(place: str) -> type[MotorDriver]:
@@ -24,7 +25,7 @@ def motor_driver_at(place: str) -> type[MotorDriver]:
     Raises:
         UserError: there is no such class, or it lacks a part of `MotorDriver`.
     """
-    found: type[MotorDriver] = _class_at(place, "motor driver", OF_CLASS, MOTOR_PAGE)
+    found: type[MotorDriver] = _class_at(place, "motor driver", (*DATA, *_methods(MotorDriver)), MOTOR_PAGE)
     return found
 
 
@@ -34,7 +35,7 @@ def imu_driver_at(place: str) -> type[ImuDriver]:
     Raises:
         UserError: there is no such class, it cannot be built, or it lacks a part of `ImuDriver`.
     """
-    found: type[ImuDriver] = _class_at(place, "IMU driver", OF_IMU_CLASS, IMU_PAGE)
+    found: type[ImuDriver] = _class_at(place, "IMU driver", (*IMU_DATA, *_methods(ImuDriver)), IMU_PAGE)
     driver = _tried(place, "__init__", lambda: found(0))
     _require(driver, place, "IMU driver", _members(ImuDriver), IMU_PAGE)
     _tried(place, "absorb", lambda: driver.absorb(no_frames(), 0))
@@ -96,6 +97,14 @@ def _members(protocol: type) -> tuple[str, ...]:
         name for base in protocol.__mro__ for name in (*vars(base), *getattr(base, "__annotations__", ()))
     ]
     return tuple(dict.fromkeys(name for name in names if not name.startswith("_")))
+
+
+def _methods(protocol: type) -> tuple[str, ...]:
+    """Public names of a protocol that are methods, which a class has before it is built."""
+    whole = {name: value for base in protocol.__mro__[:-1] for name, value in vars(base).items()}
+    return tuple(
+        name for name in _members(protocol) if isinstance(whole.get(name), FunctionType | staticmethod)
+    )
 
 
 def _tried(place: str, name: str, act: Callable[[], Any]) -> Any:

@@ -1,0 +1,220 @@
+"""Drivers of a user's own, named in robot.yaml: they drive a simulated robot, or are refused in one line."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import own_drivers
+import pytest
+from deploy_policies import Hold, stand_still
+from own_drivers import OwnDriver, OwnImu
+from two_motors import two_motors
+
+from footfall.common.errors import UserError
+from footfall.deploy.clock import LockstepClock
+from footfall.deploy.config import DeployConfig
+from footfall.deploy.drivers.choice import filters_of, open_driver, open_imu
+from footfall.deploy.drivers.driver import Replies
+from footfall.deploy.frames import Frames, no_frames
+from footfall.deploy.scan import scan
+from footfall.deploy.session import Session, run_session
+from footfall.deploy.wiring import wire
+from footfall.plant.bus import SimulatedBus
+from footfall.plant.imu_ends import open_imu_end
+from footfall.plant.motor_ends.choice import open_motor_end
+from footfall.plant.robot import PlantConfig, SimulatedRobot
+from footfall.plant.wires import SimulatedWires
+from footfall.robots.description import Robot
+
+MOTOR, IMU = "own_drivers:OwnDriver", "own_drivers:OwnImu"
+
+
+def with_own(robot: Robot, imu: str = IMU, **protocols: str) -> Robot:
+    description = robot.description
+    motors = {n: replace(m, protocol=protocols.get(n, m.protocol)) for n, m in description.motors.items()}
+    return replace(robot, description=replace(description, motors=motors, imu_protocol=imu))
+
+
+@pytest.mark.parametrize("protocols", [{"hip": MOTOR, "knee": MOTOR}, {"knee": MOTOR}], ids=["all", "mixed"])
+def test_a_robot_with_motors_and_an_imu_of_ones_own_holds_its_pose(go1: Robot, protocols: Any) -> None:
+    robot = with_own(go1, **protocols)
+    wiring = wire(robot)
+    wires = SimulatedWires(wiring.buses)
+    body = SimulatedRobot(robot, wiring, wires, PlantConfig(hanging=True))
+    positions: list[np.ndarray] = []
+    session = Session(stand_still, 0.3, realtime=False, config=DeployConfig(stand_s=0.3), lie_down=False)
+    outcome = run_session(
+        robot,
+        Hold(robot),
+        SimulatedBus(wires, body),
+        session,
+        each_tick=lambda loop: positions.append(loop.sensed.joint_position) if loop.walking else None,
+    )
+    assert outcome.faults == ()
+    assert outcome.walked_s == pytest.approx(0.3, abs=0.005)
+    np.testing.assert_allclose(positions[-1], robot.default_pose, atol=0.1)
+    assert not body.motors_on.any()
+
+
+def test_filters_and_readings_are_those_of_the_own_imu(go1: Robot) -> None:
+    wiring = wire(with_own(go1))
+    assert OwnImu.filters[0] in filters_of(wiring)
+    imu, end = open_imu(wiring), open_imu_end(wiring)
+    imu.absorb(end.encode(imu.reading._replace(gyro=(0.1, -0.2, 0.3))), 5000)
+    assert imu.reading.gyro == (0.1, -0.2, 0.3)
+    assert imu.heard_us == 5000
+
+
+def test_a_motor_whose_identifiers_are_the_own_imus_is_refused(
+    go1: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(OwnDriver, "identifiers", staticmethod(lambda motor: (0x4FE + motor,)))
+    with pytest.raises(UserError, match=r"FR_thigh_joint .* and the IMU would both use identifier 0x500"):
+        open_driver(wire(with_own(go1, hip=MOTOR, knee=MOTOR)))
+
+
+def test_a_scan_probes_with_the_own_drivers_frames(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two of three protocols answer: those of robot.yaml, and no other's."""
+    robot = with_own(go1, knee=MOTOR)
+    wiring = wire(robot)
+    wires = SimulatedWires(wiring.buses, host_queue=20)
+    bus = SimulatedBus(wires, SimulatedRobot(robot, wiring, wires))
+    nothing = own_drivers.milli(np.zeros((3, 1)), own_drivers.DISABLE).tobytes()
+    monkeypatch.setattr(OwnDriver, "probes", staticmethod(lambda motor: ((motor, nothing),)))
+    monkeypatch.setattr(
+        OwnDriver,
+        "senders",
+        staticmethod(lambda frames: np.where(frames.id & ~0x7F == own_drivers.REPLY, frames.id & 0x7F, -1)),
+    )
+    found = scan(bus, wiring, LockstepClock(10_000))
+    assert {each for each in found if each.maker == "own"} == {(channel, 3, "own") for channel in range(4)}
+    assert len(found) == 12
+
+
+def lacking(name: str) -> type:
+    """The own driver without one of its parts."""
+    parts = {
+        key: value
+        for base in reversed(OwnDriver.__mro__[:-1])
+        for key, value in vars(base).items()
+        if key not in (name, "__dict__", "__weakref__")
+    }
+    return type("Lacking", (), parts)
+
+
+def with_part(name: str, part: Any) -> type:
+    return type("Changed", (OwnDriver,), {name: part})
+
+
+def of_shape(*shape: int) -> property:
+    return property(lambda self: np.zeros(shape), lambda self, value: None)
+
+
+def no_replies(self: Any, frames: Frames) -> Any:
+    return np.zeros((3, 0))
+
+
+def flat_replies(self: Any, frames: Frames) -> Replies:
+    return Replies(np.zeros(0, int), *np.zeros((4, 0)), None)
+
+
+MISFITS = {
+    **{
+        name: lacking(name)
+        for name in (
+            "identifiers",
+            "replies",
+            "error_name",
+            "filters",
+            "maker",
+            "damping",
+            "not_confirmed_off",
+        )
+    },
+    "lowest": with_part("lowest", of_shape(2)),
+    "gain_rounding": with_part("gain_rounding", of_shape(2, 3)),
+    "exchange_bits": with_part("exchange_bits", of_shape(5)),
+    "command": with_part("command", lambda self, values: values),
+    "enable": with_part("enable", lambda self: None),
+    "zero": with_part("zero", lambda self: no_frames()._replace(data=np.zeros((0, 7), np.uint8))),
+    "disable": with_part("disable", lambda self: 1 / 0),
+    "not_ready": with_part("not_ready", lambda self: True),
+    "not_enabled": with_part("not_enabled", lambda self: None),
+    "damping ": with_part("damping", lambda self, kd: no_frames()),
+    "not_confirmed_off ": with_part("not_confirmed_off", lambda self: np.zeros(5, bool)),
+    "replies ": with_part("replies", no_replies),
+    "replies  ": with_part("replies", flat_replies),
+    "__init__": with_part("__init__", lambda self: None),
+}
+
+
+class Refused:
+    """One line that names the place and the part."""
+
+    def __init__(self, place: str, part: str) -> None:
+        self._place, self._part = place, part
+
+    def of(self, wiring: Any) -> None:
+        with pytest.raises(UserError) as refused:
+            open_driver(wiring)
+        assert "\n" not in str(refused.value)
+        assert self._place in str(refused.value)
+        assert self._part in str(refused.value)
+
+
+@pytest.fixture(params=MISFITS)
+def misfit(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    monkeypatch.setattr(own_drivers, "Misfit", MISFITS[request.param], raising=False)
+    return request.param.strip()
+
+
+def test_a_motor_driver_that_does_not_fit_is_refused_with_what_is_wrong(misfit: str) -> None:
+    place = "own_drivers:Misfit"
+    Refused(place, misfit).of(two_motors(place, place))
+
+
+@pytest.mark.parametrize(
+    ("place", "part"),
+    [
+        ("no_such_module:Driver", "no_such_module"),
+        ("own_drivers:NoSuchDriver", "NoSuchDriver"),
+        ("own_drivers:REPLY", "no class"),
+        ("NoSuchMotor", "MODULE:NAME"),
+    ],
+)
+def test_a_driver_that_is_not_there_is_refused_with_its_joint_or_as_the_imus(place: str, part: str) -> None:
+    Refused("joint hip", part).of(two_motors(place, "RS00"))
+    with pytest.raises(UserError, match=part):
+        open_imu(replace(two_motors("RS00", "RS00"), imu_protocol=place))
+
+
+@pytest.mark.parametrize(
+    ("part", "value"),
+    [
+        ("reading", property(lambda self: ((0.0,) * 3,) * 3, lambda self, value: None)),
+        ("absorb", lambda self, frames, now_us: 1 / 0),
+        ("__init__", lambda self: None),
+    ],
+)
+def test_an_imu_driver_that_does_not_fit_is_refused_with_what_is_wrong(
+    monkeypatch: pytest.MonkeyPatch, part: str, value: Any
+) -> None:
+    monkeypatch.setattr(own_drivers, "Misfit", type("Changed", (OwnImu,), {part: value}), raising=False)
+    with pytest.raises(UserError, match=f"own_drivers:Misfit.*{part}"):
+        open_imu(replace(two_motors("RS00", "RS00"), imu_protocol="own_drivers:Misfit"))
+
+
+def test_an_imu_driver_that_lacks_a_part_is_refused_with_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(own_drivers, "Misfit", OwnDriver, raising=False)
+    with pytest.raises(UserError, match=r"is no IMU driver: it has no imu_end"):
+        open_imu(replace(two_motors("RS00", "RS00"), imu_protocol="own_drivers:Misfit"))
+
+
+def test_what_cannot_be_simulated_is_told_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(OwnDriver, "motor_end", "")
+    monkeypatch.setattr(OwnImu, "imu_end", "")
+    wiring = replace(two_motors(MOTOR, MOTOR), imu_protocol=IMU)
+    open_driver(wiring)
+    for opens in (open_motor_end, open_imu_end):
+        with pytest.raises(UserError, match="simulated"):
+            opens(wiring)
