@@ -14,6 +14,7 @@ from footfall.common.outputs import check_outputs, is_device, write_json, write_
 from footfall.common.versions import versions
 from footfall.evaluate.comparison import Comparison, PolicyResult
 from footfall.evaluate.config import DEFAULT_EVALUATION, EvaluationConfig
+from footfall.evaluate.own_metrics import check_metrics
 from footfall.evaluate.provenance import PACKAGES, machine, origin
 from footfall.evaluate.scenarios import ScenarioFile, load_scenarios
 from footfall.evaluate.suite import run_course, run_suite
@@ -127,6 +128,7 @@ def _load(config: EvaluationConfig, specs: Sequence[str]) -> tuple[Robot, Scenar
     robot = load_robot(config.robot)
     file = load_scenarios(robot, config.scenario_file)
     file.select(config.scenarios)
+    check_metrics(config.metrics)
     policies = {spec: load_policy(spec, robot) for spec in specs}
     if config.plant is not None:
         read_plant(robot, config.plant)

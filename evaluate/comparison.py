@@ -55,6 +55,8 @@ def command_line(comparison: Comparison) -> str:
         options += ["--scenario-file", str(config.scenario_file)]
     if config.plant is not None:
         options += ["--plant", str(config.plant)]
+    if config.metrics:
+        options += ["--metrics", ",".join(config.metrics)]
     if config.ground_truth:
         options.append("--ground-truth")
     specs = [policy.spec for policy in comparison.policies]

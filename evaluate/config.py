@@ -18,6 +18,7 @@ class EvaluationConfig:
     ground_truth: bool = False  # hand policies the true base velocity and height
     workers: int | None = None  # processes; None for one per core
     scenario_file: Path | None = None  # the user's scenarios, beside those of footfall
+    metrics: tuple[str, ...] = ()  # the user's, MODULE:NAME each, see evaluate/own_metrics.py
 
 
 DEFAULT_EVALUATION = EvaluationConfig()

@@ -1,6 +1,6 @@
 """One task of a worker process: build what an episode needs, run it, score it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import randomisation_of
 from footfall.domain_rand.sample import Sample, draw, sample_shapes
 from footfall.evaluate.metrics import EpisodeMetrics, score
+from footfall.evaluate.own_metrics import score_own
 from footfall.evaluate.plan import EpisodePlan, Levels
 from footfall.plant.episode import Episode, run_episode
 from footfall.plant.trace import Trace
@@ -32,6 +33,7 @@ class EpisodeTask:
     plant: Path | None = None
     ground_truth: bool = False
     keep_trace: bool = False
+    metrics: tuple[str, ...] = ()  # of the user, MODULE:NAME each
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,7 @@ class EpisodeOutcome:
     trouble: str  # why it fell or stopped; empty after an orderly end
     notes: tuple[str, ...]
     trace: Trace | None
+    own: dict[str, float] = field(default_factory=dict)  # metrics of the user by name
 
 
 def run_task(task: EpisodeTask) -> EpisodeOutcome:
@@ -85,6 +88,7 @@ def run_with(policy: Policy, task: EpisodeTask) -> EpisodeOutcome:
         trouble="; ".join(dict.fromkeys(part for part in (trace.fall_reason, *trace.faults) if part)),
         notes=trace.notes,
         trace=trace if task.keep_trace else None,
+        own=score_own(task.metrics, trace, robot),
     )
 
 

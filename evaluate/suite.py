@@ -80,7 +80,16 @@ def run_course(
 def _task(
     policy: str, plan: EpisodePlan, config: EvaluationConfig, file: ScenarioFile, keep_trace: bool = False
 ) -> EpisodeTask:
-    return EpisodeTask(policy, config.robot, plan, file.noise, config.plant, config.ground_truth, keep_trace)
+    return EpisodeTask(
+        policy=policy,
+        robot=config.robot,
+        plan=plan,
+        noise=file.noise,
+        plant=config.plant,
+        ground_truth=config.ground_truth,
+        keep_trace=keep_trace,
+        metrics=config.metrics,
+    )
 
 
 def _course_walk(plan: EpisodePlan, outcome: TaskResult[EpisodeOutcome]) -> CourseWalk:

@@ -8,6 +8,7 @@ import numpy as np
 
 from footfall.evaluate.episodes import EpisodeOutcome
 from footfall.evaluate.metrics import EpisodeMetrics
+from footfall.evaluate.own_metrics import SECTION
 from footfall.evaluate.pool import TaskResult
 from footfall.evaluate.scenarios import Scenario
 from footfall.evaluate.statistics import (
@@ -57,6 +58,8 @@ def summarise(scenario: Scenario, outcomes: Sequence[TaskResult[EpisodeOutcome]]
         return summary
     summary |= _figures(finished, seed)
     summary |= _compute(finished)
+    if finished[0].own:
+        summary |= _own(finished, seed)
     if len(scenario.script) == 1 and not scenario.levels:
         summary["mean_forward_m_s"] = summary["mean_velocity"][0]
     if scenario.rows:
@@ -105,6 +108,18 @@ def _figures(finished: Sequence[EpisodeOutcome], seed: int) -> Summary:
     figures["peak_torque_nm"] = _largest(metrics, "peak_torque_nm")
     figures["peak_torque_share"] = _largest(metrics, "peak_torque_share")
     return figures
+
+
+def _own(finished: Sequence[EpisodeOutcome], seed: int) -> Summary:
+    """Mean and 95 % interval of each metric of the user, all episodes alike."""
+    values = {name: np.array([outcome.own[name] for outcome in finished]) for name in finished[0].own}
+    even = np.ones(len(finished))
+    return {
+        SECTION: {name: weighted_mean(column, even) for name, column in values.items()},
+        f"{SECTION}_interval": {
+            name: bootstrap_mean_interval(column, even, seed) for name, column in values.items()
+        },
+    }
 
 
 def compute_figures(compute_ms: np.ndarray, period_ms: float) -> Summary:

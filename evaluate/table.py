@@ -10,6 +10,7 @@ from rich.text import Text
 
 from footfall.evaluate.failures import failures
 from footfall.evaluate.figures import Summary, best, figures, interval_text, measured, text
+from footfall.evaluate.own_metrics import own_figures
 from footfall.evaluate.verdict import verdict
 
 _FIGURE = re.compile(r"\d+(\.\d+)?")
@@ -40,7 +41,7 @@ def scenario_table(scenario: str, names: list[str], summaries: list[Summary]) ->
     table.add_column("")
     for name in names:
         table.add_column(Text(name), justify="right")
-    for figure in figures().values():
+    for figure in [*figures().values(), *own_figures(summaries)]:
         if not measured(figure, summaries):
             continue
         winner = best(figure, summaries)

@@ -27,6 +27,8 @@ class EvaluationOptions:
     plant: Plant = None
     ground_truth: bool = False
     """Hand policies the simulator's base velocity instead of an estimate, for study."""
+    metrics: Annotated[Names, Parameter(show_default=False)] = ()
+    """Metrics of your own, MODULE:NAME each: functions of a trace and a robot that return a number."""
     settings: ControllerSettings = ()
     workers: Annotated[Count | None, Parameter(show_default=False)] = None
     """Processes (default: one for each core)."""

@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from footfall.common.errors import UserError
+from footfall.common.outside import is_place
 from footfall.policies.controllers.settings import (
     SETTINGS_FILE,
     configured_controllers,
     controller_settings,
 )
-from footfall.policies.own import is_place, load_own
+from footfall.policies.own import load_own
 from footfall.policies.policy import Policy
 from footfall.policies.spec import read_changes, self_contained, short_name, split_spec
 from footfall.robots.description import Robot

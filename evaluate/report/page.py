@@ -10,6 +10,7 @@ from markupsafe import Markup
 from footfall.common.config import dump
 from footfall.evaluate.comparison import Comparison, PolicyResult, command_line
 from footfall.evaluate.figures import LEAST_EPISODES, figures
+from footfall.evaluate.own_metrics import definitions
 from footfall.evaluate.pool import TaskResult
 from footfall.evaluate.provenance import machine
 from footfall.evaluate.report import course_plots, scenario_plots, svg, tables
@@ -63,7 +64,7 @@ def render(comparison: Comparison, films: Mapping[str, TaskResult[Film]]) -> str
         films=[_shown(policy, films[policy.name]) for policy in comparison.policies],
         plots=[plot for plot in plots(comparison) if plot.panels],
         parts=tables.scenario_parts(comparison),
-        definitions=figures().values(),
+        definitions=[*figures().values(), *definitions(config.metrics)],
         scenarios={name: dump(file.scenarios[name]) for name in dict.fromkeys([*config.scenarios, COURSE])},
         settings={
             policy.name: dump(policy.result["settings"])

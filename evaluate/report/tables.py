@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from footfall.evaluate.comparison import Comparison, PolicyResult
 from footfall.evaluate.figures import Figure, Summary, best, figures, interval_text, measured, text
+from footfall.evaluate.own_metrics import own_figures
 from footfall.evaluate.table import warnings
 from footfall.evaluate.verdict import headlines
 
@@ -84,7 +85,7 @@ def scenario_parts(comparison: Comparison) -> list[ScenarioPart]:
         summaries = list(by_name.values())
         rows = [
             (Heading(figure.label, figure.unit), _of_policies(figure, summaries))
-            for figure in figures().values()
+            for figure in [*figures().values(), *own_figures(summaries)]
             if measured(figure, summaries)
         ]
         endings = [

@@ -172,7 +172,7 @@ class TestOwn:
         [
             ("yours:Sway", "no module 'yours': neither {folder} nor what is installed has it to import"),
             ("mine.deep:Sway", "no module 'mine.deep': neither"),
-            ("mine:Swing", "no policy 'mine:Swing': {folder}/mine.py has no class 'Swing'"),
+            ("mine:Swing", "no policy 'mine:Swing': {folder}/mine.py has no 'Swing'"),
             ("mine:Unfinished", "no rate_hz, needs_estimate, contract, notes, reset, act, stance"),
             ("mine:Odd", "mine:Odd cannot be built: TypeError: Odd() takes no arguments"),
             (

@@ -1,0 +1,80 @@
+"""Metrics of the user: functions of a trace, named by their place, MODULE:NAME.
+
+    def highest_base_m(trace: Trace, robot: Robot) -> float:
+        '''Highest point of the base, m.'''
+        return float(trace.base_position[:, 2].max())
+
+The mean over episodes is reported under the function's name, with the first line of its docstring.
+"""
+
+from collections.abc import Callable, Sequence
+from functools import cache
+
+from footfall.common.errors import UserError
+from footfall.common.outside import find, in_a_line
+from footfall.evaluate.figures import Figure, Summary
+from footfall.plant.trace import Trace
+from footfall.robots.description import Robot
+
+Metric = Callable[[Trace, Robot], float]
+SECTION = "own"  # part of a scenario's summary: {name: mean over episodes}
+
+
+@cache
+def load_metric(place: str) -> Metric:
+    """The function at MODULE:NAME.
+
+    Raises:
+        UserError: there is no such module or function.
+    """
+    metric: Metric = find(place, "metric")
+    if not callable(metric):
+        raise UserError(f"no metric '{place}': it is not a function")
+    return metric
+
+
+def name_of(place: str) -> str:
+    """The name under which a metric is reported."""
+    return place.partition(":")[2]
+
+
+def score_own(places: Sequence[str], trace: Trace, robot: Robot) -> dict[str, float]:
+    """Value of each metric for one episode, NaN where there was nothing to measure.
+
+    Raises:
+        UserError: a metric raises, or returns something else than a number.
+    """
+    values = {}
+    for place in places:
+        try:
+            values[name_of(place)] = float(load_metric(place)(trace, robot))
+        except UserError:
+            raise
+        except Exception as error:  # of any type: the function is the user's
+            raise UserError(f"metric {place} fails: {in_a_line(error)}") from error
+    return values
+
+
+def check_metrics(places: Sequence[str]) -> None:
+    """Raise UserError for a metric that cannot be loaded, or for two of one name."""
+    names = [name_of(place) for place in places]
+    for place, name in zip(places, names, strict=True):
+        load_metric(place)
+        if names.count(name) > 1:
+            raise UserError(f"two metrics are called '{name}': give one of them another name")
+
+
+def own_figures(summaries: Sequence[Summary]) -> list[Figure]:
+    """A table row for each metric of the user that the summaries hold."""
+    names = dict.fromkeys(name for summary in summaries for name in summary.get(SECTION, {}))
+    return [_figure(name, "") for name in names]
+
+
+def definitions(places: Sequence[str]) -> list[Figure]:
+    """What each metric is, by the first line of its docstring."""
+    lines = [(load_metric(place).__doc__ or "").strip().splitlines() for place in places]
+    return [_figure(name_of(place), next(iter(each), "")) for place, each in zip(places, lines, strict=True)]
+
+
+def _figure(name: str, about: str) -> Figure:
+    return Figure(f"{SECTION}.{name}", name.replace("_", " "), about, digits=3)
