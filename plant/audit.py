@@ -1,4 +1,4 @@
-"""What a controller asked of its motors, held against what it may ask."""
+"""Compares the commands of a controller with the limits of the robot."""
 
 import numpy as np
 
@@ -12,20 +12,22 @@ ROUNDING_RAD = 0.0004  # of two position targets together, in frames
 
 
 class Audit:
-    """Looks at every frame that a controller sends."""
+    """Measures by how much commands exceed limits, over all frames that a controller sends."""
 
     def __init__(self, robot: Robot, wiring: Wiring, tick_s: float) -> None:
         self._robot, self._tick_s = robot, tick_s
         self._end = open_motor_end(wiring)
         self._lower, self._upper = robot.soft_limits
-        self._target: np.ndarray | None = None  # of the tick before
+        self._target: np.ndarray | None = None  # of the previous tick
         self.stiff = False  # whether a motor was ever given stiffness
-        self.torque_over = 0.0  # most torque asked for beyond what a motor can do at its speed, over its peak
+        self.torque_over = (
+            0.0  # largest torque demand beyond the motor's limit at its speed, over its peak torque
+        )
         self.outside_rad = 0.0  # farthest position target outside the soft limits
         self.rate_share = 0.0  # fastest change of a position target over the robot's target rate
 
     def look(self, frames: Frames, position: np.ndarray, velocity: np.ndarray) -> None:
-        """One batch of frames, and the readings (n,) that the controller had: rad and rad/s."""
+        """Process one batch of frames and the readings (n,) that the controller had, rad and rad/s."""
         requests = self._end.requests(frames)
         if requests.kind is not None or requests.values.shape[1] != len(position):
             return

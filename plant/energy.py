@@ -1,4 +1,4 @@
-"""What the motors' work costs, from torque and speed."""
+"""Power of the motors from torque and speed."""
 
 from typing import NamedTuple
 
@@ -16,7 +16,7 @@ class Power(NamedTuple):
 
 
 class EnergyMeter:
-    """Collects torque and speed of each physics step; works the power out when asked."""
+    """Collects torque and speed of each physics step; computes the power on demand."""
 
     def __init__(self, robot: Robot) -> None:
         torque_per_ampere = robot.motor_figures("torque_constant_nm_a") * robot.motor_figures("gear_ratio")
@@ -27,7 +27,7 @@ class EnergyMeter:
     def add(self, torque: np.ndarray, before: np.ndarray, after: np.ndarray) -> None:
         """One physics step: motor torque at the joint, N m, joint velocity before and after it, rad/s; (n,).
 
-        The mean velocity counts: with the speed before the step alone, damping would seem to create power.
+        Power uses the mean velocity: with the velocity before the step alone, damping would create power.
         """
         if self._count == len(self._rows):
             self._rows = np.concatenate([self._rows, np.empty_like(self._rows)])

@@ -1,4 +1,4 @@
-"""A simulated trial: a session on the simulated robot, with pushes, ground truth and an eye on falls."""
+"""A simulated episode: a session on the simulated robot, with pushes, ground truth and fall detection."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -25,14 +25,14 @@ from footfall.plant.wires import SimulatedWires
 from footfall.policies.policy import Policy
 from footfall.robots.description import Robot
 
-BUS = "sim"  # what users call the simulated bus
+BUS = "sim"  # name of the simulated bus on the command line
 
 Watch = Callable[[ControlLoop, SimulatedRobot], None]
-Velocity = Callable[[], np.ndarray]  # the base's, as last looked at: m/s, body frame, (3,)
+Velocity = Callable[[], np.ndarray]  # of the base in the last sample: m/s, body frame, (3,)
 
 
 class Display(Protocol):
-    """Shows a run while it lasts."""
+    """Shows a running episode."""
 
     def __call__(self, loop: ControlLoop, velocity: Velocity) -> AbstractContextManager[None]: ...
 
@@ -47,9 +47,9 @@ class Push:
 
 @dataclass(frozen=True)
 class Episode:
-    """What shall happen in a trial. The same episode gives the same trace in lockstep."""
+    """The settings of an episode. In lockstep the same settings give the same trace."""
 
-    command_source: CommandSource  # time since walking began, s, to (3,)
+    command_source: CommandSource  # from time since walking began, s, to a command (3,)
     duration_s: float  # of walking
     seed: int = 0
     plant: Path | None = None  # another MJCF than the robot's own
@@ -58,12 +58,12 @@ class Episode:
     pushes: tuple[Push, ...] = ()  # in any order
     lying: bool = False  # at first
     lie_down: bool = False  # before the motors go off, where robot and fault permit it
-    ground_truth: bool = False  # hand the policy the true base velocity and height
+    ground_truth: bool = False  # give the policy the true base velocity and height
     realtime: bool = False
     log: Path | None = None
-    policy_spec: str = ""  # what the user calls the policy; the log keeps it, so that a replay can load it
+    policy_spec: str = ""  # name or path of the policy, kept in the log for a replay
     record: bool = True  # keep samples; without them the trace's arrays are empty
-    record_rate_hz: float = 100.0  # how often to look at the truth, for samples, falls and power
+    record_rate_hz: float = 100.0  # of samples, fall checks and power
     config: DeployConfig | None = None  # None for the defaults, with the robot's own limits
     display: Display | None = None
 
@@ -72,14 +72,14 @@ def run_episode(robot: Robot, policy: Policy, episode: Episode, watch: Watch | N
     """Stand up, walk for the episode's duration, lie down if asked to, damp, switch off.
 
     Args:
-        robot: what the controller believes that it moves.
+        robot: the robot that the controller assumes.
         policy: what decides.
-        episode: what shall happen.
+        episode: the settings.
         watch: called after each joint tick with the loop and the simulated robot, to observe or to inject
             faults.
 
     Raises:
-        UserError: plant, policy or log do not fit; nothing has moved then.
+        UserError: plant, policy or log do not fit; nothing has moved yet.
     """
     wiring, config = wire(robot), episode.config or deploy_config(robot)
     wires = SimulatedWires(wiring.buses, config.host_queue)
@@ -110,7 +110,7 @@ def run_episode(robot: Robot, policy: Policy, episode: Episode, watch: Watch | N
 
 
 class Trial:
-    """What happens to the simulated robot beside its control loop: pushes, samples, falls."""
+    """Pushes, samples and fall checks of an episode, beside the control loop."""
 
     def __init__(self, robot: Robot, body: SimulatedRobot, episode: Episode, watch: Watch | None) -> None:
         self._body, self._episode, self._watch = body, episode, watch
@@ -124,11 +124,11 @@ class Trial:
         self._velocity = np.full(3, np.nan)
 
     def velocity(self) -> np.ndarray:
-        """The base's true velocity when it was last looked at, m/s, body frame, (3,)."""
+        """The base's true velocity in the last sample, m/s, body frame, (3,)."""
         return self._velocity
 
     def tick(self, loop: ControlLoop) -> None:
-        """To be called after each joint tick."""
+        """Call after each joint tick."""
         if loop.state.mode is Mode.WALKING:
             self._walking(loop)
         if self._watch is not None:
@@ -169,7 +169,7 @@ class Trial:
         )
 
     def trace(self, outcome: SessionResult) -> Trace:
-        """The trial's trace; a fall that only the simulation saw counts, too."""
+        """The episode's trace; a fall that only the simulation detected counts too."""
         tipped = outcome.final_state == Mode.FALLING.value
         report: dict[str, Any] = {**vars(outcome), **self._recorder.arrays()}
         report["notes"] = (*outcome.notes, *self._body.notes)

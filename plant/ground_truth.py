@@ -1,4 +1,4 @@
-"""What a simulation knows and a robot does not: the true state, contacts, and whether the robot fell."""
+"""Ground truth of a simulation: the true state, contacts and falls."""
 
 from typing import NamedTuple
 
@@ -34,7 +34,7 @@ class Truth(NamedTuple):
     joint_position: np.ndarray  # (n,) rad
     joint_velocity: np.ndarray  # (n,) rad/s
     motor_torque: np.ndarray  # (n,) N m at the joint, before gearbox friction
-    foot_position: np.ndarray  # (feet, 3) m, world, middle of its geoms; NaN of a foot that is not there
+    foot_position: np.ndarray  # (feet, 3) m, world, middle of its geoms; NaN for a foot that the plant lacks
     foot_velocity: np.ndarray  # (feet, 3) m/s, world
     foot_contact: np.ndarray  # (feet,) bool
     foot_force: np.ndarray  # (feet,) N, normal
@@ -43,7 +43,7 @@ class Truth(NamedTuple):
 
 
 class GroundTruth:
-    """Reads the true state of a plant out of its simulation."""
+    """Reads the true state of a plant from its simulation."""
 
     def __init__(self, plant: Plant, data: mujoco.MjData, layout: Layout, height_m: float) -> None:
         """`layout` says where the joints and the base lie; `height_m` is the base's when standing."""
@@ -58,17 +58,17 @@ class GroundTruth:
         self._body_of_geom = plant.model.geom_bodyid.tolist()
         self._leg_of_geom = plant.leg_of_body[plant.model.geom_bodyid].tolist()
         self._base_and_world = {plant.base, WORLD}
-        self._nowhere = np.full((len(plant.feet), 3), np.nan)  # of feet that are not there
+        self._nowhere = np.full((len(plant.feet), 3), np.nan)  # for feet that the plant lacks
         self._twist, self._wrench = np.zeros(6), np.zeros(6)
         self._lowest_height = COLLAPSED_SHARE * height_m
 
     def truth(self, motor_torque: np.ndarray) -> Truth:
-        """The state now; the caller knows the motor torque (n,)."""
+        """The present state, with the motor torque (n,) of the last physics step."""
         qpos, qvel, pos, vel = self._position, self._velocity, self._free_qpos, self._free_qvel
         quaternion = qpos[pos + 3 : pos + 7].copy()
         position, velocity = self._nowhere.copy(), self._nowhere.copy()
         for foot, geoms in enumerate(self._geoms_of_foot):
-            if len(geoms) == 1:  # their mean would take ten times as long
+            if len(geoms) == 1:  # a mean takes ten times as long
                 position[foot], velocity[foot] = self._geom_position[geoms[0]], self._velocity_of(geoms[0])
             elif geoms:
                 position[foot] = self._geom_position[geoms].mean(axis=0)
@@ -91,7 +91,7 @@ class GroundTruth:
         )
 
     def fall(self) -> str | None:
-        """Why the robot counts as fallen, in a few words, or None while it is up."""
+        """Reason why the robot counts as fallen; None if it has not fallen."""
         qpos, pos = self._position, self._free_qpos
         if tilt(qpos[pos + 3 : pos + 7]) > FALLEN_TILT:
             return "the base tilted past 70 degrees"
@@ -104,16 +104,16 @@ class GroundTruth:
         return None
 
     def diverged(self) -> bool:
-        """Whether the simulation lost its numbers (MuJoCo then starts it afresh by itself)."""
+        """Whether the simulation diverged (MuJoCo resets it by itself)."""
         return any(self._warnings[DIVERGED].tolist())
 
     def _velocity_of(self, geom: int) -> np.ndarray:
-        """Velocity of a geom's centre, m/s, world frame, (3,), until the next call."""
+        """Velocity of a geom's centre, m/s, world frame, (3,); valid until the next call."""
         mujoco.mj_objectVelocity(self._model, self._data, GEOM, geom, self._twist, 0)
         return self._twist[3:]
 
     def _contacts(self) -> tuple[np.ndarray, np.ndarray, bool]:
-        """Whether each foot bears a force, and which, N: (feet,) each; and `Truth.legs_touch`."""
+        """Contact and normal force, N, of each foot, (feet,) each; and `Truth.legs_touch`."""
         force, legs_touch = np.zeros(len(self._nowhere)), False
         for index, geoms in enumerate(self._touching()):
             one, other = (self._leg_of_geom[geom] for geom in geoms)

@@ -1,4 +1,4 @@
-"""A frame that a simulated robot hangs in: stiff springs between its base and where it hung at first."""
+"""A frame that a simulated robot hangs in: stiff springs between its base and its initial pose."""
 
 import mujoco
 import numpy as np
@@ -10,12 +10,12 @@ GYRATION_SHARE = 0.5  # radius of gyration over the height that it hangs at
 
 
 class Frame:
-    """Pulls the base back, critically damped."""
+    """Critically damped springs on the base."""
 
     def __init__(
         self, data: mujoco.MjData, layout: Layout, base: int, mass_kg: float, height_m: float
     ) -> None:
-        """The robot hangs where it is in `data`; `base` is its body, `height_m` how high that is."""
+        """The robot hangs at its pose in `data`; `base` is the base body, `height_m` its height."""
         at = layout.base_qpos
         self._data, self._base, self._at, self._dof = data, base, at, layout.base_qvel
         self._place, self._turn = data.qpos[at : at + 3].copy(), data.qpos[at + 3 : at + 7].copy()

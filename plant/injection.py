@@ -1,4 +1,4 @@
-"""Fault injection: changes frames on their way, a policy's decisions, and the robot's parts during a run."""
+"""Fault injection: changes frames in transit, the policy's decisions, and parts of the robot during a run."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -20,12 +20,14 @@ from footfall.robots.description import Robot
 from footfall.robots.model import joint_addresses
 
 Batches = list[Frames]
-Incoming = Callable[[Batches, int], Batches]  # what the controller gets of what arrived, and when, us
-Outgoing = Callable[[Frames, int], Frames]  # what leaves of what the controller sends, and when, us
+Incoming = Callable[
+    [Batches, int], Batches
+]  # from arrived batches and time, us, to what the controller receives
+Outgoing = Callable[[Frames, int], Frames]  # from sent frames and time, us, to what leaves
 
 
 class InjectingBus:
-    """A bus whose frames may be changed on their way to and from the controller."""
+    """A bus that can change frames to and from the controller."""
 
     def __init__(self, inner: Bus) -> None:
         self._inner = inner
@@ -55,7 +57,7 @@ class InjectingBus:
 
 
 class InjectingPolicy:
-    """A policy whose decisions may be replaced."""
+    """A policy whose decisions can be replaced."""
 
     def __init__(self, inner: Policy) -> None:
         self._inner = inner
@@ -84,7 +86,7 @@ class InjectingPolicy:
 
 @dataclass
 class InjectingCommandSource:
-    """The velocity command of a run, which may fail like all else. Called with the time, s."""
+    """The command source of a run, which can be replaced. Called with the time, s."""
 
     value: np.ndarray  # (3,)
     replacement: Callable[[], np.ndarray] | None = None
@@ -95,7 +97,7 @@ class InjectingCommandSource:
 
 @dataclass
 class FaultInjector:
-    """Injects faults into a run: holds all the places where one may be."""
+    """Injects faults into a run, at the bus, the policy, the command source or the robot."""
 
     robot: Robot
     wiring: Wiring
@@ -104,7 +106,7 @@ class FaultInjector:
     policy: InjectingPolicy
     command_source: InjectingCommandSource
     rng: np.random.Generator
-    joint: int = field(init=False)  # whose motor is at fault, drawn
+    joint: int = field(init=False)  # of the faulty motor, drawn
     channel: int = field(init=False)  # its bus
 
     def __post_init__(self) -> None:
@@ -116,7 +118,7 @@ class FaultInjector:
     # -- frames on their way to the controller -----------------------------------------------------------
 
     def on_replies(self, change: Callable[[Frames, np.ndarray], Frames]) -> None:
-        """Replies of motors become others; `change` is given a batch and its joints (k,), -1 for unknown."""
+        """Change motor replies: `change` gets a batch and its joints (k,), -1 for unknown."""
 
         def changed(frames: Frames) -> Frames:
             return change(frames, self._lookup[frames.channel, frames.data[:, 0]])
@@ -126,9 +128,9 @@ class FaultInjector:
         ]
 
     def on_values(self, change: Callable[[np.ndarray, np.ndarray], None]) -> None:
-        """What motors report becomes something else.
+        """Change what motors report.
 
-        `change` is given values (3, n) and temperatures (n,) in joint order, and writes to them.
+        `change` gets values (3, n) and temperatures (n,) in joint order and writes to them.
         """
         n = len(self.robot.joint_names)
 
@@ -144,7 +146,7 @@ class FaultInjector:
         self.on_replies(corrupt)
 
     def on_imu(self, change: Callable[[imu.Inertial], imu.Inertial]) -> None:
-        """The IMU reads something else; its counters go on."""
+        """Change the IMU's reading; its counters go on."""
 
         def corrupt(frames: Frames) -> Frames:
             gyro, count = imu.decode_gyro(frames.data[0].tobytes())
@@ -157,23 +159,23 @@ class FaultInjector:
         self.on_imu_frames(corrupt)
 
     def on_imu_frames(self, change: Callable[[Frames], Frames]) -> None:
-        """The three frames of an IMU's reading become others."""
+        """Change the three frames of an IMU reading."""
         self.bus.incoming = lambda batches, _: [
             change(frames) if from_imu(frames) else frames for frames in batches
         ]
 
     def on_all(self, change: Callable[[Frames], Frames]) -> None:
-        """Whatever arrives becomes something else."""
+        """Change all arriving batches."""
         self.bus.incoming = lambda batches, _: [change(frames) for frames in batches]
 
     def late(self, by_us: int, what: Callable[[Frames], bool] = lambda _: True) -> None:
-        """Some batches arrive later than they would."""
+        """Delay some batches."""
         self.bus.incoming = late(by_us, what)
 
     def falls_behind(self, share: float, what: Callable[[Frames], bool]) -> None:
-        """Some batches wait to be read, each a share of the time since now: the queue grows and grows.
+        """Let some batches wait in a growing queue, of which a constant share is read.
 
-        When each arrived stays what it was.
+        Their arrival times stay the same.
         """
         waiting: list[tuple[int, Frames]] = []
         began: list[int] = []
@@ -191,12 +193,12 @@ class FaultInjector:
     # -- the robot's parts -------------------------------------------------------------------------------
 
     def brake(self, joint: int, damping: float) -> None:
-        """Let a joint turn only against damping, N m s/rad."""
+        """Set the damping of a joint, N m s/rad."""
         _, qvel = joint_addresses(self.body.model, self.robot)
         self.body.model.dof_damping[qvel[joint]] = damping
 
     def turn_over(self, quaternion: Sequence[float], height_m: float) -> None:
-        """Put the body elsewhere: as a robot that was turned over. The quaternion may have any length."""
+        """Set the orientation of the base, raised by a height. The quaternion may have any length."""
         model = self.body.model
         free = int(np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)[0])
         at = int(model.jnt_qposadr[free])
@@ -208,7 +210,7 @@ Injection = Callable[[FaultInjector], None]
 
 
 def late(by_us: int, what: Callable[[Frames], bool] = lambda _: True) -> Incoming:
-    """Some batches arrive later than they would."""
+    """Delay some batches."""
     waiting: list[tuple[int, Frames]] = []
 
     def hold(batches: Batches, now_us: int) -> Batches:
@@ -230,12 +232,12 @@ def from_imu(frames: Frames) -> bool:
 
 
 def nothing(frames: Frames) -> Frames:
-    """None of these frames."""
+    """No frame."""
     return frames.take(np.zeros(0, dtype=np.intp))
 
 
 def each_imu_frame(identifier: int, change: Callable[[Frames], Frames]) -> Callable[[Frames], Frames]:
-    """One of the three frames of a reading becomes another, or none."""
+    """Change one of the three frames of a reading, or drop it."""
 
     def corrupt(frames: Frames) -> Frames:
         of_it = frames.id == identifier
@@ -245,7 +247,7 @@ def each_imu_frame(identifier: int, change: Callable[[Frames], Frames]) -> Calla
 
 
 def cut_short(frames: Frames) -> Frames:
-    """The first two bytes alone."""
+    """The first two bytes of each frame."""
     data = frames.data.copy()
     data[:, 2:] = 0
     return frames._replace(data=data, length=np.full(len(data), 2))
@@ -257,12 +259,12 @@ def emptied(frames: Frames) -> Frames:
 
 
 def dropped(share: float, rng: np.random.Generator) -> Callable[[Frames], Frames]:
-    """A share of the frames gets lost."""
+    """Drops a share of the frames."""
     return lambda frames: frames.take(rng.random(len(frames.id)) >= share)
 
 
 def flipped(share: float, rng: np.random.Generator) -> Callable[[Frames], Frames]:
-    """One bit of a share of the frames is the other one, as if no checksum had caught it."""
+    """Flips one bit in a share of the frames."""
 
     def flip(frames: Frames) -> Frames:
         rows = np.flatnonzero(rng.random(len(frames.id)) < share)
@@ -276,7 +278,7 @@ def flipped(share: float, rng: np.random.Generator) -> Callable[[Frames], Frames
 
 
 def mounted(reading: imu.Inertial, axis: int, angle_rad: float, rate_rad_s: float = 0.0) -> imu.Inertial:
-    """What an IMU reads that is turned in the body about an axis, and turns on: all its parts agree."""
+    """The consistent reading of an IMU that is turned, and goes on turning, in the body about an axis."""
     askew = turned(reading, axis, float(np.rad2deg(angle_rad)))
     half = angle_rad / 2
     turn = rotation_matrix(np.array([np.cos(half), *(np.sin(half) * np.eye(3)[axis])]))  # to the body's axes
@@ -285,7 +287,7 @@ def mounted(reading: imu.Inertial, axis: int, angle_rad: float, rate_rad_s: floa
 
 
 def turned(reading: imu.Inertial, axis: int, degrees: float) -> imu.Inertial:
-    """A reading whose quaternion is turned about an axis of the body's."""
+    """A reading whose quaternion alone is turned about a body axis."""
     half = np.deg2rad(degrees) / 2
     w, x, y, z = reading.quaternion
     c, s = float(np.cos(half)), float(np.sin(half))

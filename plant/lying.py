@@ -1,8 +1,8 @@
-"""Whether a robot stands up and lies down again in simulation, and a pose to lie in for one that has none.
+"""Tests whether a robot stands up and lies down again in simulation, and searches for a lying pose.
 
-A pose is looked for by folding the legs: the feet come up to the base's underside, at places around those
-where they stand. Of the poses in which the robot rests on its base under the joint law, those that ask least
-of the motors are tried over the simulated bus: from lying to standing, and back.
+The search folds the legs: the feet rise to the base's underside, at places around their default ones. Of the
+poses in which the robot rests on its base under the joint law, those with the least motor effort are tested
+over the simulated bus, from lying to standing and back.
 """
 
 from collections.abc import Iterator
@@ -26,9 +26,9 @@ from footfall.robots.checks import LYING_SHARE
 from footfall.robots.description import Robot
 from footfall.robots.model import joint_addresses
 
-# Where feet go, as shares of the way that the base sinks: outwards; and ahead, whether away from the middle.
+# Displacement of the feet as shares of the distance that the base sinks: outwards; and ahead, or apart.
 OUTWARD, AHEAD = (0.0, 0.3, 0.6, 0.9), ((0.0, False), *product((-0.4, 0.4), (False, True)))
-TRIED = 3  # poses at most, over the bus
+TRIED = 3  # largest number of poses tested over the bus
 REST_S = 0.6
 MOST_TILT_RAD = 0.25
 STOOD = 0.85  # of the standing height
@@ -41,9 +41,9 @@ LOOK_EVERY_US = 20_000
 class LyingResult:
     """How a robot that lay stood up and lay down again."""
 
-    trouble: str  # what kept it from it; empty if nothing did
-    clearance_m: float  # of the base's lowest corner above the ground at the end
-    tilt_rad: float  # most on the way
+    trouble: str  # what went wrong; empty if nothing did
+    clearance_m: float  # height of the base's lowest corner above the ground at the end
+    tilt_rad: float  # largest
 
 
 def lying_test(robot: Robot, seed: int = 0, config: DeployConfig | None = None) -> LyingResult:
@@ -52,7 +52,7 @@ def lying_test(robot: Robot, seed: int = 0, config: DeployConfig | None = None) 
     Args:
         robot: with a lying pose.
         seed: of the simulation.
-        config: of the loop, instead of the robot's own.
+        config: of the loop; None for the robot's own.
 
     Raises:
         UserError: it has no lying pose, or its motors cannot be driven.
@@ -71,10 +71,10 @@ def lying_test(robot: Robot, seed: int = 0, config: DeployConfig | None = None) 
 
 
 def find_lying_pose(robot: Robot, config: DeployConfig | None = None) -> np.ndarray | None:
-    """Joint positions to lie in, rad, (n,), from which the robot stands up and to which it goes back.
+    """A lying pose, rad, (n,), from which the robot stands up and to which it returns.
 
     Returns:
-        None if none of those that are tried does.
+        None if none of the tested poses works.
     """
     poses = list(_folded(robot))
     efforts = [resting_effort(robot, pose) for pose in poses]
@@ -85,7 +85,7 @@ def find_lying_pose(robot: Robot, config: DeployConfig | None = None) -> np.ndar
 
 
 class _Look:
-    """Watches the base."""
+    """Records the base's clearance and tilt."""
 
     def __init__(self, robot: Robot) -> None:
         self._corners = robot.legs.base_corners
@@ -128,13 +128,13 @@ def _folded(robot: Robot) -> Iterator[np.ndarray]:
 
 
 def resting_effort(robot: Robot, pose: np.ndarray) -> float:
-    """Most of a joint's peak torque that it takes to rest in a pose; infinite if it does not rest there."""
+    """Largest share of a joint's peak torque at rest in a pose; infinite if it does not rest there."""
     body = SimulatedRobot(
         _lying_in(robot, pose), wire(robot), SimulatedWires(wire(robot).buses), PlantConfig(lying=True)
     )
     model, data = body.model, body.data
     if any((model.geom_bodyid[contact] > 0).all() for contact in data.contact.geom):
-        return np.inf  # links that meet
+        return np.inf  # links collide
     config, (positions, dofs), none = deploy_config(robot), joint_addresses(model, robot), np.zeros(len(pose))
     command = JointCommand(
         pose, none, config.stand_kp_scale * robot.kp, config.stand_kd_scale * robot.kd, none

@@ -1,4 +1,4 @@
-"""Simulated motors: they take requests, follow the joint law, and answer with quantised readings."""
+"""Simulated motors: they take requests, follow the joint law, and reply with quantised readings."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -20,10 +20,10 @@ _WATCHDOG_EVERY = 5  # steps
 class MotorFaults:
     """Faults to inject, switched on and off from outside. Arrays are (n,) in joint order."""
 
-    silent: np.ndarray  # bool: cut off from the bus; the motor carries on until its own time-out
-    stuck: np.ndarray  # bool: repeats what it reported last
-    error: np.ndarray  # uint64: error code that it reports
-    latched: np.ndarray  # uint64: likewise, and it stays off, until its errors are cleared
+    silent: np.ndarray  # bool: disconnected from the bus; the motor goes on until its own timeout
+    stuck: np.ndarray  # bool: repeats its last report
+    error: np.ndarray  # uint64: reported error code
+    latched: np.ndarray  # uint64: likewise, and the motor stays disabled until its errors are cleared
 
 
 class SimulatedMotors:
@@ -38,16 +38,16 @@ class SimulatedMotors:
         step_s: float,
         timeout_s: float | np.ndarray = MOTOR_TIMEOUT_S,
     ) -> None:
-        """Switched off at first.
+        """Motors start disabled.
 
         Args:
             end: the motors' end of their protocol.
-            motor: what they can do.
-            joints: how many there are.
-            sample: how they differ from nominal ones.
+            motor: their limits and losses.
+            joints: number of motors.
+            sample: their differences from nominal motors.
             step_s: the physics step.
-            timeout_s: a motor that hears nothing for so long switches itself off, where no frame sets that;
-                of all, or of each, (joints,).
+            timeout_s: time without a frame after which a motor disables itself, unless a frame sets it; of
+                all, or of each, (joints,).
         """
         n = joints
         self._end = end
@@ -66,7 +66,7 @@ class SimulatedMotors:
         self.faults = MotorFaults(*np.zeros((2, n), bool), *np.zeros((2, n), np.uint64))
         self.enabled = np.zeros(n, dtype=bool)
         self._any_enabled = self._all_enabled = False
-        self.commanded = False  # whether a command came to motors that were on
+        self.commanded = False  # whether a command has reached enabled motors
         self._timed_out = np.zeros(n, dtype=bool)
         self._values = np.zeros((5, n))  # the command that each motor follows
         self._command = JointCommand(*self._values)  # its rows
@@ -79,7 +79,7 @@ class SimulatedMotors:
 
         Args:
             step: the step's number.
-            position: true joint positions, rad; a motor closes its loop on its own encoder, bias and all.
+            position: true joint positions, rad; a motor controls its encoder's position, bias included.
             velocity: true joint velocities, rad/s.
         """
         while self._due and self._due[0][0] <= step:
@@ -95,16 +95,16 @@ class SimulatedMotors:
         return torque if self._all_enabled else self.enabled * torque
 
     def reboot(self, motors: np.ndarray) -> None:
-        """Switch motors (joint indices) off, as one that has just been powered up is."""
+        """Disable motors (joint indices), as after power-up."""
         self.enabled[motors] = False
         self._note_enabled()
 
     def weaken(self, strength: np.ndarray) -> None:
-        """Scale what motors deliver from now on, (n,)."""
+        """Scale the delivered torque of each motor from now on, (n,)."""
         self._motor = self._motor._replace(strength=self._motor.strength * strength)
 
     def sag(self, share: float) -> None:
-        """Let the supply's voltage be a share of what it was: it limits torque and speed in proportion."""
+        """Scale the supply voltage by `share`: stall torque and no-load speed scale with it."""
         motor = self._motor
         self._motor = motor._replace(
             stall_torque=share * motor.stall_torque, no_load_speed=share * motor.no_load_speed
@@ -115,11 +115,11 @@ class SimulatedMotors:
         return friction_torque(velocity, self._motor)
 
     def answer(self, step: int, frames: Frames, readings: np.ndarray) -> Frames | None:
-        """Take in frames; returns the replies of the motors that were addressed.
+        """Process frames; returns the replies of the addressed motors.
 
         Args:
             step: the present physics step.
-            frames: what arrived.
+            frames: the arrived frames.
             readings: (3, n) position, velocity and torque that every motor would report now.
         """
         requests = self._end.requests(frames)
@@ -145,7 +145,7 @@ class SimulatedMotors:
         self._least_timeout_steps = self._timeout_steps.min()
 
     def _switch_off_unheard(self, step: int) -> None:
-        """Switch off the motors that have not been addressed for too long."""
+        """Disable the motors that have not been addressed for longer than their timeout."""
         heard = self._heard_step
         if step - heard[heard.argmin()] <= self._least_timeout_steps:
             return
@@ -156,7 +156,7 @@ class SimulatedMotors:
             self._note_enabled()
 
     def _follow_each(self, step: int, requests: Requests, readings: np.ndarray) -> None:
-        """Requests one by one, where not all of them are commands."""
+        """Process requests one by one, where not all of them are commands."""
         assert requests.kind is not None
         motors = np.arange(len(self.enabled))[requests.motor]
         for row, (motor, kind) in enumerate(zip(motors.tolist(), requests.kind.tolist(), strict=True)):
@@ -164,7 +164,7 @@ class SimulatedMotors:
                 if self._locked()[motor]:
                     continue
                 if not self.enabled[motor]:
-                    self._values[:, motor] = 0.0  # a motor wakes up limp
+                    self._values[:, motor] = 0.0  # a motor starts without torque
                 self.enabled[motor] = True
                 self._timed_out[motor] = False
             elif kind == Request.CLEAR:
@@ -179,7 +179,7 @@ class SimulatedMotors:
         self._note_enabled()
 
     def _locked(self) -> np.ndarray:
-        """Which motors do not switch on until their errors are cleared."""
+        """Which motors cannot be enabled until their errors are cleared."""
         return (self.faults.latched != 0) | (self._timed_out & self._end.time_out_latches)
 
     def _note_enabled(self) -> None:
@@ -190,11 +190,11 @@ class SimulatedMotors:
         return frames if len(frames.id) else None
 
     def broadcast(self, now_us: int, readings: np.ndarray) -> Frames | None:
-        """What motors send by themselves now; `readings` as for `answer`."""
+        """The frames that motors send unasked now; `readings` as for `answer`."""
         return self._end.broadcast(now_us, ~self.faults.silent, self._report(readings))
 
     def _report(self, readings: np.ndarray) -> Report:
-        """What every motor has to say now; a stuck one repeats itself."""
+        """The present report of every motor; a stuck one repeats its last report."""
         error, on = np.maximum(self.faults.error, self.faults.latched), self.enabled.copy()
         if np.count_nonzero(self._timed_out):
             error = np.maximum(error, self._timed_out * np.asarray(self._end.time_out_error, np.uint64))

@@ -1,14 +1,14 @@
-"""How far and how fast a robot has walked: running figures, so that a long walk takes no more memory."""
+"""Distance and mean velocity of a walk, updated sample by sample in constant memory."""
 
 import math
 
 import numpy as np
 
-PATH_INTERVAL_S = 0.5  # length of the chords of a path, so that sway within a stride is no progress
+PATH_INTERVAL_S = 0.5  # length of the chords of a path, so that sway within a stride does not count
 
 
 class Progress:
-    """Distance and mean velocity of a walk whose samples come at a fixed rate."""
+    """Distance and mean velocity of samples at a fixed rate."""
 
     def __init__(self, rate_hz: float) -> None:
         self._stride = max(1, round(PATH_INTERVAL_S * rate_hz))

@@ -1,4 +1,4 @@
-"""The simulated robot on the far side of the bus: a body in MuJoCo, moved by motors that listen to frames.
+"""The simulated robot on the far side of the bus: a body in MuJoCo whose motors take frames.
 
 Frames take effect, and readings are taken, at the physics step nearest to the moment in question.
 """
@@ -37,32 +37,31 @@ SEARCH_HEIGHT_M = 4.0  # how far from the origin the ground may be
 
 @dataclass
 class Faults:
-    """Faults to inject, switched on and off from outside."""
+    """Injected faults; set from outside."""
 
     motors: MotorFaults
     imu_silent: bool = False
     imu_stuck: bool = False  # repeats its last reading
-    on_wire: Callable[[Frames], Frames] | None = None  # what becomes of the frames that leave the robot
+    on_wire: Callable[[Frames], Frames] | None = None  # changes the frames that leave the robot
 
 
 @dataclass(frozen=True)
 class PlantConfig:
-    """How the simulated robot differs from the one that its controller believes in."""
+    """Differences between the simulated robot and the robot that the controller assumes."""
 
     plant: Path | None = None  # another MJCF
     sample: Sample = field(default_factory=dict)
     noise: Noise | None = None
-    motor_timeout_s: float | None = None  # of all motors, instead of what robot.yaml has for each
-    lying: bool = False  # at first, in the robot's lying pose
-    hanging: bool = False  # in a frame, its feet in the air
-    held: bool = True  # as it is at first, by a stand or by lying there, until its motors are commanded
+    motor_timeout_s: float | None = None  # of all motors; None for robot.yaml's
+    lying: bool = False  # starts in the robot's lying pose
+    hanging: bool = False  # hangs in a frame, its feet in the air
+    held: bool = True  # does not move until its motors are commanded
 
 
 class SimulatedRobot:
     """A robot in simulation, seen through its buses.
 
-    Stands in its default pose on the ground at first, or lies there. It keeps still, as a robot does that is
-    switched on, until its motors are commanded.
+    It starts in its default pose on the ground, or lying. It does not move until its motors are commanded.
     """
 
     def __init__(
@@ -73,7 +72,7 @@ class SimulatedRobot:
         config: PlantConfig | None = None,
         seed: int = 0,
     ) -> None:
-        """Raises UserError if plant, robot and sample do not fit, or if one shall lie that cannot."""
+        """Raises UserError if plant, robot and sample do not fit, or for `lying` without a lying pose."""
         config = config or PlantConfig()
         sample = config.sample
         plant = read_plant(robot, config.plant)
@@ -115,16 +114,16 @@ class SimulatedRobot:
 
     @property
     def time_us(self) -> int:
-        """Simulated time that has passed."""
+        """Simulated time."""
         return self._step * self._step_us
 
     @property
     def motors_on(self) -> np.ndarray:
-        """Which motors are switched on, (n,) bool."""
+        """Which motors are enabled, (n,) bool."""
         return self._motors.enabled.copy()
 
     def advance(self, now_us: int) -> None:
-        """Simulate up to a time, exchanging frames on the way."""
+        """Simulate up to a time, exchanging frames."""
         while (self._step + 1) * self._step_us <= now_us:
             self._advance_one_step()
 
@@ -137,7 +136,7 @@ class SimulatedRobot:
         return self._ground_truth.fall()
 
     def diverged(self) -> bool:
-        """Whether the simulation lost its numbers."""
+        """Whether the simulation diverged."""
         return self._ground_truth.diverged()
 
     def take_power(self) -> Power:
@@ -145,25 +144,25 @@ class SimulatedRobot:
         return self._energy.take()
 
     def push(self, delta_v_world: tuple[float, float, float]) -> None:
-        """Change the velocity of the whole robot at once, m/s, world frame."""
+        """Add to the velocity of the whole robot, m/s, world frame."""
         at = self._layout.base_qvel
         self.data.qvel[at : at + 3] += delta_v_world
 
     def reboot(self, motors: np.ndarray) -> None:
-        """Let motors (joint indices) start anew: they answer, limp until they are switched on again."""
+        """Restart motors (joint indices): they reply, without torque until they are enabled again."""
         self._motors.reboot(motors)
 
     @property
     def encoder_bias(self) -> np.ndarray:
-        """How far each motor's encoder is off, rad, (n,); may be written to."""
+        """Bias of each motor's encoder, rad, (n,); may be written to."""
         return self._motors.encoder_bias
 
     def weaken(self, strength: np.ndarray) -> None:
-        """What motors deliver of what they should from now on, (n,): 1 all of it, negative the reverse."""
+        """Scale the delivered torque of each motor from now on, (n,); a negative factor reverses it."""
         self._motors.weaken(strength)
 
     def sag(self, share: float) -> None:
-        """Let the voltage of the motors' supply be a share of what it was from now on."""
+        """Scale the voltage of the motors' supply by `share` from now on."""
         self._motors.sag(share)
 
     def _advance_one_step(self) -> None:
@@ -194,7 +193,7 @@ class SimulatedRobot:
         self._step += 1
 
     def _keep_still(self) -> None:
-        """A step in which nothing moves: the accelerometer feels what holds the robot up."""
+        """A step without motion: the accelerometer measures the support of the robot."""
         model, data = self.model, self.data
         data.qvel[:] = 0.0
         mujoco.mj_forward(model, data)
@@ -214,9 +213,9 @@ class SimulatedRobot:
             self._wires.send(Side.ROBOT, frames, now_us)
 
     def _put_down(self, robot: Robot, pose: np.ndarray) -> None:
-        """In a pose (n,), upright, as high as the lowest part just touches the ground.
+        """Place the robot upright in a pose (n,) so that its lowest part touches the ground.
 
-        Lowered until it touches, then by bisection. Raises UserError if there is nothing below.
+        Lowers it until it touches, then bisects. Raises UserError if there is no ground below.
         """
         data, at = self.data, self._layout.base_qpos
         data.qpos[self._layout.qpos] = pose
@@ -234,7 +233,7 @@ class SimulatedRobot:
         mujoco.mj_forward(self.model, data)
 
     def _hang_up(self, robot: Robot, base: int) -> Frame:
-        """As high again as it stands."""
+        """Raise the robot by its standing height and hang it there."""
         data, height_m = self.data, robot.description.standing_height_m
         data.qpos[self._layout.base_qpos + 2] += height_m
         mujoco.mj_forward(self.model, data)

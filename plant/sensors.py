@@ -48,7 +48,7 @@ class _Error(NamedTuple):
     noise: slice  # its place in a row of `_Noise`
 
     def on_lists(self) -> "_Error":
-        """The same for sensed values that are lists of floats: a few of them add faster than an array."""
+        """The same for sensed values that are lists of floats, which are faster than short arrays."""
         return self._replace(shift=lambda value, offset: self.shift(value, offset.tolist()))
 
 
@@ -83,7 +83,7 @@ class SimulatedSensors:
         self._of_imu = [each.on_lists() for each in _errors(IMU, sample, noise, joints, _add_lists)]
 
     def remember(self, torque: np.ndarray) -> np.ndarray:
-        """Keep this moment, to be read after the observation delay. To be called at each physics step.
+        """Keep the present state, to be read after the observation delay. Call at each physics step.
 
         Returns:
             True joint positions rad, velocities rad/s and motor torques N m, (3, n), not to be written to.
@@ -134,7 +134,7 @@ class _Noise:
         self._row = 0
 
     def draw(self) -> np.ndarray:
-        """Noise of each reading once, laid out as `_places` says."""
+        """One noise value for each component of all readings, in the layout of `_places`."""
         if self._row >= len(self._rows):
             u = self._random.uniform(-1.0, 1.0, (_NOISE_BLOCK, len(self._half_widths)))
             self._rows, self._row = u * self._half_widths, 0
@@ -143,7 +143,7 @@ class _Noise:
 
 
 def _places(joints: int) -> dict[str, slice]:
-    """Where each reading lies in a row of noise: those of the motors first."""
+    """The place of each reading in a row of noise: readings of motors first."""
     places, start = {}, 0
     for name in sorted(READINGS, key=lambda name: READINGS[name].sensed not in MOTORS):
         stop = start + READINGS[name].kind.size(Parts(joints))

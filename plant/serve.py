@@ -1,6 +1,6 @@
-"""The simulated robot on CAN interfaces, in wall-clock time: a stand-in for the real one.
+"""The simulated robot on CAN interfaces, in wall-clock time, in place of the real one.
 
-In a process of its own, for a controller in another: `python -m footfall.plant.serve --robot NAME`.
+It runs in its own process, beside the controller's: `python -m footfall.plant.serve --robot NAME`.
 """
 
 import argparse
@@ -28,14 +28,14 @@ LONGEST_STEP_US = 5 * PERIOD_US
 
 
 def serve(body: SimulatedRobot, wires: SimulatedWires, bus: Bus, stop: threading.Event) -> None:
-    """Run a simulated robot in wall-clock time, its wires joined to a bus, until told to stop.
+    """Run a simulated robot in wall-clock time, its wires joined to a bus, until `stop` is set.
 
-    It is simulated up to now before the wires take what came meanwhile: after a pause, answers of the past
-    would otherwise find wires that are busy with frames of the present.
+    Each cycle simulates up to the present first and takes arrived frames afterwards. Otherwise, after a
+    pause, replies of the past would meet wires that are busy with present frames.
 
-    Where the machine falls behind, the robot's time does, too: what was missed is not made up for, since
-    the robot would go through all of it on the last command, and on a busy machine fall behind for good.
-    What was sent to it meanwhile is lost: its wires, in its own time, could not carry all of that.
+    If the machine falls behind, simulated time falls behind too. Catching up would run the missed time on
+    the last command, and a busy machine would never catch up. Frames sent meanwhile are lost, since the
+    wires could not carry all of them in simulated time.
     """
     clock = WallClock(PERIOD_US)
     before_us = now_us = 0
@@ -51,7 +51,7 @@ def serve(body: SimulatedRobot, wires: SimulatedWires, bus: Bus, stop: threading
 
 
 def not_before(frames: Frames, time_us: int) -> Frames:
-    """Those of some frames that did not come before a time; all, where it is not known when they came."""
+    """The frames that did not arrive before a time; all, if arrival times are unknown."""
     if frames.time_us is None or (frames.time_us >= time_us).all():
         return frames
     return frames.take(frames.time_us >= time_us)
@@ -61,13 +61,13 @@ def not_before(frames: Frames, time_us: int) -> Frames:
 def serving(
     robot: Robot, interface: str, config: PlantConfig | None = None, seed: int = 0
 ) -> Iterator[SimulatedRobot]:
-    """A simulated robot on a bus, in a thread, for as long as the context lasts.
+    """A simulated robot on a bus, in a thread, until the context ends.
 
     Raises:
         UserError: the plant does not fit, or the bus cannot be opened.
     """
     wiring = wire(robot)
-    wires = SimulatedWires(wiring.buses, host_queue=1000)  # the interface has queued already
+    wires = SimulatedWires(wiring.buses, host_queue=1000)  # the interface has a queue already
     body = SimulatedRobot(robot, wiring, wires, config, seed)
     bus = open_interfaces(interface, wiring.buses, open_motor_end(wiring).filters)
     stop = threading.Event()

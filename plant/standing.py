@@ -1,4 +1,4 @@
-"""Whether a robot stands by itself: its joint law holds the default pose, over the simulated bus."""
+"""Tests whether a robot stands: it holds its default pose over the simulated bus."""
 
 from dataclasses import dataclass
 
@@ -10,11 +10,11 @@ from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
-SETTLED = 0.5  # the last share of the time counts for torques and contacts
+SETTLED = 0.5  # torques and contacts are measured in the last share of the time
 
 
 class HoldDefaultPose:
-    """Asks for the default pose with the robot's own gains, whatever happens."""
+    """Commands the default pose with the robot's own gains."""
 
     name = "hold-default-pose"
     rate_hz = 50.0
@@ -38,20 +38,20 @@ class HoldDefaultPose:
 
 @dataclass(frozen=True)
 class StandingResult:
-    """How a robot stood."""
+    """Result of a standing test."""
 
     fall_reason: str  # empty if it did not fall
-    faults: tuple[str, ...]  # that the deploy loop found
+    faults: tuple[str, ...]  # of the deploy loop
     stood_s: float
-    sank_m: float  # most that the base was below its standing height
-    tilt_rad: float  # most
-    moved_m: float  # most, on the ground
-    torque_share: np.ndarray  # (n,) most of the peak torque once settled
-    feet_down: np.ndarray  # (feet,) share of the time on the ground once settled
+    sank_m: float  # largest distance of the base below its standing height
+    tilt_rad: float  # largest
+    moved_m: float  # largest horizontal distance
+    torque_share: np.ndarray  # (n,) largest share of the peak torque once settled
+    feet_down: np.ndarray  # (feet,) share of the time in contact once settled
 
     @property
     def stood(self) -> bool:
-        """Up until the end, without a fault."""
+        """Whether the robot stood until the end without a fault."""
         return not self.fall_reason and not self.faults
 
 

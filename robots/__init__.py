@@ -1,1 +1,1 @@
-"""What the machine is: description, motor law, kinematics."""
+"""The robot: its description, joint law and kinematics."""

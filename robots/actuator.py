@@ -12,7 +12,7 @@ Array = Any  # a NumPy or a JAX array
 
 
 class JointCommand(NamedTuple):
-    """What a motor is asked to do: five arrays in joint order, shape (..., n)."""
+    """The content of a motor command: five arrays in joint order, shape (..., n)."""
 
     position: Array  # rad
     velocity: Array  # rad/s
@@ -22,12 +22,12 @@ class JointCommand(NamedTuple):
 
     @classmethod
     def of(cls, values: Array) -> "JointCommand":
-        """The rows of an array (5, ..., n). To unpack it takes NumPy twice as long."""
+        """The command whose rows are those of an array (5, ..., n). Unpacking takes twice as long."""
         return cls(values[0], values[1], values[2], values[3], values[4])
 
 
 class Motor(NamedTuple):
-    """What a motor can do, as seen at the joint: arrays that broadcast to (..., n)."""
+    """Limits and losses of motors, seen at the joint: arrays that broadcast to (..., n)."""
 
     peak_torque: Array  # N m, the current limit
     stall_torque: Array  # N m, where the torque-speed line meets zero speed
@@ -39,12 +39,12 @@ class Motor(NamedTuple):
 
 
 def weaker(motor: Motor, share: float) -> Motor:
-    """A motor that is used with a share of its torque, 0 to 1, at all speeds."""
+    """The motor with its torque limits scaled by `share`, 0 to 1, at all speeds."""
     return motor._replace(peak_torque=share * motor.peak_torque, stall_torque=share * motor.stall_torque)
 
 
 def pd_torque(command: JointCommand, position: Array, velocity: Array) -> Array:
-    """Torque that the motor's own PD law asks for, N m, before any limit. Shapes (..., n)."""
+    """Torque of the motor's PD law, N m, before any limit. Shapes (..., n)."""
     return (
         command.kp * (command.position - position)
         + command.kd * (command.velocity - velocity)
@@ -57,12 +57,12 @@ def limit_torque(torque: Array, velocity: Array, motor: Motor) -> Array:
 
     A current limit caps torque at low speed. The supply voltage less the back-EMF caps it along the line
     from stall torque to no-load speed, in the direction of motion only; past the no-load speed the motor
-    can only brake, still within the current limit, which therefore comes last.
+    can only brake. The current limit holds there too, so it is applied last.
     """
     least, most = _supply_range(velocity, motor)
     xp, peak = library(torque), motor.peak_torque
     within_supply = xp.minimum(xp.maximum(torque, least), most)
-    return xp.minimum(xp.maximum(within_supply, -peak), peak)  # what `clip` does, in half the time
+    return xp.minimum(xp.maximum(within_supply, -peak), peak)  # as `clip`, in half the time
 
 
 def _supply_range(velocity: Array, motor: Motor) -> tuple[Array, Array]:
@@ -89,7 +89,7 @@ def joint_torque(command: JointCommand, position: Array, velocity: Array, motor:
     """Torque that reaches the joint, N m: `motor_torque` less friction, shape (..., n).
 
     Args:
-        command: what was commanded.
+        command: the command.
         position: joint positions, rad.
         velocity: joint velocities, rad/s.
         motor: the motors' parameters.
@@ -98,11 +98,11 @@ def joint_torque(command: JointCommand, position: Array, velocity: Array, motor:
 
 
 def joint_damping(command: JointCommand, position: Array, velocity: Array, motor: Motor) -> Array:
-    """How fast `joint_torque` falls as the joint speeds up, N m s/rad: minus its slope in velocity, (..., n).
+    """Damping of `joint_torque`, N m s/rad: minus its derivative in velocity, (..., n).
 
-    The motor's own damping where its PD law is within the limits, the slope of the torque-speed line where
-    that limits it, none at the current limit; the ramp of Coulomb friction at low speed; viscous friction.
-    Whoever integrates the law in long steps for a joint's inertia needs it (envs/physics/interface.py).
+    It is the sum of three parts: kd within the limits, the slope of the torque-speed line on that line and
+    nothing at the current limit; the ramp of Coulomb friction at low speed; viscous friction. Long physics
+    steps integrate it implicitly (envs/physics/interface.py).
     """
     xp = library(velocity)
     asked = pd_torque(command, position, velocity) * motor.strength

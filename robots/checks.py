@@ -1,4 +1,4 @@
-"""Whether a robot's two files make sense together: each finding is one line."""
+"""Checks of `robot.yaml`, alone and against the MJCF. Each finding is one line."""
 
 from collections.abc import Iterator, Sequence
 
@@ -14,7 +14,7 @@ LYING_SHARE = 0.1  # of the standing height: how high the base may be above the 
 
 
 def inconsistencies(description: Description) -> Iterator[str]:
-    """What is wrong within `robot.yaml`."""
+    """Contradictions within `robot.yaml`."""
     names = [joint.name for joint in description.joints]
     if not names or not description.feet:
         yield "a robot needs at least one joint and one foot"
@@ -49,7 +49,7 @@ def _wrong_feet(feet: Sequence[Foot], joints: list[str]) -> Iterator[str]:
 
 
 def contradictions(description: Description, model: mujoco.MjModel) -> Iterator[str]:
-    """What `robot.yaml` says that the compiled MJCF does not bear out."""
+    """Contradictions between `robot.yaml` and the compiled MJCF."""
     for kind, name in (
         (mujoco.mjtObj.mjOBJ_BODY, description.base),
         (mujoco.mjtObj.mjOBJ_SITE, description.imu),
@@ -58,7 +58,7 @@ def contradictions(description: Description, model: mujoco.MjModel) -> Iterator[
     ):
         if mujoco.mj_name2id(model, kind, name) < 0:
             yield f"{description.model} has no {kind.name[6:].lower()} '{name}'"
-            return  # nothing below can be looked up
+            return  # the checks below look these names up
     base = model.body(description.base).id
     free = model.jnt_bodyid[model.jnt_type == mujoco.mjtJoint.mjJNT_FREE]
     if base not in free:
@@ -111,7 +111,7 @@ def _wrong_joints(description: Description, model: mujoco.MjModel) -> Iterator[s
 
 
 def overreach(description: Description, action_scale: np.ndarray, span: np.ndarray) -> Iterator[str]:
-    """Joints that an action of 1 would move further than they can go.
+    """Joints that an action of 1 would move by more than their range.
 
     Args:
         description: of the robot.
@@ -127,5 +127,5 @@ def overreach(description: Description, action_scale: np.ndarray, span: np.ndarr
 
 
 def _repeated(items: Sequence) -> object:
-    """One of the items that come more than once, or None."""
+    """An item that occurs more than once, or None."""
     return next((item for item in items if items.count(item) > 1), None)

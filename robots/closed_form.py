@@ -1,6 +1,6 @@
-"""Inverse kinematics in closed form of a limb with a first hinge and two parallel ones after it.
+"""Closed-form inverse kinematics of a limb of three hinges, the last two parallel.
 
-Such are the legs of most quadrupeds (abduction, hip, knee) and hexapods (coxa, femur, tibia). Seen from the
+Most quadrupeds have such legs (abduction, hip, knee) and hexapods (coxa, femur, tibia). Seen from the
 first link, the limb is a two-link arm in the plane across the parallel axes, so a complex number holds the
 tip's place in that plane:
 
@@ -24,7 +24,7 @@ _SHORT_M = 1e-3  # a link has to be longer
 
 
 class ClosedForm(NamedTuple):
-    """Constants of one limb's inverse kinematics, and which of its solutions is meant.
+    """Constants of one limb's inverse kinematics, and the choice among its solutions.
 
     The limb's plane turns with the first hinge: of a vector's part in it, one share stays, one goes with the
     cosine of the first angle and one with the sine.
@@ -49,9 +49,9 @@ class ClosedForm(NamedTuple):
     half: list[float]  # rad, (3,)
 
     def angles(self, tip: Sequence[float]) -> tuple[float, float, float]:
-        """The three angles that put the tip at a place (3,) in the base frame, m.
+        """The three angles, rad, for a tip position (3,) in the base frame, m.
 
-        Within the limits always; out of reach the limb points at the place, stretched or folded.
+        Always within the limits. For a position out of reach the limb points at it, stretched or folded.
         """
         (x, y, z), (x0, y0, z0) = tip, self.anchor
         x, y, z = x - x0, y - y0, z - z0
@@ -73,9 +73,9 @@ class ClosedForm(NamedTuple):
 
 
 def closed_form(limb: Limb, default_tip: np.ndarray) -> ClosedForm | None:
-    """The closed form of a limb, or None where it is of another kind.
+    """The closed form of a limb; None for a limb with other axes.
 
-    Of the two bends of the knee, and of the two sides of the first hinge, the default pose's are chosen.
+    The knee bends, and the first hinge turns, to the same side as in the default pose.
 
     Args:
         limb: its geometry.
@@ -129,7 +129,7 @@ def _dot(x: float, y: float, z: float, row: Sequence[complex]) -> complex:
 
 
 def _arccos(cosine: float) -> float:
-    """Of what lies outside [-1, 1], that of the nearer end; what is not a number stays so."""
+    """Arc cosine of a number clamped to [-1, 1]; NaN stays NaN."""
     return math.acos(1.0 if cosine > 1.0 else -1.0 if cosine < -1.0 else cosine)
 
 

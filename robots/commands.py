@@ -1,4 +1,4 @@
-"""Velocity commands: the ranges that a robot is meant to follow, or that a policy was trained on."""
+"""Velocity commands: the range that a robot can follow or that a policy was trained on."""
 
 from dataclasses import dataclass
 

@@ -1,3 +1,3 @@
-"""Which robot is meant where none is named."""
+"""The robot that is used where none is named."""
 
 DEFAULT_ROBOT = "go1"

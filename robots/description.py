@@ -88,7 +88,7 @@ class Robot:
 
     @cached_property
     def voltage_range(self) -> tuple[np.ndarray, np.ndarray]:
-        """Least and most voltage at each joint's motor, V; infinite where any will do."""
+        """Least and most voltage at each joint's motor, V; infinite where there is no limit."""
         motors = self.description.motors
         given = [motors[j.motor].voltage_v or (-np.inf, np.inf) for j in self.description.joints]
         least, most = np.array(given).T
@@ -109,7 +109,7 @@ class Robot:
 
 
 def available_robots() -> list[str]:
-    """Names of the robots that ship with footfall."""
+    """Names of the robots included in footfall."""
     return sorted(path.parent.name for path in ROBOTS.glob("*/robot.yaml"))
 
 
@@ -117,7 +117,7 @@ def load_robot(name_or_folder: str | Path) -> Robot:
     """Load a robot by its name or from a folder that holds `robot.yaml`.
 
     Raises:
-        UserError: there is no such robot, or its files do not fit together.
+        UserError: there is no such robot, or its files contradict each other.
     """
     folder = ROBOTS / str(name_or_folder)
     if not (folder / "robot.yaml").is_file():

@@ -39,10 +39,10 @@ def digest(description: Description, model: mujoco.MjModel) -> str:
     """The fingerprint of a robot, 16 hexadecimal digits.
 
     Args:
-        description: the content of `robot.yaml`. What a learned policy is not built upon does not count: the
-            CAN map, the lying pose, the supervisor's limits, names of geoms, and the commands of scenarios.
-        model: the compiled MJCF, with all that it includes. Layout, comments, names that `robot.yaml` does
-            not use, looks, sensors and actuators do not count.
+        description: the content of `robot.yaml`. Left out, since no learned policy depends on them: the CAN
+            map, the lying pose, the supervisor's limits, names of geoms and the commands of scenarios.
+        model: the compiled MJCF with all included files. Left out: layout, comments, names that `robot.yaml`
+            does not use, visuals, sensors and actuators.
     """
     sha = hashlib.sha256(json.dumps(_counted(description), sort_keys=True).encode())
     for name, values in _figures(description, model):
@@ -64,7 +64,7 @@ def _counted(description: Description) -> Any:
 
 
 def _figures(description: Description, model: mujoco.MjModel) -> Iterator[tuple[str, Any]]:
-    """What counts of the model, in a fixed order, each with a name."""
+    """The parts of the model that the digest covers, by name, in a fixed order."""
     feet = [[model.geom(name).id for name in foot.geoms] for foot in description.feet]
     imu = model.site(description.imu).id
     yield "base", model.body(description.base).id
@@ -104,12 +104,12 @@ def _figures(description: Description, model: mujoco.MjModel) -> Iterator[tuple[
 
 
 def _rotation(quaternion: np.ndarray) -> np.ndarray:
-    """As a matrix, which is the same for q and -q."""
+    """The rotation matrix, which is the same for q and -q."""
     matrix = np.empty(9)
     mujoco.mju_quat2Mat(matrix, quaternion)
     return matrix.reshape(3, 3)
 
 
 def _text(value: float) -> str:
-    """Nine digits, and nothing below 1e-12: compilers may round the last bits otherwise elsewhere."""
+    """Nine digits, 0 below 1e-12: the last bits depend on the compiler."""
     return f"{round(value, 12) + 0.0:.8e}"

@@ -1,4 +1,4 @@
-"""Which geoms of a model are the robot's feet, also in a model that calls them otherwise."""
+"""Finds the geoms of a model that are the robot's feet, by name or by place."""
 
 from itertools import product
 from pathlib import Path
@@ -15,14 +15,14 @@ NEAR = 0.25  # of the last link's length: how far from its expected place a foot
 
 
 class FootBalls(NamedTuple):
-    """What a foot touches the ground with: a ball, or several at the ends and corners of a sole."""
+    """The contact surface of a foot: one ball, or several at the ends and corners of a sole."""
 
     place: np.ndarray  # (k, 3) m, centres, in the frame of the limb's last link
-    radius: np.ndarray  # (k,) m; none of the corner of a box
+    radius: np.ndarray  # (k,) m; 0 for the corner of a box
 
 
 def foot_geoms(model: mujoco.MjModel, description: Description) -> tuple[np.ndarray, ...]:
-    """Geoms that each foot stands on, (k,) ids each, in a model that has them all by name."""
+    """Geoms that each foot stands on, (k,) ids each, in a model with all their names."""
     return tuple(np.array([model.geom(name).id for name in foot.geoms]) for foot in description.feet)
 
 
@@ -53,16 +53,15 @@ def foot_balls(model: mujoco.MjModel, geoms: np.ndarray, tip: np.ndarray) -> Foo
 
 
 def find_feet(model: mujoco.MjModel, description: Description, own_path: Path) -> tuple[np.ndarray, ...]:
-    """Geoms that each foot stands on, (k,) ids each, none where there is no such foot.
+    """Geoms that each foot stands on, (k,) ids each, empty for a foot that is not found.
 
-    They are known by name. In a model without a name a geom is found by body and place: among those that can
-    collide on the leg's last link (and on what is fixed to it), the one nearest to where the robot's own
-    model has it, seen from the last joint, in the default pose. Where one geom serves for several, it counts
-    once.
+    A geom is found by its name. Where the model lacks the name, candidates are the geoms that can collide on
+    the leg's last link and on bodies fixed to it. The nearest one to the geom's place in the robot's own
+    model is taken, relative to the last joint, in the default pose. A geom found several times counts once.
 
     Args:
         model: compiled, with the robot's joint names.
-        description: of the robot whose feet to look for.
+        description: of the robot.
         own_path: the robot's own MJCF.
     """
     feet = description.feet
@@ -81,7 +80,7 @@ def find_feet(model: mujoco.MjModel, description: Description, own_path: Path) -
 
 
 def _once(geoms: np.ndarray) -> np.ndarray:
-    """The same ids in their order, none of them twice."""
+    """The ids in their order, without repetitions."""
     return np.array(list(dict.fromkeys(geoms.tolist())), dtype=int)
 
 
@@ -93,8 +92,8 @@ def _from_last_joint(model: mujoco.MjModel, data: mujoco.MjData, foot: Foot, geo
 def _nearest(model: mujoco.MjModel, data: mujoco.MjData, foot: Foot, place: np.ndarray) -> int:
     """The geom of the leg's last link nearest to a place, -1 if none is near.
 
-    What counts is its centre; for a corner also what it touches with, since a box may serve for all four.
-    Of two that are as near, it is the one whose centre is nearer.
+    Distance is measured to the geom's centre. For a foot of several geoms it is measured to the contact
+    points too, since one box may stand for all four corners. Among equals the nearest centre wins.
     """
     link = model.body_weldid[model.joint(foot.joints[-1]).bodyid[0]]
     collides = (model.geom_contype | model.geom_conaffinity) != 0

@@ -1,4 +1,4 @@
-"""What a robot's description amounts to: its tree, its feet in the default pose, what its legs can reach."""
+"""A summary of a robot's description: its tree, its feet in the default pose, the reach of its legs."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -13,7 +13,7 @@ from footfall.robots.support import support_margin
 
 WORLD = 0
 LIFTED_M = 0.005  # a foot higher than this does not touch
-POSES = 2000  # tried for the reach of the legs
+POSES = 2000  # drawn to estimate the reach of the legs
 
 
 class LinkRow(NamedTuple):
@@ -31,7 +31,7 @@ class FootRow(NamedTuple):
     name: str
     place: np.ndarray  # (3,) m, base frame, middle of its geoms
     gap_m: float  # between its lowest point and the ground that the lowest foot touches
-    reach_m: tuple[float, float]  # nearest and farthest that its middle can be from its leg's first joint
+    reach_m: tuple[float, float]  # least and greatest distance from its leg's first joint
 
 
 class Inspection(NamedTuple):
@@ -59,11 +59,11 @@ class Inspection(NamedTuple):
 
 
 def inspect_robot(robot: Robot, seed: int = 0) -> Inspection:
-    """Look a robot over.
+    """A summary of a robot and of what is wrong with it.
 
     Args:
         robot: as loaded.
-        seed: of the poses that are tried for the reach.
+        seed: of the random poses that estimate the reach.
     """
     model = plant_model(robot)
     data = _standing(model, robot)
@@ -129,7 +129,7 @@ def _tree(model: mujoco.MjModel, base: int) -> Iterator[LinkRow]:
 def _reach(
     model: mujoco.MjModel, robot: Robot, feet: tuple[np.ndarray, ...], random: np.random.Generator
 ) -> list[tuple[float, float]]:
-    """Nearest and farthest that each foot can be from its leg's first joint, m, of poses drawn at random."""
+    """Least and greatest distance of each foot from its leg's first joint, m, over random poses."""
     data = _standing(model, robot)
     addresses = joint_addresses(model, robot)[0]
     first = [model.joint(foot.joints[0]).id for foot in robot.description.feet]

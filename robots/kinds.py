@@ -1,6 +1,6 @@
-"""The kinds of numbers that describe a robot: how many there are, and their mirror image.
+"""The kinds of values that describe a robot: their shape and their mirror image.
 
-An observation term, a reading and a randomised quantity each say their kind; sizes and mirror maps follow.
+Observation terms, readings and randomised quantities declare their kind; sizes and mirror maps follow.
 """
 
 import math
@@ -14,26 +14,26 @@ from footfall.robots.symmetry import Mirror, Symmetry
 
 
 class Parts(NamedTuple):
-    """How many of each a robot has."""
+    """Number of joints, bodies and feet of a robot."""
 
     joints: int
-    bodies: int = 0  # the world left out
+    bodies: int = 0  # without the world
     feet: int = 0
 
 
 class Kind(NamedTuple):
-    """The shape of a value on a given robot, and how it changes when left and right do."""
+    """The shape of a value on a given robot, and its mirror image, left and right exchanged."""
 
     shape: Callable[[Parts], tuple[int, ...]]
     mirror: Callable[[Symmetry], Mirror]
 
     def size(self, parts: Parts) -> int:
-        """Numbers in a value."""
+        """Number of components of a value."""
         return math.prod(self.shape(parts))
 
 
 def _fixed(signs: np.ndarray) -> Kind:
-    """A kind of as many numbers on every robot, which only change their signs in a mirror."""
+    """A kind whose size is the same for every robot and whose mirror image only changes signs."""
     return Kind(lambda _: signs.shape, lambda _: Mirror(np.arange(len(signs)), signs))
 
 
@@ -48,6 +48,6 @@ QUATERNION = _fixed(np.array([1.0, -1.0, 1.0, -1.0]))  # w, x, y, z
 COMMAND = _fixed(np.array([1.0, -1.0, -1.0]))  # forward, leftward, yaw
 CLOCK = Kind(lambda _: (2,), lambda s: Mirror(np.arange(2), np.full(2, s.clock)))  # sine and cosine
 JOINTS = Kind(lambda parts: (parts.joints,), lambda s: s.joints)  # angles, speeds, torques
-JOINT_AMOUNTS = Kind(lambda parts: (parts.joints,), lambda s: _swapped(s.joints.source))  # without a sense
+JOINT_AMOUNTS = Kind(lambda parts: (parts.joints,), lambda s: _swapped(s.joints.source))  # without a sign
 BODY_AMOUNTS = Kind(lambda parts: (parts.bodies,), lambda s: _swapped(s.bodies))
 FOOT_AMOUNTS = Kind(lambda parts: (parts.feet,), lambda s: _swapped(s.feet))

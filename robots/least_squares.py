@@ -1,4 +1,4 @@
-"""Inverse kinematics of any serial chains, several at a time, by damped least squares within joint limits.
+"""Inverse kinematics of serial chains by damped least squares within joint limits, several at once.
 
 Levenberg-Marquardt with the damping of Sugihara 2011 ("Solvability-unconcerned inverse kinematics by the
 Levenberg-Marquardt method"): it grows with the squared error, so that a place out of reach ends in the pose
@@ -13,13 +13,13 @@ import numpy as np
 
 _ITERATIONS = 40
 _CLOSE_M = 1e-10
-_WORTHWHILE = 1.0 - 1e-4  # share of the squared error that a step has to go below
-_DAMPING = 1e-9  # m^2, what stays of the damping at the solution
-_LEVEL_WEIGHT_M = 0.1  # metres that one radian between a sole and its orientation counts as
+_WORTHWHILE = 1.0 - 1e-4  # an iteration has to reduce the squared error to this share
+_DAMPING = 1e-9  # m^2, damping that remains at the solution
+_LEVEL_WEIGHT_M = 0.1  # metres; weight of one radian of orientation error
 
 
 class Chains(NamedTuple):
-    """Where limbs' ends are in a pose, base frame; limbs with fewer hinges than m have zero columns."""
+    """The limbs' tips in a pose, base frame; limbs with fewer hinges than m have zero columns."""
 
     tip: np.ndarray  # (limbs, 3) m
     jacobian: np.ndarray  # (limbs, 3, m) m/rad
@@ -31,7 +31,7 @@ class LeastSquares:
     """Solves for the angles of limbs that have no closed form.
 
     Args:
-        forward: joint angles (limbs, m) to where the limbs' ends are.
+        forward: forward kinematics of joint angles (limbs, m).
         lower, upper: (limbs, m) rad, joint limits.
         default: (limbs, m) rad, where each solve begins.
         level: (limbs,) whose last link keeps the orientation that it has in the default pose: soles at the
@@ -52,10 +52,10 @@ class LeastSquares:
         self._weight = _LEVEL_WEIGHT_M * level[:, None]
 
     def solve(self, tips: np.ndarray, limbs: list[int]) -> np.ndarray:
-        """Joint angles (k, m), rad, that put the tips of k limbs at places (k, 3), m, or as near as can be.
+        """Joint angles (k, m), rad, that put the tips of k limbs at places (k, 3), m, or as near as possible.
 
-        Finite and within the limits; not a number where the place is not. A sole that cannot be level there
-        gives up its orientation, not its place.
+        Results are finite and within the limits; NaN for a place that is NaN. Where a sole cannot be level
+        at its place, the place has precedence over the orientation.
         """
         target = self._tip.copy()
         wanted = np.isfinite(tips).all(axis=1)
@@ -71,7 +71,7 @@ class LeastSquares:
     def _descend(
         self, target: np.ndarray, start: np.ndarray, weight: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """The best angles on the way from a start, (limbs, m), and what they leave missing, (limbs,) m."""
+        """The best angles found from a start, (limbs, m), and their remaining error, (limbs,) m."""
         angles = best = start
         least = np.full(len(start), np.inf)
         for _ in range(_ITERATIONS):
@@ -87,12 +87,12 @@ class LeastSquares:
     def _error(
         self, angles: np.ndarray, target: np.ndarray, weight: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """What is missing, (limbs, 3 or 6) m, and its Jacobian: place, then orientation where it counts."""
+        """Error, (limbs, 3 or 6) m, and its Jacobian: place, then orientation of soles."""
         ends = self._forward(angles)
         missing = target - ends.tip
         if not weight.any():
             return missing, ends.jacobian
-        # The rotation that is missing, of which a small one is the skew part.
+        # The remaining rotation; a small one equals its skew part.
         turn = self._turn @ ends.turn.transpose(0, 2, 1)
         turned = 0.5 * (turn[:, [2, 0, 1], [1, 2, 0]] - turn[:, [1, 2, 0], [2, 0, 1]])
         error = np.concatenate([missing, weight * turned], axis=1)
@@ -101,7 +101,7 @@ class LeastSquares:
     def _stepped(
         self, angles: np.ndarray, error: np.ndarray, jacobian: np.ndarray, square: np.ndarray
     ) -> np.ndarray:
-        """The next angles. Joints that would leave their range from its end are held, and the rest solved."""
+        """The next angles. Joints that would move beyond their limit are fixed; the others are solved for."""
         damping = (0.5 * square + _DAMPING)[:, None, None] * np.eye(error.shape[1])
         step = _damped_step(jacobian, error, damping)
         held = ((angles <= self._lower) & (step < 0.0)) | ((angles >= self._upper) & (step > 0.0))

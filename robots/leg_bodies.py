@@ -1,4 +1,4 @@
-"""Which leg each body of a model belongs to."""
+"""Maps each body of a model to its leg."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ NO_LEG = -1
 def leg_of_bodies(model: mujoco.MjModel, legs: Sequence[Sequence[str]]) -> np.ndarray:
     """The leg of each body, (nbody,): an index into `legs`, or `NO_LEG`.
 
-    A leg is every body that its joints move. What a joint of several legs moves belongs to none of them.
+    A leg consists of the bodies that its joints move. A body that several legs move belongs to none.
 
     Args:
         model: compiled, with all of the joints.

@@ -16,7 +16,7 @@ from footfall.robots.stability import PLANT_TIMESTEP_S, TRAINING_TIMESTEP_S
 
 FLOOR = "floor"
 IMU = "footfall_imu"
-ALL_CONTACTS = 0x7FFFFFFF  # contact bits that meet any geom that can touch at all
+ALL_CONTACTS = 0x7FFFFFFF  # contact bits that match every geom that can collide
 
 
 def training_model(robot: Robot, timestep_s: float = TRAINING_TIMESTEP_S) -> mujoco.MjModel:
@@ -27,9 +27,9 @@ def training_model(robot: Robot, timestep_s: float = TRAINING_TIMESTEP_S) -> muj
 def training_spec(robot: Robot, timestep_s: float = TRAINING_TIMESTEP_S) -> mujoco.MjSpec:
     """The robot's bodies, its feet and a floor, nothing else.
 
-    No sensors, actuators or visual geometry; contact between feet and floor, and between the pairs of geoms
-    that the MJCF lists, only; no joint-limit and no friction constraint rows, since the joint law carries
-    joint friction and targets stay inside soft limits. Each row left out makes MJX faster.
+    Without sensors, actuators and visual geometry. Contacts exist between feet and floor and between the
+    pairs of geoms that the MJCF lists. There are no constraint rows for joint limits and friction: targets
+    stay inside soft limits, and the joint law contains the friction. Each row less makes MJX faster.
     """
     spec = load_spec(robot.xml_path)
     _make_inertia_explicit(spec)
@@ -57,7 +57,7 @@ def training_spec(robot: Robot, timestep_s: float = TRAINING_TIMESTEP_S) -> mujo
     spec.option.solver = mujoco.mjtSolver.mjSOL_NEWTON
     spec.option.iterations = 1
     spec.option.ls_iterations = 5
-    # The joint law carries damping; for MuJoCo's to be implicit it would factorise the mass matrix twice.
+    # The joint law contains the damping. Implicit damping in MuJoCo would factorise the mass matrix twice.
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_EULERDAMP
     return spec
 
@@ -68,9 +68,9 @@ class Plant(NamedTuple):
     model: mujoco.MjModel
     motor: Motor  # the robot's motors, with the plant's joint friction and damping where its file gives any
     base: int  # body that carries the free joint
-    feet: tuple[np.ndarray, ...]  # geoms of each foot, none where the plant has no such foot (`find_feet`)
+    feet: tuple[np.ndarray, ...]  # geoms of each foot, empty for a foot that is not found (`find_feet`)
     leg_of_body: np.ndarray  # (nbody,) foot of the leg that each body belongs to, or NO_LEG (`leg_of_bodies`)
-    notes: tuple[str, ...]  # what was missing and what was done about it, one line each
+    notes: tuple[str, ...]  # what the file lacks and what replaces it, one line each
 
 
 def plant_model(robot: Robot, path: Path | None = None) -> mujoco.MjModel:
@@ -81,14 +81,14 @@ def plant_model(robot: Robot, path: Path | None = None) -> mujoco.MjModel:
 def read_plant(robot: Robot, path: Path | None = None) -> Plant:
     """The body of the simulated robot: full collision geometry, joint limits, an IMU, a floor.
 
-    Pairs of geoms that stand in for others in training are left out.
+    Pairs of geoms that replace others in training are left out.
 
     Args:
         robot: whose joint names the plant must carry.
         path: another MJCF than the robot's own. Its actuators, sensors and keyframes are dropped (the
             simulated robot adds its own motors and IMU); masses, geometry, reflected inertia, joint
-            friction and damping are kept where the file gives them and are the robot's where it does not.
-            A floor is added if no plane or height field can be stood upon.
+            friction and damping are kept where the file gives them; otherwise they are the robot's.
+            A floor is added if no plane or height field can collide.
 
     Raises:
         UserError: the file cannot be read, lacks a joint, or has no free base.
@@ -131,7 +131,7 @@ def read_plant(robot: Robot, path: Path | None = None) -> Plant:
 def _notes_on_feet(
     model: mujoco.MjModel, feet: tuple[np.ndarray, ...], robot: Robot, source: str
 ) -> list[str]:
-    """Which feet were found by place, and which not at all."""
+    """Notes on feet that were found by place or not at all."""
     wanted = robot.description.feet
     notes = []
     absent = [", ".join(foot.geoms) for foot, geoms in zip(wanted, feet, strict=True) if not len(geoms)]
@@ -158,7 +158,7 @@ def ground_friction(model: mujoco.MjModel, robot: Robot) -> np.ndarray:
 
     MuJoCo takes the larger of two geoms' coefficients unless one of them has priority.
     """
-    feet = [geoms[0] for geoms in foot_geoms(model, robot.description)]  # those of one foot are alike
+    feet = [geoms[0] for geoms in foot_geoms(model, robot.description)]  # the geoms of one foot are alike
     floor = np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE)[0]
     own, ground = model.geom_friction[feet, 0], model.geom_friction[floor, 0]
     return np.where(model.geom_priority[feet] > model.geom_priority[floor], own, np.maximum(own, ground))
@@ -185,9 +185,9 @@ def _first(value: Any) -> float:
 
 
 def _drop_pairs_of_stand_ins(spec: mujoco.MjSpec) -> None:
-    """Delete pairs of geoms that stand in for others in training, so that the plant keeps its true shapes.
+    """Delete pairs of geoms that replace others in training: the plant keeps its true shapes.
 
-    A stand-in touches nothing by itself, and other geoms of its body do.
+    Such a geom cannot collide by itself, while other geoms of its body can.
     """
     for pair in list(spec.pairs):
         geoms = [spec.geom(name) for name in (pair.geomname1, pair.geomname2)]
@@ -196,7 +196,7 @@ def _drop_pairs_of_stand_ins(spec: mujoco.MjSpec) -> None:
 
 
 def _collides(geom: mujoco.MjsGeom) -> bool:
-    """Whether a geom touches others by itself, not only through a pair."""
+    """Whether a geom can collide by itself, not only through a pair."""
     return bool(geom.contype or geom.conaffinity)
 
 
@@ -232,9 +232,9 @@ def _leave_losses_to_the_joint_law(spec: mujoco.MjSpec, robot: Robot) -> None:
 
 
 def _make_inertia_explicit(spec: mujoco.MjSpec) -> None:
-    """Write each body's compiled mass and inertia down, so that deleting geoms cannot change them."""
+    """Set each body's compiled mass and inertia explicitly, so that deleting geoms does not change them."""
     for number, body in enumerate(spec.bodies):
-        body.name = body.name or f"unnamed_body_{number}"  # by which it is found again below
+        body.name = body.name or f"unnamed_body_{number}"  # used to find it below
     model = spec.copy().compile()
     for body in spec.bodies[1:]:
         compiled = model.body(body.name)
@@ -242,14 +242,14 @@ def _make_inertia_explicit(spec: mujoco.MjSpec) -> None:
         body.ipos = compiled.ipos
         body.iquat = compiled.iquat
         body.inertia = compiled.inertia
-        body.fullinertia = [np.nan, 0.0, 0.0, 0.0, 0.0, 0.0]  # MjSpec's way to say: not given
+        body.fullinertia = [np.nan, 0.0, 0.0, 0.0, 0.0, 0.0]  # MjSpec's value for: not given
         body.explicitinertial = True
 
 
 def _let_feet_decide(floor: mujoco.MjsGeom, feet: list[mujoco.MjsGeom]) -> None:
-    """Contacts are as the feet say, where these take priority, by a floor that has no say.
+    """Give contacts the feet's parameters through a neutral floor instead of through `priority`.
 
-    The outcome is the same; MJX sets what has priority apart with scatters, which cost a GPU time.
+    The result is the same. MJX handles priorities by scatters, which are slow on a GPU.
     """
     if all(foot.priority > 0 for foot in feet):
         floor.condim, floor.solmix, floor.friction = 1, 0.0, [0.0, 0.0, 0.0]

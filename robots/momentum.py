@@ -1,13 +1,13 @@
-"""What acts on a robot's limbs beside their motors, from joint readings: a momentum observer.
+"""A momentum observer: forces on a robot's limbs from joint readings.
 
 De Luca et al. 2006, "Collision detection and safe reaction with the DLR-III lightweight manipulator arm".
-What changes a limb's momentum beyond its motors' torques, less what holds its weight against the base's
-proper acceleration, comes from the foot,
+The change of a limb's momentum that neither motor torques nor its weight (under the base's proper
+acceleration) explain comes from a force f at the foot,
 
     J' f = d(M q')/dt + weight - torque.
 
-Without the first term a leg thrown forward in its swing would look like one that stands; without the second a
-heavy leg that stands would look like one in the air, and one that falls the other way round.
+Without the first term a leg that accelerates in swing would look like a stance leg. Without the second a
+heavy stance leg would look like a swing leg.
 """
 
 import numpy as np
@@ -20,20 +20,20 @@ _REGULAR = 1e-5 * np.eye(3)  # m^2/rad^2
 
 
 def outside_torque(legs: Legs, sensed: Sensed, own: np.ndarray) -> np.ndarray:
-    """Torque that holds each joint and does not come from itself, N m, (legs, m): weight - torque.
+    """Torque on each joint that its motor does not deliver, N m, (legs, m): weight - torque.
 
     Args:
-        legs: whose weight counts.
+        legs: of the robot.
         sensed: the readings.
-        own: (n,) N m, of the motors, and of their gearboxes where these count.
+        own: (n,) N m, of the motors, with gearbox friction if it shall count.
     """
     return legs.holding_torque(sensed.joint_position, sensed.acceleration) - legs.gather(own)
 
 
 def upward_force(jacobian: np.ndarray, torque: np.ndarray, up: np.ndarray) -> np.ndarray:
-    """Upward force at each foot, N, (legs, k), that k sets of torques stand for.
+    """Upward force at each foot, N, (legs, k), that causes k sets of torques.
 
-    Least squares, regularised: near a singular pose a force is unknown along one direction only.
+    Least squares, regularised: near a singular pose the force is unknown in one direction only.
 
     Args:
         jacobian: (legs, 3, m) of the points of contact, base frame.
@@ -46,10 +46,10 @@ def upward_force(jacobian: np.ndarray, torque: np.ndarray, up: np.ndarray) -> np
 
 
 class MomentumObserver:
-    """The two parts of the torque at the limbs' joints, each behind the same first-order filter.
+    """The two parts of the torque at the limbs' joints, each through the same first-order filter.
 
-    Filter and derivative of the momentum in one: what the filter lags behind is its time constant times the
-    rate of change. Exact in steps, too, where the filter is Euler's backward one.
+    The filter gives the derivative of the momentum too: its lag is its time constant times the rate of
+    change. With backward Euler steps this is exact.
 
     Args:
         inertia: (legs, m, m) kg m^2, in joint space.
@@ -60,19 +60,19 @@ class MomentumObserver:
         self._inertia, self._filter_s = inertia, filter_s
 
     def reset(self, outside: np.ndarray, rates: np.ndarray) -> None:
-        """Begin with joints that nothing accelerates; arguments as of `update`."""
+        """Begin with joints that do not accelerate; arguments as for `update`."""
         self._slow = _side_by_side(outside, self._momentum(rates))
 
     def update(self, outside: np.ndarray, rates: np.ndarray, dt_s: float) -> np.ndarray:
-        """Take in one set of readings, all taken together.
+        """Process one set of readings of the same time.
 
         Args:
             outside: (legs, m) N m, see `outside_torque`.
             rates: (legs, m) rad/s, of the joints.
-            dt_s: time since the readings before.
+            dt_s: time since the previous readings.
 
         Returns:
-            (legs, m, 2) N m: of what holds the limbs, and of the rate at which their momentum changes.
+            (legs, m, 2) N m: filtered `outside`, and the rate of change of the momentum.
         """
         momentum = self._momentum(rates)
         share = dt_s / (self._filter_s + dt_s)
@@ -86,7 +86,7 @@ class MomentumObserver:
 
 
 def _side_by_side(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Two arrays (legs, m) as one, (legs, m, 2): what `numpy.stack` does, in a third of the time."""
+    """Two arrays (legs, m) as one, (legs, m, 2): as `numpy.stack`, in a third of the time."""
     both = np.empty((*first.shape, 2))
     both[:, :, 0], both[:, :, 1] = first, second
     return both

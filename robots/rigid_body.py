@@ -1,4 +1,4 @@
-"""A robot as a single rigid body, and its legs' own inertia: what model-based controllers believe."""
+"""A robot as a single rigid body, and the inertia of its legs: the model of model-based controllers."""
 
 from dataclasses import dataclass
 
@@ -22,7 +22,7 @@ class RigidBody:
 
 
 def nominal_body(robot: Robot) -> RigidBody:
-    """The composite body of the robot's own model; a plant's true masses are never looked at."""
+    """The composite body of the robot's own model; the plant's true masses are not used."""
     model = load_spec(robot.xml_path).compile()
     data, inertia = in_default_pose(model, robot.description), np.zeros((model.nv, model.nv))
     mujoco.mj_fwdPosition(model, data)
@@ -38,6 +38,6 @@ def nominal_body(robot: Robot) -> RigidBody:
     return RigidBody(
         mass=float(mass),
         centre=centre,
-        inertia=inertia[np.ix_(six[3:], six[3:])] + mass * arm @ arm,  # Steiner: less that of its centre
+        inertia=inertia[np.ix_(six[3:], six[3:])] + mass * arm @ arm,  # parallel axis theorem
         leg_inertia=inertia[joints[:, :, None], joints[:, None, :]] * present,
     )

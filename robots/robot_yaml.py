@@ -9,7 +9,7 @@ import numpy as np
 from footfall.common.config import require_between, require_ordered, require_positive
 from footfall.robots.commands import CommandRange
 
-MOTOR_TIMEOUT_S = 0.01, 0.1  # from a few ticks to what a robot may go on for without a controller
+MOTOR_TIMEOUT_S = 0.01, 0.1  # from a few ticks to the longest time without a controller
 
 
 @dataclass(frozen=True)
@@ -36,10 +36,10 @@ class MotorType:
     torque_constant_nm_a: float  # at the rotor
     winding_resistance_ohm: float
     protocol: str
-    temperature_limit_c: float = 85.0  # windings and magnets suffer from 100 on
-    voltage_v: tuple[float, float] | None = None  # least and most at its supply; None if any will do
+    temperature_limit_c: float = 85.0  # windings and magnets are damaged from 100 on
+    voltage_v: tuple[float, float] | None = None  # least and most at its supply; None for no limit
     watchdog_endpoints: tuple[int, int] | None = None  # ids of an ODrive's enable_watchdog, watchdog_timeout
-    timeout_s: float = 0.1  # after which a motor that hears nothing shall switch itself off, at the latest
+    timeout_s: float = 0.1  # longest time without a command after which the motor disables itself
 
     def __post_init__(self) -> None:
         require_positive(self, *(name for name in self.__dataclass_fields__ if name != "protocol"))
@@ -61,7 +61,7 @@ class JointEntry:
     default_rad: float
     bus: str
     id: int
-    lying_rad: float | None = None  # with the base on the ground; every joint has one, or none has
+    lying_rad: float | None = None  # with the base on the ground; given for all joints or for none
 
     def __post_init__(self) -> None:
         require_between(self, 1, 127, "id")
@@ -96,7 +96,7 @@ class Description:
     joints: tuple[JointEntry, ...]
     feet: tuple[Foot, ...]
     imu_bus: str
-    commands: CommandRange  # that scenarios ask of it
+    commands: CommandRange  # of the scenarios
     imu_protocol: str = "footfall"  # or MODULE:NAME of a driver of one's own (deploy/drivers/imu_driver.py)
     safety: dict[str, Any] = field(default_factory=dict)  # supervisor's limits (deploy/config.py)
 

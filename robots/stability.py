@@ -1,4 +1,4 @@
-"""Whether physics steps can follow a robot's joint law."""
+"""Limits of stiffness and damping for stable physics steps."""
 
 from collections.abc import Iterator
 
@@ -11,17 +11,17 @@ from footfall.robots.stance import in_default_pose
 
 TRAINING_TIMESTEP_S = 0.005
 PLANT_TIMESTEP_S = 0.001
-MOST_TAKEN = 1.5  # share of a velocity that an explicit step may take away; from 2 on, speeds grow for ever
+MOST_TAKEN = 1.5  # share of a velocity that an explicit step may remove; from 2 on, speeds grow without bound
 MOST_TURNED_RAD = 2.0  # natural frequency times step; beyond, oscillations grow (symplectic Euler)
 
 
 def instabilities(
     description: Description, model: mujoco.MjModel, kp: np.ndarray, kd: np.ndarray, motor: Motor
 ) -> Iterator[str]:
-    """What is too damped or too stiff for the inertia that it moves: in the default pose, the base free.
+    """Joints whose stiffness or damping is too large for their inertia, in the default pose, the base free.
 
-    The plant's steps are explicit in the damping: one of length h takes h D / M of a velocity away. Those of
-    training are not (envs/physics/interface.py), but they are longer, and the stiffness is explicit in both.
+    The plant's steps are explicit in the damping: a step of length h removes h D / M of a velocity. Training
+    steps are implicit in it (envs/physics/interface.py) but longer. The stiffness is explicit in both.
 
     Args:
         description: of the robot.
@@ -47,9 +47,9 @@ def instabilities(
 
 
 def longest_timestep(description: Description, model: mujoco.MjModel, kp: np.ndarray) -> tuple[float, str]:
-    """Physics steps beyond this, s, make the joints' springs swing up; and the stiffest joint.
+    """The longest stable time step of this robot, s, and the stiffest joint.
 
-    A spring of natural frequency w is stable while w h < 2, and so with the training's damping: of
+    A spring of natural frequency w is stable for w h < 2. The same holds with the training's damping: of
     (M + h/2 D) (v' - v) = -h (K q + D v), q' = q + h v' the roots leave the unit circle at -1, where
     h^2 K = 4 M.
 
@@ -63,7 +63,7 @@ def longest_timestep(description: Description, model: mujoco.MjModel, kp: np.nda
 
 
 def _mobility(description: Description, model: mujoco.MjModel) -> np.ndarray:
-    """The joints' accelerations per torque on each of them, (n, n)."""
+    """Acceleration of each joint per torque on each joint, (n, n): the inverse of the joint-space inertia."""
     data, mass = in_default_pose(model, description), np.zeros((model.nv, model.nv))
     mujoco.mj_fwdPosition(model, data)
     mujoco.mj_fullM(model, data, mass)

@@ -1,4 +1,4 @@
-"""How a robot stands in its default pose: how high, and where its feet are."""
+"""Geometry of the default pose: the height of the base and the places of the feet."""
 
 from itertools import product
 
@@ -11,7 +11,7 @@ from footfall.robots.robot_yaml import Description
 def in_default_pose(model: mujoco.MjModel, description: Description) -> mujoco.MjData:
     """A model in the robot's default pose, its base level and at the origin, with `mj_kinematics` done.
 
-    Joints that `robot.yaml` does not list are where the MJCF starts them.
+    Joints that `robot.yaml` does not list keep their initial position of the MJCF.
 
     Args:
         model: with the robot's joint names and a free joint, the first of which is the base's.
@@ -58,14 +58,14 @@ def _lowest_of_feet(description: Description, model: mujoco.MjModel, data: mujoc
 
 
 def base_below(description: Description, model: mujoco.MjModel) -> float:
-    """How far the base reaches below its origin when level, m; 0 of a base that can touch nothing."""
+    """How far the base reaches below its origin when level, m; 0 for a base without collision geometry."""
     return -float(base_corners(description, model)[:, 2].min())
 
 
 def base_corners(description: Description, model: mujoco.MjModel) -> np.ndarray:
-    """Corners of a box around all of the base that can touch something, m, base frame, (8, 3).
+    """Corners of the box around the collision geometry of the base, m, base frame, (8, 3).
 
-    All are the origin for a base that can touch nothing.
+    All are the origin for a base without collision geometry.
     """
     data = in_default_pose(model, description)
     free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)[0]

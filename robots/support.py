@@ -1,4 +1,4 @@
-"""The static stability margin: how far a point lies inside the polygon of the feet that stand."""
+"""The static stability margin: the distance of a point to the edge of the support polygon."""
 
 import math
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ def support_margin(feet: Sequence[Point], point: Point) -> float:
     """Distance of a point to the nearest edge of the feet's convex hull, m; negative outside.
 
     McGhee and Frank 1968, "On the stability properties of quadruped creeping gaits". Feet that span no area
-    support nothing: what they give is 0 at best, minus the distance to them.
+    have a margin of at most 0: minus the distance to them.
 
     Args:
         feet: (x, y) of each foot that stands, m.
@@ -28,7 +28,7 @@ def support_margin(feet: Sequence[Point], point: Point) -> float:
 
 
 def _convex_hull(points: Sequence[Point]) -> list[Point]:
-    """Corners counter-clockwise (Andrew's monotone chain); fewer than three where there is no area."""
+    """Corners counter-clockwise (Andrew's monotone chain); fewer than three if they span no area."""
     ordered = sorted(set(points))
     if len(ordered) < 3:
         return ordered
@@ -46,7 +46,7 @@ def _chain(ordered: list[Point]) -> list[Point]:
 
 
 def _left_of(a: Point, b: Point, point: Point) -> float:
-    """Twice the area of a triangle: positive where the point is left of the way from a to b."""
+    """Twice the area of a triangle: positive where the point is left of the line from a to b."""
     return (b[0] - a[0]) * (point[1] - a[1]) - (b[1] - a[1]) * (point[0] - a[0])
 
 

@@ -1,4 +1,4 @@
-"""Left and right: which joint, foot and body is the mirror image of which."""
+"""Mirror images of a robot: the partner of each joint, foot and body."""
 
 from typing import Any, NamedTuple
 
@@ -32,21 +32,21 @@ class Mirror(NamedTuple):
 class Symmetry(NamedTuple):
     """A robot's mirror images."""
 
-    joints: Mirror  # in joint order; signs as a joint's position or torque changes
+    joints: Mirror  # in joint order; signs of joint positions and torques
     feet: np.ndarray  # (feet,) each foot's partner
-    bodies: np.ndarray  # (bodies,) each body's partner, the world left out
+    bodies: np.ndarray  # (bodies,) each body's partner, without the world
     clock: float  # sign of the gait clock's sine and cosine
 
 
 def find_symmetry(robot: Robot, phase: np.ndarray | None = None) -> Symmetry:
-    """Pair the robot's parts by where they lie in its default pose.
+    """Pairs the robot's parts by their places in the default pose.
 
     A joint with axis a at position p is the mirror image of one at (p_x, -p_y, p_z) whose axis is parallel
     to (-a_x, a_y, -a_z): an axis is a rotation vector.
 
     Args:
         robot: the robot.
-        phase: (feet,) place of each foot in the cycle of the gait that the clock counts, if there is one.
+        phase: (feet,) phase of each foot in the gait of the clock; None without a gait.
 
     Raises:
         UserError: a part has no mirror image, or the default pose or the gait is not symmetric.
@@ -73,7 +73,7 @@ def find_symmetry(robot: Robot, phase: np.ndarray | None = None) -> Symmetry:
 
 
 def _clock_sign(robot: Robot, partners: np.ndarray, phase: np.ndarray | None) -> float:
-    """Where partners step half a cycle apart, the mirror changes the sign of the clock's sine and cosine."""
+    """Sign of the clock's sine and cosine in the mirror: -1 if partners step half a cycle apart."""
     if phase is None:
         return 1.0
     apart = (phase[partners] - phase) % 1.0

@@ -19,17 +19,17 @@ def limit_target(
     """The target after one joint tick: inside the soft limits, moving no faster than the rate limit.
 
     Args:
-        goal: wanted position target, rad, shape (..., n).
-        previous: target of the tick before, rad.
+        goal: desired position target, rad, shape (..., n).
+        previous: target of the previous tick, rad.
         lower, upper: soft limits, rad.
         rate_rad_s: fastest change of a target.
-        dt_s: time since the tick before.
+        dt_s: time since the previous tick.
     """
     return approach(within(goal, lower, upper), previous, rate_rad_s * dt_s)
 
 
 def within(value: Array, lower: Array, upper: Array) -> Array:
-    """What `clip` does, in half the time."""
+    """As `clip`, in half the time."""
     xp = library(value)
     return xp.minimum(xp.maximum(value, lower), upper)
 

@@ -1,1 +1,1 @@
-"""From a URDF or MJCF of another maker to a robot folder."""
+"""Makes a robot folder from another maker's URDF or MJCF."""

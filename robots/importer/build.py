@@ -1,4 +1,4 @@
-"""From a source to a machine: legs found, the other joints frozen, feet chosen."""
+"""Builds a machine from a source: finds legs, freezes other joints, chooses feet."""
 
 from collections import Counter
 from dataclasses import replace
@@ -13,19 +13,19 @@ from footfall.robots.importer.machine import Geom, Link, Machine, build_links, f
 from footfall.robots.importer.model_xml import FOOT_FRICTION
 from footfall.robots.importer.source import Source
 
-SHOWN = 4  # names in a message; of the others, the number
+SHOWN = 4  # names in a message; for the others, their number
 
 
 def build_machine(source: Source, name: str, feet: tuple[str, ...] = ()) -> tuple[Machine, list[str]]:
-    """A legged machine, and what was guessed on the way, one line each.
+    """A legged machine, and its guesses, one line each.
 
     Args:
-        source: what was read.
+        source: the model.
         name: of the robot.
         feet: see `find_limbs`.
 
     Raises:
-        UserError: the source is no legged machine that footfall can move; the message says why.
+        UserError: the source is no legged machine that footfall can drive; the message says why.
     """
     model = source.model
     limbs = find_limbs(source, feet)
@@ -57,7 +57,7 @@ def build_machine(source: Source, name: str, feet: tuple[str, ...] = ()) -> tupl
 
 
 def shortened(names: list[str]) -> str:
-    """A few names, and how many others there are."""
+    """A few names, and the number of the others."""
     more = len(names) - SHOWN
     return ", ".join(names[:SHOWN]) + (f" and {more} more" if more > 0 else "")
 
@@ -84,7 +84,7 @@ def _frozen(source: Source, limbs: Limbs, driven: set[str]) -> list[str]:
 
 
 def _imu(model: mujoco.MjModel, base: int) -> tuple[np.ndarray, str]:
-    """Where the IMU is, in the base's frame, (3,) m, and how that is known."""
+    """Place of the IMU in the base's frame, (3,) m, and its origin in words."""
     data = pose_of(model, model.qpos0)
     rotation, origin = data.xmat[base].reshape(3, 3), data.xpos[base]
     bodies = [("link", model.body(b).name, data.xpos[b], b) for b in range(model.nbody)]

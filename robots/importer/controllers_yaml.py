@@ -1,4 +1,4 @@
-"""Writes `controllers.yaml`: what holds a machine of unknown habits."""
+"""Writes `controllers.yaml` for an imported robot: the controller `stand`."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from footfall.robots.importer.robot_yaml import DAMPING_RATIO
 def controllers_yaml(machine: Machine, drive: Drive) -> str:
     """The text of `controllers.yaml`: `stand` alone, with the gains of the stiffest joint for all of them.
 
-    Walking controllers need figures that no model file has.
+    Walking controllers need figures that model files do not contain.
     """
     w = 2 * np.pi * drive.natural_frequency_hz
     armature = max(hinge.armature for hinge in machine.hinges)

@@ -1,4 +1,4 @@
-"""Makes a robot folder out of another maker's model."""
+"""Makes a robot folder from another maker's model."""
 
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
@@ -32,29 +32,29 @@ from footfall.robots.importer.training_yaml import training_yaml
 
 LIES = "lying pose: legs folded until the base is on the ground; it stands up from there in simulation"
 LIES_NOT = "no lying pose: of those tried in simulation, it rests in none and stands up from it"
-ON_SOLES = 2  # legs; a machine on so many is not held by `stand`, which lengthens and shortens legs
+ON_SOLES = 2  # legs of a machine that `stand` does not hold, since it works by leg length
 
 
 @dataclass(frozen=True)
 class ImportRequest:
-    """What to make of which file."""
+    """The settings of an import."""
 
     source: Path
     folder: Path  # to make
-    protocols: Mapping[str, Ranges]  # motor models that there are drivers for
-    feet: tuple[str, ...] = ()  # links that are feet or carry them; empty: they are looked for
+    protocols: Mapping[str, Ranges]  # motor models with a driver
+    feet: tuple[str, ...] = ()  # links that are feet or carry them; empty: found automatically
     packages: tuple[Path, ...] = ()  # folders with the packages of a URDF's meshes
-    peak_torque_nm: ByJoint = field(default_factory=dict)  # instead of the file's, by part of a joint's name
+    peak_torque_nm: ByJoint = field(default_factory=dict)  # overrides the file, by part of a joint's name
     speed_rad_s: ByJoint = field(default_factory=dict)
     armature: ByJoint = field(default_factory=dict)  # reflected inertia, kg m^2
-    # What differs between quadrupeds of a usual size, lowest and highest by name: see randomisation_yaml.
+    # Ranges for quadrupeds of a usual size, lowest and highest by name: see randomisation_yaml.
     usual: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    gaits_of: Callable[[Robot], Sequence[str]] = lambda _: ()  # by name; the first is taken
+    gaits_of: Callable[[Robot], Sequence[str]] = lambda _: ()  # names; the first is used
     find_lying_pose: Callable[[Robot], np.ndarray | None] | None = None  # (n,) rad, of a robot that can lie
 
 
 class Imported(NamedTuple):
-    """The folder, and what was guessed for it, one line each."""
+    """The folder, and the guesses that were made, one line each."""
 
     folder: Path
     guesses: tuple[str, ...]
@@ -65,7 +65,7 @@ def import_robot(request: ImportRequest) -> Imported:
 
     Raises:
         UserError: the folder exists, or the source is no legged machine that footfall can move. Nothing is
-            written then.
+            written in that case.
     """
     folder = request.folder
     if folder.exists() or folder.is_symlink():
@@ -105,7 +105,7 @@ def import_robot(request: ImportRequest) -> Imported:
         return robot_yaml(machine, pose, drive, protocols, [origin, *_as_comment(guesses)], lying)
 
     def completed(robot: Robot) -> dict[str, str]:
-        """What depends on the robot that the other files make: on its gaits, and on how it can lie."""
+        """Files that depend on the loaded robot: on its gaits and its lying pose."""
         lying = None
         if request.find_lying_pose is not None:
             found = request.find_lying_pose(robot)
@@ -148,7 +148,7 @@ def _as_comment(guesses: list[str]) -> list[str]:
 
 
 def _refuse_unknown(machine: Machine, request: ImportRequest) -> None:
-    """Refuse parts of joints' names that no joint has."""
+    """Raises UserError for a part of a joint's name that no joint has."""
     names = [hinge.name for hinge in machine.hinges]
     for option, values in (
         ("--peak-torque", request.peak_torque_nm),
@@ -169,7 +169,7 @@ def _standing_qpos(model: mujoco.MjModel, machine: Machine, pose: Pose) -> np.nd
 
 
 def _touching_links(model: mujoco.MjModel, qpos: np.ndarray) -> list[tuple[str, str]]:
-    """Pairs of links that meet in a pose, none of them twice."""
+    """Pairs of links that collide in a pose, without repetitions."""
     data = mujoco.MjData(model)
     data.qpos[:] = qpos
     mujoco.mj_forward(model, data)
@@ -178,12 +178,12 @@ def _touching_links(model: mujoco.MjModel, qpos: np.ndarray) -> list[tuple[str, 
 
 
 def _write(folder: Path, texts: Mapping[str, str], completed: Callable[[Robot], Mapping[str, str]]) -> None:
-    """Write the files into a new folder, once footfall can load what they say.
+    """Write the files into a new folder if footfall can load them.
 
     Args:
         folder: to make.
         texts: of the files, by name.
-        completed: further texts, or other ones, when more is known of the robot that the files make.
+        completed: further or replaced texts, given the robot that the files describe.
     """
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""What each foot stands on: the geoms of a limb's last link that are lowest."""
+"""Chooses the contact geoms of each foot: the lowest ones of a limb's last link."""
 
 from dataclasses import replace
 
@@ -9,7 +9,7 @@ from footfall.robots.importer.limbs import Limb
 from footfall.robots.importer.machine import Geom, Kind, Leg, Link
 from footfall.robots.importer.shapes import Shape, fit_sole, lowest_point, rotation_of, support
 
-LEVEL_M = 0.01  # geoms whose lowest points are no further apart in height touch together
+LEVEL_M = 0.01  # geoms whose lowest points differ by less in height touch together
 ROUND = (Kind.mjGEOM_SPHERE, Kind.mjGEOM_ELLIPSOID)
 LONG = (Kind.mjGEOM_CAPSULE, Kind.mjGEOM_CYLINDER)
 WITH_ANKLE = 5  # joints of a leg that can hold a sole level
@@ -18,7 +18,7 @@ LARGEST_TIP_M = 0.04  # radius of a sphere that is put at the end of a limb
 
 
 def leg_names(ends: list[str]) -> list[str]:
-    """What tells limbs apart in the names of their last links: FL of FL_calf, beside FR_calf."""
+    """Names of legs: the distinct parts of the names of their last links, as FL of FL_calf beside FR_calf."""
     tokens = [end.split("_") for end in ends]
     while all(len(words) > 1 for words in tokens) and len({words[-1] for words in tokens}) == 1:
         tokens = [words[:-1] for words in tokens]
@@ -32,8 +32,8 @@ def stand_on(
 ) -> tuple[Link, Leg]:
     """The link with its foot's geoms named, and the leg that ends in it.
 
-    Spheres are taken as they are; a level sole is given a small sphere at each corner. A mesh at the end of a
-    leg with an ankle becomes a sole; at the end of anything else a sphere is put.
+    Spheres are kept. A level sole gets a small sphere at each corner. A mesh at the end of a leg with an
+    ankle becomes a sole. Any other end gets a sphere.
 
     Args:
         link: the limb's last, number `index`.
@@ -43,7 +43,7 @@ def stand_on(
         up: the world's z in the link's frame where all joints are at zero, (3,).
 
     Raises:
-        UserError: nothing of the link can touch.
+        UserError: the link has no collision geometry.
     """
     geoms = [g for g in link.geoms if g.of_body in limb.foot_bodies] or list(link.geoms)
     if not geoms:
@@ -128,7 +128,7 @@ def _tip(shape: Shape, up: np.ndarray) -> Shape:
 
 
 def _shortened(geom: Geom, tip: Shape, up: np.ndarray) -> Geom | None:
-    """A long shape drawn back from its end by the tip's radius, so that the tip alone touches.
+    """A long shape shortened at its end by the tip's radius, so that only the tip touches.
 
     None if nothing is left, or if the shape lies along the ground.
     """

@@ -1,7 +1,7 @@
-"""Pairs of capsules through which the legs of a machine meet in training: few, since each costs time.
+"""Capsule pairs through which the legs of a machine collide in training: few, since each costs time.
 
-A leg's shank gets a capsule that reaches over its foot, or to its ankle where the foot is a link of its own.
-Such a foot gets a second one. Random poses tell which capsules of two legs meet.
+A leg's shank gets a capsule that includes the foot, or ends at the ankle if the foot is a link of its own.
+Such a foot gets a second capsule. Random poses show which capsules of two legs collide.
 """
 
 from collections import Counter
@@ -19,20 +19,20 @@ from footfall.robots.importer.pose import Pose
 from footfall.robots.importer.shapes import fit_along
 
 POSES = 4000
-LOW_SHARE = 0.5  # of the standing height: how far below the base the feet of both legs are at least
-LEAST_SHARE = 0.01  # of the poses with both feet that low: how often two capsules meet at least
+LOW_SHARE = 0.5  # of the standing height: least depth of both feet below the base
+LEAST_SHARE = 0.01  # of the poses with both feet that low: least share in which two capsules collide
 STARTS = 400
-START_RAD = 0.1  # how far joints are from the default pose where training begins
-SHANK_SHARE = 0.25  # of a leg's length: how far the shank's joint is from the foot at least
+START_RAD = 0.1  # deviation of joints from the default pose at the start of training
+SHANK_SHARE = 0.25  # of a leg's length: least distance of the shank's joint from the foot
 
 GeomPair = tuple[str, str]
 
 
 class LegPairs(NamedTuple):
-    """A machine with capsules that touch nothing but each other."""
+    """A machine with capsules that collide only with each other."""
 
     machine: Machine
-    pairs: tuple[GeomPair, ...]  # names of the capsules; the pair that meets most often is first
+    pairs: tuple[GeomPair, ...]  # names of the capsules; the pair that collides most often is first
 
 
 class _Capsule(NamedTuple):
@@ -42,13 +42,13 @@ class _Capsule(NamedTuple):
 
 
 def with_leg_pairs(machine: Machine, pose: Pose, seed: int = 0) -> LegPairs:
-    """The machine with the capsules through which its legs meet; none where no legs can meet.
+    """The machine with the capsules through which its legs collide; without capsules if no legs can collide.
 
-    Of the pairs that meet in `LEAST_SHARE` of the poses, and never where training begins, those that meet
-    most often are taken: at most as many as there are capsules. A pair counts as often as its mirror image.
+    Candidates collide in at least `LEAST_SHARE` of the poses and never near the start of training. The most
+    frequent ones are taken, at most as many as there are capsules. Mirror images count equally often.
 
     Args:
-        machine: whose legs may meet.
+        machine: the robot.
         pose: the default pose.
         seed: of the random poses.
     """
@@ -98,7 +98,7 @@ def _capsules_of(
 
 
 def _mirror_images(machine: Machine, capsules: list[_Capsule], data: mujoco.MjData) -> dict[str, str]:
-    """Of each capsule the same part of the leg nearest to its mirror image, by name."""
+    """For each capsule the same part of the leg nearest to its mirror image, by name."""
     hips = np.array([data.joint(leg.joints[0]).xanchor for leg in machine.legs])
     base = data.body(machine.links[0].name)
     hips = (hips - base.xpos) @ base.xmat.reshape(3, 3)
@@ -118,7 +118,7 @@ def _with_capsules(machine: Machine, capsules: list[_Capsule]) -> Machine:
 def _share_meeting(
     machine: Machine, pose: Pose, candidates: list[tuple[_Capsule, _Capsule]], random: np.random.Generator
 ) -> dict[GeomPair, float]:
-    """Share of the poses with both feet low in which each pair meets; 0 if it meets where training begins."""
+    """Share of the poses with low feet in which each pair collides; 0 if it does at the start of training."""
     names = {(a.geom.name, b.geom.name): (a.leg, b.leg) for a, b in candidates}
     model = mujoco.MjModel.from_xml_string(model_xml(machine, pairs=names))
     data = mujoco.MjData(model)

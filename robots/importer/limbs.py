@@ -1,4 +1,4 @@
-"""Which limbs of a model are legs: the chains of joints from the base to the feet."""
+"""Finds the legs of a model: the chains of joints from the base to the feet."""
 
 import re
 from collections.abc import Iterator
@@ -14,7 +14,7 @@ from footfall.robots.importer.shapes import lowest_point
 from footfall.robots.importer.source import Source
 
 FOOT_NAME = re.compile(r"foot|feet|sole|paw|(^|[^a-z])toes?([^a-z]|$)", re.IGNORECASE)
-AS_LOW = 0.7  # share of the deepest limb's depth that a foot reaches at least
+AS_LOW = 0.7  # least depth of a foot, as a share of the deepest limb's
 FEWEST_FEET = 2
 
 
@@ -37,11 +37,11 @@ def find_limbs(source: Source, named: tuple[str, ...] = ()) -> Limbs:
 
     Args:
         source: the model.
-        named: bodies that are feet, or carry them; without them, limbs are taken whose last part is called a
-            foot, or else those that reach lowest.
+        named: bodies that are feet, or carry them. If empty, limbs whose last part is named a foot are taken,
+            otherwise those that reach lowest.
 
     Raises:
-        UserError: there are no feet, or a leg is not made of hinges with limits and motors of their own.
+        UserError: there are no feet, or a leg has other joints than hinges with limits and motors.
     """
     model = source.model
     base = _base(model)
@@ -74,19 +74,19 @@ def _base(model: mujoco.MjModel) -> int:
 
 
 def _ends(model: mujoco.MjModel, base: int) -> list[int]:
-    """Bodies that a joint moves and that move no other."""
+    """Bodies with a joint and without moving children."""
     tops = [b for b in range(base + 1, model.nbody) if model.body_jntnum[b] and model.body_rootid[b] == base]
     moving = {int(model.body_weldid[model.body_parentid[top]]) for top in tops}
     return [top for top in tops if top not in moving]
 
 
 def _welded(model: mujoco.MjModel, top: int) -> list[int]:
-    """A body and what is fixed to it."""
+    """A body and the bodies fixed to it."""
     return np.flatnonzero(model.body_weldid == top).tolist()
 
 
 def _depths(source: Source, base: int, ends: list[int]) -> dict[int, float]:
-    """How far below the base's origin the lowest point of each limb's end is, m."""
+    """Depth of the lowest point of each limb's end below the base's origin, m."""
     model = source.model
     data = pose_of(model, frozen_pose(model, set()))
     up = np.array([0.0, 0.0, 1.0])
@@ -104,7 +104,7 @@ def _depths(source: Source, base: int, ends: list[int]) -> dict[int, float]:
 
 
 def _called_feet(model: mujoco.MjModel, bodies: list[int]) -> frozenset[str]:
-    """Bodies that are called feet, or carry geoms or sites that are."""
+    """Bodies that are named feet, or carry geoms or sites that are."""
     found = {body for body in bodies if FOOT_NAME.search(model.body(body).name)}
     if not found:
         geoms = [g for g in range(model.ngeom) if FOOT_NAME.search(model.geom(g).name)]

@@ -1,4 +1,4 @@
-"""A legged machine as plain data: what is kept of another maker's model."""
+"""A legged machine as plain data, taken from another maker's model."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,7 +11,7 @@ from footfall.robots.importer.shapes import Shape, fit_shape, quaternion_of, rot
 from footfall.robots.importer.source import Source
 
 Kind = mujoco.mjtGeom
-LEAST_MASS_KG = 1e-6  # that a moving link has
+LEAST_MASS_KG = 1e-6  # of a moving link
 PRIMITIVES = (
     Kind.mjGEOM_SPHERE,
     Kind.mjGEOM_CAPSULE,
@@ -38,20 +38,20 @@ class Hinge:
 
 @dataclass(frozen=True)
 class Geom:
-    """A shape that can touch."""
+    """A collision shape."""
 
     name: str
     shape: Shape
     friction: float
     contype: int
     conaffinity: int
-    of_body: str  # the body of the source that had it
-    points: np.ndarray | None = None  # (k, 3) m, hull of the mesh that it was
+    of_body: str  # its body in the source
+    points: np.ndarray | None = None  # (k, 3) m, hull of the mesh that it replaces
 
 
 @dataclass(frozen=True)
 class Link:
-    """A rigid part, with all that is fixed to it."""
+    """A rigid part, including all that is fixed to it."""
 
     name: str
     parent: int  # index of its parent's link; the base, link 0, has -1
@@ -76,7 +76,7 @@ class Leg:
 
 @dataclass(frozen=True)
 class Machine:
-    """A tree of links, parents before children, on a base that floats."""
+    """A tree of links, parents before children, on a floating base."""
 
     name: str
     links: tuple[Link, ...]
@@ -98,9 +98,9 @@ class Machine:
 
 
 def build_links(source: Source, base: int, driven: set[str]) -> tuple[Link, ...]:
-    """The links of the tree under body `base`, what no driven joint moves made part of its parent.
+    """The links of the tree under body `base`. Bodies without a driven joint become part of their parent.
 
-    Joints that are not driven stay at zero, or where their range comes nearest to it.
+    Joints that are not driven stay at zero, or at the end of their range nearest to zero.
     """
     model = source.model
     data = pose_of(model, frozen_pose(model, driven))
@@ -122,7 +122,7 @@ def build_links(source: Source, base: int, driven: set[str]) -> tuple[Link, ...]
 
 
 def _without_massless(links: list[Link], path: Path) -> tuple[Link, ...]:
-    """Joints of a link without mass are handed to the one link that it carries.
+    """Move the joints of a link without mass to its only child.
 
     Several joints of a link turn it one after the other, the first outermost, so nothing else changes.
     """
@@ -141,7 +141,7 @@ def _without_massless(links: list[Link], path: Path) -> tuple[Link, ...]:
 
 
 def _joined(light: Link, link: Link) -> Link:
-    """A link that takes over the joints, and the parent, of the one without mass that carries it."""
+    """A link with the joints and the parent of the massless link that carries it."""
     outer, inner = rotation_of(light.quaternion), rotation_of(link.quaternion)
     taken = tuple(
         replace(hinge, axis=inner.T @ hinge.axis, anchor=inner.T @ (hinge.anchor - link.position))
@@ -157,7 +157,7 @@ def _joined(light: Link, link: Link) -> Link:
 
 
 def frozen_pose(model: mujoco.MjModel, driven: set[str]) -> np.ndarray:
-    """`qpos` with driven joints where the file places their links, the others as near to zero as can be."""
+    """`qpos` with driven joints as in the file and the others as near to zero as possible."""
     pose = model.qpos0.copy()
     plain = np.isin(model.jnt_type, (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE))
     for joint in np.flatnonzero(plain & model.jnt_limited.astype(bool)).tolist():
@@ -176,7 +176,7 @@ def pose_of(model: mujoco.MjModel, qpos: np.ndarray) -> mujoco.MjData:
 
 
 def geom_shape(source: Source, geom: int) -> Shape | None:
-    """A geom as a primitive in its body's frame; None if it cannot touch, or is a plane or a height field."""
+    """A geom as a primitive in its body's frame; None if it cannot collide, is a plane or a height field."""
     model = source.model
     if not (model.geom_contype[geom] or model.geom_conaffinity[geom]):
         return None

@@ -18,7 +18,7 @@ def read_points(path: Path, scale: np.ndarray) -> np.ndarray:
     """Vertices of a mesh file, (k, 3) m, each axis scaled.
 
     Raises:
-        UserError: the file is missing, or no mesh that can be read.
+        UserError: the file is missing or is no readable mesh.
     """
     if not path.is_file():
         raise UserError(f"no mesh file at {path}")

@@ -1,4 +1,4 @@
-"""MJCF: what footfall needs of it, and what it cannot take."""
+"""Reads an MJCF; refuses what footfall cannot simulate."""
 
 import re
 from pathlib import Path
@@ -40,7 +40,7 @@ def read_mjcf(path: Path) -> Source:
 
 
 def _pose(model: mujoco.MjModel) -> dict[str, float]:
-    """Of the keyframe whose name says that the robot stands in it, else of the first; joints by name."""
+    """Joint positions by name: of the first keyframe with a name such as `stand`, else of the first one."""
     if not model.nkey:
         return {}
     names = [model.key(key).name for key in range(model.nkey)]
@@ -60,7 +60,7 @@ def _meshes(model: mujoco.MjModel) -> dict[str, np.ndarray]:
 
 
 def _peak_torques(model: mujoco.MjModel) -> dict[str, float]:
-    """Greatest torque of each joint, N m, by its name: of its actuators, within its own limit."""
+    """Largest torque of each joint, N m, by its name: of its actuators, within its own limit."""
     found: dict[str, float] = {}
     for joint in range(model.njnt):
         limits = []
@@ -77,7 +77,7 @@ def _peak_torques(model: mujoco.MjModel) -> dict[str, float]:
 
 
 def _actuator_torque(model: mujoco.MjModel, index: int) -> float | None:
-    """Greatest torque of an actuator at its joint, N m, or None where nothing limits it."""
+    """Largest torque of an actuator at its joint, N m; None if unlimited."""
     gear = abs(model.actuator_gear[index, 0])
     if model.actuator_forcelimited[index]:
         return gear * np.abs(model.actuator_forcerange[index]).max()

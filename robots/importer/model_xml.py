@@ -37,7 +37,7 @@ def model_xml(
     """The text of an MJCF.
 
     Args:
-        machine: what to write.
+        machine: the robot.
         height_m: of the base above the ground.
         apart: pairs of links that do not collide.
         pairs: of geoms that collide whatever links they belong to, by name.
@@ -125,7 +125,7 @@ def _geom(geom: Geom, is_foot: bool, of_base: bool) -> str:
 
 
 def _touches_by_pair(geom: Geom) -> bool:
-    """Whether a geom touches nothing but those that it is paired with."""
+    """Whether a geom collides only with the geoms that it is paired with."""
     return not (geom.contype or geom.conaffinity)
 
 
@@ -134,5 +134,5 @@ def _turn(quaternion: np.ndarray) -> str:
 
 
 def _numbers(values: np.ndarray, digits: int = 6) -> str:
-    """Numbers with so many digits after the point at most, no minus zero."""
+    """Numbers with at most so many decimals, without minus zero."""
     return " ".join(f"{round(float(value), digits) + 0.0:.{digits}g}" for value in values)

@@ -1,4 +1,4 @@
-"""Motors of a machine: from its file, from what the user says, and guessed where neither does."""
+"""Motors of a machine: given by the user, else by its file, else guessed."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -16,23 +16,21 @@ from footfall.robots.importer.statics import Statics
 # Of the joints of Go1 and G1, whose rotors are published: 1.2e-4 to 2.5e-4.
 ARMATURE_PER_TORQUE = 1.7e-4  # kg m^2 per N m of peak torque
 NO_LOAD_SPEED_RAD_S = 30.0  # where a file gives none
-FASTEST_RAD_S = 60.0  # beyond, a file's figure is none of a motor
+FASTEST_RAD_S = 60.0  # a larger figure in a file is not a motor's
 FRICTION_SPEED_RAD_S = 0.2
 PLANT_STEP_S = 0.001
-FRICTION_TAKEN = 0.3  # share of a velocity that the ramp of friction may take away in one step of the plant
-MOST_LEVERAGE = 3.0  # torque over weight times reach, beyond which a file's figure is none of a motor
-LEAN_RAD = 0.75  # error at which the stiffness asks for the peak torque: 0.5 to 1.1 on Go1 and G1
+FRICTION_TAKEN = 0.3  # share of a velocity that the ramp of friction may remove in one step of the plant
+MOST_LEVERAGE = 3.0  # torque over weight times reach; a larger figure in a file is not a motor's
+LEAN_RAD = 0.75  # error at which the stiffness demands the peak torque: 0.5 to 1.1 on Go1 and G1
 MOST_SAG_RAD = 0.12  # under the robot's own weight
-STABILITY_MARGIN = (
-    2.0  # share by which the joints are stiffer than the least that stands: errors grow twofold
-)
+STABILITY_MARGIN = 2.0  # stiffness over the least stiffness that stands: errors grow twofold
 FREQUENCIES_HZ = tuple(np.arange(1.0, 61.0, 0.5).tolist())
 
 ByJoint = Mapping[str, float]  # value by part of a joint's name; '' is in every name
 
 
 class JointMotor(NamedTuple):
-    """What moves one joint."""
+    """The motor of one joint."""
 
     peak_torque_nm: float
     no_load_speed_rad_s: float
@@ -46,20 +44,20 @@ class Drive:
     motors: dict[str, JointMotor]  # by joint, in joint order
     natural_frequency_hz: float
     torque_share: float
-    stands: bool  # by itself, as far as `Statics` can tell
+    stands: bool  # by itself, according to `Statics`
     guesses: tuple[str, ...]
 
 
 def value_for(joint: str, values: ByJoint) -> float | None:
-    """The value whose key is part of the joint's name; of several, the one of the longest key."""
+    """The value whose key is part of the joint's name; the longest key wins."""
     fitting = [key for key in values if key in joint]
     return values[max(fitting, key=len)] if fitting else None
 
 
 def with_armature(machine: Machine, peak: Mapping[str, float], given: ByJoint) -> tuple[Machine, list[str]]:
-    """The machine with a reflected inertia for each joint, and what was guessed.
+    """The machine with a reflected inertia for each joint, and the guesses.
 
-    As given; else the file's; else in proportion to the peak torque (see `ARMATURE_PER_TORQUE`).
+    It is the given value, else the file's, else proportional to the peak torque (see `ARMATURE_PER_TORQUE`).
     """
     estimated: list[str] = []
 
@@ -86,7 +84,7 @@ def peak_torques(machine: Machine, source: Source, given: ByJoint, reach_m: floa
     """Peak torque of each joint, N m: as given, else the file's.
 
     Raises:
-        UserError: a joint has none, or the file's is no motor's for a machine of this weight.
+        UserError: a joint has none, or the file's is implausible for a machine of this weight.
     """
     peak = {}
     most = MOST_LEVERAGE * machine.mass * GRAVITY_M_S2 * reach_m
@@ -108,11 +106,11 @@ def peak_torques(machine: Machine, source: Source, given: ByJoint, reach_m: floa
 def choose_drive(
     machine: Machine, source: Source, peak: Mapping[str, float], speed: ByJoint, standing: Statics
 ) -> Drive:
-    """Motors, and gains on which the machine stands where it can.
+    """Motors, and gains with which the machine stands if possible.
 
     The stiffness of a joint is its reflected inertia times the square of one natural frequency. It is chosen
-    so that the peak torque is asked for at an error of `LEAN_RAD` in the middle joint, or stiffer as far as
-    standing takes it.
+    so that the median joint demands its peak torque at an error of `LEAN_RAD`, or stiffer if standing
+    requires it.
     """
     hinges = machine.hinges
     armature = np.array([hinge.armature for hinge in hinges])

@@ -1,6 +1,6 @@
-"""A default pose to stand in: knees bent, soles level, the centre of mass above the middle of the feet.
+"""Searches a default pose: knees bent, soles level, the centre of mass above the middle of the feet.
 
-Each leg's joints are found by damped least squares over where its foot should be, from several starts.
+Damped least squares, from several starts, give each leg's joints for a foot position.
 """
 
 from collections.abc import Mapping
@@ -13,9 +13,9 @@ from footfall.robots.importer.machine import Leg, Machine
 from footfall.robots.importer.model_xml import model_xml
 from footfall.robots.targets import soft_limits
 
-GIVEN_RANGE = 0.94  # the same of a pose that is given: what the soft limits leave, but for rounding
+GIVEN_RANGE = 0.94  # likewise for a given pose: the soft limits, less rounding
 USED_RANGE = 0.85  # share of each joint's range, about its middle, that the pose may use
-FARTHEST_RAD = np.pi  # nor does a joint turn farther than this
+FARTHEST_RAD = np.pi  # largest angle of a joint
 UPRIGHT, CROUCHED = 0.95, 0.75  # share of a leg's reach, on two legs and on more
 SPREAD_SHARE = 0.4  # a leg that reaches down less than this share of its length, at zero, is spread out
 SPREAD_IN = 0.7  # how far from its hip the foot of such a leg stands, as a share of where it is at zero
@@ -24,18 +24,18 @@ STEPS = 40
 WORTH_A_STEP = 1e-3  # share of the cost
 DAMPING = 1e-3
 WEIGHTS = {"place": 1.0, "height": 3.0, "level": 3.0, "heading": 0.3, "posture": 0.02}
-ALIKE = 0.02  # costs no further apart are as good as each other
-THE_SAME = 1e-4  # costs no further apart are not worth another pose
-OFF_CENTRE = 0.02  # of a leg's length: a centre of mass less far to the side counts as in the middle
+ALIKE = 0.02  # costs that differ by less count as equal
+THE_SAME = 1e-4  # costs that differ by less keep the pose
+OFF_CENTRE = 0.02  # of a leg's length: a smaller lateral offset of the centre of mass counts as 0
 BALANCING_ROUNDS = 4
 
 
 class Pose(NamedTuple):
-    """A way to stand."""
+    """A standing pose."""
 
     joints: dict[str, float]  # rad
     height_m: float  # of the base, feet just touching
-    knees_forward_m: float  # how far the knees are in front of the lines from hips to feet, on average
+    knees_forward_m: float  # mean distance of the knees in front of the lines from hips to feet
     reach_m: float  # of the longest leg: from its first joint to the lowest point of its foot, stretched
 
 
@@ -43,8 +43,8 @@ def standing_pose(machine: Machine, given: Mapping[str, float] | None = None, se
     """A default pose for a machine; the base is level and its x axis points forward.
 
     Args:
-        machine: to stand.
-        given: joints of a pose to take as it is, within the soft limits, rad; empty: one is looked for.
+        machine: the robot.
+        given: joints of a given pose, clamped to the soft limits, rad; empty: a pose is searched.
         seed: of the search.
     """
     return _Search(machine, seed).run(given or {})
@@ -109,7 +109,7 @@ class _Search:
         return np.array([*leg.hip[:2], leg.hip[2] - 1.2 * leg.length])
 
     def _next(self, leg: "_LegSearch", target: np.ndarray, solved: "list[_Solved]") -> "_Solved":
-        """As a leg before it stands, mirrored on the other side; or afresh if that does not do."""
+        """The angles of an earlier leg, mirrored on the other side; searched anew if those do not fit."""
         before = [(other, found) for other, found in zip(self._legs, solved, strict=False)]
         like = [
             (leg.like(other, found.joints), found.cost) for other, found in before if other.kind == leg.kind
@@ -128,7 +128,7 @@ class _Search:
         return self._solved(leg, joints, residual)
 
     def _solve(self, leg: "_LegSearch", target: np.ndarray) -> "_Solved":
-        """The best of several starts; of those as good as each other, the one whose knee bends as usual."""
+        """The best of several starts; among equals, the one whose knee bends in the usual direction."""
         starts = [leg.near_zero, *self._random.uniform(leg.low, leg.high, (STARTS, len(leg.at)))]
         found = [self._descend(leg, target, start) for start in starts]
         best = min(solved.cost for solved in found)
@@ -195,10 +195,10 @@ class _Solved(NamedTuple):
 
 
 class _LegSearch:
-    """One leg in the model: its joints, its foot, and what its foot's frame is at zero."""
+    """One leg in the model: its joints, its foot, and its foot's frame at zero."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, leg: Leg) -> None:
-        """`data` has all joints where the file places the links."""
+        """`data` has all joints as in the file."""
         joints = [model.joint(name) for name in leg.joints]
         self._ids = np.array([joint.id for joint in joints])
         self.at = np.array([int(joint.qposadr[0]) for joint in joints])
@@ -233,7 +233,7 @@ class _LegSearch:
         return data.xmat[self._body].reshape(3, 3) @ self._upright
 
     def knee(self, data: mujoco.MjData) -> float:
-        """How far the joint that is farthest from the line from hip to foot is in front of it, m."""
+        """Distance in front of the line from hip to foot of the joint farthest from it, m."""
         foot, anchors = self.foot(data), data.xanchor[self._ids]
         along = foot - self.hip
         share = np.clip((anchors - self.hip) @ along / max(along @ along, 1e-9), 0.0, 1.0)
@@ -241,13 +241,13 @@ class _LegSearch:
         return float(away[int(np.linalg.norm(away, axis=1).argmax())][0])
 
     def natural_place(self) -> np.ndarray:
-        """Where the foot belongs on the ground, (2,) m: as at zero, nearer if the leg is spread there."""
+        """Desired place of the foot on the ground, (2,) m: as at zero, nearer if the leg is spread there."""
         outward = self._place_at_zero - self.hip
         spread = -outward[2] < SPREAD_SHARE * self.length
         return (self.hip + (SPREAD_IN if spread else 1.0) * outward)[:2]
 
     def like(self, other: "_LegSearch", joints: np.ndarray) -> np.ndarray:
-        """Joints of this leg that turn its links as `joints` turn those of another leg.
+        """Joints of this leg that turn its links like `joints` turn those of another leg.
 
         Across the body's middle plane a rotation vector (x, y, z) is mirrored to (-x, y, -z).
         """
@@ -264,6 +264,6 @@ def lowest_height(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> floa
 
 
 def _is_sole(data: mujoco.MjData, geoms: list[int]) -> bool:
-    """Whether a foot touches over an area: at three places or more that are not in a line."""
+    """Whether a foot has three or more contact points that are not in a line."""
     places = data.geom_xpos[geoms][:, :2]
     return len(geoms) > 2 and float(np.linalg.svd(places - places.mean(axis=0))[1][1]) > 0.01

@@ -1,4 +1,4 @@
-"""Writes `randomisation.yaml`: loads that suit a small quadruped, for a machine of another size."""
+"""Writes `randomisation.yaml`: ranges of a small quadruped, scaled to a machine of another size."""
 
 from collections.abc import Mapping
 
@@ -6,7 +6,7 @@ from footfall.robots.importer.machine import Machine
 from footfall.robots.importer.pose import Pose
 from footfall.robots.importer.training_yaml import MASS_KG, REACH_M
 
-MOST_TAKEN = 0.5  # share of the base's mass that a load below zero may take away
+MOST_TAKEN = 0.5  # largest share of the base's mass that a negative load may remove
 
 
 def randomisation_yaml(machine: Machine, pose: Pose, usual: Mapping[str, tuple[float, float]]) -> str:
@@ -14,9 +14,9 @@ def randomisation_yaml(machine: Machine, pose: Pose, usual: Mapping[str, tuple[f
 
     Args:
         machine: the robot.
-        pose: in which it stands.
-        usual: lowest and highest of what may differ between robots, by name, where they are quadrupeds of
-            `MASS_KG` on legs of `REACH_M`. What is not in it differs between none.
+        pose: the default pose.
+        usual: lowest and highest value of each quantity, by name, for quadrupeds of `MASS_KG` on legs of
+            `REACH_M`. Other quantities do not vary.
     """
     load, length = machine.mass / MASS_KG, pose.reach_m / REACH_M
     text = f"""\

@@ -18,7 +18,7 @@ def read_source(path: Path, packages: tuple[Path, ...] = ()) -> Source:
             above the URDF and ROS_PACKAGE_PATH.
 
     Raises:
-        UserError: the file is neither, or cannot be used; the message says why.
+        UserError: the file is neither or cannot be used; the message says why.
     """
     if not path.is_file():
         raise UserError(f"no file at {path}: give a URDF or an MJCF")

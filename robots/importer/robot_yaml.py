@@ -1,4 +1,4 @@
-"""Writes `robot.yaml`, with comments that say what was guessed."""
+"""Writes `robot.yaml`, with its guesses as comments."""
 
 import json
 from collections.abc import Iterable, Mapping
@@ -18,14 +18,14 @@ SOFT_LIMIT_FACTOR = 0.95
 DAMPING_RATIO = 1.0
 # Fastest command, over the root of gravity times leg length, and rad/s of yaw: on two legs and on more.
 OF_TWO, OF_MORE = (0.25, 0.6), (0.45, 1.0)
-MOTORS_PER_BUS = 3  # that 1 Mbit/s carries at 500 Hz, beside an IMU
+MOTORS_PER_BUS = 3  # at 500 Hz and 1 Mbit/s, beside an IMU
 TARGET_RATE_SHARE = 2.0  # of the fastest joint's no-load speed
-# Of motors of medium size; they price the copper loss only.
+# Of motors of medium size; used for the copper loss only.
 GEAR_RATIO, TORQUE_CONSTANT, WINDING_RESISTANCE = 10.0, 0.1, 0.2
 
 
 class Ranges(Protocol):
-    """What the frames of a motor model can carry."""
+    """Ranges of the frames of a motor model."""
 
     @property
     def velocity(self) -> float: ...
@@ -49,10 +49,10 @@ def robot_yaml(
 
     Args:
         machine: with the reflected inertia of its joints.
-        pose: to stand in.
+        pose: the default pose.
         drive: motors and gains.
         protocols: motor model of each joint.
-        notes: what was guessed, for the comment at the top.
+        notes: guesses, for the comment at the top.
         lying: joints with the base on the ground, rad, if it can lie.
     """
     types = list(dict.fromkeys((drive.motors[h.name], protocols[h.name]) for h in machine.hinges))
@@ -107,9 +107,9 @@ def robot_yaml(
 def choose_protocols(
     machine: Machine, drive: Drive, known: Mapping[str, Ranges]
 ) -> tuple[dict[str, str], list[str]]:
-    """Motor model for each joint: that with the least torque whose frames carry all that it needs.
+    """Motor model for each joint: the one with the least torque whose frames have the required ranges.
 
-    Where none does, that with the most torque; which joints those are is told.
+    If none has, it is the one with the most torque, and the joint is in the second result.
     """
     chosen, beyond = {}, []
     by_torque = sorted(known, key=lambda name: known[name].torque)
@@ -187,7 +187,7 @@ def _angle(angle: float) -> str:
 
 
 def _text(text: str) -> str:
-    """A name as YAML, quoted where YAML could take it for something else."""
+    """A name as YAML, quoted if YAML could read it as another type."""
     plain = text.replace("_", "").replace("-", "").isalnum() and text[0].isalpha() and text.isascii()
     words = {"true", "false", "yes", "no", "on", "off", "null", "y", "n"}
     return text if plain and text.lower() not in words else json.dumps(text)

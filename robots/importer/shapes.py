@@ -1,14 +1,14 @@
-"""Primitive shapes fitted to points, so that no mesh is needed afterwards.
+"""Primitive shapes fitted to points, which replace meshes.
 
-A convex body is known by its support function h(u), the farthest that it reaches in each direction u. Those
-of primitives are linear in their sizes once their axes are chosen:
+The support function h(u) of a convex body is its largest extent in each direction u. For primitives of given
+axes it is linear in their sizes:
 
     sphere   c·u + r
     capsule  c·u + r + l |a·u|
     box      c·u + Σ s_i |a_i·u|
 
-so each fit is one linear least-squares problem over a fixed set of directions, and the residuals of different
-shapes compare.
+Each fit is one linear least-squares problem over a fixed set of directions, so residuals of different shapes
+can be compared.
 """
 
 from collections.abc import Sequence
@@ -18,12 +18,10 @@ import mujoco
 import numpy as np
 
 DIRECTIONS = 400
-THINNEST_M = 1e-3  # half-thickness that every shape has at least
-SOLE_M = 0.02  # thickness of a sole, and of what counts as lying on the ground
+THINNEST_M = 1e-3  # least half-thickness of a shape
+SOLE_M = 0.02  # thickness of a sole, and of the layer that counts as its underside
 NEARLY_LEVEL = 0.05  # sine of the angle
-WORTH_ANOTHER = (
-    0.9  # a shape is taken over a simpler one, or over one along the link, if it errs this much less
-)
+WORTH_ANOTHER = 0.9  # a shape replaces a simpler one, or one along the link, if its error is below this share
 
 Kind = mujoco.mjtGeom
 
@@ -32,7 +30,7 @@ class Shape(NamedTuple):
     """A primitive in the frame of its link."""
 
     kind: mujoco.mjtGeom
-    size: np.ndarray  # (3,) m, as MuJoCo has it
+    size: np.ndarray  # (3,) m, as in MuJoCo
     position: np.ndarray  # (3,) m, its centre
     quaternion: np.ndarray  # (4,) w x y z
 
@@ -40,8 +38,8 @@ class Shape(NamedTuple):
 def fit_shape(points: np.ndarray) -> tuple[Shape, float]:
     """The sphere, capsule or box nearest to the hull of points (k, 3), m, and its root mean square error, m.
 
-    Boxes enclose the points; spheres and capsules are fitted by least squares. The axes tried are those of
-    the frame and the principal axes of the hull.
+    Boxes enclose the points; spheres and capsules are fitted by least squares. Axes are those of the
+    frame or the principal axes of the hull.
     """
     directions = _directions()
     reach = (points @ directions.T).max(axis=0)
@@ -73,7 +71,7 @@ def fit_along(shapes: Sequence[Shape], direction: np.ndarray) -> Shape:
 
 
 def fit_sole(points: np.ndarray, up: np.ndarray) -> Shape:
-    """A flat box under points (k, 3), m: as long and as wide as what lies lowest along `up` (3,)."""
+    """A flat box under points (k, 3), m: as long and as wide as the points lowest along `up` (3,)."""
     forward = np.eye(3)[np.abs(up).argmin()]
     if abs(up[0]) < 0.7:
         forward = np.array([1.0, 0.0, 0.0])
@@ -89,7 +87,7 @@ def fit_sole(points: np.ndarray, up: np.ndarray) -> Shape:
 
 
 def hull_points(points: np.ndarray) -> np.ndarray:
-    """Of points (k, 3), those that are extreme in some direction, none twice."""
+    """The points (k, 3) that are extreme in some direction, without repetitions."""
     return points[np.unique((points @ _directions().T).argmax(axis=0))]
 
 
@@ -108,7 +106,7 @@ def rotation_of(quaternion: np.ndarray) -> np.ndarray:
 
 
 def support(shape: Shape, direction: np.ndarray) -> float:
-    """How far a shape reaches from its centre along a unit vector (3,) of the link's frame, m."""
+    """Extent of a shape from its centre along a unit vector (3,) of the link's frame, m."""
     local = rotation_of(shape.quaternion).T @ direction
     size = shape.size
     match shape.kind:
@@ -126,7 +124,7 @@ def support(shape: Shape, direction: np.ndarray) -> float:
 def lowest_point(shape: Shape, up: np.ndarray) -> np.ndarray:
     """The point of a shape that lies lowest along `up`, link frame, (3,) m.
 
-    Of an edge or a face that is nearly level it is the middle. `up` is a unit vector (3,) of the same frame.
+    For a nearly level edge or face it is the middle. `up` is a unit vector (3,) of the same frame.
     """
     axes = rotation_of(shape.quaternion)
     local = axes.T @ up

@@ -1,4 +1,4 @@
-"""Another maker's model, read: the compiled model and what its file says about the motors."""
+"""Another maker's model: the compiled model, and the motors' figures of its file."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,17 +15,17 @@ class Source:
 
     path: Path
     model: mujoco.MjModel
-    self_collisions: bool  # the file says itself which parts may touch each other
+    self_collisions: bool  # the file defines which parts can collide
     meshes: dict[str, np.ndarray]  # hull (k, 3) m of each geom that is a mesh, in the frame of its body
-    peak_torque_nm: dict[str, float] = field(default_factory=dict)  # of joints for which the file gives it
+    peak_torque_nm: dict[str, float] = field(default_factory=dict)  # of joints whose torque the file gives
     speed_rad_s: dict[str, float] = field(default_factory=dict)
-    pose_rad: dict[str, float] = field(default_factory=dict)  # a pose of the file's, if it has one
+    pose_rad: dict[str, float] = field(default_factory=dict)  # a pose of the file, if there is one
     coupled: frozenset[str] = frozenset()  # joints that follow another one
-    guesses: tuple[str, ...] = ()  # what was assumed while reading, one line each
+    guesses: tuple[str, ...] = ()  # assumptions, one line each
 
 
 def name_everything(spec: mujoco.MjSpec) -> None:
-    """Give a name to each body, joint and geom that has none: later steps go by names."""
+    """Name each body, joint and geom that has no name: later steps use names."""
     for body in spec.bodies[1:]:
         body.name = body.name or _new_name(spec.bodies, f"{body.parent.name}_child")
     for geom in spec.geoms:
@@ -35,10 +35,10 @@ def name_everything(spec: mujoco.MjSpec) -> None:
 
 
 def free_the_base(spec: mujoco.MjSpec, path: Path) -> None:
-    """See to it that one tree floats: where none does, the one with the most joints.
+    """Give the tree with the most joints a free joint, unless there is one already.
 
     Raises:
-        UserError: there is none, or its base moves on other joints.
+        UserError: there are no joints, or the base has other joints.
     """
     if any(joint.type == mujoco.mjtJoint.mjJNT_FREE for joint in spec.joints):
         return
@@ -54,7 +54,7 @@ def free_the_base(spec: mujoco.MjSpec, path: Path) -> None:
 
 
 def compiled(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
-    """The compiled model; raises UserError in MuJoCo's words if there is none."""
+    """The compiled model; raises UserError with MuJoCo's message."""
     try:
         return spec.compile()
     except (ValueError, mujoco.FatalError) as error:

@@ -1,4 +1,4 @@
-"""Whether a machine stands on stiff joints: the torques that it takes, and whether it tips.
+"""Statics of a machine on stiff joints: its torques, and whether it tips.
 
 With its feet fixed to the ground, a robot at rest in its default pose is stable if its potential energy (of
 gravity and of the joints' springs) has a minimum there: N'(K + G)N is positive definite, with N a basis of
@@ -22,10 +22,10 @@ class Statics(NamedTuple):
 
     torque_nm: np.ndarray  # (n,) of the joints, in joint order
     gravity: np.ndarray  # (k, k) N' G N
-    joints: np.ndarray  # (n, k) how the joints take part in the motions N
+    joints: np.ndarray  # (n, k) the joints' part of the motions N
 
     def stable(self, kp: np.ndarray) -> bool:
-        """Whether joints of stiffness kp (n,), N m/rad, keep it from tipping."""
+        """Whether joints of stiffness kp (n,), N m/rad, prevent tipping."""
         stiffness = self.joints.T @ (kp[:, None] * self.joints) + self.gravity
         values = np.linalg.eigvalsh(stiffness)
         return bool(len(values) == 0 or values[0] > 1e-6 * max(values[-1], 1.0))
@@ -39,7 +39,7 @@ def statics(
     Args:
         model: with a free base as its first joint.
         joints: names of the driven ones.
-        legs: whose geoms, spheres and ellipsoids, stand on the ground.
+        legs: their geoms, spheres and ellipsoids, stand on the ground.
         qpos: (nq,) the base level.
     """
     data = mujoco.MjData(model)
@@ -76,7 +76,7 @@ def _ground_forces(places: np.ndarray, centre: np.ndarray, weight_n: float) -> n
 
 
 def _jacobian(model: mujoco.MjModel, data: mujoco.MjData, body: int, local: np.ndarray) -> np.ndarray:
-    """Of a point of a body, (3, nv)."""
+    """Jacobian of a point of a body, (3, nv)."""
     jacobian = np.zeros((3, model.nv))
     place = data.xpos[body] + data.xmat[body].reshape(3, 3) @ local
     mujoco.mj_jac(model, data, jacobian, None, place, body)
@@ -86,7 +86,7 @@ def _jacobian(model: mujoco.MjModel, data: mujoco.MjData, body: int, local: np.n
 def _unbalanced(
     model: mujoco.MjModel, qpos: np.ndarray, local: list[tuple[int, np.ndarray]], force: np.ndarray
 ) -> np.ndarray:
-    """Generalised force that has to be added for rest, (nv,): of gravity, less that of the ground."""
+    """Generalised force required for equilibrium, (nv,): gravity's less the ground's."""
     data = mujoco.MjData(model)
     data.qpos[:] = qpos
     mujoco.mj_forward(model, data)
@@ -103,7 +103,7 @@ def _slope(
     force: np.ndarray,
     direction: np.ndarray,
 ) -> np.ndarray:
-    """How `_unbalanced` changes along a direction (nv,)."""
+    """Derivative of `_unbalanced` along a direction (nv,)."""
     there, back = qpos.copy(), qpos.copy()
     mujoco.mj_integratePos(model, there, direction, STEP)
     mujoco.mj_integratePos(model, back, direction, -STEP)

@@ -1,14 +1,14 @@
-"""Writes `training.yaml`: what suits a small quadruped in the presets, for a machine of another size."""
+"""Writes `training.yaml`: the presets' figures of a small quadruped, scaled to another size."""
 
 from footfall.robots.commands import CommandRange
 from footfall.robots.importer.machine import Machine
 from footfall.robots.importer.pose import Pose
 
-# What the presets (train/presets/) were tuned on, and their figures that have a size.
+# The robot that the presets (train/presets/) were tuned on, and their figures that depend on size.
 MASS_KG, REACH_M = 13.0, 0.45
 FREQUENCY_HZ, SWING_HEIGHT_M = 2.2, 0.08
 TORQUE, POWER = -1.0e-3, -5.0e-3
-BEYOND = 1.2  # of the commands that scenarios ask: training goes a little further
+BEYOND = 1.2  # over the commands of scenarios: training goes a little further
 
 
 def training_yaml(machine: Machine, pose: Pose, commands: CommandRange, gait_name: str | None) -> str:
@@ -16,7 +16,7 @@ def training_yaml(machine: Machine, pose: Pose, commands: CommandRange, gait_nam
 
     Lengths are scaled by the legs' reach, times by its square root, forces by the mass (dynamic similarity:
     Alexander and Jayes 1983, A dynamic similarity hypothesis for the gaits of quadrupedal mammals), and the
-    costs of torque and power so that a machine of the same build pays as much.
+    costs of torque and power so that a machine of the same build has the same costs.
     """
     mass = machine.mass / MASS_KG
     length = pose.reach_m / REACH_M

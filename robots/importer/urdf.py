@@ -1,4 +1,4 @@
-"""URDF: what MuJoCo does not read of it is taken care of here."""
+"""Reads a URDF, including what MuJoCo does not read."""
 
 import math
 import os
@@ -16,18 +16,18 @@ from footfall.robots.importer.meshes import read_points
 from footfall.robots.importer.shapes import hull_points, rotation_of
 from footfall.robots.importer.source import Source, compiled, free_the_base, name_everything, one_line
 
-# MuJoCo would put links that are fixed to each other into one, and forget their names.
+# MuJoCo would merge links that are fixed to each other and drop their names.
 COMPILER = {"fusestatic": "false", "discardvisual": "true", "balanceinertia": "true", "strippath": "false"}
 PACKAGE = "package://"
 SMALLEST_INERTIA = 1e-9  # kg m^2
 SMALLEST_RADIUS_M = 1e-3  # of gyration
-NO_SIZE = 1e-3  # m, of what stands for a mesh
+NO_SIZE = 1e-3  # m, of the geom that replaces a mesh
 NO_MASS = 1e-9  # kg, and kg m^2
 MOMENTS = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
 
 
 class _Limit(NamedTuple):
-    """What a URDF says of a joint's motor; None where it says nothing."""
+    """Figures of a joint's motor in a URDF; None where it has none."""
 
     effort_nm: float | None
     speed_rad_s: float | None
@@ -77,7 +77,7 @@ def _refuse_repeated_names(root: ET.Element, path: Path) -> None:
 
 
 def _visuals_for_collisions(root: ET.Element, path: Path) -> Iterator[str]:
-    """Where no link says what may touch, take what is seen."""
+    """Use visual geometry for collisions if no link has collision geometry."""
     if root.find("link/collision") is not None:
         return
     seen = root.findall("link/visual")
@@ -91,9 +91,9 @@ def _visuals_for_collisions(root: ET.Element, path: Path) -> Iterator[str]:
 
 
 def _mend_inertias(root: ET.Element, path: Path) -> Iterator[str]:
-    """Make MuJoCo take links without an inertia, or with one that no body has; names of the latter.
+    """Repair missing and impossible inertias, which MuJoCo refuses; returns the names of the latter.
 
-    A link without mass gets next to none: what is fixed to it may bring enough (see `machine.build_links`).
+    A link without mass gets almost none: bodies fixed to it may have enough (see `machine.build_links`).
     """
     for link in root.findall("link"):
         inertial = link.find("inertial")
@@ -125,7 +125,7 @@ def _next_to_nothing() -> ET.Element:
 
 
 def _make_revolute(root: ET.Element) -> list[str]:
-    """Give continuous joints a range; their names."""
+    """Give continuous joints a range; returns their names."""
     names = []
     for joint in root.findall("joint[@type='continuous']"):
         joint.set("type", "revolute")
@@ -151,7 +151,7 @@ def _limit(joint: ET.Element, path: Path) -> _Limit:
 def _take_meshes(
     root: ET.Element, path: Path, packages: tuple[Path, ...]
 ) -> Iterator[tuple[str, np.ndarray]]:
-    """Remove mesh collisions; of each, the link's name and its hull in the link's frame, (k, 3) m."""
+    """Remove mesh collisions; returns the link's name and the hull in its frame, (k, 3) m, of each."""
     known: dict[tuple[Path, str], np.ndarray] = {}
     for link in root.findall("link"):
         for collision in link.findall("collision"):
@@ -185,7 +185,7 @@ def _vector(text: str, path: Path) -> np.ndarray:
 
 
 def _find(name: str, urdf: Path, packages: tuple[Path, ...]) -> Path:
-    """The file that a mesh's name means; raises UserError if there is none."""
+    """The file of a mesh's name; raises UserError if there is none."""
     candidates = list(_candidates(name, urdf.resolve(), packages))
     for candidate in candidates:
         if candidate.is_file():
@@ -206,7 +206,7 @@ def _candidates(name: str, urdf: Path, packages: tuple[Path, ...]) -> Iterator[P
 
 
 def _leave_to_mujoco(root: ET.Element) -> None:
-    """Take out what MuJoCo would stumble over or need not know."""
+    """Remove elements that MuJoCo refuses or does not need."""
     for tag in ("transmission", "gazebo", "mujoco"):
         for element in root.findall(tag):
             root.remove(element)
