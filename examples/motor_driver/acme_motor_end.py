@@ -1,0 +1,48 @@
+"""The simulated motors of acme_driver.py: the far end of the same protocol.
+
+The simulated robot does the physics, the time-outs and the faults. This class decodes what motors receive and
+encodes what they answer.
+"""
+
+import numpy as np
+from acme_driver import CLEAR, COMMAND, COMMANDED, DISABLE, ENABLE, MEASURED, ORDER, REPLY, UNITS, ZERO
+
+from footfall.deploy.drivers.driver import CanFilter, Motors
+from footfall.deploy.drivers.polled import motor_lookup
+from footfall.deploy.frames import Frames
+from footfall.deploy.wiring import Wiring
+from footfall.plant.motor_ends.motor_end import PolledMotorEnd, Report, Request, Requests
+
+ORDERS = {ENABLE: Request.ENABLE, DISABLE: Request.DISABLE, ZERO: Request.ZERO, CLEAR: Request.CLEAR}
+
+
+class AcmeMotorEnd(PolledMotorEnd):
+    """The motors' end, for all motors of the protocol at once."""
+
+    filters: tuple[CanFilter, ...] = tuple(
+        {"can_id": start, "can_mask": 0x780, "extended": False} for start in (COMMAND, ORDER)
+    )
+    time_out_error = 3
+
+    def __init__(self, wiring: Wiring) -> None:
+        super().__init__(wiring)
+        self._lookup = motor_lookup(wiring)
+
+    def requests(self, frames: Frames) -> Requests:
+        usable = np.isin(frames.id & ~0x7F, (COMMAND, ORDER)) & (frames.length == 8)
+        motor = np.where(usable, self._lookup[frames.channel, frames.id & 0x7F], -1)
+        frames, motor = frames.take(motor >= 0), motor[motor >= 0]
+        content = np.ascontiguousarray(frames.data).view(COMMANDED).ravel()
+        values = np.array([content[name] * UNITS[name] for name in UNITS])
+        kinds = np.array([ORDERS.get(first, Request.COMMAND) for first in frames.data[:, 0].tolist()], int)
+        return Requests(motor, values, np.where(frames.id & ~0x7F == ORDER, kinds, Request.COMMAND))
+
+    def reply(self, motor: Motors, report: Report) -> Frames:
+        content = np.zeros(report.values.shape[1], MEASURED)
+        for name, row in zip(("position", "velocity", "torque"), report.values, strict=True):
+            limits = np.iinfo(MEASURED[name])
+            content[name] = np.clip(np.rint(row / UNITS[name]), limits.min, limits.max)
+        content["error"], content["celsius"] = report.error, report.temperature_c
+        motor_id, channel = self._wiring.motor_id[motor], self._wiring.channel[motor]
+        data = content.view(np.uint8).reshape(-1, 8)
+        return Frames(channel, REPLY + motor_id, data, np.full(len(motor_id), 8))
