@@ -10,10 +10,10 @@ from footfall.deploy.drivers.driver import Motors
 from footfall.deploy.frames import Frames
 from footfall.domain_rand.sample import Sample, delay_s, randomised_command, randomised_motor, sensor_bias
 from footfall.plant.motor_ends.motor_end import MotorEnd, Report, Request, Requests
+from footfall.plant.watchdog import Watchdog
 from footfall.robots.actuator import JointCommand, Motor, friction_torque, motor_torque
 
 TEMPERATURE_C = 30
-_WATCHDOG_EVERY = 5  # steps
 
 
 @dataclass
@@ -61,17 +61,14 @@ class SimulatedMotors:
         self._gain_scale = None if (scale == 1.0).all() else scale
         late_s = delay_s(sample, "actions")
         self._delay_steps = 0 if late_s is None else round(float(late_s) / step_s)
-        self._timeout_s, self._step_s = timeout_s, step_s
-        self._read_time_outs()
+        self._watchdog = Watchdog(end, timeout_s, step_s, n)
         self.faults = MotorFaults(*np.zeros((2, n), bool), *np.zeros((2, n), np.uint64))
         self.enabled = np.zeros(n, dtype=bool)
         self._any_enabled = self._all_enabled = False
         self.commanded = False  # whether a command has reached enabled motors
-        self._timed_out = np.zeros(n, dtype=bool)
         self._values = np.zeros((5, n))  # the command that each motor follows
         self._command = JointCommand(*self._values)  # its rows
         self._due: deque[tuple[int, Motors, np.ndarray]] = deque()
-        self._heard_step = np.zeros(n, dtype=np.int64)
         self._said = Report(np.zeros((3, n)), np.zeros(n, np.uint64), np.zeros(n, bool))
 
     def torque(self, step: int, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
@@ -86,8 +83,12 @@ class SimulatedMotors:
             _, motors, values = self._due.popleft()
             self._values[:, motors] = values
             self.commanded |= self._any_enabled
-        if step % _WATCHDOG_EVERY == 0 and self._any_enabled:
-            self._switch_off_unheard(step)
+        if not self._any_enabled:
+            return np.zeros(len(position))
+        late = self._watchdog.late(step, self.enabled)
+        if late is not None:
+            self.enabled &= ~late
+            self._note_enabled()
         if not self._any_enabled:
             return np.zeros(len(position))
         measured = position + self.encoder_bias
@@ -128,7 +129,7 @@ class SimulatedMotors:
         motor, values, kind = requests
         if not values.shape[1]:
             answers = self._end.settings_replies(frames)
-            self._read_time_outs()
+            self._watchdog.read_timeouts()
             return answers
         if self._gain_scale is not None:
             values = values * self._gain_scale[:, motor]
@@ -136,24 +137,8 @@ class SimulatedMotors:
             self._due.append((step + self._delay_steps, motor, values))
         else:
             self._follow_each(step, requests._replace(values=values), readings)
-        self._heard_step[motor] = step
+        self._watchdog.address(motor, step)
         return self._reply(motor, readings)
-
-    def _read_time_outs(self) -> None:
-        own = self._end.timeout_s
-        self._timeout_steps = np.rint(np.where(np.isnan(own), self._timeout_s, own) / self._step_s)
-        self._least_timeout_steps = self._timeout_steps.min()
-
-    def _switch_off_unheard(self, step: int) -> None:
-        """Disable the motors that have not been addressed for longer than their timeout."""
-        heard = self._heard_step
-        if step - heard[heard.argmin()] <= self._least_timeout_steps:
-            return
-        late = self.enabled & (step - heard > self._timeout_steps)
-        if late.any():
-            self._timed_out |= late
-            self.enabled &= ~late
-            self._note_enabled()
 
     def _follow_each(self, step: int, requests: Requests, readings: np.ndarray) -> None:
         """Process requests one by one, where not all of them are commands."""
@@ -166,9 +151,9 @@ class SimulatedMotors:
                 if not self.enabled[motor]:
                     self._values[:, motor] = 0.0  # a motor starts without torque
                 self.enabled[motor] = True
-                self._timed_out[motor] = False
+                self._watchdog.timed_out[motor] = False
             elif kind == Request.CLEAR:
-                self._timed_out[motor], self.faults.latched[motor] = False, 0
+                self._watchdog.timed_out[motor], self.faults.latched[motor] = False, 0
             elif kind == Request.DISABLE:
                 self.enabled[motor] = False
             elif kind == Request.ZERO:
@@ -180,7 +165,7 @@ class SimulatedMotors:
 
     def _locked(self) -> np.ndarray:
         """Which motors cannot be enabled until their errors are cleared."""
-        return (self.faults.latched != 0) | (self._timed_out & self._end.time_out_latches)
+        return (self.faults.latched != 0) | (self._watchdog.timed_out & self._end.time_out_latches)
 
     def _note_enabled(self) -> None:
         self._any_enabled, self._all_enabled = bool(self.enabled.any()), bool(self.enabled.all())
@@ -196,8 +181,10 @@ class SimulatedMotors:
     def _report(self, readings: np.ndarray) -> Report:
         """The present report of every motor; a stuck one repeats its last report."""
         error, on = np.maximum(self.faults.error, self.faults.latched), self.enabled.copy()
-        if np.count_nonzero(self._timed_out):
-            error = np.maximum(error, self._timed_out * np.asarray(self._end.time_out_error, np.uint64))
+        if np.count_nonzero(self._watchdog.timed_out):
+            error = np.maximum(
+                error, self._watchdog.timed_out * np.asarray(self._end.time_out_error, np.uint64)
+            )
         report, stuck = Report(readings, error, on, TEMPERATURE_C), self.faults.stuck
         if np.count_nonzero(stuck):
             before = self._said
