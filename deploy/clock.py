@@ -1,4 +1,4 @@
-"""The loop's time: as fast as it goes, or as the wall clock goes."""
+"""The loop's time: simulated, as fast as possible, or the wall clock."""
 
 import ctypes
 import gc
@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from typing import Protocol
 
-SWITCH_S = 1e-4  # that another thread may keep Python to itself while the loop's waits for it
+SWITCH_S = 1e-4  # longest time that another thread keeps Python's lock while the loop's waits
 
 _MCL_CURRENT_AND_FUTURE = 3
 _PR_SET_TIMERSLACK = 29
@@ -31,7 +31,7 @@ class Clock(Protocol):
 
 
 class LockstepClock:
-    """Simulated time: each tick follows at once."""
+    """Simulated time: ticks follow without a wait."""
 
     realtime = False
 
@@ -48,7 +48,7 @@ class LockstepClock:
 
 
 class WallClock:
-    """Wall time, paced by absolute deadlines. A tick that was missed is skipped, not caught up on."""
+    """Wall time, paced by absolute deadlines. A missed tick is skipped."""
 
     realtime = True
 
@@ -77,14 +77,14 @@ class WallClock:
 def undisturbed(priority: int | None) -> Iterator[list[str]]:
     """Run this thread without garbage collection and, where the system lets us, at a real-time priority.
 
-    Other threads of the process give way to it within 0.1 ms instead of Python's 5 ms, and the kernel wakes
-    it when it asked for, not up to 50 us later.
+    Other threads of the process yield to it within 0.1 ms instead of Python's 5 ms. The kernel wakes it on time
+    instead of up to 50 us late.
 
     Args:
         priority: of SCHED_FIFO, with memory locked; None leaves both alone.
 
     Yields:
-        What the system did not permit, one line each. The loop then runs as well as it can.
+        What the system did not permit, one line each. The loop then runs without it.
     """
     refused: list[str] = []
     switch_s = sys.getswitchinterval()
@@ -129,6 +129,6 @@ def _take_priority(priority: int, undo: ExitStack) -> str:
 
 
 def _set_timer_slack(slack_ns: int) -> None:
-    """How late the kernel may wake this thread; 0 for as late as at first. Linux alone has it."""
+    """Set how late the kernel may wake this thread; 0 for its default. Linux only."""
     with suppress(AttributeError):
         ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, ctypes.c_ulong(slack_ns), 0, 0, 0)

@@ -1,4 +1,4 @@
-"""Keeps commanded velocities inside what a policy was trained for."""
+"""Clips velocity commands to the ranges of a policy."""
 
 import math
 
@@ -10,10 +10,10 @@ _AXES = (("forward", "m/s"), ("leftward", "m/s"), ("yaw", "rad/s"))
 
 
 class CommandLimits:
-    """Clips commands to a policy's ranges, and says once for each axis when it had to."""
+    """Clips commands to a policy's ranges, and notes it once for each axis."""
 
     def __init__(self, ranges: CommandRange | None) -> None:
-        """Without ranges only what is not finite is changed: to 0."""
+        """Without ranges only values that are not finite change: to 0."""
         everything = (-math.inf, math.inf)
         self._ranges = (
             (everything,) * 3
@@ -24,7 +24,7 @@ class CommandLimits:
         self._noted: set[int] = set()
 
     def apply(self, command: np.ndarray) -> np.ndarray:
-        """The command (3,) that the policy is handed; the same array if nothing had to be changed."""
+        """The command (3,) for the policy; the same array if nothing changes."""
         asked = command.tolist()
         inside = [
             min(max(value, low), high) if math.isfinite(value) else 0.0

@@ -10,15 +10,15 @@ from footfall.deploy.estimation.config import EstimatorConfig
 from footfall.deploy.safety import SafetyConfig
 from footfall.robots.description import Robot
 
-MOTOR_TIMEOUT_S = 0.1  # a motor that hears nothing for so long switches itself off, and says so from then on
-LATE_TICKS = 2  # at least, of a limit: what comes a tick late is no fault
-START_TICKS = 10  # likewise, of the time that a start may take: motors are asked, switched on and looked at
+MOTOR_TIMEOUT_S = 0.1  # after this time without a command a motor disables itself, and reports that
+LATE_TICKS = 2  # shortest limit: one late tick is no fault
+START_TICKS = 10  # shortest start timeout: motors are queried, enabled and checked
 AT_LEAST = {"silence_timeout_s": LATE_TICKS, "pause_limit_s": LATE_TICKS, "start_timeout_s": START_TICKS}
 
 
 @dataclass(frozen=True)
 class DeployConfig:
-    """How the control loop runs; the defaults suit a robot of a few ten kilograms."""
+    """Settings of the control loop. The defaults suit a robot of a few ten kilograms."""
 
     joint_rate_hz: float = 500.0  # of ticks: readings, supervisor, commands
     estimator_rate_hz: float = 250.0  # at least; also once before each policy step
@@ -26,16 +26,14 @@ class DeployConfig:
     stand_kp_scale: float = 4.0  # of the robot's gains
     stand_kd_scale: float = 2.0  # likewise
     pose_rate_rad_s: float = 0.8  # fastest that a joint moves while the robot stands up or lies down
-    stop_rate_rad_s: float = 8.0  # the same out of a walk, until all feet stand
-    stop_s: float = 1.0  # that a policy has to come to a stand before the robot lies down
-    sink_rate_rad_s: float = 12.0  # the same of a robot that cannot stop: it sinks at once
-    sink_share: float = 0.7  # by so much of the way from standing to lying
-    scale: float = (
-        1.0  # share of stiffness, damping and torque that reaches the motors; damping a robot is whole
-    )
+    stop_rate_rad_s: float = 8.0  # the same after stopping, until all feet stand
+    stop_s: float = 1.0  # that a policy has to stop before the robot lies down
+    sink_rate_rad_s: float = 12.0  # the same while walking: the base is lowered first
+    sink_share: float = 0.7  # of the path from standing to lying that is so fast
+    scale: float = 1.0  # share of stiffness, damping and torque that reaches the motors in a decision
     realtime_priority: int | None = None  # SCHED_FIFO, 1 to 99, for wall-clock runs
     host_queue: int = HOST_QUEUE  # frames that a simulated CAN interface queues
-    motor_timeout_s: float = MOTOR_TIMEOUT_S  # as robot.yaml has it; simulated ones can wait for longer
+    motor_timeout_s: float = MOTOR_TIMEOUT_S  # of robot.yaml; simulated motors can wait longer
     estimator: EstimatorConfig = field(default_factory=EstimatorConfig)
     odometry: bool = False  # estimate the base's motion for the log, also where the policy does not need it
     safety: SafetyConfig = field(default_factory=SafetyConfig)
@@ -67,7 +65,7 @@ class DeployConfig:
         self._check_who_is_first()
 
     def _check_who_is_first(self) -> None:
-        """Whatever hangs, the loop or its guard damps the robot before motors that hear nothing are limp."""
+        """The loop or its guard damps the robot before motors without commands disable themselves."""
         safety = self.safety
         longer = max("pause_limit_s", "late_limit_s", key=lambda name: getattr(safety, name))
         for limit, silent_s in (
@@ -86,12 +84,12 @@ class DeployConfig:
 
 
 def deploy_config(robot: Robot, path: Path | None = None, simulated: bool = False) -> DeployConfig:
-    """The defaults with a robot's limits and its motors' time-out, and with what a YAML file changes of them.
+    """The defaults with a robot's limits and its motors' timeout, and with the changes of a YAML file.
 
     Args:
         robot: whose limits and motors count.
         path: the file, if there is one.
-        simulated: whether the motors are; only such can wait for longer than robot.yaml says.
+        simulated: whether the motors are simulated; only those can wait longer than robot.yaml says.
 
     Raises:
         UserError: either is malformed or cannot work.

@@ -1,27 +1,27 @@
-"""A deadline for work of others on the robot's own thread: a policy that sleeps or spins is interrupted."""
+"""A deadline for foreign code on the loop's own thread: a policy that sleeps or spins is interrupted."""
 
 import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-Arm = Callable[[float], None]  # seconds from now on; 0 takes the deadline away
+Arm = Callable[[float], None]  # seconds from now; 0 removes the deadline
 
 
 class OverdueError(BaseException):
-    """The deadline has passed. No `Exception`: code that catches all of those may not swallow it."""
+    """The deadline has passed. A BaseException, since a policy may catch every Exception."""
 
 
 def unarmed(_: float) -> None:
-    """No deadline, where time is simulated or signals are not ours to use."""
+    """No deadline: time is simulated, or this thread gets no signals."""
 
 
 @contextmanager
 def deadlines() -> Iterator[Arm]:
-    """What sets a deadline: Python code that is past it is interrupted by `OverdueError`.
+    """Yields a function that sets a deadline: `OverdueError` interrupts Python code that is past it.
 
-    It takes the signal of the interval timer, which reaches the main thread alone: elsewhere there is none.
-    Code outside Python is interrupted once it returns to it; see `deploy/guard.py`.
+    Uses the signal of the interval timer, which reaches the main thread alone: other threads get no deadline.
+    Code outside Python is interrupted once it returns to Python; see `deploy/guard.py`.
     """
     if threading.current_thread() is not threading.main_thread():
         yield unarmed

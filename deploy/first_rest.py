@@ -1,4 +1,4 @@
-"""Whether gravity is where the IMU says, of a robot that keeps still before its motors get stiffness."""
+"""Checks the IMU against gravity while the robot keeps still, before its motors get stiffness."""
 
 import numpy as np
 
@@ -13,18 +13,18 @@ AT_REST = np.array([0.0, 0.0, GRAVITY_M_S2])  # what an accelerometer reads, wor
 
 
 class FirstRest:
-    """Adds up accelerations for as long as the robot keeps still: motion would hide gravity."""
+    """Averages accelerations while the robot keeps still: motion would hide gravity."""
 
     def __init__(self, still_s: float, limits: ImuLimits, places: list[str]) -> None:
-        """Nothing has been heard.
+        """No reading has come yet.
 
         Args:
             still_s: how long the robot has to keep still; 0 for not at all.
             limits: what counts as still, and as gravity.
-            places: of the joints, for sentences.
+            places: of the joints, for messages.
         """
         self._still_s, self._limits = still_s, limits
-        self._says = [*("the IMU's gyro",) * 3, *places]  # who reads a speed
+        self._says = [*("the IMU's gyro",) * 3, *places]  # source of each speed
         self._since_us: int | None = None
         self._sum, self._count = np.zeros(3), 0  # of accelerations since then, world axes
         self._speed = np.zeros(len(self._says))  # of the base about its axes and of the joints, rad/s
@@ -40,7 +40,7 @@ class FirstRest:
             self._count += 1
 
     def awaited(self, now_us: int) -> str:
-        """What is waited for of a robot that is heard; empty if it has kept still for long enough."""
+        """Why a robot that answers is not ready; empty once it has kept still for long enough."""
         if self._since_us is None or now_us - self._since_us >= 1e6 * self._still_s:
             return ""
         fastest = int(self._speed.argmax())
@@ -50,7 +50,7 @@ class FirstRest:
         )
 
     def contradiction(self) -> Implausible | None:
-        """How far the mean acceleration is off gravity's opposite, where that is too far."""
+        """The fault if the mean acceleration is too far off gravity's opposite."""
         if not self._still_s or not self._count:
             return None
         error = float(np.linalg.norm(self._sum / self._count - AT_REST) / AT_REST[2])

@@ -1,8 +1,8 @@
-"""A thread that brings the robot to rest when the loop's own thread does not come back.
+"""A thread that brings the robot to rest when the loop's own thread hangs.
 
-A deadline (`deploy/deadline.py`) interrupts Python. Code outside it that never returns, as a driver that
-waits for ever does, is left to this thread: it damps the robot and switches its motors off. It needs Python's
-lock: what keeps that is left to the motors' own time-out.
+A deadline (`deploy/deadline.py`) interrupts Python. For code outside Python that never returns, such as a
+driver that waits for ever, this thread damps the robot and disables its motors. It needs Python's lock: code
+that keeps the lock leaves the robot to its motors' own timeout.
 """
 
 import os
@@ -11,12 +11,12 @@ import threading
 import time
 from collections.abc import Callable
 
-PATIENCE_S = 1.0  # for the loop's thread to end the process itself, once the motors are off
+PATIENCE_S = 1.0  # that the loop's thread has to end the process itself, once the motors are disabled
 EVERY_S = 0.01  # between two frames
 
 
 class Guard(threading.Thread):
-    """A watchdog of the loop, whose heartbeat is the beginning of each tick."""
+    """A watchdog of the loop. Its heartbeat is the start of each tick."""
 
     def __init__(
         self,
@@ -33,10 +33,10 @@ class Guard(threading.Thread):
         Args:
             heartbeat: when the loop last began a tick, by `time.perf_counter`, s.
             damp: sends one damping command.
-            disable: switches the motors off.
-            limit_s: how long the loop may stay away.
-            damping_s: how long to damp before the motors are switched off.
-            taken_over: set once the guard acts in the place of the loop.
+            disable: disables the motors.
+            limit_s: longest time between two heartbeats.
+            damping_s: duration of damping before the motors are disabled.
+            taken_over: set once the guard has taken the robot over from the loop.
             end: ends a process whose loop never came back.
         """
         super().__init__(name="guard", daemon=True)
@@ -74,7 +74,7 @@ class Guard(threading.Thread):
 
 
 def _try(act: Callable[[], None]) -> None:
-    """Whatever fails, the next one is tried."""
+    """Act, and report what fails: the next act is tried in any case."""
     try:
         act()
     except Exception as error:

@@ -12,6 +12,7 @@ from footfall.deploy.clock import Clock
 from footfall.deploy.drivers.driver import Driver
 from footfall.deploy.frames import Frames
 from footfall.deploy.joint_layer import JointLayer
+from footfall.deploy.wiring import Wiring
 
 OFF_US = 250_000  # how long motors are asked to disable: two heartbeats of those that answer by them
 
@@ -25,14 +26,14 @@ class LastResort:
         bus: Bus,
         clock: Clock,
         joints: JointLayer,
-        places: list[str],
+        wiring: Wiring,
         damping_kd: float,
         tick_us: int,
     ) -> None:
-        """Frames for `damping_kd`, N m s/rad, are made now; `places` name the joints."""
+        """Makes the frames for `damping_kd`, N m s/rad, now, while nothing has failed."""
         self._driver, self._bus, self._clock, self._joints = driver, bus, clock, joints
-        self._places, self._kd, self._tick_us = places, damping_kd, tick_us
-        self._frames = cycle(driver.damping(np.full(len(places), damping_kd)))
+        self._wiring, self._kd, self._tick_us = wiring, damping_kd, tick_us
+        self._frames = cycle(driver.damping(np.full(len(wiring.joint_names), damping_kd)))
         self._speeds_counted = False  # whether the frames keep to what motors can do at their speeds
         self.silent_at_the_end: list[str] = []  # motors that did not answer when they were disabled
 
@@ -55,8 +56,8 @@ class LastResort:
     def disable(self) -> None:
         """Disable the motors: again and again, until each has answered.
 
-        What a motor says two ticks after the first request is an answer to it, since nothing else is asked. A
-        motor that speaks by itself has to say that it is disabled. Ends after `OFF_US`; a motor that has not
+        Any reply from two ticks after the first request on answers it, since nothing else is sent. A motor
+        that broadcasts its state has to confirm disable. Ends after `OFF_US`; a motor that has not
         answered by then is in `silent_at_the_end`.
         """
         began_us = now_us = self._clock.next_tick()
@@ -65,7 +66,7 @@ class LastResort:
                 self._joints.absorb(self._bus.receive(now_us), now_us)
             unanswered = self._joints.last_heard().motor_us < began_us + 2 * self._tick_us
             waiting = np.flatnonzero(unanswered | self._driver.not_confirmed_off())
-            self.silent_at_the_end = [self._places[joint] for joint in waiting]
+            self.silent_at_the_end = [self._wiring.place(int(joint)) for joint in waiting]
             if not self.silent_at_the_end:
                 return
             with suppress(BaseException):

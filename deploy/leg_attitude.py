@@ -1,9 +1,9 @@
-"""What the legs of a robot that stands say of its attitude, against what the IMU says.
+"""The attitude of a standing robot by its legs, against its attitude by the IMU.
 
-Feet on the ground span a plane. The joints alone tell its normal in the base frame, and the IMU alone the way
-up in the same frame. The two are apart by the ground's slope, and that does not change while the same feet
-stand, however the base sways and the feet slip in their plane. Of a biped nothing is known: two feet are in a
-line, and soles tip over their edges without a joint that moves.
+Standing feet span a plane. The joints give its normal in the base frame, the IMU the world's up in the same
+frame. The angle between the two is the ground's slope. It stays the same while the same feet stand, however
+the base sways and the feet slip in their plane. A biped gives nothing: two feet are in a line, and soles tip
+over their edges without a joint that moves.
 """
 
 import math
@@ -15,14 +15,14 @@ from footfall.deploy.sensor_checks.table import SensorLimits
 from footfall.robots.description import Robot
 from footfall.robots.momentum import upward_force
 
-SPREAD = 0.25  # of the standing height: what stands on a narrower strip says nothing of the tilt across it
+SPREAD = 0.25  # of the standing height: feet in a narrower strip say nothing of the tilt across it
 
 
 class LegAttitude:
-    """Compares legs and IMU for as long as joints are nearly still and the same feet carry the robot."""
+    """Compares legs and IMU while joints are nearly still and the same feet carry the robot."""
 
     def __init__(self, robot: Robot, limits: SensorLimits) -> None:
-        """Raises UserError of a robot whose limbs are not legs."""
+        """Raises UserError for a robot whose limbs are not legs."""
         self._legs, self._settled_s = robot.legs, limits.resting_s
         even_force = GRAVITY_M_S2 * self._legs.mass / self._legs.count
         self._loaded = limits.loaded_share * even_force
@@ -30,11 +30,11 @@ class LegAttitude:
         self.reset()
 
     def reset(self) -> None:
-        """Nothing is known to stand."""
+        """Forget which feet stand."""
         self.slope = 0.0  # rad, between the plane of the feet and the IMU's level
         self.turn = 0.0  # rad, of the base since these feet stand, by the IMU other than by the legs
         self._standing = b""  # which feet carry the robot
-        self._first: np.ndarray | None = None  # the way up less the normal when they began to
+        self._first: np.ndarray | None = None  # up less the normal when they began to
         self._stood_s = 0.0
 
     def look(self, position: np.ndarray, torque: np.ndarray, up: np.ndarray, elapsed_s: float) -> None:
@@ -43,7 +43,7 @@ class LegAttitude:
         Args:
             position: of the joints, rad, (n,).
             torque: that the motors report, N m, (n,).
-            up: the IMU's way up in the base frame, (3,).
+            up: the world's up by the IMU, base frame, (3,).
             elapsed_s: since the last look.
         """
         force = self._force(position, torque, up)
@@ -52,15 +52,15 @@ class LegAttitude:
         if normal is None:
             self.reset()
             return
-        apart = up - normal
+        difference = up - normal
         if self._first is None or standing.tobytes() != self._standing:
             self.reset()
-            self._standing, self._first = standing.tobytes(), apart
+            self._standing, self._first = standing.tobytes(), difference
             return
         self._stood_s += elapsed_s
-        self.turn = float(np.linalg.norm(apart - self._first))
+        self.turn = float(np.linalg.norm(difference - self._first))
         if self._stood_s >= self._settled_s:
-            self.slope = 2.0 * math.asin(min(1.0, 0.5 * float(np.linalg.norm(apart))))
+            self.slope = 2.0 * math.asin(min(1.0, 0.5 * float(np.linalg.norm(difference))))
 
     def _force(self, position: np.ndarray, torque: np.ndarray, up: np.ndarray) -> np.ndarray:
         """Upward force of the ground on each foot of a robot at rest, N, (legs,)."""
@@ -69,13 +69,13 @@ class LegAttitude:
         return upward_force(legs.pose(position).jacobian, outside[:, :, None], up)[:, 0]
 
     def _normal(self, position: np.ndarray, standing: np.ndarray, up: np.ndarray) -> np.ndarray | None:
-        """Normal of the plane through what stands, base frame, (3,); None if it spans none."""
+        """Normal of the plane through the standing feet, base frame, (3,); None if they span none."""
         if not standing.any():
             return None
         legs = self._legs
         points = (legs.pose(position).foot - legs.foot_radius[:, None] * up)[standing]
-        about = points - points.mean(axis=0)
-        spreads, axes = np.linalg.eigh(about.T @ about / len(about))
+        spread = points - points.mean(axis=0)
+        spreads, axes = np.linalg.eigh(spread.T @ spread / len(spread))
         if spreads[1] < self._least_spread:
             return None
         normal: np.ndarray = axes[:, 0]

@@ -28,11 +28,11 @@ from footfall.robots.readings import sensed_sizes
 
 MOST_WAITING_BYTES = 4 * 2**20  # for a slow disk: some seconds of a run
 LAST_WAIT_S = 10.0  # for the writing process, once the run has ended
-_PLACE_AND_YAW = [0, 1, 2, 5]  # of x, y, z and the turns about them
+_PLACE_AND_YAW = [0, 1, 2, 5]  # indices of x, y, z and yaw in (x, y, z, roll, pitch, yaw)
 
 
 def flatten(inputs: PolicyInput) -> np.ndarray:
-    """An observation as one float64 vector: time, the readings in field order, command, velocity, height."""
+    """A policy's input as one float64 vector: time, readings in field order, command, velocity, height."""
     return np.concatenate(
         [
             [inputs.time_s],
@@ -45,12 +45,12 @@ def flatten(inputs: PolicyInput) -> np.ndarray:
 
 
 def input_sizes(joints: int) -> dict[str, int]:
-    """Number of components of each part of a flat observation, in its order."""
+    """Number of components of each part of a flat policy input, in its order."""
     return {"time_s": 1, **sensed_sizes(joints), "command": 3, "base_velocity": 3, "base_height": 1}
 
 
 def unflatten(values: np.ndarray, joints: int) -> PolicyInput:
-    """The observation that `flatten` made a vector of.
+    """The policy input of a vector by `flatten`.
 
     Raises:
         ValueError: a robot with so many joints has another number of readings.
@@ -78,7 +78,7 @@ def odometry_numbers(found: Odometry) -> np.ndarray:
 
 
 class McapLog:
-    """Takes what the loop hands over and passes it on to a process that writes it."""
+    """Passes a run's records on to a process that writes them."""
 
     def __init__(
         self, path: Path, robot: Robot, policy: Policy, facts: dict[str, Any], start_ns: int, may_wait: bool
@@ -109,7 +109,7 @@ class McapLog:
         os.set_blocking(self._pipe, may_wait)
         self._waiting = bytearray()
         self._left_out = 0
-        self._health: tuple[bytes, ...] | None = None  # that was written last
+        self._health: tuple[bytes, ...] | None = None  # the latest that was written
         self._broken = False
         self._lacks: str | None = None
         begin = {
@@ -140,7 +140,7 @@ class McapLog:
         self._put(records)
 
     def policy_step(self, now_us: int, inputs: PolicyInput, command: JointCommand) -> None:
-        """What the policy was handed and what it decided."""
+        """What the policy was given and what it decided."""
         records = record(Kind.INPUTS, now_us, flatten(inputs).tobytes())
         records += record(Kind.DECISION, now_us, np.concatenate(command).tobytes())
         for kind, name in ((Kind.OBSERVATION, "observed"), (Kind.ACTION, "action")):
@@ -150,7 +150,7 @@ class McapLog:
         self._put(records)
 
     def odometry(self, now_us: int, found: Odometry) -> None:
-        """What the base is estimated to do."""
+        """The estimated motion of the base."""
         records = record(Kind.ODOMETRY, now_us, odometry_numbers(found).tobytes())
         self._put(records + record(Kind.CONTACTS, now_us, found.contact.tobytes()))
 
@@ -160,11 +160,11 @@ class McapLog:
         self._put(record(Kind.STATE, now_us, text.encode()))
 
     def note(self, now_us: int, note: str) -> None:
-        """What had to be changed of what was asked for."""
+        """What was changed of what was asked for."""
         self._put(record(Kind.NOTE, now_us, note.encode()))
 
     def close(self) -> str:
-        """Let the file be ended. Returns what it lacks in one line; empty if it is whole."""
+        """End the file. Returns what it lacks in one line; empty if it is complete."""
         if self._lacks is None:
             self._lacks = self._close()
         return self._lacks
@@ -201,13 +201,13 @@ class McapLog:
                 del self._waiting[: os.write(self._pipe, self._waiting)]
                 while self._may_wait and self._waiting:
                     del self._waiting[: os.write(self._pipe, self._waiting)]
-        except OSError:  # the process has said why
+        except OSError:  # the process has reported why
             self._broken = True
             self._waiting.clear()
 
 
 def _start(file: int) -> "subprocess.Popen[bytes]":
-    """The process that writes, out of reach of a terminal's signals."""
+    """Start the writing process in a session of its own: a terminal's signals do not reach it."""
     return subprocess.Popen(
         [sys.executable, "-P", "-m", "footfall.deploy.log_writer", str(file)],
         stdin=subprocess.PIPE,

@@ -52,7 +52,7 @@ class LogFile:
 
 @dataclass
 class Damage:
-    """Counts what of a file could not be read."""
+    """Counts the parts of a file that could not be read."""
 
     parts: int = 0
 
@@ -69,7 +69,7 @@ def read_log(path: Path, topics: Collection[str] | None = None) -> LogFile:
     """
     from mcap.records import Channel, Message, Metadata, Schema
 
-    decoders: dict[int, Decoder | None] = {}  # by channel; None for one whose messages cannot be read
+    decoders: dict[int, Decoder | None] = {}  # by channel; None if its messages cannot be read
     metadata: dict[str, Any] = {}
     entries: list[Entry] = []
     schemas: dict[int, Schema] = {}
@@ -93,7 +93,7 @@ def read_log(path: Path, topics: Collection[str] | None = None) -> LogFile:
                         damage.parts += 1
                     else:
                         entries.append(Entry(channel.topic, record.log_time, decode(record.data)))
-        except (Exception, RecursionError):  # a decoder fails in many ways on what is no message
+        except (Exception, RecursionError):  # a decoder fails in many ways on bytes that are no message
             damage.parts += 1
     if not metadata:
         raise UserError(f"{path} is no log of a footfall run: it has no metadata '{METADATA}'")
@@ -101,7 +101,7 @@ def read_log(path: Path, topics: Collection[str] | None = None) -> LogFile:
 
 
 def _decoder(channel: Any, schemas: dict[int, Any]) -> Decoder | None:
-    """What turns a channel's bytes into messages; None where nobody knows."""
+    """The function that decodes a channel's messages; None if there is none."""
     from mcap_ros2.decoder import DecoderFactory
 
     try:

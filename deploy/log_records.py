@@ -1,4 +1,4 @@
-"""How the control loop hands a log's content to the process that writes it: records in a pipe."""
+"""Records in the pipe from the control loop to the process that writes its log."""
 
 import struct
 from collections.abc import Iterator
@@ -8,15 +8,15 @@ HEAD = struct.Struct("<BIq")  # kind, bytes that follow, time in microseconds of
 
 
 class Kind(IntEnum):
-    """What a record holds. Numbers are float64, of the network float32; n is the number of joints."""
+    """Content of a record. Numbers are float64, those of the network float32; n is the number of joints."""
 
     BEGIN = 0  # JSON: joints' names, sizes of readings and inputs, metadata, time zero, the file's name
     READINGS = 1  # the fields of `Sensed` in their order
     COMMANDED = 2  # (5n,) what went out: position, velocity, stiffness, damping, torque
-    INPUTS = 3  # what the policy was handed: see `flatten`
-    DECISION = 4  # (5n,) what it decided
-    OBSERVATION = 5  # what its network saw
-    ACTION = 6  # what that answered
+    INPUTS = 3  # the policy's input: see `log.flatten`
+    DECISION = 4  # (5n,) its decision
+    OBSERVATION = 5  # the observation of its network
+    ACTION = 6  # the action of its network
     STATE = 7  # text
     NOTE = 8  # text
     END = 9  # the run ended in order
@@ -32,7 +32,7 @@ def record(kind: Kind, now_us: int, content: bytes = b"") -> bytes:
 
 
 def take_records(arrived: bytearray) -> Iterator[tuple[Kind, int, bytes]]:
-    """Kind, time and content of each whole record that has arrived, which are taken out."""
+    """Remove each whole record from `arrived`; yields its kind, time and content."""
     done = 0
     try:
         while len(arrived) - done >= HEAD.size:

@@ -23,7 +23,7 @@ CHUNK_BYTES = 64 * 1024
 FLUSH_EVERY_S = 0.05
 READ_BYTES = 1 << 20
 READY = "ready"
-ARRAYS = {  # what is written as it comes: the topic, and bytes of a number
+ARRAYS = {  # records that are written unchanged: topic, bytes per number
     Kind.DECISION: ("/policy/command", 8),
     Kind.OBSERVATION: ("/policy/observation", 4),
     Kind.ACTION: ("/policy/action", 4),
@@ -76,7 +76,7 @@ class LogWriter:
             self._writer.add_metadata(METADATA, {ENDED: "true"})
 
     def flush(self) -> None:
-        """Let all that was written reach the file."""
+        """Flush everything to the file."""
         self._writer.flush()
 
     def finish(self) -> None:
@@ -118,7 +118,7 @@ def _parts(content: bytes, sizes: dict[str, int]) -> dict[str, bytes]:
 
 
 def write_all(source: int, file: IO[bytes], begin: dict[str, Any], arrived: bytearray) -> None:
-    """Write what comes from a pipe until it ends, flushed often.
+    """Write the records of a pipe until it ends, flushed often.
 
     Raises:
         OSError: the file cannot be written.
@@ -162,7 +162,7 @@ def main() -> int:
         reason = error.strerror or str(error)
         print(reason, flush=True)
         print(f"footfall: cannot write the log {begin['path']}: {reason}; the run goes on", file=sys.stderr)
-        os._exit(1)  # what is buffered cannot be written either
+        os._exit(1)  # buffered data cannot be written either
     return 0
 
 

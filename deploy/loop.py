@@ -64,15 +64,13 @@ class ControlLoop:
             runner: of the policy.
             estimate: of the base's velocity and height.
             log: takes what happens.
-            lie_down: whether the robot lies down before its motors are disabled, where robot and fault permit
-                it.
+            lie_down: whether the robot lies down at the end, where robot and fault permit it.
             stand_up: False for a robot that hangs in a frame: it holds the pose in which it is found.
             taken_over: whether a guard has taken the robot over.
         """
         self._bus, self._clock, self._config, self._driver = bus, clock, config, driver
         self._runner, self._estimate, self._log, self._taken_over = runner, estimate, log, taken_over
         safety = config.safety
-        places = [wiring.place(joint) for joint in range(len(robot.joint_names))]
         self._joints = JointLayer(robot, driver, open_imu(wiring), config.tick_us * 1e-6, config.scale)
         self._postures = Postures(robot, config, lie_down, stand_up)
         self._end = RunEnd(self._postures.may_lie, config.stop_s)
@@ -80,7 +78,7 @@ class ControlLoop:
             robot, wiring, driver, bus, self._joints, self._postures, self._end, config
         )
         self._last_resort = LastResort(
-            driver, bus, clock, self._joints, places, safety.damping_kd, config.tick_us
+            driver, bus, clock, self._joints, wiring, safety.damping_kd, config.tick_us
         )
         self._sensed: Sensed | None = None  # of this tick
         self.state = State()
@@ -249,7 +247,7 @@ class ControlLoop:
             self._signals.begin_checks(self.now_us)
             self._estimate.reset(self.now_us, sensed)
         elif mode is Mode.LOWERING:
-            self._postures.lie_down(self._joints.target, self._ending(before))
+            self._postures.lie_down(self._joints.target, Ending.of(before, bool(self.state.faults)))
         elif mode is Mode.WALKING:
             self._runner.start(self.now_us)
             self._estimate.start()
@@ -263,12 +261,6 @@ class ControlLoop:
             self.walked_s = self.walking_s
         if self._log is not None:
             self._log.state(self.now_us, state)
-
-    def _ending(self, before: Mode) -> Ending:
-        """How a robot is found that shall lie down."""
-        if before is Mode.STANDING:
-            return Ending.STANDING
-        return Ending.WALKING if self.state.faults else Ending.STOPPED
 
     # -- the end -------------------------------------------------------------------------------------
 

@@ -116,21 +116,21 @@ TOPICS = {
     "/reading_ages": "std_msgs/msg/Float64MultiArray",  # of each motor's reading and of the IMU's, s
     "/motor_health": "std_msgs/msg/Float64MultiArray",  # temperatures, voltages, error codes
     "/cmd_vel": "geometry_msgs/msg/TwistStamped",
-    "/odom": "nav_msgs/msg/Odometry",  # where the base is estimated to be, and how it moves
+    "/odom": "nav_msgs/msg/Odometry",  # estimated pose and velocity of the base
     "/contacts": "std_msgs/msg/Float64MultiArray",  # probability that each foot stands
     "/state": "std_msgs/msg/String",
-    "/notes": "std_msgs/msg/String",  # what had to be changed of what was asked for
-    "/policy/observation": "std_msgs/msg/Float32MultiArray",  # what the network saw
-    "/policy/action": "std_msgs/msg/Float32MultiArray",  # what it answered
-    "/policy/inputs": "std_msgs/msg/Float64MultiArray",  # all that the policy was handed, exactly
-    "/policy/command": "std_msgs/msg/Float64MultiArray",  # what it decided, exactly
+    "/notes": "std_msgs/msg/String",  # what was changed of what was asked for
+    "/policy/observation": "std_msgs/msg/Float32MultiArray",  # of the network
+    "/policy/action": "std_msgs/msg/Float32MultiArray",  # of the network
+    "/policy/inputs": "std_msgs/msg/Float64MultiArray",  # everything that the policy was given, exactly
+    "/policy/command": "std_msgs/msg/Float64MultiArray",  # its decision, exactly
 }
 
 _DOUBLE, _FLOAT = 8, 4
 
 
 class Template:
-    """A message whose numbers alone change."""
+    """A message in which only the numbers change."""
 
     def __init__(self) -> None:
         self._bytes = bytearray(b"\x00\x01\x00\x00")
@@ -164,7 +164,7 @@ class Template:
         return self
 
     def zeros(self, numbers: int) -> "Template":
-        """As many float64 that stay 0."""
+        """That many float64 zeros, which stay."""
         self.gap(numbers)
         self._gaps.pop()
         return self

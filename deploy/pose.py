@@ -1,4 +1,4 @@
-"""Whether the joints can be where their encoders say."""
+"""Checks whether the joints can be where their encoders say."""
 
 import math
 

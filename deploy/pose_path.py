@@ -1,4 +1,4 @@
-"""A way through joint poses: from one to the next along a smooth curve, at rest at each of them."""
+"""A path through joint poses: a smooth curve from each to the next, at rest at each."""
 
 import math
 from collections.abc import Sequence
@@ -12,12 +12,12 @@ class PosePath:
     def __init__(
         self, poses: Sequence[np.ndarray], rates_rad_s: Sequence[float], least_s: float = 0.0
     ) -> None:
-        """The time from one pose to the next follows from the joint that has the longest way.
+        """The joint with the longest travel sets the time from one pose to the next.
 
         Args:
             poses: (n,) rad each, the first one where the path begins.
             rates_rad_s: fastest that any joint moves from each pose to the next, rad/s.
-            least_s: that it takes at least from one pose to the next, s.
+            least_s: shortest time from one pose to the next, s.
         """
         self._poses = np.array(poses)
         ways = np.abs(np.diff(self._poses, axis=0)).max(axis=1, initial=0.0)

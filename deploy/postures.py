@@ -1,4 +1,4 @@
-"""Standing up and lying down: the joint commands on the way from one to the other."""
+"""Standing up and lying down: joint commands between the two postures."""
 
 from enum import Enum, auto
 
@@ -6,34 +6,43 @@ import numpy as np
 
 from footfall.deploy.clearance import Clearance
 from footfall.deploy.config import DeployConfig
+from footfall.deploy.modes import Mode
 from footfall.deploy.pose_path import PosePath
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
-MOVING_SHARE = 0.7  # of the time to stand up at least; the rest is for settling
+MOVING_SHARE = 0.7  # of the time to stand up, at least; the robot settles in the rest
 
 
 class Ending(Enum):
-    """How a robot is found that shall lie down."""
+    """In which motion lying down begins."""
 
     STANDING = auto()  # on all feet
     STOPPED = auto()  # maybe with a foot in the air
     WALKING = auto()  # at any speed
 
+    @staticmethod
+    def of(mode: Mode, faulty: bool) -> "Ending":
+        """The motion of a robot that lies down out of a mode: without a fault it has stopped first."""
+        if mode is Mode.STANDING:
+            return Ending.STANDING
+        return Ending.WALKING if faulty else Ending.STOPPED
+
 
 class Postures:
-    """Where the joints shall be while the robot stands up or lies down; times count from its beginning."""
+    """Joint targets while the robot stands up or lies down. Times count from the start of either."""
 
     def __init__(self, robot: Robot, config: DeployConfig, lie_down: bool, stand_up: bool = True) -> None:
-        """`lie_down`: whether it may, if it can. Without `stand_up` it holds the pose that it is found in."""
+        """`lie_down`: whether the robot may, if it can. Without `stand_up` it holds its initial pose."""
         self._stands = stand_up
         self._standing, self._lying = robot.default_pose, robot.lying_pose
         self.may_lie = lie_down and self._lying is not None
         self._clearance, self._sunk = Clearance(robot), config.safety.sensors.sunk
         most = robot.description.target_rate_rad_s
         self._rate = min(config.pose_rate_rad_s, most)
-        # Where on the way from standing (0) to lying (1) all feet go first, and how fast, rad/s: who has
-        # stopped tips over a foot that stays in the air; who walks turns over, unless it sinks at once.
+        # Share of the path from standing (0) to lying (1) that comes first, and its rate in rad/s. After
+        # stopping, raised feet are put down first. While walking the base is lowered first, or the robot
+        # pitches over.
         self._first = {
             Ending.STOPPED: (0.0, min(config.stop_rate_rad_s, most)),
             Ending.WALKING: (config.sink_share, min(config.sink_rate_rad_s, most)),
@@ -62,11 +71,11 @@ class Postures:
         self._carried_s = self._path.duration_s if lies else 0.0
 
     def lie_down(self, target: np.ndarray, ending: Ending) -> None:
-        """Begin the way to the lying pose, without which this does nothing.
+        """Begin the path to the lying pose. A robot without one does nothing.
 
         Args:
             target: position targets that went out last, rad, (n,).
-            ending: how the robot is found.
+            ending: the motion of the robot.
         """
         if self._lying is None:
             return
@@ -79,7 +88,7 @@ class Postures:
         self._carried_s = float("inf")
 
     def command(self, time_s: float) -> JointCommand:
-        """What the joints shall do."""
+        """The joint command at this time."""
         return JointCommand(self._path.at(time_s), self._zeros, *self._gains, self._zeros)
 
     def done(self, time_s: float) -> bool:

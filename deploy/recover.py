@@ -1,4 +1,4 @@
-"""Gives a log that was cut short or damaged its end, so that tools which need a file's index open it."""
+"""Completes a log that was cut short or damaged: the copy has the index that other tools need."""
 
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -8,7 +8,7 @@ from footfall.deploy.log_file import Damage, definitions_first, records
 
 
 class Recovered(NamedTuple):
-    """What was found."""
+    """What a recovered copy holds."""
 
     messages: int
     damaged: int  # parts and messages that could not be read and are left out

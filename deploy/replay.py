@@ -1,4 +1,4 @@
-"""Feeds the readings of a run's log to a policy again."""
+"""Runs a policy again on the inputs in a run's log."""
 
 import math
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from footfall.deploy.log_file import Entry, LogFile, read_log
 from footfall.policies.policy import Policy, PolicyInput
 from footfall.robots.actuator import JointCommand
 
-HANDED, DECIDED = "/policy/inputs", "/policy/command"
+INPUTS, DECISIONS = "/policy/inputs", "/policy/command"
 
 
 @dataclass(frozen=True)
@@ -22,12 +22,12 @@ class Replay:
     steps: int
     complete: bool  # whether the run ended in order
     damaged: int  # parts of the log that could not be read
-    worst_difference: float  # largest absolute difference of any number decided; inf where one is none
-    first_difference: str  # where the first one is, in words; empty if every number is the same
+    worst_difference: float  # largest absolute difference of any number; inf if one is NaN
+    first_difference: str  # place of the first, in words; empty if all numbers are the same
 
 
 def replay(path: Path, policy: Policy, tolerance: float = 0.0) -> Replay:
-    """Hand a policy what the log's policy was handed; compare what it decides.
+    """Give a policy the inputs in a log; compare its decisions with those in the log.
 
     Args:
         path: the log.
@@ -40,12 +40,12 @@ def replay(path: Path, policy: Policy, tolerance: float = 0.0) -> Replay:
     """
     if not 0.0 <= tolerance < math.inf:
         raise UserError(f"tolerance is {tolerance:g}: it must be a number from 0")
-    log = read_log(path, (HANDED, DECIDED))
+    log = read_log(path, (INPUTS, DECISIONS))
     joints = log.joints
     worst, first, steps = 0.0, "", 0
-    for index, (handed, answer) in enumerate(_steps(log)):
-        inputs = _inputs(log, handed)
-        before = _numbers(log, answer)
+    for index, (given, decision) in enumerate(_steps(log)):
+        inputs = _inputs(log, given)
+        before = _numbers(log, decision)
         if len(before) != 5 * len(joints):
             raise UserError(f"{path}: step {index} has {len(before)} numbers for {len(joints)} joints")
         try:
@@ -74,9 +74,9 @@ def replay(path: Path, policy: Policy, tolerance: float = 0.0) -> Replay:
 
 
 def _steps(log: LogFile) -> list[tuple[Entry, Entry]]:
-    """What was handed and what was decided, paired by their time; the last may lack its decision."""
-    decided = {entry.time_ns: entry for entry in log.entries if entry.topic == DECIDED}
-    handed = [entry for entry in log.entries if entry.topic == HANDED]
+    """Inputs and decisions, paired by their time; the last input may lack its decision."""
+    decided = {entry.time_ns: entry for entry in log.entries if entry.topic == DECISIONS}
+    handed = [entry for entry in log.entries if entry.topic == INPUTS]
     return [(entry, decided[entry.time_ns]) for entry in handed if entry.time_ns in decided]
 
 

@@ -1,6 +1,6 @@
-"""The safety supervisor: a pure state machine: when the robot stands, walks, lies down, or is damped.
+"""The safety supervisor: a pure state machine. The robot stands, walks, lies down or is damped.
 
-Rules are rows of tables. A fault is latched: FALLING and ESTOP end a run, and only a new one clears them.
+Its rules are rows of tables. A fault is latched: FALLING and ESTOP end a run, and only a new run clears them.
 """
 
 import math
@@ -16,22 +16,20 @@ from footfall.deploy.signals import Signals
 
 @dataclass(frozen=True)
 class SafetyConfig:
-    """When to give up, and how."""
+    """Limits of the supervisor, and how it damps the robot."""
 
     start_timeout_s: float = 1.0  # for every motor and the IMU to answer
-    still_s: float = 0.05  # that it has to keep still before it gets stiffness, while its IMU is checked
-    silence_timeout_s: float = 0.05  # without a reply of a motor or a new IMU reading
+    still_s: float = 0.05  # time at rest, with the IMU being checked, before joints get stiffness
+    silence_timeout_s: float = 0.05  # longest time without a motor's reply or a new IMU reading
     tilt_limit_rad: float = 1.05
     late_steps: int = 5  # policy steps in a row that took longer than their period
-    late_limit_s: float = 0.07  # one policy step may not take longer than this
+    late_limit_s: float = 0.07  # longest duration of one policy step
     damping_kd: float = 3.0  # N m s/rad
-    damping_s: float = 0.5  # how long to damp before the motors are switched off
-    pause_limit_s: float = 0.07  # between two ticks; motors that hear nothing for long switch themselves off
-    guard_share: float = 1.1  # of the longer of both, after which a guard damps the robot in the loop's place
-    skipped_share: float = (
-        0.25  # of the ticks of the last second that may come so late that they are left out
-    )
-    first_pose_rad: float = 0.1  # that a joint may begin beyond its range: calibration is never exact
+    damping_s: float = 0.5  # duration of damping before the motors are disabled
+    pause_limit_s: float = 0.07  # longest time between two ticks; motors without commands disable themselves
+    guard_share: float = 1.1  # of the longer of both limits: after that a guard damps the robot
+    skipped_share: float = 0.25  # of the last second's ticks that may be left out because the loop is late
+    first_pose_rad: float = 0.1  # by which a joint may start beyond its range: calibration is never exact
     sensors: SensorLimits = field(default_factory=SensorLimits)
 
     def __post_init__(self) -> None:
@@ -42,18 +40,18 @@ class SafetyConfig:
         require_between(self, 1, 1000, "late_steps")
         require_between(self, 0.01, 100.0, "damping_kd")
         require_between(self, 1e-9, math.pi, "first_pose_rad")
-        require_between(self, 1e-9, math.pi / 2, "tilt_limit_rad")  # what lies on its side has fallen
+        require_between(self, 1e-9, math.pi / 2, "tilt_limit_rad")  # a robot on its side has fallen
         require_between(self, 0.01, 60.0, "damping_s")
         require_between(self, 0.0, 1.0, "skipped_share")
 
     @property
     def guard_after_s(self) -> float:
-        """How long after the beginning of a tick a guard takes the robot over, s."""
+        """Time after the start of a tick at which a guard takes the robot over, s."""
         return self.guard_share * max(self.late_limit_s, self.pause_limit_s)
 
 
 class State(NamedTuple):
-    """Where the supervisor is."""
+    """State of the supervisor."""
 
     mode: Mode = Mode.IDLE
     since_s: float = 0.0
@@ -62,16 +60,16 @@ class State(NamedTuple):
 
 
 class Check(NamedTuple):
-    """One reason to stop: in which modes it counts, what it looks for, where it leads.
+    """One reason to stop: the modes in which it counts, the fault that it finds, the mode that it leads to.
 
-    One that leads to LOWERING leaves joints, buses and IMU trustworthy: the robot lies down first, if it can.
+    A check that leads to LOWERING leaves joints, buses and IMU trustworthy: the robot lies down if it can.
     """
 
     looks_at: str
     modes: tuple[Mode, ...]
-    find: Callable[[Signals, SafetyConfig], str]  # the fault in one line, or nothing
+    find: Callable[[Signals, SafetyConfig], str]  # the fault in one line; empty if none
     leads_to: Mode
-    limits: tuple[str, ...] = ()  # fields of `SafetyConfig` that it goes by; none if anything is a fault
+    limits: tuple[str, ...] = ()  # fields of `SafetyConfig`; empty if any occurrence is a fault
 
 
 def _silent_motor(s: Signals, c: SafetyConfig) -> str:
@@ -102,7 +100,7 @@ def _tilted(s: Signals, c: SafetyConfig) -> str:
 
 
 def _overdue(s: Signals, c: SafetyConfig) -> str:
-    """Motors hear nothing while a step lasts, and switch themselves off in the end."""
+    """Motors get no command while a step lasts, and disable themselves in the end."""
     if s.policy.step_s <= c.late_limit_s:
         return ""
     if s.policy.step_s == math.inf:
@@ -205,7 +203,7 @@ PROGRESS: dict[Mode, tuple[Callable[[Signals, SafetyConfig], bool], Mode]] = {
 
 
 def advance(state: State, signals: Signals, config: SafetyConfig) -> State:
-    """The state after one tick. Faults come first, then the wish to end, then progress."""
+    """The state after one tick. Faults come first, then a request to end, then progress."""
     if state.over:
         return state
     now = signals.now_s
@@ -227,7 +225,7 @@ def advance(state: State, signals: Signals, config: SafetyConfig) -> State:
 
 
 def damped(state: State, now_s: float, config: SafetyConfig) -> State:
-    """A state in which the robot is damped, a tick later."""
+    """The state one tick later, of a robot that is damped."""
     if now_s - state.since_s < config.damping_s:
         return state
     final = Mode.IDLE if state.mode is Mode.RELEASING else state.mode
@@ -235,7 +233,7 @@ def damped(state: State, now_s: float, config: SafetyConfig) -> State:
 
 
 def _failure(state: State, mode: Mode, signals: Signals, config: SafetyConfig) -> State | None:
-    """Where a fault leads that counts in a mode, or None."""
+    """The state after the first fault that counts in a mode; None without one."""
     for check in CHECKS_IN[mode]:
         fault = check.find(signals, config)
         if fault:
@@ -247,6 +245,6 @@ def _failure(state: State, mode: Mode, signals: Signals, config: SafetyConfig) -
 
 
 def _lowered_or(otherwise: Mode, mode: Mode, signals: Signals) -> Mode:
-    """Lying down, of a robot that can and whose joints have stiffness; else another mode."""
+    """LOWERING for a robot that can lie down and whose joints have stiffness, else another mode."""
     can_lie = signals.end.may_lie and not signals.end.skip_lie_down and mode in MOVING
     return Mode.LOWERING if can_lie else otherwise

@@ -42,32 +42,32 @@ Display = Callable[[ControlLoop], AbstractContextManager[None]]
 
 @dataclass(frozen=True)
 class Session:
-    """What shall happen in a run."""
+    """Settings of a run."""
 
-    command_source: CommandSource  # time since walking began, s, to (3,)
+    command_source: CommandSource
     duration_s: float  # of walking
     realtime: bool = True
     log: Path | None = None
     facts: dict[str, Any] = field(default_factory=dict)  # for the log's metadata
     config: DeployConfig = field(default_factory=DeployConfig)
-    display: Display | None = None  # entered with the loop for as long as it runs
-    lie_down: bool = True  # before the motors go off, where robot and fault permit it
-    stand_up: bool = True  # else it holds the pose in which it is found, hanging in a frame
+    display: Display | None = None  # a context around the run, given its loop
+    lie_down: bool = True  # before the motors are disabled, where robot and fault permit it
+    stand_up: bool = True  # False for a hanging robot: the loop holds its initial pose
 
 
 @dataclass(frozen=True)
 class SessionResult:
-    """How a run went, as far as the robot itself can tell."""
+    """Outcome of a run by the robot's own sensors."""
 
     final_state: str  # IDLE after an orderly end, else FALLING or ESTOP
     faults: tuple[str, ...]
     walked_s: float
     run_s: float  # of the loop's clock, standing up and damping included
     wall_s: float
-    compute_ms: np.ndarray  # of each policy step; of a very long run, of the last ones
+    compute_ms: np.ndarray  # of each policy step; in a very long run, of the latest
     timing: dict[str, float]  # see deploy.timing.Timing.summary
     buses: tuple[BusStatistics, ...]
-    notes: tuple[str, ...]  # what of the request had to be changed, or was missing
+    notes: tuple[str, ...]  # what was changed of the request, or was missing
 
 
 def run_on_interface(robot: Robot, policy: Policy, interface: str, session: Session) -> SessionResult:
@@ -90,19 +90,19 @@ def run_session(
     each_tick: Callable[[ControlLoop], None] | None = None,
     base_state: BaseState | None = None,
 ) -> SessionResult:
-    """Stand up, walk for the session's duration, lie down, damp, switch off.
+    """Stand up, walk for the session's duration, lie down, damp, disable the motors.
 
     Args:
-        robot: what the controller believes that it moves.
-        policy: what decides.
+        robot: the robot that the policy and the limits assume.
+        policy: decides what the joints do.
         bus: leads to the robot.
-        session: what shall happen.
+        session: settings of the run.
         each_tick: called after each joint tick.
-        base_state: takes the place of an estimate, where somebody knows better.
+        base_state: gives the true base velocity and height in the place of an estimate.
 
     Raises:
         UserError: policy, robot or log do not fit; nothing has moved then.
-        BaseException: what `each_tick` raises, or what ends the program; the motors are off by then.
+        BaseException: raised by `each_tick`, or to end the program; the motors are disabled by then.
     """
     if not 0.0 < session.duration_s <= LONGEST_S:
         raise UserError(f"duration is {session.duration_s:g} s: it must be above 0, and a day at most")
@@ -169,7 +169,7 @@ def run_session(
 
 @contextmanager
 def _realtime(session: Session) -> Iterator[list[str]]:
-    """What a run by the wall clock asks of the system; in lockstep the garbage collector alone pauses."""
+    """Real-time settings of the system; in lockstep the garbage collector pauses, nothing else."""
     if session.realtime:
         with undisturbed(session.config.realtime_priority) as refused:
             yield refused
@@ -179,7 +179,7 @@ def _realtime(session: Session) -> Iterator[list[str]]:
 
 
 def _drive(loop: ControlLoop, duration_s: float, each_tick: Callable[[ControlLoop], None] | None) -> None:
-    """Tick until the run is over. Whatever is raised meanwhile is raised again once the robot was damped."""
+    """Tick until the run is over. An exception is raised again once the robot was damped."""
     try:
         while loop.tick():
             if each_tick is not None:
@@ -193,7 +193,7 @@ def _drive(loop: ControlLoop, duration_s: float, each_tick: Callable[[ControlLoo
 
 
 def _damp(loop: ControlLoop) -> None:
-    """Tick a loop that has failed until the robot was damped for long enough, whatever else is raised."""
+    """Tick a failed loop until the robot was damped for long enough, whatever else is raised."""
     for _ in range(loop.damping_ticks):
         try:
             if not loop.tick():
@@ -262,9 +262,9 @@ def _unheard(loop: ControlLoop) -> list[str]:
 
 @contextmanager
 def ending_on_signals(loop: ControlLoop) -> Iterator[None]:
-    """Signals that would end the process end the run in an orderly way: lying down, damping, motors off.
+    """Signals that would end the process end the run in order: lying down, damping, motors off.
 
-    One that comes while the robot lies down damps it at once.
+    A signal while the robot lies down damps it at once.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -280,7 +280,7 @@ def ending_on_signals(loop: ControlLoop) -> Iterator[None]:
 def _estimate(
     robot: Robot, policy: Policy, config: DeployConfig, base_state: BaseState | None
 ) -> BaseEstimate:
-    """What the policy or the log needs to know of the base."""
+    """The estimate of the base that the policy or the log needs."""
     if base_state is not None or not (policy.needs_estimate or config.odometry):
         return BaseEstimate(config.estimator_rate_hz, base_state=base_state)
     from footfall.deploy.estimation.estimator import BaseEstimator

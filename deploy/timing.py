@@ -1,4 +1,4 @@
-"""How the control loop kept time, in memory that does not grow with the run."""
+"""Durations of ticks and policy steps, in memory that does not grow with the run."""
 
 from array import array
 from dataclasses import dataclass, field
@@ -9,7 +9,7 @@ KEPT = 2**16  # of each kind: two minutes of ticks at 500 Hz
 
 
 class Durations:
-    """The last durations of one kind, and the longest ever."""
+    """The latest durations of one kind, and the longest of all."""
 
     def __init__(self, kept: int = KEPT) -> None:
         self._values = array("d", bytes(8 * kept))
@@ -23,7 +23,7 @@ class Durations:
         self.longest = max(self.longest, value)
 
     def values(self) -> np.ndarray:
-        """The last ones, oldest first."""
+        """The latest durations, oldest first."""
         values = np.array(self._values[: self.count])
         return values if self.count <= self._kept else np.roll(values, -(self.count % self._kept))
 
@@ -38,7 +38,7 @@ class Timing:
     overruns: int = 0  # ticks whose work took longer than a tick lasts; wall clock only
 
     def summary(self) -> dict[str, float]:
-        """p50 and p99 of the last ones and the longest ever of each, by name; 0 where there are none."""
+        """By name: p50 and p99 of the latest durations, and the longest of all; 0 without any."""
         found = {"ticks": float(self.tick_us.count), "overruns": float(self.overruns)}
         for name in ("lateness_us", "tick_us", "policy_ms"):
             durations: Durations = getattr(self, name)

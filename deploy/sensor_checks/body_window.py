@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footfall.common.rotations import multiply, projected_gravity, rotation_matrix
+from footfall.common.rotations import multiply, rotation_matrix
 from footfall.deploy.drivers.imu import Inertial
 
 CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
@@ -47,14 +47,14 @@ def body_window(readings: BodyReadings, on_legs: bool) -> BodyWindow:
         [sum(values) / len(readings.inertials) for values in zip(*parts, strict=True)]
         for parts in list(zip(*readings.inertials, strict=True))[:2]
     )
-    world = rotation_matrix(quaternion) @ acceleration
+    to_world = rotation_matrix(quaternion)
     w, *axis = multiply(CONJUGATE * readings.before.quaternion, quaternion).tolist()
     return BodyWindow(
         readings,
         on_legs,
         gyro,
-        world.tolist(),
-        -projected_gravity(quaternion),
+        (to_world @ acceleration).tolist(),
+        to_world[2],
         [2.0 * part if w >= 0.0 else -2.0 * part for part in axis],
         [rate * readings.elapsed_s for rate in gyro],
     )
