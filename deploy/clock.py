@@ -77,8 +77,8 @@ class WallClock:
 def undisturbed(priority: int | None) -> Iterator[list[str]]:
     """Run this thread without garbage collection and, where the system lets us, at a real-time priority.
 
-    Other threads of the process yield to it within 0.1 ms instead of Python's 5 ms. The kernel wakes it on time
-    instead of up to 50 us late.
+    Other threads of the process yield to it within 0.1 ms instead of Python's 5 ms. The kernel wakes it on
+    time instead of up to 50 us late.
 
     Args:
         priority: of SCHED_FIFO, with memory locked; None leaves both alone.
