@@ -130,7 +130,7 @@ class TestTwoLegs:
         policy.reset(seen(robot, 0.0))
         tips(robot, policy, seen(robot, 1.0))
         weight = 9.81 * policy._body.mass
-        assert policy._force[:, 2].sum() == pytest.approx(weight, rel=0.2)
+        assert policy.force[:, 2].sum() == pytest.approx(weight, rel=0.2)
         for k in range(200):
             tips(robot, policy, seen(robot, 1.0 + k / 500, 0.2))
         assert policy.late == 0

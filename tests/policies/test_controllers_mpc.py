@@ -8,8 +8,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from footfall.policies.controllers.mpc import Mpc, controller
+from footfall.policies.controllers.mpc.base import Base, body_state
 from footfall.policies.controllers.mpc.config import MpcConfig
-from footfall.policies.controllers.mpc.controller import Base
 from footfall.policies.controllers.mpc.legs import LegControl
 from footfall.policies.controllers.mpc.problem import BodyState
 from footfall.policies.controllers.settings import controller_settings
@@ -102,7 +102,7 @@ class TestState:
     def test_the_centre_of_mass_moves_when_the_base_turns_about_its_origin(self) -> None:
         """w x c for w = 2 rad/s about y."""
         x, y, z = nominal_body(ROBOT).centre
-        state = Mpc(ROBOT)._state(base(gyro=np.array([0.0, 2.0, 0.0])), np.eye(3))
+        state = body_state(base(gyro=np.array([0.0, 2.0, 0.0])), nominal_body(ROBOT).centre, np.eye(3))
         np.testing.assert_allclose(state.rate, [0.0, 2.0, 0.0, 2 * z, 0.0, -2 * x], atol=1e-12)
         np.testing.assert_allclose(state.pose, [0.0, 0.0, 0.0, x, y, 0.28 + z], atol=1e-12)
 
@@ -112,7 +112,9 @@ class TestState:
         policy.reset(standing(1.0))
         for tick in range(1000):
             policy.act(standing(1.0, time_s=1.0 + tick / policy.rate_hz, command=(1.0, 0.0, 1.0)))
-        reference = policy._reference(policy._follow(standing(1.0), 0.0))
+        reference = policy.reference.over_horizon(
+            policy.follower.follow(standing(1.0), 0.0), policy.command.value
+        )
         x, _, z = nominal_body(ROBOT).centre
         first = CONFIG.horizon.step_s
         yaw = CONFIG.stance.most_yaw_lead_rad + 1.0 * first
@@ -125,10 +127,12 @@ class TestState:
         """A foot at rest in the world at lift-off moves at -(v + w x r) in the base."""
         policy = Mpc(ROBOT)
         foot = np.array([0.2, 0.1, 0.02])
-        policy._lift_off[1] = foot
-        policy._target[1] = [0.3, 0.1, 0.0]
+        policy.swing_feet.lift_off[1] = foot
+        policy.swing_feet.target[1] = [0.3, 0.1, 0.0]
         moving = base(velocity=np.array([0.5, 0.0, 0.0]), gyro=np.array([0.0, 0.0, 2.0]))
-        ((position, velocity, _),) = policy._swing([1], [0.0, 0.0, 0.0, 0.0], moving)
+        ((position, velocity, _),) = policy.swing_feet.motion(
+            [1], [0.0, 0.0, 0.0, 0.0], moving, policy.clock.timing.swing_s
+        )
         relative = foot - [0.0, 0.0, 0.28]
         np.testing.assert_allclose(position, relative, atol=1e-12)
         expected = -(np.array([0.5, 0.0, 0.0]) + np.cross([0.0, 0.0, 2.0], relative))
@@ -136,8 +140,10 @@ class TestState:
 
     def test_a_swing_aims_a_little_below_the_ground(self) -> None:
         policy = Mpc(ROBOT)
-        policy._target[1] = [0.3, 0.1, 0.0]
-        ((position, _, _),) = policy._swing([1], [0.0, 1.0, 0.0, 0.0], base())
+        policy.swing_feet.target[1] = [0.3, 0.1, 0.0]
+        ((position, _, _),) = policy.swing_feet.motion(
+            [1], [0.0, 1.0, 0.0, 0.0], base(), policy.clock.timing.swing_s
+        )
         lowest = 0.28 + position[2] - LEGS.foot_radius[1]
         assert lowest == pytest.approx(-CONFIG.swing.depth_m)
 
@@ -163,7 +169,7 @@ class TestSwingBegins:
         stance = CONFIG.stance
         places = nominal_feet(LEGS, stance.height_m, stance.outward_m, stance.shift_m)
         under = Rotation.from_euler("z", yaw).apply(places)
-        np.testing.assert_allclose(policy._target[swinging, :2], under[swinging, :2], atol=0.005)
+        np.testing.assert_allclose(policy.swing_feet.target[swinging, :2], under[swinging, :2], atol=0.005)
 
     def test_a_foot_in_the_air_keeps_the_place_where_it_was_lifted(self) -> None:
         """Through later plans, while the base moves on over it."""
@@ -174,9 +180,9 @@ class TestSwingBegins:
             now = standing(time_s=1.0 + tick / policy.rate_hz, command=(0.5, 0.0, 0.0), velocity=velocity)
             swinging = LEGS.gather(policy.act(now).kp)[:, 0] > 0
             if tick == 1:
-                begun, lifted = swinging, policy._lift_off[swinging].copy()
+                begun, lifted = swinging, policy.swing_feet.lift_off[swinging].copy()
         np.testing.assert_array_equal(swinging, begun)
-        np.testing.assert_array_equal(policy._lift_off[swinging], lifted)
+        np.testing.assert_array_equal(policy.swing_feet.lift_off[swinging], lifted)
 
     def test_without_a_solution_only_standing_feet_keep_their_force(
         self, monkeypatch: pytest.MonkeyPatch
@@ -187,8 +193,8 @@ class TestSwingBegins:
         monkeypatch.setattr(policy._solver, "solve", lambda problem: None)
         for tick in range(3):
             policy.act(standing(time_s=1.0 + tick / policy.rate_hz, command=(0.5, 0.0, 0.0)))
-        pressed = policy._force[:, 2] > 1.0
-        np.testing.assert_array_equal(pressed, policy._stands)
+        pressed = policy.force[:, 2] > 1.0
+        np.testing.assert_array_equal(pressed, policy.stands)
         assert pressed.sum() == 2
 
 
@@ -204,7 +210,7 @@ class TestTicks:
         seen = standing()
         seen = seen._replace(sensed=seen.sensed._replace(quaternion=np.array([w, x, y, z])))
         policy.reset(seen)
-        policy._command.value = np.array([0.4, -0.1, 0.8])  # not yet settled: it stays
+        policy.command.value = np.array([0.4, -0.1, 0.8])  # not yet settled: it stays
         command = policy.act(seen)
         up = tilted.inv().apply(UP)
         velocity = tilted.inv().apply(Rotation.from_euler("z", yaw).apply([0.4, -0.1, 0.0]))
@@ -228,7 +234,7 @@ class TestTicks:
         policy = Mpc(ROBOT)
         policy.reset(standing())
         policy.act(standing(velocity=(0.5, -0.2, 0.1)))
-        assert policy._place == pytest.approx((0.5 - 0.2j) / CONFIG.rate_hz)
+        assert policy.follower.place == pytest.approx((0.5 - 0.2j) / CONFIG.rate_hz)
 
     def test_the_time_of_a_plan_is_told_in_milliseconds(self, monkeypatch: pytest.MonkeyPatch) -> None:
         policy, clock = Mpc(ROBOT), iter([7.0, 7.0025])
@@ -317,7 +323,7 @@ class TestPlan:
     def test_it_sees_standing_feet_from_the_centre_of_mass(self, policy: Mpc, planned: list[Planned]) -> None:
         """In the heading frame, wherever the robot has gone to."""
         policy.reset(standing(1.1))
-        policy._place = 3.0 - 2.0j
+        policy.follower.place = 3.0 - 2.0j
         policy.act(standing(1.1))
         expected = LEGS.default_foot[:, :2] - nominal_body(ROBOT).centre[:2]
         np.testing.assert_allclose(planned[0].feet[0, :, :2], expected, atol=1e-9)

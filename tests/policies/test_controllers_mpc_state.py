@@ -8,16 +8,19 @@ from scipy.spatial.transform import Rotation
 
 from footfall.common.rotations import heading_matrix, wrap_angle
 from footfall.policies.controllers.mpc import Mpc
+from footfall.policies.controllers.mpc.base import Base, Disturbance, body_state
 from footfall.policies.controllers.mpc.config import FootholdConfig, MpcConfig
-from footfall.policies.controllers.mpc.controller import Base
 from footfall.policies.controllers.mpc.footholds import contact_points, foothold
 from footfall.policies.controllers.mpc.problem import BodyState
 from footfall.policies.controllers.mpc.swing import swing_motion
 from footfall.policies.controllers.settings import controller_settings
+from footfall.policies.controllers.stance import nominal_feet
 from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.description import load_robot
+from footfall.robots.rigid_body import nominal_body
 
 ROBOT = load_robot("go1")
+BODY = nominal_body(ROBOT)
 
 
 LEGS = ROBOT.legs
@@ -131,13 +134,14 @@ def mpc() -> Mpc:
 
 
 CONFIG = controller_settings(ROBOT, "mpc", MpcConfig)
+PLACES = (CONFIG.stance.height_m, CONFIG.stance.outward_m, CONFIG.stance.shift_m)
 
 
 class TestMpc:
     def test_the_state_is_that_of_the_centre_of_mass_in_the_heading_frame(self, mpc: Mpc) -> None:
         base = base_of()
-        state = mpc._state(base, heading_matrix(base.yaw))
-        arm = TILTED.apply(mpc._body.centre)
+        state = body_state(base, BODY.centre, heading_matrix(base.yaw))
+        arm = TILTED.apply(BODY.centre)
         spin = TILTED.apply(base.gyro)
         heading = Rotation.from_euler("z", -base.yaw)
         np.testing.assert_allclose(state.pose[:3], [base.roll, base.pitch, 0.0])
@@ -148,9 +152,9 @@ class TestMpc:
 
     def test_the_reference_is_the_commanded_motion_step_by_step(self, mpc: Mpc) -> None:
         base = base_of()
-        mpc._command.value = np.array([0.6, -0.25, 0.8])
-        mpc._wanted_place, mpc._wanted_yaw, mpc._wanted_height = 0.33 - 0.15j, base.yaw + 0.1, 0.27
-        reference = mpc._reference(base)
+        mpc.command.value = np.array([0.6, -0.25, 0.8])
+        mpc.reference.place, mpc.reference.yaw, mpc.reference.height = 0.33 - 0.15j, base.yaw + 0.1, 0.27
+        reference = mpc.reference.over_horizon(base, mpc.command.value)
         to_heading = Rotation.from_euler("z", -base.yaw)
         place = to_heading.apply([0.03, 0.05, 0.0])
         dt = CONFIG.horizon.step_s
@@ -160,14 +164,14 @@ class TestMpc:
             turn = Rotation.from_euler("z", yaw)
             velocity = turn.apply([0.6, -0.25, 0.0])
             place = place + velocity * dt
-            centre = place + turn.apply(mpc._body.centre)
+            centre = place + turn.apply(BODY.centre)
             np.testing.assert_allclose(pose, [0, 0, yaw, centre[0], centre[1], 0.27 + centre[2]], atol=1e-9)
             np.testing.assert_allclose(rate, [0, 0, 0.8, *velocity], atol=1e-9)
 
     def test_a_heading_across_half_a_turn_is_a_small_one(self, mpc: Mpc) -> None:
         base = base_of(Rotation.from_euler("z", 3.1))
-        mpc._wanted_yaw = -3.1
-        yaw = mpc._reference(base).pose[:, 2]
+        mpc.reference.yaw = -3.1
+        yaw = mpc.reference.over_horizon(base, mpc.command.value).pose[:, 2]
         np.testing.assert_allclose(yaw, 2 * np.pi - 6.2)
 
     def test_the_path_loses_its_surplus_speed(self, mpc: Mpc) -> None:
@@ -177,7 +181,7 @@ class TestMpc:
         wanted = np.array([0.3, 0.2, 0.0])
         reference = BodyState(np.zeros((steps, 6)), np.tile([9.0, 9.0, 9.0, *wanted], (steps, 1)))
         reference.rate[1:] += 1.0  # what is wanted now counts
-        path = mpc._path(state, reference)
+        path = mpc.reference.path(state, reference)
         fine = np.linspace(0.0, 1.0, 200_001)
         speed = wanted + (state.rate[3:] - wanted) * np.exp(-fine / 0.2)[:, None]
         travelled = np.cumsum(speed, axis=0) * fine[1]
@@ -193,7 +197,7 @@ class TestMpc:
         mpc.reset(seen)
         moved = TILTED.apply(velocity)
         for k in (1, 2):
-            base = mpc._follow(seen, 0.004)
+            base = mpc.follower.follow(seen, 0.004)
             assert base.place == pytest.approx(in_plane(moved) * 0.004 * k)
         np.testing.assert_allclose(base.velocity, moved, atol=1e-12)
         assert base.height == pytest.approx(0.24 + LEGS.foot_radius.mean())
@@ -204,25 +208,25 @@ class TestMpc:
     def test_the_reference_leads_by_no_more_than_it_may(self, mpc: Mpc) -> None:
         stance = CONFIG.stance
         base = base_of()
-        mpc._command.value = np.array([0.5, -0.2, 0.6])
-        mpc._wanted_place, mpc._wanted_yaw, mpc._wanted_height = base.place, base.yaw, 0.2
-        mpc._lead(base, 0.01)
+        mpc.command.value = np.array([0.5, -0.2, 0.6])
+        mpc.reference.place, mpc.reference.yaw, mpc.reference.height = base.place, base.yaw, 0.2
+        mpc.reference.advance(base, mpc.command.value, 0.01)
         forward = in_plane(Rotation.from_euler("z", base.yaw).apply([0.5, -0.2, 0.0]))
-        assert mpc._wanted_velocity == pytest.approx(forward)
-        assert mpc._wanted_place == pytest.approx(base.place + 0.01 * forward)
-        assert mpc._wanted_yaw == pytest.approx(base.yaw + 0.006)
+        assert mpc.reference.velocity == pytest.approx(forward)
+        assert mpc.reference.place == pytest.approx(base.place + 0.01 * forward)
+        assert mpc.reference.yaw == pytest.approx(base.yaw + 0.006)
         climbed = 0.2 + 0.01 / CONFIG.settle_s * (stance.height_m - 0.2)
-        assert mpc._wanted_height == pytest.approx(climbed)
+        assert mpc.reference.height == pytest.approx(climbed)
         for sign in (1.0, -1.0):
-            mpc._command.value = sign * np.array([0.5, -0.2, 0.6])
-            mpc._lead(base, 5.0)
-            ahead = mpc._wanted_place - base.place
+            mpc.command.value = sign * np.array([0.5, -0.2, 0.6])
+            mpc.reference.advance(base, mpc.command.value, 5.0)
+            ahead = mpc.reference.place - base.place
             assert abs(ahead) == pytest.approx(stance.most_position_lead_m)
             assert ahead / abs(ahead) == pytest.approx(sign * forward / abs(forward))
-            assert wrap_angle(mpc._wanted_yaw - base.yaw) == pytest.approx(sign * stance.most_yaw_lead_rad)
-        assert mpc._wanted_height == pytest.approx(stance.height_m)
+            assert wrap_angle(mpc.reference.yaw - base.yaw) == pytest.approx(sign * stance.most_yaw_lead_rad)
+        assert mpc.reference.height == pytest.approx(stance.height_m)
 
-    def test_what_upsets_a_standing_robot_keeps_it_stepping_until_it_has_been_calm(self, mpc: Mpc) -> None:
+    def test_what_upsets_a_standing_robot_keeps_it_stepping_until_it_has_been_calm(self) -> None:
         restart = CONFIG.restart
 
         def base(speed: float = 0.0, roll: float = 0.0, pitch: float = 0.0) -> Base:
@@ -230,29 +234,28 @@ class TestMpc:
             return base_of()._replace(velocity=velocity, roll=roll, pitch=pitch)
 
         assert restart.stop_speed_m_s < restart.start_speed_m_s
+        disturbance = Disturbance(restart)
         between = base(0.5 * (restart.stop_speed_m_s + restart.start_speed_m_s))
-        assert not mpc._unsettled(between, 0.1)
-        assert mpc._unsettled(base(1.01 * restart.start_speed_m_s), 0.1)
-        mpc._begin(0.0, 0.3)
-        assert not mpc._unsettled(base(), 0.1)
+        assert not disturbance.present(between, False, 0.1)
+        assert disturbance.present(base(1.01 * restart.start_speed_m_s), False, 0.1)
+        disturbance.reset()
+        assert not disturbance.present(base(), False, 0.1)
         for roll, pitch in ((-1.01, 0.0), (0.0, 1.01)):
             tilted = base(0.0, roll * restart.start_tilt_rad, pitch * restart.start_tilt_rad)
-            assert mpc._unsettled(tilted, 0.1)
+            assert disturbance.present(tilted, False, 0.1)
             steps = 0
-            while mpc._unsettled(base(), restart.calm_s / 10.5):
+            while disturbance.present(base(), False, restart.calm_s / 10.5):
                 steps += 1
             assert steps == 10
-        mpc._clock.advance(0.01, True)
-        assert mpc._clock.walking
-        assert mpc._unsettled(between, 0.1)
+        assert disturbance.present(between, True, 0.1)
 
     def test_swinging_feet_are_seen_from_a_base_that_moves_and_turns(self, mpc: Mpc) -> None:
         """Their velocity is the change of their place in the base's axes."""
         base = base_of()
         spin = TILTED.apply(base.gyro)
-        mpc._lift_off = RNG.uniform(-0.3, 0.3, (4, 3))
-        mpc._target = RNG.uniform(-0.3, 0.3, (4, 3))
-        swing_s, progress, d = mpc._clock.timing.swing_s, [0.0, 0.3, 0.0, 0.7], 1e-5
+        mpc.swing_feet.lift_off = RNG.uniform(-0.3, 0.3, (4, 3))
+        mpc.swing_feet.target = RNG.uniform(-0.3, 0.3, (4, 3))
+        swing_s, progress, d = mpc.clock.timing.swing_s, [0.0, 0.3, 0.0, 0.7], 1e-5
 
         def seen(dt: float) -> np.ndarray:
             turn = Rotation.from_rotvec(spin * dt) * TILTED
@@ -260,26 +263,25 @@ class TestMpc:
             moved = base._replace(
                 place=place, height=base.height + dt * base.velocity[2], rotation=turn.as_matrix()
             )
-            return mpc._swing([1, 3], [share + dt / swing_s for share in progress], moved)
+            return mpc.swing_feet.motion([1, 3], [share + dt / swing_s for share in progress], moved, swing_s)
 
         motion, before, after = seen(0.0), seen(-d), seen(d)
         np.testing.assert_allclose(motion[:, 1], (after[:, 0] - before[:, 0]) / (2 * d), atol=1e-5)
-        landing = mpc._target + (LEGS.foot_radius[0] - CONFIG.swing.depth_m) * UP
+        landing = mpc.swing_feet.target + (LEGS.foot_radius[0] - CONFIG.swing.depth_m) * UP
+        lift_off = mpc.swing_feet.lift_off
         world = np.array(
-            swing_motion(0.7, mpc._lift_off[3].tolist(), landing[3].tolist(), swing_s, CONFIG.swing.height_m)
+            swing_motion(0.7, lift_off[3].tolist(), landing[3].tolist(), swing_s, CONFIG.swing.height_m)
         )
         np.testing.assert_allclose(TILTED.apply(motion[1, 0]) + base.position, world[0], atol=1e-12)
         np.testing.assert_allclose(TILTED.apply(motion[1, 2]), world[2], atol=1e-9)
-        assert mpc._swing([], progress, base).shape == (0, 3, 3)
+        assert mpc.swing_feet.motion([], progress, base, swing_s).shape == (0, 3, 3)
 
     def test_a_leg_that_swings_aims_where_its_foothold_is_when_it_lands(self, mpc: Mpc) -> None:
         base = base_of()
-        mpc._command.value = np.array([0.3, 0.2, -0.6])
-        mpc._wanted_velocity = 0.25 + 0.1j
-        mpc._set_target(2, 0.3, base, in_plane(base.velocity))
-        timing = mpc._clock.timing
+        timing = mpc.clock.timing
+        mpc.swing_feet.aim(2, 0.3, base, in_plane(base.velocity), 0.25 + 0.1j, -0.6, timing)
         expected = foothold(
-            in_plane(mpc._places[2]),
+            in_plane(nominal_feet(LEGS, *PLACES)[2]),
             base.place,
             base.height,
             in_plane(base.velocity),
@@ -290,8 +292,8 @@ class TestMpc:
             timing.stance_s,
             CONFIG.foothold,
         )
-        assert in_plane(mpc._target[2]) == pytest.approx(expected)
-        assert not mpc._target[[0, 1, 3]].any()
+        assert in_plane(mpc.swing_feet.target[2]) == pytest.approx(expected)
+        assert not mpc.swing_feet.target[[0, 1, 3]].any()
 
     def test_a_reset_forgets_the_episode_before(self, mpc: Mpc) -> None:
         """The same episode twice gives the same commands to the bit."""
@@ -309,19 +311,17 @@ class TestMpc:
 
         np.testing.assert_array_equal(episode(), episode())
 
-    def test_forces_are_planned_as_often_as_asked_and_whenever_a_foot_changes(
-        self, mpc: Mpc, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        ticks = []
-        plan = mpc._plan
-        monkeypatch.setattr(mpc, "_plan", lambda base, feet: (ticks.append(k), plan(base, feet)))
+    def test_forces_are_planned_as_often_as_asked_and_whenever_a_foot_changes(self, mpc: Mpc) -> None:
+        ticks, changed, solved = [], [], 0
         mpc.reset(observed(TILTED))
-        changed = []
         for k in range(200):
-            stands = mpc._stands
+            stands = mpc.stands
             mpc.act(observed(TILTED, time_s=9.0, command=np.array([0.5, 0.0, 0.0])))
-            if (mpc._stands != stands).any():
+            if (mpc.stands != stands).any():
                 changed.append(k)
+            if len(mpc.solve_ms) > solved:
+                ticks.append(k)
+            solved = len(mpc.solve_ms)
         every = round(CONFIG.rate_hz / CONFIG.horizon.solve_hz)
         assert len(changed) > 2
         expected, next_at = [], 0
@@ -330,4 +330,3 @@ class TestMpc:
                 expected.append(k)
                 next_at = k + every
         assert ticks == expected
-        assert len(mpc.solve_ms) == len(ticks)

@@ -80,7 +80,7 @@ class TestWanted:
         policy.reset(moving())
         policy.act(moving())
         dynamics, wanted, _ = asked[0]
-        force = policy._force
+        force = policy.force
         np.testing.assert_allclose(wanted.centre, force.sum(axis=0) / BODY.mass - [0, 0, 9.81])
         moment = np.cross(dynamics.foot - dynamics.centre, force).sum(axis=0)
         assert np.abs(moment).min() > 0.1
@@ -98,13 +98,15 @@ class TestWanted:
         _, wanted, most = asked[-1]
         swinging = most == 0.0
         assert swinging.sum() == 2
-        np.testing.assert_array_equal(policy._stands, ~swinging)
+        np.testing.assert_array_equal(policy.stands, ~swinging)
         assert not wanted.feet[~swinging].any()
         assert not wanted.feet[:, 3:].any()
         pose = LEGS.pose(ROBOT.default_pose)
-        base = policy._follow(moving(), 0.0)
+        base = policy.follower.follow(moving(), 0.0)
         legs = np.flatnonzero(swinging).tolist()
-        motion = policy._swing(legs, policy._clock.swing().tolist(), base)
+        motion = policy.swing_feet.motion(
+            legs, policy.clock.swing().tolist(), base, policy.clock.timing.swing_s
+        )
         config = policy._swing_feedback
         for leg, (place, velocity, acceleration) in zip(legs, motion, strict=True):
             moves = pose.jacobian[leg] @ LEGS.gather(RATES)[leg]

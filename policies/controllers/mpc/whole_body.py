@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from footfall.policies.controllers.mpc.base import Base
 from footfall.policies.controllers.mpc.config import MpcConfig
-from footfall.policies.controllers.mpc.controller import Base, Mpc
+from footfall.policies.controllers.mpc.controller import Mpc
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.whole_body.control import WholeBodyConfig, WholeBodyControl
 from footfall.policies.controllers.whole_body.feedback import Feedback, observed
@@ -58,15 +59,15 @@ class MpcWholeBody(Mpc):
     def _joints(self, inputs: PolicyInput, base: Base, pose: LegPose, swing: np.ndarray) -> JointCommand:
         body, sensed = self.control.body, inputs.sensed
         dynamics = observed(body, inputs)
-        moment = _moment(dynamics.foot - dynamics.centre, self._force)
+        moment = _moment(dynamics.foot - dynamics.centre, self.force)
         wanted = Wanted(
-            centre=self._force.sum(axis=0) / self._body.mass + FREE_FALL,
+            centre=self.force.sum(axis=0) / self._body.mass + FREE_FALL,
             momentum_rate=moment,
             attitude=self._from_moment @ (moment @ base.rotation),
             feet=self._feet(sensed.joint_velocity, base, pose, swing),
             joints=self._posture(sensed.joint_position - self._robot.default_pose, sensed.joint_velocity),
         )
-        most = np.where(self._stands[body.foot_of_point], self._most_force, 0.0)
+        most = np.where(self.stands[body.foot_of_point], self._most_force, 0.0)
         return self.control.command(dynamics, sensed.joint_position, sensed.joint_velocity, wanted, most)
 
     def _feet(self, joint_velocity: np.ndarray, base: Base, pose: LegPose, swing: np.ndarray) -> np.ndarray:

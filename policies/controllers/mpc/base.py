@@ -1,0 +1,101 @@
+"""The base as model-predictive control sees it, and its place by dead reckoning."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from footfall.common.rotations import cross, roll_pitch_yaw, rotation_matrix
+from footfall.policies.controllers.mpc.config import Restart
+from footfall.policies.controllers.mpc.problem import BodyState
+from footfall.policies.policy import PolicyInput
+
+
+class Base(NamedTuple):
+    """The base as the controller sees it. World: where it was reset, z = 0 on the ground."""
+
+    place: complex  # m, of the base's origin: x + i y
+    height: float  # m
+    velocity: np.ndarray  # (3,) m/s, world
+    rotation: np.ndarray  # (3, 3) body to world
+    gyro: np.ndarray  # (3,) rad/s, body
+    roll: float
+    pitch: float
+    yaw: float
+
+    @property
+    def speed(self) -> complex:
+        """The velocity's horizontal part, m/s."""
+        x, y, _ = self.velocity.tolist()
+        return complex(x, y)
+
+    @property
+    def position(self) -> np.ndarray:
+        """Of the base's origin, (3,) m, world."""
+        return np.array([self.place.real, self.place.imag, self.height])
+
+
+class BaseFollower:
+    """Follows the base by odometry. Its place is dead reckoning, good for the length of a step.
+
+    Args:
+        foot_radius: m, mean of the feet.
+    """
+
+    def __init__(self, foot_radius: float) -> None:
+        self._radius = foot_radius
+        self.place = 0j  # m, x + i y
+
+    def reset(self) -> None:
+        """Place the origin of the world under the base."""
+        self.place = 0j
+
+    def height(self, inputs: PolicyInput) -> float:
+        """Height of the base's origin above the ground, m."""
+        return inputs.base_height + self._radius
+
+    def follow(self, inputs: PolicyInput, dt_s: float) -> Base:
+        """The base's state after a time step."""
+        rotation = rotation_matrix(inputs.sensed.quaternion)
+        velocity = rotation.dot(inputs.base_velocity)
+        x, y, _ = velocity.tolist()
+        self.place += complex(x, y) * dt_s
+        roll, pitch, yaw = roll_pitch_yaw(rotation)
+        height = self.height(inputs)
+        return Base(self.place, height, velocity, rotation, inputs.sensed.gyro, roll, pitch, yaw)
+
+
+class Disturbance:
+    """Notices a base that has to step although the command is to stand, as after a push."""
+
+    def __init__(self, config: Restart) -> None:
+        self._config = config
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget earlier disturbances."""
+        self._left_s = 0.0
+
+    def present(self, base: Base, walking: bool, dt_s: float) -> bool:
+        """Whether the base is too fast or tilted, or has been within `calm_s`."""
+        config = self._config
+        limit = config.stop_speed_m_s if walking else config.start_speed_m_s
+        if abs(base.speed) > limit or max(abs(base.roll), abs(base.pitch)) > config.start_tilt_rad:
+            self._left_s = config.calm_s
+        else:
+            self._left_s = max(0.0, self._left_s - dt_s)
+        return self._left_s > 0.0
+
+
+def body_state(base: Base, centre_of_mass: np.ndarray, to_heading: np.ndarray) -> BodyState:
+    """State of the centre of mass in the heading frame on the ground below the base.
+
+    Args:
+        base: its state.
+        centre_of_mass: (3,) m, in the base's frame.
+        to_heading: (3, 3), from the heading frame to the world.
+    """
+    centre = base.rotation @ centre_of_mass
+    rate = base.rotation @ base.gyro
+    vectors = np.array([centre, rate, base.velocity + cross(rate, centre)]).dot(to_heading)
+    x, y, z = vectors[0].tolist()
+    return BodyState(np.array([base.roll, base.pitch, 0.0, x, y, z + base.height]), vectors[1:].ravel())

@@ -1,0 +1,76 @@
+"""The motion that model-predictive control aims at: a pose that leads the base, and its continuation."""
+
+import cmath
+
+import numpy as np
+
+from footfall.common.rotations import wrap_angle
+from footfall.policies.controllers.mpc.base import Base
+from footfall.policies.controllers.mpc.config import MpcConfig
+from footfall.policies.controllers.mpc.problem import BodyState
+
+_DECAY_S = 0.2  # time constant with which the body is expected to lose surplus speed
+
+
+class Reference:
+    """A reference pose that moves at the commanded velocity, within a bounded lead over the base.
+
+    Args:
+        config: of the controller.
+        centre_of_mass: (3,) m, in the base's frame.
+    """
+
+    def __init__(self, config: MpcConfig, centre_of_mass: np.ndarray) -> None:
+        self._stance, self._settle_s = config.stance, config.settle_s
+        self._step_s = config.horizon.step_s
+        self._centre = centre_of_mass
+        steps = config.horizon.steps
+        self._end_of_step = self._step_s * np.arange(1, steps + 1)
+        self.middle_of_step = self._step_s * (np.arange(steps) + 0.5)  # s from now, (steps,)
+        decayed_s = _DECAY_S * (1.0 - np.exp(-self.middle_of_step / _DECAY_S))
+        self._path_basis = np.column_stack([np.ones(steps), self.middle_of_step, decayed_s])
+        self.begin(0.0, config.stance.height_m)
+
+    def begin(self, yaw: float, height: float) -> None:
+        """Start at the origin of the world, at rest."""
+        self.place = self.velocity = 0j  # m and m/s, world, x + i y
+        self.yaw, self.height = yaw, height  # rad, m
+
+    def advance(self, base: Base, command: np.ndarray, dt_s: float) -> None:
+        """Move at the command (3,): forward m/s, leftward m/s, yaw rad/s."""
+        stance = self._stance
+        forward, leftward, yaw_rate = command.tolist()
+        self.velocity = complex(forward, leftward) * cmath.rect(1.0, base.yaw)
+        ahead = self.place + self.velocity * dt_s - base.place
+        most = stance.most_position_lead_m
+        self.place = base.place + (ahead if abs(ahead) <= most else ahead * (most / abs(ahead)))
+        turned = wrap_angle(self.yaw + yaw_rate * dt_s - base.yaw)
+        most = stance.most_yaw_lead_rad
+        self.yaw = base.yaw + min(most, max(-most, turned))
+        climb = stance.height_m - self.height
+        self.height += min(1.0, dt_s / self._settle_s) * climb
+
+    def over_horizon(self, base: Base, command: np.ndarray) -> BodyState:
+        """The commanded motion after each step of the horizon, (steps, 6) each, in the heading frame."""
+        forward, leftward, yaw_rate = command.tolist()
+        later = self._end_of_step
+        yaw = wrap_angle(self.yaw - base.yaw) + yaw_rate * later
+        heading = np.exp(1j * yaw)
+        velocity = heading * complex(forward, leftward)
+        ahead = (self.place - base.place) * cmath.rect(1.0, -base.yaw)
+        centre_x, centre_y, centre_z = self._centre.tolist()
+        place = ahead + velocity.cumsum() * self._step_s
+        place += heading * complex(centre_x, centre_y)
+        pose, rate = np.zeros((len(later), 6)), np.zeros((len(later), 6))
+        pose[:, 2], rate[:, 2] = yaw, yaw_rate
+        pose[:, 3], pose[:, 4] = place.real, place.imag
+        rate[:, 3], rate[:, 4] = velocity.real, velocity.imag
+        pose[:, 5] = self.height + centre_z
+        return BodyState(pose, rate)
+
+    def path(self, state: BodyState, reference: BodyState) -> np.ndarray:
+        """Centre of mass (steps, 3), m, in the middle of each step; its speed decays to the reference's."""
+        (x, y, z), (forward, leftward, _) = state.pose[3:].tolist(), state.rate[3:].tolist()
+        wanted_x, wanted_y, _ = reference.rate[0, 3:].tolist()
+        rows = [[x, y, z], [wanted_x, wanted_y, 0.0], [forward - wanted_x, leftward - wanted_y, 0.0]]
+        return self._path_basis.dot(np.array(rows))

@@ -1,0 +1,88 @@
+"""Feet that swing: from where they lifted off to their footholds, as seen from the moving base."""
+
+import numpy as np
+
+from footfall.common.rotations import cross
+from footfall.policies.controllers.gait import GaitTiming
+from footfall.policies.controllers.mpc.base import Base
+from footfall.policies.controllers.mpc.config import MpcConfig
+from footfall.policies.controllers.mpc.footholds import foothold
+from footfall.policies.controllers.mpc.swing import swing_motion
+
+_NO_SWING = np.empty((0, 3, 3))
+
+
+class SwingFeet:
+    """Start and end of each foot's swing.
+
+    Args:
+        config: of the controller.
+        places: (feet, 3) m, below the hips, in the base's frame.
+        foot_radius: (feet,) m.
+    """
+
+    def __init__(self, config: MpcConfig, places: np.ndarray, foot_radius: np.ndarray) -> None:
+        self._swing, self._foothold = config.swing, config.foothold
+        self.places = places
+        self._ahead = (places[:, 0] + 1j * places[:, 1]).tolist()
+        self._touch_down = np.zeros((len(places), 3))  # of the feet's centres, from the ground
+        self._touch_down[:, 2] = foot_radius - config.swing.depth_m
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the swings of an earlier episode."""
+        count = len(self.places)
+        self.lift_off = np.zeros((count, 3))  # m, world
+        self.target = np.zeros((count, 3))  # m, world, on the ground
+
+    def aim(
+        self,
+        leg: int,
+        progress: float,
+        base: Base,
+        speed: complex,
+        wanted: complex,
+        yaw_rate: float,
+        gait: GaitTiming,
+    ) -> None:
+        """Set the foothold of a leg.
+
+        Args:
+            leg: its index.
+            progress: share of the swing that is over, in [0, 1].
+            base: its state.
+            speed: of the base, m/s, world, x + i y.
+            wanted: the same of the reference.
+            yaw_rate: commanded, rad/s.
+            gait: its timing.
+        """
+        target = foothold(
+            self._ahead[leg],
+            base.place,
+            base.height,
+            speed,
+            wanted,
+            base.yaw,
+            yaw_rate,
+            (1.0 - progress) * gait.swing_s,
+            gait.stance_s,
+            self._foothold,
+        )
+        self.target[leg, 0], self.target[leg, 1] = target.real, target.imag
+
+    def motion(self, swinging: list[int], progress: list[float], base: Base, swing_s: float) -> np.ndarray:
+        """Motion of swinging feet as seen from the moving base, (k, 3, 3): see `LegControl.command`."""
+        if not swinging:
+            return _NO_SWING
+        lift_off, landing = self.lift_off.tolist(), (self.target + self._touch_down).tolist()
+        motion = np.array(
+            [
+                swing_motion(progress[leg], lift_off[leg], landing[leg], swing_s, self._swing.height_m)
+                for leg in swinging
+            ]
+        )
+        position = [base.place.real, base.place.imag, base.height]
+        motion -= np.array([position, base.velocity.tolist(), [0.0, 0.0, 0.0]])
+        motion = motion.reshape(-1, 3).dot(base.rotation).reshape(-1, 3, 3)
+        motion[:, 1] -= cross(base.gyro, motion[:, 0])
+        return motion
