@@ -51,6 +51,10 @@ class Base:
         """Positions with another attitude of the base."""
         return qpos.at[self._quaternion].set(quaternion)
 
+    def at_height(self, qpos: jax.Array, height_m: jax.Array) -> jax.Array:
+        """Positions with the base at another height above the world's origin."""
+        return qpos.at[self._place.stop - 1].set(height_m)
+
     def moving(self, qvel: jax.Array, linear: jax.Array, yaw_rate: jax.Array) -> jax.Array:
         """Velocities with the base's horizontal ones (2,) and its yaw rate set."""
         along = slice(self._linear.start, self._linear.start + 2)

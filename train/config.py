@@ -21,6 +21,7 @@ from footfall.train.old_names import with_current_names
 
 PRESETS = Path(__file__).parent / "presets"
 TRAINING_FILE = "training.yaml"  # in a robot's folder
+BASE = "base"  # key of a preset's file: the shipped preset that the file changes
 
 
 @dataclass(frozen=True)
@@ -101,30 +102,45 @@ def available_presets() -> list[str]:
 def load_preset(name_or_file: str, robot: Robot | None = None) -> TrainConfig:
     """A preset by name, or a YAML file of the same form.
 
+    A file that begins with `base: NAME` holds only what it changes of that preset (see `merged`).
+
     Args:
         name_or_file: a name, or a path.
         robot: whose own ranges of what a preset randomises, and then its `training.yaml`, replace settings
-            of the presets that ship with footfall. A file is taken as it is.
+            of the presets that ship with footfall. A file without `base` is taken as it is.
 
     Raises:
         UserError: there is no such preset, or the file is malformed.
     """
-    path = PRESETS / f"{name_or_file}.yaml"
-    if path.is_file() and robot is not None:
-        own = robot.folder / TRAINING_FILE
-        preset = _with_own_ranges(read_yaml(path), robot)
-        if not own.is_file():
-            return train_config(preset, str(path))
-        changes = read_yaml(own)
-        whole = preset if changes is None else merged(preset, with_current_names(changes))
-        return train_config(whole, f"{own} over {path}")
-    if not path.is_file():
-        path = Path(name_or_file)
+    if name_or_file in available_presets():
+        return train_config(*_adapted(name_or_file, robot))
+    path = Path(name_or_file)
     if not path.is_file():
         raise UserError(
             f"no preset '{name_or_file}': give one of {', '.join(available_presets())} or a YAML file"
         )
-    return read_config(path)
+    changes = read_yaml(path)
+    if not isinstance(changes, dict) or BASE not in changes:
+        return train_config(changes, str(path))
+    base = changes.pop(BASE)
+    if base not in available_presets():
+        raise UserError(f"{path}: {BASE}: no preset '{base}': there are {', '.join(available_presets())}")
+    settings, source = _adapted(base, robot)
+    return train_config(merged(settings, with_current_names(changes)), f"{path} over {source}")
+
+
+def _adapted(name: str, robot: Robot | None) -> tuple[Any, str]:
+    """The settings of a preset that ships with footfall, adapted to a robot, and the files they come from."""
+    path = PRESETS / f"{name}.yaml"
+    preset = read_yaml(path)
+    if robot is None:
+        return preset, str(path)
+    own = robot.folder / TRAINING_FILE
+    preset = _with_own_ranges(preset, robot)
+    changes = read_yaml(own) if own.is_file() else None
+    if changes is None:
+        return preset, str(path)
+    return merged(preset, with_current_names(changes)), f"{own} over {path}"
 
 
 def read_config(path: Path) -> TrainConfig:

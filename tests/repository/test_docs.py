@@ -21,7 +21,7 @@ from footfall.deploy.bring_up.config import BringUpConfig
 from footfall.deploy.config import deploy_config
 from footfall.domain_rand.randomisation import Randomisation
 from footfall.robots.description import load_robot
-from footfall.train.config import PRESETS, TrainConfig
+from footfall.train.config import PRESETS, TrainConfig, load_preset
 from footfall.train.sweeps.sweep import SweepConfig
 
 ROOT = Path(__file__).parents[2]
@@ -124,7 +124,7 @@ def test_python_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 READERS: dict[str, Callable[[Path], object]] = {
     "bring-up": lambda path: load(path, BringUpConfig),
     "loop": lambda path: deploy_config(load_robot("go1"), path),
-    "preset": lambda path: load(path, TrainConfig),
+    "preset": lambda path: load_preset(str(path), load_robot("go1")),
     "randomisation": lambda path: load(path, Randomisation),
     "sweep": lambda path: load(path, SweepConfig),
     "training": lambda path: with_changes(yaml.safe_load((PRESETS / "gpu.yaml").read_text()), path),

@@ -31,19 +31,29 @@ class UserFolder:
             else:
                 shutil.copy(source, self.path)
 
-    def python(self, *arguments: str | Path) -> str:
+    def python(self, *arguments: str) -> str:
         """The output of `python ARGUMENTS`, which must succeed."""
-        done = subprocess.run(
-            [sys.executable, *map(str, arguments)],
+        done = self._run(*arguments)
+        assert done.returncode == 0, done.stdout + done.stderr
+        return done.stdout
+
+    def footfall(self, *arguments: str) -> str:
+        """The output of `footfall ARGUMENTS`, which must succeed."""
+        return self.python("-P", "-m", "footfall", *arguments)
+
+    def refused(self, *arguments: str) -> str:
+        """The one line with which `footfall ARGUMENTS` is refused."""
+        done = self._run("-P", "-m", "footfall", *arguments)
+        assert done.returncode == 2, done.stdout + done.stderr
+        (line,) = done.stderr.splitlines()
+        return line
+
+    def _run(self, *arguments: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [sys.executable, *arguments],
             cwd=self.path,
             env=os.environ | {"OMP_NUM_THREADS": "1"},
             capture_output=True,
             text=True,
             check=False,
         )
-        assert done.returncode == 0, done.stdout + done.stderr
-        return done.stdout
-
-    def footfall(self, *arguments: str | Path) -> str:
-        """The output of `footfall ARGUMENTS`, which must succeed."""
-        return self.python("-P", "-m", "footfall", *arguments)

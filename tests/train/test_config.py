@@ -46,6 +46,32 @@ def test_a_preset_in_a_file_is_taken_as_it_is(own_folder: Path, tmp_path: Path) 
     assert load_preset(str(file), robot) == load_preset("smoke")
 
 
+def test_a_file_with_a_base_holds_what_it_changes(own_folder: Path, tmp_path: Path) -> None:
+    robot = load_robot(own_training(own_folder, "env:\n  gait: {frequency_hz: 1.5}\n"))
+    file = tmp_path / "own.yaml"
+    file.write_text("base: cpu\nppo: {learning_rate: 2.0e-3}\nenv:\n  rewards: {torque: -0.5}\n")
+    mine, base = load_preset(str(file), robot), load_preset("cpu", robot)
+    assert mine.ppo == replace(base.ppo, learning_rate=2.0e-3)
+    assert mine.env.gait == base.env.gait
+    assert mine.env.rewards != base.env.rewards
+    assert replace(mine.env, rewards=base.env.rewards) == base.env
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("base: fast\n", "own.yaml: base: no preset 'fast': there are cpu, "),
+        ("base: [cpu]\n", r"own.yaml: base: no preset '\['cpu'\]'"),
+        ("base: cpu\nenv: {gate: {}}\n", r"own\.yaml over .*cpu\.yaml: env: no setting gate"),
+    ],
+)
+def test_a_file_with_a_wrong_base_or_change_is_refused(tmp_path: Path, text: str, complaint: str) -> None:
+    file = tmp_path / "own.yaml"
+    file.write_text(text)
+    with pytest.raises(UserError, match=complaint):
+        load_preset(str(file))
+
+
 def test_settings_load_under_their_older_names(own_folder: Path, tmp_path: Path) -> None:
     assert load_preset(str(Path(__file__).parent / "old_smoke.yaml")) == load_preset("smoke")
     robot = load_robot(own_training(own_folder, "ppo: {clip: 0.3, discount: 0.9}\n"))
