@@ -15,7 +15,6 @@ from footfall.train.brax.networks import trained_actor
 from footfall.train.brax.parts import assemble, prefetch_programs
 from footfall.train.brax.state import TrainState
 from footfall.train.config import TrainConfig
-from footfall.train.export import export
 from footfall.train.runs import checkpoint
 from footfall.train.runs.diagnosis import Diagnosis
 from footfall.train.runs.failure import Failure, TrainingFailedError, non_finite_leaves, not_finite
@@ -81,6 +80,8 @@ class BraxTrainer(Trainer):
         )
         if not cluster.is_main_process():
             return 0.0
+        from footfall.train.export import export  # ONNX is needed at the end only
+
         actor = trained_actor(self._parts.exact_networks, normalizer, policy)
         return export(actor, self._parts.env.contract, np.asarray(observations), path)
 
