@@ -83,9 +83,7 @@ class SimulatedMotors:
             _, motors, values = self._due.popleft()
             self._values[:, motors] = values
             self.commanded |= self._any_enabled
-        if not self._any_enabled:
-            return np.zeros(len(position))
-        late = self._watchdog.late(step, self.enabled)
+        late = self._watchdog.late(step, self.enabled) if self._any_enabled else None
         if late is not None:
             self.enabled &= ~late
             self._note_enabled()
@@ -181,10 +179,9 @@ class SimulatedMotors:
     def _report(self, readings: np.ndarray) -> Report:
         """The present report of every motor; a stuck one repeats its last report."""
         error, on = np.maximum(self.faults.error, self.faults.latched), self.enabled.copy()
-        if np.count_nonzero(self._watchdog.timed_out):
-            error = np.maximum(
-                error, self._watchdog.timed_out * np.asarray(self._end.time_out_error, np.uint64)
-            )
+        timed_out = self._watchdog.timed_out
+        if np.count_nonzero(timed_out):
+            error = np.maximum(error, timed_out * np.asarray(self._end.time_out_error, np.uint64))
         report, stuck = Report(readings, error, on, TEMPERATURE_C), self.faults.stuck
         if np.count_nonzero(stuck):
             before = self._said
