@@ -58,7 +58,7 @@ class _Search:
         self._data = mujoco.MjData(self._model)
         self._data.qpos[:] = self._model.qpos0
         mujoco.mj_kinematics(self._model, self._data)
-        self._legs = [_LegSearch(self._model, self._data, leg) for leg in machine.legs]
+        self._legs = [LegSearch(self._model, self._data, leg) for leg in machine.legs]
 
     def run(self, given: Mapping[str, float]) -> Pose:
         data, legs = self._data, self._legs
@@ -104,11 +104,11 @@ class _Search:
             if hinge.name not in own
         ]
 
-    def _lowest_of(self, leg: "_LegSearch") -> np.ndarray:
+    def _lowest_of(self, leg: "LegSearch") -> np.ndarray:
         """A place far below the hip: reaching for it stretches the leg."""
         return np.array([*leg.hip[:2], leg.hip[2] - 1.2 * leg.length])
 
-    def _next(self, leg: "_LegSearch", target: np.ndarray, solved: "list[_Solved]") -> "_Solved":
+    def _next(self, leg: "LegSearch", target: np.ndarray, solved: "list[_Solved]") -> "_Solved":
         """The angles of an earlier leg, mirrored on the other side; searched anew if those do not fit."""
         before = [(other, found) for other, found in zip(self._legs, solved, strict=False)]
         like = [
@@ -122,12 +122,12 @@ class _Search:
             return exact
         return nearby if nearby.cost < max(cost for _, cost in like) + ALIKE else self._solve(leg, target)
 
-    def _as_is(self, leg: "_LegSearch", target: np.ndarray, joints: np.ndarray) -> "_Solved":
+    def _as_is(self, leg: "LegSearch", target: np.ndarray, joints: np.ndarray) -> "_Solved":
         joints = np.clip(joints, leg.low, leg.high)
         residual = self._residual(leg, target, joints)
         return self._solved(leg, joints, residual)
 
-    def _solve(self, leg: "_LegSearch", target: np.ndarray) -> "_Solved":
+    def _solve(self, leg: "LegSearch", target: np.ndarray) -> "_Solved":
         """The best of several starts; among equals, the one whose knee bends in the usual direction."""
         starts = [leg.near_zero, *self._random.uniform(leg.low, leg.high, (STARTS, len(leg.at)))]
         found = [self._descend(leg, target, start) for start in starts]
@@ -135,7 +135,7 @@ class _Search:
         good = [solved for solved in found if solved.cost < best + ALIKE]
         return max(good, key=lambda solved: solved.knee * (1.0 if len(self._legs) == 2 else -1.0))
 
-    def _descend(self, leg: "_LegSearch", target: np.ndarray, start: np.ndarray) -> "_Solved":
+    def _descend(self, leg: "LegSearch", target: np.ndarray, start: np.ndarray) -> "_Solved":
         joints = np.clip(start, leg.low, leg.high)
         residual = self._residual(leg, target, joints)
         damping = DAMPING
@@ -160,13 +160,13 @@ class _Search:
                     break
         return self._solved(leg, joints, residual)
 
-    def _solved(self, leg: "_LegSearch", joints: np.ndarray, residual: np.ndarray) -> "_Solved":
+    def _solved(self, leg: "LegSearch", joints: np.ndarray, residual: np.ndarray) -> "_Solved":
         self._data.qpos[leg.at] = joints
         mujoco.mj_kinematics(self._model, self._data)
         foot = leg.foot(self._data)
         return _Solved(joints, float(residual @ residual), float(leg.hip[2] - foot[2]), leg.knee(self._data))
 
-    def _residual(self, leg: "_LegSearch", target: np.ndarray, joints: np.ndarray) -> np.ndarray:
+    def _residual(self, leg: "LegSearch", target: np.ndarray, joints: np.ndarray) -> np.ndarray:
         data = self._data
         data.qpos[leg.at] = joints
         mujoco.mj_kinematics(self._model, data)
@@ -194,7 +194,7 @@ class _Solved(NamedTuple):
     knee: float  # how far the knee is in front of the line from hip to foot, m
 
 
-class _LegSearch:
+class LegSearch:
     """One leg in the model: its joints, its foot, and its foot's frame at zero."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, leg: Leg) -> None:
@@ -246,7 +246,7 @@ class _LegSearch:
         spread = -outward[2] < SPREAD_SHARE * self.length
         return (self.hip + (SPREAD_IN if spread else 1.0) * outward)[:2]
 
-    def like(self, other: "_LegSearch", joints: np.ndarray) -> np.ndarray:
+    def like(self, other: "LegSearch", joints: np.ndarray) -> np.ndarray:
         """Joints of this leg that turn its links like `joints` turn those of another leg.
 
         Across the body's middle plane a rotation vector (x, y, z) is mirrored to (-x, y, -z).

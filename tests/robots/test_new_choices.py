@@ -19,7 +19,7 @@ from footfall.robots.importer.create import ImportRequest, import_robot
 from footfall.robots.importer.machine import Hinge, Leg, Link, Machine
 from footfall.robots.importer.model_xml import model_xml
 from footfall.robots.importer.motors import Drive, JointMotor, choose_drive, peak_torques
-from footfall.robots.importer.pose import Pose, _LegSearch, standing_pose
+from footfall.robots.importer.pose import LegSearch, Pose, standing_pose
 from footfall.robots.importer.robot_yaml import choose_protocols, robot_yaml
 from footfall.robots.importer.source import Source
 from footfall.robots.importer.statics import Statics, statics
@@ -314,12 +314,12 @@ class TestPose:
         assert pose.joints["rl_knee"] == pytest.approx(-1.2 - 0.94 * 0.8)
         assert pose.joints["fl_knee"] == pytest.approx(-1.2 + 0.94 * 0.8)
 
-    def searches(self, tmp_path: Path, text: str) -> tuple[mujoco.MjModel, mujoco.MjData, list[_LegSearch]]:
+    def searches(self, tmp_path: Path, text: str) -> tuple[mujoco.MjModel, mujoco.MjData, list[LegSearch]]:
         machine, _ = build_machine(read(tmp_path, text), "m")
         model = mujoco.MjModel.from_xml_string(model_xml(machine))
         data = mujoco.MjData(model)
         mujoco.mj_kinematics(model, data)
-        return model, data, [_LegSearch(model, data, leg) for leg in machine.legs]
+        return model, data, [LegSearch(model, data, leg) for leg in machine.legs]
 
     @pytest.mark.parametrize(("other", "across"), [(1, -1.0), (2, 1.0), (3, -1.0)])
     def test_a_leg_stands_like_another_or_like_its_mirror_image(
