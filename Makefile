@@ -24,7 +24,7 @@ setup: $(STAMP)
 
 $(STAMP): pyproject.toml
 	@test -n "$(PYTHON)" || { echo "footfall needs Python 3.11 or newer: install it, or run make PYTHON=/path/to/python" >&2; exit 2; }
-	@test -d src/footfall/train || { echo "footfall/train is no link to train/: unpack or clone footfall where there are symbolic links" >&2; exit 2; }
+	@test -d src/footfall/train || { echo "src/footfall/train is no link to train/: unpack or clone footfall where there are symbolic links" >&2; exit 2; }
 	$(PYTHON) -m venv $(VENV)
 	$(INSTALL) --editable '.[$(EXTRAS)]'
 	@touch $(STAMP)

@@ -54,7 +54,8 @@ def jobs_for(fault: dict[str, str], texts: dict[str, str]) -> list[Job]:
     """Test files that name the fault's module, and the others of its room, the quick ones of each first."""
     path = Path(fault["file"])
     parts = path.with_suffix("").parts
-    module = ".".join(parts if parts[0] == "footfall" else ("footfall", *parts)).removesuffix(".__init__")
+    in_package = parts[1:] if parts[0] == "src" else ("footfall", *parts)
+    module = ".".join(in_package).removesuffix(".__init__")
     package, name = module.rsplit(".", 1)
     names = (
         rf"\b{re.escape(module)}\b|from {re.escape(package)} import [^\n]*\b{name}\b|{re.escape(path.name)}"

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from import_apart import ROOT, import_apart
 
-COMMAND_LINE = "footfall"  # whose folder links to the others
+COMMAND_LINE = "src/footfall"  # whose folder links to the others
 COMMAND_LINE_MODULES = {path.stem for path in (ROOT / COMMAND_LINE).glob("*.py")} - {"__init__"} | {"verbs"}
 LEARNING_ONLY = (
     "jax",
@@ -59,7 +59,7 @@ def modules(package: str) -> Iterator[tuple[str, Path]]:
     for path in sorted((ROOT / package).rglob("*.py")):
         parts = path.relative_to(ROOT).with_suffix("").parts
         name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
-        yield name if package == COMMAND_LINE else f"footfall.{name}", path
+        yield name.removeprefix("src.") if package == COMMAND_LINE else f"footfall.{name}", path
 
 
 @cache

@@ -15,7 +15,8 @@ from fresh_environment import FreshEnvironment
 pytest.importorskip("build")
 
 ROOT = Path(__file__).parents[2]
-ROOMS = [path.name for path in (ROOT / "footfall").iterdir() if path.is_symlink()]
+PACKAGE = ROOT / "src" / "footfall"
+ROOMS = [path.name for path in PACKAGE.iterdir() if path.is_symlink()]
 USERS_OWN = ("train", "envs", "deploy", "evaluate", "robots", "policies", "common", "pages", "plant")
 
 
@@ -23,7 +24,7 @@ USERS_OWN = ("train", "envs", "deploy", "evaluate", "robots", "policies", "commo
 def sources(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What a clone has of the package."""
     folder = tmp_path_factory.mktemp("sources")
-    for name in ("src", "footfall", *ROOMS):
+    for name in ("src", *ROOMS):
         shutil.copytree(
             ROOT / name,
             folder / name,
@@ -81,10 +82,11 @@ def content(wheel: Path) -> set[str]:
 
 
 def test_the_wheel_holds_every_file_of_the_rooms_under_one_name(wheel: Path) -> None:
-    ours = {path for room in ROOMS for path in (ROOT / room).rglob("*")}
-    ours |= {path for path in (ROOT / "footfall").rglob("*") if not path.is_symlink()}
-    files = {str(path.relative_to(ROOT)) for path in ours if path.is_file() and path.suffix != ".pyc"}
-    expected = {name if name.startswith("footfall/") else f"footfall/{name}" for name in files}
+    ours = {f"footfall/{path.relative_to(ROOT)}": path for room in ROOMS for path in (ROOT / room).rglob("*")}
+    ours |= {
+        f"footfall/{path.relative_to(PACKAGE)}": path for path in PACKAGE.rglob("*") if not path.is_symlink()
+    }
+    expected = {name for name, path in ours.items() if path.is_file() and path.suffix != ".pyc"}
     assert len(ROOMS) >= 10
     assert content(wheel) == expected
 

@@ -11,7 +11,7 @@ from footfall.robots.default import DEFAULT_ROBOT
 from footfall.robots.description import available_robots, load_robot
 
 ROOT = Path(__file__).parents[2]
-ROOMS = ["footfall", *(room.name for room in (ROOT / "footfall").iterdir() if room.is_symlink())]
+ROOMS = ["src/footfall", *(room.name for room in (ROOT / "src/footfall").iterdir() if room.is_symlink())]
 DEFAULT = ROOT / "robots" / "default.py"
 NAMES = {name for robot in available_robots() for name in (robot, *load_robot(robot).joint_names)}
 ANY_NAME = re.compile(rf"\b({'|'.join(map(re.escape, sorted(NAMES)))})\b")
