@@ -12,7 +12,7 @@ from footfall.plant.episode import Episode, run_episode
 from footfall.policies.controllers.balance import Balance
 from footfall.policies.controllers.solver import BoundedSolver, Programme
 from footfall.policies.controllers.step import Step
-from footfall.policies.controllers.step.controller import Phase
+from footfall.policies.controllers.step.footwork import Phase
 from footfall.policies.controllers.whole_body.control import UNSOLVED
 from footfall.policies.policy import PolicyInput
 from footfall.policies.registry import controllers_of, load_policy, walking_controllers
@@ -105,7 +105,7 @@ class TestStep:
         policy, plant = Step(G1), DirectPlant(G1, seed=2)
         result = walk(policy, plant, partial(hold, (0.2, 0.0, 0.3)), 4.5)
         assert not result.fell
-        assert policy.steps >= 5
+        assert policy.footwork.steps >= 5
         assert policy.control.unsolved_ticks == 0
         forward, _, yaw_rate = result.mean_velocity(after_s=1.5)
         assert forward == pytest.approx(0.2, abs=0.06)
@@ -117,8 +117,8 @@ class TestStep:
         shove = (0.8, np.array([*push, 0.0]))
         result = walk(policy, plant, STANDING, 3.0, BaseEstimator(G1), shove)
         assert not result.fell
-        assert 1 <= policy.steps <= 4
-        assert policy.phase is Phase.STAND
+        assert 1 <= policy.footwork.steps <= 4
+        assert policy.footwork.phase is Phase.STAND
         assert np.linalg.norm(result.velocity[-1][:2]) < 0.1
 
     def test_a_harder_shove_is_stepped_after_before_the_weight_has_shifted(self) -> None:
@@ -126,7 +126,7 @@ class TestStep:
         lifted: list[float] = []
 
         def look(time_s: float, _: DirectPlant) -> None:
-            if policy.steps and not lifted:
+            if policy.footwork.steps and not lifted:
                 lifted.append(time_s)
 
         shove = (0.8, np.array([0.5, 0.0, 0.0]))
@@ -136,7 +136,7 @@ class TestStep:
     def test_undisturbed_it_does_not_step(self) -> None:
         policy, plant = Step(G1), DirectPlant(G1, seed=5)
         assert not walk(policy, plant, STANDING, 1.5).fell
-        assert policy.steps == 0
+        assert policy.footwork.steps == 0
         stance = policy.stance()
         assert stance is not None
         assert stance.tolist() == [1.0, 1.0]
@@ -168,5 +168,5 @@ class TestStep:
             if time_s == 0.0:
                 policy.reset(seen)
             commands.append(np.array(policy.act(seen)))
-        assert policy.phase is Phase.STEP
+        assert policy.footwork.phase is Phase.STEP
         return np.array(commands)

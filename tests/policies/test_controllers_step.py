@@ -13,9 +13,10 @@ from footfall.common.rotations import wrap_angle
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.step import Step
 from footfall.policies.controllers.step import controller as controller_module
+from footfall.policies.controllers.step import footwork as footwork_module
 from footfall.policies.controllers.step.config import Pressure, Start, StepConfig
-from footfall.policies.controllers.step.controller import Phase
 from footfall.policies.controllers.step.footsteps import NextStep, NominalStep, capture_after, nominal_step
+from footfall.policies.controllers.step.footwork import Phase
 from footfall.policies.controllers.whole_body.feedback import Feedback, standing
 from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.description import load_robot
@@ -104,7 +105,7 @@ def asked(policy: Step, monkeypatch: pytest.MonkeyPatch, inputs: PolicyInput, dy
 
 
 def nominal(swings: int, velocity: Any = (0.0, 0.0)) -> NominalStep:
-    rate = Step(G1, CONFIG)._fall_rate
+    rate = Step(G1, CONFIG).footwork.fall_rate
     return nominal_step(np.array(velocity), 1.0 if swings == LEFT else -1.0, 0.2, 0.6, 0.1, rate)
 
 
@@ -115,20 +116,20 @@ class TestWanted:
         rest = standing(policy.control.body, G1)
         height = rest.centre[2] - rest.foot[:, 2].mean() - 0.06
         assert policy._height == pytest.approx(height)
-        assert policy._fall_rate == pytest.approx(math.sqrt(9.81 / height))
-        assert policy._side.tolist() == [1.0, -1.0]
-        assert (policy.rate_hz, policy._dt_s) == (CONFIG.rate_hz, pytest.approx(1.0 / CONFIG.rate_hz))
+        assert policy.footwork.fall_rate == pytest.approx(math.sqrt(9.81 / height))
+        assert policy.footwork.side.tolist() == [1.0, -1.0]
+        assert (policy.rate_hz, policy.footwork.dt_s) == (CONFIG.rate_hz, pytest.approx(1.0 / CONFIG.rate_hz))
 
     def test_the_pressure_lies_beyond_the_capture_point_by_the_gain(
         self, policy: Step, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         """x = c + v / w off the middle, p = x + 2 x, and the acceleration is w^2 (c - p)."""
-        w = policy._fall_rate
+        w = policy.footwork.fall_rate
         velocity = np.array([0.05, -0.02, 0.0])
         dynamics = moment((0.01, -0.02, policy._height), velocity)
         place = dynamics.centre[:2] - MIDDLE[:2]
         *_, wanted, _ = asked(policy, monkeypatch, seen(), dynamics)
-        assert policy.phase is Phase.STAND
+        assert policy.footwork.phase is Phase.STAND
         np.testing.assert_allclose(wanted.centre[:2], w**2 * (place - 3.0 * (place + velocity[:2] / w)))
         assert wanted.centre[2] == pytest.approx(0.0, abs=1e-9)
         np.testing.assert_allclose(wanted.momentum_rate, [-2.0, 4.0, -6.0])
@@ -137,7 +138,7 @@ class TestWanted:
 
     def test_the_pressure_is_no_farther_from_the_middle_than_allowed(self, policy: Step) -> None:
         """Three times (0.09, 0.12) m would be 0.45 m: 0.2 m in that direction."""
-        found = policy._both_press(moment(), capture_at(0.09, 0.12), MIDDLE[:2])
+        found = policy.footwork.both_press(moment(), capture_at(0.09, 0.12), MIDDLE[:2])
         np.testing.assert_allclose(found, MIDDLE[:2] + world(0.12, 0.16))
 
     def test_it_brings_tilt_and_joints_back(self, policy: Step, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -173,7 +174,7 @@ class TestWanted:
         """A foot that bears a quarter of what the other one does counts a fifth."""
         dynamics = moment((0.0, 0.0, policy._height))
         dynamics.foot[RIGHT, 2] += 0.1
-        policy._load = np.array([1.0, 0.25])
+        policy.footwork.load = np.array([1.0, 0.25])
         *_, wanted, _ = asked(policy, monkeypatch, seen(), dynamics)
         assert wanted.centre[2] == pytest.approx(60.0 * 0.02)
 
@@ -183,7 +184,7 @@ class TestWanted:
         body = policy.control.body
         whole = 1.2 * 9.81 * body.total_mass
         for loads, shares in (((1.0, 1.0), (1.0, 1.0)), ((0.4, 1.0), (0.4, 1.0)), ((1.0, 0.02), (1.0, 0.0))):
-            policy._load = np.array(loads)
+            policy.footwork.load = np.array(loads)
             *_, most = asked(policy, monkeypatch, seen(), moment())
             for foot, share in enumerate(shares):
                 np.testing.assert_allclose(most[body.foot_of_point == foot], share * whole / 4)
@@ -192,27 +193,31 @@ class TestWanted:
         self, policy: Step, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         asked(policy, monkeypatch, seen(0.49, (0.3, 0.0, 0.0)), moment())
-        assert not policy._command.value.any()
-        assert policy.phase is Phase.STAND
+        assert not policy.footwork.command.value.any()
+        assert policy.footwork.phase is Phase.STAND
         asked(policy, monkeypatch, seen(0.5, (0.3, 0.0, 0.0)), moment())
-        assert policy._command.value[0] == pytest.approx(0.3 / 500)
-        assert policy.phase is Phase.SHIFT
+        assert policy.footwork.command.value[0] == pytest.approx(0.3 / 500)
+        assert policy.footwork.phase is Phase.SHIFT
 
     def test_a_reset_forgets_the_run_before(self, policy: Step, monkeypatch: pytest.MonkeyPatch) -> None:
-        policy._command.value = VELOCITY.copy()
-        policy._lift(moment(), shifted=True)
-        policy._load = np.array([1.0, 0.0])
-        policy._swing = SimpleNamespace()  # type: ignore[assignment]
+        policy.footwork.command.value = VELOCITY.copy()
+        policy.footwork.lift(moment(), shifted=True)
+        policy.footwork.load = np.array([1.0, 0.0])
+        policy.footwork.swing = SimpleNamespace()  # type: ignore[assignment]
         policy.control.unsolved_ticks = 3
         policy.reset(seen())
-        assert not policy._command.value.any()
-        assert (policy.phase, policy.steps, policy._swing) == (Phase.STAND, 0, None)
-        assert (policy._elapsed_s, policy._lands_after_s, policy.control.unsolved_ticks) == (0.0, 0.0, 0)
+        assert not policy.footwork.command.value.any()
+        assert (policy.footwork.phase, policy.footwork.steps, policy.footwork.swing) == (Phase.STAND, 0, None)
+        assert (policy.footwork.elapsed_s, policy.footwork.lands_after_s, policy.control.unsolved_ticks) == (
+            0.0,
+            0.0,
+            0,
+        )
         stance = policy.stance()
         assert stance is not None
         assert stance.tolist() == [1.0, 1.0]
         stance[:] = 5.0
-        assert policy._load.tolist() == [1.0, 1.0]
+        assert policy.footwork.load.tolist() == [1.0, 1.0]
 
     def test_before_any_reset_it_begins_in_its_pose(
         self, policy: Step, monkeypatch: pytest.MonkeyPatch
@@ -225,10 +230,10 @@ class TestWanted:
     def test_however_long_it_has_stood_it_does_not_lift_a_foot(
         self, policy: Step, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        policy._elapsed_s = 5.0
+        policy.footwork.elapsed_s = 5.0
         asked(policy, monkeypatch, seen(), moment())
-        assert (policy.phase, policy.steps) == (Phase.STAND, 0)
-        assert policy._elapsed_s == pytest.approx(5.0 + 1.0 / CONFIG.rate_hz)
+        assert (policy.footwork.phase, policy.footwork.steps) == (Phase.STAND, 0)
+        assert policy.footwork.elapsed_s == pytest.approx(5.0 + 1.0 / CONFIG.rate_hz)
 
 
 class TestShift:
@@ -247,24 +252,30 @@ class TestShift:
     def test_a_command_or_a_capture_point_far_from_the_middle_calls_for_a_step(
         self, policy: Step, capture: tuple[float, float], walk: bool, bears: int | None
     ) -> None:
-        policy._elapsed_s = 0.3
-        policy._consider_a_step(moment(), capture_at(*capture), walk)
+        policy.footwork.elapsed_s = 0.3
+        policy.footwork.consider_a_step(moment(), capture_at(*capture), walk)
         if bears is None:
-            assert policy.phase is Phase.STAND
+            assert policy.footwork.phase is Phase.STAND
             return
-        assert (policy.phase, policy._bears, policy._swings) == (Phase.SHIFT, bears, 1 - bears)
-        assert policy._elapsed_s == 0.0
+        assert (policy.footwork.phase, policy.footwork.bears, policy.footwork.swings) == (
+            Phase.SHIFT,
+            bears,
+            1 - bears,
+        )
+        assert policy.footwork.elapsed_s == 0.0
 
     @pytest.mark.parametrize("bears", [LEFT, RIGHT])
     def test_it_ends_where_a_steady_step_would_begin_in_the_air(self, policy: Step, bears: int) -> None:
         """Sideways as far from the bearing foot as grows to the landing's in 0.5 s; ahead not at all."""
-        policy._bears, policy._swings = bears, 1 - bears
-        policy._command.value = VELOCITY
+        policy.footwork.bears, policy.footwork.swings = bears, 1 - bears
+        policy.footwork.command.value = VELOCITY
         dynamics = moment(feet=((0.03, 0.12), (-0.03, -0.12)))
         step = nominal(1 - bears, VELOCITY[:2])
-        left = (step.place + step.offset)[1] * math.exp(-0.5 * policy._fall_rate)
+        left = (step.place + step.offset)[1] * math.exp(-0.5 * policy.footwork.fall_rate)
         left += 0.12 if bears == LEFT else -0.12
-        np.testing.assert_allclose(policy._shifted(dynamics), MIDDLE[:2] + world(0.0, left), atol=1e-12)
+        np.testing.assert_allclose(
+            policy.footwork.shifted(dynamics), MIDDLE[:2] + world(0.0, left), atol=1e-12
+        )
 
     @pytest.mark.parametrize("bears", [LEFT, RIGHT])
     @pytest.mark.parametrize(
@@ -284,24 +295,24 @@ class TestShift:
         self, policy: Step, bears: int, short: float, ahead: float, elapsed_s: float, lifts: bool
     ) -> None:
         """How much the capture point is short of the bearing foot's side, and how far it is ahead."""
-        policy.phase, policy._bears, policy._swings, policy._elapsed_s = (
+        policy.footwork.phase, policy.footwork.bears, policy.footwork.swings, policy.footwork.elapsed_s = (
             Phase.SHIFT, bears, 1 - bears, elapsed_s,
         )  # fmt: skip
         capture = np.zeros(3)
         inwards = -short if bears == LEFT else short
-        capture[:2] = policy._shifted(moment()) + world(ahead, inwards)
-        policy._consider_lifting(moment(), capture)
-        assert policy.phase is (Phase.STEP if lifts else Phase.SHIFT)
+        capture[:2] = policy.footwork.shifted(moment()) + world(ahead, inwards)
+        policy.footwork.consider_lifting(moment(), capture)
+        assert policy.footwork.phase is (Phase.STEP if lifts else Phase.SHIFT)
 
     def test_the_pressure_drives_the_weight_there(
         self, policy: Step, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         """A centre in the middle, at rest: p = x + 2 (x - goal)."""
-        policy.phase, policy._bears, policy._swings = Phase.SHIFT, LEFT, RIGHT
+        policy.footwork.phase, policy.footwork.bears, policy.footwork.swings = Phase.SHIFT, LEFT, RIGHT
         *_, wanted, _ = asked(policy, monkeypatch, seen(command=(0.0, 0.0, 0.0)), moment())
-        goal = policy._shifted(moment()) - MIDDLE[:2]
+        goal = policy.footwork.shifted(moment()) - MIDDLE[:2]
         assert 0.03 < np.linalg.norm(goal) < 0.1
-        np.testing.assert_allclose(wanted.centre[:2], policy._fall_rate**2 * 2.0 * goal)
+        np.testing.assert_allclose(wanted.centre[:2], policy.footwork.fall_rate**2 * 2.0 * goal)
 
 
 class TestLift:
@@ -310,16 +321,16 @@ class TestLift:
         self, policy: Step, shifted: bool, elapsed_s: float
     ) -> None:
         """After a shift the time in which both feet bear is over. 0.4 rad/s turn by 0.24 rad in a step."""
-        policy._bears, policy._swings = RIGHT, LEFT
-        policy._command.value = VELOCITY
-        policy._swing = SimpleNamespace()  # type: ignore[assignment]
-        policy._lift(moment(headings=(9.0, HEADING)), shifted)
-        assert (policy.phase, policy.steps, policy._swing) == (Phase.STEP, 1, None)
-        assert (policy._elapsed_s, policy._lands_after_s) == (elapsed_s, 0.6)
-        assert policy._yaw == pytest.approx(HEADING)
+        policy.footwork.bears, policy.footwork.swings = RIGHT, LEFT
+        policy.footwork.command.value = VELOCITY
+        policy.footwork.swing = SimpleNamespace()  # type: ignore[assignment]
+        policy.footwork.lift(moment(headings=(9.0, HEADING)), shifted)
+        assert (policy.footwork.phase, policy.footwork.steps, policy.footwork.swing) == (Phase.STEP, 1, None)
+        assert (policy.footwork.elapsed_s, policy.footwork.lands_after_s) == (elapsed_s, 0.6)
+        assert policy.footwork.yaw == pytest.approx(HEADING)
         place = nominal(LEFT, VELOCITY[:2]).place
         np.testing.assert_allclose(place, [0.18, 0.06 + 0.2])
-        np.testing.assert_allclose(policy._place, world(*place, heading=HEADING + 0.12))
+        np.testing.assert_allclose(policy.footwork.place, world(*place, heading=HEADING + 0.12))
 
 
 class TestLand:
@@ -341,17 +352,17 @@ class TestLand:
         self, policy: Step, centre: Any, feet: Any, walk: bool, stands: bool
     ) -> None:
         """Capture point and feet along the axes of the foot that has landed."""
-        policy._bears, policy._swings, policy._elapsed_s = LEFT, RIGHT, 0.6
-        policy._load = np.array([1.0, 0.0])
+        policy.footwork.bears, policy.footwork.swings, policy.footwork.elapsed_s = LEFT, RIGHT, 0.6
+        policy.footwork.load = np.array([1.0, 0.0])
         # Half of it from the velocity.
-        velocity = 0.5 * policy._fall_rate * np.array([*world(*centre), 0.0])
+        velocity = 0.5 * policy.footwork.fall_rate * np.array([*world(*centre), 0.0])
         dynamics = moment((0.5 * centre[0], 0.5 * centre[1], 0.6), velocity, feet, (2.5, HEADING))
-        policy._land(dynamics, walk)
-        assert (policy._bears, policy._swings) == (RIGHT, LEFT)
-        assert policy._elapsed_s == 0.0
-        assert policy.phase is (Phase.STAND if stands else Phase.STEP)
-        assert policy.steps == (0 if stands else 1)
-        assert policy._load.tolist() == ([1.0, 1.0] if stands else [1.0, 0.0])
+        policy.footwork.land(dynamics, walk)
+        assert (policy.footwork.bears, policy.footwork.swings) == (RIGHT, LEFT)
+        assert policy.footwork.elapsed_s == 0.0
+        assert policy.footwork.phase is (Phase.STAND if stands else Phase.STEP)
+        assert policy.footwork.steps == (0 if stands else 1)
+        assert policy.footwork.load.tolist() == ([1.0, 1.0] if stands else [1.0, 0.0])
 
     @pytest.mark.parametrize("walk", [False, True])
     def test_it_lands_when_its_time_is_over(
@@ -359,13 +370,13 @@ class TestLand:
     ) -> None:
         """Asked to walk on it begins the next step, otherwise it stands."""
         dynamics = moment(foot_jacobian=np.zeros((2, 6, 6 + N)), velocity=np.zeros(6 + N))
-        policy._lift(dynamics, shifted=True)
-        policy._elapsed_s = 0.6 - 1.5 / CONFIG.rate_hz
+        policy.footwork.lift(dynamics, shifted=True)
+        policy.footwork.elapsed_s = 0.6 - 1.5 / CONFIG.rate_hz
         for landed in (False, True):
-            policy._lands_after_s = 0.6
+            policy.footwork.lands_after_s = 0.6
             asked(policy, monkeypatch, seen(command=(0.3 if walk else 0.0, 0.0, 0.0)), dynamics)
-            assert (policy._bears == RIGHT) == landed
-        assert policy.phase is (Phase.STEP if walk else Phase.STAND)
+            assert (policy.footwork.bears == RIGHT) == landed
+        assert policy.footwork.phase is (Phase.STEP if walk else Phase.STAND)
 
 
 class TestStep:
@@ -380,74 +391,76 @@ class TestStep:
             calls.append(arguments)
             return NextStep(np.array([0.1, -0.3]), 0.25)
 
-        monkeypatch.setattr(controller_module, "next_step", decide)
+        monkeypatch.setattr(footwork_module, "next_step", decide)
         return calls
 
     @pytest.fixture
     def stepping(self, policy: Step, monkeypatch: pytest.MonkeyPatch) -> Step:
         """The left foot bears, no steering; the step's frame is turned by half of 0.24 rad."""
-        policy._command.value = VELOCITY
-        policy._bears, policy._swings = LEFT, RIGHT
-        policy._lift(moment(), shifted=False)
-        monkeypatch.setattr(policy, "_steer", lambda *_: (np.zeros(2), np.array([0.01, 0.02])))
-        monkeypatch.setattr(policy, "_fly", lambda dynamics, stand, remaining_s: np.full(6, remaining_s))
+        policy.footwork.command.value = VELOCITY
+        policy.footwork.bears, policy.footwork.swings = LEFT, RIGHT
+        policy.footwork.lift(moment(), shifted=False)
+        monkeypatch.setattr(policy.footwork, "steer", lambda *_: (np.zeros(2), np.array([0.01, 0.02])))
+        monkeypatch.setattr(
+            policy.footwork, "fly", lambda dynamics, stand, remaining_s: np.full(6, remaining_s)
+        )
         return policy
 
     def test_while_both_bear_the_pressure_goes_evenly_from_the_one_foot_to_the_other(
         self, stepping: Step, decided: list[tuple]
     ) -> None:
         """After 0.03 s of 0.1 s: 0.7 of the way back to the old foot, 0.3 of the load on the new one."""
-        stepping._elapsed_s = 0.03
+        stepping.footwork.elapsed_s = 0.03
         dynamics = moment()
         capture = dynamics.foot[LEFT] + np.array([*world(0.02, -0.05, HEADING + 0.12), 0.0])
-        pressure, foot = stepping._step(dynamics, capture)
+        pressure, foot = stepping.footwork.step(dynamics, capture)
         leaving = dynamics.foot[RIGHT, :2] - dynamics.foot[LEFT, :2]
         np.testing.assert_allclose(pressure, dynamics.foot[LEFT, :2] + 0.7 * leaving)
-        np.testing.assert_allclose(stepping._load, [0.3, 0.7])
+        np.testing.assert_allclose(stepping.footwork.load, [0.3, 0.7])
         assert not foot.any()
         ahead, until_landing, after_s, way_m, side, rate, wanted, limits, weights = decided[0]
         back = Rotation.from_euler("z", -HEADING - 0.12).apply([*leaving, 0.0])[:2]
         there = capture_after(np.array([0.02, -0.05]), 0.7 * back, -back / 0.1, 0.07, rate)
         np.testing.assert_allclose(ahead, there)
         np.testing.assert_allclose(until_landing, [0.01, 0.02])
-        assert (after_s, side, rate) == (0.1, -1.0, stepping._fall_rate)
+        assert (after_s, side, rate) == (0.1, -1.0, stepping.footwork.fall_rate)
         np.testing.assert_allclose(wanted.place, nominal(RIGHT, VELOCITY[:2]).place)
         assert way_m == pytest.approx(np.linalg.norm(wanted.place - back))
         assert (limits, weights) == (CONFIG.gait.limits, CONFIG.gait.weights)
-        np.testing.assert_allclose(stepping._place, world(0.1, -0.3, HEADING + 0.12))
-        assert stepping._lands_after_s == pytest.approx(0.1 + 0.25)
+        np.testing.assert_allclose(stepping.footwork.place, world(0.1, -0.3, HEADING + 0.12))
+        assert stepping.footwork.lands_after_s == pytest.approx(0.1 + 0.25)
 
     def test_the_new_foot_bears_a_little_from_the_beginning(
         self, stepping: Step, decided: list[tuple]
     ) -> None:
-        stepping._step(moment(), MIDDLE)
-        np.testing.assert_allclose(stepping._load, [0.02, 1.0])
+        stepping.footwork.step(moment(), MIDDLE)
+        np.testing.assert_allclose(stepping.footwork.load, [0.02, 1.0])
 
     def test_then_it_presses_under_the_foot_that_bears_and_the_other_one_flies(
         self, stepping: Step, decided: list[tuple]
     ) -> None:
-        stepping._elapsed_s = 0.3
+        stepping.footwork.elapsed_s = 0.3
         dynamics = moment()
         capture = dynamics.foot[LEFT] + np.array([*world(0.02, -0.05, HEADING + 0.12), 0.0])
-        pressure, foot = stepping._step(dynamics, capture)
+        pressure, foot = stepping.footwork.step(dynamics, capture)
         np.testing.assert_allclose(pressure, dynamics.foot[LEFT, :2])
-        np.testing.assert_allclose(stepping._load, [1.0, 0.0])
+        np.testing.assert_allclose(stepping.footwork.load, [1.0, 0.0])
         np.testing.assert_allclose(decided[0][0], [0.02, -0.05])
         assert decided[0][2] == 0.3
-        assert stepping._lands_after_s == pytest.approx(0.3 + 0.25)
+        assert stepping.footwork.lands_after_s == pytest.approx(0.3 + 0.25)
         np.testing.assert_allclose(foot, 0.25)
 
     def test_a_foot_about_to_land_keeps_to_its_place(self, stepping: Step, decided: list[tuple]) -> None:
         """The least swing is 0.05 s: with 0.04 s to go nothing is decided anew, with 0.06 s it is."""
         assert CONFIG.gait.limits.least_swing_s == 0.05
-        before = stepping._place
-        stepping._elapsed_s = 0.56
-        _, foot = stepping._step(moment(), MIDDLE)
+        before = stepping.footwork.place
+        stepping.footwork.elapsed_s = 0.56
+        _, foot = stepping.footwork.step(moment(), MIDDLE)
         assert not decided
-        np.testing.assert_array_equal(stepping._place, before)
+        np.testing.assert_array_equal(stepping.footwork.place, before)
         np.testing.assert_allclose(foot, 0.04)
-        stepping._elapsed_s = 0.54
-        stepping._step(moment(), MIDDLE)
+        stepping.footwork.elapsed_s = 0.54
+        stepping.footwork.step(moment(), MIDDLE)
         assert len(decided) == 1
 
     def test_what_steers_is_added_to_the_pressure_in_the_axes_of_the_step(
@@ -459,10 +472,10 @@ class TestStep:
             given.append(arguments)
             return np.array([0.03, -0.02]), np.zeros(2)
 
-        monkeypatch.setattr(stepping, "_steer", steer)
-        stepping._elapsed_s = 0.3
+        monkeypatch.setattr(stepping.footwork, "steer", steer)
+        stepping.footwork.elapsed_s = 0.3
         dynamics = moment()
-        pressure, _ = stepping._step(dynamics, dynamics.foot[LEFT])
+        pressure, _ = stepping.footwork.step(dynamics, dynamics.foot[LEFT])
         expected = dynamics.foot[LEFT, :2] + world(0.03, -0.02, HEADING + 0.12)
         np.testing.assert_allclose(pressure, expected)
         np.testing.assert_allclose(given[0][0], 0.0, atol=1e-12)
@@ -472,24 +485,24 @@ class TestStep:
 class TestSteer:
     def test_a_pressure_held_until_the_landing_makes_the_difference_good(self, policy: Step) -> None:
         """Within the sole; now it is (1 + 2) times what the capture point misses."""
-        step, rate = nominal(RIGHT), policy._fall_rate
+        step, rate = nominal(RIGHT), policy.footwork.fall_rate
         end = step.place + step.offset
         capture = end * math.exp(-0.3 * rate) + np.array([0.004, -0.003])
-        now, held = policy._steer(capture, step, 0.3)
+        now, held = policy.footwork.steer(capture, step, 0.3)
         np.testing.assert_allclose(now, [0.012, -0.009])
         np.testing.assert_allclose(capture_after(capture, held, np.zeros(2), 0.3, rate), end, atol=1e-12)
 
     @pytest.mark.parametrize("sign", [1.0, -1.0])
     def test_it_stays_under_the_sole(self, policy: Step, sign: float) -> None:
         step = nominal(RIGHT)
-        capture = (step.place + step.offset) * math.exp(-0.3 * policy._fall_rate) + sign * np.array(
+        capture = (step.place + step.offset) * math.exp(-0.3 * policy.footwork.fall_rate) + sign * np.array(
             [0.3, 0.2]
         )
-        for found in policy._steer(capture, step, 0.3):
+        for found in policy.footwork.steer(capture, step, 0.3):
             np.testing.assert_allclose(found, sign * np.array([0.075, 0.025]))
 
     def test_with_no_time_left_it_stays_finite(self, policy: Step) -> None:
-        assert np.all(np.isfinite(policy._steer(np.zeros(2), nominal(RIGHT), 0.0)))
+        assert np.all(np.isfinite(policy.footwork.steer(np.zeros(2), nominal(RIGHT), 0.0)))
 
 
 class TestFly:
@@ -507,14 +520,14 @@ class TestFly:
         return SimpleNamespace(foot=foot, foot_rotation=rotation, foot_jacobian=jacobian, velocity=moving)
 
     def flying(self, policy: Step, turn: float = 0.24) -> Step:
-        policy._bears, policy._swings, policy._yaw = LEFT, RIGHT, HEADING
-        policy._command.value = np.array([0.0, 0.0, turn / 0.6])
-        policy._place = np.array([0.2, -0.25])
+        policy.footwork.bears, policy.footwork.swings, policy.footwork.yaw = LEFT, RIGHT, HEADING
+        policy.footwork.command.value = np.array([0.0, 0.0, turn / 0.6])
+        policy.footwork.place = np.array([0.2, -0.25])
         return policy
 
     def test_it_begins_where_the_foot_is_and_lands_turned_as_the_robot_shall_be(self, policy: Step) -> None:
-        self.flying(policy)._fly(self.dynamics(Rotation.from_euler("z", 0.6)), MIDDLE, 0.3)
-        swing = policy._swing
+        self.flying(policy).footwork.fly(self.dynamics(Rotation.from_euler("z", 0.6)), MIDDLE, 0.3)
+        swing = policy.footwork.swing
         assert swing is not None
         np.testing.assert_allclose(swing._motion[0], [*self.HERE[:2], 0.6], atol=1e-4)
         assert (swing._height, swing._lift_m, swing._depth_m) == (
@@ -526,12 +539,12 @@ class TestFly:
 
     def test_its_turn_is_the_short_way_round(self, policy: Step) -> None:
         """A foot at -3.1 rad lands at 3.1 rad by turning right by 0.083 rad."""
-        self.flying(policy, turn=0.0)._yaw = 3.1
-        policy._fly(self.dynamics(Rotation.from_euler("z", -3.1)), MIDDLE, 0.3)
-        assert policy._swing is not None
+        self.flying(policy, turn=0.0).footwork.yaw = 3.1
+        policy.footwork.fly(self.dynamics(Rotation.from_euler("z", -3.1)), MIDDLE, 0.3)
+        assert policy.footwork.swing is not None
         turned = 60 * wrap_angle(6.2) / 0.3**3 * 0.002
         assert turned < 0.0
-        assert policy._swing._motion[2, 2] == pytest.approx(turned)
+        assert policy.footwork.swing._motion[2, 2] == pytest.approx(turned)
 
     def test_it_follows_its_reference_by_springs_and_dampers_and_keeps_the_sole_level(
         self, policy: Step
@@ -545,9 +558,9 @@ class TestFly:
             given.append(arguments)
             return np.array([[*(self.HERE - off), 0.6], rate, feed])
 
-        policy._swing = SimpleNamespace(yaw=0.6, advance=advance)  # type: ignore[assignment]
+        policy.footwork.swing = SimpleNamespace(yaw=0.6, advance=advance)  # type: ignore[assignment]
         turn = Rotation.from_rotvec([0.02, -0.03, 0.0]) * Rotation.from_euler("z", 0.65)
-        found = self.flying(policy)._fly(self.dynamics(turn), MIDDLE, 0.3)
+        found = self.flying(policy).footwork.fly(self.dynamics(turn), MIDDLE, 0.3)
         moving = np.arange(1.0, 7.0) / 10
         np.testing.assert_allclose(found[:3], feed[:3] - 400.0 * off - 30.0 * (moving[:3] - rate[:3]))
         spin = moving[3:] - [0.0, 0.0, 0.2]

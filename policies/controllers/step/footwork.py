@@ -1,0 +1,237 @@
+"""The footwork of two legs: which foot bears, which swings, and where the ground is pressed."""
+
+import math
+from enum import Enum
+
+import numpy as np
+
+from footfall.common.rotations import heading_matrix, wrap_angle
+from footfall.policies.controllers.command import ShapedCommand
+from footfall.policies.controllers.step.config import StepConfig
+from footfall.policies.controllers.step.footsteps import NominalStep, capture_after, next_step, nominal_step
+from footfall.policies.controllers.step.swing import Swing, yaw_of
+from footfall.policies.controllers.whole_body.dynamics import Dynamics
+
+UNLOADED = 0.02  # share of a foot's force that remains when a foot is about to leave the ground
+
+
+class Phase(Enum):
+    """What the feet do."""
+
+    STAND = "stand"  # both bear
+    SHIFT = "shift"  # both bear, the weight moves onto one
+    STEP = "step"  # one bears, the other swings, after a while in which both bear
+
+
+class Footwork:
+    """Stands, shifts the weight and steps. Feet are indices into `side`; places are in the world's axes.
+
+    Args:
+        config: of the controller.
+        side: (2,) +1 for the left foot, -1 for the right one.
+        fall_rate: of the inverted pendulum, 1/s.
+
+    Attributes:
+        phase: STAND, SHIFT or STEP, since `elapsed_s`.
+        bears, swings: the foot that bears, or shall bear, the weight; and the other one.
+        load: (2,) share of its largest force that each foot may press with.
+        place: (2,) m, of the next foothold from the bearing foot.
+        yaw: rad, of the bearing foot when the step began.
+        lands_after_s: duration of the step.
+        swing: trajectory of the swinging foot; None before it leaves the ground.
+        steps: number of steps since the reset.
+    """
+
+    def __init__(self, config: StepConfig, side: np.ndarray, fall_rate: float) -> None:
+        self._config, self.dt_s = config, 1.0 / config.rate_hz
+        self.side, self.fall_rate = side, fall_rate
+        self.command = ShapedCommand(config.command)
+        self.reset()
+
+    def reset(self) -> None:
+        """Stand on both feet."""
+        self.command.reset()
+        self.phase, self.elapsed_s = Phase.STAND, 0.0
+        self.bears, self.swings = 0, 1
+        self.load = np.ones(2)
+        self.swing: Swing | None = None
+        self.lands_after_s = 0.0
+        self.yaw, self.place = 0.0, np.zeros(2)
+        self.steps = 0
+
+    def advance(
+        self, dynamics: Dynamics, command: np.ndarray, settled: bool
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Let a time step pass.
+
+        Args:
+            dynamics: of the robot now.
+            command: (3,) forward m/s, leftward m/s, yaw rad/s.
+            settled: whether commands are followed yet.
+
+        Returns:
+            Centre of pressure (2,) m, world, and accelerations of the feet (2, 6), world.
+        """
+        if settled:
+            self.command.advance(command, self.dt_s)
+        self.elapsed_s += self.dt_s
+        capture = dynamics.centre + dynamics.centre_velocity / self.fall_rate  # its height has no meaning
+        if self.phase is Phase.STAND and settled:
+            self.consider_a_step(dynamics, capture, self.command.wants_walk(command))
+        if self.phase is Phase.SHIFT:
+            self.consider_lifting(dynamics, capture)
+        if self.phase is Phase.STEP and self.elapsed_s >= self.lands_after_s:
+            self.land(dynamics, self.command.wants_walk(command))
+        feet = np.zeros((2, 6))
+        match self.phase:
+            case Phase.STAND:
+                pressure = self.both_press(dynamics, capture, dynamics.middle[:2])
+            case Phase.SHIFT:
+                pressure = self.both_press(dynamics, capture, self.shifted(dynamics))
+            case Phase.STEP:
+                pressure, feet[self.swings] = self.step(dynamics, capture)
+        return pressure, feet
+
+    def consider_a_step(self, dynamics: Dynamics, capture: np.ndarray, walk: bool) -> None:
+        """Begin to shift the weight, to walk or because the capture point is far from the middle."""
+        middle = dynamics.middle
+        away = capture[:2] - middle[:2]
+        if walk or math.hypot(away[0], away[1]) > self._config.start.capture_m:
+            across = dynamics.foot[0] - dynamics.foot[1]
+            self.bears = 0 if away @ across[:2] > 0 else 1  # the foot that the body leans on
+            self.swings = 1 - self.bears
+            self.phase, self.elapsed_s = Phase.SHIFT, 0.0
+
+    def both_press(self, dynamics: Dynamics, capture: np.ndarray, goal: np.ndarray) -> np.ndarray:
+        """The centre of pressure (2,) that brings the capture point to a goal (2,)."""
+        pressure = capture[:2] + self._config.pressure.gain * (capture[:2] - goal)
+        middle = dynamics.middle[:2]
+        lead = pressure - middle
+        return middle + lead * min(1.0, self._config.pressure.most_lead_m / max(math.hypot(*lead), 1e-9))
+
+    def shifted(self, dynamics: Dynamics) -> np.ndarray:
+        """Where the capture point is in a steady gait when the other foot leaves the ground, (2,)."""
+        gait, nominal = self._config.gait, self.nominal(self.side[self.swings])
+        begins = math.exp(-self.fall_rate * (gait.step_s - gait.double_support_s))
+        to_world = heading_matrix(yaw_of(dynamics.foot_rotation[self.bears]))[:2, :2]
+        goal = dynamics.foot[self.bears, :2] + to_world @ (begins * (nominal.place + nominal.offset))
+        goal_along = to_world.T @ (goal - dynamics.middle[:2])
+        goal_along[0] = 0.0
+        return dynamics.middle[:2] + to_world @ goal_along
+
+    def consider_lifting(self, dynamics: Dynamics, capture: np.ndarray) -> None:
+        """Begin a step once the weight is near the bearing foot, or the robot falls forward or back."""
+        start = self._config.start
+        to_heading = heading_matrix(yaw_of(dynamics.foot_rotation[self.bears]))[:2, :2].T
+        missing = to_heading @ (capture[:2] - self.shifted(dynamics))
+        outwards = missing[1] * self.side[self.bears]
+        shifted = outwards > -start.near_m or self.elapsed_s > start.most_s
+        if shifted or abs(missing[0]) > start.urgent_m:
+            self.lift(dynamics, shifted=True)
+
+    def lift(self, dynamics: Dynamics, shifted: bool) -> None:
+        """Begin a step: the swinging foot leaves the ground once it bears no more."""
+        self.phase, self.swing = Phase.STEP, None
+        # After a shift the weight is on the standing foot already.
+        self.elapsed_s = self._config.gait.double_support_s if shifted else 0.0
+        self.lands_after_s = self._config.gait.step_s
+        self.yaw = yaw_of(dynamics.foot_rotation[self.bears])
+        # Where the other foot shall land, from this one, along the world's axes.
+        self.place = self.to_world() @ self.nominal(self.side[self.swings]).place
+        self.steps += 1
+
+    def land(self, dynamics: Dynamics, walk: bool) -> None:
+        """End a step: stand if the command is to stand and the robot is calm, else begin the next one."""
+        config = self._config
+        self.bears, self.swings = self.swings, self.bears
+        between = dynamics.foot[self.bears] - dynamics.foot[self.swings]
+        capture = dynamics.centre + dynamics.centre_velocity / self.fall_rate
+        away = capture[:2] - dynamics.middle[:2]
+        ahead = heading_matrix(yaw_of(dynamics.foot_rotation[self.bears]))[:2, 0]
+        calm = abs(away @ ahead) < config.start.capture_m and abs(between[:2] @ ahead) < config.start.near_m
+        if walk or not calm:
+            self.lift(dynamics, shifted=False)
+        else:
+            self.phase, self.elapsed_s, self.load, self.swing = Phase.STAND, 0.0, np.ones(2), None
+
+    def nominal(self, side: float) -> NominalStep:
+        """The step of a steady gait at the present command, of the foot on this side."""
+        gait, velocity = self._config.gait, self.command.value[:2]
+        return nominal_step(velocity, side, gait.apart_m, gait.step_s, gait.double_support_s, self.fall_rate)
+
+    def turn(self) -> float:
+        """Yaw of a step at the present command, rad."""
+        return float(self.command.value[2]) * self._config.gait.step_s
+
+    def to_world(self) -> np.ndarray:
+        """From the heading frame of the present step to the world, (2, 2)."""
+        return heading_matrix(self.yaw + 0.5 * self.turn())[:2, :2]
+
+    def step(self, dynamics: Dynamics, capture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The centre of pressure (2,), and the acceleration (6,) of the foot that swings."""
+        gait, rate = self._config.gait, self.fall_rate
+        to_world = self.to_world()
+        stand, swing = dynamics.foot[self.bears], dynamics.foot[self.swings]
+        now = (capture - stand)[:2] @ to_world
+        leaving = (swing - stand)[:2] @ to_world
+
+        shift_s = gait.double_support_s - self.elapsed_s
+        pressure, ahead = np.zeros(2), now
+        if shift_s > 0.0:
+            done = self.elapsed_s / gait.double_support_s
+            pressure = (1.0 - done) * leaving
+            ahead = capture_after(now, pressure, -leaving / gait.double_support_s, shift_s, rate)
+            share = max(done, UNLOADED)
+            self.load[self.bears], self.load[self.swings] = share, 1.0 - done
+        else:
+            self.load[self.bears], self.load[self.swings] = 1.0, 0.0
+        side = self.side[self.swings]
+        nominal = self.nominal(side)
+        after_s = max(self.elapsed_s, gait.double_support_s)
+        steer, until_landing = self.steer(ahead, nominal, self.lands_after_s - after_s)
+        if self.lands_after_s - after_s > gait.limits.least_swing_s:
+            way_m = math.hypot(*(self.place @ to_world - leaving))
+            step = next_step(
+                ahead, until_landing, after_s, way_m, side, rate, nominal, gait.limits, gait.weights
+            )
+            self.place, self.lands_after_s = to_world @ step.place, after_s + step.remaining_s
+        remaining_s = self.lands_after_s - after_s
+        pressure = pressure + steer
+        foot = np.zeros(6)
+        if shift_s <= 0.0:
+            foot = self.fly(dynamics, stand, remaining_s)
+        return stand[:2] + to_world @ pressure, foot
+
+    def steer(
+        self, capture: np.ndarray, nominal: NominalStep, remaining_s: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The centre of pressure (2,) now, and the one that comes to the same if held until the foot lands.
+
+        It drives the capture point to where it is in the nominal step, as far as the sole reaches. What it
+        cannot make good, the step has to.
+        """
+        config = self._config.pressure
+        most = np.array([config.half_length_m, config.half_width_m])
+        growth = math.exp(self.fall_rate * max(remaining_s, self.dt_s))
+        missing = capture - (nominal.place + nominal.offset) / growth
+        now, held = (1.0 + config.gain) * missing, missing * growth / (growth - 1.0)
+        return np.minimum(np.maximum(now, -most), most), np.minimum(np.maximum(held, -most), most)
+
+    def fly(self, dynamics: Dynamics, stand: np.ndarray, remaining_s: float) -> np.ndarray:
+        """The acceleration (6,) of the swinging foot towards its place."""
+        config, foot = self._config.swing, self.swings
+        rotation = dynamics.foot_rotation[foot]
+        here, yaw = dynamics.foot[foot] - stand, yaw_of(rotation)
+        if self.swing is None:
+            self.swing = Swing(here[:2], float(here[2]), yaw, config.lift_m, config.depth_m)
+        turned = self.swing.yaw + wrap_angle(self.yaw + self.turn() - self.swing.yaw)
+        goal = np.array([*self.place, turned])
+        position, velocity, acceleration = self.swing.advance(goal, remaining_s, self.dt_s)
+        motion = dynamics.foot_jacobian[foot] @ dynamics.velocity
+        up = rotation[:, 2]
+        tilt = np.array([-up[1], up[0], wrap_angle(yaw - position[3])])
+        result = np.zeros(6)
+        result[:3] = acceleration[:3] + config.place(here - position[:3], motion[:3] - velocity[:3])
+        result[3:] = config.attitude(tilt, motion[3:] - np.array([0.0, 0.0, velocity[3]]))
+        result[5] += acceleration[3]
+        return result
