@@ -1,6 +1,6 @@
-"""A robot's motors on a bus without a control loop: for a robot on a stand, one look or one act at a time.
+"""A robot's motors on a bus without a control loop: for a robot on a stand, one operation at a time.
 
-Whatever ends it, the motors are off afterwards, as far as frames can switch them off.
+However an operation ends, the motors are disabled afterwards.
 """
 
 import signal
@@ -18,14 +18,14 @@ from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import Wiring
 
 PERIOD_US = 20_000  # well within a motor's time-out
-PATIENCE_S = 2.0  # for motors to tell their settings, and to switch on
+PATIENCE_S = 2.0  # for motors to report their settings, and to confirm enable
 SILENCE_US = 500_000
 SETTLE_S = 1.0  # motors off, before a zero is set
 STILL_RAD_S = 0.2
-TELL_TICKS = 5  # how often motors are told to switch off, or to forget errors: a frame may be lost
-CLEAR_S = 0.5  # until a motor has said that it has no error any more: heartbeats come ten times a second
-ZERO_S = 1.2  # some motors say nothing for a second after their zero was set
-ZERO_RAD = 0.1  # from zero, at most, once that was set
+REPEATS = 5  # of frames that disable motors or clear errors: a frame may be lost
+CLEAR_S = 0.5  # until a motor reports no error any more: heartbeats come ten times a second
+ZERO_S = 1.2  # some motors are silent for a second after their zero was set
+ZERO_RAD = 0.1  # largest position after setting zero
 ZERO_TRIES = 3  # a frame may be lost
 HANGING_UP = (
     signal.SIGHUP,
@@ -34,26 +34,26 @@ HANGING_UP = (
 
 
 class MotorState(NamedTuple):
-    """What is known of one motor."""
+    """The latest state of one motor."""
 
     joint: str
     bus: str
     id: int
     model: str
-    age_s: float  # since it was heard; infinite if it never was
+    age_s: float  # of its latest reply; infinite without one
     position: float  # rad
     velocity: float  # rad/s
     torque: float  # N m
-    temperature_c: float  # NaN where it does not say
-    voltage: float  # V; NaN where it does not say
+    temperature_c: float  # NaN where the motor does not report it
+    voltage: float  # V; NaN where the motor does not report it
     error: str  # in words; empty for none
 
 
 class Bench:
-    """Some motors of a robot, spoken to at a steady rate."""
+    """Some motors of a robot, exchanging frames at a steady rate."""
 
     def __init__(self, wiring: Wiring, bus: Bus, clock: Clock | None = None) -> None:
-        """Raises UserError for a motor that no driver knows."""
+        """Raises UserError for a motor without a driver."""
         n = len(wiring.motor_id)
         self._wiring, self._bus = wiring, bus
         self._clock = clock or WallClock(PERIOD_US)
@@ -64,31 +64,31 @@ class Bench:
         self._heard_us = np.full(n, -np.inf)
         self._now_us = self._clock.next_tick()
 
-    # -- what it does --------------------------------------------------------------------------------
+    # -- operations ----------------------------------------------------------------------------------
 
     def watch(self, seconds: float, each_tick: Callable[[], None]) -> None:
-        """Let the motors report while they are off: the frame that switches them off is answered by most."""
+        """Read the motors while they are off: most answer the frame that disables them."""
         self._run(seconds, self._driver.disable, each_tick)
 
     def query_settings(self) -> str:
-        """Ask the motors for their settings; what is wrong with them, or missing, empty if nothing."""
+        """Read the motors' settings; returns the first problem, empty for none."""
         self._run(PATIENCE_S, self._driver.query_settings, until=lambda: not self._driver.not_ready())
         return self._driver.not_ready()
 
     def enable(self) -> str:
-        """Switch the motors on, without torque; who did not, or empty."""
+        """Enable the motors, without torque; returns the first problem, empty for none."""
         self._run(
             PATIENCE_S, self._driver.enable, until=lambda: not (self.missing() or self._driver.not_enabled())
         )
         return self.missing() or self._driver.not_enabled()
 
     def idle(self, seconds: float, each_tick: Callable[[], None]) -> None:
-        """Motors that are on stay on for a time: no stiffness, no damping, no torque."""
+        """Keep motors enabled for a time: no stiffness, no damping, no torque."""
         nothing = np.zeros((5, len(self._heard_us)))
         self._run(seconds, lambda: self._driver.command(nothing), each_tick)
 
     def settle(self) -> str:
-        """Wait, motors off, until no joint moves; which one still does after a while, or does not answer."""
+        """Wait, motors off, until no joint moves; returns the first that moves or is silent, or empty."""
         self._run(SETTLE_S, self._driver.disable)
         self._run(PATIENCE_S, self._driver.disable, until=lambda: not self._unsettled())
         return self._unsettled()
@@ -99,17 +99,17 @@ class Bench:
         return self.missing() or moves
 
     def clear(self) -> str:
-        """Let motors forget the errors that they have latched; why that cannot be, or empty."""
+        """Clear latched errors; returns why that is impossible, empty if it is possible."""
         frames = self._driver.clear()
         if not len(frames.id):
-            return "no motor here knows a frame that clears errors: switch their power off and on"
-        for _ in range(TELL_TICKS):
+            return "these motors have no frame that clears errors: switch their power off and on"
+        for _ in range(REPEATS):
             self._exchange(frames)
         self._run(CLEAR_S, self._driver.disable)
         return ""
 
     def zero(self) -> str:
-        """Motors take their present position for zero; which one does not, or empty."""
+        """Make motors take their present position for zero; returns the first that does not, or empty."""
         for _ in range(ZERO_TRIES):
             self._run(0.0, self._driver.zero)
             self._run(ZERO_S, self._driver.disable)
@@ -119,19 +119,19 @@ class Bench:
         return f"{self._wiring.place(int(elsewhere.argmax()))} did not take its position for zero"
 
     def disable(self) -> None:
-        """Switch the motors off."""
-        for _ in range(TELL_TICKS):
+        """Disable the motors."""
+        for _ in range(REPEATS):
             self._exchange(self._driver.disable())
 
-    # -- what it knows -------------------------------------------------------------------------------
+    # -- queries -------------------------------------------------------------------------------------
 
     def missing(self) -> str:
-        """Which motor was not heard lately."""
+        """First motor that is silent; empty if all reply."""
         silent = self._now_us - self._heard_us > SILENCE_US
         return f"no answer from {self._wiring.place(int(silent.argmax()))}" if silent.any() else ""
 
     def states(self) -> list[MotorState]:
-        """What is known of each motor."""
+        """The latest state of each motor."""
         wiring = self._wiring
         columns = zip(
             ((self._now_us - self._heard_us) * 1e-6).tolist(),
@@ -161,9 +161,9 @@ class Bench:
         each_tick: Callable[[], None] | None = None,
         until: Callable[[], bool] | None = None,
     ) -> None:
-        """Exchange frames for a time, one tick at least, or until something is so.
+        """Exchange frames for a time, one tick at least, or until a condition holds.
 
-        Raises UserError for a bus that does not work.
+        Raises UserError for a bus that fails.
         """
         end_us = self._now_us + seconds * 1e6
         while True:
@@ -176,7 +176,7 @@ class Bench:
                 return
 
     def _exchange(self, frames: Frames) -> None:
-        """Send frames, wait for a tick, take in what has come."""
+        """Send frames, wait for a tick, decode replies."""
         self._bus.send(frames, self._now_us)
         self._now_us = self._clock.next_tick()
         for batch in self._bus.receive(self._now_us):
@@ -188,7 +188,7 @@ class Bench:
 
 @contextmanager
 def switched_off_afterwards(bench: Bench) -> Iterator[None]:
-    """Switch a bench's motors off when the context ends, however it does; no signal cuts that short."""
+    """Disable a bench's motors when the context ends, however it ends; no signal interrupts that."""
 
     def end(*_: object) -> None:
         raise KeyboardInterrupt

@@ -1,4 +1,4 @@
-"""Time on CAN interfaces: how fast frames may be written, and how old those are that were read."""
+"""Time on CAN interfaces: pacing of writes, and arrival times of frames."""
 
 import time
 
@@ -8,18 +8,18 @@ from footfall.deploy.frames import frame_bits
 
 
 class Pacing:
-    """Lets a write wait while as many frames as an interface queues are still on their way out.
+    """Delays a write while an interface's transmit queue is full.
 
-    That keeps SocketCAN from answering ENOBUFS.
+    Otherwise SocketCAN would answer ENOBUFS.
     """
 
     def __init__(self, interfaces: int, queue_frames: int) -> None:
-        """`queue_frames`: how many an interface queues for sending."""
+        """`queue_frames` is the length of an interface's transmit queue."""
         self._queue_s = (queue_frames - 1) * frame_bits(8) * 1e-6  # one of them is on the wire
         self._free_at = [0.0] * interfaces
 
     def wait(self, interface: int, bits: int) -> None:
-        """Before a frame of so many bits, at 1 Mbit/s, is written."""
+        """Wait until a frame of so many bits, at 1 Mbit/s, may be written."""
         now = time.monotonic()
         backlog = self._free_at[interface] - now
         if backlog > self._queue_s:
@@ -28,15 +28,15 @@ class Pacing:
 
 
 class Arrivals:
-    """Turns time stamps of the system's clock, which may be set, into times of the loop's."""
+    """Converts time stamps of the system's clock, which may be set, to the loop's clock."""
 
     def __init__(self) -> None:
         self._read_s = time.monotonic()
 
     def times_us(self, stamps_s: np.ndarray, now_us: int) -> np.ndarray:
-        """When frames came that are read now, (k,), from Unix times s; to be called at each reading.
+        """Arrival times, us, (k,), of frames that are read now, from Unix times s. Call it at each read.
 
-        No frame is older than the last reading, whatever a clock that was set says.
+        No frame is older than the last read, even if the system's clock was set meanwhile.
         """
         now_s = time.monotonic()
         longest_s, self._read_s = now_s - self._read_s, now_s

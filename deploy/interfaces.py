@@ -1,4 +1,4 @@
-"""A robot's CAN interfaces by the name of their kind."""
+"""Opens a robot's CAN interfaces by the name of their kind."""
 
 from footfall.deploy.bus import HOST_QUEUE, Bus
 from footfall.deploy.drivers.driver import CanFilter
@@ -12,10 +12,10 @@ def open_interfaces(
     """Open all buses of a robot.
 
     Args:
-        kind: `socketcan`, which is Linux's own, or whatever else python-can knows.
+        kind: `socketcan` (Linux), or another interface of python-can.
         names: of the buses.
-        filters: which frames to receive: those that pass any of them.
-        queue_frames: how many frames an interface queues for sending.
+        filters: a frame is received if it passes one of them.
+        queue_frames: length of an interface's transmit queue.
 
     Raises:
         UserError: there is no such kind of interface, or a bus of it cannot be opened.

@@ -20,15 +20,11 @@ from footfall.deploy.interface_time import Arrivals, Pacing
 
 MULTICAST = "udp_multicast"
 MULTICAST_GROUP = "239.74.163.2"
-MULTICAST_PORT = (
-    43113  # of the first bus; each further bus has the next one, since ports alone keep them apart
-)
-MOST_FAILURES_AT_ONCE = (
-    16  # of one bus in one tick: a datagram that is no frame, or an interface that is down
-)
+MULTICAST_PORT = 43113  # of the first bus; each further bus has the next port
+MOST_FAILURES_AT_ONCE = 16  # of one bus in one tick: an invalid datagram, or an interface that is down
 OVER_SERIAL_PORTS = ("robotell", "seeedstudio", "serial", "slcan")
-SERIAL_LIBRARY = "pyserial"  # which python-can needs for these, and does not bring
-STATE_EVERY_S = 0.1  # how often a controller is asked for its state
+SERIAL_LIBRARY = "pyserial"  # needed for these, and not installed with python-can
+STATE_EVERY_S = 0.1  # between two queries of a controller's state
 
 
 def interfaces() -> list[str]:
@@ -41,8 +37,8 @@ def interfaces() -> list[str]:
 class PythonCanBus:
     """All buses of a robot on one kind of python-can interface.
 
-    Writes are paced (`Pacing`). A frame that the interface refuses all the same is counted and lost, and an
-    interface that fails goes silent; the supervisor acts on both.
+    Writes are paced (`Pacing`). A frame that the interface refuses is counted and lost, and an interface that
+    fails goes silent; the supervisor acts on both.
     """
 
     def __init__(
@@ -70,12 +66,12 @@ class PythonCanBus:
         wanted = [(f["can_id"] | f["extended"] * EXTENDED, f["can_mask"] | EXTENDED) for f in filters]
 
         @lru_cache(maxsize=MOST_FRAMES_AT_ONCE)
-        def is_meant(identifier: int) -> bool:
+        def passes(identifier: int) -> bool:
             return any((identifier ^ each) & mask == 0 for each, mask in wanted)
 
-        self._is_meant = is_meant
+        self._passes = passes
         self._faults = [""] * len(names)
-        self._looked_s = time.monotonic()
+        self._state_read_s = time.monotonic()
         self._buses: list[Any] = []
         logging.getLogger("can").setLevel(logging.CRITICAL)  # failures are reported in our own words
         for index, name in enumerate(names):
@@ -89,7 +85,7 @@ class PythonCanBus:
                 raise UserError(f"cannot open bus '{name}' on {interface}: {why}") from None
 
     def send(self, frames: Frames, now_us: int) -> int:
-        """Write frames, paced; returns how many the interfaces refused."""
+        """Write frames, paced; returns the number that the interfaces refused."""
         refused = 0
         for channel, identifier, data, length, bits in zip(
             frames.channel.tolist(),
@@ -115,9 +111,9 @@ class PythonCanBus:
         return refused
 
     def receive(self, now_us: int) -> list[Frames]:
-        """Frames that wait on any bus and are meant for this end, in one batch.
+        """Waiting frames of all buses that pass the filters, in one batch.
 
-        Whatever waits is taken, foreign frames too: one left in the queue would make all after it old.
+        All waiting frames are read, foreign ones too: a frame left in the queue would make later ones old.
         """
         rows: list[tuple[int, int, bytes, float]] = []
         for channel, bus in enumerate(self._buses):
@@ -140,10 +136,10 @@ class PythonCanBus:
 
     def fault(self) -> str:
         now_s = time.monotonic()
-        if now_s - self._looked_s >= STATE_EVERY_S:
-            self._looked_s = now_s
+        if now_s - self._state_read_s >= STATE_EVERY_S:
+            self._state_read_s = now_s
             for channel, bus in enumerate(self._buses):
-                with suppress(Exception):  # not every interface tells
+                with suppress(Exception):  # not every interface has it
                     self._faults[channel] = self._faults[channel] or can_errors.meaning_of_state(
                         bus.state.name
                     )
@@ -153,7 +149,7 @@ class PythonCanBus:
         return ""
 
     def _waiting(self, channel: int, bus: Any) -> Iterator[tuple[int, bytes, float]]:
-        """Identifier, bytes and time stamp of each frame for this end that waits on one bus."""
+        """Identifier, bytes and time stamp of each waiting frame of one bus that passes the filters."""
         failures = 0
         for _ in range(MOST_FRAMES_AT_ONCE):
             try:
@@ -165,12 +161,12 @@ class PythonCanBus:
                     self._note_error(channel, message)
                 elif message.is_rx:  # not the echo of what this end sent
                     frame = _plain_frame(message)
-            except Exception:  # an interface that fails, or a datagram of somebody else's making
+            except Exception:  # an interface that fails, or a foreign datagram
                 failures += 1
                 if failures >= MOST_FAILURES_AT_ONCE:
                     return
                 continue
-            if frame is not None and self._is_meant(frame[0]):
+            if frame is not None and self._passes(frame[0]):
                 yield frame
 
     def _note_error(self, channel: int, message: Any) -> None:
@@ -191,7 +187,7 @@ def _plain_frame(message: Any) -> tuple[int, bytes, float] | None:
     """Identifier, bytes and Unix time of arrival of a data frame; None for anything else.
 
     Raises:
-        TypeError: what came is no frame.
+        TypeError: it is no frame.
     """
     if message.is_remote_frame:
         return None

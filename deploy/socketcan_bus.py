@@ -1,6 +1,6 @@
-"""CAN interfaces of Linux through raw sockets: the kernel filters frames and says when each came.
+"""CAN interfaces of Linux through raw sockets: the kernel filters frames and stamps their arrival.
 
-The standard library is enough for that, and takes a fifth of the processor time of python-can's `socketcan`.
+The standard library takes a fifth of the processor time of python-can's `socketcan`.
 """
 
 import errno
@@ -30,15 +30,15 @@ DOWN = (errno.ENETDOWN, errno.ENODEV, errno.ENXIO)
 
 
 class Layout:
-    """What batches have in common from tick to tick; the same arrays each time save looking into them."""
+    """What batches share from tick to tick: identifiers, lengths and buses of their frames."""
 
     def __init__(self, packed: np.ndarray, counts: list[int]) -> None:
         """`packed` as `FRAME`, (k,); `counts` of frames from each bus in turn."""
         self._key = self._key_of(packed, counts)
         self._channel = np.repeat(np.arange(len(counts)), counts)
         self._id, self._length = packed["id"].astype(np.intp), packed["length"].astype(np.intp)
-        self._meant = np.arange(8) < self._length[:, None]
-        self._whole = bool(self._meant.all())
+        self._valid = np.arange(8) < self._length[:, None]
+        self._whole = bool(self._valid.all())
         self.errors = self._id & ERROR != 0  # (k,) which are error frames
 
     @staticmethod
@@ -50,17 +50,17 @@ class Layout:
         return self._key_of(packed, counts) == self._key
 
     def frames(self, data: np.ndarray, time_us: np.ndarray) -> Frames:
-        """A batch of this layout; what lies beyond a frame's length is what happened to be there."""
+        """A batch of this layout; bytes beyond a frame's length become zero."""
         if not self._whole:
-            data = np.where(self._meant, data, 0)
+            data = np.where(self._valid, data, 0)
         return Frames(self._channel, self._id, data, self._length, time_us)
 
 
 class SocketCanBus:
     """All buses of a robot on CAN interfaces of Linux.
 
-    Writes are paced (`Pacing`). A frame that the interface refuses all the same is counted and lost, and an
-    interface that fails goes silent and says so in `fault`; the supervisor acts on all of it.
+    Writes are paced (`Pacing`). A frame that the interface refuses is counted and lost, and an interface that
+    fails goes silent, with a line in `fault`; the supervisor acts on both.
     """
 
     def __init__(
@@ -85,7 +85,7 @@ class SocketCanBus:
                 raise UserError(f"cannot open bus '{name}' on {SOCKETCAN}: {error}") from None
 
     def send(self, frames: Frames, now_us: int) -> int:
-        """Write frames, paced; returns how many the interfaces refused."""
+        """Write frames, paced; returns the number that the interfaces refused."""
         packed = np.zeros(len(frames.id), FRAME)
         packed["id"], packed["length"], packed["data"] = frames.id, frames.length, frames.data
         content, size, refused = packed.tobytes(), FRAME.itemsize, 0
@@ -102,7 +102,7 @@ class SocketCanBus:
         return refused
 
     def receive(self, now_us: int) -> list[Frames]:
-        """Frames that wait on any bus and passed the filters, in one batch."""
+        """Waiting frames of all buses that passed the filters, in one batch."""
         contents: list[bytes] = []
         stamps: list[bytes] = []
         counts = [self._take(channel, contents, stamps) for channel in range(len(self._sockets))]
@@ -122,7 +122,7 @@ class SocketCanBus:
         return [frames] if len(frames.id) else []
 
     def _take(self, channel: int, contents: list[bytes], stamps: list[bytes]) -> int:
-        """Append each frame that waits on one bus, and its time stamp; returns how many."""
+        """Append each waiting frame of one bus, and its time stamp; returns their number."""
         receive, before = self._sockets[channel].recvmsg, len(contents)
         try:
             for _ in range(MOST_FRAMES_AT_ONCE):
@@ -162,13 +162,13 @@ class SocketCanBus:
 
 
 def open_socket(name: str, filters: tuple[CanFilter, ...]) -> socket.socket:
-    """A raw socket on one interface: data frames that pass any of the filters, and all error frames.
+    """A raw socket on one interface: data frames that pass one of the filters, and all error frames.
 
-    Remote frames, and identifiers of the other kind, are left out by the masks.
+    The masks leave out remote frames and identifiers of the other length.
 
     Raises:
         OSError: there is no such interface, or the kernel has no CAN.
-        AttributeError: nor has this system.
+        AttributeError: this system's Python has no CAN.
     """
     masks = b"".join(
         FILTER.pack(each["can_id"] | each["extended"] * EXTENDED, each["can_mask"] | EXTENDED | REMOTE)

@@ -1,4 +1,4 @@
-"""The simulated robot as a bus: what the control loop sees in place of CAN interfaces."""
+"""The simulated robot as a bus, in place of CAN interfaces."""
 
 from threading import Lock
 
@@ -11,7 +11,7 @@ from footfall.plant.wires import Side, SimulatedWires
 class SimulatedBus:
     """The controller's end of simulated wires. Receiving simulates the robot up to then.
 
-    One thread at a time: a guard (`deploy/guard.py`) speaks from its own while the loop's may be in a step.
+    One thread at a time: a guard (`deploy/guard.py`) sends from its own thread, perhaps during a step.
     """
 
     def __init__(self, wires: SimulatedWires, robot: SimulatedRobot) -> None:
@@ -45,4 +45,4 @@ class SimulatedBus:
         ]
 
     def close(self) -> None:
-        """Nothing to let go of."""
+        """Nothing to close."""

@@ -1,4 +1,4 @@
-"""What can go wrong on simulated wires, on demand."""
+"""Faults of simulated wires, on demand."""
 
 from dataclasses import dataclass
 
@@ -7,19 +7,19 @@ import numpy as np
 from footfall.deploy import can_errors
 from footfall.deploy.frames import Frames
 
-ERROR_BITS = 23  # that an error costs beside the frame at most: flag, echo, delimiter, interframe space
+ERROR_BITS = 23  # most bits of an error beside the frame: flag, echo, delimiter, interframe space
 
-PASSIVE_ABOVE, BUS_OFF_ABOVE = 127, 255  # errors that a controller counts, ISO 11898-1
+PASSIVE_ABOVE, BUS_OFF_ABOVE = 127, 255  # error counts of a controller, ISO 11898-1
 
 
 @dataclass(frozen=True)
 class WireFaults:
     """Shares of all frames, 0 to 1, and wires by their number; draws come from the seed."""
 
-    lost: float = 0.0  # arrive nowhere: a buffer ran over
-    corrupted: float = 0.0  # arrive with one bit of their data changed, which no checksum noticed
-    destroyed: float = 0.0  # transmissions that an error destroys; the frame is sent again, up to 16 times
-    unplugged: tuple[int, ...] = ()  # wires whose controller is alone: nobody acknowledges
+    lost: float = 0.0  # never arrive: a buffer overflowed
+    corrupted: float = 0.0  # arrive with one changed data bit that no checksum noticed
+    destroyed: float = 0.0  # transmissions destroyed by an error; the frame is repeated up to 16 times
+    unplugged: tuple[int, ...] = ()  # wires whose controller is alone: no node acknowledges
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -29,7 +29,7 @@ class WireFaults:
 
 
 class FaultyWires:
-    """Draws faults, and counts the errors that the controller's interfaces see."""
+    """Draws faults, and counts errors at the controller's interfaces."""
 
     def __init__(self, faults: WireFaults, wires: int) -> None:
         self._faults = faults
@@ -37,17 +37,17 @@ class FaultyWires:
         self.transmit_errors = np.zeros(wires, np.int64)  # error counters of the controller's interfaces
 
     def working(self, channel: np.ndarray) -> np.ndarray:
-        """Which frames (k,) are on wires that carry anything."""
+        """Mask (k,) of the frames on working wires."""
         dead = np.isin(channel, self._faults.unplugged) | (self.transmit_errors[channel] > BUS_OFF_ABOVE)
         return np.asarray(~dead)
 
-    def count_unheard(self, channel: np.ndarray) -> None:
-        """Frames that nobody acknowledged: a controller stops counting once it is error-passive."""
+    def count_unacknowledged(self, channel: np.ndarray) -> None:
+        """Count unacknowledged frames: a controller stops counting once it is error-passive."""
         alone = np.intersect1d(channel, self._faults.unplugged).astype(np.intp)
         self.transmit_errors[alone] = PASSIVE_ABOVE + 1
 
     def repetitions(self, channel: np.ndarray, from_host: bool) -> np.ndarray:
-        """How often each frame is destroyed before it gets through, (k,)."""
+        """Number of destroyed transmissions of each frame, (k,)."""
         if self._faults.destroyed == 0.0:
             return np.zeros(len(channel), np.int64)
         again = np.minimum(self._random.geometric(1.0 - self._faults.destroyed, len(channel)) - 1, 16)
@@ -57,7 +57,7 @@ class FaultyWires:
         return again
 
     def deliver(self, frames: Frames) -> Frames:
-        """What arrives of frames that got through."""
+        """The frames that arrive of those that were transmitted."""
         faults, random = self._faults, self._random
         if faults.lost:
             frames = frames.take(random.random(len(frames.id)) >= faults.lost)
@@ -66,11 +66,11 @@ class FaultyWires:
             for row in np.flatnonzero((random.random(len(data)) < faults.corrupted) & (frames.length > 0)):
                 bit = int(random.integers(8 * int(frames.length[row])))
                 data[row, bit // 8] ^= np.uint8(1 << bit % 8)
-            frames = frames._replace(data=data, id=frames.id.copy())  # it is to be looked into
+            frames = frames._replace(data=data, id=frames.id.copy())  # a new array: the data differs
         return frames
 
     def fault(self, names: tuple[str, ...]) -> str:
-        """Which bus does not work, and why; empty if all do."""
+        """First bus that fails, and why; empty if all work."""
         for name, errors in zip(names, self.transmit_errors.tolist(), strict=True):
             if errors > BUS_OFF_ABOVE:
                 return f"bus {name} {can_errors.BUS_OFF_TEXT}"

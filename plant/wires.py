@@ -2,45 +2,27 @@
 
 import math
 from collections import deque
-from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
 
 from footfall.deploy.bus import HOST_QUEUE
-from footfall.deploy.frames import EXTENDED, Frames, Layout, bits_of, layout_of
+from footfall.deploy.frames import Frames, Layout, bits_of, layout_of
 from footfall.plant.wire_faults import ERROR_BITS, FaultyWires, WireFaults
+from footfall.plant.wire_plan import Plan, planned, precedence
 
-NODE_BACKLOG_US = 20_000.0  # a motor or an IMU gives up on a frame that would wait longer
-
-MAX_PLANS = 64
+NODE_BACKLOG_US = 20_000.0  # longest wait of a frame of a motor or an IMU, which drops it otherwise
+MAX_PLANS = 64  # kept: some protocols carry values in identifiers, whose layouts never repeat
 
 _NOT_KNOWN = np.zeros(0)
 
 
 class Side(IntEnum):
-    """Who sends: the controller, or the motors and the IMU."""
+    """The sender: the controller, or the motors and the IMU."""
 
     HOST = 0
     ROBOT = 1
-
-
-@dataclass
-class _Plan:
-    """How a batch of one layout (channels, identifiers, lengths) takes its turns on the wires."""
-
-    place: np.ndarray  # (k,) how many frames of the batch are on the same wire up to this one
-    offset: np.ndarray  # (k,) microseconds from the start of the batch on its wire to the frame's end
-    occupied: list[float]  # microseconds that the batch takes on each wire
-    longest: float  # of these
-    frames: np.ndarray  # (channels,) frames on each wire
-    most: int  # frames on the busiest wire
-    wires: list[int]  # those with any
-    first: list[float]  # on each wire, the least in order of precedence
-    last: list[float]  # and the greatest
-    orderly: bool  # whether the frames on each wire stand in that order
-    sent: list[int] = field(default_factory=lambda: [0, 0])  # times that each side sent such a batch
 
 
 class _Batch:
@@ -50,14 +32,14 @@ class _Batch:
 
     def __init__(self, frames: Frames, start: float | list[float], offset: np.ndarray, last: float) -> None:
         self.frames = frames
-        self.last = last  # by then all of them have arrived
-        self._start, self._offset = start, offset  # on all wires alike, or on each; each frame's, (k,)
-        self._arrival: np.ndarray | None = None  # worked out when it is needed
-        self.bits: np.ndarray = _NOT_KNOWN  # (k,) that each occupies its wire, repetitions included
+        self.last = last  # arrival of the last frame
+        self._start, self._offset = start, offset  # of all wires, or of each; of each frame, (k,)
+        self._arrival: np.ndarray | None = None  # computed when it is needed
+        self.bits: np.ndarray = _NOT_KNOWN  # (k,) of each frame on its wire, repetitions included
 
     @property
     def arrival(self) -> np.ndarray:
-        """When each frame arrives, (k,)."""
+        """Arrival time of each frame, us, (k,)."""
         if self._arrival is None:
             start = self._start
             begun = np.array(start)[self.frames.channel] if isinstance(start, list) else start
@@ -73,7 +55,7 @@ class _Batch:
         return taken
 
     def set_arrival(self, arrival: np.ndarray) -> None:
-        """Let each frame arrive at another time, (k,)."""
+        """Set the arrival time of each frame, us, (k,)."""
         self._arrival, self.last = arrival, float(arrival.max())
 
 
@@ -81,8 +63,8 @@ class SimulatedWires:
     """Several buses. A frame occupies its wire for its bits at 1 Mbit/s, worst-case stuffing included.
 
     Where several nodes have a frame to send when a wire falls idle, the lowest identifier wins. The host
-    offers the frame at the head of its queue alone; each motor, and the IMU, is a node of its own. Ordinary
-    traffic comes in that order by itself, so that it is worked out only where a batch would overtake others.
+    offers only the frame at the head of its queue; each motor, and the IMU, is a node of its own. Ordinary
+    traffic is in that order by itself: the order is computed only where a batch would overtake others.
     """
 
     def __init__(
@@ -91,12 +73,12 @@ class SimulatedWires:
         self.names = names
         self.set_faults(faults)
         self._host_queue = host_queue
-        self._free_at = [0.0] * len(names)  # when each wire falls idle
+        self._free_at = [0.0] * len(names)  # times at which wires fall idle
         self._all_free_at = 0.0
-        self._repeated_us = np.zeros(len(names))  # that errors, and what was sent again for them, have taken
-        self._last_waiting = [0.0] * len(names)  # the greatest in order of precedence since a wire was idle
+        self._repeated_us = np.zeros(len(names))  # time of errors and of repeated frames
+        self._last_waiting = [0.0] * len(names)  # greatest precedence since a wire was idle
         self._flying: tuple[deque[_Batch], ...] = (deque(), deque())
-        self._plans: dict[Layout, _Plan] = {}  # working out a plan takes 80 us
+        self._plans: dict[Layout, Plan] = {}  # computing a plan takes 100 us
         self._sent = np.zeros((2, len(names)), dtype=np.int64)  # frames by dropped plans, for each side
         self._busy_us = np.zeros(len(names))  # time that these took
         self.refused = np.zeros((2, len(names)), dtype=np.int64)
@@ -110,7 +92,7 @@ class SimulatedWires:
         if self._faulty is not None:
             working = self._faulty.working(frames.channel)
             if side is Side.HOST:
-                self._faulty.count_unheard(frames.channel)
+                self._faulty.count_unacknowledged(frames.channel)
             frames = frames.take(working)
         plan = self._plan(frames)
         if self._crowded(side, plan, now_us):
@@ -133,15 +115,15 @@ class SimulatedWires:
         return refused
 
     def set_faults(self, faults: WireFaults | None) -> None:
-        """What goes wrong from now on; None for nothing."""
+        """Inject these faults from now on; None for none."""
         self._faulty = None if faults is None else FaultyWires(faults, len(self.names))
 
     def fault(self) -> str:
-        """Which bus does not work for the controller, and why; empty if all do."""
+        """First bus that fails for the controller, and why; empty if all work."""
         return "" if self._faulty is None else self._faulty.fault(self.names)
 
-    def _occupy(self, plan: _Plan, now_us: float) -> float | list[float]:
-        """Keep wires busy with a batch; returns when it begins on them: on all alike, or on each."""
+    def _occupy(self, plan: Plan, now_us: float) -> float | list[float]:
+        """Occupy wires with a batch; returns its start: of all wires, or of each."""
         if self._all_free_at <= now_us:  # as most of the time
             self._free_at = [now_us + taken for taken in plan.occupied]
             self._all_free_at = now_us + plan.longest
@@ -151,8 +133,8 @@ class SimulatedWires:
         self._all_free_at = max(self._free_at)
         return start
 
-    def _overtaken(self, side: Side, plan: _Plan, now_us: float) -> list[int]:
-        """Wires on which the order of a new batch is not the one in which frames were queued."""
+    def _overtaken(self, side: Side, plan: Plan, now_us: float) -> list[int]:
+        """Wires on which a frame of a new batch precedes a queued one."""
         overtaken: list[int] = []
         if self._all_free_at <= now_us:
             self._last_waiting = plan.last.copy()
@@ -168,7 +150,7 @@ class SimulatedWires:
         return overtaken if plan.orderly or side is Side.HOST else plan.wires
 
     def _repeat(self, side: Side, batch: _Batch) -> None:
-        """Let errors destroy transmissions, which are sent again."""
+        """Let errors destroy transmissions, which are repeated."""
         assert self._faulty is not None
         frames = batch.frames
         again = self._faulty.repetitions(frames.channel, side is Side.HOST)
@@ -187,9 +169,9 @@ class SimulatedWires:
         self._all_free_at = max(self._free_at)
 
     def _arbitrate(self, wire: int, now_us: float) -> None:
-        """Put the frames that have not begun on a wire in the order in which they win it."""
+        """Order the frames that have not begun on a wire by arbitration."""
         queued: list[_Waiting] = []  # the controller's, first in, first out
-        others: list[_Waiting] = []  # of a node each, the one that takes precedence first
+        others: list[_Waiting] = []  # of one node each, sorted by precedence
         begin_us = math.inf
         for side, waiting in ((Side.HOST, queued), (Side.ROBOT, others)):
             for batch in self._flying[side]:
@@ -200,7 +182,7 @@ class SimulatedWires:
                 if not len(rows):
                     continue
                 begin_us = min(begin_us, float(start[rows].min()))
-                order = _precedence(batch.frames.id[rows]).tolist()
+                order = precedence(batch.frames.id[rows]).tolist()
                 waiting += [
                     _Waiting(*each) for each in zip(order, [batch] * len(rows), rows.tolist(), strict=True)
                 ]
@@ -222,7 +204,7 @@ class SimulatedWires:
         return sum((plan.frames * plan.sent[side] for plan in self._plans.values()), self._sent[side].copy())
 
     def busy_us(self) -> np.ndarray:
-        """How long each wire has been, or will be, occupied by what was sent, (channels,)."""
+        """Time that all frames so far occupy each wire, us, (channels,)."""
         earlier = self._busy_us + self._repeated_us
         return sum((np.array(plan.occupied) * sum(plan.sent) for plan in self._plans.values()), earlier)
 
@@ -246,30 +228,30 @@ class SimulatedWires:
         queue.extend(rest)
         return arrived if self._faulty is None else [self._faulty.deliver(frames) for frames in arrived]
 
-    def _plan(self, frames: Frames) -> _Plan:
+    def _plan(self, frames: Frames) -> Plan:
         key = layout_of(frames)
         plan = self._plans.get(key)
         if plan is None:
             if len(self._plans) >= MAX_PLANS:
                 self._drop_plans()
-            plan = self._plans[key] = _planned(frames, len(self.names))
+            plan = self._plans[key] = planned(frames, len(self.names))
         return plan
 
     def _drop_plans(self) -> None:
-        """Keep the figures of all plans alone: some protocols carry values in identifiers."""
+        """Forget all plans but their figures."""
         for side in Side:
             self._sent[side] = self.sent(side)
         self._busy_us = self.busy_us() - self._repeated_us
         self._plans.clear()
 
-    def _crowded(self, side: Side, plan: _Plan, now_us: float) -> bool:
-        """Whether any frame might be refused: a cheap test that is false in ordinary traffic."""
+    def _crowded(self, side: Side, plan: Plan, now_us: float) -> bool:
+        """Whether a frame might be refused: a fast test that is false in ordinary traffic."""
         if side is Side.HOST:
             return self._all_free_at > now_us or plan.most > self._host_queue
         return self._all_free_at > now_us + NODE_BACKLOG_US
 
-    def _accept(self, side: Side, frames: Frames, plan: _Plan, now_us: float) -> np.ndarray:
-        """Which frames find a place, (k,) bool."""
+    def _accept(self, side: Side, frames: Frames, plan: Plan, now_us: float) -> np.ndarray:
+        """Which frames fit into a queue, (k,) bool."""
         if side is Side.ROBOT:
             return np.array(self._free_at)[frames.channel] <= now_us + NODE_BACKLOG_US
         waiting = np.zeros(len(self.names), dtype=np.int64)
@@ -284,33 +266,3 @@ class _Waiting(NamedTuple):
     order: float  # of precedence
     batch: _Batch
     row: int
-
-
-def _precedence(identifier: np.ndarray) -> np.ndarray:
-    """Numbers that are lower for a frame that wins arbitration, (k,)."""
-    plain = identifier << 19  # 11 bits, then the bit that tells a plain identifier, 0, from a long one
-    extended = identifier & 0x1FFF_FFFF
-    long = (extended >> 18) << 19 | 1 << 18 | (extended & 0x3FFFF)
-    return np.where(identifier >= EXTENDED, long, plain)
-
-
-def _planned(frames: Frames, wires: int) -> _Plan:
-    """The plan of a batch that was not sent before."""
-    channel, duration = frames.channel, bits_of(frames)
-    order = _precedence(frames.id).astype(float)
-    before = np.tril(channel[:, None] == channel[None, :]).astype(float)
-    on = np.arange(wires)[:, None] == channel[None, :]
-    occupied, count = (on @ duration).tolist(), on.sum(axis=1)
-    each = [order[row] for row in on]
-    return _Plan(
-        place=before.sum(axis=1),
-        offset=before @ duration,
-        occupied=occupied,
-        longest=max(occupied, default=0.0),
-        frames=count,
-        most=int(count.max(initial=0)),
-        wires=np.flatnonzero(count).tolist(),
-        first=[float(row.min(initial=math.inf)) for row in each],
-        last=[float(row.max(initial=0.0)) for row in each],
-        orderly=all(bool((np.diff(row) >= 0).all()) for row in each),
-    )

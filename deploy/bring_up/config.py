@@ -1,4 +1,4 @@
-"""How far a robot moves while it is brought up, and what is expected of it."""
+"""Motions of bring-up, and the limits of its criteria."""
 
 from dataclasses import dataclass, field
 
@@ -7,19 +7,19 @@ from footfall.common.config import require_between
 
 @dataclass(frozen=True)
 class BringUpLimits:
-    """What a step may show at most, or has to show at least."""
+    """Largest and least values of the criteria."""
 
-    lost_rad: float = 0.5  # of a joint from its target, at any moment: the step ends at once
-    still_rad: float = 0.06  # of a joint that shall not move
-    follows: tuple[float, float] = (0.7, 1.25)  # a joint's way over its target's
+    lost_rad: float = 0.5  # largest error of a joint: beyond it the step ends at once
+    still_rad: float = 0.06  # largest motion of a joint at rest
+    follows: tuple[float, float] = (0.7, 1.25)  # travel of a joint over travel of its target
     shaking_rad_s: float = 0.5  # of a joint's velocity about its mean over `shaking_s`, root mean square
     shaking_s: float = 0.1
     torque_share: float = 0.6  # of the peak torque, 99 % of the time
     temperature_c: float = 60.0  # of any motor
     tilt_rad: float = 0.1  # of the base while it stands
-    carries: tuple[float, float] = (0.6, 1.5)  # weight by the legs' torques, over the robot's
-    least_leg_share: float = 0.3  # of an even share of it, by each leg
-    tilts: tuple[float, float] = (0.6, 1.4)  # the base's tilt by the IMU over the one by the joints
+    carries: tuple[float, float] = (0.6, 1.5)  # weight from the legs' torques, over the robot's
+    least_leg_share: float = 0.3  # of an even share of the weight, for each leg
+    tilts: tuple[float, float] = (0.6, 1.4)  # tilt from the IMU over tilt from the joints
 
     def __post_init__(self) -> None:
         require_between(self, 0.001, 3.2, "lost_rad", "still_rad", "tilt_rad")
@@ -30,13 +30,13 @@ class BringUpLimits:
 
 @dataclass(frozen=True)
 class BringUpConfig:
-    """What the steps do."""
+    """Motions of the steps."""
 
     hold_s: float = 2.0
     move_rad: float = 0.15  # of each joint, towards the middle of its range
     move_s: float = 1.5  # there and back
     sway_rad: float = 0.08  # tilt of the base, to the side and to the front
-    slew_s: float = 3.0  # from standing to all that the policy decides
+    slew_s: float = 3.0  # fade from standing to the policy
     walk_s: float = 8.0
     limits: BringUpLimits = field(default_factory=BringUpLimits)
 

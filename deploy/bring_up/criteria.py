@@ -1,4 +1,4 @@
-"""What a step has to show: each criterion is a function of samples and yields a sentence for each failure."""
+"""Criteria of the steps: each is a function of samples that yields a sentence for each failure."""
 
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
@@ -11,8 +11,8 @@ from footfall.deploy.bring_up.recording import Samples
 from footfall.robots.description import Robot
 from footfall.robots.rigid_body import nominal_body
 
-LEAST_TILT = 0.3  # of what was asked for, by the joints
-MOST_POSES = 50  # that a stretch is looked at by
+LEAST_TILT = 0.3  # of the commanded tilt, from the joints
+MOST_POSES = 50  # used of a stretch
 
 
 class Window(NamedTuple):
@@ -21,11 +21,11 @@ class Window(NamedTuple):
     begin_s: float
     end_s: float
     joints: tuple[int, ...] = ()
-    sways: str = ""  # which way the base tilts: roll or pitch
+    sways: str = ""  # axis about which the base tilts: roll or pitch
 
 
 class Case(NamedTuple):
-    """What a criterion judges."""
+    """The input of a criterion."""
 
     robot: Robot
     places: list[str]  # of the joints, for sentences
@@ -38,28 +38,28 @@ Criterion = Callable[[Case], Iterator[str]]
 
 
 def follow(case: Case) -> Iterator[str]:
-    """Joints that shall move go as far as their targets, and the others stay."""
+    """Moving joints travel as far as their targets, and the others stay."""
     position, target = (values - values[0] for values in (case.samples.position, case.samples.target))
     moving = list(case.window.joints)
     low, high = case.limits.follows
-    way = np.abs(position).max(axis=0)
-    others = [j for j in range(len(way)) if j not in moving and way[j] > case.limits.still_rad]
+    travel = np.abs(position).max(axis=0)
+    others = [j for j in range(len(travel)) if j not in moving and travel[j] > case.limits.still_rad]
     for joint in moving:
         place, asked = case.places[joint], target[:, joint]
         share = float(position[:, joint] @ asked / (asked @ asked))
         if low <= share <= high:
             continue
         if others and abs(share) < low:
-            yield f"{place} shall move, and {case.places[others[0]]} does: their ids or plugs are swapped"
+            yield f"{place} should move, and {case.places[others[0]]} does: their ids or plugs are swapped"
             return
         if share < -low:
             yield f"{place} turns the other way: its sign is wrong"
         elif share < low:
-            yield f"{place} makes {share:.0%} of its way: it has no power, or something holds it"
+            yield f"{place} makes {share:.0%} of its travel: it has no power, or something blocks it"
         else:
-            yield f"{place} makes {share:.0%} of its way: its gear ratio is wrong"
+            yield f"{place} makes {share:.0%} of its travel: its gear ratio is wrong"
     for joint in others:
-        yield f"{case.places[joint]} moves by {way[joint]:.2f} rad, and shall not"
+        yield f"{case.places[joint]} moves by {travel[joint]:.2f} rad, and should not"
 
 
 def calm(case: Case) -> Iterator[str]:
@@ -78,7 +78,7 @@ def calm(case: Case) -> Iterator[str]:
 
 
 def modest(case: Case) -> Iterator[str]:
-    """No motor works harder than it should have to."""
+    """No motor needs more than a share of its peak torque."""
     share = np.percentile(np.abs(case.samples.torque), 99, axis=0) / case.robot.motor.peak_torque
     joint = int(share.argmax())
     if share[joint] > case.limits.torque_share:
@@ -86,7 +86,7 @@ def modest(case: Case) -> Iterator[str]:
 
 
 def cool(case: Case) -> Iterator[str]:
-    """No motor is hot; one that does not tell its temperature passes."""
+    """No motor is hot; a motor that does not report its temperature passes."""
     hottest = np.nan_to_num(case.samples.temperature_c, nan=-np.inf).max(axis=0)
     joint = int(hottest.argmax())
     if hottest[joint] > case.limits.temperature_c:
@@ -125,7 +125,7 @@ def carry(case: Case) -> Iterator[str]:
 
 
 def sway(case: Case) -> Iterator[str]:
-    """The base tilts by the IMU as far as by the joints' readings, with all feet on the ground."""
+    """The base's tilt from the IMU equals its tilt from the joints, with all feet on the ground."""
     legs, samples = case.robot.legs, case.samples
     some = slice(None, None, max(1, len(samples.time_s) // MOST_POSES))
     asked, by_joints = (
@@ -139,7 +139,7 @@ def sway(case: Case) -> Iterator[str]:
         yield "the legs do not tilt the base: too weak?"
     elif not low <= (share := float(by_imu @ by_joints / (by_joints @ by_joints))) <= high:
         yield (
-            f"the base's {case.window.sways} is {share:.0%} of what the joints say:"
+            f"the base's {case.window.sways} is {share:.0%} of the tilt from the joints:"
             " a gear ratio, a zero or the IMU's mounting is wrong"
         )
 

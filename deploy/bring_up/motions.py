@@ -1,4 +1,4 @@
-"""What the joints do in each step: policies that follow small trajectories, and one that fades another in."""
+"""Policies of the steps: small joint trajectories, and a fade from standing to another policy."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -11,7 +11,7 @@ from footfall.policies.policy import Policy, PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
-Trajectory = Callable[[float], np.ndarray]  # from the time, s, to offsets from the first pose, rad, (n,)
+Trajectory = Callable[[float], np.ndarray]  # of the time, s: offsets from the first pose, rad, (n,)
 RATE_HZ = 100.0
 
 
@@ -46,7 +46,7 @@ class TrajectoryPolicy:
 
 
 class StandingTrajectoryPolicy(TrajectoryPolicy):
-    """Follows it about the default pose, wherever the joints are at first."""
+    """Follows a trajectory about the default pose, wherever the joints are at first."""
 
     def __init__(self, robot: Robot, trajectory: Trajectory, kp: np.ndarray, kd: np.ndarray) -> None:
         super().__init__(trajectory, kp, kd)
@@ -94,10 +94,10 @@ def swaying(robot: Robot, by_rad: float, each_s: float) -> Trajectory:
 
 
 class SlewedIn:
-    """Stands at first, and is more and more what another policy decides."""
+    """Fades from standing to the commands of another policy."""
 
     def __init__(self, policy: Policy, robot: Robot, slew_s: float, kp: np.ndarray, kd: np.ndarray) -> None:
-        """Gains (n,) of standing; `slew_s` until the other policy decides alone."""
+        """Gains (n,) of standing; the fade takes `slew_s`."""
         self.name, self.rate_hz, self.needs_estimate = policy.name, policy.rate_hz, policy.needs_estimate
         zero = np.zeros_like(kp)
         self._policy, self._slew_s = policy, slew_s

@@ -1,4 +1,4 @@
-"""What was asked of the joints and what they reported, tick by tick."""
+"""Targets and readings of the joints, tick by tick."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from footfall.deploy.loop import ControlLoop
 
 
 class Recording:
-    """Samples of a run; arrays once they are asked for."""
+    """Samples of a run."""
 
     def __init__(self) -> None:
         self._time_s: list[float] = []
@@ -39,6 +39,6 @@ class Samples:
         self.time_s = time_s
         self.target, self.position = joints[:, 0], joints[:, 1]  # rad
         self.velocity, self.torque = joints[:, 2], joints[:, 3]  # rad/s, N m
-        self.temperature_c = joints[:, 4]  # NaN where a motor does not say
+        self.temperature_c = joints[:, 4]  # NaN where a motor does not report it
         self.roll = np.arctan2(up[:, 1], up[:, 2])  # rad, right side down
         self.pitch = np.arctan2(-up[:, 0], up[:, 2])  # rad, front down

@@ -40,13 +40,13 @@ LOOK_EVERY = 2  # ticks
 
 
 class Setting(NamedTuple):
-    """What the steps are run with."""
+    """Robot, policy and settings of all steps."""
 
     robot: Robot
-    policy: Policy  # that walks in the last step
-    command_source: CommandSource  # for it
+    policy: Policy  # of the last step
+    command_source: CommandSource  # of the last step
     config: BringUpConfig
-    deploy: DeployConfig  # its `scale` counts in every step
+    deploy: DeployConfig  # its `scale` applies to every step
     realtime: bool = True
 
     @property
@@ -56,7 +56,7 @@ class Setting(NamedTuple):
 
 
 class Plan(NamedTuple):
-    """What happens in a step: what decides, and the windows in which it is judged, one after the other."""
+    """A step's policy, and the windows in which it is judged, one after the other."""
 
     policy: Policy
     windows: list[Window]
@@ -64,18 +64,18 @@ class Plan(NamedTuple):
 
 
 class Step(NamedTuple):
-    """One step: how the robot has to be, what it does, and what it has to show."""
+    """One step: the robot's place, its motion, and the criteria."""
 
     name: str
     hangs: bool  # in a frame, feet in the air; else it lies or stands on the ground
     about: str
     plan: Callable[[Setting], Plan]
     criteria: tuple[Criterion, ...]
-    least_feet: int = 1  # that it takes
+    least_feet: int = 1  # a robot with fewer skips the step
 
 
 class Verdict(NamedTuple):
-    """How a step went."""
+    """The result of a step."""
 
     step: str
     findings: tuple[str, ...]  # why it failed; empty if it passed
@@ -142,7 +142,7 @@ STEPS = (
 
 
 class _Judge:
-    """Records a run, judges each window as it ends, and ends the run as soon as something is wrong."""
+    """Records a run, judges each window at its end, and ends the run at the first finding."""
 
     def __init__(self, setting: Setting, step: Step, plan: Plan) -> None:
         wiring = wire(setting.robot)
@@ -152,7 +152,7 @@ class _Judge:
         self.findings: list[str] = []
 
     def tick(self, loop: ControlLoop) -> None:
-        """To be called after each joint tick."""
+        """Call it after each joint tick."""
         self._ticks += 1
         if not loop.walking or self._ticks % LOOK_EVERY:
             return
@@ -173,7 +173,7 @@ class _Judge:
             self.findings += criterion(case)
 
     def verdict(self, outcome: SessionResult) -> Verdict:
-        """What is to be said of the run as a whole; what the supervisor found comes first."""
+        """The result of the whole run, the supervisor's faults first."""
         findings = [*outcome.faults, *self.findings]
         if not findings and self._waiting:
             findings = ["it was ended before it was done"]
@@ -184,9 +184,9 @@ def run_step(step: Step, setting: Setting, bus: Bus) -> Verdict:
     """One step of bring-up, from motors off to motors off.
 
     Args:
-        step: which.
-        setting: what it is run with.
-        bus: leads to the robot, which has to hang or be on the ground as the step says.
+        step: the step.
+        setting: robot, policy and settings.
+        bus: leads to the robot, which must hang or be on the ground as the step requires.
 
     Raises:
         UserError: policy, robot and settings do not fit; nothing has moved then.

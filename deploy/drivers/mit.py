@@ -1,5 +1,6 @@
-"""MIT-mode actuator protocol (mini-cheetah, CubeMars AK): numbers to frames and back, all motors of a robot
-at a time. `mit_driver.py` says which frame goes where.
+"""MIT-mode actuator protocol (mini-cheetah, CubeMars AK): numbers to frames and back, all motors at once.
+
+`mit_driver.py` has the identifiers.
 
 A command is `P16 V12 KP12 KD12 T12`, a reply `id8 P16 V12 T12 [temperature8 error8]`, both big-endian with
 the most significant bit first.
@@ -22,7 +23,7 @@ from footfall.common.errors import UserError
 
 @dataclass(frozen=True)
 class MotorRange:
-    """What the extreme codes of a motor's frames mean; ranges are symmetric but for the gains."""
+    """Values of the highest codes in a motor's frames; ranges are symmetric but for the gains."""
 
     velocity: float  # rad/s
     torque: float  # N m
@@ -38,11 +39,11 @@ RANGES = {
     "AK60-6": MotorRange(50.0, 15.0),
     "AK10-9": MotorRange(50.0, 65.0),
     "AK80-64": MotorRange(8.0, 144.0),
-    "MIT-40-150": MotorRange(40.0, 150.0),  # no maker's: the protocol leaves the ranges to the firmware
+    "MIT-40-150": MotorRange(40.0, 150.0),  # of no maker: the protocol leaves the ranges to the firmware
     "MIT-65-500": MotorRange(65.0, 500.0, kp=4000.0, kd=100.0),  # likewise, for heavy machines
 }
 
-COMMUNICATION_LOST = 13  # of a simulated motor whose own time-out switched it off; the manual has none
+COMMUNICATION_LOST = 13  # of a simulated motor that timed out; the manual has no code for it
 ERRORS = {
     1: "over-temperature",
     2: "over-current",
@@ -62,7 +63,7 @@ _WIRE = np.dtype(">u8")  # a word as it stands in a frame
 _BITS = np.array([[16], [12], [12], [12], [12]])  # position, velocity, kp, kd, torque
 _COMMAND_SHIFT = np.array([[48], [36], [24], [12], [0]])
 _REPLY_SHIFT = np.array([[40], [28], [16]])
-_REPLIED = [0, 1, 4]  # which of the five a motor reports
+_REPLIED = [0, 1, 4]  # rows of a command that a motor reports
 
 
 class Reply(NamedTuple):
@@ -96,7 +97,7 @@ class _Fields(NamedTuple):
     Shifts are repeated for each motor: NumPy takes twice as long where it has to broadcast.
     """
 
-    place: np.ndarray  # (fields,) uint64, what a code of 1 adds to the word
+    place: np.ndarray  # (fields,) uint64, the word of a code of 1
     shift: np.ndarray  # uint64, bits
     mask: np.ndarray  # uint64, of a field that was shifted down
     lowest: np.ndarray
@@ -105,7 +106,7 @@ class _Fields(NamedTuple):
     codes_per_unit: np.ndarray
 
     def of(self, motor: np.ndarray | slice) -> "_Fields":
-        """The same of some motors (indices), or of all of them (a slice)."""
+        """The fields of some motors (indices), or of all of them (a slice)."""
         if isinstance(motor, slice):
             return self
         place, *rest = self
@@ -148,7 +149,7 @@ class Codec:
 
     @classmethod
     def of(cls, ranges: Sequence[MotorRange]) -> "Codec":
-        """Of motors whose ranges are known from elsewhere."""
+        """A codec with given ranges, one for each motor."""
         codec = cls(())
         codec._set(ranges)
         return codec
@@ -165,10 +166,10 @@ class Codec:
         self._reply = _fields(_REPLY_SHIFT, _BITS[_REPLIED], lowest[_REPLIED], highest[_REPLIED])
         self.lowest, self.highest, self.quantum = lowest, highest, self._command.quantum
         self.reply_quantum = self._reply.quantum
-        self._encoded = b"", np.zeros((0, 8), np.uint8)  # what was encoded last, and its frames
+        self._encoded = b"", np.zeros((0, 8), np.uint8)  # the last command, and its frames
 
     def encode(self, values: np.ndarray) -> np.ndarray:
-        """Command frames of all motors, (n, 8) uint8, not to be written to. The last answer is kept.
+        """Command frames of all motors, (n, 8) uint8, read only. The last result is kept.
 
         Args:
             values: (5, n): position, velocity, kp, kd, torque, in the units of `JointCommand`. What lies

@@ -7,7 +7,7 @@ from footfall.common.config import require_not_negative, require_ordered, requir
 
 @dataclass(frozen=True)
 class ContactConfig:
-    """When a foot stands. Forces are shares of that on each foot of a robot that stands on all of them."""
+    """Contact detection. Forces are shares of the force on each foot while all feet stand."""
 
     force_share: tuple[float, float] = (0.2, 0.8)  # no contact below the first, certain above the second
     force_filter_s: float = 0.006  # time constant of the force estimate
@@ -23,10 +23,10 @@ class ContactConfig:
 
 @dataclass(frozen=True)
 class GyroConfig:
-    """How fast the gyro's bias is learnt."""
+    """Speed of learning the gyro's bias."""
 
-    bias_filter_s: float = 10.0  # over which it is averaged in the long run
-    bias_half_s: float = 0.2  # after which half of it is believed: the orientation's noise by the usual bias
+    bias_filter_s: float = 10.0  # averaging time in the long run
+    bias_half_s: float = 0.2  # time of 50 % trust: noise of the orientation over the usual bias
 
     def __post_init__(self) -> None:
         require_positive(self, "bias_filter_s", "bias_half_s")
@@ -34,17 +34,17 @@ class GyroConfig:
 
 @dataclass(frozen=True)
 class FilterConfig:
-    """How far accelerometer and legs are believed."""
+    """Trust in accelerometer and legs."""
 
     acceleration_noise: float = 0.5  # m/s^2, of one reading
     acceleration_change: float = 0.3  # m/s^2 per m/s^2 by which a reading differs from the one before
     acceleration_bias: float = 0.2  # m/s^2, of a tilted or badly calibrated IMU
     acceleration_bias_drift: float = 0.01  # m/s^2 per root of a second
-    leg_velocity_noise: float = 0.03  # m/s, of what a standing leg says; by its contact squared of another
-    swing_noise: float = 1000.0  # factor on that, at most
+    leg_velocity_noise: float = 0.03  # m/s, of a standing leg; for others divided by contact squared
+    swing_noise: float = 1000.0  # largest factor on it
     outlier_freedom: float = 4.0  # degrees of freedom of Student's distribution: fewer forgive more
-    push_m_s: float = 0.17  # all standing legs differ by more from the filter: the robot was pushed
-    push_filter_s: float = 0.01  # for about so long
+    push_m_s: float = 0.17  # larger difference between standing legs and filter: the robot was pushed
+    push_filter_s: float = 0.01  # time constant of that difference
 
     def __post_init__(self) -> None:
         require_positive(
@@ -61,20 +61,20 @@ class FilterConfig:
 
 @dataclass(frozen=True)
 class OdometryConfig:
-    """What the pose is uncertain by, beyond the filter's own noise."""
+    """Uncertainty of the pose beyond the filter's own noise."""
 
-    level_ground: bool = True  # the way up is the height above the standing feet; else integrated velocity
+    level_ground: bool = True  # z is the height above the standing feet; otherwise integrated velocity
     height_noise: float = 0.004  # m, of the height above the standing feet: soft feet and soles
     height_filter_s: float = 0.02  # time constant
     orientation_noise: float = 0.005  # rad, of one reading of the IMU's orientation
-    yaw_drift: float = 0.001  # rad per root of a second, of the same
-    scale_error: float = 0.01  # share of the way: limbs not as long as the description says, feet that creep
-    climb_error: float = 0.03  # share of the way, of an integrated way up: feet sink in as they land
+    yaw_drift: float = 0.001  # rad per root of a second, of the same orientation
+    scale_error: float = 0.01  # share of the distance: limbs longer than described, feet that creep
+    climb_error: float = 0.03  # share of the distance, of integrated z: feet sink in as they land
     slip: float = 0.01  # m per root of a metre walked
-    creep_m_s: float = 0.005  # horizontal velocity of a foot that is thought to stand
-    sink_m_s: float = 0.03  # vertical velocity of the same
-    latency_s: float = 0.009  # that readings are late, root mean square: up to 10 ms, and a tick or two
-    latency_filter_s: float = 0.1  # time constant over which changes of the velocity within that are averaged
+    creep_m_s: float = 0.005  # horizontal velocity of a foot in estimated contact
+    sink_m_s: float = 0.03  # its vertical velocity
+    latency_s: float = 0.009  # delay of readings, root mean square: up to 10 ms, and a tick or two
+    latency_filter_s: float = 0.1  # averaging time of velocity changes within that delay
 
     def __post_init__(self) -> None:
         require_positive(self, "height_noise", "height_filter_s", "latency_filter_s")

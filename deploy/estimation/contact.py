@@ -1,4 +1,4 @@
-"""Which feet stand: from the forces that the ground must exert on them, and from the controller's plan."""
+"""Contact of each foot: from the ground's force on it, and from the controller's plan."""
 
 import math
 
@@ -13,7 +13,7 @@ from footfall.robots.rigid_body import RigidBody
 
 
 class ContactEstimator:
-    """Probability that each foot stands still on the ground, by the force at it."""
+    """Probability that each foot stands still on the ground, from the force on it."""
 
     def __init__(self, legs: Legs, body: RigidBody, config: ContactConfig) -> None:
         self._legs, self._config = legs, config
@@ -38,15 +38,15 @@ class ContactEstimator:
         plan: np.ndarray | None,
         dt_s: float,
     ) -> list[float]:
-        """Take in one set of readings.
+        """Update with one set of readings.
 
         Args:
             sensed: the readings.
             rates: (legs, m) rad/s, of the joints.
             jacobian: (legs, 3, m) of the points of contact.
             up: (3,) vertical, base frame.
-            plan: (legs,) planned contact in [0, 1], or None where nothing is planned. A planned contact is
-                believed as far as the forces at the foot agree.
+            plan: (legs,) planned contact in [0, 1], or None without a plan. A planned contact counts as far
+                as the force on the foot agrees.
             dt_s: time since the readings before.
 
         Returns:
@@ -63,6 +63,6 @@ class ContactEstimator:
             load = (pressed - low) / span
             present = planned[leg] * (0.0 if load < 0.0 else 1.0 if load > 1.0 else load)
             before = self.probability[leg]
-            # Lost at once, won slowly.
+            # Contact is lost at once and gained slowly: a foot that lands bounces and slips first.
             self.probability[leg] = present if present < before else before + share * (present - before)
         return self.probability

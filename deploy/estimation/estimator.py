@@ -16,11 +16,11 @@ from footfall.robots.description import Robot
 from footfall.robots.model import imu_position
 from footfall.robots.rigid_body import nominal_body
 
-_SOME_CONTACT = 0.5  # feet: with fewer the height is not measured
+_SOME_CONTACT = 0.5  # sum of contacts below which the height is not measured
 
 
 class BaseEstimator:
-    """Estimates how the base moves, and where it is, from what the robot senses.
+    """Estimates the base's motion and pose from readings.
 
     Args:
         robot: its nominal geometry and masses are used, never a plant's.
@@ -51,18 +51,18 @@ class BaseEstimator:
         self.start()
 
     def start(self) -> None:
-        """The pose is zero here and now; what is known of the motion is kept."""
+        """Set the pose to zero; the estimated motion is kept."""
         self._filter.begin_at((self._rotation @ self._imu).tolist())
         self._drift.reset()
         self._start_yaw = self._yaw()
         self._start_height = self._base_height()
 
     def update(self, sensed: Sensed, stance: np.ndarray | None, dt_s: float) -> tuple[np.ndarray, float]:
-        """Take in one set of readings.
+        """Update with one set of readings.
 
         Args:
             sensed: the readings.
-            stance: (legs,) planned contact in [0, 1], or None where nothing is planned.
+            stance: (legs,) planned contact in [0, 1], or None without a plan.
             dt_s: time since the readings before.
 
         Returns:
@@ -74,7 +74,7 @@ class BaseEstimator:
         rotation, rows, turning = self._rotation, self._rotation.tolist(), skew(self._turning).T
         rates = self._legs.gather(sensed.joint_velocity)
         contact = self._contact.update(sensed, rates, jacobian, self._up, stance, dt_s)
-        # How the points of contact pass the IMU, body frame.
+        # Velocity of the points of contact relative to the IMU, body frame.
         passing = (jacobian @ rates[:, :, None])[:, :, 0] + self._place.dot(turning)
         self._filter.predict(sensed.acceleration.tolist(), rows, dt_s)
         self._filter.correct(passing.dot(-rotation.T).tolist(), contact, rows, dt_s)
@@ -85,7 +85,7 @@ class BaseEstimator:
         return self._velocity, self._base_height()
 
     def odometry(self) -> Odometry:
-        """Everything that is estimated, with its covariance."""
+        """The whole estimate, with its covariance."""
         config, motion = self._config.odometry, self._filter
         position = np.array(motion.place) - self._rotation @ self._imu
         covariance = np.zeros((7, 7))
@@ -113,7 +113,7 @@ class BaseEstimator:
         )
 
     def _take(self, sensed: Sensed) -> np.ndarray:
-        """Note where everything is; returns the Jacobians of the points of contact, (legs, 3, m)."""
+        """Update places and rotation; returns the Jacobians of the points of contact, (legs, 3, m)."""
         self._sensed = sensed
         self._rotation = rotation_matrix(sensed.quaternion)
         self._up = up = self._rotation[2]
@@ -125,7 +125,7 @@ class BaseEstimator:
         return pose.jacobian - skews(arms) @ pose.axes  # axis x arm
 
     def _follow_height(self, contact: list[float], dt_s: float) -> None:
-        """The IMU's height above the mean standing foot: by its velocity, and as standing legs measure it."""
+        """The IMU's height above the mean standing foot: integrated velocity, corrected by standing legs."""
         self._height += self._filter.velocity[2] * dt_s
         total = sum(contact)
         if total > _SOME_CONTACT:

@@ -19,7 +19,7 @@ class ContactPoints:
         )
         self._radius = np.array([balls.radius[:1] for balls in legs.balls])  # where all are balls
         most = max(len(balls.radius) for balls in legs.balls)
-        # x, y, z, radius and 1 of each ball: their weighted sums give the mean. What is missing floats.
+        # x, y, z, radius and 1 of each ball: weighted sums give the mean. Padding is infinitely high.
         self._balls = np.zeros((legs.count, most, 5))
         self._floats = np.full((legs.count, most), np.inf)
         for leg, (place, radius) in enumerate(legs.balls):
@@ -28,7 +28,7 @@ class ContactPoints:
             self._floats[leg, own] = -radius
 
     def arms(self, joint_position: np.ndarray, up: np.ndarray) -> np.ndarray:
-        """From each limb's tip to its point of contact, (legs, 3) m, base frame.
+        """Vectors from each limb's tip to its point of contact, (legs, 3) m, base frame.
 
         Args:
             joint_position: (n,) rad.

@@ -1,12 +1,12 @@
 """A linear Kalman filter of the IMU's place, velocity and bias, on the accelerometer and the standing legs.
 
 As in Bloesch et al. 2012 ("State estimation for legged robots: consistent fusion of leg kinematics and IMU")
-the accelerometer predicts and the legs correct, with the orientation as the IMU gives it: given that, all is
-linear, and since all noise is isotropic the three axes share one 3 by 3 covariance, six plain numbers. Legs
-are measured by how fast their points of contact move under the IMU, not by anchors on the ground: with motors
-that report velocities, anchors add nothing but their own states.
+the accelerometer predicts and the legs correct. The orientation is the IMU's, which makes the filter linear.
+All noise is isotropic: the three axes share one 3 by 3 covariance of six numbers. A leg measures the velocity
+of its point of contact under the IMU. Anchors on the ground would only add states, since motors report
+velocities.
 
-In Python's own numbers: on so few of them its arithmetic takes a fraction of NumPy's time.
+Plain Python numbers: for so few of them they take a fraction of NumPy's time.
 """
 
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from footfall.common.constants import GRAVITY_M_S2
 from footfall.deploy.estimation.config import FilterConfig
 
-_AT_REST_M_S = 0.1  # how sure a reset is of the robot's rest
+_AT_REST_M_S = 0.1  # standard deviation of the velocity after a reset
 
 Vector = list[float]  # x, y, z
 Matrix = list[list[float]]  # three rows
@@ -34,24 +34,24 @@ class MotionFilter:
         """Begin at rest, with a place of zero."""
         self.place = self.velocity = self._bias = [0.0, 0.0, 0.0]
         self._surprise = [0.0, 0.0, 0.0]
-        self._last: tuple[float, ...] | None = None  # what was read last, and the acceleration that it meant
+        self._last: tuple[float, ...] | None = None  # last reading, and its acceleration in the world
         self.pp = self.pv = self.pb = self.vb = 0.0
         self.vv, self.bb = _AT_REST_M_S**2, self._config.acceleration_bias**2
 
     def begin_at(self, place: Vector) -> None:
-        """Say where it is, m, with certainty. What is known of the motion is kept."""
+        """Set the place, m, with certainty. The estimated motion is kept."""
         self.place = place
         self.pp = self.pv = self.pb = 0.0
 
     def predict(self, force: Vector, rotation: Matrix, dt_s: float) -> None:
         """p' = p + v dt + a dt^2 / 2, v' = v + a dt with the mean acceleration a between two readings.
 
-        What happened between them is unknown by a share of their difference: shocks are sampled badly.
+        The noise grows with their difference: shocks are sampled badly.
 
         Args:
-            force: what the accelerometer reads, m/s^2.
+            force: the accelerometer's reading, m/s^2.
             rotation: body to world.
-            dt_s: time that passes.
+            dt_s: time between the two readings.
         """
         config = self._config
         (fx, fy, fz), (bx, by, bz) = force, self._bias
@@ -83,11 +83,11 @@ class MotionFilter:
     def correct(
         self, velocities: Sequence[Vector], contact: Sequence[float], rotation: Matrix, dt_s: float
     ) -> None:
-        """Take in what the legs say, each weighted by its contact and by how well it fits.
+        """Correct with the legs' velocities, each weighted by its contact and by its fit.
 
-        A leg that does not fit slips or has not quite landed: noise of Student's distribution forgives it.
-        Where all standing legs together do not fit for a while, it was the filter that was wrong: a push too
-        short for the accelerometer to see. Its velocity is then uncertain by as much.
+        A leg that does not fit slips or has not quite landed: noise of Student's distribution lowers its
+        weight. If all standing legs together do not fit for a while, the filter is wrong: a push was too
+        short for the accelerometer. Its velocity then becomes uncertain by as much.
 
         Args:
             velocities: measurements of v, one of each leg, m/s.

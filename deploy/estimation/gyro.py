@@ -8,13 +8,13 @@ Vector = list[float]  # x, y, z
 
 
 class GyroBias:
-    """What the gyro reads too much: on average it must read as fast as the IMU's orientation turns.
+    """The gyro's bias: its mean reading less the mean rate of the IMU's orientation.
 
-    The point of contact of a long leg seems to move by the bias times its length: without this, 0.02 rad/s
-    are a humanoid's drift of 15 mm/s. Noise of the orientation averages out: what counts is its change over
-    the whole time.
+    The point of contact of a long leg appears to move by the bias times its length: 0.02 rad/s make a
+    humanoid drift by 15 mm/s. Noise of the orientation averages out, since only its change over the whole
+    time counts.
 
-    In Python's own numbers, as the filter is.
+    Plain Python numbers, like the filter.
     """
 
     def __init__(self, config: GyroConfig) -> None:
@@ -22,14 +22,14 @@ class GyroBias:
         self.reset()
 
     def reset(self) -> None:
-        """Know nothing of the bias."""
+        """Forget the bias."""
         self.bias: Vector = [0.0, 0.0, 0.0]
-        self._mean: Vector = [0.0, 0.0, 0.0]  # of what the gyro read too much
-        self._time_s = 0.0  # over which that is the mean
+        self._mean: Vector = [0.0, 0.0, 0.0]  # difference of gyro and orientation, rad/s
+        self._time_s = 0.0  # averaging time of it
         self._last: tuple[Vector, Vector] | None = None
 
     def update(self, gyro: Vector, quaternion: Vector, dt_s: float) -> Vector:
-        """Take in one set of readings.
+        """Update with one set of readings.
 
         Args:
             gyro: rad/s, body frame.
@@ -54,7 +54,7 @@ class GyroBias:
             my += share * (0.5 * (gy + gyro[1]) - rate * ty - my)
             mz += share * (0.5 * (gz + gyro[2]) - rate * tz - mz)
             self._mean = [mx, my, mz]
-            # The mean's noise is the orientation's by the time, so the two variances' quotient its square.
+            # The mean's noise is the orientation's over the time: the ratio of variances is that squared.
             trust = time_s**2 / (time_s**2 + self._config.bias_half_s**2)
             self.bias = [trust * mx, trust * my, trust * mz]
         self._last = gyro, quaternion

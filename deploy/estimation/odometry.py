@@ -1,4 +1,4 @@
-"""Where the base is since the start, and how sure that is."""
+"""The base's pose since the start, and its covariance."""
 
 import math
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ POSITION, YAW, VELOCITY = slice(0, 3), 3, slice(4, 7)  # rows of the covariance
 
 
 class Odometry(NamedTuple):
-    """The base's motion, as estimated. Its frame: where the base was at the start, x as it headed, z up."""
+    """The estimated motion of the base. Frame: origin and heading (x) of the base at the start, z up."""
 
     position: np.ndarray  # (3,) m
     orientation: np.ndarray  # (4,) w x y z, body to this frame, from the IMU's
@@ -25,13 +25,13 @@ class Odometry(NamedTuple):
 
 
 class Lateness:
-    """How far a velocity may be from the one that it was worked out for, since readings are late.
+    """Uncertainty of the velocity because readings are late.
 
-    By how much is not known; a body that sways has changed its velocity meanwhile. What a first-order filter
-    whose time constant is the lateness lags behind is such a change: the acceleration times the lateness. Its
-    mean square over about a step is the covariance.
+    The delay is unknown, and a swaying body has changed its velocity meanwhile. A first-order filter with the
+    delay as its time constant lags by such a change: acceleration times delay. The covariance is the mean
+    square of that lag over about one step.
 
-    In Python's own numbers, as the filter is.
+    Plain Python numbers, like the filter.
     """
 
     def __init__(self, config: OdometryConfig) -> None:
@@ -50,7 +50,7 @@ class Lateness:
         return np.array([[self._xx, xy, xz], [xy, self._yy, yz], [xz, yz, self._zz]])
 
     def advance(self, velocity: Sequence[float], dt_s: float) -> None:
-        """The base moved at a velocity (x, y, z), m/s, for a while."""
+        """Add a time with a velocity (x, y, z), m/s."""
         (vx, vy, vz), (bx, by, bz) = velocity, self._before or velocity
         share = dt_s / (self._config.latency_s + dt_s)
         bx, by, bz = bx + share * (vx - bx), by + share * (vy - by), bz + share * (vz - bz)
@@ -66,10 +66,10 @@ class Lateness:
 
 
 class Drift:
-    """How the pose grows uncertain with the way, in the frame of the IMU's orientation.
+    """Uncertainty of the pose that grows with the distance, in the frame of the IMU's orientation.
 
-    Three errors that no reading tells about: yaw drifts (a random walk, whose effect on the place is that of
-    a turned way), the scale is off (limbs are not quite as described), and feet slip a little at each step.
+    Three errors that no reading shows: yaw drifts (a random walk that turns the path), the scale is wrong
+    (limbs differ from the description), and feet slip a little at each step.
     """
 
     def __init__(self, config: OdometryConfig) -> None:
@@ -78,15 +78,15 @@ class Drift:
 
     def reset(self) -> None:
         """Begin where the robot is."""
-        self._time = self._way = 0.0
+        self._time = self._distance = 0.0
         self._yaw_x = self._yaw_y = 0.0  # covariance of the place with the yaw
         self._xx = self._xy = self._yy = 0.0  # of the place, from the yaw's
 
     def advance(self, velocity: Sequence[float], dt_s: float) -> None:
-        """The base moved at a velocity (x, y, z), m/s, for a while."""
+        """Add a time with a velocity (x, y, z), m/s."""
         x, y, _ = velocity
         self._time += dt_s
-        self._way += math.hypot(x, y) * dt_s
+        self._distance += math.hypot(x, y) * dt_s
         yaw = self._config.yaw_drift**2 * self._time * dt_s
         self._yaw_x -= yaw * y
         self._yaw_y += yaw * x
@@ -95,13 +95,13 @@ class Drift:
         self._yy += 2.0 * dt_s * x * self._yaw_y
 
     def covariance(self, moved: np.ndarray) -> np.ndarray:
-        """Of place and yaw, (4, 4), after a displacement (3,), m; the way up counts as integrated, too."""
+        """Of place and yaw, (4, 4), after a displacement (3,), m, with z integrated."""
         config = self._config
         result = np.zeros((4, 4))
         result[:2, :2] = (self._xx, self._xy), (self._xy, self._yy)
         result[:2, YAW] = result[YAW, :2] = self._yaw_x, self._yaw_y
         result[YAW, YAW] = config.orientation_noise**2 + config.yaw_drift**2 * self._time
         result[:3, :3] += config.scale_error**2 * np.outer(moved, moved)
-        result[:3, :3] += config.slip**2 * self._way * np.eye(3)
-        result[2, 2] += (config.climb_error * self._way) ** 2
+        result[:3, :3] += config.slip**2 * self._distance * np.eye(3)
+        result[2, 2] += (config.climb_error * self._distance) ** 2
         return result

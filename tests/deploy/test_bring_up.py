@@ -78,10 +78,10 @@ class TestCriteria:
         [
             (2, 1.0, []),
             (2, -1.0, ["joint 2 turns the other way: its sign is wrong"]),
-            (2, 0.1, ["joint 2 makes 10% of its way: it has no power, or something holds it"]),
-            (2, -0.1, ["joint 2 makes -10% of its way: it has no power, or something holds it"]),
-            (2, 1.5, ["joint 2 makes 150% of its way: its gear ratio is wrong"]),
-            (7, 1.0, ["joint 2 shall move, and joint 7 does: their ids or plugs are swapped"]),
+            (2, 0.1, ["joint 2 makes 10% of its travel: it has no power, or something blocks it"]),
+            (2, -0.1, ["joint 2 makes -10% of its travel: it has no power, or something blocks it"]),
+            (2, 1.5, ["joint 2 makes 150% of its travel: its gear ratio is wrong"]),
+            (7, 1.0, ["joint 2 should move, and joint 7 does: their ids or plugs are swapped"]),
         ],
     )
     def test_a_joint_follows_its_target(self, go1: Robot, moved: int, by: float, says: list[str]) -> None:
@@ -93,13 +93,13 @@ class TestCriteria:
     def test_of_two_joints_that_move_the_one_that_shall_is_not_taken_for_the_other(self, go1: Robot) -> None:
         made = samples(target=only(2, WAY), position=only(2, 1.5 * WAY) + only(5, 0.5 * WAY))
         assert list(follow(case_of(go1, made, 2))) == [
-            "joint 2 makes 150% of its way: its gear ratio is wrong",
-            "joint 5 moves by 0.07 rad, and shall not",
+            "joint 2 makes 150% of its travel: its gear ratio is wrong",
+            "joint 5 moves by 0.07 rad, and should not",
         ]
 
     def test_the_others_stay(self, go1: Robot) -> None:
         made = samples(target=only(2, WAY), position=only(2, WAY) + only(5, 0.5 * WAY))
-        assert list(follow(case_of(go1, made, 2))) == ["joint 5 moves by 0.07 rad, and shall not"]
+        assert list(follow(case_of(go1, made, 2))) == ["joint 5 moves by 0.07 rad, and should not"]
 
     def test_no_joint_shakes(self, go1: Robot) -> None:
         """20 Hz of 1 rad/s is 0.71 rad/s, root mean square; a slow swing of 1 rad/s is none."""
@@ -212,8 +212,8 @@ class TestCriteria:
             return list(sway(case_of(go1, samples(target=position, position=position, up=up), sways=sways)))
 
         assert told(tilt) == told(tilt + 0.05) == []
-        assert f"the base's {sways} is 50% of what the joints say" in told(tilt / 2)[0]
-        assert f"the base's {sways} is -100% of what the joints say" in told(-tilt)[0]
+        assert f"the base's {sways} is 50% of the tilt from the joints" in told(tilt / 2)[0]
+        assert f"the base's {sways} is -100% of the tilt from the joints" in told(-tilt)[0]
         weak = samples(target=position, position=np.tile(go1.default_pose, (101, 1)))
         assert list(sway(case_of(go1, weak, sways=sways))) == ["the legs do not tilt the base: too weak?"]
 
@@ -290,8 +290,8 @@ class Heard:
         self.target, self.temperature_c = np.zeros(12), np.full(12, 30.0)
         self.sensed = Sensed(np.zeros(3), np.zeros(3), np.array([1.0, 0, 0, 0]), *np.zeros((3, 12)))
 
-    def finish(self, at_once: bool = False) -> None:
-        self.ended.append(at_once)
+    def finish(self, skip_lie_down: bool = False) -> None:
+        self.ended.append(skip_lie_down)
 
 
 class TestRecording:
@@ -352,7 +352,7 @@ class TestJudge:
     @pytest.mark.parametrize(
         ("hangs", "off_rad", "lost"), [(True, 0.51, 1), (True, 0.49, 0), (False, 0.51, 0)]
     )
-    def test_a_joint_that_is_lost_ends_a_step_in_the_frame_at_once(
+    def test_a_joint_that_is_lost_ends_a_step_in_the_frame_skip_lie_down(
         self, go1: Robot, hangs: bool, off_rad: float, lost: int
     ) -> None:
         step = Step("x", hangs, "", no_plan, ())

@@ -202,7 +202,7 @@ class TestVirtual:
         outcome = shell("can", "clear", "--bus", "virtual", "--yes")
         assert outcome.status == 1
         assert outcome.out.splitlines()[-1] == (
-            "no motor here knows a frame that clears errors: switch their power off and on"
+            "these motors have no frame that clears errors: switch their power off and on"
         )
 
 

@@ -1,12 +1,367 @@
-"""Simulated buses carry what plain ones would."""
+"""Simulated wires take their time, keep order, and refuse what does not fit their queues."""
 
+import math
 from collections import deque
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from deploy_policies import Hold, short_episode
+from memory import grown
 
-from footfall.deploy.frames import Frames, frame_bits
+from footfall.deploy.bus import HOST_QUEUE
+from footfall.deploy.frames import EXTENDED, Frames, frame_bits
+from footfall.deploy.loop import ControlLoop
+from footfall.plant.bus import SimulatedBus
+from footfall.plant.episode import run_episode
+from footfall.plant.robot import SimulatedRobot
+from footfall.plant.wire_faults import FaultyWires, WireFaults
 from footfall.plant.wires import Side, SimulatedWires
+from footfall.robots.description import Robot
+
+
+def frames(*channels: int, length: int = 8) -> Frames:
+    k = len(channels)
+    data = np.zeros((k, 8), np.uint8)
+    data[:, 0] = np.arange(k)
+    return Frames(np.array(channels), np.arange(1, k + 1), data, np.full(k, length))
+
+
+def numbers(batches: list[Frames]) -> list[int]:
+    return [int(n) for batch in batches for n in batch.data[:, 0]]
+
+
+class TestTime:
+    def test_a_frame_arrives_when_its_last_bit_does(self) -> None:
+        wires = SimulatedWires(("a",))
+        wires.send(Side.HOST, frames(0), 1000)
+        assert wires.receive(Side.ROBOT, 1134) == []
+        assert numbers(wires.receive(Side.ROBOT, 1135)) == [0]
+
+    def test_frames_on_one_wire_follow_one_another_and_wires_work_in_parallel(self) -> None:
+        wires = SimulatedWires(("a", "b"))
+        wires.send(Side.HOST, frames(0, 0, 1), 0)
+        assert numbers(wires.receive(Side.ROBOT, 135)) == [0, 2]
+        assert numbers(wires.receive(Side.ROBOT, 269)) == []
+        assert numbers(wires.receive(Side.ROBOT, 270)) == [1]
+
+    def test_replies_wait_for_commands_that_are_already_queued(self) -> None:
+        wires = SimulatedWires(("a",))
+        wires.send(Side.HOST, frames(0, 0, 0), 0)
+        wires.send(Side.ROBOT, frames(0)._replace(id=np.array([0x101])), 135)
+        assert numbers(wires.receive(Side.HOST, 4 * 135 - 1)) == []
+        assert numbers(wires.receive(Side.HOST, 4 * 135)) == [0]
+
+    def test_short_frames_take_less_time(self) -> None:
+        wires = SimulatedWires(("a",))
+        wires.send(Side.HOST, frames(0, length=0), 0)
+        assert numbers(wires.receive(Side.ROBOT, frame_bits(0))) == [0]
+
+    def test_frames_with_29_bits_take_longer(self) -> None:
+        """160 us with the most stuff bits, 135 with 11 bits; also where both kinds follow one another."""
+        wires = SimulatedWires(("a",))
+        plain, extended = frames(0), frames(0)
+        extended.id[:] |= EXTENDED
+        wires.send(Side.HOST, extended, 0)
+        assert wires.receive(Side.ROBOT, 159) == []
+        assert wires.receive(Side.ROBOT, 160)[0].id.tolist() == [EXTENDED | 1]
+        wires.send(Side.HOST, plain, 1000)
+        assert wires.receive(Side.ROBOT, 1134) == []
+        assert wires.receive(Side.ROBOT, 1135)[0].id.tolist() == [1]
+
+    def test_nobody_hears_what_they_sent_themselves(self) -> None:
+        wires = SimulatedWires(("a",))
+        wires.send(Side.HOST, frames(0), 0)
+        assert wires.receive(Side.HOST, 10_000) == []
+
+    def test_load_is_the_share_of_busy_time(self) -> None:
+        wires = SimulatedWires(("a", "b"))
+        for tick in range(10):
+            wires.send(Side.HOST, frames(0, 0, 0), tick * 2000)
+        assert wires.busy_us().tolist() == [10 * 3 * 135, 0]
+
+
+class TestQueue:
+    def test_a_batch_longer_than_the_queue_loses_its_tail(self) -> None:
+        wires = SimulatedWires(("a",))
+        assert wires.send(Side.HOST, frames(*[0] * (HOST_QUEUE + 2)), 0) == 2
+        assert wires.refused[Side.HOST].tolist() == [2]
+        assert numbers(wires.receive(Side.ROBOT, 10**6)) == list(range(HOST_QUEUE))
+
+    def test_room_appears_as_frames_leave(self) -> None:
+        wires = SimulatedWires(("a",))
+        wires.send(Side.HOST, frames(*[0] * HOST_QUEUE), 0)
+        assert wires.send(Side.HOST, frames(0), 100) == 1
+        assert wires.send(Side.HOST, frames(0), 136) == 0
+
+    def test_a_full_queue_of_one_bus_does_not_touch_another(self) -> None:
+        wires = SimulatedWires(("a", "b"))
+        wires.send(Side.HOST, frames(*[0] * HOST_QUEUE), 0)
+        assert wires.send(Side.HOST, frames(0, 1), 0) == 1
+        assert wires.refused[Side.HOST].tolist() == [1, 0]
+
+    def test_eighteen_motors_on_one_bus_at_500_hz_overflow_and_on_three_do_not(self) -> None:
+        def refused(buses: int) -> int:
+            wires = SimulatedWires(tuple("abc")[:buses], host_queue=18)
+            channels = [i % buses for i in range(18)]
+            lost = 0
+            for tick in range(50):
+                lost += wires.send(Side.HOST, frames(*channels), tick * 2000)
+                wires.send(Side.ROBOT, frames(*channels), tick * 2000 + 135)
+            return lost
+
+        assert refused(1) > 0
+        assert refused(3) == 0
+
+    def test_motors_on_a_jammed_bus_give_up_rather_than_queue_for_ever(self) -> None:
+        wires = SimulatedWires(("a",))
+        for _ in range(100):
+            wires.send(Side.ROBOT, frames(*[0] * 10), 0)
+        assert wires.refused[Side.ROBOT, 0] > 0
+        arrived = numbers(wires.receive(Side.HOST, 22_000))
+        assert len(arrived) == wires.sent(Side.ROBOT)[0]
+
+
+def test_a_bus_counts_what_the_controller_sent_and_what_it_got() -> None:
+    """Three frames of 135 us on the first wire in one millisecond."""
+    wires = SimulatedWires(("a", "b"))
+    wires.send(Side.HOST, frames(0, 0, 1), 0)
+    wires.send(Side.ROBOT, frames(0), 0)
+    bus = SimulatedBus(wires, SimpleNamespace(time_us=1000))  # type: ignore[arg-type]
+    first, second = bus.statistics()
+    assert (first.name, first.frames_sent, first.frames_received, first.frames_refused) == ("a", 2, 1, 0)
+    assert (second.name, second.frames_sent, second.frames_received) == ("b", 1, 0)
+    assert (first.load, second.load) == pytest.approx((0.405, 0.135))
+
+
+def test_layouts_that_never_repeat_are_counted_and_do_not_fill_the_memory() -> None:
+    """As of a protocol that carries values in its identifiers."""
+    wires = SimulatedWires(("can0", "can1"))
+    with grown() as kilobytes:
+        for number in range(2000):
+            batch = frames(0, 1, 1)
+            wires.send(Side.HOST, batch._replace(id=batch.id + number), 1000 * number)
+            wires.receive(Side.ROBOT, 1000 * number + 999)
+    assert wires.sent(Side.HOST).tolist() == [2000, 4000]
+    assert wires.busy_us() == pytest.approx(frame_bits(8) * np.array([2000, 4000]))
+    assert kilobytes() < 500
+
+
+def test_frames_tell_when_they_arrived() -> None:
+    """135 us each, one after another on the first wire; the second batch is read in two pieces."""
+    wires = SimulatedWires(("a", "b"))
+    wires.send(Side.ROBOT, frames(0, 0, 1), 1000)
+    (batch,) = wires.receive(Side.HOST, 2000)
+    assert batch.time_us is not None
+    assert batch.time_us.tolist() == [1135, 1270, 1135]
+    wires.send(Side.ROBOT, frames(0, 0), 3000)
+    pieces = [wires.receive(Side.HOST, now)[0].time_us for now in (3200, 3300)]
+    assert [piece.tolist() for piece in pieces if piece is not None] == [[3135], [3270]]
+
+
+def named(*identifiers: int, length: int = 8) -> Frames:
+    """Frames with given identifiers on the first wire."""
+    k = len(identifiers)
+    return Frames(np.zeros(k, int), np.array(identifiers), np.zeros((k, 8), np.uint8), np.full(k, length))
+
+
+def arrivals(wires: SimulatedWires, side: Side) -> list[tuple[int, float]]:
+    """Identifiers and times of all that is on its way to a side, in the order in which it arrives."""
+    found = []
+    for now_us in range(0, 20_000, 5):
+        for batch in wires.receive(side, now_us):
+            found += [(identifier, now_us) for identifier in batch.id.tolist()]
+    return found
+
+
+class TestArbitration:
+    def test_the_lowest_identifier_of_several_nodes_goes_first(self) -> None:
+        wires = SimulatedWires(("a",))
+        wires.send(Side.ROBOT, named(0x300, 0x105, 0x101), 0)
+        assert arrivals(wires, Side.HOST) == [(0x101, 135), (0x105, 270), (0x300, 405)]
+
+    def test_a_frame_that_has_begun_is_not_interrupted(self) -> None:
+        wires = SimulatedWires(("a",))
+        wires.send(Side.ROBOT, named(0x300, 0x301), 0)
+        wires.send(Side.ROBOT, named(0x101), 1)
+        assert arrivals(wires, Side.HOST) == [(0x300, 135), (0x101, 270), (0x301, 405)]
+
+    def test_the_controller_offers_its_frames_one_after_another(self) -> None:
+        """0x700 is at the head of its queue, and holds up 0x001 until 0x300 has gone."""
+        wires = SimulatedWires(("a",))
+        wires.send(Side.HOST, named(0x010), 0)
+        wires.send(Side.HOST, named(0x700, 0x001), 1)
+        wires.send(Side.ROBOT, named(0x300), 2)
+        assert arrivals(wires, Side.HOST) == [(0x300, 270)]
+        heard = wires.receive(Side.ROBOT, 540)
+        assert [batch.id.tolist() for batch in heard] == [[0x010], [0x700, 0x001]]
+
+    def test_nobody_hears_the_last_of_them_before_its_turn(self) -> None:
+        wires = SimulatedWires(("a",))
+        wires.send(Side.HOST, named(0x010), 0)
+        wires.send(Side.HOST, named(0x700, 0x001), 1)
+        wires.send(Side.ROBOT, named(0x300), 2)
+        heard = [
+            [batch.id.tolist() for batch in wires.receive(Side.ROBOT, at)] for at in (135, 404, 405, 540)
+        ]
+        assert heard == [[[0x010]], [], [[0x700]], [[0x001]]]
+
+    def test_a_command_overtakes_readings_that_wait(self) -> None:
+        wires = SimulatedWires(("a",))
+        wires.send(Side.ROBOT, named(0x101, 0x102, 0x103), 0)
+        wires.send(Side.HOST, named(0x001), 10)
+        assert wires.receive(Side.ROBOT, 269) == []
+        assert wires.receive(Side.ROBOT, 270)[0].id.tolist() == [0x001]
+        assert arrivals(wires, Side.HOST) == [(0x101, 135), (0x102, 405), (0x103, 540)]
+
+    def test_of_two_that_begin_alike_the_one_of_11_bits_goes_first(self) -> None:
+        """Its next bit is dominant. 0x101 in 29 bits begins with 0x000, and so wins over 0x001."""
+        wires = SimulatedWires(("a",))
+        begins_alike = EXTENDED | 0x101 << 18
+        wires.send(Side.ROBOT, named(begins_alike, 0x101, 0x001, EXTENDED | 0x101), 0)
+        order = [identifier for identifier, _ in arrivals(wires, Side.HOST)]
+        assert order == [EXTENDED | 0x101, 0x001, 0x101, begins_alike]
+
+    @pytest.mark.parametrize("seed", range(8))
+    def test_random_traffic_goes_as_a_bus_that_decides_bit_by_bit_would_have_it(self, seed: int) -> None:
+        """Beside a model that looks at what each node offers whenever the wire falls idle."""
+        rng = np.random.default_rng(seed)
+        wires = SimulatedWires(("a",), host_queue=1000)
+        sent: list[tuple[float, int, int, int]] = []  # time, side, identifier, length
+        now, numbers = 0.0, rng.permutation(0x7FF)
+        for step in range(40):
+            now += float(rng.choice([0, 50, 135, 300]))
+            side, k, length = int(rng.integers(2)), int(rng.integers(1, 5)), int(rng.integers(0, 9))
+            batch = named(*numbers[8 * step : 8 * step + k].tolist(), length=length)
+            wires.send(Side(side), batch, now)
+            sent += [(now, side, identifier, length) for identifier in batch.id.tolist()]
+        found = {}
+        for side in Side:
+            for batch in wires.receive(side, 1e9):
+                times = batch.time_us if batch.time_us is not None else np.full(len(batch.id), np.nan)
+                found |= dict(zip(batch.id.tolist(), times.tolist(), strict=True))
+        expected = by_hand(sent)
+        assert set(found) == set(expected)
+        for identifier, at in found.items():
+            assert math.isnan(at) or at == pytest.approx(expected[identifier])
+        assert sum(not math.isnan(at) for at in found.values()) > 20
+
+
+def by_hand(sent: list[tuple[float, int, int, int]]) -> dict[int, float]:
+    """When each identifier arrives: whenever the wire is idle, the lowest that is offered goes."""
+    host = [frame for frame in sent if frame[1] == Side.HOST]
+    robot = [frame for frame in sent if frame[1] == Side.ROBOT]
+    arrives, now = {}, 0.0
+    while host or robot:
+        offered = [f for f in (*host[:1], *robot) if f[0] <= now]
+        if not offered:
+            now = min(f[0] for f in (*host[:1], *robot))
+            continue
+        wins = min(offered, key=lambda f: f[2])
+        (host if wins[1] == Side.HOST else robot).remove(wins)
+        now += frame_bits(wins[3])
+        arrives[wins[2]] = now
+    return arrives
+
+
+class TestFaults:
+    def test_a_share_of_frames_is_lost_as_the_seed_has_it(self) -> None:
+        def heard(seed: int) -> list[int]:
+            wires = SimulatedWires(("a",), faults=WireFaults(lost=0.3, seed=seed))
+            for tick in range(200):
+                wires.send(Side.ROBOT, named(0x101, 0x102), tick * 1000)
+            return [identifier for batch in wires.receive(Side.HOST, 1e9) for identifier in batch.id.tolist()]
+
+        assert 230 < len(heard(1)) < 330  # of 400
+        assert heard(1) == heard(1) != heard(2)
+
+    def test_corruption_changes_one_bit_of_the_data(self) -> None:
+        wires = SimulatedWires(("a",), host_queue=100, faults=WireFaults(corrupted=0.5))
+        sent = named(*range(1, 41), length=3)
+        wires.send(Side.HOST, sent, 0)
+        (heard,) = wires.receive(Side.ROBOT, 1e9)
+        changed = np.unpackbits(heard.data ^ sent.data, axis=1).sum(axis=1)
+        assert set(changed.tolist()) == {0, 1}
+        assert 10 < changed.sum() < 30
+        assert not heard.data[:, 3:].any()
+        assert not sent.data.any()
+
+    def test_what_an_error_destroys_is_sent_again_and_takes_its_time(self) -> None:
+        """135 bits and 23 for the error, each time."""
+        wires = SimulatedWires(("a",), host_queue=100, faults=WireFaults(destroyed=0.4, seed=3))
+        wires.send(Side.HOST, named(*range(1, 41)), 0)
+        (heard,) = wires.receive(Side.ROBOT, 1e9)
+        assert heard.id.tolist() == list(range(1, 41))
+        beyond = wires._free_at[0] - 40 * 135
+        assert beyond > 0
+        assert beyond % (135 + 23) == pytest.approx(0.0)
+        assert wires.fault() == "" or "passive" in wires.fault()
+
+    def test_who_is_behind_a_frame_that_is_sent_again_waits_for_it(self) -> None:
+        """Of three frames of 135 bits on a bus the first is destroyed once, the third twice; 23 bits each."""
+        wires = SimulatedWires(("a", "b"), faults=WireFaults(destroyed=0.4))
+        assert wires._faulty is not None
+        tries = SimpleNamespace(geometric=lambda *_: np.array([2, 1, 1, 3]))
+        wires._faulty._random = tries  # type: ignore[assignment]
+        wires.send(Side.ROBOT, frames(0, 0, 1, 0), 0)
+        arrived = [numbers(wires.receive(Side.HOST, now)) for now in (134, 135, 292, 293, 427, 428, 878, 879)]
+        assert arrived == [[], [2], [], [0], [], [1], [], [3]]
+        assert wires.busy_us().tolist() == [879, 135]
+
+    def test_errors_count_for_eight_and_each_frame_that_gets_through_takes_one_off(self) -> None:
+        """ISO 11898-1; what is destroyed one time in ten never makes a controller passive."""
+        wires = FaultyWires(WireFaults(destroyed=0.1, seed=1), 2)
+        sent = np.ones(4, np.intp)
+        first_time = SimpleNamespace(geometric=lambda *_: np.ones(4, np.intp))
+        wires._random = first_time  # type: ignore[assignment]
+        wires.repetitions(sent, from_host=True)
+        assert wires.transmit_errors.tolist() == [0, 0]  # there is nothing to take off
+        tries = SimpleNamespace(geometric=lambda *_: np.array([3, 1, 2, 1]))
+        wires._random = tries  # type: ignore[assignment]
+        assert wires.repetitions(sent, from_host=True).tolist() == [2, 0, 1, 0]
+        assert wires.transmit_errors.tolist() == [0, 20]  # 15, 14, 21, 20
+        wires.repetitions(sent, from_host=False)  # a motor's errors are its own
+        assert wires.transmit_errors.tolist() == [0, 20]
+        seldom = FaultyWires(WireFaults(destroyed=0.1, seed=1), 2)
+        seldom.repetitions(np.ones(400, np.intp), from_host=True)
+        assert seldom.fault(("a", "b")) == ""
+
+    def test_too_many_errors_end_in_bus_off(self) -> None:
+        wires = SimulatedWires(("a", "b"), host_queue=1000, faults=WireFaults(destroyed=0.8))
+        said = []
+        for tick in range(30):
+            wires.send(Side.HOST, frames(1), tick * 100_000)
+            said.append(wires.fault())
+        assert said[0] == ""
+        assert "bus b is error-passive" in " ".join(said)
+        assert said[-1].startswith("bus b is bus-off")
+        count = wires.sent(Side.HOST).tolist()
+        wires.send(Side.HOST, frames(0, 1), 10**7)
+        assert (wires.sent(Side.HOST) - count).tolist() == [1, 0]
+
+    def test_a_controller_that_is_alone_is_error_passive(self) -> None:
+        wires = SimulatedWires(("a", "b"), faults=WireFaults(unplugged=(1,)))
+        wires.send(Side.HOST, frames(0, 1), 0)
+        wires.send(Side.ROBOT, frames(0, 1), 0)
+        assert [batch.channel.tolist() for batch in wires.receive(Side.ROBOT, 1000)] == [[0]]
+        assert [batch.channel.tolist() for batch in wires.receive(Side.HOST, 1000)] == [[0]]
+        assert wires.fault().startswith("bus b is error-passive")
+
+    @pytest.mark.parametrize("name", ["lost", "corrupted", "destroyed"])
+    @pytest.mark.parametrize("share", [-0.1, 1.0, math.nan])
+    def test_a_share_is_a_share(self, name: str, share: float) -> None:
+        with pytest.raises(ValueError, match=f"{name} is"):
+            WireFaults(**{name: share})
+
+
+def test_a_robot_whose_cable_comes_off_is_stopped_with_the_reason(go1: Robot) -> None:
+    def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
+        if loop.walking and 0.3 < loop.walking_s < 0.3021:
+            body._wires.set_faults(WireFaults(unplugged=(2,)))
+
+    trace = run_episode(go1, Hold(go1), short_episode(), watch)
+    assert trace.final_state == "ESTOP"
+    assert trace.faults[0].startswith("bus can2 is error-passive")
 
 
 class PlainWires:

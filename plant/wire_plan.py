@@ -1,0 +1,55 @@
+"""How a batch of frames takes its turns on simulated wires."""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from footfall.deploy.frames import EXTENDED, Frames, bits_of
+
+
+@dataclass
+class Plan:
+    """How a batch of one layout (channels, identifiers, lengths) takes its turns on the wires."""
+
+    place: np.ndarray  # (k,) number of frames of the batch on the same wire up to this one
+    offset: np.ndarray  # (k,) microseconds from the start of the batch on its wire to the frame's end
+    occupied: list[float]  # microseconds that the batch takes on each wire
+    longest: float  # of these
+    frames: np.ndarray  # (channels,) frames on each wire
+    most: int  # frames on the busiest wire
+    wires: list[int]  # those with a frame
+    first: list[float]  # least precedence on each wire
+    last: list[float]  # greatest precedence on each wire
+    orderly: bool  # whether the frames on each wire are in order of precedence
+    sent: list[int] = field(default_factory=lambda: [0, 0])  # times that each side sent such a batch
+
+
+def precedence(identifier: np.ndarray) -> np.ndarray:
+    """Precedence in arbitration, (k,): of two frames the one with the lower number wins."""
+    plain = identifier << 19  # 11 bits, then the IDE bit: 0 of a plain identifier, 1 of a long one
+    extended = identifier & 0x1FFF_FFFF
+    long = (extended >> 18) << 19 | 1 << 18 | (extended & 0x3FFFF)
+    return np.where(identifier >= EXTENDED, long, plain)
+
+
+def planned(frames: Frames, wires: int) -> Plan:
+    """The plan of a batch on a number of wires."""
+    channel, duration = frames.channel, bits_of(frames)
+    order = precedence(frames.id).astype(float)
+    before = np.tril(channel[:, None] == channel[None, :]).astype(float)
+    on = np.arange(wires)[:, None] == channel[None, :]
+    occupied, count = (on @ duration).tolist(), on.sum(axis=1)
+    each = [order[row] for row in on]
+    return Plan(
+        place=before.sum(axis=1),
+        offset=before @ duration,
+        occupied=occupied,
+        longest=max(occupied, default=0.0),
+        frames=count,
+        most=int(count.max(initial=0)),
+        wires=np.flatnonzero(count).tolist(),
+        first=[float(row.min(initial=math.inf)) for row in each],
+        last=[float(row.max(initial=0.0)) for row in each],
+        orderly=all(bool((np.diff(row) >= 0).all()) for row in each),
+    )

@@ -1,0 +1,111 @@
+"""Contact follows the force on each foot, and the plan."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from made_up import bodies
+
+from footfall.deploy.estimation.config import ContactConfig
+from footfall.deploy.estimation.contact import ContactEstimator
+from footfall.policies.policy import Sensed
+from footfall.robots.description import Robot, load_robot
+from footfall.robots.rigid_body import nominal_body
+
+ROBOT = load_robot("go1")
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def carried(robot: Robot, force: np.ndarray, acceleration: np.ndarray = 9.81 * UP) -> Sensed:
+    """At rest in the default pose, with forces (legs, 3), N, on the feet, and limbs that weigh."""
+    legs = robot.legs
+    jacobian = legs.pose(robot.default_pose).jacobian
+    torque = legs.holding_torque(robot.default_pose, acceleration) + legs.torque(jacobian, force)
+    still = np.zeros(3), acceleration, np.array([1.0, 0.0, 0.0, 0.0])
+    zero = np.zeros(len(robot.joint_names))
+    return Sensed(*still, robot.default_pose, zero, legs.scatter(torque, zero))
+
+
+def held_out(robot: Robot, pose: np.ndarray) -> Sensed:
+    """At rest in any pose, motors off."""
+    zero = np.zeros_like(pose)
+    return Sensed(np.zeros(3), 9.81 * UP, np.array([1.0, 0.0, 0.0, 0.0]), pose, zero, zero)
+
+
+class TestContact:
+    CONFIG = ContactConfig()
+
+    def begun(self, robot: Robot, sensed: Sensed) -> ContactEstimator:
+        contact = ContactEstimator(robot.legs, nominal_body(robot), self.CONFIG)
+        contact.reset(sensed)
+        return contact
+
+    def after(
+        self,
+        robot: Robot,
+        contact: ContactEstimator,
+        sensed: Sensed,
+        ticks: int,
+        plan: np.ndarray | None = None,
+    ) -> np.ndarray:
+        rates = robot.legs.gather(sensed.joint_velocity)
+        jacobian = robot.legs.pose(sensed.joint_position).jacobian
+        for _ in range(ticks):
+            found = contact.update(sensed, rates, jacobian, UP, plan, 0.002)
+        return np.array(found)
+
+    @pytest.mark.parametrize("name", ["go1", "hexapod"])
+    @pytest.mark.parametrize(("share", "trust"), [(0.15, 0.0), (0.5, 0.5), (0.8, 1.0), (1.5, 1.0)])
+    def test_trust_follows_the_force_on_the_foot(self, name: str, share: float, trust: float) -> None:
+        """None below 0.2 of an even share of the weight, full above 0.8, half in the middle."""
+        robot = load_robot(name)
+        even = 9.81 * nominal_body(robot).mass / robot.legs.count
+        sensed = carried(robot, np.tile(share * even * UP, (robot.legs.count, 1)))
+        found = self.after(robot, self.begun(robot, sensed), sensed, 200)
+        np.testing.assert_allclose(found, trust, atol=0.01)
+
+    def test_legs_in_the_air_do_not_stand_however_heavy_they_are(self) -> None:
+        """The hexapod's weigh as much as its body: held up, then yanked down faster than they would fall."""
+        robot = load_robot("hexapod")
+        for felt in (9.81 * UP, np.array([10.0, -20.0, 60.0]), np.array([5.0, 5.0, -30.0])):
+            hanging = carried(robot, np.zeros((6, 3)), felt)
+            assert np.abs(hanging.joint_torque).max() > 0.1
+            np.testing.assert_array_equal(self.after(robot, self.begun(robot, hanging), hanging, 100), 0.0)
+
+    def test_a_leg_that_is_thrown_is_no_standing_one(self) -> None:
+        """Motors accelerate legs in the air with the very torques that would carry 30 N each."""
+        legs, zero, gather = ROBOT.legs, np.zeros(12), ROBOT.legs.gather
+        hanging, standing = (carried(ROBOT, np.tile(f * UP, (4, 1))) for f in (0.0, 30.0))
+        driving = gather(standing.joint_torque - hanging.joint_torque)
+        acceleration = np.linalg.solve(nominal_body(ROBOT).leg_inertia, driving[:, :, None])[:, :, 0]
+        contact = self.begun(ROBOT, hanging)
+        contact.probability = [0.0] * 4
+        for tick in range(1, 40):
+            speed = legs.scatter(0.002 * tick * acceleration, zero)
+            found = self.after(ROBOT, contact, standing._replace(joint_velocity=speed), 1)
+            np.testing.assert_allclose(found, 0.0, atol=1e-9)
+        assert self.after(ROBOT, self.begun(ROBOT, standing), standing, 40).min() > 0.9
+
+    def test_a_stretched_leg_does_not_stop_it(self, tmp_path: Path) -> None:
+        """All links in a line: no torque tells of a force along it."""
+        robot = bodies(tmp_path)["biped without ankles"]
+        straight = held_out(robot, np.zeros(6))
+        jacobian = robot.legs.pose(straight.joint_position).jacobian
+        assert np.linalg.matrix_rank(jacobian[0]) == 2
+        assert np.isfinite(self.after(robot, self.begun(robot, straight), straight, 3)).all()
+
+    def test_a_plan_limits_trust(self) -> None:
+        standing = carried(ROBOT, np.tile(40.0 * UP, (4, 1)))
+        plan = np.array([1.0, 0.5, 0.0, 1.0])
+        found = self.after(ROBOT, self.begun(ROBOT, standing), standing, 200, plan)
+        np.testing.assert_allclose(found, plan, atol=0.01)
+
+    def test_trust_is_won_slowly_and_lost_at_once(self) -> None:
+        """After one time constant of 30 ms 63 %; the force is gone soon after."""
+        standing, hanging = (carried(ROBOT, np.tile(f * UP, (4, 1))) for f in (40.0, 0.0))
+        contact = self.begun(ROBOT, standing)
+        contact.probability = [0.0] * 4
+        assert self.after(ROBOT, contact, standing, 15)[2] == pytest.approx(1 - np.exp(-1), abs=0.01)
+        self.after(ROBOT, contact, standing, 200)
+        assert self.after(ROBOT, contact, hanging, 2)[2] > 0.8
+        assert self.after(ROBOT, contact, hanging, 8)[2] == 0.0

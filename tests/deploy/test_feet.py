@@ -1,0 +1,112 @@
+"""Where balls and soles touch the ground."""
+
+from itertools import product
+from pathlib import Path
+from types import SimpleNamespace
+
+import mujoco
+import numpy as np
+import pytest
+from made_up import bodies
+from scipy.spatial.transform import Rotation
+
+from footfall.deploy.estimation.feet import ContactPoints
+from footfall.robots.description import load_robot
+from footfall.robots.feet import FootBalls, foot_balls
+
+ROBOT = load_robot("go1")
+G1 = load_robot("g1")
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def about(axis: str, angle: float) -> np.ndarray:
+    """Rotation (3, 3) about x or y."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    if axis == "x":
+        return np.array([[1.0, 0.0, 0.0], [0.0, cos, -sin], [0.0, sin, cos]])
+    return np.array([[cos, 0.0, sin], [0.0, 1.0, 0.0], [-sin, 0.0, cos]])
+
+
+class TestContactPoints:
+    def test_of_a_ball_it_is_the_lowest_point(self) -> None:
+        """Pitched or rolled, a ball touches the ground below its centre."""
+        up = about("x", 0.4).T @ UP
+        arms = ContactPoints(ROBOT.legs, 0.002).arms(ROBOT.default_pose, up)
+        np.testing.assert_allclose(arms, -0.023 * np.tile(up, (4, 1)))
+
+    def test_of_a_level_sole_it_is_below_its_middle(self) -> None:
+        arms = ContactPoints(G1.legs, 0.002).arms(G1.default_pose, UP)
+        np.testing.assert_allclose(arms, [[0.0, 0.0, -0.005]] * 2, atol=1e-6)
+
+    @pytest.mark.parametrize(
+        ("axis", "angle", "expected"),
+        [
+            ("y", 0.06, (0.085, 0.0)),  # nose down: the toes
+            ("y", -0.06, (-0.085, 0.0)),  # nose up: the heel
+            ("x", 0.3, (0.0766, -0.0297)),  # rolled: the edge, which is 1.48 mm higher at the narrower heel
+        ],
+    )
+    def test_of_a_sole_that_tips_it_is_the_edge(
+        self, axis: str, angle: float, expected: tuple[float, float]
+    ) -> None:
+        """Corners 0.085 m ahead and behind, 0.03 and 0.025 m aside, seen from the sole's middle."""
+        up = about(axis, angle).T @ UP
+        arms = ContactPoints(G1.legs, 0.0005).arms(G1.default_pose, up)
+        np.testing.assert_allclose(arms[:, :2] + 0.005 * up[:2], [expected] * 2, atol=1e-3)
+
+    def test_soles_follow_their_ankles(self) -> None:
+        """The base level, ankles bent by 0.1 rad: one foot on its toes, one on its heel."""
+        pose = G1.default_pose.copy()
+        left, right = (G1.joint_index(f"{side}_ankle_pitch_joint") for side in ("left", "right"))
+        pose[left], pose[right] = pose[left] + 0.1, pose[right] - 0.1
+        arms = ContactPoints(G1.legs, 0.001).arms(pose, UP)
+        np.testing.assert_allclose(arms[:, 0], [0.085 * np.cos(0.1), -0.085 * np.cos(0.1)], atol=1e-4)
+
+    def test_feet_of_several_kinds_go_together(self, tmp_path: Path) -> None:
+        """Four balls on one foot, a box on the other: each touches at its own lower edge."""
+        robot = bodies(tmp_path)["six hinges and soles"]
+        up = about("y", 0.1).T @ UP
+        arms = ContactPoints(robot.legs, 0.0005).arms(robot.default_pose, up)
+        balls = np.array([0.07, 0.0, 0.0]) - 0.012 * up  # toes, 0.1 m from the ankle, 0.03 m to the middle
+        np.testing.assert_allclose(arms, [balls, [0.09, 0.0, -0.01]], atol=1e-4)
+
+    def test_the_thickest_of_level_balls_touches(self) -> None:
+        balls = FootBalls(np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]]), np.array([0.01, 0.03]))
+        legs = SimpleNamespace(balls=[balls], count=1, turn=lambda _: np.eye(3)[None])
+        arms = ContactPoints(legs, 0.001).arms(np.zeros(0), UP)  # type: ignore[arg-type]
+        np.testing.assert_allclose(arms, [[0.1, 0.0, -0.03]], atol=1e-6)
+
+    def test_what_a_foot_touches_with(self) -> None:
+        """A ball, both ends of a tilted capsule, the corners of a turned box: on its own axes, by scipy."""
+        model = mujoco.MjModel.from_xml_string(
+            """<mujoco><worldbody><body><freejoint/>
+            <geom type="sphere" size="0.02" pos="0.1 0 0" mass="1"/>
+            <geom type="capsule" size="0.01" fromto="-0.01 -0.05 0.18 0.03 0.05 0.22"/>
+            <geom type="box" size="0.03 0.02 0.01" euler="20 0 50"/>
+            </body></worldbody></mujoco>"""
+        )
+        tip = np.array([0.1, 0.0, 0.0])
+        ball, ends, corners = (foot_balls(model, np.array([geom]), tip) for geom in range(3))
+        np.testing.assert_allclose(ball.place, [[0.0, 0.0, 0.0]])
+        assert ball.radius.tolist() == [0.02]
+        np.testing.assert_allclose(sorted(ends.place.tolist()), [[-0.11, -0.05, 0.18], [-0.07, 0.05, 0.22]])
+        assert ends.radius.tolist() == [0.01, 0.01]
+        turn = Rotation.from_euler("XYZ", [20, 0, 50], degrees=True)
+        edges = turn.apply(list(product((-0.03, 0.03), (-0.02, 0.02), (-0.01, 0.01)))) - tip
+        np.testing.assert_allclose(sorted(corners.place.tolist()), sorted(edges.tolist()), atol=1e-12)
+        assert not corners.radius.any()
+        together = foot_balls(model, np.arange(3), tip)
+        assert together.radius.tolist() == [0.02, 0.01, 0.01, *[0.0] * 8]
+
+    def test_a_mesh_touches_with_the_corners_of_its_box(self) -> None:
+        """Which is about the mesh, not about its centre of mass: it holds all vertices, and no less would."""
+        model = mujoco.MjModel.from_xml_string(
+            """<mujoco><asset><mesh name="wedge" vertex="0.1 0 0  0.4 0 0  0.1 0.2 0  0.1 0 0.3"/></asset>
+            <worldbody><body><freejoint/><geom type="mesh" mesh="wedge" pos="1 2 3" euler="20 0 50"/>
+            </body></worldbody></mujoco>"""
+        )
+        turn = Rotation.from_quat(model.geom_quat[0], scalar_first=True)
+        corners = foot_balls(model, np.array([0]), np.zeros(3)).place - model.geom_pos[0]
+        across = turn.inv().apply(corners)
+        np.testing.assert_allclose(across.min(axis=0), model.mesh_vert.min(axis=0), atol=1e-7)
+        np.testing.assert_allclose(across.max(axis=0), model.mesh_vert.max(axis=0), atol=1e-7)

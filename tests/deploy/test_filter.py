@@ -1,0 +1,165 @@
+"""The motion filter, against textbook formulas."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from footfall.deploy.estimation.config import FilterConfig
+from footfall.deploy.estimation.filter import MotionFilter
+
+UP = np.array([0.0, 0.0, 1.0])
+LEVEL = np.eye(3).tolist()
+TRUSTING = FilterConfig(outlier_freedom=1e12, push_m_s=1e6)  # neither outliers nor pushes: Kalman's own
+
+
+def about(axis: str, angle: float) -> np.ndarray:
+    """Rotation (3, 3) about x or y."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    if axis == "x":
+        return np.array([[1.0, 0.0, 0.0], [0.0, cos, -sin], [0.0, sin, cos]])
+    return np.array([[cos, 0.0, sin], [0.0, 1.0, 0.0], [-sin, 0.0, cos]])
+
+
+def matrix(motion: MotionFilter) -> np.ndarray:
+    """The covariance of (p, v, b) of one axis."""
+    m = motion
+    return np.array([[m.pp, m.pv, m.pb], [m.pv, m.vv, m.vb], [m.pb, m.vb, m.bb]])
+
+
+def coupled(config: FilterConfig = TRUSTING, seed: int = 3) -> MotionFilter:
+    """A filter in the middle of something: each of its numbers differs from the others."""
+    rng = np.random.default_rng(seed)
+    motion = MotionFilter(config)
+    root = 0.02 * rng.standard_normal((3, 3))
+    cov = root @ root.T + 1e-5 * np.eye(3)
+    motion.pp, motion.pv, motion.pb, motion.vv, motion.vb, motion.bb = cov[np.triu_indices(3)].tolist()
+    motion.place, motion.velocity, motion._bias = rng.standard_normal((3, 3)).tolist()
+    return motion
+
+
+class TestFilter:
+    def test_prediction_is_the_textbooks(self) -> None:
+        """F P F' + Q with p' = p + v dt, v' = v + (a - b) dt; a is the mean of two readings'."""
+        config, dt_s, turn = TRUSTING, 0.003, about("x", 0.3)
+        motion = coupled()
+        place, velocity, bias = (np.array(x) for x in (motion.place, motion.velocity, motion._bias))
+        forces = np.array([[1.0, -2.0, 11.0], [1.5, -2.5, 10.0]])
+        motion.predict(forces[0].tolist(), turn.tolist(), 0.0)
+        before = matrix(motion)
+        motion.predict(forces[1].tolist(), turn.tolist(), dt_s)
+
+        acceleration = turn @ (forces.mean(axis=0) - bias) - 9.81 * UP
+        np.testing.assert_allclose(motion.velocity, velocity + dt_s * acceleration)
+        np.testing.assert_allclose(motion.place, place + dt_s * velocity + dt_s**2 / 2 * acceleration)
+        transition = np.array([[1.0, dt_s, 0.0], [0.0, 1.0, -dt_s], [0.0, 0.0, 1.0]])
+        change = (0.5**2 + 0.5**2 + 1.0**2) / 3
+        noise = config.acceleration_noise**2 + config.acceleration_change**2 * change
+        added = np.diag([0.0, noise * dt_s**2, config.acceleration_bias_drift**2 * dt_s])
+        np.testing.assert_allclose(matrix(motion), transition @ before @ transition.T + added, rtol=1e-10)
+
+    def test_correction_is_the_textbooks(self) -> None:
+        """Each leg measures v, with a noise that grows as its contact falls."""
+        config, motion = TRUSTING, coupled()
+        state = np.array([motion.place, motion.velocity, motion._bias])
+        covariance = matrix(motion)
+        velocities = np.random.default_rng(5).standard_normal((4, 3))
+        contact = np.array([1.0, 0.6, 0.0, 0.3])
+        motion.correct(velocities.tolist(), contact.tolist(), LEVEL, 0.002)
+
+        measures = np.zeros((4, 3))
+        measures[:, 1] = 1.0
+        factor = np.array([1.0, 1 / 0.36, 1000.0, 1 / 0.09])
+        noise = np.diag((config.leg_velocity_noise * factor) ** 2)
+        gain = covariance @ measures.T @ np.linalg.inv(measures @ covariance @ measures.T + noise)
+        expected = state + gain @ (velocities - measures @ state)
+        np.testing.assert_allclose([motion.place, motion.velocity, motion._bias], expected, rtol=1e-9)
+        np.testing.assert_allclose(matrix(motion), (np.eye(3) - gain @ measures) @ covariance, rtol=1e-7)
+
+    def test_the_bias_is_the_bodys(self) -> None:
+        """It takes what the legs say in the body's axes, however the robot is turned: R' e, by scipy."""
+        for seed, turn in enumerate(Rotation.random(4, random_state=1)):
+            motion, error = coupled(seed=seed), np.array([0.1, -0.2, 0.3])
+            bias, seen = np.array(motion._bias), np.array(motion.velocity) + error
+            share = motion.vb / (motion.vv + TRUSTING.leg_velocity_noise**2)
+            motion.correct([seen.tolist()], [1.0], turn.as_matrix().tolist(), 0.002)
+            np.testing.assert_allclose(motion._bias, bias + share * turn.inv().apply(error), rtol=1e-9)
+
+    @settings(max_examples=100, deadline=None)
+    @given(st.integers(0, 10**6))
+    def test_its_covariance_stays_one(self, seed: int) -> None:
+        """Whatever readings come, no variance becomes negative and no correlation exceeds one."""
+        rng = np.random.default_rng(seed)
+        motion = coupled(FilterConfig(), seed)
+        for _ in range(60):
+            motion.predict((10 * rng.standard_normal(3)).tolist(), LEVEL, float(rng.uniform(0, 0.02)))
+            legs = rng.standard_normal((3, 3)) * rng.choice([0.01, 10.0])
+            motion.correct(legs.tolist(), rng.uniform(size=3).tolist(), LEVEL, 0.002)
+            cov = matrix(motion)
+            assert np.linalg.eigvalsh(cov / np.sqrt(np.outer(np.diag(cov), np.diag(cov)))).min() > -1e-9
+
+    def test_a_leg_that_slips_is_outvoted(self) -> None:
+        """Of three legs one slips at 0.5 m/s: a plain filter would believe it for a third."""
+        plain, robust = MotionFilter(TRUSTING), MotionFilter(FilterConfig())
+        legs = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.5, 0.0, 0.0]]
+        for motion in (plain, robust):
+            motion.vv = 1e-4
+            for _ in range(200):
+                motion.correct(legs, [1.0] * 3, LEVEL, 0.002)
+        assert plain.velocity[0] == pytest.approx(0.5 / 3, rel=0.05)
+        assert 0.0 < robust.velocity[0] < 0.02
+
+    def test_how_far_an_outlier_counts(self) -> None:
+        """Student's weight by hand: misfit d = e'e / (3 (P + R)), noise R (1 + d / freedom)."""
+        motion = MotionFilter(FilterConfig(push_m_s=1e6))
+        motion.vv, noise = 4e-4, 9e-4
+        motion.correct([[0.3, 0.0, 0.0]], [1.0], LEVEL, 0.002)
+        misfit = 0.09 / (3 * (4e-4 + noise))
+        expected = 0.3 * 4e-4 / (4e-4 + noise * (1 + misfit / 4.0))
+        assert motion.velocity[0] == pytest.approx(expected)
+
+    @pytest.mark.parametrize(("ticks", "follows"), [(1, False), (15, True)])
+    def test_a_push_is_believed_once_it_lasts(self, ticks: int, follows: bool) -> None:
+        """All legs say 0.4 m/s, which the accelerometer did not see: for 2 ms a shock, for 30 ms a push."""
+        motion = MotionFilter(FilterConfig())
+        motion.predict([0.0, 0.0, 9.81], LEVEL, 0.002)
+        for _ in range(500):
+            motion.predict([0.0, 0.0, 9.81], LEVEL, 0.002)
+            motion.correct([[0.0, 0.0, 0.0]] * 2, [1.0, 1.0], LEVEL, 0.002)
+        for _ in range(ticks):
+            motion.predict([0.0, 0.0, 9.81], LEVEL, 0.002)
+            motion.correct([[0.4, 0.0, 0.0]] * 2, [1.0, 1.0], LEVEL, 0.002)
+        assert (motion.velocity[0] > 0.35) == follows
+        assert (motion.velocity[0] < 0.02) != follows
+
+    @pytest.mark.parametrize("axis", [0, 1, 2])
+    def test_how_far_a_push_makes_the_velocity_uncertain(self, axis: int) -> None:
+        """In 2 ms of 10: a fifth of what the legs say, then a fifth of the rest; a third of squares."""
+        motion, seen = MotionFilter(FilterConfig(push_m_s=0.3, push_filter_s=0.01)), np.zeros(3)
+        seen[axis], motion.vv = -2.0, 0.0
+        motion._look_for_push(seen.tolist(), 0.9, 0.002)
+        first = 0.2 * 0.9 * 2.0
+        assert motion.vv == pytest.approx((first**2 - 0.09) / 3)
+        motion._look_for_push(seen.tolist(), 0.9, 0.002)
+        second = first + 0.2 * (0.9 * 2.0 - first)
+        assert motion.vv == pytest.approx((first**2 + second**2 - 2 * 0.09) / 3)
+        motion._look_for_push((-seen).tolist(), 1.0, 0.02)  # longer than it is filtered: at once
+        assert motion._surprise[axis] == pytest.approx(2.0)
+
+    def test_legs_in_the_air_do_not_look_like_a_push(self) -> None:
+        motion = MotionFilter(FilterConfig())
+        motion.vv = 1e-4
+        for _ in range(50):
+            motion.correct([[1.0, 0.0, 0.0]] * 2, [0.0, 0.0], LEVEL, 0.002)
+        assert motion.vv < 1e-4
+        assert abs(motion.velocity[0]) < 0.01
+
+    def test_a_tilted_accelerometer_is_found_out(self) -> None:
+        """0.2 m/s^2 sideways for ever, on legs that stand: the velocity stays none."""
+        motion = MotionFilter(FilterConfig())
+        for _ in range(5000):
+            motion.predict([0.2, 0.0, 9.81], LEVEL, 0.002)
+            motion.correct([[0.0, 0.0, 0.0]], [1.0], LEVEL, 0.002)
+        np.testing.assert_allclose(motion._bias, [0.2, 0.0, 0.0], atol=0.01)
+        np.testing.assert_allclose(motion.velocity, 0.0, atol=1e-3)

@@ -1,0 +1,97 @@
+"""How uncertain the pose and the velocity become."""
+
+import math
+
+import numpy as np
+import pytest
+
+from footfall.deploy.estimation.config import OdometryConfig
+from footfall.deploy.estimation.odometry import YAW, Drift, Lateness
+
+NO_DRIFT = OdometryConfig(orientation_noise=0.0, yaw_drift=0.0, scale_error=0.0, climb_error=0.0, slip=0.0)
+
+
+def walked(config: OdometryConfig, velocity: tuple[float, float], time_s: float) -> Drift:
+    drift = Drift(config)
+    for _ in range(round(time_s / 0.001)):
+        drift.advance([*velocity, 0.3], 0.001)
+    return drift
+
+
+class TestDrift:
+    def test_yaw_that_drifts_turns_the_way(self) -> None:
+        """Straight at v, yaw a random walk of q: variances q^2 T of the yaw, v^2 q^2 T^3 / 3 across."""
+        drift = walked(OdometryConfig(**{**vars(NO_DRIFT), "yaw_drift": 0.01}), (0.0, 0.5), 8.0)
+        found = drift.covariance(np.array([0.0, 4.0, 0.0]))
+        assert found[YAW, YAW] == pytest.approx(8e-4)
+        assert found[0, 0] == pytest.approx(0.25e-4 * 8**3 / 3, rel=2e-3)
+        assert found[0, YAW] == found[YAW, 0] == pytest.approx(-0.5e-4 * 8**2 / 2, rel=2e-3)
+        np.testing.assert_allclose([found[1, 1], found[0, 1], found[1, YAW], found[2, 2]], 0.0, atol=1e-12)
+
+    def test_it_is_the_same_whichever_way_one_walks(self) -> None:
+        config = OdometryConfig(**{**vars(NO_DRIFT), "yaw_drift": 0.02})
+        angle, along = 0.7, walked(config, (0.5, 0.0), 3.0).covariance(np.zeros(3))
+        turn = np.eye(4)
+        turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+        oblique = walked(config, (0.5 * np.cos(angle), 0.5 * np.sin(angle)), 3.0).covariance(np.zeros(3))
+        np.testing.assert_allclose(oblique, turn @ along @ turn.T, atol=1e-12)
+
+    def test_a_wrong_scale_is_a_share_of_the_displacement(self) -> None:
+        drift = Drift(OdometryConfig(**{**vars(NO_DRIFT), "scale_error": 0.02}))
+        moved = np.array([3.0, -4.0, 0.0])
+        np.testing.assert_allclose(
+            drift.covariance(moved)[:3, :3], 0.0004 * np.outer(moved, moved), atol=1e-15
+        )
+
+    def test_slips_add_up_with_the_way_not_with_the_displacement(self) -> None:
+        """There and back, 2 x 1.5 m: three metres."""
+        drift = Drift(OdometryConfig(**{**vars(NO_DRIFT), "slip": 0.02, "climb_error": 0.1}))
+        for speed in (0.5, -0.5):
+            for _ in range(300):
+                drift.advance([speed, 0.0, 0.0], 0.01)
+        found = drift.covariance(np.zeros(3))
+        np.testing.assert_allclose(np.diag(found), [0.0012, 0.0012, 0.0012 + 0.09, 0.0])
+
+
+class TestLateness:
+    def swayed(self, late_s: float, frequency_hz: float = 2.0) -> Lateness:
+        """After a second at 0.5 m/s ahead, 0.1 m/s of sway to the left and right."""
+        lateness = Lateness(OdometryConfig(latency_s=late_s, latency_filter_s=0.5))
+        for tick in range(4000):
+            angle = math.tau * frequency_hz * 0.001 * tick
+            lateness.advance([0.5, 0.1 * math.sin(angle), 0.0], 0.001)
+        return lateness
+
+    def test_a_velocity_that_stays_is_as_sure_as_if_it_were_not_late(self) -> None:
+        np.testing.assert_array_equal(self.swayed(0.01).covariance[0], 0.0)
+
+    def test_one_that_sways_is_off_by_its_acceleration_times_the_lateness(self) -> None:
+        """Mean square of 0.01 s times 0.1 w cos w t, w = 4 pi: (0.01 * 1.257)^2 / 2 m^2/s^2."""
+        assert self.swayed(0.01).covariance[1, 1] == pytest.approx((0.01 * 0.4 * math.pi) ** 2 / 2, rel=0.1)
+
+    def test_changes_along_several_axes_go_together(self) -> None:
+        """One that changes by 1, -2 and 3 along x, y and z has their products for covariances."""
+        ways, lateness = np.array([1.0, -2.0, 3.0]), Lateness(OdometryConfig())
+        for tick in range(100):
+            lateness.advance((math.sin(0.1 * tick) * ways).tolist(), 0.002)
+        found = lateness.covariance
+        assert found[0, 0] > 0.0
+        np.testing.assert_allclose(found, found[0, 0] * np.outer(ways, ways))
+
+    def test_it_is_the_mean_square_of_what_a_filter_lags_behind(self) -> None:
+        """A leap of 1 m/s, late by 3 ms: in ticks of 1 ms it lags by 3/4 at first; a tenth of that counts."""
+        lateness = Lateness(OdometryConfig(latency_s=0.003, latency_filter_s=0.009))
+        lateness.advance([0.0, 0.0, 0.0], 0.001)
+        lateness.advance([0.0, 0.0, 1.0], 0.001)
+        assert lateness.covariance[2, 2] == pytest.approx(0.1 * 0.75**2)
+        lateness.advance([0.0, 0.0, 1.0], 0.001)
+        assert lateness.covariance[2, 2] == pytest.approx(0.9 * 0.1 * 0.75**2 + 0.1 * 0.75**4)
+
+    def test_readings_that_are_not_late_add_nothing(self) -> None:
+        np.testing.assert_allclose(self.swayed(0.0).covariance, 0.0, atol=1e-30)
+
+    def test_it_begins_anew(self) -> None:
+        lateness = self.swayed(0.01)
+        lateness.reset()
+        lateness.advance([9.0, 9.0, 9.0], 0.001)
+        assert not lateness.covariance.any()
