@@ -2,9 +2,10 @@
 
 import gc
 import os
-import resource
-from types import SimpleNamespace
-from typing import Any
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from fake_time import FakeTime
@@ -36,35 +37,61 @@ class TestClocks:
         assert [clock.next_tick() for _ in range(3)] == [0, 1500, 3000]
         assert clock.lateness_us() == 0.0
 
-    @pytest.mark.parametrize("priority", [None, 42])
-    @pytest.mark.parametrize("refused", [False, True])
-    def test_a_priority_is_taken_for_as_long_as_it_lasts_where_it_is_given(
-        self, monkeypatch: pytest.MonkeyPatch, priority: int | None, refused: bool
-    ) -> None:
-        calls: list[tuple] = []
 
-        def set_scheduler(pid: int, policy: int, parameter: Any) -> None:
-            if refused:
-                raise PermissionError
-            calls.append((pid, policy, parameter))
+class TestUndisturbed:
+    """What the loop's thread asks of Python and the system, and what becomes of it afterwards."""
 
-        library = SimpleNamespace(
-            mlockall=lambda flags: calls.append(("lock", flags)), munlockall=lambda: calls.append(("unlock",))
-        )
-        monkeypatch.setattr(clock_module, "ctypes", SimpleNamespace(CDLL=lambda _, use_errno=False: library))
-        unlimited = (resource.RLIM_INFINITY, resource.RLIM_INFINITY)
-        monkeypatch.setattr(clock_module.resource, "getrlimit", lambda _: unlimited)
-        monkeypatch.setattr(os, "sched_getscheduler", lambda _: 1)
-        monkeypatch.setattr(os, "sched_getparam", lambda _: "usual")
-        monkeypatch.setattr(os, "sched_param", lambda value: value)
-        monkeypatch.setattr(os, "sched_setscheduler", set_scheduler)
-        with undisturbed(priority):
-            assert not gc.isenabled()
-            assert gc.get_freeze_count() > 0
+    @pytest.fixture
+    def before(self) -> Iterator[None]:
+        yield
         assert gc.isenabled()
         assert gc.get_freeze_count() == 0
-        fifo, back = (0, os.SCHED_FIFO, 42), (0, 1, "usual")
-        if priority is None:
-            assert calls == []
-        else:
-            assert calls == [("lock", 3), *([] if refused else [fifo, back]), ("unlock",)]
+        assert sys.getswitchinterval() == pytest.approx(0.005)
+        assert timer_slack_ns() == 50_000
+        assert os.sched_getscheduler(0) == os.SCHED_OTHER
+
+    def test_no_collection_and_other_threads_give_way(self, before: None) -> None:
+        with undisturbed(None) as refused:
+            assert not gc.isenabled()
+            assert gc.get_freeze_count() > 0
+            assert sys.getswitchinterval() <= 1e-4
+            assert timer_slack_ns() == 1
+            assert os.sched_getscheduler(0) == os.SCHED_OTHER
+        assert refused == []
+
+    def test_a_priority_is_taken_and_memory_locked_where_permitted(self, before: None) -> None:
+        with undisturbed(7) as refused:
+            if os.geteuid() != 0:
+                pytest.skip("not permitted here")
+            assert refused == []
+            assert (os.sched_getscheduler(0), os.sched_getparam(0).sched_priority) == (os.SCHED_FIFO, 7)
+            assert locked_kib() > 0
+        assert locked_kib() == 0
+
+    def test_what_the_system_refuses_is_told_and_the_loop_runs_all_the_same(
+        self, before: None, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        def refuse(*_: object) -> None:
+            raise PermissionError(1, "Operation not permitted")
+
+        monkeypatch.setattr(os, "sched_setscheduler", refuse)
+        monkeypatch.setattr(os, "geteuid", lambda: 1000)
+        monkeypatch.setattr("resource.getrlimit", lambda _: (8 * 2**20, 8 * 2**20))
+        with undisturbed(80) as refused:
+            assert not gc.isenabled()
+        assert refused == [
+            "memory is not locked: the limit (ulimit -l) is 8 MiB",
+            "no real-time priority 80: Operation not permitted",
+        ]
+
+    def test_everything_is_given_back_when_the_loop_fails(self, before: None) -> None:
+        with pytest.raises(ZeroDivisionError), undisturbed(3):
+            raise ZeroDivisionError
+
+
+def timer_slack_ns() -> int:
+    return int(Path("/proc/self/timerslack_ns").read_text())
+
+
+def locked_kib() -> int:
+    return int(re.search(r"VmLck:\s+(\d+)", Path("/proc/self/status").read_text())[1])  # type: ignore[index]

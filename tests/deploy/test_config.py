@@ -16,85 +16,44 @@ from footfall.deploy.sensor_checks.table import SensorLimits
 from footfall.plant.episode import run_episode
 from footfall.robots.description import Robot
 
-REFUSED = [
-    "joint_rate_hz: 0",
-    "joint_rate_hz: 1e9",
+# What a file may not say: a figure out of its range, and figures that do not fit each other.
+REFUSED = (
     "joint_rate_hz: .nan",
-    "estimator_rate_hz: -1",
-    "stand_s: 0",
-    "stand_kp_scale: -1",
-    "stand_kd_scale: .inf",
     "realtime_priority: 200",
-    "host_queue: 0",
-    "motor_timeout_s: -0.1",
-    "safety: {start_timeout_s: 0}",
-    "safety: {silence_timeout_s: .nan}",
-    "safety: {silence_timeout_s: 0.001}",  # half a tick
-    "safety: {silence_timeout_s: 0.0039}",  # two ticks are 4 ms
-    "joint_rate_hz: 10001",
-    "joint_rate_hz: 0.9",
-    "estimator_rate_hz: 10001",
     "estimator: {contact: {force_share: [0.8, 0.2]}}",
     "estimator: {contact: {force_share: [0.5, 0.5]}}",
     "estimator: {contact: {rise_s: 0}}",
     "estimator: {filter: {leg_velocity_noise: 0}}",
-    "estimator: {filter: {acceleration_noise: -0.5}}",
-    "estimator: {filter: {acceleration_bias: -0.1}}",
-    "estimator: {odometry: {height_filter_s: 0}}",
     "estimator: {odometry: {scale_error: -0.01}}",
     "estimator: {odometry: {level_ground: 1}}",
-    "stand_kd_scale: -0.1",
-    "realtime_priority: 0",
-    "realtime_priority: 100",
-    "motor_timeout_s: 0",
-    "safety: {tilt_limit_rad: -1}",
-    "safety: {tilt_limit_rad: 1.6}",  # on its side it has fallen
+    "motor_timeout_s: 0.11",  # go1's motors wait for 0.1 s, whatever a file says
+    "safety: {silence_timeout_s: .nan}",
+    "safety: {silence_timeout_s: 0.0039}",  # two ticks are 4 ms
+    "safety: {silence_timeout_s: 0.11}",
+    "safety: {tilt_limit_rad: 1.6}",  # a robot on its side has fallen
     "safety: {pause_limit_s: 0.003}",  # one tick and a half
     "safety: {pause_limit_s: 0.09}",  # 1.1 times that and a tick: 0.101 s, when motors have given up
     "safety: {late_limit_s: 0.09}",
     "safety: {guard_share: 1.5}",  # times 0.07 s and a tick: 0.107 s
-    "safety: {guard_share: 0.9}",
-    "motor_timeout_s: 0.11",  # go1's motors wait for 0.1 s, whatever a file says
     "safety: {start_timeout_s: 0.019, still_s: 0}",  # nine ticks and a half
     "safety: {start_timeout_s: 0.069}",  # likewise, after keeping still for 0.05 s
-    "safety: {silence_timeout_s: 0.11}",
-    "safety: {damping_s: 0}",
-    "stand_kp_scale: 0",
     "safety: {still_s: 0.99}",  # of the second in which it has to start
-    "safety: {still_s: -0.1}",
-    "safety: {late_steps: 0}",
-    "safety: {late_limit_s: -1}",
-    "safety: {damping_kd: .nan}",
-    "safety: {damping_kd: -3}",
-    "safety: {damping_kd: 0}",
-    "safety: {damping_s: -1}",
-    "safety: {damping_s: 1e9}",
-    "safety: {damping_kd: 1e9}",
-    "safety: {tilt_limit_rad: 0}",
-    "safety: {silence_timeout_s: 1e9}",
-    "safety: {late_steps: 1000000}",
     "safety: {pause_limit_s: .inf}",
-    "safety: {skipped_share: 2}",
-    "safety: {first_pose_rad: .nan}",
     "safety: {sensors: {drift_rad: .nan}}",
-    "safety: {sensors: {period_s: 0}}",
     "safety: {sensors: {speed_share: 0.9}}",
-    "stand_s: 1e9",
-    "stand_kp_scale: .nan",
-    "host_queue: 1000000000",
-]
+)
 
 
-@pytest.mark.parametrize("text", REFUSED)
-def test_what_cannot_work_is_refused_with_its_name(go1: Robot, text: str, tmp_path: Path) -> None:
+def test_what_cannot_work_is_refused_with_its_file_and_name(go1: Robot, tmp_path: Path) -> None:
     path = tmp_path / "loop.yaml"
-    path.write_text(text)
-    with pytest.raises(UserError) as caught:
-        deploy_config(go1, path)
-    name = text.replace("safety: {", "").replace("sensors: {", "").partition(":")[0]
-    assert name in str(caught.value)
-    assert str(path) in str(caught.value)
-    assert "\n" not in str(caught.value)
+    for text in REFUSED:
+        path.write_text(text)
+        with pytest.raises(UserError) as caught:
+            deploy_config(go1, path)
+        name = text.replace("safety: {", "").replace("sensors: {", "").partition(":")[0]
+        assert name in str(caught.value), text
+        assert str(path) in str(caught.value)
+        assert "\n" not in str(caught.value)
 
 
 RANGES: list[tuple[type, float, float, str]] = [
@@ -151,40 +110,35 @@ def refused(settings: type, name: str, value: float) -> bool:
     return False
 
 
-@pytest.mark.parametrize(("settings", "low", "high", "names"), RANGES)
-def test_a_setting_has_a_lowest_and_a_highest_value(
-    settings: type, low: float, high: float, names: str
-) -> None:
-    step = 1 if isinstance(low, int) else 1e-6
-    for name in names.split():
-        assert [refused(settings, name, value) for value in (low, high)] == [False, False], name
+def test_a_setting_has_a_lowest_and_a_highest_value() -> None:
+    for settings, low, high, names in RANGES:
+        step = 1 if isinstance(low, int) else 1e-6
         beyond = low - step if isinstance(low, int) else low * (1 - step) - 1e-12
-        assert refused(settings, name, beyond), name
-        assert refused(settings, name, high + step), name
-        assert refused(settings, name, math.nan), name
+        for name in names.split():
+            taken, out = (low, high), (beyond, high + step, math.nan)
+            assert [refused(settings, name, value) for value in (*taken, *out)] == [False] * 2 + [True] * 3, (
+                name
+            )
 
 
-@pytest.mark.parametrize(
-    ("settings", "names", "zero"),
-    [
-        (ContactConfig, "force_filter_s rise_s level_m", False),
-        (GyroConfig, "bias_filter_s bias_half_s", False),
-        (FilterConfig, "acceleration_noise leg_velocity_noise swing_noise", False),
-        (FilterConfig, "outlier_freedom push_m_s push_filter_s", False),
-        (FilterConfig, "acceleration_change acceleration_bias acceleration_bias_drift", True),
-        (OdometryConfig, "height_noise height_filter_s latency_filter_s", False),
-        (OdometryConfig, "orientation_noise yaw_drift scale_error climb_error slip", True),
-        (OdometryConfig, "creep_m_s sink_m_s latency_s", True),
-    ],
-)
-def test_no_figure_of_the_estimator_is_below_none_and_what_it_divides_by_is_above(
-    settings: type, names: str, zero: bool
-) -> None:
-    for name in names.split():
-        assert refused(settings, name, 0.0) is not zero, name
-        assert refused(settings, name, -1e-9), name
-        assert refused(settings, name, math.inf), name
-        assert not refused(settings, name, 1e-9), name
+ESTIMATOR: list[tuple[type, str, bool]] = [  # whether a figure may be 0
+    (ContactConfig, "force_filter_s rise_s level_m", False),
+    (GyroConfig, "bias_filter_s bias_half_s", False),
+    (FilterConfig, "acceleration_noise leg_velocity_noise swing_noise", False),
+    (FilterConfig, "outlier_freedom push_m_s push_filter_s", False),
+    (FilterConfig, "acceleration_change acceleration_bias acceleration_bias_drift", True),
+    (OdometryConfig, "height_noise height_filter_s latency_filter_s", False),
+    (OdometryConfig, "orientation_noise yaw_drift scale_error climb_error slip", True),
+    (OdometryConfig, "creep_m_s sink_m_s latency_s", True),
+]
+
+
+def test_no_figure_of_the_estimator_is_negative_and_what_it_divides_by_is_above_0() -> None:
+    for settings, names, zero in ESTIMATOR:
+        for name in names.split():
+            assert refused(settings, name, 0.0) is not zero, name
+            values = (-1e-9, math.inf, 1e-9)
+            assert [refused(settings, name, value) for value in values] == [True, True, False], name
 
 
 def test_what_hides_a_torque_is_less_than_what_counts_as_much() -> None:
@@ -211,31 +165,25 @@ def test_a_rate_that_a_bus_cannot_carry_is_refused_with_the_one_it_can(go1: Robo
         run_episode(go1, Hold(go1), short_episode(config=DeployConfig(joint_rate_hz=2000.0)))
 
 
-@pytest.mark.parametrize("seconds", [0.0, -1.0, float("nan"), 1e12])
-def test_a_duration_that_never_begins_or_never_ends_is_refused(go1: Robot, seconds: float) -> None:
-    with pytest.raises(UserError, match="duration"):
-        run_episode(go1, Hold(go1), short_episode(duration_s=seconds))
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "safety: {silence_timeout_s: 0.004}",
-        "{stand_kp_scale: 0.1, stand_kd_scale: 0}",
-        "realtime_priority: 1",
-        "realtime_priority: 99",
-        "safety: {damping_s: 0.01, tilt_limit_rad: 1.57, late_steps: 1}",
-        "safety: {pause_limit_s: 0.089, late_limit_s: 0.089}",  # 1.1 times that and a tick: 0.0999 s
-        "joint_rate_hz: 50",  # a tick of 20 ms, after 77 ms
-        "motor_timeout_s: 0.08",
-        "safety: {pause_limit_s: 0.004, start_timeout_s: 0.02, still_s: 0}",
-        "estimator_rate_hz: 1",
-    ],
+TAKEN = (
+    "safety: {silence_timeout_s: 0.004}",
+    "{stand_kp_scale: 0.1, stand_kd_scale: 0}",
+    "realtime_priority: 1",
+    "realtime_priority: 99",
+    "safety: {damping_s: 0.01, tilt_limit_rad: 1.57, late_steps: 1}",
+    "safety: {pause_limit_s: 0.089, late_limit_s: 0.089}",  # 1.1 times that and a tick: 0.0999 s
+    "joint_rate_hz: 50",  # a tick of 20 ms, after 77 ms
+    "motor_timeout_s: 0.08",
+    "safety: {pause_limit_s: 0.004, start_timeout_s: 0.02, still_s: 0}",
+    "estimator_rate_hz: 1",
 )
-def test_what_just_works_is_taken(go1: Robot, text: str, tmp_path: Path) -> None:
+
+
+def test_what_just_works_is_taken(go1: Robot, tmp_path: Path) -> None:
     path = tmp_path / "loop.yaml"
-    path.write_text(text)
-    deploy_config(go1, path)
+    for text in TAKEN:
+        path.write_text(text)
+        deploy_config(go1, path)
 
 
 def test_simulated_motors_alone_can_be_told_to_wait_for_longer(go1: Robot, tmp_path: Path) -> None:
@@ -282,12 +230,3 @@ class TestLimitsOfARobot:
         """1e-9 rad: less than any robot tilts."""
         trace = run_episode(self.with_limits(go1, tilt_limit_rad=1e-9), Hold(go1), short_episode(config=None))
         assert trace.final_state == "FALLING"
-
-
-def test_settings_that_the_page_on_safety_does_not_name() -> None:
-    """Whoever changes these changes what a robot does that nobody configured."""
-    plain = DeployConfig()
-    assert (plain.joint_rate_hz, plain.estimator_rate_hz) == (500.0, 250.0)
-    assert (plain.stand_s, plain.stand_kp_scale, plain.stand_kd_scale) == (1.0, 4.0, 2.0)
-    assert (plain.motor_timeout_s, plain.host_queue) == (0.1, 10)
-    assert plain.realtime_priority is None

@@ -1,16 +1,11 @@
 """Runs that keep to the wall clock: on the simulated bus, and on python-can's buses without hardware."""
 
-import gc
-import os
-import re
 import signal
 import socket
-import sys
 import time
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import msgpack
@@ -21,7 +16,6 @@ from multicast import alone_on_multicast, robot_on_multicast
 from relaxed_limits import RELAXED
 
 from footfall.common.errors import UserError
-from footfall.deploy.clock import LockstepClock, WallClock, undisturbed
 from footfall.deploy.drivers.imu import ImuReader
 from footfall.deploy.drivers.mit_driver import MitDriver
 from footfall.deploy.frames import Frames
@@ -36,85 +30,6 @@ from footfall.robots.description import Robot
 
 UNHURRIED = replace(RELAXED, joint_rate_hz=100.0, stand_s=0.4)
 SHORT = Session(stand_still, 0.4, config=UNHURRIED)
-
-
-class TestClocks:
-    def test_lockstep_time_does_not_wait(self) -> None:
-        clock = LockstepClock(2000)
-        assert [clock.next_tick() for _ in range(3)] == [0, 2000, 4000]
-
-    def test_wall_time_waits_for_each_tick(self) -> None:
-        clock = WallClock(10_000)
-        begun = time.monotonic()
-        times = [clock.next_tick() for _ in range(6)]
-        assert times[0] == 0
-        assert time.monotonic() - begun >= 0.05
-        assert all(time_us % 10_000 == 0 for time_us in times)
-
-    def test_missed_ticks_are_skipped(self) -> None:
-        clock = WallClock(10_000)
-        clock.next_tick()
-        time.sleep(0.055)
-        assert clock.next_tick() >= 50_000
-
-
-class TestUndisturbed:
-    """What the loop's thread asks of Python and the system, and what becomes of it afterwards."""
-
-    @pytest.fixture
-    def before(self) -> Iterator[None]:
-        yield
-        assert gc.isenabled()
-        assert gc.get_freeze_count() == 0
-        assert sys.getswitchinterval() == pytest.approx(0.005)
-        assert timer_slack_ns() == 50_000
-        assert os.sched_getscheduler(0) == os.SCHED_OTHER
-
-    def test_no_collection_and_other_threads_give_way(self, before: None) -> None:
-        with undisturbed(None) as refused:
-            assert not gc.isenabled()
-            assert gc.get_freeze_count() > 0
-            assert sys.getswitchinterval() <= 1e-4
-            assert timer_slack_ns() == 1
-            assert os.sched_getscheduler(0) == os.SCHED_OTHER
-        assert refused == []
-
-    def test_a_priority_is_taken_and_memory_locked_where_permitted(self, before: None) -> None:
-        with undisturbed(7) as refused:
-            if os.geteuid() != 0:
-                pytest.skip("not permitted here")
-            assert refused == []
-            assert (os.sched_getscheduler(0), os.sched_getparam(0).sched_priority) == (os.SCHED_FIFO, 7)
-            assert locked_kib() > 0
-        assert locked_kib() == 0
-
-    def test_what_the_system_refuses_is_told_and_the_loop_runs_all_the_same(
-        self, before: None, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        def refuse(*_: object) -> None:
-            raise PermissionError(1, "Operation not permitted")
-
-        monkeypatch.setattr(os, "sched_setscheduler", refuse)
-        monkeypatch.setattr(os, "geteuid", lambda: 1000)
-        monkeypatch.setattr("resource.getrlimit", lambda _: (8 * 2**20, 8 * 2**20))
-        with undisturbed(80) as refused:
-            assert not gc.isenabled()
-        assert refused == [
-            "memory is not locked: the limit (ulimit -l) is 8 MiB",
-            "no real-time priority 80: Operation not permitted",
-        ]
-
-    def test_everything_is_given_back_when_the_loop_fails(self, before: None) -> None:
-        with pytest.raises(ZeroDivisionError), undisturbed(3):
-            raise ZeroDivisionError
-
-
-def timer_slack_ns() -> int:
-    return int(Path("/proc/self/timerslack_ns").read_text())
-
-
-def locked_kib() -> int:
-    return int(re.search(r"VmLck:\s+(\d+)", Path("/proc/self/status").read_text())[1])  # type: ignore[index]
 
 
 class TestSimulatedBus:

@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 from sensor_readings import LIMITS, SAMPLE_US, JointReadings, Reading, measured, swing
 
-from footfall.common.errors import UserError
-from footfall.deploy.sensor_checks.table import SensorLimits
 from footfall.deploy.sensor_checks.torque import Limp, Opposing, ReplyRepeated, TorqueStuck
 from footfall.deploy.sensor_checks.travel import Drift, Stuck, Wander
 from footfall.robots.description import Robot
@@ -330,10 +328,6 @@ class TestLimp:
             go1, Limp, torque=lambda t: (0.15 * peak * (round(t / 0.004) % 10 == 5), 0.5 * peak)
         )
         assert spikes[0] == 0.0
-
-    def test_what_is_hidden_is_less_than_what_is_much(self) -> None:
-        with pytest.raises(UserError, match="must be below torque_much"):
-            SensorLimits(torque_hidden=0.1, torque_much=0.1)
 
 
 class TestReplyRepeated:
