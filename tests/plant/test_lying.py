@@ -1,19 +1,16 @@
 """A robot lies, stands up and lies down again in simulation; a lying pose is found for one that has none."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from foreign_robots import BIPED_MJCF, quadruped
+from foreign_robots import BIPED_MJCF, make, quadruped
 
 from footfall.cli import main
 from footfall.deploy.config import DeployConfig
-from footfall.deploy.drivers.mit import RANGES
 from footfall.plant.lying import LyingResult, find_lying_pose, lying_test, resting_effort
-from footfall.robots.description import Robot, load_robot
-from footfall.robots.importer.create import ImportRequest, import_robot
+from footfall.robots.description import Robot
 
 QUICK = DeployConfig(joint_rate_hz=250.0, stand_s=0.2, pose_rate_rad_s=3.0, stop_rate_rad_s=3.0, stop_s=0.1)
 
@@ -26,12 +23,6 @@ def lying_in(robot: Robot, pose: list[float | None]) -> Robot:
         replace(joint, lying_rad=angle) for joint, angle in zip(robot.description.joints, pose, strict=True)
     )
     return replace(robot, description=replace(robot.description, joints=joints))
-
-
-def imported(folder: Path, text: str, suffix: str, find: Callable[[Robot], np.ndarray | None]) -> Robot:
-    (folder / f"model.{suffix}").write_text(text)
-    request = ImportRequest(folder / f"model.{suffix}", folder / "made", RANGES, find_lying_pose=find)
-    return load_robot(import_robot(request).folder)
 
 
 def quickly(robot: Robot) -> np.ndarray | None:
@@ -62,7 +53,7 @@ def test_a_pose_is_found_in_which_go1_rests_on_its_trunk(go1: Robot) -> None:
 
 
 def test_another_makers_quadruped_gets_one(tmp_path: Path) -> None:
-    robot = imported(tmp_path, quadruped(knee_limit=FOLDS), "urdf", quickly)
+    robot = make(tmp_path, quadruped(knee_limit=FOLDS), "urdf", find_lying_pose=quickly)[0]
     assert robot.lying_pose is not None
     assert "- lying pose: legs folded" in (robot.folder / "robot.yaml").read_text()
 
@@ -71,7 +62,7 @@ def test_another_makers_quadruped_gets_one(tmp_path: Path) -> None:
 def test_one_that_tips_over_or_whose_knees_fold_too_little_gets_none(
     tmp_path: Path, text: str, suffix: str
 ) -> None:
-    robot = imported(tmp_path, text, suffix, quickly)
+    robot = make(tmp_path, text, suffix, find_lying_pose=quickly)[0]
     assert robot.lying_pose is None
     assert "- no lying pose: " in (robot.folder / "robot.yaml").read_text()
 
@@ -88,7 +79,7 @@ def test_check_tells_how_it_lies(monkeypatch: pytest.MonkeyPatch, capsys: pytest
 def test_check_says_of_a_robot_without_a_pose_that_it_cannot_lie(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    robot = imported(tmp_path, quadruped(), "urdf", lambda _: None)
+    robot = make(tmp_path, quadruped(), "urdf", find_lying_pose=lambda _: None)[0]
     main(["robot", "check", str(robot.folder), "--duration", "0.2"])
     assert "no lying pose (lying_rad in robot.yaml)" in capsys.readouterr().out
 

@@ -6,26 +6,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from foreign_robots import BALL, BIPED_MJCF, quadruped
+from foreign_robots import BALL, BIPED_MJCF, make, quadruped
 
 from footfall.cli import main
-from footfall.deploy.drivers.mit import RANGES
 from footfall.plant.standing import StandingResult, standing_test
 from footfall.robots.description import Robot, load_robot
-from footfall.robots.importer.create import ImportRequest, import_robot
 from footfall.robots.inspection import inspect_robot
 
 FRONT_LEG = (0.0224, 0.2002, 0.2)  # m, from the roll axis to the hip, to the knee, to the middle of the foot
 
 
-def imported(folder: Path, text: str, suffix: str) -> Path:
-    (folder / f"model.{suffix}").write_text(text)
-    return import_robot(ImportRequest(folder / f"model.{suffix}", folder / "made", RANGES)).folder
-
-
 @pytest.fixture(scope="module")
 def four(tmp_path_factory: pytest.TempPathFactory) -> Robot:
-    return load_robot(imported(tmp_path_factory.mktemp("four"), quadruped(), "urdf"))
+    return make(tmp_path_factory.mktemp("four"), quadruped())[0]
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +76,7 @@ class TestStanding:
         assert shares.sum() == pytest.approx(np.mean(distance) * weight, rel=0.3)
 
     def test_a_biped_on_soles_stands(self, tmp_path: Path) -> None:
-        found = standing_test(load_robot(imported(tmp_path, BIPED_MJCF, "xml")), duration_s=2.0)
+        found = standing_test(make(tmp_path, BIPED_MJCF, "xml")[0], duration_s=2.0)
         assert found.stood
         assert found.tilt_rad < 0.1
 

@@ -2,6 +2,9 @@
 
 from pathlib import Path
 
+from footfall.deploy.drivers.mit import RANGES
+from footfall.robots.description import Robot, load_robot
+from footfall.robots.importer.create import Imported, ImportRequest, import_robot
 from footfall.robots.importer.read import read_source
 from footfall.robots.importer.source import Source
 
@@ -146,6 +149,14 @@ def read(tmp_path: Path, text: str, suffix: str = "xml") -> Source:
     path = tmp_path / f"m.{suffix}"
     path.write_text(text)
     return read_source(path)
+
+
+def make(tmp_path: Path, text: str, suffix: str = "urdf", **wishes: object) -> tuple[Robot, Imported]:
+    """Write a model, import it, load what came of it."""
+    source = tmp_path / f"model.{suffix}"
+    source.write_text(text)
+    made = import_robot(ImportRequest(source, tmp_path / "made", RANGES, **wishes))
+    return load_robot(made.folder), made
 
 
 def hanging(name: str, y: float, length: float, inner: str = "", joint: str = "") -> str:

@@ -1,13 +1,13 @@
-"""`footfall robot new`: a robot folder out of another maker's URDF or MJCF."""
+"""`footfall robot new`: a robot folder from another maker's URDF or MJCF."""
 
 import re
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
-from foreign_robots import BIPED_MJCF, HIPS, quadruped
-from scipy.spatial.transform import Rotation
+from foreign_robots import BIPED_MJCF, HIPS, make, quadruped
 
 from footfall.cli import main
 from footfall.common.errors import UserError
@@ -17,23 +17,10 @@ from footfall.policies.controllers.stand import StandConfig
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.importer.build import build_machine
 from footfall.robots.importer.create import Imported, ImportRequest, import_robot
-from footfall.robots.importer.feet import leg_names
-from footfall.robots.importer.machine import Leg
-from footfall.robots.importer.meshes import read_points
 from footfall.robots.importer.motors import choose_drive, with_armature
 from footfall.robots.importer.read import read_source
-from footfall.robots.importer.shapes import Kind, fit_shape, fit_sole, rotation_of
-from footfall.robots.importer.statics import Statics, statics
-
-PELVIS = 1
-
-
-def make(tmp_path: Path, text: str, suffix: str = "urdf", **wishes: object) -> tuple[Robot, Imported]:
-    """Write a model, import it, load what came of it."""
-    source = tmp_path / f"model.{suffix}"
-    source.write_text(text)
-    made = import_robot(ImportRequest(source, tmp_path / "made", RANGES, **wishes))
-    return load_robot(made.folder), made
+from footfall.robots.importer.shapes import Kind
+from footfall.robots.importer.statics import Statics
 
 
 @pytest.fixture(scope="module")
@@ -270,129 +257,6 @@ class TestWishes:
         assert robot.motor.peak_torque[:3] == pytest.approx([21.0, 9.0, 10.5])
 
 
-class TestMeshes:
-    OBJ = (
-        "".join(f"v {x} {y} {z}\n" for x in (0.05, 0.35) for y in (-0.02, 0.06) for z in (-0.41, -0.21))
-        + "f 1 2 3\nf 4 5 6\nf 6 7 8\nf 1 4 8\n"
-    )
-
-    def test_are_found_in_packages_and_not_needed_afterwards(self, tmp_path: Path) -> None:
-        (tmp_path / "elsewhere/maker/meshes").mkdir(parents=True)
-        (tmp_path / "elsewhere/maker/meshes/foot.obj").write_text(self.OBJ)
-        mesh = '<collision><geometry><mesh filename="package://maker/meshes/foot.obj" scale="0.1 0.1 1"/>'
-        text = quadruped(foot=mesh + "</geometry></collision>")
-        robot, _ = make(tmp_path, text, packages=(tmp_path / "elsewhere",))
-        assert mujoco.MjModel.from_xml_path(str(robot.xml_path)).nmesh == 0
-        assert -robot.foot_places[0, 2] > 0.3
-
-    def test_beside_the_urdf(self, tmp_path: Path) -> None:
-        (tmp_path / "foot.obj").write_text(self.OBJ)
-        foot = '<collision><geometry><mesh filename="foot.obj"/></geometry></collision>'
-        (tmp_path / "m.urdf").write_text(quadruped(foot=foot))
-        points = next(iter(read_source(tmp_path / "m.urdf").meshes.values()))
-        assert points.max(axis=0) == pytest.approx([0.35, 0.06, -0.21])
-
-    def test_stl_as_text(self, tmp_path: Path) -> None:
-        (tmp_path / "a.stl").write_text(
-            "solid a\nfacet normal 0 0 1\nouter loop\nvertex 1 2 3\nvertex 4 5.5 6\nvertex -1 0 1e-1\n"
-        )
-        points = read_points(tmp_path / "a.stl", np.array([1.0, 2.0, -1.0]))
-        assert points == pytest.approx(np.array([[1, 4, -3], [4, 11, -6], [-1, 0, -0.1]]))
-
-    def test_collada_through_its_scene(self, tmp_path: Path) -> None:
-        """In centimetres; moved by (10, 0, 5) after a quarter turn about z."""
-        (tmp_path / "a.dae").write_text(
-            """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema">
-            <asset><unit meter="0.01"/></asset>
-            <library_geometries><geometry id="g"><mesh><source id="p"><float_array>1 2 3 4 5 6</float_array>
-            </source><vertices id="v"><input semantic="POSITION" source="#p"/></vertices></mesh></geometry>
-            </library_geometries><library_visual_scenes><visual_scene><node><translate>10 0 5</translate>
-            <rotate>0 0 1 90</rotate><instance_geometry url="#g"/></node></visual_scene>
-            </library_visual_scenes></COLLADA>"""
-        )
-        points = read_points(tmp_path / "a.dae", np.ones(3))
-        assert points == pytest.approx(np.array([[0.08, 0.01, 0.08], [0.05, 0.04, 0.11]]))
-
-
-class TestShapes:
-    TURN = Rotation.from_euler("xyz", [0.4, -0.7, 1.1]).as_matrix()
-    PLACE = np.array([0.3, -0.2, 0.5])
-
-    def cloud(self) -> np.ndarray:
-        points = np.random.default_rng(1).normal(size=(6000, 3))
-        return points / np.linalg.norm(points, axis=1, keepdims=True)
-
-    def test_a_ball(self) -> None:
-        shape, error = fit_shape(0.07 * self.cloud() + self.PLACE)
-        assert shape.kind == Kind.mjGEOM_SPHERE
-        assert shape.size[0] == pytest.approx(0.07, rel=0.01)
-        assert shape.position == pytest.approx(self.PLACE, abs=1e-3)
-        assert error < 1e-3
-
-    def test_a_slanting_rod(self) -> None:
-        points = 0.02 * self.cloud()
-        points[:, 2] += 0.1 * np.sign(points[:, 2])
-        shape, _ = fit_shape(points @ self.TURN.T + self.PLACE)
-        assert shape.kind == Kind.mjGEOM_CAPSULE
-        assert shape.size[:2] == pytest.approx([0.02, 0.1], rel=0.03)
-        assert abs(rotation_of(shape.quaternion)[:, 2] @ self.TURN[:, 2]) == pytest.approx(1.0, abs=1e-3)
-
-    def test_a_brick_along_the_links_axes(self) -> None:
-        corners = np.array([[x, y, z] for x in (0.0, 0.2) for y in (0.0, 0.3) for z in (0.0, 0.05)])
-        shape, _ = fit_shape(corners)
-        assert shape.kind == Kind.mjGEOM_BOX
-        assert shape.size == pytest.approx([0.1, 0.15, 0.025])
-        assert shape.position == pytest.approx([0.1, 0.15, 0.025])
-
-    def test_a_sole_is_as_large_as_what_lies_on_the_ground(self) -> None:
-        """Of a shoe with a wider shaft, seen from a link whose x axis points down."""
-        bottom = np.array([[0.4, y, z] for y in (-0.03, 0.05) for z in (-0.1, 0.14)])
-        shaft = np.array([[0.2, y, z] for y in (-0.2, 0.2) for z in (-0.2, 0.2)])
-        shape = fit_sole(np.concatenate([bottom, shaft]), up=np.array([-1.0, 0.0, 0.0]))
-        extent = np.abs(rotation_of(shape.quaternion)) @ shape.size
-        assert extent == pytest.approx([0.01, 0.04, 0.12])
-        assert shape.position == pytest.approx([0.39, 0.01, 0.02])
-
-
-class TestStatics:
-    @pytest.fixture
-    def model(self) -> mujoco.MjModel:
-        """A body of 10 kg, its centre 0.5 m above two ankles, on soles of four balls without weight."""
-        foot = '<geom name="{0}{1}" type="sphere" size="0.01" pos="{2} {3} -0.04" mass="1e-6"/>'
-        corners = [(0.1, 0.03), (0.1, -0.03), (-0.1, 0.03), (-0.1, -0.03)]
-        feet = "".join(
-            f'<body pos="0 {y} -0.5"><joint name="{name}" axis="0 1 0"/>'
-            + "".join(foot.format(name, i, *corner) for i, corner in enumerate(corners))
-            + "</body>"
-            for name, y in (("left", 0.1), ("right", -0.1))
-        )
-        body = f'<body pos="0 0 0.55"><freejoint/><geom type="box" size=".1 .1 .1" mass="10"/>{feet}</body>'
-        return mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
-
-    def legs(self) -> tuple[Leg, ...]:
-        return tuple(
-            Leg(name, (name,), 1, tuple(f"{name}{i}" for i in range(4))) for name in ("left", "right")
-        )
-
-    def test_ankles_must_be_stiffer_than_weight_times_height(self, model: mujoco.MjModel) -> None:
-        """An inverted pendulum: 10 kg * 9.81 m/s2 * 0.5 m = 49.05 N m/rad of both together."""
-        found = statics(model, ("left", "right"), self.legs(), model.qpos0)
-        assert not found.stable(np.array([30.0, 18.0]))
-        assert found.stable(np.array([30.0, 20.0]))
-
-    def test_points_alone_do_not_stand(self, model: mujoco.MjModel) -> None:
-        legs = tuple(Leg(leg.name, leg.joints, 1, leg.geoms[:1]) for leg in self.legs())
-        found = statics(model, ("left", "right"), legs, model.qpos0)
-        assert not found.stable(np.array([1e4, 1e4]))
-
-    def test_torque_is_force_times_distance(self, model: mujoco.MjModel) -> None:
-        """With the body 0.03 m before the ankles, they share 10 * 9.81 * 0.03 N m."""
-        model.body_ipos[PELVIS, 0] = 0.03
-        mujoco.mj_setConst(model, mujoco.MjData(model))
-        found = statics(model, ("left", "right"), self.legs(), model.qpos0)
-        assert abs(found.torque_nm.sum()) == pytest.approx(10 * 9.81 * 0.03, rel=1e-3)
-
-
 class TestRefusals:
     """One line, exit status 2, and nothing written."""
 
@@ -490,18 +354,6 @@ class TestRefusals:
         assert any("continuous" in guess for guess in made.guesses)
 
 
-@pytest.mark.parametrize(
-    ("ends", "names"),
-    [
-        (["FL_calf", "FR_calf"], ["FL", "FR"]),
-        (["leg_left_6_link", "leg_right_6_link"], ["left", "right"]),
-        (["a", "b_c"], ["a", "b_c"]),
-    ],
-)
-def test_legs_are_called_by_what_tells_them_apart(ends: list[str], names: list[str]) -> None:
-    assert leg_names(ends) == names
-
-
 def mass_matrix(model: mujoco.MjModel, pose: dict[str, float], joints: tuple[str, ...]) -> np.ndarray:
     """Of the base, then of the joints, in the order given."""
     model.dof_armature[:] = 0.0
@@ -533,3 +385,44 @@ class TestControllers:
         """0.45 and 0.25 of sqrt(g L): legs of about 0.42 m and 0.69 m."""
         assert four[0].description.commands.forward_m_s == (-0.9, 0.9)
         assert two[0].description.commands.forward_m_s == (-0.7, 0.7)
+
+
+class TestCreate:
+    def request(self, tmp_path: Path, folder: str = "made", **wishes: Any) -> ImportRequest:
+        (tmp_path / "m.urdf").write_text(quadruped())
+        return ImportRequest(tmp_path / "m.urdf", tmp_path / folder, RANGES, **wishes)
+
+    def test_the_folder_may_lie_in_others_that_are_not_there_and_names_the_robot(
+        self, tmp_path: Path
+    ) -> None:
+        made = import_robot(self.request(tmp_path, "new/deep/my dog-2_x"))
+        assert made.folder == tmp_path / "new/deep/my dog-2_x"
+        assert load_robot(made.folder).name == "my_dog-2_x"
+        assert [path.name for path in made.folder.parent.iterdir()] == ["my dog-2_x"]
+
+    @pytest.mark.parametrize("wish", ["peak_torque_nm", "speed_rad_s", "armature"])
+    def test_a_wish_for_a_joint_that_there_is_not_is_refused(self, tmp_path: Path, wish: str) -> None:
+        with pytest.raises(UserError, match="no joint has 'wrist' in its name"):
+            import_robot(self.request(tmp_path, **{wish: {"wrist": 3.0}}))
+        assert not (tmp_path / "made").exists()
+
+    def test_a_link_to_nowhere_is_a_folder_that_exists(self, tmp_path: Path) -> None:
+        (tmp_path / "made").symlink_to(tmp_path / "nowhere")
+        with pytest.raises(UserError, match="exists already"):
+            import_robot(self.request(tmp_path))
+
+    def test_what_cannot_be_loaded_is_not_left_behind(self, tmp_path: Path) -> None:
+        """Joints of so much damping that the plant's steps cannot follow it."""
+        request = self.request(tmp_path)
+        request.source.write_text(quadruped().replace('damping="0.1', 'damping="900.1'))
+        with pytest.raises(UserError, match="too much for its inertia"):
+            import_robot(request)
+        assert [path.name for path in tmp_path.iterdir()] == ["m.urdf"]
+
+    def test_torques_that_no_frame_carries_are_told_of(self, tmp_path: Path) -> None:
+        made = import_robot(self.request(tmp_path, peak_torque_nm={"FL_knee": 900.0}))
+        assert "no protocol here carries what FL_knee can do: the widest was taken" in made.guesses
+        plain = import_robot(self.request(tmp_path, "plain"))
+        assert not any("no protocol here" in guess or "pairs of links" in guess for guess in plain.guesses)
+        assert plain.guesses[0] == "base: 'trunk', its x axis pointing forward, z up"
+        assert any(guess.startswith("gains: a natural frequency") for guess in plain.guesses)

@@ -1,4 +1,4 @@
-"""`footfall robot new`: the pairs of capsules through which an imported robot's legs meet in training."""
+"""Capsule pairs of an imported robot."""
 
 import re
 from pathlib import Path
@@ -16,10 +16,8 @@ from footfall.robots.importer.build import build_machine
 from footfall.robots.importer.create import ImportRequest, import_robot
 from footfall.robots.importer.leg_pairs import LegPairs, with_leg_pairs
 from footfall.robots.importer.pose import standing_pose
-from footfall.robots.importer.shapes import Kind, Shape, fit_along, rotation_of
+from footfall.robots.importer.shapes import Kind, rotation_of
 from footfall.robots.model import joint_addresses, training_model
-
-UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 class Hip(NamedTuple):
@@ -161,31 +159,3 @@ def test_a_shank_without_a_geom_has_no_capsule(tmp_path: Path) -> None:
     bare = BIPED_MJCF.replace(shin, '<inertial pos="0 0 -0.1" mass="1.3" diaginertia="0.01 0.01 0.01"/>')
     assert bare != BIPED_MJCF
     assert not any("shank" in name for pair in paired(tmp_path, bare).pairs for name in pair)
-
-
-class TestFitAlong:
-    def ball(self, radius: float, z: float) -> Shape:
-        return Shape(Kind.mjGEOM_SPHERE, np.array([radius, 0.0, 0.0]), np.array([0.0, 0.0, z]), UPRIGHT)
-
-    def test_a_rod_is_itself_in_any_direction(self) -> None:
-        turn = np.array([0.8, 0.1, -0.5, 0.3]) / np.linalg.norm([0.8, 0.1, -0.5, 0.3])
-        rod = Shape(Kind.mjGEOM_CAPSULE, np.array([0.01, 0.1, 0.0]), np.array([0.02, 0.03, 0.04]), turn)
-        axis = rotation_of(turn)[:, 2]
-        for direction in (axis, -3.0 * axis):
-            found = fit_along([rod], direction)
-            assert found.kind == Kind.mjGEOM_CAPSULE
-            assert found.size == pytest.approx([0.01, 0.1, 0.0], abs=1e-6)
-            assert found.position == pytest.approx(rod.position, abs=1e-6)
-            assert abs(rotation_of(found.quaternion)[:, 2] @ axis) == pytest.approx(1.0)
-
-    def test_a_rod_with_a_ball_at_its_end_is_as_thick_as_their_mean(self) -> None:
-        rod = Shape(Kind.mjGEOM_CAPSULE, np.array([0.01, 0.1, 0.0]), np.zeros(3), UPRIGHT)
-        found = fit_along([rod, self.ball(0.02, -0.1)], np.array([0.0, 0.0, 1.0]))
-        assert found.size[0] == pytest.approx(0.015, abs=1e-3)
-        assert found.size[1] == pytest.approx(0.1, abs=2e-3)
-
-    def test_a_ball_or_no_direction_gives_a_sphere(self) -> None:
-        for direction in (np.array([1.0, 0.0, 0.0]), np.zeros(3)):
-            found = fit_along([self.ball(0.03, 0.2)], direction)
-            assert found.kind == Kind.mjGEOM_SPHERE
-            assert found.size[0] == pytest.approx(0.03)

@@ -1,4 +1,4 @@
-"""What `footfall robot new` makes of what has a size in the presets and in the default randomisation."""
+"""The training.yaml and randomisation.yaml of an imported robot."""
 
 import dataclasses
 from collections.abc import Callable, Sequence
@@ -6,16 +6,14 @@ from pathlib import Path
 
 import pytest
 import yaml
-from foreign_robots import BIPED_MJCF, quadruped
+from foreign_robots import BIPED_MJCF, make, quadruped
 
-from footfall.deploy.drivers.mit import RANGES
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.randomisation import default_ranges, load_randomisation, randomisation_of
 from footfall.policies.gaits import gaits_of
 from footfall.robots.commands import CommandRange
-from footfall.robots.description import Robot, load_robot
+from footfall.robots.description import Robot
 from footfall.robots.importer.build import build_machine
-from footfall.robots.importer.create import ImportRequest, import_robot
 from footfall.robots.importer.machine import Machine
 from footfall.robots.importer.pose import Pose
 from footfall.robots.importer.randomisation_yaml import randomisation_yaml
@@ -95,10 +93,7 @@ def test_training_goes_a_fifth_beyond_the_commands_that_scenarios_ask(tmp_path: 
     ("text", "suffix", "gait"), [(quadruped(), "urdf", "trot"), (BIPED_MJCF, "xml", "walk")]
 )
 def test_every_preset_takes_it(tmp_path: Path, text: str, suffix: str, gait: str) -> None:
-    (tmp_path / f"model.{suffix}").write_text(text)
-    source, usual = tmp_path / f"model.{suffix}", default_ranges()
-    request = ImportRequest(source, tmp_path / "made", RANGES, usual=usual, gaits_of=gaits_of)
-    robot = load_robot(import_robot(request).folder)
+    robot, _ = make(tmp_path, text, suffix, usual=default_ranges(), gaits_of=gaits_of)
     most = robot.description.commands.forward_m_s[1]
     for preset in available_presets():
         env = load_preset(preset, robot).env
@@ -115,8 +110,6 @@ def test_every_preset_takes_it(tmp_path: Path, text: str, suffix: str, gait: str
 def test_a_fifth_leg_behind_has_the_gait_of_five_feet_and_none_where_there_is_none(
     tmp_path: Path, gaits: Callable[[Robot], Sequence[str]], name: str | None
 ) -> None:
-    source = tmp_path / "model.urdf"
-    source.write_text(quadruped(tail=True))
-    folder = import_robot(ImportRequest(source, tmp_path / "made", RANGES, gaits_of=gaits)).folder
-    gait = load_preset("gpu", load_robot(folder)).env.gait
+    robot, _ = make(tmp_path, quadruped(tail=True), gaits_of=gaits)
+    gait = load_preset("gpu", robot).env.gait
     assert (gait and gait.name) == name

@@ -1,0 +1,101 @@
+"""Which limbs of a model are legs."""
+
+from pathlib import Path
+
+import pytest
+from foreign_robots import hanging, on_base, read
+
+from footfall.common.errors import UserError
+from footfall.robots.importer.limbs import FOOT_NAME, find_limbs
+from footfall.robots.importer.source import Source
+
+
+def feet_of(source: Source, *named: str) -> list[str]:
+    limbs = find_limbs(source, named)
+    return [source.model.body(leg.bodies[0]).name for leg in limbs.legs]
+
+
+class TestLimbs:
+    @pytest.mark.parametrize(
+        ("name", "called"),
+        [
+            *((name, True) for name in ("FL_foot", "toe_2", "l_toes", "Paw1", "Sole", "feet")),
+            *((name, False) for name in ("stoel", "tow_hook", "shank")),
+        ],
+    )
+    def test_what_is_called_a_foot(self, name: str, called: bool) -> None:
+        assert bool(FOOT_NAME.search(name)) is called
+
+    def test_without_names_they_are_those_that_reach_seven_tenths_as_low(self, tmp_path: Path) -> None:
+        limbs = hanging("a", 0.1, 0.5), hanging("b", -0.1, 0.36), hanging("arm", 0.2, 0.34)
+        assert feet_of(read(tmp_path, on_base(*limbs))) == ["a", "b"]
+
+    def test_names_go_before_depth_but_not_above_the_base(self, tmp_path: Path) -> None:
+        limbs = hanging("tail", 0.0, 0.9), hanging("foot_1", 0.1, 0.3), hanging("foot_2", -0.1, 0.2)
+        up = hanging("foot_3", 0.3, -0.3)
+        assert feet_of(read(tmp_path, on_base(*limbs, up))) == ["foot_1", "foot_2"]
+
+    def test_a_geom_or_a_site_may_bear_the_name(self, tmp_path: Path) -> None:
+        one = hanging("a", 0.1, 0.2, '<site name="left_foot"/>')
+        two = hanging("b", -0.1, 0.2, '<geom name="right_foot" size="0.01" mass="0"/>')
+        source = read(tmp_path, on_base(one, two, hanging("tail", 0.0, 0.9)))
+        assert feet_of(source) == ["a", "b"]
+        assert [leg.foot_bodies for leg in find_limbs(source).legs] == [{"a"}, {"b"}]
+
+    def test_a_limb_ends_where_no_joint_follows_also_behind_a_fixed_part(self, tmp_path: Path) -> None:
+        def leg(name: str, y: float) -> str:
+            shank = hanging(f"{name}_shank", 0.0, 0.3)
+            return hanging(
+                f"{name}_thigh", y, 0.02, f'<body name="{name}_bracket" pos="0 0 -0.2">{shank}</body>'
+            )
+
+        source = read(tmp_path, on_base(leg("l", 0.1), leg("r", -0.1)))
+        assert feet_of(source) == ["l_shank", "r_shank"]
+        assert find_limbs(source).legs[1].joints == ("r_thigh_joint", "r_shank_joint")
+
+    def test_a_part_that_is_fixed_to_the_end_names_it_too(self, tmp_path: Path) -> None:
+        toe = '<body name="{}_pad" pos="0 0 -0.2"><geom size="0.01" mass="0.01"/></body>'
+        limbs = (hanging(name, y, 0.2, toe.format(name)) for name, y in (("a", 0.1), ("b", -0.1)))
+        source = read(tmp_path, on_base(*limbs))
+        assert feet_of(source, "b_pad", "a") == ["b", "a"]
+        assert find_limbs(source, ("b_pad", "a")).guesses == ()
+        assert len(find_limbs(source).guesses) == 1
+
+    def test_the_base_is_the_free_body_with_the_most_joints(self, tmp_path: Path) -> None:
+        text = on_base(hanging("a", 0.1, 0.2), hanging("b", -0.1, 0.2))
+        crate = '<worldbody><body name="crate"><freejoint/><geom size="1"/></body>'
+        source = read(tmp_path, text.replace("<worldbody>", crate))
+        assert source.model.body(find_limbs(source).base).name == "base"
+
+    @pytest.mark.parametrize(
+        ("old", "new", "says"),
+        [
+            (
+                'name="b_joint" axis="0 1 0" range="-1 1"',
+                'name="b_joint" axis="0 1 0"',
+                "of a leg has no limits",
+            ),
+            ('name="b_joint" axis="0 1 0"', 'name="b_joint" type="slide"', "is a slide joint"),
+            (
+                "</mujoco>",
+                '<equality><joint joint1="b_joint" joint2="a_joint"/></equality></mujoco>',
+                "b_joint of a leg follows another one",
+            ),
+            (
+                "</mujoco>",
+                '<equality><weld name="w" body1="a" body2="b"/></equality></mujoco>',
+                "equality w closes a loop",
+            ),
+            ('pos="0 -0.1 0"', 'pos="0 -0.1 0.19"', "only one foot, a, found"),
+        ],
+    )
+    def test_what_cannot_be_driven_is_named(self, tmp_path: Path, old: str, new: str, says: str) -> None:
+        text = on_base(hanging("a", 0.1, 0.2), hanging("b", -0.1, 0.2))
+        assert old in text
+        with pytest.raises(UserError, match=says):
+            find_limbs(read(tmp_path, text.replace(old, new)))
+
+    def test_a_loop_that_is_switched_off_closes_nothing(self, tmp_path: Path) -> None:
+        loop = '<equality><weld body1="a" body2="b" active="false"/></equality>'
+        source = read(tmp_path, on_base(hanging("a", 0.1, 0.2), hanging("b", -0.1, 0.2), extra=loop))
+        assert feet_of(source) == ["a", "b"]

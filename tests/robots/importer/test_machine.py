@@ -1,0 +1,139 @@
+"""A machine made from a source."""
+
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from foreign_robots import ODD, hanging, on_base, read
+
+from footfall.common.errors import UserError
+from footfall.robots.importer.build import build_machine
+from footfall.robots.importer.machine import Machine
+from footfall.robots.importer.model_xml import model_xml
+from footfall.robots.importer.shapes import (
+    Kind,
+    rotation_of,
+)
+from footfall.robots.importer.source import Source
+
+
+class TestMachine:
+    """An MJCF in which nothing is where it is easiest: angles at zero, anchors, frames, a shared waist."""
+
+    @pytest.fixture
+    def source(self, tmp_path: Path) -> Source:
+        return read(tmp_path, ODD)
+
+    @pytest.fixture
+    def machine(self, source: Source) -> Machine:
+        return build_machine(source, "odd")[0]
+
+    def test_every_link_moves_as_in_the_source(self, source: Source, machine: Machine) -> None:
+        """Feet, bricks and the mass matrix, seen from the base; the arm is held at 0.4 rad."""
+        theirs, ours = source.model, mujoco.MjModel.from_xml_string(model_xml(machine))
+        for seed in range(2):
+            rng = np.random.default_rng(seed)
+            data = mujoco.MjData(theirs), mujoco.MjData(ours)
+            for hinge in machine.hinges:
+                angle = rng.uniform(-0.5, 0.5)
+                for each in data:
+                    each.joint(hinge.name).qpos = angle
+            data[0].joint("arm").qpos = 0.4
+            bases = theirs.body("pelvis").id, 1
+            places, matrices = [], []
+            for model, each, base in zip((theirs, ours), data, bases, strict=True):
+                mujoco.mj_forward(model, each)
+                turn = each.xmat[base].reshape(3, 3)
+                kinds = (
+                    model.geom_type == Kind.mjGEOM_BOX,
+                    np.isin(model.geom_size[:, 0], (0.025, 0.03, 0.04)),
+                )
+                seen = [(each.geom_xpos[kind] - each.xpos[base]) @ turn for kind in kinds]
+                axes = np.abs(turn.T @ each.geom_xmat[kinds[0]].reshape(-1, 3, 3))
+                places.append(np.concatenate([*seen, *axes]))
+                full = np.zeros((model.nv, model.nv))
+                mujoco.mj_fullM(model, each, full)
+                dofs = [int(model.joint(hinge.name).dofadr[0]) for hinge in machine.hinges]
+                matrices.append(full[np.ix_(dofs, dofs)])
+            np.testing.assert_allclose(places[1], places[0], atol=2e-5)
+            np.testing.assert_allclose(matrices[1], matrices[0], atol=2e-5)
+
+    def test_a_joint_that_legs_share_is_driven_and_of_no_leg(self, machine: Machine) -> None:
+        assert machine.hinges[0].name == "waist"
+        assert [leg.joints for leg in machine.legs] == [
+            (f"{s}_roll", f"{s}_pitch", f"{s}_knee") for s in "lr"
+        ]
+
+    def test_each_hinge_keeps_its_own_figures(self, machine: Machine) -> None:
+        hinges = {hinge.name: hinge for hinge in machine.hinges}
+        roll, knee = hinges["r_roll"], hinges["l_knee"]
+        assert (roll.low, roll.high, roll.zero, roll.damping, roll.friction) == (-0.6, 0.9, 0.3, 0.3, 0.0)
+        assert (knee.low, knee.high, knee.zero, hinges["r_pitch"].friction) == (-2.0, -0.1, -0.5, 0.4)
+        np.testing.assert_allclose(roll.anchor, [0.01, 0.02, -0.03])
+
+    def test_a_foot_keeps_its_friction_and_what_it_collides_with(self, machine: Machine) -> None:
+        model = mujoco.MjModel.from_xml_string(model_xml(machine))
+        foot = model.geom(machine.legs[1].geoms[0])
+        assert (foot.friction[0], foot.contype[0], foot.conaffinity[0]) == (1.3, 2, 5)
+        assert (foot.priority[0], foot.condim[0]) == (1, 3)
+
+    def test_the_imu_is_at_the_site_as_the_base_sees_it(self, machine: Machine) -> None:
+        """0.05 m ahead and 0.1 m up, and 0.02 and 0.01 m along axes that are turned by 0.5 rad about y."""
+        along = 0.02 * np.cos(0.5) + 0.01 * np.sin(0.5), 0.01 * np.cos(0.5) - 0.02 * np.sin(0.5)
+        np.testing.assert_allclose(machine.imu, [0.05 + along[0], 0.01, 0.1 + along[1]], atol=1e-9)
+
+    def test_what_is_named_imu_on_a_limb_is_none(self, tmp_path: Path) -> None:
+        text = ODD.replace("My_IMU", "mark").replace('<body name="imu_box" pos="1 1 1"/>', "")
+        machine, guesses = build_machine(
+            read(tmp_path, text.replace('name="l_bracket"', 'name="l_imu"')), "odd"
+        )
+        assert not machine.imu.any()
+        assert any("IMU: at the origin of 'pelvis'" in guess for guess in guesses)
+
+    def test_only_joints_of_the_robot_that_lead_to_no_foot_are_said_to_be_rigid(self, source: Source) -> None:
+        _, guesses = build_machine(source, "odd")
+        assert [guess for guess in guesses if "rigid" in guess] == [
+            "joints that lead to no foot are rigid, as near to zero as they go: arm"
+        ]
+
+    def test_a_feather_keeps_its_inertia_and_a_machine_its_height(self, machine: Machine) -> None:
+        light = replace(machine.links[-1], inertia=np.diag([3e-7, 4e-7, 5e-7]) + 1e-8 * (1 - np.eye(3)))
+        feather = replace(machine, links=(*machine.links[:-1], light))
+        model = mujoco.MjModel.from_xml_string(model_xml(feather, 0.75))
+        axes = rotation_of(model.body_iquat[-1])
+        np.testing.assert_allclose(axes @ np.diag(model.body_inertia[-1]) @ axes.T, light.inertia, atol=2e-9)
+        assert model.body_pos[1].tolist() == [0.0, 0.0, 0.75]
+        assert (model.opt.cone, model.opt.impratio) == (mujoco.mjtCone.mjCONE_ELLIPTIC, 10.0)
+        ET.fromstring(model_xml(machine, notes=["no comment of XML may hold --"]))
+
+    @pytest.mark.parametrize(
+        "extra",
+        [
+            '<geom size="0.01" mass="0"/>',
+            """<body name="b"><joint axis="1 0 0" range="-1 1"/>
+              <geom name="b_foot" size="0.02" pos="0 0.1 -0.4" mass="0.1"/></body>""",
+        ],
+    )
+    def test_a_link_without_mass_that_touches_or_carries_two_is_refused(
+        self, tmp_path: Path, extra: str
+    ) -> None:
+        light = """<body name="light"><joint axis="1 0 0" range="-1 1"/><inertial pos="0 0 0" mass="1e-9"
+          diaginertia="1e-9 1e-9 1e-9"/>{}{}</body>"""
+        text = on_base(light.format(hanging("a_foot", 0.1, 0.4), extra), hanging("c_foot", -0.1, 0.4))
+        with pytest.raises(UserError, match="light moves and has no mass"):
+            build_machine(read(tmp_path, text), "x")
+
+    def test_links_that_come_after_one_without_mass_keep_their_parents(self, tmp_path: Path) -> None:
+        light = """<body name="light" pos="0 0.1 0" euler="0.3 0 0">
+          <joint name="first" axis="1 0 0" range="-1 1"/>
+          <inertial pos="0 0 0" mass="1e-9" diaginertia="1e-9 1e-9 1e-9"/>{}</body>"""
+        shin = hanging("c_foot", 0.0, 0.4).replace('pos="0 0.0 0"', 'pos="0 0 -0.2"')
+        text = on_base(light.format(hanging("a_foot", 0.05, 0.6)), hanging("c", -0.1, 0.2, shin))
+        machine, _ = build_machine(read(tmp_path, text), "x")
+        assert [(link.name, link.parent) for link in machine.links] == [
+            ("base", -1), ("a_foot", 0), ("c", 0), ("c_foot", 2)
+        ]  # fmt: skip
+        assert [hinge.name for hinge in machine.links[1].hinges] == ["first", "a_foot_joint"]

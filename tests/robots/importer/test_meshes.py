@@ -1,0 +1,99 @@
+"""Mesh files: which are found and read, and which are refused."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from foreign_robots import make, quadruped
+
+from footfall.common.errors import UserError
+from footfall.robots.importer.meshes import read_points
+from footfall.robots.importer.read import read_source
+
+
+class TestMeshes:
+    OBJ = (
+        "".join(f"v {x} {y} {z}\n" for x in (0.05, 0.35) for y in (-0.02, 0.06) for z in (-0.41, -0.21))
+        + "f 1 2 3\nf 4 5 6\nf 6 7 8\nf 1 4 8\n"
+    )
+
+    def test_are_found_in_packages_and_not_needed_afterwards(self, tmp_path: Path) -> None:
+        (tmp_path / "elsewhere/maker/meshes").mkdir(parents=True)
+        (tmp_path / "elsewhere/maker/meshes/foot.obj").write_text(self.OBJ)
+        mesh = '<collision><geometry><mesh filename="package://maker/meshes/foot.obj" scale="0.1 0.1 1"/>'
+        text = quadruped(foot=mesh + "</geometry></collision>")
+        robot, _ = make(tmp_path, text, packages=(tmp_path / "elsewhere",))
+        assert mujoco.MjModel.from_xml_path(str(robot.xml_path)).nmesh == 0
+        assert -robot.foot_places[0, 2] > 0.3
+
+    def test_beside_the_urdf(self, tmp_path: Path) -> None:
+        (tmp_path / "foot.obj").write_text(self.OBJ)
+        foot = '<collision><geometry><mesh filename="foot.obj"/></geometry></collision>'
+        (tmp_path / "m.urdf").write_text(quadruped(foot=foot))
+        points = next(iter(read_source(tmp_path / "m.urdf").meshes.values()))
+        assert points.max(axis=0) == pytest.approx([0.35, 0.06, -0.21])
+
+    def test_stl_as_text(self, tmp_path: Path) -> None:
+        (tmp_path / "a.stl").write_text(
+            "solid a\nfacet normal 0 0 1\nouter loop\nvertex 1 2 3\nvertex 4 5.5 6\nvertex -1 0 1e-1\n"
+        )
+        points = read_points(tmp_path / "a.stl", np.array([1.0, 2.0, -1.0]))
+        assert points == pytest.approx(np.array([[1, 4, -3], [4, 11, -6], [-1, 0, -0.1]]))
+
+    def test_collada_through_its_scene(self, tmp_path: Path) -> None:
+        """In centimetres; moved by (10, 0, 5) after a quarter turn about z."""
+        (tmp_path / "a.dae").write_text(
+            """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema">
+            <asset><unit meter="0.01"/></asset>
+            <library_geometries><geometry id="g"><mesh><source id="p"><float_array>1 2 3 4 5 6</float_array>
+            </source><vertices id="v"><input semantic="POSITION" source="#p"/></vertices></mesh></geometry>
+            </library_geometries><library_visual_scenes><visual_scene><node><translate>10 0 5</translate>
+            <rotate>0 0 1 90</rotate><instance_geometry url="#g"/></node></visual_scene>
+            </library_visual_scenes></COLLADA>"""
+        )
+        points = read_points(tmp_path / "a.dae", np.ones(3))
+        assert points == pytest.approx(np.array([[0.08, 0.01, 0.08], [0.05, 0.04, 0.11]]))
+
+
+class TestMeshFiles:
+    def test_a_collada_scene_of_nested_nodes(self, tmp_path: Path) -> None:
+        """The inner node's points doubled along x and moved by (1, 0, 0), then all a quarter turn about z."""
+        (tmp_path / "a.DAE").write_text(
+            """<COLLADA><library_geometries><geometry id="g"><mesh>
+            <source id="normals"><float_array>9 9 9</float_array></source>
+            <source id="p"><float_array>1 2 3 4 5 6</float_array></source>
+            <vertices id="v"><input semantic="POSITION" source="#p"/></vertices></mesh></geometry>
+            </library_geometries><library_visual_scenes><visual_scene>
+            <node><matrix>0 -1 0 0 1 0 0 0 0 0 1 0 0 0 0 1</matrix>
+            <node><translate>1 0 0</translate><scale>2 1 1</scale><instance_geometry url="#g"/></node></node>
+            </visual_scene></library_visual_scenes></COLLADA>"""
+        )
+        points = read_points(tmp_path / "a.DAE", np.array([1.0, 1.0, 10.0]))
+        np.testing.assert_allclose(points, [[-2, 3, 30], [-5, 9, 60]])
+
+    def test_a_binary_stl_may_begin_as_one_of_text_does(self, tmp_path: Path) -> None:
+        corners = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3]], dtype="<f4")
+        faces = [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]
+        body = b"".join(
+            np.concatenate([np.zeros(3), *corners[list(face)]]).astype("<f4").tobytes() + b"\0\0"
+            for face in faces
+        )
+        (tmp_path / "a.stl").write_bytes(
+            b"solid by a tool".ljust(80) + len(faces).to_bytes(4, "little") + body
+        )
+        points = read_points(tmp_path / "a.stl", np.array([1.0, 1.0, 2.0]))
+        assert sorted({tuple(p) for p in points.round(5).tolist()}) == [
+            (0, 0, 0),
+            (0, 0, 6),
+            (0, 2, 0),
+            (1, 0, 0),
+        ]
+
+    @pytest.mark.parametrize(
+        "vertices", ["vertex 1 2 nan\nvertex 1 2 3\n", "vertex 1 2 3\n", "vertex a b c\n"]
+    )
+    def test_what_holds_no_points_is_refused(self, tmp_path: Path, vertices: str) -> None:
+        (tmp_path / "a.stl").write_text(f"solid a\nfacet\n{vertices}")
+        with pytest.raises(UserError, match="mesh"):
+            read_points(tmp_path / "a.stl", np.ones(3))

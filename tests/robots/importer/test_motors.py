@@ -1,0 +1,107 @@
+"""Motors and gains of an imported robot."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from rods import hinge, rod_machine
+
+from footfall.common.errors import UserError
+from footfall.robots.importer.machine import Hinge
+from footfall.robots.importer.motors import Drive, choose_drive, peak_torques
+from footfall.robots.importer.source import Source
+from footfall.robots.importer.statics import Statics
+
+
+def source_of(tmp_path: Path, peak: dict[str, float], speed: dict[str, float] | None = None) -> Source:
+    model = mujoco.MjModel.from_xml_string("<mujoco/>")
+    return Source(tmp_path / "m.urdf", model, False, {}, peak, speed or {})
+
+
+CALM = Statics(np.zeros(3), np.zeros((0, 0)), np.zeros((3, 0)))  # no weight, nothing to tip
+
+
+class TestDrive:
+    HINGES = hinge("a", 0.5), hinge("b"), hinge("c")
+
+    def drive(
+        self,
+        tmp_path: Path,
+        hinges: Sequence[Hinge],
+        torque: Sequence[float],
+        statics: Statics = CALM,
+        wished: dict[str, float] | None = None,
+        speed: dict[str, float] | None = None,
+    ) -> Drive:
+        machine = rod_machine(hinges)
+        peak = {each.name: value for each, value in zip(hinges, torque, strict=True)}
+        return choose_drive(machine, source_of(tmp_path, peak, speed), peak, wished or {}, statics)
+
+    def test_the_middle_joint_asks_for_its_peak_torque_at_three_quarters_of_a_radian(
+        self, tmp_path: Path
+    ) -> None:
+        """20 N m over 0.01 kg m^2 and 0.75 rad: 51.6 rad/s, 8.2 Hz, of which steps of a half begin at 8."""
+        drive = self.drive(tmp_path, self.HINGES, (10.0, 20.0, 90.0))
+        assert (drive.natural_frequency_hz, drive.stands) == (8.0, True)
+
+    def test_an_action_moves_no_joint_by_more_than_nine_tenths_of_its_range(self, tmp_path: Path) -> None:
+        """kp = 0.01 (2 pi 8)^2 = 25.27 N m/rad; of 0.5 rad and 90 N m that is a share of 0.1263."""
+        tight = self.drive(tmp_path, (hinge("a"), hinge("b"), hinge("c", 0.5)), (10.0, 20.0, 90.0))
+        assert tight.torque_share == 0.126
+        assert self.drive(tmp_path, self.HINGES, (10.0, 20.0, 20.0)).torque_share == 0.3
+
+    def test_stiffness_is_twice_the_least_that_keeps_it_from_tipping(self, tmp_path: Path) -> None:
+        """One motion of the second joint, from which gravity takes 10 N m/rad: 20 N m/rad at 7.12 Hz."""
+        tipping = Statics(np.zeros(3), np.array([[-10.0]]), np.array([[0.0], [1.0], [0.0]]))
+        drive = self.drive(tmp_path, self.HINGES, (1.0, 1.0, 1.0), tipping)
+        assert drive.natural_frequency_hz == 7.5
+        assert any("7.5 Hz, at which it should stand" in guess for guess in drive.guesses)
+
+    def test_where_nothing_lets_it_stand_the_usual_stiffness_is_taken_and_told(self, tmp_path: Path) -> None:
+        tipping = Statics(np.zeros(3), np.array([[-1e9]]), np.array([[0.0], [1.0], [0.0]]))
+        drive = self.drive(tmp_path, self.HINGES, (10.0, 20.0, 90.0), tipping)
+        assert (drive.natural_frequency_hz, drive.stands) == (8.0, False)
+        assert any("no stiffness of the joints lets it stand" in guess for guess in drive.guesses)
+
+    def test_friction_is_ramped_so_that_the_plants_steps_can_follow(self, tmp_path: Path) -> None:
+        """3 N m in a step of 1 ms takes 0.3 rad/s of 0.01 kg m^2: three tenths of 1 rad/s."""
+        hinges = hinge("a", friction=3.0), hinge("b", friction=0.1), hinge("c", armature=0.04, friction=3.0)
+        motors = self.drive(tmp_path, hinges, (20.0, 20.0, 20.0)).motors
+        assert [motors[name].friction_speed_rad_s for name in "abc"] == pytest.approx([1.0, 0.2, 0.25])
+
+    def test_speeds_are_as_wished_else_the_files_if_a_motor_has_such(self, tmp_path: Path) -> None:
+        drive = self.drive(
+            tmp_path, self.HINGES, (20.0,) * 3, wished={"a": 12.0}, speed={"a": 3.0, "b": 59.0, "c": 61.0}
+        )
+        assert [drive.motors[name].no_load_speed_rad_s for name in "abc"] == [12.0, 59.0, 30.0]
+        assert [guess for guess in drive.guesses if "no-load speed of" in guess] == [
+            "no-load speed of c: 30 rad/s"
+        ]
+        unsaid = self.drive(tmp_path, self.HINGES, (20.0,) * 3)
+        assert [motor.no_load_speed_rad_s for motor in unsaid.motors.values()] == [30.0] * 3
+
+    def test_that_a_file_says_nothing_of_friction_is_told(self, tmp_path: Path) -> None:
+        told = "friction and damping of the joints: none, as the file says nothing"
+        assert told in self.drive(tmp_path, self.HINGES, (20.0,) * 3).guesses
+        said = hinge("a", friction=0.1), *self.HINGES[1:]
+        assert told not in self.drive(tmp_path, said, (20.0,) * 3).guesses
+
+    @pytest.mark.parametrize(("torque", "taken"), [(94.0, True), (95.0, False)])
+    def test_a_files_torque_is_at_most_three_times_the_weight_on_the_leg(
+        self, tmp_path: Path, torque: float, taken: bool
+    ) -> None:
+        """8 kg * 9.81 m/s^2 * 0.4 m * 3 = 94.2 N m; what the user says is not doubted."""
+        machine = rod_machine(self.HINGES)
+        source = source_of(tmp_path, {"a": 10.0, "b": torque, "c": 10.0})
+        if taken:
+            assert peak_torques(machine, source, {}, 0.4)["b"] == torque
+        else:
+            with pytest.raises(UserError, match="joint b has a peak torque of 95 N m, which is no motor's"):
+                peak_torques(machine, source, {}, 0.4)
+        assert peak_torques(machine, source, {"b": 200.0, "": 5.0}, 0.4) == {"a": 5.0, "b": 200.0, "c": 5.0}
+        bare = source_of(tmp_path, {"a": 10.0, "c": 10.0})
+        assert peak_torques(machine, bare, {"b": 200.0}, 0.4)["b"] == 200.0
+        with pytest.raises(UserError, match=r"joint b has no peak torque \(effort\)"):
+            peak_torques(machine, bare, {}, 0.4)

@@ -1,0 +1,179 @@
+"""The default pose of an imported robot."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from foreign_robots import BIPED_MJCF, ODD, hanging, on_base, read
+
+from footfall.robots.importer.build import build_machine
+from footfall.robots.importer.model_xml import model_xml
+from footfall.robots.importer.pose import LegSearch, Pose, standing_pose
+
+
+def walker(*, knee: str = "-2 -0.4", more: str = "", legs: Sequence[tuple[str, float, float]] = ()) -> str:
+    """Legs of two links of 0.2 m with balls of 0.02 m, hips at the height of the base's origin."""
+    places = legs or (("fl", 0.2, 0.1), ("fr", 0.2, -0.1), ("rl", -0.2, 0.1), ("rr", -0.2, -0.1))
+    limbs = "".join(
+        f"""<body name="{name}_thigh" pos="{x} {y} 0">
+          <joint name="{name}_roll" axis="1 0 0" range="-0.8 0.8"/>
+          <joint name="{name}_hip" axis="0 1 0" range="-2 2"/>
+          <geom type="capsule" fromto="0 0 -.03 0 0 -.15" size="0.01" mass="0.2"/>
+          <body name="{name}_shank" pos="0 0 -0.2"><joint name="{name}_knee" axis="0 1 0" range="{knee}"/>
+            <geom name="{name}_foot" size="0.02" pos="0 0 -0.2" mass="0.05"/></body></body>"""
+        for name, x, y in places
+    )
+    return on_base(limbs, more)
+
+
+class TestPose:
+    def pose(self, tmp_path: Path, text: str) -> Pose:
+        return standing_pose(build_machine(read(tmp_path, text), "m")[0])
+
+    def test_four_legs_stand_at_three_quarters_of_their_reach(self, tmp_path: Path) -> None:
+        """A knee of -2 to -0.4 rad may use 0.85 of it, to -0.52: 0.4 cos(0.26) m and the ball's radius."""
+        pose = self.pose(tmp_path, walker())
+        reach = 0.4 * np.cos(0.26) + 0.02
+        assert pose.reach_m == pytest.approx(reach, abs=5e-3)
+        assert pose.height_m == pytest.approx(0.75 * reach, abs=5e-3)
+        assert all(-1.88 <= pose.joints[f"{leg}_knee"] <= -0.52 for leg in ("fl", "fr", "rl", "rr"))
+
+    def test_the_shortest_leg_says_how_low_and_the_longest_how_far(self, tmp_path: Path) -> None:
+        """Hind shanks of 0.25 m; the same search finds the same pose to the last bit."""
+        text = walker().replace("0 0 -0.2", "0 0 -0.25")
+        for leg in ("fl", "fr"):
+            at = text.index(f'name="{leg}_foot"')
+            text = text[:at] + text[at:].replace("-0.25", "-0.2", 1)
+        text = text.replace('pos="0 0 -0.25"><joint', 'pos="0 0 -0.2"><joint')
+        pose = self.pose(tmp_path, text)
+        short, long = (np.sqrt(0.04 + b * b + 0.4 * b * np.cos(0.52)) + 0.02 for b in (0.2, 0.25))
+        assert pose.reach_m == pytest.approx(long, abs=5e-3)
+        assert pose.height_m == pytest.approx(0.75 * short, abs=5e-3)
+        assert self.pose(tmp_path, text) == pose
+
+    def test_the_height_of_a_given_pose_is_that_of_its_lowest_foot(self, tmp_path: Path) -> None:
+        machine, _ = build_machine(read(tmp_path, walker()), "m")
+        given = dict.fromkeys((each.name for each in machine.hinges), 0.0)
+        given |= {name: -1.0 for name in given if "knee" in name} | {"rr_knee": -0.5}
+        assert standing_pose(machine, given).height_m == pytest.approx(
+            0.2 + 0.2 * np.cos(0.5) + 0.02, abs=1e-6
+        )
+
+    def test_legs_may_have_unlike_numbers_of_joints(self, tmp_path: Path) -> None:
+        text = walker().replace(
+            '<joint name="rl_hip"', '<joint name="rl_yaw" axis="0 0 1" range="-1 1"/><joint name="rl_hip"'
+        )
+        pose = self.pose(tmp_path, text)
+        assert pose.height_m == pytest.approx(0.75 * (0.4 * np.cos(0.26) + 0.02), abs=5e-3)
+
+    def test_two_legs_stand_nearly_straight(self, tmp_path: Path) -> None:
+        text = walker(legs=(("l", 0.0, 0.1), ("r", 0.0, -0.1)), knee="0.4 2")
+        pose = self.pose(tmp_path, text)
+        reach = 0.4 * np.cos(0.26) + 0.02
+        assert pose.height_m == pytest.approx(0.95 * reach, abs=5e-3)
+        assert pose.knees_forward_m > 0.01
+
+    def test_knees_that_may_bend_either_way_bend_backward_on_four_legs(self, tmp_path: Path) -> None:
+        pose = self.pose(tmp_path, walker(knee="-2 2"))
+        assert pose.knees_forward_m < -0.05
+        assert all(pose.joints[f"{leg}_knee"] < -0.5 for leg in ("fl", "fr", "rl", "rr"))
+
+    def test_legs_that_are_alike_stand_alike(self, tmp_path: Path) -> None:
+        pose = self.pose(tmp_path, walker(knee="-2 2"))
+        for leg, mirrored in (("fr", -1.0), ("rl", 1.0), ("rr", -1.0)):
+            expected = [mirrored * pose.joints["fl_roll"], pose.joints["fl_hip"], pose.joints["fl_knee"]]
+            assert [pose.joints[f"{leg}_{part}"] for part in ("roll", "hip", "knee")] == pytest.approx(
+                expected, abs=1e-12
+            )
+
+    def test_feet_move_under_a_load_that_is_ahead_and_to_one_side(self, tmp_path: Path) -> None:
+        load = '<geom type="box" size="0.02 0.02 0.02" pos="0.25 0.12 0.1" mass="2"/>'
+        machine, _ = build_machine(read(tmp_path, walker(more=load)), "m")
+        pose = standing_pose(machine)
+        model = mujoco.MjModel.from_xml_string(model_xml(machine))
+        data = mujoco.MjData(model)
+        for name, angle in pose.joints.items():
+            data.joint(name).qpos = angle
+        mujoco.mj_forward(model, data)
+        feet = np.mean([data.geom(leg.geoms[0]).xpos for leg in machine.legs], axis=0)
+        np.testing.assert_allclose(data.subtree_com[1][:2], feet[:2], atol=4e-3)
+        assert data.subtree_com[1][0] - data.xpos[1][0] > 0.05
+        assert data.subtree_com[1][1] - data.xpos[1][1] > 0.02
+
+    def test_joints_of_no_leg_are_as_near_to_zero_as_they_go(self, tmp_path: Path) -> None:
+        """A waist that both legs of a biped hang on."""
+        pose = self.pose(tmp_path, ODD)
+        assert pose.joints["waist"] == pytest.approx(0.2)
+
+    def test_a_given_pose_is_kept_within_94_hundredths_of_each_range(self, tmp_path: Path) -> None:
+        machine, _ = build_machine(read(tmp_path, walker()), "m")
+        given = {each.name: 0.3 for each in machine.hinges} | {"rl_knee": -3.0, "fr_knee": -1.0}
+        pose = standing_pose(machine, given)
+        assert (pose.joints["fl_hip"], pose.joints["fr_knee"]) == pytest.approx((0.3, -1.0))
+        assert pose.joints["rl_knee"] == pytest.approx(-1.2 - 0.94 * 0.8)
+        assert pose.joints["fl_knee"] == pytest.approx(-1.2 + 0.94 * 0.8)
+
+    def searches(self, tmp_path: Path, text: str) -> tuple[mujoco.MjModel, mujoco.MjData, list[LegSearch]]:
+        machine, _ = build_machine(read(tmp_path, text), "m")
+        model = mujoco.MjModel.from_xml_string(model_xml(machine))
+        data = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, data)
+        return model, data, [LegSearch(model, data, leg) for leg in machine.legs]
+
+    @pytest.mark.parametrize(("other", "across"), [(1, -1.0), (2, 1.0), (3, -1.0)])
+    def test_a_leg_stands_like_another_or_like_its_mirror_image(
+        self, tmp_path: Path, other: int, across: float
+    ) -> None:
+        """Also where hinges count the other way, and from another angle."""
+        text = walker()
+        for name in ("fr", "rl"):
+            text = text.replace(f'"{name}_hip" axis="0 1 0"', f'"{name}_hip" axis="0 -1 0" ref="0.4"')
+        model, data, legs = self.searches(tmp_path, text)
+        angles = legs[0].zero + np.array([0.3, -0.5, -0.9])
+        data.qpos[legs[0].at], data.qpos[legs[other].at] = angles, legs[other].like(legs[0], angles)
+        mujoco.mj_kinematics(model, data)
+        first, second = (leg.foot(data) - [*leg.hip[:2], 0.0] for leg in (legs[0], legs[other]))
+        np.testing.assert_allclose(second, first * [1.0, across, 1.0], atol=1e-6)
+
+    def test_a_foot_belongs_below_where_it_is_at_zero_nearer_for_a_leg_that_is_spread(
+        self, tmp_path: Path
+    ) -> None:
+        """0.4 m long: one that reaches 0.1 m down of it is spread, and stands at 0.7 of its 0.3 m."""
+
+        def spread(name: str, y: float, down: float) -> str:
+            aside = np.sign(y) * np.sqrt(0.16 - down**2)
+            return f"""<body name="{name}" pos="0.1 {y} 0">
+              <joint name="{name}_hip" axis="0 0 1" range="-1 1"/>
+              <geom name="{name}_foot" size="0.02" pos="0 {aside} {-down}" mass="0.1"/></body>"""
+
+        _, _, legs = self.searches(tmp_path, on_base(spread("a", 0.1, 0.1), spread("b", -0.1, 0.2)))
+        aside = np.sqrt(0.16 - 0.1**2)
+        np.testing.assert_allclose(legs[0].natural_place(), [0.1, 0.1 + 0.7 * aside], atol=1e-5)
+        np.testing.assert_allclose(legs[1].natural_place(), [0.1, -0.1 - np.sqrt(0.12)], atol=1e-5)
+
+    def test_what_stands_on_three_balls_off_a_line_is_a_sole(self, tmp_path: Path) -> None:
+        def feet(*places: tuple[float, float]) -> str:
+            return "".join(f'<geom size="0.01" pos="{x} {y} -0.3" mass="0.01"/>' for x, y in places)
+
+        limbs = [
+            hanging("a_foot", 0.3, 0.01, feet((0.1, 0.0), (-0.1, 0.03), (-0.1, -0.03))),
+            hanging("b_foot", 0.0, 0.01, feet((0.1, 0.0), (0.0, 0.0), (-0.1, 0.0))),
+            hanging("c_foot", -0.3, 0.01, feet((0.1, 0.0), (-0.1, 0.03))),
+        ]
+        _, _, legs = self.searches(tmp_path, on_base(*limbs))
+        assert [leg.sole for leg in legs] == [True, False, False]
+
+    def test_a_sole_is_set_down_level_and_pointing_ahead(self, tmp_path: Path) -> None:
+        """The biped's, of six joints to a leg."""
+        machine, _ = build_machine(read(tmp_path, BIPED_MJCF), "m")
+        pose = standing_pose(machine)
+        model = mujoco.MjModel.from_xml_string(model_xml(machine))
+        data = mujoco.MjData(model)
+        for name, angle in pose.joints.items():
+            data.joint(name).qpos = angle
+        mujoco.mj_kinematics(model, data)
+        for leg in machine.legs:
+            axes = data.body(machine.links[leg.link].name).xmat.reshape(3, 3)
+            np.testing.assert_allclose(axes, np.eye(3), atol=0.03)

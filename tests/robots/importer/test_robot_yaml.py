@@ -1,0 +1,93 @@
+"""The robot.yaml of an imported robot."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import pytest
+import yaml
+from rods import hinge, rod_machine
+
+from footfall.robots.importer.machine import Leg
+from footfall.robots.importer.motors import Drive, JointMotor
+from footfall.robots.importer.pose import Pose
+from footfall.robots.importer.robot_yaml import choose_protocols, robot_yaml
+
+
+class Carries(NamedTuple):
+    """What a made-up motor's frames carry."""
+
+    torque: float
+    velocity: float = 50.0
+    kp: float = 500.0
+    kd: float = 5.0
+
+
+class TestRobotYaml:
+    def chosen(self, armature: float = 0.01, **known: Carries) -> tuple[dict[str, str], list[str]]:
+        """For a motor of 20 N m and 30 rad/s at 8 Hz, critically damped: kp 25.3, kd 1.005."""
+        machine = rod_machine([hinge("a", armature=armature)])
+        drive = Drive({"a": JointMotor(20.0, 30.0, 0.2)}, 8.0, 0.3, True, ())
+        return choose_protocols(machine, drive, known)
+
+    @pytest.mark.parametrize(
+        "lacking",
+        [Carries(19.9), Carries(20.0, velocity=29.0), Carries(20.0, kp=25.0), Carries(20.0, kd=1.0)],
+    )
+    def test_a_joint_gets_the_weakest_motor_whose_frames_carry_all_that_it_needs(
+        self, lacking: Carries
+    ) -> None:
+        chosen = self.chosen(a=Carries(90.0), b=lacking, c=Carries(25.0, kp=25.3, kd=1.01))
+        assert chosen == ({"a": "c"}, [])
+        assert self.chosen(a=lacking, b=Carries(18.0)) == ({"a": "a"}, ["a"])
+
+    def text(self, legs: int = 2, hinges: int = 9) -> list[str]:
+        names = [f"j{k}" for k in range(hinges)]
+        own = tuple(Leg(f"leg {k}", tuple(names[1 + 4 * k : 5 + 4 * k]), 1, (f"g{k}",)) for k in range(legs))
+        machine = rod_machine([hinge(name) for name in names], own)
+        motors = {name: JointMotor(20.0 + (name == "j2"), 30.0 + k, 0.25) for k, name in enumerate(names)}
+        pose = Pose(dict.fromkeys(names, 0.12346), 0.34567, 0.0, 0.5)
+        return robot_yaml(
+            machine, pose, Drive(motors, 8.0, 0.3, True, ()), dict.fromkeys(names, "AK"), []
+        ).splitlines()
+
+    def test_each_leg_has_buses_of_its_own_of_three_motors_each(self) -> None:
+        joints = [line for line in self.text() if "default_rad" in line]
+        places = [line.partition("bus: ")[2].rstrip("}") for line in joints]
+        assert places == [
+            "can0, id: 1",
+            *("can1, id: 1", "can1, id: 2", "can1, id: 3", "can2, id: 1"),
+            *("can3, id: 1", "can3, id: 2", "can3, id: 3", "can4, id: 1"),
+        ]
+        assert "default_rad: 0.1235," in joints[0]
+
+    @pytest.mark.parametrize(
+        ("legs", "commands"),
+        [
+            (2, "commands: {forward_m_s: [-0.6, 0.6], leftward_m_s: [-0.3, 0.3], yaw_rad_s: [-0.6, 0.6]}"),
+            (3, "commands: {forward_m_s: [-1.0, 1.0], leftward_m_s: [-0.5, 0.5], yaw_rad_s: [-1.0, 1.0]}"),
+        ],
+    )
+    def test_commands_are_shares_of_the_speed_at_which_legs_of_half_a_metre_fall(
+        self, legs: int, commands: str
+    ) -> None:
+        """sqrt(9.81 * 0.5) = 2.21 m/s: a quarter of it on two legs, 0.45 on more; half as much sideways."""
+        assert commands in self.text(legs, 13)
+
+    def test_height_speed_and_motors_are_written_down(self) -> None:
+        lines = self.text()
+        assert any(line.startswith("standing_height_m: 0.3457 ") for line in lines)
+        assert any(line.startswith("target_rate_rad_s: 76 ") for line in lines)  # twice the fastest
+        assert lines.count("    friction_speed_rad_s: 0.25") == 9
+        assert sum(line.startswith("    stall_torque_nm: 20") for line in lines) == 8
+
+    def test_names_that_yaml_would_take_for_something_else_are_quoted(self) -> None:
+        machine = replace(rod_machine([hinge("no"), hinge("1e3"), hinge("Off")]), name="y")
+        motors = dict.fromkeys(("no", "1e3", "Off"), JointMotor(20.0, 30.0, 0.2))
+        pose = Pose(dict.fromkeys(motors, 0.0), 0.3, 0.0, 0.5)
+        text = robot_yaml(
+            machine, pose, Drive(motors, 8.0, 0.3, True, ()), dict.fromkeys(motors, "AK"), ["told"]
+        )
+        content = yaml.safe_load(text)
+        assert content["name"] == "y"
+        assert [joint["name"] for joint in content["joints"]] == ["no", "1e3", "Off"]
+        assert text.startswith("# told\n")

@@ -1,0 +1,202 @@
+"""Primitive shapes fitted to points."""
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from footfall.robots.importer.pose import lowest_height
+from footfall.robots.importer.shapes import (
+    Kind,
+    Shape,
+    fit_along,
+    fit_shape,
+    fit_sole,
+    lowest_point,
+    quaternion_of,
+    rotation_of,
+    support,
+)
+
+
+class TestShapes:
+    TURN = Rotation.from_euler("xyz", [0.4, -0.7, 1.1]).as_matrix()
+    PLACE = np.array([0.3, -0.2, 0.5])
+
+    def cloud(self) -> np.ndarray:
+        points = np.random.default_rng(1).normal(size=(6000, 3))
+        return points / np.linalg.norm(points, axis=1, keepdims=True)
+
+    def test_a_ball(self) -> None:
+        shape, error = fit_shape(0.07 * self.cloud() + self.PLACE)
+        assert shape.kind == Kind.mjGEOM_SPHERE
+        assert shape.size[0] == pytest.approx(0.07, rel=0.01)
+        assert shape.position == pytest.approx(self.PLACE, abs=1e-3)
+        assert error < 1e-3
+
+    def test_a_slanting_rod(self) -> None:
+        points = 0.02 * self.cloud()
+        points[:, 2] += 0.1 * np.sign(points[:, 2])
+        shape, _ = fit_shape(points @ self.TURN.T + self.PLACE)
+        assert shape.kind == Kind.mjGEOM_CAPSULE
+        assert shape.size[:2] == pytest.approx([0.02, 0.1], rel=0.03)
+        assert abs(rotation_of(shape.quaternion)[:, 2] @ self.TURN[:, 2]) == pytest.approx(1.0, abs=1e-3)
+
+    def test_a_brick_along_the_links_axes(self) -> None:
+        corners = np.array([[x, y, z] for x in (0.0, 0.2) for y in (0.0, 0.3) for z in (0.0, 0.05)])
+        shape, _ = fit_shape(corners)
+        assert shape.kind == Kind.mjGEOM_BOX
+        assert shape.size == pytest.approx([0.1, 0.15, 0.025])
+        assert shape.position == pytest.approx([0.1, 0.15, 0.025])
+
+    def test_a_sole_is_as_large_as_what_lies_on_the_ground(self) -> None:
+        """Of a shoe with a wider shaft, seen from a link whose x axis points down."""
+        bottom = np.array([[0.4, y, z] for y in (-0.03, 0.05) for z in (-0.1, 0.14)])
+        shaft = np.array([[0.2, y, z] for y in (-0.2, 0.2) for z in (-0.2, 0.2)])
+        shape = fit_sole(np.concatenate([bottom, shaft]), up=np.array([-1.0, 0.0, 0.0]))
+        extent = np.abs(rotation_of(shape.quaternion)) @ shape.size
+        assert extent == pytest.approx([0.01, 0.04, 0.12])
+        assert shape.position == pytest.approx([0.39, 0.01, 0.02])
+
+
+UP = np.array([0.0, 0.0, 1.0])
+
+
+LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
+
+
+TURN = Rotation.from_euler("xyz", [0.4, -0.7, 1.1])
+
+
+PLACE = np.array([0.3, -0.2, 0.5])
+
+
+def turned(*angles: float) -> np.ndarray:
+    """Quaternion w x y z of turns about the fixed x, y and z."""
+    return Rotation.from_euler("xyz", angles).as_quat(scalar_first=True)
+
+
+def surface(kind: mujoco.mjtGeom, size: Sequence[float]) -> np.ndarray:
+    """Points all over a primitive about the origin, (k, 3)."""
+    rng = np.random.default_rng(2)
+    ball = rng.normal(size=(200_000, 3))
+    ball /= np.linalg.norm(ball, axis=1, keepdims=True)
+    match kind:
+        case Kind.mjGEOM_SPHERE:
+            return size[0] * ball
+        case Kind.mjGEOM_CAPSULE:
+            return size[0] * ball + np.outer(np.sign(ball[:, 2]) * size[1], UP)
+        case Kind.mjGEOM_CYLINDER:
+            rim = ball[:, :2] / np.linalg.norm(ball[:, :2], axis=1, keepdims=True)
+            return np.column_stack([size[0] * rim, np.sign(ball[:, 2]) * size[1]])
+        case Kind.mjGEOM_ELLIPSOID:
+            return np.array(size) * ball
+    return np.array(size) * np.sign(ball)
+
+
+@pytest.mark.parametrize(
+    ("kind", "size"),
+    [
+        (Kind.mjGEOM_SPHERE, (0.07, 0.0, 0.0)),
+        (Kind.mjGEOM_CAPSULE, (0.03, 0.1, 0.0)),
+        (Kind.mjGEOM_CYLINDER, (0.05, 0.1, 0.0)),
+        (Kind.mjGEOM_ELLIPSOID, (0.03, 0.06, 0.1)),
+        (Kind.mjGEOM_BOX, (0.03, 0.06, 0.1)),
+    ],
+)
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_shape_reaches_as_far_and_as_low_as_its_surface(
+    kind: mujoco.mjtGeom, size: tuple[float, ...], sign: float
+) -> None:
+    up = sign * np.array([0.8, 0.36, 0.48])
+    shape = Shape(kind, np.array(size), PLACE, TURN.as_quat(scalar_first=True))
+    points = TURN.apply(surface(kind, size)) + PLACE
+    assert support(shape, up) == pytest.approx(((points - PLACE) @ up).max(), abs=2e-4)
+    lowest = lowest_point(shape, up)
+    assert lowest @ up == pytest.approx((points @ up).min(), abs=2e-4)
+    np.testing.assert_allclose(lowest, points[(points @ up).argmin()], atol=3e-3)
+
+
+def test_of_what_is_nearly_level_the_middle_is_lowest() -> None:
+    """A rod and a brick that lean by 0.03 rad."""
+    up = np.array([np.sin(0.03), 0.0, np.cos(0.03)])
+    rod = Shape(Kind.mjGEOM_CAPSULE, np.array([0.02, 0.3, 0.0]), PLACE, turned(0.0, np.pi / 2, 0.0))
+    np.testing.assert_allclose(lowest_point(rod, up), PLACE - 0.02 * up, atol=1e-9)
+    brick = Shape(Kind.mjGEOM_BOX, np.array([0.3, 0.1, 0.05]), PLACE, LEVEL)
+    np.testing.assert_allclose(lowest_point(brick, up), PLACE - [0.0, 0.0, 0.05], atol=1e-9)
+
+
+def test_rotations_are_scipys() -> None:
+    np.testing.assert_allclose(rotation_of(TURN.as_quat(scalar_first=True)), TURN.as_matrix(), atol=1e-12)
+    found = quaternion_of(TURN.as_matrix())
+    np.testing.assert_allclose(Rotation.from_quat(found, scalar_first=True).as_matrix(), TURN.as_matrix())
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_a_rod_along_any_of_the_links_axes_is_a_capsule_along_it(axis: int) -> None:
+    points = surface(Kind.mjGEOM_CAPSULE, (0.02, 0.1))[:4000, np.roll([0, 1, 2], axis - 2)] + PLACE
+    shape, _ = fit_shape(points)
+    assert shape.kind == Kind.mjGEOM_CAPSULE
+    assert shape.size[:2] == pytest.approx([0.02, 0.1], rel=0.05)
+    np.testing.assert_allclose(np.abs(rotation_of(shape.quaternion)[:, 2]), np.eye(3)[axis], atol=1e-6)
+    np.testing.assert_allclose(shape.position, PLACE, atol=2e-3)
+
+
+def test_a_brick_askew_is_boxed_along_its_own_axes() -> None:
+    shape, _ = fit_shape(TURN.apply(surface(Kind.mjGEOM_BOX, (0.05, 0.1, 0.2))[:500]) + PLACE)
+    assert shape.kind == Kind.mjGEOM_BOX
+    assert sorted(shape.size) == pytest.approx([0.05, 0.1, 0.2], rel=0.02)
+    np.testing.assert_allclose(shape.position, PLACE, atol=1e-3)
+
+
+def test_a_sole_points_where_the_links_x_axis_does() -> None:
+    """0.2 by 0.08 m, on an ankle that leans a little both ways."""
+    frame = Rotation.from_euler("XY", [0.1, 0.3])
+    corners = np.array([[x, y, 0.0] for x in (-0.05, 0.15) for y in (-0.04, 0.04)])
+    shape = fit_sole(frame.apply(corners) + PLACE, frame.apply(UP))
+    assert shape.size == pytest.approx([0.1, 0.04, 0.01])
+    np.testing.assert_allclose(shape.position, frame.apply([0.05, 0.0, 0.01]) + PLACE, atol=1e-9)
+
+
+def test_a_turned_ellipsoid_is_as_low_as_its_surface() -> None:
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><geom type="ellipsoid" size="0.03 0.06 0.1" pos="0 0 1" euler="40 20 0"/>'
+        "</worldbody></mujoco>"
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    points = surface(Kind.mjGEOM_ELLIPSOID, (0.03, 0.06, 0.1)) @ data.geom_xmat[0].reshape(3, 3).T
+    assert lowest_height(model, data, 0) == pytest.approx(1.0 + points[:, 2].min(), abs=1e-4)
+
+
+UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
+
+
+class TestFitAlong:
+    def ball(self, radius: float, z: float) -> Shape:
+        return Shape(Kind.mjGEOM_SPHERE, np.array([radius, 0.0, 0.0]), np.array([0.0, 0.0, z]), UPRIGHT)
+
+    def test_a_rod_is_itself_in_any_direction(self) -> None:
+        turn = np.array([0.8, 0.1, -0.5, 0.3]) / np.linalg.norm([0.8, 0.1, -0.5, 0.3])
+        rod = Shape(Kind.mjGEOM_CAPSULE, np.array([0.01, 0.1, 0.0]), np.array([0.02, 0.03, 0.04]), turn)
+        axis = rotation_of(turn)[:, 2]
+        for direction in (axis, -3.0 * axis):
+            found = fit_along([rod], direction)
+            assert found.kind == Kind.mjGEOM_CAPSULE
+            assert found.size == pytest.approx([0.01, 0.1, 0.0], abs=1e-6)
+            assert found.position == pytest.approx(rod.position, abs=1e-6)
+            assert abs(rotation_of(found.quaternion)[:, 2] @ axis) == pytest.approx(1.0)
+
+    def test_a_rod_with_a_ball_at_its_end_is_as_thick_as_their_mean(self) -> None:
+        rod = Shape(Kind.mjGEOM_CAPSULE, np.array([0.01, 0.1, 0.0]), np.zeros(3), UPRIGHT)
+        found = fit_along([rod, self.ball(0.02, -0.1)], np.array([0.0, 0.0, 1.0]))
+        assert found.size[0] == pytest.approx(0.015, abs=1e-3)
+        assert found.size[1] == pytest.approx(0.1, abs=2e-3)
+
+    def test_a_ball_or_no_direction_gives_a_sphere(self) -> None:
+        for direction in (np.array([1.0, 0.0, 0.0]), np.zeros(3)):
+            found = fit_along([self.ball(0.03, 0.2)], direction)
+            assert found.kind == Kind.mjGEOM_SPHERE
+            assert found.size[0] == pytest.approx(0.03)
