@@ -30,7 +30,7 @@ class LegLimits:
 class Slope(BodyCheck):
     """Angle between the plane of the standing feet and the IMU's level, rad; 0 if none stand still."""
 
-    looks_at = "the IMU's level against the plane of the feet that stand: an IMU or a leg's encoders are off"
+    looks_at = "the IMU's level against the plane of the standing feet: the IMU or a leg's encoders are off"
     message = "the IMU: the base is tilted by {0:.2f} rad other than the legs that stand say"
     limit = Limit("slope_rad")
 
@@ -41,7 +41,7 @@ class Slope(BodyCheck):
 class LegTurn(BodyCheck):
     """Turn of the base since these feet stand, by the IMU other than by the legs, rad; 0 likewise."""
 
-    looks_at = "the base's turn by the IMU against that by the legs that stand, whatever the slope"
+    looks_at = "the base's turn by the IMU against that by the standing legs, whatever the slope"
     message = "the IMU: the base turned by {0:.2f} rad other than the legs that stand say"
     limit = Limit("leg_turn_rad")
 
@@ -52,7 +52,7 @@ class LegTurn(BodyCheck):
 class Sunk(BodyCheck):
     """Share of the base's clearance that is gone."""
 
-    looks_at = "the base's clearance that is gone, by legs and IMU: it goes down without tipping over"
+    looks_at = "the share of the base's clearance that is gone: the robot sinks without tipping over"
     message = "the base has sunk: {0:.0%} of its clearance is gone"
     limit = Limit("sunk")
     leads_to = Mode.FALLING

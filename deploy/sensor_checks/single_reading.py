@@ -71,7 +71,7 @@ class Torque(JointCheck):
 class Temperature(JointCheck):
     """Temperature of a motor, degrees Celsius; 0 if it is below or not reported."""
 
-    looks_at = "a motor's temperature, where it tells"
+    looks_at = "a motor's temperature, where the motor reports it"
     message = "the motor is at {0:.0f} degrees Celsius"
     limit = Limit(motor="temperature_limit_c")
     single_reading = True
@@ -83,7 +83,7 @@ class Temperature(JointCheck):
 class Voltage(JointCheck):
     """How far a motor's supply is outside its range, V; 0 if it is not reported."""
 
-    looks_at = "a motor's voltage beyond `voltage_v` in robot.yaml, where it tells"
+    looks_at = "a motor's voltage beyond `voltage_v` in robot.yaml, where the motor reports it"
     message = "the motor's supply is {0:.1f} V outside its range"
     limit = Limit("voltage_v")
     single_reading = True

@@ -83,7 +83,7 @@ class Opposing(JointCheck):
     A motor that is late still follows an older target: what the target's lead makes of stiffness is left out.
     """
 
-    looks_at = "how much of its torque a motor pulls the other way"
+    looks_at = "the share of its torque that a motor pulls the other way"
     message = "the motor pulls the other way by {0:.0%} of the torque that was commanded"
     limit = Limit("opposing")
 
@@ -115,9 +115,7 @@ class TorqueStuck(JointCheck):
     whose command stays: no more counts than report and command differ.
     """
 
-    looks_at = (
-        "how far the torque that is asked of a motor moves while it repeats one report: stuck, or rebooted"
-    )
+    looks_at = "the change of the expected torque while a motor repeats one report: stuck, or rebooted"
     message = (
         "the motor repeats one torque, as one that has rebooted, while what is asked of it moved by {0:.0%}"
     )
@@ -150,7 +148,7 @@ class ReplyRepeated(JointCheck):
     the window before.
     """
 
-    looks_at = "how far a target moves while its motor repeats one reply"
+    looks_at = "the travel of a target while its motor repeats one reply"
     message = "it repeats one reading while its target moved by {0:.2f} rad"
     limit = Limit("repeated_rad")
 

@@ -39,7 +39,9 @@ class Drift(JointCheck):
     as late as the oldest was older than the youngest.
     """
 
-    looks_at = "a joint's way by its position against that by its velocity: stuck, jumping, swapped encoders"
+    looks_at = (
+        "a joint's travel by its position against that by its velocity: its encoder jumps or is swapped"
+    )
     message = "its position changed by {0:.2f} rad other than its velocity says"
     limit = Limit("drift_rad")
 
@@ -84,7 +86,7 @@ class _SignedTravel(JointCheck):
 class Wander(_SignedTravel):
     """The signed error of an encoder that drifts."""
 
-    looks_at = "the same on the whole: an encoder that drifts"
+    looks_at = "the same with its sign: an encoder that drifts"
     message = "its position has wandered by {0:.2f} rad other than its velocity says"
     limit = Limit("wander_rad")
 
