@@ -31,9 +31,10 @@ class WireFaults:
 class FaultyWires:
     """Draws faults, and counts errors at the controller's interfaces."""
 
-    def __init__(self, faults: WireFaults, wires: int) -> None:
+    def __init__(self, faults: WireFaults, wires: int, random: np.random.Generator | None = None) -> None:
+        """Draws come from `random`, or from the faults' seed."""
         self._faults = faults
-        self._random = np.random.default_rng(faults.seed)
+        self._random = random or np.random.default_rng(faults.seed)
         self.transmit_errors = np.zeros(wires, np.int64)  # error counters of the controller's interfaces
 
     def working(self, channel: np.ndarray) -> np.ndarray:

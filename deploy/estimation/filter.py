@@ -32,7 +32,7 @@ class MotionFilter:
 
     def reset(self) -> None:
         """Begin at rest, with a place of zero."""
-        self.place = self.velocity = self._bias = [0.0, 0.0, 0.0]
+        self.place = self.velocity = self.bias = [0.0, 0.0, 0.0]
         self._surprise = [0.0, 0.0, 0.0]
         self._last: tuple[float, ...] | None = None  # last reading, and its acceleration in the world
         self.pp = self.pv = self.pb = self.vb = 0.0
@@ -54,7 +54,7 @@ class MotionFilter:
             dt_s: time between the two readings.
         """
         config = self._config
-        (fx, fy, fz), (bx, by, bz) = force, self._bias
+        (fx, fy, fz), (bx, by, bz) = force, self.bias
         sx, sy, sz = fx - bx, fy - by, fz - bz
         ax, ay, az = [row_x * sx + row_y * sy + row_z * sz for row_x, row_y, row_z in rotation]
         az -= GRAVITY_M_S2
@@ -112,10 +112,10 @@ class MotionFilter:
         kp, kv, kb = self.pv / variance, self.vv / variance, self.vb / variance
         x, y, z = innovation
         (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation
-        (px, py, pz), (vx, vy, vz), (bx, by, bz) = self.place, self.velocity, self._bias
+        (px, py, pz), (vx, vy, vz), (bx, by, bz) = self.place, self.velocity, self.bias
         self.place = [px + kp * x, py + kp * y, pz + kp * z]
         self.velocity = [vx + kv * x, vy + kv * y, vz + kv * z]
-        self._bias = [  # in the body's axes
+        self.bias = [  # in the body's axes
             bx + kb * (xx * x + yx * y + zx * z),
             by + kb * (xy * x + yy * y + zy * z),
             bz + kb * (xz * x + yz * y + zz * z),

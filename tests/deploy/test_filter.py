@@ -35,7 +35,7 @@ def coupled(config: FilterConfig = TRUSTING, seed: int = 3) -> MotionFilter:
     root = 0.02 * rng.standard_normal((3, 3))
     cov = root @ root.T + 1e-5 * np.eye(3)
     motion.pp, motion.pv, motion.pb, motion.vv, motion.vb, motion.bb = cov[np.triu_indices(3)].tolist()
-    motion.place, motion.velocity, motion._bias = rng.standard_normal((3, 3)).tolist()
+    motion.place, motion.velocity, motion.bias = rng.standard_normal((3, 3)).tolist()
     return motion
 
 
@@ -44,7 +44,7 @@ class TestFilter:
         """F P F' + Q with p' = p + v dt, v' = v + (a - b) dt; a is the mean of two readings'."""
         config, dt_s, turn = TRUSTING, 0.003, about("x", 0.3)
         motion = coupled()
-        place, velocity, bias = (np.array(x) for x in (motion.place, motion.velocity, motion._bias))
+        place, velocity, bias = (np.array(x) for x in (motion.place, motion.velocity, motion.bias))
         forces = np.array([[1.0, -2.0, 11.0], [1.5, -2.5, 10.0]])
         motion.predict(forces[0].tolist(), turn.tolist(), 0.0)
         before = matrix(motion)
@@ -62,7 +62,7 @@ class TestFilter:
     def test_correction_is_the_textbooks(self) -> None:
         """Each leg measures v, with a noise that grows as its contact falls."""
         config, motion = TRUSTING, coupled()
-        state = np.array([motion.place, motion.velocity, motion._bias])
+        state = np.array([motion.place, motion.velocity, motion.bias])
         covariance = matrix(motion)
         velocities = np.random.default_rng(5).standard_normal((4, 3))
         contact = np.array([1.0, 0.6, 0.0, 0.3])
@@ -74,17 +74,17 @@ class TestFilter:
         noise = np.diag((config.leg_velocity_noise * factor) ** 2)
         gain = covariance @ measures.T @ np.linalg.inv(measures @ covariance @ measures.T + noise)
         expected = state + gain @ (velocities - measures @ state)
-        np.testing.assert_allclose([motion.place, motion.velocity, motion._bias], expected, rtol=1e-9)
+        np.testing.assert_allclose([motion.place, motion.velocity, motion.bias], expected, rtol=1e-9)
         np.testing.assert_allclose(matrix(motion), (np.eye(3) - gain @ measures) @ covariance, rtol=1e-7)
 
     def test_the_bias_is_the_bodys(self) -> None:
         """It takes what the legs say in the body's axes, however the robot is turned: R' e, by scipy."""
         for seed, turn in enumerate(Rotation.random(4, random_state=1)):
             motion, error = coupled(seed=seed), np.array([0.1, -0.2, 0.3])
-            bias, seen = np.array(motion._bias), np.array(motion.velocity) + error
+            bias, seen = np.array(motion.bias), np.array(motion.velocity) + error
             share = motion.vb / (motion.vv + TRUSTING.leg_velocity_noise**2)
             motion.correct([seen.tolist()], [1.0], turn.as_matrix().tolist(), 0.002)
-            np.testing.assert_allclose(motion._bias, bias + share * turn.inv().apply(error), rtol=1e-9)
+            np.testing.assert_allclose(motion.bias, bias + share * turn.inv().apply(error), rtol=1e-9)
 
     @settings(max_examples=100, deadline=None)
     @given(st.integers(0, 10**6))
@@ -161,5 +161,5 @@ class TestFilter:
         for _ in range(5000):
             motion.predict([0.2, 0.0, 9.81], LEVEL, 0.002)
             motion.correct([[0.0, 0.0, 0.0]], [1.0], LEVEL, 0.002)
-        np.testing.assert_allclose(motion._bias, [0.2, 0.0, 0.0], atol=0.01)
+        np.testing.assert_allclose(motion.bias, [0.2, 0.0, 0.0], atol=0.01)
         np.testing.assert_allclose(motion.velocity, 0.0, atol=1e-3)
