@@ -69,6 +69,11 @@ def find_gait(name: str, robot: Robot) -> GaitPattern:
     return GaitPattern(entry.duty, phase)
 
 
+def gait_names() -> list[str]:
+    """Names of all gaits, as `gaits.yaml` lists them."""
+    return list(dict.fromkeys(name for gaits in _file().values() for name in gaits))
+
+
 def gaits_of(robot: Robot) -> list[str]:
     """Names of the gaits for as many feet on each side as a robot has, as `gaits.yaml` lists them."""
     feet = tuple(map(len, _sides(robot)))

@@ -13,6 +13,7 @@ from footfall.policies.controllers.settings import (
     configured_controllers,
     controller_settings,
 )
+from footfall.policies.gaits import gait_names
 from footfall.policies.own import load_own
 from footfall.policies.policy import Policy
 from footfall.policies.spec import read_changes, self_contained, short_name, split_spec
@@ -25,7 +26,7 @@ _HERE = "footfall.policies.controllers"
 
 
 class Controller(NamedTuple):
-    """Where a hand-written controller is found. Its module is imported when it is asked for, not before."""
+    """Place of a hand-written controller. Its module is imported when the controller is built."""
 
     place: str  # module:class, which is built from a robot and its settings
     settings: str  # module:dataclass
@@ -35,7 +36,7 @@ class Controller(NamedTuple):
 
 
 def _gait(name: str) -> Controller:
-    """The gait generator, which begins with this gait."""
+    """The gait generator with this gait."""
     about = f"the gait generator's {name}: feet by clock and inverse kinematics"
     return Controller(
         f"{_HERE}.walk:Walk", f"{_HERE}.walk.config:WalkConfig", about, walks=True, arguments=(name,)
@@ -49,7 +50,6 @@ CONTROLLERS = {
         "stands in the default pose, levelled by the IMU",
         walks=False,
     ),
-    "trot": _gait("trot"),
     "mpc": Controller(
         f"{_HERE}.mpc:Mpc",
         f"{_HERE}.mpc.config:MpcConfig",
@@ -71,12 +71,12 @@ CONTROLLERS = {
         f"{_HERE}.step.config:StepConfig",
         "walks on two legs: planned footsteps, whole-body control",
     ),
-    **{name: _gait(name) for name in ("walk", "pace", "bound", "gallop", "tripod", "ripple", "wave")},
+    **{name: _gait(name) for name in gait_names()},
 }
 
 
 def controllers_of(robot: Robot) -> list[str]:
-    """Hand-written controllers that a robot has settings for.
+    """Hand-written controllers that a robot has settings for, as its file lists them.
 
     Raises:
         UserError: the robot's settings are no YAML, or for a controller that does not exist.
@@ -86,16 +86,16 @@ def controllers_of(robot: Robot) -> list[str]:
         if name not in CONTROLLERS:
             path = robot.folder / SETTINGS_FILE
             raise UserError(f"{path}: no controller '{name}': there are {', '.join(CONTROLLERS)}")
-    return [name for name in CONTROLLERS if name in configured]
+    return list(configured)
 
 
 def walking_controllers(robot: Robot) -> list[str]:
-    """Those of `controllers_of` that follow a commanded velocity."""
+    """The controllers of a robot that follow a commanded velocity."""
     return [name for name in controllers_of(robot) if CONTROLLERS[name].walks]
 
 
 def first_of_each_kind(names: Iterable[str]) -> list[str]:
-    """Of hand-written controllers one of each kind: of the generator's gaits the first alone."""
+    """One hand-written controller of each kind: of the gait generator's, the first."""
     found: dict[str, str] = {}
     for name in names:
         found.setdefault(CONTROLLERS[name].place, name)
@@ -153,7 +153,7 @@ def load_settings(spec: str, robot: Robot) -> Any:
 
 
 def lasting_spec(spec: str) -> str:
-    """A spec that means the same in another folder, and a controller's also when a file has changed.
+    """A spec that means the same in another folder; a controller's, also after its file has changed.
 
     Raises:
         UserError: a file of settings cannot be read.

@@ -10,16 +10,8 @@ import pytest
 from footfall.policies.controllers.gait import GaitTiming
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.walk.config import LimitsConfig, WalkConfig
-from footfall.policies.controllers.walk.feet import (
-    Foot,
-    FootCycle,
-    Footing,
-    blend,
-    lift,
-    rolling_of,
-    stances,
-    steady_cycle,
-)
+from footfall.policies.controllers.walk.feet import FootCycle, stances, steady_cycle
+from footfall.policies.controllers.walk.foot import Foot, Footing, blend, lift, rolling_of
 from footfall.policies.controllers.walk.limits import Pace, SteadyWalk, WalkLimits
 from footfall.policies.controllers.walk.sway import SwayPlan
 from footfall.robots.description import load_robot

@@ -13,7 +13,8 @@ from footfall.policies.controllers.gait import GaitConfig, GaitTiming
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.walk import Walk
 from footfall.policies.controllers.walk.config import StepConfig, WalkConfig
-from footfall.policies.controllers.walk.feet import FootCycle, Footing
+from footfall.policies.controllers.walk.feet import FootCycle
+from footfall.policies.controllers.walk.foot import Footing
 from footfall.policies.gaits import find_gait
 from footfall.policies.policy import PolicyInput, Sensed
 from footfall.policies.registry import load_policy

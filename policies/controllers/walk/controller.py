@@ -10,7 +10,8 @@ from footfall.policies.controllers.gait import GaitConfig, contact_trust
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.stance import level_feet, nominal_feet, tilt_correction
 from footfall.policies.controllers.walk.config import StepConfig, WalkConfig
-from footfall.policies.controllers.walk.feet import FootCycle, Footing, rolling_of
+from footfall.policies.controllers.walk.feet import FootCycle
+from footfall.policies.controllers.walk.foot import Footing, rolling_of
 from footfall.policies.controllers.walk.ground import GroundForce
 from footfall.policies.controllers.walk.limits import Pace, SteadyWalk, WalkLimits
 from footfall.policies.controllers.walk.sway import Sway, SwayPlan, plan_sway

@@ -6,7 +6,8 @@ import numpy as np
 
 from footfall.policies.controllers.gait import GaitTiming
 from footfall.policies.controllers.walk.config import LimitsConfig
-from footfall.policies.controllers.walk.feet import Footing, stances, steady_cycle
+from footfall.policies.controllers.walk.feet import stances, steady_cycle
+from footfall.policies.controllers.walk.foot import Footing
 from footfall.policies.controllers.walk.sway import SwayPlan, sine_at
 from footfall.robots.description import Robot
 from footfall.robots.support import support_margin
