@@ -1,7 +1,6 @@
 """One foot in the course of a gait, and how the body passes over feet that stand."""
 
 import math
-from collections.abc import Sequence
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -25,7 +24,7 @@ def lift(s: float) -> float:
     return 0.5 * (1.0 - math.cos(2.0 * math.pi * s))
 
 
-def passing(rolling: Any, velocity: Sequence[float], x: Any, y: Any) -> tuple[Any, Any]:
+def passing(rolling: Any, velocity: Any, x: Any, y: Any) -> tuple[Any, Any]:
     """Velocity (x, y) of the body over tips at x, y, m/s: `rolling` times (v + yaw rate x place).
 
     For one foot in floats, `rolling` as nested lists (2, 2), or for arrays of feet, `rolling` (feet, 2, 2).
