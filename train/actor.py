@@ -1,4 +1,4 @@
-"""A trained actor, whichever trainer made it: what an export needs to know."""
+"""A trained actor, as any trainer hands it to the export."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -12,7 +12,7 @@ class Actor(NamedTuple):
     """A normaliser and an ELU network. Arrays are float32."""
 
     trainer: str
-    mean: np.ndarray  # (observation,) subtracted from an observation
-    scale: np.ndarray  # (observation,) divides what is left
+    mean: np.ndarray  # (observation,) subtracted from the observation
+    scale: np.ndarray  # (observation,) divides the difference
     layers: tuple[tuple[np.ndarray, np.ndarray], ...]  # kernel (inputs, outputs) and bias, in order
     act: Callable[[np.ndarray], np.ndarray]  # the trainer's own network: (k, observation) to means (k, n)

@@ -111,9 +111,11 @@ def _make_run(request: TrainRequest) -> Path:
 
 
 def resume(folder: Path, display: Display | None = None) -> Path:
-    """Continue a run that was stopped, killed or only begun, from its last checkpoint; returns the folder.
+    """Train a run from its last checkpoint, or from its start if there is none; returns the folder.
 
-    `display` is told how it goes (default: the user, on the terminal).
+    Args:
+        folder: the run folder.
+        display: shows the progress (default: on the terminal).
 
     Raises:
         UserError: there is no such run, another process trains it, its robot changed, or a checkpoint is

@@ -1,6 +1,6 @@
 """Training over several hosts: processes that JAX joins into one machine of many devices.
 
-Every process computes the same iterations; process 0 is the main one: it alone writes, shows, and decides
+Every process computes the same iterations. Only process 0, the main process, writes, shows, and decides
 when to stop and when to save a checkpoint. Without a cluster there is one process, the main one.
 """
 
@@ -16,15 +16,15 @@ from footfall.common.errors import UserError
 
 
 def join(coordinator: str, processes: int | None = None, process: int | None = None) -> None:
-    """Wait until all processes are there; must come before anything else of JAX.
+    """Wait until all processes are there; must be called before any other function of JAX.
 
     Args:
-        coordinator: HOST:PORT of process 0, or "auto": what Slurm, MPI or Kubernetes says.
-        processes: how many there are; not with "auto".
-        process: which of them this is, from 0; not with "auto".
+        coordinator: HOST:PORT of process 0, or "auto" under Slurm, MPI or Kubernetes.
+        processes: number of processes; not with "auto".
+        process: index of this process, from 0; not with "auto".
 
     Raises:
-        UserError: the cluster cannot be made of what was given.
+        UserError: the processes cannot be joined.
     """
     try:
         if coordinator == "auto":
@@ -36,7 +36,7 @@ def join(coordinator: str, processes: int | None = None, process: int | None = N
 
 
 def devices() -> list[jax.Device]:
-    """The devices of all processes; whoever asks first starts JAX's back end.
+    """The devices of all processes; the first call starts JAX's back end.
 
     Raises:
         UserError: it cannot start, as after a GPU was lost.
@@ -52,25 +52,25 @@ def _first_line(error: Exception) -> str:
 
 
 def processes() -> int:
-    """How many processes train together; raises as `devices`."""
+    """Number of processes that train together; raises as `devices`."""
     devices()
     return jax.process_count()
 
 
 def is_main_process() -> bool:
-    """Whether this is process 0, the one that writes; raises as `devices`."""
+    """Whether this is process 0, which writes; raises as `devices`."""
     devices()
     return jax.process_index() == 0
 
 
 @contextmanager
 def all_or_none() -> Iterator[None]:
-    """A step that every process takes, which ends the training in all of them if it fails in one.
+    """A step of every process; if it fails in one, the training ends in all of them.
 
-    Otherwise the others would wait for the one that failed.
+    Otherwise the others would wait for the failed process.
 
     Raises:
-        UserError: it failed in another process, whose own error says why.
+        UserError: it failed in another process, which reports the reason.
     """
     try:
         yield
@@ -83,7 +83,7 @@ def all_or_none() -> Iterator[None]:
 
 
 def _which_failed(this: bool) -> list[int]:
-    """The processes that failed, in each of them."""
+    """Indices of the processes that failed, the same list in every process."""
     if processes() == 1:
         return []
     failed = multihost_utils.process_allgather(np.array(this))
@@ -99,7 +99,7 @@ def broadcast(*values: int) -> tuple[int, ...]:
 
 
 def gather(tree: Any) -> Any:
-    """Whole arrays on the host, in every process; all must ask for them."""
+    """Whole arrays on the host, in every process; every process must call it."""
     if processes() == 1:
         return jax.device_get(tree)
     return multihost_utils.process_allgather(tree, tiled=True)

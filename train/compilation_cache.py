@@ -1,4 +1,4 @@
-"""JAX's cache of compiled programs, while nobody else can have written it."""
+"""JAX's cache of compiled programs, used only if no other user can write to it."""
 
 import jax
 from jax.experimental.compilation_cache.compilation_cache import reset_cache
@@ -6,16 +6,16 @@ from jax.experimental.compilation_cache.compilation_cache import reset_cache
 from footfall.common.cache import compilation_cache
 from footfall.common.private_files import NotPrivateError, make_private_folder
 
-LEAST_COMPILE_S = 1.0  # what compiles in less is not kept
+LEAST_COMPILE_S = 1.0  # programs that compile faster are not kept
 
 
 def use_compilation_cache() -> str:
-    """Compile once per machine: keep compiled programs where the user's caches are.
+    """Keep compiled programs in the user's cache folder, so that a machine compiles each once.
 
-    JAX runs what it finds there, so nobody else may have written it. Call it before anything is compiled.
+    JAX runs the code in the cache, so no other user may write to it. Call this before anything is compiled.
 
     Returns:
-        why there is no cache, one line; empty if there is one.
+        One line with the reason if there is no cache; otherwise empty.
     """
     folder, reason = compilation_cache(), ""
     try:
@@ -28,5 +28,5 @@ def use_compilation_cache() -> str:
     jax.config.update("jax_persistent_cache_min_compile_time_secs", LEAST_COMPILE_S)
     if not reason:
         return ""
-    reset_cache()  # JAX keeps to the folder that it began with
+    reset_cache()  # JAX would keep using its first folder
     return f"{reason}: no compiled programs are taken from there, compiling afresh"

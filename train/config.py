@@ -88,7 +88,7 @@ class TrainConfig:
     ppo: PpoConfig
     env: EnvConfig
     checkpoint_interval_s: float = 30.0  # of the wall clock; 0 for every iteration
-    diverged_limit: float = 0.01  # share of control steps whose simulation may diverge, before training stops
+    diverged_limit: float = 0.01  # share of control steps whose simulation may diverge before training stops
 
     def __post_init__(self) -> None:
         require_not_negative(self, "checkpoint_interval_s")
@@ -106,7 +106,7 @@ def load_preset(name_or_file: str, robot: Robot | None = None) -> TrainConfig:
 
     Args:
         name_or_file: a name, or a path.
-        robot: whose own ranges of what a preset randomises, and then its `training.yaml`, replace settings
+        robot: its own ranges of randomised quantities, and then its `training.yaml`, replace settings
             of the presets that ship with footfall. A file without `base` is taken as it is.
 
     Raises:
@@ -162,7 +162,7 @@ def train_config(settings: Any, source: str) -> TrainConfig:
 
 
 def _with_own_ranges(preset: dict[str, Any], robot: Robot) -> dict[str, Any]:
-    """A preset that draws what it randomises from the robot's own ranges."""
+    """The preset with the robot's own ranges for the quantities that it randomises."""
     randomised = preset["env"].get("randomisation", {})
     own = {name: unstructure(range_) for name, range_ in own_ranges(robot).items() if name in randomised}
     return merged(preset, {"env": {"randomisation": own}})

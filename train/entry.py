@@ -1,4 +1,4 @@
-"""The way to the learning libraries, which may not be installed."""
+"""Imports of the learning libraries, which may not be installed."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -21,10 +21,10 @@ def learning_libraries() -> Iterator[None]:
 
 
 def start_device() -> None:
-    """Begin to start the device that JAX will use, beside what comes next: a GPU takes seconds.
+    """Start JAX's device in the background: a GPU takes seconds.
 
-    Whoever asks for the device then waits for it, and hears why it cannot be had. Not for a process of a
-    cluster, which has to join that first.
+    The first use of the device waits for it, and raises if it cannot start. Not for a process of a cluster,
+    which must join the cluster first.
     """
     with collector_paused(), suppress(ModuleNotFoundError):  # which `learning_libraries` reports
         import jax.numpy

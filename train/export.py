@@ -58,8 +58,7 @@ def export(actor: Actor, contract: Contract, logged: np.ndarray, path: Path) -> 
     """Write `path` if, and only if, ONNX Runtime agrees with the trainer's network.
 
     Args:
-        logged: observations that the actor saw in training, (k, observation); as many random ones are
-            drawn around them.
+        logged: observations of the training, (k, observation); random ones around the actor's mean are added.
 
     Returns:
         The worst absolute difference of an action.

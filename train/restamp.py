@@ -1,8 +1,8 @@
 """Give a policy the robot's digest of today: `python -m footfall.train.restamp FOLDER`.
 
-For one case only: the way in which a digest is worked out has changed (robots/digest.py), the robot has not.
-After any other change the old policy is unfit and has to be trained anew. All else of the contract must still
-fit; the network is left as it is, and the folder's run.yaml is restamped too. Say so in the policy's card.
+For one case only: the computation of the digest has changed (robots/digest.py), the robot has not. After any
+other change the policy must be trained anew. The rest of the contract must still fit. The network stays as it
+is; the folder's run.yaml is restamped too. Record the restamping in the policy's card.
 """
 
 import sys

@@ -1,6 +1,7 @@
 """What `train/test_devices.py` runs in a process of its own, on a machine of two (host) devices."""
 
 import json
+from functools import cache
 from typing import Any
 
 import jax
@@ -8,9 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from brax.training.types import Transition
 from jax.sharding import PartitionSpec
+from number_environment import NumberEnvironment
 
-from footfall.envs.velocity import VelocityEnv
-from footfall.robots.description import load_robot
 from footfall.train.brax.devices import DIVIDED, device_mesh, place, shardings
 from footfall.train.brax.networks import make_networks
 from footfall.train.brax.ppo import Ppo
@@ -18,7 +18,7 @@ from footfall.train.brax.state import STATE_SPECS, initial_state
 from footfall.train.config import load_preset
 
 CONFIG = load_preset("smoke")
-ENV = VelocityEnv(load_robot("go1"), CONFIG.env)
+ENV: Any = NumberEnvironment(CONFIG.ppo.num_envs)
 NETWORKS = make_networks(ENV.observation_sizes, ENV.action_size, CONFIG.ppo)
 MESH = device_mesh(CONFIG.ppo)
 UNROLL, ENVIRONMENTS = 4, 16  # of one device
@@ -52,8 +52,9 @@ def side_by_side(one: Data, other: Data) -> Data:
     return transitions, jax.tree.map(lambda a, b: jnp.concatenate([a, b], 0), one[1], other[1])
 
 
-def learnt(state: Any, data: Data, devices: int) -> list[Any]:
-    """The actor that each device ends up with."""
+@cache
+def learner(devices: int) -> Any:
+    """The compiled update on so many devices; it gives the actor of each."""
     ppo = Ppo(NETWORKS, CONFIG.ppo, devices)
 
     def actor(*arguments: Any) -> Any:
@@ -62,7 +63,12 @@ def learnt(state: Any, data: Data, devices: int) -> list[Any]:
     if devices > 1:
         specs = (STATE_SPECS, PartitionSpec(None, *DIVIDED), DIVIDED)
         actor = jax.shard_map(actor, mesh=MESH, in_specs=specs, out_specs=DIVIDED, check_vma=False)
-    actors = jax.device_get(jax.jit(actor)(state, *data))
+    return jax.jit(actor)
+
+
+def learnt(state: Any, data: Data, devices: int) -> list[Any]:
+    """The actor that each device ends up with."""
+    actors = jax.device_get(learner(devices)(state, *data))
     return [jax.tree.map(lambda x, i=i: x[i], actors) for i in range(devices)]
 
 

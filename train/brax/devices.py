@@ -1,4 +1,4 @@
-"""Data-parallel training: environments are divided among all devices, everything else is on each of them."""
+"""Data-parallel training: each device has a share of the environments, and a copy of everything else."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -17,11 +17,11 @@ AXIS = "devices"
 EACH = PartitionSpec()  # the same on each device
 DIVIDED = PartitionSpec(AXIS)  # along the first dimension
 GPU_OPTIONS: dict[str, str | bool] = {
-    # Kernels that need not wait for each other run beside each other: small batches do not fill a GPU.
+    # Independent kernels run at the same time: small batches do not fill a GPU.
     "xla_gpu_command_buffer_scheduling_mode": "CONCURRENT",
-    # Choosing among Triton's matrix products takes a quarter of the compilation and gains next to nothing.
+    # Choosing among Triton's matrix products takes a quarter of the compilation and gains almost no speed.
     "xla_gpu_enable_triton_gemm": False,
-    # Sums in one order each, so that a seed gives the same bits again; it costs nothing measurable.
+    # Every sum has one order, so that a seed gives the same bits again. The cost is not measurable.
     "xla_gpu_exclude_nondeterministic_ops": True,
 }  # figures in docs/results.md
 
@@ -40,14 +40,14 @@ def device_mesh(config: PpoConfig, count: int | None = None) -> Mesh:
 
 
 def compiler_options(mesh: Mesh) -> dict[str, str | bool] | None:
-    """What XLA is told besides its defaults when it compiles for these devices."""
+    """XLA's options for these devices; None: its defaults."""
     return GPU_OPTIONS if _on_gpus(mesh) else None
 
 
 def worth_keeping(mesh: Mesh) -> bool:
-    """Whether a program compiled for these devices is worth being kept as a whole.
+    """Whether to keep a compiled program of these devices as a whole, which saves tracing it.
 
-    On a processor, tracing is a small part of a training; and a home may be shared by unlike processors.
+    On a processor, tracing is a small part of a training, and unlike processors may share a home folder.
     """
     return mesh.size == 1 and _on_gpus(mesh)
 
@@ -64,7 +64,7 @@ def shardings(specs: Any, mesh: Mesh) -> Any:
 
 
 def place(tree: Any, where: Any) -> Any:
-    """Put host arrays, the same in every process, where they belong.
+    """Put host arrays, which are the same in every process, on the devices.
 
     Args:
         tree: of arrays.
@@ -78,7 +78,7 @@ def place(tree: Any, where: Any) -> Any:
 
 
 def on_the_processor() -> AbstractContextManager[Any]:
-    """Compute on the host's processor: for what is done once, a GPU's kernels take longer to choose."""
+    """Compute on the host's processor. A GPU takes longer to choose kernels than to run them once."""
     try:
         processor = jax.local_devices(backend="cpu")[0]
     except RuntimeError:  # JAX_PLATFORMS names accelerators alone
@@ -89,7 +89,7 @@ def on_the_processor() -> AbstractContextManager[Any]:
 def mean_over_devices(count: int) -> Callable[[Any], Any]:
     """The mean of each float leaf over the devices, inside a function that runs on each of them.
 
-    The leaves travel as one vector: one collective operation costs less than dozens of small ones.
+    The leaves are sent as one vector: one collective operation costs less than dozens of small ones.
     """
     if count == 1:
         return lambda tree: tree

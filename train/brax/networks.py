@@ -21,8 +21,8 @@ ALIGNMENT = 8  # a GPU's 16-bit matrix products need rows of whole 16-byte block
 def make_networks(observation_sizes: dict[str, int], action_size: int, config: PpoConfig) -> PPONetworks:
     """A Gaussian actor on "state" and a critic on "privileged_state", both normalised, with ELU.
 
-    With `config.bfloat16` the hidden layers compute in 16 bits; parameters and outputs are float32 all the
-    same. Where `normalizer` is None, the networks take observations that are `normalised` already.
+    With `config.bfloat16` the hidden layers compute in 16 bits; parameters and outputs stay float32. With
+    `normalizer` None, the networks take observations that are `normalised` already.
     """
     networks = make_ppo_networks(
         observation_size={name: (size,) for name, size in observation_sizes.items()},
@@ -70,7 +70,7 @@ def _first_input(observation: jax.Array, normalizer: Any, config: PpoConfig) -> 
 def elu(x: jax.Array) -> jax.Array:
     """ELU, whose derivative is computed from its output.
 
-    The next layer's gradient keeps the output anyway; neither input nor exponential is needed again.
+    The next layer's gradient keeps the output in any case; input and exponential need not be kept.
     """
     return jnp.where(x > 0, x, jnp.exp(jnp.minimum(x, 0)) - 1)
 
@@ -84,7 +84,7 @@ def _elu_jvp(primals: tuple[jax.Array], tangents: tuple[jax.Array]) -> tuple[jax
 def _of_observations(
     network: FeedForwardNetwork, name: str, hidden_layers: int, config: PpoConfig
 ) -> FeedForwardNetwork:
-    """brax's network of normalised observations as one of observations."""
+    """A network of observations from brax's network of normalised ones."""
 
     def apply(normalizer: Any, params: Any, observation: Mapping[str, jax.Array]) -> Any:
         x = observation[name]

@@ -1,4 +1,4 @@
-"""Mirror augmentation: half of what is learned from, seen in a mirror."""
+"""Mirror augmentation: half of the samples are replaced by their mirror images."""
 
 from typing import Any
 
@@ -13,7 +13,7 @@ from footfall.envs.symmetry import EnvironmentMirror
 def with_mirror_images(
     data: Transition, mirror: EnvironmentMirror, networks: PPONetworks, behaviour: tuple[Any, Any]
 ) -> Transition:
-    """Transitions of shape (time, environment, ...) and, after the last environment, all of their images."""
+    """Transitions of shape (time, environment, ...), followed by their images along the environments."""
     images = mirrored(data, mirror, networks, behaviour)
     return jax.tree.map(lambda original, image: jnp.concatenate([original, image], axis=1), data, images)
 
@@ -28,9 +28,9 @@ def mirrored(
 ) -> Transition:
     """The mirror image of transitions, shape by shape the same.
 
-    An image was sampled by the mirrored behaviour, whose log-probability for it is the original's. What the
-    learning rate adapts to is how far the actor has moved from the behaviour in the mirrored state, so that
-    the distribution is computed anew: with the original's, a policy that is not symmetric yet would look far
+    The image's log-probability is the original's: the mirrored behaviour would have sampled it. The
+    distribution is computed anew for the mirrored observation: the learning rate adapts to the actor's
+    distance from it. With the original's distribution a policy that is not symmetric yet would look far
     from its own behaviour, and the learning rate would collapse.
     """
     observation = {name: mirror.observation[name](value) for name, value in data.observation.items()}

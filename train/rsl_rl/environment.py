@@ -1,4 +1,4 @@
-"""The environment as rsl_rl wants it: torch tensors over the memory of JAX's arrays."""
+"""The environment behind rsl_rl's interface: torch tensors over the memory of JAX's arrays."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -15,20 +15,19 @@ from footfall.envs.state import State, Step
 
 
 class Episodes(NamedTuple):
-    """All that a batch of episodes is."""
+    """A batch of episodes."""
 
     state: State
-    observation: dict[str, jax.Array]  # what the next actions answer
+    observation: dict[str, jax.Array]  # that the next actions answer
 
 
 class TorchEnvironment(VecEnv):
     """A batch of episodes behind rsl_rl's interface.
 
-    Arrays pass both ways by DLPack, on the CPU and on a GPU, and none is copied. Whoever receives one waits
-    until it is computed; on a GPU, its stream does. No memory is reused too early, since the two sides take
-    turns: torch reads the observations before it makes the actions, which the next step waits for, and the
-    step reads the actions before it makes the next observations, which torch waits for. A donated array
-    would break this, so nothing is donated.
+    Arrays pass both ways by DLPack without a copy, on the CPU and on a GPU. The receiver waits until an
+    array is computed; on a GPU, its stream waits. No memory is reused too early, because the two sides take
+    turns: torch reads the observations before it computes the actions, and the step reads the actions
+    before it computes the next observations. A donated array would break this, so nothing is donated.
     """
 
     def __init__(self, env: Environment, environments: int, seed: int) -> None:
@@ -37,7 +36,7 @@ class TorchEnvironment(VecEnv):
         self.num_envs = environments
         self.num_actions = env.action_size
         self.max_episode_length = env.episode_steps
-        self.steps_done = 0  # in all environments, for the curriculum; whoever trains keeps it
+        self.steps_done = 0  # in all environments, for the curriculum; the trainer sets it
         self._step = jax.jit(_make_step(env))
         self._metrics: list[dict[str, jax.Array]] = []
         self._period_s = env.period_s
@@ -45,13 +44,13 @@ class TorchEnvironment(VecEnv):
         self.put(Episodes(*jax.jit(jax.vmap(env.reset, (0, None)))(keys, env.level(jnp.float32(0.0)))))
         self.device: torch.device = self.get_observations()["state"].device
         action = torch.zeros((environments, env.action_size), device=self.device)
-        # Compiles it. Waited for: a process that ended meanwhile, as one that only exports might, could be
-        # aborted when JAX's thread lets go of the tensor.
+        # Compiles the step. It waits for the result: a process that ends before, such as an export, could be
+        # aborted when JAX's thread releases the tensor.
         jax.block_until_ready(self._step(self.episodes, jax.dlpack.from_dlpack(action), 0.0))
 
     def put(self, episodes: Episodes) -> None:
-        """Go on from these episodes."""
-        # Bound to the device, as what comes from torch is, or the step would be compiled once for each kind.
+        """Continue with these episodes."""
+        # Committed to the device, as arrays from torch are; otherwise the step would be compiled twice.
         self.episodes = jax.device_put(episodes, jax.devices()[0])
 
     @property
@@ -60,12 +59,12 @@ class TorchEnvironment(VecEnv):
         return torch.from_dlpack(self.episodes.state.steps)
 
     def get_observations(self) -> TensorDict:
-        """What the actor ("state") and the critic ("privileged_state") see, (environments, size) each."""
+        """Observations of the actor ("state") and the critic ("privileged_state"), (environments, size)."""
         seen = {name: torch.from_dlpack(value) for name, value in self.episodes.observation.items()}
         return TensorDict(seen, batch_size=[self.num_envs], device=seen["state"].device)
 
     def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict]:
-        """One control step, as upstream's interface has it; actions of shape (environments, n)."""
+        """One control step; actions of shape (environments, n). See rsl_rl's `VecEnv.step`."""
         action = jax.dlpack.from_dlpack(actions.detach())
         self.episodes, step, means = self._step(self.episodes, action, float(self.steps_done))
         self._metrics.append(means)
@@ -84,7 +83,7 @@ class TorchEnvironment(VecEnv):
 
 
 def _make_step(env: Environment) -> Callable:
-    """The function that is compiled: one control step of all episodes, and its metrics' means."""
+    """The function to compile: one control step of all episodes, and means of its metrics."""
 
     def step(
         episodes: Episodes, action: jax.Array, steps_done: float
@@ -100,5 +99,5 @@ def _make_step(env: Environment) -> Callable:
 
 @jax.jit
 def _mean(steps: list[dict[str, jax.Array]]) -> dict[str, jax.Array]:
-    """Means over steps, in one transfer's time."""
+    """Means over steps, in one transfer from the device."""
     return jax.tree.map(lambda *values: jnp.mean(jnp.stack(values)), *steps)

@@ -7,10 +7,9 @@ from rsl_rl.algorithms import PPO
 
 
 class LimitedPpo(PPO):
-    """Upstream's algorithm. Its mathematics is untouched; a hook of the optimiser sets the learning rate.
+    """rsl_rl's PPO, unchanged but for the learning rate, which a hook of the optimiser sets.
 
-    `limit` is the preset's, which falls over the training. A fixed rate is the limit itself; an adaptive one
-    moves below it.
+    `limit` is the preset's falling limit. A fixed rate equals the limit; an adaptive one stays below it.
     """
 
     learning_rate: float

@@ -1,4 +1,4 @@
-"""What a preset's `ppo` section means to rsl_rl."""
+"""A preset's `ppo` section as settings of rsl_rl."""
 
 from collections.abc import Callable
 from typing import Any
@@ -8,11 +8,11 @@ from footfall.train.rsl_rl.ppo import LimitedPpo
 
 
 def runner_settings(config: PpoConfig, augment: Callable | None) -> dict[str, Any]:
-    """Settings of upstream's runner. What they leave out keeps upstream's default.
+    """Settings of rsl_rl's runner; all others keep rsl_rl's defaults.
 
     Args:
-        config: the preset's.
-        augment: gives samples and their mirror images, where those are to be learned from too.
+        config: the preset's `ppo` section.
+        augment: returns samples and their mirror images; None: no mirror images.
     """
 
     def network(layers: tuple[int, ...]) -> dict[str, Any]:
@@ -23,11 +23,11 @@ def runner_settings(config: PpoConfig, augment: Callable | None) -> dict[str, An
             "obs_normalization": True,
         }
 
-    # In log space, or the standard deviation could be driven below zero.
+    # The logarithm is learned: the standard deviation itself could fall below zero.
     noise = {"class_name": "GaussianDistribution", "init_std": config.init_noise_std, "std_type": "log"}
     return {
         "num_steps_per_env": config.num_steps_per_env,
-        "check_for_nan": False,  # the environment ends a diverged episode itself; a wrong loss is seen later
+        "check_for_nan": False,  # the environment ends a diverged episode; the loop checks the losses
         "obs_groups": {"actor": ["state"], "critic": ["privileged_state"]},
         "actor": network(config.actor_hidden_dims) | {"distribution_cfg": noise},
         "critic": network(config.critic_hidden_dims),

@@ -10,7 +10,7 @@ from footfall.robots.symmetry import Mirror
 
 
 def make_augmentation(mirror: EnvironmentMirror, device: torch.device) -> Callable:
-    """Upstream's `data_augmentation_func`: gives samples, followed by the mirror image of each."""
+    """rsl_rl's `data_augmentation_func`: returns samples, followed by the mirror image of each."""
     observation = {name: _followed_by_image(m, device) for name, m in mirror.observation.items()}
     action = _followed_by_image(mirror.action, device)
 

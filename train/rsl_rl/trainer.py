@@ -28,7 +28,7 @@ from footfall.train.runs.failure import TrainingFailedError, non_finite_leaves, 
 from footfall.train.runs.folder import Run
 from footfall.train.trainer import Trainer
 
-# What reading a damaged or foreign checkpoint may raise.
+# Errors of reading a damaged or foreign checkpoint.
 DAMAGES = (OSError, EOFError, RuntimeError, LookupError, ValueError, TypeError, AttributeError, PickleError)
 
 
@@ -65,7 +65,7 @@ class RslRlTrainer(Trainer):
             say(self._note)
 
     def iterate(self) -> dict[str, float]:
-        """Roll out and learn once; returns metrics under the names that the JAX trainer gives them.
+        """Roll out and learn once; returns metrics under the names of the JAX trainer.
 
         Raises:
             TrainingFailedError: the networks are not finite.
@@ -73,7 +73,7 @@ class RslRlTrainer(Trainer):
         try:
             return self._iterate()
         except RuntimeError:
-            broken = self.broken()  # torch does not draw from a distribution that is not finite
+            broken = self.broken()  # torch refuses to sample a distribution that is not finite
             if not broken:
                 raise
             raise TrainingFailedError(self.iteration + 1, not_finite(broken)) from None
@@ -99,7 +99,7 @@ class RslRlTrainer(Trainer):
         }
 
     def save(self) -> None:
-        """Write a checkpoint of upstream's form; its `infos` hold what upstream leaves out.
+        """Write a checkpoint in rsl_rl's format; `infos` holds the state that rsl_rl leaves out.
 
         Raises:
             CannotWriteError: the disk is full or the folder cannot be written; older checkpoints stay.
@@ -119,18 +119,18 @@ class RslRlTrainer(Trainer):
         checkpoint.write(self._run.checkpoints, self.iteration, content.getvalue())
 
     def broken(self) -> list[str]:
-        """Names of what is not finite in the networks, the optimiser and the episodes."""
+        """Names of values that are not finite, in networks, optimiser and episodes."""
         learned = jax.tree.map(_on_the_host, self._runner.alg.save())
         return non_finite_leaves(learned | {"episodes": jax.device_get(self._environment.episodes)})
 
     def restore(self, path: Path) -> None:
-        """Go on from a checkpoint; on the same machine, to the same bits.
+        """Load a checkpoint; on the same machine the training continues to the same bits.
 
         Raises:
             UserError: the file is damaged or belongs to another configuration.
         """
         try:
-            # Not the runner's own load, which would run whatever code a file holds.
+            # Not the runner's own `load`, which would run code from the file.
             content = torch.load(path, weights_only=True, map_location="cpu")
             infos = content["infos"]
             fresh = self._environment.episodes
@@ -140,7 +140,7 @@ class RslRlTrainer(Trainer):
                 raise ValueError("array shapes differ from config.yaml's")
             self._runner.alg.load(content, load_cfg=None, strict=True)
             random = infos["random"].get(self._environment.device.type)
-            if random is not None:  # else it is another kind of device's, as when a CPU exports a GPU's run
+            if random is not None:  # otherwise of another kind of device: a CPU exports a GPU's run
                 self._random.set_state(random)
             self._seen = infos["seen"].numpy()
             self.iteration = content["iter"] + 1

@@ -1,1 +1,1 @@
-"""A run folder and what is written into it: checkpoints, metrics, failures."""
+"""A run folder and its files: checkpoints, metrics, failures."""

@@ -23,11 +23,11 @@ def save(folder: Path, iteration: int, state: Any, observations: Any) -> Path:
         folder: the run's checkpoints folder.
         iteration: iterations done.
         state: the training state, on any device.
-        observations: some that the actor saw, for the export's parity check.
+        observations: some of the actor's observations, for the export's parity check.
 
     Raises:
-        CannotWriteError: the disk is full or the folder cannot be written; the newest checkpoint that was
-            there is untouched.
+        CannotWriteError: the disk is full or the folder cannot be written; the newest older checkpoint
+            stays.
     """
     content = serialization.to_bytes(jax.device_get({"state": state, "observations": observations}))
     return write(folder, iteration, content)
@@ -42,7 +42,7 @@ def write(folder: Path, iteration: int, content: bytes) -> Path:
     file = path_of(folder, iteration)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for unfinished in folder.glob(f".*{SUFFIX}.*"):  # by a process that was killed
+        for unfinished in folder.glob(f".*{SUFFIX}.*"):  # left by a process that was killed
             unfinished.unlink()
         _write(file, content)
     except OSError as error:
@@ -56,7 +56,7 @@ def write(folder: Path, iteration: int, content: bytes) -> Path:
 
 
 def _write(path: Path, content: bytes) -> None:
-    """Write a file; where there is no room, make some by keeping one older checkpoint only."""
+    """Write a file; on a full disk, delete all older checkpoints but one and try again."""
     try:
         write_atomically(path, content)
     except OSError as error:
@@ -86,10 +86,10 @@ def restore(path: Path, state: Any) -> tuple[Any, np.ndarray]:
 
     Args:
         path: the file.
-        state: a state of the same structure, whose values do not matter (shapes will do).
+        state: a state of the same structure, or its shapes; values are not read.
 
     Returns:
-        The state, and observations that the actor saw.
+        The state, and observations of the actor.
 
     Raises:
         UserError: the file is damaged or belongs to another configuration.

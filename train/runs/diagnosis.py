@@ -1,4 +1,4 @@
-"""The result of a diagnosis: what a replay of a failed training found."""
+"""The result of a diagnosis."""
 
 from dataclasses import dataclass
 from pathlib import Path

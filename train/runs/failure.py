@@ -107,7 +107,7 @@ def non_finite_leaves(tree: Any) -> list[str]:
 
 
 def record_failure(run: Run, failed: TrainingFailedError, can_diagnose: bool) -> UserError:
-    """Keep what a replay of the failed iteration needs; returns the error to raise.
+    """Write the report that a replay of the iteration needs; returns the error to raise.
 
     Only the main process writes.
 

@@ -17,7 +17,7 @@ TEMPORARY = (".config.yaml.", ".run.yaml.")  # prefixes of files that are being 
 
 @dataclass(frozen=True)
 class Provenance:
-    """The content of run.yaml: what a run was made from."""
+    """The content of run.yaml: robot, seed, preset, trainer, device and versions."""
 
     robot: str
     seed: int

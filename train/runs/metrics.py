@@ -15,10 +15,10 @@ from footfall.common.files import write_atomically
 
 
 class MetricsLog:
-    """Writes scalars; a resumed run drops what it will compute again.
+    """Writes scalars; a resumed run deletes the steps that it will compute again.
 
-    What is written is on its way to the disk when a call returns: nothing waits in a queue, and a record
-    that a full disk refuses leaves no part behind.
+    A call returns when its record is handed to the operating system; nothing waits in a queue. A record that
+    does not fit on a full disk leaves no part behind.
     """
 
     def __init__(self, folder: Path, first_step: int) -> None:
@@ -34,7 +34,7 @@ class MetricsLog:
             events = _WholeRecords(folder / "events" / f"events.out.tfevents.{time.time_ns()}")
             self._events = RecordWriter(events)
             self._write_event(Event(file_version="brain.Event:2"))
-            if first_step:  # TensorBoard forgets what the interrupted run had logged after it
+            if first_step:  # TensorBoard then drops later steps of the interrupted run
                 restarted = SessionLog(status=SessionLog.START)
                 self._write_event(Event(step=first_step + 1, session_log=restarted))
         except OSError as error:
@@ -44,7 +44,7 @@ class MetricsLog:
         """Record the scalars of one iteration, which ended at environment step `step`.
 
         Raises:
-            CannotWriteError: the disk is full; what was written before is whole.
+            CannotWriteError: the disk is full; earlier records are whole.
         """
         values = [Summary.Value(tag=name, simple_value=value) for name, value in metrics.items()]
         try:
@@ -74,13 +74,13 @@ class MetricsLog:
                 if json.loads(line)["step"] <= first_step:
                     kept.append(line)
             except (json.JSONDecodeError, KeyError):
-                continue  # the line that a killed process was writing
+                continue  # a line that a killed process did not finish
         if kept != lines:
             write_atomically(self._path, "".join(line + "\n" for line in kept).encode())
 
 
 class _WholeRecords:
-    """A file that grows by whole records: one that does not fit is taken back."""
+    """A file that grows by whole records: one that does not fit is removed."""
 
     def __init__(self, path: Path) -> None:
         self._file = path.open("ab", buffering=0)

@@ -1,4 +1,4 @@
-"""What a run was made with: packages and source."""
+"""The packages and the source that a run was made with."""
 
 import hashlib
 import subprocess
@@ -10,10 +10,10 @@ PACKAGES = ("footfall", "mujoco", "mujoco-mjx", "jax", "jaxlib", "brax", "numpy"
 
 
 def source_revision() -> str:
-    """What tells our source files from edited ones.
+    """The revision of the source files.
 
-    In a checkout the commit, and a digest of what differs from it; elsewhere a digest of the files that
-    training imports.
+    In a checkout: the commit, and a digest of uncommitted changes. Elsewhere: a digest of the files
+    that training imports.
     """
     here = Path(__file__)
 
@@ -24,7 +24,9 @@ def source_revision() -> str:
         return result.stdout.decode(errors="replace").strip()
 
     try:
-        git("ls-files", "--error-unmatch", here.name)  # an environment may lie in somebody else's repository
+        git(
+            "ls-files", "--error-unmatch", here.name
+        )  # fails where the environment lies in another repository
         changes = git("diff", "HEAD", "--no-ext-diff", "--binary")
         return git("rev-parse", "HEAD") + (f" with uncommitted changes {_digest(changes)}" if changes else "")
     except (OSError, subprocess.SubprocessError):

@@ -1,4 +1,4 @@
-"""How fast a training is."""
+"""The speed of a training."""
 
 from collections import deque
 
@@ -6,13 +6,13 @@ WINDOW_S = 5.0
 
 
 class Speed:
-    """Environment steps per second over the last seconds: what a device has finished is told in bursts."""
+    """Environment steps per second over the last seconds, because a device reports its steps in bursts."""
 
     def __init__(self, now_s: float, steps: int) -> None:
         self._seen = deque([(now_s, steps)])
 
     def after(self, now_s: float, steps: int) -> float:
-        """The speed, when so many steps have been done in all by this time."""
+        """The speed at this time, after so many steps in all."""
         self._seen.append((now_s, steps))
         while now_s - self._seen[1][0] >= WINDOW_S:
             self._seen.popleft()

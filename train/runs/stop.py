@@ -6,9 +6,9 @@ from types import FrameType, TracebackType
 
 
 class StopRequest:
-    """Turns the first SIGINT or SIGTERM into a flag; a second one interrupts at once.
+    """Turns the first SIGINT or SIGTERM into a flag; the second one raises KeyboardInterrupt.
 
-    In another thread than the main one, which alone gets signals, it is never requested.
+    Only the main thread receives signals: in another thread it is never requested.
     """
 
     def __init__(self) -> None:

@@ -1,7 +1,7 @@
-"""What a sweep found: its trials, and its points over their seeds, the best first.
+"""Results of a sweep: its trials, and its points over their seeds, the best first.
 
 One training is a noisy measurement of its settings: the best of many single runs is mostly the luckiest one.
-So each run's metric is a mean over its last iterations, and points are told apart by their mean over seeds.
+So each run's metric is a mean over its last iterations, and points are compared by their mean over seeds.
 """
 
 import csv
@@ -13,7 +13,7 @@ from pathlib import Path
 from statistics import fmean, stdev
 from typing import Any, Literal, NamedTuple
 
-LAST_ITERATIONS = 10  # of a run, whose mean is its result
+LAST_ITERATIONS = 10  # of a run; their mean is its result
 UNFINISHED = "unfinished"
 
 
@@ -25,21 +25,21 @@ class Trial(NamedTuple):
     settings: dict[str, Any]
     value: float  # mean of the metric over its last iterations; NaN if there is none
     steps: int
-    error: str  # empty if it ended well or was stopped by the scheduler
+    error: str  # empty if it succeeded or the scheduler stopped it
 
 
 class Point(NamedTuple):
-    """One choice of settings, over all seeds that it was trained with."""
+    """One choice of settings, over all of its seeds."""
 
     settings: dict[str, Any]
-    mean: float  # of the trials that ended well; NaN if none did
-    spread: float  # their standard deviation; NaN of a single one
-    seeds: int  # trials that ended well
+    mean: float  # of the successful trials; NaN if there is none
+    spread: float  # their standard deviation; NaN for a single trial
+    seeds: int  # successful trials
     failed: int
 
 
 def last_value(metrics: Path, name: str, iterations: int = LAST_ITERATIONS) -> float:
-    """The mean of a metric over the last iterations that have it; NaN if none has.
+    """Mean of a metric over the last iterations that report it; NaN if none does.
 
     Args:
         metrics: a run's metrics.jsonl.
@@ -52,7 +52,7 @@ def last_value(metrics: Path, name: str, iterations: int = LAST_ITERATIONS) -> f
 
 
 def points_of(trials: Iterable[Trial], mode: Literal["min", "max"]) -> list[Point]:
-    """Trials of the same settings taken together, the best mean first; points with failures come after."""
+    """Trials grouped by settings, the best mean first; points with failures last."""
     groups: dict[str, list[Trial]] = {}
     for trial in trials:
         groups.setdefault(json.dumps(trial.settings, sort_keys=True), []).append(trial)

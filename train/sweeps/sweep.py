@@ -43,11 +43,11 @@ TUNE = "tune"  # Ray's own folder
 
 
 class SweepResults(NamedTuple):
-    """What has become of a sweep."""
+    """The results of a sweep."""
 
-    trials: list[Trial]  # those that began, the best first
-    points: list[Point]  # trials of the same settings taken together, the best first
-    unfinished: int  # trials that an interruption left to do, begun or not
+    trials: list[Trial]  # that began, the best first
+    points: list[Point]  # trials grouped by settings, the best first
+    unfinished: int  # trials that an interruption left to do
 
 
 def sweep(file: Path, out: Path) -> SweepResults:
@@ -97,7 +97,7 @@ def resume_sweep(out: Path) -> SweepResults:
     out = out.resolve()
     config = load(out / SETTINGS, SweepConfig)
     if not tune.Tuner.can_restore(str(out / TUNE)):
-        raise UserError(f"the sweep at {out} had not begun: start it again with another --out")
+        raise UserError(f"the sweep at {out} never started: start a new one with another --out")
     with _ray(config):
         tuner = tune.Tuner.restore(str(out / TUNE), _trainable(tune, config, out))
         return collect_results(tuner.fit(), config, out)
@@ -109,7 +109,7 @@ def import_tune() -> ModuleType:
     Raises:
         UserError: it is not installed.
     """
-    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # nothing is sent anywhere
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # no usage statistics are sent
     os.environ.setdefault("RAY_CHDIR_TO_TRIAL_DIR", "0")
     with needs_extra("sweep", "sweeps need"):
         from ray import tune
@@ -139,7 +139,7 @@ def _ray(config: SweepConfig) -> Iterator[None]:
 
 
 def _try_one(tune: ModuleType, config: SweepConfig) -> None:
-    """Build one trial and trace its program, so that a mistake is known before anything runs.
+    """Check the settings of a first trial and the metrics that it reports, before anything runs.
 
     Raises:
         UserError: there is no such robot, setting, reward or metric, or a value does not fit.
@@ -174,8 +174,8 @@ def collect_results(grid: Any, config: SweepConfig, out: Path) -> SweepResults:
         metrics = result.metrics or {}
         settings = dict(result.config or {})
         folder = Path(result.path).name
-        # Interrupted, Ray ends its trials as if they were through. Its reports tell those that a scheduler
-        # stopped, and the policy those that reached their end: Ray may forget that of a trial resumed.
+        # After an interruption Ray reports all trials as ended. "done" marks the trials that a scheduler
+        # stopped, the policy file those that finished: Ray may forget that of a resumed trial.
         through = bool(metrics.get("done")) or (out / folder / "policy.onnx").is_file()
         trials.append(
             Trial(
@@ -197,7 +197,7 @@ def collect_results(grid: Any, config: SweepConfig, out: Path) -> SweepResults:
 
 
 def _value(last: dict[str, Any], metric: str, logged: Path) -> float:
-    """A trial's result: a mean over its last iterations, or what Ray alone knows of it."""
+    """A trial's result: a mean over its last iterations, or a metric of Ray's own."""
     return float(last.get(metric, math.nan)) if metric in RAYS_OWN else last_value(logged, metric)
 
 

@@ -52,5 +52,5 @@ class Reporter(Display):
         self._report = report
 
     def update(self, steps: int, steps_per_s: float, metrics: dict[str, float]) -> None:
-        nothing_ended = {EPISODE_LENGTH: math.nan}  # Ray wants each metric in each report
-        self._report({STEPS: steps, SPEED: steps_per_s, **nothing_ended, **metrics})
+        no_length = {EPISODE_LENGTH: math.nan}  # Ray needs each metric in each report
+        self._report({STEPS: steps, SPEED: steps_per_s, **no_length, **metrics})

@@ -6,12 +6,12 @@ from footfall.train.entry import learning_libraries
 
 
 def diagnose(run: Path, /) -> int:
-    """Replay a failed training to the first thing that broke; exit 0 if it fails again, 1 if not.
+    """Replay a failed training to its first bad value; exit 0 if it fails again, 1 if not.
 
     Parameters
     ----------
     run
-        A run folder whose training failed.
+        Run folder of a failed training.
     """
     with learning_libraries():
         from footfall.train import api
@@ -20,7 +20,7 @@ def diagnose(run: Path, /) -> int:
     if result.differences:
         print(f"the replay is approximate: it failed with {'; '.join(result.differences)}")
     print(f"iteration {failure.iteration} failed then: {failure.reason}")
-    print(f"iteration {failure.iteration} fails now: {result.reason or 'no, it does not'}")
+    print(f"iteration {failure.iteration} fails now: {result.reason or 'it does not'}")
     print(f"first: {result.finding}")
     if result.saved is not None:
         print(f"the environment before that step is in {result.saved}")

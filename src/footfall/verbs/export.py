@@ -13,7 +13,7 @@ def export(run: Path, /, *, out: OptionalPath = None) -> None:
     Parameters
     ----------
     run
-        A run folder that footfall train made.
+        Run folder of footfall train.
     out
         File to write (default: RUN/policy.onnx).
     """

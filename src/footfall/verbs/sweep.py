@@ -19,7 +19,7 @@ def sweep(file: OptionalPath = None, /, *, out: OptionalPath = None, resume: Opt
     Parameters
     ----------
     file
-        YAML file that says what to sweep (see docs/training.md).
+        YAML file with the settings to sweep (see docs/training.md).
     out
         Folder to make (default: runs/sweep-TIME); each trial is a run folder in it.
     resume
@@ -58,7 +58,7 @@ def _show_trials(trials: "list[Trial]") -> None:
 
 
 def _show_points(points: "list[Point]") -> None:
-    """Means over seeds, and how far seeds lie apart: a difference smaller than that may be luck."""
+    """Means over seeds and their deviation: a smaller difference between points may be luck."""
     names = list(points[0].settings) if points else []
     rows = [
         [
