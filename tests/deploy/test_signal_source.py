@@ -184,3 +184,19 @@ def test_a_bodys_contradiction_counts_also_at_a_tick_at_which_readings_are_added
     until(loop, Mode.ESTOP, most=30)
     assert "its quaternion turned by 0.59 rad" in loop.state.faults[0]
     assert np.all(body.readings[0] == go1.default_pose)
+
+
+@pytest.mark.parametrize(("silent_ticks", "compared"), [(0, True), (15, False)])
+def test_after_a_gap_in_the_imus_readings_they_are_not_compared_across_it(
+    go1: Robot, silent_ticks: int, compared: bool
+) -> None:
+    """A turn of 0.3 rad that no gyro reports, at once or within 30 ms of silence."""
+    loop, body = loop_of(go1, Hold(go1))
+    until(loop, Mode.WALKING)
+    body.imu_silent = silent_ticks > 0
+    for _ in range(silent_ticks):
+        loop.tick()
+    body.imu_silent, body.quaternion = False, (math.cos(0.15), 0.0, 0.0, math.sin(0.15))
+    for _ in range(50):
+        loop.tick()
+    assert bool(loop.state.faults) is compared
