@@ -8,7 +8,7 @@ Array = Any  # a NumPy or a JAX array
 
 
 def library(array: Array) -> Any:
-    """What `array.__array_namespace__()` says, for which NumPy takes as long as for a sum of joints."""
+    """The array's namespace. NumPy's own `__array_namespace__()` takes as long as a sum over joints."""
     return np if isinstance(array, np.ndarray) else array.__array_namespace__()
 
 

@@ -16,7 +16,7 @@ OF_THE_KIND = (
 
 
 def compilation_cache() -> Path:
-    """JAX's compilation cache: where the environment says, or else among the user's caches.
+    """Folder of JAX's compilation cache: as the environment sets it, else among the user's caches.
 
     There each kind of processor has a folder of its own, since a home may be shared by unlike ones and JAX
     finds what was compiled for another.
@@ -34,5 +34,5 @@ def processor_kind() -> str:
         first, _, _ = CPU_INFO.read_text(encoding="utf-8", errors="replace").partition("\n\n")
     except OSError:  # not Linux
         first = f"model name: {platform.processor()}"
-    said = sorted(line for line in first.splitlines() if line.partition(":")[0].strip() in OF_THE_KIND)
-    return f"{platform.machine()}-{hashlib.sha256(chr(10).join(said).encode()).hexdigest()[:8]}"
+    facts = sorted(line for line in first.splitlines() if line.partition(":")[0].strip() in OF_THE_KIND)
+    return f"{platform.machine()}-{hashlib.sha256(chr(10).join(facts).encode()).hexdigest()[:8]}"

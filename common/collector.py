@@ -1,4 +1,4 @@
-"""Python's garbage collector, out of the way where much is made and little thrown away."""
+"""Pauses Python's garbage collector while many lasting objects are made."""
 
 import gc
 from collections.abc import Iterator

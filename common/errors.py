@@ -1,8 +1,8 @@
-"""The exceptions whose text is meant for the user."""
+"""Exceptions with a message for the user."""
 
 
 class UserError(Exception):
-    """Bad input: the message says, in one line, what is wrong and what would be right.
+    """Bad input. The message is one line: what is wrong, and what would be right.
 
     The command line prints it and exits with status 2; nothing else in the project prints it.
     """

@@ -1,4 +1,4 @@
-"""Files that only their owner can have written: what is run, not only read, must come from nobody else."""
+"""Files that only their owner can have written: content that is executed must come from this user."""
 
 import os
 import stat
@@ -12,11 +12,11 @@ OTHERS_MAY_ENTER = stat.S_IXGRP | stat.S_IXOTH
 
 
 class NotPrivateError(Exception):
-    """Somebody else may have written a file: the message says why."""
+    """Another user may have written a file; the message says why."""
 
 
 def read_private(path: Path) -> bytes:
-    """Content of a file in a folder, both of this user and writable by nobody else.
+    """Content of a file in a folder, both owned by this user and writable by no other.
 
     Raises:
         NotPrivateError: one of them is not.
@@ -41,7 +41,7 @@ def write_private(path: Path, content: bytes) -> None:
 
 
 def make_private_folder(folder: Path) -> None:
-    """A folder in which nobody but this user can have written, also to the files that lie in it.
+    """A folder that no other user can have written to, nor to the files in it.
 
     Raises:
         NotPrivateError: others can.
@@ -53,7 +53,7 @@ def make_private_folder(folder: Path) -> None:
     if status.st_mode & OTHERS_MAY_ENTER:
         with os.scandir(folder) as entries:
             for entry in entries:
-                with suppress(FileNotFoundError):  # somebody clears up
+                with suppress(FileNotFoundError):  # another process clears up
                     _check(Path(entry.path), entry.stat(follow_symlinks=False))
 
 

@@ -59,7 +59,7 @@ def tilt(quaternion: Array) -> Array:
 
 
 def shift_gravity(quaternion: Sequence[float], offset: Sequence[float]) -> list[float]:
-    """The quaternion nearest to a given one whose projected gravity is that one's plus an offset, normalised.
+    """The nearest quaternion with a projected gravity shifted by an offset and normalised again.
 
     Projected gravity is g; it shall be h, parallel to g + offset. The shortest rotation that takes h to g,
     applied first, does that and leaves the heading alone. In plain numbers, since sensors are simulated so

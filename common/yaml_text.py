@@ -10,7 +10,7 @@ _KEYS = {f"tag:yaml.org,2002:{kind}" for kind in ("str", "int", "merge")}
 
 
 def parse_yaml(text: str) -> Any:
-    """Plain data of a YAML text, whose mappings have text or whole numbers for keys, each once.
+    """Plain data of a YAML text. Keys of mappings are text or whole numbers, each once.
 
     Raises:
         ValueError: it is no YAML, a key is neither text nor a whole number, or stands twice, or aliases make
@@ -20,7 +20,7 @@ def parse_yaml(text: str) -> Any:
         try:
             return yaml.load(text, _FastLoader)
         except (yaml.YAMLError, ValueError, RecursionError):
-            pass  # the loader below says what is wrong in words of one kind
+            pass  # the loader below reports the error in a uniform way
     try:
         return yaml.load(text, _Loader)
     except RecursionError:
@@ -29,8 +29,8 @@ def parse_yaml(text: str) -> Any:
         parts = (_at(error.context, error.context_mark), _at(error.problem, error.problem_mark))
         raise ValueError(", ".join(filter(None, parts))) from None
     except (yaml.YAMLError, ValueError) as error:  # ValueError: a date that is none, too many digits
-        said = str(error).replace(' in "<unicode string>"', "")  # PyYAML's name for a text
-        raise ValueError(" ".join(said.split())) from None
+        message = str(error).replace(' in "<unicode string>"', "")  # PyYAML's name for a text
+        raise ValueError(" ".join(message.split())) from None
 
 
 class _Checks(Composer):
@@ -100,7 +100,7 @@ def _refused(why: str, node: yaml.Node) -> yaml.MarkedYAMLError:
 
 
 def _at(what: str | None, mark: yaml.Mark | None) -> str:
-    """What the reader says, and where; empty if it says nothing."""
+    """The reader's complaint with its place; empty without one."""
     if what is None:
         return ""
     return what if mark is None else f"{what} (line {mark.line + 1}, column {mark.column + 1})"

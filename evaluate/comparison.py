@@ -26,7 +26,7 @@ class PolicyResult:
 
 @dataclass(frozen=True)
 class Comparison:
-    """All that a report tells, films apart."""
+    """Everything that a report shows but the films."""
 
     robot: Robot
     config: EvaluationConfig

@@ -1,4 +1,4 @@
-"""The figures that tables and the report show: names, units, intervals, and whose are clearly better."""
+"""Figures of tables and report: names, units, intervals, and which policy is clearly better."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -51,7 +51,7 @@ def figures() -> dict[str, Figure]:
 
 
 def value(figure: Figure, summary: Summary) -> float | None:
-    """The number, or None where it was not measured. Infinite for a push that nobody could find."""
+    """The number; None if not measured, infinite for a median push beyond the strongest one tried."""
     if figure.key == "dv50" and summary.get("dv50") is None:
         return math.inf if _stood_most_pushes(summary) else None
     found: Any = summary
@@ -96,7 +96,7 @@ def interval_text(figure: Figure, summary: Summary) -> str:
 
 
 def measured(figure: Figure, summaries: Sequence[Summary]) -> bool:
-    """Whether a figure is worth a row: somebody has a value, and an emergency stop is news."""
+    """Whether a figure deserves a row: a policy has a value; emergency stops, only if there were any."""
     if figure.key == "emergency_stops":
         return any(summary.get("emergency_stops") for summary in summaries)
     if figure.key == "dv50":
@@ -107,8 +107,8 @@ def measured(figure: Figure, summaries: Sequence[Summary]) -> bool:
 def beats(figure: Figure, one: Summary, other: Summary) -> bool:
     """Whether one policy is clearly better than another: their intervals lie apart.
 
-    In an `upright` figure one that fell more often beats nobody: a robot that lies down early neither errs
-    nor works for long.
+    In an `upright` figure, a policy that fell more often is never better: a robot that falls early makes few
+    errors and uses little energy.
     """
     mine, theirs = interval(figure, one), interval(figure, other)
     few = min(one["episodes"], other["episodes"]) < LEAST_EPISODES and figure.key != "falls"
@@ -120,7 +120,7 @@ def beats(figure: Figure, one: Summary, other: Summary) -> bool:
 
 
 def leaders(figure: Figure, summaries: Sequence[Summary]) -> set[int]:
-    """The fewest policies that each beat all others of whom the figure is known; empty where none do."""
+    """Smallest group of policies that are each better than all others with a value; may be empty."""
     known = [index for index, summary in enumerate(summaries) if interval(figure, summary) is not None]
     for size in range(1, len(known)):
         for group in combinations(known, size):

@@ -1,4 +1,4 @@
-"""What one episode scores: pure functions of its trace, from ground truth.
+"""Scores of one episode: pure functions of its trace, from ground truth.
 
 Definitions
     Velocity error: length of the difference between commanded and true (vx, vy) in the body frame.
@@ -21,7 +21,7 @@ SETTLE_S = 1.0
 class EpisodeMetrics:
     """One episode's scores. NaN where there was nothing to measure."""
 
-    fell: bool  # fell, tipped over, or stopped in an emergency, which puts a robot on the ground
+    fell: bool  # fell, tipped over, or stopped in an emergency, after which a robot lies on the ground
     emergency_stop: bool
     walked_s: float
     scored_s: float  # of it, later than a second after any change of command
@@ -40,7 +40,7 @@ class EpisodeMetrics:
     legs_touch_share: float  # of the time, in which two different legs press on each other
     target_rate_rad_s: float  # root mean square over joints and time
     torque_rate_nm_s: float  # the same of the motors' torque
-    estimate_mse: float  # of the estimated horizontal velocity, m^2/s^2; NaN where nobody estimates
+    estimate_mse: float  # of the estimated horizontal velocity, m^2/s^2; NaN without an estimator
 
 
 def score(trace: Trace, robot: Robot, weight_n: float) -> EpisodeMetrics:

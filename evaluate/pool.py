@@ -1,7 +1,7 @@
-"""Many independent tasks on many processes, none of them lost: each ends in a value or in an error.
+"""Runs independent tasks in processes; each task ends in a value or in an error.
 
-pebble's pool names the task whose process died as well, but not if it ended with status 0 (seen with 5.2.3):
-then it waits for ever.
+pebble's pool also names the task of a process that died, but waits forever if the process ended with status 0
+(seen with 5.2.3).
 """
 
 import multiprocessing
@@ -20,7 +20,7 @@ from footfall.common.processors import usable_cores
 T = TypeVar("T")
 R = TypeVar("R")
 
-# Workers share the cores among themselves; threads inside one of them would only get in each other's way.
+# Workers share the cores among themselves; threads inside a worker would compete with the other workers.
 ONE_THREAD = {
     "OMP_NUM_THREADS": "1",
     "OPENBLAS_NUM_THREADS": "1",
@@ -29,7 +29,7 @@ ONE_THREAD = {
 
 
 class TaskResult(NamedTuple, Generic[R]):
-    """What became of a task: its value, or why there is none."""
+    """Result of a task: its value, or why there is none."""
 
     value: R | None
     error: str = ""
@@ -46,7 +46,7 @@ def run_all(
 
     A task that raises, or whose process dies, ends in an error of one line; the others carry on. When a
     process dies, the tasks that were in flight are run once more, each in a process of its own, so that
-    only the guilty one is blamed.
+    only the task that ends its process gets the error.
 
     Args:
         function: picklable, as are tasks and values.
@@ -119,7 +119,7 @@ def _launch(
     in_flight: dict[Future[R], int],
     workers: int,
 ) -> None:
-    """Keep as many tasks in flight as there are workers, and no more: those are the ones to suspect."""
+    """Keep at most one task per worker in flight, so that few are suspects when a process dies."""
     while len(in_flight) < workers:
         index = next(queue, None)
         if index is None:

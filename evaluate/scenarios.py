@@ -166,8 +166,8 @@ def load_scenarios(robot: Robot, own: Path | None = None) -> ScenarioFile:
     """The scenarios for a robot: its commands in m/s and rad/s, its loads in kg.
 
     Args:
-        robot: of whose ranges the file's commands and loads are shares.
-        own: a file of the user's, whose scenarios come after ours, or replace those of the same name.
+        robot: the file's commands and loads are shares of its ranges.
+        own: the user's file; its scenarios come after those of footfall, or replace those of the same name.
 
     Raises:
         UserError: a file is malformed, or takes more off the robot's base than its mass.

@@ -1,7 +1,6 @@
-"""Intervals for rates, means and the push that half of all robots survive.
+"""Confidence intervals of rates, means and the push that half of all robots survive.
 
-SciPy has the first two, but is nearly as large (143 MB) as NumPy and ONNX Runtime together, too much for a
-robot's small computer. The tests compare with it.
+SciPy has the first two, but its 143 MB are too much for a robot's small computer. The tests compare with it.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""One sentence: who is better at what, and how sure that is."""
+"""One sentence: which policy is better at what, and how certain that is."""
 
 import math
 from collections.abc import Mapping, Sequence

@@ -29,7 +29,7 @@ def watched(run: Path, host: str, port: int) -> Iterator[None]:
 
 
 def _serve(run: Path, host: str, port: int) -> None:
-    """In the other process: serve until told to stop, or until the training's process is gone."""
+    """In the other process: serve until SIGTERM, or until the training's process has ended."""
     os.nice(NICENESS)
     with StopRequest() as stop, Path(os.devnull).open("w") as nowhere, redirect_stdout(nowhere):
         threading.Thread(target=_end_with_parent, daemon=True).start()

@@ -1,4 +1,4 @@
-"""What viser's web server lacks: a check of who connects, and a page with our title and colour scheme.
+"""Additions to viser's web server: a check of the client, and a page with footfall's title and colour scheme.
 
 viser 1.1 accepts a WebSocket from any page that the visitor has open, so that any web site could move the
 robot shown. It offers no hook for its handshake and none for its page, hence this replacement of the
@@ -24,12 +24,12 @@ def refusal(host: str | None, origin: str | None, served_at: str) -> str | None:
 
     A page may connect to the server that it came from and to no other. A program that is no browser sends no
     origin and is let in. The name by which the server is asked for must be one that cannot be made to point
-    here by somebody else: an IP address, localhost, this machine's name, or the one that was given.
+    here by another machine: an IP address, localhost, this machine's name, or the one that was given.
 
     Args:
         host: the request's Host header, NAME[:PORT].
         origin: its Origin header, if it has any.
-        served_at: what the server was told to listen at.
+        served_at: address at which the server listens.
     """
     name = urlsplit(f"//{host or ''}").hostname or ""
     machine = socket.gethostname().lower()

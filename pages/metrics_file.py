@@ -9,7 +9,7 @@ import numpy as np
 
 
 class MetricsFile:
-    """Reads what has been added to metrics.jsonl, whose last line may be half there."""
+    """Reads new rows of metrics.jsonl; its last line may still be incomplete."""
 
     def __init__(self, path: Path) -> None:
         self._path = path

@@ -7,7 +7,7 @@ from footfall.policies.learned import LearnedPolicy, open_network
 
 
 class NewestPolicy(LearnedPolicy):
-    """A learned policy whose network can be replaced by that of a later checkpoint between two steps.
+    """A learned policy; a later checkpoint can replace its network between two steps.
 
     Observation history, last action and gait clock carry over, so that the robot does not stumble over it.
     """

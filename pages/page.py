@@ -91,5 +91,5 @@ def _no_page(host: str, port: int, reason: str | None) -> UserError:
 
 
 def _quietly() -> "redirect_stdout[io.StringIO]":
-    """Whatever viser says of itself is said by us in a line."""
+    """Silence viser's own messages; footfall prints the address."""
     return redirect_stdout(io.StringIO())

@@ -24,7 +24,7 @@ NO_CURVES = "No curves yet: they begin with the second iteration."
 
 
 class Curve(NamedTuple):
-    """One chart: what it says above it, the metric that it draws, and how large its unit is."""
+    """One chart: title, metric, and the size of its unit."""
 
     title: str
     metric: str
@@ -42,7 +42,7 @@ CURVES = (
 
 
 class Panel:
-    """What the visitor reads and moves. Fields are read by the walk at its own pace."""
+    """Controls, status and curves of a page. The walk reads the controls once a frame."""
 
     def __init__(self, server: "ViserServer") -> None:
         self._server, self._gui = server, server.gui
@@ -105,12 +105,12 @@ class Panel:
 
     @property
     def paused(self) -> bool:
-        """Whether the robot shall hold still: on request, and while nobody looks."""
+        """Whether the robot holds still: on request, and while no page is open."""
         return self._pause.value or not self.seen
 
     @property
     def seen(self) -> bool:
-        """Whether anybody has the page open."""
+        """Whether a page is open."""
         return bool(self._server.get_clients())
 
     @property
@@ -118,17 +118,17 @@ class Panel:
         return self._follow.value
 
     def take_push(self) -> float:
-        """Speed of a push that was asked for since the last call, m/s; 0 if none was."""
+        """Speed of the push requested since the last call, m/s; 0 without a request."""
         asked, self._push_asked = self._push_asked, False
         return float(np.clip(self._push_m_s.value, *PUSHES_M_S)) if asked else 0.0
 
     def take_restart(self) -> bool:
-        """Whether a new start was asked for since the last call."""
+        """Whether a restart was requested since the last call."""
         asked, self._restart_asked = self._restart_asked, False
         return asked
 
     def say(self, markdown: str) -> None:
-        """Show the state of things."""
+        """Show the status."""
         if self._status.content != markdown:
             self._status.content = markdown
 
@@ -167,7 +167,7 @@ class Panel:
 
 
 def _keep_within_range(slider: "GuiSliderHandle[float]") -> None:
-    """A number that was typed beside a slider may be beyond its range."""
+    """Clamp a number that was typed beside a slider."""
     within = float(np.clip(slider.value, slider.min, slider.max))
     if within != slider.value:
         slider.value = within  # type: ignore[misc]

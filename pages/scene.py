@@ -17,7 +17,7 @@ GREY = (150, 156, 164)  # to be seen on a light page and on a dark one
 NARROW = 0.9  # a view less wide than this, by its height, is looked at from further away
 EDGED = (mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CYLINDER)
 ARROW_S = 0.4  # an arrow's length is the way of so many seconds
-FOLLOWING = 0.1  # how much of the way to the robot the view catches up with in a frame
+FOLLOWING = 0.1  # share of its distance to the robot that the view covers in a frame
 
 
 class Scene:

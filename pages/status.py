@@ -1,4 +1,4 @@
-"""What the page says in words."""
+"""The status text of the page."""
 
 from dataclasses import dataclass, field
 

@@ -33,7 +33,7 @@ SMOOTHING = 0.1  # of the velocity that is shown, for each frame
 
 
 def watch(folder: Path, host: str, port: int, stop: StopRequest) -> None:
-    """Serve the page of a run until told to stop.
+    """Serve the page of a run until a stop is requested.
 
     By a flag, since some packages swallow a KeyboardInterrupt that comes while they are imported.
 
@@ -109,7 +109,7 @@ class Walk:
         )
 
     def go_on(self) -> None:
-        """Show the run until told to stop."""
+        """Show the run until a stop is requested."""
         while not self._stop.requested:
             self._look()
             if self._policy is None:
@@ -178,7 +178,7 @@ class Walk:
         status.finished = status.trained_steps >= status.total_steps and self._policy_file.exists()
         self._panel.offer_policies(self._snapshots.names())
         self._snapshots.chosen = self._panel.policy
-        if self._policy is None or self._panel.seen:  # exporting for nobody would only slow the training
+        if self._policy is None or self._panel.seen:  # without a visitor, an export only slows the training
             snapshot = self._snapshots.poll()
             if snapshot is not None:
                 self._take_over(snapshot)

@@ -46,7 +46,7 @@ def require_duty(duty: float | None) -> None:
 
 
 def find_gait(name: str, robot: Robot) -> GaitPattern:
-    """A named gait on a robot: its feet are told apart by side, and from front to back.
+    """A named gait on a robot: phases are assigned by side, from front to back.
 
     Raises:
         UserError: there is no such gait for robots with as many feet on each side.

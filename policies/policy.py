@@ -1,4 +1,4 @@
-"""The interface of everything that decides: hand-written controllers and learned policies alike."""
+"""The interface of policies: hand-written controllers and learned ones."""
 
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol, runtime_checkable
@@ -11,7 +11,7 @@ from footfall.robots.readings import Sensed
 
 
 class PolicyInput(NamedTuple):
-    """What a policy is handed at each of its steps."""
+    """Readings, command and estimate at a policy step."""
 
     time_s: float  # since the policy's reset
     sensed: Sensed
@@ -22,7 +22,7 @@ class PolicyInput(NamedTuple):
 
 @runtime_checkable
 class Policy(Protocol):
-    """Decides what the joints do. The loop calls `act` every 1/rate_hz s, at most at each joint tick."""
+    """Decides joint commands. The loop calls `act` every 1/rate_hz s, at most once a joint tick."""
 
     name: str
     rate_hz: float
@@ -30,11 +30,11 @@ class Policy(Protocol):
 
     @property
     def contract(self) -> Contract | None:
-        """What a learned policy was trained with and a robot must fit; None of a hand-written controller."""
+        """Contract of a learned policy, which a robot must fit; None for a hand-written controller."""
 
     @property
     def notes(self) -> Sequence[str]:
-        """What it did otherwise than asked, and why: one line each, said once. They only ever grow."""
+        """Deviations from the request, with the reason: one line each, each once. The sequence only grows."""
 
     def reset(self, inputs: PolicyInput) -> None:
         """Begin an episode from standing."""
@@ -44,4 +44,4 @@ class Policy(Protocol):
         ...
 
     def stance(self) -> np.ndarray | None:
-        """Planned contact of each foot in [0, 1], shape (feet,), or None where it has no plan."""
+        """Planned contact of each foot in [0, 1], shape (feet,); None without a plan."""

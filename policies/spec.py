@@ -1,4 +1,4 @@
-"""What a user types for a hand-written controller: its name, and what of its settings shall differ.
+"""Spec of a hand-written controller as a user types it: its name, and changes of its settings.
 
     trot                             with the robot's own settings
     trot@mine.yaml                   with those of a file in their place, as far as it has any
@@ -53,7 +53,7 @@ def read_changes(name: str, parts: Sequence[str]) -> list[Change]:
 
 
 def add_settings(specs: Sequence[str], settings: Sequence[str]) -> tuple[str, ...]:
-    """Specs with the settings that a command line gives apart, as CONTROLLER.KEY=VALUE.
+    """Specs with the settings of a command line's --set, CONTROLLER.KEY=VALUE each.
 
     Raises:
         UserError: a setting is of another form, or of a controller that is not among the specs.

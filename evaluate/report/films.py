@@ -105,7 +105,7 @@ def render_films(tasks: Sequence[FilmTask], workers: int | None = None) -> list[
 
 
 def film(task: FilmTask) -> Film:
-    """Render one episode. Runs in a worker whose environment names the GL back end."""
+    """Render one episode. Runs in a worker; MUJOCO_GL in its environment names the GL back end."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "film.mp4"
         encoder = _encoder(path)
@@ -173,7 +173,7 @@ def arrows(task: FilmTask, index: int, height_m: float) -> list[Arrow]:
     """The commanded and the true horizontal velocity above the robot, and for a while a push at its side.
 
     Args:
-        task: whose trace and pushes are drawn.
+        task: trace and pushes to draw.
         index: sample of the trace.
         height_m: of the standing robot.
     """

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 LONGEST = 32  # characters: a column of a table, a line above a plot
-_HEAD = 12  # of them before the gap; an end says more than a beginning of what tells runs apart
+_HEAD = 12  # of them before the gap; names of runs differ more at the end
 
 
 def short_names(names: Sequence[str]) -> dict[str, str]:

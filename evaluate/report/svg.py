@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 # Stand-ins that no plot uses otherwise; in the page they follow its colour scheme.
 INK, LINE, PAPER = "#010203", "#040506", "#070809"
 IN_PAGE = {INK: "currentColor", LINE: "var(--line)", PAPER: "var(--card)"}
-# Okabe and Ito's colours, told apart by most colour-blind readers, and seen on white and on black.
+# Okabe and Ito's colours: most colour-blind readers can distinguish them, on white and on black.
 COLOURS = ("#2380c2", "#e06000", "#009e73", "#cc79a7", "#b8860b", "#56b4e9")
 MARKERS = ("o", "s", "^", "D", "v", "P")
 MARKER_PATHS = {  # the same around (13, 6), for legends
@@ -75,7 +75,7 @@ def marker(index: int) -> str:
 
 
 def line(index: int) -> dict[str, Any]:
-    """Line style of the policy at this place: never told apart by colour alone."""
+    """Line style of the policy at this place: lines differ in more than colour."""
     dashes = DASHES[index % len(DASHES)]
     return {"color": colour(index)} | ({} if dashes is None else {"dashes": dashes})
 
@@ -95,7 +95,7 @@ class Plot:
     title: str
     caption: str
     panels: Sequence[Markup]
-    legend: Sequence[int] = ()  # places of the policies whose lines need one
+    legend: Sequence[int] = ()  # places of the policies with a line
 
 
 class Panel:

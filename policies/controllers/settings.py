@@ -37,7 +37,7 @@ def controller_settings(robot: Robot, controller: str, cls: type[T], changes: Se
         robot: whose settings.
         controller: by name.
         cls: dataclass of its settings.
-        changes: what shall differ from the robot's.
+        changes: of the robot's settings.
 
     Raises:
         UserError: the robot has no such file or section, or a field is missing, unknown, of a wrong type or

@@ -1,4 +1,4 @@
-"""The command line: parses, runs a verb, and turns whatever went wrong into one line and an exit status."""
+"""The command line: parses, runs a verb, and turns an error into one line and an exit status."""
 
 import io
 import os
@@ -77,7 +77,7 @@ def main(tokens: Sequence[str] | None = None) -> int:
         return _complain(f"{_parse_error(error, arguments)} {_where_to_look(arguments)}")
     except UserError as error:
         return _complain(_one_line(error))
-    except (BrokenPipeError, SystemExit):  # the reader of our output has left; rich says so by SystemExit
+    except (BrokenPipeError, SystemExit):  # the reader of the output is gone; rich raises SystemExit
         _stop_writing()
         return BROKEN_PIPE
     except OSError as error:  # a full disk, a file that went away
@@ -91,12 +91,12 @@ def main(tokens: Sequence[str] | None = None) -> int:
 
 
 class _TerminatedError(KeyboardInterrupt):
-    """SIGTERM came: a verb ends as after Ctrl-C, only the exit status tells them apart."""
+    """SIGTERM: a verb ends as after Ctrl-C, with another exit status."""
 
 
 @contextmanager
 def _interrupted_by_sigterm() -> Iterator[None]:
-    """Let SIGTERM unwind what is open, such as pools of processes, as Ctrl-C does."""
+    """Let SIGTERM unwind open contexts, such as process pools, as Ctrl-C does."""
 
     def terminate(*_: object) -> None:
         raise _TerminatedError
@@ -112,14 +112,14 @@ def _interrupted_by_sigterm() -> Iterator[None]:
 
 
 def _open_what_is_closed() -> None:
-    """Print to nowhere where an output was closed before the start (`>&-`), which Python tells by None."""
+    """Discard output to a stream that was closed before the start (`>&-`); Python has None for it."""
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
 
 
 def _print_any_name() -> None:
-    """Let no file's name or robot's name fail for a character that the terminal's encoding lacks."""
+    """Print characters that the terminal's encoding lacks by their codes."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")

@@ -1,4 +1,4 @@
-"""A question that somebody has to answer before anything moves."""
+"""A question to confirm before anything moves."""
 
 import sys
 from typing import Annotated

@@ -28,7 +28,7 @@ def make_single(
 
     Args:
         robot: a name, or a folder with robot.yaml.
-        preset: a training preset by name or file, whose `env` part holds.
+        preset: a training preset, by name or file; its `env` part is used.
         physics: instead of the preset's.
         render_mode: rgb_array or nothing.
 

@@ -24,7 +24,7 @@ def live_state(
 
     Args:
         loop: the loop; it is only looked at, from another thread.
-        velocity: the base's velocity, m/s, body frame, (3,); NaN where nobody knows it.
+        velocity: the base's velocity, m/s, body frame, (3,); NaN if unknown.
         duration_s: how long it shall walk.
         console: where to show it.
     """
@@ -40,7 +40,7 @@ def live_state(
     ended = threading.Event()
 
     def print_lines() -> None:
-        with suppress(OSError):  # of a full disk the command itself tells, in one line
+        with suppress(OSError):  # the command itself reports a full disk, in one line
             while not ended.wait(LINE_EVERY_S):
                 console.print(state(), highlight=False)
 

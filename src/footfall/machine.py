@@ -1,4 +1,4 @@
-"""What this machine can do, one finding at a time."""
+"""What this machine can do, one finding at a time, for `footfall doctor`."""
 
 import ctypes
 import importlib.util
@@ -31,7 +31,7 @@ MULTICAST_GROUP = "239.74.163.2"  # as deploy/python_can_bus.py has it
 
 
 class Finding(NamedTuple):
-    """One thing looked at."""
+    """Result of one check."""
 
     what: str
     good: bool
@@ -40,7 +40,7 @@ class Finding(NamedTuple):
 
 
 def findings() -> Iterator[Finding]:
-    """Look at everything, in the order of a newcomer's questions."""
+    """Run all checks, in the order in which a newcomer needs them."""
     for look in CHECKS:
         yield look()
 
@@ -169,7 +169,7 @@ def _multicast() -> Finding:
 
 
 def _read(path: Path) -> str:
-    """What a file of the kernel's says, empty if it cannot be read."""
+    """Content of a kernel file, empty if it cannot be read."""
     try:
         return path.read_text().strip()
     except OSError:

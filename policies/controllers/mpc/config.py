@@ -90,7 +90,7 @@ class FootholdConfig:
 
 @dataclass(frozen=True)
 class Restart:
-    """When a robot that was told to stand takes steps all the same."""
+    """When a robot takes steps although the command is to stand."""
 
     start_speed_m_s: float  # of the base, above which it begins to step
     stop_speed_m_s: float  # below which it stands again

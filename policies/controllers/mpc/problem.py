@@ -6,7 +6,7 @@ for small roll and pitch
 
     d attitude = rate,   d rate = I^-1 sum r x f,   d position = velocity,   d velocity = g + sum f / m.
 
-Its A is nilpotent (A^2 = 0 apart from gravity, which is integrated by hand), so the exact discretisation
+Its A is nilpotent (A^2 = 0 but for gravity, which is integrated by hand), so the exact discretisation
 has a closed form: a force f held during step j changes rates after step k >= j by dt, and attitude and
 position by dt^2 (k - j + 1/2), times its acceleration. The programme is condensed: its only variables are
 the forces of feet in contact. With a weight per state, the Hessian is a few products of small matrices.
@@ -48,7 +48,7 @@ class ForceProblem(NamedTuple):
 
 
 class _Pattern(NamedTuple):
-    """All that depends on who stands when, and on nothing else."""
+    """Terms that the contact schedule fixes."""
 
     step: np.ndarray
     leg: np.ndarray
@@ -98,7 +98,7 @@ class ForceProblems:
         Args:
             state: now.
             reference: wanted after each step.
-            contacts: (steps, legs) boolean, who stands during each step.
+            contacts: (steps, legs) boolean, feet in stance during each step.
             feet: (steps, legs, 3) m, points of contact from the centre of mass, heading frame.
             before: (legs, 3) N, forces that were applied last, heading frame; of feet that swung 0.
         """

@@ -1,6 +1,6 @@
 """The MPC's plan, carried out by whole-body control.
 
-The planned forces stand for what the body as a whole shall do: accelerate its centre of mass and turn. From
+The planned forces define the motion of the whole body: acceleration of its centre of mass and turn. From
 that and the wanted accelerations of the feet that swing, a quadratic programme on the robot's whole dynamics
 works out the joints' torques at each tick (after Kim et al. 2019, "Highly dynamic quadruped locomotion via
 whole-body impulse control and model predictive control", with weights instead of null spaces).

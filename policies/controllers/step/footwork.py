@@ -33,7 +33,7 @@ class Footwork:
 
     Attributes:
         phase: STAND, SHIFT or STEP, since `elapsed_s`.
-        bears, swings: the foot that bears, or shall bear, the weight; and the other one.
+        bears, swings: the stance foot, or the next one; and the other foot.
         load: (2,) share of its largest force that each foot may press with.
         place: (2,) m, of the next foothold from the bearing foot.
         yaw: rad, of the bearing foot when the step began.
@@ -136,7 +136,7 @@ class Footwork:
         self.elapsed_s = self._config.gait.double_support_s if shifted else 0.0
         self.lands_after_s = self._config.gait.step_s
         self.yaw = yaw_of(dynamics.foot_rotation[self.bears])
-        # Where the other foot shall land, from this one, along the world's axes.
+        # Foothold of the other foot, from this one, along the world's axes.
         self.place = self.to_world() @ self.nominal(self.side[self.swings]).place
         self.steps += 1
 

@@ -66,7 +66,7 @@ class TouchDownConfig:
     # first has found no ground, one in the air that bears more than the second has.
     force_share: tuple[float, float]
     filter_s: float  # time constant of that force
-    inertia_doubt: float  # share by which the joints' inertia may be larger than the description says
+    inertia_doubt: float  # share by which the joints' inertia may exceed the description's
     from_progress: float  # of the swing, before which no force counts
     probe_m: float  # how far a foot that finds no ground at its time is lowered
     probe_m_s: float  # and how fast

@@ -34,7 +34,7 @@ _ASTRAY_M = 0.01  # a robot that has come to rest brings feet farther away than 
 class Walk:
     """Position control of all joints: feet that stand carry the body at the commanded velocity.
 
-    `change` asks for another gait or other steps while it walks. `notes` says once for each gait what the
+    `change` asks for another gait or other steps while it walks. `notes` has once for each gait what the
     limits made of what was asked for.
     """
 

@@ -183,7 +183,7 @@ class Programmes:
         acceleration: np.ndarray,
         offset: np.ndarray,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """What shall be near to what: matrix @ variables to aim, each row times the root of its weight."""
+        """Weighted least squares: rows of matrix @ variables near aim, each times the root of its weight."""
         forces, contact, attitude = len(jacobian), self._contact_root, self._attitude_root
         swinging = pattern.swinging
         tasks = 6 * len(swinging)

@@ -12,7 +12,7 @@ from footfall.common.errors import UserError
 from footfall.options import Count, Names, OptionalPath, RobotName, Seed
 from footfall.robots.default import DEFAULT_ROBOT
 
-FELL = 1  # deploy's exit status for a run that did not end well; the demo goes on, and says so
+FELL = 1  # deploy's exit status after a fall; the demo continues
 
 
 @Parameter(name="*")

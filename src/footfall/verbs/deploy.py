@@ -142,7 +142,7 @@ def _on_interface(robot: "Robot", policy: "Policy", spec: str, options: DeployOp
     return _figures(outcome, options) | {
         "fell": tipped,
         "fall_reason": outcome.faults[0] if tipped else "",
-        "distance_m": math.nan,  # nobody measures it
+        "distance_m": math.nan,  # not measured
         "mean_velocity_m_s": [math.nan] * 3,
     }
 

@@ -2,7 +2,7 @@
 
 
 def doctor() -> None:
-    """Say what this machine can do: accelerator, rendering, CAN, real-time scheduling, missing packages."""
+    """Show what this machine can do: accelerator, rendering, CAN, real-time scheduling, missing packages."""
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text

@@ -14,7 +14,7 @@ class PageOptions:
     """Where to serve the page."""
 
     host: str = "localhost"
-    """Name or address to listen at; 0.0.0.0 lets other machines in, who may then move the robot shown."""
+    """Name or address to listen at; 0.0.0.0 lets other machines connect and move the robot shown."""
     port: Port = 8080
 
     @property
