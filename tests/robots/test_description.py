@@ -5,17 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from edited import edit
 
 from footfall.common.errors import UserError
 from footfall.robots.description import Robot, load_robot
-
-
-def edit(folder: Path, file: str, old: str, new: str, count: int = 1) -> None:
-    """Replace text in one of the folder's files; the text must be there."""
-    path = folder / file
-    text = path.read_text()
-    assert old in text
-    path.write_text(text.replace(old, new, count))
 
 
 def refusal(folder: Path | str) -> str:

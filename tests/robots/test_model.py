@@ -85,12 +85,6 @@ def test_bodies_keep_the_inertia_that_left_out_geoms_give_them(own_folder: Path)
         np.testing.assert_allclose(getattr(trained, field), getattr(plant, field), rtol=1e-12, atol=1e-15)
 
 
-def test_training_model_is_lean(go1: Robot, lean: mujoco.MjModel) -> None:
-    legs = len(go1.description.feet)
-    assert lean.ngeom == 2 * legs + 1  # a foot and a capsule of each leg, and the floor
-    assert lean.nu == lean.nsensor == lean.nkey == 0
-
-
 def test_feet_touch_the_floor_but_not_each_other(go1: Robot, lean: mujoco.MjModel) -> None:
     data = standing(lean, go1)
     floor = lean.geom("floor").id
@@ -131,22 +125,6 @@ def test_feet_meet_the_training_floor_as_they_would_the_plants(
         np.testing.assert_array_equal(getattr(trained, field), getattr(plant, field)[:4], field)
 
 
-@pytest.mark.parametrize(
-    ("foot", "expected"),
-    [('priority="1" friction="0.3"', 0.3), ('friction="0.3"', 0.8), ('friction="0.9"', 0.9)],
-)
-def test_nominal_friction_is_that_of_the_contacts(own_folder: Path, foot: str, expected: float) -> None:
-    """Of the floor's 0.8 and the foot's, MuJoCo takes the larger, or that of the foot with priority."""
-    xml = own_folder / "robot.xml"
-    text = re.sub(r'priority="1"\s+friction="0.8"', foot, xml.read_text())
-    assert foot in text
-    xml.write_text(text)
-    robot = load_robot(own_folder)
-    model = training_model(robot)
-    np.testing.assert_allclose(ground_friction(model, robot), expected)
-    np.testing.assert_allclose(standing(model, robot).contact.friction[:, 0], expected)
-
-
 def test_plant_falls_onto_its_trunk(go1: Robot) -> None:
     model = plant_model(go1)
     data = standing(model, go1)
@@ -180,35 +158,25 @@ def test_foreign_plant_is_matched_by_joint_name(go1: Robot, tmp_path: Path) -> N
     assert mujoco.mjtGeom.mjGEOM_PLANE in model.geom_type
 
 
-@pytest.mark.parametrize(
-    ("base", "changes", "message"),
-    [
-        ("<freejoint/>", {"FL_calf_joint": "knee"}, "no joint 'FL_calf_joint'"),
+def test_a_plant_that_does_not_fit_is_refused_in_one_line(go1: Robot, tmp_path: Path) -> None:
+    path = tmp_path / "other.xml"
+    with pytest.raises(UserError, match="no MJCF file"):
+        plant_model(go1, path)
+    for text in ("", "garbage", "<mujoco><worldbody>", "<mujoco><nonsense/></mujoco>"):
+        path.write_text(text)
+        with pytest.raises(UserError, match=r"^[^\n]*other\.xml[^\n]*\Z"):
+            plant_model(go1, path)
+    for base, changes, message in (
+        (
+            "<freejoint/>",
+            {"FR_hip_joint": "a", "RL_calf_joint": "b"},
+            r"'FR_hip_joint'.*2 of 12 joints missing",
+        ),
         ("<freejoint/>", {"type": "slide"}, "not a hinge"),
         ("", {}, "no free joint"),
-    ],
-)
-def test_unfit_plant_is_refused(
-    go1: Robot, tmp_path: Path, base: str, changes: dict[str, str], message: str
-) -> None:
-    path = write_plant(tmp_path / "other.xml", go1, base, **changes)
-    with pytest.raises(UserError, match=message) as caught:
-        plant_model(go1, path)
-    assert str(path) in str(caught.value)
-
-
-@pytest.mark.parametrize("text", ["", "garbage", "<mujoco><worldbody>", "<mujoco><nonsense/></mujoco>"])
-def test_garbage_plant_is_refused_in_one_line(go1: Robot, tmp_path: Path, text: str) -> None:
-    path = tmp_path / "plant.xml"
-    path.write_text(text)
-    with pytest.raises(UserError, match=r"plant\.xml") as caught:
-        plant_model(go1, path)
-    assert "\n" not in str(caught.value)
-
-
-def test_missing_plant_is_refused(go1: Robot, tmp_path: Path) -> None:
-    with pytest.raises(UserError, match="no MJCF file"):
-        plant_model(go1, tmp_path / "absent.xml")
+    ):
+        with pytest.raises(UserError, match=rf"other\.xml: .*{message}"):
+            plant_model(go1, write_plant(path, go1, base, **changes))
 
 
 TAIL = """<body name="tail" pos="-0.3 0 0"><joint name="tail" frictionloss="0.2" damping="0.03" range="-1 1"/>
@@ -388,12 +356,6 @@ def test_feet_with_and_without_priority_each_have_their_friction(own_folder: Pat
     feet = np.where(contact.geom[:, 0] == model.geom("floor").id, contact.geom[:, 1], contact.geom[:, 0])
     found = dict(zip(feet.tolist(), contact.friction[:, 0].tolist(), strict=True))
     assert [found[model.geom(foot.geoms[0]).id] for foot in robot.description.feet] == pytest.approx(expected)
-
-
-def test_missing_joints_are_counted(go1: Robot, tmp_path: Path) -> None:
-    path = write_plant(tmp_path / "other.xml", go1, FR_hip_joint="a", RL_calf_joint="b")
-    with pytest.raises(UserError, match=r"no joint 'FR_hip_joint'.* \(2 of 12 joints missing\)"):
-        plant_model(go1, path)
 
 
 def test_feet_that_a_plant_lacks_or_names_otherwise_are_told_of(go1: Robot, tmp_path: Path) -> None:
