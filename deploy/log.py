@@ -1,7 +1,7 @@
 """MCAP logs of a run, written by another process; ROS 2 tools open them.
 
-The loop hands records to a pipe and never waits for the disk. What the writing process has been handed
-survives whatever happens to the loop's; were both killed, all but the last fraction of a second is there.
+The loop writes records to a pipe and never waits for the disk. Records in the pipe outlive the loop.
+If both processes are killed, the log lacks the last fraction of a second.
 """
 
 import json
@@ -66,7 +66,7 @@ def unflatten(values: np.ndarray, joints: int) -> PolicyInput:
 def odometry_numbers(found: Odometry) -> np.ndarray:
     """The numbers of a nav_msgs/Odometry, (85,): see `messages.odometry`.
 
-    Covariances of roll, pitch and angular velocity are zero: nobody estimates them.
+    Covariances of roll, pitch and angular velocity are zero: they are not estimated.
     """
     w, x, y, z = found.orientation
     pose, twist = np.zeros((6, 6)), np.zeros((6, 6))

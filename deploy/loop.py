@@ -121,7 +121,7 @@ class ControlLoop:
 
     @property
     def estimate(self) -> tuple[np.ndarray, float]:
-        """The base's velocity (3,) m/s, body frame, and height m; NaN if nobody estimates them."""
+        """The base's velocity (3,) m/s, body frame, and height m; NaN without an estimate."""
         return self._estimate.value
 
     @property

@@ -76,13 +76,13 @@ def replay(path: Path, policy: Policy, tolerance: float = 0.0) -> Replay:
 def _steps(log: LogFile) -> list[tuple[Entry, Entry]]:
     """Inputs and decisions, paired by their time; the last input may lack its decision."""
     decided = {entry.time_ns: entry for entry in log.entries if entry.topic == DECISIONS}
-    handed = [entry for entry in log.entries if entry.topic == INPUTS]
-    return [(entry, decided[entry.time_ns]) for entry in handed if entry.time_ns in decided]
+    given = [entry for entry in log.entries if entry.topic == INPUTS]
+    return [(entry, decided[entry.time_ns]) for entry in given if entry.time_ns in decided]
 
 
-def _inputs(log: LogFile, handed: Entry) -> PolicyInput:
+def _inputs(log: LogFile, given: Entry) -> PolicyInput:
     try:
-        return unflatten(_numbers(log, handed), len(log.joints))
+        return unflatten(_numbers(log, given), len(log.joints))
     except ValueError as error:
         raise UserError(f"{log.path}: {error}") from None
 

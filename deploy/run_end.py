@@ -1,4 +1,4 @@
-"""How a run ends when somebody asks for it: stop, lie down, damping, motors off."""
+"""How a run ends on request: stop, lie down, damping, motors off."""
 
 from footfall.deploy.modes import DAMPED, Mode
 from footfall.deploy.signals import EndSignals
@@ -7,7 +7,7 @@ CUT_SHORT = (Mode.STOPPING, Mode.LOWERING)  # modes in which asking again ends t
 
 
 class RunEnd:
-    """Whether the end was asked for, and how much of it is left out."""
+    """Whether the end was requested, and whether lying down is skipped."""
 
     def __init__(self, may_lie: bool, stop_s: float) -> None:
         """`may_lie`: whether the robot can lie down, and may; `stop_s`: time that a policy has to stop."""

@@ -32,7 +32,7 @@ class BodyWindow(NamedTuple):
     turn: list[float]  # the base's turn by the quaternions, rad, about each body axis
     gyro_turn: list[float]  # the same by the gyro
     slope_rad: float = 0.0  # between the plane of the standing feet and the IMU's level
-    leg_turn_rad: float = 0.0  # turn of the base since these feet stand, by the IMU other than by the legs
+    leg_turn_rad: float = 0.0  # turn of the base since these feet stand, by the IMU less that by the legs
 
     @property
     def elapsed_s(self) -> float:

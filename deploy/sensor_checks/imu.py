@@ -42,7 +42,7 @@ class Rotation(BodyCheck):
     """The base's turn by the quaternion less its turn by the gyro, rad."""
 
     looks_at = "the quaternion's turn against the gyro's"
-    message = "the IMU: its quaternion turned by {0:.2f} rad other than its gyro says"
+    message = "the IMU: its quaternion turned by {0:.2f} rad against its gyro"
     limit = Limit("rotation_rad")
 
     def __init__(self, robot: Robot, limits: ImuLimits, sample_s: float) -> None:

@@ -20,7 +20,7 @@ class JointWindow(NamedTuple):
     joints: np.ndarray  # (3, n) last reading: position rad, velocity rad/s, torque N m
     repeated: np.ndarray  # (3, n) whether each reading of the window equals the one before
     travel: np.ndarray  # rad, by integrating the velocities
-    position_error: np.ndarray  # rad, by which the positions moved other than the velocities say
+    position_error: np.ndarray  # rad, change of the position less that by the velocity
     late_s: np.ndarray  # by how much the oldest reading was older than the youngest
     speed: np.ndarray  # mean, rad/s
     torque: np.ndarray  # mean of the reported torque, N m

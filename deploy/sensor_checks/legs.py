@@ -31,7 +31,7 @@ class Slope(BodyCheck):
     """Angle between the plane of the standing feet and the IMU's level, rad; 0 if none stand still."""
 
     looks_at = "the IMU's level against the plane of the standing feet: the IMU or a leg's encoders are off"
-    message = "the IMU: the base is tilted by {0:.2f} rad other than the legs that stand say"
+    message = "the IMU: the base is tilted by {0:.2f} rad against the standing legs"
     limit = Limit("slope_rad")
 
     def measure(self, window: BodyWindow) -> float:
@@ -42,7 +42,7 @@ class LegTurn(BodyCheck):
     """Turn of the base since these feet stand, by the IMU other than by the legs, rad; 0 likewise."""
 
     looks_at = "the base's turn by the IMU against that by the standing legs, whatever the slope"
-    message = "the IMU: the base turned by {0:.2f} rad other than the legs that stand say"
+    message = "the IMU: the base turned by {0:.2f} rad against the standing legs"
     limit = Limit("leg_turn_rad")
 
     def measure(self, window: BodyWindow) -> float:

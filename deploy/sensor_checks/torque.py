@@ -117,7 +117,7 @@ class TorqueStuck(JointCheck):
 
     looks_at = "the change of the expected torque while a motor repeats one report: stuck, or rebooted"
     message = (
-        "the motor repeats one torque, as one that has rebooted, while what is asked of it moved by {0:.0%}"
+        "the motor repeats one torque while its expected torque changed by {0:.0%}: it may have rebooted"
     )
     limit = Limit("torque_stuck")
 

@@ -42,7 +42,7 @@ class Drift(JointCheck):
     looks_at = (
         "a joint's travel by its position against that by its velocity: its encoder jumps or is swapped"
     )
-    message = "its position changed by {0:.2f} rad other than its velocity says"
+    message = "its position changed by {0:.2f} rad against its velocity"
     limit = Limit("drift_rad")
 
     def __init__(self, robot: Robot, limits: TravelLimits, sample_s: float) -> None:
@@ -87,7 +87,7 @@ class Wander(_SignedTravel):
     """The signed error of an encoder that drifts."""
 
     looks_at = "the same with its sign: an encoder that drifts"
-    message = "its position has wandered by {0:.2f} rad other than its velocity says"
+    message = "its position has drifted by {0:.2f} rad against its velocity"
     limit = Limit("wander_rad")
 
     def measure(self, window: JointWindow) -> np.ndarray:
@@ -98,7 +98,7 @@ class Stuck(_SignedTravel):
     """The signed error since position or velocity repeats itself to the last digit."""
 
     looks_at = "the same of a joint whose position or velocity repeats itself: an encoder that is stuck"
-    message = "its position or velocity repeats itself, {0:.3f} rad other than the other one says"
+    message = "its position or velocity repeats itself, {0:.3f} rad against the other one"
     limit = Limit("stuck_rad")
 
     def measure(self, window: JointWindow) -> np.ndarray:

@@ -111,7 +111,7 @@ def test_every_robot_that_ships_is_tried_with_a_learned_policy_and_a_hand_writte
     ("title", "says"),
     [
         ("IMU askew by 30 degrees, all its parts alike (at the start)", "the base is tilted by 0.5"),
-        ("IMU comes loose and leans by 0.2 rad/s (at the start)", "the base turned by 0.05 rad other than"),
+        ("IMU comes loose and leans by 0.2 rad/s (at the start)", "the base turned by 0.05 rad against"),
     ],
 )
 def test_an_imu_that_is_true_of_another_place_is_known_by_the_legs_that_stand(title: str, says: str) -> None:
