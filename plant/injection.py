@@ -115,8 +115,6 @@ class FaultInjector:
         self._lookup = motor_lookup(self.wiring)
         self._codec = mit.Codec(self.wiring.models)
 
-    # -- frames on their way to the controller -----------------------------------------------------------
-
     def on_replies(self, change: Callable[[Frames, np.ndarray], Frames]) -> None:
         """Change motor replies: `change` gets a batch and its joints (k,), -1 for unknown."""
 
@@ -189,8 +187,6 @@ class FaultInjector:
             return [*due, *(frames for frames in batches if not what(frames))]
 
         self.bus.incoming = hold
-
-    # -- the robot's parts -------------------------------------------------------------------------------
 
     def brake(self, joint: int, damping: float) -> None:
         """Set the damping of a joint, N m s/rad."""
