@@ -236,7 +236,7 @@ def differences(robot: str, preset: str) -> list[tuple[str, str, str]]:
         "steps of the recipe": f"{ppo.total_steps:,}",
         "history in the observation": f"up to {max(term.history for term in config.env.observation)} frames",
         "delays of actions and readings": "yes" if config.env.randomisation.action_delay_s else "no",
-        "pushes": "yes" if config.env.pushes else "no",
+        "pushes": "yes" if any(event.term == "push" for event in config.env.events) else "no",
         "a new episode": "drawn afresh",
     }
     theirs = playground.facts()

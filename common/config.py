@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 import yaml
 from cattrs import Converter, transform_error
 from cattrs.errors import BaseValidationError, ForbiddenExtraKeysError
+from cattrs.gen import make_dict_structure_fn, make_dict_unstructure_fn
 from cattrs.v import format_exception
 
 from footfall.common.errors import UserError
@@ -86,6 +87,12 @@ def _field_first(reason: str) -> str:
     return f"{where.lstrip('.')}: {why}" if where else why
 
 
+def _joined(reason: str) -> str:
+    """What follows a field's name: 'low: why' as '.low: why', 'why' as ': why'."""
+    where, colon, _ = reason.partition(": ")
+    return f".{reason}" if colon and " " not in where else f": {reason}"
+
+
 def require_positive(config: Any, *names: str) -> None:
     """For a dataclass's own checks: raise ValueError unless these fields are finite and above 0.
 
@@ -140,6 +147,47 @@ def structure(data: Any, cls: type[T], source: str) -> T:
         raise UserError(f"{source}: {' '.join(str(error).split())}") from None
 
 
+def structure_value(data: Any, kind: Any, where: str) -> Any:
+    """A value of any type from plain data.
+
+    Raises:
+        UserError: it is of another type, or not finite; the message begins with `where`.
+    """
+    try:
+        return _converter.structure(data, kind)
+    except BaseValidationError as error:
+        reasons = transform_error(error, path="", format_exception=_reason)
+        raise UserError("; ".join(f"{where}{_joined(_field_first(reason))}" for reason in reasons)) from None
+    except (TypeError, ValueError, KeyError, AttributeError) as error:
+        raise UserError(f"{where}: {' '.join(str(error).split())}") from None
+
+
+def takes_other_keys(rest: str) -> Callable[[type[T]], type[T]]:
+    """Class decorator: keys in YAML that are no field of a dataclass are gathered in its field `rest`."""
+
+    def register(cls: type[T]) -> type[T]:
+        names = {each.name for each in fields(cls)} - {rest}  # type: ignore[arg-type]
+        structure_fields = make_dict_structure_fn(cls, _converter, _cattrs_forbid_extra_keys=True)
+        unstructure_fields = make_dict_unstructure_fn(cls, _converter)
+
+        def from_plain(data: Any, _: type) -> T:
+            if not isinstance(data, dict):
+                raise ValueError(f"expected a mapping of settings, found {_shown(data)}")
+            own = {key: value for key, value in data.items() if key in names}
+            others = {str(key): value for key, value in data.items() if key not in names}
+            return structure_fields(own | {rest: others}, cls)
+
+        def to_plain(config: T) -> dict[str, Any]:
+            plain = unstructure_fields(config)
+            return plain | plain.pop(rest)
+
+        _converter.register_structure_hook(cls, from_plain)
+        _converter.register_unstructure_hook(cls, to_plain)
+        return cls
+
+    return register
+
+
 def unstructure(config: Any) -> Any:
     """A dataclass as plain data (dicts, lists, numbers, text)."""
     return _converter.unstructure(config)
@@ -164,10 +212,36 @@ def read_yaml(path: Path) -> Any:
 
 
 def merged(base: Any, changes: Any) -> Any:
-    """Plain data with some of it replaced: mappings key by key, anything else as a whole."""
+    """Plain data with some of it replaced: mappings key by key, lists of terms by name, or as a whole."""
+    if isinstance(base, list) and isinstance(changes, dict):
+        return merged_terms(base, changes)
     if not isinstance(base, dict) or not isinstance(changes, dict):
         return changes
     return base | {key: merged(base.get(key), value) for key, value in changes.items()}
+
+
+def merged_terms(listed: list[Any], changes: dict[str, Any]) -> list[Any]:
+    """A list of terms with some settings replaced.
+
+    Args:
+        listed: mappings with a key "term"; a term goes by its "name", if it has one.
+        changes: settings by name; a number is a weight. A term that is not listed is added if its settings
+            include "weight" or "term", and left out otherwise.
+    """
+    given = {k: v if isinstance(v, dict) else {"weight": v} for k, v in changes.items()}
+    labels = [_label(entry) for entry in listed]
+    known = [merged(entry, given.get(label, {})) for entry, label in zip(listed, labels, strict=True)]
+    for name, settings in given.items():
+        if name not in labels and {"weight", "term"} & settings.keys():
+            entry = {"term": name} | settings
+            known.append(entry if _label(entry) == name else {"name": name} | entry)
+    return known
+
+
+def _label(entry: Any) -> str:
+    keys = ("name", "of", "term")  # a curriculum goes by what it makes harder
+    found = next((entry[key] for key in keys if entry.get(key)), "") if isinstance(entry, dict) else ""
+    return str(found).rpartition(":")[2]
 
 
 def with_changes(base: Any, path: Path) -> Any:

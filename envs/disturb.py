@@ -1,58 +1,81 @@
-"""What changes for the robot from outside during an episode: commands and pushes."""
+"""What changes for the robot from outside: commands and events, drawn at a reset and at random intervals."""
+
+from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
 
-from footfall.envs.base import Base
-from footfall.envs.commands import COMMAND_NUMBERS, draw_command, draw_hold_steps
-from footfall.envs.config import EnvConfig, PushConfig
-from footfall.envs.curriculum import share
+from footfall.domain_rand.distributions import Distribution
+from footfall.envs.config import EnvConfig
 from footfall.envs.random_numbers import split
 from footfall.envs.state import State
+from footfall.envs.task import Task
+from footfall.envs.terms.data import Scene
+from footfall.envs.terms.events import Occasion
 
-PUSH_NUMBERS = 6
-DISTURBANCE_NUMBERS = COMMAND_NUMBERS + PUSH_NUMBERS + 2
+
+class Disturbances:
+    """Draws the commands and carries out the events of a task."""
+
+    def __init__(self, task: Task, config: EnvConfig, scene: Scene) -> None:
+        self._task, self._config, self._scene = task, config, scene
+        self._resets, self._timed = task.resets, task.timed
+        self.reset_numbers = [event.numbers for event in self._resets.values()]  # that `reset` takes
+        self.timers = 1 + len(self._timed)  # of the command and of each timed event
+        timed = (event.numbers for event in self._timed.values())
+        self._step_sizes = [task.command.numbers, *timed, self.timers]
+        self.step_numbers = sum(self._step_sizes)  # that `step` takes
+
+    def reset(self, state: State, numbers: Sequence[jax.Array]) -> State:
+        """The state after the events of a reset, with uniform numbers for each."""
+        for (name, event), u in zip(self._resets.items(), numbers, strict=True):
+            occasion = Occasion(self._scene, True, u, self._task.strength(name, state.level))
+            state = event.change(state, occasion)
+        return state
+
+    def step(self, state: State, u: jax.Array) -> State:
+        """The state after the events that are due, with a new command if the old one's time is up.
+
+        Args:
+            state: after a control step.
+            u: uniform numbers, shape (step_numbers,).
+        """
+        command, *numbers, timers = split(u, *self._step_sizes)
+        hold, *intervals = timers
+        event_steps = {}
+        for (name, event), own, interval in zip(self._timed.items(), numbers, intervals, strict=True):
+            due = state.event_steps[name] <= 0
+            occasion = Occasion(self._scene, due, own, self._task.strength(name, state.level))
+            state = _where(due, event.change(state, occasion), state)
+            steps = self._steps(interval, event.interval_s)
+            event_steps[name] = jnp.where(due, steps, state.event_steps[name] - 1)
+        command_due = state.hold_steps <= 0
+        return state._replace(
+            command=jnp.where(command_due, self.command(command, state.level), state.command),
+            hold_steps=jnp.where(command_due, self.hold_steps(hold), state.hold_steps - 1),
+            event_steps=event_steps,
+        )
+
+    def command(self, u: jax.Array, level: jax.Array | float) -> jax.Array:
+        """A command (3,) from uniform numbers, as large as the curriculum allows."""
+        return self._task.command.draw(u, self._config.commands) * self._task.strength("commands", level)
+
+    def hold_steps(self, u: jax.Array) -> jax.Array:
+        """Control steps for which a command is held, int32, from a uniform number in [0, 1)."""
+        return self._steps(u, self._config.commands.hold_s)
+
+    def event_steps(self, u: Sequence[jax.Array]) -> dict[str, jax.Array]:
+        """Control steps until each timed event, int32, from a uniform number for each."""
+        pairs = zip(self._timed.items(), u, strict=True)
+        return {name: self._steps(one, event.interval_s) for (name, event), one in pairs}
+
+    def _steps(self, u: jax.Array, interval_s: Distribution | None) -> jax.Array:
+        assert interval_s is not None
+        return jnp.int32(interval_s.quantile(u) * self._config.control_rate_hz)
 
 
-def disturb(state: State, u: jax.Array, config: EnvConfig, base: Base) -> State:
-    """Draw a new command when the old one's time is up, and push when a push is due.
-
-    Args:
-        state: after a control step.
-        u: uniform numbers, shape (DISTURBANCE_NUMBERS,).
-        config: of the environment.
-        base: what is pushed.
-    """
-    command, push, (hold, interval) = split(u, COMMAND_NUMBERS, PUSH_NUMBERS, 2)
-    command_due, push_due = state.hold_steps <= 0, state.push_steps <= 0
-    hold_steps = draw_hold_steps(hold, config.commands, config.control_rate_hz)
-    strength = share(config.curriculum.pushes, state.level)
-    change = jnp.where(push_due, strength * draw_push(push, config.pushes), 0.0)
-    return state._replace(
-        command=jnp.where(command_due, command_at_level(command, config, state.level), state.command),
-        hold_steps=jnp.where(command_due, hold_steps, state.hold_steps - 1),
-        push_steps=jnp.where(push_due, draw_push_steps(interval, config), state.push_steps - 1),
-        qvel=base.pushed(state.qvel, change),
+def _where(condition: jax.Array, changed: State, state: State) -> State:
+    """The changed state where the condition () holds; what the change left alone is not selected."""
+    return jax.tree.map(
+        lambda new, old: new if new is old else jnp.where(condition, new, old), changed, state
     )
-
-
-def command_at_level(u: jax.Array, config: EnvConfig, level: jax.Array | float) -> jax.Array:
-    """A command (3,) from uniform numbers (COMMAND_NUMBERS,), as large as the curriculum allows."""
-    return draw_command(u, config.commands) * share(config.curriculum.commands, level)
-
-
-def draw_push_steps(u: jax.Array, config: EnvConfig) -> jax.Array:
-    """Control steps until the next push, int32, of a uniform number u in [0, 1)."""
-    return jnp.int32(config.pushes.interval_s.quantile(u) * config.control_rate_hz)
-
-
-def draw_push(u: jax.Array, pushes: PushConfig) -> jax.Array:
-    """Sudden change of the base's velocity, shape (6,): linear in the world, angular in the body.
-
-    Args:
-        u: uniform numbers, shape (PUSH_NUMBERS,).
-        pushes: how strong they may be.
-    """
-    angle, size = 2 * jnp.pi * u[0], pushes.horizontal_m_s * u[1]
-    linear = jnp.array([size * jnp.cos(angle), size * jnp.sin(angle), pushes.vertical_m_s * (2 * u[2] - 1)])
-    return jnp.concatenate([linear, pushes.angular_rad_s * (2 * u[3:] - 1)])

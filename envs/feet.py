@@ -28,7 +28,7 @@ class Feet:
         self._points = np.array([s + np.arange(most) % c for s, c in zip(starts, counts, strict=True)])
         self._gait = gait
         self._timestep_s = timestep_s
-        self.count = len(feet)
+        self.count, self.points = len(feet), sum(counts)
 
     def clearance(self, position: jax.Array) -> jax.Array:
         """Height of each foot's lowest point above the ground, m, from points (points, 3)."""

@@ -2,7 +2,9 @@
 
 from typing import Any
 
-from footfall.envs.config import EnvConfig
+from footfall.common.errors import UserError
+from footfall.common.outside import find, in_a_line, is_place, sources
+from footfall.envs.config import TERM_LISTS, EnvConfig
 from footfall.envs.environment import Environment
 from footfall.envs.velocity import VelocityEnv
 from footfall.envs.workarounds.program_cache import model_bytes
@@ -10,17 +12,45 @@ from footfall.robots.description import Robot
 
 
 def make_environment(robot: Robot, config: EnvConfig) -> Environment:
-    """The environment of a configuration.
+    """The environment of a configuration: its task's own, or the one that its terms describe.
 
     Raises:
         UserError: the configuration names something unknown, or does not fit the robot.
     """
-    return VelocityEnv(robot, config)
+    if not config.task:
+        return VelocityEnv(robot, config)
+    if not is_place(config.task):
+        raise UserError(f"env.task: '{config.task}' is no MODULE:NAME")
+    make = find(config.task, "task")
+    try:
+        env = make(robot, config)
+    except UserError:
+        raise
+    except Exception as error:  # whatever it is, it is the task's
+        raise UserError(f"env.task: {config.task} cannot be made: {in_a_line(error)}") from error
+    lacking = [part for part in ("reset", "step", "contract", "observation_sizes") if not hasattr(env, part)]
+    if lacking:
+        raise UserError(f"env.task: {config.task} makes no Environment: it has no {', '.join(lacking)}")
+    return env
 
 
 def made_from(robot: Robot, config: EnvConfig) -> tuple[Any, ...]:
-    """Everything that a compiled program of the environment depends on, but source, libraries and devices.
+    """Everything that a compiled program depends on, but for footfall's source, libraries and devices.
 
     Two environments with an equal result have the same programs (envs/workarounds/program_cache.py).
+
+    Raises:
+        UserError: a module of the user's own cannot be imported.
     """
-    return robot.digest, model_bytes(robot, config.timestep_s), config
+    return robot.digest, model_bytes(robot, config.timestep_s), config, outside_sources(config)
+
+
+def outside_sources(config: EnvConfig) -> list[tuple[str, bytes]]:
+    """The source of the user's own terms and task: names of modules, and the content of their files.
+
+    Raises:
+        UserError: a module cannot be imported.
+    """
+    listed = (entry.term for kind in ("observation", *TERM_LISTS) for entry in getattr(config, kind))
+    places = {config.task, config.commands.term, *listed}
+    return sources(sorted(filter(is_place, places)))

@@ -1,6 +1,6 @@
 """What an episode is from one step to the next, and what a step gives."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 
@@ -19,7 +19,7 @@ class State(NamedTuple):
     fields: dict[str, jax.Array]  # randomised model fields
     command: jax.Array  # (3,) forward m/s, leftward m/s, yaw rad/s
     hold_steps: jax.Array  # () control steps until the next command
-    push_steps: jax.Array  # () control steps until the next push
+    event_steps: dict[str, jax.Array]  # () control steps until each timed event, by its name
     steps: jax.Array  # () control steps since the reset
     phase: jax.Array  # (1,) cycles
     actions: jax.Array  # (3, n) newest first
@@ -27,6 +27,7 @@ class State(NamedTuple):
     target: jax.Array  # (n,) rate-limited target, rad
     recent_readings: jax.Array  # (substeps, m) true ones after each physics step, oldest first
     frames: jax.Array  # (history, frame)
+    terms: dict[str, dict[str, Any]]  # states of the terms that have one, by kind and name
 
 
 class Step(NamedTuple):

@@ -5,15 +5,14 @@ worth as much as the transition itself (Mittal et al., "Symmetry considerations 
 robot policies", 2024).
 """
 
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from footfall.envs.config import EnvConfig
-from footfall.envs.critic import actor_kinds, critic_kinds
-from footfall.policies.contract import Contract
 from footfall.policies.gaits import find_gait
 from footfall.robots.description import Robot
+from footfall.robots.kinds import Kind
 from footfall.robots.symmetry import Mirror, find_symmetry
 
 
@@ -24,19 +23,21 @@ class EnvironmentMirror(NamedTuple):
     action: Mirror
 
 
-def environment_mirror(robot: Robot, config: EnvConfig, contract: Contract) -> EnvironmentMirror:
-    """The mirror maps of a velocity environment.
+def environment_mirror(
+    robot: Robot, gait: str | None, layout: Mapping[str, Sequence[Kind]]
+) -> EnvironmentMirror:
+    """The mirror maps of an environment.
+
+    Args:
+        robot: the robot.
+        gait: name of its gait, if it has one.
+        layout: the kinds of numbers that lie end to end in each observation.
 
     Raises:
         UserError: the robot or its gait has no mirror image.
     """
-    gait = find_gait(config.gait.name, robot) if config.gait else None
-    symmetry = find_symmetry(robot, gait.phase if gait else None)
-    layout = {
-        "state": actor_kinds(contract),
-        "privileged_state": critic_kinds(contract, config.randomisation),
-    }
-    observation = {name: _join([kind.mirror(symmetry) for kind in parts]) for name, parts in layout.items()}
+    symmetry = find_symmetry(robot, find_gait(gait, robot).phase if gait else None)
+    observation = {name: _join([kind.mirror(symmetry) for kind in kinds]) for name, kinds in layout.items()}
     return EnvironmentMirror(observation, symmetry.joints)
 
 

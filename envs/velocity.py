@@ -1,25 +1,22 @@
-"""Velocity tracking on flat ground: a functional environment.
+"""The environment that steps a task's terms around the physics: a functional environment.
 
 `reset(key)` and `step(state, action)` are pure and concern one robot; `jax.vmap` makes them many.
 """
 
+import functools
 from types import SimpleNamespace
 
 import jax
 import jax.numpy as jnp
 import mujoco
-import numpy as np
 
 from footfall.common.errors import UserError
 from footfall.domain_rand.bodies import body_map, randomised_field_names, randomised_fields
+from footfall.domain_rand.randomisation import QUANTITIES
 from footfall.domain_rand.sample import Sample, draw, towards_nominal
 from footfall.envs.actuation import KEPT_GOALS, Actuation
-from footfall.envs.base import Base
-from footfall.envs.commands import COMMAND_NUMBERS, draw_hold_steps
 from footfall.envs.config import EnvConfig
-from footfall.envs.critic import Truth, actor_kinds, critic_kinds, critic_observation
-from footfall.envs.curriculum import level_after, share
-from footfall.envs.disturb import DISTURBANCE_NUMBERS, command_at_level, disturb, draw_push_steps
+from footfall.envs.disturb import Disturbances
 from footfall.envs.feet import Feet
 from footfall.envs.gait import make_gait
 from footfall.envs.ground import height_above_ground, in_contact
@@ -27,29 +24,35 @@ from footfall.envs.observe import Observer
 from footfall.envs.physics.engines import ENGINES, make_engine
 from footfall.envs.physics.interface import Motion, Trace
 from footfall.envs.random_numbers import uniform
-from footfall.envs.rewards import TERMS as REWARD_TERMS
-from footfall.envs.rewards import RewardInputs, joint_shares, reward_rate, rewards
-from footfall.envs.start import Start
 from footfall.envs.state import State, Step
 from footfall.envs.symmetry import EnvironmentMirror, environment_mirror
+from footfall.envs.task import Task
+from footfall.envs.terms.data import Scene, StepData, example_data
 from footfall.policies.action import joint_target
-from footfall.policies.contract import Contract
+from footfall.policies.contract import Contract, Term
 from footfall.policies.gaits import find_gait
-from footfall.policies.observation import moving
+from footfall.policies.observation import moving, term_kind, term_source
 from footfall.robots.description import Robot
-from footfall.robots.kinds import Parts
-from footfall.robots.model import ground_friction, joint_addresses, training_model
+from footfall.robots.kinds import Kind, Parts
+from footfall.robots.model import ground_friction, training_model
 from footfall.robots.stability import longest_timestep
 
 
 def make_contract(robot: Robot, config: EnvConfig) -> Contract:
-    """The contract of policies that are trained on this robot with these settings."""
+    """The contract of policies that are trained on this robot with these settings.
+
+    Raises:
+        UserError: there is no such gait or observation term, or a term cannot have its parameters.
+    """
+    terms = tuple(Term(each.term, each.scale, each.history, each.settings) for each in config.observation)
+    for index, term in enumerate(terms):
+        term_source(term, f"env.observation[{index}]")
     return Contract(
         robot=robot.name,
         digest=robot.digest,
         joints=robot.joint_names,
         control_rate_hz=config.control_rate_hz,
-        observation=config.observation,
+        observation=terms,
         default_pose_rad=tuple(robot.default_pose.tolist()),
         action_scale_rad=tuple(robot.action_scale.tolist()),
         kp=tuple(robot.kp.tolist()),
@@ -64,10 +67,7 @@ class VelocityEnv:
     """The environment of one robot and one configuration; holds constants only."""
 
     def __init__(self, robot: Robot, config: EnvConfig) -> None:
-        """Raises UserError if the configuration names what there is not, too long delays or steps."""
-        unknown = set(config.rewards) - set(REWARD_TERMS)
-        if unknown:
-            raise UserError(f"no reward '{min(unknown)}': there are {', '.join(REWARD_TERMS)}")
+        """Raises UserError if the configuration names what does not exist, or too long delays or steps."""
         if config.physics not in ENGINES:
             raise UserError(f"no physics '{config.physics}': there are {', '.join(ENGINES)}")
         self.robot, self.config = robot, config
@@ -79,14 +79,12 @@ class VelocityEnv:
         _check_timestep(robot, model, config)
         self.engine = make_engine(config.physics, model, robot)
         gait = find_gait(config.gait.name, robot) if config.gait else None
-        self.base, self.feet = Base(model, robot), Feet(model, robot, self.timestep_s, gait)
-        self.start, self.actuation = Start(model, robot, config.initial), Actuation(robot, config)
+        self.scene = Scene(model, robot, Feet(model, robot, self.timestep_s, gait), self.period_s)
+        self.task = Task(config, self.scene)
+        self.actuation = Actuation(robot, config)
         self.observer = Observer(model, robot, config, self.contract)
-        self._positions, self._dofs = map(jnp.asarray, joint_addresses(model, robot))
-        shares = joint_shares(robot.joint_names, config.reward_scales.pose_shares)
-        self._pose_share = jnp.asarray(shares, dtype=jnp.float32)
-        self._default = jnp.asarray(robot.default_pose, dtype=jnp.float32)
-        self._bodies, self._map = model.nbody - 1, body_map(model, robot)
+        self.disturbances = Disturbances(self.task, config, self.scene)
+        self._map = body_map(model, robot)
         self._friction = float(ground_friction(model, robot).mean())
         fields = {name: getattr(model, name) for name in randomised_field_names()}
         self._nominal = SimpleNamespace(
@@ -105,19 +103,29 @@ class VelocityEnv:
 
     def mirror(self) -> EnvironmentMirror:
         """Mirror images of observations and actions; raises UserError if there are none."""
-        return environment_mirror(self.robot, self.config, self.contract)
+        gait = self.config.gait.name if self.config.gait else None
+        return environment_mirror(self.robot, gait, self.layout)
+
+    @property
+    def layout(self) -> dict[str, list[Kind]]:
+        """The kinds of numbers that lie end to end in the actor's and in the critic's observation."""
+        terms = self.contract.observation
+        actor = [term_kind(term.name) for term in terms for _ in range(term.history)]
+        frame = [term_kind(term.name) for term in terms]
+        randomisation = self.config.randomisation
+        sampled = [q.kind for name, q in QUANTITIES.items() if getattr(randomisation, name) is not None]
+        return {"state": actor, "privileged_state": [*actor, *frame, *self.task.critic_kinds, *sampled]}
 
     @property
     def observation_sizes(self) -> dict[str, int]:
         """Size of the actor's and the critic's observation."""
-        parts = Parts(self.action_size, self._bodies, self.feet.count)
-        critic = critic_kinds(self.contract, self.config.randomisation)
-        kinds = {"state": actor_kinds(self.contract), "privileged_state": critic}
-        return {name: sum(kind.size(parts) for kind in each) for name, each in kinds.items()}
+        parts = Parts(self.action_size, self.scene.bodies, self.scene.feet.count)
+        return {name: sum(kind.size(parts) for kind in kinds) for name, kinds in self.layout.items()}
 
     def level(self, steps: jax.Array) -> jax.Array:
         """The curriculum's level after so many environment steps in all, 0 to 1."""
-        return level_after(steps, self.config.curriculum)
+        ramp = self.config.curriculum_steps
+        return jnp.ones_like(steps) if ramp == 0 else jnp.minimum(steps / ramp, 1.0)
 
     def at_level(self, state: State, level: jax.Array) -> State:
         """The same batch of episodes at another level of the curriculum."""
@@ -125,15 +133,14 @@ class VelocityEnv:
 
     def reset(self, key: jax.Array, level: jax.Array | float = 1.0) -> tuple[State, dict[str, jax.Array]]:
         """A new episode: state, command, timers, delay buffers and body are all drawn afresh."""
-        config, n, substeps = self.config, self.action_size, self.config.substeps
+        n, substeps, events = self.action_size, self.config.substeps, self.disturbances
         key, sample_key, rest_key = jax.random.split(key, 3)
-        pose, noise, command, (hold, interval), clock = uniform(
-            rest_key, self.start.numbers, self.observer.numbers, COMMAND_NUMBERS, 2, 1
+        drawn, timers = self.task.command.numbers, events.timers
+        *resets, noise, command, (hold, *intervals), clock = uniform(
+            rest_key, *events.reset_numbers, self.observer.numbers, drawn, timers, 1
         )
         sample = self._draw_robot(sample_key, level)
-        qpos, qvel = self.start.draw(pose)
-        torque = jnp.zeros(n)
-        readings = self.observer.readings(qpos, qvel, torque)
+        qpos, qvel, torque = jnp.asarray(self.scene.standing), jnp.zeros(self.scene.nv), jnp.zeros(n)
         state = State(
             key=key,
             level=jnp.asarray(level, dtype=jnp.float32),
@@ -142,26 +149,31 @@ class VelocityEnv:
             qacc_warmstart=jnp.zeros_like(qvel),
             sample=sample,
             fields=randomised_fields(self._nominal, sample, self._map),
-            command=command_at_level(command, config, level),
-            hold_steps=draw_hold_steps(hold, config.commands, config.control_rate_hz),
-            push_steps=draw_push_steps(interval, config),
+            command=events.command(command, level),
+            hold_steps=events.hold_steps(hold),
+            event_steps=events.event_steps(intervals),
             steps=jnp.int32(0),
             phase=clock,
             actions=jnp.zeros((3, n)),
-            goals=jnp.tile(self._default, (KEPT_GOALS, 1)),
-            target=self._default,
-            recent_readings=jnp.tile(readings, (substeps, 1)),
+            goals=jnp.tile(self.scene.default_pose, (KEPT_GOALS, 1)),
+            target=self.scene.default_pose,
+            recent_readings=jnp.zeros((substeps, self.observer.numbers)),
             frames=self.observer.no_frames(),
+            terms={},
         )
+        state = events.reset(state, resets)
+        readings = self.observer.readings(state.qpos, state.qvel, torque)
+        state = state._replace(recent_readings=jnp.tile(readings, (substeps, 1)))
         state, observed = self.observer.observe(
             state, jnp.tile(readings, (2 * substeps, 1)), noise, first=True
         )
-        feet = jnp.zeros(self.feet.count)
-        return state, self.observations(state, observed, contact=feet, clearance=feet, torque=torque)
+        data = self.data_at(state, example_data(self.scene))
+        state = state._replace(terms=self.task.init(data))
+        return self.observations(state, observed, data)
 
     def step(self, state: State, action: jax.Array) -> tuple[State, Step]:
         """One control step: delayed targets through the joint law and the physics, then a new observation."""
-        config = self.config
+        config, task = self.config, self.task
         goal = joint_target(action, state.phase, state.command, self.contract)
         state = state._replace(
             actions=jnp.concatenate([action[None], state.actions[:-1]]),
@@ -173,23 +185,22 @@ class VelocityEnv:
         phase = (state.phase + frequency_hz * self.period_s) % 1.0
         state = state._replace(steps=state.steps + 1, phase=phase)
 
-        inputs = self.reward_inputs(state, trace)
-        terms = rewards(inputs, config.rewards, config.reward_scales)
-        rate = reward_rate(terms, config.reward_scales)
-        reward = jnp.where(diverged, config.rewards.get("fall", 0.0), rate) * self.period_s
-        terminated = jnp.maximum(inputs.fell, diverged.astype(jnp.float32))
+        state, data, values = self._evaluate(state, self.step_data(state, trace))
+        in_full = sum(task.weights[name] for name in task.in_full)
+        rate = self._reward_rate(values)
+        reward = jnp.where(diverged, in_full, rate) * self.period_s
+        terminated = jnp.maximum(data.fell, diverged.astype(jnp.float32))
         truncated = (state.steps >= self.episode_steps).astype(jnp.float32) * (1.0 - terminated)
 
         readings = jax.vmap(self.observer.readings)(trace.qpos, trace.qvel, trace.torque)
         recent = jnp.concatenate([state.recent_readings, readings])
         key, numbers_key = jax.random.split(state.key)
-        disturbance, noise = uniform(numbers_key, DISTURBANCE_NUMBERS, self.observer.numbers)
-        state = state._replace(key=key, recent_readings=readings)
-        state = disturb(state, disturbance, config, self.base)
+        disturbance, noise = uniform(numbers_key, self.disturbances.step_numbers, self.observer.numbers)
+        state = self.disturbances.step(state._replace(key=key, recent_readings=readings), disturbance)
         state, observed = self.observer.observe(state, recent, noise)
-        observations = self.observations(state, observed, inputs.contact, inputs.clearance, inputs.torque)
+        state, observations = self.observations(state, observed, self.data_at(state, data))
 
-        metrics = {f"reward/{name}": value for name, value in terms.items()} | tracking_metrics(inputs)
+        metrics = {f"reward/{name}": value for name, value in values.items()} | tracking_metrics(data)
         observations, metrics = jax.tree.map(lambda x: jnp.where(diverged, 0.0, x), (observations, metrics))
         metrics["episode/diverged"] = diverged.astype(jnp.float32)
         return state, Step(observations, reward, terminated, truncated, metrics)
@@ -201,65 +212,75 @@ class VelocityEnv:
         end, trace = self.engine.simulate(start, self.actuation.drive(targets, state.sample), state.fields)
         return state._replace(**end._asdict(), target=targets[-1]), trace
 
-    def reward_inputs(self, state: State, trace: Trace) -> RewardInputs:
-        """What the rewards judge, of a state after the physics and what its physics steps left."""
-        config, standing_height = self.config, self.robot.description.standing_height_m
-        gravity = self.base.gravity(state.qpos)
-        height = height_above_ground(self.base.position(state.qpos))
-        tilted = gravity[2] > -np.cos(config.tilt_limit_rad)
-        sunk = height < config.least_height_share * standing_height
-        walk = moving(state.command, self.contract)[0]
-        clearance = self.feet.clearance(trace.foot_position[-1])
-        return RewardInputs(
-            command=state.command,
-            moving=walk,
-            linear_velocity=self.base.linear_velocity(state.qpos, state.qvel),
-            angular_velocity=self.base.angular_velocity(state.qvel),
-            gravity=gravity,
-            height=height,
-            standing_height=standing_height,
-            joint_position=state.qpos[self._positions],
-            joint_velocity=state.qvel[self._dofs],
-            default_pose=self._default,
-            pose_share=self._pose_share,
-            soft_lower=self.actuation.soft_lower,
-            soft_upper=self.actuation.soft_upper,
+    def step_data(self, state: State, trace: Trace) -> StepData:
+        """What terms read, of a state after the physics and the trace of its physics steps."""
+        scene, feet = self.scene, self.scene.feet
+        clearance = feet.clearance(trace.foot_position[-1])
+        data = example_data(scene)._replace(
             torque=trace.torque[-1],
-            actions=state.actions,
+            foot_position=trace.foot_position[-1],
             contact=in_contact(clearance),
             clearance=clearance,
-            foot_speed=self.feet.speed(trace.foot_position),
-            crowding=self.feet.crowding(trace.foot_position[-1], config.reward_scales.foot_distance_m),
-            foot_tilt=self.feet.tilt(trace.foot_position[-1]),
-            swing=self.feet.planned_swing(state.phase, walk),
-            fell=(tilted | sunk).astype(jnp.float32),
+            foot_speed=feet.speed(trace.foot_position),
+            foot_tilt=feet.tilt(trace.foot_position[-1]),
+        )
+        return self.data_at(state, data)
+
+    def data_at(self, state: State, data: StepData) -> StepData:
+        """The data with everything that the state alone decides taken from it."""
+        scene, walk = self.scene, moving(state.command, self.contract)[0]
+        return data._replace(
+            command=state.command,
+            moving=walk,
+            linear_velocity=scene.base.linear_velocity(state.qpos, state.qvel),
+            angular_velocity=scene.base.angular_velocity(state.qvel),
+            gravity=scene.base.gravity(state.qpos),
+            height=height_above_ground(scene.base.position(state.qpos)),
+            joint_position=state.qpos[scene.positions],
+            joint_velocity=state.qvel[scene.dofs],
+            actions=state.actions,
+            swing=scene.feet.planned_swing(state.phase, walk),
         )
 
+    def _evaluate(self, state: State, data: StepData) -> tuple[State, StepData, dict[str, jax.Array]]:
+        """The terminations, then the rewards: their states, the data with `fell`, each weighted reward."""
+        task, terms = self.task, state.terms
+        ends, terminations = task.terminations.evaluate(terms["terminations"], data)
+        fell = functools.reduce(jnp.logical_or, (value > 0 for value in ends.values()), jnp.bool(False))
+        data = data._replace(fell=fell.astype(jnp.float32))
+        values, rewards = task.rewards.evaluate(terms["rewards"], data)
+        weighted = {name: task.weights[name] * value for name, value in values.items()}
+        state = state._replace(terms=terms | {"terminations": terminations, "rewards": rewards})
+        return state, data, weighted
+
+    def _reward_rate(self, weighted: dict[str, jax.Array]) -> jax.Array:
+        """Reward per second of the weighted terms.
+
+        The sum is clipped from below, or a beginner would earn most by ending the episode. Rewards for the
+        end itself, which happens once, are counted in full.
+        """
+        in_full = self.task.in_full
+        rest = sum((value for name, value in weighted.items() if name not in in_full), jnp.float32(0.0))
+        ends = sum(value for name, value in weighted.items() if name in in_full)
+        return jnp.maximum(rest, self.config.reward_floor) + ends
+
     def observations(
-        self,
-        state: State,
-        observed: jax.Array,
-        contact: jax.Array,
-        clearance: jax.Array,
-        torque: jax.Array,
-    ) -> dict[str, jax.Array]:
-        """The actor's observation, and the critic's, which is told of feet (feet,) and torques (n,) too."""
-        truth = Truth(
-            linear_velocity=self.base.linear_velocity(state.qpos, state.qvel),
-            height=height_above_ground(self.base.position(state.qpos)),
-            contact=contact,
-            clearance=clearance,
-            torque=torque / self.actuation.peak_torque,
-        )
-        clean = self.observer.clean_frame(state, torque)
-        privileged = critic_observation(observed, clean, truth, state.sample)
-        return {"state": observed, "privileged_state": privileged}
+        self, state: State, observed: jax.Array, data: StepData
+    ) -> tuple[State, dict[str, jax.Array]]:
+        """The state of the critic's terms, and both observations; that of the actor is given."""
+        values, critic = self.task.critic.evaluate(state.terms["critic"], data)
+        clean = self.observer.clean_frame(state, data.torque)
+        sampled = [state.sample[name] for name in QUANTITIES if name in state.sample]
+        seen = [observed, clean, *map(jnp.ravel, values.values()), *map(jnp.ravel, sampled)]
+        state = state._replace(terms=state.terms | {"critic": critic})
+        return state, {"state": observed, "privileged_state": jnp.concatenate(seen)}
 
     def _draw_robot(self, key: jax.Array, level: jax.Array | float) -> Sample:
         """How this episode's robot differs from the nominal one."""
         randomisation = self.config.randomisation
-        sample = draw(randomisation, lambda k: jax.random.uniform(key, (k,)), self.action_size, self._bodies)
-        return towards_nominal(sample, share(self.config.curriculum.randomisation, level), self._friction)
+        bodies = self.scene.bodies
+        sample = draw(randomisation, lambda k: jax.random.uniform(key, (k,)), self.action_size, bodies)
+        return towards_nominal(sample, self.task.strength("randomisation", level), self._friction)
 
 
 def _check_timestep(robot: Robot, model: mujoco.MjModel, config: EnvConfig) -> None:
@@ -273,12 +294,12 @@ def _check_timestep(robot: Robot, model: mujoco.MjModel, config: EnvConfig) -> N
         )
 
 
-def tracking_metrics(inputs: RewardInputs) -> dict[str, jax.Array]:
+def tracking_metrics(data: StepData) -> dict[str, jax.Array]:
     """How far the robot is from its command, and whether it fell."""
-    velocity = jnp.concatenate([inputs.linear_velocity[:2], inputs.angular_velocity[2:]])
-    error = inputs.command - velocity
+    velocity = jnp.concatenate([data.linear_velocity[:2], data.angular_velocity[2:]])
+    error = data.command - velocity
     return {
         "tracking/linear_error_m_s": jnp.sqrt(jnp.sum(error[:2] ** 2)),
         "tracking/yaw_error_rad_s": jnp.abs(error[2]),
-        "episode/falls": inputs.fell,
+        "episode/falls": data.fell,
     }

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 from footfall.common.config import require_positive, structure, unstructure
 from footfall.common.errors import UserError
@@ -16,11 +17,12 @@ VERSION = 1
 
 @dataclass(frozen=True)
 class Term:
-    """One observation term: its name in `policies/observation.py`, a scale, and how many past frames."""
+    """One observation term: its name, a scale, and how many past frames."""
 
-    name: str  # in policies/observation.py
+    name: str  # in policies/observation.py, or MODULE:NAME
     scale: float = 1.0  # that its numbers are multiplied by
     history: int = 1  # frames, the newest among them
+    settings: dict[str, Any] = field(default_factory=dict, hash=False)  # parameters of the term
 
     def __post_init__(self) -> None:
         require_positive(self, "history")

@@ -4,7 +4,9 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from footfall.common.errors import UserError
-from footfall.policies.contract import Contract
+from footfall.common.outside import find, is_place
+from footfall.common.terms import bind
+from footfall.policies.contract import Contract, Term
 from footfall.robots import kinds
 from footfall.robots.kinds import Kind, Parts
 from footfall.robots.readings import READINGS, Readings
@@ -28,44 +30,93 @@ def moving(command: Array, contract: Contract) -> Array:
     return xp.astype(norm >= contract.standing_command, command.dtype)
 
 
-def _clock(inputs: Inputs, contract: Contract) -> Array:
+class ObservationTerm(NamedTuple):
+    """The declaration of an observation term. A configuration gives its scale, history and parameters."""
+
+    kind: Kind  # how many numbers in one frame, and their mirror image
+    source: Callable[..., Array]  # of `Inputs` and the contract
+
+
+def observation_term(kind: Kind) -> Callable[[Callable[..., Array]], ObservationTerm]:
+    """Decorator: a function of `Inputs` and the contract that returns numbers of this kind.
+
+    It serves NumPy and JAX arrays alike: `xp = inputs.command.__array_namespace__()`.
+    """
+    return lambda source: ObservationTerm(kind, source)
+
+
+def reading_term(name: str) -> ObservationTerm:
+    """The term of a reading, as it is."""
+
+    def source(inputs: Inputs, _: Contract) -> Array:
+        return inputs.readings[name]
+
+    source.__doc__ = f"The reading `{name}`."
+    return ObservationTerm(READINGS[name].kind, source)
+
+
+@observation_term(kinds.CLOCK)
+def clock(inputs: Inputs, contract: Contract) -> Array:
+    """Sine and cosine of the gait clock; zeros while the command asks to stand."""
     xp = inputs.phase.__array_namespace__()
     angle = 2 * xp.pi * inputs.phase
     walk = moving(inputs.command, contract)
     return xp.concat([xp.sin(angle) * walk, xp.cos(angle) * walk], axis=-1)
 
 
-def _position_error(inputs: Inputs, contract: Contract) -> Array:
+@observation_term(kinds.JOINTS)
+def joint_position(inputs: Inputs, contract: Contract) -> Array:
+    """Joint positions less the default pose, rad."""
     position = inputs.readings["joint_position"]
     xp = position.__array_namespace__()
     return position - xp.asarray(contract.default_pose_rad, dtype=position.dtype)
 
 
-class ObservationTerm(NamedTuple):
-    """The declaration of an observation term. A configuration gives its scale and history."""
+@observation_term(kinds.COMMAND)
+def command(inputs: Inputs, contract: Contract) -> Array:
+    """The command: forward m/s, leftward m/s, yaw rad/s."""
+    return inputs.command
 
-    kind: Kind  # how many numbers in one frame, and their mirror image
-    source: Callable[[Inputs, Contract], Array]
 
-
-def reading_term(name: str) -> ObservationTerm:
-    """The term that shows a reading as it is."""
-    return ObservationTerm(READINGS[name].kind, lambda inputs, _: inputs.readings[name])
+@observation_term(kinds.JOINTS)
+def last_action(inputs: Inputs, contract: Contract) -> Array:
+    """The policy's last action."""
+    return inputs.last_action
 
 
 TERMS: dict[str, ObservationTerm] = {name: reading_term(name) for name in READINGS} | {
-    "joint_position": ObservationTerm(kinds.JOINTS, _position_error),
-    "command": ObservationTerm(kinds.COMMAND, lambda inputs, _: inputs.command),
-    "last_action": ObservationTerm(kinds.JOINTS, lambda inputs, _: inputs.last_action),
-    "clock": ObservationTerm(kinds.CLOCK, _clock),
+    "joint_position": joint_position,
+    "command": command,
+    "last_action": last_action,
+    "clock": clock,
 }
+
+
+def find_term(name: str) -> ObservationTerm:
+    """The term of a name, or the one at MODULE:NAME; raises UserError if there is none."""
+    if name in TERMS:
+        return TERMS[name]
+    if not is_place(name):
+        raise UserError(f"no observation term '{name}': there are {', '.join(TERMS)}, or MODULE:NAME")
+    term = find(name, "observation term")
+    if not isinstance(term, ObservationTerm):
+        raise UserError(f"{name} is no observation term: expected a function under @observation_term")
+    return term
 
 
 def term_kind(name: str) -> Kind:
     """Raises UserError if there is no such term."""
-    if name not in TERMS:
-        raise UserError(f"no observation term '{name}': there are {', '.join(TERMS)}")
-    return TERMS[name].kind
+    return find_term(name).kind
+
+
+def term_source(term: Term, where: str = "contract.observation") -> Callable[..., Array]:
+    """The function of a term, with its parameters set.
+
+    Raises:
+        UserError: there is no such term, or it cannot have these parameters; the message begins with `where`.
+    """
+    source = find_term(term.name).source
+    return bind(source, term.settings, where) if term.settings else source
 
 
 def term_size(name: str, contract: Contract) -> int:
@@ -91,7 +142,7 @@ def history_length(contract: Contract) -> int:
 def frame(inputs: Inputs, contract: Contract) -> Array:
     """One scaled observation frame, shape (..., frame_size)."""
     xp = inputs.command.__array_namespace__()
-    parts = [TERMS[term.name].source(inputs, contract) * term.scale for term in contract.observation]
+    parts = [term_source(term)(inputs, contract) * term.scale for term in contract.observation]
     return xp.concat(parts, axis=-1)
 
 

@@ -173,14 +173,20 @@ def _anchor(key: str) -> str:
 
 
 def terms() -> str:
-    """Reward, observation and critic terms with what each computes."""
-    from footfall.envs import critic, rewards
-    from footfall.policies import observation
+    """Every term, kind by kind: its parameters with their defaults and limits, and what it computes."""
+    from footfall.envs.catalogue import catalogue, shown
 
-    parts = ["## Rewards\n", "| term | computes |", "| --- | --- |"]
-    parts += [f"| `{name}` | {_cell(_first_paragraph(term))} |" for name, term in rewards.TERMS.items()]
-    for title, names in (("Observation", observation.TERMS), ("Critic", critic.TERMS)):
-        parts += [f"\n## {title}\n", ", ".join(f"`{name}`" for name in names)]
+    parts, kind = [], ""
+    for term in catalogue():
+        if term.kind != kind:
+            kind = term.kind
+            parts += [
+                f"\n## {kind.capitalize()}\n",
+                "| term | parameters | computes |",
+                "| --- | --- | --- |",
+            ]
+        given = "; ".join(f"`{name}`: {shown(each)}" for name, each in term.parameters.items())
+        parts.append(f"| `{term.name}` | {_cell(given)} | {_cell(term.about)} |")
     return "\n".join(parts)
 
 

@@ -15,7 +15,7 @@ from footfall.common.config import (
 )
 from footfall.common.errors import UserError
 from footfall.domain_rand.randomisation import own_ranges
-from footfall.envs.config import EnvConfig
+from footfall.envs.config import EnvConfig, with_lists
 from footfall.robots.description import Robot
 from footfall.train.old_names import with_current_names
 
@@ -158,7 +158,10 @@ def train_config(settings: Any, source: str) -> TrainConfig:
     Raises:
         UserError: a setting is wrong; the message names `source` and the setting.
     """
-    return structure(with_current_names(settings), TrainConfig, source)
+    current = with_current_names(settings)
+    if isinstance(current, dict) and "env" in current:
+        current = current | {"env": with_lists(current["env"])}
+    return structure(current, TrainConfig, source)
 
 
 def _with_own_ranges(preset: dict[str, Any], robot: Robot) -> dict[str, Any]:

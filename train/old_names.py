@@ -2,6 +2,8 @@
 
 from typing import Any
 
+from footfall.envs.old_settings import with_terms
+
 # Section ppo. Today's names are those of rsl_rl.
 PPO = {
     "environments": "num_envs",
@@ -24,10 +26,13 @@ def with_current_names(settings: Any) -> Any:
 
     A name that is neither old nor known stays and is refused later, as is an old name beside its new one.
     """
-    if not isinstance(settings, dict) or not isinstance(settings.get("ppo"), dict):
+    if not isinstance(settings, dict):
         return settings
-    ppo = settings["ppo"]
-    return settings | {"ppo": {_current(name, ppo): value for name, value in ppo.items()}}
+    new = settings | ({"env": with_terms(settings["env"])} if "env" in settings else {})
+    if isinstance(settings.get("ppo"), dict):
+        ppo = settings["ppo"]
+        new["ppo"] = {_current(name, ppo): value for name, value in ppo.items()}
+    return new
 
 
 def _current(name: Any, given: dict[Any, Any]) -> Any:

@@ -13,10 +13,9 @@ from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.quantity import SCALE, quantity, scales
 from footfall.domain_rand.randomisation import QUANTITIES, Randomisation
 from footfall.domain_rand.sample import randomised_motor, sample_shapes
-from footfall.envs import critic
-from footfall.envs.symmetry import environment_mirror
+from footfall.envs.config import NamedTermConfig, ObservationConfig
+from footfall.envs.terms import critic
 from footfall.envs.velocity import VelocityEnv
-from footfall.policies.contract import Term
 from footfall.policies.observation import TERMS, Inputs, frame, reading_term, term_size
 from footfall.robots import kinds
 from footfall.robots.description import load_robot
@@ -61,7 +60,11 @@ def speed(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("torque")
 class TestReading:
-    CONFIG = replace(CONFIG, observation=(Term("joint_torque", 0.1, 2), Term("gyro")), noise=WithTorque())
+    CONFIG = replace(
+        CONFIG,
+        observation=(ObservationConfig("joint_torque", 0.1, 2), ObservationConfig("gyro")),
+        noise=WithTorque(),
+    )
 
     def test_its_noise_is_a_setting_that_is_checked(self) -> None:
         assert structure({"joint_torque": 0.5}, WithTorque, "x.yaml").joint_torque == 0.5
@@ -93,7 +96,7 @@ class TestReading:
 
     def test_it_has_a_mirror_image(self) -> None:
         env = VelocityEnv(ROBOT, self.CONFIG)
-        mirror = environment_mirror(ROBOT, self.CONFIG, env.contract).observation["state"]
+        mirror = env.mirror().observation["state"]
         vector = np.arange(27.0)
         np.testing.assert_array_equal(mirror(vector)[12:24], find_symmetry(ROBOT).joints(vector[12:24]))
 
@@ -122,19 +125,19 @@ class TestQuantity:
         plain, env = VelocityEnv(ROBOT, nominal), VelocityEnv(ROBOT, self.CONFIG)
         size = env.observation_sizes["privileged_state"]
         assert size == plain.observation_sizes["privileged_state"] + 12
-        mirror = environment_mirror(ROBOT, self.CONFIG, env.contract).observation["privileged_state"]
+        mirror = env.mirror().observation["privileged_state"]
         assert len(mirror.source) == size
         np.testing.assert_array_equal(mirror.sign[-12:], np.ones(12))
 
 
 def test_a_term_for_the_critic(monkeypatch: pytest.MonkeyPatch) -> None:
     plain = VelocityEnv(ROBOT, CONFIG).observation_sizes["privileged_state"]
-    standing = critic.CriticTerm(kinds.SCALAR, lambda truth: jnp.sum(truth.contact))
-    monkeypatch.setitem(critic.TERMS, "feet_on_the_ground", standing)
-    env = VelocityEnv(ROBOT, CONFIG)
+    standing = critic.CriticTerm(kinds.SCALAR, lambda data: jnp.sum(data.contact))
+    monkeypatch.setitem(critic.CRITIC, "feet_on_the_ground", standing)
+    entries = (*CONFIG.critic, NamedTermConfig("feet_on_the_ground"))
+    env = VelocityEnv(ROBOT, replace(CONFIG, critic=entries))
     assert env.observation_sizes["privileged_state"] == plain + 1
-    mirror = environment_mirror(ROBOT, CONFIG, env.contract).observation["privileged_state"]
-    assert len(mirror.source) == plain + 1
+    assert len(env.mirror().observation["privileged_state"].source) == plain + 1
 
 
 def test_kinds_of_quantities_are_those_of_the_robot() -> None:

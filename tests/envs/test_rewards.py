@@ -1,49 +1,48 @@
 """Each reward term of an outcome that is worked out by hand: its value, its sign, and where it is best."""
 
+from dataclasses import replace
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from footfall.common.errors import UserError
-from footfall.envs.config import RewardScales
-from footfall.envs.rewards import TERMS, RewardInputs, joint_shares, reward_rate, rewards
+from footfall.envs.config import RewardConfig
+from footfall.envs.feet import Feet
+from footfall.envs.task import Task
+from footfall.envs.terms.data import Scene, example_data
+from footfall.envs.terms.rewards import REWARDS
+from footfall.robots.description import load_robot
+from footfall.robots.model import training_model
+from footfall.train.config import load_preset
 
-SCALES = RewardScales(linear_sigma_m2_s2=0.25, yaw_sigma_rad2_s2=0.5, swing_height_m=0.08, least=-0.5)
+ROBOT, CONFIG = load_robot("go1"), load_preset("smoke").env
+MODEL = training_model(ROBOT, CONFIG.timestep_s)
+SCENE = Scene(MODEL, ROBOT, Feet(MODEL, ROBOT, CONFIG.timestep_s, None), 0.02)
+POSE = ROBOT.default_pose
+PARAMETERS = {"track_linear": {"sigma_m2_s2": 0.25}, "track_yaw": {"sigma_rad2_s2": 0.5}}
 
-# Two legs of one joint each: the first stands, the second swings as planned. It walks as it is asked to.
-PERFECT = RewardInputs(
+# The first and the last foot stand, the others swing as planned. The robot walks as it is asked to.
+PERFECT = example_data(SCENE)._replace(
     command=jnp.array([0.6, -0.2, 0.4]),
     moving=jnp.float32(1.0),
     linear_velocity=jnp.array([0.6, -0.2, 0.0]),
     angular_velocity=jnp.array([0.0, 0.0, 0.4]),
-    gravity=jnp.array([0.0, 0.0, -1.0]),
-    height=jnp.float32(0.3),
-    standing_height=0.3,
-    joint_position=jnp.array([0.5, -0.5]),
-    joint_velocity=jnp.zeros(2),
-    default_pose=jnp.array([0.5, -0.5]),
-    pose_share=jnp.array([1.0, 3.0]),
-    soft_lower=jnp.array([-1.0, -1.0]),
-    soft_upper=jnp.array([1.0, 1.0]),
-    torque=jnp.zeros(2),
-    actions=jnp.zeros((3, 2)),
-    contact=jnp.array([1.0, 0.0]),
-    clearance=jnp.array([0.0, 0.08]),
-    foot_speed=jnp.array([0.0, 1.5]),
-    foot_tilt=jnp.zeros(2),
-    crowding=jnp.float32(0.0),
-    swing=jnp.array([0.0, 1.0]),
-    fell=jnp.float32(0.0),
+    foot_position=jnp.array([[0.2, 0.2, 0.0], [0.2, -0.2, 0.0], [-0.2, 0.2, 0.0], [-0.2, -0.2, 0.0]]),
+    contact=jnp.array([1.0, 0.0, 0.0, 1.0]),
+    clearance=jnp.array([0.0, 0.08, 0.08, 0.0]),
+    foot_speed=jnp.array([0.0, 1.5, 1.5, 0.0]),
+    swing=jnp.array([0.0, 1.0, 1.0, 0.0]),
 )
 BEST = {name: 1.0 for name in ("track_linear", "track_yaw", "alive", "gait_contact")}
 
 
 def value(name: str, **changes: object) -> float:
     changed = {key: jnp.asarray(each, dtype=jnp.float32) for key, each in changes.items()}
-    return float(TERMS[name](PERFECT._replace(**changed), SCALES))
+    return float(REWARDS[name](PERFECT._replace(**changed), **PARAMETERS.get(name, {})))
 
 
-@pytest.mark.parametrize("name", TERMS)
+@pytest.mark.parametrize("name", REWARDS)
 def test_what_is_wanted_costs_nothing_and_earns_all(name: str) -> None:
     assert value(name) == pytest.approx(BEST.get(name, 0.0), abs=1e-7)
 
@@ -59,29 +58,33 @@ def test_what_is_wanted_costs_nothing_and_earns_all(name: str) -> None:
         ("track_yaw", {"angular_velocity": [0.0, 0.0, -0.6]}, np.exp(-2.0)),
         ("alive", {"fell": 1.0}, 0.0),
         ("fall", {"fell": 1.0}, 1.0),
-        ("gait_contact", {"contact": [1.0, 1.0]}, 0.5),  # the swinging foot drags
-        ("gait_contact", {"contact": [0.0, 0.0]}, 0.5),  # the standing foot is up
-        ("gait_contact", {"contact": [0.0, 1.0]}, 0.0),
-        ("swing_height", {"clearance": [0.05, 0.05]}, 0.03**2),  # of the swinging foot alone
-        ("swing_height", {"clearance": [0.0, 0.08], "swing": [0.0, 0.5]}, 0.04**2),
-        ("crowded_feet", {"crowding": 0.02}, 0.02),
+        ("gait_contact", {"contact": [1.0, 1.0, 1.0, 1.0]}, 0.5),  # the swinging feet drag
+        ("gait_contact", {"contact": [0.0, 0.0, 0.0, 0.0]}, 0.5),  # the standing feet are up
+        ("gait_contact", {"contact": [0.0, 1.0, 1.0, 0.0]}, 0.0),
+        ("swing_height", {"clearance": [0.05, 0.05, 0.08, 0.0]}, 0.03**2),  # of the swinging feet alone
+        ("swing_height", {"clearance": [0.0, 0.08, 0.0, 0.0], "swing": [0.0, 0.5, 0.0, 0.0]}, 0.04**2),
+        (
+            "crowded_feet",
+            {"foot_position": [[0.0, 0.0, 1.0], [0.1, 0.0, 0.0], [1.0, 0, 0], [2.0, 0, 0]]},
+            4e-4,
+        ),
         ("vertical_velocity", {"linear_velocity": [1.0, 1.0, -0.3]}, 0.09),
         ("roll_pitch_rate", {"angular_velocity": [0.3, -0.4, 5.0]}, 0.25),
         ("orientation", {"gravity": [0.6, 0.0, -0.8]}, 0.36),
         ("orientation", {"gravity": [0.0, -0.6, -0.8]}, 0.36),
-        ("height", {"height": 0.2}, 0.01),
+        ("height", {"height": SCENE.standing_height - 0.1}, 0.01),
         ("torque", {"torque": [3.0, -4.0]}, 25.0),
         ("power", {"torque": [3.0, -4.0], "joint_velocity": [-2.0, -1.0]}, 10.0),
         ("action_rate", {"actions": [[1.0, 0.0], [0.0, 2.0], [9.0, 9.0]]}, 5.0),
         ("action_acceleration", {"actions": [[1.0, 0.0], [0.0, 1.0], [3.0, 0.0]]}, 16.0 + 4.0),
-        ("pose", {"joint_position": [0.8, -0.9]}, 0.09 + 3 * 0.16),  # the second joint counts threefold
-        ("stand_still", {"joint_position": [0.8, -0.9]}, 0.0),  # asked to move
-        ("stand_still", {"joint_position": [0.8, -0.9], "moving": 0.0}, 0.7),
-        ("joint_limits", {"joint_position": [1.2, -1.3]}, 0.5),
-        ("joint_limits", {"joint_position": [-0.99, 0.99]}, 0.0),
-        ("slip", {"foot_speed": [0.5, 1.5]}, 0.25),  # a swinging foot may be fast
-        ("slip", {"foot_speed": [0.5, 1.5], "contact": [1.0, 1.0]}, 2.5),
-        ("level_soles", {"foot_tilt": [0.01, 0.03]}, 1e-3),
+        ("pose", {"joint_position": POSE + 0.3 * np.eye(12)[2] - 0.4 * np.eye(12)[7]}, 0.25),
+        ("stand_still", {"joint_position": POSE + 0.1}, 0.0),  # asked to move
+        ("stand_still", {"joint_position": POSE + 0.1 * np.resize([1, -1], 12), "moving": 0.0}, 1.2),
+        ("joint_limits", {"joint_position": ROBOT.soft_limits[1] + 0.2}, 12 * 0.2),
+        ("joint_limits", {"joint_position": ROBOT.soft_limits[0] - 0.1}, 12 * 0.1),
+        ("slip", {"foot_speed": [0.5, 1.5, 1.5, 0.0]}, 0.25),  # a swinging foot may be fast
+        ("slip", {"foot_speed": [0.5, 1.5, 0.0, 0.0], "contact": [1.0, 1.0, 1.0, 1.0]}, 2.5),
+        ("level_soles", {"foot_tilt": [0.01, 0.03, 0.0, 0.0]}, 1e-3),
     ],
 )
 def test_terms_have_their_values(name: str, changes: dict[str, object], expected: float) -> None:
@@ -97,27 +100,22 @@ def test_no_robot_tracks_better_than_one_that_does_as_commanded() -> None:
         assert value("track_yaw", angular_velocity=[0.0, 0.0, 0.4 + error]) < 1.0
 
 
-def test_terms_are_weighted_by_name() -> None:
-    terms = rewards(PERFECT, {"track_linear": 2.0, "alive": 0.25}, SCALES)
-    assert {name: float(term) for name, term in terms.items()} == {"track_linear": 2.0, "alive": 0.25}
-
-
-@pytest.mark.parametrize(
-    ("terms", "rate"),
-    [
-        ({"alive": 1.0, "height": -0.25}, 0.75),
-        ({"alive": 1.0, "height": -9.0}, -0.5),  # clipped
-        ({"alive": 1.0, "height": -9.0, "fall": -50.0}, -50.5),  # a fall counts in full
-        ({"alive": 1.0, "fall": -50.0}, -49.0),
-    ],
-)
-def test_the_sum_is_clipped_from_below_but_for_a_fall(terms: dict[str, float], rate: float) -> None:
-    assert float(reward_rate({k: jnp.float32(v) for k, v in terms.items()}, SCALES)) == pytest.approx(rate)
+def test_parameters_shape_a_term() -> None:
+    assert float(
+        REWARDS["track_linear"](PERFECT._replace(linear_velocity=jnp.zeros(3)), sigma_m2_s2=0.4)
+    ) == (pytest.approx(np.exp(-1.0)))
+    assert float(REWARDS["swing_height"](PERFECT, height_m=0.05)) == pytest.approx(2 * 0.03**2)
+    near = PERFECT._replace(foot_position=0.5 * PERFECT.foot_position)  # 0.2 m along, 0.2 m across
+    assert float(REWARDS["crowded_feet"](near, distance_m=0.25)) == pytest.approx(4 * 0.05**2, rel=1e-4)
 
 
 def test_joints_count_in_pose_by_the_first_pattern_that_fits() -> None:
-    names = ("left_hip_roll", "left_knee", "right_hip_roll", "right_ankle")
-    shares = joint_shares(names, {"left_*roll": 5.0, "*_hip_*": 2.0, "*knee": 0.0})
-    assert shares.tolist() == [5.0, 0.0, 2.0, 1.0]
-    with pytest.raises(UserError, match=r"no joint fits '\*_toe'"):
-        joint_shares(names, {"*_toe": 1.0})
+    shares = {"FR_*hip*": 5.0, "*_hip_*": 2.0, "*calf*": 0.0}
+    expected = {"FR_hip_joint": 5.0, "FL_hip_joint": 2.0, "FL_calf_joint": 0.0, "FL_thigh_joint": 1.0}
+    for joint, share in expected.items():
+        moved = POSE + 1.0 * np.array([name == joint for name in ROBOT.joint_names])
+        data = PERFECT._replace(joint_position=jnp.asarray(moved, jnp.float32))
+        assert float(REWARDS["pose"](data, joint_shares=shares)) == pytest.approx(share, abs=1e-5), joint
+    entry = RewardConfig("pose", -1.0, settings={"joint_shares": {"*_toe": 1.0}})
+    with pytest.raises(UserError, match=r"env.rewards\[0\]: joint_shares: no joint fits '\*_toe'"):
+        Task(replace(CONFIG, rewards=(entry,)), SCENE)

@@ -10,7 +10,7 @@ import pytest
 
 from footfall.common.errors import UserError
 from footfall.domain_rand.noise import Noise
-from footfall.envs.symmetry import environment_mirror
+from footfall.envs.terms.data import example_data
 from footfall.envs.velocity import VelocityEnv
 from footfall.robots.description import load_robot
 from footfall.robots.model import joint_addresses, training_model
@@ -66,7 +66,7 @@ def test_mirrored_torques_move_the_mirrored_robot_to_the_mirror_image() -> None:
 @pytest.mark.parametrize("preset", PRESETS)
 def test_the_mirrored_state_is_observed_as_the_mirror_image(preset: str) -> None:
     env = PRESETS[preset]
-    mirror = environment_mirror(env.robot, env.config, env.contract)
+    mirror = env.mirror()
     seen = _observed(env, mirrored=False)
     seen_mirrored = _observed(env, mirrored=True)
     assert seen.keys() == seen_mirrored.keys() == mirror.observation.keys()
@@ -75,12 +75,12 @@ def test_the_mirrored_state_is_observed_as_the_mirror_image(preset: str) -> None
         np.testing.assert_allclose(mirror.observation[name](vector), seen_mirrored[name], atol=2e-5)
 
 
-def test_a_robot_with_a_missing_image_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    lopsided = ROBOT.default_pose.copy()
-    lopsided[2] -= 0.3
-    monkeypatch.setitem(ROBOT.__dict__, "default_pose", lopsided)
+def test_a_robot_with_a_missing_image_is_refused() -> None:
+    joints = list(ROBOT.description.joints)
+    joints[2] = replace(joints[2], default_rad=joints[2].default_rad - 0.3)
+    description = replace(ROBOT.description, joints=tuple(joints))
     with pytest.raises(UserError, match="not symmetric"):
-        find_symmetry(ROBOT)
+        find_symmetry(replace(ROBOT, description=description))
 
 
 def _observed(env: VelocityEnv, mirrored: bool) -> dict[str, np.ndarray]:
@@ -116,7 +116,8 @@ def _observed(env: VelocityEnv, mirrored: bool) -> dict[str, np.ndarray]:
     recent = jnp.tile(clean, (2 * env.config.substeps, 1))
     no_noise = jnp.full(6 + 2 * env.action_size, 0.5)
     state, observed = env.observer.observe(state, recent, no_noise, first=True)
-    seen = env.observations(state, observed, contact, clearance, torque)
+    data = example_data(env.scene)._replace(contact=contact, clearance=clearance, torque=torque)
+    _, seen = env.observations(state, observed, env.data_at(state, data))
     return {name: np.asarray(value) for name, value in seen.items()}
 
 

@@ -176,7 +176,14 @@ def test_garbage_yaml(shell: Shell, tmp_path: Path, file: str, tokens: list[str]
         # what a mistaken unit makes: degrees, millimetres, percents
         ("horizontal_m_s: 0.4", "horizontal_m_s: 500", ["horizontal_m_s", "from 0 to 100"]),
         ("frequency_hz: 2.5", "frequency_hz: 1000", ["frequency_hz", "from 0.05 to 50"]),
-        ("  substeps: 4", "  reward_scales: {swing_height_m: 80}", ["swing_height_m", "from 0.001 to 1"]),
+        ("weight: 1.5", "weight: 1.5, sigma_m2_s2: 0", ["env.rewards[0].sigma_m2_s2", "from 1e-06 to 1e+06"]),
+        (
+            "weight: 1.5",
+            "weight: 1.5, sigma: 0.2",
+            ["env.rewards[0].sigma: no such", "sigma_m2_s2"],
+        ),
+        ("weight: 0.8", "weight: .nan", ["env.rewards[1].weight", "not a finite number"]),
+        ("term: alive", "term: alife", ["env.rewards[2]", "no reward 'alife'"]),
         ("  substeps: 4", "  initial: {tilt_rad: 180}", ["tilt_rad", "from 0 to 100"]),
         ("friction: {low: 0.6, high: 1.1}", "encoder_bias: {low: -2, high: 2}", ["encoder_bias", "-1 to 1"]),
         (

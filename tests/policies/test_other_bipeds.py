@@ -50,7 +50,6 @@ def test_it_has_an_environment_and_a_policy_of_random_weights_falls_safely(
 ) -> None:
     """Contract, mirror image, environment, exported file, loop: compiled once for all of them."""
     onnx, jax = pytest.importorskip("onnx"), pytest.importorskip("jax")
-    from footfall.envs.symmetry import environment_mirror
     from footfall.envs.velocity import VelocityEnv
     from footfall.train.config import load_preset
 
@@ -65,7 +64,7 @@ def test_it_has_an_environment_and_a_policy_of_random_weights_falls_safely(
     assert observation_size(contract) == case.actor
     assert contract.mismatches(robot) == []
 
-    mirror = environment_mirror(robot, env.config, contract)
+    mirror = env.mirror()
     assert mirror.action.source.tolist() == [*range(n // 2, n), *range(n // 2)]
     assert mirror.action.sign.tolist() == [*case.mirror, *case.mirror]
     state, observation = jax.jit(env.reset)(jax.random.PRNGKey(0))

@@ -33,7 +33,7 @@ def test_it_replaces_what_it_names_and_leaves_the_rest(own_folder: Path) -> None
     assert mine.gait is not None
     assert shipped.gait is not None
     assert (mine.gait.name, mine.gait.frequency_hz) == (shipped.gait.name, 1.5)
-    assert mine.rewards == shipped.rewards | {"torque": -0.5}
+    assert mine.weights == shipped.weights | {"torque": -0.5}
     assert mine.commands.hold_s.high == 2.0
     assert mine.commands.ranges == shipped.commands.ranges
     assert load_preset("cpu", robot).ppo == load_preset("cpu").ppo

@@ -12,7 +12,7 @@ from footfall.common.errors import UserError
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import Randomisation, load_randomisation
-from footfall.envs.config import Curriculum, PushConfig
+from footfall.envs.config import CurriculumConfig
 from footfall.envs.delays import delayed_goals, delayed_readings
 from footfall.envs.velocity import VelocityEnv
 from footfall.policies.observation import observation_size
@@ -27,6 +27,10 @@ SMOKE = load_preset("smoke").env
 
 def make(**changes: object) -> VelocityEnv:
     return VelocityEnv(ROBOT, replace(SMOKE, **changes))
+
+
+def curriculum(of: str, start: float) -> CurriculumConfig:
+    return CurriculumConfig("linear", of, settings={"start": start})
 
 
 @pytest.fixture(scope="module")
@@ -105,11 +109,11 @@ class TestStep:
         assert np.allclose(result.reward[2], alone.reward, atol=1e-6)
 
     def test_the_level_rises_with_the_steps(self) -> None:
-        env = make(curriculum=Curriculum(100))
+        env = make(curriculum_steps=100)
         assert [float(env.level(jnp.float32(s))) for s in (0, 50, 200)] == [0.0, 0.5, 1.0]
 
     def test_the_curriculum_widens_the_randomisation_from_the_nominal_robot(self) -> None:
-        env = make(curriculum=Curriculum(100, randomisation=0.0), randomisation=load_randomisation())
+        env = make(curricula=(curriculum("randomisation", 0.0),), randomisation=load_randomisation())
         key = jax.random.PRNGKey(12)
         nominal, half, full = (env.reset(key, level)[0] for level in (0.0, 0.5, 1.0))
         assert np.allclose(nominal.sample["link_mass"], 1.0)
@@ -119,7 +123,7 @@ class TestStep:
         assert np.isclose(half.sample["payload_kg"], full.sample["payload_kg"] / 2)
 
     def test_the_curriculum_slows_the_first_command_down_too(self) -> None:
-        env = make(curriculum=Curriculum(100, commands=0.2))
+        env = make(curricula=(curriculum("commands", 0.2),))
         key = jax.random.PRNGKey(12)
         first, half, full = (env.reset(key, level)[0].command for level in (0.0, 0.5, 1.0))
         assert np.abs(full).max() > 0.1
@@ -129,7 +133,7 @@ class TestStep:
 
 def test_one_step_agrees_with_mujoco_c_under_the_same_joint_law() -> None:
     """The lean carry (positions, velocities, warm start) loses nothing that the physics needs."""
-    env = make(randomisation=Randomisation(), pushes=PushConfig(), gait=None)
+    env = make(randomisation=Randomisation(), events=SMOKE.events[:1], gait=None)
     state, _ = jax.jit(env.reset)(jax.random.PRNGKey(12))
     model = training_model(ROBOT, env.timestep_s)
     data = mujoco.MjData(model)
@@ -217,7 +221,7 @@ def test_an_encoder_bias_moves_the_joint_as_well_as_the_reading() -> None:
         state, _ = jax.jit(env.reset)(jax.random.PRNGKey(13))
         still = jnp.zeros_like(state.qvel)
         state = state._replace(qpos=state.qpos.at[2].set(50.0), qvel=still, hold_steps=jnp.int32(1000))
-        state = state._replace(command=jnp.zeros(3), push_steps=jnp.int32(1000))
+        state = state._replace(command=jnp.zeros(3), event_steps={"push": jnp.int32(1000)})
         step = jax.jit(env.step)
         for _ in range(40):
             state, _ = step(state, jnp.zeros(env.action_size))

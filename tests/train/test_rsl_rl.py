@@ -28,7 +28,7 @@ from number_environment import counting_config
 from footfall.cli import main
 from footfall.common.config import dump
 from footfall.common.errors import UserError
-from footfall.envs.symmetry import environment_mirror
+from footfall.envs.make import make_environment
 from footfall.evaluate.provenance import origin
 from footfall.policies.contract import CONTRACT_KEY
 from footfall.policies.registry import load_policy
@@ -205,7 +205,7 @@ def test_an_adaptive_learning_rate_moves_below_its_limit(
 
 
 def test_a_mirror_image_follows_each_sample(trainer: RslRlTrainer, go1: Robot) -> None:
-    mirror = environment_mirror(go1, SMOKE.env, trainer._contract)
+    mirror = make_environment(go1, SMOKE.env).mirror()
     augment = make_augmentation(mirror, torch.device("cpu"))
     actions, seen = some_actions(), trainer._environment.get_observations()
     seen_twice, actions_twice = augment(None, seen, actions)
@@ -227,7 +227,7 @@ def test_the_run_folder_is_like_any_other(run: Path) -> None:
     assert {"torch", "rsl-rl-lib", "jax"} <= set(provenance.versions)
     lines = metrics(run)
     assert [line["step"] for line in lines] == [256, 512, 768, 1024]
-    assert {f"reward/{name}" for name in SMOKE.env.rewards} <= set(lines[-1])
+    assert {f"reward/{name}" for name in SMOKE.env.weights} <= set(lines[-1])
     assert {"reward/total", "episode/length_s", "tracking/linear_error_m_s"} <= set(lines[-1])
     assert list((run / "events").glob("events.out.tfevents.*"))
 

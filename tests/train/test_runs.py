@@ -19,7 +19,6 @@ from footfall.common.config import dump
 from footfall.common.errors import UserError
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import Randomisation
-from footfall.envs.config import PushConfig
 from footfall.envs.velocity import VelocityEnv
 from footfall.policies.learned import LearnedPolicy
 from footfall.policies.policy import PolicyInput, Sensed
@@ -186,7 +185,7 @@ def test_the_run_folder_says_how_it_was_made(whole_run: Path) -> None:
     assert len(run.provenance.revision) >= len("unknown")
     assert list((whole_run / "events").glob("events.out.tfevents.*"))
     last = json.loads((whole_run / "metrics.jsonl").read_text().splitlines()[-1])
-    assert {f"reward/{name}" for name in run.config.env.rewards} <= set(last)
+    assert {f"reward/{name}" for name in run.config.env.weights} <= set(last)
 
 
 def test_an_export_that_differs_from_the_network_fails_and_leaves_nothing(
@@ -223,7 +222,7 @@ def test_deployment_computes_what_training_computed(whole_run: Path) -> None:
     """The learned policy, fed what the environment's robot senses, sees and wants the same."""
     robot = load_robot("go1")
     trained = api.open_run(whole_run).config.env
-    config = replace(trained, randomisation=Randomisation(), noise=Noise(), pushes=PushConfig())
+    config = replace(trained, randomisation=Randomisation(), noise=Noise(), events=trained.events[:1])
     env = VelocityEnv(robot, config)
     policy = LearnedPolicy(whole_run / "policy.onnx", robot)
     state, seen = jax.jit(env.reset)(jax.random.PRNGKey(0))

@@ -14,6 +14,7 @@ import pytest
 from jax.experimental.compilation_cache.compilation_cache import reset_cache
 
 from footfall.common.collector import collector_paused
+from footfall.envs.config import RewardConfig
 from footfall.envs.workarounds.program_cache import fingerprint
 from footfall.robots.description import load_robot
 from footfall.train import api, entry
@@ -131,7 +132,7 @@ def test_what_a_training_is_told_of_world_and_learning_tells_its_programs_apart(
     env = plain.env
     others = {
         "plain": plain,
-        "rewards": replace(plain, env=replace(env, rewards=env.rewards | {"torque": -1.0})),
+        "rewards": replace(plain, env=replace(env, rewards=(*env.rewards, RewardConfig("torque", -1.0)))),
         "commands": replace(plain, env=replace(env, commands=replace(env.commands, standing_command=0.2))),
         "physics": replace(plain, env=replace(env, substeps=env.substeps + 1)),
         "learning": replace(plain, ppo=replace(plain.ppo, learning_rate=2 * plain.ppo.learning_rate)),

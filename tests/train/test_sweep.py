@@ -59,7 +59,7 @@ def test_dotted_keys_replace_settings_and_nothing_else() -> None:
     smoke = load_preset("smoke")
     config = trial_config("smoke", {"ppo.learning_rate": 0.5, "env.rewards.torque": -1.0}, load_robot("go1"))
     assert config.ppo == replace(smoke.ppo, learning_rate=0.5)
-    assert config.env.rewards == smoke.env.rewards | {"torque": -1.0}
+    assert config.env.weights == smoke.env.weights | {"torque": -1.0}
     assert config.env.commands == smoke.env.commands
 
 

@@ -17,6 +17,7 @@ from tensordict import TensorDict
 
 from footfall.common.errors import UserError
 from footfall.envs.make import make_environment
+from footfall.envs.old_settings import with_event_steps
 from footfall.robots.description import Robot
 from footfall.train.actor import LOGGED_OBSERVATIONS, Actor
 from footfall.train.export import export
@@ -134,7 +135,8 @@ class RslRlTrainer(Trainer):
             content = torch.load(path, weights_only=True, map_location="cpu")
             infos = content["infos"]
             fresh = self._environment.episodes
-            episodes = serialization.from_bytes(fresh, infos["episodes"].numpy().tobytes())
+            saved = serialization.msgpack_restore(infos["episodes"].numpy().tobytes())
+            episodes = serialization.from_state_dict(fresh, with_event_steps(saved))
             same = jax.tree.map(lambda a, b: a.shape == b.shape, fresh, episodes)
             if not all(jax.tree.leaves(same)):
                 raise ValueError("array shapes differ from config.yaml's")

@@ -10,6 +10,7 @@ from flax import serialization
 
 from footfall.common.errors import CannotWriteError, UserError
 from footfall.common.files import write_atomically
+from footfall.envs.old_settings import with_event_steps
 
 KEPT = 3
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
@@ -96,7 +97,7 @@ def restore(path: Path, state: Any) -> tuple[Any, np.ndarray]:
     """
     try:
         content = serialization.msgpack_restore(path.read_bytes())
-        restored = serialization.from_state_dict(state, content["state"])
+        restored = serialization.from_state_dict(state, with_event_steps(content["state"]))
         observations = np.asarray(content["observations"])
         same = jax.tree.map(lambda a, b: a.shape == b.shape and a.dtype == b.dtype, state, restored)
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:

@@ -1,30 +1,39 @@
 """`footfall list`."""
 
 import json as json_text
-from collections.abc import Sequence
-from typing import Annotated, Any
+from collections.abc import Callable, Sequence
+from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
+
+from footfall.common.installation import needs_extra
 
 Rows = list[dict[str, Any]]
 
 
-def list_names(*, json: Annotated[bool, Parameter(negative=())] = False) -> None:
-    """Show what there is to name: robots, controllers, policies of the zoo, scenarios, presets.
+Kind = Literal["robots", "controllers", "policies", "scenarios", "presets", "terms"]
+
+
+def list_names(kind: Kind | None = None, /, *, json: Annotated[bool, Parameter(negative=())] = False) -> None:
+    """Show the names of robots, controllers, policies of the zoo, scenarios and presets, or of terms.
 
     Parameters
     ----------
+    kind
+        Show this kind alone. `terms` are what a preset's task is made of (an extra: train).
     json
         Print JSON instead of tables.
     """
-    robots = _robots()
-    found = {
-        "robots": robots,
-        "controllers": _controllers(robots),
-        "policies": _policies(),
-        "scenarios": _scenarios(),
-        "presets": _presets(),
+    kinds: dict[str, Callable[[], Rows]] = {
+        "robots": _robots,
+        "controllers": _controllers,
+        "policies": _policies,
+        "scenarios": _scenarios,
+        "presets": _presets,
+        "terms": _terms,
     }
+    shown = [kind] if kind else [name for name in kinds if name != "terms"]
+    found = {name: kinds[name]() for name in shown}
     if json:
         print(json_text.dumps(found, indent=2))
     else:
@@ -47,15 +56,17 @@ def _robots() -> Rows:
     ]
 
 
-def _controllers(robots: Rows) -> Rows:
-    from footfall.policies.registry import CONTROLLERS
+def _controllers() -> Rows:
+    from footfall.policies.registry import CONTROLLERS, controllers_of
+    from footfall.robots.description import available_robots, load_robot
 
+    robots = {robot.name: controllers_of(robot) for robot in map(load_robot, available_robots())}
     return [
         {
             "name": name,
             "about": controller.about,
             "walks": controller.walks,
-            "robots": [robot["name"] for robot in robots if name in robot["controllers"]],
+            "robots": [robot for robot, controllers in robots.items() if name in controllers],
         }
         for name, controller in CONTROLLERS.items()
     ]
@@ -91,6 +102,21 @@ def _presets() -> Rows:
             "total_steps": load_preset(name).ppo.total_steps,
         }
         for name in available_presets()
+    ]
+
+
+def _terms() -> Rows:
+    with needs_extra("train", "the terms of tasks need"):
+        from footfall.envs.catalogue import catalogue, shown
+
+    return [
+        {
+            "kind": term.kind,
+            "name": term.name,
+            "parameters": ", ".join(f"{name}: {shown(each)}" for name, each in term.parameters.items()),
+            "about": term.about,
+        }
+        for term in catalogue()
     ]
 
 

@@ -10,7 +10,6 @@ import pytest
 from foreign_robots import BIPED_MJCF, on_base, read
 
 from footfall.deploy.drivers.mit import RANGES
-from footfall.envs.config import InitialState
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.importer.build import build_machine
 from footfall.robots.importer.create import ImportRequest, import_robot
@@ -18,6 +17,8 @@ from footfall.robots.importer.leg_pairs import LegPairs, with_leg_pairs
 from footfall.robots.importer.pose import standing_pose
 from footfall.robots.importer.shapes import Kind, rotation_of
 from footfall.robots.model import joint_addresses, training_model
+
+JOINT_RAD = 0.1  # by which episodes begin away from the default pose
 
 
 class Hip(NamedTuple):
@@ -107,7 +108,7 @@ def test_no_pair_touches_where_training_starts(tmp_path: Path) -> None:
     data = mujoco.MjData(model)
     rng = np.random.default_rng(1)
     for _ in range(300):
-        offset = InitialState().joint_rad * rng.uniform(-1, 1, len(robot.joint_names))
+        offset = JOINT_RAD * rng.uniform(-1, 1, len(robot.joint_names))
         data.qpos[2] = 5.0
         data.qpos[joint_addresses(model, robot)[0]] = robot.default_pose + offset
         mujoco.mj_forward(model, data)

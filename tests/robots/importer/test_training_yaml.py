@@ -47,8 +47,8 @@ def test_a_machine_of_the_size_that_the_presets_suit_keeps_their_figures(tmp_pat
     env, gpu = written(tmp_path, 0.45, 13.0), load_preset("gpu").env
     assert gpu.gait is not None
     assert env["gait"] == {"name": gpu.gait.name, "frequency_hz": gpu.gait.frequency_hz}
-    assert env["rewards"] == {name: pytest.approx(gpu.rewards[name]) for name in ("torque", "power")}
-    assert env["reward_scales"]["swing_height_m"] == gpu.reward_scales.swing_height_m
+    assert env["rewards"] == {name: pytest.approx(gpu.weights[name]) for name in ("torque", "power")}
+    assert env["reward_scales"]["swing_height_m"] == 0.08
 
 
 def test_four_times_as_long_and_three_times_as_heavy(tmp_path: Path) -> None:
@@ -100,8 +100,8 @@ def test_every_preset_takes_it(tmp_path: Path, text: str, suffix: str, gait: str
         assert env.gait is not None
         assert env.gait.name == gait
         assert env.commands.ranges.forward_m_s[1] == pytest.approx(1.2 * most, rel=0.05)
-        assert 0.0 > env.rewards["torque"] > -1.0
-        assert env.rewards["alive"] > 0.0  # the rest is the preset's
+        assert 0.0 > env.weights["torque"] > -1.0
+        assert env.weights["alive"] > 0.0  # the rest is the preset's
         if env.randomisation.payload_kg is not None:
             assert env.randomisation.payload_kg == randomisation_of(robot).payload_kg
 

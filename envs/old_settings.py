@@ -1,0 +1,94 @@
+"""The forms that an environment's settings had in older presets, run folders and checkpoints.
+
+Each function takes plain data, whole or in part, and leaves what has today's form as it is.
+"""
+
+from typing import Any
+
+from footfall.common.config import merged
+
+# Sections and settings that became terms: old name, list, the term's name there.
+SECTIONS = {"initial": ("events", "reset_pose"), "pushes": ("events", "push")}
+TERMINATIONS = {
+    "tilt_limit_rad": ("tilted", "limit_rad"),
+    "least_height_share": ("sunk", "least_height_share"),
+}
+# Of `reward_scales`: the reward that a setting belongs to now, and its parameter.
+SCALES = {
+    "linear_sigma_m2_s2": ("track_linear", "sigma_m2_s2"),
+    "yaw_sigma_rad2_s2": ("track_yaw", "sigma_rad2_s2"),
+    "swing_height_m": ("swing_height", "height_m"),
+    "foot_distance_m": ("crowded_feet", "distance_m"),
+    "pose_shares": ("pose", "joint_shares"),
+}
+SHARES = {"commands": "commands", "pushes": "push", "randomisation": "randomisation"}  # of `curriculum`
+
+
+def with_terms(env: Any) -> Any:
+    """Settings of an environment, as read from YAML, in today's form.
+
+    A list of terms that was written as settings becomes a mapping by name (see `merged`).
+    """
+    if not isinstance(env, dict):
+        return env
+    new = dict(env)
+    for name, (kind, term) in SECTIONS.items():
+        if isinstance(new.get(name), dict):
+            _put(new, kind, term, {"term": term} | new.pop(name))
+    for name, (term, parameter) in TERMINATIONS.items():
+        if name in new:
+            _put(new, "terminations", term, {parameter: new.pop(name)})
+    if isinstance(new.get("reward_scales"), dict):
+        _put_scales(new, new.pop("reward_scales"))
+    if isinstance(new.get("curriculum"), dict):
+        _put_curriculum(new, new.pop("curriculum"))
+    if isinstance(new.get("observation"), list):
+        new["observation"] = [_observation(term) for term in new["observation"]]
+    return new
+
+
+def with_event_steps(saved: Any) -> Any:
+    """A saved training state, as nested mappings, with the parts that environments have today."""
+    if not isinstance(saved, dict):
+        return saved
+    whole = {key: with_event_steps(value) for key, value in saved.items()}
+    if "push_steps" in whole:
+        whole["event_steps"] = {"push": whole.pop("push_steps")}
+        whole["terms"] = {"rewards": {}, "terminations": {}, "critic": {}}
+    return whole
+
+
+def _put_scales(env: dict[str, Any], scales: dict[str, Any]) -> None:
+    """Put each setting of `reward_scales` into the reward that it belongs to."""
+    for name, value in scales.items():
+        if name == "least":
+            env["reward_floor"] = value
+        elif name in SCALES:
+            reward, parameter = SCALES[name]
+            _put(env, "rewards", reward, {parameter: value})
+        else:
+            env["reward_scales"] = {name: value}  # to be refused
+
+
+def _put_curriculum(env: dict[str, Any], curriculum: dict[str, Any]) -> None:
+    """Put each setting of `curriculum` into a list of curricula."""
+    for name, value in curriculum.items():
+        if name == "steps":
+            env["curriculum_steps"] = value
+        else:
+            of = SHARES.get(name, name)
+            _put(env, "curricula", of, {"term": "linear", "of": of, "start": value})
+
+
+def _put(env: dict[str, Any], kind: str, name: str, settings: dict[str, Any]) -> None:
+    """Add settings to a term of a list that is written as a mapping."""
+    listed = env.get(kind) or {}
+    if isinstance(listed, dict) and not isinstance(listed.get(name, {}), dict):
+        listed = listed | {name: {"weight": listed[name]}}
+    env[kind] = merged(listed, {name: settings})
+
+
+def _observation(term: Any) -> Any:
+    if isinstance(term, dict) and "name" in term and "term" not in term:
+        return {"term": term["name"]} | {key: value for key, value in term.items() if key != "name"}
+    return term

@@ -1,0 +1,192 @@
+"""A task: the terms that a configuration lists, with their parameters, ready to be called.
+
+A term without memory is called with its inputs. A term with memory has two methods instead:
+
+    def init(self, data: StepData) -> Any: ...                  # its state when an episode begins
+    def step(self, state: Any, data: StepData) -> tuple[Any, jax.Array]: ...   # the next state, and its value
+
+The states of all terms lie in the environment's `State.terms`, so they are restarted, batched, saved and
+divided over devices with the rest of an episode.
+"""
+
+from collections.abc import Callable, Sequence
+from functools import reduce
+from operator import mul
+from typing import Any, NamedTuple
+
+import jax
+
+from footfall.common.errors import UserError
+from footfall.common.outside import in_a_line
+from footfall.common.terms import NamedTermConfig, bind, check_labels, choose
+from footfall.domain_rand.distributions import Distribution
+from footfall.envs.config import EnvConfig, EventConfig
+from footfall.envs.terms.commands import COMMANDS, CommandTerm
+from footfall.envs.terms.critic import CRITIC, CriticTerm
+from footfall.envs.terms.curricula import CURRICULA, linear
+from footfall.envs.terms.data import Scene, StepData, example_data
+from footfall.envs.terms.events import EVENTS, EventTerm
+from footfall.envs.terms.rewards import REWARDS
+from footfall.envs.terms.terminations import TERMINATIONS
+from footfall.robots.kinds import Kind, Parts
+
+OTHERS = ("commands", "randomisation")  # what a curriculum can make harder besides events
+
+
+class Terms(NamedTuple):
+    """Terms that are evaluated once a control step, by name."""
+
+    by_name: dict[str, Any]
+
+    def init(self, data: StepData) -> dict[str, Any]:
+        """The states of the terms that have one, when an episode begins."""
+        return {name: term.init(data) for name, term in self.by_name.items() if _has_state(term)}
+
+    def evaluate(self, states: dict[str, Any], data: StepData) -> tuple[dict[str, jax.Array], dict[str, Any]]:
+        """The value of each term, and the states after this step."""
+        values, after = {}, {}
+        for name, term in self.by_name.items():
+            if name in states:
+                after[name], values[name] = term.step(states[name], data)
+            else:
+                values[name] = term(data)
+        return values, after
+
+
+class Event(NamedTuple):
+    """One event of a task."""
+
+    change: Callable[..., Any]
+    numbers: int  # uniform numbers that it takes
+    interval_s: Distribution | None  # None: at each reset
+
+
+class Curriculum(NamedTuple):
+    """One curriculum of a task."""
+
+    of: str
+    share: Callable[..., jax.Array | float]  # of the level
+
+
+class Task:
+    """The terms of one configuration, for one robot."""
+
+    def __init__(self, config: EnvConfig, scene: Scene) -> None:
+        """Raises UserError if a term or a parameter is wrong; the message names the entry."""
+        example = example_data(scene)
+        self.rewards = _terms(config.rewards, REWARDS, "reward", "env.rewards")
+        self.weights = config.weights
+        self.in_full = {name for name, term in self.rewards.by_name.items() if _is_in_full(term)}
+        self.terminations = _terms(config.terminations, TERMINATIONS, "termination", "env.terminations")
+        self.critic, self.critic_kinds = _critic(config.critic)
+        self.command = _command(config)
+        self.events = _events(config.events, scene)
+        self.curricula = _curricula(config, self.events)
+        _try(self.rewards, example, "env.rewards", 1)
+        _try(self.terminations, example, "env.terminations", 1)
+        parts = Parts(len(scene.robot.joint_names), scene.bodies, scene.feet.count)
+        _try(self.critic, example, "env.critic", *(kind.size(parts) for kind in self.critic_kinds))
+
+    def strength(self, of: str, level: jax.Array | float) -> jax.Array | float:
+        """The share of the full difficulty that the curricula allow at a level, 0 to 1."""
+        shares = [curriculum.share(level) for curriculum in self.curricula if curriculum.of == of]
+        # Without a curriculum 1, but computed from the level: XLA would round differently around a constant.
+        return reduce(mul, shares) if shares else linear(level, start=1.0)
+
+    def init(self, data: StepData) -> dict[str, dict[str, Any]]:
+        """The states of all terms when an episode begins."""
+        return {
+            "rewards": self.rewards.init(data),
+            "terminations": self.terminations.init(data),
+            "critic": self.critic.init(data),
+        }
+
+    @property
+    def resets(self) -> dict[str, Event]:
+        """The events of each reset."""
+        return {name: event for name, event in self.events.items() if event.interval_s is None}
+
+    @property
+    def timed(self) -> dict[str, Event]:
+        """The events at random intervals."""
+        return {name: event for name, event in self.events.items() if event.interval_s is not None}
+
+
+def _has_state(term: Any) -> bool:
+    return hasattr(term, "init") and hasattr(term, "step")
+
+
+def _is_in_full(term: Any) -> bool:
+    """Whether it is a reward under `@in_full`; one whose parameters are set is a `partial`."""
+    return getattr(getattr(term, "func", term), "in_full", False)
+
+
+def _terms(entries: Sequence[NamedTermConfig], available: dict[str, Any], what: str, where: str) -> Terms:
+    check_labels(entries, where)
+    found = {}
+    for index, entry in enumerate(entries):
+        place = f"{where}[{index}]"
+        found[entry.label] = bind(choose(entry.term, available, what, place), entry.settings, place)
+    return Terms(found)
+
+
+def _critic(entries: Sequence[NamedTermConfig]) -> tuple[Terms, list[Kind]]:
+    check_labels(entries, "env.critic")
+    found, kinds = {}, []
+    for index, entry in enumerate(entries):
+        place = f"env.critic[{index}]"
+        term = choose(entry.term, CRITIC, "critic term", place)
+        _require(term, CriticTerm, "critic_term", place)
+        found[entry.label] = bind(term.source, entry.settings, place)
+        kinds.append(term.kind)
+    return Terms(found), kinds
+
+
+def _command(config: EnvConfig) -> CommandTerm:
+    place = "env.commands"
+    term = choose(config.commands.term, COMMANDS, "command term", place)
+    _require(term, CommandTerm, "command_term", place)
+    return term._replace(draw=bind(term.draw, config.commands.settings, place))
+
+
+def _events(entries: Sequence[EventConfig], scene: Scene) -> dict[str, Event]:
+    check_labels(entries, "env.events")
+    parts, found = Parts(len(scene.robot.joint_names), scene.bodies, scene.feet.count), {}
+    for index, entry in enumerate(entries):
+        place = f"env.events[{index}]"
+        term = choose(entry.term, EVENTS, "event", place)
+        _require(term, EventTerm, "event_term", place)
+        change = bind(term.change, entry.settings, place)
+        found[entry.label] = Event(change, term.numbers(parts), entry.interval_s or term.interval_s)
+    return found
+
+
+def _curricula(config: EnvConfig, events: dict[str, Event]) -> list[Curriculum]:
+    check_labels(config.curricula, "env.curricula")
+    found = []
+    for index, entry in enumerate(config.curricula):
+        place = f"env.curricula[{index}]"
+        if entry.of not in (*OTHERS, *events):
+            raise UserError(f"{place}.of: no '{entry.of}': there are {', '.join((*OTHERS, *events))}")
+        term = choose(entry.term, CURRICULA, "curriculum", place)
+        found.append(Curriculum(entry.of, bind(term, entry.settings, place)))
+    return found
+
+
+def _require(term: Any, kind: type, decorator: str, where: str) -> None:
+    if not isinstance(term, kind):
+        raise UserError(f"{where}: expected a function under @{decorator}, not {type(term).__name__}")
+
+
+def _try(terms: Terms, example: StepData, where: str, *sizes: int) -> None:
+    """Raise UserError if a term fails on an example, or gives another number of values than it declares."""
+    for index, (name, term) in enumerate(terms.by_name.items()):
+        alone, size = Terms({name: term}), sizes[index] if index < len(sizes) else 1
+        try:
+            value = jax.eval_shape(lambda t=alone: t.evaluate(t.init(example), example)[0])[name]
+        except UserError as error:
+            raise UserError(f"{where}[{index}]: {error}") from None
+        except Exception as error:  # whatever it is, it is the term's
+            raise UserError(f"{where}[{index}]: {in_a_line(error)}") from error
+        if value.size != size:
+            raise UserError(f"{where}[{index}]: gives {value.size} numbers, expected {size}")

@@ -1,0 +1,61 @@
+"""Critic terms: what the critic sees beyond the actor, and no robot senses.
+
+Besides these the critic always sees the actor's observation, a frame of it without delay, bias and noise, and
+every quantity in which this robot differs from the nominal one.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+
+from footfall.envs.terms.data import StepData
+from footfall.robots import kinds
+from footfall.robots.kinds import Kind
+
+
+class CriticTerm(NamedTuple):
+    """The declaration of a critic term."""
+
+    kind: Kind  # how many numbers, and their mirror image
+    source: Callable[..., jax.Array]  # of `StepData`; at a reset feet and torques are zero
+
+
+def critic_term(kind: Kind) -> Callable[[Callable[..., jax.Array]], CriticTerm]:
+    """Decorator: a function of `StepData` that returns numbers of this kind."""
+    return lambda source: CriticTerm(kind, source)
+
+
+@critic_term(kinds.VECTOR)
+def linear_velocity(data: StepData) -> jax.Array:
+    """Velocity of the base in the body frame, m/s."""
+    return data.linear_velocity
+
+
+@critic_term(kinds.SCALAR)
+def height(data: StepData) -> jax.Array:
+    """Height of the base above the ground, m."""
+    return data.height
+
+
+@critic_term(kinds.FOOT_AMOUNTS)
+def contact(data: StepData) -> jax.Array:
+    """1 for each foot in contact, else 0."""
+    return data.contact
+
+
+@critic_term(kinds.FOOT_AMOUNTS)
+def clearance(data: StepData) -> jax.Array:
+    """Height of each foot above the ground, dm."""
+    return data.clearance * 10.0
+
+
+@critic_term(kinds.JOINTS)
+def torque(data: StepData) -> jax.Array:
+    """Torque of each motor as a share of its peak torque."""
+    return data.torque / data.scene.peak_torque
+
+
+CRITIC: dict[str, CriticTerm] = {
+    term.source.__name__: term for term in (linear_velocity, height, contact, clearance, torque)
+}

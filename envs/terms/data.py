@@ -1,0 +1,89 @@
+"""What terms read: constants of the robot, and the data of one control step."""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+
+from footfall.envs.base import Base
+from footfall.envs.feet import Feet
+from footfall.envs.ground import ground_height
+from footfall.robots.description import Robot
+from footfall.robots.model import joint_addresses
+
+
+class Scene:
+    """Constants of one robot in its training model. Terms read them; nothing changes them."""
+
+    def __init__(self, model: mujoco.MjModel, robot: Robot, feet: Feet, period_s: float) -> None:
+        self.robot, self.feet, self.period_s = robot, feet, period_s
+        self.base = Base(model, robot)
+        self.standing_height = robot.description.standing_height_m
+        positions, dofs = joint_addresses(model, robot)
+        self.positions, self.dofs = (
+            jnp.asarray(positions),
+            jnp.asarray(dofs),
+        )  # of joints in qpos, qvel
+        self.bodies, self.nv = model.nbody - 1, model.nv  # bodies: without the world
+        self.default_pose = jnp.asarray(robot.default_pose, dtype=jnp.float32)
+        self.soft_lower, self.soft_upper = (jnp.asarray(x, dtype=jnp.float32) for x in robot.soft_limits)
+        self.peak_torque = jnp.asarray(robot.motor.peak_torque, dtype=jnp.float32)
+        qpos = np.array(model.qpos0, dtype=np.float32)
+        qpos[positions] = robot.default_pose
+        place = self.base.position(qpos)
+        place[2] = ground_height(place) + self.standing_height
+        self.standing = qpos  # (nq,) in the default pose, feet on the ground
+
+
+class StepData(NamedTuple):
+    """The robot after one control step. Vectors in the body frame unless the comment says otherwise."""
+
+    scene: Scene
+    command: jax.Array  # (3,) forward m/s, leftward m/s, yaw rad/s
+    moving: jax.Array  # () 1.0 if the command asks to move
+    linear_velocity: jax.Array  # (3,) m/s
+    angular_velocity: jax.Array  # (3,) rad/s
+    gravity: jax.Array  # (3,) unit vector
+    height: jax.Array  # () m, base above ground
+    joint_position: jax.Array  # (n,) rad
+    joint_velocity: jax.Array  # (n,) rad/s
+    torque: jax.Array  # (n,) N m, motor torque at the last physics step
+    actions: jax.Array  # (3, n) newest first
+    foot_position: jax.Array  # (points, 3) m, world frame, centres of the feet's balls, foot after foot
+    contact: jax.Array  # (feet,) 1.0 in contact
+    clearance: jax.Array  # (feet,) m above ground
+    foot_speed: jax.Array  # (feet,) m/s, horizontal
+    foot_tilt: jax.Array  # (feet,) m, from a sole's lowest point up to its highest; 0 of a ball
+    swing: jax.Array  # (feet,) planned swing, 0 in stance, rising to 1 at mid-swing
+    fell: jax.Array  # () 1.0 if a termination term ended the episode
+
+    @property
+    def period_s(self) -> float:
+        """Length of a control step, s."""
+        return self.scene.period_s
+
+
+def example_data(scene: Scene) -> StepData:
+    """Data of a robot that stands still, to try terms on."""
+    n, feet = len(scene.robot.joint_names), scene.feet.count
+    zeros: dict[str, Any] = {name: jnp.zeros(feet) for name in ("contact", "clearance", "foot_speed")}
+    return StepData(
+        scene=scene,
+        command=jnp.zeros(3),
+        moving=jnp.float32(0.0),
+        linear_velocity=jnp.zeros(3),
+        angular_velocity=jnp.zeros(3),
+        gravity=jnp.array([0.0, 0.0, -1.0]),
+        height=jnp.float32(scene.standing_height),
+        joint_position=scene.default_pose,
+        joint_velocity=jnp.zeros(n),
+        torque=jnp.zeros(n),
+        actions=jnp.zeros((3, n)),
+        foot_position=jnp.zeros((scene.feet.points, 3)),
+        foot_tilt=jnp.zeros(feet),
+        swing=jnp.zeros(feet),
+        fell=jnp.float32(0.0),
+        **zeros,
+    )

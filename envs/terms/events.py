@@ -1,0 +1,99 @@
+"""Event terms: changes to the robot from outside, at each reset or at random intervals.
+
+What differs between robots for a whole episode (masses, friction, delays, biases) is the section
+`randomisation`, whose quantities act on the simulated robot of an evaluation too (domain_rand/).
+"""
+
+from collections.abc import Callable
+from typing import Annotated, NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from footfall.common.rotations import multiply, normalised
+from footfall.common.terms import Between
+from footfall.domain_rand.distributions import Distribution
+from footfall.envs.config import FASTEST
+from footfall.envs.state import State
+from footfall.envs.terms.data import Scene
+from footfall.robots.kinds import Parts
+
+Half = Annotated[float, Between(0.0, FASTEST)]  # half-width of a uniform range, or the largest value
+
+
+class Occasion(NamedTuple):
+    """What an event is handed besides the state."""
+
+    scene: Scene
+    due: jax.Array | bool  # whether the change will be kept
+    u: jax.Array  # uniform numbers in [0, 1), as many as the term declares
+    strength: jax.Array | float  # share of the full strength, from the curriculum, 0 to 1
+
+
+class EventTerm(NamedTuple):
+    """The declaration of an event."""
+
+    change: Callable[..., State]  # of a state and an `Occasion`, the state after it
+    numbers: Callable[[Parts], int]  # uniform numbers that it takes, on a given robot
+    interval_s: Distribution | None  # between two of them; None: at each reset
+
+
+def event_term(
+    numbers: int | Callable[[Parts], int] = 0, interval_s: Distribution | None = None
+) -> Callable[[Callable[..., State]], EventTerm]:
+    """Decorator: a function of a state and an `Occasion` that returns the changed state."""
+    count = numbers if callable(numbers) else lambda _: numbers
+    return lambda change: EventTerm(change, count, interval_s)
+
+
+@event_term(numbers=lambda parts: 6 + 1 + 2 * parts.joints)
+def reset_pose(
+    state: State,
+    occasion: Occasion,
+    *,
+    joint_rad: Half = 0.1,
+    tilt_rad: Half = 0.1,
+    velocity_m_s: Half = 0.3,
+    yaw_rate_rad_s: Half = 0.3,
+    joint_velocity_rad_s: Half = 0.5,
+) -> State:
+    """Begin near the default pose, on the feet, at any heading.
+
+    The parameters are half-widths of uniform offsets from standing still.
+    """
+    scene, u = occasion.scene, 2 * occasion.u - 1
+    n = len(scene.robot.joint_names)
+    yaw = jnp.pi * u[0]
+    tilt = tilt_rad * u[1:3]
+    quaternion = multiply(
+        jnp.array([jnp.cos(yaw / 2), 0.0, 0.0, jnp.sin(yaw / 2)]),
+        normalised(jnp.array([1.0, tilt[0] / 2, tilt[1] / 2, 0.0])),
+    )
+    # Joints differ, and XLA is told so: on a GPU it would else add one by one, in case two were the same.
+    qpos = scene.base.turned(state.qpos, quaternion)
+    qpos = qpos.at[scene.positions].add(joint_rad * u[7 : 7 + n], unique_indices=True)
+    qvel = scene.base.moving(state.qvel, velocity_m_s * u[3:5], yaw_rate_rad_s * u[5])
+    qvel = qvel.at[scene.dofs].set(joint_velocity_rad_s * u[7 + n :], unique_indices=True)
+    return state._replace(qpos=qpos, qvel=qvel)
+
+
+@event_term(numbers=6, interval_s=Distribution(2.0, 6.0))
+def push(
+    state: State,
+    occasion: Occasion,
+    *,
+    horizontal_m_s: Half = 0.0,
+    vertical_m_s: Half = 0.0,
+    angular_rad_s: Half = 0.0,
+) -> State:
+    """Change the base's velocity at once: up to these values, in a random direction."""
+    u = occasion.u
+    angle, size = 2 * jnp.pi * u[0], horizontal_m_s * u[1]
+    linear = jnp.array([size * jnp.cos(angle), size * jnp.sin(angle), vertical_m_s * (2 * u[2] - 1)])
+    change = occasion.strength * jnp.concatenate([linear, angular_rad_s * (2 * u[3:] - 1)])
+    # Selected before it is added: product and sum would else be rounded together, and runs not repeat.
+    change = jnp.where(occasion.due, change, 0.0)
+    return state._replace(qvel=occasion.scene.base.pushed(state.qvel, change))
+
+
+EVENTS: dict[str, EventTerm] = {"reset_pose": reset_pose, "push": push}

@@ -1,0 +1,178 @@
+"""Reward terms: functions of what happened in one control step, or classes where they remember more.
+
+A term returns a number; its weight is the configuration's, in reward per second. A class with `init` and
+`step` has a state of its own (envs/task.py).
+"""
+
+from collections.abc import Callable, Sequence
+from fnmatch import fnmatchcase
+from typing import Annotated, Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from footfall.common.errors import UserError
+from footfall.common.terms import Between
+from footfall.envs.terms.data import StepData
+
+Width = Annotated[float, Between(1e-6, 1e6)]
+Length = Annotated[float, Between(0.001, 1.0)]
+
+
+def in_full(term: Callable[..., jax.Array]) -> Callable[..., jax.Array]:
+    """Decorator: a reward for the end of an episode, which `reward_floor` does not clip.
+
+    It is 1 at most. A simulation that diverges earns the weights of these terms.
+    """
+    term.in_full = True  # type: ignore[attr-defined]
+    return term
+
+
+def track_linear(data: StepData, *, sigma_m2_s2: Width = 0.25) -> jax.Array:
+    """1 at the commanded horizontal velocity, less the further from it: a bell of this variance."""
+    error = jnp.sum((data.command[:2] - data.linear_velocity[:2]) ** 2)
+    return jnp.exp(-error / sigma_m2_s2)
+
+
+def track_yaw(data: StepData, *, sigma_rad2_s2: Width = 0.25) -> jax.Array:
+    """1 at the commanded yaw rate, less the further from it: a bell of this variance."""
+    return jnp.exp(-((data.command[2] - data.angular_velocity[2]) ** 2) / sigma_rad2_s2)
+
+
+def alive(data: StepData) -> jax.Array:
+    """1 while the episode goes on."""
+    return 1.0 - data.fell
+
+
+@in_full
+def fall(data: StepData) -> jax.Array:
+    """1 when a termination term ends the episode."""
+    return data.fell
+
+
+def gait_contact(data: StepData) -> jax.Array:
+    """Share of feet whose contact is as the gait clock plans it."""
+    planned = 1.0 - (data.swing > 0)
+    return jnp.mean(1.0 - jnp.abs(planned - data.contact))
+
+
+def swing_height(data: StepData, *, height_m: Length = 0.08) -> jax.Array:
+    """Squared error of the swing feet's height against a half sine of this height, m^2."""
+    return jnp.sum(jnp.where(data.swing > 0, (data.clearance - height_m * data.swing) ** 2, 0.0))
+
+
+def vertical_velocity(data: StepData) -> jax.Array:
+    """Squared vertical velocity of the base, m^2/s^2."""
+    return data.linear_velocity[2] ** 2
+
+
+def roll_pitch_rate(data: StepData) -> jax.Array:
+    """Squared angular velocity about the horizontal axes of the body, rad^2/s^2."""
+    return jnp.sum(data.angular_velocity[:2] ** 2)
+
+
+def orientation(data: StepData) -> jax.Array:
+    """Squared sine of the tilt: gravity's share along the body's horizontal axes."""
+    return jnp.sum(data.gravity[:2] ** 2)
+
+
+def height(data: StepData) -> jax.Array:
+    """Squared difference of the base's height from the standing height, m^2."""
+    return (data.height - data.scene.standing_height) ** 2
+
+
+def torque(data: StepData) -> jax.Array:
+    """Sum of squared motor torques, N^2 m^2."""
+    return jnp.sum(data.torque**2)
+
+
+def power(data: StepData) -> jax.Array:
+    """Sum of the motors' mechanical power, driving and braking, W."""
+    return jnp.sum(jnp.abs(data.torque * data.joint_velocity))
+
+
+def action_rate(data: StepData) -> jax.Array:
+    """Squared change of the action since the last step."""
+    return jnp.sum((data.actions[0] - data.actions[1]) ** 2)
+
+
+def action_acceleration(data: StepData) -> jax.Array:
+    """Squared change of the action's change."""
+    return jnp.sum((data.actions[0] - 2 * data.actions[1] + data.actions[2]) ** 2)
+
+
+def pose(data: StepData, *, joint_shares: dict[str, float] | None = None) -> jax.Array:
+    """Squared deviation of the joints from the default pose, rad^2.
+
+    Args:
+        data: of the step.
+        joint_shares: how much joints count, by pattern of their names (*, ?, [...]); the first pattern that
+            fits a name holds, and joints that none fits count 1.
+    """
+    shares = _shares(data.scene.robot.joint_names, joint_shares or {})
+    return jnp.sum(shares * (data.joint_position - data.scene.default_pose) ** 2)
+
+
+def stand_still(data: StepData) -> jax.Array:
+    """Deviation from the default pose while asked to stand, rad."""
+    return (1.0 - data.moving) * jnp.sum(jnp.abs(data.joint_position - data.scene.default_pose))
+
+
+def joint_limits(data: StepData) -> jax.Array:
+    """How far joints are past their soft limits, rad."""
+    below = jnp.maximum(data.scene.soft_lower - data.joint_position, 0.0)
+    above = jnp.maximum(data.joint_position - data.scene.soft_upper, 0.0)
+    return jnp.sum(below + above)
+
+
+def slip(data: StepData) -> jax.Array:
+    """Squared horizontal speed of the feet in contact, m^2/s^2."""
+    return jnp.sum(data.contact * data.foot_speed**2)
+
+
+def level_soles(data: StepData) -> jax.Array:
+    """Squared height of each sole's highest point above its lowest, m^2; 0 for ball feet."""
+    return jnp.sum(data.foot_tilt**2)
+
+
+def crowded_feet(data: StepData, *, distance_m: Length = 0.12) -> jax.Array:
+    """Squared shortfall of the horizontal distance between two feet from this one, over all pairs, m^2."""
+    return data.scene.feet.crowding(data.foot_position, distance_m)
+
+
+REWARDS: dict[str, Callable[..., Any]] = {
+    function.__name__: function
+    for function in (
+        track_linear,
+        track_yaw,
+        alive,
+        fall,
+        gait_contact,
+        swing_height,
+        vertical_velocity,
+        roll_pitch_rate,
+        orientation,
+        height,
+        torque,
+        power,
+        action_rate,
+        action_acceleration,
+        pose,
+        stand_still,
+        joint_limits,
+        slip,
+        level_soles,
+        crowded_feet,
+    )
+}
+
+
+def _shares(joint_names: Sequence[str], by_pattern: dict[str, float]) -> jax.Array:
+    """The share of the first pattern that fits each joint's name, 1 where none does, (n,)."""
+    for pattern in by_pattern:
+        if not any(fnmatchcase(name, pattern) for name in joint_names):
+            raise UserError(f"joint_shares: no joint fits '{pattern}'")
+    fitting = ([share for p, share in by_pattern.items() if fnmatchcase(name, p)] for name in joint_names)
+    shares = np.array([found[0] if found else 1.0 for found in fitting])
+    return jnp.asarray(shares, dtype=jnp.float32)

@@ -1,0 +1,26 @@
+"""Termination terms: conditions that end an episode as a failure.
+
+Two ends are no terms: the time limit `episode_s`, and a diverged simulation.
+"""
+
+from collections.abc import Callable
+from typing import Annotated
+
+import jax
+import numpy as np
+
+from footfall.common.terms import Between
+from footfall.envs.terms.data import StepData
+
+
+def tilted(data: StepData, *, limit_rad: Annotated[float, Between(1e-3, 3.2)] = 1.1) -> jax.Array:
+    """The base is tilted by more than `limit_rad` from upright."""
+    return data.gravity[2] > -np.cos(limit_rad)
+
+
+def sunk(data: StepData, *, least_height_share: Annotated[float, Between(0.0, 1.0)] = 0.55) -> jax.Array:
+    """The base is lower than this share of the robot's standing height."""
+    return data.height < least_height_share * data.scene.standing_height
+
+
+TERMINATIONS: dict[str, Callable[..., jax.Array]] = {f.__name__: f for f in (tilted, sunk)}

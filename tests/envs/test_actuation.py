@@ -1,0 +1,123 @@
+"""From joint goals to what the motors hold on to: delays, limits, each robot's motors."""
+
+from dataclasses import replace
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from footfall.common.errors import UserError
+from footfall.domain_rand.distributions import Distribution
+from footfall.domain_rand.randomisation import Randomisation
+from footfall.envs.actuation import Actuation
+from footfall.envs.physics.interface import Drive, joint_effort
+from footfall.envs.velocity import VelocityEnv
+from footfall.robots.actuator import JointCommand, Motor, joint_torque, motor_torque
+from footfall.robots.description import load_robot
+from footfall.train.config import load_preset
+
+ROBOT = load_robot("go1")
+N, SUBSTEPS = 12, 4
+CONFIG = replace(load_preset("smoke").env, control_rate_hz=40.0, substeps=SUBSTEPS)
+
+
+class TestActuation:
+    @pytest.mark.parametrize(
+        ("steps", "new"), [(0.0, [1, 1, 1, 1]), (1.0, [0, 1, 1, 1]), (2.25, [0, 0, 0.75, 1])]
+    )
+    def test_a_goal_reaches_the_motors_when_its_delay_is_over(self, steps: float, new: list[float]) -> None:
+        """In physics steps; of the step within which it arrives the goal has the rest."""
+        default = jnp.asarray(ROBOT.default_pose, jnp.float32)
+        goals = jnp.stack(
+            [default + 1e-3, default, default]
+        )  # so near that the target's rate does not matter
+        delay_s = jnp.float32(steps * CONFIG.timestep_s)
+        targets = np.asarray(Actuation(ROBOT, CONFIG).targets(goals, default, {"action_delay_s": delay_s}))
+        expected = ROBOT.default_pose + 1e-3 * np.array(new)[:, None]
+        np.testing.assert_allclose(targets, expected, atol=2e-6)
+
+    def test_each_joint_has_its_own_limits_rate_and_gains(self) -> None:
+        actuation = Actuation(ROBOT, CONFIG)
+        lower, upper = ROBOT.soft_limits
+        default = jnp.asarray(ROBOT.default_pose, jnp.float32)
+        away = np.where(np.arange(N) % 2, 50.0, -50.0)
+        goals = jnp.asarray(np.stack([ROBOT.default_pose + away] * 3), jnp.float32)
+        targets = np.asarray(actuation.targets(goals, default, {}))
+        rate = ROBOT.description.target_rate_rad_s * CONFIG.timestep_s
+        for k in range(SUBSTEPS):
+            expected = np.clip(ROBOT.default_pose + np.sign(away) * rate * (k + 1), lower, upper)
+            np.testing.assert_allclose(targets[k], expected, rtol=1e-5, atol=1e-6)
+        np.testing.assert_allclose(actuation.peak_torque, ROBOT.motor.peak_torque, rtol=1e-6)
+
+    def test_a_sampled_robots_drive_is_joint_by_joint(self) -> None:
+        rng = np.random.default_rng(5)
+        names = ("kp", "kd", "motor_strength", "joint_friction", "joint_damping", "encoder_bias")
+        sample = {name: jnp.asarray(rng.uniform(0.5, 1.5, N), jnp.float32) for name in names}
+        targets = jnp.asarray(rng.normal(size=(SUBSTEPS, N)), jnp.float32)
+        drive = Actuation(ROBOT, CONFIG).drive(targets, sample)
+        np.testing.assert_array_equal(drive.target, targets)
+        np.testing.assert_allclose(drive.kp, ROBOT.kp * np.asarray(sample["kp"]), rtol=1e-5)
+        np.testing.assert_allclose(drive.kd, ROBOT.kd * np.asarray(sample["kd"]), rtol=1e-5)
+        np.testing.assert_array_equal(drive.encoder_bias, sample["encoder_bias"])
+        np.testing.assert_allclose(drive.motor.strength, sample["motor_strength"], rtol=1e-5)
+        np.testing.assert_allclose(
+            drive.motor.damping, ROBOT.motor.damping + np.asarray(sample["joint_damping"]), rtol=1e-5
+        )
+
+    @pytest.mark.parametrize(
+        ("name", "high", "complaint"),
+        [
+            ("action_delay_s", 0.05, ""), ("action_delay_s", 0.051, "must be at most 0.05 s, not 0.051"),
+            ("observation_delay_s", 0.025, ""),
+            ("observation_delay_s", 0.026, "must be at most 0.025 s, not 0.026"),
+        ],
+    )  # fmt: skip
+    def test_delays_fit_the_buffers(self, name: str, high: float, complaint: str) -> None:
+        """Three goals are kept and two control steps' readings, of 25 ms each."""
+        config = replace(CONFIG, randomisation=Randomisation(**{name: Distribution(0.0, high)}))
+        if not complaint:
+            VelocityEnv(ROBOT, config)
+        else:
+            with pytest.raises(UserError, match=f"{name}: {complaint}"):
+                VelocityEnv(ROBOT, config)
+
+    def test_targets_stay_within_the_soft_limits_and_the_rate(self) -> None:
+        actuation = Actuation(ROBOT, CONFIG)
+        default = jnp.asarray(ROBOT.default_pose, dtype=jnp.float32)
+        far = jnp.tile(default + 100.0, (3, 1))
+        targets = np.asarray(actuation.targets(far, default, {}))
+        step = ROBOT.description.target_rate_rad_s * CONFIG.timestep_s
+        expected = np.minimum(ROBOT.default_pose + step, ROBOT.soft_limits[1])
+        np.testing.assert_allclose(targets[0], expected, rtol=1e-5)
+        near = jnp.asarray(ROBOT.soft_limits[1] - 1.5 * step, dtype=jnp.float32)
+        targets = np.asarray(actuation.targets(far, near, {}))
+        np.testing.assert_allclose(targets[-1], ROBOT.soft_limits[1], rtol=1e-5)
+
+    def test_the_sampled_motors_get_their_own_gains_strength_and_bias(self) -> None:
+        sample = {"kp": jnp.full(N, 1.1), "kd": jnp.full(N, 0.8), "motor_strength": jnp.full(N, 0.9)}
+        actuation = Actuation(ROBOT, CONFIG)
+        drive = actuation.drive(jnp.zeros((4, N)), sample | {"encoder_bias": jnp.full(N, 0.02)})
+        np.testing.assert_allclose(drive.kp, 1.1 * ROBOT.kp, rtol=1e-6)
+        np.testing.assert_allclose(drive.kd, 0.8 * ROBOT.kd, rtol=1e-6)
+        np.testing.assert_allclose(drive.motor.strength, 0.9 * ROBOT.motor.strength, rtol=1e-6)
+        np.testing.assert_allclose(drive.encoder_bias, np.full(N, 0.02), rtol=1e-6)
+        np.testing.assert_array_equal(actuation.drive(jnp.zeros((4, N)), {}).encoder_bias, np.zeros(N))
+
+
+def test_the_joint_law_of_a_physics_step_is_the_motors_on_their_own_encoders() -> None:
+    """And the added inertia is half a step of its slope in velocity, here by differences."""
+    rng = np.random.default_rng(6)
+    motor = Motor(*(np.asarray(part) * rng.uniform(0.5, 1.5, N) for part in ROBOT.motor))
+    motor = motor._replace(damping=rng.uniform(0.1, 0.2, N))
+    bias, target, position = 0.05 * rng.normal(size=(3, N))
+    velocity = rng.uniform(0.5, 2.0, N)
+    drive = Drive(np.zeros((1, N)), 20 * rng.uniform(0.5, 1.5, N), rng.uniform(0.5, 1.5, N), motor, bias)
+    effort = joint_effort(drive, target, position, velocity, 0.004)
+    command = JointCommand(target, 0.0, drive.kp, drive.kd, 0.0)
+    np.testing.assert_allclose(effort.motor_torque, motor_torque(command, position + bias, velocity, motor))
+    np.testing.assert_allclose(effort.torque, joint_torque(command, position + bias, velocity, motor))
+    slope = (
+        joint_torque(command, position + bias, velocity + 1e-6, motor)
+        - joint_torque(command, position + bias, velocity - 1e-6, motor)
+    ) / 2e-6
+    np.testing.assert_allclose(effort.inertia, -0.5 * 0.004 * slope, rtol=1e-5)

@@ -1,0 +1,144 @@
+"""Settings of the environment: what is refused, what is just allowed, and older forms."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from footfall.common.config import merged, unstructure
+from footfall.domain_rand.distributions import Distribution
+from footfall.envs.config import (
+    CommandConfig,
+    EnvConfig,
+    EventConfig,
+    GaitConfig,
+    ObservationConfig,
+    with_lists,
+)
+from footfall.envs.old_settings import with_terms
+from footfall.robots.commands import CommandRange
+from footfall.robots.description import load_robot
+from footfall.robots.model import training_model
+from footfall.train.config import load_preset
+
+ROBOT = load_robot("go1")
+SMOKE = load_preset("smoke").env
+CONFIG = replace(SMOKE, control_rate_hz=40.0)
+RANGES = CommandRange((-1.0, 1.0), (-0.5, 0.5), (-1.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: GaitConfig("trot", 0.0), lambda: GaitConfig("trot", 2.0, -0.01),
+        lambda: CommandConfig(RANGES, Distribution(0.0, 1.0)), lambda: CommandConfig(RANGES,
+        standing_command=-0.1),
+        lambda: CommandConfig(RANGES, standing_probability=1.1),
+        lambda: CommandConfig(RANGES, standing_probability=-0.1),
+        lambda: CommandConfig(RANGES, single_axis_probability=1.1),
+        lambda: CommandConfig(CommandRange((1.0, -1.0), (0.0, 0.0), (0.0, 0.0))),
+        lambda: CommandConfig(CommandRange((0.0, 0.0), (1.0, -1.0), (0.0, 0.0))),
+        lambda: CommandConfig(CommandRange((0.0, 0.0), (0.0, 0.0), (1.0, -1.0))),
+        lambda: EventConfig("push", interval_s=Distribution(0.0, 1.0)),
+        lambda: ObservationConfig("gyro", history=0),
+        *(
+            lambda change=change: replace(CONFIG, **change)
+            for change in (
+                {"control_rate_hz": 0.9}, {"control_rate_hz": 1000.1}, {"episode_s": 0.0},
+                {"speed_limit": 0.0}, {"curriculum_steps": -1}, {"reward_floor": 0.1},
+                {"substeps": 1},
+                {"episode_s": 0.0249},
+            )
+        ),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_is_refused(make: Callable[[], object]) -> None:
+    with pytest.raises(ValueError, match=r"must be|shorter than"):
+        make()
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"control_rate_hz": 1000.0}, {"control_rate_hz": 1.0}, {"episode_s": 0.025}, {"substeps": 2},
+        {"gait": GaitConfig("trot", 0.1)},
+        {"commands": CommandConfig(RANGES, standing_probability=1.0, single_axis_probability=0.0)},
+    ],
+)  # fmt: skip
+def test_what_just_can_be_is_taken(change: dict[str, Any]) -> None:
+    assert isinstance(replace(CONFIG, **change), EnvConfig)
+
+
+def test_a_physics_step_is_a_share_of_the_control_period() -> None:
+    assert CONFIG.timestep_s == pytest.approx(0.00625)
+    assert training_model(ROBOT, SMOKE.timestep_s).opt.timestep == pytest.approx(0.005)
+
+
+OLD = {
+    "observation": [{"name": "gyro", "scale": 0.25}],
+    "rewards": {"track_linear": 1.5, "pose": -0.1},
+    "reward_scales": {
+        "linear_sigma_m2_s2": 0.5,
+        "yaw_sigma_rad2_s2": 0.3,  # of a reward that this preset does not have
+        "least": -0.5,
+        "pose_shares": {"*hip*": 2.0},
+    },
+    "tilt_limit_rad": 0.8,
+    "initial": {"joint_rad": 0.05},
+    "pushes": {"interval_s": {"low": 1.0, "high": 2.0}, "horizontal_m_s": 0.4},
+    "curriculum": {"steps": 100, "commands": 0.5, "randomisation": 1.0},
+}
+NEW = {
+    "observation": [{"term": "gyro", "scale": 0.25}],
+    "rewards": [
+        {"term": "track_linear", "weight": 1.5, "sigma_m2_s2": 0.5},
+        {"term": "pose", "weight": -0.1, "joint_shares": {"*hip*": 2.0}},
+    ],
+    "reward_floor": -0.5,
+    "terminations": [
+        {"term": "tilted", "name": "", "limit_rad": 0.8},
+        {"term": "sunk", "name": ""},
+    ],
+    "events": [
+        {"term": "reset_pose", "name": "", "interval_s": None, "joint_rad": 0.05},
+        {"term": "push", "interval_s": {"low": 1.0, "high": 2.0}, "horizontal_m_s": 0.4},
+    ],
+    "curriculum_steps": 100,
+    "curricula": [
+        {"term": "linear", "of": "commands", "start": 0.5},
+        {"term": "linear", "of": "randomisation", "start": 1.0},
+    ],
+}
+
+
+def test_settings_of_older_runs_become_lists_of_terms() -> None:
+    assert with_lists(with_terms(OLD)) == NEW
+    assert with_lists(with_terms(NEW)) == NEW
+
+
+def test_what_a_robot_changes_in_the_old_form_reaches_the_terms_of_a_preset() -> None:
+    changes = {
+        "rewards": {"pose": -0.7, "torque": -1.0},
+        "reward_scales": {"linear_sigma_m2_s2": 0.01, "swing_height_m": 0.03},
+        "pushes": {"horizontal_m_s": 0.1},
+        "initial": {"tilt_rad": 0.2},
+    }
+    changed = merged(NEW, with_terms(changes))
+    assert changed["rewards"] == [
+        {"term": "track_linear", "weight": 1.5, "sigma_m2_s2": 0.01},
+        {"term": "pose", "weight": -0.7, "joint_shares": {"*hip*": 2.0}},
+        {"term": "torque", "weight": -1.0},
+    ]
+    assert [event.get("horizontal_m_s", event.get("tilt_rad")) for event in changed["events"]] == [0.2, 0.1]
+    assert changed["events"][1]["interval_s"] == {"low": 1.0, "high": 2.0}
+
+
+def test_an_unknown_old_setting_is_left_to_be_refused() -> None:
+    assert with_terms({"reward_scales": {"sigma": 1.0}})["reward_scales"] == {"sigma": 1.0}
+
+
+def test_settings_are_written_as_they_are_read() -> None:
+    plain = unstructure(SMOKE)
+    assert plain["rewards"][0] == {"term": "track_linear", "name": "", "weight": 1.5}
+    assert plain["events"][1]["horizontal_m_s"] == 0.4

@@ -1,0 +1,196 @@
+"""Commands and events: how they are drawn, when they come, what they change; curricula scale them."""
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from footfall.domain_rand.distributions import Distribution
+from footfall.envs.config import CurriculumConfig, EventConfig
+from footfall.envs.disturb import Disturbances
+from footfall.envs.feet import Feet
+from footfall.envs.state import State
+from footfall.envs.task import Task
+from footfall.envs.terms import data
+from footfall.envs.terms.commands import velocity
+from footfall.envs.terms.data import Scene
+from footfall.envs.terms.events import Occasion, push, reset_pose
+from footfall.envs.velocity import VelocityEnv
+from footfall.robots.description import load_robot
+from footfall.robots.kinds import Parts
+from footfall.robots.model import training_model
+from footfall.train.config import load_preset
+
+ROBOT = load_robot("go1")
+CONFIG = load_preset("smoke").env
+MODEL = training_model(ROBOT, CONFIG.timestep_s)
+FEET = Feet(MODEL, ROBOT, CONFIG.timestep_s, None)
+SCENE = Scene(MODEL, ROBOT, FEET, 0.02)
+STRONG = {"horizontal_m_s": 1.0, "vertical_m_s": 0.4, "angular_rad_s": 0.8}
+SPREAD = {
+    "joint_rad": 0.11,
+    "tilt_rad": 0.12,
+    "velocity_m_s": 0.13,
+    "yaw_rate_rad_s": 0.14,
+    "joint_velocity_rad_s": 0.15,
+}
+
+
+class Rest(NamedTuple):
+    qpos: Any
+    qvel: Any  # all of a state that a pose changes
+
+
+@pytest.fixture(scope="module")
+def begun() -> State:
+    return jax.jit(VelocityEnv(ROBOT, CONFIG).reset)(jax.random.PRNGKey(0))[0]
+
+
+class TestCommands:
+    RANGES = CONFIG.commands.ranges
+
+    def drawn(self, *u: float, **changes: float) -> np.ndarray:
+        return np.asarray(velocity.draw(jnp.array(u), replace(CONFIG.commands, **changes)))
+
+    def test_the_ranges_are_reached_axis_by_axis(self) -> None:
+        low, high = self.drawn(0, 0, 0, 0, 1, 1), self.drawn(1, 1, 1, 0, 1, 1)
+        ranges = (self.RANGES.forward_m_s, self.RANGES.leftward_m_s, self.RANGES.yaw_rad_s)
+        np.testing.assert_allclose(np.stack([low, high], axis=1), ranges, rtol=1e-6)
+
+    @pytest.mark.parametrize(("u", "axis"), [(0.0, 0), (0.3, 0), (0.34, 1), (0.6, 1), (0.67, 2), (0.99, 2)])
+    def test_each_axis_is_commanded_alone_one_time_in_three(self, u: float, axis: int) -> None:
+        command = self.drawn(1, 1, 1, u, 0.29, 1, single_axis_probability=0.3)
+        assert np.flatnonzero(command).tolist() == [axis]
+        assert np.all(self.drawn(1, 1, 1, u, 0.31, 1, single_axis_probability=0.3))
+
+    def test_some_ask_to_stand(self) -> None:
+        assert not self.drawn(1, 1, 1, 0, 1, 0.09, standing_probability=0.1).any()
+        assert self.drawn(1, 1, 1, 0, 1, 0.11, standing_probability=0.1).any()
+
+
+class TestDisturbances:
+    PUSH = EventConfig("push", interval_s=Distribution(2.0, 2.0), settings=STRONG)
+
+    def make(self, **changes: object) -> Disturbances:
+        commands = replace(CONFIG.commands, standing_probability=0.0, single_axis_probability=0.0)
+        config = replace(CONFIG, events=(self.PUSH,), **{"commands": commands} | changes)
+        return Disturbances(Task(config, SCENE), config, SCENE)
+
+    def after(self, state: State, **changes: object) -> State:
+        made = self.make(**changes)
+        return made.step(state, jnp.linspace(0.05, 0.95, made.step_numbers))
+
+    def test_a_command_changes_after_its_hold_and_not_before(self, begun: State) -> None:
+        state = begun._replace(hold_steps=jnp.int32(2), command=jnp.array([9.0, 9.0, 9.0]))
+        commands = []
+        for _ in range(4):
+            state = self.after(state)
+            commands.append(float(state.command[0]))
+        assert commands[:2] == [9.0, 9.0]
+        assert abs(commands[2]) < 9.0  # a fresh one, and the hold begins anew
+        assert int(state.hold_steps) >= CONFIG.commands.hold_s.low * CONFIG.control_rate_hz - 2
+
+    def test_a_push_comes_when_it_is_due_and_the_next_one_later(self, begun: State) -> None:
+        waiting, due = (begun._replace(event_steps={"push": jnp.int32(k)}) for k in (1, 0))
+        np.testing.assert_array_equal(self.after(waiting).qvel, waiting.qvel)
+        assert int(self.after(waiting).event_steps["push"]) == 0
+        pushed = self.after(due)
+        assert np.all(np.asarray(pushed.qvel - due.qvel)[:6] != 0.0)  # along and about every axis
+        np.testing.assert_array_equal(pushed.qvel[6:], due.qvel[6:])
+        assert int(pushed.event_steps["push"]) == 2.0 * CONFIG.control_rate_hz
+
+    @pytest.mark.parametrize(
+        ("u", "expected"),
+        [
+            ([0.0, 1.0, 0.5, 0.5, 0.5, 0.5], [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
+            ([0.25, 0.5, 0.5, 0.5, 0.5, 0.5], [0.0, 0.5, 0.0, 0.0, 0.0, 0.0]),
+            ([0.5, 1.0, 1.0, 0.5, 0.5, 0.5], [-1.0, 0.0, 0.4, 0.0, 0.0, 0.0]),
+            ([0.0, 0.0, 0.0, 1.0, 0.0, 0.75], [0.0, 0.0, -0.4, 0.8, -0.8, 0.4]),
+        ],
+    )
+    def test_pushes_have_their_direction_and_strength(
+        self, begun: State, u: list[float], expected: list[float]
+    ) -> None:
+        occasion = Occasion(SCENE, True, jnp.array(u), 1.0)
+        rest = begun._replace(qvel=jnp.zeros(18))
+        pushed = push.change(rest, occasion, **STRONG)
+        np.testing.assert_allclose(pushed.qvel[:6], expected, atol=1e-6)
+
+    def test_the_curriculum_scales_them(self, begun: State) -> None:
+        curricula = (
+            CurriculumConfig("linear", "commands", settings={"start": 0.5}),
+            CurriculumConfig("linear", "push", settings={"start": 0.0}),
+        )
+        due = begun._replace(event_steps={"push": jnp.int32(0)}, hold_steps=jnp.int32(0))
+        easy, half, full = (
+            self.after(due._replace(level=jnp.float32(level)), curricula=curricula)
+            for level in (0.0, 0.5, 1.0)
+        )
+        np.testing.assert_allclose(easy.command, 0.5 * full.command, rtol=1e-6)
+        np.testing.assert_allclose(half.command, 0.75 * full.command, rtol=1e-6)
+        np.testing.assert_array_equal(easy.qvel, due.qvel)
+        np.testing.assert_allclose(half.qvel - due.qvel, 0.5 * (full.qvel - due.qvel), atol=1e-6)
+
+
+def test_what_is_due_at_once_leaves_what_is_not_alone(begun: State) -> None:
+    made = TestDisturbances().make()
+    u = jnp.linspace(0.05, 0.95, made.step_numbers)
+    for hold, shove in ((0, 5), (5, 0), (-1, -1)):
+        steps = {"push": jnp.int32(shove)}
+        after = made.step(begun._replace(hold_steps=jnp.int32(hold), event_steps=steps), u)
+        assert np.array_equal(after.command, begun.command) == (hold > 0)
+        assert np.array_equal(after.qvel, begun.qvel) == (shove > 0)
+        assert (int(after.hold_steps) == hold - 1) == (hold > 0)
+        assert (int(after.event_steps["push"]) == shove - 1) == (shove > 0)
+
+
+class TestResetPose:
+    def draw(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        scene = Scene(MODEL, ROBOT, FEET, 0.02)  # anew: the ground may be another
+        rest: Any = Rest(jnp.asarray(scene.standing), jnp.zeros(18))
+        state = reset_pose.change(
+            rest, Occasion(scene, True, jnp.asarray(u, dtype=jnp.float32), 1.0), **SPREAD
+        )
+        return np.asarray(state.qpos), np.asarray(state.qvel)
+
+    def test_in_the_middle_it_is_the_default_pose_at_rest(self) -> None:
+        qpos, qvel = self.draw(np.full(31, 0.5))
+        expected = [0, 0, ROBOT.description.standing_height_m, 1, 0, 0, 0, *ROBOT.default_pose]
+        np.testing.assert_allclose(qpos, expected, atol=1e-6)
+        np.testing.assert_array_equal(qvel, np.zeros(18))
+
+    def test_it_stands_on_the_ground_wherever_that_is(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        """Half a metre up where x is 0, and sloping."""
+        monkeypatch.setattr(data, "ground_height", lambda place: 0.5 + 0.1 * place[0])
+        qpos, _ = self.draw(np.full(31, 0.5))
+        assert qpos[2] == pytest.approx(0.5 + ROBOT.description.standing_height_m)
+
+    def test_every_number_moves_its_own_part(self) -> None:
+        assert reset_pose.numbers(Parts(12)) == 31
+        u = np.random.default_rng(4).random(31)
+        qpos, qvel = self.draw(u)
+        w = 2 * u - 1
+        tilt = np.array([1.0, 0.06 * w[1], 0.06 * w[2], 0.0])
+        attitude = Rotation.from_euler("z", np.pi * w[0]) * Rotation.from_quat(tilt[[1, 2, 3, 0]])
+        np.testing.assert_allclose(
+            Rotation.from_quat(qpos[[4, 5, 6, 3]]).as_matrix(), attitude.as_matrix(), atol=1e-5
+        )
+        np.testing.assert_allclose(qpos[:3], [0.0, 0.0, ROBOT.description.standing_height_m])
+        np.testing.assert_allclose(qpos[7:], ROBOT.default_pose + 0.11 * w[7:19], atol=1e-6)
+        np.testing.assert_allclose(
+            qvel, [*(0.13 * w[3:5]), 0, 0, 0, 0.14 * w[5], *(0.15 * w[19:])], atol=1e-6
+        )
+
+    def test_tilt_is_about_the_bodys_own_axes(self) -> None:
+        u = np.full(31, 0.5)
+        u[0], u[1] = 0.75, 1.0
+        rotation = np.empty(9)
+        mujoco.mju_quat2Mat(rotation, self.draw(u)[0][3:7].astype(float))
+        gravity = rotation.reshape(3, 3).T @ [0, 0, -1]
+        assert np.arctan2(-gravity[1], -gravity[2]) == pytest.approx(SPREAD["tilt_rad"], rel=1e-2)
+        assert gravity[0] == pytest.approx(0.0, abs=1e-6)

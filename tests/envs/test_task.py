@@ -1,0 +1,279 @@
+"""Tasks made of terms: how entries of a configuration become terms, and terms of a user's own."""
+
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from footfall.common.errors import UserError
+from footfall.envs.batch import step_batch
+from footfall.envs.config import (
+    CurriculumConfig,
+    EnvConfig,
+    EventConfig,
+    NamedTermConfig,
+    ObservationConfig,
+    RewardConfig,
+)
+from footfall.envs.make import made_from, make_environment
+from footfall.envs.workarounds.program_cache import fingerprint
+from footfall.policies.contract import Contract
+from footfall.policies.observation import frame_size, observation_size
+from footfall.robots.description import load_robot
+from footfall.train.config import load_preset
+
+ROBOT = load_robot("go1")
+SMOKE = replace(load_preset("smoke").env, physics="c")
+
+OWN = '''
+from dataclasses import dataclass, replace
+from typing import Annotated
+
+import jax.numpy as jnp
+
+from footfall.common.terms import Between
+from footfall.domain_rand.distributions import Distribution
+from footfall.envs.config import RewardConfig
+from footfall.envs.terms.critic import critic_term
+from footfall.envs.terms.events import event_term
+from footfall.envs.velocity import VelocityEnv
+from footfall.policies.observation import observation_term
+from footfall.robots import kinds
+
+
+@dataclass(frozen=True)
+class AirTime:
+    """Seconds for which each landing foot was in the air, beyond a least."""
+
+    least_s: Annotated[float, Between(0.0, 1.0)] = 0.1
+
+    def init(self, data):
+        return jnp.zeros_like(data.contact)
+
+    def step(self, air_s, data):
+        reward = jnp.sum(data.contact * (air_s - self.least_s))
+        return (air_s + data.period_s) * (1.0 - data.contact), reward
+
+
+def knees(data, *, share: float = 1.0):
+    return share * jnp.sum(data.joint_position[2::3])
+
+
+def crooked(data):
+    return data.joint_position
+
+
+def broken(data):
+    return data.no_such_field
+
+
+@observation_term(kinds.JOINTS)
+def squares(inputs, contract, *, gain: float = 1.0):
+    """Squared joint velocities."""
+    return gain * inputs.readings["joint_velocity"] ** 2
+
+
+@critic_term(kinds.FOOT_AMOUNTS)
+def foot_speed(data):
+    return data.foot_speed
+
+
+def too_long(data, *, limit_s: float):
+    return data.height > 100.0
+
+
+@event_term(numbers=1, interval_s=Distribution(0.02, 0.02))
+def hop(state, occasion, *, speed_m_s: float = 1.0):
+    return state._replace(qvel=state.qvel.at[2].add(speed_m_s * occasion.strength))
+
+
+@event_term(numbers=0)
+def lifted(state, occasion):
+    return state._replace(qpos=state.qpos.at[2].add(0.5))
+
+
+def late(level, *, after: float = 0.5):
+    return jnp.where(level < after, 0.0, 1.0)
+
+
+def kneel(robot, config):
+    return VelocityEnv(robot, replace(config, rewards=(RewardConfig("alive", 2.0),), episode_s=0.5))
+
+
+def nothing(robot, config):
+    return object()
+'''
+
+
+@pytest.fixture(autouse=True)
+def own_module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A user's folder with a module `own_terms`."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    path = tmp_path / "own_terms.py"
+    path.write_text(OWN)
+    yield path
+    sys.modules.pop("own_terms", None)
+
+
+def refusal(**changes: object) -> str:
+    with pytest.raises(UserError) as refused:
+        make_environment(ROBOT, replace(SMOKE, **changes))
+    assert "\n" not in str(refused.value)
+    return str(refused.value)
+
+
+def test_a_reward_with_a_state_of_its_own_counts_time_in_the_air() -> None:
+    """Its state restarts with the episode, each robot has its own, and a program carries it on."""
+    entry = RewardConfig("own_terms:AirTime", 2.0, settings={"least_s": 0.05})
+    env = make_environment(ROBOT, replace(SMOKE, rewards=(entry,), episode_s=0.1, reward_floor=-1.0))
+    keys = jax.random.split(jax.random.PRNGKey(0), 3)
+    state, _ = jax.vmap(env.reset)(keys)
+    high = state._replace(qpos=state.qpos.at[1, 2].set(2.0))  # the second robot is in the air
+    step = jax.jit(lambda state: step_batch(env, state, jnp.zeros((3, 12))))
+    for count in range(1, 5):
+        high, _, last = step(high)
+        air_s = np.asarray(high.terms["rewards"]["AirTime"])
+        np.testing.assert_allclose(air_s[1], np.full(4, 0.02 * count), rtol=1e-5)
+    assert np.asarray(last.metrics["reward/AirTime"]).shape == (3,)
+    ended, _, last = step(high)
+    assert np.asarray(last.truncated).tolist() == [1.0, 1.0, 1.0]
+    np.testing.assert_array_equal(ended.terms["rewards"]["AirTime"], np.zeros((3, 4)))
+    landing = high._replace(
+        qpos=state.qpos, terms=high.terms | {"rewards": {"AirTime": jnp.full((3, 4), 0.3)}}
+    )
+    _, _, last = step(landing)
+    landed = np.asarray(last.metrics["reward/AirTime"]) / (2.0 * 0.25)
+    np.testing.assert_allclose(landed, np.round(landed), atol=1e-4)  # feet, each 0.3 s less 0.05 s
+    assert landed.max() >= 2.0
+
+
+def test_an_observation_term_is_trained_and_deployed_by_its_name(own_module: Path) -> None:
+    entry = ObservationConfig("own_terms:squares", 0.5, 2, settings={"gain": 3.0})
+    env = make_environment(ROBOT, replace(SMOKE, observation=(*SMOKE.observation, entry)))
+    plain = make_environment(ROBOT, SMOKE)
+    assert env.observation_sizes["state"] == plain.observation_sizes["state"] + 24
+    _, seen = env.reset(jax.random.PRNGKey(0))
+    assert env.mirror().observation["state"].source[-1] < len(seen["state"])
+    contract = Contract.from_json(env.contract.to_json(), "policy.onnx")
+    assert contract == env.contract
+    assert observation_size(contract) == env.observation_sizes["state"]
+    sys.modules.pop("own_terms")
+    own_module.unlink()
+    with pytest.raises(UserError, match="no module 'own_terms'"):
+        frame_size(contract)
+
+
+def test_terms_of_every_kind_come_from_a_users_module() -> None:
+    config = replace(
+        SMOKE,
+        rewards=(RewardConfig("own_terms:knees", 1.0, settings={"share": 0.5}),),
+        critic=(*SMOKE.critic, NamedTermConfig("own_terms:foot_speed")),
+        terminations=(NamedTermConfig("own_terms:too_long", settings={"limit_s": 1.0}),),
+        events=(EventConfig("own_terms:lifted"), EventConfig("own_terms:hop")),
+        curricula=(CurriculumConfig("own_terms:late", "hop", settings={"after": 0.3}),),
+    )
+    env, plain = make_environment(ROBOT, config), make_environment(ROBOT, SMOKE)
+    assert env.observation_sizes["privileged_state"] == plain.observation_sizes["privileged_state"] + 4
+    step, speeds = jax.jit(env.step), []
+    for level in (0.2, 0.4):  # below and above the level at which hops begin
+        state, _ = env.reset(jax.random.PRNGKey(0), level)
+        assert float(state.qpos[2]) == pytest.approx(ROBOT.description.standing_height_m + 0.5)
+        waiting, _ = step(state, jnp.zeros(12))
+        hopping, result = step(waiting, jnp.zeros(12))
+        speeds.append(float(hopping.qvel[2]))
+        knees = 0.5 * np.sum(np.asarray(hopping.qpos[7:])[2::3])
+        assert float(result.metrics["reward/knees"]) == pytest.approx(knees, rel=1e-4)
+    assert speeds[1] - speeds[0] == pytest.approx(1.0, rel=1e-4)
+
+
+def test_a_task_of_ones_own_makes_the_environment() -> None:
+    env = make_environment(ROBOT, replace(SMOKE, task="own_terms:kneel"))
+    assert env.episode_steps == 25
+    assert env.config.weights == {"alive": 2.0}
+
+
+def test_a_changed_term_makes_another_program(own_module: Path) -> None:
+    config = replace(SMOKE, rewards=(RewardConfig("own_terms:knees", 1.0),))
+    helper = own_module.with_name("own_helper.py")
+    helper.write_text("")
+    made = [fingerprint(made_from(ROBOT, config))]
+    own_module.write_text("import own_helper\n" + OWN.replace("[2::3]", "[1::3]"))
+    sys.modules.pop("own_terms")
+    made.append(fingerprint(made_from(ROBOT, config)))
+    helper.write_text("GAIN = 2.0")  # what a term's module imports is part of the term
+    made.append(fingerprint(made_from(ROBOT, config)))
+    assert len(set(made)) == 3
+    assert fingerprint(made_from(ROBOT, SMOKE)) == fingerprint(made_from(ROBOT, SMOKE))
+    sys.modules.pop("own_helper")
+
+
+def test_wrong_entries_are_refused_by_their_place() -> None:
+    reward, named = SMOKE.rewards[0], NamedTermConfig
+    cases: list[tuple[dict[str, object], str]] = [
+        ({"rewards": (reward, RewardConfig("dance", 1.0))}, "env.rewards[1]: no reward 'dance': there are"),
+        ({"rewards": (reward, reward)}, "env.rewards[1]: there is 'track_linear' already"),
+        ({"rewards": (with_settings("track_linear", sigma=1.0),)}, "env.rewards[0].sigma: no such parameter"),
+        ({"rewards": (with_settings("alive", gain=1.0),)}, "[0].gain: no such parameter (there are none)"),
+        (
+            {"rewards": (with_settings("track_linear", sigma_m2_s2="wide"),)},
+            "env.rewards[0].sigma_m2_s2: 'wide' is not a number",
+        ),
+        (
+            {"rewards": (with_settings("track_linear", sigma_m2_s2=float("nan")),)},
+            "env.rewards[0].sigma_m2_s2: not a finite number",
+        ),
+        (
+            {"rewards": (with_settings("swing_height", height_m=80),)},
+            "env.rewards[0].height_m: must be from 0.001 to 1, not 80",
+        ),
+        (
+            {"rewards": (with_settings("own_terms:AirTime", least_s=-1.0),)},
+            "env.rewards[0].least_s: must be from 0 to 1, not -1",
+        ),
+        ({"rewards": (RewardConfig("own_terms:crooked", 1.0),)}, "[0]: gives 12 numbers, expected 1"),
+        ({"rewards": (RewardConfig("own_terms:broken", 1.0),)}, "env.rewards[0]: AttributeError: 'StepData'"),
+        ({"rewards": (RewardConfig("own_terms:absent", 1.0),)}, "no reward 'own_terms:absent': "),
+        ({"rewards": (RewardConfig("no_such_module:x", 1.0),)}, "no module 'no_such_module'"),
+        ({"terminations": (named("asleep"),)}, "env.terminations[0]: no termination 'asleep'"),
+        ({"terminations": (named("own_terms:too_long"),)}, "env.terminations[0].limit_s: must be given"),
+        ({"terminations": (named("tilted", settings={"limit_rad": 180}),)}, "[0].limit_rad: must be from"),
+        ({"critic": (named("mood"),)}, "env.critic[0]: no critic term 'mood'"),
+        ({"critic": (named("own_terms:knees"),)}, "env.critic[0]: expected a function under @critic_term"),
+        ({"events": (EventConfig("own_terms:knees"),)}, "[0]: expected a function under @event_term"),
+        ({"events": (EventConfig("push", settings={"horizontal_m_s": -1.0}),)}, "[0].horizontal_m_s: must"),
+        ({"curricula": (CurriculumConfig("linear", "wind"),)}, "env.curricula[0].of: no 'wind'"),
+        ({"curricula": (CurriculumConfig("linear", "push"),)}, "env.curricula[0].start: must be given"),
+        ({"observation": (ObservationConfig("smell"),)}, "no observation term 'smell': there are"),
+        ({"observation": (with_gain("gyro"),)}, "env.observation[0].gain: no such parameter"),
+        ({"task": "kneel"}, "env.task: 'kneel' is no MODULE:NAME"),
+        ({"task": "own_terms:nothing"}, "env.task: own_terms:nothing makes no Environment: it has no reset"),
+        ({"task": "own_terms:broken"}, "env.task: own_terms:broken cannot be made: TypeError"),
+    ]  # fmt: skip
+    for changes, words in cases:
+        assert words in refusal(**changes), changes
+
+
+def with_settings(term: str, **settings: object) -> RewardConfig:
+    return RewardConfig(term, 1.0, settings=settings)
+
+
+def with_gain(term: str) -> ObservationConfig:
+    return ObservationConfig(term, settings={"gain": 2.0})
+
+
+def test_names_tell_two_entries_of_one_term_apart() -> None:
+    hips, knees = (
+        RewardConfig("pose", -1.0, name=name, settings={"joint_shares": {f"*{name}*": 1.0, "*": 0.0}})
+        for name in ("hip", "calf")
+    )
+    config: EnvConfig = replace(SMOKE, rewards=(hips, knees))
+    env = make_environment(ROBOT, config)
+    state, _ = env.reset(jax.random.PRNGKey(0))
+    _, result = jax.jit(env.step)(state, jnp.zeros(12))
+    assert {"reward/hip", "reward/calf"} <= set(result.metrics)

@@ -1,0 +1,507 @@
+"""One control step in numbers that all differ: what goes into the physics, what comes out, in which order.
+
+The physics is a stand-in whose physics steps can be told apart, so that a step is plain arithmetic.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from footfall.common.errors import UserError
+from footfall.domain_rand.distributions import Distribution
+from footfall.domain_rand.noise import Noise
+from footfall.domain_rand.randomisation import Randomisation
+from footfall.envs.config import CurriculumConfig, EventConfig, GaitConfig, ObservationConfig, RewardConfig
+from footfall.envs.gait import make_gait
+from footfall.envs.physics.interface import Drive, Fields, Motion, Trace
+from footfall.envs.state import State, Step
+from footfall.envs.velocity import VelocityEnv, make_contract
+from footfall.policies.action import joint_target
+from footfall.policies.contract import CommandRange
+from footfall.policies.observation import moving
+from footfall.robots.description import load_robot
+from footfall.robots.model import ground_friction, training_model
+from footfall.train.config import load_preset
+
+ROBOT = load_robot("go1")
+SMOKE = load_preset("smoke").env
+MODEL = training_model(ROBOT, SMOKE.timestep_s)
+N, SUBSTEPS = 12, 4
+TILTED = Rotation.from_euler("xyz", [0.3, -0.4, 2.0])
+QUATERNION = TILTED.as_quat()[[3, 0, 1, 2]]
+TORQUE = np.linspace(-3.0, 4.0, N)
+TURN = np.array([0.3, -0.5, 0.7])  # rad/s more in each physics step
+
+CONFIG = replace(
+    SMOKE,
+    observation=(
+        ObservationConfig("gyro"),
+        ObservationConfig("command"),
+        ObservationConfig("last_action"),
+        ObservationConfig("joint_position", 2.0),
+    ),
+    rewards=(
+        RewardConfig("track_yaw", 0.5),
+        RewardConfig("torque", -0.001),
+        RewardConfig("fall", -7.0),
+        RewardConfig("height", -1.5),
+    ),
+    control_rate_hz=40.0,
+    substeps=SUBSTEPS,
+    episode_s=10.0,
+    noise=Noise(),
+    gait=GaitConfig("gallop", 2.0, 0.05),
+    events=(
+        EventConfig("reset_pose"),
+        EventConfig("push", interval_s=Distribution(1.0, 1.0), settings={"horizontal_m_s": 0.5}),
+    ),
+    randomisation=Randomisation(observation_delay_s=Distribution(0.01, 0.01)),
+)
+
+
+def told_apart(motion: Motion, drive: Drive, _: Fields) -> tuple[Motion, Trace]:
+    """In physics step k the base turns by k * TURN faster and the motors give (k + 1) * TORQUE.
+
+    A foot's place is 10 (foot + 1) + k cm along x and (foot + 1) cm up. The motion carries the targets of its
+    last step on.
+    """
+    number = jnp.arange(1.0, SUBSTEPS + 1)
+    qvel = jnp.tile(motion.qvel, (SUBSTEPS, 1)).at[:, 3:6].add(number[:, None] * TURN)
+    qpos = jnp.tile(motion.qpos, (SUBSTEPS, 1))
+    foot = jnp.arange(1.0, 5.0)
+    x = 0.1 * foot[None] + 0.01 * number[:, None]
+    feet = jnp.stack([x, jnp.zeros((SUBSTEPS, 4)), jnp.tile(0.01 * foot, (SUBSTEPS, 1))], axis=-1)
+    end = Motion(qpos[-1], qvel[-1], motion.qacc_warmstart.at[:N].set(drive.target[-1]))
+    return end, Trace(qpos, qvel, feet, number[:, None] * jnp.asarray(TORQUE, jnp.float32))
+
+
+@pytest.fixture(scope="module")
+def env() -> VelocityEnv:
+    env = VelocityEnv(ROBOT, CONFIG)
+    env.engine = env.engine._replace(simulate=told_apart)
+    return env
+
+
+@pytest.fixture(scope="module")
+def step(env: VelocityEnv) -> Callable[..., tuple[State, Step]]:
+    return jax.jit(env.step)
+
+
+@pytest.fixture(scope="module")
+def reset(env: VelocityEnv) -> Callable[..., tuple[State, dict[str, jax.Array]]]:
+    compiled = jax.jit(env.reset)
+    return lambda key, level=1.0: compiled(jax.random.PRNGKey(key), jnp.float32(level))
+
+
+@pytest.fixture(scope="module")
+def begun(reset) -> State:
+    state, _ = reset(5)
+    qpos = np.concatenate([[0.1, 0.2, 0.25], QUATERNION, ROBOT.default_pose + np.linspace(-0.2, 0.3, N)])
+    return state._replace(
+        qpos=jnp.asarray(qpos, jnp.float32),
+        qvel=jnp.linspace(-0.4, 0.5, 18),
+        command=jnp.array([0.4, -0.2, 0.3]),
+        hold_steps=jnp.int32(7),
+        event_steps={"push": jnp.int32(9)},
+    )
+
+
+TO_NOMINAL = CurriculumConfig("linear", "randomisation", settings={"start": 0.0})
+ACTION = jnp.linspace(-0.3, 0.4, N)
+
+
+def placed(
+    state: State, place=(0.0, 0.0, 0.3), quaternion=(1.0, 0.0, 0.0, 0.0), velocity=(0.0,) * 6
+) -> State:
+    """A state with the base put here, moving like this in MuJoCo's own coordinates."""
+    qpos = state.qpos.at[:3].set(jnp.asarray(place)).at[3:7].set(jnp.asarray(quaternion))
+    return state._replace(qpos=qpos, qvel=state.qvel.at[:6].set(jnp.asarray(velocity)))
+
+
+class TestStep:
+    def test_the_goal_is_the_actions_for_the_phase_and_command_before_the_step(
+        self, env: VelocityEnv, step, begun: State
+    ) -> None:
+        """And goals are kept newest first, beside the actions that they come from."""
+        expected = joint_target(
+            np.asarray(ACTION), np.asarray(begun.phase), np.asarray(begun.command), env.contract
+        )
+        first, _ = step(begun, ACTION)
+        np.testing.assert_allclose(first.goals[0], expected, atol=1e-6)
+        np.testing.assert_array_equal(first.goals[1:], begun.goals[:-1])
+        second, _ = step(first, -ACTION)
+        np.testing.assert_array_equal(second.goals[1], first.goals[0])
+        np.testing.assert_array_equal(second.actions, [-ACTION, ACTION, np.zeros(N)])
+        assert float(begun.phase[0]) != float(first.phase[0])
+
+    def test_the_motors_follow_its_targets(self, env: VelocityEnv, step, begun: State) -> None:
+        after, _ = step(begun, ACTION)
+        targets = env.actuation.targets(after.goals, begun.target, begun.sample)
+        np.testing.assert_allclose(after.qacc_warmstart[:N], targets[-1], atol=1e-6)
+        np.testing.assert_array_equal(after.target, after.qacc_warmstart[:N])
+
+    def test_the_actor_sees_what_was_a_delay_ago(self, step, begun: State) -> None:
+        """10 ms are 1.6 physics steps: between the second and the third of the four."""
+        after, result = step(begun, ACTION)
+        before = np.asarray(begun.qvel[3:6])
+        np.testing.assert_allclose(result.observation["state"][:3], before + 2.4 * TURN, rtol=1e-5)
+        np.testing.assert_allclose(
+            after.recent_readings[:, :3], before + np.outer([1, 2, 3, 4], TURN), rtol=1e-5
+        )
+
+    def test_a_delay_of_a_whole_period_reaches_back_into_the_step_before(self, step, begun: State) -> None:
+        first, _ = step(begun, ACTION)
+        late = first._replace(sample={"observation_delay_s": jnp.float32(0.025)})
+        _, result = step(late, ACTION)
+        np.testing.assert_allclose(result.observation["state"][:3], first.recent_readings[-1, :3], rtol=1e-5)
+
+    def test_the_rewards_are_of_the_last_physics_step_and_of_the_old_command(
+        self, step, begun: State
+    ) -> None:
+        due = begun._replace(hold_steps=jnp.int32(0))
+        after, result = step(due, ACTION)
+        yaw_rate = float(begun.qvel[5]) + 4 * TURN[2]
+        weights = CONFIG.weights
+        expected = {
+            "track_yaw": weights["track_yaw"] * np.exp(-((0.3 - yaw_rate) ** 2) / 0.25),
+            "torque": weights["torque"] * np.sum((4 * TORQUE) ** 2),
+            "height": weights["height"] * (0.25 - ROBOT.description.standing_height_m) ** 2,
+            "fall": 0.0,
+        }
+        for name, value in expected.items():
+            assert float(result.metrics[f"reward/{name}"]) == pytest.approx(value, rel=1e-4), name
+        rate = max(sum(expected.values()), CONFIG.reward_floor)
+        assert float(result.reward) == pytest.approx(rate / 40.0, rel=1e-4)
+        assert not np.array_equal(after.command, due.command)
+        np.testing.assert_allclose(
+            result.observation["state"][3:6], after.command
+        )  # it is told of the new one
+        forward, left = TILTED.inv().apply(np.asarray(begun.qvel[:3]))[:2]
+        error = np.hypot(0.4 - forward, -0.2 - left)
+        assert float(result.metrics["tracking/linear_error_m_s"]) == pytest.approx(error, rel=1e-4)
+        assert float(result.metrics["tracking/yaw_error_rad_s"]) == pytest.approx(
+            abs(0.3 - yaw_rate), rel=1e-4
+        )
+
+    def test_the_critic_is_told_of_feet_and_torques_of_the_last_physics_step(
+        self, env: VelocityEnv, step, begun: State
+    ) -> None:
+        after, result = step(begun, ACTION)
+        actor, critic = (np.asarray(result.observation[name]) for name in ("state", "privileged_state"))
+        np.testing.assert_array_equal(critic[: len(actor)], actor)
+        clean, rest = np.split(critic[len(actor) :], [len(actor)])  # no term has a history
+        position = np.asarray(after.qpos[7:]) - ROBOT.default_pose
+        np.testing.assert_allclose(
+            clean, [*(np.asarray(begun.qvel[3:6]) + 4 * TURN), *after.command, *ACTION,
+            *(2.0 * position)], rtol=1e-4,
+            atol=1e-6,
+        )  # fmt: skip
+        velocity, height, contact, clearance, torque, sampled = np.split(rest, np.cumsum([3, 1, 4, 4, N]))
+        np.testing.assert_allclose(
+            velocity, TILTED.inv().apply(np.asarray(begun.qvel[:3])), rtol=1e-4, atol=1e-6
+        )
+        assert height == pytest.approx([0.25])
+        radius = np.array([MODEL.geom(foot.geoms[0]).size[0] for foot in ROBOT.description.feet])
+        above = 0.01 * np.arange(1, 5) - radius
+        np.testing.assert_allclose(clearance, 10 * above, rtol=1e-4, atol=1e-6)
+        np.testing.assert_array_equal(contact, above < 0.002)
+        assert 0 < contact.sum() < 4
+        np.testing.assert_allclose(torque, 4 * TORQUE / ROBOT.motor.peak_torque, rtol=1e-5)
+        assert sampled == pytest.approx([0.01])
+
+    def test_a_push_is_felt_after_the_reading_and_seen_by_the_critic(self, step, begun: State) -> None:
+        after, _ = step(begun._replace(event_steps={"push": jnp.int32(0)}), ACTION)
+        unpushed, _ = step(begun, ACTION)
+        assert np.abs(np.asarray(after.qvel - unpushed.qvel)[:2]).max() > 0.01
+        np.testing.assert_array_equal(after.recent_readings, unpushed.recent_readings)
+        assert (int(after.event_steps["push"]), int(unpushed.event_steps["push"])) == (40, 8)
+        assert int(unpushed.hold_steps) == 6
+        assert int(after.steps) == int(begun.steps) + 1
+
+    def test_a_divergence_earns_a_fall_and_tells_nothing(self, step, begun: State) -> None:
+        _, result = step(begun._replace(qvel=begun.qvel.at[7].set(jnp.inf)), ACTION)
+        assert float(result.reward) == pytest.approx(-7.0 / 40.0)
+        assert (float(result.terminated), float(result.truncated)) == (1.0, 0.0)
+        assert all(not np.any(leaf) for leaf in jax.tree.leaves(result.observation))
+        assert {name for name, value in result.metrics.items() if float(value) != 0.0} == {"episode/diverged"}
+
+
+def test_the_critics_layout_does_not_depend_on_the_order_of_a_dictionary() -> None:
+    """JAX sorts a dictionary's keys wherever it hands one back."""
+    ranges = {name: Distribution(0.9, 1.1) for name in ("friction", "kp", "battery")}
+    env = VelocityEnv(ROBOT, replace(CONFIG, randomisation=Randomisation(**ranges)))
+    state, _ = env.reset(jax.random.PRNGKey(0))
+    sample = {"friction": jnp.float32(0.7), "kp": jnp.full(N, 1.1), "battery": jnp.float32(0.9)}
+    step = jax.jit(env.step)
+    seen = [
+        step(state._replace(sample=dict(order)), jnp.zeros(N))[1].observation["privileged_state"]
+        for order in (sample.items(), reversed(sample.items()))
+    ]
+    np.testing.assert_array_equal(*seen)
+    np.testing.assert_allclose(seen[0][-14:], [0.7, *np.full(N, 1.1), 0.9], rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("tilt_rad", "height_m", "fell"),
+    [(0.0, 0.3, 0.0), (1.05, 0.3, 0.0), (1.15, 0.3, 1.0), (3.1, 0.3, 1.0), (0.0, 0.1, 1.0)],
+)
+def test_a_fall_is_a_tilt_or_a_low_base(
+    step, begun: State, tilt_rad: float, height_m: float, fell: float
+) -> None:
+    quaternion = (np.cos(tilt_rad / 2), np.sin(tilt_rad / 2), 0.0, 0.0)
+    _, result = step(placed(begun, (0.0, 0.0, height_m), quaternion), ACTION)
+    assert float(result.metrics["episode/falls"]) == float(result.terminated) == fell
+    assert float(result.metrics["reward/fall"]) == -7.0 * fell
+
+
+@pytest.mark.parametrize(("share", "fell"), [(0.56, 0.0), (0.54, 1.0)])
+def test_a_base_below_its_share_of_the_standing_height_has_sunk(
+    step, begun: State, share: float, fell: float
+) -> None:
+    height = share * ROBOT.description.standing_height_m
+    _, result = step(begun._replace(qpos=begun.qpos.at[2].set(height)), ACTION)
+    assert float(result.terminated) == fell
+
+
+def test_the_sum_of_rewards_is_clipped_from_below_but_for_a_fall(begun: State) -> None:
+    """Alive earns 1; height costs more than the floor of -0.5 allows; a fall counts in full."""
+    for height_weight, tilt, rate in (
+        (0.0, 0.0, 1.0),
+        (-1e6, 0.0, -0.5),
+        (-1e6, 3.0, -7.5),
+        (0.0, 3.0, -7.0),
+    ):
+        weights = (("alive", 1.0), ("height", height_weight), ("fall", -7.0))
+        rewards = tuple(RewardConfig(*pair) for pair in weights)
+        env = VelocityEnv(ROBOT, replace(CONFIG, rewards=rewards, reward_floor=-0.5))
+        env.engine = env.engine._replace(simulate=told_apart)
+        quaternion = (np.cos(tilt / 2), np.sin(tilt / 2), 0.0, 0.0)
+        _, result = env.step(placed(begun, quaternion=quaternion), ACTION)
+        assert float(result.reward) == pytest.approx(rate / 40.0, rel=1e-5)
+
+
+@pytest.fixture(scope="module")
+def outcome(env: VelocityEnv) -> Callable[[State], Any]:
+    """What the stand-in physics makes of a state, its motors at rest."""
+
+    @jax.jit
+    def of(state: State) -> Any:
+        motion = Motion(state.qpos, state.qvel, state.qacc_warmstart)
+        _, trace = told_apart(motion, env.actuation.drive(jnp.zeros((SUBSTEPS, N)), {}), {})
+        return env.step_data(state, trace)._replace(scene=jnp.zeros(()))
+
+    return of
+
+
+class TestStepData:
+    def test_all_of_it_is_where_it_belongs(self, outcome: Callable[[State], Any], begun: State) -> None:
+        state = begun._replace(phase=jnp.array([0.15]), actions=jnp.arange(36.0).reshape(3, N))
+        found = outcome(state)
+        expected: dict[str, Any] = {
+            "command": [0.4, -0.2, 0.3], "moving": 1.0,
+            "linear_velocity": TILTED.inv().apply(np.asarray(begun.qvel[:3])),
+            "angular_velocity": begun.qvel[3:6],
+            "gravity": TILTED.inv().apply([0.0, 0.0, -1.0]), "height": 0.25,
+            "joint_position": begun.qpos[7:], "joint_velocity": begun.qvel[6:], "torque": 4 * TORQUE,
+            "actions": state.actions, "foot_speed": np.full(4, 0.01 / CONFIG.timestep_s), "fell": 0.0,
+        }  # fmt: skip
+        for name, value in expected.items():
+            np.testing.assert_allclose(getattr(found, name), value, rtol=1e-4, atol=1e-5, err_msg=name)
+        # A gallop, duty 0.4: the feet are at 0.55, 0.65, 0.15 and 0.25 of the cycle, and swings last 0.6.
+        lifted = np.sin(np.pi * np.array([0.55, 0.6, 0.15, 0.25]) / 0.6)
+        np.testing.assert_allclose(found.swing, lifted, atol=1e-5)
+
+
+def test_no_foot_swings_while_the_robot_is_asked_to_stand(env: VelocityEnv, begun: State) -> None:
+    feet = Trace(jnp.zeros((2, 19)), jnp.zeros((2, 18)), jnp.zeros((2, 4, 3)), jnp.zeros((2, N)))
+    for forward_m_s, walks in ((0.05, False), (0.5, True)):
+        command = jnp.array([forward_m_s, 0.0, 0.0])
+        data = env.step_data(begun._replace(phase=jnp.array([0.25]), command=command), feet)
+        assert (float(data.moving), bool(np.any(data.swing))) == (float(walks), walks)
+
+
+class TestReset:
+    def test_an_episode_begins_at_rest_in_time(self, env: VelocityEnv, reset) -> None:
+        state, observation = reset(8, 0.25)
+        assert (float(state.level), int(state.steps), int(state.event_steps["push"])) == (0.25, 0, 40)
+        hold = CONFIG.commands.hold_s
+        assert hold.low * 40 <= int(state.hold_steps) <= hold.high * 40
+        assert state.goals.shape == (3, N)
+        np.testing.assert_allclose(state.goals, np.tile(ROBOT.default_pose, (3, 1)), rtol=1e-6)
+        readings = env.observer.readings(state.qpos, state.qvel, jnp.zeros(N))
+        np.testing.assert_allclose(state.recent_readings, np.tile(readings, (SUBSTEPS, 1)), atol=1e-6)
+        np.testing.assert_allclose(observation["state"][:3], state.qvel[3:6], atol=1e-6)
+        np.testing.assert_allclose(observation["state"][3:6], state.command)
+        told = np.asarray(observation["privileged_state"][2 * len(observation["state"]) :])
+        np.testing.assert_array_equal(
+            told[4 : 4 + 4 + 4 + N], np.zeros(4 + 4 + N)
+        )  # feet and torques: not yet
+
+    def test_keys_draw_apart_what_they_draw(self, reset) -> None:
+        states = [reset(key)[0] for key in range(60)]
+        assert len({tuple(np.asarray(state.key).tolist()) for state in states}) == 60
+        phases = np.sort([float(state.phase[0]) for state in states])
+        assert np.abs(phases - (np.arange(60) + 0.5) / 60).max() < 0.2  # the clock begins anywhere
+        numbers = np.array([[s.command[0], s.qvel[0], s.phase[0], s.hold_steps] for s in states])
+        assert np.abs(np.corrcoef(numbers.T) - np.eye(4)).max() < 0.4
+
+    def test_the_nominal_friction_is_the_grounds(self) -> None:
+        wide = Randomisation(friction=Distribution(0.1, 0.3), kp=Distribution(0.5, 0.6))
+        env = VelocityEnv(ROBOT, replace(CONFIG, curricula=(TO_NOMINAL,), randomisation=wide))
+        nominal, full = (env.reset(jax.random.PRNGKey(1), level)[0].sample for level in (0.0, 1.0))
+        assert float(nominal["friction"]) == pytest.approx(ground_friction(MODEL, ROBOT).mean())
+        np.testing.assert_allclose(nominal["kp"], np.ones(N))
+        assert 0.1 <= float(full["friction"]) <= 0.3
+
+    def test_a_batch_changes_its_level_and_nothing_else(self, env: VelocityEnv, begun: State) -> None:
+        batch = jax.tree.map(lambda leaf: jnp.stack([leaf, leaf]), begun)
+        moved = env.at_level(batch, jnp.float32(0.4))
+        np.testing.assert_allclose(moved.level, [0.4, 0.4])
+        assert all(a is b for a, b in zip(moved._replace(level=0), batch._replace(level=0), strict=True))
+
+
+def test_the_contract_says_what_was_configured() -> None:
+    config = replace(
+        CONFIG,
+        commands=replace(
+            CONFIG.commands, standing_command=0.17, ranges=CommandRange((-1, 2), (-3, 4), (-5, 6))
+        ),
+    )
+    contract = make_contract(ROBOT, config)
+    assert (contract.robot, contract.digest, contract.joints) == ("go1", ROBOT.digest, ROBOT.joint_names)
+    assert (contract.control_rate_hz, contract.standing_command) == (40.0, 0.17)
+    assert [(t.name, t.scale) for t in contract.observation] == [
+        (t.term, t.scale) for t in config.observation
+    ]
+    assert contract.commands == config.commands.ranges
+    for name, values in (
+        ("default_pose_rad", ROBOT.default_pose), ("action_scale_rad", ROBOT.action_scale), ("kp",
+        ROBOT.kp), ("kd", ROBOT.kd),
+    ):  # fmt: skip
+        np.testing.assert_array_equal(getattr(contract, name), values)
+    assert contract.gait is not None
+    assert contract.gait.frequency_hz == 2.0
+    assert contract.gait.duty == 0.4
+    phases = np.array(contract.gait.phase)[np.array(ROBOT.foot_joints)]
+    np.testing.assert_array_equal(phases, np.repeat([[0.4], [0.5], [0.0], [0.1]], 3, axis=1))
+    assert not any(make_gait(ROBOT, GaitConfig("trot", 1.3)).amplitude_rad)
+    assert make_contract(ROBOT, replace(CONFIG, gait=None)).gait is None
+    assert float(moving(np.array([0.1, 0.1, 0.1]), contract)[0]) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "substeps", "fits"), [(40.0, 2, True), (10.0, 4, True), (10.0, 2, False), (2.0, 4, False)]
+)
+def test_physics_steps_are_no_longer_than_the_joints_are_stable_at(
+    rate_hz: float, substeps: int, fits: bool
+) -> None:
+    """12.5 and 25 ms, 50 and 125 ms; go1's knees swing up beyond 27 ms."""
+    config = replace(CONFIG, control_rate_hz=rate_hz, substeps=substeps)
+    if fits:
+        VelocityEnv(ROBOT, config)
+        return
+    with pytest.raises(
+        UserError, match=r"RL_calf_joint of go1 is too stiff for steps beyond 27\.1 ms"
+    ) as refused:
+        VelocityEnv(ROBOT, config)
+    assert f"control_rate_hz {rate_hz:g} with {substeps} substeps" in str(refused.value)
+
+
+class TestStillStep:
+    """What a step does around the physics, with a physics in which nothing moves."""
+
+    @pytest.fixture(scope="class")
+    @classmethod
+    def still(cls) -> VelocityEnv:
+        gait = replace(SMOKE.gait or GaitConfig("trot"), frequency_hz=2.0)
+        events = (EventConfig("reset_pose"),)
+        env = VelocityEnv(ROBOT, replace(SMOKE, gait=gait, events=events, episode_s=0.1, speed_limit=50.0))
+
+        def nothing_moves(motion: Motion, drive: Drive, _: Fields) -> tuple[Motion, Trace]:
+            count = SMOKE.substeps
+            feet = jnp.zeros((count, 4, 3))
+            torque = jnp.zeros((count, N))
+            return motion, Trace(*(jnp.tile(x, (count, 1)) for x in motion[:2]), feet, torque)
+
+        env.engine = env.engine._replace(simulate=nothing_moves)
+        return env
+
+    @pytest.fixture(scope="class")
+    @classmethod
+    def step(cls, still: VelocityEnv) -> Callable[..., tuple[State, Step]]:
+        return jax.jit(still.step)
+
+    @pytest.fixture(scope="class")
+    @classmethod
+    def state(cls, still: VelocityEnv) -> State:
+        return placed(jax.jit(still.reset)(jax.random.PRNGKey(2))[0])
+
+    def test_the_clock_goes_on_by_the_control_period(self, step, state: State) -> None:
+        after, _ = step(state._replace(phase=jnp.array([0.97])), jnp.zeros(N))
+        np.testing.assert_allclose(after.phase, [0.01], atol=1e-6)  # 0.97 + 2 Hz / 50 Hz, wrapped
+
+    def test_the_last_three_actions_are_kept_newest_first(self, step, state: State) -> None:
+        for k in (1.0, 2.0, 3.0, 4.0):
+            state, _ = step(state, jnp.full(N, k))
+        np.testing.assert_array_equal(state.actions[:, 0], [4.0, 3.0, 2.0])
+
+    def test_an_episode_of_a_tenth_of_a_second_has_five_steps(self, step, state: State) -> None:
+        ends = []
+        for _ in range(5):
+            state, result = step(state, jnp.zeros(N))
+            ends.append((float(result.terminated), float(result.truncated)))
+        assert ends == [(0.0, 0.0)] * 4 + [(0.0, 1.0)]
+
+    def test_a_fall_terminates_and_is_no_time_out(self, step, state: State) -> None:
+        fallen = placed(state, quaternion=(0.0, 1.0, 0.0, 0.0))._replace(steps=jnp.int32(4))
+        _, result = step(fallen, jnp.zeros(N))
+        assert (float(result.terminated), float(result.truncated)) == (1.0, 0.0)
+
+    @pytest.mark.parametrize(("speed", "diverged"), [(49.0, 0.0), (51.0, 1.0), (-51.0, 1.0)])
+    def test_excessive_finite_speed_is_a_divergence(
+        self, step, state: State, speed: float, diverged: float
+    ) -> None:
+        fast = state._replace(qvel=state.qvel.at[17].set(speed))
+        _, result = step(fast, jnp.zeros(N))
+        assert float(result.metrics["episode/diverged"]) == float(result.terminated) == diverged
+
+    def test_every_step_has_random_numbers_of_its_own(self, step, state: State) -> None:
+        one, first = step(state, jnp.zeros(N))
+        _, second = step(one._replace(frames=state.frames, phase=state.phase), jnp.zeros(N))
+        assert not np.array_equal(one.key, state.key)
+        assert not np.array_equal(first.observation["state"][:3], second.observation["state"][:3])  # gyro
+
+    def test_the_readings_of_this_step_are_there_in_the_next(self, still, step, state: State) -> None:
+        turned = placed(state, velocity=(0, 0, 0, 0.5, 0.6, 0.7))
+        after, _ = step(turned, jnp.zeros(N))
+        expected = still.observer.readings(turned.qpos, turned.qvel, jnp.zeros(N))
+        np.testing.assert_allclose(after.recent_readings, np.tile(expected, (SMOKE.substeps, 1)), atol=1e-6)
+
+    def test_the_next_step_goes_on_from_the_last_target(self, step, state: State) -> None:
+        """A far goal is approached at 60 rad/s through all physics steps of 20 ms, to the soft limit."""
+        at_once = state._replace(sample=state.sample | {"action_delay_s": jnp.float32(0.0)})
+        after, _ = step(at_once, jnp.full(N, 100.0))
+        assert ROBOT.description.target_rate_rad_s == 60.0
+        np.testing.assert_allclose(
+            after.target, np.minimum(ROBOT.default_pose + 1.2, ROBOT.soft_limits[1]), rtol=1e-5
+        )
+
+    def test_the_reward_is_the_weighted_rate_times_the_control_period(self, step, state: State) -> None:
+        command = jnp.array([0.5, 0.0, 0.3])
+        at_speed = placed(state, velocity=(0.5, 0, 0, 0, 0, 0.3))._replace(command=command)
+        _, result = step(at_speed, jnp.zeros(N))
+        weights = SMOKE.weights
+        # It tracks perfectly, stands upright and does not change its action.
+        best = weights["track_linear"] + weights["track_yaw"] + weights["alive"]
+        assert float(result.reward) == pytest.approx(best / SMOKE.control_rate_hz, rel=1e-5)
+        assert float(result.metrics["tracking/linear_error_m_s"]) == pytest.approx(0.0, abs=1e-6)
+        slow = at_speed._replace(command=jnp.array([0.8, 0.4, 0.1]))
+        metrics = step(slow, jnp.zeros(N))[1].metrics
+        assert float(metrics["tracking/linear_error_m_s"]) == pytest.approx(0.5, rel=1e-5)
+        assert float(metrics["tracking/yaw_error_rad_s"]) == pytest.approx(0.2, rel=1e-5)
