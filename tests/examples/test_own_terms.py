@@ -15,8 +15,6 @@ from footfall.envs.make import make_environment
 from footfall.robots.description import Robot
 from footfall.train.config import load_preset
 
-pytest.importorskip("footfall.envs.terms")
-
 
 def train(user_folder: UserFolder, name: str) -> dict[str, float]:
     """Train a few steps by the example's preset, with the engine that compiles fastest; the last metrics."""
