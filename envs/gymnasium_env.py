@@ -1,15 +1,11 @@
 """The environment behind gymnasium's interfaces: one episode, or many side by side."""
 
-import atexit
-import os
-import weakref
 from collections.abc import Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
 import gymnasium
 import jax
-import mujoco
 import numpy as np
 from gymnasium.spaces import Box
 from gymnasium.utils import seeding
@@ -18,15 +14,12 @@ from gymnasium.vector.utils import batch_space
 
 from footfall.common.errors import UserError
 from footfall.envs.batch import step_batch
+from footfall.envs.camera import Camera
 from footfall.envs.config import EnvConfig
 from footfall.envs.environment import Environment
 from footfall.envs.make import make_environment
 from footfall.envs.state import State, Step
 from footfall.robots.description import Robot
-from footfall.robots.model import plant_model
-
-WIDTH, HEIGHT = 480, 320
-
 
 TRACKING = "tracking/"  # metrics of this group are part of gymnasium's information
 
@@ -201,62 +194,6 @@ class GymnasiumVectorEnv(VectorEnv):
     def close_extras(self, **_: Any) -> None:
         """Let go of the renderer."""
         self._camera.close()
-
-
-class Camera:
-    """Pictures of a robot, from a camera that goes along. Nothing is set up before the first."""
-
-    def __init__(self, robot: Robot) -> None:
-        self._robot = robot
-        self._renderer: mujoco.Renderer | None = None
-
-    def picture(self, qpos: np.ndarray) -> np.ndarray:
-        """The robot in this position, (height, width, 3) bytes.
-
-        Raises:
-            UserError: nothing can be rendered here.
-        """
-        if self._renderer is None:
-            self._model = plant_model(self._robot)
-            self._data, self._view = mujoco.MjData(self._model), mujoco.MjvCamera()
-            self._renderer = offscreen_renderer(self._model)
-            # A camera that nobody closed is closed at the interpreter's end, before MuJoCo ends EGL there.
-            atexit.register(_close, weakref.ref(self))
-        self._data.qpos[:] = qpos
-        mujoco.mj_forward(self._model, self._data)
-        self._view.lookat[:] = self._data.body(self._robot.description.base).xpos
-        self._view.distance = 5 * self._robot.description.standing_height_m
-        self._renderer.update_scene(self._data, self._view)
-        return self._renderer.render().copy()
-
-    def close(self) -> None:
-        """Free the renderer's memory; another picture takes it again."""
-        if self._renderer is not None:
-            self._renderer.close()
-            self._renderer = None
-
-
-def _close(camera: "weakref.ref[Camera]") -> None:
-    still_there = camera()
-    if still_there is not None:
-        still_there.close()
-
-
-def offscreen_renderer(model: mujoco.MjModel) -> mujoco.Renderer:
-    """A renderer of pictures (HEIGHT, WIDTH).
-
-    Raises:
-        UserError: the graphics library that MUJOCO_GL names does not work here.
-    """
-    try:
-        return mujoco.Renderer(model, HEIGHT, WIDTH)
-    except Exception as error:  # of which kind depends on the library
-        chosen = os.environ.get("MUJOCO_GL")
-        raise UserError(
-            f"cannot render here with {f'MUJOCO_GL={chosen}' if chosen else 'MUJOCO_GL not set'}:"
-            " without a screen set MUJOCO_GL=egl or MUJOCO_GL=osmesa before Python starts,"
-            f" whichever footfall doctor finds to work ({error})"
-        ) from None
 
 
 def spaces(env: Environment) -> tuple[Box, Box]:

@@ -16,9 +16,9 @@ from footfall.domain_rand.randomisation import QUANTITIES
 from footfall.domain_rand.sample import Sample, draw, towards_nominal
 from footfall.envs.actuation import KEPT_GOALS, Actuation
 from footfall.envs.config import EnvConfig
+from footfall.envs.contract import make_contract
 from footfall.envs.disturb import Disturbances
 from footfall.envs.feet import Feet
-from footfall.envs.gait import make_gait
 from footfall.envs.ground import height_above_ground, in_contact
 from footfall.envs.observe import Observer
 from footfall.envs.physics.engines import ENGINES, make_engine
@@ -29,38 +29,12 @@ from footfall.envs.symmetry import EnvironmentMirror, environment_mirror
 from footfall.envs.task import Task
 from footfall.envs.terms.data import Scene, StepData, example_data
 from footfall.policies.action import joint_target
-from footfall.policies.contract import Contract, Term
 from footfall.policies.gaits import find_gait
-from footfall.policies.observation import moving, term_kind, term_source
+from footfall.policies.observation import moving, term_kind
 from footfall.robots.description import Robot
 from footfall.robots.kinds import Kind, Parts
 from footfall.robots.model import ground_friction, training_model
 from footfall.robots.stability import longest_timestep
-
-
-def make_contract(robot: Robot, config: EnvConfig) -> Contract:
-    """The contract of policies that are trained on this robot with these settings.
-
-    Raises:
-        UserError: there is no such gait or observation term, or a term cannot have its parameters.
-    """
-    terms = tuple(Term(each.term, each.scale, each.history, each.settings) for each in config.observation)
-    for index, term in enumerate(terms):
-        term_source(term, f"env.observation[{index}]")
-    return Contract(
-        robot=robot.name,
-        digest=robot.digest,
-        joints=robot.joint_names,
-        control_rate_hz=config.control_rate_hz,
-        observation=terms,
-        default_pose_rad=tuple(robot.default_pose.tolist()),
-        action_scale_rad=tuple(robot.action_scale.tolist()),
-        kp=tuple(robot.kp.tolist()),
-        kd=tuple(robot.kd.tolist()),
-        commands=config.commands.ranges,
-        gait=make_gait(robot, config.gait) if config.gait else None,
-        standing_command=config.commands.standing_command,
-    )
 
 
 class VelocityEnv:

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from footfall.envs.config import GaitConfig
+from footfall.envs.contract import make_contract
 from footfall.envs.feet import Feet
 from footfall.envs.gait import make_gait
 from footfall.envs.ground import in_contact
-from footfall.envs.velocity import make_contract
 from footfall.policies.action import gait_reference
 from footfall.policies.gaits import GaitPattern, find_gait
 from footfall.robots.description import load_robot

@@ -123,3 +123,9 @@ def test_a_processor_is_traced_for_as_ever() -> None:
 def operations(given: jax.stages.Lowered) -> Counter[str]:
     """How often each operation stands in what XLA is given."""
     return Counter(re.findall(r'stablehlo\.(\w+)"?\(', given.as_text()))
+
+
+def test_rows_of_other_segments_are_no_part_of_a_sum_over_one() -> None:
+    rows = jnp.array([[1.0, 2.0], [10.0, 20.0], [100.0, 200.0]])
+    for ids, total in (([0, 0, 0], [111.0, 222.0]), ([0, 1, 0], [101.0, 202.0])):
+        np.testing.assert_allclose(segment_sum(rows, np.array(ids), 1), [total])

@@ -21,7 +21,8 @@ from gymnasium.wrappers.vector import DictInfoToList, RecordEpisodeStatistics, V
 
 import footfall.gym
 from footfall.common.errors import UserError
-from footfall.envs.gymnasium_env import Camera, GymnasiumEnv, GymnasiumVectorEnv
+from footfall.envs.camera import Camera
+from footfall.envs.gymnasium_env import GymnasiumEnv, GymnasiumVectorEnv
 from footfall.policies.observation import observation_size
 from footfall.robots.description import Robot
 from footfall.robots.model import plant_model

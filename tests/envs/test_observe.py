@@ -12,9 +12,10 @@ from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import Randomisation
 from footfall.envs.config import ObservationConfig
+from footfall.envs.contract import make_contract
 from footfall.envs.observe import Observer
 from footfall.envs.state import State
-from footfall.envs.velocity import VelocityEnv, make_contract
+from footfall.envs.velocity import VelocityEnv
 from footfall.robots.description import load_robot
 from footfall.robots.model import training_model
 from footfall.train.config import load_preset

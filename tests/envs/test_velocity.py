@@ -18,10 +18,11 @@ from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import Randomisation
 from footfall.envs.config import CurriculumConfig, EventConfig, GaitConfig, ObservationConfig, RewardConfig
+from footfall.envs.contract import make_contract
 from footfall.envs.gait import make_gait
 from footfall.envs.physics.interface import Drive, Fields, Motion, Trace
 from footfall.envs.state import State, Step
-from footfall.envs.velocity import VelocityEnv, make_contract
+from footfall.envs.velocity import VelocityEnv
 from footfall.policies.action import joint_target
 from footfall.policies.contract import CommandRange
 from footfall.policies.observation import moving

@@ -127,3 +127,14 @@ def test_what_others_have_replaced_is_not_replaced_on_top(monkeypatch: pytest.Mo
     monkeypatch.setattr(jax.ops, "segment_sum", lambda *_: None)
     with pytest.raises(AssertionError, match="somebody else"), fewer_kernels.fewer_kernels():
         pass
+
+
+def test_mujoco_is_undisturbed_until_the_last_of_those_inside_has_left() -> None:
+    before = mujoco.get_mju_user_warning()
+    with UNDISTURBED:
+        inside = mujoco.get_mju_user_warning()
+        assert inside is not before
+        with UNDISTURBED:
+            assert mujoco.get_mju_user_warning() is inside
+        assert mujoco.get_mju_user_warning() is inside  # the first is still inside
+    assert mujoco.get_mju_user_warning() is before

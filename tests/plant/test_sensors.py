@@ -21,8 +21,8 @@ from footfall.domain_rand.quantity import OFFSET, quantity
 from footfall.domain_rand.randomisation import QUANTITIES, Randomisation, declared_quantities
 from footfall.domain_rand.sample import Sample
 from footfall.envs.actuation import Actuation
+from footfall.envs.contract import make_contract
 from footfall.envs.observe import Observer
-from footfall.envs.velocity import make_contract
 from footfall.plant.episode import run_episode
 from footfall.plant.sensors import IMU, MOTORS, Layout, SimulatedSensors
 from footfall.policies.contract import Term

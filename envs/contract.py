@@ -1,0 +1,32 @@
+"""The contract of the policies that an environment trains."""
+
+from footfall.envs.config import EnvConfig
+from footfall.envs.gait import make_gait
+from footfall.policies.contract import Contract, Term
+from footfall.policies.observation import term_source
+from footfall.robots.description import Robot
+
+
+def make_contract(robot: Robot, config: EnvConfig) -> Contract:
+    """The contract of policies that are trained on this robot with these settings.
+
+    Raises:
+        UserError: there is no such gait or observation term, or a term cannot have its parameters.
+    """
+    terms = tuple(Term(each.term, each.scale, each.history, each.settings) for each in config.observation)
+    for index, term in enumerate(terms):
+        term_source(term, f"env.observation[{index}]")
+    return Contract(
+        robot=robot.name,
+        digest=robot.digest,
+        joints=robot.joint_names,
+        control_rate_hz=config.control_rate_hz,
+        observation=terms,
+        default_pose_rad=tuple(robot.default_pose.tolist()),
+        action_scale_rad=tuple(robot.action_scale.tolist()),
+        kp=tuple(robot.kp.tolist()),
+        kd=tuple(robot.kd.tolist()),
+        commands=config.commands.ranges,
+        gait=make_gait(robot, config.gait) if config.gait else None,
+        standing_command=config.commands.standing_command,
+    )
