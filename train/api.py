@@ -105,7 +105,7 @@ def _make_run(request: TrainRequest) -> Path:
     run = Run(request.out or Path("runs") / name, provenance, config)
     use_compilation_cache()
     trainer.prefetch(run, robot)
-    check_robot(config, robot)
+    check_robot(config, robot, request.preset)
     check_devices(config.ppo, len(cluster.devices()[: trainer.max_devices]))
     return create_run(run.folder, provenance, config).folder
 

@@ -8,12 +8,17 @@ from footfall.train.config import PpoConfig, TrainConfig
 
 
 @collector_paused()
-def check_robot(config: TrainConfig, robot: Robot) -> None:
+def check_robot(config: TrainConfig, robot: Robot, preset: str) -> None:
     """
     Raises:
-        UserError: the environment's settings do not fit the robot, or it must be symmetric and is not.
+        UserError: the environment's settings do not fit the robot, or it must be symmetric and is not. A
+            message about an entry of a list of terms begins with the preset.
     """
-    environment = make_environment(robot, config.env)
+    try:
+        environment = make_environment(robot, config.env)
+    except UserError as error:
+        of_an_entry = str(error).startswith("env.")
+        raise UserError(f"{preset}: {error}" if of_an_entry else str(error)) from None
     if config.ppo.symmetry:
         environment.mirror()
 

@@ -12,7 +12,7 @@ from footfall.common.errors import UserError
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import Randomisation, load_randomisation
-from footfall.envs.config import CurriculumConfig
+from footfall.envs.config import CurriculumConfig, RewardConfig
 from footfall.envs.delays import delayed_goals, delayed_readings
 from footfall.envs.velocity import VelocityEnv
 from footfall.policies.observation import observation_size
@@ -210,7 +210,7 @@ class TestDelays:
 
 def test_an_unknown_reward_is_refused_by_name() -> None:
     with pytest.raises(UserError, match="no reward 'tracking'"):
-        make(rewards={"tracking": 1.0})
+        make(rewards=(RewardConfig("tracking", 1.0),))
 
 
 def test_an_encoder_bias_moves_the_joint_as_well_as_the_reading() -> None:

@@ -150,7 +150,7 @@ def test_a_run_is_trained_by_one_process_at_a_time(whole_run: Path) -> None:
 @pytest.mark.parametrize(
     ("right", "wrong", "reason"),
     [
-        ("track_linear: ", "track_lunar: ", "no reward 'track_lunar'"),
+        ("track_linear", "track_lunar", "no reward 'track_lunar'"),
         ("  num_envs: 32", "  num_envs: 33", "num_envs 33"),
     ],
 )
