@@ -16,7 +16,7 @@ from footfall.envs.config import (
     ObservationConfig,
     with_lists,
 )
-from footfall.envs.old_settings import with_terms
+from footfall.envs.old_settings import with_event_steps, with_terms
 from footfall.robots.commands import CommandRange
 from footfall.robots.description import load_robot
 from footfall.robots.model import training_model
@@ -142,3 +142,10 @@ def test_settings_are_written_as_they_are_read() -> None:
     plain = unstructure(SMOKE)
     assert plain["rewards"][0] == {"term": "track_linear", "name": "", "weight": 1.5}
     assert plain["events"][1]["horizontal_m_s"] == 0.4
+
+
+def test_an_older_checkpoint_has_the_parts_of_todays_state() -> None:
+    terms: dict[str, object] = {"rewards": {}, "terminations": {}, "critic": {}}
+    today = {"env": {"steps": 3, "event_steps": {"push": 5}, "terms": terms}}
+    assert with_event_steps({"env": {"steps": 3, "push_steps": 5}}) == today
+    assert with_event_steps(today) == today
