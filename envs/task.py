@@ -59,6 +59,7 @@ class Event(NamedTuple):
     change: Callable[..., Any]
     numbers: int  # uniform numbers that it takes
     interval_s: Distribution | None  # None: at each reset
+    heeds_due: bool
 
 
 class Curriculum(NamedTuple):
@@ -157,7 +158,9 @@ def _events(entries: Sequence[EventConfig], scene: Scene) -> dict[str, Event]:
         term = choose(entry.term, EVENTS, "event", place)
         _require(term, EventTerm, "event_term", place)
         change = bind(term.change, entry.settings, place)
-        found[entry.label] = Event(change, term.numbers(parts), entry.interval_s or term.interval_s)
+        found[entry.label] = Event(
+            change, term.numbers(parts), entry.interval_s or term.interval_s, term.heeds_due
+        )
     return found
 
 

@@ -36,14 +36,15 @@ class EventTerm(NamedTuple):
     change: Callable[..., State]  # of a state and an `Occasion`, the state after it
     numbers: Callable[[Parts], int]  # uniform numbers that it takes, on a given robot
     interval_s: Distribution | None  # between two of them; None: at each reset
+    heeds_due: bool  # the function itself changes nothing unless `due`: selecting twice costs a twentieth
 
 
 def event_term(
-    numbers: int | Callable[[Parts], int] = 0, interval_s: Distribution | None = None
+    numbers: int | Callable[[Parts], int] = 0, interval_s: Distribution | None = None, heeds_due: bool = False
 ) -> Callable[[Callable[..., State]], EventTerm]:
     """Decorator: a function of a state and an `Occasion` that returns the changed state."""
     count = numbers if callable(numbers) else lambda _: numbers
-    return lambda change: EventTerm(change, count, interval_s)
+    return lambda change: EventTerm(change, count, interval_s, heeds_due)
 
 
 @event_term(numbers=lambda parts: 6 + 1 + 2 * parts.joints)
@@ -77,7 +78,7 @@ def reset_pose(
     return state._replace(qpos=qpos, qvel=qvel)
 
 
-@event_term(numbers=6, interval_s=Distribution(2.0, 6.0))
+@event_term(numbers=6, interval_s=Distribution(2.0, 6.0), heeds_due=True)
 def push(
     state: State,
     occasion: Occasion,
