@@ -238,6 +238,11 @@ def merged_terms(listed: list[Any], changes: dict[str, Any]) -> list[Any]:
     return known
 
 
+def by_label(value: Any) -> Any:
+    """A list of terms as a mapping by name; anything else as it is."""
+    return {_label(entry): entry for entry in value} if isinstance(value, list) else value
+
+
 def _label(entry: Any) -> str:
     keys = ("name", "of", "term")  # a curriculum goes by what it makes harder
     found = next((entry[key] for key in keys if entry.get(key)), "") if isinstance(entry, dict) else ""

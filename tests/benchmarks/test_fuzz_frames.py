@@ -76,7 +76,7 @@ def test_a_driver_that_knows_its_motors_takes_its_short_way(
 
 def test_motors_that_never_answer_are_told(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fuzz_frames, "INTRODUCED_S", 0.01)
-    monkeypatch.setattr(DamiaoDriver, "_listen", lambda _, data, motor: np.zeros(len(motor), bool))
+    monkeypatch.setattr(DamiaoDriver, "_note_registers", lambda _, data, motor: None)
     with pytest.raises(
         AssertionError, match=r"after 0.01 s: motor .* has not told its communication time-out"
     ):

@@ -133,7 +133,7 @@ def task(number):
 
 if __name__ == "__main__":
     def interrupt():
-        while not Path("loading").exists():
+        while len(list(Path().glob("loading-*"))) < 2:  # before that Python itself is starting
             time.sleep(0.01)
         os.killpg(0, signal.SIGINT)
     threading.Thread(target=interrupt).start()
@@ -142,7 +142,7 @@ if __name__ == "__main__":
     except KeyboardInterrupt:
         sys.exit(130)
 else:
-    Path("loading").touch()
+    Path(f"loading-{os.getpid()}").touch()
     time.sleep(0.5)
 """
 

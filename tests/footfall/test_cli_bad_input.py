@@ -63,7 +63,7 @@ def nothing_is_left_behind(shell: Shell, tmp_path: Path):
         (["train", "--port", "9000"], ["--port", "--watch"]),
         (["train", "--host", "0.0.0.0"], ["--host", "--watch"]),
         (["train", "--process", "0.6"], ["--process", "whole number"]),
-        (["train", "--trainer", "none"], ["--trainer", "brax", "rsl_rl"]),
+        (["train", "--trainer", "none"], ["trainer 'none'", "brax", "rsl_rl"]),
         (["train", "--checkpoint-interval", "none"], ["--checkpoint-interval", "none"]),
         (["export"], ["RUN"]),
         (["replay"], ["LOG"]),

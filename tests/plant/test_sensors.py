@@ -21,11 +21,11 @@ from footfall.domain_rand.quantity import OFFSET, quantity
 from footfall.domain_rand.randomisation import QUANTITIES, Randomisation, declared_quantities
 from footfall.domain_rand.sample import Sample
 from footfall.envs.actuation import Actuation
+from footfall.envs.config import ObservationConfig
 from footfall.envs.contract import make_contract
 from footfall.envs.observe import Observer
 from footfall.plant.episode import run_episode
 from footfall.plant.sensors import IMU, MOTORS, Layout, SimulatedSensors
-from footfall.policies.contract import Term
 from footfall.policies.observation import TERMS, reading_term
 from footfall.robots import kinds
 from footfall.robots.description import Robot
@@ -129,7 +129,9 @@ def nominal(declared: None, go1: Robot, tmp_path_factory: pytest.TempPathFactory
 
 def observer_of(robot: Robot, noise: Noise) -> Observer:
     """What training observes a robot with: the observation is all readings."""
-    config = replace(CONFIG, noise=noise, observation=tuple(Term(name) for name in READINGS if name in TERMS))
+    config = replace(
+        CONFIG, noise=noise, observation=tuple(ObservationConfig(name) for name in READINGS if name in TERMS)
+    )
     return Observer(training_model(robot), robot, config, make_contract(robot, config))
 
 

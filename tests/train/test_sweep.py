@@ -25,6 +25,7 @@ pytest.importorskip("ray")
 from shell import Shell
 
 from footfall.common.errors import UserError
+from footfall.envs.config import RewardConfig
 from footfall.robots.description import load_robot
 from footfall.train.config import load_preset
 from footfall.train.runs.folder import open_run
@@ -117,7 +118,7 @@ def test_a_trials_program_is_built_before_anything_runs(six_iterations: str) -> 
     """In a process of its own. It says which metrics there will be, and that there is no such reward."""
     config = load_preset(six_iterations)
     assert METRIC in (reported_metrics("go1", config, "brax") or [])
-    env = replace(config.env, rewards={"action_rte": 1.0})
+    env = replace(config.env, rewards=(RewardConfig("action_rte", weight=1.0),))
     with pytest.raises(UserError, match="no reward 'action_rte'"):
         reported_metrics("go1", replace(config, env=env), "brax")
 

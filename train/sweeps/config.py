@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from footfall.common.config import merged, unstructure
+from footfall.common.config import by_label, merged, unstructure
 from footfall.common.errors import UserError
 from footfall.robots.default import DEFAULT_ROBOT
 from footfall.robots.description import Robot
@@ -58,7 +58,7 @@ def trial_config(preset: str, settings: dict[str, Any], robot: Robot) -> TrainCo
         *parents, name = key.split(".")
         there, changed = data, changes
         for parent in parents:
-            there = there.get(parent) if isinstance(there, dict) else None
+            there = by_label(there.get(parent)) if isinstance(there, dict) else None
             changed = changed.setdefault(parent, {})
         if not isinstance(there, dict):
             raise UserError(f"no setting {key} in preset {preset}")
