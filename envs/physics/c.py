@@ -132,7 +132,7 @@ def _step(pool: Batch, state: Motion) -> None:
 
 
 def _for_stepping(model: mujoco.MjModel) -> mujoco.MjModel:
-    """The same model for many short steps: what has diverged stays so, and nothing is done in vain.
+    """The same model for many short steps: diverged states stay diverged, and needless work is off.
 
     MuJoCo's `ls_iterations` counts evaluations of the cost in C and halvings of a bracket in MJX. The model's
     five would end C's line search too early in one step of a hundred, by up to 4 % of the velocity.

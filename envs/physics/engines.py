@@ -39,7 +39,7 @@ class Engine(NamedTuple):
 
 
 def make_engine(name: str, model: mujoco.MjModel, robot: Robot) -> Engine:
-    """The engine of this name, or the next best one for what cannot be generated.
+    """The engine of this name, or the next best one for a model that cannot be generated.
 
     Args:
         name: one of `ENGINES`.

@@ -20,7 +20,7 @@ class Motion(NamedTuple):
 
 
 class Drive(NamedTuple):
-    """What the motors hold on to during one control step. The motion does not change it."""
+    """Motor inputs and parameters that are constant during one control step."""
 
     target: Array  # (substeps, n) rad, as the motors have it at each physics step
     kp: Array  # (n,) N m/rad
@@ -49,14 +49,14 @@ class JointEffort(NamedTuple):
     """What the joints bring into one physics step, each of shape (..., n)."""
 
     motor_torque: Array  # N m, of the motors
-    torque: Array  # N m, what of it reaches the joints
+    torque: Array  # N m, at the joints
     inertia: Array  # kg m^2, to be added to the joints' own during this step
 
 
 def joint_effort(
     drive: Drive, target: Array, position: Array, velocity: Array, timestep_s: float
 ) -> JointEffort:
-    """The joint law at the beginning of a physics step, and what keeps long steps stable.
+    """The joint law at the beginning of a physics step, with the terms that keep long steps stable.
 
     The law's damping D (`joint_damping`) is large for the inertia of a lower leg: integrated explicitly in
     steps of h = 5 ms, speeds change sign from step to step. The trapezoidal rule, with the torque f

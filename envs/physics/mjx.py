@@ -17,7 +17,7 @@ from footfall.robots.model import joint_addresses
 
 def mjx_physics(model: mujoco.MjModel, robot: Robot) -> Physics:
     """The motion of a robot whose nominal model this is."""
-    # Or MJX would take the first device of all hosts, and Warp where a variable of the environment says so.
+    # Named here, because MJX would choose the first device of all hosts, and Warp by an environment variable.
     how: dict[str, Any] = {"device": jax.local_devices()[0], "impl": "jax"}
     nominal, template = mjx.put_model(model, **how), mjx.make_data(model, **how)
     positions, dofs = map(jnp.asarray, joint_addresses(model, robot))

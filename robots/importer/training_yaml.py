@@ -7,7 +7,7 @@ from footfall.robots.importer.pose import Pose
 # The robot that the presets (train/presets/) were tuned on, and their figures that depend on size.
 MASS_KG, REACH_M = 13.0, 0.45
 FREQUENCY_HZ, SWING_HEIGHT_M = 2.2, 0.08
-TORQUE, POWER = -1.0e-3, -5.0e-3
+TORQUE, POWER = -1.2e-3, -6.0e-3
 BEYOND = 1.2  # over the commands of scenarios: training goes a little further
 
 

@@ -18,7 +18,7 @@ class Array(NamedTuple):
 
 
 def arguments(substep: Substep) -> tuple[list[Array], list[Array]]:
-    """Inputs, and outputs: the state at the end, and what each physics step left."""
+    """Inputs and outputs. Outputs: the final state, and the trace of each physics step."""
     inputs = [Array(name, width, False) for name, width in (substep.state | substep.held).items()]
     inputs += [Array(name, width, True) for name, width in substep.stepwise.items()]
     outputs = [Array(f"end.{name}", width, False) for name, width in substep.state.items()]

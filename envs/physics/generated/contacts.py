@@ -1,4 +1,4 @@
-"""Which parts of a robot can touch what, and MuJoCo's soft contact between them as rows of constraints.
+"""Pairs of geoms that can touch, and MuJoCo's soft contact between them as rows of constraints.
 
 MuJoCo: its documentation, chapter Computation, sections Constraint model and Parameters.
 """

@@ -19,7 +19,7 @@ Body = Callable[[list[Scalar]], tuple[list[Scalar], Scalar]]
 
 
 class Graph:
-    """Nodes of one program. Operands come before what is computed from them."""
+    """Nodes of one program. Operands come before the nodes that use them."""
 
     def __init__(self) -> None:
         self._nodes: dict[tuple, Expression] = {}
@@ -219,7 +219,7 @@ class Namespace:
 
 
 class Loop(NamedTuple):
-    """What a "loop" node says."""
+    """Operands of a "loop" node."""
 
     variables: list[Expression | None]  # None: the body does not read it
     start: list[Scalar]

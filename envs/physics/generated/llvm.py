@@ -16,7 +16,7 @@ from footfall.envs.physics.generated.arguments import arguments
 from footfall.envs.physics.generated.expression import Expression, Loop, Scalar, schedule
 from footfall.envs.physics.generated.substep import Substep
 
-SINGLE_LANES = (("avx512f", 16), ("avx", 8))  # by what the processor has; else
+SINGLE_LANES = (("avx512f", 16), ("avx", 8))  # by processor feature; else
 LEAST_LANES = 4  # SSE's and Neon's
 OPTIMISATION = 1  # LLVM's level: 2 compiles six times as long, for code that is no faster
 BINARY = {"add": "fadd", "subtract": "fsub", "multiply": "fmul", "divide": "fdiv"}
@@ -97,7 +97,7 @@ class _Writer:
         return "\n".join([*sorted(self._declared), *self._lines])
 
     def _begin(self) -> None:
-        """Up to the loop over physics steps: what is computed once for all of them."""
+        """Emit everything before the loop over physics steps, which is computed once."""
         pointers = ", ".join(f'ptr noalias %"{array.name}"' for array in self._arrays)
         self._emit(f"define void @control_step({pointers}, i64 %first, i64 %last) {{\nentry:")
         self._emit("  %final = sub i64 %last, 1")

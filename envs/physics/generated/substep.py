@@ -28,7 +28,7 @@ from footfall.robots.model import joint_addresses
 
 
 class Precision(NamedTuple):
-    """What depends on the numbers' precision."""
+    """Functions and constants that depend on the floating-point precision."""
 
     sin_cos: Callable[[Scalar], tuple[Scalar, Scalar]]
     rounding: float  # relative
@@ -37,19 +37,17 @@ class Precision(NamedTuple):
 class Substep(NamedTuple):
     """A physics step as expressions of named arrays."""
 
-    state: dict[
-        str, int
-    ]  # width of each array that a step carries to the next, by the field's name in Motion
-    held: dict[str, int]  # of those that one control step holds
-    stepwise: dict[str, int]  # of those that have a row for each physics step
+    state: dict[str, int]  # width of each array carried from step to step, by the field's name in Motion
+    held: dict[str, int]  # width of each array that is constant during a control step
+    stepwise: dict[str, int]  # width of each array with a row for each physics step
     following: dict[str, list[Scalar]]  # the state after the step
-    trace: dict[str, list[Scalar]]  # what the step leaves, by the field's name in Trace
+    trace: dict[str, list[Scalar]]  # results of the step, by the field's name in Trace
 
 
 def substep(
     model: mujoco.MjModel, robot: Robot, fields: dict[str, tuple[int, ...]], precision: Precision
 ) -> Substep:
-    """The physics step of a model that `refusals` and `contact_refusals` have nothing against.
+    """The physics step of a model that passes `refusals` and `contact_refusals`.
 
     Args:
         model: nominal.
@@ -97,7 +95,7 @@ def substep(
 
 
 def _drive(graph: Graph, joint: int) -> Drive:
-    """What one joint's motor holds on to, and its target."""
+    """Target, gains, motor parameters and encoder bias of one joint."""
     motor = Motor(*(graph.input(f"motor.{name}", joint) for name in Motor._fields))
     kp, kd, bias = (graph.input(name, joint) for name in ("kp", "kd", "encoder_bias"))
     return Drive(graph.input("target", joint), kp, kd, motor, bias)
@@ -114,7 +112,7 @@ def _step(
     ground: np.ndarray | None,
     precision: Precision,
 ) -> tuple[Motion, list[Scalar]]:
-    """The motion after a step, and where the step's forces saw the feet's points."""
+    """The motion after a step, and the feet's points at its beginning, in the world."""
     timestep_s = float(model.opt.timestep)
     qpos, qvel = motion.qpos, motion.qvel
     base_turn, angles = rotation_matrix(qpos[3:7]), qpos[7:]
@@ -159,7 +157,7 @@ def _step(
 
 
 def _inertias(model: mujoco.MjModel, tree: Tree, field: Callable[[str], np.ndarray]) -> dict[int, Inertia]:
-    """What lies on each link and on the base, in the link's frame."""
+    """Inertia of each link and of the base, in the link's frame."""
     masses, centres, principal = field("body_mass"), field("body_ipos"), field("body_inertia")
     found: dict[int, Inertia] = {}
     for body, (link, turn, place) in tree.bodies.items():

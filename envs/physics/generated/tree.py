@@ -1,4 +1,4 @@
-"""A robot's model as a tree of hinges under a free base, and what of a model cannot be generated.
+"""A robot's model as a tree of hinges under a free base, and the reasons why a model cannot be generated.
 
 Each hinge carries a link. A link's frame has its origin at the hinge's anchor and the axes of the hinge's
 body; the base's frame is its body's. Bodies without a joint lie on the link of their parent. Several hinges
@@ -13,7 +13,7 @@ import numpy as np
 
 HINGE = mujoco.mjtJoint.mjJNT_HINGE
 BASE = -1  # the base's number among the links
-ROUNDING = 1e-14  # what turning by right angles leaves of a zero
+ROUNDING = 1e-14  # a zero after rotations by right angles
 
 
 class Hinge(NamedTuple):
@@ -41,7 +41,7 @@ class Tree(NamedTuple):
     """The robot as the generator reads it."""
 
     hinges: tuple[Hinge, ...]  # parents first; number i has qpos 7 + i and dof 6 + i, after the base's
-    bodies: dict[int, Attachment]  # by the body's id, the world's and what is fixed to it not among them
+    bodies: dict[int, Attachment]  # by the body's id, without the world and bodies fixed to it
 
     def chain(self, link: int) -> list[int]:
         """The links from the base to this one, the base left out."""
@@ -92,7 +92,7 @@ def read_tree(model: mujoco.MjModel) -> Tree:
 
 
 def refusals(model: mujoco.MjModel) -> Iterator[str]:
-    """What of a model is not generated, apart from contacts (`contacts.py`): one line each."""
+    """Features of a model that are not supported, without contacts (`contacts.py`): one line each."""
     option = model.opt
     is_free, is_hinge = (model.jnt_type == kind for kind in (mujoco.mjtJoint.mjJNT_FREE, HINGE))
     free = np.flatnonzero(is_free)

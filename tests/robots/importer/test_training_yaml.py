@@ -54,8 +54,8 @@ def test_a_machine_of_the_size_that_the_presets_suit_keeps_their_figures(tmp_pat
 def test_four_times_as_long_and_three_times_as_heavy(tmp_path: Path) -> None:
     env = written(tmp_path, 1.8, 39.0)
     assert env["gait"]["frequency_hz"] == pytest.approx(1.1)  # twice the time for a step
-    assert env["rewards"]["torque"] == pytest.approx(-1.0e-3 / 144, rel=0.05)  # squared torque: (3 * 4)^2
-    assert env["rewards"]["power"] == pytest.approx(-5.0e-3 / 6, rel=0.05)  # torque 12 times, rates a half
+    assert env["rewards"]["torque"] == pytest.approx(-1.2e-3 / 144, rel=0.05)  # squared torque: (3 * 4)^2
+    assert env["rewards"]["power"] == pytest.approx(-6.0e-3 / 6, rel=0.05)  # torque 12 times, rates a half
     assert env["reward_scales"]["swing_height_m"] == pytest.approx(0.32)
 
 
