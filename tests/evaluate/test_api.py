@@ -9,39 +9,17 @@ from typing import Any
 
 import pytest
 from rich.console import Console
+from scenario_file import FILE, OWN, bare
 
 from footfall.common.errors import UserError
-from footfall.domain_rand.noise import Noise
 from footfall.evaluate import api
 from footfall.evaluate.config import EvaluationConfig
-from footfall.evaluate.scenarios import Scenario, ScenarioFile, Waypoint
+from footfall.evaluate.scenarios import ScenarioFile
 from footfall.evaluate.suite import CourseWalk
 from footfall.policies.registry import load_policy
 from footfall.robots.description import Robot
 
-OWN_NOISE = Noise(gyro=0.123)
-
-
-FILE = ScenarioFile(
-    OWN_NOISE,
-    {
-        "one": Scenario("One", 3, 2.0, script=(Waypoint(0.0),), levels={"friction": (0.3, 0.9)}),
-        "two": Scenario("Two", 2, 3.0, script=(Waypoint(0.0),)),
-        "course": Scenario("A walk", 5, 4.0, script=(Waypoint(0.0),)),
-    },
-)
-
-
-OWN = Path("own.yaml")
-
-
 TWO = EvaluationConfig("go1", ("two",))
-
-
-def bare(name: str, episodes: int = 4) -> dict[str, Any]:
-    """A scenario's summary of `episodes` falls out of 24."""
-    return {"episodes": 24, "failed_episodes": [], "falls": episodes, "fall_rate": episodes / 24,
-            "fall_rate_interval": [0.1, 0.2], "notes": [], "about": name}  # fmt: skip
 
 
 class TestApi:

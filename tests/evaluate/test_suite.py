@@ -10,33 +10,19 @@ import mujoco
 import numpy as np
 import pytest
 from outcomes import GOOD, outcome
+from scenario_file import FILE, OWN_NOISE
 from traces import walk
 
-from footfall.domain_rand.noise import Noise
 from footfall.evaluate import episodes, suite
 from footfall.evaluate.config import EvaluationConfig
 from footfall.evaluate.episodes import EpisodeTask, run_with
 from footfall.evaluate.metrics import score
 from footfall.evaluate.plan import CommandSchedule, EpisodePlan, plan_episodes
 from footfall.evaluate.pool import TaskResult
-from footfall.evaluate.scenarios import Scenario, ScenarioFile, Waypoint
 from footfall.evaluate.suite import CourseWalk
 from footfall.plant.episode import Push
 from footfall.policies.registry import load_policy
 from footfall.robots.description import Robot
-
-OWN_NOISE = Noise(gyro=0.123)
-
-
-FILE = ScenarioFile(
-    OWN_NOISE,
-    {
-        "one": Scenario("One", 3, 2.0, script=(Waypoint(0.0),), levels={"friction": (0.3, 0.9)}),
-        "two": Scenario("Two", 2, 3.0, script=(Waypoint(0.0),)),
-        "course": Scenario("A walk", 5, 4.0, script=(Waypoint(0.0),)),
-    },
-)
-
 
 PLANT = Path("other.xml")
 

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from notes import Notes
 
 from footfall.common.errors import UserError
 from footfall.pages import beside
@@ -27,27 +28,6 @@ def test_why_it_ended_is_told_where_its_own_output_goes_nowhere(
     monkeypatch.setattr(os, "nice", lambda _: 0)
     beside._serve(tmp_path, "localhost", 8080)
     assert capsys.readouterr() == ("", "footfall: the page ended: port 8080 is taken\n")
-
-
-class Notes:
-    """Takes note of each call; what a call returns takes notes too, under the call's name and first word."""
-
-    def __init__(self, log: list[Any], name: str = "") -> None:
-        self.__dict__ |= {"_log": log, "_name": name}
-
-    def __getattr__(self, name: str) -> Any:
-        def call(*given: Any, **named: Any) -> "Notes":
-            self._log.append((self._name, name, given, named))
-            return Notes(self._log, str(given[0]) if given else name)
-
-        return call
-
-    def __enter__(self) -> "Notes":
-        self._log.append((self._name, "within", (), {}))
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._log.append((self._name, "without", (), {}))
 
 
 class TestBeside:

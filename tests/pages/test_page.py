@@ -3,7 +3,6 @@
 import errno
 import logging
 import os
-import shutil
 import signal
 import socket
 import subprocess
@@ -16,38 +15,16 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from notes import Notes
 from shell import Shell
 
 from footfall.common.errors import UserError
 from footfall.pages import page
 from footfall.pages.page import check_page
 from footfall.policies.registry import ZOO
-from footfall.train.config import load_preset
-from footfall.train.runs.folder import Provenance, create_run
 from footfall.verbs.train import ClusterOptions, TrainOptions, train
 
 pytest.importorskip("viser")
-
-
-class Notes:
-    """Takes note of each call; what a call returns takes notes too, under the call's name and first word."""
-
-    def __init__(self, log: list[Any], name: str = "") -> None:
-        self.__dict__ |= {"_log": log, "_name": name}
-
-    def __getattr__(self, name: str) -> Any:
-        def call(*given: Any, **named: Any) -> "Notes":
-            self._log.append((self._name, name, given, named))
-            return Notes(self._log, str(given[0]) if given else name)
-
-        return call
-
-    def __enter__(self) -> "Notes":
-        self._log.append((self._name, "within", (), {}))
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._log.append((self._name, "without", (), {}))
 
 
 class TestServing:
@@ -202,20 +179,6 @@ FOOTFALL = [sys.executable, "-m", "footfall"]
 @pytest.fixture
 def shell(capsys: pytest.CaptureFixture[str]) -> Shell:
     return Shell(capsys)
-
-
-@pytest.fixture
-def begun(tmp_path: Path) -> Path:
-    """A run that was begun and has nothing to show yet."""
-    made = Provenance("go1", 0, "smoke", "brax", "cpu", "unknown", "2026-01-01", {})
-    return create_run(tmp_path / "run", made, load_preset("smoke")).folder
-
-
-@pytest.fixture
-def finished(begun: Path) -> Path:
-    """A run with a policy."""
-    shutil.copy(POLICY, begun)
-    return begun
 
 
 @pytest.fixture

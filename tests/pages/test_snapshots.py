@@ -27,10 +27,8 @@ from footfall.pages.snapshots import (
     _export,
     newest_checkpoint,
 )
-from footfall.policies.registry import ZOO
 from footfall.robots.description import load_robot
-from footfall.train.config import load_preset
-from footfall.train.runs.folder import Provenance, create_run, open_run
+from footfall.train.runs.folder import open_run
 
 pytest.importorskip("viser")
 
@@ -327,27 +325,6 @@ def test_the_exporting_process_leaves_the_accelerator_the_cores_and_ctrl_c_to_ot
     assert done == [(signal.SIGINT, signal.SIG_IGN), 0, 7, "cpu"]  # from a niceness of 3 to 10
 
 
-class Notes:
-    """Takes note of each call; what a call returns takes notes too, under the call's name and first word."""
-
-    def __init__(self, log: list[Any], name: str = "") -> None:
-        self.__dict__ |= {"_log": log, "_name": name}
-
-    def __getattr__(self, name: str) -> Any:
-        def call(*given: Any, **named: Any) -> "Notes":
-            self._log.append((self._name, name, given, named))
-            return Notes(self._log, str(given[0]) if given else name)
-
-        return call
-
-    def __enter__(self) -> "Notes":
-        self._log.append((self._name, "within", (), {}))
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._log.append((self._name, "without", (), {}))
-
-
 class TestExporter:
     def test_who_asks_is_answered_until_he_is_gone(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setenv("JAX_PLATFORMS", "cpu")
@@ -399,23 +376,6 @@ class TestExporter:
         with pytest.raises(FileNotFoundError):
             snapshots._take(file, copy)
         assert not copy.exists()
-
-
-POLICY = ZOO / "go1-flat" / "policy.onnx"
-
-
-@pytest.fixture
-def begun(tmp_path: Path) -> Path:
-    """A run that was begun and has nothing to show yet."""
-    made = Provenance("go1", 0, "smoke", "brax", "cpu", "unknown", "2026-01-01", {})
-    return create_run(tmp_path / "run", made, load_preset("smoke")).folder
-
-
-@pytest.fixture
-def finished(begun: Path) -> Path:
-    """A run with a policy."""
-    shutil.copy(POLICY, begun)
-    return begun
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,5 @@
 """The robot that walks on the page: pace, commands, pushes, restarts."""
 
-import shutil
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -24,63 +23,57 @@ from footfall.policies.learned import open_network
 from footfall.policies.observation import observation_size
 from footfall.policies.registry import ZOO
 from footfall.robots.description import Robot
-from footfall.train.config import load_preset
-from footfall.train.runs.folder import Provenance, create_run, open_run
+from footfall.train.runs.folder import open_run
 
 pytest.importorskip("viser")
 
 
 class TestPace:
-    def test_time_that_was_lost_or_paused_is_not_caught_up_on_and_the_factor_is_of_late(
-        self, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        now, slept = [50.0], []
+    @pytest.fixture
+    def clock(self, monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
+        """A clock of the page whose time passes in sleep, and by hand."""
+        clock = SimpleNamespace(now=50.0, slept=[])
 
         def sleep(time_s: float) -> None:
-            slept.append(time_s)
-            now[0] += time_s
+            clock.slept.append(time_s)
+            clock.now += time_s
 
-        monkeypatch.setattr(walk, "time", SimpleNamespace(monotonic=lambda: now[0], sleep=sleep))
+        monkeypatch.setattr(walk, "time", SimpleNamespace(monotonic=lambda: clock.now, sleep=sleep))
+        return clock
+
+    def test_time_that_was_lost_or_paused_is_not_caught_up_on_and_the_factor_is_of_late(
+        self, clock: SimpleNamespace
+    ) -> None:
         pace = Pace()
         assert pace.factor == 1.0
         pace.wait(0.5)
-        now[0] += 0.55  # 50 ms late: within tolerance, caught up on by sleeping less
+        clock.now += 0.55  # 50 ms late: within tolerance, caught up on by sleeping less
         pace.wait(1.0)
         pace.wait(1.5)
-        assert slept == pytest.approx([0.5, 0.45])
+        assert clock.slept == pytest.approx([0.5, 0.45])
         assert pace.factor == pytest.approx(1.0 / 1.05)
-        now[0] += 2.0
+        clock.now += 2.0
         pace.wait(1.7)  # 1.8 s late: lost
         assert pace.factor == pytest.approx(0.7 / 2.45, rel=1e-3)
-        now[0] += 100.0
+        clock.now += 100.0
         pace.resume(1.7)
         pace.wait(2.0)
-        assert slept[2:] == pytest.approx([0.3])
-        now[0] += 1.0
+        assert clock.slept[2:] == pytest.approx([0.3])
+        clock.now += 1.0
         pace.wait(3.0)
         assert pace.factor == pytest.approx(1.3 / 1.3)
 
-    def test_a_fifth_of_a_second_is_lost_for_good(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        now, slept = [50.0], []
-
-        def sleep(time_s: float) -> None:
-            slept.append(time_s)
-            now[0] += time_s
-
-        monkeypatch.setattr(walk, "time", SimpleNamespace(monotonic=lambda: now[0], sleep=sleep))
+    def test_a_fifth_of_a_second_is_lost_for_good(self, clock: SimpleNamespace) -> None:
         pace = Pace()
-        now[0] += 0.7
+        clock.now += 0.7
         pace.wait(0.5)  # 0.2 s late
         for simulated_s in (0.9, 1.3):
             pace.wait(simulated_s)
-        assert slept == pytest.approx([0.4, 0.4])
+        assert clock.slept == pytest.approx([0.4, 0.4])
 
-    def test_a_pause_does_not_count_as_slowness(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        now = [50.0]
-        time = SimpleNamespace(monotonic=lambda: now[0], sleep=lambda s: now.__setitem__(0, now[0] + s))
-        monkeypatch.setattr(walk, "time", time)
+    def test_a_pause_does_not_count_as_slowness(self, clock: SimpleNamespace) -> None:
         pace = Pace()
-        now[0] += 100.0
+        clock.now += 100.0
         pace.resume(0.0)
         pace.wait(0.4)
         assert pace.factor == 1.0
@@ -88,23 +81,14 @@ class TestPace:
         assert pace.factor == pytest.approx(1.0)
 
     def test_it_keeps_to_the_wall_clock_and_does_not_catch_up_on_lost_time(
-        self, monkeypatch: pytest.MonkeyPatch
+        self, clock: SimpleNamespace
     ) -> None:
-        now, slept = [100.0], []
-
-        def sleep(time_s: float) -> None:
-            slept.append(time_s)
-            now[0] += time_s
-
-        monkeypatch.setattr(
-            "footfall.pages.walk.time", SimpleNamespace(monotonic=lambda: now[0], sleep=sleep)
-        )
         pace = Pace()
         pace.wait(1.0)
-        now[0] += 5.0  # something else took long
+        clock.now += 5.0  # something else took long
         pace.wait(1.5)
         pace.wait(2.0)
-        assert slept == pytest.approx([1.0, 0.5])
+        assert clock.slept == pytest.approx([1.0, 0.5])
 
 
 class TestWalk:
@@ -387,20 +371,6 @@ class TestWalk:
 
 
 POLICY = ZOO / "go1-flat" / "policy.onnx"
-
-
-@pytest.fixture
-def begun(tmp_path: Path) -> Path:
-    """A run that was begun and has nothing to show yet."""
-    made = Provenance("go1", 0, "smoke", "brax", "cpu", "unknown", "2026-01-01", {})
-    return create_run(tmp_path / "run", made, load_preset("smoke")).folder
-
-
-@pytest.fixture
-def finished(begun: Path) -> Path:
-    """A run with a policy."""
-    shutil.copy(POLICY, begun)
-    return begun
 
 
 class TestNewestPolicy:

@@ -1,10 +1,9 @@
 """State, reference and steps of model-predictive control."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from tilted_robot import ROBOT, UP, observed
 
 from footfall.common.rotations import heading_matrix, wrap_angle
 from footfall.policies.controllers.mpc import Mpc
@@ -15,11 +14,8 @@ from footfall.policies.controllers.mpc.problem import BodyState
 from footfall.policies.controllers.mpc.swing import swing_motion
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.stance import nominal_feet
-from footfall.policies.policy import PolicyInput, Sensed
-from footfall.robots.description import load_robot
 from footfall.robots.rigid_body import nominal_body
 
-ROBOT = load_robot("go1")
 BODY = nominal_body(ROBOT)
 
 
@@ -32,26 +28,8 @@ RNG = np.random.default_rng(12)
 TILTED = Rotation.from_euler("ZYX", [1.1, -0.15, 0.1])
 
 
-UP = np.array([0.0, 0.0, 1.0])
-
-
 def in_plane(vector: np.ndarray) -> complex:
     return complex(vector[0], vector[1])
-
-
-def observed(turn: Rotation, gyro: Any = (0, 0, 0), time_s: float = 9.0, **more: Any) -> PolicyInput:
-    """A robot turned so, with joints that all differ from the default pose and from one another."""
-    position = ROBOT.default_pose + 0.01 * np.arange(12)
-    sensed = Sensed(
-        np.array(gyro, dtype=float),
-        9.81 * turn.inv().apply(UP),
-        turn.as_quat(scalar_first=True),
-        position,
-        0.1 * np.arange(12),
-        np.zeros(12),
-    )
-    values = {"command": np.zeros(3), "base_velocity": np.zeros(3), "base_height": 0.26, **more}
-    return PolicyInput(time_s, sensed, **values)
 
 
 @pytest.mark.parametrize("seed", range(6))

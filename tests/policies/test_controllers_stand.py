@@ -2,21 +2,17 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from tilted_robot import ROBOT, UP, observed
 
 from footfall.policies.controllers.mpc.config import MpcConfig
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.stance import level_feet, nominal_feet, tilt_correction
 from footfall.policies.controllers.stand import Stand, StandConfig
 from footfall.policies.policy import PolicyInput, Sensed
-from footfall.robots.description import load_robot
-
-ROBOT = load_robot("go1")
-
 
 LEGS = ROBOT.legs
 
@@ -134,24 +130,6 @@ def test_settings_that_cannot_work_are_refused(name: str, value: float, rule: st
 
 
 RNG = np.random.default_rng(12)
-
-
-UP = np.array([0.0, 0.0, 1.0])
-
-
-def observed(turn: Rotation, gyro: Any = (0, 0, 0), time_s: float = 9.0, **more: Any) -> PolicyInput:
-    """A robot turned so, with joints that all differ from the default pose and from one another."""
-    position = ROBOT.default_pose + 0.01 * np.arange(12)
-    sensed = Sensed(
-        np.array(gyro, dtype=float),
-        9.81 * turn.inv().apply(UP),
-        turn.as_quat(scalar_first=True),
-        position,
-        0.1 * np.arange(12),
-        np.zeros(12),
-    )
-    values = {"command": np.zeros(3), "base_velocity": np.zeros(3), "base_height": 0.26, **more}
-    return PolicyInput(time_s, sensed, **values)
 
 
 def test_feet_stand_out_forward_and_below_as_asked() -> None:

@@ -53,3 +53,13 @@ def private_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[P
     for name, value in before.items():
         jax.config.update(name, value)
     reset_cache()
+
+
+@pytest.fixture
+def number_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rollouts step a `NumberEnvironment` as a whole."""
+    import number_environment
+
+    from footfall.train.brax import rollout
+
+    monkeypatch.setattr(rollout, "step_batch", number_environment.step_batch)

@@ -10,19 +10,10 @@ import pytest
 pytest.importorskip("jax")
 
 from rich.console import Console
+from training_metrics import METRICS
 
 from footfall.train.runs import display
 from footfall.train.runs.display import Display, metrics_table
-
-METRICS = {
-    "reward/total": 1.5,
-    "reward/alive": 0.5,
-    "episode/length_s": 2.0,
-    "tracking/linear_error_m_s": 0.25,
-    "tracking/yaw_error_rad_s": 0.5,
-    "learning/policy_dist_mean_std": 0.6,
-    "learning/kl_mean": 0.0004,
-}
 
 
 class TestTerminal:

@@ -1,7 +1,6 @@
 """One iteration: rollout, update, normaliser and metrics, on an environment of a few numbers."""
 
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import pytest
@@ -12,7 +11,6 @@ import jax
 import jax.numpy as jnp
 import number_environment
 import numpy as np
-from brax.training.types import Transition
 from number_environment import (
     ACTIONS,
     REWARD,
@@ -22,37 +20,23 @@ from number_environment import (
     counting_config,
     decided,
 )
+from ppo_on_numbers import (
+    CONFIG,
+    ENVIRONMENTS,
+    NETWORKS,
+    NOT_MOVED,
+    UNROLL,
+    begun,
+    environment,
+    rolled_out,
+)
 
 from footfall.train.brax import iteration, ppo, rollout
 from footfall.train.brax.iteration import iteration_keys, make_iteration
 from footfall.train.brax.networks import make_networks
 from footfall.train.brax.state import TrainState
-from footfall.train.config import PpoConfig, load_preset
 
-NOT_MOVED = 1e-4  # nats: brax's divergence of a distribution from itself is 1e-5 for each action
-ENVIRONMENTS, UNROLL = 8, 4
-RATE = 1e-3
-CONFIG: PpoConfig = replace(
-    load_preset("smoke").ppo,
-    num_envs=ENVIRONMENTS,
-    num_steps_per_env=UNROLL,
-    num_mini_batches=1,
-    num_learning_epochs=1,
-    learning_rate=RATE,
-    final_learning_rate=RATE,
-)
-NETWORKS = make_networks(SIZES, ACTIONS, CONFIG)
-environment = partial(NumberEnvironment, ENVIRONMENTS)
-begun = partial(number_environment.begun, networks=NETWORKS, config=CONFIG)
-
-
-def rolled_out(env: NumberEnvironment, state: TrainState) -> Transition:
-    return number_environment.rolled_out(env, NETWORKS, CONFIG, state)
-
-
-@pytest.fixture(autouse=True)
-def _number_steps(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(rollout, "step_batch", number_environment.step_batch)
+pytestmark = pytest.mark.usefixtures("number_steps")
 
 
 class TestIteration:

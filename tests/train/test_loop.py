@@ -15,6 +15,7 @@ pytest.importorskip("jax")
 
 import jax.numpy as jnp
 from rich.console import Console
+from training_metrics import METRICS
 
 from footfall.common.config import dump
 from footfall.common.errors import UserError
@@ -27,15 +28,6 @@ from footfall.train.trainer import Trainer
 
 ITERATIONS = 4
 STEPS = 256  # of an iteration
-METRICS = {
-    "reward/total": 1.5,
-    "reward/alive": 0.5,
-    "episode/length_s": 2.0,
-    "tracking/linear_error_m_s": 0.25,
-    "tracking/yaw_error_rad_s": 0.5,
-    "learning/policy_dist_mean_std": 0.6,
-    "learning/kl_mean": 0.0004,
-}
 
 
 class FakeTrainer(Trainer):

@@ -24,7 +24,6 @@ from number_environment import (
     decided,
 )
 
-from footfall.train.brax import rollout
 from footfall.train.brax.networks import dense_layers, elu, make_networks, normalised, trained_actor
 from footfall.train.brax.ppo import Ppo
 from footfall.train.brax.state import TrainState
@@ -39,9 +38,7 @@ def observation() -> dict[str, jax.Array]:
     return {name: jnp.ones((CONFIG.num_envs, size)) for name, size in SIZES.items()}
 
 
-@pytest.fixture(autouse=True)
-def _number_steps(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(rollout, "step_batch", number_environment.step_batch)
+pytestmark = pytest.mark.usefixtures("number_steps")
 
 
 def test_the_critic_sees_what_the_actor_does_not() -> None:

@@ -1,7 +1,6 @@
 """One PPO update, on an environment of a few numbers instead of a robot."""
 
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import pytest
@@ -12,65 +11,33 @@ import jax
 import jax.numpy as jnp
 import number_environment
 import numpy as np
-from brax.training.types import Transition
 from number_environment import (
     ACTIONS,
     REWARD,
     SIZES,
     CountingEnvironment,
-    NumberEnvironment,
     counting_config,
     decided,
 )
+from ppo_on_numbers import (
+    CONFIG,
+    ENVIRONMENTS,
+    NETWORKS,
+    NOT_MOVED,
+    RATE,
+    begun,
+    environment,
+    learnt,
+    observation,
+    rolled_out,
+)
 
-from footfall.envs.symmetry import EnvironmentMirror
 from footfall.train.brax import ppo, rollout
 from footfall.train.brax.networks import make_networks
 from footfall.train.brax.ppo import LEAST_LEARNING_RATE
 from footfall.train.brax.state import TrainState
-from footfall.train.config import PpoConfig, load_preset
 
-NOT_MOVED = 1e-4  # nats: brax's divergence of a distribution from itself is 1e-5 for each action
-ENVIRONMENTS, UNROLL = 8, 4
-RATE = 1e-3
-CONFIG: PpoConfig = replace(
-    load_preset("smoke").ppo,
-    num_envs=ENVIRONMENTS,
-    num_steps_per_env=UNROLL,
-    num_mini_batches=1,
-    num_learning_epochs=1,
-    learning_rate=RATE,
-    final_learning_rate=RATE,
-)
-NETWORKS = make_networks(SIZES, ACTIONS, CONFIG)
-environment = partial(NumberEnvironment, ENVIRONMENTS)
-begun = partial(number_environment.begun, networks=NETWORKS, config=CONFIG)
-
-
-def rolled_out(env: NumberEnvironment, state: TrainState) -> Transition:
-    return number_environment.rolled_out(env, NETWORKS, CONFIG, state)
-
-
-def observation(value: float = 1.0) -> dict[str, jax.Array]:
-    """What every environment shows, throughout."""
-    return {name: jnp.full((ENVIRONMENTS, size), value) for name, size in SIZES.items()}
-
-
-@pytest.fixture(autouse=True)
-def _number_steps(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(rollout, "step_batch", number_environment.step_batch)
-
-
-def learnt(
-    state: TrainState,
-    rollout: Transition,
-    config: PpoConfig = CONFIG,
-    mirror: EnvironmentMirror | None = None,
-) -> tuple[Any, dict[str, np.ndarray]]:
-    """The optimiser's state and the losses (epoch, mini-batch)."""
-    learner = ppo.Ppo(NETWORKS, config, mirror=mirror)
-    _, optimizer, losses = learner.update(state, rollout, observation(), jax.random.PRNGKey(2))
-    return optimizer, {name: np.asarray(value) for name, value in losses.items()}
+pytestmark = pytest.mark.usefixtures("number_steps")
 
 
 class TestEndsOfEpisodes:

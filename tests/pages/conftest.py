@@ -1,0 +1,24 @@
+"""What the tests of `pages` share."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from footfall.policies.registry import ZOO
+from footfall.train.config import load_preset
+from footfall.train.runs.folder import Provenance, create_run
+
+
+@pytest.fixture
+def begun(tmp_path: Path) -> Path:
+    """A run that was begun and has nothing to show yet."""
+    made = Provenance("go1", 0, "smoke", "brax", "cpu", "unknown", "2026-01-01", {})
+    return create_run(tmp_path / "run", made, load_preset("smoke")).folder
+
+
+@pytest.fixture
+def finished(begun: Path) -> Path:
+    """A run with a policy."""
+    shutil.copy(ZOO / "go1-flat" / "policy.onnx", begun)
+    return begun

@@ -1,0 +1,56 @@
+"""PPO on a `NumberEnvironment`: settings, networks, one rollout and one update."""
+
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import number_environment
+import numpy as np
+from brax.training.types import Transition
+from number_environment import ACTIONS, SIZES, NumberEnvironment
+
+from footfall.envs.symmetry import EnvironmentMirror
+from footfall.train.brax.networks import make_networks
+from footfall.train.brax.ppo import Ppo
+from footfall.train.brax.state import TrainState
+from footfall.train.config import PpoConfig, load_preset
+
+NOT_MOVED = 1e-4  # nats: brax's divergence of a distribution from itself is 1e-5 for each action
+ENVIRONMENTS, UNROLL = 8, 4
+RATE = 1e-3
+CONFIG: PpoConfig = replace(
+    load_preset("smoke").ppo,
+    num_envs=ENVIRONMENTS,
+    num_steps_per_env=UNROLL,
+    num_mini_batches=1,
+    num_learning_epochs=1,
+    learning_rate=RATE,
+    final_learning_rate=RATE,
+)
+NETWORKS = make_networks(SIZES, ACTIONS, CONFIG)
+environment = partial(NumberEnvironment, ENVIRONMENTS)
+begun = partial(number_environment.begun, networks=NETWORKS, config=CONFIG)
+
+
+def rolled_out(env: NumberEnvironment, state: TrainState) -> Transition:
+    """The transitions of one rollout."""
+    return number_environment.rolled_out(env, NETWORKS, CONFIG, state)
+
+
+def observation(value: float = 1.0) -> dict[str, jax.Array]:
+    """The observation of all environments in every step."""
+    return {name: jnp.full((ENVIRONMENTS, size), value) for name, size in SIZES.items()}
+
+
+def learnt(
+    state: TrainState,
+    rollout: Transition,
+    config: PpoConfig = CONFIG,
+    mirror: EnvironmentMirror | None = None,
+) -> tuple[Any, dict[str, np.ndarray]]:
+    """The optimiser's state and the losses (epoch, mini-batch) after one update."""
+    learner = Ppo(NETWORKS, config, mirror=mirror)
+    _, optimizer, losses = learner.update(state, rollout, observation(), jax.random.PRNGKey(2))
+    return optimizer, {name: np.asarray(value) for name, value in losses.items()}
