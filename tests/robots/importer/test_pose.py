@@ -80,6 +80,12 @@ class TestPose:
         assert pose.knees_forward_m < -0.05
         assert all(pose.joints[f"{leg}_knee"] < -0.5 for leg in ("fl", "fr", "rl", "rr"))
 
+    def test_hips_with_wide_ranges_are_not_turned_to_bend_a_knee_the_usual_way(self, tmp_path: Path) -> None:
+        """Knees that bend forward only would bend backward on legs turned about by half a turn."""
+        wide = walker(knee="0.3 2").replace("-0.8 0.8", "-4 4").replace('range="-2 2"', 'range="-4 4"')
+        pose = self.pose(tmp_path, wide)
+        assert max(abs(pose.joints[f"{leg}_roll"]) for leg in ("fl", "fr", "rl", "rr")) < 0.1
+
     def test_legs_that_are_alike_stand_alike(self, tmp_path: Path) -> None:
         pose = self.pose(tmp_path, walker(knee="-2 2"))
         for leg, mirrored in (("fr", -1.0), ("rl", 1.0), ("rr", -1.0)):
