@@ -1,26 +1,202 @@
-"""Writes `controllers.yaml` for an imported robot: the controller `stand`."""
+"""Writes `controllers.yaml` for an imported robot: a shipped robot's settings, scaled to another size.
 
-import numpy as np
-
-from footfall.robots.importer.machine import Machine
-from footfall.robots.importer.motors import Drive
-from footfall.robots.importer.robot_yaml import DAMPING_RATIO
-
-
-def controllers_yaml(machine: Machine, drive: Drive) -> str:
-    """The text of `controllers.yaml`: `stand` alone, with the gains of the stiffest joint for all of them.
-
-    Walking controllers need figures that model files do not contain.
-    """
-    w = 2 * np.pi * drive.natural_frequency_hz
-    armature = max(hinge.armature for hinge in machine.hinges)
-    return f"""# Gains of the hand-written controllers (policies/controllers/), not tuned.
-stand:
-  rate_hz: 500.0
-  kp: {armature * w**2:.4g}
-  kd: {2 * DAMPING_RATIO * armature * w:.4g}
-  tilt_gain: 0.3
-  tilt_rate_gain_s: 0.02
-  most_tilt_rad: 0.2
-  settle_s: 0.5
+The settings come from the shipped robot with as many feet, or else with the next larger number. Each setting
+has a unit. The ratios of mass m, of standing height l and of time sqrt(l) give its factor (dynamic
+similarity, see `training_yaml.py`): a torque or a stiffness grows with m l, a speed with sqrt(l). Where feet
+stand and how large they are is measured, not scaled by height.
 """
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple, Protocol
+
+import mujoco
+import numpy as np
+import yaml
+
+from footfall.common.config import read_yaml
+from footfall.robots.description import available_robots, load_robot
+from footfall.robots.importer.pose import lowest_height
+from footfall.robots.mjcf import load_spec
+from footfall.robots.stance import in_default_pose
+
+DIGITS = 4
+SMALLEST_SOLE_M = 2e-3
+
+Unit = tuple[float, float, float]  # exponents of kg, m and s
+NONE: Unit = (0, 0, 0)
+
+# By the end of a setting's name; what has none of these is a share, a count, an angle or a rate of ours.
+BY_SUFFIX: dict[str, Unit] = {
+    "_rad_s2": (0, 0, -2),
+    "_m_s2": (0, 1, -2),
+    "_rad_s": (0, 0, -1),
+    "_m_s": (0, 1, -1),
+    "_m": (0, 1, 0),
+    "_n": (1, 1, -2),
+    "_s": (0, 0, 1),
+}
+# By the end of a setting's key: the longest that fits.
+BY_KEY: dict[str, Unit] = {
+    "kp": (1, 2, -2),
+    "kd": (1, 2, -1),
+    "stiffness": (0, 0, -2),
+    "damping": (0, 0, -1),
+    "momentum_damping": (0, 0, -1),
+    "contact.damping_s": (0, 0, -1),
+    "heading.gain": (0, 0, -1),
+    "standing_command": (0, 1, -1),
+    "weights.position": (0, -2, 0),
+    "weights.angular_rate": (0, 0, 2),
+    "weights.velocity": (0, -2, 2),
+    "weights.force": (-2, -2, 4),
+    "weights.force_change": (-2, -2, 4),
+    "weights.place": (0, -2, 0),
+    "weights.offset": (0, -2, 0),
+    "whole_body.weights.momentum": (0, -4, 4),
+    "whole_body.weights.attitude": (0, 0, 4),
+    "whole_body.weights.swing_attitude": (0, 0, 4),
+    "whole_body.weights.posture": (0, 0, 4),
+    "whole_body.weights.force": NONE,
+}
+# Distances that are measured on both robots.
+MEASURED = {
+    "apart_m": "apart_m",
+    "outward_m": "spread_m",
+    "half_length_m": "sole_length_m",
+    "half_width_m": "sole_width_m",
+}
+SIDEWAYS = (
+    0.1  # least component of a hinge's axis out of the sideways direction with which a leg moves sideways
+)
+
+
+class Size(NamedTuple):
+    """What settings are scaled by."""
+
+    mass_kg: float
+    height_m: float  # of the base, standing
+    spread_m: float  # the same height; 0 if a leg cannot move its foot sideways
+    apart_m: float  # from the rightmost foot to the leftmost one, middle to middle
+    sole_length_m: float  # of one foot's points of contact
+    sole_width_m: float
+
+
+class Walking(NamedTuple):
+    """Settings of the hand-written controllers."""
+
+    sections: dict[str, Any]  # by controller
+    origin: str  # where they come from
+    kp: float  # the largest gains among them, N m/rad and N m s/rad
+    kd: float
+
+
+class Limb(Protocol):
+    """A leg: names of its foot's geoms, and of its joints."""
+
+    @property
+    def geoms(self) -> tuple[str, ...]: ...
+    @property
+    def joints(self) -> tuple[str, ...]: ...
+
+
+def size_of(model: mujoco.MjModel, data: mujoco.MjData, legs: Sequence[Limb]) -> Size:
+    """The size of a robot whose base is body 1, in its default pose.
+
+    Args:
+        model: with a free base.
+        data: all places computed, the base level.
+        legs: each with a foot of spheres and ellipsoids.
+    """
+    feet = [leg.geoms for leg in legs]
+    places = [np.array([data.geom(name).xpos for name in geoms]) for geoms in feet]
+    middles = np.array([points.mean(axis=0) for points in places])
+    extent = np.mean([np.ptp(points, axis=0) for points in places], axis=0)
+    lowest = min(lowest_height(model, data, model.geom(name).id) for geoms in feet for name in geoms)
+    height = float(data.xpos[1][2] - lowest)
+    out_of_plane = [max(np.hypot(*data.joint(name).xaxis[::2]) for name in leg.joints) for leg in legs]
+    return Size(
+        float(model.body_mass.sum()),
+        height,
+        height if min(out_of_plane) > SIDEWAYS else 0.0,
+        float(np.ptp(middles[:, 1])),
+        max(float(extent[0]), SMALLEST_SOLE_M),
+        max(float(extent[1]), SMALLEST_SOLE_M),
+    )
+
+
+def scaled_controllers(size: Size, feet: int, stiffest: float) -> Walking:
+    """Settings of the shipped robot with as many feet, scaled to another size.
+
+    Args:
+        size: of the other robot.
+        feet: their number.
+        stiffest: largest stiffness of the robot's own gains, N m/rad: `stand` gets no less.
+    """
+    shipped = {name: load_robot(name) for name in available_robots()}
+    counts = {name: len(robot.description.feet) for name, robot in shipped.items()}
+    name = min(counts, key=lambda each: (counts[each] < feet, abs(counts[each] - feet)))
+    robot = shipped[name]
+    model = load_spec(robot.xml_path).compile()
+    data = in_default_pose(model, robot.description)
+    mujoco.mj_kinematics(model, data)
+    of = size_of(model, data, robot.description.feet)
+    sections = _scaled(read_yaml(robot.folder / "controllers.yaml"), "", of, size)
+    stand = sections["stand"]
+    raised = max(1.0, stiffest / stand["kp"])
+    stand |= {key: _rounded(raised * stand[key]) for key in ("kp", "kd")}
+    origin = f"{name} ({of.mass_kg:.3g} kg, standing {of.height_m:.3g} m high)"
+    return Walking(sections, origin, _largest(sections, "kp"), _largest(sections, "kd"))
+
+
+def controllers_yaml(walking: Walking, gaits: Sequence[str]) -> str:
+    """The text of `controllers.yaml`, without controllers whose gait is not among the robot's."""
+    kept = {name: section for name, section in walking.sections.items() if _gait(section) in (None, *gaits)}
+    head = f"# Settings of the hand-written controllers (policies/controllers/): those of {walking.origin},\n"
+    head += "# scaled by mass, height and feet. Not tuned.\n"
+    return head + yaml.safe_dump(kept, sort_keys=False, default_flow_style=None, width=110)
+
+
+def _gait(section: dict[str, Any]) -> str | None:
+    """The gait that a controller's settings name, if any."""
+    gait = section.get("plan", section).get("gait", {})
+    return gait.get("name") if isinstance(gait, dict) else None
+
+
+def _scaled(value: Any, key: str, of: Size, to: Size) -> Any:
+    """A copy of a setting and all below it, its numbers scaled from one robot's size to another's."""
+    if isinstance(value, dict):
+        return {name: _scaled(each, f"{key}.{name}", of, to) for name, each in value.items()}
+    if isinstance(value, list):
+        return [_scaled(each, key, of, to) for each in value]
+    if not isinstance(value, float):
+        return value
+    return _rounded(value * _factor(key, of, to))
+
+
+def _factor(key: str, of: Size, to: Size) -> float:
+    """Ratio of a setting's value on the other robot."""
+    measured = MEASURED.get(key.rpartition(".")[2])
+    if measured is not None:
+        return float(getattr(to, measured) / getattr(of, measured))
+    length = to.height_m / of.height_m
+    kg, m, s = _unit(key)
+    return float((to.mass_kg / of.mass_kg) ** kg * length ** (m + s / 2))
+
+
+def _unit(key: str) -> Unit:
+    """The unit of a setting by its whole key, names joined by dots."""
+    fitting = [known for known in BY_KEY if f".{key}".endswith(f".{known}")]
+    if fitting:
+        return BY_KEY[max(fitting, key=len)]
+    return next((unit for suffix, unit in BY_SUFFIX.items() if key.endswith(suffix)), NONE)
+
+
+def _largest(value: Any, name: str) -> float:
+    """The largest number of this name in a section and all below it; 0 if there is none."""
+    if not isinstance(value, dict):
+        return 0.0
+    return max((each if key == name else _largest(each, name) for key, each in value.items()), default=0.0)
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.{DIGITS}g}")

@@ -12,7 +12,7 @@ import numpy as np
 from footfall.common.errors import UserError
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.importer.build import build_machine, shortened
-from footfall.robots.importer.controllers_yaml import controllers_yaml
+from footfall.robots.importer.controllers_yaml import controllers_yaml, scaled_controllers, size_of
 from footfall.robots.importer.leg_pairs import with_leg_pairs
 from footfall.robots.importer.machine import Machine
 from footfall.robots.importer.model_xml import model_xml
@@ -32,7 +32,7 @@ from footfall.robots.importer.training_yaml import training_yaml
 
 LIES = "lying pose: legs folded until the base is on the ground; it stands up from there in simulation"
 LIES_NOT = "no lying pose: of those tried in simulation, it rests in none and stands up from it"
-ON_SOLES = 2  # legs of a machine that `stand` does not hold, since it works by leg length
+ON_SOLES = 2  # legs of a machine that walks upright, its knees bent forward
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,12 @@ def import_robot(request: ImportRequest) -> Imported:
     names = tuple(hinge.name for hinge in machine.hinges)
     standing = statics(model, names, machine.legs, qpos)
     drive = choose_drive(machine, source, peak, request.speed_rad_s, standing)
-    protocols, beyond = choose_protocols(machine, drive, request.protocols)
+    walking = scaled_controllers(
+        size_of(model, _placed(model, qpos), machine.legs),
+        len(machine.legs),
+        drive.stiffest(machine),
+    )
+    protocols, beyond = choose_protocols(machine, drive, request.protocols, (walking.kp, walking.kd))
     apart = _touching_links(model, qpos)
     paired, leg_pairs = with_leg_pairs(machine, pose)
     if len(machine.legs) == ON_SOLES and pose.knees_forward_m < 0.0:
@@ -111,10 +116,13 @@ def import_robot(request: ImportRequest) -> Imported:
             found = request.find_lying_pose(robot)
             lying = None if found is None else dict(zip(robot.joint_names, found.tolist(), strict=True))
             guesses.append(LIES if lying else LIES_NOT)
-        gait = next(iter(request.gaits_of(robot)), None)
+        gaits = request.gaits_of(robot)
         return {
             "robot.yaml": described(lying),
-            "training.yaml": training_yaml(machine, pose, command_range(machine, pose), gait),
+            "training.yaml": training_yaml(
+                machine, pose, command_range(machine, pose), next(iter(gaits), None)
+            ),
+            "controllers.yaml": controllers_yaml(walking, gaits),
         }
 
     texts = {
@@ -124,8 +132,6 @@ def import_robot(request: ImportRequest) -> Imported:
         "robot.yaml": described(),
         "randomisation.yaml": randomisation_yaml(machine, pose, request.usual),
     }
-    if drive.stands and len(machine.legs) > ON_SOLES:
-        texts["controllers.yaml"] = controllers_yaml(machine, drive)
     _write(folder, texts, completed)
     return Imported(folder, tuple(guesses))
 
@@ -168,11 +174,16 @@ def _standing_qpos(model: mujoco.MjModel, machine: Machine, pose: Pose) -> np.nd
     return qpos
 
 
-def _touching_links(model: mujoco.MjModel, qpos: np.ndarray) -> list[tuple[str, str]]:
-    """Pairs of links that collide in a pose, without repetitions."""
+def _placed(model: mujoco.MjModel, qpos: np.ndarray) -> mujoco.MjData:
     data = mujoco.MjData(model)
     data.qpos[:] = qpos
     mujoco.mj_forward(model, data)
+    return data
+
+
+def _touching_links(model: mujoco.MjModel, qpos: np.ndarray) -> list[tuple[str, str]]:
+    """Pairs of links that collide in a pose, without repetitions."""
+    data = _placed(model, qpos)
     pairs = {tuple(sorted(model.geom_bodyid[geoms].tolist())) for geoms in data.contact.geom}
     return [(model.body(a).name, model.body(b).name) for a, b in sorted(pairs)]
 

@@ -47,6 +47,10 @@ class Drive:
     stands: bool  # by itself, according to `Statics`
     guesses: tuple[str, ...]
 
+    def stiffest(self, machine: Machine) -> float:
+        """Largest stiffness of a joint, N m/rad."""
+        return max(hinge.armature for hinge in machine.hinges) * (2 * np.pi * self.natural_frequency_hz) ** 2
+
 
 def value_for(joint: str, values: ByJoint) -> float | None:
     """The value whose key is part of the joint's name; the longest key wins."""

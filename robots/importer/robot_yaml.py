@@ -105,18 +105,24 @@ def robot_yaml(
 
 
 def choose_protocols(
-    machine: Machine, drive: Drive, known: Mapping[str, Ranges]
+    machine: Machine, drive: Drive, known: Mapping[str, Ranges], gains: tuple[float, float] = (0.0, 0.0)
 ) -> tuple[dict[str, str], list[str]]:
     """Motor model for each joint: the one with the least torque whose frames have the required ranges.
 
     If none has, it is the one with the most torque, and the joint is in the second result.
+
+    Args:
+        machine: the robot.
+        drive: its motors and gains.
+        known: motor models.
+        gains: stiffness and damping that frames have to carry beside the drive's, N m/rad and N m s/rad.
     """
     chosen, beyond = {}, []
     by_torque = sorted(known, key=lambda name: known[name].torque)
     w = 2 * np.pi * drive.natural_frequency_hz
     for hinge in machine.hinges:
-        motor, kp = drive.motors[hinge.name], hinge.armature * w**2
-        kd = 2 * DAMPING_RATIO * hinge.armature * w
+        motor, kp = drive.motors[hinge.name], max(hinge.armature * w**2, gains[0])
+        kd = max(2 * DAMPING_RATIO * hinge.armature * w, gains[1])
         fitting = (name for name in by_torque if _carries(known[name], motor, kp, kd))
         chosen[hinge.name] = next(fitting, by_torque[-1])
         if not _carries(known[chosen[hinge.name]], motor, kp, kd):

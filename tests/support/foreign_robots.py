@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from footfall.deploy.drivers.mit import RANGES
+from footfall.policies.gaits import gaits_of
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.importer.create import Imported, ImportRequest, import_robot
 from footfall.robots.importer.read import read_source
@@ -155,7 +156,7 @@ def make(tmp_path: Path, text: str, suffix: str = "urdf", **wishes: object) -> t
     """Write a model, import it, load what came of it."""
     source = tmp_path / f"model.{suffix}"
     source.write_text(text)
-    made = import_robot(ImportRequest(source, tmp_path / "made", RANGES, **wishes))
+    made = import_robot(ImportRequest(source, tmp_path / "made", RANGES, gaits_of=gaits_of, **wishes))
     return load_robot(made.folder), made
 
 

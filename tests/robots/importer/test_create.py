@@ -12,8 +12,9 @@ from foreign_robots import BIPED_MJCF, HIPS, make, quadruped
 from footfall.cli import main
 from footfall.common.errors import UserError
 from footfall.deploy.drivers.mit import RANGES
-from footfall.policies.controllers.settings import configured_controllers, controller_settings
+from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.stand import StandConfig
+from footfall.policies.registry import controllers_of, load_policy
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.importer.build import build_machine
 from footfall.robots.importer.create import Imported, ImportRequest, import_robot
@@ -368,16 +369,18 @@ def mass_matrix(model: mujoco.MjModel, pose: dict[str, float], joints: tuple[str
 
 
 class TestControllers:
-    def test_a_quadruped_may_be_stood_up_with_the_gains_of_its_stiffest_joint(
-        self, four: tuple[Robot, Imported]
+    def test_legs_get_the_controllers_of_the_shipped_robot_with_as_many(
+        self, four: tuple[Robot, Imported], two: tuple[Robot, Imported]
     ) -> None:
-        robot, _ = four
-        settings = controller_settings(robot, "stand", StandConfig)
-        assert settings.kp == pytest.approx(robot.kp.max(), rel=1e-3)
-        assert settings.kd == pytest.approx(robot.kd.max(), rel=1e-3)
+        for imported, shipped in ((four[0], "go1"), (two[0], "g1")):
+            names = controllers_of(imported)
+            assert names == controllers_of(load_robot(shipped))
+            for name in names:
+                load_policy(name, imported)
 
-    def test_a_biped_is_offered_none(self, two: tuple[Robot, Imported]) -> None:
-        assert configured_controllers(two[0]) == {}
+    def test_stand_is_as_stiff_as_the_gains_that_hold_the_robot(self, four: tuple[Robot, Imported]) -> None:
+        robot, _ = four
+        assert controller_settings(robot, "stand", StandConfig).kp >= robot.kp.max() * (1.0 - 1e-3)
 
     def test_commands_follow_from_the_length_of_the_legs(
         self, four: tuple[Robot, Imported], two: tuple[Robot, Imported]

@@ -1,0 +1,77 @@
+"""Settings of controllers, scaled from a shipped robot to another size."""
+
+import math
+from typing import Any
+
+import pytest
+import yaml
+
+from footfall.common.config import read_yaml
+from footfall.robots.description import ROBOTS
+from footfall.robots.importer.controllers_yaml import Size, controllers_yaml, scaled_controllers
+
+GO1 = Size(12.743448, 0.2944696, 0.2944696, 0.1998277, 2e-3, 2e-3)
+LARGER = Size(8 * GO1.mass_kg, *(2 * length for length in GO1[1:]))
+
+
+def at(section: Any, key: str) -> Any:
+    for name in key.split("."):
+        section = section[name]
+    return section
+
+
+class TestScaled:
+    def test_a_robot_of_the_same_size_gets_the_same_settings(self) -> None:
+        """But for `stand`, which is as stiff as the robot's own gains."""
+        theirs = read_yaml(ROBOTS / "go1" / "controllers.yaml")
+        ours = scaled_controllers(GO1, 4, 0.0).sections
+        for key in (
+            "mpc.weights.force",
+            "mpc-wbc.swing.stiffness",
+            "trot.kd",
+            "walk.stance.sway",
+            "stand.kp",
+        ):
+            assert at(ours, key) == pytest.approx(at(theirs, key), rel=1e-3)
+        assert scaled_controllers(GO1, 4, 300.0).sections["stand"]["kp"] == pytest.approx(300.0)
+
+    @pytest.mark.parametrize(
+        ("key", "factor"),
+        [
+            ("trot.kp", 16.0),
+            ("trot.kd", 16.0 * math.sqrt(2)),
+            ("trot.gait.period_s", math.sqrt(2)),
+            ("trot.stance.outward_m", 2.0),
+            ("trot.levelling.body_rate_m_s", math.sqrt(2)),
+            ("trot.heading.gain", math.sqrt(0.5)),
+            ("trot.rate_hz", 1.0),
+            ("mpc.command.acceleration_m_s2", 1.0),
+            ("mpc.contact.most_force_n", 8.0),
+            ("mpc.weights.position", 0.25),
+            ("mpc.weights.velocity", 0.5),
+            ("mpc.weights.force", 1 / 64),
+            ("mpc-wbc.swing.stiffness", 0.5),
+            ("mpc-wbc.whole_body.weights.force", 1.0),
+            ("mpc-wbc.whole_body.weights.attitude", 4.0),
+            ("mpc-wbc.whole_body.contact.damping_s", math.sqrt(0.5)),
+        ],
+    )
+    def test_a_robot_twice_as_large_gets_settings_by_their_units(self, key: str, factor: float) -> None:
+        one, other = (at(scaled_controllers(size, 4, 0.0).sections, key) for size in (GO1, LARGER))
+        first, second = (each[0] if isinstance(each, list) else each for each in (one, other))
+        assert second / first == pytest.approx(factor, rel=2e-3)
+
+    def test_steps_of_a_biped_are_as_wide_as_it_stands_and_pressed_within_its_soles(self) -> None:
+        narrow = Size(33.3411, 0.7720737, 0.7720737, 0.5 * 0.237014, 0.5 * 0.17, 0.25 * 0.06)
+        settings = scaled_controllers(narrow, 2, 0.0).sections["step"]
+        assert settings["gait"]["apart_m"] == pytest.approx(0.1, rel=1e-3)
+        assert settings["pressure"]["half_length_m"] == pytest.approx(0.0375, rel=1e-3)
+        assert settings["pressure"]["half_width_m"] == pytest.approx(0.00625, rel=1e-2)
+
+    def test_legs_that_cannot_move_sideways_stand_where_they_do(self) -> None:
+        flat = scaled_controllers(GO1._replace(spread_m=0.0), 4, 0.0).sections
+        assert flat["trot"]["stance"]["outward_m"] == flat["mpc"]["stance"]["outward_m"] == 0.0
+
+    def test_controllers_whose_gait_the_robot_does_not_have_are_left_out(self) -> None:
+        text = controllers_yaml(scaled_controllers(GO1, 5, 0.0), ["wave"])
+        assert list(yaml.safe_load(text)) == ["stand", "wave"]
