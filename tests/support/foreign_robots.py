@@ -156,7 +156,7 @@ def make(tmp_path: Path, text: str, suffix: str = "urdf", **wishes: object) -> t
     """Write a model, import it, load what came of it."""
     source = tmp_path / f"model.{suffix}"
     source.write_text(text)
-    made = import_robot(ImportRequest(source, tmp_path / "made", RANGES, gaits_of=gaits_of, **wishes))
+    made = import_robot(ImportRequest(source, tmp_path / "made", RANGES, **{"gaits_of": gaits_of, **wishes}))
     return load_robot(made.folder), made
 
 
