@@ -9,7 +9,7 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import imageio_ffmpeg
 import mujoco
@@ -24,6 +24,8 @@ from footfall.evaluate.report import caption, scene
 from footfall.plant.episode import Push
 from footfall.plant.trace import Trace
 from footfall.robots.description import load_robot
+
+T = TypeVar("T")
 
 WIDTH, HEIGHT, FRAME_RATE_HZ = 640, 400, 25
 PUSH_SHOWN_S = 0.4
@@ -86,17 +88,24 @@ def films_of(comparison: Comparison) -> dict[str, TaskResult[Film]]:
 
 
 def render_films(tasks: Sequence[FilmTask], workers: int | None = None) -> list[TaskResult[Film]]:
-    """Films of several episodes; where this machine cannot render, the reason instead.
+    """Films of several episodes; where this machine cannot render, the reason instead."""
+    return render_apart(film, tasks, workers)
+
+
+def render_apart(
+    function: Callable[[FilmTask], T], tasks: Sequence[FilmTask], workers: int | None = None
+) -> list[TaskResult[T]]:
+    """What a module-level function renders of several episodes, or the reason why it cannot.
 
     They are rendered in other processes, since MuJoCo settles on a GL back end when it is imported, and
     since a broken driver may take its process with it.
     """
-    outcomes: list[TaskResult[Film]] = [TaskResult(None, "nothing was tried")] * len(tasks)
+    outcomes: list[TaskResult[T]] = [TaskResult(None, "nothing was tried")] * len(tasks)
     reasons = []
     own = os.environ.get("MUJOCO_GL")
     for back_end in (own,) if own else BACK_ENDS:
         variables = {"MUJOCO_GL": back_end, "PYOPENGL_PLATFORM": back_end} if back_end else {}
-        outcomes = run_all(film, tasks, workers, environment=variables)
+        outcomes = run_all(function, tasks, workers, environment=variables)
         failed = next((outcome.error for outcome in outcomes if outcome.error), "")
         if not failed:
             return outcomes
@@ -135,7 +144,7 @@ def frames(task: FilmTask) -> Iterator[np.ndarray]:
     """Images (HEIGHT, WIDTH, 3) uint8 of an episode."""
     trace = task.trace
     rendered, picture = -1, np.zeros((HEIGHT, WIDTH, 3), np.uint8)
-    with _camera_shots(task) as shoot:
+    with camera_shots(task) as shoot:
         for time_s, index in zip(frame_times(task), frame_indices(task), strict=True):
             if index != rendered:
                 rendered, picture = index, shoot(int(index))
@@ -144,7 +153,7 @@ def frames(task: FilmTask) -> Iterator[np.ndarray]:
 
 
 @contextmanager
-def _camera_shots(task: FilmTask) -> Iterator[Callable[[int], np.ndarray]]:
+def camera_shots(task: FilmTask) -> Iterator[Callable[[int], np.ndarray]]:
     """A function that renders a sample of the trace, to be called in their order: the camera follows."""
     robot, trace = load_robot(task.robot), task.trace
     height_m = robot.description.standing_height_m

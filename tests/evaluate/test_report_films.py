@@ -17,7 +17,7 @@ from report_pages import COURSE, comparison, result, walked
 from footfall.common import colours
 from footfall.evaluate.config import EvaluationConfig
 from footfall.evaluate.pool import TaskResult
-from footfall.evaluate.report import films, scene
+from footfall.evaluate.report import films, scene, stills
 from footfall.evaluate.report.caption import in_words, written_on
 from footfall.evaluate.report.films import FilmTask, arrows
 from footfall.plant.episode import Push
@@ -257,3 +257,19 @@ class TestCaption:
             )
         ]  # fmt: skip
         assert len({line.tobytes() for line in lines}) == 5
+
+
+class TestStills:
+    def test_a_row_for_each_walk_or_why_there_is_no_picture(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        rows = [TaskResult(np.full((20, 100, 3), shade, np.uint8)) for shade in (0, 90)]
+        monkeypatch.setattr(stills, "render_apart", lambda *_: rows)
+        walks = [stills.Walk(name, "", walked(1.0)) for name in ("a", "b")]
+        path = tmp_path / "walks.jpg"
+        assert stills.draw_walks(tmp_path, walks, path) == ""
+        picture = np.asarray(Image.open(path))
+        assert picture.shape[:2] == (2 * (20 + stills.TEXT_HEIGHT + 2 * stills.MARGIN), 100)
+        monkeypatch.setattr(stills, "render_apart", lambda *_: [TaskResult(None, "no driver")] * 2)
+        assert stills.draw_walks(tmp_path, walks, path) == "no driver"
+        assert stills.draw_walks(tmp_path, [], path)

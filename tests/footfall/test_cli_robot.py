@@ -9,14 +9,15 @@ import pytest
 from recorder import Recorder
 from shell import Shell
 
+from footfall import robot_check
 from footfall.common.errors import UserError
 from footfall.domain_rand.randomisation import default_ranges
 from footfall.plant.lying import LyingResult, find_lying_pose
 from footfall.plant.standing import StandingResult
+from footfall.plant.walking import ControllerResult
 from footfall.policies.gaits import gaits_of
 from footfall.robots.description import Robot
 from footfall.robots.inspection import Inspection
-from footfall.verbs import robot as verb
 
 GO1_HEIGHT_M = 0.2945
 
@@ -32,7 +33,7 @@ def stood(**changes: Any) -> StandingResult:
 
 class TestVerdict:
     def wrong(self, robot: Robot, **changes: Any) -> list[str]:
-        return list(verb._wrong_standing(robot, stood(**changes)))
+        return list(robot_check.wrong_standing(robot, stood(**changes)))
 
     def test_who_stands_is_not_complained_of(self, go1: Robot) -> None:
         assert go1.description.standing_height_m == GO1_HEIGHT_M
@@ -71,11 +72,11 @@ class TestVerdict:
     def test_gains_that_frames_cannot_carry_are_told_by_joint(
         self, go1: Robot, gain: str, most: float
     ) -> None:
-        assert list(verb._beyond_frames(go1)) == []
+        assert list(robot_check.beyond_frames(go1)) == []
         gains = {"kp": go1.kp.copy(), "kd": go1.kd.copy()}
         gains[gain][[5, 7]] = most + 0.5, most
         robot: Any = SimpleNamespace(description=go1.description, **gains)
-        (found,) = verb._beyond_frames(robot)
+        (found,) = robot_check.beyond_frames(robot)
         assert found == f"joint FL_calf_joint: {gain} is {most + 0.5:.3g}, frames of AK10-9 carry {most:g}"
 
 
@@ -83,7 +84,7 @@ class TestShown:
     def test_how_it_stood(self, go1: Robot, capsys: pytest.CaptureFixture[str]) -> None:
         share = np.where(np.arange(12) == 7, 0.625, 0.25)
         standing = stood(stood_s=3.5, sank_m=0.0123, tilt_rad=0.1, moved_m=0.045, torque_share=share)
-        verb._show_standing(go1, standing)
+        robot_check.show_standing(go1, standing)
         assert capsys.readouterr().out.splitlines() == [
             "standing test, 3.5 s on the joint law over the simulated bus:",
             "  sank 12 mm of 294",
@@ -102,7 +103,7 @@ class TestShown:
             name="FR", place=np.array([0.1, -0.2, -0.3]), gap_m=0.0024, reach_m=(0.1, 0.4123)
         )
         looked: Any = SimpleNamespace(feet=[foot], margin_m=margin_m)
-        verb._show_feet(looked)
+        robot_check.show_feet(looked)
         out = capsys.readouterr().out
         assert out.splitlines()[1].split() == [
             *("FR", "0.100", "-0.200", "-0.300", "2.4", "0.100", "to", "0.412")
@@ -117,7 +118,7 @@ class TestShown:
             SimpleNamespace(name="leg", depth=2, mass_kg=0.68, joints=("FL_thigh_joint", "FL_calf_joint")),
         ]
         looked: Any = SimpleNamespace(links=links, centre_m=np.array([0.01, -0.02, 0.03]), mass_kg=5.884)
-        verb._show_tree(go1, looked)
+        robot_check.show_tree(go1, looked)
         lines = capsys.readouterr().out.splitlines()
         assert lines[1].split() == ["trunk", "5.204"]
         assert lines[2].startswith("    leg")
@@ -135,7 +136,7 @@ class TestShown:
     def test_how_it_lay(self, capsys: pytest.CaptureFixture[str]) -> None:
         """A base that sinks into the ground is not below it."""
         for clearance_m, told in ((0.0042, 4), (-0.003, 0)):
-            verb._show_lying(LyingResult("", clearance_m, 0.1))
+            robot_check.show_lying(LyingResult("", clearance_m, 0.1))
             assert capsys.readouterr().out.splitlines() == [
                 "lying test, from the ground to the default pose and back:",
                 f"  base {told} mm above the ground at the end",
@@ -152,7 +153,7 @@ def test_of_motors_that_no_frames_are_known_of_nothing_is_said_and_the_others_ar
     robot: Any = SimpleNamespace(
         description=SimpleNamespace(joints=joints, motors=motors), kp=np.full(2, 501.0), kd=np.zeros(2)
     )
-    assert list(verb._beyond_frames(robot)) == ["joint knee: kp is 501, frames of AK10-9 carry 500"]
+    assert list(robot_check.beyond_frames(robot)) == ["joint knee: kp is 501, frames of AK10-9 carry 500"]
 
 
 class TestCheck:
@@ -178,15 +179,25 @@ class TestCheck:
             calls.append(("lie", robot.name, seed))
             return LyingResult("", 0.0, 0.1)
 
+        def walk(robot: Robot, duration_s: float, seed: int) -> list[ControllerResult]:
+            calls.append(("walk", robot.name, duration_s, seed))
+            return []
+
         monkeypatch.setattr("footfall.plant.standing.standing_test", test)
         monkeypatch.setattr("footfall.plant.lying.lying_test", lie)
+        monkeypatch.setattr("footfall.plant.walking.controllers_test", walk)
         calls.append(looked)
         return calls
 
     def test_options_reach_the_tests(self, shell: Shell, asked: list[Any]) -> None:
         outcome = shell("robot", "check", "go1", "--duration", "2.5", "--seed", "9")
         assert outcome.status == 0, outcome.err
-        assert asked[1:] == [("inspect", "go1", 9), ("stand", "go1", 2.5, 9), ("lie", "go1", 9)]
+        assert asked[1:] == [
+            ("inspect", "go1", 9),
+            ("stand", "go1", 2.5, 9),
+            ("lie", "go1", 9),
+            ("walk", "go1", 2.5, 9),
+        ]
         assert outcome.out.endswith("nothing wrong was found\n")
 
     def test_by_default_it_stands_for_four_seconds(self, shell: Shell, asked: list[Any]) -> None:
@@ -204,9 +215,9 @@ class TestCheck:
         self, shell: Shell, asked: list[Any], monkeypatch: pytest.MonkeyPatch
     ) -> None:
         asked[0].findings = lambda: iter(["a foot is missing"])
-        monkeypatch.setattr(verb, "_beyond_frames", lambda _: ["a gain is cut"])
-        monkeypatch.setattr(verb, "_wrong_standing", lambda *_: ["it sinks"])
-        monkeypatch.setattr(verb, "_wrong_lying", lambda _: ["it tips over"])
+        monkeypatch.setattr(robot_check, "beyond_frames", lambda _: ["a gain is cut"])
+        monkeypatch.setattr(robot_check, "wrong_standing", lambda *_: ["it sinks"])
+        monkeypatch.setattr(robot_check, "wrong_lying", lambda _: ["it tips over"])
         paragraphs = shell("robot", "check", "go1").out.split("\n\n")
         tree, feet, standing, lying, wrong = paragraphs
         assert tree.split("  ")[0] == "link"
@@ -229,7 +240,7 @@ class TestCheck:
         )  # fmt: skip
         monkeypatch.setattr("footfall.robots.description.load_robot", lambda _: robot)
         outcome = shell("robot", "check", "mine")
-        assert [each[0] for each in asked[1:]] == ["inspect", "stand"]
+        assert [each[0] for each in asked[1:]] == ["inspect", "stand", "walk"]
         assert (outcome.status, "no lying pose (lying_rad in robot.yaml)" in outcome.out) == (0, True)
 
     def test_who_cannot_lie_down_and_stand_up_again_is_wrong(

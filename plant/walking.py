@@ -1,0 +1,88 @@
+"""Tests which of a robot's hand-written controllers stand or walk: each runs over the simulated bus."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from footfall.common.constants import GRAVITY_M_S2
+from footfall.plant.episode import Episode, run_episode
+from footfall.plant.trace import Trace
+from footfall.policies.registry import CONTROLLERS, controllers_of, load_policy
+from footfall.robots.description import Robot
+
+SPEED_SHARE = 0.5  # of the robot's highest forward command
+REACHED, SLOW = 0.1, 0.5  # shares of the commanded speed below which it does not walk, or walks slowly
+SETTLED = 0.5  # speeds are measured in the last share of the time
+MOST_SWAY = 0.05  # of a standing base, over the root of gravity times its height
+MOST_MOVED = 0.2  # of the standing height, on the spot
+
+
+@dataclass(frozen=True)
+class ControllerResult:
+    """How a controller did."""
+
+    name: str
+    walks: bool  # was asked to walk
+    command_m_s: float  # forward
+    speed_m_s: float  # mean forward speed once settled
+    sway_m_s: float  # largest horizontal speed of the base once settled
+    trouble: str  # what went wrong; empty if nothing did
+    trace: Trace
+
+    @property
+    def outcome(self) -> str:
+        """What it did, in words."""
+        if self.trouble or not self.walks:
+            return self.trouble or "stands"
+        if self.speed_m_s >= SLOW * self.command_m_s:
+            return "walks"
+        return "; ".join(["walks slowly", *self.trace.notes])
+
+
+def controllers_test(robot: Robot, duration_s: float = 4.0, seed: int = 0) -> list[ControllerResult]:
+    """Let each controller that a robot has settings for stand still, or walk ahead at half its top speed.
+
+    Raises:
+        UserError: settings cannot work.
+    """
+    return [_test(robot, name, duration_s, seed) for name in controllers_of(robot)]
+
+
+def _test(robot: Robot, name: str, duration_s: float, seed: int) -> ControllerResult:
+    walks = CONTROLLERS[name].walks
+    speed = round(SPEED_SHARE * robot.description.commands.forward_m_s[1], 2) if walks else 0.0
+    command = np.array([speed, 0.0, 0.0])
+    episode = Episode(command_source=lambda _: command, duration_s=duration_s, seed=seed)
+    policy = load_policy(name, robot)
+    trace = run_episode(robot, policy, episode)
+    late = slice(int(len(trace.time_s) * (1 - SETTLED)), None)
+    velocity = trace.base_velocity[late, :2]
+    result = ControllerResult(
+        name=name,
+        walks=walks,
+        command_m_s=speed,
+        speed_m_s=float(velocity[:, 0].mean()) if len(velocity) else 0.0,
+        sway_m_s=float(np.linalg.norm(velocity, axis=1).max(initial=0.0)),
+        trouble="",
+        trace=trace,
+    )
+    return replace(result, trouble=_trouble(robot, result, duration_s))
+
+
+def _trouble(robot: Robot, result: ControllerResult, duration_s: float) -> str:
+    """What went wrong; empty if nothing did."""
+    trace, height_m = result.trace, robot.description.standing_height_m
+    failed = trace.fall_reason or "; ".join(trace.faults) or ("the simulation diverged" if trace.fell else "")
+    if failed:
+        return f"{failed}, after {trace.walked_s:.1f} of {duration_s:.1f} s"
+    if result.walks:
+        if result.speed_m_s >= REACHED * result.command_m_s:
+            return ""
+        return "; ".join([f"it does not walk at {result.command_m_s:.2f} m/s", *trace.notes])
+    if result.sway_m_s > MOST_SWAY * math.sqrt(GRAVITY_M_S2 * height_m):
+        return f"it sways at {result.sway_m_s:.2f} m/s after {(1 - SETTLED) * duration_s:.1f} s"
+    moved = float(np.linalg.norm(trace.base_position[-1, :2] - trace.base_position[0, :2]))
+    if moved > MOST_MOVED * height_m:
+        return f"it moves by {moved:.2f} m"
+    return ""

@@ -1,0 +1,141 @@
+"""What `footfall robot check` prints of a robot and of its tests in simulation."""
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from footfall.plant.lying import LyingResult
+    from footfall.plant.standing import StandingResult
+    from footfall.plant.walking import ControllerResult
+    from footfall.robots.description import Robot
+    from footfall.robots.inspection import Inspection
+
+MOST_SUNK = 0.15  # share of the standing height
+MOST_TILT_RAD = 0.17
+MOST_TORQUE_SHARE = 0.8
+
+
+def show_tree(robot: "Robot", looked: "Inspection") -> None:
+    rows = []
+    for link in looked.links:
+        driven = [name for name in link.joints if name in robot.joint_names]
+        figures = [_joint_row(robot, robot.joint_index(name)) for name in driven] or [[""] * 5]
+        rows.append(["  " * link.depth + link.name, f"{link.mass_kg:.3f}", *figures[0]])
+        rows += [["", "", *more] for more in figures[1:]]
+    _print_table(["link", "kg", "joint", "range, rad", "default", "peak, N m", "kp, N m/rad"], rows)
+    x, y, z = looked.centre_m
+    print(f"total {looked.mass_kg:.2f} kg, centre of mass {x:.3f} {y:.3f} {z:.3f} m from the base's origin\n")
+
+
+def _joint_row(robot: "Robot", i: int) -> list[str]:
+    return [
+        robot.joint_names[i],
+        f"{robot.lower_rad[i]:.2f} to {robot.upper_rad[i]:.2f}",
+        f"{robot.default_pose[i]:.2f}",
+        f"{robot.motor.peak_torque[i]:g}",
+        f"{robot.kp[i]:.0f}",
+    ]
+
+
+def show_feet(looked: "Inspection") -> None:
+    rows = [
+        [
+            foot.name,
+            " ".join(f"{value:.3f}" for value in foot.place),
+            f"{1e3 * foot.gap_m:.1f}",
+            f"{foot.reach_m[0]:.3f} to {foot.reach_m[1]:.3f}",
+        ]
+        for foot in looked.feet
+    ]
+    _print_table(
+        ["foot", "place in the default pose, m", "above the ground, mm", "reach of the leg, m"], rows
+    )
+    side = "inside" if looked.margin_m >= 0.0 else "outside"
+    print(f"the centre of mass is {1e3 * abs(looked.margin_m):.0f} mm {side} the feet\n")
+
+
+def show_standing(robot: "Robot", standing: "StandingResult") -> None:
+    hardest = int(standing.torque_share.argmax())
+    share = f"{100 * standing.torque_share[hardest]:.0f} % of its peak torque"
+    print(f"standing test, {standing.stood_s:.1f} s on the joint law over the simulated bus:")
+    print(f"  sank {1e3 * standing.sank_m:.0f} mm of {1e3 * robot.description.standing_height_m:.0f}")
+    print(f"  tilted {np.degrees(standing.tilt_rad):.1f} degrees, moved {1e3 * standing.moved_m:.0f} mm")
+    print(f"  hardest at work: {robot.joint_names[hardest]}, {share}\n")
+
+
+def wrong_standing(robot: "Robot", standing: "StandingResult") -> Iterator[str]:
+    if not standing.stood:
+        why = standing.fall_reason or "; ".join(standing.faults)
+        yield f"it does not stand by itself: {why} after {standing.stood_s:.1f} s"
+        return
+    if standing.sank_m > MOST_SUNK * robot.description.standing_height_m:
+        yield f"it sinks by {1e3 * standing.sank_m:.0f} mm: the gains are low, or the pose asks for too much"
+    if standing.tilt_rad > MOST_TILT_RAD:
+        yield f"it tilts by {np.degrees(standing.tilt_rad):.0f} degrees"
+    for name, share in zip(robot.joint_names, standing.torque_share, strict=True):
+        if share > MOST_TORQUE_SHARE:
+            yield f"joint {name} needs {100 * share:.0f} % of its peak torque to stand"
+    for foot, share in zip(robot.description.feet, standing.feet_down, strict=True):
+        if share < 0.5:
+            yield f"foot {foot.name} is in the air"
+
+
+def show_lying(lying: "LyingResult | None") -> None:
+    if lying is None:
+        print("no lying pose (lying_rad in robot.yaml): it cannot lie down before its motors go off\n")
+        return
+    print("lying test, from the ground to the default pose and back:")
+    print(f"  base {1e3 * max(lying.clearance_m, 0.0):.0f} mm above the ground at the end")
+    print(f"  tilted {np.degrees(lying.tilt_rad):.1f} degrees\n")
+
+
+def wrong_lying(lying: "LyingResult | None") -> Iterator[str]:
+    if lying is not None and lying.trouble:
+        yield f"it does not stand up from its lying pose and go back to it: {lying.trouble}"
+
+
+def show_controllers(results: "Sequence[ControllerResult]") -> None:
+    """Print how each controller stood or walked."""
+    if not results:
+        return
+    rows = [
+        [
+            result.name,
+            f"{result.command_m_s:.2f}",
+            f"{result.speed_m_s:.2f}",
+            result.outcome,
+        ]
+        for result in results
+    ]
+    _print_table(["controller", "asked, m/s", "speed, m/s", "in simulation"], rows)
+    print()
+
+
+def wrong_controllers(results: "Sequence[ControllerResult]") -> Iterator[str]:
+    """Controllers that did not stand or walk, one line each."""
+    for result in results:
+        if result.trouble:
+            yield f"controller {result.name}: {result.trouble}"
+
+
+def beyond_frames(robot: "Robot") -> Iterator[str]:
+    """Gains that a motor's frames cannot carry: they would be cut."""
+    from footfall.deploy.drivers.mit import RANGES
+
+    for joint, kp, kd in zip(robot.description.joints, robot.kp, robot.kd, strict=True):
+        protocol = robot.description.motors[joint.motor].protocol
+        ranges = RANGES.get(protocol)
+        if ranges is None:
+            continue
+        for gain, value, most in (("kp", kp, ranges.kp), ("kd", kd, ranges.kd)):
+            if value > most:
+                yield f"joint {joint.name}: {gain} is {value:.3g}, frames of {protocol} carry {most:g}"
+
+
+def _print_table(header: list[str], rows: list[list[str]]) -> None:
+    """Columns as wide as they need to be, also where the output is no terminal."""
+    widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
+    for row in (header, *rows):
+        print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())

@@ -1,0 +1,41 @@
+"""Which hand-written controllers stand or walk on a robot."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import yaml
+
+from footfall.plant.walking import controllers_test
+from footfall.robots.description import Robot, load_robot
+
+
+@pytest.fixture
+def with_controllers(go1: Robot, tmp_path: Path) -> Callable[[dict], Robot]:
+    """go1 with other settings of its controllers."""
+
+    def make(sections: dict) -> Robot:
+        for name in ("robot.yaml", "robot.xml"):
+            (tmp_path / name).write_text((go1.folder / name).read_text())
+        (tmp_path / "controllers.yaml").write_text(yaml.safe_dump(sections))
+        return load_robot(tmp_path)
+
+    return make
+
+
+def test_each_controller_stands_walks_or_says_why_not(
+    go1: Robot, with_controllers: Callable[[dict], Robot]
+) -> None:
+    own = yaml.safe_load((go1.folder / "controllers.yaml").read_text())
+    crawl = own["trot"] | {"step": own["trot"]["step"] | {"length_m": 0.03}}
+    robot = with_controllers(
+        {"stand": own["stand"], "mpc": own["mpc"], "trot": crawl, "pace": own["trot"] | {"kp": 3.0}}
+    )
+    stand, mpc, trot, pace = controllers_test(robot, 2.0)
+    assert (stand.outcome, stand.command_m_s, stand.trouble) == ("stands", 0.0, "")
+    assert (mpc.outcome, mpc.command_m_s) == ("walks", 0.5)
+    assert mpc.speed_m_s == pytest.approx(0.5, abs=0.1)
+    assert not trot.trouble
+    assert trot.outcome.startswith("walks slowly")
+    assert pace.trouble
+    assert pace.trace.fell
