@@ -17,7 +17,7 @@ def with_controllers(go1: Robot, tmp_path: Path) -> Callable[[dict], Robot]:
     def make(sections: dict) -> Robot:
         for name in ("robot.yaml", "robot.xml"):
             (tmp_path / name).write_text((go1.folder / name).read_text())
-        (tmp_path / "controllers.yaml").write_text(yaml.safe_dump(sections))
+        (tmp_path / "controllers.yaml").write_text(yaml.safe_dump(sections, sort_keys=False))
         return load_robot(tmp_path)
 
     return make
