@@ -115,7 +115,7 @@ class TestFilms:
         def camera(_: FilmTask) -> Iterator[Any]:
             yield lambda index: shots.append(index) or np.full((2, 2, 3), index % 251, np.uint8)
 
-        monkeypatch.setattr(films, "_camera_shots", camera)
+        monkeypatch.setattr(films, "camera_shots", camera)
         monkeypatch.setattr(films.caption, "written_on", lambda *line: written.append(line))
         trace = walked(5.0, fell=True)
         list(films.frames(self.task(trace, duration_s=6.0)))

@@ -231,7 +231,7 @@ class TestFilm:
         self, monkeypatch: pytest.MonkeyPatch, fell: bool, written: float | None
     ) -> None:
         said: list[float | None] = []
-        monkeypatch.setattr(films, "_camera_shots", lambda _: nullcontext(lambda _: np.zeros((8, 8, 3))))
+        monkeypatch.setattr(films, "camera_shots", lambda _: nullcontext(lambda _: np.zeros((8, 8, 3))))
         monkeypatch.setattr(films.caption, "written_on", lambda *line: said.append(line[3]))
         trace = walked(5.0, fell=fell)
         assert len(list(films.frames(FilmTask("go1", None, trace, (), 6.0)))) == 150
