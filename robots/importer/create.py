@@ -93,10 +93,11 @@ def import_robot(request: ImportRequest) -> Imported:
         guesses.append(f"the knees bend backward: does x of '{machine.links[0].name}' point forward?")
     guesses.insert(0, f"base: '{machine.links[0].name}', its x axis pointing forward, z up")
     guesses += [*armature_guesses, *drive.guesses]
-    if source.pose_rad:
+    if pose.given:
         guesses.append("default pose: of the file's keyframe, the base level")
     else:
-        guesses.append("default pose: knees bent, centre of mass above the feet")
+        folded = " (the file's keyframe folds the legs)" if source.pose_rad else ""
+        guesses.append(f"default pose: knees bent, centre of mass above the feet{folded}")
     guesses.append("bus, id and protocol of each motor are placeholders, and so is the IMU's bus")
     if beyond:
         guesses.append(f"no protocol here carries what {shortened(beyond)} can do: the widest was taken")

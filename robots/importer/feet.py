@@ -14,6 +14,7 @@ ROUND = (Kind.mjGEOM_SPHERE, Kind.mjGEOM_ELLIPSOID)
 LONG = (Kind.mjGEOM_CAPSULE, Kind.mjGEOM_CYLINDER)
 WITH_ANKLE = 5  # joints of a leg that can hold a sole level
 CORNER_M = 0.005  # radius of the spheres at the corners of a sole
+LEVEL_SLOPE = 0.25  # sine of the largest angle from the ground of a capsule that lies on it
 LARGEST_TIP_M = 0.04  # radius of a sphere that is put at the end of a limb
 
 
@@ -32,8 +33,9 @@ def stand_on(
 ) -> tuple[Link, Leg]:
     """The link with its foot's geoms named, and the leg that ends in it.
 
-    Spheres are kept. A level sole gets a small sphere at each corner. A mesh at the end of a leg with an
-    ankle becomes a sole. Any other end gets a sphere.
+    Spheres are kept. A level sole gets a small sphere at each corner. At the end of a leg with an ankle a
+    mesh becomes a sole, and capsules that lie on the ground get a sphere at each corner of their outline.
+    Any other end gets a sphere.
 
     Args:
         link: the limb's last, number `index`.
@@ -51,10 +53,17 @@ def stand_on(
     lows = np.array([g.shape.position @ up - support(g.shape, up) for g in geoms])
     lowest = geoms[int(lows.argmin())]
     near = [g for g, low in zip(geoms, lows, strict=True) if low < lows.min() + LEVEL_M]
+    has_ankle = len(limb.joints) >= WITH_ANKLE
     stands = [g for g in near if _can_stand(g.shape, up)] if _can_stand(lowest.shape, up) else [lowest]
+    lying = [g for g in near if has_ankle and g.points is None and _lies(g.shape, up)]
+    if lowest in lying:
+        stands = lying
     replaced = {g.name for g in stands}
     others = [g for g in link.geoms if g.name not in replaced]
-    if len(limb.joints) >= WITH_ANKLE and lowest.points is not None:
+    if lowest in lying:
+        others += [replace(g, shape=_thinner(g.shape)) for g in lying]
+        stands = _outline([ball for g in lying for ball in _ends(g)], up)
+    elif has_ankle and lowest.points is not None:
         stands = [replace(lowest, shape=fit_sole(lowest.points, up))]
     elif not _can_stand(lowest.shape, up):
         stands = [replace(lowest, shape=_tip(lowest.shape, up))]
@@ -80,6 +89,42 @@ def is_sole(shape: Shape, up: np.ndarray) -> bool:
     along = np.abs(rotation_of(shape.quaternion).T @ up)
     vertical = int(along.argmax())
     return along[vertical] > 0.97 and shape.size[vertical] <= np.delete(shape.size, vertical).min()
+
+
+def _lies(shape: Shape, up: np.ndarray) -> bool:
+    """Whether a shape is a capsule or a cylinder that lies on the ground, longer than it is wide."""
+    if shape.kind not in LONG or shape.size[1] <= shape.size[0]:
+        return False
+    return abs(float(rotation_of(shape.quaternion)[:, 2] @ up)) < LEVEL_SLOPE
+
+
+def _thinner(shape: Shape) -> Shape:
+    """A capsule or a cylinder of half the radius: the spheres at its ends touch the ground, it does not."""
+    return shape._replace(size=shape.size * [0.5, 1.0, 1.0])
+
+
+def _ends(geom: Geom) -> list[Geom]:
+    """Spheres at both ends of a capsule or a cylinder."""
+    shape = geom.shape
+    away = rotation_of(shape.quaternion)[:, 2] * shape.size[1]
+    size = np.array([shape.size[0], 0.0, 0.0])
+    upright = np.array([1.0, 0.0, 0.0, 0.0])
+    return [
+        replace(geom, shape=Shape(Kind.mjGEOM_SPHERE, size, shape.position + side * away, upright))
+        for side in (1.0, -1.0)
+    ]
+
+
+def _outline(balls: list[Geom], up: np.ndarray) -> list[Geom]:
+    """The up to four balls that lie farthest out, towards the corners of the area that they cover."""
+    places = np.array([ball.shape.position for ball in balls])
+    level = places - np.outer(places @ up, up)
+    level -= (level.max(axis=0) + level.min(axis=0)) / 2
+    _, sizes, axes = np.linalg.svd(level, full_matrices=False)
+    along = level @ axes[:2].T / np.maximum(sizes[:2], 1e-9)
+    corners = ((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0))
+    chosen = dict.fromkeys(int((along @ np.array(corner)).argmax()) for corner in corners)
+    return [balls[index] for index in chosen]
 
 
 def _corners(sole: Geom, up: np.ndarray) -> list[Geom]:

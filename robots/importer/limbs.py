@@ -41,7 +41,7 @@ def find_limbs(source: Source, named: tuple[str, ...] = ()) -> Limbs:
             otherwise those that reach lowest.
 
     Raises:
-        UserError: there are no feet, or a leg has other joints than hinges with limits and motors.
+        UserError: there are no feet, or a leg has other joints than hinges that move and have motors.
     """
     model = source.model
     base = _base(model)
@@ -153,11 +153,8 @@ def _check(leg: Limb, source: Source) -> None:
 def _unfit(leg: Limb, source: Source) -> Iterator[str]:
     for name in leg.joints:
         joint = source.model.joint(name)
-        low, high = joint.range
         if joint.type[0] != mujoco.mjtJoint.mjJNT_HINGE:
             kind = mujoco.mjtJoint(joint.type[0]).name.removeprefix("mjJNT_").lower()
             yield f"joint {name} of a leg is a {kind} joint: footfall's legs are made of hinges"
         if name in source.coupled:
             yield f"joint {name} of a leg follows another one: footfall has a motor for each joint of a leg"
-        if not source.model.jnt_limited[joint.id] or not low < high:
-            yield f"joint {name} of a leg has no limits: write its range into the file"

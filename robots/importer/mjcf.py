@@ -8,7 +8,7 @@ import numpy as np
 
 from footfall.common.errors import UserError
 from footfall.robots.importer.shapes import hull_points, rotation_of
-from footfall.robots.importer.source import Source, compiled, free_the_base, name_everything
+from footfall.robots.importer.source import Source, compiled, free_the_base, limit_hinges, name_everything
 from footfall.robots.mjcf import load_spec
 
 STANDING = re.compile("stand|home|default", re.IGNORECASE)
@@ -35,7 +35,10 @@ def read_mjcf(path: Path) -> Source:
         peak_torque_nm=_peak_torques(model),
         pose_rad=_pose(model),
         coupled=frozenset(model.joint(int(joint)).name for joint in coupled),
-        guesses=(f"{model.ntendon} tendons were left out",) if model.ntendon else (),
+        guesses=(
+            *limit_hinges(model),
+            *([f"{model.ntendon} tendons were left out"] if model.ntendon else []),
+        ),
     )
 
 

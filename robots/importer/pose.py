@@ -24,6 +24,7 @@ STEPS = 40
 WORTH_A_STEP = 1e-3  # share of the cost
 DAMPING = 1e-3
 WEIGHTS = {"place": 1.0, "height": 3.0, "level": 3.0, "heading": 0.3, "posture": 0.02}
+STANDS = 0.3  # least share of a leg's reach at which a given pose stands
 ALIKE = 0.002  # costs that differ by less count as equal
 THE_SAME = 1e-4  # costs that differ by less keep the pose
 OFF_CENTRE = 0.02  # of a leg's length: a smaller lateral offset of the centre of mass counts as 0
@@ -37,6 +38,7 @@ class Pose(NamedTuple):
     height_m: float  # of the base, feet just touching
     knees_forward_m: float  # mean distance of the knees in front of the lines from hips to feet
     reach_m: float  # of the longest leg: from its first joint to the lowest point of its foot, stretched
+    given: bool = False  # it is the given one
 
 
 def standing_pose(machine: Machine, given: Mapping[str, float] | None = None, seed: int = 0) -> Pose:
@@ -44,7 +46,8 @@ def standing_pose(machine: Machine, given: Mapping[str, float] | None = None, se
 
     Args:
         machine: the robot.
-        given: joints of a given pose, clamped to the soft limits, rad; empty: a pose is searched.
+        given: joints of a given pose, clamped to the soft limits, rad. If empty, or if it folds the legs, a
+            pose is searched.
         seed: of the search.
     """
     return _Search(machine, seed).run(given or {})
@@ -66,19 +69,22 @@ class _Search:
             data.qpos[at] = np.clip(0.0, low, high)
         mujoco.mj_kinematics(self._model, data)
         reach = [self._solve(leg, self._lowest_of(leg)).reach for leg in legs]
-        if given:
-            self._take(given)
-        else:
+        takes = bool(given) and self._take(given, reach)
+        if not takes:
             self._balance(reach)
         mujoco.mj_kinematics(self._model, data)
         joints = {hinge.name: float(data.joint(hinge.name).qpos[0]) for hinge in self._machine.hinges}
         knees = float(np.mean([leg.knee(data) for leg in legs]))
-        return Pose(joints, -min(leg.foot(data)[2] for leg in legs), knees, max(reach))
+        return Pose(joints, -min(leg.foot(data)[2] for leg in legs), knees, max(reach), takes)
 
-    def _take(self, given: Mapping[str, float]) -> None:
+    def _take(self, given: Mapping[str, float], reach: list[float]) -> bool:
+        """Take a given pose; returns whether it stands: whether a leg is stretched far enough."""
         for hinge in self._machine.hinges:
             low, high = soft_limits(hinge.low, hinge.high, GIVEN_RANGE)
             self._data.joint(hinge.name).qpos = np.clip(given[hinge.name], low, high)
+        mujoco.mj_kinematics(self._model, self._data)
+        down = [leg.hip[2] - leg.foot(self._data)[2] for leg in self._legs]
+        return any(low > STANDS * far for low, far in zip(down, reach, strict=True))
 
     def _balance(self, reach: list[float]) -> None:
         """Bend the legs, and move the feet until the centre of mass is above their middle."""

@@ -53,6 +53,15 @@ def free_the_base(spec: mujoco.MjSpec, path: Path) -> None:
     base.add_freejoint(name=_new_name(spec.joints, "floating_base"))
 
 
+def limit_hinges(model: mujoco.MjModel) -> list[str]:
+    """Give hinges without a range half a turn either way; returns that guess, none if all have one."""
+    hinges = (model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE) & (model.jnt_limited == 0)
+    model.jnt_range[hinges] = -np.pi, np.pi
+    model.jnt_limited[hinges] = 1
+    names = [model.joint(int(joint)).name for joint in np.flatnonzero(hinges)]
+    return [f"range of joints without limits: -3.14 to 3.14 rad: {', '.join(names)}"] if names else []
+
+
 def compiled(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
     """The compiled model; raises UserError with MuJoCo's message."""
     try:

@@ -14,7 +14,14 @@ import numpy as np
 from footfall.common.errors import UserError
 from footfall.robots.importer.meshes import read_points
 from footfall.robots.importer.shapes import hull_points, rotation_of
-from footfall.robots.importer.source import Source, compiled, free_the_base, name_everything, one_line
+from footfall.robots.importer.source import (
+    Source,
+    compiled,
+    free_the_base,
+    limit_hinges,
+    name_everything,
+    one_line,
+)
 
 # MuJoCo would merge links that are fixed to each other and drop their names.
 COMPILER = {"fusestatic": "false", "discardvisual": "true", "balanceinertia": "true", "strippath": "false"}
@@ -43,8 +50,6 @@ def read_urdf(path: Path, root: ET.Element, packages: tuple[Path, ...]) -> Sourc
     guesses = [*_visuals_for_collisions(root, path)]
     if mended := list(_mend_inertias(root, path)):
         guesses.append(f"inertias that no body has were evened out: {', '.join(mended)}")
-    continuous = _make_revolute(root)
-    guesses += [f"joint {name} is continuous: its range is taken as -3.14 to 3.14 rad" for name in continuous]
     coupled = frozenset(j.get("name", "") for j in root.findall("joint") if j.find("mimic") is not None)
     limits = {j.get("name", ""): _limit(j, path) for j in root.findall("joint")}
     taken = list(_take_meshes(root, path, packages))
@@ -56,9 +61,11 @@ def read_urdf(path: Path, root: ET.Element, packages: tuple[Path, ...]) -> Sourc
     in_place_of = [spec.body(link).add_geom(size=[NO_SIZE, 0.0, 0.0]) for link, _ in taken]
     name_everything(spec)
     free_the_base(spec, path)
+    model = compiled(spec, path)
+    guesses += limit_hinges(model)
     return Source(
         path=path,
-        model=compiled(spec, path),
+        model=model,
         self_collisions=False,
         meshes={geom.name: points for geom, (_, points) in zip(in_place_of, taken, strict=True)},
         peak_torque_nm={n: limit.effort_nm for n, limit in limits.items() if limit.effort_nm},
@@ -122,19 +129,6 @@ def _next_to_nothing() -> ET.Element:
     ET.SubElement(inertial, "mass", value=str(NO_MASS))
     ET.SubElement(inertial, "inertia", {name: str(NO_MASS * (r == c)) for name, (r, c) in MOMENTS.items()})
     return inertial
-
-
-def _make_revolute(root: ET.Element) -> list[str]:
-    """Give continuous joints a range; returns their names."""
-    names = []
-    for joint in root.findall("joint[@type='continuous']"):
-        joint.set("type", "revolute")
-        limit = joint.find("limit")
-        limit = ET.SubElement(joint, "limit") if limit is None else limit
-        limit.set("lower", str(-math.pi))
-        limit.set("upper", str(math.pi))
-        names.append(joint.get("name", ""))
-    return names
 
 
 def _limit(joint: ET.Element, path: Path) -> _Limit:

@@ -279,7 +279,6 @@ class TestRefusals:
                 '<mujoco><worldbody><body><joint type="slide"/><geom size="1"/></body></worldbody></mujoco>',
                 "no free joint",
             ),
-            (quadruped(knee_limit='<limit effort="3" velocity="2"/>'), "knee of a leg has no limits"),
             (quadruped(knee_limit='<limit lower="-2" upper="-1"/>'), "FL_knee has no peak torque (effort)"),
             (
                 quadruped(knee_limit='<limit lower="-2" upper="-1" effort="1000"/>'),
@@ -352,7 +351,18 @@ class TestRefusals:
         text = quadruped(knee_kind="continuous", knee_limit='<limit effort="23" velocity="17"/>')
         robot, made = make(tmp_path, text)
         assert robot.upper_rad[2] == pytest.approx(np.pi)
-        assert any("continuous" in guess for guess in made.guesses)
+        (guess,) = (guess for guess in made.guesses if "without limits" in guess)
+        assert all(f"{leg}_knee" in guess for leg in HIPS)
+
+    def test_hinges_without_limits_of_an_mjcf_are_given_a_range_and_named_at_once(
+        self, tmp_path: Path
+    ) -> None:
+        text = BIPED_MJCF.replace(' range="-1.8 0.6"', "").replace(' range="0 2.2"', "")
+        robot, made = make(tmp_path, text, "xml")
+        hip = robot.joint_index("right_hip")
+        assert (robot.lower_rad[hip], robot.upper_rad[hip]) == pytest.approx((-np.pi, np.pi))
+        (guess,) = (guess for guess in made.guesses if "without limits" in guess)
+        assert all(f"{side}_{part}" in guess for side in ("left", "right") for part in ("hip", "knee"))
 
 
 def mass_matrix(model: mujoco.MjModel, pose: dict[str, float], joints: tuple[str, ...]) -> np.ndarray:

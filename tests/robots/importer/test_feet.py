@@ -75,6 +75,21 @@ class TestFeet:
         assert [g.shape.size[0] for g in feet] == [0.02, 0.03]
         assert [g.name for g in others] == ["c"]
 
+    def test_capsules_along_the_ground_stand_on_the_corners_of_their_outline(self) -> None:
+        """Three of 0.2, 0.24 and 0.2 m side by side, 12 mm thick; only a leg with an ankle has soles."""
+        ahead = turned(0.0, np.pi / 2, 0.0)
+        rods = [
+            geom(f"rod {y}", Kind.mjGEOM_CAPSULE, [0.012, half], [0.03, y, 0.012], turn=ahead)
+            for y, half in ((-0.03, 0.1), (0.0, 0.12), (0.03, 0.1))
+        ]
+        feet, others = foot_of(*rods, joints=6)
+        assert sorted(tuple(g.shape.position.round(6)) for g in feet) == [
+            (x, y, 0.012) for x in (-0.07, 0.13) for y in (-0.03, 0.03)
+        ]
+        assert all(g.shape.kind == Kind.mjGEOM_SPHERE and g.shape.size[0] == 0.012 for g in feet)
+        assert [g.shape.position[2] - g.shape.size[0] for g in others] == pytest.approx([0.006] * 3)
+        assert len(foot_of(*rods, joints=3)[0]) == 1
+
     def test_parts_that_are_called_feet_go_before_lower_ones(self) -> None:
         feet, others = foot_of(ball("spur", -0.3), ball("paw", -0.2, of_body="foot"), feet=["foot"])
         assert [g.name for g in feet] == ["FL_foot"]

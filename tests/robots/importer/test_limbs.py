@@ -70,11 +70,6 @@ class TestLimbs:
     @pytest.mark.parametrize(
         ("old", "new", "says"),
         [
-            (
-                'name="b_joint" axis="0 1 0" range="-1 1"',
-                'name="b_joint" axis="0 1 0"',
-                "of a leg has no limits",
-            ),
             ('name="b_joint" axis="0 1 0"', 'name="b_joint" type="slide"', "is a slide joint"),
             (
                 "</mujoco>",

@@ -61,6 +61,13 @@ class TestPose:
             0.2 + 0.2 * np.cos(0.5) + 0.02, abs=1e-6
         )
 
+    def test_a_given_pose_that_folds_the_legs_is_not_taken(self, tmp_path: Path) -> None:
+        machine, _ = build_machine(read(tmp_path, walker(knee="-3 -0.4")), "m")
+        given = {each.name: 0.0 for each in machine.hinges}
+        folded = standing_pose(machine, given | {name: -2.6 for name in given if "knee" in name})
+        assert not folded.given
+        assert folded == standing_pose(machine)
+
     def test_legs_may_have_unlike_numbers_of_joints(self, tmp_path: Path) -> None:
         text = walker().replace(
             '<joint name="rl_hip"', '<joint name="rl_yaw" axis="0 0 1" range="-1 1"/><joint name="rl_hip"'
