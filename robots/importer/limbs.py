@@ -14,6 +14,7 @@ from footfall.robots.importer.shapes import lowest_point
 from footfall.robots.importer.source import Source
 
 FOOT_NAME = re.compile(r"foot|feet|sole|paw|(^|[^a-z])toes?([^a-z]|$)", re.IGNORECASE)
+NO_FOOT_NAME = re.compile(r"gripper|hand|finger|thumb|palm|wrist|wheel", re.IGNORECASE)
 AS_LOW = 0.7  # least depth of a foot, as a share of the deepest limb's
 FEWEST_FEET = 2
 
@@ -56,6 +57,7 @@ def find_limbs(source: Source, named: tuple[str, ...] = ()) -> Limbs:
         feet, why = [end for end in ends if called[end] and depth[end] > 0], "by their names"
     else:
         feet = [end for end in ends if depth[end] >= AS_LOW * max(depth.values()) > 0]
+        _refuse_hands(source.path, model, feet)
         why = "for being lowest where all joints are at zero"
     if len(feet) < FEWEST_FEET:
         raise UserError(_no_feet(source.path, model, base, feet))
@@ -133,6 +135,21 @@ def _no_feet(path: Path, model: mujoco.MjModel, base: int, found: list[int]) -> 
         f"{path}: {only} found: with all joints at zero, limbs should reach below"
         f" '{model.body(base).name}'; if it has legs, name their last links with --feet"
     )
+
+
+def _refuse_hands(path: Path, model: mujoco.MjModel, feet: list[int]) -> None:
+    """Raises UserError if limbs that were taken for being lowest end in hands or wheels by their names."""
+    names = [name for end in feet for name in _names(model, end) if NO_FOOT_NAME.search(name)]
+    if names:
+        raise UserError(
+            f"{path}: its lowest limbs end in {', '.join(names)}, which are no feet by their names: footfall"
+            " moves machines with legs; if these are legs, name their last links with --feet"
+        )
+
+
+def _names(model: mujoco.MjModel, end: int) -> list[str]:
+    """Names of the bodies at the end of a limb."""
+    return [model.body(body).name for body in _welded(model, end)]
 
 
 def _limb(model: mujoco.MjModel, base: int, end: int, called: frozenset[str]) -> Limb:

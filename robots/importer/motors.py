@@ -115,8 +115,12 @@ def choose_drive(
     The stiffness of a joint is its reflected inertia times the square of one natural frequency. It is chosen
     so that the median joint demands its peak torque at an error of `LEAN_RAD`, or stiffer if standing
     requires it.
+
+    Raises:
+        UserError: a joint needs more than its peak torque to stand.
     """
     hinges = machine.hinges
+    _refuse_weak(machine, source, peak, standing)
     armature = np.array([hinge.armature for hinge in hinges])
     torque = np.array([peak[hinge.name] for hinge in hinges])
     usual = float(np.sqrt(np.median(torque / armature) / LEAN_RAD) / (2 * np.pi))
@@ -158,6 +162,18 @@ def choose_drive(
     if unknown:
         guesses.append(f"no-load speed of {shortened(unknown)}: {NO_LOAD_SPEED_RAD_S:g} rad/s")
     return Drive(motors, frequency, _floor(share), found, tuple(guesses))
+
+
+def _refuse_weak(machine: Machine, source: Source, peak: Mapping[str, float], standing: Statics) -> None:
+    """Raises UserError if joints need more than their peak torque to stand; names the worst first."""
+    needed = dict(zip((hinge.name for hinge in machine.hinges), np.abs(standing.torque_nm), strict=True))
+    weak = sorted((name for name in needed if needed[name] > peak[name]), key=lambda n: peak[n] / needed[n])
+    if weak:
+        listed = shortened([f"{name} {needed[name]:.3g} of {peak[name]:.3g} N m" for name in weak])
+        raise UserError(
+            f"{source.path}: motors are too weak to stand in the default pose: {machine.mass:.3g} kg need"
+            f" {listed}: correct the masses, or give --peak-torque"
+        )
 
 
 def _ceil(value: float) -> float:

@@ -46,6 +46,13 @@ class TestDrive:
         drive = self.drive(tmp_path, self.HINGES, (10.0, 20.0, 90.0))
         assert (drive.natural_frequency_hz, drive.stands) == (8.0, True)
 
+    def test_motors_that_are_too_weak_to_stand_are_refused_the_worst_first(self, tmp_path: Path) -> None:
+        heavy = CALM._replace(torque_nm=np.array([11.0, -60.0, 89.0]))
+        with pytest.raises(
+            UserError, match=r"too weak to stand.* b 60 of 20 N m, a 11 of 10 N m: .*--peak-torque"
+        ):
+            self.drive(tmp_path, self.HINGES, (10.0, 20.0, 90.0), heavy)
+
     def test_an_action_moves_no_joint_by_more_than_nine_tenths_of_its_range(self, tmp_path: Path) -> None:
         """kp = 0.01 (2 pi 8)^2 = 25.27 N m/rad; of 0.5 rad and 90 N m that is a share of 0.1263."""
         tight = self.drive(tmp_path, (hinge("a"), hinge("b"), hinge("c", 0.5)), (10.0, 20.0, 90.0))
