@@ -8,27 +8,37 @@ import numpy as np
 
 from footfall.common.errors import UserError
 from footfall.robots.importer.feet import leg_names, stand_on
-from footfall.robots.importer.limbs import Limbs, find_limbs
+from footfall.robots.importer.limbs import Limbs, base_of, find_limbs
 from footfall.robots.importer.machine import Geom, Link, Machine, build_links, frozen_pose, pose_of
 from footfall.robots.importer.model_xml import FOOT_FRICTION
+from footfall.robots.importer.orientation import guessed_forward, turned
 from footfall.robots.importer.source import Source
 
 SHOWN = 4  # names in a message; for the others, their number
 
 
-def build_machine(source: Source, name: str, feet: tuple[str, ...] = ()) -> tuple[Machine, list[str]]:
+def build_machine(
+    source: Source, name: str, feet: tuple[str, ...] = (), forward: str = "", up: str = "z"
+) -> tuple[Machine, list[str]]:
     """A legged machine, and its guesses, one line each.
 
     Args:
         source: the model.
         name: of the robot.
         feet: see `find_limbs`.
+        forward: axis of the base that points forward, such as "-x"; empty: guessed by the legs' names.
+        up: axis that points up.
 
     Raises:
         UserError: the source is no legged machine that footfall can drive; the message says why.
     """
-    model = source.model
+    if forward or up != "z":
+        source = turned(source, base_of(source.model), forward or ("y" if up.endswith("x") else "x"), up)
     limbs = find_limbs(source, feet)
+    guessed = "x" if forward else guessed_forward(source, limbs)
+    if guessed != "x":
+        source = turned(source, limbs.base, guessed)
+    model = source.model
     use = Counter(joint for limb in limbs.legs for joint in limb.joints)
     links = list(build_links(source, limbs.base, set(use)))
     if not source.self_collisions:
@@ -41,14 +51,18 @@ def build_machine(source: Source, name: str, feet: tuple[str, ...] = ()) -> tupl
     ):
         index = next(i for i, link in enumerate(links) if link.name == model.body(end).name)
         own = tuple(joint for joint in limb.joints if use[joint] == 1)
-        up = data.xmat[end].reshape(3, 3)[2]
+        upward = data.xmat[end].reshape(3, 3)[2]
         try:
-            links[index], leg = stand_on(links[index], index, limb, own, leg_name, up)
+            links[index], leg = stand_on(links[index], index, limb, own, leg_name, upward)
         except UserError as error:
             raise UserError(f"{source.path}: {error}") from None
         legs.append(leg)
     imu, imu_guess = _imu(model, limbs.base)
-    guesses = [*source.guesses, *limbs.guesses, *_frozen(source, limbs, set(use)), imu_guess]
+    ahead = forward or guessed
+    base = f"base: '{model.body(limbs.base).name}', its {ahead} axis pointing forward, {up} up"
+    if guessed != "x":
+        base += ", by the legs called left and right (--forward x keeps the file's)"
+    guesses = [base, *source.guesses, *limbs.guesses, *_frozen(source, limbs, set(use)), imu_guess]
     if source.meshes:
         guesses.append(f"{len(source.meshes)} meshes were replaced by primitives")
     if not source.self_collisions:

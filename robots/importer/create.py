@@ -43,6 +43,8 @@ class ImportRequest:
     folder: Path  # to make
     protocols: Mapping[str, Ranges]  # motor models with a driver
     feet: tuple[str, ...] = ()  # links that are feet or carry them; empty: found automatically
+    forward: str = ""  # axis of the base that points forward; empty: guessed by the legs' names
+    up: str = "z"  # axis of the base that points up
     packages: tuple[Path, ...] = ()  # folders with the packages of a URDF's meshes
     peak_torque_nm: ByJoint = field(default_factory=dict)  # overrides the file, by part of a joint's name
     speed_rad_s: ByJoint = field(default_factory=dict)
@@ -71,7 +73,7 @@ def import_robot(request: ImportRequest) -> Imported:
     if folder.exists() or folder.is_symlink():
         raise UserError(f"{folder} exists already: give another --out, or remove it")
     source = read_source(request.source, request.packages)
-    machine, guesses = build_machine(source, _name(folder), request.feet)
+    machine, guesses = build_machine(source, _name(folder), request.feet, request.forward, request.up)
     _refuse_unknown(machine, request)
     pose = standing_pose(machine, source.pose_rad)
     peak = peak_torques(machine, source, request.peak_torque_nm, pose.reach_m)
@@ -90,8 +92,9 @@ def import_robot(request: ImportRequest) -> Imported:
     apart = _touching_links(model, qpos)
     paired, leg_pairs = with_leg_pairs(machine, pose)
     if len(machine.legs) == ON_SOLES and pose.knees_forward_m < 0.0:
-        guesses.append(f"the knees bend backward: does x of '{machine.links[0].name}' point forward?")
-    guesses.insert(0, f"base: '{machine.links[0].name}', its x axis pointing forward, z up")
+        guesses.append(
+            f"the knees bend backward: does x of '{machine.links[0].name}' point forward (--forward)?"
+        )
     guesses += [*armature_guesses, *drive.guesses]
     if pose.given:
         guesses.append("default pose: of the file's keyframe, the base level")

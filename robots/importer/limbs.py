@@ -45,7 +45,7 @@ def find_limbs(source: Source, named: tuple[str, ...] = ()) -> Limbs:
         UserError: there are no feet, or a leg has other joints than hinges that move and have motors.
     """
     model = source.model
-    base = _base(model)
+    base = base_of(model)
     ends = _ends(model, base)
     if not ends:
         raise UserError(f"{source.path} has no joints that move a limb of '{model.body(base).name}'")
@@ -68,7 +68,7 @@ def find_limbs(source: Source, named: tuple[str, ...] = ()) -> Limbs:
     return Limbs(base, legs, () if named else tuple(guesses))
 
 
-def _base(model: mujoco.MjModel) -> int:
+def base_of(model: mujoco.MjModel) -> int:
     """The body with a free joint whose tree has the most joints."""
     free = model.jnt_bodyid[model.jnt_type == mujoco.mjtJoint.mjJNT_FREE]
     joints = [int(model.body_jntnum[model.body_rootid == root].sum()) for root in free]
@@ -133,7 +133,8 @@ def _no_feet(path: Path, model: mujoco.MjModel, base: int, found: list[int]) -> 
     only = f"only one foot, {model.body(found[0]).name}," if found else "no feet"
     return (
         f"{path}: {only} found: with all joints at zero, limbs should reach below"
-        f" '{model.body(base).name}'; if it has legs, name their last links with --feet"
+        f" '{model.body(base).name}'; if it has legs, name their last links with --feet, or"
+        " the axis that points up with --up"
     )
 
 

@@ -11,6 +11,11 @@ from footfall.common.errors import UserError
 from footfall.robots.importer.shapes import rotation_of
 
 VERTEX = re.compile(r"vertex\s+(\S+)\s+(\S+)\s+(\S+)")
+# From a Collada file's axes to ours, of which z points up; files without <up_axis> are taken as they are.
+TO_Z_UP = {
+    "X_UP": np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
+    "Y_UP": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
+}
 TRANSFORMS = ("matrix", "translate", "scale", "rotate")
 
 
@@ -83,8 +88,9 @@ def _points_of_scene(root: ET.Element) -> np.ndarray:
         for node in scene.findall("node"):
             _collect(node, np.eye(4), geometries, found)
     points = np.concatenate(found or [*geometries.values(), np.zeros((0, 3))])
-    unit = root.find("asset/unit")
-    return points * float(unit.get("meter", 1.0) if unit is not None else 1.0)
+    unit, up = root.find("asset/unit"), root.findtext("asset/up_axis", "Z_UP").strip()
+    points = points * float(unit.get("meter", 1.0) if unit is not None else 1.0)
+    return points @ TO_Z_UP.get(up, np.eye(3)).T
 
 
 def _positions(geometry: ET.Element) -> np.ndarray:

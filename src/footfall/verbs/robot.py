@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import App, Parameter
 
@@ -38,6 +38,9 @@ ByJoint = Annotated[
 ]
 
 
+Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
+
+
 @Parameter(name="*")
 @dataclass(frozen=True)
 class NewOptions:
@@ -49,6 +52,10 @@ class NewOptions:
     """Folder to make; its name becomes the robot's."""
     feet: Names = ()
     """Links that are feet or carry them (default: those called feet, or the lowest)."""
+    forward: Axis | None = None
+    """Axis of the base that points forward (default: guessed by legs called left and right, else x)."""
+    up: Axis = "z"
+    """Axis of the base that points up."""
     packages: Annotated[tuple[Path, ...], Parameter(consume_multiple=True, negative=())] = ()
     """Folders that hold the packages of a URDF's meshes, beside those above the URDF and ROS_PACKAGE_PATH."""
     peak_torque: ByJoint = field(default_factory=dict)
@@ -75,6 +82,8 @@ def new(*, options: NewOptions) -> None:
             folder=options.out,
             protocols=RANGES,
             feet=options.feet,
+            forward=options.forward or "",
+            up=options.up,
             packages=options.packages,
             peak_torque_nm=options.peak_torque,
             speed_rad_s=options.speed,

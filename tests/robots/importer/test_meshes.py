@@ -72,6 +72,20 @@ class TestMeshFiles:
         points = read_points(tmp_path / "a.DAE", np.array([1.0, 1.0, 10.0]))
         np.testing.assert_allclose(points, [[-2, 3, 30], [-5, 9, 60]])
 
+    @pytest.mark.parametrize(
+        ("up", "point"), [("Z_UP", (1, 2, 3)), ("Y_UP", (1, -3, 2)), ("X_UP", (-2, 1, 3)), (None, (1, 2, 3))]
+    )
+    def test_collada_says_which_axis_points_up(
+        self, tmp_path: Path, up: str | None, point: tuple[float, ...]
+    ) -> None:
+        (tmp_path / "a.dae").write_text(
+            f"""<COLLADA><asset>{f"<up_axis>{up}</up_axis>" if up else ""}</asset><library_geometries>
+            <geometry id="g"><mesh><source id="p"><float_array>1 2 3 0 0 0</float_array></source>
+            <vertices id="v"><input semantic="POSITION" source="#p"/></vertices></mesh></geometry>
+            </library_geometries></COLLADA>"""
+        )
+        assert read_points(tmp_path / "a.dae", np.ones(3))[0] == pytest.approx(point)
+
     def test_a_binary_stl_may_begin_as_one_of_text_does(self, tmp_path: Path) -> None:
         corners = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3]], dtype="<f4")
         faces = [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]

@@ -1,0 +1,88 @@
+"""Which way a base faces: turns its frame until x points forward and z up; guesses forward by names."""
+
+import copy
+import re
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from footfall.common.errors import UserError
+from footfall.robots.importer.limbs import Limbs
+from footfall.robots.importer.machine import frozen_pose, pose_of
+from footfall.robots.importer.shapes import quaternion_of, rotation_of
+from footfall.robots.importer.source import Source
+
+AXES = {
+    f"{sign}{name}": (-1.0 if sign else 1.0) * axis
+    for sign in ("", "-")
+    for name, axis in zip("xyz", np.eye(3), strict=True)
+}
+WORDS = {"l": "l", "left": "l", "r": "r", "right": "r"}
+CLEAR = 0.9  # least cosine of the angle between the guessed direction and an axis
+
+
+def turned(source: Source, base: int, forward: str, up: str = "z") -> Source:
+    """The source with another frame of its base, which stands level in it.
+
+    Args:
+        source: is not changed.
+        base: body with the free joint.
+        forward: axis of the base that becomes x, such as "-y".
+        up: axis that becomes z.
+
+    Raises:
+        UserError: both are the same axis.
+    """
+    x, z = AXES[forward], AXES[up]
+    if abs(x @ z) > 0.0:
+        raise UserError(f"--forward {forward} and --up {up} are one axis: they are at right angles")
+    axes = np.stack([x, np.cross(z, x), z])  # rows: the new axes in the old frame
+    model = copy.copy(source.model)
+    for fixed, position, quaternion in (
+        (np.flatnonzero(model.body_parentid == base), model.body_pos, model.body_quat),
+        (np.flatnonzero(model.geom_bodyid == base), model.geom_pos, model.geom_quat),
+        (np.flatnonzero(model.site_bodyid == base), model.site_pos, model.site_quat),
+        (np.array([base]), model.body_ipos, model.body_iquat),
+    ):
+        for index in fixed.tolist():
+            position[index] = axes @ position[index]
+            quaternion[index] = quaternion_of(axes @ rotation_of(quaternion[index]))
+    at = int(model.jnt_qposadr[model.body_jntadr[base]])
+    model.qpos0[at + 3 : at + 7] = model.body_quat[base] = (1.0, 0.0, 0.0, 0.0)
+    own = {model.geom(int(geom)).name for geom in np.flatnonzero(model.geom_bodyid == base)}
+    meshes = {name: points @ axes.T if name in own else points for name, points in source.meshes.items()}
+    return replace(source, model=model, meshes=meshes)
+
+
+def guessed_forward(source: Source, limbs: Limbs) -> str:
+    """The horizontal axis of the base that points forward, by which legs are called left and right.
+
+    Returns:
+        "x" where the names do not tell.
+    """
+    model = source.model
+    data = pose_of(model, frozen_pose(model, set()))
+    sides = side_letters(model.body(limb.bodies[0]).name for limb in limbs.legs)
+    places = np.array([data.xanchor[model.joint(limb.joints[0]).id] for limb in limbs.legs])
+    of_side = [[place for place, its in zip(places, sides, strict=True) if its == side] for side in "lr"]
+    if not all(of_side):
+        return "x"
+    left, right = (np.mean(each, axis=0) for each in of_side)
+    across = data.xmat[limbs.base].reshape(3, 3).T @ (left - right)
+    ahead = np.cross(across, AXES["z"])
+    ahead /= max(float(np.linalg.norm(ahead)), 1e-9)
+    return next((name for name, axis in AXES.items() if name[-1] != "z" and axis @ ahead > CLEAR), "x")
+
+
+def side_letters(names: Iterable[str]) -> list[str]:
+    """Side of each leg by its last link's name, "l" or "r": of words, else of codes as FL or RH; else ""."""
+    parts = [re.findall(r"[a-z]+", re.sub(r"([a-z])([A-Z])", r"\1_\2", name).lower()) for name in names]
+    found = [next((WORDS[part] for part in words if part in WORDS), "") for words in parts]
+    if all(found):
+        return found
+    codes = [
+        next((part for part in words if len(part) == 2 and set(part) & {"l", "r"}), "") for words in parts
+    ]
+    places = [place for place in (0, 1) if all(code and code[place] in "lr" for code in codes)]
+    return [code[places[0]] for code in codes] if len(places) == 1 else [""] * len(parts)

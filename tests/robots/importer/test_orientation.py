@@ -1,0 +1,76 @@
+"""Which way a base faces."""
+
+from pathlib import Path
+
+import mujoco
+import pytest
+from foreign_robots import BIPED_MJCF, make, quadruped, read
+
+from footfall.common.errors import UserError
+from footfall.robots.importer.build import build_machine
+from footfall.robots.importer.limbs import base_of
+from footfall.robots.importer.orientation import side_letters, turned
+
+
+def renamed(text: str) -> str:
+    """The biped with its sides exchanged: of a file whose x axis points backward."""
+    return text.replace("left", "LEFT").replace("right", "left").replace("LEFT", "right")
+
+
+@pytest.mark.parametrize(
+    ("names", "sides"),
+    [
+        (["FL_calf", "FR_calf", "RL_calf", "RR_calf"], ["l", "r", "l", "r"]),
+        (["LF_SHANK", "RF_SHANK", "LH_SHANK", "RH_SHANK"], ["l", "r", "l", "r"]),
+        (["LF", "LM", "LR", "RF", "RM", "RR"], ["l", "l", "l", "r", "r", "r"]),
+        (["leftFoot", "RIGHT_FOOT_LINK"], ["l", "r"]),
+        (["l_ankle_2", "r_ankle_2"], ["l", "r"]),
+        (["RL", "RR"], ["", ""]),  # rear left or right left
+        (["leg_1", "leg_2"], ["", ""]),
+    ],
+)
+def test_names_tell_the_sides(names: list[str], sides: list[str]) -> None:
+    assert side_letters(names) == sides
+
+
+class TestTurned:
+    def test_a_base_whose_left_legs_are_on_the_right_is_turned_and_that_is_said(self, tmp_path: Path) -> None:
+        machine, guesses = build_machine(read(tmp_path, renamed(BIPED_MJCF)), "m")
+        assert "-x axis pointing forward" in guesses[0]
+        assert "--forward x" in guesses[0]
+        assert "its x axis pointing forward, z up" in build_machine(read(tmp_path, BIPED_MJCF), "m")[1][0]
+        kept, guesses = build_machine(read(tmp_path, renamed(BIPED_MJCF)), "m", forward="x")
+        assert "its x axis" in guesses[0]
+        ours, theirs = (next(li for li in m.links if li.name == "left_hip_link") for m in (machine, kept))
+        assert ours.position == pytest.approx(theirs.position * [-1.0, -1.0, 1.0])
+        assert machine.links[0].centre == pytest.approx(kept.links[0].centre * [-1.0, -1.0, 1.0])
+
+    def test_a_turned_base_is_the_same_machine(self, tmp_path: Path) -> None:
+        """The robot that is asked to face along y: its feet, turned back, stand where the other's do."""
+        (tmp_path / "a").mkdir()
+        (tmp_path / "b").mkdir()
+        as_is, _ = make(tmp_path / "a", quadruped(), forward="x")
+        aside, made = make(tmp_path / "b", quadruped(), forward="-y")
+        assert "its -y axis pointing forward, z up" in made.guesses[0]
+        model = mujoco.MjModel.from_xml_path(str(as_is.xml_path))
+        other = mujoco.MjModel.from_xml_path(str(aside.xml_path))
+        assert other.body_mass.sum() == pytest.approx(model.body_mass.sum())
+        for leg in ("FL", "RR"):
+            x, y, z = model.body(f"{leg}_thigh").pos
+            assert other.body(f"{leg}_thigh").pos == pytest.approx([-y, x, z], abs=1e-5)
+
+    def test_a_file_whose_y_axis_points_up(self, tmp_path: Path) -> None:
+        """It has no limbs below its base until the axis is named; then it is the machine of the file with z up."""
+        upright = read(tmp_path, BIPED_MJCF)
+        lying = turned(upright, base_of(upright.model), "x", "-y")
+        with pytest.raises(UserError, match="--up"):
+            build_machine(lying, "m")
+        machine, guesses = build_machine(lying, "m", forward="x", up="y")
+        assert "y up" in guesses[0]
+        for link, expected in zip(machine.links, build_machine(upright, "m")[0].links, strict=True):
+            assert link.position == pytest.approx(expected.position, abs=1e-9)
+            assert link.inertia == pytest.approx(expected.inertia, abs=1e-9)
+
+    def test_forward_and_up_are_two_axes(self, tmp_path: Path) -> None:
+        with pytest.raises(UserError, match="right angles"):
+            build_machine(read(tmp_path, BIPED_MJCF), "m", forward="-y", up="y")
