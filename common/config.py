@@ -15,6 +15,7 @@ from cattrs.gen import make_dict_structure_fn, make_dict_unstructure_fn
 from cattrs.v import format_exception
 
 from footfall.common.errors import UserError
+from footfall.common.files import is_named_pipe
 from footfall.common.yaml_text import parse_yaml
 
 T = TypeVar("T")
@@ -199,6 +200,8 @@ def read_yaml(path: Path) -> Any:
     Raises:
         UserError: the file cannot be read, is too large for settings, or is no YAML.
     """
+    if is_named_pipe(path):
+        raise UserError(f"{path} is a named pipe, which may block for ever: give a file")
     try:
         with path.open("rb") as file:
             content = file.read(LARGEST_BYTES + 1)  # a device may have no end

@@ -1,8 +1,14 @@
 """Files that are either whole or not there."""
 
 import os
+import stat
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+
+SPARE_DESCRIPTORS = 4
+SHOWN_NAME = 32  # characters of its name that a temporary file keeps: a name has 255 bytes at most
 
 
 def write_atomically(path: Path, content: bytes, mode: int | None = None) -> None:
@@ -13,7 +19,7 @@ def write_atomically(path: Path, content: bytes, mode: int | None = None) -> Non
     Args:
         mode: permissions (default: as the user's umask has it).
     """
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name[:SHOWN_NAME]}.")
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(content)
@@ -29,6 +35,31 @@ def write_atomically(path: Path, content: bytes, mode: int | None = None) -> Non
         os.fsync(folder)
     finally:
         os.close(folder)
+
+
+def is_named_pipe(path: Path) -> bool:
+    """Whether a path is a FIFO in a folder, which blocks whoever opens it; not /dev/stdout, nor `<(...)`."""
+    try:
+        return stat.S_ISFIFO(os.stat(path).st_mode) and os.path.exists(os.path.realpath(path))
+    except OSError:
+        return False
+
+
+@contextmanager
+def spare_descriptors() -> Iterator[list[int]]:
+    """Some file descriptors for the end of a run that has used up all others: close them before writing."""
+    spare = [os.open(os.devnull, os.O_RDONLY) for _ in range(SPARE_DESCRIPTORS)]
+    try:
+        yield spare
+    finally:
+        release(spare)
+
+
+def release(spare: list[int]) -> None:
+    """Close spare descriptors; those closed already are left alone."""
+    while spare:
+        with suppress(OSError):
+            os.close(spare.pop())
 
 
 def _umask() -> int:

@@ -1,16 +1,19 @@
 """Files that a command writes: refused before the work if they cannot be, whole or not there after it."""
 
+import errno
 import json
 import math
 import os
+import stat
 import tempfile
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from footfall.common.errors import UserError
-from footfall.common.files import write_atomically
+from footfall.common.files import is_named_pipe, write_atomically
 
 
 def check_outputs(*paths: Path | None) -> None:
@@ -21,19 +24,30 @@ def check_outputs(*paths: Path | None) -> None:
     """
     given = [path for path in paths if path is not None]
     for path in given:
-        if path.is_dir():
-            raise UserError(f"cannot write {path}: it is a folder; give a file name")
-        if is_device(path):
-            continue
-        try:
-            with tempfile.TemporaryFile(dir=_folder(path)):
-                pass
-        except OSError as error:
-            there = _folder(path).is_dir()
-            reason = error.strerror if there else f"there is no folder {_folder(path)}"
-            raise UserError(f"cannot write {path}: {reason}") from None
+        if reason := _why_not(path):
+            raise UserError(f"cannot write {path}: {reason}")
     if len({_target(path) for path in given}) < len(given):
         raise UserError(f"cannot write two outputs to {given[0]}: give each a name of its own")
+
+
+def _why_not(path: Path) -> str:
+    """Why a file cannot be written; empty if it can."""
+    if is_named_pipe(path):
+        return "it is a named pipe, which may block for ever; give a file name"
+    try:
+        with suppress(FileNotFoundError):
+            if stat.S_ISDIR(os.stat(path).st_mode):
+                return "it is a folder; give a file name"
+        if is_device(path):
+            return ""
+        with tempfile.TemporaryFile(dir=_folder(path)):
+            return ""
+    except OSError as error:
+        if error.errno == errno.ENAMETOOLONG:
+            return "the name is too long; give a shorter one"
+        if _folder(path).is_dir():
+            return "no file can be made in this folder" if error.errno == errno.ENOENT else error.strerror
+        return f"there is no folder {_folder(path)}"
 
 
 def write_text(path: Path, text: str) -> None:

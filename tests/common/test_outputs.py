@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from footfall.common.config import read_yaml
 from footfall.common.errors import CannotWriteError, UserError
 from footfall.common.files import write_atomically
 from footfall.common.outputs import check_outputs, is_device, write_json, write_text
@@ -32,6 +33,33 @@ def test_a_file_is_no_folder(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(UserError, match=r"cannot write .*report\.json"):
         check_outputs(tmp_path / "file" / "report.json")
+
+
+def test_a_name_that_is_too_long_is_refused_and_the_longest_is_written(tmp_path: Path) -> None:
+    longest = tmp_path / ("a" * 255)
+    check_outputs(longest)
+    write_text(longest, "whole")
+    assert longest.read_text() == "whole"
+    with pytest.raises(UserError, match="too long"):
+        check_outputs(tmp_path / ("a" * 256))
+
+
+def test_a_named_pipe_is_refused_and_a_pipe_that_was_handed_over_is_not(tmp_path: Path) -> None:
+    """Whoever opens a named pipe waits for the other end."""
+    fifo = tmp_path / "fifo"
+    os.mkfifo(fifo)
+    with pytest.raises(UserError, match="named pipe"):
+        check_outputs(fifo)
+    with pytest.raises(UserError, match="named pipe"):
+        read_yaml(fifo)
+    reader, writer = os.pipe()
+    with os.fdopen(reader), os.fdopen(writer):
+        check_outputs(Path(f"/dev/fd/{writer}"))
+
+
+def test_a_folder_that_takes_no_files_is_named_as_such() -> None:
+    with pytest.raises(UserError, match="no file can be made in this folder"):
+        check_outputs(Path("/proc/run.json"))
 
 
 def test_checking_leaves_an_older_file_alone(tmp_path: Path) -> None:
@@ -102,7 +130,7 @@ class TestOutputs:
         assert is_device(Path("/dev/null"))
         assert not is_device(tmp_path)
         assert not is_device(tmp_path / "none")
-        check_outputs(pipe, Path("/dev/null"))
+        check_outputs(Path("/dev/null"))
         reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
         try:
             write_text(pipe, "through ✓")
