@@ -46,7 +46,9 @@ def _why_not(path: Path) -> str:
         if error.errno == errno.ENAMETOOLONG:
             return "the name is too long; give a shorter one"
         if _folder(path).is_dir():
-            return "no file can be made in this folder" if error.errno == errno.ENOENT else error.strerror
+            return (
+                "no file can be made in this folder" if error.errno == errno.ENOENT else str(error.strerror)
+            )
         return f"there is no folder {_folder(path)}"
 
 

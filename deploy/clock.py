@@ -21,6 +21,10 @@ class Clock(Protocol):
 
     realtime: bool
 
+    def start(self) -> int:
+        """Make this moment time zero; returns its Unix time, ns, or 0 where time is simulated."""
+        ...
+
     def next_tick(self) -> int:
         """Wait for the next tick; returns its time."""
         ...
@@ -38,6 +42,9 @@ class LockstepClock:
     def __init__(self, period_us: int) -> None:
         self._period_us = period_us
         self._tick = -1
+
+    def start(self) -> int:
+        return 0
 
     def next_tick(self) -> int:
         self._tick += 1
@@ -58,10 +65,14 @@ class WallClock:
         self._tick = -1
         self._late_ns = 0
 
+    def start(self) -> int:
+        self._start_ns = time.monotonic_ns()
+        return time.time_ns()
+
     def next_tick(self) -> int:
-        now = time.monotonic_ns()
         if self._start_ns < 0:
-            self._start_ns = now
+            self.start()
+        now = time.monotonic_ns()
         self._tick = max(self._tick + 1, (now - self._start_ns) // self._period_ns)
         due = self._start_ns + self._tick * self._period_ns
         while (left := due - time.monotonic_ns()) > 0:

@@ -1,7 +1,9 @@
 """A deadline for foreign code on the loop's own thread: a policy that sleeps or spins is interrupted."""
 
+import math
 import signal
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -27,16 +29,20 @@ def deadlines() -> Iterator[Arm]:
         yield unarmed
         return
 
+    due_s = math.inf
+
+    def arm(seconds: float) -> None:
+        nonlocal due_s
+        due_s = time.monotonic() + seconds if seconds else math.inf
+        signal.setitimer(signal.ITIMER_REAL, seconds)
+
     def overdue(*_: object) -> None:
-        raise OverdueError
+        if time.monotonic() >= due_s:  # a signal from elsewhere is none of the deadline's
+            raise OverdueError
 
     before = signal.signal(signal.SIGALRM, overdue)
     try:
-        yield _set
+        yield arm
     finally:
-        _set(0.0)
+        arm(0.0)
         signal.signal(signal.SIGALRM, before)
-
-
-def _set(seconds: float) -> None:
-    signal.setitimer(signal.ITIMER_REAL, seconds)

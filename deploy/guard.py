@@ -11,8 +11,11 @@ import threading
 import time
 from collections.abc import Callable
 
+from footfall.common.in_time import in_time
+
 PATIENCE_S = 1.0  # that the loop's thread has to end the process itself, once the motors are disabled
 EVERY_S = 0.01  # between two frames
+SAYING_S = 0.1
 
 
 class Guard(threading.Thread):
@@ -69,7 +72,7 @@ class Guard(threading.Thread):
         _try(self._disable)
         if self._done.wait(PATIENCE_S):
             return
-        print("the control loop did not come back: robot damped, motors off", file=sys.stderr, flush=True)
+        _say("the control loop did not come back: robot damped, motors off")
         self._end(1)
 
 
@@ -78,4 +81,9 @@ def _try(act: Callable[[], None]) -> None:
     try:
         act()
     except Exception as error:
-        print(f"guard: {type(error).__name__}: {error}", file=sys.stderr, flush=True)
+        _say(f"guard: {type(error).__name__}: {error}")
+
+
+def _say(line: str) -> None:
+    """Print a line, unless the terminal takes none: that must not hold up what the motors wait for."""
+    in_time(lambda: print(line, file=sys.stderr, flush=True), SAYING_S)

@@ -81,7 +81,7 @@ class McapLog:
     """Passes a run's records on to a process that writes them."""
 
     def __init__(
-        self, path: Path, robot: Robot, policy: Policy, facts: dict[str, Any], start_ns: int, may_wait: bool
+        self, path: Path, robot: Robot, policy: Policy, facts: dict[str, Any], may_wait: bool
     ) -> None:
         """Open the file and start the process.
 
@@ -89,7 +89,6 @@ class McapLog:
             path: where to write; an older file is replaced.
             robot, policy: whom the log is about.
             facts: further metadata, such as the seed.
-            start_ns: Unix time of the loop's time zero, ns.
             may_wait: let the loop wait for a slow disk; otherwise records are left out, and counted.
 
         Raises:
@@ -112,17 +111,21 @@ class McapLog:
         self._health: tuple[bytes, ...] | None = None  # the latest that was written
         self._broken = False
         self._lacks: str | None = None
-        begin = {
+        self._begun = False
+        self._first = {
             "joints": list(robot.joint_names),
             "readings": sensed_sizes(len(robot.joint_names)),
             "inputs": input_sizes(len(robot.joint_names)),
             "metadata": _metadata(robot, policy, facts),
-            "start_ns": start_ns,
             "path": str(path),
         }
-        self._put(record(Kind.BEGIN, 0, json.dumps(begin).encode()))
 
     # -- called by the loop --------------------------------------------------------------------------
+
+    def begin(self, start_ns: int) -> None:
+        """Begin the log, before anything else is logged; `start_ns` is the Unix time of time zero, ns."""
+        self._begun = True
+        self._put(record(Kind.BEGIN, 0, json.dumps(self._first | {"start_ns": start_ns}).encode()))
 
     def tick(self, now_us: int, sensed: Sensed, motors: MotorHealth, commanded: np.ndarray | None) -> None:
         """Readings of a joint tick, and the command (5, n) that went out; None if none did.
@@ -166,11 +169,14 @@ class McapLog:
     def close(self) -> str:
         """End the file. Returns what it lacks in one line; empty if it is complete."""
         if self._lacks is None:
-            self._lacks = self._close()
+            try:
+                self._lacks = self._close()
+            except OSError as error:  # no file descriptor or thread is left
+                self._lacks = f"the log {self._path} may lack its end: {error.strerror or error}"
         return self._lacks
 
     def _close(self) -> str:
-        if not self._broken:
+        if self._begun and not self._broken:
             self._may_wait = True
             self._waiting += record(Kind.END, 0)
         try:

@@ -23,6 +23,7 @@ CHUNK_BYTES = 64 * 1024
 FLUSH_EVERY_S = 0.05
 READ_BYTES = 1 << 20
 READY = "ready"
+GONE = "the process of the run ended before the run"
 ARRAYS = {  # records that are written unchanged: topic, bytes per number
     Kind.DECISION: ("/policy/command", 8),
     Kind.OBSERVATION: ("/policy/observation", 4),
@@ -44,6 +45,9 @@ class LogWriter:
         self._start_ns = begin["start_ns"]
         self._readings, self._inputs = begin["readings"], begin["inputs"]  # sizes of their parts
         self._size = 8 * len(self._names)  # bytes of a number for each joint
+        self._last_ns = self._start_ns
+        self.state = "no state"  # the supervisor's, as logged last
+        self.complete = False  # whether the run has ended
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
         self._writer = Writer(file, chunk_size=CHUNK_BYTES)
@@ -53,11 +57,13 @@ class LogWriter:
 
     def write(self, kind: Kind, now_us: int, content: bytes) -> None:
         """Write one record."""
-        time_ns = self._start_ns + now_us * 1000
+        time_ns = self._last_ns = self._start_ns + now_us * 1000
         if kind in ARRAYS:
             topic, size = ARRAYS[kind]
             self._array(topic, time_ns, content, size)
         elif kind in TEXTS:
+            if kind is Kind.STATE:
+                self.state = content.decode()
             self._put(TEXTS[kind], time_ns, messages.text(content.decode()))
         elif kind is Kind.READINGS:
             self._sensed(time_ns, _parts(content, self._readings))
@@ -73,6 +79,7 @@ class LogWriter:
         elif kind is Kind.ODOMETRY:
             self._put("/odom", time_ns, messages.odometry().fill(time_ns, content))
         elif kind is Kind.END:
+            self.complete = True
             self._writer.add_metadata(METADATA, {ENDED: "true"})
 
     def flush(self) -> None:
@@ -80,7 +87,9 @@ class LogWriter:
         self._writer.flush()
 
     def finish(self) -> None:
-        """Write the file's index."""
+        """Write the file's index, after a note if the run's process is gone without an end of the run."""
+        if not self.complete:
+            self._put(TEXTS[Kind.NOTE], self._last_ns, messages.text(GONE))
         self._writer.finish()
         self._file.flush()
 
@@ -134,7 +143,14 @@ def write_all(source: int, file: IO[bytes], begin: dict[str, Any], arrived: byte
         if select.select([source], [], [], max(0.0, flush_at - time.monotonic()))[0]:
             data = os.read(source, READ_BYTES)
             if not data:
-                return writer.finish()
+                writer.finish()
+                if not writer.complete:
+                    print(
+                        f"footfall: {GONE}, in state {writer.state}: motors are off after their timeout;"
+                        f" {begin['path']} has what came before",
+                        file=sys.stderr,
+                    )
+                return
             arrived += data
 
 

@@ -86,6 +86,7 @@ class ControlLoop:
         self.now_us = 0
         self.heartbeat_s = math.inf  # when the last tick began, by `time.perf_counter`
         self.walked_s = 0.0  # once the robot walks no more
+        self.ticks_skipped = 0  # that were left out because the loop was late
 
     # -- what others see -----------------------------------------------------------------------------
 
@@ -103,14 +104,6 @@ class ControlLoop:
     def walking_s(self) -> float:
         """Time since the policy took over, s."""
         return self._runner.time_s(self.now_us)
-
-    @property
-    def ticks_skipped(self) -> int:
-        """Joint ticks that were left out because the loop was late."""
-        if not self.now_us:
-            return 0
-        came = self.timing.tick_us.count + self.state.over  # the last tick is not timed
-        return self.now_us // self._config.tick_us + 1 - came
 
     @property
     def sensed(self) -> Sensed:
@@ -158,6 +151,8 @@ class ControlLoop:
         and SystemExit are not caught: hand them to `fail`, and go on.
         """
         before_us, self.now_us = self.now_us, self._clock.next_tick()
+        if self.now_us > before_us:  # the first tick has none before it
+            self.ticks_skipped += (self.now_us - before_us) // self._config.tick_us - 1
         if self._taken_over():
             self._stand_back()
             return False

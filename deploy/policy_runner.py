@@ -1,6 +1,7 @@
 """Runs a policy at its own rate: what it is given, what it decides, and how long that takes."""
 
 import math
+import os
 import time
 
 import numpy as np
@@ -15,6 +16,7 @@ from footfall.policies.policy import Policy, PolicyInput, Sensed
 from footfall.robots.actuator import JointCommand
 
 FAILURES = (Exception, SystemExit)  # a policy that calls sys.exit() has failed; Ctrl-C ends the program
+FORKED = 1  # exit status of a copy of the process that comes back from a policy's step
 
 
 class PolicyRunner:
@@ -52,6 +54,7 @@ class PolicyRunner:
         self._command_limits = CommandLimits(None if contract is None else contract.commands)
         self._limit_s, self._realtime, self._arm = limit_s, realtime, arm
         self._period_us = 1e6 / policy.rate_hz
+        self._process = os.getpid()
         self._began_us = 0
         self._next_us = 0.0  # half a microsecond early, so that rounding cannot cost a tick
         self.signals = PolicySignals()
@@ -111,6 +114,8 @@ class PolicyRunner:
                 given, decision = self._decide(now_us, sensed, estimate, walking)
             finally:
                 self._arm(0.0)
+                if os.getpid() != self._process:  # a policy that forked: its copy holds no robot
+                    os._exit(FORKED)
         except OverdueError:
             self.signals = self.signals._replace(step_s=math.inf)
             return None
@@ -146,8 +151,17 @@ class PolicyRunner:
 
 
 def _copied(command: JointCommand, joints: int) -> np.ndarray:
-    """A copy of a policy's command, (5, n). Raises ValueError for another shape."""
+    """A copy of a policy's command, (5, n).
+
+    Raises ValueError for another shape, masked entries, or complex numbers.
+    """
+    if any(_unreal(row) for row in command):
+        raise ValueError("it decides on masked or complex numbers, expected real ones")
     values = np.array(command, dtype=float)
     if values.shape != (5, joints):
         raise ValueError(f"it decides on shape {values.shape}, expected (5, {joints})")
     return values
+
+
+def _unreal(row: np.ndarray) -> bool:
+    return np.iscomplexobj(row) or (isinstance(row, np.ma.MaskedArray) and np.ma.is_masked(row))

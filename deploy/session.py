@@ -1,6 +1,5 @@
 """One run of a policy on a robot, on any bus: stand up, walk, lie down, damp, motors off."""
 
-import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -27,15 +26,13 @@ from footfall.deploy.guard import Guard
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.modes import Mode
 from footfall.deploy.policy_runner import PolicyRunner
+from footfall.deploy.process_end import ending_on_signals, exit_raises
 from footfall.deploy.wiring import Wiring, wire
 from footfall.policies.policy import Policy
 from footfall.robots.description import Robot
 
 if TYPE_CHECKING:
     from footfall.deploy.log import McapLog
-
-# Ctrl-C, `kill`, a terminal that goes away (a dropped SSH), Ctrl-\\
-ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 
 Display = Callable[[ControlLoop], AbstractContextManager[None]]
 
@@ -138,17 +135,16 @@ def run_session(
             stand_up=session.stand_up,
             taken_over=taken_over.is_set,
         )
+        if session.realtime:
+            resources.enter_context(ending_on_signals(loop.finish))
         if session.display is not None:
             resources.enter_context(session.display(loop))
-        if session.realtime:
-            resources.enter_context(ending_on_signals(loop))
+        resources.enter_context(exit_raises())
         started = time.perf_counter()
         with _realtime(session) as refused:
-            if log is not None:
-                for note in refused:
-                    log.note(0, note)
             try:
                 with _guarded(loop, taken_over, session):
+                    _begin(log, clock.start(), refused)
                     _drive(loop, session.duration_s, each_tick)
             finally:
                 loop.shut_down()
@@ -228,10 +224,16 @@ def _open_log(robot: Robot, policy: Policy, session: Session, resources: ExitSta
 
     config = session.config
     facts = {"policy_spec": policy.name, **session.facts, "joint_rate_hz": config.joint_rate_hz}
-    start_ns = time.time_ns() if session.realtime else 0
-    log = McapLog(session.log, robot, policy, facts, start_ns, may_wait=not session.realtime)
+    log = McapLog(session.log, robot, policy, facts, may_wait=not session.realtime)
     resources.callback(log.close)
     return log
+
+
+def _begin(log: "McapLog | None", start_ns: int, refused: list[str]) -> None:
+    if log is not None:
+        log.begin(start_ns)
+        for note in refused:
+            log.note(0, note)
 
 
 @contextmanager
@@ -258,23 +260,6 @@ def _guarded(loop: ControlLoop, taken_over: threading.Event, session: Session) -
 def _unheard(loop: ControlLoop) -> list[str]:
     motors = loop.silent_at_the_end
     return [f"no answer to being switched off from {', '.join(motors)}"] if motors else []
-
-
-@contextmanager
-def ending_on_signals(loop: ControlLoop) -> Iterator[None]:
-    """Signals that would end the process end the run in order: lying down, damping, motors off.
-
-    A signal while the robot lies down damps it at once.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = {number: signal.signal(number, lambda *_: loop.finish()) for number in ENDING}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def _estimate(

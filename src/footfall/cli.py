@@ -6,14 +6,16 @@ import signal
 import sys
 import threading
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from importlib.metadata import version
 from itertools import takewhile
 
 from cyclopts import App, CycloptsError, UnusedCliTokensError
 
 from footfall.common.errors import UserError
+from footfall.common.in_time import any_blocked
 from footfall.exit_status import BAD_INPUT, BROKEN_PIPE, INTERRUPTED, TERMINATED
+from footfall.output import discard_output
 from footfall.verbs.bring_up import bring_up
 from footfall.verbs.can import can
 from footfall.verbs.compare import compare
@@ -72,16 +74,17 @@ def main(tokens: Sequence[str] | None = None) -> int:
     try:
         with _interrupted_by_sigterm():
             status = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
-            sys.stdout.flush()
+            if not any_blocked():
+                sys.stdout.flush()
     except CycloptsError as error:
         return _complain(f"{_parse_error(error, arguments)} {_where_to_look(arguments)}")
     except UserError as error:
         return _complain(_one_line(error))
     except (BrokenPipeError, SystemExit):  # the reader of the output is gone; rich raises SystemExit
-        _stop_writing()
+        discard_output()
         return BROKEN_PIPE
     except OSError as error:  # a full disk, a file that went away
-        _stop_writing()
+        discard_output()
         return _complain(_one_line(error))
     except _TerminatedError:
         return _complain("terminated", TERMINATED)
@@ -123,13 +126,6 @@ def _print_any_name() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
-
-
-def _stop_writing() -> None:
-    """Discard what is still buffered for an output that cannot take it."""
-    with suppress(io.UnsupportedOperation):  # an output in memory has no descriptor
-        descriptor = sys.stdout.fileno()
-        os.dup2(os.open(os.devnull, os.O_WRONLY), descriptor)
 
 
 def _complain(reason: str, status: int = BAD_INPUT) -> int:

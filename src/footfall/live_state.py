@@ -1,8 +1,11 @@
 """What a running control loop is doing, shown a few times a second from beside it."""
 
+import os
+import termios
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from typing import IO
 
 import numpy as np
 from rich.console import Console
@@ -14,6 +17,7 @@ from footfall.deploy.loop import ControlLoop
 
 PER_SECOND = 5  # on a terminal
 LINE_EVERY_S = 5.0  # elsewhere
+PATIENCE_S = 1.0  # for an output that takes nothing
 
 
 @contextmanager
@@ -29,28 +33,43 @@ def live_state(
         console: where to show it.
     """
     console = console or Console()
+    ended = threading.Event()
 
     def state() -> Text:
         return Text(describe(loop, velocity(), duration_s))
 
-    if console.is_terminal:
-        with Live(get_renderable=state, console=console, refresh_per_second=PER_SECOND, transient=True):
-            yield
-        return
-    ended = threading.Event()
+    def draw() -> None:
+        with Live(
+            state(), console=console, auto_refresh=False, transient=True, redirect_stdout=False,
+            redirect_stderr=False,
+        ) as live:  # fmt: skip
+            while not ended.wait(1.0 / PER_SECOND):
+                live.update(state(), refresh=True)
 
     def print_lines() -> None:
-        with suppress(OSError):  # the command itself reports a full disk, in one line
-            while not ended.wait(LINE_EVERY_S):
-                console.print(state(), highlight=False)
+        while not ended.wait(LINE_EVERY_S):
+            console.print(state(), highlight=False)
 
-    thread = threading.Thread(target=print_lines, name="live state", daemon=True)
+    def show() -> None:
+        with suppress(OSError, SystemExit):  # a full disk, a closed terminal: the result is told elsewhere
+            (draw if console.is_terminal else print_lines)()
+
+    thread = threading.Thread(target=show, name="live state", daemon=True)
     thread.start()
     try:
         yield
     finally:
         ended.set()
-        thread.join()
+        resume(console.file)
+        thread.join(PATIENCE_S)
+
+
+def resume(output: IO[str]) -> None:
+    """Resume a terminal's output that Ctrl-S stopped: what is said at the end has to be seen."""
+    with suppress(OSError, ValueError, termios.error):  # no terminal, or one that is gone
+        if os.tcgetpgrp(output.fileno()) == os.getpgrp():  # in the background it would stop the process
+            termios.tcflow(output.fileno(), termios.TCOOFF)  # Linux resumes what this call has stopped
+            termios.tcflow(output.fileno(), termios.TCOON)
 
 
 def describe(loop: ControlLoop, velocity: np.ndarray, duration_s: float) -> str:
@@ -63,5 +82,9 @@ def describe(loop: ControlLoop, velocity: np.ndarray, duration_s: float) -> str:
     ]
     if np.isfinite(velocity).all():
         parts.append("velocity {:+.2f} {:+.2f} m/s".format(*velocity[:2]))
-    parts += [f"tilt {tilt(loop.sensed.quaternion):.2f} rad", f"{loop.ticks_skipped} ticks late"]
+    parts += [f"tilt {tilt(loop.sensed.quaternion):.2f} rad", f"{_count(loop.ticks_skipped, 'tick')} late"]
     return ", ".join(parts)
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"

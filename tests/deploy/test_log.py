@@ -21,6 +21,7 @@ from mcap.records import Header
 from mcap.writer import CompressionType, Writer
 from mcap_ros2.decoder import DecoderFactory
 from mutate import mutated, mutated_records
+from relaxed_limits import RELAXED
 
 from footfall.common.errors import UserError
 from footfall.deploy import log as log_module
@@ -108,7 +109,8 @@ class TestContent:
             np.array([0.1, 0.2, 0.3, 0.4]),
         )
         path = tmp_path / "tick.mcap"
-        log = McapLog(path, go1, Hold(go1), facts={}, start_ns=0, may_wait=True)
+        log = McapLog(path, go1, Hold(go1), facts={}, may_wait=True)
+        log.begin(0)
         log.tick(0, Sensed(gyro, acceleration, quaternion, position, velocity, torque), HEALTH, commanded)
         assert log.close() == ""
         written = {each.topic: each.message for each in decoded(path)}
@@ -130,7 +132,8 @@ class TestContent:
         self, go1: Robot, tmp_path: Path
     ) -> None:
         path = tmp_path / "health.mcap"
-        log = McapLog(path, go1, Hold(go1), facts={}, start_ns=0, may_wait=True)
+        log = McapLog(path, go1, Hold(go1), facts={}, may_wait=True)
+        log.begin(0)
         hot = HEALTH._replace(temperature_c=HEALTH.temperature_c + np.arange(12.0))
         faulty = hot._replace(error=np.eye(12, dtype=np.uint8)[3] * 7)
         for tick, health in enumerate((HEALTH, HEALTH, hot, faulty, faulty, HEALTH)):
@@ -164,7 +167,8 @@ class TestContent:
             covariance=np.arange(49.0).reshape(7, 7),
         )
         path = tmp_path / "odometry.mcap"
-        log = McapLog(path, go1, Hold(go1), facts={}, start_ns=0, may_wait=True)
+        log = McapLog(path, go1, Hold(go1), facts={}, may_wait=True)
+        log.begin(0)
         log.odometry(20_000, found)
         assert log.close() == ""
         written = {each.topic: each.message for each in decoded(path)}
@@ -204,6 +208,20 @@ class TestContent:
         run_episode(go1, FailingPolicy(go1, 0.1, not_a_number), short_episode(log=path))
         states = [m.message.data for m in decoded(path, "/state")]
         assert "ESTOP: the policy's command is not finite" in states
+
+    def test_times_are_unix_times(self, go1: Robot, tmp_path: Path) -> None:
+        """To a millisecond: the process that writes the log has started before the loop's time begins."""
+        path, zeros_ns = tmp_path / "a.mcap", []
+
+        def look(loop: ControlLoop, _: object) -> None:
+            zeros_ns.append(time.time_ns() - loop.now_us * 1000)  # later than time zero by the tick's work
+
+        episode = short_episode(duration_s=0.3, realtime=True, log=path, config=RELAXED)
+        run_episode(go1, Hold(go1), episode, look)
+        first_ns = read_log(path, ["/imu"]).entries[0].time_ns
+        whole_ticks_ns = (min(zeros_ns) - first_ns) % (1_000_000_000 // round(RELAXED.joint_rate_hz))
+        assert min(zeros_ns) - first_ns < 10_000_000
+        assert whole_ticks_ns < 1_500_000  # of which the tick's work is some part
 
     def test_metadata_says_who_and_how(self, go1: Robot, logged: tuple[Path, Trace]) -> None:
         log = read_log(logged[0])
@@ -292,6 +310,7 @@ run_episode(robot, Hold(robot), episode, lambda loop, _: os.write(1, b"%d\\n" % 
         run.wait()
         wait_for_end(writer)
         assert decoded(tmp_path / "killed.mcap", "/imu")
+        assert "ended before the run" in decoded(tmp_path / "killed.mcap", "/notes")[-1].message.data
 
     def test_a_torn_file_can_be_replayed(
         self, go1: Robot, logged: tuple[Path, Trace], tmp_path: Path
@@ -409,7 +428,8 @@ STILL = Sensed(np.zeros(3), np.zeros(3), np.array([1.0, 0, 0, 0]), *np.zeros((3,
 
 
 def test_a_state_is_logged_with_its_last_fault(go1: Robot, tmp_path: Path) -> None:
-    log = McapLog(tmp_path / "a.mcap", go1, Hold(go1), facts={}, start_ns=0, may_wait=True)
+    log = McapLog(tmp_path / "a.mcap", go1, Hold(go1), facts={}, may_wait=True)
+    log.begin(0)
     log.state(60_000, State(Mode.ESTOP, 0.06, ("first", "second")))
     log.close()
     assert [entry.message.data for entry in read_log(tmp_path / "a.mcap").entries] == ["ESTOP: second"]
@@ -440,7 +460,8 @@ class TestDisk:
         """A process that is stopped is like one whose disk hangs."""
         monkeypatch.setattr(log_module, "MOST_WAITING_BYTES", 20_000)
         path = tmp_path / "a.mcap"
-        log = McapLog(path, go1, Hold(go1), facts={}, start_ns=0, may_wait=False)
+        log = McapLog(path, go1, Hold(go1), facts={}, may_wait=False)
+        log.begin(0)
         os.kill(log._process.pid, signal.SIGSTOP)
         slowest_s = 0.0
         for tick in range(1000):
@@ -459,13 +480,15 @@ class TestDisk:
         self, go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         monkeypatch.setattr(log_module, "LAST_WAIT_S", 0.3)
-        log = McapLog(tmp_path / "a.mcap", go1, Hold(go1), facts={}, start_ns=0, may_wait=False)
+        log = McapLog(tmp_path / "a.mcap", go1, Hold(go1), facts={}, may_wait=False)
+        log.begin(0)
         os.kill(log._process.pid, signal.SIGSTOP)
         log.tick(0, STILL, HEALTH, None)
         assert "a.mcap has no end: the disk does not take it" in log.close()
 
     def test_a_writer_that_dies_is_told(self, go1: Robot, tmp_path: Path) -> None:
-        log = McapLog(tmp_path / "a.mcap", go1, Hold(go1), facts={}, start_ns=0, may_wait=True)
+        log = McapLog(tmp_path / "a.mcap", go1, Hold(go1), facts={}, may_wait=True)
+        log.begin(0)
         os.kill(log._process.pid, signal.SIGKILL)
         log._process.wait()
         for tick in range(3):

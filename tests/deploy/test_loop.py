@@ -36,11 +36,14 @@ class Adding(Hold):
 
 class TestOut:
     def test_a_run_from_enabling_to_disabling(self, go1: Robot) -> None:
-        loop, body = loop_of(go1, Hold(go1), safety=SafetyConfig(damping_kd=2.5, damping_s=0.019))
+        hold, seen = Hold(go1), []
+        plain_act = hold.act
+        loop, body = loop_of(go1, hold, safety=SafetyConfig(damping_kd=2.5, damping_s=0.019))
         assert loop.ticks_skipped == 0
         assert loop.tick()
         assert loop.ticks_skipped == 0
         assert loop.state.mode is Mode.STANDING  # all motors had answered
+        hold.act = lambda inputs: (seen.append(loop.ticks_skipped), plain_act(inputs))[1]  # in mid-tick
         until(loop, Mode.WALKING)
         assert loop.now_us == 100_000
         quantum = Codec(body.wiring.models).quantum
@@ -55,6 +58,7 @@ class TestOut:
         loop.tick()
         assert loop.state.mode is Mode.RELEASING
         assert loop.walked_s == pytest.approx(0.052)
+        assert set(seen) == {0}
         damped = body.command()
         assert not damped.kp.any()
         np.testing.assert_allclose(damped.kd, 2.5, atol=0.01)

@@ -239,3 +239,15 @@ class TestFailure:
         kept[0].position[:] = 9.0
         assert runner.decision is not None
         np.testing.assert_array_equal(runner.decision[0], go1.default_pose)
+
+
+@pytest.mark.parametrize(
+    "numbers", [np.ma.masked_greater(np.arange(12.0), 5.0), np.zeros(12) + 1j], ids=["masked", "complex"]
+)
+def test_a_decision_on_other_than_real_numbers_has_failed(go1: Robot, numbers: np.ndarray) -> None:
+    hold = Hold(go1)
+    command = hold.act(PolicyInput(0.0, READINGS, np.zeros(3), *ESTIMATE))
+    hold.act = lambda _: command._replace(position=numbers)  # type: ignore[method-assign]
+    runner = runner_of(hold)
+    assert walk(runner, [0]) == []
+    assert "expected real ones" in runner.signals.error

@@ -155,7 +155,8 @@ class TestReplay:
     ) -> None:
         """A damaged part of a log may have held the one and not the other."""
         path = tmp_path / "gap.mcap"
-        log = McapLog(path, go1, Hold(go1), {}, 0, may_wait=True)
+        log = McapLog(path, go1, Hold(go1), {}, may_wait=True)
+        log.begin(0)
         decisions = [JointCommand(*numbers.reshape(5, 12)) for numbers in decided(3)]
         log.policy_step(0, inputs(0.0), decisions[0])
         log._put(record(Kind.INPUTS, 20_000, flatten(inputs(0.02)).tobytes()))
@@ -281,7 +282,9 @@ START_NS = 1_700_000_000_123_456_789
 def log(go1: Robot, tmp_path: Path) -> McapLog:
     (tmp_path / "run.mcap").write_bytes(b"an older and much longer file" * 10_000)
     facts = {"seed": 5, "policy": "by another name"}
-    return McapLog(tmp_path / "run.mcap", go1, Seeing(go1), facts, START_NS, may_wait=True)
+    log = McapLog(tmp_path / "run.mcap", go1, Seeing(go1), facts, may_wait=True)
+    log.begin(START_NS)
+    return log
 
 
 def written(path: Path) -> dict[str, list[Any]]:
@@ -369,7 +372,9 @@ class TestWritten:
     def test_a_learned_policys_contract_is_kept(self, go1: Robot, contract: Contract, tmp_path: Path) -> None:
         policy = Hold(go1)
         policy.contract = contract
-        McapLog(tmp_path / "b.mcap", go1, policy, {}, 0, may_wait=True).close()
+        log = McapLog(tmp_path / "b.mcap", go1, policy, {}, may_wait=True)
+        log.begin(0)
+        log.close()
         kept = read_log(tmp_path / "b.mcap").metadata["contract"]
         assert Contract.from_json(json.dumps(kept), "log") == contract
 

@@ -23,6 +23,7 @@ from footfall.deploy.drivers import imu
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.drivers.mit_driver import MitDriver
 from footfall.deploy.loop import ControlLoop
+from footfall.deploy.process_end import ending_on_signals
 from footfall.deploy.safety import SafetyConfig
 from footfall.deploy.session import Session, check_joint_rate, run_on_interface, run_session
 from footfall.deploy.wiring import wire
@@ -38,19 +39,25 @@ class TestSignals:
         loop.finish = lambda: setattr(loop, "asked", loop.asked + 1)
         return loop
 
-    @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+    @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGUSR1, signal.SIGXCPU])
     def test_ctrl_c_and_a_polite_kill_ask_for_an_orderly_end(self, loop: Any, number: int) -> None:
         before = signal.getsignal(number)
-        with session.ending_on_signals(loop):
+        with ending_on_signals(loop.finish):
             signal.raise_signal(number)
             assert loop.asked == 1
             signal.raise_signal(number)  # an impatient one
         assert loop.asked == 2
         assert signal.getsignal(number) is before
 
+    def test_a_terminal_that_goes_away_tells_it_twice_and_means_it_once(self, loop: Any) -> None:
+        with ending_on_signals(loop.finish):
+            signal.raise_signal(signal.SIGHUP)
+            signal.raise_signal(signal.SIGHUP)
+        assert loop.asked == 1
+
     def test_signals_are_given_back_whatever_happens(self, loop: Any) -> None:
         before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
-        with pytest.raises(RuntimeError), session.ending_on_signals(loop):
+        with pytest.raises(RuntimeError), ending_on_signals(loop.finish):
             raise RuntimeError
         assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == before
 
@@ -58,7 +65,7 @@ class TestSignals:
         ran: list[bool] = []
 
         def run() -> None:
-            with session.ending_on_signals(loop):
+            with ending_on_signals(loop.finish):
                 ran.append(True)
 
         thread = threading.Thread(target=run)

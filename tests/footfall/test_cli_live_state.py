@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 from footfall import live_state as module
-from footfall.live_state import describe, live_state
+from footfall.live_state import live_state
 
 
 @pytest.fixture
@@ -26,31 +26,6 @@ def unknown() -> np.ndarray:
     return np.full(3, np.nan)
 
 
-def test_on_a_terminal_it_is_drawn_five_times_a_second_and_does_not_stay(
-    loop: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    made: list[dict[str, Any]] = []
-
-    class Screen:
-        def __init__(self, **how: Any) -> None:
-            made.append(how)
-
-        def __enter__(self) -> None:
-            made.append({})
-
-        def __exit__(self, *_: object) -> None:
-            made.append({})
-
-    monkeypatch.setattr(module, "Live", Screen)
-    console = Console(file=io.StringIO(), force_terminal=True)
-    with live_state(loop, unknown, 2.5, console):
-        assert len(made) == 2
-    how = made[0]
-    assert len(made) == 3
-    assert how.pop("get_renderable")().plain == describe(loop, unknown(), 2.5)
-    assert how == {"console": console, "refresh_per_second": 5, "transient": True}
-
-
 def test_a_full_disk_is_told_by_others(loop: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """The thread that prints ends; nobody hears of it twice."""
     tried, errors = threading.Event(), []
@@ -61,7 +36,7 @@ def test_a_full_disk_is_told_by_others(loop: Any, monkeypatch: pytest.MonkeyPatc
         tried.set()
         raise OSError(28, "No space left on device")
 
-    console: Any = SimpleNamespace(is_terminal=False, print=full)
+    console: Any = SimpleNamespace(is_terminal=False, print=full, file=io.StringIO())
     with live_state(loop, unknown, 2.5, console):
         assert tried.wait(10.0)
     assert errors == []

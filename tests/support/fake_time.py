@@ -17,6 +17,9 @@ class FakeTime:
     def time(self) -> float:
         return 1.7e9 + self.ns * 1e-9
 
+    def time_ns(self) -> int:
+        return 1_700_000_000_000_000_000 + self.ns
+
     def sleep(self, seconds: float) -> None:
         if seconds < 1e-9:
             return

@@ -10,7 +10,8 @@ import numpy as np
 from cyclopts import Parameter
 
 from footfall.common.errors import UserError
-from footfall.common.outputs import check_outputs, write_json
+from footfall.common.files import release, spare_descriptors
+from footfall.common.outputs import check_outputs
 from footfall.options import (
     ControllerSettings,
     JsonFile,
@@ -71,6 +72,7 @@ def deploy(policy: PolicyName, /, *, options: DeployOptions = DeployOptions()) -
     from footfall.common.config import unstructure
     from footfall.policies.registry import lasting_spec, load_policy, load_settings
     from footfall.policies.spec import add_settings
+    from footfall.result import tell
     from footfall.robots.description import load_robot
 
     robot = load_robot(options.robot)
@@ -78,10 +80,11 @@ def deploy(policy: PolicyName, /, *, options: DeployOptions = DeployOptions()) -
     decider = load_policy(spec, robot)
     run = _simulated if options.bus == SIMULATED else _on_interface
     about = {"policy": spec, "robot": robot.name, "settings": unstructure(load_settings(spec, robot))}
-    figures = about | run(robot, decider, lasting_spec(spec), options)
-    write_json(options.json, figures)
-    _show(figures)
-    return 0 if figures["final_state"] == SAFE and not figures["fell"] else 1
+    with spare_descriptors() as spare:
+        figures = about | run(robot, decider, lasting_spec(spec), options)
+        release(spare)
+        status = 0 if figures["final_state"] == SAFE and not figures["fell"] else 1
+        return tell(figures, options.json, lambda: _show(figures), status)
 
 
 def _simulated(robot: "Robot", policy: "Policy", spec: str, options: DeployOptions) -> dict[str, Any]:

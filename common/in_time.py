@@ -1,0 +1,37 @@
+"""Acts that may block or fail, such as a write to a terminal, with an end in any case."""
+
+import threading
+from collections.abc import Callable
+
+PATIENCE_S = 2.0
+_NAME = "act that may block"
+
+
+def in_time(act: Callable[[], None], patience_s: float = PATIENCE_S) -> BaseException | None:
+    """Act in a thread of its own, and wait for it.
+
+    A terminal that is stopped (Ctrl-S), a connection that hangs or a pipe that nobody reads would block the
+    caller for ever.
+
+    Returns:
+        What it raised, a TimeoutError if it has not returned; None if all went well.
+    """
+    raised: list[BaseException] = []
+
+    def run() -> None:
+        try:
+            act()
+        except BaseException as error:
+            raised.append(error)
+
+    thread = threading.Thread(target=run, name=_NAME, daemon=True)
+    thread.start()
+    thread.join(patience_s)
+    if thread.is_alive():
+        return TimeoutError("it takes no output")
+    return raised[0] if raised else None
+
+
+def any_blocked() -> bool:
+    """Whether an act has not returned yet: an exit that flushes outputs would wait for it."""
+    return any(thread.name == _NAME for thread in threading.enumerate())

@@ -1,0 +1,76 @@
+"""What would end the process ends the run instead: signals, and `os._exit` in foreign code.
+
+A process that is gone leaves the robot to its motors' timeouts, and its user without a result.
+"""
+
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import NoReturn
+
+# Ctrl-C, `kill`, a terminal that goes away (a dropped SSH), Ctrl-\\, and all others that end a process which
+# has no handler. SIGALRM is the deadline's.
+ENDING = tuple(
+    getattr(signal, name)
+    for name in (
+        "SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGUSR1", "SIGUSR2", "SIGXCPU", "SIGVTALRM", "SIGPROF",
+        "SIGIO", "SIGPWR", "SIGSTKFLT",
+    )
+    if hasattr(signal, name)
+)  # fmt: skip
+ONCE = (signal.SIGHUP,)  # the kernel sends it, and then the shell
+
+
+@contextmanager
+def ending_on_signals(finish: Callable[[], None]) -> Iterator[None]:
+    """Signals that would end the process call `finish`, which ends the run in order.
+
+    A second signal calls it again, which cuts lying down short. Only a terminal that goes away sends its
+    signal more than once without meaning it.
+    """
+    hung_up = threading.Event()
+
+    def end(number: int, _: object) -> None:
+        if number not in ONCE or not hung_up.is_set():
+            finish()
+        if number in ONCE:
+            hung_up.set()
+
+    with handling(end):
+        yield
+
+
+@contextmanager
+def handling(handler: Callable[[int, object], None]) -> Iterator[None]:
+    """Signals that would end the process call this handler; in the main thread alone, which gets them."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {number: signal.signal(number, handler) for number in ENDING}
+    try:
+        yield
+    finally:
+        for number, earlier in before.items():
+            signal.signal(number, earlier)
+
+
+@contextmanager
+def exit_raises() -> Iterator[None]:
+    """`os._exit` raises SystemExit, so that a policy that calls it has failed, and its robot is damped.
+
+    A copy of the process by `os.fork` ends as it wishes. Code outside Python can still end the process.
+    """
+    end, process = os._exit, os.getpid()
+
+    def refuse(status: int) -> NoReturn:
+        if os.getpid() != process:
+            end(status)
+        raise SystemExit(f"os._exit({status}) was called")
+
+    os._exit = refuse
+    try:
+        yield
+    finally:
+        os._exit = end

@@ -1,0 +1,166 @@
+"""The result of a run reaches its user whatever ends or blocks it. Each run is a process of its own."""
+
+import json
+import os
+import pty
+import signal
+import subprocess
+import sys
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+from relaxed_limits import RELAXED
+
+from footfall.common.config import unstructure
+
+FOOTFALL = [sys.executable, "-m", "footfall"]
+XOFF = b"\x13"  # Ctrl-S
+
+
+@pytest.fixture
+def walk(tmp_path: Path) -> list[str]:
+    """A command for a short run by the wall clock, with figures in run.json."""
+    relaxed = tmp_path / "relaxed.yaml"
+    relaxed.write_text(json.dumps(unstructure(RELAXED)))
+    return [
+        *FOOTFALL, "deploy", "stand", "--realtime", "--config", str(relaxed),
+        "--json", str(tmp_path / "run.json"), "--duration",
+    ]  # fmt: skip
+
+
+def figures(folder: Path) -> dict:
+    return json.loads((folder / "run.json").read_text())
+
+
+def test_a_terminal_that_is_closed(walk: list[str], tmp_path: Path) -> None:
+    """The robot lies down and the figures are written, though every write to the terminal fails."""
+    child, terminal = pty.fork()
+    if child == 0:
+        os.chdir(tmp_path)
+        os.execv(walk[0], [*walk, "60"])
+    read = b""
+    while b"WALKING" not in read:
+        read += os.read(terminal, 1000)
+    os.close(terminal)
+    os.kill(child, signal.SIGHUP)  # the shell's own, after the kernel's
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+    assert figures(tmp_path)["final_state"] == "IDLE"
+
+
+def test_a_terminal_that_is_stopped(walk: list[str], tmp_path: Path) -> None:
+    child, terminal = pty.fork()
+    if child == 0:
+        os.chdir(tmp_path)
+        os.execv(walk[0], [*walk, "1"])
+    read = b""
+    while b"WALKING" not in read:
+        read += os.read(terminal, 1000)
+    os.write(terminal, XOFF)
+    assert b"final state" in rest(terminal)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+    assert figures(tmp_path)["final_state"] == "IDLE"
+    os.close(terminal)
+
+
+def rest(terminal: int) -> bytes:
+    """What comes until the other end is closed."""
+    read = b""
+    while True:
+        try:
+            read += os.read(terminal, 10_000)
+        except OSError:
+            return read
+
+
+def test_a_pipe_that_nobody_reads(walk: list[str], tmp_path: Path) -> None:
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    with suppress(BlockingIOError):
+        while os.write(writer, b"x" * 4096):
+            pass
+    os.set_blocking(writer, True)
+    done = subprocess.run(
+        [*walk, "0.5"], stdout=writer, stderr=subprocess.PIPE, text=True, timeout=60, check=False
+    )
+    os.close(reader)
+    os.close(writer)
+    assert done.returncode == 0  # the figures are where they were asked for
+    assert "cannot show the result" in done.stderr
+    assert "the run ended: IDLE" in done.stderr
+    assert figures(tmp_path)["final_state"] == "IDLE"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
+def test_a_full_disk_hides_no_emergency_stop(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(POLICY.format(act="raise RuntimeError('broken')"))
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [*FOOTFALL, "deploy", "mine:Mine", "--json", "/dev/full", "--duration", "0.5"],
+            cwd=tmp_path, stdout=full, stderr=subprocess.PIPE, text=True, check=False,
+            env=os.environ | {"TMPDIR": str(tmp_path)},
+        )  # fmt: skip
+    assert done.returncode == 1
+    assert "ESTOP, the policy failed: RuntimeError: broken" in done.stderr
+    assert done.stderr.count("\n") == 1
+    (kept,) = tmp_path.glob("footfall-*.json")
+    assert json.loads(kept.read_text())["final_state"] == "ESTOP"
+
+
+POLICY = """
+import os, resource
+from footfall import load_policy, load_robot
+
+class Mine:
+    name, rate_hz, needs_estimate, contract, notes = "mine", 50.0, False, None, ()
+
+    def __init__(self, robot):
+        self._stand, self._steps = load_policy("stand", robot), 0
+
+    def reset(self, inputs):
+        self._stand.reset(inputs)
+
+    def stance(self):
+        return None
+
+    def act(self, inputs):
+        self._steps += 1
+        if self._steps == 20:
+            {act}
+        return self._stand.act(inputs)
+"""
+
+
+@pytest.mark.parametrize(
+    ("act", "state", "status"),
+    [
+        ("os._exit(0)", "ESTOP", 1),
+        ("os.fork()", "IDLE", 0),
+        ("os.kill(os.getpid(), 14)", "IDLE", 0),  # SIGALRM that nobody has set
+        ("os.kill(os.getpid(), 10)", "IDLE", 0),  # SIGUSR1
+    ],
+    ids=["os._exit", "fork", "SIGALRM", "SIGUSR1"],
+)
+def test_a_policy_that_does_what_ends_processes(
+    walk: list[str], tmp_path: Path, act: str, state: str, status: int
+) -> None:
+    (tmp_path / "mine.py").write_text(POLICY.format(act=act))
+    walk[walk.index("stand")] = "mine:Mine"
+    done = subprocess.run([*walk, "1"], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stderr) == (status, "")
+    assert figures(tmp_path)["final_state"] == state
+    assert state in done.stdout
+
+
+def test_no_file_descriptor_is_left(walk: list[str], tmp_path: Path) -> None:
+    """A policy has used up all of them; the log may lack its end, the figures lack nothing."""
+    act = "self.kept = []\n            while True:\n                self.kept.append(os.open('/dev/null', 0))"
+    (tmp_path / "mine.py").write_text(POLICY.format(act=act))
+    walk[walk.index("stand")] = "mine:Mine"
+    limited = f"ulimit -n 200; exec {' '.join([*walk, '1', '--log', str(tmp_path / 'run.mcap')])}"
+    done = subprocess.run(
+        ["sh", "-c", limited], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert (done.returncode, done.stderr) == (1, "")
+    assert "Too many open files" in figures(tmp_path)["faults"][0]
+    assert "ESTOP" in done.stdout
