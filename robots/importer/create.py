@@ -11,6 +11,7 @@ import numpy as np
 
 from footfall.common.errors import UserError
 from footfall.robots.description import Robot, load_robot
+from footfall.robots.importer.actuators import figures_of
 from footfall.robots.importer.build import build_machine, shortened
 from footfall.robots.importer.controllers_yaml import controllers_yaml, scaled_controllers, size_of
 from footfall.robots.importer.leg_pairs import with_leg_pairs
@@ -47,6 +48,9 @@ class ImportRequest:
     up: str = "z"  # axis of the base that points up
     packages: tuple[Path, ...] = ()  # folders with the packages of a URDF's meshes
     peak_torque_nm: ByJoint = field(default_factory=dict)  # overrides the file, by part of a joint's name
+    actuators: Mapping[str, str] = field(
+        default_factory=dict
+    )  # by part of a joint's name, see actuators.yaml
     speed_rad_s: ByJoint = field(default_factory=dict)
     armature: ByJoint = field(default_factory=dict)  # reflected inertia, kg m^2
     # Ranges for quadrupeds of a usual size, lowest and highest by name: see randomisation_yaml.
@@ -76,13 +80,21 @@ def import_robot(request: ImportRequest) -> Imported:
     machine, guesses = build_machine(source, _name(folder), request.feet, request.forward, request.up)
     _refuse_unknown(machine, request)
     pose = standing_pose(machine, source.pose_rad)
-    peak = peak_torques(machine, source, request.peak_torque_nm, pose.reach_m)
-    machine, armature_guesses = with_armature(machine, peak, request.armature)
+    published = figures_of(request.actuators)
+    peak = peak_torques(machine, source, {**published.peak_torque_nm, **request.peak_torque_nm}, pose.reach_m)
+    machine, armature_guesses = with_armature(machine, peak, {**published.armature, **request.armature})
     model = mujoco.MjModel.from_xml_string(model_xml(machine))
     qpos = _standing_qpos(model, machine, pose)
     names = tuple(hinge.name for hinge in machine.hinges)
     standing = statics(model, names, machine.legs, qpos)
-    drive = choose_drive(machine, source, peak, request.speed_rad_s, standing)
+    drive = choose_drive(
+        machine,
+        source,
+        peak,
+        {**published.speed_rad_s, **request.speed_rad_s},
+        standing,
+        published.gear_ratio,
+    )
     walking = scaled_controllers(
         size_of(model, _placed(model, qpos), machine.legs),
         len(machine.legs),
@@ -95,7 +107,8 @@ def import_robot(request: ImportRequest) -> Imported:
         guesses.append(
             f"the knees bend backward: does x of '{machine.links[0].name}' point forward (--forward)?"
         )
-    guesses += [*armature_guesses, *drive.guesses]
+    guesses += [*published.sources, *armature_guesses, *drive.guesses]
+    guesses += _beyond_rated(names, standing.torque_nm, published.rated_torque_nm)
     if pose.given:
         guesses.append("default pose: of the file's keyframe, the base level")
     else:
@@ -140,6 +153,16 @@ def import_robot(request: ImportRequest) -> Imported:
     return Imported(folder, tuple(guesses))
 
 
+def _beyond_rated(joints: Sequence[str], torque_nm: np.ndarray, rated: ByJoint) -> list[str]:
+    """A line on joints that need more than their rated torque to stand, none if there are none."""
+    found = [
+        f"{joint} {abs(torque):.3g} of {limit:.3g} N m"
+        for joint, torque in zip(joints, torque_nm, strict=True)
+        if (limit := value_for(joint, rated)) is not None and abs(torque) > limit
+    ]
+    return [f"motors stand beyond their rated torque: {shortened(found)}"] if found else []
+
+
 def _about_leg_pairs(pairs: Sequence[tuple[str, str]]) -> str:
     if not pairs:
         return "legs do not meet in training: their capsules met in no random pose, or seldom"
@@ -164,6 +187,7 @@ def _refuse_unknown(machine: Machine, request: ImportRequest) -> None:
         ("--peak-torque", request.peak_torque_nm),
         ("--speed", request.speed_rad_s),
         ("--armature", request.armature),
+        ("--actuator", request.actuators),
     ):
         for part in values:
             if not any(value_for(name, {part: 0.0}) is not None for name in names):

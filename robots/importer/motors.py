@@ -24,6 +24,7 @@ MOST_LEVERAGE = 3.0  # torque over weight times reach; a larger figure in a file
 LEAN_RAD = 0.75  # error at which the stiffness demands the peak torque: 0.5 to 1.1 on Go1 and G1
 MOST_SAG_RAD = 0.12  # under the robot's own weight
 STABILITY_MARGIN = 2.0  # stiffness over the least stiffness that stands: errors grow twofold
+GEAR_RATIO = 10.0  # of motors of medium size; used for the copper loss only
 FREQUENCIES_HZ = tuple(np.arange(1.0, 61.0, 0.5).tolist())
 
 ByJoint = Mapping[str, float]  # value by part of a joint's name; '' is in every name
@@ -35,6 +36,7 @@ class JointMotor(NamedTuple):
     peak_torque_nm: float
     no_load_speed_rad_s: float
     friction_speed_rad_s: float
+    gear_ratio: float = GEAR_RATIO
 
 
 @dataclass(frozen=True)
@@ -108,7 +110,12 @@ def peak_torques(machine: Machine, source: Source, given: ByJoint, reach_m: floa
 
 
 def choose_drive(
-    machine: Machine, source: Source, peak: Mapping[str, float], speed: ByJoint, standing: Statics
+    machine: Machine,
+    source: Source,
+    peak: Mapping[str, float],
+    speed: ByJoint,
+    standing: Statics,
+    gear: ByJoint | None = None,
 ) -> Drive:
     """Motors, and gains with which the machine stands if possible.
 
@@ -126,7 +133,7 @@ def choose_drive(
     usual = float(np.sqrt(np.median(torque / armature) / LEAN_RAD) / (2 * np.pi))
     guesses = [
         "torque-speed line: from the peak torque at rest to the no-load speed",
-        "winding and gear ratio: assumed, they price the copper loss only",
+        f"winding{'' if gear else ' and gear ratio'}: assumed, they price the copper loss only",
     ]
     if not any(hinge.friction or hinge.damping for hinge in hinges):
         guesses.append("friction and damping of the joints: none, as the file says nothing")
@@ -158,7 +165,9 @@ def choose_drive(
             unknown.append(hinge.name)
             fastest = NO_LOAD_SPEED_RAD_S
         ramp = hinge.friction * PLANT_STEP_S / (FRICTION_TAKEN * hinge.armature)
-        motors[hinge.name] = JointMotor(peak[hinge.name], fastest, max(FRICTION_SPEED_RAD_S, _ceil(ramp)))
+        ratio = value_for(hinge.name, gear or {}) or GEAR_RATIO
+        developed = max(FRICTION_SPEED_RAD_S, _ceil(ramp))
+        motors[hinge.name] = JointMotor(peak[hinge.name], fastest, developed, ratio)
     if unknown:
         guesses.append(f"no-load speed of {shortened(unknown)}: {NO_LOAD_SPEED_RAD_S:g} rad/s")
     return Drive(motors, frequency, _floor(share), found, tuple(guesses))

@@ -21,7 +21,7 @@ OF_TWO, OF_MORE = (0.25, 0.6), (0.45, 1.0)
 MOTORS_PER_BUS = 3  # at 500 Hz and 1 Mbit/s, beside an IMU
 TARGET_RATE_SHARE = 2.0  # of the fastest joint's no-load speed
 # Of motors of medium size; used for the copper loss only.
-GEAR_RATIO, TORQUE_CONSTANT, WINDING_RESISTANCE = 10.0, 0.1, 0.2
+TORQUE_CONSTANT, WINDING_RESISTANCE = 0.1, 0.2
 
 
 class Ranges(Protocol):
@@ -146,7 +146,7 @@ def _motor(name: str, motor: JointMotor, protocol: str) -> list[str]:
         f"    stall_torque_nm: {motor.peak_torque_nm:g}",
         f"    no_load_speed_rad_s: {motor.no_load_speed_rad_s:g}",
         f"    friction_speed_rad_s: {motor.friction_speed_rad_s:g}",
-        f"    gear_ratio: {GEAR_RATIO:g}",
+        f"    gear_ratio: {motor.gear_ratio:g}",
         f"    torque_constant_nm_a: {TORQUE_CONSTANT:g}",
         f"    winding_resistance_ohm: {WINDING_RESISTANCE:g}",
         f"    protocol: {protocol}",

@@ -269,12 +269,14 @@ class TestNew:
             "robot", "new", "--from", "a.urdf", "--out", "mine", "--feet", "left,right", "--packages", "p",
             "--packages", "q", "--peak-torque", "23.7", "--speed", "hip=30.1,knee=20.06",
             "--armature", "a=b=0.01", "--forward=-y", "--up", "z",
+            "--actuator", "hip=A, knee=B",
         )  # fmt: skip
         assert outcome.status == 0, outcome.err
         (request,) = asked
         assert (request.source, request.folder) == (Path("a.urdf"), Path("mine"))
         assert (request.feet, request.packages) == (("left", "right"), (Path("p"), Path("q")))
         assert (request.forward, request.up) == ("-y", "z")
+        assert request.actuators == {"hip": "A", "knee": "B"}
         assert request.peak_torque_nm == {"": 23.7}
         assert request.speed_rad_s == {"hip": 30.1, "knee": 20.06}
         assert request.armature == {"a=b": 0.01}

@@ -41,6 +41,12 @@ ByJoint = Annotated[
 Axis = Literal["x", "-x", "y", "-y", "z", "-z"]
 
 
+def _names_by_joint(_: type, tokens: Any) -> dict[str, str]:
+    """'DM-J4310-2EC-48V' for all joints, or 'hip=A,knee=B' by part of their names."""
+    entries = (entry.rpartition("=") for entry in tokens[0].value.split(","))
+    return {part.strip(): name.strip() for part, _, name in entries}
+
+
 @Parameter(name="*")
 @dataclass(frozen=True)
 class NewOptions:
@@ -58,6 +64,17 @@ class NewOptions:
     """Axis of the base that points up."""
     packages: Annotated[tuple[Path, ...], Parameter(consume_multiple=True, negative=())] = ()
     """Folders that hold the packages of a URDF's meshes, beside those above the URDF and ROS_PACKAGE_PATH."""
+    actuator: Annotated[
+        dict[str, str],
+        Parameter(
+            converter=_names_by_joint,
+            n_tokens=1,
+            accepts_keys=False,
+            metavar="NAME|JOINT=NAME,…",
+            negative=(),
+        ),
+    ] = field(default_factory=dict)
+    """Motors by name (robots/importer/actuators.yaml): torque, speed, inertia and gear as published."""
     peak_torque: ByJoint = field(default_factory=dict)
     """Peak torque, N m, instead of the file's: one for all, or by part of the joints' names."""
     speed: ByJoint = field(default_factory=dict)
@@ -85,6 +102,7 @@ def new(*, options: NewOptions) -> None:
             forward=options.forward or "",
             up=options.up,
             packages=options.packages,
+            actuators=options.actuator,
             peak_torque_nm=options.peak_torque,
             speed_rad_s=options.speed,
             armature=options.armature,

@@ -1,0 +1,51 @@
+"""Actuators of which the makers publish figures."""
+
+from pathlib import Path
+
+import pytest
+from foreign_robots import make, quadruped
+
+from footfall.common.errors import UserError
+from footfall.robots.importer.actuators import actuators
+
+
+def test_every_row_has_a_source_and_a_plausible_inertia() -> None:
+    for name, row in actuators().items():
+        assert row.source, name
+        assert row.rated_torque_nm is None or row.rated_torque_nm < row.peak_torque_nm, name
+        assert row.armature is None or 2e-5 < row.armature / row.peak_torque_nm < 2e-3, name
+    assert actuators()["Unitree-Go1-hip"].armature == pytest.approx(0.00403, rel=1e-2)
+
+
+def test_a_robot_of_known_motors(tmp_path: Path) -> None:
+    chosen = {"": "Unitree-Go1-hip", "knee": "Unitree-Go1-knee"}
+    robot, made = make(tmp_path, quadruped(), actuators=chosen)
+    hip, knee = robot.joint_index("FL_hip"), robot.joint_index("FL_knee")
+    assert robot.motor.peak_torque[[hip, knee]] == pytest.approx([23.7, 35.55])
+    assert robot.motor.no_load_speed[[hip, knee]] == pytest.approx([30.1, 20.06])
+    assert robot.armature[[hip, knee]] == pytest.approx([0.00403, 0.00906], rel=1e-2)
+    assert robot.motor_figures("gear_ratio")[[hip, knee]] == pytest.approx([6.0, 9.0])
+    assert any("Unitree-Go1-knee: Unitree, go1_description" in guess for guess in made.guesses)
+    assert not any("reflected inertia" in guess for guess in made.guesses)
+    assert "gear_ratio: 9" in (made.folder / "robot.yaml").read_text()
+
+
+@pytest.mark.parametrize(
+    ("chosen", "reason"),
+    [
+        ({"": "DM-J4310-2EC-24"}, "Did you mean DM-J4310-2EC-24V?"),
+        ({"elbow": "Unitree-4010"}, "no joint has 'elbow' in its name"),
+    ],
+)
+def test_an_actuator_that_cannot_be_had_is_refused(
+    tmp_path: Path, chosen: dict[str, str], reason: str
+) -> None:
+    with pytest.raises(UserError, match=reason.replace("?", r"\?")):
+        make(tmp_path, quadruped(), actuators=chosen)
+
+
+def test_motors_beyond_their_rated_torque_are_told(tmp_path: Path) -> None:
+    heavy = quadruped().replace('value="5.3"', 'value="9.3"')
+    _, made = make(tmp_path, heavy, actuators={"": "DM-J4310-2EC-48V"})
+    (told,) = (guess for guess in made.guesses if "beyond their rated torque" in guess)
+    assert "of 3 N m" in told
