@@ -286,6 +286,10 @@ class TestSession:
                 super().__init__()
                 opened.append((*arguments, may_wait))
 
+            def begin(self, start_ns: int) -> None:
+                assert not self.told
+                opened.append((start_ns,))
+
             def close(self) -> str:
                 closed.append(len(self.told))
                 return "the log is short"
@@ -298,7 +302,7 @@ class TestSession:
         policy = Hold(go1)
         outcome = run_session(go1, policy, FrameRobot(go1), run)  # type: ignore[arg-type]
         facts = {"policy_spec": spec, "seed": 3, "joint_rate_hz": 250.0}
-        assert opened == [(tmp_path / "a", go1, policy, facts, 123 if realtime else 0, not realtime)]
+        assert opened == [(tmp_path / "a", go1, policy, facts, not realtime), (123 if realtime else 0,)]
         assert outcome.notes == ("the log is short",)
         assert closed
         assert closed[0] > 5
