@@ -99,6 +99,9 @@ class Notebook:
     def __init__(self) -> None:
         self.told: list[tuple] = []
 
+    def begin(self, start_ns: int) -> None:
+        pass
+
     def tick(self, now_us: int, sensed: Any, told: Any, commanded: np.ndarray | None) -> None:
         self.told.append(("tick", now_us, sensed, commanded))
 
