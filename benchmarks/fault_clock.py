@@ -67,6 +67,9 @@ KINDS = (
     TimingFault(
         "each policy step takes 150 ms", lambda: AddedDelay(in_step_s=0.15), 0.11, "interrupted after 70 ms"
     ),
+    TimingFault(
+        "each policy step takes 60 ms", lambda: AddedDelay(in_step_s=0.06), 0.11, "no frame goes out"
+    ),
     TimingFault("a pause of 30 ms", lambda: AddedDelay(in_tick_s=0.03, once=True), None, "a walk bears it"),
     TimingFault(
         "a pause of 60 ms", lambda: AddedDelay(in_tick_s=0.06, once=True), 0.1, "who is not asked is silent"

@@ -6,7 +6,7 @@
 Runs are kept in the file as they end, and not run again by a second call.
 
 Lockstep, over the simulated bus. The simulator's own eye on falls is only an observer here, since no real
-robot has one: a run ends when the robot damps itself, or `OBSERVED_S` after the fault.
+robot has one: a run ends when the robot damps itself, or a while after the fault.
 """
 
 import argparse
@@ -53,7 +53,6 @@ SUBJECTS = {  # robot and policy, and whether all rows are tried or the main one
     ("g1", "step"): False,
 }
 NOISE = Noise(joint_position=0.002, joint_velocity=0.1, gyro=0.02, gravity=0.005)
-OBSERVED_S = 2.0  # after the fault
 STAND_S, DAMPING_S = 0.8, 0.1
 SAFE = (*DAMPED, Mode.LOWERING)
 BETWEEN_S = (0.5, 1.0)  # of walking, when the fault comes
@@ -137,7 +136,7 @@ class _Watch:
             self._down_s = self._down_s + LOOK_S if self._injector.body.fall() is not None else 0.0
             self.fell = self.fell or self._down_s >= DOWN_S
         began_us = self.injected_us if not self._kind.starting else round(1.5e6)
-        if now_us - began_us >= OBSERVED_S * 1e6:
+        if now_us - began_us >= self._kind.observed_s * 1e6:
             loop.finish()
 
 

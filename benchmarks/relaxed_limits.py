@@ -17,7 +17,15 @@ RELAXED = DeployConfig(
         late_steps=1000,
         skipped_share=1.0,
         sensors=SensorLimits(  # a robot's time stalls as well, and so do targets
-            drift_rad=3.0, wander_rad=3.0, stuck_rad=3.0, rotation_rad=3.0, repeated_rad=3.0, torque_stuck=2.0
+            drift_rad=3.0,
+            wander_rad=3.0,
+            creep_rad=3.0,
+            stuck_rad=3.0,
+            rotation_rad=3.0,
+            repeated_rad=3.0,
+            torque_stuck=2.0,
+            unexplained=10.0,
+            lost_share=1.0,
         ),
     ),
 )

@@ -41,6 +41,7 @@ class JointLayer:
         self._encodable = np.zeros((5, len(self._target)))  # it within frames' ranges, this tick's target
         self.sent = np.zeros_like(self._encodable)  # the last command, before a frame rounds it
         self._sent_before = self.sent  # the one before
+        self._forget_asked()
 
     # -- out -----------------------------------------------------------------------------------------
 
@@ -83,7 +84,22 @@ class JointLayer:
             self._encodable = self._encodable.copy()
             self._encodable[0] = self._target
             self._arrived = not np.count_nonzero(self._target != self._goal)
-        return self._send(self._clamped(self._encodable, self._weaker))
+        frames = self._send(self._clamped(self._encodable, self._weaker))
+        np.minimum(self._least, self._possible, out=self._least)
+        np.maximum(self._most, self._possible, out=self._most)
+        return frames
+
+    def take_asked(self) -> tuple[np.ndarray, np.ndarray]:
+        """Least and greatest torque that commands asked of each motor since the last call, N m, (n,) each.
+
+        Infinite if there was no command.
+        """
+        asked = self._least, self._most
+        self._forget_asked()
+        return asked
+
+    def _forget_asked(self) -> None:
+        self._least, self._most = np.full(len(self._target), np.inf), np.full(len(self._target), -np.inf)
 
     def damping(self, kd: float) -> Frames:
         """Frames that only damp the joints, kd in N m s/rad, within the motors' limits."""
@@ -107,7 +123,7 @@ class JointLayer:
         joints = self._receiver.joints
         position, velocity = joints[0], joints[1]
         asked = pd_torque(JointCommand.of(values), position, velocity)
-        possible = limit_torque(asked, velocity, motor)
+        self._possible = possible = limit_torque(asked, velocity, motor)
         if np.count_nonzero(asked != possible):
             share = _share(possible, asked)
             values = values.copy()
@@ -157,6 +173,16 @@ class JointLayer:
     def oldest_of_imu(self) -> str:
         """Name of the oldest part of the IMU's reading."""
         return self._receiver.oldest_of_imu
+
+    @property
+    def replies(self) -> np.ndarray:
+        """Number of replies of each motor so far, (n,)."""
+        return self._receiver.replies
+
+    @property
+    def imu_older(self) -> int:
+        """Number of the IMU's frames so far that were older than its latest reading."""
+        return self._receiver.imu_older
 
     def last_heard(self) -> LastHeard:
         """Arrival times of the latest readings."""

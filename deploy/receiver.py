@@ -45,6 +45,8 @@ class Receiver:
         self._motor_us = np.full(joints, NEVER)
         self._error = np.zeros(joints, dtype=np.uint8)
         self._absorbed_us = NEVER  # time of the latest replies
+        self._whole_batches = 0  # of all motors, one reply each
+        self._single_replies = np.zeros(joints, np.intp)  # in other batches
 
     def absorb(self, batches: list[Frames], now_us: int) -> None:
         """Decode frames that have arrived; frames of other senders are left out."""
@@ -92,6 +94,16 @@ class Receiver:
         imu_us = self._imu.heard_us
         return LastHeard(self._motor_us, NEVER if imu_us is None else imu_us, self._error)
 
+    @property
+    def replies(self) -> np.ndarray:
+        """Number of replies of each motor so far, (n,)."""
+        return self._single_replies + self._whole_batches
+
+    @property
+    def imu_older(self) -> int:
+        """Number of the IMU's samples so far that were older than its latest; 0 if its driver has none."""
+        return getattr(self._imu, "older", 0)
+
     def health(self, now_us: int) -> MotorHealth:
         """Age of the latest readings and state of the motors."""
         motor_us, imu_us, error = self.last_heard()
@@ -104,9 +116,11 @@ class Receiver:
         again = self._absorbed_us == now_us
         before = self._error if again and np.count_nonzero(self._error) else None
         if isinstance(motor, slice):
+            self._whole_batches += 1
             self.joints, self._error = values, error
             self.temperature_c, self.voltage = temperature, voltage
         else:
+            np.add.at(self._single_replies, motor, 1)
             self.joints = self.joints.copy()
             self.temperature_c, self.voltage = self.temperature_c.copy(), self.voltage.copy()
             self.joints[:, motor] = values

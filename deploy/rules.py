@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from footfall.deploy.safety import SIGNAL_CHECKS, Check, SafetyConfig
 from footfall.deploy.sensor_checks.check import SensorCheck
-from footfall.deploy.sensor_checks.table import BODY_CHECKS, JOINT_CHECKS, SensorLimits
+from footfall.deploy.sensor_checks.table import BODY_CHECKS, JOINT_CHECKS, LINK_CHECKS, SensorLimits
 
 SETTING = "`safety`"  # in robot.yaml, changed by a file for --config
 SENSOR_SETTING = "`safety.sensors`"  # likewise
@@ -53,7 +53,7 @@ def _of_sensors(check: type[SensorCheck]) -> Rule:
     return Rule(check.looks_at, " × ".join(filter(None, (share, figure))), ", ".join(sources), check.leads_to)
 
 
-SENSOR_CHECKS: tuple[type[SensorCheck], ...] = (*JOINT_CHECKS, *BODY_CHECKS)
+SENSOR_CHECKS: tuple[type[SensorCheck], ...] = (*LINK_CHECKS, *JOINT_CHECKS, *BODY_CHECKS)
 
 
 def rules(sensor_checks: Sequence[type[SensorCheck]] = SENSOR_CHECKS) -> tuple[Rule, ...]:

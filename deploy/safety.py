@@ -72,15 +72,32 @@ class Check(NamedTuple):
     limits: tuple[str, ...] = ()  # fields of `SafetyConfig`; empty if any occurrence is a fault
 
 
+def _own_silence(silence_s: float, s: Signals, c: SafetyConfig) -> str:
+    """Why nothing was heard, where the loop itself was silent for most of that time; else empty.
+
+    Motors answer frames, and none goes out while the policy decides or the loop pauses.
+    """
+    if silence_s - s.time.pause_s > c.silence_timeout_s or s.time.pause_s < 0.5 * silence_s:
+        return ""
+    if s.policy.step_s >= 0.5 * s.time.pause_s:
+        took_ms = s.policy.step_s * 1e3
+        return f"the policy ran late: one step took {took_ms:.0f} ms, without a frame to the motors"
+    return f"the loop paused for {s.time.pause_s * 1e3:.0f} ms, without a frame to the motors"
+
+
 def _silent_motor(s: Signals, c: SafetyConfig) -> str:
     if s.motors.silence_s <= c.silence_timeout_s:
         return ""
+    if own := _own_silence(s.motors.silence_s, s, c):
+        return own
     return f"no reply from {s.motors.silent} for {c.silence_timeout_s * 1e3:.0f} ms"
 
 
 def _silent_imu(s: Signals, c: SafetyConfig) -> str:
     if s.imu.silence_s <= c.silence_timeout_s:
         return ""
+    if own := _own_silence(s.imu.silence_s, s, c):
+        return own
     return f"no new IMU reading ({s.imu.oldest_part}) for {c.silence_timeout_s * 1e3:.0f} ms"
 
 
@@ -184,8 +201,8 @@ def _implausible(leads_to: Mode) -> Callable[[Signals, SafetyConfig], str]:
 
 # The result of the sensor checks, whose own rows are in `sensor_checks/table.py`.
 READING_CHECKS = tuple(
-    Check("readings that contradict each other", HELD, _implausible(mode), mode)
-    for mode in (Mode.ESTOP, Mode.FALLING)
+    Check("readings that contradict each other", modes, _implausible(leads_to), leads_to)
+    for modes, leads_to in ((HELD, Mode.ESTOP), (HELD, Mode.FALLING), (MOVING, Mode.LOWERING))
 )
 CHECKS = (*SIGNAL_CHECKS, *READING_CHECKS)
 CHECKS_IN = {mode: tuple(check for check in CHECKS if mode in check.modes) for mode in Mode}

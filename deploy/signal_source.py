@@ -50,7 +50,8 @@ class SignalSource:
         self._robot, self._driver, self._bus = robot, driver, bus
         self._joints, self._postures, self._end = joints, postures, end
         self._places = [wiring.place(joint) for joint in range(len(robot.joint_names))]
-        self._monitor = SensorMonitor(robot, wiring, safety.sensors, tick_s)
+        answering = getattr(driver, "answers_each_frame", False)
+        self._monitor = SensorMonitor(robot, wiring, safety.sensors, tick_s, answering=answering)
         self._first_rest = FirstRest(safety.still_s, safety.sensors, self._places)
         self._first_pose_rad = safety.first_pose_rad
         self._silence_us = safety.silence_timeout_s * 1e6
@@ -63,6 +64,7 @@ class SignalSource:
         self._monitor.begin(
             now_us, joints.last_heard().motor_us, joints.inertial, joints.joints, joints.target
         )
+        self._monitor.begin_links(now_us, joints)
 
     def look(self, now_us: int, elapsed_us: int, state: State, policy: PolicySignals) -> Signals:
         """The signals of a tick.
@@ -82,7 +84,8 @@ class SignalSource:
         implausible, start = None, NOTHING_AT_START
         if mode in HELD:
             on_legs = self._postures.on_legs(since_s, mode in DECIDING)
-            implausible = self._monitor.look(now_us, max(motor_silence_us, imu_silence_us), joints, on_legs)
+            silence_us, resting = max(motor_silence_us, imu_silence_us), mode is Mode.STANDING
+            implausible = self._monitor.look(now_us, silence_us, joints, on_legs, resting)
         elif mode is Mode.IDLE:
             start, implausible = self._at_start(now_us, motor_silence_us, imu_silence_us)
         return Signals(

@@ -4,12 +4,14 @@ from fault_kinds.body import BODY
 from fault_kinds.imu import IMU
 from fault_kinds.policy import POLICY
 from fault_kinds.replies import REPLIES
+from fault_kinds.slow import SLOW
 from fault_kinds.start import START
 
 GROUPS = {
     "IMU": IMU,
     "motors' replies": REPLIES,
     "motors and body": BODY,
+    "slow or now and then": SLOW,
     "policy and program": POLICY,
     "at the start": START,
 }

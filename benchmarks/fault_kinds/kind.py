@@ -23,4 +23,5 @@ class FaultKind(NamedTuple):
     main: bool = False  # tried on every robot
     estimating: bool = False  # tried with policies whose base's motion is estimated
     starting: bool = False  # there from the beginning
+    observed_s: float = 2.0  # after the fault, until the run ends
     group: str = ""  # heading of the table that it stands under

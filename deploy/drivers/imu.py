@@ -7,7 +7,8 @@
 | 0x302 | quaternion w x y z (int16), body to world | 1/32767 |
 
 Big-endian, body axes. Readings past the range are clamped. The sample counter distinguishes a new reading
-from a repeated one. A shorter frame, and a quaternion whose length is not 1, count as not received.
+from a repeated one, and from one that is older than the latest: that one was replayed, or overtaken, and is
+left out. A shorter frame, and a quaternion whose length is not 1, count as not received.
 """
 
 import math
@@ -18,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from footfall.deploy.drivers.driver import CanFilter
+from footfall.deploy.drivers.sample_counter import COUNTS, SampleCounter
 from footfall.deploy.frames import Frames, layout_of
 
 GYRO_ID, ACCELERATION_ID, QUATERNION_ID = IDS = (0x300, 0x301, 0x302)
@@ -43,7 +45,7 @@ class Inertial(NamedTuple):
 def encode(reading: Inertial, counter: int) -> np.ndarray:
     """The three frames of a reading, (3, 8) uint8, in the order of `IDS`."""
     values = (*reading.gyro, *reading.acceleration, *reading.quaternion)
-    codes, count = [value / unit for value, unit in zip(values, _UNITS, strict=True)], counter % 0x10000
+    codes, count = [value / unit for value, unit in zip(values, _UNITS, strict=True)], counter % COUNTS
     try:
         data = _packed(codes, count)
     except (struct.error, OverflowError, ValueError):  # past the range, infinite, or NaN
@@ -93,7 +95,7 @@ class ImuReader:
         self._channel = channel
         three = np.ones(len(IDS), np.intp)
         self._whole = layout_of(Frames(channel * three, np.array(IDS), np.zeros((3, 8), np.uint8), 8 * three))
-        self._gyro_counter = self._acceleration_counter = -1
+        self._gyro_samples, self._acceleration_samples = SampleCounter(), SampleCounter()
         self._heard_us: list[int | None] = [None, None, None]  # each part, as in `IDS`
         self.reading = Inertial((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
 
@@ -104,6 +106,11 @@ class ImuReader:
         if gyro is None or acceleration is None or quaternion is None:
             return None
         return min(gyro, acceleration, quaternion)
+
+    @property
+    def older(self) -> int:
+        """Number of samples so far that were older than the latest one."""
+        return max(self._gyro_samples.older, self._acceleration_samples.older)
 
     @property
     def oldest(self) -> str:
@@ -129,7 +136,14 @@ class ImuReader:
     def _absorb_reading(self, data: bytes, arrived: list[int]) -> None:
         """The three frames of a reading at once, and when each arrived, us."""
         gx, gy, gz, gyro_count, ax, ay, az, acceleration_count, *words = _ALL.unpack(data)
-        self._heard_counts(gyro_count, arrived[0], acceleration_count, arrived[1])
+        gyro_new = self._gyro_samples.is_new(gyro_count)
+        acceleration_new = self._acceleration_samples.is_new(acceleration_count)
+        if gyro_new is None or acceleration_new is None:
+            return
+        if gyro_new:
+            self._heard_us[0] = arrived[0]
+        if acceleration_new:
+            self._heard_us[1] = arrived[1]
         quaternion: Sequence[float] | None = _unit_quaternion(*words)
         if quaternion is None:
             quaternion = self.reading.quaternion
@@ -144,19 +158,17 @@ class ImuReader:
     def _absorb_frame(self, identifier: int, data: bytes, arrived_us: int) -> None:
         gyro, acceleration, quaternion = self.reading
         if identifier == GYRO_ID:
-            gyro, counter = decode_gyro(data)
-            self._heard_counts(counter, arrived_us, self._acceleration_counter, arrived_us)
+            rates, counter = decode_gyro(data)
+            new = self._gyro_samples.is_new(counter)
+            gyro = gyro if new is None else rates
+            if new:
+                self._heard_us[0] = arrived_us
         elif identifier == ACCELERATION_ID:
-            acceleration = decode_acceleration(data)
-            self._heard_counts(self._gyro_counter, arrived_us, _SAMPLE.unpack(data)[3], arrived_us)
+            new = self._acceleration_samples.is_new(_SAMPLE.unpack(data)[3])
+            acceleration = acceleration if new is None else decode_acceleration(data)
+            if new:
+                self._heard_us[1] = arrived_us
         elif (decoded := decode_quaternion(data)) is not None:
             quaternion = decoded
             self._heard_us[2] = arrived_us
         self.reading = Inertial(gyro, acceleration, quaternion)
-
-    def _heard_counts(self, gyro: int, gyro_us: int, acceleration: int, acceleration_us: int) -> None:
-        """Only a changed counter means a new reading."""
-        if gyro != self._gyro_counter:
-            self._gyro_counter, self._heard_us[0] = gyro, gyro_us
-        if acceleration != self._acceleration_counter:
-            self._acceleration_counter, self._heard_us[1] = acceleration, acceleration_us

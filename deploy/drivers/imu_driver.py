@@ -1,6 +1,7 @@
 """What the control loop requires of an IMU's protocol.
 
-A driver of one's own is a class that `imu_protocol` in robot.yaml names as MODULE:NAME.
+A driver of one's own is a class that `imu_protocol` in robot.yaml names as MODULE:NAME. It may have `older`,
+the number of samples so far that were older than the latest: then replays are noticed by their counters, too.
 """
 
 from typing import Protocol

@@ -19,6 +19,7 @@ class MixedDriver:
         self._parts = parts
         self._n = sum(len(joints) for _, joints in parts)
         self.filters: tuple[CanFilter, ...] = tuple(each for driver, _ in parts for each in driver.filters)
+        self.answers_each_frame = all(getattr(driver, "answers_each_frame", False) for driver, _ in parts)
         self.exchange_bits = self._by_joint((), lambda driver: driver.exchange_bits)
 
     def _by_joint(self, rows: tuple[int, ...], of: Callable[[Driver], np.ndarray]) -> np.ndarray:

@@ -28,6 +28,8 @@ class PolledDriver:
     `command`, `replies` and `error_name`, and for motors with settings `query_settings` and `not_ready`.
     """
 
+    answers_each_frame = True  # once, and sends nothing else: then a second host shows
+
     def __init__(self, wiring: Wiring, orders: Orders, extended: bool = False) -> None:
         """Frames of 8 bytes, with identifiers of 29 bits if `extended`.
 

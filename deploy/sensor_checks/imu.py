@@ -27,15 +27,19 @@ class ImuLimits(Memory):
     resting_s: float = 0.3
     rest_error: float = 0.15  # of gravity: acceleration at rest against the quaternion's gravity
     lean_error: float = 0.35  # of gravity: the same in motion, on average, sideways
+    long_lean_error: float = 0.12  # of gravity: sideways over `long_lean_memory_s`
+    long_lean_memory_s: float = 3.0
     lift_error: float = 0.6  # of gravity: upwards; a robot that is thrown or falls over feels less of it
     lean_memory_s: float = 1.0  # over which a walk's accelerations cancel out
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_between(self, 0.001, 2 * np.pi, "rotation_rad", "turned_rad")
-        require_between(self, 0.01, 10.0, "imu_repeated_s", "resting_s", "lean_memory_s")
+        require_between(
+            self, 0.01, 10.0, "imu_repeated_s", "resting_s", "lean_memory_s", "long_lean_memory_s"
+        )
         require_between(self, 0.01, 100.0, "moving_rad_s", "resting_rad_s")
-        require_between(self, 0.01, 2.0, "rest_error", "lean_error", "lift_error")
+        require_between(self, 0.01, 2.0, "rest_error", "lean_error", "long_lean_error", "lift_error")
 
 
 class Rotation(BodyCheck):
@@ -157,8 +161,10 @@ class RestError(BodyCheck):
 class _MeanAcceleration(BodyCheck):
     """A check of the mean acceleration in motion, world axes, over gravity."""
 
+    memory: ClassVar[str] = "lean_memory_s"  # field of `ImuLimits`
+
     def __init__(self, robot: Robot, limits: ImuLimits, sample_s: float) -> None:
-        self._memory_s = limits.lean_memory_s
+        self._memory_s = getattr(limits, self.memory)
         self.reset()
 
     def reset(self) -> None:
@@ -183,6 +189,14 @@ class Lean(_MeanAcceleration):
     def measure(self, window: BodyWindow) -> float:
         ahead, left, _ = self._updated(window)
         return math.hypot(ahead, left) / GRAVITY_M_S2
+
+
+class LongLean(Lean):
+    """Mean sideways acceleration over seconds, in which a robot's own accelerations cancel out."""
+
+    memory = "long_lean_memory_s"
+    looks_at = "the same over seconds: an attitude that leans slowly, and its gyro with it"
+    limit = Limit("long_lean_error")
 
 
 class Lift(_MeanAcceleration):

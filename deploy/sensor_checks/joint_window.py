@@ -29,6 +29,8 @@ class JointWindow(NamedTuple):
     stiffness: np.ndarray  # of the last command, N m/rad
     target_speed: np.ndarray  # of the position target, rad/s
     target_travel: np.ndarray  # of the position target in the window before, rad
+    torques: np.ndarray  # (k, n) each report, N m
+    asked: np.ndarray  # (2, k, n) least and greatest torque that commands asked for before each, N m
     temperature_c: np.ndarray  # NaN where a motor does not report it
     voltage: np.ndarray  # of the motors' supply, V; NaN likewise
 
@@ -36,7 +38,16 @@ class JointWindow(NamedTuple):
 def single_reading(joints: np.ndarray, temperature_c: np.ndarray, voltage: np.ndarray) -> JointWindow:
     """A window of one reading, for the checks that need no more."""
     none = np.zeros(joints.shape[1])
-    return JointWindow(0.0, joints, np.zeros(joints.shape, bool), *(none,) * 10, temperature_c, voltage)
+    return JointWindow(
+        0.0,
+        joints,
+        np.zeros(joints.shape, bool),
+        *(none,) * 10,
+        none[None],
+        np.zeros((2, 1, joints.shape[1])),
+        temperature_c,
+        voltage,
+    )
 
 
 class _Sums:
@@ -48,6 +59,8 @@ class _Sums:
         self.readings = np.zeros((3, n))
         self.repeated = np.ones((3, n), bool)
         self.strongest = np.zeros(n)
+        self.torques: list[np.ndarray] = []
+        self.asked: list[tuple[np.ndarray, np.ndarray]] = []
         self.expected = np.zeros(n)
         self.travel = np.zeros(n)
         self.starts = np.zeros(n)  # where the window began, by each reading, rad
@@ -89,6 +102,7 @@ class JointWindows:
         inertial: Inertial,
         joints: np.ndarray,
         expected: np.ndarray,
+        asked: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> bool:
         """Add one tick's readings; returns whether the window is full.
 
@@ -100,6 +114,8 @@ class JointWindows:
             inertial: the IMU's reading.
             joints: (3, n) position rad, velocity rad/s, torque N m that the motors report.
             expected: (n,) torque that the last commands ask for at these readings, N m.
+            asked: least and greatest torque that all commands since the last call asked for, N m, (n,) each;
+                None for `expected`.
         """
         sums, last = self._sums, self._last
         if silence_us > self._gap_us or now_us - self._added_us > self._gap_us:
@@ -115,6 +131,8 @@ class JointWindows:
         self._last = joints
         sums.readings += joints
         np.maximum(sums.strongest, np.abs(joints[2]), out=sums.strongest)
+        sums.torques.append(joints[2])
+        sums.asked.append(asked or (expected, expected))
         sums.expected += expected
         sums.inertials.append(inertial)
         return len(sums.inertials) >= self._readings
@@ -169,6 +187,8 @@ class JointWindows:
             stiffness=stiffness,
             target_speed=np.abs(target - self._target) / elapsed_s,
             target_travel=self._target_travel,
+            torques=np.array(sums.torques),
+            asked=np.array(sums.asked).transpose(1, 0, 2),
             temperature_c=temperature_c,
             voltage=voltage,
         )

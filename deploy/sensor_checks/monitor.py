@@ -14,7 +14,9 @@ from footfall.deploy.leg_attitude import LegAttitude
 from footfall.deploy.sensor_checks.body_window import BodyReadings, BodyWindow, body_window
 from footfall.deploy.sensor_checks.check import BodyCheck, JointCheck
 from footfall.deploy.sensor_checks.joint_window import JointWindow, JointWindows, single_reading
-from footfall.deploy.sensor_checks.table import BODY_CHECKS, JOINT_CHECKS, SensorLimits
+from footfall.deploy.sensor_checks.link_window import LinkSums, LinkWindow
+from footfall.deploy.sensor_checks.links import LinkCheck
+from footfall.deploy.sensor_checks.table import BODY_CHECKS, JOINT_CHECKS, LINK_CHECKS, SensorLimits
 from footfall.deploy.signals import Implausible
 from footfall.deploy.wiring import Wiring
 from footfall.robots.description import Robot
@@ -31,8 +33,13 @@ class SensorMonitor:
         tick_s: float,
         joint_checks: Sequence[type[JointCheck]] = JOINT_CHECKS,
         body_checks: Sequence[type[BodyCheck]] = BODY_CHECKS,
+        link_checks: Sequence[type[LinkCheck]] = LINK_CHECKS,
+        answering: bool = True,
     ) -> None:
-        """Checks of this robot, whose readings come every `tick_s`."""
+        """Checks of this robot, whose readings come every `tick_s`.
+
+        `answering`: whether its motors answer each frame, and send nothing unasked.
+        """
         n = len(robot.joint_names)
         self._places = [wiring.place(joint) for joint in range(n)]
         self._windows = JointWindows(n, limits.period_s, tick_s)
@@ -42,7 +49,11 @@ class SensorMonitor:
         self._body_checks = [
             (check(robot, limits, sample_s), check.limit.of(robot, limits)) for check in body_checks
         ]
-        self._resting_rad_s = limits.resting_rad_s
+        self._link_checks = [
+            (check(robot, limits, sample_s), check.limit.of(robot, limits)) for check in link_checks
+        ]
+        self._links = LinkSums(answering)
+        self._resting_rad_s, self._moving_rad_s = limits.resting_rad_s, limits.moving_rad_s
         self._attitude = None if legs_of(robot) is None else LegAttitude(robot, limits)
         self._inertial = Inertial((0.0,) * 3, (0.0,) * 3, (1.0, 0.0, 0.0, 0.0))  # of the last window
         self._body: BodyReadings | None = None  # readings that wait for `body_contradiction`
@@ -53,12 +64,21 @@ class SensorMonitor:
         """Forget all, and start from these readings (see `add`) and position targets, rad, (n,)."""
         self._windows.begin(now_us, heard_us, joints, target)
         self._inertial, self._body = inertial, None
-        for check in (*self._joint_checks, *(check for check, _ in self._body_checks)):
+        checks = (*self._joint_checks, *(check for check, _ in (*self._body_checks, *self._link_checks)))
+        for check in checks:
             check.reset()
         if self._attitude is not None:
             self._attitude.reset()
 
-    def look(self, now_us: int, silence_us: int, joints: JointLayer, on_legs: bool) -> Implausible | None:
+    def begin_links(self, now_us: int, joints: JointLayer) -> None:
+        """Forget what has arrived so far."""
+        self._links.begin(
+            now_us, joints.replies, joints.imu_older, joints.last_heard().imu_us, joints.inertial
+        )
+
+    def look(
+        self, now_us: int, silence_us: int, joints: JointLayer, on_legs: bool, resting: bool
+    ) -> Implausible | None:
         """Take in a tick; returns the first contradiction if this is a tick at which readings are compared.
 
         Args:
@@ -66,14 +86,35 @@ class SensorMonitor:
             silence_us: age of the oldest reading.
             joints: which has the latest readings and commands.
             on_legs: whether the legs should carry the base.
+            resting: whether the robot is still standing up.
         """
+        self._links.ask()
         found = self.body_contradiction(on_legs)
         if found is not None or not self._windows.due(now_us):
             return found
-        heard_us, expected = joints.last_heard().motor_us, joints.expected_torque()
-        if not self.add(now_us, silence_us, heard_us, joints.inertial, joints.joints, expected):
+        (heard_us, imu_us, _), expected = joints.last_heard(), joints.expected_torque()
+        self._links.add(imu_us, joints.inertial)
+        asked = joints.take_asked()
+        if not self.add(now_us, silence_us, heard_us, joints.inertial, joints.joints, expected, asked):
             return None
-        return self.joint_contradiction(joints.stiffness, joints.target, joints.temperature_c, joints.voltage)
+        moving = float(np.abs(joints.joints[1]).max()) > self._moving_rad_s
+        links = self._links.close(now_us, joints.replies, joints.imu_older, moving, resting)
+        found = self.link_contradiction(links)
+        contradiction = self.joint_contradiction(
+            joints.stiffness, joints.target, joints.temperature_c, joints.voltage
+        )
+        return found or contradiction
+
+    def link_contradiction(self, window: LinkWindow) -> Implausible | None:
+        """The first contradiction in what arrived in a window."""
+        found = None
+        for check, limit in self._link_checks:
+            value = np.asarray(check.measure(window))
+            if found is None and not (value <= limit).all():
+                worst = int(value.argmax())
+                place = f"{self._places[worst]}: " if value.ndim else ""
+                found = Implausible(place + check.message.format(value.flat[worst]), check.leads_to)
+        return found
 
     def add(
         self,
@@ -83,9 +124,10 @@ class SensorMonitor:
         inertial: Inertial,
         joints: np.ndarray,
         expected: np.ndarray,
+        asked: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> bool:
         """Add readings to the window; returns whether it is full (see `JointWindows.add`)."""
-        return self._windows.add(now_us, silence_us, heard_us, inertial, joints, expected)
+        return self._windows.add(now_us, silence_us, heard_us, inertial, joints, expected, asked)
 
     def joint_contradiction(
         self, stiffness: np.ndarray, target: np.ndarray, temperature_c: np.ndarray, voltage: np.ndarray

@@ -21,12 +21,15 @@ class SingleReadingLimits:
     position_rad: float = 0.2  # beyond a joint's range: stops give way, and calibration is never exact
     speed_share: float = 1.5  # of the no-load speed: a push or a fall drives a motor beyond it
     torque_share: float = 1.2  # of the peak torque: rounding, and a motor's own idea of its constant
+    colder_c: float = 25.0  # that a motor may be colder than all other motors
+    coldest_c: float = 40.0  # degrees Celsius below zero: what an open sensor reads
     voltage_v: float = 0.0  # that a supply may be outside its range
 
     def __post_init__(self) -> None:
         require_between(self, 0.001, 2 * np.pi, "position_rad")
         require_between(self, 1.0, 10.0, "speed_share", "torque_share")
         require_between(self, 0.0, 100.0, "voltage_v")
+        require_between(self, 1.0, 300.0, "colder_c", "coldest_c")
 
 
 class PositionRange(JointCheck):
@@ -78,6 +81,36 @@ class Temperature(JointCheck):
 
     def measure(self, window: JointWindow) -> np.ndarray:
         return np.fmax(window.temperature_c, 0.0)  # fmax ignores NaN
+
+
+class ColderThanOthers(JointCheck):
+    """By how much a motor is colder than all others, degrees Celsius; 0 if it does not report it."""
+
+    looks_at = "by how much a motor is colder than all others: its sensor is open"
+    message = "its temperature is {0:.0f} degrees below that of all other motors: its sensor may be open"
+    limit = Limit("colder_c")
+    single_reading = True
+
+    def measure(self, window: JointWindow) -> np.ndarray:
+        reports = ~np.isnan(window.temperature_c)
+        if np.count_nonzero(reports) < 2:
+            return np.zeros(len(reports))
+        reported = np.where(reports, window.temperature_c, np.inf)
+        coldest, next_coldest = np.partition(reported, 1)[:2]
+        others = np.where(reported == coldest, next_coldest, coldest)
+        return np.where(reports, others - window.temperature_c, 0.0)
+
+
+class TooCold(JointCheck):
+    """Degrees Celsius below zero that a motor reports; NaN counts as none."""
+
+    looks_at = "degrees below zero that a motor reports: its sensor is open"
+    message = "its temperature reads {0:.0f} degrees Celsius below zero: its sensor may be open"
+    limit = Limit("coldest_c")
+    single_reading = True
+
+    def measure(self, window: JointWindow) -> np.ndarray:
+        return np.fmax(-window.temperature_c, 0.0)
 
 
 class Voltage(JointCheck):

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from footfall.common.config import require_between
-from footfall.deploy.sensor_checks import imu, legs, single_reading, torque, travel
+from footfall.deploy.sensor_checks import imu, legs, links, single_reading, torque, travel, unexplained
 from footfall.deploy.sensor_checks.check import BodyCheck, JointCheck
 
 JOINT_CHECKS: tuple[type[JointCheck], ...] = (
@@ -13,11 +13,15 @@ JOINT_CHECKS: tuple[type[JointCheck], ...] = (
     travel.Drift,
     travel.Wander,
     travel.Stuck,
+    travel.Creep,
     torque.Limp,
     torque.Opposing,
     torque.TorqueStuck,
+    unexplained.Unexplained,
     torque.ReplyRepeated,
     single_reading.Temperature,
+    single_reading.ColderThanOthers,
+    single_reading.TooCold,
     single_reading.Voltage,
 )
 BODY_CHECKS: tuple[type[BodyCheck], ...] = (
@@ -28,9 +32,20 @@ BODY_CHECKS: tuple[type[BodyCheck], ...] = (
     imu.RestError,
     imu.Lean,
     imu.Lift,
+    imu.LongLean,
     legs.Slope,
     legs.LegTurn,
     legs.Sunk,
+)
+
+
+LINK_CHECKS: tuple[type[links.LinkCheck], ...] = (
+    links.Answers,
+    links.ImuOlder,
+    links.ImuReplayed,
+    links.Unanswered,
+    links.ImuLost,
+    links.ImuFrozen,
 )
 
 
@@ -39,8 +54,10 @@ class SensorLimits(
     single_reading.SingleReadingLimits,
     travel.TravelLimits,
     torque.TorqueLimits,
+    unexplained.UnexplainedLimits,
     imu.ImuLimits,
     legs.LegLimits,
+    links.LinkLimits,
 ):
     """How far readings may contradict each other: `safety.sensors` in robot.yaml and in a file for --config.
 
@@ -55,5 +72,7 @@ class SensorLimits(
         single_reading.SingleReadingLimits.__post_init__(self)
         travel.TravelLimits.__post_init__(self)
         torque.TorqueLimits.__post_init__(self)
+        unexplained.UnexplainedLimits.__post_init__(self)
         imu.ImuLimits.__post_init__(self)
         legs.LegLimits.__post_init__(self)
+        links.LinkLimits.__post_init__(self)

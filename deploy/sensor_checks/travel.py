@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -21,14 +22,18 @@ class TravelLimits:
     drift_share: float = 0.2  # of the travel, for a velocity that is filtered over 5 ms
     drift_memory_s: float = 0.5  # time constant with which errors fade
     wander_rad: float = 0.05  # sum of the errors with their signs: an encoder that drifts
+    creep_rad: float = 0.03  # the same over `creep_memory_s`, in which noise adds up, too
+    creep_memory_s: float = 5.0
+    creep_rad_s: float = 0.1  # a joint that is slower hides it in the last digit of its velocity
     stuck_rad: float = 0.01  # the same, of a joint whose position or velocity repeats itself
     filter_s: float = 0.005  # by which a motor's velocity lags its position
 
     def __post_init__(self) -> None:
-        require_between(self, 0.001, 2 * np.pi, "drift_rad", "wander_rad", "stuck_rad")
+        require_between(self, 0.001, 2 * np.pi, "drift_rad", "wander_rad", "creep_rad", "stuck_rad")
         require_between(self, 0.0, 1.0, "drift_share")
-        require_between(self, 0.01, 10.0, "drift_memory_s")
+        require_between(self, 0.01, 10.0, "drift_memory_s", "creep_memory_s")
         require_between(self, 0.0, 0.1, "filter_s")
+        require_between(self, 0.0, 10.0, "creep_rad_s")
 
 
 class Drift(JointCheck):
@@ -66,17 +71,31 @@ class Drift(JointCheck):
 class _SignedTravel(JointCheck):
     """Sum of the errors with their signs, less what a late velocity explains, rad."""
 
+    memory: ClassVar[str] = "drift_memory_s"  # field of `TravelLimits`
+
     def __init__(self, robot: Robot, limits: TravelLimits, sample_s: float) -> None:
-        self._n, self._memory_s = len(robot.joint_names), limits.drift_memory_s
+        self._n, self._memory_s = len(robot.joint_names), getattr(limits, self.memory)
+        self._late_memory_s, self._least_rad_s = limits.drift_memory_s, limits.creep_rad_s
+        self._trusted = min(1.0, 0.5 * IMPACT_S / sample_s)  # of a sum of velocities that may miss an impact
         self._lag_s = limits.filter_s + sample_s / 2  # of a velocity with a jump between two readings
         self.reset()
 
     def reset(self) -> None:
         self._error, self._late_s, self._fastest = np.zeros((3, self._n))  # rad, s, rad/s; all fade
 
-    def _updated(self, window: JointWindow, counts: np.ndarray | float) -> np.ndarray:
+    def _updated(
+        self, window: JointWindow, counts: np.ndarray | float = 1.0, moves: np.ndarray | float = 1.0
+    ) -> np.ndarray:
+        """The sum after one more window.
+
+        Args:
+            window: the window.
+            counts: 0 where the sum begins anew, (n,).
+            moves: 0 where the window does not count, (n,).
+        """
         kept = math.exp(-window.elapsed_s / self._memory_s)
-        self._error = counts * (kept * self._error + window.position_error)
+        self._error = counts * (kept * self._error + moves * window.position_error)
+        kept = math.exp(-window.elapsed_s / self._late_memory_s)  # what was late has come since then
         self._late_s = kept * self._late_s + window.late_s
         self._fastest = np.maximum(kept * self._fastest, np.abs(window.joints[1]))
         allowed: np.ndarray = (self._lag_s + self._late_s) * self._fastest
@@ -91,7 +110,22 @@ class Wander(_SignedTravel):
     limit = Limit("wander_rad")
 
     def measure(self, window: JointWindow) -> np.ndarray:
-        return self._updated(window, 1.0)
+        return self._updated(window)
+
+
+class Creep(_SignedTravel):
+    """The signed error of an encoder that drifts slowly, of the windows in which its joint moves.
+
+    The last digit of a velocity is an error that stays the same while a joint rests.
+    """
+
+    memory = "creep_memory_s"
+    looks_at = "the same over seconds: an encoder that drifts slowly"
+    message = "its position has crept by {0:.2f} rad against its velocity"
+    limit = Limit("creep_rad")
+
+    def measure(self, window: JointWindow) -> np.ndarray:
+        return self._trusted * self._updated(window, moves=window.speed > self._least_rad_s)
 
 
 class Stuck(_SignedTravel):

@@ -248,11 +248,26 @@ class TestReader:
             wire.send(before - 1, now_us)
         assert wire.reader.heard_us == 1000 * (before - 1)
 
-    @pytest.mark.parametrize("counters", [(0xFFFE, 0xFFFF, 0x10000), (0xFFFF, 0), (7, 3)])
-    def test_a_counter_that_goes_back_is_a_new_reading_too(self, wire: Wire, counters: tuple) -> None:
+    @pytest.mark.parametrize("counters", [(0xFFFE, 0xFFFF, 0x10000), (0xFFFF, 0), (7, 30)])
+    def test_a_counter_that_goes_on_is_a_new_reading(self, wire: Wire, counters: tuple) -> None:
         for k, counter in enumerate(counters):
             wire.send(counter, 1000 * k)
             assert wire.reader.heard_us == 1000 * k
+
+    @pytest.mark.parametrize("counters", [(7, 9, 8), (7, 8, 0x4008), (0, 1, 0xFFFF)])
+    def test_a_sample_that_is_older_or_far_off_is_left_out(self, wire: Wire, counters: tuple) -> None:
+        for k, counter in enumerate(counters):
+            wire.send(counter, 1000 * k, gyro=0.1 * k)
+        assert wire.reader.heard_us == 1000
+        assert wire.reader.reading.gyro[0] == pytest.approx(0.1)
+
+    def test_samples_that_are_replayed_are_counted_as_older(self, wire: Wire) -> None:
+        for counter in [*range(100), *range(100)]:
+            wire.send(counter, 0)
+        assert wire.reader.older == 98  # the second sample of the second lap confirms that it is one
+        wire.send(2000, 5000), wire.send(2001, 6000)  # what was lost in a silence is not older
+        assert wire.reader.older == 98
+        assert wire.reader.heard_us == 6000
 
     def test_the_very_first_reading_may_have_any_counter(self, wire: Wire) -> None:
         wire.send(0, 250)

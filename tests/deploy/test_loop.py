@@ -122,7 +122,13 @@ class TestOut:
 def test_what_the_policy_sees_is_what_the_frames_said(go1: Robot) -> None:
     policy = Hold(go1)
     unmoved = SensorLimits(
-        rotation_rad=3.0, drift_rad=3.0, wander_rad=3.0, stuck_rad=3.0, lean_error=2.0
+        rotation_rad=3.0,
+        drift_rad=3.0,
+        wander_rad=3.0,
+        creep_rad=3.0,
+        stuck_rad=3.0,
+        lean_error=2.0,
+        unexplained=10.0,
     )  # jumps are what is tested
     source = lambda t: np.array([t, 2 * t, 3 * t])  # noqa: E731
     loop, body = loop_of(go1, policy, command_source=source, safety=SafetyConfig(sensors=unmoved))

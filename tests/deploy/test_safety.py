@@ -38,6 +38,13 @@ def after(mode: Mode, changes: dict[str, Any] | None = None, since_s: float = 4.
 TABLE: list[tuple[dict[str, Any], str, str]] = [
     ({"motors.silence_s": 0.06}, "no reply from FR_hip_joint (can0, id 1) for 50 ms", "-EEEE"),
     ({"imu.silence_s": 0.06}, "no new IMU reading (gyro) for 50 ms", "-EEEE"),
+    (
+        {"motors.silence_s": 0.062, "time.pause_s": 0.06, "policy.step_s": 0.06},
+        "the policy ran late",
+        "-EEEE",
+    ),
+    ({"motors.silence_s": 0.062, "time.pause_s": 0.06}, "the loop paused for 60 ms", "-EEEE"),
+    ({"motors.silence_s": 0.09, "time.pause_s": 0.01, "policy.step_s": 0.01}, "no reply from", "-EEEE"),
     ({"motors.error": "motor x reports y"}, "motor x reports y", "EEEEE"),
     ({"imu.tilt_rad": 1.06}, "tilt of 1.06 rad is past", "FFFFF"),
     ({"time.pause_s": 0.13}, "the loop paused for 130 ms", "EEEEE"),
@@ -47,6 +54,7 @@ TABLE: list[tuple[dict[str, Any], str, str]] = [
     ({"start.first_pose": "x reads 4.48 rad"}, "x reads 4.48 rad", "E----"),
     ({"start.not_ready": "motor x is off"}, "", "-----"),
     ({"implausible": Implausible("x is hot", E)}, "x is hot", "EEEEE"),
+    ({"implausible": Implausible("x misses commands", L)}, "x misses commands", "ELLL-"),
     ({"implausible": Implausible("x has sunk", F)}, "x has sunk", "FFFFF"),
     ({"policy.step_s": 0.11}, "one step took 110 ms", "EEEE-"),
     ({"policy.step_s": math.inf}, "no decision within 70 ms", "EEEE-"),

@@ -14,14 +14,14 @@ from footfall.deploy.modes import Mode
 from footfall.deploy.sensor_checks.check import BodyCheck, JointCheck, Limit
 from footfall.deploy.sensor_checks.joint_window import JointWindow, JointWindows
 from footfall.deploy.sensor_checks.monitor import SensorMonitor
-from footfall.deploy.sensor_checks.table import BODY_CHECKS, JOINT_CHECKS, SensorLimits
+from footfall.deploy.sensor_checks.table import BODY_CHECKS, JOINT_CHECKS, LINK_CHECKS, SensorLimits
 from footfall.deploy.signals import Implausible
 from footfall.deploy.wiring import wire
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.robot_yaml import MotorType
 
 CALF = 2  # FR_calf_joint (can0, id 3): 35.55 N m, 20.06 rad/s
-LOOSE = SensorLimits(drift_rad=6.0, wander_rad=6.0, stuck_rad=6.0)
+LOOSE = SensorLimits(drift_rad=6.0, wander_rad=6.0, creep_rad=6.0, stuck_rad=6.0, unexplained=10.0)
 ZEROS = np.zeros(12)
 
 
@@ -107,7 +107,7 @@ class TestFigures:
         assert found(go1, "torque", math.nan).startswith("FR_calf_joint")
 
     def test_every_row_has_a_name_of_its_own_and_a_limit_of_a_setting_or_a_motor(self, go1: Robot) -> None:
-        rows = (*JOINT_CHECKS, *BODY_CHECKS)
+        rows = (*LINK_CHECKS, *JOINT_CHECKS, *BODY_CHECKS)
         assert len({row.looks_at for row in rows}) == len(rows)
         settings = {field.name for field in fields(SensorLimits)}
         for row in rows:

@@ -1,0 +1,87 @@
+"""What arrived in a window, and what was asked for: replies of motors, samples of the IMU."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from footfall.deploy.drivers.imu import Inertial
+from footfall.deploy.sensor_checks.replay import ReplayFinder
+
+
+class LinkWindow(NamedTuple):
+    """What n motors and the IMU sent, from one comparison to the next."""
+
+    elapsed_s: float
+    asked: int  # ticks in which each motor was sent a frame
+    replies: np.ndarray  # of each motor, (n,)
+    imu_new: float  # share of the looks at which the IMU had a new reading
+    imu_repeated: float  # share of the looks at which a new reading equalled the one before
+    imu_replayed_s: float  # for how long new readings have equalled those of one certain time before
+    imu_older: int  # samples of the IMU that were older than its latest
+    moving: bool  # whether any joint moves
+    resting: bool  # whether the robot is still standing up
+    answering: bool = True  # whether motors answer each frame, and send nothing unasked
+
+
+class LinkSums:
+    """Counts arrivals until a window is full."""
+
+    def __init__(self, answering: bool) -> None:
+        """`answering`: whether motors answer each frame, and send nothing unasked."""
+        self._answering = answering
+        self._replay = ReplayFinder()
+        self.begin(0, np.zeros(0, np.intp), 0, 0, Inertial((0.0,) * 3, (0.0,) * 3, (1.0, 0.0, 0.0, 0.0)))
+
+    def begin(
+        self, now_us: int, replies: np.ndarray, imu_older: int, imu_us: int, inertial: Inertial
+    ) -> None:
+        """Forget all, and count from these: see `add` and `close`."""
+        self._began_us, self._replies, self._imu_older = now_us, replies, imu_older
+        self._imu_us, self._inertial = imu_us, inertial
+        self._replay.reset()
+        self._start()
+
+    def _start(self) -> None:
+        self._asked = self._looks = self._new = self._repeated = 0
+
+    def ask(self) -> None:
+        """A frame went to each motor."""
+        self._asked += 1
+
+    def add(self, imu_us: int, inertial: Inertial) -> None:
+        """Look at the IMU's reading, and when it arrived, us."""
+        self._looks += 1
+        if imu_us != self._imu_us:
+            self._new += 1
+            self._repeated += inertial == self._inertial
+            self._replay.look(imu_us, inertial)
+            self._imu_us, self._inertial = imu_us, inertial
+
+    def close(
+        self, now_us: int, replies: np.ndarray, imu_older: int, moving: bool, resting: bool
+    ) -> LinkWindow:
+        """End the window and begin the next one.
+
+        Args:
+            now_us: the loop's time.
+            replies: of each motor so far, (n,).
+            imu_older: samples so far that were older than the IMU's latest.
+            moving: whether any joint moves.
+            resting: whether the robot is still standing up.
+        """
+        looks = max(self._looks, 1)
+        window = LinkWindow(
+            1e-6 * (now_us - self._began_us),
+            self._asked,
+            replies - self._replies,
+            self._new / looks,
+            self._repeated / looks,
+            self._replay.replayed_s,
+            imu_older - self._imu_older,
+            moving,
+            resting,
+            self._answering,
+        )
+        self._began_us, self._replies, self._imu_older = now_us, replies, imu_older
+        self._start()
+        return window

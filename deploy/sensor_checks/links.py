@@ -1,0 +1,186 @@
+"""Checks of how many readings arrive: shares over time, which no single window shows.
+
+What arrives while the robot stands up, its first rest, is what this wiring can do: later shares are of that.
+"""
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from footfall.common.config import require_between
+from footfall.deploy.modes import Mode
+from footfall.deploy.sensor_checks.check import Limit, SensorCheck
+from footfall.deploy.sensor_checks.link_window import LinkWindow
+from footfall.robots.description import Robot
+
+AGAIN_S = 0.1  # time constant of what is certain within a few windows
+
+
+@dataclass(frozen=True)
+class LinkLimits:
+    """How many readings may be lost, repeated or out of order."""
+
+    lost_share: float = 0.2  # of a motor's replies, or the IMU's readings, beyond what is lost in first rest
+    lost_memory_s: float = 0.5  # over which losses and repeats are counted
+    frozen_share: float = 0.15  # of the IMU's readings that equal the one before while joints move
+    replayed_s: float = 0.06  # that the IMU's readings are those of a while ago while joints move
+    older_share: float = 0.1  # of the IMU's samples that are older than its latest
+    foreign_replies: float = 5.0  # of a motor within `lost_memory_s`, to frames that were not sent from here
+
+    def __post_init__(self) -> None:
+        require_between(self, 0.01, 1.0, "lost_share", "frozen_share", "older_share")
+        require_between(self, 0.01, 60.0, "lost_memory_s", "replayed_s")
+        require_between(self, 1.0, 1000.0, "foreign_replies")
+
+
+class LinkCheck(SensorCheck, ABC):
+    """A check of what arrives. A value above the limit is a fault."""
+
+    message: ClassVar[str]  # {0} is the value
+
+    @abstractmethod
+    def measure(self, window: LinkWindow) -> np.ndarray | float:
+        """The value after one more window: of each motor (n,), or of the IMU."""
+
+
+class Answers(LinkCheck):
+    """Replies of a motor beyond one to each frame that it was sent, of the last half second.
+
+    Replies that come late, and in bunches, were missing before. 0 of motors that send unasked.
+    """
+
+    looks_at = "replies of a motor to frames that nobody here sent: a second host commands it"
+    message = (
+        "answered {0:.0f} frames that were not sent from here: a second host on the bus commands it, too"
+    )
+    limit = Limit("foreign_replies")
+
+    def __init__(self, robot: Robot, limits: LinkLimits, sample_s: float) -> None:
+        self._n, self._limits = len(robot.joint_names), limits
+        self.reset()
+
+    def reset(self) -> None:
+        self._foreign = np.zeros(self._n)
+
+    def measure(self, window: LinkWindow) -> np.ndarray:
+        if window.answering:
+            kept = math.exp(-window.elapsed_s / self._limits.lost_memory_s)
+            self._foreign = kept * self._foreign + (window.replies - window.asked)
+        return self._foreign
+
+
+class Unanswered(LinkCheck):
+    """Share of a motor's replies that are lost, on average, of those that came in first rest.
+
+    In first rest it is the share of the frames that a motor did not answer.
+    """
+
+    looks_at = "the share of a motor's replies that are lost, of those that came in first rest"
+    message = "{0:.0%} of its commands or replies are lost"
+    limit = Limit("lost_share")
+    leads_to = Mode.LOWERING
+
+    def __init__(self, robot: Robot, limits: LinkLimits, sample_s: float) -> None:
+        self._n, self._limits = len(robot.joint_names), limits
+        self.reset()
+
+    def reset(self) -> None:
+        self._lost, self._usual, self._windows = np.zeros(self._n), np.zeros(self._n), 0
+
+    def measure(self, window: LinkWindow) -> np.ndarray:
+        rate, usual = window.replies / max(window.asked, 1), np.ones(self._n)
+        if window.resting:
+            self._windows += 1
+            self._usual = self._usual + (rate - self._usual) / self._windows
+        elif self._windows:
+            usual = np.maximum(self._usual, 1.0 - self._limits.lost_share)
+        if window.answering or not window.resting:
+            self._lost = _updated(self._lost, 1.0 - rate / usual, window, self._limits)
+        return self._lost
+
+
+class ImuLost(LinkCheck):
+    """Share of the IMU's readings that are lost, on average, of those that arrive in first rest."""
+
+    looks_at = "the share of the IMU's readings that are lost, of those that arrive in first rest"
+    message = "the IMU: {0:.0%} of its readings are lost"
+    limit = Limit("lost_share")
+
+    def __init__(self, robot: Robot, limits: LinkLimits, sample_s: float) -> None:
+        self._limits = limits
+        self.reset()
+
+    def reset(self) -> None:
+        self._lost, self._usual, self._windows = 0.0, 0.0, 0
+
+    def measure(self, window: LinkWindow) -> float:
+        if window.resting:
+            self._windows += 1
+            self._usual += (window.imu_new - self._usual) / self._windows
+            return 0.0
+        lost = 1.0 - window.imu_new / self._usual if self._usual else 0.0
+        self._lost = _updated(self._lost, lost, window, self._limits)
+        return self._lost
+
+
+class ImuFrozen(LinkCheck):
+    """Share of the IMU's new readings that equal the one before while joints move, on average."""
+
+    looks_at = "the share of the IMU's new readings that equal the one before while joints move"
+    message = "the IMU: {0:.0%} of its new readings repeat the one before while joints move"
+    limit = Limit("frozen_share")
+
+    def __init__(self, robot: Robot, limits: LinkLimits, sample_s: float) -> None:
+        self._limits = limits
+        self.reset()
+
+    def reset(self) -> None:
+        self._share = 0.0
+
+    def measure(self, window: LinkWindow) -> float:
+        if window.moving:
+            self._share = _updated(self._share, window.imu_repeated, window, self._limits)
+        return self._share
+
+
+class ImuReplayed(LinkCheck):
+    """How long the IMU's readings have been those of a while ago while joints move, s."""
+
+    looks_at = "how long the IMU's readings are those of a while ago, to the last digit, while joints move"
+    message = "the IMU: its readings have been those of a while ago for {0:.2f} s: they are replayed"
+    limit = Limit("replayed_s")
+
+    def measure(self, window: LinkWindow) -> float:
+        return window.imu_replayed_s if window.moving else 0.0
+
+
+class ImuOlder(LinkCheck):
+    """Samples of the IMU that are older than its latest, for each that is new, on average."""
+
+    looks_at = "the share of the IMU's samples whose counter runs back"
+    message = (
+        "the IMU: its sample counter runs back: its frames are replayed or out of order, or it restarted"
+    )
+    limit = Limit("older_share")
+
+    def __init__(self, robot: Robot, limits: LinkLimits, sample_s: float) -> None:
+        self._sample_s = sample_s
+        self.reset()
+
+    def reset(self) -> None:
+        self._share = 0.0
+
+    def measure(self, window: LinkWindow) -> float:
+        kept = math.exp(-window.elapsed_s / AGAIN_S)
+        samples = max(window.elapsed_s / self._sample_s, 1.0)
+        self._share = kept * self._share + (1.0 - kept) * window.imu_older / samples
+        return self._share
+
+
+def _updated(share: Any, latest: Any, window: LinkWindow, limits: LinkLimits) -> Any:
+    """A mean share after one more window."""
+    weight = 1.0 - math.exp(-window.elapsed_s / limits.lost_memory_s)
+    return share + weight * (latest - share)

@@ -1,0 +1,32 @@
+"""Finds readings of an IMU that are those of a while ago, one after the other, to the last digit."""
+
+from footfall.deploy.drivers.imu import Inertial
+
+LEAST_BACK = 5  # readings: a base at rest may repeat the last few of them
+KEPT = 512  # readings, two seconds of them
+
+
+class ReplayFinder:
+    """Looks each reading up among the latest ones."""
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all readings."""
+        self.replayed_s = 0.0  # for how long readings have been those of the same time before
+        self._places: dict[tuple[float, ...], int] = {}  # number of the latest reading of each kind
+        self._number, self._back, self._since_us = 0, 0, 0
+
+    def look(self, now_us: int, inertial: Inertial) -> None:
+        """Take in a reading that arrived at this time."""
+        key = (*inertial.gyro, *inertial.acceleration, *inertial.quaternion)
+        back = self._number - self._places.get(key, self._number)
+        if back < LEAST_BACK or back != self._back:
+            self._back, self._since_us = back, now_us
+        self.replayed_s = 1e-6 * (now_us - self._since_us) if back >= LEAST_BACK else 0.0
+        if len(self._places) >= KEPT:
+            self._places.pop(next(iter(self._places)))
+        self._places.pop(key, None)  # so that the oldest one stands first
+        self._places[key] = self._number
+        self._number += 1

@@ -1,0 +1,81 @@
+"""Checks of single torque reports against all that the commands of the last moments explain.
+
+A motor reports the torque of a command that is a few ticks old, at a position that is, too. The report lies
+between the least and the most that the last commands ask for, unless bits were flipped, another host sends
+commands, the motor missed a command, or it has no current.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from footfall.common.config import require_between
+from footfall.deploy.sensor_checks.check import JointCheck, Limit
+from footfall.deploy.sensor_checks.joint_window import JointWindow
+from footfall.deploy.sensor_checks.torque import TorqueLimits
+from footfall.robots.description import Robot
+
+
+@dataclass(frozen=True)
+class UnexplainedLimits:
+    """How much torque no command may explain."""
+
+    unexplained: float = 0.005  # of the peak torque, on average over `unexplained_memory_s`
+    unexplained_memory_s: float = 1.0
+    explained_s: float = 0.05  # how old a command may be that explains a report
+    strength_share: float = 0.25  # of the torque: by which a motor may be stronger or weaker than it says
+
+    def __post_init__(self) -> None:
+        require_between(self, 0.001, 10.0, "unexplained")
+        require_between(self, 0.01, 60.0, "unexplained_memory_s", "explained_s")
+        require_between(self, 0.0, 1.0, "strength_share")
+
+
+class Limits(UnexplainedLimits, TorqueLimits):
+    """The settings that these checks read."""
+
+
+class Unexplained(JointCheck):
+    """Torque that a motor reports beyond all that the commands of the last `explained_s` ask for, on average.
+
+    A share of the peak torque. What stiffness makes of a late or rounded position does not count.
+    """
+
+    looks_at = "a motor's torque beyond all that the last commands explain, on average"
+    message = (
+        "its torque is off its commands by {0:.1%} of the peak on average: it misses commands,"
+        " gets corrupted ones, or drops out"
+    )
+    limit = Limit("unexplained")
+
+    def __init__(self, robot: Robot, limits: Limits, sample_s: float) -> None:
+        self._n, self._limits, self._peak = len(robot.joint_names), limits, robot.motor.peak_torque
+        self._looks = 1 + math.ceil(limits.explained_s / sample_s)
+        self.reset()
+
+    def reset(self) -> None:
+        self._value = np.zeros(self._n)
+        self._asked: np.ndarray | None = None  # the last ones of the windows before, as `JointWindow.asked`
+
+    def _beyond(self, window: JointWindow) -> np.ndarray:
+        """Torque of each report that nothing explains, of the peak torque, (looks, n)."""
+        limits, before = self._limits, self._asked
+        if before is None:
+            before = np.repeat(window.asked[:, :1], self._looks - 1, axis=1)
+        asked = np.concatenate((before, window.asked), axis=1)
+        self._asked = asked[:, 1 - self._looks :]
+        least, most = np.lib.stride_tricks.sliding_window_view(asked, self._looks, axis=1)
+        least, most = least.min(axis=-1), most.max(axis=-1)
+        doubt = limits.torque_hidden * self._peak + window.stiffness * (
+            limits.reading_rad + limits.lag_s * window.speed
+        )
+        doubt = doubt + limits.strength_share * np.maximum(np.abs(least), np.abs(most))
+        beyond = np.maximum(window.torques - most, least - window.torques) - doubt
+        shown: np.ndarray = np.maximum(beyond, 0.0) / self._peak
+        return shown
+
+    def measure(self, window: JointWindow) -> np.ndarray:
+        weight = 1.0 - math.exp(-window.elapsed_s / self._limits.unexplained_memory_s)
+        self._value = self._value + weight * (self._beyond(window).mean(axis=0) - self._value)
+        return self._value

@@ -1,0 +1,177 @@
+"""What arrives too seldom, too often or in a wrong order is noticed; single losses are not."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from sensor_readings import LIMITS, BodyWindows, measured
+
+from footfall.deploy.drivers.imu import Inertial
+from footfall.deploy.sensor_checks import links
+from footfall.deploy.sensor_checks.imu import LongLean
+from footfall.deploy.sensor_checks.link_window import LinkSums
+from footfall.deploy.sensor_checks.travel import Creep
+from footfall.deploy.sensor_checks.unexplained import Unexplained
+from footfall.robots.description import Robot
+
+TICKS = 20  # of a window of 40 ms
+LOOKS = 10
+
+
+class Link:
+    """Twelve motors that answer each frame, and an IMU, seen through the checks of what arrives."""
+
+    def __init__(self, robot: Robot, check: type[links.LinkCheck]) -> None:
+        self.check = check(robot, LIMITS, 0.004)
+        self.sums, self.now_us = LinkSums(answering=True), 0
+        self.replies, self.older = np.zeros(12, np.intp), 0
+        self.latest = 0, reading(0)
+        self.sums.begin(0, self.replies, 0, *self.latest)
+
+    def window(
+        self,
+        answers: int = TICKS,
+        imu: Callable[[int], Inertial] | None = None,
+        new: Callable[[int], bool] = lambda _: True,
+        older: int = 0,
+        resting: bool = False,
+    ) -> float:
+        """What the check measures after one more window, of motor 3 or of the IMU."""
+        replies = self.replies + TICKS
+        replies[3] += answers - TICKS
+        self.replies, self.older = replies, self.older + older
+        for _ in range(TICKS):
+            self.sums.ask()
+        for look in range(LOOKS):
+            self.now_us += 4000
+            if new(look):
+                number = self.now_us // 4000
+                self.latest = self.now_us, reading(number) if imu is None else imu(number)
+            self.sums.add(*self.latest)
+        window = self.sums.close(self.now_us, self.replies, self.older, moving=True, resting=resting)
+        value = np.asarray(self.check.measure(window))
+        return float(value[3] if value.ndim else value)
+
+
+def reading(number: int) -> Inertial:
+    """One that no other number gives."""
+    return Inertial((0.001 * number, 0.0, 0.0), (0.0, 0.0, 9.81), (1.0, 0.0, 0.0, 0.0))
+
+
+def limit(check: type[links.LinkCheck]) -> float:
+    return float(getattr(LIMITS, check.limit.setting))
+
+
+def windows_until(check: type[links.LinkCheck], measure: Callable[[], float], most: int = 40) -> int | None:
+    """How many windows pass until the limit is passed; None if it never is."""
+    return next((k for k in range(1, most + 1) if measure() > limit(check)), None)
+
+
+class TestReplies:
+    @pytest.mark.parametrize(("lost", "after"), [(1, None), (2, None), (10, 15), (20, 8)])
+    def test_a_share_of_losses_is_noticed_after_a_while(
+        self, go1: Robot, lost: int, after: int | None
+    ) -> None:
+        link = Link(go1, links.Unanswered)
+        found = windows_until(links.Unanswered, lambda: link.window(TICKS - lost))
+        assert (found is None) == (after is None)
+        assert found is None or after is None or found <= after
+
+    def test_what_is_lost_in_first_rest_is_the_wirings_budget(self, go1: Robot) -> None:
+        link = Link(go1, links.Unanswered)
+        for _ in range(20):
+            assert link.window(17, resting=True) <= LIMITS.lost_share
+        assert windows_until(links.Unanswered, lambda: link.window(15)) is None
+        assert windows_until(links.Unanswered, lambda: link.window(10)) is not None
+
+    def test_a_second_host_shows_within_a_window(self, go1: Robot) -> None:
+        link = Link(go1, links.Answers)
+        assert link.window() == 0.0
+        assert link.window(2 * TICKS) > limit(links.Answers)
+
+    def test_replies_that_come_late_and_at_once_are_no_second_host(self, go1: Robot) -> None:
+        link = Link(go1, links.Answers)
+        for answers in (TICKS // 2, 3 * TICKS // 2) * 20:
+            assert link.window(answers) <= limit(links.Answers)
+
+
+class TestImu:
+    def test_silence_now_and_then_is_noticed(self, go1: Robot) -> None:
+        link = Link(go1, links.ImuLost)
+        for _ in range(20):
+            assert link.window(resting=True) == 0.0
+        assert windows_until(links.ImuLost, lambda: link.window(new=lambda look: look < 9)) is None
+        assert windows_until(links.ImuLost, lambda: link.window(new=lambda look: look < 5)) is not None
+
+    def test_a_slow_imu_is_measured_by_what_it_sent_in_first_rest(self, go1: Robot) -> None:
+        link = Link(go1, links.ImuLost)
+        slow = lambda look: look % 2 == 0  # noqa: E731
+        for _ in range(20):
+            link.window(new=slow, resting=True)
+        assert windows_until(links.ImuLost, lambda: link.window(new=slow)) is None
+
+    def test_a_reading_that_stays_the_same_now_and_then_is_noticed(self, go1: Robot) -> None:
+        link = Link(go1, links.ImuFrozen)
+        assert windows_until(links.ImuFrozen, link.window) is None
+        frozen = lambda number: reading(number if number % 10 < 5 else number // 10 * 10 + 5)  # noqa: E731
+        assert windows_until(links.ImuFrozen, lambda: link.window(imu=frozen)) is not None
+
+    def test_samples_out_of_order_are_noticed_and_a_single_one_is_not(self, go1: Robot) -> None:
+        link = Link(go1, links.ImuOlder)
+        assert link.window(older=1) <= limit(links.ImuOlder)
+        assert windows_until(links.ImuOlder, lambda: link.window(older=10)) is not None
+
+    def test_readings_of_a_while_ago_are_noticed_by_their_sequence(self, go1: Robot) -> None:
+        link = Link(go1, links.ImuReplayed)
+        assert windows_until(links.ImuReplayed, link.window, most=20) is None
+        assert windows_until(links.ImuReplayed, lambda: link.window(imu=lambda n: reading(n % 50)), 10)
+
+    def test_a_base_at_rest_may_read_the_same_for_ever(self, go1: Robot) -> None:
+        link = Link(go1, links.ImuReplayed)
+        for still in (lambda _: reading(0), lambda number: reading(number % 2)):
+            assert windows_until(links.ImuReplayed, lambda imu=still: link.window(imu=imu)) is None
+
+
+class TestSlow:
+    @pytest.mark.parametrize("rate", [0.02, -0.05, 0.1])
+    def test_an_encoder_that_drifts_slowly_is_noticed_in_seconds(self, go1: Robot, rate: float) -> None:
+        def drifting(time_s: float) -> tuple[float, float]:
+            angle = 15.0 * time_s
+            return 0.1 * np.sin(angle) + rate * time_s, 1.5 * np.cos(angle)
+
+        samples = round(0.08 / abs(rate) / 0.004)
+        assert measured(go1, Creep, drifting, samples=samples)[0] > LIMITS.creep_rad
+        assert measured(go1, Creep, samples=2000).max() < 0.5 * LIMITS.creep_rad
+
+    def test_the_last_digit_of_a_velocity_at_rest_is_no_drift(self, go1: Robot) -> None:
+        assert measured(go1, Creep, lambda _: (0.3, 0.011), samples=5000).max() < 0.5 * LIMITS.creep_rad
+
+
+class TestUnexplained:
+    PEAK_SHARE = 0.3
+
+    def drops_out(self, go1: Robot, faulty_s: float) -> float:
+        """Of a motor without current for a while in each 200 ms, though torque is asked for."""
+        asked = self.PEAK_SHARE * float(go1.motor.peak_torque[0])
+        torque = lambda t: (0.0 if t % 0.2 < faulty_s else asked, asked)  # noqa: E731
+        return float(measured(go1, Unexplained, torque=torque, samples=500)[0])
+
+    def test_a_motor_that_drops_out_now_and_then_is_noticed(self, go1: Robot) -> None:
+        assert self.drops_out(go1, 0.03) > LIMITS.unexplained
+        assert self.drops_out(go1, 0.0) == 0.0
+
+    def test_a_report_that_is_late_is_explained_by_an_older_command(self, go1: Robot) -> None:
+        peak = float(go1.motor.peak_torque[0])
+        asked = lambda t: 0.5 * peak * np.sign(np.sin(15.0 * t))  # noqa: E731
+        torque = lambda t: (float(asked(max(t - 0.04, 0.004))), float(asked(t)))  # noqa: E731
+        assert measured(go1, Unexplained, torque=torque, samples=500)[0] == 0.0
+
+
+def test_an_attitude_that_leans_with_its_gyro_is_told_by_the_acceleration(go1: Robot) -> None:
+    windows = BodyWindows(go1, LongLean)
+    values = []
+    for k in range(150):
+        half = 0.05 * 0.04 * k
+        leaning = (np.cos(half), 0.0, np.sin(half), 0.0)
+        values.append(windows.look(Inertial((0.0, 0.1, 0.0), (0.0, 0.0, 9.81), leaning), speed_rad_s=1.0))
+    assert values[40] <= LIMITS.long_lean_error < values[-1]
