@@ -1,9 +1,16 @@
 """Opens a robot's CAN interfaces by the name of their kind."""
 
+import os
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+
+from footfall.common.held import held
 from footfall.deploy.bus import HOST_QUEUE, Bus
 from footfall.deploy.drivers.driver import CanFilter
-from footfall.deploy.python_can_bus import PythonCanBus
+from footfall.deploy.python_can_bus import MULTICAST, MULTICAST_GROUP, MULTICAST_PORT, PythonCanBus
 from footfall.deploy.socketcan_bus import SOCKETCAN, SocketCanBus
+
+VIRTUAL = "virtual"
 
 
 def open_interfaces(
@@ -23,3 +30,27 @@ def open_interfaces(
     if kind == SOCKETCAN:
         return SocketCanBus(names, filters, queue_frames)
     return PythonCanBus(kind, names, filters, queue_frames)
+
+
+@contextmanager
+def robots_interfaces(kind: str, names: tuple[str, ...], filters: tuple[CanFilter, ...]) -> Iterator[Bus]:
+    """The buses of a robot, for the one process that commands it (see `open_interfaces`).
+
+    Raises:
+        UserError: a bus cannot be opened, or another process commands a robot on it.
+    """
+    with ExitStack() as resources:
+        for name, place in _places(kind, names).items():
+            resources.enter_context(held(f"bus/{place}", f"bus {name} ({kind})"))
+        bus = open_interfaces(kind, names, filters)
+        resources.callback(bus.close)
+        yield bus
+
+
+def _places(kind: str, names: tuple[str, ...]) -> dict[str, str]:
+    """What tells buses that processes share apart, by their names in robot.yaml."""
+    if kind == VIRTUAL:  # of this process alone
+        return {}
+    if kind == MULTICAST:
+        return {name: f"{MULTICAST_GROUP}:{MULTICAST_PORT + index}" for index, name in enumerate(names)}
+    return {name: os.path.realpath(name) if os.path.exists(name) else f"{kind}/{name}" for name in names}

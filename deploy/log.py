@@ -6,9 +6,10 @@ If both processes are killed, the log lacks the last fraction of a second.
 
 import json
 import os
+import stat
 import subprocess
 import sys
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ import numpy as np
 
 from footfall.common.config import unstructure
 from footfall.common.errors import UserError
+from footfall.common.held import held
 from footfall.deploy.estimation.odometry import VELOCITY, YAW, Odometry
 from footfall.deploy.log_records import Kind, record
 from footfall.deploy.log_writer import READY
@@ -92,13 +94,19 @@ class McapLog:
             may_wait: let the loop wait for a slow disk; otherwise records are left out, and counted.
 
         Raises:
-            UserError: the file cannot be written.
+            UserError: the file cannot be written, or another run writes it.
         """
         self._path, self._policy, self._may_wait = path, policy, may_wait
+        self._held = ExitStack()
         try:
-            with path.open("wb") as file:
+            with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT, 0o666), "wb") as file:
+                there = os.fstat(file.fileno())
+                if stat.S_ISREG(there.st_mode):
+                    self._held.enter_context(held(f"log/{there.st_dev}:{there.st_ino}", f"the log {path}"))
+                    file.truncate()
                 self._process = _start(file.fileno())
         except OSError as error:
+            self._held.close()
             raise UserError(f"cannot write the log {path}: {error.strerror or error}") from None
         assert self._process.stdin is not None
         assert self._process.stdout is not None
@@ -173,6 +181,7 @@ class McapLog:
                 self._lacks = self._close()
             except OSError as error:  # no file descriptor or thread is left
                 self._lacks = f"the log {self._path} may lack its end: {error.strerror or error}"
+            self._held.close()
         return self._lacks
 
     def _close(self) -> str:

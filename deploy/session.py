@@ -69,14 +69,11 @@ class SessionResult:
 
 def run_on_interface(robot: Robot, policy: Policy, interface: str, session: Session) -> SessionResult:
     """A session on the CAN interfaces of one kind that `robot.yaml` names (see `run_session`)."""
-    from footfall.deploy.interfaces import open_interfaces
+    from footfall.deploy.interfaces import robots_interfaces
 
     wiring = wire(robot)
-    bus = open_interfaces(interface, wiring.buses, filters_of(wiring))
-    try:
+    with robots_interfaces(interface, wiring.buses, filters_of(wiring)) as bus:
         return run_session(robot, policy, bus, session)
-    finally:
-        bus.close()
 
 
 def run_session(

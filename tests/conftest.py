@@ -29,6 +29,7 @@ from hypothesis import settings
 from recorder import Recorder
 from shell import Shell
 
+from footfall.common import held
 from footfall.common.config import dump
 from footfall.policies.contract import Contract, Gait, Term
 from footfall.policies.gaits import find_gait
@@ -41,6 +42,8 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 settings.register_profile("footfall", deadline=None, max_examples=60, derandomize=True)
 settings.load_profile("footfall")
 
+
+held.NAMESPACE = f"footfall-tests-{os.getpid()}"  # tests of another run hold buses of the same names
 
 # The files that take longest, the longest first: begun last, one of them would keep one worker busy while the
 # others have nothing left to do.

@@ -435,6 +435,21 @@ def test_a_state_is_logged_with_its_last_fault(go1: Robot, tmp_path: Path) -> No
     assert [entry.message.data for entry in read_log(tmp_path / "a.mcap").entries] == ["ESTOP: second"]
 
 
+def test_a_second_run_into_a_log_is_refused_and_the_first_ones_log_is_whole(
+    go1: Robot, tmp_path: Path
+) -> None:
+    path, link = tmp_path / "a.mcap", tmp_path / "same.mcap"
+    link.symlink_to(path)
+    log = McapLog(path, go1, Hold(go1), facts={}, may_wait=True)
+    log.begin(0)
+    log.tick(0, STILL, HEALTH, None)
+    with pytest.raises(UserError, match=f"same.mcap is in use by this process .{os.getpid()}"):
+        McapLog(link, go1, Hold(go1), facts={}, may_wait=True)
+    assert log.close() == ""
+    assert read_log(path).complete
+    McapLog(link, go1, Hold(go1), facts={}, may_wait=True).close()
+
+
 class TestDisk:
     """A log may cost itself, and nothing else."""
 

@@ -113,6 +113,23 @@ class TestInterface:
             run_on_interface(go1, Hold(go1), "socketcan", Session(stand_still, 1.0))
         assert opened[1:] == ["closed"]
 
+    @pytest.mark.parametrize("kind", ["socketcan", "udp_multicast", "slcan", "virtual"])
+    def test_a_second_run_on_buses_that_processes_share_is_refused_before_it_opens_them(
+        self, go1: Robot, opened: list[Any], monkeypatch: pytest.MonkeyPatch, kind: str
+    ) -> None:
+        first, second = Session(stand_still, 1.0), Session(stand_still, 2.0)
+
+        def run(robot: Robot, policy: Hold, _: Any, given: Session) -> Any:
+            return given is second or run_on_interface(robot, policy, kind, second)
+
+        monkeypatch.setattr(session, "run_session", run)
+        if kind == "virtual":
+            assert run_on_interface(go1, Hold(go1), kind, first)
+            return
+        with pytest.raises(UserError, match=r"bus can0 .* is in use by this process"):
+            run_on_interface(go1, Hold(go1), kind, first)
+        assert len(opened) == 2  # by the first, and closed
+
 
 @pytest.mark.parametrize("realtime", [False, True])
 def test_only_a_run_by_the_wall_clock_is_left_undisturbed_at_its_priority(

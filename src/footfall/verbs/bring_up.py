@@ -134,11 +134,9 @@ def _opened(setting: "Setting", step: "Step", kind: str) -> "Iterator[Bus]":
             from footfall.plant.serve import serving
 
             resources.enter_context(serving(robot, VIRTUAL, plant))
-        from footfall.deploy.interfaces import open_interfaces
+        from footfall.deploy.interfaces import robots_interfaces
 
-        bus = open_interfaces(kind, wiring.buses, filters_of(wiring))
-        resources.callback(bus.close)
-        yield bus
+        yield resources.enter_context(robots_interfaces(kind, wiring.buses, filters_of(wiring)))
 
 
 def _figures(verdicts: "list[Verdict]", options: BringUpOptions) -> dict[str, Any]:

@@ -157,16 +157,14 @@ def _opened(
     robot: "Robot", wiring: "Wiring", interface: str, filters: "tuple[CanFilter, ...]"
 ) -> "Iterator[Bus]":
     """The robot's buses; a virtual interface has a simulated robot on them."""
-    from footfall.deploy.interfaces import open_interfaces
+    from footfall.deploy.interfaces import robots_interfaces
 
     with ExitStack() as resources:
         if interface == VIRTUAL:
             from footfall.plant.serve import serving
 
             resources.enter_context(serving(robot, VIRTUAL))
-        bus = open_interfaces(interface, wiring.buses, filters)
-        resources.callback(bus.close)
-        yield bus
+        yield resources.enter_context(robots_interfaces(interface, wiring.buses, filters))
 
 
 @contextmanager
