@@ -26,9 +26,10 @@ from fault_kinds import KINDS
 from fault_kinds.kind import FaultKind
 from resumable_runs import read_runs, run_resumable
 
+from footfall.common.rotations import tilt
 from footfall.deploy.config import DeployConfig, deploy_config
 from footfall.deploy.loop import ControlLoop
-from footfall.deploy.modes import DAMPED, MOVING, Mode
+from footfall.deploy.modes import DAMPED, DECIDING, MOVING, Mode
 from footfall.deploy.session import Session, run_session
 from footfall.deploy.wiring import wire
 from footfall.domain_rand.noise import Noise
@@ -57,6 +58,7 @@ STAND_S, DAMPING_S = 0.8, 0.1
 SAFE = (*DAMPED, Mode.LOWERING)
 BETWEEN_S = (0.5, 1.0)  # of walking, when the fault comes
 LOOK_S = 0.01  # between two looks at whether the robot is down
+TIPPED_RAD = 0.6  # tilt of a robot that has fallen while it lay or stood up
 DOWN_S = 0.2  # that it is down, to count as fallen
 ROUNDING = 0.04  # of a motor's peak torque: what a frame's quanta may add to a command of the smallest motors
 EPISODE_S = 6.0  # of each run without a fault
@@ -114,6 +116,13 @@ class _Watch:
         self._look_us, self._down_s = 0, 0.0
         injector.bus.watch = self._audit_frames
 
+    def _down(self, mode: Mode) -> bool:
+        """Whether the robot has fallen; one that lies before it stands up has not."""
+        body = self._injector.body
+        if self._kind.lying and mode not in DECIDING:
+            return bool(tilt(body.truth().base_quaternion) > TIPPED_RAD)
+        return body.fall() is not None
+
     def _audit_frames(self, frames: Any) -> None:
         if self.loop is not None:
             sensed = self.loop.sensed
@@ -131,10 +140,12 @@ class _Watch:
             if self.safe_us is None:
                 self.safe_us = now_us
             return
-        if mode in MOVING and now_us >= self._look_us:
+        if mode in (Mode.CHECKING, *MOVING) and now_us >= self._look_us:
             self._look_us = now_us + round(LOOK_S * 1e6)
-            self._down_s = self._down_s + LOOK_S if self._injector.body.fall() is not None else 0.0
+            self._down_s = self._down_s + LOOK_S if self._down(mode) else 0.0
             self.fell = self.fell or self._down_s >= DOWN_S
+        if self._kind.wiring and mode not in DECIDING:
+            return
         began_us = self.injected_us if not self._kind.starting else round(1.5e6)
         if now_us - began_us >= self._kind.observed_s * 1e6:
             loop.finish()
@@ -148,7 +159,8 @@ def run_fault(task: tuple[str, str, str, int]) -> dict[str, Any]:
     config = config_of(robot)
     wiring = wire(robot)
     wires = SimulatedWires(wiring.buses, config.host_queue)
-    plant = PlantConfig(noise=NOISE, motor_timeout_s=config.motor_timeout_s)
+    lying = kind.lying and robot.lying_pose is not None
+    plant = PlantConfig(noise=NOISE, motor_timeout_s=config.motor_timeout_s, lying=lying)
     body = SimulatedRobot(robot, wiring, wires, plant, seed)
     bus = InjectingBus(SimulatedBus(wires, body))
     policy = InjectingPolicy(policy_of(robot_name, policy_name))
@@ -158,7 +170,9 @@ def run_fault(task: tuple[str, str, str, int]) -> dict[str, Any]:
     watch = _Watch(injector, kind, audit)
     if kind.starting:
         kind.inject(injector)
-    session = Session(command_source=command, duration_s=20.0, realtime=False, config=config)
+    session = Session(
+        command_source=command, duration_s=20.0, realtime=False, config=config, check_wiring=kind.wiring
+    )
     outcome = run_session(robot, policy, bus, session, watch.tick)
     if watch.safe_us is None and outcome.faults:  # in the very last tick
         watch.safe_us = round(outcome.run_s * 1e6)
@@ -403,6 +417,7 @@ def measure(options: argparse.Namespace) -> tuple[list[dict[str, Any]], list[dic
         for robot, policy in chosen
         for kind in KINDS
         if (SUBJECTS[robot, policy] or kind.main) and (options.only or "") in title_of(kind)
+        if not kind.lying or _robot(robot).lying_pose is not None
         if not kind.estimating or policy_of(robot, policy).needs_estimate
     ]
     healthy = [

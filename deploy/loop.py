@@ -27,6 +27,7 @@ from footfall.deploy.signal_source import SignalSource
 from footfall.deploy.signals import Signals
 from footfall.deploy.timing import Timing
 from footfall.deploy.wiring import Wiring
+from footfall.deploy.wiring_check.check import WiringCheck
 from footfall.policies.policy import Sensed
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
@@ -51,6 +52,7 @@ class ControlLoop:
         lie_down: bool = False,
         stand_up: bool = True,
         taken_over: Callable[[], bool] = lambda: False,
+        wiring_check: WiringCheck | None = None,
     ) -> None:
         """A loop that has not begun.
 
@@ -58,15 +60,11 @@ class ControlLoop:
             robot: whose joints and limits count.
             wiring: which motor is where.
             driver: of the motors' protocol.
-            bus: leads to the robot.
-            clock: paces the ticks.
-            config: settings of the loop.
-            runner: of the policy.
             estimate: of the base's velocity and height.
-            log: takes what happens.
             lie_down: whether the robot lies down at the end, where robot and fault permit it.
             stand_up: False for a robot that hangs in a frame: it holds the pose in which it is found.
             taken_over: whether a guard has taken the robot over.
+            wiring_check: made before the robot stands up and walks; None for none.
         """
         self._bus, self._clock, self._config, self._driver = bus, clock, config, driver
         self._runner, self._estimate, self._log, self._taken_over = runner, estimate, log, taken_over
@@ -75,8 +73,9 @@ class ControlLoop:
         self._postures = Postures(robot, config, lie_down, stand_up)
         self._end = RunEnd(self._postures.may_lie, config.stop_s)
         self._signals = SignalSource(
-            robot, wiring, driver, bus, self._joints, self._postures, self._end, config
+            robot, wiring, driver, bus, self._joints, self._postures, self._end, config, wiring_check
         )
+        self._wiring_check = wiring_check
         self._last_resort = LastResort(
             driver, bus, clock, self._joints, wiring, safety.damping_kd, config.tick_us
         )
@@ -214,6 +213,8 @@ class ControlLoop:
             return self._joints.command(decision)
         if mode is Mode.STANDING:
             self._update_estimate()
+        if mode is Mode.CHECKING and self._wiring_check is not None:
+            return self._joints.command(self._wiring_check.command(self.now_us * 1e-6 - self.state.since_s))
         if mode in HELD:
             return self._joints.command(self._postures.command(self.now_us * 1e-6 - self.state.since_s))
         if mode in DAMPED:
@@ -227,20 +228,21 @@ class ControlLoop:
         if self.walking and (odometry := self._estimate.odometry(now_us)) is not None:
             log.odometry(now_us, odometry)
 
-    # -- the supervisor ------------------------------------------------------------------------------
-
     def _supervise(self, signals: Signals) -> None:
         before = self.state.mode
         self._enter(advance(self.state, signals, self._config.safety))
         mode = self.state.mode
         if mode is before:
             return
-        if mode is Mode.STANDING:
-            sensed = self.sensed
-            self._postures.stand_up(sensed.joint_position, sensed.quaternion)
-            self._joints.begin_at(sensed.joint_position)
+        if before is Mode.IDLE and mode in HELD:
+            self._joints.begin_at(self.sensed.joint_position)
             self._signals.begin_checks(self.now_us)
-            self._estimate.reset(self.now_us, sensed)
+            self._estimate.reset(self.now_us, self.sensed)
+        if mode is Mode.STANDING:
+            here = self.sensed.joint_position if before is Mode.IDLE else self._joints.target
+            self._postures.stand_up(here, self.sensed.quaternion)
+        elif mode is Mode.CHECKING and self._wiring_check is not None:
+            self._wiring_check.begin(self._joints.target, self.sensed)
         elif mode is Mode.LOWERING:
             self._postures.lie_down(self._joints.target, Ending.of(before, bool(self.state.faults)))
         elif mode is Mode.WALKING:
@@ -256,8 +258,6 @@ class ControlLoop:
             self.walked_s = self.walking_s
         if self._log is not None:
             self._log.state(self.now_us, state)
-
-    # -- the end -------------------------------------------------------------------------------------
 
     def finish(self, skip_lie_down: bool = False) -> None:
         """Ask for the end of the run: the robot lies down if it can, is damped, then its motors are disabled.

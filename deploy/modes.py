@@ -7,6 +7,7 @@ class Mode(StrEnum):
     """What the loop does. In IDLE the motors are off, or being enabled."""
 
     IDLE = "IDLE"
+    CHECKING = "CHECKING"  # one joint after the other moves a little, to find wrong wiring
     STANDING = "STANDING"
     WALKING = "WALKING"
     STOPPING = "STOPPING"  # the policy walks on until the robot stands still
@@ -19,4 +20,4 @@ class Mode(StrEnum):
 DAMPED = (Mode.RELEASING, Mode.FALLING, Mode.ESTOP)
 DECIDING = (Mode.WALKING, Mode.STOPPING)  # the policy decides
 MOVING = (Mode.STANDING, *DECIDING)
-HELD = (*MOVING, Mode.LOWERING)  # joints have stiffness
+HELD = (Mode.CHECKING, *MOVING, Mode.LOWERING)  # joints have stiffness

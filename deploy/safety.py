@@ -181,6 +181,12 @@ SIGNAL_CHECKS = (
     Check("a bus that does not work", (Mode.IDLE, *HELD), lambda s, _: s.bus.fault, Mode.ESTOP),
     Check("frames that a bus refuses", (Mode.IDLE, *HELD), _overflow, Mode.ESTOP),
     Check("the base's tilt", HELD, _tilted, Mode.FALLING, ("tilt_limit_rad",)),
+    Check(
+        "the responses of joints to small motions against the robot's model: wrong wiring",
+        (Mode.CHECKING,),
+        lambda s, _: s.wiring.fault,
+        Mode.ESTOP,
+    ),
     Check("an exception in the policy", MOVING, lambda s, _: s.policy.error, Mode.LOWERING),
     Check(
         "a command that is not finite",
@@ -214,9 +220,11 @@ def _ready_to_stand(s: Signals, c: SafetyConfig) -> bool:
 
 PROGRESS: dict[Mode, tuple[Callable[[Signals, SafetyConfig], bool], Mode]] = {
     Mode.IDLE: (_ready_to_stand, Mode.STANDING),
+    Mode.CHECKING: (lambda s, _: s.wiring.done, Mode.STANDING),
     Mode.STANDING: (lambda s, _: s.posture_done, Mode.WALKING),
     Mode.STOPPING: (lambda s, _: s.end.stopped, Mode.LOWERING),
 }
+CHECKED_FIRST = {Mode.IDLE: Mode.STANDING, Mode.STANDING: Mode.WALKING}  # a wiring check may come between
 
 
 def advance(state: State, signals: Signals, config: SafetyConfig) -> State:
@@ -238,6 +246,10 @@ def advance(state: State, signals: Signals, config: SafetyConfig) -> State:
     ready, following = PROGRESS.get(state.mode, (None, state.mode))
     if ready is None or not ready(signals, config):
         return state
+    if signals.wiring.due and CHECKED_FIRST.get(state.mode) is following:
+        following = Mode.CHECKING
+    elif state.mode is Mode.CHECKING and signals.wiring.stood:
+        following = Mode.WALKING
     return _failure(state, following, signals, config) or State(following, now, state.faults)
 
 
@@ -263,5 +275,6 @@ def _failure(state: State, mode: Mode, signals: Signals, config: SafetyConfig) -
 
 def _lowered_or(otherwise: Mode, mode: Mode, signals: Signals) -> Mode:
     """LOWERING for a robot that can lie down and whose joints have stiffness, else another mode."""
-    can_lie = signals.end.may_lie and not signals.end.skip_lie_down and mode in MOVING
+    stands = mode in MOVING or (mode is Mode.CHECKING and signals.wiring.stood)
+    can_lie = signals.end.may_lie and not signals.end.skip_lie_down and stands
     return Mode.LOWERING if can_lie else otherwise

@@ -28,6 +28,7 @@ from footfall.deploy.modes import Mode
 from footfall.deploy.policy_runner import PolicyRunner
 from footfall.deploy.process_end import ending_on_signals, exit_raises
 from footfall.deploy.wiring import Wiring, wire
+from footfall.deploy.wiring_check.check import WiringCheck
 from footfall.policies.policy import Policy
 from footfall.robots.description import Robot
 
@@ -50,6 +51,7 @@ class Session:
     display: Display | None = None  # a context around the run, given its loop
     lie_down: bool = True  # before the motors are disabled, where robot and fault permit it
     stand_up: bool = True  # False for a hanging robot: the loop holds its initial pose
+    check_wiring: bool = False  # before the robot stands up and walks
 
 
 @dataclass(frozen=True)
@@ -118,6 +120,9 @@ def run_session(
         log = _open_log(robot, policy, session, resources)
         clock: Clock = (WallClock if session.realtime else LockstepClock)(config.tick_us)
         taken_over = threading.Event()
+        wiring_check = None
+        if session.check_wiring:
+            wiring_check = WiringCheck(robot, wiring, config, in_background=session.realtime)
         loop = ControlLoop(
             robot,
             wiring,
@@ -131,6 +136,7 @@ def run_session(
             lie_down=session.lie_down,
             stand_up=session.stand_up,
             taken_over=taken_over.is_set,
+            wiring_check=wiring_check,
         )
         if session.realtime:
             resources.enter_context(ending_on_signals(loop.finish))

@@ -23,13 +23,16 @@ from footfall.deploy.signals import (
     Signals,
     StartSignals,
     TimeSignals,
+    WiringSignals,
 )
 from footfall.deploy.skipped_ticks import SkippedTicks
 from footfall.deploy.wiring import Wiring
+from footfall.deploy.wiring_check.check import WiringCheck
 from footfall.robots.description import Robot
 
 POSED = (Mode.STANDING, Mode.LOWERING)  # on the way from one posture to another
 NOTHING_AT_START = StartSignals()
+NO_WIRING_CHECK = WiringSignals()
 
 
 class SignalSource:
@@ -45,10 +48,12 @@ class SignalSource:
         postures: Postures,
         end: RunEnd,
         config: DeployConfig,
+        wiring_check: WiringCheck | None,
     ) -> None:
         safety, tick_s = config.safety, config.tick_us * 1e-6
         self._robot, self._driver, self._bus = robot, driver, bus
         self._joints, self._postures, self._end = joints, postures, end
+        self._wiring_check = wiring_check
         self._places = [wiring.place(joint) for joint in range(len(robot.joint_names))]
         answering = getattr(driver, "answers_each_frame", False)
         self._monitor = SensorMonitor(robot, wiring, safety.sensors, tick_s, answering=answering)
@@ -83,11 +88,14 @@ class SignalSource:
         since_s = now_s - state.since_s
         implausible, start = None, NOTHING_AT_START
         if mode in HELD:
-            on_legs = self._postures.on_legs(since_s, mode in DECIDING)
+            on_legs = mode is not Mode.CHECKING and self._postures.on_legs(since_s, mode in DECIDING)
             silence_us, resting = max(motor_silence_us, imu_silence_us), mode is Mode.STANDING
             implausible = self._monitor.look(now_us, silence_us, joints, on_legs, resting)
         elif mode is Mode.IDLE:
             start, implausible = self._at_start(now_us, motor_silence_us, imu_silence_us)
+        check = self._wiring_check
+        if check is not None and mode is Mode.CHECKING:
+            check.look(since_s, joints.sensed())
         return Signals(
             now_s,
             MotorSignals(
@@ -106,6 +114,7 @@ class SignalSource:
             start,
             self._end.signals(mode, since_s),
             implausible,
+            NO_WIRING_CHECK if check is None else check.signals,
             mode in POSED and self._postures.done(since_s),
         )
 

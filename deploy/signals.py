@@ -67,6 +67,15 @@ class EndSignals(NamedTuple):
     skip_lie_down: bool = False  # the run shall end without lying down
 
 
+class WiringSignals(NamedTuple):
+    """The wiring check; nothing in a run without one."""
+
+    due: bool = False  # before the robot stands up, or walks
+    stood: bool = False  # the robot has stood up before it
+    done: bool = False  # the wiring is right
+    fault: str = ""  # the wiring is wrong
+
+
 class Signals(NamedTuple):
     """All of it."""
 
@@ -79,4 +88,5 @@ class Signals(NamedTuple):
     start: StartSignals = StartSignals()
     end: EndSignals = EndSignals()
     implausible: Implausible | None = None
+    wiring: WiringSignals = WiringSignals()
     posture_done: bool = False  # the robot has stood up, or has lain down

@@ -62,6 +62,7 @@ class SimulatedMotors:
         late_s = delay_s(sample, "actions")
         self._delay_steps = 0 if late_s is None else round(float(late_s) / step_s)
         self._watchdog = Watchdog(end, timeout_s, step_s, n)
+        self._geared: tuple[np.ndarray, np.ndarray] | None = None  # see `regear`
         self.faults = MotorFaults(*np.zeros((2, n), bool), *np.zeros((2, n), np.uint64))
         self.enabled = np.zeros(n, dtype=bool)
         self._any_enabled = self._all_enabled = False
@@ -89,8 +90,14 @@ class SimulatedMotors:
             self._note_enabled()
         if not self._any_enabled:
             return np.zeros(len(position))
+        ratio = None
+        if self._geared is not None:
+            ratio, about = self._geared
+            position, velocity = about + ratio * (position - about), ratio * velocity
         measured = position + self.encoder_bias
         torque = motor_torque(self._command, measured, velocity, self._motor)
+        if ratio is not None:
+            torque = ratio * torque
         return torque if self._all_enabled else self.enabled * torque
 
     def reboot(self, motors: np.ndarray) -> None:
@@ -101,6 +108,20 @@ class SimulatedMotors:
     def weaken(self, strength: np.ndarray) -> None:
         """Scale the delivered torque of each motor from now on, (n,)."""
         self._motor = self._motor._replace(strength=self._motor.strength * strength)
+
+    def rewire(self, end: MotorEnd) -> None:
+        """Exchange the motors' end of the wires: from now on other frames reach each motor."""
+        self._end = end
+
+    def regear(self, ratio: np.ndarray, about: np.ndarray) -> None:
+        """Give motors other gears than they assume, so that all they report and take is off.
+
+        Args:
+            ratio: (n,) turns of the real gear over those of the assumed one; negative for a motor that is
+                reversed.
+            about: (n,) joint positions at which encoders are right all the same, rad.
+        """
+        self._geared = ratio, about
 
     def sag(self, share: float) -> None:
         """Scale the supply voltage by `share`: stall torque and no-load speed scale with it."""
@@ -178,6 +199,12 @@ class SimulatedMotors:
 
     def _report(self, readings: np.ndarray) -> Report:
         """The present report of every motor; a stuck one repeats its last report."""
+        if self._geared is not None:
+            ratio, about = self._geared
+            away = about + self.encoder_bias
+            readings = np.array(
+                [away + ratio * (readings[0] - away), ratio * readings[1], readings[2] / ratio]
+            )
         error, on = np.maximum(self.faults.error, self.faults.latched), self.enabled.copy()
         timed_out = self._watchdog.timed_out
         if np.count_nonzero(timed_out):

@@ -161,6 +161,14 @@ class SimulatedRobot:
         """Scale the delivered torque of each motor from now on, (n,); a negative factor reverses it."""
         self._motors.weaken(strength)
 
+    def rewire(self, wiring: Wiring) -> None:
+        """Plug the motors in elsewhere: commands to a place and replies from there are those of its motor."""
+        self._motors.rewire(open_motor_end(wiring))
+
+    def regear(self, ratio: np.ndarray, about: np.ndarray) -> None:
+        """Give motors other gears than they assume, or reverse them (see `SimulatedMotors.regear`)."""
+        self._motors.regear(ratio, about)
+
     def sag(self, share: float) -> None:
         """Scale the voltage of the motors' supply by `share` from now on."""
         self._motors.sag(share)

@@ -6,6 +6,7 @@ from fault_kinds.policy import POLICY
 from fault_kinds.replies import REPLIES
 from fault_kinds.slow import SLOW
 from fault_kinds.start import START
+from fault_kinds.wiring import WIRING
 
 GROUPS = {
     "IMU": IMU,
@@ -14,5 +15,6 @@ GROUPS = {
     "slow or now and then": SLOW,
     "policy and program": POLICY,
     "at the start": START,
+    "wiring": WIRING,
 }
 KINDS = tuple(kind._replace(group=group) for group, kinds in GROUPS.items() for kind in kinds)

@@ -24,4 +24,6 @@ class FaultKind(NamedTuple):
     estimating: bool = False  # tried with policies whose base's motion is estimated
     starting: bool = False  # there from the beginning
     observed_s: float = 2.0  # after the fault, until the run ends
+    wiring: bool = False  # in a run with a wiring check
+    lying: bool = False  # of a robot that lies at first, if it can
     group: str = ""  # heading of the table that it stands under

@@ -13,7 +13,7 @@ from footfall.deploy.signals import Implausible, ImuSignals, MotorSignals, Signa
 
 CONFIG = SafetyConfig()
 QUIET = Signals(5.0, MotorSignals(0.002, "FR_hip_joint (can0, id 1)"), ImuSignals(0.002, 0.1, "gyro"))
-N, S, W = Mode.IDLE, Mode.STANDING, Mode.WALKING
+N, C, S, W = Mode.IDLE, Mode.CHECKING, Mode.STANDING, Mode.WALKING
 P, L, R = Mode.STOPPING, Mode.LOWERING, Mode.RELEASING
 E, F = Mode.ESTOP, Mode.FALLING
 
@@ -32,37 +32,38 @@ def after(mode: Mode, changes: dict[str, Any] | None = None, since_s: float = 4.
     return advance(State(mode, since_s), with_changes(QUIET, (changes or {}) | more), CONFIG)
 
 
-# What each signal makes of a robot that can lie down, in IDLE, STANDING, WALKING, STOPPING and LOWERING: it
-# stays (-), or goes to ESTOP, FALLING or LOWERING, by their initials. A robot in IDLE is ready: what would be
-# a fault in STANDING keeps it from getting there.
+# What each signal makes of a robot that can lie down, in IDLE, CHECKING, STANDING, WALKING, STOPPING and
+# LOWERING: it stays (-), or goes to ESTOP, FALLING or LOWERING, by their initials. A robot in IDLE is ready:
+# what would be a fault in STANDING keeps it from getting there.
 TABLE: list[tuple[dict[str, Any], str, str]] = [
-    ({"motors.silence_s": 0.06}, "no reply from FR_hip_joint (can0, id 1) for 50 ms", "-EEEE"),
-    ({"imu.silence_s": 0.06}, "no new IMU reading (gyro) for 50 ms", "-EEEE"),
+    ({"motors.silence_s": 0.06}, "no reply from FR_hip_joint (can0, id 1) for 50 ms", "-EEEEE"),
+    ({"imu.silence_s": 0.06}, "no new IMU reading (gyro) for 50 ms", "-EEEEE"),
     (
         {"motors.silence_s": 0.062, "time.pause_s": 0.06, "policy.step_s": 0.06},
         "the policy ran late",
-        "-EEEE",
+        "-EEEEE",
     ),
-    ({"motors.silence_s": 0.062, "time.pause_s": 0.06}, "the loop paused for 60 ms", "-EEEE"),
-    ({"motors.silence_s": 0.09, "time.pause_s": 0.01, "policy.step_s": 0.01}, "no reply from", "-EEEE"),
-    ({"motors.error": "motor x reports y"}, "motor x reports y", "EEEEE"),
-    ({"imu.tilt_rad": 1.06}, "tilt of 1.06 rad is past", "FFFFF"),
-    ({"time.pause_s": 0.13}, "the loop paused for 130 ms", "EEEEE"),
-    ({"time.skipped_share": 0.26}, "26% of the last second's ticks", "EEEEE"),
-    ({"bus.fault": "bus can2 is bus-off"}, "bus can2 is bus-off", "EEEEE"),
-    ({"bus.frames_refused": 3}, "bus overflow: 3 frames refused", "EEEEE"),
-    ({"start.first_pose": "x reads 4.48 rad"}, "x reads 4.48 rad", "E----"),
-    ({"start.not_ready": "motor x is off"}, "", "-----"),
-    ({"implausible": Implausible("x is hot", E)}, "x is hot", "EEEEE"),
-    ({"implausible": Implausible("x misses commands", L)}, "x misses commands", "ELLL-"),
-    ({"implausible": Implausible("x has sunk", F)}, "x has sunk", "FFFFF"),
-    ({"policy.step_s": 0.11}, "one step took 110 ms", "EEEE-"),
-    ({"policy.step_s": math.inf}, "no decision within 70 ms", "EEEE-"),
-    ({"policy.late_steps": 5}, "5 steps in a row", "ELLL-"),
-    ({"policy.error": "the policy failed: x"}, "the policy failed: x", "ELLL-"),
-    ({"policy.command_finite": False}, "is not finite", "ELLL-"),
+    ({"motors.silence_s": 0.062, "time.pause_s": 0.06}, "the loop paused for 60 ms", "-EEEEE"),
+    ({"motors.silence_s": 0.09, "time.pause_s": 0.01, "policy.step_s": 0.01}, "no reply from", "-EEEEE"),
+    ({"motors.error": "motor x reports y"}, "motor x reports y", "EEEEEE"),
+    ({"imu.tilt_rad": 1.06}, "tilt of 1.06 rad is past", "FFFFFF"),
+    ({"time.pause_s": 0.13}, "the loop paused for 130 ms", "EEEEEE"),
+    ({"time.skipped_share": 0.26}, "26% of the last second's ticks", "EEEEEE"),
+    ({"bus.fault": "bus can2 is bus-off"}, "bus can2 is bus-off", "EEEEEE"),
+    ({"bus.frames_refused": 3}, "bus overflow: 3 frames refused", "EEEEEE"),
+    ({"start.first_pose": "x reads 4.48 rad"}, "x reads 4.48 rad", "E-----"),
+    ({"start.not_ready": "motor x is off"}, "", "------"),
+    ({"implausible": Implausible("x is hot", E)}, "x is hot", "EEEEEE"),
+    ({"implausible": Implausible("x misses commands", L)}, "x misses commands", "ELLLL-"),
+    ({"implausible": Implausible("x has sunk", F)}, "x has sunk", "FFFFFF"),
+    ({"wiring.fault": "plugs are exchanged", "wiring.due": True}, "plugs are exchanged", "EE----"),
+    ({"policy.step_s": 0.11}, "one step took 110 ms", "E-EEE-"),
+    ({"policy.step_s": math.inf}, "no decision within 70 ms", "E-EEE-"),
+    ({"policy.late_steps": 5}, "5 steps in a row", "ELLLL-"),
+    ({"policy.error": "the policy failed: x"}, "the policy failed: x", "ELLLL-"),
+    ({"policy.command_finite": False}, "is not finite", "ELLLL-"),
 ]
-COLUMNS = (N, S, W, P, L)
+COLUMNS = (N, C, S, W, P, L)
 ENDS = {"E": E, "F": F, "L": L}
 ROWS_AND_MODES = [
     (changes, fault, mode, ENDS.get(initial, mode))
@@ -237,8 +238,10 @@ def test_the_picture_in_the_documents_shows_the_ways_that_the_tables_have() -> N
         for check in CHECKS
         if following in check.modes
     }
+    faults |= {(mode, check.leads_to) for mode in (N, S) for check in CHECKS if C in check.modes}
     progress = {(mode, following) for mode, (_, following) in PROGRESS.items()}
     faults -= {(N, L)}  # without stiffness no robot lies down
-    end = {(mode, R) for mode in Mode if mode not in DAMPED} | {(W, P), (S, L)}
+    progress |= {(N, C), (S, C), (C, W)}  # with a wiring check
+    end = {(mode, R) for mode in Mode if mode not in DAMPED} | {(W, P), (S, L), (C, L)}
     assert drawn == faults | progress | end | {(R, N)}
     assert set(MOVING) == {S, W, P}

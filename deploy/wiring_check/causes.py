@@ -1,0 +1,81 @@
+"""Ways in which a robot can be wired wrongly, and what each makes of its responses."""
+
+from collections.abc import Iterator
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from footfall.deploy.wiring import Wiring
+
+RATIOS = (0.6, 0.8, 1.25, 1.5)  # of real gears over those that motors assume
+IN_MOTOR = "correct it in the motor's own settings"
+
+
+class Cause(NamedTuple):
+    """A wiring: the joint that each motor moves, and how far it turns that for a turn that it reports."""
+
+    text: str  # what is wrong and what to do
+    joint: np.ndarray  # (n,) moved by the motor that should move joint 0, 1, ...
+    ratio: np.ndarray  # (n,) turns reported for a turn made; negative for a motor that is reversed
+    key: tuple[int, ...] = ()  # joints that it is about
+
+    def responses(self, right: np.ndarray) -> np.ndarray:
+        """Torque responses (n, n) to the same motions, if all else stays the same."""
+        return right[np.ix_(self.joint, self.joint)] / np.outer(self.ratio, self.ratio)
+
+
+def as_wired(joints: int) -> Cause:
+    """The wiring of `robot.yaml`."""
+    return Cause("", np.arange(joints), np.ones(joints))
+
+
+def causes(wiring: Wiring) -> Iterator[Cause]:
+    """Every single mistake: two buses or two motors exchanged, a motor reversed, a gear ratio."""
+    n = len(wiring.motor_id)
+    places = [wiring.place(joint) for joint in range(n)]
+    ones, order = np.ones(n), np.arange(n)
+    used = sorted(set(wiring.channel.tolist()))
+    for first, second in combinations(used, 2):
+        joint = _buses_exchanged(wiring, first, second)
+        if joint is not None:
+            text = f"{wiring.buses[first]} and {wiring.buses[second]} are exchanged: swap their connectors"
+            yield Cause(text, joint, ones, tuple(np.flatnonzero(joint != order).tolist()))
+    for first, second in combinations(range(n), 2):
+        joint = order.copy()
+        joint[[first, second]] = second, first
+        text = f"{places[first]} and {places[second]} are exchanged: swap their plugs or their ids"
+        yield Cause(text, joint, ones, (first, second))
+    for moved in range(n):
+        for ratio in (-1.0, *RATIOS):
+            ratios = ones.copy()
+            ratios[moved] = ratio
+            yield Cause(_about_gears(places[moved], ratio), order, ratios, (moved,))
+
+
+def _about_gears(place: str, ratio: float) -> str:
+    if ratio < 0.0:
+        return f"{place} turns the other way: {IN_MOTOR}"
+    return (
+        f"{place} turns {1.0 / ratio:.2g} times as far as it reports, so its gear ratio is wrong: {IN_MOTOR}"
+    )
+
+
+def _buses_exchanged(wiring: Wiring, first: int, second: int) -> np.ndarray | None:
+    """Which joint each motor's messages reach; None where an id of one bus is not on the other."""
+    at = {(int(c), int(i)): j for j, (c, i) in enumerate(zip(wiring.channel, wiring.motor_id, strict=True))}
+    other = {first: second, second: first}
+    joints = [at.get((other.get(c, c), i)) for c, i in at]
+    return None if None in joints else np.array(joints)
+
+
+def turn_about_z(measured: np.ndarray, expected: np.ndarray) -> float:
+    """Angle about z, rad, by which an IMU is turned in the base, from tilts (n, 2) by it and by a model."""
+    cross = float((expected[:, 0] * measured[:, 1] - expected[:, 1] * measured[:, 0]).sum())
+    return -float(np.arctan2(cross, float((expected * measured).sum())))
+
+
+def turned_back(measured: np.ndarray, angle_rad: float) -> np.ndarray:
+    """Tilts (n, 2) in the axes of the base of an IMU that is turned by an angle about z."""
+    c, s = np.cos(angle_rad), np.sin(angle_rad)
+    return measured @ np.array([[c, s], [-s, c]])

@@ -1,0 +1,129 @@
+"""The wiring check of a run: motions, recording, verdict; where the robot is found, and again standing."""
+
+import threading
+
+import numpy as np
+
+from footfall.common.errors import UserError
+from footfall.common.rotations import rotation_matrix
+from footfall.deploy.clearance import Clearance
+from footfall.deploy.config import DeployConfig
+from footfall.deploy.signals import WiringSignals
+from footfall.deploy.wiring import Wiring
+from footfall.deploy.wiring_check.config import WiringCheckConfig
+from footfall.deploy.wiring_check.motions import Motions
+from footfall.deploy.wiring_check.prediction import Prediction
+from footfall.deploy.wiring_check.verdict import Recorded, Verdict, judged
+from footfall.policies.policy import Sensed
+from footfall.robots.actuator import JointCommand
+from footfall.robots.description import Robot
+
+RECORD_EVERY = 2  # ticks
+
+
+class WiringCheck:
+    """Moves one joint after the other, at the stiffness of holding, and compares the robot with its model.
+
+    A robot that lies is checked again once it stands: lying, some of its joints bear nothing.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        wiring: Wiring,
+        config: DeployConfig,
+        in_background: bool,
+        check: WiringCheckConfig | None = None,
+    ) -> None:
+        """A check that has not begun.
+
+        Args:
+            robot: the robot.
+            wiring: its wiring.
+            config: of the loop.
+            in_background: whether the verdict is reached in a thread, while the loop goes on holding.
+            check: motions and limits.
+        """
+        self._robot, self._wiring, self._check = robot, wiring, check or WiringCheckConfig()
+        self._gains = (
+            config.scale * config.stand_kp_scale * robot.kp,
+            config.scale * config.stand_kd_scale * robot.kd,
+        )
+        self._unscaled = self._gains[0] / config.scale, self._gains[1] / config.scale
+        self._clearance, self._sunk = Clearance(robot), config.safety.sensors.sunk
+        self._in_background = in_background
+        self._places = [wiring.place(joint) for joint in range(len(robot.joint_names))]
+        self._zeros = np.zeros(len(robot.joint_names))
+        self._thread: threading.Thread | None = None
+        self.verdicts: list[Verdict] = []
+        self.signals = WiringSignals(due=True)
+
+    def begin(self, here: np.ndarray, sensed: Sensed) -> None:
+        """Begin about these joint positions, rad, (n,)."""
+        check, again = self._check, bool(self.verdicts)
+        lies = not again and self._clearance.sunk_share(here, sensed.quaternion) >= self._sunk
+        lower, upper = self._robot.soft_limits
+        room = np.minimum(here - lower, upper - here).clip(check.least_rad, None)
+        amplitude = np.minimum(room, check.lying_rad if lies else check.standing_rad)
+        self._here, self._motions = here, Motions(amplitude, check)
+        self._samples: list[tuple[float, np.ndarray]] = []
+        self._first_up, self._ticks = _up(sensed), 0
+        self.signals = WiringSignals(due=lies, stood=again)
+
+    def command(self, time_s: float) -> JointCommand:
+        """The joint command at a time since the check began, s."""
+        target = self._here + self._motions.offsets(time_s)
+        return JointCommand(target, self._zeros, *self._unscaled, self._zeros)
+
+    def look(self, time_s: float, sensed: Sensed) -> None:
+        """Take in the readings of a tick."""
+        if self._thread is not None or self.signals.done or self.signals.fault:
+            return
+        self._ticks += 1
+        if self._ticks % RECORD_EVERY == 0:
+            self._record(time_s, sensed)
+        if time_s < self._motions.duration_s:
+            return
+        if self._in_background:
+            self._thread = threading.Thread(target=self._judge, name="wiring", daemon=True)
+            self._thread.start()
+        else:
+            self._judge()
+
+    def _record(self, time_s: float, sensed: Sensed) -> None:
+        up = _up(sensed)
+        self._samples.append((time_s, np.concatenate((sensed.joint_torque, up))))
+        lean = float(np.linalg.norm(up - self._first_up))
+        lost = np.abs(self._here + self._motions.offsets(time_s) - sensed.joint_position)
+        moved = self._places[self._motions.joint_at(time_s)]
+        if lean > self._check.lean_rad:
+            self._fail(f"the base turned by {lean:.2f} rad while {moved} moved a little")
+        elif lost.max() > self._check.lost_rad:
+            joint = int(lost.argmax())
+            self._fail(f"{self._places[joint]} is {lost[joint]:.2f} rad off its target while {moved} moved")
+
+    def _fail(self, what: str) -> None:
+        why = "a plug, an id, a direction or a gear ratio is wrong there"
+        self.signals = self.signals._replace(fault=f"wiring: {what}: {why}")
+
+    def _judge(self) -> None:
+        """Reach the verdict; runs in a thread of its own where the loop must not wait."""
+        try:
+            times, values = zip(*self._samples, strict=True)
+            n = len(self._here)
+            torque, up = np.split(np.array(values), [n], axis=1)
+            recorded = Recorded(np.array(times), torque, up)
+            prediction = Prediction(self._robot, *self._gains)
+            verdict = judged(recorded, self._motions, self._here, prediction, self._wiring, self._check)
+            fault = f"wiring: {verdict.fault}" if verdict.fault else ""
+            self.verdicts.append(verdict)
+        except (UserError, ValueError, ArithmeticError) as error:
+            fault = f"wiring: it cannot be checked: {error}"
+        self._thread = None
+        self.signals = self.signals._replace(done=not fault, fault=fault)
+
+
+def _up(sensed: Sensed) -> np.ndarray:
+    """The world's up in the base frame, (3,)."""
+    up: np.ndarray = rotation_matrix(sensed.quaternion)[2]
+    return up

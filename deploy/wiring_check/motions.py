@@ -1,0 +1,62 @@
+"""The motions of the wiring check, and the responses to them."""
+
+import math
+
+import numpy as np
+
+from footfall.deploy.wiring_check.config import WiringCheckConfig
+
+HEIGHT = 1.0 / 0.7698  # so that the largest value of `pulse` is 1
+
+
+def pulse(share: float) -> float:
+    """To one side, to the other and back, smoothly, while a share goes from 0 to 1; at most 1 in size."""
+    if not 0.0 <= share <= 1.0:
+        return 0.0
+    return HEIGHT * math.sin(2.0 * math.pi * share) * math.sin(math.pi * share) ** 2
+
+
+class Motions:
+    """Offsets of joint targets: one joint after the other moves, and the others hold."""
+
+    def __init__(self, amplitude_rad: np.ndarray, config: WiringCheckConfig) -> None:
+        """Of each joint, (n,) rad."""
+        self._n, self._amplitude = len(amplitude_rad), amplitude_rad
+        self._settle_s, self._move_s = config.settle_s, config.move_s
+        self.duration_s = config.settle_s + self._n * config.move_s
+
+    def offsets(self, time_s: float) -> np.ndarray:
+        """Offsets from the first pose, rad, (n,)."""
+        offsets = np.zeros(self._n)
+        since_s = time_s - self._settle_s
+        joint = int(since_s // self._move_s)
+        if since_s >= 0.0 and joint < self._n:
+            offsets[joint] = self._amplitude[joint] * pulse(since_s / self._move_s - joint)
+        return offsets
+
+    def joint_at(self, time_s: float) -> int:
+        """The joint that moves at a time; the first or last one before and after."""
+        return min(max(int((time_s - self._settle_s) // self._move_s), 0), self._n - 1)
+
+    def responses(self, time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """How much of each joint's motion is in each value, per radian.
+
+        A slow sway of the whole robot has a trend in the time of one motion, which does not count.
+
+        Args:
+            time_s: (T,) of the samples.
+            values: (T, k).
+
+        Returns:
+            (n, k), a row for each joint that moved.
+        """
+        rows = []
+        for joint in range(self._n):
+            begin_s = self._settle_s + joint * self._move_s
+            first, last = np.searchsorted(time_s, [begin_s, begin_s + self._move_s])
+            share = (time_s[first:last] - begin_s) / self._move_s
+            wave = self._amplitude[joint] * np.array([pulse(each) for each in share.tolist()])
+            trend = np.vander(share, 2)
+            wave = wave - trend @ np.linalg.lstsq(trend, wave, rcond=None)[0]
+            rows.append(values[first:last].T @ wave / (wave @ wave))
+        return np.array(rows)

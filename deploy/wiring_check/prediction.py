@@ -1,0 +1,90 @@
+"""What a robot's own model does when one joint after the other moves."""
+
+import mujoco
+import numpy as np
+
+from footfall.common.errors import UserError
+from footfall.deploy.wiring_check.causes import Cause
+from footfall.deploy.wiring_check.motions import Motions
+from footfall.robots.actuator import JointCommand, friction_torque, motor_torque
+from footfall.robots.description import Robot
+from footfall.robots.model import joint_addresses, read_plant
+
+STEP_S = 0.002
+SETTLE_S = 0.5  # of the model, before the motions begin
+SEARCH_M = 2.0  # how high the base may be
+
+
+class Prediction:
+    """The robot's own model on level ground, in which its motors are wired in one way or another."""
+
+    def __init__(self, robot: Robot, kp: np.ndarray, kd: np.ndarray) -> None:
+        """Gains (n,) of holding, N m/rad and N m s/rad."""
+        plant = read_plant(robot)
+        self._model, self._motor, self._base = plant.model, plant.motor, plant.base
+        self._model.opt.timestep = STEP_S
+        self._limits = robot.motor
+        self._data = mujoco.MjData(self._model)
+        self._qpos, self._qvel = joint_addresses(self._model, robot)
+        self._base_at = int(self._model.jnt_qposadr[self._model.body_jntadr[plant.base]])
+        self._kp, self._kd, self._default = kp, kd, robot.default_pose
+
+    def responses(self, here: np.ndarray, motions: Motions, cause: Cause) -> np.ndarray:
+        """Responses of torques and of up's x and y in the base frame, (n, n + 2), and the mean of these two.
+
+        Args:
+            here: joint positions that the motors report at first, rad, (n,).
+            motions: their motions.
+            cause: how the motors are wired; gears are right about the default pose.
+        """
+        data, model, n = self._data, self._model, len(here)
+        ratio, about = cause.ratio, self._default
+        start = np.empty(n)
+        start[cause.joint] = about + (here - about) / ratio
+        self._put_down(start)
+        kp, kd, zero = self._kp, self._kd, np.zeros(n)
+        count = round(motions.duration_s / STEP_S)
+        before = round(SETTLE_S / STEP_S)
+        values = np.empty((count, n + 2))
+        torque = np.empty(n)
+        up = data.xmat[self._base]
+        for step in range(-before, count):
+            position, velocity = data.qpos[self._qpos], data.qvel[self._qvel]
+            seen = about + ratio * (position[cause.joint] - about)
+            target = here + motions.offsets(step * STEP_S) if step >= 0 else here
+            pulled = motor_torque(
+                JointCommand(target, zero, kp, kd, zero), seen, ratio * velocity[cause.joint], self._limits
+            )
+            torque[cause.joint] = ratio * pulled
+            data.qfrc_applied[self._qvel] = torque + friction_torque(velocity, self._motor)
+            if step >= 0:
+                values[step, :n] = pulled
+                values[step, n:] = up[6:8]
+            mujoco.mj_step(model, data)
+        return np.vstack(
+            [
+                motions.responses(np.arange(count) * STEP_S, values),
+                values.mean(axis=0),
+            ]
+        )
+
+    def _put_down(self, pose: np.ndarray) -> None:
+        """Place the model level in a pose so that its lowest part touches the ground."""
+        data, at = self._data, self._base_at
+        mujoco.mj_resetData(self._model, data)
+        data.qpos[self._qpos] = pose
+        data.qpos[at + 3 : at + 7] = (1.0, 0.0, 0.0, 0.0)
+        low, high = -SEARCH_M, SEARCH_M
+        for _ in range(25):
+            middle = (low + high) / 2
+            low, high = (middle, high) if self._touches(middle) else (low, middle)
+        if low == -SEARCH_M:
+            raise UserError("the robot's model has no ground to stand on")
+        data.qpos[at + 2] = low
+
+    def _touches(self, height_m: float) -> bool:
+        model, data = self._model, self._data
+        data.qpos[self._base_at + 2] = height_m
+        mujoco.mj_fwdPosition(model, data)
+        touching = (model.geom_bodyid[data.contact.geom] == 0).any(axis=1) & (data.contact.dist <= 0.0)
+        return bool(touching.any())

@@ -1,0 +1,128 @@
+"""Compares what a robot did with what its model does, and finds the wiring that explains the difference."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from footfall.deploy.wiring import Wiring
+from footfall.deploy.wiring_check.causes import Cause, as_wired, causes, turn_about_z, turned_back
+from footfall.deploy.wiring_check.config import WiringCheckConfig
+from footfall.deploy.wiring_check.motions import Motions
+from footfall.deploy.wiring_check.prediction import Prediction
+
+LIKELY = 4  # causes that are simulated because they look likely, beside those of the two strangest joints
+STRANGEST = 2
+FLOOR = 0.5  # of the median response: errors of weaker responses are shares of this
+LEAST_TILT = 0.02  # rad per rad: a base that tilts less says nothing of the IMU
+LEAST_TURN_RAD = 0.15  # about z, of an IMU
+
+
+class Recorded(NamedTuple):
+    """T samples of a check."""
+
+    time_s: np.ndarray  # (T,)
+    torque: np.ndarray  # (T, n) N m
+    up: np.ndarray  # (T, 3) of the world, base frame, by the IMU
+
+
+class Verdict(NamedTuple):
+    """The result of a check."""
+
+    fault: str  # the cause and what to do; empty if the wiring is right
+    joint_error: float  # largest error of a joint's response, as a share of the model's
+    imu_error: float  # the same of the base's tilt
+
+
+class Responses(NamedTuple):
+    """What n motions do: torques (n, n), N m/rad, and the base's tilt by up's x and y (n, 2), 1/rad."""
+
+    torque: np.ndarray
+    tilt: np.ndarray
+
+    def errors(self, right: "Responses") -> tuple[np.ndarray, float]:
+        """Error of each joint's torques (n,) and of all tilts, as shares of the right ones."""
+        size = np.linalg.norm(right.torque, axis=1)
+        joint = np.linalg.norm(self.torque - right.torque, axis=1) / np.maximum(size, FLOOR * np.median(size))
+        tilt = np.linalg.norm(right.tilt)
+        least = LEAST_TILT * np.sqrt(len(size))
+        return joint, float(np.linalg.norm(self.tilt - right.tilt) / max(tilt, least))
+
+    def cost(self, right: "Responses") -> float:
+        """Squared error of the joints, on average, and of the tilts."""
+        joint, tilt = self.errors(right)
+        return float((joint**2).mean() + tilt**2)
+
+
+def judged(
+    recorded: Recorded,
+    motions: Motions,
+    here: np.ndarray,
+    prediction: Prediction,
+    wiring: Wiring,
+    config: WiringCheckConfig,
+) -> Verdict:
+    """The verdict on a recording.
+
+    Args:
+        recorded: the samples.
+        motions: the joints' motions.
+        here: joint positions at first, rad, (n,).
+        prediction: the robot's model.
+        wiring: the wiring of `robot.yaml`.
+        config: what passes.
+    """
+    n, up = len(here), recorded.up[:, :2]
+    measured = _responses(motions.responses(recorded.time_s, np.hstack([recorded.torque, up])))
+
+    def predicted(cause: Cause) -> np.ndarray:
+        return prediction.responses(here, motions, cause)
+
+    right_rows = predicted(as_wired(n))
+    right = _responses(right_rows)
+    errors, imu_error = measured.errors(right)
+    verdict = Verdict("", float(errors.max()), imu_error)
+    askew = float(np.linalg.norm(up.mean(axis=0) - right_rows[n, n:]))
+    if errors.max() <= config.alike and imu_error <= config.imu_alike and askew <= config.askew_rad:
+        return verdict
+    fault = _cause(measured, right, errors, predicted, wiring, config)
+    if not fault and askew > config.askew_rad:
+        fault = f"the IMU is askew by {askew:.2f} rad, or the ground is: align it with the base's axes"
+    if not fault and (float(np.median(errors)) > config.unlike or imu_error > config.unlike):
+        strangest = wiring.place(int(errors.argmax()))
+        fault = f"the robot moves otherwise than its description says, most of all with {strangest}"
+    return verdict._replace(fault=fault)
+
+
+def _responses(rows: np.ndarray) -> Responses:
+    n = rows.shape[1] - 2  # a prediction has a last row of means
+    return Responses(rows[:n, :n], rows[:n, n:])
+
+
+def _cause(
+    measured: Responses,
+    right: Responses,
+    errors: np.ndarray,
+    predicted: Callable[[Cause], np.ndarray],
+    wiring: Wiring,
+    config: WiringCheckConfig,
+) -> str:
+    """The text of the cause that explains the responses; empty if none does."""
+    limit = config.explained * measured.cost(right)
+    found: list[tuple[float, str]] = []
+    angle = turn_about_z(measured.tilt, right.tilt)
+    if abs(angle) > LEAST_TURN_RAD:
+        turned = measured._replace(tilt=turned_back(measured.tilt, angle))
+        text = (
+            f"the IMU is turned by {np.degrees(angle):+.0f} degrees about z: mount it along the base's axes"
+        )
+        found.append((turned.cost(right), text))
+    every = list(causes(wiring))
+    guesses = np.array([np.linalg.norm(measured.torque - each.responses(right.torque)) for each in every])
+    strange = set(np.argsort(errors)[-STRANGEST:].tolist())
+    of_strange = [row for row, each in enumerate(every) if len(each.key) == 1 and each.key[0] in strange]
+    for row in dict.fromkeys([*np.argsort(guesses)[:LIKELY].tolist(), *of_strange]):
+        cause = every[row]
+        found.append((measured.cost(_responses(predicted(cause))), cause.text))
+    cost, text = min(found)
+    return text if cost <= limit else ""
