@@ -54,14 +54,14 @@ TABLE: list[tuple[dict[str, Any], str, str]] = [
     ({"start.first_pose": "x reads 4.48 rad"}, "x reads 4.48 rad", "E-----"),
     ({"start.not_ready": "motor x is off"}, "", "------"),
     ({"implausible": Implausible("x is hot", E)}, "x is hot", "EEEEEE"),
-    ({"implausible": Implausible("x misses commands", L)}, "x misses commands", "ELLLL-"),
+    ({"implausible": Implausible("x misses commands", L)}, "x misses commands", "E-LLL-"),
     ({"implausible": Implausible("x has sunk", F)}, "x has sunk", "FFFFFF"),
     ({"wiring.fault": "plugs are exchanged", "wiring.due": True}, "plugs are exchanged", "EE----"),
     ({"policy.step_s": 0.11}, "one step took 110 ms", "E-EEE-"),
     ({"policy.step_s": math.inf}, "no decision within 70 ms", "E-EEE-"),
-    ({"policy.late_steps": 5}, "5 steps in a row", "ELLLL-"),
-    ({"policy.error": "the policy failed: x"}, "the policy failed: x", "ELLLL-"),
-    ({"policy.command_finite": False}, "is not finite", "ELLLL-"),
+    ({"policy.late_steps": 5}, "5 steps in a row", "E-LLL-"),
+    ({"policy.error": "the policy failed: x"}, "the policy failed: x", "E-LLL-"),
+    ({"policy.command_finite": False}, "is not finite", "E-LLL-"),
 ]
 COLUMNS = (N, C, S, W, P, L)
 ENDS = {"E": E, "F": F, "L": L}
