@@ -65,9 +65,9 @@ MEASURED = {
     "half_length_m": "sole_length_m",
     "half_width_m": "sole_width_m",
 }
-SIDEWAYS = (
-    0.1  # least component of a hinge's axis out of the sideways direction with which a leg moves sideways
-)
+# Least part of a hinge's axis that is not along y with which its leg moves a foot sideways.
+SIDEWAYS = 0.1
+PLANAR_DUTY = 0.65  # least duty factor under MPC of legs that cannot push sideways: more feet bear at once
 
 
 class Size(NamedTuple):
@@ -141,6 +141,8 @@ def scaled_controllers(size: Size, feet: int, stiffest: float) -> Walking:
     mujoco.mj_kinematics(model, data)
     of = size_of(model, data, robot.description.feet)
     sections = _scaled(read_yaml(robot.folder / "controllers.yaml"), "", of, size)
+    if size.spread_m == 0.0:
+        _let_more_feet_bear(sections)
     stand = sections["stand"]
     raised = max(1.0, stiffest / stand["kp"])
     stand |= {key: _rounded(raised * stand[key]) for key in ("kp", "kd")}
@@ -154,6 +156,14 @@ def controllers_yaml(walking: Walking, gaits: Sequence[str]) -> str:
     head = f"# Settings of the hand-written controllers (policies/controllers/): those of {walking.origin},\n"
     head += "# scaled by mass, height and feet. Not tuned.\n"
     return head + yaml.safe_dump(kept, sort_keys=False, default_flow_style=None, width=110)
+
+
+def _let_more_feet_bear(sections: dict[str, Any]) -> None:
+    """Raise the duty factor of the controllers that plan forces."""
+    for section in sections.values():
+        plan = section.get("plan", section)
+        if "horizon" in plan:
+            plan["gait"]["duty"] = max(plan["gait"]["duty"], PLANAR_DUTY)
 
 
 def _gait(section: dict[str, Any]) -> str | None:

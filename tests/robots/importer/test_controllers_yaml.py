@@ -71,6 +71,7 @@ class TestScaled:
     def test_legs_that_cannot_move_sideways_stand_where_they_do(self) -> None:
         flat = scaled_controllers(GO1._replace(spread_m=0.0), 4, 0.0).sections
         assert flat["trot"]["stance"]["outward_m"] == flat["mpc"]["stance"]["outward_m"] == 0.0
+        assert flat["mpc"]["gait"]["duty"] == flat["mpc-wbc"]["plan"]["gait"]["duty"] > 0.6
 
     def test_controllers_whose_gait_the_robot_does_not_have_are_left_out(self) -> None:
         text = controllers_yaml(scaled_controllers(GO1, 5, 0.0), ["wave"])
