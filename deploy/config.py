@@ -26,6 +26,7 @@ class DeployConfig:
     stand_kp_scale: float = 4.0  # of the robot's gains
     stand_kd_scale: float = 2.0  # likewise
     pose_rate_rad_s: float = 0.8  # fastest that a joint moves while the robot stands up or lies down
+    in_place_s: float = 1.0  # that a robot with `held_start` steps in place before it is let go
     stop_rate_rad_s: float = 8.0  # the same after stopping, until all feet stand
     stop_s: float = 1.0  # that a policy has to stop before the robot lies down
     sink_rate_rad_s: float = 12.0  # the same while walking: the base is lowered first
@@ -42,7 +43,7 @@ class DeployConfig:
         require_between(self, 1.0, 10_000.0, "joint_rate_hz")
         require_between(self, 1.0, 10_000.0, "estimator_rate_hz")
         require_between(self, 0.001, 60.0, "stand_s", "motor_timeout_s")
-        require_between(self, 0.0, 60.0, "stop_s")
+        require_between(self, 0.0, 60.0, "stop_s", "in_place_s")
         require_between(self, 1, 10_000, "host_queue")
         require_between(self, 0.1, 100.0, "stand_kp_scale")  # with less it sinks while it should stand up
         require_between(self, 0.0, 100.0, "stand_kd_scale")
@@ -81,6 +82,11 @@ class DeployConfig:
     @property
     def tick_us(self) -> int:
         return round(1e6 / self.joint_rate_hz)
+
+    @property
+    def held_up_s(self) -> float:
+        """Time from the first command until a robot with `held_start` is let go."""
+        return self.stand_s + self.in_place_s
 
 
 def deploy_config(robot: Robot, path: Path | None = None, simulated: bool = False) -> DeployConfig:

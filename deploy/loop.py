@@ -71,7 +71,7 @@ class ControlLoop:
         safety = config.safety
         self._joints = JointLayer(robot, driver, open_imu(wiring), config.tick_us * 1e-6, config.scale)
         self._postures = Postures(robot, config, lie_down, stand_up)
-        self._end = RunEnd(self._postures.may_lie, config.stop_s)
+        self._end = RunEnd(self._postures.may_lie, config.stop_s, robot.description.held_start)
         self._signals = SignalSource(
             robot, wiring, driver, bus, self._joints, self._postures, self._end, config, wiring_check
         )
@@ -98,6 +98,11 @@ class ControlLoop:
     def walking(self) -> bool:
         """Whether the robot walks under its policy."""
         return self.state.mode is Mode.WALKING
+
+    @property
+    def held_up(self) -> bool:
+        """Whether somebody has to hold the robot up, which cannot stand still."""
+        return self._postures.held_up(self.now_us * 1e-6 - self.state.since_s, self.state.mode)
 
     @property
     def walking_s(self) -> float:
@@ -195,7 +200,8 @@ class ControlLoop:
         self._update_estimate(due)
         if not due:
             return
-        step = runner.step(now_us, self.sensed, self._estimate.value, self.walking)
+        commanded = self.walking and not self.held_up
+        step = runner.step(now_us, self.sensed, self._estimate.value, commanded)
         if step is not None and log is not None:
             given, decision = step
             log.policy_step(now_us, given, JointCommand.of(decision))

@@ -6,7 +6,7 @@ import numpy as np
 
 from footfall.deploy.clearance import Clearance
 from footfall.deploy.config import DeployConfig
-from footfall.deploy.modes import Mode
+from footfall.deploy.modes import DECIDING, MOVING, Mode
 from footfall.deploy.pose_path import PosePath
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
@@ -52,6 +52,7 @@ class Postures:
         self._gains = config.stand_kp_scale * robot.kp, config.stand_kd_scale * robot.kd
         self._path = PosePath([self._standing], [])
         self._carried_s = 0.0
+        self._held_start, self._in_place_s = robot.description.held_start, config.in_place_s
 
     def stand_up(self, here: np.ndarray, quaternion: np.ndarray) -> None:
         """Begin the path to the default pose; a robot that lies folds its legs first.
@@ -95,6 +96,12 @@ class Postures:
         """Whether the pose is reached, and the robot has settled in it."""
         return time_s >= self._path.duration_s + self._hold_s - 1e-9
 
-    def on_legs(self, time_s: float, deciding: bool) -> bool:
+    def held_up(self, time_s: float, mode: Mode) -> bool:
+        """Whether somebody holds the robot up, this long after the mode began."""
+        walks = mode is Mode.WALKING and time_s >= self._in_place_s
+        return self._held_start and mode in MOVING and not walks
+
+    def on_legs(self, time_s: float, mode: Mode) -> bool:
         """Whether the legs should carry the base; the policy takes over once they do."""
-        return self._stands and (deciding or time_s >= self._carried_s)
+        carried = mode in DECIDING or time_s >= self._carried_s
+        return self._stands and carried and not self.held_up(time_s, mode)

@@ -9,9 +9,15 @@ CUT_SHORT = (Mode.STOPPING, Mode.LOWERING)  # modes in which asking again ends t
 class RunEnd:
     """Whether the end was requested, and whether lying down is skipped."""
 
-    def __init__(self, may_lie: bool, stop_s: float) -> None:
-        """`may_lie`: whether the robot can lie down, and may; `stop_s`: time that a policy has to stop."""
-        self._may_lie, self._stop_s = may_lie, stop_s
+    def __init__(self, may_lie: bool, stop_s: float, caught: bool) -> None:
+        """The end has not been requested.
+
+        Args:
+            may_lie: whether the robot can lie down, and may.
+            stop_s: time that a policy has to stop.
+            caught: whether somebody takes hold of it while it steps in place.
+        """
+        self._may_lie, self._stop_s, self._caught = may_lie, stop_s, caught
         self._finish = False
         self._skip_lie_down = False
 
@@ -25,6 +31,7 @@ class RunEnd:
         return EndSignals(
             self._finish and mode not in DAMPED,
             self._may_lie,
+            self._caught,
             mode is Mode.STOPPING and since_s >= self._stop_s,
             self._skip_lie_down,
         )

@@ -239,9 +239,11 @@ def advance(state: State, signals: Signals, config: SafetyConfig) -> State:
     if state.mode is Mode.LOWERING:
         done = signals.posture_done or signals.end.skip_lie_down
         return State(Mode.ESTOP if state.faults else Mode.RELEASING, now, state.faults) if done else state
-    if signals.end.finish and (state.mode is not Mode.STOPPING or signals.end.skip_lie_down):
+    end = signals.end
+    if end.finish and (state.mode is not Mode.STOPPING or end.skip_lie_down):
         ending = _lowered_or(Mode.RELEASING, state.mode, signals)
-        stops = ending is Mode.LOWERING and state.mode is Mode.WALKING
+        may_stop = ending is Mode.LOWERING or (end.caught and not end.skip_lie_down)
+        stops = may_stop and state.mode is Mode.WALKING
         return State(Mode.STOPPING if stops else ending, now, state.faults)
     ready, following = PROGRESS.get(state.mode, (None, state.mode))
     if ready is None or not ready(signals, config):
@@ -250,6 +252,8 @@ def advance(state: State, signals: Signals, config: SafetyConfig) -> State:
         following = Mode.CHECKING
     elif state.mode is Mode.CHECKING and signals.wiring.stood:
         following = Mode.WALKING
+    if following is Mode.LOWERING:
+        following = _lowered_or(Mode.RELEASING, state.mode, signals)
     return _failure(state, following, signals, config) or State(following, now, state.faults)
 
 

@@ -8,7 +8,7 @@ from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers.driver import Driver
 from footfall.deploy.first_rest import FirstRest
 from footfall.deploy.joint_layer import JointLayer
-from footfall.deploy.modes import DECIDING, HELD, Mode
+from footfall.deploy.modes import HELD, Mode
 from footfall.deploy.pose import impossible_pose
 from footfall.deploy.postures import Postures
 from footfall.deploy.run_end import RunEnd
@@ -88,7 +88,7 @@ class SignalSource:
         since_s = now_s - state.since_s
         implausible, start = None, NOTHING_AT_START
         if mode in HELD:
-            on_legs = mode is not Mode.CHECKING and self._postures.on_legs(since_s, mode in DECIDING)
+            on_legs = mode is not Mode.CHECKING and self._postures.on_legs(since_s, mode)
             silence_us, resting = max(motor_silence_us, imu_silence_us), mode is Mode.STANDING
             implausible = self._monitor.look(now_us, silence_us, joints, on_legs, resting)
         elif mode is Mode.IDLE:

@@ -63,6 +63,7 @@ class EndSignals(NamedTuple):
 
     finish: bool = False  # the run shall end
     may_lie: bool = False  # the robot can lie down, and may
+    caught: bool = False  # somebody takes hold of the robot while it steps in place
     stopped: bool = False  # the policy was given the time to stand still
     skip_lie_down: bool = False  # the run shall end without lying down
 

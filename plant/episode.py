@@ -84,7 +84,12 @@ def run_episode(robot: Robot, policy: Policy, episode: Episode, watch: Watch | N
     wiring, config = wire(robot), episode.config or deploy_config(robot)
     wires = SimulatedWires(wiring.buses, config.host_queue)
     config_of_plant = PlantConfig(
-        episode.plant, episode.sample or {}, episode.noise, config.motor_timeout_s, episode.lying
+        episode.plant,
+        episode.sample or {},
+        episode.noise,
+        config.motor_timeout_s,
+        episode.lying,
+        let_go_after_s=config.held_up_s,
     )
     body = SimulatedRobot(robot, wiring, wires, config_of_plant, episode.seed)
     facts = {

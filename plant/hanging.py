@@ -1,4 +1,4 @@
-"""A frame that a simulated robot hangs in: stiff springs between its base and its initial pose."""
+"""A frame that holds a simulated robot: stiff springs between its base and its initial pose."""
 
 import mujoco
 import numpy as np
@@ -15,7 +15,7 @@ class Frame:
     def __init__(
         self, data: mujoco.MjData, layout: Layout, base: int, mass_kg: float, height_m: float
     ) -> None:
-        """The robot hangs at its pose in `data`; `base` is the base body, `height_m` its height."""
+        """Hold the robot at its pose in `data`; `base` is the base body, `height_m` its height."""
         at = layout.base_qpos
         self._data, self._base, self._at, self._dof = data, base, at, layout.base_qvel
         self._place, self._turn = data.qpos[at : at + 3].copy(), data.qpos[at + 3 : at + 7].copy()
@@ -33,3 +33,7 @@ class Frame:
         force = k * (self._place - data.qpos[at : at + 3]) - d * data.qvel[dof : dof + 3]
         torque = rotation @ (k_turn * turned - d_turn * data.qvel[dof + 3 : dof + 6])
         data.xfrc_applied[self._base] = [*force, *torque]
+
+    def let_go(self) -> None:
+        """Take the frame's force and torque away."""
+        self._data.xfrc_applied[self._base] = 0.0

@@ -12,6 +12,7 @@ import numpy as np
 
 from footfall.common.arrays import as_slice
 from footfall.common.errors import UserError
+from footfall.deploy.config import DeployConfig
 from footfall.deploy.frames import Frames, no_frames
 from footfall.deploy.wiring import Wiring
 from footfall.domain_rand.bodies import apply_to_model, body_map
@@ -31,6 +32,7 @@ from footfall.robots.description import Robot
 from footfall.robots.model import Plant, joint_addresses, read_plant
 
 IMU_PERIOD_S = 0.002
+HELD_UP_S = DeployConfig().held_up_s
 TALK_EVERY_US = 1000  # how often motors may send by themselves
 SEARCH_HEIGHT_M = 4.0  # how far from the origin the ground may be
 
@@ -56,6 +58,8 @@ class PlantConfig:
     lying: bool = False  # starts in the robot's lying pose
     hanging: bool = False  # hangs in a frame, its feet in the air
     held: bool = True  # does not move until its motors are commanded
+    # Time after the first command at which a robot that cannot stand still is let go (`held_start`).
+    let_go_after_s: float = HELD_UP_S
 
 
 class SimulatedRobot:
@@ -107,7 +111,8 @@ class SimulatedRobot:
         self._imu, self._imu_frames = open_imu_end(wiring), no_frames()
         self.faults = Faults(self._motors.faults)
         self._put_down(robot, _first_pose(robot, config.lying))
-        self._frame = self._hang_up(robot, plant.base) if config.hanging else None
+        self._frame = self._frame_for(robot, plant.base, config.hanging)
+        self._held_steps = np.inf if config.hanging else round(config.let_go_after_s / step_s)
         self._held = config.held
         if self._held:
             self._keep_still()
@@ -190,15 +195,24 @@ class SimulatedRobot:
         self._torque = torque = motors.torque(self._step, position, velocity)
         joints = self._layout.qvel
         self._applied[joints] = torque + motors.friction(velocity)
-        if self._frame is not None:
-            self._frame.pull()
         self._held = self._held and not motors.commanded
+        if self._frame is not None:
+            self._hold_up(self._frame)
         if self._held:
             self._keep_still()
         else:
             mujoco.mj_step(self.model, self.data)
         self._energy.add(torque, velocity, self._qvel[joints])
         self._step += 1
+
+    def _hold_up(self, frame: Frame) -> None:
+        """Hold the robot for the next step, or let it go."""
+        self._held_steps -= self._motors.commanded
+        if self._held_steps > 0:
+            frame.pull()
+        else:
+            frame.let_go()
+            self._frame = None
 
     def _keep_still(self) -> None:
         """A step without motion: the accelerometer measures the support of the robot."""
@@ -240,11 +254,14 @@ class SimulatedRobot:
         data.qpos[at + 2] = low
         mujoco.mj_forward(self.model, data)
 
-    def _hang_up(self, robot: Robot, base: int) -> Frame:
-        """Raise the robot by its standing height and hang it there."""
+    def _frame_for(self, robot: Robot, base: int, hanging: bool) -> Frame | None:
+        """What holds the robot: raised by its standing height if it hangs; None if it stands by itself."""
         data, height_m = self.data, robot.description.standing_height_m
-        data.qpos[self._layout.base_qpos + 2] += height_m
-        mujoco.mj_forward(self.model, data)
+        if hanging:
+            data.qpos[self._layout.base_qpos + 2] += height_m
+            mujoco.mj_forward(self.model, data)
+        elif not robot.description.held_start:
+            return None
         return Frame(data, self._layout, base, float(self.model.body_subtreemass[base]), height_m)
 
     def _touches_ground_at(self, height_m: float) -> bool:

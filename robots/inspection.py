@@ -45,8 +45,8 @@ class Inspection(NamedTuple):
     on_the_ground: tuple[str, ...]  # links other than those of the feet that touch it
     meeting: tuple[tuple[str, str], ...]  # pairs of links that collide
 
-    def findings(self) -> Iterator[str]:
-        """What is wrong, one line each."""
+    def findings(self, stands_still: bool = True) -> Iterator[str]:
+        """What is wrong with a robot that can, or cannot, stand still, one line each."""
         for foot in self.feet:
             if foot.gap_m > LIFTED_M:
                 yield f"foot {foot.name} is {1e3 * foot.gap_m:.0f} mm above the ground in the default pose"
@@ -54,7 +54,7 @@ class Inspection(NamedTuple):
             yield f"link {link} touches the ground in the default pose, and is no foot"
         for one, other in self.meeting:
             yield f"links {one} and {other} collide in the default pose"
-        if self.margin_m <= 0.0:
+        if stands_still and self.margin_m <= 0.0:
             yield "the centre of mass is not above the area between the feet in the default pose"
 
 

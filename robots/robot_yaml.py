@@ -99,6 +99,7 @@ class Description:
     commands: CommandRange  # of the scenarios
     imu_protocol: str = "footfall"  # or MODULE:NAME of a driver of one's own (deploy/drivers/imu_driver.py)
     safety: dict[str, Any] = field(default_factory=dict)  # supervisor's limits (deploy/config.py)
+    held_start: bool = False  # it cannot stand still (point feet): it is held up until it steps in place
 
     def __post_init__(self) -> None:
         require_positive(self, "standing_height_m", "soft_limit_factor", "target_rate_rad_s")

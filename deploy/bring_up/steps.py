@@ -72,6 +72,15 @@ class Step(NamedTuple):
     plan: Callable[[Setting], Plan]
     criteria: tuple[Criterion, ...]
     least_feet: int = 1  # a robot with fewer skips the step
+    stands_still: bool = False  # a robot that cannot (`held_start`) skips the step
+
+    def skipped_by(self, robot: Robot) -> str:
+        """Why a robot skips the step; empty if it does not."""
+        if len(robot.description.feet) < self.least_feet:
+            return f"it takes {self.least_feet} feet"
+        if self.stands_still and robot.description.held_start:
+            return f"{robot.name} cannot stand still"
+        return ""
 
 
 class Verdict(NamedTuple):
@@ -135,7 +144,7 @@ STEPS = (
     Step("hold", True, "the joints hold the pose in which they are found", _hold, (follow, *ALWAYS)),
     Step("joints", True, "one joint after the other moves, and no other", _move_joints, (follow, *ALWAYS)),
     Step("legs", True, "one leg after the other moves", _move_legs, (follow, *ALWAYS)),
-    Step("stand", False, "the robot stands", _stand, (level, carry, *ALWAYS)),
+    Step("stand", False, "the robot stands", _stand, (level, carry, *ALWAYS), stands_still=True),
     Step("shift", False, "it shifts its weight, and the IMU agrees", _sway, (sway, *ALWAYS), least_feet=3),
     Step("walk", False, "the policy takes over slowly", _walk, (cool,)),
 )  # fmt: skip

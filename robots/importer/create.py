@@ -114,6 +114,8 @@ def import_robot(request: ImportRequest) -> Imported:
     else:
         folded = " (the file's keyframe folds the legs)" if source.pose_rad else ""
         guesses.append(f"default pose: knees bent, centre of mass above the feet{folded}")
+    if not machine.stands_still:
+        guesses.append("start: held up until it steps in place, since it cannot stand still on two points")
     guesses.append("bus, id and protocol of each motor are placeholders, and so is the IMU's bus")
     if beyond:
         guesses.append(f"no protocol here carries what {shortened(beyond)} can do: the widest was taken")

@@ -91,6 +91,11 @@ class Machine:
     def mass(self) -> float:
         return sum(link.mass for link in self.links)
 
+    @property
+    def stands_still(self) -> bool:
+        """Whether its feet touch the ground at three points or more, which span an area."""
+        return sum(len(leg.geoms) for leg in self.legs) > 2
+
     def with_hinges(self, hinges: dict[str, Hinge]) -> "Machine":
         """The machine with some hinges replaced, by name."""
         links = [replace(li, hinges=tuple(hinges.get(h.name, h) for h in li.hinges)) for li in self.links]

@@ -14,6 +14,10 @@ from footfall.robots.importer.motors import Drive, JointMotor
 from footfall.robots.importer.pose import Pose
 
 MODEL_FILE = "robot.xml"
+HELD_START = (
+    "# It cannot stand still on two points: a run holds it up until it steps in place.",
+    "held_start: true",
+)
 SOFT_LIMIT_FACTOR = 0.95
 DAMPING_RATIO = 1.0
 # Fastest command, over the root of gravity times leg length, and rad/s of yaw: on two legs and on more.
@@ -101,6 +105,8 @@ def robot_yaml(
         "# Commands that scenarios ask of this robot, scaled from those of others by the length of the legs.",
         _commands(command_range(machine, pose)),
     ]
+    if not machine.stands_still:
+        lines += ["", *HELD_START]
     return "\n".join(lines) + "\n"
 
 

@@ -28,12 +28,17 @@ def training_yaml(machine: Machine, pose: Pose, commands: CommandRange, gait_nam
         if gait_name
         else "  gait: null # none that is shipped has as many feet on each side: see policies/gaits.yaml\n"
     )
+    standing = (
+        ""
+        if machine.stands_still
+        else "    standing_command: 0.0 # it steps in place: it cannot stand still\n"
+    )
     return f"""\
 # What trainings of this robot change of the presets, which suit a quadruped of {MASS_KG:g} kg on legs of
 # {REACH_M:g} m: lengths, times, and the costs of torque and power, by this one's size. Not tuned.
 env:
 {gait}  commands:
     ranges: {{{", ".join(f"{axis}: [{low:.2g}, {high:.2g}]" for axis, (low, high) in ranges.items())}}}
-  rewards: {{torque: {torque:.2g}, power: {power:.2g}}}
+{standing}  rewards: {{torque: {torque:.2g}, power: {power:.2g}}}
   reward_scales: {{swing_height_m: {SWING_HEIGHT_M * length:.2g}}}
 """

@@ -75,6 +75,7 @@ def resume(output: IO[str]) -> None:
 def describe(loop: ControlLoop, velocity: np.ndarray, duration_s: float) -> str:
     """The state in one line."""
     walking_s = loop.walking_s if loop.walking else loop.walked_s
+    hold = "hold it up: " if loop.held_up else ""
     parts = [
         f"{walking_s:.1f} of {duration_s:g} s",
         loop.state.mode.value,
@@ -83,7 +84,7 @@ def describe(loop: ControlLoop, velocity: np.ndarray, duration_s: float) -> str:
     if np.isfinite(velocity).all():
         parts.append("velocity {:+.2f} {:+.2f} m/s".format(*velocity[:2]))
     parts += [f"tilt {tilt(loop.sensed.quaternion):.2f} rad", f"{_count(loop.ticks_skipped, 'tick')} late"]
-    return ", ".join(parts)
+    return hold + ", ".join(parts)
 
 
 def _count(number: int, what: str) -> str:

@@ -56,7 +56,10 @@ def show_feet(looked: "Inspection") -> None:
     print(f"the centre of mass is {1e3 * abs(looked.margin_m):.0f} mm {side} the feet\n")
 
 
-def show_standing(robot: "Robot", standing: "StandingResult") -> None:
+def show_standing(robot: "Robot", standing: "StandingResult | None") -> None:
+    if standing is None:
+        print("no standing test: a run holds it up, and lets it go once it steps in place (held_start)\n")
+        return
     hardest = int(standing.torque_share.argmax())
     share = f"{100 * standing.torque_share[hardest]:.0f} % of its peak torque"
     print(f"standing test, {standing.stood_s:.1f} s on the joint law over the simulated bus:")
@@ -65,7 +68,9 @@ def show_standing(robot: "Robot", standing: "StandingResult") -> None:
     print(f"  hardest at work: {robot.joint_names[hardest]}, {share}\n")
 
 
-def wrong_standing(robot: "Robot", standing: "StandingResult") -> Iterator[str]:
+def wrong_standing(robot: "Robot", standing: "StandingResult | None") -> Iterator[str]:
+    if standing is None:
+        return
     if not standing.stood:
         why = standing.fall_reason or "; ".join(standing.faults)
         yield f"it does not stand by itself: {why} after {standing.stood_s:.1f} s"

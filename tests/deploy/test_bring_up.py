@@ -523,8 +523,8 @@ class TestCommand:
     @pytest.mark.parametrize(
         ("bus", "step", "served"),
         [
-            ("virtual", "hold", PlantConfig(motor_timeout_s=0.08, hanging=True)),
-            ("virtual", "stand", PlantConfig(motor_timeout_s=0.08, lying=True)),
+            ("virtual", "hold", PlantConfig(motor_timeout_s=0.08, hanging=True, let_go_after_s=5.0)),
+            ("virtual", "stand", PlantConfig(motor_timeout_s=0.08, lying=True, let_go_after_s=5.0)),
             ("socketcan", "hold", None),
         ],
     )
@@ -582,8 +582,9 @@ class TestCommand:
         options = ("--steps", "hold,stand", "--config", str(tmp_path / "loop.yaml"))
         assert shell("bring-up", "stand", *options).status == 0
         assert made == [
-            PlantConfig(motor_timeout_s=0.5, hanging=True), PlantConfig(motor_timeout_s=0.5, lying=True),
-        ]  # fmt: skip
+            PlantConfig(motor_timeout_s=0.5, hanging=True, let_go_after_s=5.0),
+            PlantConfig(motor_timeout_s=0.5, lying=True, let_go_after_s=5.0),
+        ]
 
     @pytest.fixture
     def settings(self) -> list[Setting]:

@@ -107,9 +107,9 @@ class TestPostures:
     def test_a_robot_lies_if_its_clearance_is_gone(self, go1: Robot) -> None:
         postures = Postures(go1, CONFIG, lie_down=True)
         postures.stand_up(go1.lying_pose + 0.05, LEVEL)
-        assert not postures.on_legs(0.0, deciding=False)
+        assert not postures.on_legs(0.0, Mode.STANDING)
         postures.stand_up(np.tile([0.0, 1.2, -2.4], 4), LEVEL)  # a crouch, in which 48 % are gone
-        assert postures.on_legs(0.0, deciding=False)
+        assert postures.on_legs(0.0, Mode.STANDING)
 
     def test_legs_are_folded_before_they_push(self, go1: Robot) -> None:
         """Lying with its legs stretched out forwards and backwards."""
@@ -151,7 +151,7 @@ class TestPostures:
             next((rad for part, rad in squat.items() if part in name), 0.0) for name in biped.joint_names
         ]
         postures.stand_up(np.array(folded), LEVEL)
-        assert postures.on_legs(0.0, deciding=False)
+        assert postures.on_legs(0.0, Mode.STANDING)
 
     @pytest.mark.parametrize("ending", [Ending.STANDING, Ending.STOPPED, Ending.WALKING])
     def test_no_posture_asks_for_more_than_the_robots_target_rate(self, go1: Robot, ending: Ending) -> None:

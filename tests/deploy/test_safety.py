@@ -178,6 +178,8 @@ WISHES: list[tuple[Mode, dict[str, Any], Mode]] = [
     (N, {"end.finish": True, "end.may_lie": False} | STARTED, R),
     (S, {"end.finish": True, "end.may_lie": False}, R),
     (W, {"end.finish": True, "end.may_lie": False}, R),
+    (W, {"end.finish": True, "end.may_lie": False, "end.caught": True}, P),
+    (P, {"end.stopped": True, "end.may_lie": False, "end.caught": True}, R),
 ]
 
 

@@ -9,6 +9,7 @@ import pytest
 from shell import Shell
 
 from footfall.deploy.bring_up.steps import STEPS, Setting, Step, Verdict
+from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers import imu
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.wiring import wire
@@ -111,9 +112,7 @@ def test_a_robot_that_cannot_lie_begins_on_its_feet(
     made: list[PlantConfig] = []
     monkeypatch.setattr("footfall.plant.robot.SimulatedRobot", lambda *given: made.append(given[3]))
     monkeypatch.setattr("footfall.plant.bus.SimulatedBus", lambda wires, robot: None)
-    setting: Any = SimpleNamespace(
-        robot=SimpleNamespace(lying_pose=None), deploy=SimpleNamespace(motor_timeout_s=0.2)
-    )
+    setting: Any = SimpleNamespace(robot=SimpleNamespace(lying_pose=None), deploy=DeployConfig())
     monkeypatch.setattr("footfall.deploy.wiring.wire", lambda _: wire(go1))
     for step in STEPS:
         with bring_up._opened(setting, step, "sim"):

@@ -16,7 +16,7 @@ from footfall.live_state import live_state
 @pytest.fixture
 def loop() -> Any:
     return SimpleNamespace(
-        walking=True, walking_s=1.0, walked_s=0.0, ticks_skipped=0,
+        walking=True, walking_s=1.0, walked_s=0.0, ticks_skipped=0, held_up=False,
         state=SimpleNamespace(mode=SimpleNamespace(value="WALKING")),
         asked_command=(0.5, 0.0, 0.0), sensed=SimpleNamespace(quaternion=np.array([1.0, 0, 0, 0])),
     )  # fmt: skip

@@ -64,7 +64,8 @@ def test_every_part_of_a_state_is_its_own(walking: bool, told: str) -> None:
     loop = SimpleNamespace(
         walking=walking, walking_s=1.26, walked_s=4.2,
         state=SimpleNamespace(mode=SimpleNamespace(value="WALKING")),
-        asked_command=(0.5, -0.25, 0.75), sensed=SimpleNamespace(quaternion=attitude), ticks_skipped=7,
+        asked_command=(0.5, -0.25, 0.75), sensed=SimpleNamespace(quaternion=attitude),
+        ticks_skipped=7, held_up=False,
     )  # fmt: skip
     assert describe(loop, np.array([0.11, -0.22, 9.0]), 2.5) == (  # type: ignore[arg-type]
         f"{told}, WALKING, command +0.50 -0.25 m/s +0.75 rad/s, velocity +0.11 -0.22 m/s,"

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 SIMULATED, VIRTUAL = "sim", "virtual"  # buses that lead to a simulated robot
 FAILED = 1
 HANGS = "The robot hangs in a frame, its feet in the air"
+HELD = "Somebody holds the robot up, its feet just on the ground, and lets go once it steps in place"
 GROUND = "The robot lies or stands on the ground, nobody within its reach"
 
 
@@ -54,14 +55,15 @@ def bring_up(policy: PolicyName, /, *, options: BringUpOptions = BringUpOptions(
     """
     check_outputs(options.json)
     setting, steps = _setting(policy, options), _chosen(options.steps)
-    feet = len(setting.robot.description.feet)
+    robot = setting.robot
     verdicts: list[Verdict] = []
     for step in steps:
-        if feet < step.least_feet:
-            print(f"{step.name}: left out, since it takes {step.least_feet} feet", flush=True)
+        if why := step.skipped_by(robot):
+            print(f"{step.name}: left out, since {why}", flush=True)
             continue
         if options.bus != SIMULATED:
-            confirm(f"{step.name}: {step.about}. {HANGS if step.hangs else GROUND}?", options.yes)
+            place = HANGS if step.hangs else HELD if robot.description.held_start else GROUND
+            confirm(f"{step.name}: {step.about}. {place}?", options.yes)
         verdicts.append(_run_step(step, setting, options.bus))
         write_json(options.json, _figures(verdicts, options))
         print(f"{step.name}: {step.about}: {'passed' if verdicts[-1].passed else 'failed'}", flush=True)
@@ -81,12 +83,15 @@ def _setting(policy: str, options: BringUpOptions) -> "Setting":
     from footfall.robots.description import load_robot
 
     robot, command = load_robot(options.robot), np.array(options.command)
+    config = BringUpConfig() if options.limits is None else load(options.limits, BringUpConfig)
+    loop = deploy_config(robot, options.config, options.bus == SIMULATED)
     return Setting(
         robot,
         load_policy(policy, robot),
         lambda _: command,
-        BringUpConfig() if options.limits is None else load(options.limits, BringUpConfig),
-        replace(deploy_config(robot, options.config, options.bus == SIMULATED), scale=options.scale),
+        config,
+        # A robot that cannot stand still is held up until the policy has taken over.
+        replace(loop, scale=options.scale, in_place_s=loop.in_place_s + config.slew_s),
         realtime=options.bus != SIMULATED,
     )
 
@@ -121,8 +126,12 @@ def _opened(setting: "Setting", step: "Step", kind: str) -> "Iterator[Bus]":
             from footfall.plant.robot import PlantConfig, SimulatedRobot
 
             lies = not step.hangs and robot.lying_pose is not None
-            timeout_s = setting.deploy.motor_timeout_s
-            plant = PlantConfig(motor_timeout_s=timeout_s, lying=lies, hanging=step.hangs)
+            plant = PlantConfig(
+                motor_timeout_s=setting.deploy.motor_timeout_s,
+                lying=lies,
+                hanging=step.hangs,
+                let_go_after_s=setting.deploy.held_up_s,
+            )
         if kind == SIMULATED:
             from footfall.plant.bus import SimulatedBus
             from footfall.plant.wires import SimulatedWires

@@ -135,6 +135,8 @@ def _on_interface(robot: "Robot", policy: "Policy", spec: str, options: DeployOp
         lie_down=options.lie_down,
         display=lambda loop: live_state(loop, lambda: loop.estimate[0], options.duration),
     )
+    if robot.description.held_start:
+        print(f"{robot.name} cannot stand still: hold it up, let it go once it steps in place", flush=True)
     with ExitStack() as resources:
         if options.bus == VIRTUAL:  # reaches no further than this process, so the robot has to be in it
             from footfall.plant.serve import serving

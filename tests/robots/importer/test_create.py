@@ -22,6 +22,7 @@ from footfall.robots.importer.motors import choose_drive, with_armature
 from footfall.robots.importer.read import read_source
 from footfall.robots.importer.shapes import Kind
 from footfall.robots.importer.statics import Statics
+from footfall.train.config import load_preset
 
 
 @pytest.fixture(scope="module")
@@ -143,6 +144,17 @@ class TestWhatIsMade:
         robot, _ = make(tmp_path, text, "xml")
         assert robot.default_pose[:6] == pytest.approx([0.1, 0.05, -0.4, 0.9, -0.5, -0.05])
         assert robot.default_pose[9] == pytest.approx(0.03 * 2.2, abs=1e-4)
+
+    def test_on_two_points_a_robot_is_held_up_at_first(
+        self, two: tuple[Robot, Imported], tmp_path: Path
+    ) -> None:
+        sole = '<geom type="box" pos="0.03 0 -0.045" size="0.12 0.05 0.015" mass="0.6"/>'
+        ball = '<geom type="sphere" pos="0 0 -0.04" size="0.02" mass="0.6"/>'
+        robot, made = make(tmp_path, BIPED_MJCF.replace(sole, ball), "xml")
+        assert robot.description.held_start
+        assert load_preset("cpu", robot).env.commands.standing_command == 0.0
+        assert any("held up" in guess for guess in made.guesses)
+        assert not two[0].description.held_start
 
     def test_a_sole_becomes_its_corners(self, two: tuple[Robot, Imported]) -> None:
         """Of a box of 0.24 by 0.1 m whose middle is 0.03 m before the ankle; within its outline."""

@@ -1,0 +1,63 @@
+"""A robot that cannot stand still is held up, steps in place, is let go, and is caught at the end."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from deploy_policies import FailingPolicy, Hold
+
+from footfall.deploy.config import DeployConfig
+from footfall.deploy.loop import ControlLoop
+from footfall.deploy.modes import Mode
+from footfall.plant.episode import Episode, run_episode
+from footfall.plant.robot import SimulatedRobot
+from footfall.robots.actuator import JointCommand
+from footfall.robots.description import Robot
+
+COMMAND = np.array([0.4, 0.0, 0.1])
+
+
+@pytest.fixture
+def held(go1: Robot) -> Robot:
+    """go1, as if it could not stand still."""
+    return replace(go1, description=replace(go1.description, held_start=True))
+
+
+def limp(command: JointCommand) -> JointCommand:
+    return command._replace(kp=0.0 * command.kp, kd=0.0 * command.kd)
+
+
+def test_it_does_not_sink_until_it_is_let_go(held: Robot, go1: Robot) -> None:
+    config = DeployConfig(in_place_s=0.6)
+    walked_s = {
+        robot.description.held_start: run_episode(
+            robot, FailingPolicy(robot, 0.0, limp), Episode(lambda _: COMMAND, 1.5, config=config)
+        ).walked_s
+        for robot in (held, go1)
+    }
+    assert 0.0 < walked_s[False] < 0.5
+    assert 0.6 < walked_s[True] < 1.0
+
+
+def test_it_steps_in_place_at_first_and_before_the_end(held: Robot) -> None:
+    config = DeployConfig(in_place_s=0.5, stop_s=0.3)
+    policy = Hold(held)
+    seen: list[tuple[Mode, bool]] = []
+
+    def watch(loop: ControlLoop, _: SimulatedRobot) -> None:
+        seen.append((loop.state.mode, loop.held_up))
+
+    trace = run_episode(held, policy, Episode(lambda _: COMMAND, 1.0, config=config), watch)
+    assert trace.final_state == Mode.IDLE
+    commanded_s = [inputs.time_s for inputs in policy.seen if np.any(inputs.command != 0.0)]
+    assert commanded_s[0] == pytest.approx(0.5, abs=0.021)
+    assert commanded_s[-1] == pytest.approx(1.0, abs=0.021)
+    assert policy.seen[-1].time_s == pytest.approx(1.3, abs=0.021)
+    spells = list(dict.fromkeys(seen))
+    assert spells[1:] == [
+        (Mode.STANDING, True),
+        (Mode.WALKING, True),
+        (Mode.WALKING, False),
+        (Mode.STOPPING, True),
+        (Mode.RELEASING, False),
+    ]
