@@ -99,7 +99,7 @@ class Postures:
     def held_up(self, time_s: float, mode: Mode) -> bool:
         """Whether somebody holds the robot up, this long after the mode began."""
         walks = mode is Mode.WALKING and time_s >= self._in_place_s
-        return self._held_start and mode in MOVING and not walks
+        return self._held_start and mode in (Mode.CHECKING, *MOVING) and not walks
 
     def on_legs(self, time_s: float, mode: Mode) -> bool:
         """Whether the legs should carry the base; the policy takes over once they do."""
