@@ -218,7 +218,7 @@ REPLIES = (
     FaultKind("replies under an unknown id", wrong_sender, SILENCE_S),
     FaultKind("replies cut to 2 bytes", corrupted(lambda _: cut_short), SILENCE_S),
     FaultKind("replies of zeros", corrupted(lambda _: emptied), SILENCE_S),
-    FaultKind("all frames twice", twice, None, "it does no harm"),
+    FaultKind("all frames twice", twice, None, "it does no harm, and looks like a second host"),
     FaultKind("foreign frames on the bus", foreign, None, "it does no harm"),
     *(
         FaultKind(f"{what} of the frames lost", frames_lost(share), None, reason)
@@ -227,7 +227,7 @@ REPLIES = (
             ("2 %", 0.02, NEXT),
             ("5 %", 0.05, NEXT),
             ("a tenth", 0.1, NEXT),
-            ("half", 0.5, "the next reading is a few ticks away"),
+            ("half", 0.5, "the next reading is a few ticks away; a share of losses over time"),
         )
     ),
     *(

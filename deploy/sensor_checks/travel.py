@@ -10,7 +10,9 @@ from footfall.common.config import require_between
 from footfall.deploy.sensor_checks.check import JointCheck, Limit
 from footfall.deploy.sensor_checks.joint_window import JointWindow
 from footfall.robots.description import Robot
+from footfall.robots.targets import within
 
+CREEP_RAD_S = 0.25  # fastest drift that creeps: a sudden error is for the other checks
 IMPACT_S = 0.01  # duration of a foot's touchdown: readings farther apart miss how a velocity changes
 
 
@@ -72,6 +74,7 @@ class _SignedTravel(JointCheck):
     """Sum of the errors with their signs, less what a late velocity explains, rad."""
 
     memory: ClassVar[str] = "drift_memory_s"  # field of `TravelLimits`
+    most_rad_s = math.inf  # of an error: what is faster counts as that
 
     def __init__(self, robot: Robot, limits: TravelLimits, sample_s: float) -> None:
         self._n, self._memory_s = len(robot.joint_names), getattr(limits, self.memory)
@@ -94,7 +97,8 @@ class _SignedTravel(JointCheck):
             moves: 0 where the window does not count, (n,).
         """
         kept = math.exp(-window.elapsed_s / self._memory_s)
-        self._error = counts * (kept * self._error + moves * window.position_error)
+        most = self.most_rad_s * window.elapsed_s
+        self._error = counts * (kept * self._error + moves * within(window.position_error, -most, most))
         kept = math.exp(-window.elapsed_s / self._late_memory_s)  # what was late has come since then
         self._late_s = kept * self._late_s + window.late_s
         self._fastest = np.maximum(kept * self._fastest, np.abs(window.joints[1]))
@@ -116,16 +120,19 @@ class Wander(_SignedTravel):
 class Creep(_SignedTravel):
     """The signed error of an encoder that drifts slowly, of the windows in which its joint moves.
 
-    The last digit of a velocity is an error that stays the same while a joint rests.
+    The last digit of a velocity is an error that stays the same while a joint rests. Windows in which
+    readings come unevenly do not count.
     """
 
     memory = "creep_memory_s"
+    most_rad_s = CREEP_RAD_S
     looks_at = "the same over seconds: an encoder that drifts slowly"
     message = "its position has crept by {0:.2f} rad against its velocity"
     limit = Limit("creep_rad")
 
     def measure(self, window: JointWindow) -> np.ndarray:
-        return self._trusted * self._updated(window, moves=window.speed > self._least_rad_s)
+        moves = (window.speed > self._least_rad_s) & (window.late_s < 0.5 * IMPACT_S)
+        return self._trusted * self._updated(window, moves=moves)
 
 
 class Stuck(_SignedTravel):
