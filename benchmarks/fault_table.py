@@ -423,6 +423,7 @@ def measure(options: argparse.Namespace) -> tuple[list[dict[str, Any]], list[dic
         for robot, policy in chosen
         for kind in KINDS
         if (SUBJECTS[robot, policy] or kind.main) and (options.only or "") in title_of(kind)
+        if options.group in (None, kind.group)
         if not kind.wiring or _checks_wiring(robot, policy, kind.lying)
         if not kind.estimating or policy_of(robot, policy).needs_estimate
     ]
@@ -458,6 +459,7 @@ def main() -> None:
     parser.add_argument("--randomised", type=int, default=0, help="the same on randomised robots")
     parser.add_argument("--policy", help="this policy alone")
     parser.add_argument("--only", help="kinds with this in their names alone")
+    parser.add_argument("--group", help="kinds of this group alone, such as wiring")
     parser.add_argument("--out", type=Path, help="file that keeps every run; those in it are not run again")
     parser.add_argument(
         "--time-limit", type=float, help="seconds until no run begins, for each of both parts"
