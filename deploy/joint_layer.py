@@ -155,6 +155,12 @@ class JointLayer:
         return self._receiver.joints
 
     @property
+    def torque_share(self) -> np.ndarray:
+        """Size of the latest reported torques, of the motors' peak torques, (n,)."""
+        share: np.ndarray = np.abs(self._receiver.joints[2]) / self._robot.motor.peak_torque
+        return share
+
+    @property
     def temperature_c(self) -> np.ndarray:
         """Latest temperatures, (n,); NaN where a motor does not report it."""
         return self._receiver.temperature_c

@@ -14,6 +14,7 @@ from footfall.deploy.frames import Frames
 from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.wiring import Wiring
 
+PULLS = 0.03  # of the peak torque: more than a motor without current reports
 OFF_US = 250_000  # how long motors are asked to disable: two heartbeats of those that answer by them
 
 
@@ -36,6 +37,7 @@ class LastResort:
         self._frames = cycle(driver.damping(np.full(len(wiring.joint_names), damping_kd)))
         self._speeds_counted = False  # whether the frames keep to what motors can do at their speeds
         self.silent_at_the_end: list[str] = []  # motors that did not answer when they were disabled
+        self.on_at_the_end: list[str] = []  # motors that answered, and are on or pull all the same
 
     def damping(self) -> Frames:
         """Frames that damp without a reading, less where motors cannot brake so much at their last speeds.
@@ -57,21 +59,24 @@ class LastResort:
         """Disable the motors: again and again, until each has answered.
 
         Any reply from two ticks after the first request on answers it, since nothing else is sent. A motor
-        that broadcasts its state has to confirm disable. Ends after `OFF_US`; a motor that has not
-        answered by then is in `silent_at_the_end`.
+        that reports its state has to confirm disable, and none may report torque. Ends after `OFF_US`: a
+        motor that has not answered by then is in `silent_at_the_end`, one that is on in `on_at_the_end`.
         """
         began_us = now_us = self._clock.next_tick()
         while now_us - began_us <= OFF_US:
             with suppress(BaseException):
                 self._joints.absorb(self._bus.receive(now_us), now_us)
             unanswered = self._joints.last_heard().motor_us < began_us + 2 * self._tick_us
-            waiting = np.flatnonzero(unanswered | self._driver.not_confirmed_off())
-            self.silent_at_the_end = [self._wiring.place(int(joint)) for joint in waiting]
-            if not self.silent_at_the_end:
+            on = ~unanswered & (self._driver.not_confirmed_off() | (self._joints.torque_share > PULLS))
+            self.silent_at_the_end, self.on_at_the_end = self._places(unanswered), self._places(on)
+            if not self.silent_at_the_end and not self.on_at_the_end:
                 return
             with suppress(BaseException):
                 self._bus.send(self._driver.disable(), now_us)
             now_us = self._clock.next_tick()
+
+    def _places(self, joints: np.ndarray) -> list[str]:
+        return [self._wiring.place(int(joint)) for joint in np.flatnonzero(joints)]
 
 
 def in_one_line(error: BaseException) -> str:

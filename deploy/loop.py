@@ -146,6 +146,11 @@ class ControlLoop:
         """Motors that did not answer when they were disabled."""
         return self._last_resort.silent_at_the_end
 
+    @property
+    def on_at_the_end(self) -> list[str]:
+        """Motors that answered when they were disabled, and are on or pull all the same."""
+        return self._last_resort.on_at_the_end
+
     # -- one tick ------------------------------------------------------------------------------------
 
     def tick(self) -> bool:

@@ -89,7 +89,7 @@ class DamiaoDriver(PolledDriver):
         super().__init__(wiring, Orders(*(to_every_motor(wiring, data) for data in orders)))
         self._settings = Settings(wiring, _NAMES, TimeOut(TIME_OUT, TIME_OUT_STEP_S), _problem)
         self._ranges = [RANGES[model] for model in wiring.models]
-        self._was_on = np.zeros(n, dtype=bool)
+        self._was_on, self._is_on = np.zeros((2, n), dtype=bool)
         self._outgoing = to_every_motor(wiring)
         self._usual: Layout | None = None  # layout of the last batch of all motors in joint order
         self._use(self._ranges)
@@ -128,6 +128,9 @@ class DamiaoDriver(PolledDriver):
 
     def not_ready(self) -> str:
         return self._settings.problem()
+
+    def not_confirmed_off(self) -> np.ndarray:
+        return self._is_on.copy()
 
     def _note_registers(self, data: np.ndarray, motor: np.ndarray) -> None:
         """Note reported registers until all are right; the echo of a write proves nothing."""
@@ -175,7 +178,8 @@ class DamiaoDriver(PolledDriver):
         state = data[:, 0] >> 4
         error = np.where(state > ON, state, 0).astype(np.uint8)
         error[(state == OFF) & self._was_on[motor]] = WENT_OFF
-        self._was_on[motor] |= state == ON
+        self._is_on[motor] = state == ON
+        self._was_on |= self._is_on
         temperature = np.maximum(data[:, 6], data[:, 7]).astype(float)
         return Replies(motor, values, error, temperature, self._no_voltage[motor], frames.time_us)
 

@@ -82,9 +82,9 @@ class Driver(Protocol):
         ...
 
     def not_confirmed_off(self) -> np.ndarray:
-        """Mask (n,) of the motors that broadcast their state and have not confirmed disable.
+        """Mask (n,) of the motors that report their state and have not confirmed disable.
 
-        False where a motor's answer to `disable` is the confirmation.
+        False where a motor's answer to `disable` is the only confirmation.
         """
         ...
 

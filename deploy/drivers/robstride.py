@@ -143,7 +143,7 @@ class RobstrideDriver(PolledDriver):
         self.lowest, self.highest = self._codec.lowest, self._codec.highest
         self.gain_rounding = 0.5 * self._codec.quantum[2:4]
         self._settings = Settings(wiring, _NAMES, TimeOut(TIME_OUT, TIME_OUT_STEP_S), _problem)
-        self._was_on = np.zeros(n, dtype=bool)
+        self._was_on, self._is_on = np.zeros((2, n), dtype=bool)
         self._reported = np.zeros(n, np.uint8)  # codes of reported faults, 0 for none
         self._outgoing = zeros._replace(id=identifier_of(CONTROL, 0, wiring.motor_id))
 
@@ -176,6 +176,9 @@ class RobstrideDriver(PolledDriver):
     def not_ready(self) -> str:
         return self._settings.problem()
 
+    def not_confirmed_off(self) -> np.ndarray:
+        return self._is_on.copy()
+
     def clear(self) -> Frames:
         self._reported[:] = 0
         return self._orders.clear
@@ -197,7 +200,8 @@ class RobstrideDriver(PolledDriver):
         running = frames.id >> 22 & 3 == RUNNING
         error = (frames.id >> 16 & 0x3F).astype(np.uint8)
         error[~running & self._was_on[motor]] |= WENT_OFF
-        self._was_on[motor] |= running
+        self._is_on[motor] = running
+        self._was_on |= self._is_on
         reported = self._reported[motor]
         error = np.where(reported, reported, error)
         return Replies(motor, values, error, words[3] * 0.1, self._no_voltage[motor], frames.time_us)

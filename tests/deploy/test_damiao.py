@@ -88,6 +88,7 @@ class TestFrames:
         states = ["03", "13", "03", "13"]
         errors = [driver.replies(frame(0x203, f"{state} 80 00 80 08 00 1e 1e")).error[0] for state in states]
         assert errors == [0, 0, damiao.WENT_OFF, 0]
+        assert driver.not_confirmed_off().sum() == 1  # its last reply says that it is on
 
     @pytest.mark.parametrize(
         ("identifier", "first"), [(0x203, "14"), (0x204, "14"), (0x103, "13"), (0x3, "13")]

@@ -103,6 +103,7 @@ class TestFrames:
         ids = [0x020007FD, 0x028007FD, 0x020007FD, 0x028007FD]
         errors = [int(driver.replies(frame(each, "8000 8000 8000 0190")).error[0]) for each in ids]
         assert errors == [0, 0, robstride.WENT_OFF, 0]
+        assert driver.not_confirmed_off().sum() == 1  # its last reply says that it is on
 
     @pytest.mark.parametrize(
         ("word", "says"),
