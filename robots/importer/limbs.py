@@ -144,7 +144,8 @@ def _refuse_hands(path: Path, model: mujoco.MjModel, feet: list[int]) -> None:
     if names:
         raise UserError(
             f"{path}: its lowest limbs end in {', '.join(names)}, which are no feet by their names: footfall"
-            " moves machines with legs; if these are legs, name their last links with --feet"
+            " moves machines with legs; if these are legs, name their last links with --feet; if another axis"
+            " than z points up, give --up"
         )
 
 

@@ -12,7 +12,7 @@ from footfall.common.errors import UserError
 from footfall.policies.controllers.gait import GaitConfig, GaitTiming
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.walk import Walk
-from footfall.policies.controllers.walk.config import StepConfig, WalkConfig
+from footfall.policies.controllers.walk.config import StrideConfig, WalkConfig
 from footfall.policies.controllers.walk.feet import FootCycle
 from footfall.policies.controllers.walk.foot import Footing
 from footfall.policies.gaits import find_gait
@@ -242,7 +242,7 @@ def test_whatever_is_changed_while_it_walks_no_target_jumps_and_no_foot_is_left_
     trial.walk((0.0, 0.0, 0.0), start / policy.rate_hz)
     longest = config.step.length_m
     for gait, period, duty, height, length, body, command, seconds in changes:
-        step = StepConfig(
+        step = StrideConfig(
             height_m=(0.3 + 1.2 * height) * config.step.height_m,
             length_m=(0.4 + 0.8 * length) * config.step.length_m,
             body_height_m=(0.85 + 0.2 * body) * config.step.body_height_m,

@@ -8,7 +8,7 @@ from footfall.policies.controllers.gait import GaitConfig
 
 
 @dataclass(frozen=True)
-class StepConfig:
+class StrideConfig:
     """What a step is like. All of it may be changed while the robot walks."""
 
     height_m: float  # of the foot at mid-swing
@@ -98,7 +98,7 @@ class WalkConfig:
     rate_hz: float
     gait: GaitConfig
     command: CommandShaping
-    step: StepConfig
+    step: StrideConfig
     levelling: LevellingConfig
     heading: HeadingConfig
     limits: LimitsConfig

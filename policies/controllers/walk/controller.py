@@ -9,7 +9,7 @@ from footfall.policies.controllers.command import ShapedCommand
 from footfall.policies.controllers.gait import GaitConfig, contact_trust
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.stance import level_feet, nominal_feet, tilt_correction
-from footfall.policies.controllers.walk.config import StepConfig, WalkConfig
+from footfall.policies.controllers.walk.config import StrideConfig, WalkConfig
 from footfall.policies.controllers.walk.feet import FootCycle
 from footfall.policies.controllers.walk.foot import Footing, rolling_of
 from footfall.policies.controllers.walk.ground import GroundForce
@@ -90,7 +90,7 @@ class Walk:
         self._tempo = 1.0
         self._looked_at: np.ndarray | None = None
 
-    def change(self, gait: GaitConfig | None = None, step: StepConfig | None = None) -> None:
+    def change(self, gait: GaitConfig | None = None, step: StrideConfig | None = None) -> None:
         """Ask for another gait, or other steps, without a jump in a joint's target.
 
         A gait begins when all feet stand: those in the air land first. A step's height holds from the next
