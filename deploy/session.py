@@ -122,7 +122,7 @@ def run_session(
         taken_over = threading.Event()
         wiring_check = None
         if session.check_wiring:
-            wiring_check = WiringCheck(robot, wiring, config, in_background=session.realtime)
+            wiring_check = WiringCheck(robot, wiring, driver, config, in_background=session.realtime)
         loop = ControlLoop(
             robot,
             wiring,

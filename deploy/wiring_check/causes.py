@@ -1,6 +1,6 @@
 """Ways in which a robot can be wired wrongly, and what each makes of its responses."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 from typing import NamedTuple
 
@@ -30,8 +30,11 @@ def as_wired(joints: int) -> Cause:
     return Cause("", np.arange(joints), np.ones(joints))
 
 
-def causes(wiring: Wiring) -> Iterator[Cause]:
-    """Every single mistake: two buses or two motors exchanged, a motor reversed, a gear ratio."""
+def causes(wiring: Wiring, legs: Sequence[np.ndarray]) -> Iterator[Cause]:
+    """Every single mistake: two buses, legs or motors exchanged, a motor reversed, a gear ratio.
+
+    Legs are given by the joints of each, from the base outwards.
+    """
     n = len(wiring.motor_id)
     places = [wiring.place(joint) for joint in range(n)]
     ones, order = np.ones(n), np.arange(n)
@@ -41,6 +44,12 @@ def causes(wiring: Wiring) -> Iterator[Cause]:
         if joint is not None:
             text = f"{wiring.buses[first]} and {wiring.buses[second]} are exchanged: swap their connectors"
             yield Cause(text, joint, ones, tuple(np.flatnonzero(joint != order).tolist()))
+    for one, other in combinations(legs, 2):
+        if len(one) == len(other):
+            joint = order.copy()
+            joint[one], joint[other] = other, one
+            text = f"the leg of {places[one[0]]} and that of {places[other[0]]} are exchanged: swap all plugs"
+            yield Cause(text, joint, ones, (*one.tolist(), *other.tolist()))
     for first, second in combinations(range(n), 2):
         joint = order.copy()
         joint[[first, second]] = second, first

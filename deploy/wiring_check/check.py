@@ -4,10 +4,10 @@ import threading
 
 import numpy as np
 
-from footfall.common.errors import UserError
 from footfall.common.rotations import rotation_matrix
 from footfall.deploy.clearance import Clearance
 from footfall.deploy.config import DeployConfig
+from footfall.deploy.drivers.driver import Driver
 from footfall.deploy.signals import WiringSignals
 from footfall.deploy.wiring import Wiring
 from footfall.deploy.wiring_check.config import WiringCheckConfig
@@ -31,6 +31,7 @@ class WiringCheck:
         self,
         robot: Robot,
         wiring: Wiring,
+        driver: Driver,
         config: DeployConfig,
         in_background: bool,
         check: WiringCheckConfig | None = None,
@@ -40,16 +41,15 @@ class WiringCheck:
         Args:
             robot: the robot.
             wiring: its wiring.
+            driver: of its motors, which may take less stiffness than the robot stands with.
             config: of the loop.
             in_background: whether the verdict is reached in a thread, while the loop goes on holding.
             check: motions and limits.
         """
         self._robot, self._wiring, self._check = robot, wiring, check or WiringCheckConfig()
-        self._gains = (
-            config.scale * config.stand_kp_scale * robot.kp,
-            config.scale * config.stand_kd_scale * robot.kd,
-        )
-        self._unscaled = self._gains[0] / config.scale, self._gains[1] / config.scale
+        most = driver.highest[2:4]
+        self._asked = np.minimum([config.stand_kp_scale * robot.kp, config.stand_kd_scale * robot.kd], most)
+        self._gains = config.scale * self._asked  # that reach the motors
         self._clearance, self._sunk = Clearance(robot), config.safety.sensors.sunk
         self._in_background = in_background
         self._places = [wiring.place(joint) for joint in range(len(robot.joint_names))]
@@ -73,7 +73,8 @@ class WiringCheck:
     def command(self, time_s: float) -> JointCommand:
         """The joint command at a time since the check began, s."""
         target = self._here + self._motions.offsets(time_s)
-        return JointCommand(target, self._zeros, *self._unscaled, self._zeros)
+        kp, kd = self._asked
+        return JointCommand(target, self._zeros, kp, kd, self._zeros)
 
     def look(self, time_s: float, sensed: Sensed) -> None:
         """Take in the readings of a tick."""
@@ -114,11 +115,19 @@ class WiringCheck:
             torque, up = np.split(np.array(values), [n], axis=1)
             recorded = Recorded(np.array(times), torque, up)
             prediction = Prediction(self._robot, *self._gains)
-            verdict = judged(recorded, self._motions, self._here, prediction, self._wiring, self._check)
+            verdict = judged(
+                recorded,
+                self._motions,
+                self._here,
+                prediction,
+                self._wiring,
+                self._robot.foot_joints,
+                self._check,
+            )
             fault = f"wiring: {verdict.fault}" if verdict.fault else ""
             self.verdicts.append(verdict)
-        except (UserError, ValueError, ArithmeticError) as error:
-            fault = f"wiring: it cannot be checked: {error}"
+        except Exception as error:  # in a thread nobody else would see it
+            fault = f"wiring: it cannot be checked: {type(error).__name__}: {error}"
         self._thread = None
         self.signals = self.signals._replace(done=not fault, fault=fault)
 

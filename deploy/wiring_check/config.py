@@ -9,7 +9,7 @@ from footfall.common.config import require_between
 class WiringCheckConfig:
     """One joint after the other moves to and fro. Errors are shares of what the robot's model does."""
 
-    settle_s: float = 0.6  # holding still, before the first motion
+    settle_s: float = 1.5  # holding still, before the first motion
     move_s: float = 0.6  # of each joint, to one side, to the other and back
     standing_rad: float = 0.05  # amplitude while the robot stands
     lying_rad: float = 0.15  # amplitude while it lies

@@ -1,6 +1,6 @@
 """Compares what a robot did with what its model does, and finds the wiring that explains the difference."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +14,7 @@ from footfall.deploy.wiring_check.prediction import Prediction
 LIKELY = 4  # causes that are simulated because they look likely, beside those of the two strangest joints
 STRANGEST = 2
 FLOOR = 0.5  # of the median response: errors of weaker responses are shares of this
-LEAST_TILT = 0.02  # rad per rad: a base that tilts less says nothing of the IMU
+LEAST_TILT = 0.04  # rad per rad: a base that tilts less says nothing of the IMU
 LEAST_TURN_RAD = 0.15  # about z, of an IMU
 
 
@@ -60,6 +60,7 @@ def judged(
     here: np.ndarray,
     prediction: Prediction,
     wiring: Wiring,
+    legs: Sequence[np.ndarray],
     config: WiringCheckConfig,
 ) -> Verdict:
     """The verdict on a recording.
@@ -70,6 +71,7 @@ def judged(
         here: joint positions at first, rad, (n,).
         prediction: the robot's model.
         wiring: the wiring of `robot.yaml`.
+        legs: joints of each leg.
         config: what passes.
     """
     n, up = len(here), recorded.up[:, :2]
@@ -85,7 +87,8 @@ def judged(
     askew = float(np.linalg.norm(up.mean(axis=0) - right_rows[n, n:]))
     if errors.max() <= config.alike and imu_error <= config.imu_alike and askew <= config.askew_rad:
         return verdict
-    fault = _cause(measured, right, errors, predicted, wiring, config)
+    every = list(causes(wiring, legs))
+    fault = _cause(measured, right, errors, predicted, every, config.explained)
     if not fault and askew > config.askew_rad:
         fault = f"the IMU is askew by {askew:.2f} rad, or the ground is: align it with the base's axes"
     if not fault and (float(np.median(errors)) > config.unlike or imu_error > config.unlike):
@@ -104,11 +107,11 @@ def _cause(
     right: Responses,
     errors: np.ndarray,
     predicted: Callable[[Cause], np.ndarray],
-    wiring: Wiring,
-    config: WiringCheckConfig,
+    every: list[Cause],
+    explained: float,
 ) -> str:
     """The text of the cause that explains the responses; empty if none does."""
-    limit = config.explained * measured.cost(right)
+    limit = explained * measured.cost(right)
     found: list[tuple[float, str]] = []
     angle = turn_about_z(measured.tilt, right.tilt)
     if abs(angle) > LEAST_TURN_RAD:
@@ -117,7 +120,6 @@ def _cause(
             f"the IMU is turned by {np.degrees(angle):+.0f} degrees about z: mount it along the base's axes"
         )
         found.append((turned.cost(right), text))
-    every = list(causes(wiring))
     guesses = np.array([np.linalg.norm(measured.torque - each.responses(right.torque)) for each in every])
     strange = set(np.argsort(errors)[-STRANGEST:].tolist())
     of_strange = [row for row, each in enumerate(every) if len(each.key) == 1 and each.key[0] in strange]
