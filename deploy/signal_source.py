@@ -54,6 +54,7 @@ class SignalSource:
         self._robot, self._driver, self._bus = robot, driver, bus
         self._joints, self._postures, self._end = joints, postures, end
         self._wiring_check = wiring_check
+        self._channel, self._buses = wiring.channel, wiring.buses
         self._places = [wiring.place(joint) for joint in range(len(robot.joint_names))]
         answering = getattr(driver, "answers_each_frame", False)
         self._monitor = SensorMonitor(robot, wiring, safety.sensors, tick_s, answering=answering)
@@ -100,7 +101,7 @@ class SignalSource:
             now_s,
             MotorSignals(
                 motor_silence_us * 1e-6,
-                self._places[oldest],
+                self._silent(motor_us, now_us, oldest),
                 self._error_of(motor_error) if np.count_nonzero(motor_error) else "",
             ),
             ImuSignals(
@@ -131,6 +132,17 @@ class SignalSource:
         pose = impossible_pose(self._robot, self._places, joints.joints[0], self._first_pose_rad)
         implausible = self._monitor.first_contradiction(joints) or rest.contradiction()
         return StartSignals(not_ready, pose), implausible
+
+    def _silent(self, motor_us: np.ndarray, now_us: int, oldest: int) -> str:
+        """Whose silence is the longest: a motor's, or that of a whole bus or robot if all of it is silent."""
+        if now_us - motor_us[oldest] > self._silence_us:
+            silent, channel = now_us - motor_us > self._silence_us, self._channel[oldest]
+            of_bus = silent[self._channel == channel]
+            if silent.all() and len(silent) > 1:
+                return "any motor"
+            if of_bus.all() and len(of_bus) > 1:
+                return f"any motor on {self._buses[channel]}"
+        return self._places[oldest]
 
     def _error_of(self, errors: np.ndarray) -> str:
         joint = int(np.flatnonzero(errors)[0])

@@ -154,6 +154,8 @@ class TestFaults:
         ("change", "fault", "mode"),
         [
             ({"silent": [7]}, "no reply from RR_thigh_joint (can2, id 2)", Mode.ESTOP),
+            ({"silent": [6, 7, 8]}, "no reply from any motor on can2 for 50 ms", Mode.ESTOP),
+            ({"silent": list(range(12))}, "no reply from any motor for 50 ms", Mode.ESTOP),
             ({"imu_silent": True}, "no new IMU reading", Mode.ESTOP),
             (
                 {"error": 3 * (ROWS == 4).astype(np.uint64)},
