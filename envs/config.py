@@ -159,10 +159,13 @@ def with_lists(env: Any) -> Any:
     """
     if not isinstance(env, dict):
         return env
-    defaults = {each.name: each.default for each in fields(EnvConfig) if each.name in TERM_LISTS}
     lists = {
-        name: merged([] if default is MISSING else unstructure(default), env[name])
-        for name, default in defaults.items()
-        if isinstance(env.get(name), dict)
+        name: merged(default_terms(name), env[name]) for name in TERM_LISTS if isinstance(env.get(name), dict)
     }
     return env | lists
+
+
+def default_terms(name: str) -> list[Any]:
+    """The default of a list of terms, as plain data."""
+    (default,) = (each.default for each in fields(EnvConfig) if each.name == name)
+    return [] if default is MISSING else unstructure(default)

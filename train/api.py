@@ -1,11 +1,12 @@
 """Train, resume and export: what the command line calls."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
@@ -16,7 +17,7 @@ from footfall.robots.description import Robot, load_robot
 from footfall.train import cluster
 from footfall.train.checks import check_devices, check_robot
 from footfall.train.compilation_cache import use_compilation_cache
-from footfall.train.config import load_preset
+from footfall.train.config import load_preset, with_settings
 from footfall.train.loop import learn
 from footfall.train.runs import checkpoint
 from footfall.train.runs.diagnosis import Diagnosis
@@ -45,6 +46,7 @@ class TrainRequest:
     total_steps: int | None = None  # instead of the preset's
     checkpoint_interval_s: float | None = None  # instead of the preset's
     trainer: str = DEFAULT_TRAINER  # or "rsl_rl", or MODULE:NAME of your own
+    settings: Mapping[str, Any] = field(default_factory=dict)  # by dotted keys, instead of the preset's
 
 
 def train(request: TrainRequest) -> Path:
@@ -83,7 +85,7 @@ def _check_cluster(request: TrainRequest) -> None:
 
 def _make_run(request: TrainRequest) -> Path:
     robot = load_robot(request.robot)
-    config = load_preset(request.preset, robot)
+    config = with_settings(load_preset(request.preset, robot), dict(request.settings), "--set")
     if request.total_steps is not None:
         config = replace(config, ppo=replace(config.ppo, total_steps=request.total_steps))
     if request.checkpoint_interval_s is not None:

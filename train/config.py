@@ -1,10 +1,12 @@
 """Settings of a training, as they stand in a preset or in a run folder's config.yaml."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
 from footfall.common.config import (
+    by_label,
     merged,
     read_yaml,
     require_between,
@@ -15,8 +17,10 @@ from footfall.common.config import (
 )
 from footfall.common.errors import UserError
 from footfall.domain_rand.randomisation import own_ranges
-from footfall.envs.config import EnvConfig, with_lists
+from footfall.envs.config import TERM_LISTS, EnvConfig, default_terms, with_lists
+from footfall.envs.old_settings import SCALES, SECTIONS
 from footfall.robots.description import Robot
+from footfall.train.copied import adapted_copy, differences
 from footfall.train.old_names import with_current_names
 
 PRESETS = Path(__file__).parent / "presets"
@@ -102,12 +106,14 @@ def available_presets() -> list[str]:
 def load_preset(name_or_file: str, robot: Robot | None = None) -> TrainConfig:
     """A preset by name, or a YAML file of the same form.
 
-    A file that begins with `base: NAME` holds only what it changes of that preset (see `merged`).
+    A file that begins with `base: NAME` holds only what it changes of that preset (see `merged`). Any other
+    file counts as a copy of the shipped preset that it differs least from. A file that leaves nothing to
+    defaults, such as a run's config.yaml, is taken as it is.
 
     Args:
         name_or_file: a name, or a path.
         robot: its own ranges of randomised quantities, and then its `training.yaml`, replace settings
-            of the presets that ship with footfall. A file without `base` is taken as it is.
+            of the presets that ship with footfall, and those of a copy that are as in its original.
 
     Raises:
         UserError: there is no such preset, or the file is malformed.
@@ -120,13 +126,89 @@ def load_preset(name_or_file: str, robot: Robot | None = None) -> TrainConfig:
             f"no preset '{name_or_file}': give one of {', '.join(available_presets())} or a YAML file"
         )
     changes = read_yaml(path)
-    if not isinstance(changes, dict) or BASE not in changes:
+    if not isinstance(changes, dict) or (robot is None and BASE not in changes):
         return train_config(changes, str(path))
+    if BASE not in changes:
+        return _copied(with_current_names(changes), path, robot)
     base = changes.pop(BASE)
     if base not in available_presets():
         raise UserError(f"{path}: {BASE}: no preset '{base}': there are {', '.join(available_presets())}")
     settings, source = _adapted(base, robot)
-    return train_config(merged(settings, with_current_names(changes)), f"{path} over {source}")
+    return train_config(_merged(settings, changes, str(path)), f"{path} over {source}")
+
+
+def _copied(settings: dict[str, Any], path: Path, robot: Robot | None) -> TrainConfig:
+    """Settings of a file that has no base."""
+    env = settings.get("env")
+    if not isinstance(env, dict) or {each.name for each in fields(EnvConfig)} <= env.keys():
+        return train_config(settings, str(path))
+    settings = settings | {"env": with_lists(env)}
+    originals = {name: read_yaml(PRESETS / f"{name}.yaml") for name in available_presets()}
+    nearest = min(originals, key=lambda name: differences(settings, originals[name]))
+    adapted, source = _adapted(nearest, robot)
+    return train_config(adapted_copy(settings, originals[nearest], adapted), f"{path} over {source}")
+
+
+def with_settings(config: TrainConfig, settings: dict[str, Any], source: str) -> TrainConfig:
+    """Settings of a training with some replaced, named by dotted keys; a list of terms by the terms' names.
+
+    Raises:
+        UserError: there is no such setting, or a value does not fit it; the message names `source`.
+    """
+    data = unstructure(config)
+    changes: dict[str, Any] = {}
+    for key, value in settings.items():
+        *parents, name = key.split(".")
+        there, changed = data, changes
+        for parent in parents:
+            there = by_label(there.get(parent)) if isinstance(there, dict) else None
+            changed = changed.setdefault(parent, {})
+        if not isinstance(there, dict):
+            raise UserError(f"{source}: no setting {key}{_meant(key, data)}")
+        changed[name] = value
+    return train_config(_merged(data, changes, source), source)
+
+
+def _meant(key: str, data: dict[str, Any]) -> str:
+    """A hint at the setting that a key may mean."""
+    whole = [f"{part}.{name}" for part in ("ppo", "env") for name in data[part]]
+    close = [each for each in whole if each.endswith(f".{key}")] or get_close_matches(key, whole, n=1)
+    return f". Did you mean {close[0]}?" if close else ""
+
+
+def _merged(settings: dict[str, Any], changes: Any, source: str) -> Any:
+    """Settings with changes, which may use older names.
+
+    Raises:
+        UserError: changes of a list of terms name a term that is in no such list.
+    """
+    changes = with_current_names(changes)
+    if isinstance(changes, dict):
+        _check_names(settings["env"], changes.get("env"), source)
+    return merged(settings, changes)
+
+
+def _check_names(env: dict[str, Any], changes: Any, source: str) -> None:
+    """Refuse a misspelt name: settings of a term that is not listed are left out (see `merged_terms`)."""
+    for part in TERM_LISTS if isinstance(changes, dict) else ():
+        given = changes.get(part)
+        for name, entry in given.items() if isinstance(given, dict) else ():
+            adds = not isinstance(entry, dict) or {"term", "weight"} & entry.keys()
+            if adds or name in by_label(env.get(part) or []):
+                continue
+            known = _listed_anywhere(part)
+            if name not in known:
+                close = get_close_matches(str(name), known, n=1)
+                hint = f". Did you mean {close[0]}?" if close else ""
+                raise UserError(f"{source}: env.{part}: no term '{name}'{hint}")
+
+
+def _listed_anywhere(part: str) -> set[str]:
+    """Names of the terms in a list of any shipped preset, or of older settings."""
+    older = {term for of_part, term in SECTIONS.values() if of_part == part}
+    older |= {term for term, _ in SCALES.values()} if part == "rewards" else set()
+    lists = [read_yaml(PRESETS / f"{name}.yaml")["env"] for name in available_presets()]
+    return older.union(*(by_label(env.get(part) or default_terms(part)) for env in lists))
 
 
 def _adapted(name: str, robot: Robot | None) -> tuple[Any, str]:
@@ -140,7 +222,7 @@ def _adapted(name: str, robot: Robot | None) -> tuple[Any, str]:
     changes = read_yaml(own) if own.is_file() else None
     if changes is None:
         return preset, str(path)
-    return merged(preset, with_current_names(changes)), f"{own} over {path}"
+    return _merged(preset, changes, str(own)), f"{own} over {path}"
 
 
 def read_config(path: Path) -> TrainConfig:
@@ -160,6 +242,7 @@ def train_config(settings: Any, source: str) -> TrainConfig:
     """
     current = with_current_names(settings)
     if isinstance(current, dict) and "env" in current:
+        _check_names({}, current["env"], source)
         current = current | {"env": with_lists(current["env"])}
     return structure(current, TrainConfig, source)
 

@@ -8,7 +8,18 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from footfall.evaluate.config import EvaluationConfig
-from footfall.options import ControllerSettings, Count, JsonFile, Names, Plant, RobotName, ScenarioFile, Seed
+from footfall.options import (
+    AS_TYPED,
+    ControllerSettings,
+    Count,
+    Index,
+    JsonFile,
+    Names,
+    Plant,
+    RobotName,
+    ScenarioFile,
+    Seed,
+)
 from footfall.robots.default import DEFAULT_ROBOT
 
 
@@ -32,11 +43,13 @@ class EvaluationOptions:
     settings: ControllerSettings = ()
     workers: Annotated[Count | None, Parameter(show_default=False)] = None
     """Processes (default: one for each core)."""
+    falls_allowed: Annotated[Index | None, AS_TYPED, Parameter(show_default=False)] = None
+    """Most falls of a policy in all episodes; more are exit status 1 (default: falls are figures alone)."""
     json: JsonFile = None
 
 
 NOMINAL = EvaluationOptions()  # every option left out
-EPISODES_FAILED = 1
+EPISODES_FAILED = 1  # or too many fell
 
 
 def evaluation_config(options: EvaluationOptions) -> EvaluationConfig:
@@ -44,15 +57,21 @@ def evaluation_config(options: EvaluationOptions) -> EvaluationConfig:
     return EvaluationConfig(**{each.name: getattr(options, each.name) for each in fields(EvaluationConfig)})
 
 
-def exit_status(results: Iterable[Mapping[str, Any]]) -> int:
-    """0, or 1 and one line on stderr if an episode of a policy failed.
+def exit_status(results: Iterable[Mapping[str, Any]], falls_allowed: int | None = None) -> int:
+    """0, or 1 and a line on stderr if an episode of a policy could not be run, or too many fell.
 
     Args:
         results: of policies, as `footfall.evaluate.api.evaluate_policy` returns them.
+        falls_allowed: most falls of each policy; None for any number.
     """
     from footfall.evaluate.failures import failures
 
-    line = failures([summary for result in results for summary in result["scenarios"].values()])
-    if line:
+    scored = [list(result["scenarios"].values()) for result in results]
+    lines = [failures([summary for summaries in scored for summary in summaries])]
+    for summaries in scored if falls_allowed is not None else ():
+        falls, episodes = (sum(summary[key] for summary in summaries) for key in ("falls", "episodes"))
+        if falls > falls_allowed:
+            lines.append(f"{falls} of {episodes} episodes fell, where --falls-allowed is {falls_allowed}")
+    for line in filter(None, lines):
         print(f"footfall: {line}", file=sys.stderr)
-    return EPISODES_FAILED if line else 0
+    return EPISODES_FAILED if any(lines) else 0

@@ -68,6 +68,17 @@ ControllerSettings = Annotated[
         help="Another setting of a named controller than the robot's controllers.yaml has; may be repeated.",
     ),
 ]
+PresetSettings = Annotated[
+    tuple[str, ...],
+    Parameter(
+        name="--set",
+        negative=(),
+        show_default=False,
+        metavar="KEY=VALUE",
+        help="Another value of a preset's setting, such as ppo.learning_rate=0.001 or env.episode_s=10;"
+        " may be repeated.",
+    ),
+]
 RobotName = Annotated[str, Parameter(help="Name of a robot, or a folder with its robot.yaml.")]
 Seed = Annotated[
     int,

@@ -165,3 +165,12 @@ def test_a_failed_episode_of_any_policy_is_status_1(shell: Shell, called: Record
     called.replace("footfall.evaluate.api.compare_policies", {"a": scored(), "b": scored("episode 1: no")})
     outcome = shell("compare", "a", "b")
     assert (outcome.status, outcome.err) == (1, "footfall: 1 of 9 episodes failed: no (1)\n")
+
+
+def test_more_falls_than_allowed_are_status_1(shell: Shell, called: Recorder) -> None:
+    fallen = scored()
+    fallen["scenarios"]["nominal"]["falls"] = 2
+    called.replace("footfall.evaluate.api.evaluate_policy", fallen)
+    for options, status in (((), 0), (("--falls-allowed", "2"), 0), (("--falls-allowed", "1"), 1)):
+        outcome = shell("evaluate", "a", *options)
+        assert (outcome.status, "2 of 4 episodes fell" in outcome.err) == (status, status == 1)

@@ -133,9 +133,11 @@ class TestOptions:
 
         options = (
             "--robot", "rex", "--preset", "gpu", "--seed", "4", "--out", "there", "--steps", "1000",
-            "--checkpoint-interval", "2.5", "--trainer", "rsl_rl",
+            "--checkpoint-interval", "2.5", "--trainer", "rsl_rl", "--set", "ppo.learning_rate=1e-3",
+            "--set", "env.gait={name: pace}",
         )  # fmt: skip
-        request = TrainRequest("rex", "gpu", 4, Path("there"), 1000, 2.5, "rsl_rl")
+        settings = {"ppo.learning_rate": "1e-3", "env.gait": {"name": "pace"}}  # as YAML 1.1 reads them
+        request = TrainRequest("rex", "gpu", 4, Path("there"), 1000, 2.5, "rsl_rl", settings)
         for given, expected in (((), TrainRequest()), (options, request)):
             called.calls.clear()
             assert shell("train", *given).status == 0

@@ -1,14 +1,17 @@
 """Settings of a training: presets, a robot's own training.yaml, older names, limits."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
+from footfall.common.config import dump
 from footfall.common.errors import UserError
 from footfall.robots.description import load_robot
-from footfall.train.config import PRESETS, PpoConfig, TrainConfig, load_preset
+from footfall.train.config import PRESETS, PpoConfig, TrainConfig, load_preset, with_settings
 from footfall.train.runs.folder import open_run
 
 PPO: PpoConfig = replace(
@@ -39,11 +42,59 @@ def test_it_replaces_what_it_names_and_leaves_the_rest(own_folder: Path) -> None
     assert load_preset("cpu", robot).ppo == load_preset("cpu").ppo
 
 
-def test_a_preset_in_a_file_is_taken_as_it_is(own_folder: Path, tmp_path: Path) -> None:
-    robot = load_robot(own_training(own_folder, "env:\n  gait: {frequency_hz: 1.5}\n"))
-    file = tmp_path / "own.yaml"
-    file.write_text((PRESETS / "smoke.yaml").read_text())
-    assert load_preset(str(file), robot) == load_preset("smoke")
+def test_a_copied_preset_keeps_what_the_robot_changes_and_what_its_user_changes(
+    own_folder: Path, tmp_path: Path
+) -> None:
+    changes = "env: {gait: {frequency_hz: 1.5}, rewards: {torque: -0.5, power: -0.25}}"
+    robot = load_robot(own_training(own_folder, changes))
+    copy = tmp_path / "own.yaml"
+    text = (PRESETS / "cpu.yaml").read_text()
+    copy.write_text(text)
+    adapted = load_preset("cpu", robot)
+    assert load_preset(str(copy), robot) == adapted
+    assert load_preset(str(copy)) == load_preset("cpu")
+    edited = yaml.safe_load(text)
+    del edited["checkpoint_interval_s"]  # a setting that is left out has its default
+    edited["ppo"]["learning_rate"] = 0.002
+    next(each for each in edited["env"]["rewards"] if each["term"] == "torque")["weight"] = -0.125
+    copy.write_text(yaml.safe_dump(edited))
+    mine = load_preset(str(copy), robot)
+    assert mine.ppo == replace(adapted.ppo, learning_rate=0.002)
+    assert mine.env.gait == adapted.env.gait
+    assert mine.env.weights == adapted.env.weights | {"torque": -0.125}
+
+
+def test_single_settings_are_replaced_by_their_keys() -> None:
+    cpu = load_preset("cpu")
+    settings = {"ppo.learning_rate": "1e-3", "env.rewards.torque": -0.5, "env.commands.hold_s.high": 9}
+    mine = with_settings(cpu, settings, "--set")
+    assert mine.ppo == replace(cpu.ppo, learning_rate=0.001)
+    assert mine.env.weights == cpu.env.weights | {"torque": -0.5}
+    assert mine.env.commands.hold_s.high == 9.0
+    for key, complaint in {
+        "learning_rate": "no setting learning_rate. Did you mean ppo.learning_rate?",
+        "ppo.learning_rat": "ppo: no setting learning_rat",
+        "env.gait.steps.x": "no setting env.gait.steps.x",
+    }.items():
+        with pytest.raises(UserError, match=f"--set: {re.escape(complaint)}"):
+            with_settings(cpu, {key: 1}, "--set")
+
+
+def test_a_whole_configuration_is_taken_as_it_is(own_folder: Path, tmp_path: Path) -> None:
+    """A run's config.yaml: what it was trained with counts, also where the robot's file has changed."""
+    robot = load_robot(own_training(own_folder, "env: {gait: {frequency_hz: 1.5}}"))
+    (tmp_path / "config.yaml").write_text(dump(load_preset("cpu")))
+    assert load_preset(str(tmp_path / "config.yaml"), robot) == load_preset("cpu")
+
+
+@pytest.mark.parametrize(
+    ("part", "hint"),
+    [("rewards: {torqe: {limit: 1}}", "torque"), ("terminations: {tilte: {limit_rad: 1.0}}", "tilted")],
+)
+def test_a_misspelt_term_is_refused(own_folder: Path, tmp_path: Path, part: str, hint: str) -> None:
+    robot = load_robot(own_training(own_folder, f"env: {{{part}}}"))
+    with pytest.raises(UserError, match=rf"training\.yaml: env\..*: no term '.*Did you mean {hint}\?"):
+        load_preset("cpu", robot)
 
 
 def test_a_file_with_a_base_holds_what_it_changes(own_folder: Path, tmp_path: Path) -> None:

@@ -4,12 +4,9 @@ import math
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from footfall.common.config import by_label, merged, unstructure
-from footfall.common.errors import UserError
 from footfall.robots.default import DEFAULT_ROBOT
 from footfall.robots.description import Robot
-from footfall.train.config import TrainConfig, load_preset, train_config
-from footfall.train.old_names import with_current_names
+from footfall.train.config import TrainConfig, load_preset, with_settings
 from footfall.train.trainers import DEFAULT_TRAINER
 
 
@@ -52,15 +49,4 @@ def trial_config(preset: str, settings: dict[str, Any], robot: Robot) -> TrainCo
     Raises:
         UserError: there is no such setting, or a value does not fit it.
     """
-    data = unstructure(load_preset(preset, robot))
-    changes: dict[str, Any] = {}
-    for key, value in settings.items():
-        *parents, name = key.split(".")
-        there, changed = data, changes
-        for parent in parents:
-            there = by_label(there.get(parent)) if isinstance(there, dict) else None
-            changed = changed.setdefault(parent, {})
-        if not isinstance(there, dict):
-            raise UserError(f"no setting {key} in preset {preset}")
-        changed[name] = value
-    return train_config(merged(data, with_current_names(changes)), "sweep")
+    return with_settings(load_preset(preset, robot), settings, f"preset {preset}")

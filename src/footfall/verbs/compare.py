@@ -5,10 +5,11 @@ from footfall.options import HtmlFile, PolicyName
 
 
 def compare(*policies: PolicyName, options: EvaluationOptions = NOMINAL, html: HtmlFile = None) -> int:
-    """Put policies through the same scenarios: table, JSON, HTML report; exit 1 if an episode failed."""
+    """Put policies through the same scenarios: table, JSON, HTML report; exit 1 if an episode cannot run."""
     from footfall.evaluate.api import compare_policies
     from footfall.policies.spec import add_settings
 
     specs = add_settings(policies, options.settings)
     config = evaluation_config(options)
-    return exit_status(compare_policies(specs, config, json_path=options.json, html_path=html).values())
+    results = compare_policies(specs, config, json_path=options.json, html_path=html)
+    return exit_status(results.values(), options.falls_allowed)

@@ -12,7 +12,7 @@ from footfall.common.errors import UserError
 from footfall.options import Count, Names, OptionalPath, RobotName, Seed
 from footfall.robots.default import DEFAULT_ROBOT
 
-FELL = 1  # deploy's exit status after a fall; the demo continues
+FELL = 1  # deploy's exit status after a fall; the demo continues, and ends with it
 
 
 @Parameter(name="*")
@@ -32,8 +32,11 @@ class DemoOptions:
     """Episodes of each scenario."""
 
 
-def demo(*, options: DemoOptions = DemoOptions()) -> None:
-    """Train for a few minutes, run the policy over CAN, compare it with the others: ends with a report."""
+def demo(*, options: DemoOptions = DemoOptions()) -> int:
+    """Train for a few minutes, run the policy over CAN, compare it with the others: ends with a report.
+
+    Exit 1 if the robot fell on the way.
+    """
     from footfall.evaluate.report.extra import check_installed
     from footfall.evaluate.scenarios import load_scenarios
     from footfall.policies.registry import first_of_each_kind, walking_controllers, zoo_names
@@ -53,7 +56,7 @@ def demo(*, options: DemoOptions = DemoOptions()) -> None:
     shared = ["--robot", options.robot, "--seed", str(options.seed)]
     _step("train", *shared, "--no-evaluate", "--preset", options.preset, "--out", str(run))
     _step("export", str(run), "--out", str(folder / "policy.onnx"))
-    _step(
+    status = _step(
         *("deploy", str(run), *shared, "--command", command, "--duration", "10"),
         *("--log", str(folder / "walk.mcap"), "--json", str(folder / "walk.json")),
         tolerated=(FELL,),
@@ -64,10 +67,15 @@ def demo(*, options: DemoOptions = DemoOptions()) -> None:
         *("--json", str(folder / "compare.json"), "--html", str(report)),
     )
     print(f"\nthe report is at {report.resolve()}")
+    return status
 
 
-def _step(*tokens: str, tolerated: tuple[int, ...] = ()) -> None:
-    """Run one command as a user would type it, in a process of its own; a failure ends the demo."""
+def _step(*tokens: str, tolerated: tuple[int, ...] = ()) -> int:
+    """Run one command as a user would type it, in a process of its own; returns its exit status.
+
+    Raises:
+        UserError: it is neither 0 nor tolerated, which ends the demo.
+    """
     print(f"\n$ footfall {' '.join(tokens)}", flush=True)
     process = subprocess.Popen([sys.executable, "-P", "-m", "footfall", *tokens])
     try:
@@ -77,3 +85,4 @@ def _step(*tokens: str, tolerated: tuple[int, ...] = ()) -> None:
         raise
     if status != 0 and status not in tolerated:
         raise UserError(f"footfall {tokens[0]} failed with status {status}; its message is above")
+    return status

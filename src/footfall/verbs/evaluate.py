@@ -5,9 +5,10 @@ from footfall.options import PolicyName
 
 
 def evaluate(policy: PolicyName, /, *, options: EvaluationOptions = NOMINAL) -> int:
-    """Put a policy through scenarios in lockstep, in parallel processes; exit 1 if an episode failed."""
+    """Put a policy through scenarios in lockstep, in parallel processes; exit 1 if one cannot be run."""
     from footfall.evaluate.api import evaluate_policy
     from footfall.policies.spec import add_settings
 
     (spec,) = add_settings([policy], options.settings)
-    return exit_status([evaluate_policy(spec, evaluation_config(options), json_path=options.json)])
+    result = evaluate_policy(spec, evaluation_config(options), json_path=options.json)
+    return exit_status([result], options.falls_allowed)

@@ -9,8 +9,18 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from footfall.common.errors import UserError
+from footfall.common.yaml_text import parse_yaml
 from footfall.evaluation_options import exit_status
-from footfall.options import AS_TYPED, Count, Index, OptionalPath, RobotName, Seconds, Seed
+from footfall.options import (
+    AS_TYPED,
+    Count,
+    Index,
+    OptionalPath,
+    PresetSettings,
+    RobotName,
+    Seconds,
+    Seed,
+)
 from footfall.robots.default import DEFAULT_ROBOT
 from footfall.train.entry import learning_libraries, start_device
 from footfall.verbs.watch import LOCAL_PAGE, PageOptions
@@ -38,6 +48,7 @@ class TrainOptions:
     """Environment steps, instead of the preset's."""
     checkpoint_interval: Annotated[Seconds | None, AS_TYPED, Parameter(show_default=False)] = None
     """Seconds between checkpoints, instead of the preset's."""
+    settings: PresetSettings = ()
     trainer: Annotated[str | None, AS_TYPED, Parameter(show_default=False)] = None
     """brax (the default), rsl_rl (an extra), or MODULE:NAME of your own trainer."""
     resume: OptionalPath = None
@@ -70,7 +81,7 @@ def train(
     cluster: ClusterOptions = ALONE,
     page: PageOptions = LOCAL_PAGE,
 ) -> int:
-    """Train a policy; RUN/policy.onnx is there when it ends. Exit 1 if an evaluation's episode failed."""
+    """Train a policy; RUN/policy.onnx is there when it ends. Exit 1 if its evaluation cannot be run."""
     from footfall.train.runs.folder import open_run
 
     if page != LOCAL_PAGE and not options.watch:
@@ -144,8 +155,23 @@ def _requested(options: TrainOptions) -> dict[str, Any]:
         "total_steps": options.steps,
         "checkpoint_interval_s": options.checkpoint_interval,
         "trainer": options.trainer,
+        "settings": _by_key(options.settings) or None,
     }
     return {name: value for name, value in asked.items() if value is not None}
+
+
+def _by_key(settings: tuple[str, ...]) -> dict[str, Any]:
+    """The values of a command line's --set, KEY=VALUE each, by their keys."""
+    found = {}
+    for setting in settings:
+        key, equals, text = setting.partition("=")
+        if not key or not equals:
+            raise UserError(f"--set {setting}: expected KEY=VALUE, such as ppo.learning_rate=0.001")
+        try:
+            found[key] = parse_yaml(text)
+        except ValueError as error:
+            raise UserError(f"--set {setting}: {' '.join(str(error).split())}") from None
+    return found
 
 
 def _watched(folder: Path, page: PageOptions) -> AbstractContextManager[None]:
@@ -159,5 +185,5 @@ def _refuse_other_options(options: TrainOptions) -> None:
     nominal = TrainOptions()
     for field in fields(options):
         if field.name not in OF_ANY_RUN and getattr(options, field.name) != getattr(nominal, field.name):
-            option = field.name.replace("_", "-")
+            option = "set" if field.name == "settings" else field.name.replace("_", "-")
             raise UserError(f"--resume brings the run's own settings: leave --{option} out")
