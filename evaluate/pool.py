@@ -15,6 +15,7 @@ from contextlib import contextmanager
 from typing import Generic, NamedTuple, TypeVar
 
 from footfall.common.errors import UserError
+from footfall.common.main_guard import check_main_guard
 from footfall.common.processors import usable_cores
 
 T = TypeVar("T")
@@ -60,6 +61,7 @@ def run_all(
     """
     if workers is not None and workers < 1:
         raise UserError(f"workers is {workers}: it must be 1 or more")
+    check_main_guard()
     count = max(1, min(workers or usable_cores(), len(tasks)))
     outcomes: dict[int, TaskResult[R]] = {}
 

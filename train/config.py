@@ -163,7 +163,7 @@ def with_settings(config: TrainConfig, settings: dict[str, Any], source: str) ->
         for parent in parents:
             there = by_label(there.get(parent)) if isinstance(there, dict) else None
             changed = changed.setdefault(parent, {})
-        if not isinstance(there, dict):
+        if not isinstance(there, dict) or (there is data and name not in data):
             raise UserError(f"{source}: no setting {key}{_meant(key, data)}")
         changed[name] = value
     return train_config(_merged(data, changes, source), source)

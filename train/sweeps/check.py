@@ -3,6 +3,7 @@
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 
+from footfall.common.main_guard import check_main_guard
 from footfall.robots.description import load_robot
 from footfall.train.config import TrainConfig
 from footfall.train.trainers import find_trainer
@@ -17,6 +18,7 @@ def reported_metrics(robot: str, config: TrainConfig, trainer: str) -> list[str]
     Raises:
         UserError: there is no such robot or trainer, or the settings do not fit the robot.
     """
+    check_main_guard()
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as apart:
         return apart.submit(_metric_names, robot, config, trainer).result()
 
