@@ -31,6 +31,7 @@ from footfall.deploy.wiring_check.check import WiringCheck
 from footfall.robots.description import Robot
 
 POSED = (Mode.STANDING, Mode.LOWERING)  # on the way from one posture to another
+RESTING = (Mode.CHECKING, Mode.STANDING)  # what arrives then is what later shares are of
 NOTHING_AT_START = StartSignals()
 NO_WIRING_CHECK = WiringSignals()
 
@@ -90,7 +91,7 @@ class SignalSource:
         implausible, start = None, NOTHING_AT_START
         if mode in HELD:
             on_legs = mode is not Mode.CHECKING and self._postures.on_legs(since_s, mode)
-            silence_us, resting = max(motor_silence_us, imu_silence_us), mode is Mode.STANDING
+            silence_us, resting = max(motor_silence_us, imu_silence_us), mode in RESTING
             implausible = self._monitor.look(now_us, silence_us, joints, on_legs, resting)
         elif mode is Mode.IDLE:
             start, implausible = self._at_start(now_us, motor_silence_us, imu_silence_us)
