@@ -21,6 +21,10 @@ from footfall.robots.stance import in_default_pose
 
 DIGITS = 4
 SMALLEST_SOLE_M = 2e-3
+# Of `step` on point feet, over its value on soles: quick steps do what a point cannot press to one side.
+STEP_TIME, DOUBLE_SUPPORT, SOONEST, LATEST = 0.6, 0.4, 0.42, 0.63
+AT_ONCE = {"capture_m": 1e-4, "near_m": 1.0}  # start of a robot that cannot stand still
+AT_ONCE_S = 0.05
 
 Unit = tuple[float, float, float]  # exponents of kg, m and s
 NONE: Unit = (0, 0, 0)
@@ -146,6 +150,8 @@ def scaled_controllers(size: Size, feet: int, stiffest: float) -> Walking:
     stand = sections["stand"]
     raised = max(1.0, stiffest / stand["kp"])
     stand |= {key: _rounded(raised * stand[key]) for key in ("kp", "kd")}
+    if "step" in sections and max(size.sole_length_m, size.sole_width_m) <= SMALLEST_SOLE_M:
+        sections = {"step": _stepping_at_once(sections["step"])}
     origin = f"{name} ({of.mass_kg:.3g} kg, standing {of.height_m:.3g} m high)"
     return Walking(sections, origin, _largest(sections, "kp"), _largest(sections, "kd"))
 
@@ -156,6 +162,19 @@ def controllers_yaml(walking: Walking, gaits: Sequence[str]) -> str:
     head = f"# Settings of the hand-written controllers (policies/controllers/): those of {walking.origin},\n"
     head += "# scaled by mass, height and feet. Not tuned.\n"
     return head + yaml.safe_dump(kept, sort_keys=False, default_flow_style=None, width=110)
+
+
+def _stepping_at_once(step: dict[str, Any]) -> dict[str, Any]:
+    """The settings of `step` for feet of one point: it steps from the first moment on, and faster."""
+    gait, limits = step["gait"], step["gait"]["limits"]
+    gait["step_s"] = _rounded(STEP_TIME * gait["step_s"])
+    gait["double_support_s"] = _rounded(DOUBLE_SUPPORT * gait["double_support_s"])
+    soonest, latest = limits["time_s"]
+    limits["time_s"] = [_rounded(SOONEST * soonest), _rounded(LATEST * latest)]
+    step["start"] |= AT_ONCE
+    step["settle_s"] = AT_ONCE_S
+    step["whole_body"]["weights"]["swing_attitude"] = 0.0  # a point has none
+    return step
 
 
 def _let_more_feet_bear(sections: dict[str, Any]) -> None:

@@ -68,6 +68,14 @@ class TestScaled:
         assert settings["pressure"]["half_length_m"] == pytest.approx(0.0375, rel=1e-3)
         assert settings["pressure"]["half_width_m"] == pytest.approx(0.00625, rel=1e-2)
 
+    def test_a_biped_on_two_points_steps_at_once_and_faster_and_is_not_asked_to_stand(self) -> None:
+        soles = Size(33.3411, 0.7720737, 0.7720737, 0.237014, 0.17, 0.06)
+        points = scaled_controllers(soles._replace(sole_length_m=2e-3, sole_width_m=2e-3), 2, 0.0).sections
+        assert list(points) == ["step"]
+        usual = scaled_controllers(soles, 2, 0.0).sections["step"]
+        assert points["step"]["gait"]["step_s"] < 0.7 * usual["gait"]["step_s"]
+        assert points["step"]["start"]["capture_m"] < 0.01 * usual["start"]["capture_m"]
+
     def test_legs_that_cannot_move_sideways_stand_where_they_do(self) -> None:
         flat = scaled_controllers(GO1._replace(spread_m=0.0), 4, 0.0).sections
         assert flat["trot"]["stance"]["outward_m"] == flat["mpc"]["stance"]["outward_m"] == 0.0
