@@ -65,6 +65,7 @@ class Planned(NamedTuple):
     contacts: np.ndarray
     feet: np.ndarray
     before: np.ndarray
+    friction: float | None = None
 
 
 class TestStanding:
@@ -300,7 +301,7 @@ class TestPlan:
         for tick in range(2):
             policy.act(low._replace(time_s=1.0 + tick / policy.rate_hz, command=np.array([0.5, 0.0, 0.0])))
         assert len(planned) == 2
-        for state, _, _, feet, _ in planned:
+        for state, _, _, feet, *_ in planned:
             np.testing.assert_allclose(feet[:, :, 2], -state.pose[5], atol=1e-12)
 
     def test_it_knows_who_stands_now_and_who_will(self, policy: Mpc, planned: list[Planned]) -> None:
@@ -314,7 +315,7 @@ class TestPlan:
             now = standing(time_s=1.0 + tick / policy.rate_hz, command=(0.5, 0.0, 0.0))
             stands = LEGS.gather(policy.act(now).kp)[:, 0] == 0
             walked_s = (tick + 1) / policy.rate_hz
-            for _, _, contacts, _, _ in planned[before:]:
+            for _, _, contacts, *_ in planned[before:]:
                 np.testing.assert_array_equal(contacts[0], stands)
                 later = ((walked_s + middle[1:, None]) / gait.period_s + phase) % 1.0 < (gait.duty or duty)
                 np.testing.assert_array_equal(contacts[1:], later)
@@ -351,7 +352,7 @@ class TestPlan:
         policy.reset(standing())
         for tick in range(round(0.49 * CONFIG.gait.period_s * policy.rate_hz)):
             policy.act(standing(time_s=1.0 + tick / policy.rate_hz, command=(0.0, 0.0, 1.0)))
-        _, reference, contacts, feet, _ = planned[-1]
+        _, reference, contacts, feet, *_ = planned[-1]
         again = contacts[0] & ~contacts[3] & contacts[-1]
         assert again.sum() == 2
         stance = CONFIG.stance

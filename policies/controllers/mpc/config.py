@@ -43,9 +43,13 @@ class Contact:
 
     friction: float  # coefficient that the controller counts on
     most_force_n: float  # upward
+    slipping_friction: float = 0.12  # counted on while feet slip
+    slip_m_s: float = 0.08  # of a standing foot against the others, from which on it slips
+    careful_s: float = 4.0  # how long after that
 
     def __post_init__(self) -> None:
-        require_positive(self, "friction", "most_force_n")
+        require_positive(self, "friction", "most_force_n", "slipping_friction", "slip_m_s")
+        require_not_negative(self, "careful_s")
 
 
 @dataclass(frozen=True)

@@ -11,12 +11,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from footfall.common.constants import GRAVITY_M_S2
-from footfall.common.rotations import heading_matrix, roll_pitch_yaw, rotation_matrix
+from footfall.common.rotations import cross, heading_matrix, roll_pitch_yaw, rotation_matrix
 from footfall.policies.controllers.command import ShapedCommand
 from footfall.policies.controllers.gait import contact_trust
-from footfall.policies.controllers.mpc.base import Base, BaseFollower, Disturbance, body_state
+from footfall.policies.controllers.lookahead import Lookahead
+from footfall.policies.controllers.mpc.base import Base, BaseFollower, Disturbance, body_state, moment
 from footfall.policies.controllers.mpc.config import MpcConfig
 from footfall.policies.controllers.mpc.footholds import contact_points
+from footfall.policies.controllers.mpc.grip import Grip
 from footfall.policies.controllers.mpc.legs import LegControl
 from footfall.policies.controllers.mpc.problem import ForceProblems
 from footfall.policies.controllers.mpc.reference import Reference
@@ -50,11 +52,13 @@ class Mpc:
     def __init__(self, robot: Robot, config: MpcConfig | None = None) -> None:
         self._config = config = config or controller_settings(robot, self.name, MpcConfig)
         self.rate_hz = config.rate_hz
-        self._robot = robot
         self._legs = robot.legs
         self._body = nominal_body(robot)
+        self._inverse_inertia = np.linalg.inv(self._body.inertia)
         self._problems = ForceProblems(self._body, config.horizon, config.weights, config.contact)
         self._solver = BoundedSolver()
+        self._grip = Grip(self._legs, config.contact)
+        self._lookahead = Lookahead(robot.motor, 1.0 / config.rate_hz)
         self.clock = config.gait.clock(robot)
         self.command = ShapedCommand(config.command)
         stance = config.stance
@@ -83,6 +87,8 @@ class Mpc:
 
     def _begin(self, yaw: float, height: float) -> None:
         count = self._legs.count
+        self._lookahead.reset()
+        self._grip.reset()
         self.clock.reset()
         self.command.reset()
         self.follower.reset()
@@ -96,9 +102,12 @@ class Mpc:
 
     def act(self, inputs: PolicyInput) -> JointCommand:
         dt_s = 1.0 / self.rate_hz
+        inputs = self._lookahead.predict(inputs)
         base = self.follower.follow(inputs, dt_s)
         pose = self._legs.pose(inputs.sensed.joint_position)
         self._step_clock(inputs, base, dt_s)
+        planned = self._planned_stance()
+        self._grip.follow(inputs.sensed, pose, base.rotation[2], planned, dt_s)
         self.reference.advance(base, self.command.value, dt_s)
 
         stands, progress = self.clock.stance(), self.clock.swing().tolist()
@@ -124,7 +133,19 @@ class Mpc:
             self._ticks_to_solve = self._solve_every
 
         swing = self.swing_feet.motion(swinging, progress, base, self.clock.timing.swing_s)
-        return self._joints(inputs, base, pose, swing)
+        command = self._joints(inputs, base, pose, swing)
+        self._lookahead.sent(command, self._acceleration(base, pose), planned)
+        return command
+
+    def _acceleration(self, base: Base, pose: LegPose) -> np.ndarray:
+        """Of the base by the planned forces, linear and angular, (6,) m/s^2 and rad/s^2, world."""
+        body = self._body
+        arms, forces = pose.foot - body.centre, self.force.dot(base.rotation)
+        turn = self._inverse_inertia @ moment(arms, forces)
+        linear = forces.sum(axis=0) / body.mass - cross(turn, body.centre)
+        both = np.array([linear, turn]).dot(base.rotation.T)
+        both[0, 2] -= GRAVITY_M_S2
+        return both.ravel()
 
     def _joints(self, inputs: PolicyInput, base: Base, pose: LegPose, swing: np.ndarray) -> JointCommand:
         """Joint commands for the planned forces and the motion of swinging feet (`SwingFeet.motion`)."""
@@ -143,6 +164,9 @@ class Mpc:
         )
 
     def stance(self) -> np.ndarray | None:
+        return self._lookahead.stance()
+
+    def _planned_stance(self) -> np.ndarray:
         if not self.clock.walking:
             return np.ones(self._legs.count)
         return contact_trust(self.clock.phases(), self.clock.timing.duty, edge=0.1)
@@ -171,7 +195,8 @@ class Mpc:
         arms = contact_points(
             contacts, present, targets, self.swing_feet.places, centre, reference.pose[:, 2]
         )
-        problem = self._problems.build(state, reference, contacts, arms, self.force.dot(to_heading))
+        before = self.force.dot(to_heading)
+        problem = self._problems.build(state, reference, contacts, arms, before, self._grip.friction)
         solution = self._solver.solve(problem)
         if solution is None:
             self.force = self.force * self.stands[:, None]

@@ -83,7 +83,7 @@ class ForceProblems:
         self._weight = np.repeat([self._weight_pose, self._weight_rate], steps, axis=0)
         difference = np.eye(steps) - np.eye(steps, k=-1)  # of a force from the step before
         self._change = weights.force_change * difference.T @ difference
-        self._patterns: dict[bytes, _Pattern] = {}
+        self._patterns: dict[tuple[bytes, float], _Pattern] = {}
 
     def build(
         self,
@@ -92,6 +92,7 @@ class ForceProblems:
         contacts: np.ndarray,
         feet: np.ndarray,
         before: np.ndarray,
+        friction: float | None = None,
     ) -> ForceProblem:
         """The programme for one moment.
 
@@ -101,8 +102,9 @@ class ForceProblems:
             contacts: (steps, legs) boolean, feet in stance during each step.
             feet: (steps, legs, 3) m, points of contact from the centre of mass, heading frame.
             before: (legs, 3) N, forces that were applied last, heading frame; of feet that swung 0.
+            friction: coefficient that the forces count on; None: the settings'.
         """
-        pattern = self._pattern(contacts)
+        pattern = self._pattern(contacts, friction or self._contact.friction)
         n = len(pattern.step)
         turn = (self._turning @ feet[pattern.step, pattern.leg].T).reshape(3, 3, n)
         flat = turn.reshape(3, 3 * n)
@@ -141,13 +143,13 @@ class ForceProblems:
         result[problem.leg[:now]] = np.array([x, y, z]).T
         return result
 
-    def _pattern(self, contacts: np.ndarray) -> _Pattern:
-        key = contacts.tobytes()
+    def _pattern(self, contacts: np.ndarray, friction: float) -> _Pattern:
+        key = contacts.tobytes(), friction
         if key not in self._patterns:
-            self._patterns[key] = self._new_pattern(contacts)
+            self._patterns[key] = self._new_pattern(contacts, friction)
         return self._patterns[key]
 
-    def _new_pattern(self, contacts: np.ndarray) -> _Pattern:
+    def _new_pattern(self, contacts: np.ndarray, friction: float) -> _Pattern:
         step, leg = np.nonzero(contacts)
         n = len(step)
         second = (self._second.T @ self._second)[np.ix_(step, step)]
@@ -158,14 +160,14 @@ class ForceProblems:
             block = slice(axis * n, (axis + 1) * n)
             shared = self._weight_pose[state] * second + self._weight_rate[state] * first
             linear[block, block] += shared / self._body.mass**2
-        friction = self._contact.friction * np.eye(n)
+        cone = friction * np.eye(n)
         none = np.zeros((n, n))
         rows = np.block(
             [
-                [-friction, np.eye(n), none],
-                [-friction, -np.eye(n), none],
-                [-friction, none, np.eye(n)],
-                [-friction, none, -np.eye(n)],
+                [-cone, np.eye(n), none],
+                [-cone, -np.eye(n), none],
+                [-cone, none, np.eye(n)],
+                [-cone, none, -np.eye(n)],
             ]
         )
         standing = np.maximum(contacts.sum(axis=1), 1)[step]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from footfall.policies.controllers.mpc.base import Base
+from footfall.policies.controllers.mpc.base import Base, moment
 from footfall.policies.controllers.mpc.config import MpcConfig
 from footfall.policies.controllers.mpc.controller import Mpc
 from footfall.policies.controllers.settings import controller_settings
@@ -42,9 +42,9 @@ class MpcWholeBody(Mpc):
     def __init__(self, robot: Robot, config: MpcWholeBodyConfig | None = None) -> None:
         config = config or controller_settings(robot, self.name, MpcWholeBodyConfig)
         super().__init__(robot, config.plan)
+        self._default_pose = robot.default_pose
         self._swing_feedback, self._posture = config.swing, config.posture
         self.control = WholeBodyControl(robot, config.whole_body, 1.0 / self.rate_hz)
-        self._from_moment = np.linalg.inv(self._body.inertia)
         foot = self.control.body.foot_of_point
         self._most_force = config.plan.contact.most_force_n / np.bincount(foot)[foot]
 
@@ -59,13 +59,13 @@ class MpcWholeBody(Mpc):
     def _joints(self, inputs: PolicyInput, base: Base, pose: LegPose, swing: np.ndarray) -> JointCommand:
         body, sensed = self.control.body, inputs.sensed
         dynamics = observed(body, inputs)
-        moment = _moment(dynamics.foot - dynamics.centre, self.force)
+        turning = moment(dynamics.foot - dynamics.centre, self.force)
         wanted = Wanted(
             centre=self.force.sum(axis=0) / self._body.mass + FREE_FALL,
-            momentum_rate=moment,
-            attitude=self._from_moment @ (moment @ base.rotation),
+            momentum_rate=turning,
+            attitude=self._inverse_inertia @ (turning @ base.rotation),
             feet=self._feet(sensed.joint_velocity, base, pose, swing),
-            joints=self._posture(sensed.joint_position - self._robot.default_pose, sensed.joint_velocity),
+            joints=self._posture(sensed.joint_position - self._default_pose, sensed.joint_velocity),
         )
         most = np.where(self.stands[body.foot_of_point], self._most_force, 0.0)
         return self.control.command(dynamics, sensed.joint_position, sensed.joint_velocity, wanted, most)
@@ -79,10 +79,3 @@ class MpcWholeBody(Mpc):
             back = self._swing_feedback(pose.foot[swinging] - swing[:, 0], velocity - swing[:, 1])
             feet[swinging, :3] = (swing[:, 2] + back) @ base.rotation.T
         return feet
-
-
-def _moment(arms: np.ndarray, forces: np.ndarray) -> np.ndarray:
-    """Sum of the cross products of arms with forces, each (k, 3): (3,)."""
-    products = arms.T @ forces
-    (_, xy, xz), (yx, _, yz), (zx, zy, _) = products.tolist()
-    return np.array([yz - zy, zx - xz, xy - yx])

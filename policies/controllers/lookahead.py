@@ -1,0 +1,84 @@
+"""The robot's state at the moment at which the next command acts."""
+
+from collections import deque
+
+import numpy as np
+
+from footfall.common.rotations import multiply, rotation_matrix
+from footfall.policies.controllers.delay import CommandDelay
+from footfall.policies.policy import PolicyInput
+from footfall.robots.actuator import JointCommand, Motor
+
+_TUNED_TICKS = 1  # the least delay, of a loop alone: the controllers' gains allow for it
+
+
+class Lookahead:
+    """Predicts over the measured delay, with the accelerations of the commands that are still under way.
+
+    Args:
+        motor: the motors' limits.
+        dt_s: time between two commands.
+    """
+
+    def __init__(self, motor: Motor, dt_s: float) -> None:
+        self._dt_s = dt_s
+        self._delay = CommandDelay(motor, dt_s)
+        self._accelerations: deque[np.ndarray] = deque(maxlen=64)
+        self._stance: deque[np.ndarray] = deque(maxlen=64)
+
+    @property
+    def delay_s(self) -> float:
+        """Measured delay of commands."""
+        return self._delay.ticks * self._dt_s
+
+    def reset(self) -> None:
+        """Begin at rest."""
+        self._delay.reset()
+        self._accelerations.clear()
+        self._stance.clear()
+
+    def sent(self, command: JointCommand, acceleration: np.ndarray, stance: np.ndarray) -> None:
+        """Note what was decided in this tick.
+
+        Args:
+            command: to the joints.
+            acceleration: (6,) m/s^2 and rad/s^2, of the base, world, that it will cause.
+            stance: (feet,) planned contact in [0, 1].
+        """
+        self._delay.sent(command)
+        self._accelerations.appendleft(acceleration)
+        self._stance.appendleft(stance)
+
+    def stance(self) -> np.ndarray | None:
+        """Planned contact (feet,) of the commands that act now; None before the first."""
+        if not self._stance:
+            return None
+        return self._stance[min(self._delay.ticks, len(self._stance)) - 1]
+
+    def predict(self, inputs: PolicyInput) -> PolicyInput:
+        """The inputs as they will be when the next command acts."""
+        ticks = self._delay.measure(inputs.sensed)
+        if ticks <= _TUNED_TICKS:
+            return inputs
+        sensed, dt_s = inputs.sensed, self._dt_s
+        rotation = rotation_matrix(sensed.quaternion)
+        motion = np.concatenate([rotation @ inputs.base_velocity, rotation @ sensed.gyro])
+        way = np.zeros(6)
+        pending = list(self._accelerations)[:ticks][::-1]
+        for acceleration in [np.zeros(6)] * (ticks - len(pending)) + pending:
+            way += dt_s * (motion + 0.5 * dt_s * acceleration)
+            motion = motion + dt_s * acceleration
+        turn = np.array([1.0, *(0.5 * way[3:])])
+        quaternion = multiply(turn / np.sqrt(turn @ turn), sensed.quaternion)
+        back = rotation_matrix(quaternion).T
+        faster = self._delay.velocity_changes()
+        later = sensed._replace(
+            quaternion=quaternion,
+            gyro=back @ motion[3:],
+            joint_position=sensed.joint_position
+            + dt_s * (ticks * sensed.joint_velocity + faster.sum(axis=0)),
+            joint_velocity=sensed.joint_velocity + faster[0],
+        )
+        return inputs._replace(
+            sensed=later, base_velocity=back @ motion[:3], base_height=inputs.base_height + way[2]
+        )

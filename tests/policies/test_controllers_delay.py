@@ -1,0 +1,57 @@
+"""Controllers measure how late their commands act, and act on the state that the robot will have by then."""
+
+import numpy as np
+import pytest
+
+from footfall.evaluate.plan import CommandSchedule
+from footfall.plant.episode import Episode, run_episode
+from footfall.policies.controllers.delay import CommandDelay
+from footfall.policies.registry import load_policy
+from footfall.robots.actuator import JointCommand, motor_torque
+from footfall.robots.description import load_robot
+from footfall.robots.readings import Sensed
+
+ROBOT = load_robot("go1")
+JOINTS = len(ROBOT.joint_names)
+TICK_S = 0.002
+
+
+def measured(delay_ticks: int, change_nm: float, ticks: int = 200, noise_nm: float = 0.02) -> int:
+    """Ticks of delay found at motors that follow the command sent `delay_ticks` before the last one."""
+    rng = np.random.default_rng(0)
+    delay, sent, still = CommandDelay(ROBOT.motor, TICK_S), [], np.zeros(JOINTS)
+    for tick in range(ticks):
+        position = ROBOT.default_pose + 0.005 * change_nm * np.sin(0.1 * tick)
+        active = sent[max(0, tick - 1 - delay_ticks)] if sent else JointCommand(*np.zeros((5, JOINTS)))
+        torque = motor_torque(active, position, still, ROBOT.motor) + noise_nm * rng.standard_normal(JOINTS)
+        delay.measure(Sensed(np.zeros(3), np.zeros(3), np.array([1.0, 0, 0, 0]), position, still, torque))
+        wave = change_nm * np.sin(0.13 * tick + np.arange(JOINTS))
+        sent.append(JointCommand(position, still, np.full(JOINTS, 20.0), np.full(JOINTS, 1.0), wave))
+        delay.sent(sent[-1])
+    return delay.ticks
+
+
+@pytest.mark.parametrize("delay_ticks", [1, 2, 8, 16])
+def test_the_delay_shows_in_the_reported_torques(delay_ticks: int) -> None:
+    assert measured(delay_ticks, change_nm=2.0) == delay_ticks
+
+
+def test_commands_that_do_not_change_tell_nothing() -> None:
+    assert measured(16, change_nm=0.0) == 1
+
+
+@pytest.mark.parametrize("controller", ["mpc", "mpc-wbc"])
+def test_walks_and_turns_though_commands_act_30_ms_late(controller: str) -> None:
+    schedule = CommandSchedule((0.0, 1.5), ((0.5, 0.2, 0.0), (0.8, 0.0, 0.6)))
+    episode = Episode(schedule, duration_s=3.0, sample={"action_delay_s": np.array(0.03)})
+    trace = run_episode(ROBOT, load_policy(controller, ROBOT), episode)
+    assert not trace.fell, trace.fall_reason
+    assert trace.base_velocity[-50:, 0].mean() == pytest.approx(0.8, abs=0.1)
+
+
+def test_walks_on_slippery_ground() -> None:
+    """At a friction of 0.2 forces that count on 0.4 make the feet slide apart."""
+    schedule = CommandSchedule((0.0, 1.5), ((0.8, -0.3, -0.5), (-0.8, 0.3, 0.5)))
+    episode = Episode(schedule, duration_s=4.0, sample={"friction": np.array(0.2)})
+    trace = run_episode(ROBOT, load_policy("mpc", ROBOT), episode)
+    assert not trace.fell, trace.fall_reason
