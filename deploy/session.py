@@ -2,7 +2,7 @@
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -29,6 +29,7 @@ from footfall.deploy.policy_runner import PolicyRunner
 from footfall.deploy.process_end import ending_on_signals, exit_raises
 from footfall.deploy.wiring import Wiring, wire
 from footfall.deploy.wiring_check.check import WiringCheck
+from footfall.deploy.wiring_check.verdict import Verdict
 from footfall.policies.policy import Policy
 from footfall.robots.description import Robot
 
@@ -52,6 +53,7 @@ class Session:
     lie_down: bool = True  # before the motors are disabled, where robot and fault permit it
     stand_up: bool = True  # False for a hanging robot: the loop holds its initial pose
     check_wiring: bool = False  # before the robot stands up and walks
+    wiring_right: Callable[[Sequence[Verdict]], None] = lambda _: None  # called when the check has passed
 
 
 @dataclass(frozen=True)
@@ -122,7 +124,9 @@ def run_session(
         taken_over = threading.Event()
         wiring_check = None
         if session.check_wiring:
-            wiring_check = WiringCheck(robot, wiring, driver, config, in_background=session.realtime)
+            wiring_check = WiringCheck(
+                robot, wiring, driver, config, session.wiring_right, in_background=session.realtime
+            )
         loop = ControlLoop(
             robot,
             wiring,

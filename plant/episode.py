@@ -66,6 +66,7 @@ class Episode:
     record_rate_hz: float = 100.0  # of samples, fall checks and power
     config: DeployConfig | None = None  # None for the defaults, with the robot's own limits
     display: Display | None = None
+    check_wiring: bool = False  # before the robot stands up and walks
 
 
 def run_episode(robot: Robot, policy: Policy, episode: Episode, watch: Watch | None = None) -> Trace:
@@ -107,6 +108,7 @@ def run_episode(robot: Robot, policy: Policy, episode: Episode, watch: Watch | N
         facts=facts,
         config=config,
         lie_down=episode.lie_down,
+        check_wiring=episode.check_wiring,
         display=None if episode.display is None else partial(episode.display, velocity=trial.velocity),
     )
     base_state = true_base_state(body) if episode.ground_truth else None

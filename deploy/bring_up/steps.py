@@ -1,6 +1,6 @@
 """The steps of bring-up, from holding a pose to walking: each has to pass before the next one begins."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -33,6 +33,7 @@ from footfall.deploy.config import DeployConfig
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.session import Session, SessionResult, run_session
 from footfall.deploy.wiring import wire
+from footfall.deploy.wiring_check.verdict import Verdict as WiringVerdict
 from footfall.policies.policy import Policy
 from footfall.robots.description import Robot
 
@@ -48,6 +49,7 @@ class Setting(NamedTuple):
     config: BringUpConfig
     deploy: DeployConfig  # its `scale` applies to every step
     realtime: bool = True
+    wiring_right: Callable[[Sequence[WiringVerdict]], None] = lambda _: None  # called when that is found
 
     @property
     def gains(self) -> tuple[np.ndarray, np.ndarray]:
@@ -73,6 +75,7 @@ class Step(NamedTuple):
     criteria: tuple[Criterion, ...]
     least_feet: int = 1  # a robot with fewer skips the step
     stands_still: bool = False  # a robot that cannot (`held_start`) skips the step
+    checks_wiring: bool = False
 
     def skipped_by(self, robot: Robot) -> str:
         """Why a robot skips the step; empty if it does not."""
@@ -144,6 +147,8 @@ STEPS = (
     Step("hold", True, "the joints hold the pose in which they are found", _hold, (follow, *ALWAYS)),
     Step("joints", True, "one joint after the other moves, and no other", _move_joints, (follow, *ALWAYS)),
     Step("legs", True, "one leg after the other moves", _move_legs, (follow, *ALWAYS)),
+    Step("wiring", False, "one joint after the other moves a little, lying and standing", _stand, ALWAYS,
+         stands_still=True, checks_wiring=True),
     Step("stand", False, "the robot stands", _stand, (level, carry, *ALWAYS), stands_still=True),
     Step("shift", False, "it shifts its weight, and the IMU agrees", _sway, (sway, *ALWAYS), least_feet=3),
     Step("walk", False, "the policy takes over slowly", _walk, (cool,)),
@@ -209,6 +214,8 @@ def run_step(step: Step, setting: Setting, bus: Bus) -> Verdict:
         config=setting.deploy,
         stand_up=not step.hangs,
         lie_down=not step.hangs,
+        check_wiring=step.checks_wiring,
+        wiring_right=setting.wiring_right,
     )
     outcome = run_session(setting.robot, plan.policy, bus, session, judge.tick)
     return judge.verdict(outcome)

@@ -1,6 +1,7 @@
 """The wiring check of a run: motions, recording, verdict; where the robot is found, and again standing."""
 
 import threading
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -33,6 +34,7 @@ class WiringCheck:
         wiring: Wiring,
         driver: Driver,
         config: DeployConfig,
+        passed: Callable[[Sequence[Verdict]], None],
         in_background: bool,
         check: WiringCheckConfig | None = None,
     ) -> None:
@@ -43,6 +45,7 @@ class WiringCheck:
             wiring: its wiring.
             driver: of its motors, which may take less stiffness than the robot stands with.
             config: of the loop.
+            passed: called with all verdicts once the wiring is right.
             in_background: whether the verdict is reached in a thread, while the loop goes on holding.
             check: motions and limits.
         """
@@ -51,7 +54,7 @@ class WiringCheck:
         self._asked = np.minimum([config.stand_kp_scale * robot.kp, config.stand_kd_scale * robot.kd], most)
         self._gains = config.scale * self._asked  # that reach the motors
         self._clearance, self._sunk = Clearance(robot), config.safety.sensors.sunk
-        self._in_background = in_background
+        self._passed, self._in_background = passed, in_background
         self._places = [wiring.place(joint) for joint in range(len(robot.joint_names))]
         self._zeros = np.zeros(len(robot.joint_names))
         self._thread: threading.Thread | None = None
@@ -126,6 +129,8 @@ class WiringCheck:
             )
             fault = f"wiring: {verdict.fault}" if verdict.fault else ""
             self.verdicts.append(verdict)
+            if not (fault or self.signals.due):
+                self._passed(self.verdicts)
         except Exception as error:  # in a thread nobody else would see it
             fault = f"wiring: it cannot be checked: {type(error).__name__}: {error}"
         self._thread = None

@@ -1,8 +1,9 @@
 """`footfall bring-up`."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
@@ -18,6 +19,8 @@ from footfall.robots.default import DEFAULT_ROBOT
 if TYPE_CHECKING:
     from footfall.deploy.bring_up.steps import Setting, Step, Verdict
     from footfall.deploy.bus import Bus
+    from footfall.deploy.wiring_check.verdict import Verdict as WiringVerdict
+    from footfall.robots.description import Robot
 
 SIMULATED, VIRTUAL = "sim", "virtual"  # buses that lead to a simulated robot
 FAILED = 1
@@ -35,7 +38,7 @@ class BringUpOptions:
     bus: str = "sim"
     """sim for the simulated robot, or socketcan for the CAN interfaces that robot.yaml names."""
     steps: Names = ()
-    """These steps alone: hold, joints, legs, stand, shift, walk."""
+    """These steps alone: hold, joints, legs, wiring, stand, shift, walk."""
     scale: Annotated[float, Parameter(validator=Number(gte=0.01, lte=1.0))] = 0.5
     """Share of stiffness, damping and torque that reaches the motors."""
     command: VelocityCommand = (0.2, 0.0, 0.0)
@@ -93,7 +96,17 @@ def _setting(policy: str, options: BringUpOptions) -> "Setting":
         # A robot that cannot stand still is held up until the policy has taken over.
         replace(loop, scale=options.scale, in_place_s=loop.in_place_s + config.slew_s),
         realtime=options.bus != SIMULATED,
+        wiring_right=partial(_keep_proof, robot, options.bus),
     )
+
+
+def _keep_proof(robot: "Robot", bus: str, verdicts: "Sequence[WiringVerdict]") -> None:
+    """Keep that a real robot's wiring is right, so that `footfall deploy` need not check it again."""
+    from footfall.deploy.wiring_check.proof import SIMULATED as SIMULATED_BUSES
+    from footfall.deploy.wiring_check.proof import keep_proof
+
+    if bus not in SIMULATED_BUSES:
+        print(keep_proof(robot, bus, verdicts), flush=True)
 
 
 def _chosen(names: tuple[str, ...]) -> "list[Step]":

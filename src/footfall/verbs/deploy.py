@@ -2,7 +2,7 @@
 
 import math
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 SAFE, FALLEN = "IDLE", "FALLING"  # final states
 LYING = "lying"
+WIRING_CHECK = "first a wiring check: one joint after the other moves a little, nobody within reach"
 SIMULATED, VIRTUAL = "sim", "virtual"  # buses that lead to a simulated robot
 
 
@@ -59,6 +60,9 @@ class DeployOptions:
     """Hand the policy the simulator's base velocity instead of an estimate, for study."""
     config: OptionalPath = None
     """YAML file with settings of the loop and its safety limits (see docs/safety.md)."""
+    wiring: Literal["auto", "check", "trust"] = "auto"
+    """auto checks a real robot's wiring in its first run; check does so in this run, also a simulated one;
+    trust runs on wiring that is not proven (see docs/bring_up.md)."""
     log: OptionalPath = None
     """Record the run to this MCAP file."""
     seed: Seed = 0
@@ -89,6 +93,7 @@ def deploy(policy: PolicyName, /, *, options: DeployOptions = DeployOptions()) -
 
 def _simulated(robot: "Robot", policy: "Policy", spec: str, options: DeployOptions) -> dict[str, Any]:
     """A run on the simulated robot; what it has to tell."""
+    from footfall.deploy.wiring_check.proof import must_check
     from footfall.live_state import live_state
     from footfall.plant.episode import Episode, run_episode
 
@@ -107,6 +112,7 @@ def _simulated(robot: "Robot", policy: "Policy", spec: str, options: DeployOptio
         record=False,
         config=_config(robot, options),
         display=partial(live_state, duration_s=options.duration),
+        check_wiring=must_check(robot, options.bus, options.wiring),
     )
     trace = run_episode(robot, policy, episode)
     return _figures(trace, options) | {
@@ -120,12 +126,17 @@ def _simulated(robot: "Robot", policy: "Policy", spec: str, options: DeployOptio
 def _on_interface(robot: "Robot", policy: "Policy", spec: str, options: DeployOptions) -> dict[str, Any]:
     """A run on CAN interfaces; what it has to tell."""
     from footfall.deploy.session import Session, run_on_interface
+    from footfall.deploy.wiring_check.proof import keep_proof, must_check, unproven_note
     from footfall.live_state import live_state
 
     if what := _for_simulation_alone(options):
         raise UserError(f"{what} needs the simulated robot: leave --bus at '{SIMULATED}'")
     command = np.array(options.command)
     facts = {"seed": options.seed, "policy_spec": spec, "bus": options.bus, "plant": None}
+    check = must_check(robot, options.bus, options.wiring)
+    notes = [] if check else [unproven_note(robot, options.bus)]
+    for line in [*filter(None, notes), *[WIRING_CHECK] * check]:
+        print(line, flush=True)
     session = Session(
         command_source=lambda _: command,
         duration_s=options.duration,
@@ -134,6 +145,8 @@ def _on_interface(robot: "Robot", policy: "Policy", spec: str, options: DeployOp
         config=_config(robot, options),
         lie_down=options.lie_down,
         display=lambda loop: live_state(loop, lambda: loop.estimate[0], options.duration),
+        check_wiring=check,
+        wiring_right=lambda verdicts: notes.append(keep_proof(robot, options.bus, verdicts)),
     )
     if robot.description.held_start:
         print(f"{robot.name} cannot stand still: hold it up, let it go once it steps in place", flush=True)
@@ -143,6 +156,7 @@ def _on_interface(robot: "Robot", policy: "Policy", spec: str, options: DeployOp
 
             resources.enter_context(serving(robot, VIRTUAL, seed=options.seed))
         outcome = run_on_interface(robot, policy, options.bus, session)
+    outcome = replace(outcome, notes=(*outcome.notes, *filter(None, notes)))
     tipped = outcome.final_state == FALLEN
     return _figures(outcome, options) | {
         "fell": tipped,
