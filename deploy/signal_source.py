@@ -30,6 +30,7 @@ from footfall.deploy.wiring import Wiring
 from footfall.deploy.wiring_check.check import WiringCheck
 from footfall.robots.description import Robot
 
+RESTING = (Mode.CHECKING, Mode.STANDING)  # before the policy decides
 POSED = (Mode.STANDING, Mode.LOWERING)  # on the way from one posture to another
 RESTING = (Mode.CHECKING, Mode.STANDING)  # what arrives then is what later shares are of
 NOTHING_AT_START = StartSignals()

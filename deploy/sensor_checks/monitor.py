@@ -97,7 +97,8 @@ class SensorMonitor:
         asked = joints.take_asked()
         if not self.add(now_us, silence_us, heard_us, joints.inertial, joints.joints, expected, asked):
             return None
-        moving = float(np.abs(joints.joints[1]).max()) > self._moving_rad_s
+        fast = float(np.abs(joints.joints[1]).max()) > self._moving_rad_s
+        moving = fast and (on_legs or not resting)  # the base of a robot that lies rests while its legs move
         links = self._links.close(now_us, joints.replies, joints.imu_older, moving, resting)
         found = self.link_contradiction(links)
         contradiction = self.joint_contradiction(
