@@ -96,7 +96,7 @@ class WiringCheck:
 
     def _record(self, time_s: float, sensed: Sensed) -> None:
         up = _up(sensed)
-        self._samples.append((time_s, np.concatenate((sensed.joint_torque, up))))
+        self._samples.append((time_s, np.concatenate((sensed.joint_position, sensed.joint_torque, up))))
         lean = float(np.linalg.norm(up - self._first_up))
         lost = np.abs(self._here + self._motions.offsets(time_s) - sensed.joint_position)
         moved = self._places[self._motions.joint_at(time_s)]
@@ -115,8 +115,7 @@ class WiringCheck:
         try:
             times, values = zip(*self._samples, strict=True)
             n = len(self._here)
-            torque, up = np.split(np.array(values), [n], axis=1)
-            recorded = Recorded(np.array(times), torque, up)
+            recorded = Recorded(np.array(times), *np.split(np.array(values), [n, 2 * n], axis=1))
             prediction = Prediction(self._robot, *self._gains)
             verdict = judged(
                 recorded,

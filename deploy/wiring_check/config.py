@@ -14,7 +14,9 @@ class WiringCheckConfig:
     standing_rad: float = 0.05  # amplitude while the robot stands
     lying_rad: float = 0.15  # amplitude while it lies
     least_rad: float = 0.03  # amplitude of a joint that is found at the end of its range
-    alike: float = 0.14  # error of a joint's response up to which no other wiring is tried
+    motor_lag_s: float = 0.004  # from a command to the report of what it did, over the bus
+    imu_lag_s: float = 0.002  # likewise, of the base
+    alike: float = 0.13  # error of a joint's response up to which no other wiring is tried
     imu_alike: float = 0.25  # the same of the base's tilt by the IMU
     explained: float = 0.5  # of the squared error that another wiring has to leave at most to be the cause
     unlike: float = 0.9  # error of most joints' responses, or of the IMU's, that is a fault without a cause
@@ -28,4 +30,5 @@ class WiringCheckConfig:
             self, 0.01, 0.5, "standing_rad", "lying_rad", "least_rad", "lean_rad", "lost_rad", "askew_rad"
         )
         require_between(self, 0.01, 1.0, "alike", "imu_alike", "explained")
+        require_between(self, 0.0, 0.1, "motor_lag_s", "imu_lag_s")
         require_between(self, 0.1, 10.0, "unlike")

@@ -29,19 +29,20 @@ class Prediction:
         self._base_at = int(self._model.jnt_qposadr[self._model.body_jntadr[plant.base]])
         self._kp, self._kd, self._default = kp, kd, robot.default_pose
 
-    def responses(self, here: np.ndarray, motions: Motions, cause: Cause) -> np.ndarray:
+    def responses(self, start: np.ndarray, here: np.ndarray, motions: Motions, cause: Cause) -> np.ndarray:
         """Responses of torques and of up's x and y in the base frame, (n, n + 2), and the mean of these two.
 
         Args:
-            here: joint positions that the motors report at first, rad, (n,).
+            start: joint positions that the motors report before they move, rad, (n,).
+            here: position targets about which they move, rad, (n,).
             motions: their motions.
             cause: how the motors are wired; gears are right about the default pose.
         """
         data, model, n = self._data, self._model, len(here)
         ratio, about = cause.ratio, self._default
-        start = np.empty(n)
-        start[cause.joint] = about + (here - about) / ratio
-        self._put_down(start)
+        pose = np.empty(n)
+        pose[cause.joint] = about + (start - about) / ratio
+        self._put_down(pose)
         kp, kd, zero = self._kp, self._kd, np.zeros(n)
         count = round(motions.duration_s / STEP_S)
         before = round(SETTLE_S / STEP_S)

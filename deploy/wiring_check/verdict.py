@@ -22,6 +22,7 @@ class Recorded(NamedTuple):
     """T samples of a check."""
 
     time_s: np.ndarray  # (T,)
+    position: np.ndarray  # (T, n) rad
     torque: np.ndarray  # (T, n) N m
     up: np.ndarray  # (T, 3) of the world, base frame, by the IMU
 
@@ -68,17 +69,23 @@ def judged(
     Args:
         recorded: the samples.
         motions: the joints' motions.
-        here: joint positions at first, rad, (n,).
+        here: position targets about which the joints move, rad, (n,).
         prediction: the robot's model.
         wiring: the wiring of `robot.yaml`.
         legs: joints of each leg.
         config: what passes.
     """
     n, up = len(here), recorded.up[:, :2]
-    measured = _responses(motions.responses(recorded.time_s, np.hstack([recorded.torque, up])))
+    measured = Responses(
+        motions.responses(recorded.time_s - config.motor_lag_s, recorded.torque),
+        motions.responses(recorded.time_s - config.imu_lag_s, up),
+    )
+
+    settled = (recorded.time_s > 0.5 * config.settle_s) & (recorded.time_s < config.settle_s)
+    start = recorded.position[settled].mean(axis=0)
 
     def predicted(cause: Cause) -> np.ndarray:
-        return prediction.responses(here, motions, cause)
+        return prediction.responses(start, here, motions, cause)
 
     right_rows = predicted(as_wired(n))
     right = _responses(right_rows)

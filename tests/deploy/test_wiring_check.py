@@ -1,0 +1,133 @@
+"""The wiring check: wrong wiring is found, by its name, before the robot stands up or walks."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from deploy_policies import Hold, stand_still
+from fault_kinds.wiring import geared, imu_turned
+
+from footfall.common.errors import UserError
+from footfall.deploy.config import deploy_config
+from footfall.deploy.session import Session, SessionResult, run_session
+from footfall.deploy.wiring import wire
+from footfall.deploy.wiring_check.causes import as_wired, causes
+from footfall.deploy.wiring_check.proof import is_proven, keep_proof, must_check, proof_file, unproven_note
+from footfall.deploy.wiring_check.verdict import Verdict
+from footfall.domain_rand.noise import Noise
+from footfall.plant.bus import SimulatedBus
+from footfall.plant.injection import FaultInjector, InjectingBus, InjectingCommandSource, InjectingPolicy
+from footfall.plant.robot import PlantConfig, SimulatedRobot
+from footfall.plant.wires import SimulatedWires
+from footfall.robots.description import Robot, load_robot
+
+NOISE = Noise(joint_position=0.002, joint_velocity=0.1, gyro=0.02, gravity=0.005)
+PROOF = [Verdict("", 0.05, 0.1)]
+
+
+def checked(
+    robot: Robot, inject: Callable[[FaultInjector], None], lying: bool, proven: list[Verdict] | None = None
+) -> SessionResult:
+    """A short run with a wiring check."""
+    wiring, config = wire(robot), deploy_config(robot)
+    wires = SimulatedWires(wiring.buses, config.host_queue)
+    body = SimulatedRobot(robot, wiring, wires, PlantConfig(noise=NOISE, lying=lying))
+    bus, policy = InjectingBus(SimulatedBus(wires, body)), InjectingPolicy(Hold(robot))
+    command = InjectingCommandSource(np.zeros(3))
+    inject(FaultInjector(robot, wiring, body, bus, policy, command, np.random.default_rng(0)))
+    right = (lambda _: None) if proven is None else proven.extend
+    session = Session(stand_still, 0.1, realtime=False, config=config, check_wiring=True, wiring_right=right)
+    return run_session(robot, policy, bus, session)
+
+
+def exchanged(first: str, second: str) -> Callable[[FaultInjector], None]:
+    """The connectors of two buses."""
+
+    def inject(injector: FaultInjector) -> None:
+        wiring = injector.wiring
+        a, b = wiring.buses.index(first), wiring.buses.index(second)
+        channel = np.select([wiring.channel == a, wiring.channel == b], [b, a], wiring.channel)
+        injector.body.rewire(replace(wiring, channel=channel))
+
+    return inject
+
+
+def test_right_wiring_passes_lying_and_standing(go1: Robot) -> None:
+    proven: list[Verdict] = []
+    outcome = checked(go1, lambda _: None, lying=True, proven=proven)
+    assert (outcome.final_state, outcome.faults) == ("IDLE", ())
+    assert len(proven) == 2
+    assert max(verdict.joint_error for verdict in proven) < 0.25
+
+
+@pytest.mark.parametrize(
+    ("inject", "lying", "names"),
+    [
+        (exchanged("can0", "can2"), True, ["can0", "can2", "exchanged"]),
+        (geared(-1.0), True, ["other way"]),
+        (geared(1.25), False, ["gear ratio", "0.8 times"]),
+        (imu_turned(2, 90.0), False, ["IMU is turned", "about z"]),
+    ],
+)
+def test_wrong_wiring_is_named_before_the_robot_walks(
+    go1: Robot, inject: Callable[[FaultInjector], None], lying: bool, names: list[str]
+) -> None:
+    outcome = checked(go1, inject, lying)
+    assert outcome.final_state == "ESTOP"
+    assert outcome.walked_s == 0.0
+    assert all(name in outcome.faults[0] for name in names), outcome.faults
+
+
+def test_every_cause_keeps_its_motors_apart(go1: Robot) -> None:
+    """Each is another wiring than the right one, and reaches every joint once."""
+    for robot in (go1, load_robot("hexapod")):
+        n = len(robot.joint_names)
+        right = as_wired(n)
+        for cause in causes(wire(robot), robot.foot_joints):
+            assert sorted(cause.joint.tolist()) == list(range(n)), cause.text
+            assert (cause.joint != right.joint).any() or (cause.ratio != right.ratio).any(), cause.text
+
+
+class TestProof:
+    @pytest.fixture(autouse=True)
+    def state(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+
+    def test_it_holds_for_this_wiring_on_this_bus(self, go1: Robot) -> None:
+        assert not is_proven(go1, "socketcan")
+        assert str(proof_file(go1, "socketcan")) in keep_proof(go1, "socketcan", PROOF)
+        assert is_proven(go1, "socketcan")
+        assert not is_proven(go1, "slcan")
+        first, *rest = go1.description.joints
+        moved = replace(go1, description=replace(go1.description, joints=(replace(first, id=9), *rest)))
+        assert not is_proven(moved, "socketcan")
+        assert not is_proven(replace(go1, digest="another"), "socketcan")
+
+    def test_only_an_unproven_real_robot_must_be_checked(self, go1: Robot) -> None:
+        assert must_check(go1, "socketcan", "auto")
+        assert "not proven" in unproven_note(go1, "socketcan")
+        assert not must_check(go1, "socketcan", "trust")
+        for bus in ("sim", "virtual"):
+            assert not must_check(go1, bus, "auto")
+            assert must_check(go1, bus, "check")
+            assert unproven_note(go1, bus) == ""
+        keep_proof(go1, "socketcan", PROOF)
+        assert not must_check(go1, "socketcan", "auto")
+        assert must_check(go1, "socketcan", "check")
+        assert unproven_note(go1, "socketcan") == ""
+
+    def test_a_robot_that_cannot_stand_still_needs_the_word(self, go1: Robot) -> None:
+        held = replace(go1, description=replace(go1.description, held_start=True))
+        with pytest.raises(UserError, match="--wiring trust"):
+            must_check(held, "socketcan", "auto")
+        assert not must_check(held, "socketcan", "trust")
+
+    def test_a_proof_that_cannot_be_kept_or_read_is_none(self, go1: Robot, tmp_path: Path) -> None:
+        (tmp_path / "footfall").write_text("a file where the folder should be")
+        assert "cannot be kept" in keep_proof(go1, "socketcan", PROOF)
+        (tmp_path / "footfall").unlink()
+        keep_proof(go1, "socketcan", PROOF)
+        proof_file(go1, "socketcan").write_text("no JSON")
+        assert not is_proven(go1, "socketcan")
