@@ -2,7 +2,7 @@
 
 import math
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -156,9 +156,9 @@ def _on_interface(robot: "Robot", policy: "Policy", spec: str, options: DeployOp
 
             resources.enter_context(serving(robot, VIRTUAL, seed=options.seed))
         outcome = run_on_interface(robot, policy, options.bus, session)
-    outcome = replace(outcome, notes=(*outcome.notes, *filter(None, notes)))
     tipped = outcome.final_state == FALLEN
     return _figures(outcome, options) | {
+        "notes": [*outcome.notes, *filter(None, notes)],
         "fell": tipped,
         "fall_reason": outcome.faults[0] if tipped else "",
         "distance_m": math.nan,  # not measured
