@@ -617,14 +617,14 @@ class TestCommand:
         self, shell: Shell, steps_run: list[str], tmp_path: Path
     ) -> None:
         done = shell("bring-up", "stand", "--scale", "0.25", "--json", str(tmp_path / "out.json"))
-        assert (done.status, steps_run) == (1, ["hold", "joints", "legs", "stand"])
+        assert (done.status, steps_run) == (1, ["hold", "joints", "legs", "wiring", "stand"])
         assert done.out.splitlines()[-3:] == [
             "stand: the robot stands: failed", "  the robot is tilted", "  a foot hangs",
         ]  # fmt: skip
         written = json.loads((tmp_path / "out.json").read_text())
         assert (written["robot"], written["bus"], written["scale"]) == ("go1", "sim", 0.25)
         assert [(step["step"], step["passed"]) for step in written["steps"]] == [
-            ("hold", True), ("joints", True), ("legs", True), ("stand", False),
+            ("hold", True), ("joints", True), ("legs", True), ("wiring", True), ("stand", False),
         ]  # fmt: skip
         assert written["steps"][-1] == {
             "step": "stand", "passed": False, "findings": ["the robot is tilted", "a foot hangs"],
@@ -655,7 +655,7 @@ class TestCommand:
     @pytest.mark.parametrize(
         ("options", "says"),
         [
-            (["--steps", "jump"], "no step 'jump': there are hold, joints, legs, stand, shift, walk"),
+            (["--steps", "jump"], "no step 'jump': there are hold, joints, legs, wiring, stand, shift, walk"),
             (["--scale", "2"], "--scale"),
             (["--bus", "virtual"], "nobody is there to confirm: add --yes"),
         ],
