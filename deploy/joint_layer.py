@@ -41,7 +41,8 @@ class JointLayer:
         self._encodable = np.zeros((5, len(self._target)))  # it within frames' ranges, this tick's target
         self.sent = np.zeros_like(self._encodable)  # the last command, before a frame rounds it
         self._sent_before = self.sent  # the one before
-        self._forget_asked()
+        self._asked_ticks = 0  # with a command since `take_asked`
+        self._least = self._most = self._target  # torque that these asked for, N m
 
     # -- out -----------------------------------------------------------------------------------------
 
@@ -85,21 +86,24 @@ class JointLayer:
             self._encodable[0] = self._target
             self._arrived = not np.count_nonzero(self._target != self._goal)
         frames = self._send(self._clamped(self._encodable, self._weaker))
-        np.minimum(self._least, self._possible, out=self._least)
-        np.maximum(self._most, self._possible, out=self._most)
+        if self._asked_ticks:
+            np.minimum(self._least, self._possible, out=self._least)
+            np.maximum(self._most, self._possible, out=self._most)
+        else:
+            self._least, self._most = self._possible.copy(), self._possible.copy()
+        self._asked_ticks += 1
         return frames
 
-    def take_asked(self) -> tuple[np.ndarray, np.ndarray]:
-        """Least and greatest torque that commands asked of each motor since the last call, N m, (n,) each.
+    def take_asked(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """Least torque that commands asked of each motor since the last call, and minus the greatest.
 
-        Infinite if there was no command.
+        N m, (n,) each.
+
+        None if there was no command.
         """
-        asked = self._least, self._most
-        self._forget_asked()
+        asked = (self._least, -self._most) if self._asked_ticks else None
+        self._asked_ticks = 0
         return asked
-
-    def _forget_asked(self) -> None:
-        self._least, self._most = np.full(len(self._target), np.inf), np.full(len(self._target), -np.inf)
 
     def damping(self, kd: float) -> Frames:
         """Frames that only damp the joints, kd in N m s/rad, within the motors' limits."""

@@ -30,7 +30,7 @@ class JointWindow(NamedTuple):
     target_speed: np.ndarray  # of the position target, rad/s
     target_travel: np.ndarray  # of the position target in the window before, rad
     torques: np.ndarray  # (k, n) each report, N m
-    asked: np.ndarray  # (2, k, n) least and greatest torque that commands asked for before each, N m
+    asked: np.ndarray  # (2, k, n) least torque that commands asked for before each, and minus the most, N m
     temperature_c: np.ndarray  # NaN where a motor does not report it
     voltage: np.ndarray  # of the motors' supply, V; NaN likewise
 
@@ -60,7 +60,8 @@ class _Sums:
         self.repeated = np.ones((3, n), bool)
         self.strongest = np.zeros(n)
         self.torques: list[np.ndarray] = []
-        self.asked: list[tuple[np.ndarray, np.ndarray]] = []
+        self.least: list[np.ndarray] = []  # torque that commands asked for, and minus the most
+        self.minus_most: list[np.ndarray] = []
         self.expected = np.zeros(n)
         self.travel = np.zeros(n)
         self.starts = np.zeros(n)  # where the window began, by each reading, rad
@@ -114,8 +115,8 @@ class JointWindows:
             inertial: the IMU's reading.
             joints: (3, n) position rad, velocity rad/s, torque N m that the motors report.
             expected: (n,) torque that the last commands ask for at these readings, N m.
-            asked: least and greatest torque that all commands since the last call asked for, N m, (n,) each;
-                None for `expected`.
+            asked: least torque that all commands since the last call asked for, and minus the greatest, N m,
+                (n,) each; None for `expected`.
         """
         sums, last = self._sums, self._last
         if silence_us > self._gap_us or now_us - self._added_us > self._gap_us:
@@ -132,7 +133,9 @@ class JointWindows:
         sums.readings += joints
         np.maximum(sums.strongest, np.abs(joints[2]), out=sums.strongest)
         sums.torques.append(joints[2])
-        sums.asked.append(asked or (expected, expected))
+        least, minus_most = asked or (expected, -expected)
+        sums.least.append(least)
+        sums.minus_most.append(minus_most)
         sums.expected += expected
         sums.inertials.append(inertial)
         return len(sums.inertials) >= self._readings
@@ -188,7 +191,7 @@ class JointWindows:
             target_speed=np.abs(target - self._target) / elapsed_s,
             target_travel=self._target_travel,
             torques=np.array(sums.torques),
-            asked=np.array(sums.asked).transpose(1, 0, 2),
+            asked=np.array((*sums.least, *sums.minus_most)).reshape(2, count, -1),
             temperature_c=temperature_c,
             voltage=voltage,
         )

@@ -88,17 +88,19 @@ class Unanswered(LinkCheck):
         self.reset()
 
     def reset(self) -> None:
-        self._lost, self._usual, self._windows = np.zeros(self._n), np.zeros(self._n), 0
+        self._lost, self._arrived, self._usual = np.zeros(self._n), np.zeros(self._n), np.ones(self._n)
+        self._windows = 0
 
     def measure(self, window: LinkWindow) -> np.ndarray:
-        rate, usual = window.replies / max(window.asked, 1), np.ones(self._n)
+        rate = window.replies / max(window.asked, 1)
         if window.resting:
             self._windows += 1
-            self._usual = self._usual + (rate - self._usual) / self._windows
-        elif self._windows:
-            usual = np.maximum(self._usual, 1.0 - self._limits.lost_share)
-        if window.answering or not window.resting:
-            self._lost = _updated(self._lost, 1.0 - rate / usual, window, self._limits)
+            self._arrived = self._arrived + rate
+            self._usual = np.maximum(self._arrived / self._windows, 1.0 - self._limits.lost_share)
+            lost = 1.0 - rate if window.answering else 0.0 * rate
+        else:
+            lost = 1.0 - rate / self._usual
+        self._lost = _updated(self._lost, lost, window, self._limits)
         return self._lost
 
 

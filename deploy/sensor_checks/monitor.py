@@ -110,11 +110,13 @@ class SensorMonitor:
         """The first contradiction in what arrived in a window."""
         found = None
         for check, limit in self._link_checks:
-            value = np.asarray(check.measure(window))
-            if found is None and not (value <= limit).all():
-                worst = int(value.argmax())
-                place = f"{self._places[worst]}: " if value.ndim else ""
-                found = Implausible(place + check.message.format(value.flat[worst]), check.leads_to)
+            value = check.measure(window)
+            worst, place = value, ""
+            if isinstance(value, np.ndarray):
+                joint = int(value.argmax())
+                worst, place = value[joint], f"{self._places[joint]}: "
+            if found is None and not worst <= limit:
+                found = Implausible(place + check.message.format(worst), check.leads_to)
         return found
 
     def add(

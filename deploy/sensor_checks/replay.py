@@ -20,13 +20,17 @@ class ReplayFinder:
 
     def look(self, now_us: int, inertial: Inertial) -> None:
         """Take in a reading that arrived at this time."""
-        key = (*inertial.gyro, *inertial.acceleration, *inertial.quaternion)
-        back = self._number - self._places.get(key, self._number)
+        key = tuple(inertial.quaternion)  # its digits are the finest
+        number, places = self._number, self._places
+        self._number = number + 1
+        before = places.pop(key, None)  # so that the oldest one stands first
+        places[key] = number
+        if before is None:
+            self._back, self.replayed_s = 0, 0.0
+            if len(places) > KEPT:
+                places.pop(next(iter(places)))
+            return
+        back = number - before
         if back < LEAST_BACK or back != self._back:
             self._back, self._since_us = back, now_us
         self.replayed_s = 1e-6 * (now_us - self._since_us) if back >= LEAST_BACK else 0.0
-        if len(self._places) >= KEPT:
-            self._places.pop(next(iter(self._places)))
-        self._places.pop(key, None)  # so that the oldest one stands first
-        self._places[key] = self._number
-        self._number += 1

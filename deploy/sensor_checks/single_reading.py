@@ -84,21 +84,28 @@ class Temperature(JointCheck):
 
 
 class ColderThanOthers(JointCheck):
-    """By how much a motor is colder than all others, degrees Celsius; 0 if it does not report it."""
+    """By how much a motor is colder than all others, degrees Celsius.
+
+    0 if it does not report it, and while all are within the limit.
+    """
 
     looks_at = "by how much a motor is colder than all others: its sensor is open"
     message = "its temperature is {0:.0f} degrees below that of all other motors: its sensor may be open"
     limit = Limit("colder_c")
     single_reading = True
 
+    def __init__(self, robot: Robot, limits: SingleReadingLimits, sample_s: float) -> None:
+        self._limit_c, self._zeros = limits.colder_c, np.zeros(len(robot.joint_names))
+
     def measure(self, window: JointWindow) -> np.ndarray:
-        reports = ~np.isnan(window.temperature_c)
-        if np.count_nonzero(reports) < 2:
-            return np.zeros(len(reports))
-        reported = np.where(reports, window.temperature_c, np.inf)
+        temperature_c = window.temperature_c
+        spread = np.fmax.reduce(temperature_c) - np.fmin.reduce(temperature_c)  # ignore NaN
+        if not spread > self._limit_c:  # nothing to look for, as in nearly every window
+            return self._zeros
+        reported = np.where(np.isnan(temperature_c), np.inf, temperature_c)
         coldest, next_coldest = np.partition(reported, 1)[:2]
         others = np.where(reported == coldest, next_coldest, coldest)
-        return np.where(reports, others - window.temperature_c, 0.0)
+        return np.where(np.isfinite(reported), others - temperature_c, 0.0)
 
 
 class TooCold(JointCheck):

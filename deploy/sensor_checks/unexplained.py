@@ -59,23 +59,31 @@ class Unexplained(JointCheck):
         self._asked: np.ndarray | None = None  # the last ones of the windows before, as `JointWindow.asked`
 
     def _beyond(self, window: JointWindow) -> np.ndarray:
-        """Torque of each report that nothing explains, of the peak torque, (looks, n)."""
+        """Torque of each report beyond all that is explained, N m, (looks, n); below 0 where it is."""
         limits, before = self._limits, self._asked
         if before is None:
             before = np.repeat(window.asked[:, :1], self._looks - 1, axis=1)
         asked = np.concatenate((before, window.asked), axis=1)
         self._asked = asked[:, 1 - self._looks :]
-        least, most = np.lib.stride_tricks.sliding_window_view(asked, self._looks, axis=1)
-        least, most = least.min(axis=-1), most.max(axis=-1)
-        doubt = limits.torque_hidden * self._peak + window.stiffness * (
-            limits.reading_rad + limits.lag_s * window.speed
-        )
-        doubt = doubt + limits.strength_share * np.maximum(np.abs(least), np.abs(most))
-        beyond = np.maximum(window.torques - most, least - window.torques) - doubt
-        shown: np.ndarray = np.maximum(beyond, 0.0) / self._peak
-        return shown
+        least, minus_most = _least_of_last(asked, self._looks)
+        lag_rad = limits.reading_rad + limits.lag_s * window.speed
+        doubt = limits.torque_hidden * self._peak + window.stiffness * lag_rad
+        doubt = doubt - limits.strength_share * np.minimum(np.minimum(least, minus_most), 0.0)
+        beyond: np.ndarray = np.maximum(window.torques + minus_most, least - window.torques) - doubt
+        return beyond
 
     def measure(self, window: JointWindow) -> np.ndarray:
-        weight = 1.0 - math.exp(-window.elapsed_s / self._limits.unexplained_memory_s)
-        self._value = self._value + weight * (self._beyond(window).mean(axis=0) - self._value)
+        beyond, kept = self._beyond(window), math.exp(-window.elapsed_s / self._limits.unexplained_memory_s)
+        self._value = kept * self._value
+        if beyond.max() > 0.0:
+            self._value += (1.0 - kept) * np.maximum(beyond, 0.0).mean(axis=0) / self._peak
         return self._value
+
+
+def _least_of_last(values: np.ndarray, count: int) -> np.ndarray:
+    """The least of each `count` successive values along the second axis, by doubling."""
+    done = 1
+    while done < count:
+        step = min(done, count - done)
+        values, done = np.minimum(values[:, step:], values[:, :-step]), done + step
+    return values

@@ -55,7 +55,10 @@ class Link:
 
 def reading(number: int) -> Inertial:
     """One that no other number gives."""
-    return Inertial((0.001 * number, 0.0, 0.0), (0.0, 0.0, 9.81), (1.0, 0.0, 0.0, 0.0))
+    angle = 0.001 * number
+    return Inertial(
+        (angle, 0.0, 0.0), (0.0, 0.0, 9.81), (float(np.cos(angle)), float(np.sin(angle)), 0.0, 0.0)
+    )
 
 
 def limit(check: type[links.LinkCheck]) -> float:
