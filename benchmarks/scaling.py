@@ -3,16 +3,19 @@
     python benchmarks/scaling.py --preset gpu --devices 1,2,4 --json scaling.json
 
 Prints environment steps per second of whole PPO iterations, and the efficiency: the speed over so many
-times the speed of the first count.
+times the speed of the first count. Iterations follow each other as in a training, which reads the metrics of
+one while the next is computed. Several devices would otherwise wait for the host between iterations.
 """
 
 import argparse
 import json
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import jax
-from throughput import Spread, iterate, rates_of
+from throughput import Spread, rates_of, timed
 
 from footfall.robots.description import load_robot
 from footfall.train.brax.devices import device_mesh
@@ -28,7 +31,8 @@ def main() -> None:
     parser.add_argument("--robot", default="go1")
     parser.add_argument("--preset", default="gpu")
     parser.add_argument("--devices", default="1,2,4")
-    parser.add_argument("--iterations", type=int, default=20)
+    parser.add_argument("--iterations", type=int, default=20, help="between two waits for the devices")
+    parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     counts = [int(count) for count in options.devices.split(",")]
@@ -36,7 +40,7 @@ def main() -> None:
         parser.error(f"this machine has {jax.device_count()} devices, not {max(counts)}")
     results: list[dict[str, float]] = []
     for count in counts:
-        least, rate, most = steps_per_s(options.robot, options.preset, count, options.iterations)
+        least, rate, most = steps_per_s(options, count)
         first = results[0] if results else {"devices": count, "steps_per_s": rate}
         efficiency = rate / count / (first["steps_per_s"] / first["devices"])
         results.append(
@@ -53,14 +57,24 @@ def main() -> None:
         options.json.write_text(json.dumps(content, indent=2) + "\n")
 
 
-def steps_per_s(robot: str, preset: str, devices: int, iterations: int) -> Spread:
+def steps_per_s(options: argparse.Namespace, devices: int) -> Spread:
     """Speed of whole iterations on the first few devices: least, median, most."""
-    description = load_robot(robot)
-    config = load_preset(preset, description)
+    description = load_robot(options.robot)
+    config = load_preset(options.preset, description)
     ppo = replace(config.ppo, num_envs=config.ppo.num_envs * devices)
     parts = assemble(replace(config, ppo=ppo), description)
     state, compiled = parts.prepare(device_mesh(ppo, devices), 0, print)
-    return rates_of(iterate(compiled, state, iterations), ppo.steps_per_iteration)
+
+    def several(state: Any) -> Any:
+        for _ in range(options.iterations):
+            state, *_ = compiled(state)
+        return state
+
+    seconds = []
+    for _ in range(1 + options.repeats):
+        took_s, state = timed(partial(several, state))
+        seconds.append(took_s / options.iterations)
+    return rates_of(seconds[1:], ppo.steps_per_iteration)  # the first ones are slower
 
 
 if __name__ == "__main__":
