@@ -56,6 +56,10 @@ class PythonCanBus:
         import can
 
         if interface not in can.VALID_INTERFACES:
+            if interface in names:
+                raise UserError(
+                    f"--bus takes the kind of the interfaces: --bus socketcan; '{interface}' is in robot.yaml"
+                )
             raise UserError(
                 f"no bus '{interface}': give one of {', '.join(interfaces())}; deploy also has sim"
             )

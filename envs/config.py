@@ -16,9 +16,9 @@ from footfall.common.terms import NamedTermConfig, TermConfig
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import Randomisation
+from footfall.policies.contract import FASTEST_CONTROL_HZ
 from footfall.robots.commands import CommandRange
 
-FASTEST_CONTROL_HZ = 1000.0  # no learned policy is run faster
 FASTEST = 100.0  # m/s or rad/s: no legged robot is; more is a unit mistaken
 CRITIC = ("linear_velocity", "height", "contact", "clearance", "torque")  # terms of a critic by default
 LEAST_SUBSTEPS = 2  # a foot's velocity is the difference of its last two positions in a control step

@@ -15,6 +15,7 @@ from footfall.common.config import (
     with_changes,
 )
 from footfall.common.errors import UserError
+from footfall.common.hints import meant
 from footfall.common.limits import FASTEST, LONGEST_S
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import QUANTITIES, randomisation_of
@@ -150,7 +151,7 @@ class ScenarioFile:
             raise UserError(f"no scenario given: choose from {known}")
         for name in names:
             if name not in self.scenarios:
-                raise UserError(f"no scenario '{name}': there are {known}")
+                raise UserError(f"no scenario '{name}': there are {known}{meant(name, self.scenarios)}")
             if names.count(name) > 1:
                 raise UserError(f"scenario '{name}' is named twice: name each once")
         return {name: self.scenarios[name] for name in names}

@@ -31,7 +31,10 @@ def refusal(host: str | None, origin: str | None, served_at: str) -> str | None:
         origin: its Origin header, if it has any.
         served_at: address at which the server listens.
     """
-    name = urlsplit(f"//{host or ''}").hostname or ""
+    try:
+        name = urlsplit(f"//{host or ''}").hostname or ""
+    except ValueError:  # such as an IPv6 address that has no end
+        return "the request names no host"
     machine = socket.gethostname().lower()
     if not _is_address(name) and name not in {"localhost", served_at.lower(), machine, f"{machine}.local"}:
         return f"this page is not served as '{name}': start it with --host {name or 'NAME'}, or use localhost"

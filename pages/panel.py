@@ -101,7 +101,7 @@ class Panel:
     @property
     def command(self) -> np.ndarray:
         """Forward m/s, leftward m/s, yaw rad/s, (3,), within what the policy was trained on."""
-        return np.array([np.clip(slider.value, slider.min, slider.max) for slider in self._sliders])
+        return np.array([_within_range(slider) for slider in self._sliders])
 
     @property
     def paused(self) -> bool:
@@ -120,7 +120,7 @@ class Panel:
     def take_push(self) -> float:
         """Speed of the push requested since the last call, m/s; 0 without a request."""
         asked, self._push_asked = self._push_asked, False
-        return float(np.clip(self._push_m_s.value, *PUSHES_M_S)) if asked else 0.0
+        return _within_range(self._push_m_s) if asked else 0.0
 
     def take_restart(self) -> bool:
         """Whether a restart was requested since the last call."""
@@ -168,6 +168,15 @@ class Panel:
 
 def _keep_within_range(slider: "GuiSliderHandle[float]") -> None:
     """Clamp a number that was typed beside a slider."""
-    within = float(np.clip(slider.value, slider.min, slider.max))
+    within = _within_range(slider)
     if within != slider.value:
         slider.value = within  # type: ignore[misc]
+
+
+def _within_range(slider: "GuiSliderHandle[float]") -> float:
+    """A slider's value within its range; a program that is no browser may send what is no number."""
+    try:
+        value = float(slider.value)
+    except (TypeError, ValueError):
+        value = np.nan
+    return float(np.clip(value if np.isfinite(value) else 0.0, slider.min, slider.max))

@@ -5,10 +5,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from footfall.common.config import require_positive, structure, unstructure
+from footfall.common.config import require_between, require_positive, structure, unstructure
 from footfall.common.errors import UserError
 from footfall.robots.commands import CommandRange
 from footfall.robots.description import Robot
+
+FASTEST_CONTROL_HZ = 1000.0  # no learned policy is run faster
 
 CONTRACT_KEY = "footfall.contract"  # of an ONNX file's metadata
 TRAINER_KEY = "footfall.trainer"
@@ -66,7 +68,7 @@ class Contract:
     version: int = field(default=VERSION)  # of this form
 
     def __post_init__(self) -> None:
-        require_positive(self, "control_rate_hz")
+        require_between(self, 1.0, FASTEST_CONTROL_HZ, "control_rate_hz")
         if not self.observation:
             raise ValueError("observation has no terms")
         for name, numbers in self._per_joint():

@@ -1,12 +1,12 @@
 """From what a user types to a policy: a controller, a zoo name, a run folder, an ONNX file, a class."""
 
 from collections.abc import Iterable
-from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from footfall.common.errors import UserError
+from footfall.common.hints import meant
 from footfall.common.outside import is_place
 from footfall.policies.controllers.settings import (
     SETTINGS_FILE,
@@ -133,9 +133,9 @@ def load_policy(spec: str, robot: Robot) -> Policy:
         return LearnedPolicy(path, robot)
     known = [*controllers_of(robot), *zoo_names(robot)]
     given = f"no policy '{spec}'" if spec else "no policy is named"
-    close = "".join(f". Did you mean {name}?" for name in get_close_matches(spec, known, n=1))
     raise UserError(
-        f"{given}: give one of {', '.join(known)}, a run folder, an .onnx file or MODULE:CLASS{close}"
+        f"{given}: give one of {', '.join(known)}, a run folder, an .onnx file or MODULE:CLASS"
+        f"{meant(spec, known)}"
     )
 
 

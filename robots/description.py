@@ -9,6 +9,7 @@ import numpy as np
 
 from footfall.common.config import load
 from footfall.common.errors import UserError
+from footfall.common.hints import meant
 from footfall.robots.actuator import Motor
 from footfall.robots.checks import contradictions, inconsistencies, overreach
 from footfall.robots.digest import digest
@@ -125,7 +126,7 @@ def load_robot(name_or_folder: str | Path) -> Robot:
     if not (folder / "robot.yaml").is_file():
         raise UserError(
             f"no robot '{name_or_folder}': give one of {', '.join(available_robots())}"
-            " or a folder with robot.yaml"
+            f" or a folder with robot.yaml{meant(str(name_or_folder), available_robots())}"
         )
     description = load(folder / "robot.yaml", Description)
     return _assemble(description, folder.resolve())

@@ -6,6 +6,8 @@ import mujoco
 
 from footfall.common.errors import UserError
 
+MOST_POINTS = 2**26  # of a texture or a height field
+
 
 def load_spec(path: Path) -> mujoco.MjSpec:
     """Read an MJCF file.
@@ -16,6 +18,19 @@ def load_spec(path: Path) -> mujoco.MjSpec:
     if not path.is_file():
         raise UserError(f"no MJCF file at {path}")
     try:
-        return mujoco.MjSpec.from_file(str(path))
+        spec = mujoco.MjSpec.from_file(str(path))
     except (ValueError, UnicodeDecodeError, mujoco.FatalError) as error:
         raise UserError(f"{path} is not valid MJCF: {' '.join(str(error).split())}") from None
+    _check_size(spec, path)
+    return spec
+
+
+def _check_size(spec: mujoco.MjSpec, path: Path) -> None:
+    """Refuse textures and height fields at which MuJoCo's compiler crashes, or takes minutes."""
+    for what, parts in (
+        ("texture", [(each.name, each.width * each.height) for each in spec.textures]),
+        ("height field", [(each.name, each.nrow * each.ncol) for each in spec.hfields]),
+    ):
+        for name, points in parts:
+            if points > MOST_POINTS:
+                raise UserError(f"{path}: {what} '{name}' has {points:,} points: {MOST_POINTS:,} at most")

@@ -21,7 +21,7 @@ class Gains:
     torque_share: float
 
     def __post_init__(self) -> None:
-        require_positive(self, "natural_frequency_hz", "damping_ratio", "torque_share")
+        require_between(self, 1e-12, 1e12, "natural_frequency_hz", "damping_ratio", "torque_share")
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,6 @@
 """Settings of a training, as they stand in a preset or in a run folder's config.yaml."""
 
 from dataclasses import dataclass, fields
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,7 @@ from footfall.common.config import (
     unstructure,
 )
 from footfall.common.errors import UserError
+from footfall.common.hints import meant
 from footfall.domain_rand.randomisation import own_ranges
 from footfall.envs.config import TERM_LISTS, EnvConfig, default_terms, with_lists
 from footfall.envs.old_settings import SCALES, SECTIONS
@@ -124,6 +124,7 @@ def load_preset(name_or_file: str, robot: Robot | None = None) -> TrainConfig:
     if not path.is_file():
         raise UserError(
             f"no preset '{name_or_file}': give one of {', '.join(available_presets())} or a YAML file"
+            f"{meant(name_or_file, available_presets())}"
         )
     changes = read_yaml(path)
     if not isinstance(changes, dict) or (robot is None and BASE not in changes):
@@ -172,8 +173,7 @@ def with_settings(config: TrainConfig, settings: dict[str, Any], source: str) ->
 def _meant(key: str, data: dict[str, Any]) -> str:
     """A hint at the setting that a key may mean."""
     whole = [f"{part}.{name}" for part in ("ppo", "env") for name in data[part]]
-    close = [each for each in whole if each.endswith(f".{key}")] or get_close_matches(key, whole, n=1)
-    return f". Did you mean {close[0]}?" if close else ""
+    return meant(next((each for each in whole if each.endswith(f".{key}")), key), whole)
 
 
 def _merged(settings: dict[str, Any], changes: Any, source: str) -> Any:
@@ -198,9 +198,7 @@ def _check_names(env: dict[str, Any], changes: Any, source: str) -> None:
                 continue
             known = _listed_anywhere(part)
             if name not in known:
-                close = get_close_matches(str(name), known, n=1)
-                hint = f". Did you mean {close[0]}?" if close else ""
-                raise UserError(f"{source}: env.{part}: no term '{name}'{hint}")
+                raise UserError(f"{source}: env.{part}: no term '{name}'{meant(str(name), known)}")
 
 
 def _listed_anywhere(part: str) -> set[str]:

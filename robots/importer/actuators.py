@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
 from footfall.common.config import read_yaml, require_positive, structure
 from footfall.common.errors import UserError
+from footfall.common.hints import meant
 from footfall.robots.importer.motors import ByJoint
 
 TABLE = Path(__file__).with_name("actuators.yaml")
@@ -66,8 +66,9 @@ def figures_of(chosen: Mapping[str, str]) -> Figures:
     known = actuators()
     for name in chosen.values():
         if name not in known:
-            close = "".join(f". Did you mean {each}?" for each in get_close_matches(name, known, n=1))
-            raise UserError(f"--actuator: no actuator '{name}': there are {', '.join(known)}{close}")
+            raise UserError(
+                f"--actuator: no actuator '{name}': there are {', '.join(known)}{meant(name, known)}"
+            )
     rows = {part: known[name] for part, name in chosen.items()}
     return Figures(
         {part: row.peak_torque_nm for part, row in rows.items()},

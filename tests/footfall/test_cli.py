@@ -67,6 +67,9 @@ class TestLimits:
         called.replace("footfall.pages.walk.watch")
         assert shell("watch", "run").status == 0
         assert called.of("watch")[0][:3] == (Path("run"), "localhost", 8080)
+        called.calls.clear()
+        assert shell("watch", "go1-flat").status == 0  # a policy of the zoo
+        assert (called.of("watch")[0][0] / "config.yaml").is_file()
 
 
 def refuse(*_: Any, **__: Any) -> None:

@@ -46,6 +46,16 @@ def test_each_row_tells_what_it_is(listed: dict[str, dict[str, dict]]) -> None:
     assert listed["presets"]["smoke"]["about"].startswith("Seconds on any machine")
 
 
+def test_a_folders_controllers_alone(own_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    listed = json.loads(Shell(capsys)("list", "--robot", own_folder, "--json").out)
+    (robot,) = listed["robots"]
+    assert robot["controllers"]
+    assert {row["name"] for row in listed["controllers"]} == set(robot["controllers"])
+    assert all(row["robots"] == [robot["name"]] for row in listed["controllers"])
+    assert {row["name"] for row in listed["policies"]} == set(robot["policies"])
+    assert Shell(capsys)("list", "--robot", own_folder).status == 0
+
+
 def test_people_get_a_table_of_each_kind(
     capsys: pytest.CaptureFixture[str], listed: dict[str, dict[str, dict]]
 ) -> None:

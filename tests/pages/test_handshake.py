@@ -82,6 +82,11 @@ def test_a_name_that_somebody_else_may_point_here_is_refused(page: int) -> None:
     assert "--host evil.example" in text
 
 
+@pytest.mark.parametrize("host", ["[::1", "]", "a:b:c"])
+def test_a_host_that_is_none_is_refused(page: int, host: str) -> None:
+    assert fetched(page, host)[0] == 403
+
+
 @pytest.mark.parametrize("path", ["/", "/index.html", "/?initialCameraPosition=1,2,3"])
 def test_the_page_is_ours(page: int, path: str) -> None:
     status, text = fetched(page, f"localhost:{page}", path)

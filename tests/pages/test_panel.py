@@ -56,6 +56,11 @@ class TestCommands:
         page[AXES[0]].type(9.0)
         page["Push, m/s"].type(9.0)
         assert (page[AXES[0]].value, page["Push, m/s"].value) == (1.5, page["Push, m/s"].max)
+        for value in (np.nan, "fast", None, [1.0]):
+            page[AXES[0]].type(value)
+            assert page[AXES[0]].value == 0.0
+            page[AXES[1]].value = value  # before anything has answered to it
+            assert np.isfinite(panel.command).all()
 
     def test_pushes_and_restarts_are_taken_once(self, panel: Panel, page: PageControls) -> None:
         assert (panel.take_push(), panel.take_restart()) == (0.0, False)

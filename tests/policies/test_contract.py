@@ -13,8 +13,8 @@ from footfall.policies.contract import CONTRACT_KEY, TRAINER_KEY, Contract, Gait
 from footfall.robots.commands import CommandRange
 from footfall.robots.description import Robot, load_robot
 
-numbers = st.floats(allow_nan=False, allow_infinity=False)
 above_zero = st.floats(0, exclude_min=True, allow_nan=False, allow_infinity=False)
+numbers = st.floats(allow_nan=False, allow_infinity=False)
 ranges = st.tuples(numbers, numbers)
 terms = st.builds(Term, st.text(), numbers, st.integers(1, 9))
 
@@ -28,7 +28,7 @@ def contracts(draw: st.DrawFn) -> Contract:
         robot=draw(st.text()),
         digest=draw(st.text()),
         joints=joints,
-        control_rate_hz=draw(above_zero),
+        control_rate_hz=draw(st.floats(1.0, 1000.0)),
         observation=draw(st.lists(terms, min_size=1).map(tuple)),
         default_pose_rad=draw(per_joint),
         action_scale_rad=draw(per_joint),
@@ -75,7 +75,8 @@ def test_unknown_field_is_refused_by_name(contract: Contract) -> None:
 @pytest.mark.parametrize(
     ("field", "value", "wanted"),
     [
-        ("control_rate_hz", 0.0, "control_rate_hz must be above 0"),
+        ("control_rate_hz", 0.0, "control_rate_hz must be from 1 to 1000"),
+        ("control_rate_hz", 1e-9, "control_rate_hz must be from 1 to 1000"),
         ("observation", [], "observation has no terms"),
         ("observation", [{"name": "gyro", "history": 0}], "history must be above 0"),
         ("kp", [20.0], "kp has 1 numbers for 12 joints"),

@@ -60,6 +60,7 @@ WRONG_YAML = (
     ("[FR_hip_joint, FR_thigh_joint,", "[FR_hip_joint, FR_hip_joint,", "FR_hip_joint is listed twice"),
     ("limit_factor: 0.95", "limit_factor: 0.05", "FR_hip_joint: default_rad 0.1 is outside the soft limits"),
     ("frequency_hz: 14.0", "frequency_hz: 1.0e+9", "natural_frequency_hz of 1e+09 makes joint"),
+    ("frequency_hz: 14.0", "frequency_hz: 1.0e+300", "natural_frequency_hz must be from"),
     ("frequency_hz: 14.0", "frequency_hz: 100", "too stiff for physics steps of 5 ms"),
     ("damping_ratio: 1.0", "damping_ratio: 1000", "too much for its inertia and physics steps of 1 ms"),
     ("friction_speed_rad_s: 0.2", "friction_speed_rad_s: 1.0e-6", "friction at low speed"),

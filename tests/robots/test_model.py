@@ -11,6 +11,7 @@ import pytest
 from footfall.common.errors import UserError
 from footfall.common.rotations import rotation_matrix
 from footfall.robots.description import Robot, available_robots, load_robot
+from footfall.robots.mjcf import load_spec
 from footfall.robots.model import ground_friction, joint_addresses, plant_model, read_plant, training_model
 
 
@@ -401,3 +402,17 @@ def test_one_geom_that_serves_for_two_of_a_foot_counts_once(go1: Robot, tmp_path
     path = changed_plant(go1, tmp_path / "plant.xml", ('"FR_foot"', '"toe"'))
     plant = read_plant(robot, path)
     assert plant.feet[0].tolist() == [plant.model.geom("toe").id]
+
+
+@pytest.mark.parametrize(
+    "asset",
+    [
+        '<texture name="big" type="2d" builtin="flat" width="60000" height="60000"/>',
+        '<hfield name="big" nrow="30000" ncol="30000" size="1 1 1 1"/>',
+    ],
+    ids=["texture", "height field"],
+)
+def test_what_would_end_the_compiler_is_refused(tmp_path: Path, asset: str) -> None:
+    (tmp_path / "robot.xml").write_text(f"<mujoco><asset>{asset}</asset></mujoco>")
+    with pytest.raises(UserError, match=r"'big' has [\d,]+ points"):
+        load_spec(tmp_path / "robot.xml")

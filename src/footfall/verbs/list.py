@@ -2,11 +2,16 @@
 
 import json as json_text
 from collections.abc import Callable, Sequence
-from typing import Annotated, Any, Literal
+from functools import partial
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
 from footfall.common.installation import needs_extra
+from footfall.options import AS_TYPED, RobotName
+
+if TYPE_CHECKING:
+    from footfall.robots.description import Robot
 
 Rows = list[dict[str, Any]]
 
@@ -14,20 +19,31 @@ Rows = list[dict[str, Any]]
 Kind = Literal["robots", "controllers", "policies", "scenarios", "presets", "terms"]
 
 
-def list_names(kind: Kind | None = None, /, *, json: Annotated[bool, Parameter(negative=())] = False) -> None:
+def list_names(
+    kind: Kind | None = None,
+    /,
+    *,
+    robot: Annotated[RobotName | None, AS_TYPED] = None,
+    json: Annotated[bool, Parameter(negative=())] = False,
+) -> None:
     """Show the names of robots, controllers, policies of the zoo, scenarios and presets, or of terms.
 
     Parameters
     ----------
     kind
         Show this kind alone. `terms` are what a preset's task is made of (an extra: train).
+    robot
+        Show this robot, its controllers and its policies alone: a name, or a folder with its robot.yaml.
     json
         Print JSON instead of tables.
     """
+    from footfall.robots.description import available_robots, load_robot
+
+    robots = [load_robot(name) for name in ([robot] if robot else available_robots())]
     kinds: dict[str, Callable[[], Rows]] = {
-        "robots": _robots,
-        "controllers": _controllers,
-        "policies": _policies,
+        "robots": partial(_robots, robots),
+        "controllers": partial(_controllers, robots),
+        "policies": partial(_policies, robots),
         "scenarios": _scenarios,
         "presets": _presets,
         "terms": _terms,
@@ -40,9 +56,8 @@ def list_names(kind: Kind | None = None, /, *, json: Annotated[bool, Parameter(n
         _show(found)
 
 
-def _robots() -> Rows:
+def _robots(robots: "list[Robot]") -> Rows:
     from footfall.policies.registry import controllers_of, zoo_names
-    from footfall.robots.description import available_robots, load_robot
 
     return [
         {
@@ -52,31 +67,31 @@ def _robots() -> Rows:
             "controllers": controllers_of(robot),
             "policies": zoo_names(robot),
         }
-        for robot in map(load_robot, available_robots())
+        for robot in robots
     ]
 
 
-def _controllers() -> Rows:
+def _controllers(robots: "list[Robot]") -> Rows:
     from footfall.policies.registry import CONTROLLERS, controllers_of
-    from footfall.robots.description import available_robots, load_robot
 
-    robots = {robot.name: controllers_of(robot) for robot in map(load_robot, available_robots())}
+    able = {robot.name: controllers_of(robot) for robot in robots}
     return [
         {
             "name": name,
             "about": controller.about,
             "walks": controller.walks,
-            "robots": [robot for robot, controllers in robots.items() if name in controllers],
+            "robots": [robot for robot, controllers in able.items() if name in controllers],
         }
         for name, controller in CONTROLLERS.items()
+        if any(name in controllers for controllers in able.values())
     ]
 
 
-def _policies() -> Rows:
+def _policies(robots: "list[Robot]") -> Rows:
     from footfall.common.config import read_yaml
     from footfall.policies.registry import ZOO, zoo_names
 
-    runs = {name: read_yaml(ZOO / name / "run.yaml") for name in zoo_names()}
+    runs = {name: read_yaml(ZOO / name / "run.yaml") for of in robots for name in zoo_names(of)}
     return [
         {"name": name, **{key: run[key] for key in ("robot", "preset", "trainer", "created")}}
         for name, run in runs.items()

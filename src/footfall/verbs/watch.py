@@ -31,11 +31,13 @@ def watch(run: Path, /, *, page: PageOptions = LOCAL_PAGE) -> None:
     Parameters
     ----------
     run
-        A run folder that footfall train made, or is still filling.
+        A run folder that footfall train made, or is still filling, or the name of a policy in the zoo.
     """
+    from footfall.policies.registry import ZOO, zoo_names
     from footfall.train.runs.stop import StopRequest
 
     with StopRequest() as stop:
         from footfall.pages.walk import watch as serve
 
-        serve(run, page.host, page.port, stop)
+        shipped = not run.exists() and str(run) in zoo_names()
+        serve(ZOO / run if shipped else run, page.host, page.port, stop)

@@ -1,0 +1,9 @@
+"""What a misspelt name may mean."""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+def meant(name: str, known: Iterable[str]) -> str:
+    """'. Did you mean NAME?' with the closest known name; empty if none is close."""
+    return "".join(f". Did you mean {each}?" for each in get_close_matches(name, list(known), n=1))
