@@ -94,3 +94,11 @@ def test_the_fast_contender_is_twice_as_fast_as_the_given_steps() -> None:
     assert trace.base_velocity[late, 0].mean() > 0.19
     assert abs(trace.base_velocity[late, 1].mean()) < 0.02
     assert trace.base_position[:, 2].min() > 0.18
+
+
+def test_mpc_walks_on_six_feet() -> None:
+    trace = run_episode(ROBOT, load_policy("mpc", ROBOT), Episode(lambda _: np.array([0.15, 0.0, 0.0]), 2.5))
+    assert not trace.fell
+    assert trace.faults == ()
+    assert trace.base_velocity[100:, 0].mean() == pytest.approx(0.15, abs=0.04)
+    assert trace.base_position[:, 2].min() > 0.18

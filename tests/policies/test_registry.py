@@ -80,7 +80,7 @@ class TestControllers:
 
     @pytest.mark.parametrize(
         ("robot", "foreign", "has"),
-        [("hexapod", "trot", "stand, tripod, ripple, wave"), ("g1", "tripod", "stand, balance, step")],
+        [("hexapod", "trot", "stand, tripod, ripple, wave, mpc"), ("g1", "tripod", "stand, balance, step")],
     )
     def test_another_robots_controller_is_answered_with_its_own(
         self, robot: str, foreign: str, has: str
@@ -115,7 +115,7 @@ class TestControllers:
 
     def test_of_the_gaits_one_is_compared_with(self, go1: Robot) -> None:
         assert first_of_each_kind(walking_controllers(go1)) == ["trot", "mpc", "mpc-wbc"]
-        assert first_of_each_kind(walking_controllers(load_robot("hexapod"))) == ["tripod"]
+        assert first_of_each_kind(walking_controllers(load_robot("hexapod"))) == ["tripod", "mpc"]
 
     def test_they_come_in_the_order_of_the_settings(self, own_folder: Path) -> None:
         settings = own_folder / "controllers.yaml"
