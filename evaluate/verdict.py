@@ -104,7 +104,7 @@ def _evidence(figure: Figure, names: Sequence[str], summaries: Sequence[Summary]
     others = [index for index in range(len(names)) if index not in first]
     nearest = min(others, key=lambda index: _badness(figure, summaries[index]))
     unit = f" {figure.unit}" if figure.unit else ""
-    return f"{own}{unit}, next {names[nearest]} with {text(figure, summaries[nearest])}"
+    return f"{own}{unit}, against {text(figure, summaries[nearest])} of {names[nearest]}"
 
 
 def _badness(figure: Figure, summary: Summary) -> float:

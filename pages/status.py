@@ -26,6 +26,8 @@ class Status:
     episodes: int = 0
     falls: int = 0
     last_fall: str = ""
+    walked_s: float = 0.0  # since the last start
+    restart_s: float = 0.0  # after which it starts again
     command: np.ndarray = field(default_factory=lambda: np.zeros(3))  # m/s, m/s, rad/s
     velocity: np.ndarray = field(default_factory=lambda: np.zeros(3))  # the same, true and smoothed
     pace: float = 1.0  # simulated time over wall time
@@ -40,6 +42,7 @@ def as_markdown(status: Status) -> str:
         rows += [
             ("Policy", _policy(status)),
             ("Robot", f"{status.mode.lower()}, {status.pace:.2f} × real time"),
+            ("Start", f"{status.episodes}, {status.walked_s:.0f} of {status.restart_s:g} s, then the next"),
             ("Falls", f"{falls}: {status.last_fall}" if status.last_fall else falls),
             ("Forward", _of(status, 0, "m/s")),
             ("Left", _of(status, 1, "m/s")),

@@ -161,7 +161,7 @@ class Walk:
         moving = np.array([*truth.base_velocity[:2], truth.base_angular_velocity[2]])
         status.velocity = status.velocity + SMOOTHING * (moving - status.velocity)
         status.command, status.mode = self._panel.command, loop.state.mode.value
-        status.pace = self._pace.factor
+        status.pace, status.walked_s, status.restart_s = self._pace.factor, loop.walking_s, EPISODE_S
         self._scene.show(body.data, status.command, status.velocity, self._panel.follow)
 
     def _look(self) -> None:

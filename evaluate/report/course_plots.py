@@ -185,7 +185,7 @@ def timing(walks: Sequence[Walk]) -> Plot:
     return Plot(
         "Timing",
         "Time per policy step on the course, one policy at a time, on one core of this machine. Dashed: p50"
-        " and p99. Line: the time that a step has.",
+        " and p99. Line: the time that a step has. On a busy machine p99 tells of its other programs.",
         [_timing_panel(walk, bins) for walk in shown],
     )
 

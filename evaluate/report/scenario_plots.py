@@ -21,6 +21,8 @@ LEVEL_LABELS = {
     "action_delay_s": "added latency, s",
 }
 
+FEW_EPISODES = 4  # at a size of push; a fit of fewer is a guess
+
 
 def survival(summaries: Summaries) -> Plot:
     """Share of robots that stay up against the size of a push, a panel for each policy."""
@@ -30,9 +32,19 @@ def survival(summaries: Summaries) -> Plot:
         "Pushes",
         "Share of episodes that stayed up against the size of the push. Small marks: measured, with 95 %"
         " Wilson intervals. Line: logistic fit. Large mark and bar: median survivable push with its 95 %"
-        " bootstrap interval.",
+        f" bootstrap interval.{_warning(shown)}",
         [_survival_panel(place, policy, summary, strongest) for place, policy, summary in shown],
     )
+
+
+def _warning(shown: list[tuple[int, str, Summary]]) -> str:
+    """What to say where a fit rests on few episodes."""
+    fewest = min(
+        (row["episodes"] for _, _, summary in shown for row in summary["rows"]), default=FEW_EPISODES
+    )
+    if fewest >= FEW_EPISODES:
+        return ""
+    return f" With {fewest} episode{'s' * (fewest != 1)} at a size, fit and interval are a guess."
 
 
 def _survival_panel(place: int, policy: str, summary: Summary, strongest: float) -> Markup:

@@ -42,7 +42,7 @@ def page(go1: Robot) -> str:
 class TestPage:
     def test_opens_with_the_verdict(self, page: str) -> None:
         words = Page(page).words
-        sentence = "mine falls least often (0 of 24, next trot with 9 of 24)"
+        sentence = "mine falls least often (0 of 24, against 9 of 24 of trot)"
         assert words.index(sentence) < words.index("Headline figures")
 
     def test_needs_nothing_but_itself_and_names_each_element_once(self, page: str) -> None:
@@ -121,6 +121,10 @@ class TestPlots:
     def test_pushes_have_a_panel_for_each_policy_with_its_numbers(self) -> None:
         plot = scenario_plots.survival({"a": pushed(2.0, 3), "b": pushed(1.0, 3)})
         assert len(plot.panels) == 2
+        assert "a guess" not in plot.caption
+        single = pushed(2.0, 1)
+        single["rows"] = [row | {"episodes": 1, "falls": 0} for row in single["rows"]]
+        assert "With 1 episode at a size" in scenario_plots.survival({"a": single}).caption
         _, x, (_, _, text) = readings(plot.panels[0])
         assert text.startswith("push of 3 m/s: 0 of 8 stayed up\n95 % interval 0 to 32 %")
         assert "median survivable push 2.00 m/s (1.90 to 2.10)" in text

@@ -244,24 +244,24 @@ class TestVerdict:
         )
         assert sentence == (
             "Over 24 episodes of nominal and 96 episodes of push, mine falls least often"
-            " (0 of 24, next trot with 12 of 24) and follows the commanded velocity most closely"
-            " (0.100 m/s, next trot with 0.300); these 95 % intervals lie apart,"
+            " (0 of 24, against 12 of 24 of trot) and follows the commanded velocity most closely"
+            " (0.100 m/s, against 0.300 of trot); these 95 % intervals lie apart,"
             " and there is no clear difference in median survivable push."
         )
 
     def test_several_that_lead_together_are_named_together(self) -> None:
         summaries = {"a": scored(0.10, 0.02), "b": scored(0.11, 0.02), "c": scored(0.5, 0.02)}
-        assert "a and b follow the commanded velocity most closely (0.100 and 0.110 m/s, next c" in verdict(
+        assert "a and b follow the commanded velocity most closely (0.100 and 0.110 m/s, against" in verdict(
             {"nominal": summaries}
         )
 
     def test_the_next_is_the_best_of_the_others(self) -> None:
         pushes = {"c": pushed(1.0, 0.9, 1.1), "b": pushed(2.0, 1.9, 2.1), "a": pushed(3.0, 2.9, 3.1)}
-        assert "a survives the hardest pushes (3.00 m/s, next b with 2.00)" in verdict({"push": pushes})
+        assert "a survives the hardest pushes (3.00 m/s, against 2.00 of b)" in verdict({"push": pushes})
         errors = {"c": scored(0.9), "b": scored(0.5), "a": scored(0.1)}
-        assert "(0.100 m/s, next b with 0.500)" in verdict({"nominal": errors})
+        assert "(0.100 m/s, against 0.500 of b)" in verdict({"nominal": errors})
         unknown = scored(0.9) | {"lin_vel_rmse": None, "lin_vel_rmse_interval": [None, None]}
-        assert "(0.100 m/s, next b with 0.500)" in verdict(
+        assert "(0.100 m/s, against 0.500 of b)" in verdict(
             {"nominal": {"c": unknown} | errors | {"c": unknown}}
         )
 

@@ -60,10 +60,11 @@ class TestStatus:
         )
         status.command, status.velocity = np.array([0.5, 0.0, 0.0]), np.array([0.42, -0.01, 0.0])
         status.mode, status.episodes, status.falls, status.last_fall = "WALKING", 4, 3, "the base tilted"
+        status.walked_s, status.restart_s = 12.0, 60.0
         text = as_markdown(status)
         assert WAITING not in text
         for fact in (
             "500 of 1,000 steps (50%)", "iteration 30, 300 steps", "+0.42 of +0.50 m/s",
-            "3 in 4 starts: the base tilted", "walking",
+            "3 in 4 starts: the base tilted", "walking", "12 of 60 s",
         ):  # fmt: skip
             assert fact in text
