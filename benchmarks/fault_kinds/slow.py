@@ -278,7 +278,9 @@ SLOW = (
     FaultKind("half of one motor's commands lost", half_heard, SOON_S, SHARE, main=True),
     FaultKind("half of all commands lost", commands_dropped(0.5), SOON_S, SHARE),
     FaultKind("motor obeys no new command", deaf, None, ASKED, main=True, observed_s=5.0),
-    FaultKind("bits flipped in 5 % of the commands", commands_flipped(0.05), None, SHARE, main=True),
+    FaultKind(
+        "bits flipped in 5 % of the commands", commands_flipped(0.05), None, SHARE, main=True, observed_s=4.0
+    ),
     FaultKind("a second host holds the default pose", second_host, main=True),
     FaultKind("temperature sensor reads 0", temperature(0), SOON_S, WARM, main=True),
     *(

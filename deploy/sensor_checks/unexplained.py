@@ -24,7 +24,9 @@ class UnexplainedLimits:
     unexplained: float = 0.005  # of the peak torque, on average over `unexplained_memory_s`
     unexplained_memory_s: float = 1.0
     explained_s: float = 0.05  # how old a command may be that explains a report
-    strength_share: float = 0.25  # of the torque: by which a motor may be stronger or weaker than it says
+    strength_share: float = (
+        0.55  # of the torque: by which a motor may be weaker: the robot walks with half of it
+    )
 
     def __post_init__(self) -> None:
         require_between(self, 0.001, 10.0, "unexplained")

@@ -163,6 +163,10 @@ class TestUnexplained:
         assert self.drops_out(go1, 0.03) > LIMITS.unexplained
         assert self.drops_out(go1, 0.0) == 0.0
 
+    def test_a_motor_of_half_its_strength_is_weak_and_not_disturbed(self, go1: Robot) -> None:
+        peak = float(go1.motor.peak_torque[0])
+        assert measured(go1, Unexplained, torque=lambda _: (0.3 * peak, 0.6 * peak), samples=500)[0] == 0.0
+
     def test_a_report_that_is_late_is_explained_by_an_older_command(self, go1: Robot) -> None:
         peak = float(go1.motor.peak_torque[0])
         asked = lambda t: 0.5 * peak * np.sign(np.sin(15.0 * t))  # noqa: E731
