@@ -162,7 +162,7 @@ class TestCheck:
         """What was looked at and tested; nothing is simulated, and nothing wrong."""
         calls: list[Any] = []
         looked = SimpleNamespace(
-            links=[], feet=[], margin_m=0.1, mass_kg=1.0, centre_m=np.zeros(3), findings=lambda: iter(())
+            links=[], feet=[], margin_m=0.1, mass_kg=1.0, centre_m=np.zeros(3), findings=lambda **_: iter(())
         )
 
         def inspect(robot: Robot, seed: int) -> Inspection:
@@ -205,7 +205,7 @@ class TestCheck:
         assert asked[2] == ("stand", "go1", 4.0, 0)
 
     def test_anything_wrong_is_status_1(self, shell: Shell, asked: list[Any]) -> None:
-        asked[0].findings = lambda: iter(["a foot is missing"])
+        asked[0].findings = lambda **_: iter(["a foot is missing"])
         outcome = shell("robot", "check", "go1")
         assert outcome.status == 1
         assert outcome.out.endswith("wrong: a foot is missing\n")
@@ -214,7 +214,7 @@ class TestCheck:
     def test_all_that_was_looked_at_is_shown_and_all_that_is_wrong_told_in_order(
         self, shell: Shell, asked: list[Any], monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        asked[0].findings = lambda: iter(["a foot is missing"])
+        asked[0].findings = lambda **_: iter(["a foot is missing"])
         monkeypatch.setattr(robot_check, "beyond_frames", lambda _: ["a gain is cut"])
         monkeypatch.setattr(robot_check, "wrong_standing", lambda *_: ["it sinks"])
         monkeypatch.setattr(robot_check, "wrong_lying", lambda _: ["it tips over"])
