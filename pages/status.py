@@ -39,10 +39,14 @@ def as_markdown(status: Status) -> str:
     rows = [("Training", _training(status))]
     if status.policies:
         falls = f"{status.falls} in {status.episodes} starts"
+        rows += [("Policy", _policy(status))]
+        if status.mode:  # from the first frame on
+            walked = f"{status.walked_s:.0f} of {status.restart_s:g} s, then the next"
+            rows += [
+                ("Robot", f"{status.mode.lower()}, {status.pace:.2f} × real time"),
+                ("Start", f"number {status.episodes}: {walked}"),
+            ]
         rows += [
-            ("Policy", _policy(status)),
-            ("Robot", f"{status.mode.lower()}, {status.pace:.2f} × real time"),
-            ("Start", f"{status.episodes}, {status.walked_s:.0f} of {status.restart_s:g} s, then the next"),
             ("Falls", f"{falls}: {status.last_fall}" if status.last_fall else falls),
             ("Forward", _of(status, 0, "m/s")),
             ("Left", _of(status, 1, "m/s")),

@@ -161,7 +161,8 @@ class Walk:
         moving = np.array([*truth.base_velocity[:2], truth.base_angular_velocity[2]])
         status.velocity = status.velocity + SMOOTHING * (moving - status.velocity)
         status.command, status.mode = self._panel.command, loop.state.mode.value
-        status.pace, status.walked_s, status.restart_s = self._pace.factor, loop.walking_s, EPISODE_S
+        status.pace, status.restart_s = self._pace.factor, EPISODE_S
+        status.walked_s = loop.walking_s if loop.walking else 0.0
         self._scene.show(body.data, status.command, status.velocity, self._panel.follow)
 
     def _look(self) -> None:
