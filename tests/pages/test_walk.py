@@ -260,7 +260,8 @@ class TestWalk:
         )
         made.walk._next_frame_us = 2_000_000
         made.loop = SimpleNamespace(
-            now_us=2_000_000, walking_s=1.0, walking=True, state=SimpleNamespace(mode=SimpleNamespace(value="WALKING")),
+            now_us=2_000_000, walking_s=1.0, walking=True,
+            state=SimpleNamespace(mode=SimpleNamespace(value="WALKING")),
             finish=lambda: made.log.append(("finish",)),
         )  # fmt: skip
         truth = SimpleNamespace(
