@@ -96,9 +96,10 @@ def judged(
         return verdict
     every = list(causes(wiring, legs))
     fault = _cause(measured, right, errors, predicted, every, config.explained)
-    if not fault and askew > config.askew_rad:
+    strange = float(np.median(errors)) > config.unlike
+    if not fault and askew > config.askew_rad and not strange:
         fault = f"the IMU is askew by {askew:.2f} rad, or the ground is: align it with the base's axes"
-    if not fault and (float(np.median(errors)) > config.unlike or imu_error > config.unlike):
+    if not fault and (strange or imu_error > config.unlike):
         strangest = wiring.place(int(errors.argmax()))
         fault = f"the robot moves otherwise than its description says, most of all with {strangest}"
     return verdict._replace(fault=fault)
