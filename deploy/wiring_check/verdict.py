@@ -14,7 +14,7 @@ from footfall.deploy.wiring_check.prediction import Prediction
 LIKELY = 4  # causes that are simulated because they look likely, beside those of the two strangest joints
 STRANGEST = 2
 FLOOR = 0.5  # of the median response: errors of weaker responses are shares of this
-LEAST_TILT = 0.04  # rad per rad: a base that tilts less says nothing of the IMU
+LEAST_TILT = 0.06  # rad per rad: a base that tilts less says nothing of the IMU
 LEAST_TURN_RAD = 0.15  # about z, of an IMU
 
 
@@ -49,10 +49,10 @@ class Responses(NamedTuple):
         least = LEAST_TILT * np.sqrt(len(size))
         return joint, float(np.linalg.norm(self.tilt - right.tilt) / max(tilt, least))
 
-    def cost(self, right: "Responses") -> float:
-        """Squared error of the joints, on average, and of the tilts."""
+    def cost(self, right: "Responses", noise: float) -> float:
+        """Squared error of the joints, on average, and of the tilts beyond the IMU's noise."""
         joint, tilt = self.errors(right)
-        return float((joint**2).mean() + tilt**2)
+        return float((joint**2).mean() + max(tilt - noise, 0.0) ** 2)
 
 
 def judged(
@@ -95,7 +95,7 @@ def judged(
     if errors.max() <= config.alike and imu_error <= config.imu_alike and askew <= config.askew_rad:
         return verdict
     every = list(causes(wiring, legs))
-    fault = _cause(measured, right, errors, predicted, every, config.explained)
+    fault = _cause(measured, right, errors, predicted, every, config)
     strange = float(np.median(errors)) > config.unlike
     if not fault and askew > config.askew_rad and not strange:
         fault = f"the IMU is askew by {askew:.2f} rad, or the ground is: align it with the base's axes"
@@ -116,10 +116,11 @@ def _cause(
     errors: np.ndarray,
     predicted: Callable[[Cause], np.ndarray],
     every: list[Cause],
-    explained: float,
+    config: WiringCheckConfig,
 ) -> str:
     """The text of the cause that explains the responses; empty if none does."""
-    limit = explained * measured.cost(right)
+    noise = config.imu_alike
+    limit = config.explained * measured.cost(right, noise)
     found: list[tuple[float, str]] = []
     angle = turn_about_z(measured.tilt, right.tilt)
     if abs(angle) > LEAST_TURN_RAD:
@@ -127,12 +128,12 @@ def _cause(
         text = (
             f"the IMU is turned by {np.degrees(angle):+.0f} degrees about z: mount it along the base's axes"
         )
-        found.append((turned.cost(right), text))
+        found.append((turned.cost(right, noise), text))
     guesses = np.array([np.linalg.norm(measured.torque - each.responses(right.torque)) for each in every])
     strange = set(np.argsort(errors)[-STRANGEST:].tolist())
-    of_strange = [row for row, each in enumerate(every) if len(each.key) == 1 and each.key[0] in strange]
+    of_strange = [row for row, each in enumerate(every) if strange.issuperset(each.key)]
     for row in dict.fromkeys([*np.argsort(guesses)[:LIKELY].tolist(), *of_strange]):
         cause = every[row]
-        found.append((measured.cost(_responses(predicted(cause))), cause.text))
+        found.append((measured.cost(_responses(predicted(cause)), noise), cause.text))
     cost, text = min(found)
     return text if cost <= limit else ""
