@@ -110,6 +110,12 @@ def _responses(rows: np.ndarray) -> Responses:
     return Responses(rows[:n, :n], rows[:n, n:])
 
 
+def _guess(measured: Responses, cause: Cause, right: Responses) -> float:
+    """Squared error of the joints if a cause changed nothing but the places of the right responses."""
+    joint, _ = measured._replace(tilt=right.tilt).errors(Responses(cause.responses(right.torque), right.tilt))
+    return float((joint**2).mean())
+
+
 def _cause(
     measured: Responses,
     right: Responses,
@@ -129,7 +135,7 @@ def _cause(
             f"the IMU is turned by {np.degrees(angle):+.0f} degrees about z: mount it along the base's axes"
         )
         found.append((turned.cost(right, noise), text))
-    guesses = np.array([np.linalg.norm(measured.torque - each.responses(right.torque)) for each in every])
+    guesses = np.array([_guess(measured, each, right) for each in every])
     strange = set(np.argsort(errors)[-STRANGEST:].tolist())
     of_strange = [row for row, each in enumerate(every) if strange.issuperset(each.key)]
     for row in dict.fromkeys([*np.argsort(guesses)[:LIKELY].tolist(), *of_strange]):
