@@ -1,6 +1,7 @@
 """A robot as a single rigid body, and the inertia of its legs: the model of model-based controllers."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -19,6 +20,11 @@ class RigidBody:
     centre: np.ndarray  # (3,) m, centre of mass from the base's origin
     inertia: np.ndarray  # (3, 3) kg m^2 about the centre of mass
     leg_inertia: np.ndarray  # (legs, m, m) kg m^2, joint space as in `Legs`, reflected inertia included
+
+    @cached_property
+    def inverse_inertia(self) -> np.ndarray:
+        """Inverse of the inertia, (3, 3)."""
+        return np.linalg.inv(self.inertia)
 
 
 def nominal_body(robot: Robot) -> RigidBody:

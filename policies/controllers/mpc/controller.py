@@ -54,7 +54,6 @@ class Mpc:
         self.rate_hz = config.rate_hz
         self._legs = robot.legs
         self._body = nominal_body(robot)
-        self._inverse_inertia = np.linalg.inv(self._body.inertia)
         self._problems = ForceProblems(self._body, config.horizon, config.weights, config.contact)
         self._solver = BoundedSolver()
         self._grip = Grip(self._legs, config.contact)
@@ -68,7 +67,6 @@ class Mpc:
         self._disturbance = Disturbance(config.restart)
         self.reference = Reference(config, self._body.centre)
         self.swing_feet = SwingFeet(config, places, self._legs.foot_radius)
-        self._solve_every = max(1, round(config.rate_hz / config.horizon.solve_hz))
         self.solve_ms: deque[float] = deque(maxlen=_TIMINGS_KEPT)
         self._begin(0.0, stance.height_m)
 
@@ -130,7 +128,7 @@ class Mpc:
             self.swing_feet.lift_off[lifting] = feet[lifting]
             self._swinging, self.stands = swinging, stands
             self._plan(base, feet)
-            self._ticks_to_solve = self._solve_every
+            self._ticks_to_solve = max(1, round(self.rate_hz / self._config.horizon.solve_hz))
 
         swing = self.swing_feet.motion(swinging, progress, base, self.clock.timing.swing_s)
         command = self._joints(inputs, base, pose, swing)
@@ -141,7 +139,7 @@ class Mpc:
         """Of the base by the planned forces, linear and angular, (6,) m/s^2 and rad/s^2, world."""
         body = self._body
         arms, forces = pose.foot - body.centre, self.force.dot(base.rotation)
-        turn = self._inverse_inertia @ moment(arms, forces)
+        turn = body.inverse_inertia @ moment(arms, forces)
         linear = forces.sum(axis=0) / body.mass - cross(turn, body.centre)
         both = np.array([linear, turn]).dot(base.rotation.T)
         both[0, 2] -= GRAVITY_M_S2

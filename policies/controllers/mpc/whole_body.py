@@ -63,7 +63,7 @@ class MpcWholeBody(Mpc):
         wanted = Wanted(
             centre=self.force.sum(axis=0) / self._body.mass + FREE_FALL,
             momentum_rate=turning,
-            attitude=self._inverse_inertia @ (turning @ base.rotation),
+            attitude=self._body.inverse_inertia @ (turning @ base.rotation),
             feet=self._feet(sensed.joint_velocity, base, pose, swing),
             joints=self._posture(sensed.joint_position - self._default_pose, sensed.joint_velocity),
         )
