@@ -1,7 +1,7 @@
 """`footfall deploy`."""
 
 import math
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import asdict, dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
@@ -27,6 +27,7 @@ from footfall.robots.default import DEFAULT_ROBOT
 
 if TYPE_CHECKING:
     from footfall.deploy.config import DeployConfig
+    from footfall.deploy.loop import ControlLoop
     from footfall.deploy.session import SessionResult
     from footfall.policies.policy import Policy
     from footfall.robots.description import Robot
@@ -135,8 +136,15 @@ def _on_interface(robot: "Robot", policy: "Policy", spec: str, options: DeployOp
     facts = {"seed": options.seed, "policy_spec": spec, "bus": options.bus, "plant": None}
     check = must_check(robot, options.bus, options.wiring)
     notes = [] if check else [unproven_note(robot, options.bus)]
-    for line in [*filter(None, notes), *[WIRING_CHECK] * check]:
-        print(line, flush=True)
+    said = [*filter(None, notes), *[WIRING_CHECK] * check]
+    if robot.description.held_start:
+        said.append(f"{robot.name} cannot stand still: hold it up, let it go once it steps in place")
+
+    def display(loop: "ControlLoop") -> AbstractContextManager[None]:
+        for line in said:  # the buses are open, and nothing has moved
+            print(line, flush=True)
+        return live_state(loop, lambda: loop.estimate[0], options.duration)
+
     session = Session(
         command_source=lambda _: command,
         duration_s=options.duration,
@@ -144,12 +152,10 @@ def _on_interface(robot: "Robot", policy: "Policy", spec: str, options: DeployOp
         facts=facts,
         config=_config(robot, options),
         lie_down=options.lie_down,
-        display=lambda loop: live_state(loop, lambda: loop.estimate[0], options.duration),
+        display=display,
         check_wiring=check,
         wiring_right=lambda verdicts: notes.append(keep_proof(robot, options.bus, verdicts)),
     )
-    if robot.description.held_start:
-        print(f"{robot.name} cannot stand still: hold it up, let it go once it steps in place", flush=True)
     with ExitStack() as resources:
         if options.bus == VIRTUAL:  # reaches no further than this process, so the robot has to be in it
             from footfall.plant.serve import serving
