@@ -1,26 +1,30 @@
 """What evaluate and compare share: their options, and the exit status after failed episodes."""
 
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Annotated, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from footfall.common.errors import UserError
 from footfall.evaluate.config import EvaluationConfig
 from footfall.options import (
-    AS_TYPED,
     ControllerSettings,
     Count,
-    Index,
     JsonFile,
     Names,
+    OptionalPath,
     Plant,
     RobotName,
     ScenarioFile,
     Seed,
 )
 from footfall.robots.default import DEFAULT_ROBOT
+
+if TYPE_CHECKING:
+    from footfall.evaluate.requirements import Requirement, Results
 
 
 @Parameter(name="*")
@@ -43,13 +47,15 @@ class EvaluationOptions:
     settings: ControllerSettings = ()
     workers: Annotated[Count | None, Parameter(show_default=False)] = None
     """Processes (default: one for each core)."""
-    falls_allowed: Annotated[Index | None, AS_TYPED, Parameter(show_default=False)] = None
-    """Most falls of a policy in all episodes; more are exit status 1 (default: falls are figures alone)."""
+    require: Annotated[tuple[str, ...], Parameter(negative=(), show_default=False, metavar="TEXT")] = ()
+    """Limit of a figure, such as 'nominal.falls <= 0'; exit 1 if it is not met; may be repeated."""
+    junit: Annotated[OptionalPath, Parameter(show_default=False)] = None
+    """Write the requirements' outcomes to this file, as JUnit XML."""
     json: JsonFile = None
 
 
 NOMINAL = EvaluationOptions()  # every option left out
-EPISODES_FAILED = 1  # or too many fell
+NOT_MET = 1  # an episode failed, or a requirement is not met
 
 
 def evaluation_config(options: EvaluationOptions) -> EvaluationConfig:
@@ -57,21 +63,40 @@ def evaluation_config(options: EvaluationOptions) -> EvaluationConfig:
     return EvaluationConfig(**{each.name: getattr(options, each.name) for each in fields(EvaluationConfig)})
 
 
-def exit_status(results: Iterable[Mapping[str, Any]], falls_allowed: int | None = None) -> int:
-    """0, or 1 and a line on stderr if an episode of a policy could not be run, or too many fell.
+def requirements_of(options: EvaluationOptions) -> "list[Requirement]":
+    """The requirements, before anything is run.
+
+    Raises:
+        UserError: one has another form or names something unknown, or the XML cannot be written.
+    """
+    from footfall.common.outputs import check_outputs
+    from footfall.evaluate.requirements import parse_requirements
+
+    if options.junit is not None and not options.require:
+        raise UserError("--junit needs a requirement: add --require 'nominal.falls <= 0'")
+    check_outputs(options.junit)
+    return parse_requirements(options.require, options.scenarios, options.metrics)
+
+
+def exit_status(
+    results: "Results", requirements: "Sequence[Requirement]" = (), junit: Path | None = None
+) -> int:
+    """0, or 1 and lines on stderr if an episode could not be run or a requirement is not met.
 
     Args:
-        results: of policies, as `footfall.evaluate.api.evaluate_policy` returns them.
-        falls_allowed: most falls of each policy; None for any number.
+        results: by policy, as `footfall.evaluate.api.evaluate_policy` returns them.
+        requirements: of `requirements_of`.
+        junit: file for their outcomes.
     """
+    from footfall.common.outputs import write_text
     from footfall.evaluate.failures import failures
+    from footfall.evaluate.requirements import junit_xml, outcomes_of
 
-    scored = [list(result["scenarios"].values()) for result in results]
-    lines = [failures([summary for summaries in scored for summary in summaries])]
-    for summaries in scored if falls_allowed is not None else ():
-        falls, episodes = (sum(summary[key] for summary in summaries) for key in ("falls", "episodes"))
-        if falls > falls_allowed:
-            lines.append(f"{falls} of {episodes} episodes fell, where --falls-allowed is {falls_allowed}")
+    summaries = [summary for result in results.values() for summary in result["scenarios"].values()]
+    outcomes = outcomes_of(requirements, results)
+    if junit is not None:
+        write_text(junit, junit_xml(outcomes))
+    lines = [failures(summaries), *(outcome.line for outcome in outcomes if not outcome.met)]
     for line in filter(None, lines):
         print(f"footfall: {line}", file=sys.stderr)
-    return EPISODES_FAILED if any(lines) else 0
+    return NOT_MET if any(lines) else 0

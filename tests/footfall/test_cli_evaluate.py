@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import pytest
 from recorder import Recorder
@@ -167,10 +168,32 @@ def test_a_failed_episode_of_any_policy_is_status_1(shell: Shell, called: Record
     assert (outcome.status, outcome.err) == (1, "footfall: 1 of 9 episodes failed: no (1)\n")
 
 
-def test_more_falls_than_allowed_are_status_1(shell: Shell, called: Recorder) -> None:
+def test_a_requirement_that_is_not_met_is_status_1_and_a_failure_in_the_xml(
+    shell: Shell, called: Recorder, tmp_path: Path
+) -> None:
     fallen = scored()
     fallen["scenarios"]["nominal"]["falls"] = 2
     called.replace("footfall.evaluate.api.evaluate_policy", fallen)
-    for options, status in (((), 0), (("--falls-allowed", "2"), 0), (("--falls-allowed", "1"), 1)):
+    for most, status in (("2", 0), ("1", 1)):
+        outcome = shell("evaluate", "a", "--require", f"nominal.falls <= {most}", "--junit", "out.xml")
+        assert (outcome.status, "nominal.falls" in outcome.err) == (status, status == 1)
+        suite = ElementTree.parse(tmp_path / "out.xml").find("testsuite")
+        assert suite is not None
+        assert (suite.get("tests"), suite.get("failures")) == ("1", str(status))
+        assert len(suite.findall("testcase/failure")) == status
+
+
+def test_a_requirement_is_refused_before_anything_is_run(shell: Shell, called: Recorder) -> None:
+    called.replace("footfall.evaluate.api.evaluate_policy", scored())
+    for options, part in (
+        (("--require", "falls"), "SCENARIO.FIGURE"),
+        (("--require", "push.falls <= 0"), "'push' is not run"),
+        (("--require", "nominal.fals <= 0"), "falls"),
+        (("--require", "nominal.falls <= none"), "'none' is not a number"),
+        (("--require", "falls <= 0", "--junit", "no/such/folder/out.xml"), "no/such/folder"),
+        (("--junit", "out.xml"), "--require"),
+    ):
         outcome = shell("evaluate", "a", *options)
-        assert (outcome.status, "2 of 4 episodes fell" in outcome.err) == (status, status == 1)
+        assert outcome.status == 2
+        assert part in outcome.err
+    assert not called.of("evaluate_policy")

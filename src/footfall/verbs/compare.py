@@ -1,6 +1,12 @@
 """`footfall compare`."""
 
-from footfall.evaluation_options import NOMINAL, EvaluationOptions, evaluation_config, exit_status
+from footfall.evaluation_options import (
+    NOMINAL,
+    EvaluationOptions,
+    evaluation_config,
+    exit_status,
+    requirements_of,
+)
 from footfall.options import HtmlFile, PolicyName
 
 
@@ -10,6 +16,6 @@ def compare(*policies: PolicyName, options: EvaluationOptions = NOMINAL, html: H
     from footfall.policies.spec import add_settings
 
     specs = add_settings(policies, options.settings)
-    config = evaluation_config(options)
+    config, requirements = evaluation_config(options), requirements_of(options)
     results = compare_policies(specs, config, json_path=options.json, html_path=html)
-    return exit_status(results.values(), options.falls_allowed)
+    return exit_status(results, requirements, options.junit)

@@ -1,6 +1,12 @@
 """`footfall evaluate`."""
 
-from footfall.evaluation_options import NOMINAL, EvaluationOptions, evaluation_config, exit_status
+from footfall.evaluation_options import (
+    NOMINAL,
+    EvaluationOptions,
+    evaluation_config,
+    exit_status,
+    requirements_of,
+)
 from footfall.options import PolicyName
 
 
@@ -10,5 +16,6 @@ def evaluate(policy: PolicyName, /, *, options: EvaluationOptions = NOMINAL) -> 
     from footfall.policies.spec import add_settings
 
     (spec,) = add_settings([policy], options.settings)
+    requirements = requirements_of(options)
     result = evaluate_policy(spec, evaluation_config(options), json_path=options.json)
-    return exit_status([result], options.falls_allowed)
+    return exit_status({spec: result}, requirements, options.junit)

@@ -120,7 +120,7 @@ def _evaluate(folder: Path) -> int:
         return 0
     config = EvaluationConfig(run.provenance.robot, (EVALUATION,), run.provenance.seed)
     walked = evaluate_policy(str(folder), config, json_path=result)
-    return exit_status([walked])
+    return exit_status({str(folder): walked})
 
 
 def _may_be_main_process(cluster: ClusterOptions) -> bool:
