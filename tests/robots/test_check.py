@@ -157,7 +157,7 @@ class TestCommand:
     def test_a_biped_on_points(
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        """Told when it is made, and found again when it is looked over."""
+        """It is held up at first; without that it is found not to stand."""
         (tmp_path / "m.urdf").write_text(quadruped(foot=BALL))
         arguments = [
             "--from",
@@ -170,7 +170,11 @@ class TestCommand:
         monkeypatch.setattr("footfall.plant.lying.find_lying_pose", lambda _: None)  # takes seconds
         assert main(["robot", "new", *arguments]) == 0
         assert "no stiffness of the joints lets it stand by itself" in capsys.readouterr().out
-        assert "wrong: it does not stand by itself" in wrong(tmp_path / "two", capsys, "3")
+        falls = "wrong: it does not stand by itself"
+        assert falls not in wrong(tmp_path / "two", capsys, "3")
+        yaml = tmp_path / "two" / "robot.yaml"
+        yaml.write_text(yaml.read_text().replace("held_start: true", ""))
+        assert falls in wrong(tmp_path / "two", capsys, "3")
 
     def test_motors_at_their_limit(
         self, changed: Callable[..., Path], capsys: pytest.CaptureFixture[str]
