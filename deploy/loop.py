@@ -60,7 +60,12 @@ class ControlLoop:
             robot: whose joints and limits count.
             wiring: which motor is where.
             driver: of the motors' protocol.
+            bus: leads to the robot.
+            clock: paces the ticks.
+            config: settings of the loop.
+            runner: of the policy.
             estimate: of the base's velocity and height.
+            log: takes what happens.
             lie_down: whether the robot lies down at the end, where robot and fault permit it.
             stand_up: False for a robot that hangs in a frame: it holds the pose in which it is found.
             taken_over: whether a guard has taken the robot over.
@@ -76,7 +81,7 @@ class ControlLoop:
             robot, wiring, driver, bus, self._joints, self._postures, self._end, config, wiring_check
         )
         self._wiring_check = wiring_check
-        self._last_resort = LastResort(
+        self.last_resort = LastResort(
             driver, bus, clock, self._joints, wiring, safety.damping_kd, config.tick_us
         )
         self._sensed: Sensed | None = None  # of this tick
@@ -86,8 +91,6 @@ class ControlLoop:
         self.heartbeat_s = math.inf  # when the last tick began, by `time.perf_counter`
         self.walked_s = 0.0  # once the robot walks no more
         self.ticks_skipped = 0  # that were left out because the loop was late
-
-    # -- what others see -----------------------------------------------------------------------------
 
     @property
     def notes(self) -> list[str]:
@@ -140,18 +143,6 @@ class ControlLoop:
     def damping_ticks(self) -> int:
         """Most ticks that it takes to damp the robot and disable its motors."""
         return math.ceil(self._config.safety.damping_s * 1e6 / self._config.tick_us) + 2
-
-    @property
-    def silent_at_the_end(self) -> list[str]:
-        """Motors that did not answer when they were disabled."""
-        return self._last_resort.silent_at_the_end
-
-    @property
-    def on_at_the_end(self) -> list[str]:
-        """Motors that answered when they were disabled, and are on or pull all the same."""
-        return self._last_resort.on_at_the_end
-
-    # -- one tick ------------------------------------------------------------------------------------
 
     def tick(self) -> bool:
         """One joint tick. Returns False once the run is over and the motors are disabled.
@@ -289,7 +280,7 @@ class ControlLoop:
             state = State(
                 Mode.ESTOP, now_s, (*state.faults, f"the control loop failed: {in_one_line(error)}")
             )
-        self._last_resort.send(state.over, self.now_us)
+        self.last_resort.send(state.over, self.now_us)
         with suppress(BaseException):
             self._enter(state)
 
@@ -299,8 +290,8 @@ class ControlLoop:
 
     def damp(self) -> None:
         """Send damping frames, whatever happened before."""
-        self._bus.send(self._last_resort.damping(), self.now_us)
+        self._bus.send(self.last_resort.damping(), self.now_us)
 
     def shut_down(self) -> None:
         """Disable the motors, whatever happened before (see `LastResort.disable`)."""
-        self._last_resort.disable()
+        self.last_resort.disable()

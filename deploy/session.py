@@ -266,8 +266,11 @@ def _guarded(loop: ControlLoop, taken_over: threading.Event, session: Session) -
 
 def _unheard(loop: ControlLoop) -> list[str]:
     notes = (
-        ("no answer to being switched off from {}", loop.silent_at_the_end),
-        ("still on at the end, though switched off: {}. Cut the motors' power", loop.on_at_the_end),
+        ("no answer to being switched off from {}", loop.last_resort.silent_at_the_end),
+        (
+            "still on at the end, though switched off: {}. Cut the motors' power",
+            loop.last_resort.on_at_the_end,
+        ),
     )
     return [note.format(", ".join(motors)) for note, motors in notes if motors]
 

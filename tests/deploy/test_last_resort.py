@@ -25,19 +25,19 @@ def test_what_motors_say_from_the_second_tick_on_answers_being_disabled(go1: Rob
     """All answer at once: what they said before and a tick later may answer what was sent before."""
     loop, body = loop_of(go1, Hold(go1))
     assert shut_down(loop, body, silent=[]) == [2000, 4000]
-    assert loop.silent_at_the_end == []
+    assert loop.last_resort.silent_at_the_end == []
 
 
 def test_a_motor_that_never_answers_is_asked_for_a_quarter_of_a_second_and_named(go1: Robot) -> None:
     loop, body = loop_of(go1, Hold(go1))
     assert shut_down(loop, body, silent=[7]) == np.arange(2000, OFF_US + 4000, 2000).tolist()
-    assert loop.silent_at_the_end == ["RR_thigh_joint (can2, id 2)"]
-    assert loop.on_at_the_end == []
+    assert loop.last_resort.silent_at_the_end == ["RR_thigh_joint (can2, id 2)"]
+    assert loop.last_resort.on_at_the_end == []
 
 
 def test_a_motor_that_answers_and_pulls_on_is_asked_for_as_long_and_named(go1: Robot) -> None:
     loop, body = loop_of(go1, Hold(go1))
     body.readings[2, 7] = 2.0
     assert shut_down(loop, body, silent=[]) == np.arange(2000, OFF_US + 4000, 2000).tolist()
-    assert loop.silent_at_the_end == []
-    assert loop.on_at_the_end == ["RR_thigh_joint (can2, id 2)"]
+    assert loop.last_resort.silent_at_the_end == []
+    assert loop.last_resort.on_at_the_end == ["RR_thigh_joint (can2, id 2)"]
