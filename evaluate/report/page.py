@@ -20,6 +20,8 @@ from footfall.evaluate.report.short_names import short_names
 from footfall.evaluate.suite import COURSE
 from footfall.evaluate.verdict import verdict
 
+OPEN_PLOTS = 2  # the first ones; the reader unfolds the others
+
 
 @dataclass(frozen=True)
 class ShownFilm:
@@ -63,6 +65,7 @@ def render(comparison: Comparison, films: Mapping[str, TaskResult[Film]]) -> str
         warnings=tables.all_warnings(comparison),
         films=[_shown(policy, films[policy.name]) for policy in comparison.policies],
         plots=[plot for plot in plots(comparison) if plot.panels],
+        open_plots=OPEN_PLOTS,
         parts=tables.scenario_parts(comparison),
         definitions=[*figures().values(), *definitions(config.metrics)],
         scenarios={name: dump(file.scenarios[name]) for name in dict.fromkeys([*config.scenarios, COURSE])},

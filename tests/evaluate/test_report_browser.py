@@ -72,6 +72,17 @@ def test_the_page_is_drawn(page: Tab, tmp_path: Path) -> None:
     assert pixels.std() > 0.05
 
 
+def test_the_page_is_short_and_a_link_to_a_folded_part_opens_it(page: Tab) -> None:
+    for width, screens in ((1280, 6), (420, 9)):
+        shown(page, width)
+        assert page.value("document.documentElement.scrollHeight") < 900 * screens
+    closed = "document.querySelector('details.plot:not([open])').id"
+    identity = page.value(closed)
+    page.value(f"document.querySelector('nav a[href=\"#{identity}\"]').click()")
+    assert page.value(f"document.getElementById('{identity}').open")
+    page.value(f"document.getElementById('{identity}').open = false")
+
+
 def test_all_that_can_be_unfolded_is_open_on_paper_and_closed_again_after_it(page: Tab) -> None:
     shown(page, 1400)
     folded = "[...document.querySelectorAll('details')].filter(each => !each.open).length"

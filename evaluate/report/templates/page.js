@@ -40,6 +40,12 @@ document.querySelectorAll("svg[data-readings]").forEach(svg => {
   });
 });
 
+// A link to a folded part opens it.
+document.querySelectorAll("nav a").forEach(link => link.addEventListener("click", () => {
+  const part = document.querySelector(link.hash);
+  if (part.matches("details")) part.open = true;
+}));
+
 // On paper nothing can be unfolded.
 let unfolded = [];
 addEventListener("beforeprint", () => {
