@@ -12,7 +12,7 @@ from footfall.robots.description import Robot
 
 
 class _FailsOnSignal(HoldDefaultPose):
-    """Holds the default pose until then."""
+    """Holds the default pose until the signal, then returns `wrong`."""
 
     def __init__(self, robot: Robot) -> None:
         super().__init__(robot)
@@ -23,24 +23,24 @@ class _FailsOnSignal(HoldDefaultPose):
         self._good = False
 
     def act(self, inputs: PolicyInput) -> JointCommand:
-        decision = super().act(inputs)
-        return decision if self._good else self.wrong(decision)
+        command = super().act(inputs)
+        return command if self._good else self.wrong(command)
 
-    def wrong(self, decision: JointCommand) -> JointCommand:
-        """What it decides from then on."""
+    def wrong(self, command: JointCommand) -> JointCommand:
+        """The command after the signal, from the right one."""
         raise NotImplementedError
 
 
 class NotANumber(_FailsOnSignal):
-    """Its stiffness is no number."""
+    """Returns NaN as stiffness."""
 
-    def wrong(self, decision: JointCommand) -> JointCommand:
-        return decision._replace(kp=np.full_like(decision.kp, np.nan))
+    def wrong(self, command: JointCommand) -> JointCommand:
+        return command._replace(kp=np.full_like(command.kp, np.nan))
 
 
 class Hung(_FailsOnSignal):
-    """It never comes back."""
+    """Never returns."""
 
-    def wrong(self, decision: JointCommand) -> JointCommand:
+    def wrong(self, command: JointCommand) -> JointCommand:
         while True:
             time.sleep(60.0)

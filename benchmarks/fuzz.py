@@ -3,14 +3,14 @@
     python benchmarks/fuzz.py [--what logs frames yaml policies] [--count N] [--workers 1] [--out FILE]
 
 `logs`: a run's log with bytes or records changed, to reading, replay and recovery. `frames`: random and
-mutated CAN frames to the joint layer, each batch followed by a command whose frames are held against the
-robot's limits, and to the motors; of drivers that know their motors, and of those that still ask. `yaml`:
+mutated CAN frames to the joint layer and to the motors. After each batch, a command's frames are checked
+against the robot's limits. Drivers know their motors' settings, or still query them. `yaml`:
 settings and descriptions with bytes and values changed, to their readers. `policies`: ONNX files with bytes
 and contracts changed.
 
-Cases come in pieces. Each piece's result is a line of --out, and a run that was stopped, or that --time-limit
-ended, goes on from there. Prints a JSON object for each kind with counts for each reader (of frames: of
-batches); exit status 1 if anything escaped.
+Cases are run in pieces, and each piece's result is a line of --out. A run that was stopped, or that
+--time-limit ended, continues from that file. Prints a JSON object for each kind, with counts of cases for
+each reader (of batches for `frames`). Exit status 1 if anything escaped.
 """
 
 import argparse
@@ -71,8 +71,8 @@ safety: {silence_timeout_s: 0.05, tilt_limit_rad: 1.05, damping_kd: 3.0, sensors
 
 
 @cache
-def a_log() -> bytes:
-    """The log of a second's walk."""
+def walk_log() -> bytes:
+    """Log of a walk of one second."""
     robot = load_robot(ROBOT)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "run.mcap"
@@ -87,13 +87,13 @@ def fuzz_logs(seeds: range) -> Tally:
     """Each reader of a log, on one mutated log a seed."""
     tally, policy = Tally(), load_policy(POLICY, load_robot(ROBOT))
     with tempfile.TemporaryDirectory() as folder:
-        hurt, whole = Path(folder) / "hurt.mcap", Path(folder) / "whole.mcap"
+        damaged, whole = Path(folder) / "damaged.mcap", Path(folder) / "whole.mcap"
         for seed in seeds:
             mutation = mutated_records if seed % 2 else mutated
-            hurt.write_bytes(mutation(a_log(), np.random.default_rng(seed)))
-            tally.attempt("read", seed, lambda: read_log(hurt))
-            tally.attempt("replay", seed, lambda: replay(hurt, policy))
-            tally.attempt("recover", seed, lambda: recover(hurt, whole))
+            damaged.write_bytes(mutation(walk_log(), np.random.default_rng(seed)))
+            tally.attempt("read", seed, lambda: read_log(damaged))
+            tally.attempt("replay", seed, lambda: replay(damaged, policy))
+            tally.attempt("recover", seed, lambda: recover(damaged, whole))
     return tally
 
 
@@ -101,7 +101,7 @@ def fuzz_yaml(seeds: range) -> Tally:
     """Each reader of settings in turn, on one mutated file a seed."""
     tally, robot = Tally(), load_robot(ROBOT)
     with tempfile.TemporaryDirectory() as folder:
-        copy, file = Path(folder) / ROBOT, Path(folder) / "hurt.yaml"
+        copy, file = Path(folder) / ROBOT, Path(folder) / "damaged.yaml"
         shutil.copytree(robot.folder, copy)
         readers: list[tuple[str, bytes, Path, Callable[[], object]]] = [
             ("robot", (robot.folder / "robot.yaml").read_bytes(), copy / "robot.yaml", lambda: stand(copy)),
@@ -133,7 +133,7 @@ def stand(folder: Path) -> None:
 
 
 def fuzz_policies(seeds: range) -> Tally:
-    """A policy's file, its bytes or its contract changed; what still loads decides on one observation."""
+    """ONNX files with changed bytes or contract; a policy that still loads acts once."""
     import onnx
 
     tally, robot = Tally(), load_robot(ROBOT)
@@ -142,11 +142,11 @@ def fuzz_policies(seeds: range) -> Tally:
     still = Sensed(none, none, upright, joints, joints, joints)
     inputs = PolicyInput(0.0, still, np.zeros(3), np.zeros(3), 0.3)
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "hurt.onnx"
+        path = Path(folder) / "damaged.onnx"
 
         def read() -> None:
             policy = LearnedPolicy(path, robot)
-            with suppress(Exception):  # the loop takes whatever a policy raises for a fault, and damps
+            with suppress(Exception):  # the loop treats what a policy raises as a fault, and damps
                 policy.act(inputs)
 
         for seed in seeds:
@@ -173,7 +173,7 @@ FUZZ: dict[str, Callable[[range], Tally]] = {
 
 
 def run_piece(piece: tuple[str, int, int]) -> dict[str, Any]:
-    """What became of the cases from one seed up to another."""
+    """Results of the cases of one piece: kind, first seed, end."""
     what, first, end = piece
     began, tally = time.perf_counter(), FUZZ[what](range(first, end))
     return {
@@ -204,13 +204,11 @@ def summary(what: str, pieces: list[dict[str, Any]]) -> dict[str, Any]:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--what", nargs="+", choices=FUZZ, default=list(FUZZ))
-    parser.add_argument(
-        "--count", type=int, help="cases of each (default: as many as the head of this file says)"
-    )
-    parser.add_argument("--seed", type=int, default=0, help="of the first case; the others follow")
+    parser.add_argument("--count", type=int, help="cases of each kind (default: COUNTS in this file)")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the first case; the others follow")
     parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--out", type=Path, help="file that keeps every piece; those in it are not run again")
-    parser.add_argument("--time-limit", type=float, help="seconds until no piece begins")
+    parser.add_argument("--out", type=Path, help="file of results; pieces in it are not run again")
+    parser.add_argument("--time-limit", type=float, help="seconds after which no further piece starts")
     options = parser.parse_args()
     tasks = []
     for what in options.what:

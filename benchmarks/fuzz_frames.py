@@ -1,7 +1,7 @@
 """Malformed CAN frames to both ends of each maker's protocol. No benchmark itself: see fuzz.py.
 
-A batch goes to the joint layer, and what this then sends is decoded as motors do and held against the
-robot's limits, by formulas of its own. Another one goes to the motors.
+One batch goes to the joint layer. Its next command is decoded as a motor decodes it, and checked against the
+robot's limits with formulas that are independent of the joint layer's. Another batch goes to the motors.
 """
 
 from collections.abc import Sequence
@@ -24,17 +24,17 @@ from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot, load_robot
 
 ROBOT = "go1"
-MODELS = ("", "DM4310", "RS02", "ODrive")  # of motors; the first is what the robot's are
+MODELS = ("", "DM4310", "RS02", "ODrive")  # of motors; "" stands for the robot's own
 BATCH = 64  # frames between two commands, at least
-TICK_S, STEP_S = 0.002, 0.001  # of the loop, and of the motors
+TICK_S, STEP_S = 0.002, 0.001  # periods of the loop and of the motors
 STEPS_A_TICK = round(TICK_S / STEP_S)
-INTRODUCED_S = 1.0  # that a driver may take to know its motors: the loop's `start_timeout_s`
-TORQUE_ROUNDING = 0.04  # of a motor's peak torque: what a frame's quanta may add, as in the fault table
-TARGET_ROUNDING_RAD = 0.0004  # of a position in a frame: one quantum of 16 bits over 12.5 rad to either side
+INTRODUCED_S = 1.0  # longest time for a driver to learn its motors' settings: `start_timeout_s`
+TORQUE_ROUNDING = 0.04  # share of peak torque: largest quantisation error of a frame, as in the fault table
+TARGET_ROUNDING_RAD = 0.0004  # one quantum of a 16-bit position over 12.5 rad to either side
 
 
 def fuzz_frames(cases: range) -> Tally:
-    """For the robot's motors and for each other maker's, known to their driver or still to be asked."""
+    """Fuzz the robot's motors and other makers', with known settings or settings still to be queried."""
     tally = Tally()
     ends = [(model, known) for model in MODELS for known in (False, True)]
     part = range(cases.start // BATCH // len(ends), -(-cases.stop // BATCH // len(ends)))
@@ -54,28 +54,28 @@ def fuzz_motors_of(model: str, known: bool, batches: range, tally: Tally) -> Non
     if known:
         introduce(robot, driver, joints, motors)
     joints.begin_at(robot.default_pose)
-    wires, ears = Wires(wiring, driver, end), open_motor_end(wiring)
-    ears.requests(driver.query_settings())  # of motors that hear nothing but commands
+    wires, decoder = Wires(wiring, driver, end), open_motor_end(wiring)
+    decoder.requests(driver.query_settings())  # as the decoder of motors that receive only commands
     label = f"{model or 'own motors'}, {'known' if known else 'asked'}"
     for batch in batches:
         rng = np.random.default_rng(batch)
         to_host, to_motors = (wires.batches(rng, from_motors) for from_motors in (True, False))
-        work = partial(command_after, to_host, rng, robot, joints, ears)
+        work = partial(command_after, to_host, rng, robot, joints, decoder)
         tally.attempt(f"joint layer, {label}", batch, work)
         tally.attempt(f"motors, {label}", batch, partial(move, motors, batch, to_motors))
 
 
 def introduce(robot: Robot, driver: Driver, joints: JointLayer, motors: SimulatedMotors) -> None:
-    """Ask and switch on until motors have told all and are on, as the loop does before a robot stands up."""
+    """Query and enable motors until all are known and enabled, as the loop does before standing up."""
     readings = np.zeros((3, len(motors.enabled)))
     readings[0] = robot.default_pose
     for tick in range(round(INTRODUCED_S / TICK_S)):
         frames = driver.query_settings() if driver.not_ready() else driver.enable()
         step = STEPS_A_TICK * tick
-        said = [motors.answer(step, frames, readings)]
+        replies = [motors.answer(step, frames, readings)]
         if motors.broadcasts:
-            said += [motors.broadcast(1000 * (step + k), readings) for k in range(STEPS_A_TICK)]
-        joints.absorb([batch for batch in said if batch is not None], round(1e6 * tick * TICK_S))
+            replies += [motors.broadcast(1000 * (step + k), readings) for k in range(STEPS_A_TICK)]
+        joints.absorb([batch for batch in replies if batch is not None], round(1e6 * tick * TICK_S))
         if not driver.not_ready() and not driver.not_enabled() and motors.enabled.all():
             return
     raise AssertionError(
@@ -84,7 +84,7 @@ def introduce(robot: Robot, driver: Driver, joints: JointLayer, motors: Simulate
 
 
 class Wires:
-    """Makes frames: any at all, and good ones with bits flipped, in arrays of their own or in usual ones."""
+    """Makes random frames, and valid ones with flipped bits, in new or in reused arrays of identifiers."""
 
     def __init__(self, wiring: Wiring, driver: Driver, end: MotorEnd) -> None:
         n = len(wiring.models)
@@ -97,10 +97,10 @@ class Wires:
         speaking, zeros, on = np.ones(n, bool), np.zeros((3, n)), np.ones(n, bool)
         error = np.zeros(n, np.uint64)
         replies = end.reply(slice(None), Report(zeros, error, on))
-        said = [end.broadcast(1000 * k, speaking, Report(zeros, error, on)) for k in range(100)]
-        from_motors = [replies, *(frames for frames in said if frames is not None)]
-        told = end.settings_replies(driver.query_settings())
-        from_motors += [] if told is None else [told]
+        broadcasts = [end.broadcast(1000 * k, speaking, Report(zeros, error, on)) for k in range(100)]
+        from_motors = [replies, *(frames for frames in broadcasts if frames is not None)]
+        settings = end.settings_replies(driver.query_settings())
+        from_motors += [] if settings is None else [settings]
         inertial = Frames(
             np.full(3, wiring.imu_channel), np.array(imu.IDS), np.zeros((3, 8), np.uint8), np.full(3, 8)
         )
@@ -111,7 +111,7 @@ class Wires:
         self._usual = {True: [*usual, inertial, joined([*usual, inertial])], False: commands[:3]}
 
     def batches(self, rng: np.random.Generator, from_motors: bool) -> list[Frames]:
-        """What comes to one end: a batch of `BATCH` frames, or usual ones with as many at least."""
+        """Input of one end: a batch of `BATCH` frames, or batches in reused arrays with at least as many."""
         if rng.random() < 0.5:
             return [self._frames(rng, from_motors)]
         found: list[Frames] = []
@@ -139,7 +139,7 @@ class Wires:
 
 
 def with_other_data(usual: Sequence[Frames], rng: np.random.Generator) -> Frames:
-    """One of some batches, in the very arrays of its ids, with no bit flipped, few, or many."""
+    """One of the batches, with its own arrays of ids, and with none, few or many data bits flipped."""
     frames = usual[int(rng.integers(len(usual)))]
     return frames._replace(data=flipped(frames.data, rng.choice([0.0, 0.01, 0.5]), rng))
 
@@ -151,16 +151,16 @@ def flipped(data: np.ndarray, share: float, rng: np.random.Generator) -> np.ndar
 
 
 def command_after(
-    batches: list[Frames], rng: np.random.Generator, robot: Robot, joints: JointLayer, ears: MotorEnd
+    batches: list[Frames], rng: np.random.Generator, robot: Robot, joints: JointLayer, decoder: MotorEnd
 ) -> None:
-    """Let the joint layer take frames in, then command something; raise if that is more than it may be."""
+    """Let the joint layer absorb frames, then send a random command; raise if its frames are unsafe."""
     joints.absorb(batches, int(rng.integers(10**9)))
     before, (position, velocity, _) = joints.target.copy(), joints.joints.copy()
     wanted = rng.normal(size=(5, len(before))) * 10.0 ** rng.uniform(-2, 3, size=(5, 1))
-    motor, values, kind = ears.requests(joints.command(JointCommand(*wanted)))
+    motor, values, kind = decoder.requests(joints.command(JointCommand(*wanted)))
     sent = np.full((5, len(before)), np.nan)
     sent[:, motor] = values
-    target = np.where(sent[2] > 0.0, sent[0], joints.target)  # without stiffness a frame has none
+    target = np.where(sent[2] > 0.0, sent[0], joints.target)  # a frame without stiffness has no target
     lower, upper = robot.soft_limits
     step = robot.description.target_rate_rad_s * TICK_S
     outside = np.maximum(lower - target, target - upper)
@@ -177,9 +177,9 @@ def command_after(
 
 
 def excess(sent: np.ndarray, position: np.ndarray, velocity: np.ndarray, robot: Robot) -> np.ndarray:
-    """Torque that a command (5, n) asks for at a reading beyond what motors can do, of their peak, (n,).
+    """Torque of a command (5, n) beyond what motors can deliver, as a share of their peak, (n,).
 
-    They push on with what the torque-speed line leaves of the peak, and brake with all of it.
+    An accelerating motor delivers what the torque-speed line leaves of its peak, a braking one all of it.
     """
     motor = robot.motor
     target, target_velocity, kp, kd, torque = sent
@@ -191,7 +191,7 @@ def excess(sent: np.ndarray, position: np.ndarray, velocity: np.ndarray, robot: 
 
 
 def move(motors: SimulatedMotors, step: int, batches: list[Frames]) -> None:
-    """Let motors take frames in and move; raise if their torque is none."""
+    """Let motors receive frames and move; raise if their torque is not finite."""
     n = len(motors.enabled)
     for frames in batches:
         motors.answer(step, frames, np.zeros((3, n)))

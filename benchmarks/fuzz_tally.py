@@ -1,4 +1,4 @@
-"""What became of malformed input: taken, refused in one line, or escaped. No benchmark itself."""
+"""Counts malformed input that was taken, refused in one line, or escaped. No benchmark itself."""
 
 import traceback
 from collections import Counter
@@ -8,14 +8,14 @@ from footfall.common.errors import UserError
 
 
 class Tally:
-    """What became of the cases."""
+    """Outcomes of the cases."""
 
     def __init__(self) -> None:
-        self.ends: dict[str, Counter[str]] = {}  # of each reader
+        self.ends: dict[str, Counter[str]] = {}  # counts of outcomes, by reader
         self.escaped: dict[str, str] = {}
 
     def attempt(self, reader: str, case: int, work: Callable[[], object]) -> None:
-        """Let a reader do something that may end well or in a UserError."""
+        """Run `work` of a reader; any exception but a UserError has escaped."""
         ends = self.ends.setdefault(reader, Counter())
         try:
             work()

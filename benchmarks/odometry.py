@@ -1,13 +1,13 @@
-"""How far the base estimator's odometry drifts, and whether its covariance is honest.
+"""How far the base estimator's odometry drifts, and whether its covariance is consistent.
 
     python benchmarks/odometry.py --workers 16 --out odometry.jsonl --plot odometry.png
     python benchmarks/odometry.py --read odometry.jsonl --plot odometry.png
 
 Each walking controller and learned policy of each robot walks straight ahead, along a curve and round a
 rectangle, on the nominal plant and on randomised ones, with the scenarios' sensor noise. A `BaseEstimator`
-listens to what the loop hears and to the policy's contact plan; the pose that it ends with is compared with
-the true one, both seen from where the walk began. Seeds begin at 1000: the estimator's settings were chosen
-on others. Prints a table.
+reads the loop's readings and the policy's contact plan. Its last pose is compared with the true one, both
+relative to the start of the walk. Seeds begin at 1000: the estimator's settings were chosen on smaller seeds.
+Prints a table.
 """
 
 import argparse
@@ -37,12 +37,12 @@ from footfall.robots.description import available_robots, load_robot
 from footfall.robots.model import plant_model
 
 FIRST_SEED = 1000
-LOOK_EVERY_S = 0.237  # in step with no gait: errors go to and fro with the stride
-SHARE = 0.5  # of the robot's highest commands
-SIDE_S = 3.0  # of the rectangle
+RECORD_EVERY_S = 0.237  # no multiple of a gait period: errors oscillate with the stride
+SHARE = 0.5  # share of the robot's highest commands
+SIDE_S = 3.0  # time for one side of the rectangle
 PARTS = {"horizontal place": [0, 1], "height": [2], "yaw": [3], "horizontal velocity": [4, 5]}
 PLANTS = ("nominal", "randomised")
-GOAL = 2.0  # % of the way
+GOAL = 2.0  # drift, % of the distance
 LONG_ENOUGH_M = 0.5  # a shorter way says nothing about drift
 
 
@@ -79,14 +79,14 @@ class Course:
         return np.zeros(3)
 
 
-class Listener:
-    """Runs an estimator beside the loop, and looks at it and at the truth now and then."""
+class EstimatorRecorder:
+    """Runs an estimator beside the loop; records its odometry and the true pose every `RECORD_EVERY_S`."""
 
     def __init__(self, policy: Policy, estimator: BaseEstimator) -> None:
         self._policy, self._estimator = policy, estimator
         self._now_us: int | None = None
-        self._next_look_s = 0.0
-        self._plan: np.ndarray | None = None  # the policy's, of the tick before
+        self._next_record_s = 0.0
+        self._plan: np.ndarray | None = None  # the policy's plan of the tick before
         self.rows: list[dict[str, Any]] = []
 
     def __call__(self, loop: ControlLoop, body: SimulatedRobot) -> None:
@@ -105,11 +105,11 @@ class Listener:
             self._from_place, quaternion = body.truth().base_position, body.truth().base_quaternion
             self._from_yaw = float(heading(quaternion))
         self._plan = self._policy.stance()
-        if loop.walking_s >= self._next_look_s:
-            self._next_look_s += LOOK_EVERY_S
-            self._look(loop.walking_s, body)
+        if loop.walking_s >= self._next_record_s:
+            self._next_record_s += RECORD_EVERY_S
+            self._record(loop.walking_s, body)
 
-    def _look(self, time_s: float, body: SimulatedRobot) -> None:
+    def _record(self, time_s: float, body: SimulatedRobot) -> None:
         truth, found = body.truth(), self._estimator.odometry()
         place = heading_matrix(-self._from_yaw) @ (truth.base_position - self._from_place)
         yaw = wrap_angle(float(heading(truth.base_quaternion)) - self._from_yaw)
@@ -129,14 +129,14 @@ class Listener:
 
 
 def follow(walk: Walk) -> dict[str, Any]:
-    """One walk, and what the estimator made of it."""
+    """Run one walk; returns its drift and the recorded errors."""
     robot = load_robot(walk.robot)
     policy = load_policy(walk.policy, robot)
     commands = robot.description.commands
     config = EstimatorConfig()
     if walk.scale_error is not None:
         config = replace(config, odometry=OdometryConfig(scale_error=walk.scale_error))
-    listener = Listener(policy, BaseEstimator(robot, config))
+    recorder = EstimatorRecorder(policy, BaseEstimator(robot, config))
     path = Course(walk.path, commands, walk.duration_s)
     sample = None
     if walk.plant == "randomised":
@@ -151,17 +151,17 @@ def follow(walk: Walk) -> dict[str, Any]:
         noise=load_scenarios(robot).noise,
         record=False,
     )
-    trace = run_episode(robot, policy, episode, listener)
-    true = np.array([row["true"] for row in listener.rows])
+    trace = run_episode(robot, policy, episode, recorder)
+    true = np.array([row["true"] for row in recorder.rows])
     way = float(np.linalg.norm(np.diff(true[:, :2], axis=0), axis=1).sum())
-    off = float(np.linalg.norm(listener.rows[-1]["error"][:2]))
+    off = float(np.linalg.norm(recorder.rows[-1]["error"][:2]))
     return {
         **walk._asdict(),
         "fell": trace.fell,
         "way_m": way,
         "error_m": off,
         "drift_percent": 100.0 * off / way if way > LONG_ENOUGH_M else None,
-        "rows": listener.rows,
+        "rows": recorder.rows,
     }
 
 
@@ -176,7 +176,7 @@ def within_two_sigma(walks: Iterable[dict[str, Any]]) -> dict[str, float]:
 
 
 def summary(walks: list[dict[str, Any]]) -> dict[str, Any]:
-    """Drift and honesty of some walks; those that ended in a fall, or nowhere, are counted only."""
+    """Drift and covariance of some walks; walks that fell, or hardly moved, are counted only."""
     whole = [walk for walk in walks if not walk["fell"] and walk["drift_percent"] is not None]
     drift = np.array([walk["drift_percent"] for walk in whole])
     figures = {"walks": len(walks), "fell": sum(walk["fell"] for walk in walks), "counted": len(whole)}
@@ -223,16 +223,18 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--robots", default=",".join(available_robots()))
-    parser.add_argument("--policies", default="", help="A,B: these only, of those that each robot has")
+    parser.add_argument("--policies", default="", help="comma-separated names (default: all of each robot)")
     parser.add_argument("--paths", default="straight,curve,rectangle")
     parser.add_argument("--plants", default=",".join(PLANTS))
     parser.add_argument("--seeds", type=int, default=10, help="walks of each kind")
     parser.add_argument("--first-seed", type=int, default=FIRST_SEED)
-    parser.add_argument("--duration", type=float, default=20.0, help="of straight walks and curves, s")
+    parser.add_argument(
+        "--duration", type=float, default=20.0, help="duration of straight walks and curves, s"
+    )
     parser.add_argument("--scale-error", type=float, help="instead of the estimator's own")
     parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--out", type=Path, help="file that keeps every walk; those in it are not run again")
-    parser.add_argument("--time-limit", type=float, help="seconds until no walk begins")
+    parser.add_argument("--out", type=Path, help="file of results; walks in it are not run again")
+    parser.add_argument("--time-limit", type=float, help="seconds after which no further walk starts")
     parser.add_argument("--read", type=Path, help="file that --out kept: nothing is run")
     parser.add_argument("--plot", type=Path, help="image")
     options = parser.parse_args()

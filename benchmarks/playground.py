@@ -22,7 +22,7 @@ import numpy as np
 
 TASK = "Go1JoystickFlatTerrain"
 REPORTS = 4  # the first one contains the compilation
-MESHES = ("trunk", "hip", "thigh", "thigh_mirror", "calf")  # for the eye only: nothing collides with them
+MESHES = ("trunk", "hip", "thigh", "thigh_mirror", "calf")  # visual only: no collisions
 
 
 def measure(impl: str, environments: int, iterations: int) -> dict[str, Any]:
@@ -41,13 +41,13 @@ def measure(impl: str, environments: int, iterations: int) -> dict[str, Any]:
         return found | {"failed": "it is not installed (pip install playground)"}
     supply_device_put_replicated()
     try:
-        with robot_at_hand():
+        with stand_in_meshes():
             (begun_s, _), *reports = train(impl, environments, iterations)
             rates = sorted((b[1] - a[1]) / (b[0] - a[0]) for a, b in itertools.pairwise(reports))
             steps = {"PPO, end to end": (rates[0], statistics.median(rates), rates[-1])}
             if impl == "jax":
                 steps["physics alone"] = physics_alone(environments)
-    except Exception as error:  # someone else's program: its failure is a result, not ours
+    except Exception as error:  # any failure of Playground is a result
         lines = str(error).strip().splitlines()
         return found | {"failed": f"{type(error).__name__}: {lines[0] if lines else ''}"}
     return found | {"first_report_s": reports[0][0] - begun_s, "steps_per_s": steps}
@@ -90,12 +90,12 @@ def constraint_rows(model: Any) -> int:
 
 
 def facts() -> dict[str, Any]:
-    """What its task and recipe are, under the names of `throughput.differences`."""
+    """Figures of its task and recipe, under the names of `throughput.differences`."""
     if importlib.util.find_spec("mujoco_playground") is None:
         return {}
     from mujoco_playground import registry
 
-    with robot_at_hand():
+    with stand_in_meshes():
         env, config = registry.load(TASK, config_overrides={"impl": "jax"}), registry.get_default_config(TASK)
     ppo = ppo_settings("jax")
     batch = ppo["batch_size"] * ppo["num_minibatches"] * ppo["unroll_length"]
@@ -115,17 +115,17 @@ def facts() -> dict[str, Any]:
 
 
 @contextmanager
-def robot_at_hand() -> Iterator[None]:
-    """Spares Playground its download of all of MuJoCo Menagerie, of which this task wants five meshes.
+def stand_in_meshes() -> Iterator[None]:
+    """Replaces five meshes of MuJoCo Menagerie, so that Playground does not download all of it.
 
-    They are drawn and nothing else: masses and inertias stand in Playground's own files, and only the feet,
-    which are spheres, collide. So a small tetrahedron stands in for each, unless the download is there.
+    The meshes are visual only: masses and inertias are in Playground's own files, and only the feet,
+    which are spheres, collide. Each mesh is a small tetrahedron, unless the download exists.
     """
     from etils import epath
     from mujoco_playground._src import mjx_env
 
-    there = mjx_env.MENAGERIE_PATH
-    if there.exists():
+    menagerie = mjx_env.MENAGERIE_PATH
+    if menagerie.exists():
         yield
         return
     with tempfile.TemporaryDirectory() as folder:
@@ -137,7 +137,7 @@ def robot_at_hand() -> Iterator[None]:
         try:
             yield
         finally:
-            mjx_env.MENAGERIE_PATH = there
+            mjx_env.MENAGERIE_PATH = menagerie
 
 
 def tetrahedron() -> bytes:
@@ -165,7 +165,7 @@ def train(impl: str, environments: int, iterations: int) -> list[tuple[float, in
 
 
 def ppo_settings(impl: str) -> dict[str, Any]:
-    """What Playground trains this task with."""
+    """Playground's PPO settings for this task."""
     from mujoco_playground.config import locomotion_params
 
     return dict(locomotion_params.brax_ppo_config(TASK, impl))
@@ -187,7 +187,9 @@ def run_brax(impl: str, settings: dict[str, Any], on_policy: Callable[..., None]
     settings = dict(settings)
     factory = settings.pop("network_factory")
     env = registry.load(TASK, config_overrides={"impl": impl})
-    if impl == "warp":  # which would print a line whenever one iteration did not do: gigabytes in minutes
+    if (
+        impl == "warp"
+    ):  # one iteration often does not suffice, and each time Warp prints a line: gigabytes in minutes
         env._mjx_model = env.mjx_model.tree_replace({"opt._impl.warn_overflow": 0})
     brax.train(
         environment=env,

@@ -1,7 +1,7 @@
 """MuJoCo Playground's Go1 policy as a policy of footfall, on the same joint layer and motor frames.
 
-Its observation is made as `Joystick._get_obs` of Playground 0.2.0 makes it, without noise of its own: the
-base's velocity is the simulator's, which no robot senses; the rest comes from the simulated sensors.
+The observation is that of `Joystick._get_obs` in Playground 0.2.0, without its noise. The base's velocity is
+the simulator's, since no robot senses it. All other entries come from the simulated sensors.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ RATE_HZ = 50.0
 
 @dataclass(frozen=True)
 class SavedActors:
-    """The policies that `playground_training.py` kept along the way, and what they take for granted."""
+    """Policies that `playground_training.py` saved during training, and the settings that they assume."""
 
     time_s: np.ndarray  # (k,) since the training's command began
     steps: np.ndarray  # (k,) environment steps
@@ -47,7 +47,7 @@ def load_actors(path: Path) -> SavedActors:
 
 
 class PlaygroundPolicy:
-    """One of the kept actors, on a robot whose joints have the same names."""
+    """One of the saved actors, on a robot whose joints have the same names."""
 
     contract = None
     notes = ()
@@ -60,7 +60,7 @@ class PlaygroundPolicy:
         self._mean, self._deviation = mean, deviation
         self._layers = list(zip(layers[::2], layers[1::2], strict=True))
         self._order = np.array([robot.joint_index(name) for name in kept.joints])
-        self._back = np.argsort(self._order)
+        self._inverse_order = np.argsort(self._order)
         self._kept, self._count = kept, len(kept.joints)
         self._last_action = np.zeros(self._count)
 
@@ -83,17 +83,17 @@ class PlaygroundPolicy:
             ]
         )
         self._last_action = action = self._actor(state)
-        target = (kept.default_pose + kept.action_scale * action)[self._back]
+        target = (kept.default_pose + kept.action_scale * action)[self._inverse_order]
         zeros = np.zeros(self._count)
         return JointCommand(
             target, zeros, np.full(self._count, kept.kp), np.full(self._count, kept.kd), zeros
         )
 
     def stance(self) -> None:
-        """It has no plan of contacts."""
+        """None: the policy plans no contacts."""
 
     def _actor(self, state: np.ndarray) -> np.ndarray:
-        """The mode of its distribution, in [-1, 1]: swish layers; half of their output, squashed."""
+        """The mode of the action distribution, in [-1, 1]: a swish network, then tanh of the mean."""
         x = (state - self._mean) / self._deviation
         for index, (kernel, bias) in enumerate(self._layers):
             x = x @ kernel + bias

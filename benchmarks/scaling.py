@@ -2,8 +2,8 @@
 
     python benchmarks/scaling.py --preset gpu --devices 1,2,4 --json scaling.json
 
-Prints environment steps per second of whole PPO iterations, and the efficiency: the speed over so many
-times the speed of the first count. Iterations follow each other as in a training, which reads the metrics of
+Prints environment steps per second of whole PPO iterations, and the efficiency: the speed per
+device over that of the first count. Iterations follow each other as in a training, which reads the metrics of
 one while the next is computed. Several devices would otherwise wait for the host between iterations.
 """
 
@@ -65,16 +65,16 @@ def steps_per_s(options: argparse.Namespace, devices: int) -> Spread:
     parts = assemble(replace(config, ppo=ppo), description)
     state, compiled = parts.prepare(device_mesh(ppo, devices), 0, print)
 
-    def several(state: Any) -> Any:
+    def iterate(state: Any) -> Any:
         for _ in range(options.iterations):
             state, *_ = compiled(state)
         return state
 
     seconds = []
     for _ in range(1 + options.repeats):
-        took_s, state = timed(partial(several, state))
+        took_s, state = timed(partial(iterate, state))
         seconds.append(took_s / options.iterations)
-    return rates_of(seconds[1:], ppo.steps_per_iteration)  # the first ones are slower
+    return rates_of(seconds[1:], ppo.steps_per_iteration)  # the first repeat is slower
 
 
 if __name__ == "__main__":

@@ -6,9 +6,9 @@ Needs the interfaces that the robot's `robot.yaml` names, up, and nothing else o
 
     for bus in can0 can1 can2 can3; do ip link add $bus type vcan; ip link set $bus up; done
 
-as root. A machine whose kernel has no CAN borrows one: `benchmarks/socketcan_qemu.py`. Each row of the table
-below ends in a JSON object on a line of its own, with what the controller said and what the motors did;
-`candump` logs all frames to --out. Exit status 1 if a row ended not as it has to.
+as root. For a machine whose kernel has no CAN see `benchmarks/socketcan_qemu.py`. Each row of the table below
+prints a JSON object on a line, with the controller's faults and the time at which the motors were disabled.
+`candump` logs all frames to --out. Exit status 1 if a row did not end as expected.
 """
 
 import argparse
@@ -29,21 +29,21 @@ from footfall.plant.injection import flipped
 ORDERLY, ESTOP, KILLED = "IDLE", "ESTOP", ""
 LONGEST_S = 300.0  # a slow machine imports for a long time
 LONGEST_START_S = 30.0  # the robot is started once the controller asks for it
-MOTORS_TIME_OUT_S = 0.5  # is over by then
+MOTORS_TIME_OUT_S = 0.5  # longer than the timeout of the motors
 SLOW_DRIFT_RAD = 0.2
 FLIPPED_SHARE = 0.2  # of the robot's frames that have a bit turned round, as if no checksum had caught it
 
 
 @dataclass(frozen=True)
 class Row:
-    """One thing that happens, and how the run has to end."""
+    """One event, and the expected end of the run."""
 
     final_state: str
-    fault: str = ""  # has to be part of what the controller says
+    fault: str = ""  # expected part of the faults that the controller reports
     to_robot: str = ""  # a fault of `inject`
     to_controller: int = 0  # a signal
     to_system: tuple[str, ...] = ()  # a command
-    policy: str = ""  # instead of the one of --policy
+    policy: str = ""  # in place of --policy
 
 
 ROWS = {
@@ -68,7 +68,7 @@ ROWS = {
 
 
 def inject(fault: str, body: Any) -> None:
-    """Let something go wrong with the simulated robot."""
+    """Inject a fault into the simulated robot."""
     if fault == "motor_silent":
         body.faults.motors.silent[4] = True
     elif fault == "bus_silent":
@@ -84,10 +84,10 @@ def inject(fault: str, body: Any) -> None:
 
 
 def robot(name: str, bus: str, slow: bool) -> None:
-    """The robot's process: one simulated robot after another, as lines of input say.
+    """The robot's process: one simulated robot after another, controlled by lines of input.
 
     `start` puts a robot on the bus, `stop` takes it away, anything else is a fault. Prints a JSON object
-    whenever motors were switched on or off.
+    whenever motors were enabled or disabled.
     """
     import footfall.plant.robot as robot_module
     import footfall.plant.serve as serve_module
@@ -100,7 +100,7 @@ def robot(name: str, bus: str, slow: bool) -> None:
     for line in sys.stdin:
         if line.strip() == "start":
             with serve_module.serving(description, bus) as body:
-                say(ready=True)
+                report(ready=True)
                 ended = threading.Event()
                 watcher = threading.Thread(target=watch, args=(body, ended))
                 watcher.start()
@@ -110,20 +110,20 @@ def robot(name: str, bus: str, slow: bool) -> None:
                     inject(order.strip(), body)
                 ended.set()
                 watcher.join()
-            say(stopped=True)
+            report(stopped=True)
 
 
 def watch(body: Any, ended: threading.Event) -> None:
-    """Tell of motors that are switched on or off."""
+    """Report motors that are enabled or disabled."""
     before = -1
     while not ended.wait(0.005):
         on = int(body.motors_on.sum())
         if on != before:
-            say(motors_on=on)
+            report(motors_on=on)
             before = on
 
 
-def say(**content: Any) -> None:
+def report(**content: Any) -> None:
     print(json.dumps({"at_s": time.monotonic(), **content}), flush=True)
 
 
@@ -138,17 +138,17 @@ class Robot:
         command = [sys.executable, __file__, "--robot", name, "--as-robot", "--bus", bus]
         command += ["--slow"] if slow else []
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-        self.said: list[dict[str, Any]] = []
+        self.messages: list[dict[str, Any]] = []
         threading.Thread(target=self._listen, daemon=True).start()
 
     def _listen(self) -> None:
         assert self._process.stdout is not None
         for line in self._process.stdout:
-            self.said.append(json.loads(line))
+            self.messages.append(json.loads(line))
 
     def start(self) -> None:
         """Put a new robot on the bus."""
-        self.said.clear()
+        self.messages.clear()
         self.order("start")
         self.wait_for("ready")
 
@@ -163,16 +163,16 @@ class Robot:
         self._process.stdin.flush()
 
     def wait_for(self, what: str) -> None:
-        """Wait until the robot says something that is not nothing."""
+        """Wait for a message of the robot in which `what` is set."""
         deadline = time.monotonic() + LONGEST_S
-        while not any(each.get(what) for each in list(self.said)):
+        while not any(each.get(what) for each in list(self.messages)):
             if time.monotonic() > deadline:
-                sys.exit(f"the robot does not say '{what}'")
+                sys.exit(f"the robot does not report '{what}'")
             time.sleep(0.02)
 
     def off_at(self, after_s: float) -> float | None:
-        """When the last motor was switched off, after a moment."""
-        times = [e["at_s"] for e in self.said if e.get("motors_on") == 0 and e["at_s"] > after_s]
+        """First time after `after_s` at which no motor was enabled, s; None if there is none."""
+        times = [e["at_s"] for e in self.messages if e.get("motors_on") == 0 and e["at_s"] > after_s]
         return times[0] if times else None
 
 
@@ -186,13 +186,13 @@ def run(name: str, body: Robot, options: argparse.Namespace) -> dict[str, Any]:
     command += ["--robot", options.robot, "--bus", options.bus]
     command += ["--duration", str(options.seconds), "--json", str(result)]
     config = out / "loop.yaml"
-    # A slow machine's robot answers milliseconds late, which makes readings look apart.
+    # On a slow machine replies are milliseconds late, which looks like drift.
     sensors = f", sensors: {{drift_rad: {SLOW_DRIFT_RAD}}}" if options.slow else ""
     safety = f"{{start_timeout_s: {LONGEST_START_S}{sensors}}}"
     config.write_text(f"joint_rate_hz: {options.joint_rate}\nsafety: {safety}\n")
     command += ["--config", str(config)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-    while dump is not None and not frames_in(out / f"{name}.candump"):  # it asks for the robot
+    while dump is not None and not frames_in(out / f"{name}.candump"):  # the controller has begun
         if process.poll() is not None:
             sys.exit(process.communicate()[0])
         time.sleep(0.05)
@@ -217,8 +217,8 @@ def run(name: str, body: Robot, options: argparse.Namespace) -> dict[str, Any]:
         subprocess.run([*row.to_system[:-1], "up"], check=True)
     body.stop()
     frames = None if dump is None else end_dump(dump, out / f"{name}.candump")
-    said = json.loads(result.read_text()) if result.exists() else {}
-    final_state, faults = said.get("final_state", ""), said.get("faults", [])
+    reported = json.loads(result.read_text()) if result.exists() else {}
+    final_state, faults = reported.get("final_state", ""), reported.get("faults", [])
     off_at = body.off_at(happened_at)
     good = (
         final_state == row.final_state
@@ -234,12 +234,12 @@ def run(name: str, body: Robot, options: argparse.Namespace) -> dict[str, Any]:
         "faults": faults,
         "motors_off_after_s": round(off_at - happened_at, 3) if off_at else None,
         "frames_seen": frames,
-        "walked_s": said.get("walked_s"),
-        "timing": said.get("timing"),
+        "walked_s": reported.get("walked_s"),
+        "timing": reported.get("timing"),
     }
     if not good:
         shown["output"] = text[-2000:]
-        shown["robot"] = body.said[-20:]
+        shown["robot"] = body.messages[-20:]
     return shown
 
 
@@ -250,14 +250,14 @@ def start_dump(path: Path) -> subprocess.Popen[bytes]:
 
 
 def end_dump(dump: subprocess.Popen[bytes], path: Path) -> int:
-    """Ends it; returns how many frames there were."""
+    """End a dump; returns its number of frames."""
     dump.send_signal(signal.SIGINT)
     dump.wait(LONGEST_S)
     return frames_in(path)
 
 
 def frames_in(path: Path) -> int:
-    """How many frames a log of candump's holds."""
+    """Number of frames in a log of candump."""
     return path.read_bytes().count(b"\n")
 
 
@@ -271,7 +271,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=5.0, help="of walking")
     parser.add_argument("--fault-after", type=float, default=3.0, help="seconds after the first motor is on")
     parser.add_argument("--joint-rate", type=float, default=500.0, help="Hz, of the control loop")
-    parser.add_argument("--bus", default="socketcan", help="udp_multicast tries the rest out without CAN")
+    parser.add_argument("--bus", default="socketcan", help="udp_multicast runs without CAN")
     parser.add_argument("--slow", action="store_true", help="halve the robot's physics, IMU at 100 Hz")
     parser.add_argument("--out", type=Path, default=Path("socketcan"))
     parser.add_argument("--as-robot", action="store_true", help=argparse.SUPPRESS)

@@ -5,10 +5,10 @@
     python benchmarks/throughput.py --preset gpu --shares          # where the time of an iteration goes
     python benchmarks/throughput.py --preset cpu --set ppo.num_envs=128 --cases ships
 
-PPO is measured end to end: whole iterations after compilation, each waited for; printed are the median and,
-in brackets, the fastest and the slowest. "Physics alone" is the joint law and MJX (Playground: its
-actuators and MJX), or another engine, without rewards, observations and resets. Of the generated physics the
-share of the GPU's peak is printed: its operations, of which MuJoCo would do several times as many, over time.
+PPO is measured end to end: whole iterations after compilation, waiting for each. Printed are the median and,
+in brackets, the slowest and the fastest. "Physics alone" is the joint law and MJX (Playground: its
+actuators and MJX), or another engine, without rewards, observations and resets. The operations per second of
+the generated physics are printed as a share of the GPU's peak; MuJoCo needs several times as many operations.
 
 Playground is measured by `playground.py` beside this file. An environment step is a control step of 20 ms
 in both.
@@ -47,7 +47,7 @@ from footfall.train.config import TrainConfig
 from footfall.train.sweeps.config import trial_config
 
 PHYSICS, PPO = "physics alone", "PPO, end to end"
-# What each case changes of the preset. Playground's task has 8,192 environments and 5 steps of 4 ms.
+# Changes of each case to the preset. Playground's task has 8,192 environments and 5 steps of 4 ms.
 CASES: dict[str, dict[str, Any]] = {
     "ships": {},
     "8192": {"ppo.num_envs": 8192},
@@ -76,7 +76,9 @@ def main() -> None:
     parser.add_argument("--playground", action="store_true", help="measure Playground too")
     parser.add_argument("--warp", action="store_true", help="and Playground's physics in Warp")
     parser.add_argument("--playground-environments", default=",".join(map(str, PLAYGROUND_ENVIRONMENTS)))
-    parser.add_argument("--playground-iterations", type=int, default=5, help="of PPO between two reports")
+    parser.add_argument(
+        "--playground-iterations", type=int, default=5, help="PPO iterations between two reports"
+    )
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     chosen = list(CASES) if options.playground else ["ships"]
@@ -161,15 +163,15 @@ def measure_footfall(
 
         return jax.lax.scan(step, state.env, None, length=ppo.num_steps_per_env)
 
-    parts_of_it: dict[str, Callable[[Any], Any]] = {PHYSICS: physics}
+    measured: dict[str, Callable[[Any], Any]] = {PHYSICS: physics}
     if shares:
-        parts_of_it |= {
+        measured |= {
             "environment, fixed actions": environment,
             "rollout": lambda state: roll_out(env, parts.networks, ppo, state, keys),
         }
     rates = {
         name: rates_of(repeat(jax.jit(function), first, iterations), ppo.steps_per_iteration)
-        for name, function in parts_of_it.items()
+        for name, function in measured.items()
     }
     rates[PPO] = rates_of(iterate(compiled, first, iterations), ppo.steps_per_iteration)
     return {
@@ -182,7 +184,7 @@ def measure_footfall(
 
 
 def share_of_peak(env: VelocityEnv, steps_per_s: float) -> float | None:
-    """What the generated physics' operations are of the device's single-precision peak; None if not known."""
+    """Operations per second of the generated physics over the device's peak; None if the peak is unknown."""
     peak = PEAK_FLOP_S.get(jax.devices()[0].device_kind)
     if env.engine.name != "generated" or peak is None:
         return None
@@ -221,7 +223,7 @@ def rates_of(seconds: list[float], steps: int) -> Spread:
 
 
 def differences(robot: str, preset: str) -> list[tuple[str, str, str]]:
-    """What else sets the two apart, read from both: what, footfall's, Playground's."""
+    """Other differences of the two: name, footfall's value, Playground's value."""
     described = load_robot(robot)
     config = trial_config(preset, {}, described)
     ppo, model = config.ppo, training_model(described, config.env.timestep_s)

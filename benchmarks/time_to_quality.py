@@ -9,8 +9,8 @@ cache, and keeps policies along the way. The clock of each starts with its comma
 all.
 
 `score` lets every kept policy walk in the same MuJoCo plant, over the same joint layer and motor frames,
-with the same commands (scenario `walk`) and pushes (scenario `push`). Playground's policy is told the
-base's true velocity, which its observation wants and no robot senses; footfall's is not.
+with the same commands (scenario `walk`) and pushes (scenario `push`). Playground's policy reads the
+base's true velocity, which its observation needs and no robot senses; footfall's does not.
 
 `plot` draws velocity error and the push that half survive against wall-clock, and says when footfall first
 was, and stayed, as good as Playground's last policy on both, with no more falls.
@@ -42,11 +42,11 @@ from footfall.robots.description import load_robot
 HERE = Path(__file__).parent
 ROBOT = "go1"  # the robot of Playground's task
 PLAYGROUND, FOOTFALL = "playground", "footfall"
-SCENARIOS = {"walk": 48, "push": 96}  # and how many episodes of each
+SCENARIOS = {"walk": 48, "push": 96}  # number of episodes of each scenario
 
 
 def main() -> None:
-    """Do one of the three."""
+    """Run the chosen step: train, score or plot."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -97,7 +97,7 @@ def run_from_empty_cache(command: list[str]) -> None:
 
 
 def score(options: argparse.Namespace) -> None:
-    """Score what has been kept; what has been scored before is left as it is."""
+    """Score the kept policies that have no scores yet."""
     path = options.out / "scores.json"
     scores: dict[str, Any] = json.loads(path.read_text()) if path.exists() else {}
     for policy, (name, time_s, steps) in kept_policies(options.out).items():
@@ -110,7 +110,7 @@ def score(options: argparse.Namespace) -> None:
 
 
 def kept_policies(folder: Path) -> dict[str, tuple[str, float, int]]:
-    """Every kept policy by what `_run` calls it: training, seconds, environment steps."""
+    """Every kept policy by the name that `_run` reads: training, seconds, environment steps."""
     found = {}
     for index in sorted(folder.glob(f"{FOOTFALL}-*/kept.json")):
         for entry in json.loads(index.read_text()):
@@ -125,7 +125,7 @@ def kept_policies(folder: Path) -> dict[str, tuple[str, float, int]]:
 
 
 def figures_of(policy: str, scenario: str, options: argparse.Namespace) -> dict[str, Any]:
-    """What the policy reaches in a scenario."""
+    """The policy's figures in a scenario."""
     file = load_scenarios(load_robot(ROBOT))
     plans = plan_episodes(scenario, file.scenarios[scenario], seed=0, episodes=SCENARIOS[scenario])
     tasks = [
@@ -190,7 +190,7 @@ def first_as_good(entries: list[dict[str, Any]], goal: dict[str, Any]) -> dict[s
 
 
 def as_good(entry: dict[str, Any], goal: dict[str, Any]) -> bool:
-    """No more falls, no larger velocity error, no weaker push survived by half."""
+    """At most as many falls and as large a velocity error, and half survive at least the same push."""
     walk, wanted = entry["walk"], goal["walk"]
     return (
         walk["falls"] <= wanted["falls"]
@@ -271,7 +271,7 @@ def error_interval(entry: dict[str, Any]) -> tuple[float, float]:
 
 
 def push_interval(entry: dict[str, Any]) -> tuple[float, float]:
-    """95 % interval of the push that half survive, m/s; an edge beyond what was tried is the strongest."""
+    """95 % interval of the push that half survive, m/s; an edge above all pushes is the strongest."""
     push = entry["push"]
     edges = push["dv50_interval"] if push["dv50"] is not None else (push_of(entry),) * 2
     low, high = (push["strongest_push"] if edge is None else edge for edge in edges)

@@ -1,4 +1,4 @@
-"""Arrays of NumPy and JAX: which library one belongs to, and indices that are fast."""
+"""NumPy and JAX arrays: the library of an array, and fast indices."""
 
 from typing import Any
 
@@ -13,8 +13,8 @@ def library(array: Array) -> Any:
 
 
 def as_slice(indices: np.ndarray) -> slice | np.ndarray:
-    """Rising indices evenly apart as a slice, which NumPy reads and writes faster; others as they are."""
-    apart = np.diff(indices)
-    step = int(apart[0]) if len(apart) else 1
-    even = step > 0 and bool((apart == step).all())
+    """Rising, evenly spaced indices as a slice, which NumPy indexes faster; others unchanged."""
+    gaps = np.diff(indices)
+    step = int(gaps[0]) if len(gaps) else 1
+    even = step > 0 and bool((gaps == step).all())
     return slice(int(indices[0]), int(indices[-1]) + 1, step) if even else indices

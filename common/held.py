@@ -1,8 +1,8 @@
-"""Things that one process at a time may use, such as a CAN bus or a log.
+"""Locks on what one process at a time may use, such as a CAN bus or a log.
 
-A process that holds a thing listens on a socket in Linux' abstract namespace with the thing's name. The
-kernel closes it when the process ends, however that happens, and tells others which process it is. Such names
-are seen within one network namespace, as CAN interfaces are.
+The holder listens on a socket with the lock's name in Linux' abstract namespace. The kernel closes the socket
+when the process ends, even if it is killed, and gives others the process id of the holder. Like CAN
+interfaces, such names are visible within one network namespace.
 """
 
 import hashlib
@@ -22,25 +22,25 @@ LONGEST_READABLE = 80  # bytes of a name; the kernel takes 107
 
 @contextmanager
 def held(name: str, what: str) -> Iterator[None]:
-    """Hold a thing for as long as the context lasts. On systems other than Linux nothing is held.
+    """Hold a lock while the context lasts. Only Linux has locks; elsewhere this does nothing.
 
     Args:
-        name: of the thing, the same in every process.
-        what: the thing in words, for the message.
+        name: name of the lock, the same in every process.
+        what: the locked thing in words, for the message.
 
     Raises:
-        UserError: a process holds it already; the message has its id.
+        UserError: a process holds the lock; the message has the process id.
     """
     if sys.platform != "linux":
         yield
         return
     address = _address(name)
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as ours:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as lock:
         try:
-            ours.bind(address)
+            lock.bind(address)
         except OSError:
             raise UserError(f"{what} is in use by {_holder(address)}: end it first") from None
-        ours.listen(8)
+        lock.listen(8)
         yield
 
 
@@ -51,14 +51,14 @@ def _address(name: str) -> str:
 
 
 def _holder(address: str) -> str:
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as asking:
-        asking.settimeout(1.0)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
+        probe.settimeout(1.0)
         try:
-            asking.connect(address)
-            told = asking.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, CREDENTIALS.size)
+            probe.connect(address)
+            credentials = probe.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, CREDENTIALS.size)
         except OSError:
             return "another process"
-    process, *_ = CREDENTIALS.unpack(told)
+    process, *_ = CREDENTIALS.unpack(credentials)
     if not process:  # in another container
         return "another process"
     return f"this process ({process})" if process == os.getpid() else f"process {process}"

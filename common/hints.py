@@ -1,4 +1,4 @@
-"""What a misspelt name may mean."""
+"""Hints at the name that a misspelt one stands for."""
 
 from collections.abc import Iterable
 from difflib import get_close_matches

@@ -1,4 +1,4 @@
-"""Acts that may block or fail, such as a write to a terminal, with an end in any case."""
+"""Calls that may block, such as a write to a terminal, with a time limit."""
 
 import threading
 from collections.abc import Callable
@@ -8,13 +8,13 @@ _NAME = "act that may block"
 
 
 def in_time(act: Callable[[], None], patience_s: float = PATIENCE_S) -> BaseException | None:
-    """Act in a thread of its own, and wait for it.
+    """Call `act` in a thread of its own, and wait at most `patience_s` for its end.
 
     A terminal that is stopped (Ctrl-S), a connection that hangs or a pipe that nobody reads would block the
     caller for ever.
 
     Returns:
-        What it raised, a TimeoutError if it has not returned; None if all went well.
+        The exception that `act` raised; a TimeoutError if it has not returned; else None.
     """
     raised: list[BaseException] = []
 

@@ -1,4 +1,4 @@
-"""Whether a script may start processes: each of them imports the script first."""
+"""A check of scripts that start processes: each new process imports the script."""
 
 import ast
 import sys
@@ -13,7 +13,7 @@ def check_main_guard() -> None:
     Without it, each process that Python spawns would run the script again, and fail in forty lines.
 
     Raises:
-        UserError: it does not.
+        UserError: the main part stands elsewhere.
     """
     main = sys.modules.get("__main__")
     frame = sys._getframe()

@@ -1,6 +1,6 @@
-"""What would end the process ends the run instead: signals, and `os._exit` in foreign code.
+"""Signals, and `os._exit` in foreign code, end the run in order instead of the process.
 
-A process that is gone leaves the robot to its motors' timeouts, and its user without a result.
+If the process ended, only the motors' timeouts would stop the robot, and the user would have no result.
 """
 
 import os
@@ -20,15 +20,14 @@ ENDING = tuple(
     )
     if hasattr(signal, name)
 )  # fmt: skip
-ONCE = (signal.SIGHUP,)  # the kernel sends it, and then the shell
+ONCE = (signal.SIGHUP,)  # kernel and shell both send it when a terminal closes: it counts once
 
 
 @contextmanager
 def ending_on_signals(finish: Callable[[], None]) -> Iterator[None]:
     """Signals that would end the process call `finish`, which ends the run in order.
 
-    A second signal calls it again, which cuts lying down short. Only a terminal that goes away sends its
-    signal more than once without meaning it.
+    A second signal calls `finish` again, which cuts lying down short. Signals of `ONCE` count once.
     """
     hung_up = threading.Event()
 

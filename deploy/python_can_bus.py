@@ -143,7 +143,7 @@ class PythonCanBus:
         if now_s - self._state_read_s >= STATE_EVERY_S:
             self._state_read_s = now_s
             for channel, bus in enumerate(self._buses):
-                with suppress(Exception):  # not every interface has it
+                with suppress(Exception):  # not every interface reports its state
                     self._faults[channel] = self._faults[channel] or can_errors.meaning_of_state(
                         bus.state.name
                     )
@@ -175,7 +175,7 @@ class PythonCanBus:
 
     def _note_error(self, channel: int, message: Any) -> None:
         self._statistics[channel].errors += 1
-        if not self._faults[channel]:  # where identifiers are as SocketCAN's
+        if not self._faults[channel]:  # the first error frame, where its identifier is as in SocketCAN
             self._faults[channel] = can_errors.meaning(message.arbitration_id, bytes(message.data))
 
     def statistics(self) -> list[BusStatistics]:
@@ -201,7 +201,7 @@ def _plain_frame(message: Any) -> tuple[int, bytes, float] | None:
 
 
 def _open(can: Any, interface: str, index: int, name: str) -> Any:
-    """One bus. Filters of python-can's own make `recv` return None for a foreign frame, as for no frame."""
+    """Open one bus without python-can's filters: with them, `recv` returns None for a foreign frame, too."""
     if interface == MULTICAST:
         return can.Bus(interface=interface, channel=MULTICAST_GROUP, port=MULTICAST_PORT + index, fd=False)
     return can.Bus(interface=interface, channel=name)

@@ -1,4 +1,4 @@
-"""From the outcomes of a scenario's episodes to the figures that are reported: plain data for JSON."""
+"""Figures of a scenario, computed from the outcomes of its episodes: plain data for JSON."""
 
 import math
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ from footfall.evaluate.statistics import (
 
 Summary = dict[str, Any]
 
-# Means over episodes: of which quantity, weighted by which other. Square roots are taken afterwards.
+# Figures that are roots of weighted means over episodes: the quantity and its weight.
 _ROOT_MEANS = {
     "lin_vel_rmse": ("lin_vel_mse", "scored_s"),
     "yaw_rate_rmse": ("yaw_rate_mse", "scored_s"),
@@ -28,7 +28,7 @@ _ROOT_MEANS = {
     "target_rate_rad_s": ("target_rate_rad_s", "walked_s"),
     "torque_rate_nm_s": ("torque_rate_nm_s", "walked_s"),
 }
-# These two are root mean squares of an episode already: squared again before the mean.
+# Quantities that are root mean squares of an episode: they are squared again before the mean.
 _ALREADY_ROOTS = frozenset({"target_rate_rad_s", "torque_rate_nm_s"})
 _MEANS = {
     "legs_touch_share": ("legs_touch_share", "walked_s"),
@@ -44,12 +44,12 @@ _LEAST_DISTANCE_M = 0.1  # a robot that stands still has no cost of transport
 
 
 def summarise(scenario: Scenario, outcomes: Sequence[TaskResult[EpisodeOutcome]], seed: int) -> Summary:
-    """Figures of one scenario. What could not be measured is None; without an episode there are no figures.
+    """Figures of one scenario. A figure that was not measured is None.
 
     Args:
-        scenario: its definition.
-        outcomes: of its episodes; those that failed are counted and named, and score nothing.
-        seed: of the bootstrap.
+        scenario: definition of the scenario.
+        outcomes: of its episodes; failed episodes are listed, and left out of the figures.
+        seed: seed of the bootstrap.
     """
     finished = [outcome.value for outcome in outcomes if outcome.value is not None]
     errors = [f"episode {i}: {outcome.error}" for i, outcome in enumerate(outcomes) if outcome.error]
@@ -111,7 +111,7 @@ def _figures(finished: Sequence[EpisodeOutcome], seed: int) -> Summary:
 
 
 def _own(finished: Sequence[EpisodeOutcome], seed: int) -> Summary:
-    """Mean and 95 % interval of each metric of the user, all episodes alike."""
+    """Mean and 95 % interval of each metric of the user; every episode has equal weight."""
     values = {name: np.array([outcome.own[name] for outcome in finished]) for name in finished[0].own}
     even = np.ones(len(finished))
     return {
@@ -140,7 +140,7 @@ def _compute(finished: Sequence[EpisodeOutcome]) -> Summary:
 
 
 def _rows(names: Sequence[str], finished: Sequence[EpisodeOutcome], seed: int) -> list[Summary]:
-    """Figures for each combination of levels that was met, in rising order."""
+    """Figures for each combination of levels that occurred, in rising order."""
     groups: dict[tuple[float, ...], list[EpisodeOutcome]] = {}
     for outcome in finished:
         groups.setdefault(tuple(outcome.levels[name] for name in names), []).append(outcome)
@@ -166,7 +166,7 @@ def _survival(finished: Sequence[EpisodeOutcome], seed: int) -> Summary:
 
 
 def _reasons_for_ending(finished: Sequence[EpisodeOutcome]) -> dict[str, int]:
-    """How often each reason for a fall or a stop was met."""
+    """Number of episodes for each reason of a fall or a stop."""
     reasons = [outcome.trouble for outcome in finished if outcome.trouble]
     return {reason: reasons.count(reason) for reason in sorted(set(reasons))}
 
@@ -182,7 +182,7 @@ def _largest(metrics: Sequence[EpisodeMetrics], name: str) -> float:
 
 
 def _plain(value: Any) -> Any:
-    """The same with lists for tuples and None for what is no number."""
+    """The value with lists for tuples, and None for NaN and infinities."""
     if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

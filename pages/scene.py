@@ -13,10 +13,10 @@ if TYPE_CHECKING:
     from viser import ClientHandle, ViserServer
 
 WORLD = "/world"
-GREY = (150, 156, 164)  # to be seen on a light page and on a dark one
-NARROW = 0.9  # a view less wide than this, by its height, is looked at from further away
+GREY = (150, 156, 164)  # visible on light and dark pages
+NARROW = 0.9  # aspect ratio (width over height) below which the camera moves back
 EDGED = (mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CYLINDER)
-ARROW_S = 0.4  # an arrow's length is the way of so many seconds
+ARROW_S = 0.4  # an arrow is as long as the distance covered in this time
 FOLLOWING = 0.1  # share of its distance to the robot that the view covers in a frame
 
 
@@ -57,9 +57,9 @@ class Scene:
         self._middle = np.zeros(3)
 
     def _step_back(self, client: "ClientHandle") -> None:
-        """From further away where the view is narrow, so that the whole robot is in it."""
+        """Move the camera back where the view is narrow, so that the whole robot is in it."""
         if client.camera.aspect < NARROW:
-            target = client.camera.look_at  # which moves with the camera otherwise
+            target = client.camera.look_at  # moving the camera would move it, too
             client.camera.position = self._viewpoint * (NARROW / client.camera.aspect)
             client.camera.look_at = target
 
@@ -81,14 +81,14 @@ class Scene:
                 self._world.position = -self._middle
             heading = _level(data.xmat[self._base].reshape(3, 3))
             for raised, name, vector in ((0.75, "command", command), (0.95, "velocity", velocity)):
-                way = heading @ np.array([vector[0], vector[1], 0.0]) * ARROW_S
+                vector_m = heading @ np.array([vector[0], vector[1], 0.0]) * ARROW_S
                 arrow = self._arrows[name]
-                arrow.visible = bool(np.linalg.norm(way) > 0.02)
+                arrow.visible = bool(np.linalg.norm(vector_m) > 0.02)
                 arrow.position = base + np.array([0.0, 0.0, raised * self._height])
-                arrow.points = np.array([[np.zeros(3), way]], dtype=np.float32)
+                arrow.points = np.array([[np.zeros(3), vector_m]], dtype=np.float32)
 
     def begin(self) -> None:
-        """The robot is back at the origin."""
+        """Centre the view at the origin, where the robot begins again."""
         self._middle = np.zeros(3)
 
     def _add(self, server: "ViserServer", model: mujoco.MjModel, shape: Shape) -> None:
@@ -101,7 +101,7 @@ class Scene:
 
 
 def _frame_of(body: int) -> str:
-    """By number, since a body's name may hold anything."""
+    """Scene path of a body's frame, by id, since a name may hold any character."""
     return f"{WORLD}/body_{body}"
 
 

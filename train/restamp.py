@@ -1,4 +1,4 @@
-"""Give a policy the robot's digest of today: `python -m footfall.train.restamp FOLDER`.
+"""Write the robot's present digest into a policy: `python -m footfall.train.restamp FOLDER`.
 
 For one case only: the computation of the digest has changed (robots/digest.py), the robot has not. After any
 other change the policy must be trained anew. The rest of the contract must still fit. The network stays as it
@@ -22,7 +22,7 @@ def restamp(folder: Path) -> tuple[str, str]:
     """Write the present digest into a folder's policy.onnx and run.yaml; returns the old one and the new.
 
     Raises:
-        UserError: there is no policy, or more than its digest differs from the robot.
+        UserError: there is no policy, or it differs from the robot in more than the digest.
     """
     path = folder / "policy.onnx"
     if not path.is_file():

@@ -1,16 +1,17 @@
-"""What a row of the fault table says."""
+"""A row of the fault table, and the detection times that rows share."""
 
 from typing import NamedTuple
 
 from footfall.plant.injection import Injection
 
+# Longest times from a fault to damping.
 SILENCE_S = 0.055
 IMPLAUSIBLE_S = 0.1
-QUEUE_S = 0.11  # of a queue that grows by half of what arrives: twice the silence
-LATER_S = 0.2  # of what adds up for longer than that, by its reason in the table; likewise:
+QUEUE_S = 0.11  # a queue that grows by half of the arriving frames: twice the silence
+LATER_S = 0.2  # faults that build up for longer; each row gives its reason. Likewise:
 PAUSING_S = 0.3
 SOON_S = 0.6
-SLOW_S = 1.5  # of a joint that hardly moves, or a body that hardly turns
+SLOW_S = 1.5  # a joint that hardly moves, or a body that hardly turns
 
 
 class FaultKind(NamedTuple):
@@ -21,9 +22,9 @@ class FaultKind(NamedTuple):
     within_s: float | None = IMPLAUSIBLE_S  # from the fault to damping; None if it need not be noticed
     reason: str = ""  # why it cannot be noticed, or not sooner
     main: bool = False  # tried on every robot
-    estimating: bool = False  # tried with policies whose base's motion is estimated
-    starting: bool = False  # there from the beginning
+    estimating: bool = False  # tried with policies that need a base estimate
+    starting: bool = False  # present before the first tick
     observed_s: float = 2.0  # after the fault, until the run ends
     wiring: bool = False  # in a run with a wiring check
-    lying: bool = False  # of a robot that lies at first, if it can
-    group: str = ""  # heading of the table that it stands under
+    lying: bool = False  # the robot lies at first, if it can
+    group: str = ""  # heading above the row

@@ -40,7 +40,7 @@ def _values(
 
 
 def _row_frozen(row: int) -> Injection:
-    """Position (0), velocity (1) or torque (2) of one motor stays what it is."""
+    """Position (0), velocity (1) or torque (2) of one motor keeps its value."""
 
     def inject(injector: FaultInjector) -> None:
         kept: list[float] = []
@@ -57,7 +57,7 @@ def _row_frozen(row: int) -> Injection:
 
 
 def position_off(by: Callable[[FaultInjector], float]) -> Injection:
-    """A motor's encoder is off from now on: it reports so, and closes its own loop on it."""
+    """A motor's encoder jumps: the motor reports the offset position, and controls on it."""
 
     def inject(injector: FaultInjector) -> None:
         injector.body.encoder_bias[injector.joint] += injector.rng.choice([-1.0, 1.0]) * by(injector)
@@ -66,6 +66,8 @@ def position_off(by: Callable[[FaultInjector], float]) -> Injection:
 
 
 def all_off(by: float) -> Injection:
+    """All encoders jump by an angle, rad."""
+
     def inject(injector: FaultInjector) -> None:
         injector.body.encoder_bias[:] += by
 
@@ -73,17 +75,17 @@ def all_off(by: float) -> Injection:
 
 
 def sector(injector: FaultInjector) -> float:
-    """One turn of a rotor, at the joint."""
+    """One turn of the rotor as an angle of the joint, rad."""
     return float(2 * np.pi / injector.robot.motor_figures("gear_ratio")[injector.joint])
 
 
 def _drifting(rate_rad_s: float) -> Injection:
     def inject(injector: FaultInjector) -> None:
-        off = [0.0]
+        offset = [0.0]
 
         def drift(values: np.ndarray, _: np.ndarray) -> None:
-            off[0] += rate_rad_s * 0.002
-            values[0, injector.joint] += off[0]
+            offset[0] += rate_rad_s * 0.002
+            values[0, injector.joint] += offset[0]
 
         injector.on_values(drift)
 
@@ -116,11 +118,11 @@ def temperature(celsius: int) -> Injection:
 
 
 def _heating(injector: FaultInjector) -> None:
-    now = [60.0]
+    celsius = [60.0]
 
     def heat(_: np.ndarray, temperature: np.ndarray) -> None:
-        now[0] += 0.1  # of 500 ticks a second: 85 degrees after half a second
-        temperature[injector.joint] = min(int(now[0]), 120)
+        celsius[0] += 0.1  # a tick of 2 ms: 85 degrees after half a second
+        temperature[injector.joint] = min(int(celsius[0]), 120)
 
     injector.on_values(heat)
 

@@ -1,4 +1,4 @@
-"""Faults that come and go faster than a window, or grow more slowly than one."""
+"""Intermittent faults, shorter than the window of a check, and faults that grow over many windows."""
 
 from collections.abc import Callable
 from itertools import cycle
@@ -23,12 +23,12 @@ from footfall.plant.injection import (
 )
 from footfall.plant.robot import IMU_PERIOD_S
 
-TICK_S = 0.002  # of the loop in these runs
-LIMP = 1e-9  # share of a motor's torque: none, and still a factor that can be undone
+TICK_S = 0.002  # period of the loop in these runs
+LIMP = 1e-9  # share of its torque that a limp motor keeps; not 0, so that it can be undone
 
 
 def _each_tick(act: Callable[[int], None]) -> Callable[[Batches, int], Batches]:
-    """Act at each tick, and leave what arrives as it is; `act` gets the ticks since the fault."""
+    """Call `act` at each tick with the ticks since the fault; frames pass unchanged."""
     ticks = [0]
 
     def incoming(batches: Batches, _: int) -> Batches:
@@ -39,7 +39,7 @@ def _each_tick(act: Callable[[int], None]) -> Callable[[Batches, int], Batches]:
     return incoming
 
 
-def _now_and_then(
+def _intermittent(
     faulty_s: float, every_s: float, switch: Callable[[FaultInjector, bool], None]
 ) -> Injection:
     """A fault that lasts `faulty_s` and comes back every `every_s`."""
@@ -61,7 +61,7 @@ def _limp(injector: FaultInjector, faulty: bool) -> None:
     strength(LIMP if faulty else 1.0 / LIMP)(injector)
 
 
-def _deaf_and_mute(injector: FaultInjector, faulty: bool) -> None:
+def _motor_silent(injector: FaultInjector, faulty: bool) -> None:
     injector.body.faults.motors.silent[injector.joint] = faulty
 
 
@@ -111,8 +111,8 @@ def imu_replayed(length: int = 100) -> Injection:
     return inject
 
 
-def imu_replayed_anew(injector: FaultInjector) -> None:
-    """Values of 200 ms again and again, under counters that go on."""
+def imu_replayed_with_new_counters(injector: FaultInjector) -> None:
+    """The values of 200 ms again and again, with counters that go on."""
     kept: list[Inertial] = []
     readings = [0]
 
@@ -126,7 +126,7 @@ def imu_replayed_anew(injector: FaultInjector) -> None:
 
 
 def imu_reordered(injector: FaultInjector) -> None:
-    """Of two readings of the IMU the second one comes first."""
+    """Readings of the IMU arrive in swapped pairs."""
     waiting: list[Frames] = []
 
     def swap(batches: Batches, _: int) -> Batches:
@@ -144,7 +144,7 @@ def imu_reordered(injector: FaultInjector) -> None:
 
 
 def leaning_ahrs(rate_rad_s: float) -> Injection:
-    """An attitude that turns away from the true one, and a gyro that turns with it."""
+    """An attitude that drifts from the true one, and a gyro that reports the same drift."""
 
     def inject(injector: FaultInjector) -> None:
         axis, sign = int(injector.rng.integers(2)), float(injector.rng.choice([-1.0, 1.0]))
@@ -161,11 +161,11 @@ def leaning_ahrs(rate_rad_s: float) -> Injection:
     return inject
 
 
-def encoder_drifts(rate_rad_s: float, all_of_them: bool = False) -> Injection:
-    """Encoders that drift: motors report so, and close their own loops on it."""
+def encoder_drifts(rate_rad_s: float, all_joints: bool = False) -> Injection:
+    """Encoders that drift: motors report the drift, and control on it."""
 
     def inject(injector: FaultInjector) -> None:
-        joints = slice(None) if all_of_them else injector.joint
+        joints = slice(None) if all_joints else injector.joint
         step = injector.rng.choice([-1.0, 1.0]) * rate_rad_s * TICK_S
 
         def drift(_: int) -> None:
@@ -183,7 +183,9 @@ def _of_joint(injector: FaultInjector, frames: Frames) -> np.ndarray:
     return mask
 
 
-def half_heard(injector: FaultInjector) -> None:
+def half_of_commands_lost(injector: FaultInjector) -> None:
+    """Half of the commands to one motor are lost."""
+
     def outgoing(frames: Frames, _: int) -> Frames:
         lost = _of_joint(injector, frames) & (injector.rng.random(len(frames.id)) < 0.5)
         return frames.take(~lost)
@@ -191,8 +193,8 @@ def half_heard(injector: FaultInjector) -> None:
     injector.bus.outgoing = outgoing
 
 
-def deaf(injector: FaultInjector) -> None:
-    """A motor that obeys its last command for ever, and answers."""
+def repeats_first_command(injector: FaultInjector) -> None:
+    """A motor that obeys only the first command after the fault, and still answers."""
     kept: list[np.ndarray] = []
 
     def outgoing(frames: Frames, _: int) -> Frames:
@@ -208,6 +210,8 @@ def deaf(injector: FaultInjector) -> None:
 
 
 def commands_flipped(share: float) -> Injection:
+    """A share of the commands to all motors has flipped bits."""
+
     def inject(injector: FaultInjector) -> None:
         flip = flipped(share, injector.rng)
         injector.bus.outgoing = lambda frames, _: flip(frames)
@@ -216,6 +220,8 @@ def commands_flipped(share: float) -> Injection:
 
 
 def commands_dropped(share: float) -> Injection:
+    """A share of the commands to all motors is lost."""
+
     def inject(injector: FaultInjector) -> None:
         drop = dropped(share, injector.rng)
         injector.bus.outgoing = lambda frames, _: drop(frames)
@@ -258,9 +264,9 @@ ASKED = "a motor that is asked for little torque, or for the same again and agai
 WARM = "below all other motors by `colder_c`"
 SLOW = (
     FaultKind("IMU replays 200 ms with their counters", imu_replayed(), 0.35, LOOP, main=True),
-    FaultKind("IMU replays 200 ms under new counters", imu_replayed_anew, 0.7, LOOPED),
+    FaultKind("IMU replays 200 ms under new counters", imu_replayed_with_new_counters, 0.7, LOOPED),
     FaultKind("IMU's readings in the wrong order", imu_reordered, SOON_S, SHARE),
-    FaultKind("IMU silent 40 of 80 ms", _now_and_then(0.04, 0.08, _imu_silent), SOON_S, SHARE, main=True),
+    FaultKind("IMU silent 40 of 80 ms", _intermittent(0.04, 0.08, _imu_silent), SOON_S, SHARE, main=True),
     FaultKind("IMU frozen 30 of 60 ms", _imu_frozen(0.03, 0.06), 1.0, SHARE, main=True),
     FaultKind(
         "attitude leans by 0.1 rad/s, its gyro alike",
@@ -270,14 +276,12 @@ SLOW = (
         main=True,
         observed_s=8.0,
     ),
-    FaultKind(
-        "motor silent 40 of 80 ms", _now_and_then(0.04, 0.08, _deaf_and_mute), SOON_S, SHARE, main=True
-    ),
+    FaultKind("motor silent 40 of 80 ms", _intermittent(0.04, 0.08, _motor_silent), SOON_S, SHARE, main=True),
     FaultKind("a bus's replies lost 40 of 80 ms", bus_lost_now_and_then, SOON_S, SHARE),
-    FaultKind("motor limp 30 of 200 ms", _now_and_then(0.03, 0.2, _limp), None, ASKED, main=True),
-    FaultKind("half of one motor's commands lost", half_heard, SOON_S, SHARE, main=True),
+    FaultKind("motor limp 30 of 200 ms", _intermittent(0.03, 0.2, _limp), None, ASKED, main=True),
+    FaultKind("half of one motor's commands lost", half_of_commands_lost, SOON_S, SHARE, main=True),
     FaultKind("half of all commands lost", commands_dropped(0.5), SOON_S, SHARE),
-    FaultKind("motor obeys no new command", deaf, None, ASKED, main=True, observed_s=5.0),
+    FaultKind("motor obeys no new command", repeats_first_command, None, ASKED, main=True, observed_s=5.0),
     FaultKind(
         "bits flipped in 5 % of the commands", commands_flipped(0.05), None, SHARE, main=True, observed_s=4.0
     ),

@@ -14,14 +14,14 @@ RIGHT = "nothing is wrong: nothing must be noticed"
 
 
 def _exchanged(injector: FaultInjector, first: np.ndarray, second: np.ndarray) -> None:
-    """Commands to these motors and replies of them take each other's way."""
+    """Exchange the bus addresses of two groups of motors, for commands and replies."""
     wiring, order = injector.wiring, np.arange(len(injector.robot.joint_names))
     order[first], order[second] = second, first
     injector.body.rewire(replace(wiring, channel=wiring.channel[order], motor_id=wiring.motor_id[order]))
 
 
 def two_buses(injector: FaultInjector) -> None:
-    """Two buses that have equally many motors."""
+    """Exchange two buses that have equally many motors."""
     channel = injector.wiring.channel
     used, counts = np.unique(channel, return_counts=True)
     first = int(
@@ -33,13 +33,13 @@ def two_buses(injector: FaultInjector) -> None:
 
 
 def two_legs(injector: FaultInjector) -> None:
-    """The plugs of all motors of two legs."""
+    """Exchange the plugs of all motors of two legs."""
     first, second = injector.rng.choice(len(injector.robot.foot_joints), 2, replace=False)
     _exchanged(injector, injector.robot.foot_joints[first], injector.robot.foot_joints[second])
 
 
 def two_motors(of_one_leg: bool) -> Injection:
-    """Plugs or ids of two motors: of one leg, or the same joint of two legs."""
+    """Exchange the plugs or ids of two motors: of one leg, or the same joint of two legs."""
 
     def inject(injector: FaultInjector) -> None:
         legs, rng = injector.robot.foot_joints, injector.rng

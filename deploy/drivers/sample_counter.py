@@ -1,22 +1,22 @@
 """The order of an IMU's samples, by the counter that each of them carries."""
 
-COUNTS = 0x10000  # of a counter of 16 bits, before it begins anew
+COUNTS = 0x10000  # values of a 16-bit counter before it wraps around
 NEAR = 32  # samples: a step that is longer than that may be a flipped bit
 
 
 class SampleCounter:
     """Distinguishes new samples from repeated and from older ones.
 
-    A longer step forward, as after a silence, and a longer step back, as of a device that has restarted or of
-    frames that are replayed, counts once the next sample confirms it.
+    A step longer than `NEAR` is accepted once the next sample confirms it: forward, the IMU was silent; back,
+    it has restarted or its frames are replayed.
     """
 
     def __init__(self) -> None:
         self._latest = self._far = -1  # the latest sample, and the last one that was far from it
-        self.older = 0  # samples so far that were older than the latest, and by how many the counter ran back
+        self.older = 0  # older samples so far, plus the samples by which the counter ran back
 
     def is_new(self, counter: int) -> bool | None:
-        """Whether a sample is new; None for one that is to be left out."""
+        """Whether a sample is new; None for one to be ignored."""
         step = 1 if self._latest < 0 else (counter - self._latest) % COUNTS
         if step == 0:
             return False

@@ -1,6 +1,6 @@
-"""What a physics engine is to the environment: the robot's motion through one control step.
+"""Interface between the environment and a physics engine: the robot's motion over one control step.
 
-Engines differ in who integrates the bodies (`mjx.py`, `c.py`), in nothing else.
+Engines differ only in the integration of the bodies (`mjx.py`, `c.py`, `generated/`).
 """
 
 from collections.abc import Callable
@@ -12,7 +12,7 @@ Array = Any  # a NumPy or a JAX array
 
 
 class Motion(NamedTuple):
-    """What the physics carries from one physics step to the next."""
+    """State carried from one physics step to the next."""
 
     qpos: Array  # (nq,)
     qvel: Array  # (nv,)
@@ -22,7 +22,7 @@ class Motion(NamedTuple):
 class Drive(NamedTuple):
     """Motor inputs and parameters that are constant during one control step."""
 
-    target: Array  # (substeps, n) rad, as the motors have it at each physics step
+    target: Array  # (substeps, n) rad, position target that has reached the motors at each physics step
     kp: Array  # (n,) N m/rad
     kd: Array  # (n,) N m s/rad
     motor: Motor
@@ -30,23 +30,25 @@ class Drive(NamedTuple):
 
 
 class Trace(NamedTuple):
-    """What each physics step left, oldest first."""
+    """Records of each physics step, oldest first."""
 
     qpos: Array  # (substeps, nq)
     qvel: Array  # (substeps, nv)
-    foot_position: Array  # (substeps, points, 3) m, of all feet's geoms, as the step's forces saw them
+    foot_position: (
+        Array  # (substeps, points, 3) m, of all feet's geoms, at which contact forces were computed
+    )
     torque: Array  # (substeps, n) N m, of the motors
 
 
 Fields = dict[str, Array]  # model fields in which this robot differs from the nominal one
-# Beside them, for the generated physics alone: (points, 4) the plane below each of the feet's points, its
-# unit normal in the world and its distance from the world's origin, m.
+# Key of a further field, which only the generated physics reads: (points, 4), the plane below each foot
+# point, as its unit normal in the world and its distance from the world's origin, m.
 GROUND = "ground"
 Physics = Callable[[Motion, Drive, Fields], tuple[Motion, Trace]]
 
 
 class JointEffort(NamedTuple):
-    """What the joints bring into one physics step, each of shape (..., n)."""
+    """Torque and inertia of the joints in one physics step, each of shape (..., n)."""
 
     motor_torque: Array  # N m, of the motors
     torque: Array  # N m, at the joints
@@ -69,11 +71,11 @@ def joint_effort(
     both are the plain law. (Hairer and Wanner, Solving Ordinary Differential Equations II, IV.3 and IV.7.)
 
     Args:
-        drive: what the motors hold on to; their position loops run on their biased encoders.
-        target: of this step, rad.
+        drive: motor inputs and parameters; position loops read the biased encoders.
+        target: joint targets of this step, rad.
         position: joint positions, rad.
         velocity: joint velocities, rad/s.
-        timestep_s: h.
+        timestep_s: length h of the physics step.
     """
     command = JointCommand(target, 0.0, drive.kp, drive.kd, 0.0)
     measured = position + drive.encoder_bias

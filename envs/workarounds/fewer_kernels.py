@@ -1,10 +1,10 @@
-"""Tracing others' code so that a GPU has fewer kernels to run.
+"""Traces code of other libraries so that a GPU launches fewer kernels.
 
-Reason: with a thousand robots a GPU takes longer to begin a kernel than to run it. Of the kernels of MJX's
-step two fifths are short loops, and sums and insertions written as scatters; of those of brax's loss a third.
-Here they are traced as plain operations, which XLA fuses with their neighbours. What is computed stays the
-same, and its sums have one order, which those of scatters do not.
-Upstream: on a GPU each turn of a scan is begun by the host, https://github.com/jax-ml/jax/issues/2491.
+Reason: with a thousand robots a GPU takes longer to launch a kernel than to run it. Two fifths of the
+kernels of MJX's step, and a third of those of brax's loss, are short loops or scatters (sums, insertions).
+Here they are traced as plain operations, which XLA fuses with their neighbours. Results stay the same; sums
+get a fixed order, which a scatter does not guarantee.
+Upstream: on a GPU the host launches each iteration of a scan, https://github.com/jax-ml/jax/issues/2491.
 It can go when MJX and brax trace fewer loops by themselves: tests/envs/test_workarounds.py counts them.
 """
 
@@ -18,12 +18,12 @@ import jax.numpy as jnp
 import numpy as np
 
 _SCAN, _SEGMENT_SUM, _INSERT = jax.lax.scan, jax.ops.segment_sum, jnp.insert
-_TRACING = threading.RLock()  # what is replaced is replaced for the whole process
+_TRACING = threading.RLock()  # a replacement holds for the whole process
 
 
 @contextmanager
 def fewer_kernels() -> Iterator[None]:
-    """Scans that are traced meanwhile are unrolled; sums over legs and insertions are no scatters.
+    """Within the context, scans are unrolled, and sums over legs and insertions avoid scatters.
 
     On a processor nothing changes: there a kernel costs little, and a longer program is compiled for longer.
     """
@@ -32,7 +32,7 @@ def fewer_kernels() -> Iterator[None]:
         return
     with _TRACING:
         originals = jax.lax.scan, jax.ops.segment_sum, jnp.insert
-        assert originals == (_SCAN, _SEGMENT_SUM, _INSERT), "somebody else has replaced them meanwhile"
+        assert originals == (_SCAN, _SEGMENT_SUM, _INSERT), "other code has replaced these functions"
         _replace(_unrolled, segment_sum, insert)
         try:
             yield
@@ -45,11 +45,11 @@ def segment_sum(
 ) -> jax.Array:
     """`jax.ops.segment_sum` without a scatter where each row is a segment, or all rows are one.
 
-    So it is with legs: their links have one parent each, and the trunk is the parent of all hips.
+    This holds for legs: their links have one parent each, and the trunk is the parent of all hips.
 
     Args:
         data: shape (rows, ...).
-        segment_ids: segment of each row, known while tracing if it is NumPy's.
+        segment_ids: segment of each row, known while tracing if it is a NumPy array.
         num_segments: rows of the result.
         options: see JAX.
 

@@ -1,4 +1,4 @@
-"""What the hand-written controllers do with a velocity command before they follow it."""
+"""Shaping of the velocity command for the hand-written controllers."""
 
 import math
 from dataclasses import dataclass
@@ -10,11 +10,11 @@ from footfall.common.config import require_not_negative, require_positive
 
 @dataclass(frozen=True)
 class CommandShaping:
-    """How fast a commanded velocity is approached, and what counts as a command to stand."""
+    """Acceleration limits of the shaped command, and the threshold for standing."""
 
     acceleration_m_s2: float
     yaw_acceleration_rad_s2: float
-    standing_command: float  # commands of a smaller norm mean: stand still
+    standing_command: float  # norm below which a command means: stand still
 
     def __post_init__(self) -> None:
         require_positive(self, "acceleration_m_s2", "yaw_acceleration_rad_s2")
@@ -26,7 +26,7 @@ class ShapedCommand:
 
     def __init__(self, shaping: CommandShaping) -> None:
         self._shaping = shaping
-        self._most = (
+        self._max_acceleration = (
             shaping.acceleration_m_s2,
             shaping.acceleration_m_s2,
             shaping.yaw_acceleration_rad_s2,
@@ -34,11 +34,11 @@ class ShapedCommand:
         self.value = np.zeros(3)
 
     def reset(self) -> None:
-        """Stand."""
+        """Start from the zero command."""
         self.value = np.zeros(3)
 
     def advance(self, command: np.ndarray, dt_s: float) -> None:
-        """Move towards a command (3,) for a time."""
+        """Move towards a command (3,) during `dt_s`."""
         goal = command.tolist() if self._asks_to_move(command) else [0.0, 0.0, 0.0]
         present = self.value.tolist()
         if present == goal:
@@ -46,12 +46,12 @@ class ShapedCommand:
         self.value = np.array(
             [
                 now + min(max(wanted - now, -most * dt_s), most * dt_s)
-                for now, wanted, most in zip(present, goal, self._most, strict=True)
+                for now, wanted, most in zip(present, goal, self._max_acceleration, strict=True)
             ]
         )
 
     def wants_walk(self, command: np.ndarray) -> bool:
-        """Whether a command (3,) asks to move, or an earlier one still has to be slowed down from."""
+        """Whether a command (3,) asks to move, or the shaped command is not yet zero."""
         return self._asks_to_move(command) or any(self.value.tolist())
 
     def _asks_to_move(self, command: np.ndarray) -> bool:

@@ -7,21 +7,20 @@ import numpy as np
 from footfall.robots.actuator import JointCommand, Motor, limit_torque
 from footfall.robots.readings import Sensed
 
-_LONGEST_S = 0.045  # that is looked for
+_LONGEST_S = 0.045  # longest delay that is considered
 _MEMORY_S = 0.3  # time constant of the mean squared deviations
-_EVERY_S = 0.006  # between two looks: commands change no faster
+_EVERY_S = 0.006  # between two comparisons: commands change no faster
 _MARGIN = 0.8  # another age has to explain the torques this much better than the one believed in
-_EXPLAINED = 0.3  # and this much better than commands of any age do
+_EXPLAINED = 0.3  # and this much better than the mean of all ages
 _LEAST_NM2 = 1e-4  # mean squared deviation, about a reading's resolution
 
 
 class CommandDelay:
     """Measures the delay from a reading to the moment at which the command worked out from it acts.
 
-    A motor reports the torque that it makes of the command it follows. The one of the last commands that
-    gives this torque by the joint law tells how old commands are when they act: travel on the bus, the
-    motors' own delay and the age of the readings are all in it. While commands barely change, the delay stays
-    as it is.
+    A motor reports the torque of the command that it follows. The joint law gives the torque of each
+    recent command; the age of the one that matches is the delay. It contains the travel on the bus, the
+    motors' own delay and the age of the readings. While commands barely change, the delay keeps its value.
 
     Args:
         motor: the motors' limits.
@@ -55,7 +54,7 @@ class CommandDelay:
         return self.ticks
 
     def velocity_changes(self) -> np.ndarray:
-        """Velocities (ticks, n) of commands under way, newest first, less those of the one that acts now."""
+        """Velocities (ticks, n) of commands under way, newest first, minus those of the active command."""
         if self._count <= self.ticks:
             return np.zeros((1, self._sent.shape[2]))
         return self._sent[: self.ticks, 1] - self._sent[self.ticks, 1]

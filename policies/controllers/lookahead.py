@@ -9,11 +9,11 @@ from footfall.policies.controllers.delay import CommandDelay
 from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand, Motor
 
-_TUNED_TICKS = 1  # the least delay, of a loop alone: the controllers' gains allow for it
+_TUNED_TICKS = 1  # delay of the loop alone: the controllers' gains allow for it
 
 
 class Lookahead:
-    """Predicts over the measured delay, with the accelerations of the commands that are still under way.
+    """Predicts over the measured delay, with the accelerations of the commands that are under way.
 
     Args:
         motor: the motors' limits.
@@ -42,7 +42,7 @@ class Lookahead:
 
         Args:
             command: to the joints.
-            acceleration: (6,) m/s^2 and rad/s^2, of the base, world, that it will cause.
+            acceleration: (6,) m/s^2 and rad/s^2, of the base, world axes, that the command will cause.
             stance: (feet,) planned contact in [0, 1].
         """
         self._delay.sent(command)
@@ -50,7 +50,7 @@ class Lookahead:
         self._stance.appendleft(stance)
 
     def stance(self) -> np.ndarray | None:
-        """Planned contact (feet,) of the commands that act now; None before the first."""
+        """Planned contact (feet,) of the commands that act now; None before the first command."""
         if not self._stance:
             return None
         return self._stance[min(self._delay.ticks, len(self._stance)) - 1]
@@ -63,22 +63,22 @@ class Lookahead:
         sensed, dt_s = inputs.sensed, self._dt_s
         rotation = rotation_matrix(sensed.quaternion)
         motion = np.concatenate([rotation @ inputs.base_velocity, rotation @ sensed.gyro])
-        way = np.zeros(6)
+        displacement = np.zeros(6)
         pending = list(self._accelerations)[:ticks][::-1]
         for acceleration in [np.zeros(6)] * (ticks - len(pending)) + pending:
-            way += dt_s * (motion + 0.5 * dt_s * acceleration)
+            displacement += dt_s * (motion + 0.5 * dt_s * acceleration)
             motion = motion + dt_s * acceleration
-        turn = np.array([1.0, *(0.5 * way[3:])])
+        turn = np.array([1.0, *(0.5 * displacement[3:])])
         quaternion = multiply(turn / np.sqrt(turn @ turn), sensed.quaternion)
         back = rotation_matrix(quaternion).T
-        faster = self._delay.velocity_changes()
+        velocity_changes = self._delay.velocity_changes()
         later = sensed._replace(
             quaternion=quaternion,
             gyro=back @ motion[3:],
             joint_position=sensed.joint_position
-            + dt_s * (ticks * sensed.joint_velocity + faster.sum(axis=0)),
-            joint_velocity=sensed.joint_velocity + faster[0],
+            + dt_s * (ticks * sensed.joint_velocity + velocity_changes.sum(axis=0)),
+            joint_velocity=sensed.joint_velocity + velocity_changes[0],
         )
         return inputs._replace(
-            sensed=later, base_velocity=back @ motion[:3], base_height=inputs.base_height + way[2]
+            sensed=later, base_velocity=back @ motion[:3], base_height=inputs.base_height + displacement[2]
         )

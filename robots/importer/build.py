@@ -14,7 +14,7 @@ from footfall.robots.importer.model_xml import FOOT_FRICTION
 from footfall.robots.importer.orientation import guessed_forward, turned
 from footfall.robots.importer.source import Source
 
-SHOWN = 4  # names in a message; for the others, their number
+SHOWN = 4  # names listed in a message; further ones are counted
 
 
 def build_machine(
@@ -24,7 +24,7 @@ def build_machine(
 
     Args:
         source: the model.
-        name: of the robot.
+        name: the name of the robot.
         feet: see `find_limbs`.
         forward: axis of the base that points forward, such as "-x"; empty: guessed by the legs' names.
         up: axis that points up.
@@ -61,7 +61,7 @@ def build_machine(
     ahead = forward or guessed
     base = f"base: '{model.body(limbs.base).name}', its {ahead} axis pointing forward, {up} up"
     if guessed != "x":
-        base += ", by the legs called left and right (--forward x keeps the file's)"
+        base += ", by the legs called left and right (--forward x keeps the file's axes)"
     guesses = [base, *source.guesses, *limbs.guesses, *_frozen(source, limbs, set(use)), imu_guess]
     if source.meshes:
         guesses.append(f"{len(source.meshes)} meshes were replaced by primitives")
@@ -77,10 +77,10 @@ def shortened(names: list[str]) -> str:
 
 
 def _with_friction(link: Link, friction: float) -> Link:
-    def with_it(geom: Geom) -> Geom:
+    def with_friction(geom: Geom) -> Geom:
         return replace(geom, friction=friction)
 
-    return replace(link, geoms=tuple(map(with_it, link.geoms)))
+    return replace(link, geoms=tuple(map(with_friction, link.geoms)))
 
 
 def _frozen(source: Source, limbs: Limbs, driven: set[str]) -> list[str]:
@@ -98,7 +98,7 @@ def _frozen(source: Source, limbs: Limbs, driven: set[str]) -> list[str]:
 
 
 def _imu(model: mujoco.MjModel, base: int) -> tuple[np.ndarray, str]:
-    """Place of the IMU in the base's frame, (3,) m, and its origin in words."""
+    """Place of the IMU in the base's frame, (3,) m, and a line that says where it is from."""
     data = pose_of(model, model.qpos0)
     rotation, origin = data.xmat[base].reshape(3, 3), data.xpos[base]
     bodies = [("link", model.body(b).name, data.xpos[b], b) for b in range(model.nbody)]

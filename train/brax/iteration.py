@@ -54,10 +54,10 @@ def make_iteration(
         scalars |= {"reward/total": rollout.reward.mean() / env.period_s}
         scalars = mean(scalars) | {"episode/length_s": length / jnp.maximum(done, 1.0) * env.period_s}
         seen = _newest(rollout.observation["state"], LOGGED_OBSERVATIONS // devices)
-        following = TrainState(
+        next_state = TrainState(
             params, optimizer, normalizer, env_state, observation, key, state.iteration + 1
         )
-        return following, scalars, seen
+        return next_state, scalars, seen
 
     if devices == 1:
         return iteration
@@ -78,7 +78,7 @@ def iteration_keys(
 
 
 def _newest(observations: jax.Array, count: int) -> jax.Array:
-    """The last `count` of observations (time, environment, size), as far as there are so many."""
+    """At most the last `count` observations of (time, environment, size)."""
     newest = observations[-1, :count]
     if newest.shape[0] == count:
         return newest

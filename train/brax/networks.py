@@ -14,7 +14,7 @@ from footfall.train.actor import Actor
 from footfall.train.brax.devices import on_the_processor
 from footfall.train.config import PpoConfig
 
-ACTOR, CRITIC = "state", "privileged_state"  # the observation that each one reads
+ACTOR, CRITIC = "state", "privileged_state"  # the observation that each network reads
 ALIGNMENT = 8  # a GPU's 16-bit matrix products need rows of whole 16-byte blocks
 
 
@@ -84,7 +84,7 @@ def _elu_jvp(primals: tuple[jax.Array], tangents: tuple[jax.Array]) -> tuple[jax
 def _of_observations(
     network: FeedForwardNetwork, name: str, hidden_layers: int, config: PpoConfig
 ) -> FeedForwardNetwork:
-    """A network of observations from brax's network of normalised ones."""
+    """A network of raw observations around brax's network, which takes normalised ones."""
 
     def apply(normalizer: Any, params: Any, observation: Mapping[str, jax.Array]) -> Any:
         x = observation[name]

@@ -34,7 +34,7 @@ class BraxTrainer(Trainer):
         self._run = run
         self._parts = assemble(run.config, robot)
         self._state: TrainState | None = None
-        self._observations: jax.Array | np.ndarray = np.zeros(0)  # some that the actor saw
+        self._observations: jax.Array | np.ndarray = np.zeros(0)  # a sample of what the actor observed
         self._compiled: Iteration | None = None
 
     @classmethod
@@ -54,7 +54,7 @@ class BraxTrainer(Trainer):
         self._state, self._compiled = self._parts.prepare(mesh, start, say)
 
     def iterate(self) -> Metrics:
-        """Begin the next iteration, which the devices compute meanwhile."""
+        """Launch the next iteration, which the devices compute asynchronously."""
         assert self._state is not None, "prepare first"
         assert self._compiled is not None, "prepare first"
         self._state, metrics, self._observations = self._compiled(self._state)

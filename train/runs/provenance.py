@@ -24,9 +24,8 @@ def source_revision() -> str:
         return result.stdout.decode(errors="replace").strip()
 
     try:
-        git(
-            "ls-files", "--error-unmatch", here.name
-        )  # fails where the environment lies in another repository
+        # Fails where the environment lies in another repository.
+        git("ls-files", "--error-unmatch", here.name)
         changes = git("diff", "HEAD", "--no-ext-diff", "--binary")
         return git("rev-parse", "HEAD") + (f" with uncommitted changes {_digest(changes)}" if changes else "")
     except (OSError, subprocess.SubprocessError):

@@ -12,8 +12,8 @@ import mujoco
 import numpy as np
 
 HINGE = mujoco.mjtJoint.mjJNT_HINGE
-BASE = -1  # the base's number among the links
-ROUNDING = 1e-14  # a zero after rotations by right angles
+BASE = -1  # the base's index among the links
+ROUNDING = 1e-14  # largest error of a zero after rotations by right angles
 
 
 class Hinge(NamedTuple):
@@ -61,7 +61,7 @@ def rotation(quaternion: np.ndarray) -> np.ndarray:
 
 
 def read_tree(model: mujoco.MjModel) -> Tree:
-    """The tree of a model that `refusals` has nothing against."""
+    """The tree of a model for which `refusals` is empty."""
     base = int(model.jnt_bodyid[model.jnt_type == mujoco.mjtJoint.mjJNT_FREE][0])
     bodies = {base: Attachment(BASE, np.eye(3), np.zeros(3))}
     hinges: list[Hinge] = []
@@ -104,7 +104,7 @@ def refusals(model: mujoco.MjModel) -> Iterator[str]:
             yield f"joint '{model.joint(joint).name}', which is not on the robot"
     for joint in np.flatnonzero(~is_free & ~is_hinge):
         yield f"joint '{model.joint(joint).name}', which is no hinge"
-    for said, holds in (
+    for feature, present in (
         ("joint limits", model.jnt_limited.any()),
         ("joint friction as a constraint", model.dof_frictionloss.any()),
         ("damping that is not linear", model.dof_dampingpoly.any()),
@@ -123,5 +123,5 @@ def refusals(model: mujoco.MjModel) -> Iterator[str]:
         ("an option that is switched on", option.enableflags),
         ("an option that is switched off", option.disableflags != mujoco.mjtDisableBit.mjDSBL_EULERDAMP),
     ):
-        if holds:
-            yield said
+        if present:
+            yield feature

@@ -1,4 +1,4 @@
-"""How firmly the ground holds the feet: the friction that forces may count on."""
+"""The friction coefficient that planned forces may use: less while feet slip."""
 
 import numpy as np
 
@@ -7,14 +7,14 @@ from footfall.policies.controllers.mpc.config import Contact
 from footfall.robots.kinematics import LegPose, Legs
 from footfall.robots.readings import Sensed
 
-_FILTER_S = 0.03  # time constant of the slip, so that a touch-down is none
+_FILTER_S = 0.03  # time constant of the slip, so that a touch-down does not count
 
 
 class Grip:
     """Counts on less friction while feet slip, and for a time after that.
 
-    Feet that stand move alike as seen from the base. What their velocities differ by is slip, whatever the
-    base does: no estimate of its velocity is needed.
+    Seen from the base, all stance feet move with the same velocity. Differences between their velocities are
+    slip, whatever the base does: no estimate of its velocity is needed.
     """
 
     def __init__(self, legs: Legs, config: Contact) -> None:
@@ -27,18 +27,18 @@ class Grip:
 
     @property
     def friction(self) -> float:
-        """Coefficient to count on."""
+        """Friction coefficient for planned forces."""
         return self._config.friction if self._careful_s <= 0.0 else self._config.slipping_friction
 
     def follow(self, sensed: Sensed, pose: LegPose, up: np.ndarray, stance: np.ndarray, dt_s: float) -> None:
-        """Look at the feet's velocities.
+        """Update the slip from the feet's velocities.
 
         Args:
             sensed: readings.
             pose: kinematics at their joint positions.
             up: (3,) vertical, base frame.
             stance: (legs,) planned contact in [0, 1]; only feet with 1 count.
-            dt_s: since the last look.
+            dt_s: time since the last call.
         """
         self._careful_s -= dt_s
         standing = np.flatnonzero(stance == 1.0)
@@ -48,9 +48,9 @@ class Grip:
         jacobian = (pose.jacobian + legs.rolling_offset(pose.axes, up))[standing]
         rates = legs.gather(sensed.joint_velocity)[standing]
         velocity = (jacobian @ rates[:, :, None])[:, :, 0] + cross(sensed.gyro, pose.foot[standing])
-        apart = velocity - velocity.mean(axis=0)
-        across = float(np.einsum("li,li->", apart, apart) - (apart.dot(up) ** 2).sum())
-        slip = (max(across, 0.0) / len(standing)) ** 0.5
+        difference = velocity - velocity.mean(axis=0)
+        horizontal_sq = float(np.einsum("li,li->", difference, difference) - (difference.dot(up) ** 2).sum())
+        slip = (max(horizontal_sq, 0.0) / len(standing)) ** 0.5
         self._slip_m_s += dt_s / (_FILTER_S + dt_s) * (slip - self._slip_m_s)
         if self._slip_m_s > self._config.slip_m_s:
             self._careful_s = self._config.careful_s

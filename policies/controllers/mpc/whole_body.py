@@ -1,7 +1,7 @@
 """The MPC's plan, carried out by whole-body control.
 
-The planned forces define the motion of the whole body: acceleration of its centre of mass and turn. From
-that and the wanted accelerations of the feet that swing, a quadratic programme on the robot's whole dynamics
+The planned forces define the motion of the whole body: its linear and angular acceleration. From
+these and the desired accelerations of the swing feet, a quadratic programme on the robot's whole dynamics
 works out the joints' torques at each tick (after Kim et al. 2019, "Highly dynamic quadruped locomotion via
 whole-body impulse control and model predictive control", with weights instead of null spaces).
 """
@@ -29,7 +29,7 @@ class MpcWholeBodyConfig:
     """Settings of `MpcWholeBody`."""
 
     plan: MpcConfig  # its stance.kd, swing.kp, swing.kd and friction_compensation are not used
-    swing: Feedback  # about the trajectories of feet that swing
+    swing: Feedback  # about the trajectories of the swing feet
     posture: Feedback  # of the joints, about the default pose
     whole_body: WholeBodyConfig
 
@@ -64,18 +64,20 @@ class MpcWholeBody(Mpc):
             centre=self.force.sum(axis=0) / self._body.mass + FREE_FALL,
             momentum_rate=turning,
             attitude=self._body.inverse_inertia @ (turning @ base.rotation),
-            feet=self._feet(sensed.joint_velocity, base, pose, swing),
+            feet=self._foot_accelerations(sensed.joint_velocity, base, pose, swing),
             joints=self._posture(sensed.joint_position - self._default_pose, sensed.joint_velocity),
         )
         most = np.where(self.stands[body.foot_of_point], self._most_force, 0.0)
         return self.control.command(dynamics, sensed.joint_position, sensed.joint_velocity, wanted, most)
 
-    def _feet(self, joint_velocity: np.ndarray, base: Base, pose: LegPose, swing: np.ndarray) -> np.ndarray:
-        """Wanted accelerations (feet, 6) of those that swing, world axes."""
+    def _foot_accelerations(
+        self, joint_velocity: np.ndarray, base: Base, pose: LegPose, swing: np.ndarray
+    ) -> np.ndarray:
+        """Desired accelerations (feet, 6) of the swing feet, world axes; 0 for stance feet."""
         feet, swinging = np.zeros((self._legs.count, 6)), self._swinging
         if swinging:
             rates = self._legs.gather(joint_velocity)[swinging, :, None]
             velocity = (pose.jacobian[swinging] @ rates)[:, :, 0]
-            back = self._swing_feedback(pose.foot[swinging] - swing[:, 0], velocity - swing[:, 1])
-            feet[swinging, :3] = (swing[:, 2] + back) @ base.rotation.T
+            correction = self._swing_feedback(pose.foot[swinging] - swing[:, 0], velocity - swing[:, 1])
+            feet[swinging, :3] = (swing[:, 2] + correction) @ base.rotation.T
         return feet

@@ -9,10 +9,10 @@ from footfall.policies.controllers.gait import GaitConfig
 
 @dataclass(frozen=True)
 class StrideConfig:
-    """What a step is like. All of it may be changed while the robot walks."""
+    """Size of a step. Every field can be changed while the robot walks."""
 
     height_m: float  # of the foot at mid-swing
-    length_m: float  # that a foot is carried back in one stance at most; it bounds the speed
+    length_m: float  # longest way of a foot backwards in one stance, which bounds the speed
     body_height_m: float  # base above the ground
 
     def __post_init__(self) -> None:
@@ -22,10 +22,10 @@ class StrideConfig:
 
 @dataclass(frozen=True)
 class StanceConfig:
-    """Where feet stand in the middle of their stance."""
+    """Places of the feet at mid-stance."""
 
-    outward_m: float = 0.0  # of each foot, from its place in the default pose away from the middle
-    shift_m: float = 0.0  # of all feet, forward
+    outward_m: float = 0.0  # offset of each foot from its place in the default pose, away from the middle
+    shift_m: float = 0.0  # forward offset of all feet
     sway: float = 0.0  # how far the body presses towards the middle of the feet that stand, as a share
 
     def __post_init__(self) -> None:
@@ -51,8 +51,8 @@ class LevellingConfig:
 class HeadingConfig:
     """How the walk keeps to the heading that the commanded yaw rate leads to, by the IMU."""
 
-    gain: float  # 1/s, of the heading's error; 0: it keeps to none
-    most_rad: float  # largest error that counts: what a shove turns beyond that is forgotten
+    gain: float  # 1/s, of the heading error; 0 disables the correction
+    most_rad: float  # clamp of the heading error: a turn by a push beyond it is not corrected
 
     def __post_init__(self) -> None:
         require_not_negative(self, "gain", "most_rad")
@@ -62,14 +62,14 @@ class HeadingConfig:
 class TouchDownConfig:
     """When a foot counts as on the ground before or after its time."""
 
-    # Of an even share of the weight, by the motors' torques: a foot that should stand and bears less than the
-    # first has found no ground, one in the air that bears more than the second has.
+    # Two thresholds of a foot's force by the motors' torques, as shares of the weight per leg. A stance foot
+    # below the first has found no ground. A swing foot above the second has touched down.
     force_share: tuple[float, float]
     filter_s: float  # time constant of that force
     inertia_doubt: float  # share by which the joints' inertia may exceed the description's
-    from_progress: float  # of the swing, before which no force counts
+    from_progress: float  # progress of the swing from which forces count
     probe_m: float  # how far a foot that finds no ground at its time is lowered
-    probe_m_s: float  # and how fast
+    probe_m_s: float  # speed of that lowering
 
     def __post_init__(self) -> None:
         require_ordered(self, "force_share")
@@ -80,11 +80,11 @@ class TouchDownConfig:
 
 @dataclass(frozen=True)
 class LimitsConfig:
-    """What the walk must keep to; it slows down rather than break it."""
+    """Limits of the walk, which slows down to keep them."""
 
     rate_share: float  # of the robot's joint rate limit that the gait may use
-    margin_m: float | None = None  # least static stability margin; none: all gaits are dynamic ones
-    dynamic_swing_s: float = 0.0  # a gait whose swings are no longer than this is one: it needs no margin
+    margin_m: float | None = None  # least static stability margin; None: every gait is dynamic
+    dynamic_swing_s: float = 0.0  # a gait with swings up to this long is dynamic: it needs no margin
 
     def __post_init__(self) -> None:
         require_between(self, 0.05, 1.0, "rate_share")
@@ -107,7 +107,7 @@ class WalkConfig:
     weight_n: float  # carried by the legs in stance, as feed-forward torque
     settle_s: float  # time to move from the pose found at reset to the stance
     stance: StanceConfig = StanceConfig()
-    touch_down: TouchDownConfig | None = None  # none: feet stand by the clock alone
+    touch_down: TouchDownConfig | None = None  # None: the gait clock alone decides
 
     def __post_init__(self) -> None:
         require_positive(self, "rate_hz", "kp", "settle_s")
