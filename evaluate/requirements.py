@@ -50,7 +50,7 @@ class Outcome:
 
     @property
     def line(self) -> str:
-        """In one line."""
+        """The outcome in one line."""
         reached = "was not measured" if self.number is None else f"is {self.number:.4g}"
         required = f"{self.requirement.comparison} {self.requirement.limit:g}"
         return f"{self.policy}: {self.scenario}.{self.requirement.figure.key} {reached}, required {required}"
@@ -62,12 +62,12 @@ def parse_requirements(
     """Requirements from their texts, before anything is run.
 
     Args:
-        texts: SCENARIO.FIGURE, a comparison and a number each; without a scenario it holds in all of them.
+        texts: SCENARIO.FIGURE, a comparison and a number each; without SCENARIO it holds in all scenarios.
         scenarios: names of the scenarios that are run.
-        metrics: the user's own, MODULE:NAME each.
+        metrics: the user's own metrics, MODULE:NAME each.
 
     Raises:
-        UserError: a text has another form, or names a scenario or figure that there is not.
+        UserError: a text has another form, or names an unknown scenario or figure.
     """
     own = {f"{SECTION}.{name_of(place)}": Figure(f"{SECTION}.{name_of(place)}", "", "") for place in metrics}
     return [_parse(text, tuple(scenarios), figures() | own) for text in texts]

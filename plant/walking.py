@@ -14,8 +14,8 @@ from footfall.robots.description import Robot
 SPEED_SHARE = 0.5  # of the robot's highest forward command
 REACHED, SLOW = 0.1, 0.5  # shares of the commanded speed below which it does not walk, or walks slowly
 SETTLED = 0.5  # speeds are measured in the last share of the time
-MOST_SWAY = 0.05  # of a standing base, over the root of gravity times its height
-MOST_MOVED = 0.2  # of the standing height, on the spot
+MOST_SWAY = 0.05  # speed of a standing base, over the root of gravity times its height
+MOST_MOVED = 0.2  # drift of a standing robot, as a share of its standing height
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ def controllers_test(robot: Robot, duration_s: float = 4.0, seed: int = 0) -> li
     """Let each controller that a robot has settings for stand still, or walk ahead at half its top speed.
 
     Raises:
-        UserError: settings cannot work.
+        UserError: the settings of a controller cannot work.
     """
     return [_test(robot, name, duration_s, seed) for name in controllers_of(robot)]
 

@@ -8,7 +8,7 @@ _ABSENT = object()
 
 
 def adapted_copy(copy: Any, shipped: Any, adapted: Any) -> Any:
-    """The settings of a copy, with a robot's own wherever the copy is as its original.
+    """The copy's settings, with the robot's own wherever the copy equals the shipped file.
 
     Args:
         copy: plain data of the file; what its user changed, added or left out counts.

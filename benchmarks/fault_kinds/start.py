@@ -23,7 +23,7 @@ from footfall.common.constants import GRAVITY_M_S2
 from footfall.deploy.drivers.imu import ACCELERATION_ID, Inertial
 from footfall.plant.injection import Injection, nothing, turned
 
-UNANSWERED_S = 1.05  # `start_timeout_s`
+UNANSWERED_S = 1.05  # `start_timeout_s`, and a margin
 START_S = 1.3  # start-up, and a while of standing
 WALKING_S = 2.0  # and the first steps
 

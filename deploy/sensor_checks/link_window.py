@@ -1,4 +1,4 @@
-"""What arrived in a window, and what was asked for: replies of motors, samples of the IMU."""
+"""Counts of one window: frames to the motors, their replies, and samples of the IMU."""
 
 from typing import NamedTuple
 
@@ -9,17 +9,17 @@ from footfall.deploy.sensor_checks.replay import ReplayFinder
 
 
 class LinkWindow(NamedTuple):
-    """What n motors and the IMU sent, from one comparison to the next."""
+    """What n motors and the IMU sent during a window."""
 
     elapsed_s: float
     asked: int  # ticks in which each motor was sent a frame
-    replies: np.ndarray  # of each motor, (n,)
+    replies: np.ndarray  # replies of each motor, (n,)
     imu_new: float  # share of the looks at which the IMU had a new reading
     imu_repeated: float  # share of the looks at which a new reading equalled the one before
-    imu_replayed_s: float  # for how long new readings have equalled those of one certain time before
+    imu_replayed_s: float  # how long readings have equalled those of a fixed time before
     imu_older: int  # samples of the IMU that were older than its latest
     moving: bool  # whether any joint moves
-    resting: bool  # whether the robot is still standing up
+    resting: bool  # whether the robot is in first rest: it is still standing up
     answering: bool = True  # whether motors answer each frame, and send nothing unasked
 
 
@@ -35,7 +35,7 @@ class LinkSums:
     def begin(
         self, now_us: int, replies: np.ndarray, imu_older: int, imu_us: int, inertial: Inertial
     ) -> None:
-        """Forget all, and count from these: see `add` and `close`."""
+        """Reset, and count from these totals: see `add` and `close`."""
         self._began_us, self._replies, self._imu_older = now_us, replies, imu_older
         self._imu_us, self._inertial = imu_us, inertial
         self._replay.reset()
@@ -45,11 +45,11 @@ class LinkSums:
         self._asked = self._looks = self._new = self._repeated = 0
 
     def ask(self) -> None:
-        """A frame went to each motor."""
+        """Count a tick in which each motor was sent a frame."""
         self._asked += 1
 
     def add(self, imu_us: int, inertial: Inertial) -> None:
-        """Look at the IMU's reading, and when it arrived, us."""
+        """Count the IMU's reading, with its time of arrival, us."""
         self._looks += 1
         if imu_us != self._imu_us:
             self._new += 1
@@ -64,7 +64,7 @@ class LinkSums:
 
         Args:
             now_us: the loop's time.
-            replies: of each motor so far, (n,).
+            replies: total of each motor so far, (n,).
             imu_older: samples so far that were older than the IMU's latest.
             moving: whether any joint moves.
             resting: whether the robot is still standing up.

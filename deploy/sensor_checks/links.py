@@ -1,6 +1,6 @@
 """Checks of how many readings arrive: shares over time, which no single window shows.
 
-What arrives while the robot stands up, its first rest, is what this wiring can do: later shares are of that.
+In first rest, while the robot stands up, the checks measure the usual rates: later shares are of these.
 """
 
 import math
@@ -16,7 +16,7 @@ from footfall.deploy.sensor_checks.check import Limit, SensorCheck
 from footfall.deploy.sensor_checks.link_window import LinkWindow
 from footfall.robots.description import Robot
 
-AGAIN_S = 0.1  # time constant of what is certain within a few windows
+OLDER_MEMORY_S = 0.1  # over which older samples are counted: a few windows are proof
 
 
 @dataclass(frozen=True)
@@ -24,11 +24,11 @@ class LinkLimits:
     """How many readings may be lost, repeated or out of order."""
 
     lost_share: float = 0.2  # of a motor's replies, or the IMU's readings, beyond what is lost in first rest
-    lost_memory_s: float = 0.5  # over which losses and repeats are counted
+    lost_memory_s: float = 0.5  # time constant of the mean losses and repeats
     frozen_share: float = 0.15  # of the IMU's readings that equal the one before while joints move
-    replayed_s: float = 0.06  # that the IMU's readings are those of a while ago while joints move
+    replayed_s: float = 0.06  # how long readings may equal those of a fixed time before while joints move
     older_share: float = 0.1  # of the IMU's samples that are older than its latest
-    foreign_replies: float = 5.0  # of a motor within `lost_memory_s`, to frames that were not sent from here
+    foreign_replies: float = 5.0  # replies of a motor within `lost_memory_s` that answer no frame of ours
 
     def __post_init__(self) -> None:
         require_between(self, 0.01, 1.0, "lost_share", "frozen_share", "older_share")
@@ -47,9 +47,9 @@ class LinkCheck(SensorCheck, ABC):
 
 
 class Answers(LinkCheck):
-    """Replies of a motor beyond one to each frame that it was sent, of the last half second.
+    """Replies of a motor beyond one for each frame sent, over about `lost_memory_s`.
 
-    Replies that come late, and in bunches, were missing before. 0 of motors that send unasked.
+    Late replies in bunches cancel out, since they were missing before. 0 for motors that send unasked.
     """
 
     looks_at = "replies of a motor to frames that nobody here sent: a second host commands it"
@@ -73,7 +73,7 @@ class Answers(LinkCheck):
 
 
 class Unanswered(LinkCheck):
-    """Share of a motor's replies that are lost, on average, of those that came in first rest.
+    """Mean share of a motor's replies that are lost, relative to the rate in first rest.
 
     In first rest it is the share of the frames that a motor did not answer.
     """
@@ -105,7 +105,7 @@ class Unanswered(LinkCheck):
 
 
 class ImuLost(LinkCheck):
-    """Share of the IMU's readings that are lost, on average, of those that arrive in first rest."""
+    """Mean share of the IMU's readings that are lost, relative to the rate in first rest."""
 
     looks_at = "the share of the IMU's readings that are lost, of those that arrive in first rest"
     message = "the IMU: {0:.0%} of its readings are lost"
@@ -129,7 +129,7 @@ class ImuLost(LinkCheck):
 
 
 class ImuFrozen(LinkCheck):
-    """Share of the IMU's new readings that equal the one before while joints move, on average."""
+    """Mean share of the IMU's new readings that equal the one before while joints move."""
 
     looks_at = "the share of the IMU's new readings that equal the one before while joints move"
     message = "the IMU: {0:.0%} of its new readings repeat the one before while joints move"
@@ -149,7 +149,7 @@ class ImuFrozen(LinkCheck):
 
 
 class ImuReplayed(LinkCheck):
-    """How long the IMU's readings have been those of a while ago while joints move, s."""
+    """How long the IMU's readings have equalled those of a fixed time before while joints move, s."""
 
     looks_at = "how long the IMU's readings are those of a while ago, to the last digit, while joints move"
     message = "the IMU: its readings have been those of a while ago for {0:.2f} s: they are replayed"
@@ -176,7 +176,7 @@ class ImuOlder(LinkCheck):
         self._share = 0.0
 
     def measure(self, window: LinkWindow) -> float:
-        kept = math.exp(-window.elapsed_s / AGAIN_S)
+        kept = math.exp(-window.elapsed_s / OLDER_MEMORY_S)
         samples = max(window.elapsed_s / self._sample_s, 1.0)
         self._share = kept * self._share + (1.0 - kept) * window.imu_older / samples
         return self._share

@@ -1,4 +1,4 @@
-"""Finds readings of an IMU that are those of a while ago, one after the other, to the last digit."""
+"""Detects IMU readings that equal earlier ones, in the same order, to the last digit."""
 
 from footfall.deploy.drivers.imu import Inertial
 
@@ -7,23 +7,23 @@ KEPT = 512  # readings, two seconds of them
 
 
 class ReplayFinder:
-    """Looks each reading up among the latest ones."""
+    """Looks up each reading among the latest `KEPT`."""
 
     def __init__(self) -> None:
         self.reset()
 
     def reset(self) -> None:
         """Forget all readings."""
-        self.replayed_s = 0.0  # for how long readings have been those of the same time before
-        self._places: dict[tuple[float, ...], int] = {}  # number of the latest reading of each kind
+        self.replayed_s = 0.0  # how long readings have equalled those of a fixed time before
+        self._places: dict[tuple[float, ...], int] = {}  # number of the latest reading with these values
         self._number, self._back, self._since_us = 0, 0, 0
 
     def look(self, now_us: int, inertial: Inertial) -> None:
         """Take in a reading that arrived at this time."""
-        key = tuple(inertial.quaternion)  # its digits are the finest
+        key = tuple(inertial.quaternion)  # the reading with the finest resolution
         number, places = self._number, self._places
         self._number = number + 1
-        before = places.pop(key, None)  # so that the oldest one stands first
+        before = places.pop(key, None)  # and insert it again, so that the oldest key stays first
         places[key] = number
         if before is None:
             self._back, self.replayed_s = 0, 0.0

@@ -1,8 +1,8 @@
 """Checks of single torque reports against all that the commands of the last moments explain.
 
-A motor reports the torque of a command that is a few ticks old, at a position that is, too. The report lies
-between the least and the most that the last commands ask for, unless bits were flipped, another host sends
-commands, the motor missed a command, or it has no current.
+A motor reports the torque of a command, and of a position, that are a few ticks old. The report lies between
+the least and the most torque of the last commands. Otherwise bits were flipped, another host sends commands,
+or the motor missed a command or has no current.
 """
 
 import math
@@ -19,14 +19,12 @@ from footfall.robots.description import Robot
 
 @dataclass(frozen=True)
 class UnexplainedLimits:
-    """How much torque no command may explain."""
+    """Limits on torque that no command explains."""
 
-    unexplained: float = 0.005  # of the peak torque, on average over `unexplained_memory_s`
+    unexplained: float = 0.005  # mean unexplained torque, as a share of the peak, over `unexplained_memory_s`
     unexplained_memory_s: float = 1.0
-    explained_s: float = 0.05  # how old a command may be that explains a report
-    strength_share: float = (
-        0.55  # of the torque: by which a motor may be weaker: the robot walks with half of it
-    )
+    explained_s: float = 0.05  # highest age of a command that explains a report
+    strength_share: float = 0.55  # of its torque that a motor may lack: a robot walks with half
 
     def __post_init__(self) -> None:
         require_between(self, 0.001, 10.0, "unexplained")
@@ -58,10 +56,10 @@ class Unexplained(JointCheck):
 
     def reset(self) -> None:
         self._value = np.zeros(self._n)
-        self._asked: np.ndarray | None = None  # the last ones of the windows before, as `JointWindow.asked`
+        self._asked: np.ndarray | None = None  # last columns of the earlier `window.asked`
 
     def _beyond(self, window: JointWindow) -> np.ndarray:
-        """Torque of each report beyond all that is explained, N m, (looks, n); below 0 where it is."""
+        """Torque of each report beyond all that is explained, N m, (looks, n); negative if explained."""
         limits, before = self._limits, self._asked
         if before is None:
             before = np.repeat(window.asked[:, :1], self._looks - 1, axis=1)

@@ -1,4 +1,4 @@
-"""Ways in which a robot can be wired wrongly, and what each makes of its responses."""
+"""Wiring mistakes, and the torque responses that each one leads to."""
 
 from collections.abc import Iterator, Sequence
 from itertools import combinations
@@ -13,12 +13,12 @@ IN_MOTOR = "correct it in the motor's own settings"
 
 
 class Cause(NamedTuple):
-    """A wiring: the joint that each motor moves, and how far it turns that for a turn that it reports."""
+    """A wiring: the joint that each motor moves, and the turns that it reports for one turn of the joint."""
 
     text: str  # what is wrong and what to do
     joint: np.ndarray  # (n,) moved by the motor that should move joint 0, 1, ...
     ratio: np.ndarray  # (n,) turns reported for a turn made; negative for a motor that is reversed
-    key: tuple[int, ...] = ()  # joints that it is about
+    key: tuple[int, ...] = ()  # joints concerned
 
     def responses(self, right: np.ndarray) -> np.ndarray:
         """Torque responses (n, n) to the same motions, if all else stays the same."""
@@ -79,12 +79,12 @@ def _buses_exchanged(wiring: Wiring, first: int, second: int) -> np.ndarray | No
 
 
 def turn_about_z(measured: np.ndarray, expected: np.ndarray) -> float:
-    """Angle about z, rad, by which an IMU is turned in the base, from tilts (n, 2) by it and by a model."""
+    """Angle about z, rad, of an IMU in the base, from the tilts (n, 2) of the IMU and of a model."""
     cross = float((expected[:, 0] * measured[:, 1] - expected[:, 1] * measured[:, 0]).sum())
     return -float(np.arctan2(cross, float((expected * measured).sum())))
 
 
 def turned_back(measured: np.ndarray, angle_rad: float) -> np.ndarray:
-    """Tilts (n, 2) in the axes of the base of an IMU that is turned by an angle about z."""
+    """Tilts (n, 2) in base axes, from those of an IMU that is turned by an angle about z."""
     c, s = np.cos(angle_rad), np.sin(angle_rad)
     return measured @ np.array([[c, s], [-s, c]])

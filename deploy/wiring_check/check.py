@@ -1,4 +1,4 @@
-"""The wiring check of a run: motions, recording, verdict; where the robot is found, and again standing."""
+"""The wiring check of a run: motions, recording, verdict; in the pose found, then standing."""
 
 import threading
 from collections.abc import Callable, Sequence
@@ -25,7 +25,7 @@ RECORD_EVERY = 2  # ticks
 class WiringCheck:
     """Moves one joint after the other, at the stiffness of holding, and compares the robot with its model.
 
-    A robot that lies is checked again once it stands: lying, some of its joints bear nothing.
+    A robot that lies is checked again once it stands, since some joints carry no load while it lies.
     """
 
     def __init__(
@@ -43,8 +43,8 @@ class WiringCheck:
         Args:
             robot: the robot.
             wiring: its wiring.
-            driver: of its motors, which may take less stiffness than the robot stands with.
-            config: of the loop.
+            driver: driver of its motors, which may accept less stiffness than the robot stands with.
+            config: settings of the loop.
             passed: called with all verdicts once the wiring is right.
             in_background: whether the verdict is reached in a thread, while the loop goes on holding.
             check: motions and limits.
@@ -52,7 +52,7 @@ class WiringCheck:
         self._robot, self._wiring, self._check = robot, wiring, check or WiringCheckConfig()
         most = driver.highest[2:4]
         self._asked = np.minimum([config.stand_kp_scale * robot.kp, config.stand_kd_scale * robot.kd], most)
-        self._gains = config.scale * self._asked  # that reach the motors
+        self._gains = config.scale * self._asked  # gains that reach the motors
         self._clearance, self._sunk = Clearance(robot), config.safety.sensors.sunk
         self._passed, self._in_background = passed, in_background
         self._places = [wiring.place(joint) for joint in range(len(robot.joint_names))]
@@ -130,7 +130,7 @@ class WiringCheck:
             self.verdicts.append(verdict)
             if not (fault or self.signals.due):
                 self._passed(self.verdicts)
-        except Exception as error:  # in a thread nobody else would see it
+        except Exception as error:  # an exception in a thread would be lost
             fault = f"wiring: it cannot be checked: {type(error).__name__}: {error}"
         self._thread = None
         self.signals = self.signals._replace(done=not fault, fault=fault)

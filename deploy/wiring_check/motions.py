@@ -20,7 +20,7 @@ class Motions:
     """Offsets of joint targets: one joint after the other moves, and the others hold."""
 
     def __init__(self, amplitude_rad: np.ndarray, config: WiringCheckConfig) -> None:
-        """Of each joint, (n,) rad."""
+        """Motions of n joints with these amplitudes (n,), rad."""
         self._n, self._amplitude = len(amplitude_rad), amplitude_rad
         self._settle_s, self._move_s = config.settle_s, config.move_s
         self.duration_s = config.settle_s + self._n * config.move_s
@@ -39,9 +39,9 @@ class Motions:
         return min(max(int((time_s - self._settle_s) // self._move_s), 0), self._n - 1)
 
     def responses(self, time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
-        """How much of each joint's motion is in each value, per radian.
+        """Regression coefficients of each value on each joint's motion, per radian.
 
-        A slow sway of the whole robot has a trend in the time of one motion, which does not count.
+        A linear trend is removed first: it stems from slow sway of the whole robot.
 
         Args:
             time_s: (T,) of the samples.

@@ -19,7 +19,7 @@ class Prediction:
     """The robot's own model on level ground, in which its motors are wired in one way or another."""
 
     def __init__(self, robot: Robot, kp: np.ndarray, kd: np.ndarray) -> None:
-        """Gains (n,) of holding, N m/rad and N m s/rad."""
+        """The model, held with gains (n,), N m/rad and N m s/rad."""
         plant = read_plant(robot)
         self._model, self._motor, self._base = plant.model, plant.motor, plant.base
         self._model.opt.timestep = STEP_S
@@ -30,13 +30,13 @@ class Prediction:
         self._kp, self._kd, self._default = kp, kd, robot.default_pose
 
     def responses(self, start: np.ndarray, here: np.ndarray, motions: Motions, cause: Cause) -> np.ndarray:
-        """Responses of torques and of up's x and y in the base frame, (n, n + 2), and the mean of these two.
+        """Responses of torques and of up's x and y, base frame; the last row has the means. (n + 1, n + 2)
 
         Args:
             start: joint positions that the motors report before they move, rad, (n,).
             here: position targets about which they move, rad, (n,).
-            motions: their motions.
-            cause: how the motors are wired; gears are right about the default pose.
+            motions: the joints' motions.
+            cause: the wiring; encoders are right in the default pose.
         """
         data, model, n = self._data, self._model, len(here)
         ratio, about = cause.ratio, self._default
@@ -53,13 +53,13 @@ class Prediction:
             position, velocity = data.qpos[self._qpos], data.qvel[self._qvel]
             seen = about + ratio * (position[cause.joint] - about)
             target = here + motions.offsets(step * STEP_S) if step >= 0 else here
-            pulled = motor_torque(
+            motor_nm = motor_torque(
                 JointCommand(target, zero, kp, kd, zero), seen, ratio * velocity[cause.joint], self._limits
             )
-            torque[cause.joint] = ratio * pulled
+            torque[cause.joint] = ratio * motor_nm
             data.qfrc_applied[self._qvel] = torque + friction_torque(velocity, self._motor)
             if step >= 0:
-                values[step, :n] = pulled
+                values[step, :n] = motor_nm
                 values[step, n:] = up[6:8]
             mujoco.mj_step(model, data)
         return np.vstack(

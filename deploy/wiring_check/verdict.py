@@ -11,11 +11,11 @@ from footfall.deploy.wiring_check.config import WiringCheckConfig
 from footfall.deploy.wiring_check.motions import Motions
 from footfall.deploy.wiring_check.prediction import Prediction
 
-LIKELY = 4  # causes that are simulated because they look likely, beside those of the two strangest joints
-STRANGEST = 2
-FLOOR = 0.5  # of the median response: errors of weaker responses are shares of this
+LIKELY = 4  # most likely causes to simulate, beside those of the `STRANGEST` joints
+STRANGEST = 2  # joints with the largest errors
+FLOOR = 0.5  # share of the median response: the least scale of errors
 LEAST_TILT = 0.06  # rad per rad: a base that tilts less says nothing of the IMU
-LEAST_TURN_RAD = 0.15  # about z, of an IMU
+LEAST_TURN_RAD = 0.15  # least turn of an IMU about z that is a cause
 
 
 class Recorded(NamedTuple):
@@ -42,7 +42,7 @@ class Responses(NamedTuple):
     tilt: np.ndarray
 
     def errors(self, right: "Responses") -> tuple[np.ndarray, float]:
-        """Error of each joint's torques (n,) and of all tilts, as shares of the right ones."""
+        """Error of each joint's torques (n,) and of all tilts, as shares of the right responses."""
         size = np.linalg.norm(right.torque, axis=1)
         joint = np.linalg.norm(self.torque - right.torque, axis=1) / np.maximum(size, FLOOR * np.median(size))
         tilt = np.linalg.norm(right.tilt)
@@ -73,7 +73,7 @@ def judged(
         prediction: the robot's model.
         wiring: the wiring of `robot.yaml`.
         legs: joints of each leg.
-        config: what passes.
+        config: limits of the check.
     """
     n, up = len(here), recorded.up[:, :2]
     measured = Responses(
@@ -111,7 +111,7 @@ def _responses(rows: np.ndarray) -> Responses:
 
 
 def _guess(measured: Responses, cause: Cause, right: Responses) -> float:
-    """Squared error of the joints if a cause changed nothing but the places of the right responses."""
+    """Squared error of the joints if a cause only exchanged and scaled the right responses."""
     joint, _ = measured._replace(tilt=right.tilt).errors(Responses(cause.responses(right.torque), right.tilt))
     return float((joint**2).mean())
 

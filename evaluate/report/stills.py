@@ -11,7 +11,7 @@ from footfall.evaluate.report.films import FilmTask, camera_shots, render_apart
 from footfall.plant.trace import Trace
 
 STILLS = 5
-SHRINK = 2  # of a film's frames
+SHRINK = 2  # factor by which a film's frames are shrunk
 TEXT_HEIGHT, MARGIN = 15, 4  # pixels
 GOOD, BAD, GROUND = (20, 30, 40), (170, 30, 20), (255, 255, 255)
 
@@ -31,7 +31,7 @@ def draw_walks(robot: Path, walks: Sequence[Walk], path: Path) -> str:
     Args:
         robot: folder of the robot that walked.
         walks: those without samples are left out.
-        path: of the JPEG.
+        path: path of the JPEG.
     """
     seen = [walk for walk in walks if len(walk.trace.time_s)]
     if not seen:

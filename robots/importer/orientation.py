@@ -26,7 +26,7 @@ def turned(source: Source, base: int, forward: str, up: str = "z") -> Source:
     """The source with another frame of its base, which stands level in it.
 
     Args:
-        source: is not changed.
+        source: the model; it is not changed.
         base: body with the free joint.
         forward: axis of the base that becomes x, such as "-y".
         up: axis that becomes z.
@@ -65,7 +65,7 @@ def guessed_forward(source: Source, limbs: Limbs) -> str:
     data = pose_of(model, frozen_pose(model, set()))
     sides = side_letters(model.body(limb.bodies[0]).name for limb in limbs.legs)
     places = np.array([data.xanchor[model.joint(limb.joints[0]).id] for limb in limbs.legs])
-    of_side = [[place for place, its in zip(places, sides, strict=True) if its == side] for side in "lr"]
+    of_side = [[place for place, this in zip(places, sides, strict=True) if this == side] for side in "lr"]
     if not all(of_side):
         return "x"
     left, right = (np.mean(each, axis=0) for each in of_side)
@@ -76,7 +76,7 @@ def guessed_forward(source: Source, limbs: Limbs) -> str:
 
 
 def side_letters(names: Iterable[str]) -> list[str]:
-    """Side of each leg by its last link's name, "l" or "r": of words, else of codes as FL or RH; else ""."""
+    """Side of each leg, "l" or "r", by words or codes (FL, RH) in its last link's name; "" if unclear."""
     parts = [re.findall(r"[a-z]+", re.sub(r"([a-z])([A-Z])", r"\1_\2", name).lower()) for name in names]
     found = [next((WORDS[part] for part in words if part in WORDS), "") for words in parts]
     if all(found):

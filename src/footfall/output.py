@@ -1,4 +1,4 @@
-"""Standard output that takes nothing any more."""
+"""Standard output that can no longer be written."""
 
 import io
 import os

@@ -33,22 +33,22 @@ def tell(figures: dict[str, Any], path: Path | None, show: Callable[[], None], s
         the standard output.
 
     Raises:
-        BrokenPipeError: the reader of the output is gone, and there is nothing else to say.
+        BrokenPipeError: the reader of the output is gone, and nothing else went wrong.
     """
-    with handling(lambda *_: None):  # a terminal that goes away says so twice
+    with handling(lambda *_: None):  # a terminal that closes sends SIGHUP twice
         not_written, not_shown = _write(path, figures), _shown(show)
         if not (not_written or not_shown):
             return status
         if not (status or not_written) and isinstance(not_shown, BrokenPipeError | SystemExit):
             raise BrokenPipeError
         lost = not_written or (path is None and not_shown)
-        said = [
+        parts = [
             not_written,
             f"cannot show the result: {not_shown}" if not_shown else "",
             _keep_elsewhere(figures) if lost else "",
             f"the run ended: {', '.join([figures['final_state'], *figures['faults']])}",
         ]
-        line = "; ".join(filter(None, said))
+        line = "; ".join(filter(None, parts))
         in_time(lambda: print(f"footfall: {line}", file=sys.stderr, flush=True))
         return (status or BAD_INPUT) if lost else status
 
@@ -76,7 +76,7 @@ def _shown(show: Callable[[], None]) -> BaseException | None:
 
 
 def _keep_elsewhere(figures: dict[str, Any]) -> str:
-    """Write the figures to the folder for temporary files; returns what to say about it."""
+    """Write the figures to the folder for temporary files; returns a line about it, empty if that fails."""
     with suppress(UserError, OSError):
         path = Path(tempfile.gettempdir()) / f"footfall-{os.getpid()}.json"
         write_json(path, figures)

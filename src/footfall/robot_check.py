@@ -17,16 +17,17 @@ MOST_TILT_RAD = 0.17
 MOST_TORQUE_SHARE = 0.8
 
 
-def show_tree(robot: "Robot", looked: "Inspection") -> None:
+def show_tree(robot: "Robot", inspection: "Inspection") -> None:
     rows = []
-    for link in looked.links:
+    for link in inspection.links:
         driven = [name for name in link.joints if name in robot.joint_names]
         figures = [_joint_row(robot, robot.joint_index(name)) for name in driven] or [[""] * 5]
         rows.append(["  " * link.depth + link.name, f"{link.mass_kg:.3f}", *figures[0]])
         rows += [["", "", *more] for more in figures[1:]]
     _print_table(["link", "kg", "joint", "range, rad", "default", "peak, N m", "kp, N m/rad"], rows)
-    x, y, z = looked.centre_m
-    print(f"total {looked.mass_kg:.2f} kg, centre of mass {x:.3f} {y:.3f} {z:.3f} m from the base's origin\n")
+    x, y, z = inspection.centre_m
+    centre = f"centre of mass {x:.3f} {y:.3f} {z:.3f} m from the base's origin"
+    print(f"total {inspection.mass_kg:.2f} kg, {centre}\n")
 
 
 def _joint_row(robot: "Robot", i: int) -> list[str]:
@@ -39,7 +40,7 @@ def _joint_row(robot: "Robot", i: int) -> list[str]:
     ]
 
 
-def show_feet(looked: "Inspection") -> None:
+def show_feet(inspection: "Inspection") -> None:
     rows = [
         [
             foot.name,
@@ -47,13 +48,13 @@ def show_feet(looked: "Inspection") -> None:
             f"{1e3 * foot.gap_m:.1f}",
             f"{foot.reach_m[0]:.3f} to {foot.reach_m[1]:.3f}",
         ]
-        for foot in looked.feet
+        for foot in inspection.feet
     ]
     _print_table(
         ["foot", "place in the default pose, m", "above the ground, mm", "reach of the leg, m"], rows
     )
-    side = "inside" if looked.margin_m >= 0.0 else "outside"
-    print(f"the centre of mass is {1e3 * abs(looked.margin_m):.0f} mm {side} the feet\n")
+    side = "inside" if inspection.margin_m >= 0.0 else "outside"
+    print(f"the centre of mass is {1e3 * abs(inspection.margin_m):.0f} mm {side} the feet\n")
 
 
 def show_standing(robot: "Robot", standing: "StandingResult | None") -> None:
