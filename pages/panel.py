@@ -1,44 +1,24 @@
 """The panel: commands, state and curves beside the 3-D view."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from footfall.pages.metrics_file import MetricsFile, thinned
-from footfall.pages.page import BRAND
+from footfall.pages.curves import Curves
+from footfall.pages.metrics_file import MetricsFile
 from footfall.pages.snapshots import NEWEST
 from footfall.robots.commands import CommandRange
 
 if TYPE_CHECKING:
-    from viser import GuiSliderHandle, GuiUplotHandle, ViserServer
+    from viser import ClientHandle, GuiSliderHandle, ViserServer
 
-POINTS = 400  # of a curve, at most
-CURVE_HEIGHT_PX = 100
 CURVES_WIDTH_PX = 320
-PADDING_PX = (9, 18, 0, 0)  # top, right, bottom, left of a chart: the highest tick's number is not cut off
-COLOUR = "#{:02x}{:02x}{:02x}".format(*BRAND)
 PUSHES_M_S = (0.2, 4.0)
 BEYOND = "The policy was trained on these ranges; a number beyond one is clipped to it."
-NO_CURVES = "No curves yet: they begin with the second iteration."
-
-
-class Curve(NamedTuple):
-    """One chart: title, metric, and the size of its unit."""
-
-    title: str
-    metric: str
-    unit: float = 1.0
-
-
-CURVES = (
-    Curve("Reward per second", "reward/total"),
-    Curve("Velocity error, m/s", "tracking/linear_error_m_s"),
-    Curve("Yaw-rate error, rad/s", "tracking/yaw_error_rad_s"),
-    Curve("Episode length, s", "episode/length_s"),
-    Curve("Learning rate, thousandths", "learning/learning_rate", 1e-3),
-    Curve("Steps per second, thousands", "speed/steps_per_s", 1e3),
-)
+ALL = -1  # place of the curves that every visitor gets
+TELEPHONE_PX = 576  # width of the view on the widest
+BETWEEN_PANELS = 0.7  # width over height of a view that is narrow since two panels stand beside it, at most
 
 
 class Panel:
@@ -65,12 +45,11 @@ class Panel:
         push.on_click(lambda _: setattr(self, "_push_asked", True))
         restart.on_click(lambda _: setattr(self, "_restart_asked", True))
         curves = self._gui.add_panel()
-        self._curves = curves.add_tab("Curves")
-        with self._curves:
-            self._axis = self._gui.add_markdown(NO_CURVES)
+        self._curves = {ALL: Curves(self._gui, curves.add_tab("Curves"))}
         curves.dock_left()
         curves.set_width(CURVES_WIDTH_PX)
-        self._charts: dict[str, GuiUplotHandle] = {}
+        server.on_client_connect(self._add_curves)
+        server.on_client_disconnect(self._drop_curves)
 
     def offer_commands(self, ranges: CommandRange) -> None:
         """Show the controls, with sliders over the commands that the policy was trained on."""
@@ -132,38 +111,18 @@ class Panel:
         if self._status.content != markdown:
             self._status.content = markdown
 
-    def draw(self, metrics: MetricsFile) -> None:
+    def draw(self, metrics: MetricsFile, finished: bool) -> None:
         """Draw the curves of all metrics that the run has."""
-        for curve in CURVES:
-            steps, values = metrics.curve(curve.metric)
-            if len(steps) < 2:
-                continue
-            data = (thinned(steps / 1e6, POINTS), thinned(values / curve.unit, POINTS))
-            if curve.metric in self._charts:
-                self._charts[curve.metric].data = data
-            else:
-                self._charts[curve.metric] = self._chart(curve, data)
+        for curves in list(self._curves.values()):  # visitors come and go in another thread
+            curves.draw(metrics, finished)
 
-    def _chart(self, curve: Curve, data: tuple[np.ndarray, ...]) -> "GuiUplotHandle":
-        from viser import uplot
+    def _add_curves(self, client: "ClientHandle") -> None:
+        """Curves below the controls for a visitor with a telephone, where viser shows the main panel only."""
+        if client.camera.image_width < TELEPHONE_PX and client.camera.aspect > BETWEEN_PANELS:
+            self._curves[client.client_id] = Curves(client.gui, client.gui.add_folder("Curves"))
 
-        self._axis.content = "Over million environment steps:"
-        with self._curves:
-            return self._gui.add_uplot(
-                data,
-                (
-                    uplot.Series(label="million steps"),
-                    uplot.Series(
-                        label="value", stroke=COLOUR, width=2, points=uplot.Series_Points(show=False)
-                    ),
-                ),
-                title=curve.title,
-                scales={"x": uplot.Scale(time=False, auto=True), "y": uplot.Scale(auto=True)},
-                axes=(uplot.Axis(size=28), uplot.Axis(size=44, space=20)),
-                legend=uplot.Legend(show=True, live=True),  # the numbers under the pointer
-                height=CURVE_HEIGHT_PX,
-                padding=PADDING_PX,
-            )
+    def _drop_curves(self, client: "ClientHandle") -> None:
+        self._curves.pop(client.client_id, None)
 
 
 def _keep_within_range(slider: "GuiSliderHandle[float]") -> None:

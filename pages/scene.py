@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 WORLD = "/world"
 GREY = (150, 156, 164)  # visible on light and dark pages
 NARROW = 0.9  # aspect ratio (width over height) below which the camera moves back
+DARKEST = 0.24  # least value of a shape's colour channels: black legs vanish on a dark page
 EDGED = (mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CYLINDER)
 ARROW_S = 0.4  # an arrow is as long as the distance covered in this time
 FOLLOWING = 0.1  # share of its distance to the robot that the view covers in a frame
@@ -94,7 +95,8 @@ class Scene:
     def _add(self, server: "ViserServer", model: mujoco.MjModel, shape: Shape) -> None:
         server.scene.add_mesh_simple(
             f"{_frame_of(shape.body)}/geom_{shape.geom}", shape.vertices, shape.faces,
-            color=_bytes(shape.rgba), opacity=None if shape.rgba[3] == 1.0 else float(shape.rgba[3]),
+            color=_bytes(np.maximum(shape.rgba, DARKEST)),
+            opacity=None if shape.rgba[3] == 1.0 else float(shape.rgba[3]),
             position=shape.position, wxyz=shape.quaternion,
             flat_shading=model.geom_type[shape.geom] in EDGED,
         )  # fmt: skip

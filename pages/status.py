@@ -70,7 +70,7 @@ def _waiting(status: Status) -> str:
 
 def _training(status: Status) -> str:
     if status.metrics_age_s is None:
-        return "no metrics yet"
+        return "finished, without its metrics" if status.finished else "no metrics yet"
     if status.finished:
         return f"**finished** after {status.trained_steps:,} steps, {_age(status.metrics_age_s)} ago"
     share = min(status.trained_steps / status.total_steps, 1.0)

@@ -172,11 +172,11 @@ class Walk:
             return
         self._looked_s = now_s
         status = self._status
-        if self._metrics.refresh():
-            self._panel.draw(self._metrics)
-            status.trained_steps = self._metrics.last_step
-        status.metrics_age_s = self._metrics.age_s()
-        status.finished = status.trained_steps >= status.total_steps and self._policy_file.exists()
+        self._metrics.refresh()
+        status.trained_steps, status.metrics_age_s = self._metrics.last_step, self._metrics.age_s()
+        trained = status.metrics_age_s is None or status.trained_steps >= status.total_steps
+        status.finished = trained and self._policy_file.exists()
+        self._panel.draw(self._metrics, status.finished)
         self._panel.offer_policies(self._snapshots.names())
         self._snapshots.chosen = self._panel.policy
         if self._policy is None or self._panel.seen:  # without a visitor, an export only slows the training

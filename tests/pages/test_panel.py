@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -105,7 +106,7 @@ class TestCurves:
         path.write_text("".join(json.dumps(row) + "\n" for row in rows))
         metrics = MetricsFile(path)
         metrics.refresh()
-        panel.draw(metrics)
+        panel.draw(metrics, finished=False)
 
     def test_each_chart_is_of_its_own_metric_and_follows_the_run(
         self, panel: Panel, page: PageControls, tmp_path: Path
@@ -134,3 +135,29 @@ class TestCurves:
         ((steps, values),) = (chart.data for chart in page.charts.values())
         assert len(steps) == len(values) == 400
         np.testing.assert_allclose(values, 3.0 * steps)
+
+    def test_a_telephone_gets_curves_of_its_own_below_the_controls(
+        self, panel: Panel, page: PageControls, tmp_path: Path
+    ) -> None:
+        """They hold what was drawn before it came."""
+        rows = [{"step": 1_000_000 * k, "reward/total": 3.0 * k} for k in range(3)]
+        self.drawn(panel, tmp_path / "metrics.jsonl", rows)
+        for width, height, told in ((1280, 900, 0), (360, 640, 0), (420, 440, 1)):
+            own = PageControls()
+            camera = SimpleNamespace(image_width=width, aspect=width / height)
+            client = SimpleNamespace(client_id=width, camera=camera, gui=own)
+            for come in page.connected:
+                come(client)
+            self.drawn(panel, tmp_path / "metrics.jsonl", rows)
+            assert len(own.charts) == told
+        for gone in page.disconnected:
+            gone(client)
+
+    def test_a_policy_whose_folder_keeps_no_metrics_awaits_no_curves(
+        self, panel: Panel, page: PageControls, tmp_path: Path
+    ) -> None:
+        def told(finished: bool) -> bool:
+            panel.draw(MetricsFile(tmp_path / "none"), finished)
+            return any("yet" in getattr(each, "content", "") for each in page.by_label.values())
+
+        assert [told(False), told(True)] == [True, False]

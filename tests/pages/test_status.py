@@ -40,6 +40,7 @@ class TestStatus:
         assert "**waiting for the first checkpoint**" in as_markdown(nothing)
         assert "| Training | no metrics yet |" in as_markdown(nothing)
         assert "| Policy |" not in as_markdown(nothing)
+        assert "yet" not in as_markdown(self.status(metrics_age_s=None, finished=True))
         for iteration, told in ((0, "0"), (1200, "1,200")):
             nothing.exporting = iteration
             assert f"**preparing the policy of iteration {told}**" in as_markdown(nothing)

@@ -27,6 +27,9 @@ class PageControls:
         self.charts: dict[str, Control] = {}
         self.visitors: dict[int, str] = {}
         self.gui = self
+        self.connected: list[Any] = []  # what a visitor's coming calls
+        self.disconnected: list[Any] = []
+        self.on_client_connect, self.on_client_disconnect = self.connected.append, self.disconnected.append
 
     def __getitem__(self, label: str) -> Control:
         return self.by_label[label]
