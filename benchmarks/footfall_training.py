@@ -15,7 +15,7 @@ from typing import Any
 
 import jax
 import numpy as np
-from throughput import started
+from throughput import prepared_training
 
 from footfall.train.brax.networks import trained_actor
 from footfall.train.export import export
@@ -35,7 +35,7 @@ def main() -> None:
     parser.add_argument("--began", type=float, help="when its command began, seconds of the epoch")
     options = parser.parse_args()
     began = options.began or time.time()
-    parts, config, state, compiled = started(options.robot, options.preset, {}, options.seed)
+    parts, config, state, compiled = prepared_training(options.robot, options.preset, {}, options.seed)
     print(f"{time.time() - began:.1f} s: ready", flush=True)
     kept: list[tuple[float, int, Any]] = []
     observed: Any = None

@@ -127,7 +127,7 @@ def main() -> None:
     keep()
 
 
-def started(
+def prepared_training(
     robot: str, preset: str, settings: dict[str, Any], seed: int = 0
 ) -> tuple[Parts, TrainConfig, Any, Callable[[Any], Any]]:
     """A training's parts and settings, its first state, and its compiled iteration."""
@@ -142,7 +142,7 @@ def measure_footfall(
 ) -> dict[str, Any]:
     """Steps per second of whole iterations and of their parts, and the seconds until the first can begin."""
     began = time.perf_counter()
-    parts, config, first, compiled = started(robot, preset, settings)
+    parts, config, first, compiled = prepared_training(robot, preset, settings)
     ready_s = time.perf_counter() - began
     env, ppo = parts.env, config.ppo
     assert isinstance(env, VelocityEnv)  # whose physics is measured by itself

@@ -42,11 +42,11 @@ class LinkSums:
         self._start()
 
     def _start(self) -> None:
-        self._asked = self._looks = self._new = self._repeated = 0
+        self._commands = self._looks = self._new = self._repeated = 0
 
-    def ask(self) -> None:
+    def count_command(self) -> None:
         """Count a tick in which each motor was sent a frame."""
-        self._asked += 1
+        self._commands += 1
 
     def add(self, imu_us: int, inertial: Inertial) -> None:
         """Count the IMU's reading, with its time of arrival, us."""
@@ -72,7 +72,7 @@ class LinkSums:
         looks = max(self._looks, 1)
         window = LinkWindow(
             1e-6 * (now_us - self._began_us),
-            self._asked,
+            self._commands,
             replies - self._replies,
             self._new / looks,
             self._repeated / looks,

@@ -88,7 +88,7 @@ class SensorMonitor:
             on_legs: whether the legs should carry the base.
             resting: whether the robot is still standing up.
         """
-        self._links.ask()
+        self._links.count_command()
         found = self.body_contradiction(on_legs)
         if found is not None or not self._windows.due(now_us):
             return found

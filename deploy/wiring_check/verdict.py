@@ -110,7 +110,7 @@ def _responses(rows: np.ndarray) -> Responses:
     return Responses(rows[:n, :n], rows[:n, n:])
 
 
-def _guess(measured: Responses, cause: Cause, right: Responses) -> float:
+def _rough_cost(measured: Responses, cause: Cause, right: Responses) -> float:
     """Squared error of the joints if a cause only exchanged and scaled the right responses."""
     joint, _ = measured._replace(tilt=right.tilt).errors(Responses(cause.responses(right.torque), right.tilt))
     return float((joint**2).mean())
@@ -135,10 +135,10 @@ def _cause(
             f"the IMU is turned by {np.degrees(angle):+.0f} degrees about z: mount it along the base's axes"
         )
         found.append((turned.cost(right, noise), text))
-    guesses = np.array([_guess(measured, each, right) for each in every])
+    rough_costs = np.array([_rough_cost(measured, each, right) for each in every])
     strange = set(np.argsort(errors)[-STRANGEST:].tolist())
     of_strange = [row for row, each in enumerate(every) if strange.issuperset(each.key)]
-    for row in dict.fromkeys([*np.argsort(guesses)[:LIKELY].tolist(), *of_strange]):
+    for row in dict.fromkeys([*np.argsort(rough_costs)[:LIKELY].tolist(), *of_strange]):
         cause = every[row]
         found.append((measured.cost(_responses(predicted(cause)), noise), cause.text))
     cost, text = min(found)

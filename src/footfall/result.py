@@ -16,7 +16,7 @@ from footfall.exit_status import BAD_INPUT
 from footfall.output import discard_output
 
 
-def tell(figures: dict[str, Any], path: Path | None, show: Callable[[], None], status: int) -> int:
+def write_and_show(figures: dict[str, Any], path: Path | None, show: Callable[[], None], status: int) -> int:
     """Write a run's figures and show them; neither depends on the other.
 
     If one fails, a line on standard error has the final state and the faults. Figures that cannot be written

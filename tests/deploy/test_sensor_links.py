@@ -1,4 +1,4 @@
-"""What arrives too seldom, too often or in a wrong order is noticed; single losses are not."""
+"""Readings that are lost, frozen, replayed or out of order are noticed; single losses are not."""
 
 from collections.abc import Callable
 
@@ -14,12 +14,12 @@ from footfall.deploy.sensor_checks.travel import Creep
 from footfall.deploy.sensor_checks.unexplained import Unexplained
 from footfall.robots.description import Robot
 
-TICKS = 20  # of a window of 40 ms
+TICKS = 20  # in a window of 40 ms
 LOOKS = 10
 
 
 class Link:
-    """Twelve motors that answer each frame, and an IMU, seen through the checks of what arrives."""
+    """Twelve motors that answer each frame, and an IMU, seen through a check of readings that arrive."""
 
     def __init__(self, robot: Robot, check: type[links.LinkCheck]) -> None:
         self.check = check(robot, LIMITS, 0.004)
@@ -41,7 +41,7 @@ class Link:
         replies[3] += answers - TICKS
         self.replies, self.older = replies, self.older + older
         for _ in range(TICKS):
-            self.sums.ask()
+            self.sums.count_command()
         for look in range(LOOKS):
             self.now_us += 4000
             if new(look):
@@ -54,7 +54,7 @@ class Link:
 
 
 def reading(number: int) -> Inertial:
-    """One that no other number gives."""
+    """A reading of the IMU that differs for each number."""
     angle = 0.001 * number
     return Inertial(
         (angle, 0.0, 0.0), (0.0, 0.0, 9.81), (float(np.cos(angle)), float(np.sin(angle)), 0.0, 0.0)
@@ -66,7 +66,7 @@ def limit(check: type[links.LinkCheck]) -> float:
 
 
 def windows_until(check: type[links.LinkCheck], measure: Callable[[], float], most: int = 40) -> int | None:
-    """How many windows pass until the limit is passed; None if it never is."""
+    """Number of windows until the value exceeds the limit; None if it never does."""
     return next((k for k in range(1, most + 1) if measure() > limit(check)), None)
 
 
@@ -154,7 +154,7 @@ class TestUnexplained:
     PEAK_SHARE = 0.3
 
     def drops_out(self, go1: Robot, faulty_s: float) -> float:
-        """Of a motor without current for a while in each 200 ms, though torque is asked for."""
+        """Unexplained torque of a motor that has no current for `faulty_s` in each 200 ms."""
         asked = self.PEAK_SHARE * float(go1.motor.peak_torque[0])
         torque = lambda t: (0.0 if t % 0.2 < faulty_s else asked, asked)  # noqa: E731
         return float(measured(go1, Unexplained, torque=torque, samples=500)[0])

@@ -43,7 +43,7 @@ def checked(
 
 
 def exchanged(first: str, second: str) -> Callable[[FaultInjector], None]:
-    """The connectors of two buses."""
+    """Exchange the connectors of two buses."""
 
     def inject(injector: FaultInjector) -> None:
         wiring = injector.wiring
@@ -80,8 +80,8 @@ def test_wrong_wiring_is_named_before_the_robot_walks(
     assert all(name in outcome.faults[0] for name in names), outcome.faults
 
 
-def test_every_cause_keeps_its_motors_apart(go1: Robot) -> None:
-    """Each is another wiring than the right one, and reaches every joint once."""
+def test_every_cause_assigns_each_joint_one_motor(go1: Robot) -> None:
+    """Each cause differs from the right wiring, and reaches every joint once."""
     for robot in (go1, load_robot("hexapod")):
         n = len(robot.joint_names)
         right = as_wired(n)
@@ -118,7 +118,7 @@ class TestProof:
         assert must_check(go1, "socketcan", "check")
         assert unproven_note(go1, "socketcan") == ""
 
-    def test_a_robot_that_cannot_stand_still_needs_the_word(self, go1: Robot) -> None:
+    def test_a_robot_that_cannot_stand_still_needs_wiring_trust(self, go1: Robot) -> None:
         held = replace(go1, description=replace(go1.description, held_start=True))
         with pytest.raises(UserError, match="--wiring trust"):
             must_check(held, "socketcan", "auto")

@@ -33,6 +33,6 @@ def test_each_comparison(text: str, met: bool) -> None:
     assert [outcome.met for outcome in outcomes_of(requirements, {"a": RESULTS["a"]})] == [met]
 
 
-def test_what_was_not_measured_is_not_met() -> None:
+def test_a_figure_that_was_not_measured_meets_no_requirement() -> None:
     requirements = parse_requirements(["walk.lin_vel_rmse <= 9"], ["walk"])
     assert not outcomes_of(requirements, {"b": RESULTS["b"]})[0].met

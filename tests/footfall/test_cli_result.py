@@ -64,7 +64,7 @@ def test_a_terminal_that_is_stopped(walk: list[str], tmp_path: Path) -> None:
 
 
 def rest(terminal: int) -> bytes:
-    """What comes until the other end is closed."""
+    """Output until the other end is closed."""
     read = b""
     while True:
         try:
@@ -136,12 +136,12 @@ class Mine:
     [
         ("os._exit(0)", "ESTOP", 1),
         ("os.fork()", "IDLE", 0),
-        ("os.kill(os.getpid(), 14)", "IDLE", 0),  # SIGALRM that nobody has set
+        ("os.kill(os.getpid(), 14)", "IDLE", 0),  # SIGALRM without an alarm
         ("os.kill(os.getpid(), 10)", "IDLE", 0),  # SIGUSR1
     ],
     ids=["os._exit", "fork", "SIGALRM", "SIGUSR1"],
 )
-def test_a_policy_that_does_what_ends_processes(
+def test_a_policy_that_would_end_the_process(
     walk: list[str], tmp_path: Path, act: str, state: str, status: int
 ) -> None:
     (tmp_path / "mine.py").write_text(POLICY.format(act=act))
@@ -153,7 +153,7 @@ def test_a_policy_that_does_what_ends_processes(
 
 
 def test_no_file_descriptor_is_left(walk: list[str], tmp_path: Path) -> None:
-    """A policy has used up all of them; the log may lack its end, the figures lack nothing."""
+    """A policy uses up all descriptors: the log may be cut short, the figures are complete."""
     act = "self.kept = []\n            while True:\n                self.kept.append(os.open('/dev/null', 0))"
     (tmp_path / "mine.py").write_text(POLICY.format(act=act))
     walk[walk.index("stand")] = "mine:Mine"

@@ -19,7 +19,7 @@ COMMAND = np.array([0.4, 0.0, 0.1])
 
 @pytest.fixture
 def held(go1: Robot) -> Robot:
-    """go1, as if it could not stand still."""
+    """go1 with `held_start`, as a robot that cannot stand still."""
     return replace(go1, description=replace(go1.description, held_start=True))
 
 

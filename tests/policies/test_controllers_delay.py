@@ -36,7 +36,7 @@ def test_the_delay_shows_in_the_reported_torques(delay_ticks: int) -> None:
     assert measured(delay_ticks, change_nm=2.0) == delay_ticks
 
 
-def test_commands_that_do_not_change_tell_nothing() -> None:
+def test_commands_that_do_not_change_leave_the_delay() -> None:
     assert measured(16, change_nm=0.0) == 1
 
 
@@ -50,7 +50,7 @@ def test_walks_and_turns_though_commands_act_30_ms_late(controller: str) -> None
 
 
 def test_walks_on_slippery_ground() -> None:
-    """At a friction of 0.2 forces that count on 0.4 make the feet slide apart."""
+    """With planned forces for a friction of 0.4 the feet would slide apart."""
     schedule = CommandSchedule((0.0, 1.5), ((0.8, -0.3, -0.5), (-0.8, 0.3, 0.5)))
     episode = Episode(schedule, duration_s=4.0, sample={"friction": np.array(0.2)})
     trace = run_episode(ROBOT, load_policy("mpc", ROBOT), episode)

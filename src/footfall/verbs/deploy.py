@@ -77,7 +77,7 @@ def deploy(policy: PolicyName, /, *, options: DeployOptions = DeployOptions()) -
     from footfall.common.config import unstructure
     from footfall.policies.registry import lasting_spec, load_policy, load_settings
     from footfall.policies.spec import add_settings
-    from footfall.result import tell
+    from footfall.result import write_and_show
     from footfall.robots.description import load_robot
 
     robot = load_robot(options.robot)
@@ -89,7 +89,7 @@ def deploy(policy: PolicyName, /, *, options: DeployOptions = DeployOptions()) -
         figures = about | run(robot, decider, lasting_spec(spec), options)
         release(spare)
         status = 0 if figures["final_state"] == SAFE and not figures["fell"] else 1
-        return tell(figures, options.json, lambda: _show(figures), status)
+        return write_and_show(figures, options.json, lambda: _show(figures), status)
 
 
 def _simulated(robot: "Robot", policy: "Policy", spec: str, options: DeployOptions) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Actuators of which the makers publish figures."""
+"""Actuators with published figures."""
 
 from pathlib import Path
 
@@ -44,8 +44,8 @@ def test_an_actuator_that_cannot_be_had_is_refused(
         make(tmp_path, quadruped(), actuators=chosen)
 
 
-def test_motors_beyond_their_rated_torque_are_told(tmp_path: Path) -> None:
+def test_motors_beyond_their_rated_torque_are_reported(tmp_path: Path) -> None:
     heavy = quadruped().replace('value="5.3"', 'value="9.3"')
     _, made = make(tmp_path, heavy, actuators={"": "DM-J4310-2EC-48V"})
-    (told,) = (guess for guess in made.guesses if "beyond their rated torque" in guess)
-    assert "of 3 N m" in told
+    (warning,) = (guess for guess in made.guesses if "beyond their rated torque" in guess)
+    assert "of 3 N m" in warning

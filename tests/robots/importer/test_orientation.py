@@ -13,7 +13,7 @@ from footfall.robots.importer.orientation import side_letters, turned
 
 
 def renamed(text: str) -> str:
-    """The biped with its sides exchanged: of a file whose x axis points backward."""
+    """The biped with left and right exchanged, as in a file whose x axis points backward."""
     return text.replace("left", "LEFT").replace("right", "left").replace("LEFT", "right")
 
 
