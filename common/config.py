@@ -5,6 +5,7 @@ import re
 import sys
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -22,6 +23,7 @@ T = TypeVar("T")
 
 LARGEST_BYTES = 2**20  # of a file with settings
 LONGEST_VALUE = 80  # characters of a refused value that a message repeats
+MOST_FIELDS = 6  # that a message names for one reason
 
 _converter = Converter(forbid_extra_keys=True, unstruct_collection_overrides={tuple: list})
 
@@ -73,13 +75,34 @@ _converter.register_structure_hook(bool, _structure_bool)
 def _reason(error: BaseException, expected: type | None) -> str:
     """Why one value was refused: in the words of whoever refused it, where it found any."""
     if isinstance(error, ForbiddenExtraKeysError):
-        unknown = ", ".join(sorted(map(str, error.extra_fields)))
-        return f"no setting {unknown} (there are {', '.join(f.name for f in fields(error.cl))})"
+        return _unknown(sorted(map(str, error.extra_fields)), [field.name for field in fields(error.cl)])
     if isinstance(error, AttributeError | TypeError) and is_dataclass(expected):  # no keys could be asked for
         return "expected a mapping of settings"
     if type(error) in (ValueError, Exception) and str(error):
         return " ".join(str(error).split())
     return " ".join(format_exception(error, expected).split())
+
+
+def _unknown(names: list[str], known: list[str]) -> str:
+    """What to say of keys that are no settings: the names that were meant, or all there are."""
+    close = list(dict.fromkeys(each for name in names for each in get_close_matches(name, known, n=1)))
+    hint = f"did you mean {' and '.join(close)}?" if close else f"there are {', '.join(known)}"
+    return f"no setting {', '.join(names)} ({hint})"
+
+
+def _together(reasons: list[str]) -> str:
+    """All reasons as a line; fields that are refused for the same reason share it."""
+    where: dict[str, list[str]] = {}
+    for reason in map(_field_first, reasons):
+        field, colon, why = reason.partition(": ")
+        where.setdefault(why if colon else reason, []).extend([field] if colon else [])
+    return "; ".join(f"{_several(names)}: {why}" if names else why for why, names in where.items())
+
+
+def _several(names: list[str]) -> str:
+    """Names as a list that fits a line."""
+    more = len(names) - MOST_FIELDS
+    return ", ".join(names[:MOST_FIELDS]) + (f" and {more} more" if more > 0 else "")
 
 
 def _field_first(reason: str) -> str:
@@ -143,7 +166,7 @@ def structure(data: Any, cls: type[T], source: str) -> T:
         return _converter.structure(data, cls)
     except BaseValidationError as error:
         reasons = transform_error(error, path="", format_exception=_reason)
-        raise UserError(f"{source}: {'; '.join(map(_field_first, reasons))}") from None
+        raise UserError(f"{source}: {_together(reasons)}") from None
     except (TypeError, ValueError, KeyError, AttributeError) as error:
         raise UserError(f"{source}: {' '.join(str(error).split())}") from None
 

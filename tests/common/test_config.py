@@ -279,6 +279,11 @@ class TestSettings:
                 {"count": 1, "inner": {"size": 1, "b": 2, "a": 3}},
                 "here: inner: no setting a, b (there are size, names, on)",
             ),
+            (
+                {"count": 1, "inner": {"size": 1, "nmaes": []}},
+                "here: inner: no setting nmaes (did you mean names?)",
+            ),
+            ({}, "here: count, inner: required field missing"),
             ({"count": 1, "inner": None}, "here: inner: expected a mapping of settings"),
             ({"count": 1, "inner": 3}, "here: inner: expected a mapping of settings"),
             ([1], "here: expected a mapping of settings, found list"),
@@ -292,7 +297,7 @@ class TestSettings:
     def test_an_empty_file_leaves_every_setting_at_its_default(self, tmp_path: Path) -> None:
         (tmp_path / "empty.yaml").write_text("# nothing\n")
         assert load(tmp_path / "empty.yaml", Defaults) == Defaults()
-        with pytest.raises(UserError, match=r"empty\.yaml: count: required"):
+        with pytest.raises(UserError, match=r"empty\.yaml: count.*: required"):
             load(tmp_path / "empty.yaml", Outer)
 
     @pytest.mark.parametrize("text", ["1e-3", "-2E5", "+3.e4", "1e3"])

@@ -109,7 +109,7 @@ class TestRefusals:
         ("spec", "complaint"),
         [
             ("stand@kq=1", "stand@kq=1: no setting kq (there are rate_hz, kp, kd, tilt_gain,"),
-            ("stand@kp.x=1", "stand@kp.x=1: no setting kp.x (there are"),
+            ("stand@kp.x=1", "stand@kp.x=1: no setting kp.x (did you mean kp?)"),
             ("stand@kp=soft", "stand@kp=soft: kp: 'soft' is not a number"),
             ("stand@kp=", "stand@kp=: kp: None is not a number"),
             (f"stand@kp={'9' * 5000}", "is not valid YAML"),
