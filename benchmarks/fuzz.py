@@ -53,7 +53,7 @@ from footfall.policies.registry import load_policy
 from footfall.robots.description import load_robot
 from footfall.train.config import PRESETS, load_preset
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
 from mutate import mutated, mutated_records, mutated_yaml, with_a_change
 
 POLICY = "go1-flat"
