@@ -78,9 +78,10 @@ def compare_policies(
     console = console or Console()
     robot, file, policies = _load(config, policy_specs)
     if html_path is not None:
-        from footfall.evaluate.report.extra import check_installed
+        from footfall.evaluate.report.extra import check_display, check_installed
 
         check_installed()
+        check_display()
         if is_device(html_path):
             raise UserError(f"cannot write the report to {html_path}: give a file name")
     check_outputs(json_path, html_path)

@@ -1,5 +1,7 @@
 """The libraries that a report needs and that a robot's small computer goes without."""
 
+import os
+import sys
 from importlib.util import find_spec
 
 from footfall.common.errors import UserError
@@ -18,4 +20,13 @@ def check_installed() -> None:
     if missing:
         raise UserError(
             f"an HTML report needs {', '.join(missing)}, which is not installed: {install_extras('report')}"
+        )
+
+
+def check_display() -> None:
+    """Raises UserError if MUJOCO_GL asks for windows and there is no display to open one on."""
+    shown = sys.platform != "linux" or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))
+    if os.environ.get("MUJOCO_GL") == "glfw" and not shown:
+        raise UserError(
+            "MUJOCO_GL=glfw films on a display, and there is none: unset it, or give MUJOCO_GL=egl"
         )

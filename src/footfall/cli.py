@@ -7,10 +7,11 @@ import sys
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from difflib import get_close_matches
 from importlib.metadata import version
 from itertools import takewhile
 
-from cyclopts import App, CycloptsError, UnusedCliTokensError
+from cyclopts import App, CycloptsError, UnknownOptionError, UnusedCliTokensError
 
 from footfall.common.errors import UserError
 from footfall.common.in_time import any_blocked
@@ -32,6 +33,8 @@ from footfall.verbs.robot import robot
 from footfall.verbs.sweep import sweep
 from footfall.verbs.train import train
 from footfall.verbs.watch import watch
+
+CLOSE = 0.75  # likeness of two options' names from which one may stand for the other
 
 app = App(
     name="footfall",
@@ -136,7 +139,20 @@ def _complain(reason: str, status: int = BAD_INPUT) -> int:
 def _parse_error(error: CycloptsError, arguments: list[str]) -> str:
     if isinstance(error, UnusedCliTokensError) and error.unused_tokens:
         return _unexpected(error.unused_tokens[0], arguments)
+    if isinstance(error, UnknownOptionError):
+        return _unknown_option(error)
     return _one_line(error).removesuffix(".")
+
+
+def _unknown_option(error: UnknownOptionError) -> str:
+    """The complaint about an option that there is not, with the one that was meant if its name is close."""
+    name = (error.token.keyword or error.token.value).partition("=")[0]
+    known = {each for argument in error.argument_collection for each in argument.names}
+    meant = get_close_matches(name.lstrip("-"), [each.lstrip("-") for each in known], n=1, cutoff=CLOSE)
+    hint = "".join(f". Did you mean --{each}?" for each in meant)
+    if not meant and {"--preset", "--set"} <= known:
+        hint = "; a setting is changed by --set KEY=VALUE"
+    return f"Unknown option: {name}{hint}"
 
 
 def _unexpected(argument: str, arguments: list[str]) -> str:

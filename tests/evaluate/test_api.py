@@ -133,6 +133,16 @@ class TestApi:
             api.compare_policies(["stand"], TWO, html_path=Path("/dev/null"), console=console)
         assert ran.order == []
 
+    def test_films_on_a_display_that_is_not_there_are_refused_before_the_run(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr("sys.platform", "linux")
+        monkeypatch.setenv("MUJOCO_GL", "glfw")
+        for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+            monkeypatch.delenv(name, raising=False)
+        with pytest.raises(UserError, match="MUJOCO_GL=egl"):
+            api.compare_policies(["stand"], html_path=tmp_path / "report.html")
+
     def test_a_policy_named_twice_is_refused(self, ran: SimpleNamespace, console: Console) -> None:
         with pytest.raises(UserError, match="'stand' is named twice"):
             api.compare_policies(["stand", "trot", "stand"], TWO, console=console)

@@ -181,6 +181,13 @@ class TestEndings:
         assert cli.main() == 0
         assert given == [["list", "--json"]]
 
+    def test_an_unknown_option_is_told_from_a_misspelt_one(self, shell: Shell) -> None:
+        assert "Did you mean --seed?" in shell.refuses("train", "--sed", "3")
+        assert "Did you mean --episodes?" in shell.refuses("evaluate", "stand", "--epsiodes=3")
+        terrain = shell.refuses("train", "--terrain", "rough")
+        assert "--set KEY=VALUE" in terrain
+        assert "mean" not in terrain
+
     def test_a_complaint_names_the_help_of_its_verb(self, shell: Shell) -> None:
         assert shell.refuses("watch").endswith("(see footfall watch --help)")
         assert shell.refuses("dance").endswith("(see footfall --help)")

@@ -43,7 +43,7 @@ WRONG_YAML = (
     ("gear_ratio: 6.0", "gear_ratio: 0", "gear_ratio must be above 0"),
     ("no_load_speed_rad_s: 30.1", "no_load_speed_rad_s: .nan", "no_load_speed_rad_s: not a finite number"),
     ("peak_torque_nm: 23.7", "peak_torque_nm: -23.7", "motors['hip']: peak_torque_nm must be above 0"),
-    ("torque_share: 0.3", "torque_share: 0", "gains: torque_share must be above 0"),
+    ("torque_share: 0.3", "torque_share: 0", "gains: torque_share must be from"),
     ("standing_height_m: 0.2945", "standing_height_m: .inf", "standing_height_m: not a finite number"),
     ("soft_limit_factor: 0.95", "soft_limit_factor: 1.5", "soft_limit_factor must be at most 1"),
     ("target_rate_rad_s: 60.0", "target_rate_rad_s: 0", "target_rate_rad_s must be above 0"),

@@ -37,7 +37,7 @@ def demo(*, options: DemoOptions = DemoOptions()) -> int:
 
     Exit 1 if the robot fell on the way.
     """
-    from footfall.evaluate.report.extra import check_installed
+    from footfall.evaluate.report.extra import check_display, check_installed
     from footfall.evaluate.scenarios import load_scenarios
     from footfall.policies.registry import first_of_each_kind, walking_controllers, zoo_names
     from footfall.robots.description import load_robot
@@ -47,6 +47,7 @@ def demo(*, options: DemoOptions = DemoOptions()) -> int:
     load_preset(options.preset, robot)
     load_scenarios(robot).select(options.scenarios)  # what only the last step needs is known before the first
     check_installed()
+    check_display()
     folder = options.out or Path("runs") / f"demo-{datetime.now():%Y%m%d-%H%M%S}"
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise UserError(f"{folder} exists and is not empty: give another --out")
