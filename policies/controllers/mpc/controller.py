@@ -162,7 +162,8 @@ class Mpc:
         )
 
     def stance(self) -> np.ndarray | None:
-        return self._lookahead.stance()
+        expected = self._lookahead.stance()
+        return self._planned_stance() if expected is None else expected
 
     def _planned_stance(self) -> np.ndarray:
         if not self.clock.walking:
