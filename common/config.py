@@ -5,7 +5,6 @@ import re
 import sys
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -17,6 +16,7 @@ from cattrs.v import format_exception
 
 from footfall.common.errors import UserError
 from footfall.common.files import is_named_pipe
+from footfall.common.hints import no_setting
 from footfall.common.yaml_text import parse_yaml
 
 T = TypeVar("T")
@@ -75,19 +75,12 @@ _converter.register_structure_hook(bool, _structure_bool)
 def _reason(error: BaseException, expected: type | None) -> str:
     """Why one value was refused: in the words of whoever refused it, where it found any."""
     if isinstance(error, ForbiddenExtraKeysError):
-        return _unknown(sorted(map(str, error.extra_fields)), [field.name for field in fields(error.cl)])
+        return no_setting(sorted(map(str, error.extra_fields)), [field.name for field in fields(error.cl)])
     if isinstance(error, AttributeError | TypeError) and is_dataclass(expected):  # no keys could be asked for
         return "expected a mapping of settings"
     if type(error) in (ValueError, Exception) and str(error):
         return " ".join(str(error).split())
     return " ".join(format_exception(error, expected).split())
-
-
-def _unknown(names: list[str], known: list[str]) -> str:
-    """What to say of keys that are no settings: the names that were meant, or all there are."""
-    close = list(dict.fromkeys(each for name in names for each in get_close_matches(name, known, n=1)))
-    hint = f"did you mean {' and '.join(close)}?" if close else f"there are {', '.join(known)}"
-    return f"no setting {', '.join(names)} ({hint})"
 
 
 def _together(reasons: list[str]) -> str:

@@ -6,6 +6,7 @@ from typing import Any, TypeVar, get_type_hints
 
 from footfall.common.config import merged, read_yaml, structure
 from footfall.common.errors import UserError
+from footfall.common.hints import no_setting
 from footfall.policies.spec import Change
 from footfall.robots.description import Robot
 
@@ -81,7 +82,7 @@ def _whole_key(key: Key, cls: type, source: str) -> Key:
         return alike[0]
     if alike:
         raise UserError(f"{source}: there are {' and '.join(map('.'.join, alike))}: say which")
-    raise UserError(f"{source}: no setting {'.'.join(key)} (there are {', '.join(map('.'.join, keys))})")
+    raise UserError(f"{source}: {no_setting(['.'.join(key)], ['.'.join(each) for each in keys])}")
 
 
 def _keys(cls: type) -> Iterator[Key]:
