@@ -95,11 +95,10 @@ class JointLayer:
         return frames
 
     def take_asked(self) -> tuple[np.ndarray, np.ndarray] | None:
-        """Least torque that commands asked of each motor since the last call, and minus the greatest.
+        """Least torque that commands asked of each motor since the last call, and the greatest one negated.
 
-        N m, (n,) each.
-
-        None if there was no command.
+        Returns:
+            Two arrays (n,), N m; None if there was no command.
         """
         asked = (self._least, -self._most) if self._asked_ticks else None
         self._asked_ticks = 0

@@ -30,9 +30,8 @@ from footfall.deploy.wiring import Wiring
 from footfall.deploy.wiring_check.check import WiringCheck
 from footfall.robots.description import Robot
 
-RESTING = (Mode.CHECKING, Mode.STANDING)  # before the policy decides
 POSED = (Mode.STANDING, Mode.LOWERING)  # on the way from one posture to another
-RESTING = (Mode.CHECKING, Mode.STANDING)  # what arrives then is what later shares are of
+RESTING = (Mode.CHECKING, Mode.STANDING)  # the rates that arrive then are the budget of later ones
 NOTHING_AT_START = StartSignals()
 NO_WIRING_CHECK = WiringSignals()
 
@@ -136,7 +135,7 @@ class SignalSource:
         return StartSignals(not_ready, pose), implausible
 
     def _silent(self, motor_us: np.ndarray, now_us: int, oldest: int) -> str:
-        """Whose silence is the longest: a motor's, or that of a whole bus or robot if all of it is silent."""
+        """Name of the motor that is silent for longest; of its bus, or any motor, if all of these are."""
         if now_us - motor_us[oldest] > self._silence_us:
             silent, channel = now_us - motor_us > self._silence_us, self._channel[oldest]
             of_bus = silent[self._channel == channel]

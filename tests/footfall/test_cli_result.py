@@ -33,15 +33,21 @@ def figures(folder: Path) -> dict:
     return json.loads((folder / "run.json").read_text())
 
 
-def test_a_terminal_that_is_closed(walk: list[str], tmp_path: Path) -> None:
-    """The robot lies down and the figures are written, though every write to the terminal fails."""
+def walking_on_a_terminal(walk: list[str], duration_s: str, folder: Path) -> tuple[int, int]:
+    """Id of a process whose robot walks, and its terminal."""
     child, terminal = pty.fork()
     if child == 0:
-        os.chdir(tmp_path)
-        os.execv(walk[0], [*walk, "60"])
+        os.chdir(folder)
+        os.execv(walk[0], [*walk, duration_s])
     read = b""
     while b"WALKING" not in read:
         read += os.read(terminal, 1000)
+    return child, terminal
+
+
+def test_a_terminal_that_is_closed(walk: list[str], tmp_path: Path) -> None:
+    """The robot lies down and the figures are written, though every write to the terminal fails."""
+    child, terminal = walking_on_a_terminal(walk, "60", tmp_path)
     os.close(terminal)
     os.kill(child, signal.SIGHUP)  # the shell's own, after the kernel's
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
@@ -49,13 +55,7 @@ def test_a_terminal_that_is_closed(walk: list[str], tmp_path: Path) -> None:
 
 
 def test_a_terminal_that_is_stopped(walk: list[str], tmp_path: Path) -> None:
-    child, terminal = pty.fork()
-    if child == 0:
-        os.chdir(tmp_path)
-        os.execv(walk[0], [*walk, "1"])
-    read = b""
-    while b"WALKING" not in read:
-        read += os.read(terminal, 1000)
+    child, terminal = walking_on_a_terminal(walk, "1", tmp_path)
     os.write(terminal, XOFF)
     assert b"final state" in rest(terminal)
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
