@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import App, Parameter
 
 from footfall.common.installation import install_extras
-from footfall.options import Names, RobotName, Seconds, Seed
+from footfall.common.outputs import check_outputs, write_text
+from footfall.options import Names, OptionalPath, RobotName, Seconds, Seed
 
 if TYPE_CHECKING:
     from footfall.plant.walking import ControllerResult
@@ -168,6 +169,26 @@ def check(robot: RobotName, /, *, options: CheckOptions = CheckOptions()) -> int
     if options.picture is not None:
         _draw(loaded.folder, results, options.picture)
     return SOMETHING_WRONG if wrong else 0
+
+
+@robot.command
+def urdf(robot: RobotName, /, *, out: OptionalPath = None) -> None:
+    """Write a robot's URDF, made from its MJCF, for RViz, Foxglove, planners and libraries of kinematics.
+
+    Parameters
+    ----------
+    out:
+        File to write (default: standard output).
+    """
+    check_outputs(out)
+    from footfall.robots.description import load_robot
+    from footfall.robots.urdf import urdf as as_urdf
+
+    text = as_urdf(load_robot(robot))
+    if out is None:
+        print(text, end="")
+    else:
+        write_text(out, text)
 
 
 def _draw(folder: Path, results: "list[ControllerResult]", path: Path) -> None:

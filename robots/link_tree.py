@@ -1,0 +1,123 @@
+"""The robot as ROS sees it: links, each behind one joint whose frame is the link's (REP 103, 105, 120)."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from footfall.common.errors import UserError
+from footfall.common.rotations import rotation_matrix
+from footfall.robots.description import Robot
+from footfall.robots.mjcf import load_spec
+
+BASE, IMU = "base_link", "imu_link"
+SOLE = "{}_sole"  # the middle of what a foot stands on, in the axes of its last link
+FIXED, REVOLUTE, CONTINUOUS, PRISMATIC = "fixed", "revolute", "continuous", "prismatic"
+
+
+class Link(NamedTuple):
+    """A link and the joint that holds it. The link's origin is on the joint's axis."""
+
+    name: str
+    parent: str = ""  # empty for the root
+    joint: str = ""
+    kind: str = FIXED
+    position: np.ndarray = np.zeros(3)  # m, of the joint in the parent's frame, (3,)
+    rotation: np.ndarray = np.eye(3)  # parent's frame from the link's where the joint is at zero, (3, 3)
+    axis: np.ndarray = np.zeros(3)  # in the link's frame, (3,)
+    body: int = -1  # id of the MuJoCo body that it is; -1 for a frame without a body
+    body_origin: np.ndarray = np.zeros(3)  # m, of that body in the link's frame, (3,)
+
+
+def load_model(robot: Robot) -> mujoco.MjModel:
+    """The robot's MJCF as it stands in its folder, compiled."""
+    return load_spec(robot.xml_path).compile()
+
+
+def link_tree(robot: Robot, model: mujoco.MjModel) -> tuple[Link, ...]:
+    """Links from the root outwards, parents first: `base_link`, the bodies, the IMU and the soles.
+
+    `base_link` is a frame without mass, as `robot_state_publisher` wants its root; the body of the base is
+    fixed to it. A body with several joints becomes as many links.
+
+    Args:
+        robot: whose links they are.
+        model: its MJCF, see `load_model`.
+
+    Raises:
+        UserError: a body has a ball joint, or is free besides the base.
+    """
+    base = model.body(robot.description.base).id
+    links = [Link(BASE), _base_body(robot.description.base, base)]
+    last = {base: links[-1]}  # the link that each body is
+    for body in range(base + 1, model.nbody):  # parents come first
+        above = last.get(int(model.body_parentid[body]))
+        if above is not None:
+            added = list(_links_of(model, body, above))
+            last[body] = added[-1]
+            links += added
+    site = model.site(robot.description.imu)
+    links.append(
+        Link(IMU, BASE, f"{IMU}_joint", position=site.pos.copy(), rotation=rotation_matrix(site.quat))
+    )
+    for foot in robot.description.feet:
+        geoms = [model.geom(name).id for name in foot.geoms]
+        end = last[int(model.geom_bodyid[geoms[0]])]
+        place = end.body_origin + model.geom_pos[geoms].mean(axis=0)
+        name = SOLE.format(foot.name)
+        links.append(Link(name, end.name, f"{name}_joint", position=place))
+    return tuple(links)
+
+
+def _base_body(name: str, body: int) -> Link:
+    own = f"{BASE}_inertia" if name == BASE else name
+    return Link(own, BASE, f"{own}_fixed", body=body)
+
+
+def _links_of(model: mujoco.MjModel, body: int, above: Link) -> Iterator[Link]:
+    """The links of a body: one for each of its joints, all but the last without mass."""
+    start, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
+    name, at = model.body(body).name or f"body_{body}", above.body_origin + model.body_pos[body]
+    turn = rotation_matrix(model.body_quat[body])
+    if not count:
+        yield Link(name, above.name, f"{name}_fixed", position=at, rotation=turn, body=body)
+        return
+    parent, origin = above.name, np.zeros(3)  # of the body, in the frame that the next joint is placed in
+    for joint in range(start, start + count):
+        is_last = joint == start + count - 1
+        joint_name = model.joint(joint).name or f"{name}_joint_{joint - start}"
+        kind, axis = _kind(model, joint, joint_name), model.jnt_axis[joint].copy()
+        anchor, zero = model.jnt_pos[joint], model.qpos0[model.jnt_qposadr[joint]]
+        place, own_turn = at + turn @ (origin + anchor), turn
+        if kind == PRISMATIC:
+            place = place - turn @ axis * zero
+        else:
+            own_turn = turn @ _about(axis, -zero)
+        yield Link(
+            name if is_last else f"{name}_{joint_name}",
+            parent,
+            joint_name,
+            kind,
+            place,
+            own_turn,
+            axis,
+            body if is_last else -1,
+            -anchor if is_last else np.zeros(3),
+        )
+        parent, origin, at, turn = f"{name}_{joint_name}", -anchor, np.zeros(3), np.eye(3)
+
+
+def _kind(model: mujoco.MjModel, joint: int, name: str) -> str:
+    match model.jnt_type[joint]:
+        case mujoco.mjtJoint.mjJNT_HINGE:
+            return REVOLUTE if model.jnt_limited[joint] else CONTINUOUS
+        case mujoco.mjtJoint.mjJNT_SLIDE:
+            return PRISMATIC
+    raise UserError(f"joint {name} is neither a hinge nor a slide: a URDF has nothing for it")
+
+
+def _about(axis: np.ndarray, angle_rad: float) -> np.ndarray:
+    quaternion = np.empty(4)
+    mujoco.mju_axisAngle2Quat(quaternion, axis, angle_rad)
+    return rotation_matrix(quaternion)
