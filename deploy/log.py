@@ -160,10 +160,13 @@ class McapLog:
                 records += record(kind, now_us, np.asarray(values, dtype=np.float32).tobytes())
         self._put(records)
 
-    def odometry(self, now_us: int, found: Odometry) -> None:
-        """The estimated motion of the base."""
+    def odometry(self, now_us: int, found: Odometry, footholds: np.ndarray | None = None) -> None:
+        """The estimated motion of the base, and the footholds of a policy that plans them, (feet, 3) m."""
         records = record(Kind.ODOMETRY, now_us, odometry_numbers(found).tobytes())
-        self._put(records + record(Kind.CONTACTS, now_us, found.contact.tobytes()))
+        records += record(Kind.CONTACTS, now_us, found.contact.tobytes())
+        if footholds is not None:
+            records += record(Kind.FOOTHOLDS, now_us, footholds.tobytes())
+        self._put(records)
 
     def state(self, now_us: int, state: State) -> None:
         """A change of the supervisor's state."""

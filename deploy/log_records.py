@@ -24,6 +24,7 @@ class Kind(IntEnum):
     CONTACTS = 11  # (feet,) probability that each stands
     AGES = 12  # (n + 1,) of each motor's reading and of the IMU's, s
     HEALTH = 13  # (3n,) temperatures, voltages, error codes
+    FOOTHOLDS = 14  # (3 feet,) planned footholds, from the base, heading frame, m; NaN for a standing foot
 
 
 def record(kind: Kind, now_us: int, content: bytes = b"") -> bytes:

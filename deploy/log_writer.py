@@ -31,6 +31,7 @@ ARRAYS = {  # records that are written unchanged: topic, bytes per number
     Kind.CONTACTS: ("/contacts", 8),
     Kind.AGES: ("/reading_ages", 8),
     Kind.HEALTH: ("/motor_health", 8),
+    Kind.FOOTHOLDS: ("/footholds", 8),
 }
 TEXTS = {Kind.STATE: "/state", Kind.NOTE: "/notes"}
 

@@ -228,7 +228,7 @@ class ControlLoop:
         nothing_commanded = self.state.mode is Mode.IDLE or self.state.over
         log.tick(now_us, self.sensed, joints.health(now_us), None if nothing_commanded else joints.sent)
         if self.walking and (odometry := self._estimate.odometry(now_us)) is not None:
-            log.odometry(now_us, odometry)
+            log.odometry(now_us, odometry, self._runner.footholds())
 
     def _supervise(self, signals: Signals) -> None:
         before = self.state.mode

@@ -118,6 +118,7 @@ TOPICS = {
     "/cmd_vel": "geometry_msgs/msg/TwistStamped",
     "/odom": "nav_msgs/msg/Odometry",  # estimated pose and velocity of the base
     "/contacts": "std_msgs/msg/Float64MultiArray",  # probability that each foot stands
+    "/footholds": "std_msgs/msg/Float64MultiArray",  # where the policy plans to put each foot that swings, m
     "/state": "std_msgs/msg/String",
     "/notes": "std_msgs/msg/String",  # what was changed of what was asked for
     "/policy/observation": "std_msgs/msg/Float32MultiArray",  # of the network

@@ -96,6 +96,16 @@ class PolicyRunner:
             self._failed(error)
             return None
 
+    def footholds(self) -> np.ndarray | None:
+        """Planned footholds (see `PlansFootholds`); None if the policy plans none."""
+        if self.decision is None or not hasattr(self._policy, "footholds"):
+            return None
+        try:
+            return self._policy.footholds()
+        except FAILURES as error:
+            self._failed(error)
+            return None
+
     def step(
         self, now_us: int, sensed: Sensed, estimate: tuple[np.ndarray, float], walking: bool
     ) -> tuple[PolicyInput, np.ndarray] | None:

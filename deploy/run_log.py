@@ -20,8 +20,8 @@ class RunLog(Protocol):
     def policy_step(self, now_us: int, inputs: PolicyInput, command: JointCommand) -> None:
         """What the policy was given and what it decided."""
 
-    def odometry(self, now_us: int, found: Odometry) -> None:
-        """The estimated motion of the base."""
+    def odometry(self, now_us: int, found: Odometry, footholds: np.ndarray | None = None) -> None:
+        """The estimated motion of the base, and the footholds of a policy that plans them, (feet, 3) m."""
 
     def state(self, now_us: int, state: State) -> None:
         """A change of the supervisor's state."""

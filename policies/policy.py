@@ -45,3 +45,15 @@ class Policy(Protocol):
 
     def stance(self) -> np.ndarray | None:
         """Planned contact of each foot in [0, 1], shape (feet,); None without a plan."""
+
+
+@runtime_checkable
+class PlansFootholds(Protocol):
+    """A policy that plans where its feet land. Not all policies do."""
+
+    def footholds(self) -> np.ndarray:
+        """Planned place on the ground of each foot that swings, (feet, 3) m; NaN for a foot that stands.
+
+        From the base's origin, along the axes of its heading frame (x forward, z up), as of the last step.
+        """
+        ...

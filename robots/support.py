@@ -16,7 +16,7 @@ def support_margin(feet: Sequence[Point], point: Point) -> float:
         feet: (x, y) of each foot that stands, m.
         point: (x, y) of the centre of mass above them, m.
     """
-    hull = _convex_hull(feet)
+    hull = convex_hull(feet)
     if not hull:
         return -math.inf
     edges = list(zip(hull, hull[1:] + hull[:1], strict=True))
@@ -27,7 +27,7 @@ def support_margin(feet: Sequence[Point], point: Point) -> float:
     return -min(_distance_to_segment(a, b, point) for a, b in edges)
 
 
-def _convex_hull(points: Sequence[Point]) -> list[Point]:
+def convex_hull(points: Sequence[Point]) -> list[Point]:
     """Corners counter-clockwise (Andrew's monotone chain); fewer than three if they span no area."""
     ordered = sorted(set(points))
     if len(ordered) < 3:

@@ -75,7 +75,7 @@ class TestContent:
     def test_ros_tools_find_every_topic_with_its_type(self, logged: tuple[Path, Trace]) -> None:
         found = {m.topic: m.kind for m in decoded(logged[0])}
         absent = {"/policy/observation", "/policy/action", "/notes"}  # Sway has no network, nothing to note
-        absent |= {"/odom", "/contacts"}  # nor does it ask for an estimate
+        absent |= {"/odom", "/contacts", "/footholds"}  # nor does it ask for an estimate
         assert found == {topic: kind for topic, kind in messages.TOPICS.items() if topic not in absent}
 
     def test_every_tick_and_every_policy_step_is_there(self, logged: tuple[Path, Trace]) -> None:
@@ -169,7 +169,7 @@ class TestContent:
         path = tmp_path / "odometry.mcap"
         log = McapLog(path, go1, Hold(go1), facts={}, may_wait=True)
         log.begin(0)
-        log.odometry(20_000, found)
+        log.odometry(20_000, found, np.arange(12.0).reshape(4, 3))
         assert log.close() == ""
         written = {each.topic: each.message for each in decoded(path)}
         odometry = written["/odom"]
@@ -187,6 +187,7 @@ class TestContent:
         assert scatter[1].tolist() == [39, 40, 41, 0, 0, 0]
         assert not scatter[3:].any()
         assert list(written["/contacts"].data) == found.contact.tolist()
+        assert list(written["/footholds"].data) == list(range(12))
 
     def test_who_asks_for_odometry_gets_it_fifty_times_a_second(self, go1: Robot, tmp_path: Path) -> None:
         path = tmp_path / "asked.mcap"

@@ -165,6 +165,9 @@ class Mpc:
         expected = self._lookahead.stance()
         return self._planned_stance() if expected is None else expected
 
+    def footholds(self) -> np.ndarray:
+        return self.swing_feet.footholds()
+
     def _planned_stance(self) -> np.ndarray:
         if not self.clock.walking:
             return np.ones(self._legs.count)

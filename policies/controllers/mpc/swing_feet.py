@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from footfall.common.rotations import cross
+from footfall.common.rotations import cross, heading_matrix
 from footfall.policies.controllers.gait import GaitTiming
 from footfall.policies.controllers.mpc.base import Base
 from footfall.policies.controllers.mpc.config import MpcConfig
@@ -34,6 +34,7 @@ class SwingFeet:
         count = len(self.places)
         self.lift_off = np.zeros((count, 3))  # m, world
         self.target = np.zeros((count, 3))  # m, world, on the ground
+        self._seen_from: tuple[list[int], Base | None] = [], None  # feet that swing, and the base
 
     def aim(
         self,
@@ -70,8 +71,17 @@ class SwingFeet:
         )
         self.target[leg, 0], self.target[leg, 1] = target.real, target.imag
 
+    def footholds(self) -> np.ndarray:
+        """Footholds of swinging feet from the base, heading frame, (feet, 3) m; NaN for the others."""
+        places = np.full_like(self.target, np.nan)
+        swinging, base = self._seen_from
+        if base is not None:
+            places[swinging] = (self.target[swinging] - base.position) @ heading_matrix(base.yaw)
+        return places
+
     def motion(self, swinging: list[int], progress: list[float], base: Base, swing_s: float) -> np.ndarray:
         """Motion of swinging feet as seen from the moving base, (k, 3, 3): see `LegControl.command`."""
+        self._seen_from = swinging, base
         if not swinging:
             return _NO_SWING
         lift_off, landing = self.lift_off.tolist(), (self.target + self._touch_down).tolist()

@@ -3,6 +3,7 @@
 import numpy as np
 
 from footfall.common.errors import UserError
+from footfall.common.rotations import heading_matrix, yaw_of
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.step.config import StepConfig
 from footfall.policies.controllers.step.footwork import UNLOADED, Footwork
@@ -46,7 +47,7 @@ class Step:
     def _begin(self, height: float) -> None:
         self.control.reset()
         self.footwork.reset()
-        self._start_height = height
+        self._start_height, self._yaw = height, 0.0
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -55,8 +56,15 @@ class Step:
     def stance(self) -> np.ndarray | None:
         return self.footwork.load.copy()
 
+    def footholds(self) -> np.ndarray:
+        places, foothold = np.full((2, 3), np.nan), self.footwork.foothold
+        if foothold is not None:
+            places[self.footwork.swings] = foothold @ heading_matrix(self._yaw)
+        return places
+
     def act(self, inputs: PolicyInput) -> JointCommand:
         config, sensed = self._config, inputs.sensed
+        self._yaw = yaw_of(sensed.quaternion.tolist())
         dynamics = observed(self.control.body, inputs)
         settled = min(1.0, inputs.time_s / config.settle_s)
         pressure, feet = self.footwork.advance(dynamics, inputs.command, settled == 1.0)

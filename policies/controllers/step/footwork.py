@@ -40,6 +40,7 @@ class Footwork:
         lands_after_s: duration of the step.
         swing: trajectory of the swinging foot; None before it leaves the ground.
         steps: number of steps since the reset.
+        foothold: (3,) m, of the swinging foot, from the base along the world's axes; None if none swings.
     """
 
     def __init__(self, config: StepConfig, side: np.ndarray, fall_rate: float) -> None:
@@ -58,6 +59,7 @@ class Footwork:
         self.lands_after_s = 0.0
         self.yaw, self.place = 0.0, np.zeros(2)
         self.steps = 0
+        self.foothold: np.ndarray | None = None
 
     def advance(
         self, dynamics: Dynamics, command: np.ndarray, settled: bool
@@ -83,6 +85,7 @@ class Footwork:
         if self.phase is Phase.STEP and self.elapsed_s >= self.lands_after_s:
             self.land(dynamics, self.command.wants_walk(command))
         feet = np.zeros((2, 6))
+        self.foothold = None
         match self.phase:
             case Phase.STAND:
                 pressure = self.both_press(dynamics, capture, dynamics.middle[:2])
@@ -226,6 +229,7 @@ class Footwork:
             self.swing = Swing(here[:2], float(here[2]), yaw, config.lift_m, config.depth_m)
         turned = self.swing.yaw + wrap_angle(self.yaw + self.turn() - self.swing.yaw)
         goal = np.array([*self.place, turned])
+        self.foothold = stand + np.array([*self.place, 0.0])
         position, velocity, acceleration = self.swing.advance(goal, remaining_s, self.dt_s)
         motion = dynamics.foot_jacobian[foot] @ dynamics.velocity
         up = rotation[:, 2]

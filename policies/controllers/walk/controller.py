@@ -138,6 +138,9 @@ class Walk:
         waits = phases >= cycle.timing.duty
         return np.where(cycle.swings, 0.0, np.where(waits, 1.0, trust))
 
+    def footholds(self) -> np.ndarray:
+        return self._cycle.footholds(self._sway.at(self._cycle.clock), self._height_m)
+
     def _stand(self, config: WalkConfig) -> Footing:
         legs, stance = self._legs, config.stance
         places = nominal_feet(legs, config.step.body_height_m, stance.outward_m, stance.shift_m)

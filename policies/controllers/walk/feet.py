@@ -82,6 +82,16 @@ class FootCycle:
         """How far each swing has come, (feet,), in [0, 1]; 0 in stance."""
         return np.array([foot.progress for foot in self._feet])
 
+    def footholds(self, body: np.ndarray, height_m: float) -> np.ndarray:
+        """Where feet that swing land, (feet, 3) m, from a base above `body` (2,) m; NaN for the others."""
+        x, y = body.tolist()
+        return np.array(
+            [
+                (foot.lands[0] - x, foot.lands[1] - y, -height_m) if foot.swings else (math.nan,) * 3
+                for foot in self._feet
+            ]
+        )
+
     def phases(self) -> np.ndarray:
         """Place of each foot in its cycle, (feet,), in [0, 1)."""
         return np.array(self._phases())

@@ -88,6 +88,7 @@ class Foot:
         """On the ground, in its place."""
         self.x, self.y, self.z = self.place_x, self.place_y, 0.0
         self.swings, self.progress = False, 0.0
+        self.lands = self.x, self.y  # where it lands, while it swings
         self._left, self._height = (self.x, self.y, self.z), 0.0
 
     def lift_off(self, height_m: float) -> None:
@@ -128,8 +129,9 @@ class Foot:
         x, y = self.place_x + half_s * over_x, self.place_y + half_s * over_y
         over_x, over_y = self._passing(velocity, x, y)
         share = blend(progress)
-        self.x = left_x + share * (x + ahead_s * over_x - left_x)
-        self.y = left_y + share * (y + ahead_s * over_y - left_y)
+        self.lands = lands_x, lands_y = x + ahead_s * over_x, y + ahead_s * over_y
+        self.x = left_x + share * (lands_x - left_x)
+        self.y = left_y + share * (lands_y - left_y)
         self.z = (1.0 - share) * left_z + self._height * lift(progress)
 
     def lower(self, by_m: float, least_m: float) -> None:
