@@ -24,6 +24,7 @@ EVERYTHING: tuple[CanFilter, ...] = tuple(
 PERIOD_US = 10_000
 LISTENING_TICKS = 25  # two heartbeats
 ROUNDS = 2  # probes of each id: a frame may be lost
+MOST_ROUNDS = 5  # while a motor of robot.yaml is missing: a busy machine loses frames of a whole round
 LATE_TICKS = 30  # for late answers
 AT_ONCE = 8  # ids that are probed in a tick: an interface queues ten frames
 
@@ -48,7 +49,10 @@ def expected(wiring: Wiring) -> dict[Found, str]:
 
 
 def scan(bus: Bus, wiring: Wiring, clock: Clock | None = None) -> set[Found]:
-    """All motors on a robot's buses, which must be open for `EVERYTHING`."""
+    """All motors on a robot's buses, which must be open for `EVERYTHING`.
+
+    Motors of robot.yaml that do not answer are probed again, up to `MOST_ROUNDS` times.
+    """
     clock = clock or WallClock(PERIOD_US)
     drivers = dict.fromkeys([*DRIVERS, *map(driver_class, wiring.models)])
     answering = [driver for driver in drivers if driver.probes(MOTOR_IDS[0])]
@@ -66,13 +70,18 @@ def scan(bus: Bus, wiring: Wiring, clock: Clock | None = None) -> set[Found]:
     def is_free(channel: int, identifier: int) -> bool:
         return (channel, identifier) not in taken
 
+    wanted = {motor for motor in expected(wiring) if motor.maker not in identifiers}
     batches = _probes(len(wiring.buses), answering, is_free)
-    for frames in [*batches * ROUNDS, *[no_frames()] * LATE_TICKS]:
-        bus.send(frames, now_us)
-        now_us = clock.next_tick()
-        for answer in bus.receive(now_us):
-            free = [is_free(*each) for each in zip(answer.channel.tolist(), answer.id.tolist(), strict=True)]
-            found |= _senders(answer.take(np.array(free, bool)), answering)
+    for done in range(MOST_ROUNDS):
+        if done >= ROUNDS and wanted <= found:
+            break
+        for frames in [*batches, *[no_frames()] * LATE_TICKS]:
+            bus.send(frames, now_us)
+            now_us = clock.next_tick()
+            for answer in bus.receive(now_us):
+                places = zip(answer.channel.tolist(), answer.id.tolist(), strict=True)
+                free = [is_free(*place) for place in places]
+                found |= _senders(answer.take(np.array(free, bool)), answering)
     return found
 
 

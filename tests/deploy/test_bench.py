@@ -209,6 +209,12 @@ class TestScan:
         stand.body.faults.motors.silent[4] = True
         assert Found(1, 2, "MIT mode") not in stand.scan()
 
+    def test_a_motor_whose_first_rounds_of_probes_are_lost_is_found(self, go1: Robot) -> None:
+        stand = OnStand(go1)
+        bus = stand.bus = InjectingBus(stand.bus)
+        bus.outgoing = lambda frames, now_us: frames.take(np.full(len(frames.id), now_us > 1_800_000))
+        assert stand.scan() == set(expected(stand.wiring))
+
     def test_no_frame_goes_where_an_odrive_would_take_it_for_another(self, go1: Robot) -> None:
         """With id 1 it has 0x020 to 0x03f: what switches off motor 0x36 in MIT mode would start it anew."""
         stand, sent = OnStand(with_motors(go1, hip="ODrive", knee="ODrive")), []
