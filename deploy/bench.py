@@ -180,7 +180,7 @@ class Bench:
         self._bus.send(frames, self._now_us)
         self._now_us = self._clock.next_tick()
         for batch in self._bus.receive(self._now_us):
-            motor, values, error, temperature, voltage, _ = self._driver.replies(batch)
+            motor, values, error, temperature, voltage, *_ = self._driver.replies(batch)
             self._values[:, motor], self._error[motor] = values, error
             self._temperature[motor], self._voltage[motor] = temperature, voltage
             self._heard_us[motor] = self._now_us

@@ -42,6 +42,7 @@ class Receiver:
         self.joints = np.zeros((3, joints))  # latest position rad, velocity rad/s and torque N m
         self.temperature_c = np.full(joints, np.nan)  # latest; NaN where a motor does not report it
         self.voltage = np.full(joints, np.nan)  # likewise, V
+        self.current = np.full(joints, np.nan)  # likewise, A
         self._motor_us = np.full(joints, NEVER)
         self._error = np.zeros(joints, dtype=np.uint8)
         self._absorbed_us = NEVER  # time of the latest replies
@@ -112,19 +113,24 @@ class Receiver:
         return MotorHealth(1e-6 * age_us, self.temperature_c, self.voltage, error)
 
     def _absorb_replies(self, frames: Frames, now_us: int) -> None:
-        motor, values, error, temperature, voltage, arrived_us = self._driver.replies(frames)
+        motor, values, error, temperature, voltage, arrived_us, current = self._driver.replies(frames)
         again = self._absorbed_us == now_us
         before = self._error if again and np.count_nonzero(self._error) else None
         if isinstance(motor, slice):
             self._whole_batches += 1
             self.joints, self._error = values, error
             self.temperature_c, self.voltage = temperature, voltage
+            if current is not None:
+                self.current = current
         else:
             np.add.at(self._single_replies, motor, 1)
             self.joints = self.joints.copy()
             self.temperature_c, self.voltage = self.temperature_c.copy(), self.voltage.copy()
             self.joints[:, motor] = values
             self.temperature_c[motor], self.voltage[motor] = temperature, voltage
+            if current is not None:
+                self.current = self.current.copy()
+                self.current[motor] = current
             self._error = self._error.copy()
             self._error[motor] = 0
             np.maximum.at(self._error, motor, error)

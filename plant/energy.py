@@ -19,8 +19,7 @@ class EnergyMeter:
     """Collects torque and speed of each physics step; computes the power on demand."""
 
     def __init__(self, robot: Robot) -> None:
-        torque_per_ampere = robot.motor_figures("torque_constant_nm_a") * robot.motor_figures("gear_ratio")
-        self._loss = robot.motor_figures("winding_resistance_ohm") / torque_per_ampere**2
+        self._loss = robot.copper_loss
         self._rows = np.empty((64, 3, len(self._loss)))
         self._count = 0
 

@@ -9,7 +9,7 @@ from footfall.deploy.config import MOTOR_TIMEOUT_S
 from footfall.deploy.drivers.driver import Motors
 from footfall.deploy.frames import Frames
 from footfall.domain_rand.sample import Sample, delay_s, randomised_command, randomised_motor, sensor_bias
-from footfall.plant.motor_ends.motor_end import MotorEnd, Report, Request, Requests
+from footfall.plant.motor_ends.motor_end import SUPPLY, MotorEnd, Report, Request, Requests
 from footfall.plant.watchdog import Watchdog
 from footfall.robots.actuator import JointCommand, Motor, friction_torque, motor_torque
 
@@ -66,6 +66,7 @@ class SimulatedMotors:
         self.faults = MotorFaults(*np.zeros((2, n), bool), *np.zeros((2, n), np.uint64))
         self.enabled = np.zeros(n, dtype=bool)
         self._any_enabled = self._all_enabled = False
+        self.supply = SUPPLY  # V, and A of each motor, as they report it
         self.commanded = False  # whether a command has reached enabled motors
         self._values = np.zeros((5, n))  # the command that each motor follows
         self._command = JointCommand(*self._values)  # its rows
@@ -209,7 +210,7 @@ class SimulatedMotors:
         timed_out = self._watchdog.timed_out
         if np.count_nonzero(timed_out):
             error = np.maximum(error, timed_out * np.asarray(self._end.time_out_error, np.uint64))
-        report, stuck = Report(readings, error, on, TEMPERATURE_C), self.faults.stuck
+        report, stuck = Report(readings, error, on, TEMPERATURE_C, self.supply), self.faults.stuck
         if np.count_nonzero(stuck):
             before = self._said
             report = report._replace(

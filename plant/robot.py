@@ -19,6 +19,7 @@ from footfall.domain_rand.bodies import apply_to_model, body_map
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import QUANTITIES
 from footfall.domain_rand.sample import Sample
+from footfall.plant.battery import SimulatedBattery
 from footfall.plant.energy import EnergyMeter, Power
 from footfall.plant.ground_truth import GroundTruth, Truth
 from footfall.plant.hanging import Frame
@@ -57,6 +58,7 @@ class PlantConfig:
     motor_timeout_s: float | None = None  # of all motors; None for robot.yaml's
     lying: bool = False  # starts in the robot's lying pose
     hanging: bool = False  # hangs in a frame, its feet in the air
+    charge: float = 1.0  # of its battery at first, where robot.yaml declares one
     held: bool = True  # does not move until its motors are commanded
     # Time after the first command at which a robot that cannot stand still is let go (`held_start`).
     let_go_after_s: float = HELD_UP_S
@@ -105,6 +107,9 @@ class SimulatedRobot:
             self.data, self._layout, sample, config.noise, step_s, len(qpos), seed
         )
         self._energy = EnergyMeter(robot)
+        declared, self.battery = robot.description.battery, None
+        if declared is not None:
+            self.battery = SimulatedBattery(robot, declared, self._motors, config.charge, step_s)
         self._ground_truth = GroundTruth(plant, self.data, self._layout, robot.description.standing_height_m)
         self._torque = np.zeros(len(qpos))
         self._imu_every = round(IMU_PERIOD_S / step_s)
@@ -202,7 +207,10 @@ class SimulatedRobot:
             self._keep_still()
         else:
             mujoco.mj_step(self.model, self.data)
-        self._energy.add(torque, velocity, self._qvel[joints])
+        after = self._qvel[joints]
+        self._energy.add(torque, velocity, after)
+        if self.battery is not None:
+            self.battery.add(torque, velocity, after)
         self._step += 1
 
     def _hold_up(self, frame: Frame) -> None:

@@ -88,6 +88,13 @@ class Robot:
         return np.array([getattr(motors[j.motor], field) for j in self.description.joints])
 
     @cached_property
+    def copper_loss(self) -> np.ndarray:
+        """Heat in each motor's winding over its squared torque at the joint, W/(N m)^2, (n,)."""
+        torque_per_ampere = self.motor_figures("torque_constant_nm_a") * self.motor_figures("gear_ratio")
+        loss: np.ndarray = self.motor_figures("winding_resistance_ohm") / torque_per_ampere**2
+        return loss
+
+    @cached_property
     def voltage_range(self) -> tuple[np.ndarray, np.ndarray]:
         """Least and most voltage at each joint's motor, V; infinite where there is no limit."""
         motors = self.description.motors

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from footfall.common.config import require_between, require_ordered, require_positive
+from footfall.robots.battery import Battery
 from footfall.robots.commands import CommandRange
 
 MOTOR_TIMEOUT_S = 0.01, 0.1  # from a few ticks to the longest time without a controller
@@ -99,6 +100,7 @@ class Description:
     commands: CommandRange  # of the scenarios
     imu_protocol: str = "footfall"  # or MODULE:NAME of a driver of one's own (deploy/drivers/imu_driver.py)
     safety: dict[str, Any] = field(default_factory=dict)  # supervisor's limits (deploy/config.py)
+    battery: Battery | None = None  # None: nothing is claimed about its charge
     held_start: bool = False  # it cannot stand still (point feet): it is held up until it steps in place
 
     def __post_init__(self) -> None:

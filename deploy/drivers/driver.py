@@ -28,6 +28,7 @@ class Replies(NamedTuple):
     temperature_c: np.ndarray  # (k,) degrees Celsius, NaN where a motor does not report it
     voltage: np.ndarray  # (k,) V at the motor's supply, NaN where a motor does not report it
     time_us: np.ndarray | None  # (k,) arrival time of each frame; None where unknown
+    current_a: np.ndarray | None = None  # (k,) drawn from the supply, A; None where none reports it
 
 
 def damping_alone(kd: np.ndarray) -> np.ndarray:

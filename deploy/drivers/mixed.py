@@ -87,6 +87,7 @@ class MixedDriver:
             temperature_c=np.concatenate([replies.temperature_c for replies, _ in parts]),
             voltage=np.concatenate([replies.voltage for replies, _ in parts]),
             time_us=np.concatenate(times) if len(times) == len(parts) else None,
+            current_a=np.concatenate([_current(replies) for replies, _ in parts]),
         )
 
     def error_name(self, code: int, joint: int = 0) -> str:
@@ -94,3 +95,8 @@ class MixedDriver:
             if joint in joints:
                 return driver.error_name(code, int(np.flatnonzero(joints == joint)[0]))
         raise ValueError(f"no joint {joint}")
+
+
+def _current(replies: Replies) -> np.ndarray:
+    """Current of each motor, A; NaN where its maker's do not report it."""
+    return np.full(len(replies.error), np.nan) if replies.current_a is None else replies.current_a

@@ -27,7 +27,7 @@ class _Axes:
         self.state = np.zeros(n, np.uint8)  # 0 before the first heartbeat
         self.was_on = np.zeros(n, bool)
         self.error = np.zeros(n, np.intp)
-        self.temperature, self.voltage = np.full((2, n), np.nan)
+        self.temperature, self.voltage, self.current = np.full((3, n), np.nan)
 
 
 class OdriveDriver:
@@ -181,6 +181,7 @@ class OdriveDriver:
             axes.temperature[motor],
             axes.voltage[motor],
             None if frames.time_us is None else frames.time_us[encoder],
+            axes.current[motor],
         )
 
     def _note(self, message: np.ndarray, motor: np.ndarray, data: np.ndarray) -> None:
@@ -202,7 +203,7 @@ class OdriveDriver:
             elif kind == odrive.TEMPERATURE:
                 axes.temperature[sound] = np.maximum(first, second)[finite]
             elif kind == odrive.SUPPLY:
-                axes.voltage[sound] = first[finite]
+                axes.voltage[sound], axes.current[sound] = first[finite], second[finite]
 
     def _note_heartbeats(self, motor: np.ndarray, data: np.ndarray) -> None:
         """An axis that was on and reports off is at fault."""

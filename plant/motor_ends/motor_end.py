@@ -14,6 +14,8 @@ from footfall.deploy.drivers.driver import CanFilter, Motors
 from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import Wiring
 
+SUPPLY = (24.0, 1.0)  # V, and A of each motor, where no battery is declared
+
 
 class Request(IntEnum):
     """What a frame requests of a motor."""
@@ -45,10 +47,13 @@ class Report(NamedTuple):
     error: np.ndarray  # (k,) uint64 error codes, 0 for none
     on: np.ndarray  # (k,) bool, which are enabled
     temperature_c: int = 30
+    supply: tuple[float, float] = SUPPLY  # V, and A of each motor
 
     def take(self, motor: Motors) -> "Report":
         """The state of some of these motors."""
-        return Report(self.values[:, motor], self.error[motor], self.on[motor], self.temperature_c)
+        return Report(
+            self.values[:, motor], self.error[motor], self.on[motor], self.temperature_c, self.supply
+        )
 
 
 class MotorEnd(Protocol):

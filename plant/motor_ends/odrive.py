@@ -10,7 +10,6 @@ from footfall.plant.motor_ends.motor_end import Report, Request, Requests
 
 READING_US = 2000  # encoder_msg_rate_ms and torques_msg_rate_ms
 SLOW_US = 100_000  # heartbeat, temperature and supply
-SUPPLY_V, SUPPLY_A = 24.0, 1.0
 STAGGER_US = 7000  # axes begin at different times, so that their slow messages do not meet
 
 _SLOW = (odrive.HEARTBEAT, odrive.TEMPERATURE, odrive.SUPPLY)  # each a third of the time after the one before
@@ -133,7 +132,8 @@ class OdriveMotorEnd:
             temperature = np.full(n, report.temperature_c)
             return odrive.float_bytes(temperature, temperature)
         if message == odrive.SUPPLY:
-            return odrive.float_bytes(np.full(n, SUPPLY_V), SUPPLY_A)
+            voltage_v, current_a = report.supply
+            return odrive.float_bytes(np.full(n, voltage_v), current_a)
         bits = np.where(error > 0, 1 << (np.maximum(error, 1).astype(np.int64) - 1), 0)
         data = np.zeros((n, 8), np.uint8)
         data[:, :4] = bits.astype("<u4").view(np.uint8).reshape(n, 4)

@@ -29,6 +29,7 @@ class Maker:
     why: str = ""  # it is not ready
     on: tuple[bool, ...] = ()
     knows_time: bool = True
+    knows_current: bool = True
 
     def __post_init__(self) -> None:
         numbers = self.first_id + np.arange(self.n)
@@ -58,7 +59,10 @@ class Maker:
         motor = heard.id[ours] - self.first_id
         value = 1.0 * heard.id[ours]
         times = heard.time_us[ours] if self.knows_time and heard.time_us is not None else None
-        return Replies(motor, np.tile(value, (3, 1)), heard.id[ours] % 256, value + 20, value + 30, times)
+        current = value + 40 if self.knows_current else None
+        return Replies(
+            motor, np.tile(value, (3, 1)), heard.id[ours] % 256, value + 20, value + 30, times, current
+        )
 
 
 def mixed(first: Maker, second: Maker) -> MixedDriver:
@@ -67,7 +71,7 @@ def mixed(first: Maker, second: Maker) -> MixedDriver:
 
 @pytest.fixture
 def driver() -> MixedDriver:
-    return mixed(Maker(0x10, 2), Maker(0x20, 3))
+    return mixed(Maker(0x10, 2), Maker(0x20, 3, knows_current=False))
 
 
 BY_JOINT = [0x11, 0x20, 0x10, 0x21, 0x22]
@@ -98,6 +102,8 @@ def test_what_a_motor_replies_is_its_joints_with_the_time_at_which_it_came(drive
     np.testing.assert_array_equal(replies.error[order], codes)
     np.testing.assert_array_equal(replies.temperature_c[order], codes + 20)
     np.testing.assert_array_equal(replies.voltage[order], codes + 30)
+    assert replies.current_a is not None
+    np.testing.assert_array_equal(replies.current_a[order], [0x11 + 40, np.nan, 0x10 + 40, np.nan])
     assert replies.time_us is not None
     assert replies.time_us[order].tolist() == [6.0, 8.0, 9.0, 5.0]
 

@@ -9,6 +9,7 @@ from deploy_policies import FailingPolicy, Hold, short_episode
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
+from odrives import with_odrives
 from reports import report
 from two_motors import two_motors
 
@@ -127,10 +128,12 @@ class TestFrames:
         """33 f5 42 41 was recorded from an axis on 12 V. The hotter of two temperatures counts."""
         before = driver.replies(pair(0x069, 0.0, 0.0))
         assert np.isnan([before.voltage[0], before.temperature_c[0]]).all()
-        driver.replies(frame(0x077, bytes.fromhex("33f5424100000000")))
+        driver.replies(frame(0x077, bytes.fromhex("33f542410000c03f")))
         driver.replies(pair(0x075, 40.0, 55.0))
         after = driver.replies(pair(0x069, 0.0, 0.0))
         assert after.voltage[0] == pytest.approx(12.184863)
+        assert after.current_a is not None
+        assert after.current_a[0] == 1.5
         assert after.temperature_c[0] == 55.0
 
     @pytest.mark.parametrize(
@@ -444,14 +447,6 @@ class TestMotorEnd:
 
 def odrive_messages() -> tuple[int, ...]:
     return odrive.ENCODER, odrive.TORQUES, odrive.HEARTBEAT, odrive.TEMPERATURE, odrive.SUPPLY
-
-
-def with_odrives(robot: Robot, *motors: str, first_id: int = 1) -> Robot:
-    """The robot with ODrives for some of its kinds of motors."""
-    description = robot.description
-    entries = {n: replace(m, protocol="ODrive") if n in motors else m for n, m in description.motors.items()}
-    joints = tuple(replace(joint, id=joint.id + first_id - 1) for joint in description.joints)
-    return replace(robot, description=replace(description, motors=entries, joints=joints))
 
 
 class TestRobots:

@@ -1,0 +1,56 @@
+"""A simulated battery: it sags under load, and the motors' electrical energy discharges it."""
+
+import math
+
+import numpy as np
+
+from footfall.plant.energy import EnergyMeter
+from footfall.plant.motors import SimulatedMotors
+from footfall.robots.battery import Battery
+from footfall.robots.description import Robot
+
+UPDATE_S = 0.01
+
+
+class SimulatedBattery:
+    """A pack. `charge`, `resistance_ohm` and `reads_off_v` may be written to, to inject faults."""
+
+    def __init__(
+        self, robot: Robot, battery: Battery, motors: SimulatedMotors, charge: float, step_s: float
+    ) -> None:
+        """A pack at rest.
+
+        Args:
+            robot: whose motors' losses count.
+            battery: as declared.
+            motors: get its voltage, and report it.
+            charge: at first, 0 to 1.
+            step_s: the physics step.
+        """
+        self._battery, self._motors, self._meter = battery, motors, EnergyMeter(robot)
+        self._every = max(1, round(UPDATE_S / step_s))
+        self._period_s, self._steps = self._every * step_s, 0
+        self.charge = charge
+        self.resistance_ohm = battery.internal_resistance_ohm
+        self.reads_off_v = 0.0  # error of the voltage that motors report
+        self.voltage_v, self.current_a = battery.nominal_v, 0.0
+        self._load(battery.idle_w)
+
+    def add(self, torque: np.ndarray, before: np.ndarray, after: np.ndarray) -> None:
+        """One physics step (see `EnergyMeter.add`)."""
+        self._meter.add(torque, before, after)
+        self._steps += 1
+        if self._steps % self._every == 0:
+            self._load(self._meter.take().electrical + self._battery.idle_w)
+            spent = self.current_a * self._period_s / self._battery.capacity_c
+            self.charge = min(max(self.charge - spent, 0.0), 1.0)
+
+    def _load(self, power_w: float) -> None:
+        """Draw a power: V = E - R I and P = V I; at most what the pack can give, E²/4R."""
+        before_v, battery, motors = self.voltage_v, self._battery, self._motors
+        open_v = battery.open_circuit_v(self.charge)
+        root = math.sqrt(max(open_v**2 - 4.0 * self.resistance_ohm * power_w, 0.0))
+        self.voltage_v, self.current_a = (open_v + root) / 2.0, 2.0 * power_w / (open_v + root)
+        of_each_a = (self.current_a - battery.idle_w / self.voltage_v) / len(motors.enabled)
+        motors.supply = self.voltage_v + self.reads_off_v, of_each_a
+        motors.sag(self.voltage_v / before_v)

@@ -1,0 +1,97 @@
+"""The battery's charge from what motors report, against a pack whose charge is known."""
+
+import numpy as np
+import pytest
+
+from footfall.deploy.battery import BatteryLimits, BatteryMonitor, BatteryState
+from footfall.robots.battery import Battery
+from footfall.robots.description import Robot
+
+PERIOD_S, MOTORS = 0.05, 12
+STILL = np.zeros((3, MOTORS))
+IRON = "lithium_iron_phosphate"
+
+
+class Pack:
+    """A pack, and what motors report of it. It may differ from its declaration."""
+
+    def __init__(self, robot: Robot, charge: float, chemistry: str = "lithium_ion") -> None:
+        self.battery = Battery(10, 20.0, 0.1, chemistry)
+        self.charge = charge
+        self.resistance = self.reported_current = 1.0  # over the true ones
+        self.off_v = np.zeros(MOTORS)  # error of each motor's voltage
+        self.monitor = BatteryMonitor(robot, self.battery, BatteryLimits())
+        self.now_us = 0
+
+    def draw(self, current_a: float, seconds: float) -> BatteryState:
+        """Draw a current that swings, as steps do."""
+        battery = self.battery
+        for look in range(round(seconds / PERIOD_S)):
+            amps = current_a * (1.0 + 0.5 * np.sin(look))
+            self.charge = max(self.charge - amps * PERIOD_S / battery.capacity_c, 0.0)
+            drop_v = self.resistance * battery.internal_resistance_ohm * amps
+            voltage = battery.open_circuit_v(self.charge) - drop_v + self.off_v
+            current = np.full(MOTORS, self.reported_current * amps / MOTORS)
+            self.now_us += round(PERIOD_S * 1e6)
+            self.monitor.look(self.now_us, voltage, current, STILL)
+        return self.monitor.state
+
+
+@pytest.mark.parametrize("chemistry", ["lithium_ion", IRON])
+def test_the_charge_is_right_from_full_to_empty_though_resistance_and_current_are_not(
+    go1: Robot, chemistry: str
+) -> None:
+    pack = Pack(go1, 0.95, chemistry)
+    pack.resistance, pack.reported_current = 1.2, 0.9
+    errors = [pack.draw(6.0, 10.0).charge - pack.charge for _ in range(55)]
+    assert pack.charge < 0.15
+    assert np.abs(errors).max() < {"lithium_ion": 0.06, IRON: 0.15}[chemistry]  # a flat curve says less
+
+
+def test_less_is_allowed_as_the_charge_falls_until_the_run_has_to_end(go1: Robot) -> None:
+    pack = Pack(go1, 0.25)
+    states = [pack.draw(6.0, 2.0) for _ in range(65)]
+    allowed = [state.allowed for state in states]
+    assert allowed[0] == 1.0
+    assert allowed == sorted(allowed, reverse=True)
+    assert allowed[-1] == pytest.approx(BatteryLimits().least_share)
+    first = next(state for state in states if state.fault)
+    assert "empty" in first.fault
+    assert first.charge == pytest.approx(BatteryLimits().empty_charge, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("change", "fault"),
+    [
+        ({}, ""),
+        ({"resistance": 3.0}, ""),  # old and cold: less is allowed, and the robot goes on
+        ({"resistance": 12.0}, "empty|off"),  # it sags below what its cells bear
+        ({"off_v": np.full(MOTORS, -8.0)}, "off"),
+        ({"off_v": np.full(MOTORS, 8.0)}, "off"),
+        ({"off_v": np.where(np.arange(MOTORS) < 3, -30.0, 0.0)}, ""),  # the other motors' count
+    ],
+)
+def test_a_sagging_pack_and_a_lying_voltage(go1: Robot, change: dict, fault: str) -> None:
+    pack = Pack(go1, 0.6)
+    assert pack.draw(6.0, 5.0).fault == ""
+    vars(pack).update(change)
+    found = pack.draw(6.0, 5.0).fault
+    assert any(word in found for word in fault.split("|"))
+    assert bool(found) is bool(fault)
+
+
+def test_without_a_voltage_nothing_is_claimed_and_nothing_limited(go1: Robot) -> None:
+    pack = Pack(go1, 0.05)
+    pack.off_v = np.full(MOTORS, np.nan)
+    state = pack.draw(6.0, 1.0)
+    assert not state.known
+    assert (state.allowed, state.fault) == (1.0, "")
+
+
+def test_motors_that_report_no_current_are_counted_by_torque_and_speed(go1: Robot) -> None:
+    pack = Pack(go1, 0.5)
+    joints = STILL.copy()
+    joints[1:, 0] = 3.0, 20.0  # 60 W at the shaft, and the winding's loss
+    pack.monitor.look(0, np.full(MOTORS, 35.0), np.full(MOTORS, np.nan), joints)
+    watts = 60.0 + 0.17 * (20.0 / (0.105 * 6.0)) ** 2
+    assert pack.monitor.state.current_a == pytest.approx(watts / pack.battery.nominal_v)

@@ -1,0 +1,40 @@
+"""A simulated pack: what the motors take from it is gone, and they feel its voltage."""
+
+import numpy as np
+import pytest
+
+from footfall.plant.battery import SimulatedBattery
+from footfall.plant.motor_ends.motor_end import SUPPLY
+from footfall.robots.battery import Battery
+from footfall.robots.description import Robot
+
+
+class Motors:
+    """Motors that note their supply."""
+
+    enabled = np.ones(12, bool)
+    share = 1.0
+    supply = SUPPLY
+
+    def sag(self, share: float) -> None:
+        self.share *= share
+
+
+def test_energy_drawn_is_charge_lost_and_the_voltage_falls_with_load_and_charge(go1: Robot) -> None:
+    battery = Battery(10, 1.0, 0.2)
+    motors = Motors()
+    pack = SimulatedBattery(go1, battery, motors, 1.0, 0.001)  # type: ignore[arg-type]
+    at_rest_v = pack.voltage_v
+    torque, speed = np.full(12, 5.0), np.full(12, 2.0)
+    watts = float((torque * speed + go1.copper_loss * torque**2).sum())
+    given_j = 0.0
+    for _ in range(5000):
+        pack.add(torque, speed, speed)
+        given_j += (pack.voltage_v + pack.current_a * battery.internal_resistance_ohm) * pack.current_a * 1e-3
+    assert pack.voltage_v * pack.current_a == pytest.approx(watts)
+    assert pack.voltage_v < at_rest_v - 0.2 * pack.current_a
+    assert motors.share == pytest.approx(pack.voltage_v / battery.nominal_v)
+    assert motors.supply == pytest.approx((pack.voltage_v, pack.current_a / 12))
+    spent = 1.0 - pack.charge
+    # Above half of its charge a joule takes less charge than the mean one, whose voltage is the nominal one.
+    assert 0.85 * given_j < spent * 3600.0 * battery.capacity_wh < given_j
