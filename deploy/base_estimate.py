@@ -6,6 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
+from footfall.deploy.command_source import UNKNOWN_POSE, Pose
 from footfall.deploy.estimation.odometry import Odometry
 from footfall.deploy.policy_runner import PolicyRunner
 from footfall.policies.policy import Sensed
@@ -13,6 +14,7 @@ from footfall.policies.policy import Sensed
 BaseState = Callable[[], tuple[np.ndarray, float]]  # the base's velocity (3,) m/s, body frame, and height m
 UNKNOWN = (np.full(3, np.nan), math.nan)
 ODOMETRY_EVERY_US = 20_000  # for the log
+POSE_EVERY_US = 20_000  # for the command source
 
 
 class Estimator(Protocol):
@@ -24,6 +26,10 @@ class Estimator(Protocol):
         """The pose is zero here and now: the policy takes over."""
 
     def update(self, sensed: Sensed, stance: np.ndarray | None, dt_s: float) -> tuple[np.ndarray, float]: ...
+
+    def pose(self) -> tuple[float, float, float]:
+        """x m, y m and yaw rad since the start."""
+        ...
 
     def odometry(self) -> Odometry: ...
 
@@ -38,7 +44,8 @@ class BaseEstimate:
         self._every_us = round(1e6 / rate_hz)
         self._estimator, self._base_state = estimator, base_state
         self._updated_us = -1
-        self._next_odometry_us = 0
+        self._next_odometry_us = self._next_pose_us = 0
+        self._pose = UNKNOWN_POSE
         self.value = UNKNOWN
 
     def reset(self, now_us: int, sensed: Sensed) -> None:
@@ -68,6 +75,13 @@ class BaseEstimate:
                 return
             self.value = self._estimator.update(sensed, stance, (now_us - self._updated_us) * 1e-6)
             self._updated_us = now_us
+
+    def pose(self, now_us: int) -> Pose:
+        """Where the base is, some ms old at most; NaN if nothing estimates it."""
+        if self._estimator is not None and now_us >= self._next_pose_us and self._updated_us >= 0:
+            self._next_pose_us = now_us + POSE_EVERY_US
+            self._pose = Pose(*self._estimator.pose())
+        return self._pose
 
     def odometry(self, now_us: int) -> Odometry | None:
         """The base's motion for the log; None if it is not time, or nothing estimates it."""

@@ -12,15 +12,15 @@ _AXES = (("forward", "m/s"), ("leftward", "m/s"), ("yaw", "rad/s"))
 class CommandLimits:
     """Clips commands to a policy's ranges, and notes it once for each axis."""
 
-    def __init__(self, ranges: CommandRange | None) -> None:
-        """Without ranges only values that are not finite change: to 0."""
+    def __init__(self, ranges: CommandRange | None, notes: list[str] | None = None) -> None:
+        """Without ranges only values that are not finite change: to 0. Notes are appended to `notes`."""
         everything = (-math.inf, math.inf)
         self._ranges = (
             (everything,) * 3
             if ranges is None
             else (ranges.forward_m_s, ranges.leftward_m_s, ranges.yaw_rad_s)
         )
-        self.notes: list[str] = []
+        self.notes = [] if notes is None else notes
         self._noted: set[int] = set()
 
     def apply(self, command: np.ndarray) -> np.ndarray:

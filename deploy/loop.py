@@ -10,6 +10,7 @@ import numpy as np
 from footfall.deploy.base_estimate import BaseEstimate
 from footfall.deploy.bus import Bus
 from footfall.deploy.clock import Clock
+from footfall.deploy.command_source import Status
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.deadline import OverdueError
 from footfall.deploy.drivers.choice import open_imu
@@ -127,7 +128,13 @@ class ControlLoop:
     @property
     def asked_command(self) -> np.ndarray:
         """The velocity command of the last policy step, before it was clipped, (3,)."""
-        return self._runner.asked_command
+        return self._runner.steering.asked_command
+
+    @property
+    def status(self) -> Status:
+        """The run as it is now, for its command source."""
+        estimate, now_us = self._estimate, self.now_us
+        return self._runner.status(now_us, self.state, estimate.value, estimate.pose(now_us))
 
     @property
     def target(self) -> np.ndarray:
@@ -175,12 +182,16 @@ class ControlLoop:
         now_us, joints = self.now_us, self._joints
         joints.absorb(self._bus.receive(now_us), now_us)
         self._sensed = None
-        signals = self._signals.look(now_us, elapsed_us, self.state, self._runner.signals)
+        runner = self._runner
+        signals = self._signals.look(now_us, elapsed_us, self.state, runner.signals, runner.steering.stop)
         self._supervise(signals)
         if self.state.mode in DECIDING:
             self._decide()
-            if self._runner.signals is not signals.policy:
-                self._supervise(signals._replace(policy=self._runner.signals))
+        elif runner.steering.due(now_us):
+            runner.poll(now_us, self.status)
+        self._end.heed(runner.steering.lie_down, self.state.mode)
+        if runner.signals is not signals.policy:
+            self._supervise(signals._replace(policy=runner.signals))
         frames = self._driver.disable() if self.state.over else self._frames(self.state.mode)
         if self._taken_over():  # meanwhile: nothing may go out over a guard's damping
             self._stand_back()
@@ -197,7 +208,7 @@ class ControlLoop:
         if not due:
             return
         commanded = self.walking and not self.held_up
-        step = runner.step(now_us, self.sensed, self._estimate.value, commanded)
+        step = runner.step(now_us, self.status, self.sensed, self._estimate.value, commanded)
         if step is not None and log is not None:
             given, decision = step
             log.policy_step(now_us, given, JointCommand.of(decision))

@@ -7,10 +7,12 @@ import time
 import numpy as np
 
 from footfall.common.errors import UserError
-from footfall.deploy.command_source import CommandSource
-from footfall.deploy.commands import CommandLimits
+from footfall.deploy.command_source import Pose, Status
 from footfall.deploy.deadline import Arm, OverdueError, unarmed
+from footfall.deploy.modes import DECIDING
+from footfall.deploy.safety import State
 from footfall.deploy.signals import PolicySignals
+from footfall.deploy.steering import Steering
 from footfall.deploy.timing import Durations
 from footfall.policies.policy import Policy, PolicyInput, Sensed
 from footfall.robots.actuator import JointCommand
@@ -20,12 +22,12 @@ FORKED = 1  # exit status of a copy of the process that comes back from a policy
 
 
 class PolicyRunner:
-    """A policy, the velocity commands that it is given, and its last decision."""
+    """A policy, what it is asked for, and its last decision."""
 
     def __init__(
         self,
         policy: Policy,
-        command_source: CommandSource,
+        steering: Steering,
         joint_rate_hz: float,
         limit_s: float,
         realtime: bool,
@@ -35,7 +37,7 @@ class PolicyRunner:
 
         Args:
             policy: decides.
-            command_source: gives the velocity commands.
+            steering: says what it shall do.
             joint_rate_hz: of the loop.
             limit_s: how long one step may take.
             realtime: whether steps are timed. Simulated time waits for them.
@@ -49,9 +51,7 @@ class PolicyRunner:
                 f"policy '{policy.name}' runs at {policy.rate_hz:g} Hz,"
                 f" the joint loop at {joint_rate_hz:g} Hz: the policy cannot be faster"
             )
-        self._policy, self._command_source = policy, command_source
-        contract = policy.contract
-        self._command_limits = CommandLimits(None if contract is None else contract.commands)
+        self._policy, self.steering = policy, steering
         self._limit_s, self._realtime, self._arm = limit_s, realtime, arm
         self._period_us = 1e6 / policy.rate_hz
         self._process = os.getpid()
@@ -59,20 +59,47 @@ class PolicyRunner:
         self._next_us = 0.0  # half a microsecond early, so that rounding cannot cost a tick
         self.signals = PolicySignals()
         self.decision: np.ndarray | None = None  # rows as of `JointCommand`
-        self.asked_command = np.zeros(3)  # of the last step, before it was clipped
         self.durations_ms = Durations()
-        self._told: set[str] = set()
+        self._noted = self._told = 0  # notes of the policy that are taken over, of the run that are told
 
     @property
     def notes(self) -> list[str]:
         """What was changed of what was asked for, one line each."""
-        return [*self._command_limits.notes, *self._policy.notes]
+        of_policy, notes = self._policy.notes, self.steering.notes
+        if len(of_policy) > self._noted:
+            notes.extend(of_policy[self._noted :])
+            self._noted = len(of_policy)
+        return notes
 
     def new_notes(self) -> list[str]:
         """Notes that were not returned before."""
-        new = [note for note in self.notes if note not in self._told]
-        self._told.update(new)
+        new = self.notes[self._told :]
+        self._told += len(new)
         return new
+
+    def status(self, now_us: int, state: State, estimate: tuple[np.ndarray, float], pose: Pose) -> Status:
+        """The run as it is now, for the command source.
+
+        Args:
+            now_us: the loop's time.
+            state: the supervisor's.
+            estimate: the base's velocity (3,) m/s, body frame, and height m.
+            pose: of the base.
+        """
+        walking_s = self.time_s(now_us) if state.mode in DECIDING else 0.0
+        steering = self.steering
+        return Status(
+            now_us * 1e-6,
+            walking_s,
+            state.mode,
+            self._policy.name,
+            steering.command,
+            *estimate,
+            pose,
+            state.faults,
+            self.notes,
+            steering.offer,
+        )
 
     def start(self, now_us: int) -> None:
         """The policy takes over now."""
@@ -106,13 +133,21 @@ class PolicyRunner:
             self._failed(error)
             return None
 
+    def poll(self, now_us: int, status: Status) -> None:
+        """Ask the command source while the policy does not decide; `signals` tell if it fails."""
+        try:
+            self.steering.poll(now_us, status, follow=False)
+        except FAILURES as error:
+            self._failed(error)
+
     def step(
-        self, now_us: int, sensed: Sensed, estimate: tuple[np.ndarray, float], walking: bool
+        self, now_us: int, status: Status, sensed: Sensed, estimate: tuple[np.ndarray, float], walking: bool
     ) -> tuple[PolicyInput, np.ndarray] | None:
         """One step; returns what the policy was given and its decision, or None if it failed or hung.
 
         Args:
             now_us: the loop's time.
+            status: for the command source.
             sensed: the latest readings.
             estimate: the base's velocity (3,) m/s, body frame, and height m.
             walking: whether the commands come from the source; otherwise they are zero.
@@ -121,7 +156,7 @@ class PolicyRunner:
         try:
             try:
                 self._arm(self._limit_s)
-                given, decision = self._decide(now_us, sensed, estimate, walking)
+                given, decision = self._decide(now_us, status, sensed, estimate, walking)
             finally:
                 self._arm(0.0)
                 if os.getpid() != self._process:  # a policy that forked: its copy holds no robot
@@ -146,12 +181,10 @@ class PolicyRunner:
         return given, decision
 
     def _decide(
-        self, now_us: int, sensed: Sensed, estimate: tuple[np.ndarray, float], walking: bool
+        self, now_us: int, status: Status, sensed: Sensed, estimate: tuple[np.ndarray, float], walking: bool
     ) -> tuple[PolicyInput, np.ndarray]:
-        time_s = self.time_s(now_us)
-        asked = self._command_source(time_s) if walking else np.zeros(3)
-        self.asked_command = np.asarray(asked, dtype=float)
-        given = PolicyInput(time_s, sensed, self._command_limits.apply(self.asked_command), *estimate)
+        self.steering.poll(now_us, status, walking)
+        given = PolicyInput(self.time_s(now_us), sensed, self.steering.command, *estimate)
         if self.decision is None:
             self._policy.reset(given)
         return given, _copied(self._policy.act(given), len(sensed.joint_position))

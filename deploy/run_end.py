@@ -26,6 +26,11 @@ class RunEnd:
         self._skip_lie_down |= skip_lie_down or mode in CUT_SHORT
         self._finish = True
 
+    def heed(self, lie_down: bool, mode: Mode) -> None:
+        """Ask for the end, once, if the command source wants the robot to lie down."""
+        if lie_down and not self._finish:
+            self.finish(mode, skip_lie_down=False)
+
     def signals(self, mode: Mode, since_s: float) -> EndSignals:
         """The supervisor's part of it; `since_s` is the time since the mode began."""
         return EndSignals(

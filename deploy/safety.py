@@ -142,6 +142,13 @@ def _paused(s: Signals, c: SafetyConfig) -> str:
     return ""
 
 
+def _stopped(damp: bool) -> Callable[[Signals, SafetyConfig], str]:
+    def find(s: Signals, _: SafetyConfig) -> str:
+        return s.stop.reason if s.stop is not None and s.stop.damp is damp else ""
+
+    return find
+
+
 def _overflow(s: Signals, _: SafetyConfig) -> str:
     return f"bus overflow: {s.bus.frames_refused} frames refused" if s.bus.frames_refused else ""
 
@@ -186,6 +193,13 @@ SIGNAL_CHECKS = (
         (Mode.CHECKING,),
         lambda s, _: s.wiring.fault,
         Mode.ESTOP,
+    ),
+    Check("a stop from outside that damps at once", (Mode.IDLE, *HELD), _stopped(damp=True), Mode.ESTOP),
+    Check(
+        "a stop from outside",
+        (Mode.IDLE, Mode.CHECKING, *MOVING),
+        _stopped(damp=False),
+        Mode.LOWERING,
     ),
     Check("an exception in the policy", MOVING, lambda s, _: s.policy.error, Mode.LOWERING),
     Check(

@@ -16,7 +16,7 @@ from footfall.common.limits import LONGEST_S
 from footfall.deploy.base_estimate import BaseEstimate, BaseState
 from footfall.deploy.bus import Bus, BusStatistics
 from footfall.deploy.clock import Clock, LockstepClock, WallClock, undisturbed
-from footfall.deploy.command_source import CommandSource
+from footfall.deploy.command_source import CommandSource, StopSource, VelocityFunction, source_of
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.deadline import deadlines, unarmed
 from footfall.deploy.drivers.choice import filters_of, open_driver
@@ -27,6 +27,7 @@ from footfall.deploy.loop import ControlLoop
 from footfall.deploy.modes import Mode
 from footfall.deploy.policy_runner import PolicyRunner
 from footfall.deploy.process_end import ending_on_signals, exit_raises
+from footfall.deploy.steering import Steering
 from footfall.deploy.wiring import Wiring, wire
 from footfall.deploy.wiring_check.check import WiringCheck
 from footfall.deploy.wiring_check.verdict import Verdict
@@ -43,8 +44,8 @@ Display = Callable[[ControlLoop], AbstractContextManager[None]]
 class Session:
     """Settings of a run."""
 
-    command_source: CommandSource
-    duration_s: float  # of walking
+    command_source: CommandSource | VelocityFunction
+    duration_s: float  # of walking, at most
     realtime: bool = True
     log: Path | None = None
     facts: dict[str, Any] = field(default_factory=dict)  # for the log's metadata
@@ -53,6 +54,7 @@ class Session:
     lie_down: bool = True  # before the motors are disabled, where robot and fault permit it
     stand_up: bool = True  # False for a hanging robot: the loop holds its initial pose
     check_wiring: bool = False  # before the robot stands up and walks
+    stop_sources: Sequence[StopSource] = ()  # beside the command source
     wiring_right: Callable[[Sequence[Verdict]], None] = lambda _: None  # called when the check has passed
 
 
@@ -112,7 +114,7 @@ def run_session(
         arm = resources.enter_context(deadlines()) if session.realtime else unarmed
         runner = PolicyRunner(
             policy,
-            session.command_source,
+            Steering(source_of(session.command_source), policy, session.stop_sources),
             config.joint_rate_hz,
             config.safety.late_limit_s,
             session.realtime,

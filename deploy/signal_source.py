@@ -4,6 +4,7 @@ import numpy as np
 
 from footfall.common.rotations import tilt
 from footfall.deploy.bus import Bus
+from footfall.deploy.command_source import Stop
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers.driver import Driver
 from footfall.deploy.first_rest import FirstRest
@@ -73,7 +74,9 @@ class SignalSource:
         )
         self._monitor.begin_links(now_us, joints)
 
-    def look(self, now_us: int, elapsed_us: int, state: State, policy: PolicySignals) -> Signals:
+    def look(
+        self, now_us: int, elapsed_us: int, state: State, policy: PolicySignals, stop: Stop | None
+    ) -> Signals:
         """The signals of a tick.
 
         Args:
@@ -81,6 +84,7 @@ class SignalSource:
             elapsed_us: since the tick before.
             state: the supervisor's.
             policy: the policy's part of the signals.
+            stop: that was asked for from outside; None if none was.
         """
         joints, mode = self._joints, state.mode
         motor_us, imu_us, motor_error = joints.last_heard()
@@ -118,6 +122,7 @@ class SignalSource:
             implausible,
             NO_WIRING_CHECK if check is None else check.signals,
             mode in POSED and self._postures.done(since_s),
+            stop,
         )
 
     def _at_start(

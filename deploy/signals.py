@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+from footfall.deploy.command_source import Stop
 from footfall.deploy.modes import Mode
 
 
@@ -91,3 +92,4 @@ class Signals(NamedTuple):
     implausible: Implausible | None = None
     wiring: WiringSignals = WiringSignals()
     posture_done: bool = False  # the robot has stood up, or has lain down
+    stop: Stop | None = None  # that was asked for from outside

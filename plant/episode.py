@@ -1,6 +1,6 @@
 """A simulated episode: a session on the simulated robot, with pushes, ground truth and fall detection."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import partial
@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from footfall.deploy.command_source import CommandSource
+from footfall.deploy.command_source import CommandSource, StopSource, VelocityFunction
 from footfall.deploy.config import DeployConfig, deploy_config
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.modes import Mode
@@ -49,8 +49,8 @@ class Push:
 class Episode:
     """The settings of an episode. In lockstep the same settings give the same trace."""
 
-    command_source: CommandSource  # from time since walking began, s, to a command (3,)
-    duration_s: float  # of walking
+    command_source: CommandSource | VelocityFunction
+    duration_s: float  # of walking, at most
     seed: int = 0
     plant: Path | None = None  # another MJCF than the robot's own
     sample: Sample | None = None
@@ -67,6 +67,7 @@ class Episode:
     config: DeployConfig | None = None  # None for the defaults, with the robot's own limits
     display: Display | None = None
     check_wiring: bool = False  # before the robot stands up and walks
+    stop_sources: Sequence[StopSource] = ()  # beside the command source
 
 
 def run_episode(robot: Robot, policy: Policy, episode: Episode, watch: Watch | None = None) -> Trace:
@@ -109,6 +110,7 @@ def run_episode(robot: Robot, policy: Policy, episode: Episode, watch: Watch | N
         config=config,
         lie_down=episode.lie_down,
         check_wiring=episode.check_wiring,
+        stop_sources=episode.stop_sources,
         display=None if episode.display is None else partial(episode.display, velocity=trial.velocity),
     )
     base_state = true_base_state(body) if episode.ground_truth else None

@@ -28,7 +28,7 @@ from footfall.deploy.bring_up.motions import (
 )
 from footfall.deploy.bring_up.recording import Recording
 from footfall.deploy.bus import Bus
-from footfall.deploy.command_source import CommandSource
+from footfall.deploy.command_source import CommandSource, VelocityFunction
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.session import Session, SessionResult, run_session
@@ -45,7 +45,7 @@ class Setting(NamedTuple):
 
     robot: Robot
     policy: Policy  # of the last step
-    command_source: CommandSource  # of the last step
+    command_source: CommandSource | VelocityFunction  # of the last step
     config: BringUpConfig
     deploy: DeployConfig  # its `scale` applies to every step
     realtime: bool = True
@@ -62,7 +62,7 @@ class Plan(NamedTuple):
 
     policy: Policy
     windows: list[Window]
-    command_source: CommandSource = lambda _: np.zeros(3)
+    command_source: CommandSource | VelocityFunction = lambda _: np.zeros(3)
 
 
 class Step(NamedTuple):

@@ -84,6 +84,13 @@ class BaseEstimator:
         self._velocity = np.array(self._filter.velocity).dot(rotation) - self._imu.dot(turning)
         return self._velocity, self._base_height()
 
+    def pose(self) -> tuple[float, float, float]:
+        """x m, y m and yaw rad of the base since the start; the frame of `Odometry`."""
+        ahead, left, _ = (np.array(self._filter.place) - self._rotation @ self._imu).tolist()
+        cos, sin = math.cos(self._start_yaw), math.sin(self._start_yaw)
+        turned = wrap_angle(self._yaw() - self._start_yaw)
+        return cos * ahead + sin * left, cos * left - sin * ahead, turned
+
     def odometry(self) -> Odometry:
         """The whole estimate, with its covariance."""
         config, motion = self._config.odometry, self._filter

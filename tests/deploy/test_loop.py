@@ -219,6 +219,9 @@ class TestFaults:
             def update(self, *_: Any) -> tuple[np.ndarray, float]:
                 return np.zeros(3), 0.3
 
+            def pose(self) -> tuple[float, float, float]:
+                return 0.0, 0.0, 0.0
+
             def odometry(self) -> Any:
                 return None
 

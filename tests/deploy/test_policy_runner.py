@@ -11,9 +11,11 @@ from deploy_policies import Hold, stand_still
 
 from footfall.common.errors import UserError
 from footfall.deploy import policy_runner
-from footfall.deploy.command_source import CommandSource
+from footfall.deploy.command_source import UNKNOWN_POSE, Offer, Status, VelocityFunction, source_of
 from footfall.deploy.deadline import OverdueError
+from footfall.deploy.modes import Mode
 from footfall.deploy.policy_runner import PolicyRunner
+from footfall.deploy.steering import Steering
 from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.actuator import JointCommand
 from footfall.robots.commands import CommandRange
@@ -25,10 +27,15 @@ TICK_US = 2000
 
 
 def runner_of(
-    policy: Any, source: CommandSource = stand_still, realtime: bool = False, arm: Any = lambda _: None
+    policy: Any, source: VelocityFunction = stand_still, realtime: bool = False, arm: Any = lambda _: None
 ) -> PolicyRunner:
     """A runner at 500 Hz that may take 0.1 s for a step."""
-    return PolicyRunner(policy, source, 500.0, 0.1, realtime, arm)
+    return PolicyRunner(policy, Steering(source_of(source), policy), 500.0, 0.1, realtime, arm)
+
+
+def status_at(runner: PolicyRunner, now_us: int) -> Status:
+    walking_s, still = runner.time_s(now_us), np.zeros(3)
+    return Status(now_us * 1e-6, walking_s, Mode.WALKING, "", still, *ESTIMATE, UNKNOWN_POSE, (), (), Offer())
 
 
 def walk(runner: PolicyRunner, times_us: Any, walking: bool = True) -> list[float]:
@@ -37,7 +44,10 @@ def walk(runner: PolicyRunner, times_us: Any, walking: bool = True) -> list[floa
     runner.start(times[0])
     taken = []
     for now_us in times:
-        if runner.due(now_us) and runner.step(now_us, READINGS, ESTIMATE, walking) is not None:
+        if (
+            runner.due(now_us)
+            and runner.step(now_us, status_at(runner, now_us), READINGS, ESTIMATE, walking) is not None
+        ):
             taken.append(runner.time_s(now_us))
     return taken
 
@@ -115,7 +125,7 @@ class TestLateness:
         counts = []
         runner.start(0)
         for now_us in range(0, 300_000, 20_000):
-            runner.step(now_us, READINGS, ESTIMATE, True)
+            runner.step(now_us, status_at(runner, now_us), READINGS, ESTIMATE, True)
             counts.append(runner.signals.late_steps)
         assert max(counts) == most
 
@@ -161,11 +171,11 @@ class TestInputs:
         policy.notes = notes = ["slower"]  # type: ignore[assignment]
         runner = runner_of(policy, lambda t: np.array([9.0, 0.0, 9.0 if t > 0.03 else 0.0]))
         walk(runner, [0])
-        assert runner.asked_command.tolist() == [9.0, 0.0, 0.0]
+        assert runner.steering.asked_command.tolist() == [9.0, 0.0, 0.0]
         assert policy.seen[-1].command.tolist() == [1.0, 0.0, 0.0]
         (forward, slower) = runner.new_notes()
         assert ("forward" in forward, slower) == (True, "slower")
-        runner.step(40_000, READINGS, ESTIMATE, True)
+        runner.step(40_000, status_at(runner, 40_000), READINGS, ESTIMATE, True)
         notes.append("lower")
         yaw, lower = runner.new_notes()
         assert ("yaw" in yaw, lower) == (True, "lower")
@@ -206,7 +216,7 @@ class TestFailure:
         runner, finite = runner_of(Odd(go1)), []
         runner.start(0)
         for now_us in (0, 20_000):
-            runner.step(now_us, READINGS, ESTIMATE, True)
+            runner.step(now_us, status_at(runner, now_us), READINGS, ESTIMATE, True)
             finite.append(runner.signals.command_finite)
         assert finite == [False, True]
 
@@ -221,7 +231,7 @@ class TestFailure:
         assert runner.stance() is None
         walk(runner, [0])
         assert runner.stance() is not None
-        runner.step(20_000, READINGS, ESTIMATE, True)
+        runner.step(20_000, status_at(runner, 20_000), READINGS, ESTIMATE, True)
         assert runner.stance() is None
         assert runner.signals.error == "the policy failed: KeyError: 'feet'"
 

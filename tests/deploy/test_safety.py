@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from footfall.deploy.command_source import Stop
 from footfall.deploy.modes import DAMPED, MOVING, Mode
 from footfall.deploy.safety import CHECKS, PROGRESS, SafetyConfig, State, advance
 from footfall.deploy.signals import Implausible, ImuSignals, MotorSignals, Signals
@@ -57,6 +58,8 @@ TABLE: list[tuple[dict[str, Any], str, str]] = [
     ({"implausible": Implausible("x misses commands", L)}, "x misses commands", "E-LLL-"),
     ({"implausible": Implausible("x has sunk", F)}, "x has sunk", "FFFFFF"),
     ({"wiring.fault": "plugs are exchanged", "wiring.due": True}, "plugs are exchanged", "EE----"),
+    ({"stop": Stop("stopped by x", damp=True)}, "stopped by x", "EEEEEE"),
+    ({"stop": Stop("stopped by x")}, "stopped by x", "EELLL-"),
     ({"policy.step_s": 0.11}, "one step took 110 ms", "E-EEE-"),
     ({"policy.step_s": math.inf}, "no decision within 70 ms", "E-EEE-"),
     ({"policy.late_steps": 5}, "5 steps in a row", "E-LLL-"),

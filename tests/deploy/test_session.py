@@ -239,6 +239,9 @@ class TestSession:
             def update(self, *_: Any) -> tuple:
                 return np.array([7.0, 0.0, 0.0]), 0.7
 
+            def pose(self) -> tuple[float, float, float]:
+                return 0.0, 0.0, 0.0
+
         monkeypatch.setattr("footfall.deploy.estimation.estimator.BaseEstimator", Estimator)
         policy = Hold(go1)
         policy.needs_estimate = needs

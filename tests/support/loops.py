@@ -12,7 +12,7 @@ from frame_robot import TICK_US, FrameRobot, Ticks
 from footfall.deploy.base_estimate import BaseEstimate, BaseState
 from footfall.deploy.bus import Bus
 from footfall.deploy.clock import LockstepClock
-from footfall.deploy.command_source import CommandSource
+from footfall.deploy.command_source import CommandSource, VelocityFunction, source_of
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.drivers.driver import Driver
@@ -20,6 +20,7 @@ from footfall.deploy.loop import ControlLoop
 from footfall.deploy.modes import Mode
 from footfall.deploy.policy_runner import PolicyRunner
 from footfall.deploy.safety import SafetyConfig
+from footfall.deploy.steering import Steering
 from footfall.deploy.wiring import Wiring, wire
 from footfall.plant.bus import SimulatedBus
 from footfall.plant.robot import SimulatedRobot
@@ -43,7 +44,7 @@ def loop_on(
     bus: Bus,
     times_us: Iterable[int] | None = None,
     realtime: bool = False,
-    command_source: CommandSource = stand_still,
+    command_source: CommandSource | VelocityFunction = stand_still,
     wiring: Wiring | None = None,
     driver: Driver | None = None,
     estimator: Any = None,
@@ -60,7 +61,8 @@ def loop_on(
     safety = replace(safety or SafetyConfig(), still_s=still_s)
     config = DeployConfig(**{"stand_s": 0.099, **settings}, safety=safety)
     clock: Any = (Pretence if realtime else LockstepClock)(TICK_US) if times_us is None else Ticks(times_us)
-    runner = PolicyRunner(policy, command_source, config.joint_rate_hz, safety.late_limit_s, realtime)
+    steering = Steering(source_of(command_source), policy)
+    runner = PolicyRunner(policy, steering, config.joint_rate_hz, safety.late_limit_s, realtime)
     return ControlLoop(
         robot,
         wiring,

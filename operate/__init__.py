@@ -1,0 +1,1 @@
+"""Who steers and who looks: command sources, and what they share."""

@@ -1,0 +1,264 @@
+"""Requests of operators on their way to the loop: the newest one of the one who steers, and a stop of anyone.
+
+A page, a keyboard or a network has threads of its own; they put requests in here, and the loop polls. One
+operator owns the steering at a time. Another one has to take over, in so many words. Anyone may stop.
+
+Times are those of this computer's monotonic clock when a request arrived: no clock of a sender counts. While
+the owner is silent, its last request counts as old: first the velocity is zero, later the robot lies down.
+"""
+
+import math
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from footfall.common.config import require_between
+from footfall.deploy.command_source import Offer, Request, Status, Stop, Wish
+from footfall.deploy.modes import Mode
+from footfall.policies.live_settings import DECLARED, Access
+
+STILL = np.zeros(3)
+LONGEST_NAME = 80  # characters of an operator's name or a stop's reason
+FASTEST = 100.0  # m/s or rad/s: a velocity beyond it is a mistake
+
+
+@dataclass(frozen=True)
+class InboxConfig:
+    """How long an owner may be silent."""
+
+    still_after_s: float = 0.5  # then the velocity is zero
+    lie_down_after_s: float = 10.0  # then the robot stops and lies down, and the run ends
+
+    def __post_init__(self) -> None:
+        require_between(self, 0.05, 60.0, "still_after_s")
+        require_between(self, 0.05, 3600.0, "lie_down_after_s")
+        if self.lie_down_after_s < self.still_after_s:
+            raise ValueError("lie_down_after_s must not be below still_after_s")
+
+
+class _Held(NamedTuple):
+    """The newest request, and when its owner was heard last."""
+
+    request: Request
+    heard_s: float
+
+
+class Inbox:
+    """A command source that operators write to from any thread."""
+
+    def __init__(
+        self, config: InboxConfig | None = None, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        """Nobody owns the steering. `clock`: gives local time, s."""
+        self._config, self._clock = config or InboxConfig(), clock
+        self._lock = threading.Lock()
+        self._owner = ""
+        self._held = _Held(Request(STILL), clock())
+        self._silent: Request | None = None  # what stands in for a request that is too old
+        self._stop: Stop | None = None
+        self._status: Status | None = None
+        self._walks_since_s = clock()
+        self._end: Request | None = None  # the run ends, also if the owner comes back
+
+    # -- called by operators, from any thread --------------------------------------------------------
+
+    @property
+    def owner(self) -> str:
+        """Who owns the steering; empty if nobody does."""
+        return self._owner
+
+    @property
+    def status(self) -> Status | None:
+        """The run at its latest poll; None before the first one."""
+        return self._status
+
+    def take_over(self, operator: str) -> str:
+        """Own the steering from now on, whoever owned it. The robot stands until the new owner's request.
+
+        Returns:
+            Why it is refused, in one line; empty if it is not.
+        """
+        if refused := _wrong_name(operator):
+            return refused
+        with self._lock:
+            if self._owner != operator:
+                self._owner, self._silent = operator, None
+                self._held = _Held(self._held.request._replace(velocity=STILL), self._clock())
+        return ""
+
+    def release(self, operator: str) -> str:
+        """Give the steering back: the robot stands, and after a while lies down. Returns as `take_over`."""
+        with self._lock:
+            if self._owner != operator:
+                return self._not_owner(operator)
+            self._owner, self._silent = "", None
+            self._held = _Held(self._held.request._replace(velocity=STILL), self._held.heard_s)
+        return ""
+
+    def put(
+        self,
+        operator: str,
+        velocity: Any = None,
+        wish: Any = None,
+        policy: Any = None,
+        gait: Any = None,
+        settings: Any = None,
+    ) -> str:
+        """Ask for something; what is not named stays as it was. The first to ask owns the steering.
+
+        Any values may be handed over: those of a wrong type or shape, numbers that are not finite and names
+        that the run does not have are refused, and nothing of that request is taken.
+
+        Args:
+            operator: who asks.
+            velocity: (3,) forward m/s, leftward m/s, yaw rad/s, body frame.
+            wish: a `Wish` or its text.
+            policy, gait: names.
+            settings: live settings by name.
+
+        Returns:
+            Why it is refused, in one line; empty if it is not.
+        """
+        offer = None if self._status is None else self._status.offer
+        changes: dict[str, Any] = {}
+        try:
+            if velocity is not None:
+                changes["velocity"] = _velocity(velocity)
+            if wish is not None:
+                changes["wish"] = _wish(wish)
+            if policy is not None:
+                changes["policy"] = _name("policy", policy, offer and offer.policies)
+            if gait is not None:
+                changes["gait"] = _name("gait", gait, offer and offer.gaits)
+            if settings is not None:
+                changes["settings"] = _settings(settings, offer)
+        except ValueError as error:
+            return str(error)
+        refused = _wrong_name(operator)
+        with self._lock:
+            if not refused and self._owner not in ("", operator):
+                refused = self._may_all(operator, changes)
+            if refused:
+                return refused
+            before, now_s = self._held.request, self._clock()
+            if "settings" in changes:
+                changes["settings"] = {**before.settings, **changes["settings"]}
+            request = before._replace(**changes)
+            if self._owner in ("", operator):
+                self._owner = operator
+                self._held = _Held(request, now_s)
+            else:
+                self._held = _Held(request, self._held.heard_s)
+            self._silent = None
+        return ""
+
+    def stop(self, operator: str, reason: str = "", damp: bool = False) -> None:
+        """Stop the robot, whoever owns the steering. This is latched: only a new run clears it.
+
+        Asked again while the robot lies down, it is damped at once.
+
+        Args:
+            operator: who asks.
+            reason: why.
+            damp: damp the joints at once; otherwise the robot lies down, where it can.
+        """
+        by = str(operator)[:LONGEST_NAME] or "an operator"
+        why = f": {str(reason)[:LONGEST_NAME]}" if reason else ""
+        with self._lock:
+            again = self._stop is not None
+            self._stop = Stop(" ".join(f"stopped by {by}{why}".split()), damp or again)
+
+    # -- called by the loop --------------------------------------------------------------------------
+
+    @property
+    def stopped(self) -> Stop | None:
+        """The stop that was asked for; None if none was."""
+        return self._stop
+
+    def poll(self, status: Status) -> Request:
+        """The owner's newest request, less what is too old of it."""
+        self._status = status
+        with self._lock:
+            request, heard_s = self._held
+            if self._end is not None:
+                return self._end
+            if status.mode is not Mode.WALKING:  # nobody steers yet
+                self._walks_since_s = self._clock()
+                return request
+            silent_s = self._clock() - max(heard_s, self._walks_since_s)
+            if silent_s < self._config.still_after_s:
+                return request
+            if silent_s >= self._config.lie_down_after_s:
+                who = f"'{self._owner}', who steers," if self._owner else "everybody"
+                why = f"{who} was silent for {self._config.lie_down_after_s:g} s: the robot lies down"
+                self._end = request._replace(velocity=STILL, wish=Wish.LIE_DOWN, note=why)
+                return self._end
+            if self._silent is None:
+                self._silent = request._replace(velocity=STILL)
+            return self._silent
+
+    def _not_owner(self, operator: str) -> str:
+        return f"{self._owner or 'nobody'} steers, not {operator}: take over first"
+
+    def _may_all(self, operator: str, changes: Mapping[str, Any]) -> str:
+        """Why one who does not own the steering may not change this; empty if everybody may."""
+        settings = changes.get("settings", {})
+        if set(changes) == {"settings"} and all(DECLARED[n].access is Access.ANYONE for n in settings):
+            return ""
+        return self._not_owner(operator)
+
+
+def _wrong_name(operator: Any) -> str:
+    right = isinstance(operator, str) and 0 < len(operator) <= LONGEST_NAME and operator.isprintable()
+    return "" if right else f"an operator's name is a line of 1 to {LONGEST_NAME} characters"
+
+
+def _velocity(given: Any) -> np.ndarray:
+    try:
+        velocity = np.array(given, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        velocity = np.empty(0)
+    if velocity.shape != (3,):
+        raise ValueError("a velocity is three numbers: forward m/s, leftward m/s, yaw rad/s")
+    if not np.isfinite(velocity).all():
+        raise ValueError("a velocity that is not finite is refused")
+    if (np.abs(velocity) > FASTEST).any():
+        raise ValueError(f"a velocity beyond {FASTEST:g} m/s or rad/s is refused")
+    return velocity
+
+
+def _wish(given: Any) -> Wish:
+    try:
+        return Wish(given)
+    except ValueError:
+        raise ValueError(f"a wish is one of {', '.join(Wish)}") from None
+
+
+def _name(kind: str, given: Any, known: Any) -> str:
+    if not isinstance(given, str) or len(given) > LONGEST_NAME:
+        raise ValueError(f"a {kind} is a name")
+    if known is not None and given not in ("", *known):
+        raise ValueError(f"there is no {kind} '{given}' here: {', '.join(known) or 'none can be chosen'}")
+    return given
+
+
+def _settings(given: Any, offer: Offer | None) -> dict[str, float]:
+    if not isinstance(given, Mapping):
+        raise ValueError("settings are numbers by name")
+    known = DECLARED if offer is None else offer.settings
+    settings = {}
+    for name, value in given.items():
+        if not isinstance(name, str) or name not in known or name not in DECLARED:
+            shown = str(name)[:LONGEST_NAME]
+            raise ValueError(
+                f"there is no setting '{shown}' here: {', '.join(known) or 'none can be changed'}"
+            )
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not number or not math.isfinite(value):
+            raise ValueError(f"{name} is a number, in {DECLARED[name].unit}")
+        settings[name] = float(value)
+    return settings

@@ -1,0 +1,124 @@
+"""Requests of operators: who steers, what is refused, what silence does, and who may stop."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from footfall.deploy.command_source import UNKNOWN_POSE, Offer, Status, Wish
+from footfall.deploy.modes import Mode
+from footfall.operate.inbox import Inbox, InboxConfig
+from footfall.policies.live_settings import Span
+
+OFFER = Offer(("trot", "stand"), ("trot", "pace"), {"step_height_m": Span(0.02, 0.1, 0.05)})
+STANDING = Status(0.0, 0.0, Mode.STANDING, "trot", np.zeros(3), np.zeros(3), 0.3, UNKNOWN_POSE, (), (), OFFER)
+WALKING = STANDING._replace(mode=Mode.WALKING)
+
+
+class Watch:
+    now_s = 100.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+@pytest.fixture
+def watch() -> Watch:
+    return Watch()
+
+
+@pytest.fixture
+def inbox(watch: Watch) -> Inbox:
+    inbox = Inbox(InboxConfig(still_after_s=0.5, lie_down_after_s=3.0), watch)
+    inbox.poll(STANDING)
+    return inbox
+
+
+def test_the_newest_values_hold_and_what_is_not_named_stays(inbox: Inbox) -> None:
+    assert inbox.put("page", velocity=[0.1, 0, 0], settings={"step_height_m": 0.03}) == ""
+    assert inbox.put("page", velocity=(0.5, 0.1, -0.2), policy="stand") == ""
+    assert inbox.put("page", gait="pace") == ""
+    request = inbox.poll(WALKING)
+    assert request.velocity.tolist() == [0.5, 0.1, -0.2]
+    assert (request.policy, request.gait, request.settings) == ("stand", "pace", {"step_height_m": 0.03})
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"velocity": [math.nan, 0, 0]},
+        {"velocity": [0.1, 0.2]},
+        {"velocity": "fast"},
+        {"velocity": {"x": 1}},
+        {"velocity": [1e9, 0, 0]},
+        {"wish": "fly"},
+        {"wish": []},
+        {"policy": "mpc"},
+        {"policy": 7},
+        {"gait": "bound"},
+        {"settings": {"step_height_m": math.inf}},
+        {"settings": {"step_height_m": True}},
+        {"settings": {"step_height_m": "0.1"}},
+        {"settings": {"weight": 1.0}},
+        {"settings": {3: 1.0}},
+        {"settings": [0.1]},
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_line_and_changes_nothing(inbox: Inbox, wrong: Any) -> None:
+    inbox.put("page", velocity=[0.1, 0, 0])
+    before = inbox.poll(WALKING)
+    refused = inbox.put("page", **({"velocity": [0.9, 0, 0]} | wrong))
+    assert refused
+    assert "\n" not in refused
+    assert inbox.poll(WALKING) is before
+
+
+def test_one_steers_at_a_time_and_another_one_has_to_take_over(inbox: Inbox) -> None:
+    inbox.put("keys", velocity=[0.3, 0, 0])
+    assert "keys" in inbox.put("page", velocity=[0.9, 0, 0])
+    assert inbox.poll(WALKING).velocity[0] == 0.3
+    assert inbox.take_over("page") == ""
+    assert inbox.poll(WALKING).velocity[0] == 0.0  # until the new owner asks
+    assert inbox.put("keys", velocity=[0.3, 0, 0])
+    assert inbox.put("page", velocity=[0.9, 0, 0]) == ""
+    assert inbox.poll(WALKING).velocity[0] == 0.9
+    assert inbox.release("keys")
+    assert inbox.release("page") == ""
+    assert (inbox.owner, inbox.poll(WALKING).velocity[0]) == ("", 0.0)
+
+
+def test_silence_of_the_owner_means_stand_and_later_lie_down_for_good(inbox: Inbox, watch: Watch) -> None:
+    inbox.put("page", velocity=[0.4, 0, 0])
+    watch.now_s += 0.49
+    assert inbox.poll(WALKING).velocity[0] == 0.4
+    watch.now_s += 0.02
+    assert inbox.poll(WALKING).velocity[0] == 0.0
+    inbox.put("page", velocity=[0.2, 0, 0])
+    assert inbox.poll(WALKING).velocity[0] == 0.2
+    watch.now_s += 3.01
+    end = inbox.poll(WALKING)
+    assert (end.wish, end.velocity[0]) == (Wish.LIE_DOWN, 0.0)
+    assert "page" in end.note
+    inbox.put("page", velocity=[0.2, 0, 0])
+    assert inbox.poll(WALKING).wish is Wish.LIE_DOWN
+
+
+def test_silence_counts_from_the_moment_at_which_the_robot_walks(inbox: Inbox, watch: Watch) -> None:
+    watch.now_s += 50.0
+    assert inbox.poll(STANDING).wish is Wish.WALK
+    assert inbox.poll(WALKING).wish is Wish.WALK
+    watch.now_s += 3.1
+    assert inbox.poll(WALKING).wish is Wish.LIE_DOWN
+
+
+def test_anyone_stops_the_robot_and_stopping_again_damps_it(inbox: Inbox) -> None:
+    inbox.put("page", velocity=[0.4, 0, 0])
+    assert inbox.stopped is None
+    inbox.stop("watcher", "child ahead\nrun")
+    stop = inbox.stopped
+    assert stop is not None
+    assert (stop.damp, "watcher" in stop.reason, "\n" in stop.reason) == (False, True, False)
+    inbox.stop("watcher")
+    assert inbox.stopped is not None
+    assert inbox.stopped.damp
