@@ -41,10 +41,11 @@ class InboxConfig:
 
 
 class _Held(NamedTuple):
-    """The newest request, and when its owner was heard last."""
+    """The newest request, when its owner was heard last, and when the owner last gave a velocity."""
 
     request: Request
     heard_s: float
+    moved_s: float
 
 
 class Inbox:
@@ -57,7 +58,7 @@ class Inbox:
         self._config, self._clock = config or InboxConfig(), clock
         self._lock = threading.Lock()
         self._owner = ""
-        self._held = _Held(Request(STILL), clock())
+        self._held = _Held(Request(STILL), clock(), clock())
         self._silent: Request | None = None  # what stands in for a request that is too old
         self._stop: Stop | None = None
         self._status: Status | None = None
@@ -87,7 +88,8 @@ class Inbox:
         with self._lock:
             if self._owner != operator:
                 self._owner, self._silent = operator, None
-                self._held = _Held(self._held.request._replace(velocity=STILL), self._clock())
+                now_s = self._clock()
+                self._held = _Held(self._held.request._replace(velocity=STILL), now_s, now_s)
         return ""
 
     def release(self, operator: str) -> str:
@@ -96,7 +98,7 @@ class Inbox:
             if self._owner != operator:
                 return self._not_owner(operator)
             self._owner, self._silent = "", None
-            self._held = _Held(self._held.request._replace(velocity=STILL), self._held.heard_s)
+            self._held = self._held._replace(request=self._held.request._replace(velocity=STILL))
         return ""
 
     def put(
@@ -109,6 +111,8 @@ class Inbox:
         settings: Any = None,
     ) -> str:
         """Ask for something; what is not named stays as it was. The first to ask owns the steering.
+
+        A velocity ages by itself: another request of its owner does not renew it.
 
         Any values may be handed over: those of a wrong type or shape, numbers that are not finite and names
         that the run does not have are refused, and nothing of that request is taken.
@@ -150,9 +154,10 @@ class Inbox:
             request = before._replace(**changes)
             if self._owner in ("", operator):
                 self._owner = operator
-                self._held = _Held(request, now_s)
+                moved_s = now_s if "velocity" in changes else self._held.moved_s
+                self._held = _Held(request, now_s, moved_s)
             else:
-                self._held = _Held(request, self._held.heard_s)
+                self._held = self._held._replace(request=request)
             self._silent = None
         return ""
 
@@ -183,20 +188,20 @@ class Inbox:
         """The owner's newest request, less what is too old of it."""
         self._status = status
         with self._lock:
-            request, heard_s = self._held
+            request, heard_s, moved_s = self._held
             if self._end is not None:
                 return self._end
             if status.mode is not Mode.WALKING:  # nobody steers yet
                 self._walks_since_s = self._clock()
                 return request
-            silent_s = self._clock() - max(heard_s, self._walks_since_s)
-            if silent_s < self._config.still_after_s:
-                return request
-            if silent_s >= self._config.lie_down_after_s:
+            now_s = self._clock()
+            if now_s - max(heard_s, self._walks_since_s) >= self._config.lie_down_after_s:
                 who = f"'{self._owner}', who steers," if self._owner else "everybody"
                 why = f"{who} was silent for {self._config.lie_down_after_s:g} s: the robot lies down"
                 self._end = request._replace(velocity=STILL, wish=Wish.LIE_DOWN, note=why)
                 return self._end
+            if now_s - moved_s < self._config.still_after_s:
+                return request
             if self._silent is None:
                 self._silent = request._replace(velocity=STILL)
             return self._silent
