@@ -45,7 +45,8 @@ class Panel:
         push.on_click(lambda _: setattr(self, "_push_asked", True))
         restart.on_click(lambda _: setattr(self, "_restart_asked", True))
         curves = self._gui.add_panel()
-        self._curves = {ALL: Curves(self._gui, curves.add_tab("Curves"))}
+        self._curves = {ALL: Curves(self._gui, curves.add_tab("Training"))}
+        self.live_curves = curves.add_tab("Now")  # place of the walking robot's own
         curves.dock_left()
         curves.set_width(CURVES_WIDTH_PX)
         server.on_client_connect(self._add_curves)

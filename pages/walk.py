@@ -11,13 +11,15 @@ from footfall.common.errors import UserError
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.wiring import wire
 from footfall.pages.metrics_file import MetricsFile
+from footfall.pages.moment import Moment
 from footfall.pages.newest_policy import NewestPolicy
 from footfall.pages.page import serving
 from footfall.pages.panel import Panel
-from footfall.pages.scene import Scene
 from footfall.pages.snapshots import Snapshot, Snapshots
 from footfall.pages.status import Status, as_markdown
+from footfall.pages.view import View
 from footfall.plant.episode import Episode, run_episode
+from footfall.plant.ground_truth import Truth
 from footfall.plant.robot import SimulatedRobot
 from footfall.plant.wires import SimulatedWires
 from footfall.robots.description import Robot, load_robot
@@ -48,15 +50,29 @@ def watch(folder: Path, host: str, port: int, stop: StopRequest) -> None:
         snapshots = Snapshots(run.folder, Path(resources.enter_context(TemporaryDirectory())))
         resources.callback(snapshots.close)
         print(f"showing {run.folder} at http://{host}:{port} until Ctrl-C", flush=True)
-        scene = Scene(server, robot, plant_model(robot))
-        scene.show(standing(robot).data, np.zeros(3), np.zeros(3), follow=False)  # until something walks
-        Walk(run, robot, scene, Panel(server), snapshots, stop).go_on()
+        panel = Panel(server)
+        view = View(server, robot, plant_model(robot), panel.live_curves)
+        view.stand(standing(robot).data)  # until something walks
+        Walk(run, robot, view, panel, snapshots, stop).go_on()
 
 
 def standing(robot: Robot) -> SimulatedRobot:
     """The simulated robot in its default pose on the ground."""
     wiring = wire(robot)
     return SimulatedRobot(robot, wiring, SimulatedWires(wiring.buses))
+
+
+def true_moment(loop: ControlLoop, truth: Truth, command: np.ndarray) -> Moment:
+    """The simulated robot as it truly moves; joints as it senses them."""
+    return Moment(
+        loop.now_us * 1e-6,
+        truth.base_position,
+        truth.base_quaternion,
+        truth.base_velocity,
+        command,
+        loop.sensed,
+        truth.foot_contact.astype(float),
+    )
 
 
 class Pace:
@@ -92,9 +108,9 @@ class Walk:
     """Episodes without end. The robot keeps walking while newer networks take over, until it falls."""
 
     def __init__(
-        self, run: Run, robot: Robot, scene: Scene, panel: Panel, snapshots: Snapshots, stop: StopRequest
+        self, run: Run, robot: Robot, view: View, panel: Panel, snapshots: Snapshots, stop: StopRequest
     ) -> None:
-        self._robot, self._scene, self._panel, self._snapshots = robot, scene, panel, snapshots
+        self._robot, self._view, self._panel, self._snapshots = robot, view, panel, snapshots
         self._stop = stop
         self._metrics, self._policy_file = MetricsFile(run.folder / "metrics.jsonl"), run.policy
         self._policy: NewestPolicy | None = None
@@ -121,7 +137,7 @@ class Walk:
         """From standing up to a fall, the end of time, or a wish to start again."""
         self._status.episodes += 1
         self._pace, self._next_frame_us = Pace(), 0
-        self._scene.begin()
+        self._view.begin()
         episode = Episode(command_source=lambda _: self._panel.command, duration_s=EPISODE_S)
         trace = run_episode(self._robot, policy, episode, self._tick)
         if trace.fell or trace.faults:
@@ -158,12 +174,13 @@ class Walk:
 
     def _show(self, loop: ControlLoop, body: SimulatedRobot) -> None:
         truth, status = body.truth(), self._status
+        moment = true_moment(loop, truth, self._panel.command)
         moving = np.array([*truth.base_velocity[:2], truth.base_angular_velocity[2]])
         status.velocity = status.velocity + SMOOTHING * (moving - status.velocity)
-        status.command, status.mode = self._panel.command, loop.state.mode.value
+        status.command, status.mode = moment.command, loop.state.mode.value
         status.pace, status.restart_s = self._pace.factor, EPISODE_S
         status.walked_s = loop.walking_s if loop.walking else 0.0
-        self._scene.show(body.data, status.command, status.velocity, self._panel.follow)
+        self._view.show(body.data, moment, status.velocity, self._panel.follow)
 
     def _look(self) -> None:
         """Look into the run folder, at most once in a while: new metrics, a new policy."""

@@ -124,7 +124,7 @@ class TestWalk:
             names=lambda: ["a name"],
             poll=lambda: snapshots.next,
         )
-        scene = SimpleNamespace(
+        view = SimpleNamespace(
             show=lambda *given: log.append(("show", *given)), begin=lambda: log.append(("begin",))
         )
         made = SimpleNamespace(robot="go1", preset="presets/mine.yaml", seed=4, trainer="brax")
@@ -132,7 +132,7 @@ class TestWalk:
         run: Any = SimpleNamespace(
             folder=tmp_path, policy=tmp_path / "policy.onnx", provenance=made, config=SimpleNamespace(ppo=ppo)
         )
-        walking = Walk(run, go1, scene, panel, snapshots, stop)  # type: ignore[arg-type]
+        walking = Walk(run, go1, view, panel, snapshots, stop)  # type: ignore[arg-type]
         return SimpleNamespace(
             walk=walking,
             log=log,
@@ -259,13 +259,15 @@ class TestWalk:
         )
         made.walk._next_frame_us = 2_000_000
         made.loop = SimpleNamespace(
-            now_us=2_000_000, walking_s=1.0, walking=True,
+            now_us=2_000_000, walking_s=1.0, walking=True, sensed="sensed",
             state=SimpleNamespace(mode=SimpleNamespace(value="WALKING")),
             finish=lambda: made.log.append(("finish",)),
         )  # fmt: skip
         truth = SimpleNamespace(
-            base_velocity=np.array([0.4, 0.2, 9.0]), base_angular_velocity=np.array([7.0, 8.0, -1.0])
-        )
+            base_position=np.zeros(3), base_quaternion=np.array([1.0, 0, 0, 0]),
+            foot_contact=np.ones(4, bool),
+            base_velocity=np.array([0.4, 0.2, 9.0]), base_angular_velocity=np.array([7.0, 8.0, -1.0]),
+        )  # fmt: skip
         made.body = SimpleNamespace(
             data="data", truth=lambda: truth, push=lambda change: made.log.append(("push", change))
         )
@@ -292,9 +294,9 @@ class TestWalk:
         for share in (0.1, 0.19):
             walking.log.clear()
             walking.walk._show(walking.loop, walking.body)
-            ((_, data, command, velocity, follow),) = walking.log
+            ((_, data, moment, velocity, follow),) = walking.log
             assert (data, follow) == ("data", True)
-            assert command is walking.panel.command
+            assert moment.command is walking.panel.command
             np.testing.assert_allclose(velocity, share * np.array([0.4, 0.2, -1.0]))
         assert (walking.status.mode, walking.status.pace) == ("WALKING", 0.75)
 

@@ -1,0 +1,144 @@
+"""What is drawn about a robot: footholds and paths of its feet, contacts and forces, balance."""
+
+from collections import deque
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from footfall.common import colours
+from footfall.common.constants import GRAVITY_M_S2
+from footfall.common.rotations import heading_matrix, yaw_of
+from footfall.pages.moment import Moment
+from footfall.robots.balance import STANDS, Balance, BalanceModel
+from footfall.robots.description import Robot
+
+if TYPE_CHECKING:
+    from viser import ViserServer
+
+LAYERS = {"Footholds, paths": "feet", "Forces": "forces", "Balance": "balance"}
+SHAPED_S = 0.06  # between changes of lines and surfaces: a browser builds each of them anew
+TRAIL_POINTS = 24  # of the path of each foot that is drawn, one for each moment
+WAY_POINTS = 9  # of the way to a foothold
+CORNERS = 24  # of the support polygon, at most
+FLAT_M = 0.002  # height of what lies on the ground above it
+UP = np.array([0.0, 0.0, FLAT_M])
+FORCE_LENGTH = 1.2  # standing heights that the arrow of the robot's whole weight is long
+LIFT = 0.15  # standing heights by which the way to a foothold rises
+
+
+class Marks:
+    """Draws a robot's footholds, forces and balance. Each layer can be hidden.
+
+    Layers go with the robot, and lines in them are given from the point below it.
+    """
+
+    def __init__(self, server: "ViserServer", robot: Robot, world: str) -> None:
+        """`world` is the path of the scene's frame in which moments are given."""
+        self._scene, self._model = server.scene, BalanceModel(robot)
+        self._height, self._feet = robot.description.standing_height_m, len(robot.description.feet)
+        self._newton_m = FORCE_LENGTH * self._height / (GRAVITY_M_S2 * robot.legs.mass)
+        self._trail: deque[np.ndarray] = deque(maxlen=TRAIL_POINTS)
+        self._shaped_s = -np.inf
+        self.layers = {
+            label: self._scene.add_frame(f"{world}/{name}", show_axes=False) for label, name in LAYERS.items()
+        }
+        feet, forces, balance = (f"{world}/{name}" for name in LAYERS.values())
+        small = 0.06 * self._height
+        each = range(self._feet)
+        self._goals = [self._disc(f"{feet}/goal_{k}", 1.3 * small, colours.PLAN) for k in each]
+        self._contacts = [self._disc(f"{forces}/contact_{k}", 1.6 * small, colours.FORCE) for k in each]
+        self._ways = self._lines(f"{feet}/ways", colours.PLAN, self._feet * (WAY_POINTS - 1))
+        self._trails = self._lines(f"{feet}/trails", colours.VELOCITY, self._feet * (TRAIL_POINTS - 1))
+        self._forces = self._scene.add_arrows(
+            f"{forces}/arrows", np.zeros((self._feet, 2, 3)), _bytes(colours.FORCE),
+            shaft_radius=0.25 * small, head_radius=0.6 * small, head_length=1.2 * small,
+        )  # fmt: skip
+        self._centre = self._scene.add_icosphere(
+            f"{balance}/centre", small, _bytes(colours.CENTRE), opacity=0.9, cast_shadow=False
+        )
+        self._capture = self._disc(f"{balance}/capture", small, colours.CAPTURE, visible=True)
+        self._plumb = self._lines(f"{balance}/plumb", colours.CENTRE, 1)
+        self._edge = self._lines(f"{balance}/edge", colours.SUPPORT, CORNERS)
+        fan = np.array([(0, k, k + 1) for k in range(1, CORNERS - 1)], dtype=np.uint32)
+        self._support = self._scene.add_mesh_simple(
+            f"{balance}/support", np.zeros((CORNERS, 3), np.float32), fan, color=_bytes(colours.SUPPORT),
+            opacity=float(colours.SUPPORT[3]), side="double", cast_shadow=False, receive_shadow=False,
+        )  # fmt: skip
+
+    def begin(self) -> None:
+        """Forget the paths of the feet: the robot begins again."""
+        self._trail.clear()
+        self._shaped_s = -np.inf
+
+    def show(self, moment: Moment) -> None:
+        """Draw a moment."""
+        balance = self._model.at(
+            moment.position, moment.quaternion, moment.velocity, moment.sensed, moment.contact
+        )
+        self._trail.append(balance.foot)
+        below = moment.position * (1.0, 1.0, 0.0)
+        stands = moment.contact > STANDS
+        goals = _footholds(moment) - below
+        for layer in self.layers.values():
+            layer.position = below
+        for disc, goal in zip(self._goals, goals, strict=True):
+            disc.visible = bool(np.isfinite(goal).all())
+            if disc.visible:
+                disc.position = goal
+        for disc, foot, down in zip(self._contacts, balance.foot - below + UP, stands.tolist(), strict=True):
+            disc.visible, disc.position = down, foot
+        self._centre.position, self._capture.position = balance.centre - below, balance.capture - below + UP
+        if moment.time_s - self._shaped_s >= SHAPED_S:
+            self._shaped_s = moment.time_s
+            self._shape(balance, goals, below)
+
+    def _shape(self, balance: Balance, goals: np.ndarray, below: np.ndarray) -> None:
+        """Draw lines and surfaces, of which none is longer than there is something to draw."""
+        feet = balance.foot - below
+        path = np.array(self._trail) - below
+        path = np.concatenate([np.repeat(path[:1], TRAIL_POINTS - len(path), axis=0), path])
+        self._trails.points = np.stack([path[:-1], path[1:]], axis=2).reshape(-1, 2, 3)
+        ends = np.where(np.isfinite(goals), goals, feet)
+        ways = [_arc(foot, end, LIFT * self._height) for foot, end in zip(feet, ends, strict=True)]
+        self._ways.points = np.concatenate(ways)
+        self._forces.points = np.stack([feet, feet + self._newton_m * balance.force], axis=1)
+        centre, capture = balance.centre - below, balance.capture - below
+        self._plumb.points = np.array([[centre, [*centre[:2], capture[2]]]])
+        corners = balance.support[:CORNERS] - below + UP
+        if not len(corners):
+            corners = capture[None] + UP
+        corners = np.concatenate([corners, np.repeat(corners[-1:], CORNERS - len(corners), axis=0)])
+        self._support.vertices = corners
+        self._edge.points = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
+
+    def _disc(self, name: str, radius: float, colour: np.ndarray, visible: bool = False) -> Any:
+        return self._scene.add_cylinder(
+            name, radius, FLAT_M, _bytes(colour), radial_segments=24, opacity=0.85, cast_shadow=False,
+            visible=visible,
+        )  # fmt: skip
+
+    def _lines(self, name: str, colour: np.ndarray, count: int) -> Any:
+        return self._scene.add_line_segments(
+            name, np.zeros((count, 2, 3)), _bytes(colour), thickness=2.5, thickness_units="screen"
+        )
+
+
+def _footholds(moment: Moment) -> np.ndarray:
+    """Planned footholds in the world, (feet, 3) m; NaN where none is planned."""
+    if moment.footholds is None:
+        return np.full((len(moment.contact), 3), np.nan)
+    return moment.position + moment.footholds @ heading_matrix(yaw_of(moment.quaternion.tolist())).T
+
+
+def _arc(start: np.ndarray, end: np.ndarray, height_m: float) -> np.ndarray:
+    """Segments (k, 2, 3) of a way that rises and falls to its end, less the shorter it is."""
+    share = np.linspace(0.0, 1.0, WAY_POINTS)[:, None]
+    way = start + share * (end - start)
+    rise = min(height_m, 0.5 * float(np.linalg.norm(end - start)))
+    way[:, 2:] += 4.0 * rise * share * (1.0 - share)
+    return np.stack([way[:-1], way[1:]], axis=1)
+
+
+def _bytes(rgba: np.ndarray) -> tuple[int, int, int]:
+    red, green, blue = (round(255 * float(part)) for part in rgba[:3])
+    return red, green, blue

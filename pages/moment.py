@@ -1,0 +1,25 @@
+"""A moment of a robot's motion, as the page draws it."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from footfall.robots.readings import Sensed
+
+
+class Moment(NamedTuple):
+    """How a robot stands and moves: the simulation's truth, or what its estimator makes of its sensors."""
+
+    time_s: float
+    position: np.ndarray  # (3,) m, of the base; the ground is at z = 0
+    quaternion: np.ndarray  # (4,) w x y z, body to world
+    velocity: np.ndarray  # (3,) m/s, of the base, body frame
+    command: np.ndarray  # (3,) forward m/s, leftward m/s, yaw rad/s
+    sensed: Sensed
+    contact: np.ndarray  # (feet,) probability that each foot stands
+    footholds: np.ndarray | None = None  # (feet, 3) m, as of `PlansFootholds`; None without a plan
+
+    @property
+    def moving(self) -> np.ndarray:
+        """The velocity that answers the command: forward m/s, leftward m/s, yaw rad/s, (3,)."""
+        return np.array([*self.velocity[:2], self.sensed.gyro[2]])

@@ -1,0 +1,50 @@
+"""The 3-D view of a robot with what is drawn about it, and the curves of the last seconds beside it."""
+
+from typing import TYPE_CHECKING, Any
+
+import mujoco
+import numpy as np
+
+from footfall.pages.layers import offer_layers
+from footfall.pages.live_curves import LiveCurves
+from footfall.pages.marks import Marks
+from footfall.pages.moment import Moment
+from footfall.pages.scene import WORLD, Scene
+from footfall.robots.description import Robot
+
+if TYPE_CHECKING:
+    from viser import ViserServer
+
+
+class View:
+    """Shows moments of a robot: read-only, it commands nothing."""
+
+    def __init__(self, server: "ViserServer", robot: Robot, model: mujoco.MjModel, curves: Any) -> None:
+        """`model` is what is drawn; `curves` the folder or tab in which curves stand."""
+        self._server = server
+        self._scene, self._marks = Scene(server, robot, model), Marks(server, robot, WORLD)
+        self._curves = LiveCurves(server.gui, curves, robot)
+        offer_layers(server.gui, self._marks.layers)
+
+    def begin(self) -> None:
+        """Centre the view at the origin, where the robot begins again."""
+        self._scene.begin()
+        self._marks.begin()
+
+    def stand(self, data: mujoco.MjData) -> None:
+        """Draw the robot's bodies alone."""
+        self._scene.show(data, np.zeros(3), np.zeros(3), follow=False)
+
+    def show(self, data: mujoco.MjData, moment: Moment, velocity: np.ndarray, follow: bool) -> None:
+        """Draw a moment.
+
+        Args:
+            data: poses of all bodies.
+            moment: of the same robot.
+            velocity: smoothed, of the base, body frame, m/s, (3,).
+            follow: whether the view goes with the robot.
+        """
+        self._scene.show(data, moment.command, velocity, follow)
+        with self._server.atomic():
+            self._marks.show(moment)
+        self._curves.add(moment)

@@ -1,0 +1,97 @@
+"""Footholds, forces and balance in the 3-D view."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from page_controls import PageControls
+from scipy.spatial.transform import Rotation
+
+from footfall.pages.layers import offer_layers
+from footfall.pages.marks import Marks
+from footfall.pages.moment import Moment
+from footfall.robots.description import Robot
+from footfall.robots.readings import Sensed
+
+PLACE = np.array([3.0, -2.0, 0.30])
+
+
+class Drawing:
+    """Stands in for viser's scene: each thing that was added, by its name."""
+
+    def __init__(self) -> None:
+        self.things: dict[str, SimpleNamespace] = {}
+
+    def __getattr__(self, method: str) -> Any:
+        def add(name: str, *_: Any, visible: bool = True, **__: Any) -> SimpleNamespace:
+            return self.things.setdefault(name, SimpleNamespace(visible=visible, position=np.zeros(3)))
+
+        return add
+
+    def place(self, name: str) -> np.ndarray:
+        """Where a thing is, world frame: layers carry what hangs on them."""
+        layer = "/".join(name.split("/")[:2])
+        return self.things[layer].position + self.things[name].position
+
+
+@pytest.fixture
+def drawing() -> Drawing:
+    return Drawing()
+
+
+@pytest.fixture
+def marks(drawing: Drawing, go1: Robot) -> Marks:
+    return Marks(SimpleNamespace(scene=drawing), go1, "w")  # type: ignore[arg-type]
+
+
+@pytest.fixture
+def moment(go1: Robot) -> Moment:
+    """Turned by 90 degrees to the left, on two feet; one of the others has a foothold ahead of the base."""
+    still, pose = np.zeros(3), go1.default_pose
+    level = Rotation.from_euler("Z", 90, degrees=True).as_quat()[[3, 0, 1, 2]]
+    sensed = Sensed(still, np.array([0, 0, 9.81]), level, pose, np.zeros(12), np.full(12, 2.0))
+    footholds = np.full((4, 3), np.nan)
+    footholds[1] = 0.2, 0.1, -0.3
+    return Moment(
+        1.0, PLACE, level, np.array([0.5, 0.0, 0.0]), still, sensed, np.array([1, 0, 0, 1]), footholds
+    )
+
+
+def test_marks_are_where_the_robot_is(marks: Marks, drawing: Drawing, moment: Moment) -> None:
+    marks.show(moment)
+    shown = drawing.things
+    assert [shown[f"w/forces/contact_{k}"].visible for k in range(4)] == [True, False, False, True]
+    assert [shown[f"w/feet/goal_{k}"].visible for k in range(4)] == [False, True, False, False]
+    np.testing.assert_allclose(drawing.place("w/feet/goal_1"), [2.9, -1.8, 0.0], atol=1e-9)
+    centre, capture = drawing.place("w/balance/centre"), drawing.place("w/balance/capture")
+    np.testing.assert_allclose(centre[:2], PLACE[:2], atol=0.02)
+    assert capture[1] - centre[1] == pytest.approx(0.5 * np.sqrt(centre[2] / 9.81), abs=0.01)  # forward is +y
+    feet = np.array([drawing.place(f"w/forces/contact_{k}") for k in (0, 3)])
+    ground = shown["w/balance/support"].vertices + shown["w/balance"].position
+    np.testing.assert_allclose(np.sort(np.unique(ground[:, 0])), np.sort(feet[:, 0]), atol=1e-6)
+    forces = shown["w/forces/arrows"].points
+    length = np.linalg.norm(forces[:, 1] - forces[:, 0], axis=1)
+    assert (length[[0, 3]] > 0.01).all()
+    assert length[[1, 2]].max() == 0.0
+
+
+def test_paths_of_feet_follow_them_and_begin_anew(marks: Marks, drawing: Drawing, moment: Moment) -> None:
+    def spread() -> float:
+        return float(np.ptp(drawing.things["w/feet/trails"].points[..., 1]))
+
+    marks.show(moment)
+    standing = spread()
+    marks.show(moment._replace(time_s=1.1, position=PLACE + np.array([0.0, 0.3, 0.0])))
+    assert spread() == pytest.approx(standing + 0.3)
+    marks.begin()
+    marks.show(moment._replace(time_s=0.0))
+    assert spread() == pytest.approx(standing)
+
+
+def test_a_visitor_hides_a_layer(marks: Marks, drawing: Drawing) -> None:
+    page = PageControls()
+    offer_layers(page, marks.layers)  # type: ignore[arg-type]
+    page["Balance"].type(False)
+    layers = ("feet", "forces", "balance")
+    assert [drawing.things[f"w/{layer}"].visible for layer in layers] == [True, True, False]
