@@ -36,17 +36,9 @@ class Steering:
             stop_sources: further ones that can stop the robot.
         """
         self._source, self._stop_sources = source, (source, *stop_sources)
-        contract = policy.contract
-        ranges = None if contract is None else contract.commands
         self.notes: list[str] = []  # what was refused, clipped or changed, one line each; it only grows
-        self._limits = CommandLimits(ranges, self.notes)
-        steerable = policy if isinstance(policy, Steerable) else None
-        self.offer = Offer(
-            (policy.name,),
-            () if steerable is None else steerable.gaits,
-            {} if steerable is None else steerable.live_settings,
-            ranges,
-        )
+        self.offer = offer_of(policy)
+        self._limits = CommandLimits(self.offer.commands, self.notes)
         self._request = Request(STILL)
         self.asked_command = STILL  # of the newest request, before it was clipped
         self.command = STILL  # (3,) that the policy is given
@@ -105,3 +97,15 @@ class Steering:
     def _note(self, note: str) -> None:
         if note not in self.notes:
             self.notes.append(note)
+
+
+def offer_of(policy: Policy) -> Offer:
+    """What a run takes while this policy decides, which is the only one."""
+    contract = policy.contract
+    steerable = policy if isinstance(policy, Steerable) else None
+    return Offer(
+        (policy.name,),
+        () if steerable is None else steerable.gaits,
+        {} if steerable is None else steerable.live_settings,
+        None if contract is None else contract.commands,
+    )

@@ -1,0 +1,131 @@
+"""What a step of a mission does while it lasts: from the pose at each policy step to a command."""
+
+import math
+from dataclasses import dataclass, field
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from footfall.deploy.command_source import NO_SETTINGS, Pose, Request, Wish
+from footfall.operate.missions.follow import Tracking, along, arrived, distance, nearest, towards
+from footfall.operate.missions.limits import Limits
+from footfall.operate.missions.path import Path
+
+STILL = np.zeros(3)
+TAKES_OVER_S = 10.0  # longest that a policy needs to take over
+
+
+class Act(NamedTuple):
+    """What a step wants now, and how far it is."""
+
+    request: Request
+    remaining_s: float
+    done: bool = False
+    error_m: float = math.nan  # distance from where the robot should be
+    trouble: str = ""  # why it gives up
+
+
+class Now(NamedTuple):
+    """What a step goes by."""
+
+    time_s: float  # since the step began
+    pose: Pose  # in the mission's frame, yaw not wrapped
+    policy: str  # that decides
+
+
+class Activity(Protocol):
+    """A step that has begun."""
+
+    def act(self, now: Now) -> Act:
+        """Called at each policy step."""
+        ...
+
+
+@dataclass
+class Hold:
+    """A command for a time."""
+
+    request: Request
+    for_s: float
+
+    def act(self, now: Now) -> Act:
+        remaining_s = self.for_s - now.time_s
+        return Act(self.request, max(0.0, remaining_s), done=remaining_s <= 0.0)
+
+
+@dataclass
+class Cover:
+    """A velocity until the robot is so far from where it began."""
+
+    velocity: np.ndarray
+    distance_m: float
+    begin: Pose
+
+    def act(self, now: Now) -> Act:
+        left_m = self.distance_m - distance(self.begin, now.pose)
+        speed = math.hypot(self.velocity[0], self.velocity[1])
+        return Act(Request(self.velocity), max(0.0, left_m / speed), done=left_m <= 0.0)
+
+
+@dataclass
+class Reach:
+    """A pose nearby: the robot goes straight there and turns on the way."""
+
+    goal: Pose
+    limits: Limits
+    tracking: Tracking
+
+    def act(self, now: Now) -> Act:
+        error_m = distance(self.goal, now.pose)
+        done = arrived(self.goal, now.pose, self.tracking)
+        turn_s = abs(self.goal.yaw_rad - now.pose.yaw_rad) / self.limits.yaw_rad_s
+        velocity = STILL if done else towards(self.goal, now.pose, self.limits, self.tracking)
+        trouble = _off(error_m, self.tracking)
+        return Act(Request(velocity), turn_s + error_m, done, error_m, trouble)
+
+
+@dataclass
+class Follow:
+    """A path, and at its end the pose there."""
+
+    path: Path
+    limits: Limits
+    tracking: Tracking
+    _index: int = field(default=0, init=False)
+
+    def act(self, now: Now) -> Act:
+        path = self.path
+        self._index, error_m = nearest(path, now.pose, self._index)
+        if self._index == len(path.points) - 1:
+            return Reach(path.end, self.limits, self.tracking).act(now)
+        turn_s = abs(float(path.heading[self._index]) - now.pose.yaw_rad) / self.limits.yaw_rad_s
+        remaining_s = float(path.to_go_s[self._index]) + turn_s
+        velocity = along(path, self._index, now.pose, self.limits, self.tracking)
+        return Act(Request(velocity), remaining_s, error_m=error_m, trouble=_off(error_m, self.tracking))
+
+
+@dataclass
+class Change:
+    """Something of the run: done as soon as the run has it."""
+
+    policy: str = ""
+    gait: str = ""
+    settings: dict[str, float] = field(default_factory=dict)
+
+    def act(self, now: Now) -> Act:
+        request = Request(STILL, policy=self.policy, gait=self.gait, settings=self.settings or NO_SETTINGS)
+        done = self.policy in ("", now.policy)
+        late = not done and now.time_s > TAKES_OVER_S
+        return Act(request, 0.0, done, trouble=f"'{self.policy}' does not take over" if late else "")
+
+
+@dataclass
+class LieDown:
+    """The end."""
+
+    def act(self, now: Now) -> Act:
+        return Act(Request(STILL, Wish.LIE_DOWN), 0.0, done=True)
+
+
+def _off(error_m: float, tracking: Tracking) -> str:
+    return f"it is {error_m:.2f} m off the path" if error_m > tracking.off_path_m else ""

@@ -1,0 +1,99 @@
+"""Laws that lead a robot along a path and to a place: pose by odometry to a velocity command.
+
+The velocity along the path is fed forward, the distance from it is corrected in proportion, and the robot
+turns to where the path leads a little later. This is the kinematic tracking law of Kanayama et al. (1990), "A
+stable tracking control method for an autonomous mobile robot", with the sideways velocity that legs have and
+wheels lack. Its reference is the nearest point of the path instead of a point that moves with time: a robot
+that was held up has nothing to catch up with.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from footfall.common.config import require_between
+from footfall.deploy.command_source import Pose
+from footfall.operate.missions.limits import Limits
+from footfall.operate.missions.path import SPACING_M, Path
+
+WINDOW = round(0.3 / SPACING_M)  # samples ahead among which the nearest one is sought
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """How closely a robot follows."""
+
+    position_gain: float = 1.0  # m/s for each metre of error
+    heading_gain: float = 1.5  # rad/s for each radian of error
+    deceleration_m_s2: float = 0.4  # before corners and the end
+    tolerance_m: float = 0.04  # at the end
+    tolerance_deg: float = 4.0  # likewise
+    off_path_m: float = 0.5  # farther away the mission gives up
+    blocked_s: float = 8.0  # after so long without progress it gives up, too
+
+    def __post_init__(self) -> None:
+        require_between(self, 0.05, 10.0, "position_gain", "heading_gain", "deceleration_m_s2")
+        require_between(self, 0.001, 10.0, "tolerance_m", "off_path_m")
+        require_between(self, 0.1, 90.0, "tolerance_deg")
+        require_between(self, 0.5, 600.0, "blocked_s")
+
+
+def nearest(path: Path, pose: Pose, begin: int) -> tuple[int, float]:
+    """Index of the nearest sample from `begin` on, and its distance in m."""
+    ahead = path.points[begin : begin + WINDOW] - (pose.x_m, pose.y_m)
+    squares = np.einsum("ij,ij->i", ahead, ahead)
+    index = int(squares.argmin())
+    return begin + index, math.sqrt(squares[index])
+
+
+def along(path: Path, index: int, pose: Pose, limits: Limits, tracking: Tracking) -> np.ndarray:
+    """The command (3,) that leads along a path, of which sample `index` is the nearest."""
+    speed, heading = float(path.speed[index]), float(path.heading[index])
+    look = index + round(speed / tracking.heading_gain / SPACING_M)  # so a bend leaves no error of heading
+    turn = float(path.heading[min(look, len(path.heading) - 1)]) - pose.yaw_rad
+    speed *= max(0.0, math.cos(turn)) ** 2  # turn first, then walk
+    x, y = path.points[index].tolist()
+    gain = tracking.position_gain
+    ahead = speed * math.cos(heading) + gain * (x - pose.x_m)
+    left = speed * math.sin(heading) + gain * (y - pose.y_m)
+    return command(ahead, left, tracking.heading_gain * turn, pose, limits)
+
+
+def towards(goal: Pose, pose: Pose, limits: Limits, tracking: Tracking) -> np.ndarray:
+    """The command (3,) that leads straight to a pose, turning on the way."""
+    gain = tracking.position_gain
+    turn = tracking.heading_gain * (goal.yaw_rad - pose.yaw_rad)
+    return command(gain * (goal.x_m - pose.x_m), gain * (goal.y_m - pose.y_m), turn, pose, limits)
+
+
+def distance(one: Pose, other: Pose) -> float:
+    """Between two places, m."""
+    return math.hypot(one.x_m - other.x_m, one.y_m - other.y_m)
+
+
+def arrived(goal: Pose, pose: Pose, tracking: Tracking) -> bool:
+    """Whether a pose is reached."""
+    turn = abs(goal.yaw_rad - pose.yaw_rad)
+    return distance(goal, pose) <= tracking.tolerance_m and turn <= math.radians(tracking.tolerance_deg)
+
+
+def command(x_m_s: float, y_m_s: float, yaw_rad_s: float, pose: Pose, limits: Limits) -> np.ndarray:
+    """A velocity in the frame of the pose as a command (3,) of the body within a policy's limits.
+
+    The direction is kept where speed is clipped. A command below the slowest one is raised to it.
+    """
+    cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+    ahead, left = cos * x_m_s + sin * y_m_s, cos * y_m_s - sin * x_m_s
+    ranges = limits.ranges
+    share = min(_share(ahead, ranges.forward_m_s), _share(left, ranges.leftward_m_s))
+    low, high = ranges.yaw_rad_s
+    result = np.array([share * ahead, share * left, min(max(yaw_rad_s, low), high)])
+    norm = math.sqrt(result @ result)
+    return result * (limits.slowest / norm) if 0.0 < norm < limits.slowest else result
+
+
+def _share(value: float, limits: tuple[float, float]) -> float:
+    """Largest factor up to 1 by which a value lies within limits."""
+    limit = limits[1] if value > 0.0 else limits[0]
+    return min(1.0, limit / value) if value else 1.0

@@ -1,0 +1,156 @@
+"""A mission as the command source of a run."""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+from footfall.common.errors import UserError
+from footfall.deploy.command_source import Pose, Request, Status, Wish
+from footfall.deploy.modes import Mode
+from footfall.operate.missions.activities import STILL, Act, Now
+from footfall.operate.missions.courses import GoTo, Led
+from footfall.operate.missions.limits import Abilities
+from footfall.operate.missions.mission import Mission, NamedStep
+from footfall.operate.missions.step import Plan
+from footfall.operate.missions.steps import End
+
+TIMEOUT_FACTOR, TIMEOUT_EXTRA_S = 3.0, 10.0  # of a step by odometry that names no timeout
+PROGRESS_S = 0.2  # less of the remaining time counts as no progress
+DONE = "done"
+HOME = (NamedStep("go_to", GoTo((0.0, 0.0))), NamedStep("lie_down", End()))
+LIE_DOWN = (NamedStep("lie_down", End()),)
+
+
+class Progress(NamedTuple):
+    """How far a mission is."""
+
+    step: int  # from 1; 0 before the first one
+    steps: int
+    kind: str  # of the step
+    step_remaining_s: float  # about
+    remaining_s: float  # of the whole mission, about
+    error_m: float  # distance from where the robot should be by odometry; NaN where a step does not say
+    outcome: str = ""  # once it is over: `DONE`, or why it gave up
+
+
+class MissionSource:
+    """Runs a mission. It depends on nothing but the statuses that it is given."""
+
+    stopped = None
+
+    def __init__(self, mission: Mission, policy: str, abilities: Callable[[str], Abilities]) -> None:
+        """A mission that has not begun.
+
+        Args:
+            mission: what to do.
+            policy: the name of the one that decides at first.
+            abilities: of a policy of the run, by its name.
+
+        Raises:
+            UserError: a step cannot be done; the message names it.
+        """
+        self._mission, self._abilities, self._steps = mission, abilities, mission.steps
+        lasts_s = mission.planned_s(policy, abilities)
+        self._later_s = [sum(lasts_s[number:]) for number in range(1, len(lasts_s) + 1)]
+        self._index = -1
+        self._plan: Plan | None = None
+        self._origin: Pose | None = None
+        self._yaw = 0.0  # in the mission's frame, not wrapped
+        self._began_s = self._best_s = self._progress_s = 0.0
+        self._request = Request(STILL)
+        self._low = False
+        self.progress = Progress(0, len(mission.steps), "", math.nan, sum(lasts_s), math.nan)
+
+    def poll(self, status: Status) -> Request:
+        """The request of the present step; steps that are done are left behind."""
+        if status.mode is not Mode.WALKING or self.progress.outcome:
+            return self._request
+        if math.isnan(status.pose.x_m):
+            return self._over("there is no odometry")
+        try:
+            return self._walk(status, self._pose(status.pose))
+        except (UserError, ValueError) as error:  # a plan from here
+            return self._over(str(error))
+
+    def _walk(self, status: Status, pose: Pose) -> Request:
+        if status.charge <= self._mission.settings.low_charge and not self._low:
+            self._low = True
+            self._instead(HOME if self._mission.settings.on_low_charge == "home" else LIE_DOWN)
+            note = f"low battery ({status.charge:.0%}): the mission goes on with '{self._steps[0].kind}'"
+            self._request = self._request._replace(note=note)
+        while True:
+            if self._plan is None:
+                self._begin(self._index + 1, status, pose)
+            assert self._plan is not None
+            act = self._plan.activity.act(Now(status.walking_s - self._began_s, pose, status.policy))
+            self._take(act)
+            if trouble := act.trouble or self._stalled(act, status.walking_s):
+                return self._over(trouble)
+            if not act.done:
+                return self._request
+            if self._index == len(self._steps) - 1:
+                return self._over(DONE)
+            self._plan = None
+
+    def _instead(self, steps: tuple[NamedStep, ...]) -> None:
+        """Leave the steps that are left for others."""
+        self._steps, self._index, self._plan = steps, -1, None
+        self._later_s = [0.0] * len(steps)
+
+    def _begin(self, index: int, status: Status, pose: Pose) -> None:
+        step, limits = self._steps[index].step, self._abilities(status.policy).limits
+        self._index, self._plan = index, step.plan(pose, self._mission.scene(limits))
+        self._began_s = self._progress_s = status.walking_s
+        self._best_s = math.inf
+
+    def _take(self, act: Act) -> None:
+        before, new = self._request, act.request
+        self._request = new._replace(
+            policy=new.policy or before.policy,
+            gait=new.gait or ("" if new.policy else before.gait),
+            settings=new.settings or ({} if new.policy else before.settings),
+            note=new.note or before.note,
+        )
+        self.progress = Progress(
+            self._index + 1,
+            len(self._steps),
+            self._steps[self._index].kind,
+            act.remaining_s,
+            act.remaining_s + self._later_s[self._index],
+            act.error_m,
+        )
+
+    def _stalled(self, act: Act, now_s: float) -> str:
+        """Why a step that goes by odometry comes to nothing; empty if it does not."""
+        step = self._steps[self._index].step
+        if not isinstance(step, Led):
+            return ""
+        if act.remaining_s < self._best_s - PROGRESS_S:
+            self._best_s, self._progress_s = act.remaining_s, now_s
+        blocked_s = self._mission.settings.tracking.blocked_s
+        if now_s - self._progress_s > blocked_s:
+            return f"no progress for {blocked_s:g} s: it is blocked"
+        assert self._plan is not None
+        limit_s = step.timeout_s or TIMEOUT_FACTOR * self._plan.lasts_s + TIMEOUT_EXTRA_S
+        return f"it takes longer than {limit_s:.0f} s" if now_s - self._began_s > limit_s else ""
+
+    def _over(self, outcome: str) -> Request:
+        """The end of the mission: the robot lies down."""
+        note = self._request.note
+        if outcome != DONE:
+            kind = f" ({self._steps[self._index].kind})" if self._index >= 0 else ""
+            outcome = f"gave up at step {self._index + 1}{kind}: {outcome}"
+            note = f"the mission {outcome}"
+        self.progress = self.progress._replace(outcome=outcome, step_remaining_s=0.0, remaining_s=0.0)
+        self._request = self._request._replace(velocity=STILL, wish=Wish.LIE_DOWN, note=note)
+        return self._request
+
+    def _pose(self, pose: Pose) -> Pose:
+        """In the mission's frame, without jumps of the yaw."""
+        if self._origin is None:
+            self._origin = pose
+        x, y, yaw = self._origin
+        self._yaw += math.remainder(pose.yaw_rad - yaw - self._yaw, 2 * math.pi)
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        ahead, left = pose.x_m - x, pose.y_m - y
+        return Pose(cos * ahead + sin * left, cos * left - sin * ahead, self._yaw)

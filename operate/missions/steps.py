@@ -1,0 +1,165 @@
+"""The steps of a mission by their names in a file.
+
+A step is a mapping with one key, its kind. The value gives the fields of its class, or the first of them
+alone: `turn: 90` and `turn: {by_deg: 90, timeout_s: 20}` are the same but for the timeout.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from footfall.common.config import require_between, takes_other_keys
+from footfall.common.limits import FASTEST, LONGEST_S
+from footfall.deploy.command_source import Offer, Pose, Request, Wish
+from footfall.operate.missions.activities import STILL, Change, Cover, Hold, LieDown
+from footfall.operate.missions.courses import FARTHEST_M, Circle, GoTo, Rectangle, Turn, Waypoints
+from footfall.operate.missions.limits import Limits
+from footfall.operate.missions.path import placed
+from footfall.operate.missions.step import Plan, Scene, Step
+
+
+@dataclass(frozen=True)
+class Wait:
+    """The command is zero for a time; a gait may step in place."""
+
+    for_s: float
+
+    def __post_init__(self) -> None:
+        require_between(self, 0.0, LONGEST_S, "for_s")
+
+    def check(self, limits: Limits, offer: Offer) -> None:
+        """Every policy can."""
+
+    def plan(self, begin: Pose, scene: Scene) -> Plan:
+        return Plan(self.for_s, begin, Hold(Request(STILL), self.for_s))
+
+
+@dataclass(frozen=True)
+class Stand(Wait):
+    """The robot is asked to stand for a time."""
+
+    def plan(self, begin: Pose, scene: Scene) -> Plan:
+        return Plan(self.for_s, begin, Hold(Request(STILL, Wish.STAND), self.for_s))
+
+
+@dataclass(frozen=True)
+class Walk:
+    """A velocity for a time or over a distance."""
+
+    velocity: tuple[float, float, float]  # forward m/s, leftward m/s, yaw rad/s
+    for_s: float | None = None
+    distance_m: float | None = None  # from where it began, straight
+
+    def __post_init__(self) -> None:
+        if (self.for_s is None) == (self.distance_m is None):
+            raise ValueError("give for_s or distance_m")
+        require_between(self, -FASTEST, FASTEST, "velocity")
+        require_between(self, 0.0, LONGEST_S, "for_s")
+        require_between(self, 0.0, FARTHEST_M, "distance_m")
+        if self.distance_m is not None and (self.velocity[2] or not any(self.velocity)):
+            raise ValueError("distance_m needs a velocity that leads somewhere and does not turn")
+
+    def check(self, limits: Limits, offer: Offer) -> None:
+        for name, value, (low, high) in zip(
+            ("forward", "leftward", "yaw"), self.velocity, vars(limits.ranges).values(), strict=True
+        ):
+            if not low <= value <= high:
+                raise ValueError(
+                    f"velocity: the {name} command goes from {low:g} to {high:g}, not to {value:g}"
+                )
+
+    def plan(self, begin: Pose, scene: Scene) -> Plan:
+        velocity = np.array(self.velocity)
+        if self.for_s is not None:
+            return Plan(
+                self.for_s, _after(begin, self.velocity, self.for_s), Hold(Request(velocity), self.for_s)
+            )
+        assert self.distance_m is not None
+        lasts_s = self.distance_m / math.hypot(*self.velocity[:2])
+        return Plan(lasts_s, _after(begin, self.velocity, lasts_s), Cover(velocity, self.distance_m, begin))
+
+
+@dataclass(frozen=True)
+class UseGait:
+    """Another gait of the policy."""
+
+    name: str
+
+    def check(self, limits: Limits, offer: Offer) -> None:
+        if self.name not in offer.gaits:
+            raise ValueError(f"no gait '{self.name}': {', '.join(offer.gaits) or 'the policy has one only'}")
+
+    def plan(self, begin: Pose, scene: Scene) -> Plan:
+        return Plan(0.0, begin, Change(gait=self.name))
+
+
+@dataclass(frozen=True)
+class UsePolicy:
+    """Another policy decides."""
+
+    name: str
+
+    def check(self, limits: Limits, offer: Offer) -> None:
+        if self.name not in offer.policies:
+            raise ValueError(f"no policy '{self.name}' in this run: {', '.join(offer.policies)}")
+
+    def plan(self, begin: Pose, scene: Scene) -> Plan:
+        return Plan(0.0, begin, Change(policy=self.name))
+
+
+@takes_other_keys("settings")
+@dataclass(frozen=True)
+class Set:
+    """Live settings of the policy, by name."""
+
+    settings: dict[str, float] = field(default_factory=dict)
+
+    def check(self, limits: Limits, offer: Offer) -> None:
+        for name, value in self.settings.items():
+            if (span := offer.settings.get(name)) is None:
+                known = ", ".join(offer.settings) or "the policy has none"
+                raise ValueError(f"no live setting '{name}': {known}")
+            if not span.lowest <= value <= span.highest:
+                raise ValueError(f"{name} goes from {span.lowest:g} to {span.highest:g}, not to {value:g}")
+
+    def plan(self, begin: Pose, scene: Scene) -> Plan:
+        return Plan(0.0, begin, Change(settings=self.settings))
+
+
+@dataclass(frozen=True)
+class End:
+    """The robot lies down, and the run ends. A mission ends so in any case."""
+
+    def check(self, limits: Limits, offer: Offer) -> None:
+        """Every run can end."""
+
+    def plan(self, begin: Pose, scene: Scene) -> Plan:
+        return Plan(0.0, begin, LieDown())
+
+
+STEPS: dict[str, type[Step]] = {
+    "stand": Stand,
+    "wait": Wait,
+    "walk": Walk,
+    "turn": Turn,
+    "go_to": GoTo,
+    "waypoints": Waypoints,
+    "rectangle": Rectangle,
+    "circle": Circle,
+    "gait": UseGait,
+    "policy": UsePolicy,
+    "set": Set,
+    "lie_down": End,
+}
+
+
+def _after(begin: Pose, velocity: tuple[float, float, float], time_s: float) -> Pose:
+    """Where a constant velocity of the body leads."""
+    forward, leftward, rate = velocity
+    angle = rate * time_s
+    # Mean direction over the turn: integrals of cosine and sine, by a series near zero.
+    sin, cos = (math.sin(angle) / angle, (1 - math.cos(angle)) / angle) if abs(angle) > 1e-6 else (1.0, 0.0)
+    ahead, left = time_s * (forward * sin - leftward * cos), time_s * (forward * cos + leftward * sin)
+    x, y = placed(np.array([[ahead, left]]), begin)[0].tolist()
+    return Pose(x, y, begin.yaw_rad + angle)

@@ -1,0 +1,194 @@
+"""Missions on a robot that moves as commanded, late: where they lead, and when they give up."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from footfall.common.errors import UserError
+from footfall.deploy.command_source import Offer, Pose, Request, Status, Wish
+from footfall.deploy.modes import Mode
+from footfall.operate.missions.limits import Abilities, Limits
+from footfall.operate.missions.mission import load_mission, mission_of
+from footfall.operate.missions.source import DONE, MissionSource
+from footfall.policies.live_settings import Span
+from footfall.robots.commands import CommandRange
+
+STEP_S, LAG_S = 0.02, 0.15
+SLOWEST = 0.1
+LIMITS = Limits(CommandRange((-0.5, 1.0), (-0.3, 0.3), (-0.8, 0.8)), SLOWEST)
+OFFER = Offer(("walker", "stand"), ("trot", "pace"), {"body_height_m": Span(0.2, 0.3, 0.28)})
+ABILITIES = {
+    "walker": Abilities(LIMITS, OFFER),
+    "stand": Abilities(Limits(CommandRange((0, 0), (0, 0), (0, 0))), OFFER._replace(gaits=(), settings={})),
+}
+START = Pose(3.0, -2.0, 2.5)  # a mission begins where the robot is, not where odometry has its zero
+
+
+class Walker:
+    """A robot whose velocity follows the command with a lag; commands that are too slow do not move it."""
+
+    def __init__(self, steps: list[Any], hold: Callable[[float], bool] = lambda _: False, **settings: Any):
+        self.source = MissionSource(
+            mission_of({"steps": steps, **settings}, "mission"), "walker", ABILITIES.__getitem__
+        )
+        self.pose, self.velocity, self.time_s, self.policy = START, np.zeros(3), 0.0, "walker"
+        self.requests: list[Request] = []
+        self.charge, self._hold = 1.0, hold
+
+    def run(self, limit_s: float = 300.0) -> "Walker":
+        while not self.source.progress.outcome:
+            self.step()
+            assert self.time_s < limit_s, self.source.progress
+        return self
+
+    def step(self) -> None:
+        yaw = math.remainder(self.pose.yaw_rad, 2 * math.pi)
+        status = Status(
+            self.time_s + 3.0, self.time_s, Mode.WALKING, self.policy, self.velocity, self.velocity, 0.3,
+            self.pose._replace(yaw_rad=yaw), (), (), OFFER, self.charge,
+        )  # fmt: skip
+        request = self.source.poll(status)
+        self.policy = request.policy or self.policy
+        self.requests.append(request)
+        low, high = np.array(list(vars(LIMITS.ranges).values())).T
+        assert (low <= request.velocity).all()
+        assert (request.velocity <= high).all()
+        moves = np.linalg.norm(request.velocity) >= SLOWEST and not self._hold(self.time_s)
+        self.velocity = self.velocity + STEP_S / LAG_S * (request.velocity * moves - self.velocity)
+        (x, y, yaw), (ahead, left, turn) = self.pose, (STEP_S * self.velocity).tolist()
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        self.pose = Pose(x + cos * ahead - sin * left, y + sin * ahead + cos * left, yaw + turn)
+        self.time_s += STEP_S
+
+    def moved(self) -> tuple[float, float, float]:
+        """Ahead m, left m and turned degrees since the start."""
+        (x, y, yaw), (x0, y0, yaw0) = self.pose, START
+        cos, sin = math.cos(yaw0), math.sin(yaw0)
+        ahead, left = x - x0, y - y0
+        return cos * ahead + sin * left, cos * left - sin * ahead, math.degrees(yaw - yaw0)
+
+
+def test_steps_lead_where_they_say() -> None:
+    for steps, ahead, left, turned in (
+        ([{"rectangle": "2x1"}], 0.0, 0.0, 360.0),
+        ([{"rectangle": "1x-0.5"}], 0.0, 0.0, -360.0),
+        ([{"circle": {"radius_m": 0.8, "speed_m_s": 0.4}}], 0.0, 0.0, 360.0),
+        ([{"circle": -0.5}], 0.0, 0.0, -360.0),
+        ([{"go_to": [1.0, 1.0]}], 1.0, 1.0, 45.0),
+        ([{"go_to": {"to": [-1.0, 0.0], "heading_deg": 90.0}}], -1.0, 0.0, 90.0),
+        ([{"turn": 450}, {"turn": -90}], 0.0, 0.0, 360.0),
+        ([{"waypoints": [[1, 0], [1.5, 0.5], [1.5, 1.0]]}, {"go_to": [0, 0]}], 0.0, 0.0, 180 + 53.0),
+        ([{"walk": {"velocity": [0.3, 0.2, 0], "distance_m": 1.0}}], 0.86, 0.57, 0.0),
+        ([{"walk": {"velocity": [0, 0, 0.5], "for_s": 2.0}}, {"wait": 1.0}], 0.0, 0.0, 57.3),
+    ):
+        walker = Walker(steps).run()
+        where = walker.moved()
+        assert walker.source.progress.outcome == DONE, steps
+        assert math.dist(where[:2], (ahead, left)) < 0.1, (steps, where)
+        assert abs(where[2] - turned) < 8.0 or turned == 233.0, (steps, where)
+        assert walker.requests[-1].wish is Wish.LIE_DOWN
+
+
+def test_the_path_itself_is_kept_to() -> None:
+    walker = Walker([{"rectangle": "2x1"}])
+    farthest = 0.0
+    while not walker.source.progress.outcome:
+        walker.step()
+        x, y, _ = walker.moved()
+        inside = min(x, 2.0 - x, y, 1.0 - y)
+        outside = math.hypot(max(-x, x - 2.0, 0.0), max(-y, y - 1.0, 0.0))
+        farthest = max(farthest, outside, inside)
+    assert farthest < 0.1
+
+
+def test_remaining_time_is_about_right() -> None:
+    walker = Walker([{"stand": 2.0}, {"rectangle": "2x1"}, {"turn": 180}])
+    walker.step()
+    told_s = walker.source.progress.remaining_s
+    walker.run()
+    assert abs(told_s - walker.time_s) < 0.25 * walker.time_s
+
+
+def test_why_a_mission_gives_up() -> None:
+    stuck = Walker([{"wait": 1}, {"rectangle": "2x1"}], hold=lambda t: t > 4.0).run()
+    assert "step 2 (rectangle): no progress" in stuck.source.progress.outcome
+    assert stuck.time_s < 15.0
+    slow = Walker([{"go_to": {"to": [2, 0], "timeout_s": 1.0}}]).run()
+    assert "longer than 1 s" in slow.source.progress.outcome
+    carried = Walker([{"rectangle": "2x1"}])
+    carried.step()
+    carried.pose = carried.pose._replace(x_m=carried.pose.x_m + 1.0)
+    assert "off the path" in carried.run().source.progress.outcome
+    lost = Walker([{"turn": 90}])
+    lost.pose = Pose(math.nan, math.nan, math.nan)
+    assert "no odometry" in lost.run().source.progress.outcome
+    for walker in (stuck, slow, carried, lost):
+        last = walker.requests[-1]
+        assert (last.velocity.any(), last.wish) == (False, Wish.LIE_DOWN)
+        assert last.note.startswith("the mission gave up")
+
+
+def test_low_battery_leads_home_or_lies_down() -> None:
+    for then, home in (("home", True), ("lie_down", False)):
+        walker = Walker([{"go_to": [3.0, 0.0]}], on_low_charge=then, low_charge=0.3)
+        while walker.time_s < 4.0:
+            walker.step()
+        walker.charge = 0.25
+        assert math.hypot(*walker.moved()[:2]) > 1.0
+        walker.run()
+        assert (math.hypot(*walker.moved()[:2]) < 0.1) is home
+        assert any("low battery" in request.note for request in walker.requests)
+
+
+def test_changes_of_policy_gait_and_settings_are_asked_for_in_order() -> None:
+    walker = Walker(
+        [{"gait": "pace"}, {"set": {"body_height_m": 0.25}}, {"wait": 1}, {"policy": "stand"}, {"wait": 1}]
+    )
+    walker.run()
+    with_gait = [request for request in walker.requests if request.policy == ""]
+    assert with_gait[-1].gait == "pace"
+    assert with_gait[-1].settings == {"body_height_m": 0.25}
+    assert walker.requests[-1].policy == "stand"
+    assert walker.requests[-1].gait == ""
+
+
+def test_what_cannot_be_done_is_refused_with_its_step(tmp_path: Path) -> None:
+    for text, where, why in (
+        ("", "mission.yaml", "list of steps"),
+        ("steps: []", "mission.yaml", "list of steps"),
+        ("speed: 3\nsteps: [{turn: 90}]", "mission.yaml", "speed_m_s"),
+        ("steps: [{wait: 1}, {trun: 90}]", "step 2", "mean turn?"),
+        ("steps: [{turn: 90, wait: 1}]", "step 1", "one key"),
+        ("steps: [{turn: fast}]", "step 1 (turn)", "not a number"),
+        ("steps: [{turn: .nan}]", "step 1 (turn)", "finite"),
+        ("steps: [{turn: {by_deg: 90, by: 1}}]", "step 1 (turn)", "no setting by"),
+        ("steps: [{rectangle: 2 by 1}]", "step 1 (rectangle)", "2x1"),
+        ("steps: [{rectangle: 2x0}]", "step 1 (rectangle)", "sides"),
+        ("steps: [{circle: 1e6}]", "step 1 (circle)", "radius_m"),
+        ("steps: [{circle: 999}]", "step 1 (circle)", "long"),
+        ("steps: [{waypoints: [[1, 0], [1, 0]]}]", "step 1 (waypoints)", "same"),
+        ("steps: [{walk: {velocity: [1, 0, 0]}}]", "step 1 (walk)", "for_s or distance_m"),
+        ("steps: [{walk: {velocity: [1, 0, 1], distance_m: 1}}]", "step 1 (walk)", "turn"),
+        ("steps: [{walk: {velocity: [0, 2, 0], for_s: 1}}]", "step 1 (walk)", "leftward"),
+        ("steps: [{go_to: {to: [1, 0], speed_m_s: 2}}]", "step 1 (go_to)", "up to 1"),
+        ("steps: [lie_down, {wait: 1}]", "step 1 (lie_down)", "last"),
+        ("steps: [{lie_down: 3}]", "step 1 (lie_down)", "no value"),
+        ("steps: [{gait: bound}]", "step 1 (gait)", "trot, pace"),
+        ("steps: [{policy: mpc}]", "step 1 (policy)", "walker, stand"),
+        ("steps: [{set: {body_height_m: 0.5}}]", "step 1 (set)", "0.2 to 0.3"),
+        ("steps: [{set: {height: 0.5}}]", "step 1 (set)", "body_height_m"),
+        ("steps: [{policy: stand}, {rectangle: 2x1}]", "step 2 (rectangle)", "forward"),
+        ("steps: [{policy: stand}, {gait: trot}]", "step 2 (gait)", "one only"),
+    ):  # fmt: skip
+        path = tmp_path / "mission.yaml"
+        path.write_text(text)
+        with pytest.raises(UserError) as refusal:
+            MissionSource(load_mission(path), "walker", ABILITIES.__getitem__)
+        message = str(refusal.value)
+        assert where in message, (text, message)
+        assert why in message, (text, message)
+        assert "\n" not in message
