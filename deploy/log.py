@@ -1,7 +1,7 @@
-"""MCAP logs of a run, written by another process; ROS 2 tools open them.
+"""What a run tells, passed on by another process: to an MCAP log, and to subscribers of a feed.
 
-The loop writes records to a pipe and never waits for the disk. Records in the pipe outlive the loop.
-If both processes are killed, the log lacks the last fraction of a second.
+The loop writes records to a pipe and never waits for the disk or a subscriber. Records in the pipe outlive
+the loop. If both processes are killed, the log lacks the last fraction of a second.
 """
 
 import json
@@ -19,10 +19,12 @@ from footfall.common.config import unstructure
 from footfall.common.errors import UserError
 from footfall.common.held import held
 from footfall.deploy.estimation.odometry import VELOCITY, YAW, Odometry
-from footfall.deploy.log_records import Kind, record
-from footfall.deploy.log_writer import READY
+from footfall.deploy.log_records import START, Kind, record
 from footfall.deploy.receiver import MotorHealth
 from footfall.deploy.safety import State
+from footfall.deploy.telemetry.feed import listen
+from footfall.deploy.telemetry.process import NONE, READY
+from footfall.deploy.telemetry.robot_frames import robot_frames
 from footfall.policies.policy import Policy, PolicyInput, Sensed
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
@@ -80,38 +82,48 @@ def odometry_numbers(found: Odometry) -> np.ndarray:
 
 
 class McapLog:
-    """Passes a run's records on to a process that writes them."""
+    """Passes a run's records on to a process that writes them to a log, to subscribers, or both."""
 
     def __init__(
-        self, path: Path, robot: Robot, policy: Policy, facts: dict[str, Any], may_wait: bool
+        self,
+        path: Path | None,
+        robot: Robot,
+        policy: Policy,
+        facts: dict[str, Any],
+        may_wait: bool,
+        feed: Path | None = None,
     ) -> None:
-        """Open the file and start the process.
+        """Open the file and the feed, and start the process.
 
         Args:
-            path: where to write; an older file is replaced.
+            path: where to write; an older file is replaced. None for no log.
             robot, policy: whom the log is about.
             facts: further metadata, such as the seed.
             may_wait: let the loop wait for a slow disk; otherwise records are left out, and counted.
+            feed: where subscribers connect, see `telemetry/feed.py`; None for no feed.
 
         Raises:
-            UserError: the file cannot be written, or another run writes it.
+            UserError: the file cannot be written or the feed not served, or another run does so.
         """
-        self._path, self._policy, self._may_wait = path, policy, may_wait
+        self._what = f"the feed {feed}" if path is None else f"the log {path}"
+        self._policy, self._may_wait = policy, may_wait
         self._held = ExitStack()
         try:
-            with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT, 0o666), "wb") as file:
-                there = os.fstat(file.fileno())
-                if stat.S_ISREG(there.st_mode):
-                    self._held.enter_context(held(f"log/{there.st_dev}:{there.st_ino}", f"the log {path}"))
-                    file.truncate()
-                self._process = _start(file.fileno())
+            with ExitStack() as opened:
+                listener = None if feed is None else self._listen(feed, opened)
+                file = None if path is None else self._open(path, opened)
+                self._process = _start(file, listener)
         except OSError as error:
             self._held.close()
-            raise UserError(f"cannot write the log {path}: {error.strerror or error}") from None
+            raise UserError(f"cannot write {self._what}: {error.strerror or error}") from None
+        except UserError:
+            self._held.close()
+            raise
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         if self._process.stdout.readline().strip() != READY.encode():
-            raise UserError(f"cannot write the log {path}: the process that writes it does not start")
+            self._held.close()
+            raise UserError(f"cannot write {self._what}: the process that writes it does not start")
         self._pipe = self._process.stdin.fileno()
         os.set_blocking(self._pipe, may_wait)
         self._waiting = bytearray()
@@ -120,20 +132,37 @@ class McapLog:
         self._broken = False
         self._lacks: str | None = None
         self._begun = False
-        self._first = {
+        about = {
             "joints": list(robot.joint_names),
             "readings": sensed_sizes(len(robot.joint_names)),
             "inputs": input_sizes(len(robot.joint_names)),
             "metadata": _metadata(robot, policy, facts),
-            "path": str(path),
+            **robot_frames(robot),
+            "path": None if path is None else str(path),
         }
+        self._about = json.dumps(about).encode()
+
+    def _open(self, path: Path, opened: ExitStack) -> int:
+        """The descriptor of a log's file, which no other run writes."""
+        file = opened.enter_context(os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT, 0o666), "wb"))
+        there = os.fstat(file.fileno())
+        if stat.S_ISREG(there.st_mode):
+            self._held.enter_context(held(f"log/{there.st_dev}:{there.st_ino}", f"the log {path}"))
+            file.truncate()
+        return file.fileno()
+
+    def _listen(self, feed: Path, opened: ExitStack) -> int:
+        """The descriptor of a feed's listening socket."""
+        listener = opened.enter_context(listen(feed))
+        self._held.callback(feed.unlink, missing_ok=True)
+        return listener.fileno()
 
     # -- called by the loop --------------------------------------------------------------------------
 
     def begin(self, start_ns: int) -> None:
         """Begin the log, before anything else is logged; `start_ns` is the Unix time of time zero, ns."""
         self._begun = True
-        self._put(record(Kind.BEGIN, 0, json.dumps(self._first | {"start_ns": start_ns}).encode()))
+        self._put(record(Kind.BEGIN, 0, START.pack(start_ns) + self._about))
 
     def tick(self, now_us: int, sensed: Sensed, motors: MotorHealth, commanded: np.ndarray | None) -> None:
         """Readings of a joint tick, and the command (5, n) that went out; None if none did.
@@ -183,7 +212,7 @@ class McapLog:
             try:
                 self._lacks = self._close()
             except OSError as error:  # no file descriptor or thread is left
-                self._lacks = f"the log {self._path} may lack its end: {error.strerror or error}"
+                self._lacks = f"{self._what} may lack its end: {error.strerror or error}"
             self._held.close()
         return self._lacks
 
@@ -196,12 +225,12 @@ class McapLog:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.communicate()
-            return f"the log {self._path} has no end: the disk does not take it"
+            return f"{self._what} has no end: the disk does not take it"
         if self._process.returncode:
             why = reason.decode().strip() or "the process that writes it failed"
-            return f"the log {self._path} is cut short: {why}"
+            return f"{self._what} is cut short: {why}"
         if self._left_out:
-            return f"the log {self._path} lacks {self._left_out} ticks or policy steps: the disk was too slow"
+            return f"{self._what} lacks {self._left_out} ticks or policy steps: the disk was too slow"
         return ""
 
     # -- into the pipe -------------------------------------------------------------------------------
@@ -224,13 +253,18 @@ class McapLog:
             self._waiting.clear()
 
 
-def _start(file: int) -> "subprocess.Popen[bytes]":
-    """Start the writing process in a session of its own: a terminal's signals do not reach it."""
+def _start(file: int | None, feed: int | None) -> "subprocess.Popen[bytes]":
+    """Start the writing process in a session of its own: a terminal's signals do not reach it.
+
+    Args:
+        file, feed: descriptors of the log's file and of the feed's listening socket; None for none.
+    """
+    given = [NONE if each is None else str(each) for each in (file, feed)]
     return subprocess.Popen(
-        [sys.executable, "-P", "-m", "footfall.deploy.log_writer", str(file)],
+        [sys.executable, "-P", "-m", "footfall.deploy.telemetry.process", *given],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
-        pass_fds=[file],
+        pass_fds=[each for each in (file, feed) if each is not None],
         start_new_session=True,
     )
 

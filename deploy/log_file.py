@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from footfall.common.errors import UserError
-from footfall.deploy.log_writer import ENDED, METADATA
+from footfall.deploy.telemetry.mcap_file import ENDED, METADATA
 
 Decoder = Callable[[bytes], Any]
 
+RENAMED = {"/imu": "/imu/data"}  # topics of older logs
 LARGEST_RECORD = 2**26  # bytes; a damaged length may claim anything
 
 
@@ -85,14 +86,15 @@ def read_log(path: Path, topics: Collection[str] | None = None) -> LogFile:
                 channels[record.id] = record
             elif isinstance(record, Message):
                 channel = channels[record.channel_id]
-                if topics is None or channel.topic in topics:
+                topic = RENAMED.get(channel.topic, channel.topic)
+                if topics is None or topic in topics:
                     if channel.id not in decoders:
                         decoders[channel.id] = _decoder(channel, schemas)
                     decode = decoders[channel.id]
                     if decode is None:
                         damage.parts += 1
                     else:
-                        entries.append(Entry(channel.topic, record.log_time, decode(record.data)))
+                        entries.append(Entry(topic, record.log_time, decode(record.data)))
         except (Exception, RecursionError):  # a decoder fails in many ways on bytes that are no message
             damage.parts += 1
     if not metadata:

@@ -4,13 +4,14 @@ import struct
 from collections.abc import Iterator
 from enum import IntEnum
 
+START = struct.Struct("<q")  # Unix time of time zero, ns: at the head of the first record
 HEAD = struct.Struct("<BIq")  # kind, bytes that follow, time in microseconds of the loop's clock
 
 
 class Kind(IntEnum):
     """Content of a record. Numbers are float64, those of the network float32; n is the number of joints."""
 
-    BEGIN = 0  # JSON: joints' names, sizes of readings and inputs, metadata, time zero, the file's name
+    BEGIN = 0  # `START`, then JSON: joints, sizes of readings and inputs, metadata, links, URDF, file's name
     READINGS = 1  # the fields of `Sensed` in their order
     COMMANDED = 2  # (5n,) what went out: position, velocity, stiffness, damping, torque
     INPUTS = 3  # the policy's input: see `log.flatten`

@@ -48,6 +48,7 @@ class Session:
     duration_s: float  # of walking, at most
     realtime: bool = True
     log: Path | None = None
+    feed: Path | None = None  # socket of the run's feed, see deploy/telemetry/feed.py
     facts: dict[str, Any] = field(default_factory=dict)  # for the log's metadata
     config: DeployConfig = field(default_factory=DeployConfig)
     display: Display | None = None  # a context around the run, given its loop
@@ -227,13 +228,13 @@ def check_joint_rate(wiring: Wiring, driver: Driver, rate_hz: float) -> None:
 
 
 def _open_log(robot: Robot, policy: Policy, session: Session, resources: ExitStack) -> "McapLog | None":
-    if session.log is None:
+    if session.log is None and session.feed is None:
         return None
     from footfall.deploy.log import McapLog
 
     config = session.config
     facts = {"policy_spec": policy.name, **session.facts, "joint_rate_hz": config.joint_rate_hz}
-    log = McapLog(session.log, robot, policy, facts, may_wait=not session.realtime)
+    log = McapLog(session.log, robot, policy, facts, not session.realtime, session.feed)
     resources.callback(log.close)
     return log
 

@@ -25,7 +25,6 @@ from relaxed_limits import RELAXED
 
 from footfall.common.errors import UserError
 from footfall.deploy import log as log_module
-from footfall.deploy import messages
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.estimation.odometry import Odometry
 from footfall.deploy.log import McapLog, flatten, unflatten
@@ -36,6 +35,8 @@ from footfall.deploy.receiver import MotorHealth
 from footfall.deploy.recover import recover
 from footfall.deploy.replay import replay
 from footfall.deploy.safety import State
+from footfall.deploy.telemetry import messages
+from footfall.deploy.telemetry.topics import TOPICS
 from footfall.plant.episode import run_episode
 from footfall.plant.trace import Trace
 from footfall.policies.policy import PolicyInput, Sensed
@@ -76,14 +77,14 @@ class TestContent:
         found = {m.topic: m.kind for m in decoded(logged[0])}
         absent = {"/policy/observation", "/policy/action", "/notes"}  # Sway has no network, nothing to note
         absent |= {"/odom", "/contacts", "/footholds"}  # nor does it ask for an estimate
-        assert found == {topic: kind for topic, kind in messages.TOPICS.items() if topic not in absent}
+        assert found == {topic: how.kind for topic, how in TOPICS.items() if topic not in absent}
 
     def test_every_tick_and_every_policy_step_is_there(self, logged: tuple[Path, Trace]) -> None:
         path, trace = logged
         counts = Counter(m.topic for m in decoded(path))
         assert counts["/policy/inputs"] == counts["/policy/command"] == len(trace.compute_ms) == 26
         ticks = int(trace.timing["ticks"]) + 1  # the last one switches the motors off, and is not timed
-        assert counts["/joint_states"] == counts["/imu"] == ticks == round(500 * trace.run_s) + 1
+        assert counts["/joint_states"] == counts["/imu/data"] == ticks == round(500 * trace.run_s) + 1
 
     def test_commands_are_logged_while_there_are_any(self, logged: tuple[Path, Trace]) -> None:
         """From the first tick of STANDING to the one before motors are switched off."""
@@ -114,7 +115,7 @@ class TestContent:
         log.tick(0, Sensed(gyro, acceleration, quaternion, position, velocity, torque), HEALTH, commanded)
         assert log.close() == ""
         written = {each.topic: each.message for each in decoded(path)}
-        joints, inertial = written["/joint_states"], written["/imu"]
+        joints, inertial = written["/joint_states"], written["/imu/data"]
         assert list(joints.position) == position.tolist()
         assert list(joints.velocity) == velocity.tolist()
         assert list(joints.effort) == torque.tolist()
@@ -174,7 +175,7 @@ class TestContent:
         written = {each.topic: each.message for each in decoded(path)}
         odometry = written["/odom"]
         assert (odometry.header.stamp.nanosec, odometry.header.frame_id) == (20_000_000, "odom")
-        assert odometry.child_frame_id == "base"
+        assert odometry.child_frame_id == "base_link"
         pose, twist = odometry.pose.pose, odometry.twist.twist
         assert [getattr(pose.position, axis) for axis in "xyz"] == [1, 2, 3]
         assert [getattr(pose.orientation, axis) for axis in "wxyz"] == [0.1, 0.2, 0.3, 0.4]
@@ -219,7 +220,7 @@ class TestContent:
 
         episode = short_episode(duration_s=0.3, realtime=True, log=path, config=RELAXED)
         run_episode(go1, Hold(go1), episode, look)
-        first_ns = read_log(path, ["/imu"]).entries[0].time_ns
+        first_ns = read_log(path, ["/imu/data"]).entries[0].time_ns
         whole_ticks_ns = (min(zeros_ns) - first_ns) % (1_000_000_000 // round(RELAXED.joint_rate_hz))
         assert min(zeros_ns) - first_ns < 10_000_000
         assert whole_ticks_ns < 1_500_000  # of which the tick's work is some part
@@ -310,7 +311,7 @@ run_episode(robot, Hold(robot), episode, lambda loop, _: os.write(1, b"%d\\n" % 
         run.kill()
         run.wait()
         wait_for_end(writer)
-        assert decoded(tmp_path / "killed.mcap", "/imu")
+        assert decoded(tmp_path / "killed.mcap", "/imu/data")
         assert "ended before the run" in decoded(tmp_path / "killed.mcap", "/notes")[-1].message.data
 
     def test_a_torn_file_can_be_replayed(
@@ -433,7 +434,9 @@ def test_a_state_is_logged_with_its_last_fault(go1: Robot, tmp_path: Path) -> No
     log.begin(0)
     log.state(60_000, State(Mode.ESTOP, 0.06, ("first", "second")))
     log.close()
-    assert [entry.message.data for entry in read_log(tmp_path / "a.mcap").entries] == ["ESTOP: second"]
+    assert [entry.message.data for entry in read_log(tmp_path / "a.mcap", ["/state"]).entries] == [
+        "ESTOP: second"
+    ]
 
 
 def test_a_second_run_into_a_log_is_refused_and_the_first_ones_log_is_whole(
@@ -488,7 +491,7 @@ class TestDisk:
         lacks = re.fullmatch(r"the log .*a\.mcap lacks (\d+) ticks or .*: the disk was too slow", log.close())
         assert lacks is not None
         assert slowest_s < 0.2
-        readings = [entry for entry in read_log(path).entries if entry.topic == "/imu"]
+        readings = [entry for entry in read_log(path).entries if entry.topic == "/imu/data"]
         assert 0 < len(readings) == 1000 - int(lacks[1])
         assert read_log(path).complete
 

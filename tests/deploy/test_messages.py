@@ -6,14 +6,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap_ros2._dynamic import serialize_dynamic
 
-from footfall.deploy import messages
+from footfall.deploy.telemetry import messages
+from footfall.deploy.telemetry.definitions import definition
 
 TIMES = st.integers(0, 2**31 * 10**9 - 1)
 NAMES = st.lists(st.text(st.characters(codec="ascii", exclude_characters="\0"), max_size=9), max_size=5)
 
 
 def encoded(kind: str, message: dict) -> bytes:
-    return serialize_dynamic(kind, messages.SCHEMAS[kind])[kind](message)
+    return serialize_dynamic(kind, definition(kind))[kind](message)
 
 
 def header(time_ns: int, frame: str) -> dict:
@@ -44,7 +45,7 @@ def test_inertial_readings(time_ns: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
     quaternion, gyro, acceleration = rng.normal(size=4), rng.normal(size=3), rng.normal(size=3)
     expected = {
-        "header": header(time_ns, "imu"),
+        "header": header(time_ns, "imu_link"),
         "orientation": vector(quaternion[1:]) | {"w": float(quaternion[0])},
         "orientation_covariance": [0.0] * 9,
         "angular_velocity": vector(gyro),
@@ -65,7 +66,7 @@ def test_odometry(time_ns: int, seed: int) -> None:
     twist = {"linear": vector(velocity), "angular": vector(turn)}
     expected = {
         "header": header(time_ns, "odom"),
-        "child_frame_id": "base",
+        "child_frame_id": "base_link",
         "pose": {"pose": pose, "covariance": spread.tolist()},
         "twist": {"twist": twist, "covariance": scatter.tolist()},
     }
@@ -78,7 +79,7 @@ def test_a_velocity_command() -> None:
         "linear": {"x": 0.1, "y": 0.2, "z": 0.0},
         "angular": {"x": 0.0, "y": 0.0, "z": 0.3},
     }
-    expected = {"header": header(12_345_678_901, "base"), "twist": twist}
+    expected = {"header": header(12_345_678_901, "base_link"), "twist": twist}
     numbers = np.array([0.1, 0.2, 0.3])
     found = messages.twist().fill(12_345_678_901, numbers[:2].tobytes(), numbers[2:].tobytes())
     assert found == encoded("geometry_msgs/msg/TwistStamped", expected)

@@ -302,9 +302,9 @@ class TestSession:
         closed: list[int] = []
 
         class Log(Notebook):
-            def __init__(self, *arguments: Any, may_wait: bool) -> None:
+            def __init__(self, *arguments: Any) -> None:
                 super().__init__()
-                opened.append((*arguments, may_wait))
+                opened.append(arguments)
 
             def begin(self, start_ns: int) -> None:
                 assert not self.told
@@ -322,7 +322,7 @@ class TestSession:
         policy = Hold(go1)
         outcome = run_session(go1, policy, FrameRobot(go1), run)  # type: ignore[arg-type]
         facts = {"policy_spec": spec, "seed": 3, "joint_rate_hz": 250.0}
-        assert opened == [(tmp_path / "a", go1, policy, facts, not realtime), (123 if realtime else 0,)]
+        assert opened == [(tmp_path / "a", go1, policy, facts, not realtime, None), (123 if realtime else 0,)]
         assert outcome.notes == ("the log is short",)
         assert closed
         assert closed[0] > 5

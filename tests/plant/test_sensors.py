@@ -101,7 +101,7 @@ def rows_in_log(
         duration_s=0.03, config=DeployConfig(stand_s=0.05), log=path, noise=noise, sample=sample or {}, seed=3
     )
     run_episode(robot, Hold(robot), still)
-    entries = [each.message for each in read_log(path, ("/joint_states", "/imu")).entries]
+    entries = [each.message for each in read_log(path, ("/joint_states", "/imu/data")).entries]
     rows = [
         read(
             Sensed(

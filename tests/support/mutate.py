@@ -58,7 +58,7 @@ def mutated_records(content: bytes, rng: np.random.Generator) -> bytes:
                 record.name, record.encoding, mutated(record.data, rng) if hurt else record.data
             )
         elif isinstance(record, Channel):
-            topic = str(rng.choice(["/policy/inputs", "/imu", ""])) if hurt else record.topic
+            topic = str(rng.choice(["/policy/inputs", "/imu/data", ""])) if hurt else record.topic
             schema = int(rng.integers(9)) if hurt else record.schema_id
             writer.register_channel(topic, record.message_encoding, schema)
         elif isinstance(record, Message):

@@ -66,6 +66,8 @@ class DeployOptions:
     trust runs on wiring that is not proven (see docs/bring_up.md)."""
     log: OptionalPath = None
     """Record the run to this MCAP file."""
+    feed: OptionalPath = None
+    """Unix socket at which other programs read what the run tells, as it happens (see docs/logs.md)."""
     seed: Seed = 0
     settings: ControllerSettings = ()
     json: JsonFile = None
@@ -109,6 +111,7 @@ def _simulated(robot: "Robot", policy: "Policy", spec: str, options: DeployOptio
         ground_truth=options.ground_truth,
         realtime=options.realtime,
         log=options.log,
+        feed=options.feed,
         policy_spec=spec,
         record=False,
         config=_config(robot, options),
@@ -149,6 +152,7 @@ def _on_interface(robot: "Robot", policy: "Policy", spec: str, options: DeployOp
         command_source=lambda _: command,
         duration_s=options.duration,
         log=options.log,
+        feed=options.feed,
         facts=facts,
         config=_config(robot, options),
         lie_down=options.lie_down,

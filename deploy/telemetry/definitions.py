@@ -1,0 +1,84 @@
+"""Definitions of the ROS 2 messages in a run's telemetry, as its log and its feed carry them (`ros2msg`)."""
+
+from collections.abc import Iterator
+
+_FIELDS = {
+    "builtin_interfaces/Time": """int32 sec
+uint32 nanosec""",
+    "builtin_interfaces/Duration": """int32 sec
+uint32 nanosec""",
+    "std_msgs/Header": """builtin_interfaces/Time stamp
+string frame_id""",
+    "std_msgs/String": "string data",
+    "std_msgs/ColorRGBA": """float32 r
+float32 g
+float32 b
+float32 a""",
+    "std_msgs/MultiArrayDimension": """string label
+uint32 size
+uint32 stride""",
+    "std_msgs/MultiArrayLayout": """std_msgs/MultiArrayDimension[] dim
+uint32 data_offset""",
+    "std_msgs/Float32MultiArray": """std_msgs/MultiArrayLayout layout
+float32[] data""",
+    "std_msgs/Float64MultiArray": """std_msgs/MultiArrayLayout layout
+float64[] data""",
+    "geometry_msgs/Vector3": """float64 x
+float64 y
+float64 z""",
+    "geometry_msgs/Point": """float64 x
+float64 y
+float64 z""",
+    "geometry_msgs/Quaternion": """float64 x 0
+float64 y 0
+float64 z 0
+float64 w 1""",
+    "geometry_msgs/Pose": """geometry_msgs/Point position
+geometry_msgs/Quaternion orientation""",
+    "geometry_msgs/PoseWithCovariance": """geometry_msgs/Pose pose
+float64[36] covariance""",
+    "geometry_msgs/Twist": """geometry_msgs/Vector3 linear
+geometry_msgs/Vector3 angular""",
+    "geometry_msgs/TwistWithCovariance": """geometry_msgs/Twist twist
+float64[36] covariance""",
+    "geometry_msgs/TwistStamped": """std_msgs/Header header
+geometry_msgs/Twist twist""",
+    "geometry_msgs/Transform": """geometry_msgs/Vector3 translation
+geometry_msgs/Quaternion rotation""",
+    "geometry_msgs/TransformStamped": """std_msgs/Header header
+string child_frame_id
+geometry_msgs/Transform transform""",
+    "nav_msgs/Odometry": """std_msgs/Header header
+string child_frame_id
+geometry_msgs/PoseWithCovariance pose
+geometry_msgs/TwistWithCovariance twist""",
+    "sensor_msgs/JointState": """std_msgs/Header header
+string[] name
+float64[] position
+float64[] velocity
+float64[] effort""",
+    "sensor_msgs/Imu": """std_msgs/Header header
+geometry_msgs/Quaternion orientation
+float64[9] orientation_covariance
+geometry_msgs/Vector3 angular_velocity
+float64[9] angular_velocity_covariance
+geometry_msgs/Vector3 linear_acceleration
+float64[9] linear_acceleration_covariance""",
+    "tf2_msgs/TFMessage": "geometry_msgs/TransformStamped[] transforms",
+}
+
+
+def definition(kind: str) -> str:
+    """A message's definition with those that it is made of, such as of `std_msgs/msg/String`."""
+    name = kind.replace("/msg/", "/")
+    parts = {part: f"MSG: {part}\n{_FIELDS[part]}" for part in _parts(name)}
+    return f"\n{'=' * 80}\n".join([_FIELDS[name], *parts.values()])
+
+
+def _parts(name: str) -> Iterator[str]:
+    """The messages that a message is made of, outermost first; some more than once."""
+    for line in _FIELDS[name].splitlines():
+        kind = line.split()[0].partition("[")[0]
+        if kind in _FIELDS:
+            yield kind
+            yield from _parts(kind)

@@ -1,0 +1,98 @@
+"""Turns the records of the control loop into messages, once, for whoever takes them."""
+
+from collections.abc import Callable
+from typing import Any
+
+from footfall.deploy.log_records import Kind
+from footfall.deploy.telemetry import messages
+from footfall.deploy.telemetry.transforms import Transforms
+
+Put = Callable[[str, int, bytes], None]  # takes a topic, a time in ns, and a message's bytes
+
+ARRAYS = {  # records that are passed on unchanged: topic, bytes per number
+    Kind.DECISION: ("/policy/command", 8),
+    Kind.OBSERVATION: ("/policy/observation", 4),
+    Kind.ACTION: ("/policy/action", 4),
+    Kind.CONTACTS: ("/contacts", 8),
+    Kind.AGES: ("/reading_ages", 8),
+    Kind.HEALTH: ("/motor_health", 8),
+    Kind.FOOTHOLDS: ("/footholds", 8),
+}
+TEXTS = {Kind.STATE: "/state", Kind.NOTE: "/notes"}
+GONE = "the process of the run ended before the run"
+
+
+class Encoder:
+    """Encodes the records of one run."""
+
+    def __init__(self, begin: dict[str, Any], put: Put) -> None:
+        """`begin` is the content of the record that begins a run; `put` takes each message."""
+        self._put = put
+        self._names = tuple(begin["joints"])
+        self._start_ns = begin["start_ns"]
+        self._readings, self._inputs = begin["readings"], begin["inputs"]  # sizes of their parts
+        self._size = 8 * len(self._names)  # bytes of a number for each joint
+        self._last_ns = self._start_ns
+        self._transforms = Transforms(begin.get("links", []), put)
+        self.state = "no state"  # the supervisor's, as logged last
+        self.complete = False  # whether the run has ended
+        if "urdf" in begin:
+            put("/robot_description", self._start_ns, messages.text(begin["urdf"]))
+        self._transforms.begin(self._start_ns)
+
+    def encode(self, kind: Kind, now_us: int, content: bytes) -> None:
+        """Pass on one record's messages."""
+        time_ns = self._last_ns = self._start_ns + now_us * 1000
+        if kind in ARRAYS:
+            topic, size = ARRAYS[kind]
+            self._array(topic, time_ns, content, size)
+        elif kind in TEXTS:
+            if kind is Kind.STATE:
+                self.state = content.decode()
+            self._put(TEXTS[kind], time_ns, messages.text(content.decode()))
+        elif kind is Kind.READINGS:
+            self._sensed(time_ns, _parts(content, self._readings))
+        elif kind is Kind.COMMANDED:
+            position, velocity, torque = (self._rows(content, row) for row in (0, 1, 4))
+            joints = messages.joint_state(self._names)
+            self._put("/joint_commands", time_ns, joints.fill(time_ns, position, velocity, torque))
+            self._array("/joint_gains", time_ns, content[2 * self._size : 4 * self._size])
+        elif kind is Kind.INPUTS:
+            command = _parts(content, self._inputs)["command"]
+            self._put("/cmd_vel", time_ns, messages.twist().fill(time_ns, command[:16], command[16:]))
+            self._array("/policy/inputs", time_ns, content)
+        elif kind is Kind.ODOMETRY:
+            self._put("/odom", time_ns, messages.odometry().fill(time_ns, content))
+            self._transforms.odometry(content)
+        elif kind is Kind.END:
+            self.complete = True
+
+    def end(self) -> None:
+        """Add a note if the run's process is gone without an end of the run."""
+        if not self.complete:
+            self._put(TEXTS[Kind.NOTE], self._last_ns, messages.text(GONE))
+
+    def _sensed(self, time_ns: int, part: dict[str, bytes]) -> None:
+        joints = messages.joint_state(self._names)
+        state = joints.fill(time_ns, part["joint_position"], part["joint_velocity"], part["joint_torque"])
+        self._put("/joint_states", time_ns, state)
+        w, xyz = part["quaternion"][:8], part["quaternion"][8:]
+        imu = messages.imu().fill(time_ns, xyz, w, part["gyro"], part["acceleration"])
+        self._put("/imu/data", time_ns, imu)
+        self._transforms.readings(time_ns, part["joint_position"], part["quaternion"])
+
+    def _rows(self, content: bytes, row: int) -> bytes:
+        return content[row * self._size : (row + 1) * self._size]
+
+    def _array(self, topic: str, time_ns: int, content: bytes, size: int = 8) -> None:
+        label = topic.rpartition("/")[2]
+        self._put(topic, time_ns, messages.multi_array(label, len(content) // size, size).fill(0, content))
+
+
+def _parts(content: bytes, sizes: dict[str, int]) -> dict[str, bytes]:
+    """The parts of a record of float64 by name, given the number of components of each in order."""
+    parts, start = {}, 0
+    for name, size in sizes.items():
+        parts[name] = content[start : start + 8 * size]
+        start += 8 * size
+    return parts

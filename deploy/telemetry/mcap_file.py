@@ -1,0 +1,51 @@
+"""Writes a run's messages to an MCAP file."""
+
+from typing import IO
+
+from mcap.writer import Writer
+
+from footfall.deploy.telemetry.definitions import definition
+from footfall.deploy.telemetry.topics import TOPICS
+
+METADATA = "footfall"
+ENDED = "ended"  # metadata of a run that was not cut short
+CHUNK_BYTES = 64 * 1024
+
+
+class McapFile:
+    """A log of messages, readable as far as it was flushed."""
+
+    def __init__(self, file: IO[bytes], metadata: dict[str, str]) -> None:
+        self._file = file
+        self._channels: dict[str, int] = {}
+        self._schemas: dict[str, int] = {}
+        self._writer = Writer(file, chunk_size=CHUNK_BYTES)
+        self._writer.start(profile="ros2", library="footfall")
+        self._writer.add_metadata(METADATA, metadata)
+        self.flush()
+
+    def put(self, topic: str, time_ns: int, message: bytes) -> None:
+        """Add a message."""
+        channel = self._channels.get(topic)
+        if channel is None:
+            channel = self._channels[topic] = self._register(topic)
+        self._writer.add_message(channel, time_ns, message, time_ns)
+
+    def flush(self) -> None:
+        """Flush everything to the file."""
+        self._writer.flush()
+
+    def finish(self, complete: bool) -> None:
+        """Write the file's index, and whether the run ended in order."""
+        if complete:
+            self._writer.add_metadata(METADATA, {ENDED: "true"})
+        self._writer.finish()
+        self._file.flush()
+
+    def _register(self, topic: str) -> int:
+        how = TOPICS[topic]
+        if how.kind not in self._schemas:
+            text = definition(how.kind).encode()
+            self._schemas[how.kind] = self._writer.register_schema(how.kind, "ros2msg", text)
+        qos = {"offered_qos_profiles": how.qos_profile}
+        return self._writer.register_channel(topic, "cdr", self._schemas[how.kind], qos)

@@ -1,0 +1,121 @@
+"""The bytes of a run's ROS 2 messages in CDR.
+
+A run's messages never change their shape, so that each is a template with gaps, and writing one is copying
+the numbers' bytes into it. Encoding: OMG's Common Data Representation (DDS-XTypes 1.3, 7.4.1, version 1),
+little-endian, aligned from behind the four bytes of the head.
+"""
+
+import struct
+from functools import lru_cache
+
+BASE, IMU, ODOM = "base_link", "imu_link", "odom"  # frames, as REP 105 names them
+
+_DOUBLE = 8
+
+
+class Template:
+    """A message in which only the numbers change."""
+
+    def __init__(self) -> None:
+        self._bytes = bytearray(b"\x00\x01\x00\x00")
+        self._gaps: list[slice] = []
+        self._stamps: list[int] = []  # where a time stands
+
+    def stamp(self, frame: str = "") -> "Template":
+        """A std_msgs/Header."""
+        self._align(4)
+        self._stamps.append(len(self._bytes))
+        self._bytes += bytes(8)
+        return self.text(frame)
+
+    def text(self, value: str) -> "Template":
+        content = value.encode() + b"\x00"
+        self.count(len(content))
+        self._bytes += content
+        return self
+
+    def count(self, value: int) -> "Template":
+        self._align(4)
+        self._bytes += struct.pack("<I", value)
+        return self
+
+    def gap(self, numbers: int, size: int = _DOUBLE) -> "Template":
+        """Room for some numbers of `size` bytes."""
+        if numbers:
+            self._align(size)
+            start = len(self._bytes)
+            self._bytes += bytes(numbers * size)
+            self._gaps.append(slice(start, len(self._bytes)))
+        return self
+
+    def zeros(self, numbers: int) -> "Template":
+        """That many float64 zeros, which stay."""
+        self.gap(numbers)
+        self._gaps.pop()
+        return self
+
+    def fill(self, time_ns: int, *numbers: bytes) -> bytes:
+        """The message at a time, its gaps filled in their order. A gap takes as many bytes as it has."""
+        content = self._bytes
+        for place in self._stamps:
+            struct.pack_into("<iI", content, place, *divmod(time_ns, 10**9))
+        for gap, part in zip(self._gaps, numbers, strict=True):
+            content[gap] = part
+        return bytes(content)
+
+    def _align(self, size: int) -> None:
+        self._bytes += bytes((4 - len(self._bytes)) % size)
+
+
+@lru_cache(None)
+def joint_state(names: tuple[str, ...]) -> Template:
+    """A sensor_msgs/JointState; gaps: position rad, velocity rad/s, effort N m, each (n,)."""
+    template = Template().stamp().count(len(names))
+    for name in names:
+        template.text(name)
+    for _ in range(3):
+        template.count(len(names)).gap(len(names))
+    return template
+
+
+@lru_cache(None)
+def imu() -> Template:
+    """A sensor_msgs/Imu; gaps: quaternion x, y, z, its w, gyro rad/s, acceleration m/s². No covariances."""
+    return Template().stamp(IMU).gap(3).gap(1).zeros(9).gap(3).zeros(9).gap(3).zeros(9)
+
+
+@lru_cache(None)
+def twist() -> Template:
+    """A geometry_msgs/TwistStamped; gaps: forward and leftward m/s, yaw rad/s."""
+    return Template().stamp(BASE).gap(2).zeros(1).zeros(2).gap(1)
+
+
+@lru_cache(None)
+def odometry() -> Template:
+    """A nav_msgs/Odometry from frame `odom` to `base_link`; one gap of 85 numbers.
+
+    Position (3), orientation x, y, z, w, covariance (36) of x, y, z and of the turns about them; velocity
+    (3), angular velocity (3), their covariance (36).
+    """
+    return Template().stamp(ODOM).text(BASE).gap(3 + 4 + 36 + 3 + 3 + 36)
+
+
+@lru_cache(None)
+def transforms(frames: tuple[tuple[str, str], ...]) -> Template:
+    """A tf2_msgs/TFMessage of (parent, child) frames; a gap for each: x, y, z, m, quaternion x, y, z, w."""
+    template = Template().count(len(frames))
+    for parent, child in frames:
+        template.stamp(parent).text(child).gap(7)
+    return template
+
+
+@lru_cache(None)
+def multi_array(label: str, numbers: int, size: int = _DOUBLE) -> Template:
+    """A std_msgs/Float64MultiArray of one dimension, or with `size` 4 a Float32MultiArray; one gap."""
+    template = Template().count(1).text(label).count(numbers).count(numbers).count(0)
+    return template.count(numbers).gap(numbers, size)
+
+
+def text(value: str) -> bytes:
+    """A std_msgs/String."""
+    return Template().text(value).fill(0)

@@ -1,0 +1,146 @@
+"""The process that passes on what a run tells, started by `deploy/log.py`.
+
+It reads records from standard input until that ends, also because the control loop was killed, and ends the
+log and the feed then. What cannot be written, it says at once on standard error, and to the loop on standard
+output. No NumPy here: it starts while the robot waits.
+"""
+
+import json
+import os
+import select
+import socket
+import sys
+import time
+from typing import Any
+
+from footfall.deploy.log_records import START, take_records
+from footfall.deploy.telemetry.encoder import GONE, Encoder
+from footfall.deploy.telemetry.feed import Feed
+from footfall.deploy.telemetry.mcap_file import McapFile
+
+FLUSH_EVERY_S = 0.05
+READ_BYTES = 1 << 20
+READY = "ready"
+NONE = "-"  # instead of a file descriptor
+LAST_WAIT_S = 1.0  # for subscribers, once the run has ended
+
+
+class Sinks:
+    """A log, a feed, or both. A log that fails costs only itself."""
+
+    def __init__(self, file: int | None, feed: int | None, begin: dict[str, Any]) -> None:
+        """What takes messages.
+
+        Args:
+            file: descriptor of the log's file.
+            feed: descriptor of the feed's listening socket.
+            begin: content of the first record.
+        """
+        self._path = begin["path"]
+        self._file: McapFile | None = None
+        self.feed = None if feed is None else Feed(socket.socket(fileno=feed), begin["metadata"])
+        self.failed = False  # whether the log cannot be written
+        if file is not None:
+            try:
+                self._file = McapFile(os.fdopen(file, "wb"), begin["metadata"])
+            except OSError as error:
+                self._fail(error)
+
+    def put(self, topic: str, time_ns: int, message: bytes) -> None:
+        """Pass on a message."""
+        if self.feed is not None:
+            self.feed.put(topic, time_ns, message)
+        if self._file is not None:
+            try:
+                self._file.put(topic, time_ns, message)
+            except OSError as error:
+                self._fail(error)
+
+    def flush(self) -> None:
+        """Write what waits for the disk."""
+        if self._file is not None:
+            try:
+                self._file.flush()
+            except OSError as error:
+                self._fail(error)
+
+    def end(self, complete: bool) -> None:
+        """End the log and the feed; `complete` tells whether the run ended in order."""
+        if self._file is not None:
+            try:
+                self._file.finish(complete)
+            except OSError as error:
+                self._fail(error)
+        if self.feed is not None:
+            self.feed.end(complete, LAST_WAIT_S)
+
+    def _fail(self, error: OSError) -> None:
+        reason = error.strerror or str(error)
+        print(reason, flush=True)
+        print(f"footfall: cannot write the log {self._path}: {reason}; the run goes on", file=sys.stderr)
+        self._file, self.failed = None, True
+
+
+def pass_on(source: int, sinks: Sinks, begin: dict[str, Any], arrived: bytearray) -> None:
+    """Encode the records of a pipe until it ends."""
+    encoder = Encoder(begin, sinks.put)
+    flush_at = time.monotonic() + FLUSH_EVERY_S
+    while True:
+        for kind, now_us, content in take_records(arrived):
+            encoder.encode(kind, now_us, content)
+        if time.monotonic() >= flush_at:
+            sinks.flush()
+            flush_at = time.monotonic() + FLUSH_EVERY_S
+        if not _readable(source, sinks.feed, max(0.0, flush_at - time.monotonic())):
+            continue
+        data = os.read(source, READ_BYTES)
+        if not data:
+            break
+        arrived += data
+    encoder.end()
+    sinks.end(encoder.complete)
+    if not encoder.complete:
+        kept = "" if begin["path"] is None else f"; {begin['path']} has what came before"
+        print(
+            f"footfall: {GONE}, in state {encoder.state}: motors are off after their timeout{kept}",
+            file=sys.stderr,
+        )
+
+
+def _readable(source: int, feed: Feed | None, wait_s: float) -> bool:
+    """Serve the feed, and wait for records; returns whether there are some, or their end."""
+    if feed is None:
+        return bool(select.select([source], [], [], wait_s)[0])
+    feed.serve()
+    readable: list[int | socket.socket] = [source, *feed.readable]
+    return source in select.select(readable, feed.writable, [], wait_s)[0]
+
+
+def first_record(source: int, arrived: bytearray) -> dict[str, Any] | None:
+    """The content of the record that begins a run, with `start_ns`; None if the pipe ends before it."""
+    while True:
+        for _, _, content in take_records(arrived):
+            (start_ns,) = START.unpack_from(content)
+            return {**json.loads(content[START.size :]), "start_ns": start_ns}
+        data = os.read(source, READ_BYTES)
+        if not data:
+            return None
+        arrived += data
+
+
+def main() -> int:
+    source, arrived = sys.stdin.fileno(), bytearray()
+    file, feed = (None if each == NONE else int(each) for each in sys.argv[1:3])
+    print(READY, flush=True)
+    begin = first_record(source, arrived)
+    if begin is None:
+        return 0
+    sinks = Sinks(file, feed, begin)
+    pass_on(source, sinks, begin, arrived)
+    if sinks.failed:
+        os._exit(1)  # buffered data cannot be written either
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,123 @@
+"""Where the links are: the frames that 3-D views and navigation look up (REP 105).
+
+Plain Python numbers, since the process has no NumPy: each frame is given relative to its parent, so that no
+chain of links is followed.
+"""
+
+import math
+import struct
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from footfall.deploy.telemetry.messages import BASE, ODOM, transforms
+
+EVERY_NS = 20_000_000  # 50 Hz, as often as odometry comes
+FIXED, PRISMATIC = "fixed", "prismatic"
+_PLACED = struct.Struct("<7d")  # of the first numbers of odometry: x, y, z, quaternion x, y, z, w
+_QUATERNION = struct.Struct("<4d")
+
+Quaternion = tuple[float, float, float, float]  # w, x, y, z
+
+
+class Transforms:
+    """Publishes `/tf` and `/tf_static`.
+
+    The base's pose in `odom` is that of the odometry. Before there is one, and after the robot stopped
+    walking, its place is the last one (at first the origin), and the IMU's orientation turned by a constant
+    yaw.
+    """
+
+    def __init__(self, links: Sequence[dict[str, Any]], put: Callable[[str, int, bytes], None]) -> None:
+        """Transforms of some links, none for no transforms.
+
+        Args:
+            links: each with `name`, `parent`, `kind` of its joint, `index` of that joint among the robot's
+                (None without a motor), `position` (3,) m, `quaternion` w, x, y, z of its frame in the
+                parent's where the joint is at zero, and `axis` (3,) in its own frame.
+            put: takes topic, time in ns, and message.
+        """
+        held = [link for link in links if link["parent"]]
+        self._fixed = [link for link in held if link["kind"] == FIXED or link["index"] is None]
+        self._moved = [link for link in held if link not in self._fixed]
+        self._frames = ((ODOM, BASE), *((link["parent"], link["name"]) for link in self._moved))
+        self._put = put
+        self._next_ns = 0
+        self._place: tuple[float, float, float] = (0.0, 0.0, 0.0)
+        self._turned: Quaternion | None = None  # from the IMU's heading to that of odometry
+        self._pose: bytes | None = None  # by the odometry since the last readings
+
+    def begin(self, time_ns: int) -> None:
+        """Publish what never changes."""
+        if self._fixed:
+            frames = tuple((link["parent"], link["name"]) for link in self._fixed)
+            poses = [_packed(link["position"], tuple(link["quaternion"])) for link in self._fixed]
+            self._put("/tf_static", time_ns, transforms(frames).fill(time_ns, *poses))
+
+    def odometry(self, numbers: bytes) -> None:
+        """The base's pose from now on: numbers of a nav_msgs/Odometry."""
+        self._pose = numbers[: _PLACED.size]
+
+    def readings(self, time_ns: int, positions: bytes, quaternion: bytes) -> None:
+        """Publish the links' places, if it is time: joint positions, rad or m, and the IMU's w, x, y, z."""
+        if not self._moved or time_ns < self._next_ns:
+            return
+        self._next_ns = time_ns + EVERY_NS
+        angles = struct.unpack(f"<{len(positions) // 8}d", positions)
+        poses = [_joint_pose(link, angles[link["index"]]) for link in self._moved]
+        base = self._base(_QUATERNION.unpack(quaternion))
+        self._put("/tf", time_ns, transforms(self._frames).fill(time_ns, base, *poses))
+
+    def _base(self, sensed: Quaternion) -> bytes:
+        if self._pose is not None:
+            pose, self._pose = self._pose, None
+            x, y, z, *xyz, w = _PLACED.unpack(pose)
+            self._place = x, y, z
+            self._turned = _heading(_times((w, *xyz), _inverse(sensed)))
+            return pose
+        if self._turned is None:
+            self._turned = _inverse(_heading(sensed))
+        return _packed(self._place, _times(self._turned, sensed))
+
+
+def _joint_pose(link: dict[str, Any], angle: float) -> bytes:
+    turn: Quaternion = tuple(link["quaternion"])
+    if link["kind"] == PRISMATIC:
+        along = _rotated(turn, [angle * each for each in link["axis"]])
+        return _packed([a + b for a, b in zip(link["position"], along, strict=True)], turn)
+    sine = math.sin(0.5 * angle)
+    x, y, z = link["axis"]
+    return _packed(link["position"], _times(turn, (math.cos(0.5 * angle), sine * x, sine * y, sine * z)))
+
+
+def _packed(position: Sequence[float], quaternion: Sequence[float]) -> bytes:
+    w, *xyz = quaternion
+    return _PLACED.pack(*position, *xyz, w)
+
+
+def _times(a: Quaternion, b: Quaternion) -> Quaternion:
+    aw, ax, ay, az = a
+    bw, bx, by, bz = b
+    return (
+        aw * bw - ax * bx - ay * by - az * bz,
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+    )
+
+
+def _inverse(a: Quaternion) -> Quaternion:
+    w, x, y, z = a
+    return w, -x, -y, -z
+
+
+def _heading(a: Quaternion) -> Quaternion:
+    """The rotation about the vertical in a rotation."""
+    w, _, _, z = a
+    size = math.hypot(w, z)
+    return (w / size, 0.0, 0.0, z / size) if size else (1.0, 0.0, 0.0, 0.0)
+
+
+def _rotated(a: Quaternion, vector: Sequence[float]) -> tuple[float, float, float]:
+    x, y, z = vector
+    _, *found = _times(_times(a, (0.0, x, y, z)), _inverse(a))
+    return found[0], found[1], found[2]

@@ -1,0 +1,166 @@
+"""The feed of a run: what subscribers read, and that none of them costs the run or another one anything."""
+
+import json
+import os
+import select
+import socket
+import time
+from collections.abc import Iterator
+from contextlib import closing
+from itertools import pairwise
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from deploy_policies import Hold
+from mcap.stream_reader import StreamReader
+
+from footfall.common.errors import UserError
+from footfall.deploy.estimation.odometry import Odometry
+from footfall.deploy.log import McapLog
+from footfall.deploy.log_file import read_log
+from footfall.deploy.modes import Mode
+from footfall.deploy.receiver import MotorHealth
+from footfall.deploy.safety import State
+from footfall.deploy.telemetry.feed_reader import FeedMessage, FeedReader
+from footfall.policies.policy import Sensed
+from footfall.robots.description import Robot
+from footfall.robots.mjcf import load_spec
+
+START_NS = 1_700_000_000_000_000_000
+HEALTH = MotorHealth(np.zeros(13), *np.zeros((3, 12)))
+
+
+@pytest.fixture
+def log(go1: Robot, tmp_path: Path) -> Iterator[McapLog]:
+    """A run with a log and a feed, which has begun and stands."""
+    log = McapLog(tmp_path / "run.mcap", go1, Hold(go1), {}, may_wait=True, feed=tmp_path / "feed")
+    log.begin(START_NS)
+    log.state(0, State(Mode.STANDING, 0.0))
+    yield log
+    log.close()
+
+
+def sensed(angles: np.ndarray, quaternion: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0)) -> Sensed:
+    return Sensed(np.zeros(3), np.zeros(3), np.array(quaternion), angles, np.zeros(12), np.zeros(12))
+
+
+def ticks(log: McapLog, count: int, first: int = 0) -> None:
+    for tick in range(first, first + count):
+        log.tick(2000 * tick, sensed(np.zeros(12)), HEALTH, np.zeros((5, 12)))
+
+
+def connect(path: Path) -> socket.socket:
+    found = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    found.connect(os.fspath(path))
+    return found
+
+
+def test_a_late_subscriber_gets_what_holds_still_and_then_the_bytes_of_the_log(
+    log: McapLog, tmp_path: Path
+) -> None:
+    ticks(log, 5)
+    with closing(FeedReader(tmp_path / "feed", timeout_s=10.0)) as reader:
+        arriving = iter(reader)
+        known = {(found := next(arriving)).channel.topic: found for _ in range(4)}
+        assert set(known) == {"/robot_description", "/tf_static", "/state", "/motor_health"}
+        assert b"STANDING" in known["/state"].data
+        ticks(log, 50, first=5)
+        log.close()
+        left = [*known.values(), *arriving]
+        assert reader.ended
+        assert json.loads(reader.metadata["robot"]) == "go1"
+    live = [each for each in left if not each.channel.latched]
+    assert live
+    assert not gaps(live)
+    kept = [(e.topic, e.time_ns) for e in read_log(tmp_path / "run.mcap").entries]
+    fed = [(each.channel.topic, each.time_ns) for each in live]
+    assert fed == [each for each in kept if each[0] in {topic for topic, _ in fed}][-len(fed) :]
+
+
+def gaps(found: list[FeedMessage]) -> bool:
+    """Whether messages of a topic are missing between others."""
+    by_topic: dict[str, list[int]] = {}
+    for each in found:
+        by_topic.setdefault(each.channel.topic, []).append(each.sequence)
+    return any(later != earlier + 1 for all_of in by_topic.values() for earlier, later in pairwise(all_of))
+
+
+def test_others_read_the_feed_as_mcap(log: McapLog, tmp_path: Path) -> None:
+    with connect(tmp_path / "feed") as subscriber:
+        log.close()
+        kinds = [type(record).__name__ for record in StreamReader(subscriber.makefile("rb")).records]
+    assert kinds[:2] == ["Header", "Metadata"]
+    assert kinds.count("Message") == 3
+    assert kinds[-2:] == ["DataEnd", "Footer"]
+
+
+def test_hostile_and_slow_subscribers_cost_only_themselves(log: McapLog, tmp_path: Path) -> None:
+    """One never reads, one talks, and more come than there is room for."""
+    sleepers = [connect(tmp_path / "feed") for _ in range(14)]
+    talker = connect(tmp_path / "feed")
+    talker.sendall(b"GET / HTTP/1.1\r\n\r\n")
+    with closing(FeedReader(tmp_path / "feed", timeout_s=10.0)) as reader:
+        arriving = iter(reader)
+        seen = [next(arriving) for _ in range(3)]
+        crowd = [connect(tmp_path / "feed") for _ in range(8)]
+        slowest_s = 0.0
+        for tick in range(0, 1000, 50):
+            started = time.perf_counter()
+            ticks(log, 50, first=tick)
+            slowest_s = max(slowest_s, time.perf_counter() - started)
+            while not seen or seen[-1].time_ns < START_NS + 2_000_000 * (tick + 49):
+                seen.append(next(arriving))
+        assert not gaps(seen)
+    assert slowest_s < 1.0
+    assert log.close() == ""
+    assert talker.recv(1 << 20) == b"" or select.select([talker], [], [], 5.0)[0]
+    for each in (*sleepers, talker, *crowd):
+        each.close()
+    assert read_log(tmp_path / "run.mcap").complete
+
+
+def test_a_feed_in_use_is_refused_and_a_dead_ones_socket_replaced(
+    go1: Robot, log: McapLog, tmp_path: Path
+) -> None:
+    with pytest.raises(UserError, match=r"cannot serve a feed at .*feed: Address already in use"):
+        McapLog(None, go1, Hold(go1), {}, may_wait=True, feed=tmp_path / "feed")
+    with socket.socket(socket.AF_UNIX) as dead:
+        dead.bind(os.fspath(tmp_path / "dead"))
+    again = McapLog(None, go1, Hold(go1), {}, may_wait=True, feed=tmp_path / "dead")
+    again.begin(START_NS)
+    assert again.close() == ""
+    assert not (tmp_path / "dead").exists()
+
+
+def test_frames_lead_from_the_ground_to_each_sole(go1: Robot, log: McapLog, tmp_path: Path) -> None:
+    """Held against MuJoCo's kinematics, with the base where the odometry has it."""
+    angles = np.random.default_rng(0).uniform(-0.5, 0.5, 12) + go1.default_pose
+    place, quaternion = np.array([1.0, 2.0, 0.1]), np.array([0.8, 0.0, 0.36, 0.48])
+    still, unknown = np.zeros(3), np.zeros((7, 7))
+    log.odometry(0, Odometry(place, quaternion, 0.0, still, still, 0.3, np.ones(4), unknown))
+    log.tick(0, sensed(angles), HEALTH, None)
+    log.close()
+    parents = {}
+    for entry in read_log(tmp_path / "run.mcap", ["/tf", "/tf_static"]).entries:
+        for each in entry.message.transforms:
+            parents[each.child_frame_id] = each.header.frame_id, each.transform
+    model = load_spec(go1.xml_path).compile()
+    data = mujoco.MjData(model)
+    data.qpos[:7] = [*place, *quaternion]
+    data.qpos[[model.joint(name).qposadr[0] for name in go1.joint_names]] = angles
+    mujoco.mj_kinematics(model, data)
+    for foot in go1.description.feet:
+        frame, point = f"{foot.name}_sole", np.zeros(3)
+        while frame != "odom":
+            frame, transform = parents[frame]
+            point = placed(transform, point)
+        np.testing.assert_allclose(point, data.geom(foot.geoms[0]).xpos, atol=1e-9)
+
+
+def placed(transform, point: np.ndarray) -> np.ndarray:
+    q, found = transform.rotation, np.zeros(3)
+    mujoco.mju_rotVecQuat(found, point, np.array([q.w, q.x, q.y, q.z]))
+    at = transform.translation
+    return found + np.array([at.x, at.y, at.z])
