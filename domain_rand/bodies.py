@@ -12,6 +12,7 @@ from footfall.robots.description import Robot
 from footfall.robots.feet import find_feet
 from footfall.robots.model import joint_addresses
 
+WORLD = 0  # body
 Array = Any
 
 
@@ -19,10 +20,11 @@ def body_map(model: mujoco.MjModel, robot: Robot) -> BodyMap:
     """Find a robot's parts in a model (its own, or another plant with the same joint names)."""
     free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)[0]
     feet = np.concatenate(find_feet(model, robot.description, robot.xml_path))
-    planes = np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE)
-    geoms = np.union1d(feet, planes)
+    collides = (model.geom_contype | model.geom_conaffinity) != 0
+    ground = np.flatnonzero((model.geom_bodyid == WORLD) & collides)
+    geoms = np.union1d(feet, ground)
     if not len(feet):  # a plant whose feet nobody found: whatever can touch the ground
-        geoms = np.flatnonzero((model.geom_contype | model.geom_conaffinity) != 0)
+        geoms = np.flatnonzero(collides)
     _, dofs = joint_addresses(model, robot)
     return BodyMap(int(model.jnt_bodyid[free]), tuple(geoms.tolist()), tuple(dofs.tolist()))
 

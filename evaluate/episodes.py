@@ -20,6 +20,7 @@ from footfall.policies.policy import Policy
 from footfall.policies.registry import load_policy
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.model import plant_model
+from footfall.terrain.declaration import make_ground
 
 
 @dataclass(frozen=True)
@@ -74,6 +75,7 @@ def run_with(policy: Policy, task: EpisodeTask) -> EpisodeOutcome:
         duration_s=plan.duration_s,
         seed=plan.seed,
         plant=task.plant,
+        ground=None if plan.ground is None else make_ground(plan.ground, plan.seed),
         sample=sample,
         noise=task.noise,
         pushes=plan.pushes,

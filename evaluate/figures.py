@@ -12,7 +12,8 @@ from footfall.common.config import load
 
 Summary = Mapping[str, Any]
 NOTHING = "–"
-COUNTS = ("falls", "legs_touch_episodes")  # of episodes
+COUNTS = ("falls", "successes", "legs_touch_episodes")  # of episodes
+RATES = {"falls": "fall_rate_interval", "successes": "success_rate_interval"}  # their intervals, as shares
 # A bootstrap over fewer episodes gives an interval that is too narrow to rank anybody by.
 LEAST_EPISODES = 8
 
@@ -62,7 +63,7 @@ def value(figure: Figure, summary: Summary) -> float | None:
 
 def interval(figure: Figure, summary: Summary) -> tuple[float, float] | None:
     """Its 95 % interval, of falls as a share of episodes; None where there is none."""
-    key = "fall_rate_interval" if figure.key == "falls" else f"{figure.key}_interval"
+    key = RATES.get(figure.key, f"{figure.key}_interval")
     if key not in summary or (figure.key != "dv50" and value(figure, summary) is None):
         return None
     if figure.key == "dv50":  # None stands for beyond the strongest push
@@ -90,7 +91,7 @@ def interval_text(figure: Figure, summary: Summary) -> str:
     if edges is None or math.isinf(edges[0]) or value(figure, summary) is None:
         return ""
     low, high = edges
-    if figure.key == "falls":
+    if figure.key in RATES:
         return f"{100 * low:.0f} to {100 * high:.0f} %"
     return f"{_rounded(figure, low)} to {_rounded(figure, high) if math.isfinite(high) else 'beyond'}"
 
@@ -111,7 +112,7 @@ def beats(figure: Figure, one: Summary, other: Summary) -> bool:
     errors and uses little energy.
     """
     mine, theirs = interval(figure, one), interval(figure, other)
-    few = min(one["episodes"], other["episodes"]) < LEAST_EPISODES and figure.key != "falls"
+    few = min(one["episodes"], other["episodes"]) < LEAST_EPISODES and figure.key not in RATES
     if mine is None or theirs is None or few:
         return False
     if figure.upright and one["fall_rate"] > other["fall_rate"]:

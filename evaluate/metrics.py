@@ -3,7 +3,8 @@
 Definitions
     Velocity error: length of the difference between commanded and true (vx, vy) in the body frame.
     Root mean squares are over time, without the first second after each change of command (the start of
-    the walk is one). Distance is as `plant/progress.py` measures it.
+    the walk is one). Distance is as `plant/progress.py` measures it. Progress is the path along the
+    commanded direction, as a share of the commanded path.
 """
 
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ from footfall.plant.trace import Trace
 from footfall.robots.description import Robot
 
 SETTLE_S = 1.0
+ARRIVED = 0.7  # progress at which an episode counts as a success
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,7 @@ class EpisodeMetrics:
     yaw_rate_mse: float  # rad^2/s^2
     mean_velocity: tuple[float, float, float]  # forward m/s, leftward m/s, yaw rad/s, over scored time
     distance_m: float
+    progress: float  # share of the commanded path
     electrical_j: float  # shaft work and copper loss
     mechanical_j: float  # net shaft work
     positive_j: float  # shaft work where a motor drives, without what it takes back when it brakes
@@ -41,6 +44,12 @@ class EpisodeMetrics:
     target_rate_rad_s: float  # root mean square over joints and time
     torque_rate_nm_s: float  # the same of the motors' torque
     estimate_mse: float  # of the estimated horizontal velocity, m^2/s^2; NaN without an estimator
+
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether the robot stayed up and followed its command over most of the path."""
+        return not self.fell and not self.progress < ARRIVED  # NaN: it was to stand
 
 
 def score(trace: Trace, robot: Robot, weight_n: float) -> EpisodeMetrics:
@@ -62,6 +71,7 @@ def score(trace: Trace, robot: Robot, weight_n: float) -> EpisodeMetrics:
         yaw_rate_mse=_mean(error[settled, 2] ** 2),
         mean_velocity=tuple(_mean(column) for column in velocity[settled].T),  # type: ignore[arg-type]
         distance_m=path_length(trace.base_position, trace.record_rate_hz),
+        progress=progress(trace.command[:, :2], velocity[:, :2]),
         electrical_j=float(trace.electrical_power.sum() * dt_s),
         mechanical_j=float(trace.mechanical_power.sum() * dt_s),
         positive_j=float(trace.positive_power.sum() * dt_s),
@@ -75,6 +85,19 @@ def score(trace: Trace, robot: Robot, weight_n: float) -> EpisodeMetrics:
         torque_rate_nm_s=_rate(trace.motor_torque, dt_s),
         estimate_mse=_mean((estimated[settled] ** 2).sum(axis=1)),
     )
+
+
+def progress(command: np.ndarray, velocity: np.ndarray) -> float:
+    """Path along the commanded direction as a share of the commanded path; NaN if none was commanded.
+
+    Args:
+        command: horizontal velocity, m/s, body frame, (T, 2).
+        velocity: that the base had, likewise.
+    """
+    speed = np.linalg.norm(command, axis=1)
+    moving = speed > 0.0
+    along = (velocity[moving] * command[moving]).sum(axis=1) / speed[moving]
+    return float(along.sum() / speed.sum()) if moving.any() else np.nan
 
 
 def settled_samples(trace: Trace) -> np.ndarray:

@@ -8,8 +8,17 @@ from itertools import product
 import numpy as np
 
 from footfall.common.errors import UserError
-from footfall.evaluate.scenarios import COMMAND_AXES, MOST_EPISODES, DrawnCommands, Range, Scenario, Waypoint
+from footfall.evaluate.scenarios import (
+    COMMAND_AXES,
+    MOST_EPISODES,
+    DrawnCommands,
+    Range,
+    Scenario,
+    Waypoint,
+    at_level,
+)
 from footfall.plant.episode import Push
+from footfall.terrain.declaration import GroundConfig
 
 Command = tuple[float, float, float]
 Levels = dict[str, float]
@@ -40,6 +49,7 @@ class EpisodePlan:
     pushes: tuple[Push, ...]
     levels: Levels
     randomised: bool
+    ground: GroundConfig | None = None  # None is level
 
 
 def plan_episodes(name: str, scenario: Scenario, seed: int, episodes: int | None = None) -> list[EpisodePlan]:
@@ -72,6 +82,7 @@ def plan_episodes(name: str, scenario: Scenario, seed: int, episodes: int | None
                 pushes=(*scenario.pushes, *_drawn_push(level, scenario.push_between_s, rng)),
                 levels=level,
                 randomised=scenario.randomised,
+                ground=None if scenario.ground is None else at_level(scenario.ground, level),
             )
         )
     return plans

@@ -22,6 +22,7 @@ from footfall.domain_rand.randomisation import QUANTITIES, randomisation_of
 from footfall.plant.episode import Push
 from footfall.robots.description import Robot
 from footfall.robots.mjcf import load_spec
+from footfall.terrain.declaration import GroundConfig, check_ground, parameters_of_shapes
 
 DEFAULT = Path(__file__).parent / "scenarios.yaml"
 COMMAND_AXES = ("forward_m_s", "leftward_m_s", "yaw_rad_s")
@@ -30,9 +31,15 @@ SHARES = {  # of what, in a file
     "leftward_share": "leftward_m_s",
     "yaw_share": "yaw_rad_s",
     "payload_share": "payload_kg",
+    "step_share": "step_m",
+    "roughness_share": "roughness_m",
+    "block_share": "block_m",
+    "tread_share": "tread_m",
 }
+GROUND_LENGTHS = ("step_m", "tread_m", "roughness_m", "block_m")  # shares are of the standing height
 PUSH_LEVELS = ("push_m_s", "push_direction_deg")
-LEVEL_NAMES = (*COMMAND_AXES, *PUSH_LEVELS, *QUANTITIES)
+GROUND_LEVELS = tuple(parameters_of_shapes())
+LEVEL_NAMES = (*COMMAND_AXES, *PUSH_LEVELS, *QUANTITIES, *GROUND_LEVELS)
 LEVEL_LIMITS = {
     **dict.fromkeys(COMMAND_AXES, (-FASTEST, FASTEST)),
     "push_m_s": (0.0, FASTEST),
@@ -86,6 +93,7 @@ class Scenario:
     pushes: tuple[Push, ...] = ()
     levels: dict[str, tuple[float, ...]] = field(default_factory=dict)
     push_between_s: Range | None = None  # when the push of the push levels comes
+    ground: GroundConfig | None = None  # parameters that are levels may be left out; None is level
     randomised: bool = False  # the robot is drawn from the declaration in domain_rand
     rows: tuple[str, ...] = ()  # levels by which results are listed as well
 
@@ -103,6 +111,7 @@ class Scenario:
         self._check_commands()
         self._check_levels()
         self._check_pushes()
+        self._check_ground()
 
     def _check_commands(self) -> None:
         axes = [axis for axis in COMMAND_AXES if axis in self.levels]
@@ -123,6 +132,16 @@ class Scenario:
                 if not least <= value <= most:
                     raise ValueError(f"level {name} must be from {least:g} to {most:g}, not {value:g}")
 
+    def _check_ground(self) -> None:
+        of_ground = {name: self.levels[name] for name in GROUND_LEVELS if name in self.levels}
+        if of_ground and self.ground is None:
+            raise ValueError(f"level {next(iter(of_ground))} needs a ground")
+        if self.ground is not None:
+            lengths = {len(values) for values in of_ground.values()}
+            for index in range(max(lengths, default=1)):
+                level = {name: values[min(index, len(values) - 1)] for name, values in of_ground.items()}
+                check_ground(at_level(self.ground, level))
+
     def _check_pushes(self) -> None:
         if "push_m_s" in self.levels and self.push_between_s is None:
             raise ValueError("push levels need push_between_s")
@@ -131,6 +150,12 @@ class Scenario:
         for push in self.pushes:
             require_not_negative(push, "time_s")
             require_between(push, -FASTEST, FASTEST, "delta_v_m_s")
+
+
+def at_level(ground: GroundConfig, levels: Mapping[str, float]) -> GroundConfig:
+    """A ground with the parameters that are among these levels."""
+    chosen = {name: value for name, value in levels.items() if name in GROUND_LEVELS}
+    return replace(ground, settings={**ground.settings, **chosen})
 
 
 @dataclass(frozen=True)
@@ -184,8 +209,10 @@ def load_scenarios(robot: Robot, own: Path | None = None) -> ScenarioFile:
 def _ranges(robot: Robot) -> dict[str, Range]:
     """What shares are of: the robot's commands, and its load at random, which may be none."""
     load = randomisation_of(robot).payload_kg
+    height_m = robot.description.standing_height_m
     return {
         **vars(robot.description.commands),
+        **dict.fromkeys(GROUND_LENGTHS, (-height_m, height_m)),
         "payload_kg": (0.0, 0.0) if load is None else (load.low, load.high),
     }
 

@@ -57,13 +57,15 @@ def summarise(scenario: Scenario, outcomes: Sequence[TaskResult[EpisodeOutcome]]
     if not finished:
         return summary
     summary |= _figures(finished, seed)
+    if scenario.ground is not None:
+        summary |= _successes(finished)
     summary |= _compute(finished)
     if finished[0].own:
         summary |= _own(finished, seed)
     if len(scenario.script) == 1 and not scenario.levels:
         summary["mean_forward_m_s"] = summary["mean_velocity"][0]
     if scenario.rows:
-        summary["rows"] = _rows(scenario.rows, finished, seed)
+        summary["rows"] = _rows(scenario, finished, seed)
     if "push_m_s" in scenario.levels:
         summary |= _survival(finished, seed)
     summary["troubles"] = _reasons_for_ending(finished)
@@ -139,8 +141,19 @@ def _compute(finished: Sequence[EpisodeOutcome]) -> Summary:
     )
 
 
-def _rows(names: Sequence[str], finished: Sequence[EpisodeOutcome], seed: int) -> list[Summary]:
+def _successes(finished: Sequence[EpisodeOutcome]) -> Summary:
+    """Number of episodes in which the robot stayed up and got along, with its interval."""
+    successes = sum(outcome.metrics.succeeded for outcome in finished)
+    return {
+        "successes": successes,
+        "success_rate": successes / len(finished),
+        "success_rate_interval": wilson_interval(successes, len(finished)),
+    }
+
+
+def _rows(scenario: Scenario, finished: Sequence[EpisodeOutcome], seed: int) -> list[Summary]:
     """Figures for each combination of levels that occurred, in rising order."""
+    names = scenario.rows
     groups: dict[tuple[float, ...], list[EpisodeOutcome]] = {}
     for outcome in finished:
         groups.setdefault(tuple(outcome.levels[name] for name in names), []).append(outcome)
@@ -149,7 +162,8 @@ def _rows(names: Sequence[str], finished: Sequence[EpisodeOutcome], seed: int) -
         figures = _figures(groups[levels], seed)
         kept = ("falls", "fall_rate_interval", "lin_vel_rmse", "yaw_rate_rmse", "cost_of_transport")
         row = dict(zip(names, levels, strict=True)) | {"episodes": len(groups[levels])}
-        rows.append(row | {key: figures[key] for key in kept})
+        on_ground = {} if scenario.ground is None else _successes(groups[levels])
+        rows.append(row | {key: figures[key] for key in kept} | on_ground)
     return rows
 
 

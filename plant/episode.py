@@ -24,6 +24,7 @@ from footfall.plant.trace import Recorder, Trace
 from footfall.plant.wires import SimulatedWires
 from footfall.policies.policy import Policy
 from footfall.robots.description import Robot
+from footfall.terrain.ground import Ground
 
 BUS = "sim"  # name of the simulated bus on the command line
 
@@ -53,6 +54,7 @@ class Episode:
     duration_s: float  # of walking, at most
     seed: int = 0
     plant: Path | None = None  # another MJCF than the robot's own
+    ground: Ground | None = None  # None for the plant's own, flat if it has none
     sample: Sample | None = None
     noise: Noise | None = None
     pushes: tuple[Push, ...] = ()  # in any order
@@ -87,11 +89,12 @@ def run_episode(robot: Robot, policy: Policy, episode: Episode, watch: Watch | N
     wiring, config = wire(robot), episode.config or deploy_config(robot)
     wires = SimulatedWires(wiring.buses, config.host_queue)
     config_of_plant = PlantConfig(
-        episode.plant,
-        episode.sample or {},
-        episode.noise,
-        config.motor_timeout_s,
-        episode.lying,
+        plant=episode.plant,
+        ground=episode.ground,
+        sample=episode.sample or {},
+        noise=episode.noise,
+        motor_timeout_s=config.motor_timeout_s,
+        lying=episode.lying,
         let_go_after_s=config.held_up_s,
     )
     body = SimulatedRobot(robot, wiring, wires, config_of_plant, episode.seed)

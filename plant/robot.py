@@ -21,6 +21,7 @@ from footfall.domain_rand.randomisation import QUANTITIES
 from footfall.domain_rand.sample import Sample
 from footfall.plant.battery import SimulatedBattery
 from footfall.plant.energy import EnergyMeter, Power
+from footfall.plant.ground import replaced_by
 from footfall.plant.ground_truth import GroundTruth, Truth
 from footfall.plant.hanging import Frame
 from footfall.plant.imu_ends import open_imu_end
@@ -31,6 +32,7 @@ from footfall.plant.wires import Side, SimulatedWires
 from footfall.robots import kinds
 from footfall.robots.description import Robot
 from footfall.robots.model import Plant, joint_addresses, read_plant
+from footfall.terrain.ground import Ground
 
 IMU_PERIOD_S = 0.002
 HELD_UP_S = DeployConfig().held_up_s
@@ -53,6 +55,7 @@ class PlantConfig:
     """Differences between the simulated robot and the robot that the controller assumes."""
 
     plant: Path | None = None  # another MJCF
+    ground: Ground | None = None  # None for the MJCF's own, flat if it has none
     sample: Sample = field(default_factory=dict)
     noise: Noise | None = None
     motor_timeout_s: float | None = None  # of all motors; None for robot.yaml's
@@ -81,7 +84,7 @@ class SimulatedRobot:
         """Raises UserError if plant, robot and sample do not fit, or for `lying` without a lying pose."""
         config = config or PlantConfig()
         sample = config.sample
-        plant = read_plant(robot, config.plant)
+        plant = read_plant(robot, config.plant, replaced_by(config.ground))
         _check_sample(sample, plant)
         self.model, self.notes = plant.model, plant.notes
         apply_to_model(self.model, sample, body_map(self.model, robot))

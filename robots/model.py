@@ -1,5 +1,6 @@
 """MuJoCo models derived from one MJCF: the plant of the simulated robot and the lean training model."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,6 +17,7 @@ from footfall.robots.stability import PLANT_TIMESTEP_S, TRAINING_TIMESTEP_S
 
 FLOOR = "floor"
 IMU = "footfall_imu"
+FLOOR_FRICTION = [0.8, 0.005, 0.0001]
 ALL_CONTACTS = 0x7FFFFFFF  # contact bits that match every geom that can collide
 
 
@@ -78,7 +80,9 @@ def plant_model(robot: Robot, path: Path | None = None) -> mujoco.MjModel:
     return read_plant(robot, path).model
 
 
-def read_plant(robot: Robot, path: Path | None = None) -> Plant:
+def read_plant(
+    robot: Robot, path: Path | None = None, change: Callable[[mujoco.MjSpec], None] | None = None
+) -> Plant:
     """The body of the simulated robot: full collision geometry, joint limits, an IMU, a floor.
 
     Pairs of geoms that replace others in training are left out.
@@ -89,6 +93,7 @@ def read_plant(robot: Robot, path: Path | None = None) -> Plant:
             simulated robot adds its own motors and IMU); masses, geometry, reflected inertia, joint
             friction and damping are kept where the file gives them; otherwise they are the robot's.
             A floor is added if no plane or height field can collide.
+        change: applied to the MJCF before it is compiled; it may replace the ground.
 
     Raises:
         UserError: the file cannot be read, lacks a joint, or has no free base.
@@ -110,7 +115,9 @@ def read_plant(robot: Robot, path: Path | None = None) -> Plant:
         notes.append(f"{source.name} gives no reflected inertia: the robot's is used")
         for joint, armature in zip(joints, robot.armature, strict=True):
             joint.armature = armature
-    if not any(_is_ground(geom) for geom in spec.worldbody.geoms):
+    if change is not None:
+        change(spec)
+    elif not any(_is_ground(geom) for geom in spec.worldbody.geoms):
         _add_floor(spec)
     _add_imu(spec, robot)
     spec.option.timestep = PLANT_TIMESTEP_S
@@ -265,5 +272,5 @@ def _add_floor(spec: mujoco.MjSpec, contact_bits: int = ALL_CONTACTS) -> mujoco.
         size=[0, 0, 1],
         contype=contact_bits,
         conaffinity=contact_bits,
-        friction=[0.8, 0.005, 0.0001],
+        friction=FLOOR_FRICTION,
     )

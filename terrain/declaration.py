@@ -1,0 +1,112 @@
+"""Grounds as data: a shape and its parameters, or a height map in a file."""
+
+from collections.abc import Mapping
+from dataclasses import KW_ONLY, dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from footfall.common.config import read_yaml, require_between, structure, takes_other_keys
+from footfall.common.errors import UserError
+from footfall.common.hints import meant
+from footfall.common.terms import bind, parameters
+from footfall.terrain.ground import Ground
+from footfall.terrain.shapes import RIM_M, SHAPES, Places
+
+NAMED = Path(__file__).parent / "grounds.yaml"
+MOST_CELLS = 2048  # along a side
+
+
+@takes_other_keys("settings")
+@dataclass(frozen=True)
+class GroundConfig:
+    """A shape and its parameters, as they stand in YAML."""
+
+    shape: str
+    _: KW_ONLY
+    size_m: float = 10.0  # side of the piece; beyond it the rim goes on
+    cell_m: float = 0.05
+    settings: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.shape not in SHAPES:
+            raise ValueError(f"shape: there is no '{self.shape}' ({', '.join(SHAPES)}){meant(self.shape, SHAPES)}")
+        require_between(self, 2.0 * RIM_M, 100.0, "size_m")
+        require_between(self, 0.01, 0.5, "cell_m")
+        if self.size_m / self.cell_m > MOST_CELLS:
+            raise ValueError(f"size_m / cell_m must be {MOST_CELLS} at most, not {self.size_m / self.cell_m:.0f}")
+
+
+def parameters_of_shapes() -> list[str]:
+    """Names of the parameters of all shapes, each once."""
+    return list(dict.fromkeys(name for shape in SHAPES.values() for name in parameters(shape.heights)))
+
+
+def check_ground(config: GroundConfig, where: str = "ground") -> None:
+    """Raise UserError if the shape has no such parameter, or not with this value."""
+    bind(SHAPES[config.shape].heights, config.settings, where)
+
+
+def make_ground(config: GroundConfig, seed: int, where: str = "ground") -> Ground:
+    """The ground that a declaration describes; its random heights follow from the seed.
+
+    Raises:
+        UserError: as `check_ground`; the message begins with `where`.
+    """
+    shape = SHAPES[config.shape]
+    heights = bind(shape.heights, config.settings, where)
+    cells = round(config.size_m / config.cell_m)
+    half_m = 0.5 * cells * config.cell_m
+    if shape.stepped:
+        along = (np.arange(cells) + 0.5) * config.cell_m - half_m
+    else:
+        along = np.arange(cells + 1) * config.cell_m - half_m
+    x, y = np.meshgrid(along, along, indexing="ij")
+    made = heights(Places(x, y, half_m), np.random.default_rng(seed))
+    return Ground(made, config.cell_m, shape.stepped)
+
+
+@cache
+def named_grounds() -> Mapping[str, GroundConfig]:
+    """The grounds that ship, by name."""
+    return structure(read_yaml(NAMED), dict[str, GroundConfig], str(NAMED))
+
+
+def load_ground(spec: str, seed: int = 0) -> Ground:
+    """The ground that a user names: one that ships, with changes, or a height map in a file.
+
+    Args:
+        spec: `stairs`, `stairs,step_m=0.1`, or the path of a .npy or .png file (see `height_map`).
+        seed: of random heights.
+
+    Raises:
+        UserError: there is no such ground, or it cannot be as asked.
+    """
+    name, *changes = spec.split(",")
+    known = named_grounds()
+    if name in known:
+        settings = {**vars(known[name]), "settings": {**known[name].settings, **_values(changes, spec)}}
+        return make_ground(GroundConfig(**settings), seed, f"ground '{spec}'")
+    if Path(name).suffix.lower() in (".npy", ".png"):
+        from footfall.terrain.height_map import read_height_map
+
+        return read_height_map(Path(name), **_values(changes, spec))
+    raise UserError(
+        f"no ground '{name}': give one of {', '.join(known)}, or a .npy or .png file{meant(name, known)}"
+    )
+
+
+def _values(changes: list[str], spec: str) -> dict[str, float]:
+    """KEY=VALUE items as numbers."""
+    values = {}
+    for change in changes:
+        key, equals, text = change.partition("=")
+        try:
+            values[key] = float(text)
+        except ValueError:
+            equals = ""
+        if not equals:
+            raise UserError(f"ground '{spec}': '{change}' is not KEY=NUMBER")
+    return values

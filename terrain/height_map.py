@@ -1,0 +1,64 @@
+"""Height maps in files: NumPy arrays in metres, grey pictures."""
+
+from pathlib import Path
+
+import numpy as np
+
+from footfall.common.errors import UserError
+from footfall.terrain.declaration import MOST_CELLS
+from footfall.terrain.ground import Ground
+
+HIGHEST_M = 10.0
+
+
+def read_height_map(path: Path, cell_m: float = 0.05, top_m: float = 1.0) -> Ground:
+    """A smooth ground from a file; its middle lies at height 0.
+
+    Args:
+        path: .npy with heights in m, first axis x, second y; or .png, a map from above with x upwards and y
+            to the left, whose black is 0 and whose white is `top_m`.
+        cell_m: distance between two heights.
+        top_m: height of white.
+
+    Raises:
+        UserError: the file cannot be read, or holds no heights that a robot could walk on.
+    """
+    if not 0.01 <= cell_m <= 1.0:
+        raise UserError(f"{path}: cell_m must be from 0.01 to 1, not {cell_m:g}")
+    if not 0.0 < top_m <= HIGHEST_M:
+        raise UserError(f"{path}: top_m must be above 0, and {HIGHEST_M:g} at most, not {top_m:g}")
+    heights = _from_picture(path, top_m) if path.suffix.lower() == ".png" else _from_array(path)
+    if heights.ndim != 2 or min(heights.shape) < 2 or max(heights.shape) > MOST_CELLS:
+        raise UserError(f"{path}: expected 2 to {MOST_CELLS} rows and columns, not {heights.shape}")
+    if not np.isfinite(heights).all() or np.ptp(heights) > HIGHEST_M:
+        raise UserError(f"{path}: heights must be finite, and differ by {HIGHEST_M:g} m at most")
+    square = _square(heights)
+    middle = len(square) // 2
+    return Ground(square - square[middle, middle], cell_m, stepped=False)
+
+
+def _square(heights: np.ndarray) -> np.ndarray:
+    """The same map with its rim repeated along its shorter axis."""
+    lacking = max(heights.shape) - np.array(heights.shape)
+    return np.pad(heights, [(each // 2, each - each // 2) for each in lacking], mode="edge")
+
+
+def _from_array(path: Path) -> np.ndarray:
+    try:
+        return np.asarray(np.load(path, allow_pickle=False), dtype=float)
+    except (OSError, ValueError, EOFError, TypeError) as error:
+        raise UserError(f"cannot read the heights in {path}: {error}") from None
+
+
+def _from_picture(path: Path, top_m: float) -> np.ndarray:
+    try:
+        from PIL import Image, UnidentifiedImageError
+    except ImportError:
+        raise UserError(f"{path}: a picture needs pip install 'footfall[report]'; a .npy file does not") from None
+    try:
+        with Image.open(path) as picture:
+            grey = np.asarray(picture.convert("I"), dtype=float)
+            white = 65535.0 if picture.mode.startswith("I") else 255.0
+    except (OSError, UnidentifiedImageError, Image.DecompressionBombError) as error:
+        raise UserError(f"cannot read the picture {path}: {error}") from None
+    return top_m * grey[::-1, ::-1] / white  # upwards in the picture is x, to the left y

@@ -1,0 +1,96 @@
+"""Grounds: the same height by our functions, by JAX and by MuJoCo; shapes, files, refusals."""
+
+from pathlib import Path
+
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+import pytest
+from PIL import Image
+
+from footfall.common.errors import UserError
+from footfall.plant.ground import replace_ground
+from footfall.terrain.declaration import load_ground, named_grounds
+from footfall.terrain.ground import Ground, height_at, tangent_at
+
+HIGH_M = 5.0
+
+
+def in_mujoco(ground: Ground, places: np.ndarray) -> np.ndarray:
+    """Heights (n,) at places (n, 2), by rays from above on the geoms of a plant."""
+    spec = mujoco.MjSpec()
+    replace_ground(spec, ground)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    hit, down = np.zeros(1, dtype=np.int32), np.array([0.0, 0.0, -1.0])
+    above = np.column_stack([places, np.full(len(places), HIGH_M)])
+    return np.array(
+        [HIGH_M - mujoco.mj_ray(model, data, point, down, None, 1, -1, hit) for point in above]
+    )
+
+
+@pytest.mark.parametrize("name", named_grounds())
+def test_numpy_jax_and_mujoco_agree_on_a_ground(name: str) -> None:
+    ground = load_ground(name, seed=3)
+    places = np.random.default_rng(1).uniform(-6.0, 6.0, (300, 2))
+    heights = height_at(ground, places)
+    # MuJoCo divides the squares of a height field into triangles: between grid points it differs.
+    np.testing.assert_allclose(in_mujoco(ground, places), heights, atol=1e-5 if ground.stepped else 0.01)
+    on_jax = ground._replace(heights=jnp.asarray(ground.heights))
+    apart = np.abs(np.asarray(height_at(on_jax, jnp.asarray(places))) - heights)
+    assert np.quantile(apart, 0.98) < 1e-5  # a place may fall into the next cell by rounding
+    assert not height_at(ground, np.random.default_rng(1).uniform(-0.9, 0.9, (50, 2))).any()
+    rim = height_at(ground, np.array([[5.0, 0.0], [-5.0, 4.0], [0.0, -9.0], [2.0, 5.0]]))
+    assert np.ptp(rim) < 1e-9
+
+
+def test_slopes_are_the_change_of_height() -> None:
+    ground = load_ground("rough,roughness_m=0.05", seed=2)
+    places = np.random.default_rng(0).uniform(-4.0, 4.0, (200, 2))
+    step = 1e-6
+    for axis in (0, 1):
+        moved = places + step * np.eye(2)[axis]
+        numeric = (height_at(ground, moved) - height_at(ground, places)) / step
+        np.testing.assert_allclose(tangent_at(ground, places).slope[:, axis], numeric, atol=1e-4)
+
+
+def test_random_heights_follow_from_the_seed() -> None:
+    one, same, other = (load_ground("blocks", seed=seed).heights for seed in (1, 1, 2))
+    assert (one == same).all()
+    assert (one != other).any()
+
+
+def test_height_maps_lie_as_their_axes_say(tmp_path: Path) -> None:
+    heights = np.zeros((8, 6))  # x, y
+    heights[6, 1] = 0.2
+    np.save(tmp_path / "map.npy", heights)
+    picture = (heights.T[::-1].T[::-1] * 255).astype(np.uint8)  # x upwards, y to the left
+    Image.fromarray(picture).save(tmp_path / "map.png")
+    for name in ("map.npy", "map.png"):
+        ground = load_ground(f"{tmp_path / name},cell_m=0.5")
+        highest = np.unravel_index(np.argmax(ground.heights), ground.heights.shape)
+        x, y = np.array(highest) * 0.5 - ground.half_m
+        assert x > 0.5
+        assert y < -0.5
+        assert ground.heights.max() == pytest.approx(0.2, abs=0.01)
+
+
+def test_what_is_no_ground_is_refused_in_one_line(tmp_path: Path) -> None:
+    np.save(tmp_path / "flat.npy", np.zeros(4))
+    np.save(tmp_path / "nan.npy", np.full((4, 4), np.nan))
+    (tmp_path / "bad.png").write_text("no picture")
+    refused = {
+        "stair": "stairs",
+        "stairs,step_m=9": "step_m",
+        "stairs,depth=1": "depth",
+        "stairs,step_m": "KEY=NUMBER",
+        str(tmp_path / "none.npy"): "none.npy",
+        str(tmp_path / "flat.npy"): "rows",
+        str(tmp_path / "nan.npy"): "finite",
+        str(tmp_path / "bad.png"): "bad.png",
+    }
+    for spec, word in refused.items():
+        with pytest.raises(UserError, match=word) as error:
+            load_ground(spec)
+        assert "\n" not in str(error.value), spec
