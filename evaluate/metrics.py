@@ -45,7 +45,6 @@ class EpisodeMetrics:
     torque_rate_nm_s: float  # the same of the motors' torque
     estimate_mse: float  # of the estimated horizontal velocity, m^2/s^2; NaN without an estimator
 
-
     @property
     def succeeded(self) -> bool:
         """Whether the robot stayed up and followed its command over most of the path."""

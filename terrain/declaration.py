@@ -12,11 +12,10 @@ from footfall.common.config import read_yaml, require_between, structure, takes_
 from footfall.common.errors import UserError
 from footfall.common.hints import meant
 from footfall.common.terms import bind, parameters
-from footfall.terrain.ground import Ground
+from footfall.terrain.ground import MOST_CELLS, Ground
 from footfall.terrain.shapes import RIM_M, SHAPES, Places
 
 NAMED = Path(__file__).parent / "grounds.yaml"
-MOST_CELLS = 2048  # along a side
 
 
 @takes_other_keys("settings")
@@ -32,11 +31,13 @@ class GroundConfig:
 
     def __post_init__(self) -> None:
         if self.shape not in SHAPES:
-            raise ValueError(f"shape: there is no '{self.shape}' ({', '.join(SHAPES)}){meant(self.shape, SHAPES)}")
+            known = f"there are {', '.join(SHAPES)}{meant(self.shape, SHAPES)}"
+            raise ValueError(f"no shape '{self.shape}': {known}")
         require_between(self, 2.0 * RIM_M, 100.0, "size_m")
         require_between(self, 0.01, 0.5, "cell_m")
-        if self.size_m / self.cell_m > MOST_CELLS:
-            raise ValueError(f"size_m / cell_m must be {MOST_CELLS} at most, not {self.size_m / self.cell_m:.0f}")
+        cells = round(self.size_m / self.cell_m)
+        if cells > MOST_CELLS:
+            raise ValueError(f"size_m / cell_m must be {MOST_CELLS} at most, not {cells}")
 
 
 def parameters_of_shapes() -> list[str]:

@@ -6,6 +6,7 @@ rim go on. Written once for NumPy and JAX.
 
 from typing import Any, NamedTuple
 
+MOST_CELLS = 2048  # along a side
 Array = Any  # a NumPy or a JAX array
 
 

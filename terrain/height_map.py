@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from footfall.common.errors import UserError
-from footfall.terrain.declaration import MOST_CELLS
-from footfall.terrain.ground import Ground
+from footfall.terrain.ground import MOST_CELLS, Ground
 
 HIGHEST_M = 10.0
 
@@ -54,7 +53,7 @@ def _from_picture(path: Path, top_m: float) -> np.ndarray:
     try:
         from PIL import Image, UnidentifiedImageError
     except ImportError:
-        raise UserError(f"{path}: a picture needs pip install 'footfall[report]'; a .npy file does not") from None
+        raise UserError(f"{path}: to read a picture, pip install 'footfall[report]'") from None
     try:
         with Image.open(path) as picture:
             grey = np.asarray(picture.convert("I"), dtype=float)

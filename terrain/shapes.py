@@ -46,9 +46,7 @@ def level(places: Places, rng: np.random.Generator) -> np.ndarray:
     return np.zeros_like(places.x)
 
 
-def slope(
-    places: Places, rng: np.random.Generator, *, angle_deg: Angle, start_m: Start = 1.0
-) -> np.ndarray:
+def slope(places: Places, rng: np.random.Generator, *, angle_deg: Angle, start_m: Start = 1.0) -> np.ndarray:
     """A slope on all sides of the start, upwards; downwards for a negative angle."""
     along = np.clip(places.ring - start_m, 0.0, places.room_m(start_m))
     return math.tan(math.radians(angle_deg)) * along
@@ -77,7 +75,7 @@ def rough(
 ) -> np.ndarray:
     """Random heights up to `roughness_m` above and below, `spacing_m` apart, with slopes between them."""
     points = math.ceil(2.0 * places.half_m / spacing_m) + 2
-    drawn = rng.uniform(-roughness_m, roughness_m, (points, points)) if roughness_m else np.zeros((points,) * 2)
+    drawn = roughness_m * rng.uniform(-1.0, 1.0, (points, points))
     row, column = ((at + places.half_m) / spacing_m for at in (places.x, places.y))
     first_row, first_column = row.astype(int), column.astype(int)
     u, v = row - first_row, column - first_column

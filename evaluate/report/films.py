@@ -24,6 +24,7 @@ from footfall.evaluate.report import caption, scene
 from footfall.plant.episode import Push
 from footfall.plant.trace import Trace
 from footfall.robots.description import load_robot
+from footfall.terrain.ground import Ground
 
 T = TypeVar("T")
 
@@ -43,6 +44,7 @@ class FilmTask:
     trace: Trace
     pushes: tuple[Push, ...]
     duration_s: float  # of the film; one that ends earlier holds its last picture
+    ground: Ground | None = None  # None is level
 
 
 @dataclass(frozen=True)
@@ -157,7 +159,7 @@ def camera_shots(task: FilmTask) -> Iterator[Callable[[int], np.ndarray]]:
     """A function that renders a sample of the trace, to be called in their order: the camera follows."""
     robot, trace = load_robot(task.robot), task.trace
     height_m = robot.description.standing_height_m
-    model = scene.scene_model(robot, task.plant, WIDTH, HEIGHT)
+    model = scene.scene_model(robot, task.plant, WIDTH, HEIGHT, task.ground)
     data, camera, options = mujoco.MjData(model), mujoco.MjvCamera(), mujoco.MjvOption()
     options.geomgroup[scene.HIDDEN_GROUPS :] = 0
     looked_at = trace.base_position[0].copy()

@@ -5,15 +5,20 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from footfall.plant.ground import replace_ground
 from footfall.robots.description import Robot
 from footfall.robots.mjcf import load_spec
 from footfall.robots.model import FLOOR
+from footfall.terrain.ground import Ground
 
 FLOOR_MATERIAL = "footfall_floor"
+EXTENT = 3.0  # of the scene for the camera's near and far planes, in standing heights
 HIDDEN_GROUPS = 3  # and above: collision geometry, by custom
 
 
-def scene_model(robot: Robot, plant: Path | None, width: int, height: int) -> mujoco.MjModel:
+def scene_model(
+    robot: Robot, plant: Path | None, width: int, height: int, ground: Ground | None = None
+) -> mujoco.MjModel:
     """The plant's body among scenery; its `qpos` is laid out as in the simulated robot.
 
     Raises:
@@ -23,10 +28,16 @@ def scene_model(robot: Robot, plant: Path | None, width: int, height: int) -> mu
     for item in [*spec.actuators, *spec.sensors, *spec.keys]:
         spec.delete(item)
     _add_materials(spec)
-    grounds = [geom for geom in spec.worldbody.geoms if geom.type == mujoco.mjtGeom.mjGEOM_PLANE]
-    for ground in grounds or [spec.worldbody.add_geom(name=FLOOR, type=mujoco.mjtGeom.mjGEOM_PLANE)]:
-        ground.size = [0, 0, 0.05]
-        ground.material = FLOOR_MATERIAL
+    if ground is None:
+        planes = [geom for geom in spec.worldbody.geoms if geom.type == mujoco.mjtGeom.mjGEOM_PLANE]
+        for plane in planes or [spec.worldbody.add_geom(name=FLOOR, type=mujoco.mjtGeom.mjGEOM_PLANE)]:
+            plane.size = [0, 0, 0.05]
+            plane.material = FLOOR_MATERIAL
+    else:
+        replace_ground(spec, ground)
+        spec.stat.extent = EXTENT * robot.description.standing_height_m  # else the ground's: all is cut off
+        for geom in spec.worldbody.geoms:
+            geom.material = FLOOR_MATERIAL
     _add_lights(spec, 2.0 * robot.description.standing_height_m)
     spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
     spec.visual.quality.shadowsize = 1024

@@ -22,9 +22,11 @@ from footfall.domain_rand.noise import Noise, biased, noisy
 from footfall.domain_rand.quantity import adds_to_base, scales_joints
 from footfall.domain_rand.randomisation import QUANTITIES, load_randomisation
 from footfall.domain_rand.sample import Sample, draw, randomised_command, randomised_motor, sensor_bias
+from footfall.plant.ground import replaced_by
 from footfall.robots.actuator import JointCommand, friction_torque, joint_torque, motor_torque
 from footfall.robots.description import Robot
-from footfall.robots.model import joint_addresses, plant_model, training_model
+from footfall.robots.model import joint_addresses, plant_model, read_plant, training_model
+from footfall.terrain.declaration import load_ground
 
 GRAVITY = 9.81
 Build = Callable[[Sample], mujoco.MjModel]
@@ -171,6 +173,13 @@ class TestBody:
         model = build(Sample(armature=scale))
         np.testing.assert_allclose(model.dof_armature[joint_addresses(model, go1)[1]], go1.armature * scale)
         assert not model.dof_armature[:6].any()
+
+    def test_friction_is_that_of_whatever_the_robot_walks_on(self, go1: Robot) -> None:
+        model = read_plant(go1, change=replaced_by(load_ground("blocks"))).model
+        changed = randomised_fields(model, Sample(friction=np.array(0.3)), body_map(model, go1))
+        ground = model.geom_bodyid == 0
+        assert ground.sum() > 100
+        assert (changed["geom_friction"][ground, 0] == 0.3).all()
 
     def test_nominal_sample_changes_nothing(self, go1: Robot) -> None:
         model = plant_model(go1)

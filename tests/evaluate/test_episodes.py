@@ -10,6 +10,7 @@ from footfall.domain_rand.noise import Noise
 from footfall.evaluate.episodes import EpisodeOutcome, EpisodeTask, run_task
 from footfall.evaluate.plan import CommandSchedule, EpisodePlan
 from footfall.plant.episode import Push
+from footfall.terrain.declaration import GroundConfig
 
 GRAVITY = 9.81
 QUIET = Noise(joint_position=0.0, joint_velocity=0.0, gyro=0.0, gravity=0.0)
@@ -62,6 +63,16 @@ def test_transport_is_paid_for_the_weight_of_the_robot_and_its_load() -> None:
     )
     assert bare / GRAVITY == pytest.approx(12.0, abs=1.5)  # published: 12 kg with battery
     assert loaded - bare == pytest.approx(3.0 * GRAVITY, rel=1e-6)
+
+
+def test_a_robot_goes_down_the_stairs_of_its_episode() -> None:
+    stairs = GroundConfig("stairs", settings={"step_m": -0.03, "tread_m": 0.3, "start_m": 0.3})
+    outcome = run("trot", duration_s=2.0, ground=stairs)
+    assert outcome.trace is not None
+    assert outcome.trouble == ""
+    lowest = outcome.trace.foot_position[..., 2].min(axis=1)
+    assert lowest[0] - lowest[-1] > 0.025
+    assert 0.4 < outcome.metrics.progress < 1.1
 
 
 def test_a_push_changes_the_velocity_at_once() -> None:

@@ -79,6 +79,16 @@ class TestScenarioFile:
                 " yaw_rad_s: [0, 0], hold_s: [0, 1]}}",
                 "hold_s must be from 0.01 to 86400, not 0.0",  # or drawing them might not end
             ),
+            (
+                "{about: x, episodes: 1, duration_s: 5, levels: {step_m: [0.1]}}",
+                "level step_m needs a ground",
+            ),
+            ("{about: x, episodes: 1, duration_s: 5, ground: {shape: stair}}", "no shape 'stair'"),
+            ("{about: x, episodes: 1, duration_s: 5, ground: {shape: stairs}}", "step_m: must be given"),
+            (
+                "{about: x, episodes: 1, duration_s: 5, ground: {shape: stairs}, levels: {step_m: [0.1, 3]}}",
+                "step_m: must be from -1 to 1, not 3",
+            ),
             ("{about: x, episodes: 100001, duration_s: 5}", "episodes must be from 1 to 100000, not 100001"),
             ("{about: x, episodes: 1, duration_s: 86401}", "duration_s must be from 0 to 86400, not 86401"),
         ],

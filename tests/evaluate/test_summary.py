@@ -159,6 +159,16 @@ class TestSummary:
         assert summary["legs_touch_episodes"] == 2
         assert text(figures()["legs_touch_episodes"], summary) == "2 of 4"
 
+    def test_successes_are_counted_on_ground_that_is_not_level(self) -> None:
+        good, stuck, fallen = (
+            replace(GOOD, **changes) for changes in ({}, {"progress": 0.5}, {"fell": True})
+        )
+        tried = ((good, 0.1), (stuck, 0.2), (fallen, 0.2))
+        outcomes = [outcome(metrics, levels={"step_m": step}) for metrics, step in tried]
+        summary = summarise(SCENARIOS["stairs"], outcomes, 0)
+        assert (summary["successes"], [row["successes"] for row in summary["rows"]]) == (1, [1, 0])
+        assert text(figures()["successes"], summary) == "1 of 3"
+
     def test_a_command_that_holds_throughout_gives_a_mean_speed(self) -> None:
         assert summarise(SCENARIOS["forward"], [outcome()], 0)["mean_forward_m_s"] == 0.5
         assert "mean_forward_m_s" not in nominal(GOOD)

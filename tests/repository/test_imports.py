@@ -32,17 +32,18 @@ ALLOWED = {
     "common": set(),
     "robots": {"common"},
     "domain_rand": {"common", "robots"},
+    "terrain": {"common"},
     "policies": {"common", "robots"},
     "deploy": {"common", "robots", "policies"},
     "operate": {"common", "robots", "policies", "deploy"},
-    "plant": {"common", "robots", "policies", "domain_rand", "deploy"},
-    "evaluate": {"common", "robots", "policies", "domain_rand", "deploy", "plant"},
+    "plant": {"common", "robots", "policies", "domain_rand", "terrain", "deploy"},
+    "evaluate": {"common", "robots", "policies", "domain_rand", "terrain", "deploy", "plant"},
     "envs": {"common", "robots", "policies", "domain_rand"},
     "train": {"common", "robots", "policies", "domain_rand", "envs"},
     "pages": {"common", "robots", "policies", "domain_rand", "deploy", "operate", "plant", "train"},
 }
 ROOMS = (*ALLOWED, COMMAND_LINE)
-ACTING = ("common", "robots", "domain_rand", "policies", "deploy", "operate", "plant", "evaluate")
+ACTING = ("common", "robots", "domain_rand", "terrain", "policies", "deploy", "operate", "plant", "evaluate")
 # What of policies those that learn may know. `learned` runs an exported file to check it.
 POLICIES_FOR_LEARNING = {
     "footfall.policies.contract",

@@ -18,6 +18,7 @@ GOOD = EpisodeMetrics(
     yaw_rate_mse=0.04,
     mean_velocity=(0.5, 0.0, 0.0),
     distance_m=5.0,
+    progress=1.0,
     electrical_j=625.0,
     mechanical_j=250.0,
     positive_j=300.0,

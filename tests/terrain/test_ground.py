@@ -25,9 +25,7 @@ def in_mujoco(ground: Ground, places: np.ndarray) -> np.ndarray:
     mujoco.mj_forward(model, data)
     hit, down = np.zeros(1, dtype=np.int32), np.array([0.0, 0.0, -1.0])
     above = np.column_stack([places, np.full(len(places), HIGH_M)])
-    return np.array(
-        [HIGH_M - mujoco.mj_ray(model, data, point, down, None, 1, -1, hit) for point in above]
-    )
+    return np.array([HIGH_M - mujoco.mj_ray(model, data, point, down, None, 1, -1, hit) for point in above])
 
 
 @pytest.mark.parametrize("name", named_grounds())

@@ -57,6 +57,9 @@ class DeployOptions:
     realtime: bool = False
     """Keep to the wall clock; a bus other than sim always does."""
     plant: Plant = None
+    ground: str = ""
+    """What the simulated robot walks on: a name with changes, such as stairs,step_m=0.1, or a .npy or .png
+    file (see docs/terrain.md). Flat if none is given."""
     ground_truth: bool = False
     """Hand the policy the simulator's base velocity instead of an estimate, for study."""
     config: OptionalPath = None
@@ -99,6 +102,7 @@ def _simulated(robot: "Robot", policy: "Policy", spec: str, options: DeployOptio
     from footfall.deploy.wiring_check.proof import must_check
     from footfall.live_state import live_state
     from footfall.plant.episode import Episode, run_episode
+    from footfall.terrain.declaration import load_ground
 
     command = np.array(options.command)
     episode = Episode(
@@ -106,6 +110,7 @@ def _simulated(robot: "Robot", policy: "Policy", spec: str, options: DeployOptio
         duration_s=options.duration,
         seed=options.seed,
         plant=options.plant,
+        ground=load_ground(options.ground, options.seed) if options.ground else None,
         lying=options.start == LYING,
         lie_down=options.lie_down,
         ground_truth=options.ground_truth,
@@ -180,6 +185,7 @@ def _for_simulation_alone(options: DeployOptions) -> str:
     """The first option given that no bus but the simulated one has a use for; empty if none is."""
     given = {
         "--plant": options.plant is not None,
+        "--ground": bool(options.ground),
         "--ground-truth": options.ground_truth,
         "--start": options.start == LYING,
     }
