@@ -91,9 +91,9 @@ class Exporter:
 class Snapshots:
     """Finds the chosen policy of a run each time it is asked, at first the newest. Files go into `folder`."""
 
-    def __init__(self, run: Path, folder: Path) -> None:
+    def __init__(self, run: Path, folder: Path, exporter: Exporter | None = None) -> None:
         self._run, self._folder = run, folder
-        self._exporter = Exporter(run)
+        self._exporter = exporter or Exporter(run)
         self._export: tuple[Path, str] | None = None  # the checkpoint, and what was chosen then
         self._done: DatedFile | None = None  # what was handed out last, or cannot be used
         self.chosen = NEWEST
@@ -200,10 +200,10 @@ def _export_on_demand(requests: Connection) -> None:
         import footfall.train.api  # noqa: F401  (takes seconds, spent before there is anything to do)
     with suppress(EOFError, KeyboardInterrupt):
         while True:
-            requests.send(_export(*requests.recv()))
+            requests.send(export_checkpoint(*requests.recv()))
 
 
-def _export(run: Path, checkpoint: Path, out: Path) -> Exported:
+def export_checkpoint(run: Path, checkpoint: Path, out: Path) -> Exported:
     """Export a checkpoint that the training may drop at any time: a copy of it, taken first."""
     from footfall.train.entry import learning_libraries
 

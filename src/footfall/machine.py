@@ -45,11 +45,13 @@ def findings() -> Iterator[Finding]:
         yield look()
 
 
-def _python() -> Finding:
+def check_python() -> Finding:
+    """Python and its processor."""
     return Finding("Python", True, f"{platform.python_version()} on {platform.machine()}, {sys.executable}")
 
 
-def _processors() -> Finding:
+def check_processors() -> Finding:
+    """Usable cores, and whether they save power."""
     usable = usable_cores()
     governors = {file.read_text().strip() for file in PROCESSORS.glob("cpu[0-9]*/cpufreq/scaling_governor")}
     found = f"{usable} usable" + (f", governor {', '.join(sorted(governors))}" if governors else "")
@@ -58,14 +60,16 @@ def _processors() -> Finding:
     return Finding("processors", not slow, found, advice)
 
 
-def _packages() -> Finding:
+def check_packages() -> Finding:
+    """Whether all packages are there that acting on a robot needs."""
     lacking = missing()
     if not lacking:
         return Finding("packages", True, "all that acting on a robot needs")
     return Finding("packages", False, f"missing or too old: {_names(lacking)}", install(*map(str, lacking)))
 
 
-def _extras() -> Finding:
+def check_extras() -> Finding:
+    """Which extras are installed."""
     lacking = {extra: missing(extra) for extra in extras() if extra not in FOR_DEVELOPERS}
     there = [extra for extra, packages in lacking.items() if not packages]
     absent = [extra for extra in lacking if extra not in there]
@@ -80,7 +84,8 @@ def _names(packages: list[Requirement]) -> str:
     return ", ".join(package.name for package in packages)
 
 
-def _simulators() -> Finding:
+def check_simulators() -> Finding:
+    """Whether both simulators are of one release."""
     versions = {}
     for name in ("mujoco", "mujoco-mjx"):
         try:
@@ -94,7 +99,8 @@ def _simulators() -> Finding:
     return Finding("simulators", same, found, "" if same else "both must be the same release")
 
 
-def _accelerator() -> Finding:
+def check_accelerator() -> Finding:
+    """Whether JAX finds a device other than a processor."""
     if importlib.util.find_spec("jax") is None:
         return Finding("accelerator", False, "no JAX", f"to train: {install_extras('train')}")
     code = "import jax, json; print(json.dumps([d.device_kind for d in jax.devices()]))"
@@ -107,7 +113,8 @@ def _accelerator() -> Finding:
     return Finding("accelerator", gpu, ", ".join(kinds), advice)
 
 
-def _rendering() -> Finding:
+def check_rendering() -> Finding:
+    """Whether MuJoCo can draw without a display."""
     code = (
         "import mujoco\n"
         "model = mujoco.MjModel.from_xml_string("
@@ -123,14 +130,15 @@ def _rendering() -> Finding:
     )
 
 
-def _can() -> Finding:
+def check_can() -> Finding:
+    """CAN interfaces: whether there are any, up and with a long queue."""
     links = [
         path
         for path in sorted(NETWORK.glob("*"))
         if (path / "type").is_file() and (path / "type").read_text().strip() == CAN_LINK_TYPE
     ]
     if not links:
-        socket_missing = "" if _has_can_sockets() else ", and this system's kernel has no CAN sockets"
+        socket_missing = "" if has_can_sockets() else ", and this system's kernel has no CAN sockets"
         advice = "only a real robot needs one; --bus sim does without"
         if socket_missing and sys.platform == "linux":
             advice += "; with an adapter: modprobe can_raw"
@@ -143,7 +151,7 @@ def _can() -> Finding:
     return Finding("CAN interfaces", not commands, found, "; ".join(commands))
 
 
-def _has_can_sockets() -> bool:
+def has_can_sockets() -> bool:
     """Whether the kernel knows the CAN protocol family."""
     if not hasattr(socket, "AF_CAN"):
         return False
@@ -154,7 +162,7 @@ def _has_can_sockets() -> bool:
     return True
 
 
-def _multicast() -> Finding:
+def check_multicast() -> Finding:
     """Whether a simulated robot in another process could be reached (udp_multicast)."""
     what, membership = "multicast", socket.inet_aton(MULTICAST_GROUP) + socket.inet_aton("0.0.0.0")
     try:
@@ -176,7 +184,8 @@ def _read(path: Path) -> str:
         return ""
 
 
-def _realtime() -> Finding:
+def check_realtime() -> Finding:
+    """Whether threads may have a real-time priority."""
     allowed = os.geteuid() == 0 or resource.getrlimit(resource.RLIMIT_RTPRIO)[0] != 0
     if hasattr(os, "sched_setscheduler"):
         parent = os.fork()
@@ -195,17 +204,18 @@ def _realtime() -> Finding:
     )
 
 
-def _locked_memory() -> Finding:
+def check_locked_memory() -> Finding:
+    """Whether enough memory may be locked."""
     limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
     unlimited = limit == resource.RLIM_INFINITY
-    good = unlimited or limit >= MIN_LOCKED_MEMORY or _may_lock_beyond_the_limit()
+    good = unlimited or limit >= MIN_LOCKED_MEMORY or may_lock_beyond_the_limit()
     found = "unlimited" if unlimited else f"limit {limit / 2**20:.0f} MiB"
     return Finding(
         "memory locking", good, found, "" if good else "only a real robot needs it: raise memlock there too"
     )
 
 
-def _may_lock_beyond_the_limit() -> bool:
+def may_lock_beyond_the_limit() -> bool:
     """Whether a block larger than the limit can be locked (a privileged process may)."""
     library = ctypes.CDLL(None, use_errno=True)
     block = ctypes.create_string_buffer(16 * 2**20)
@@ -215,7 +225,8 @@ def _may_lock_beyond_the_limit() -> bool:
     return locked
 
 
-def _cache() -> Finding:
+def check_cache() -> Finding:
+    """Size of the cache of compiled programs."""
     folder = compilation_cache()
     files = [path.stat().st_size for path in folder.rglob("*") if path.is_file()]
     found = f"{folder}: {len(files)} files, {sum(files) / 2**20:.0f} MiB" if files else f"{folder}: empty"
@@ -240,16 +251,16 @@ def _probe(code: str, **environment: str) -> tuple[bool, str]:
 
 
 CHECKS: tuple[Callable[[], Finding], ...] = (
-    _python,
-    _processors,
-    _packages,
-    _extras,
-    _simulators,
-    _accelerator,
-    _rendering,
-    _cache,
-    _can,
-    _multicast,
-    _realtime,
-    _locked_memory,
+    check_python,
+    check_processors,
+    check_packages,
+    check_extras,
+    check_simulators,
+    check_accelerator,
+    check_rendering,
+    check_cache,
+    check_can,
+    check_multicast,
+    check_realtime,
+    check_locked_memory,
 )

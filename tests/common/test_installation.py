@@ -125,7 +125,7 @@ def test_a_defect_of_footfall_is_no_missing_package() -> None:
 
 def test_doctor_says_what_each_extra_lacks(installed, tmp_path: Path) -> None:
     installed(tmp_path.as_uri(), '"dir_info": {}')
-    packages, extras = machine._packages(), machine._extras()
+    packages, extras = machine.check_packages(), machine.check_extras()
     assert (packages.good, packages.advice) == (False, f"{PIP} 'pytest>=999'")
     assert extras.found == "train lacks nosuchpackage; sweep lacks nosuchpackage"
     assert extras.advice == f"where wanted: {PIP} '{tmp_path}[train,sweep]'"
@@ -142,7 +142,7 @@ def test_doctor_names_one_command_to_train_whatever_lacks(
     installed(tmp_path.as_uri(), '"dir_info": {}')
     monkeypatch.setattr(machine, "version", version)
     monkeypatch.setattr(machine.importlib.util, "find_spec", lambda name: None)
-    advice = {machine._simulators().advice, machine._accelerator().advice}
+    advice = {machine.check_simulators().advice, machine.check_accelerator().advice}
     assert advice == {f"to train: {PIP} '{tmp_path}[train]'"}
 
 
@@ -151,7 +151,7 @@ def test_doctor_wants_both_simulators_of_one_release(
     monkeypatch: pytest.MonkeyPatch, mjx: str, good: bool
 ) -> None:
     monkeypatch.setattr(machine, "version", {"mujoco": "3.3.0", "mujoco-mjx": mjx}.__getitem__)
-    finding = machine._simulators()
+    finding = machine.check_simulators()
     assert finding.good is good
     assert finding.found == f"mujoco 3.3.0, mujoco-mjx {mjx}"
     assert bool(finding.advice) is not good

@@ -1,10 +1,8 @@
 """What doctor makes of what it finds."""
 
 import json
-import os
 import resource
 import subprocess
-import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -32,7 +30,7 @@ def test_processors_that_save_power_are_slow(
         folder.mkdir(parents=True)
         (folder / "scaling_governor").write_text(f"{governor}\n")
     monkeypatch.setattr(machine, "PROCESSORS", tmp_path)
-    found = machine._processors()
+    found = machine.check_processors()
     assert found.good == good
     assert ("performance" in found.advice) == (not good)
 
@@ -40,9 +38,9 @@ def test_processors_that_save_power_are_slow(
 def test_both_simulators_are_of_one_release(monkeypatch: pytest.MonkeyPatch) -> None:
     versions = {"mujoco": "3.17.0", "mujoco-mjx": "3.17.0"}
     monkeypatch.setattr(machine, "version", versions.__getitem__)
-    assert machine._simulators()[:2] == ("simulators", True)
+    assert machine.check_simulators()[:2] == ("simulators", True)
     versions["mujoco-mjx"] = "3.16.0"
-    found = machine._simulators()
+    found = machine.check_simulators()
     assert not found.good
     assert found.found == "mujoco 3.17.0, mujoco-mjx 3.16.0"
 
@@ -64,37 +62,25 @@ def done(monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 class TestDoctor:
-    def test_a_probe_is_pythons_last_line_or_its_error(self, done: Any) -> None:
-        done.out, done.err = "first\nlast\n", "trouble\nat the end\n"
-        assert machine._probe("print()", MUJOCO_GL="egl") == (True, "last")
-        command, options = done.asked[0]
-        assert command == [sys.executable, "-P", "-c", "print()"]
-        assert options["env"]["MUJOCO_GL"] == "egl"
-        assert options["env"]["PATH"] == os.environ["PATH"]
-        done.code = 1
-        assert machine._probe("") == (False, "at the end")
-        done.code, done.out = 0, ""
-        assert machine._probe("") == (True, "")
-        done.code = "late"
-        assert machine._probe("") == (False, "no answer within 60 s")
-
     @pytest.mark.parametrize(
         ("kinds", "gpu"),
         [(["cpu"], False), (["NVIDIA H100", "NVIDIA H100"], True), (["cpu", "TPU v4"], True)],
     )
     def test_an_accelerator_is_any_device_but_a_processor(self, done: Any, kinds: list, gpu: bool) -> None:
-        done.out = json.dumps(kinds)
-        found = machine._accelerator()
+        done.out = "a greeting\n" + json.dumps(kinds)
+        found = machine.check_accelerator()
         assert (found.good, found.found) == (gpu, ", ".join(kinds))
         assert ("jax[cuda12]" in found.advice) is not gpu
 
     def test_a_jax_that_does_not_start_or_is_not_there(
         self, done: Any, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        done.code, done.err = 1, "no such driver"
-        assert machine._accelerator()[1:] == (False, "JAX does not start", "no such driver")
+        done.code, done.err = 1, "trouble\nno such driver\n"
+        assert machine.check_accelerator()[1:] == (False, "JAX does not start", "no such driver")
+        done.code = "late"
+        assert machine.check_accelerator().advice == "no answer within 60 s"
         monkeypatch.setattr(machine.importlib.util, "find_spec", lambda _: None)
-        found = machine._accelerator()
+        found = machine.check_accelerator()
         assert (found.good, found.found) == (False, "no JAX")
         assert found.advice.startswith("to train: ")
 
@@ -102,13 +88,13 @@ class TestDoctor:
         self, done: Any, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         monkeypatch.setenv("MUJOCO_GL", "glfw")
-        assert machine._rendering()[1:3] == (True, "works with MUJOCO_GL=glfw")
+        assert machine.check_rendering()[1:3] == (True, "works with MUJOCO_GL=glfw")
         monkeypatch.delenv("MUJOCO_GL")
-        assert machine._rendering().found == "works with MUJOCO_GL=egl"
+        assert machine.check_rendering().found == "works with MUJOCO_GL=egl"
         done.fails = lambda environment: environment["MUJOCO_GL"] == "egl"
-        assert machine._rendering()[1:3] == (True, "works with MUJOCO_GL=osmesa")
+        assert machine.check_rendering()[1:3] == (True, "works with MUJOCO_GL=osmesa")
         done.fails = lambda environment: True
-        assert not machine._rendering().good
+        assert not machine.check_rendering().good
         tried = [options["env"]["MUJOCO_GL"] for _, options in done.asked]
         assert tried == ["glfw", "egl", "egl", "osmesa", "egl", "osmesa"]
 
@@ -125,8 +111,8 @@ class TestDoctor:
         self, monkeypatch: pytest.MonkeyPatch, limit: int, locks: bool, good: bool, found: str
     ) -> None:
         monkeypatch.setattr(machine.resource, "getrlimit", lambda kind: (limit, 1))
-        monkeypatch.setattr(machine, "_may_lock_beyond_the_limit", lambda: locks)
-        finding = machine._locked_memory()
+        monkeypatch.setattr(machine, "may_lock_beyond_the_limit", lambda: locks)
+        finding = machine.check_locked_memory()
         assert (finding.good, finding.found) == (good, found)
         assert bool(finding.advice) is not good
 
@@ -134,24 +120,24 @@ class TestDoctor:
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         monkeypatch.setattr(machine, "NETWORK", tmp_path)
-        monkeypatch.setattr(machine, "_has_can_sockets", lambda: True)
-        assert machine._can()[1:3] == (False, "none")
+        monkeypatch.setattr(machine, "has_can_sockets", lambda: True)
+        assert machine.check_can()[1:3] == (False, "none")
         for name, kind in (("can1", "280"), ("eth0", "1"), ("can0", "280"), ("odd", None)):
             (tmp_path / name).mkdir()
             if kind is not None:
                 (tmp_path / name / "type").write_text(f"{kind}\n")
-        assert machine._can()[:3] == ("CAN interfaces", True, "can0, can1")
-        assert machine._can().advice == ""
+        assert machine.check_can()[:3] == ("CAN interfaces", True, "can0, can1")
+        assert machine.check_can().advice == ""
 
     def test_the_cache_is_counted_with_all_below_it(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         monkeypatch.setattr(machine, "compilation_cache", lambda: tmp_path / "jax")
-        assert machine._cache().found == f"{tmp_path / 'jax'}: empty"
+        assert machine.check_cache().found == f"{tmp_path / 'jax'}: empty"
         (tmp_path / "jax" / "deep").mkdir(parents=True)
         (tmp_path / "jax" / "a").write_bytes(bytes(2**20))
         (tmp_path / "jax" / "deep" / "b").write_bytes(bytes(2 * 2**20))
-        assert machine._cache()[1:3] == (True, f"{tmp_path / 'jax'}: 2 files, 3 MiB")
+        assert machine.check_cache()[1:3] == (True, f"{tmp_path / 'jax'}: 2 files, 3 MiB")
 
     def test_only_the_missing_simulator_for_training_may_lack(self, monkeypatch: pytest.MonkeyPatch) -> None:
         there = {"mujoco": "3.1"}
@@ -162,25 +148,25 @@ class TestDoctor:
             return there[name]
 
         monkeypatch.setattr(machine, "version", find)
-        assert machine._simulators()[1:3] == (True, "mujoco-mjx is not installed")
+        assert machine.check_simulators()[1:3] == (True, "mujoco-mjx is not installed")
         there.clear()
-        assert machine._simulators()[1:] == (False, "mujoco is not installed", "")
+        assert machine.check_simulators()[1:] == (False, "mujoco is not installed", "")
 
     def test_packages_and_extras_that_lack_are_named(self, monkeypatch: pytest.MonkeyPatch) -> None:
         lacking: dict[str, list] = {"": [], "train": [], "pages": [], "dev": ["x"]}
         require = installation.Requirement
         monkeypatch.setattr(machine, "extras", lambda: [name for name in lacking if name])
         monkeypatch.setattr(machine, "missing", lambda extra="": lacking[extra])
-        assert machine._packages()[1:3] == (True, "all that acting on a robot needs")
-        assert machine._extras()[1:3] == (True, "train, pages")
+        assert machine.check_packages()[1:3] == (True, "all that acting on a robot needs")
+        assert machine.check_extras()[1:3] == (True, "train, pages")
         lacking[""] = [require("mujoco>=9")]
         lacking["pages"] = [require("aiohttp"), require("rich>1")]
-        found = machine._packages()
+        found = machine.check_packages()
         assert (found.good, found.found) == (False, "missing or too old: mujoco")
         assert "mujoco>=9" in found.advice
-        found = machine._extras()
+        found = machine.check_extras()
         assert (found.good, found.found) == (False, "train; pages lacks aiohttp, rich")
         assert "pages" in found.advice
         assert "train" not in found.advice.replace(str(Path.cwd()), "")
         lacking["train"] = [require("jax")]
-        assert machine._extras().found == "train lacks jax; pages lacks aiohttp, rich"
+        assert machine.check_extras().found == "train lacks jax; pages lacks aiohttp, rich"

@@ -1,21 +1,16 @@
 """The server of the page: address, ends, and the command that starts it."""
 
 import errno
-import logging
 import os
 import signal
 import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import pytest
-from notes import Notes
 from shell import Shell
 
 from footfall.common.errors import UserError
@@ -25,70 +20,6 @@ from footfall.policies.registry import ZOO
 from footfall.verbs.train import ClusterOptions, TrainOptions, train
 
 pytest.importorskip("viser")
-
-
-class TestServing:
-    @pytest.fixture
-    def log(self, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-        log: list[Any] = []
-        logging.getLogger("websockets").setLevel(logging.NOTSET)
-
-        class Server(SimpleNamespace):
-            def __init__(self, *given: Any, **named: Any) -> None:
-                print("a library's greeting")
-                log.append(("made", given, named))
-                super().__init__(gui=SimpleNamespace(main_panel=Notes(log, "panel")))
-                self.gui.configure_theme = lambda **how: log.append(("theme", how))
-
-            def stop(self) -> None:
-                print("a library's farewell")
-                log.append("stopped")
-
-        @contextmanager
-        def own_handshake(host: str) -> Iterator[None]:
-            log.append(("ours", host))
-            yield
-            log.append("ours no more")
-
-        monkeypatch.setattr("viser.ViserServer", Server)
-        monkeypatch.setattr(page, "own_handshake", own_handshake)
-        monkeypatch.setattr(page, "check_page", lambda *given: log.append(("checked", *given)))
-        return log
-
-    def test_a_page_is_checked_made_ours_and_stopped_without_a_word_of_the_library(
-        self, log: list[Any], capsys: pytest.CaptureFixture[str]
-    ) -> None:
-        with page.serving("there", 123, "a label"):
-            print("it is served")
-            log.append("served")
-        order = [each[0] if isinstance(each, tuple) else each for each in log]
-        assert [name for name in order if name not in ("panel", "theme")] == [
-            "checked", "ours", "made", "ours no more", "served", "stopped",
-        ]  # fmt: skip
-        assert log[0] == ("checked", "there", 123)
-        assert log[2][1] == ("there", 123)
-        assert capsys.readouterr().out == "it is served\n"
-        assert logging.getLogger("websockets").level == logging.CRITICAL
-
-    def test_it_is_stopped_whatever_ends_it(self, log: list[Any]) -> None:
-        with pytest.raises(KeyboardInterrupt), page.serving("there", 123, "x"):
-            raise KeyboardInterrupt
-        assert log[-1] == "stopped"
-
-    def test_a_name_that_nobody_knows_is_told_with_the_reason(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        asked: list[Any] = []
-
-        def unknown(*given: Any, **named: Any) -> None:
-            asked.append((given, named))
-            raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
-
-        monkeypatch.setattr(socket, "getaddrinfo", unknown)
-        with pytest.raises(UserError) as caught:
-            page._check_address("there", 123)
-        assert str(caught.value) == (
-            "cannot serve a page at there:123: Name or service not known; give another --host or --port"
-        )
-        assert asked == [(("there", 123), {"type": socket.SOCK_STREAM})]
 
 
 HERE = ("::1", "127.0.0.1")
@@ -111,7 +42,7 @@ def checked(monkeypatch: pytest.MonkeyPatch, *found: int) -> None:
         return OSError(code, os.strerror(code)) if code else None
 
     monkeypatch.setattr(page, "_refusal", refusal)
-    page._check_address("lab", 80)
+    page.check_page("lab", 80)
 
 
 @pytest.mark.parametrize("found", [(FREE,), (FREE, FREE), (NOT_OURS, FREE), (FREE, NO_IPV6), (NO_IPV6, FREE)])
@@ -140,34 +71,6 @@ def test_an_address_that_is_taken_or_none_that_is_ours_is_told(
     assert str(caught.value) == (
         f"cannot serve a page at lab:80: {os.strerror(reason)}; give another --host or --port"
     )
-
-
-def test_a_name_that_is_none_is_told() -> None:
-    with pytest.raises(UserError, match=r"at \.\.:80: no host can have this name; give another"):
-        page._check_address("..", 80)
-
-
-def test_a_port_that_somebody_listens_at_is_taken_and_free_when_he_has_gone() -> None:
-    """A connection that was just closed lingers, and does not count."""
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        address = server.getsockname()
-        arguments = (socket.AF_INET, socket.SOCK_STREAM, 0, address)
-        error = page._refusal(*arguments)
-        assert error is not None
-        assert error.errno == TAKEN
-        with socket.create_connection(address):
-            server.accept()[0].close()  # who closes first has the lingering end
-    assert page._refusal(*arguments) is None
-
-
-def test_a_taken_port_is_told_before_viser_looks_for_another() -> None:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        port = server.getsockname()[1]
-        with (
-            pytest.raises(UserError, match=f"cannot serve a page at 127.0.0.1:{port}"),
-            page.serving("127.0.0.1", port, "x"),
-        ):
-            pytest.fail("it is served")
 
 
 POLICY = ZOO / "go1-flat" / "policy.onnx"
@@ -239,20 +142,6 @@ class TestCommand:
                 assert "--port" in complaint
         assert not (tmp_path / "new").exists()
 
-    def test_every_address_of_a_name_is_tried(self, monkeypatch: pytest.MonkeyPatch, port: int) -> None:
-        """But for those that this machine does not have, such as IPv6's where it is off."""
-
-        def resolves_to(*addresses: tuple[str, int]) -> None:
-            found = [(socket.AF_INET, socket.SOCK_STREAM, 0, "", address) for address in addresses]
-            monkeypatch.setattr(socket, "getaddrinfo", lambda *_, **__: found)
-
-        with socket.create_server(("127.0.0.1", 0)) as taken:
-            resolves_to(("127.0.0.1", port), ("203.0.113.1", port))
-            check_page("name", port)
-            resolves_to(("127.0.0.1", port), taken.getsockname())
-            with pytest.raises(UserError, match=f"name:{port}: .*in use"):
-                check_page("name", port)
-
     def test_a_port_that_was_just_let_go_is_free(self) -> None:
         """The system holds it for a while after a connection that the server ended."""
         with socket.create_server(("127.0.0.1", 0)) as server:
@@ -285,9 +174,7 @@ class TestCommand:
         assert "does not fit" in outcome.err
 
     # Early on, packages are imported that swallow a KeyboardInterrupt; later on, a robot walks.
-    @pytest.mark.parametrize(
-        ("number", "delay_s"), [(signal.SIGINT, 0.1), (signal.SIGINT, 2.0), (signal.SIGTERM, 0.3)]
-    )
+    @pytest.mark.parametrize(("number", "delay_s"), [(signal.SIGINT, 0.1), (signal.SIGTERM, 2.0)])
     def test_it_ends_quietly(self, finished: Path, port: int, number: signal.Signals, delay_s: float) -> None:
         process = subprocess.Popen(
             [*FOOTFALL, "watch", finished, "--port", str(port)],

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from footfall.common import colours
 from footfall.pages.geometry import visible_shapes
 from footfall.pages.page import serving
-from footfall.pages.scene import Scene, _level
+from footfall.pages.scene import Scene
 from footfall.pages.walk import standing
 from footfall.robots.description import Robot
 from footfall.robots.model import plant_model
@@ -124,37 +124,6 @@ class TestScene:
         for name, colour in (("command", colours.COMMAND), ("velocity", colours.VELOCITY)):
             (_, drawn), _ = given[f"/world/{name}"]
             assert drawn == tuple(round(255 * part) for part in colour[:3])
-
-    def test_a_heading_is_what_is_left_of_a_rotation_without_its_tilt(self) -> None:
-        np.testing.assert_allclose(
-            _level(TILTED.as_matrix()), Rotation.from_euler("Z", 2.0).as_matrix(), atol=1e-12
-        )
-
-    def test_what_is_drawn_stands_where_mujoco_says(self, go1: Robot, port: int) -> None:
-        pytest.importorskip("viser")
-        from footfall.pages.page import serving
-        from footfall.pages.scene import Scene
-
-        model = plant_model(go1)
-        data = mujoco.MjData(model)
-        data.qpos[:] = np.random.default_rng(0).normal(size=model.nq)
-        mujoco.mj_normalizeQuat(model, data.qpos)
-        mujoco.mj_kinematics(model, data)
-        with serving("localhost", port, "test") as server:
-            scene = Scene(server, go1, model)
-            scene.show(data, np.zeros(3), np.zeros(3), follow=False)
-            frames = {handle.name: handle for handle in scene.bodies.values()}
-            shapes = visible_shapes(model)
-            assert {shape.body for shape in shapes} == set(scene.bodies)
-            for shape in shapes:
-                frame = frames[scene.bodies[shape.body].name]
-                place, turned = np.empty(3), np.empty(4)
-                mujoco.mju_rotVecQuat(place, shape.position, np.asarray(frame.wxyz, dtype=float))
-                mujoco.mju_mulQuat(turned, np.asarray(frame.wxyz, dtype=float), shape.quaternion)
-                rotation = np.empty(9)
-                mujoco.mju_quat2Mat(rotation, turned)
-                assert frame.position + place == pytest.approx(data.geom_xpos[shape.geom], abs=1e-6)
-                assert rotation == pytest.approx(data.geom_xmat[shape.geom], abs=1e-6)
 
     def test_before_anything_walks_the_robot_stands(self, go1: Robot) -> None:
         """In its default pose, its lowest foot on the ground, not its bodies heaped at the origin."""

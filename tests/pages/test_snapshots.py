@@ -4,7 +4,6 @@ import errno
 import multiprocessing
 import os
 import shutil
-import signal
 import time
 from collections.abc import Iterator
 from contextlib import nullcontext
@@ -16,7 +15,6 @@ import numpy as np
 import pytest
 
 from footfall.common.errors import UserError
-from footfall.pages import snapshots
 from footfall.pages.snapshots import (
     FINISHED,
     NEWEST,
@@ -24,7 +22,7 @@ from footfall.pages.snapshots import (
     Exporter,
     Snapshot,
     Snapshots,
-    _export,
+    export_checkpoint,
     newest_checkpoint,
 )
 from footfall.robots.description import load_robot
@@ -51,9 +49,7 @@ class TestSnapshots:
         exporter.start = lambda *given: exporter.asked.append(given)
         exporter.poll = lambda: exporter.answer
         exporter.wake = lambda: setattr(exporter, "woken", exporter.woken + 1)
-        snapshots = Snapshots(run, run.parent / "out")
-        snapshots._exporter = exporter  # type: ignore[assignment]
-        return snapshots, exporter
+        return Snapshots(run, run.parent / "out", exporter), exporter  # type: ignore[arg-type]
 
     def test_the_exporter_is_made_ready_while_there_is_nothing(self, run: Path) -> None:
         snapshots, exporter = self.found(run)
@@ -182,14 +178,14 @@ class TestSnapshots:
             raise UserError(f"{copy} is\n damaged")
 
         monkeypatch.setattr("footfall.train.api.export_run", fail)
-        assert _export(run, checkpoint, out) == Exported(None, f"{checkpoint} is damaged")
+        assert export_checkpoint(run, checkpoint, out) == Exported(None, f"{checkpoint} is damaged")
         assert list(out.parent.iterdir()) == []
-        assert _export(run, run / "checkpoints" / "gone.ckpt", out) == Exported(None)
+        assert export_checkpoint(run, run / "checkpoints" / "gone.ckpt", out) == Exported(None)
         given: list[Any] = []
         monkeypatch.setattr(
             "footfall.train.api.export_run", lambda *each: given.append(each) or ("made", 0.0)
         )
-        assert _export(run, checkpoint, out) == Exported("made")  # type: ignore[arg-type]
+        assert export_checkpoint(run, checkpoint, out) == Exported("made")  # type: ignore[arg-type]
         assert given == [(run, out, out.with_name(checkpoint.name))]
 
     def test_a_finished_policy_without_checkpoints_has_no_iteration(self, tmp_path: Path) -> None:
@@ -215,15 +211,6 @@ class TestSnapshots:
             time.sleep(0.05)
         pytest.fail("neither a snapshot nor a problem")
 
-    def test_there_is_none_before_the_first_checkpoint(self, snapshots: Snapshots) -> None:
-        assert snapshots.poll() is None
-        assert snapshots.problem == ""
-
-    def test_a_finished_policy_is_taken_as_it_is_and_once(self, finished: Path, tmp_path: Path) -> None:
-        snapshots = Snapshots(finished, tmp_path)
-        assert snapshots.poll() == Snapshot(finished / "policy.onnx", None)
-        assert snapshots.poll() is None
-
     def test_checkpoints_are_exported_one_after_another_and_damaged_ones_skipped(
         self, trained: Path, begun: Path, snapshots: Snapshots
     ) -> None:
@@ -246,136 +233,55 @@ class TestSnapshots:
         assert "00000004.ckpt" in snapshots.problem
         assert snapshots.poll() is None
 
-        shutil.copy(checkpoint, folder / "00000005.ckpt")
         snapshots.problem = ""
-        after = self.wait_for(snapshots)
-        assert after is not None
-        assert after.iteration == 5
+        dropped = Path(shutil.copy(checkpoint, folder / "00000005.ckpt"))
+        assert snapshots.poll() is None
+        dropped.unlink()  # as a training does that keeps few
+        shutil.copy(checkpoint, folder / "00000006.ckpt")
+        while (shown := self.wait_for(snapshots)) is not None and shown.iteration != 6:
+            assert shown.iteration == 5  # it was taken before it was dropped
 
         (folder / "00000003.ckpt").unlink()
         shutil.copy(trained / "policy.onnx", begun)
-        assert snapshots.names() == [NEWEST, FINISHED, "iteration 5", "iteration 4", "iteration 3"]
-        for chosen, iteration in (("iteration 3", 3), (FINISHED, 5), ("iteration 5", 5)):
+        for chosen, iteration in (("iteration 3", 3), (FINISHED, 6), ("iteration 6", 6)):
             snapshots.chosen = chosen
             shown = snapshots.poll()  # at once: each was exported before
             assert shown is not None
             assert shown.iteration == iteration
 
-    def test_a_checkpoint_that_the_training_dropped_is_passed_over(
-        self, trained: Path, begun: Path, snapshots: Snapshots
-    ) -> None:
-        (checkpoint,) = (trained / "checkpoints").iterdir()
-        folder = begun / "checkpoints"
-        folder.mkdir()
-        dropped = Path(shutil.copy(checkpoint, folder / "00000003.ckpt"))
-        assert snapshots.poll() is None  # its export begins, in a process that takes seconds to start
-        dropped.unlink()
-        shutil.copy(checkpoint, folder / "00000005.ckpt")
-        after = self.wait_for(snapshots)
-        assert snapshots.problem == ""
-        assert after is not None
-        assert after.iteration == 5
-
+    @pytest.mark.parametrize("linked", [True, False])
     def test_a_checkpoint_may_be_dropped_while_it_is_exported(
-        self, begun: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+        self, begun: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, linked: bool
     ) -> None:
+        """It is taken by another name, or copied on another file system."""
+
         def export_run(run: Path, out: Path, chosen: Path) -> tuple[Path, float]:
             checkpoint.unlink()
             out.write_bytes(chosen.read_bytes())
             return out, 0.0
 
-        monkeypatch.setattr("footfall.train.api.export_run", export_run)
-        checkpoint, out = begun / "00000003.ckpt", tmp_path / "00000003.onnx"
-        checkpoint.write_bytes(b"weights")
-        assert _export(begun, checkpoint, out) == Exported(out)
-        assert out.read_bytes() == b"weights"
-        assert list(tmp_path.glob("*.ckpt")) == []
-
-    def test_what_was_exported_before_another_choice_is_not_shown(
-        self, begun: Path, snapshots: Snapshots
-    ) -> None:
-        (begun / "checkpoints").mkdir()
-        for iteration in (3, 5):
-            (begun / "checkpoints" / f"{iteration:08d}.ckpt").touch()
-        snapshots._exporter = SimpleNamespace(  # type: ignore[assignment]
-            start=lambda *_: None, poll=lambda: Exported(Path("00000003.onnx")), close=lambda: None
-        )
-        snapshots.chosen = "iteration 3"
-        assert snapshots.poll() is None
-        assert snapshots.exporting == 3
-        snapshots.chosen = NEWEST
-        assert snapshots.poll() is None
-        assert snapshots.exporting == 5
-
-
-def test_the_exporting_process_leaves_the_accelerator_the_cores_and_ctrl_c_to_others(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setenv("JAX_PLATFORMS", "cuda")
-    monkeypatch.setattr("footfall.train.entry.learning_libraries", nullcontext)
-    done: list[Any] = []
-    monkeypatch.setattr(snapshots.signal, "signal", lambda *given: done.append(given))
-    monkeypatch.setattr(snapshots.os, "nice", lambda by: done.append(by) or 3)
-
-    def recv() -> Any:
-        done.append(os.environ["JAX_PLATFORMS"])
-        raise EOFError
-
-    snapshots._export_on_demand(SimpleNamespace(recv=recv, send=done.append))  # type: ignore[arg-type]
-    assert done == [(signal.SIGINT, signal.SIG_IGN), 0, 7, "cpu"]  # from a niceness of 3 to 10
-
-
-class TestExporter:
-    def test_who_asks_is_answered_until_he_is_gone(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setenv("JAX_PLATFORMS", "cpu")
-        monkeypatch.setattr("footfall.train.entry.learning_libraries", nullcontext)
-        monkeypatch.setattr(snapshots.signal, "signal", lambda *_: None)
-        monkeypatch.setattr(snapshots.os, "nice", lambda by: 12 if by == 0 else pytest.fail("nicer yet"))
-        monkeypatch.setattr(snapshots, "_export", lambda *given: ("exported", *given))
-        sent: list[Any] = []
-        for end in (EOFError(), KeyboardInterrupt()):
-            requests = iter([("run", "a", "b"), ("run", "c", "d"), end])
-
-            def recv(requests: Iterator[Any] = requests) -> Any:
-                request = next(requests)
-                if isinstance(request, BaseException):
-                    raise request
-                return request
-
-            ends: Any = SimpleNamespace(recv=recv, send=sent.append)
-            snapshots._export_on_demand(ends)
-        assert sent == [("exported", "run", "a", "b"), ("exported", "run", "c", "d")] * 2
-
-    def test_a_full_disk_is_told_and_leaves_no_copy(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        def full(*_: Any) -> None:
-            raise OSError(errno.ENOSPC, "No space\n left")
-
-        monkeypatch.setattr(snapshots, "_take", full)
-        told = snapshots._export(tmp_path, tmp_path / "1.ckpt", tmp_path / "out" / "1.onnx")
-        assert told == Exported(None, "[Errno 28] No space left")
-
-    def test_a_checkpoint_is_taken_by_another_name_or_copied(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        file, copy = tmp_path / "1.ckpt", tmp_path / "copy"
-        file.write_text("new")
-        copy.write_text("old")
-        snapshots._take(file, copy)
-        assert copy.samefile(file)
-
         def elsewhere(*_: Any) -> None:
             raise OSError(errno.EXDEV, "another file system")
 
-        monkeypatch.setattr(Path, "hardlink_to", elsewhere)
-        snapshots._take(file, copy)
-        assert (copy.read_text(), copy.samefile(file)) == ("new", False)
-        monkeypatch.undo()
-        file.unlink()
-        with pytest.raises(FileNotFoundError):
-            snapshots._take(file, copy)
-        assert not copy.exists()
+        monkeypatch.setattr("footfall.train.api.export_run", export_run)
+        if not linked:
+            monkeypatch.setattr(Path, "hardlink_to", elsewhere)
+        checkpoint, out = begun / "00000003.ckpt", tmp_path / "00000003.onnx"
+        (tmp_path / checkpoint.name).write_bytes(b"old")
+        checkpoint.write_bytes(b"weights")
+        assert export_checkpoint(begun, checkpoint, out) == Exported(out)
+        assert out.read_bytes() == b"weights"
+        assert list(tmp_path.glob("*.ckpt")) == []
+
+    def test_a_full_disk_is_told(self, run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        def full(*_: Any) -> None:
+            raise OSError(errno.ENOSPC, "No space\n left")
+
+        monkeypatch.setattr(Path, "hardlink_to", full)
+        monkeypatch.setattr(shutil, "copyfile", full)
+        checkpoint = self.write(run / "1.ckpt", 100)
+        told = export_checkpoint(run, checkpoint, run.parent / "out" / "1.onnx")
+        assert told == Exported(None, "[Errno 28] No space left")
 
 
 @pytest.fixture(scope="module")

@@ -1,5 +1,6 @@
 """The robot that walks on the page: pace, commands, pushes, restarts."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,21 +12,25 @@ import pytest
 from footfall.common.errors import UserError
 from footfall.pages import walk
 from footfall.pages.metrics_file import MetricsFile
+from footfall.pages.moment import Moment
 from footfall.pages.newest_policy import NewestPolicy
 from footfall.pages.snapshots import (
     NEWEST,
     Snapshot,
 )
-from footfall.pages.status import as_markdown
 from footfall.pages.walk import Pace, Walk
 from footfall.plant.episode import Episode, run_episode
 from footfall.policies.learned import open_network
 from footfall.policies.observation import observation_size
 from footfall.policies.registry import ZOO
+from footfall.robots.commands import CommandRange
 from footfall.robots.description import Robot
 from footfall.train.runs.folder import open_run
 
 pytest.importorskip("viser")
+
+
+POLICY = ZOO / "go1-flat" / "policy.onnx"
 
 
 class TestPace:
@@ -71,309 +76,162 @@ class TestPace:
             pace.wait(simulated_s)
         assert clock.slept == pytest.approx([0.4, 0.4])
 
-    def test_a_pause_does_not_count_as_slowness(self, clock: SimpleNamespace) -> None:
-        pace = Pace()
-        clock.now += 100.0
-        pace.resume(0.0)
-        pace.wait(0.4)
-        assert pace.factor == 1.0
-        pace.wait(1.2)
-        assert pace.factor == pytest.approx(1.0)
 
-    def test_it_keeps_to_the_wall_clock_and_does_not_catch_up_on_lost_time(
-        self, clock: SimpleNamespace
-    ) -> None:
-        pace = Pace()
-        pace.wait(1.0)
-        clock.now += 5.0  # something else took long
-        pace.wait(1.5)
-        pace.wait(2.0)
-        assert clock.slept == pytest.approx([1.0, 0.5])
+class Visitor:
+    """A page whose visitor does something after each frame, by a clock that passes while it is waited for."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, most_frames: int = 300) -> None:
+        self.now_s, self.frames, self.said = 1000.0, 0, [""]
+        self.shown: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []  # base velocity, command, velocity
+        self.command = np.array([0.5, 0.0, 0.0])
+        self.paused, self.follow, self.seen, self.policy = False, True, True, NEWEST
+        self.push, self.restart, self.starts, self.polls = 0.0, False, 0, 0
+        self.ready: list[Snapshot] = [Snapshot(POLICY, 3)]
+        self.problem, self.exporting, self.requested = "", None, False
+        self.offered: list[Any] = []
+        self.after_frame: Callable[[int], None] = lambda frame: None
+        self.most_frames = most_frames
+        monkeypatch.setattr(walk, "time", SimpleNamespace(monotonic=lambda: self.now_s, sleep=self.sleep))
+
+    def sleep(self, time_s: float) -> None:
+        self.now_s += time_s
+        self.requested |= self.now_s > 1100.0
+
+    def take_push(self) -> float:
+        push, self.push = self.push, 0.0
+        return push
+
+    def take_restart(self) -> bool:
+        restart, self.restart = self.restart, False
+        return restart
+
+    def offer_commands(self, ranges: CommandRange) -> None:
+        self.offered.append(ranges)
+
+    def offer_policies(self, names: list[str]) -> None:
+        self.offered.append(names)
+
+    def draw(self, metrics: MetricsFile, finished: bool) -> None:
+        self.finished = finished
+
+    def say(self, text: str) -> None:
+        self.said.append(text)
+
+    def names(self) -> list[str]:
+        return ["a name"]
+
+    def poll(self) -> Snapshot | None:
+        self.polls += 1
+        return self.ready.pop(0) if self.ready else None
+
+    def begin(self) -> None:
+        self.starts += 1
+
+    def show(self, data: Any, moment: Moment, velocity: np.ndarray, follow: bool) -> None:
+        self.frames += 1
+        self.shown.append((data.qvel[:3].copy(), moment.command, velocity))
+        self.after_frame(self.frames)
+        self.requested |= self.frames >= self.most_frames
+
+    def walk(self, run: Path, robot: Robot) -> None:
+        """Until the visitor has enough."""
+        Walk(open_run(run), robot, self, self, self, self).go_on()  # type: ignore[arg-type]
 
 
 class TestWalk:
     @pytest.fixture
-    def made(self, go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
-        """A walk in a world of stand-ins; `log` says what it did."""
-        log: list[Any] = []
-        now = SimpleNamespace(s=1000.0)
+    def visitor(self, monkeypatch: pytest.MonkeyPatch) -> Visitor:
+        return Visitor(monkeypatch)
 
-        def sleep(time_s: float) -> None:
-            log.append(("sleep", time_s))
-            now.s += time_s
-            if now.s > 2000.0:
-                stop.requested = True
-
-        monkeypatch.setattr(walk, "time", SimpleNamespace(monotonic=lambda: now.s, sleep=sleep))
-        stop = SimpleNamespace(requested=False)
-        panel = SimpleNamespace(
-            command=np.array([0.3, -0.2, 0.1]), paused=False, follow=True, seen=False, policy="chosen",
-            push=0.0,
-            restart=False, offer_commands=lambda ranges: log.append(("commands", ranges)),
-            offer_policies=lambda names: log.append(("policies", names)),
-            say=lambda text: log.append(("say", text)),
-            draw=lambda metrics, finished: None,
-        )  # fmt: skip
-        panel.take_push = lambda: panel.push
-        panel.take_restart = lambda: panel.restart
-        snapshots = SimpleNamespace(
-            problem="a problem",
-            exporting=8,
-            chosen="",
-            next=None,
-            names=lambda: ["a name"],
-            poll=lambda: snapshots.next,
-        )
-        view = SimpleNamespace(
-            show=lambda *given: log.append(("show", *given)), begin=lambda: log.append(("begin",))
-        )
-        made = SimpleNamespace(robot="go1", preset="presets/mine.yaml", seed=4, trainer="brax")
-        ppo = SimpleNamespace(iterations=10, steps_per_iteration=16)
-        run: Any = SimpleNamespace(
-            folder=tmp_path, policy=tmp_path / "policy.onnx", provenance=made, config=SimpleNamespace(ppo=ppo)
-        )
-        walking = Walk(run, go1, view, panel, snapshots, stop)  # type: ignore[arg-type]
-        return SimpleNamespace(
-            walk=walking,
-            log=log,
-            panel=panel,
-            snapshots=snapshots,
-            stop=stop,
-            now=now,
-            run=run,
-            status=walking._status,
-        )
-
-    def done(self, made: SimpleNamespace) -> list[str]:
-        return [each[0] for each in made.log]
-
-    def test_it_looks_at_most_once_a_second_and_tells_what_it_saw(
-        self, made: SimpleNamespace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    def test_the_robot_walks_as_the_page_commands_and_is_pushed(
+        self, visitor: Visitor, finished: Path, go1: Robot
     ) -> None:
-        (tmp_path / "metrics.jsonl").write_text('{"step": 160}\n')
-        monkeypatch.setattr(made.walk._metrics, "age_s", lambda: 42.0)
-        made.walk._look()
-        assert ("policies", ["a name"]) in made.log
-        assert made.snapshots.chosen == "chosen"
-        assert (made.status.trained_steps, made.status.finished) == (160, False)
-        assert made.status.metrics_age_s == 42.0
-        assert (made.status.problem, made.status.exporting) == ("a problem", 8)
-        assert made.log[-1] == ("say", as_markdown(made.status))
-        made.log.clear()
-        made.now.s += 0.99
-        made.walk._look()
-        assert made.log == []
-        made.now.s += 0.02
-        made.run.policy.touch()
-        made.walk._look()
-        assert self.done(made) == ["policies", "say"]
-        assert made.status.finished
+        pushes: list[np.ndarray] = []
 
-    def test_the_first_policy_brings_its_commands_and_the_next_replaces_its_network(
-        self, made: SimpleNamespace, monkeypatch: pytest.MonkeyPatch
+        def push(frame: int) -> None:
+            if frame in (200, 210, 220):
+                visitor.push = 1.5
+            elif frame in (201, 211, 221):
+                pushes.append(visitor.shown[-1][0] - visitor.shown[-2][0])
+            visitor.restart = frame == 5
+            if frame == 150:
+                visitor.command = np.array([0.3, 0.0, 0.0])
+
+        visitor.after_frame, visitor.most_frames = push, 230
+        visitor.walk(finished, go1)
+        np.testing.assert_allclose([np.hypot(x, y) for x, y, _ in pushes], 1.5, atol=0.5)
+        directions = np.arctan2(*np.array(pushes)[:, 1::-1].T)
+        assert np.ptp(directions) > 0.5
+        _, command, velocity = visitor.shown[199]
+        assert command is visitor.command
+        np.testing.assert_allclose(velocity, [0.4, 0.0, 0.0], atol=0.15)  # smoothed
+        assert visitor.starts == 2
+        assert len(visitor.said) < visitor.frames / 20  # it looks once a second
+        assert visitor.now_s == pytest.approx(1000.0 + 0.033 * visitor.frames, abs=0.2)
+
+    def test_a_paused_robot_stands_still_in_time(self, visitor: Visitor, finished: Path, go1: Robot) -> None:
+        """The visitor waits for two reports, which come once a second."""
+        reports = [0]
+
+        def pause(frame: int) -> None:
+            visitor.paused, reports[0] = frame == 60, len(visitor.said)
+
+        def go_on(text: str) -> None:
+            visitor.said.append(text)
+            visitor.paused &= len(visitor.said) < reports[0] + 3
+
+        visitor.after_frame, visitor.say, visitor.most_frames = pause, go_on, 90  # type: ignore[method-assign]
+        visitor.walk(finished, go1)
+        assert visitor.now_s == pytest.approx(1000.0 + 0.033 * 90 + 2.5, abs=1.0)
+
+    def test_newer_networks_take_over_while_somebody_looks(
+        self, visitor: Visitor, finished: Path, go1: Robot, tmp_path: Path, own_folder: Path
     ) -> None:
-        policies: list[Any] = []
+        """One of another contract changes nothing but what is said."""
+        other = tmp_path / "other.onnx"
+        other.write_bytes(b"no policy")
+        visitor.ready += [Snapshot(POLICY, 5), Snapshot(other, 6)]
+        visitor.most_frames = 130
+        visitor.walk(finished, go1)
+        assert "of iteration 5," in visitor.said[-1]
+        assert "Not usable" in visitor.said[-1]
+        assert visitor.polls > 3
+        assert [each for each in visitor.offered if each != ["a name"]] == [open_network(POLICY)[1].commands]
 
-        def newest(path: str, robot: Robot) -> Any:
-            policies.append((path, robot.name))
-            contract = SimpleNamespace(commands="ranges")
-            return SimpleNamespace(contract=contract, replace_network=policies.append)
-
-        monkeypatch.setattr(walk, "NewestPolicy", newest)
-        for path, iteration in (("a.onnx", 3), ("b.onnx", 5)):
-            made.snapshots.next = Snapshot(path, iteration)  # type: ignore[arg-type]
-            made.panel.seen = True
-            made.now.s += 2.0
-            made.walk._look()
-        assert policies == [("a.onnx", "go1"), "b.onnx"]
-        assert [each for each in made.log if each[0] == "commands"] == [("commands", "ranges")]
-        assert (made.status.iteration, made.status.policies) == (5, 2)
-
-    def test_a_policy_is_looked_for_until_there_is_one_and_then_while_somebody_looks(
-        self, made: SimpleNamespace, monkeypatch: pytest.MonkeyPatch
+    def test_without_a_visitor_nothing_is_exported(
+        self, visitor: Visitor, finished: Path, go1: Robot
     ) -> None:
-        asked: list[str] = []
-        made.snapshots.poll = lambda: asked.append("asked")
-        for policy, seen, times in ((None, False, 1), ("policy", False, 1), ("policy", True, 2)):
-            made.walk._policy, made.panel.seen = policy, seen
-            made.now.s += 2.0
-            made.walk._look()
-            assert len(asked) == times
+        visitor.seen, visitor.most_frames = False, 70
+        visitor.walk(finished, go1)
+        assert visitor.polls == 1
 
-    def test_a_training_is_finished_after_its_last_step_alone(self, made: SimpleNamespace) -> None:
+    @pytest.mark.parametrize(("step", "done"), [(4095, False), (4096, True)])
+    def test_a_training_is_finished_after_its_last_step_alone(
+        self, visitor: Visitor, finished: Path, go1: Robot, step: int, done: bool
+    ) -> None:
         """A policy.onnx may be one that was exported on the way."""
-        made.run.policy.touch()
-        metrics = made.run.folder / "metrics.jsonl"
-        for step, finished in ((159, False), (160, True)):
-            metrics.write_text(f'{{"step": {step}}}\n')
-            made.walk._metrics = MetricsFile(metrics)
-            made.now.s += 2.0
-            made.walk._look()
-            assert made.status.finished is finished
+        (finished / "metrics.jsonl").write_text(f'{{"step": {step}}}\n')
+        visitor.ready.clear()
+        visitor.walk(finished, go1)
+        assert visitor.finished is done
 
-    def test_a_network_that_is_refused_changes_nothing_but_what_is_said(self, made: SimpleNamespace) -> None:
-        def refuse(_: Path) -> None:
-            raise UserError("another contract")
-
-        made.walk._policy = SimpleNamespace(replace_network=refuse)
-        made.status.iteration, made.status.policies = 3, 1
-        made.panel.seen, made.snapshots.next = True, Snapshot(Path("b.onnx"), 5)
-        made.walk._look()
-        assert (made.status.iteration, made.status.policies) == (3, 1)
-        assert made.status.problem == "another contract"
-
-    def test_an_episode_is_walked_as_the_page_commands_and_its_fall_is_counted(
-        self, made: SimpleNamespace, monkeypatch: pytest.MonkeyPatch
+    def test_falls_are_counted(
+        self, visitor: Visitor, finished: Path, go1: Robot, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        given: list[Any] = []
         traces = [
             SimpleNamespace(fell=True, fall_reason="it tilted", faults=("x",)),
             SimpleNamespace(fell=False, fall_reason="", faults=("motor 3",)),
-            SimpleNamespace(fell=False, fall_reason="", faults=()),
         ]
-        monkeypatch.setattr(walk, "run_episode", lambda *each: given.append(each) or traces[len(given) - 1])
-        ends = []
-        for _ in traces:
-            made.walk._next_frame_us = 7_000_000  # of an episode before
-            made.walk._episode("policy")
-            assert made.walk._next_frame_us == 0
-            assert isinstance(made.walk._pace, Pace)
-            ends.append((made.status.episodes, made.status.falls, made.status.last_fall))
-        assert ends == [(1, 1, "it tilted"), (2, 1, "motor 3"), (3, 1, "motor 3")]
-        robot, policy, episode, tick = given[0]
-        assert (robot.name, policy, episode.duration_s) == ("go1", "policy", 60.0)
-        assert episode.command_source(0.0) is made.panel.command
-        made.panel.command = np.array([0.7, 0.1, -0.2])  # moved meanwhile
-        assert episode.command_source(5.0) is made.panel.command
-        assert tick == made.walk._tick
-        assert self.done(made) == ["begin"] * 3
 
-    @pytest.fixture
-    def walking(self, made: SimpleNamespace, monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
-        """In the middle of an episode, at 2 s."""
-        monkeypatch.setattr(made.walk, "_look", lambda: made.log.append(("look",)))
-        made.walk._pace = SimpleNamespace(
-            factor=0.75,
-            wait=lambda at: made.log.append(("wait", at)),
-            resume=lambda at: made.log.append(("resume", at)),
-        )
-        made.walk._next_frame_us = 2_000_000
-        made.loop = SimpleNamespace(
-            now_us=2_000_000, walking_s=1.0, walking=True, sensed="sensed",
-            state=SimpleNamespace(mode=SimpleNamespace(value="WALKING")),
-            finish=lambda: made.log.append(("finish",)),
-        )  # fmt: skip
-        truth = SimpleNamespace(
-            base_position=np.zeros(3), base_quaternion=np.array([1.0, 0, 0, 0]),
-            foot_contact=np.ones(4, bool),
-            base_velocity=np.array([0.4, 0.2, 9.0]), base_angular_velocity=np.array([7.0, 8.0, -1.0]),
-        )  # fmt: skip
-        made.body = SimpleNamespace(
-            data="data", truth=lambda: truth, push=lambda change: made.log.append(("push", change))
-        )
-        return made
+        def episode(*_: Any) -> SimpleNamespace:
+            visitor.sleep(20.0)
+            return traces.pop(0) if len(traces) > 1 else traces[0]
 
-    def test_a_frame_comes_when_it_is_due(self, walking: SimpleNamespace) -> None:
-        walking.loop.now_us = 1_999_999
-        walking.walk._tick(walking.loop, walking.body)
-        assert walking.log == []
-        walking.loop.now_us = 2_000_000
-        walking.walk._tick(walking.loop, walking.body)
-        assert self.done(walking) == ["show", "look", "wait"]
-        assert walking.log[-1] == ("wait", 2.0)
-        assert walking.walk._next_frame_us == 2_033_000
-        walking.loop.now_us = 2_040_000  # a late one leaves the rhythm as it is
-        walking.walk._tick(walking.loop, walking.body)
-        assert walking.walk._next_frame_us == 2_066_000
-        walking.stop.requested = True
-        walking.log.clear()
-        walking.walk._tick(walking.loop, walking.body)
-        assert walking.log == [("finish",)]
-
-    def test_it_shows_the_true_velocity_smoothed_beside_the_command(self, walking: SimpleNamespace) -> None:
-        for share in (0.1, 0.19):
-            walking.log.clear()
-            walking.walk._show(walking.loop, walking.body)
-            ((_, data, moment, velocity, follow),) = walking.log
-            assert (data, follow) == ("data", True)
-            assert moment.command is walking.panel.command
-            np.testing.assert_allclose(velocity, share * np.array([0.4, 0.2, -1.0]))
-        assert (walking.status.mode, walking.status.pace) == ("WALKING", 0.75)
-
-    def test_a_push_has_the_speed_that_was_asked_for_and_a_direction_of_its_own(
-        self, walking: SimpleNamespace
-    ) -> None:
-        walking.panel.push = 1.5
-        for _ in range(40):
-            walking.walk._do_as_asked(walking.loop, walking.body)
-        pushes = np.array([change for _, change in walking.log])
-        np.testing.assert_allclose(np.hypot(pushes[:, 0], pushes[:, 1]), 1.5)
-        assert not pushes[:, 2].any()
-        angles = np.arctan2(pushes[:, 1], pushes[:, 0])
-        assert angles.min() < -2.0
-        assert angles.max() > 2.0
-
-    def test_a_restart_ends_the_episode(self, walking: SimpleNamespace) -> None:
-        walking.panel.restart = True
-        walking.walk._do_as_asked(walking.loop, walking.body)
-        assert walking.log == [("finish",)]
-
-    def test_while_it_is_paused_it_looks_on_and_then_keeps_its_time(
-        self, walking: SimpleNamespace, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        walking.panel.paused = True
-
-        def look() -> None:
-            walking.log.append(("look",))
-            walking.panel.paused = len(walking.log) < 5
-
-        monkeypatch.setattr(walking.walk, "_look", look)
-        walking.walk._do_as_asked(walking.loop, walking.body)
-        assert walking.log == [("look",), ("sleep", 0.1)] * 3 + [("resume", 2.0)]
-
-    @pytest.fixture
-    def looking(self, finished: Path, go1: Robot, monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
-        """A walk whose page and snapshots are stand-ins: `look` looks into the run folder."""
-        monkeypatch.setattr("footfall.pages.walk.LOOK_S", 0.0)
-        said: list[str] = []
-        panel = SimpleNamespace(
-            seen=False,
-            say=said.append,
-            offer_commands=lambda _: None,
-            offer_policies=lambda _: None,
-            draw=lambda metrics, finished: None,
-            policy=NEWEST,
-        )
-        snapshots = SimpleNamespace(
-            problem="", exporting=None, names=list, poll=lambda: Snapshot(POLICY, None)
-        )
-        walk = Walk(open_run(finished), go1, None, panel, snapshots, None)
-        return SimpleNamespace(
-            look=walk._look, status=walk._status, panel=panel, snapshots=snapshots, said=said
-        )
-
-    def test_it_asks_for_newer_policies_while_somebody_looks(self, looking: SimpleNamespace) -> None:
-        for seen, shown in ((False, 1), (False, 1), (True, 2)):
-            looking.panel.seen = seen
-            looking.look()
-            assert looking.status.policies == shown
-
-    def test_why_a_network_was_refused_stays_on_the_page(
-        self, looking: SimpleNamespace, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        def refuse(*_: object) -> None:
-            raise UserError("another contract")
-
-        looking.look()
-        monkeypatch.setattr(NewestPolicy, "replace_network", refuse)
-        looking.panel.seen = True
-        looking.look()
-        looking.snapshots.poll = lambda: None
-        looking.look()
-        assert "Not usable: another contract" in looking.said[-1]
-
-
-POLICY = ZOO / "go1-flat" / "policy.onnx"
+        monkeypatch.setattr(walk, "run_episode", episode)
+        visitor.walk(finished, go1)
+        told = [text for text in visitor.said if "starts" in text]
+        assert "1 in 1 starts: it tilted" in told[1]
+        assert "1 in 2 starts: motor 3" in told[2]
 
 
 class TestNewestPolicy:
@@ -401,10 +259,9 @@ class TestNewestPolicy:
         weights = np.random.default_rng(0).normal(size=shape).astype(np.float32)
         other = write_network(onnx, tmp_path / "other.onnx", 0.1 * weights, contract)
         session = NewestPolicy(POLICY, go1)
-        observed = np.ones((1, shape[0]), np.float32)
         session.replace_network(other)
-        (action,) = session._session.run(None, {"observation": observed})
-        np.testing.assert_allclose(action, 0.1 * observed @ weights, rtol=1e-4, atol=1e-4)
+        action = session.network(np.ones(shape[0], np.float32))
+        np.testing.assert_allclose(action, 0.1 * weights.sum(axis=0), rtol=1e-4, atol=1e-4)
 
     def test_a_network_of_another_contract_is_refused(
         self, go1: Robot, own_folder: Path, tmp_path: Path
