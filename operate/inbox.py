@@ -7,7 +7,6 @@ Times are those of this computer's monotonic clock when a request arrived: no cl
 the owner is silent, its last request counts as old: first the velocity is zero, later the robot lies down.
 """
 
-import math
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -23,6 +22,8 @@ from footfall.policies.live_settings import DECLARED, Access
 
 STILL = np.zeros(3)
 LONGEST_NAME = 80  # characters of an operator's name or a stop's reason
+LONGEST_NOTE = 200  # characters
+LARGEST = 1e6  # of any setting, in its unit
 FASTEST = 100.0  # m/s or rad/s: a velocity beyond it is a mistake
 
 
@@ -177,6 +178,13 @@ class Inbox:
             again = self._stop is not None
             self._stop = Stop(" ".join(f"stopped by {by}{why}".split()), damp or again)
 
+    def note(self, text: Any) -> None:
+        """Add a line to the run's notes."""
+        line = " ".join(str(text).split())[:LONGEST_NOTE]
+        with self._lock:
+            self._held = self._held._replace(request=self._held.request._replace(note=line))
+            self._silent = None
+
     # -- called by the loop --------------------------------------------------------------------------
 
     @property
@@ -263,7 +271,7 @@ def _settings(given: Any, offer: Offer | None) -> dict[str, float]:
                 f"there is no setting '{shown}' here: {', '.join(known) or 'none can be changed'}"
             )
         number = isinstance(value, int | float) and not isinstance(value, bool)
-        if not number or not math.isfinite(value):
+        if not number or not abs(value) < LARGEST:  # NaN is refused, too
             raise ValueError(f"{name} is a number, in {DECLARED[name].unit}")
         settings[name] = float(value)
     return settings

@@ -58,6 +58,8 @@ def test_the_newest_values_hold_and_what_is_not_named_stays(inbox: Inbox) -> Non
         {"policy": 7},
         {"gait": "bound"},
         {"settings": {"step_height_m": math.inf}},
+        {"settings": {"step_height_m": math.nan}},
+        {"settings": {"step_height_m": 10**400}},
         {"settings": {"step_height_m": True}},
         {"settings": {"step_height_m": "0.1"}},
         {"settings": {"weight": 1.0}},

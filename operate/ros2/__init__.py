@@ -1,0 +1,1 @@
+"""ROS 2: a run's telemetry as topics, and commands from topics, services, parameters and an action."""

@@ -1,0 +1,134 @@
+"""Starts the process that speaks ROS 2: the robot's own ROS Python, or cyclonedds where there is no ROS."""
+
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+
+import footfall
+from footfall.common.errors import UserError
+from footfall.common.installation import install_extras
+from footfall.operate.ros2.arguments import READY
+
+RCLPY, CYCLONE = "footfall.operate.ros2.rclpy_bridge", "footfall.operate.ros2.cyclone_bridge"
+PROBE_S, START_S, END_S = 20.0, 30.0, 3.0  # patience
+SYSTEM_PYTHON = "/usr/bin/python3"
+RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+OPEN_NETWORK = "other computers can see and steer this robot: DDS asks nobody for a password"
+
+
+@dataclass(frozen=True)
+class Ros2Options:
+    """How a run takes part in ROS 2."""
+
+    python: Path | None = None  # that has rclpy; None finds one
+    stamped: bool = False  # velocities come as TwistStamped
+    arguments: Sequence[str] = ()  # of rclpy, such as -r __ns:=/robot
+
+
+@dataclass(frozen=True)
+class Backend:
+    """What speaks ROS 2."""
+
+    python: str
+    module: str
+    about: str  # one line for people
+
+
+def find_backend(options: Ros2Options) -> Backend:
+    """The back end that this computer has.
+
+    Raises:
+        UserError: it has none, or the Python that was named has no rclpy.
+    """
+    if options.python is not None:
+        python = str(options.python)
+        if not _has_rclpy(python):
+            raise UserError(f"{python} cannot import rclpy: source ROS 2 first, or name another --ros-python")
+        return Backend(python, RCLPY, f"ROS 2 by rclpy of {python}")
+    for python in (sys.executable, SYSTEM_PYTHON):
+        if _has_rclpy(python):
+            return Backend(python, RCLPY, f"ROS 2 by rclpy of {python}")
+    if find_spec("cyclonedds") is None:
+        raise UserError(
+            "no ROS 2 is found here: source its setup.bash, name a Python that has rclpy with --ros-python,"
+            f" or have topics alone: {install_extras('ros2')}"
+        )
+    about = "ROS 2 by cyclonedds: topics only; services, parameters and actions need rclpy"
+    return Backend(sys.executable, CYCLONE, about)
+
+
+def _has_rclpy(python: str) -> bool:
+    command = [python, "-c", "import rclpy, rcl_interfaces.msg"]
+    try:
+        return not subprocess.run(command, capture_output=True, timeout=PROBE_S, check=False).returncode
+    except (OSError, subprocess.TimeoutExpired):
+        return False
+
+
+def network_note(environment: "os._Environ[str]" = os.environ) -> str:
+    """A warning if the environment opens ROS to the network; empty if it does not."""
+    asked = environment.get(RANGE, "LOCALHOST").upper()
+    return "" if asked in ("LOCALHOST", "OFF") else f"{RANGE} is {asked}: {OPEN_NETWORK}"
+
+
+@contextmanager
+def bridge(backend: Backend, feed: Path, steer: Path | None, options: Ros2Options) -> Iterator[None]:
+    """Run the bridge for a while.
+
+    Args:
+        backend: see `find_backend`.
+        feed: socket of the run's telemetry; it may come to be later.
+        steer: socket that takes commands; None for a bridge that publishes only.
+        options: of the run.
+
+    Raises:
+        UserError: it does not start.
+    """
+    command = [backend.python, "-m", backend.module, "--feed", str(feed), "--child"]
+    command += [] if steer is None else ["--steer", str(steer)]
+    command += ["--cmd-vel", "stamped" if options.stamped else "twist"]
+    command += ["--ros-args", *options.arguments] if options.arguments else []
+    with ExitStack() as resources:
+        folder = Path(resources.enter_context(tempfile.TemporaryDirectory(prefix="footfall-ros2-")))
+        errors = resources.enter_context((folder / "errors").open("w+b"))
+        pipe, environment = subprocess.PIPE, _environment(folder)
+        process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=errors, env=environment)
+        resources.callback(_end, process)
+        assert process.stdout is not None
+        if process.stdout.readline().strip() != READY.encode():
+            process.wait(END_S)
+            errors.seek(0)
+            last = errors.read().decode(errors="replace").strip().splitlines()
+            raise UserError(f"the ROS 2 bridge does not start: {last[-1] if last else 'it says nothing'}")
+        yield
+
+
+def _environment(folder: Path) -> dict[str, str]:
+    """Of the bridge: it can import footfall, and nothing else of this Python's packages."""
+    (folder / "footfall").symlink_to(Path(footfall.__file__).parent, target_is_directory=True)
+    paths = [str(folder), *filter(None, [os.environ.get("PYTHONPATH")])]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths), "PYTHONDONTWRITEBYTECODE": "1"}
+    environment.setdefault(RANGE, "LOCALHOST")
+    if environment.get("ROS_DISTRO") == "humble" and environment[RANGE] == "LOCALHOST":
+        environment.setdefault("ROS_LOCALHOST_ONLY", "1")  # older than the variable above
+    return environment
+
+
+def _end(process: "subprocess.Popen[bytes]") -> None:
+    """The end of its input ends the bridge."""
+    assert process.stdin is not None
+    assert process.stdout is not None
+    with suppress(OSError):
+        process.stdin.close()
+    try:
+        process.wait(END_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+    process.stdout.close()

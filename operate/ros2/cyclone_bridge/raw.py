@@ -1,0 +1,80 @@
+"""Raw CDR over cyclonedds: bytes that are encoded already go out, bytes come in.
+
+The Python of cyclonedds has no public call for that. These two private ones are all that is used; their
+release is pinned in pyproject.toml, and `benchmarks/ros2` sends through them to rclpy.
+"""
+
+from types import new_class
+
+from cyclonedds._clayer import ddspy_take, ddspy_write
+from cyclonedds.core import DDSException, InstanceState, SampleState, ViewState
+from cyclonedds.domain import DomainParticipant
+from cyclonedds.idl import IdlStruct
+from cyclonedds.idl.types import uint8
+from cyclonedds.pub import DataWriter
+from cyclonedds.qos import Policy, Qos
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic
+from cyclonedds.util import duration
+
+ANY = SampleState.Any | ViewState.Any | InstanceState.Any
+PATIENCE = duration(milliseconds=10)  # of a write for a slow subscriber
+
+
+def quality(reliable: bool, latched: bool, depth: int) -> Qos:
+    """Quality of service as ROS names it."""
+    return Qos(
+        Policy.Reliability.Reliable(PATIENCE) if reliable else Policy.Reliability.BestEffort,
+        Policy.Durability.TransientLocal if latched else Policy.Durability.Volatile,
+        Policy.History.KeepLast(depth),
+    )
+
+
+def dds_topic(participant: DomainParticipant, name: str, kind: str) -> Topic:
+    """A topic with the name and the type's name that ROS gives it.
+
+    Its structure is a stand-in: nothing here encodes by it, and peers are told to ignore it.
+
+    Args:
+        participant: of the domain.
+        name: absolute, such as `/imu/data`.
+        kind: such as `sensor_msgs/msg/Imu`.
+    """
+    package, part, message = kind.split("/")
+    typename = f"{package}.{part}.dds_.{message}_"
+    stand_in = {"__annotations__": {"stand_in": uint8}}
+    structure = new_class(
+        f"{message}_", (IdlStruct,), {"typename": typename}, lambda body: body.update(stand_in)
+    )
+    return Topic(participant, f"rt{name}", structure)
+
+
+class RawWriter:
+    """Publishes messages in CDR."""
+
+    def __init__(self, participant: DomainParticipant, name: str, kind: str, how: Qos) -> None:
+        self._writer = DataWriter(participant, dds_topic(participant, name, kind), how)
+
+    def write(self, message: bytes) -> None:
+        """Publish; the bytes begin with the head of CDR.
+
+        Raises:
+            DDSException: it cannot be sent, for example since a subscriber is too slow.
+        """
+        padded = message + bytes(-len(message) % 4)
+        if (found := ddspy_write(self._writer._ref, padded)) < 0:
+            raise DDSException(found, "a message was not sent")
+
+
+class RawReader:
+    """Takes messages in CDR."""
+
+    def __init__(self, participant: DomainParticipant, name: str, kind: str, how: Qos) -> None:
+        self._reader = DataReader(participant, dds_topic(participant, name, kind), how)
+
+    def take(self) -> list[bytes]:
+        """Messages that have come since the last call, at most a hundred."""
+        found = ddspy_take(self._reader._ref, ANY, 100)
+        if isinstance(found, int):
+            raise DDSException(found, "messages cannot be taken")
+        return [data for data, about in found if about.valid_data]

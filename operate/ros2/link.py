@@ -1,0 +1,78 @@
+"""The bridge's end of a run's steering socket (`steering_socket.py`). Needs the standard library alone."""
+
+import itertools
+import json
+import queue
+import socket
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+MOST_REFUSALS = 100  # different ones that are told, each once
+ANSWER_S = 1.0  # longest wait for one
+SILENT = "the run does not answer"
+
+
+class Link:
+    """Asks a run for something, and hears how it is."""
+
+    def __init__(
+        self, path: str, on_status: Callable[[dict[str, Any]], None], on_refused: Callable[[str], None]
+    ) -> None:
+        """Connect. Both functions are called from another thread.
+
+        Args:
+            path: of the socket.
+            on_status: takes each status of the run.
+            on_refused: takes why something that was told is refused.
+
+        Raises:
+            OSError: nobody listens.
+        """
+        self._on_status, self._on_refused = on_status, on_refused
+        self._refusals: set[str] = set()
+        self._numbers = itertools.count()
+        self._answers: dict[int, queue.SimpleQueue[str]] = {}
+        self._sending = threading.Lock()
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self._socket.connect(path)
+        self.closed = threading.Event()
+        threading.Thread(target=self._read, name="run's steering", daemon=True).start()
+
+    def ask(self, **request: Any) -> str:
+        """Ask for something and wait for the answer: why it is refused; empty if it is not."""
+        number = next(self._numbers)
+        answer = self._answers[number] = queue.SimpleQueue()
+        try:
+            self._send({"id": number, **request})
+            return answer.get(timeout=ANSWER_S)
+        except (OSError, queue.Empty):
+            return SILENT
+        finally:
+            del self._answers[number]
+
+    def tell(self, **request: Any) -> None:
+        """Ask for something without waiting."""
+        try:
+            self._send(request)
+        except OSError:
+            self.closed.set()
+
+    def _send(self, message: dict[str, Any]) -> None:
+        with self._sending:
+            self._socket.sendall(json.dumps(message).encode() + b"\n")
+
+    def _read(self) -> None:
+        with suppress(OSError, ValueError), self._socket.makefile("rb") as lines:
+            for line in lines:
+                message = json.loads(line)
+                if "status" in message:
+                    self._on_status(message["status"])
+                elif (answer := self._answers.get(message.get("id"))) is not None:
+                    answer.put(message["refused"])
+                elif (why := message["refused"]) and len(self._refusals) < MOST_REFUSALS:
+                    if why not in self._refusals:
+                        self._on_refused(why)
+                    self._refusals.add(why)
+        self.closed.set()

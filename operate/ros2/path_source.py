@@ -1,0 +1,136 @@
+"""An inbox that also walks along paths of its bridge, by odometry."""
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from footfall.common.errors import UserError
+from footfall.deploy.command_source import Request, Status, Stop
+from footfall.deploy.modes import Mode
+from footfall.operate.inbox import STILL, Inbox
+from footfall.operate.missions.limits import Abilities
+from footfall.operate.missions.mission import Mission, mission_of
+from footfall.operate.missions.source import MissionSource
+
+
+class PathState(NamedTuple):
+    """How far the walk along a path is."""
+
+    distance_m: float  # from its end, straight
+    outcome: str = ""  # once it is over: `missions.source.DONE`, or why it gave up
+
+
+class _Walk:
+    """One path: asked for in `odom`, and from the next poll on a mission in the frame where that begins."""
+
+    def __init__(self, points: Any, yaw_rad: float | None) -> None:
+        _mission(points, yaw_rad)  # refuses what is no path
+        self.points, self.yaw_rad = np.array(points, dtype=float), yaw_rad
+        self.mission: MissionSource | None = None
+        self.state = PathState(math.nan)
+
+    def begin(self, status: Status, abilities: Callable[[str], Abilities]) -> MissionSource:
+        pose = status.pose
+        cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+        local = (self.points - pose[:2]) @ np.array([[cos, -sin], [sin, cos]])
+        yaw = None if self.yaw_rad is None else self.yaw_rad - pose.yaw_rad
+        return MissionSource(_mission(local.tolist(), yaw), status.policy, abilities)
+
+
+class PathSource:
+    """A command source: an inbox, whose owner may be the path that is walked.
+
+    A velocity of the same operator that is not zero ends the walk; velocities of zero are left out while it
+    lasts, since planners send them all the time. The silence rules of the inbox hold: the walk feeds it.
+    """
+
+    def __init__(self, inbox: Inbox, operator: str, abilities: Callable[[str], Abilities]) -> None:
+        """No path is walked.
+
+        Args:
+            inbox: of the run.
+            operator: who walks along paths, as the inbox names it.
+            abilities: of a policy of the run, by its name.
+        """
+        self._inbox, self._operator, self._abilities = inbox, operator, abilities
+        self._walk: _Walk | None = None
+
+    @property
+    def state(self) -> PathState | None:
+        """Of the newest path; None if there was none, or a velocity or its operator ended it."""
+        walk = self._walk
+        return None if walk is None else walk.state
+
+    def follow(self, points: Any, yaw_rad: Any = None) -> str:
+        """Walk along points (n, 2), m, in `odom`, and turn to a heading there; an earlier path is left.
+
+        Returns:
+            Why it is refused, in one line; empty if it is not.
+        """
+        try:
+            walk = _Walk(points, yaw_rad)
+        except (UserError, TypeError, ValueError) as error:
+            return str(error)
+        refused = self._inbox.put(self._operator, velocity=STILL)
+        if not refused:
+            self._walk = walk
+        return refused
+
+    def leave(self) -> None:
+        """Stand still where the robot is."""
+        if self._walk is not None:
+            self._walk = None
+            self._inbox.put(self._operator, velocity=STILL)
+
+    def put(self, **request: Any) -> str:
+        """`Inbox.put` of the operator."""
+        walk = self._walk
+        if walk is not None and not walk.state.outcome and "velocity" in request:
+            if request["velocity"] in ([0, 0, 0], (0, 0, 0)):
+                del request["velocity"]
+            else:
+                self._walk = None
+        return self._inbox.put(self._operator, **request)
+
+    # -- called by the loop --------------------------------------------------------------------------
+
+    @property
+    def stopped(self) -> Stop | None:
+        """See `Inbox.stopped`."""
+        return self._inbox.stopped
+
+    def poll(self, status: Status) -> Request:
+        """The newest request of the inbox, which the walk writes to."""
+        walk = self._walk
+        if walk is not None and not walk.state.outcome:
+            self._lead(walk, status)
+        return self._inbox.poll(status)
+
+    def _lead(self, walk: _Walk, status: Status) -> None:
+        """One step of the walk, once the robot can walk."""
+        if status.mode is not Mode.WALKING:
+            return
+        velocity, outcome = STILL, "there is no odometry"
+        if math.isfinite(status.pose.x_m):
+            try:
+                if walk.mission is None:
+                    walk.mission = walk.begin(status, self._abilities)
+                velocity = walk.mission.poll(status).velocity
+                outcome = walk.mission.progress.outcome
+            except UserError as error:
+                outcome = str(error)
+        refused = self._inbox.put(self._operator, velocity=velocity)
+        walk.state = PathState(math.dist(status.pose[:2], walk.points[-1]), outcome or refused)
+
+
+def _mission(points: Any, yaw_rad: Any) -> Mission:
+    """The mission along some points.
+
+    Raises:
+        UserError: they are no path.
+    """
+    heading = {} if yaw_rad is None else {"heading_deg": math.degrees(yaw_rad)}
+    steps = [{"waypoints": {"points": points, **heading}}]
+    return mission_of({"steps": steps, "low_charge": 0.0}, "path")  # whoever asks looks after the battery

@@ -1,0 +1,79 @@
+"""Passes commands of topics and services on to the run."""
+
+from collections.abc import Callable, Iterable
+from functools import partial
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+from footfall.operate.ros2.link import Link
+from footfall.operate.ros2.rclpy_bridge.publishing import message_type
+from footfall.operate.ros2.table import (
+    CHOSEN,
+    CMD_VEL,
+    SETTING,
+    STOP,
+    Subscribed,
+    other_type,
+    velocity_kinds,
+)
+
+LOOK_EVERY_S = 1.0  # for publishers of the other type
+
+
+class Commands:
+    """Subscriptions to `cmd_vel` and to what can be asked for by a topic."""
+
+    def __init__(self, node: Node, link: Link, stamped: bool) -> None:
+        """Subscribe; `stamped` takes velocities as TwistStamped."""
+        self._node, self._link = node, link
+        self._kind, self._other = velocity_kinds(stamped)
+        self._stopped = self._told = False
+        self._settings: dict[str, Any] = {}
+        self._subscribe(CMD_VEL._replace(kind=self._kind), self._stamped if stamped else self._velocity, 1)
+        self._subscribe(STOP, self._stop)
+        for topic in CHOSEN:
+            self._subscribe(topic, partial(self._choose, topic.key))
+        node.create_timer(LOOK_EVERY_S, self._look_for_the_other_type)
+
+    def offer(self, settings: Iterable[str]) -> None:
+        """Listen for these live settings from now on."""
+        for name in set(self._settings) - set(settings):
+            self._node.destroy_subscription(self._settings.pop(name))
+        for name in set(settings) - set(self._settings):
+            topic = SETTING._replace(name=SETTING.name.format(name))
+            self._settings[name] = self._subscribe(topic, partial(self._setting, name))
+
+    def _subscribe(self, topic: Subscribed, take: Callable[[Any], None], depth: int = 10) -> Any:
+        reliability = ReliabilityPolicy.RELIABLE if topic.reliable else ReliabilityPolicy.BEST_EFFORT
+        quality = QoSProfile(depth=depth, reliability=reliability)
+        return self._node.create_subscription(message_type(topic.kind), topic.name, take, quality)
+
+    def _velocity(self, twist: Any) -> None:
+        self._link.tell(velocity=[twist.linear.x, twist.linear.y, twist.angular.z])
+
+    def _stamped(self, message: Any) -> None:
+        """Its age counts from its arrival: clocks of two computers may differ."""
+        self._velocity(message.twist)
+
+    def _stop(self, _: Any) -> None:
+        """A topic that repeats itself asks once: the run takes a second stop as a more urgent one."""
+        if not self._stopped:
+            self._stopped = True
+            self._link.tell(stop=f"topic {self._node.resolve_topic_name(STOP.name)}")
+
+    def _choose(self, key: str, message: Any) -> None:
+        self._link.tell(**{key: message.data})
+
+    def _setting(self, name: str, message: Any) -> None:
+        self._link.tell(settings={name: message.data})
+
+    def _look_for_the_other_type(self) -> None:
+        topic = self._node.resolve_topic_name(CMD_VEL.name)
+        found = self._node.get_publishers_info_by_topic(topic)
+        if not self._told and self._other in [each.topic_type for each in found]:
+            self._told = True
+            line = other_type(topic, self._kind, self._other)
+            self._node.get_logger().error(line)
+            self._link.tell(note=line)

@@ -1,0 +1,103 @@
+"""The action that walks along a path: `nav2_msgs/action/FollowPath`, where that package is installed."""
+
+import math
+from typing import Any
+
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.node import Node
+from rclpy.task import Future
+
+from footfall.operate.ros2.link import Link
+from footfall.operate.ros2.rclpy_bridge.publishing import message_type
+from footfall.operate.ros2.table import FOLLOW_PATH, ODOM
+
+SPACING_M = 0.05
+
+
+class PathAction:
+    """Offers the action; one path is walked at a time, and a newer one replaces it."""
+
+    def __init__(self, node: Node, link: Link) -> None:
+        """Offer it.
+
+        Raises:
+            ImportError: `nav2_msgs` is not installed here.
+        """
+        self._node, self._link = node, link
+        self._type = message_type(FOLLOW_PATH.kind)
+        self._status: Future = Future()
+        self._goals = 0
+        self._server = ActionServer(
+            node,
+            self._type,
+            FOLLOW_PATH.name,
+            execute_callback=self._execute,
+            goal_callback=self._accept,
+            cancel_callback=lambda _: CancelResponse.ACCEPT,
+        )
+
+    def update(self, status: dict[str, Any]) -> None:
+        """Hear how the run is."""
+        waiting, self._status = self._status, Future()
+        waiting.set_result(status)
+
+    def _accept(self, goal: Any) -> GoalResponse:
+        """Paths are in `odom`: there is no map here."""
+        frame = goal.path.header.frame_id
+        if frame not in ("", ODOM) or not goal.path.poses:
+            self._node.get_logger().error(f"a path has at least one pose, in frame {ODOM}, not '{frame}'")
+            return GoalResponse.REJECT
+        return GoalResponse.ACCEPT
+
+    async def _execute(self, handle: Any) -> Any:
+        result = self._type.Result()
+        self._goals += 1
+        number = self._goals
+        poses = [each.pose for each in handle.request.path.poses]
+        points = thinned([[pose.position.x, pose.position.y] for pose in poses])
+        refused = self._link.ask(path=points, yaw_rad=_yaw(poses[-1].orientation))
+        if refused:
+            return self._aborted(handle, result, refused)
+        while True:
+            status = await self._status
+            if number != self._goals:
+                return self._aborted(handle, result, "another path replaced it")
+            if handle.is_cancel_requested:
+                self._link.ask(path=None)
+                handle.canceled()
+                return result
+            path = status["path"]
+            if path is None or path["outcome"]:
+                break
+            feedback = self._type.Feedback()
+            feedback.distance_to_goal = float(path["distance_m"])
+            feedback.speed = math.hypot(*status["velocity"][:2])
+            handle.publish_feedback(feedback)
+        if path is not None and path["outcome"] == "done":
+            handle.succeed()
+            return result
+        return self._aborted(handle, result, "cmd_vel took over" if path is None else path["outcome"])
+
+    def _aborted(self, handle: Any, result: Any, why: str) -> Any:
+        self._node.get_logger().error(f"path: {why}")
+        handle.abort()
+        result.error_code = 1
+        if hasattr(result, "error_msg"):  # not in every release
+            result.error_msg = why
+        return result
+
+
+def thinned(points: list[list[float]]) -> list[list[float]]:
+    """Points that are some way from each other; the last one stays."""
+    kept = points[:1]
+    for point in points[1:]:
+        if not math.dist(kept[-1], point) < SPACING_M:  # what is no number stays, and is refused by the run
+            kept.append(point)
+    return [*kept[:-1], points[-1]] if len(kept) > 1 else points[-1:]
+
+
+def _yaw(q: Any) -> float | None:
+    """Of a quaternion; None for one of zeros, which asks for no heading."""
+    if not any((q.w, q.x, q.y, q.z)):
+        return None
+    return math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))

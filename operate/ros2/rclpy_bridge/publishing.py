@@ -1,0 +1,51 @@
+"""Publishes a run's feed."""
+
+from importlib import import_module
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+from footfall.deploy.telemetry.feed_reader import FeedMessage
+from footfall.deploy.telemetry.topics import TOPICS
+from footfall.operate.ros2.table import PUBLISHED
+from footfall.operate.ros2.throttle import Throttle
+
+
+def message_type(kind: str) -> Any:
+    """The class of a type such as `sensor_msgs/msg/Imu`.
+
+    Raises:
+        ImportError: its package is not installed here.
+    """
+    package, part, name = kind.split("/")
+    return getattr(import_module(f"{package}.{part}"), name)
+
+
+class Publishing:
+    """A publisher for each topic of the table, fed with bytes that are encoded already."""
+
+    def __init__(self, node: Node) -> None:
+        """Advertise the topics; one whose message package is not installed is left out, with a warning."""
+        self._publishers: dict[str, tuple[Publisher, Throttle]] = {}
+        for each in PUBLISHED:
+            how = TOPICS[each.feed]
+            durability = DurabilityPolicy.TRANSIENT_LOCAL if how.latched else DurabilityPolicy.VOLATILE
+            quality = QoSProfile(
+                depth=1 if how.latched else how.depth,
+                reliability=ReliabilityPolicy.RELIABLE,
+                durability=durability,
+            )
+            try:
+                publisher = node.create_publisher(message_type(how.kind), each.name, quality)
+            except ImportError as error:
+                node.get_logger().warning(f"no {each.name}: {error}")
+                continue
+            self._publishers[each.feed] = publisher, Throttle(each.rate_hz)
+
+    def pass_on(self, message: FeedMessage) -> None:
+        """Publish a message of the feed, unless the table leaves it out."""
+        found = self._publishers.get(message.channel.topic)
+        if found is not None and found[1].due(message.time_ns):
+            found[0].publish(message.data)

@@ -1,0 +1,60 @@
+"""Services that ask the run for something."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rclpy.node import Node
+
+from footfall.operate.ros2.link import Link
+from footfall.operate.ros2.rclpy_bridge.publishing import message_type
+from footfall.operate.ros2.table import (
+    CHOICES,
+    SERVICES,
+    TRIGGER,
+    WAVE,
+    WAVE_GAIT,
+    in_name,
+)
+
+
+class Services:
+    """Those of the table, and one for each gait and each policy that the run offers."""
+
+    def __init__(self, node: Node, link: Link) -> None:
+        self._node, self._link = node, link
+        self._gaits: Sequence[str] = ()
+        self._chosen: dict[str, Any] = {}  # services by their names
+        for each in SERVICES:
+            self._trigger(each.name, each.request)
+        node.create_service(message_type(WAVE.kind), WAVE.name, self._wave)
+
+    def offer(self, gaits: Sequence[str], policies: Sequence[str]) -> None:
+        """Offer these gaits and policies from now on."""
+        self._gaits = gaits
+        wanted = {
+            service.name.format(in_name(name)): {key: name}
+            for (key, service), names in zip(CHOICES.items(), (gaits, policies), strict=True)
+            for name in names
+        }
+        for name in self._chosen.keys() - wanted.keys():
+            self._node.destroy_service(self._chosen.pop(name))
+        for name in wanted.keys() - self._chosen.keys():
+            self._chosen[name] = self._trigger(name, wanted[name])
+
+    def _trigger(self, name: str, request: Mapping[str, Any]) -> Any:
+        def answer(_: Any, response: Any) -> Any:
+            return self._ask(response, request)
+
+        return self._node.create_service(message_type(TRIGGER), name, answer)
+
+    def _wave(self, asked: Any, response: Any) -> Any:
+        others = [gait for gait in self._gaits if gait != WAVE_GAIT]
+        if not asked.data and not others:
+            response.success, response.message = False, "the present policy has no other gait"
+            return response
+        return self._ask(response, {"gait": WAVE_GAIT if asked.data else others[0]})
+
+    def _ask(self, response: Any, request: Mapping[str, Any]) -> Any:
+        refused = self._link.ask(**request)
+        response.success, response.message = not refused, refused
+        return response

@@ -1,0 +1,146 @@
+"""The run's end of a Unix socket over which a bridge steers: lines of JSON both ways.
+
+From the bridge, one request a line, each with some of these keys:
+
+    {"id": 7, "velocity": [0.5, 0, 0], "wish": "walk", "gait": "trot", "settings": {"roll_rad": 0.1}}
+    {"id": 8, "stop": "a service"}    {"id": 9, "take_over": true}    {"note": "for the run's notes"}
+    {"id": 10, "path": [[1, 0], [1, 2]], "yaw_rad": 1.57}    {"id": 11, "path": null}
+
+To the bridge: `{"id": 7, "refused": ""}`, the reason or nothing, for each; and `{"status": {...}}`, ten times
+a second. The inbox checks every value. When the bridge is gone, its ownership of the steering ends.
+"""
+
+import json
+import os
+import socket
+import threading
+import time
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from footfall.deploy.command_source import Status
+from footfall.operate.inbox import Inbox
+from footfall.operate.ros2.path_source import PathSource, PathState
+
+STATUS_EVERY_S = 0.1
+LONGEST_LINE = 2**20  # bytes
+OTHERS = ("stop", "take_over", "note", "path")
+ASKED = ("velocity", "wish", "policy", "gait", "settings")  # arguments of `Inbox.put`
+
+
+class SteeringSocket:
+    """Serves one bridge after the other, from a thread of its own."""
+
+    def __init__(self, path: Path, inbox: Inbox, paths: PathSource, operator: str) -> None:
+        """Listen; only this user can connect.
+
+        Args:
+            path: of the socket, in a folder of this run.
+            inbox: takes what the bridge asks for.
+            paths: walks along those that it asks for; the run's command source.
+            operator: its name there.
+        """
+        self._inbox, self._paths, self._operator = inbox, paths, operator
+        self._ended = threading.Event()
+        self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self._listener.bind(os.fspath(path))
+        self._listener.listen(1)
+        self._listener.settimeout(STATUS_EVERY_S)
+        self._thread = threading.Thread(target=self._serve, name="steering socket", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Disconnect the bridge."""
+        self._ended.set()
+        self._thread.join(10 * STATUS_EVERY_S)
+        self._listener.close()
+
+    def _serve(self) -> None:
+        while not self._ended.is_set():
+            with suppress(TimeoutError):
+                bridge, _ = self._listener.accept()
+                with bridge, suppress(OSError):
+                    bridge.settimeout(STATUS_EVERY_S)
+                    self._converse(bridge)
+                self._inbox.release(self._operator)
+                if not self._ended.is_set():
+                    self._inbox.note(f"{self._operator}: the bridge is gone")
+
+    def _converse(self, bridge: socket.socket) -> None:
+        """Answer one bridge until it is gone."""
+        waiting, told, due_s = bytearray(), 0, 0.0
+        while not self._ended.is_set():
+            status = self._inbox.status
+            if time.monotonic() >= due_s and status is not None:
+                now = described(status, self._inbox.owner, self._paths.state, told)
+                bridge.sendall(_line({"status": now}))
+                told, due_s = len(status.notes), time.monotonic() + STATUS_EVERY_S
+            try:
+                arrived = bridge.recv(4096)
+            except TimeoutError:
+                continue
+            if not arrived or len(waiting) > LONGEST_LINE:
+                return
+            *lines, rest = (waiting + arrived).split(b"\n")
+            waiting = bytearray(rest)
+            for line in lines:
+                bridge.sendall(self._answer(line))
+
+    def _answer(self, line: bytes | bytearray) -> bytes:
+        try:
+            request = json.loads(line)
+        except (ValueError, RecursionError):
+            request = None
+        if not isinstance(request, dict):
+            return _line({"refused": "a request is an object in JSON"})
+        number = request.pop("id", None)
+        return _line({"id": number, "refused": self._refused(request)})
+
+    def _refused(self, request: dict[str, Any]) -> str:
+        """Do what is asked for; returns why not, empty if it is done."""
+        if "stop" in request:
+            self._inbox.stop(self._operator, request["stop"])
+            return ""
+        if "take_over" in request:
+            return self._inbox.take_over(self._operator)
+        if "note" in request:
+            self._inbox.note(request["note"])
+            return ""
+        if "path" in request:
+            return self._path(**request)
+        if unknown := sorted(set(request) - set(ASKED)):
+            return f"there is no request '{unknown[0]}': {', '.join((*ASKED, *OTHERS))}"
+        return self._paths.put(**request)
+
+    def _path(self, path: Any, yaw_rad: Any = None) -> str:
+        if path is None:
+            self._paths.leave()
+            return ""
+        return self._paths.follow(path, yaw_rad)
+
+
+def described(status: Status, owner: str, path: PathState | None, notes_from: int = 0) -> dict[str, Any]:
+    """A run's status as plain values for JSON; of its notes those from a number on."""
+    offer = status.offer
+    return {
+        "mode": status.mode,
+        "walking_s": status.walking_s,
+        "policy": status.policy,
+        "command": status.command.tolist(),
+        "velocity": status.velocity.tolist(),
+        "height_m": status.height_m,
+        "pose": list(status.pose),
+        "charge": status.charge,
+        "faults": list(status.faults),
+        "notes": list(status.notes[notes_from:]),
+        "owner": owner,
+        "path": None if path is None else path._asdict(),
+        "policies": list(offer.policies),
+        "gaits": list(offer.gaits),
+        "settings": {name: list(span) for name, span in offer.settings.items()},
+    }
+
+
+def _line(message: dict[str, Any]) -> bytes:
+    return json.dumps(message).encode() + b"\n"

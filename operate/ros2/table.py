@@ -1,0 +1,107 @@
+"""The names that a run has in ROS 2. One table serves both back ends. Needs the standard library alone.
+
+Names are relative to the node's namespace, those with `~` to the node, `/tf` and `/tf_static` to neither.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+NODE = "footfall"
+ODOM, BASE = "odom", "base_link"  # REP 105
+
+
+class Published(NamedTuple):
+    """A topic of the feed (deploy/telemetry/topics.py: its type and quality of service), as ROS sees it."""
+
+    feed: str
+    name: str
+    rate_hz: float = math.inf  # at most; later messages of the feed are left out
+    about: str = ""
+
+
+class Subscribed(NamedTuple):
+    """A topic that a run listens to. The newest message counts."""
+
+    name: str
+    kind: str
+    key: str  # of the request that it becomes, see `steering_socket.py`
+    about: str
+    reliable: bool = True  # False takes messages of best-effort publishers, too
+
+
+class Service(NamedTuple):
+    """A service, offered by the `rclpy` back end alone: services do not cross makers of DDS."""
+
+    name: str
+    kind: str
+    about: str
+    request: Mapping[str, Any] = {}  # to the run, as `steering_socket.py` takes it
+
+
+PUBLISHED = (
+    Published("/robot_description", "robot_description", about="URDF made from the MJCF; latched"),
+    Published("/joint_states", "joint_states", 200.0, "measured position, velocity and torque"),
+    Published("/joint_commands", "joint_commands", 200.0, "position, velocity and torque that went out"),
+    Published("/imu/data", "imu/data", 200.0, "in `imu_link`"),
+    Published("/odom", "odom", 50.0, "`base_link` in `odom`; velocities in `base_link`"),
+    Published("/tf", "/tf", 50.0, "`odom` to `base_link`, and the links"),
+    Published("/tf_static", "/tf_static", about="links without a joint; latched"),
+    Published("/contacts", "foot_contacts", 50.0, "probability that each foot stands, 0 to 1"),
+    Published("/cmd_vel", "~/command", 50.0, "velocity that the policy is given, after clipping"),
+    Published("/state", "~/state", about="of the supervisor; latched"),
+    Published("/notes", "~/notes", about="what was refused, clipped or changed"),
+)
+
+TWIST, TWIST_STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
+_EMPTY, _TEXT, _NUMBER = "std_msgs/msg/Empty", "std_msgs/msg/String", "std_msgs/msg/Float64"
+CMD_VEL = Subscribed(
+    "cmd_vel", TWIST, "velocity", "forward and leftward m/s, yaw rad/s; 0.5 s of silence is zero", False
+)
+STOP = Subscribed("~/stop", _EMPTY, "stop", "stops the run: latched")
+CHOSEN = (
+    Subscribed("~/wish", _TEXT, "wish", "`walk`, `stand` or `lie_down`"),
+    Subscribed("~/gait", _TEXT, "gait", "name of a gait of the present policy"),
+    Subscribed("~/policy", _TEXT, "policy", "name of a policy of this run"),
+)
+SETTING = Subscribed("~/setting/{}", _NUMBER, "settings", "a live setting by its name")
+SUBSCRIBED = (CMD_VEL, STOP, *CHOSEN, SETTING)
+
+
+def velocity_kinds(stamped: bool) -> tuple[str, str]:
+    """The type of `cmd_vel`, and the one that it must not have."""
+    return (TWIST_STAMPED, TWIST) if stamped else (TWIST, TWIST_STAMPED)
+
+
+def other_type(topic: str, expected: str, found: str) -> str:
+    """What to do about velocities of another type than expected, in one line."""
+    option = "stamped" if found == TWIST_STAMPED else "twist"
+    return f"{topic} comes as {found}, and {expected} is expected: start the run with --cmd-vel {option}"
+
+
+TRIGGER = "std_srvs/srv/Trigger"
+SERVICES = (
+    Service("~/stop", TRIGGER, "stops the run: latched", {"stop": "service"}),
+    Service("~/walk", TRIGGER, "follow `cmd_vel`", {"wish": "walk"}),
+    Service("~/stand", TRIGGER, "stand, whatever `cmd_vel` asks for", {"wish": "stand"}),
+    Service("~/lie_down", TRIGGER, "lie down and end the run", {"wish": "lie_down"}),
+    Service("~/take_over", TRIGGER, "steer from now on, whoever steered", {"take_over": True}),
+)
+CHOICES = {  # one service for each name that the run offers
+    "gait": Service("~/gait/{}", TRIGGER, "take up a gait of the present policy"),
+    "policy": Service("~/policy/{}", TRIGGER, "change to a policy of this run"),
+}
+WAVE_GAIT = "wave"
+WAVE = Service("~/wave", "std_srvs/srv/SetBool", "true is the gait `wave`, false the first other one")
+FOLLOW_PATH = Service("~/follow_path", "nav2_msgs/action/FollowPath", "walk along a path in `odom`")
+
+
+def in_name(text: str) -> str:
+    """A text as a part of a name in ROS: anything else than letters, digits and `_` becomes `_`."""
+    plain = "".join(each if each.isascii() and each.isalnum() else "_" for each in text)
+    return f"_{plain}" if plain[:1].isdigit() else plain
+
+
+def absolute(name: str) -> str:
+    """A name of this table, of a node in the root namespace."""
+    return f"/{NODE}{name[1:]}" if name.startswith("~") else f"/{name.lstrip('/')}"

@@ -1,0 +1,65 @@
+"""The bridge, a process of another Python: it is fed, ends with the run, and says why if it fails."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from import_apart import ROOT
+from walking_run import WALKING, abilities, eventually
+
+from footfall.common.errors import UserError
+from footfall.deploy.telemetry import messages
+from footfall.deploy.telemetry.feed import Feed, listen
+from footfall.operate.inbox import Inbox
+from footfall.operate.ros2.bridge_process import Backend, Ros2Options, bridge, find_backend, network_note
+from footfall.operate.ros2.path_source import PathSource
+from footfall.operate.ros2.steering_socket import SteeringSocket
+
+FAKE = Backend(sys.executable, "fake_bridge", "no ROS")
+NEEDS_NO_PACKAGES = ("table", "link", "arguments", "reading", "throttle")
+
+
+@pytest.fixture(autouse=True)
+def finds_fake_bridge(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[2] / "support"))
+
+
+def test_the_bridge_steers_and_reads_the_feed_until_the_run_ends(tmp_path: Path) -> None:
+    inbox, feed_path, steer_path = Inbox(), tmp_path / "feed", tmp_path / "steer"
+    steering = SteeringSocket(steer_path, inbox, PathSource(inbox, "ros2", abilities), "ros2")
+    with bridge(FAKE, feed_path, steer_path, Ros2Options()):
+        assert eventually(lambda: inbox.poll(WALKING).velocity[0] == 0.25)
+        feed = Feed(listen(feed_path), {})  # a run makes it when it begins
+
+        def told() -> bool:
+            feed.put("/state", 0, messages.text("WALKING"))
+            feed.serve()
+            return inbox.poll(WALKING).note == "/state"
+
+        assert eventually(told)
+    assert eventually(lambda: inbox.owner == ""), "it ended with the run"
+    steering.close()
+
+
+def test_a_bridge_that_fails_says_why_in_one_line(tmp_path: Path) -> None:
+    failing = Ros2Options(arguments=("fail",))
+    with pytest.raises(UserError, match=r": the last line says why$"), bridge(FAKE, tmp_path, None, failing):
+        pass
+
+
+def test_a_python_without_ros_is_refused() -> None:
+    with pytest.raises(UserError, match="ros-python"):
+        find_backend(Ros2Options(python=Path("/bin/false")))
+
+
+def test_the_network_is_opened_on_request_only_and_with_a_warning() -> None:
+    assert network_note({}) == network_note({"ROS_AUTOMATIC_DISCOVERY_RANGE": "localhost"}) == ""
+    assert "steer" in network_note({"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"})
+
+
+def test_what_the_ros_python_runs_needs_no_packages_of_ours() -> None:
+    """`-S` leaves out all that is installed."""
+    names = ", ".join(f"footfall.operate.ros2.{each}" for each in NEEDS_NO_PACKAGES)
+    command = [sys.executable, "-S", "-c", f"import {names}"]
+    subprocess.run(command, check=True, env={"PYTHONPATH": str(ROOT / "src")})

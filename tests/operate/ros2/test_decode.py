@@ -1,0 +1,32 @@
+"""Messages that come as bytes, without ROS, are those that were sent."""
+
+import struct
+
+import pytest
+
+from footfall.deploy.telemetry.messages import Template
+from footfall.operate.ros2.cyclone_bridge.decode import decode
+from footfall.operate.ros2.table import TWIST, TWIST_STAMPED
+
+SIX = struct.pack("<6d", 0.5, -0.2, 9.0, 9.0, 9.0, 0.3)
+TEXT, NUMBER = "std_msgs/msg/String", "std_msgs/msg/Float64"
+
+
+@pytest.mark.parametrize("frame", ["", "a", "base_link", "base_link_"])
+def test_velocities_stand_behind_frames_of_any_length(frame: str) -> None:
+    assert decode(TWIST, Template().gap(6).fill(0, SIX)) == [0.5, -0.2, 0.3]
+    assert decode(TWIST_STAMPED, Template().stamp(frame).gap(6).fill(7, SIX)) == [0.5, -0.2, 0.3]
+
+
+def test_texts_and_numbers_of_either_byte_order() -> None:
+    assert decode(TEXT, Template().text("wave").fill(0)) == "wave"
+    assert decode(NUMBER, b"\0\1\0\0" + struct.pack("<d", 0.08)) == 0.08
+    assert decode(NUMBER, b"\0\0\0\0" + struct.pack(">d", 0.08)) == 0.08
+    assert decode("std_msgs/msg/Empty", b"\0\1\0\0\0") is None
+
+
+@pytest.mark.parametrize("kind", [TWIST, TWIST_STAMPED, TEXT, NUMBER])
+@pytest.mark.parametrize("message", [b"", b"\0\1\0\0", b"\0\1\0\0\xff\xff\xff", b"\0\1\0\0" + b"\xff" * 7])
+def test_bytes_that_are_no_message_are_refused(kind: str, message: bytes) -> None:
+    with pytest.raises(ValueError, match=r"no message|decode"):
+        decode(kind, message)

@@ -1,0 +1,88 @@
+"""A bridge steers over a Unix socket: requests reach the inbox, refusals come back as a line."""
+
+import json
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from walking_run import WALKING, abilities, eventually
+
+from footfall.deploy.command_source import Wish
+from footfall.operate.inbox import Inbox
+from footfall.operate.ros2.link import Link
+from footfall.operate.ros2.path_source import PathSource
+from footfall.operate.ros2.steering_socket import SteeringSocket
+
+
+@pytest.fixture
+def inbox() -> Inbox:
+    inbox = Inbox()
+    inbox.poll(WALKING)
+    return inbox
+
+
+@pytest.fixture
+def path(inbox: Inbox, tmp_path: Path) -> Iterator[Path]:
+    server = SteeringSocket(tmp_path / "steer", inbox, PathSource(inbox, "ros2", abilities), "ros2")
+    yield tmp_path / "steer"
+    server.close()
+
+
+def test_requests_reach_the_inbox_and_refusals_come_back(inbox: Inbox, path: Path) -> None:
+    told: list[str] = []
+    link = Link(str(path), lambda _: None, told.append)
+    assert link.ask(velocity=[0.3, 0.0, 0.1], gait="wave", settings={"step_height_m": 0.04}) == ""
+    request = inbox.poll(WALKING)
+    assert (inbox.owner, request.velocity.tolist()) == ("ros2", [0.3, 0.0, 0.1])
+    assert (request.gait, request.settings) == ("wave", {"step_height_m": 0.04})
+    for wrong in ({"velocity": [float("nan"), 0, 0]}, {"gait": "fly"}, {"weight": 1}, {"wish": ["walk"]}):
+        assert "\n" not in link.ask(**wrong) != ""
+    link.tell(gait="fly")
+    link.tell(gait="fly")
+    link.tell(wish="stand")
+    assert eventually(lambda: inbox.poll(WALKING).wish is Wish.STAND)
+    assert len(told) == 1, "the same refusal is told once"
+    assert inbox.take_over("page") == ""
+    assert link.ask(velocity=[0.1, 0, 0]) != ""
+    assert link.ask(take_over=True) == link.ask(velocity=[0.1, 0, 0]) == ""
+    assert inbox.stopped is None
+    assert link.ask(stop="a service") == ""
+    assert inbox.stopped is not None
+    assert "ros2" in inbox.stopped.reason
+
+
+def test_the_bridge_hears_how_the_run_is_and_each_note_once(inbox: Inbox, path: Path) -> None:
+    heard: list[dict[str, Any]] = []
+    Link(str(path), heard.append, lambda _: None)
+    assert eventually(lambda: heard)
+    inbox.poll(WALKING._replace(notes=("a", "b"), policy="stand"))
+    assert eventually(lambda: heard[-1]["policy"] == "stand")
+    assert [note for status in heard for note in status["notes"]] == ["a", "b"]
+    assert heard[-1]["settings"] == {"step_height_m": [0.02, 0.1, 0.05]}
+    assert (heard[-1]["gaits"], heard[-1]["pose"]) == (["trot", "wave"], [1, 2, 0])
+
+
+def test_garbage_is_refused_and_the_connection_lives(inbox: Inbox, path: Path) -> None:
+    with socket.socket(socket.AF_UNIX) as raw:
+        raw.connect(str(path))
+        lines = raw.makefile("rb")
+        for garbage in (b"\xff\x00\n", b"[]\n", b"{}x\n", b"[" * 5000 + b"\n", b'{"id": [], "stop2": 1}\n'):
+            raw.sendall(garbage)
+            answer = next(found for found in map(json.loads, lines) if "refused" in found)
+            assert answer["refused"]
+        raw.sendall(b'{"velocity": [0.2, 0, 0]}\n')
+        assert eventually(lambda: inbox.poll(WALKING).velocity[0] == 0.2)
+
+
+def test_a_bridge_that_is_gone_steers_no_more_and_another_one_may_come(inbox: Inbox, path: Path) -> None:
+    with socket.socket(socket.AF_UNIX) as raw:
+        raw.connect(str(path))
+        raw.sendall(b'{"velocity": [0.2, 0, 0]}\n')
+        assert eventually(lambda: inbox.poll(WALKING).velocity[0] == 0.2)
+    assert eventually(lambda: inbox.poll(WALKING).velocity[0] == 0.0, 0.4), "before its silence counts"
+    assert inbox.owner == ""
+    assert "gone" in eventually(lambda: inbox.poll(WALKING).note)
+    link = Link(str(path), lambda _: None, lambda _: None)
+    assert link.ask(velocity=[0.1, 0, 0]) == ""

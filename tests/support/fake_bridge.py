@@ -1,0 +1,19 @@
+"""A bridge that speaks to no ROS: it walks ahead, and tells where it got the run's telemetry."""
+
+import sys
+
+from footfall.operate.ros2.arguments import parse
+from footfall.operate.ros2.link import Link
+from footfall.operate.ros2.reading import Reading
+
+if __name__ == "__main__":
+    import threading
+
+    options, rest = parse("fake_bridge", sys.argv[1:])
+    if "fail" in rest:
+        sys.exit("first line\nthe last line says why")
+    ended = threading.Event()
+    link = Link(str(options.steer), lambda _: None, lambda _: None)
+    Reading(options, lambda message: link.tell(note=message.channel.topic), ended.set)
+    link.tell(velocity=[0.25, 0.0, 0.0])
+    ended.wait()
