@@ -41,12 +41,12 @@ class Wish(StrEnum):
 
 
 class Request(NamedTuple):
-    """What a source wants now. All of it holds until the next request."""
+    """What a source wants now. What is left empty stays as it is."""
 
     velocity: np.ndarray  # (3,) forward m/s, leftward m/s, yaw rad/s, body frame
     wish: Wish = Wish.WALK
-    policy: str = ""  # name of the policy that shall decide; empty for the present one
-    gait: str = ""  # name of a gait of that policy; empty for the present one
+    policy: str = ""  # name of the policy that shall decide; empty for no change
+    gait: str = ""  # name of a gait of that policy; empty for no change
     settings: Mapping[str, float] = NO_SETTINGS  # live settings to change, by name
     note: str = ""  # why, in one line, for the run's notes and its log; empty for nothing to tell
 

@@ -7,6 +7,7 @@ from footfall.common.config import merged, read_yaml, require_between, structure
 from footfall.common.errors import UserError
 from footfall.deploy.bus import HOST_QUEUE
 from footfall.deploy.estimation.config import EstimatorConfig
+from footfall.deploy.handover import HandoverConfig
 from footfall.deploy.safety import SafetyConfig
 from footfall.robots.description import Robot
 
@@ -37,6 +38,7 @@ class DeployConfig:
     motor_timeout_s: float = MOTOR_TIMEOUT_S  # of robot.yaml; simulated motors can wait longer
     estimator: EstimatorConfig = field(default_factory=EstimatorConfig)
     odometry: bool = False  # estimate the base's motion for the log, also where the policy does not need it
+    handover: HandoverConfig = field(default_factory=HandoverConfig)
     safety: SafetyConfig = field(default_factory=SafetyConfig)
 
     def __post_init__(self) -> None:

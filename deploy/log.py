@@ -18,6 +18,7 @@ import numpy as np
 from footfall.common.config import unstructure
 from footfall.common.errors import UserError
 from footfall.common.held import held
+from footfall.deploy.changes import Change
 from footfall.deploy.estimation.odometry import VELOCITY, YAW, Odometry
 from footfall.deploy.log_records import START, Kind, record
 from footfall.deploy.receiver import MotorHealth
@@ -106,7 +107,7 @@ class McapLog:
             UserError: the file cannot be written or the feed not served, or another run does so.
         """
         self._what = f"the feed {feed}" if path is None else f"the log {path}"
-        self._policy, self._may_wait = policy, may_wait
+        self._may_wait = may_wait
         self._held = ExitStack()
         try:
             with ExitStack() as opened:
@@ -179,15 +180,19 @@ class McapLog:
             records += record(Kind.COMMANDED, now_us, commanded.tobytes())
         self._put(records)
 
-    def policy_step(self, now_us: int, inputs: PolicyInput, command: JointCommand) -> None:
-        """What the policy was given and what it decided."""
+    def policy_step(self, now_us: int, inputs: PolicyInput, command: JointCommand, policy: Policy) -> None:
+        """What the policies were given and what they decided; `policy` is the present one."""
         records = record(Kind.INPUTS, now_us, flatten(inputs).tobytes())
         records += record(Kind.DECISION, now_us, np.concatenate(command).tobytes())
         for kind, name in ((Kind.OBSERVATION, "observed"), (Kind.ACTION, "action")):
-            values = getattr(self._policy, name, None)
+            values = getattr(policy, name, None)
             if values is not None:
                 records += record(kind, now_us, np.asarray(values, dtype=np.float32).tobytes())
         self._put(records)
+
+    def change(self, now_us: int, change: Change) -> None:
+        """What changes of the policy, its gait or its settings, from the policy step at this time on."""
+        self._put(record(Kind.CHANGE, now_us, change.to_json().encode()))
 
     def odometry(self, now_us: int, found: Odometry, footholds: np.ndarray | None = None) -> None:
         """The estimated motion of the base, and the footholds of a policy that plans them, (feet, 3) m."""

@@ -26,6 +26,7 @@ class Kind(IntEnum):
     AGES = 12  # (n + 1,) of each motor's reading and of the IMU's, s
     HEALTH = 13  # (3n,) temperatures, voltages, error codes
     FOOTHOLDS = 14  # (3 feet,) planned footholds, from the base, heading frame, m; NaN for a standing foot
+    CHANGE = 15  # JSON: see `changes.Change`
 
 
 def record(kind: Kind, now_us: int, content: bytes = b"") -> bytes:

@@ -209,11 +209,11 @@ class ControlLoop:
             return
         commanded = self.walking and not self.held_up
         step = runner.step(now_us, self.status, self.sensed, self._estimate.value, commanded)
-        if step is not None and log is not None:
-            given, decision = step
-            log.policy_step(now_us, given, JointCommand.of(decision))
-            for note in runner.new_notes():
-                log.note(now_us, note)
+        if log is not None:
+            runner.tell(now_us, log)
+            if step is not None:
+                given, decision = step
+                log.policy_step(now_us, given, JointCommand.of(decision), runner.deciding)
 
     def _update_estimate(self, step_due: bool = False) -> None:
         if self._estimate.due(self.now_us, step_due):

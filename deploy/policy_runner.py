@@ -7,75 +7,84 @@ import time
 import numpy as np
 
 from footfall.common.errors import UserError
+from footfall.deploy.changes import Change
 from footfall.deploy.command_source import Pose, Status
 from footfall.deploy.deadline import Arm, OverdueError, unarmed
+from footfall.deploy.handover import STILL, Handover
 from footfall.deploy.modes import DECIDING
+from footfall.deploy.run_log import RunLog
 from footfall.deploy.safety import State
 from footfall.deploy.signals import PolicySignals
 from footfall.deploy.steering import Steering
 from footfall.deploy.timing import Durations
 from footfall.policies.policy import Policy, PolicyInput, Sensed
-from footfall.robots.actuator import JointCommand
 
 FAILURES = (Exception, SystemExit)  # a policy that calls sys.exit() has failed; Ctrl-C ends the program
 FORKED = 1  # exit status of a copy of the process that comes back from a policy's step
 
 
 class PolicyRunner:
-    """A policy, what it is asked for, and its last decision."""
+    """The policies of a run, what they are asked for, and the last decision."""
 
     def __init__(
         self,
-        policy: Policy,
+        policies: Handover,
         steering: Steering,
         joint_rate_hz: float,
         limit_s: float,
         realtime: bool,
         arm: Arm = unarmed,
     ) -> None:
-        """A policy that has not begun.
+        """Policies that have not begun.
 
         Args:
-            policy: decides.
-            steering: says what it shall do.
+            policies: those that may decide.
+            steering: says what they shall do.
             joint_rate_hz: of the loop.
             limit_s: how long one step may take.
             realtime: whether steps are timed. Simulated time waits for them.
             arm: sets a deadline for a step.
 
         Raises:
-            UserError: the policy is faster than the loop.
+            UserError: a policy is faster than the loop.
         """
-        if not 0.0 < policy.rate_hz <= joint_rate_hz:
-            raise UserError(
-                f"policy '{policy.name}' runs at {policy.rate_hz:g} Hz,"
-                f" the joint loop at {joint_rate_hz:g} Hz: the policy cannot be faster"
-            )
-        self._policy, self.steering = policy, steering
+        for policy in policies.policies:
+            if not 0.0 < policy.rate_hz <= joint_rate_hz:
+                raise UserError(
+                    f"policy '{policy.name}' runs at {policy.rate_hz:g} Hz,"
+                    f" the joint loop at {joint_rate_hz:g} Hz: the policy cannot be faster"
+                )
+        self._policies, self.steering = policies, steering
         self._limit_s, self._realtime, self._arm = limit_s, realtime, arm
-        self._period_us = 1e6 / policy.rate_hz
         self._process = os.getpid()
         self._began_us = 0
-        self._next_us = 0.0  # half a microsecond early, so that rounding cannot cost a tick
         self.signals = PolicySignals()
         self.decision: np.ndarray | None = None  # rows as of `JointCommand`
         self.durations_ms = Durations()
-        self._noted = self._told = 0  # notes of the policy that are taken over, of the run that are told
+        self._command = np.zeros(3)  # that the policy was given
+        self._changes: list[Change] = []  # that were not told yet
+        self._told = 0  # notes that were
+        self._noted = dict.fromkeys((policy.name for policy in policies.policies), 0)  # of each, taken over
 
     @property
     def notes(self) -> list[str]:
         """What was changed of what was asked for, one line each."""
-        of_policy, notes = self._policy.notes, self.steering.notes
-        if len(of_policy) > self._noted:
-            notes.extend(of_policy[self._noted :])
-            self._noted = len(of_policy)
+        notes, noted = self.steering.notes, self._noted
+        for policy in self._policies.policies:
+            if len(policy.notes) > noted[policy.name]:
+                notes.extend(policy.notes[noted[policy.name] :])
+                noted[policy.name] = len(policy.notes)
         return notes
 
-    def new_notes(self) -> list[str]:
-        """Notes that were not returned before."""
-        new = self.notes[self._told :]
-        self._told += len(new)
-        return new
+    def tell(self, now_us: int, log: RunLog) -> None:
+        """Log changes and notes that were not logged before."""
+        for change in self._changes:
+            log.change(now_us, change)
+        self._changes.clear()
+        notes = self.notes
+        for note in notes[self._told :]:
+            log.note(now_us, note)
+        self._told = len(notes)
 
     def status(self, now_us: int, state: State, estimate: tuple[np.ndarray, float], pose: Pose) -> Status:
         """The run as it is now, for the command source.
@@ -92,8 +101,8 @@ class PolicyRunner:
             now_us * 1e-6,
             walking_s,
             state.mode,
-            self._policy.name,
-            steering.command,
+            self.deciding.name,
+            self._command,
             *estimate,
             pose,
             state.faults,
@@ -103,7 +112,8 @@ class PolicyRunner:
 
     def start(self, now_us: int) -> None:
         """The policy takes over now."""
-        self._began_us, self._next_us = now_us, now_us - 0.5
+        self._began_us = now_us
+        self._policies.begin()
 
     def time_s(self, now_us: int) -> float:
         """Time since the policy took over, s."""
@@ -111,24 +121,30 @@ class PolicyRunner:
 
     def due(self, now_us: int) -> bool:
         """Whether it is time for a step."""
-        return now_us >= self._next_us
+        return self._policies.due(now_us - self._began_us)
+
+    @property
+    def deciding(self) -> Policy:
+        """The policy that decides."""
+        return self._policies.present.policy
 
     def stance(self) -> np.ndarray | None:
         """The policy's contact plan; None before its first step, or if it fails, which `signals` tell."""
         if self.decision is None:  # before its reset a policy's plan is of another episode
             return None
         try:
-            return self._policy.stance()
+            return self._policies.stance()
         except FAILURES as error:
             self._failed(error)
             return None
 
     def footholds(self) -> np.ndarray | None:
         """Planned footholds (see `PlansFootholds`); None if the policy plans none."""
-        if self.decision is None or not hasattr(self._policy, "footholds"):
+        policy = self._policies.present.policy
+        if self.decision is None or not hasattr(policy, "footholds"):
             return None
         try:
-            return self._policy.footholds()
+            return policy.footholds()
         except FAILURES as error:
             self._failed(error)
             return None
@@ -172,39 +188,27 @@ class PolicyRunner:
         self.decision = decision
         self.durations_ms.add(took_s * 1e3)
         if self._realtime:
-            late = self.signals.late_steps + 1 if took_s * 1e6 > self._period_us else 0
+            late = self.signals.late_steps + 1 if took_s * 1e6 > self._policies.period_us else 0
             self.signals = self.signals._replace(command_finite=finite, late_steps=late, step_s=took_s)
         elif finite is not self.signals.command_finite:
             self.signals = self.signals._replace(command_finite=finite)
-        periods = math.ceil((now_us - self._next_us) / self._period_us)
-        self._next_us += self._period_us * max(1, periods)
         return given, decision
 
     def _decide(
         self, now_us: int, status: Status, sensed: Sensed, estimate: tuple[np.ndarray, float], walking: bool
     ) -> tuple[PolicyInput, np.ndarray]:
-        self.steering.poll(now_us, status, walking)
-        given = PolicyInput(self.time_s(now_us), sensed, self.steering.command, *estimate)
-        if self.decision is None:
-            self._policy.reset(given)
-        return given, _copied(self._policy.act(given), len(sensed.joint_position))
+        steering, policies, walked_us = self.steering, self._policies, now_us - self._began_us
+        steering.poll(now_us, status, walking)
+        for change in steering.take_changes():
+            policies.apply(change, walked_us)
+            self._changes.append(change)
+        self._command = STILL if policies.leaving else steering.command
+        given = PolicyInput(walked_us * 1e-6, sensed, self._command, *estimate)
+        before = policies.present
+        decision = policies.step(walked_us, given)
+        if policies.present is not before:
+            steering.serve(policies.present.policy.name)
+        return given, decision
 
     def _failed(self, error: BaseException) -> None:
         self.signals = self.signals._replace(error=f"the policy failed: {type(error).__name__}: {error}")
-
-
-def _copied(command: JointCommand, joints: int) -> np.ndarray:
-    """A copy of a policy's command, (5, n).
-
-    Raises ValueError for another shape, masked entries, or complex numbers.
-    """
-    if any(_unreal(row) for row in command):
-        raise ValueError("it decides on masked or complex numbers, expected real ones")
-    values = np.array(command, dtype=float)
-    if values.shape != (5, joints):
-        raise ValueError(f"it decides on shape {values.shape}, expected (5, {joints})")
-    return values
-
-
-def _unreal(row: np.ndarray) -> bool:
-    return np.iscomplexobj(row) or (isinstance(row, np.ma.MaskedArray) and np.ma.is_masked(row))

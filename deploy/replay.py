@@ -1,18 +1,25 @@
-"""Runs a policy again on the inputs in a run's log."""
+"""Runs policies again on the inputs in a run's log, with the changes that were made meanwhile."""
 
 import math
+from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from footfall.common.config import structure
 from footfall.common.errors import UserError
+from footfall.deploy.changes import Change
+from footfall.deploy.handover import Handover, HandoverConfig
 from footfall.deploy.log import unflatten
 from footfall.deploy.log_file import Entry, LogFile, read_log
+from footfall.deploy.turn import WrongSizeError
 from footfall.policies.policy import Policy, PolicyInput
 from footfall.robots.actuator import JointCommand
 
-INPUTS, DECISIONS = "/policy/inputs", "/policy/command"
+INPUTS, DECISIONS, CHANGES = "/policy/inputs", "/policy/command", "/policy/changes"
+OTHERS, HANDOVER = "other_policies", "handover"  # metadata of a run with several policies
 
 
 @dataclass(frozen=True)
@@ -26,13 +33,14 @@ class Replay:
     first_difference: str  # place of the first, in words; empty if all numbers are the same
 
 
-def replay(path: Path, policy: Policy, tolerance: float = 0.0) -> Replay:
+def replay(path: Path, policy: Policy, tolerance: float = 0.0, others: Sequence[Policy] = ()) -> Replay:
     """Give a policy the inputs in a log; compare its decisions with those in the log.
 
     Args:
         path: the log.
         policy: usually the same one.
         tolerance: differences up to this are not reported.
+        others: further policies of the run.
 
     Raises:
         UserError: the log cannot be read, holds no policy steps, or is another robot's; the tolerance is
@@ -40,8 +48,10 @@ def replay(path: Path, policy: Policy, tolerance: float = 0.0) -> Replay:
     """
     if not 0.0 <= tolerance < math.inf:
         raise UserError(f"tolerance is {tolerance:g}: it must be a number from 0")
-    log = read_log(path, (INPUTS, DECISIONS))
+    log = read_log(path, (INPUTS, DECISIONS, CHANGES))
     joints = log.joints
+    policies = Handover((policy, *others), _config(log))
+    changes = _changes(log)
     worst, first, steps = 0.0, "", 0
     for index, (given, decision) in enumerate(_steps(log)):
         inputs = _inputs(log, given)
@@ -49,15 +59,18 @@ def replay(path: Path, policy: Policy, tolerance: float = 0.0) -> Replay:
         if len(before) != 5 * len(joints):
             raise UserError(f"{path}: step {index} has {len(before)} numbers for {len(joints)} joints")
         try:
-            if index == 0:
-                policy.reset(inputs)
-            again = np.concatenate(policy.act(inputs))
+            now_us = round(inputs.time_s * 1e6)
+            while changes and changes[0][0] <= given.time_ns:
+                policies.apply(changes.popleft()[1], now_us)
+            again = policies.step(now_us, inputs).ravel()
+        except WrongSizeError:
+            raise UserError(
+                f"{path} is of a robot with {len(joints)} joints: the policy does not fit"
+            ) from None
         except Exception as error:  # whatever a policy raises on a damaged log, or one that is not its own
             raise UserError(
                 f"{path}: the policy fails at step {index}: {type(error).__name__}: {error}"
             ) from None
-        if again.shape != before.shape:
-            raise UserError(f"{path} is of a robot with {len(joints)} joints: the policy does not fit")
         steps += 1
         difference = _difference(again, before)
         worst = max(worst, float(difference.max()))
@@ -78,6 +91,24 @@ def _steps(log: LogFile) -> list[tuple[Entry, Entry]]:
     decided = {entry.time_ns: entry for entry in log.entries if entry.topic == DECISIONS}
     given = [entry for entry in log.entries if entry.topic == INPUTS]
     return [(entry, decided[entry.time_ns]) for entry in given if entry.time_ns in decided]
+
+
+def _changes(log: LogFile) -> deque[tuple[int, Change]]:
+    """Changes of the run with their times, ns."""
+    try:
+        return deque(
+            (entry.time_ns, Change.from_json(entry.message.data))
+            for entry in log.entries
+            if entry.topic == CHANGES
+        )
+    except (AttributeError, ValueError) as error:
+        raise UserError(f"{log.path}: {error}") from None
+
+
+def _config(log: LogFile) -> HandoverConfig:
+    """How policies took over from each other in the run."""
+    given = log.metadata.get(HANDOVER)
+    return HandoverConfig() if given is None else structure(given, HandoverConfig, str(log.path))
 
 
 def _inputs(log: LogFile, given: Entry) -> PolicyInput:

@@ -4,10 +4,11 @@ from typing import Protocol
 
 import numpy as np
 
+from footfall.deploy.changes import Change
 from footfall.deploy.estimation.odometry import Odometry
 from footfall.deploy.receiver import MotorHealth
 from footfall.deploy.safety import State
-from footfall.policies.policy import PolicyInput, Sensed
+from footfall.policies.policy import Policy, PolicyInput, Sensed
 from footfall.robots.actuator import JointCommand
 
 
@@ -17,8 +18,11 @@ class RunLog(Protocol):
     def tick(self, now_us: int, sensed: Sensed, motors: MotorHealth, commanded: np.ndarray | None) -> None:
         """Readings of a joint tick, and the command (5, n) that went out; None if none did."""
 
-    def policy_step(self, now_us: int, inputs: PolicyInput, command: JointCommand) -> None:
-        """What the policy was given and what it decided."""
+    def policy_step(self, now_us: int, inputs: PolicyInput, command: JointCommand, policy: Policy) -> None:
+        """What the policies were given and what they decided; `policy` is the present one."""
+
+    def change(self, now_us: int, change: Change) -> None:
+        """What changes of the policy, its gait or its settings, from the policy step at this time on."""
 
     def odometry(self, now_us: int, found: Odometry, footholds: np.ndarray | None = None) -> None:
         """The estimated motion of the base, and the footholds of a policy that plans them, (feet, 3) m."""

@@ -2,7 +2,7 @@
 
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from footfall.common.collector import collector_paused
+from footfall.common.config import unstructure
 from footfall.common.errors import UserError
 from footfall.common.limits import LONGEST_S
 from footfall.deploy.base_estimate import BaseEstimate, BaseState
@@ -20,15 +21,17 @@ from footfall.deploy.command_source import CommandSource, StopSource, VelocityFu
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.deadline import deadlines, unarmed
 from footfall.deploy.drivers.choice import filters_of, open_driver
-from footfall.deploy.drivers.driver import Driver
-from footfall.deploy.frames import BITRATE
+from footfall.deploy.fit import check_contract, check_joint_rate
 from footfall.deploy.guard import Guard
+from footfall.deploy.handover import Handover
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.modes import Mode
 from footfall.deploy.policy_runner import PolicyRunner
 from footfall.deploy.process_end import ending_on_signals, exit_raises
+from footfall.deploy.replay import HANDOVER, OTHERS
 from footfall.deploy.steering import Steering
-from footfall.deploy.wiring import Wiring, wire
+from footfall.deploy.warm_up import warm_up
+from footfall.deploy.wiring import wire
 from footfall.deploy.wiring_check.check import WiringCheck
 from footfall.deploy.wiring_check.verdict import Verdict
 from footfall.policies.policy import Policy
@@ -56,6 +59,7 @@ class Session:
     stand_up: bool = True  # False for a hanging robot: the loop holds its initial pose
     check_wiring: bool = False  # before the robot stands up and walks
     stop_sources: Sequence[StopSource] = ()  # beside the command source
+    others: Mapping[str, Policy] = field(default_factory=dict)  # further policies that may decide, by spec
     wiring_right: Callable[[Sequence[Verdict]], None] = lambda _: None  # called when the check has passed
 
 
@@ -107,21 +111,26 @@ def run_session(
     """
     if not 0.0 < session.duration_s <= LONGEST_S:
         raise UserError(f"duration is {session.duration_s:g} s: it must be above 0, and a day at most")
-    _check_contract(policy, robot)
+    policies = (policy, *session.others.values())
+    for each in policies:
+        check_contract(each, robot)
     wiring, config = wire(robot), session.config
     driver = open_driver(wiring)
     check_joint_rate(wiring, driver, config.joint_rate_hz)
     with ExitStack() as resources:
         arm = resources.enter_context(deadlines()) if session.realtime else unarmed
         runner = PolicyRunner(
-            policy,
-            Steering(source_of(session.command_source), policy, session.stop_sources),
+            Handover(policies, config.handover),
+            Steering(source_of(session.command_source), policies, session.stop_sources),
             config.joint_rate_hz,
             config.safety.late_limit_s,
             session.realtime,
             arm,
         )
-        estimate = _estimate(robot, policy, config, base_state)
+        if session.realtime:
+            for other in session.others.values():
+                warm_up(other, robot)
+        estimate = _estimate(robot, policies, config, base_state)
         log = _open_log(robot, policy, session, resources)
         clock: Clock = (WallClock if session.realtime else LockstepClock)(config.tick_us)
         taken_over = threading.Event()
@@ -208,25 +217,6 @@ def _damp(loop: ControlLoop) -> None:
             loop.fail(error)
 
 
-def _check_contract(policy: Policy, robot: Robot) -> None:
-    differences = [] if policy.contract is None else policy.contract.mismatches(robot)
-    if differences:
-        raise UserError(f"policy '{policy.name}' does not fit robot '{robot.name}': {'; '.join(differences)}")
-
-
-def check_joint_rate(wiring: Wiring, driver: Driver, rate_hz: float) -> None:
-    """Raise UserError for a rate at which a command and a reply of each motor cannot fit on its bus."""
-    bits = np.bincount(wiring.channel, weights=driver.exchange_bits)
-    fullest = int(bits.argmax())
-    fastest_hz = BITRATE / bits[fullest]
-    if rate_hz > fastest_hz:
-        motors = np.count_nonzero(wiring.channel == fullest)
-        raise UserError(
-            f"joint_rate_hz is {rate_hz:g}: {motors} motors on {wiring.buses[fullest]}"
-            f" can be asked {fastest_hz:.0f} times a second at most"
-        )
-
-
 def _open_log(robot: Robot, policy: Policy, session: Session, resources: ExitStack) -> "McapLog | None":
     if session.log is None and session.feed is None:
         return None
@@ -234,6 +224,8 @@ def _open_log(robot: Robot, policy: Policy, session: Session, resources: ExitSta
 
     config = session.config
     facts = {"policy_spec": policy.name, **session.facts, "joint_rate_hz": config.joint_rate_hz}
+    if session.others:
+        facts |= {OTHERS: list(session.others), HANDOVER: unstructure(config.handover)}
     log = McapLog(session.log, robot, policy, facts, not session.realtime, session.feed)
     resources.callback(log.close)
     return log
@@ -279,10 +271,11 @@ def _unheard(loop: ControlLoop) -> list[str]:
 
 
 def _estimate(
-    robot: Robot, policy: Policy, config: DeployConfig, base_state: BaseState | None
+    robot: Robot, policies: Sequence[Policy], config: DeployConfig, base_state: BaseState | None
 ) -> BaseEstimate:
-    """The estimate of the base that the policy or the log needs."""
-    if base_state is not None or not (policy.needs_estimate or config.odometry):
+    """The estimate of the base that a policy, the command source or the log needs."""
+    needed = config.odometry or any(policy.needs_estimate for policy in policies)
+    if base_state is not None or not needed:
         return BaseEstimate(config.estimator_rate_hz, base_state=base_state)
     from footfall.deploy.estimation.estimator import BaseEstimator
 

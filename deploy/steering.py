@@ -1,21 +1,14 @@
-"""What the command source asks for: polled, checked, clipped to what the policy was trained for."""
+"""What the command source asks for: polled, checked, clipped to what the present policy takes."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from footfall.deploy.command_source import (
-    CommandSource,
-    Offer,
-    Request,
-    Status,
-    Stop,
-    StopSource,
-    Wish,
-)
+from footfall.deploy.changes import Change
+from footfall.deploy.command_source import CommandSource, Offer, Request, Status, Stop, StopSource, Wish
 from footfall.deploy.commands import CommandLimits
-from footfall.policies.live_settings import DECLARED, Steerable
+from footfall.policies.live_settings import DECLARED, Span, Steerable
 from footfall.policies.policy import Policy
 
 STILL = np.zeros(3)
@@ -26,24 +19,36 @@ class Steering:
     """The newest request of a run's source, and the stop that any of its stop sources asked for."""
 
     def __init__(
-        self, source: CommandSource, policy: Policy, stop_sources: Sequence[StopSource] = ()
+        self, source: CommandSource, policies: Sequence[Policy], stop_sources: Sequence[StopSource] = ()
     ) -> None:
         """Nothing has been asked for.
 
         Args:
             source: says what the run shall do.
-            policy: that decides.
+            policies: those that may decide; the first one does.
             stop_sources: further ones that can stop the robot.
         """
         self._source, self._stop_sources = source, (source, *stop_sources)
         self.notes: list[str] = []  # what was refused, clipped or changed, one line each; it only grows
-        self.offer = offer_of(policy)
-        self._limits = CommandLimits(self.offer.commands, self.notes)
-        self._request = Request(STILL)
+        names = tuple(policy.name for policy in policies)
+        self._offers = {policy.name: offer_of(policy)._replace(policies=names) for policy in policies}
+        self._all_limits = {
+            name: CommandLimits(offer.commands, self.notes) for name, offer in self._offers.items()
+        }
+        self._request, self._checked = Request(STILL), True
+        self._changes: list[Change] = []
         self.asked_command = STILL  # of the newest request, before it was clipped
-        self.command = STILL  # (3,) that the policy is given
+        self.command = STILL  # (3,) within the present policy's ranges
         self._stop: Stop | None = None
         self._next_us = 0
+        self.serve(names[0])
+
+    def serve(self, policy: str) -> None:
+        """This policy decides from now on, with its own gait and settings until the next `poll`."""
+        self._policy = self._wanted = policy
+        self.offer, self._limits = self._offers[policy], self._all_limits[policy]
+        self._gait, self._settings = "", dict[str, float]()  # that were asked of it
+        self._checked = False
 
     @property
     def lie_down(self) -> bool:
@@ -65,34 +70,77 @@ class Steering:
         return now_us >= self._next_us
 
     def poll(self, now_us: int, status: Status, follow: bool) -> None:
-        """Take the newest request; without `follow` the command is zero, whatever it asks for."""
+        """Take the newest request; without `follow` the command is zero and nothing changes."""
         self._next_us = now_us + POLL_EVERY_US
         request = self._source.poll(status)
         if request is not self._request:
-            self._request = request
+            self._request, self._checked = request, False
+            if request.note:
+                self._note(request.note)
+        if not follow:
+            self.asked_command = self.command = STILL
+            return
+        if not self._checked:
+            self._checked = True
             self._check(request)
-        if not follow or request.wish is not Wish.WALK:
+        if request.wish is not Wish.WALK:
             self.asked_command = self.command = STILL
             return
         self.asked_command = np.asarray(request.velocity, dtype=float)
         self.command = self._limits.apply(self.asked_command)
 
+    def take_changes(self) -> list[Change]:
+        """What the request changed since the last call."""
+        changes, self._changes = self._changes, []
+        return changes
+
     def _check(self, request: Request) -> None:
-        """Take the request's note; refuse names that this run does not have."""
-        if request.note:
-            self._note(request.note)
-        offer = self.offer
-        if request.policy and request.policy not in offer.policies:
-            self._note(f"there is no policy '{request.policy}' in this run: {', '.join(offer.policies)}")
-        if request.gait and request.gait not in offer.gaits:
-            known = ", ".join(offer.gaits) or "it has one only"
-            self._note(f"there is no gait '{request.gait}' of the present policy: {known}")
-        for name, value in request.settings.items():
-            if name not in offer.settings:
-                known = ", ".join(offer.settings) or "it has none"
-                self._note(f"there is no setting '{name}' of the present policy: {known}")
+        """Find what a request changes; refuse what this run does not have."""
+        wanted = request.policy or self._wanted
+        if wanted not in self._offers:
+            self._note(f"there is no policy '{wanted}' in this run: it has {', '.join(self._offers)}")
+            wanted = self._wanted
+        if wanted != self._wanted:
+            self._wanted = wanted
+            self._changes.append(Change(policy=wanted))
+        if wanted != self._policy:
+            return  # gait and settings are for the policy that comes
+        if request.gait and request.gait != self._gait:
+            self._gait = request.gait
+            if request.gait in self.offer.gaits:
+                self._changes.append(Change(gait=request.gait))
+            else:
+                has = ", ".join(self.offer.gaits) or "no choice"
+                self._note(f"there is no gait '{request.gait}' of {self._policy}: it has {has}")
+        if settings := self._new_settings(request.settings):
+            self._changes.append(Change(settings=settings))
+
+    def _new_settings(self, asked: Mapping[str, float]) -> dict[str, float]:
+        """The values that differ from those before, each within its range."""
+        new = {}
+        for name, value in asked.items():
+            if self._settings.get(name) == value:
+                continue
+            span = self.offer.settings.get(name)
+            if span is None:
+                has = ", ".join(self.offer.settings) or "none"
+                self._note(f"there is no setting '{name}' of {self._policy}: it has {has}")
             elif not math.isfinite(value):
-                self._note(f"{name} {value:g} {DECLARED[name].unit} is refused: it is no number")
+                self._note(f"{name} of {value:g} is refused: it is no number")
+            else:
+                new[name] = self._clipped(name, value, span)
+            self._settings[name] = value
+        return new
+
+    def _clipped(self, name: str, value: float, span: Span) -> float:
+        inside = min(max(float(value), span.lowest), span.highest)
+        if inside != value:
+            unit = DECLARED[name].unit
+            self._note(
+                f"{name} of {self._policy} goes from {span.lowest:g} to {span.highest:g} {unit}:"
+                f" {value:g} became {inside:g}"
+            )
+        return inside
 
     def _note(self, note: str) -> None:
         if note not in self.notes:
@@ -101,11 +149,7 @@ class Steering:
 
 def offer_of(policy: Policy) -> Offer:
     """What a run takes while this policy decides, which is the only one."""
-    contract = policy.contract
-    steerable = policy if isinstance(policy, Steerable) else None
-    return Offer(
-        (policy.name,),
-        () if steerable is None else steerable.gaits,
-        {} if steerable is None else steerable.live_settings,
-        None if contract is None else contract.commands,
-    )
+    commands = None if policy.contract is None else policy.contract.commands
+    if not isinstance(policy, Steerable):
+        return Offer((policy.name,), commands=commands)
+    return Offer((policy.name,), policy.gaits, policy.live_settings, commands)

@@ -1,8 +1,8 @@
 """A simulated episode: a session on the simulated robot, with pushes, ground truth and fall detection."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
@@ -71,6 +71,7 @@ class Episode:
     display: Display | None = None
     check_wiring: bool = False  # before the robot stands up and walks
     stop_sources: Sequence[StopSource] = ()  # beside the command source
+    others: Mapping[str, Policy] = field(default_factory=dict)  # further policies that may decide, by spec
 
 
 def run_episode(robot: Robot, policy: Policy, episode: Episode, watch: Watch | None = None) -> Trace:
@@ -116,6 +117,7 @@ def run_episode(robot: Robot, policy: Policy, episode: Episode, watch: Watch | N
         lie_down=episode.lie_down,
         check_wiring=episode.check_wiring,
         stop_sources=episode.stop_sources,
+        others=episode.others,
         display=None if episode.display is None else partial(episode.display, velocity=trial.velocity),
     )
     base_state = true_base_state(body) if episode.ground_truth else None

@@ -18,7 +18,7 @@ ARRAYS = {  # records that are passed on unchanged: topic, bytes per number
     Kind.HEALTH: ("/motor_health", 8),
     Kind.FOOTHOLDS: ("/footholds", 8),
 }
-TEXTS = {Kind.STATE: "/state", Kind.NOTE: "/notes"}
+TEXTS = {Kind.STATE: "/state", Kind.NOTE: "/notes", Kind.CHANGE: "/policy/changes"}
 GONE = "the process of the run ended before the run"
 
 

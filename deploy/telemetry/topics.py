@@ -44,6 +44,7 @@ TOPICS = {
     "/tf_static": Topic("tf2_msgs/msg/TFMessage", latched=True),
     "/state": Topic("std_msgs/msg/String", latched=True),
     "/notes": Topic("std_msgs/msg/String"),  # what was changed of what was asked for
+    "/policy/changes": Topic("std_msgs/msg/String"),  # JSON: changes of policy, gait, settings
     "/policy/observation": Topic("std_msgs/msg/Float32MultiArray"),  # of the network
     "/policy/action": Topic("std_msgs/msg/Float32MultiArray"),  # of the network
     "/policy/inputs": Topic(

@@ -13,6 +13,7 @@ from footfall.common.errors import UserError
 from footfall.deploy import policy_runner
 from footfall.deploy.command_source import UNKNOWN_POSE, Offer, Status, VelocityFunction, source_of
 from footfall.deploy.deadline import OverdueError
+from footfall.deploy.handover import Handover
 from footfall.deploy.modes import Mode
 from footfall.deploy.policy_runner import PolicyRunner
 from footfall.deploy.steering import Steering
@@ -30,7 +31,7 @@ def runner_of(
     policy: Any, source: VelocityFunction = stand_still, realtime: bool = False, arm: Any = lambda _: None
 ) -> PolicyRunner:
     """A runner at 500 Hz that may take 0.1 s for a step."""
-    return PolicyRunner(policy, Steering(source_of(source), policy), 500.0, 0.1, realtime, arm)
+    return PolicyRunner(Handover([policy]), Steering(source_of(source), [policy]), 500.0, 0.1, realtime, arm)
 
 
 def status_at(runner: PolicyRunner, now_us: int) -> Status:
@@ -173,13 +174,12 @@ class TestInputs:
         walk(runner, [0])
         assert runner.steering.asked_command.tolist() == [9.0, 0.0, 0.0]
         assert policy.seen[-1].command.tolist() == [1.0, 0.0, 0.0]
-        (forward, slower) = runner.new_notes()
+        (forward, slower) = runner.notes
         assert ("forward" in forward, slower) == (True, "slower")
         runner.step(40_000, status_at(runner, 40_000), READINGS, ESTIMATE, True)
         notes.append("lower")
-        yaw, lower = runner.new_notes()
+        *_, yaw, lower = runner.notes
         assert ("yaw" in yaw, lower) == (True, "lower")
-        assert runner.new_notes() == []
         assert len(runner.notes) == 4
 
 
@@ -187,8 +187,8 @@ class TestFailure:
     @pytest.mark.parametrize(
         ("change", "error"),
         [
-            (lambda hold: [part[:11] for part in hold], "ValueError: it decides on shape (5, 11)"),
-            (lambda hold: hold[:4], "ValueError: it decides on shape (4, 12)"),
+            (lambda hold: [part[:11] for part in hold], "WrongSizeError: it decides on shape (5, 11)"),
+            (lambda hold: hold[:4], "WrongSizeError: it decides on shape (4, 12)"),
             (lambda hold: {}["legs"], "KeyError: 'legs'"),
             (lambda hold: sys.exit(3), "SystemExit: 3"),
         ],

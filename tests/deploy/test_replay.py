@@ -160,9 +160,9 @@ class TestReplay:
         log = McapLog(path, go1, Hold(go1), {}, may_wait=True)
         log.begin(0)
         decisions = [JointCommand(*numbers.reshape(5, 12)) for numbers in decided(3)]
-        log.policy_step(0, inputs(0.0), decisions[0])
+        log.policy_step(0, inputs(0.0), decisions[0], Hold(go1))
         log._put(record(Kind.INPUTS, 20_000, flatten(inputs(0.02)).tobytes()))
-        log.policy_step(40_000, inputs(0.04), decisions[1])
+        log.policy_step(40_000, inputs(0.04), decisions[1], Hold(go1))
         log.close()
         assert replay(path, Counts(go1)).first_difference == ""
 
@@ -299,13 +299,15 @@ def written(path: Path) -> dict[str, list[Any]]:
 
 
 class TestWritten:
-    def test_a_policy_step_is_written_number_by_number(self, log: McapLog, tmp_path: Path) -> None:
+    def test_a_policy_step_is_written_number_by_number(
+        self, go1: Robot, log: McapLog, tmp_path: Path
+    ) -> None:
         n = np.arange(12.0)
         command = JointCommand(n, n + 100, n + 200, n + 300, n + 400)
         upright = np.array([1.0, 0.1, 0.2, 0.3])
         sensed = Sensed(np.array([1.0, 2, 3]), np.array([4.0, 5, 6]), upright, n + 1, n + 2, n + 3)
         seen = PolicyInput(0.75, sensed, np.array([0.1, 0.2, 0.3]), np.array([7.0, 8, 9]), 0.31)
-        log.policy_step(1_500_000, seen, command)
+        log.policy_step(1_500_000, seen, command, Seeing(go1))
         log.note(1_600_000, "a note")
         log.close()
         found = written(tmp_path / "run.mcap")

@@ -22,10 +22,11 @@ from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers import imu
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.drivers.mit_driver import MitDriver
+from footfall.deploy.fit import check_joint_rate
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.process_end import ending_on_signals
 from footfall.deploy.safety import SafetyConfig
-from footfall.deploy.session import Session, check_joint_rate, run_on_interface, run_session
+from footfall.deploy.session import Session, run_on_interface, run_session
 from footfall.deploy.wiring import wire
 from footfall.plant.motor_ends.motor_end import Request
 from footfall.policies.contract import Contract

@@ -112,7 +112,9 @@ class TestWhatTheLogNames:
         )
         called.replace("footfall.deploy.replay.replay", lambda *_: named["result"])
         # Once the replay has been imported, which would keep the stand-in for ever.
-        called.replace("footfall.deploy.log_file.read_log", SimpleNamespace(text=named.__getitem__))
+        called.replace(
+            "footfall.deploy.log_file.read_log", SimpleNamespace(text=named.__getitem__, metadata={})
+        )
         called.replace("footfall.policies.registry.load_policy", "the policy")
         called.replace("footfall.robots.description.load_robot", lambda _: go1)
         return named
@@ -136,7 +138,7 @@ class TestWhatTheLogNames:
         assert called.of("load_robot") == ((robot,), {})
         assert called.of("load_policy") == ((policy, go1), {})
         tolerance = 0.25 if "--tolerance" in options else 0.0
-        assert called.of("replay") == ((Path("a.mcap"), "the policy", tolerance), {})
+        assert called.of("replay") == ((Path("a.mcap"), "the policy", tolerance, []), {})
 
     def test_a_difference_is_status_1(self, shell: Shell, log: dict) -> None:
         log["result"].first_difference, log["result"].complete, log["result"].damaged = "step 3", False, 3

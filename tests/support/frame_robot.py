@@ -105,11 +105,14 @@ class Notebook:
     def tick(self, now_us: int, sensed: Any, told: Any, commanded: np.ndarray | None) -> None:
         self.told.append(("tick", now_us, sensed, commanded))
 
-    def policy_step(self, now_us: int, inputs: PolicyInput, command: JointCommand) -> None:
+    def policy_step(self, now_us: int, inputs: PolicyInput, command: JointCommand, policy: Any) -> None:
         self.told.append(("policy_step", now_us, inputs, command))
 
     def state(self, now_us: int, state: Any) -> None:
         self.told.append(("state", now_us, state))
+
+    def change(self, now_us: int, change: Any) -> None:
+        self.told.append(("change", now_us, change))
 
     def note(self, now_us: int, note: str) -> None:
         self.told.append(("note", now_us, note))

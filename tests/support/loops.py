@@ -16,6 +16,7 @@ from footfall.deploy.command_source import CommandSource, VelocityFunction, sour
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.drivers.driver import Driver
+from footfall.deploy.handover import Handover
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.modes import Mode
 from footfall.deploy.policy_runner import PolicyRunner
@@ -61,8 +62,8 @@ def loop_on(
     safety = replace(safety or SafetyConfig(), still_s=still_s)
     config = DeployConfig(**{"stand_s": 0.099, **settings}, safety=safety)
     clock: Any = (Pretence if realtime else LockstepClock)(TICK_US) if times_us is None else Ticks(times_us)
-    steering = Steering(source_of(command_source), policy)
-    runner = PolicyRunner(policy, steering, config.joint_rate_hz, safety.late_limit_s, realtime)
+    steering = Steering(source_of(command_source), [policy])
+    runner = PolicyRunner(Handover([policy]), steering, config.joint_rate_hz, safety.late_limit_s, realtime)
     return ControlLoop(
         robot,
         wiring,

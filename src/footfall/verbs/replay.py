@@ -22,7 +22,7 @@ class ReplayOptions:
     """What to replay with."""
 
     policy: Annotated[PolicyName | None, AS_TYPED] = None
-    """Policy to ask again (default: the one that the log names)."""
+    """Policy to ask again (default: the one that the log names); others of the run are those of the log."""
     robot: Annotated[str | None, AS_TYPED] = None
     """Name of a robot, or a folder with its robot.yaml (default: the one that the log names)."""
     tolerance: float = 0.0
@@ -32,20 +32,19 @@ class ReplayOptions:
 def replay(log: Path, /, *, options: ReplayOptions = ReplayOptions()) -> int:
     """Feed a log's readings to its policy again; exit 0 if it decides the same, 1 if not."""
     from footfall.deploy.log_file import read_log
+    from footfall.deploy.replay import OTHERS
     from footfall.deploy.replay import replay as replay_log
     from footfall.policies.registry import load_policy
     from footfall.robots.description import load_robot
 
-    if options.policy is None or options.robot is None:
-        named = read_log(log, topics=())
-        robot = _logged_robot(named) if options.robot is None else load_robot(options.robot)
-        policy = (
-            _logged_policy(named, robot) if options.policy is None else load_policy(options.policy, robot)
-        )
+    named = read_log(log, topics=())
+    robot = _logged_robot(named) if options.robot is None else load_robot(options.robot)
+    if options.policy is None:
+        policy = _logged_policy(named.text("policy_spec"), robot)
     else:
-        robot = load_robot(options.robot)
         policy = load_policy(options.policy, robot)
-    result = replay_log(log, policy, options.tolerance)
+    others = [_logged_policy(str(spec), robot) for spec in named.metadata.get(OTHERS) or ()]
+    result = replay_log(log, policy, options.tolerance, others)
     print(
         f"{result.steps} policy steps"
         + ("" if result.complete else ", of a run that was cut short")
@@ -59,12 +58,12 @@ def replay(log: Path, /, *, options: ReplayOptions = ReplayOptions()) -> int:
     return 0
 
 
-def _logged_policy(named: "LogFile", robot: "Robot") -> "Policy":
-    """The policy that a log was made with. Raises UserError if it is not here."""
+def _logged_policy(spec: str, robot: "Robot") -> "Policy":
+    """A policy that a log was made with. Raises UserError if it is not here."""
     from footfall.policies.registry import load_policy
 
     try:
-        return load_policy(named.text("policy_spec"), robot)
+        return load_policy(spec, robot)
     except UserError as error:
         raise UserError(f"the log was made with a policy that is not here ({error}): give --policy") from None
 

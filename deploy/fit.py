@@ -1,0 +1,30 @@
+"""Whether policy, robot and buses of a run fit together."""
+
+import numpy as np
+
+from footfall.common.errors import UserError
+from footfall.deploy.drivers.driver import Driver
+from footfall.deploy.frames import BITRATE
+from footfall.deploy.wiring import Wiring
+from footfall.policies.policy import Policy
+from footfall.robots.description import Robot
+
+
+def check_contract(policy: Policy, robot: Robot) -> None:
+    """Raise UserError for a policy whose contract does not fit the robot; it names what differs."""
+    differences = [] if policy.contract is None else policy.contract.mismatches(robot)
+    if differences:
+        raise UserError(f"policy '{policy.name}' does not fit robot '{robot.name}': {'; '.join(differences)}")
+
+
+def check_joint_rate(wiring: Wiring, driver: Driver, rate_hz: float) -> None:
+    """Raise UserError for a rate at which a command and a reply of each motor cannot fit on its bus."""
+    bits = np.bincount(wiring.channel, weights=driver.exchange_bits)
+    fullest = int(bits.argmax())
+    fastest_hz = BITRATE / bits[fullest]
+    if rate_hz > fastest_hz:
+        motors = np.count_nonzero(wiring.channel == fullest)
+        raise UserError(
+            f"joint_rate_hz is {rate_hz:g}: {motors} motors on {wiring.buses[fullest]}"
+            f" can be asked {fastest_hz:.0f} times a second at most"
+        )

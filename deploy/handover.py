@@ -1,0 +1,153 @@
+"""Which policy decides, and how one hands the robot over to another while it runs.
+
+Two policies place their feet at different times, so the robot is handed over where both stand: the present
+policy stops, then both decide for a moment while the share of the next one grows, then that one goes on. All
+of it follows from the policies' inputs and the changes asked for: a replay repeats it.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from footfall.common.config import require_between
+from footfall.common.errors import UserError
+from footfall.deploy.changes import Change
+from footfall.deploy.turn import Turn
+from footfall.policies.live_settings import Steerable
+from footfall.policies.policy import Policy, PolicyInput
+
+STILL = np.zeros(3)
+
+
+@dataclass(frozen=True)
+class HandoverConfig:
+    """How long the parts of a handover take."""
+
+    still_s: float = 0.8  # at zero command before the next policy begins
+    wait_s: float = 5.0  # longest time for all feet to be down, by the policy's plan
+    blend_s: float = 0.3  # in which the next policy's share grows from 0 to 1
+
+    def __post_init__(self) -> None:
+        require_between(self, 0.0, 60.0, "still_s", "wait_s")
+        require_between(self, 0.02, 10.0, "blend_s")
+
+
+class Handover:
+    """The policies of a run: the present one, and the one that it hands over to."""
+
+    def __init__(self, policies: Sequence[Policy], config: HandoverConfig | None = None) -> None:
+        """The first of the policies decides.
+
+        Raises:
+            UserError: two have the same name.
+        """
+        self._config = config or HandoverConfig()
+        self._turns = {policy.name: Turn(policy) for policy in policies}
+        if len(self._turns) < len(policies):
+            names = ", ".join(policy.name for policy in policies)
+            raise UserError(f"policies of a run need different names: {names}")
+        self.policies = tuple(policies)
+        self.begin()
+
+    def begin(self) -> None:
+        """Walking begins, under the first policy."""
+        self.present = self._turns[self.policies[0].name]
+        self.present.begin(0)
+        self._next: Turn | None = None  # asked for
+        self._blends_since_us: int | None = None
+        self._asked_us = self._moved_us = 0
+
+    @property
+    def leaving(self) -> bool:
+        """Whether the present policy hands over."""
+        return self._next is not None
+
+    @property
+    def acting(self) -> tuple[Turn, ...]:
+        """Those that decide now: the present one, and the next one once it takes part."""
+        if self._next is None or self._blends_since_us is None:
+            return (self.present,)
+        return self.present, self._next
+
+    @property
+    def period_us(self) -> float:
+        """Time between two steps."""
+        return min(turn.period_us for turn in self.acting)
+
+    def apply(self, change: Change, now_us: int) -> None:
+        """Make a change from now on. Names and values have been checked."""
+        policy = self.present.policy
+        if change.policy and self._blends_since_us is None:  # a handover that has begun is finished
+            wanted = self._turns[change.policy]
+            self._next, self._asked_us = (None if wanted is self.present else wanted), now_us
+        if change.gait and isinstance(policy, Steerable):
+            policy.take_up(change.gait)
+        if change.settings and isinstance(policy, Steerable):
+            policy.set_live(change.settings)
+
+    def due(self, now_us: int) -> bool:
+        """Whether it is time for a step."""
+        return any(turn.due(now_us) for turn in self.acting)
+
+    def step(self, now_us: int, inputs: PolicyInput) -> np.ndarray:
+        """One step of those that decide, where theirs is due. Returns the decision (5, n).
+
+        Args:
+            now_us: time since walking began.
+            inputs: their command has to be zero while `leaving`.
+        """
+        if len(self.policies) == 1:
+            return self.present.act(now_us, inputs)
+        if np.count_nonzero(inputs.command):
+            self._moved_us = now_us
+        if self._next is not None and self._blends_since_us is None and self._ready(now_us):
+            self._blends_since_us = now_us
+            self._next.begin(now_us)
+        decisions = []
+        for turn in self.acting:
+            if turn.due(now_us):
+                turn.act(now_us, inputs)
+            assert turn.decision is not None
+            decisions.append(turn.decision)
+        if self._next is None or self._blends_since_us is None:
+            return decisions[0]
+        share = (now_us - self._blends_since_us) * 1e-6 / self._config.blend_s
+        if share >= 1.0:
+            self.present, self._next, self._blends_since_us = self._next, None, None
+            return decisions[1]
+        return blended(decisions[0], decisions[1], 0.5 - 0.5 * math.cos(math.pi * share))
+
+    def stance(self) -> np.ndarray | None:
+        """Contact that those that decide plan, (feet,): of each foot the least; None if one has no plan."""
+        plans = [turn.policy.stance() for turn in self.acting if turn.decision is not None]
+        if len(plans) == 1:
+            return plans[0]
+        known = [plan for plan in plans if plan is not None]
+        return np.minimum(*known) if len(known) == 2 else None
+
+    def _ready(self, now_us: int) -> bool:
+        """Whether the robot stands, so that the next policy can begin."""
+        config = self._config
+        if now_us - self._moved_us < config.still_s * 1e6:
+            return False
+        plan = self.present.policy.stance()
+        stands = plan is None or bool(np.min(plan) >= 1.0)
+        return stands or now_us - self._asked_us >= (config.still_s + config.wait_s) * 1e6
+
+
+def blended(first: np.ndarray, second: np.ndarray, share: float) -> np.ndarray:
+    """The joint command between two, each (5, n): its torque is the mean of theirs, weighted by share.
+
+    Gains and torque are means; a target is the mean weighted by the gains as well, which makes the torque
+    law kp (q* - q) + kd (v* - v) + t the mean of both laws at any position and velocity.
+    """
+    weights = np.array([1.0 - share, share])
+    both = np.array([first, second])
+    result = np.einsum("p,prj->rj", weights, both)
+    for row, gain in ((0, 2), (1, 3)):
+        pulls = result[gain] > 0.0
+        moment = np.einsum("p,pj->j", weights, both[:, gain] * both[:, row])
+        np.divide(moment, result[gain], out=result[row], where=pulls)
+    return result

@@ -1,0 +1,61 @@
+"""A policy that takes its steps at its own rate."""
+
+import math
+
+import numpy as np
+
+from footfall.policies.policy import Policy, PolicyInput
+from footfall.robots.actuator import JointCommand
+
+
+class WrongSizeError(ValueError):
+    """A decision is for another number of joints."""
+
+
+class Turn:
+    """A policy, when its next step is due, and its last decision. Times count from when walking began."""
+
+    def __init__(self, policy: Policy) -> None:
+        self.policy = policy
+        self.period_us = 1e6 / policy.rate_hz if policy.rate_hz > 0.0 else math.inf  # refused later on
+        self.begin(0)
+
+    def begin(self, now_us: int) -> None:
+        """The policy decides from now on; it is reset before its first step."""
+        self._began_us = now_us
+        self._next_us = now_us - 0.5  # half a microsecond early, so that rounding cannot cost a tick
+        self.decision: np.ndarray | None = None  # (5, n), rows as of `JointCommand`
+
+    def due(self, now_us: int) -> bool:
+        """Whether it is time for a step."""
+        return now_us >= self._next_us
+
+    def act(self, now_us: int, inputs: PolicyInput) -> np.ndarray:
+        """One step. Returns the decision (5, n).
+
+        Raises:
+            ValueError: the decision has masked entries or complex numbers.
+            WrongSizeError: it has another shape.
+        """
+        if self._began_us:
+            inputs = inputs._replace(time_s=(now_us - self._began_us) * 1e-6)
+        if self.decision is None:
+            self.policy.reset(inputs)
+        self.decision = _copied(self.policy.act(inputs), len(inputs.sensed.joint_position))
+        periods = math.ceil((now_us - self._next_us) / self.period_us)
+        self._next_us += self.period_us * max(1, periods)
+        return self.decision
+
+
+def _copied(command: JointCommand, joints: int) -> np.ndarray:
+    """A copy of a policy's command, (5, n)."""
+    if any(_unreal(row) for row in command):
+        raise ValueError("it decides on masked or complex numbers, expected real ones")
+    values = np.array(command, dtype=float)
+    if values.shape != (5, joints):
+        raise WrongSizeError(f"it decides on shape {values.shape}, expected (5, {joints})")
+    return values
+
+
+def _unreal(row: np.ndarray) -> bool:
+    return np.iscomplexobj(row) or (isinstance(row, np.ma.MaskedArray) and np.ma.is_masked(row))

@@ -1,0 +1,154 @@
+"""Policies that hand the robot over to each other while it walks."""
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+import pytest
+from deploy_policies import Hold, short_episode
+
+from footfall.common.errors import UserError
+from footfall.deploy.changes import Change
+from footfall.deploy.command_source import Request, Status, Stop
+from footfall.deploy.handover import Handover, HandoverConfig, blended
+from footfall.deploy.replay import replay
+from footfall.plant.episode import Episode, run_episode
+from footfall.policies.policy import PolicyInput, Sensed
+from footfall.policies.registry import load_policy
+from footfall.robots.actuator import JointCommand, pd_torque
+from footfall.robots.description import Robot
+
+QUICK = HandoverConfig(still_s=0.1, wait_s=0.2, blend_s=0.1)
+TICK_US = 2000
+
+
+class Bent(Hold):
+    """Holds another pose, at its own rate."""
+
+    def __init__(self, robot: Robot, name: str, by_rad: float = 0.0, rate_hz: float = 50.0) -> None:
+        super().__init__(robot)
+        self.name, self.rate_hz, self._by_rad = name, rate_hz, by_rad
+        self.plan: np.ndarray | None = np.ones(4)
+
+    def act(self, inputs: PolicyInput) -> JointCommand:
+        command = super().act(inputs)
+        return command._replace(position=command.position + self._by_rad)
+
+    def stance(self) -> np.ndarray | None:
+        return self.plan
+
+
+def walk(policies: Handover, until_s: float, from_s: float = 0.0) -> list[tuple[float, str, np.ndarray]]:
+    """Steps at 500 Hz, as the loop takes them: time, present policy, position targets."""
+    steps = []
+    for now_us in range(round(from_s * 1e6), round(until_s * 1e6), TICK_US):
+        if policies.due(now_us):
+            command = np.zeros(3) if policies.leaving else np.array([0.3, 0.0, 0.0])
+            readings = Sensed(np.zeros(3), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), *np.zeros((3, 12)))
+            inputs = PolicyInput(now_us * 1e-6, readings, command, np.zeros(3), 0.3)
+            decision = policies.step(now_us, inputs)
+            steps.append((now_us * 1e-6, policies.present.policy.name, decision[0]))
+    return steps
+
+
+class TestHandover:
+    def test_the_robot_stops_both_decide_then_the_next_one_does(self, go1: Robot) -> None:
+        first, second = Bent(go1, "a", rate_hz=50.0), Bent(go1, "b", 0.2, rate_hz=250.0)
+        policies = Handover([first, second], QUICK)
+        walk(policies, 1.0)
+        assert len(second.seen) == 0
+        policies.apply(Change(policy="b"), 1_000_000)
+        steps = walk(policies, 2.0, 1.0)
+        target = np.array([position[0] for *_, position in steps]) - steps[0][2][0]
+        assert np.abs(np.diff(target)).max() < 0.02  # of 0.2 rad, and no joint target jumps
+        assert [name for _, name, _ in steps if name == "a"] != []
+        assert (steps[-1][1], target[-1]) == ("b", pytest.approx(0.2))
+        assert second.seen[0].time_s == 0.0
+        assert second.seen[0].command.tolist() == [0.0, 0.0, 0.0]
+        assert second.seen[-1].command.tolist() == [0.3, 0.0, 0.0]
+        assert np.diff([inputs.time_s for inputs in second.seen]) == pytest.approx(0.004)
+
+    def test_it_waits_for_feet_in_the_air_but_not_for_ever(self, go1: Robot) -> None:
+        first, second = Bent(go1, "a"), Bent(go1, "b")
+        policies = Handover([first, second], QUICK)
+        walk(policies, 0.5)
+        first.plan = np.array([1.0, 0.0, 0.0, 1.0])
+        policies.apply(Change(policy="b"), 500_000)
+        walk(policies, 0.78, 0.5)
+        assert len(second.seen) == 0
+        walk(policies, 0.9, 0.78)
+        assert len(second.seen) > 0
+
+    def test_it_is_called_off_while_the_robot_stops(self, go1: Robot) -> None:
+        policies = Handover([Bent(go1, "a"), Bent(go1, "b")], QUICK)
+        walk(policies, 0.5)
+        policies.apply(Change(policy="b"), 500_000)
+        walk(policies, 0.55, 0.5)
+        policies.apply(Change(policy="a"), 550_000)
+        assert not policies.leaving
+        assert {name for _, name, _ in walk(policies, 1.5, 0.55)} == {"a"}
+
+    def test_two_policies_of_one_name_are_refused(self, go1: Robot) -> None:
+        with pytest.raises(UserError, match="different names: a, a"):
+            Handover([Bent(go1, "a"), Bent(go1, "a")])
+
+
+def test_a_blend_has_the_torque_of_both_at_any_position_and_velocity() -> None:
+    rng = np.random.default_rng(3)
+    first, second = rng.uniform(0.0, 2.0, (2, 5, 12))
+    first[2, :6] = second[3, 3:9] = 0.0
+    position, velocity = rng.normal(size=(2, 12))
+    torque = [pd_torque(JointCommand.of(each), position, velocity) for each in (first, second)]
+    mean = pd_torque(JointCommand.of(blended(first, second, 0.3)), position, velocity)
+    np.testing.assert_allclose(mean, 0.7 * torque[0] + 0.3 * torque[1])
+
+
+class Drive:
+    """Walks, and asks for another policy at given times, and for what there is not."""
+
+    stopped: Stop | None = None
+
+    def __init__(self, *asks: tuple[float, Request]) -> None:
+        self._asks = list(asks)
+        self._request = Request(np.array([0.2, 0.0, 0.1]))
+        self.statuses: list[Status] = []
+
+    def poll(self, status: Status) -> Request:
+        self.statuses.append(status)
+        while self._asks and status.walking_s >= self._asks[0][0]:
+            _, ask = self._asks.pop(0)
+            self._request = ask._replace(velocity=self._request.velocity)
+        return self._request
+
+
+def test_a_run_with_switches_replays_to_the_bit(go1: Robot, tmp_path: Path) -> None:
+    def policies() -> list:
+        return [load_policy(name, go1) for name in ("trot", "go1-flat", "stand")]
+
+    still = np.zeros(3)
+    source = Drive(
+        (0.1, Request(still, policy="mpc", gait="waltz")),
+        (0.3, Request(still, policy="go1-flat")),
+        (1.0, Request(still, policy="trot")),
+    )
+    first, *others = policies()
+    config = short_episode().config
+    assert config is not None
+    config = config.__class__(**(vars(config) | {"handover": HandoverConfig(0.2, 1.0, 0.1)}))
+    log = tmp_path / "run.mcap"
+    episode = Episode(
+        source, 2.0, config=config, log=log, others={policy.name: policy for policy in others}, record=False
+    )
+    trace = run_episode(go1, first, episode)
+    assert not trace.fell
+    decided = [status.policy for status in source.statuses]
+    assert [now for before, now in itertools.pairwise(decided) if now != before] == [
+        "go1-flat",
+        "trot",
+    ]
+    assert sum("mpc" in note or "waltz" in note for note in trace.notes) == 2
+    first, *others = policies()
+    result = replay(log, first, others=others)
+    assert (result.first_difference, result.worst_difference) == ("", 0.0)
+    assert replay(log, first, others=others[::-1]).first_difference == ""
+    assert replay(log, others[0], others=[first, others[1]]).first_difference
