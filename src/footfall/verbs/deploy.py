@@ -1,10 +1,11 @@
 """`footfall deploy`."""
 
 import math
+from collections.abc import Mapping
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import asdict, dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from cyclopts import Parameter
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from footfall.policies.policy import Policy
     from footfall.robots.description import Robot
 
+Others = Mapping[str, "Policy"]  # by spec
 SAFE, FALLEN = "IDLE", "FALLING"  # final states
 LYING = "lying"
 WIRING_CHECK = "first a wiring check: one joint after the other moves a little, nobody within reach"
@@ -44,6 +46,8 @@ class DeployOptions:
     """Where and how to run a policy."""
 
     robot: RobotName = DEFAULT_ROBOT
+    also: Annotated[tuple[PolicyName, ...], Parameter(negative=(), show_default=False)] = ()
+    """Another policy that may take over while it walks; may be given several times."""
     bus: str = "sim"
     """sim for the simulated robot, socketcan for the CAN interfaces that robot.yaml names, or python-can's
     name of another kind; virtual has a simulated robot at its other end."""
@@ -86,18 +90,21 @@ def deploy(policy: PolicyName, /, *, options: DeployOptions = DeployOptions()) -
     from footfall.robots.description import load_robot
 
     robot = load_robot(options.robot)
-    (spec,) = add_settings([policy], options.settings)
+    spec, *also = add_settings([policy, *options.also], options.settings)
     decider = load_policy(spec, robot)
+    others = {lasting_spec(each): load_policy(each, robot) for each in also}
     run = _simulated if options.bus == SIMULATED else _on_interface
     about = {"policy": spec, "robot": robot.name, "settings": unstructure(load_settings(spec, robot))}
     with spare_descriptors() as spare:
-        figures = about | run(robot, decider, lasting_spec(spec), options)
+        figures = about | run(robot, decider, lasting_spec(spec), others, options)
         release(spare)
         status = 0 if figures["final_state"] == SAFE and not figures["fell"] else 1
         return write_and_show(figures, options.json, lambda: _show(figures), status)
 
 
-def _simulated(robot: "Robot", policy: "Policy", spec: str, options: DeployOptions) -> dict[str, Any]:
+def _simulated(
+    robot: "Robot", policy: "Policy", spec: str, others: "Others", options: DeployOptions
+) -> dict[str, Any]:
     """A run on the simulated robot; what it has to tell."""
     from footfall.deploy.wiring_check.proof import must_check
     from footfall.live_state import live_state
@@ -118,6 +125,7 @@ def _simulated(robot: "Robot", policy: "Policy", spec: str, options: DeployOptio
         log=options.log,
         feed=options.feed,
         policy_spec=spec,
+        others=others,
         record=False,
         config=_config(robot, options),
         display=partial(live_state, duration_s=options.duration),
@@ -132,7 +140,9 @@ def _simulated(robot: "Robot", policy: "Policy", spec: str, options: DeployOptio
     }
 
 
-def _on_interface(robot: "Robot", policy: "Policy", spec: str, options: DeployOptions) -> dict[str, Any]:
+def _on_interface(
+    robot: "Robot", policy: "Policy", spec: str, others: "Others", options: DeployOptions
+) -> dict[str, Any]:
     """A run on CAN interfaces; what it has to tell."""
     from footfall.deploy.session import Session, run_on_interface
     from footfall.deploy.wiring_check.proof import keep_proof, must_check, unproven_note
@@ -159,6 +169,7 @@ def _on_interface(robot: "Robot", policy: "Policy", spec: str, options: DeployOp
         log=options.log,
         feed=options.feed,
         facts=facts,
+        others=others,
         config=_config(robot, options),
         lie_down=options.lie_down,
         display=display,
