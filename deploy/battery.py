@@ -60,6 +60,9 @@ class BatteryState(NamedTuple):
         return not math.isnan(self.charge)
 
 
+NO_BATTERY = BatteryState()
+
+
 class BatteryMonitor:
     """The state of a declared battery, from what the motors report."""
 
@@ -70,7 +73,7 @@ class BatteryMonitor:
         self._last_us = 0
         self._smooth_v = math.nan  # voltage under load
         self._off_v = 0.0  # smoothed difference to what charge and current explain
-        self.state = BatteryState()
+        self.state = NO_BATTERY
 
     def look(self, now_us: int, voltage: np.ndarray, current: np.ndarray, joints: np.ndarray) -> bool:
         """Take in what motors report, if it is time; returns whether it was.
@@ -141,3 +144,9 @@ class BatteryMonitor:
         if reserve > 0.0:
             return ""
         return f"the battery is empty: {charge:.0%} of its charge, {self._smooth_v:.1f} V under load"
+
+
+def battery_monitor(robot: Robot, limits: BatteryLimits) -> BatteryMonitor | None:
+    """A monitor of the battery that the robot declares; None if it declares none."""
+    declared = robot.description.battery
+    return None if declared is None else BatteryMonitor(robot, declared, limits)

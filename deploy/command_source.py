@@ -24,6 +24,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from footfall.deploy.battery import NO_BATTERY, BatteryState
 from footfall.deploy.modes import Mode
 from footfall.policies.live_settings import Span
 from footfall.robots.commands import CommandRange
@@ -92,7 +93,12 @@ class Status(NamedTuple):
     faults: Sequence[str]
     notes: Sequence[str]  # all so far: what was refused, clipped or changed, one line each; it only grows
     offer: Offer
-    charge: float = math.nan  # of the battery, share from 0 to 1; NaN if unknown
+    battery: BatteryState = NO_BATTERY
+
+    @property
+    def charge(self) -> float:
+        """Of the battery, share from 0 to 1; NaN if unknown."""
+        return self.battery.charge
 
 
 class CommandSource(Protocol):

@@ -9,18 +9,31 @@ from footfall.robots.commands import CommandRange
 _AXES = (("forward", "m/s"), ("leftward", "m/s"), ("yaw", "rad/s"))
 
 
+Pairs = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
+
+
+def _pairs(ranges: CommandRange) -> Pairs:
+    return ranges.forward_m_s, ranges.leftward_m_s, ranges.yaw_rad_s
+
+
 class CommandLimits:
     """Clips commands to a policy's ranges, and notes it once for each axis."""
 
-    def __init__(self, ranges: CommandRange | None, notes: list[str] | None = None) -> None:
-        """Without ranges only values that are not finite change: to 0. Notes are appended to `notes`."""
+    def __init__(
+        self, ranges: CommandRange | None, notes: list[str] | None = None, usual: CommandRange | None = None
+    ) -> None:
+        """Without ranges only values that are not finite change: to 0.
+
+        Args:
+            ranges: of the policy.
+            notes: notes are appended to it.
+            usual: ranges that `reduce` takes if the policy has none.
+        """
         everything = (-math.inf, math.inf)
-        self._ranges = (
-            (everything,) * 3
-            if ranges is None
-            else (ranges.forward_m_s, ranges.leftward_m_s, ranges.yaw_rad_s)
-        )
+        self._ranges = (everything,) * 3 if ranges is None else _pairs(ranges)
         self.notes = [] if notes is None else notes
+        reduced = self._ranges if ranges is not None or usual is None else _pairs(usual)
+        self._reduced = np.array(reduced)
         self._noted: set[int] = set()
 
     def apply(self, command: np.ndarray) -> np.ndarray:
@@ -37,6 +50,13 @@ class CommandLimits:
                 self._noted.add(axis)
                 self.notes.append(self._note(axis, value, clipped))
         return np.array(inside)
+
+    def reduce(self, command: np.ndarray, share: float) -> np.ndarray:
+        """The command within a share of the ranges, but for a least speed that a range asks for, (3,)."""
+        low, high = self._reduced.T
+        least = np.where(low > 0.0, low, share * low)
+        most = np.where(high < 0.0, high, share * high)
+        return command.clip(least, np.maximum(least, most))
 
     def _note(self, axis: int, asked: float, given: float) -> str:
         (name, unit), (low, high) = _AXES[axis], self._ranges[axis]

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from footfall.deploy.battery import NO_BATTERY, BatteryMonitor, BatteryState
 from footfall.deploy.drivers.driver import Driver, damping_alone
 from footfall.deploy.drivers.imu import Inertial
 from footfall.deploy.drivers.imu_driver import ImuDriver
@@ -17,7 +18,13 @@ class JointLayer:
     """Soft position limits, target rate limit and torque clamp on the way out; readings on the way in."""
 
     def __init__(
-        self, robot: Robot, driver: Driver, imu: ImuDriver, tick_s: float, scale: float = 1.0
+        self,
+        robot: Robot,
+        driver: Driver,
+        imu: ImuDriver,
+        tick_s: float,
+        scale: float = 1.0,
+        battery: BatteryMonitor | None = None,
     ) -> None:
         """Targets start from the default pose.
 
@@ -28,9 +35,10 @@ class JointLayer:
             tick_s: time between two commands.
             scale: share of a command's stiffness, damping and torque, and of each motor's torque, that goes
                 out. `damping` is never scaled.
+            battery: limits the motors' torque, too; None for none.
         """
         self._scale, self._weaker = scale, weaker(robot.motor, scale)
-        self._robot, self._driver = robot, driver
+        self._robot, self._driver, self._battery = robot, driver, battery
         self._receiver = Receiver(driver, imu, len(robot.joint_names))
         self._step = robot.description.target_rate_rad_s * tick_s  # of a target in one tick, rad
         self._lower, self._upper = robot.soft_limits
@@ -146,7 +154,10 @@ class JointLayer:
 
     def absorb(self, batches: list[Frames], now_us: int) -> None:
         """Decode frames that have arrived; frames of other senders are left out."""
-        self._receiver.absorb(batches, now_us)
+        receiver, battery = self._receiver, self._battery
+        receiver.absorb(batches, now_us)
+        if battery is not None and battery.look(now_us, receiver.voltage, receiver.current, receiver.joints):
+            self._weaker = weaker(self._robot.motor, self._scale * battery.state.allowed)
 
     def sensed(self) -> Sensed:
         """The latest readings; the arrays are not written to afterwards."""
@@ -172,6 +183,11 @@ class JointLayer:
     def voltage(self) -> np.ndarray:
         """Latest voltages, V, (n,); NaN where a motor does not report it."""
         return self._receiver.voltage
+
+    @property
+    def battery(self) -> BatteryState:
+        """What is known of the battery."""
+        return NO_BATTERY if self._battery is None else self._battery.state
 
     @property
     def inertial(self) -> Inertial:

@@ -8,6 +8,7 @@ from contextlib import suppress
 import numpy as np
 
 from footfall.deploy.base_estimate import BaseEstimate
+from footfall.deploy.battery import BatteryState, battery_monitor
 from footfall.deploy.bus import Bus
 from footfall.deploy.clock import Clock
 from footfall.deploy.command_source import Status
@@ -75,7 +76,10 @@ class ControlLoop:
         self._bus, self._clock, self._config, self._driver = bus, clock, config, driver
         self._runner, self._estimate, self._log, self._taken_over = runner, estimate, log, taken_over
         safety = config.safety
-        self._joints = JointLayer(robot, driver, open_imu(wiring), config.tick_us * 1e-6, config.scale)
+        battery = battery_monitor(robot, safety.battery)
+        self._joints = JointLayer(
+            robot, driver, open_imu(wiring), config.tick_us * 1e-6, config.scale, battery
+        )
         self._postures = Postures(robot, config, lie_down, stand_up)
         self._end = RunEnd(self._postures.may_lie, config.stop_s, robot.description.held_start)
         self._signals = SignalSource(
@@ -134,7 +138,13 @@ class ControlLoop:
     def status(self) -> Status:
         """The run as it is now, for its command source."""
         estimate, now_us = self._estimate, self.now_us
-        return self._runner.status(now_us, self.state, estimate.value, estimate.pose(now_us))
+        pose = estimate.pose(now_us)
+        return self._runner.status(now_us, self.state, estimate.value, pose, self.battery)
+
+    @property
+    def battery(self) -> BatteryState:
+        """What is known of the battery."""
+        return self._joints.battery
 
     @property
     def target(self) -> np.ndarray:

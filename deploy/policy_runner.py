@@ -7,6 +7,7 @@ import time
 import numpy as np
 
 from footfall.common.errors import UserError
+from footfall.deploy.battery import BatteryState
 from footfall.deploy.changes import Change
 from footfall.deploy.command_source import Pose, Status
 from footfall.deploy.deadline import Arm, OverdueError, unarmed
@@ -86,7 +87,14 @@ class PolicyRunner:
             log.note(now_us, note)
         self._told = len(notes)
 
-    def status(self, now_us: int, state: State, estimate: tuple[np.ndarray, float], pose: Pose) -> Status:
+    def status(
+        self,
+        now_us: int,
+        state: State,
+        estimate: tuple[np.ndarray, float],
+        pose: Pose,
+        battery: BatteryState,
+    ) -> Status:
         """The run as it is now, for the command source.
 
         Args:
@@ -94,6 +102,7 @@ class PolicyRunner:
             state: the supervisor's.
             estimate: the base's velocity (3,) m/s, body frame, and height m.
             pose: of the base.
+            battery: what is known of it.
         """
         walking_s = self.time_s(now_us) if state.mode in DECIDING else 0.0
         steering = self.steering
@@ -108,6 +117,7 @@ class PolicyRunner:
             state.faults,
             self.notes,
             steering.offer,
+            battery,
         )
 
     def start(self, now_us: int) -> None:

@@ -6,6 +6,7 @@ the limits that the joint layer keeps in every command. `docs/safety.md` shows t
 """
 
 from collections.abc import Sequence
+from operator import attrgetter
 from typing import NamedTuple
 
 from footfall.deploy.safety import SIGNAL_CHECKS, Check, SafetyConfig
@@ -36,12 +37,18 @@ COMMANDS = (
         "gains and torque lowered",
     ),
     Rule("a velocity command", "the policy's ranges", "its contract", "clipped"),
+    Rule(
+        "a velocity command and all torques, while the battery is low",
+        "`battery.low_charge`, `battery.low_cell_v`",
+        SETTING,
+        "limited, down to `battery.least_share` when the run ends",
+    ),
 )
 
 
 def _of_signals(check: Check) -> Rule:
     defaults = SafetyConfig()
-    limit = ", ".join(f"`{name}` {getattr(defaults, name):g}" for name in check.limits)
+    limit = ", ".join(f"`{name}` {attrgetter(name)(defaults):g}" for name in check.limits)
     return Rule(check.looks_at, limit or "none at all", SETTING if limit else "", check.leads_to)
 
 

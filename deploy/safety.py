@@ -5,49 +5,11 @@ Its rules are rows of tables. A fault is latched: FALLING and ESTOP end a run, a
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from footfall.common.config import require_between
 from footfall.deploy.modes import DAMPED, HELD, MOVING, Mode
-from footfall.deploy.sensor_checks.table import SensorLimits
+from footfall.deploy.safety_config import SafetyConfig
 from footfall.deploy.signals import Signals
-
-
-@dataclass(frozen=True)
-class SafetyConfig:
-    """Limits of the supervisor, and how it damps the robot."""
-
-    start_timeout_s: float = 1.0  # for every motor and the IMU to answer
-    still_s: float = 0.05  # time at rest, with the IMU being checked, before joints get stiffness
-    silence_timeout_s: float = 0.05  # longest time without a motor's reply or a new IMU reading
-    tilt_limit_rad: float = 1.05
-    late_steps: int = 5  # policy steps in a row that took longer than their period
-    late_limit_s: float = 0.07  # longest duration of one policy step
-    damping_kd: float = 3.0  # N m s/rad
-    damping_s: float = 0.5  # duration of damping before the motors are disabled
-    pause_limit_s: float = 0.07  # longest time between two ticks; motors without commands disable themselves
-    guard_share: float = 1.1  # of the longer of both limits: after that a guard damps the robot
-    skipped_share: float = 0.25  # of the last second's ticks that may be left out because the loop is late
-    first_pose_rad: float = 0.1  # by which a joint may start beyond its range: calibration is never exact
-    sensors: SensorLimits = field(default_factory=SensorLimits)
-
-    def __post_init__(self) -> None:
-        require_between(self, 0.001, 60.0, "start_timeout_s", "silence_timeout_s", "late_limit_s")
-        require_between(self, 0.001, 60.0, "pause_limit_s")
-        require_between(self, 1.0, 10.0, "guard_share")  # below 1 the loop itself could not be in time
-        require_between(self, 0.0, 60.0, "still_s")
-        require_between(self, 1, 1000, "late_steps")
-        require_between(self, 0.01, 100.0, "damping_kd")
-        require_between(self, 1e-9, math.pi, "first_pose_rad")
-        require_between(self, 1e-9, math.pi / 2, "tilt_limit_rad")  # a robot on its side has fallen
-        require_between(self, 0.01, 60.0, "damping_s")
-        require_between(self, 0.0, 1.0, "skipped_share")
-
-    @property
-    def guard_after_s(self) -> float:
-        """Time after the start of a tick at which a guard takes the robot over, s."""
-        return self.guard_share * max(self.late_limit_s, self.pause_limit_s)
 
 
 class State(NamedTuple):
@@ -200,6 +162,13 @@ SIGNAL_CHECKS = (
         (Mode.IDLE, Mode.CHECKING, *MOVING),
         _stopped(damp=False),
         Mode.LOWERING,
+    ),
+    Check(
+        "the battery's charge, and its voltage under load, where motors report it",
+        (Mode.IDLE, Mode.CHECKING, *MOVING),
+        lambda s, _: s.battery,
+        Mode.LOWERING,
+        ("battery.empty_charge", "battery.off_cell_v"),
     ),
     Check("an exception in the policy", MOVING, lambda s, _: s.policy.error, Mode.LOWERING),
     Check(

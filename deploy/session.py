@@ -121,7 +121,12 @@ def run_session(
         arm = resources.enter_context(deadlines()) if session.realtime else unarmed
         runner = PolicyRunner(
             Handover(policies, config.handover),
-            Steering(source_of(session.command_source), policies, session.stop_sources),
+            Steering(
+                source_of(session.command_source),
+                policies,
+                session.stop_sources,
+                robot.description.commands,
+            ),
             config.joint_rate_hz,
             config.safety.late_limit_s,
             session.realtime,

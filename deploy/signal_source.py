@@ -123,6 +123,7 @@ class SignalSource:
             NO_WIRING_CHECK if check is None else check.signals,
             mode in POSED and self._postures.done(since_s),
             stop,
+            joints.battery.fault,
         )
 
     def _at_start(

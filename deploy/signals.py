@@ -93,3 +93,4 @@ class Signals(NamedTuple):
     wiring: WiringSignals = WiringSignals()
     posture_done: bool = False  # the robot has stood up, or has lain down
     stop: Stop | None = None  # that was asked for from outside
+    battery: str = ""  # why it ends the run

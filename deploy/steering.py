@@ -10,6 +10,7 @@ from footfall.deploy.command_source import CommandSource, Offer, Request, Status
 from footfall.deploy.commands import CommandLimits
 from footfall.policies.live_settings import DECLARED, Span, Steerable
 from footfall.policies.policy import Policy
+from footfall.robots.commands import CommandRange
 
 STILL = np.zeros(3)
 POLL_EVERY_US = 20_000  # while the policy does not decide
@@ -19,7 +20,11 @@ class Steering:
     """The newest request of a run's source, and the stop that any of its stop sources asked for."""
 
     def __init__(
-        self, source: CommandSource, policies: Sequence[Policy], stop_sources: Sequence[StopSource] = ()
+        self,
+        source: CommandSource,
+        policies: Sequence[Policy],
+        stop_sources: Sequence[StopSource] = (),
+        usual: CommandRange | None = None,
     ) -> None:
         """Nothing has been asked for.
 
@@ -27,13 +32,14 @@ class Steering:
             source: says what the run shall do.
             policies: those that may decide; the first one does.
             stop_sources: further ones that can stop the robot.
+            usual: the robot's ranges of commands, which a low battery reduces if the policy has none.
         """
         self._source, self._stop_sources = source, (source, *stop_sources)
         self.notes: list[str] = []  # what was refused, clipped or changed, one line each; it only grows
         names = tuple(policy.name for policy in policies)
         self._offers = {policy.name: offer_of(policy)._replace(policies=names) for policy in policies}
         self._all_limits = {
-            name: CommandLimits(offer.commands, self.notes) for name, offer in self._offers.items()
+            name: CommandLimits(offer.commands, self.notes, usual) for name, offer in self._offers.items()
         }
         self._request, self._checked = Request(STILL), True
         self._changes: list[Change] = []
@@ -88,6 +94,9 @@ class Steering:
             return
         self.asked_command = np.asarray(request.velocity, dtype=float)
         self.command = self._limits.apply(self.asked_command)
+        if status.battery.allowed < 1.0:
+            self._note("the battery is low: speed and torque are limited")
+            self.command = self._limits.reduce(self.command, status.battery.allowed)
 
     def take_changes(self) -> list[Change]:
         """What the request changed since the last call."""

@@ -59,6 +59,7 @@ class Episode:
     noise: Noise | None = None
     pushes: tuple[Push, ...] = ()  # in any order
     lying: bool = False  # at first
+    charge: float = 1.0  # of its battery at first, where robot.yaml declares one
     lie_down: bool = False  # before the motors go off, where robot and fault permit it
     ground_truth: bool = False  # give the policy the true base velocity and height
     realtime: bool = False
@@ -96,6 +97,7 @@ def run_episode(robot: Robot, policy: Policy, episode: Episode, watch: Watch | N
         noise=episode.noise,
         motor_timeout_s=config.motor_timeout_s,
         lying=episode.lying,
+        charge=episode.charge,
         let_go_after_s=config.held_up_s,
     )
     body = SimulatedRobot(robot, wiring, wires, config_of_plant, episode.seed)

@@ -100,6 +100,7 @@ JsonFile = Annotated[OptionalPath, Parameter(help="Write the figures to this fil
 HtmlFile = Annotated[OptionalPath, Parameter(help="Write a self-contained report to this file.")]
 Seconds = Annotated[float, Parameter(validator=_seconds)]
 OptionalSeconds = Annotated[float | None, AS_TYPED, Parameter(validator=_seconds)]
+Share = Annotated[float, Parameter(validator=Number(gte=0, lte=1))]
 Count = Annotated[int, Parameter(converter=_whole, validator=Number(gte=1))]
 Index = Annotated[int, Parameter(converter=_whole, validator=Number(gte=0))]
 Port = Annotated[int, Parameter(converter=_whole, validator=Number(gte=1, lt=2**16))]

@@ -2,13 +2,19 @@
 
 import numpy as np
 import pytest
+from deploy_policies import Hold, short_episode
+from odrives import with_odrives
 
 from footfall.deploy.battery import BatteryLimits, BatteryMonitor, BatteryState
+from footfall.deploy.loop import ControlLoop
+from footfall.plant.episode import run_episode
+from footfall.plant.robot import SimulatedRobot
 from footfall.robots.battery import Battery
 from footfall.robots.description import Robot
 
 PERIOD_S, MOTORS = 0.05, 12
 STILL = np.zeros((3, MOTORS))
+FORWARD = np.array([1.0, 0.0, 0.0])
 IRON = "lithium_iron_phosphate"
 
 
@@ -95,3 +101,25 @@ def test_motors_that_report_no_current_are_counted_by_torque_and_speed(go1: Robo
     pack.monitor.look(0, np.full(MOTORS, 35.0), np.full(MOTORS, np.nan), joints)
     watts = 60.0 + 0.17 * (20.0 / (0.105 * 6.0)) ** 2
     assert pack.monitor.state.current_a == pytest.approx(watts / pack.battery.nominal_v)
+
+
+def test_a_low_battery_slows_the_robot_weakens_its_motors_and_lays_it_down(go1: Robot) -> None:
+    """A pack of a few hundred joules: 1.2 s from low to empty."""
+    battery = Battery(8, 0.25, 0.1, idle_w=60.0)
+    robot = with_odrives(go1, "hip", "knee", battery=battery)
+    told: list[tuple[float, float, float]] = []
+
+    def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
+        battery = loop.battery
+        if loop.walking and battery.allowed < 1.0:
+            told.append((battery.charge - body.battery.charge, battery.allowed, loop.status.command[0]))  # type: ignore[union-attr]
+
+    episode = short_episode(duration_s=10.0, charge=0.35, lie_down=True, command_source=lambda _: FORWARD)
+    trace = run_episode(robot, Hold(robot), episode, watch)
+    error, allowed, forward = np.array(told).T
+    assert np.abs(error).max() < 0.03
+    np.testing.assert_allclose(forward[-10:], allowed[-10:], atol=0.05)
+    assert forward[-1] < 0.7
+    assert "battery is empty" in trace.faults[0]
+    assert (trace.final_state, trace.fell) == ("ESTOP", False)
+    assert trace.walked_s < 9.0

@@ -60,6 +60,7 @@ TABLE: list[tuple[dict[str, Any], str, str]] = [
     ({"wiring.fault": "plugs are exchanged", "wiring.due": True}, "plugs are exchanged", "EE----"),
     ({"stop": Stop("stopped by x", damp=True)}, "stopped by x", "EEEEEE"),
     ({"stop": Stop("stopped by x")}, "stopped by x", "EELLL-"),
+    ({"battery": "the battery is empty"}, "the battery is empty", "EELLL-"),
     ({"policy.step_s": 0.11}, "one step took 110 ms", "E-EEE-"),
     ({"policy.step_s": math.inf}, "no decision within 70 ms", "E-EEE-"),
     ({"policy.late_steps": 5}, "5 steps in a row", "E-LLL-"),

@@ -12,6 +12,7 @@ from rich.console import Console
 from scipy.spatial.transform import Rotation
 
 import footfall.live_state
+from footfall.deploy.battery import BatteryState
 from footfall.deploy.loop import ControlLoop
 from footfall.live_state import describe, live_state
 from footfall.plant.episode import run_episode
@@ -65,11 +66,11 @@ def test_every_part_of_a_state_is_its_own(walking: bool, told: str) -> None:
         walking=walking, walking_s=1.26, walked_s=4.2,
         state=SimpleNamespace(mode=SimpleNamespace(value="WALKING")),
         asked_command=(0.5, -0.25, 0.75), sensed=SimpleNamespace(quaternion=attitude),
-        ticks_skipped=7, held_up=False,
+        ticks_skipped=7, held_up=False, battery=BatteryState(charge=0.42),
     )  # fmt: skip
     assert describe(loop, np.array([0.11, -0.22, 9.0]), 2.5) == (  # type: ignore[arg-type]
         f"{told}, WALKING, command +0.50 -0.25 m/s +0.75 rad/s, velocity +0.11 -0.22 m/s,"
-        " tilt 0.30 rad, 7 ticks late"
+        " battery 42%, tilt 0.30 rad, 7 ticks late"
     )
 
 

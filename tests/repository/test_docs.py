@@ -15,12 +15,13 @@ import reference
 import yaml
 
 from footfall.cli import app
-from footfall.common.config import load, with_changes
+from footfall.common.config import load, structure, with_changes
 from footfall.common.errors import UserError
 from footfall.deploy.bring_up.config import BringUpConfig
 from footfall.deploy.config import deploy_config
 from footfall.domain_rand.randomisation import Randomisation
-from footfall.robots.description import load_robot
+from footfall.robots.description import ROBOTS, load_robot
+from footfall.robots.robot_yaml import Description
 from footfall.train.config import PRESETS, TrainConfig, load_preset
 from footfall.train.sweeps.sweep import SweepConfig
 
@@ -121,11 +122,13 @@ def test_python_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
             exec(compile(block, name_of(page), "exec"), names)
 
 
+GO1 = yaml.safe_load((ROBOTS / "go1" / "robot.yaml").read_text())
 READERS: dict[str, Callable[[Path], object]] = {
     "bring-up": lambda path: load(path, BringUpConfig),
     "loop": lambda path: deploy_config(load_robot("go1"), path),
     "preset": lambda path: load_preset(str(path), load_robot("go1")),
     "randomisation": lambda path: load(path, Randomisation),
+    "robot": lambda path: structure(with_changes(GO1, path), Description, str(path)),
     "sweep": lambda path: load(path, SweepConfig),
     "training": lambda path: with_changes(yaml.safe_load((PRESETS / "gpu.yaml").read_text()), path),
 }

@@ -22,6 +22,7 @@ from footfall.options import (
     RobotName,
     Seconds,
     Seed,
+    Share,
     VelocityCommand,
 )
 from footfall.robots.default import DEFAULT_ROBOT
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
 Others = Mapping[str, "Policy"]  # by spec
 SAFE, FALLEN = "IDLE", "FALLING"  # final states
 LYING = "lying"
+FULL = 1.0
 WIRING_CHECK = "first a wiring check: one joint after the other moves a little, nobody within reach"
 SIMULATED, VIRTUAL = "sim", "virtual"  # buses that lead to a simulated robot
 
@@ -56,6 +58,8 @@ class DeployOptions:
     """Walking time, s."""
     start: Literal["standing", "lying"] = "standing"
     """How the simulated robot begins."""
+    charge: Share = FULL
+    """Charge of the simulated robot's battery at the start, where its robot.yaml declares one."""
     lie_down: bool = True
     """Lie down before the motors go off, where robot and fault permit it."""
     realtime: bool = False
@@ -119,6 +123,7 @@ def _simulated(
         plant=options.plant,
         ground=load_ground(options.ground, options.seed) if options.ground else None,
         lying=options.start == LYING,
+        charge=options.charge,
         lie_down=options.lie_down,
         ground_truth=options.ground_truth,
         realtime=options.realtime,
@@ -199,6 +204,7 @@ def _for_simulation_alone(options: DeployOptions) -> str:
         "--ground": bool(options.ground),
         "--ground-truth": options.ground_truth,
         "--start": options.start == LYING,
+        "--charge": options.charge != FULL,
     }
     return next((option for option, is_given in given.items() if is_given), "")
 
