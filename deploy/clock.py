@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from typing import Protocol
 
+LOCKSTEP_START_NS = 10**18  # 2001-09-09 01:46:40 UTC: seconds from there on end in the run's own time
 SWITCH_S = 1e-4  # longest time that another thread keeps Python's lock while the loop's waits
 
 _MCL_CURRENT_AND_FUTURE = 3
@@ -22,7 +23,7 @@ class Clock(Protocol):
     realtime: bool
 
     def start(self) -> int:
-        """Make this moment time zero; returns its Unix time, ns, or 0 where time is simulated."""
+        """Make this moment time zero; returns its Unix time, ns, or `LOCKSTEP_START_NS` in lockstep."""
         ...
 
     def next_tick(self) -> int:
@@ -44,7 +45,7 @@ class LockstepClock:
         self._tick = -1
 
     def start(self) -> int:
-        return 0
+        return LOCKSTEP_START_NS
 
     def next_tick(self) -> int:
         self._tick += 1

@@ -5,11 +5,14 @@ the loop. If both processes are killed, the log lacks the last fraction of a sec
 """
 
 import json
+import math
 import os
 import stat
+import struct
 import subprocess
 import sys
 from contextlib import ExitStack, suppress
+from itertools import repeat
 from pathlib import Path
 from typing import Any
 
@@ -19,13 +22,16 @@ from footfall.common.config import unstructure
 from footfall.common.errors import UserError
 from footfall.common.held import held
 from footfall.deploy.changes import Change
+from footfall.deploy.battery import BatteryState
 from footfall.deploy.estimation.odometry import VELOCITY, YAW, Odometry
-from footfall.deploy.log_records import START, Kind, record
+from footfall.deploy.frames import Frames
+from footfall.deploy.log_records import FRAME, START, Kind, record
 from footfall.deploy.receiver import MotorHealth
 from footfall.deploy.safety import State
 from footfall.deploy.telemetry.feed import listen
 from footfall.deploy.telemetry.process import NONE, READY
 from footfall.deploy.telemetry.robot_frames import robot_frames
+from footfall.deploy.wiring import wire
 from footfall.policies.policy import Policy, PolicyInput, Sensed
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
@@ -130,6 +136,7 @@ class McapLog:
         self._waiting = bytearray()
         self._left_out = 0
         self._health: tuple[bytes, ...] | None = None  # the latest that was written
+        self._battery: BatteryState | None = None  # likewise
         self._broken = False
         self._lacks: str | None = None
         self._begun = False
@@ -139,6 +146,11 @@ class McapLog:
             "inputs": input_sizes(len(robot.joint_names)),
             "metadata": _metadata(robot, policy, facts),
             **robot_frames(robot),
+            "robot": robot.name,
+            "robot_folder": str(robot.folder),
+            "robot_digest": robot.digest,
+            "buses": list(wire(robot).buses),
+            "paced": not may_wait,
             "path": None if path is None else str(path),
         }
         self._about = json.dumps(about).encode()
@@ -201,6 +213,28 @@ class McapLog:
         if footholds is not None:
             records += record(Kind.FOOTHOLDS, now_us, footholds.tobytes())
         self._put(records)
+
+    def battery(self, now_us: int, battery: BatteryState) -> None:
+        """The battery's state, once voltage is known; written when it has changed."""
+        if battery is self._battery or math.isnan(battery.voltage_v):
+            return
+        self._battery = battery
+        numbers = struct.pack("<3d", battery.voltage_v, -battery.current_a, battery.charge)
+        self._put(record(Kind.BATTERY, now_us, numbers))
+
+    def timing(self, now_us: int, work_us: float, lateness_us: float) -> None:
+        """How long a tick's work took, and how late it began; written with what comes next."""
+        if not self._broken and len(self._waiting) <= MOST_WAITING_BYTES:
+            self._waiting += record(Kind.TIMING, now_us, struct.pack("<2d", work_us, lateness_us))
+
+    def frames(self, now_us: int, kind: Kind, frames: Frames) -> None:
+        """CAN frames that arrived (`RECEIVED`) or went out (`SENT`)."""
+        times = repeat(now_us) if frames.time_us is None else frames.time_us.astype(np.int64).tolist()
+        heads = zip(times, frames.channel.tolist(), frames.length.tolist(), frames.id.tolist(), strict=False)
+        pairs = zip(heads, frames.data, strict=True)
+        content = b"".join(FRAME.pack(*head, data.tobytes()) for head, data in pairs)
+        if content:
+            self._put(record(kind, now_us, content))
 
     def state(self, now_us: int, state: State) -> None:
         """A change of the supervisor's state."""

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from enum import IntEnum
 
 START = struct.Struct("<q")  # Unix time of time zero, ns: at the head of the first record
+FRAME = struct.Struct("<qBBI8s")  # of a CAN frame: time us, bus, length, identifier of `Frames`, data
 HEAD = struct.Struct("<BIq")  # kind, bytes that follow, time in microseconds of the loop's clock
 
 
@@ -27,6 +28,10 @@ class Kind(IntEnum):
     HEALTH = 13  # (3n,) temperatures, voltages, error codes
     FOOTHOLDS = 14  # (3 feet,) planned footholds, from the base, heading frame, m; NaN for a standing foot
     CHANGE = 15  # JSON: see `changes.Change`
+    TIMING = 16  # (2,) work of a tick and its lateness, us; wall clock only
+    BATTERY = 17  # (3,) voltage V, current A (negative: drawn), charge 0 to 1; NaN for unknown
+    RECEIVED = 18  # CAN frames: for each, `FRAME`
+    SENT = 19  # likewise
 
 
 def record(kind: Kind, now_us: int, content: bytes = b"") -> bytes:

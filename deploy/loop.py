@@ -183,7 +183,10 @@ class ControlLoop:
         work_us = (time.perf_counter() - started) * 1e6
         self.timing.tick_us.add(work_us)
         if self._clock.realtime:
-            self.timing.lateness_us.add(self._clock.lateness_us())
+            lateness_us = self._clock.lateness_us()
+            self.timing.lateness_us.add(lateness_us)
+            if self._log is not None:
+                self._log.timing(self.now_us, work_us, lateness_us)
             self.timing.overruns += work_us > self._config.tick_us
         return True
 
@@ -248,6 +251,7 @@ class ControlLoop:
         now_us, joints = self.now_us, self._joints
         nothing_commanded = self.state.mode is Mode.IDLE or self.state.over
         log.tick(now_us, self.sensed, joints.health(now_us), None if nothing_commanded else joints.sent)
+        log.battery(now_us, self.battery)
         if self.walking and (odometry := self._estimate.odometry(now_us)) is not None:
             log.odometry(now_us, odometry, self._runner.footholds())
 

@@ -5,6 +5,7 @@ from typing import Protocol
 import numpy as np
 
 from footfall.deploy.changes import Change
+from footfall.deploy.battery import BatteryState
 from footfall.deploy.estimation.odometry import Odometry
 from footfall.deploy.receiver import MotorHealth
 from footfall.deploy.safety import State
@@ -26,6 +27,12 @@ class RunLog(Protocol):
 
     def odometry(self, now_us: int, found: Odometry, footholds: np.ndarray | None = None) -> None:
         """The estimated motion of the base, and the footholds of a policy that plans them, (feet, 3) m."""
+
+    def battery(self, now_us: int, battery: BatteryState) -> None:
+        """The battery's state; nothing is known where none is declared."""
+
+    def timing(self, now_us: int, work_us: float, lateness_us: float) -> None:
+        """How long a tick's work took, and how late it began; by the wall clock alone."""
 
     def state(self, now_us: int, state: State) -> None:
         """A change of the supervisor's state."""

@@ -24,6 +24,7 @@ from footfall.deploy.drivers.choice import filters_of, open_driver
 from footfall.deploy.fit import check_contract, check_joint_rate
 from footfall.deploy.guard import Guard
 from footfall.deploy.handover import Handover
+from footfall.deploy.logged_bus import LoggedBus
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.modes import Mode
 from footfall.deploy.policy_runner import PolicyRunner
@@ -51,6 +52,7 @@ class Session:
     duration_s: float  # of walking, at most
     realtime: bool = True
     log: Path | None = None
+    log_frames: bool = False  # CAN frames go to the log, too
     feed: Path | None = None  # socket of the run's feed, see deploy/telemetry/feed.py
     facts: dict[str, Any] = field(default_factory=dict)  # for the log's metadata
     config: DeployConfig = field(default_factory=DeployConfig)
@@ -137,6 +139,8 @@ def run_session(
                 warm_up(other, robot)
         estimate = _estimate(robot, policies, config, base_state)
         log = _open_log(robot, policy, session, resources)
+        if log is not None and session.log_frames:
+            bus = LoggedBus(bus, log)
         clock: Clock = (WallClock if session.realtime else LockstepClock)(config.tick_us)
         taken_over = threading.Event()
         wiring_check = None

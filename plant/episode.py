@@ -64,6 +64,7 @@ class Episode:
     ground_truth: bool = False  # give the policy the true base velocity and height
     realtime: bool = False
     log: Path | None = None
+    log_frames: bool = False  # CAN frames go to the log, too
     feed: Path | None = None  # socket of the run's feed, see deploy/telemetry/feed.py
     policy_spec: str = ""  # name or path of the policy, kept in the log for a replay
     record: bool = True  # keep samples; without them the trace's arrays are empty
@@ -113,6 +114,7 @@ def run_episode(robot: Robot, policy: Policy, episode: Episode, watch: Watch | N
         duration_s=episode.duration_s,
         realtime=episode.realtime,
         log=episode.log,
+        log_frames=episode.log_frames,
         feed=episode.feed,
         facts=facts,
         config=config,

@@ -64,7 +64,73 @@ geometry_msgs/Vector3 angular_velocity
 float64[9] angular_velocity_covariance
 geometry_msgs/Vector3 linear_acceleration
 float64[9] linear_acceleration_covariance""",
+    "sensor_msgs/BatteryState": """std_msgs/Header header
+float32 voltage
+float32 temperature
+float32 current
+float32 charge
+float32 capacity
+float32 design_capacity
+float32 percentage
+uint8 power_supply_status
+uint8 power_supply_health
+uint8 power_supply_technology
+bool present
+float32[] cell_voltage
+float32[] cell_temperature
+string location
+string serial_number""",
+    "sensor_msgs/CompressedImage": """std_msgs/Header header
+string format
+uint8[] data""",
     "tf2_msgs/TFMessage": "geometry_msgs/TransformStamped[] transforms",
+    "visualization_msgs/UVCoordinate": """float32 u
+float32 v""",
+    "visualization_msgs/MeshFile": """string filename
+uint8[] data""",
+    "visualization_msgs/Marker": """std_msgs/Header header
+string ns
+int32 id
+int32 type
+int32 action
+geometry_msgs/Pose pose
+geometry_msgs/Vector3 scale
+std_msgs/ColorRGBA color
+builtin_interfaces/Duration lifetime
+bool frame_locked
+geometry_msgs/Point[] points
+std_msgs/ColorRGBA[] colors
+string texture_resource
+sensor_msgs/CompressedImage texture
+visualization_msgs/UVCoordinate[] uv_coordinates
+string text
+string mesh_resource
+visualization_msgs/MeshFile mesh_file
+bool mesh_use_embedded_materials""",
+    "visualization_msgs/MarkerArray": "visualization_msgs/Marker[] markers",
+    "diagnostic_msgs/KeyValue": """string key
+string value""",
+    "diagnostic_msgs/DiagnosticStatus": """byte level
+string name
+string message
+string hardware_id
+diagnostic_msgs/KeyValue[] values""",
+    "diagnostic_msgs/DiagnosticArray": """std_msgs/Header header
+diagnostic_msgs/DiagnosticStatus[] status""",
+    "rcl_interfaces/Log": """builtin_interfaces/Time stamp
+uint8 level
+string name
+string msg
+string file
+string function
+uint32 line""",
+    "can_msgs/Frame": """std_msgs/Header header
+uint32 id
+bool is_rtr
+bool is_extended
+bool is_error
+uint8 dlc
+uint8[8] data""",
 }
 
 

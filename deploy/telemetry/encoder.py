@@ -1,10 +1,13 @@
 """Turns the records of the control loop into messages, once, for whoever takes them."""
 
+import struct
 from collections.abc import Callable
 from typing import Any
 
-from footfall.deploy.log_records import Kind
+from footfall.deploy.log_records import FRAME, Kind
 from footfall.deploy.telemetry import messages
+from footfall.deploy.telemetry.health import STOPPED, Health
+from footfall.deploy.telemetry.scene_feeder import SceneFeeder
 from footfall.deploy.telemetry.transforms import Transforms
 
 Put = Callable[[str, int, bytes], None]  # takes a topic, a time in ns, and a message's bytes
@@ -17,8 +20,11 @@ ARRAYS = {  # records that are passed on unchanged: topic, bytes per number
     Kind.AGES: ("/reading_ages", 8),
     Kind.HEALTH: ("/motor_health", 8),
     Kind.FOOTHOLDS: ("/footholds", 8),
+    Kind.TIMING: ("/loop_timing", 8),
 }
 TEXTS = {Kind.STATE: "/state", Kind.NOTE: "/notes", Kind.CHANGE: "/policy/changes"}
+FRAMES = {Kind.RECEIVED: "/from_can_bus", Kind.SENT: "/to_can_bus"}
+EXTENDED = 1 << 31  # of an identifier with 29 bits
 GONE = "the process of the run ended before the run"
 
 
@@ -33,7 +39,18 @@ class Encoder:
         self._readings, self._inputs = begin["readings"], begin["inputs"]  # sizes of their parts
         self._size = 8 * len(self._names)  # bytes of a number for each joint
         self._last_ns = self._start_ns
+        self._buses = begin["buses"]
         self._transforms = Transforms(begin.get("links", []), put)
+        self._scene = SceneFeeder(begin, put)
+        self._health = Health(begin["robot"], self._names, put)
+        self._takes = {  # who else takes a record's content
+            Kind.ODOMETRY: (self._transforms.odometry, self._scene.odometry),
+            Kind.CONTACTS: (self._scene.contacts,),
+            Kind.FOOTHOLDS: (self._scene.footholds,),
+            Kind.AGES: (self._health.ages,),
+            Kind.HEALTH: (self._health.motors,),
+            Kind.TIMING: (self._health.timing,),
+        }
         self.state = "no state"  # the supervisor's, as logged last
         self.complete = False  # whether the run has ended
         if "urdf" in begin:
@@ -43,13 +60,15 @@ class Encoder:
     def encode(self, kind: Kind, now_us: int, content: bytes) -> None:
         """Pass on one record's messages."""
         time_ns = self._last_ns = self._start_ns + now_us * 1000
+        for take in self._takes.get(kind, ()):
+            take(content)
         if kind in ARRAYS:
             topic, size = ARRAYS[kind]
             self._array(topic, time_ns, content, size)
         elif kind in TEXTS:
-            if kind is Kind.STATE:
-                self.state = content.decode()
-            self._put(TEXTS[kind], time_ns, messages.text(content.decode()))
+            self._text(kind, time_ns, content.decode())
+        elif kind in FRAMES:
+            self._frames(FRAMES[kind], content)
         elif kind is Kind.READINGS:
             self._sensed(time_ns, _parts(content, self._readings))
         elif kind is Kind.COMMANDED:
@@ -59,18 +78,38 @@ class Encoder:
             self._array("/joint_gains", time_ns, content[2 * self._size : 4 * self._size])
         elif kind is Kind.INPUTS:
             command = _parts(content, self._inputs)["command"]
+            self._scene.command = command
             self._put("/cmd_vel", time_ns, messages.twist().fill(time_ns, command[:16], command[16:]))
             self._array("/policy/inputs", time_ns, content)
         elif kind is Kind.ODOMETRY:
             self._put("/odom", time_ns, messages.odometry().fill(time_ns, content))
-            self._transforms.odometry(content)
+        elif kind is Kind.BATTERY:
+            numbers = (struct.pack("<f", each) for each in struct.unpack("<3d", content))
+            self._put("/battery_state", time_ns, messages.battery().fill(time_ns, *numbers))
         elif kind is Kind.END:
             self.complete = True
 
     def end(self) -> None:
         """Add a note if the run's process is gone without an end of the run."""
         if not self.complete:
-            self._put(TEXTS[Kind.NOTE], self._last_ns, messages.text(GONE))
+            self._text(Kind.NOTE, self._last_ns, GONE)
+
+    def _text(self, kind: Kind, time_ns: int, text: str) -> None:
+        """A change of state or policy, or a note, also as an event with its severity."""
+        level = messages.WARN if kind is Kind.NOTE else messages.INFO
+        if kind is Kind.STATE:
+            self.state = self._health.state = text
+            mode, _, fault = text.partition(": ")
+            level = messages.ERROR if mode in STOPPED or fault else level
+        self._put(TEXTS[kind], time_ns, messages.text(text))
+        self._put("/rosout", time_ns, messages.event(time_ns, level, text))
+
+    def _frames(self, topic: str, content: bytes) -> None:
+        for at_us, bus, length, identifier, data in FRAME.iter_unpack(content):
+            time_ns = self._start_ns + at_us * 1000
+            template = messages.can_frame(self._buses[bus], identifier >= EXTENDED, length)
+            number = (identifier & ~EXTENDED).to_bytes(4, "little")
+            self._put(topic, time_ns, template.fill(time_ns, number, data))
 
     def _sensed(self, time_ns: int, part: dict[str, bytes]) -> None:
         joints = messages.joint_state(self._names)
@@ -80,6 +119,8 @@ class Encoder:
         imu = messages.imu().fill(time_ns, xyz, w, part["gyro"], part["acceleration"])
         self._put("/imu/data", time_ns, imu)
         self._transforms.readings(time_ns, part["joint_position"], part["quaternion"])
+        self._scene.readings(time_ns, part)
+        self._health.tell(time_ns)
 
     def _rows(self, content: bytes, row: int) -> bytes:
         return content[row * self._size : (row + 1) * self._size]

@@ -5,12 +5,28 @@ the numbers' bytes into it. Encoding: OMG's Common Data Representation (DDS-XTyp
 little-endian, aligned from behind the four bytes of the head.
 """
 
+import math
 import struct
+from collections.abc import Iterable, Mapping
 from functools import lru_cache
+from typing import NamedTuple
 
 BASE, IMU, ODOM = "base_link", "imu_link", "odom"  # frames, as REP 105 names them
 
+DISCHARGING = 2  # of a BatteryState
+INFO, WARN, ERROR = 20, 30, 40  # levels of a Log
+FINE, WARNING, BAD = 0, 1, 2  # levels of a DiagnosticStatus
+
 _DOUBLE = 8
+
+
+class Diagnosis(NamedTuple):
+    """A diagnostic_msgs/DiagnosticStatus."""
+
+    level: int
+    name: str
+    summary: str
+    values: Mapping[str, str]
 
 
 class Template:
@@ -48,11 +64,21 @@ class Template:
             self._gaps.append(slice(start, len(self._bytes)))
         return self
 
+    def put(self, layout: str, *values: float) -> "Template":
+        """Numbers of one type, as `struct` names it."""
+        self._align(struct.calcsize(layout))
+        self._bytes += struct.pack(f"<{len(values)}{layout}", *values)
+        return self
+
     def zeros(self, numbers: int) -> "Template":
         """That many float64 zeros, which stay."""
         self.gap(numbers)
         self._gaps.pop()
         return self
+
+    def done(self) -> bytes:
+        """The message, if it has no gaps and no stamps."""
+        return bytes(self._bytes)
 
     def fill(self, time_ns: int, *numbers: bytes) -> bytes:
         """The message at a time, its gaps filled in their order. A gap takes as many bytes as it has."""
@@ -118,4 +144,36 @@ def multi_array(label: str, numbers: int, size: int = _DOUBLE) -> Template:
 
 def text(value: str) -> bytes:
     """A std_msgs/String."""
-    return Template().text(value).fill(0)
+    return Template().text(value).done()
+
+
+@lru_cache(None)
+def battery() -> Template:
+    """A sensor_msgs/BatteryState; gaps of float32: voltage V, current A (negative: drawn), charge 0 to 1."""
+    nan = math.nan
+    template = Template().stamp().gap(1, 4).put("f", nan).gap(1, 4).put("f", nan, nan, nan).gap(1, 4)
+    template.put("B", DISCHARGING, 0, 0, 1)
+    return template.count(0).count(0).text("").text("")
+
+
+def event(time_ns: int, level: int, value: str) -> bytes:
+    """An rcl_interfaces/Log."""
+    template = Template().put("i", time_ns // 10**9).put("I", time_ns % 10**9).put("B", level)
+    return template.text("footfall").text(value).text("").text("").count(0).done()
+
+
+@lru_cache(None)
+def can_frame(bus: str, extended: bool, length: int) -> Template:
+    """A can_msgs/Frame; gaps: identifier (4 bytes), data (8 bytes)."""
+    return Template().stamp(bus).gap(1, 4).put("B", 0, extended, 0, length).gap(8, 1)
+
+
+def diagnostics(time_ns: int, hardware: str, parts: Iterable[Diagnosis]) -> bytes:
+    """A diagnostic_msgs/DiagnosticArray."""
+    found = list(parts)
+    template = Template().stamp().count(len(found))
+    for level, name, summary, values in found:
+        template.put("B", level).text(name).text(summary).text(hardware).count(len(values))
+        for key, value in values.items():
+            template.text(key).text(value)
+    return template.fill(time_ns)

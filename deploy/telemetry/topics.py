@@ -42,6 +42,13 @@ TOPICS = {
     "/footholds": Topic("std_msgs/msg/Float64MultiArray"),  # where the policy plans to put swinging feet, m
     "/tf": Topic("tf2_msgs/msg/TFMessage", depth=100),
     "/tf_static": Topic("tf2_msgs/msg/TFMessage", latched=True),
+    "/markers": Topic("visualization_msgs/msg/MarkerArray"),  # balance, footholds, forces, velocities
+    "/battery_state": Topic("sensor_msgs/msg/BatteryState"),
+    "/diagnostics": Topic("diagnostic_msgs/msg/DiagnosticArray"),
+    "/rosout": Topic("rcl_interfaces/msg/Log", depth=1000),  # changes of state, and notes
+    "/loop_timing": Topic("std_msgs/msg/Float64MultiArray"),  # work of a tick and its lateness, us
+    "/from_can_bus": Topic("can_msgs/msg/Frame", depth=1000),  # frame_id: the bus
+    "/to_can_bus": Topic("can_msgs/msg/Frame", depth=1000),
     "/state": Topic("std_msgs/msg/String", latched=True),
     "/notes": Topic("std_msgs/msg/String"),  # what was changed of what was asked for
     "/policy/changes": Topic("std_msgs/msg/String"),  # JSON: changes of policy, gait, settings

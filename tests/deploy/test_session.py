@@ -18,6 +18,7 @@ from relaxed_limits import RELAXED
 from footfall.common.errors import UserError
 from footfall.deploy import session
 from footfall.deploy.bus import BusStatistics
+from footfall.deploy.clock import LOCKSTEP_START_NS
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers import imu
 from footfall.deploy.drivers.choice import open_driver
@@ -323,7 +324,10 @@ class TestSession:
         policy = Hold(go1)
         outcome = run_session(go1, policy, FrameRobot(go1), run)  # type: ignore[arg-type]
         facts = {"policy_spec": spec, "seed": 3, "joint_rate_hz": 250.0}
-        assert opened == [(tmp_path / "a", go1, policy, facts, not realtime, None), (123 if realtime else 0,)]
+        assert opened == [
+            (tmp_path / "a", go1, policy, facts, not realtime, None),
+            (123 if realtime else LOCKSTEP_START_NS,),
+        ]
         assert outcome.notes == ("the log is short",)
         assert closed
         assert closed[0] > 5

@@ -108,6 +108,12 @@ class Notebook:
     def policy_step(self, now_us: int, inputs: PolicyInput, command: JointCommand, policy: Any) -> None:
         self.told.append(("policy_step", now_us, inputs, command))
 
+    def battery(self, now_us: int, battery: Any) -> None:
+        pass
+
+    def timing(self, now_us: int, work_us: float, lateness_us: float) -> None:
+        self.told.append(("timing", now_us, work_us, lateness_us))
+
     def state(self, now_us: int, state: Any) -> None:
         self.told.append(("state", now_us, state))
 

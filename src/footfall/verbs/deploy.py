@@ -77,6 +77,8 @@ class DeployOptions:
     trust runs on wiring that is not proven (see docs/bring_up.md)."""
     log: OptionalPath = None
     """Record the run to this MCAP file."""
+    log_frames: bool = False
+    """Record each CAN frame to the log, too."""
     feed: OptionalPath = None
     """Unix socket at which other programs read what the run tells, as it happens (see docs/logs.md)."""
     seed: Seed = 0
@@ -128,6 +130,7 @@ def _simulated(
         ground_truth=options.ground_truth,
         realtime=options.realtime,
         log=options.log,
+        log_frames=options.log_frames,
         feed=options.feed,
         policy_spec=spec,
         others=others,

@@ -1,0 +1,96 @@
+"""What carries a walking robot, and where it wants to go, as markers in `odom`."""
+
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from footfall.common.constants import GRAVITY_M_S2
+from footfall.common.errors import UserError
+from footfall.common.rotations import heading_matrix, rotation_matrix, yaw_of
+from footfall.deploy.telemetry.markers import Marker, arrow, ball, disc, line, marker_array
+from footfall.deploy.telemetry.messages import ODOM
+from footfall.robots.balance import Balance, BalanceModel
+from footfall.robots.description import load_robot
+from footfall.robots.readings import Sensed
+from footfall.robots.rigid_body import nominal_body
+
+EVERY_NS = 50_000_000  # 20 Hz
+TRAIL = 20  # markers' times for which the path of a foot is shown
+WEIGHT_M = 0.4  # length of the arrow of a force as large as the robot's weight
+AHEAD_S = 0.5  # for which the arrow of a velocity reaches
+
+RED, GREEN, BLUE = (0.85, 0.2, 0.2, 1.0), (0.2, 0.65, 0.3, 1.0), (0.2, 0.4, 0.85, 1.0)
+ORANGE, VIOLET, GREY = (0.95, 0.6, 0.1, 1.0), (0.55, 0.3, 0.75, 1.0), (0.5, 0.5, 0.5, 1.0)
+
+
+class Scene:
+    """Computes the markers of one robot."""
+
+    def __init__(self, folder: str, digest: str, put: Callable[[str, int, bytes], None]) -> None:
+        """Load the robot's model.
+
+        Raises:
+            UserError: the robot's folder is not there any more, or has changed.
+        """
+        robot = load_robot(Path(folder))
+        if robot.digest != digest:
+            raise UserError(f"{folder} has changed")
+        self._model, self._put = BalanceModel(robot), put
+        self._metres_per_newton = WEIGHT_M / (nominal_body(robot).mass * GRAVITY_M_S2)
+        self._trails = [deque[Any](maxlen=TRAIL) for _ in robot.description.feet]
+        self._next_ns = 0
+
+    def show(
+        self, time_ns: int, sensed: Sensed, odometry: np.ndarray, contact: np.ndarray,
+        footholds: np.ndarray | None, command: np.ndarray,
+    ) -> None:  # fmt: skip
+        """Publish the markers, if it is time.
+
+        Args:
+            time_ns: of the readings.
+            sensed: readings.
+            odometry: numbers of a nav_msgs/Odometry, (85,).
+            contact: (feet,) probability that each foot stands.
+            footholds: (feet, 3) m, see `PlansFootholds`; None if none are planned.
+            command: (3,) forward m/s, leftward m/s, yaw rad/s.
+        """
+        if time_ns < self._next_ns:
+            return
+        self._next_ns = time_ns + EVERY_NS
+        position, velocity = odometry[:3], odometry[43:46]
+        quaternion = np.roll(odometry[3:7], 1)
+        balance = self._model.at(position, quaternion, velocity, sensed, contact)
+        markers = self._carried(balance)
+        yaw = yaw_of(quaternion.tolist())
+        if footholds is not None:
+            markers += self._planned(position + footholds @ heading_matrix(yaw).T)
+        above = position + np.array([0.0, 0.0, 0.15])
+        ahead = heading_matrix(yaw) @ np.array([command[0], command[1], 0.0])
+        markers += [
+            arrow("commanded_velocity", above, above + AHEAD_S * ahead, GREEN),
+            arrow("velocity", above, above + AHEAD_S * rotation_matrix(quaternion) @ velocity, BLUE),
+        ]
+        self._put("/markers", time_ns, marker_array(time_ns, ODOM, markers))
+
+    def _carried(self, balance: Balance) -> list[Marker]:
+        markers = [
+            ball("centre_of_mass", balance.centre, 0.04, ORANGE),
+            disc("capture_point", balance.capture, 0.05, VIOLET),
+        ]
+        if len(balance.support):
+            markers.append(line("support_polygon", [*balance.support, balance.support[0]], GREY))
+        for index, (foot, force) in enumerate(zip(balance.foot, balance.force, strict=True)):
+            self._trails[index].append(foot)
+            markers.append(line("foot_paths", list(self._trails[index]), BLUE, index))
+            if force.any():
+                markers.append(arrow("forces", foot, foot + self._metres_per_newton * force, RED, index))
+        return markers
+
+    def _planned(self, places: np.ndarray) -> list[Marker]:
+        planned = [(index, place) for index, place in enumerate(places) if np.isfinite(place).all()]
+        markers = [disc("footholds", place, 0.06, GREEN, index) for index, place in planned]
+        paths = [(index, self._trails[index][-1], place) for index, place in planned if self._trails[index]]
+        return markers + [line("swings", [foot, place], GREEN, index) for index, foot, place in paths]

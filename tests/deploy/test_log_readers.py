@@ -1,0 +1,116 @@
+"""Logs as tools of others read them: rosbags, with ROS 2's own definitions."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from deploy_policies import Hold
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from footfall.deploy.battery import BatteryState
+from footfall.deploy.estimation.odometry import Odometry
+from footfall.deploy.frames import EXTENDED, Frames
+from footfall.deploy.log import McapLog
+from footfall.deploy.log_records import Kind
+from footfall.deploy.modes import Mode
+from footfall.deploy.receiver import MotorHealth
+from footfall.deploy.safety import State
+from footfall.deploy.telemetry.definitions import definition
+from footfall.deploy.telemetry.topics import TOPICS
+from footfall.policies.policy import PolicyInput, Sensed
+from footfall.robots.actuator import JointCommand
+from footfall.robots.description import Robot
+
+CAN_FRAME = "can_msgs/msg/Frame"  # not of ROS itself
+
+
+class Learned(Hold):
+    observed, action = np.arange(3.0), np.arange(12.0)
+
+
+@pytest.fixture(scope="module")
+def messages(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Any]]:
+    """The messages of a log with every topic, by topic. Each is encoded again, which gives its bytes."""
+    path = tmp_path_factory.mktemp("log") / "run.mcap"
+    log = McapLog(path, go1, Learned(go1), {}, may_wait=True)
+    log.begin(1_700_000_000_000_000_000)
+    still, joints = np.zeros(3), np.zeros((3, 12))
+    sensed = Sensed(still, still, np.array([1.0, 0.0, 0.0, 0.0]), go1.default_pose, *joints[1:])
+    command = JointCommand(*np.zeros((5, 12)))
+    health = MotorHealth(np.full(13, 0.001), np.full(12, 41.0), np.full(12, 24.0), np.zeros(12))
+    health.error[3] = 7.0
+    footholds = np.full((4, 3), np.nan)
+    footholds[1] = 0.2, 0.1, -0.3
+    data = np.arange(16, dtype=np.uint8).reshape(2, 8)
+    frames = Frames(np.array([0, 1]), np.array([0x12, 0x1ABCDEF | EXTENDED]), data, np.array([8, 5]))
+    log.state(0, State(Mode.WALKING, 0.0))
+    log.note(0, "a note")
+    for now_us in (0, 1_100_000):
+        log.frames(now_us, Kind.RECEIVED, frames.at(np.array([now_us - 10, now_us])))
+        log.policy_step(now_us, PolicyInput(0.0, sensed, np.array([0.5, 0.0, 0.0]), still, 0.3), command)
+        log.frames(now_us, Kind.SENT, frames)
+        log.tick(now_us, sensed, health, np.zeros((5, 12)))
+        log.odometry(
+            now_us,
+            Odometry(still, sensed.quaternion, 0.0, still, still, 0.3, np.ones(4), np.eye(7)),
+            footholds,
+        )
+        log.battery(now_us, BatteryState(0.75, 0.01, 24.5, 3.0))
+        log.timing(now_us, 150.0, 20.0)
+    log.state(1_200_000, State(Mode.ESTOP, 1.2, ("no reply",)))
+    assert log.close() == ""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    store.register(get_types_from_msg(definition(CAN_FRAME).split("\n=")[0], CAN_FRAME))
+    found: dict[str, list[Any]] = {}
+    with AnyReader([path], default_typestore=store) as reader:
+        for connection, _, content in reader.messages():
+            message = store.deserialize_cdr(content, connection.msgtype)
+            assert bytes(store.serialize_cdr(message, connection.msgtype)) == bytes(content), connection.topic
+            found.setdefault(connection.topic, []).append(message)
+    return found
+
+
+def test_every_topic_is_read(messages: dict[str, list[Any]]) -> None:
+    assert set(messages) == set(TOPICS)
+
+
+def test_a_walk_is_drawn(messages: dict[str, list[Any]]) -> None:
+    (array,) = messages["/markers"]
+    drawn = {(marker.ns, marker.id) for marker in array.markers}
+    assert {"centre_of_mass", "capture_point", "support_polygon", "velocity"} <= {name for name, _ in drawn}
+    assert ("footholds", 1) in drawn
+    assert ("footholds", 0) not in drawn  # it stands
+    (hold,) = [marker for marker in array.markers if marker.ns == "footholds"]
+    at = hold.pose.position
+    assert (at.x, at.y, at.z) == pytest.approx((0.2, 0.1, -0.3))
+    (ahead,) = [marker for marker in array.markers if marker.ns == "commanded_velocity"]
+    assert ahead.points[1].x - ahead.points[0].x == pytest.approx(0.25)
+    assert {marker.header.frame_id for marker in array.markers} == {"odom"}
+
+
+def test_events_have_their_severity(messages: dict[str, list[Any]]) -> None:
+    events = [(event.level, event.msg) for event in messages["/rosout"]]
+    assert events == [(20, "WALKING"), (30, "a note"), (40, "ESTOP: no reply")]
+
+
+def test_diagnostics_name_the_motor_with_an_error(go1: Robot, messages: dict[str, list[Any]]) -> None:
+    first, second = messages["/diagnostics"]
+    found = {status.name.partition(": ")[2]: status for status in second.status}
+    assert (
+        found["motors"].level[0] if isinstance(found["motors"].level, bytes) else found["motors"].level == 2
+    )
+    assert go1.joint_names[3] in found["motors"].message
+    assert {"state", "readings", "loop"} <= set(found)
+    assert second.header.stamp.sec - first.header.stamp.sec == 1
+
+
+def test_frames_and_battery(messages: dict[str, list[Any]]) -> None:
+    early, late = messages["/from_can_bus"][-2:]
+    assert (early.id, early.is_extended, early.dlc, early.header.frame_id) == (0x12, False, 8, "can0")
+    assert (late.id, late.is_extended, late.dlc, late.header.frame_id) == (0x1ABCDEF, True, 5, "can1")
+    assert late.data.tolist() == list(range(8, 16))
+    assert late.header.stamp.nanosec - early.header.stamp.nanosec == 10_000
+    battery = messages["/battery_state"][0]
+    assert (battery.voltage, battery.current, battery.percentage) == (24.5, -3.0, 0.75)
+    assert battery.present
