@@ -21,8 +21,8 @@ import numpy as np
 from footfall.common.config import unstructure
 from footfall.common.errors import UserError
 from footfall.common.held import held
-from footfall.deploy.changes import Change
 from footfall.deploy.battery import BatteryState
+from footfall.deploy.changes import Change
 from footfall.deploy.estimation.odometry import VELOCITY, YAW, Odometry
 from footfall.deploy.frames import Frames
 from footfall.deploy.log_records import FRAME, START, Kind, record

@@ -4,8 +4,8 @@ from typing import Protocol
 
 import numpy as np
 
-from footfall.deploy.changes import Change
 from footfall.deploy.battery import BatteryState
+from footfall.deploy.changes import Change
 from footfall.deploy.estimation.odometry import Odometry
 from footfall.deploy.receiver import MotorHealth
 from footfall.deploy.safety import State

@@ -9,6 +9,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from footfall.deploy.battery import BatteryState
+from footfall.deploy.changes import Change
 from footfall.deploy.estimation.odometry import Odometry
 from footfall.deploy.frames import EXTENDED, Frames
 from footfall.deploy.log import McapLog
@@ -46,6 +47,7 @@ def messages(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> dict[str, 
     frames = Frames(np.array([0, 1]), np.array([0x12, 0x1ABCDEF | EXTENDED]), data, np.array([8, 5]))
     log.state(0, State(Mode.WALKING, 0.0))
     log.note(0, "a note")
+    log.change(0, Change(gait="walk"))
     for now_us in (0, 1_100_000):
         log.frames(now_us, Kind.RECEIVED, frames.at(np.array([now_us - 10, now_us])))
         log.policy_step(now_us, PolicyInput(0.0, sensed, np.array([0.5, 0.0, 0.0]), still, 0.3), command)
@@ -90,7 +92,7 @@ def test_a_walk_is_drawn(messages: dict[str, list[Any]]) -> None:
 
 
 def test_events_have_their_severity(messages: dict[str, list[Any]]) -> None:
-    events = [(event.level, event.msg) for event in messages["/rosout"]]
+    events = [(event.level, event.msg) for event in messages["/rosout"] if not event.msg.startswith("{")]
     assert events == [(20, "WALKING"), (30, "a note"), (40, "ESTOP: no reply")]
 
 
