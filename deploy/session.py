@@ -4,7 +4,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +20,7 @@ from footfall.deploy.clock import Clock, LockstepClock, WallClock, undisturbed
 from footfall.deploy.command_source import CommandSource, StopSource, VelocityFunction, source_of
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.deadline import deadlines, unarmed
-from footfall.deploy.drivers.choice import filters_of, open_driver
+from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.fit import check_contract, check_joint_rate
 from footfall.deploy.guard import Guard
 from footfall.deploy.handover import Handover
@@ -31,6 +31,7 @@ from footfall.deploy.policy_runner import PolicyRunner
 from footfall.deploy.process_end import ending_on_signals, exit_raises
 from footfall.deploy.replay import HANDOVER, OTHERS
 from footfall.deploy.steering import Steering
+from footfall.deploy.stop_inputs.open import filters_of, stop_inputs
 from footfall.deploy.warm_up import warm_up
 from footfall.deploy.wiring import wire
 from footfall.deploy.wiring_check.check import WiringCheck
@@ -61,6 +62,7 @@ class Session:
     stand_up: bool = True  # False for a hanging robot: the loop holds its initial pose
     check_wiring: bool = False  # before the robot stands up and walks
     stop_sources: Sequence[StopSource] = ()  # beside the command source
+    stop_inputs: bool = False  # open those that the robot declares, too
     others: Mapping[str, Policy] = field(default_factory=dict)  # further policies that may decide, by spec
     wiring_right: Callable[[Sequence[Verdict]], None] = lambda _: None  # called when the check has passed
 
@@ -85,8 +87,8 @@ def run_on_interface(robot: Robot, policy: Policy, interface: str, session: Sess
     from footfall.deploy.interfaces import robots_interfaces
 
     wiring = wire(robot)
-    with robots_interfaces(interface, wiring.buses, filters_of(wiring)) as bus:
-        return run_session(robot, policy, bus, session)
+    with robots_interfaces(interface, wiring.buses, filters_of(robot, wiring)) as bus:
+        return run_session(robot, policy, bus, replace(session, stop_inputs=True))
 
 
 def run_session(
@@ -120,13 +122,17 @@ def run_session(
     driver = open_driver(wiring)
     check_joint_rate(wiring, driver, config.joint_rate_hz)
     with ExitStack() as resources:
+        stop_sources = session.stop_sources
+        if session.stop_inputs:
+            bus, inputs = resources.enter_context(stop_inputs(robot, wiring, bus))
+            stop_sources = (*stop_sources, *inputs)
         arm = resources.enter_context(deadlines()) if session.realtime else unarmed
         runner = PolicyRunner(
             Handover(policies, config.handover),
             Steering(
                 source_of(session.command_source),
                 policies,
-                session.stop_sources,
+                stop_sources,
                 robot.description.commands,
             ),
             config.joint_rate_hz,

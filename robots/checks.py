@@ -26,6 +26,10 @@ def inconsistencies(description: Description) -> Iterator[str]:
         if joint.motor not in description.motors:
             known = ", ".join(description.motors)
             yield f"joint {joint.name}: no motor '{joint.motor}' under motors ({known})"
+    buses = {*(joint.bus for joint in description.joints), description.imu_bus}
+    frame = description.stop_inputs.frame
+    if frame is not None and frame.bus not in buses:
+        yield f"stop_inputs.frame: no joint and no IMU is on bus '{frame.bus}' ({', '.join(sorted(buses))})"
     without = [joint.name for joint in description.joints if joint.lying_rad is None]
     if without and len(without) < len(names):
         yield f"joint {without[0]} has no lying_rad, though others have"

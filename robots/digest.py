@@ -40,8 +40,8 @@ def digest(description: Description, model: mujoco.MjModel) -> str:
 
     Args:
         description: the content of `robot.yaml`. Left out, since no learned policy depends on them: the CAN
-            map, the lying pose, how a run starts, the supervisor's limits, the battery, names of geoms and
-            the commands of scenarios.
+            map, the lying pose, how a run starts, the supervisor's limits, the battery, stop inputs, names
+            of geoms and the commands of scenarios.
         model: the compiled MJCF with all included files. Left out: layout, comments, names that `robot.yaml`
             does not use, visuals, sensors and actuators.
     """
@@ -53,7 +53,16 @@ def digest(description: Description, model: mujoco.MjModel) -> str:
 
 def _counted(description: Description) -> Any:
     content = unstructure(description)
-    for name in ("imu_bus", "imu_protocol", "model", "commands", "safety", "held_start", "battery"):
+    for name in (
+        "imu_bus",
+        "imu_protocol",
+        "model",
+        "commands",
+        "safety",
+        "held_start",
+        "battery",
+        "stop_inputs",
+    ):
         del content[name]
     for joint in content["joints"]:
         del joint["bus"], joint["id"], joint["lying_rad"]

@@ -9,6 +9,7 @@ import numpy as np
 from footfall.common.config import require_between, require_ordered, require_positive
 from footfall.robots.battery import Battery
 from footfall.robots.commands import CommandRange
+from footfall.robots.stop_inputs import StopInputs
 
 MOTOR_TIMEOUT_S = 0.01, 0.1  # from a few ticks to the longest time without a controller
 
@@ -101,6 +102,7 @@ class Description:
     imu_protocol: str = "footfall"  # or MODULE:NAME of a driver of one's own (deploy/drivers/imu_driver.py)
     safety: dict[str, Any] = field(default_factory=dict)  # supervisor's limits (deploy/config.py)
     battery: Battery | None = None  # None: nothing is claimed about its charge
+    stop_inputs: StopInputs = field(default_factory=StopInputs)
     held_start: bool = False  # it cannot stand still (point feet): it is held up until it steps in place
 
     def __post_init__(self) -> None:

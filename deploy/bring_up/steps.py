@@ -215,6 +215,7 @@ def run_step(step: Step, setting: Setting, bus: Bus) -> Verdict:
         stand_up=not step.hangs,
         lie_down=not step.hangs,
         check_wiring=step.checks_wiring,
+        stop_inputs=setting.realtime,
         wiring_right=setting.wiring_right,
     )
     outcome = run_session(setting.robot, plan.policy, bus, session, judge.tick)

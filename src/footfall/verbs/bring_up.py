@@ -130,7 +130,6 @@ def _run_step(step: "Step", setting: "Setting", kind: str) -> "Verdict":
 @contextmanager
 def _opened(setting: "Setting", step: "Step", kind: str) -> "Iterator[Bus]":
     """The way to the robot; a simulated one is as the step needs it."""
-    from footfall.deploy.drivers.choice import filters_of
     from footfall.deploy.wiring import wire
 
     robot, wiring = setting.robot, wire(setting.robot)
@@ -157,8 +156,9 @@ def _opened(setting: "Setting", step: "Step", kind: str) -> "Iterator[Bus]":
 
             resources.enter_context(serving(robot, VIRTUAL, plant))
         from footfall.deploy.interfaces import robots_interfaces
+        from footfall.deploy.stop_inputs.open import filters_of
 
-        yield resources.enter_context(robots_interfaces(kind, wiring.buses, filters_of(wiring)))
+        yield resources.enter_context(robots_interfaces(kind, wiring.buses, filters_of(robot, wiring)))
 
 
 def _figures(verdicts: "list[Verdict]", options: BringUpOptions) -> dict[str, Any]:

@@ -1,0 +1,1 @@
+"""Devices that stop a robot from outside. Each is a `StopSource`."""

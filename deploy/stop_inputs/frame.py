@@ -1,0 +1,64 @@
+"""A CAN frame that stops the robot, and whose silence does where it is a heartbeat."""
+
+import numpy as np
+
+from footfall.deploy.bus import Bus, BusStatistics
+from footfall.deploy.command_source import Stop
+from footfall.deploy.drivers.driver import CanFilter
+from footfall.deploy.frames import EXTENDED, Frames
+from footfall.robots.stop_inputs import StopFrame
+
+
+def filter_of(frame: StopFrame) -> CanFilter:
+    """Passes the frame alone."""
+    mask = 0x1FFF_FFFF if frame.extended else 0x7FF
+    return {"can_id": frame.id, "can_mask": mask, "extended": frame.extended}
+
+
+class StopFrameBus:
+    """A bus whose stop frames are taken out of what it receives: a `Bus`, and a `StopSource`.
+
+    Drivers do not see these frames: some decode the sender from the content.
+    """
+
+    def __init__(self, inner: Bus, frame: StopFrame, channel: int) -> None:
+        """`channel` is the index of the frame's bus."""
+        self._inner, self._frame, self._channel = inner, frame, channel
+        self._id = frame.id | frame.extended * EXTENDED
+        self._place = f"the stop frame {frame.id:#x} on {frame.bus}"
+        self._heard_us: int | None = None
+        self.stopped: Stop | None = None
+
+    def receive(self, now_us: int) -> list[Frames]:
+        batches = self._inner.receive(now_us)
+        if self._heard_us is None:
+            self._heard_us = now_us
+        for index, frames in enumerate(batches):
+            ours = (frames.id == self._id) & (frames.channel == self._channel)
+            if np.count_nonzero(ours):
+                self._take(frames.take(ours), now_us)
+                batches[index] = frames.take(~ours)
+        limit_s = self._frame.heartbeat_s
+        if limit_s is not None and now_us - self._heard_us > limit_s * 1e6:
+            self._stop(f"no {self._place.removeprefix('the ')} for {limit_s * 1e3:.0f} ms")
+        return batches
+
+    def _take(self, frames: Frames, now_us: int) -> None:
+        self._heard_us = now_us
+        if ((frames.length == 0) | (frames.data[:, 0] != 0)).any():
+            self._stop(f"stopped by {self._place}")
+
+    def _stop(self, reason: str) -> None:
+        self.stopped = self.stopped or Stop(reason, self._frame.damp)
+
+    def send(self, frames: Frames, now_us: int) -> int:
+        return self._inner.send(frames, now_us)
+
+    def fault(self) -> str:
+        return self._inner.fault()
+
+    def statistics(self) -> list[BusStatistics]:
+        return self._inner.statistics()
+
+    def close(self) -> None:
+        self._inner.close()

@@ -1,0 +1,73 @@
+"""A key of a Linux input device that stops the robot."""
+
+import fcntl
+import os
+import struct
+from contextlib import suppress
+
+from footfall.common.errors import UserError
+from footfall.deploy.command_source import Stop
+from footfall.robots.stop_inputs import StopKey
+
+# <linux/input.h>
+EVENT = struct.Struct("@llHHi")  # struct input_event: s, us, type, code, value
+EV_KEY, RELEASED = 1, 0
+KEYS = 0x300  # number of codes
+EVIOCGRAB = 0x4004_4590  # no other program gets the device's events: a button does not type
+EVIOCGKEY = 2 << 30 | KEYS // 8 << 16 | ord("E") << 8 | 0x18  # which keys are down, one bit each
+AT_ONCE = 64  # events
+
+
+class StopKeyInput:
+    """The key: a `StopSource`. Reading never blocks. A device that is gone stops the robot, too."""
+
+    def __init__(self, key: StopKey) -> None:
+        """Open the device.
+
+        Raises:
+            UserError: it cannot be opened, or the key is down.
+        """
+        self._key = key
+        self._stop: Stop | None = None
+        try:
+            self._file = os.open(key.device, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+        except OSError as error:
+            hint = ": add the user to the group `input`" if isinstance(error, PermissionError) else ""
+            raise UserError(f"cannot open the stop key {key.device}: {error.strerror}{hint}") from None
+        if self._is_down():
+            self.close()
+            raise UserError(f"the stop key {key.device} is pressed: release it first")
+        with suppress(OSError):  # not every device can be grabbed
+            fcntl.ioctl(self._file, EVIOCGRAB, 1)
+
+    @property
+    def stopped(self) -> Stop | None:
+        if self._stop is None:
+            self._look()
+        return self._stop
+
+    def _look(self) -> None:
+        try:
+            content = os.read(self._file, AT_ONCE * EVENT.size)
+        except BlockingIOError:
+            return
+        except OSError:
+            content = b""
+        whole = len(content) // EVENT.size * EVENT.size
+        if not whole:
+            self._stop = Stop(f"the stop key {self._key.device} is gone", self._key.damp)
+        for _, _, kind, code, value in EVENT.iter_unpack(content[:whole]):
+            if kind == EV_KEY and value != RELEASED and self._key.code in (None, code):
+                self._stop = Stop(f"stopped by key {code} of {self._key.device}", self._key.damp)
+
+    def _is_down(self) -> bool:
+        bits = bytearray(KEYS // 8)
+        try:
+            fcntl.ioctl(self._file, EVIOCGKEY, bits)
+        except OSError:  # no input device of the kernel's
+            return False
+        code = self._key.code
+        return any(bits) if code is None else bool(bits[code // 8] >> code % 8 & 1)
+
+    def close(self) -> None:
+        os.close(self._file)

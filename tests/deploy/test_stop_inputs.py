@@ -1,0 +1,182 @@
+"""Devices that stop a robot from outside: a CAN frame and a key, up to a run on virtual buses."""
+
+import os
+import struct
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import can
+import numpy as np
+import pytest
+from deploy_policies import Hold, stand_still
+from relaxed_limits import RELAXED
+
+from footfall.common.errors import UserError
+from footfall.deploy.frames import Frames, joined
+from footfall.deploy.session import Session, run_on_interface
+from footfall.deploy.stop_inputs.frame import StopFrameBus
+from footfall.deploy.stop_inputs.key import StopKeyInput
+from footfall.deploy.stop_inputs.open import stop_inputs
+from footfall.deploy.wiring import wire
+from footfall.plant.robot import PlantConfig
+from footfall.plant.serve import serving
+from footfall.policies.policy import PolicyInput
+from footfall.robots.actuator import JointCommand
+from footfall.robots.description import Robot, load_robot
+from footfall.robots.stop_inputs import StopFrame, StopInputs, StopKey
+
+FRAME = StopFrame("can1", 0x7F0, heartbeat_s=0.2)
+
+
+def frame(identifier: int, data: bytes, channel: int = 1) -> Frames:
+    content = np.frombuffer(data.ljust(8, b"\0"), np.uint8).reshape(1, 8)
+    return Frames(np.array([channel]), np.array([identifier]), content, np.array([len(data)]))
+
+
+def with_inputs(robot: Robot, frame: StopFrame) -> Robot:
+    return replace(robot, description=replace(robot.description, stop_inputs=StopInputs(frame)))
+
+
+class Heard:
+    """A bus that hands out given batches."""
+
+    def __init__(self) -> None:
+        self.next: list[Frames] = []
+
+    def receive(self, now_us: int) -> list[Frames]:
+        batches, self.next = self.next, []
+        return batches
+
+
+@pytest.fixture
+def heard() -> Heard:
+    return Heard()
+
+
+@pytest.mark.parametrize(
+    ("arrives", "stops"),
+    [
+        (frame(0x7F0, b"\1"), True),
+        (frame(0x7F0, b""), True),
+        (
+            joined([frame(5, b"\2"), frame(0x7F0, b"\0"), frame(0x7F0, b"\0\1\xff"), frame(0x7F0, b"\x80")]),
+            True,
+        ),
+        (frame(0x7F0, b"\0\1\1"), False),
+        (frame(0x7F0, b"\1", channel=0), False),
+        (frame(0x7F1, b"\1"), False),
+    ],
+)
+def test_a_frame_stops_by_its_first_byte_and_for_good(heard: Heard, arrives: Frames, stops: bool) -> None:
+    bus = StopFrameBus(heard, FRAME, 1)  # type: ignore[arg-type]
+    heard.next = [arrives]
+    rest = joined(bus.receive(1000))
+    assert (bus.stopped is not None) is stops
+    ours = (arrives.id == 0x7F0) & (arrives.channel == 1)
+    assert rest.id.tolist() == arrives.id[~ours].tolist()  # drivers do not see it
+    heard.next = [frame(0x7F0, b"\0")]
+    bus.receive(2000)
+    assert (bus.stopped is not None) is stops
+
+
+def test_a_heartbeat_that_falls_silent_or_never_came_stops(heard: Heard) -> None:
+    for beats, silent_from_us in (([], 0), ([0, 150_000, 300_000], 300_000)):
+        bus = StopFrameBus(heard, FRAME, 1)  # type: ignore[arg-type]
+        for now_us in range(0, 1_000_000, 2000):
+            heard.next = [frame(0x7F0, b"\0")] if now_us in beats else []
+            bus.receive(now_us)
+            if bus.stopped is not None:
+                break
+        assert now_us == silent_from_us + 202_000
+        assert bus.stopped is not None
+        assert "no stop frame" in bus.stopped.reason
+
+
+@pytest.mark.parametrize(("bus", "identifier"), [("can1", 2), ("can0", 0x300)])
+def test_an_identifier_of_a_motor_or_the_imu_is_refused(go1: Robot, bus: str, identifier: int) -> None:
+    robot = with_inputs(go1, StopFrame(bus, identifier))
+    with pytest.raises(UserError, match="is a motor's"), stop_inputs(robot, wire(robot), None):  # type: ignore[arg-type]
+        pass
+
+
+def event(kind: int, code: int, value: int) -> bytes:
+    return struct.pack("@llHHi", 0, 0, kind, code, value)
+
+
+@pytest.fixture
+def device(tmp_path: Path) -> Iterator[tuple[str, int]]:
+    """A pipe in place of an input device, and its other end."""
+    path = tmp_path / "event0"
+    os.mkfifo(path)
+    end = os.open(path, os.O_RDWR)
+    yield str(path), end
+    os.close(end)
+
+
+class TestKey:
+    def test_any_key_or_the_one_that_is_declared_stops(self, device: tuple[str, int]) -> None:
+        path, end = device
+        any_key = StopKeyInput(StopKey(path))
+        assert any_key.stopped is None
+        os.write(end, event(2, 0, 5) + event(0, 0, 0) + event(1, 57, 0))  # moved, and a key released
+        assert any_key.stopped is None
+        os.write(end, event(1, 57, 1) + event(1, 57, 0))
+        stop = any_key.stopped
+        assert stop is not None
+        assert "57" in stop.reason
+        assert any_key.stopped is stop
+        any_key.close()
+        space = StopKeyInput(StopKey(path, code=57, damp=True))
+        os.write(end, event(1, 30, 1))
+        assert space.stopped is None
+        os.write(end, event(1, 57, 1))
+        assert space.stopped is not None
+        assert space.stopped.damp
+        space.close()
+
+    def test_a_device_that_is_pulled_out_stops(self, tmp_path: Path) -> None:
+        path = tmp_path / "event0"
+        os.mkfifo(path)
+        key = StopKeyInput(StopKey(str(path)))
+        assert key.stopped is not None
+        assert "is gone" in key.stopped.reason
+        key.close()
+
+    def test_one_that_is_not_there_ends_in_a_line(self) -> None:
+        with pytest.raises(UserError, match="cannot open the stop key /dev/none: No such file"):
+            StopKeyInput(StopKey("/dev/none"))
+
+
+def test_a_bus_that_the_robot_does_not_have_is_refused(own_folder: Path) -> None:
+    text = (own_folder / "robot.yaml").read_text()
+    (own_folder / "robot.yaml").write_text(text + "stop_inputs: {frame: {bus: can9, id: 2032}}\n")
+    with pytest.raises(UserError, match=r"stop_inputs\.frame: .* 'can9'"):
+        load_robot(own_folder)
+
+
+class Presses(Hold):
+    """Holds the default pose; after a while somebody presses the button."""
+
+    def __init__(self, robot: Robot, button: can.BusABC) -> None:
+        super().__init__(robot)
+        self._button = button
+
+    def act(self, inputs: PolicyInput) -> JointCommand:
+        if 0.3 < inputs.time_s < 0.35:
+            self._button.send(can.Message(arbitration_id=0x7F0, data=[1], is_extended_id=False))
+        return super().act(inputs)
+
+
+def test_a_button_on_the_bus_lays_a_walking_robot_down(go1: Robot) -> None:
+    """On virtual buses, with a simulated robot at their other end."""
+    robot = with_inputs(go1, StopFrame("can1", 0x7F0))
+    config = replace(RELAXED, joint_rate_hz=100.0, stand_s=0.2, pose_rate_rad_s=4.0)
+    plant = PlantConfig(motor_timeout_s=RELAXED.motor_timeout_s)
+    with can.Bus(interface="virtual", channel="can1") as button, serving(robot, "virtual", plant):
+        outcome = run_on_interface(
+            robot, Presses(robot, button), "virtual", Session(stand_still, 20.0, config=config)
+        )
+    assert outcome.faults == ("stopped by the stop frame 0x7f0 on can1",)
+    assert outcome.final_state == "ESTOP"
+    assert outcome.walked_s < 20.0
