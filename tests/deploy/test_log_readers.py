@@ -34,7 +34,8 @@ class Learned(Hold):
 def messages(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Any]]:
     """The messages of a log with every topic, by topic. Each is encoded again, which gives its bytes."""
     path = tmp_path_factory.mktemp("log") / "run.mcap"
-    log = McapLog(path, go1, Learned(go1), {}, may_wait=True)
+    policy = Learned(go1)
+    log = McapLog(path, go1, policy, {}, may_wait=True)
     log.begin(1_700_000_000_000_000_000)
     still, joints = np.zeros(3), np.zeros((3, 12))
     sensed = Sensed(still, still, np.array([1.0, 0.0, 0.0, 0.0]), go1.default_pose, *joints[1:])
@@ -50,7 +51,9 @@ def messages(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> dict[str, 
     log.change(0, Change(gait="walk"))
     for now_us in (0, 1_100_000):
         log.frames(now_us, Kind.RECEIVED, frames.at(np.array([now_us - 10, now_us])))
-        log.policy_step(now_us, PolicyInput(0.0, sensed, np.array([0.5, 0.0, 0.0]), still, 0.3), command)
+        log.policy_step(
+            now_us, PolicyInput(0.0, sensed, np.array([0.5, 0.0, 0.0]), still, 0.3), command, policy
+        )
         log.frames(now_us, Kind.SENT, frames)
         log.tick(now_us, sensed, health, np.zeros((5, 12)))
         log.odometry(
