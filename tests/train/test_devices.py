@@ -26,14 +26,12 @@ SCRIPT = Path(__file__).parents[1] / "support" / "two_devices.py"
 TWO = {"JAX_NUM_CPU_DEVICES": "2", "JAX_PLATFORMS": "cpu"}
 
 
-@pytest.fixture(scope="module", params=["newer partitioner", "older partitioner"])
-def seen(request: pytest.FixtureRequest) -> dict[str, float]:
-    """With both of XLA's partitioners: which one serves depends on the release of JAX."""
-    newer = {"JAX_USE_SHARDY_PARTITIONER": str(request.param == "newer partitioner")}
-    command = [sys.executable, str(SCRIPT)]
+@pytest.fixture(scope="module")
+def seen() -> dict[str, float]:
     done = subprocess.run(
-        command, env=os.environ | TWO | newer, capture_output=True, text=True, timeout=300, check=False
-    )
+        [sys.executable, str(SCRIPT)],
+        env=os.environ | TWO, capture_output=True, text=True, timeout=300, check=False,
+    )  # fmt: skip
     assert done.returncode == 0, done.stderr[-2000:]
     return json.loads(done.stdout.splitlines()[-1])
 

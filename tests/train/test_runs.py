@@ -1,9 +1,9 @@
 """Runs: the same seed gives the same result, a killed run resumes exactly, a failed export leaves nothing."""
 
+import itertools
 import json
+import os
 import shutil
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +15,7 @@ pytest.importorskip("jax")
 import jax
 import jax.numpy as jnp
 
+from footfall.common import files
 from footfall.common.config import dump
 from footfall.common.errors import UserError
 from footfall.domain_rand.noise import Noise
@@ -31,28 +32,6 @@ from footfall.train.runs.folder import create_run, locked, trained_robot
 
 pytestmark = pytest.mark.usefixtures("kept_programs")
 
-KILLED = -9
-# Runs a training and kills its own process, as the power would, at the last of some renames of a file. At
-# those before it copies the run's folder, which is what would be left if it was killed there.
-KILL_AT_RENAME = """
-import os, shutil, signal, sys
-from pathlib import Path
-from footfall.common import files
-from footfall.train import api
-count, replace = 0, os.replace
-preset, run, *renames = sys.argv[1:]
-def replace_or_die(*names):
-    global count
-    count += 1
-    if str(count) == renames[-1]:
-        os.kill(os.getpid(), signal.SIGKILL)
-    if str(count) in renames:
-        shutil.copytree(run, f"{run}-{count}")
-    replace(*names)
-files.os.replace = replace_or_die
-api.train(api.TrainRequest(preset=preset, seed=5, out=Path(run)))
-"""
-
 
 def last_checkpoint(run: Path) -> bytes:
     newest = checkpoint.latest(run / "checkpoints")
@@ -64,31 +43,37 @@ def logged_steps(run: Path) -> list[int]:
     return [json.loads(line)["step"] for line in (run / "metrics.jsonl").read_text().splitlines()]
 
 
-def test_the_same_seed_gives_the_same_bits(six_iterations: str, whole_run: Path, tmp_path: Path) -> None:
-    again = api.train(api.TrainRequest(preset=six_iterations, seed=5, out=tmp_path / "again"))
-    assert last_checkpoint(again) == last_checkpoint(whole_run)
-    assert (again / "policy.onnx").read_bytes() == (whole_run / "policy.onnx").read_bytes()
+def test_the_same_seed_gives_the_same_bits_and_a_killed_run_resumes_to_them(
+    six_iterations: str, whole_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What a kill leaves is what stands there before a file is renamed.
+
+    At its first checkpoint, rename 3 after its settings' two files, and at its last.
+    """
+    replace_file, renames, again = os.replace, itertools.count(1), tmp_path / "again"
+    left = {3: tmp_path / "at the first", 8: tmp_path / "at the last"}
+
+    def rename(*names: Path) -> None:
+        if folder := left.get(next(renames)):
+            shutil.copytree(again, folder)
+        replace_file(*names)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(files.os, "replace", rename)
+        api.train(api.TrainRequest(preset=six_iterations, seed=5, out=again))
+    assert checkpoint.latest(left[3] / "checkpoints") is None
+    for run in left.values():
+        assert not (run / "policy.onnx").exists()
+        api.resume(run)
+    for run in (again, *left.values()):
+        assert last_checkpoint(run) == last_checkpoint(whole_run)
+        assert (run / "policy.onnx").read_bytes() == (whole_run / "policy.onnx").read_bytes()
+        assert logged_steps(run) == logged_steps(whole_run)
 
 
 def test_another_seed_gives_another_policy(six_iterations: str, whole_run: Path, tmp_path: Path) -> None:
     other = api.train(api.TrainRequest(preset=six_iterations, seed=6, out=tmp_path / "other"))
     assert (other / "policy.onnx").read_bytes() != (whole_run / "policy.onnx").read_bytes()
-
-
-def test_a_killed_run_resumes_to_the_same_bits(six_iterations: str, whole_run: Path, tmp_path: Path) -> None:
-    """Killed at its first checkpoint, rename 3 after its settings' two files, and at its last."""
-    run = tmp_path / "run"
-    command = [sys.executable, "-c", KILL_AT_RENAME, six_iterations, str(run), "3", "8"]
-    killed = subprocess.run(command, cwd=Path(__file__).parents[2], capture_output=True, check=False)
-    assert killed.returncode == KILLED, killed.stderr.decode()
-    at_the_first = tmp_path / "run-3"
-    assert checkpoint.latest(at_the_first / "checkpoints") is None
-    for left in (at_the_first, run):
-        assert not (left / "policy.onnx").exists()
-        api.resume(left)
-        assert last_checkpoint(left) == last_checkpoint(whole_run)
-        assert (left / "policy.onnx").read_bytes() == (whole_run / "policy.onnx").read_bytes()
-        assert logged_steps(left) == logged_steps(whole_run)
 
 
 def test_resuming_a_finished_run_changes_nothing_and_says_what_else_it_began_on(
