@@ -44,7 +44,7 @@ def _tracking_panel(axis: int, walks: Sequence[Walk], plan: EpisodePlan) -> Mark
     name, unit = AXES[axis]
     times = np.arange(0.0, plan.duration_s, READ_EVERY_S)
     commands = np.array([plan.schedule(time)[axis] for time in times])
-    shown = [_smooth(_velocity(walk.trace)[:, axis], walk.trace) for walk in walks]
+    shown = [smooth(_velocity(walk.trace)[:, axis], walk.trace) for walk in walks]
     with Panel(f"tracking-{axis}") as panel:
         ax = panel.axes
         ax.plot(times, commands, color=INK, lw=1.0, drawstyle="steps-post")
@@ -97,14 +97,14 @@ def _gait_panel(walk: Walk, robot: Robot, window_s: tuple[float, float]) -> Mark
     with Panel(f"gait-{place}", height=60.0 + 26.0 * len(feet)) as panel:
         ax = panel.axes
         for row, foot in enumerate(contact.T):
-            ax.broken_barh(_bars(time_s, foot), (row - 0.36, 0.72), color=colour(place), lw=0)
+            ax.broken_barh(contact_bars(time_s, foot), (row - 0.36, 0.72), color=colour(place), lw=0)
         ax.set_yticks(range(len(feet)), feet)
         ax.set(xlabel="time, s", xlim=window_s, ylim=(len(feet) - 0.5, -0.5))
         ax.grid(visible=False, axis="y")
         if not len(time_s):
             ax.set_title(titled(policy, "fallen by then"))
             return panel.svg(f"{policy} had fallen by then")
-        duty, rate_hz = contact.mean(), _touchdown_rate_hz(contact, trace.record_rate_hz)
+        duty, rate_hz = contact.mean(), touchdown_rate_hz(contact, trace.record_rate_hz)
         ax.set_title(titled(policy, f"duty {duty:.2f}, {rate_hz:.1f} strides/s"))
         readings = [
             Reading(
@@ -119,14 +119,14 @@ def _named(feet: list[str], down: np.ndarray) -> str:
     return ", ".join(name for name, there in zip(feet, down, strict=True) if there)
 
 
-def _bars(time_s: np.ndarray, contact: np.ndarray) -> list[tuple[float, float]]:
+def contact_bars(time_s: np.ndarray, contact: np.ndarray) -> list[tuple[float, float]]:
     """Start and length, s, of the stretches where `contact` (T,) holds."""
     changes = np.flatnonzero(np.diff(np.concatenate([[False], contact, [False]]).astype(int)))
     ends = np.append(time_s, time_s[-1:] + np.diff(time_s)[-1:])
     return [(float(ends[a]), float(ends[min(b, len(ends) - 1)] - ends[a])) for a, b in changes.reshape(-1, 2)]
 
 
-def _touchdown_rate_hz(contact: np.ndarray, rate_hz: float) -> float:
+def touchdown_rate_hz(contact: np.ndarray, rate_hz: float) -> float:
     """How often a foot comes down, per second, mean over feet; `contact` is (T, feet)."""
     return float((~contact[:-1] & contact[1:]).sum() / contact.shape[1] / (len(contact) / rate_hz))
 
@@ -228,7 +228,7 @@ def _velocity(trace: Trace) -> np.ndarray:
     return np.column_stack([trace.base_velocity[:, :2], trace.base_angular_velocity[:, 2]])
 
 
-def _smooth(values: np.ndarray, trace: Trace) -> np.ndarray:
+def smooth(values: np.ndarray, trace: Trace) -> np.ndarray:
     """Moving average over `SMOOTHED_S`, shape (T,)."""
     width = max(1, round(SMOOTHED_S * trace.record_rate_hz))
     padded = np.pad(values, (width // 2, width - 1 - width // 2), mode="edge")

@@ -161,23 +161,6 @@ class TestFilms:
 
 
 class TestScene:
-    def test_the_scene_holds_the_plants_body_and_nothing_that_acts(self, go1: Robot) -> None:
-        model = scene.scene_model(go1, None, 320, 200)
-        assert (model.nq, model.nu, model.nsensor, model.nkey) == (19, 0, 0, 0)
-        assert (model.vis.global_.offwidth, model.vis.global_.offheight) == (320, 200)
-        (ground,) = np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE)
-        assert model.geom_size[ground].tolist() == [0.0, 0.0, 0.05]
-        assert model.geom_matid[ground] == model.material(scene.FLOOR_MATERIAL).id
-        sun, lamp = range(model.nlight)[-2:]
-        assert model.light_castshadow[[sun, lamp]].tolist() == [0, 1]
-        assert model.light_bodyid[lamp] == model.body(go1.description.base).id
-        assert model.light_mode[lamp] == mujoco.mjtCamLight.mjCAMLIGHT_TRACK
-        direction = np.array([-0.25, 0.3, -1.0])
-        unit = direction / np.linalg.norm(direction)
-        np.testing.assert_allclose(model.light_dir[[sun, lamp]], [unit, unit], atol=1e-6)
-        height = 2.0 * go1.description.standing_height_m
-        np.testing.assert_allclose(model.light_pos[lamp], -6.0 * height * direction, rtol=1e-6)
-
     def test_a_plant_without_a_floor_is_given_one(self, go1: Robot, tmp_path: Path) -> None:
         plant = tmp_path / "bare.xml"
         plant.write_text(
@@ -223,13 +206,6 @@ class TestScene:
 
 
 class TestCaption:
-    def bright(self, picture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Columns with writing, and the colour of the brightest point at the right."""
-        band = picture[:40].astype(int)
-        columns = np.flatnonzero((band.max(axis=2) > 200).any(axis=0))
-        right = band[:, 320:]
-        return columns, right.reshape(-1, 3)[right.sum(axis=2).argmax()]
-
     @pytest.mark.parametrize(
         ("command", "words"),
         [

@@ -1,6 +1,7 @@
 """What the report's plots draw: the data of their lines, bars and marks, before any page is made of them."""
 
-from collections.abc import Callable
+import html
+import json
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -97,9 +98,6 @@ class TestSurvival:
         )
         assert panel.identity == "survival-1"
         assert (panel.axes.get_xlim(), panel.axes.get_ylim()) == ((0.0, 3.12), (-0.04, 1.04))
-        assert panel.axes.get_title(loc="left") == "a: 1.80 m/s"
-        assert panel.axes.get_xlabel() == "push, m/s"
-        assert panel.axes.get_ylabel() == "share that stayed up"
 
     def test_the_fit_goes_down_through_one_half_at_its_median(self, drawn: list[Drawn]) -> None:
         scenario_plots.survival(
@@ -114,28 +112,10 @@ class TestSurvival:
         assert np.asarray(bar.get_xydata()).tolist() == [[1.5, 0.5], [1.05 * strongest, 0.5]]
         assert np.asarray(median.get_xydata()).tolist() == [[1.8, 0.5]]
         assert fit.get_color() == bar.get_color() == median.get_markeredgecolor() == svg.colour(0)
-        half = drawn[0].lines(svg.INK)[0]
-        assert np.asarray(half.get_ydata()).tolist() == [0.5, 0.5]
 
     def test_who_stood_or_fell_at_every_push_has_no_fit(self, drawn: list[Drawn]) -> None:
         scenario_plots.survival({"a": self.summary(None, [None, None])})
         assert len(drawn[0].lines(svg.colour(0))) == 1  # what was measured
-
-    def test_the_pointer_reads_the_counts_and_the_interval_that_is_drawn(self, drawn: list[Drawn]) -> None:
-        scenario_plots.survival({"a": self.summary(1.8, [1.5, 2.0])})
-        first, second = drawn[0].readings
-        assert (first.x, first.y, second.x) == (1.0, None, 2.5)
-        assert first.text == (
-            "push of 1 m/s: 7 of 8 stayed up\n95 % interval 60 to 95 %"
-            "\nmedian survivable push 1.80 m/s (1.50 to 2.00)"
-        )
-        assert second.text.startswith("push of 2.5 m/s: 2 of 8 stayed up\n95 % interval 10 to 50 %")
-        assert drawn[0].label == "Share of episodes that a survived against the size of a push"
-
-    def test_the_panels_come_in_the_order_of_the_policies(self, drawn: list[Drawn]) -> None:
-        plot = scenario_plots.survival({name: self.summary(1.8, [1.5, 2.0]) for name in "ab"})
-        assert list(plot.panels) == ["<panel 1>", "<panel 2>"]
-        assert [panel.axes.get_title(loc="left")[0] for panel in drawn] == ["a", "b"]
 
 
 class TestConditions:
@@ -167,26 +147,6 @@ class TestConditions:
         assert other_falls.points(svg.colour(1))[1] == [0.0, 12.5]
         assert error.axes.get_ylim()[0] == 0.0
         assert falls.axes.get_ylim() == (-5.0, 105.0)
-        titles = [
-            (p.axes.get_title(loc="left"), p.axes.get_xlabel(), p.axes.get_ylabel(), p.label) for p in drawn
-        ]
-        assert titles[0] == (
-            "velocity error",
-            "friction coefficient",
-            "m/s",
-            "velocity error against friction coefficient",
-        )
-        assert titles[3] == ("falls", "kp", "%", "falls against kp")
-
-    def test_the_pointer_reads_all_policies_of_one_level(self, drawn: list[Drawn]) -> None:
-        one, two = ([row(0, 4, (0, 1), lin_vel_rmse=error, payload_kg=2.0)] for error in (0.1234, 0.5))
-        two.append(row(3, 4, (0, 1), lin_vel_rmse=0.6, payload_kg=4.0))
-        scenario_plots.conditions([("payload_kg", {"a": {"rows": one}, "b": {"rows": two}})])
-        first, second = drawn[0].readings
-        assert (first.x, first.y, second.x) == (2.0, None, 4.0)
-        assert first.text == "load, kg 2: velocity error, m/s\na 0.123\nb 0.5"
-        assert second.text == "load, kg 4: velocity error, m/s\nb 0.6"
-        assert drawn[1].readings[1].text == "load, kg 4: falls, %\nb 75"
 
     def test_where_nobody_has_rows_there_is_no_plot(self, drawn: list[Drawn]) -> None:
         plot = scenario_plots.conditions([("friction", {"a": {"episodes": 0}})])
@@ -213,25 +173,6 @@ class TestSweep:
         assert (picture.norm.vmin, picture.norm.vmax) == (0.0, pytest.approx(most))
         assert [label.get_text() for label in panel.axes.get_xticklabels()] == ["-1", "0.25", "1"]
         assert [label.get_text() for label in panel.axes.get_yticklabels()] == ["-0.5", "0.8"]
-        assert (panel.axes.get_xlabel(), panel.axes.get_ylabel()) == ("forward, m/s", "yaw rate, rad/s")
-        assert panel.axes.get_title(loc="left") == "a"
-
-    def test_its_number_stands_on_it_unless_it_fell(self, drawn: list[Drawn]) -> None:
-        scenario_plots.sweep({"a": {"rows": list(self.ROWS)}})
-        marks = {tuple(map(int, text.get_position())): text for text in drawn[0].axes.texts}
-        assert {place: text.get_text() for place, text in marks.items()} == {
-            (2, 0): "0.10", (1, 1): "✕", (1, 0): "0.90", (0, 1): "", (0, 0): "0.60",
-        }  # fmt: skip
-        # White on the dark cells of small errors, black on bright ones, the page's ink on an empty one.
-        assert [marks[place].get_color() for place in ((2, 0), (1, 1), (1, 0), (0, 1), (0, 0))] == [
-            "white", "white", "black", svg.INK, "black",
-        ]  # fmt: skip
-
-    def test_the_pointer_reads_a_cell(self, drawn: list[Drawn]) -> None:
-        scenario_plots.sweep({"a": {"rows": list(self.ROWS)}})
-        places = {(each.x, each.y): each.text for each in drawn[0].readings}
-        assert places[1.0, 1.0] == "0.25 m/s forward, 0.8 rad/s\nvelocity error 0.300 m/s\nfell in 2 of 4"
-        assert places[0.0, 1.0] == "-1 m/s forward, 0.8 rad/s\nvelocity error –\nfell in 0 of 4"
 
     def test_policies_share_one_scale(self, drawn: list[Drawn]) -> None:
         worse = [{**each, "lin_vel_rmse": 2.0} for each in self.ROWS]
@@ -281,32 +222,17 @@ class TestTracking:
                 assert y[150] == pytest.approx((0.5, -0.2, 0.15)[axis], abs=2e-3)
             assert panel.places(svg.INK)[1:] == [1.5, 4.25]  # pushes
             assert panel.axes.get_xlim() == (0.0, 6.0)
-        assert [panel.axes.get_ylabel() for panel in drawn] == ["m/s", "m/s", "rad/s"]
-        assert [panel.axes.get_title(loc="left") for panel in drawn] == [
-            "forward velocity", "leftward velocity", "yaw rate",
-        ]  # fmt: skip
-
-    def test_the_pointer_reads_the_sample_of_its_time(self, drawn: list[Drawn]) -> None:
-        ended = wandering(2.0)  # without a fall
-        course_plots.tracking([Walk(0, "a", wandering(), 20.0), Walk(1, "b", ended, 20.0)], PLAN)
-        yaw = drawn[2].readings
-        assert (yaw[15].x, yaw[15].y, yaw[15].text) == (
-            1.5,
-            None,
-            "1.5 s: command 0.00 rad/s\na 0.15\nb 0.15",
-        )
-        assert yaw[40].text == "4.0 s: command 0.30 rad/s\na 0.40\nb –"
 
     def test_lines_are_averaged_over_a_fifth_of_a_second_about_each_sample(self) -> None:
         trace = walk(2.0)
-        ramp = course_plots._smooth(3.0 * trace.time_s, trace)
+        ramp = course_plots.smooth(3.0 * trace.time_s, trace)
         assert len(ramp) == 200
         np.testing.assert_allclose(ramp[20:-20], 3.0 * trace.time_s[20:-20], atol=0.02)  # no lag
-        spike = course_plots._smooth(np.eye(200)[100], trace)
+        spike = course_plots.smooth(np.eye(200)[100], trace)
         assert np.flatnonzero(spike > 1e-12).tolist() == list(range(91, 111))
         assert spike.max() == pytest.approx(1.0 / 20)
-        np.testing.assert_allclose(course_plots._smooth(np.full(200, 2.0), trace), 2.0)  # at the ends too
-        assert len(course_plots._smooth(np.ones(3), trace)) == 3
+        np.testing.assert_allclose(course_plots.smooth(np.full(200, 2.0), trace), 2.0)  # at the ends too
+        assert len(course_plots.smooth(np.ones(3), trace)) == 3
 
 
 class TestGait:
@@ -364,12 +290,12 @@ class TestGait:
     def test_bars_begin_and_end_with_contact(
         self, contact: list[int], bars: list[tuple[float, float]]
     ) -> None:
-        found = course_plots._bars(np.arange(len(contact)) / 10.0, np.array(contact, dtype=bool))
+        found = course_plots.contact_bars(np.arange(len(contact)) / 10.0, np.array(contact, dtype=bool))
         np.testing.assert_allclose(np.reshape(found, (-1, 2)), np.reshape(bars, (-1, 2)), atol=1e-12)
 
     def test_touchdowns_are_counted_per_foot_and_second(self) -> None:
         contact = np.array([[1, 0], [0, 0], [1, 1], [1, 0], [0, 1]], dtype=bool)
-        assert course_plots._touchdown_rate_hz(contact, 10.0) == pytest.approx(3 / 2 / 0.5)
+        assert course_plots.touchdown_rate_hz(contact, 10.0) == pytest.approx(3 / 2 / 0.5)
 
 
 class TestMotors:
@@ -401,25 +327,6 @@ class TestMotors:
                 np.testing.assert_allclose(limit, limit_torque(np.full(43, sign * 1e9), speed, motor))
             low, high = panel.axes.get_ylim()
             assert high == -low == pytest.approx(1.08 * motor.peak_torque)
-            assert panel.axes.get_xlabel() == "speed, rad/s"
-            assert panel.axes.get_ylabel() == "torque, N m"
-
-    def test_the_pointer_reads_what_was_used_near_a_speed(self, go1: Robot, drawn: list[Drawn]) -> None:
-        trace = wandering()
-        course_plots.torque_speed([Walk(0, "a", trace, 20.0)], go1)
-        joints = [
-            k for k, j in enumerate(go1.description.joints) if j.motor == go1.description.joints[0].motor
-        ]
-        speed, torque = trace.joint_velocity[:, joints].ravel(), trace.motor_torque[:, joints].ravel()
-        (middle,) = [each for each in drawn[0].readings if abs(each.x) < 1e-9]
-        half = 1.05 * go1.motor.no_load_speed[joints[0]] / 42
-        near = torque[np.abs(speed) <= half]
-        peak = go1.motor.peak_torque[joints[0]]
-        assert middle.text == (
-            f"at {middle.x:.1f} rad/s: {near.min():.1f} to {near.max():.1f} N m"
-            f"\nlimits {-peak:.1f} and {peak:.1f} N m"
-        )
-        assert ": never\n" in drawn[0].readings[-1].text
 
 
 class TestTiming:
@@ -444,25 +351,6 @@ class TestTiming:
         assert to_hex(one.bars[0].get_facecolor()) == svg.colour(1)
         p50, p99 = np.percentile([0.1, 0.1, 0.4, 2.0], [50, 99])
         assert one.places(svg.INK) == pytest.approx([p50, p99, 5.0])
-        assert one.axes.get_title(loc="left") == f"b: p50 {p50:.2f}, p99 {p99:.2f} of 5 ms"
-        assert one.axes.get_xscale() == "log"
-        assert one.axes.xaxis.get_major_formatter()(0.1, 0) == "0.1"
-        assert one.axes.xaxis.get_minor_formatter()(0.2, 0) == ""
-        assert (one.axes.get_xlabel(), one.axes.get_ylabel()) == ("time per step, ms", "% of steps")
-
-    def test_the_pointer_reads_a_bar(self, drawn: list[Drawn]) -> None:
-        course_plots.timing([Walk(0, "a", self.timed(0.1, 0.1, 0.4, 2.0), 5.0)])
-        for bar, reading in zip(drawn[0].bars, drawn[0].readings, strict=True):
-            low, high = bar.get_x(), bar.get_x() + bar.get_width()
-            assert low < reading.x < high
-            assert reading.x == pytest.approx(np.sqrt(low * high))
-            assert reading.text == f"{low:.3g} to {high:.3g} ms: {bar.get_height():.1f} % of steps"
-
-    def test_a_period_longer_than_any_step_is_within_the_axis(self, drawn: list[Drawn]) -> None:
-        course_plots.timing([Walk(0, "a", self.timed(0.5, 1.0), 20.0)])
-        bars = drawn[0].bars
-        assert bars[0].get_x() == pytest.approx(0.45)
-        assert bars[-1].get_x() + bars[-1].get_width() == pytest.approx(26.0)
 
 
 class TestLearning:
@@ -481,24 +369,10 @@ class TestLearning:
         assert reward.points(svg.colour(1)) == [[1.5, 3.0, 4.5], [0.5, 1.0, 1.5]]
         assert length.points(svg.colour(1))[1] == [-3.0, -6.0, -9.0]
         assert list(plot.legend) == [1]
-        assert reward.axes.get_title(loc="left") == "reward, per second"
-        assert length.axes.get_title(loc="left") == "length of an episode, s"
-        assert reward.axes.get_xlabel() == "environment steps, millions"
-        assert reward.readings[1] == Reading(3.0, 1.0, "mine: 1\nafter 3 million steps")
-        assert length.label == "length of an episode, s over environment steps"
 
     def test_one_point_is_no_curve(self, drawn: list[Drawn], tmp_path: Any) -> None:
         (tmp_path / "metrics.jsonl").write_text('{"step": 5, "reward/total": 1.0}')
         assert not learning_curves.learning_curves({"mine": str(tmp_path)}).panels
-
-    def test_long_curves_have_few_points_for_the_pointer_but_the_first(
-        self, drawn: list[Drawn], tmp_path: Any
-    ) -> None:
-        rows = "\n".join(f'{{"step": {k}, "reward/total": {k}}}' for k in range(200))
-        (tmp_path / "metrics.jsonl").write_text(rows)
-        learning_curves.learning_curves({"mine": str(tmp_path)})
-        assert [each.y for each in drawn[0].readings] == list(range(0, 200, 2))
-        assert len(drawn[0].points(svg.colour(0))[0]) == 200
 
     def test_what_is_no_row_of_numbers_is_passed_over(self, tmp_path: Any) -> None:
         path = tmp_path / "metrics.jsonl"
@@ -511,30 +385,16 @@ class TestLearning:
         assert learning_curves.read_metrics(tmp_path / "none.jsonl") == []
 
 
-def test_plots_say_what_they_are_though_there_be_nothing_to_draw(go1: Robot) -> None:
+def test_where_there_is_nothing_to_draw_there_is_no_panel(go1: Robot) -> None:
     plots = [
         scenario_plots.survival({}), course_plots.tracking([], PLAN), course_plots.gait([], PLAN, go1),
         scenario_plots.conditions([]), scenario_plots.sweep({}), course_plots.torque_speed([], go1),
         course_plots.timing([]), learning_curves.learning_curves({}),
     ]  # fmt: skip
-    assert [plot.title for plot in plots] == [
-        "Pushes", "Tracking",
-        "Gait", "Harder conditions", "Commands", "Torque and speed", "Timing", "Learning",
-    ]  # fmt: skip
     assert not any(plot.panels for plot in plots)
 
 
 class TestPanel:
-    def test_policies_differ_in_more_than_colour_and_begin_again_after_the_last(self) -> None:
-        count = len(svg.COLOURS)
-        styles: list[Callable[[int], Any]] = [svg.colour, svg.marker, lambda k: str(svg.line(k))]
-        for style in styles:
-            assert len({style(k) for k in range(count)}) == count
-            assert style(count + 1) == style(1)
-        assert svg.line(0) == {"color": svg.COLOURS[0]}
-        assert svg.line(3) == {"color": svg.COLOURS[3], "dashes": (7, 2, 2, 2)}
-        assert set(svg.MARKERS) == set(svg.MARKER_PATHS)
-
     def test_the_drawing_has_a_label_ids_of_its_own_and_the_pages_colours(self) -> None:
         with Panel("mine-7", height=100.0) as panel:
             panel.axes.plot([0, 1], [0, 1], color=svg.INK)
@@ -547,15 +407,13 @@ class TestPanel:
         assert "<metadata>" not in text
         assert 'width="340pt"' not in text
 
-    def test_without_readings_there_is_nothing_for_the_pointer(self) -> None:
-        with Panel("p") as panel:
-            assert "data-readings" not in panel.svg("x")
-
     def test_readings_lie_in_the_box_of_the_axes(self) -> None:
         with Panel("p", height=120.0) as panel:
             panel.axes.set(xlim=(0.0, 4.0), ylim=(-1.0, 1.0))
-            panel.svg("x")
-            placed = panel._placed([Reading(0.0, -1.0, "a"), Reading(4.0, 1.0, "b"), Reading(2.0, None, "c")])
+            drawing = panel.svg(
+                "x", [Reading(0.0, -1.0, "a"), Reading(4.0, 1.0, "b"), Reading(2.0, None, "c")]
+            )
+        placed = json.loads(html.unescape(drawing.split('data-readings="')[1].split('"')[0]))
         left, top, right, bottom = placed["box"]
         assert 0 < left < right < 340
         assert 0 < top < bottom < 120
