@@ -50,16 +50,6 @@ def pushed(dv50: float | None, low: float | None, high: float | None, falls: int
 class TestDirections:
     """What a reader is told is better, and of whom."""
 
-    def test_more_is_better_of_survived_pushes_alone_and_less_of_all_that_is_ranked_besides(self) -> None:
-        ranked = {key: figure.better for key, figure in figures().items() if figure.better}
-        assert [key for key, better in ranked.items() if better == "high"] == ["dv50"]
-        assert set(ranked) == {
-            *("falls", "lin_vel_rmse", "yaw_rate_rmse", "dv50", "cost_of_transport"),
-            *("cost_of_transport_mechanical", "positive_work_j_m", "peak_torque_share", "foot_slip_m_s"),
-            *("torque_rate_nm_s", "compute_ms.p50", "compute_ms.p99", "missed_deadlines"),
-            "legs_touch_share",
-        }
-
     def test_what_a_robot_that_lies_down_would_be_best_at_counts_for_the_upright(self) -> None:
         assert {key for key, figure in figures().items() if figure.upright} == {
             *("lin_vel_rmse", "yaw_rate_rmse", "cost_of_transport", "cost_of_transport_mechanical"),
