@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
 from typing import Protocol
 
 LOCKSTEP_START_NS = 10**18  # 2001-09-09 01:46:40 UTC: seconds from there on end in the run's own time
@@ -15,6 +16,7 @@ SWITCH_S = 1e-4  # longest time that another thread keeps Python's lock while th
 
 _MCL_CURRENT_AND_FUTURE = 3
 _PR_SET_TIMERSLACK = 29
+_CAP_IPC_LOCK = 14
 
 
 class Clock(Protocol):
@@ -117,14 +119,25 @@ def undisturbed(priority: int | None) -> Iterator[list[str]]:
 
 def _lock_memory(undo: ExitStack) -> str:
     """Keep the process's memory from being paged out; returns why not."""
-    limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
-    if limit != resource.RLIM_INFINITY and os.geteuid() != 0:  # what is allocated past it would fail
+    if not may_lock_memory():  # what is allocated past the limit would fail
+        limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
         return f"memory is not locked: the limit (ulimit -l) is {limit / 2**20:.0f} MiB"
     library = ctypes.CDLL(None, use_errno=True)
     if library.mlockall(_MCL_CURRENT_AND_FUTURE):
         return f"memory is not locked: {os.strerror(ctypes.get_errno())}"
     undo.callback(library.munlockall)
     return ""
+
+
+def may_lock_memory(status: Path = Path("/proc/self/status")) -> bool:
+    """Whether all of this process's memory may be locked: no limit, or the capability CAP_IPC_LOCK."""
+    if resource.getrlimit(resource.RLIMIT_MEMLOCK)[0] == resource.RLIM_INFINITY:
+        return True
+    try:
+        effective = status.read_text().partition("CapEff:")[2].split()[0]
+    except (OSError, IndexError):
+        return False
+    return bool(int(effective, 16) >> _CAP_IPC_LOCK & 1)
 
 
 def _take_priority(priority: int, undo: ExitStack) -> str:

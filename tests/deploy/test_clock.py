@@ -3,6 +3,7 @@
 import gc
 import os
 import re
+import resource
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -75,7 +76,7 @@ class TestUndisturbed:
             raise PermissionError(1, "Operation not permitted")
 
         monkeypatch.setattr(os, "sched_setscheduler", refuse)
-        monkeypatch.setattr(os, "geteuid", lambda: 1000)
+        monkeypatch.setattr(clock_module, "may_lock_memory", lambda: False)
         monkeypatch.setattr("resource.getrlimit", lambda _: (8 * 2**20, 8 * 2**20))
         with undisturbed(80) as refused:
             assert not gc.isenabled()
@@ -83,6 +84,22 @@ class TestUndisturbed:
             "memory is not locked: the limit (ulimit -l) is 8 MiB",
             "no real-time priority 80: Operation not permitted",
         ]
+
+    @pytest.mark.parametrize(
+        ("limit", "capabilities", "may"),
+        [
+            (resource.RLIM_INFINITY, "0000000000000000", True),
+            (8 * 2**20, "0000000000004000", True),  # CAP_IPC_LOCK, as setcap gives it
+            (8 * 2**20, "000001ffffffbfff", False),  # every other one
+            (8 * 2**20, "", False),
+        ],
+    )
+    def test_memory_may_be_locked_without_a_limit_or_beyond_it(
+        self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, limit: int, capabilities: str, may: bool
+    ) -> None:
+        monkeypatch.setattr("resource.getrlimit", lambda _: (limit, limit))
+        (tmp_path / "status").write_text(f"CapPrm:\t0\nCapEff:\t{capabilities}\n")
+        assert clock_module.may_lock_memory(tmp_path / "status") is may
 
     def test_everything_is_given_back_when_the_loop_fails(self, before: None) -> None:
         with pytest.raises(ZeroDivisionError), undisturbed(3):

@@ -14,7 +14,6 @@ from multicast import robot_on_multicast
 from rich.table import Table
 from shell import Shell
 
-from footfall import machine
 from footfall.deploy import bench, scan
 from footfall.deploy.drivers import odrive, robstride
 from footfall.deploy.wiring import wire
@@ -328,30 +327,3 @@ def test_a_motor_that_robot_yaml_does_not_know_makes_a_scan_fail(
     outcome = shell("can", "scan", "--bus", "virtual")
     assert outcome.status == status
     assert ("not in robot.yaml" in outcome.out) is bool(extra)
-
-
-class TestDoctor:
-    @pytest.fixture
-    def links(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-        monkeypatch.setattr(machine, "NETWORK", tmp_path)
-        for name, state, queue in (("can0", "up", "64"), ("can1", "down", "10"), ("eth0", "up", "10")):
-            (tmp_path / name).mkdir()
-            (tmp_path / name / "type").write_text("1\n" if name == "eth0" else "280\n")
-            (tmp_path / name / "operstate").write_text(f"{state}\n")
-            (tmp_path / name / "tx_queue_len").write_text(f"{queue}\n")
-        return tmp_path
-
-    def test_links_that_are_down_or_queue_little_are_told_with_what_mends_them(self, links: Path) -> None:
-        found = machine.check_can()
-        assert (found.good, found.found) == (False, "can0, can1 (down)")
-        assert found.advice.split("; ") == [
-            "ip link set can1 up type can bitrate 1000000 restart-ms 100",
-            "ip link set can1 txqueuelen 64",
-        ]
-
-    def test_a_kernel_without_can_says_so(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(machine, "NETWORK", tmp_path / "empty")
-        monkeypatch.setattr(machine, "has_can_sockets", lambda: False)
-        assert machine.check_can().found == "none, and this system's kernel has no CAN sockets"
-        monkeypatch.setattr(machine, "has_can_sockets", lambda: True)
-        assert machine.check_can().found == "none"

@@ -1,7 +1,6 @@
 """What doctor makes of what it finds."""
 
 import json
-import resource
 import subprocess
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,28 +10,6 @@ import pytest
 
 from footfall import machine
 from footfall.common import installation
-
-
-@pytest.mark.parametrize(
-    ("governors", "good"),
-    [
-        (["performance", "performance"], True),
-        (["performance", "powersave"], False),
-        (["schedutil"], False),
-        ([], True),
-    ],
-)
-def test_processors_that_save_power_are_slow(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, governors: list[str], good: bool
-) -> None:
-    for number, governor in enumerate(governors):
-        folder = tmp_path / f"cpu{number}" / "cpufreq"
-        folder.mkdir(parents=True)
-        (folder / "scaling_governor").write_text(f"{governor}\n")
-    monkeypatch.setattr(machine, "PROCESSORS", tmp_path)
-    found = machine.check_processors()
-    assert found.good == good
-    assert ("performance" in found.advice) == (not good)
 
 
 def test_both_simulators_are_of_one_release(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -97,37 +74,6 @@ class TestDoctor:
         assert not machine.check_rendering().good
         tried = [options["env"]["MUJOCO_GL"] for _, options in done.asked]
         assert tried == ["glfw", "egl", "egl", "osmesa", "egl", "osmesa"]
-
-    @pytest.mark.parametrize(
-        ("limit", "locks", "good", "found"),
-        [
-            (resource.RLIM_INFINITY, False, True, "unlimited"),
-            (256 * 2**20, False, True, "limit 256 MiB"),
-            (256 * 2**20 - 1, False, False, "limit 256 MiB"),
-            (8 * 2**20, True, True, "limit 8 MiB"),
-        ],
-    )
-    def test_memory_may_be_locked_within_a_limit_or_beyond_it(
-        self, monkeypatch: pytest.MonkeyPatch, limit: int, locks: bool, good: bool, found: str
-    ) -> None:
-        monkeypatch.setattr(machine.resource, "getrlimit", lambda kind: (limit, 1))
-        monkeypatch.setattr(machine, "may_lock_beyond_the_limit", lambda: locks)
-        finding = machine.check_locked_memory()
-        assert (finding.good, finding.found) == (good, found)
-        assert bool(finding.advice) is not good
-
-    def test_can_interfaces_are_network_links_of_their_type(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        monkeypatch.setattr(machine, "NETWORK", tmp_path)
-        monkeypatch.setattr(machine, "has_can_sockets", lambda: True)
-        assert machine.check_can()[1:3] == (False, "none")
-        for name, kind in (("can1", "280"), ("eth0", "1"), ("can0", "280"), ("odd", None)):
-            (tmp_path / name).mkdir()
-            if kind is not None:
-                (tmp_path / name / "type").write_text(f"{kind}\n")
-        assert machine.check_can()[:3] == ("CAN interfaces", True, "can0, can1")
-        assert machine.check_can().advice == ""
 
     def test_the_cache_is_counted_with_all_below_it(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -1,0 +1,110 @@
+"""What doctor makes of a robot's computer, in a folder that stands for `/`."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from footfall import robot_computer
+from footfall.finding import Finding
+
+
+def kernel_files(root: Path, files: dict[str, str]) -> Path:
+    for name, content in files.items():
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        (root / name).write_text(f"{content}\n")
+    return root
+
+
+DEBIAN = "Linux version 6.12.9-amd64 (x@y) #1 SMP PREEMPT_DYNAMIC Debian"
+CPU = "sys/devices/system/cpu"
+ROWS = [
+    (robot_computer.check_processors, {f"{CPU}/cpu0/cpufreq/scaling_governor": "performance"}, ""),
+    (
+        robot_computer.check_processors,
+        {f"{CPU}/cpu{k}/cpufreq/scaling_governor": g for k, g in enumerate(("performance", "powersave"))},
+        "cpupower frequency-set -g performance",
+    ),
+    (robot_computer.check_processors, {}, ""),
+    (robot_computer.check_isolated_cores, {f"{CPU}/isolated": "2-3"}, ""),
+    (robot_computer.check_isolated_cores, {f"{CPU}/isolated": ""}, "isolcpus="),
+    (robot_computer.check_kernel, {"proc/version": DEBIAN.replace("PREEMPT_DYNAMIC", "PREEMPT_RT")}, ""),
+    (robot_computer.check_kernel, {"proc/version": DEBIAN, "sys/kernel/realtime": "1"}, ""),
+    (robot_computer.check_kernel, {"proc/version": DEBIAN}, "linux-image-rt"),
+    (robot_computer.check_kernel, {}, "linux-image-rt"),
+]
+
+
+@pytest.mark.parametrize(("check", "files", "advice"), ROWS)
+def test_advice_is_given_where_something_can_be_set(
+    tmp_path: Path, check: Any, files: dict[str, str], advice: str
+) -> None:
+    found: Finding = check(kernel_files(tmp_path, files))
+    assert found.good is not bool(advice)
+    assert advice in found.advice
+    assert found.found
+
+
+def test_a_clock_that_no_program_sets_is_told(tmp_path: Path) -> None:
+    root = kernel_files(tmp_path, {"proc/17/comm": "bash", "sys/class/ptp/ptp0/clock_name": "igb"})
+    alone = robot_computer.check_clock(root, lambda: False)
+    assert (alone.good, alone.found) == (False, "not synchronised")
+    assert "apt install chrony" in alone.advice
+    assert "ptp4l" in alone.advice
+    kernel_files(root, {"proc/18/comm": "chronyd"})
+    assert "apt" not in robot_computer.check_clock(root, lambda: False).advice
+    assert robot_computer.check_clock(root, lambda: True)[1:] == (True, "synchronised by chronyd", "")
+
+
+def link(name: str, state: str = "up", queue: int = 64, kind: int = 280) -> dict[str, str]:
+    folder = f"sys/class/net/{name}"
+    return {f"{folder}/operstate": state, f"{folder}/tx_queue_len": str(queue), f"{folder}/type": str(kind)}
+
+
+def controller(bitrate: int = 1_000_000, state: str = "ERROR-ACTIVE") -> dict[str, Any]:
+    return {"bittiming": {"bitrate": bitrate}, "state": state}
+
+
+UP = "ip link set can1 up type can bitrate 1000000 restart-ms 100"
+
+
+@pytest.mark.parametrize(
+    ("second", "details", "found", "commands"),
+    [
+        ({}, {}, "can0", []),
+        (link("eth0", queue=10, kind=1), {}, "can0", []),
+        (link("can1"), {"can1": controller()}, "can0, can1 (1000 kbit/s)", []),
+        (link("can1", "down", 10), {}, "can0, can1 (down)", [UP, "ip link set can1 txqueuelen 64"]),
+        (
+            link("can1"),
+            {"can1": controller(500_000)},
+            "can0, can1 (500 kbit/s)",
+            ["ip link set can1 down", UP],
+        ),
+        (
+            link("can1"),
+            {"can1": controller(state="BUS-OFF")},
+            "can0, can1 (1000 kbit/s) (bus-off)",
+            ["ip link set can1 type can restart"],
+        ),
+        (
+            link("can1"),
+            {"can1": controller(state="ERROR-PASSIVE")},
+            "can0, can1 (1000 kbit/s) (error-passive)",
+            ["can1 sees errors: 120 ohm at both ends of its bus, and one bit rate for all?"],
+        ),
+    ],
+)
+def test_can_interfaces_that_are_not_ready_are_told_with_what_mends_them(
+    tmp_path: Path, second: dict[str, str], details: dict[str, Any], found: str, commands: list[str]
+) -> None:
+    root = kernel_files(tmp_path, {**link("can0"), **second})
+    finding = robot_computer.check_can(root, details=lambda: details)
+    assert finding[1:] == (not commands, found, "; ".join(commands))
+
+
+@pytest.mark.parametrize("sockets", [True, False])
+def test_without_interfaces_the_kernel_may_lack_can(tmp_path: Path, sockets: bool) -> None:
+    found = robot_computer.check_can(tmp_path, lambda: sockets)
+    assert not found.good
+    assert ("modprobe can_raw" in found.advice) is not sockets
