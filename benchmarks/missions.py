@@ -22,7 +22,7 @@ from footfall.deploy.loop import ControlLoop
 from footfall.domain_rand.randomisation import randomisation_of
 from footfall.domain_rand.sample import draw
 from footfall.evaluate.scenarios import load_scenarios
-from footfall.operate.missions.limits import abilities_of
+from footfall.operate.abilities import abilities_of
 from footfall.operate.missions.mission import mission_of
 from footfall.operate.missions.source import DONE, MissionSource
 from footfall.plant.episode import Episode, run_episode

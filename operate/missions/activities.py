@@ -7,8 +7,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from footfall.deploy.command_source import NO_SETTINGS, Pose, Request, Wish
+from footfall.operate.abilities import Limits
 from footfall.operate.missions.follow import Tracking, along, arrived, distance, nearest, towards
-from footfall.operate.missions.limits import Limits
 from footfall.operate.missions.path import Path
 
 STILL = np.zeros(3)

@@ -9,9 +9,9 @@ import numpy as np
 from footfall.common.config import require_between
 from footfall.common.limits import FASTEST, LONGEST_S
 from footfall.deploy.command_source import Offer, Pose
+from footfall.operate.abilities import Limits
 from footfall.operate.missions.activities import Follow, Reach
 from footfall.operate.missions.follow import distance
-from footfall.operate.missions.limits import Limits
 from footfall.operate.missions.path import SPACING_M, circle, placed, rectangle, sample
 from footfall.operate.missions.step import Plan, Scene
 

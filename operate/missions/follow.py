@@ -14,7 +14,7 @@ import numpy as np
 
 from footfall.common.config import require_between
 from footfall.deploy.command_source import Pose
-from footfall.operate.missions.limits import Limits
+from footfall.operate.abilities import Limits
 from footfall.operate.missions.path import SPACING_M, Path
 
 WINDOW = round(0.3 / SPACING_M)  # samples ahead among which the nearest one is sought

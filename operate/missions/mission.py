@@ -10,8 +10,8 @@ from footfall.common.errors import UserError
 from footfall.common.hints import meant
 from footfall.common.limits import FASTEST
 from footfall.deploy.command_source import Pose
+from footfall.operate.abilities import Abilities, Limits
 from footfall.operate.missions.follow import Tracking
-from footfall.operate.missions.limits import Abilities, Limits
 from footfall.operate.missions.step import Scene, Step
 from footfall.operate.missions.steps import STEPS, UsePolicy
 

@@ -7,9 +7,9 @@ from typing import NamedTuple
 from footfall.common.errors import UserError
 from footfall.deploy.command_source import Pose, Request, Status, Wish
 from footfall.deploy.modes import Mode
+from footfall.operate.abilities import Abilities
 from footfall.operate.missions.activities import STILL, Act, Now
 from footfall.operate.missions.courses import GoTo, Led
-from footfall.operate.missions.limits import Abilities
 from footfall.operate.missions.mission import Mission, NamedStep
 from footfall.operate.missions.step import Plan
 from footfall.operate.missions.steps import End
@@ -29,8 +29,13 @@ class Progress(NamedTuple):
     kind: str  # of the step
     step_remaining_s: float  # about
     remaining_s: float  # of the whole mission, about
-    error_m: float  # distance from where the robot should be by odometry; NaN where a step does not say
+    error_m: float  # distance from where the robot should be, by odometry, in the last step that says
     outcome: str = ""  # once it is over: `DONE`, or why it gave up
+
+    @property
+    def done(self) -> bool:
+        """Whether all of it was done."""
+        return self.outcome == DONE
 
 
 class MissionSource:
@@ -117,7 +122,7 @@ class MissionSource:
             self._steps[self._index].kind,
             act.remaining_s,
             act.remaining_s + self._later_s[self._index],
-            act.error_m,
+            self.progress.error_m if math.isnan(act.error_m) else act.error_m,
         )
 
     def _stalled(self, act: Act, now_s: float) -> str:

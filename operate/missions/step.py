@@ -3,9 +3,9 @@
 from typing import NamedTuple, Protocol
 
 from footfall.deploy.command_source import Offer, Pose
+from footfall.operate.abilities import Limits
 from footfall.operate.missions.activities import Activity
 from footfall.operate.missions.follow import Tracking
-from footfall.operate.missions.limits import Limits
 from footfall.operate.missions.path import Pace
 
 CREEP_SHARE = 0.15  # of the speed

@@ -12,9 +12,9 @@ import numpy as np
 from footfall.common.config import require_between, takes_other_keys
 from footfall.common.limits import FASTEST, LONGEST_S
 from footfall.deploy.command_source import Offer, Pose, Request, Wish
+from footfall.operate.abilities import Limits
 from footfall.operate.missions.activities import STILL, Change, Cover, Hold, LieDown
 from footfall.operate.missions.courses import FARTHEST_M, Circle, GoTo, Rectangle, Turn, Waypoints
-from footfall.operate.missions.limits import Limits
 from footfall.operate.missions.path import placed
 from footfall.operate.missions.step import Plan, Scene, Step
 

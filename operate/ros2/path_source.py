@@ -9,8 +9,8 @@ import numpy as np
 from footfall.common.errors import UserError
 from footfall.deploy.command_source import Request, Status, Stop
 from footfall.deploy.modes import Mode
+from footfall.operate.abilities import Abilities
 from footfall.operate.inbox import STILL, Inbox
-from footfall.operate.missions.limits import Abilities
 from footfall.operate.missions.mission import Mission, mission_of
 from footfall.operate.missions.source import MissionSource
 

@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from footfall.operate.abilities import Abilities
 from footfall.operate.inbox import Inbox
-from footfall.operate.missions.limits import Abilities
 from footfall.operate.ros2.bridge_process import Backend, Ros2Options, bridge
 from footfall.operate.ros2.path_source import PathSource
 from footfall.operate.ros2.steering_socket import SteeringSocket

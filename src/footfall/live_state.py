@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
+from footfall.common.limits import LONGEST_S
 from footfall.common.rotations import tilt
 from footfall.deploy.loop import ControlLoop
 
@@ -22,21 +23,27 @@ PATIENCE_S = 1.0  # for an output that takes nothing
 
 @contextmanager
 def live_state(
-    loop: ControlLoop, velocity: Callable[[], np.ndarray], duration_s: float, console: Console | None = None
+    loop: ControlLoop,
+    velocity: Callable[[], np.ndarray],
+    duration_s: float,
+    console: Console | None = None,
+    line: Callable[[], str] = str,
 ) -> Iterator[None]:
     """Show a loop's state for as long as the context lasts: in place on a terminal, else line by line.
 
     Args:
         loop: the loop; it is only looked at, from another thread.
         velocity: the base's velocity, m/s, body frame, (3,); NaN if unknown.
-        duration_s: how long it shall walk.
+        duration_s: how long it shall walk, at most.
         console: where to show it.
+        line: how it is steered; empty for nothing to tell.
     """
     console = console or Console()
     ended = threading.Event()
 
     def state() -> Text:
-        return Text(describe(loop, velocity(), duration_s))
+        told = line()
+        return Text(describe(loop, velocity(), duration_s) + (f"\n{told}" if told else ""))
 
     def draw() -> None:
         with Live(
@@ -77,7 +84,7 @@ def describe(loop: ControlLoop, velocity: np.ndarray, duration_s: float) -> str:
     walking_s = loop.walking_s if loop.walking else loop.walked_s
     hold = "hold it up: " if loop.held_up else ""
     parts = [
-        f"{walking_s:.1f} of {duration_s:g} s",
+        f"{walking_s:.1f} s" if duration_s >= LONGEST_S else f"{walking_s:.1f} of {duration_s:g} s",
         loop.state.mode.value,
         "command {:+.2f} {:+.2f} m/s {:+.2f} rad/s".format(*loop.asked_command),
     ]

@@ -104,15 +104,14 @@ Share = Annotated[float, Parameter(validator=Number(gte=0, lte=1))]
 Count = Annotated[int, Parameter(converter=_whole, validator=Number(gte=1))]
 Index = Annotated[int, Parameter(converter=_whole, validator=Number(gte=0))]
 Port = Annotated[int, Parameter(converter=_whole, validator=Number(gte=1, lt=2**16))]
-VelocityCommand = Annotated[
-    tuple[float, float, float],
-    Parameter(
-        converter=_vector,
-        n_tokens=1,
-        allow_leading_hyphen=True,
-        metavar="X,Y,YAW",
-        negative=(),
-        help="Forward and leftward velocity, m/s, and yaw rate, rad/s.",
-    ),
-]
+_VELOCITY = Parameter(
+    converter=_vector,
+    n_tokens=1,
+    allow_leading_hyphen=True,
+    metavar="X,Y,YAW",
+    negative=(),
+    help="Forward and leftward velocity, m/s, and yaw rate, rad/s.",
+)
+VelocityCommand = Annotated[tuple[float, float, float], _VELOCITY]
+OptionalVelocity = Annotated[tuple[float, float, float] | None, _VELOCITY]
 Names = Annotated[tuple[str, ...], Parameter(converter=_names, n_tokens=1, metavar="A,B", negative=())]

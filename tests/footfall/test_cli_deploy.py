@@ -13,6 +13,7 @@ import pytest
 from recorder import Recorder
 from shell import Shell
 from tiny_policy import write_policy
+from walking_run import WALKING
 
 from footfall.cli import main
 from footfall.deploy.config import DeployConfig
@@ -187,7 +188,7 @@ class TestOptions:
         assert outcome.status == 0, outcome.err
         (robot, policy, episode), _ = called.of("run_episode")
         assert (robot.name, policy.name) == ("go1", "trot")
-        assert episode.command_source(0.0).tolist() == [0.1, -0.2, 0.3]
+        assert episode.command_source.poll(WALKING).velocity.tolist() == [0.1, -0.2, 0.3]
         assert (episode.duration_s, episode.seed, episode.plant) == (1.25, 9, go1.xml_path)
         assert (episode.ground_truth, episode.realtime, episode.record) == (True, True, False)
         assert (episode.log, episode.policy_spec) == (Path("run.mcap"), "trot")
@@ -218,7 +219,10 @@ class TestOptions:
         assert (robot.name, policy.name) == ("hexapod", "tripod")
         assert (episode.lying, episode.lie_down) == (lying, lie_down)
         assert (episode.plant, episode.ground_truth, episode.realtime) == (None, False, False)
-        assert (episode.command_source(1.0).tolist(), episode.duration_s) == ([0.5, 0.0, 0.0], 10.0)
+        assert (episode.command_source.poll(WALKING).velocity.tolist(), episode.duration_s) == (
+            [0.5, 0.0, 0.0],
+            10.0,
+        )
         figures = json.loads(Path("a.json").read_text())
         assert (figures["policy"], figures["robot"]) == ("tripod", "hexapod")
 
@@ -249,13 +253,13 @@ class TestOptions:
         called.replace(
             "footfall.deploy.session.run_on_interface", ran(final_state="FALLING", faults=("tilt", "x"))
         )
-        called.replace("footfall.live_state.live_state", lambda _, velocity, __: velocity)
+        called.replace("footfall.live_state.live_state", lambda _, velocity, *__, **___: velocity)
         (tmp_path / "loop.yaml").write_text("stand_s: 2.5")
         outcome = shell("deploy", "stand", "--bus", bus, *self.OPTIONS)
         assert outcome.status == 1
         (robot, policy, where, session), _ = called.of("run_on_interface")
         assert (robot.name, policy.name, where) == ("go1", "stand", bus)
-        assert session.command_source(0.0).tolist() == [0.1, -0.2, 0.3]
+        assert session.command_source.poll(WALKING).velocity.tolist() == [0.1, -0.2, 0.3]
         assert (session.duration_s, session.log, session.lie_down) == (1.25, Path("run.mcap"), True)
         assert session.facts == {"seed": 9, "policy_spec": "stand", "bus": bus, "plant": None}
         assert session.config == DeployConfig(stand_s=2.5)

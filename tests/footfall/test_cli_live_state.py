@@ -10,6 +10,7 @@ import pytest
 from rich.console import Console
 
 from footfall import live_state as module
+from footfall.deploy.battery import NO_BATTERY
 from footfall.live_state import live_state
 
 
@@ -18,7 +19,8 @@ def loop() -> Any:
     return SimpleNamespace(
         walking=True, walking_s=1.0, walked_s=0.0, ticks_skipped=0, held_up=False,
         state=SimpleNamespace(mode=SimpleNamespace(value="WALKING")),
-        asked_command=(0.5, 0.0, 0.0), sensed=SimpleNamespace(quaternion=np.array([1.0, 0, 0, 0])),
+        battery=NO_BATTERY, asked_command=(0.5, 0.0, 0.0),
+        sensed=SimpleNamespace(quaternion=np.array([1.0, 0, 0, 0])),
     )  # fmt: skip
 
 

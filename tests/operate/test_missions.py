@@ -7,24 +7,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from walking_run import LIMITS, WALKING, abilities
 
 from footfall.common.errors import UserError
-from footfall.deploy.command_source import Offer, Pose, Request, Status, Wish
-from footfall.deploy.modes import Mode
-from footfall.operate.missions.limits import Abilities, Limits
+from footfall.deploy.battery import BatteryState
+from footfall.deploy.command_source import Pose, Request, Wish
 from footfall.operate.missions.mission import load_mission, mission_of
 from footfall.operate.missions.source import DONE, MissionSource
-from footfall.policies.live_settings import Span
-from footfall.robots.commands import CommandRange
 
 STEP_S, LAG_S = 0.02, 0.15
-SLOWEST = 0.1
-LIMITS = Limits(CommandRange((-0.5, 1.0), (-0.3, 0.3), (-0.8, 0.8)), SLOWEST)
-OFFER = Offer(("walker", "stand"), ("trot", "pace"), {"body_height_m": Span(0.2, 0.3, 0.28)})
-ABILITIES = {
-    "walker": Abilities(LIMITS, OFFER),
-    "stand": Abilities(Limits(CommandRange((0, 0), (0, 0), (0, 0))), OFFER._replace(gaits=(), settings={})),
-}
 START = Pose(3.0, -2.0, 2.5)  # a mission begins where the robot is, not where odometry has its zero
 
 
@@ -32,10 +23,8 @@ class Walker:
     """A robot whose velocity follows the command with a lag; commands that are too slow do not move it."""
 
     def __init__(self, steps: list[Any], hold: Callable[[float], bool] = lambda _: False, **settings: Any):
-        self.source = MissionSource(
-            mission_of({"steps": steps, **settings}, "mission"), "walker", ABILITIES.__getitem__
-        )
-        self.pose, self.velocity, self.time_s, self.policy = START, np.zeros(3), 0.0, "walker"
+        self.source = MissionSource(mission_of({"steps": steps, **settings}, "mission"), "trot", abilities)
+        self.pose, self.velocity, self.time_s, self.policy = START, np.zeros(3), 0.0, "trot"
         self.requests: list[Request] = []
         self.charge, self._hold = 1.0, hold
 
@@ -47,17 +36,19 @@ class Walker:
 
     def step(self) -> None:
         yaw = math.remainder(self.pose.yaw_rad, 2 * math.pi)
-        status = Status(
-            self.time_s + 3.0, self.time_s, Mode.WALKING, self.policy, self.velocity, self.velocity, 0.3,
-            self.pose._replace(yaw_rad=yaw), (), (), OFFER, self.charge,
-        )  # fmt: skip
+        status = WALKING._replace(
+            walking_s=self.time_s,
+            policy=self.policy,
+            pose=self.pose._replace(yaw_rad=yaw),
+            battery=BatteryState(charge=self.charge),
+        )
         request = self.source.poll(status)
         self.policy = request.policy or self.policy
         self.requests.append(request)
         low, high = np.array(list(vars(LIMITS.ranges).values())).T
         assert (low <= request.velocity).all()
         assert (request.velocity <= high).all()
-        moves = np.linalg.norm(request.velocity) >= SLOWEST and not self._hold(self.time_s)
+        moves = np.linalg.norm(request.velocity) >= LIMITS.slowest and not self._hold(self.time_s)
         self.velocity = self.velocity + STEP_S / LAG_S * (request.velocity * moves - self.velocity)
         (x, y, yaw), (ahead, left, turn) = self.pose, (STEP_S * self.velocity).tolist()
         cos, sin = math.cos(yaw), math.sin(yaw)
@@ -146,11 +137,11 @@ def test_low_battery_leads_home_or_lies_down() -> None:
 
 def test_changes_of_policy_gait_and_settings_are_asked_for_in_order() -> None:
     walker = Walker(
-        [{"gait": "pace"}, {"set": {"body_height_m": 0.25}}, {"wait": 1}, {"policy": "stand"}, {"wait": 1}]
+        [{"gait": "wave"}, {"set": {"body_height_m": 0.25}}, {"wait": 1}, {"policy": "stand"}, {"wait": 1}]
     )
     walker.run()
     with_gait = [request for request in walker.requests if request.policy == ""]
-    assert with_gait[-1].gait == "pace"
+    assert with_gait[-1].gait == "wave"
     assert with_gait[-1].settings == {"body_height_m": 0.25}
     assert walker.requests[-1].policy == "stand"
     assert walker.requests[-1].gait == ""
@@ -177,8 +168,8 @@ def test_what_cannot_be_done_is_refused_with_its_step(tmp_path: Path) -> None:
         ("steps: [{go_to: {to: [1, 0], speed_m_s: 2}}]", "step 1 (go_to)", "up to 1"),
         ("steps: [lie_down, {wait: 1}]", "step 1 (lie_down)", "last"),
         ("steps: [{lie_down: 3}]", "step 1 (lie_down)", "no value"),
-        ("steps: [{gait: bound}]", "step 1 (gait)", "trot, pace"),
-        ("steps: [{policy: mpc}]", "step 1 (policy)", "walker, stand"),
+        ("steps: [{gait: bound}]", "step 1 (gait)", "trot, wave"),
+        ("steps: [{policy: mpc}]", "step 1 (policy)", "trot, stand"),
         ("steps: [{set: {body_height_m: 0.5}}]", "step 1 (set)", "0.2 to 0.3"),
         ("steps: [{set: {height: 0.5}}]", "step 1 (set)", "body_height_m"),
         ("steps: [{policy: stand}, {rectangle: 2x1}]", "step 2 (rectangle)", "forward"),
@@ -187,7 +178,7 @@ def test_what_cannot_be_done_is_refused_with_its_step(tmp_path: Path) -> None:
         path = tmp_path / "mission.yaml"
         path.write_text(text)
         with pytest.raises(UserError) as refusal:
-            MissionSource(load_mission(path), "walker", ABILITIES.__getitem__)
+            MissionSource(load_mission(path), "trot", abilities)
         message = str(refusal.value)
         assert where in message, (text, message)
         assert why in message, (text, message)

@@ -6,21 +6,41 @@ from typing import Any
 
 import numpy as np
 
-from footfall.deploy.command_source import Offer, Pose, Status
+from footfall.deploy.command_source import Offer, Pose, Request, Status
 from footfall.deploy.modes import Mode
-from footfall.operate.missions.limits import Abilities, Limits
+from footfall.operate.abilities import Abilities, Limits
+from footfall.operate.inbox import Inbox
 from footfall.policies.live_settings import Span
 from footfall.robots.commands import CommandRange
 
-OFFER = Offer(("trot", "stand"), ("trot", "wave"), {"step_height_m": Span(0.02, 0.1, 0.05)})
+OFFER = Offer(
+    ("trot", "stand"),
+    ("trot", "wave"),
+    {"step_height_m": Span(0.02, 0.1, 0.05), "body_height_m": Span(0.2, 0.3, 0.28)},
+)
 WALKING = Status(
     0.0, 1.0, Mode.WALKING, "trot", np.zeros(3), np.zeros(3), 0.3, Pose(1.0, 2.0, 0.0), (), ("a",), OFFER
 )
 
 
+LIMITS = Limits(CommandRange((-0.5, 1.0), (-0.3, 0.3), (-0.8, 0.8)), slowest=0.1)
+NOWHERE = Limits(CommandRange((0.0, 0.0), (0.0, 0.0), (0.0, 0.0)))
+
+
 def abilities(policy: str) -> Abilities:
-    """Of whichever policy: 1 m/s and 1 rad/s each way."""
-    return Abilities(Limits(CommandRange((-1.0, 1.0), (-1.0, 1.0), (-1.0, 1.0))), OFFER)
+    """`stand` goes nowhere; every other policy walks within `LIMITS`."""
+    if policy == "stand":
+        return Abilities(NOWHERE, OFFER._replace(gaits=(), settings={}))
+    return Abilities(LIMITS, OFFER)
+
+
+def polled_until(inbox: Inbox, holds: Callable[[Request], object], limit_s: float = 5.0) -> Request:
+    """Poll as a loop does until a request is as expected; fails after a while."""
+    deadline_s = time.monotonic() + limit_s
+    while not holds(request := inbox.poll(WALKING)):
+        assert time.monotonic() < deadline_s, request
+        time.sleep(0.005)
+    return request
 
 
 def eventually(found: Callable[[], Any], patience_s: float = 5.0) -> Any:

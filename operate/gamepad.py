@@ -1,0 +1,144 @@
+"""Steering by a gamepad, through Linux's joystick device.
+
+The robot moves only while the dead-man button is pressed. A device that is unplugged is silent: its last
+request ages like that of any operator, so the velocity becomes zero. Plugged in again it goes on, once the
+dead-man button is pressed anew.
+"""
+
+import math
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from functools import partial
+
+from footfall.common.config import require_between
+from footfall.common.errors import UserError
+from footfall.deploy.command_source import Wish
+from footfall.operate.abilities import Abilities
+from footfall.operate.inbox import Inbox
+from footfall.operate.joystick import Joystick
+from footfall.operate.opened import Opened
+from footfall.operate.operator import STILL, Operator
+
+NAME = "gamepad"
+JOIN_S = 1.0
+RETRY_S = 0.5
+
+
+@dataclass(frozen=True)
+class Buttons:
+    """Numbers of buttons, as `jstest` shows them; these are an Xbox pad's under Linux."""
+
+    dead_man: int = 4  # left shoulder: the robot moves only while it is pressed
+    stop: int = 1  # B: stop, latched; pressed again it damps
+    lie_down: int = 6  # back
+    stand: int = 0  # A
+    walk: int = 2  # X
+    take_over: int = 7  # start
+    gait: int = 3  # Y: the next one
+
+
+@dataclass(frozen=True)
+class GamepadConfig:
+    """How a gamepad steers."""
+
+    device: str = "/dev/input/js0"
+    axes: tuple[int, int, int] = (1, 0, 3)  # forward, leftward, yaw: left stick, and right stick sideways
+    dead_zone: float = 0.12  # of a stick; less counts as zero
+    expo: float = 0.4  # share of a cubic curve: fine near the middle; 0 for none
+    speed_share: float = 0.7  # of the policy's highest commands
+    rate_hz: float = 25.0  # of requests
+    buttons: Buttons = field(default_factory=Buttons)
+
+    def __post_init__(self) -> None:
+        require_between(self, 0, 63, "axes")
+        require_between(self, 0.0, 0.9, "dead_zone")
+        require_between(self, 0.0, 1.0, "expo")
+        require_between(self, 0.01, 1.0, "speed_share")
+        require_between(self, 5.0, 100.0, "rate_hz")
+
+
+def shaped(value: float, dead_zone: float, expo: float) -> float:
+    """A stick's place from -1 to 1 after dead zone and expo, without a jump at the zone's edge."""
+    beyond = max(0.0, abs(value) - dead_zone) / (1.0 - dead_zone)
+    return math.copysign(expo * beyond**3 + (1.0 - expo) * beyond, value)
+
+
+class Gamepad:
+    """From sticks and buttons to an operator's orders."""
+
+    def __init__(self, operator: Operator, config: GamepadConfig) -> None:
+        self._operator, self._config = operator, config
+        self.joystick = Joystick(config.device)
+        buttons = config.buttons
+        self._orders: dict[int, Callable[[], None]] = {
+            buttons.stop: operator.stop,
+            buttons.lie_down: partial(operator.wish, Wish.LIE_DOWN),
+            buttons.stand: partial(operator.wish, Wish.STAND),
+            buttons.walk: partial(operator.wish, Wish.WALK),
+            buttons.take_over: operator.take_over,
+            buttons.gait: operator.next_gait,
+        }
+
+    @property
+    def line(self) -> str:
+        """What a status line shows of it."""
+        if not self.joystick.connected:
+            return f"gamepad {self._config.device} is not there"
+        held = "" if self._alive else f"hold button {self._config.buttons.dead_man} to move"
+        return ", ".join(filter(None, ["gamepad", held, self._operator.line]))
+
+    def work(self, wait_s: float) -> None:
+        """Take in what is pressed, and ask for what it means."""
+        for button in self.joystick.read(wait_s):
+            if button in self._orders:
+                self._orders[button]()
+        if self.joystick.connected:  # one that is unplugged is silent
+            self._operator.move([self._share(axis) for axis in self._config.axes] if self._alive else STILL)
+
+    @property
+    def _alive(self) -> bool:
+        return self.joystick.down(self._config.buttons.dead_man)
+
+    def _share(self, axis: int) -> float:
+        """A stick's share of the highest command; sticks count forward and left as negative."""
+        config = self._config
+        return -config.speed_share * shaped(self.joystick.axis(axis), config.dead_zone, config.expo)
+
+
+@contextmanager
+def steered_by_gamepad(
+    inbox: Inbox, abilities: Callable[[str], Abilities], config: GamepadConfig
+) -> Iterator[Opened]:
+    """A gamepad puts requests into the inbox for as long as the context lasts.
+
+    Raises:
+        UserError: there is no such device.
+    """
+    pad, ended = Gamepad(Operator(NAME, inbox, abilities), config), threading.Event()
+    try:
+        pad.joystick.open()
+    except OSError as error:
+        why = f"{config.device}: {error.strerror or error}"
+        raise UserError(f"--from gamepad: {why}; name another one: --from gamepad:/dev/input/js1") from None
+
+    def listen() -> None:
+        while not ended.is_set():
+            if pad.joystick.connected:
+                pad.work(1.0 / config.rate_hz)
+            elif not ended.wait(RETRY_S):
+                with suppress(OSError):
+                    pad.joystick.open()
+        pad.joystick.close()
+
+    thread = threading.Thread(target=listen, name=NAME, daemon=True)
+    thread.start()
+    about = (
+        f"{config.device}: hold button {config.buttons.dead_man} to move, button {config.buttons.stop} STOPS"
+    )
+    try:
+        yield Opened(inbox, lambda: pad.line, (about,))
+    finally:
+        ended.set()
+        thread.join(JOIN_S)

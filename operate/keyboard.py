@@ -1,0 +1,139 @@
+"""Steering by the keys of a terminal, also over ssh.
+
+A terminal tells that a key was pressed, never that it was released. While a key is held, the keyboard repeats
+it, after a first delay. So a key counts as held for `first_s` after it was pressed and for `again_s` after
+each repetition; then the robot stands. Only the last key is repeated: one key at a time counts, and two of
+them go ahead and turn.
+"""
+
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+
+from footfall.common.config import require_between
+from footfall.deploy.command_source import Wish
+from footfall.operate.abilities import Abilities
+from footfall.operate.inbox import Inbox
+from footfall.operate.opened import Opened
+from footfall.operate.operator import STILL, Operator
+from footfall.operate.terminal_keys import Keys, key_by_key
+
+NAME = "keyboard"
+STDIN = 0
+JOIN_S = 1.0
+MOTIONS = {  # forward, leftward, yaw as shares
+    "w": (1.0, 0.0, 0.0),
+    "s": (-1.0, 0.0, 0.0),
+    "a": (0.0, 0.0, 1.0),
+    "d": (0.0, 0.0, -1.0),
+    "q": (1.0, 0.0, 1.0),
+    "e": (1.0, 0.0, -1.0),
+    "z": (0.0, 1.0, 0.0),
+    "c": (0.0, -1.0, 0.0),
+}
+ARROWS = {"up": "w", "down": "s", "left": "a", "right": "d"}
+HELP = (
+    "w s ahead and back, a d turn, q e ahead and turn, z c sideways (hold the key); space stands",
+    "+ - speed, g next gait, p next policy, r f body up and down, t take over, l lie down, x STOP",
+)
+
+
+@dataclass(frozen=True)
+class KeyboardConfig:
+    """How keys steer."""
+
+    speed_share: float = 0.5  # of the policy's highest commands, at first
+    speed_step: float = 0.1
+    height_step_m: float = 0.01
+    first_s: float = 0.7  # longer than the keyboard's delay before it repeats a key
+    again_s: float = 0.25  # longer than the time between two repetitions, with the network's jitter
+    rate_hz: float = 20.0  # of requests
+
+    def __post_init__(self) -> None:
+        require_between(self, 0.05, 1.0, "speed_share", "speed_step")
+        require_between(self, 0.001, 0.1, "height_step_m")
+        require_between(self, 0.05, 2.0, "first_s", "again_s")
+        require_between(self, 5.0, 100.0, "rate_hz")
+
+
+class Keyboard:
+    """From keys to an operator's orders."""
+
+    def __init__(self, operator: Operator, config: KeyboardConfig) -> None:
+        self._operator, self._config = operator, config
+        self._share = config.speed_share
+        self._held, self._until_s = "", 0.0
+        up_m = config.height_step_m
+        self._orders: dict[str, Callable[[], None]] = {
+            " ": self._let_go,
+            "+": partial(self._faster, config.speed_step),
+            "=": partial(self._faster, config.speed_step),  # the same key without shift
+            "-": partial(self._faster, -config.speed_step),
+            "g": operator.next_gait,
+            "p": operator.next_policy,
+            "r": partial(operator.raise_body, up_m),
+            "f": partial(operator.raise_body, -up_m),
+            "t": operator.take_over,
+            "l": partial(operator.wish, Wish.LIE_DOWN),
+            "x": operator.stop,
+        }
+
+    @property
+    def line(self) -> str:
+        """What a status line shows of it."""
+        return ", ".join(filter(None, [f"keys at {self._share:.0%}", self._operator.line]))
+
+    def press(self, keys: Sequence[str], now_s: float) -> None:
+        """Keys in the order in which they were pressed, or repeated."""
+        for pressed in keys:
+            key = ARROWS.get(pressed, pressed.lower())
+            if key in MOTIONS:
+                again = key == self._held
+                until_s = now_s + (self._config.again_s if again else self._config.first_s)
+                self._held, self._until_s = key, max(until_s, self._until_s) if again else until_s
+            elif key in self._orders:
+                self._orders[key]()
+
+    def ask(self, now_s: float) -> None:
+        """Ask for the velocity that the held key means, or for zero."""
+        if now_s >= self._until_s:
+            self._held = ""
+        motion = MOTIONS.get(self._held, STILL)
+        self._operator.move([self._share * share for share in motion])
+
+    def _let_go(self) -> None:
+        self._held = ""
+
+    def _faster(self, by: float) -> None:
+        self._share = min(max(self._share + by, self._config.speed_step), 1.0)
+
+
+@contextmanager
+def steered_by_keyboard(
+    inbox: Inbox, abilities: Callable[[str], Abilities], config: KeyboardConfig, terminal: int = STDIN
+) -> Iterator[Opened]:
+    """Keys of a terminal go into the inbox for as long as the context lasts.
+
+    Raises:
+        UserError: there is no terminal.
+    """
+    keyboard = Keyboard(Operator(NAME, inbox, abilities), config)
+    keys, ended = Keys(terminal), threading.Event()
+
+    def listen() -> None:
+        while not ended.is_set() and keys.open:  # without a terminal the inbox finds it silent
+            pressed = keys.read(1.0 / config.rate_hz)
+            keyboard.press(pressed, time.monotonic())
+            keyboard.ask(time.monotonic())
+
+    with key_by_key(terminal):
+        thread = threading.Thread(target=listen, name=NAME, daemon=True)
+        thread.start()
+        try:
+            yield Opened(inbox, lambda: keyboard.line, HELP)
+        finally:
+            ended.set()
+            thread.join(JOIN_S)

@@ -1,0 +1,80 @@
+"""A person with keys or buttons: what they press becomes requests in the inbox."""
+
+from collections.abc import Callable, Sequence
+
+from footfall.deploy.command_source import Wish
+from footfall.operate.abilities import Abilities
+from footfall.operate.inbox import Inbox
+
+BODY_HEIGHT = "body_height_m"
+STILL = (0.0, 0.0, 0.0)
+
+
+class Operator:
+    """Puts requests into the inbox under one name. Orders answer in `line`."""
+
+    def __init__(self, name: str, inbox: Inbox, abilities: Callable[[str], Abilities]) -> None:
+        """`abilities`: of each policy of the run, by its name."""
+        self._name, self._inbox, self._abilities = name, inbox, abilities
+        self._answer = self._refused = ""
+        self._gait = 0
+        self._height_m: float | None = None
+
+    @property
+    def line(self) -> str:
+        """Why the last velocity was refused, else the answer to the last order."""
+        return self._refused or self._answer
+
+    def move(self, shares: Sequence[float]) -> None:
+        """Ask for shares (3,), from -1 to 1, of the highest commands of the policy that decides."""
+        velocity, status = list(STILL), self._inbox.status
+        if status is not None and any(shares):
+            ranges = vars(self._abilities(status.policy).limits.ranges).values()
+            velocity = [
+                share * high if share > 0.0 else -share * low
+                for share, (low, high) in zip(shares, ranges, strict=True)
+            ]
+        self._refused = self._inbox.put(self._name, velocity=velocity)
+
+    def wish(self, wish: Wish) -> None:
+        """Ask to walk, to stand or to lie down."""
+        self._answer = self._inbox.put(self._name, wish=wish) or wish.value.replace("_", " ")
+
+    def stop(self) -> None:
+        """Stop the robot: it lies down; asked again it is damped."""
+        self._inbox.stop(self._name)
+        self._answer = "STOP"
+
+    def take_over(self) -> None:
+        """Own the steering from now on."""
+        self._answer = self._inbox.take_over(self._name)
+
+    def next_gait(self) -> None:
+        """Ask for the next gait of the policy that decides."""
+        gaits = () if (status := self._inbox.status) is None else status.offer.gaits
+        if not gaits:
+            self._answer = "this policy has one gait only"
+            return
+        self._gait = (self._gait + 1) % len(gaits)
+        self._answer = self._inbox.put(self._name, gait=gaits[self._gait]) or f"gait {gaits[self._gait]}"
+
+    def next_policy(self) -> None:
+        """Ask for the next policy of the run."""
+        names = [] if (status := self._inbox.status) is None else list(status.offer.policies)
+        if status is None or len(names) < 2:
+            self._answer = "this run has one policy only"
+            return
+        name = names[(names.index(status.policy) + 1) % len(names)]
+        self._gait, self._height_m = 0, None
+        self._answer = self._inbox.put(self._name, policy=name) or f"policy {name}"
+
+    def raise_body(self, by_m: float) -> None:
+        """Ask for a higher or lower body."""
+        span = None if (status := self._inbox.status) is None else status.offer.settings.get(BODY_HEIGHT)
+        if span is None:
+            self._answer = "this policy's body height is fixed"
+            return
+        height_m = (span.default if self._height_m is None else self._height_m) + by_m
+        self._height_m = min(max(height_m, span.lowest), span.highest)
+        refused = self._inbox.put(self._name, settings={BODY_HEIGHT: self._height_m})
+        self._answer = refused or f"body {self._height_m:.2f} m"

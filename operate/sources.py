@@ -1,0 +1,99 @@
+"""The command sources by name: who can steer a run."""
+
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import fields
+from importlib import import_module
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from footfall.common.config import load, structure
+from footfall.common.errors import UserError
+from footfall.common.hints import meant
+from footfall.common.yaml_text import parse_yaml
+from footfall.operate.abilities import Abilities
+from footfall.operate.inbox import Inbox
+from footfall.operate.opened import Opened
+
+YAML = (".yaml", ".yml")
+
+
+class Source(NamedTuple):
+    """A way to steer. Its module is imported when it is chosen."""
+
+    place: str  # module:function, a context manager: of inbox, abilities and settings, yielding `Opened`
+    settings: str  # module:dataclass
+    about: str
+
+
+SOURCES = {
+    "keyboard": Source(
+        "footfall.operate.keyboard:steered_by_keyboard",
+        "footfall.operate.keyboard:KeyboardConfig",
+        "keys of this terminal",
+    ),
+    "gamepad": Source(
+        "footfall.operate.gamepad:steered_by_gamepad",
+        "footfall.operate.gamepad:GamepadConfig",
+        "a gamepad on this computer",
+    ),
+    "udp": Source(
+        "footfall.operate.udp:steered_by_udp",
+        "footfall.operate.udp:UdpConfig",
+        "a program on this computer or another one",
+    ),
+}
+
+
+def is_mission(name: str) -> bool:
+    """Whether a name is a mission's file."""
+    return Path(name).suffix.lower() in YAML and name.partition(":")[0] not in SOURCES
+
+
+def check_source(name: str) -> None:
+    """Raise UserError unless there is such a source, or a mission's file."""
+    kind = name.partition(":")[0]
+    if kind not in SOURCES and not is_mission(name):
+        known = ", ".join(SOURCES)
+        raise UserError(f"--from {name}: give one of {known}, or a mission's YAML file{meant(kind, SOURCES)}")
+
+
+@contextmanager
+def open_source(name: str, inbox: Inbox, abilities: Callable[[str], Abilities]) -> Iterator[Opened]:
+    """A source that puts requests into the inbox for as long as the context lasts.
+
+    Args:
+        name: of the source; after a colon a YAML file with its settings, or the value of the first of them:
+            `gamepad:/dev/input/js1`.
+        inbox: takes the requests.
+        abilities: of each policy of the run, by its name.
+
+    Raises:
+        UserError: there is no such source, or it cannot be opened.
+    """
+    check_source(name)
+    kind, _, argument = name.partition(":")
+    source = SOURCES[kind]
+    opened: AbstractContextManager[Opened] = _find(source.place)(
+        inbox, abilities, _settings(_find(source.settings), argument, f"--from {name}")
+    )
+    with opened as found:
+        yield found
+
+
+def _settings(cls: Any, argument: str, where: str) -> Any:
+    if Path(argument).suffix.lower() in YAML:
+        return load(Path(argument), cls)
+    if not argument:
+        return cls()
+    first = fields(cls)[0]
+    try:
+        value = argument if first.type is str else parse_yaml(argument)
+    except ValueError as error:
+        raise UserError(f"{where}: {error}") from None
+    return structure({first.name: value}, cls, where)
+
+
+def _find(place: str) -> Any:
+    module, _, name = place.partition(":")
+    return getattr(import_module(module), name)

@@ -1,0 +1,171 @@
+"""Steering from a program on another computer, by UDP datagrams (see `udp_client.py` for the other side).
+
+Each datagram is an HMAC-SHA256 with a shared token as its key, then JSON. A sender repeats the latest
+challenge that it got, which lasts three seconds at most, and counts its datagrams. So a datagram that was
+recorded and sent again is refused, whether it is of this run or of another one.
+"""
+
+import math
+import os
+import secrets
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from typing import Any
+
+from footfall.common.errors import UserError
+from footfall.operate.abilities import Abilities
+from footfall.operate.inbox import LONGEST_NAME, Inbox
+from footfall.operate.opened import Opened
+from footfall.operate.udp_client import LARGEST, PORT, REPLY, REQUEST, pack, unpack
+
+TOKEN = "FOOTFALL_TOKEN"  # environment variable
+SHORTEST_TOKEN = 16  # characters
+WAIT_S = 0.2
+JOIN_S = 1.0
+CHALLENGE_S = 1.0  # a challenge is accepted for so long, and once more
+MOST_SENDERS = 64
+FIELDS = ("velocity", "wish", "policy", "gait", "settings")
+
+
+@dataclass(frozen=True)
+class UdpConfig:
+    """Where to listen."""
+
+    address: str = f"127.0.0.1:{PORT}"  # this computer alone; 0.0.0.0:9870 for all networks
+
+    def __post_init__(self) -> None:
+        host, colon, port = self.address.rpartition(":")
+        if not (host and colon and port.isdecimal() and int(port) < 2**16):
+            raise ValueError(f"address is HOST:PORT, such as 127.0.0.1:{PORT}, not '{self.address}'")
+
+    @property
+    def place(self) -> tuple[str, int]:
+        """Host and port."""
+        host, _, port = self.address.rpartition(":")
+        return host, int(port)
+
+
+class Receiver:
+    """Checks datagrams, and puts what they ask for into the inbox."""
+
+    def __init__(self, inbox: Inbox, token: str, clock: Callable[[], float] = time.monotonic) -> None:
+        self._inbox, self._token, self._clock = inbox, token, clock
+        self._challenges = [secrets.token_hex(8)] * 2  # the present one and the one before
+        self._since_s = clock()
+        self._heard: dict[str, tuple[int, float]] = {}  # of each sender: the latest number, and when
+        self.refused = 0  # datagrams without a right token
+        self.answer = ""  # to the latest request
+
+    def receive(self, datagram: bytes) -> bytes:
+        """The reply to a datagram; empty for one that is not of a holder of the token."""
+        request = unpack(datagram, self._token, REQUEST)
+        if request is None:
+            self.refused += 1
+            return b""
+        now_s = self._clock()
+        self._renew(now_s)
+        self.answer = self._fresh(request, now_s) or self._ask(request)
+        return pack(self._reply(request), self._token, REPLY)
+
+    def _renew(self, now_s: float) -> None:
+        passed_s = now_s - self._since_s
+        if passed_s < CHALLENGE_S:
+            return
+        new = secrets.token_hex(8)
+        self._challenges = [new, self._challenges[0] if passed_s < 2 * CHALLENGE_S else new]
+        self._since_s = now_s
+        self._heard = {k: v for k, v in self._heard.items() if now_s - v[1] <= 3 * CHALLENGE_S}
+
+    def _fresh(self, request: dict[str, Any], now_s: float) -> str:
+        """Why a request is refused as an old one; empty if it is new."""
+        sender, number = request.get("sender"), request.get("number")
+        if not isinstance(sender, str) or not isinstance(number, int) or len(sender) > LONGEST_NAME:
+            return "sender and number are missing"
+        if request.get("challenge") not in self._challenges:
+            return "challenge"
+        if number <= self._heard.get(sender, (-1, 0.0))[0]:
+            return "an old datagram"
+        if sender not in self._heard and len(self._heard) >= MOST_SENDERS:
+            return "too many senders"
+        self._heard[sender] = number, now_s
+        return ""
+
+    def _ask(self, request: dict[str, Any]) -> str:
+        """Put a request into the inbox; returns why it is refused, empty if it is not."""
+        name = request.get("name", "udp")
+        if "stop" in request:
+            self._inbox.stop(name, request["stop"], damp=request.get("damp") is True)
+            return ""
+        if request.get("take_over") is True and (refused := self._inbox.take_over(name)):
+            return refused
+        fields = {key: request[key] for key in FIELDS if key in request}
+        return self._inbox.put(name, **fields) if fields else ""
+
+    def _reply(self, request: dict[str, Any]) -> dict[str, Any]:
+        reply: dict[str, Any] = {
+            "sender": request.get("sender"),
+            "number": request.get("number"),
+            "challenge": self._challenges[0],
+            "refused": self.answer,
+            "owner": self._inbox.owner,
+        }
+        if (status := self._inbox.status) is not None:
+            pose = None if math.isnan(status.pose.x_m) else list(status.pose)
+            reply |= {
+                "mode": status.mode.value,
+                "policy": status.policy,
+                "walking_s": status.walking_s,
+                "pose": pose,
+                "command": status.command.tolist(),
+                "notes": [note[:200] for note in list(status.notes)[-2:]],
+            }
+        return reply
+
+
+@contextmanager
+def steered_by_udp(
+    inbox: Inbox, abilities: Callable[[str], Abilities], config: UdpConfig
+) -> Iterator[Opened]:
+    """Datagrams put requests into the inbox for as long as the context lasts.
+
+    Raises:
+        UserError: the address cannot be used, or the token is too short to be a secret.
+    """
+    token = os.environ.get(TOKEN) or secrets.token_urlsafe(SHORTEST_TOKEN)
+    if len(token) < SHORTEST_TOKEN:
+        raise UserError(f"{TOKEN} is shorter than {SHORTEST_TOKEN} characters: choose a longer one")
+    ended, receiver = threading.Event(), Receiver(inbox, token)
+    host, port = config.place
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as plug:
+        try:
+            plug.bind((host, port))
+        except OSError as error:
+            raise UserError(f"--from udp: {config.address}: {error.strerror or error}") from None
+        plug.settimeout(WAIT_S)
+        port = plug.getsockname()[1]
+
+        def listen() -> None:
+            while not ended.is_set():
+                with suppress(OSError):  # nothing came, or a sender that is gone
+                    datagram, sender = plug.recvfrom(LARGEST + 1)
+                    if reply := receiver.receive(datagram):
+                        plug.sendto(reply, sender)
+
+        thread = threading.Thread(target=listen, name="udp", daemon=True)
+        thread.start()
+        try:
+            about = f"datagrams to {host}:{port}"
+            secret = "" if TOKEN in os.environ else f", {TOKEN}={token}"
+            yield Opened(inbox, lambda: _line(receiver, inbox), (about + secret,), odometry=True)
+        finally:
+            ended.set()
+            thread.join(JOIN_S)
+
+
+def _line(receiver: Receiver, inbox: Inbox) -> str:
+    strangers = f"{receiver.refused} without the token" if receiver.refused else ""
+    return ", ".join(filter(None, [f"udp: {inbox.owner or 'nobody'} steers", receiver.answer, strangers]))

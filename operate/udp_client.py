@@ -1,0 +1,107 @@
+"""The other side of `--from udp`: a small client. It needs nothing but this file, so it can be copied.
+
+    from footfall.operate.udp_client import UdpSteering
+
+    with UdpSteering("robot.local", token) as steering:
+        while True:
+            status = steering.send(velocity=[0.3, 0.0, 0.2])
+            time.sleep(0.05)
+
+A datagram is the HMAC-SHA256 (32 bytes) of direction and content with the token as its key, then the content:
+JSON in UTF-8. A request has
+
+    sender, number   a name drawn anew by each client, and a count that rises
+    challenge        of the latest reply
+    name             of the operator
+    velocity, wish, policy, gait, settings    what to ask for; what is left out stays as it was
+    take_over        true: own the steering from now on
+    stop, damp       a reason: stop the robot; damp it at once
+
+Velocities that are not renewed within 0.5 s count as zero.
+"""
+
+import hmac
+import json
+import secrets
+import socket
+import time
+from contextlib import suppress
+from typing import Any
+
+PORT = 9870
+LARGEST = 4096  # bytes of a datagram
+MAC = 32  # bytes
+REQUEST, REPLY = b"footfall request ", b"footfall reply "  # a reply cannot be sent back as a request
+
+
+def pack(content: dict[str, Any], token: str, direction: bytes) -> bytes:
+    """A datagram."""
+    body = json.dumps(content).encode()
+    return hmac.digest(token.encode(), direction + body, "sha256") + body
+
+
+def unpack(datagram: bytes, token: str, direction: bytes) -> dict[str, Any] | None:
+    """The content of a datagram; None if it is malformed or of someone without the token."""
+    mac, body = datagram[:MAC], datagram[MAC:]
+    if len(datagram) > LARGEST or not hmac.compare_digest(
+        mac, hmac.digest(token.encode(), direction + body, "sha256")
+    ):
+        return None
+    try:
+        content = json.loads(body)
+    except (ValueError, RecursionError):
+        return None
+    return content if isinstance(content, dict) else None
+
+
+class UdpSteering:
+    """Steers a robot from a program."""
+
+    def __init__(self, host: str, token: str, port: int = PORT, name: str = "udp") -> None:
+        """`name`: of the operator, in the robot's notes."""
+        self._place, self._token, self._name = (host, port), token, name
+        self._sender, self._number, self._challenge = secrets.token_hex(8), 0, ""
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+
+    def __enter__(self) -> "UdpSteering":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._socket.close()
+
+    def send(self, wait_s: float = 0.1, **request: Any) -> dict[str, Any] | None:
+        """Send a request and wait for its reply, a status of the run; None if none came in time.
+
+        The reply's `refused` says why nothing was done; it is empty if the request was accepted.
+
+        Raises:
+            OSError: the network cannot be reached.
+        """
+        reply = self._exchange(request, wait_s)
+        if reply is not None and reply.get("refused") == "challenge":  # the first request, or after a pause
+            reply = self._exchange(request, wait_s)
+        return reply
+
+    def stop(self, reason: str, damp: bool = False) -> bool:
+        """Stop the robot; sent up to five times. Returns whether the robot answered."""
+        return any(self.send(stop=reason, damp=damp) is not None for _ in range(5))
+
+    def _exchange(self, request: dict[str, Any], wait_s: float) -> dict[str, Any] | None:
+        self._number += 1
+        head = {
+            "sender": self._sender,
+            "number": self._number,
+            "challenge": self._challenge,
+            "name": self._name,
+        }
+        self._socket.sendto(pack(head | request, self._token, REQUEST), self._place)
+        deadline_s = time.monotonic() + wait_s
+        while (left_s := deadline_s - time.monotonic()) > 0.0:
+            self._socket.settimeout(left_s)
+            with suppress(TimeoutError, ConnectionRefusedError):
+                reply = unpack(self._socket.recv(LARGEST + 1), self._token, REPLY)
+                if reply is not None and reply.get("sender") == self._sender:
+                    self._challenge = reply.get("challenge", "")
+                    if reply.get("number") == self._number:
+                        return reply
+        return None

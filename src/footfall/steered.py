@@ -1,0 +1,113 @@
+"""Who steers a run: a fixed command, a mission, or an operator."""
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from footfall.common.errors import UserError
+from footfall.common.limits import LONGEST_S
+from footfall.deploy.command_source import CommandSource, Scheduled
+from footfall.policies.policy import Policy
+from footfall.robots.description import Robot
+
+if TYPE_CHECKING:
+    from footfall.operate.missions.source import MissionSource
+
+DEFAULT_COMMAND, DEFAULT_S = (0.5, 0.0, 0.0), 10.0
+
+
+class Steered(NamedTuple):
+    """How a run is steered."""
+
+    source: CommandSource
+    duration_s: float  # of walking, at most
+    figures: Callable[[], dict[str, Any]]  # what a report says of it
+    line: Callable[[], str] = str  # for the live state
+    about: tuple[str, ...] = ()  # for the operator, before the run
+    realtime: bool = False  # a person steers
+    odometry: bool = False  # it needs the pose
+    failed: Callable[[], bool] = bool  # whether it did not reach what it was for
+
+
+def named_policies(by: str | None) -> tuple[str, ...]:
+    """Policies that a mission names.
+
+    Raises:
+        UserError: the file is no mission.
+    """
+    from footfall.operate.sources import is_mission
+
+    if by is None or not is_mission(by):
+        return ()
+    from footfall.operate.missions.mission import load_mission
+
+    return load_mission(Path(by)).policies
+
+
+@contextmanager
+def steered(
+    by: str | None,
+    command: tuple[float, float, float] | None,
+    duration_s: float | None,
+    policies: Mapping[str, Policy],
+    robot: Robot,
+) -> Iterator[Steered]:
+    """Open what steers a run.
+
+    Args:
+        by: a source's name or a mission's file; None for a fixed command.
+        command: the fixed command (3,).
+        duration_s: the longest time to walk; by default ten seconds, or a day where a source ends the run.
+        policies: those of the run by spec, the first one first.
+        robot: on which they run.
+
+    Raises:
+        UserError: there is no such source, or it cannot be opened; a step of a mission cannot be done.
+    """
+    if by is None:
+        fixed = command or DEFAULT_COMMAND
+        velocity = np.array(fixed)
+        yield Steered(
+            Scheduled(lambda _: velocity), duration_s or DEFAULT_S, lambda: {"command": list(fixed)}
+        )
+        return
+    if command is not None:
+        raise UserError("--command and --from exclude each other: give one of them")
+    from footfall.operate.abilities import abilities_of
+    from footfall.operate.inbox import Inbox
+    from footfall.operate.sources import check_source, is_mission, open_source
+
+    check_source(by)
+    abilities, longest_s = abilities_of(policies, robot), duration_s or LONGEST_S
+    if is_mission(by):
+        from footfall.operate.missions.mission import load_mission
+        from footfall.operate.missions.source import MissionSource
+
+        first = next(iter(policies.values()))
+        source = MissionSource(load_mission(Path(by)), first.name, abilities)
+        yield _mission(by, source, longest_s)
+        return
+    with open_source(by, Inbox(), abilities) as opened:
+        yield Steered(
+            opened.source,
+            longest_s,
+            lambda: {"from": by},
+            opened.line,
+            opened.about,
+            realtime=True,
+            odometry=opened.odometry,
+        )
+
+
+def _mission(by: str, source: "MissionSource", longest_s: float) -> Steered:
+    def line() -> str:
+        progress = source.progress
+        return f"step {progress.step} of {progress.steps} {progress.kind}, {progress.remaining_s:.0f} s left"
+
+    def figures() -> dict[str, Any]:
+        return {"from": by, "mission": source.progress._asdict()}
+
+    return Steered(source, longest_s, figures, line, odometry=True, failed=lambda: not source.progress.done)

@@ -1,0 +1,108 @@
+"""Keys of a terminal steer a run, and the terminal is as before afterwards."""
+
+import os
+import pty
+import termios
+import time
+from collections.abc import Iterator
+
+import pytest
+from walking_run import WALKING, abilities, polled_until
+
+from footfall.common.errors import UserError
+from footfall.operate.inbox import Inbox
+from footfall.operate.keyboard import Keyboard, KeyboardConfig, steered_by_keyboard
+from footfall.operate.operator import Operator
+
+QUICK = KeyboardConfig(speed_share=0.5, first_s=0.3, again_s=0.1, rate_hz=100.0)
+
+
+@pytest.fixture
+def terminal() -> Iterator[tuple[int, int]]:
+    """Both ends of a terminal: that of a person, and that of a program, which controls it."""
+    person, program = pty.openpty()
+    yield person, program
+    os.close(person)
+    os.close(program)
+
+
+@pytest.fixture(autouse=True)
+def in_front(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The tests' process does not control the terminal."""
+    monkeypatch.setattr(os, "tcgetpgrp", lambda _: os.getpgrp())
+
+
+def test_a_key_is_held_for_as_long_as_it_is_repeated() -> None:
+    inbox = Inbox()
+    inbox.poll(WALKING)
+    keyboard = Keyboard(Operator("keyboard", inbox, abilities), KeyboardConfig(1.0, first_s=0.7, again_s=0.2))
+
+    def forward(keys: str, now_s: float) -> float:
+        keyboard.press(list(keys), now_s)
+        keyboard.ask(now_s)
+        return float(inbox.poll(WALKING).velocity[0])
+
+    assert forward("w", 0.0) == 1.0
+    assert forward("", 0.6) == 1.0  # a terminal repeats after a delay
+    assert forward("w", 0.65) == 1.0
+    assert forward("", 0.8) == 1.0
+    assert forward("", 0.9) == 0.0
+    assert forward("s", 1.0) == -0.5
+    assert forward("w", 1.1) == 1.0  # the last key counts
+    assert forward(" ", 1.2) == 0.0
+
+
+def test_keys_move_the_robot_and_silence_stops_it(terminal: tuple[int, int]) -> None:
+    person, program = terminal
+    before = termios.tcgetattr(program)
+    inbox = Inbox()
+    inbox.poll(WALKING)
+    with steered_by_keyboard(inbox, abilities, QUICK, program):
+        os.write(person, b"w")
+        assert polled_until(inbox, lambda r: r.velocity.any()).velocity.tolist() == [0.5, 0.0, 0.0]
+        polled_until(inbox, lambda r: not r.velocity.any())
+        os.write(person, b"\x1b[")
+        time.sleep(0.02)
+        os.write(person, b"D")  # the rest of an arrow key that came in two parts
+        assert polled_until(inbox, lambda r: r.velocity.any()).velocity.tolist() == [0.0, 0.0, 0.4]
+        os.write(person, b"s ")
+        polled_until(inbox, lambda r: not r.velocity.any())
+        os.write(person, b"\x00\xff\x1b[99~gr-e")
+        asked = polled_until(inbox, lambda r: r.velocity.any())
+        assert (asked.gait, asked.settings) == ("wave", {"body_height_m": pytest.approx(0.29)})
+        assert asked.velocity.tolist() == pytest.approx([0.4, 0.0, -0.32])
+        assert inbox.stopped is None
+        os.write(person, b"x")
+        polled_until(inbox, lambda _: inbox.stopped)
+    assert termios.tcgetattr(program) == before
+
+
+def test_the_terminal_is_restored_when_the_run_fails(terminal: tuple[int, int]) -> None:
+    before = termios.tcgetattr(terminal[1])
+    with (
+        pytest.raises(RuntimeError),
+        steered_by_keyboard(Inbox(), abilities, QUICK, terminal[1]),
+    ):
+        raise RuntimeError
+    assert termios.tcgetattr(terminal[1]) == before
+
+
+def test_what_is_no_terminal_is_refused() -> None:
+    with (
+        open(os.devnull, encoding="utf-8") as file,
+        pytest.raises(UserError, match="terminal"),
+        steered_by_keyboard(Inbox(), abilities, QUICK, file.fileno()),
+    ):
+        pass
+
+
+def test_a_terminal_that_is_gone_is_silent() -> None:
+    person, program = pty.openpty()
+    inbox = Inbox()
+    inbox.poll(WALKING)
+    with steered_by_keyboard(inbox, abilities, KeyboardConfig(first_s=2.0), program):
+        os.write(person, b"w")
+        polled_until(inbox, lambda r: r.velocity.any())
+        os.close(person)
+        polled_until(inbox, lambda r: not r.velocity.any(), limit_s=1.5)
+    os.close(program)
